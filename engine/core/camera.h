@@ -1,0 +1,54 @@
+#ifndef LITAGS_ENGINE_CORE_CAMERA_H_
+#define LITAGS_ENGINE_CORE_CAMERA_H_
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+
+namespace litags {
+
+// A pinhole camera. OpenCV axes (x right, y down, z forward); x_cam = R x_world + t; the centre
+// of the top-left pixel is at (0.5, 0.5). Photos with lens distortion are undistorted on load.
+struct Camera {
+  int width = 0;   // px
+  int height = 0;  // px
+  double fx = 0, fy = 0, cx = 0, cy = 0;  // px
+
+  std::array<double, 9> R = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // cam_from_world, row-major
+  std::array<double, 3> t = {0, 0, 0};                    // cam_from_world
+
+  // Camera centre in world coordinates: -R^T t.
+  std::array<double, 3> Center() const;
+
+  // World point to camera frame.
+  std::array<double, 3> CamFromWorld(const std::array<double, 3>& point) const;
+
+  // Same view at another image size: intrinsics scaled, pose kept.
+  Camera Scaled(int new_width, int new_height) const;
+
+  // INVALID_ARGUMENT naming `field` if a number is not finite, the size or a focal length is not
+  // positive, the size exceeds `max_pixels`, or R is not a rotation (to 1e-3).
+  absl::Status Validate(std::string_view field, int64_t max_pixels = int64_t{64} << 20) const;
+
+  // Row-major 4x4 cam_from_world, to and from.
+  std::array<double, 16> Viewmat() const;
+  void SetViewmat(const std::array<double, 16>& viewmat);
+
+  // Camera at `eye` looking at `target`; `up` is the world direction that appears upwards.
+  // INVALID_ARGUMENT if the directions are degenerate. Intrinsics are left alone.
+  absl::Status LookAt(const std::array<double, 3>& eye, const std::array<double, 3>& target,
+                      const std::array<double, 3>& up);
+};
+
+// A named camera: the photo's file name and where it was taken from.
+struct View {
+  std::string name;
+  Camera camera;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_CORE_CAMERA_H_

@@ -1,0 +1,121 @@
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "engine/core/camera.h"
+#include "engine/core/cancel.h"
+#include "engine/core/error.h"
+#include "engine/core/image.h"
+#include "engine/core/parallel.h"
+#include "engine/core/rng.h"
+#include "engine/core/splats.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+TEST(Error, CarriesReasonAndField) {
+  absl::Status status = InvalidInput("IMAGE_TRUNCATED", "images[a.jpg]", "cut short; send it again");
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  ASSERT_TRUE(GetErrorDetail(status).has_value());
+  EXPECT_EQ(GetErrorDetail(status)->reason, "IMAGE_TRUNCATED");
+  EXPECT_EQ(GetErrorDetail(status)->field, "images[a.jpg]");
+  EXPECT_FALSE(GetErrorDetail(absl::InternalError("x")).has_value());
+}
+
+TEST(CancelToken, CopiesShareTheFlag) {
+  CancelToken a;
+  CancelToken b = a;
+  EXPECT_TRUE(b.Check().ok());
+  a.Cancel();
+  EXPECT_EQ(b.Check().code(), absl::StatusCode::kCancelled);
+}
+
+Camera TestCamera() {
+  Camera camera;
+  camera.width = 64;
+  camera.height = 48;
+  camera.fx = camera.fy = 50;
+  camera.cx = 32;
+  camera.cy = 24;
+  return camera;
+}
+
+TEST(Camera, LookAtPutsTheTargetOnTheAxisAndUpUp) {
+  Camera camera = TestCamera();
+  ASSERT_TRUE(camera.LookAt({1, 2, 3}, {4, 2, 7}, {0, 0, 1}).ok());
+  ASSERT_TRUE(camera.Validate("camera").ok());
+  const auto target = camera.CamFromWorld({4, 2, 7});
+  EXPECT_NEAR(target[0], 0, 1e-12);
+  EXPECT_NEAR(target[1], 0, 1e-12);
+  EXPECT_NEAR(target[2], 5, 1e-12);
+  EXPECT_LT(camera.CamFromWorld({4, 2, 8})[1], 0) << "world up must point up (negative y)";
+  const auto center = camera.Center();
+  EXPECT_NEAR(center[0], 1, 1e-12);
+  EXPECT_NEAR(center[1], 2, 1e-12);
+  EXPECT_NEAR(center[2], 3, 1e-12);
+}
+
+TEST(Camera, ValidateNamesTheField) {
+  Camera camera = TestCamera();
+  camera.t[1] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(GetErrorDetail(camera.Validate("pose"))->field, "pose");
+  EXPECT_EQ(GetErrorDetail(camera.Validate("pose"))->reason, "NOT_FINITE");
+  camera = TestCamera();
+  camera.R[0] = -1;  // left-handed
+  EXPECT_EQ(GetErrorDetail(camera.Validate("pose"))->reason, "NOT_A_ROTATION");
+  camera = TestCamera();
+  camera.fx = 0;
+  EXPECT_EQ(GetErrorDetail(camera.Validate("k"))->reason, "BAD_FOCAL_LENGTH");
+  camera = TestCamera();
+  EXPECT_EQ(GetErrorDetail(camera.Validate("k", 100))->reason, "IMAGE_TOO_LARGE");
+}
+
+TEST(ParallelFor, RunsEveryTaskOnceForAnyThreadCount) {
+  for (int threads : {1, 2, 5}) {
+    std::vector<std::atomic<int>> hits(1000);
+    ParallelFor(threads, hits.size(), [&](size_t i, int thread) {
+      EXPECT_LT(thread, threads);
+      ++hits[i];
+    });
+    for (const auto& h : hits) EXPECT_EQ(h.load(), 1);
+  }
+}
+
+TEST(CounterRng, HasTheMomentsItClaims) {
+  const CounterRng rng(1, 2);
+  constexpr int kDraws = 20000;
+  double mean = 0, var = 0, uniform = 0;
+  for (int i = 0; i < kDraws; ++i) {
+    const double x = rng.Normal(i);
+    mean += x;
+    var += x * x;
+    uniform += rng.Uniform(i);
+    EXPECT_LT(rng.Below(i, 7), 7u);
+  }
+  // Five standard errors of each estimate.
+  EXPECT_NEAR(mean / kDraws, 0, 5 / std::sqrt(kDraws));
+  EXPECT_NEAR(var / kDraws, 1, 5 * std::sqrt(2.0 / kDraws));
+  EXPECT_NEAR(uniform / kDraws, 0.5, 5 * std::sqrt(1.0 / 12 / kDraws));
+  EXPECT_NE(rng.Bits(0), CounterRng(1, 3).Bits(0));
+}
+
+TEST(Splats, ResizeKeepsAndClears) {
+  Splats splats(20);
+  for (size_t i = 0; i < 20; ++i) splats.at(i, kMean) = float(i + 1);
+  splats.Resize(17);
+  splats.Resize(40);
+  EXPECT_EQ(splats.at(16, kMean), 17);
+  for (size_t i = 17; i < 40; ++i) EXPECT_EQ(splats.at(i, kMean), 0);
+}
+
+TEST(Image, BytesSurviveTheRoundTrip) {
+  ImageU8 image(256, 1);
+  for (int x = 0; x < 256; ++x) image.pixel(x, 0)[1] = uint8_t(x);
+  EXPECT_EQ(ToImageU8(ToPlanes(image)).data, image.data);
+}
+
+}  // namespace
+}  // namespace litags

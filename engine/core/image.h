@@ -1,0 +1,71 @@
+// The two image containers: photos as bytes, everything computed as float planes.
+#ifndef LITAGS_ENGINE_CORE_IMAGE_H_
+#define LITAGS_ENGINE_CORE_IMAGE_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace litags {
+
+// 8-bit sRGB-encoded RGB photo, [H, W, 3] interleaved, rows top to bottom, no padding.
+struct ImageU8 {
+  int width = 0;
+  int height = 0;
+  std::vector<uint8_t> data;
+
+  ImageU8() = default;
+  ImageU8(int w, int h) : width(w), height(h), data(size_t{3} * w * h) {}
+
+  bool empty() const { return data.empty(); }
+  uint8_t* pixel(int x, int y) { return data.data() + 3 * (size_t(y) * width + x); }
+  const uint8_t* pixel(int x, int y) const { return data.data() + 3 * (size_t(y) * width + x); }
+};
+
+// Float planes, [C, H, W], no padding: what kernels read and write, because SIMD lanes run
+// along pixels. Colour values are sRGB-encoded in [0, 1] unless a name says _linear.
+struct Planes {
+  int channels = 0;
+  int height = 0;
+  int width = 0;
+  std::vector<float> data;
+
+  Planes() = default;
+  Planes(int c, int h, int w) : channels(c), height(h), width(w), data(size_t(c) * h * w) {}
+
+  bool empty() const { return data.empty(); }
+  size_t plane_size() const { return size_t(height) * width; }
+  float* plane(int c) { return data.data() + c * plane_size(); }
+  const float* plane(int c) const { return data.data() + c * plane_size(); }
+  float& at(int c, int y, int x) { return plane(c)[size_t(y) * width + x]; }
+  float at(int c, int y, int x) const { return plane(c)[size_t(y) * width + x]; }
+};
+
+// Bytes to [3, H, W] floats in [0, 1]; no change of encoding.
+inline Planes ToPlanes(const ImageU8& image) {
+  Planes planes(3, image.height, image.width);
+  const size_t n = planes.plane_size();
+  for (int c = 0; c < 3; ++c) {
+    float* out = planes.plane(c);
+    for (size_t i = 0; i < n; ++i) out[i] = image.data[3 * i + c] * (1.0f / 255.0f);
+  }
+  return planes;
+}
+
+// First three planes clamped to [0, 1] and rounded to bytes; NaN becomes 0.
+inline ImageU8 ToImageU8(const Planes& planes) {
+  ImageU8 image(planes.width, planes.height);
+  const size_t n = planes.plane_size();
+  for (int c = 0; c < 3; ++c) {
+    const float* in = planes.plane(c);
+    for (size_t i = 0; i < n; ++i) {
+      const float v = in[i] > 0.0f ? (in[i] < 1.0f ? in[i] : 1.0f) : 0.0f;
+      image.data[3 * i + c] = static_cast<uint8_t>(v * 255.0f + 0.5f);
+    }
+  }
+  return image;
+}
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_CORE_IMAGE_H_

@@ -1,0 +1,22 @@
+// Threads: one place that knows how loops are spread over cores. Results never depend on the
+// number of threads, because every task writes its own output and reductions run in task order.
+#ifndef LITAGS_ENGINE_CORE_PARALLEL_H_
+#define LITAGS_ENGINE_CORE_PARALLEL_H_
+
+#include <cstddef>
+
+#include "absl/functional/function_ref.h"
+
+namespace litags {
+
+// Cores this process may run on (respects affinity and cgroup masks that OpenMP sees).
+int DefaultThreadCount();
+
+// Calls body(task, thread) for every task in [0, num_tasks), on up to `threads` threads
+// (<= 0: DefaultThreadCount()); `thread` is in [0, threads). Tasks are handed out dynamically in
+// order. Body must not throw.
+void ParallelFor(int threads, size_t num_tasks, absl::FunctionRef<void(size_t task, int thread)> body);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_CORE_PARALLEL_H_

@@ -1,0 +1,74 @@
+// The scene: Gaussians with their stored (not activated) parameters.
+#ifndef LITAGS_ENGINE_CORE_SPLATS_H_
+#define LITAGS_ENGINE_CORE_SPLATS_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace litags {
+
+// Rows of a Gaussian's parameters, in storage order. Activated values: scales = exp(log_scales),
+// opacity = sigmoid(logit_opacity), quats normalised on use (wxyz), colour = SH + 0.5.
+enum SplatRow : int {
+  kMean = 0,            // 3, world
+  kLogScale = 3,        // 3
+  kRawQuat = 6,         // 4, wxyz, unnormalised
+  kLogitOpacity = 10,   // 1
+  kShDc = 11,           // 3, RGB
+  kDepth = 14,          // 1, LITA attribute d
+  kStructure = 15,      // 1, LITA attribute p
+  kNoise = 16,          // 3, LITA attribute n
+  kIllumination = 19,   // 3, LITA attribute l
+  kShRest = 22,         // 45: coefficient k = 1..15, then RGB: row kShRest + 3 (k - 1) + c
+  kSplatRows = 67,
+};
+
+constexpr int kMaxShDegree = 3;
+
+// Rows in use when colours have SH degree 0..3: lower degrees are a prefix.
+constexpr int SplatRowsForDegree(int sh_degree) {
+  return kShRest + 3 * ((sh_degree + 1) * (sh_degree + 1) - 1);
+}
+
+// Gaussians per block: one AVX-512 vector, two AVX2 vectors.
+constexpr int kSplatBlock = 16;
+
+// N Gaussians in blocks of 16: each block holds kSplatRows rows of 16 floats, so that a kernel
+// over Gaussians streams through one contiguous array (a plain structure of arrays would open 67
+// streams). Lanes past size() hold zeros and are never shown.
+class Splats {
+ public:
+  Splats() = default;
+  explicit Splats(size_t n) { Resize(n); }
+
+  size_t size() const { return size_; }
+  size_t num_blocks() const { return (size_ + kSplatBlock - 1) / kSplatBlock; }
+
+  // Keeps the first min(n, size()) Gaussians; new ones are all zero.
+  void Resize(size_t n);
+
+  float* block(size_t b) { return data_.data() + b * kBlockFloats; }
+  const float* block(size_t b) const { return data_.data() + b * kBlockFloats; }
+
+  float& at(size_t i, int row) { return block(i / kSplatBlock)[row * kSplatBlock + i % kSplatBlock]; }
+  float at(size_t i, int row) const {
+    return block(i / kSplatBlock)[row * kSplatBlock + i % kSplatBlock];
+  }
+
+  // All rows of Gaussian `from` of `source` into Gaussian `to` of this.
+  void Copy(const Splats& source, size_t from, size_t to);
+
+  const std::vector<float>& data() const { return data_; }
+  std::vector<float>& data() { return data_; }
+
+  static constexpr size_t kBlockFloats = size_t{kSplatRows} * kSplatBlock;
+
+ private:
+  size_t size_ = 0;
+  std::vector<float> data_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_CORE_SPLATS_H_

@@ -1,0 +1,163 @@
+// The engine as the server and the tools see it: photos in, a scene out, pictures of the scene.
+// This header is the whole contract between server and engine; it knows nothing of gRPC or SQL.
+#ifndef LITAGS_ENGINE_PIPELINE_ENGINE_H_
+#define LITAGS_ENGINE_PIPELINE_ENGINE_H_
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/camera.h"
+#include "engine/core/cancel.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+// What is optimised.
+enum class Method {
+  kLitaGs,  // the paper: R, L, structure, noise, PDM
+  k3dgs,    // plain 3D Gaussian splatting on the photos as they are (or after `tone`, see below)
+};
+
+// How the normal-light pseudo-target is made from a badly lit photo (the paper's L_exp).
+enum class Tone {
+  kPaper,       // gain on sRGB codes to mean theta
+  kLinearGain,  // gain in linear light to mean theta
+  kNone,        // photos as they are
+};
+
+struct ReconstructOptions {
+  Method method = Method::kLitaGs;
+  Tone tone = Tone::kLinearGain;
+  double theta = 0.49;        // target mean of sRGB codes, (0, 1); authors' release
+  int iterations = 15000;     // one photo each; paper
+  uint64_t seed = 0;
+  int threads = 0;            // 0: all cores
+  int64_t max_gaussians = 200000;
+  int sh_degree = 3;          // 0..3
+  bool use_pdm = true;        // progressive denoising module
+  bool use_prior = true;      // structure prior loss
+  bool use_depth = true;      // depth loss, where a depth provider has maps
+  int max_image_side = 0;     // photos with a longer side are shrunk to it, px; 0: never
+  int holdout_every = 8;      // every n-th photo by name is only evaluated; 0: train on all
+  double min_registered = 0.5;     // fraction of photos that SfM must place, (0, 1]
+  int checkpoint_every = 500;      // iterations
+  int preview_every = 250;         // iterations between snapshots with a preview picture
+
+  absl::Status Validate() const;
+};
+
+enum class Stage { kLoading, kFindingCameras, kPreparing, kTraining, kSaving };
+std::string_view StageName(Stage stage);  // "loading", "finding-cameras", ...
+
+// One report of progress. Numbers not known yet are 0; psnr_holdout is NaN until measured.
+struct Progress {
+  Stage stage = Stage::kLoading;
+  std::string message;          // for a human; may be empty
+  int iteration = 0;
+  int iterations = 0;           // total
+  double loss = 0;              // running mean of the total loss
+  double loss_exposure = 0, loss_reconstruction = 0, loss_structure = 0, loss_denoise = 0;
+  double psnr_holdout = 0;      // dB against the pseudo-target on held-out views
+  int64_t gaussians = 0;
+  double iterations_per_second = 0;
+  double eta_seconds = 0;
+  std::vector<uint8_t> preview_png;  // often empty
+};
+
+// Called from the training thread; must return quickly. A new snapshot is announced after its
+// file was atomically replaced.
+class ReconstructObserver {
+ public:
+  virtual ~ReconstructObserver() = default;
+  virtual void OnProgress(const Progress& progress) = 0;
+  virtual void OnSnapshot(const std::string& scene_path) = 0;
+};
+
+struct ReconstructInput {
+  std::string images_dir;   // photos, flat; names are the views' names
+  std::string cameras_path; // transforms*.json or a COLMAP model folder; empty: run SfM
+  std::string depth_dir;    // <photo stem>.{png,pfm,npy}; empty: no depth loss
+  std::string work_dir;     // exists; SfM workspace, checkpoint, snapshots and results go here
+};
+
+struct ReconstructReport {
+  int photos = 0;
+  int registered = 0;
+  std::vector<std::string> dropped;   // photos without a camera, by name
+  std::string sfm_preparation;        // rung of the exposure ladder that won; "given" if known
+  int64_t sparse_points = 0;
+  int64_t gaussians = 0;
+  int iterations = 0;
+  double seconds = 0;
+  double psnr_holdout = 0;            // as in Progress
+  bool depth_used = false;
+  std::vector<std::string> notes;     // what the user should know: "no depth maps: depth loss off"
+  std::string scene_path;             // work_dir/scene.litags
+  std::string ToJson() const;
+};
+
+enum class Channel {
+  kColor,         // normal-lit R
+  kOriginal,      // as photographed: R * L
+  kExposure,      // R * L^t, see RenderRequest::exposure
+  kDepth,         // expected distance along the axis, scene units, 1 plane
+  kStructure,     // 1 plane
+  kIllumination,  // L, 3 planes
+  kNoise,         // N_GS, 3 planes
+  kAlpha,         // 1 plane
+};
+
+struct RenderRequest {
+  Camera camera;                     // validated by the callee
+  Channel channel = Channel::kColor;
+  double exposure = 0;               // t in R * L^t: 0 normal-lit, 1 as photographed
+  int threads = 0;
+};
+
+// A loaded scene. Immutable and safe to use from several threads.
+class Scene {
+ public:
+  virtual ~Scene() = default;
+  virtual const std::vector<View>& views() const = 0;  // training and held-out cameras, by name
+  virtual int64_t num_gaussians() const = 0;
+  virtual int iteration() const = 0;
+  // Centre and radius of what the cameras look at, for orbits; scene units; `up` is unit length.
+  virtual std::array<double, 3> center() const = 0;
+  virtual std::array<double, 3> up() const = 0;
+  virtual double radius() const = 0;
+  // Float planes: 3 for colours (sRGB, clamped to [0, 1]), 1 otherwise as listed at Channel.
+  virtual absl::StatusOr<Planes> Render(const RenderRequest& request) const = 0;
+  // Standard 3DGS .ply bytes written to a file; normal-lit, or with the original light's colours.
+  virtual absl::Status ExportPly(const std::string& path, bool original_light) const = 0;
+  // Every LITA attribute as extra properties.
+  virtual absl::Status ExportFullPly(const std::string& path) const = 0;
+};
+
+class Engine {
+ public:
+  virtual ~Engine() = default;
+
+  // Photos to scene. Resumes from work_dir's checkpoint if there is one made from the same photos
+  // and options. CANCELLED soon after the token is raised; INVALID_ARGUMENT or
+  // FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot give a scene.
+  virtual absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
+                                                        const ReconstructOptions& options,
+                                                        const CancelToken& cancel,
+                                                        ReconstructObserver* observer) = 0;
+
+  virtual absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) = 0;
+};
+
+// The real one. `colmap` is the program's name or path.
+std::unique_ptr<Engine> MakeEngine(std::string colmap = "colmap");
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_ENGINE_H_
