@@ -1,0 +1,95 @@
+// Tile-based Gaussian splatting on the CPU, forward and backward.
+#ifndef LITAGS_ENGINE_RENDER_RENDERER_H_
+#define LITAGS_ENGINE_RENDER_RENDERER_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "engine/core/camera.h"
+#include "engine/core/image.h"
+#include "engine/core/splats.h"
+
+namespace litags {
+
+// Order of the composited channels. Renders with 3 channels hold the colour only.
+enum RenderChannel : int {
+  kChannelColor = 0,         // 3: R0
+  kChannelDepth = 3,         // 1: D_r
+  kChannelStructure = 4,     // 1: P_r
+  kChannelNoise = 5,         // 3: N_GS
+  kChannelIllumination = 8,  // 3: L_r
+  kNumChannels = 11,
+};
+
+// What the depth channel composites.
+enum class DepthSource {
+  kCameraZ,    // distance along the optical axis: what a user calls depth
+  kAttribute,  // the learned attribute d_i: the paper's D_r
+};
+
+struct RenderSettings {
+  int num_channels = kNumChannels;  // 3 or 11
+  int sh_degree = kMaxShDegree;     // 0..3
+  DepthSource depth_source = DepthSource::kAttribute;
+  std::array<float, kNumChannels> background = {};
+  float near_plane = 0.2f;  // scene units; Gaussians at or before it are dropped (3DGS)
+  int threads = 0;          // <= 0: all cores
+};
+
+// Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
+// of visible Gaussians (radius_px > 0) are meaningful.
+struct ViewStats {
+  std::vector<float> radius_px;      // larger half-extent of the box where alpha >= 1/255
+  std::vector<float> grad_means2d;   // |dL/dmeans2d|, loss per px
+  std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS)
+};
+
+// Receives the gradient of one block of 16 Gaussians, rows as in SplatRow, [kSplatRows][16]. Rows
+// past SplatRowsForDegree(sh_degree) and lanes of Gaussians that are not visible are zero. `visible` has
+// bit i set for lane i. Called once per block that has a visible Gaussian, from several threads.
+using BlockGradSink =
+    absl::FunctionRef<void(size_t block, const float* grads, uint32_t visible)>;
+
+// Renders one view at a time and keeps what the backward pass needs. Results are the same bytes
+// for any number of threads. Not thread-safe; use one per thread of control.
+class Renderer {
+ public:
+  Renderer();
+  ~Renderer();
+  Renderer(Renderer&&) noexcept;
+  Renderer& operator=(Renderer&&) noexcept;
+
+  // Composites `splats` into image [num_channels, H, W] and alpha [1, H, W] = 1 - T_final.
+  // Front to back by depth, alpha = min(0.99, o exp(-sigma)), skipped below 1/255, stopped before T
+  // falls below 1e-4 (3DGS). No 3-sigma cut-off: extents are exact. The camera must be valid.
+  void Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
+               Planes* image, Planes* alpha);
+
+  // VJP of the last Forward: v_image [C, H, W], v_alpha [1, H, W] (or empty) to the parameters.
+  // `splats` must be unchanged. Exact derivatives: zero through the clamp at 0.99.
+  void Backward(const Splats& splats, const Planes& v_image, const Planes& v_alpha,
+                BlockGradSink sink);
+
+  // Statistics of the last Forward (radius_px) and Backward (gradients).
+  const ViewStats& stats() const;
+
+  // Intermediates of the last Forward, for tests and benchmarks.
+  struct Counters {
+    int64_t visible = 0;      // Gaussians that reach a pixel's alpha threshold
+    int64_t tile_pairs = 0;   // entries of the tile lists
+    int64_t evaluations = 0;  // alpha evaluations, pixels (lanes counted one by one)
+  };
+  Counters counters() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_RENDER_RENDERER_H_
