@@ -1,0 +1,25 @@
+// COLMAP's binary model: cameras.bin, images.bin, points3D.bin. Same axes as ours.
+#ifndef LITAGS_ENGINE_IO_COLMAP_IO_H_
+#define LITAGS_ENGINE_IO_COLMAP_IO_H_
+
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/io/sparse_model.h"
+
+namespace litags {
+
+// Reads the model in folder `dir`. Camera models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and
+// OPENCV. NOT_FOUND if a file is missing; INVALID_ARGUMENT if one is truncated, holds impossible
+// counts or references, numbers that are not finite, or another camera model.
+absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field);
+
+// Writes the model to folder `dir` (which exists), one camera per distinct set of intrinsics:
+// PINHOLE, or OPENCV where there is distortion. Image and point ids are index + 1.
+absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_COLMAP_IO_H_

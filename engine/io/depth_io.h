@@ -1,0 +1,35 @@
+// Depth maps (and any float plane) as files: PFM, NPY, 16-bit PNG.
+#ifndef LITAGS_ENGINE_IO_DEPTH_IO_H_
+#define LITAGS_ENGINE_IO_DEPTH_IO_H_
+
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/image.h"
+#include "engine/io/image_io.h"
+
+namespace litags {
+
+// Reads a map as [1, H, W], by what the file is, not by its name: .pfm (one channel), .npy ([H, W],
+// [1, H, W] or [H, W, 1]) or .png (one channel, 8 or 16 bits; values are the codes). Values that
+// are not finite become NaN: no measurement. INVALID_ARGUMENT if it is none of these, broken,
+// larger than `limits`, or has no finite value.
+absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view field,
+                                    const ImageLimits& limits = {});
+absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view field,
+                                      const ImageLimits& limits = {});
+
+// The first existing of dir/stem.{png,pfm,npy}; empty if none.
+std::string FindDepthMap(const std::string& dir, std::string_view stem);
+
+// 1 or 3 planes as little-endian PFM (rows bottom to top, as the format wants).
+std::string EncodePfm(const Planes& planes);
+absl::Status WritePfm(const std::string& path, const Planes& planes);
+// [C, H, W] as float32 NPY.
+absl::Status WriteNpy(const std::string& path, const Planes& planes);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_DEPTH_IO_H_

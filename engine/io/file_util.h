@@ -1,0 +1,39 @@
+// Files: bounded reads, atomic writes, names that came from strangers.
+#ifndef LITAGS_ENGINE_IO_FILE_UTIL_H_
+#define LITAGS_ENGINE_IO_FILE_UTIL_H_
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+
+namespace litags {
+
+// The whole file. `field` names the input in errors (empty: the path). NOT_FOUND if missing,
+// INVALID_ARGUMENT (FILE_TOO_LARGE) if it holds more than `max_bytes`, checked before allocating.
+absl::StatusOr<std::string> ReadFile(const std::string& path, std::string_view field,
+                                     int64_t max_bytes);
+
+// Replaces `path` so that a reader, or a crash at any instant, sees either the old file or the
+// whole new one: temporary file in the same folder, fsync, rename, fsync of the folder.
+// RESOURCE_EXHAUSTED (DISK_FULL) if there is no room; nothing is left behind on failure.
+absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
+// The same for `parts` written one after the other, without joining them in memory.
+absl::Status WriteFileAtomically(const std::string& path, absl::Span<const std::string_view> parts);
+
+// Whether a client's `name` may become a file's name inside a folder of ours: 1..255 bytes, valid
+// UTF-8, no '/' or '\', no control characters, not "." or "..". INVALID_ARGUMENT (BAD_FILE_NAME).
+absl::Status ValidateFileName(std::string_view name, std::string_view field);
+
+// The part after the last '/' or '\'.
+std::string BaseName(std::string_view path);
+// The base name without its last extension: "low/0001.JPG" -> "0001".
+std::string Stem(std::string_view path);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_FILE_UTIL_H_

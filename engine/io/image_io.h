@@ -1,0 +1,72 @@
+// Photos in (JPEG, PNG, from anybody) and pictures out. Colours are sRGB-encoded throughout.
+#ifndef LITAGS_ENGINE_IO_IMAGE_IO_H_
+#define LITAGS_ENGINE_IO_IMAGE_IO_H_
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+// What a photo may cost us. Checked on the file's header, before anything is allocated.
+struct ImageLimits {
+  int64_t max_bytes = int64_t{256} << 20;  // encoded
+  int64_t max_pixels = int64_t{64} << 20;  // decoded, "64 MP"
+  int max_side = 32768;                    // px
+};
+
+enum class ImageFormat { kJpeg, kPng };
+
+// What a header says. The size is that of the upright picture: EXIF orientation applied.
+struct ImageInfo {
+  ImageFormat format = ImageFormat::kJpeg;
+  int width = 0;        // px
+  int height = 0;       // px
+  int orientation = 1;  // EXIF, 1..8
+  int bit_depth = 8;    // per channel
+};
+
+// Reads the header only. Errors are INVALID_ARGUMENT, start with `field` (for photos:
+// "images[0001.jpg]") and carry one of these reasons: IMAGE_EMPTY, IMAGE_NOT_RECOGNIZED (neither
+// JPEG nor PNG), IMAGE_TRUNCATED, IMAGE_CORRUPT, IMAGE_TOO_LARGE.
+absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view field,
+                                        const ImageLimits& limits = {});
+
+// Decodes to upright 8-bit RGB. Transparency is dropped, 16-bit samples keep their high byte, grey
+// becomes R = G = B. A file that ends early is refused (IMAGE_TRUNCATED), never padded with grey.
+// Errors as above.
+absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view field,
+                                    const ImageLimits& limits = {});
+
+// The same from a file; NOT_FOUND if missing. ReadImageSize reads the header part of the file only.
+absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field,
+                                  const ImageLimits& limits = {});
+absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
+                                        const ImageLimits& limits = {});
+
+// Encodes. `quality` in [1, 100]. INVALID_ARGUMENT for an empty image.
+absl::StatusOr<std::string> EncodePng(const ImageU8& image);
+absl::StatusOr<std::string> EncodeJpeg(const ImageU8& image, int quality = 95);
+// One channel, 16 bits: round(plane * scale), clamped to [0, 65535]; NaN becomes 0.
+absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale = 65535.0);
+
+// Encode and write atomically.
+absl::Status WritePng(const std::string& path, const ImageU8& image);
+absl::Status WriteJpeg(const std::string& path, const ImageU8& image, int quality = 95);
+absl::Status WritePng16(const std::string& path, const Planes& plane, double scale = 65535.0);
+
+// Names of the photos in a folder (.jpg .jpeg .png in any case; hidden files skipped), sorted by
+// bytes. NOT_FOUND (NO_SUCH_FOLDER), INVALID_ARGUMENT (NO_PHOTOS).
+absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir, std::string_view field);
+
+// Resamples by pixel area (no aliasing when shrinking; bilinear when growing). Sizes positive.
+ImageU8 ResizeArea(const ImageU8& image, int width, int height);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_IMAGE_IO_H_

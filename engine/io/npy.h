@@ -1,0 +1,42 @@
+// NumPy .npy arrays (versions 1 and 2, C order, little-endian f4 f8 i4 i8 u1).
+#ifndef LITAGS_ENGINE_IO_NPY_H_
+#define LITAGS_ENGINE_IO_NPY_H_
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+
+namespace litags {
+
+enum class NpyType { kFloat32, kFloat64, kInt32, kInt64, kUInt8 };
+
+struct NpyArray {
+  NpyType type = NpyType::kFloat32;
+  std::vector<int64_t> shape;  // empty: a scalar
+  std::vector<uint8_t> bytes;  // row-major
+
+  int64_t size() const;  // elements
+  // All elements converted to one type.
+  std::vector<float> ToFloats() const;
+  std::vector<double> ToDoubles() const;
+};
+
+// size of `values` must be the product of `shape`.
+NpyArray MakeNpyArray(std::vector<int64_t> shape, absl::Span<const float> values);
+NpyArray MakeNpyArray(std::vector<int64_t> shape, absl::Span<const double> values);
+
+// INVALID_ARGUMENT: NOT_A_NPY, NPY_UNSUPPORTED (other types, Fortran order), NPY_TRUNCATED.
+absl::StatusOr<NpyArray> DecodeNpy(std::string_view bytes, std::string_view field);
+absl::StatusOr<NpyArray> ReadNpy(const std::string& path, std::string_view field,
+                                 int64_t max_bytes = int64_t{1} << 30);
+std::string EncodeNpy(const NpyArray& array);
+absl::Status WriteNpy(const std::string& path, const NpyArray& array);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_NPY_H_
