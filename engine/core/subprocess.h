@@ -19,15 +19,15 @@ struct SubprocessOptions {
   // args[0] is the program: a path if it holds a '/', else a name searched in PATH. Passed on as
   // they are; no shell sees them.
   std::vector<std::string> args;
-  std::vector<std::string> env;       // "NAME=value"; added to, or replacing, our own environment
-  std::string working_dir;            // empty: ours
-  std::string log_path;               // stdout and stderr go here, replacing the file; empty: no log
-  int64_t max_log_bytes = 64 << 20;   // the log is cut after this many bytes
-  size_t tail_lines = 20;             // last lines kept for SubprocessResult::tail
-  double timeout_seconds = 0;         // wall clock; 0: no limit
-  double grace_seconds = 0.5;         // between SIGTERM and SIGKILL when we end the child
-  int64_t max_memory_bytes = 0;       // RLIMIT_AS (address space) of each process; 0: no limit
-  int niceness = 0;                   // added to ours, 0..19
+  std::vector<std::string> env;      // "NAME=value"; added to, or replacing, our own environment
+  std::string working_dir;           // empty: ours
+  std::string log_path;              // stdout and stderr go here, replacing the file; empty: no log
+  int64_t max_log_bytes = 64 << 20;  // the log is cut after this many bytes
+  size_t tail_lines = 20;            // last lines kept for SubprocessResult::tail
+  double timeout_seconds = 0;        // wall clock; 0: no limit
+  double grace_seconds = 0.5;        // between SIGTERM and SIGKILL when we end the child
+  int64_t max_memory_bytes = 0;      // RLIMIT_AS (address space) of each process; 0: no limit
+  int niceness = 0;                  // added to ours, 0..19
   std::function<void(std::string_view line)> on_line;  // each output line, in the calling thread
 
   // INVALID_ARGUMENT naming the field that breaks its rule.
@@ -37,9 +37,9 @@ struct SubprocessOptions {
 // A program that ended by itself, whatever its exit code.
 struct SubprocessResult {
   int exit_code = 0;
-  double seconds = 0;          // wall clock
-  std::string tail;            // last output lines, joined by '\n'
-  bool log_complete = true;    // false: the log was cut or the disk is full
+  double seconds = 0;        // wall clock
+  std::string tail;          // last output lines, joined by '\n'
+  bool log_complete = true;  // false: the log was cut or the disk is full
 };
 
 // Runs a program to its end and returns its exit code (a non-zero code is the caller's to judge).

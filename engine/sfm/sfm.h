@@ -1,0 +1,127 @@
+// Structure-from-motion on badly lit photos: COLMAP as a supervised child program, fed with
+// photos prepared for the light they were taken in. Poses and points come back; the photos
+// themselves are never changed.
+#ifndef LITAGS_ENGINE_SFM_SFM_H_
+#define LITAGS_ENGINE_SFM_SFM_H_
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+#include "engine/io/sparse_model.h"
+
+namespace litags {
+
+// How the capture is lit; decides the order of preparations.
+enum class Exposure { kNormal, kLow, kOver };
+std::string_view ExposureName(Exposure exposure);  // "normal", "low", "over"
+
+// Which camera parameters COLMAP solves for. The principal point stays at the image centre.
+enum class LensModel {
+  kPinhole,  // fx fy; photos free of lens distortion
+  kOpenCv,   // fx fy k1 k2 p1 p2
+};
+
+struct SfmOptions {
+  std::string colmap = "colmap";  // program name or path; 3.8 is what the tests run
+  int threads = 0;                // bound on COLMAP's and our threads; 0: all cores
+  uint64_t seed = 0;              // COLMAP's --random_seed; see FindCameras about repeatability
+  LensModel lens = LensModel::kPinhole;
+  bool camera_per_photo = false;  // false: photos of one size share one camera
+  int max_image_side = 1600;    // larger photos are matched at this longer side, px; 0: as they are
+  int max_features = 0;         // SIFT features per photo; 0: 1000..4000, fewer for more photos
+  int sequential_above = 200;   // with more photos, match only neighbours in name order
+  int sequential_overlap = 20;  // neighbours on each side then
+  double min_registered = 0.5;  // fraction of photos that must be placed, else an error, (0, 1]
+  double enough_registered = 0.95;     // a rung that places this fraction ends the climb, (0, 1]
+  double step_timeout_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
+  int64_t max_memory_bytes = 0;        // address space of a COLMAP step; 0: no limit
+  int niceness = 0;                    // COLMAP's, 0..19
+  bool keep_prepared = false;          // keep the prepared photos and databases in work_dir
+
+  // INVALID_ARGUMENT naming the field that breaks its rule.
+  absl::Status Validate() const;
+};
+
+// Where the work stands; from the calling thread.
+struct SfmProgress {
+  std::string preparation;  // "gain + Gaussian 0.7 px"
+  std::string step;         // "prepare", "features", "match", "map", "triangulate"
+  int rung = 0;             // 0-based
+  int rungs = 1;            // length of the ladder
+  double fraction = 0;      // of this step, 0..1, as far as COLMAP tells
+};
+using SfmProgressFn = std::function<void(const SfmProgress&)>;
+
+// One photo in the model that was kept.
+struct SfmPhoto {
+  std::string name;
+  bool registered = false;
+  int features = 0;        // SIFT features found
+  int matched_photos = 0;  // photos with a verified match
+  std::string reason;      // why it was dropped; empty if registered
+};
+
+// One preparation that was tried.
+struct SfmRung {
+  std::string preparation;
+  int registered = 0;       // photos in the largest model
+  int64_t points = 0;       // in the largest model
+  std::vector<int> models;  // photos per model, largest first: more than one is a split capture
+  double prepare_seconds = 0, feature_seconds = 0, match_seconds = 0, map_seconds = 0;
+};
+
+struct SfmResult {
+  // Views (named as the photos, in name order, at the photos' own size), their lens distortions,
+  // and points; see engine/io/sparse_model.h. Point colours are those of the prepared photos:
+  // sRGB, brought to a mean of .45 in low light.
+  SparseModel model;
+  Exposure exposure = Exposure::kNormal;
+  double mean_level = 0;         // of all photos' sRGB codes, [0, 1]
+  double clipped_fraction = 0;   // pixels with a channel at 255
+  std::string preparation;       // rung that was kept
+  std::vector<SfmRung> rungs;    // in the order tried
+  std::vector<SfmPhoto> photos;  // every photo, in name order
+  std::vector<std::string>
+      notes;  // what the user should know: "the photos split into 2 groups ..."
+  double seconds = 0;
+};
+
+// Finds the cameras of the photos in images_dir (flat; method.md section 2).
+//
+// Climbs a ladder of preparations until one places enough_registered of the photos: low light:
+// gain to mean .45 then Gaussian 0.7 px, the same with 1.2 px, gain + CLAHE; over-exposed: CLAHE,
+// photos as they are; else: as they are, CLAHE. If none does, keeps the model with most photos,
+// then most points, never the one with the smaller reprojection error. Of split models, the
+// largest. work_dir exists or is made; the call uses and clears work_dir/sfm, and leaves COLMAP's
+// logs there.
+//
+// Not repeatable bit by bit: COLMAP's RANSAC and bundle adjustment depend on thread timing, so
+// poses differ in the last digits from run to run (less with threads = 1 and a fixed seed).
+//
+// Errors: INVALID_ARGUMENT for options, unreadable photos, TOO_FEW_PHOTOS (one or none);
+// FAILED_PRECONDITION SFM_TOO_FEW_REGISTERED (less than max(3, min_registered) placed; the message
+// names photos and causes), SFM_NO_MODEL, SFM_SPLIT (photos of different places), COLMAP_NOT_FOUND;
+// INTERNAL COLMAP_FAILED with COLMAP's last lines; DEADLINE_EXCEEDED; CANCELLED within a second.
+absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::string& work_dir,
+                                      const SfmOptions& options, const CancelToken& cancel,
+                                      const SfmProgressFn& progress = nullptr);
+
+// Points for photos whose cameras are known (`cameras.views`, `cameras.distortions`; its points are
+// ignored). Poses and intrinsics come back exactly as given; photos without a view are left out.
+// Climbs the same ladder until there are at least 10 points per view, else keeps the most points.
+// Errors as FindCameras, and: NOT_FOUND VIEW_WITHOUT_PHOTO, INVALID_ARGUMENT for cameras that
+// do not match their photo's size, FAILED_PRECONDITION SFM_NO_POINTS.
+absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
+                                            const SparseModel& cameras, const std::string& work_dir,
+                                            const SfmOptions& options, const CancelToken& cancel,
+                                            const SfmProgressFn& progress = nullptr);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_SFM_SFM_H_
