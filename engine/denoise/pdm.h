@@ -1,0 +1,90 @@
+// Progressive denoising module (PDM), forward and VJP. Source: LITA-GS, "Progressive Denoising
+// Module".
+#ifndef LITAGS_ENGINE_DENOISE_PDM_H_
+#define LITAGS_ENGINE_DENOISE_PDM_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+// What the Gaussian filter C sees outside the image. F's convolutions always pad with zeros.
+enum class PdmBorder { kReflect101, kZero };
+
+struct PdmOptions {
+  int stages = 3;             // K, 1..8 (paper: 3)
+  int hidden = 16;            // channels inside F, 1..64. Choice: the paper gives no width
+  bool shared = true;         // one F for all stages. Choice: the paper does not say
+  int filter_size = 3;        // px, odd, 1..15: C is filter_size x filter_size
+  float filter_sigma = 0.5f;  // px, > 0. Choice: the paper gives no width
+  PdmBorder border = PdmBorder::kReflect101;
+  bool clamp_R = false;  // clamp R_1..R_K to [0, 1], as the authors' release does
+
+  // INVALID_ARGUMENT naming the field that is out of range.
+  absl::Status Validate() const;
+};
+
+// Where the six arrays of one network F lie in its flat vector:
+// w1 [hidden,3,3,3], b1 [hidden], w2 [hidden,hidden,3,3], b2 [hidden], w3 [3,hidden,3,3], b3 [3];
+// weights [out,in,ky,kx], correlation (no flip).
+struct PdmNetLayout {
+  explicit PdmNetLayout(int hidden);
+  size_t w1, b1, w2, b2, w3, b3, size;  // offsets and total, in floats
+};
+
+// Weights of the module, or their gradients.
+struct PdmWeights {
+  int hidden = 0;
+  std::vector<std::vector<float>> nets;  // one per stage, or a single shared one; PdmNetLayout
+
+  // All zero, with the shape that `options` asks for.
+  static PdmWeights Zeros(const PdmOptions& options);
+
+  // Deterministic start. Choice: w1 and w2 are He-normal, all biases and w3 are zero, so F = 0 and
+  // the module begins as a fixed, gentle smoothing that leaves flat areas alone: with H = 1 - C its
+  // response for K = 3 is 1 - H + H^2 - H^3 / 2, from 1 at DC to 0.63 at the highest frequency. A
+  // random w3 would add random colour mixtures of the image's edges instead. Gradients reach w3
+  // at the first step, w1 and w2 as soon as w3 has moved.
+  static PdmWeights Initial(const PdmOptions& options, uint64_t seed);
+};
+
+// C = Gaussian filter; Nhat_0 = (R_0 - C(R_0) + N) / 2, Nhat_k = R_k - C(R_k) for k >= 1;
+// N_{k+1} = Nhat_k - F(Nhat_k); R_{k+1} = R_0 - N_{k+1}, k = 0..K-1. F: three 3x3 convolutions
+// joined by ReLU. Keeps the activations of one forward pass and reuses its buffers. Results are the
+// same bytes for any number of threads. Not thread-safe; use one per thread of control.
+class Pdm {
+ public:
+  // `options` must be valid. threads <= 0: all cores.
+  explicit Pdm(const PdmOptions& options, int threads = 0);
+  ~Pdm();
+  Pdm(Pdm&&) noexcept;
+  Pdm& operator=(Pdm&&) noexcept;
+
+  // Denoises R0 [3,H,W] with the noise map N [3,H,W] (rendered N_GS). `weights` must have the
+  // shape of PdmWeights::Zeros(options).
+  void Forward(const PdmWeights& weights, const Planes& R0, const Planes& N);
+
+  // R_k [3,H,W] of the last Forward, k = 1..K; R(K) is the result.
+  const Planes& R(int k) const;
+
+  // VJP of the last Forward. v_last [3,H,W] = dL/dR_K; v_previous [3,H,W] = dL/dR_{K-1} or empty
+  // (for K = 1 it is dL/dR_0). Overwrites v_R0 [3,H,W], v_N [3,H,W] and v_weights (their shapes are
+  // set).
+  void Backward(const Planes& v_last, const Planes& v_previous, Planes* v_R0, Planes* v_N,
+                PdmWeights* v_weights);
+
+  const PdmOptions& options() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_DENOISE_PDM_H_
