@@ -1,0 +1,47 @@
+// The depth loss: 1 - Pearson correlation with a given depth map, over the whole map and over
+// patches (LITA-GS L_depth). Blind to the map's scale and offset.
+#ifndef LITAGS_ENGINE_TRAIN_DEPTH_LOSS_H_
+#define LITAGS_ENGINE_TRAIN_DEPTH_LOSS_H_
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/train/losses.h"
+
+namespace litags {
+
+// A rectangle of pixels.
+struct Patch {
+  int x = 0, y = 0;           // top-left pixel
+  int width = 0, height = 0;  // px
+};
+
+struct DepthPatchOptions {
+  int size = 128;         // side, px; paper. Clipped to the image
+  double fraction = 0.5;  // number of patches, of floor(H / size) * floor(W / size); paper
+};
+
+// The patches of one iteration: round(fraction * grid cells), at least one, at positions uniform
+// over the image. A pure function of its arguments.
+// Choice: the paper says "50% of the patches drawn anew"; they are placed freely, not on the
+// grid, so that no pixel row is a patch border in every iteration.
+std::vector<Patch> DrawDepthPatches(int width, int height, const DepthPatchOptions& options,
+                                    uint64_t seed, uint64_t iteration);
+
+struct DepthLossTerms {
+  double global = 0;  // 1 - PCC of the whole map
+  double local = 0;   // mean over patches of 1 - PCC; 0 without patches
+  double Sum() const { return global + local; }
+};
+
+// Loss of rendered [1, H, W] against target [1, H, W] and weight * d(global + local)/d(rendered),
+// added to v_rendered (may be empty). `confidence` [1, H, W], >= 0, weighs every pixel in all sums
+// (0 leaves it out; the target must be finite there too); empty: all ones. Where either map is
+// constant there is no correlation: the term is 1 and has no gradient.
+DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView confidence,
+                         const std::vector<Patch>& patches, double weight, PlanesSpan v_rendered,
+                         LossWorkspace& ws);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TRAIN_DEPTH_LOSS_H_
