@@ -1,0 +1,101 @@
+#include "engine/denoise/conv_net.h"
+
+#include <algorithm>
+
+#include "engine/core/parallel.h"
+#include "engine/denoise/pdm.h"
+
+namespace litags {
+namespace {
+
+// Rows per task. Fixed, because the sums over strips are part of the result.
+constexpr int kStripRows = 16;
+
+int NumStrips(int height) { return (height + kStripRows - 1) / kStripRows; }
+
+void Conv3x3(int threads, const ConvWeights& weights, const PaddedRows& in, ConvEpilogue epilogue,
+             const PaddedRows* other, PaddedRows* out) {
+  const int height = in.height();
+  ParallelFor(threads, NumStrips(height), [&](size_t strip, int) {
+    const int y0 = static_cast<int>(strip) * kStripRows;
+    for (int y = y0; y < std::min(y0 + kStripRows, height); ++y) {
+      Conv3x3Row(weights, in, y, epilogue, other, out);
+    }
+  });
+}
+
+}  // namespace
+
+void ConvNetActivations::Resize(int hidden, int height, int width) {
+  in.Resize(3, height, width);
+  h1.Resize(ConvPaddedChannels(hidden), height, width);
+  h2.Resize(ConvPaddedChannels(hidden), height, width);
+}
+
+void ConvNet::SetWeights(const float* net) {
+  const PdmNetLayout at(hidden_);
+  conv1_.Pack(3, hidden_, net + at.w1, net + at.b1);
+  conv2_.Pack(hidden_, hidden_, net + at.w2, net + at.b2);
+  conv3_.Pack(hidden_, 3, net + at.w3, net + at.b3);
+  conv1_transposed_.PackTransposed(3, hidden_, net + at.w1);
+  conv2_transposed_.PackTransposed(hidden_, hidden_, net + at.w2);
+  conv3_transposed_.PackTransposed(hidden_, 3, net + at.w3);
+}
+
+void ConvNet::Forward(int threads, ConvNetActivations* act, PaddedRows* out) const {
+  Conv3x3(threads, conv1_, act->in, ConvEpilogue::kRelu, nullptr, &act->h1);
+  Conv3x3(threads, conv2_, act->h1, ConvEpilogue::kRelu, nullptr, &act->h2);
+  Conv3x3(threads, conv3_, act->h2, ConvEpilogue::kBias, nullptr, out);
+}
+
+void ConvNet::Backward(int threads, const ConvNetActivations& act, const PaddedRows& v_out,
+                       PaddedRows* v_in, float* v_net) {
+  const PdmNetLayout at(hidden_);
+  const int height = v_out.height(), width = v_out.width();
+  v_h1_.Resize(ConvPaddedChannels(hidden_), height, width);
+  v_h2_.Resize(ConvPaddedChannels(hidden_), height, width);
+
+  WeightGradient(threads, hidden_, 3, act.h2, v_out, v_net + at.w3, v_net + at.b3);
+  Conv3x3(threads, conv3_transposed_, v_out, ConvEpilogue::kReluVjp, &act.h2, &v_h2_);
+  WeightGradient(threads, hidden_, hidden_, act.h1, v_h2_, v_net + at.w2, v_net + at.b2);
+  Conv3x3(threads, conv2_transposed_, v_h2_, ConvEpilogue::kReluVjp, &act.h1, &v_h1_);
+  WeightGradient(threads, 3, hidden_, act.in, v_h1_, v_net + at.w1, v_net + at.b1);
+  Conv3x3(threads, conv1_transposed_, v_h1_, ConvEpilogue::kSubtract, &v_out, v_in);
+}
+
+void ConvNet::WeightGradient(int threads, int in_channels, int out_channels, const PaddedRows& in,
+                             const PaddedRows& v_out, float* v_w, float* v_bias) {
+  const int height = in.height(), strips = NumStrips(height);
+  const size_t num_weights = size_t(v_out.channels()) * in.channels() * 9;
+  const size_t num_partial = num_weights + v_out.channels();
+  const size_t scratch = ConvWeightGradScratch(in.channels(), v_out.channels());
+  if (threads <= 0) threads = DefaultThreadCount();
+  partial_.resize(std::max(partial_.size(), num_partial * strips));
+  if (scratch * threads > scratch_size_) {
+    scratch_size_ = scratch * threads;
+    scratch_ = hwy::AllocateAligned<float>(scratch_size_);
+  }
+  ParallelFor(threads, strips, [&](size_t strip, int thread) {
+    const int y0 = static_cast<int>(strip) * kStripRows;
+    float* sums = partial_.data() + strip * num_partial;
+    Conv3x3WeightGradRows(in, v_out, y0, std::min(y0 + kStripRows, height),
+                          scratch_.get() + thread * scratch, sums, sums + num_weights);
+  });
+
+  auto total = [&](size_t index) {
+    double sum = 0;
+    for (int strip = 0; strip < strips; ++strip) sum += partial_[strip * num_partial + index];
+    return static_cast<float>(sum);
+  };
+  for (int o = 0; o < out_channels; ++o) {
+    for (int c = 0; c < in_channels; ++c) {
+      for (int tap = 0; tap < 9; ++tap) {
+        v_w[(size_t(o) * in_channels + c) * 9 + tap] +=
+            total((size_t(o) * in.channels() + c) * 9 + tap);
+      }
+    }
+    v_bias[o] += total(num_weights + o);
+  }
+}
+
+}  // namespace litags

@@ -1,0 +1,52 @@
+// The network F of the PDM: three 3x3 convolutions joined by ReLU, and its VJP.
+#ifndef LITAGS_ENGINE_DENOISE_CONV_NET_H_
+#define LITAGS_ENGINE_DENOISE_CONV_NET_H_
+
+#include <vector>
+
+#include "engine/denoise/conv3x3.h"
+#include "engine/denoise/padded_rows.h"
+
+namespace litags {
+
+// Input and hidden activations (after ReLU) of one evaluation of F.
+struct ConvNetActivations {
+  PaddedRows in;      // 3
+  PaddedRows h1, h2;  // hidden, padded
+
+  void Resize(int hidden, int height, int width);
+};
+
+// One set of weights; they may be changed at any time by SetWeights. Keeps the scratch of the
+// backward pass.
+class ConvNet {
+ public:
+  explicit ConvNet(int hidden) : hidden_(hidden) {}
+
+  // `net` as in PdmNetLayout.
+  void SetWeights(const float* net);
+
+  // out [3] = F(act->in); fills act->h1, h2.
+  void Forward(int threads, ConvNetActivations* act, PaddedRows* out) const;
+
+  // VJP at `act`: v_in [3] = F^T(v_out) - v_out (the network is used as x - F(x), up to sign) and
+  // v_net += gradient of the weights, laid out as in PdmNetLayout.
+  void Backward(int threads, const ConvNetActivations& act, const PaddedRows& v_out,
+                PaddedRows* v_in, float* v_net);
+
+ private:
+  void WeightGradient(int threads, int in_channels, int out_channels, const PaddedRows& in,
+                      const PaddedRows& v_out, float* v_w, float* v_bias);
+
+  int hidden_;
+  ConvWeights conv1_, conv2_, conv3_;
+  ConvWeights conv1_transposed_, conv2_transposed_, conv3_transposed_;
+  PaddedRows v_h1_, v_h2_;
+  std::vector<float> partial_;  // [strips][weights and biases]
+  hwy::AlignedFreeUniquePtr<float[]> scratch_;
+  size_t scratch_size_ = 0;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_DENOISE_CONV_NET_H_

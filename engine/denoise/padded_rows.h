@@ -1,0 +1,54 @@
+// The layout that the module's kernels work on.
+#ifndef LITAGS_ENGINE_DENOISE_PADDED_ROWS_H_
+#define LITAGS_ENGINE_DENOISE_PADDED_ROWS_H_
+
+#include <cstddef>
+#include <cstring>
+
+#include "hwy/aligned_allocator.h"
+
+namespace litags {
+
+// [H + 2][C][stride]: the channels of an image row lie beside each other, so that the three rows
+// a 3x3 convolution reads are one short range of memory. Everything outside the image (one row
+// above and below, kPad floats left and right, up to the next multiple of kPad) is zero and stays
+// zero: kernels store whole vectors, with zeros past the width. Not copyable.
+class PaddedRows {
+ public:
+  static constexpr size_t kPad = 16;  // floats: one AVX-512 vector
+
+  int channels() const { return channels_; }
+  int height() const { return height_; }
+  int width() const { return width_; }
+  size_t stride() const { return stride_; }                  // from one channel to the next
+  size_t row_stride() const { return stride_ * channels_; }  // from one row to the next
+
+  // Sets the shape and, if it changed, all values to zero.
+  void Resize(int channels, int height, int width) {
+    if (channels == channels_ && height == height_ && width == width_) return;
+    channels_ = channels;
+    height_ = height;
+    width_ = width;
+    stride_ = (width + kPad - 1) / kPad * kPad + 2 * kPad;
+    const size_t count = row_stride() * (height + 2);
+    data_ = hwy::AllocateAligned<float>(count);
+    std::memset(data_.get(), 0, count * sizeof(float));
+  }
+
+  // Pixel (0, y) of channel c; y = -1 and y = height are the zero rows. Aligned to a vector.
+  float* row(int y, int c) { return data_.get() + Offset(y, c); }
+  const float* row(int y, int c) const { return data_.get() + Offset(y, c); }
+
+ private:
+  size_t Offset(int y, int c) const {
+    return (static_cast<size_t>(y + 1) * channels_ + c) * stride_ + kPad;
+  }
+
+  int channels_ = 0, height_ = 0, width_ = 0;
+  size_t stride_ = 0;
+  hwy::AlignedFreeUniquePtr<float[]> data_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_DENOISE_PADDED_ROWS_H_

@@ -1,0 +1,191 @@
+#include "engine/denoise/pdm.h"
+
+#include <algorithm>
+
+#include "engine/core/check.h"
+#include "engine/core/parallel.h"
+#include "engine/denoise/conv_net.h"
+#include "engine/denoise/high_pass.h"
+#include "engine/denoise/padded_rows.h"
+
+namespace litags {
+namespace {
+
+// True where the clamp to [0, 1] passes the gradient; `v` is the value before it.
+bool InsideClamp(float v) { return v >= 0.0f && v <= 1.0f; }
+
+bool SameSize(const Planes& a, const Planes& b) {
+  return a.channels == b.channels && a.height == b.height && a.width == b.width;
+}
+
+}  // namespace
+
+struct Pdm::Impl {
+  Impl(const PdmOptions& pdm_options, int num_threads)
+      : options(pdm_options),
+        threads(num_threads > 0 ? num_threads : DefaultThreadCount()),
+        high_pass(pdm_options),
+        stages(pdm_options.stages),
+        r(pdm_options.stages + 1),
+        R(pdm_options.stages) {
+    const int num_nets = options.shared ? 1 : options.stages;
+    for (int i = 0; i < num_nets; ++i) nets.emplace_back(options.hidden);
+  }
+
+  ConvNet& net(int k) { return nets[options.shared ? 0 : k]; }
+
+  void Resize(int new_height, int new_width);
+
+  // Calls body(y, c, scratch) for the three channels of every row.
+  template <typename Body>
+  void ForEachRow(const Body& body) {
+    ParallelFor(threads, height, [&](size_t y, int thread) {
+      for (int c = 0; c < 3; ++c) body(static_cast<int>(y), c, scratch[thread].data());
+    });
+  }
+
+  void NoiseEstimate(int k, const Planes& N);
+  void Subtract(int k);
+  void StartGradient(const Planes& v_last, Planes* v_R0);
+  void NoiseEstimateVjp(int k, const Planes& v_previous, Planes* v_R0, Planes* v_N);
+
+  PdmOptions options;
+  int threads;
+  int height = 0, width = 0;
+  HighPass high_pass;
+  std::vector<ConvNet> nets;
+  std::vector<ConvNetActivations> stages;
+  std::vector<PaddedRows> r;                // R_0..R_K before the clamp
+  std::vector<Planes> R;                    // R_1..R_K
+  PaddedRows f;                             // F(Nhat_k)
+  PaddedRows v_r, v_nhat;                   // dL/dR_{k+1} before the clamp, dL/dNhat_k
+  std::vector<std::vector<float>> scratch;  // per thread
+};
+
+void Pdm::Impl::Resize(int new_height, int new_width) {
+  height = new_height;
+  width = new_width;
+  high_pass.Resize(height, width);
+  for (ConvNetActivations& stage : stages) stage.Resize(options.hidden, height, width);
+  for (PaddedRows& rows : r) rows.Resize(3, height, width);
+  for (PaddedRows* rows : {&f, &v_r, &v_nhat}) rows->Resize(3, height, width);
+  for (Planes& planes : R) planes = Planes(3, height, width);
+  scratch.assign(threads, std::vector<float>(high_pass.ScratchSize(), 0.0f));
+}
+
+// Nhat_0 = (R_0 - C(R_0) + N) / 2; Nhat_k = R_k - C(R_k).
+void Pdm::Impl::NoiseEstimate(int k, const Planes& N) {
+  ForEachRow([&](int y, int c, float* row_scratch) {
+    float* nhat = stages[k].in.row(y, c);
+    high_pass.Row(r[k], c, y, k > 0 && options.clamp_R, row_scratch, nhat);
+    if (k > 0) return;
+    const float* noise = N.plane(c) + size_t(y) * width;
+    for (int x = 0; x < width; ++x) nhat[x] = 0.5f * (nhat[x] + noise[x]);
+  });
+}
+
+// R_{k+1} = R_0 - (Nhat_k - F(Nhat_k)).
+void Pdm::Impl::Subtract(int k) {
+  ForEachRow([&](int y, int c, float*) {
+    const float* r0 = r[0].row(y, c);
+    const float* nhat = stages[k].in.row(y, c);
+    const float* denoised = f.row(y, c);
+    float* next = r[k + 1].row(y, c);
+    float* out = R[k].plane(c) + size_t(y) * width;
+    for (int x = 0; x < width; ++x) next[x] = r0[x] - (nhat[x] - denoised[x]);
+    for (int x = 0; x < width; ++x) {
+      out[x] = options.clamp_R ? std::min(std::max(next[x], 0.0f), 1.0f) : next[x];
+    }
+  });
+}
+
+void Pdm::Impl::StartGradient(const Planes& v_last, Planes* v_R0) {
+  ForEachRow([&](int y, int c, float*) {
+    const size_t at = size_t(y) * width;
+    const float* v = v_last.plane(c) + at;
+    const float* value = r[options.stages].row(y, c);
+    float* out = v_r.row(y, c);
+    for (int x = 0; x < width; ++x) {
+      out[x] = !options.clamp_R || InsideClamp(value[x]) ? v[x] : 0.0f;
+    }
+    std::copy_n(out, width, v_R0->plane(c) + at);
+  });
+}
+
+// From dL/dNhat_k to dL/dR_k, which is added to v_R0 as R_k = R_0 - N_k (k >= 1).
+void Pdm::Impl::NoiseEstimateVjp(int k, const Planes& v_previous, Planes* v_R0, Planes* v_N) {
+  const bool add_previous = k == options.stages - 1 && !v_previous.empty();
+  ForEachRow([&](int y, int c, float* row_scratch) {
+    const size_t at = size_t(y) * width;
+    float* out = v_r.row(y, c);
+    high_pass.AdjointRow(v_nhat, c, y, row_scratch, out);
+    if (k == 0) {
+      const float* v = v_nhat.row(y, c);
+      float* noise = v_N->plane(c) + at;
+      for (int x = 0; x < width; ++x) out[x] *= 0.5f;
+      for (int x = 0; x < width; ++x) noise[x] = 0.5f * v[x];
+    }
+    if (add_previous) {
+      const float* v = v_previous.plane(c) + at;
+      for (int x = 0; x < width; ++x) out[x] += v[x];
+    }
+    if (k > 0 && options.clamp_R) {
+      const float* value = r[k].row(y, c);
+      for (int x = 0; x < width; ++x) out[x] = InsideClamp(value[x]) ? out[x] : 0.0f;
+    }
+    float* total = v_R0->plane(c) + at;
+    for (int x = 0; x < width; ++x) total[x] += out[x];
+  });
+}
+
+Pdm::Pdm(const PdmOptions& options, int threads) : impl_(std::make_unique<Impl>(options, threads)) {
+  LITAGS_CHECK(options.Validate().ok());
+}
+Pdm::~Pdm() = default;
+Pdm::Pdm(Pdm&&) noexcept = default;
+Pdm& Pdm::operator=(Pdm&&) noexcept = default;
+
+void Pdm::Forward(const PdmWeights& weights, const Planes& R0, const Planes& N) {
+  Impl& m = *impl_;
+  LITAGS_CHECK(R0.channels == 3 && SameSize(R0, N));
+  LITAGS_CHECK(weights.hidden == m.options.hidden && weights.nets.size() == m.nets.size());
+  if (R0.height != m.height || R0.width != m.width) m.Resize(R0.height, R0.width);
+  for (size_t i = 0; i < m.nets.size(); ++i) m.nets[i].SetWeights(weights.nets[i].data());
+
+  m.ForEachRow([&](int y, int c, float*) {
+    std::copy_n(R0.plane(c) + size_t(y) * m.width, m.width, m.r[0].row(y, c));
+  });
+  for (int k = 0; k < m.options.stages; ++k) {
+    m.NoiseEstimate(k, N);
+    m.net(k).Forward(m.threads, &m.stages[k], &m.f);
+    m.Subtract(k);
+  }
+}
+
+const Planes& Pdm::R(int k) const {
+  LITAGS_CHECK(k >= 1 && k <= impl_->options.stages);
+  return impl_->R[k - 1];
+}
+
+void Pdm::Backward(const Planes& v_last, const Planes& v_previous, Planes* v_R0, Planes* v_N,
+                   PdmWeights* v_weights) {
+  Impl& m = *impl_;
+  LITAGS_CHECK(SameSize(v_last, m.R.back()));
+  LITAGS_CHECK(v_previous.empty() || SameSize(v_previous, v_last));
+  for (Planes* planes : {v_R0, v_N}) {
+    if (!SameSize(*planes, v_last)) *planes = Planes(3, m.height, m.width);
+  }
+  *v_weights = PdmWeights::Zeros(m.options);
+
+  m.StartGradient(v_last, v_R0);
+  for (int k = m.options.stages - 1; k >= 0; --k) {
+    // R_{k+1} = R_0 - Nhat_k + F(Nhat_k).
+    float* v_net = v_weights->nets[m.options.shared ? 0 : k].data();
+    m.net(k).Backward(m.threads, m.stages[k], m.v_r, &m.v_nhat, v_net);
+    m.NoiseEstimateVjp(k, v_previous, v_R0, v_N);
+  }
+}
+
+const PdmOptions& Pdm::options() const { return impl_->options; }
+
+}  // namespace litags
