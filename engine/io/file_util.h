@@ -25,8 +25,12 @@ absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes
 // The same for `parts` written one after the other, without joining them in memory.
 absl::Status WriteFileAtomically(const std::string& path, absl::Span<const std::string_view> parts);
 
+// Deletes the temporary files that writers killed half-way left in `dir`. For the folder's only
+// writer, when it starts. Returns how many there were.
+int RemoveStaleTempFiles(const std::string& dir);
+
 // Whether a client's `name` may become a file's name inside a folder of ours: 1..255 bytes, valid
-// UTF-8, no '/' or '\', no control characters, not "." or "..". INVALID_ARGUMENT (BAD_FILE_NAME).
+// UTF-8, no '/' or '\', no control characters, no leading dot. INVALID_ARGUMENT (BAD_FILE_NAME).
 absl::Status ValidateFileName(std::string_view name, std::string_view field);
 
 // The part after the last '/' or '\'.

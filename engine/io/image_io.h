@@ -17,7 +17,7 @@ namespace litags {
 struct ImageLimits {
   int64_t max_bytes = int64_t{256} << 20;  // encoded
   int64_t max_pixels = int64_t{64} << 20;  // decoded, "64 MP"
-  int max_side = 32768;                    // px
+  int max_side = 32766;                    // px
 };
 
 enum class ImageFormat { kJpeg, kPng };
@@ -33,7 +33,7 @@ struct ImageInfo {
 
 // Reads the header only. Errors are INVALID_ARGUMENT, start with `field` (for photos:
 // "images[0001.jpg]") and carry one of these reasons: IMAGE_EMPTY, IMAGE_NOT_RECOGNIZED (neither
-// JPEG nor PNG), IMAGE_TRUNCATED, IMAGE_CORRUPT, IMAGE_TOO_LARGE.
+// JPEG nor PNG), IMAGE_TRUNCATED, IMAGE_CORRUPT, IMAGE_TOO_LARGE, IMAGE_UNSUPPORTED (CMYK).
 absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view field,
                                         const ImageLimits& limits = {});
 
@@ -43,7 +43,7 @@ absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view
 absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view field,
                                     const ImageLimits& limits = {});
 
-// The same from a file; NOT_FOUND if missing. ReadImageSize reads the header part of the file only.
+// The same from a file; NOT_FOUND if missing. ReadImageSize decodes nothing.
 absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field,
                                   const ImageLimits& limits = {});
 absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,

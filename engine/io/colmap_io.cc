@@ -1,0 +1,360 @@
+#include "engine/io/colmap_io.h"
+
+#include <array>
+#include <cmath>
+#include <map>
+#include <unordered_map>
+#include <vector>
+
+#include "engine/io/byte_reader.h"
+#include "engine/io/file_util.h"
+#include "engine/io/io_error.h"
+#include "engine/io/model_util.h"
+
+namespace litags {
+namespace {
+
+constexpr int64_t kMaxFileBytes = int64_t{2} << 30;
+
+// COLMAP's camera model numbers.
+enum ColmapModel : int32_t {
+  kSimplePinhole = 0,  // f cx cy
+  kPinhole = 1,        // fx fy cx cy
+  kSimpleRadial = 2,   // f cx cy k
+  kRadial = 3,         // f cx cy k1 k2
+  kOpenCv = 4,         // fx fy cx cy k1 k2 p1 p2
+};
+constexpr int kNumParams[] = {3, 4, 4, 5, 8};
+constexpr int kMaxParams = 8;
+
+struct Intrinsics {
+  Camera camera;
+  Distortion distortion;
+};
+
+struct Observation {
+  double x, y;
+};
+
+// images.bin as read: observations stay beside the view until the points refer to them.
+struct LoadedImages {
+  std::vector<LoadedView> views;
+  std::vector<std::vector<Observation>> observations;  // by source_id
+  std::unordered_map<uint32_t, size_t> source_ids;     // by COLMAP's image id
+};
+
+absl::Status Truncated(std::string_view field) {
+  return InvalidField("MODEL_TRUNCATED", field,
+                      "the file ends early or states impossible counts; export the model again");
+}
+
+absl::Status Corrupt(std::string_view field, std::string_view what) {
+  return InvalidField("MODEL_CORRUPT", field, absl::StrCat(Absl(what), "; export the model again"));
+}
+
+Intrinsics MakeIntrinsics(int32_t model, uint64_t width, uint64_t height, const double* p) {
+  Intrinsics out;
+  Camera& camera = out.camera;
+  camera.width = static_cast<int>(width);
+  camera.height = static_cast<int>(height);
+  const bool two_focals = model == kPinhole || model == kOpenCv;
+  camera.fx = p[0];
+  camera.fy = two_focals ? p[1] : p[0];
+  const double* rest = p + (two_focals ? 2 : 1);
+  camera.cx = rest[0];
+  camera.cy = rest[1];
+  Distortion& d = out.distortion;
+  if (model >= kSimpleRadial) d.k1 = rest[2];
+  if (model >= kRadial) d.k2 = rest[3];
+  if (model == kOpenCv) {
+    d.p1 = rest[4];
+    d.p2 = rest[5];
+  }
+  return out;
+}
+
+absl::StatusOr<std::map<uint32_t, Intrinsics>> ParseCameras(std::string_view bytes,
+                                                            std::string_view field) {
+  constexpr uint64_t kMaxSide = 1 << 24;
+  ByteReader reader(bytes);
+  uint64_t count = 0;
+  if (!reader.Read(&count)) return Truncated(field);
+  std::map<uint32_t, Intrinsics> cameras;
+  for (uint64_t i = 0; i < count; ++i) {
+    uint32_t id = 0;
+    int32_t model = 0;
+    uint64_t width = 0, height = 0;
+    if (!reader.Read(&id) || !reader.Read(&model) || !reader.Read(&width) ||
+        !reader.Read(&height)) {
+      return Truncated(field);
+    }
+    if (model < kSimplePinhole || model > kOpenCv) {
+      return InvalidField("UNSUPPORTED_CAMERA_MODEL", field,
+                          absl::StrCat("camera ", id, " has COLMAP model number ", model,
+                                       "; use SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or "
+                                       "OPENCV, or undistort the photos"));
+    }
+    if (width > kMaxSide || height > kMaxSide) return Corrupt(field, "a camera has an absurd size");
+    double params[kMaxParams] = {};
+    for (int k = 0; k < kNumParams[model]; ++k) {
+      if (!reader.Read(&params[k])) return Truncated(field);
+    }
+    if (!cameras.emplace(id, MakeIntrinsics(model, width, height, params)).second) {
+      return Corrupt(field, absl::StrCat("camera id ", id, " occurs twice"));
+    }
+  }
+  return cameras;
+}
+
+// COLMAP stores a unit quaternion wxyz; rounding is divided out. False if it has no direction.
+bool SetRotation(const std::array<double, 4>& q, Camera* camera) {
+  const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  if (!(norm > 1e-6) || !std::isfinite(norm)) return false;
+  const double w = q[0] / norm, x = q[1] / norm, y = q[2] / norm, z = q[3] / norm;
+  camera->R = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+               2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+               2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
+  return true;
+}
+
+// The unit quaternion wxyz, w >= 0, of a rotation (Shepperd's method: divide by the largest).
+std::array<double, 4> QuaternionFromRotation(const std::array<double, 9>& R) {
+  const double trace = R[0] + R[4] + R[8];
+  const std::array<double, 4> squares = {1 + trace, 1 + 2 * R[0] - trace, 1 + 2 * R[4] - trace,
+                                         1 + 2 * R[8] - trace};       // 4 w^2, 4 x^2, 4 y^2, 4 z^2
+  const double wx = R[7] - R[5], wy = R[2] - R[6], wz = R[3] - R[1];  // 4 w x, ...
+  const double xy = R[1] + R[3], xz = R[2] + R[6], yz = R[5] + R[7];  // 4 x y, ...
+  const double products[4][4] = {{squares[0], wx, wy, wz},
+                                 {wx, squares[1], xy, xz},
+                                 {wy, xy, squares[2], yz},
+                                 {wz, xz, yz, squares[3]}};
+  int largest = 0;
+  for (int i = 1; i < 4; ++i) {
+    if (squares[i] > squares[largest]) largest = i;
+  }
+  const double divisor = 2 * std::sqrt(squares[largest]) * (products[largest][0] < 0 ? -1.0 : 1.0);
+  std::array<double, 4> q;
+  for (int i = 0; i < 4; ++i) q[i] = products[largest][i] / divisor;
+  return q;
+}
+
+absl::Status ReadObservations(ByteReader* reader, std::string_view field,
+                              std::vector<Observation>* out) {
+  uint64_t count = 0;
+  if (!reader->Read(&count) || !reader->CanHold(count, 24)) return Truncated(field);
+  out->resize(count);
+  for (Observation& o : *out) {
+    uint64_t point_id = 0;  // points3D.bin says the same from the other side
+    if (!reader->Read(&o.x) || !reader->Read(&o.y) || !reader->Read(&point_id)) {
+      return Truncated(field);
+    }
+    if (!std::isfinite(o.x) || !std::isfinite(o.y)) {
+      return InvalidField("NOT_FINITE", field, "an image position is NaN or infinite");
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<LoadedImages> ParseImages(std::string_view bytes,
+                                         const std::map<uint32_t, Intrinsics>& cameras,
+                                         std::string_view field) {
+  ByteReader reader(bytes);
+  uint64_t count = 0;
+  if (!reader.Read(&count)) return Truncated(field);
+  LoadedImages images;
+  for (uint64_t i = 0; i < count; ++i) {
+    uint32_t id = 0, camera_id = 0;
+    std::array<double, 4> q = {};
+    std::array<double, 3> t = {};
+    std::string_view name;
+    if (!reader.Read(&id)) return Truncated(field);
+    for (double& v : q) {
+      if (!reader.Read(&v)) return Truncated(field);
+    }
+    for (double& v : t) {
+      if (!reader.Read(&v)) return Truncated(field);
+    }
+    if (!reader.Read(&camera_id) || !reader.ReadCString(&name)) return Truncated(field);
+    const auto camera = cameras.find(camera_id);
+    if (camera == cameras.end()) {
+      return Corrupt(
+          field, absl::StrCat("image ", id, " uses camera ", camera_id, ", which does not exist"));
+    }
+    LoadedView loaded;
+    loaded.view.name = BaseName(name);
+    loaded.view.camera = camera->second.camera;
+    loaded.view.camera.t = t;
+    loaded.distortion = camera->second.distortion;
+    loaded.source_id = images.views.size();
+    if (!SetRotation(q, &loaded.view.camera)) {
+      return Corrupt(field, absl::StrCat("image ", id, " has no valid rotation"));
+    }
+    if (!images.source_ids.emplace(id, loaded.source_id).second) {
+      return Corrupt(field, absl::StrCat("image id ", id, " occurs twice"));
+    }
+    images.views.push_back(std::move(loaded));
+    LITAGS_RETURN_IF_ERROR(ReadObservations(&reader, field, &images.observations.emplace_back()));
+  }
+  return images;
+}
+
+// `view_of_source[i]` is the place of image source_id i in the sorted model.
+absl::StatusOr<std::vector<SparsePoint>> ParsePoints(std::string_view bytes,
+                                                     const LoadedImages& images,
+                                                     const std::vector<int>& view_of_source,
+                                                     std::string_view field) {
+  ByteReader reader(bytes);
+  uint64_t count = 0;
+  if (!reader.Read(&count)) return Truncated(field);
+  std::vector<SparsePoint> points;
+  for (uint64_t i = 0; i < count; ++i) {
+    SparsePoint& point = points.emplace_back();
+    uint64_t id = 0, track_length = 0;
+    if (!reader.Read(&id)) return Truncated(field);
+    for (double& v : point.xyz) {
+      if (!reader.Read(&v)) return Truncated(field);
+      if (!std::isfinite(v)) return InvalidField("NOT_FINITE", field, "a point is NaN or infinite");
+    }
+    for (uint8_t& v : point.rgb) {
+      if (!reader.Read(&v)) return Truncated(field);
+    }
+    if (!reader.Read(&point.error) || !reader.Read(&track_length) ||
+        !reader.CanHold(track_length, 8)) {
+      return Truncated(field);
+    }
+    if (!(point.error >= 0) || !std::isfinite(point.error)) point.error = -1;  // COLMAP's "unknown"
+    point.track.reserve(track_length);
+    for (uint64_t k = 0; k < track_length; ++k) {
+      uint32_t image_id = 0, index = 0;
+      if (!reader.Read(&image_id) || !reader.Read(&index)) return Truncated(field);
+      const auto source = images.source_ids.find(image_id);
+      if (source == images.source_ids.end() ||
+          index >= images.observations[source->second].size()) {
+        return Corrupt(field, absl::StrCat("point ", id,
+                                           " refers to an observation that does not "
+                                           "exist"));
+      }
+      const Observation& o = images.observations[source->second][index];
+      point.track.push_back({view_of_source[source->second], o.x, o.y});
+    }
+  }
+  return points;
+}
+
+// Distinct intrinsics of a model; `camera_of_view` gets each view's index into them.
+std::vector<Intrinsics> CollectIntrinsics(const SparseModel& model,
+                                          std::vector<size_t>* camera_of_view) {
+  std::vector<Intrinsics> cameras;
+  std::map<std::array<double, 10>, size_t> known;
+  for (size_t i = 0; i < model.views.size(); ++i) {
+    const Camera& c = model.views[i].camera;
+    const Distortion& d = model.distortions[i];
+    const std::array<double, 10> key = {
+        double(c.width), double(c.height), c.fx, c.fy, c.cx, c.cy, d.k1, d.k2, d.p1, d.p2};
+    const auto [it, added] = known.emplace(key, cameras.size());
+    if (added) cameras.push_back({c, d});
+    camera_of_view->push_back(it->second);
+  }
+  return cameras;
+}
+
+std::string EncodeCameras(const std::vector<Intrinsics>& cameras) {
+  std::string out;
+  AppendNumber(&out, uint64_t{cameras.size()});
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i].camera;
+    const Distortion& d = cameras[i].distortion;
+    AppendNumber(&out, static_cast<uint32_t>(i + 1));
+    AppendNumber(&out, int32_t{d.IsZero() ? kPinhole : kOpenCv});
+    AppendNumber(&out, static_cast<uint64_t>(c.width));
+    AppendNumber(&out, static_cast<uint64_t>(c.height));
+    for (double v : {c.fx, c.fy, c.cx, c.cy}) AppendNumber(&out, v);
+    if (d.IsZero()) continue;
+    for (double v : {d.k1, d.k2, d.p1, d.p2}) AppendNumber(&out, v);
+  }
+  return out;
+}
+
+struct WrittenObservation {
+  double x, y;
+  uint64_t point_id;
+};
+
+std::string EncodeImages(const SparseModel& model, const std::vector<size_t>& camera_of_view,
+                         const std::vector<std::vector<WrittenObservation>>& observations) {
+  std::string out;
+  AppendNumber(&out, uint64_t{model.views.size()});
+  for (size_t i = 0; i < model.views.size(); ++i) {
+    const View& view = model.views[i];
+    AppendNumber(&out, static_cast<uint32_t>(i + 1));
+    for (double v : QuaternionFromRotation(view.camera.R)) AppendNumber(&out, v);
+    for (double v : view.camera.t) AppendNumber(&out, v);
+    AppendNumber(&out, static_cast<uint32_t>(camera_of_view[i] + 1));
+    out.append(view.name.c_str(), view.name.size() + 1);
+    AppendNumber(&out, uint64_t{observations[i].size()});
+    for (const WrittenObservation& o : observations[i]) {
+      AppendNumber(&out, o.x);
+      AppendNumber(&out, o.y);
+      AppendNumber(&out, o.point_id);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field) {
+  const auto name = [&](const char* file) { return absl::StrCat(Absl(field), "/", file); };
+  const std::string cameras_name = name("cameras.bin"), images_name = name("images.bin"),
+                    points_name = name("points3D.bin");
+  LITAGS_ASSIGN_OR_RETURN(const std::string camera_bytes,
+                          ReadFile(dir + "/cameras.bin", cameras_name, kMaxFileBytes));
+  LITAGS_ASSIGN_OR_RETURN(const auto cameras, ParseCameras(camera_bytes, cameras_name));
+  LITAGS_ASSIGN_OR_RETURN(const std::string image_bytes,
+                          ReadFile(dir + "/images.bin", images_name, kMaxFileBytes));
+  LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(image_bytes, cameras, images_name));
+  if (images.views.empty()) return InvalidField("NO_CAMERAS", images_name, "it holds no image");
+
+  std::vector<size_t> order;
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model,
+                          FinishModel(std::move(images.views), images_name, &order));
+  std::vector<int> view_of_source(order.size());
+  for (size_t i = 0; i < order.size(); ++i) view_of_source[order[i]] = static_cast<int>(i);
+
+  LITAGS_ASSIGN_OR_RETURN(const std::string point_bytes,
+                          ReadFile(dir + "/points3D.bin", points_name, kMaxFileBytes));
+  LITAGS_ASSIGN_OR_RETURN(model.points,
+                          ParsePoints(point_bytes, images, view_of_source, points_name));
+  return model;
+}
+
+absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model) {
+  std::vector<size_t> camera_of_view;
+  const std::vector<Intrinsics> cameras = CollectIntrinsics(model, &camera_of_view);
+  std::vector<std::vector<WrittenObservation>> observations(model.views.size());
+  std::string points;
+  AppendNumber(&points, uint64_t{model.points.size()});
+  for (size_t i = 0; i < model.points.size(); ++i) {
+    const SparsePoint& point = model.points[i];
+    const uint64_t id = i + 1;
+    AppendNumber(&points, id);
+    for (double v : point.xyz) AppendNumber(&points, v);
+    for (uint8_t v : point.rgb) AppendNumber(&points, v);
+    AppendNumber(&points, point.error);
+    AppendNumber(&points, uint64_t{point.track.size()});
+    for (const TrackElement& element : point.track) {
+      if (element.view < 0 || size_t(element.view) >= model.views.size()) {
+        return InvalidField("BAD_TRACK", "points", "a track names a view that does not exist");
+      }
+      AppendNumber(&points, static_cast<uint32_t>(element.view + 1));
+      AppendNumber(&points, static_cast<uint32_t>(observations[element.view].size()));
+      observations[element.view].push_back({element.x, element.y, id});
+    }
+  }
+  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(dir + "/cameras.bin", EncodeCameras(cameras)));
+  LITAGS_RETURN_IF_ERROR(
+      WriteFileAtomically(dir + "/images.bin", EncodeImages(model, camera_of_view, observations)));
+  return WriteFileAtomically(dir + "/points3D.bin", points);
+}
+
+}  // namespace litags

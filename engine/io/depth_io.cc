@@ -1,0 +1,186 @@
+#include "engine/io/depth_io.h"
+
+#include <bit>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_split.h"
+#include "engine/core/check.h"
+#include "engine/io/byte_reader.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_header.h"
+#include "engine/io/io_error.h"
+#include "engine/io/npy.h"
+
+namespace litags {
+namespace {
+
+absl::Status CheckSize(int64_t width, int64_t height, std::string_view field,
+                       const ImageLimits& limits) {
+  if (width < 1 || height < 1) {
+    return InvalidField("DEPTH_SIZE", field, "the map's size is not positive");
+  }
+  if (width > limits.max_side || height > limits.max_side || width * height > limits.max_pixels) {
+    return InvalidField("IMAGE_TOO_LARGE", field,
+                        absl::StrCat(width, "x", height, " exceeds ", limits.max_pixels,
+                                     " pixels or ", limits.max_side, " on a side; resize it"));
+  }
+  return absl::OkStatus();
+}
+
+// PFM: "Pf\n<width> <height>\n<scale>\n", rows bottom to top; a negative scale means little-endian.
+absl::StatusOr<Planes> DecodePfm(std::string_view bytes, std::string_view field,
+                                 const ImageLimits& limits) {
+  constexpr size_t kMaxHeaderBytes = 128;
+  const std::string_view front = bytes.substr(0, kMaxHeaderBytes);
+  size_t end = 0;
+  for (int line = 0; line < 3; ++line) {
+    const size_t newline = front.find('\n', end);
+    if (newline == std::string_view::npos) {
+      return InvalidField("DEPTH_CORRUPT", field, "the PFM header is malformed");
+    }
+    end = newline + 1;
+  }
+  const std::vector<std::string> words =
+      absl::StrSplit(Absl(front.substr(0, end)), absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
+  int width = 0, height = 0;
+  float scale = 0;
+  if (words.size() != 4 || words[0] != "Pf" || !absl::SimpleAtoi(words[1], &width) ||
+      !absl::SimpleAtoi(words[2], &height) || !absl::SimpleAtof(words[3], &scale) || scale == 0) {
+    return InvalidField("DEPTH_CORRUPT", field, "the PFM header is malformed");
+  }
+  LITAGS_RETURN_IF_ERROR(CheckSize(width, height, field, limits));
+  ByteReader reader(bytes.substr(end));
+  if (!reader.CanHold(uint64_t(width) * height, sizeof(float))) {
+    return InvalidField("DEPTH_TRUNCATED", field, "the PFM ends early; send the whole file");
+  }
+  Planes map(1, height, width);
+  for (int y = height - 1; y >= 0; --y) {
+    for (int x = 0; x < width; ++x) {
+      uint32_t code = 0;
+      if (scale < 0) {
+        reader.Read(&code);
+      } else {
+        reader.ReadBig(&code);
+      }
+      map.at(0, y, x) = std::bit_cast<float>(code);
+    }
+  }
+  return map;
+}
+
+absl::StatusOr<Planes> PlanesFromNpy(std::string_view bytes, std::string_view field,
+                                     const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const NpyArray array, DecodeNpy(bytes, field));
+  std::vector<int64_t> shape = array.shape;
+  if (shape.size() == 3 && shape.front() == 1) {
+    shape.erase(shape.begin());
+  } else if (shape.size() == 3 && shape.back() == 1) {
+    shape.pop_back();
+  }
+  if (shape.size() != 2) {
+    return InvalidField("DEPTH_SIZE", field, "the array is not [H,W], [1,H,W] or [H,W,1]");
+  }
+  LITAGS_RETURN_IF_ERROR(CheckSize(shape[1], shape[0], field, limits));
+  Planes map(1, static_cast<int>(shape[0]), static_cast<int>(shape[1]));
+  map.data = array.ToFloats();
+  return map;
+}
+
+absl::StatusOr<Planes> DecodePngCodes(std::string_view bytes, std::string_view field,
+                                      const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ParsePngHeader(bytes, field));
+  LITAGS_RETURN_IF_ERROR(CheckSize(info.width, info.height, field, limits));
+  LITAGS_RETURN_IF_ERROR(CheckPngComplete(bytes, field));
+  try {
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
+                          const_cast<char*>(bytes.data()));
+    const cv::Mat codes = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
+    if (codes.cols != info.width || codes.rows != info.height) {
+      return InvalidField("DEPTH_CORRUPT", field, "the PNG cannot be decoded; send it again");
+    }
+    if (codes.channels() != 1) {
+      return InvalidField(
+          "DEPTH_SIZE", field,
+          absl::StrCat("the PNG has ", codes.channels(), " channels; send one channel of 16 bits"));
+    }
+    Planes map(1, info.height, info.width);
+    codes.convertTo(cv::Mat(info.height, info.width, CV_32F, map.data.data()), CV_32F);
+    return map;
+  } catch (const cv::Exception& e) {
+    return InvalidField("DEPTH_CORRUPT", field,
+                        absl::StrCat("the PNG cannot be decoded: ", e.what()));
+  }
+}
+
+absl::StatusOr<Planes> DecodeAny(std::string_view bytes, std::string_view field,
+                                 const ImageLimits& limits) {
+  if (bytes.starts_with("Pf\n") || bytes.starts_with("Pf\r") || bytes.starts_with("Pf ")) {
+    return DecodePfm(bytes, field, limits);
+  }
+  if (bytes.starts_with("\x93NUMPY")) return PlanesFromNpy(bytes, field, limits);
+  if (SniffImageFormat(bytes) == ImageFormat::kPng) return DecodePngCodes(bytes, field, limits);
+  return InvalidField("DEPTH_NOT_RECOGNIZED", field,
+                      "neither a one-channel PFM nor NPY nor PNG file; convert it to one of them");
+}
+
+}  // namespace
+
+absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view field,
+                                      const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(Planes map, DecodeAny(bytes, field, limits));
+  bool any = false;
+  for (float& value : map.data) {
+    if (std::isfinite(value)) {
+      any = true;
+    } else {
+      value = std::numeric_limits<float>::quiet_NaN();
+    }
+  }
+  if (!any) return InvalidField("NOT_FINITE", field, "the map holds no finite value");
+  return map;
+}
+
+absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view field,
+                                    const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
+  return DecodeDepthMap(bytes, field, limits);
+}
+
+std::string FindDepthMap(const std::string& dir, std::string_view stem) {
+  for (const char* extension : {".png", ".pfm", ".npy"}) {
+    const std::string path = absl::StrCat(dir, "/", Absl(stem), extension);
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(path, ignored)) return path;
+  }
+  return "";
+}
+
+std::string EncodePfm(const Planes& planes) {
+  LITAGS_CHECK(planes.channels == 1 || planes.channels == 3);
+  std::string out = absl::StrCat(planes.channels == 1 ? "Pf" : "PF", "\n", planes.width, " ",
+                                 planes.height, "\n-1.0\n");
+  out.reserve(out.size() + planes.data.size() * sizeof(float));
+  for (int y = planes.height - 1; y >= 0; --y) {
+    for (int x = 0; x < planes.width; ++x) {
+      for (int c = 0; c < planes.channels; ++c) AppendNumber(&out, planes.at(c, y, x));
+    }
+  }
+  return out;
+}
+
+absl::Status WritePfm(const std::string& path, const Planes& planes) {
+  return WriteFileAtomically(path, EncodePfm(planes));
+}
+
+absl::Status WriteNpy(const std::string& path, const Planes& planes) {
+  return WriteNpy(path, MakeNpyArray({planes.channels, planes.height, planes.width}, planes.data));
+}
+
+}  // namespace litags

@@ -1,0 +1,219 @@
+#include "engine/io/file_util.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "engine/io/io_error.h"
+
+namespace litags {
+namespace {
+
+constexpr char kTempSuffix[] = ".litags-tmp";
+
+// Owns a file descriptor.
+class Fd {
+ public:
+  explicit Fd(int fd) : fd_(fd) {}
+  ~Fd() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Fd(const Fd&) = delete;
+  Fd& operator=(const Fd&) = delete;
+  int get() const { return fd_; }
+  bool valid() const { return fd_ >= 0; }
+  // Closing can report a write error that was deferred (NFS, quotas).
+  bool Close() { return ::close(std::exchange(fd_, -1)) == 0; }
+
+ private:
+  int fd_;
+};
+
+absl::Status ErrnoStatus(int error, std::string_view field, const std::string& path,
+                         std::string_view doing) {
+  auto make = [&](absl::StatusCode code, std::string_view reason, std::string_view remedy) {
+    // generic_category: strerror is not thread-safe.
+    return FieldError(code, reason, field,
+                      absl::StrCat("cannot ", Absl(doing), " '", path,
+                                   "': ", std::generic_category().message(error), Absl(remedy)));
+  };
+  switch (error) {
+    case ENOENT:
+    case ENOTDIR:
+      return make(absl::StatusCode::kNotFound, "NO_SUCH_FILE", "; check the path");
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      return make(absl::StatusCode::kPermissionDenied, "NO_PERMISSION", "; check its permissions");
+    case ENOSPC:
+    case EDQUOT:
+      return make(absl::StatusCode::kResourceExhausted, "DISK_FULL", "; free some space");
+    case ENAMETOOLONG:
+      return make(absl::StatusCode::kInvalidArgument, "BAD_FILE_NAME", "; use a shorter name");
+    default:
+      return make(absl::StatusCode::kInternal, "IO_ERROR", "");
+  }
+}
+
+std::string FolderOf(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+// 0 or errno.
+int WriteAll(int fd, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return errno;
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  return 0;
+}
+
+// Creates `path` with these bytes, on disk when it returns 0; otherwise errno.
+int WriteNewFile(const std::string& path, absl::Span<const std::string_view> parts) {
+  Fd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+  if (!fd.valid()) return errno;
+  for (std::string_view part : parts) {
+    if (const int error = WriteAll(fd.get(), part); error != 0) return error;
+  }
+  if (::fsync(fd.get()) != 0) return errno;
+  return fd.Close() ? 0 : errno;
+}
+
+// Length of the valid UTF-8 sequence at the start of `s` (no overlong forms, no surrogates), 0 if
+// there is none.
+size_t Utf8Length(std::string_view s) {
+  const auto byte = [&](size_t i) { return i < s.size() ? uint8_t(s[i]) : uint8_t{0}; };
+  const auto tail = [&](size_t i) { return (byte(i) & 0xC0) == 0x80; };
+  const uint8_t b0 = byte(0), b1 = byte(1);
+  if (b0 < 0x80) return 1;
+  if (b0 >= 0xC2 && b0 <= 0xDF) return tail(1) ? 2 : 0;
+  if (b0 >= 0xE0 && b0 <= 0xEF) {
+    const bool shortest = b0 != 0xE0 || b1 >= 0xA0;
+    const bool surrogate = b0 == 0xED && b1 >= 0xA0;
+    return tail(1) && tail(2) && shortest && !surrogate ? 3 : 0;
+  }
+  if (b0 >= 0xF0 && b0 <= 0xF4) {
+    const bool in_range = (b0 != 0xF0 || b1 >= 0x90) && (b0 != 0xF4 || b1 <= 0x8F);
+    return tail(1) && tail(2) && tail(3) && in_range ? 4 : 0;
+  }
+  return 0;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> ReadFile(const std::string& path, std::string_view field,
+                                     int64_t max_bytes) {
+  if (field.empty()) field = path;
+  // O_NONBLOCK: opening a FIFO must not hang; it changes nothing for regular files.
+  Fd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  struct stat info;
+  if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return ErrnoStatus(errno, field, path, "read");
+  if (!S_ISREG(info.st_mode)) {
+    return InvalidField("NOT_A_FILE", field, absl::StrCat("'", path, "' is not a regular file"));
+  }
+  if (info.st_size > max_bytes) {
+    return InvalidField(
+        "FILE_TOO_LARGE", field,
+        absl::StrCat(static_cast<int64_t>(info.st_size), " bytes exceed the limit of ", max_bytes,
+                     " bytes; send a smaller file"));
+  }
+  std::string bytes(static_cast<size_t>(info.st_size), '\0');
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t n = ::read(fd.get(), bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return ErrnoStatus(errno, field, path, "read");
+    if (n == 0) break;  // shrunk meanwhile
+    done += static_cast<size_t>(n);
+  }
+  bytes.resize(done);
+  return bytes;
+}
+
+absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
+  return WriteFileAtomically(path, absl::Span<const std::string_view>(&bytes, 1));
+}
+
+absl::Status WriteFileAtomically(const std::string& path,
+                                 absl::Span<const std::string_view> parts) {
+  static std::atomic<uint64_t> counter{0};
+  const std::string folder = FolderOf(path);
+  // Not derived from the target's name, which may already be as long as names can be.
+  const std::string temp =
+      absl::StrCat(folder, "/.", ::getpid(), "-", counter.fetch_add(1), kTempSuffix);
+  int error = WriteNewFile(temp, parts);
+  if (error == EEXIST) {  // left by a killed process that had our id
+    ::unlink(temp.c_str());
+    error = WriteNewFile(temp, parts);
+  }
+  if (error == 0 && ::rename(temp.c_str(), path.c_str()) != 0) error = errno;
+  if (error != 0) {
+    ::unlink(temp.c_str());
+    return ErrnoStatus(error, path, path, "write");
+  }
+  Fd dir(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!dir.valid() || ::fsync(dir.get()) != 0) return ErrnoStatus(errno, path, folder, "sync");
+  return absl::OkStatus();
+}
+
+int RemoveStaleTempFiles(const std::string& dir) {
+  std::unique_ptr<DIR, int (*)(DIR*)> handle(::opendir(dir.c_str()), ::closedir);
+  if (handle == nullptr) return 0;
+  int removed = 0;
+  while (const dirent* entry = ::readdir(handle.get())) {
+    if (!std::string_view(entry->d_name).ends_with(kTempSuffix)) continue;
+    if (::unlinkat(::dirfd(handle.get()), entry->d_name, 0) == 0) ++removed;
+  }
+  return removed;
+}
+
+absl::Status ValidateFileName(std::string_view name, std::string_view field) {
+  constexpr size_t kMaxNameBytes = 255;  // NAME_MAX of every common file system
+  const auto bad = [&](std::string_view what) {
+    return InvalidField("BAD_FILE_NAME", field,
+                        absl::StrCat(Absl(what), "; send a plain file name such as 0001.jpg"));
+  };
+  if (name.empty()) return bad("the file name is empty");
+  if (name.size() > kMaxNameBytes) {
+    return bad(
+        absl::StrCat("the file name has ", name.size(), " bytes, more than ", kMaxNameBytes));
+  }
+  if (name.front() == '.') return bad("the file name starts with a dot");
+  for (size_t i = 0; i < name.size();) {
+    const size_t length = Utf8Length(name.substr(i));
+    if (length == 0) return bad("the file name is not valid UTF-8");
+    const uint8_t c = uint8_t(name[i]);
+    const bool c1_control = c == 0xC2 && uint8_t(name[i + 1]) < 0xA0;  // U+0080..U+009F
+    if (c < 0x20 || c == 0x7F || c1_control) return bad("the file name holds a control character");
+    if (c == '/' || c == '\\') return bad("the file name holds a path separator");
+    i += length;
+  }
+  return absl::OkStatus();
+}
+
+std::string BaseName(std::string_view path) {
+  const size_t cut = path.find_last_of("/\\");
+  return std::string(cut == std::string_view::npos ? path : path.substr(cut + 1));
+}
+
+std::string Stem(std::string_view path) {
+  std::string name = BaseName(path);
+  const size_t dot = name.rfind('.');
+  if (dot != std::string::npos && dot > 0) name.resize(dot);
+  return name;
+}
+
+}  // namespace litags

@@ -1,0 +1,31 @@
+// Inside this module: what JPEG and PNG files say about themselves, read without decoding.
+#ifndef LITAGS_ENGINE_IO_IMAGE_HEADER_H_
+#define LITAGS_ENGINE_IO_IMAGE_HEADER_H_
+
+#include <optional>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/io/image_io.h"
+
+namespace litags {
+
+// JPEG or PNG by their first bytes; nullopt for anything else.
+std::optional<ImageFormat> SniffImageFormat(std::string_view bytes);
+
+// Size as stored (not turned upright), EXIF orientation, bit depth. Checks no limits. JPEG: reads
+// up to the first scan. PNG: up to the first image data.
+absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field);
+absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_view field);
+
+// Walks a PNG's chunks: IMAGE_TRUNCATED unless they are whole up to IEND.
+absl::Status CheckPngComplete(std::string_view bytes, std::string_view field);
+
+// EXIF orientation 1..8 of a TIFF block ("II*\0..." or "MM\0*..."); 1 if it holds none or is
+// broken.
+int ParseExifOrientation(std::string_view tiff);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_IMAGE_HEADER_H_

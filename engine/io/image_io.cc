@@ -1,0 +1,236 @@
+#include "engine/io/image_io.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "engine/core/check.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_header.h"
+#include "engine/io/io_error.h"
+#include "engine/io/jpeg_decode.h"
+
+namespace litags {
+namespace {
+
+absl::Status CheckLimits(const ImageInfo& info, std::string_view field, const ImageLimits& limits) {
+  const int64_t pixels = int64_t{info.width} * info.height;
+  if (info.width <= limits.max_side && info.height <= limits.max_side &&
+      pixels <= limits.max_pixels) {
+    return absl::OkStatus();
+  }
+  return InvalidField("IMAGE_TOO_LARGE", field,
+                      absl::StrCat(info.width, "x", info.height, " px exceeds ", limits.max_pixels,
+                                   " pixels or ", limits.max_side, " px on a side; resize it"));
+}
+
+// Size as stored, limits checked.
+absl::StatusOr<ImageInfo> ReadStoredInfo(std::string_view bytes, std::string_view field,
+                                         const ImageLimits& limits) {
+  if (bytes.empty()) {
+    return InvalidField("IMAGE_EMPTY", field, "the file has zero bytes; send it again");
+  }
+  if (static_cast<int64_t>(bytes.size()) > limits.max_bytes) {
+    return InvalidField("IMAGE_TOO_LARGE", field,
+                        absl::StrCat(bytes.size(), " bytes exceed the limit of ", limits.max_bytes,
+                                     " bytes; resize or recompress it"));
+  }
+  const std::optional<ImageFormat> format = SniffImageFormat(bytes);
+  if (!format.has_value()) {
+    return InvalidField("IMAGE_NOT_RECOGNIZED", field,
+                        "neither a JPEG nor a PNG file; convert it to one of them");
+  }
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, *format == ImageFormat::kJpeg
+                                                    ? ParseJpegHeader(bytes, field)
+                                                    : ParsePngHeader(bytes, field));
+  LITAGS_RETURN_IF_ERROR(CheckLimits(info, field, limits));
+  return info;
+}
+
+// EXIF orientations 5..8 swap the axes.
+ImageInfo Upright(ImageInfo info) {
+  if (info.orientation >= 5) std::swap(info.width, info.height);
+  return info;
+}
+
+// Turns a stored picture upright. EXIF says where the stored first row and column are to appear:
+// 2 mirrored, 3 by 180 degrees, 4 flipped, 5 transposed, 6 to be turned clockwise, 7 transposed
+// across the other diagonal, 8 to be turned counter-clockwise.
+ImageU8 TurnUpright(ImageU8 stored, int orientation) {
+  if (orientation == 1) return stored;
+  const bool swap = orientation >= 5;
+  const bool mirror_x =
+      orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
+  const bool mirror_y =
+      orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
+  ImageU8 out(swap ? stored.height : stored.width, swap ? stored.width : stored.height);
+  for (int y = 0; y < out.height; ++y) {
+    for (int x = 0; x < out.width; ++x) {
+      int sx = swap ? y : x, sy = swap ? x : y;
+      if (mirror_x) sx = stored.width - 1 - sx;
+      if (mirror_y) sy = stored.height - 1 - sy;
+      std::copy_n(stored.pixel(sx, sy), 3, out.pixel(x, y));
+    }
+  }
+  return out;
+}
+
+absl::StatusOr<ImageU8> DecodePngRgb(std::string_view bytes, const ImageInfo& info,
+                                     std::string_view field) {
+  LITAGS_RETURN_IF_ERROR(CheckPngComplete(bytes, field));
+  try {
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
+                          const_cast<char*>(bytes.data()));
+    const cv::Mat bgr = cv::imdecode(encoded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    if (bgr.cols != info.width || bgr.rows != info.height) {
+      return InvalidField("IMAGE_CORRUPT", field, "the PNG cannot be decoded; send the file again");
+    }
+    ImageU8 image(info.width, info.height);
+    cv::cvtColor(bgr, cv::Mat(info.height, info.width, CV_8UC3, image.data.data()),
+                 cv::COLOR_BGR2RGB);
+    return image;
+  } catch (const cv::Exception& e) {
+    return InvalidField("IMAGE_CORRUPT", field,
+                        absl::StrCat("the PNG cannot be decoded: ", e.what()));
+  }
+}
+
+// Encodes with OpenCV; `mat` has its channel order.
+absl::StatusOr<std::string> Encode(const char* extension, const cv::Mat& mat,
+                                   const std::vector<int>& parameters) {
+  try {
+    std::vector<uint8_t> out;
+    if (!mat.empty() && cv::imencode(extension, mat, out, parameters)) {
+      return std::string(out.begin(), out.end());
+    }
+    return InvalidField("IMAGE_EMPTY", "image", "there are no pixels to encode");
+  } catch (const cv::Exception& e) {
+    return FieldError(absl::StatusCode::kInternal, "IMAGE_ENCODE_FAILED", "image", e.what());
+  }
+}
+
+cv::Mat ToBgr(const ImageU8& image) {
+  if (image.empty()) return {};
+  const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.data.data()));
+  cv::Mat bgr;
+  cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
+  return bgr;
+}
+
+bool IsPhotoName(const std::string& name) {
+  const std::string lower = absl::AsciiStrToLower(name);
+  const auto ends_with = [&](std::string_view suffix) {
+    return lower.size() > suffix.size() && std::string_view(lower).ends_with(suffix);
+  };
+  return name.front() != '.' && (ends_with(".jpg") || ends_with(".jpeg") || ends_with(".png"));
+}
+
+}  // namespace
+
+absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view field,
+                                        const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadStoredInfo(bytes, field, limits));
+  return Upright(info);
+}
+
+absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view field,
+                                    const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadStoredInfo(bytes, field, limits));
+  absl::StatusOr<ImageU8> stored = info.format == ImageFormat::kJpeg
+                                       ? DecodeJpegRgb(bytes, info, field)
+                                       : DecodePngRgb(bytes, info, field);
+  if (!stored.ok()) return stored.status();
+  return TurnUpright(*std::move(stored), info.orientation);
+}
+
+absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field,
+                                  const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
+  return DecodeImage(bytes, field, limits);
+}
+
+absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
+                                        const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
+  return ReadImageInfo(bytes, field, limits);
+}
+
+absl::StatusOr<std::string> EncodePng(const ImageU8& image) {
+  return Encode(".png", ToBgr(image), {});
+}
+
+absl::StatusOr<std::string> EncodeJpeg(const ImageU8& image, int quality) {
+  return Encode(".jpg", ToBgr(image), {cv::IMWRITE_JPEG_QUALITY, quality});
+}
+
+absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale) {
+  cv::Mat codes(plane.height, plane.width, CV_16U);
+  for (int y = 0; y < plane.height; ++y) {
+    uint16_t* row = codes.ptr<uint16_t>(y);
+    for (int x = 0; x < plane.width; ++x) {
+      const double code = plane.at(0, y, x) * scale;
+      // The comparison is false for NaN.
+      row[x] = code > 0 ? static_cast<uint16_t>(std::min(code + 0.5, 65535.0)) : 0;
+    }
+  }
+  return Encode(".png", codes, {});
+}
+
+absl::Status WritePng(const std::string& path, const ImageU8& image) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, EncodePng(image));
+  return WriteFileAtomically(path, bytes);
+}
+
+absl::Status WriteJpeg(const std::string& path, const ImageU8& image, int quality) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, EncodeJpeg(image, quality));
+  return WriteFileAtomically(path, bytes);
+}
+
+absl::Status WritePng16(const std::string& path, const Planes& plane, double scale) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, EncodePng16(plane, scale));
+  return WriteFileAtomically(path, bytes);
+}
+
+absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir,
+                                                    std::string_view field) {
+  std::error_code error;
+  std::filesystem::directory_iterator it(dir, error), end;
+  if (error) {
+    return FieldError(absl::StatusCode::kNotFound, "NO_SUCH_FOLDER", field,
+                      absl::StrCat("cannot list the folder '", dir, "': ", error.message(),
+                                   "; give a folder of photos"));
+  }
+  std::vector<std::string> names;
+  for (; it != end; it.increment(error)) {
+    std::error_code ignored;
+    const std::string name = it->path().filename().string();
+    if (IsPhotoName(name) && it->is_regular_file(ignored)) names.push_back(name);
+  }
+  if (error) {
+    return FieldError(absl::StatusCode::kInternal, "IO_ERROR", field,
+                      absl::StrCat("cannot list the folder '", dir, "': ", error.message()));
+  }
+  if (names.empty()) {
+    return InvalidField("NO_PHOTOS", field,
+                        absl::StrCat("the folder '", dir, "' holds no .jpg, .jpeg or .png file"));
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+ImageU8 ResizeArea(const ImageU8& image, int width, int height) {
+  LITAGS_CHECK(width > 0 && height > 0 && !image.empty());
+  if (width == image.width && height == image.height) return image;
+  const cv::Mat in(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.data.data()));
+  ImageU8 out(width, height);
+  cv::Mat resized(height, width, CV_8UC3, out.data.data());
+  cv::resize(in, resized, resized.size(), 0, 0, cv::INTER_AREA);
+  return out;
+}
+
+}  // namespace litags

@@ -1,0 +1,54 @@
+#include "engine/io/sparse_model.h"
+
+#include <cmath>
+#include <filesystem>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "engine/io/colmap_io.h"
+#include "engine/io/io_error.h"
+#include "engine/io/transforms_io.h"
+
+namespace litags {
+
+absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
+                                        int default_width, int default_height) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) return ReadColmapModel(path, field);
+  return ReadTransforms(path, field, default_width, default_height);
+}
+
+absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,
+                                  const Distortion& distortion) {
+  if (image.empty() || image.width != camera.width || image.height != camera.height) {
+    return InvalidField("SIZE_MISMATCH", "image",
+                        absl::StrCat("the photo has ", image.width, "x", image.height,
+                                     " px, its camera ", camera.width, "x", camera.height,
+                                     "; use the photos the cameras were made for"));
+  }
+  const double coefficients[4] = {distortion.k1, distortion.k2, distortion.p1, distortion.p2};
+  for (double k : coefficients) {
+    if (!std::isfinite(k)) {
+      return InvalidField("NOT_FINITE", "distortion",
+                          "a lens distortion coefficient is NaN or infinite; send finite numbers");
+    }
+  }
+  if (distortion.IsZero()) return image;
+  try {
+    // OpenCV counts pixels from their centres, we from their corners.
+    const cv::Matx33d K(camera.fx, 0, camera.cx - 0.5, 0, camera.fy, camera.cy - 0.5, 0, 0, 1);
+    const cv::Mat in(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.data.data()));
+    cv::Mat map_x, map_y;
+    cv::initUndistortRectifyMap(K, cv::Mat(1, 4, CV_64F, const_cast<double*>(coefficients)),
+                                cv::noArray(), K, in.size(), CV_32FC1, map_x, map_y);
+    ImageU8 out(image.width, image.height);
+    cv::Mat result(out.height, out.width, CV_8UC3, out.data.data());
+    cv::remap(in, result, map_x, map_y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    return out;
+  } catch (const cv::Exception& e) {
+    return FieldError(absl::StatusCode::kInternal, "UNDISTORT_FAILED", "image", e.what());
+  }
+}
+
+}  // namespace litags

@@ -1,0 +1,286 @@
+#include "engine/io/transforms_io.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "engine/io/file_util.h"
+#include "engine/io/io_error.h"
+#include "engine/io/model_util.h"
+
+namespace litags {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int64_t kMaxFileBytes = int64_t{64} << 20;
+
+// A value for a message; of lists and objects, which a stranger may nest without end, only the
+// type.
+std::string Describe(const Json& value) {
+  return value.is_structured() ? value.type_name() : value.dump();
+}
+
+// A JSON object with the document's top as fallback: a frame's own keys win.
+class Keys {
+ public:
+  Keys(const Json& frame, const Json& top, std::string where)
+      : frame_(frame), top_(top), where_(std::move(where)) {}
+
+  const std::string& where() const { return where_; }
+
+  const Json* Find(const char* key) const {
+    for (const Json* object : {&frame_, &top_}) {
+      if (const auto it = object->find(key); it != object->end()) return &*it;
+    }
+    return nullptr;
+  }
+
+  // The number under `key`, nullopt if there is none; an error if it is no finite number.
+  absl::StatusOr<std::optional<double>> Number(const char* key) const {
+    const Json* value = Find(key);
+    if (value == nullptr) return std::optional<double>();
+    if (!value->is_number() || !std::isfinite(value->get<double>())) {
+      return InvalidField(
+          "BAD_NUMBER", where_,
+          absl::StrCat("'", key, "' is ", Describe(*value), ", not a finite number"));
+    }
+    return std::optional<double>(value->get<double>());
+  }
+
+  absl::StatusOr<double> NumberOr(const char* key, double fallback) const {
+    LITAGS_ASSIGN_OR_RETURN(const std::optional<double> value, Number(key));
+    return value.value_or(fallback);
+  }
+
+ private:
+  const Json& frame_;
+  const Json& top_;
+  std::string where_;
+};
+
+absl::StatusOr<int> ReadSide(const Keys& keys, const char* key, int fallback) {
+  constexpr double kMaxSide = 1 << 24;
+  LITAGS_ASSIGN_OR_RETURN(const double side, keys.NumberOr(key, fallback));
+  if (side == 0 && keys.Find(key) == nullptr) {
+    return InvalidField(
+        "MISSING_KEY", keys.where(),
+        absl::StrCat("there is no '", key, "'; add w and h, the photos' size in px"));
+  }
+  if (!(side >= 1 && side <= kMaxSide) || side != std::floor(side)) {
+    return InvalidField("BAD_CAMERA_SIZE", keys.where(),
+                        absl::StrCat("'", key, "' is ", side, ", not a number of pixels"));
+  }
+  return static_cast<int>(side);
+}
+
+// Focal length in px: `key`, else from the full field of view `angle_key` over `side` px; nullopt
+// if neither is there.
+absl::StatusOr<std::optional<double>> ReadFocal(const Keys& keys, const char* key,
+                                                const char* angle_key, int side) {
+  LITAGS_ASSIGN_OR_RETURN(std::optional<double> focal, keys.Number(key));
+  if (focal.has_value()) return focal;
+  LITAGS_ASSIGN_OR_RETURN(const std::optional<double> angle, keys.Number(angle_key));
+  if (!angle.has_value()) return std::optional<double>();
+  if (!(*angle > 0 && *angle < M_PI)) {
+    return InvalidField("BAD_FOCAL_LENGTH", keys.where(),
+                        absl::StrCat("'", angle_key, "' is ", *angle,
+                                     "; a field of view lies between 0 and pi radians"));
+  }
+  return std::optional<double>(0.5 * side / std::tan(0.5 * *angle));
+}
+
+// Lens models that Brown-Conrady's k1 k2 p1 p2 cannot express are refused, not approximated.
+absl::Status CheckLens(const Keys& keys) {
+  const auto unsupported = [&](std::string_view what) {
+    return InvalidField("UNSUPPORTED_CAMERA_MODEL", keys.where(),
+                        absl::StrCat(Absl(what), " is not supported; undistort the photos first"));
+  };
+  for (const char* key : {"k3", "k4"}) {
+    LITAGS_ASSIGN_OR_RETURN(const double value, keys.NumberOr(key, 0));
+    if (value != 0) return unsupported(absl::StrCat("lens distortion '", key, "'"));
+  }
+  const Json* fisheye = keys.Find("is_fisheye");
+  if (fisheye != nullptr && *fisheye != Json(false) && *fisheye != Json(0)) {
+    return unsupported("a fisheye lens");
+  }
+  const Json* model = keys.Find("camera_model");
+  if (model == nullptr) return absl::OkStatus();
+  for (const char* known : {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL"}) {
+    if (*model == known) return absl::OkStatus();
+  }
+  return unsupported(absl::StrCat("camera model ", Describe(*model)));
+}
+
+absl::Status ReadIntrinsics(const Keys& keys, int default_width, int default_height, Camera* camera,
+                            Distortion* distortion) {
+  LITAGS_RETURN_IF_ERROR(CheckLens(keys));
+  LITAGS_ASSIGN_OR_RETURN(camera->width, ReadSide(keys, "w", default_width));
+  LITAGS_ASSIGN_OR_RETURN(camera->height, ReadSide(keys, "h", default_height));
+  LITAGS_ASSIGN_OR_RETURN(const std::optional<double> fx,
+                          ReadFocal(keys, "fl_x", "camera_angle_x", camera->width));
+  LITAGS_ASSIGN_OR_RETURN(const std::optional<double> fy,
+                          ReadFocal(keys, "fl_y", "camera_angle_y", camera->height));
+  if (!fx.has_value()) {
+    return InvalidField("MISSING_KEY", keys.where(),
+                        "there is neither 'fl_x' nor 'camera_angle_x'; add the focal length in px");
+  }
+  camera->fx = *fx;
+  camera->fy = fy.value_or(*fx);  // square pixels
+  LITAGS_ASSIGN_OR_RETURN(camera->cx, keys.NumberOr("cx", 0.5 * camera->width));
+  LITAGS_ASSIGN_OR_RETURN(camera->cy, keys.NumberOr("cy", 0.5 * camera->height));
+  LITAGS_ASSIGN_OR_RETURN(distortion->k1, keys.NumberOr("k1", 0));
+  LITAGS_ASSIGN_OR_RETURN(distortion->k2, keys.NumberOr("k2", 0));
+  LITAGS_ASSIGN_OR_RETURN(distortion->p1, keys.NumberOr("p1", 0));
+  LITAGS_ASSIGN_OR_RETURN(distortion->p2, keys.NumberOr("p2", 0));
+  return absl::OkStatus();
+}
+
+// The 4x4 (or its upper 3x4) as numbers.
+absl::StatusOr<cv::Matx34d> ReadMatrix(const Json& frame, const std::string& where) {
+  const auto it = frame.find("transform_matrix");
+  if (it == frame.end()) {
+    return InvalidField("MISSING_KEY", where, "there is no 'transform_matrix'");
+  }
+  const auto bad = [&] {
+    return InvalidField("BAD_POSE", where, "'transform_matrix' is not 4x4 finite numbers");
+  };
+  if (!it->is_array() || (it->size() != 4 && it->size() != 3)) return bad();
+  cv::Matx34d matrix;
+  for (int r = 0; r < 3; ++r) {
+    const Json& row = (*it)[r];
+    if (!row.is_array() || row.size() != 4) return bad();
+    for (int c = 0; c < 4; ++c) {
+      if (!row[c].is_number() || !std::isfinite(row[c].get<double>())) return bad();
+      matrix(r, c) = row[c].get<double>();
+    }
+  }
+  return matrix;
+}
+
+// OpenGL camera-to-world into cam_from_world. A uniform scale moves the camera's own units, not its
+// picture, and is divided out; rounding in the file is removed by taking the nearest rotation.
+absl::Status SetPose(const cv::Matx34d& world_from_gl, const std::string& where, Camera* camera) {
+  constexpr double kTolerance = 1e-2;  // files with two decimals still pass
+  const cv::Matx33d linear = world_from_gl.get_minor<3, 3>(0, 0);
+  const double determinant = cv::determinant(linear);
+  if (!std::isfinite(determinant) || std::abs(determinant) < 1e-12) {
+    return InvalidField("SINGULAR_POSE", where,
+                        "'transform_matrix' cannot be inverted; its 3x3 part must be a rotation");
+  }
+  const cv::Matx33d scaled = linear * (1.0 / std::cbrt(determinant));
+  cv::Matx33d u, vt;
+  cv::Vec3d singular;
+  cv::SVD::compute(scaled, singular, u, vt);
+  if (determinant < 0 || singular[0] > 1 + kTolerance || singular[2] < 1 - kTolerance) {
+    return InvalidField(
+        "NOT_A_ROTATION", where,
+        "the 3x3 part of 'transform_matrix' is not a rotation: it mirrors or shears");
+  }
+  const cv::Matx33d flip(1, 0, 0, 0, -1, 0, 0, 0, -1);  // OpenGL axes to OpenCV axes
+  const cv::Matx33d R = flip * (u * vt).t();
+  const cv::Vec3d t = R * -cv::Vec3d(world_from_gl(0, 3), world_from_gl(1, 3), world_from_gl(2, 3));
+  for (int i = 0; i < 9; ++i) camera->R[i] = R.val[i];
+  for (int i = 0; i < 3; ++i) camera->t[i] = t[i];
+  return absl::OkStatus();
+}
+
+absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const std::string& where,
+                                     int default_width, int default_height) {
+  if (!frame.is_object()) return InvalidField("BAD_JSON", where, "the frame is not an object");
+  const auto path = frame.find("file_path");
+  if (path == frame.end() || !path->is_string()) {
+    return InvalidField("MISSING_KEY", where, "there is no 'file_path' text");
+  }
+  LoadedView loaded;
+  loaded.view.name = BaseName(path->get<std::string>());
+  LITAGS_RETURN_IF_ERROR(ReadIntrinsics(Keys(frame, top, where), default_width, default_height,
+                                        &loaded.view.camera, &loaded.distortion));
+  LITAGS_ASSIGN_OR_RETURN(const cv::Matx34d matrix, ReadMatrix(frame, where));
+  LITAGS_RETURN_IF_ERROR(SetPose(matrix, where, &loaded.view.camera));
+  return loaded;
+}
+
+Json PoseJson(const Camera& camera) {
+  const std::array<double, 3> center = camera.Center();
+  constexpr double kFlip[3] = {1, -1, -1};
+  Json rows = Json::array();
+  for (int r = 0; r < 3; ++r) {
+    Json row = Json::array();
+    for (int c = 0; c < 3; ++c) row.push_back(camera.R[3 * c + r] * kFlip[c]);
+    row.push_back(center[r]);
+    rows.push_back(std::move(row));
+  }
+  rows.push_back({0.0, 0.0, 0.0, 1.0});
+  return rows;
+}
+
+Json IntrinsicsJson(const Camera& camera, const Distortion& d) {
+  return {{"fl_x", camera.fx}, {"fl_y", camera.fy},  {"cx", camera.cx}, {"cy", camera.cy},
+          {"w", camera.width}, {"h", camera.height}, {"k1", d.k1},      {"k2", d.k2},
+          {"p1", d.p1},        {"p2", d.p2}};
+}
+
+}  // namespace
+
+absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
+                                            int default_width, int default_height) {
+  Json top;
+  try {
+    top = Json::parse(json);
+  } catch (const Json::exception& e) {
+    return InvalidField(
+        "BAD_JSON", field,
+        absl::StrCat("not valid JSON (NaN and Infinity are not either): ", e.what()));
+  }
+  const auto frames = top.is_object() ? top.find("frames") : top.end();
+  if (!top.is_object() || frames == top.end() || !frames->is_array()) {
+    return InvalidField("MISSING_KEY", field, "there is no list 'frames'; give a transforms.json");
+  }
+  if (frames->empty()) return InvalidField("NO_CAMERAS", field, "'frames' is empty");
+  std::vector<LoadedView> views;
+  for (size_t i = 0; i < frames->size(); ++i) {
+    const std::string where = absl::StrCat(Absl(field), ".frames[", i, "]");
+    LITAGS_ASSIGN_OR_RETURN(LoadedView view,
+                            ReadFrame((*frames)[i], top, where, default_width, default_height));
+    views.push_back(std::move(view));
+  }
+  return FinishModel(std::move(views), field, nullptr);
+}
+
+absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
+                                           int default_width, int default_height) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string json, ReadFile(path, field, kMaxFileBytes));
+  return ParseTransforms(json, field, default_width, default_height);
+}
+
+std::string FormatTransforms(const SparseModel& model, std::string_view image_folder) {
+  Json top = Json::object();
+  std::vector<Json> intrinsics;
+  bool shared = true;
+  for (size_t i = 0; i < model.views.size(); ++i) {
+    intrinsics.push_back(IntrinsicsJson(model.views[i].camera, model.distortions[i]));
+    shared = shared && intrinsics[i] == intrinsics[0];
+  }
+  if (shared && !intrinsics.empty()) top = intrinsics[0];
+  Json frames = Json::array();
+  for (size_t i = 0; i < model.views.size(); ++i) {
+    const std::string& name = model.views[i].name;
+    Json frame = {
+        {"file_path", image_folder.empty() ? name : absl::StrCat(Absl(image_folder), "/", name)}};
+    if (!shared) frame.update(intrinsics[i]);
+    frame["transform_matrix"] = PoseJson(model.views[i].camera);
+    frames.push_back(std::move(frame));
+  }
+  top["frames"] = std::move(frames);
+  return top.dump(1) + "\n";
+}
+
+absl::Status WriteTransforms(const std::string& path, const SparseModel& model,
+                             std::string_view image_folder) {
+  return WriteFileAtomically(path, FormatTransforms(model, image_folder));
+}
+
+}  // namespace litags
