@@ -52,9 +52,9 @@ Camera Camera::Scaled(int new_width, int new_height) const {
 absl::Status Camera::Validate(std::string_view field, int64_t max_pixels) const {
   const std::string name(field);
   if (width <= 0 || height <= 0) {
-    return InvalidInput("BAD_CAMERA_SIZE", field,
-                        absl::StrCat(name, ": image size is ", width, "x", height,
-                                     "; both must be positive"));
+    return InvalidInput(
+        "BAD_CAMERA_SIZE", field,
+        absl::StrCat(name, ": image size is ", width, "x", height, "; both must be positive"));
   }
   if (int64_t{width} * height > max_pixels) {
     return InvalidInput("IMAGE_TOO_LARGE", field,
@@ -63,37 +63,42 @@ absl::Status Camera::Validate(std::string_view field, int64_t max_pixels) const 
   }
   for (double v : {fx, fy, cx, cy}) {
     if (!std::isfinite(v)) {
-      return InvalidInput("NOT_FINITE", field,
-                          absl::StrCat(name, ": an intrinsic is NaN or infinite; send finite fx, fy, cx, cy"));
+      return InvalidInput(
+          "NOT_FINITE", field,
+          absl::StrCat(name, ": an intrinsic is NaN or infinite; send finite fx, fy, cx, cy"));
     }
   }
   if (!(fx > 0) || !(fy > 0)) {
-    return InvalidInput("BAD_FOCAL_LENGTH", field,
-                        absl::StrCat(name, ": focal length ", fx, ", ", fy, " px must be positive"));
+    return InvalidInput(
+        "BAD_FOCAL_LENGTH", field,
+        absl::StrCat(name, ": focal length ", fx, ", ", fy, " px must be positive"));
   }
   for (double v : R) {
     if (!std::isfinite(v)) {
-      return InvalidInput("NOT_FINITE", field,
-                          absl::StrCat(name, ": the pose holds NaN or infinity; send a finite 4x4 matrix"));
+      return InvalidInput(
+          "NOT_FINITE", field,
+          absl::StrCat(name, ": the pose holds NaN or infinity; send a finite 4x4 matrix"));
     }
   }
   for (double v : t) {
     if (!std::isfinite(v)) {
-      return InvalidInput("NOT_FINITE", field,
-                          absl::StrCat(name, ": the pose holds NaN or infinity; send a finite 4x4 matrix"));
+      return InvalidInput(
+          "NOT_FINITE", field,
+          absl::StrCat(name, ": the pose holds NaN or infinity; send a finite 4x4 matrix"));
     }
   }
   const Vec3 r0 = {R[0], R[1], R[2]}, r1 = {R[3], R[4], R[5]}, r2 = {R[6], R[7], R[8]};
   constexpr double kTolerance = 1e-3;
-  const bool orthonormal = std::abs(Dot(r0, r0) - 1) < kTolerance &&
-                           std::abs(Dot(r1, r1) - 1) < kTolerance &&
-                           std::abs(Dot(r2, r2) - 1) < kTolerance &&
-                           std::abs(Dot(r0, r1)) < kTolerance &&
-                           std::abs(Dot(r0, r2)) < kTolerance && std::abs(Dot(r1, r2)) < kTolerance;
+  const bool orthonormal =
+      std::abs(Dot(r0, r0) - 1) < kTolerance && std::abs(Dot(r1, r1) - 1) < kTolerance &&
+      std::abs(Dot(r2, r2) - 1) < kTolerance && std::abs(Dot(r0, r1)) < kTolerance &&
+      std::abs(Dot(r0, r2)) < kTolerance && std::abs(Dot(r1, r2)) < kTolerance;
   if (!orthonormal || Dot(Cross(r0, r1), r2) < 0) {
-    return InvalidInput("NOT_A_ROTATION", field,
-                        absl::StrCat(name, ": the upper-left 3x3 of the pose is not a rotation; rows must "
-                                           "be orthonormal and right-handed"));
+    return InvalidInput(
+        "NOT_A_ROTATION", field,
+        absl::StrCat(name,
+                     ": the upper-left 3x3 of the pose is not a rotation; rows must "
+                     "be orthonormal and right-handed"));
   }
   return absl::OkStatus();
 }
@@ -115,8 +120,9 @@ absl::Status Camera::LookAt(const Vec3& eye, const Vec3& target, const Vec3& up)
   }
   Vec3 right = Cross(forward, up);
   if (!Normalize(&right)) {
-    return InvalidInput("DEGENERATE_LOOK_AT", "look_at.up",
-                        "look_at.up: zero, not finite, or along the viewing direction; give another up");
+    return InvalidInput(
+        "DEGENERATE_LOOK_AT", "look_at.up",
+        "look_at.up: zero, not finite, or along the viewing direction; give another up");
   }
   const Vec3 down = Cross(forward, right);
   R = {right[0], right[1], right[2], down[0], down[1], down[2], forward[0], forward[1], forward[2]};

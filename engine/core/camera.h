@@ -13,8 +13,8 @@ namespace litags {
 // A pinhole camera. OpenCV axes (x right, y down, z forward); x_cam = R x_world + t; the centre
 // of the top-left pixel is at (0.5, 0.5). Photos with lens distortion are undistorted on load.
 struct Camera {
-  int width = 0;   // px
-  int height = 0;  // px
+  int width = 0;                          // px
+  int height = 0;                         // px
   double fx = 0, fy = 0, cx = 0, cy = 0;  // px
 
   std::array<double, 9> R = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // cam_from_world, row-major

@@ -17,7 +17,8 @@ namespace litags {
 namespace {
 
 TEST(Error, CarriesReasonAndField) {
-  absl::Status status = InvalidInput("IMAGE_TRUNCATED", "images[a.jpg]", "cut short; send it again");
+  absl::Status status =
+      InvalidInput("IMAGE_TRUNCATED", "images[a.jpg]", "cut short; send it again");
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   ASSERT_TRUE(GetErrorDetail(status).has_value());
   EXPECT_EQ(GetErrorDetail(status)->reason, "IMAGE_TRUNCATED");

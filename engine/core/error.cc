@@ -12,7 +12,8 @@ absl::Status MakeError(absl::StatusCode code, std::string_view reason, std::stri
                        std::string_view message) {
   absl::Status status(code, absl::string_view(message.data(), message.size()));
   // Field last, so that it may hold any character but the separator in front of it.
-  status.SetPayload(kPayloadUrl, absl::Cord(absl::StrCat(std::string(reason), "\n", std::string(field))));
+  status.SetPayload(kPayloadUrl,
+                    absl::Cord(absl::StrCat(std::string(reason), "\n", std::string(field))));
   return status;
 }
 

@@ -31,8 +31,8 @@ std::optional<ErrorDetail> GetErrorDetail(const absl::Status& status);
 
 }  // namespace litags
 
-#define LITAGS_RETURN_IF_ERROR(expr)                          \
-  do {                                                        \
+#define LITAGS_RETURN_IF_ERROR(expr)                                                       \
+  do {                                                                                     \
     if (absl::Status litags_status_ = (expr); !litags_status_.ok()) return litags_status_; \
   } while (false)
 

@@ -15,7 +15,8 @@ int DefaultThreadCount();
 // Calls body(task, thread) for every task in [0, num_tasks), on up to `threads` threads
 // (<= 0: DefaultThreadCount()); `thread` is in [0, threads). Tasks are handed out dynamically in
 // order. Body must not throw.
-void ParallelFor(int threads, size_t num_tasks, absl::FunctionRef<void(size_t task, int thread)> body);
+void ParallelFor(int threads, size_t num_tasks,
+                 absl::FunctionRef<void(size_t task, int thread)> body);
 
 }  // namespace litags
 

@@ -4,23 +4,24 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
+
+#include "engine/core/aligned.h"
 
 namespace litags {
 
 // Rows of a Gaussian's parameters, in storage order. Activated values: scales = exp(log_scales),
 // opacity = sigmoid(logit_opacity), quats normalised on use (wxyz), colour = SH + 0.5.
 enum SplatRow : int {
-  kMean = 0,            // 3, world
-  kLogScale = 3,        // 3
-  kRawQuat = 6,         // 4, wxyz, unnormalised
-  kLogitOpacity = 10,   // 1
-  kShDc = 11,           // 3, RGB
-  kDepth = 14,          // 1, LITA attribute d
-  kStructure = 15,      // 1, LITA attribute p
-  kNoise = 16,          // 3, LITA attribute n
-  kIllumination = 19,   // 3, LITA attribute l
-  kShRest = 22,         // 45: coefficient k = 1..15, then RGB: row kShRest + 3 (k - 1) + c
+  kMean = 0,           // 3, world
+  kLogScale = 3,       // 3
+  kRawQuat = 6,        // 4, wxyz, unnormalised
+  kLogitOpacity = 10,  // 1
+  kShDc = 11,          // 3, RGB
+  kDepth = 14,         // 1, LITA attribute d
+  kStructure = 15,     // 1, LITA attribute p
+  kNoise = 16,         // 3, LITA attribute n
+  kIllumination = 19,  // 3, LITA attribute l
+  kShRest = 22,        // 45: coefficient k = 1..15, then RGB: row kShRest + 3 (k - 1) + c
   kSplatRows = 67,
 };
 
@@ -51,7 +52,9 @@ class Splats {
   float* block(size_t b) { return data_.data() + b * kBlockFloats; }
   const float* block(size_t b) const { return data_.data() + b * kBlockFloats; }
 
-  float& at(size_t i, int row) { return block(i / kSplatBlock)[row * kSplatBlock + i % kSplatBlock]; }
+  float& at(size_t i, int row) {
+    return block(i / kSplatBlock)[row * kSplatBlock + i % kSplatBlock];
+  }
   float at(size_t i, int row) const {
     return block(i / kSplatBlock)[row * kSplatBlock + i % kSplatBlock];
   }
@@ -59,14 +62,14 @@ class Splats {
   // All rows of Gaussian `from` of `source` into Gaussian `to` of this.
   void Copy(const Splats& source, size_t from, size_t to);
 
-  const std::vector<float>& data() const { return data_; }
-  std::vector<float>& data() { return data_; }
+  const AlignedFloats& data() const { return data_; }
+  AlignedFloats& data() { return data_; }
 
   static constexpr size_t kBlockFloats = size_t{kSplatRows} * kSplatBlock;
 
  private:
   size_t size_ = 0;
-  std::vector<float> data_;
+  AlignedFloats data_;
 };
 
 }  // namespace litags

@@ -35,20 +35,20 @@ enum class Tone {
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kLinearGain;
-  double theta = 0.49;        // target mean of sRGB codes, (0, 1); authors' release
-  int iterations = 15000;     // one photo each; paper
+  double theta = 0.49;     // target mean of sRGB codes, (0, 1); authors' release
+  int iterations = 15000;  // one photo each; paper
   uint64_t seed = 0;
-  int threads = 0;            // 0: all cores
+  int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;
-  int sh_degree = 3;          // 0..3
-  bool use_pdm = true;        // progressive denoising module
-  bool use_prior = true;      // structure prior loss
-  bool use_depth = true;      // depth loss, where a depth provider has maps
-  int max_image_side = 0;     // photos with a longer side are shrunk to it, px; 0: never
-  int holdout_every = 8;      // every n-th photo by name is only evaluated; 0: train on all
-  double min_registered = 0.5;     // fraction of photos that SfM must place, (0, 1]
-  int checkpoint_every = 500;      // iterations
-  int preview_every = 250;         // iterations between snapshots with a preview picture
+  int sh_degree = 3;            // 0..3
+  bool use_pdm = true;          // progressive denoising module
+  bool use_prior = true;        // structure prior loss
+  bool use_depth = true;        // depth loss, where a depth provider has maps
+  int max_image_side = 0;       // photos with a longer side are shrunk to it, px; 0: never
+  int holdout_every = 8;        // every n-th photo by name is only evaluated; 0: train on all
+  double min_registered = 0.5;  // fraction of photos that SfM must place, (0, 1]
+  int checkpoint_every = 500;   // iterations
+  int preview_every = 250;      // iterations between snapshots with a preview picture
 
   absl::Status Validate() const;
 };
@@ -59,12 +59,12 @@ std::string_view StageName(Stage stage);  // "loading", "finding-cameras", ...
 // One report of progress. Numbers not known yet are 0; psnr_holdout is NaN until measured.
 struct Progress {
   Stage stage = Stage::kLoading;
-  std::string message;          // for a human; may be empty
+  std::string message;  // for a human; may be empty
   int iteration = 0;
-  int iterations = 0;           // total
-  double loss = 0;              // running mean of the total loss
+  int iterations = 0;  // total
+  double loss = 0;     // running mean of the total loss
   double loss_exposure = 0, loss_reconstruction = 0, loss_structure = 0, loss_denoise = 0;
-  double psnr_holdout = 0;      // dB against the pseudo-target on held-out views
+  double psnr_holdout = 0;  // dB against the pseudo-target on held-out views
   int64_t gaussians = 0;
   double iterations_per_second = 0;
   double eta_seconds = 0;
@@ -81,25 +81,25 @@ class ReconstructObserver {
 };
 
 struct ReconstructInput {
-  std::string images_dir;   // photos, flat; names are the views' names
-  std::string cameras_path; // transforms*.json or a COLMAP model folder; empty: run SfM
-  std::string depth_dir;    // <photo stem>.{png,pfm,npy}; empty: no depth loss
-  std::string work_dir;     // exists; SfM workspace, checkpoint, snapshots and results go here
+  std::string images_dir;    // photos, flat; names are the views' names
+  std::string cameras_path;  // transforms*.json or a COLMAP model folder; empty: run SfM
+  std::string depth_dir;     // <photo stem>.{png,pfm,npy}; empty: no depth loss
+  std::string work_dir;      // exists; SfM workspace, checkpoint, snapshots and results go here
 };
 
 struct ReconstructReport {
   int photos = 0;
   int registered = 0;
-  std::vector<std::string> dropped;   // photos without a camera, by name
-  std::string sfm_preparation;        // rung of the exposure ladder that won; "given" if known
+  std::vector<std::string> dropped;  // photos without a camera, by name
+  std::string sfm_preparation;       // rung of the exposure ladder that won; "given" if known
   int64_t sparse_points = 0;
   int64_t gaussians = 0;
   int iterations = 0;
   double seconds = 0;
-  double psnr_holdout = 0;            // as in Progress
+  double psnr_holdout = 0;  // as in Progress
   bool depth_used = false;
-  std::vector<std::string> notes;     // what the user should know: "no depth maps: depth loss off"
-  std::string scene_path;             // work_dir/scene.litags
+  std::vector<std::string> notes;  // what the user should know: "no depth maps: depth loss off"
+  std::string scene_path;          // work_dir/scene.litags
   std::string ToJson() const;
 };
 
@@ -115,9 +115,9 @@ enum class Channel {
 };
 
 struct RenderRequest {
-  Camera camera;                     // validated by the callee
+  Camera camera;  // validated by the callee
   Channel channel = Channel::kColor;
-  double exposure = 0;               // t in R * L^t: 0 normal-lit, 1 as photographed
+  double exposure = 0;  // t in R * L^t: 0 normal-lit, 1 as photographed
   int threads = 0;
 };
 

@@ -43,16 +43,16 @@ struct RenderSettings {
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
 // of visible Gaussians (radius_px > 0) are meaningful.
 struct ViewStats {
-  std::vector<float> radius_px;      // larger half-extent of the box where alpha >= 1/255
-  std::vector<float> grad_means2d;   // |dL/dmeans2d|, loss per px
+  std::vector<float> radius_px;         // larger half-extent of the box where alpha >= 1/255
+  std::vector<float> grad_means2d;      // |dL/dmeans2d|, loss per px
   std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS)
 };
 
 // Receives the gradient of one block of 16 Gaussians, rows as in SplatRow, [kSplatRows][16]. Rows
-// past SplatRowsForDegree(sh_degree) and lanes of Gaussians that are not visible are zero. `visible` has
-// bit i set for lane i. Called once per block that has a visible Gaussian, from several threads.
-using BlockGradSink =
-    absl::FunctionRef<void(size_t block, const float* grads, uint32_t visible)>;
+// past SplatRowsForDegree(sh_degree) and lanes of Gaussians that are not visible are zero.
+// `visible` has bit i set for lane i. Called once per block that has a visible Gaussian, from
+// several threads.
+using BlockGradSink = absl::FunctionRef<void(size_t block, const float* grads, uint32_t visible)>;
 
 // Renders one view at a time and keeps what the backward pass needs. Results are the same bytes
 // for any number of threads. Not thread-safe; use one per thread of control.

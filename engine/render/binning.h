@@ -1,0 +1,40 @@
+// Which Gaussians touch which 16x16 tile, front to back.
+#ifndef LITAGS_ENGINE_RENDER_BINNING_H_
+#define LITAGS_ENGINE_RENDER_BINNING_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "engine/render/projection.h"
+
+namespace litags {
+
+// Lists of all tiles, one after the other; inside a tile Gaussians are ordered by depth, equal
+// depths by index.
+struct TileLists {
+  int tiles_x = 0, tiles_y = 0;
+  std::vector<uint32_t> tile_begin;  // [tiles + 1], into the two arrays below
+  std::vector<uint32_t> gaussians;   // index of the Gaussian
+  std::vector<uint32_t> slots;       // where this pair's gradients go: pairs numbered by Gaussian
+  std::vector<uint32_t> slot_begin;  // [N + 1], first slot of each Gaussian
+  size_t num_visible = 0;
+
+  size_t num_pairs() const { return gaussians.size(); }
+};
+
+// Scratch of Bin, kept to save allocations.
+struct BinScratch {
+  std::vector<uint64_t> keys, keys_tmp;  // depth bits, index
+  std::vector<uint32_t> offsets;         // [chunks][tiles]
+};
+
+// Fills `lists` for an image of width x height px. A Gaussian is in a tile exactly when its
+// alpha >= 1/255 ellipse reaches the tile's pixel centres (to rounding): the bounding box alone
+// would list half as many again (Speedy-Splat's AccuTile makes the same observation).
+void Bin(const ProjectedSplats& splats, int width, int height, int threads, TileLists* lists,
+         BinScratch* scratch);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_RENDER_BINNING_H_

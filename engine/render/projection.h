@@ -1,0 +1,95 @@
+// Gaussians to screen space and back (EWA splatting; Zwicker et al. 2001, 3DGS Sec. 4).
+#ifndef LITAGS_ENGINE_RENDER_PROJECTION_H_
+#define LITAGS_ENGINE_RENDER_PROJECTION_H_
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "engine/core/camera.h"
+#include "engine/core/splats.h"
+#include "engine/render/renderer.h"
+
+namespace litags {
+
+// A camera in the kernels' precision, with the limits on X/Z and Y/Z worked out.
+struct KernelCamera {
+  KernelCamera() = default;
+  explicit KernelCamera(const Camera& camera);
+
+  float width = 0, height = 0, fx = 0, fy = 0, cx = 0, cy = 0;
+  float R[9] = {}, t[3] = {}, center[3] = {};
+  float min_u = 0, max_u = 0, min_v = 0, max_v = 0;
+};
+
+// One Gaussian as the rasteriser reads it: kRecordFeatures numbers, then the channels.
+//   log2 alpha(dx, dy) = log2_opacity + a dx^2 + b dx dy + c dy^2,  d = pixel centre - mean2d
+constexpr int kRecordX = 0;
+constexpr int kRecordY = 1;
+constexpr int kRecordA = 2;
+constexpr int kRecordB = 3;
+constexpr int kRecordC = 4;
+constexpr int kRecordLog2Opacity = 5;
+constexpr int kRecordFeatures = 6;
+constexpr int RecordStride(int channels) { return (kRecordFeatures + channels + 3) / 4 * 4; }
+
+// What is summed over pixels for one Gaussian in the backward pass: with g = dL/d(ln alpha),
+// moments of g over d, the absolute mean2d gradient, then dL/dchannel.
+constexpr int kGradSum = 0;  // sum g
+constexpr int kGradX = 1;    // sum g dx
+constexpr int kGradY = 2;    // sum g dy
+constexpr int kGradXX = 3;
+constexpr int kGradXY = 4;
+constexpr int kGradYY = 5;
+constexpr int kGradAbsX = 6;  // sum |dL/dmean2d_x of a pixel|
+constexpr int kGradAbsY = 7;
+constexpr int kGradFeatures = 8;
+constexpr int GradStride(int channels) { return (kGradFeatures + channels + 3) / 4 * 4; }
+
+// The region where alpha >= 1/255 is an ellipse around mean2d: for |dy| <= half_height,
+// dx = shear dy +- aspect sqrt(half_height^2 - dy^2); its rightmost point is at dy = dy_right.
+struct EllipseBounds {
+  float half_height = 0;
+  float shear = 0;
+  float aspect = 0;
+  float dy_right = 0;
+};
+
+// Screen-space Gaussians of one view; index = Gaussian. Entries of Gaussians that are not visible
+// (x0 > x1) are stale.
+struct ProjectedSplats {
+  void Resize(size_t n, int channels);
+
+  int channels = 0;
+  std::vector<float> records;  // [N][RecordStride]
+  std::vector<float> depths;   // [N], scene units
+  std::vector<EllipseBounds> bounds;
+  struct Box {
+    int16_t x0 = 0, x1 = -1, y0 = 0, y1 = -1;  // px, inclusive, inside the image
+    bool empty() const { return x0 > x1; }
+  };
+  std::vector<Box> boxes;
+};
+
+struct ProjectionSettings {
+  int channels = kNumChannels;
+  int sh_degree = kMaxShDegree;
+  bool depth_is_camera_z = false;
+  float near_plane = 0.2f;
+};
+
+// Projects block `block` of 16 Gaussians. Thread-safe for different blocks.
+void ProjectBlock(const Splats& splats, size_t block, const KernelCamera& camera,
+                  const ProjectionSettings& settings, ProjectedSplats* out);
+
+// VJP of ProjectBlock. `sums` [GradStride][16] are the pixel sums per Gaussian, zero for lanes not
+// in `visible`; writes grads [kSplatRows][16] (rows past the SH degree are left alone) and
+// mean2d_grad [2][16], loss per px.
+void ProjectBlockVjp(const Splats& splats, size_t block, const KernelCamera& camera,
+                     const ProjectionSettings& settings, const float* sums, uint32_t visible,
+                     float* grads, float* mean2d_grad);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_RENDER_PROJECTION_H_

@@ -1,0 +1,149 @@
+#include "engine/render/reference_renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace litags {
+namespace {
+
+struct Projected {
+  double z, x, y, conic_a, conic_b, conic_c, opacity;
+  std::array<double, kNumChannels> features;
+};
+
+// Real SH basis, degree 3, signs of 3DGS.
+std::array<double, 16> ShBasis(double x, double y, double z) {
+  const double xx = x * x, yy = y * y, zz = z * z;
+  return {0.28209479177387814,
+          -0.4886025119029199 * y,
+          0.4886025119029199 * z,
+          -0.4886025119029199 * x,
+          1.0925484305920792 * x * y,
+          -1.0925484305920792 * y * z,
+          0.31539156525252005 * (2 * zz - xx - yy),
+          -1.0925484305920792 * x * z,
+          0.5462742152960396 * (xx - yy),
+          -0.5900435899266435 * y * (3 * xx - yy),
+          2.890611442640554 * x * y * z,
+          -0.4570457994644658 * y * (4 * zz - xx - yy),
+          0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
+          -0.4570457994644658 * x * (4 * zz - xx - yy),
+          1.445305721320277 * z * (xx - yy),
+          -0.5900435899266435 * x * (xx - 3 * yy)};
+}
+
+std::array<double, 9> Product(const std::array<double, 9>& a, const std::array<double, 9>& b) {
+  std::array<double, 9> out = {};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      for (int k = 0; k < 3; ++k) out[3 * i + j] += a[3 * i + k] * b[3 * k + j];
+  return out;
+}
+
+// False if the Gaussian is before the near plane.
+bool ProjectOne(const double* g, const Camera& cam, const RenderSettings& settings,
+                Projected* out) {
+  const auto p = cam.CamFromWorld({g[0], g[1], g[2]});
+  if (!(p[2] > settings.near_plane)) return false;
+  double w = g[6], x = g[7], y = g[8], z = g[9];
+  const double n = std::sqrt(w * w + x * x + y * y + z * z);
+  w /= n, x /= n, y /= n, z /= n;
+  const std::array<double, 9> rot = {
+      1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+      2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+      2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
+  std::array<double, 9> rs = rot;
+  for (int i = 0; i < 9; ++i) rs[i] *= std::exp(g[3 + i % 3]);
+  const std::array<double, 9> u = Product(cam.R, rs);
+  const double W = cam.width, H = cam.height;
+  const double tx = std::clamp(p[0] / p[2], -(cam.cx / cam.fx + 0.15 * W / cam.fx),
+                               (W - cam.cx) / cam.fx + 0.15 * W / cam.fx);
+  const double ty = std::clamp(p[1] / p[2], -(cam.cy / cam.fy + 0.15 * H / cam.fy),
+                               (H - cam.cy) / cam.fy + 0.15 * H / cam.fy);
+  double t0[3], t1[3], a = 0.3, b = 0, c = 0.3;
+  for (int i = 0; i < 3; ++i) {
+    t0[i] = cam.fx / p[2] * (u[i] - tx * u[6 + i]);
+    t1[i] = cam.fy / p[2] * (u[3 + i] - ty * u[6 + i]);
+    a += t0[i] * t0[i];
+    b += t0[i] * t1[i];
+    c += t1[i] * t1[i];
+  }
+  const double det = a * c - b * b;
+  out->z = p[2];
+  out->x = cam.fx * p[0] / p[2] + cam.cx;
+  out->y = cam.fy * p[1] / p[2] + cam.cy;
+  out->conic_a = c / det;
+  out->conic_b = -b / det;
+  out->conic_c = a / det;
+  out->opacity = 1 / (1 + std::exp(-g[kLogitOpacity]));
+
+  const auto center = cam.Center();
+  double dir[3] = {g[0] - center[0], g[1] - center[1], g[2] - center[2]};
+  const double distance = std::sqrt(dir[0] * dir[0] + dir[1] * dir[1] + dir[2] * dir[2]);
+  const auto basis = ShBasis(dir[0] / distance, dir[1] / distance, dir[2] / distance);
+  const int terms = (settings.sh_degree + 1) * (settings.sh_degree + 1);
+  for (int ch = 0; ch < 3; ++ch) {
+    double color = 0.5;
+    for (int k = 0; k < terms; ++k) {
+      color += basis[k] * g[k == 0 ? kShDc + ch : kShRest + 3 * (k - 1) + ch];
+    }
+    out->features[ch] = color;
+  }
+  out->features[kChannelDepth] = settings.depth_source == DepthSource::kCameraZ ? p[2] : g[kDepth];
+  out->features[kChannelStructure] = g[kStructure];
+  for (int i = 0; i < 3; ++i) {
+    out->features[kChannelNoise + i] = g[kNoise + i];
+    out->features[kChannelIllumination + i] = g[kIllumination + i];
+  }
+  return true;
+}
+
+bool Near(double value, double threshold) { return std::abs(value - threshold) < 1e-3 * threshold; }
+
+}  // namespace
+
+std::vector<double> ToDoubles(const Splats& splats) {
+  std::vector<double> params(splats.size() * kSplatRows);
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int r = 0; r < kSplatRows; ++r) params[i * kSplatRows + r] = splats.at(i, r);
+  }
+  return params;
+}
+
+ReferenceImage RenderReference(const std::vector<double>& params, const Camera& camera,
+                               const RenderSettings& settings) {
+  std::vector<Projected> gaussians;
+  for (size_t i = 0; i < params.size() / kSplatRows; ++i) {
+    Projected p;
+    if (ProjectOne(params.data() + i * kSplatRows, camera, settings, &p)) gaussians.push_back(p);
+  }
+  std::stable_sort(gaussians.begin(), gaussians.end(),
+                   [](const Projected& a, const Projected& b) { return a.z < b.z; });
+
+  const int C = settings.num_channels;
+  const size_t plane = size_t(camera.width) * camera.height;
+  ReferenceImage out{std::vector<double>(C * plane), std::vector<double>(plane),
+                     std::vector<char>(plane)};
+  for (size_t pixel = 0; pixel < plane; ++pixel) {
+    const double px = pixel % camera.width + 0.5, py = pixel / camera.width + 0.5;
+    double T = 1;
+    for (const Projected& g : gaussians) {
+      const double dx = px - g.x, dy = py - g.y;
+      const double sigma = 0.5 * (g.conic_a * dx * dx + g.conic_c * dy * dy) + g.conic_b * dx * dy;
+      const double raw = g.opacity * std::exp(-sigma);
+      if (Near(raw, 1.0 / 255) || Near(raw, 0.99)) out.fragile[pixel] = 1;
+      if (raw < 1.0 / 255) continue;
+      const double alpha = std::min(0.99, raw);
+      if (Near(T * (1 - alpha), 1e-4)) out.fragile[pixel] = 1;
+      if (T * (1 - alpha) < 1e-4) break;
+      for (int c = 0; c < C; ++c) out.image[c * plane + pixel] += alpha * T * g.features[c];
+      T *= 1 - alpha;
+    }
+    for (int c = 0; c < C; ++c) out.image[c * plane + pixel] += T * settings.background[c];
+    out.alpha[pixel] = 1 - T;
+  }
+  return out;
+}
+
+}  // namespace litags

@@ -1,0 +1,165 @@
+#include "engine/render/renderer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/core/check.h"
+#include "engine/core/parallel.h"
+#include "engine/render/binning.h"
+#include "engine/render/constants.h"
+#include "engine/render/projection.h"
+#include "engine/render/rasterize.h"
+
+namespace litags {
+namespace {
+constexpr size_t kBlocksPerTask = 32;  // 512 Gaussians: long enough to hide the hand-out
+}
+
+struct Renderer::Impl {
+  KernelCamera camera;
+  int width = 0, height = 0;
+  ProjectionSettings projection;
+  std::array<float, kNumChannels> background = {};
+  int threads = 0;
+
+  ProjectedSplats projected;
+  TileLists lists;
+  BinScratch bin_scratch;
+  std::vector<uint64_t> block_masks;  // [pairs]
+  std::vector<float> pair_grads;      // [pairs][GradStride]
+  std::vector<TileScratch> tile_scratch;
+  std::vector<int64_t> tile_evaluations;
+  ViewStats stats;
+  Counters counters;
+
+  TileJob JobOf(size_t tile) {
+    TileJob job;
+    job.x0 = static_cast<int>(tile % lists.tiles_x) * kTileSize;
+    job.y0 = static_cast<int>(tile / lists.tiles_x) * kTileSize;
+    job.width = width;
+    job.height = height;
+    job.channels = projection.channels;
+    const uint32_t begin = lists.tile_begin[tile];
+    job.count = lists.tile_begin[tile + 1] - begin;
+    job.gaussians = lists.gaussians.data() + begin;
+    job.records = projected.records.data();
+    job.bounds = projected.bounds.data();
+    job.background = background.data();
+    job.block_masks = block_masks.data() + begin;
+    return job;
+  }
+
+  void BackwardBlock(const Splats& splats, size_t block, BlockGradSink sink);
+};
+
+Renderer::Renderer() : impl_(std::make_unique<Impl>()) {}
+Renderer::~Renderer() = default;
+Renderer::Renderer(Renderer&&) noexcept = default;
+Renderer& Renderer::operator=(Renderer&&) noexcept = default;
+
+const ViewStats& Renderer::stats() const { return impl_->stats; }
+Renderer::Counters Renderer::counters() const { return impl_->counters; }
+
+void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
+                       Planes* image, Planes* alpha) {
+  LITAGS_CHECK(settings.num_channels == 3 || settings.num_channels == kNumChannels);
+  Impl& s = *impl_;
+  s.camera = KernelCamera(camera);
+  s.width = camera.width;
+  s.height = camera.height;
+  s.projection = {settings.num_channels, std::clamp(settings.sh_degree, 0, kMaxShDegree),
+                  settings.depth_source == DepthSource::kCameraZ, settings.near_plane};
+  s.background = settings.background;
+  s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
+
+  s.projected.Resize(splats.size(), settings.num_channels);
+  const size_t blocks = splats.num_blocks();
+  ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
+    const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
+    for (size_t b = task * kBlocksPerTask; b < end; ++b) {
+      ProjectBlock(splats, b, s.camera, s.projection, &s.projected);
+    }
+  });
+  Bin(s.projected, s.width, s.height, s.threads, &s.lists, &s.bin_scratch);
+
+  image->channels = settings.num_channels;
+  alpha->channels = 1;
+  for (Planes* p : {image, alpha}) {
+    p->width = s.width;
+    p->height = s.height;
+    p->data.resize(p->channels * p->plane_size());
+  }
+  const size_t tiles = s.lists.tile_begin.size() - 1;
+  s.block_masks.resize(s.lists.num_pairs());
+  s.tile_evaluations.resize(tiles);
+  ParallelFor(s.threads, tiles, [&](size_t tile, int) {
+    s.tile_evaluations[tile] = RasterizeTile(s.JobOf(tile), image->data.data(), alpha->data.data());
+  });
+
+  s.counters = {};
+  s.counters.visible = static_cast<int64_t>(s.lists.num_visible);
+  s.counters.tile_pairs = static_cast<int64_t>(s.lists.num_pairs());
+  for (int64_t n : s.tile_evaluations) s.counters.evaluations += n;
+  s.stats.radius_px.resize(splats.size());
+  for (size_t i = 0; i < splats.size(); ++i) {
+    const ProjectedSplats::Box& box = s.projected.boxes[i];
+    s.stats.radius_px[i] =
+        box.empty() ? 0.0f : 0.5f * (1 + std::max(box.x1 - box.x0, box.y1 - box.y0));
+  }
+}
+
+void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGradSink sink) {
+  const int stride = GradStride(projection.channels);
+  const size_t begin = block * kSplatBlock, end = std::min(splats.size(), begin + kSplatBlock);
+  alignas(64) float sums[GradStride(kNumChannels) * kSplatBlock] = {};
+  uint32_t visible = 0;
+  for (size_t i = begin; i < end; ++i) {
+    if (projected.boxes[i].empty()) continue;
+    const int lane = static_cast<int>(i - begin);
+    visible |= 1u << lane;
+    float total[GradStride(kNumChannels)] = {};
+    for (uint32_t slot = lists.slot_begin[i]; slot < lists.slot_begin[i + 1]; ++slot) {
+      const float* pair = pair_grads.data() + size_t{slot} * stride;
+      for (int f = 0; f < stride; ++f) total[f] += pair[f];
+    }
+    for (int f = 0; f < stride; ++f) sums[f * kSplatBlock + lane] = total[f];
+  }
+  if (visible == 0) return;
+  alignas(64) float grads[Splats::kBlockFloats] = {};
+  alignas(64) float mean2d[2 * kSplatBlock];
+  ProjectBlockVjp(splats, block, camera, projection, sums, visible, grads, mean2d);
+  for (size_t i = begin; i < end; ++i) {
+    const int lane = static_cast<int>(i - begin);
+    stats.grad_means2d[i] = std::hypot(mean2d[lane], mean2d[kSplatBlock + lane]);
+    stats.abs_grad_means2d[i] =
+        std::hypot(sums[kGradAbsX * kSplatBlock + lane], sums[kGradAbsY * kSplatBlock + lane]);
+  }
+  sink(block, grads, visible);
+}
+
+void Renderer::Backward(const Splats& splats, const Planes& v_image, const Planes& v_alpha,
+                        BlockGradSink sink) {
+  Impl& s = *impl_;
+  LITAGS_CHECK(splats.size() == s.projected.boxes.size());
+  LITAGS_CHECK(v_image.channels == s.projection.channels && v_image.width == s.width &&
+               v_image.height == s.height);
+  const int stride = GradStride(s.projection.channels);
+  s.pair_grads.resize(s.lists.num_pairs() * stride);
+  s.tile_scratch.resize(s.threads);
+  const size_t tiles = s.lists.tile_begin.size() - 1;
+  ParallelFor(s.threads, tiles, [&](size_t tile, int thread) {
+    RasterizeTileVjp(s.JobOf(tile), s.lists.slots.data() + s.lists.tile_begin[tile],
+                     v_image.data.data(), v_alpha.empty() ? nullptr : v_alpha.data.data(),
+                     s.pair_grads.data(), &s.tile_scratch[thread]);
+  });
+
+  s.stats.grad_means2d.resize(splats.size());
+  s.stats.abs_grad_means2d.resize(splats.size());
+  const size_t blocks = splats.num_blocks();
+  ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
+    const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
+    for (size_t b = task * kBlocksPerTask; b < end; ++b) s.BackwardBlock(splats, b, sink);
+  });
+}
+
+}  // namespace litags

@@ -1,0 +1,288 @@
+#include "engine/render/renderer.h"
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "engine/core/rng.h"
+#include "engine/render/reference_renderer.h"
+#include "gtest/gtest.h"
+#include "hwy/highway.h"
+#include "hwy/targets.h"
+
+namespace litags {
+namespace {
+
+Camera MakeCamera(int width, int height) {
+  Camera camera;
+  camera.width = width;
+  camera.height = height;
+  camera.fx = 0.9 * width;
+  camera.fy = 1.1 * width;
+  camera.cx = 0.45 * width;
+  camera.cy = 0.55 * height;
+  EXPECT_TRUE(camera.LookAt({0.3, -0.2, -4}, {0.1, 0, 0}, {0.1, -1, 0}).ok());
+  return camera;
+}
+
+// A cloud around the origin: mixed sizes and shapes, some before, across and behind the camera.
+Splats MakeSplats(size_t n, uint64_t seed) {
+  const CounterRng rng(seed, 7);
+  Splats splats(n);
+  for (size_t i = 0; i < n; ++i) {
+    uint64_t counter = i * 200;
+    const auto normal = [&] { return rng.Normal(counter++); };
+    for (int k = 0; k < 3; ++k) splats.at(i, kMean + k) = 0.8 * normal();
+    if (i % 13 == 5) splats.at(i, kMean + 2) -= 4;  // near the camera, half of them behind it
+    for (int k = 0; k < 3; ++k) splats.at(i, kLogScale + k) = -2.2 + 0.7 * normal();
+    for (int k = 0; k < 4; ++k) splats.at(i, kRawQuat + k) = normal();
+    splats.at(i, kLogitOpacity) = 1.5 * normal();
+    for (int row = kShDc; row < kSplatRows; ++row) splats.at(i, row) = 0.4 * normal();
+  }
+  return splats;
+}
+
+// Runs `body` once for every instruction set that this machine has and this build contains.
+template <class Body>
+void ForEachTarget(Body body) {
+  int ran = 0;
+  for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
+    const int64_t target = targets & -targets;
+    if ((target & HWY_TARGETS) == 0) continue;
+    SCOPED_TRACE(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    body();
+    ++ran;
+  }
+  EXPECT_GE(ran, 1);
+  std::printf("instruction sets tested: %d\n", ran);
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
+
+void ExpectMatchesReference(const Splats& splats, const Camera& camera,
+                            const RenderSettings& settings) {
+  const ReferenceImage want = RenderReference(ToDoubles(splats), camera, settings);
+  Renderer renderer;
+  Planes image, alpha;
+  renderer.Forward(splats, camera, settings, &image, &alpha);
+  ASSERT_EQ(image.data.size(), want.image.size());
+  const size_t plane = image.plane_size();
+  size_t fragile = 0;
+  double worst = 0;
+  for (size_t i = 0; i < plane; ++i) {
+    if (want.fragile[i]) {
+      ++fragile;
+      continue;
+    }
+    worst = std::max(worst, std::abs(alpha.data[i] - want.alpha[i]));
+    for (int c = 0; c < settings.num_channels; ++c) {
+      // Depth is in scene units up to ~5; everything else is of order 1.
+      const double scale = c == kChannelDepth ? 5 : 1;
+      worst =
+          std::max(worst, std::abs(image.data[c * plane + i] - want.image[c * plane + i]) / scale);
+    }
+  }
+  EXPECT_LT(worst, 1e-5) << "single precision reaches 2e-6 on scenes like this";
+  EXPECT_LE(fragile, plane / 4 + 1);
+}
+
+TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
+  ForEachTarget([] {
+    for (const auto& [w, h] : {std::pair{61, 43}, {16, 16}, {1, 1}, {17, 5}, {3, 33}}) {
+      SCOPED_TRACE(std::to_string(w) + "x" + std::to_string(h));
+      for (int channels : {3, int{kNumChannels}}) {
+        RenderSettings settings;
+        settings.num_channels = channels;
+        settings.background[0] = 0.3f;
+        settings.depth_source = DepthSource::kCameraZ;
+        for (size_t n : {size_t{1}, size_t{17}, size_t{150}}) {
+          ExpectMatchesReference(MakeSplats(n, n), MakeCamera(w, h), settings);
+        }
+      }
+    }
+  });
+}
+
+TEST(Renderer, MatchesTheReferenceForDegenerateShapes) {
+  Splats splats = MakeSplats(60, 3);
+  for (size_t i = 0; i < 60; ++i) {
+    if (i % 4 == 0) splats.at(i, kLogScale) = 2;        // sheets and needles larger than the view
+    if (i % 4 == 1) splats.at(i, kLogScale + 1) = -14;  // flat
+    if (i % 4 == 2) splats.at(i, kLogitOpacity) = 40;   // opacity 1
+    if (i % 4 == 3) splats.at(i, kLogitOpacity) = -40;  // opacity 0
+  }
+  ForEachTarget([&] { ExpectMatchesReference(splats, MakeCamera(45, 37), RenderSettings()); });
+}
+
+TEST(Renderer, EmptySceneReturnsBackground) {
+  Renderer renderer;
+  RenderSettings settings;
+  settings.background[1] = 0.25f;
+  Planes image, alpha;
+  renderer.Forward(Splats(), MakeCamera(20, 10), settings, &image, &alpha);
+  for (float a : alpha.data) EXPECT_EQ(a, 0);
+  for (size_t i = 0; i < image.plane_size(); ++i) EXPECT_EQ(image.plane(1)[i], 0.25f);
+  renderer.Backward(Splats(), image, alpha, [](size_t, const float*, uint32_t) { FAIL(); });
+}
+
+TEST(Renderer, OneColourOnItselfRendersThatColour) {
+  Splats splats = MakeSplats(80, 4);
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int row = kShDc; row < kSplatRows; ++row) splats.at(i, row) = 0;
+  }
+  RenderSettings settings;
+  settings.background.fill(0.5f);  // SH 0 is grey 0.5, as the background
+  Renderer renderer;
+  Planes image, alpha;
+  renderer.Forward(splats, MakeCamera(50, 40), settings, &image, &alpha);
+  for (size_t i = 0; i < image.plane_size(); ++i) EXPECT_NEAR(image.plane(0)[i], 0.5f, 1e-6);
+}
+
+TEST(Renderer, NotANumberAndInfinityInOneGaussianLeaveTheOthersAlone) {
+  Splats splats = MakeSplats(40, 5);
+  Splats without(39);
+  for (size_t i = 0; i < 39; ++i) without.Copy(splats, i, i);
+  Renderer renderer;
+  Planes want, want_alpha, image, alpha;
+  renderer.Forward(without, MakeCamera(40, 30), RenderSettings(), &want, &want_alpha);
+  for (float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    splats.at(39, kMean) = bad;
+    renderer.Forward(splats, MakeCamera(40, 30), RenderSettings(), &image, &alpha);
+    EXPECT_EQ(image.data, want.data);
+  }
+}
+
+// Loss = sum(weights * image) + sum(weights * alpha), with weights zero on fragile pixels.
+struct Loss {
+  Planes v_image, v_alpha;
+  double Of(const ReferenceImage& r) const {
+    double sum = 0;
+    for (size_t i = 0; i < r.image.size(); ++i) sum += r.image[i] * v_image.data[i];
+    for (size_t i = 0; i < r.alpha.size(); ++i) sum += r.alpha[i] * v_alpha.data[i];
+    return sum;
+  }
+};
+
+Loss MakeLoss(const Splats& splats, const Camera& camera, const RenderSettings& settings) {
+  const ReferenceImage r = RenderReference(ToDoubles(splats), camera, settings);
+  Loss loss{Planes(settings.num_channels, camera.height, camera.width),
+            Planes(1, camera.height, camera.width)};
+  const CounterRng rng(9, 9);
+  const size_t plane = loss.v_alpha.data.size();
+  for (size_t i = 0; i < loss.v_image.data.size(); ++i) {
+    loss.v_image.data[i] = r.fragile[i % plane] ? 0 : rng.Normal(i);
+  }
+  for (size_t i = 0; i < plane; ++i)
+    loss.v_alpha.data[i] = r.fragile[i] ? 0 : rng.Normal(1000000 + i);
+  return loss;
+}
+
+std::vector<double> Gradient(const Splats& splats, const Camera& camera,
+                             const RenderSettings& settings, const Loss& loss) {
+  Renderer renderer;
+  Planes image, alpha;
+  renderer.Forward(splats, camera, settings, &image, &alpha);
+  Splats grads(splats.size());
+  renderer.Backward(splats, loss.v_image, loss.v_alpha,
+                    [&](size_t block, const float* g, uint32_t) {
+                      std::memcpy(grads.block(block), g, sizeof(float) * Splats::kBlockFloats);
+                    });
+  return ToDoubles(grads);
+}
+
+TEST(Renderer, GradientsMatchFiniteDifferencesOnEveryTarget) {
+  const Camera camera = MakeCamera(27, 21);
+  const Splats splats = MakeSplats(18, 11);
+  for (const DepthSource source : {DepthSource::kAttribute, DepthSource::kCameraZ}) {
+    RenderSettings settings;
+    settings.depth_source = source;
+    settings.background[2] = 0.7f;
+    const Loss loss = MakeLoss(splats, camera, settings);
+    std::vector<double> params = ToDoubles(splats);
+    std::vector<double> want(params.size());
+    for (size_t i = 0; i < params.size(); ++i) {
+      const double h = 1e-5, kept = params[i];
+      params[i] = kept + h;
+      const double up = loss.Of(RenderReference(params, camera, settings));
+      params[i] = kept - h;
+      const double down = loss.Of(RenderReference(params, camera, settings));
+      params[i] = kept;
+      want[i] = (up - down) / (2 * h);
+    }
+    ForEachTarget([&] {
+      const std::vector<double> got = Gradient(splats, camera, settings, loss);
+      for (int row = 0; row < kSplatRows; ++row) {
+        double scale = 1e-3, worst = 0;
+        for (size_t i = row; i < want.size(); i += kSplatRows) {
+          scale = std::max(scale, std::abs(want[i]));
+          worst = std::max(worst, std::abs(got[i] - want[i]));
+        }
+        // Single precision reaches 2e-5 of the largest entry; differences add their own 1e-6.
+        EXPECT_LT(worst, 2e-4 * scale) << "row " << row;
+      }
+    });
+  }
+}
+
+TEST(Renderer, GradientRowsPastTheShDegreeAreZero) {
+  const Camera camera = MakeCamera(27, 21);
+  const Splats splats = MakeSplats(18, 11);
+  RenderSettings settings;
+  settings.num_channels = 3;
+  settings.sh_degree = 1;
+  const std::vector<double> grads =
+      Gradient(splats, camera, settings, MakeLoss(splats, camera, settings));
+  double used = 0;
+  for (size_t i = 0; i < grads.size(); ++i) {
+    if (int(i % kSplatRows) >= SplatRowsForDegree(1)) {
+      EXPECT_EQ(grads[i], 0);
+    }
+    if (i % kSplatRows == kShRest) used += std::abs(grads[i]);
+  }
+  EXPECT_GT(used, 0);
+}
+
+TEST(Renderer, ResultsAreTheSameBytesForAnyThreadCount) {
+  const Camera camera = MakeCamera(150, 110);
+  const Splats splats = MakeSplats(3000, 12);
+  RenderSettings settings;
+  settings.threads = 1;
+  const Loss loss = MakeLoss(splats, camera, settings);
+  const std::vector<double> want = Gradient(splats, camera, settings, loss);
+  for (int threads : {2, 5}) {
+    settings.threads = threads;
+    EXPECT_EQ(Gradient(splats, camera, settings, loss), want) << threads << " threads";
+  }
+}
+
+TEST(Renderer, OrderOfGaussiansDoesNotMatter) {
+  const Splats splats = MakeSplats(200, 13);
+  Splats reversed(200);
+  for (size_t i = 0; i < 200; ++i) reversed.Copy(splats, 199 - i, i);
+  Renderer renderer;
+  Planes a, b, alpha;
+  renderer.Forward(splats, MakeCamera(70, 50), RenderSettings(), &a, &alpha);
+  renderer.Forward(reversed, MakeCamera(70, 50), RenderSettings(), &b, &alpha);
+  EXPECT_EQ(a.data, b.data);
+}
+
+TEST(Renderer, MillionGaussiansRender) {
+  const Splats splats = MakeSplats(1000000, 14);
+  Renderer renderer;
+  Planes image, alpha;
+  renderer.Forward(splats, MakeCamera(64, 48), RenderSettings(), &image, &alpha);
+  EXPECT_GT(renderer.counters().visible, 100000);
+  for (float a : alpha.data) {
+    EXPECT_GE(a, 0.0f);
+    EXPECT_LE(a, 1.0f);
+  }
+}
+
+}  // namespace
+}  // namespace litags
