@@ -58,13 +58,25 @@ struct SfmProgress {
 };
 using SfmProgressFn = std::function<void(const SfmProgress&)>;
 
-// One photo in the model that was kept.
+// Why a photo has no place in the model.
+enum class DropCause {
+  kNone,         // it has one
+  kFewFeatures,  // too few SIFT features to match anything
+  kNoMatches,    // no other photo shows the same things
+  kOtherGroup,   // placed in a separate, smaller model
+  kNotPlaced,    // matches others, but its pose could not be solved
+  kNoCamera,     // TriangulatePoints: no camera was given for it
+};
+
+// One photo, as seen by the rung that was kept.
 struct SfmPhoto {
   std::string name;
-  bool registered = false;
   int features = 0;        // SIFT features found
   int matched_photos = 0;  // photos with a verified match
-  std::string reason;      // why it was dropped; empty if registered
+  DropCause drop = DropCause::kNone;
+  std::string reason;  // of the drop, for a human; empty if registered
+
+  bool registered() const { return drop == DropCause::kNone; }
 };
 
 // One preparation that was tried.
@@ -72,7 +84,8 @@ struct SfmRung {
   std::string preparation;
   int registered = 0;       // photos in the largest model
   int64_t points = 0;       // in the largest model
-  std::vector<int> models;  // photos per model, largest first: more than one is a split capture
+  std::vector<int> groups;  // photos per separate model, largest first; of later ones, those in
+                            // no earlier model: more than one is a split capture
   double prepare_seconds = 0, feature_seconds = 0, match_seconds = 0, map_seconds = 0;
 };
 
@@ -105,9 +118,10 @@ struct SfmResult {
 // poses differ in the last digits from run to run (less with threads = 1 and a fixed seed).
 //
 // Errors: INVALID_ARGUMENT for options, unreadable photos, TOO_FEW_PHOTOS (one or none);
-// FAILED_PRECONDITION SFM_TOO_FEW_REGISTERED (less than max(3, min_registered) placed; the message
-// names photos and causes), SFM_NO_MODEL, SFM_SPLIT (photos of different places), COLMAP_NOT_FOUND;
-// INTERNAL COLMAP_FAILED with COLMAP's last lines; DEADLINE_EXCEEDED; CANCELLED within a second.
+// FAILED_PRECONDITION SFM_TOO_FEW_REGISTERED (fewer than 3 or than min_registered placed; the
+// message names photos and causes), SFM_NO_MODEL (none placed), SFM_SPLIT (photos of different
+// places: a second group at least half as large as the first), COLMAP_NOT_FOUND; INTERNAL
+// COLMAP_FAILED with COLMAP's last lines; DEADLINE_EXCEEDED; CANCELLED within a second.
 absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::string& work_dir,
                                       const SfmOptions& options, const CancelToken& cancel,
                                       const SfmProgressFn& progress = nullptr);

@@ -1,0 +1,63 @@
+// COLMAP's commands, each as a supervised child program.
+#ifndef LITAGS_ENGINE_SFM_COLMAP_H_
+#define LITAGS_ENGINE_SFM_COLMAP_H_
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+#include "engine/core/subprocess.h"
+#include "engine/sfm/sfm.h"
+
+namespace litags {
+
+// Fraction of the running command, 0..1, as read from its output.
+using FractionFn = std::function<void(double)>;
+
+// One database and the photos it is made of. Every command returns its wall-clock seconds.
+// Errors: FAILED_PRECONDITION COLMAP_NOT_FOUND; INTERNAL COLMAP_FAILED with COLMAP's last lines
+// and the log's path; DEADLINE_EXCEEDED PROGRAM_TIMEOUT; CANCELLED.
+class Colmap {
+ public:
+  // Files of `dir`: images/ (made by the caller), database.db, logs *.log. `options` and
+  // `cancel` must outlive this.
+  Colmap(const SfmOptions& options, std::string dir, const CancelToken& cancel);
+
+  std::string images_dir() const { return dir_ + "/images"; }
+  std::string database_path() const { return dir_ + "/database.db"; }
+
+  absl::StatusOr<double> ExtractFeatures(int num_photos, const FractionFn& progress);
+  absl::StatusOr<double> Match(int num_photos, const FractionFn& progress);
+  // Models appear as models_dir/0, 1, ...; none at all is not an error here.
+  absl::StatusOr<double> Map(const std::string& models_dir, int num_photos,
+                             const FractionFn& progress);
+  absl::StatusOr<double> Triangulate(const std::string& input_dir, const std::string& output_dir,
+                                     int num_photos, const FractionFn& progress);
+
+ private:
+  absl::StatusOr<SubprocessResult> Run(std::vector<std::string> args,
+                                       const std::function<void(std::string_view)>& on_line);
+  absl::StatusOr<double> RunChecked(std::vector<std::string> args,
+                                    const std::function<void(std::string_view)>& on_line);
+  absl::Status Failed(const std::string& command, const std::string& how) const;
+
+  const SfmOptions& options_;
+  const std::string dir_;
+  const CancelToken& cancel_;
+  const int threads_;
+};
+
+// SIFT features per photo: options.max_features, or as many of 1000..4000 as keep the matching of
+// all pairs near a minute on two cores (it grows with pairs times features squared).
+int FeatureBudget(const SfmOptions& options, int num_photos);
+
+// Pairs that will be matched: all, or sequential_overlap neighbours.
+int64_t NumPairs(const SfmOptions& options, int num_photos);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_SFM_COLMAP_H_

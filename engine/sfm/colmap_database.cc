@@ -1,0 +1,141 @@
+#include "engine/sfm/colmap_database.h"
+
+#include <sqlite3.h>
+
+#include <cstdint>
+#include <memory>
+#include <string_view>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+// COLMAP numbers a pair as kMaxImages * smaller id + larger id.
+constexpr int64_t kMaxImages = 2147483647;
+constexpr int kOpenCvModel = 4;  // fx fy cx cy k1 k2 p1 p2
+
+struct CloseDatabase {
+  void operator()(sqlite3* db) const { sqlite3_close_v2(db); }
+};
+struct FinalizeStatement {
+  void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
+};
+using Statement = std::unique_ptr<sqlite3_stmt, FinalizeStatement>;
+
+class Database {
+ public:
+  explicit Database(const std::string& path) : path_(path) {}
+
+  absl::Status Open(int flags) {
+    sqlite3* db = nullptr;
+    const int code = sqlite3_open_v2(path_.c_str(), &db, flags, nullptr);
+    db_.reset(db);
+    return code == SQLITE_OK ? absl::OkStatus() : Error();
+  }
+
+  absl::StatusOr<Statement> Prepare(std::string_view sql) {
+    sqlite3_stmt* statement = nullptr;
+    if (sqlite3_prepare_v2(db_.get(), sql.data(), static_cast<int>(sql.size()), &statement,
+                           nullptr) != SQLITE_OK) {
+      return Error();
+    }
+    return Statement(statement);
+  }
+
+  // True while there are rows.
+  absl::StatusOr<bool> Step(const Statement& statement) {
+    const int code = sqlite3_step(statement.get());
+    if (code == SQLITE_ROW) return true;
+    if (code == SQLITE_DONE) return false;
+    return Error();
+  }
+
+  absl::Status Execute(const char* sql) {
+    return sqlite3_exec(db_.get(), sql, nullptr, nullptr, nullptr) == SQLITE_OK ? absl::OkStatus()
+                                                                                : Error();
+  }
+
+ private:
+  absl::Status Error() const {
+    return MakeError(absl::StatusCode::kInternal, "COLMAP_DATABASE", "",
+                     absl::StrCat("COLMAP's database \"", path_,
+                                  "\" cannot be used: ", sqlite3_errmsg(db_.get()),
+                                  "; check that COLMAP 3.8 is installed and the disk has room"));
+  }
+
+  const std::string path_;
+  std::unique_ptr<sqlite3, CloseDatabase> db_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::vector<DatabaseImage>> ReadDatabaseImages(const std::string& path) {
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
+  LITAGS_ASSIGN_OR_RETURN(
+      const Statement statement,
+      db.Prepare("SELECT images.image_id, name, IFNULL(keypoints.rows, 0) FROM images "
+                 "LEFT JOIN keypoints USING (image_id) ORDER BY images.image_id"));
+  std::vector<DatabaseImage> images;
+  while (true) {
+    LITAGS_ASSIGN_OR_RETURN(const bool row, db.Step(statement));
+    if (!row) return images;
+    const unsigned char* name = sqlite3_column_text(statement.get(), 1);
+    images.push_back({.id = sqlite3_column_int(statement.get(), 0),
+                      .name = name ? reinterpret_cast<const char*>(name) : "",
+                      .features = sqlite3_column_int(statement.get(), 2)});
+  }
+}
+
+absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& path,
+                                                            int min_inliers) {
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
+  LITAGS_ASSIGN_OR_RETURN(
+      const Statement statement,
+      db.Prepare("SELECT pair_id, rows FROM two_view_geometries WHERE rows >= ?"));
+  sqlite3_bind_int(statement.get(), 1, min_inliers);
+  std::vector<VerifiedPair> pairs;
+  while (true) {
+    LITAGS_ASSIGN_OR_RETURN(const bool row, db.Step(statement));
+    if (!row) return pairs;
+    const int64_t pair = sqlite3_column_int64(statement.get(), 0);
+    pairs.push_back({.id1 = static_cast<int>(pair / kMaxImages),
+                     .id2 = static_cast<int>(pair % kMaxImages),
+                     .inliers = sqlite3_column_int(statement.get(), 1)});
+  }
+}
+
+absl::Status SetKnownCameras(const std::string& path, const SparseModel& model) {
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
+  LITAGS_RETURN_IF_ERROR(db.Execute("BEGIN; DELETE FROM cameras"));
+  LITAGS_ASSIGN_OR_RETURN(
+      const Statement add_camera,
+      db.Prepare("INSERT INTO cameras (camera_id, model, width, height, params, "
+                 "prior_focal_length) VALUES (?, ?, ?, ?, ?, 1)"));
+  LITAGS_ASSIGN_OR_RETURN(const Statement set_camera,
+                          db.Prepare("UPDATE images SET camera_id = ? WHERE name = ?"));
+  for (size_t i = 0; i < model.views.size(); ++i) {
+    const Camera& c = model.views[i].camera;
+    const Distortion& d = model.distortions[i];
+    const double params[] = {c.fx, c.fy, c.cx, c.cy, d.k1, d.k2, d.p1, d.p2};
+    const int camera_id = static_cast<int>(i) + 1;
+    sqlite3_bind_int(add_camera.get(), 1, camera_id);
+    sqlite3_bind_int(add_camera.get(), 2, kOpenCvModel);
+    sqlite3_bind_int(add_camera.get(), 3, c.width);
+    sqlite3_bind_int(add_camera.get(), 4, c.height);
+    sqlite3_bind_blob(add_camera.get(), 5, params, sizeof(params), SQLITE_TRANSIENT);
+    LITAGS_RETURN_IF_ERROR(db.Step(add_camera).status());
+    sqlite3_reset(add_camera.get());
+    sqlite3_bind_int(set_camera.get(), 1, camera_id);
+    sqlite3_bind_text(set_camera.get(), 2, model.views[i].name.c_str(), -1, SQLITE_TRANSIENT);
+    LITAGS_RETURN_IF_ERROR(db.Step(set_camera).status());
+    sqlite3_reset(set_camera.get());
+  }
+  return db.Execute("COMMIT");
+}
+
+}  // namespace litags

@@ -1,0 +1,125 @@
+#include "engine/sfm/exposure.h"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "opencv2/core.hpp"
+#include "opencv2/imgproc.hpp"
+
+namespace litags {
+namespace {
+
+constexpr double kTargetMean = 0.45;
+constexpr double kMaxGain = 255;  // one code of a black photo becomes white
+
+cv::Mat Wrap(ImageU8& image) {
+  return cv::Mat(image.height, image.width, CV_8UC3, image.data.data());
+}
+
+void ApplyGain(ImageU8& image) {
+  const double mean = MeasureLight(image).mean_level;
+  const double gain = std::clamp(kTargetMean / std::max(mean, 1e-6), 1.0, kMaxGain);
+  for (uint8_t& code : image.data) {
+    code = static_cast<uint8_t>(std::min(255.0, code * gain + 0.5));
+  }
+}
+
+void ApplyBlur(ImageU8& image, double sigma_px) {
+  cv::Mat view = Wrap(image);
+  cv::GaussianBlur(view, view, cv::Size(), sigma_px);
+}
+
+void ApplyClahe(ImageU8& image) {
+  cv::Mat view = Wrap(image), lab, lightness;
+  cv::cvtColor(view, lab, cv::COLOR_RGB2Lab);
+  cv::extractChannel(lab, lightness, 0);
+  cv::createCLAHE(4.0, cv::Size(8, 8))->apply(lightness, lightness);
+  cv::insertChannel(lightness, lab, 0);
+  cv::cvtColor(lab, view, cv::COLOR_Lab2RGB);
+}
+
+}  // namespace
+
+std::string_view ExposureName(Exposure exposure) {
+  switch (exposure) {
+    case Exposure::kNormal:
+      return "normal";
+    case Exposure::kLow:
+      return "low";
+    case Exposure::kOver:
+      return "over";
+  }
+  return "";
+}
+
+LightStats MeasureLight(const ImageU8& photo) {
+  if (photo.empty()) return {};
+  uint64_t sum = 0, clipped = 0;
+  for (size_t i = 0; i < photo.data.size(); i += 3) {
+    const uint8_t r = photo.data[i], g = photo.data[i + 1], b = photo.data[i + 2];
+    sum += r + g + b;
+    clipped += r == 255 || g == 255 || b == 255;
+  }
+  const double n = static_cast<double>(photo.data.size());
+  return {.mean_level = sum / n / 255, .clipped_fraction = 3 * clipped / n};
+}
+
+Exposure ClassifyExposure(const LightStats& stats) {
+  if (stats.mean_level < 0.25) return Exposure::kLow;
+  if (stats.mean_level > 0.70 || stats.clipped_fraction > 0.25) return Exposure::kOver;
+  return Exposure::kNormal;
+}
+
+std::string_view PreparationName(Preparation preparation) {
+  switch (preparation) {
+    case Preparation::kRaw:
+      return "as they are";
+    case Preparation::kGainBlur07:
+      return "gain + Gaussian 0.7 px";
+    case Preparation::kGainBlur12:
+      return "gain + Gaussian 1.2 px";
+    case Preparation::kGainClahe:
+      return "gain + CLAHE";
+    case Preparation::kClahe:
+      return "CLAHE";
+  }
+  return "";
+}
+
+std::vector<Preparation> Ladder(Exposure exposure) {
+  switch (exposure) {
+    case Exposure::kLow:
+      return {Preparation::kGainBlur07, Preparation::kGainBlur12, Preparation::kGainClahe};
+    case Exposure::kOver:
+      return {Preparation::kClahe, Preparation::kRaw};
+    case Exposure::kNormal:
+      return {Preparation::kRaw, Preparation::kClahe};
+  }
+  return {};
+}
+
+ImageU8 Prepare(const ImageU8& photo, Preparation preparation) {
+  ImageU8 image = photo;
+  switch (preparation) {
+    case Preparation::kRaw:
+      break;
+    case Preparation::kGainBlur07:
+      ApplyGain(image);
+      ApplyBlur(image, 0.7);
+      break;
+    case Preparation::kGainBlur12:
+      ApplyGain(image);
+      ApplyBlur(image, 1.2);
+      break;
+    case Preparation::kGainClahe:
+      ApplyGain(image);
+      ApplyClahe(image);
+      break;
+    case Preparation::kClahe:
+      ApplyClahe(image);
+      break;
+  }
+  return image;
+}
+
+}  // namespace litags

@@ -1,0 +1,137 @@
+#include "engine/sfm/photo_set.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/core/error.h"
+#include "engine/core/parallel.h"
+#include "engine/io/image_io.h"
+
+namespace litags {
+namespace {
+
+// Photos decoded to tell the light of a capture.
+constexpr size_t kMeasuredPhotos = 32;
+
+std::string FieldOf(const Photo& photo) { return absl::StrCat("images[", photo.name, "]"); }
+
+std::string PathOf(const std::string& dir, const Photo& photo) {
+  return absl::StrCat(dir, "/", photo.name);
+}
+
+// Body for every photo on several threads; the error of the first photo in order, if any.
+absl::Status ForEach(size_t n, int threads, const CancelToken& cancel,
+                     absl::FunctionRef<absl::Status(size_t i, int thread)> body) {
+  std::vector<absl::Status> statuses(n);
+  std::atomic<bool> failed = false;
+  ParallelFor(threads, n, [&](size_t i, int thread) {
+    if (failed) return;
+    statuses[i] = cancel.Check();
+    if (statuses[i].ok()) statuses[i] = body(i, thread);
+    if (!statuses[i].ok()) failed = true;
+  });
+  for (absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(std::move(status));
+  return absl::OkStatus();
+}
+
+// Copies are made anew after a crash: they need no fsync.
+absl::Status WriteScratch(const std::string& path, const std::string& bytes) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (file) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "work_dir",
+                   absl::StrCat("cannot write "
+                                ", path, "
+                                " (",
+                                bytes.size(), " bytes); free some room on the disk"));
+}
+
+}  // namespace
+
+absl::Status MakeFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (!error) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
+                   absl::StrCat("cannot make folder \"", path, "\": ", error.message(),
+                                "; check its place and its permissions"));
+}
+
+absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(images_dir, "images"));
+  std::vector<Photo> photos;
+  photos.reserve(names.size());
+  for (const std::string& name : names) {
+    Photo photo;
+    photo.name = name;
+    LITAGS_ASSIGN_OR_RETURN(const ImageInfo info,
+                            ReadImageSize(PathOf(images_dir, photo), FieldOf(photo)));
+    photo.width = photo.copy_width = info.width;
+    photo.height = photo.copy_height = info.height;
+    const int longer = std::max(photo.width, photo.height);
+    if (max_image_side > 0 && longer > max_image_side) {
+      const double scale = static_cast<double>(max_image_side) / longer;
+      photo.copy_width = std::max(1, static_cast<int>(std::lround(scale * photo.width)));
+      photo.copy_height = std::max(1, static_cast<int>(std::lround(scale * photo.height)));
+    }
+    // By the photo's own size: two sizes may shrink to one without being one camera.
+    photo.copy_name = absl::StrFormat("%dx%d/%06d.png", photo.width, photo.height, photos.size());
+    photos.push_back(std::move(photo));
+  }
+  return photos;
+}
+
+absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,
+                                          const std::vector<Photo>& photos, int threads,
+                                          const CancelToken& cancel) {
+  const size_t n = std::min(photos.size(), kMeasuredPhotos);
+  if (n == 0) return LightStats{};
+  std::vector<LightStats> stats(n);
+  LITAGS_RETURN_IF_ERROR(ForEach(n, threads, cancel, [&](size_t i, int) -> absl::Status {
+    const Photo& photo = photos[i * photos.size() / n];
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 image,
+                            ReadImage(PathOf(images_dir, photo), FieldOf(photo)));
+    stats[i] = MeasureLight(image);
+    return absl::OkStatus();
+  }));
+  LightStats mean;
+  for (const LightStats& s : stats) {
+    mean.mean_level += s.mean_level / n;
+    mean.clipped_fraction += s.clipped_fraction / n;
+  }
+  return mean;
+}
+
+absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>& photos,
+                         Preparation preparation, const std::string& copies_dir, int threads,
+                         const CancelToken& cancel, const std::function<void(double)>& progress) {
+  std::set<std::string> folders;
+  for (const Photo& photo : photos) {
+    folders.insert(photo.copy_name.substr(0, photo.copy_name.find('/')));
+  }
+  for (const std::string& folder : folders) {
+    LITAGS_RETURN_IF_ERROR(MakeFolder(absl::StrCat(copies_dir, "/", folder)));
+  }
+  std::atomic<size_t> done = 0;
+  return ForEach(photos.size(), threads, cancel, [&](size_t i, int thread) -> absl::Status {
+    const Photo& photo = photos[i];
+    LITAGS_ASSIGN_OR_RETURN(ImageU8 image, ReadImage(PathOf(images_dir, photo), FieldOf(photo)));
+    if (photo.copy_width != photo.width || photo.copy_height != photo.height) {
+      image = ResizeArea(image, photo.copy_width, photo.copy_height);
+    }
+    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(Prepare(image, preparation)));
+    LITAGS_RETURN_IF_ERROR(WriteScratch(absl::StrCat(copies_dir, "/", photo.copy_name), png));
+    ++done;
+    if (thread == 0) progress(static_cast<double>(done) / photos.size());
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace litags

@@ -1,0 +1,43 @@
+// The photos of a capture and the prepared copies that COLMAP sees.
+#ifndef LITAGS_ENGINE_SFM_PHOTO_SET_H_
+#define LITAGS_ENGINE_SFM_PHOTO_SET_H_
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+#include "engine/sfm/exposure.h"
+
+namespace litags {
+
+struct Photo {
+  std::string name;       // file name in the photos' folder
+  std::string copy_name;  // "480x361/000003.png": COLMAP shares a camera per folder; no name of a
+                          // client's choice reaches its command line or database
+  int width = 0, height = 0;            // px, upright
+  int copy_width = 0, copy_height = 0;  // px
+};
+
+// All photos of a folder in name order, sized but not decoded. Copies have a longer side of at
+// most max_image_side (0: no bound). Errors of ListPhotos and ReadImageSize.
+absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side);
+
+// Mean light of up to 32 photos spread evenly over the capture.
+absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,
+                                          const std::vector<Photo>& photos, int threads,
+                                          const CancelToken& cancel);
+
+// Writes the prepared copies under copies_dir. `progress` gets fractions, in the calling thread.
+absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>& photos,
+                         Preparation preparation, const std::string& copies_dir, int threads,
+                         const CancelToken& cancel, const std::function<void(double)>& progress);
+
+// A folder and its parents, made if missing; FAILED_PRECONDITION naming the path.
+absl::Status MakeFolder(const std::string& path);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_SFM_PHOTO_SET_H_

@@ -1,0 +1,92 @@
+#include "engine/sfm/registration.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+constexpr size_t kNamesShown = 5;
+
+struct CauseText {
+  DropCause cause;
+  const char* one;
+  const char* many;
+};
+constexpr CauseText kCauses[] = {
+    {DropCause::kFewFeatures, "has too few features", "have too few features"},
+    {DropCause::kNoMatches, "matches no other photo", "match no other photo"},
+    {DropCause::kOtherGroup, "belongs to a separate group", "belong to separate groups"},
+    {DropCause::kNotPlaced, "matches others too weakly to be placed",
+     "match others too weakly to be placed"},
+    {DropCause::kNoCamera, "has no given camera", "have no given camera"},
+};
+
+std::string ShortList(std::vector<std::string> names) {
+  const size_t total = names.size();
+  if (total > kNamesShown) names.resize(kNamesShown);
+  std::string list = absl::StrJoin(names, ", ");
+  if (total > kNamesShown) absl::StrAppend(&list, ", ", total - kNamesShown, " more");
+  return list;
+}
+
+absl::Status Refuse(std::string_view reason, const std::string& message) {
+  return MakeError(absl::StatusCode::kFailedPrecondition, reason, "images", message);
+}
+
+}  // namespace
+
+int NeededPhotos(int num_photos, const SfmOptions& options) {
+  // A hair below, so that 0.7 of 10 photos is 7 despite rounding.
+  const int fraction = static_cast<int>(std::ceil(options.min_registered * num_photos - 1e-9));
+  return std::min(num_photos, std::max(3, fraction));
+}
+
+std::string SummarizeDrops(const std::vector<SfmPhoto>& photos) {
+  std::vector<std::string> parts;
+  for (const CauseText& text : kCauses) {
+    std::vector<std::string> names;
+    for (const SfmPhoto& photo : photos) {
+      if (photo.drop == text.cause) names.push_back(photo.name);
+    }
+    if (names.empty()) continue;
+    parts.push_back(absl::StrCat(names.size(), " ", names.size() == 1 ? text.one : text.many, " (",
+                                 ShortList(names), ")"));
+  }
+  return absl::StrJoin(parts, "; ");
+}
+
+absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>& photos,
+                               const SfmOptions& options) {
+  const int n = static_cast<int>(photos.size());
+  const int needed = NeededPhotos(n, options);
+  const std::string drops = SummarizeDrops(photos);
+  if (rung.registered == 0) {
+    return Refuse("SFM_NO_MODEL",
+                  absl::StrCat("none of ", n, " photos could be placed: ", drops,
+                               "; try photos of one place that overlap by half or more, sharper or "
+                               "less extremely exposed ones, or bring known cameras"));
+  }
+  if (rung.groups.size() > 1 && 2 * rung.groups[1] >= rung.groups[0]) {
+    std::vector<int> sizes = rung.groups;
+    return Refuse(
+        "SFM_SPLIT",
+        absl::StrCat("the ", n, " photos fall into ", sizes.size(), " groups that share nothing (",
+                     absl::StrJoin(sizes, ", "), " photos): ", drops,
+                     "; send one place per job, or add photos that link the groups"));
+  }
+  if (rung.registered < needed) {
+    return Refuse("SFM_TOO_FEW_REGISTERED",
+                  absl::StrCat(rung.registered, " of ", n, " photos could be placed, ", needed,
+                               " are needed (best preparation: ", rung.preparation, "): ", drops,
+                               "; try leaving those out, photos with more overlap, sharper or less "
+                               "extremely exposed ones, a lower min_registered, or known cameras"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace litags

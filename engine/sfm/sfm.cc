@@ -1,0 +1,276 @@
+#include "engine/sfm/sfm.h"
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "absl/functional/function_ref.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "engine/core/error.h"
+#include "engine/sfm/exposure.h"
+#include "engine/sfm/photo_set.h"
+#include "engine/sfm/registration.h"
+#include "engine/sfm/rung.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr int kEnoughPointsPerView = 10;  // TriangulatePoints stops climbing there
+
+// One call's inputs and what was measured on them.
+struct Capture {
+  const std::string& images_dir;
+  const std::string dir;  // work_dir/sfm
+  const SfmOptions& options;
+  const CancelToken& cancel;
+  const SfmProgressFn& progress;
+  std::vector<Photo> photos;
+  LightStats light;
+  Exposure exposure = Exposure::kNormal;
+};
+
+absl::Status ClearFolder(const std::string& dir) {
+  std::error_code error;
+  fs::remove_all(dir, error);
+  return MakeFolder(dir);
+}
+
+// Copies and databases are large and of no further use; the logs stay.
+void DropBulk(const std::string& rung_dir) {
+  std::error_code ignored;  // leftovers are cleared by the next call
+  for (const char* name : {"images", "database.db", "database.db-shm", "database.db-wal", "models",
+                           "known", "triangulated"}) {
+    fs::remove_all(absl::StrCat(rung_dir, "/", name), ignored);
+  }
+}
+
+absl::Status Measure(Capture& capture) {
+  LITAGS_ASSIGN_OR_RETURN(capture.light, MeasureCapture(capture.images_dir, capture.photos,
+                                                        capture.options.threads, capture.cancel));
+  capture.exposure = ClassifyExposure(capture.light);
+  return absl::OkStatus();
+}
+
+// Most photos, then most points.
+bool IsBetter(const SfmRung& a, const SfmRung& b) {
+  return std::pair(a.registered, a.points) > std::pair(b.registered, b.points);
+}
+
+// Tries the preparations in turn until one is enough; the best of those tried.
+absl::StatusOr<SfmResult> Climb(
+    const Capture& capture,
+    absl::FunctionRef<absl::StatusOr<RungOutput>(const RungInput&)> try_rung,
+    absl::FunctionRef<bool(const SfmRung&)> is_enough) {
+  const std::vector<Preparation> ladder = Ladder(capture.exposure);
+  SfmResult result;
+  std::optional<RungOutput> best;
+  for (size_t i = 0; i < ladder.size(); ++i) {
+    RungInput input = {.images_dir = capture.images_dir,
+                       .photos = capture.photos,
+                       .options = capture.options,
+                       .cancel = capture.cancel,
+                       .preparation = ladder[i],
+                       .dir = absl::StrCat(capture.dir, "/", i),
+                       .report = [&](const char* step, double fraction) {
+                         if (!capture.progress) return;
+                         capture.progress({.preparation = std::string(PreparationName(ladder[i])),
+                                           .step = step,
+                                           .rung = static_cast<int>(i),
+                                           .rungs = static_cast<int>(ladder.size()),
+                                           .fraction = fraction});
+                       }};
+    LITAGS_RETURN_IF_ERROR(MakeFolder(input.dir));
+    auto output = try_rung(input);
+    if (!capture.options.keep_prepared) DropBulk(input.dir);
+    LITAGS_RETURN_IF_ERROR(output.status());
+    result.rungs.push_back(output->rung);
+    if (!best || IsBetter(output->rung, best->rung)) best = *std::move(output);
+    if (is_enough(result.rungs.back())) break;
+  }
+  result.model = std::move(best->model);
+  result.photos = std::move(best->photos);
+  result.preparation = best->rung.preparation;
+  result.exposure = capture.exposure;
+  result.mean_level = capture.light.mean_level;
+  result.clipped_fraction = capture.light.clipped_fraction;
+  return result;
+}
+
+const SfmRung& KeptRung(const SfmResult& result) {
+  for (const SfmRung& rung : result.rungs) {
+    if (rung.preparation == result.preparation) return rung;
+  }
+  return result.rungs.front();
+}
+
+void AddNotes(const SfmRung& kept, SfmResult& result) {
+  const std::string drops = SummarizeDrops(result.photos);
+  if (!drops.empty()) {
+    result.notes.push_back(absl::StrCat(result.model.views.size(), " of ", result.photos.size(),
+                                        " photos have a camera; left out: ", drops));
+  }
+  if (kept.groups.size() > 1) {
+    std::vector<int> sizes = kept.groups;
+    result.notes.push_back(absl::StrCat("the photos split into groups of ",
+                                        absl::StrJoin(sizes, ", "), "; the largest was taken"));
+  }
+}
+
+// The photo of each given view, with sizes that agree.
+absl::StatusOr<std::vector<Photo>> PhotosOfViews(const std::vector<Photo>& photos,
+                                                 const SparseModel& cameras) {
+  std::map<std::string, const Photo*> by_name;
+  for (const Photo& photo : photos) by_name[photo.name] = &photo;
+  std::vector<Photo> chosen;
+  for (const View& view : cameras.views) {
+    const std::string field = absl::StrCat("cameras[", view.name, "]");
+    if (!chosen.empty() && chosen.back().name >= view.name) {
+      return InvalidInput("CAMERAS_NOT_SORTED", field,
+                          absl::StrCat("cameras: \"", view.name, "\" follows \"",
+                                       chosen.back().name, "\"; names must be unique and sorted"));
+    }
+    LITAGS_RETURN_IF_ERROR(view.camera.Validate(field));
+    const auto found = by_name.find(view.name);
+    if (found == by_name.end()) {
+      return MakeError(absl::StatusCode::kNotFound, "VIEW_WITHOUT_PHOTO", field,
+                       absl::StrCat("camera \"", view.name,
+                                    "\" has no photo of that name; add the photo or leave the "
+                                    "camera out"));
+    }
+    const Photo& photo = *found->second;
+    if (photo.width != view.camera.width || photo.height != view.camera.height) {
+      return InvalidInput("CAMERA_SIZE_MISMATCH", field,
+                          absl::StrCat("camera \"", view.name, "\" is for ", view.camera.width, "x",
+                                       view.camera.height, " px, its photo has ", photo.width, "x",
+                                       photo.height, "; bring the camera to the photo's size"));
+    }
+    chosen.push_back(photo);
+  }
+  return chosen;
+}
+
+// Every photo in name order again: those without a given camera were not worked on.
+std::vector<SfmPhoto> WithPhotosLeftOut(const std::vector<Photo>& all,
+                                        const std::vector<SfmPhoto>& used) {
+  std::map<std::string, const SfmPhoto*> by_name;
+  for (const SfmPhoto& photo : used) by_name[photo.name] = &photo;
+  std::vector<SfmPhoto> photos;
+  for (const Photo& photo : all) {
+    const auto found = by_name.find(photo.name);
+    if (found != by_name.end()) {
+      photos.push_back(*found->second);
+    } else {
+      photos.push_back(
+          {.name = photo.name, .drop = DropCause::kNoCamera, .reason = "has no given camera"});
+    }
+  }
+  return photos;
+}
+
+absl::Status OutOfRange(std::string_view field, const std::string& rule) {
+  return InvalidInput("OUT_OF_RANGE", field, absl::StrCat(std::string(field), " ", rule));
+}
+
+double SecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+}  // namespace
+
+absl::Status SfmOptions::Validate() const {
+  const auto is_fraction = [](double f) { return f > 0 && f <= 1; };
+  if (colmap.empty()) return OutOfRange("colmap", "is empty; name the program");
+  if (threads < 0) return OutOfRange("threads", "must be 0 (all cores) or more");
+  if (seed > 0x7fffffff) return OutOfRange("seed", "must fit in 31 bits, as COLMAP's does");
+  if (max_image_side != 0 && max_image_side < 64) {
+    return OutOfRange("max_image_side", "must be 0 (as they are) or at least 64 px");
+  }
+  if (max_features != 0 && (max_features < 100 || max_features > 32768)) {
+    return OutOfRange("max_features", "must be 0 (automatic) or in 100..32768");
+  }
+  if (sequential_above < 2) return OutOfRange("sequential_above", "must be 2 or more");
+  if (sequential_overlap < 1) return OutOfRange("sequential_overlap", "must be 1 or more");
+  if (!is_fraction(min_registered)) return OutOfRange("min_registered", "must be in (0, 1]");
+  if (!is_fraction(enough_registered)) return OutOfRange("enough_registered", "must be in (0, 1]");
+  if (!(step_timeout_seconds >= 0)) return OutOfRange("step_timeout_seconds", "must be 0 or more");
+  if (max_memory_bytes < 0) return OutOfRange("max_memory_bytes", "must be 0 or more");
+  if (niceness < 0 || niceness > 19) return OutOfRange("niceness", "must be in 0..19");
+  return absl::OkStatus();
+}
+
+absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::string& work_dir,
+                                      const SfmOptions& options, const CancelToken& cancel,
+                                      const SfmProgressFn& progress) {
+  const Clock::time_point start = Clock::now();
+  LITAGS_RETURN_IF_ERROR(options.Validate());
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+  Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
+  LITAGS_ASSIGN_OR_RETURN(capture.photos, ListPhotoSet(images_dir, options.max_image_side));
+  const int n = static_cast<int>(capture.photos.size());
+  if (n < 2) {
+    return InvalidInput("TOO_FEW_PHOTOS", "images",
+                        absl::StrCat("images: ", n,
+                                     " photo cannot tell where it was taken from; "
+                                     "send at least 3, better 20, photos of one place that "
+                                     "overlap, or bring known cameras"));
+  }
+  LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
+  LITAGS_RETURN_IF_ERROR(Measure(capture));
+
+  const int enough = static_cast<int>(std::ceil(options.enough_registered * n - 1e-9));
+  LITAGS_ASSIGN_OR_RETURN(SfmResult result, Climb(capture, MapPhotos, [&](const SfmRung& rung) {
+                            return rung.registered >= enough;
+                          }));
+  const SfmRung& kept = KeptRung(result);
+  LITAGS_RETURN_IF_ERROR(JudgeRegistration(kept, result.photos, options));
+  AddNotes(kept, result);
+  result.seconds = SecondsSince(start);
+  return result;
+}
+
+absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
+                                            const SparseModel& cameras, const std::string& work_dir,
+                                            const SfmOptions& options, const CancelToken& cancel,
+                                            const SfmProgressFn& progress) {
+  const Clock::time_point start = Clock::now();
+  LITAGS_RETURN_IF_ERROR(options.Validate());
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+  if (cameras.views.size() < 2 || cameras.distortions.size() != cameras.views.size()) {
+    return InvalidInput("TOO_FEW_CAMERAS", "cameras",
+                        absl::StrCat("cameras: ", cameras.views.size(),
+                                     " views; at least 2 are needed, each with its distortion"));
+  }
+  Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<Photo> all,
+                          ListPhotoSet(images_dir, options.max_image_side));
+  LITAGS_ASSIGN_OR_RETURN(capture.photos, PhotosOfViews(all, cameras));
+  LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
+  LITAGS_RETURN_IF_ERROR(Measure(capture));
+
+  const int64_t enough = kEnoughPointsPerView * static_cast<int64_t>(cameras.views.size());
+  LITAGS_ASSIGN_OR_RETURN(
+      SfmResult result,
+      Climb(
+          capture, [&](const RungInput& input) { return TriangulatePhotos(input, cameras); },
+          [&](const SfmRung& rung) { return rung.points >= enough; }));
+  if (result.model.points.empty()) {
+    return MakeError(
+        absl::StatusCode::kFailedPrecondition, "SFM_NO_POINTS", "cameras",
+        absl::StrCat("no point of the scene is seen alike by the ", cameras.views.size(),
+                     " given cameras; check that cameras and photos belong together "
+                     "and the axes are right"));
+  }
+  result.photos = WithPhotosLeftOut(all, result.photos);
+  AddNotes(KeptRung(result), result);
+  result.seconds = SecondsSince(start);
+  return result;
+}
+
+}  // namespace litags
