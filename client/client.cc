@@ -1,0 +1,364 @@
+#include "client/client.h"
+
+#include <openssl/rand.h>
+
+#include <algorithm>
+#include <chrono>
+#include <random>
+#include <vector>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "client/status.h"
+#include "grpcpp/create_channel.h"
+#include "grpcpp/generic/generic_stub.h"
+
+namespace litags::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Most of a message on the wire: raw floats of a 16-megapixel picture are 192 MiB.
+constexpr int kMaxMessageBytes = 256 << 20;
+constexpr int kConnectMs = 5000;
+constexpr int kReconnectMinMs = 200;
+constexpr int kReconnectMaxMs = 2000;
+// How often a silent peer is asked whether it is still there while a call is open.
+constexpr int kKeepaliveMs = 30000;
+constexpr int kKeepaliveTimeoutMs = 10000;
+
+bool IsLoopback(const std::string& server) {
+  return server.starts_with("127.") || server.starts_with("localhost") ||
+         server.starts_with("[::1]");
+}
+
+// Worth another try: the connection broke, or the server is busy.
+bool IsTransient(const absl::Status& status) {
+  return status.code() == absl::StatusCode::kUnavailable ||
+         status.code() == absl::StatusCode::kCancelled ||
+         DetailOf(status).reason() == "RENDER_QUEUE_FULL";
+}
+
+// Whether the status was made by a server and not by the lack of one.
+bool IsAnswer(const absl::Status& status) {
+  return (status.code() != absl::StatusCode::kUnavailable &&
+          status.code() != absl::StatusCode::kDeadlineExceeded) ||
+         !DetailOf(status).reason().empty();
+}
+
+double Seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
+
+double RandomFactor() {
+  thread_local std::minstd_rand generator(std::random_device{}());
+  return std::uniform_real_distribution<double>(0.8, 1.2)(generator);
+}
+
+bool HasEnded(v1::JobState state) {
+  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
+         state == v1::JOB_STATE_CANCELLED;
+}
+
+}  // namespace
+
+std::shared_ptr<grpc::Channel> Connect(const std::string& server) {
+  grpc::ChannelArguments args;
+  args.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  args.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kReconnectMinMs);
+  args.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kReconnectMaxMs);
+  args.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
+  args.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+  args.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  // A proxy for the internet is no way to this machine.
+  if (IsLoopback(server)) args.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), args);
+}
+
+std::string JobName(std::string_view job) {
+  return job.starts_with("jobs/") ? std::string(job) : "jobs/" + std::string(job);
+}
+
+std::string RandomId() {
+  unsigned char bits[16];
+  if (RAND_bytes(bits, sizeof(bits)) != 1) {
+    std::random_device device;
+    for (unsigned char& byte : bits) byte = static_cast<unsigned char>(device());
+  }
+  return absl::BytesToHexString({reinterpret_cast<const char*>(bits), sizeof(bits)});
+}
+
+Client::Client(std::shared_ptr<grpc::Channel> channel, ClientOptions options, Interrupt& interrupt)
+    : channel_(std::move(channel)),
+      options_(std::move(options)),
+      interrupt_(interrupt),
+      reconstruction_(v1::ReconstructionService::NewStub(channel_)),
+      render_(v1::RenderService::NewStub(channel_)),
+      model_(v1::ModelService::NewStub(channel_)) {}
+
+absl::Status Client::Retry(absl::FunctionRef<absl::Status(bool* progressed)> attempt) {
+  Clock::time_point good = Clock::now();
+  double pause = options_.first_pause_seconds;
+  while (true) {
+    bool progressed = false;
+    const absl::Status status = attempt(&progressed);
+    if (progressed || IsAnswer(status)) answered_ = true;
+    if (status.ok()) return status;
+    if (interrupt_.raised()) return absl::CancelledError("interrupted");
+    if (progressed) {
+      good = Clock::now();
+      pause = options_.first_pause_seconds;
+    }
+    if (!IsTransient(status) || !answered_) return status;
+    if (Seconds(Clock::now() - good) + pause > options_.retry_seconds) return status;
+    const double this_pause = pause * RandomFactor();
+    if (options_.on_retry) options_.on_retry(status, this_pause);
+    if (!interrupt_.Sleep(std::chrono::milliseconds(static_cast<int64_t>(1000 * this_pause)))) {
+      return absl::CancelledError("interrupted");
+    }
+    pause = std::min(2 * pause, options_.max_pause_seconds);
+  }
+}
+
+template <class Response, class Call>
+absl::StatusOr<Response> Client::Unary(Call call) {
+  Response response;
+  const absl::Status status = Retry([&](bool*) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() +
+                         std::chrono::milliseconds(int64_t(1000 * options_.call_seconds)));
+    Interrupt::Scope scope(interrupt_, context);
+    return FromGrpc(call(&context, &response));
+  });
+  if (!status.ok()) return status;
+  return response;
+}
+
+absl::StatusOr<v1::Job> Client::CreateJob(v1::CreateJobRequest request) {
+  if (request.request_id().empty()) request.set_request_id(RandomId());
+  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
+    return reconstruction_->CreateJob(context, request, job);
+  });
+}
+
+absl::StatusOr<v1::Job> Client::StartJob(const std::string& name) {
+  v1::StartJobRequest request;
+  request.set_name(name);
+  int tries = 0;
+  auto job = Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
+    ++tries;
+    return reconstruction_->StartJob(context, request, response);
+  });
+  // The answer to an earlier try was lost, but the job was started.
+  if (!job.ok() && tries > 1 && DetailOf(job.status()).reason() == "JOB_NOT_UPLOADING") {
+    return GetJob(name);
+  }
+  return job;
+}
+
+absl::StatusOr<v1::Job> Client::GetJob(const std::string& name) {
+  v1::GetJobRequest request;
+  request.set_name(name);
+  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
+    return reconstruction_->GetJob(context, request, job);
+  });
+}
+
+absl::StatusOr<v1::ListJobsResponse> Client::ListJobs(const v1::ListJobsRequest& request) {
+  return Unary<v1::ListJobsResponse>([&](grpc::ClientContext* context, auto* response) {
+    return reconstruction_->ListJobs(context, request, response);
+  });
+}
+
+absl::StatusOr<v1::Job> Client::CancelJob(const std::string& name) {
+  v1::CancelJobRequest request;
+  request.set_name(name);
+  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
+    return reconstruction_->CancelJob(context, request, job);
+  });
+}
+
+absl::StatusOr<v1::Job> Client::ResumeJob(const std::string& name) {
+  v1::ResumeJobRequest request;
+  request.set_name(name);
+  int tries = 0;
+  auto job = Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
+    ++tries;
+    return reconstruction_->ResumeJob(context, request, response);
+  });
+  if (!job.ok() && tries > 1 && DetailOf(job.status()).reason() == "JOB_NOT_RESUMABLE") {
+    return GetJob(name);
+  }
+  return job;
+}
+
+absl::Status Client::DeleteJob(const std::string& name) {
+  v1::DeleteJobRequest request;
+  request.set_name(name);
+  int tries = 0;
+  const auto empty =
+      Unary<google::protobuf::Empty>([&](grpc::ClientContext* context, auto* response) {
+        ++tries;
+        return reconstruction_->DeleteJob(context, request, response);
+      });
+  if (tries > 1 && absl::IsNotFound(empty.status())) return absl::OkStatus();
+  return empty.status();
+}
+
+absl::StatusOr<v1::Job> Client::WatchJob(const std::string& name, int64_t after,
+                                         absl::FunctionRef<void(const v1::JobEvent&)> on_event) {
+  while (true) {
+    const absl::Status status = Retry([&](bool* progressed) {
+      grpc::ClientContext context;
+      Interrupt::Scope scope(interrupt_, context);
+      v1::WatchJobRequest request;
+      request.set_name(name);
+      request.set_after_event(after);
+      auto reader = reconstruction_->WatchJob(&context, request);
+      v1::JobEvent event;
+      while (reader->Read(&event)) {
+        if (event.number() != after + 1) {
+          context.TryCancel();
+          (void)reader->Finish();
+          return LocalError(absl::StatusCode::kInternal, "EVENTS_BROKEN", "number",
+                            absl::StrCat("event ", event.number(), " came after event ", after,
+                                         "; this is a defect of the server"));
+        }
+        after = event.number();
+        *progressed = true;
+        on_event(event);
+      }
+      return FromGrpc(reader->Finish());
+    });
+    if (!status.ok()) return status;
+    auto job = GetJob(name);
+    // A job that was resumed just after it had ended goes on being watched.
+    if (!job.ok() || HasEnded(job->state())) return job;
+    if (!interrupt_.Sleep(std::chrono::milliseconds(200))) {
+      return absl::CancelledError("interrupted");
+    }
+  }
+}
+
+absl::StatusOr<v1::RenderedView> Client::RenderView(const v1::RenderViewRequest& request) {
+  return Unary<v1::RenderedView>([&](grpc::ClientContext* context, auto* response) {
+    return render_->RenderView(context, request, response);
+  });
+}
+
+absl::StatusOr<v1::ListCamerasResponse> Client::ListCameras(const std::string& name) {
+  v1::ListCamerasRequest request;
+  request.set_name(name);
+  return Unary<v1::ListCamerasResponse>([&](grpc::ClientContext* context, auto* response) {
+    return render_->ListCameras(context, request, response);
+  });
+}
+
+absl::Status Client::RenderPath(
+    const v1::RenderPathRequest& request,
+    absl::FunctionRef<absl::Status(const v1::RenderPathResponse&)> on_frame) {
+  int next = 0;
+  return Retry([&](bool* progressed) {
+    // A path cannot be taken up in the middle: a newer snapshot could make the rest look different.
+    if (next > 0) {
+      return LocalError(
+          absl::StatusCode::kAborted, "PATH_INTERRUPTED", "",
+          absl::StrCat("the connection broke after ", next, " frames; run the same command again"));
+    }
+    grpc::ClientContext context;
+    Interrupt::Scope scope(interrupt_, context);
+    auto reader = render_->RenderPath(&context, request);
+    v1::RenderPathResponse response;
+    int frames = 0;
+    absl::Status status;
+    while (status.ok() && reader->Read(&response)) {
+      *progressed = true;
+      frames = response.frames();
+      if (response.frame() != next++) {
+        status = LocalError(absl::StatusCode::kInternal, "FRAMES_BROKEN", "frame",
+                            absl::StrCat("frame ", response.frame(), " came instead of frame ",
+                                         next - 1, "; this is a defect of the server"));
+      } else {
+        status = on_frame(response);
+      }
+    }
+    if (!status.ok()) context.TryCancel();
+    const absl::Status finished = FromGrpc(reader->Finish());
+    if (!status.ok()) return status;
+    if (finished.ok() && (next == 0 || next != frames)) {
+      return LocalError(absl::StatusCode::kInternal, "FRAMES_BROKEN", "frame",
+                        absl::StrCat("the path ended after ", next, " of ", frames, " frames"));
+    }
+    return finished;
+  });
+}
+
+absl::Status Client::ExportModel(const v1::ExportModelRequest& request,
+                                 absl::FunctionRef<absl::Status(const v1::ExportHeader&)> on_header,
+                                 absl::FunctionRef<absl::Status(std::string_view bytes)> on_bytes) {
+  return Retry([&](bool* progressed) {
+    grpc::ClientContext context;
+    Interrupt::Scope scope(interrupt_, context);
+    auto reader = model_->ExportModel(&context, request);
+    v1::ExportModelResponse response;
+    int64_t expected = -1, received = 0;
+    absl::Status status;
+    while (status.ok() && reader->Read(&response)) {
+      *progressed = true;
+      if (response.has_header()) {
+        expected = response.header().size_bytes();
+        status = on_header(response.header());
+      } else {
+        received += static_cast<int64_t>(response.chunk().size());
+        status = on_bytes(response.chunk());
+      }
+    }
+    if (!status.ok()) context.TryCancel();
+    const absl::Status finished = FromGrpc(reader->Finish());
+    if (!status.ok()) return status;
+    if (finished.ok() && received != expected) {
+      return LocalError(
+          absl::StatusCode::kInternal, "EXPORT_BROKEN", "",
+          absl::StrCat("the server announced ", expected, " bytes and sent ", received));
+    }
+    return finished;
+  });
+}
+
+absl::StatusOr<bool> Client::IsServing(const std::string& service) {
+  // HealthCheckRequest { string service = 1; } and HealthCheckResponse { Status status = 1; } with
+  // SERVING = 1, by hand: no package installs their C++ classes.
+  std::string request_bytes;
+  if (!service.empty()) {
+    request_bytes =
+        absl::StrCat("\x0a", std::string(1, static_cast<char>(service.size())), service);
+  }
+  const grpc::Slice slice(request_bytes);
+  std::string response_bytes;
+  const absl::Status status = Retry([&](bool*) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() +
+                         std::chrono::milliseconds(int64_t(1000 * options_.call_seconds)));
+    Interrupt::Scope scope(interrupt_, context);
+    grpc::ByteBuffer request(&slice, 1), response;
+    grpc::CompletionQueue queue;
+    auto call = grpc::GenericStub(channel_).PrepareUnaryCall(
+        &context, "/grpc.health.v1.Health/Check", request, &queue);
+    call->StartCall();
+    grpc::Status result;
+    call->Finish(&response, &result, &context);
+    void* tag = nullptr;
+    bool ok = false;
+    queue.Next(&tag, &ok);
+    std::vector<grpc::Slice> slices;
+    if (result.ok() && response.Dump(&slices).ok()) {
+      response_bytes.clear();
+      for (const grpc::Slice& part : slices) {
+        response_bytes.append(reinterpret_cast<const char*>(part.begin()), part.size());
+      }
+    }
+    return FromGrpc(result);
+  });
+  if (!status.ok()) return status;
+  return response_bytes == std::string("\x08\x01");
+}
+
+}  // namespace litags::client

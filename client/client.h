@@ -1,0 +1,109 @@
+// The service as C++ functions: connects, retries broken connections, checks what streams promise.
+#ifndef LITAGS_CLIENT_CLIENT_H_
+#define LITAGS_CLIENT_CLIENT_H_
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/interrupt.h"
+#include "grpcpp/channel.h"
+#include "litags/v1/job.pb.h"
+#include "litags/v1/model_service.grpc.pb.h"
+#include "litags/v1/reconstruction_service.grpc.pb.h"
+#include "litags/v1/render_service.grpc.pb.h"
+
+namespace litags::client {
+
+struct ClientOptions {
+  // A connection that was there and broke is tried again for this long, seconds, with growing
+  // pauses; a call that makes progress starts the time anew. A server that never answered is
+  // reported at once.
+  double retry_seconds = 120;
+  // The first pause, seconds; doubled up to max_pause_seconds, +-20 % at random.
+  double first_pause_seconds = 0.25;
+  double max_pause_seconds = 5;
+  // Limit of calls with one answer, seconds. Streams have none.
+  double call_seconds = 60;
+  // Told before each pause: why, and for how long.
+  std::function<void(const absl::Status& why, double pause_seconds)> on_retry;
+};
+
+// "host:port" to a channel without encryption. Never fails: the first call shows whether a server
+// is there.
+std::shared_ptr<grpc::Channel> Connect(const std::string& server);
+
+// "7f3a" or "jobs/7f3a" to "jobs/7f3a".
+std::string JobName(std::string_view job);
+
+// 128 random bits as 32 hex digits, for CreateJobRequest.request_id.
+std::string RandomId();
+
+// One server. Errors are those of the service (proto/litags/v1) with their detail, UNAVAILABLE if
+// no server answers, CANCELLED after Interrupt::Raise(). Thread-safe. `interrupt` must outlive it.
+class Client {
+ public:
+  Client(std::shared_ptr<grpc::Channel> channel, ClientOptions options, Interrupt& interrupt);
+
+  // An empty request_id is replaced by a random one, so that a retry makes no second job.
+  absl::StatusOr<v1::Job> CreateJob(v1::CreateJobRequest request);
+  absl::StatusOr<v1::Job> StartJob(const std::string& name);
+  absl::StatusOr<v1::Job> GetJob(const std::string& name);
+  absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request);
+  absl::StatusOr<v1::Job> CancelJob(const std::string& name);
+  absl::StatusOr<v1::Job> ResumeJob(const std::string& name);
+  absl::Status DeleteJob(const std::string& name);
+
+  // Calls on_event for every event numbered above `after`, in order, each once, across broken
+  // connections, until the job has ended. Returns the job as it then is. INTERNAL (EVENTS_BROKEN)
+  // if the server skips or repeats a number.
+  absl::StatusOr<v1::Job> WatchJob(const std::string& name, int64_t after,
+                                   absl::FunctionRef<void(const v1::JobEvent&)> on_event);
+
+  absl::StatusOr<v1::RenderedView> RenderView(const v1::RenderViewRequest& request);
+  absl::StatusOr<v1::ListCamerasResponse> ListCameras(const std::string& name);
+
+  // Frames in order as they arrive; an error of on_frame ends the call and is returned. INTERNAL
+  // (FRAMES_BROKEN) if one is missing.
+  absl::Status RenderPath(const v1::RenderPathRequest& request,
+                          absl::FunctionRef<absl::Status(const v1::RenderPathResponse&)> on_frame);
+
+  // The file's header, then its bytes in order. After a broken connection it begins again, with
+  // on_header. INTERNAL (EXPORT_BROKEN) if the length is not the announced one.
+  absl::Status ExportModel(const v1::ExportModelRequest& request,
+                           absl::FunctionRef<absl::Status(const v1::ExportHeader&)> on_header,
+                           absl::FunctionRef<absl::Status(std::string_view bytes)> on_bytes);
+
+  // grpc.health.v1: whether the server says SERVING for `service` ("" for the whole server).
+  absl::StatusOr<bool> IsServing(const std::string& service);
+
+  // Runs `attempt` again while its connection is broken, as ClientOptions says; `attempt` sets its
+  // argument to true when it got further than before.
+  absl::Status Retry(absl::FunctionRef<absl::Status(bool* progressed)> attempt);
+
+  // For streams of our own: the stub, and what ends a call in progress.
+  v1::ReconstructionService::Stub& reconstruction() { return *reconstruction_; }
+  Interrupt& interrupt() { return interrupt_; }
+
+ private:
+  template <class Response, class Call>
+  absl::StatusOr<Response> Unary(Call call);
+
+  std::shared_ptr<grpc::Channel> channel_;
+  ClientOptions options_;
+  Interrupt& interrupt_;
+  std::unique_ptr<v1::ReconstructionService::Stub> reconstruction_;
+  std::unique_ptr<v1::RenderService::Stub> render_;
+  std::unique_ptr<v1::ModelService::Stub> model_;
+  std::atomic<bool> answered_ = false;  // the server has answered a call
+};
+
+}  // namespace litags::client
+
+#endif  // LITAGS_CLIENT_CLIENT_H_

@@ -1,0 +1,235 @@
+#include "client/upload.h"
+
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <set>
+#include <string_view>
+#include <system_error>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "client/status.h"
+
+namespace litags::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kChunkBytes = 256 << 10;
+// One stream acknowledges at most this much (or one larger file).
+constexpr int64_t kStreamBytes = 8 << 20;
+
+const std::set<std::string>& PhotoExtensions() {
+  static const auto& extensions =
+      *new std::set<std::string>{".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"};
+  return extensions;
+}
+
+const std::set<std::string>& DepthExtensions() {
+  static const auto& extensions = *new std::set<std::string>{".png", ".pfm", ".npy"};
+  return extensions;
+}
+
+bool HasExtension(const fs::path& path, const std::set<std::string>& extensions) {
+  return extensions.count(absl::AsciiStrToLower(path.extension().string())) > 0;
+}
+
+absl::Status Unreadable(const std::string& path, const std::string& why) {
+  return BadInput("FILE_UNREADABLE", path,
+                  absl::StrCat(path, ": cannot be read (", why,
+                               "); check that it exists and may "
+                               "be read"));
+}
+
+absl::StatusOr<LocalFile> MakeLocalFile(const fs::path& path, v1::FileRole role) {
+  std::error_code error;
+  const auto size = fs::file_size(path, error);
+  if (error) return Unreadable(path.string(), error.message());
+  LocalFile file;
+  file.path = path.string();
+  file.name = path.filename().string();
+  file.role = role;
+  file.size_bytes = static_cast<int64_t>(size);
+  return file;
+}
+
+// Subfolders with photos in them, for a hint.
+std::string FoldersWithPhotos(const fs::path& dir) {
+  std::string found;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(dir, error)) {
+    if (!entry.is_directory(error)) continue;
+    for (const auto& inner : fs::directory_iterator(entry.path(), error)) {
+      if (!HasExtension(inner.path(), PhotoExtensions())) continue;
+      absl::StrAppend(&found, found.empty() ? "" : ", ", entry.path().string());
+      break;
+    }
+  }
+  return found;
+}
+
+// Adds the files of one folder; those with other extensions go to capture->skipped.
+absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::FileRole role,
+                        const std::set<std::string>& extensions, Capture* capture) {
+  std::error_code error;
+  if (!fs::is_directory(dir, error)) {
+    return BadInput(
+        "FOLDER_MISSING", field,
+        absl::StrCat(dir,
+                     fs::exists(dir, error) ? ": is not a folder" : ": there is no such folder",
+                     "; give the folder that holds the photos"));
+  }
+  bool empty = true;
+  for (const auto& entry : fs::directory_iterator(dir, error)) {
+    if (entry.path().filename().string().starts_with(".")) continue;
+    empty = false;
+    std::error_code entry_error;
+    if (!entry.is_regular_file(entry_error)) continue;
+    if (!HasExtension(entry.path(), extensions)) {
+      capture->skipped.push_back(entry.path().filename().string());
+      continue;
+    }
+    auto file = MakeLocalFile(entry.path(), role);
+    if (!file.ok()) return file.status();
+    capture->bytes += file->size_bytes;
+    capture->files.push_back(*std::move(file));
+  }
+  if (error) return Unreadable(dir, error.message());
+  if (empty) {
+    return BadInput("FOLDER_EMPTY", field,
+                    absl::StrCat(dir,
+                                 ": the folder is empty; give the folder that holds the "
+                                 "photos"));
+  }
+  return absl::OkStatus();
+}
+
+// One stream: the files [first, last). On OK all of them are stored.
+absl::Status SendStream(Client& client, const std::string& job, const std::vector<LocalFile>& files,
+                        size_t first, size_t last) {
+  grpc::ClientContext context;
+  Interrupt::Scope scope(client.interrupt(), context);
+  v1::UploadImagesResponse response;
+  auto writer = client.reconstruction().UploadImages(&context, &response);
+  v1::UploadImagesRequest request;
+  request.set_name(job);
+  bool open = writer->Write(request);
+  absl::Status local;
+  std::string chunk(kChunkBytes, '\0');
+  for (size_t i = first; i < last && open && local.ok(); ++i) {
+    v1::FileHeader* header = request.mutable_file();
+    header->set_name(files[i].name);
+    header->set_role(files[i].role);
+    header->set_size_bytes(files[i].size_bytes);
+    header->set_sha256(files[i].sha256);
+    open = writer->Write(request);
+    std::ifstream in(files[i].path, std::ios::binary);
+    for (int64_t left = files[i].size_bytes; left > 0 && open;) {
+      const auto n = static_cast<std::streamsize>(std::min<int64_t>(left, kChunkBytes));
+      if (!in.read(chunk.data(), n)) {
+        local = BadInput("FILE_CHANGED", files[i].path,
+                         absl::StrCat(files[i].path,
+                                      ": became shorter while it was sent; submit "
+                                      "again when nothing writes to it"));
+        break;
+      }
+      request.set_chunk(chunk.data(), static_cast<size_t>(n));
+      open = writer->Write(request);
+      left -= n;
+    }
+  }
+  if (!local.ok()) {
+    context.TryCancel();
+    (void)writer->Finish();
+    return local;
+  }
+  writer->WritesDone();  // whether this works shows in the status
+  return FromGrpc(writer->Finish());
+}
+
+}  // namespace
+
+absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
+                                    const std::string& depth_dir) {
+  Capture capture;
+  absl::Status status =
+      ScanFolder(photos_dir, "DIR", v1::FILE_ROLE_PHOTO, PhotoExtensions(), &capture);
+  if (!status.ok()) return status;
+  if (capture.files.empty()) {
+    const std::string inside = FoldersWithPhotos(photos_dir);
+    return BadInput("NO_PHOTOS", "DIR",
+                    absl::StrCat(photos_dir,
+                                 ": holds no photos (.jpg .jpeg .png .tif .tiff .bmp "
+                                 ".webp); ",
+                                 inside.empty() ? "give the folder that holds them"
+                                                : absl::StrCat("did you mean ", inside, "?")));
+  }
+  if (!cameras_path.empty()) {
+    std::error_code error;
+    if (!fs::is_regular_file(cameras_path, error)) {
+      return Unreadable(cameras_path, error ? error.message() : "not a file");
+    }
+    auto cameras = MakeLocalFile(cameras_path, v1::FILE_ROLE_CAMERAS);
+    if (!cameras.ok()) return cameras.status();
+    capture.bytes += cameras->size_bytes;
+    capture.files.push_back(*std::move(cameras));
+  }
+  if (!depth_dir.empty()) {
+    status = ScanFolder(depth_dir, "--depth", v1::FILE_ROLE_DEPTH, DepthExtensions(), &capture);
+    if (!status.ok()) return status;
+  }
+  std::sort(capture.files.begin(), capture.files.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.role, a.name) < std::pair(b.role, b.name);
+  });
+  std::sort(capture.skipped.begin(), capture.skipped.end());
+  return capture;
+}
+
+absl::StatusOr<std::string> FileSha256(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) return Unreadable(path, std::generic_category().message(errno));
+  const std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context(EVP_MD_CTX_new(),
+                                                                   EVP_MD_CTX_free);
+  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
+  std::string chunk(kChunkBytes, '\0');
+  while (in.read(chunk.data(), kChunkBytes) || in.gcount() > 0) {
+    EVP_DigestUpdate(context.get(), chunk.data(), static_cast<size_t>(in.gcount()));
+  }
+  if (in.bad()) return Unreadable(path, "read error");
+  std::string digest(32, '\0');
+  EVP_DigestFinal_ex(context.get(), reinterpret_cast<unsigned char*>(digest.data()), nullptr);
+  return digest;
+}
+
+absl::Status UploadFiles(Client& client, const std::string& job, std::vector<LocalFile>& files,
+                         absl::FunctionRef<void(const UploadProgress&)> on_progress) {
+  UploadProgress progress;
+  progress.files = static_cast<int>(files.size());
+  for (const LocalFile& file : files) progress.bytes += file.size_bytes;
+  on_progress(progress);
+  for (size_t first = 0; first < files.size();) {
+    size_t last = first;
+    int64_t bytes = 0;
+    while (last < files.size() &&
+           (last == first || bytes + files[last].size_bytes <= kStreamBytes)) {
+      auto digest = FileSha256(files[last].path);
+      if (!digest.ok()) return digest.status();
+      files[last].sha256 = *std::move(digest);
+      bytes += files[last++].size_bytes;
+    }
+    const absl::Status status =
+        client.Retry([&](bool*) { return SendStream(client, job, files, first, last); });
+    if (!status.ok()) return status;
+    progress.files_done += static_cast<int>(last - first);
+    progress.bytes_done += bytes;
+    on_progress(progress);
+    first = last;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace litags::client

@@ -1,0 +1,56 @@
+// A capture on this machine and its way to the server.
+#ifndef LITAGS_CLIENT_UPLOAD_H_
+#define LITAGS_CLIENT_UPLOAD_H_
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/client.h"
+
+namespace litags::client {
+
+// A file to send. Only its name, never its folder, goes over the wire.
+struct LocalFile {
+  std::string path;
+  std::string name;  // last component of path
+  v1::FileRole role = v1::FILE_ROLE_PHOTO;
+  int64_t size_bytes = 0;
+  std::string sha256;  // 32 bytes; empty until computed
+};
+
+struct Capture {
+  std::vector<LocalFile> files;      // by role, then name
+  std::vector<std::string> skipped;  // names in the folders that are neither photos nor depth maps
+  int64_t bytes = 0;                 // of all files
+};
+
+// The photos of a folder (not of its subfolders; hidden files do not count), and, where the paths
+// are not empty, a transforms.json and a folder of depth maps. INVALID_ARGUMENT: FOLDER_MISSING,
+// FOLDER_EMPTY, NO_PHOTOS, FILE_UNREADABLE.
+absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
+                                    const std::string& depth_dir);
+
+// SHA-256 of a file, 32 bytes. INVALID_ARGUMENT (FILE_UNREADABLE).
+absl::StatusOr<std::string> FileSha256(const std::string& path);
+
+struct UploadProgress {
+  int files_done = 0;  // acknowledged by the server
+  int files = 0;
+  int64_t bytes_done = 0;
+  int64_t bytes = 0;
+};
+
+// Sends the files to a job in state UPLOADING and returns when the server has acknowledged all.
+// They go in streams of a few megabytes each, so that a broken connection costs at most one of
+// those; the server skips what it already has. INVALID_ARGUMENT (FILE_UNREADABLE, FILE_CHANGED)
+// for trouble on this side, else the errors of UploadImages.
+absl::Status UploadFiles(Client& client, const std::string& job, std::vector<LocalFile>& files,
+                         absl::FunctionRef<void(const UploadProgress&)> on_progress);
+
+}  // namespace litags::client
+
+#endif  // LITAGS_CLIENT_UPLOAD_H_
