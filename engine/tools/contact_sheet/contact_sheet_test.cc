@@ -1,0 +1,121 @@
+#include "engine/tools/contact_sheet/contact_sheet.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+class ContactSheet : public testing::Test {
+ protected:
+  void SetUp() override { std::filesystem::create_directories(dir_); }
+  void TearDown() override { std::filesystem::remove_all(dir_); }
+
+  // A picture of one colour (BGR).
+  std::string Paint(const std::string& name, int width, int height, const cv::Scalar& color) {
+    const std::string path = dir_ + "/" + name;
+    cv::imwrite(path, cv::Mat(height, width, CV_8UC3, color));
+    return path;
+  }
+
+  // Pixels of the sheet that have exactly this colour.
+  static int Count(const ImageU8& image, int r, int g, int b) {
+    int n = 0;
+    for (size_t i = 0; i < image.data.size(); i += 3) {
+      n += image.data[i] == r && image.data[i + 1] == g && image.data[i + 2] == b;
+    }
+    return n;
+  }
+
+  const std::string dir_ = testing::TempDir() + "contact_sheet_" +
+                           testing::UnitTest::GetInstance()->current_test_info()->name();
+};
+
+TEST_F(ContactSheet, EveryPictureAppearsInItsOwnColoursAndWidth) {
+  Sheet sheet;
+  sheet.columns = {"left", "right"};
+  sheet.cell_width = 100;
+  sheet.rows = {
+      {"one", {{Paint("a.png", 50, 40, {255, 0, 0})}, {Paint("b.png", 200, 100, {0, 0, 255})}}}};
+  const auto image = DrawSheet(sheet);
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(Count(*image, 0, 0, 255), 100 * 80);  // enlarged
+  EXPECT_EQ(Count(*image, 255, 0, 0), 100 * 50);  // shrunk
+}
+
+TEST_F(ContactSheet, ARowNeedNotFillItsColumns) {
+  Sheet sheet;
+  sheet.columns = {"a", "b", "c"};
+  sheet.cell_width = 60;
+  sheet.rows = {{"one", {ParseSheetCell("-"), {Paint("a.png", 60, 30, {0, 255, 0})}}}};
+  const auto image = DrawSheet(sheet);
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(Count(*image, 0, 255, 0), 60 * 30);
+  EXPECT_GT(image->width, 3 * 60);
+}
+
+TEST_F(ContactSheet, TheWrittenFileHoldsTheSheet) {
+  Sheet sheet;
+  sheet.columns = {"a"};
+  sheet.rows = {{"one", {{Paint("a.png", 360, 10, {10, 20, 30})}}}};
+  const std::string path = dir_ + "/sheet.png";
+  ASSERT_TRUE(WriteSheet(sheet, path).ok());
+  const cv::Mat back = cv::imread(path);
+  const auto image = DrawSheet(sheet);
+  ASSERT_EQ(back.cols, image->width);
+  const cv::Vec3b corner = back.at<cv::Vec3b>(0, 0);
+  EXPECT_EQ(corner[2], image->data[0]);
+  cv::Mat mask;
+  cv::inRange(back, cv::Scalar(10, 20, 30), cv::Scalar(10, 20, 30), mask);
+  EXPECT_EQ(cv::countNonZero(mask), 360 * 10);
+}
+
+TEST_F(ContactSheet, AMissingPictureIsNamed) {
+  Sheet sheet;
+  sheet.columns = {"a"};
+  sheet.rows = {{"one", {{dir_ + "/nothing.png"}}}};
+  const absl::Status status = DrawSheet(sheet).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_NE(std::string(status.message()).find("nothing.png"), std::string::npos);
+}
+
+TEST_F(ContactSheet, MorePicturesThanColumnsAreRefused) {
+  Sheet sheet;
+  sheet.columns = {"a"};
+  sheet.rows = {{"one", {{}, {}}}};
+  EXPECT_EQ(GetErrorDetail(DrawSheet(sheet).status())->reason, "TOO_MANY_CELLS");
+  sheet.rows.clear();
+  EXPECT_EQ(GetErrorDetail(DrawSheet(sheet).status())->reason, "EMPTY_SHEET");
+}
+
+TEST(ParseSheetCell, APrefixChoosesTheLook) {
+  EXPECT_EQ(ParseSheetCell("a.png").look, SheetCell::Look::kPhoto);
+  EXPECT_EQ(ParseSheetCell("ramp:d.pfm").look, SheetCell::Look::kRamp);
+  EXPECT_EQ(ParseSheetCell("ramp:d.pfm").path, "d.pfm");
+  EXPECT_EQ(ParseSheetCell("gray:s.png").look, SheetCell::Look::kGray);
+  EXPECT_TRUE(ParseSheetCell("-").path.empty());
+}
+
+TEST(ColorRamp, BrightensWithTheValueAndLeavesUnknownBlack) {
+  Planes depth(1, 1, 102);
+  for (int x = 0; x < 100; ++x) depth.data[x] = 1.0f + 0.05f * x;
+  depth.data[100] = 0;
+  depth.data[101] = std::numeric_limits<float>::quiet_NaN();
+  const ImageU8 colors = ColorRamp(depth);
+  const auto luma = [&](int x) {
+    const uint8_t* p = colors.pixel(x, 0);
+    return 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
+  };
+  for (int x = 10; x < 100; x += 10) EXPECT_GT(luma(x), luma(x - 10)) << x;
+  EXPECT_EQ(luma(100), 0);
+  EXPECT_EQ(luma(101), 0);
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,50 @@
+// litags-sheet: rows of pictures with labels in one PNG.
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "engine/tools/contact_sheet/contact_sheet.h"
+
+namespace {
+
+int Run(int argc, char** argv) {
+  CLI::App app(
+      "Draws rows of pictures with labels into one PNG.\n"
+      "A picture is PATH, ramp:PATH (one channel in colours), gray:PATH or - (none).");
+  litags::Sheet sheet;
+  std::string out;
+  std::vector<std::vector<std::string>> rows;
+  app.add_option("-o,--out", out, "PNG to write")->required();
+  app.add_option("--title", sheet.title, "Line above the pictures");
+  app.add_option("--columns", sheet.columns, "Headings, separated by commas")
+      ->delimiter(',')
+      ->required();
+  app.add_option("--row", rows, "A row: LABEL PICTURE...; may be repeated")->required();
+  app.add_option("--cell-width", sheet.cell_width, "Width of a picture, px")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+
+  for (const std::vector<std::string>& words : rows) {
+    litags::SheetRow row;
+    row.label = words.at(0);
+    for (size_t i = 1; i < words.size(); ++i) {
+      row.cells.push_back(litags::ParseSheetCell(words[i]));
+    }
+    sheet.rows.push_back(std::move(row));
+  }
+  const absl::Status status = litags::WriteSheet(sheet, out);
+  if (status.ok()) return 0;
+  std::cerr << "litags-sheet: " << status.message() << "\n";
+  return status.code() == absl::StatusCode::kInvalidArgument ? 2 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return Run(argc, argv);
+  } catch (const std::exception& e) {
+    std::cerr << "litags-sheet: " << e.what() << "\n";
+    return 1;
+  }
+}
