@@ -1,0 +1,178 @@
+#include "server/jobs/codec.h"
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+
+namespace litags {
+namespace {
+
+using Json = nlohmann::json;
+
+// Each kind of record lists its fields once, in Fields(record, visit), for writing and reading.
+
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, ReconstructOptions> {
+  visit("method", r.method);
+  visit("tone", r.tone);
+  visit("theta", r.theta);
+  visit("iterations", r.iterations);
+  visit("seed", r.seed);
+  visit("threads", r.threads);
+  visit("max_gaussians", r.max_gaussians);
+  visit("sh_degree", r.sh_degree);
+  visit("use_pdm", r.use_pdm);
+  visit("use_prior", r.use_prior);
+  visit("use_depth", r.use_depth);
+  visit("max_image_side", r.max_image_side);
+  visit("holdout_every", r.holdout_every);
+  visit("min_registered", r.min_registered);
+  visit("checkpoint_every", r.checkpoint_every);
+  visit("preview_every", r.preview_every);
+}
+
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, JobError> {
+  visit("code", r.code);
+  visit("message", r.message);
+  visit("reason", r.detail.reason);
+  visit("field", r.detail.field);
+}
+
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, StateChange> {
+  visit("state", r.state);
+  visit("message", r.message);
+  visit("error", r.error);
+}
+
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, ProgressRecord> {
+  visit("stage", r.progress.stage);
+  visit("message", r.progress.message);
+  visit("iteration", r.progress.iteration);
+  visit("iterations", r.progress.iterations);
+  visit("loss", r.progress.loss);
+  visit("loss_exposure", r.progress.loss_exposure);
+  visit("loss_reconstruction", r.progress.loss_reconstruction);
+  visit("loss_structure", r.progress.loss_structure);
+  visit("loss_denoise", r.progress.loss_denoise);
+  visit("psnr_holdout", r.progress.psnr_holdout);
+  visit("gaussians", r.progress.gaussians);
+  visit("iterations_per_second", r.progress.iterations_per_second);
+  visit("eta_seconds", r.progress.eta_seconds);
+  visit("preview", r.preview);
+}
+
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, SnapshotRecord> {
+  visit("iteration", r.iteration);
+}
+
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, ReconstructReport> {
+  visit("photos", r.photos);
+  visit("registered", r.registered);
+  visit("dropped", r.dropped);
+  visit("sfm_preparation", r.sfm_preparation);
+  visit("sparse_points", r.sparse_points);
+  visit("gaussians", r.gaussians);
+  visit("iterations", r.iterations);
+  visit("seconds", r.seconds);
+  visit("psnr_holdout", r.psnr_holdout);
+  visit("depth_used", r.depth_used);
+  visit("notes", r.notes);
+  visit("scene_path", r.scene_path);
+}
+
+template <typename R>
+Json ToJson(const R& record);
+template <typename R>
+void FromJson(const Json& json, R& record);
+
+struct Writer {
+  Json& json;
+  template <typename T>
+  void operator()(const char* key, const T& value) const {
+    if constexpr (std::is_enum_v<T>) {
+      json[key] = static_cast<int>(value);
+    } else if constexpr (std::is_same_v<T, std::optional<JobError>>) {
+      if (value) json[key] = ToJson(*value);
+    } else {
+      json[key] = value;  // NaN becomes null
+    }
+  }
+};
+
+struct Reader {
+  const Json& json;
+  template <typename T>
+  void operator()(const char* key, T& value) const {
+    const auto it = json.find(key);
+    if (it == json.end()) return;
+    if constexpr (std::is_enum_v<T>) {
+      value = static_cast<T>(it->template get<int>());
+    } else if constexpr (std::is_same_v<T, std::optional<JobError>>) {
+      FromJson(*it, value.emplace());
+    } else if constexpr (std::is_same_v<T, double>) {
+      value = it->is_null() ? std::numeric_limits<double>::quiet_NaN() : it->template get<double>();
+    } else {
+      value = it->template get<T>();
+    }
+  }
+};
+
+template <typename R>
+Json ToJson(const R& record) {
+  Json json = Json::object();
+  Fields(record, Writer{json});
+  return json;
+}
+
+template <typename R>
+void FromJson(const Json& json, R& record) {
+  Fields(record, Reader{json});
+}
+
+template <typename R>
+std::string EncodeRecord(const R& record) {
+  // Messages may hold bytes of other programs' output: replace what is not UTF-8.
+  return ToJson(record).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+JobError JobError::Of(const absl::Status& status) {
+  return {status.code(), std::string(status.message()),
+          GetErrorDetail(status).value_or(ErrorDetail{"INTERNAL", ""})};
+}
+
+std::string Encode(const ReconstructOptions& options) { return EncodeRecord(options); }
+std::string Encode(const JobError& error) { return EncodeRecord(error); }
+std::string Encode(const StateChange& change) { return EncodeRecord(change); }
+std::string Encode(const ProgressRecord& progress) { return EncodeRecord(progress); }
+std::string Encode(const SnapshotRecord& snapshot) { return EncodeRecord(snapshot); }
+std::string Encode(const ReconstructReport& report) { return EncodeRecord(report); }
+
+template <typename T>
+absl::StatusOr<T> Decode(std::string_view text) {
+  try {
+    T record;
+    FromJson(Json::parse(text), record);
+    return record;
+  } catch (const Json::exception& e) {
+    return MakeError(absl::StatusCode::kInternal, "STORE_CORRUPT", "",
+                     absl::StrCat("a stored record cannot be read: ", e.what()));
+  }
+}
+
+template absl::StatusOr<ReconstructOptions> Decode(std::string_view);
+template absl::StatusOr<JobError> Decode(std::string_view);
+template absl::StatusOr<StateChange> Decode(std::string_view);
+template absl::StatusOr<ProgressRecord> Decode(std::string_view);
+template absl::StatusOr<SnapshotRecord> Decode(std::string_view);
+template absl::StatusOr<ReconstructReport> Decode(std::string_view);
+
+}  // namespace litags

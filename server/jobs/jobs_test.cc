@@ -1,0 +1,278 @@
+#include "server/jobs/jobs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/leases.h"
+#include "server/jobs/state_machine.h"
+#include "server/store/digest.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string Reason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail ? detail->reason : "";
+}
+
+class JobsTest : public ::testing::Test {
+ protected:
+  // Stores a file of made-up content and the given picture size.
+  absl::Status Add(const std::string& id, const std::string& name, int width = 64, int height = 48,
+                   FileRole role = FileRole::kPhoto, UploadLimits limits = {}) {
+    const std::string path = data_.tmp() + "/staged";
+    std::ofstream(path) << name;
+    return jobs_.AddFile(
+        id, {name, role, static_cast<int64_t>(name.size()), Sha256::Hex(name), width, height}, path,
+        limits);
+  }
+
+  std::string StartedJob() {
+    const std::string id = jobs_.Create("", "", {})->id;
+    EXPECT_TRUE(Add(id, "a.jpg").ok());
+    EXPECT_TRUE(Add(id, "b.jpg").ok());
+    EXPECT_TRUE(jobs_.Start(id).ok());
+    return id;
+  }
+
+  JobState State(const std::string& id) { return jobs_.Get(id)->state; }
+
+  // Payloads of the job's state events, as "STATE" words.
+  std::string History(const std::string& id) {
+    std::string history;
+    const std::vector<EventRecord> events = *jobs_.Events(id, 0, 1000);
+    for (size_t i = 0; i < events.size(); ++i) {
+      EXPECT_EQ(events[i].number, static_cast<int64_t>(i + 1));
+      if (events[i].kind != EventKind::kState) continue;
+      history += std::string(JobStateName(Decode<StateChange>(events[i].payload)->state)) + " ";
+    }
+    return history;
+  }
+
+  int64_t now_ms_ = 1'000'000;
+  Clock clock_ = [this] { return now_ms_; };
+  TempDir dir_;
+  DataDir data_ = *DataDir::Open(dir_.path());
+  std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
+  std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
+  Jobs jobs_{store_.get(), blobs_.get(), data_, clock_};
+  Leases leases_{store_.get(), blobs_.get(), {}, clock_};
+};
+
+TEST_F(JobsTest, JobGoesFromUploadToSuccessWithAGaplessHistory) {
+  const std::string id = StartedJob();
+  const auto lease = leases_.Acquire("w1");
+  ASSERT_TRUE(lease.ok() && lease->has_value());
+  Progress progress;
+  progress.iteration = 7;
+  progress.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
+  progress.preview_png = {1, 2, 3};
+  ASSERT_TRUE(leases_.AddProgress(**lease, progress).ok());
+  ASSERT_TRUE(leases_.AddSnapshot(**lease, "work/x/scene", 7).ok());
+  ReconstructReport report;
+  report.iterations = 9;
+  ASSERT_TRUE(leases_.Succeed(**lease, report, "work/x/final").ok());
+
+  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  const JobRecord job = *jobs_.Get(id);
+  EXPECT_EQ(job.snapshot_iteration, 9);
+  EXPECT_EQ(job.scene_path, "work/x/final");
+  EXPECT_EQ(Decode<ReconstructReport>(job.report)->iterations, 9);
+  const auto stored = Decode<ProgressRecord>(job.progress);
+  EXPECT_TRUE(std::isnan(stored->progress.psnr_holdout));
+  EXPECT_EQ(*jobs_.Preview(id, stored->preview), std::string("\1\2\3"));
+  EXPECT_GT(job.end_time_ms, 0);
+}
+
+TEST_F(JobsTest, RequestIdGivesTheSameJobUnlessTheContentDiffers) {
+  const std::string id = jobs_.Create("r", "title", {})->id;
+  EXPECT_EQ(jobs_.Create("r", "title", {})->id, id);
+  ReconstructOptions other;
+  other.iterations = 5;
+  const auto refused = jobs_.Create("r", "title", other);
+  EXPECT_EQ(refused.status().code(), absl::StatusCode::kAlreadyExists);
+  EXPECT_EQ(Reason(refused.status()), "REQUEST_ID_REUSED");
+}
+
+TEST_F(JobsTest, OnePhotoIsTooFew) {
+  const std::string id = jobs_.Create("", "", {})->id;
+  EXPECT_EQ(Reason(jobs_.Start(id).status()), "TOO_FEW_PHOTOS");
+  ASSERT_TRUE(Add(id, "a.jpg").ok());
+  ASSERT_TRUE(Add(id, "a.png", 0, 0, FileRole::kDepth).ok());
+  const absl::Status status = jobs_.Start(id).status();
+  EXPECT_EQ(Reason(status), "TOO_FEW_PHOTOS");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("1 photo"));
+  EXPECT_EQ(State(id), JobState::kUploading);
+}
+
+TEST_F(JobsTest, TwoSizesAreRefusedByNameUnlessCamerasAreGiven) {
+  const std::string id = jobs_.Create("", "", {})->id;
+  ASSERT_TRUE(Add(id, "a.jpg", 64, 48).ok());
+  ASSERT_TRUE(Add(id, "b.jpg", 48, 64).ok());
+  const absl::Status status = jobs_.Start(id).status();
+  EXPECT_EQ(Reason(status), "PHOTO_SIZES_DIFFER");
+  EXPECT_EQ(GetErrorDetail(status)->field, "images[b.jpg]");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("a.jpg has 64x48"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("b.jpg has 48x64"));
+  ASSERT_TRUE(Add(id, "transforms.json", 0, 0, FileRole::kCameras).ok());
+  EXPECT_TRUE(jobs_.Start(id).ok());
+}
+
+TEST_F(JobsTest, FilesAreBoundedReplaceableAndRefusedAfterTheStart) {
+  const std::string id = jobs_.Create("", "", {})->id;
+  UploadLimits two;
+  two.max_files = 2;
+  ASSERT_TRUE(Add(id, "a.jpg", 1, 1, FileRole::kPhoto, two).ok());
+  ASSERT_TRUE(Add(id, "b.jpg", 1, 1, FileRole::kPhoto, two).ok());
+  EXPECT_EQ(Reason(Add(id, "c.jpg", 1, 1, FileRole::kPhoto, two)), "TOO_MANY_FILES");
+  EXPECT_TRUE(Add(id, "b.jpg", 1, 1, FileRole::kPhoto, two).ok());
+  ASSERT_TRUE(Add(id, "one.json", 0, 0, FileRole::kCameras).ok());
+  EXPECT_EQ(Reason(Add(id, "two.json", 0, 0, FileRole::kCameras)), "CAMERAS_TWICE");
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  EXPECT_EQ(Reason(Add(id, "d.jpg")), "JOB_NOT_UPLOADING");
+}
+
+TEST_F(JobsTest, CancelEndsWaitingJobsAtOnceAndRunningOnesThroughTheirWorker) {
+  const std::string uploading = jobs_.Create("", "", {})->id;
+  EXPECT_EQ(jobs_.Cancel(uploading)->state, JobState::kCancelled);
+
+  const std::string id = StartedJob();
+  const Lease lease = **leases_.Acquire("w1");
+  const auto asked = jobs_.Cancel(id);
+  EXPECT_EQ(asked->state, JobState::kRunning);
+  EXPECT_TRUE(asked->cancel_requested);
+  EXPECT_TRUE(*leases_.CancelRequested(lease));
+  EXPECT_TRUE(*leases_.Heartbeat(lease));
+  ASSERT_TRUE(leases_.Stopped(lease).ok());
+  EXPECT_EQ(State(id), JobState::kCancelled);
+  EXPECT_FALSE(jobs_.Get(id)->cancel_requested);
+  EXPECT_TRUE(jobs_.Cancel(id).ok());  // no-op
+
+  ASSERT_TRUE(jobs_.Resume(id).ok());
+  EXPECT_EQ(State(id), JobState::kQueued);
+  EXPECT_EQ(jobs_.Get(id)->end_time_ms, 0);
+  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING CANCELLED QUEUED ");
+}
+
+TEST_F(JobsTest, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
+  const std::string id = StartedJob();
+  const Lease first = **leases_.Acquire("w1");
+  now_ms_ += 9'000;
+  ASSERT_TRUE(leases_.Heartbeat(first).ok());
+  now_ms_ += 9'000;
+  EXPECT_FALSE(leases_.Acquire("w2")->has_value());
+  now_ms_ += 2'000;
+  const auto second = leases_.Acquire("w2");
+  ASSERT_TRUE(second.ok() && second->has_value());
+  EXPECT_EQ((*second)->job.id, id);
+  EXPECT_EQ((*second)->job.attempt, 2);
+  EXPECT_EQ(Reason(leases_.Heartbeat(first).status()), "LEASE_LOST");
+  EXPECT_EQ(Reason(leases_.CancelRequested(first).status()), "LEASE_LOST");
+  EXPECT_EQ(Reason(leases_.AddProgress(first, {})), "LEASE_LOST");
+  EXPECT_EQ(Reason(leases_.Succeed(first, {}, "x")), "LEASE_LOST");
+  EXPECT_TRUE(leases_.AddProgress(**second, {}).ok());
+  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING ");
+}
+
+TEST_F(JobsTest, JobFailsWithItsReasonAfterThreeLostWorkers) {
+  const std::string id = StartedJob();
+  for (int attempt = 1; attempt <= 3; ++attempt) {
+    EXPECT_EQ(State(id), JobState::kQueued);
+    ASSERT_TRUE(leases_.Acquire("w")->has_value());
+    ASSERT_TRUE(leases_.WorkerDied("w", "killed by signal 9").ok());
+  }
+  const JobRecord job = *jobs_.Get(id);
+  EXPECT_EQ(job.state, JobState::kFailed);
+  const auto error = Decode<JobError>(job.error);
+  EXPECT_EQ(error->code, absl::StatusCode::kAborted);
+  EXPECT_EQ(error->detail.reason, "WORKER_LOST");
+  EXPECT_THAT(error->message, HasSubstr("killed by signal 9"));
+  // A resumed job has all its attempts again and no old error.
+  ASSERT_TRUE(jobs_.Resume(id).ok());
+  EXPECT_EQ(jobs_.Get(id)->attempt, 0);
+  EXPECT_EQ(jobs_.Get(id)->error, "");
+}
+
+TEST_F(JobsTest, WorkerThatShutsDownCostsNoAttempt) {
+  const std::string id = StartedJob();
+  for (int i = 0; i < 5; ++i) {
+    const Lease lease = **leases_.Acquire(absl::StrCat("w", i));
+    EXPECT_EQ(lease.job.attempt, 1);
+    ASSERT_TRUE(leases_.GiveBack(lease).ok());
+    EXPECT_EQ(State(id), JobState::kQueued);
+  }
+}
+
+TEST_F(JobsTest, LostWorkerOfAJobToBeCancelledCancelsIt) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("w")->has_value());
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  ASSERT_TRUE(leases_.WorkerDied("w", "gone").ok());
+  EXPECT_EQ(State(id), JobState::kCancelled);
+}
+
+TEST_F(JobsTest, FailureKeepsCodeMessageAndDetail) {
+  const std::string id = StartedJob();
+  const Lease lease = **leases_.Acquire("w");
+  ASSERT_TRUE(leases_
+                  .Fail(lease, MakeError(absl::StatusCode::kFailedPrecondition, "SFM_TOO_FEW_VIEWS",
+                                         "images", "6 of 40 views; bytes \xff\xfe"))
+                  .ok());
+  const auto error = Decode<JobError>(jobs_.Get(id)->error);
+  ASSERT_TRUE(error.ok()) << error.status();
+  EXPECT_EQ(error->code, absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(error->detail.reason, "SFM_TOO_FEW_VIEWS");
+  EXPECT_EQ(error->detail.field, "images");
+  EXPECT_THAT(error->message, HasSubstr("6 of 40 views"));
+}
+
+TEST_F(JobsTest, DeleteRemovesEverythingAndRefusesARunningJob) {
+  const std::string id = StartedJob();
+  const Lease lease = **leases_.Acquire("w");
+  std::filesystem::create_directories(data_.work(id) + "/run");
+  EXPECT_EQ(Reason(jobs_.Delete(id)), "JOB_RUNNING");
+  ASSERT_TRUE(leases_.Fail(lease, absl::InternalError("x")).ok());
+  ASSERT_TRUE(jobs_.Delete(id).ok());
+  EXPECT_EQ(Reason(jobs_.Get(id).status()), "JOB_NOT_FOUND");
+  EXPECT_FALSE(std::filesystem::exists(data_.work(id)));
+  EXPECT_FALSE(std::filesystem::exists(data_.blobs() + "/jobs/" + id));
+  EXPECT_EQ(Reason(leases_.Heartbeat(lease).status()), "LEASE_LOST");
+}
+
+TEST(Codec, OptionsSurviveTheirJson) {
+  ReconstructOptions options;
+  options.method = Method::k3dgs;
+  options.tone = Tone::kNone;
+  options.theta = 0.1234567890123456;
+  options.seed = std::numeric_limits<uint64_t>::max();
+  options.max_gaussians = int64_t{1} << 40;
+  options.use_pdm = false;
+  options.min_registered = 0.25;
+  const auto read = Decode<ReconstructOptions>(Encode(options));
+  ASSERT_TRUE(read.ok());
+  EXPECT_EQ(Encode(*read), Encode(options));
+  EXPECT_EQ(read->theta, options.theta);
+  EXPECT_EQ(read->seed, options.seed);
+  EXPECT_EQ(read->method, Method::k3dgs);
+}
+
+TEST(Codec, MissingKeysTakeDefaultsAndBrokenTextIsAnError) {
+  EXPECT_EQ(Decode<ReconstructOptions>("{\"unknown\": 1}")->iterations,
+            ReconstructOptions().iterations);
+  EXPECT_EQ(Reason(Decode<ReconstructOptions>("{\"theta\": \"x\"}").status()), "STORE_CORRUPT");
+  EXPECT_EQ(Reason(Decode<StateChange>("").status()), "STORE_CORRUPT");
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,181 @@
+#include "server/jobs/leases.h"
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/jobs/transition.h"
+#include "server/store/digest.h"
+
+namespace litags {
+namespace {
+
+absl::Status CheckHeld(const JobRecord& job, const Lease& lease) {
+  if (job.state == JobState::kRunning && job.lease_owner == lease.owner &&
+      job.attempt == lease.job.attempt) {
+    return absl::OkStatus();
+  }
+  return MakeError(absl::StatusCode::kAborted, "LEASE_LOST", "",
+                   absl::StrCat("jobs/", job.id, " is no longer leased to ", lease.owner));
+}
+
+absl::Status LostIfGone(const absl::Status& status, const Lease& lease) {
+  if (!absl::IsNotFound(status)) return status;
+  return MakeError(absl::StatusCode::kAborted, "LEASE_LOST", "",
+                   absl::StrCat("jobs/", lease.job.id, " was deleted"));
+}
+
+}  // namespace
+
+absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner) {
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(
+        const auto expired, store_->UpdateFirstExpired(clock_(), [&](JobTransaction& job) {
+          return Abandon(job, absl::StrCat("worker ", job.job.lease_owner, " was not heard of"));
+        }));
+    if (!expired) break;
+  }
+  const auto take = [&](JobTransaction& job) -> absl::Status {
+    ++job.job.attempt;
+    LITAGS_RETURN_IF_ERROR(ApplyAction(
+        job, JobAction::kLease, clock_(),
+        job.job.attempt > 1 ? absl::StrCat("attempt ", job.job.attempt) : std::string()));
+    job.job.lease_owner = owner;
+    job.job.lease_expires_ms = clock_() + options_.duration_ms;
+    return absl::OkStatus();
+  };
+  LITAGS_ASSIGN_OR_RETURN(auto job, store_->UpdateFirstQueued(take));
+  if (!job) return std::nullopt;
+  return Lease{owner, *std::move(job)};
+}
+
+absl::StatusOr<JobRecord> Leases::Update(const Lease& lease, JobStore::Change change) {
+  auto job = store_->Update(lease.job.id, [&](JobTransaction& transaction) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(CheckHeld(transaction.job, lease));
+    return change(transaction);
+  });
+  if (!job.ok()) return LostIfGone(job.status(), lease);
+  return job;
+}
+
+absl::StatusOr<bool> Leases::Heartbeat(const Lease& lease) {
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, Update(lease, [&](JobTransaction& transaction) {
+                            transaction.job.lease_expires_ms = clock_() + options_.duration_ms;
+                            return absl::OkStatus();
+                          }));
+  return job.cancel_requested;
+}
+
+absl::StatusOr<bool> Leases::CancelRequested(const Lease& lease) {
+  auto job = store_->Get(lease.job.id);
+  if (!job.ok()) return LostIfGone(job.status(), lease);
+  LITAGS_RETURN_IF_ERROR(CheckHeld(*job, lease));
+  return job->cancel_requested;
+}
+
+absl::Status Leases::AddProgress(const Lease& lease, const Progress& progress) {
+  ProgressRecord record{progress, ""};
+  record.progress.preview_png.clear();
+  if (!progress.preview_png.empty()) {
+    const std::string_view png(reinterpret_cast<const char*>(progress.preview_png.data()),
+                               progress.preview_png.size());
+    record.preview = Sha256::Hex(png);
+    LITAGS_RETURN_IF_ERROR(blobs_->Put(BlobKey(lease.job.id, record.preview), png));
+  }
+  return Update(lease,
+                [&](JobTransaction& job) -> absl::Status {
+                  LITAGS_RETURN_IF_ERROR(ApplyAction(job, JobAction::kReport, clock_(), ""));
+                  job.job.progress = Encode(record);
+                  return job.AddEvent({0, clock_(), EventKind::kProgress, job.job.progress});
+                })
+      .status();
+}
+
+absl::Status Leases::AddSnapshot(const Lease& lease, const std::string& scene_path, int iteration) {
+  return Update(lease,
+                [&](JobTransaction& job) -> absl::Status {
+                  LITAGS_RETURN_IF_ERROR(ApplyAction(job, JobAction::kReport, clock_(), ""));
+                  job.job.scene_path = scene_path;
+                  job.job.snapshot_iteration = iteration;
+                  return job.AddEvent(
+                      {0, clock_(), EventKind::kSnapshot, Encode(SnapshotRecord{iteration})});
+                })
+      .status();
+}
+
+absl::Status Leases::Succeed(const Lease& lease, const ReconstructReport& report,
+                             const std::string& scene_path) {
+  return Update(
+             lease,
+             [&](JobTransaction& job) -> absl::Status {
+               job.job.report = Encode(report);
+               job.job.scene_path = scene_path;
+               if (job.job.snapshot_iteration != report.iterations) {
+                 job.job.snapshot_iteration = report.iterations;
+                 LITAGS_RETURN_IF_ERROR(job.AddEvent({0, clock_(), EventKind::kSnapshot,
+                                                      Encode(SnapshotRecord{report.iterations})}));
+               }
+               return ApplyAction(job, JobAction::kSucceed, clock_(), "");
+             })
+      .status();
+}
+
+absl::Status Leases::Fail(const Lease& lease, const absl::Status& error) {
+  return Update(lease,
+                [&](JobTransaction& job) {
+                  const JobError record = JobError::Of(error);
+                  return ApplyAction(job, JobAction::kFail, clock_(), record.message, &record);
+                })
+      .status();
+}
+
+absl::Status Leases::Stopped(const Lease& lease) {
+  return Update(lease,
+                [&](JobTransaction& job) {
+                  return ApplyAction(job, JobAction::kStop, clock_(), "cancelled on request");
+                })
+      .status();
+}
+
+absl::Status Leases::GiveBack(const Lease& lease) {
+  return Update(lease,
+                [&](JobTransaction& job) {
+                  if (job.job.cancel_requested) return Abandon(job, "");
+                  --job.job.attempt;
+                  return ApplyAction(job, JobAction::kRequeue, clock_(),
+                                     "the worker shut down; the job goes on with the next one");
+                })
+      .status();
+}
+
+absl::Status Leases::WorkerDied(std::string_view owner, std::string_view why) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, store_->LeasedTo(owner));
+  for (const std::string& id : ids) {
+    const auto change = [&](JobTransaction& job) -> absl::Status {
+      if (job.job.state != JobState::kRunning || job.job.lease_owner != owner) {
+        return absl::OkStatus();  // another one noticed first
+      }
+      return Abandon(job, absl::StrCat("its worker died: ", std::string(why)));
+    };
+    LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Leases::Abandon(JobTransaction& job, std::string_view why) {
+  if (job.job.cancel_requested) {
+    return ApplyAction(job, JobAction::kStop, clock_(), "cancelled on request");
+  }
+  if (job.job.attempt >= options_.max_attempts) {
+    const JobError error{
+        absl::StatusCode::kAborted,
+        absl::StrCat(std::string(why), ", at the last of ", options_.max_attempts,
+                     " attempts; if memory ran out, set max_image_side or max_gaussians lower, "
+                     "else see the server's log; ResumeJob tries again from the last checkpoint"),
+        {"WORKER_LOST", ""}};
+    return ApplyAction(job, JobAction::kFail, clock_(), error.message, &error);
+  }
+  return ApplyAction(job, JobAction::kRequeue, clock_(),
+                     absl::StrCat(std::string(why), "; back in the queue after attempt ",
+                                  job.job.attempt, " of ", options_.max_attempts));
+}
+
+}  // namespace litags

@@ -1,0 +1,76 @@
+// Jobs as workers see them. A lease is the right to run one job and to write about it; whoever
+// lost it can write nothing more.
+#ifndef LITAGS_SERVER_JOBS_LEASES_H_
+#define LITAGS_SERVER_JOBS_LEASES_H_
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/jobs.h"
+#include "server/store/job_store.h"
+
+namespace litags {
+
+struct LeaseOptions {
+  int64_t duration_ms = 10000;  // without a heartbeat for this long, the job goes to another worker
+  int max_attempts = 3;         // after this many lost workers the job fails
+};
+
+// A worker's hold on a job.
+struct Lease {
+  std::string owner;  // the worker's name, unique among all workers there ever were
+  JobRecord job;      // as it was when leased
+};
+
+// Thread-safe. Every call with a Lease fails with ABORTED (LEASE_LOST) if the job was given to
+// another worker, ended or deleted.
+class Leases {
+ public:
+  // The stores must outlive this.
+  Leases(JobStore* store, BlobStore* blobs, LeaseOptions options = {}, Clock clock = SystemClockMs)
+      : store_(store), blobs_(blobs), options_(options), clock_(std::move(clock)) {}
+
+  // Takes the job that has been queued longest; nullopt if there is none. Puts jobs with stale
+  // leases back into the queue first.
+  absl::StatusOr<std::optional<Lease>> Acquire(const std::string& owner);
+
+  // Keeps the lease. Returns whether the job is to be cancelled.
+  absl::StatusOr<bool> Heartbeat(const Lease& lease);
+  // The same without keeping it: only reads.
+  absl::StatusOr<bool> CancelRequested(const Lease& lease);
+
+  absl::Status AddProgress(const Lease& lease, const Progress& progress);
+  // `scene_path` is relative to the data folder.
+  absl::Status AddSnapshot(const Lease& lease, const std::string& scene_path, int iteration);
+
+  // The ends of a lease.
+  absl::Status Succeed(const Lease& lease, const ReconstructReport& report,
+                       const std::string& scene_path);
+  absl::Status Fail(const Lease& lease, const absl::Status& error);
+  absl::Status Stopped(const Lease& lease);  // cancelled, as asked for
+  // The worker shuts down: the job waits for another one, and this attempt does not count.
+  absl::Status GiveBack(const Lease& lease);
+
+  // A worker is known to be dead: what it held goes back into the queue, or FAILED after too many
+  // attempts, or CANCELLED if that was asked for. `why` is for humans: "killed by signal 9".
+  absl::Status WorkerDied(std::string_view owner, std::string_view why);
+
+ private:
+  absl::StatusOr<JobRecord> Update(const Lease& lease, JobStore::Change change);
+  absl::Status Abandon(JobTransaction& job, std::string_view why);
+
+  JobStore* const store_;
+  BlobStore* const blobs_;
+  const LeaseOptions options_;
+  const Clock clock_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_JOBS_LEASES_H_

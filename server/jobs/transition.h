@@ -1,0 +1,24 @@
+#ifndef LITAGS_SERVER_JOBS_TRANSITION_H_
+#define LITAGS_SERVER_JOBS_TRANSITION_H_
+
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/state_machine.h"
+#include "server/store/job_store.h"
+
+namespace litags {
+
+// Applies an action to a job inside its transaction: checks it, sets the new state and the times
+// that belong to it, and writes an event if the state is another one. `error` is set for kFail.
+absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
+                         std::string_view message, const JobError* error = nullptr);
+
+// Writes the event of a state that was reached by creation.
+absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view message,
+                           const JobError* error = nullptr);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_JOBS_TRANSITION_H_

@@ -1,0 +1,42 @@
+// Where bytes are kept: photos, depth maps, preview pictures.
+#ifndef LITAGS_SERVER_STORE_BLOB_STORE_H_
+#define LITAGS_SERVER_STORE_BLOB_STORE_H_
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace litags {
+
+// Keys are paths of lower-case letters, digits, '-' and '/', made by us ("jobs/ID/SHA256"), never
+// by clients. A blob never changes. Thread-safe; several processes may share a store.
+//
+// Errors: NOT_FOUND (BLOB_NOT_FOUND), RESOURCE_EXHAUSTED (DISK_FULL), INTERNAL (STORE_FAILED).
+class BlobStore {
+ public:
+  virtual ~BlobStore() = default;
+
+  // Stores bytes; on disk when it returns. Storing the same key again is a no-op.
+  virtual absl::Status Put(std::string_view key, std::string_view bytes) = 0;
+  // The same with a local file's content; the file is consumed.
+  virtual absl::Status PutFile(std::string_view key, const std::string& path) = 0;
+
+  virtual absl::StatusOr<std::string> Get(std::string_view key) = 0;
+  // Makes the blob readable as the local file `path`, which must not exist. The file may share its
+  // bytes with the store: do not write to it.
+  virtual absl::Status Fetch(std::string_view key, const std::string& path) = 0;
+
+  // Removes all blobs whose keys begin with the folder `prefix` ("jobs/ID").
+  virtual absl::Status RemoveFolder(std::string_view prefix) = 0;
+};
+
+// A folder, made if it is not there.
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& root);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_STORE_BLOB_STORE_H_

@@ -1,0 +1,33 @@
+#ifndef LITAGS_SERVER_STORE_DATA_DIR_H_
+#define LITAGS_SERVER_STORE_DATA_DIR_H_
+
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace litags {
+
+// The folder that holds everything of one installation.
+//   litags.db        jobs, files, events
+//   blobs/           photos, depth maps, previews, by digest
+//   work/JOB/        what the engine keeps of a job: links to its photos, checkpoint, scene
+//   tmp/             uploads and exports in flight; emptied when a server starts
+struct DataDir {
+  std::string root;
+
+  std::string database() const { return root + "/litags.db"; }
+  std::string blobs() const { return root + "/blobs"; }
+  std::string tmp() const { return root + "/tmp"; }
+  std::string work(std::string_view job_id) const { return root + "/work/" + std::string(job_id); }
+
+  // Makes the folders, readable by the owner only. FAILED_PRECONDITION (DATA_DIR_UNUSABLE).
+  static absl::StatusOr<DataDir> Open(const std::string& root);
+  // Removes what an earlier server left in tmp/.
+  void EmptyTmp() const;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_STORE_DATA_DIR_H_

@@ -1,0 +1,148 @@
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/check.h"
+#include "engine/core/error.h"
+#include "server/store/blob_store.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::Status ErrorOf(const char* action, const fs::path& path, int error) {
+  if (error == ENOSPC || error == EDQUOT) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "",
+                     "the blob store's disk is full; free some space and try again");
+  }
+  if (error == ENOENT) {
+    return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", "",
+                     absl::StrCat("no stored file ", path.filename().string()));
+  }
+  return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
+                   absl::StrCat("cannot ", action, " ", path.string(), ": ", std::strerror(error)));
+}
+
+class Fd {
+ public:
+  Fd(const fs::path& path, int flags) : fd_(open(path.c_str(), flags | O_CLOEXEC, 0600)) {}
+  Fd(const Fd&) = delete;
+  Fd& operator=(const Fd&) = delete;
+  ~Fd() {
+    if (fd_ >= 0) close(fd_);
+  }
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+absl::Status Sync(const fs::path& path) {
+  const Fd fd(path, O_RDONLY);
+  if (fd.get() < 0 || fsync(fd.get()) != 0) return ErrorOf("sync", path, errno);
+  return absl::OkStatus();
+}
+
+absl::Status WriteAll(const fs::path& path, std::string_view bytes) {
+  const Fd fd(path, O_WRONLY | O_CREAT | O_EXCL);
+  if (fd.get() < 0) return ErrorOf("create", path, errno);
+  while (!bytes.empty()) {
+    const ssize_t n = write(fd.get(), bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return ErrorOf("write", path, errno);
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  return absl::OkStatus();
+}
+
+class DiskBlobStore : public BlobStore {
+ public:
+  explicit DiskBlobStore(fs::path root) : root_(std::move(root)) {}
+
+  absl::Status Put(std::string_view key, std::string_view bytes) override {
+    static std::atomic<int> counter{0};
+    const fs::path temporary =
+        root_ / "tmp" / absl::StrCat("put-", getpid(), "-", counter.fetch_add(1));
+    absl::Status status = WriteAll(temporary, bytes);
+    if (status.ok()) status = PutFile(key, temporary);
+    unlink(temporary.c_str());  // still there after a failure only
+    return status;
+  }
+
+  absl::Status PutFile(std::string_view key, const std::string& path) override {
+    const fs::path target = PathOf(key);
+    LITAGS_RETURN_IF_ERROR(MakeFolder(target.parent_path()));
+    // Content, then name, then folder: each is on disk before the next says so.
+    LITAGS_RETURN_IF_ERROR(Sync(path));
+    if (rename(path.c_str(), target.c_str()) != 0) return ErrorOf("store", target, errno);
+    return Sync(target.parent_path());
+  }
+
+  absl::StatusOr<std::string> Get(std::string_view key) override {
+    const fs::path path = PathOf(key);
+    std::ifstream file(path, std::ios::binary);
+    if (!file) return ErrorOf("read", path, errno);
+    std::ostringstream bytes;
+    bytes << file.rdbuf();
+    if (file.bad()) return ErrorOf("read", path, EIO);
+    return std::move(bytes).str();
+  }
+
+  absl::Status Fetch(std::string_view key, const std::string& path) override {
+    const fs::path source = PathOf(key);
+    if (link(source.c_str(), path.c_str()) == 0) return absl::OkStatus();
+    if (errno == ENOENT) return ErrorOf("read", source, ENOENT);
+    std::error_code error;  // another file system: copy
+    fs::copy_file(source, path, error);
+    return error ? ErrorOf("copy", source, error.value()) : absl::OkStatus();
+  }
+
+  absl::Status RemoveFolder(std::string_view prefix) override {
+    std::error_code error;
+    fs::remove_all(PathOf(prefix), error);
+    return error ? ErrorOf("remove", PathOf(prefix), error.value()) : absl::OkStatus();
+  }
+
+  absl::Status MakeFolder(const fs::path& folder) {
+    std::error_code error;
+    if (fs::create_directories(folder, error)) {
+      // A new folder is an entry in its parent, which must survive a crash too.
+      for (fs::path p = folder; p != root_; p = p.parent_path()) {
+        LITAGS_RETURN_IF_ERROR(Sync(p.parent_path()));
+      }
+    }
+    return error ? ErrorOf("create", folder, error.value()) : absl::OkStatus();
+  }
+
+ private:
+  fs::path PathOf(std::string_view key) const {
+    LITAGS_CHECK(!key.empty() && key.front() != '/' &&
+                 std::all_of(key.begin(), key.end(), [](char c) {
+                   return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '/';
+                 }));
+    return root_ / std::string(key);
+  }
+
+  const fs::path root_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& root) {
+  auto store = std::make_unique<DiskBlobStore>(root);
+  std::error_code error;
+  fs::create_directories(fs::path(root) / "tmp", error);
+  if (error) return ErrorOf("create", root, error.value());
+  return std::unique_ptr<BlobStore>(std::move(store));
+}
+
+}  // namespace litags

@@ -1,0 +1,156 @@
+// Where jobs, their files and their events are kept. The interface says what a store must
+// guarantee; which changes are allowed is decided above it (server/jobs).
+#ifndef LITAGS_SERVER_STORE_JOB_STORE_H_
+#define LITAGS_SERVER_STORE_JOB_STORE_H_
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace litags {
+
+// Stored as numbers: never change or reuse them.
+enum class JobState {
+  kUploading = 1,
+  kQueued = 2,
+  kRunning = 3,
+  kSucceeded = 4,
+  kFailed = 5,
+  kCancelled = 6,
+};
+
+struct JobRecord {
+  std::string id;
+  std::string request_id;  // empty: none
+  std::string display_name;
+  JobState state = JobState::kUploading;
+  bool cancel_requested = false;
+  int attempt = 0;  // leases since it was last queued by a user
+
+  // The lease of the worker that runs it; meaningful in kRunning only.
+  std::string lease_owner;
+  int64_t lease_expires_ms = 0;
+
+  // Times in milliseconds since 1970; 0: not yet.
+  int64_t create_time_ms = 0;
+  int64_t start_time_ms = 0;
+  int64_t end_time_ms = 0;
+  int64_t queue_time_ms = 0;
+
+  int64_t last_event = 0;  // number of the newest event
+  int64_t photos = 0;      // kept by the store
+  int64_t bytes = 0;       // of all files; kept by the store
+
+  int snapshot_iteration = -1;  // -1: no snapshot
+  std::string scene_path;       // of the newest snapshot, relative to the data folder
+
+  // JSON, opaque to the store; empty: none. See server/jobs/codec.h.
+  std::string options;
+  std::string progress;
+  std::string error;
+  std::string report;
+};
+
+// Stored as numbers: never change or reuse them.
+enum class FileRole { kPhoto = 1, kCameras = 2, kDepth = 3 };
+
+struct FileRecord {
+  std::string name;
+  FileRole role = FileRole::kPhoto;
+  int64_t size_bytes = 0;
+  std::string sha256;  // 64 hex digits
+  int width = 0;       // px; photos only
+  int height = 0;      // px; photos only
+};
+
+// Stored as numbers: never change or reuse them.
+enum class EventKind { kState = 1, kProgress = 2, kSnapshot = 3 };
+
+struct EventRecord {
+  int64_t number = 0;  // 1, 2, 3, ... per job, without gaps
+  int64_t time_ms = 0;
+  EventKind kind = EventKind::kState;
+  std::string payload;  // JSON, opaque to the store
+};
+
+// One job inside a transaction. Nothing is visible to others, and nothing is on disk, until the
+// transaction's function has returned OK.
+class JobTransaction {
+ public:
+  virtual ~JobTransaction() = default;
+
+  // The job as it is; changes are written back at the end. `id`, `photos` and `bytes` are ignored.
+  JobRecord job;
+
+  virtual absl::StatusOr<std::vector<FileRecord>> Files() = 0;
+  // Adds the file or replaces that of the same role and name.
+  virtual absl::Status PutFile(const FileRecord& file) = 0;
+  // Appends an event with the next number; `number` is ignored.
+  virtual absl::Status AddEvent(const EventRecord& event) = 0;
+  // Removes the job with its files and events.
+  virtual absl::Status Remove() = 0;
+};
+
+// Thread-safe. Several processes may hold a store on the same data. An OK answer to a change means
+// that the change survives a crash of any process and of the machine.
+//
+// Errors of every call: NOT_FOUND (JOB_NOT_FOUND) for an unknown id; RESOURCE_EXHAUSTED
+// (DISK_FULL); INTERNAL (STORE_FAILED) for whatever else the store meets.
+class JobStore {
+ public:
+  using Change = absl::FunctionRef<absl::Status(JobTransaction&)>;
+
+  virtual ~JobStore() = default;
+
+  // Inserts the job and applies `change` to it in the same transaction. If a job with the same
+  // non-empty request_id exists, returns that one instead, unchanged.
+  virtual absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) = 0;
+
+  virtual absl::StatusOr<JobRecord> Get(std::string_view id) = 0;
+
+  // Newest first (creation time, then id, descending). Starts after job `after_id` that was
+  // created at `after_time_ms`; 0 and "" for the first page.
+  virtual absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms,
+                                                      std::string_view after_id, int limit) = 0;
+
+  // Applies `change` to a job, alone: no other change of the job happens between what the function
+  // sees and what it writes. Its error is returned and leaves the job as it was. It may be called
+  // more than once, so it must have no effect but on the transaction.
+  virtual absl::StatusOr<JobRecord> Update(std::string_view id, Change change) = 0;
+
+  // Update() of the first queued job (by queue_time_ms); nullopt if there is none.
+  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) = 0;
+
+  // Update() of one running job whose lease ended before `now_ms`; nullopt if there is none.
+  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
+                                                                      Change change) = 0;
+
+  // Ids of the running jobs leased to `owner`.
+  virtual absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) = 0;
+
+  // By role, then name.
+  virtual absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) = 0;
+
+  // Events with numbers above `after`, in order, at most `limit`.
+  virtual absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
+                                                          int limit) = 0;
+
+  // A number that differs from the one of an earlier call if anything was changed in between, by
+  // whatever process. Cheap enough to ask several times a second.
+  virtual absl::StatusOr<int64_t> ChangeToken() = 0;
+};
+
+// An SQLite file, made if it is not there. FAILED_PRECONDITION (STORE_TOO_NEW) if a later version
+// of the program wrote it.
+absl::StatusOr<std::unique_ptr<JobStore>> OpenSqliteJobStore(const std::string& path);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_STORE_JOB_STORE_H_

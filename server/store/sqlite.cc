@@ -1,0 +1,113 @@
+#include "server/store/sqlite.h"
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+// Writers of other processes are waited for this long.
+constexpr int kBusyTimeoutMs = 10000;
+
+absl::Status ErrorOf(sqlite3* db, int result) {
+  const std::string text = db ? sqlite3_errmsg(db) : sqlite3_errstr(result);
+  if (result == SQLITE_FULL) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "",
+                     "the job store's disk is full; free some space and try again");
+  }
+  return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
+                   absl::StrCat("the job store failed: ", text));
+}
+
+}  // namespace
+
+Statement::~Statement() {
+  sqlite3_reset(stmt_);
+  sqlite3_clear_bindings(stmt_);
+}
+
+Statement& Statement::Bind(int64_t value) {
+  const int result = sqlite3_bind_int64(stmt_, next_parameter_++, value);
+  if (bind_result_ == SQLITE_OK) bind_result_ = result;
+  return *this;
+}
+
+Statement& Statement::Bind(std::string_view value) {
+  // A null pointer would bind NULL.
+  const char* data = value.data() ? value.data() : "";
+  const int result = sqlite3_bind_text(stmt_, next_parameter_++, data,
+                                       static_cast<int>(value.size()), SQLITE_TRANSIENT);
+  if (bind_result_ == SQLITE_OK) bind_result_ = result;
+  return *this;
+}
+
+absl::StatusOr<bool> Statement::Step() {
+  if (!stmt_ || bind_result_ != SQLITE_OK) return ErrorOf(db_, bind_result_);
+  const int result = sqlite3_step(stmt_);
+  if (result == SQLITE_ROW) return true;
+  if (result == SQLITE_DONE) return false;
+  return ErrorOf(db_, result);
+}
+
+absl::Status Statement::Run() { return Step().status(); }
+
+std::string Statement::Text(int column) const {
+  const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(stmt_, column));
+  return text ? std::string(text, sqlite3_column_bytes(stmt_, column)) : std::string();
+}
+
+absl::StatusOr<std::unique_ptr<SqliteConnection>> SqliteConnection::Open(const std::string& path) {
+  sqlite3* db = nullptr;
+  const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
+  const int result = sqlite3_open_v2(path.c_str(), &db, flags, nullptr);
+  std::unique_ptr<SqliteConnection> connection(new SqliteConnection(db));
+  if (result != SQLITE_OK) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_NOT_OPENED", "data",
+                     absl::StrCat("cannot open the job store ", path, ": ", sqlite3_errstr(result),
+                                  "; check that the folder exists and may be written"));
+  }
+  sqlite3_busy_timeout(db, kBusyTimeoutMs);
+  // FULL: a commit is on disk before it returns, also in WAL mode.
+  LITAGS_RETURN_IF_ERROR(connection->Execute(
+      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"));
+  return connection;
+}
+
+SqliteConnection::~SqliteConnection() {
+  for (auto& [sql, stmt] : statements_) sqlite3_finalize(stmt);
+  sqlite3_close(db_);
+}
+
+Statement SqliteConnection::Prepare(const std::string& sql) {
+  auto [it, added] = statements_.try_emplace(sql, nullptr);
+  if (!it->second) {
+    sqlite3_prepare_v3(db_, sql.c_str(), static_cast<int>(sql.size()), SQLITE_PREPARE_PERSISTENT,
+                       &it->second, nullptr);
+  }
+  return Statement(db_, it->second);
+}
+
+absl::Status SqliteConnection::Execute(const std::string& sql) {
+  const int result = sqlite3_exec(db_, sql.c_str(), nullptr, nullptr, nullptr);
+  return result == SQLITE_OK ? absl::OkStatus() : ErrorOf(db_, result);
+}
+
+absl::StatusOr<std::unique_ptr<SqliteTransaction>> SqliteTransaction::Begin(
+    SqliteConnection* connection) {
+  // IMMEDIATE: takes the write lock now, so that what is read cannot change before the commit.
+  LITAGS_RETURN_IF_ERROR(connection->Execute("BEGIN IMMEDIATE"));
+  return std::unique_ptr<SqliteTransaction>(new SqliteTransaction(connection));
+}
+
+SqliteTransaction::~SqliteTransaction() {
+  // A failed COMMIT or a full disk may have rolled back already; the error is of no interest then.
+  if (!done_) connection_->Execute("ROLLBACK").IgnoreError();
+}
+
+absl::Status SqliteTransaction::Commit() {
+  LITAGS_RETURN_IF_ERROR(connection_->Execute("COMMIT"));
+  done_ = true;
+  return absl::OkStatus();
+}
+
+}  // namespace litags

@@ -1,0 +1,91 @@
+#include "server/store/sqlite_migrations.h"
+
+#include <iterator>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+// Step n leads from version n to n + 1 (PRAGMA user_version). Steps that were released are never
+// edited; a change of the layout is a new step.
+const char* const kSteps[] = {
+    R"sql(
+CREATE TABLE jobs (
+  id TEXT PRIMARY KEY,
+  request_id TEXT NOT NULL,
+  display_name TEXT NOT NULL,
+  state INTEGER NOT NULL,
+  cancel_requested INTEGER NOT NULL,
+  attempt INTEGER NOT NULL,
+  lease_owner TEXT NOT NULL,
+  lease_expires_ms INTEGER NOT NULL,
+  create_time_ms INTEGER NOT NULL,
+  start_time_ms INTEGER NOT NULL,
+  end_time_ms INTEGER NOT NULL,
+  queue_time_ms INTEGER NOT NULL,
+  last_event INTEGER NOT NULL,
+  photos INTEGER NOT NULL,
+  bytes INTEGER NOT NULL,
+  snapshot_iteration INTEGER NOT NULL,
+  scene_path TEXT NOT NULL,
+  options TEXT NOT NULL,
+  progress TEXT NOT NULL,
+  error TEXT NOT NULL,
+  report TEXT NOT NULL
+) WITHOUT ROWID;
+CREATE UNIQUE INDEX jobs_by_request ON jobs (request_id) WHERE request_id <> '';
+CREATE INDEX jobs_by_time ON jobs (create_time_ms, id);
+CREATE INDEX jobs_by_queue ON jobs (state, queue_time_ms);
+
+CREATE TABLE files (
+  job_id TEXT NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
+  role INTEGER NOT NULL,
+  name TEXT NOT NULL,
+  size_bytes INTEGER NOT NULL,
+  sha256 TEXT NOT NULL,
+  width INTEGER NOT NULL,
+  height INTEGER NOT NULL,
+  PRIMARY KEY (job_id, role, name)
+) WITHOUT ROWID;
+
+CREATE TABLE events (
+  job_id TEXT NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
+  number INTEGER NOT NULL,
+  time_ms INTEGER NOT NULL,
+  kind INTEGER NOT NULL,
+  payload TEXT NOT NULL,
+  PRIMARY KEY (job_id, number)
+) WITHOUT ROWID;
+)sql",
+};
+
+absl::StatusOr<int64_t> Version(SqliteConnection* connection) {
+  Statement statement = connection->Prepare("PRAGMA user_version");
+  LITAGS_RETURN_IF_ERROR(statement.Run());
+  return statement.Int(0);
+}
+
+}  // namespace
+
+absl::Status MigrateSqlite(SqliteConnection* connection) {
+  constexpr int64_t kNewest = std::size(kSteps);
+  for (;;) {
+    // Another process may migrate at the same time: look again under the write lock.
+    LITAGS_ASSIGN_OR_RETURN(const auto transaction, SqliteTransaction::Begin(connection));
+    LITAGS_ASSIGN_OR_RETURN(const int64_t version, Version(connection));
+    if (version > kNewest) {
+      return MakeError(
+          absl::StatusCode::kFailedPrecondition, "STORE_TOO_NEW", "data",
+          absl::StrCat("the job store has version ", version,
+                       ", this program knows versions up to ", kNewest, "; use the newer program"));
+    }
+    if (version == kNewest) return absl::OkStatus();
+    LITAGS_RETURN_IF_ERROR(connection->Execute(kSteps[version]));
+    LITAGS_RETURN_IF_ERROR(connection->Execute(absl::StrCat("PRAGMA user_version=", version + 1)));
+    LITAGS_RETURN_IF_ERROR(transaction->Commit());
+  }
+}
+
+}  // namespace litags
