@@ -30,10 +30,11 @@ class DepthProvider {
   virtual absl::StatusOr<std::optional<DepthMap>> Depth(const View& view, const ImageU8& photo) = 0;
 };
 
-// Maps that the user gives with the photos: <folder>/<stem of view.name>.{npy,pfm,png}, looked for
-// in this order; 16-bit PNG. Zero, negative and not-finite values mean unknown. A map of another
-// size with the photo's aspect ratio (to 1%) is resized: averaged down, bilinear up, known
-// pixels only. Errors: DEPTH_MAP_* with field "depth/<file>". NOT_FOUND if there is no such folder.
+// Maps that the user gives with the photos: <folder>/<stem of view.name>.{png,pfm,npy}, the first
+// that exists (formats: ReadDepthMap). 0 and values that are not finite mean unknown. A map of
+// another size but the photo's aspect ratio (to 1%) is resized over its known pixels: averaged
+// down, bilinear up. INVALID_ARGUMENT with field "depth/<file>" for maps that cannot be read, fit
+// or used (all unknown, or constant). NOT_FOUND here if there is no such folder.
 absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(const std::string& folder);
 
 }  // namespace litags

@@ -24,10 +24,11 @@ enum class PriorDerivative {
 };
 
 struct StructurePriorOptions {
-  double sigma_px = 1.0;             // of the Gaussian, at a 500 px wide image; > 0. Choice
-  bool scale_sigma_to_width = true;  // sigma_px * width / 500; false: sigma_px as it is
-  double beta = 1.0;                 // weight of the E_l term, >= 0; paper
-  double gamma = 1.0;                // weight of the E_ll term, >= 0; paper
+  double sigma_px = 1.0;  // of the Gaussian, > 0; at a 500 px wide image. Choice
+  // sigma_px * width / 500, not below the 0.5 px that a sampled Gaussian needs; false: as it is.
+  bool scale_sigma_to_width = true;
+  double beta = 1.0;   // weight of the E_l term, >= 0; paper
+  double gamma = 1.0;  // weight of the E_ll term, >= 0; paper
   PriorDerivative derivative = PriorDerivative::kSeparable2d;
   PriorBorder border = PriorBorder::kReflect101;
   bool l1_normalize = false;  // derivative kernels over their absolute sum (CIConv)
@@ -59,7 +60,7 @@ double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions&
 
 struct CapturePriors {
   std::vector<PlaneU8> maps;  // P / scale clipped to [0, 1], times 255; one per photo, in order
-  double scale = 0;           // P that maps to 1
+  double scale = 0;           // P that maps to 1: the percentile, to 0.2%
   double floor = 0;           // floor used
 };
 

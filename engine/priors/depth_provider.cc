@@ -1,0 +1,124 @@
+#include "engine/priors/depth_provider.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
+
+namespace litags {
+namespace {
+
+// Known pixels: depth as it is, confidence 1; unknown ones: 0 and 0.
+DepthMap SplitKnown(Planes depth) {
+  DepthMap map;
+  map.confidence = Planes(1, depth.height, depth.width);
+  for (size_t i = 0; i < depth.data.size(); ++i) {
+    const bool known = std::isfinite(depth.data[i]) && depth.data[i] != 0;
+    map.confidence.data[i] = known ? 1.0f : 0.0f;
+    if (!known) depth.data[i] = 0;
+  }
+  map.depth = std::move(depth);
+  return map;
+}
+
+// Error unless the known pixels hold at least two different values.
+absl::Status CheckUsable(const DepthMap& map, const std::string& field) {
+  float least = INFINITY, most = -INFINITY;
+  for (size_t i = 0; i < map.depth.data.size(); ++i) {
+    if (map.confidence.data[i] == 0) continue;
+    least = std::min(least, map.depth.data[i]);
+    most = std::max(most, map.depth.data[i]);
+  }
+  if (least > most) {
+    return InvalidInput("DEPTH_MAP_EMPTY", field,
+                        absl::StrCat(field,
+                                     ": no pixel has a depth (all are 0 or not finite); "
+                                     "remove the file or write the map again"));
+  }
+  if (least == most) {
+    return InvalidInput("DEPTH_MAP_CONSTANT", field,
+                        absl::StrCat(field, ": every pixel has depth ", least,
+                                     ", which says nothing of the scene; remove the file"));
+  }
+  return absl::OkStatus();
+}
+
+Planes Resize(const Planes& plane, int width, int height) {
+  Planes out(1, height, width);
+  const cv::Mat in(plane.height, plane.width, CV_32F, const_cast<float*>(plane.data.data()));
+  cv::Mat result(height, width, CV_32F, out.data.data());
+  const bool shrinks = width < plane.width;
+  cv::resize(in, result, result.size(), 0, 0, shrinks ? cv::INTER_AREA : cv::INTER_LINEAR);
+  return out;
+}
+
+// Mean over the known pixels under each new one; known if at least half of them are.
+DepthMap ResizeKnown(const DepthMap& map, int width, int height) {
+  DepthMap out{Resize(map.depth, width, height), Resize(map.confidence, width, height)};
+  for (size_t i = 0; i < out.depth.data.size(); ++i) {
+    float& share = out.confidence.data[i];
+    const bool known = share >= 0.5f;
+    out.depth.data[i] = known ? out.depth.data[i] / share : 0.0f;
+    share = known ? 1.0f : 0.0f;
+  }
+  return out;
+}
+
+class FolderDepthProvider : public DepthProvider {
+ public:
+  explicit FolderDepthProvider(std::string folder) : folder_(std::move(folder)) {}
+
+  absl::StatusOr<std::optional<DepthMap>> Depth(const View& view, const ImageU8& photo) override {
+    const std::string path = FindDepthMap(folder_, Stem(view.name));
+    if (path.empty()) return std::nullopt;
+    const std::string field = absl::StrCat("depth/", BaseName(path));
+    LITAGS_ASSIGN_OR_RETURN(Planes plane, ReadDepthMap(path, field));
+    DepthMap map = SplitKnown(std::move(plane));
+    LITAGS_RETURN_IF_ERROR(CheckUsable(map, field));
+    const int width = map.depth.width, height = map.depth.height;
+    if (width != photo.width || height != photo.height) {
+      const double skew = double(width) * photo.height / (double(height) * photo.width) - 1;
+      if (!(std::abs(skew) <= 0.01)) {
+        return InvalidInput(
+            "DEPTH_MAP_SIZE", field,
+            absl::StrCat(field, ": ", width, "x", height, " px does not fit the ", photo.width, "x",
+                         photo.height, " px photo; give maps of the photo's aspect ratio"));
+      }
+      try {
+        map = ResizeKnown(map, photo.width, photo.height);
+      } catch (const cv::Exception& e) {
+        return MakeError(absl::StatusCode::kInternal, "DEPTH_MAP_RESIZE", field,
+                         absl::StrCat(field, ": cannot resize: ", e.what()));
+      }
+      LITAGS_RETURN_IF_ERROR(CheckUsable(map, field));
+    }
+    const auto& confidence = map.confidence.data;
+    if (std::all_of(confidence.begin(), confidence.end(), [](float c) { return c == 1; })) {
+      map.confidence = Planes();
+    }
+    return map;
+  }
+
+ private:
+  const std::string folder_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(const std::string& folder) {
+  std::error_code error;
+  if (!std::filesystem::is_directory(folder, error)) {
+    return MakeError(
+        absl::StatusCode::kNotFound, "DEPTH_FOLDER_MISSING", "depth_dir",
+        absl::StrCat("depth folder '", folder, "' does not exist; give a folder of maps or none"));
+  }
+  return std::make_unique<FolderDepthProvider>(folder);
+}
+
+}  // namespace litags

@@ -1,0 +1,132 @@
+#include "engine/priors/depth_provider.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "engine/core/error.h"
+#include "engine/io/depth_io.h"
+
+namespace litags {
+namespace {
+
+class FolderDepth : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = testing::TempDir() + "depth_provider_" + test->name();
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string Path(const std::string& file) const { return folder_ + "/" + file; }
+
+  absl::StatusOr<std::optional<DepthMap>> Depth(const std::string& name, int width, int height) {
+    auto provider = MakeFolderDepthProvider(folder_);
+    if (!provider.ok()) return provider.status();
+    return (*provider)->Depth(View{name, {}}, ImageU8(width, height));
+  }
+
+  // depth = 1 + x + 10 y.
+  static Planes Ramp(int width, int height) {
+    Planes ramp(1, height, width);
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) ramp.at(0, y, x) = 1.0f + x + 10.0f * y;
+    }
+    return ramp;
+  }
+
+  std::string folder_;
+};
+
+TEST_F(FolderDepth, AViewWithoutAMapHasNone) {
+  const auto depth = Depth("0001.JPG", 8, 6);
+  ASSERT_TRUE(depth.ok());
+  EXPECT_FALSE(depth->has_value());
+}
+
+TEST_F(FolderDepth, AMissingFolderIsAnError) {
+  const auto provider = MakeFolderDepthProvider(folder_ + "/nowhere");
+  EXPECT_EQ(provider.status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(GetErrorDetail(provider.status())->field, "depth_dir");
+}
+
+TEST_F(FolderDepth, ReadsPfmAndNpyByThePhotosStem) {
+  const Planes ramp = Ramp(8, 6);
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), ramp).ok());
+  ASSERT_TRUE(WriteNpy(Path("b.npy"), ramp).ok());
+  for (const char* name : {"a.JPG", "sub/b.png"}) {
+    const auto depth = Depth(name, 8, 6);
+    ASSERT_TRUE(depth.ok()) << depth.status();
+    ASSERT_TRUE(depth->has_value()) << name;
+    EXPECT_EQ((*depth)->depth.data, ramp.data);
+    EXPECT_TRUE((*depth)->confidence.empty());
+  }
+}
+
+TEST_F(FolderDepth, UnknownPixelsGetNoConfidenceAndFiniteDepth) {
+  Planes ramp = Ramp(8, 6);
+  ramp.at(0, 2, 3) = NAN;
+  ramp.at(0, 4, 1) = INFINITY;
+  ramp.at(0, 5, 5) = 0;
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), ramp).ok());
+  const auto depth = Depth("a.jpg", 8, 6);
+  ASSERT_TRUE(depth.ok()) << depth.status();
+  const DepthMap& map = **depth;
+  ASSERT_FALSE(map.confidence.empty());
+  for (int y = 0; y < 6; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      const bool unknown = (y == 2 && x == 3) || (y == 4 && x == 1) || (y == 5 && x == 5);
+      EXPECT_EQ(map.confidence.at(0, y, x), unknown ? 0 : 1);
+      EXPECT_EQ(map.depth.at(0, y, x), unknown ? 0 : ramp.at(0, y, x));
+    }
+  }
+}
+
+TEST_F(FolderDepth, AMapOfTwiceTheSizeIsAveraged) {
+  Planes big = Ramp(16, 12);
+  big.at(0, 0, 0) = 0;  // one of the four pixels under (0, 0) is unknown
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), big).ok());
+  const auto depth = Depth("a.jpg", 8, 6);
+  ASSERT_TRUE(depth.ok()) << depth.status();
+  const Planes& map = (*depth)->depth;
+  ASSERT_EQ(map.width, 8);
+  EXPECT_TRUE((*depth)->confidence.empty());  // three of four are known
+  EXPECT_NEAR(map.at(0, 0, 0), (2 + 11 + 12) / 3.0, 1e-5);
+  EXPECT_NEAR(map.at(0, 2, 3), 1 + 6.5 + 10 * 4.5, 1e-4);
+}
+
+TEST_F(FolderDepth, ASmallerMapIsInterpolated) {
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), Ramp(4, 3)).ok());
+  const auto depth = Depth("a.jpg", 8, 6);
+  ASSERT_TRUE(depth.ok()) << depth.status();
+  // Pixel centre (3.5, 2.5) of 8x6 is (1.75, 1.25) of 4x3: column 1.25, row 0.75 in samples.
+  EXPECT_NEAR((*depth)->depth.at(0, 2, 3), 1 + 1.25 + 10 * 0.75, 1e-4);
+}
+
+TEST_F(FolderDepth, MapsThatCannotBeUsedAreErrorsThatNameTheFile) {
+  ASSERT_TRUE(WritePfm(Path("empty.pfm"), Planes(1, 6, 8)).ok());
+  Planes flat(1, 6, 8);
+  for (float& d : flat.data) d = 3;
+  ASSERT_TRUE(WritePfm(Path("flat.pfm"), flat).ok());
+  ASSERT_TRUE(WritePfm(Path("tall.pfm"), Ramp(6, 8)).ok());
+  std::ofstream(Path("junk.png")) << "not an image";
+  const auto reason = [&](const std::string& stem, const std::string& file) {
+    const auto depth = Depth(stem + ".jpg", 8, 6);
+    EXPECT_EQ(depth.status().code(), absl::StatusCode::kInvalidArgument) << stem;
+    const auto detail = GetErrorDetail(depth.status());
+    if (!detail) return std::string("no detail");
+    EXPECT_EQ(detail->field, "depth/" + file);
+    return detail->reason;
+  };
+  EXPECT_EQ(reason("empty", "empty.pfm"), "DEPTH_MAP_EMPTY");
+  EXPECT_EQ(reason("flat", "flat.pfm"), "DEPTH_MAP_CONSTANT");
+  EXPECT_EQ(reason("tall", "tall.pfm"), "DEPTH_MAP_SIZE");
+  EXPECT_NE(reason("junk", "junk.png"), "no detail");
+}
+
+}  // namespace
+}  // namespace litags
