@@ -1,0 +1,40 @@
+// How long each photo of a capture is exposed, and the three photos of a view that follow.
+#ifndef LITAGS_ENGINE_SAMPLE_EXPOSURE_H_
+#define LITAGS_ENGINE_SAMPLE_EXPOSURE_H_
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "engine/core/image.h"
+#include "engine/sample/capture.h"
+
+namespace litags::sample {
+
+struct Exposures {
+  double low = 0, over = 0;  // gain against the normal picture, linear
+  // Per view and channel: gain, jitter and white balance.
+  std::vector<std::array<double, 3>> low_gain, over_gain;
+};
+
+// Scales `light` (views of linear radiance, [3, H, W]) so that 1 is white in a normal picture of
+// mean level options.high_mean, then solves for the two gains that give options.low_mean and
+// options.over_psnr.
+Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* light);
+
+// The photos of one view whose light is scaled as above.
+ImageU8 NormalPhoto(const Planes& light);
+ImageU8 LowPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
+                 size_t view);
+ImageU8 OverPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
+                  size_t view);
+
+// Mean of all codes, [0, 1].
+double MeanLevel(const ImageU8& image);
+
+// dB, peak 255, over all channels; 120 for equal pictures. Sizes are equal.
+double PhotoPsnr(const ImageU8& a, const ImageU8& b);
+
+}  // namespace litags::sample
+
+#endif  // LITAGS_ENGINE_SAMPLE_EXPOSURE_H_

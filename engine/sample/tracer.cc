@@ -1,0 +1,180 @@
+#include "engine/sample/tracer.h"
+
+#include <numbers>
+
+#include "engine/core/parallel.h"
+#include "engine/core/rng.h"
+
+namespace litags::sample {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kAmbientReach = 0.9;  // metres; what is farther away does not block ambient light
+constexpr int kAmbientRays = 2;        // a sample
+constexpr double kReflectedAmbient = 0.7;  // mean openness assumed for what is seen in a reflection
+
+// Numbers of one picture sample: a Cranley-Patterson rotation of a low-discrepancy sequence (the
+// R2 sequence: powers of the plastic number), so that the samples of one pixel are well spread in
+// every pair of dimensions and neighbouring pixels differ.
+class SampleSequence {
+ public:
+  SampleSequence(const CounterRng& rng, uint64_t pixel, int sample)
+      : rng_(rng), base_(pixel * kDimensions), sample_(sample) {}
+
+  // The next point of the unit square.
+  std::pair<double, double> Next() {
+    const double u = rng_.Uniform(base_ + dimension_), v = rng_.Uniform(base_ + dimension_ + 1);
+    dimension_ += 2;
+    return {Fraction(u + 0.7548776662466927 * sample_), Fraction(v + 0.5698402909980532 * sample_)};
+  }
+
+ private:
+  static constexpr uint64_t kDimensions = 64;
+  static double Fraction(double v) { return v - std::floor(v); }
+
+  const CounterRng& rng_;
+  uint64_t base_;
+  int sample_;
+  uint64_t dimension_ = 0;
+};
+
+// A direction frame around n.
+Frame Around(const Vec3& n) {
+  const Vec3 side = std::abs(n.z) < 0.9 ? Vec3{0, 0, 1} : Vec3{1, 0, 0};
+  const Vec3 ex = Normalized(Cross(side, n));
+  return {ex, Cross(n, ex), n};
+}
+
+// What a light would give a surface if nothing stood between.
+Vec3 OpenIrradiance(const Light& light, const Vec3& point, const Vec3& normal) {
+  if (light.kind == Light::Kind::kSphere) {  // exact while the sphere is above the horizon
+    const Vec3 to_light = light.center - point;
+    const double distance = Length(to_light), ratio = light.radius / distance;
+    return light.radiance * (kPi * ratio * ratio * std::max(0.0, Dot(normal, to_light) / distance));
+  }
+  // Sum over a fixed grid: the same at every sample, so that only penumbras are noisy.
+  constexpr int kGrid = 3;
+  const Vec3 cross = Cross(light.u, light.v) * (4.0 / (kGrid * kGrid));  // area times normal
+  double sum = 0;
+  for (int i = 0; i < kGrid * kGrid; ++i) {
+    const Vec3 to_light = light.center + light.u * ((i % kGrid + 0.5) * 2 / kGrid - 1) +
+                          light.v * ((i / kGrid + 0.5) * 2 / kGrid - 1) - point;
+    const double d2 = Dot(to_light, to_light);
+    const double surface = Dot(normal, to_light), emitter = -Dot(cross, to_light);
+    if (surface > 0 && emitter > 0) sum += surface * emitter / (d2 * d2);
+  }
+  return light.radiance * sum;
+}
+
+// A point of the light, of those that face the surface point.
+Vec3 PointOn(const Light& light, const Vec3& point, std::pair<double, double> uv) {
+  if (light.kind == Light::Kind::kRectangle) {
+    return light.center + light.u * (2 * uv.first - 1) + light.v * (2 * uv.second - 1);
+  }
+  const Frame frame = Around(Normalized(point - light.center));
+  const double r = light.radius * std::sqrt(uv.first), a = 2 * kPi * uv.second;
+  return light.center + frame.ex * (r * std::cos(a)) + frame.ey * (r * std::sin(a));
+}
+
+// Irradiance from one light, its shadow found by one ray.
+Vec3 LightIrradiance(const World& world, const Light& light, const Vec3& point, const Vec3& normal,
+                     std::pair<double, double> uv) {
+  const Vec3 open = OpenIrradiance(light, point, normal);
+  if (open.x + open.y + open.z <= 0) return {};
+  const Vec3 to_light = PointOn(light, point, uv) - point;
+  const double distance = Length(to_light);
+  const Ray shadow{point, to_light * (1 / distance)};
+  return world.Occluded(shadow, distance - World::kEpsilon) ? Vec3{} : open;
+}
+
+// Share of nearby directions, cosine-weighted, in which nothing is near.
+double Openness(const World& world, const Vec3& point, const Vec3& normal,
+                SampleSequence* samples) {
+  const Frame frame = Around(normal);
+  int open = 0;
+  for (int i = 0; i < kAmbientRays; ++i) {
+    const auto [u, v] = samples->Next();
+    const double r = std::sqrt(u), a = 2 * kPi * v;
+    const Vec3 local{r * std::cos(a), r * std::sin(a), std::sqrt(1 - u)};
+    open += !world.Occluded({point, frame.ToWorld(local)}, kAmbientReach);
+  }
+  return static_cast<double>(open) / kAmbientRays;
+}
+
+// Schlick's approximation for varnish (refractive index 1.5).
+double Fresnel(double cosine) {
+  const double m = 1 - cosine;
+  return 0.04 + 0.96 * m * m * m * m * m;
+}
+
+// Radiance arriving along the ray. A reflected ray is not reflected again.
+Vec3 Radiance(const World& world, const Ray& ray, bool reflected, SampleSequence* samples) {
+  Hit hit;
+  if (!world.Intersect(ray, &hit)) return {};
+  const Material& material = world.materials()[world.shapes()[hit.shape].material];
+  const Vec3 albedo = material.albedo ? material.albedo(hit.local) : Vec3{};
+  const Vec3 point = ray.origin + ray.direction * hit.t + hit.normal * World::kEpsilon;
+
+  const double openness =
+      reflected ? kReflectedAmbient : Openness(world, point, hit.normal, samples);
+  Vec3 irradiance = world.Ambient(hit.normal) * openness;
+  for (const Light& light : world.lights()) {
+    irradiance += LightIrradiance(world, light, point, hit.normal, samples->Next());
+  }
+  Vec3 radiance = material.emission + albedo * irradiance * (1 / kPi);
+  if (material.gloss > 0 && !reflected) {
+    const double cosine = -Dot(hit.normal, ray.direction);
+    const Vec3 mirror = ray.direction + hit.normal * (2 * cosine);
+    radiance +=
+        Radiance(world, {point, mirror}, true, samples) * (material.gloss * Fresnel(cosine));
+  }
+  return radiance;
+}
+
+// The ray through the image point (x, y), px, with direction of z length 1 in the camera frame.
+Ray PixelRay(const Camera& camera, double x, double y) {
+  const auto& R = camera.R;
+  const double dx = (x - camera.cx) / camera.fx, dy = (y - camera.cy) / camera.fy;
+  return {
+      ToVec3(camera.Center()),
+      {R[0] * dx + R[3] * dy + R[6], R[1] * dx + R[4] * dy + R[7], R[2] * dx + R[5] * dy + R[8]}};
+}
+
+}  // namespace
+
+Planes TraceRadiance(const World& world, const Camera& camera, const TraceOptions& options) {
+  Planes out(3, camera.height, camera.width);
+  const CounterRng rng(options.seed, 0);
+  const int grid = options.grid;
+  ParallelFor(options.threads, camera.height, [&](size_t y, int) {
+    for (int x = 0; x < camera.width; ++x) {
+      const uint64_t pixel = y * camera.width + x;
+      Vec3 sum;
+      for (int s = 0; s < grid * grid; ++s) {
+        SampleSequence samples(rng, pixel, s);
+        const auto [jx, jy] = samples.Next();
+        Ray ray = PixelRay(camera, x + (s % grid + jx) / grid, y + (s / grid + jy) / grid);
+        ray.direction = Normalized(ray.direction);
+        sum += Radiance(world, ray, false, &samples);
+      }
+      const Vec3 mean = sum * (1.0 / (grid * grid));
+      for (int c = 0; c < 3; ++c) out.at(c, static_cast<int>(y), x) = static_cast<float>(mean[c]);
+    }
+  });
+  return out;
+}
+
+Planes TraceDepth(const World& world, const Camera& camera, int threads) {
+  Planes out(1, camera.height, camera.width);
+  ParallelFor(threads, camera.height, [&](size_t y, int) {
+    for (int x = 0; x < camera.width; ++x) {
+      // The direction's z is 1 in the camera frame, so t is the depth.
+      Hit hit;
+      const bool found = world.Intersect(PixelRay(camera, x + 0.5, y + 0.5), &hit);
+      out.at(0, static_cast<int>(y), x) = found ? static_cast<float>(hit.t) : 0.0f;
+    }
+  });
+  return out;
+}
+
+}  // namespace litags::sample

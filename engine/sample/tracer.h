@@ -1,0 +1,29 @@
+// Pictures and exact depth of a World.
+#ifndef LITAGS_ENGINE_SAMPLE_TRACER_H_
+#define LITAGS_ENGINE_SAMPLE_TRACER_H_
+
+#include <cstdint>
+
+#include "engine/core/camera.h"
+#include "engine/core/image.h"
+#include "engine/sample/world.h"
+
+namespace litags::sample {
+
+struct TraceOptions {
+  int grid = 3;  // grid x grid stratified samples a pixel
+  uint64_t seed = 0;
+  int threads = 0;  // <= 0: all cores; the result does not depend on it
+};
+
+// Radiance, linear light, [3, H, W]. Direct light with soft shadows, occluded ambient light, one
+// Fresnel reflection. Box-filtered over each pixel.
+Planes TraceRadiance(const World& world, const Camera& camera, const TraceOptions& options);
+
+// Distance along the optical axis (z of the camera frame) at each pixel's centre, metres,
+// [1, H, W]; 0 where nothing is hit.
+Planes TraceDepth(const World& world, const Camera& camera, int threads);
+
+}  // namespace litags::sample
+
+#endif  // LITAGS_ENGINE_SAMPLE_TRACER_H_
