@@ -1,0 +1,109 @@
+#include "client/cli.h"
+
+#include <cstdio>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "client/status.h"
+#include "client/text.h"
+
+namespace litags::client {
+namespace {
+
+// Codes other than INVALID_ARGUMENT that are answers to what the user gave.
+bool IsAboutInput(const std::string& reason) {
+  static const auto& reasons = *new std::set<std::string>{
+      "TOO_FEW_PHOTOS", "PHOTO_SIZES_DIFFER", "IMAGE_TOO_LARGE",  "FILE_TOO_LARGE",
+      "TOO_MANY_FILES", "PICTURE_TOO_LARGE",  "REQUEST_ID_REUSED"};
+  return reasons.count(reason) > 0;
+}
+
+// The command that helps, where there is one; the service's messages know no commands.
+std::string NextStep(const std::string& reason, const std::string& job) {
+  if (reason == "JOB_NOT_FOUND") return "litags list";
+  if (reason == "CAMERA_NOT_FOUND") return absl::StrCat("litags cameras ", job);
+  if (reason == "SCENE_NOT_READY") return absl::StrCat("litags watch ", job);
+  if (reason == "JOB_RUNNING") return absl::StrCat("litags cancel ", job);
+  if (reason == "JOB_NOT_RESUMABLE" || reason == "JOB_ALREADY_DONE" ||
+      reason == "JOB_NOT_UPLOADING") {
+    return absl::StrCat("litags show ", job);
+  }
+  return "";
+}
+
+std::string UnreachableText(const Session& session) {
+  return absl::StrCat("no server answers at ", session.server,
+                      ": start one with \"litags-server\", or name another with --server "
+                      "HOST:PORT or LITAGS_SERVER");
+}
+
+}  // namespace
+
+int ExitCodeOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return kExitOk;
+    case absl::StatusCode::kCancelled:
+      return kExitInterrupted;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kOutOfRange:
+      return kExitBadInput;
+    case absl::StatusCode::kUnavailable:
+    case absl::StatusCode::kDeadlineExceeded:
+      return kExitUnreachable;
+    case absl::StatusCode::kNotFound:
+      return kExitNotFound;
+    default:
+      return IsAboutInput(DetailOf(status).reason()) ? kExitBadInput : kExitServerError;
+  }
+}
+
+Client& Session::client() {
+  if (!client_) {
+    ClientOptions options;
+    options.retry_seconds = retry_seconds;
+    options.on_retry = [](const absl::Status& why, double pause) {
+      Note(absl::StrCat("trying again in ", DurationText(std::max(1.0, pause)), " (",
+                        std::string(why.message()), ")"));
+    };
+    client_ = std::make_unique<Client>(Connect(server), std::move(options), interrupt);
+  }
+  return *client_;
+}
+
+int ReportError(const Session& session, const absl::Status& status, const std::string& job) {
+  const int exit_code = ExitCodeOf(status);
+  const v1::ErrorDetail detail = DetailOf(status);
+  if (exit_code == kExitInterrupted) {
+    Note("interrupted");
+    return exit_code;
+  }
+  if (exit_code == kExitUnreachable && detail.reason().empty()) {
+    Note(absl::StrCat("error: ", UnreachableText(session)));
+    return exit_code;
+  }
+  std::string text = absl::StrCat("error: ", std::string(status.message()));
+  if (!detail.field().empty()) absl::StrAppend(&text, "\n  field:  ", detail.field());
+  absl::StrAppend(&text, "\n  code:   ", absl::StatusCodeToString(status.code()));
+  if (!detail.reason().empty()) absl::StrAppend(&text, " ", detail.reason());
+  if (const std::string next = NextStep(detail.reason(), job); !next.empty()) {
+    absl::StrAppend(&text, "\n  try:    ", next);
+  }
+  Note(text);
+  return exit_code;
+}
+
+void Note(std::string_view text) {
+  std::fprintf(stderr, "%s\n", Printable(text).c_str());
+  std::fflush(stderr);
+}
+
+CLI::Option* AddJobArgument(CLI::App& command, std::string& job) {
+  return command
+      .add_option_function<std::string>(
+          "JOB", [&job](const std::string& text) { job = JobName(text); },
+          "The job, as jobs/ID or ID")
+      ->required();
+}
+
+}  // namespace litags::client

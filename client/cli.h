@@ -1,0 +1,71 @@
+// What the commands of the program `litags` share. Each commands_*.cc adds its commands to the
+// parser; running one leaves its exit code in the session.
+#ifndef LITAGS_CLIENT_CLI_H_
+#define LITAGS_CLIENT_CLI_H_
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "CLI/CLI.hpp"
+#include "absl/status/status.h"
+#include "client/client.h"
+#include "client/interrupt.h"
+
+namespace litags::client {
+
+// Documented in --help.
+enum ExitCode : int {
+  kExitOk = 0,
+  kExitJobFailed = 1,
+  kExitBadInput = 2,
+  kExitUnreachable = 3,
+  kExitNotFound = 4,
+  kExitServerError = 5,
+  kExitInterrupted = 130,
+};
+
+// The exit code for an error of a call, by its code and reason.
+int ExitCodeOf(const absl::Status& status);
+
+// One run of the program.
+class Session {
+ public:
+  std::string server;  // host:port
+  double retry_seconds = 120;
+  Interrupt interrupt;
+  int exit_code = kExitOk;
+
+  // Connects on first use.
+  Client& client();
+
+ private:
+  std::unique_ptr<Client> client_;
+};
+
+// Prints an error to stderr: what, which field, what to do next. Returns its exit code. `job` is
+// named in the commands it proposes; may be empty.
+int ReportError(const Session& session, const absl::Status& status, const std::string& job = "");
+
+// A line to stderr.
+void Note(std::string_view text);
+
+// Follows a job from event `after` on until it ends: on a terminal a progress line that is drawn
+// anew, else one line per event, to `out`; with `json` each event as a JSON object per line.
+// Returns the exit code.
+int FollowJob(Session& session, const std::string& job, int64_t after, std::FILE* out, bool json);
+
+void AddSubmitCommand(CLI::App& app, Session& session);
+void AddWatchCommand(CLI::App& app, Session& session);
+void AddJobCommands(CLI::App& app, Session& session);     // list, show, cancel, resume, delete
+void AddRenderCommands(CLI::App& app, Session& session);  // render, path, cameras
+void AddExportCommand(CLI::App& app, Session& session);
+void AddDoctorCommand(CLI::App& app, Session& session);
+
+// Adds the positional JOB, "ID" or "jobs/ID", which is stored as "jobs/ID".
+CLI::Option* AddJobArgument(CLI::App& command, std::string& job);
+
+}  // namespace litags::client
+
+#endif  // LITAGS_CLIENT_CLI_H_

@@ -1,0 +1,52 @@
+// litags doctor: is everything in place?
+#include <chrono>
+#include <cstdio>
+
+#include "absl/strings/str_format.h"
+#include "client/cli.h"
+#include "client/status.h"
+#include "client/text.h"
+#include "grpcpp/grpcpp.h"
+
+namespace litags::client {
+namespace {
+
+int Doctor(Session& session) {
+  std::printf("client   litags %s, gRPC %s, protobuf %d.%d.%d\n", LITAGS_VERSION,
+              grpc::Version().c_str(), GOOGLE_PROTOBUF_VERSION / 1000000,
+              GOOGLE_PROTOBUF_VERSION / 1000 % 1000, GOOGLE_PROTOBUF_VERSION % 1000);
+  const auto begin = std::chrono::steady_clock::now();
+  const auto serving = session.client().IsServing("");
+  if (!serving.ok() && ExitCodeOf(serving.status()) == kExitUnreachable) {
+    std::printf("server   %s: no answer\n", session.server.c_str());
+    return ReportError(session, serving.status());
+  }
+  const std::chrono::duration<double, std::milli> elapsed =
+      std::chrono::steady_clock::now() - begin;
+  std::printf("server   %s: answers (%.1f ms with connecting)\n", session.server.c_str(),
+              elapsed.count());
+  std::printf("health   %s\n", !serving.ok() ? "not offered"
+                               : *serving    ? "serving"
+                                             : "NOT serving");
+
+  v1::ListJobsRequest request;
+  request.set_page_size(1);
+  const auto jobs = session.client().ListJobs(request);
+  if (!jobs.ok()) {
+    std::printf("service  litags.v1: %s\n", absl::IsUnimplemented(jobs.status())
+                                                ? "not offered: is it another service?"
+                                                : "fails");
+    return ReportError(session, jobs.status());
+  }
+  std::printf("service  litags.v1: works\n");
+  return serving.ok() && !*serving ? kExitServerError : kExitOk;
+}
+
+}  // namespace
+
+void AddDoctorCommand(CLI::App& app, Session& session) {
+  CLI::App* command = app.add_subcommand("doctor", "Check that the server answers and works");
+  command->callback([&session] { session.exit_code = Doctor(session); });
+}
+
+}  // namespace litags::client

@@ -1,0 +1,159 @@
+// litags list, show, cancel, resume, delete.
+#include <google/protobuf/util/json_util.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <functional>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/cli.h"
+#include "client/status.h"
+#include "client/text.h"
+
+namespace litags::client {
+namespace {
+
+void PrintJson(const google::protobuf::Message& message, bool pretty) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.add_whitespace = pretty;
+  std::string text;
+  (void)google::protobuf::util::MessageToJsonString(message, &text, options);
+  std::printf("%s%s", text.c_str(), pretty ? "" : "\n");
+}
+
+// How far a job is, in a few words.
+std::string At(const v1::Job& job) {
+  if (job.state() == v1::JOB_STATE_UPLOADING) return BytesText(job.bytes());
+  if (job.state() == v1::JOB_STATE_SUCCEEDED) {
+    return absl::StrCat(CountText(job.report().gaussians()), " Gaussians");
+  }
+  if (job.progress().iterations() == 0) {
+    return job.has_progress() ? StageText(job.progress().stage()) : "";
+  }
+  return absl::StrCat(job.progress().iteration(), "/", job.progress().iterations());
+}
+
+int List(Session& session, int limit, bool json) {
+  v1::ListJobsRequest request;
+  int printed = 0;
+  do {
+    request.set_page_size(limit > 0 ? std::min(limit - printed, 1000) : 200);
+    const auto page = session.client().ListJobs(request);
+    if (!page.ok()) return ReportError(session, page.status());
+    for (const v1::Job& job : page->jobs()) {
+      if (json) {
+        PrintJson(job, /*pretty=*/false);
+      } else {
+        if (printed == 0) {
+          std::printf("%-30s %-10s %-19s %6s  %-18s %s\n", "JOB", "STATE", "CREATED (UTC)",
+                      "PHOTOS", "AT", "NAME");
+        }
+        std::printf("%-30s %-10s %-19s %6d  %-18s %s\n", Printable(job.name()).c_str(),
+                    StateText(job.state()).c_str(), TimeText(job.create_time()).c_str(),
+                    job.photos(), At(job).c_str(), Printable(job.display_name()).c_str());
+      }
+      ++printed;
+    }
+    request.set_page_token(page->next_page_token());
+  } while (!request.page_token().empty() && (limit == 0 || printed < limit));
+  if (printed == 0 && !json) Note("no jobs yet; make one with: litags submit DIR");
+  return kExitOk;
+}
+
+void PrintJob(const v1::Job& job) {
+  const auto row = [](const char* name, const std::string& value) {
+    if (!value.empty()) std::printf("%-10s %s\n", name, Printable(value).c_str());
+  };
+  row("job", job.name());
+  row("name", job.display_name());
+  row("state", StateText(job.state()) + (job.cancel_requested() ? " (cancel requested)" : ""));
+  row("photos", absl::StrCat(job.photos(), " (", BytesText(job.bytes()), ")"));
+  row("created", TimeText(job.create_time()));
+  row("started", TimeText(job.start_time()));
+  row("ended", TimeText(job.end_time()));
+  row("attempt", absl::StrCat(job.attempt()));
+  row("events", absl::StrCat(job.last_event()));
+  if (job.has_snapshot_iteration()) {
+    row("snapshot", absl::StrCat("iteration ", job.snapshot_iteration()));
+  }
+  if (job.has_progress()) row("progress", ProgressLine(job.progress(), 200));
+  std::string options = job.options().ShortDebugString();
+  row("options", options);
+  if (job.state() == v1::JOB_STATE_FAILED || job.state() == v1::JOB_STATE_SUCCEEDED) {
+    std::printf("%s", OutcomeText(job).c_str());
+  }
+}
+
+// A command that takes a job and nothing else.
+void AddSimpleCommand(CLI::App& app, Session& session, const std::string& name,
+                      const std::string& description,
+                      std::function<int(const std::string& job)> run) {
+  auto job = std::make_shared<std::string>();
+  CLI::App* command = app.add_subcommand(name, description);
+  AddJobArgument(*command, *job);
+  command->callback([&session, job, run = std::move(run)] { session.exit_code = run(*job); });
+}
+
+void AddListAndShow(CLI::App& app, Session& session) {
+  struct Args {
+    std::string job;
+    int limit = 0;
+    bool json = false;
+  };
+  auto args = std::make_shared<Args>();
+  CLI::App* list = app.add_subcommand("list", "All jobs, newest first");
+  list->add_option("--limit", args->limit, "At most this many; 0: all")
+      ->check(CLI::NonNegativeNumber);
+  list->add_flag("--json", args->json, "One JSON object per line");
+  list->callback([&session, args] { session.exit_code = List(session, args->limit, args->json); });
+
+  CLI::App* show = app.add_subcommand("show", "One job: state, options, progress, outcome");
+  AddJobArgument(*show, args->job);
+  show->add_flag("--json", args->json, "As JSON");
+  show->callback([&session, args] {
+    const auto job = session.client().GetJob(args->job);
+    if (!job.ok()) {
+      session.exit_code = ReportError(session, job.status(), args->job);
+    } else if (args->json) {
+      PrintJson(*job, /*pretty=*/true);
+    } else {
+      PrintJob(*job);
+    }
+  });
+}
+
+}  // namespace
+
+void AddJobCommands(CLI::App& app, Session& session) {
+  AddListAndShow(app, session);
+  AddSimpleCommand(
+      app, session, "cancel", "Stop a job; what it has learnt is kept",
+      [&session](const std::string& name) -> int {
+        const auto job = session.client().CancelJob(name);
+        if (!job.ok()) return ReportError(session, job.status(), name);
+        Note(absl::StrCat(
+            name, job->state() == v1::JOB_STATE_CANCELLED ? " is cancelled" : " is stopping",
+            "; continue it with: litags resume ", name));
+        return kExitOk;
+      });
+  AddSimpleCommand(
+      app, session, "resume", "Continue a failed or cancelled job from its last checkpoint",
+      [&session](const std::string& name) -> int {
+        const auto job = session.client().ResumeJob(name);
+        if (!job.ok()) return ReportError(session, job.status(), name);
+        Note(absl::StrCat(name, " is ", StateText(job->state()), "; follow it with: litags watch ",
+                          name, " --after ", job->last_event()));
+        return kExitOk;
+      });
+  AddSimpleCommand(app, session, "delete", "Remove a job with its photos and its scene",
+                   [&session](const std::string& name) -> int {
+                     const absl::Status status = session.client().DeleteJob(name);
+                     if (!status.ok()) return ReportError(session, status, name);
+                     Note(absl::StrCat(name, " is deleted"));
+                     return kExitOk;
+                   });
+}
+
+}  // namespace litags::client

@@ -1,0 +1,223 @@
+// litags render, path, cameras: pictures of a scene.
+#include <google/protobuf/util/json_util.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/cli.h"
+#include "client/picture_file.h"
+#include "client/status.h"
+#include "client/text.h"
+#include "client/view_args.h"
+
+namespace litags::client {
+namespace {
+
+struct RenderArgs {
+  std::string job, output;
+  PoseArgs pose;
+  SettingsArgs settings;
+};
+
+struct PathArgs {
+  std::string job, output, format = "png";
+  bool orbit = false, closed = false;
+  std::vector<std::string> keyframes;
+  double radius_scale = 0, sweep_deg = 0;
+  std::optional<double> elevation_deg;
+  int frames = 0;
+  SettingsArgs settings;
+};
+
+void AddSettings(CLI::App& command, SettingsArgs& args) {
+  command.add_option("--size", args.size,
+                     "Size in pixels: 640x480, or 640x or x480 and the other follows");
+  CLI::Option* fov = command.add_option("--fov", args.fov_deg, "Vertical field of view in degrees");
+  command.add_option("--intrinsics", args.intrinsics, "Lens in pixels: fx,fy,cx,cy")->excludes(fov);
+  command.add_option("--channel", args.channel,
+                     "color (default), original, exposure, depth, structure, illumination, noise "
+                     "or alpha");
+  command.add_option("--exposure", args.exposure,
+                     "Light: 0 normal, 1 as photographed, and beyond, -4..4");
+  command.add_option("--quality", args.jpeg_quality, "Of a JPEG, 1..100 (92)");
+}
+
+int Render(Session& session, const RenderArgs& args) {
+  v1::RenderViewRequest request;
+  request.set_name(args.job);
+  const auto format = PictureFormatOf(args.output);
+  if (!format.ok()) return ReportError(session, format.status());
+  const auto pose = ParsePose(args.pose);
+  if (!pose.ok()) return ReportError(session, pose.status());
+  const auto settings = ParseSettings(args.settings);
+  if (!settings.ok()) return ReportError(session, settings.status());
+  *request.mutable_pose() = *pose;
+  *request.mutable_settings() = *settings;
+  request.mutable_settings()->set_format(*format);
+
+  const auto view = session.client().RenderView(request);
+  if (!view.ok()) return ReportError(session, view.status(), args.job);
+  const absl::Status status = WritePicture(args.output, *view);
+  if (!status.ok()) return ReportError(session, status, args.job);
+  std::string text = absl::StrCat(args.output, ": ", view->width(), "x", view->height(),
+                                  ", iteration ", view->iteration());
+  if (view->value_max() != view->value_min() && settings->channel() != v1::CHANNEL_UNSPECIFIED) {
+    absl::StrAppendFormat(&text, ", values %.6g to %.6g", view->value_min(), view->value_max());
+  }
+  Note(text);
+  return kExitOk;
+}
+
+absl::StatusOr<v1::RenderPathRequest> MakePathRequest(const PathArgs& args) {
+  v1::RenderPathRequest request;
+  request.set_name(args.job);
+  request.set_frames(args.frames);
+  const auto format = PictureFormatOf("frame." + args.format);
+  if (!format.ok()) {
+    return BadInput(
+        "PICTURE_FORMAT_UNKNOWN", "--format",
+        absl::StrCat("--format: there is no \"", args.format, "\"; choose png, jpg, npy or raw"));
+  }
+  const auto settings = ParseSettings(args.settings);
+  if (!settings.ok()) return settings.status();
+  *request.mutable_settings() = *settings;
+  request.mutable_settings()->set_format(*format);
+  if (args.orbit == !args.keyframes.empty()) {
+    return BadInput("PATH_MISSING", "--orbit",
+                    "say which way: either --orbit, or --keyframes with two or more cameras");
+  }
+  for (const std::string& camera : args.keyframes) {
+    request.mutable_keyframes()->add_poses()->set_camera(camera);
+  }
+  if (args.closed && request.has_keyframes()) request.mutable_keyframes()->set_closed(true);
+  if (args.orbit) {
+    v1::Orbit* orbit = request.mutable_orbit();
+    orbit->set_radius_scale(args.radius_scale);
+    orbit->set_sweep_deg(args.sweep_deg);
+    if (args.elevation_deg) orbit->set_elevation_deg(*args.elevation_deg);
+  }
+  return request;
+}
+
+absl::Status MakeFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (!error && std::filesystem::is_directory(path, error)) return absl::OkStatus();
+  return BadInput("OUTPUT_NOT_WRITABLE", "-o",
+                  absl::StrCat(path, ": the folder cannot be made (", error.message(),
+                               "); choose another one"));
+}
+
+int Path(Session& session, const PathArgs& args) {
+  const auto request = MakePathRequest(args);
+  if (!request.ok()) return ReportError(session, request.status());
+  absl::Status status = MakeFolder(args.output);
+  if (!status.ok()) return ReportError(session, status);
+  const bool terminal = isatty(STDERR_FILENO) != 0;
+  int frames = 0;
+  status = session.client().RenderPath(*request, [&](const v1::RenderPathResponse& response) {
+    const std::string name = absl::StrFormat("frame_%04d.%s", response.frame(), args.format);
+    frames = response.frame() + 1;
+    if (terminal) std::fprintf(stderr, "\rframe %d/%d\x1b[K", frames, response.frames());
+    return WritePicture((std::filesystem::path(args.output) / name).string(), response.view());
+  });
+  if (terminal && frames > 0) std::fputc('\n', stderr);
+  if (!status.ok()) return ReportError(session, status, args.job);
+  Note(absl::StrCat(args.output, ": ", frames, " frames"));
+  return kExitOk;
+}
+
+// Where the camera stands: -R^T t.
+v1::Vector3 Center(const v1::Camera& camera) {
+  v1::Vector3 center;
+  const auto& m = camera.viewmat().values();
+  if (m.size() != 16) return center;
+  double c[3];
+  for (int i = 0; i < 3; ++i) c[i] = -(m[i] * m[3] + m[4 + i] * m[7] + m[8 + i] * m[11]);
+  center.set_x(c[0]);
+  center.set_y(c[1]);
+  center.set_z(c[2]);
+  return center;
+}
+
+int Cameras(Session& session, const std::string& job, bool json) {
+  const auto list = session.client().ListCameras(job);
+  if (!list.ok()) return ReportError(session, list.status(), job);
+  if (json) {
+    std::string text;
+    (void)google::protobuf::util::MessageToJsonString(*list, &text);
+    std::printf("%s\n", text.c_str());
+    return kExitOk;
+  }
+  std::printf("%-28s %-11s %10s  %s\n", "CAMERA", "SIZE", "FOCAL", "POSITION");
+  for (const auto& named : list->cameras()) {
+    const v1::Vector3 at = Center(named.camera());
+    std::printf("%-28s %-11s %10.2f  %.4g,%.4g,%.4g\n", Printable(named.name()).c_str(),
+                absl::StrCat(named.camera().width(), "x", named.camera().height()).c_str(),
+                named.camera().intrinsics().fx(), at.x(), at.y(), at.z());
+  }
+  std::printf("center %.4g,%.4g,%.4g  up %.4g,%.4g,%.4g  radius %.4g  iteration %d\n",
+              list->center().x(), list->center().y(), list->center().z(), list->up().x(),
+              list->up().y(), list->up().z(), list->radius(), list->iteration());
+  return kExitOk;
+}
+
+void AddPath(CLI::App& app, Session& session) {
+  auto args = std::make_shared<PathArgs>();
+  CLI::App* path = app.add_subcommand("path", "Pictures along a path, written as they arrive");
+  AddJobArgument(*path, args->job);
+  CLI::Option* orbit = path->add_flag("--orbit", args->orbit, "Around the scene");
+  path->add_option("--radius-scale", args->radius_scale, "Of the orbit, times the scene's radius")
+      ->needs(orbit);
+  path->add_option("--elevation", args->elevation_deg, "Of the orbit, degrees")->needs(orbit);
+  path->add_option("--sweep", args->sweep_deg, "Of the orbit, degrees (360)")->needs(orbit);
+  path->add_option("--keyframes", args->keyframes, "Through these cameras, by their photos' names")
+      ->excludes(orbit);
+  path->add_flag("--closed", args->closed, "From the last keyframe back to the first")
+      ->excludes(orbit);
+  path->add_option("--frames", args->frames, "Number of pictures (60)");
+  path->add_option("--format", args->format, "png (default), jpg, npy or raw");
+  AddSettings(*path, args->settings);
+  path->add_option("-o,--output", args->output, "Folder for frame_0000.png and so on")->required();
+  path->callback([&session, args] { session.exit_code = Path(session, *args); });
+}
+
+}  // namespace
+
+void AddRenderCommands(CLI::App& app, Session& session) {
+  auto args = std::make_shared<RenderArgs>();
+  CLI::App* render =
+      app.add_subcommand("render", "One picture, also of a job that is still training");
+  AddJobArgument(*render, args->job);
+  render->add_option("--camera", args->pose.camera, "From where this photo was taken");
+  render
+      ->add_option("--pose", args->pose.pose,
+                   "World-to-camera matrix: 16 numbers row by row, or a file with them")
+      ->expected(1, 16);
+  render->add_option("--look-at", args->pose.look_at, "Eye and target: x,y,z x,y,z")->expected(2);
+  render->add_option("--up", args->pose.up, "With --look-at: what appears upwards, x,y,z");
+  AddSettings(*render, args->settings);
+  render->add_option("-o,--output", args->output, "File: .png, .jpg, .npy or .raw")->required();
+  render->callback([&session, args] { session.exit_code = Render(session, *args); });
+
+  AddPath(app, session);
+
+  struct CamerasArgs {
+    std::string job;
+    bool json = false;
+  };
+  auto cameras_args = std::make_shared<CamerasArgs>();
+  CLI::App* cameras = app.add_subcommand("cameras", "The photos' cameras and the scene's region");
+  AddJobArgument(*cameras, cameras_args->job);
+  cameras->add_flag("--json", cameras_args->json, "As JSON");
+  cameras->callback([&session, cameras_args] {
+    session.exit_code = Cameras(session, cameras_args->job, cameras_args->json);
+  });
+}
+
+}  // namespace litags::client

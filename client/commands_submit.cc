@@ -1,0 +1,205 @@
+// litags submit: a folder of photos becomes a job.
+#include <unistd.h>
+
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "client/cli.h"
+#include "client/status.h"
+#include "client/text.h"
+#include "client/upload.h"
+
+namespace litags::client {
+namespace {
+
+struct SubmitArgs {
+  std::string dir, cameras, depth_dir, name, request_id;
+  bool watch = false;
+  // Only what was given is sent; the service has the defaults.
+  std::optional<v1::Method> method;
+  std::optional<v1::Tone> tone;
+  std::optional<double> theta, min_registered;
+  std::optional<int> iterations, threads, sh_degree, max_image_side, holdout_every;
+  std::optional<int> checkpoint_every, preview_every;
+  std::optional<uint64_t> seed;
+  std::optional<int64_t> max_gaussians;
+  bool no_pdm = false, no_prior = false, no_depth = false;
+};
+
+// An option that takes one of a few words.
+template <class Value>
+CLI::Option* AddChoice(CLI::App& command, const std::string& name, std::optional<Value>& value,
+                       const std::map<std::string, Value>& choices) {
+  return command.add_option_function<std::string>(
+      name, [name, &value, choices](const std::string& word) {
+        const auto found = choices.find(word);
+        if (found != choices.end()) {
+          value = found->second;
+          return;
+        }
+        std::string words;
+        for (const auto& choice : choices) absl::StrAppend(&words, " ", choice.first);
+        throw CLI::ValidationError(
+            name, absl::StrCat("there is no \"", word, "\"; choose one of:", words));
+      });
+}
+
+v1::JobOptions MakeOptions(const SubmitArgs& args) {
+  v1::JobOptions options;
+  if (args.method) options.set_method(*args.method);
+  if (args.tone) options.set_tone(*args.tone);
+  if (args.theta) options.set_theta(*args.theta);
+  if (args.iterations) options.set_iterations(*args.iterations);
+  if (args.seed) options.set_seed(*args.seed);
+  if (args.threads) options.set_threads(*args.threads);
+  if (args.max_gaussians) options.set_max_gaussians(*args.max_gaussians);
+  if (args.sh_degree) options.set_sh_degree(*args.sh_degree);
+  if (args.no_pdm) options.set_use_pdm(false);
+  if (args.no_prior) options.set_use_prior(false);
+  if (args.no_depth) options.set_use_depth(false);
+  if (args.max_image_side) options.set_max_image_side(*args.max_image_side);
+  if (args.holdout_every) options.set_holdout_every(*args.holdout_every);
+  if (args.min_registered) options.set_min_registered(*args.min_registered);
+  if (args.checkpoint_every) options.set_checkpoint_every(*args.checkpoint_every);
+  if (args.preview_every) options.set_preview_every(*args.preview_every);
+  return options;
+}
+
+void NoteSkipped(const Capture& capture) {
+  if (capture.skipped.empty()) return;
+  constexpr size_t kShown = 5;
+  std::vector<std::string> names = capture.skipped;
+  const size_t more = names.size() > kShown ? names.size() - kShown : 0;
+  names.resize(names.size() - more);
+  Note(absl::StrCat(
+      "not sent, since the names are not those of photos: ", absl::StrJoin(names, ", "),
+      more > 0 ? absl::StrCat(" and ", more, " more") : "",
+      capture.files.back().role == v1::FILE_ROLE_PHOTO
+          ? " (known cameras go with --cameras, depth maps with --depth)"
+          : ""));
+}
+
+// The upload's progress: drawn anew on a terminal, else said at the end only.
+void NoteUpload(const UploadProgress& progress) {
+  const std::string text =
+      absl::StrCat("uploaded ", progress.files_done, "/", progress.files, " files, ",
+                   BytesText(progress.bytes_done), " of ", BytesText(progress.bytes));
+  const bool done = progress.files_done == progress.files;
+  if (isatty(STDERR_FILENO)) {
+    std::fprintf(stderr, "\r%s\x1b[K%s", text.c_str(), done ? "\n" : "");
+    std::fflush(stderr);
+  } else if (done) {
+    Note(text);
+  }
+}
+
+// What becomes of a job whose submission failed: without a request id nobody could continue it.
+void CleanUp(Session& session, const SubmitArgs& args, const std::string& job,
+             const absl::Status& why) {
+  if (!args.request_id.empty()) {
+    Note(absl::StrCat(job, " is kept; the same command continues the upload"));
+    return;
+  }
+  absl::Status removed = why;
+  if (!absl::IsCancelled(why) && !absl::IsUnavailable(why)) {
+    removed = session.client().DeleteJob(job);
+  } else if (absl::IsCancelled(why)) {
+    Interrupt fresh;
+    ClientOptions options;
+    options.retry_seconds = 0;
+    options.call_seconds = 5;
+    removed = Client(Connect(session.server), options, fresh).DeleteJob(job);
+  }
+  Note(removed.ok() ? absl::StrCat(job, " was removed again")
+                    : absl::StrCat(job,
+                                   " was not started and is still there; remove it with: "
+                                   "litags delete ",
+                                   job));
+}
+
+absl::Status UploadAndStart(Session& session, const std::string& job, Capture& capture) {
+  absl::Status status = UploadFiles(session.client(), job, capture.files, NoteUpload);
+  if (!status.ok()) return status;
+  return session.client().StartJob(job).status();
+}
+
+int Submit(Session& session, const SubmitArgs& args) {
+  auto capture = ScanCapture(args.dir, args.cameras, args.depth_dir);
+  if (!capture.ok()) return ReportError(session, capture.status());
+  NoteSkipped(*capture);
+
+  v1::CreateJobRequest request;
+  request.set_display_name(args.name);
+  request.set_request_id(args.request_id);
+  *request.mutable_options() = MakeOptions(args);
+  const auto job = session.client().CreateJob(std::move(request));
+  if (!job.ok()) return ReportError(session, job.status());
+
+  if (job->state() == v1::JOB_STATE_UPLOADING) {
+    const absl::Status status = UploadAndStart(session, job->name(), *capture);
+    if (!status.ok()) {
+      const int exit_code = ReportError(session, status, job->name());
+      CleanUp(session, args, job->name(), status);
+      return exit_code;
+    }
+  } else {
+    Note(absl::StrCat(job->name(), " was submitted before and is ", StateText(job->state())));
+  }
+  std::printf("%s\n", job->name().c_str());
+  std::fflush(stdout);
+  if (args.watch) return FollowJob(session, job->name(), 0, stderr, /*json=*/false);
+  Note(absl::StrCat("follow it with: litags watch ", job->name()));
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddSubmitCommand(CLI::App& app, Session& session) {
+  auto args = std::make_shared<SubmitArgs>();
+  CLI::App* command = app.add_subcommand(
+      "submit", "Send a folder of photos and start its reconstruction; prints the job's name");
+  command->add_option("DIR", args->dir, "Folder with the photos (subfolders are not read)")
+      ->required();
+  command->add_flag("--watch", args->watch, "Then follow the job until it ends");
+  command->add_option("--name", args->name, "Title for humans");
+  command->add_option("--cameras", args->cameras, "Known cameras: a transforms.json");
+  command->add_option("--depth", args->depth_dir,
+                      "Folder with depth maps, named as the photos (.png 16 bit, .pfm, .npy)");
+  command->add_option("--request-id", args->request_id,
+                      "Your own id: the same command with the same id continues one job");
+  const std::string group = "Reconstruction (defaults: those of the service)";
+  AddChoice<v1::Method>(*command, "--method", args->method,
+                        {{"litags", v1::METHOD_LITA_GS}, {"3dgs", v1::METHOD_3DGS}})
+      ->description("litags or 3dgs")
+      ->group(group);
+  AddChoice<v1::Tone>(
+      *command, "--tone", args->tone,
+      {{"paper", v1::TONE_PAPER}, {"linear-gain", v1::TONE_LINEAR_GAIN}, {"none", v1::TONE_NONE}})
+      ->description("Target of the light: paper, linear-gain or none")
+      ->group(group);
+  command->add_option("--theta", args->theta, "Mean level of the target, (0, 1)")->group(group);
+  command->add_option("--iterations", args->iterations, "Training iterations")->group(group);
+  command->add_option("--seed", args->seed, "Seed of every random choice")->group(group);
+  command->add_option("--threads", args->threads, "Threads; 0: all cores")->group(group);
+  command->add_option("--max-gaussians", args->max_gaussians, "Most Gaussians")->group(group);
+  command->add_option("--sh-degree", args->sh_degree, "Spherical harmonics, 0..3")->group(group);
+  command->add_flag("--no-pdm", args->no_pdm, "Without the denoising module")->group(group);
+  command->add_flag("--no-prior", args->no_prior, "Without the structure prior")->group(group);
+  command->add_flag("--no-depth", args->no_depth, "Without the depth loss")->group(group);
+  command->add_option("--max-image-side", args->max_image_side, "Shrink photos to this, px")
+      ->group(group);
+  command->add_option("--holdout-every", args->holdout_every, "Every n-th photo only measures")
+      ->group(group);
+  command->add_option("--min-registered", args->min_registered, "Share of photos to place, (0, 1]")
+      ->group(group);
+  command->add_option("--checkpoint-every", args->checkpoint_every, "Iterations")->group(group);
+  command->add_option("--preview-every", args->preview_every, "Iterations between snapshots")
+      ->group(group);
+  command->callback([&session, args] { session.exit_code = Submit(session, *args); });
+}
+
+}  // namespace litags::client

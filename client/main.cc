@@ -1,0 +1,81 @@
+// litags: the command line over a litags server.
+#include <pthread.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <initializer_list>
+#include <thread>
+
+#include "client/cli.h"
+
+namespace {
+
+using litags::client::Interrupt;
+
+constexpr char kFooter[] = R"(
+JOB is jobs/ID or ID. Results go to stdout, everything else to stderr.
+
+Exit codes: 0 ok; 1 the job failed or was cancelled; 2 bad usage or input; 3 no server answers;
+4 no such job or camera; 5 other errors of the server; 130 interrupted.
+
+  litags submit photos/ --watch
+  litags render JOB --camera 0012.jpg -o view.png
+  litags path JOB --orbit --frames 60 -o frames/
+  litags export JOB --ply scene.ply)";
+
+// Turns Ctrl-C into interrupt.Raise(); a second one ends the program at once. Must be called
+// before any other thread exists, so that all inherit the mask. Signals that the parent ignores
+// (nohup) stay ignored.
+void HandleSignals(Interrupt& interrupt) {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int number : {SIGINT, SIGTERM, SIGHUP}) {
+    struct sigaction action {};
+    if (sigaction(number, nullptr, &action) == 0 && action.sa_handler != SIG_IGN) {
+      sigaddset(&signals, number);
+    }
+  }
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::thread([signals, &interrupt] {
+    int number = 0;
+    if (sigwait(&signals, &number) != 0) return;
+    interrupt.Raise();
+    if (sigwait(&signals, &number) == 0) _exit(litags::client::kExitInterrupted);
+  }).detach();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  // Lives until the process ends: the signal thread refers to it.
+  auto& session = *new litags::client::Session;
+  HandleSignals(session.interrupt);
+
+  CLI::App app("litags: photos taken in bad light go in, normally lit views come out");
+  app.name("litags");
+  app.set_version_flag("--version", LITAGS_VERSION);
+  app.add_option("--server", session.server, "Address of the server, host:port")
+      ->envname("LITAGS_SERVER")
+      ->default_val("127.0.0.1:50051");
+  app.add_option("--retry", session.retry_seconds,
+                 "Seconds for which a connection that broke is tried again")
+      ->default_val(120)
+      ->check(CLI::NonNegativeNumber);
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.footer(kFooter);
+  litags::client::AddSubmitCommand(app, session);
+  litags::client::AddWatchCommand(app, session);
+  litags::client::AddJobCommands(app, session);
+  litags::client::AddRenderCommands(app, session);
+  litags::client::AddExportCommand(app, session);
+  litags::client::AddDoctorCommand(app, session);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? litags::client::kExitOk : litags::client::kExitBadInput;
+  }
+  if (std::fflush(stdout) != 0) return litags::client::kExitServerError;
+  return session.exit_code;
+}

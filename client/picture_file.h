@@ -1,0 +1,49 @@
+// Files that the client writes: pictures and scenes, whole or not at all.
+#ifndef LITAGS_CLIENT_PICTURE_FILE_H_
+#define LITAGS_CLIENT_PICTURE_FILE_H_
+
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "litags/v1/render_service.pb.h"
+
+namespace litags::client {
+
+// A file that takes its name only when it is complete: written as PATH.part, then renamed.
+// Without Commit() nothing is left behind. Errors: INVALID_ARGUMENT (OUTPUT_NOT_WRITABLE) if it
+// cannot be made, RESOURCE_EXHAUSTED (OUTPUT_DISK_FULL) or DATA_LOSS (OUTPUT_FAILED) later.
+class OutputFile {
+ public:
+  OutputFile() = default;
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+  ~OutputFile();
+
+  // Begins the file, or begins it anew.
+  absl::Status Open(const std::string& path);
+  absl::Status Write(std::string_view bytes);
+  absl::Status Commit();
+
+ private:
+  absl::Status Failed();
+
+  std::string path_, part_path_;
+  std::FILE* file_ = nullptr;
+};
+
+// How a picture's file is named: .png, .jpg or .jpeg, .npy (float32, [height, width, planes]), .raw
+// (the same without a header). INVALID_ARGUMENT (PICTURE_FORMAT_UNKNOWN) for others.
+absl::StatusOr<v1::PictureFormat> PictureFormatOf(const std::string& path);
+
+// The file's content: the bytes of the view, with an NPY header where `path` ends with .npy.
+absl::StatusOr<std::string> PictureFileBytes(const std::string& path, const v1::RenderedView& view);
+
+// Writes a picture in the format its name says.
+absl::Status WritePicture(const std::string& path, const v1::RenderedView& view);
+
+}  // namespace litags::client
+
+#endif  // LITAGS_CLIENT_PICTURE_FILE_H_
