@@ -40,12 +40,12 @@ struct ReconstructOptions {
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;
-  int sh_degree = 3;            // 0..3
-  bool use_pdm = true;          // progressive denoising module
-  bool use_prior = true;        // structure prior loss
-  bool use_depth = true;        // depth loss, where a depth provider has maps
-  int max_image_side = 0;       // photos with a longer side are shrunk to it, px; 0: never
-  int holdout_every = 8;        // every n-th photo by name is only evaluated; 0: train on all
+  int sh_degree = 3;       // 0..3
+  bool use_pdm = true;     // progressive denoising module
+  bool use_prior = true;   // structure prior loss
+  bool use_depth = true;   // depth loss, where a depth provider has maps
+  int max_image_side = 0;  // photos with a longer side are shrunk to it, px; 0: never
+  int holdout_every = 8;   // photos i (by name) with i % n == n / 2 are only evaluated; 0: none
   double min_registered = 0.5;  // fraction of photos that SfM must place, (0, 1]
   int checkpoint_every = 500;   // iterations
   int preview_every = 250;      // iterations between snapshots with a preview picture

@@ -1,0 +1,27 @@
+// Where the cameras of a capture come from: the user, an earlier run of this job, or COLMAP.
+#ifndef LITAGS_ENGINE_PIPELINE_CAMERA_SOURCE_H_
+#define LITAGS_ENGINE_PIPELINE_CAMERA_SOURCE_H_
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+#include "engine/io/sparse_model.h"
+#include "engine/pipeline/capture.h"
+#include "engine/pipeline/engine.h"
+
+namespace litags {
+
+// Cameras and points of the photos in input.images_dir. View names are names of photos there;
+// sizes are those of the photo files. Fills photos, registered, dropped, sfm_preparation and notes
+// of `report`.
+absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
+                                          const ReconstructOptions& options,
+                                          const std::vector<std::string>& photos,
+                                          const std::string& colmap, const CancelToken& cancel,
+                                          const StageReport& progress, ReconstructReport* report);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_CAMERA_SOURCE_H_

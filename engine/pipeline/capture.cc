@@ -1,0 +1,189 @@
+#include "engine/pipeline/capture.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/core/error.h"
+#include "engine/core/parallel.h"
+#include "engine/io/image_io.h"
+#include "engine/pipeline/camera_source.h"
+#include "engine/priors/depth_provider.h"
+#include "engine/priors/structure_prior.h"
+#include "engine/priors/tone.h"
+
+namespace litags {
+namespace {
+
+// FNV-1a, 64 bits: tells runs apart, not a defence.
+class Fingerprint {
+ public:
+  void Add(const void* data, size_t size) {
+    const auto* p = static_cast<const unsigned char*>(data);
+    for (size_t i = 0; i < size; ++i) hash_ = (hash_ ^ p[i]) * 0x100000001B3ull;
+  }
+  template <class T>
+  void Add(const T& value) {
+    Add(&value, sizeof(value));
+  }
+  std::string Text() const { return absl::StrFormat("%016x", hash_); }
+
+ private:
+  uint64_t hash_ = 0xCBF29CE484222325ull;
+};
+
+ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
+  ToneOptions tone;
+  tone.theta = options.theta;
+  switch (options.tone) {
+    case Tone::kPaper:
+      tone.rule = ToneRule::kPaperGain;
+      break;
+    case Tone::kLinearGain:
+      tone.rule = ToneRule::kLinearGain;
+      break;
+    case Tone::kNone:
+      tone.rule = ToneRule::kNone;
+      break;
+  }
+  return tone;
+}
+
+// The photo as its pinhole camera sees it, shrunk if the options ask for it.
+absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const View& view,
+                                  const Distortion& distortion) {
+  LITAGS_ASSIGN_OR_RETURN(
+      ImageU8 image, ReadImage(dir + "/" + view.name, absl::StrCat("images[", view.name, "]")));
+  if (distortion.IsZero()) return image;
+  return Undistort(image, view.camera, distortion);
+}
+
+void Shrink(int max_side, Camera* camera, ImageU8* photo) {
+  const int side = std::max(camera->width, camera->height);
+  if (max_side <= 0 || side <= max_side) return;
+  const double scale = double(max_side) / side;
+  const int width = std::max(1, static_cast<int>(std::lround(camera->width * scale)));
+  const int height = std::max(1, static_cast<int>(std::lround(camera->height * scale)));
+  *photo = ResizeArea(*photo, width, height);
+  *camera = camera->Scaled(width, height);
+}
+
+absl::StatusOr<std::vector<TrainView>> LoadViews(const ReconstructInput& input,
+                                                 const ReconstructOptions& options,
+                                                 const SparseModel& model) {
+  const size_t n = model.views.size();
+  std::vector<TrainView> views(n);
+  std::vector<absl::Status> status(n);
+  ParallelFor(options.threads, n, [&](size_t i, int) {
+    status[i] = [&]() -> absl::Status {
+      TrainView& v = views[i];
+      v.view = model.views[i];
+      LITAGS_ASSIGN_OR_RETURN(v.photo, LoadPhoto(input.images_dir, v.view, model.distortions[i]));
+      Shrink(options.max_image_side, &v.view.camera, &v.photo);
+      LITAGS_ASSIGN_OR_RETURN(const ToneCurve tone, MakeToneCurve(v.photo, ToneOptionsOf(options)));
+      v.target_lut = tone.lut;
+      return absl::OkStatus();
+    }();
+  });
+  for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
+  return views;
+}
+
+absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& cancel,
+                          std::vector<TrainView>* views) {
+  // The prior's scale is one for the whole capture, so all photos go in together.
+  std::vector<ImageU8> photos(views->size());
+  for (size_t i = 0; i < views->size(); ++i) photos[i] = std::move((*views)[i].photo);
+  absl::StatusOr<CapturePriors> priors =
+      ComputeCapturePriors(photos, StructurePriorOptions(), options.threads, cancel);
+  for (size_t i = 0; i < views->size(); ++i) (*views)[i].photo = std::move(photos[i]);
+  LITAGS_RETURN_IF_ERROR(priors.status());
+  for (size_t i = 0; i < views->size(); ++i) (*views)[i].structure = std::move(priors->maps[i]);
+  return absl::OkStatus();
+}
+
+absl::Status AddDepth(const std::string& depth_dir, std::vector<TrainView>* views,
+                      ReconstructReport* report) {
+  if (depth_dir.empty()) {
+    report->notes.push_back("no depth maps were given: trained without the depth loss");
+    return absl::OkStatus();
+  }
+  LITAGS_ASSIGN_OR_RETURN(const std::unique_ptr<DepthProvider> provider,
+                          MakeFolderDepthProvider(depth_dir));
+  int found = 0;
+  for (TrainView& v : *views) {
+    LITAGS_ASSIGN_OR_RETURN(v.depth, provider->Depth(v.view, v.photo));
+    found += v.depth.has_value();
+  }
+  report->depth_used = found > 0;
+  if (found < static_cast<int>(views->size())) {
+    report->notes.push_back(absl::StrCat(found, " of ", views->size(),
+                                         " photos have a depth map; the others train without"));
+  }
+  return absl::OkStatus();
+}
+
+std::string MakeFingerprint(const ReconstructOptions& o, const std::vector<TrainView>& views) {
+  Fingerprint f;
+  for (const TrainView& v : views) {
+    f.Add(v.view.name.data(), v.view.name.size());
+    f.Add(v.photo.data.data(), v.photo.data.size());
+    f.Add(v.view.camera.Viewmat());
+    for (double x : {v.view.camera.fx, v.view.camera.fy, v.view.camera.cx, v.view.camera.cy})
+      f.Add(x);
+    if (v.depth.has_value()) {
+      f.Add(v.depth->depth.data.data(), v.depth->depth.data.size() * sizeof(float));
+    }
+  }
+  // What shapes the result; threads and intervals of reports do not.
+  for (double x : {double(o.method), double(o.tone), o.theta, double(o.iterations),
+                   double(o.max_gaussians), double(o.sh_degree), double(o.use_pdm),
+                   double(o.use_prior), double(o.use_depth), double(o.holdout_every)}) {
+    f.Add(x);
+  }
+  f.Add(o.seed);
+  return f.Text();
+}
+
+}  // namespace
+
+absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
+                                    const ReconstructOptions& options, const std::string& colmap,
+                                    const CancelToken& cancel, const StageReport& progress,
+                                    ReconstructReport* report) {
+  progress(Stage::kLoading, "reading photos");
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
+                          ListPhotos(input.images_dir, "images"));
+  LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
+                          ObtainCameras(input, options, photos, colmap, cancel, progress, report));
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+
+  progress(Stage::kPreparing, "pseudo-targets and structure maps");
+  LITAGS_ASSIGN_OR_RETURN(std::vector<TrainView> views, LoadViews(input, options, model));
+  const bool lita = options.method == Method::kLitaGs;
+  if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
+  if (lita && options.use_depth) LITAGS_RETURN_IF_ERROR(AddDepth(input.depth_dir, &views, report));
+
+  Capture capture;
+  capture.fingerprint = MakeFingerprint(options, views);
+  capture.points = model.points;
+  capture.point_views.assign(views.size(), -1);
+  const int every = options.holdout_every;
+  // Too few photos to spare any.
+  const bool hold_out = every > 0 && static_cast<int>(views.size()) >= 2 * every;
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (hold_out && static_cast<int>(i) % every == every / 2) {
+      capture.holdout.push_back(std::move(views[i]));
+    } else {
+      capture.point_views[i] = static_cast<int>(capture.train.size());
+      capture.train.push_back(std::move(views[i]));
+    }
+  }
+  return capture;
+}
+
+}  // namespace litags

@@ -1,0 +1,38 @@
+// From files to a capture that can be trained on: photos, cameras, sparse points, priors.
+#ifndef LITAGS_ENGINE_PIPELINE_CAPTURE_H_
+#define LITAGS_ENGINE_PIPELINE_CAPTURE_H_
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+#include "engine/io/sparse_model.h"
+#include "engine/pipeline/engine.h"
+#include "engine/train/train_view.h"
+
+namespace litags {
+
+struct Capture {
+  std::vector<TrainView> train;
+  std::vector<TrainView> holdout;  // evaluated only
+  std::vector<SparsePoint> points;
+  std::vector<int> point_views;  // model view to index in `train`, -1 if held out
+  std::string fingerprint;       // of photos, cameras and the options that shape the result
+};
+
+// A message for the user, with how much of the stage is done (0..1).
+using StageReport = std::function<void(Stage stage, const std::string& message)>;
+
+// Loads photos and cameras (running COLMAP where needed), makes pseudo-targets and structure
+// maps. Cameras that were found are kept in work_dir/cameras, so that a second call gives the same
+// capture. Fills the registration part of `report`.
+absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
+                                    const ReconstructOptions& options, const std::string& colmap,
+                                    const CancelToken& cancel, const StageReport& progress,
+                                    ReconstructReport* report);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_CAPTURE_H_

@@ -1,0 +1,223 @@
+#include "engine/pipeline/engine.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/eval/metrics.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/pipeline/capture.h"
+#include "engine/pipeline/scene_file.h"
+#include "engine/pipeline/train_options.h"
+#include "engine/train/initialize.h"
+#include "engine/train/losses.h"
+#include "engine/train/trainer.h"
+
+namespace litags {
+namespace {
+
+constexpr double kReportSeconds = 0.5;  // between progress reports
+constexpr double kLossMemory = 0.98;    // of the running means of losses
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// One training run: steps, reports, snapshots, checkpoints.
+class Run {
+ public:
+  Run(const ReconstructInput& input, const ReconstructOptions& options, const Capture& capture,
+      Splats initial, ReconstructObserver* observer)
+      : options_(options),
+        capture_(capture),
+        observer_(observer),
+        trainer_(TrainOptionsOf(options), &capture.train, std::move(initial),
+                 SceneExtent(capture.train)),
+        renderer_(options.threads),
+        scene_path_(input.work_dir + "/scene.litags"),
+        checkpoint_path_(input.work_dir + "/checkpoint.litags") {
+    for (const TrainView& v : capture.train) views_.push_back(v.view);
+    for (const TrainView& v : capture.holdout) views_.push_back(v.view);
+    std::sort(views_.begin(), views_.end(),
+              [](const View& a, const View& b) { return a.name < b.name; });
+    progress_.stage = Stage::kTraining;
+    progress_.iterations = options.iterations;
+    progress_.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
+  }
+
+  // Goes on from the checkpoint if there is one of this capture and these options.
+  absl::Status Resume(std::vector<std::string>* notes) {
+    if (!std::filesystem::exists(checkpoint_path_)) return absl::OkStatus();
+    const absl::Status status = trainer_.LoadCheckpoint(checkpoint_path_, capture_.fingerprint);
+    if (absl::IsFailedPrecondition(status)) {
+      notes->push_back(
+          "a checkpoint of other photos or options was found; training starts from the beginning");
+      return absl::OkStatus();
+    }
+    LITAGS_RETURN_IF_ERROR(status);
+    notes->push_back(absl::StrCat("resumed at iteration ", trainer_.iteration()));
+    return absl::OkStatus();
+  }
+
+  absl::Status Train(const CancelToken& cancel) {
+    const double start = Now();
+    const int first = trainer_.iteration();
+    double last_report = 0;
+    while (trainer_.iteration() < options_.iterations) {
+      LITAGS_RETURN_IF_ERROR(cancel.Check());
+      LITAGS_ASSIGN_OR_RETURN(const StepLosses losses, trainer_.Step());
+      const int done = trainer_.iteration();
+      Account(losses, done - first, Now() - start);
+      const bool last = done == options_.iterations;
+      if (done % options_.checkpoint_every == 0 && !last) {
+        LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, capture_.fingerprint));
+      }
+      if (done % options_.preview_every == 0 || last) {
+        LITAGS_RETURN_IF_ERROR(Publish());
+        last_report = Now();
+      } else if (Now() - last_report > kReportSeconds) {
+        observer_->OnProgress(progress_);
+        last_report = Now();
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Finish(ReconstructReport* report) {
+    if (!std::filesystem::exists(scene_path_)) LITAGS_RETURN_IF_ERROR(Publish());
+    report->gaussians = static_cast<int64_t>(trainer_.num_gaussians());
+    report->iterations = trainer_.iteration();
+    report->psnr_holdout = progress_.psnr_holdout;
+    report->scene_path = scene_path_;
+    // Kept until here so that a crash while saving can be resumed.
+    std::error_code ignored;
+    std::filesystem::remove(checkpoint_path_, ignored);
+    return absl::OkStatus();
+  }
+
+ private:
+  void Account(const StepLosses& losses, int steps, double seconds) {
+    const double keep = steps == 1 ? 0.0 : kLossMemory;
+    const auto mix = [&](double* mean, double value) { *mean = keep * *mean + (1 - keep) * value; };
+    mix(&progress_.loss, losses.Total());
+    mix(&progress_.loss_exposure, losses.exposure);
+    mix(&progress_.loss_reconstruction, losses.reconstruction);
+    mix(&progress_.loss_structure, losses.prior + losses.depth);
+    mix(&progress_.loss_denoise, losses.denoise);
+    progress_.iteration = trainer_.iteration();
+    progress_.gaussians = static_cast<int64_t>(trainer_.num_gaussians());
+    progress_.iterations_per_second = steps / std::max(seconds, 1e-9);
+    progress_.eta_seconds =
+        (options_.iterations - progress_.iteration) / progress_.iterations_per_second;
+  }
+
+  // Saves a snapshot and reports it with a preview picture and the held-out PSNR.
+  absl::Status Publish() {
+    const Model model = trainer_.Snapshot();
+    LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, views_));
+    observer_->OnSnapshot(scene_path_);
+    ModelView view;
+    LossWorkspace workspace(options_.threads);
+    Planes target;
+    double sum = 0;
+    for (const TrainView& v : capture_.holdout) {
+      renderer_.Render(model, v.view.camera, DepthSource::kCameraZ, &view);
+      ApplyLut(v.photo, v.target_lut, workspace, &target);
+      for (float& x : view.color.data) x = std::clamp(x, 0.0f, 1.0f);
+      LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(view.color, target));
+      sum += psnr;
+    }
+    if (!capture_.holdout.empty()) progress_.psnr_holdout = sum / capture_.holdout.size();
+    const TrainView& shown = capture_.holdout.empty() ? capture_.train[0] : capture_.holdout[0];
+    renderer_.Render(model, shown.view.camera, DepthSource::kCameraZ, &view);
+    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(ToImageU8(view.color)));
+    Progress progress = progress_;
+    progress.preview_png.assign(png.begin(), png.end());
+    observer_->OnProgress(progress);
+    return absl::OkStatus();
+  }
+
+  const ReconstructOptions& options_;
+  const Capture& capture_;
+  ReconstructObserver* observer_;
+  Trainer trainer_;
+  ModelRenderer renderer_;
+  std::string scene_path_, checkpoint_path_;
+  std::vector<View> views_;
+  Progress progress_;
+};
+
+class RealEngine : public Engine {
+ public:
+  explicit RealEngine(std::string colmap) : colmap_(std::move(colmap)) {}
+
+  absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
+                                                const ReconstructOptions& options,
+                                                const CancelToken& cancel,
+                                                ReconstructObserver* observer) override {
+    LITAGS_RETURN_IF_ERROR(options.Validate());
+    const double start = Now();
+    ReconstructReport report;
+    const auto progress = [&](Stage stage, const std::string& message) {
+      Progress p;
+      p.stage = stage;
+      p.message = message;
+      p.iterations = options.iterations;
+      p.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
+      observer->OnProgress(p);
+    };
+    LITAGS_ASSIGN_OR_RETURN(const Capture capture,
+                            LoadCapture(input, options, colmap_, cancel, progress, &report));
+    LITAGS_ASSIGN_OR_RETURN(
+        Splats initial, InitializeFromPoints(capture.points, capture.point_views, capture.train));
+    Run run(input, options, capture, std::move(initial), observer);
+    LITAGS_RETURN_IF_ERROR(run.Resume(&report.notes));
+    LITAGS_RETURN_IF_ERROR(run.Train(cancel));
+    progress(Stage::kSaving, "writing the report");
+    LITAGS_RETURN_IF_ERROR(run.Finish(&report));
+    report.seconds = Now() - start;
+    LITAGS_RETURN_IF_ERROR(WriteFileAtomically(input.work_dir + "/report.json", report.ToJson()));
+    return report;
+  }
+
+  absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) override {
+    return LoadSceneFile(path);
+  }
+
+ private:
+  std::string colmap_;
+};
+
+}  // namespace
+
+std::string ReconstructReport::ToJson() const {
+  nlohmann::json json = {{"photos", photos},
+                         {"registered", registered},
+                         {"dropped", dropped},
+                         {"sfm_preparation", sfm_preparation},
+                         {"sparse_points", sparse_points},
+                         {"gaussians", gaussians},
+                         {"iterations", iterations},
+                         {"seconds", seconds},
+                         {"depth_used", depth_used},
+                         {"notes", notes},
+                         {"scene_path", scene_path}};
+  json["psnr_holdout"] =
+      std::isfinite(psnr_holdout) ? nlohmann::json(psnr_holdout) : nlohmann::json();
+  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+std::unique_ptr<Engine> MakeEngine(std::string colmap) {
+  return std::make_unique<RealEngine>(std::move(colmap));
+}
+
+}  // namespace litags

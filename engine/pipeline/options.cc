@@ -1,0 +1,72 @@
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/pipeline/engine.h"
+#include "engine/pipeline/train_options.h"
+
+namespace litags {
+namespace {
+
+absl::Status Bad(const char* field, double value, const char* rule) {
+  return InvalidInput("BAD_OPTION", absl::StrCat("options.", field),
+                      absl::StrCat("options.", field, ": ", value, " ", rule));
+}
+
+}  // namespace
+
+TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
+  TrainOptions train;
+  train.iterations = options.iterations;
+  train.seed = options.seed;
+  train.threads = options.threads;
+  train.lita = options.method == Method::kLitaGs;
+  train.use_pdm = options.use_pdm;
+  train.use_prior = options.use_prior;
+  train.use_depth = options.use_depth;
+  train.sh_degree = options.sh_degree;
+  train.max_gaussians = options.max_gaussians;
+  return train;
+}
+
+absl::Status ReconstructOptions::Validate() const {
+  if (!(theta > 0 && theta < 1)) return Bad("theta", theta, "is not between 0 and 1");
+  if (iterations < 1 || iterations > 1'000'000)
+    return Bad("iterations", iterations, "is not in 1..1000000");
+  if (threads < 0 || threads > 1024)
+    return Bad("threads", threads, "is not in 0..1024 (0: all cores)");
+  if (max_gaussians < 1000 || max_gaussians > 20'000'000) {
+    return Bad("max_gaussians", double(max_gaussians), "is not in 1000..20000000");
+  }
+  if (sh_degree < 0 || sh_degree > 3) return Bad("sh_degree", sh_degree, "is not in 0..3");
+  if (max_image_side < 0 || (max_image_side > 0 && max_image_side < 64)) {
+    return Bad("max_image_side", max_image_side, "is neither 0 (never shrink) nor 64 or more");
+  }
+  if (holdout_every < 0 || holdout_every == 1) {
+    return Bad("holdout_every", holdout_every, "is neither 0 (none) nor 2 or more");
+  }
+  if (!(min_registered > 0 && min_registered <= 1)) {
+    return Bad("min_registered", min_registered, "is not in (0, 1]");
+  }
+  if (checkpoint_every < 1) return Bad("checkpoint_every", checkpoint_every, "is not 1 or more");
+  if (preview_every < 1) return Bad("preview_every", preview_every, "is not 1 or more");
+  return TrainOptionsOf(*this).Validate();
+}
+
+std::string_view StageName(Stage stage) {
+  switch (stage) {
+    case Stage::kLoading:
+      return "loading";
+    case Stage::kFindingCameras:
+      return "finding-cameras";
+    case Stage::kPreparing:
+      return "preparing";
+    case Stage::kTraining:
+      return "training";
+    case Stage::kSaving:
+      return "saving";
+  }
+  return "unknown";
+}
+
+}  // namespace litags

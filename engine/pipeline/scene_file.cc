@@ -1,0 +1,166 @@
+#include "engine/pipeline/scene_file.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/container.h"
+#include "engine/pipeline/scene.h"
+
+namespace litags {
+namespace {
+
+using Json = nlohmann::json;
+constexpr char kKind[] = "scene";
+constexpr uint32_t kVersion = 1;
+
+Json ViewToJson(const View& view) {
+  const Camera& c = view.camera;
+  return {{"name", view.name},
+          {"size", {c.width, c.height}},
+          {"K", {c.fx, c.fy, c.cx, c.cy}},
+          {"viewmat", c.Viewmat()}};
+}
+
+View ViewFromJson(const Json& json) {
+  View view;
+  view.name = json.at("name").get<std::string>();
+  Camera& c = view.camera;
+  c.width = json.at("size").at(0).get<int>();
+  c.height = json.at("size").at(1).get<int>();
+  c.fx = json.at("K").at(0).get<double>();
+  c.fy = json.at("K").at(1).get<double>();
+  c.cx = json.at("K").at(2).get<double>();
+  c.cy = json.at("K").at(3).get<double>();
+  c.SetViewmat(json.at("viewmat").get<std::array<double, 16>>());
+  return view;
+}
+
+absl::Status Damaged(const std::string& path, const std::string& what) {
+  return MakeError(absl::StatusCode::kDataLoss, "SCENE_CORRUPT", "scene",
+                   absl::StrCat(path, ": ", what, "; train the scene again"));
+}
+
+}  // namespace
+
+SceneFrame FrameOfViews(const std::vector<View>& views) {
+  SceneFrame frame;
+  if (views.empty()) return frame;
+  // sum (I - d d^T) x = sum (I - d d^T) c over optical axes c + s d.
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero(), mean = Eigen::Vector3d::Zero(),
+                  up = Eigen::Vector3d::Zero(), forward = Eigen::Vector3d::Zero();
+  for (const View& view : views) {
+    const auto& R = view.camera.R;
+    const auto c = view.camera.Center();
+    const Eigen::Vector3d center(c[0], c[1], c[2]), axis(R[6], R[7], R[8]);
+    const Eigen::Matrix3d P = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    A += P;
+    b += P * center;
+    mean += center / views.size();
+    forward += axis;
+    up -= Eigen::Vector3d(R[3], R[4], R[5]);
+  }
+  if (up.norm() > 1e-9) up.normalize();
+  if (forward.norm() > 1e-9) forward.normalize();
+  double spread = 0;
+  for (const View& view : views) {
+    const auto c = view.camera.Center();
+    spread = std::max(spread, (Eigen::Vector3d(c[0], c[1], c[2]) - mean).norm());
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(A / views.size());
+  Eigen::Vector3d center = mean + forward * std::max(spread, 1.0);
+  if (solver.eigenvalues()[0] > 1e-3) center = A.ldlt().solve(b);
+  double radius = 0;
+  for (const View& view : views) {
+    const auto c = view.camera.Center();
+    radius += (Eigen::Vector3d(c[0], c[1], c[2]) - center).norm() / views.size();
+  }
+  frame.center = {center.x(), center.y(), center.z()};
+  frame.up = {up.x(), up.y(), up.z()};
+  frame.radius = radius > 1e-9 ? radius : 1;
+  return frame;
+}
+
+absl::Status SaveScene(const std::string& path, const Model& model,
+                       const std::vector<View>& views) {
+  Json json = {{"lita", model.lita},
+               {"use_pdm", model.use_pdm},
+               {"sh_degree", model.sh_degree},
+               {"iteration", model.iteration},
+               {"gaussians", model.splats.size()},
+               {"views", Json::array()}};
+  for (const View& view : views) json["views"].push_back(ViewToJson(view));
+  const PdmOptions& p = model.pdm_options;
+  json["pdm"] = {{"stages", p.stages},
+                 {"hidden", p.hidden},
+                 {"shared", p.shared},
+                 {"filter_size", p.filter_size},
+                 {"filter_sigma", p.filter_sigma},
+                 {"zero_border", p.border == PdmBorder::kZero},
+                 {"clamp_R", p.clamp_R},
+                 {"nets", model.pdm.nets.size()}};
+  ContainerWriter out(kKind, kVersion);
+  out.AddSection("meta", json.dump());
+  const AlignedFloats& data = model.splats.data();
+  out.AddSectionView("splats",
+                     {reinterpret_cast<const char*>(data.data()), data.size() * sizeof(float)});
+  for (size_t k = 0; k < model.pdm.nets.size(); ++k) {
+    out.AddArrayView(absl::StrCat("pdm", k), model.pdm.nets[k]);
+  }
+  return out.Commit(path);
+}
+
+absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& path) {
+  LITAGS_ASSIGN_OR_RETURN(const Container file, Container::Read(path, kKind, kVersion));
+  LITAGS_ASSIGN_OR_RETURN(const std::string_view meta, file.Section("meta"));
+  LITAGS_ASSIGN_OR_RETURN(const std::string_view splats, file.Section("splats"));
+  Model model;
+  std::vector<View> views;
+  size_t nets = 0;
+  try {
+    const Json json = Json::parse(meta);
+    model.lita = json.at("lita").get<bool>();
+    model.use_pdm = json.at("use_pdm").get<bool>();
+    model.sh_degree = json.at("sh_degree").get<int>();
+    model.iteration = json.at("iteration").get<int>();
+    const auto gaussians = json.at("gaussians").get<size_t>();
+    if (gaussians > splats.size()) return Damaged(path, "the number of Gaussians is impossible");
+    model.splats.Resize(gaussians);
+    for (const Json& view : json.at("views")) views.push_back(ViewFromJson(view));
+    const Json& p = json.at("pdm");
+    model.pdm_options.stages = p.at("stages").get<int>();
+    model.pdm_options.hidden = p.at("hidden").get<int>();
+    model.pdm_options.shared = p.at("shared").get<bool>();
+    model.pdm_options.filter_size = p.at("filter_size").get<int>();
+    model.pdm_options.filter_sigma = p.at("filter_sigma").get<float>();
+    model.pdm_options.border =
+        p.at("zero_border").get<bool>() ? PdmBorder::kZero : PdmBorder::kReflect101;
+    model.pdm_options.clamp_R = p.at("clamp_R").get<bool>();
+    nets = p.at("nets").get<size_t>();
+  } catch (const Json::exception& e) {
+    return Damaged(path, e.what());
+  }
+  LITAGS_RETURN_IF_ERROR(model.pdm_options.Validate());
+  if (splats.size() != model.splats.data().size() * sizeof(float)) {
+    return Damaged(path, "the Gaussians are cut short");
+  }
+  std::memcpy(model.splats.data().data(), splats.data(), splats.size());
+  model.pdm = PdmWeights::Zeros(model.pdm_options);
+  if (model.use_pdm && nets != model.pdm.nets.size())
+    return Damaged(path, "the denoiser has another shape");
+  for (size_t k = 0; model.use_pdm && k < nets; ++k) {
+    LITAGS_ASSIGN_OR_RETURN(std::vector<float> net, file.Array<float>(absl::StrCat("pdm", k)));
+    if (net.size() != model.pdm.nets[k].size())
+      return Damaged(path, "the denoiser has another shape");
+    model.pdm.nets[k] = std::move(net);
+  }
+  return MakeScene(std::move(model), std::move(views));
+}
+
+}  // namespace litags

@@ -1,0 +1,172 @@
+#include "engine/train/density.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "engine/core/rng.h"
+
+namespace litags {
+namespace {
+
+constexpr uint64_t kSplitStream = 0x5350;  // random numbers of splits
+constexpr double kSplitShrink = 1.6;       // 3DGS: scales of both halves are divided by this
+
+float MaxScale(const Splats& s, size_t i) {
+  return std::exp(std::max({s.at(i, kLogScale), s.at(i, kLogScale + 1), s.at(i, kLogScale + 2)}));
+}
+
+float Opacity(const Splats& s, size_t i) { return 1 / (1 + std::exp(-s.at(i, kLogitOpacity))); }
+
+// Rotation matrix of the stored quaternion, row-major.
+std::array<double, 9> Rotation(const Splats& s, size_t i) {
+  double q[4], norm = 0;
+  for (int k = 0; k < 4; ++k) {
+    q[k] = s.at(i, kRawQuat + k);
+    norm += q[k] * q[k];
+  }
+  norm = std::sqrt(std::max(norm, 1e-24));
+  const double w = q[0] / norm, x = q[1] / norm, y = q[2] / norm, z = q[3] / norm;
+  return {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+          2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+          2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
+}
+
+// Moves Gaussian i to a random place inside `parent` and shrinks it.
+void PlaceSplit(const Splats& parent, size_t p, const CounterRng& rng, uint64_t counter, size_t i,
+                Splats* out) {
+  const std::array<double, 9> rot = Rotation(parent, p);
+  double local[3];
+  for (int k = 0; k < 3; ++k) {
+    local[k] = std::exp(parent.at(p, kLogScale + k)) * rng.Normal(counter + k);
+  }
+  for (int k = 0; k < 3; ++k) {
+    const double offset =
+        rot[3 * k] * local[0] + rot[3 * k + 1] * local[1] + rot[3 * k + 2] * local[2];
+    out->at(i, kMean + k) = parent.at(p, kMean + k) + static_cast<float>(offset);
+    out->at(i, kLogScale + k) =
+        parent.at(p, kLogScale + k) - static_cast<float>(std::log(kSplitShrink));
+  }
+}
+
+// The Gaussians to grow: mean gradient over the threshold, the `budget` largest of them.
+std::vector<uint32_t> ChooseGrowing(const DensityStats& stats, double threshold, size_t budget) {
+  std::vector<uint32_t> chosen;
+  const auto score = [&](uint32_t i) { return stats.grad[i] / stats.count[i]; };
+  for (uint32_t i = 0; i < stats.grad.size(); ++i) {
+    if (stats.count[i] > 0 && score(i) > threshold) chosen.push_back(i);
+  }
+  if (chosen.size() > budget) {
+    const auto stronger = [&](uint32_t a, uint32_t b) {
+      return score(a) != score(b) ? score(a) > score(b) : a < b;
+    };
+    std::nth_element(chosen.begin(), chosen.begin() + budget, chosen.end(), stronger);
+    chosen.resize(budget);
+    std::sort(chosen.begin(), chosen.end());
+  }
+  return chosen;
+}
+
+}  // namespace
+
+void SplatState::Rearrange(const std::vector<uint32_t>& from) {
+  for (Splats* s : {&params, &moment1, &moment2}) {
+    Splats next(from.size());
+    for (size_t i = 0; i < from.size(); ++i) next.Copy(*s, from[i], i);
+    *s = std::move(next);
+  }
+}
+
+void DensityStats::Reset(size_t n) {
+  grad.assign(n, 0);
+  count.assign(n, 0);
+}
+
+void DensityStats::Add(const ViewStats& view, int width, int height) {
+  const float to_half_image = 0.5f * std::max(width, height);
+  for (size_t i = 0; i < grad.size(); ++i) {
+    if (view.radius_px[i] <= 0) continue;
+    grad[i] += view.grad_means2d[i] * to_half_image;
+    count[i] += 1;
+  }
+}
+
+std::vector<uint32_t> MortonOrder(const Splats& splats) {
+  const size_t n = splats.size();
+  float lo[3], hi[3];
+  for (int k = 0; k < 3; ++k) {
+    lo[k] = std::numeric_limits<float>::max();
+    hi[k] = std::numeric_limits<float>::lowest();
+    for (size_t i = 0; i < n; ++i) {
+      lo[k] = std::min(lo[k], splats.at(i, kMean + k));
+      hi[k] = std::max(hi[k], splats.at(i, kMean + k));
+    }
+  }
+  constexpr int kBits = 16;
+  std::vector<std::pair<uint64_t, uint32_t>> keyed(n);
+  for (size_t i = 0; i < n; ++i) {
+    uint64_t code = 0;
+    for (int k = 0; k < 3; ++k) {
+      const float span = std::max(hi[k] - lo[k], 1e-12f);
+      const float unit = (splats.at(i, kMean + k) - lo[k]) / span;
+      const auto cell = static_cast<uint64_t>(std::clamp(unit, 0.0f, 1.0f) * ((1 << kBits) - 1));
+      for (int b = 0; b < kBits; ++b) code |= ((cell >> b) & 1) << (3 * b + k);
+    }
+    keyed[i] = {code, static_cast<uint32_t>(i)};
+  }
+  std::sort(keyed.begin(), keyed.end());
+  std::vector<uint32_t> order(n);
+  for (size_t i = 0; i < n; ++i) order[i] = keyed[i].second;
+  return order;
+}
+
+DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
+                             SplatState* state, DensityStats* stats) {
+  DensityReport report;
+  const size_t n = state->params.size();
+  const size_t budget =
+      static_cast<size_t>(std::max<int64_t>(0, options.max_gaussians - int64_t(n)));
+  const std::vector<uint32_t> growing = ChooseGrowing(*stats, options.densify_grad, budget);
+
+  // Old Gaussians first, then one new one for each that grows: a clone is a copy, a split moves
+  // both the old and the new one.
+  std::vector<uint32_t> from(n);
+  std::iota(from.begin(), from.end(), 0);
+  from.insert(from.end(), growing.begin(), growing.end());
+  const Splats before = state->params;
+  state->Rearrange(from);
+  const CounterRng rng(options.seed, kSplitStream + (uint64_t(iteration) << 16));
+  const auto clear_moments = [&](size_t i) {
+    for (int row = 0; row < kSplatRows; ++row) {
+      state->moment1.at(i, row) = 0;
+      state->moment2.at(i, row) = 0;
+    }
+  };
+  for (size_t k = 0; k < growing.size(); ++k) {
+    const uint32_t old = growing[k];
+    clear_moments(n + k);
+    if (MaxScale(before, old) <= options.densify_percent * extent) {
+      ++report.cloned;
+      continue;
+    }
+    ++report.split;
+    clear_moments(old);
+    PlaceSplit(before, old, rng, uint64_t{old} * 8, old, &state->params);
+    PlaceSplit(before, old, rng, uint64_t{old} * 8 + 3, n + k, &state->params);
+  }
+
+  // Prune and reorder in one pass over memory.
+  std::vector<uint32_t> order = MortonOrder(state->params);
+  const size_t grown = order.size();
+  std::erase_if(order,
+                [&](uint32_t i) { return Opacity(state->params, i) < options.prune_opacity; });
+  if (order.empty()) order.push_back(0);  // a scene is never empty
+  report.pruned = static_cast<int64_t>(grown - order.size());
+  state->Rearrange(order);
+  stats->Reset(order.size());
+  return report;
+}
+
+}  // namespace litags

@@ -1,0 +1,50 @@
+// Adaptive density control: where the picture needs more Gaussians, and which are not needed.
+// Source: 3DGS Sec. 5, with a hard budget.
+#ifndef LITAGS_ENGINE_TRAIN_DENSITY_H_
+#define LITAGS_ENGINE_TRAIN_DENSITY_H_
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/core/splats.h"
+#include "engine/render/renderer.h"
+#include "engine/train/options.h"
+
+namespace litags {
+
+// Gaussians with their Adam moments; all three have one size.
+struct SplatState {
+  Splats params;
+  Splats moment1;
+  Splats moment2;
+
+  // Keeps exactly the Gaussians `from` (indices into this; repeats make copies), in that order.
+  void Rearrange(const std::vector<uint32_t>& from);
+};
+
+// Sums over the views since the last density step; index = Gaussian.
+struct DensityStats {
+  std::vector<float> grad;   // |dL/dmean2d|, in units of half the image's larger side
+  std::vector<float> count;  // views in which the Gaussian was visible
+
+  void Reset(size_t n);
+  void Add(const ViewStats& view, int width, int height);
+};
+
+struct DensityReport {
+  int64_t cloned = 0, split = 0, pruned = 0;
+};
+
+// One density step. Gaussians whose mean gradient exceeds options.densify_grad are cloned (small)
+// or split in two (large), strongest first while the budget lasts; nearly transparent ones are
+// removed; then all are put in Morton order, so that blocks of 16 are neighbours in space. Random
+// numbers depend on (seed, iteration, Gaussian) only. Stats are reset.
+DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
+                             SplatState* state, DensityStats* stats);
+
+// Permutation that sorts the means along a Morton curve; ties by index.
+std::vector<uint32_t> MortonOrder(const Splats& splats);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TRAIN_DENSITY_H_

@@ -1,0 +1,121 @@
+#include "engine/train/initialize.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/flann.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+constexpr double kInitialOpacity = 0.1;
+constexpr double kSh0 = 0.28209479177387814;  // SH basis 0
+constexpr int kNeighbours = 3;
+
+// Root mean squared distance of every point to its three nearest neighbours.
+std::vector<float> NeighbourDistances(absl::Span<const SparsePoint> points) {
+  const int n = static_cast<int>(points.size());
+  cv::Mat_<float> data(n, 3);
+  for (int i = 0; i < n; ++i) {
+    for (int k = 0; k < 3; ++k) data(i, k) = static_cast<float>(points[i].xyz[k]);
+  }
+  cv::flann::GenericIndex<cvflann::L2_Simple<float>> index(data,
+                                                           cvflann::KDTreeSingleIndexParams());
+  cv::Mat_<int> indices(n, kNeighbours + 1);
+  cv::Mat_<float> squared(n, kNeighbours + 1);
+  index.knnSearch(data, indices, squared, kNeighbours + 1, cvflann::SearchParams(-1));
+  std::vector<float> out(n);
+  for (int i = 0; i < n; ++i) {
+    double sum = 0;  // the nearest is the point itself
+    for (int k = 1; k <= kNeighbours; ++k) sum += squared(i, k);
+    out[i] = static_cast<float>(std::sqrt(std::max(sum / kNeighbours, 1e-14)));
+  }
+  return out;
+}
+
+// Mean pseudo-target colour where the photos saw the point; the point's own colour if none did.
+std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int> point_views,
+                                 absl::Span<const TrainView> views) {
+  std::array<double, 3> sum = {0, 0, 0};
+  int seen = 0;
+  for (const TrackElement& element : point.track) {
+    const int v =
+        element.view < static_cast<int>(point_views.size()) ? point_views[element.view] : -1;
+    if (v < 0) continue;
+    const auto p = views[v].view.camera.CamFromWorld(point.xyz);
+    const Camera& camera = views[v].view.camera;
+    if (p[2] <= 0) continue;
+    const int x = static_cast<int>(std::floor(camera.fx * p[0] / p[2] + camera.cx));
+    const int y = static_cast<int>(std::floor(camera.fy * p[1] / p[2] + camera.cy));
+    if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
+    const uint8_t* pixel = views[v].photo.pixel(x, y);
+    for (int c = 0; c < 3; ++c) sum[c] += views[v].target_lut[c][pixel[c]];
+    ++seen;
+  }
+  for (int c = 0; c < 3; ++c) sum[c] = seen > 0 ? sum[c] / seen : point.rgb[c] / 255.0;
+  return sum;
+}
+
+// mean(photo) / mean(target) over all views: what L must be for R L to look like the photos.
+double IlluminationLevel(absl::Span<const TrainView> views) {
+  double photo = 0, target = 0;
+  for (const TrainView& view : views) {
+    for (size_t i = 0; i < view.photo.data.size(); ++i) {
+      photo += view.photo.data[i] / 255.0;
+      target += view.target_lut[i % 3][view.photo.data[i]];
+    }
+  }
+  return target > 0 ? photo / target : 1;
+}
+
+}  // namespace
+
+double SceneExtent(absl::Span<const TrainView> views) {
+  std::array<double, 3> mean = {0, 0, 0};
+  for (const TrainView& v : views) {
+    for (int k = 0; k < 3; ++k) mean[k] += v.view.camera.Center()[k] / views.size();
+  }
+  double radius = 0;
+  for (const TrainView& v : views) {
+    const auto c = v.view.camera.Center();
+    radius = std::max(radius, std::hypot(c[0] - mean[0], c[1] - mean[1], c[2] - mean[2]));
+  }
+  return std::max(1.1 * radius, 1e-6);
+}
+
+absl::StatusOr<Splats> InitializeFromPoints(absl::Span<const SparsePoint> points,
+                                            absl::Span<const int> point_views,
+                                            absl::Span<const TrainView> views) {
+  if (points.size() <= kNeighbours) {
+    return MakeError(
+        absl::StatusCode::kFailedPrecondition, "TOO_FEW_POINTS", "images",
+        absl::StrCat("only ", points.size(),
+                     " 3D points were found; take photos with more overlap or texture"));
+  }
+  const std::vector<float> distances = NeighbourDistances(points);
+  const float illumination = static_cast<float>(IlluminationLevel(views));
+  const float logit = static_cast<float>(std::log(kInitialOpacity / (1 - kInitialOpacity)));
+  Splats splats(points.size());
+  for (size_t i = 0; i < points.size(); ++i) {
+    const std::array<double, 3> color = PointColor(points[i], point_views, views);
+    double depth = 0;
+    for (const TrainView& v : views)
+      depth += v.view.camera.CamFromWorld(points[i].xyz)[2] / views.size();
+    for (int k = 0; k < 3; ++k) {
+      splats.at(i, kMean + k) = static_cast<float>(points[i].xyz[k]);
+      splats.at(i, kLogScale + k) = std::log(distances[i]);
+      splats.at(i, kShDc + k) = static_cast<float>((color[k] - 0.5) / kSh0);
+      splats.at(i, kIllumination + k) = illumination;
+    }
+    splats.at(i, kRawQuat) = 1;
+    splats.at(i, kLogitOpacity) = logit;
+    splats.at(i, kDepth) = static_cast<float>(depth);
+  }
+  return splats;
+}
+
+}  // namespace litags

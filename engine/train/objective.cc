@@ -1,0 +1,111 @@
+#include "engine/train/objective.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "engine/render/renderer.h"
+#include "engine/train/depth_loss.h"
+#include "engine/train/model.h"
+
+namespace litags {
+namespace {
+
+void ZeroLike(const Planes& like, int channels, Planes* out) {
+  out->channels = channels;
+  out->height = like.height;
+  out->width = like.width;
+  out->data.assign(channels * like.plane_size(), 0.0f);
+}
+
+double Seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+Objective::Objective(const TrainOptions& options)
+    : options_(options), workspace_(options.threads), pdm_(options.pdm, options.threads) {}
+
+StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
+                               const PdmWeights& weights, int iteration, Planes* v_rendered,
+                               PdmWeights* v_weights) {
+  ZeroLike(rendered, rendered.channels, v_rendered);
+  ApplyLut(view.photo, view.target_lut, workspace_, &target_);
+  if (options_.lita) {
+    return EvaluateLita(view, rendered, weights, iteration, v_rendered, v_weights);
+  }
+  StepLosses losses;
+  losses.reconstruction = ReconstructionLoss(rendered, target_, 1.0, *v_rendered, workspace_);
+  return losses;
+}
+
+StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered,
+                                   const PdmWeights& weights, int iteration, Planes* v_rendered,
+                                   PdmWeights* v_weights) {
+  static const ColorLut identity = IdentityLut();
+  StepLosses losses;
+  CopyPlanes(rendered, kChannelColor, &color_);
+  const int stages = options_.pdm.stages;
+  if (options_.use_pdm) {
+    const double start = Seconds();
+    CopyPlanes(rendered, kChannelNoise, &noise_);
+    pdm_.Forward(weights, color_, noise_);
+    denoise_seconds_ += Seconds() - start;
+  }
+  const Planes& R = options_.use_pdm ? pdm_.R(stages) : color_;
+  ZeroLike(R, 3, &v_color_);
+
+  losses.exposure =
+      options_.weight_exposure * L1Loss(R, target_, options_.weight_exposure, v_color_, workspace_);
+  ApplyLut(view.photo, identity, workspace_, &input_);
+  losses.reconstruction =
+      options_.weight_reconstruction *
+      ProductReconstructionLoss(R, PlanesView(rendered, kChannelIllumination, 3), input_,
+                                options_.weight_reconstruction, v_color_,
+                                PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_);
+  if (options_.use_pdm) {
+    ZeroLike(R, 3, &v_previous_);
+    const Planes& previous = stages > 1 ? pdm_.R(stages - 1) : color_;
+    losses.denoise =
+        options_.weight_denoise *
+            MseLoss(R, previous, options_.weight_denoise, v_color_, v_previous_, workspace_) +
+        options_.weight_tv * TvLoss(R, TvNorm::kSquared, options_.weight_tv, v_color_, workspace_);
+  }
+  AddStructure(view, rendered, iteration, v_rendered, &losses);
+
+  const size_t n = 3 * rendered.plane_size();
+  if (!options_.use_pdm) {
+    std::copy_n(v_color_.data.data(), n, v_rendered->plane(kChannelColor));
+    return losses;
+  }
+  const double start = Seconds();
+  pdm_.Backward(v_color_, v_previous_, &v_r0_, &v_noise_, v_weights);
+  std::copy_n(v_r0_.data.data(), n, v_rendered->plane(kChannelColor));
+  std::copy_n(v_noise_.data.data(), n, v_rendered->plane(kChannelNoise));
+  denoise_seconds_ += Seconds() - start;
+  return losses;
+}
+
+void Objective::AddStructure(const TrainView& view, const Planes& rendered, int iteration,
+                             Planes* v_rendered, StepLosses* losses) {
+  if (options_.use_prior && !view.structure.empty()) {
+    UnpackPlane(view.structure, workspace_, &structure_);
+    losses->prior =
+        options_.weight_prior * L1Loss(PlanesView(rendered, kChannelStructure, 1), structure_,
+                                       options_.weight_prior,
+                                       PlanesSpan(*v_rendered, kChannelStructure, 1), workspace_);
+  }
+  if (options_.use_depth && view.depth.has_value()) {
+    const std::vector<Patch> patches = DrawDepthPatches(
+        rendered.width, rendered.height, DepthPatchOptions(), options_.seed, iteration);
+    const PlanesView confidence =
+        view.depth->confidence.empty() ? PlanesView() : PlanesView(view.depth->confidence);
+    losses->depth =
+        options_.weight_depth * DepthLoss(PlanesView(rendered, kChannelDepth, 1), view.depth->depth,
+                                          confidence, patches, options_.weight_depth,
+                                          PlanesSpan(*v_rendered, kChannelDepth, 1), workspace_)
+                                    .Sum();
+  }
+}
+
+}  // namespace litags

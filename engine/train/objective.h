@@ -1,0 +1,44 @@
+// The loss of one rendered view and its gradient with respect to the rendered channels.
+#ifndef LITAGS_ENGINE_TRAIN_OBJECTIVE_H_
+#define LITAGS_ENGINE_TRAIN_OBJECTIVE_H_
+
+#include <memory>
+
+#include "engine/core/image.h"
+#include "engine/denoise/pdm.h"
+#include "engine/train/losses.h"
+#include "engine/train/options.h"
+#include "engine/train/train_view.h"
+#include "engine/train/trainer.h"
+
+namespace litags {
+
+// L = L_exp + L_str + L_de + L_rec of the paper; or 3DGS' loss against the target image.
+class Objective {
+ public:
+  explicit Objective(const TrainOptions& options);
+
+  // Evaluates at `rendered` [11 or 3, H, W]. Writes v_rendered (same shape) and, with the PDM,
+  // v_weights.
+  StepLosses Evaluate(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
+                      int iteration, Planes* v_rendered, PdmWeights* v_weights);
+
+  double denoise_seconds() const { return denoise_seconds_; }
+
+ private:
+  StepLosses EvaluateLita(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
+                          int iteration, Planes* v_rendered, PdmWeights* v_weights);
+  void AddStructure(const TrainView& view, const Planes& rendered, int iteration,
+                    Planes* v_rendered, StepLosses* losses);
+
+  TrainOptions options_;
+  LossWorkspace workspace_;
+  Pdm pdm_;
+  Planes target_, input_, structure_, color_, noise_;
+  Planes v_color_, v_previous_, v_r0_, v_noise_;
+  double denoise_seconds_ = 0;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TRAIN_OBJECTIVE_H_

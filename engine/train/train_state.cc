@@ -1,0 +1,103 @@
+#include "engine/train/train_state.h"
+
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/container.h"
+
+namespace litags {
+namespace {
+
+constexpr char kKind[] = "checkpoint";
+constexpr uint32_t kVersion = 1;
+
+std::string_view Bytes(const AlignedFloats& v) {
+  return {reinterpret_cast<const char*>(v.data()), v.size() * sizeof(float)};
+}
+
+absl::Status Inconsistent(const std::string& what) {
+  return MakeError(absl::StatusCode::kDataLoss, "CHECKPOINT_INCONSISTENT", "checkpoint",
+                   absl::StrCat("checkpoint: ", what,
+                                " does not fit the rest; delete the checkpoint to start again"));
+}
+
+absl::Status ReadSplats(const Container& file, const char* name, size_t n, Splats* out) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string_view bytes, file.Section(name));
+  out->Resize(n);
+  if (bytes.size() != out->data().size() * sizeof(float)) return Inconsistent(name);
+  std::memcpy(out->data().data(), bytes.data(), bytes.size());
+  return absl::OkStatus();
+}
+
+void AddNets(const char* name, const PdmWeights& weights, ContainerWriter* out) {
+  for (size_t k = 0; k < weights.nets.size(); ++k) {
+    out->AddArrayView(absl::StrCat(name, k), weights.nets[k]);
+  }
+}
+
+absl::Status ReadNets(const Container& file, const char* name, int hidden, size_t count,
+                      PdmWeights* out) {
+  out->hidden = hidden;
+  out->nets.resize(count);
+  for (size_t k = 0; k < count; ++k) {
+    LITAGS_ASSIGN_OR_RETURN(out->nets[k], file.Array<float>(absl::StrCat(name, k)));
+    if (out->nets[k].size() != PdmNetLayout(hidden).size) return Inconsistent(name);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,
+                            const TrainState& state) {
+  ContainerWriter out(kKind, kVersion);
+  const std::vector<int64_t> header = {state.iteration, int64_t(state.splats.params.size()),
+                                       state.pdm.hidden, int64_t(state.pdm.nets.size())};
+  out.AddSection("fingerprint", fingerprint);
+  out.AddArrayView("header", header);
+  out.AddSectionView("splats", Bytes(state.splats.params.data()));
+  out.AddSectionView("splats_moment1", Bytes(state.splats.moment1.data()));
+  out.AddSectionView("splats_moment2", Bytes(state.splats.moment2.data()));
+  AddNets("pdm", state.pdm, &out);
+  AddNets("pdm_moment1_", state.pdm_moment1, &out);
+  AddNets("pdm_moment2_", state.pdm_moment2, &out);
+  out.AddArrayView("density_grad", state.density.grad);
+  out.AddArrayView("density_count", state.density.count);
+  return out.Commit(path);
+}
+
+absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::string& fingerprint) {
+  LITAGS_ASSIGN_OR_RETURN(const Container file, Container::Read(path, kKind, kVersion));
+  LITAGS_ASSIGN_OR_RETURN(const std::string_view found, file.Section("fingerprint"));
+  if (found != fingerprint) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "CHECKPOINT_MISMATCH", "checkpoint",
+                     absl::StrCat(path,
+                                  " was made from other photos or options; use another folder, or "
+                                  "delete it to start again"));
+  }
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<int64_t> header, file.Array<int64_t>("header"));
+  if (header.size() != 4 || header[0] < 0 || header[1] < 0 || header[2] < 0 || header[2] > 64 ||
+      header[3] < 0 || header[3] > 8) {
+    return Inconsistent("header");
+  }
+  TrainState state;
+  state.iteration = static_cast<int>(header[0]);
+  const auto n = static_cast<size_t>(header[1]);
+  LITAGS_ASSIGN_OR_RETURN(state.density.grad, file.Array<float>("density_grad"));
+  LITAGS_ASSIGN_OR_RETURN(state.density.count, file.Array<float>("density_count"));
+  if (state.density.grad.size() != n || state.density.count.size() != n)
+    return Inconsistent("density");
+  LITAGS_RETURN_IF_ERROR(ReadSplats(file, "splats", n, &state.splats.params));
+  LITAGS_RETURN_IF_ERROR(ReadSplats(file, "splats_moment1", n, &state.splats.moment1));
+  LITAGS_RETURN_IF_ERROR(ReadSplats(file, "splats_moment2", n, &state.splats.moment2));
+  const int hidden = static_cast<int>(header[2]);
+  const auto nets = static_cast<size_t>(header[3]);
+  LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm", hidden, nets, &state.pdm));
+  LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm_moment1_", hidden, nets, &state.pdm_moment1));
+  LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm_moment2_", hidden, nets, &state.pdm_moment2));
+  return state;
+}
+
+}  // namespace litags

@@ -1,0 +1,32 @@
+#ifndef LITAGS_ENGINE_TRAIN_TRAIN_STATE_H_
+#define LITAGS_ENGINE_TRAIN_TRAIN_STATE_H_
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/denoise/pdm.h"
+#include "engine/train/density.h"
+
+namespace litags {
+
+// All that changes during training. What is random is derived from (seed, iteration), so this
+// is the whole checkpoint.
+struct TrainState {
+  int iteration = 0;  // finished iterations
+  SplatState splats;
+  PdmWeights pdm, pdm_moment1, pdm_moment2;
+  DensityStats density;
+};
+
+// One container file of kind "checkpoint". `fingerprint` says what the run was made of.
+absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,
+                            const TrainState& state);
+
+// FAILED_PRECONDITION (CHECKPOINT_MISMATCH) for another fingerprint; errors of Container::Read;
+// DATA_LOSS if the sections do not fit together.
+absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::string& fingerprint);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TRAIN_TRAIN_STATE_H_

@@ -1,0 +1,25 @@
+#ifndef LITAGS_ENGINE_TRAIN_TRAIN_VIEW_H_
+#define LITAGS_ENGINE_TRAIN_TRAIN_VIEW_H_
+
+#include <optional>
+
+#include "engine/core/camera.h"
+#include "engine/core/color.h"
+#include "engine/core/image.h"
+#include "engine/priors/depth_provider.h"
+
+namespace litags {
+
+// One photo with everything that training compares with. Kept as bytes: 40 photos of 500x375 with
+// their structure maps are 30 MB.
+struct TrainView {
+  View view;
+  ImageU8 photo;        // I_in, of the camera's size
+  ColorLut target_lut;  // photo byte to pseudo-target (paper's modulated I_in)
+  PlaneU8 structure;    // P, 0..255 for 0..1; empty: no structure loss
+  std::optional<DepthMap> depth;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TRAIN_TRAIN_VIEW_H_

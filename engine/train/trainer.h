@@ -1,0 +1,69 @@
+// The optimisation loop (LITA-GS Sec. "Unsupervised Optimization Strategy"), one photo an
+// iteration.
+#ifndef LITAGS_ENGINE_TRAIN_TRAINER_H_
+#define LITAGS_ENGINE_TRAIN_TRAINER_H_
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/splats.h"
+#include "engine/train/model.h"
+#include "engine/train/options.h"
+#include "engine/train/train_view.h"
+
+namespace litags {
+
+// Losses of one iteration, weighted as they enter the total.
+struct StepLosses {
+  double exposure = 0;        // plain 3DGS: unused
+  double reconstruction = 0;  // plain 3DGS: against the target
+  double prior = 0;
+  double depth = 0;
+  double denoise = 0;  // MSE of the last two stages + TV
+
+  double Total() const { return exposure + reconstruction + prior + depth + denoise; }
+};
+
+// Wall-clock seconds since the start, by phase.
+struct PhaseSeconds {
+  double forward = 0, denoise = 0, losses = 0, backward = 0, density = 0;
+};
+
+// Trains one scene. Everything random is a function of (seed, iteration), so the result is the same
+// bytes for any thread count and across checkpoint and resume, on one SIMD target.
+class Trainer {
+ public:
+  // `views` must outlive the trainer; `options` valid; at least one view. `initial` from
+  // InitializeFromPoints, `extent` from SceneExtent.
+  Trainer(const TrainOptions& options, const std::vector<TrainView>* views, Splats initial,
+          double extent);
+  ~Trainer();
+
+  // One iteration. INTERNAL (NOT_FINITE) naming the loss term if a loss is not a number; the scene
+  // is then as it was before the iteration.
+  absl::StatusOr<StepLosses> Step();
+
+  int iteration() const;  // finished iterations
+  size_t num_gaussians() const;
+  const PhaseSeconds& phases() const;
+
+  // A copy of the scene as it is.
+  Model Snapshot() const;
+
+  // Everything needed to go on, written atomically. `fingerprint` names photos and options;
+  // LoadCheckpoint refuses another one (FAILED_PRECONDITION, CHECKPOINT_MISMATCH). A resumed run
+  // ends with the bytes of one never interrupted.
+  absl::Status SaveCheckpoint(const std::string& path, const std::string& fingerprint) const;
+  absl::Status LoadCheckpoint(const std::string& path, const std::string& fingerprint);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TRAIN_TRAINER_H_
