@@ -55,13 +55,12 @@ std::string_view ExposureName(Exposure exposure) {
 LightStats MeasureLight(const ImageU8& photo) {
   if (photo.empty()) return {};
   uint64_t sum = 0, clipped = 0;
-  for (size_t i = 0; i < photo.data.size(); i += 3) {
-    const uint8_t r = photo.data[i], g = photo.data[i + 1], b = photo.data[i + 2];
-    sum += r + g + b;
-    clipped += r == 255 || g == 255 || b == 255;
+  for (size_t i = 0; i < photo.data.size(); ++i) {
+    sum += photo.data[i];
+    clipped += photo.data[i] == 255;
   }
   const double n = static_cast<double>(photo.data.size());
-  return {.mean_level = sum / n / 255, .clipped_fraction = 3 * clipped / n};
+  return {.mean_level = sum / n / 255, .clipped_fraction = clipped / n};
 }
 
 Exposure ClassifyExposure(const LightStats& stats) {

@@ -13,12 +13,12 @@ namespace litags {
 // Means over all pixels and channels of sRGB codes.
 struct LightStats {
   double mean_level = 0;        // [0, 1]
-  double clipped_fraction = 0;  // pixels with a channel at 255
+  double clipped_fraction = 0;  // codes at 255
 };
 
 LightStats MeasureLight(const ImageU8& photo);
 
-// Low below a mean of .25, over above .70 or with a quarter of the pixels clipped.
+// Low below a mean of .25, over above .70 or with a quarter of the codes clipped.
 // Choice: the benchmark's low captures have means of about .05 and its over-exposed ones .78 and
 // more; well lit photos lie near .5 (.62 with a bright sky, 13 % of it clipped).
 Exposure ClassifyExposure(const LightStats& stats);

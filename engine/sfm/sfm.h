@@ -96,7 +96,7 @@ struct SfmResult {
   SparseModel model;
   Exposure exposure = Exposure::kNormal;
   double mean_level = 0;         // of all photos' sRGB codes, [0, 1]
-  double clipped_fraction = 0;   // pixels with a channel at 255
+  double clipped_fraction = 0;   // codes at 255
   std::string preparation;       // rung that was kept
   std::vector<SfmRung> rungs;    // in the order tried
   std::vector<SfmPhoto> photos;  // every photo, in name order

@@ -1,0 +1,50 @@
+// A stand-in for COLMAP in tests: a shell script that records its calls and hands out a database
+// and models that the test made.
+#ifndef LITAGS_ENGINE_SFM_FAKE_COLMAP_H_
+#define LITAGS_ENGINE_SFM_FAKE_COLMAP_H_
+
+#include <string>
+#include <vector>
+
+#include "engine/io/sparse_model.h"
+
+namespace litags {
+
+class FakeColmap {
+ public:
+  FakeColmap();   // in a temporary folder
+  ~FakeColmap();  // removes it
+
+  std::string dir() const { return dir_; }
+  std::string program() const { return dir_ + "/colmap"; }
+
+  // Photos dir()/photos/p0.png, p1.png ... of one sRGB level with some texture.
+  std::string MakePhotos(int count, int width, int height, int level) const;
+
+  // Shell code run at the start of `command` ("mapper"); $rung, $db, $out, $images, $in are set.
+  void On(const std::string& command, const std::string& shell_code) const;
+
+  // The database that feature_extractor leaves: image ids 1.. in the order of `names`, each with
+  // `features`; pairs (of indices into names) are verified.
+  void SetDatabase(const std::vector<std::string>& names, int features,
+                   const std::vector<std::pair<int, int>>& pairs) const;
+
+  // Adds a model that the mapper of rung `rung` (0..) hands out, or else the triangulator.
+  void AddModel(int rung, int number, const SparseModel& model) const;
+  void SetTriangulated(int rung, const SparseModel& model) const;
+
+  // One line per call: the command and its arguments.
+  std::vector<std::string> Calls() const;
+
+ private:
+  std::string dir_;
+};
+
+// A model of the copies `width`x`height`/00000<i>.png for i in photos, with focal length 50 px,
+// translation (i, 0, 0), and `points` points seen by all of them at (10, 20) px.
+SparseModel CopiesModel(const std::string& folder, int width, int height,
+                        const std::vector<int>& photos, int points);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_SFM_FAKE_COLMAP_H_

@@ -1,0 +1,372 @@
+#include "engine/sfm/sfm.h"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/colmap_io.h"
+#include "engine/sfm/fake_colmap.h"
+#include "engine/sfm/registration.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+constexpr int kDark = 12, kWellLit = 120;  // sRGB codes
+
+std::string Reason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail ? detail->reason : "";
+}
+
+// Six photos of 128x96 px that COLMAP gets at 64x48.
+class SfmTest : public ::testing::Test {
+ protected:
+  SfmTest() {
+    options_.colmap = colmap_.program();
+    options_.max_image_side = 64;
+    options_.threads = 1;
+    colmap_.SetDatabase(CopyNames({0, 1, 2, 3, 4, 5}), 900, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
+  }
+
+  static std::vector<std::string> CopyNames(const std::vector<int>& photos) {
+    std::vector<std::string> names;
+    for (const View& view : Model(photos, 0).views) names.push_back(view.name);
+    return names;
+  }
+  static SparseModel Model(const std::vector<int>& photos, int points) {
+    return CopiesModel("128x96", 64, 48, photos, points);
+  }
+
+  absl::StatusOr<SfmResult> Find(int level = kDark) {
+    const std::string photos = colmap_.MakePhotos(6, 128, 96, level);
+    return FindCameras(photos, colmap_.dir() + "/work", options_, cancel_);
+  }
+
+  // What a caller would pass: cameras of p0..p5 at the photos' own size.
+  static SparseModel KnownCameras() {
+    SparseModel known = Model({0, 1, 2, 3, 4, 5}, 0);
+    for (int i = 0; i < 6; ++i) {
+      known.views[i].name = absl::StrCat("p", i, ".png");
+      known.views[i].camera = known.views[i].camera.Scaled(128, 96);
+      known.views[i].camera.t[1] = 0.1 + i / 3.0;  // digits that a text file would lose
+    }
+    return known;
+  }
+
+  FakeColmap colmap_;
+  SfmOptions options_;
+  CancelToken cancel_;
+};
+
+TEST_F(SfmTest, ViewsAndTracksAreThoseOfThePhotosNotOfTheirCopies) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->exposure, Exposure::kLow);
+  EXPECT_EQ(result->preparation, "gain + Gaussian 0.7 px");
+  ASSERT_THAT(result->model.views, SizeIs(6));
+  const View& view = result->model.views[2];
+  EXPECT_EQ(view.name, "p2.png");
+  EXPECT_EQ(view.camera.width, 128);
+  EXPECT_DOUBLE_EQ(view.camera.fx, 100);
+  EXPECT_DOUBLE_EQ(view.camera.cx, 64);
+  EXPECT_DOUBLE_EQ(view.camera.t[0], 2);
+  ASSERT_THAT(result->model.points, SizeIs(7));
+  const TrackElement& seen = result->model.points[0].track[3];
+  EXPECT_EQ(seen.view, 3);
+  EXPECT_DOUBLE_EQ(seen.x, 20);
+  EXPECT_DOUBLE_EQ(seen.y, 40);
+  EXPECT_THAT(result->rungs, SizeIs(1));  // all placed: no further rung
+  EXPECT_TRUE(result->notes.empty());
+}
+
+TEST_F(SfmTest, ColmapIsCalledOnTheCpuWithinItsBounds) {
+  options_.threads = 3;
+  options_.seed = 11;
+  options_.max_features = 500;
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  colmap_.On("mapper", "echo $QT_QPA_PLATFORM $OMP_NUM_THREADS >> \"$fake/calls\"");
+  ASSERT_TRUE(Find().ok());
+  const std::vector<std::string> calls = colmap_.Calls();
+  ASSERT_THAT(calls, SizeIs(4));
+  EXPECT_THAT(calls[0],
+              AllOf(StartsWith("feature_extractor"), HasSubstr("use_gpu 0"),
+                    HasSubstr("camera_model PINHOLE"), HasSubstr("single_camera_per_folder 1"),
+                    HasSubstr("max_num_features 500"), HasSubstr("num_threads 3"),
+                    HasSubstr("--random_seed 11")));
+  EXPECT_THAT(calls[1], AllOf(StartsWith("exhaustive_matcher"), HasSubstr("use_gpu 0")));
+  EXPECT_THAT(calls[2], AllOf(StartsWith("mapper"), HasSubstr("ba_refine_focal_length 1"),
+                              HasSubstr("ba_refine_principal_point 0")));
+  EXPECT_EQ(calls[3], "offscreen 3");
+}
+
+TEST_F(SfmTest, ManyPhotosAreMatchedInSequence) {
+  options_.sequential_above = 5;
+  options_.lens = LensModel::kOpenCv;
+  options_.camera_per_photo = true;
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  ASSERT_TRUE(Find().ok());
+  EXPECT_THAT(colmap_.Calls()[0],
+              AllOf(HasSubstr("camera_model OPENCV"), HasSubstr("single_camera_per_image 1")));
+  EXPECT_THAT(colmap_.Calls()[1], AllOf(StartsWith("sequential_matcher"), HasSubstr("overlap 20")));
+}
+
+TEST_F(SfmTest, ClimbsTheLadderAndKeepsTheModelWithMostPhotos) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2}, 90));
+  colmap_.AddModel(1, 0, Model({0, 1, 2, 3, 4}, 5));  // most photos, though fewest points
+  colmap_.AddModel(2, 0, Model({0, 1, 2, 3}, 40));
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  ASSERT_THAT(result->rungs, SizeIs(3));
+  EXPECT_EQ(result->rungs[0].registered, 3);
+  EXPECT_EQ(result->rungs[2].points, 40);
+  EXPECT_EQ(result->preparation, "gain + Gaussian 1.2 px");
+  EXPECT_THAT(result->model.views, SizeIs(5));
+  ASSERT_THAT(result->photos, SizeIs(6));
+  EXPECT_TRUE(result->photos[4].registered());
+  EXPECT_EQ(result->photos[5].drop, DropCause::kNoMatches);
+  EXPECT_EQ(result->photos[0].features, 900);
+  EXPECT_EQ(result->photos[0].matched_photos, 2);
+  EXPECT_THAT(result->notes, ElementsAre(HasSubstr("1 matches no other photo (p5.png)")));
+}
+
+TEST_F(SfmTest, ASmallSecondGroupIsLeftOutAndNamed) {
+  colmap_.SetDatabase({}, 0, {});
+  colmap_.AddModel(0, 0, Model({5}, 3));  // the mapper's order is not by size
+  colmap_.AddModel(0, 1, Model({0, 1, 2, 3, 4}, 30));
+  options_.enough_registered = 0.8;
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->rungs[0].groups, ElementsAre(5, 1));
+  EXPECT_EQ(result->photos[5].drop, DropCause::kOtherGroup);
+  EXPECT_THAT(result->notes, ElementsAre(HasSubstr("p5.png"), HasSubstr("groups of 5, 1")));
+}
+
+TEST_F(SfmTest, PhotosOfDifferentPlacesAreRefused) {
+  for (int rung = 0; rung < 3; ++rung) {
+    colmap_.AddModel(rung, 0, Model({0, 1, 2}, 30));
+    colmap_.AddModel(rung, 1, Model({3, 4, 5}, 20));
+  }
+  const auto result = Find();
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Reason(result.status()), "SFM_SPLIT");
+  EXPECT_THAT(std::string(result.status().message()),
+              AllOf(HasSubstr("2 groups"), HasSubstr("p3.png, p4.png, p5.png"),
+                    HasSubstr("one place per job")));
+}
+
+TEST_F(SfmTest, TooFewPlacedPhotosAreAnErrorThatNamesTheRest) {
+  for (int rung = 0; rung < 3; ++rung) colmap_.AddModel(rung, 0, Model({0, 1}, 30));
+  const auto result = Find();
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Reason(result.status()), "SFM_TOO_FEW_REGISTERED");
+  EXPECT_THAT(std::string(result.status().message()),
+              AllOf(HasSubstr("2 of 6 photos could be placed, 3 are needed"),
+                    HasSubstr("1 matches no other photo (p5.png)"),
+                    HasSubstr("3 match others too weakly to be placed (p2.png, p3.png, p4.png)"),
+                    HasSubstr("try")));
+}
+
+TEST_F(SfmTest, NoModelAtAllIsAnAnswerOfItsOwn) {
+  colmap_.On("mapper", "echo 'ERROR: failed to create sparse model'; exit 1");
+  const auto result = Find(kWellLit);
+  EXPECT_EQ(Reason(result.status()), "SFM_NO_MODEL");
+  EXPECT_THAT(std::string(result.status().message()), HasSubstr("none of 6 photos"));
+  EXPECT_THAT(colmap_.Calls(), SizeIs(6));  // both rungs of well lit photos were tried
+}
+
+TEST_F(SfmTest, AFailingStepShowsColmapsLastWords) {
+  colmap_.On("exhaustive_matcher", "echo 'F1120 database is sour'; exit 3");
+  const auto result = Find();
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kInternal);
+  EXPECT_EQ(Reason(result.status()), "COLMAP_FAILED");
+  EXPECT_THAT(std::string(result.status().message()),
+              AllOf(HasSubstr("exhaustive_matcher"), HasSubstr("database is sour"),
+                    HasSubstr("exit code 3")));
+  EXPECT_TRUE(std::filesystem::exists(colmap_.dir() + "/work/sfm/0/exhaustive_matcher.log"));
+}
+
+TEST_F(SfmTest, ACrashOfColmapIsReportedNotSkipped) {
+  colmap_.On("feature_extractor", "kill -6 $$");
+  EXPECT_EQ(Reason(Find().status()), "COLMAP_FAILED");
+}
+
+TEST_F(SfmTest, MissingColmapSaysHowToGetIt) {
+  options_.colmap = colmap_.dir() + "/none";
+  const auto result = Find();
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Reason(result.status()), "COLMAP_NOT_FOUND");
+  EXPECT_THAT(std::string(result.status().message()), HasSubstr("install"));
+}
+
+TEST_F(SfmTest, AHangingStepTimesOut) {
+  colmap_.On("feature_extractor", "sleep 300");
+  options_.step_timeout_seconds = 0.3;
+  const auto result = Find();
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kDeadlineExceeded);
+}
+
+TEST_F(SfmTest, CancellationEndsAHangingStepWithinASecondOrTwo) {
+  colmap_.On("mapper", "touch \"$fake/hanging\"; trap '' TERM; while :; do sleep 0.1; done");
+  absl::Status status;
+  std::thread runner([&] { status = Find().status(); });
+  while (!std::filesystem::exists(colmap_.dir() + "/hanging")) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  const auto start = std::chrono::steady_clock::now();
+  cancel_.Cancel();
+  runner.join();
+  EXPECT_EQ(status.code(), absl::StatusCode::kCancelled);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
+}
+
+TEST_F(SfmTest, ProgressNamesRungStepAndFraction) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  colmap_.On("feature_extractor", "echo 'Processed file [3/6]'");
+  colmap_.On("exhaustive_matcher", "echo 'Matching block [2/2, 1/2] in 0.1s'");
+  colmap_.On("mapper", "echo 'Registering image #3 (2)'");
+  std::vector<std::string> seen;
+  const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+  ASSERT_TRUE(
+      FindCameras(photos, colmap_.dir() + "/work", options_, cancel_, [&](const SfmProgress& p) {
+        char text[64];
+        std::snprintf(text, sizeof(text), "%d/%d %s %.2f", p.rung, p.rungs, p.step.c_str(),
+                      p.fraction);
+        seen.push_back(text);
+      }).ok());
+  EXPECT_THAT(seen, ::testing::IsSupersetOf({"0/3 prepare 1.00", "0/3 features 0.50",
+                                             "0/3 match 0.75", "0/3 map 0.33"}));
+}
+
+TEST_F(SfmTest, OnlyTheLogsStay) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  ASSERT_TRUE(Find().ok());
+  for (const auto& entry : std::filesystem::directory_iterator(colmap_.dir() + "/work/sfm/0")) {
+    EXPECT_EQ(entry.path().extension(), ".log") << entry.path();
+  }
+}
+
+TEST_F(SfmTest, OnePhotoAndBrokenPhotosAreInvalid) {
+  const std::string photos = colmap_.MakePhotos(1, 128, 96, kDark);
+  const std::string work = colmap_.dir() + "/work";
+  const absl::Status one = FindCameras(photos, work, options_, cancel_).status();
+  EXPECT_EQ(one.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Reason(one), "TOO_FEW_PHOTOS");
+  std::ofstream(photos + "/broken.jpg") << "this is no picture";
+  const absl::Status broken = FindCameras(photos, work, options_, cancel_).status();
+  EXPECT_EQ(broken.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(broken.message()), HasSubstr("broken.jpg"));
+  EXPECT_TRUE(colmap_.Calls().empty());
+}
+
+TEST_F(SfmTest, TriangulationKeepsTheGivenCamerasExactly) {
+  const std::string photos = colmap_.MakePhotos(7, 128, 96, kDark);  // p6 has no camera
+  // COLMAP's ids need not follow the names: several threads write the database.
+  colmap_.SetDatabase(CopyNames({4, 0, 1, 2, 3, 5}), 900, {{0, 1}});
+  colmap_.SetTriangulated(0, Model({0, 1, 2, 3, 4, 5}, 60));
+  colmap_.On("point_triangulator", "cp -r \"$in\" \"$fake/input\"; cp \"$db\" \"$fake/used.db\"");
+  const SparseModel known = KnownCameras();
+  const auto result = TriangulatePoints(photos, known, colmap_.dir() + "/work", options_, cancel_);
+  ASSERT_TRUE(result.ok()) << result.status();
+  ASSERT_THAT(result->model.views, SizeIs(6));
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(result->model.views[i].camera.t, known.views[i].camera.t);
+    EXPECT_EQ(result->model.views[i].camera.fx, known.views[i].camera.fx);
+  }
+  ASSERT_THAT(result->model.points, SizeIs(60));
+  EXPECT_DOUBLE_EQ(result->model.points[0].track[0].x, 20);
+  ASSERT_THAT(result->photos, SizeIs(7));
+  EXPECT_EQ(result->photos[6].drop, DropCause::kNoCamera);
+
+  // The model that COLMAP started from lists the images in the order of the database's ids.
+  std::ifstream file(colmap_.dir() + "/input/images.bin", std::ios::binary);
+  const std::string images = {std::istreambuf_iterator<char>(file), {}};
+  size_t last = 0;
+  for (const std::string& name : CopyNames({4, 0, 1, 2, 3, 5})) {
+    const size_t at = images.find(name);
+    ASSERT_NE(at, std::string::npos) << name;
+    EXPECT_GT(at, last) << name;
+    last = at;
+  }
+}
+
+TEST_F(SfmTest, TriangulationRefusesCamerasThatDoNotFitThePhotos) {
+  const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+  const std::string work = colmap_.dir() + "/work";
+  SparseModel missing = KnownCameras();
+  missing.views[5].name = "p9.png";
+  const absl::Status not_found =
+      TriangulatePoints(photos, missing, work, options_, cancel_).status();
+  EXPECT_EQ(not_found.code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(Reason(not_found), "VIEW_WITHOUT_PHOTO");
+  SparseModel small = KnownCameras();
+  small.views[1].camera = small.views[1].camera.Scaled(64, 48);
+  EXPECT_EQ(Reason(TriangulatePoints(photos, small, work, options_, cancel_).status()),
+            "CAMERA_SIZE_MISMATCH");
+  SparseModel nan = KnownCameras();
+  nan.views[1].camera.t[0] = std::nan("");
+  EXPECT_EQ(TriangulatePoints(photos, nan, work, options_, cancel_).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_TRUE(colmap_.Calls().empty());
+}
+
+TEST_F(SfmTest, CamerasThatSeeNothingAlikeAreAnError) {
+  const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+  for (int rung = 0; rung < 3; ++rung) {
+    colmap_.SetTriangulated(rung, Model({0, 1, 2, 3, 4, 5}, 0));
+  }
+  const auto result =
+      TriangulatePoints(photos, KnownCameras(), colmap_.dir() + "/work", options_, cancel_);
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Reason(result.status()), "SFM_NO_POINTS");
+}
+
+TEST(SfmOptions, DefaultsAreValidAndErrorsNameTheField) {
+  EXPECT_TRUE(SfmOptions().Validate().ok());
+  SfmOptions options;
+  options.min_registered = std::nan("");
+  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "min_registered");
+  options = {};
+  options.niceness = -1;
+  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "niceness");
+  options = {};
+  options.max_image_side = 10;
+  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "max_image_side");
+}
+
+TEST(Registration, NeedsAFractionAndAtLeastThree) {
+  SfmOptions options;
+  options.min_registered = 0.7;
+  EXPECT_EQ(NeededPhotos(10, options), 7);  // 0.7 * 10 is 7.000...01 in floating point or not
+  EXPECT_EQ(NeededPhotos(4, options), 3);
+  EXPECT_EQ(NeededPhotos(2, options), 2);
+}
+
+TEST(Registration, LongListsOfNamesAreCut) {
+  std::vector<SfmPhoto> photos;
+  for (int i = 0; i < 8; ++i) {
+    SfmPhoto& photo = photos.emplace_back();
+    photo.name = absl::StrCat(i, ".jpg");
+    photo.drop = DropCause::kNoMatches;
+  }
+  EXPECT_EQ(SummarizeDrops(photos),
+            "8 match no other photo (0.jpg, 1.jpg, 2.jpg, 3.jpg, 4.jpg, 3 more)");
+}
+
+}  // namespace
+}  // namespace litags
