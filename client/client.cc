@@ -34,9 +34,10 @@ bool IsLoopback(const std::string& server) {
 
 // Worth another try: the connection broke, or the server is busy.
 bool IsTransient(const absl::Status& status) {
+  const std::string reason = DetailOf(status).reason();
   return status.code() == absl::StatusCode::kUnavailable ||
-         status.code() == absl::StatusCode::kCancelled ||
-         DetailOf(status).reason() == "RENDER_QUEUE_FULL";
+         status.code() == absl::StatusCode::kCancelled || reason == "RENDER_QUEUE_FULL" ||
+         reason == "SERVER_BUSY";
 }
 
 // Whether the status was made by a server and not by the lack of one.

@@ -24,8 +24,7 @@ constexpr size_t kChunkBytes = 256 << 10;
 constexpr int64_t kStreamBytes = 8 << 20;
 
 const std::set<std::string>& PhotoExtensions() {
-  static const auto& extensions =
-      *new std::set<std::string>{".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"};
+  static const auto& extensions = *new std::set<std::string>{".jpg", ".jpeg", ".png"};
   return extensions;
 }
 
@@ -162,9 +161,7 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   if (capture.files.empty()) {
     const std::string inside = FoldersWithPhotos(photos_dir);
     return BadInput("NO_PHOTOS", "DIR",
-                    absl::StrCat(photos_dir,
-                                 ": holds no photos (.jpg .jpeg .png .tif .tiff .bmp "
-                                 ".webp); ",
+                    absl::StrCat(photos_dir, ": holds no photos (.jpg .jpeg .png); ",
                                  inside.empty() ? "give the folder that holds them"
                                                 : absl::StrCat("did you mean ", inside, "?")));
   }

@@ -1,0 +1,387 @@
+// The client library against services of our own making, in this process.
+#include "client/client.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "client/status.h"
+#include "client/upload.h"
+#include "grpcpp/server.h"
+#include "grpcpp/server_builder.h"
+
+namespace litags::client {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+grpc::Status Broken() { return {grpc::UNAVAILABLE, "Socket closed"}; }
+
+grpc::Status Refusal(grpc::StatusCode code, const std::string& reason, const std::string& field) {
+  v1::ErrorDetail detail;
+  detail.set_reason(reason);
+  detail.set_field(field);
+  v1::RpcStatus status;
+  status.set_code(code);
+  status.add_details()->PackFrom(detail);
+  return {code, "refused", status.SerializeAsString()};
+}
+
+// Keeps one job. Connections break where the test wants it.
+class FakeReconstruction : public v1::ReconstructionService::Service {
+ public:
+  std::map<std::string, std::string> stored;  // name to bytes
+  std::vector<std::string> request_ids;
+  int breaks_left = 0;     // streams (and StartJob answers) to break
+  size_t break_after = 2;  // files or events
+  int64_t events = 10;
+  int64_t skipped_event = 0;  // left out of the watch
+  int starts = 0, streams = 0;
+  bool hang = false;  // WatchJob waits for its end
+
+  grpc::Status CreateJob(grpc::ServerContext*, const v1::CreateJobRequest* request,
+                         v1::Job* job) override {
+    request_ids.push_back(request->request_id());
+    if (breaks_left > 0 && request_ids.size() > 1) {
+      --breaks_left;
+      return Broken();
+    }
+    job->set_name("jobs/1");
+    return grpc::Status::OK;
+  }
+
+  grpc::Status UploadImages(grpc::ServerContext*,
+                            grpc::ServerReader<v1::UploadImagesRequest>* reader,
+                            v1::UploadImagesResponse*) override {
+    ++streams;
+    v1::UploadImagesRequest request;
+    if (!reader->Read(&request) || request.name() != "jobs/1") return Refused("UPLOAD_ORDER", "");
+    v1::FileHeader header;
+    size_t files = 0;
+    while (reader->Read(&request)) {
+      if (request.has_file()) {
+        header = request.file();
+        if (header.name() == "bad.jpg") return Refused("IMAGE_UNSUPPORTED", "images[bad.jpg]");
+        if (breaks_left > 0 && files++ == break_after) {
+          --breaks_left;
+          return Broken();
+        }
+        stored[header.name()].clear();
+      } else {
+        stored[header.name()] += request.chunk();
+      }
+    }
+    return grpc::Status::OK;
+  }
+
+  grpc::Status StartJob(grpc::ServerContext*, const v1::StartJobRequest*, v1::Job* job) override {
+    if (++starts > 1) return Refusal(grpc::FAILED_PRECONDITION, "JOB_NOT_UPLOADING", "name");
+    if (breaks_left > 0) {
+      --breaks_left;
+      return Broken();  // started, but nobody hears of it
+    }
+    job->set_name("jobs/1");
+    return grpc::Status::OK;
+  }
+
+  grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest* request,
+                      v1::Job* job) override {
+    if (request->name() != "jobs/1") {
+      return Refusal(grpc::NOT_FOUND, "JOB_NOT_FOUND", "name");
+    }
+    job->set_name("jobs/1");
+    job->set_state(v1::JOB_STATE_SUCCEEDED);
+    return grpc::Status::OK;
+  }
+
+  grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
+                        grpc::ServerWriter<v1::JobEvent>* writer) override {
+    ++streams;
+    size_t sent = 0;
+    for (int64_t number = request->after_event() + 1; number <= events; ++number) {
+      if (number == skipped_event) continue;
+      if (breaks_left > 0 && sent++ == break_after) {
+        --breaks_left;
+        return Broken();
+      }
+      v1::JobEvent event;
+      event.set_number(number);
+      writer->Write(event);
+    }
+    while (hang && !context->IsCancelled()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return grpc::Status::OK;
+  }
+
+ private:
+  static grpc::Status Refused(const std::string& reason, const std::string& field) {
+    return Refusal(grpc::INVALID_ARGUMENT, reason, field);
+  }
+};
+
+class FakeModel : public v1::ModelService::Service {
+ public:
+  int64_t announced = 5;
+  grpc::Status ExportModel(grpc::ServerContext*, const v1::ExportModelRequest*,
+                           grpc::ServerWriter<v1::ExportModelResponse>* writer) override {
+    v1::ExportModelResponse response;
+    response.mutable_header()->set_size_bytes(announced);
+    writer->Write(response);
+    response.set_chunk("abc");
+    writer->Write(response);
+    response.set_chunk("de");
+    writer->Write(response);
+    return grpc::Status::OK;
+  }
+};
+
+class ClientTest : public ::testing::Test {
+ protected:
+  ClientTest() : dir_(fs::temp_directory_path() / ("litags-client-" + RandomId())) {
+    fs::create_directories(dir_);
+    grpc::ServerBuilder builder;
+    builder.RegisterService(&service_);
+    builder.RegisterService(&model_);
+    server_ = builder.BuildAndStart();
+    ClientOptions options;
+    options.first_pause_seconds = 0.001;
+    options.max_pause_seconds = 0.002;
+    options.retry_seconds = 2;
+    client_ = std::make_unique<Client>(server_->InProcessChannel({}), options, interrupt_);
+  }
+  ~ClientTest() override {
+    server_->Shutdown();
+    fs::remove_all(dir_);
+  }
+
+  void Write(const std::string& name, const std::string& content) {
+    fs::create_directories((dir_ / name).parent_path());
+    std::ofstream(dir_ / name, std::ios::binary) << content;
+  }
+
+  absl::Status Upload() {
+    auto capture = ScanCapture(dir_.string(), "", "");
+    if (!capture.ok()) return capture.status();
+    return UploadFiles(*client_, "jobs/1", capture->files,
+                       [this](const UploadProgress& progress) { last_progress_ = progress; });
+  }
+
+  std::vector<int64_t> Watch(int64_t after, absl::Status* status) {
+    std::vector<int64_t> numbers;
+    *status = client_
+                  ->WatchJob("jobs/1", after,
+                             [&](const v1::JobEvent& event) { numbers.push_back(event.number()); })
+                  .status();
+    return numbers;
+  }
+
+  fs::path dir_;
+  FakeReconstruction service_;
+  FakeModel model_;
+  std::unique_ptr<grpc::Server> server_;
+  Interrupt interrupt_;
+  std::unique_ptr<Client> client_;
+  UploadProgress last_progress_;
+};
+
+TEST_F(ClientTest, AnErrorCarriesTheDetailOfTheService) {
+  const auto job = client_->GetJob("jobs/other");
+  EXPECT_EQ(job.status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(DetailOf(job.status()).reason(), "JOB_NOT_FOUND");
+  EXPECT_EQ(DetailOf(job.status()).field(), "name");
+}
+
+TEST_F(ClientTest, AnUploadSendsNamesWithoutFoldersAndAllBytes) {
+  const std::string large(700'000, 'x');  // more than two chunks
+  Write("b.jpg", large);
+  Write("a.JPG", "small");
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_THAT(service_.stored, ElementsAre(std::pair("a.JPG", "small"), std::pair("b.jpg", large)));
+  EXPECT_EQ(last_progress_.files_done, 2);
+  EXPECT_EQ(last_progress_.bytes_done, 700'005);
+}
+
+TEST_F(ClientTest, AnUploadOverABreakingConnectionCompletes) {
+  for (int i = 0; i < 6; ++i) Write(absl::StrCat(i, ".png"), absl::StrCat("photo ", i));
+  ASSERT_TRUE(client_->GetJob("jobs/1").ok());  // the server has answered once
+  service_.breaks_left = 2;
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_EQ(service_.streams, 3);
+  EXPECT_EQ(service_.stored.size(), 6u);
+  EXPECT_EQ(service_.stored["5.png"], "photo 5");
+}
+
+TEST_F(ClientTest, ARefusedFileIsNotSentAgain) {
+  Write("bad.jpg", "no photo");
+  const absl::Status status = Upload();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(DetailOf(status).field(), "images[bad.jpg]");
+  EXPECT_EQ(service_.streams, 1);
+}
+
+TEST_F(ClientTest, WatchingOverABreakingConnectionLosesAndDoublesNothing) {
+  service_.breaks_left = 3;
+  absl::Status status;
+  EXPECT_THAT(Watch(0, &status), ElementsAre(1, 2, 3, 4, 5, 6, 7, 8, 9, 10));
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_EQ(service_.streams, 4);
+}
+
+TEST_F(ClientTest, WatchingStartsAfterAGivenEvent) {
+  absl::Status status;
+  EXPECT_THAT(Watch(7, &status), ElementsAre(8, 9, 10));
+  EXPECT_TRUE(status.ok()) << status;
+}
+
+TEST_F(ClientTest, AGapInTheEventsIsAnError) {
+  service_.skipped_event = 4;
+  absl::Status status;
+  EXPECT_THAT(Watch(0, &status), ElementsAre(1, 2, 3));
+  EXPECT_EQ(DetailOf(status).reason(), "EVENTS_BROKEN");
+}
+
+TEST_F(ClientTest, ARetriedCreationKeepsItsRequestId) {
+  ASSERT_TRUE(client_->CreateJob({}).ok());
+  service_.breaks_left = 1;
+  ASSERT_TRUE(client_->CreateJob({}).ok());
+  ASSERT_EQ(service_.request_ids.size(), 3u);
+  EXPECT_EQ(service_.request_ids[1], service_.request_ids[2]);
+  EXPECT_NE(service_.request_ids[0], service_.request_ids[1]);
+  EXPECT_FALSE(service_.request_ids[0].empty());
+}
+
+TEST_F(ClientTest, AStartWhoseAnswerWasLostCountsAsStarted) {
+  ASSERT_TRUE(client_->GetJob("jobs/1").ok());
+  service_.breaks_left = 1;
+  const auto job = client_->StartJob("jobs/1");
+  EXPECT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(service_.starts, 2);
+}
+
+TEST_F(ClientTest, ASecondStartByTheUserIsAnError) {
+  ASSERT_TRUE(client_->StartJob("jobs/1").ok());
+  EXPECT_EQ(DetailOf(client_->StartJob("jobs/1").status()).reason(), "JOB_NOT_UPLOADING");
+}
+
+TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
+  ASSERT_TRUE(client_->GetJob("jobs/1").ok());
+  ClientOptions options;
+  options.first_pause_seconds = options.max_pause_seconds = 0.01;
+  options.retry_seconds = 0.1;
+  Client client(server_->InProcessChannel({}), options, interrupt_);
+  ASSERT_TRUE(client.GetJob("jobs/1").ok());
+  int tries = 0;
+  const absl::Status status = client.Retry([&](bool*) {
+    ++tries;
+    return absl::UnavailableError("gone");
+  });
+  EXPECT_TRUE(absl::IsUnavailable(status));
+  EXPECT_GE(tries, 3);
+  EXPECT_LE(tries, 14);
+}
+
+TEST_F(ClientTest, AServerThatNeverAnsweredIsReportedAtOnce) {
+  Client client(Connect("127.0.0.1:1"), {}, interrupt_);  // retries for two minutes otherwise
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_TRUE(absl::IsUnavailable(client.GetJob("jobs/1").status()));
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(20));
+}
+
+TEST_F(ClientTest, AnInterruptEndsAWatch) {
+  service_.hang = true;
+  std::thread interrupter([this] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    interrupt_.Raise();
+  });
+  absl::Status status;
+  EXPECT_EQ(Watch(0, &status).size(), 10u);
+  interrupter.join();
+  EXPECT_TRUE(absl::IsCancelled(status)) << status;
+}
+
+TEST_F(ClientTest, AnExportIsPassedOnInOrder) {
+  std::string bytes;
+  int64_t announced = 0;
+  const absl::Status status = client_->ExportModel(
+      {},
+      [&](const v1::ExportHeader& header) {
+        announced = header.size_bytes();
+        return absl::OkStatus();
+      },
+      [&](std::string_view chunk) {
+        bytes += chunk;
+        return absl::OkStatus();
+      });
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_EQ(bytes, "abcde");
+  EXPECT_EQ(announced, 5);
+}
+
+TEST_F(ClientTest, AnExportOfTheWrongLengthIsAnError) {
+  model_.announced = 6;
+  const absl::Status status = client_->ExportModel(
+      {}, [](const v1::ExportHeader&) { return absl::OkStatus(); },
+      [](std::string_view) { return absl::OkStatus(); });
+  EXPECT_EQ(DetailOf(status).reason(), "EXPORT_BROKEN");
+}
+
+TEST_F(ClientTest, AnErrorOfTheReceiverEndsAnExport) {
+  const absl::Status status = client_->ExportModel(
+      {}, [](const v1::ExportHeader&) { return absl::ResourceExhaustedError("disk full"); },
+      [](std::string_view) { return absl::OkStatus(); });
+  EXPECT_EQ(status.message(), "disk full");
+}
+
+TEST_F(ClientTest, ScanningFindsPhotosAndNamesTheRest) {
+  Write("b.jpg", "x");
+  Write("a.png", "xy");
+  Write("notes.txt", "x");
+  Write(".hidden.jpg", "x");
+  Write("sub/c.jpg", "x");
+  const auto capture = ScanCapture(dir_.string(), "", "");
+  ASSERT_TRUE(capture.ok());
+  ASSERT_EQ(capture->files.size(), 2u);
+  EXPECT_EQ(capture->files[0].name, "a.png");
+  EXPECT_EQ(capture->bytes, 3);
+  EXPECT_THAT(capture->skipped, ElementsAre("notes.txt"));
+}
+
+TEST_F(ClientTest, ScanningRefusesMissingEmptyAndPhotolessFolders) {
+  EXPECT_EQ(DetailOf(ScanCapture((dir_ / "none").string(), "", "").status()).reason(),
+            "FOLDER_MISSING");
+  EXPECT_EQ(DetailOf(ScanCapture(dir_.string(), "", "").status()).reason(), "FOLDER_EMPTY");
+  Write("low/a.jpg", "x");
+  const absl::Status status = ScanCapture(dir_.string(), "", "").status();
+  EXPECT_EQ(DetailOf(status).reason(), "NO_PHOTOS");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("did you mean"));
+}
+
+TEST_F(ClientTest, DigestsAreThoseOfTheStandard) {
+  Write("abc", "abc");
+  // FIPS 180-2, appendix B.1.
+  const auto digest = FileSha256((dir_ / "abc").string());
+  ASSERT_TRUE(digest.ok());
+  std::string hex;
+  for (const unsigned char byte : *digest) absl::StrAppend(&hex, absl::Hex(byte, absl::kZeroPad2));
+  EXPECT_EQ(hex, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+}
+
+TEST(JobName, TakesBothForms) {
+  EXPECT_EQ(JobName("12"), "jobs/12");
+  EXPECT_EQ(JobName("jobs/12"), "jobs/12");
+}
+
+}  // namespace
+}  // namespace litags::client
