@@ -30,7 +30,9 @@ constexpr int kTileWidth = 64;
 constexpr int kTileHeight = 64;
 constexpr int kPad = 16;    // zero columns on either side of a stored map; a multiple of 16
 constexpr int kMargin = 8;  // columns read on either side of a tile; >= radius
-constexpr int kPrefetchRows = 4;  // how far ahead; a tile's rows are too short for the hardware to guess
+// How many rows ahead memory is asked for: a tile's rows are too short for the hardware to foresee
+// the next. Measured: without it the two passes together take about twice as long.
+constexpr int kPrefetchRows = 4;
 constexpr int kInputRow = kTileWidth + 2 * kMargin;
 constexpr int kMoments = 4;      // blurred: x, y, x^2 + y^2, xy
 constexpr int kDerivatives = 3;  // of SSIM by blurred x, x^2 + y^2, xy
@@ -132,11 +134,11 @@ class Ring {
   float* data_;
 };
 
-// Asks for the tile's part of a row some rows ahead, if `row` (the current one) is not null.
-HWY_INLINE void PrefetchAhead(const float* row, size_t stride, int width) {
-  if (row == nullptr) return;
-  const float* ahead = row + ssim::kPrefetchRows * stride;
-  for (int i = 0; i < width; i += 16) hwy::Prefetch(ahead + i);
+// Asks for the tile's part of row y + kPrefetchRows of a plane; null: no plane.
+HWY_INLINE void PrefetchAhead(const float* plane, size_t stride, const ssim::Tile& tile, int y) {
+  if (plane == nullptr) return;
+  const float* ahead = plane + static_cast<size_t>(y + ssim::kPrefetchRows) * stride + tile.x0;
+  for (int i = 0; i < tile.width; i += 16) hwy::Prefetch(ahead + i);
 }
 
 // Row y of the four maps to be blurred, columns x0 - 8 to x0 + width + 8, zero outside the
@@ -224,21 +226,14 @@ ssim::Sums SsimForwardTile(const ssim::Channel& c, const ssim::Tile& tile, float
     if (y < 0 || y >= c.image_height) {
       ring.Clear(y);
     } else {
-      const size_t at = static_cast<size_t>(y) * c.image_width + tile.x0;
-      for (const float* image : {c.r, c.l, c.y}) {
-        if (image != nullptr) PrefetchAhead(image + at, c.image_width, tile.width);
-      }
+      for (const float* image : {c.r, c.l, c.y}) PrefetchAhead(image, c.image_width, tile, y);
       sums.l1 += FillInputs(c, tile, y, inputs, y >= tile.y0 && y < tile.y1);
       for (int m = 0; m < ssim::kMoments; ++m) {
         ring.BlurIn(window, inputs + m * ssim::kInputRow + ssim::kMargin, tile.width, y, m);
       }
     }
     if (y < tile.y0 + ssim::kRadius) continue;
-    for (float* map : c.maps) {
-      if (map == nullptr) continue;
-      PrefetchAhead(map + static_cast<size_t>(y - ssim::kRadius) * c.map_stride + tile.x0,
-                    c.map_stride, tile.width);
-    }
+    for (const float* map : c.maps) PrefetchAhead(map, c.map_stride, tile, y - ssim::kRadius);
     sums.ssim += SsimRow(c, tile, y - ssim::kRadius, window, ring.Center(y - ssim::kRadius));
   }
   return sums;
@@ -284,15 +279,14 @@ void SsimBackwardTile(const ssim::Channel& c, const ssim::Tile& tile, float* scr
     } else {
       const size_t offset = static_cast<size_t>(y) * c.map_stride + tile.x0;
       for (int m = 0; m < ssim::kDerivatives; ++m) {
-        PrefetchAhead(c.maps[m] + offset, c.map_stride, tile.width);
+        PrefetchAhead(c.maps[m], c.map_stride, tile, y);
         ring.BlurIn(window, c.maps[m] + offset, tile.width, y, m);
       }
     }
     if (y < tile.y0 + ssim::kRadius) continue;
-    const size_t at = static_cast<size_t>(y - ssim::kRadius) * c.image_width + tile.x0;
-    for (const float* image : {c.r, c.l, c.y, static_cast<const float*>(c.v_r),
-                               static_cast<const float*>(c.v_l)}) {
-      if (image != nullptr) PrefetchAhead(image + at, c.image_width, tile.width);
+    for (const float* plane :
+         {c.r, c.l, c.y, static_cast<const float*>(c.v_r), static_cast<const float*>(c.v_l)}) {
+      PrefetchAhead(plane, c.image_width, tile, y - ssim::kRadius);
     }
     GradientRow(c, tile, y - ssim::kRadius, window, ring.Center(y - ssim::kRadius));
   }
