@@ -303,16 +303,13 @@ std::string EncodeImages(const SparseModel& model, const std::vector<size_t>& ca
 
 }  // namespace
 
-absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field) {
-  const auto name = [&](const char* file) { return absl::StrCat(Absl(field), "/", file); };
-  const std::string cameras_name = name("cameras.bin"), images_name = name("images.bin"),
-                    points_name = name("points3D.bin");
-  LITAGS_ASSIGN_OR_RETURN(const std::string camera_bytes,
-                          ReadFile(dir + "/cameras.bin", cameras_name, kMaxFileBytes));
-  LITAGS_ASSIGN_OR_RETURN(const auto cameras, ParseCameras(camera_bytes, cameras_name));
-  LITAGS_ASSIGN_OR_RETURN(const std::string image_bytes,
-                          ReadFile(dir + "/images.bin", images_name, kMaxFileBytes));
-  LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(image_bytes, cameras, images_name));
+absl::StatusOr<SparseModel> ParseColmapModel(std::string_view cameras_bin,
+                                             std::string_view images_bin,
+                                             std::string_view points_bin, std::string_view field) {
+  const std::string images_name = absl::StrCat(Absl(field), "/images.bin");
+  LITAGS_ASSIGN_OR_RETURN(const auto cameras,
+                          ParseCameras(cameras_bin, absl::StrCat(Absl(field), "/cameras.bin")));
+  LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(images_bin, cameras, images_name));
   if (images.views.empty()) return InvalidField("NO_CAMERAS", images_name, "it holds no image");
 
   std::vector<size_t> order;
@@ -321,11 +318,19 @@ absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_
   std::vector<int> view_of_source(order.size());
   for (size_t i = 0; i < order.size(); ++i) view_of_source[order[i]] = static_cast<int>(i);
 
-  LITAGS_ASSIGN_OR_RETURN(const std::string point_bytes,
-                          ReadFile(dir + "/points3D.bin", points_name, kMaxFileBytes));
-  LITAGS_ASSIGN_OR_RETURN(model.points,
-                          ParsePoints(point_bytes, images, view_of_source, points_name));
+  LITAGS_ASSIGN_OR_RETURN(model.points, ParsePoints(points_bin, images, view_of_source,
+                                                    absl::StrCat(Absl(field), "/points3D.bin")));
   return model;
+}
+
+absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field) {
+  std::string bytes[3];
+  constexpr const char* kFiles[3] = {"/cameras.bin", "/images.bin", "/points3D.bin"};
+  for (int i = 0; i < 3; ++i) {
+    LITAGS_ASSIGN_OR_RETURN(
+        bytes[i], ReadFile(dir + kFiles[i], absl::StrCat(Absl(field), kFiles[i]), kMaxFileBytes));
+  }
+  return ParseColmapModel(bytes[0], bytes[1], bytes[2], field);
 }
 
 absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model) {

@@ -16,6 +16,11 @@ namespace litags {
 // counts or references, numbers that are not finite, or another camera model.
 absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field);
 
+// The same from the three files' bytes.
+absl::StatusOr<SparseModel> ParseColmapModel(std::string_view cameras_bin,
+                                             std::string_view images_bin,
+                                             std::string_view points_bin, std::string_view field);
+
 // Writes the model to folder `dir` (which exists), one camera per distinct set of intrinsics:
 // PINHOLE, or OPENCV where there is distortion. Image and point ids are index + 1.
 absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model);

@@ -56,6 +56,7 @@ absl::Status ErrnoStatus(int error, std::string_view field, const std::string& p
       return make(absl::StatusCode::kPermissionDenied, "NO_PERMISSION", "; check its permissions");
     case ENOSPC:
     case EDQUOT:
+    case EFBIG:  // a limit on file sizes
       return make(absl::StatusCode::kResourceExhausted, "DISK_FULL", "; free some space");
     case ENAMETOOLONG:
       return make(absl::StatusCode::kInvalidArgument, "BAD_FILE_NAME", "; use a shorter name");

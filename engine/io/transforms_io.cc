@@ -13,14 +13,32 @@
 namespace litags {
 namespace {
 
-using Json = nlohmann::ordered_json;
+// Not ordered_json: it copies its members when it grows, by recursion.
+using Json = nlohmann::json;
 
-constexpr int64_t kMaxFileBytes = int64_t{64} << 20;
+constexpr int64_t kMaxFileBytes = int64_t{16} << 20;  // some 16,000 frames
+constexpr int kMaxDepth = 16;                         // of nested lists and objects; 4 are needed
 
-// A value for a message; of lists and objects, which a stranger may nest without end, only the
-// type.
+// A value for a message; of lists and objects only the type.
 std::string Describe(const Json& value) {
   return value.is_structured() ? value.type_name() : value.dump();
+}
+
+absl::StatusOr<Json> ParseJson(std::string_view text, std::string_view field) {
+  bool too_deep = false;
+  const auto keep = [&](int depth, Json::parse_event_t, Json&) {
+    too_deep = too_deep || depth > kMaxDepth;
+    return !too_deep;  // false: the parser drops the value, so that nesting costs no memory
+  };
+  try {
+    Json json = Json::parse(text, keep);
+    if (too_deep) return InvalidField("BAD_JSON", field, "lists are nested too deeply");
+    return json;
+  } catch (const Json::exception& e) {
+    return InvalidField(
+        "BAD_JSON", field,
+        absl::StrCat("not valid JSON (NaN and Infinity are not either): ", e.what()));
+  }
 }
 
 // A JSON object with the document's top as fallback: a frame's own keys win.
@@ -227,14 +245,7 @@ Json IntrinsicsJson(const Camera& camera, const Distortion& d) {
 
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             int default_width, int default_height) {
-  Json top;
-  try {
-    top = Json::parse(json);
-  } catch (const Json::exception& e) {
-    return InvalidField(
-        "BAD_JSON", field,
-        absl::StrCat("not valid JSON (NaN and Infinity are not either): ", e.what()));
-  }
+  LITAGS_ASSIGN_OR_RETURN(const Json top, ParseJson(json, field));
   const auto frames = top.is_object() ? top.find("frames") : top.end();
   if (!top.is_object() || frames == top.end() || !frames->is_array()) {
     return InvalidField("MISSING_KEY", field, "there is no list 'frames'; give a transforms.json");

@@ -1,0 +1,117 @@
+#include "engine/io/depth_io.h"
+
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <string>
+
+#include "engine/io/file_util.h"
+#include "engine/io/npy.h"
+#include "engine/io/test_util.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+Planes Ramp(int height, int width) {
+  Planes map(1, height, width);
+  for (size_t i = 0; i < map.data.size(); ++i) map.data[i] = 0.25f + 0.5f * i;
+  return map;
+}
+
+TEST(DepthMap, RoundTripsThroughPfmAndNpy) {
+  TempDir dir;
+  const Planes map = Ramp(5, 3);
+  ASSERT_TRUE(WritePfm(dir / "a.pfm", map).ok());
+  ASSERT_TRUE(WriteNpy(dir / "a.npy", map).ok());
+  for (const char* name : {"a.pfm", "a.npy"}) {
+    const auto back = ReadDepthMap(dir / name, "depth[a]");
+    ASSERT_TRUE(back.ok()) << back.status();
+    EXPECT_EQ(back->channels, 1);
+    EXPECT_EQ(back->height, 5);
+    EXPECT_EQ(back->width, 3);
+    EXPECT_EQ(back->data, map.data) << name;
+  }
+}
+
+TEST(DepthMap, ReadsCodesOfA16BitPng) {
+  Planes map(1, 2, 3);
+  map.data = {0, 1, 256, 65535, 70000, -4};
+  const auto back = DecodeDepthMap(EncodePng16(map, 1.0).value(), "f");
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_THAT(back->data, testing::ElementsAre(0, 1, 256, 65535, 65535, 0));
+}
+
+TEST(DepthMap, PfmRowsRunUpwardsInEitherByteOrder) {
+  const std::string little = std::string("Pf\n1 2\n-1.0\n") + std::string("\0\0\x80\x3F", 4) +
+                             std::string("\0\0\0\x40", 4);
+  const std::string big =
+      std::string("Pf\n1 2\n1.0\n") + std::string("\x3F\x80\0\0", 4) + std::string("\x40\0\0\0", 4);
+  for (const std::string& bytes : {little, big}) {
+    const auto map = DecodeDepthMap(bytes, "f");
+    ASSERT_TRUE(map.ok()) << map.status();
+    EXPECT_THAT(map->data, testing::ElementsAre(2.0f, 1.0f));
+  }
+}
+
+TEST(DepthMap, AcceptsNpyWithASingletonAxis) {
+  const std::vector<float> values = {1, 2, 3, 4, 5, 6};
+  for (std::vector<int64_t> shape :
+       std::vector<std::vector<int64_t>>{{2, 3}, {1, 2, 3}, {2, 3, 1}}) {
+    const auto map =
+        DecodeDepthMap(EncodeNpy(MakeNpyArray(shape, absl::MakeConstSpan(values))), "f");
+    ASSERT_TRUE(map.ok()) << map.status();
+    EXPECT_EQ(map->height, 2);
+    EXPECT_EQ(map->width, 3);
+    EXPECT_EQ(map->data, values);
+  }
+  const auto flat = DecodeDepthMap(EncodeNpy(MakeNpyArray({6}, absl::MakeConstSpan(values))), "f");
+  EXPECT_EQ(Reason(flat.status()), "DEPTH_SIZE");
+}
+
+TEST(DepthMap, MarksWhatIsNotFiniteAsNaN) {
+  Planes map = Ramp(1, 3);
+  map.data[0] = std::numeric_limits<float>::infinity();
+  const auto back = DecodeDepthMap(EncodePfm(map), "f");
+  EXPECT_TRUE(std::isnan(back->data[0]));
+  EXPECT_EQ(back->data[1], 0.75f);
+  for (float& v : map.data) v = NAN;
+  EXPECT_EQ(Reason(DecodeDepthMap(EncodePfm(map), "f").status()), "NOT_FINITE");
+}
+
+TEST(DepthMap, RefusesWhatIsNoMap) {
+  const auto reason = [](const std::string& bytes) {
+    return Reason(DecodeDepthMap(bytes, "f", {.max_pixels = 1 << 20}).status());
+  };
+  EXPECT_EQ(reason(""), "DEPTH_NOT_RECOGNIZED");
+  EXPECT_EQ(reason(EncodeJpeg(TestImage(8, 8)).value()), "DEPTH_NOT_RECOGNIZED");
+  EXPECT_EQ(reason(EncodePng(TestImage(8, 8)).value()), "DEPTH_SIZE");
+  EXPECT_EQ(reason("Pf\n2 2\n-1\nshort"), "DEPTH_TRUNCATED");
+  EXPECT_EQ(reason("Pf\n-2 2\n-1\n"), "DEPTH_SIZE");
+  EXPECT_EQ(reason("Pf\n2 x\n-1\n"), "DEPTH_CORRUPT");
+  EXPECT_EQ(reason("Pf\n30000 30000\n-1\n"), "IMAGE_TOO_LARGE");
+}
+
+TEST(DepthMap, RefusesEveryTruncation) {
+  const Planes map = Ramp(6, 7);
+  const std::string npy = EncodeNpy(MakeNpyArray({6, 7}, absl::MakeConstSpan(map.data)));
+  for (const std::string& bytes : {EncodePfm(map), npy, EncodePng16(map, 100).value()}) {
+    ASSERT_TRUE(DecodeDepthMap(bytes, "f").ok());
+    for (size_t n = 0; n < bytes.size(); ++n) {
+      ASSERT_FALSE(DecodeDepthMap(std::string_view(bytes).substr(0, n), "f").ok()) << n;
+    }
+  }
+}
+
+TEST(FindDepthMap, PrefersPngThenPfmThenNpy) {
+  TempDir dir;
+  EXPECT_EQ(FindDepthMap(dir.path(), "a"), "");
+  for (const char* name : {"a.npy", "a.pfm", "a.png"}) {
+    std::ofstream(dir / name) << "x";
+    EXPECT_EQ(FindDepthMap(dir.path(), "a"), dir / name);
+  }
+}
+
+}  // namespace
+}  // namespace litags

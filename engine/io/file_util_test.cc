@@ -1,0 +1,151 @@
+#include "engine/io/file_util.h"
+
+#include <sys/resource.h>
+
+#include <csignal>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "engine/io/test_util.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+int CountFiles(const std::string& dir) {
+  int n = 0;
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(dir)) ++n;
+  return n;
+}
+
+TEST(WriteFileAtomically, ReplacesTheFileAndLeavesNothingElse) {
+  TempDir dir;
+  const std::string path = dir / "a";
+  ASSERT_TRUE(WriteFileAtomically(path, "old").ok());
+  const std::string bytes("n\0w", 3);
+  ASSERT_TRUE(WriteFileAtomically(path, bytes).ok());
+  EXPECT_EQ(ReadFile(path, "f", 100).value(), bytes);
+  EXPECT_EQ(CountFiles(dir.path()), 1);
+}
+
+TEST(WriteFileAtomically, KeepsTheOldFileWhenItFails) {
+  TempDir dir;
+  // A folder cannot be replaced by a file.
+  std::filesystem::create_directory(dir / "a");
+  std::ofstream(dir / "a/inside") << "x";
+  const absl::Status status = WriteFileAtomically(dir / "a", "new");
+  EXPECT_FALSE(status.ok());
+  EXPECT_TRUE(std::filesystem::exists(dir / "a/inside"));
+  EXPECT_EQ(CountFiles(dir.path()), 1);
+}
+
+TEST(WriteFileAtomically, NamesAMissingFolder) {
+  TempDir dir;
+  const absl::Status status = WriteFileAtomically(dir / "none/a", "x");
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("none/a"));
+}
+
+// A file size limit cuts the write short, as a full disk does.
+TEST(WriteFileAtomically, CleansUpWhenThereIsNoRoom) {
+  TempDir dir;
+  ASSERT_TRUE(WriteFileAtomically(dir / "a", "old").ok());
+  rlimit before;
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small = {4096, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  const absl::Status status = WriteFileAtomically(dir / "a", std::string(100000, 'x'));
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  std::signal(SIGXFSZ, handler);
+
+  EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(Reason(status), "DISK_FULL");
+  EXPECT_EQ(ReadFile(dir / "a", "f", 100).value(), "old");
+  EXPECT_EQ(CountFiles(dir.path()), 1);
+}
+
+TEST(WriteFileAtomically, AReaderSeesOnlyWholeFiles) {
+  TempDir dir;
+  const std::string path = dir / "a";
+  const std::string a(100000, 'a'), b(50000, 'b');
+  ASSERT_TRUE(WriteFileAtomically(path, a).ok());
+  std::thread writer([&] {
+    for (int i = 0; i < 50; ++i) {
+      ASSERT_TRUE(WriteFileAtomically(path, i % 2 == 0 ? b : a).ok());
+    }
+  });
+  for (int i = 0; i < 200; ++i) {
+    const absl::StatusOr<std::string> bytes = ReadFile(path, "f", 1 << 20);
+    ASSERT_TRUE(bytes.ok()) << bytes.status();
+    ASSERT_TRUE(*bytes == a || *bytes == b) << bytes->size();
+  }
+  writer.join();
+}
+
+TEST(RemoveStaleTempFiles, RemovesOnlyThose) {
+  TempDir dir;
+  std::ofstream(dir / ".123-0.litags-tmp") << "half";
+  std::ofstream(dir / "scene.litags") << "whole";
+  EXPECT_EQ(RemoveStaleTempFiles(dir.path()), 1);
+  EXPECT_TRUE(std::filesystem::exists(dir / "scene.litags"));
+  EXPECT_EQ(CountFiles(dir.path()), 1);
+}
+
+TEST(ReadFile, RefusesMissingTooLargeAndSpecialFiles) {
+  TempDir dir;
+  EXPECT_EQ(ReadFile(dir / "none", "f", 100).status().code(), absl::StatusCode::kNotFound);
+  ASSERT_TRUE(WriteFileAtomically(dir / "a", "12345").ok());
+  EXPECT_TRUE(ReadFile(dir / "a", "f", 5).ok());
+  const absl::Status large = ReadFile(dir / "a", "images[a]", 4).status();
+  EXPECT_EQ(Reason(large), "FILE_TOO_LARGE");
+  EXPECT_THAT(std::string(large.message()), testing::StartsWith("images[a]: "));
+  EXPECT_EQ(Reason(ReadFile(dir.path(), "f", 100).status()), "NOT_A_FILE");
+}
+
+TEST(ValidateFileName, AcceptsOrdinaryNames) {
+  for (const char* name : {"0001.jpg", "IMG 1 (2).JPEG", "a..b.png", "\xC3\xA9t\xC3\xA9.jpg",
+                           "\xF0\x9F\x93\xB7.png", "-rf"}) {
+    EXPECT_TRUE(ValidateFileName(name, "f").ok()) << name;
+  }
+  EXPECT_TRUE(ValidateFileName(std::string(255, 'a'), "f").ok());
+}
+
+TEST(ValidateFileName, RefusesTricks) {
+  const std::vector<std::string> names = {"",
+                                          ".",
+                                          "..",
+                                          ".hidden",
+                                          "../a.jpg",
+                                          "a/b.jpg",
+                                          "a\\b.jpg",
+                                          "/etc/passwd",
+                                          std::string("a\0b", 3),
+                                          "a\nb",
+                                          "a\x7F",
+                                          "a\xC2\x85.jpg",      // control character NEL
+                                          "a\xFF.jpg",          // not UTF-8
+                                          "a\xC0\xAF.jpg",      // overlong '/'
+                                          "a\xED\xA0\x80.jpg",  // surrogate
+                                          "a\xE2\x82",          // cut sequence
+                                          "a\xF4\x90\x80\x80",  // past U+10FFFF
+                                          std::string(256, 'a')};
+  for (const std::string& name : names) {
+    EXPECT_EQ(Reason(ValidateFileName(name, "f")), "BAD_FILE_NAME") << name;
+  }
+}
+
+TEST(PathParts, AreTheLastPart) {
+  EXPECT_EQ(BaseName("low/0001.JPG"), "0001.JPG");
+  EXPECT_EQ(BaseName("low\\0001.JPG"), "0001.JPG");
+  EXPECT_EQ(BaseName("0001.JPG"), "0001.JPG");
+  EXPECT_EQ(Stem("low.d/0001.JPG"), "0001");
+  EXPECT_EQ(Stem("0001"), "0001");
+  EXPECT_EQ(Stem("a.b.png"), "a.b");
+}
+
+}  // namespace
+}  // namespace litags

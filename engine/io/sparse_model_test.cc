@@ -1,0 +1,135 @@
+#include "engine/io/sparse_model.h"
+
+#include <cmath>
+#include <string>
+
+#include "engine/io/test_util.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+Camera TestCamera() {
+  Camera camera;
+  camera.width = 120;
+  camera.height = 80;
+  camera.fx = 100;
+  camera.fy = 90;
+  camera.cx = 62;
+  camera.cy = 39;
+  return camera;
+}
+
+// Smooth in x and y, so that resampling adds no more than rounding.
+double Pattern(double x, double y, int c) { return 127 + 100 * std::sin(0.05 * x + 0.03 * y + c); }
+
+TEST(Undistort, FollowsTheBrownConradyModel) {
+  const Camera camera = TestCamera();
+  const Distortion d{.k1 = -0.2, .k2 = 0.05, .p1 = 0.01, .p2 = -0.004};
+  ImageU8 photo(camera.width, camera.height);
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        photo.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(Pattern(x + 0.5, y + 0.5, c)));
+      }
+    }
+  }
+  const auto undistorted = Undistort(photo, camera, d);
+  ASSERT_TRUE(undistorted.ok()) << undistorted.status();
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      // Where the lens put the ray of this pinhole pixel (OpenCV's documentation).
+      const double u = (x + 0.5 - camera.cx) / camera.fx, v = (y + 0.5 - camera.cy) / camera.fy;
+      const double r2 = u * u + v * v, radial = 1 + d.k1 * r2 + d.k2 * r2 * r2;
+      const double du = u * radial + 2 * d.p1 * u * v + d.p2 * (r2 + 2 * u * u);
+      const double dv = v * radial + d.p1 * (r2 + 2 * v * v) + 2 * d.p2 * u * v;
+      const double sx = camera.fx * du + camera.cx, sy = camera.fy * dv + camera.cy;
+      if (sx < 1 || sy < 1 || sx > camera.width - 1 || sy > camera.height - 1) continue;
+      for (int c = 0; c < 3; ++c) {
+        // Two roundings and OpenCV's 1/32 px interpolation grid (slope 5 codes per px): below 1.3.
+        // Half a pixel of offset would show as 2.5.
+        EXPECT_NEAR(undistorted->pixel(x, y)[c], Pattern(sx, sy, c), 1.3) << x << " " << y;
+      }
+    }
+  }
+}
+
+TEST(Undistort, WithoutDistortionChangesNothing) {
+  const ImageU8 photo = TestImage(120, 80);
+  EXPECT_EQ(Undistort(photo, TestCamera(), {})->data, photo.data);
+}
+
+TEST(Undistort, RefusesOtherSizesAndNaN) {
+  EXPECT_EQ(Reason(Undistort(TestImage(60, 40), TestCamera(), {}).status()), "SIZE_MISMATCH");
+  EXPECT_EQ(Reason(Undistort(ImageU8(), TestCamera(), {}).status()), "SIZE_MISMATCH");
+  EXPECT_EQ(Reason(Undistort(TestImage(120, 80), TestCamera(), {.k1 = NAN}).status()),
+            "NOT_FINITE");
+}
+
+TEST(Undistort, SurvivesAbsurdCoefficients) {
+  for (double k : {1e10, -1e10, 1e300}) {
+    const auto image = Undistort(TestImage(120, 80), TestCamera(), {.k1 = k, .p1 = k});
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_EQ(image->width, 120);
+  }
+}
+
+// Both files describe the same cameras (see the README of the photo sets).
+TEST(ReadCameras, TransformsAndColmapAgreeOnRealData) {
+  const std::string scenes = SharedScenes();
+  if (scenes.empty()) GTEST_SKIP() << "no shared/scenes beside the source tree";
+  const std::string fox = scenes + "/fox/";
+  const auto json = ReadCameras(fox + "transforms_train.json", "cameras");
+  ASSERT_TRUE(json.ok()) << json.status();
+  const auto colmap = ReadCameras(fox + "colmap_sparse/0", "cameras");
+  ASSERT_TRUE(colmap.ok()) << colmap.status();
+  EXPECT_EQ(json->views.size(), 44u);
+  EXPECT_EQ(colmap->views.size(), 50u);
+  EXPECT_GT(colmap->points.size(), 1000u);
+  size_t matched = 0;
+  for (const View& view : json->views) {
+    for (const View& other : colmap->views) {
+      if (view.name != other.name) continue;
+      ++matched;
+      // The same numbers up to the rounding of quaternion and matrix inverse in double.
+      for (int i = 0; i < 9; ++i) EXPECT_NEAR(view.camera.R[i], other.camera.R[i], 1e-9);
+      for (int i = 0; i < 3; ++i) EXPECT_NEAR(view.camera.t[i], other.camera.t[i], 1e-9);
+      EXPECT_NEAR(view.camera.fx, other.camera.fx, 1e-6);  // COLMAP's has six decimals
+      EXPECT_EQ(view.camera.width, other.camera.width);
+    }
+  }
+  EXPECT_EQ(matched, 44u);
+}
+
+TEST(ReadCameras, PointsProjectToTheirObservationsOnRealData) {
+  const std::string scenes = SharedScenes();
+  if (scenes.empty()) GTEST_SKIP() << "no shared/scenes beside the source tree";
+  for (const char* scene : {"fox", "castle"}) {
+    const auto model = ReadCameras(scenes + "/" + scene + "/colmap_sparse/0", "cameras");
+    ASSERT_TRUE(model.ok()) << model.status();
+    double sum = 0;
+    int n = 0;
+    for (const SparsePoint& point : model->points) {
+      EXPECT_GE(point.track_length(), 2);
+      for (const TrackElement& e : point.track) {
+        const Camera& c = model->views[e.view].camera;
+        const auto p = c.CamFromWorld(point.xyz);
+        ASSERT_GT(p[2], 0);
+        sum += std::hypot(c.fx * p[0] / p[2] + c.cx - e.x, c.fy * p[1] / p[2] + c.cy - e.y);
+        ++n;
+      }
+    }
+    // COLMAP keeps observations below 4 px and fits them to well under one.
+    EXPECT_LT(sum / n, 1.0) << scene;
+  }
+}
+
+TEST(ReadCameras, NamesAMissingPath) {
+  const absl::Status status = ReadCameras("/nonexistent/transforms.json", "cameras").status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(std::string(status.message()), testing::StartsWith("cameras: "));
+}
+
+}  // namespace
+}  // namespace litags
