@@ -16,7 +16,7 @@ namespace {
 // Not ordered_json: it copies its members when it grows, by recursion.
 using Json = nlohmann::json;
 
-constexpr int64_t kMaxFileBytes = int64_t{16} << 20;  // some 16,000 frames
+constexpr int64_t kMaxFileBytes = int64_t{16} << 20;  // some 30,000 frames
 constexpr int kMaxDepth = 16;                         // of nested lists and objects; 4 are needed
 
 // A value for a message; of lists and objects only the type.
