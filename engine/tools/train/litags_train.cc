@@ -1,0 +1,213 @@
+// litags-train: a folder of badly lit photos in, a scene and pictures out, without a server.
+//
+// DIR is a folder of photos, or a scene in the layout of the LOM benchmark (DIR/low, DIR/high,
+// transforms_train.json, transforms_test.json): then its cameras are used and the renders at the
+// test cameras are compared with DIR/high.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/core/error.h"
+#include "engine/eval/metrics.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/sparse_model.h"
+#include "engine/pipeline/engine.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+CancelToken* g_cancel = nullptr;
+void OnSignal(int) { g_cancel->Cancel(); }
+
+struct Arguments {
+  std::string dir, light, out, cameras, depth, truth, colmap = "colmap";
+  bool sfm = false;
+  ReconstructOptions options;
+};
+
+class ConsoleObserver : public ReconstructObserver {
+ public:
+  void OnProgress(const Progress& p) override {
+    if (p.stage != Stage::kTraining) {
+      std::fprintf(stderr, "%s: %s\n", std::string(StageName(p.stage)).c_str(), p.message.c_str());
+      return;
+    }
+    // One line per snapshot; the terminal is not flooded.
+    if (p.preview_png.empty()) return;
+    std::string psnr =
+        std::isfinite(p.psnr_holdout) ? absl::StrFormat("  held-out %.2f dB", p.psnr_holdout) : "";
+    std::fprintf(stderr, "iteration %d/%d  loss %.4f%s  %d Gaussians  %.1f it/s  %.0f s left\n",
+                 p.iteration, p.iterations, p.loss, psnr.c_str(), static_cast<int>(p.gaussians),
+                 p.iterations_per_second, p.eta_seconds);
+  }
+  void OnSnapshot(const std::string&) override {}
+};
+
+absl::Status Print(const absl::Status& status) {
+  if (status.ok()) return status;
+  const auto detail = GetErrorDetail(status);
+  std::fprintf(stderr, "litags-train: %s\n", std::string(status.message()).c_str());
+  if (detail.has_value()) {
+    std::fprintf(stderr, "  reason %s, field %s\n", detail->reason.c_str(), detail->field.c_str());
+  }
+  return status;
+}
+
+// The cameras to evaluate at: those of transforms_test.json, or the held-out views.
+absl::StatusOr<std::vector<View>> TestViews(const Arguments& args, const Scene& scene) {
+  const std::string path = args.dir + "/transforms_test.json";
+  if (!fs::exists(path)) return std::vector<View>();
+  LITAGS_ASSIGN_OR_RETURN(SparseModel given, ReadCameras(path, "transforms_test.json"));
+  if (!args.sfm) return given.views;
+  // Cameras found by COLMAP live in another coordinate frame: take the scene's own by name.
+  std::map<std::string, View> by_name;
+  for (const View& v : scene.views()) by_name[v.name] = v;
+  std::vector<View> views;
+  for (const View& v : given.views) {
+    if (by_name.contains(v.name)) views.push_back(by_name[v.name]);
+  }
+  return views;
+}
+
+// Renders every test view into OUT/test and compares with the photos of `truth`.
+absl::Status Evaluate(const Arguments& args, const Scene& scene) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<View> views, TestViews(args, scene));
+  if (views.empty()) return absl::OkStatus();
+  fs::create_directories(args.out + "/test");
+  nlohmann::json rows = nlohmann::json::array();
+  std::vector<ImageU8> renders, truths;
+  double psnr_sum = 0, ssim_sum = 0;
+  for (const View& view : views) {
+    RenderRequest request;
+    request.camera = view.camera;
+    request.threads = args.options.threads;
+    LITAGS_ASSIGN_OR_RETURN(const Planes color, scene.Render(request));
+    const ImageU8 image = ToImageU8(color);
+    LITAGS_RETURN_IF_ERROR(
+        WritePng(absl::StrCat(args.out, "/test/", Stem(view.name), ".png"), image));
+    const std::string truth_path = args.truth + "/" + view.name;
+    if (args.truth.empty() || !fs::exists(truth_path)) continue;
+    LITAGS_ASSIGN_OR_RETURN(ImageU8 truth, ReadImage(truth_path, "truth"));
+    if (truth.width != image.width || truth.height != image.height) {
+      truth = ResizeArea(truth, image.width, image.height);
+    }
+    LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(image, truth));
+    LITAGS_ASSIGN_OR_RETURN(const double ssim, Ssim(image, truth));
+    rows.push_back({{"view", view.name}, {"psnr", psnr}, {"ssim", ssim}});
+    std::printf("%s  PSNR %.2f dB  SSIM %.4f\n", view.name.c_str(), psnr, ssim);
+    psnr_sum += psnr;
+    ssim_sum += ssim;
+    renders.push_back(image);
+    truths.push_back(std::move(truth));
+  }
+  if (renders.empty()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const CorrectedPsnr corrected, AffineCorrectedPsnr(renders, truths));
+  const double n = renders.size();
+  std::printf("mean of %d test views  PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n",
+              static_cast<int>(n), psnr_sum / n, ssim_sum / n, corrected.corrected_db);
+  const nlohmann::json json = {{"views", rows},
+                               {"psnr", psnr_sum / n},
+                               {"ssim", ssim_sum / n},
+                               {"psnr_affine", corrected.corrected_db}};
+  return WriteFileAtomically(args.out + "/evaluation.json", json.dump(2) + "\n");
+}
+
+absl::Status Run(Arguments args, const CancelToken& cancel) {
+  const bool benchmark_layout = !args.light.empty();
+  ReconstructInput input;
+  input.images_dir = benchmark_layout ? args.dir + "/" + args.light : args.dir;
+  input.depth_dir = args.depth;
+  input.work_dir = args.out;
+  const std::string train_cameras = args.dir + "/transforms_train.json";
+  if (!args.cameras.empty()) {
+    input.cameras_path = args.cameras;
+  } else if (benchmark_layout && !args.sfm && fs::exists(train_cameras)) {
+    input.cameras_path = train_cameras;
+    args.options.holdout_every = 0;  // the test views are not among the training cameras
+  }
+  if (args.truth.empty() && fs::exists(args.dir + "/high")) args.truth = args.dir + "/high";
+  std::error_code error;
+  fs::create_directories(args.out, error);
+  if (error) {
+    return InvalidInput("BAD_OUTPUT", "-o",
+                        absl::StrCat("cannot make ", args.out, ": ", error.message()));
+  }
+
+  const std::unique_ptr<Engine> engine = MakeEngine(args.colmap);
+  ConsoleObserver observer;
+  LITAGS_ASSIGN_OR_RETURN(const ReconstructReport report,
+                          engine->Reconstruct(input, args.options, cancel, &observer));
+  LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
+                          engine->LoadScene(report.scene_path));
+  LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*original_light=*/false));
+  for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
+  LITAGS_RETURN_IF_ERROR(Evaluate(args, *scene));
+  std::printf("%d of %d photos placed (%s), %d Gaussians, %d iterations in %.1f s: %s\n",
+              report.registered, report.photos, report.sfm_preparation.c_str(),
+              static_cast<int>(report.gaussians), report.iterations, report.seconds,
+              report.scene_path.c_str());
+  return absl::OkStatus();
+}
+
+int Main(int argc, char** argv) {
+  Arguments args;
+  ReconstructOptions& o = args.options;
+  CLI::App app("Trains a normally lit 3D scene from badly lit photos.", "litags-train");
+  app.add_option("dir", args.dir, "folder of photos, or a benchmark scene with --light")
+      ->required();
+  app.add_option("-o,--out", args.out, "folder for the scene, pictures and report")->required();
+  app.add_option("--light", args.light,
+                 "benchmark layout: photos are in DIR/LIGHT (low, over_exp, high)");
+  app.add_option("--cameras", args.cameras,
+                 "transforms.json or COLMAP model folder; else COLMAP finds them");
+  app.add_flag("--sfm", args.sfm,
+               "find the cameras with COLMAP even if DIR has transforms_train.json");
+  app.add_option("--depth", args.depth, "folder of depth maps <photo>.{png,pfm,npy}");
+  app.add_option("--truth", args.truth,
+                 "folder of normally lit photos to compare with (default DIR/high)");
+  app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();
+  const std::map<std::string, Method> methods = {{"litags", Method::kLitaGs},
+                                                 {"3dgs", Method::k3dgs}};
+  const std::map<std::string, Tone> tones = {
+      {"paper", Tone::kPaper}, {"linear", Tone::kLinearGain}, {"none", Tone::kNone}};
+  app.add_option("--method", o.method, "litags or 3dgs")
+      ->transform(CLI::CheckedTransformer(methods));
+  app.add_option("--tone", o.tone, "pseudo-target: paper, linear or none")
+      ->transform(CLI::CheckedTransformer(tones));
+  app.add_option("--theta", o.theta, "mean brightness of the target")->capture_default_str();
+  app.add_option("--iterations", o.iterations, "one photo each")->capture_default_str();
+  app.add_option("--seed", o.seed)->capture_default_str();
+  app.add_option("--threads", o.threads, "0: all cores")->capture_default_str();
+  app.add_option("--max-gaussians", o.max_gaussians)->capture_default_str();
+  app.add_option("--sh-degree", o.sh_degree)->capture_default_str();
+  app.add_option("--max-image-side", o.max_image_side,
+                 "shrink larger photos to this, px; 0: never");
+  app.add_option("--holdout-every", o.holdout_every, "hold out every n-th photo; 0: none")
+      ->capture_default_str();
+  app.add_flag("!--no-pdm", o.use_pdm, "without the denoising module");
+  app.add_flag("!--no-prior", o.use_prior, "without the structure prior");
+  app.add_flag("!--no-depth", o.use_depth, "without the depth loss");
+  CLI11_PARSE(app, argc, argv);
+
+  CancelToken cancel;
+  g_cancel = &cancel;
+  std::signal(SIGINT, OnSignal);
+  std::signal(SIGTERM, OnSignal);
+  return Print(Run(args, cancel)).ok() ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace litags
+
+int main(int argc, char** argv) { return litags::Main(argc, argv); }
