@@ -52,7 +52,7 @@ class Colmap {
 };
 
 // SIFT features per photo: options.max_features, or as many of 1000..4000 as keep the matching of
-// all pairs near a minute on two cores (it grows with pairs times features squared).
+// all pairs near 300 CPU seconds (it grows with pairs times features squared).
 int FeatureBudget(const SfmOptions& options, int num_photos);
 
 // Pairs that will be matched: all, or sequential_overlap neighbours.
