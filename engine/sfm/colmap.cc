@@ -14,8 +14,8 @@ namespace litags {
 namespace {
 
 // Pairs x limit^2 that COLMAP's CPU matcher may do. Measured: 1225 pairs with a limit of 1212,
-// which gave 2084 features per photo (COLMAP counts second orientations apart), took 284 CPU
-// seconds.
+// which gave 2084 features per photo (the limit is rough: COLMAP drops whole scale levels), took
+// 284 CPU seconds.
 constexpr double kMatchBudget = 1.8e9;
 constexpr int kMinFeatures = 1000, kMaxFeatures = 4000;
 
