@@ -86,9 +86,12 @@ struct OraclePdm {
 
   Map Blur(const Map& in) const {
     const int radius = options.filter_size / 2;
-    auto g = [&](int d) { return std::exp(-0.5 * d * d / std::pow(options.filter_sigma, 2)); };
+    std::vector<double> g;
     double norm = 0;
-    for (int d = -radius; d <= radius; ++d) norm += g(d);
+    for (int d = -radius; d <= radius; ++d) {
+      g.push_back(std::exp(-0.5 * d * d / std::pow(options.filter_sigma, 2)));
+      norm += g.back();
+    }
     Map out(in.size(), 0.0);
     for (int c = 0; c < 3; ++c) {
       for (int y = 0; y < height; ++y) {
@@ -98,7 +101,8 @@ struct OraclePdm {
               const int yy = Border(y + dy, height), xx = Border(x + dx, width);
               if (yy < 0 || xx < 0) continue;
               out[(size_t(c) * height + y) * width + x] +=
-                  g(dy) * g(dx) / (norm * norm) * in[(size_t(c) * height + yy) * width + xx];
+                  g[dy + radius] * g[dx + radius] / (norm * norm) *
+                  in[(size_t(c) * height + yy) * width + xx];
             }
           }
         }

@@ -1,0 +1,14 @@
+// Subcommands of litags-bench, one source file each.
+#ifndef LITAGS_ENGINE_TOOLS_BENCH_COMMANDS_H_
+#define LITAGS_ENGINE_TOOLS_BENCH_COMMANDS_H_
+
+#include "CLI/App.hpp"
+
+namespace litags {
+
+// `litags-bench reference DIR`. Sets *exit_status when it has run.
+void AddReferenceCommand(CLI::App* app, int* exit_status);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TOOLS_BENCH_COMMANDS_H_

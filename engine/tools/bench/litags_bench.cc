@@ -1,0 +1,14 @@
+// litags-bench: measurements of the engine, and its agreement with reference numbers.
+#include "CLI/App.hpp"
+#include "CLI/Config.hpp"
+#include "CLI/Formatter.hpp"
+#include "engine/tools/bench/commands.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("Measures the litags engine.", "litags-bench");
+  app.require_subcommand(1);
+  int exit_status = 0;
+  litags::AddReferenceCommand(&app, &exit_status);
+  CLI11_PARSE(app, argc, argv);
+  return exit_status;
+}
