@@ -1,5 +1,9 @@
 #include "server/store/data_dir.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
@@ -28,5 +32,18 @@ void DataDir::EmptyTmp() const {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(tmp(), error)) fs::remove_all(entry, error);
 }
+
+absl::StatusOr<std::unique_ptr<DataDirLock>> DataDirLock::Take(const DataDir& dir) {
+  const int fd = open((dir.root + "/server.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0) {
+    return std::unique_ptr<DataDirLock>(new DataDirLock(fd));
+  }
+  if (fd >= 0) close(fd);
+  return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_IN_USE", "data",
+                   absl::StrCat("another litags-server uses ", dir.root,
+                                "; stop it or give this one another --data folder"));
+}
+
+DataDirLock::~DataDirLock() { close(fd_); }
 
 }  // namespace litags

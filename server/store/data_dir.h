@@ -1,6 +1,7 @@
 #ifndef LITAGS_SERVER_STORE_DATA_DIR_H_
 #define LITAGS_SERVER_STORE_DATA_DIR_H_
 
+#include <memory>
 #include <string>
 #include <string_view>
 
@@ -26,6 +27,18 @@ struct DataDir {
   static absl::StatusOr<DataDir> Open(const std::string& root);
   // Removes what an earlier server left in tmp/.
   void EmptyTmp() const;
+};
+
+// One server per data folder: held while it lives, given up by the kernel if the process dies.
+class DataDirLock {
+ public:
+  // FAILED_PRECONDITION (DATA_DIR_IN_USE) if another process holds it.
+  static absl::StatusOr<std::unique_ptr<DataDirLock>> Take(const DataDir& dir);
+  ~DataDirLock();
+
+ private:
+  explicit DataDirLock(int fd) : fd_(fd) {}
+  const int fd_;
 };
 
 }  // namespace litags

@@ -17,6 +17,8 @@ Sha256::Sha256() : context_(std::make_unique<Context>()) {
   LITAGS_CHECK(EVP_DigestInit_ex(context_->evp, EVP_sha256(), nullptr) == 1);
 }
 
+Sha256::Sha256(Sha256&&) noexcept = default;
+Sha256& Sha256::operator=(Sha256&&) noexcept = default;
 Sha256::~Sha256() = default;
 
 void Sha256::Update(std::string_view bytes) {

@@ -11,6 +11,8 @@ namespace litags {
 class Sha256 {
  public:
   Sha256();
+  Sha256(Sha256&&) noexcept;
+  Sha256& operator=(Sha256&&) noexcept;
   ~Sha256();
   void Update(std::string_view bytes);
   // 64 lower-case hex digits. Call once.

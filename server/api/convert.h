@@ -1,0 +1,27 @@
+// Between the service's messages and the project's types.
+#ifndef LITAGS_SERVER_API_CONVERT_H_
+#define LITAGS_SERVER_API_CONVERT_H_
+
+#include "absl/status/statusor.h"
+#include "engine/pipeline/engine.h"
+#include "litags/v1/job.pb.h"
+#include "server/store/job_store.h"
+
+namespace litags {
+
+// Fields that are not set keep the engine's defaults. INVALID_ARGUMENT with the field
+// "options.NAME".
+absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto);
+// Sets every field.
+v1::JobOptions OptionsToProto(const ReconstructOptions& options);
+
+std::string JobName(std::string_view id);  // "jobs/{id}"
+
+// INTERNAL (STORE_CORRUPT) if what is stored cannot be read.
+absl::StatusOr<v1::Job> JobToProto(const JobRecord& job);
+// `preview` gets the digest of the event's picture; empty if it has none.
+absl::StatusOr<v1::JobEvent> EventToProto(const EventRecord& event, std::string* preview);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_CONVERT_H_

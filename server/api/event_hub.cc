@@ -1,0 +1,55 @@
+#include "server/api/event_hub.h"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+
+namespace litags {
+namespace {
+
+// The delay of an event on its way to a watcher is this at most.
+constexpr std::chrono::milliseconds kPollInterval{50};
+
+}  // namespace
+
+EventHub::EventHub(Jobs* jobs) : jobs_(jobs), thread_([this] { Loop(); }) {}
+
+EventHub::~EventHub() { Stop(); }
+
+int64_t EventHub::Subscribe(std::function<void()> wake) {
+  std::lock_guard lock(mutex_);
+  watchers_.emplace(next_id_, std::move(wake));
+  return next_id_++;
+}
+
+void EventHub::Unsubscribe(int64_t id) {
+  std::lock_guard lock(mutex_);
+  watchers_.erase(id);
+}
+
+void EventHub::Stop() {
+  if (stopping_.exchange(true)) return;
+  thread_.join();
+  WakeAll();
+}
+
+void EventHub::Loop() {
+  int64_t last = -1;
+  while (!stopping()) {
+    const auto token = jobs_->ChangeToken();
+    if (!token.ok()) {
+      spdlog::error("cannot look for events: {}", token.status().ToString());
+    } else if (*token != last) {
+      last = *token;
+      WakeAll();
+    }
+    std::this_thread::sleep_for(kPollInterval);
+  }
+}
+
+void EventHub::WakeAll() {
+  std::lock_guard lock(mutex_);
+  for (const auto& [id, wake] : watchers_) wake();
+}
+
+}  // namespace litags

@@ -1,0 +1,106 @@
+#include "server/api/model_service.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/api/status.h"
+#include "server/store/digest.h"
+
+namespace litags {
+namespace {
+
+constexpr size_t kChunkBytes = size_t{256} << 10;
+
+absl::Status WriteModel(const Scene& scene, v1::ModelFormat format, const std::string& path) {
+  switch (format) {
+    case v1::MODEL_FORMAT_UNSPECIFIED:
+    case v1::MODEL_FORMAT_PLY:
+      return scene.ExportPly(path, /*original_light=*/false);
+    case v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT:
+      return scene.ExportPly(path, /*original_light=*/true);
+    case v1::MODEL_FORMAT_PLY_FULL:
+      return scene.ExportFullPly(path);
+    default:
+      return InvalidInput("FORMAT_UNKNOWN", "format",
+                          absl::StrCat("the server does not know format ", format));
+  }
+}
+
+// One ExportModel stream: writes the file, then sends it piece by piece. Deletes itself when the
+// call is over.
+class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
+ public:
+  ExportReactor(grpc::CallbackServerContext* context, const v1::ExportModelRequest& request,
+                SceneCache* scenes, ThreadPool* pool, const std::string& tmp)
+      : context_(context),
+        request_(request),
+        scenes_(scenes),
+        pool_(pool),
+        path_(absl::StrCat(tmp, "/export-", RandomHex(8))) {
+    const absl::Status accepted = pool_->Try([this] { Begin(); });
+    if (!accepted.ok()) Finish(ToGrpc(accepted));
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (!ok) return Finish(ToGrpc(CallCancelled()));
+    pool_->Run([this] { SendChunk(); });
+  }
+
+  void OnDone() override { delete this; }
+
+ private:
+  void Begin() {
+    const absl::Status status = Prepare();
+    unlink(path_.c_str());  // what is open stays readable, and nothing is left behind
+    if (!status.ok()) return Finish(ToGrpc(status));
+    StartWrite(&message_);
+  }
+
+  absl::Status Prepare() {
+    if (context_->IsCancelled()) return CallCancelled();
+    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(request_.name()));
+    LITAGS_RETURN_IF_ERROR(WriteModel(*scene, request_.format(), path_));
+    std::error_code error;
+    const auto size = std::filesystem::file_size(path_, error);
+    file_.open(path_, std::ios::binary);
+    if (error || !file_) {
+      return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
+                       "the exported file cannot be read back");
+    }
+    message_.mutable_header()->set_size_bytes(static_cast<int64_t>(size));
+    message_.mutable_header()->set_iteration(scene->iteration());
+    message_.mutable_header()->set_gaussians(scene->num_gaussians());
+    return absl::OkStatus();
+  }
+
+  void SendChunk() {
+    if (context_->IsCancelled()) return Finish(ToGrpc(CallCancelled()));
+    std::string* chunk = message_.mutable_chunk();
+    chunk->resize(kChunkBytes);
+    file_.read(chunk->data(), static_cast<std::streamsize>(chunk->size()));
+    chunk->resize(static_cast<size_t>(file_.gcount()));
+    if (chunk->empty()) return Finish(grpc::Status::OK);
+    StartWrite(&message_);
+  }
+
+  grpc::CallbackServerContext* const context_;
+  const v1::ExportModelRequest request_;
+  SceneCache* const scenes_;
+  ThreadPool* const pool_;
+  const std::string path_;
+  std::ifstream file_;
+  v1::ExportModelResponse message_;
+};
+
+}  // namespace
+
+grpc::ServerWriteReactor<v1::ExportModelResponse>* ModelServiceImpl::ExportModel(
+    grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) {
+  return new ExportReactor(context, *request, scenes_, pool_, tmp_);
+}
+
+}  // namespace litags

@@ -1,0 +1,30 @@
+#ifndef LITAGS_SERVER_API_MODEL_SERVICE_H_
+#define LITAGS_SERVER_API_MODEL_SERVICE_H_
+
+#include <string>
+
+#include "litags/v1/model_service.grpc.pb.h"
+#include "server/api/scene_cache.h"
+#include "server/api/thread_pool.h"
+
+namespace litags {
+
+// Handlers of litags.v1.ModelService. Files are written by the render pool.
+class ModelServiceImpl : public v1::ModelService::CallbackService {
+ public:
+  // All must outlive this; `tmp` is a folder for files in flight.
+  ModelServiceImpl(SceneCache* scenes, ThreadPool* pool, std::string tmp)
+      : scenes_(scenes), pool_(pool), tmp_(std::move(tmp)) {}
+
+  grpc::ServerWriteReactor<v1::ExportModelResponse>* ExportModel(
+      grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) override;
+
+ private:
+  SceneCache* const scenes_;
+  ThreadPool* const pool_;
+  const std::string tmp_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_MODEL_SERVICE_H_

@@ -1,0 +1,53 @@
+#ifndef LITAGS_SERVER_API_RECONSTRUCTION_SERVICE_H_
+#define LITAGS_SERVER_API_RECONSTRUCTION_SERVICE_H_
+
+#include "litags/v1/reconstruction_service.grpc.pb.h"
+#include "server/api/event_hub.h"
+#include "server/api/thread_pool.h"
+#include "server/jobs/jobs.h"
+
+namespace litags {
+
+// Handlers of litags.v1.ReconstructionService: validate, call Jobs, convert.
+class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackService {
+ public:
+  // All must outlive this; `pool` runs what touches the store.
+  ReconstructionServiceImpl(Jobs* jobs, EventHub* hub, ThreadPool* pool, UploadLimits limits = {})
+      : jobs_(jobs), hub_(hub), pool_(pool), limits_(limits) {}
+
+  using Context = grpc::CallbackServerContext;
+
+  grpc::ServerUnaryReactor* CreateJob(Context* context, const v1::CreateJobRequest* request,
+                                      v1::Job* response) override;
+  grpc::ServerReadReactor<v1::UploadImagesRequest>* UploadImages(
+      Context* context, v1::UploadImagesResponse* response) override;
+  grpc::ServerUnaryReactor* StartJob(Context* context, const v1::StartJobRequest* request,
+                                     v1::Job* response) override;
+  grpc::ServerUnaryReactor* GetJob(Context* context, const v1::GetJobRequest* request,
+                                   v1::Job* response) override;
+  grpc::ServerUnaryReactor* ListJobs(Context* context, const v1::ListJobsRequest* request,
+                                     v1::ListJobsResponse* response) override;
+  grpc::ServerWriteReactor<v1::JobEvent>* WatchJob(Context* context,
+                                                   const v1::WatchJobRequest* request) override;
+  grpc::ServerUnaryReactor* CancelJob(Context* context, const v1::CancelJobRequest* request,
+                                      v1::Job* response) override;
+  grpc::ServerUnaryReactor* ResumeJob(Context* context, const v1::ResumeJobRequest* request,
+                                      v1::Job* response) override;
+  grpc::ServerUnaryReactor* DeleteJob(Context* context, const v1::DeleteJobRequest* request,
+                                      google::protobuf::Empty* response) override;
+
+ private:
+  // A call that names a job and answers with it: `change` is a method of Jobs.
+  template <typename Request>
+  grpc::ServerUnaryReactor* JobCall(Context* context, const Request* request, v1::Job* response,
+                                    absl::StatusOr<JobRecord> (Jobs::*change)(std::string_view));
+
+  Jobs* const jobs_;
+  EventHub* const hub_;
+  ThreadPool* const pool_;
+  const UploadLimits limits_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_RECONSTRUCTION_SERVICE_H_

@@ -1,0 +1,136 @@
+#include "server/api/render_service.h"
+
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/api/camera_path.h"
+#include "server/api/picture.h"
+#include "server/api/status.h"
+#include "server/api/unary.h"
+#include "server/api/view_request.h"
+
+namespace litags {
+namespace {
+
+v1::Vector3 ToProto(const std::array<double, 3>& v) {
+  v1::Vector3 proto;
+  proto.set_x(v[0]);
+  proto.set_y(v[1]);
+  proto.set_z(v[2]);
+  return proto;
+}
+
+absl::Status Render(const Scene& scene, const RenderRequest& request,
+                    const v1::RenderSettings& settings, v1::RenderedView* view) {
+  LITAGS_ASSIGN_OR_RETURN(const Planes planes, scene.Render(request));
+  view->set_iteration(scene.iteration());
+  *view->mutable_camera() = CameraToProto(request.camera);
+  return EncodePicture(planes, request.channel, settings.format(), settings.jpeg_quality(), view);
+}
+
+// One RenderPath stream: renders a frame, sends it, renders the next. Deletes itself when the call
+// is over.
+class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
+ public:
+  PathReactor(grpc::CallbackServerContext* context, const v1::RenderPathRequest& request,
+              SceneCache* scenes, ThreadPool* pool, RenderLimits limits)
+      : context_(context), request_(request), scenes_(scenes), pool_(pool), limits_(limits) {
+    const absl::Status accepted = pool_->Try([this] { Begin(); });
+    if (!accepted.ok()) Finish(ToGrpc(accepted));
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (!ok) return Finish(ToGrpc(CallCancelled()));
+    pool_->Run([this] { SendNext(); });
+  }
+
+  void OnDone() override { delete this; }
+
+ private:
+  void Begin() {
+    if (const absl::Status status = Resolve(); !status.ok()) return Finish(ToGrpc(status));
+    SendNext();
+  }
+
+  absl::Status Resolve() {
+    LITAGS_ASSIGN_OR_RETURN(scene_, scenes_->Get(request_.name()));
+    LITAGS_ASSIGN_OR_RETURN(render_, ResolveContent(request_.settings()));
+    render_.threads = limits_.threads;
+    std::string lens_camera;
+    if (request_.has_keyframes() && request_.keyframes().poses_size() > 0) {
+      lens_camera = request_.keyframes().poses(0).camera();
+    }
+    LITAGS_ASSIGN_OR_RETURN(const Camera lens, ResolveLens(request_.settings(), lens_camera,
+                                                           *scene_, limits_.max_pixels));
+    LITAGS_ASSIGN_OR_RETURN(cameras_, ResolvePath(request_, lens, *scene_));
+    return absl::OkStatus();
+  }
+
+  void SendNext() {
+    if (context_->IsCancelled()) return Finish(ToGrpc(CallCancelled()));
+    if (next_ == cameras_.size()) return Finish(grpc::Status::OK);
+    message_.Clear();
+    message_.set_frame(static_cast<int>(next_));
+    message_.set_frames(static_cast<int>(cameras_.size()));
+    render_.camera = cameras_[next_++];
+    const absl::Status status =
+        Render(*scene_, render_, request_.settings(), message_.mutable_view());
+    if (!status.ok()) return Finish(ToGrpc(status));
+    StartWrite(&message_);
+  }
+
+  grpc::CallbackServerContext* const context_;
+  const v1::RenderPathRequest request_;
+  SceneCache* const scenes_;
+  ThreadPool* const pool_;
+  const RenderLimits limits_;
+  std::shared_ptr<const Scene> scene_;
+  RenderRequest render_;
+  std::vector<Camera> cameras_;
+  size_t next_ = 0;
+  v1::RenderPathResponse message_;
+};
+
+}  // namespace
+
+grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerContext* context,
+                                                        const v1::RenderViewRequest* request,
+                                                        v1::RenderedView* response) {
+  return RunUnary(context, pool_, [=, this]() -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(request->name()));
+    LITAGS_ASSIGN_OR_RETURN(RenderRequest render, ResolveContent(request->settings()));
+    LITAGS_ASSIGN_OR_RETURN(
+        const Camera lens,
+        ResolveLens(request->settings(), request->pose().camera(), *scene, limits_.max_pixels));
+    LITAGS_ASSIGN_OR_RETURN(render.camera, ResolvePose(request->pose(), lens, *scene, "pose"));
+    render.threads = limits_.threads;
+    return Render(*scene, render, request->settings(), response);
+  });
+}
+
+grpc::ServerWriteReactor<v1::RenderPathResponse>* RenderServiceImpl::RenderPath(
+    grpc::CallbackServerContext* context, const v1::RenderPathRequest* request) {
+  return new PathReactor(context, *request, scenes_, pool_, limits_);
+}
+
+grpc::ServerUnaryReactor* RenderServiceImpl::ListCameras(grpc::CallbackServerContext* context,
+                                                         const v1::ListCamerasRequest* request,
+                                                         v1::ListCamerasResponse* response) {
+  return RunUnary(context, pool_, [=, this]() -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(request->name()));
+    for (const View& view : scene->views()) {
+      v1::NamedCamera* camera = response->add_cameras();
+      camera->set_name(view.name);
+      *camera->mutable_camera() = CameraToProto(view.camera);
+    }
+    *response->mutable_center() = ToProto(scene->center());
+    *response->mutable_up() = ToProto(scene->up());
+    response->set_radius(scene->radius());
+    response->set_iteration(scene->iteration());
+    response->set_gaussians(scene->num_gaussians());
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace litags

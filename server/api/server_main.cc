@@ -1,0 +1,111 @@
+#include "server/api/server_main.h"
+
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "server/api/server.h"
+#include "server/jobs/leases.h"
+#include "server/worker/log.h"
+#include "server/worker/shutdown_signal.h"
+#include "server/worker/supervisor.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Flags {
+  ServerOptions server;
+  std::string data;
+  std::string colmap = "colmap";
+  std::string log_level = "info";
+  std::string port_file;
+  int workers = 1;
+  int threads = 0;
+};
+
+std::string DefaultDataFolder() {
+  if (const char* data = std::getenv("LITAGS_DATA"); data && *data) return data;
+  const char* home = std::getenv("HOME");
+  return absl::StrCat(home && *home ? home : ".", "/.local/share/litags");
+}
+
+absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine* engine,
+                   const ShutdownSignal& signal) {
+  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
+  LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
+  data.EmptyTmp();
+  LITAGS_ASSIGN_OR_RETURN(const auto store, OpenSqliteJobStore(data.database()));
+  LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenDiskBlobStore(data.blobs()));
+  Jobs jobs(store.get(), blobs.get(), data);
+  Leases leases(store.get(), blobs.get());
+  LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));
+
+  SupervisorOptions workers;
+  workers.workers = flags.workers;
+  workers.command = {
+      worker_program, "--store",    data.root,     "--threads",    absl::StrCat(flags.threads),
+      "--colmap",     flags.colmap, "--log-level", flags.log_level};
+  Supervisor supervisor(workers, &leases);
+
+  const std::string host = flags.server.listen.substr(0, flags.server.listen.rfind(':'));
+  std::printf("litags-server listens on %s:%d and stores in %s\n", host.c_str(), server->port(),
+              data.root.c_str());
+  std::fflush(stdout);
+  if (!flags.port_file.empty()) {
+    LITAGS_RETURN_IF_ERROR(
+        WriteFileAtomically(flags.port_file, absl::StrCat(server->port(), "\n")));
+  }
+  signal.Wait();
+  spdlog::info("shutting down");
+  server->Shutdown();
+  supervisor.Stop();
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory make_engine) {
+  Flags flags;
+  flags.data = DefaultDataFolder();
+  CLI::App app{"Reconstructs scenes from badly lit photos, as a gRPC service."};
+  app.add_option("--listen", flags.server.listen, "HOST:PORT to listen on; port 0: any free one")
+      ->capture_default_str();
+  app.add_option("--data", flags.data, "Folder for jobs and scenes (default: $LITAGS_DATA)")
+      ->capture_default_str();
+  app.add_option("--workers", flags.workers, "Jobs that run at the same time on this machine")
+      ->check(CLI::Range(0, 256))
+      ->capture_default_str();
+  app.add_option("--threads", flags.threads, "Threads per job and per picture; 0: all cores")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--colmap", flags.colmap, "COLMAP program: a name or a path")
+      ->capture_default_str();
+  app.add_option("--log-level", flags.log_level, "debug, info, warn or error")
+      ->capture_default_str();
+  app.add_option("--port-file", flags.port_file, "Write the port to this file once it is open");
+  CLI11_PARSE(app, argc, argv);
+  if (!SetUpLog(flags.log_level, "litags-server")) return 2;
+  flags.server.render.threads = flags.threads;
+
+  std::error_code error;
+  const fs::path self = fs::read_symlink("/proc/self/exe", error);
+  const std::unique_ptr<Engine> engine = make_engine(flags.colmap);
+  const ShutdownSignal signal;
+  const absl::Status status =
+      Serve(flags, (self.parent_path() / worker_program).string(), engine.get(), signal);
+  if (!status.ok()) {
+    std::fprintf(stderr, "litags-server: %s\n", std::string(status.message()).c_str());
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace litags

@@ -1,0 +1,209 @@
+#include "server/api/view_request.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+constexpr double kMaxExposure = 4;
+
+static_assert(static_cast<int>(Channel::kColor) + 1 == v1::CHANNEL_COLOR);
+static_assert(static_cast<int>(Channel::kExposure) + 1 == v1::CHANNEL_EXPOSURE);
+static_assert(static_cast<int>(Channel::kAlpha) + 1 == v1::CHANNEL_ALPHA);
+
+std::array<double, 3> ToArray(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
+
+bool AllFinite(const std::array<double, 3>& v) {
+  return std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); });
+}
+
+absl::Status NotFinite(const std::string& field) {
+  return InvalidInput("POSE_NOT_FINITE", field,
+                      absl::StrCat(field, " holds a NaN or an infinity; give finite numbers"));
+}
+
+// Picture size from the settings and the aspect ratio of `base`.
+absl::Status ResolveSize(const v1::RenderSettings& settings, const Camera& base, int64_t max_pixels,
+                         int64_t* width, int64_t* height) {
+  *width = settings.width();
+  *height = settings.height();
+  if (*width < 0 || *height < 0) {
+    return InvalidInput("PICTURE_SIZE_INVALID", *width < 0 ? "settings.width" : "settings.height",
+                        absl::StrCat("a picture of ", *width, "x", *height,
+                                     " px cannot be made; sizes are positive, or 0 for the "
+                                     "camera's own"));
+  }
+  if (*width == 0 && *height == 0) {
+    *width = base.width;
+    *height = base.height;
+  } else if (*width == 0) {
+    *width = std::max<int64_t>(1, std::llround(double(*height) * base.width / base.height));
+  } else if (*height == 0) {
+    *height = std::max<int64_t>(1, std::llround(double(*width) * base.height / base.width));
+  }
+  if (*width * *height > max_pixels) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "PICTURE_TOO_LARGE", "settings.width",
+                     absl::StrCat("a picture of ", *width, "x", *height, " px exceeds the ",
+                                  max_pixels, " px this server renders; ask for a smaller one"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<RenderRequest> ResolveContent(const v1::RenderSettings& settings) {
+  RenderRequest request;
+  if (!v1::Channel_IsValid(settings.channel())) {
+    return InvalidInput("CHANNEL_UNKNOWN", "settings.channel",
+                        absl::StrCat("the server does not know channel ", settings.channel()));
+  }
+  if (settings.channel() != v1::CHANNEL_UNSPECIFIED) {
+    request.channel = static_cast<Channel>(settings.channel() - 1);
+  }
+  if (!v1::PictureFormat_IsValid(settings.format())) {
+    return InvalidInput("FORMAT_UNKNOWN", "settings.format",
+                        absl::StrCat("the server does not know format ", settings.format()));
+  }
+  request.exposure = settings.exposure();
+  if (!(std::abs(request.exposure) <= kMaxExposure)) {  // also NaN
+    return InvalidInput("EXPOSURE_INVALID", "settings.exposure",
+                        absl::StrCat("exposure is ", request.exposure, "; it must be in [-",
+                                     kMaxExposure, ", ", kMaxExposure, "]"));
+  }
+  if (request.exposure != 0 && request.channel != Channel::kExposure) {
+    return InvalidInput("EXPOSURE_INVALID", "settings.exposure",
+                        "exposure is for CHANNEL_EXPOSURE only; set the channel or leave it 0");
+  }
+  if (settings.jpeg_quality() < 0 || settings.jpeg_quality() > 100) {
+    return InvalidInput("JPEG_QUALITY_INVALID", "settings.jpeg_quality",
+                        absl::StrCat("jpeg_quality is ", settings.jpeg_quality(),
+                                     "; it must be in 1..100, or 0 for the default"));
+  }
+  return request;
+}
+
+absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name,
+                                  const std::string& field) {
+  for (const View& view : scene.views()) {
+    if (view.name == name) return view.camera;
+  }
+  return MakeError(
+      absl::StatusCode::kNotFound, "CAMERA_NOT_FOUND", field,
+      absl::StrCat("the scene has no camera \"", name, "\"; ListCameras names those it has"));
+}
+
+absl::StatusOr<Camera> ResolveLens(const v1::RenderSettings& settings,
+                                   const std::string& camera_name, const Scene& scene,
+                                   int64_t max_pixels) {
+  Camera base;
+  if (!camera_name.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(base, FindCamera(scene, camera_name, "pose.camera"));
+  } else if (!scene.views().empty()) {
+    base = scene.views().front().camera;
+  } else {
+    return MakeError(absl::StatusCode::kInternal, "SCENE_WITHOUT_CAMERAS", "",
+                     "the scene file has no cameras; rerun the job");
+  }
+  int64_t width = 0, height = 0;
+  LITAGS_RETURN_IF_ERROR(ResolveSize(settings, base, max_pixels, &width, &height));
+  Camera camera = base.Scaled(static_cast<int>(width), static_cast<int>(height));
+  if (settings.has_intrinsics()) {
+    if (settings.width() == 0 || settings.height() == 0) {
+      return InvalidInput("PICTURE_SIZE_INVALID", "settings.width",
+                          "intrinsics are in px of the picture; give its width and height too");
+    }
+    camera.fx = settings.intrinsics().fx();
+    camera.fy = settings.intrinsics().fy();
+    camera.cx = settings.intrinsics().cx();
+    camera.cy = settings.intrinsics().cy();
+  } else if (settings.lens_case() == v1::RenderSettings::kVerticalFovDeg) {
+    const double fov = settings.vertical_fov_deg();
+    if (!(fov > 0 && fov < 180)) {
+      return InvalidInput("FIELD_OF_VIEW_INVALID", "settings.vertical_fov_deg",
+                          absl::StrCat("vertical_fov_deg is ", fov, "; it must be in (0, 180)"));
+    }
+    camera.fx = camera.fy = 0.5 * camera.height / std::tan(fov * M_PI / 360);
+    camera.cx = 0.5 * camera.width;
+    camera.cy = 0.5 * camera.height;
+  }
+  LITAGS_RETURN_IF_ERROR(camera.Validate("settings.intrinsics", max_pixels));
+  return camera;
+}
+
+absl::StatusOr<Camera> ResolvePose(const v1::Pose& pose, const Camera& lens, const Scene& scene,
+                                   const std::string& field) {
+  Camera camera = lens;
+  switch (pose.pose_case()) {
+    case v1::Pose::kViewmat: {
+      const std::string where = field + ".viewmat";
+      const auto& values = pose.viewmat().values();
+      if (values.size() != 16) {
+        return InvalidInput("POSE_SIZE", where,
+                            absl::StrCat(where, " has ", values.size(),
+                                         " numbers; a 4x4 matrix, row by row, has 16"));
+      }
+      std::array<double, 16> viewmat;
+      std::copy(values.begin(), values.end(), viewmat.begin());
+      for (const double v : viewmat) {
+        if (!std::isfinite(v)) return NotFinite(where);
+      }
+      camera.SetViewmat(viewmat);
+      const bool last_row = std::abs(viewmat[12]) + std::abs(viewmat[13]) + std::abs(viewmat[14]) +
+                                std::abs(viewmat[15] - 1) <
+                            1e-6;
+      if (!last_row || !camera.Validate(where).ok()) {
+        return InvalidInput("POSE_NOT_RIGID", where,
+                            absl::StrCat(where,
+                                         " is not [R t; 0 0 0 1] with a rotation R; it is "
+                                         "world-to-camera, without scale"));
+      }
+      return camera;
+    }
+    case v1::Pose::kLookAt: {
+      const v1::LookAt& look = pose.look_at();
+      const auto eye = ToArray(look.eye()), target = ToArray(look.target());
+      const auto up = look.has_up() ? ToArray(look.up()) : scene.up();
+      if (!AllFinite(eye)) return NotFinite(field + ".look_at.eye");
+      if (!AllFinite(target)) return NotFinite(field + ".look_at.target");
+      if (!AllFinite(up)) return NotFinite(field + ".look_at.up");
+      if (!camera.LookAt(eye, target, up).ok()) {
+        return InvalidInput("LOOK_AT_DEGENERATE", field + ".look_at",
+                            absl::StrCat(field,
+                                         ".look_at: eye and target must differ, and up must "
+                                         "not be parallel to the line between them"));
+      }
+      return camera;
+    }
+    case v1::Pose::kCamera: {
+      LITAGS_ASSIGN_OR_RETURN(const Camera named,
+                              FindCamera(scene, pose.camera(), field + ".camera"));
+      camera.R = named.R;
+      camera.t = named.t;
+      return camera;
+    }
+    case v1::Pose::POSE_NOT_SET:
+      break;
+  }
+  return InvalidInput("POSE_MISSING", field,
+                      absl::StrCat(field,
+                                   " is not set; give a viewmat, a look_at or the name of a "
+                                   "photo's camera"));
+}
+
+v1::Camera CameraToProto(const Camera& camera) {
+  v1::Camera proto;
+  proto.set_width(camera.width);
+  proto.set_height(camera.height);
+  proto.mutable_intrinsics()->set_fx(camera.fx);
+  proto.mutable_intrinsics()->set_fy(camera.fy);
+  proto.mutable_intrinsics()->set_cx(camera.cx);
+  proto.mutable_intrinsics()->set_cy(camera.cy);
+  for (const double v : camera.Viewmat()) proto.mutable_viewmat()->add_values(v);
+  return proto;
+}
+
+}  // namespace litags

@@ -1,0 +1,35 @@
+// What a render request asks for, checked and resolved against a scene.
+#ifndef LITAGS_SERVER_API_VIEW_REQUEST_H_
+#define LITAGS_SERVER_API_VIEW_REQUEST_H_
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "engine/pipeline/engine.h"
+#include "litags/v1/render_service.pb.h"
+
+namespace litags {
+
+// Checks channel, exposure, format and JPEG quality; `camera` is left alone.
+absl::StatusOr<RenderRequest> ResolveContent(const v1::RenderSettings& settings);
+
+// Size and lens of the pictures; the pose is that of the camera the lens was taken from, the one
+// called `camera_name` or, if that is empty, the scene's first.
+absl::StatusOr<Camera> ResolveLens(const v1::RenderSettings& settings,
+                                   const std::string& camera_name, const Scene& scene,
+                                   int64_t max_pixels);
+
+// `lens` moved to the pose. `field` is where the pose stands in the request: "pose".
+absl::StatusOr<Camera> ResolvePose(const v1::Pose& pose, const Camera& lens, const Scene& scene,
+                                   const std::string& field);
+
+// The camera of that photo. NOT_FOUND (CAMERA_NOT_FOUND).
+absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name,
+                                  const std::string& field);
+
+v1::Camera CameraToProto(const Camera& camera);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_VIEW_REQUEST_H_

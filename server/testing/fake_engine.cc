@@ -1,0 +1,199 @@
+#include "server/testing/fake_engine.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <set>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The smallest PNG there is: 1x1, grey.
+constexpr uint8_t kTinyPng[] = {0x89, 'P', 'N',  'G',  0x0d, 0x0a, 0x1a, 0x0a, 0,    0, 0, 13,
+                                'I',  'H', 'D',  'R',  0,    0,    0,    1,    0,    0, 0, 1,
+                                8,    0,   0,    0,    0,    0x3a, 0x7e, 0x9b, 0x55, 0, 0, 0,
+                                10,   'I', 'D',  'A',  'T',  0x78, 0x9c, 0x63, 0x68, 0, 0, 0,
+                                0x82, 0,   0x81, 0xdd, 0x43, 0x6a, 0xf4, 0,    0,    0, 0, 'I',
+                                'E',  'N', 'D',  0xae, 0x42, 0x60, 0x82};
+
+class FakeScene : public Scene {
+ public:
+  FakeScene(int iteration, const std::vector<std::string>& names) : iteration_(iteration) {
+    for (size_t i = 0; i < names.size(); ++i) {
+      View& view = views_.emplace_back();
+      view.name = names[i];
+      view.camera.width = 64;
+      view.camera.height = 48;
+      view.camera.fx = view.camera.fy = 60;
+      view.camera.cx = 32;
+      view.camera.cy = 24;
+      const double angle = 2 * M_PI * static_cast<double>(i) / static_cast<double>(names.size());
+      // Cannot fail: eye and up are not degenerate.
+      view.camera.LookAt({4 * std::cos(angle), -1, 4 * std::sin(angle)}, {0, 0, 0}, {0, -1, 0})
+          .IgnoreError();
+    }
+  }
+
+  const std::vector<View>& views() const override { return views_; }
+  int64_t num_gaussians() const override { return 100; }
+  int iteration() const override { return iteration_; }
+  std::array<double, 3> center() const override { return {0, 0, 0}; }
+  std::array<double, 3> up() const override { return {0, -1, 0}; }
+  double radius() const override { return 4; }
+
+  absl::StatusOr<Planes> Render(const RenderRequest& request) const override {
+    LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
+    const bool colour =
+        request.channel == Channel::kColor || request.channel == Channel::kOriginal ||
+        request.channel == Channel::kExposure || request.channel == Channel::kIllumination ||
+        request.channel == Channel::kNoise;
+    Planes planes(colour ? 3 : 1, request.camera.height, request.camera.width);
+    const auto center = request.camera.Center();
+    const double offset = 0.1 * static_cast<int>(request.channel) + 0.01 * request.exposure +
+                          0.001 * (center[0] + center[1] + center[2]);
+    for (int c = 0; c < planes.channels; ++c) {
+      for (int y = 0; y < planes.height; ++y) {
+        for (int x = 0; x < planes.width; ++x) {
+          planes.at(c, y, x) =
+              static_cast<float>(offset + 0.5 * x / planes.width + 0.1 * c * y / planes.height);
+        }
+      }
+    }
+    if (request.channel == Channel::kDepth) {
+      for (float& v : planes.data) v = 2 + 3 * v;
+    }
+    return planes;
+  }
+
+  absl::Status ExportPly(const std::string& path, bool original_light) const override {
+    return Write(path, original_light ? "original" : "normal");
+  }
+  absl::Status ExportFullPly(const std::string& path) const override { return Write(path, "full"); }
+
+ private:
+  // Larger than one chunk of an export.
+  absl::Status Write(const std::string& path, const std::string& kind) const {
+    std::ofstream file(path, std::ios::binary);
+    file << "ply\ncomment " << kind << "\n" << std::string(600'000, 'x') << "end";
+    return file.good() ? absl::OkStatus() : absl::InternalError("cannot write " + path);
+  }
+
+  const int iteration_;
+  std::vector<View> views_;
+};
+
+// Writes a scene file: the iteration, then the photos' names.
+void Save(const std::string& path, int iteration, const std::set<std::string>& names) {
+  {
+    std::ofstream file(path + ".tmp");
+    file << iteration << "\n";
+    for (const std::string& name : names) file << name << "\n";
+  }
+  fs::rename(path + ".tmp", path);
+}
+
+bool Has(const std::set<std::string>& names, const std::string& stem) {
+  return std::any_of(names.begin(), names.end(),
+                     [&](const std::string& name) { return fs::path(name).stem() == stem; });
+}
+
+class FakeEngine : public Engine {
+ public:
+  absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
+                                                const ReconstructOptions& options,
+                                                const CancelToken& cancel,
+                                                ReconstructObserver* observer) override {
+    std::set<std::string> names;
+    for (const auto& entry : fs::directory_iterator(input.images_dir)) {
+      names.insert(entry.path().filename());
+    }
+    if (Has(names, "fail")) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "SFM_TOO_FEW_VIEWS", "images",
+                       "cameras were found for 1 of 4 photos; take photos that overlap more");
+    }
+    ReconstructReport report;
+    report.photos = report.registered = static_cast<int>(names.size());
+    report.sfm_preparation = input.cameras_path.empty() ? "raw" : "given";
+    report.depth_used = !input.depth_dir.empty();
+    report.gaussians = 100;
+    report.iterations = options.iterations;
+    report.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
+    report.scene_path = input.work_dir + "/scene.litags";
+
+    const std::string checkpoint = input.work_dir + "/checkpoint";
+    int start = 0;
+    std::ifstream(checkpoint) >> start;
+    if (start > 0) report.notes.push_back(absl::StrCat("resumed at iteration ", start));
+    const auto pause = std::chrono::milliseconds(Has(names, "slow") ? 20 : 1);
+
+    Progress progress;
+    progress.stage = Stage::kLoading;
+    progress.iterations = options.iterations;
+    progress.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
+    observer->OnProgress(progress);
+    progress.stage = Stage::kTraining;
+    for (int i = start + 1; i <= options.iterations; ++i) {
+      LITAGS_RETURN_IF_ERROR(cancel.Check());
+      std::this_thread::sleep_for(pause);
+      progress.iteration = i;
+      progress.loss = 1.0 / i;
+      progress.gaussians = 100;
+      if (i % options.checkpoint_every == 0) std::ofstream(checkpoint) << i;
+      if (i % options.preview_every == 0) {
+        progress.preview_png.assign(std::begin(kTinyPng), std::end(kTinyPng));
+        observer->OnProgress(progress);
+        progress.preview_png.clear();
+        Save(report.scene_path, i, names);
+        observer->OnSnapshot(report.scene_path);
+      } else {
+        observer->OnProgress(progress);
+      }
+      if (i == options.iterations / 2) LITAGS_RETURN_IF_ERROR(Misbehave(names, input, cancel));
+    }
+    Save(report.scene_path, options.iterations, names);
+    return report;
+  }
+
+  absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) override {
+    std::ifstream file(path);
+    int iteration = 0;
+    if (!(file >> iteration)) {
+      return MakeError(absl::StatusCode::kNotFound, "SCENE_MISSING", "", "no scene at " + path);
+    }
+    std::vector<std::string> names;
+    for (std::string name; file >> name;) names.push_back(name);
+    return std::shared_ptr<const Scene>(std::make_shared<FakeScene>(iteration, names));
+  }
+
+ private:
+  static absl::Status Misbehave(const std::set<std::string>& names, const ReconstructInput& input,
+                                const CancelToken& cancel) {
+    const std::string marker = input.work_dir + "/crashed";
+    if (Has(names, "crash") || (Has(names, "crash-once") && !fs::exists(marker))) {
+      std::ofstream(marker) << "x";
+      kill(getpid(), SIGKILL);
+    }
+    while (Has(names, "stuck") || (Has(names, "hang") && !cancel.IsCancelled())) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return absl::OkStatus();
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> MakeFakeEngine(std::string) { return std::make_unique<FakeEngine>(); }
+
+}  // namespace litags

@@ -1,0 +1,26 @@
+#ifndef LITAGS_SERVER_TESTING_FAKE_ENGINE_H_
+#define LITAGS_SERVER_TESTING_FAKE_ENGINE_H_
+
+#include <memory>
+#include <string>
+
+#include "engine/pipeline/engine.h"
+
+namespace litags {
+
+// An engine that makes scenes in milliseconds, for tests of the service. Its "training" counts to
+// options.iterations, 1 ms each, with checkpoints, snapshots and previews as the options say. A
+// scene renders as a picture whose pixels follow from camera, channel and iteration.
+//
+// A photo with one of these names (and any extension) changes what happens:
+//   fail        Reconstruct returns FAILED_PRECONDITION (SFM_TOO_FEW_VIEWS)
+//   crash-once  the process dies half way, at the first attempt only
+//   crash       the process dies half way, at every attempt
+//   hang        stops making progress half way, but obeys the cancel token
+//   stuck       stops making progress half way and does not obey it
+//   slow        20 ms per iteration
+std::unique_ptr<Engine> MakeFakeEngine(std::string colmap = "");
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_TESTING_FAKE_ENGINE_H_

@@ -1,0 +1,143 @@
+#include "server/worker/job_monitor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
+
+#include "absl/status/status.h"
+
+namespace litags {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+double SecondsSince(SteadyClock::time_point t) {
+  return std::chrono::duration<double>(SteadyClock::now() - t).count();
+}
+
+}  // namespace
+
+JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
+                       const WorkerOptions& options, CancelToken shutdown,
+                       CancelToken engine_cancel)
+    : lease_(lease),
+      context_(context),
+      options_(options),
+      shutdown_(std::move(shutdown)),
+      engine_cancel_(std::move(engine_cancel)),
+      last_heartbeat_(SteadyClock::now()),
+      thread_([this] { Loop(); }) {}
+
+JobMonitor::~JobMonitor() { Finish(); }
+
+void JobMonitor::OnProgress(const Progress& progress) {
+  std::lock_guard lock(mutex_);
+  std::vector<uint8_t> preview;
+  if (progress_) preview = std::move(progress_->preview_png);
+  progress_ = progress;
+  // A picture that was not written yet goes with the newer numbers.
+  if (progress_->preview_png.empty()) progress_->preview_png = std::move(preview);
+  iteration_ = progress.iteration;
+  if (last_stage_ != progress.stage || !progress_->preview_png.empty()) {
+    last_stage_ = progress.stage;
+    urgent_ = true;
+    wake_.notify_one();
+  }
+}
+
+void JobMonitor::OnSnapshot(const std::string& scene_path) {
+  std::lock_guard lock(mutex_);
+  snapshot_ = Snapshot{scene_path, iteration_};
+  urgent_ = true;
+  wake_.notify_one();
+}
+
+JobMonitor::StopReason JobMonitor::Finish() {
+  {
+    std::lock_guard lock(mutex_);
+    finished_ = true;
+    wake_.notify_one();
+  }
+  if (thread_.joinable()) thread_.join();
+  return stop_reason_;
+}
+
+void JobMonitor::Loop() {
+  for (bool finished = false; !finished;) {
+    {
+      std::unique_lock lock(mutex_);
+      wake_.wait_for(lock, std::chrono::duration<double>(options_.poll_seconds),
+                     [this] { return finished_ || urgent_; });
+      finished = finished_;
+    }
+    WriteReports(finished);
+    if (!finished) Check();
+  }
+}
+
+void JobMonitor::Check() {
+  if (stop_reason_ != StopReason::kNone) {
+    GiveUpIfStuck();
+    return;
+  }
+  if (shutdown_.IsCancelled()) return StopEngine(StopReason::kShutdown);
+  const bool renew = SecondsSince(last_heartbeat_) >= options_.heartbeat_seconds;
+  const auto cancel =
+      renew ? context_.leases->Heartbeat(lease_) : context_.leases->CancelRequested(lease_);
+  if (absl::IsAborted(cancel.status())) return StopEngine(StopReason::kLeaseLost);
+  if (!cancel.ok()) {
+    // The store may come back; if it does not, the lease runs out and the next call says so.
+    spdlog::warn("job={} cannot renew the lease: {}", lease_.job.id, cancel.status().ToString());
+    return;
+  }
+  if (renew) last_heartbeat_ = SteadyClock::now();
+  if (*cancel) StopEngine(StopReason::kCancelled);
+}
+
+void JobMonitor::WriteReports(bool all) {
+  std::optional<Progress> progress;
+  std::optional<Snapshot> snapshot;
+  {
+    std::lock_guard lock(mutex_);
+    if (all || urgent_ || SecondsSince(last_progress_) >= options_.progress_seconds) {
+      progress.swap(progress_);
+    }
+    snapshot.swap(snapshot_);
+    urgent_ = false;
+  }
+  if (stop_reason_ == StopReason::kLeaseLost) return;
+  absl::Status status;
+  if (progress) {
+    last_progress_ = SteadyClock::now();
+    status = context_.leases->AddProgress(lease_, *progress);
+  }
+  if (snapshot) {
+    const std::string path =
+        std::filesystem::path(snapshot->scene_path).lexically_proximate(context_.data.root);
+    status.Update(context_.leases->AddSnapshot(lease_, path, snapshot->iteration));
+  }
+  if (absl::IsAborted(status)) {
+    StopEngine(StopReason::kLeaseLost);
+  } else if (!status.ok()) {
+    spdlog::warn("job={} cannot write its progress: {}", lease_.job.id, status.ToString());
+  }
+}
+
+void JobMonitor::StopEngine(StopReason reason) {
+  if (stop_reason_ != StopReason::kNone) return;
+  stop_reason_ = reason;
+  stop_time_ = SteadyClock::now();
+  engine_cancel_.Cancel();
+}
+
+void JobMonitor::GiveUpIfStuck() {
+  if (SecondsSince(stop_time_) < options_.grace_seconds || !options_.give_up) return;
+  spdlog::error("job={} the engine does not stop; leaving it", lease_.job.id);
+  absl::Status status;
+  if (stop_reason_ == StopReason::kCancelled) status = context_.leases->Stopped(lease_);
+  if (stop_reason_ == StopReason::kShutdown) status = context_.leases->GiveBack(lease_);
+  if (!status.ok()) spdlog::error("job={} {}", lease_.job.id, status.ToString());
+  options_.give_up();
+}
+
+}  // namespace litags

@@ -1,0 +1,105 @@
+#include "server/worker/job_runner.h"
+
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/jobs.h"
+#include "server/worker/job_monitor.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::Status FolderError(const fs::path& path, const std::error_code& error) {
+  return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
+                   absl::StrCat("cannot prepare ", path.string(), ": ", error.message()));
+}
+
+// Lays out the job's files as the engine wants them, afresh, since an earlier attempt may have been
+// interrupted here. The names were checked when they were uploaded: one component, no leading dot.
+absl::StatusOr<ReconstructInput> PrepareInput(const std::string& job_id,
+                                              const WorkerContext& context) {
+  const fs::path work = context.data.work(job_id);
+  const fs::path input = work / "input";
+  const fs::path photos = input / "photos", depths = input / "depths", run = work / "run";
+  std::error_code error;
+  fs::remove_all(input, error);
+  for (const fs::path& folder : {photos, depths, run}) {
+    if (!error) fs::create_directories(folder, error);
+    if (error) return FolderError(folder, error);
+  }
+  ReconstructInput result;
+  result.images_dir = photos;
+  result.work_dir = run;
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, context.store->Files(job_id));
+  for (const FileRecord& file : files) {
+    fs::path path;
+    switch (file.role) {
+      case FileRole::kPhoto:
+        path = photos / file.name;
+        break;
+      case FileRole::kDepth:
+        path = depths / file.name;
+        result.depth_dir = depths;
+        break;
+      case FileRole::kCameras:
+        path = input / "transforms.json";
+        result.cameras_path = path;
+        break;
+    }
+    LITAGS_RETURN_IF_ERROR(context.blobs->Fetch(BlobKey(job_id, file.sha256), path));
+  }
+  return result;
+}
+
+absl::StatusOr<ReconstructReport> Reconstruct(const Lease& lease, const WorkerContext& context,
+                                              const WorkerOptions& options,
+                                              const CancelToken& cancel,
+                                              ReconstructObserver* observer) {
+  LITAGS_ASSIGN_OR_RETURN(auto engine_options, Decode<ReconstructOptions>(lease.job.options));
+  if (engine_options.threads == 0) engine_options.threads = options.threads;
+  LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, PrepareInput(lease.job.id, context));
+  return context.engine->Reconstruct(input, engine_options, cancel, observer);
+}
+
+}  // namespace
+
+absl::Status RunJob(const Lease& lease, const WorkerContext& context, const WorkerOptions& options,
+                    const CancelToken& shutdown) {
+  const std::string& id = lease.job.id;
+  spdlog::info("job={} attempt={} starts", id, lease.job.attempt);
+  CancelToken cancel;
+  JobMonitor monitor(lease, context, options, shutdown, cancel);
+  const auto report = Reconstruct(lease, context, options, cancel, &monitor);
+  const JobMonitor::StopReason stop = monitor.Finish();
+
+  // An engine that finished, or failed, before it saw the token has finished, or failed.
+  if (report.ok()) {
+    spdlog::info("job={} succeeded gaussians={} seconds={:.1f}", id, report->gaussians,
+                 report->seconds);
+    const std::string scene =
+        fs::path(report->scene_path).lexically_proximate(context.data.root).string();
+    return context.leases->Succeed(lease, *report, scene);
+  }
+  if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kCancelled) {
+    spdlog::info("job={} cancelled", id);
+    return context.leases->Stopped(lease);
+  }
+  if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kShutdown) {
+    spdlog::info("job={} given back: shutting down", id);
+    return context.leases->GiveBack(lease);
+  }
+  if (stop == JobMonitor::StopReason::kLeaseLost) {
+    spdlog::warn("job={} lease lost", id);
+    return absl::OkStatus();
+  }
+  spdlog::warn("job={} failed: {}", id, report.status().ToString());
+  return context.leases->Fail(lease, report.status());
+}
+
+}  // namespace litags

@@ -1,0 +1,45 @@
+// One leased job: files in place, engine on, its reports into the store.
+#ifndef LITAGS_SERVER_WORKER_JOB_RUNNER_H_
+#define LITAGS_SERVER_WORKER_JOB_RUNNER_H_
+
+#include <functional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "engine/core/cancel.h"
+#include "engine/pipeline/engine.h"
+#include "server/jobs/leases.h"
+#include "server/store/blob_store.h"
+#include "server/store/data_dir.h"
+#include "server/store/job_store.h"
+
+namespace litags {
+
+struct WorkerOptions {
+  std::string name = "worker";   // unique among all workers there ever were
+  int threads = 0;               // for jobs that do not say; 0: all cores
+  double poll_seconds = 0.25;    // between looks for work, for cancellation and for shutdown
+  double heartbeat_seconds = 2;  // between renewals of the lease
+  double progress_seconds = 1;   // between progress events within one stage
+  double grace_seconds = 5;      // for an engine to obey its cancel token
+  // Called when it does not: must not return. The store already says what becomes of the job.
+  std::function<void()> give_up;
+};
+
+// What a worker works with; all must outlive it.
+struct WorkerContext {
+  JobStore* store;
+  BlobStore* blobs;
+  Leases* leases;
+  Engine* engine;
+  DataDir data;
+};
+
+// Runs a job to one of its ends: done, failed, cancelled, given back because `shutdown` was raised,
+// or lost to another worker. Errors are those of the store; what the engine says is in the job.
+absl::Status RunJob(const Lease& lease, const WorkerContext& context, const WorkerOptions& options,
+                    const CancelToken& shutdown);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_WORKER_JOB_RUNNER_H_

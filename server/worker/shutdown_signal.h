@@ -1,0 +1,23 @@
+#ifndef LITAGS_SERVER_WORKER_SHUTDOWN_SIGNAL_H_
+#define LITAGS_SERVER_WORKER_SHUTDOWN_SIGNAL_H_
+
+#include "engine/core/cancel.h"
+
+namespace litags {
+
+// Turns SIGTERM and SIGINT into a cancel token while it lives. Make it before other threads start.
+class ShutdownSignal {
+ public:
+  ShutdownSignal();
+  ~ShutdownSignal();
+  ShutdownSignal(const ShutdownSignal&) = delete;
+  ShutdownSignal& operator=(const ShutdownSignal&) = delete;
+
+  const CancelToken& token() const;
+  // Returns once a signal came.
+  void Wait() const;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_WORKER_SHUTDOWN_SIGNAL_H_

@@ -1,0 +1,73 @@
+#include "server/worker/supervisor.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/subprocess.h"
+#include "server/store/digest.h"
+
+namespace litags {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+// Workers write whole log lines in the format of this process: passed on as they are.
+void PassOn(std::string_view line) {
+  const std::string text = absl::StrCat(std::string(line), "\n");
+  std::fwrite(text.data(), 1, text.size(), stderr);
+}
+
+}  // namespace
+
+Supervisor::Supervisor(SupervisorOptions options, Leases* leases)
+    : options_(std::move(options)), leases_(leases) {
+  for (int i = 0; i < options_.workers; ++i) {
+    threads_.emplace_back([this, i] { KeepRunning(i); });
+  }
+}
+
+Supervisor::~Supervisor() { Stop(); }
+
+void Supervisor::Stop() {
+  stop_.Cancel();
+  for (std::thread& thread : threads_) {
+    if (thread.joinable()) thread.join();
+  }
+}
+
+void Supervisor::KeepRunning(int index) {
+  double backoff = options_.min_backoff_seconds;
+  while (!stop_.IsCancelled()) {
+    // A new name per process: what the old one held can be told from what the new one holds.
+    const std::string name = absl::StrCat("worker-", index, "-", RandomHex(4));
+    SubprocessOptions child;
+    child.args = options_.command;
+    child.args.insert(child.args.end(), {"--name", name});
+    child.grace_seconds = options_.grace_seconds;
+    child.on_line = PassOn;
+    const auto start = SteadyClock::now();
+    const auto result = RunSubprocess(child, stop_);
+    const double lived = std::chrono::duration<double>(SteadyClock::now() - start).count();
+    const std::string why = result.ok() ? absl::StrCat("it exited with code ", result->exit_code)
+                                        : std::string(result.status().message());
+    if (const absl::Status status = leases_->WorkerDied(name, why); !status.ok()) {
+      spdlog::error("cannot take back the job of {}: {}", name, status.ToString());
+    }
+    if (stop_.IsCancelled()) return;
+
+    backoff = lived > options_.young_seconds ? options_.min_backoff_seconds
+                                             : std::min(2 * backoff, options_.max_backoff_seconds);
+    spdlog::warn("{} ended: {}; next one in {:.1f} s", name, why, backoff);
+    const auto until = SteadyClock::now() + std::chrono::duration<double>(backoff);
+    while (!stop_.IsCancelled() && SteadyClock::now() < until) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+  }
+}
+
+}  // namespace litags

@@ -1,0 +1,44 @@
+#ifndef LITAGS_SERVER_WORKER_SUPERVISOR_H_
+#define LITAGS_SERVER_WORKER_SUPERVISOR_H_
+
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "engine/core/cancel.h"
+#include "server/jobs/leases.h"
+
+namespace litags {
+
+struct SupervisorOptions {
+  std::vector<std::string> command;  // program and arguments; "--name NAME" is added
+  int workers = 1;
+  double min_backoff_seconds = 0.2;  // before the first restart; doubles while workers die young
+  double max_backoff_seconds = 10;
+  double young_seconds = 30;  // a worker that lived longer is restarted at once
+  double grace_seconds = 8;   // between SIGTERM and SIGKILL when shutting down
+};
+
+// Keeps local workers running as child processes. A worker that dies loses its job at once, back
+// into the queue, and is replaced; when this process dies, the kernel kills the workers.
+class Supervisor {
+ public:
+  // `leases` must outlive this.
+  Supervisor(SupervisorOptions options, Leases* leases);
+  ~Supervisor();  // Stop()
+
+  // Ends the workers; they give their jobs back first.
+  void Stop();
+
+ private:
+  void KeepRunning(int index);
+
+  const SupervisorOptions options_;
+  Leases* const leases_;
+  CancelToken stop_;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_WORKER_SUPERVISOR_H_

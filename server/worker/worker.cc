@@ -1,0 +1,74 @@
+#include "server/worker/worker.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/store/digest.h"
+#include "server/worker/log.h"
+#include "server/worker/shutdown_signal.h"
+
+namespace litags {
+namespace {
+
+absl::Status OpenAndRun(const std::string& data_path, const WorkerOptions& options, Engine* engine,
+                        const CancelToken& shutdown) {
+  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(data_path));
+  LITAGS_ASSIGN_OR_RETURN(const auto store, OpenSqliteJobStore(data.database()));
+  LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenDiskBlobStore(data.blobs()));
+  Leases leases(store.get(), blobs.get());
+  RunWorker({store.get(), blobs.get(), &leases, engine, data}, options, shutdown);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void RunWorker(const WorkerContext& context, const WorkerOptions& options,
+               const CancelToken& shutdown) {
+  const auto pause = std::chrono::duration<double>(options.poll_seconds);
+  while (!shutdown.IsCancelled()) {
+    const auto lease = context.leases->Acquire(options.name);
+    if (!lease.ok()) {
+      spdlog::error("cannot look for work: {}", lease.status().ToString());
+    } else if (lease->has_value()) {
+      const absl::Status status = RunJob(**lease, context, options, shutdown);
+      if (status.ok()) continue;
+      spdlog::error("job={} {}", (*lease)->job.id, status.ToString());
+    }
+    std::this_thread::sleep_for(pause);
+  }
+}
+
+int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
+  CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
+  std::string data, colmap = "colmap", log_level = "info";
+  WorkerOptions options;
+  options.name = absl::StrCat("worker-", getpid(), "-", RandomHex(4));
+  app.add_option("--store", data, "Data folder of the installation")->required();
+  app.add_option("--name", options.name, "Name, unique among all workers there ever were");
+  app.add_option("--threads", options.threads, "Threads per job that does not say; 0: all cores")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--colmap", colmap, "COLMAP program: a name or a path")->capture_default_str();
+  app.add_option("--log-level", log_level, "debug, info, warn or error")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  if (!SetUpLog(log_level, options.name)) return 2;
+
+  options.give_up = [] { _exit(3); };
+  const std::unique_ptr<Engine> engine = make_engine(colmap);
+  const ShutdownSignal signal;
+  spdlog::info("working on {}", data);
+  const absl::Status status = OpenAndRun(data, options, engine.get(), signal.token());
+  if (!status.ok()) {
+    spdlog::error("{}", status.ToString());
+    return 1;
+  }
+  spdlog::info("bye");
+  return 0;
+}
+
+}  // namespace litags
