@@ -87,7 +87,7 @@ Pass RunPass(Pdm* pdm, const PdmWeights& weights, const Planes& R0, const Planes
 // Calls body for every SIMD target that this machine can run.
 template <typename Body>
 void ForEachTarget(const Body& body) {
-  const int64_t targets = hwy::SupportedTargets();
+  const int64_t targets = hwy::SupportedTargets() & HWY_TARGETS;
   for (int64_t bits = targets; bits != 0; bits &= bits - 1) {
     const int64_t target = bits & -bits;
     hwy::SetSupportedTargetsForTest(target);
@@ -128,7 +128,7 @@ TEST(Pdm, MatchesTheEquationsOnEverySimdTargetAndOddSize) {
       const Planes N = RandomPlanes(height, width, -0.3, 0.3, 1);
       const auto expected = MakeOracle(options, weights, R0, N).Forward();
       ForEachTarget([&] {
-        Pdm pdm(options, 2);
+        Pdm pdm(options, 1);
         pdm.Forward(weights, R0, N);
         for (int k = 1; k <= options.stages; ++k) {
           // 432 single-precision terms of size 1, three stages deep.
@@ -181,7 +181,7 @@ class FiniteDifferences {
 
 TEST(Pdm, BackwardMatchesFiniteDifferencesOfTheEquations) {
   for (PdmOptions options : Variants()) {
-    options.hidden = std::min(options.hidden, 6);  // one difference per weight: keep them few
+    options.hidden = std::min(options.hidden, 4);  // one difference per weight: keep them few
     for (const auto& [height, width] : {std::pair(1, 1), std::pair(3, 5), std::pair(2, 9)}) {
       SCOPED_TRACE(::testing::Message() << height << "x" << width << ", " << options.hidden);
       const PdmWeights weights = RandomWeights(options);
@@ -194,7 +194,7 @@ TEST(Pdm, BackwardMatchesFiniteDifferencesOfTheEquations) {
       std::vector<std::vector<double>> v_nets;
       for (size_t k = 0; k < weights.nets.size(); ++k) v_nets.push_back(expected.OfNet(k));
       ForEachTarget([&] {
-        Pdm pdm(options, 2);
+        Pdm pdm(options, 1);
         const Pass pass = RunPass(&pdm, weights, R0, N, v_last, v_previous);
         // Sums of up to a hundred single-precision terms of size 1.
         EXPECT_LT(LargestError(pass.v_R0.data, v_R0), 2e-5);
