@@ -126,9 +126,9 @@ Trainer::Trainer(const TrainOptions& options, const std::vector<TrainView>* view
   LITAGS_CHECK(!views->empty());
   TrainState& s = impl_->state;
   s.splats.params = std::move(initial);
-  s.splats.Rearrange(MortonOrder(s.splats.params));
   s.splats.moment1 = Splats(s.splats.params.size());
   s.splats.moment2 = Splats(s.splats.params.size());
+  s.splats.Rearrange(MortonOrder(s.splats.params));
   s.density.Reset(s.splats.params.size());
   if (options.lita && options.use_pdm) {
     s.pdm = PdmWeights::Initial(options.pdm, options.seed);
