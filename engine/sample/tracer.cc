@@ -1,6 +1,8 @@
 #include "engine/sample/tracer.h"
 
+#include <array>
 #include <numbers>
+#include <utility>
 
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
@@ -13,29 +15,39 @@ constexpr double kAmbientReach = 0.9;  // metres; what is farther away does not 
 constexpr int kAmbientRays = 2;        // a sample
 constexpr double kReflectedAmbient = 0.7;  // mean openness assumed for what is seen in a reflection
 
-// Numbers of one picture sample: a Cranley-Patterson rotation of a low-discrepancy sequence (the
-// R2 sequence: powers of the plastic number), so that the samples of one pixel are well spread in
-// every pair of dimensions and neighbouring pixels differ.
+// Pairs of random numbers a sample may use: its place in the pixel, ambient rays, one for each
+// light at the surface and again at what it reflects.
+constexpr int kMaxPairs = 16;
+using PixelNoise = std::array<std::pair<double, double>, kMaxPairs>;
+
+PixelNoise DrawPixelNoise(const CounterRng& rng, uint64_t pixel) {
+  PixelNoise noise;
+  for (uint64_t i = 0; i < kMaxPairs; ++i) {
+    const uint64_t counter = 2 * (pixel * kMaxPairs + i);
+    noise[i] = {rng.Uniform(counter), rng.Uniform(counter + 1)};
+  }
+  return noise;
+}
+
+// Numbers of one picture sample: the R2 sequence (powers of the plastic number), rotated by the
+// pixel's noise (Cranley-Patterson), so that the samples of a pixel are well spread in every pair
+// of dimensions and neighbouring pixels differ.
 class SampleSequence {
  public:
-  SampleSequence(const CounterRng& rng, uint64_t pixel, int sample)
-      : rng_(rng), base_(pixel * kDimensions), sample_(sample) {}
+  SampleSequence(const PixelNoise& noise, int sample) : noise_(noise), sample_(sample) {}
 
   // The next point of the unit square.
   std::pair<double, double> Next() {
-    const double u = rng_.Uniform(base_ + dimension_), v = rng_.Uniform(base_ + dimension_ + 1);
-    dimension_ += 2;
+    const auto& [u, v] = noise_[next_++ % kMaxPairs];
     return {Fraction(u + 0.7548776662466927 * sample_), Fraction(v + 0.5698402909980532 * sample_)};
   }
 
  private:
-  static constexpr uint64_t kDimensions = 64;
   static double Fraction(double v) { return v - std::floor(v); }
 
-  const CounterRng& rng_;
-  uint64_t base_;
+  const PixelNoise& noise_;
   int sample_;
-  uint64_t dimension_ = 0;
+  size_t next_ = 0;
 };
 
 // A direction frame around n.
@@ -148,10 +160,10 @@ Planes TraceRadiance(const World& world, const Camera& camera, const TraceOption
   const int grid = options.grid;
   ParallelFor(options.threads, camera.height, [&](size_t y, int) {
     for (int x = 0; x < camera.width; ++x) {
-      const uint64_t pixel = y * camera.width + x;
+      const PixelNoise noise = DrawPixelNoise(rng, y * camera.width + x);
       Vec3 sum;
       for (int s = 0; s < grid * grid; ++s) {
-        SampleSequence samples(rng, pixel, s);
+        SampleSequence samples(noise, s);
         const auto [jx, jy] = samples.Next();
         Ray ray = PixelRay(camera, x + (s % grid + jx) / grid, y + (s / grid + jy) / grid);
         ray.direction = Normalized(ray.direction);
