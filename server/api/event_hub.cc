@@ -9,6 +9,7 @@ namespace {
 
 // The delay of an event on its way to a watcher is this at most.
 constexpr std::chrono::milliseconds kPollInterval{50};
+constexpr std::chrono::seconds kStopGrace{1};
 
 }  // namespace
 
@@ -25,12 +26,15 @@ int64_t EventHub::Subscribe(std::function<void()> wake) {
 void EventHub::Unsubscribe(int64_t id) {
   std::lock_guard lock(mutex_);
   watchers_.erase(id);
+  if (watchers_.empty()) empty_.notify_all();
 }
 
 void EventHub::Stop() {
   if (stopping_.exchange(true)) return;
   thread_.join();
   WakeAll();
+  std::unique_lock lock(mutex_);
+  empty_.wait_for(lock, kStopGrace, [this] { return watchers_.empty(); });
 }
 
 void EventHub::Loop() {

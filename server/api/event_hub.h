@@ -2,6 +2,7 @@
 #define LITAGS_SERVER_API_EVENT_HUB_H_
 
 #include <atomic>
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -24,7 +25,8 @@ class EventHub {
   int64_t Subscribe(std::function<void()> wake);
   void Unsubscribe(int64_t id);
 
-  // Wakes all watchers a last time; from then on stopping() is true.
+  // Wakes all watchers a last time, with stopping() true from then on, and gives them a second to
+  // leave.
   void Stop();
   bool stopping() const { return stopping_.load(); }
 
@@ -37,6 +39,7 @@ class EventHub {
   std::mutex mutex_;
   int64_t next_id_ = 1;
   std::map<int64_t, std::function<void()>> watchers_;
+  std::condition_variable empty_;
   std::thread thread_;
 };
 

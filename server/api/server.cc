@@ -24,7 +24,7 @@ constexpr int kMaxReceiveBytes = 2 << 20;
 constexpr int kMaxSendBytes = 256 << 20;
 constexpr int kKeepaliveMs = 30'000;
 constexpr int kMinPingIntervalMs = 10'000;
-constexpr std::chrono::seconds kShutdownGrace{2};
+constexpr std::chrono::seconds kShutdownGrace{1};
 
 class GrpcServer : public Server {
  public:

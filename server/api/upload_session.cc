@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
-#include <initializer_list>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -22,8 +22,8 @@ namespace {
 constexpr size_t kMaxChunkBytes = size_t{1} << 20;
 
 struct RoleRules {
-  const char* field;                              // "images"
-  std::initializer_list<const char*> extensions;  // of names, lower case
+  const char* field;                    // "images"
+  std::vector<const char*> extensions;  // of names, lower case
 };
 
 RoleRules RulesOf(FileRole role) {

@@ -38,10 +38,12 @@ void WatchReactor::OnWriteDone(bool ok) {
   }
 }
 
-void WatchReactor::OnDone() { delete this; }
+void WatchReactor::OnDone() {
+  hub_->Unsubscribe(subscription_);
+  delete this;
+}
 
 void WatchReactor::End(const absl::Status& status) {
-  hub_->Unsubscribe(subscription_);
   {
     std::lock_guard lock(mutex_);
     ended_ = true;

@@ -160,7 +160,9 @@ class FakeEngine : public Engine {
       } else {
         observer->OnProgress(progress);
       }
-      if (i == options.iterations / 2) LITAGS_RETURN_IF_ERROR(Misbehave(names, input, cancel));
+      if (i == std::max(start + 1, options.iterations / 2)) {
+        LITAGS_RETURN_IF_ERROR(Misbehave(names, input, cancel));
+      }
     }
     Save(report.scene_path, options.iterations, names);
     return report;

@@ -1,0 +1,59 @@
+#ifndef LITAGS_SERVER_TESTING_API_FIXTURE_H_
+#define LITAGS_SERVER_TESTING_API_FIXTURE_H_
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <thread>
+
+#include "server/api/server.h"
+#include "server/jobs/leases.h"
+#include "server/testing/fake_engine.h"
+#include "server/testing/temp_dir.h"
+#include "server/testing/test_client.h"
+#include "server/worker/worker.h"
+
+namespace litags {
+
+// The real handlers over an in-process channel, the real store, and, once asked for, one worker as
+// a thread, all with the fake engine.
+class ApiTest : public ::testing::Test {
+ protected:
+  ~ApiTest() override {
+    stop_.Cancel();
+    if (worker_.joinable()) worker_.join();
+  }
+
+  void StartWorker() {
+    worker_ = std::thread([this] {
+      WorkerOptions options;
+      options.name = "test-worker";
+      options.poll_seconds = 0.05;
+      options.progress_seconds = 0.02;
+      RunWorker({store_.get(), blobs_.get(), &leases_, engine_.get(), data_}, options, stop_);
+    });
+  }
+
+  static ServerOptions Options() {
+    ServerOptions options;
+    options.listen = "";
+    options.render.max_pixels = 1'000'000;
+    return options;
+  }
+
+  TempDir dir_;
+  DataDir data_ = *DataDir::Open(dir_.path());
+  std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
+  std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
+  Jobs jobs_{store_.get(), blobs_.get(), data_};
+  Leases leases_{store_.get(), blobs_.get()};
+  std::unique_ptr<Engine> engine_ = MakeFakeEngine();
+  std::unique_ptr<Server> server_ = *StartServer(Options(), &jobs_, engine_.get());
+  TestClient client_{server_->InProcessChannel()};
+  CancelToken stop_;
+  std::thread worker_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_TESTING_API_FIXTURE_H_

@@ -1,0 +1,200 @@
+// The service as it runs: the server's program with its workers as child processes and a real
+// socket, linked with the fake engine.
+#include <gmock/gmock.h>
+#include <grpcpp/create_channel.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <fstream>
+#include <thread>
+
+#include "server/testing/temp_dir.h"
+#include "server/testing/test_client.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+using SteadyClock = std::chrono::steady_clock;
+
+double SecondsSince(SteadyClock::time_point t) {
+  return std::chrono::duration<double>(SteadyClock::now() - t).count();
+}
+
+class ServiceProcess : public ::testing::Test {
+ protected:
+  void SetUp() override { Launch(); }
+  void TearDown() override {
+    if (server_ > 0) Terminate(SIGTERM);
+  }
+
+  void Launch() {
+    const std::string port_file = dir_.path() + "/port";
+    unlink(port_file.c_str());
+    server_ = fork();
+    if (server_ == 0) {
+      execl(FAKE_SERVER, FAKE_SERVER, "--listen", "127.0.0.1:0", "--data",
+            (dir_.path() + "/data").c_str(), "--port-file", port_file.c_str(), "--log-level",
+            "warn", nullptr);
+      _exit(127);
+    }
+    int port = 0;
+    for (int i = 0; i < 1000 && port == 0; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      std::ifstream(port_file) >> port;
+    }
+    ASSERT_GT(port, 0) << "the server did not start";
+    client_ = std::make_unique<TestClient>(grpc::CreateChannel("127.0.0.1:" + std::to_string(port),
+                                                               grpc::InsecureChannelCredentials()));
+  }
+
+  // Ends the server and returns its exit status, as waitpid gives it.
+  int Terminate(int signal) {
+    kill(server_, signal);
+    int status = 0;
+    waitpid(server_, &status, 0);
+    server_ = -1;
+    return status;
+  }
+
+  // Process ids of the server's children.
+  std::vector<pid_t> Workers() const {
+    const std::string pid = std::to_string(server_);
+    std::vector<pid_t> workers;
+    for (const auto& task : std::filesystem::directory_iterator("/proc/" + pid + "/task")) {
+      std::ifstream children(task.path() / "children");
+      for (pid_t child; children >> child;) workers.push_back(child);
+    }
+    return workers;
+  }
+
+  // Events 1, 2, 3, ... of the job until it ends.
+  std::string History(const std::string& name) {
+    std::vector<v1::JobEvent> events;
+    const grpc::Status status = client_->Watch(name, 0, &events);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    std::string history;
+    for (size_t i = 0; i < events.size(); ++i) {
+      EXPECT_EQ(events[i].number(), static_cast<int64_t>(i + 1));
+      if (!events[i].has_state_change()) continue;
+      history += v1::JobState_Name(events[i].state_change().state()).substr(10) + " ";
+    }
+    return history;
+  }
+
+  // Until the engine is where it misbehaves: half way, after the snapshot there.
+  void WaitForSnapshot(const std::string& name, int iteration) {
+    v1::Job job;
+    for (int i = 0; i < 1000 && job.snapshot_iteration() < iteration; ++i) {
+      ASSERT_TRUE(client_->Get(name, &job).ok());
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    ASSERT_EQ(job.snapshot_iteration(), iteration);
+    ASSERT_EQ(job.state(), v1::JOB_STATE_RUNNING);
+  }
+
+  TempDir dir_;
+  pid_t server_ = -1;
+  std::unique_ptr<TestClient> client_;
+};
+
+TEST_F(ServiceProcess, JobRunsRendersAndIsDeletedOverARealSocket) {
+  const std::string name = client_->StartedJob({"a", "b", "c"});
+  EXPECT_EQ(History(name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  v1::RenderViewRequest request;
+  request.set_name(name);
+  request.mutable_pose()->set_camera("a.png");
+  v1::RenderedView view;
+  const grpc::Status status = client_->Render(request, &view);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_TRUE(client_->Delete(name).ok());
+  EXPECT_EQ(client_->Get(name, std::make_unique<v1::Job>().get()).error_code(), grpc::NOT_FOUND);
+}
+
+TEST_F(ServiceProcess, CrashedWorkerIsReplacedAndTheJobGoesOnFromItsCheckpoint) {
+  const std::string name = client_->StartedJob({"crash-once", "b"}, 60);
+  EXPECT_EQ(History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+  v1::Job job;
+  ASSERT_TRUE(client_->Get(name, &job).ok());
+  EXPECT_EQ(job.attempt(), 2);
+  ASSERT_EQ(job.report().notes_size(), 1);
+  EXPECT_EQ(job.report().notes(0), "resumed at iteration 30");
+}
+
+TEST_F(ServiceProcess, JobThatKillsEveryWorkerFailsAndTheServerLivesOn) {
+  const std::string name = client_->StartedJob({"crash", "b"}, 20);
+  const v1::Job job = client_->WaitFor(name, v1::JOB_STATE_FAILED, 30);
+  EXPECT_EQ(job.error().detail().reason(), "WORKER_LOST");
+  EXPECT_EQ(job.error().code(), grpc::ABORTED);
+  EXPECT_EQ(History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING QUEUED RUNNING FAILED ");
+  const std::string next = client_->StartedJob({"a", "b"});
+  client_->WaitFor(next, v1::JOB_STATE_SUCCEEDED, 30);
+}
+
+TEST_F(ServiceProcess, HangingJobIsCancelledWithinTwoSeconds) {
+  const std::string name = client_->StartedJob({"hang", "b"}, 40);
+  WaitForSnapshot(name, 20);
+  const auto start = SteadyClock::now();
+  ASSERT_TRUE(client_->Cancel(name).ok());
+  client_->WaitFor(name, v1::JOB_STATE_CANCELLED);
+  EXPECT_LT(SecondsSince(start), 2);
+}
+
+TEST_F(ServiceProcess, EngineThatIgnoresCancellationIsLeftAndItsWorkerReplaced) {
+  const std::string name = client_->StartedJob({"stuck", "b"}, 40);
+  WaitForSnapshot(name, 20);
+  ASSERT_TRUE(client_->Cancel(name).ok());
+  client_->WaitFor(name, v1::JOB_STATE_CANCELLED);
+  const std::string next = client_->StartedJob({"a", "b"});
+  client_->WaitFor(next, v1::JOB_STATE_SUCCEEDED);
+}
+
+TEST_F(ServiceProcess, StoppedServerLeavesNoWorkerAndTheJobGoesOnAfterARestart) {
+  const std::string name = client_->StartedJob({"slow", "b"}, 200);
+  client_->WaitFor(name, v1::JOB_STATE_RUNNING);
+  const std::vector<pid_t> workers = Workers();
+  ASSERT_EQ(workers.size(), 1u);
+  const auto start = SteadyClock::now();
+  const int status = Terminate(SIGTERM);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  EXPECT_LT(SecondsSince(start), 10);
+  EXPECT_NE(kill(workers[0], 0), 0);  // gone
+  Launch();
+  EXPECT_EQ(History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+}
+
+TEST_F(ServiceProcess, KilledServerTakesItsWorkersAlongAndLosesNoJob) {
+  const std::string name = client_->StartedJob({"slow", "b"}, 100);
+  client_->WaitFor(name, v1::JOB_STATE_RUNNING);
+  const std::vector<pid_t> workers = Workers();
+  ASSERT_EQ(workers.size(), 1u);
+  Terminate(SIGKILL);
+  for (int i = 0; i < 300 && kill(workers[0], 0) == 0; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  // A zombie that nobody has waited for yet is dead, too.
+  std::string state = "gone";
+  std::ifstream stat("/proc/" + std::to_string(workers[0]) + "/stat");
+  for (int i = 0; i < 3; ++i) stat >> state;
+  EXPECT_TRUE(state == "gone" || state == "Z") << state;
+  Launch();
+  client_->WaitFor(name, v1::JOB_STATE_SUCCEEDED, 30);
+  History(name);
+}
+
+TEST_F(ServiceProcess, SecondServerOnTheSameDataIsRefused) {
+  const std::string log = dir_.path() + "/second.log";
+  const int status = std::system(
+      (std::string(FAKE_SERVER) + " --listen 127.0.0.1:0 --data " + dir_.path() + "/data 2> " + log)
+          .c_str());
+  EXPECT_NE(status, 0);
+  std::ifstream file(log);
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  EXPECT_THAT(text, HasSubstr("another litags-server uses"));
+}
+
+}  // namespace
+}  // namespace litags

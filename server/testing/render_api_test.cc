@@ -1,0 +1,307 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "server/testing/api_fixture.h"
+#include "server/testing/photos.h"
+
+namespace litags {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+class RenderApi : public ApiTest {
+ protected:
+  void SetUp() override {
+    StartWorker();
+    job_ = client_.StartedJob({"a", "b", "c"}, 10);
+    client_.WaitFor(job_, v1::JOB_STATE_SUCCEEDED);
+    request_.set_name(job_);
+    request_.mutable_pose()->set_camera("b.png");
+  }
+
+  // The answer's reason and field; "OK" if there is none.
+  std::string Refusal() {
+    v1::RenderedView view;
+    const grpc::Status status = client_.Render(request_, &view);
+    if (status.ok()) return "OK";
+    return DetailOf(status).reason + " " + DetailOf(status).field;
+  }
+
+  void SetViewmat(std::vector<double> values) {
+    auto* viewmat = request_.mutable_pose()->mutable_viewmat();
+    viewmat->mutable_values()->Assign(values.begin(), values.end());
+  }
+
+  std::string job_;
+  v1::RenderViewRequest request_;
+};
+
+TEST_F(RenderApi, PictureFromATrainingCameraIsAPngOfItsSize) {
+  v1::RenderedView view;
+  const grpc::Status status = client_.Render(request_, &view);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  const auto image = DecodeImage(view.data(), "view");
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(image->width, 64);
+  EXPECT_EQ(image->height, 48);
+  EXPECT_EQ(view.iteration(), 10);
+  EXPECT_EQ(view.camera().viewmat().values_size(), 16);
+}
+
+TEST_F(RenderApi, MatrixOfACameraGivesTheSamePictureAsItsName) {
+  v1::RenderedView by_name, by_matrix;
+  ASSERT_TRUE(client_.Render(request_, &by_name).ok());
+  *request_.mutable_pose()->mutable_viewmat() = by_name.camera().viewmat();
+  ASSERT_TRUE(client_.Render(request_, &by_matrix).ok());
+  EXPECT_EQ(by_name.data(), by_matrix.data());
+}
+
+TEST_F(RenderApi, SizeFollowsTheCameraTheRequestOrItsAspectRatio) {
+  v1::RenderedView view;
+  request_.mutable_settings()->set_width(128);
+  ASSERT_TRUE(client_.Render(request_, &view).ok());
+  EXPECT_EQ(view.height(), 96);
+  EXPECT_DOUBLE_EQ(view.camera().intrinsics().fx(), 120);
+  request_.mutable_settings()->set_height(10);
+  request_.mutable_settings()->set_vertical_fov_deg(90);
+  ASSERT_TRUE(client_.Render(request_, &view).ok());
+  EXPECT_EQ(view.height(), 10);
+  EXPECT_NEAR(view.camera().intrinsics().fy(), 5, 1e-9);  // tan 45 degrees = 1
+}
+
+TEST_F(RenderApi, RawFloatsAreInterleavedRowsOfTheChannel) {
+  request_.mutable_settings()->set_format(v1::PICTURE_FORMAT_RAW_FLOAT);
+  v1::RenderedView colour, depth;
+  ASSERT_TRUE(client_.Render(request_, &colour).ok());
+  EXPECT_EQ(colour.planes(), 3);
+  ASSERT_EQ(colour.data().size(), size_t{64 * 48 * 3 * 4});
+  float rgb[3];  // the fake engine's planes differ by 0.1 c y / H
+  std::memcpy(rgb, colour.data().data() + size_t{24 * 64 * 3 * 4}, sizeof(rgb));
+  EXPECT_NEAR(rgb[1] - rgb[0], 0.05, 1e-6);
+  EXPECT_NEAR(rgb[2] - rgb[0], 0.10, 1e-6);
+  request_.mutable_settings()->set_channel(v1::CHANNEL_DEPTH);
+  ASSERT_TRUE(client_.Render(request_, &depth).ok());
+  EXPECT_EQ(depth.planes(), 1);
+  EXPECT_EQ(depth.data().size(), size_t{64 * 48 * 4});
+}
+
+TEST_F(RenderApi, EveryChannelHasItsPlanesAndDepthItsRange) {
+  for (int channel = v1::CHANNEL_COLOR; channel <= v1::CHANNEL_ALPHA; ++channel) {
+    for (const auto format : {v1::PICTURE_FORMAT_PNG, v1::PICTURE_FORMAT_JPEG}) {
+      SCOPED_TRACE(v1::Channel_Name(channel));
+      request_.mutable_settings()->set_channel(static_cast<v1::Channel>(channel));
+      request_.mutable_settings()->set_format(format);
+      v1::RenderedView view;
+      const grpc::Status status = client_.Render(request_, &view);
+      ASSERT_TRUE(status.ok()) << status.error_message();
+      EXPECT_TRUE(DecodeImage(view.data(), "view").ok());
+      EXPECT_LT(view.value_min(), view.value_max());
+      if (channel == v1::CHANNEL_DEPTH) {
+        EXPECT_GT(view.value_min(), 2);
+      }
+    }
+  }
+}
+
+TEST_F(RenderApi, BadPosesAreRefusedWithTheirField) {
+  SetViewmat({1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, kNan, 0, 0, 0, 1});
+  EXPECT_EQ(Refusal(), "POSE_NOT_FINITE pose.viewmat");
+  SetViewmat({1, 0, 0});
+  EXPECT_EQ(Refusal(), "POSE_SIZE pose.viewmat");
+  SetViewmat({2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1});
+  EXPECT_EQ(Refusal(), "POSE_NOT_RIGID pose.viewmat");
+  SetViewmat({1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 1});
+  EXPECT_EQ(Refusal(), "POSE_NOT_RIGID pose.viewmat");
+  auto* look = request_.mutable_pose()->mutable_look_at();
+  EXPECT_EQ(Refusal(), "LOOK_AT_DEGENERATE pose.look_at");  // eye = target
+  look->mutable_eye()->set_x(kNan);
+  EXPECT_EQ(Refusal(), "POSE_NOT_FINITE pose.look_at.eye");
+  look->mutable_eye()->set_x(3);
+  EXPECT_EQ(Refusal(), "OK");
+  look->mutable_up()->set_x(1);
+  EXPECT_EQ(Refusal(), "LOOK_AT_DEGENERATE pose.look_at");
+  request_.mutable_pose()->set_camera("nobody.jpg");
+  EXPECT_EQ(Refusal(), "CAMERA_NOT_FOUND pose.camera");
+  request_.clear_pose();
+  EXPECT_EQ(Refusal(), "POSE_MISSING pose");
+}
+
+TEST_F(RenderApi, BadSettingsAreRefusedWithTheirField) {
+  v1::RenderSettings* s = request_.mutable_settings();
+  const auto refusal_of = [&](auto change) {
+    s->Clear();
+    change();
+    return Refusal();
+  };
+  EXPECT_EQ(refusal_of([&] { s->set_width(-1); }), "PICTURE_SIZE_INVALID settings.width");
+  EXPECT_EQ(refusal_of([&] { s->set_width(100'000); }), "PICTURE_TOO_LARGE settings.width");
+  EXPECT_EQ(refusal_of([&] { s->set_vertical_fov_deg(kNan); }),
+            "FIELD_OF_VIEW_INVALID settings.vertical_fov_deg");
+  EXPECT_EQ(refusal_of([&] { s->mutable_intrinsics()->set_fx(5); }),
+            "PICTURE_SIZE_INVALID settings.width");
+  EXPECT_EQ(refusal_of([&] { s->set_exposure(1); }), "EXPOSURE_INVALID settings.exposure");
+  EXPECT_EQ(refusal_of([&] {
+              s->set_channel(v1::CHANNEL_EXPOSURE);
+              s->set_exposure(kNan);
+            }),
+            "EXPOSURE_INVALID settings.exposure");
+  EXPECT_EQ(refusal_of([&] { s->set_jpeg_quality(101); }),
+            "JPEG_QUALITY_INVALID settings.jpeg_quality");
+  EXPECT_EQ(refusal_of([&] { s->set_channel(static_cast<v1::Channel>(99)); }),
+            "CHANNEL_UNKNOWN settings.channel");
+  EXPECT_EQ(refusal_of([&] { s->set_format(static_cast<v1::PictureFormat>(99)); }),
+            "FORMAT_UNKNOWN settings.format");
+  EXPECT_NE(refusal_of([&] {
+              s->set_width(10);
+              s->set_height(10);
+              s->mutable_intrinsics()->set_fx(kNan);
+            }),
+            "OK");
+}
+
+TEST_F(RenderApi, CamerasAreListedWithTheRegionTheySee) {
+  grpc::ClientContext context;
+  v1::ListCamerasRequest request;
+  request.set_name(job_);
+  v1::ListCamerasResponse response;
+  ASSERT_TRUE(client_.render->ListCameras(&context, request, &response).ok());
+  ASSERT_EQ(response.cameras_size(), 3);
+  EXPECT_EQ(response.cameras(0).name(), "a.png");
+  EXPECT_EQ(response.radius(), 4);
+  EXPECT_EQ(response.up().y(), -1);
+  EXPECT_EQ(response.gaussians(), 100);
+}
+
+class PathApi : public RenderApi {
+ protected:
+  grpc::Status Path(std::vector<v1::RenderPathResponse>* frames) {
+    grpc::ClientContext context;
+    path_.set_name(job_);
+    const auto reader = client_.render->RenderPath(&context, path_);
+    v1::RenderPathResponse frame;
+    while (reader->Read(&frame)) frames->push_back(frame);
+    return reader->Finish();
+  }
+
+  // Camera centre of a frame: -R^T t.
+  static std::array<double, 3> Center(const v1::RenderPathResponse& frame) {
+    Camera camera;
+    std::array<double, 16> viewmat;
+    const auto& values = frame.view().camera().viewmat().values();
+    std::copy(values.begin(), values.end(), viewmat.begin());
+    camera.SetViewmat(viewmat);
+    return camera.Center();
+  }
+
+  v1::RenderPathRequest path_;
+};
+
+TEST_F(PathApi, OrbitStaysOnItsCircleAndComesInOrder) {
+  path_.mutable_orbit()->set_radius_scale(0.5);
+  path_.mutable_orbit()->set_elevation_deg(30);
+  path_.set_frames(8);
+  std::vector<v1::RenderPathResponse> frames;
+  const grpc::Status status = Path(&frames);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_EQ(frames.size(), 8u);
+  for (size_t i = 0; i < frames.size(); ++i) {
+    EXPECT_EQ(frames[i].frame(), static_cast<int>(i));
+    EXPECT_EQ(frames[i].frames(), 8);
+    const auto c = Center(frames[i]);
+    EXPECT_NEAR(std::sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]), 2, 1e-9);
+    EXPECT_NEAR(c[1], -1, 1e-9);  // up is -y: 2 sin 30 degrees above
+  }
+  const auto first = Center(frames[0]), half = Center(frames[4]);
+  EXPECT_NEAR(first[0], -half[0], 1e-9);
+  EXPECT_NEAR(first[2], -half[2], 1e-9);
+}
+
+TEST_F(PathApi, KeyframesAreOnThePath) {
+  path_.mutable_keyframes()->add_poses()->set_camera("a.png");
+  path_.mutable_keyframes()->add_poses()->set_camera("b.png");
+  path_.mutable_keyframes()->add_poses()->set_camera("c.png");
+  path_.set_frames(5);
+  std::vector<v1::RenderPathResponse> frames;
+  const grpc::Status status = Path(&frames);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_EQ(frames.size(), 5u);
+  const std::string names[] = {"a.png", "b.png", "c.png"};
+  for (int i = 0; i < 3; ++i) {
+    request_.mutable_pose()->set_camera(names[i]);
+    v1::RenderedView view;
+    ASSERT_TRUE(client_.Render(request_, &view).ok());
+    for (int k = 0; k < 16; ++k) {
+      EXPECT_NEAR(view.camera().viewmat().values(k),
+                  frames[2 * i].view().camera().viewmat().values(k), 1e-9);
+    }
+  }
+}
+
+TEST_F(PathApi, BadPathsAreRefusedWithTheirField) {
+  std::vector<v1::RenderPathResponse> frames;
+  EXPECT_EQ(DetailOf(Path(&frames)).reason, "PATH_MISSING");
+  path_.mutable_keyframes()->add_poses()->set_camera("a.png");
+  EXPECT_EQ(DetailOf(Path(&frames)).reason, "TOO_FEW_KEYFRAMES");
+  path_.mutable_keyframes()->add_poses()->mutable_look_at()->mutable_eye()->set_z(kNan);
+  EXPECT_EQ(DetailOf(Path(&frames)).field, "keyframes.poses[1].look_at.eye");
+  path_.mutable_orbit()->set_elevation_deg(90);
+  EXPECT_EQ(DetailOf(Path(&frames)).field, "orbit.elevation_deg");
+  path_.set_frames(-1);
+  EXPECT_EQ(DetailOf(Path(&frames)).reason, "FRAMES_INVALID");
+  EXPECT_TRUE(frames.empty());
+}
+
+TEST_F(RenderApi, ExportSendsTheAnnouncedBytesAndLeavesNoFile) {
+  for (const auto& [format, kind] : std::vector<std::pair<v1::ModelFormat, std::string>>{
+           {v1::MODEL_FORMAT_PLY, "normal"},
+           {v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT, "original"},
+           {v1::MODEL_FORMAT_PLY_FULL, "full"}}) {
+    grpc::ClientContext context;
+    v1::ExportModelRequest request;
+    request.set_name(job_);
+    request.set_format(format);
+    const auto reader = client_.model->ExportModel(&context, request);
+    v1::ExportModelResponse part;
+    ASSERT_TRUE(reader->Read(&part));
+    const int64_t size = part.header().size_bytes();
+    EXPECT_EQ(part.header().iteration(), 10);
+    std::string bytes;
+    while (reader->Read(&part)) bytes += part.chunk();
+    EXPECT_TRUE(reader->Finish().ok());
+    EXPECT_EQ(static_cast<int64_t>(bytes.size()), size);
+    EXPECT_THAT(bytes, ::testing::StartsWith("ply\ncomment " + kind));
+    EXPECT_THAT(bytes, ::testing::EndsWith("xend"));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(data_.tmp()));
+}
+
+TEST_F(RenderApi, SnapshotOfARunningJobRendersAndANewerOneReplacesIt) {
+  const std::string running = client_.StartedJob({"slow", "b"}, 200);
+  request_.set_name(running);
+  request_.mutable_pose()->set_camera("b.png");
+  v1::RenderedView view;
+  grpc::Status status;
+  int first = 0, last = 0;
+  for (int i = 0; i < 500 && last <= first; ++i) {
+    status = client_.Render(request_, &view);
+    if (status.ok()) {
+      last = view.iteration();
+      if (first == 0) first = last;
+    } else {
+      EXPECT_EQ(DetailOf(status).reason, "SCENE_NOT_READY") << status.error_message();
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_GT(first, 0);
+  EXPECT_GT(last, first);
+  v1::Job job;
+  ASSERT_TRUE(client_.Get(running, &job).ok());
+  EXPECT_EQ(job.state(), v1::JOB_STATE_RUNNING);
+}
+
+}  // namespace
+}  // namespace litags
