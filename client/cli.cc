@@ -31,7 +31,11 @@ std::string NextStep(const std::string& reason, const std::string& job) {
   return "";
 }
 
-std::string UnreachableText(const Session& session) {
+std::string UnreachableText(const Session& session, const absl::Status& status) {
+  if (absl::IsDeadlineExceeded(status)) {
+    return absl::StrCat("the server at ", session.server,
+                        " did not answer in time: is it busy? try again, or look into its log");
+  }
   return absl::StrCat("no server answers at ", session.server,
                       ": start one with \"litags-server\", or name another with --server "
                       "HOST:PORT or LITAGS_SERVER");
@@ -79,7 +83,7 @@ int ReportError(const Session& session, const absl::Status& status, const std::s
     return exit_code;
   }
   if (exit_code == kExitUnreachable && detail.reason().empty()) {
-    Note(absl::StrCat("error: ", UnreachableText(session)));
+    Note(absl::StrCat("error: ", UnreachableText(session, status)));
     return exit_code;
   }
   std::string text = absl::StrCat("error: ", std::string(status.message()));

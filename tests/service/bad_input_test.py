@@ -1,0 +1,186 @@
+"""Bad input over a real socket: one clear error with its code, its field and a remedy."""
+
+import math
+import os
+import re
+import tempfile
+import unittest
+
+import grpc
+
+import harness
+from harness import rpc
+from litags.v1 import render_service_pb2 as render
+
+INVALID = grpc.StatusCode.INVALID_ARGUMENT
+PRECONDITION = grpc.StatusCode.FAILED_PRECONDITION
+
+
+class BadUploads(harness.ServiceTest):
+
+    def job(self):
+        return self.jobs.CreateJob(rpc.CreateJobRequest()).name
+
+    def refused_upload(self, files, code, reason, field, words):
+        job = self.job()
+        self.assert_refused(lambda: self.jobs.UploadImages(self.upload(job, files)), code, reason,
+                            field, words)
+
+    def refused_submit(self, files, reason, field, words):
+        """`litags submit` of (name, bytes) pairs: exit code 2, the detail, and no job left."""
+        folder = tempfile.mkdtemp(dir=self.folder)
+        for name, data in files:
+            with open(os.path.join(folder, name), "wb") as file:
+                file.write(data)
+        before = len(self.litags("list", "--json")[0].splitlines())
+        out, err = self.litags("submit", folder, exit_code=2)
+        self.assertEqual(out, "")
+        self.assertIn(reason, err)
+        self.assertIn(f"field:  {field}\n", err)
+        self.assertRegex(err, words)
+        self.assertEqual(len(self.litags("list", "--json")[0].splitlines()), before)
+
+    def test_a_file_that_is_no_image(self):
+        files = [("a.png", harness.png()), ("notes.jpg", b"Dear diary, " * 20)]
+        self.refused_upload(files, INVALID, "IMAGE_NOT_RECOGNIZED", "images[notes.jpg]", "notes.jpg")
+        self.refused_submit(files, "IMAGE_NOT_RECOGNIZED", "images[notes.jpg]", "notes.jpg")
+
+    def test_a_file_without_bytes(self):
+        files = [("a.png", harness.png()), ("empty.jpg", b"")]
+        self.refused_upload(files, INVALID, "FILE_EMPTY", "images[empty.jpg]", "copy it")
+        self.refused_submit(files, "FILE_EMPTY", "images[empty.jpg]", "copy it")
+
+    def test_a_truncated_jpeg(self):
+        files = [("cut.jpg", harness.jpeg_header() + b"\x00")]
+        self.refused_upload(files, INVALID, "IMAGE_TRUNCATED", "images[cut.jpg]", "cut.jpg")
+        self.refused_submit(files, "IMAGE_TRUNCATED", "images[cut.jpg]", "cut.jpg")
+
+    def test_a_truncated_png(self):
+        files = [("cut.png", harness.png()[:-40])]
+        self.refused_upload(files, INVALID, "IMAGE_TRUNCATED", "images[cut.png]", "cut.png")
+
+    def test_photos_of_two_sizes(self):
+        files = [("a.png", harness.png(64, 48)), ("b.png", harness.png(48, 64))]
+        job = self.job()
+        self.jobs.UploadImages(self.upload(job, files))
+        self.assert_refused(lambda: self.jobs.StartJob(rpc.StartJobRequest(name=job)), PRECONDITION,
+                            "PHOTO_SIZES_DIFFER", "images[b.png]", r"a\.png.*64x48|64x48.*a\.png")
+        self.refused_submit(files, "PHOTO_SIZES_DIFFER", "images[b.png]", "48x64")
+
+    def test_one_photo_only(self):
+        files = [("a.png", harness.png())]
+        job = self.job()
+        self.jobs.UploadImages(self.upload(job, files))
+        self.assert_refused(lambda: self.jobs.StartJob(rpc.StartJobRequest(name=job)), PRECONDITION,
+                            "TOO_FEW_PHOTOS", "images", "upload|add|more")
+        self.refused_submit(files, "TOO_FEW_PHOTOS", "images", "1 photo|one photo")
+
+    def test_names_that_are_paths(self):
+        for name in ("../evil.png", "a/b.png", "/etc/passwd.png", "..", "a\\..\\b.png", "a\nb.png",
+                     "x" * 300 + ".png", ""):
+            with self.subTest(name):
+                job = self.job()
+                with self.assertRaises(grpc.RpcError) as caught:
+                    self.jobs.UploadImages(self.upload(job, [(name, harness.png())]))
+                self.assertEqual(caught.exception.code(), INVALID)
+                detail = harness.error_detail(caught.exception)
+                self.assertRegex(detail.reason, "FILE_NAME")
+                self.assertTrue(detail.field.startswith("images["), detail.field)
+        # Nothing was written beside the server's own files.
+        for folder, _, names in os.walk(self.class_folder):
+            self.assertFalse([n for n in names if re.search("evil|passwd", n)], folder)
+
+    def test_bytes_that_are_not_those_announced(self):
+        job = self.job()
+
+        def messages():
+            parts = list(self.upload(job, [("a.png", harness.png())]))
+            parts[1].file.sha256 = bytes(32)
+            yield from parts
+        self.assert_refused(lambda: self.jobs.UploadImages(messages()), INVALID,
+                            "FILE_DIGEST_MISMATCH", "images[a.png]", "again")
+
+    def test_an_upload_that_ends_inside_a_file(self):
+        job = self.job()
+        parts = list(self.upload(job, [("a.png", harness.png())], chunk=100))
+        self.assert_refused(lambda: self.jobs.UploadImages(iter(parts[:-1])), INVALID,
+                            "FILE_TRUNCATED", "images[a.png]", "again")
+
+    def test_options_out_of_range(self):
+        _, err = self.litags("submit", self.photos(), "--theta", "1.5", exit_code=2)
+        self.assertIn("field:  options.theta", err)
+
+    def test_folders_without_photos_are_refused_on_this_side(self):
+        empty = tempfile.mkdtemp(dir=self.folder)
+        for folder, words in ((os.path.join(self.folder, "none"), "there is no such folder"),
+                              (empty, "folder is empty")):
+            out, err = self.litags("submit", folder, exit_code=2, server="127.0.0.1:1")
+            self.assertEqual(out, "")
+            self.assertIn(words, err)
+            self.assertIn("field:  DIR", err)
+
+
+class BadRequests(harness.ServiceTest):
+
+    def test_a_pose_with_nan(self):
+        numbers = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+        numbers[3] = math.nan
+        job = self.finished_job()
+        pose = render.Pose(viewmat=render.Viewmat(values=numbers))
+        self.assert_refused(
+            lambda: self.pictures.RenderView(render.RenderViewRequest(name=job, pose=pose)), INVALID,
+            "POSE_NOT_FINITE", "pose.viewmat", "finite")
+        _, err = self.litags("render", job, "--pose", *map(str, numbers), "-o",
+                             os.path.join(self.folder, "v.png"), exit_code=2)
+        self.assertIn("POSE_NOT_FINITE", err)
+        self.assertIn("field:  pose.viewmat", err)
+        self.assertEqual(os.listdir(self.folder), [])
+
+    def test_a_camera_that_is_not_there(self):
+        _, err = self.litags("render", self.finished_job(), "--camera", "zebra.jpg", "-o",
+                             os.path.join(self.folder, "v.png"), exit_code=4)
+        self.assertIn("CAMERA_NOT_FOUND", err)
+        self.assertIn(f"litags cameras {self.finished_job()}", err)
+
+    def test_a_job_that_does_not_exist(self):
+        # Of the form of an id, but of no job.
+        unknown = re.sub(r"[0-9a-z]", "0", self.finished_job().removeprefix("jobs/"))
+        self.assert_refused(lambda: self.jobs.GetJob(rpc.GetJobRequest(name="jobs/" + unknown)),
+                            grpc.StatusCode.NOT_FOUND, "JOB_NOT_FOUND", "name", unknown)
+        output = os.path.join(self.folder, "out")
+        for command in (("show",), ("watch",), ("cancel",), ("resume",), ("delete",), ("cameras",),
+                        ("render", "--camera", "a.png", "-o", output + ".png"),
+                        ("path", "--orbit", "-o", output),
+                        ("export", "--ply", output + ".ply")):
+            with self.subTest(command[0]):
+                _, err = self.litags(command[0], unknown, *command[1:], exit_code=4)
+                self.assertIn("JOB_NOT_FOUND", err)
+                self.assertIn("litags list", err)
+
+    def test_a_job_name_that_is_none(self):
+        self.assert_refused(lambda: self.jobs.GetJob(rpc.GetJobRequest(name="../../etc")), INVALID,
+                            "JOB_NAME_INVALID", "name", "jobs/")
+
+    def test_a_scene_that_is_not_ready(self):
+        job = self.jobs.CreateJob(rpc.CreateJobRequest()).name
+        _, err = self.litags("render", job, "--camera", "a.png", "-o",
+                             os.path.join(self.folder, "v.png"), exit_code=5)
+        self.assertIn("SCENE_NOT_READY", err)
+
+    def test_a_server_that_is_not_running_is_one_clear_line(self):
+        for command in (("list",), ("submit", self.photos()), ("watch", "1"), ("doctor",)):
+            with self.subTest(command[0]):
+                _, err = self.litags(*command, exit_code=3, server="127.0.0.1:1")
+                self.assertEqual(err.count("\n"), 1, err)
+                self.assertIn("no server answers at 127.0.0.1:1: start one with \"litags-server\"",
+                              err)
+
+    def test_usage_that_makes_no_sense(self):
+        for command in (("frobnicate",), ("watch",), ("render", "1", "-o", "v.png"),
+                        ("path", "1", "-o", "f"), ("list", "--limit", "-3")):
+            with self.subTest(command):
+                self.litags(*command, exit_code=2)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

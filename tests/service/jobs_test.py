@@ -1,0 +1,177 @@
+"""A job's life over a real socket: submit, watch, cancel, resume, delete, list."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import tempfile
+import time
+import unittest
+
+import grpc
+
+import harness
+from harness import rpc
+
+
+def event_numbers(text):
+    return [int(number) for number in re.findall(r"^#(\d+) ", text, re.MULTILINE)]
+
+
+class Jobs(harness.ServiceTest):
+
+    def test_a_folder_of_photos_becomes_a_scene(self):
+        out, err = self.litags("submit", self.photos(), "--watch", "--iterations", "30", "--name",
+                               "Kitchen at night")
+        job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
+        self.assertEqual(job.state, harness.SUCCEEDED)
+        self.assertEqual(job.photos, 3)
+        self.assertEqual(job.options.iterations, 30)
+        self.assertEqual(job.display_name, "Kitchen at night")
+        self.assertRegex(err, r"(?m)^#\d+ training  30/30")
+        self.assertIn("succeeded", err)
+
+    def test_options_reach_the_job(self):
+        job = self.submit("--iterations", "12", "--method", "3dgs", "--tone", "paper", "--seed", "7",
+                          "--max-gaussians", "1234", "--no-pdm", "--theta", "0.4")
+        options = self.jobs.GetJob(rpc.GetJobRequest(name=job)).options
+        self.assertEqual(options.method, harness.job_pb2.METHOD_3DGS)
+        self.assertEqual(options.tone, harness.job_pb2.TONE_PAPER)
+        self.assertEqual((options.seed, options.max_gaussians, options.use_pdm, options.use_prior),
+                         (7, 1234, False, True))
+        self.assertAlmostEqual(options.theta, 0.4)
+
+    def test_the_same_request_id_makes_one_job(self):
+        photos = self.photos()
+        args = ("submit", photos, "--request-id", "once-" + os.path.basename(photos),
+                "--iterations", "10")
+        first, _ = self.litags(*args)
+        second, err = self.litags(*args)
+        self.assertEqual(first, second)
+        self.assertIn("was submitted before", err)
+
+    def test_watching_over_a_cut_connection_loses_and_doubles_nothing(self):
+        # 300 iterations of 20 ms: long enough to be cut several times.
+        job = self.submit("--iterations", "300", names=("slow.png", "b.png"))
+        proxy = harness.CuttableProxy(self.server.port)
+        self.addCleanup(proxy.close)
+        watch = self.start_litags("watch", job, "--json", server=proxy.address)
+        numbers = []
+        next_cut = 3  # events
+        for line in watch.stdout:
+            numbers.append(int(json.loads(line)["number"]))
+            # Three cuts, each of a connection that has brought something.
+            if proxy.connections <= 3 and len(numbers) >= next_cut:
+                cut_connections = proxy.connections
+                proxy.cut()
+                self.wait_for(lambda: proxy.connections > cut_connections, "another connection")
+                next_cut = len(numbers) + 3
+        self.assertEqual(watch.wait(harness.PATIENCE_S), 0, watch.stderr.read())
+        watch.stdout.close()
+        watch.stderr.close()
+        self.assertGreaterEqual(proxy.connections, 3)
+        last = self.jobs.GetJob(rpc.GetJobRequest(name=job)).last_event
+        self.assertEqual(numbers, list(range(1, last + 1)))
+
+    def test_python_resumes_a_watch_after_the_last_number(self):
+        job = self.submit("--iterations", "100", names=("slow.png", "b.png"))
+        stream = self.jobs.WatchJob(rpc.WatchJobRequest(name=job))
+        numbers = [next(stream).number for _ in range(4)]
+        stream.cancel()
+        for event in self.jobs.WatchJob(rpc.WatchJobRequest(name=job, after_event=numbers[-1])):
+            numbers.append(event.number)
+        last = self.jobs.GetJob(rpc.GetJobRequest(name=job)).last_event
+        self.assertEqual(numbers, list(range(1, last + 1)))
+
+    def test_watch_after_a_number_shows_only_what_followed(self):
+        job = self.finished_job()
+        last = self.jobs.GetJob(rpc.GetJobRequest(name=job)).last_event
+        out, _ = self.litags("watch", job, "--after", str(last - 2))
+        self.assertEqual(event_numbers(out), [last - 1, last])
+
+    def test_ctrl_c_stops_watching_and_leaves_the_job_alone(self):
+        job = self.submit("--iterations", "200", names=("slow.png", "b.png"))
+        watch = self.start_litags("watch", job)
+        self.assertRegex(watch.stdout.readline(), r"^#1 ")
+        watch.send_signal(signal.SIGINT)
+        out, err = watch.communicate(timeout=harness.PATIENCE_S)
+        self.assertEqual(watch.returncode, 130)
+        numbers = event_numbers(out) or [1]
+        self.assertIn(f"goes on\n  follow it again: litags watch {job} --after {numbers[-1]}", err)
+        self.assertIn(self.state(job), (harness.job_pb2.JOB_STATE_QUEUED, harness.RUNNING))
+        self.litags("cancel", job)
+
+    def test_cancel_stops_a_running_job_within_two_seconds_and_resume_continues_it(self):
+        job = self.submit("--iterations", "200", "--checkpoint-every", "10",
+                          names=("slow.png", "b.png"))
+        self.wait_for(lambda: self.jobs.GetJob(rpc.GetJobRequest(name=job)).progress.iteration > 20,
+                      "iteration 20")
+        begin = time.monotonic()
+        self.litags("cancel", job)
+        self.wait_for(lambda: self.state(job) == harness.CANCELLED, "the end of a cancelled job")
+        self.assertLess(time.monotonic() - begin, 2)
+        out, _ = self.litags("watch", job, exit_code=1)
+        self.assertIn("is cancelled", out)
+        self.litags("resume", job)
+        out, _ = self.litags("watch", job)
+        self.assertRegex(out, r"note: resumed at iteration [1-9]")
+
+    def test_a_job_that_fails_says_why_and_what_to_do(self):
+        job = self.submit("--iterations", "10", names=("fail.png", "b.png"))
+        out, _ = self.litags("watch", job, exit_code=1)
+        self.assertRegex(out, r"failed: .*overlap more\n  field:  images\n"
+                              r"  reason: SFM_TOO_FEW_VIEWS")
+
+    def test_deleting_removes_the_job(self):
+        job = self.submit("--iterations", "10")
+        self.litags("watch", job)
+        self.litags("delete", job)
+        _, err = self.litags("show", job, exit_code=4)
+        self.assertIn("JOB_NOT_FOUND", err)
+
+    def test_list_and_show_name_the_job(self):
+        job = self.finished_job()
+        out, _ = self.litags("list")
+        self.assertRegex(out, rf"(?m)^{job} +succeeded ")
+        shown = json.loads(self.litags("show", job.removeprefix("jobs/"), "--json")[0])
+        self.assertEqual((shown["name"], shown["state"]), (job, "JOB_STATE_SUCCEEDED"))
+
+    def test_doctor_finds_everything_in_place(self):
+        out, _ = self.litags("doctor")
+        self.assertRegex(out, r"health +serving")
+        self.assertRegex(out, r"litags\.v1: works")
+
+
+class Restart(unittest.TestCase):
+
+    def test_a_watch_survives_kill_9_of_the_server(self):
+        folder = tempfile.mkdtemp(prefix="litags-restart-")
+        self.addCleanup(shutil.rmtree, folder, ignore_errors=True)
+        helper = harness.ServiceTest()
+        helper.class_folder = folder
+        helper.setUp()
+        helper.server = harness.Server(folder)
+        port = helper.server.port
+        job = helper.submit("--iterations", "200", "--checkpoint-every", "10",
+                            names=("slow.png", "b.png"))
+        watch = helper.start_litags("watch", job, "--json")
+        numbers = [int(json.loads(watch.stdout.readline())["number"]) for _ in range(4)]
+        helper.server.kill()
+        time.sleep(0.5)
+        helper.server = harness.Server(folder, port)
+        self.addCleanup(helper.server.stop)
+        for line in watch.stdout:
+            numbers.append(int(json.loads(line)["number"]))
+        self.assertEqual(watch.wait(harness.PATIENCE_S), 0, watch.stderr.read())
+        watch.stdout.close()
+        watch.stderr.close()
+        with grpc.insecure_channel(helper.server.address) as channel:
+            stub = harness.reconstruction_service_pb2_grpc.ReconstructionServiceStub(channel)
+            last = stub.GetJob(rpc.GetJobRequest(name=job))
+        self.assertEqual(last.state, harness.SUCCEEDED)
+        self.assertEqual(numbers, list(range(1, last.last_event + 1)))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,116 @@
+"""Pictures, paths and exports over a real socket."""
+
+import json
+import os
+import struct
+import unittest
+
+import harness
+from litags.v1 import model_service_pb2 as model
+from litags.v1 import render_service_pb2 as render
+
+
+class Pictures(harness.ServiceTest):
+
+    def path(self, name):
+        return os.path.join(self.folder, name)
+
+    def read(self, name):
+        with open(self.path(name), "rb") as file:
+            return file.read()
+
+    def test_a_view_by_camera_has_the_size_of_its_photo(self):
+        self.litags("render", self.finished_job(), "--camera", "b.png", "-o", self.path("v.png"))
+        self.assertEqual(harness.png_size(self.read("v.png")), (64, 48))
+
+    def test_a_view_by_matrix_equals_the_view_by_camera(self):
+        job = self.finished_job()
+        cameras = json.loads(self.litags("cameras", job, "--json")[0])["cameras"]
+        camera = next(c for c in cameras if c["name"] == "b.png")["camera"]
+        pose = self.path("pose.txt")
+        with open(pose, "w") as file:
+            file.write(" ".join(repr(v) for v in camera["viewmat"]["values"]))
+        for args, name in ((("--pose", pose), "a.npy"),
+                           (("--pose", *map(repr, camera["viewmat"]["values"])), "b.npy"),
+                           (("--camera", "b.png"), "c.npy")):
+            self.litags("render", job, *args, "-o", self.path(name))
+        self.assertEqual(self.read("a.npy"), self.read("c.npy"))
+        self.assertEqual(self.read("b.npy"), self.read("c.npy"))
+
+    def test_a_view_by_look_at_takes_size_and_field_of_view(self):
+        self.litags("render", self.finished_job(), "--look-at", "-4,-1,0", "0,0,0", "--up", "0,-1,0",
+                    "--size", "80x50", "--fov", "40", "-o", self.path("v.png"))
+        self.assertEqual(harness.png_size(self.read("v.png")), (80, 50))
+
+    def test_every_channel_can_be_had_as_floats(self):
+        planes = {"color": 3, "original": 3, "exposure": 3, "depth": 1, "structure": 1,
+                  "illumination": 3, "noise": 3, "alpha": 1}
+        for channel, count in planes.items():
+            with self.subTest(channel):
+                self.litags("render", self.finished_job(), "--camera", "a.png", "--channel", channel,
+                            "--size", "8x6", "-o", self.path("v.npy"))
+                data = self.read("v.npy")
+                length = 10 + struct.unpack("<H", data[8:10])[0]
+                self.assertIn(f"(6, 8, {count})".encode(), data[:length])
+                self.assertEqual(len(data) - length, 4 * 6 * 8 * count)
+
+    def test_a_jpeg_is_a_jpeg(self):
+        self.litags("render", self.finished_job(), "--camera", "a.png", "-o", self.path("v.jpg"))
+        self.assertEqual(self.read("v.jpg")[:2], b"\xff\xd8")
+        self.assertEqual(self.read("v.jpg")[-2:], b"\xff\xd9")
+
+    def test_an_orbit_arrives_frame_by_frame(self):
+        self.litags("path", self.finished_job(), "--orbit", "--frames", "7", "--size", "16x12", "-o",
+                    self.path("frames"))
+        self.assertEqual(sorted(os.listdir(self.path("frames"))),
+                         [f"frame_{i:04d}.png" for i in range(7)])
+        self.assertEqual(harness.png_size(self.read("frames/frame_0006.png")), (16, 12))
+
+    def test_a_path_through_cameras_begins_and_ends_at_them(self):
+        job = self.finished_job()
+        self.litags("path", job, "--keyframes", "a.png", "c.png", "--frames", "5", "--format", "raw",
+                    "-o", self.path("frames"))
+        self.litags("render", job, "--camera", "a.png", "-o", self.path("a.raw"))
+        first = struct.unpack("<16f", self.read("frames/frame_0000.raw")[:64])
+        # Interpolated rotations are orthonormal to rounding only.
+        for got, want in zip(first, struct.unpack("<16f", self.read("a.raw")[:64])):
+            self.assertAlmostEqual(got, want, places=5)
+
+    def test_a_job_that_still_trains_can_be_rendered(self):
+        job = self.submit("--iterations", "400", "--preview-every", "5", names=("slow.png", "b.png"))
+        self.wait_for(lambda: self.jobs.GetJob(harness.rpc.GetJobRequest(name=job))
+                      .HasField("snapshot_iteration"), "a snapshot")
+        _, err = self.litags("render", job, "--camera", "b.png", "-o", self.path("v.png"))
+        self.assertEqual(self.state(job), harness.RUNNING)
+        self.assertRegex(err, r"iteration \d+")
+        self.litags("cancel", job)
+
+    def test_an_export_is_the_bytes_that_the_service_announces(self):
+        job = self.finished_job()
+        for flags, wanted in (((), model.MODEL_FORMAT_PLY),
+                              (("--original-light",), model.MODEL_FORMAT_PLY_ORIGINAL_LIGHT),
+                              (("--full",), model.MODEL_FORMAT_PLY_FULL)):
+            with self.subTest(flags):
+                self.litags("export", job, "--ply", self.path("scene.ply"), *flags)
+                parts = list(self.models.ExportModel(
+                    model.ExportModelRequest(name=job, format=wanted)))
+                data = b"".join(part.chunk for part in parts[1:])
+                self.assertEqual(parts[0].header.size_bytes, len(data))
+                self.assertGreater(len(parts), 2)
+                self.assertEqual(self.read("scene.ply"), data)
+                self.assertFalse(os.path.exists(self.path("scene.ply.part")))
+
+    def test_python_renders_raw_floats(self):
+        view = self.pictures.RenderView(render.RenderViewRequest(
+            name=self.finished_job(), pose=render.Pose(camera="a.png"),
+            settings=render.RenderSettings(format=render.PICTURE_FORMAT_RAW_FLOAT)))
+        self.assertEqual(len(view.data), 4 * view.width * view.height * view.planes)
+
+    def test_a_folder_that_is_not_there_is_said_before_it_is_written_to(self):
+        _, err = self.litags("render", self.finished_job(), "--camera", "a.png", "-o",
+                             self.path("none/v.png"), exit_code=2)
+        self.assertIn("OUTPUT_NOT_WRITABLE", err)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
