@@ -9,6 +9,9 @@ namespace litags {
 // `litags-bench reference DIR`. Sets *exit_status when it has run.
 void AddReferenceCommand(CLI::App* app, int* exit_status);
 
+// `litags-bench kernels`.
+void AddKernelsCommand(CLI::App* app, int* exit_status);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_TOOLS_BENCH_COMMANDS_H_

@@ -1,0 +1,213 @@
+// litags-bench kernels: time of every part of a training iteration on a made-up scene.
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "CLI/App.hpp"
+#include "CLI/Config.hpp"
+#include "CLI/Formatter.hpp"
+#include "engine/core/parallel.h"
+#include "engine/io/file_util.h"
+#include "engine/render/binning.h"
+#include "engine/render/projection.h"
+#include "engine/render/renderer.h"
+#include "engine/tools/bench/bench_scene.h"
+#include "engine/tools/bench/commands.h"
+#include "engine/tools/bench/timing.h"
+#include "engine/train/adam.h"
+#include "engine/train/losses.h"
+#include "engine/train/model.h"
+#include "engine/train/objective.h"
+#include "engine/train/trainer.h"
+
+namespace litags {
+namespace {
+
+struct KernelArguments {
+  int gaussians = 100000, repetitions = 15, threads = 0;
+  std::string size = "500x375", json;
+};
+
+class KernelBench {
+ public:
+  KernelBench(const KernelArguments& args, int width, int height)
+      : args_(args),
+        camera_(BenchCamera(width, height)),
+        splats_(BenchSplats(args.gaussians, camera_)),
+        views_{BenchView(camera_)} {
+    options_.threads = args.threads;
+    options_.iterations = 1000000;  // density control stays out of the way
+    options_.densify_until = 0;
+    settings_.threads = args.threads;
+  }
+
+  void Run() {
+    TimeRendering();
+    TimeObjective();
+    TimeAdam();
+    TimeWhole();
+    json_["gaussians"] = args_.gaussians;
+    json_["width"] = camera_.width;
+    json_["height"] = camera_.height;
+    json_["threads"] = args_.threads > 0 ? args_.threads : DefaultThreadCount();
+    json_["peak_rss_bytes"] = PeakRssBytes();
+  }
+
+  const nlohmann::json& json() const { return json_; }
+
+ private:
+  void Report(const char* name, const Timing& t, const char* what) {
+    std::printf("%-12s %8.2f ms  (%.2f .. %.2f)  %s\n", name, t.median_ms, t.min_ms, t.max_ms,
+                what);
+    json_[std::string(name) + "_ms"] = t.median_ms;
+    json_["spread"][std::string(name) + "_ms"] = {t.min_ms, t.max_ms};
+  }
+
+  void TimeRendering() {
+    Planes alpha;
+    const auto forward = [&] {
+      renderer_.Forward(splats_, camera_, settings_, &rendered_, &alpha);
+    };
+    const Timing t = Measure(args_.repetitions, forward);
+    Report("forward", t, "project, sort, bin, composite 11 channels");
+    const Renderer::Counters c = renderer_.counters();
+    const double pixels = double(camera_.width) * camera_.height;
+    std::printf("  %.1f evaluations per pixel, %.2f ns each; %.2f tiles per visible Gaussian\n",
+                c.evaluations / pixels, 1e6 * t.median_ms / c.evaluations,
+                double(c.tile_pairs) / c.visible);
+    json_["evaluations_per_pixel"] = c.evaluations / pixels;
+    json_["forward_ns_per_evaluation"] = 1e6 * t.median_ms / c.evaluations;
+
+    ProjectedSplats projected;
+    projected.Resize(splats_.size(), kNumChannels);
+    const KernelCamera camera(camera_);
+    for (size_t b = 0; b < splats_.num_blocks(); ++b) {
+      ProjectBlock(splats_, b, camera, ProjectionSettings(), &projected);
+    }
+    TileLists lists;
+    BinScratch scratch;
+    Report("binning",
+           Measure(args_.repetitions,
+                   [&] {
+                     Bin(projected, camera_.width, camera_.height,
+                         args_.threads > 0 ? args_.threads : DefaultThreadCount(), &lists,
+                         &scratch);
+                   }),
+           "part of forward: depth sort and tile lists");
+
+    Planes v(kNumChannels, camera_.height, camera_.width);
+    for (size_t i = 0; i < v.data.size(); ++i) v.data[i] = 1e-6f * (i % 17);
+    Report("backward",
+           Measure(args_.repetitions,
+                   [&] {
+                     renderer_.Backward(splats_, v, Planes(),
+                                        [](size_t, const float*, uint32_t) {});
+                   }),
+           "compositing and projection, no parameter update");
+  }
+
+  void TimeObjective() {
+    PdmWeights weights = PdmWeights::Initial(options_.pdm, 1), v_weights;
+    Planes v_rendered;
+    TrainOptions without = options_;
+    without.use_pdm = false;
+    Objective plain(without), full(options_);
+    Report(
+        "loss",
+        Measure(args_.repetitions,
+                [&] { plain.Evaluate(views_[0], rendered_, weights, 0, &v_rendered, &v_weights); }),
+        "all losses and their gradients but the denoiser's");
+    const Timing both = Measure(args_.repetitions, [&] {
+      full.Evaluate(views_[0], rendered_, weights, 0, &v_rendered, &v_weights);
+    });
+    Report("objective", both, "losses and denoiser");
+    Planes color, noise, v_r0, v_noise;
+    CopyPlanes(rendered_, kChannelColor, &color);
+    CopyPlanes(rendered_, kChannelNoise, &noise);
+    Pdm pdm(options_.pdm, options_.threads);
+    Report("pdm",
+           Measure(args_.repetitions,
+                   [&] {
+                     pdm.Forward(weights, color, noise);
+                     pdm.Backward(color, noise, &v_r0, &v_noise, &v_weights);
+                   }),
+           "denoiser, forward and backward");
+  }
+
+  void TimeAdam() {
+    Splats params = splats_, m1(splats_.size()), m2(splats_.size());
+    const AdamStep step(10, AdamConstants());
+    Report("adam",
+           Measure(args_.repetitions,
+                   [&] {
+                     ParallelFor(args_.threads, params.num_blocks() / 32, [&](size_t task, int) {
+                       for (size_t b = 32 * task; b < 32 * (task + 1); ++b) {
+                         AdamUpdateBlock(step, splats_.block(b), 0xFFFF, b, &params, &m1, &m2);
+                       }
+                     });
+                   }),
+           "all Gaussians, all 67 rows (in training fused with backward)");
+  }
+
+  void TimeWhole() {
+    // SH degree 3 is what most iterations run at.
+    options_.sh_interval = 1;
+    Trainer at_degree_3(options_, &views_, splats_, 1.0);
+    Report("iteration", Measure(args_.repetitions, [&] { (void)at_degree_3.Step(); }),
+           "one full training step");
+    Model model = at_degree_3.Snapshot();
+    ModelRenderer renderer(args_.threads);
+    ModelView view;
+    Report("render",
+           Measure(args_.repetitions,
+                   [&] { renderer.Render(model, camera_, DepthSource::kCameraZ, &view); }),
+           "a finished picture: 11 channels and denoiser");
+  }
+
+  KernelArguments args_;
+  Camera camera_;
+  Splats splats_;
+  std::vector<TrainView> views_;
+  TrainOptions options_;
+  RenderSettings settings_;
+  Renderer renderer_;
+  Planes rendered_;
+  nlohmann::json json_;
+};
+
+}  // namespace
+
+void AddKernelsCommand(CLI::App* app, int* exit_status) {
+  auto args = std::make_shared<KernelArguments>();
+  CLI::App* command = app->add_subcommand("kernels", "Times every part of a training iteration");
+  command->add_option("--gaussians", args->gaussians)
+      ->capture_default_str()
+      ->check(CLI::Range(1, 20000000));
+  command->add_option("--size", args->size, "WxH, px")->capture_default_str();
+  command->add_option("--repetitions", args->repetitions)
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
+  command->add_option("--json", args->json, "also write the medians here");
+  command->callback([args, exit_status] {
+    int width = 0, height = 0;
+    if (std::sscanf(args->size.c_str(), "%dx%d", &width, &height) != 2 || width < 1 || height < 1 ||
+        width > 16384 || height > 16384) {
+      std::fprintf(stderr, "litags-bench: --size %s: give WIDTHxHEIGHT in 1..16384\n",
+                   args->size.c_str());
+      *exit_status = 2;
+      return;
+    }
+    KernelBench bench(*args, width, height);
+    bench.Run();
+    if (args->json.empty()) return;
+    if (const absl::Status s = WriteFileAtomically(args->json, bench.json().dump(2) + "\n");
+        !s.ok()) {
+      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
+      *exit_status = 1;
+    }
+  });
+}
+
+}  // namespace litags
