@@ -9,8 +9,10 @@ namespace litags {
 // `litags-bench reference DIR`. Sets *exit_status when it has run.
 void AddReferenceCommand(CLI::App* app, int* exit_status);
 
-// `litags-bench kernels`.
+// `litags-bench kernels`, `machine`, `render`.
 void AddKernelsCommand(CLI::App* app, int* exit_status);
+void AddMachineCommand(CLI::App* app, int* exit_status);
+void AddRenderCommand(CLI::App* app, int* exit_status);
 
 }  // namespace litags
 

@@ -10,6 +10,8 @@ int main(int argc, char** argv) {
   int exit_status = 0;
   litags::AddReferenceCommand(&app, &exit_status);
   litags::AddKernelsCommand(&app, &exit_status);
+  litags::AddMachineCommand(&app, &exit_status);
+  litags::AddRenderCommand(&app, &exit_status);
   CLI11_PARSE(app, argc, argv);
   return exit_status;
 }

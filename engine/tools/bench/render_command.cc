@@ -1,0 +1,98 @@
+// litags-bench render: latency of finished pictures.
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "CLI/App.hpp"
+#include "CLI/Config.hpp"
+#include "CLI/Formatter.hpp"
+#include "engine/io/file_util.h"
+#include "engine/render/renderer.h"
+#include "engine/tools/bench/bench_scene.h"
+#include "engine/tools/bench/commands.h"
+#include "engine/tools/bench/timing.h"
+#include "engine/train/model.h"
+
+namespace litags {
+namespace {
+
+struct RenderArguments {
+  int gaussians = 100000, frames = 60, threads = 0, width = 500, height = 375;
+  std::string json;
+};
+
+// Milliseconds of each frame, sorted. The camera moves, as along a path.
+template <class Body>
+std::vector<double> Latencies(const RenderArguments& args, Body body) {
+  Camera camera = BenchCamera(args.width, args.height);
+  std::vector<double> ms;
+  for (int i = -3; i < args.frames; ++i) {  // three to warm up
+    camera.t[0] = 0.003 * i;
+    const double start = NowMs();
+    body(camera);
+    if (i >= 0) ms.push_back(NowMs() - start);
+  }
+  std::sort(ms.begin(), ms.end());
+  return ms;
+}
+
+nlohmann::json Report(const char* name, const std::vector<double>& ms) {
+  const double p50 = ms[ms.size() / 2], p99 = ms[ms.size() * 99 / 100];
+  std::printf("%-22s p50 %7.2f ms  p99 %7.2f ms  %.1f frames/s\n", name, p50, p99, 1e3 / p50);
+  return {{"p50_ms", p50}, {"p99_ms", p99}, {"frames_per_second", 1e3 / p50}};
+}
+
+void Run(const RenderArguments& args, int* exit_status) {
+  Model model;
+  model.splats = BenchSplats(args.gaussians, BenchCamera(args.width, args.height));
+  model.pdm = PdmWeights::Initial(model.pdm_options, 1);
+  nlohmann::json json = {
+      {"gaussians", args.gaussians}, {"width", args.width}, {"height", args.height}};
+
+  Renderer renderer;
+  Planes image, alpha;
+  RenderSettings settings;
+  settings.threads = args.threads;
+  for (const auto& [name, channels] :
+       {std::pair{"colour", 3}, {"all channels", int{kNumChannels}}}) {
+    settings.num_channels = channels;
+    json[channels == 3 ? "color" : "channels"] =
+        Report(name, Latencies(args, [&](const Camera& camera) {
+                 renderer.Forward(model.splats, camera, settings, &image, &alpha);
+               }));
+  }
+  ModelRenderer finished(args.threads);
+  ModelView view;
+  json["finished"] = Report("finished (denoised)", Latencies(args, [&](const Camera& camera) {
+                              finished.Render(model, camera, DepthSource::kCameraZ, &view);
+                            }));
+  if (args.json.empty()) return;
+  if (const absl::Status s = WriteFileAtomically(args.json, json.dump(2) + "\n"); !s.ok()) {
+    std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
+    *exit_status = 1;
+  }
+}
+
+}  // namespace
+
+void AddRenderCommand(CLI::App* app, int* exit_status) {
+  auto args = std::make_shared<RenderArguments>();
+  CLI::App* command =
+      app->add_subcommand("render", "Measures the latency of pictures of a made-up scene");
+  command->add_option("--gaussians", args->gaussians)
+      ->capture_default_str()
+      ->check(CLI::Range(1, 20000000));
+  command->add_option("--width", args->width)->capture_default_str()->check(CLI::Range(1, 16384));
+  command->add_option("--height", args->height)->capture_default_str()->check(CLI::Range(1, 16384));
+  command->add_option("--frames", args->frames)
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100000));
+  command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
+  command->add_option("--json", args->json, "also write the figures here");
+  command->callback([args, exit_status] { Run(*args, exit_status); });
+}
+
+}  // namespace litags
