@@ -27,6 +27,8 @@ struct PdmOptions {
 
   // INVALID_ARGUMENT naming the field that is out of range.
   absl::Status Validate() const;
+
+  bool operator==(const PdmOptions&) const = default;
 };
 
 // Where the six arrays of one network F lie in its flat vector:

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 #include "engine/core/parallel.h"
 #include "engine/render/constants.h"
@@ -10,23 +11,10 @@
 namespace litags {
 namespace {
 
-// Runs of sorted Gaussians that are counted and filled independently. Fixed, so that the work and
-// its result are the same for any number of threads.
-constexpr size_t kChunks = 8;
-
-// Stable radix sort by the upper 32 bits (11 bits a pass).
-void RadixSortByDepth(std::vector<uint64_t>* keys, std::vector<uint64_t>* tmp) {
-  constexpr int kBits = 11, kBuckets = 1 << kBits;
-  tmp->resize(keys->size());
-  for (int shift : {32, 32 + kBits, 32 + 2 * kBits}) {
-    uint32_t count[kBuckets + 1] = {};
-    for (uint64_t key : *keys) ++count[((key >> shift) & (kBuckets - 1)) + 1];
-    if (count[((*keys)[0] >> shift & (kBuckets - 1)) + 1] == keys->size()) continue;
-    for (int i = 0; i < kBuckets; ++i) count[i + 1] += count[i];
-    for (uint64_t key : *keys) (*tmp)[count[(key >> shift) & (kBuckets - 1)]++] = key;
-    keys->swap(*tmp);
-  }
-}
+// Ranges of Gaussians that are counted and filled independently. Fixed, so that the work and its
+// result are the same for any number of threads.
+constexpr size_t kChunks = 16;
+constexpr size_t kTilesPerTask = 16;
 
 // Calls visit(tile) for every tile the Gaussian reaches, row by row.
 template <class Visit>
@@ -64,6 +52,23 @@ inline void ForEachTile(const ProjectedSplats::Box& box, const float* record,
   }
 }
 
+// Puts one tile's pairs in order of depth; equal depths keep the order of Gaussians. Depths are
+// positive, so their bits sort like numbers.
+void SortTile(const ProjectedSplats& splats, const BinScratch& scratch, uint32_t begin,
+              uint32_t end, std::vector<uint64_t>* keys, TileLists* lists) {
+  keys->resize(end - begin);
+  for (uint32_t k = begin; k < end; ++k) {
+    const float depth = splats.depths[scratch.gaussians[k]];
+    (*keys)[k - begin] = uint64_t{std::bit_cast<uint32_t>(depth)} << 32 | k;
+  }
+  std::sort(keys->begin(), keys->end());
+  for (uint32_t k = begin; k < end; ++k) {
+    const auto from = static_cast<uint32_t>((*keys)[k - begin]);
+    lists->gaussians[k] = scratch.gaussians[from];
+    lists->slots[k] = scratch.slots[from];
+  }
+}
+
 }  // namespace
 
 void Bin(const ProjectedSplats& splats, int width, int height, int threads, TileLists* lists,
@@ -73,63 +78,67 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
   const size_t tiles = size_t(lists->tiles_x) * lists->tiles_y;
   const size_t n = splats.boxes.size();
   const int stride = RecordStride(splats.channels);
+  const auto chunk_begin = [&](size_t chunk) { return n * chunk / kChunks; };
 
-  // Visible Gaussians by depth. Depths are positive, so their bits sort like numbers.
-  scratch->keys.clear();
-  for (size_t i = 0; i < n; ++i) {
-    if (splats.boxes[i].empty()) continue;
-    scratch->keys.push_back(uint64_t{std::bit_cast<uint32_t>(splats.depths[i])} << 32 | i);
-  }
-  const size_t visible = scratch->keys.size();
-  lists->num_visible = visible;
-  if (visible > 0) RadixSortByDepth(&scratch->keys, &scratch->keys_tmp);
-
-  const auto for_chunk = [&](size_t chunk, auto&& visit) {
-    const size_t begin = visible * chunk / kChunks, end = visible * (chunk + 1) / kChunks;
-    for (size_t k = begin; k < end; ++k) {
-      const uint32_t i = static_cast<uint32_t>(scratch->keys[k]);
-      ForEachTile(splats.boxes[i], splats.records.data() + size_t{i} * stride, splats.bounds[i],
-                  lists->tiles_x, [&](uint32_t tile) { visit(i, tile); });
-    }
-  };
-
-  // Count pairs per tile (per chunk) and per Gaussian.
+  // Which tiles each Gaussian reaches, in memory order; counts per Gaussian and per (chunk, tile).
+  scratch->chunk_tiles.resize(kChunks);
   scratch->offsets.assign(kChunks * tiles, 0);
-  lists->slot_begin.assign(n + 1, 0);
+  lists->slot_begin.resize(n + 1);
+  lists->slot_begin[0] = 0;
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
     uint32_t* count = scratch->offsets.data() + chunk * tiles;
-    for_chunk(chunk, [&](uint32_t i, uint32_t tile) {
-      ++count[tile];
-      ++lists->slot_begin[i + 1];
-    });
+    std::vector<uint32_t>& reached = scratch->chunk_tiles[chunk];
+    reached.clear();
+    for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i) {
+      const size_t before = reached.size();
+      if (!splats.boxes[i].empty()) {
+        ForEachTile(splats.boxes[i], splats.records.data() + i * stride, splats.bounds[i],
+                    lists->tiles_x, [&](uint32_t tile) {
+                      ++count[tile];
+                      reached.push_back(tile);
+                    });
+      }
+      lists->slot_begin[i + 1] = static_cast<uint32_t>(reached.size() - before);
+    }
   });
+
+  // Counts to offsets.
+  lists->num_visible = 0;
+  for (size_t i = 0; i < n; ++i) {
+    lists->num_visible += lists->slot_begin[i + 1] > 0;
+    lists->slot_begin[i + 1] += lists->slot_begin[i];
+  }
   lists->tile_begin.resize(tiles + 1);
   uint32_t total = 0;
   for (size_t tile = 0; tile < tiles; ++tile) {
     lists->tile_begin[tile] = total;
     for (size_t chunk = 0; chunk < kChunks; ++chunk) {
-      uint32_t& offset = scratch->offsets[chunk * tiles + tile];
-      const uint32_t count = offset;
-      offset = total;
-      total += count;
+      total += std::exchange(scratch->offsets[chunk * tiles + tile], total);
     }
   }
   lists->tile_begin[tiles] = total;
-  for (size_t i = 0; i < n; ++i) lists->slot_begin[i + 1] += lists->slot_begin[i];
 
-  // Fill; chunk by chunk keeps the depth order inside every tile.
-  lists->gaussians.resize(total);
-  lists->slots.resize(total);
+  // Distribute, then sort every tile.
+  for (auto* v : {&scratch->gaussians, &scratch->slots, &lists->gaussians, &lists->slots})
+    v->resize(total);
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
     uint32_t* offset = scratch->offsets.data() + chunk * tiles;
-    uint32_t last = UINT32_MAX, slot = 0;
-    for_chunk(chunk, [&](uint32_t i, uint32_t tile) {
-      slot = i == last ? slot + 1 : lists->slot_begin[i];
-      last = i;
-      const uint32_t at = offset[tile]++;
-      lists->gaussians[at] = i;
-      lists->slots[at] = slot;
-    });
+    const uint32_t* tile = scratch->chunk_tiles[chunk].data();
+    for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i) {
+      for (uint32_t slot = lists->slot_begin[i]; slot < lists->slot_begin[i + 1]; ++slot) {
+        const uint32_t at = offset[*tile++]++;
+        scratch->gaussians[at] = static_cast<uint32_t>(i);
+        scratch->slots[at] = slot;
+      }
+    }
+  });
+  scratch->keys.resize(threads);
+  ParallelFor(threads, (tiles + kTilesPerTask - 1) / kTilesPerTask, [&](size_t task, int thread) {
+    const size_t end = std::min(tiles, (task + 1) * kTilesPerTask);
+    for (size_t tile = task * kTilesPerTask; tile < end; ++tile) {
+      SortTile(splats, *scratch, lists->tile_begin[tile], lists->tile_begin[tile + 1],
+               &scratch->keys[thread], lists);
+    }
   });
 }
 

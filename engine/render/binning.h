@@ -25,8 +25,10 @@ struct TileLists {
 
 // Scratch of Bin, kept to save allocations.
 struct BinScratch {
-  std::vector<uint64_t> keys, keys_tmp;  // depth bits, index
-  std::vector<uint32_t> offsets;         // [chunks][tiles]
+  std::vector<std::vector<uint32_t>> chunk_tiles;  // tiles of each pair, by chunk of Gaussians
+  std::vector<uint32_t> offsets;                   // [chunks][tiles]
+  std::vector<uint32_t> gaussians, slots;          // the lists before sorting
+  std::vector<std::vector<uint64_t>> keys;         // per thread: depth bits, place in the tile
 };
 
 // Fills `lists` for an image of width x height px. A Gaussian is in a tile exactly when its

@@ -22,9 +22,10 @@ void ModelRenderer::Render(const Model& model, const Camera& camera, DepthSource
   CopyPlanes(out->channels, kChannelColor, &out->color);
   if (!model.lita || !model.use_pdm) return;
   CopyPlanes(out->channels, kChannelNoise, &noise_);
-  Pdm pdm(model.pdm_options, threads_);
-  pdm.Forward(model.pdm, out->color, noise_);
-  out->color = pdm.R(model.pdm_options.stages);
+  if (!pdm_.has_value() || pdm_->options() != model.pdm_options)
+    pdm_.emplace(model.pdm_options, threads_);
+  pdm_->Forward(model.pdm, out->color, noise_);
+  out->color = pdm_->R(model.pdm_options.stages);
 }
 
 }  // namespace litags

@@ -2,6 +2,8 @@
 #ifndef LITAGS_ENGINE_TRAIN_MODEL_H_
 #define LITAGS_ENGINE_TRAIN_MODEL_H_
 
+#include <optional>
+
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
 #include "engine/core/splats.h"
@@ -37,6 +39,7 @@ class ModelRenderer {
  private:
   int threads_;
   Renderer renderer_;
+  std::optional<Pdm> pdm_;  // of the last model's options
   Planes noise_;
 };
 
