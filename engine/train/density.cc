@@ -20,6 +20,14 @@ float MaxScale(const Splats& s, size_t i) {
 
 float Opacity(const Splats& s, size_t i) { return 1 / (1 + std::exp(-s.at(i, kLogitOpacity))); }
 
+// Worth keeping: opaque enough, and every parameter a number.
+bool Survives(const Splats& s, size_t i, double prune_opacity) {
+  for (int row = 0; row < kSplatRows; ++row) {
+    if (!std::isfinite(s.at(i, row))) return false;
+  }
+  return Opacity(s, i) >= prune_opacity;
+}
+
 // Rotation matrix of the stored quaternion, row-major.
 std::array<double, 9> Rotation(const Splats& s, size_t i) {
   double q[4], norm = 0;
@@ -111,7 +119,9 @@ std::vector<uint32_t> MortonOrder(const Splats& splats) {
     for (int k = 0; k < 3; ++k) {
       const float span = std::max(hi[k] - lo[k], 1e-12f);
       const float unit = (splats.at(i, kMean + k) - lo[k]) / span;
-      const auto cell = static_cast<uint64_t>(std::clamp(unit, 0.0f, 1.0f) * ((1 << kBits) - 1));
+      // Not clamp(): a mean that is not a number must give a cell all the same.
+      const float inside = unit > 0 ? std::min(unit, 1.0f) : 0.0f;
+      const auto cell = static_cast<uint64_t>(inside * ((1 << kBits) - 1));
       for (int b = 0; b < kBits; ++b) code |= ((cell >> b) & 1) << (3 * b + k);
     }
     keyed[i] = {code, static_cast<uint32_t>(i)};
@@ -161,7 +171,7 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
   std::vector<uint32_t> order = MortonOrder(state->params);
   const size_t grown = order.size();
   std::erase_if(order,
-                [&](uint32_t i) { return Opacity(state->params, i) < options.prune_opacity; });
+                [&](uint32_t i) { return !Survives(state->params, i, options.prune_opacity); });
   if (order.empty()) order.push_back(0);  // a scene is never empty
   report.pruned = static_cast<int64_t>(grown - order.size());
   state->Rearrange(order);

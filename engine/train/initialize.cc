@@ -16,7 +16,8 @@ constexpr double kInitialOpacity = 0.1;
 constexpr double kSh0 = 0.28209479177387814;  // SH basis 0
 constexpr int kNeighbours = 3;
 
-// Root mean squared distance of every point to its three nearest neighbours.
+// Root mean squared distance of every point to its three nearest neighbours; at least 1e-7, for
+// points in one place.
 std::vector<float> NeighbourDistances(absl::Span<const SparsePoint> points) {
   const int n = static_cast<int>(points.size());
   cv::Mat_<float> data(n, 3);

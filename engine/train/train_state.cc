@@ -1,5 +1,6 @@
 #include "engine/train/train_state.h"
 
+#include <climits>
 #include <cstring>
 #include <utility>
 
@@ -78,7 +79,7 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
                                   "delete it to start again"));
   }
   LITAGS_ASSIGN_OR_RETURN(const std::vector<int64_t> header, file.Array<int64_t>("header"));
-  if (header.size() != 4 || header[0] < 0 || header[1] < 0 || header[2] < 0 || header[2] > 64 ||
+  if (header.size() != 4 || header[0] < 0 || header[0] > INT_MAX || header[1] < 1 || header[2] < 0 || header[2] > 64 ||
       header[3] < 0 || header[3] > 8) {
     return Inconsistent("header");
   }

@@ -74,9 +74,9 @@ struct Trainer::Impl {
   AdamStep MakeAdamStep(int sh_degree) const {
     AdamStep step(state.iteration + 1, AdamConstants());
     const double progress = std::min(1.0, double(state.iteration) / options.iterations);
-    const double lr_means = std::exp(std::log(options.lr_means) * (1 - progress) +
-                                     std::log(options.lr_means_final) * progress) *
-                            extent;
+    // Log-linear from lr_means to lr_means_final, either of which may be 0.
+    const double ratio = options.lr_means > 0 ? options.lr_means_final / options.lr_means : 0;
+    const double lr_means = options.lr_means * std::pow(ratio, progress) * extent;
     const auto set = [&](int row, int count, double lr) {
       std::fill_n(step.lr.begin() + row, count, static_cast<float>(lr));
     };
@@ -202,7 +202,8 @@ absl::Status Trainer::SaveCheckpoint(const std::string& path,
 
 absl::Status Trainer::LoadCheckpoint(const std::string& path, const std::string& fingerprint) {
   LITAGS_ASSIGN_OR_RETURN(TrainState state, LoadTrainState(path, fingerprint));
-  if (state.pdm.nets.size() != impl_->state.pdm.nets.size()) {
+  if (state.pdm.nets.size() != impl_->state.pdm.nets.size() ||
+      state.pdm.hidden != impl_->state.pdm.hidden) {
     return MakeError(
         absl::StatusCode::kDataLoss, "CHECKPOINT_INCONSISTENT", "checkpoint",
         "checkpoint: the denoiser has another shape; delete the checkpoint to start again");
