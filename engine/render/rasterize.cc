@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/render/constants.h"
+#include "hwy/cache_control.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "engine/render/rasterize.cc"
@@ -147,6 +148,18 @@ HWY_INLINE uint64_t BlockMask(const TileJob& job, const Layout& layout, const fl
   return mask & layout.AllBlocks();
 }
 
+// Records are in memory order, lists in depth order: without help every entry starts with a wait
+// for memory. Fetches what entry k + kAhead will need.
+HWY_INLINE void PrefetchAhead(const TileJob& job, size_t k, int stride) {
+  constexpr size_t kAhead = 8;
+  if (k + kAhead >= job.count) return;
+  const uint32_t index = job.gaussians[k + kAhead];
+  const float* record = job.records + size_t{index} * stride;
+  hwy::Prefetch(record);
+  hwy::Prefetch(record + stride - 1);
+  hwy::Prefetch(job.bounds + index);
+}
+
 // Transmittance per pixel. A pixel that is opaque, or outside the image, is marked by the sign bit;
 // its value is kept.
 HWY_INLINE uint64_t InitTransmittance(const TileJob& job, const Layout& layout, float* T) {
@@ -179,10 +192,10 @@ HWY_INLINE bool AllOpaque(V T) {
   return hn::AllTrue(d, hn::Lt(T, hn::Zero(d)));
 }
 
-// Copies between image planes and the tile's block order; pixels outside the image are skipped
-// (reads give zero).
+// Copies between image planes and the tile's blocks, which lie `stride` floats apart; pixels
+// outside the image are skipped (reads give zero).
 HWY_INLINE void StorePlane(const TileJob& job, const Layout& layout, const float* blocks,
-                           float* plane) {
+                           int stride, float* plane) {
   for (int block = 0; block < layout.blocks; ++block) {
     const int x = job.x0 + block % kColumns * kBlockWidth;
     const int columns = std::min(kBlockWidth, job.width - x);
@@ -190,16 +203,16 @@ HWY_INLINE void StorePlane(const TileJob& job, const Layout& layout, const float
     for (int r = 0; r < layout.block_height; ++r) {
       const int y = job.y0 + block / kColumns * layout.block_height + r;
       if (y >= job.height) break;
-      const float* in = blocks + block * layout.lanes + r * kBlockWidth;
+      const float* in = blocks + block * stride + r * kBlockWidth;
       std::copy(in, in + columns, plane + size_t(y) * job.width + x);
     }
   }
 }
 
-HWY_INLINE void LoadPlane(const TileJob& job, const Layout& layout, const float* plane,
+HWY_INLINE void LoadPlane(const TileJob& job, const Layout& layout, const float* plane, int stride,
                           float* blocks) {
-  std::fill(blocks, blocks + kTilePixels, 0.0f);
   for (int block = 0; block < layout.blocks; ++block) {
+    std::fill_n(blocks + block * stride, layout.lanes, 0.0f);
     const int x = job.x0 + block % kColumns * kBlockWidth;
     const int columns = std::min(kBlockWidth, job.width - x);
     if (columns <= 0) continue;
@@ -207,7 +220,7 @@ HWY_INLINE void LoadPlane(const TileJob& job, const Layout& layout, const float*
       const int y = job.y0 + block / kColumns * layout.block_height + r;
       if (y >= job.height) break;
       const float* in = plane + size_t(y) * job.width + x;
-      std::copy(in, in + columns, blocks + block * layout.lanes + r * kBlockWidth);
+      std::copy(in, in + columns, blocks + block * stride + r * kBlockWidth);
     }
   }
 }
@@ -220,13 +233,16 @@ int64_t Forward(const TileJob& job, float* image, float* alpha_out) {
   const int lanes = layout.lanes;
   constexpr int kStride = RecordStride(C);
   HWY_ALIGN float T[kTilePixels];
-  HWY_ALIGN float acc[C][kTilePixels];
-  for (auto& channel : acc) std::fill(channel, channel + kTilePixels, 0.0f);
+  // [block][channel][lane]: what one evaluation touches lies together. Whole planes would lie a
+  // power of two apart, and stores to one channel would hold up loads of another.
+  HWY_ALIGN float acc[C * kTilePixels] = {};
+  const int step = C * lanes;
   uint64_t alive = InitTransmittance(job, layout, T);
 
   int64_t evaluations = 0;
   size_t k = 0;
   for (; k < job.count && alive != 0; ++k) {
+    PrefetchAhead(job, k, kStride);
     const uint32_t index = job.gaussians[k];
     const float* record = job.records + size_t{index} * kStride;
     const uint64_t reached = BlockMask(job, layout, record, job.bounds[index]) & alive;
@@ -241,8 +257,8 @@ int64_t Forward(const TileJob& job, float* image, float* alpha_out) {
           Advance(Alpha(g, hn::Sub(grid.X(block), g.x), hn::Sub(grid.Y(block), g.y)), &trans);
       hn::Store(trans, d, t);
       const V w = hn::Mul(a, before);
-      for (int c = 0; c < C; ++c) {
-        float* const out = acc[c] + block * lanes;
+      float* out = acc + block * step;
+      for (int c = 0; c < C; ++c, out += lanes) {
         hn::Store(hn::MulAdd(w, hn::Set(d, record[kRecordFeatures + c]), hn::Load(d, out)), d, out);
       }
       if (AllOpaque(trans)) alive &= ~(uint64_t{1} << block);
@@ -251,17 +267,17 @@ int64_t Forward(const TileJob& job, float* image, float* alpha_out) {
   }
   std::fill(job.block_masks + k, job.block_masks + job.count, 0);
 
-  for (int i = 0; i < kTilePixels; i += lanes) {
-    const V t = hn::Abs(hn::Load(d, T + i));
-    for (int c = 0; c < C; ++c) {
-      hn::Store(hn::MulAdd(t, hn::Set(d, job.background[c]), hn::Load(d, acc[c] + i)), d,
-                acc[c] + i);
+  for (int block = 0; block < layout.blocks; ++block) {
+    const V t = hn::Abs(hn::Load(d, T + block * lanes));
+    float* out = acc + block * step;
+    for (int c = 0; c < C; ++c, out += lanes) {
+      hn::Store(hn::MulAdd(t, hn::Set(d, job.background[c]), hn::Load(d, out)), d, out);
     }
-    hn::Store(hn::Sub(hn::Set(d, 1.0f), t), d, T + i);
+    hn::Store(hn::Sub(hn::Set(d, 1.0f), t), d, T + block * lanes);
   }
   const size_t plane = size_t(job.width) * job.height;
-  for (int c = 0; c < C; ++c) StorePlane(job, layout, acc[c], image + c * plane);
-  StorePlane(job, layout, T, alpha_out);
+  for (int c = 0; c < C; ++c) StorePlane(job, layout, acc + c * lanes, step, image + c * plane);
+  StorePlane(job, layout, T, lanes, alpha_out);
   return evaluations * lanes;
 }
 
@@ -299,19 +315,21 @@ void Backward(const TileJob& job, const uint32_t* slots, const float* v_image, c
   constexpr int kStride = RecordStride(C), kGrads = GradStride(C);
   HWY_ALIGN float T[kTilePixels];
   HWY_ALIGN float behind[kTilePixels];  // dL/dweight of everything behind, per unit transmittance
-  HWY_ALIGN float v[C][kTilePixels];
+  HWY_ALIGN float v[C * kTilePixels];   // [block][channel][lane], as in Forward
+  const int step = C * lanes;
   const size_t plane = size_t(job.width) * job.height;
-  for (int c = 0; c < C; ++c) LoadPlane(job, layout, v_image + c * plane, v[c]);
+  for (int c = 0; c < C; ++c) LoadPlane(job, layout, v_image + c * plane, step, v + c * lanes);
   if (v_alpha != nullptr) {
-    LoadPlane(job, layout, v_alpha, behind);
+    LoadPlane(job, layout, v_alpha, lanes, behind);
   } else {
     std::fill(behind, behind + kTilePixels, 0.0f);
   }
-  for (int i = 0; i < kTilePixels; i += lanes) {
-    V b = hn::Neg(hn::Load(d, behind + i));
-    for (int c = 0; c < C; ++c)
-      b = hn::MulAdd(hn::Load(d, v[c] + i), hn::Set(d, job.background[c]), b);
-    hn::Store(b, d, behind + i);
+  for (int block = 0; block < layout.blocks; ++block) {
+    V b = hn::Neg(hn::Load(d, behind + block * lanes));
+    for (int c = 0; c < C; ++c) {
+      b = hn::MulAdd(hn::Load(d, v + block * step + c * lanes), hn::Set(d, job.background[c]), b);
+    }
+    hn::Store(b, d, behind + block * lanes);
   }
 
   // Front to back once more, noting alpha and transmittance of every evaluation.
@@ -321,6 +339,7 @@ void Backward(const TileJob& job, const uint32_t* slots, const float* v_image, c
   float* const noted = scratch->Reserve(evaluations * 2 * lanes);
   float* note = noted;
   for (size_t k = 0; k < job.count; ++k) {
+    PrefetchAhead(job, k, kStride);
     const Gaussian g(job.records + size_t{job.gaussians[k]} * kStride);
     for (uint64_t rest = job.block_masks[k]; rest != 0; rest &= rest - 1) {
       const int block = std::countr_zero(rest);
@@ -355,7 +374,7 @@ void Backward(const TileJob& job, const uint32_t* slots, const float* v_image, c
       const V w = hn::Mul(alpha, trans);
       V q = hn::Zero(d);
       for (int c = 0; c < C; ++c) {
-        const V vc = hn::Load(d, v[c] + block * lanes);
+        const V vc = hn::Load(d, v + block * step + c * lanes);
         q = hn::MulAdd(vc, hn::Set(d, record[kRecordFeatures + c]), q);
         sum[kGradFeatures + c] = hn::MulAdd(w, vc, sum[kGradFeatures + c]);
       }
