@@ -235,10 +235,20 @@ Json PoseJson(const Camera& camera) {
   return rows;
 }
 
+// The angles repeat what the focal lengths say, for loaders that read nothing else.
 Json IntrinsicsJson(const Camera& camera, const Distortion& d) {
-  return {{"fl_x", camera.fx}, {"fl_y", camera.fy},  {"cx", camera.cx}, {"cy", camera.cy},
-          {"w", camera.width}, {"h", camera.height}, {"k1", d.k1},      {"k2", d.k2},
-          {"p1", d.p1},        {"p2", d.p2}};
+  return {{"camera_angle_x", 2 * std::atan(0.5 * camera.width / camera.fx)},
+          {"camera_angle_y", 2 * std::atan(0.5 * camera.height / camera.fy)},
+          {"fl_x", camera.fx},
+          {"fl_y", camera.fy},
+          {"cx", camera.cx},
+          {"cy", camera.cy},
+          {"w", camera.width},
+          {"h", camera.height},
+          {"k1", d.k1},
+          {"k2", d.k2},
+          {"p1", d.p1},
+          {"p2", d.p2}};
 }
 
 }  // namespace

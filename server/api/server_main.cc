@@ -1,6 +1,7 @@
 #include "server/api/server_main.h"
 
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -40,6 +41,13 @@ std::string DefaultDataFolder() {
 
 absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine* engine,
                    const ShutdownSignal& signal) {
+  // Found out now, not by jobs that wait for ever.
+  if (flags.workers > 0 && access(worker_program.c_str(), X_OK) != 0) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "WORKER_NOT_FOUND", "--workers",
+                     absl::StrCat(worker_program,
+                                  " is not there or not executable; install it beside "
+                                  "litags-server, or start with --workers 0"));
+  }
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp();
