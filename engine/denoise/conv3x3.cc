@@ -2,6 +2,24 @@
 
 #include <algorithm>
 
+#ifndef LITAGS_ENGINE_DENOISE_CONV3X3_CONSTANTS_
+#define LITAGS_ENGINE_DENOISE_CONV3X3_CONSTANTS_
+namespace litags {
+namespace {
+// G of F(4,3), [transformed][ky]: Toom-Cook at the points 0, 1, -1, 2, -2 and
+// infinity.
+constexpr float kWeightTransform[kConvTransformed][3] = {
+    {1.0f / 4, 0.0f, 0.0f},
+    {-1.0f / 6, -1.0f / 6, -1.0f / 6},
+    {-1.0f / 6, 1.0f / 6, -1.0f / 6},
+    {1.0f / 24, 1.0f / 12, 1.0f / 6},
+    {1.0f / 24, -1.0f / 12, 1.0f / 6},
+    {0.0f, 0.0f, 1.0f},
+};
+}  // namespace
+}  // namespace litags
+#endif  // LITAGS_ENGINE_DENOISE_CONV3X3_CONSTANTS_
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "engine/denoise/conv3x3.cc"
 #include "hwy/foreach_target.h"  // IWYU pragma: keep
@@ -16,8 +34,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 
-// Vectors of pixels per register block. With 4 output channels, 12 accumulators, 3 inputs and a
-// weight fill the 16 registers of AVX2 and SSE4; targets with 32 registers take 16 + 4 + 1.
+// Vectors of pixels per register block. With 4 output channels, 12
+// accumulators, 3 inputs and a weight fill the 16 registers of AVX2 and SSE4;
+// targets with 32 registers take 16 + 4 + 1.
 #if HWY_TARGET <= HWY_AVX3 || HWY_ARCH_ARM_A64
 constexpr int kPixelVectors = 4;
 #else
@@ -39,40 +58,119 @@ V ApplyEpilogue(ConvEpilogue epilogue, V v, const float* other) {
   return v;
 }
 
+// t[j] = (B d)[j] for the rows d of one channel; `count` floats each, a
+// multiple of a vector.
+void TransformInput(const float* const rows[kConvTransformed], size_t count, float* t,
+                    size_t t_stride) {
+  const D d;
+  const V two = hn::Set(d, 2.0f), four = hn::Set(d, 4.0f), five = hn::Set(d, 5.0f);
+  for (size_t x = 0; x < count; x += hn::MaxLanes(d)) {
+    const V d0 = hn::Load(d, rows[0] + x), d1 = hn::Load(d, rows[1] + x);
+    const V d2 = hn::Load(d, rows[2] + x), d3 = hn::Load(d, rows[3] + x);
+    const V d4 = hn::Load(d, rows[4] + x), d5 = hn::Load(d, rows[5] + x);
+    const V even4 = hn::NegMulAdd(four, d2, d4), odd4 = hn::NegMulAdd(four, d1, d3);
+    const V even = hn::Sub(d4, d2), odd = hn::Mul(two, hn::Sub(d3, d1));
+    hn::Store(hn::MulAdd(four, d0, hn::NegMulAdd(five, d2, d4)), d, t + x);
+    hn::Store(hn::Add(even4, odd4), d, t + t_stride + x);
+    hn::Store(hn::Sub(even4, odd4), d, t + 2 * t_stride + x);
+    hn::Store(hn::Add(even, odd), d, t + 3 * t_stride + x);
+    hn::Store(hn::Sub(even, odd), d, t + 4 * t_stride + x);
+    hn::Store(hn::MulAdd(four, d1, hn::NegMulAdd(five, d3, d5)), d, t + 5 * t_stride + x);
+  }
+}
+
+// t[j] = (A v)[j], the adjoint of the output transform.
+void TransformGradient(const float* const rows[kConvRows], size_t count, float* t,
+                       size_t t_stride) {
+  const D d;
+  const V two = hn::Set(d, 2.0f), four = hn::Set(d, 4.0f);
+  for (size_t x = 0; x < count; x += hn::MaxLanes(d)) {
+    const V v0 = hn::Load(d, rows[0] + x), v1 = hn::Load(d, rows[1] + x);
+    const V v2 = hn::Load(d, rows[2] + x), v3 = hn::Load(d, rows[3] + x);
+    const V even = hn::Add(v0, v2), odd = hn::Add(v1, v3);
+    const V even4 = hn::MulAdd(four, v2, v0), odd4 = hn::Mul(two, hn::MulAdd(four, v3, v1));
+    hn::Store(v0, d, t + x);
+    hn::Store(hn::Add(even, odd), d, t + t_stride + x);
+    hn::Store(hn::Sub(even, odd), d, t + 2 * t_stride + x);
+    hn::Store(hn::Add(even4, odd4), d, t + 3 * t_stride + x);
+    hn::Store(hn::Sub(even4, odd4), d, t + 4 * t_stride + x);
+    hn::Store(v3, d, t + 5 * t_stride + x);
+  }
+}
+
+// Whole padded row y of channel c; rows further below the image are zero as
+// well.
+const float* PaddedRow(const PaddedRows& in, int y, int c) {
+  return in.row(y < in.height() ? y : -1, c) - PaddedRows::kPad;
+}
+
+// out [kConvTransformed][channels][stride] of the rows y - 1 .. y + kConvRows.
+void TransformInputRows(const PaddedRows& in, int y, float* out) {
+  for (int c = 0; c < in.channels(); ++c, out += in.stride()) {
+    const float* rows[kConvTransformed];
+    for (int j = 0; j < kConvTransformed; ++j) rows[j] = PaddedRow(in, y - 1 + j, c);
+    TransformInput(rows, in.stride(), out, in.row_stride());
+  }
+}
+
+void TransformGradientRows(const PaddedRows& v, int y, float* out) {
+  for (int c = 0; c < v.channels(); ++c, out += v.stride()) {
+    const float* rows[kConvRows];
+    for (int i = 0; i < kConvRows; ++i) rows[i] = PaddedRow(v, y + i, c);
+    TransformGradient(rows, v.stride(), out, v.row_stride());
+  }
+}
+
 struct RowJob {
   const ConvWeights* weights;
-  const PaddedRows* in;
+  const float* in;  // transformed, pixel 0 of the first row
+  size_t stride;
   const PaddedRows* other;
   PaddedRows* out;
   ConvEpilogue epilogue;
   int y;
 };
 
-// OC output channels from oc0 on, P vectors of pixels from x on.
+// Writes P vectors of pixels from x on of output row y + i.
+template <int P>
+HWY_INLINE void StoreRow(const RowJob& job, int o, int i, int x, const V (&sums)[P]) {
+  const D d;
+  constexpr int N = hn::MaxLanes(d);
+  const int y = job.y + i, width = job.out->width();
+  if (y >= job.out->height()) return;
+  const V bias = hn::Set(d, job.weights->bias[o]);
+  const float* other = job.other ? job.other->row(y, o) + x : nullptr;
+  float* out = job.out->row(y, o) + x;
+#pragma GCC unroll 4
+  for (int p = 0; p < P; ++p) {
+    V v = ApplyEpilogue(job.epilogue, hn::Add(sums[p], bias), other ? other + p * N : nullptr);
+    const int left = width - (x + p * N);
+    if (left < N) v = hn::IfThenElseZero(hn::FirstN(d, left), v);
+    hn::Store(v, d, out + p * N);
+  }
+}
+
+// OC output channels from oc0 on, P vectors of pixels from x on, kConvRows
+// rows.
 template <int OC, int P>
 HWY_INLINE void ConvBlock(const RowJob& job, int oc0, int x) {
   const D d;
   constexpr size_t N = hn::MaxLanes(d);
-  const size_t stride = job.in->stride(), row_stride = job.in->row_stride();
   const int in_channels = job.weights->in_channels;
-  const float* w = job.weights->w.get() + size_t(oc0) * in_channels * 9;
-  const float* in = job.in->row(job.y - 1, 0) + x - 1;
+  const float* w = job.weights->w.get() + size_t(oc0) * in_channels * kConvTransformed * 3;
+  const float* in = job.in + x - 1;
+  HWY_ALIGN float products[kConvTransformed][OC][P * N];
 
-  V acc[OC][P];
-#pragma GCC unroll 4
-  for (int o = 0; o < OC; ++o) {
-    const V bias = hn::Set(d, job.weights->bias[oc0 + o]);
-#pragma GCC unroll 4
-    for (int p = 0; p < P; ++p) acc[o][p] = bias;
-  }
-  for (int c = 0; c < in_channels; ++c, in += stride) {
-    const float* in_row = in;
-    for (int ky = 0; ky < 3; ++ky, in_row += row_stride) {
+  for (int j = 0; j < kConvTransformed; ++j) {
+    V acc[OC][P];
+#pragma GCC unroll 16
+    for (int i = 0; i < OC * P; ++i) acc[i / P][i % P] = hn::Zero(d);
+    for (int c = 0; c < in_channels; ++c, in += job.stride) {
 #pragma GCC unroll 3
       for (int kx = 0; kx < 3; ++kx, w += OC) {
         V pixels[P];
 #pragma GCC unroll 4
-        for (int p = 0; p < P; ++p) pixels[p] = hn::LoadU(d, in_row + kx + p * N);
+        for (int p = 0; p < P; ++p) pixels[p] = hn::LoadU(d, in + kx + p * N);
 #pragma GCC unroll 4
         for (int o = 0; o < OC; ++o) {
           const V weight = hn::Set(d, w[o]);
@@ -81,20 +179,25 @@ HWY_INLINE void ConvBlock(const RowJob& job, int oc0, int x) {
         }
       }
     }
+#pragma GCC unroll 16
+    for (int i = 0; i < OC * P; ++i)
+      hn::Store(acc[i / P][i % P], d, &products[j][i / P][i % P * N]);
   }
 
-  const int width = job.out->width();
-#pragma GCC unroll 4
+  const V two = hn::Set(d, 2.0f), four = hn::Set(d, 4.0f), eight = hn::Set(d, 8.0f);
   for (int o = 0; o < OC; ++o) {
-    const float* other = job.other ? job.other->row(job.y, oc0 + o) + x : nullptr;
-    float* out = job.out->row(job.y, oc0 + o) + x;
+    V rows[kConvRows][P];
 #pragma GCC unroll 4
     for (int p = 0; p < P; ++p) {
-      V v = ApplyEpilogue(job.epilogue, acc[o][p], other ? other + p * N : nullptr);
-      const int left = width - (x + p * static_cast<int>(N));
-      if (left < static_cast<int>(N)) v = hn::IfThenElseZero(hn::FirstN(d, left), v);
-      hn::Store(v, d, out + p * N);
+      const auto m = [&](int j) HWY_ATTR { return hn::Load(d, &products[j][o][p * N]); };
+      const V even = hn::Add(m(1), m(2)), odd = hn::Sub(m(1), m(2));
+      const V even2 = hn::Add(m(3), m(4)), odd2 = hn::Sub(m(3), m(4));
+      rows[0][p] = hn::Add(m(0), hn::Add(even, even2));
+      rows[1][p] = hn::MulAdd(two, odd2, odd);
+      rows[2][p] = hn::MulAdd(four, even2, even);
+      rows[3][p] = hn::Add(m(5), hn::MulAdd(eight, odd2, odd));
     }
+    for (int i = 0; i < kConvRows; ++i) StoreRow<P>(job, oc0 + o, i, x, rows[i]);
   }
 }
 
@@ -114,9 +217,10 @@ void ConvRow(const RowJob& job) {
   for (; x < width; x += N) ConvBlocks<OC, 1>(job, x);
 }
 
-void Conv3x3Row(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
-                const PaddedRows* other, PaddedRows* out) {
-  const RowJob job = {&weights, &in, other, out, epilogue, y};
+void Conv3x3Rows(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
+                 const PaddedRows* other, float* scratch, PaddedRows* out) {
+  TransformInputRows(in, y, scratch);
+  const RowJob job = {&weights, scratch + PaddedRows::kPad, in.stride(), other, out, epilogue, y};
   if (ConvBlockSize(weights.out_channels) == 3) {
     ConvRow<3>(job);
   } else {
@@ -124,8 +228,8 @@ void Conv3x3Row(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpi
   }
 }
 
-// One row, OC output channels and the three horizontal taps of one input row: acc[o][kx] += sum
-// over x of v_out[o][x] in[x + kx - 1], lane by lane.
+// One row, OC output channels and the three horizontal taps of one input row:
+// acc[o][kx] += sum over x of v_out[o][x] in[x + kx - 1], lane by lane.
 template <int OC>
 HWY_INLINE void WeightGradTaps(const float* v_out, size_t v_stride, const float* in, int width,
                                float* sums) {
@@ -150,22 +254,30 @@ HWY_INLINE void WeightGradTaps(const float* v_out, size_t v_stride, const float*
   for (int i = 0; i < OC * 3; ++i) hn::Store(acc[i / 3][i % 3], d, sums + i * N);
 }
 
-// `sums` holds a vector per weight, [out / OC][in][ky][OC][kx], then one per output channel.
+// Adds the rows y .. y + kConvRows - 1. `sums` holds a vector per transformed
+// weight, [j][out / OC][in][OC][kx], then one per output channel.
 template <int OC>
-void WeightGradRow(const PaddedRows& in, const PaddedRows& v_out, int y, float* sums) {
+void WeightGradRow(const PaddedRows& in, const PaddedRows& v_out, int y, float* transformed,
+                   float* sums) {
   const D d;
   constexpr int N = hn::MaxLanes(d);
   const int width = v_out.width();
-  for (int oc0 = 0; oc0 < v_out.channels(); oc0 += OC) {
-    const float* v = v_out.row(y, oc0);
-    for (int c = 0; c < in.channels(); ++c) {
-      for (int ky = 0; ky < 3; ++ky, sums += OC * 3 * N) {
-        WeightGradTaps<OC>(v, v_out.stride(), in.row(y + ky - 1, c), width, sums);
+  const size_t stride = in.stride();
+  float* t_v = transformed + kConvTransformed * in.row_stride();
+  TransformInputRows(in, y, transformed);
+  TransformGradientRows(v_out, y, t_v);
+  for (int j = 0; j < kConvTransformed; ++j) {
+    const float* t_in = transformed + j * in.row_stride() + PaddedRows::kPad;
+    const float* v = t_v + j * v_out.row_stride() + PaddedRows::kPad;
+    for (int oc0 = 0; oc0 < v_out.channels(); oc0 += OC) {
+      for (int c = 0; c < in.channels(); ++c, sums += OC * 3 * N) {
+        WeightGradTaps<OC>(v + oc0 * stride, stride, t_in + c * stride, width, sums);
       }
     }
   }
-  for (int o = 0; o < v_out.channels(); ++o, sums += N) {
-    const float* v = v_out.row(y, o);
+  // The second transformed row is the sum of the four.
+  const float* v = t_v + v_out.row_stride() + PaddedRows::kPad;
+  for (int o = 0; o < v_out.channels(); ++o, sums += N, v += stride) {
     V acc = hn::Load(d, sums);
     for (int x = 0; x < width; x += N) acc = hn::Add(acc, hn::Load(d, v + x));
     hn::Store(acc, d, sums);
@@ -173,26 +285,31 @@ void WeightGradRow(const PaddedRows& in, const PaddedRows& v_out, int y, float* 
 }
 
 template <int OC>
-void WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y1, float* sums,
+void WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y1, float* scratch,
                     float* v_w, float* v_bias) {
   const D d;
   constexpr int N = hn::MaxLanes(d);
   const int in_channels = in.channels(), out_channels = v_out.channels();
-  const size_t count = size_t(out_channels) * (in_channels * 9 + 1);
-  std::fill_n(sums, count * N, 0.0f);
-  for (int y = y0; y < y1; ++y) WeightGradRow<OC>(in, v_out, y, sums);
+  const size_t num_weights = size_t(out_channels) * in_channels * 9;
+  float* sums = scratch + kConvTransformed * (in.row_stride() + v_out.row_stride());
+  std::fill_n(sums, (num_weights * 2 + out_channels) * N, 0.0f);
+  for (int y = y0; y < y1; y += kConvRows) WeightGradRow<OC>(in, v_out, y, scratch, sums);
 
   auto next_sum = [&] {
     const float total = hn::GetLane(hn::SumOfLanes(d, hn::Load(d, sums)));
     sums += N;
     return total;
   };
-  for (int oc0 = 0; oc0 < out_channels; oc0 += OC) {
-    for (int c = 0; c < in_channels; ++c) {
-      for (int ky = 0; ky < 3; ++ky) {
+  std::fill_n(v_w, num_weights, 0.0f);
+  for (const auto& g : kWeightTransform) {
+    for (int oc0 = 0; oc0 < out_channels; oc0 += OC) {
+      for (int c = 0; c < in_channels; ++c) {
         for (int o = oc0; o < oc0 + OC; ++o) {
-          float* taps = v_w + (size_t(o) * in_channels + c) * 9 + 3 * ky;
-          for (int kx = 0; kx < 3; ++kx) taps[kx] = next_sum();
+          float* taps = v_w + (size_t(o) * in_channels + c) * 9;
+          for (int kx = 0; kx < 3; ++kx) {
+            const float sum = next_sum();
+            for (int ky = 0; ky < 3; ++ky) taps[3 * ky + kx] += g[ky] * sum;
+          }
         }
       }
     }
@@ -218,18 +335,22 @@ HWY_AFTER_NAMESPACE();
 namespace litags {
 namespace {
 
-HWY_EXPORT(Conv3x3Row);
+HWY_EXPORT(Conv3x3Rows);
 HWY_EXPORT(Conv3x3WeightGradRows);
 
-// Calls place(out, in, tap, index) for every packed weight.
-template <typename Place>
-void ForEachPacked(int in_channels, int out_channels, Place place) {
+// Fills w; weight(out, in, tap) are the plain weights.
+template <typename Weight>
+void PackTransformed(int in_channels, int out_channels, Weight weight, float* w) {
   const int block = ConvBlockSize(out_channels);
-  size_t index = 0;
   for (int o0 = 0; o0 < out_channels; o0 += block) {
-    for (int c = 0; c < in_channels; ++c) {
-      for (int tap = 0; tap < 9; ++tap) {
-        for (int o = o0; o < o0 + block; ++o) place(o, c, tap, index++);
+    for (const auto& g : kWeightTransform) {
+      for (int c = 0; c < in_channels; ++c) {
+        for (int kx = 0; kx < 3; ++kx) {
+          for (int o = o0; o < o0 + block; ++o) {
+            *w++ =
+                g[0] * weight(o, c, kx) + g[1] * weight(o, c, 3 + kx) + g[2] * weight(o, c, 6 + kx);
+          }
+        }
       }
     }
   }
@@ -239,7 +360,7 @@ void Allocate(int in, int out, ConvWeights* weights) {
   if (in != weights->in_channels || out != weights->out_channels) {
     weights->in_channels = in;
     weights->out_channels = out;
-    weights->w = hwy::AllocateAligned<float>(size_t(in) * out * 9);
+    weights->w = hwy::AllocateAligned<float>(size_t(in) * out * 3 * kConvTransformed);
     weights->bias = hwy::AllocateAligned<float>(out);
   }
   std::fill_n(weights->bias.get(), out, 0.0f);
@@ -249,31 +370,38 @@ void Allocate(int in, int out, ConvWeights* weights) {
 
 void ConvWeights::Pack(int in, int out, const float* source, const float* source_bias) {
   Allocate(ConvPaddedChannels(in), ConvPaddedChannels(out), this);
-  ForEachPacked(in_channels, out_channels, [&](int o, int c, int tap, size_t index) {
-    w[index] = o < out && c < in ? source[(size_t(o) * in + c) * 9 + tap] : 0.0f;
-  });
+  auto weight = [&](int o, int c, int tap) {
+    return o < out && c < in ? source[(size_t(o) * in + c) * 9 + tap] : 0.0f;
+  };
+  PackTransformed(in_channels, out_channels, weight, w.get());
   std::copy_n(source_bias, out, bias.get());
 }
 
 void ConvWeights::PackTransposed(int in, int out, const float* source) {
   Allocate(ConvPaddedChannels(out), ConvPaddedChannels(in), this);
-  ForEachPacked(in_channels, out_channels, [&](int o, int c, int tap, size_t index) {
-    w[index] = o < in && c < out ? source[(size_t(c) * in + o) * 9 + 8 - tap] : 0.0f;
-  });
+  auto weight = [&](int o, int c, int tap) {
+    return o < in && c < out ? source[(size_t(c) * in + o) * 9 + 8 - tap] : 0.0f;
+  };
+  PackTransformed(in_channels, out_channels, weight, w.get());
 }
 
-void Conv3x3Row(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
-                const PaddedRows* other, PaddedRows* out) {
-  HWY_DYNAMIC_DISPATCH(Conv3x3Row)(weights, in, y, epilogue, other, out);
+void Conv3x3Rows(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
+                 const PaddedRows* other, float* scratch, PaddedRows* out) {
+  HWY_DYNAMIC_DISPATCH(Conv3x3Rows)
+  (weights, in, y, epilogue, other, scratch, out);
 }
 
-size_t ConvWeightGradScratch(int in_channels, int out_channels) {
-  return PaddedRows::kPad * out_channels * (in_channels * 9 + 1);
+size_t ConvScratch(const PaddedRows& in) { return kConvTransformed * in.row_stride(); }
+
+size_t ConvWeightGradScratch(const PaddedRows& in, const PaddedRows& v_out) {
+  const size_t sums = size_t(v_out.channels()) * (in.channels() * 3 * kConvTransformed + 1);
+  return ConvScratch(in) + ConvScratch(v_out) + PaddedRows::kPad * sums;
 }
 
 void Conv3x3WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y1,
                            float* scratch, float* v_w, float* v_bias) {
-  HWY_DYNAMIC_DISPATCH(Conv3x3WeightGradRows)(in, v_out, y0, y1, scratch, v_w, v_bias);
+  HWY_DYNAMIC_DISPATCH(Conv3x3WeightGradRows)
+  (in, v_out, y0, y1, scratch, v_w, v_bias);
 }
 
 }  // namespace litags

@@ -1,6 +1,10 @@
-// 3x3 convolution kernels for few channels: SIMD lanes run along pixels, a register block of
-// output channels and pixels is accumulated in one go. Source: plain correlation with zero padding,
-// stride 1; weights [out,in,ky,kx].
+// 3x3 convolution kernels for few channels: SIMD lanes run along pixels, a
+// register block of output channels and pixels is accumulated in one go.
+// Source: plain correlation with zero padding, stride 1; weights
+// [out,in,ky,kx]. Along y they use the minimal filtering F(4,3) (Lavin and
+// Gray, "Fast Algorithms for Convolutional Neural Networks"): out = A^T ((G w)
+// * (B d)) makes 4 rows of output from 6 of input with half of the
+// multiplications; its adjoint gives the weight gradient.
 #ifndef LITAGS_ENGINE_DENOISE_CONV3X3_H_
 #define LITAGS_ENGINE_DENOISE_CONV3X3_H_
 
@@ -11,15 +15,20 @@
 
 namespace litags {
 
-// Output channels per register block: 3 for images, else 4 (counts are padded to a multiple).
+// Output channels per register block: 3 for images, else 4 (counts are padded
+// to a multiple).
 constexpr int ConvBlockSize(int out_channels) { return out_channels == 3 ? 3 : 4; }
 constexpr int ConvPaddedChannels(int channels) {
   const int block = ConvBlockSize(channels);
   return (channels + block - 1) / block * block;
 }
 
-// Weights in the order in which the kernel reads them: [out / block][in][ky][kx][block]; channels
-// that exist only as padding have zero weights and bias, so they stay zero.
+constexpr int kConvRows = 4;         // rows of output per call
+constexpr int kConvTransformed = 6;  // rows of input they see
+
+// Transformed weights G w in the order in which the kernel reads them:
+// [out / block][kConvTransformed][in][kx][block]; channels that exist only as
+// padding have zero weights and bias, so they stay zero.
 struct ConvWeights {
   int in_channels = 0;   // padded
   int out_channels = 0;  // padded
@@ -27,8 +36,8 @@ struct ConvWeights {
 
   // From w [out,in,3,3] and bias [out].
   void Pack(int in, int out, const float* w, const float* bias);
-  // The convolution of the input gradient: channels swapped, kernels turned by 180 degrees, no
-  // bias.
+  // The convolution of the input gradient: channels swapped, kernels turned by
+  // 180 degrees, no bias.
   void PackTransposed(int in, int out, const float* w);
 };
 
@@ -39,15 +48,20 @@ enum class ConvEpilogue {
   kSubtract,  // out = conv - other
 };
 
-// Writes row y of `out` [out_channels]; `other` has the shape of `out` (last two epilogues).
-void Conv3x3Row(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
-                const PaddedRows* other, PaddedRows* out);
+// Floats of scratch that Conv3x3Rows needs; aligned to a vector.
+size_t ConvScratch(const PaddedRows& in);
 
-// Floats of scratch that Conv3x3WeightGradRows needs.
-size_t ConvWeightGradScratch(int in_channels, int out_channels);
+// Writes rows y .. y + kConvRows - 1 of `out` [out_channels], as far as there
+// are any; `other` has the shape of `out` (last two epilogues).
+void Conv3x3Rows(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
+                 const PaddedRows* other, float* scratch, PaddedRows* out);
 
-// Adds up, over rows [y0, y1), the gradient of the weights, in the unpacked order [out,in,ky,kx] of
-// the padded channel counts, and of the bias [out].
+// Floats of scratch that Conv3x3WeightGradRows needs; aligned to a vector.
+size_t ConvWeightGradScratch(const PaddedRows& in, const PaddedRows& v_out);
+
+// Adds up, over rows [y0, y1), the gradient of the weights, in the unpacked
+// order [out,in,ky,kx] of the padded channel counts, and of the bias [out]. y1
+// - y0 is a multiple of kConvRows or y1 = H.
 void Conv3x3WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y1,
                            float* scratch, float* v_w, float* v_bias);
 

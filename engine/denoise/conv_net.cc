@@ -10,19 +10,9 @@ namespace {
 
 // Rows per task. Fixed, because the sums over strips are part of the result.
 constexpr int kStripRows = 16;
+static_assert(kStripRows % kConvRows == 0);
 
 int NumStrips(int height) { return (height + kStripRows - 1) / kStripRows; }
-
-void Conv3x3(int threads, const ConvWeights& weights, const PaddedRows& in, ConvEpilogue epilogue,
-             const PaddedRows* other, PaddedRows* out) {
-  const int height = in.height();
-  ParallelFor(threads, NumStrips(height), [&](size_t strip, int) {
-    const int y0 = static_cast<int>(strip) * kStripRows;
-    for (int y = y0; y < std::min(y0 + kStripRows, height); ++y) {
-      Conv3x3Row(weights, in, y, epilogue, other, out);
-    }
-  });
-}
 
 }  // namespace
 
@@ -42,10 +32,10 @@ void ConvNet::SetWeights(const float* net) {
   conv3_transposed_.PackTransposed(hidden_, 3, net + at.w3);
 }
 
-void ConvNet::Forward(int threads, ConvNetActivations* act, PaddedRows* out) const {
-  Conv3x3(threads, conv1_, act->in, ConvEpilogue::kRelu, nullptr, &act->h1);
-  Conv3x3(threads, conv2_, act->h1, ConvEpilogue::kRelu, nullptr, &act->h2);
-  Conv3x3(threads, conv3_, act->h2, ConvEpilogue::kBias, nullptr, out);
+void ConvNet::Forward(int threads, ConvNetActivations* act, PaddedRows* out) {
+  Convolve(threads, conv1_, act->in, ConvEpilogue::kRelu, nullptr, &act->h1);
+  Convolve(threads, conv2_, act->h1, ConvEpilogue::kRelu, nullptr, &act->h2);
+  Convolve(threads, conv3_, act->h2, ConvEpilogue::kBias, nullptr, out);
 }
 
 void ConvNet::Backward(int threads, const ConvNetActivations& act, const PaddedRows& v_out,
@@ -56,11 +46,31 @@ void ConvNet::Backward(int threads, const ConvNetActivations& act, const PaddedR
   v_h2_.Resize(ConvPaddedChannels(hidden_), height, width);
 
   WeightGradient(threads, hidden_, 3, act.h2, v_out, v_net + at.w3, v_net + at.b3);
-  Conv3x3(threads, conv3_transposed_, v_out, ConvEpilogue::kReluVjp, &act.h2, &v_h2_);
+  Convolve(threads, conv3_transposed_, v_out, ConvEpilogue::kReluVjp, &act.h2, &v_h2_);
   WeightGradient(threads, hidden_, hidden_, act.h1, v_h2_, v_net + at.w2, v_net + at.b2);
-  Conv3x3(threads, conv2_transposed_, v_h2_, ConvEpilogue::kReluVjp, &act.h1, &v_h1_);
+  Convolve(threads, conv2_transposed_, v_h2_, ConvEpilogue::kReluVjp, &act.h1, &v_h1_);
   WeightGradient(threads, 3, hidden_, act.in, v_h1_, v_net + at.w1, v_net + at.b1);
-  Conv3x3(threads, conv1_transposed_, v_h1_, ConvEpilogue::kSubtract, &v_out, v_in);
+  Convolve(threads, conv1_transposed_, v_h1_, ConvEpilogue::kSubtract, &v_out, v_in);
+}
+
+void ConvNet::ReserveScratch(int threads, size_t per_thread) {
+  if (per_thread * threads <= scratch_size_) return;
+  scratch_size_ = per_thread * threads;
+  scratch_ = hwy::AllocateAligned<float>(scratch_size_);
+}
+
+void ConvNet::Convolve(int threads, const ConvWeights& weights, const PaddedRows& in,
+                       ConvEpilogue epilogue, const PaddedRows* other, PaddedRows* out) {
+  const int height = in.height();
+  const size_t scratch = ConvScratch(in);
+  if (threads <= 0) threads = DefaultThreadCount();
+  ReserveScratch(threads, scratch);
+  ParallelFor(threads, NumStrips(height), [&](size_t strip, int thread) {
+    const int y0 = static_cast<int>(strip) * kStripRows;
+    for (int y = y0; y < std::min(y0 + kStripRows, height); y += kConvRows) {
+      Conv3x3Rows(weights, in, y, epilogue, other, scratch_.get() + thread * scratch, out);
+    }
+  });
 }
 
 void ConvNet::WeightGradient(int threads, int in_channels, int out_channels, const PaddedRows& in,
@@ -68,13 +78,10 @@ void ConvNet::WeightGradient(int threads, int in_channels, int out_channels, con
   const int height = in.height(), strips = NumStrips(height);
   const size_t num_weights = size_t(v_out.channels()) * in.channels() * 9;
   const size_t num_partial = num_weights + v_out.channels();
-  const size_t scratch = ConvWeightGradScratch(in.channels(), v_out.channels());
+  const size_t scratch = ConvWeightGradScratch(in, v_out);
   if (threads <= 0) threads = DefaultThreadCount();
   partial_.resize(std::max(partial_.size(), num_partial * strips));
-  if (scratch * threads > scratch_size_) {
-    scratch_size_ = scratch * threads;
-    scratch_ = hwy::AllocateAligned<float>(scratch_size_);
-  }
+  ReserveScratch(threads, scratch);
   ParallelFor(threads, strips, [&](size_t strip, int thread) {
     const int y0 = static_cast<int>(strip) * kStripRows;
     float* sums = partial_.data() + strip * num_partial;

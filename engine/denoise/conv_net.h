@@ -17,8 +17,8 @@ struct ConvNetActivations {
   void Resize(int hidden, int height, int width);
 };
 
-// One set of weights; they may be changed at any time by SetWeights. Keeps the scratch of the
-// backward pass.
+// One set of weights; they may be changed at any time by SetWeights. Keeps its
+// scratch.
 class ConvNet {
  public:
   explicit ConvNet(int hidden) : hidden_(hidden) {}
@@ -27,14 +27,18 @@ class ConvNet {
   void SetWeights(const float* net);
 
   // out [3] = F(act->in); fills act->h1, h2.
-  void Forward(int threads, ConvNetActivations* act, PaddedRows* out) const;
+  void Forward(int threads, ConvNetActivations* act, PaddedRows* out);
 
-  // VJP at `act`: v_in [3] = F^T(v_out) - v_out (the network is used as x - F(x), up to sign) and
-  // v_net += gradient of the weights, laid out as in PdmNetLayout.
+  // VJP at `act`: v_in [3] = F^T(v_out) - v_out (the network is used as x -
+  // F(x), up to sign) and v_net += gradient of the weights, laid out as in
+  // PdmNetLayout.
   void Backward(int threads, const ConvNetActivations& act, const PaddedRows& v_out,
                 PaddedRows* v_in, float* v_net);
 
  private:
+  void ReserveScratch(int threads, size_t per_thread);
+  void Convolve(int threads, const ConvWeights& weights, const PaddedRows& in,
+                ConvEpilogue epilogue, const PaddedRows* other, PaddedRows* out);
   void WeightGradient(int threads, int in_channels, int out_channels, const PaddedRows& in,
                       const PaddedRows& v_out, float* v_w, float* v_bias);
 
