@@ -79,8 +79,8 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
                                   "delete it to start again"));
   }
   LITAGS_ASSIGN_OR_RETURN(const std::vector<int64_t> header, file.Array<int64_t>("header"));
-  if (header.size() != 4 || header[0] < 0 || header[0] > INT_MAX || header[1] < 1 || header[2] < 0 || header[2] > 64 ||
-      header[3] < 0 || header[3] > 8) {
+  if (header.size() != 4 || header[0] < 0 || header[0] > INT_MAX || header[1] < 1 ||
+      header[2] < 0 || header[2] > 64 || header[3] < 0 || header[3] > 8) {
     return Inconsistent("header");
   }
   TrainState state;

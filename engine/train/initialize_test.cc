@@ -1,0 +1,117 @@
+#include "engine/train/initialize.h"
+
+#include <cmath>
+#include <vector>
+
+#include "engine/train/train_test_util.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+constexpr double kSh0 = 0.28209479177387814;
+
+std::vector<SparsePoint> RandomPoints(int n) {
+  const CounterRng rng(8, 0);
+  std::vector<SparsePoint> points(n);
+  for (int i = 0; i < n; ++i) {
+    for (int k = 0; k < 3; ++k) points[i].xyz[k] = rng.Uniform(3 * i + k) - 0.5;
+    points[i].rgb = {255, 0, 51};
+  }
+  return points;
+}
+
+// A view whose photo is one colour and whose table multiplies codes by `gain`.
+TrainView Flat(int index, uint8_t code, float gain) {
+  TrainView view;
+  view.view.camera = RingCamera(index, 4, 32, 24);
+  view.photo = ImageU8(32, 24);
+  std::fill(view.photo.data.begin(), view.photo.data.end(), code);
+  for (auto& channel : view.target_lut) {
+    for (int c = 0; c < 256; ++c) channel[c] = gain * c / 255.0f;
+  }
+  return view;
+}
+
+TEST(Initialize, ScaleIsTheRmsDistanceToThreeNeighbours) {
+  const std::vector<SparsePoint> points = RandomPoints(300);
+  const std::vector<TrainView> views = {Flat(0, 50, 2)};
+  const auto splats = InitializeFromPoints(points, {}, views);
+  ASSERT_TRUE(splats.ok()) << splats.status();
+  ASSERT_EQ(splats->size(), 300u);
+  for (size_t i = 0; i < points.size(); ++i) {
+    std::vector<double> squared;
+    for (size_t j = 0; j < points.size(); ++j) {
+      if (i == j) continue;
+      double sum = 0;
+      for (int k = 0; k < 3; ++k) sum += std::pow(points[i].xyz[k] - points[j].xyz[k], 2);
+      squared.push_back(sum);
+    }
+    std::nth_element(squared.begin(), squared.begin() + 2, squared.end());
+    const double want = std::log(std::sqrt((squared[0] + squared[1] + squared[2]) / 3));
+    for (int k = 0; k < 3; ++k) {
+      ASSERT_NEAR(splats->at(i, kLogScale + k), want, 1e-4);  // float coordinates
+      ASSERT_EQ(splats->at(i, kMean + k), float(points[i].xyz[k]));
+    }
+    ASSERT_NEAR(1 / (1 + std::exp(-splats->at(i, kLogitOpacity))), 0.1, 1e-6);
+    ASSERT_EQ(splats->at(i, kRawQuat), 1);
+  }
+}
+
+TEST(Initialize, ColourIsTheMeanTargetOfThePhotosThatSawThePoint) {
+  std::vector<SparsePoint> points = RandomPoints(6);
+  points[0].track = {{0, 0, 0}, {1, 0, 0}};  // model views 0 and 1
+  points[1].track = {{2, 0, 0}};             // model view 2 is held out
+  points[2].track = {{7, 0, 0}};             // no such view
+  const std::vector<TrainView> views = {Flat(0, 51, 1), Flat(1, 102, 2)};  // targets 0.2, 0.8
+  const auto splats = InitializeFromPoints(points, {0, 1, -1}, views);
+  ASSERT_TRUE(splats.ok());
+  const auto color = [&](size_t i, int c) { return 0.5 + kSh0 * splats->at(i, kShDc + c); };
+  EXPECT_NEAR(color(0, 1), 0.5, 1e-6);
+  for (const size_t i : {1, 2, 3}) {
+    EXPECT_NEAR(color(i, 0), 1.0, 1e-6) << "no photo saw it: the point's own colour";
+    EXPECT_NEAR(color(i, 1), 0.0, 1e-6);
+    EXPECT_NEAR(color(i, 2), 0.2, 1e-6);
+  }
+}
+
+TEST(Initialize, AttributesStartWhereTheLossesAreFlat) {
+  const std::vector<SparsePoint> points = RandomPoints(5);
+  const std::vector<TrainView> views = {Flat(0, 51, 2), Flat(1, 51, 4)};
+  const auto splats = InitializeFromPoints(points, {}, views);
+  ASSERT_TRUE(splats.ok());
+  for (size_t i = 0; i < 5; ++i) {
+    EXPECT_NEAR(splats->at(i, kIllumination), (0.2 + 0.2) / (0.4 + 0.8), 1e-5);
+    EXPECT_EQ(splats->at(i, kNoise), 0);
+    EXPECT_EQ(splats->at(i, kStructure), 0);
+    const double z0 = views[0].view.camera.CamFromWorld(points[i].xyz)[2];
+    const double z1 = views[1].view.camera.CamFromWorld(points[i].xyz)[2];
+    EXPECT_NEAR(splats->at(i, kDepth), (z0 + z1) / 2, 1e-5);
+    for (int row = kShRest; row < kSplatRows; ++row) EXPECT_EQ(splats->at(i, row), 0);
+  }
+}
+
+TEST(Initialize, PointsInOnePlaceGiveFiniteGaussians) {
+  const std::vector<SparsePoint> points(50, RandomPoints(1)[0]);
+  const auto splats = InitializeFromPoints(points, {}, {});
+  ASSERT_TRUE(splats.ok());
+  for (const float v : splats->data()) ASSERT_TRUE(std::isfinite(v));
+}
+
+TEST(Initialize, RefusesFewerThanFourPoints) {
+  const auto splats = InitializeFromPoints(RandomPoints(3), {}, {});
+  EXPECT_EQ(splats.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(ReasonOf(splats.status()), "TOO_FEW_POINTS");
+  EXPECT_TRUE(InitializeFromPoints(RandomPoints(4), {}, {}).ok());
+}
+
+TEST(SceneExtent, IsTheCamerasRadiusAndATenth) {
+  std::vector<TrainView> views;
+  for (int i = 0; i < 4; ++i) views.push_back(Flat(i, 1, 1));
+  EXPECT_NEAR(SceneExtent(views), 1.1 * 4, 1e-9);
+  EXPECT_GT(SceneExtent({}), 0);
+  EXPECT_GT(SceneExtent(std::vector<TrainView>(3, views[0])), 0);
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,236 @@
+#include "engine/train/objective.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "engine/train/loss_test_util.h"
+#include "engine/train/train_test_util.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+constexpr int kWidth = 24, kHeight = 20, kIteration = 7;
+
+// Its target is above 2.4, its photo and its structure below 1.
+TrainView RandomView() {
+  TrainView view;
+  view.view.camera = RingCamera(0, 1, kWidth, kHeight);
+  view.photo = ToImageU8(RandomPlanes(3, kHeight, kWidth, 1));
+  for (auto& channel : view.target_lut) {
+    for (int code = 0; code < 256; ++code) channel[code] = 2.4f + code / 255.0f;
+  }
+  view.structure = PlaneU8(kWidth, kHeight);
+  const Planes structure = RandomPlanes(1, kHeight, kWidth, 2);
+  for (size_t i = 0; i < structure.data.size(); ++i) {
+    view.structure.data[i] = static_cast<uint8_t>(255 * structure.data[i]);
+  }
+  view.depth = DepthMap{RandomPlanes(1, kHeight, kWidth, 3), RandomPlanes(1, kHeight, kWidth, 4)};
+  return view;
+}
+
+// R in 0.5..0.95, L above 4.2, structure above 1.1: with RandomView no L1 term is within a step of
+// its kink, so differences are smooth. Both signs of L1 are losses_test's to check.
+Planes RenderedAwayFromKinks(int channels) {
+  Planes rendered = RandomPlanes(channels, kHeight, kWidth, 9);
+  for (int c = 0; c < channels; ++c) {
+    for (size_t i = 0; i < rendered.plane_size(); ++i) {
+      float& v = rendered.plane(c)[i];
+      if (c < 3) v = 0.5f + 0.5f * v;
+      if (c == kChannelStructure) v += 1.1f;
+      if (c >= kChannelIllumination) v += 4.2f;
+    }
+  }
+  return rendered;
+}
+
+// All layers non-zero, so that every weight has a gradient.
+PdmWeights RandomWeights(const PdmOptions& options) {
+  PdmWeights weights = PdmWeights::Initial(options, 3);
+  for (auto& net : weights.nets) {
+    for (size_t i = 0; i < net.size(); ++i) {
+      net[i] += static_cast<float>(0.05 * CounterRng(4, 4).Normal(i));
+    }
+  }
+  return weights;
+}
+
+double TotalLoss(const TrainOptions& options, const TrainView& view, const Planes& rendered,
+                 const PdmWeights& weights) {
+  Objective objective(options);
+  Planes v_rendered;
+  PdmWeights v_weights;
+  return objective.Evaluate(view, rendered, weights, kIteration, &v_rendered, &v_weights).Total();
+}
+
+// Central differences of the total loss along directions sign(gradient) over the sets of samples
+// that `pick` chooses, against the same sums of `gradient`. One sample would not do: losses add a
+// row's pixels in float, so values carry noise of some 3e-8, which over 2 kStep is 7e-6, a tenth
+// of one pixel's gradient but 0.3% of that of 36.
+void CheckGradient(std::vector<float>* values, const std::vector<float>& gradient,
+                   const std::function<std::vector<size_t>(int sample)>& pick,
+                   const std::function<double()>& loss, const std::string& name) {
+  SCOPED_TRACE(name);
+  constexpr float kStep = 2e-3f;  // ReLUs of the denoiser have kinks, too
+  const std::vector<float> kept = *values;
+  double error2 = 0, norm2 = 0, error = 0, largest = 0;
+  for (int sample = 0; sample < 20; ++sample) {
+    const std::vector<size_t> chosen = pick(sample);
+    const auto loss_at = [&](float step) {
+      for (const size_t i : chosen)
+        (*values)[i] = kept[i] + std::copysign(step, step * gradient[i]);
+      const double value = loss();
+      for (const size_t i : chosen) (*values)[i] = kept[i];
+      return value;
+    };
+    const double want = (loss_at(kStep) - loss_at(-kStep)) / (2 * kStep);
+    double have = 0;
+    for (const size_t i : chosen) have += std::abs(gradient[i]);
+    error = std::max(error, std::abs(have - want));
+    error2 += (have - want) * (have - want);
+    norm2 += want * want;
+    largest = std::max(largest, std::abs(want));
+  }
+  EXPECT_GT(norm2, 0) << "nothing depends on it";
+  // Noise as above, and a ReLU that turns within the step in one patch of twenty.
+  EXPECT_LE(std::sqrt(error2), 0.02 * std::sqrt(norm2));
+  EXPECT_LE(error, 0.04 * largest);
+}
+
+void CheckAllGradients(const TrainOptions& options, const std::vector<int>& live_channels) {
+  const TrainView view = RandomView();
+  Planes rendered = RenderedAwayFromKinks(options.lita ? int{kNumChannels} : 3);
+  PdmWeights weights;
+  if (options.lita && options.use_pdm) weights = RandomWeights(options.pdm);
+  Objective objective(options);
+  Planes v_rendered;
+  PdmWeights v_weights;
+  objective.Evaluate(view, rendered, weights, kIteration, &v_rendered, &v_weights);
+  ASSERT_EQ(v_rendered.data.size(), rendered.data.size());
+  const auto loss = [&] { return TotalLoss(options, view, rendered, weights); };
+  const size_t plane = rendered.plane_size();
+  for (int c = 0; c < rendered.channels; ++c) {
+    const bool live = std::count(live_channels.begin(), live_channels.end(), c) > 0;
+    if (live) {
+      const auto patch = [&](int sample) {
+        constexpr int kSide = 6;
+        const CounterRng rng(11, sample);
+        const size_t x = rng.Below(0, kWidth - kSide + 1), y = rng.Below(1, kHeight - kSide + 1);
+        std::vector<size_t> chosen;
+        for (size_t i = 0; i < kSide * kSide; ++i) {
+          chosen.push_back(c * plane + (y + i / kSide) * kWidth + x + i % kSide);
+        }
+        return chosen;
+      };
+      CheckGradient(&rendered.data, v_rendered.data, patch, loss, "channel " + std::to_string(c));
+    } else {
+      for (size_t i = 0; i < plane; ++i) ASSERT_EQ(v_rendered.plane(c)[i], 0) << "channel " << c;
+    }
+  }
+  for (size_t k = 0; k < weights.nets.size(); ++k) {
+    ASSERT_EQ(v_weights.nets[k].size(), weights.nets[k].size());
+    const auto some = [&](int sample) {
+      std::vector<size_t> chosen;
+      for (size_t i = 0; i < weights.nets[k].size(); ++i) {
+        if (CounterRng(12, sample).Below(i, 20) == 0) chosen.push_back(i);
+      }
+      return chosen;
+    };
+    CheckGradient(&weights.nets[k], v_weights.nets[k], some, loss, "network " + std::to_string(k));
+  }
+}
+
+TrainOptions Options() {
+  TrainOptions options;
+  options.threads = 1;
+  options.pdm.hidden = 4;
+  return options;
+}
+
+TEST(Objective, GradientOfTheWholeLossAgreesWithDifferences) {
+  CheckAllGradients(Options(), {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
+}
+
+TEST(Objective, GradientAgreesWithOtherWeightsAndOwnNetworks) {
+  TrainOptions options = Options();
+  options.pdm.shared = false;
+  options.pdm.stages = 2;
+  options.weight_exposure = 0.3;
+  options.weight_reconstruction = 2;
+  options.weight_prior = 0.7;
+  options.weight_depth = 1.5;
+  options.weight_denoise = 40;
+  options.weight_tv = 3;
+  CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
+}
+
+TEST(Objective, GradientAgreesWithASingleStage) {
+  TrainOptions options = Options();
+  options.pdm.stages = 1;
+  CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
+}
+
+TEST(Objective, WithoutPdmNoiseIsFree) {
+  TrainOptions options = Options();
+  options.use_pdm = false;
+  CheckAllGradients(options, {0, 1, 2, 3, 4, 8, 9, 10});
+}
+
+TEST(Objective, WithoutPriorAndDepthTheirChannelsAreFree) {
+  TrainOptions options = Options();
+  options.use_prior = false;
+  options.use_depth = false;
+  CheckAllGradients(options, {0, 1, 2, 5, 6, 7, 8, 9, 10});
+}
+
+TEST(Objective, Plain3dgsComparesColoursWithTheTarget) {
+  TrainOptions options = Options();
+  options.lita = false;
+  CheckAllGradients(options, {0, 1, 2});
+}
+
+TEST(Objective, TermsAreWeightedAndSumToTheTotal) {
+  const TrainView view = RandomView();
+  const Planes rendered = RandomPlanes(kNumChannels, kHeight, kWidth, 9);
+  TrainOptions options = Options();
+  const PdmWeights weights = RandomWeights(options.pdm);
+  Planes v_rendered;
+  PdmWeights v_weights;
+  const StepLosses one =
+      Objective(options).Evaluate(view, rendered, weights, 0, &v_rendered, &v_weights);
+  for (const double term : {one.exposure, one.reconstruction, one.prior, one.depth, one.denoise}) {
+    EXPECT_GT(term, 0);
+  }
+  options.weight_exposure *= 2;
+  options.weight_prior *= 3;
+  options.weight_depth *= 5;
+  const StepLosses two =
+      Objective(options).Evaluate(view, rendered, weights, 0, &v_rendered, &v_weights);
+  EXPECT_DOUBLE_EQ(two.exposure, 2 * one.exposure);
+  EXPECT_DOUBLE_EQ(two.prior, 3 * one.prior);
+  EXPECT_DOUBLE_EQ(two.depth, 5 * one.depth);
+  EXPECT_DOUBLE_EQ(two.reconstruction, one.reconstruction);
+  EXPECT_DOUBLE_EQ(two.Total(),
+                   two.exposure + two.reconstruction + two.prior + two.depth + two.denoise);
+}
+
+TEST(Objective, AViewWithoutMapsTrainsWithoutTheirTerms) {
+  TrainView view = RandomView();
+  view.structure = PlaneU8();
+  view.depth.reset();
+  const TrainOptions options = Options();
+  Planes v_rendered;
+  PdmWeights v_weights;
+  const StepLosses losses =
+      Objective(options).Evaluate(view, RandomPlanes(kNumChannels, kHeight, kWidth, 9),
+                                  RandomWeights(options.pdm), 0, &v_rendered, &v_weights);
+  EXPECT_EQ(losses.prior, 0);
+  EXPECT_EQ(losses.depth, 0);
+  EXPECT_GT(losses.denoise, 0);
+}
+
+}  // namespace
+}  // namespace litags

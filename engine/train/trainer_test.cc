@@ -1,0 +1,257 @@
+#include "engine/train/trainer.h"
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "engine/io/container.h"
+#include "engine/io/test_util.h"
+#include "engine/train/initialize.h"
+#include "engine/train/train_test_util.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+constexpr int kIterations = 60;
+
+// Densifies three times and grows its SH degree three times within 60 iterations.
+TrainOptions Options() {
+  TrainOptions options;
+  options.iterations = kIterations;
+  options.threads = 1;
+  options.pdm.hidden = 4;
+  options.sh_interval = 15;
+  options.densify_start = 10;
+  options.densify_every = 10;
+  options.densify_grad = 1e-5;
+  options.max_gaussians = 400;
+  // Sixty iterations have to show something.
+  options.lr_sh_dc = options.lr_attributes = 0.04;
+  return options;
+}
+
+const std::vector<TrainView>& Views() {
+  static const auto* views = new std::vector<TrainView>(DarkViews(ColoredCloud(300, 1), 8, 48, 40));
+  return *views;
+}
+
+// The scene of the photos with its colours and light forgotten and its places shaken.
+Splats Start() {
+  Splats splats = ColoredCloud(300, 1);
+  const CounterRng rng(2, 2);
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int k = 0; k < 3; ++k) {
+      splats.at(i, kMean + k) += static_cast<float>(0.03 * rng.Normal(3 * i + k));
+      splats.at(i, kShDc + k) = 0;
+      splats.at(i, kNoise + k) = 0;
+      splats.at(i, kIllumination + k) = 0.5f;
+    }
+  }
+  return splats;
+}
+
+Trainer MakeTrainer(const TrainOptions& options) {
+  return Trainer(options, &Views(), Start(), SceneExtent(Views()));
+}
+
+std::vector<double> Train(Trainer* trainer, int until) {
+  std::vector<double> losses;
+  while (trainer->iteration() < until) {
+    const absl::StatusOr<StepLosses> step = trainer->Step();
+    EXPECT_TRUE(step.ok()) << step.status();
+    if (!step.ok()) break;
+    losses.push_back(step->Total());
+  }
+  return losses;
+}
+
+void ExpectSame(const Model& a, const Model& b) {
+  EXPECT_EQ(a.iteration, b.iteration);
+  EXPECT_EQ(a.sh_degree, b.sh_degree);
+  EXPECT_EQ(a.splats.size(), b.splats.size());
+  EXPECT_TRUE(SameBytes(a.splats.data(), b.splats.data()));
+  EXPECT_EQ(a.pdm.nets, b.pdm.nets);
+}
+
+double MeanOf(const std::vector<double>& v, size_t first, size_t count) {
+  double sum = 0;
+  for (size_t i = first; i < first + count; ++i) sum += v[i] / count;
+  return sum;
+}
+
+TEST(Trainer, LossFallsAndTheSceneGrowsWithinItsBudget) {
+  for (const bool lita : {true, false}) {
+    SCOPED_TRACE(lita);
+    TrainOptions options = Options();
+    options.lita = lita;
+    Trainer trainer = MakeTrainer(options);
+    const std::vector<double> losses = Train(&trainer, kIterations);
+    ASSERT_EQ(losses.size(), size_t{kIterations});
+    // Eight views: an epoch at each end.
+    EXPECT_LT(MeanOf(losses, kIterations - 8, 8), 0.75 * losses[0]);
+    EXPECT_GT(trainer.num_gaussians(), 300u);
+    EXPECT_LE(trainer.num_gaussians(), 400u);
+    const Model model = trainer.Snapshot();
+    EXPECT_EQ(model.iteration, kIterations);
+    EXPECT_EQ(model.sh_degree, 3);
+    EXPECT_EQ(model.lita, lita);
+    EXPECT_EQ(model.use_pdm, lita);
+  }
+}
+
+TEST(Trainer, NumberOfThreadsDoesNotChangeAByte) {
+  TrainOptions options = Options();
+  Trainer one = MakeTrainer(options);
+  const std::vector<double> losses = Train(&one, 35);
+  for (const int threads : {2, 3}) {
+    options.threads = threads;
+    Trainer more = MakeTrainer(options);
+    EXPECT_EQ(Train(&more, 35), losses);
+    ExpectSame(one.Snapshot(), more.Snapshot());
+  }
+}
+
+TEST(Trainer, SeedChangesTheRun) {
+  TrainOptions options = Options();
+  Trainer a = MakeTrainer(options);
+  options.seed = 1;
+  Trainer b = MakeTrainer(options);
+  EXPECT_NE(Train(&a, 16), Train(&b, 16));
+}
+
+TEST(Trainer, ResumedRunEndsWithTheBytesOfAnUninterruptedOne) {
+  const TempDir dir;
+  // 25 is between two density steps, where sums over views matter; 30 is right after one.
+  for (const int stop : {25, 30}) {
+    Trainer whole = MakeTrainer(Options());
+    Train(&whole, stop);
+    ASSERT_TRUE(whole.SaveCheckpoint(dir / "c", "print").ok());
+    const std::vector<double> rest = Train(&whole, kIterations);
+
+    Trainer resumed = MakeTrainer(Options());
+    Train(&resumed, 3);  // whatever it did before is replaced
+    ASSERT_TRUE(resumed.LoadCheckpoint(dir / "c", "print").ok());
+    EXPECT_EQ(resumed.iteration(), stop);
+    EXPECT_EQ(Train(&resumed, kIterations), rest);
+    ExpectSame(whole.Snapshot(), resumed.Snapshot());
+  }
+}
+
+TEST(Trainer, RefusesCheckpointsItCannotContinue) {
+  const TempDir dir;
+  Trainer trainer = MakeTrainer(Options());
+  Train(&trainer, 2);
+  ASSERT_TRUE(trainer.SaveCheckpoint(dir / "good", "print").ok());
+  const Model before = trainer.Snapshot();
+
+  const absl::Status other = trainer.LoadCheckpoint(dir / "good", "another");
+  EXPECT_EQ(other.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(ReasonOf(other), "CHECKPOINT_MISMATCH");
+
+  EXPECT_EQ(trainer.LoadCheckpoint(dir / "missing", "print").code(), absl::StatusCode::kNotFound);
+
+  const auto size = std::filesystem::file_size(dir / "good");
+  std::filesystem::copy_file(dir / "good", dir / "short");
+  std::filesystem::resize_file(dir / "short", size / 2);
+  EXPECT_EQ(ReasonOf(trainer.LoadCheckpoint(dir / "short", "print")), "CONTAINER_TRUNCATED");
+
+  std::ofstream(dir / "foreign") << "This is not a checkpoint but a letter to the editor.";
+  EXPECT_EQ(ReasonOf(trainer.LoadCheckpoint(dir / "foreign", "print")), "NOT_A_CONTAINER");
+
+  ContainerWriter scene("scene", 1);
+  scene.AddSection("meta", "{}");
+  ASSERT_TRUE(scene.Commit(dir / "scene").ok());
+  EXPECT_EQ(ReasonOf(trainer.LoadCheckpoint(dir / "scene", "print")), "WRONG_CONTAINER_KIND");
+
+  // Same fingerprint, another network: a bug of the caller, but no crash.
+  TrainOptions wide = Options();
+  wide.pdm.hidden = 8;
+  Trainer wider = MakeTrainer(wide);
+  EXPECT_EQ(ReasonOf(wider.LoadCheckpoint(dir / "good", "print")), "CHECKPOINT_INCONSISTENT");
+
+  ExpectSame(trainer.Snapshot(), before);
+}
+
+TEST(Trainer, ANumberThatIsNoneStopsTheRunAndNamesTheTerm) {
+  const struct {
+    int row;
+    const char* term;
+  } cases[] = {{kShDc, "exposure"}, {kIllumination, "reconstruction"}, {kStructure, "prior"}};
+  for (const auto& [row, term] : cases) {
+    SCOPED_TRACE(term);
+    Splats broken = Start();
+    for (size_t i = 0; i < broken.size(); ++i) {
+      broken.at(i, row) = std::numeric_limits<float>::quiet_NaN();
+    }
+    Trainer trainer(Options(), &Views(), std::move(broken), 1);
+    const Model before = trainer.Snapshot();
+    const absl::StatusOr<StepLosses> step = trainer.Step();
+    EXPECT_EQ(step.status().code(), absl::StatusCode::kInternal);
+    EXPECT_EQ(ReasonOf(step.status()), "NOT_FINITE");
+    EXPECT_EQ(GetErrorDetail(step.status())->field, term);
+    ExpectSame(trainer.Snapshot(), before);
+  }
+}
+
+TEST(Trainer, AblationsTrain) {
+  for (int off = 0; off < 8; ++off) {
+    SCOPED_TRACE(off);
+    TrainOptions options = Options();
+    options.use_pdm = (off & 1) == 0;
+    options.use_prior = (off & 2) == 0;
+    options.use_depth = (off & 4) == 0;
+    Trainer trainer = MakeTrainer(options);
+    double prior = 0, depth = 0, denoise = 0;
+    for (int i = 0; i < 8; ++i) {  // every view once: half of them have depth
+      const absl::StatusOr<StepLosses> step = trainer.Step();
+      ASSERT_TRUE(step.ok()) << step.status();
+      prior += step->prior;
+      depth += step->depth;
+      denoise += step->denoise;
+    }
+    EXPECT_EQ(denoise > 0, options.use_pdm);
+    EXPECT_EQ(prior > 0, options.use_prior);
+    EXPECT_EQ(depth > 0, options.use_depth);
+  }
+}
+
+TEST(Trainer, LearningRatesOfZeroFreezeTheMeans) {
+  TrainOptions options = Options();
+  options.lr_means = options.lr_means_final = 0;
+  options.densify_start = kIterations;
+  Trainer trainer = MakeTrainer(options);
+  const Model before = trainer.Snapshot();
+  Train(&trainer, 5);
+  const Model after = trainer.Snapshot();
+  for (size_t i = 0; i < before.splats.size(); ++i) {
+    ASSERT_EQ(before.splats.at(i, kMean), after.splats.at(i, kMean));
+  }
+  EXPECT_FALSE(SameBytes(before.splats.data(), after.splats.data()));
+}
+
+TEST(TrainOptions, ValidateNamesTheBrokenRule) {
+  EXPECT_TRUE(TrainOptions().Validate().ok());
+  const auto field_of = [](auto change) {
+    TrainOptions options;
+    change(&options);
+    const auto detail = GetErrorDetail(options.Validate());
+    return detail.has_value() ? detail->field : "valid";
+  };
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->iterations = 0; }), "iterations");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->threads = -1; }), "threads");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->sh_degree = 4; }), "sh_degree");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->sh_interval = 0; }), "sh_interval");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->max_gaussians = 0; }), "max_gaussians");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->lr_means = kNan; }), "lr_means");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->weight_tv = -1; }), "weight_tv");
+  EXPECT_NE(field_of([](TrainOptions* o) { o->densify_every = 0; }), "valid");
+  EXPECT_NE(field_of([](TrainOptions* o) { o->pdm.stages = 0; }), "valid");
+}
+
+}  // namespace
+}  // namespace litags
