@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -22,23 +24,46 @@ using Json = nlohmann::json;
 
 constexpr int64_t kMaxRegistrationFile = int64_t{64} << 20;
 
+// JSON text; names of files need not be UTF-8.
+std::string Dump(const Json& json) {
+  return json.dump(1, ' ', false, Json::error_handler_t::replace);
+}
+
+// What the cameras were found from. Kept cameras of anything else are not used.
+Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& photos) {
+  Json sizes = Json::array();
+  for (const std::string& photo : photos) {
+    std::error_code ignored;
+    sizes.push_back({photo, fs::file_size(input.images_dir + "/" + photo, ignored)});
+  }
+  const Json source = {{"cameras", input.cameras_path}, {"photos", sizes}};
+  return Json::parse(Dump(source));  // as it will be read back
+}
+
 // Renames the views to the photos they belong to (same name, else same stem) and drops views
-// without a photo, with their marks in tracks.
-SparseModel MatchPhotos(SparseModel model, const std::vector<std::string>& photos) {
+// without a photo, with their marks in tracks. INVALID_ARGUMENT if two are of one photo.
+absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std::string>& photos) {
   std::map<std::string, std::string> by_name, by_stem;
   for (const std::string& photo : photos) {
     by_name[photo] = photo;
     by_stem[Stem(photo)] = photo;
   }
   SparseModel out;
+  std::set<std::string> taken;
   std::vector<int> new_index(model.views.size(), -1);
   for (size_t i = 0; i < model.views.size(); ++i) {
     const auto named = by_name.find(model.views[i].name);
     const auto stemmed = by_stem.find(Stem(model.views[i].name));
     if (named == by_name.end() && stemmed == by_stem.end()) continue;
+    const std::string& photo = named != by_name.end() ? named->second : stemmed->second;
+    if (!taken.insert(photo).second) {
+      return InvalidInput("DUPLICATE_CAMERA", "cameras",
+                          absl::StrCat("cameras: photo ", photo, " has two cameras, the second as ",
+                                       model.views[i].name, "; keep one"));
+    }
     new_index[i] = static_cast<int>(out.views.size());
     out.views.push_back(std::move(model.views[i]));
-    out.views.back().name = named != by_name.end() ? named->second : stemmed->second;
+    out.views.back().name = photo;
     out.distortions.push_back(model.distortions[i]);
   }
   out.points = std::move(model.points);
@@ -50,20 +75,24 @@ SparseModel MatchPhotos(SparseModel model, const std::vector<std::string>& photo
 }
 
 // Registration that COLMAP produced, next to the model in work_dir/cameras.
-absl::Status SaveRegistration(const std::string& dir, const SparseModel& model,
+absl::Status SaveRegistration(const std::string& dir, const Json& source, const SparseModel& model,
                               const ReconstructReport& report) {
-  std::error_code error;
-  fs::create_directories(dir, error);
+  std::error_code ignored;  // writing reports what matters
+  fs::create_directories(dir, ignored);
+  fs::remove(dir + "/registration.json", ignored);
   LITAGS_RETURN_IF_ERROR(WriteColmapModel(dir, model));
   const Json json = {{"dropped", report.dropped},
                      {"preparation", report.sfm_preparation},
-                     {"notes", report.notes}};
+                     {"notes", report.notes},
+                     {"source", source}};
   // Last: its presence says that the folder is whole.
-  return WriteFileAtomically(dir + "/registration.json", json.dump(1));
+  return WriteFileAtomically(dir + "/registration.json", Dump(json));
 }
 
-absl::StatusOr<SparseModel> LoadRegistration(const std::string& dir, ReconstructReport* report) {
-  LITAGS_ASSIGN_OR_RETURN(SparseModel model, ReadColmapModel(dir, "cameras"));
+// Nothing if the cameras in `dir` were found from something else than `source`.
+absl::StatusOr<std::optional<SparseModel>> LoadRegistration(const std::string& dir,
+                                                            const Json& source,
+                                                            ReconstructReport* report) {
   LITAGS_ASSIGN_OR_RETURN(const std::string text,
                           ReadFile(dir + "/registration.json", "cameras", kMaxRegistrationFile));
   const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
@@ -73,6 +102,8 @@ absl::StatusOr<SparseModel> LoadRegistration(const std::string& dir, Reconstruct
                      absl::StrCat(dir, "/registration.json is damaged; delete ", dir,
                                   " to find the cameras again"));
   }
+  if (json.value("source", Json()) != source) return std::nullopt;
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model, ReadColmapModel(dir, "cameras"));
   try {
     report->dropped = json["dropped"].get<std::vector<std::string>>();
     report->sfm_preparation = json["preparation"].get<std::string>();
@@ -81,6 +112,8 @@ absl::StatusOr<SparseModel> LoadRegistration(const std::string& dir, Reconstruct
     return MakeError(absl::StatusCode::kDataLoss, "REGISTRATION_CORRUPT", "cameras",
                      absl::StrCat(dir, "/registration.json: ", e.what()));
   }
+  report->registered = static_cast<int>(model.views.size());
+  report->sparse_points = static_cast<int64_t>(model.points.size());
   return model;
 }
 
@@ -130,11 +163,11 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
                                           const StageReport& progress, ReconstructReport* report) {
   report->photos = static_cast<int>(photos.size());
   const std::string kept = input.work_dir + "/cameras";
+  const Json source = SourceOf(input, photos);
   if (fs::exists(kept + "/registration.json")) {
-    LITAGS_ASSIGN_OR_RETURN(SparseModel model, LoadRegistration(kept, report));
-    report->registered = static_cast<int>(model.views.size());
-    report->sparse_points = static_cast<int64_t>(model.points.size());
-    return model;
+    LITAGS_ASSIGN_OR_RETURN(std::optional<SparseModel> found,
+                            LoadRegistration(kept, source, report));
+    if (found.has_value()) return *std::move(found);
   }
 
   SfmOptions sfm;
@@ -157,7 +190,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
         ReadImageSize(input.images_dir + "/" + photos[0], absl::StrCat("images[", photos[0], "]")));
     LITAGS_ASSIGN_OR_RETURN(SparseModel given,
                             ReadCameras(input.cameras_path, "cameras", first.width, first.height));
-    model = MatchPhotos(std::move(given), photos);
+    LITAGS_ASSIGN_OR_RETURN(model, MatchPhotos(std::move(given), photos));
     if (model.views.empty()) {
       return InvalidInput(
           "NO_MATCHING_CAMERAS", "cameras",
@@ -178,15 +211,19 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
     for (const std::string& photo : photos) {
       if (!placed.contains(photo)) report->dropped.push_back(photo);
     }
+    if (!report->dropped.empty()) {
+      report->notes.push_back(absl::StrCat(report->dropped.size(), " of ", photos.size(),
+                                           " photos have no camera and are left out, such as ",
+                                           report->dropped[0]));
+    }
     report->sfm_preparation = "given";
   }
-  LITAGS_RETURN_IF_ERROR(SaveRegistration(kept, model, *report));
+  LITAGS_RETURN_IF_ERROR(SaveRegistration(kept, source, model, *report));
   // Read back, so that this run and a resumed one see the same digits.
-  ReconstructReport ignored;
-  LITAGS_ASSIGN_OR_RETURN(model, LoadRegistration(kept, &ignored));
-  report->registered = static_cast<int>(model.views.size());
-  report->sparse_points = static_cast<int64_t>(model.points.size());
-  return model;
+  LITAGS_ASSIGN_OR_RETURN(std::optional<SparseModel> read_back,
+                          LoadRegistration(kept, source, report));
+  if (!read_back.has_value()) return absl::InternalError("cameras changed while they were kept");
+  return *std::move(read_back);
 }
 
 }  // namespace litags

@@ -13,7 +13,8 @@
 
 namespace litags {
 
-// Cameras and points of the photos in input.images_dir. View names are names of photos there;
+// Cameras and points of the photos in input.images_dir. They are kept in work_dir/cameras, and
+// taken from there if they were found from the same files. View names are names of photos there;
 // sizes are those of the photo files. Fills photos, registered, dropped, sfm_preparation and notes
 // of `report`.
 absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,

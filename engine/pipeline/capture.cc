@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <numeric>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -18,6 +19,8 @@
 
 namespace litags {
 namespace {
+
+constexpr size_t kMinPhotos = 3;  // fewer do not make a scene
 
 // FNV-1a, 64 bits: tells runs apart, not a defence.
 class Fingerprint {
@@ -72,17 +75,31 @@ void Shrink(int max_side, Camera* camera, ImageU8* photo) {
   *camera = camera->Scaled(width, height);
 }
 
-absl::StatusOr<std::vector<TrainView>> LoadViews(const ReconstructInput& input,
-                                                 const ReconstructOptions& options,
-                                                 const SparseModel& model) {
+// A photo of one colour throughout (black, or white) shows nothing to learn from.
+bool IsFlat(const ImageU8& photo) {
+  const size_t n = photo.data.size();
+  return std::equal(photo.data.begin(), photo.data.begin() + (n - 3), photo.data.begin() + 3);
+}
+
+struct LoadedViews {
+  std::vector<TrainView> views;
+  std::vector<int> model_view;  // index into the model's views, per view here
+};
+
+// Photos with their pseudo-targets. Flat ones are left out, with a note.
+absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
+                                      const ReconstructOptions& options, const SparseModel& model,
+                                      const CancelToken& cancel, ReconstructReport* report) {
   const size_t n = model.views.size();
   std::vector<TrainView> views(n);
   std::vector<absl::Status> status(n);
   ParallelFor(options.threads, n, [&](size_t i, int) {
     status[i] = [&]() -> absl::Status {
+      LITAGS_RETURN_IF_ERROR(cancel.Check());
       TrainView& v = views[i];
       v.view = model.views[i];
       LITAGS_ASSIGN_OR_RETURN(v.photo, LoadPhoto(input.images_dir, v.view, model.distortions[i]));
+      if (IsFlat(v.photo)) return absl::OkStatus();
       Shrink(options.max_image_side, &v.view.camera, &v.photo);
       LITAGS_ASSIGN_OR_RETURN(const ToneCurve tone, MakeToneCurve(v.photo, ToneOptionsOf(options)));
       v.target_lut = tone.lut;
@@ -90,7 +107,41 @@ absl::StatusOr<std::vector<TrainView>> LoadViews(const ReconstructInput& input,
     }();
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
-  return views;
+  LoadedViews out;
+  for (size_t i = 0; i < n; ++i) {
+    if (IsFlat(views[i].photo)) {
+      const uint8_t* color = views[i].photo.pixel(0, 0);
+      report->notes.push_back(absl::StrFormat("%s is left out: all its pixels are (%d, %d, %d)",
+                                              views[i].view.name, color[0], color[1], color[2]));
+      continue;
+    }
+    out.model_view.push_back(static_cast<int>(i));
+    out.views.push_back(std::move(views[i]));
+  }
+  if (out.views.size() < kMinPhotos) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
+                     absl::StrCat("images: ", out.views.size(), " of ", report->photos,
+                                  " photos have a camera and show something, at least ", kMinPhotos,
+                                  " must; add photos of the place"));
+  }
+  return out;
+}
+
+// At most `limit` points: those that most photos saw, in their old order.
+void LimitPoints(int64_t limit, std::vector<SparsePoint>* points, ReconstructReport* report) {
+  if (static_cast<int64_t>(points->size()) <= limit) return;
+  std::vector<uint32_t> order(points->size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    return (*points)[a].track_length() > (*points)[b].track_length();
+  });
+  order.resize(limit);
+  std::sort(order.begin(), order.end());
+  report->notes.push_back(absl::StrCat("of ", points->size(), " sparse points the ", limit,
+                                       " seen most often were used (max_gaussians)"));
+  std::vector<SparsePoint> kept;
+  for (const uint32_t i : order) kept.push_back(std::move((*points)[i]));
+  *points = std::move(kept);
 }
 
 absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& cancel,
@@ -106,8 +157,8 @@ absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& 
   return absl::OkStatus();
 }
 
-absl::Status AddDepth(const std::string& depth_dir, std::vector<TrainView>* views,
-                      ReconstructReport* report) {
+absl::Status AddDepth(const std::string& depth_dir, const CancelToken& cancel,
+                      std::vector<TrainView>* views, ReconstructReport* report) {
   if (depth_dir.empty()) {
     report->notes.push_back("no depth maps were given: trained without the depth loss");
     return absl::OkStatus();
@@ -116,6 +167,7 @@ absl::Status AddDepth(const std::string& depth_dir, std::vector<TrainView>* view
                           MakeFolderDepthProvider(depth_dir));
   int found = 0;
   for (TrainView& v : *views) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     LITAGS_ASSIGN_OR_RETURN(v.depth, provider->Depth(v.view, v.photo));
     found += v.depth.has_value();
   }
@@ -137,6 +189,7 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::vector<Train
       f.Add(x);
     if (v.depth.has_value()) {
       f.Add(v.depth->depth.data.data(), v.depth->depth.data.size() * sizeof(float));
+      f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
     }
   }
   // What shapes the result; threads and intervals of reports do not.
@@ -158,20 +211,23 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   progress(Stage::kLoading, "reading photos");
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
                           ListPhotos(input.images_dir, "images"));
-  LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model,
                           ObtainCameras(input, options, photos, colmap, cancel, progress, report));
   LITAGS_RETURN_IF_ERROR(cancel.Check());
 
   progress(Stage::kPreparing, "pseudo-targets and structure maps");
-  LITAGS_ASSIGN_OR_RETURN(std::vector<TrainView> views, LoadViews(input, options, model));
+  LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded, LoadViews(input, options, model, cancel, report));
+  std::vector<TrainView>& views = loaded.views;
   const bool lita = options.method == Method::kLitaGs;
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
-  if (lita && options.use_depth) LITAGS_RETURN_IF_ERROR(AddDepth(input.depth_dir, &views, report));
+  if (lita && options.use_depth)
+    LITAGS_RETURN_IF_ERROR(AddDepth(input.depth_dir, cancel, &views, report));
 
   Capture capture;
   capture.fingerprint = MakeFingerprint(options, views);
-  capture.points = model.points;
-  capture.point_views.assign(views.size(), -1);
+  LimitPoints(options.max_gaussians, &model.points, report);
+  capture.points = std::move(model.points);
+  capture.point_views.assign(model.views.size(), -1);
   const int every = options.holdout_every;
   // Too few photos to spare any.
   const bool hold_out = every > 0 && static_cast<int>(views.size()) >= 2 * every;
@@ -179,7 +235,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
     if (hold_out && static_cast<int>(i) % every == every / 2) {
       capture.holdout.push_back(std::move(views[i]));
     } else {
-      capture.point_views[i] = static_cast<int>(capture.train.size());
+      capture.point_views[loaded.model_view[i]] = static_cast<int>(capture.train.size());
       capture.train.push_back(std::move(views[i]));
     }
   }

@@ -18,16 +18,18 @@ struct Capture {
   std::vector<TrainView> train;
   std::vector<TrainView> holdout;  // evaluated only
   std::vector<SparsePoint> points;
-  std::vector<int> point_views;  // model view to index in `train`, -1 if held out
+  std::vector<int> point_views;  // model view to index in `train`, -1 if held out or left out
   std::string fingerprint;       // of photos, cameras and the options that shape the result
 };
 
-// A message for the user, with how much of the stage is done (0..1).
+// A stage begins or goes on, with a message for the user.
 using StageReport = std::function<void(Stage stage, const std::string& message)>;
 
 // Loads photos and cameras (running COLMAP where needed), makes pseudo-targets and structure
 // maps. Cameras that were found are kept in work_dir/cameras, so that a second call gives the same
-// capture. Fills the registration part of `report`.
+// capture. Photos of a single colour are left out, points beyond max_gaussians too, with a note.
+// Fills the registration part of `report`. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if fewer than 3
+// photos remain.
 absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
                                     const ReconstructOptions& options, const std::string& colmap,
                                     const CancelToken& cancel, const StageReport& progress,

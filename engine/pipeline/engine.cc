@@ -58,9 +58,17 @@ class Run {
   absl::Status Resume(std::vector<std::string>* notes) {
     if (!std::filesystem::exists(checkpoint_path_)) return absl::OkStatus();
     const absl::Status status = trainer_.LoadCheckpoint(checkpoint_path_, capture_.fingerprint);
-    if (absl::IsFailedPrecondition(status)) {
+    const auto detail = GetErrorDetail(status);
+    if (detail.has_value() && detail->reason == "CHECKPOINT_MISMATCH") {
       notes->push_back(
           "a checkpoint of other photos or options was found; training starts from the beginning");
+      return absl::OkStatus();
+    }
+    // Damaged, foreign or too new: a job must not fail for ever because of its leftovers.
+    if (absl::IsDataLoss(status) || absl::IsInvalidArgument(status) ||
+        absl::IsFailedPrecondition(status)) {
+      notes->push_back(absl::StrCat("the checkpoint could not be used (", status.message(),
+                                    "); training starts from the beginning"));
       return absl::OkStatus();
     }
     LITAGS_RETURN_IF_ERROR(status);
@@ -73,7 +81,7 @@ class Run {
     const int first = trainer_.iteration();
     double last_report = 0;
     while (trainer_.iteration() < options_.iterations) {
-      LITAGS_RETURN_IF_ERROR(cancel.Check());
+      if (cancel.IsCancelled()) return Cancelled(cancel, trainer_.iteration() > first);
       LITAGS_ASSIGN_OR_RETURN(const StepLosses losses, trainer_.Step());
       const int done = trainer_.iteration();
       Account(losses, done - first, Now() - start);
@@ -105,6 +113,15 @@ class Run {
   }
 
  private:
+  // Keeps what was done, so that a resumed job goes on from here. Where that fails it goes on from
+  // the checkpoint before.
+  absl::Status Cancelled(const CancelToken& cancel, bool progressed) const {
+    if (progressed) {
+      trainer_.SaveCheckpoint(checkpoint_path_, capture_.fingerprint).IgnoreError();
+    }
+    return cancel.Check();
+  }
+
   void Account(const StepLosses& losses, int steps, double seconds) {
     const double keep = steps == 1 ? 0.0 : kLossMemory;
     const auto mix = [&](double* mean, double value) { *mean = keep * *mean + (1 - keep) * value; };

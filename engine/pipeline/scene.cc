@@ -122,6 +122,11 @@ class ModelScene : public Scene {
   }
 
   absl::Status ExportFullPly(const std::string& path) const override {
+    if (!model_.lita) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "format",
+                       "format: this scene was trained with plain 3dgs and has no LITA attributes; "
+                       "export the standard .ply");
+    }
     return WritePly(path, model_.splats, /*lita_attributes=*/true);
   }
 

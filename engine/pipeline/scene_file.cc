@@ -66,7 +66,8 @@ SceneFrame FrameOfViews(const std::vector<View>& views) {
     forward += axis;
     up -= Eigen::Vector3d(R[3], R[4], R[5]);
   }
-  if (up.norm() > 1e-9) up.normalize();
+  // No common up: any unit vector will do.
+  up = up.norm() > 1e-9 ? Eigen::Vector3d(up.normalized()) : -Eigen::Vector3d::UnitY();
   if (forward.norm() > 1e-9) forward.normalize();
   double spread = 0;
   for (const View& view : views) {
@@ -106,7 +107,8 @@ absl::Status SaveScene(const std::string& path, const Model& model,
                  {"clamp_R", p.clamp_R},
                  {"nets", model.pdm.nets.size()}};
   ContainerWriter out(kKind, kVersion);
-  out.AddSection("meta", json.dump());
+  // Names of photos need not be UTF-8.
+  out.AddSection("meta", json.dump(-1, ' ', false, Json::error_handler_t::replace));
   const AlignedFloats& data = model.splats.data();
   out.AddSectionView("splats",
                      {reinterpret_cast<const char*>(data.data()), data.size() * sizeof(float)});
@@ -130,7 +132,11 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
     model.sh_degree = json.at("sh_degree").get<int>();
     model.iteration = json.at("iteration").get<int>();
     const auto gaussians = json.at("gaussians").get<size_t>();
-    if (gaussians > splats.size()) return Damaged(path, "the number of Gaussians is impossible");
+    // Before Resize, so that a wrong number cannot ask for all the memory there is.
+    const size_t blocks = gaussians / kSplatBlock + (gaussians % kSplatBlock != 0);
+    if (blocks != splats.size() / (Splats::kBlockFloats * sizeof(float))) {
+      return Damaged(path, "the number of Gaussians does not fit their data");
+    }
     model.splats.Resize(gaussians);
     for (const Json& view : json.at("views")) views.push_back(ViewFromJson(view));
     const Json& p = json.at("pdm");
@@ -146,7 +152,17 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
   } catch (const Json::exception& e) {
     return Damaged(path, e.what());
   }
-  LITAGS_RETURN_IF_ERROR(model.pdm_options.Validate());
+  if (model.sh_degree < 0 || model.sh_degree > kMaxShDegree) {
+    return Damaged(path, absl::StrCat("SH degree ", model.sh_degree, " does not exist"));
+  }
+  for (const View& view : views) {
+    if (const absl::Status s = view.camera.Validate("camera"); !s.ok()) {
+      return Damaged(path, absl::StrCat("view ", view.name, ": ", s.message()));
+    }
+  }
+  if (const absl::Status s = model.pdm_options.Validate(); !s.ok()) {
+    return Damaged(path, std::string(s.message()));
+  }
   if (splats.size() != model.splats.data().size() * sizeof(float)) {
     return Damaged(path, "the Gaussians are cut short");
   }
