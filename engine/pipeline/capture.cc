@@ -242,4 +242,13 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   return capture;
 }
 
+absl::StatusOr<ImageU8> MakePseudoTarget(const ImageU8& photo, const ReconstructOptions& options) {
+  LITAGS_ASSIGN_OR_RETURN(const ToneCurve tone, MakeToneCurve(photo, ToneOptionsOf(options)));
+  ImageU8 target = photo;
+  for (size_t i = 0; i < target.data.size(); ++i) {
+    target.data[i] = static_cast<uint8_t>(std::lround(255 * tone.lut[i % 3][photo.data[i]]));
+  }
+  return target;
+}
+
 }  // namespace litags

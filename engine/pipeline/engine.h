@@ -155,6 +155,10 @@ class Engine {
   virtual absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) = 0;
 };
 
+// One photo brightened by options.tone, as training compares with it (rounded to bytes): the
+// baseline that every method has to beat. INVALID_ARGUMENT for an empty or all-black photo.
+absl::StatusOr<ImageU8> MakePseudoTarget(const ImageU8& photo, const ReconstructOptions& options);
+
 // The real one. `colmap` is the program's name or path.
 std::unique_ptr<Engine> MakeEngine(std::string colmap = "colmap");
 

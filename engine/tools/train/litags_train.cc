@@ -10,17 +10,15 @@
 #include <cstdio>
 #include <filesystem>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
-#include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/engine.h"
+#include "engine/tools/evaluation/evaluation.h"
 
 namespace litags {
 namespace {
@@ -80,47 +78,28 @@ absl::StatusOr<std::vector<View>> TestViews(const Arguments& args, const Scene& 
   return views;
 }
 
+void PrintMean(const char* what, const Scores& scores) {
+  std::printf(
+      "%s, mean of %d test views: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n", what,
+      static_cast<int>(scores.views.size()), scores.psnr, scores.ssim, scores.psnr_affine);
+}
+
 // Renders every test view into OUT/test and compares with the photos of `truth`.
-absl::Status Evaluate(const Arguments& args, const Scene& scene) {
+absl::Status Evaluate(const Arguments& args, const std::string& images_dir, const Scene& scene) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<View> views, TestViews(args, scene));
   if (views.empty()) return absl::OkStatus();
-  fs::create_directories(args.out + "/test");
-  nlohmann::json rows = nlohmann::json::array();
-  std::vector<ImageU8> renders, truths;
-  double psnr_sum = 0, ssim_sum = 0;
-  for (const View& view : views) {
-    RenderRequest request;
-    request.camera = view.camera;
-    request.threads = args.options.threads;
-    LITAGS_ASSIGN_OR_RETURN(const Planes color, scene.Render(request));
-    const ImageU8 image = ToImageU8(color);
-    LITAGS_RETURN_IF_ERROR(
-        WritePng(absl::StrCat(args.out, "/test/", Stem(view.name), ".png"), image));
-    const std::string truth_path = args.truth + "/" + view.name;
-    if (args.truth.empty() || !fs::exists(truth_path)) continue;
-    LITAGS_ASSIGN_OR_RETURN(ImageU8 truth, ReadImage(truth_path, "truth"));
-    if (truth.width != image.width || truth.height != image.height) {
-      truth = ResizeArea(truth, image.width, image.height);
-    }
-    LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(image, truth));
-    LITAGS_ASSIGN_OR_RETURN(const double ssim, Ssim(image, truth));
-    rows.push_back({{"view", view.name}, {"psnr", psnr}, {"ssim", ssim}});
-    std::printf("%s  PSNR %.2f dB  SSIM %.4f\n", view.name.c_str(), psnr, ssim);
-    psnr_sum += psnr;
-    ssim_sum += ssim;
-    renders.push_back(image);
-    truths.push_back(std::move(truth));
+  const absl::StatusOr<Scores> renders =
+      ScoreScene(scene, views, args.truth, args.out + "/test", args.options.threads);
+  if (absl::IsNotFound(renders.status())) return absl::OkStatus();  // pictures only
+  LITAGS_RETURN_IF_ERROR(renders.status());
+  for (const ViewScore& v : renders->views) {
+    std::printf("%s  PSNR %.2f dB  SSIM %.4f\n", v.name.c_str(), v.psnr, v.ssim);
   }
-  if (renders.empty()) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const CorrectedPsnr corrected, AffineCorrectedPsnr(renders, truths));
-  const double n = renders.size();
-  std::printf("mean of %d test views  PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n",
-              static_cast<int>(n), psnr_sum / n, ssim_sum / n, corrected.corrected_db);
-  const nlohmann::json json = {{"views", rows},
-                               {"psnr", psnr_sum / n},
-                               {"ssim", ssim_sum / n},
-                               {"psnr_affine", corrected.corrected_db}};
-  return WriteFileAtomically(args.out + "/evaluation.json", json.dump(2) + "\n");
+  PrintMean("renders", *renders);
+  const absl::StatusOr<Scores> photos = ScorePhotos(images_dir, views, args.truth, args.options);
+  if (photos.ok()) PrintMean("brightened photos", *photos);
+  if (!photos.ok() && !absl::IsNotFound(photos.status())) return photos.status();
+  return WriteFileAtomically(args.out + "/evaluation.json", renders->ToJson() + "\n");
 }
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
@@ -152,7 +131,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
                           engine->LoadScene(report.scene_path));
   LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*original_light=*/false));
   for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
-  LITAGS_RETURN_IF_ERROR(Evaluate(args, *scene));
+  LITAGS_RETURN_IF_ERROR(Evaluate(args, input.images_dir, *scene));
   std::printf("%d of %d photos placed (%s), %d Gaussians, %d iterations in %.1f s: %s\n",
               report.registered, report.photos, report.sfm_preparation.c_str(),
               static_cast<int>(report.gaussians), report.iterations, report.seconds,
