@@ -35,13 +35,16 @@ enum class Tone {
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kLinearGain;
-  double theta = 0.49;     // target mean of sRGB codes, (0, 1); authors' release
-  int iterations = 15000;  // one photo each; paper
+  double theta = 0.49;       // target mean of sRGB codes, (0, 1); authors' release
+  double exposure_ssim = 0;  // share of 1 - SSIM beside L1 in L_exp, [0, 1]; paper: 0
+  int iterations = 15000;    // one photo each; paper
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;
   int sh_degree = 3;       // 0..3
   bool use_pdm = true;     // progressive denoising module
+  int pdm_hidden = 16;     // channels inside its network, 1..64
+  int pdm_every = 1;       // iterations between those that denoise
   bool use_prior = true;   // structure prior loss
   bool use_depth = true;   // depth loss, where a depth provider has maps
   int max_image_side = 0;  // photos with a longer side are shrunk to it, px; 0: never

@@ -21,7 +21,10 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.seed = options.seed;
   train.threads = options.threads;
   train.lita = options.method == Method::kLitaGs;
+  train.exposure_ssim = options.exposure_ssim;
   train.use_pdm = options.use_pdm;
+  train.pdm.hidden = options.pdm_hidden;
+  train.pdm_every = options.pdm_every;
   train.use_prior = options.use_prior;
   train.use_depth = options.use_depth;
   train.sh_degree = options.sh_degree;
@@ -31,6 +34,8 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
 
 absl::Status ReconstructOptions::Validate() const {
   if (!(theta > 0 && theta < 1)) return Bad("theta", theta, "is not between 0 and 1");
+  if (!(exposure_ssim >= 0 && exposure_ssim <= 1))
+    return Bad("exposure_ssim", exposure_ssim, "is not in [0, 1]");
   if (iterations < 1 || iterations > 1'000'000)
     return Bad("iterations", iterations, "is not in 1..1000000");
   if (threads < 0 || threads > 1024)
@@ -48,6 +53,8 @@ absl::Status ReconstructOptions::Validate() const {
   if (!(min_registered > 0 && min_registered <= 1)) {
     return Bad("min_registered", min_registered, "is not in (0, 1]");
   }
+  if (pdm_hidden < 1 || pdm_hidden > 64) return Bad("pdm_hidden", pdm_hidden, "is not in 1..64");
+  if (pdm_every < 1) return Bad("pdm_every", pdm_every, "is not 1 or more");
   if (checkpoint_every < 1) return Bad("checkpoint_every", checkpoint_every, "is not 1 or more");
   if (preview_every < 1) return Bad("preview_every", preview_every, "is not 1 or more");
   return TrainOptionsOf(*this).Validate();

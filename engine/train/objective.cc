@@ -46,24 +46,24 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   StepLosses losses;
   CopyPlanes(rendered, kChannelColor, &color_);
   const int stages = options_.pdm.stages;
-  if (options_.use_pdm) {
+  const bool denoise = Denoises(iteration);
+  if (denoise) {
     const double start = Seconds();
     CopyPlanes(rendered, kChannelNoise, &noise_);
     pdm_.Forward(weights, color_, noise_);
     denoise_seconds_ += Seconds() - start;
   }
-  const Planes& R = options_.use_pdm ? pdm_.R(stages) : color_;
+  const Planes& R = denoise ? pdm_.R(stages) : color_;
   ZeroLike(R, 3, &v_color_);
 
-  losses.exposure =
-      options_.weight_exposure * L1Loss(R, target_, options_.weight_exposure, v_color_, workspace_);
+  losses.exposure = options_.weight_exposure * ExposureLoss(R);
   ApplyLut(view.photo, identity, workspace_, &input_);
   losses.reconstruction =
       options_.weight_reconstruction *
       ProductReconstructionLoss(R, PlanesView(rendered, kChannelIllumination, 3), input_,
                                 options_.weight_reconstruction, v_color_,
                                 PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_);
-  if (options_.use_pdm) {
+  if (denoise) {
     ZeroLike(R, 3, &v_previous_);
     const Planes& previous = stages > 1 ? pdm_.R(stages - 1) : color_;
     losses.denoise =
@@ -74,7 +74,7 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   AddStructure(view, rendered, iteration, v_rendered, &losses);
 
   const size_t n = 3 * rendered.plane_size();
-  if (!options_.use_pdm) {
+  if (!denoise) {
     std::copy_n(v_color_.data.data(), n, v_rendered->plane(kChannelColor));
     return losses;
   }
@@ -84,6 +84,13 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   std::copy_n(v_noise_.data.data(), n, v_rendered->plane(kChannelNoise));
   denoise_seconds_ += Seconds() - start;
   return losses;
+}
+
+double Objective::ExposureLoss(const Planes& R) {
+  const double ssim = options_.exposure_ssim, weight = options_.weight_exposure;
+  if (ssim == 0) return L1Loss(R, target_, weight, v_color_, workspace_);
+  return ReconstructionLoss(R, target_, weight, v_color_, workspace_,
+                            {.l1 = 1 - ssim, .ssim = ssim});
 }
 
 void Objective::AddStructure(const TrainView& view, const Planes& rendered, int iteration,

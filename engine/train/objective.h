@@ -18,16 +18,23 @@ class Objective {
  public:
   explicit Objective(const TrainOptions& options);
 
-  // Evaluates at `rendered` [11 or 3, H, W]. Writes v_rendered (same shape) and, with the PDM,
-  // v_weights.
+  // Evaluates at `rendered` [11 or 3, H, W]. Writes v_rendered (same shape) and, where
+  // Denoises(iteration), v_weights.
   StepLosses Evaluate(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
                       int iteration, Planes* v_rendered, PdmWeights* v_weights);
+
+  // Whether the PDM has a part in this iteration.
+  bool Denoises(int iteration) const {
+    return options_.lita && options_.use_pdm && iteration % options_.pdm_every == 0;
+  }
 
   double denoise_seconds() const { return denoise_seconds_; }
 
  private:
   StepLosses EvaluateLita(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
                           int iteration, Planes* v_rendered, PdmWeights* v_weights);
+  // L1 to the pseudo-target, mixed with 1 - SSIM if the options ask for it.
+  double ExposureLoss(const Planes& R);
   void AddStructure(const TrainView& view, const Planes& rendered, int iteration,
                     Planes* v_rendered, StepLosses* losses);
 

@@ -18,6 +18,7 @@ absl::Status TrainOptions::Validate() const {
   if (iterations < 1 || iterations > 1'000'000) return Bad("iterations", "must be in 1..1000000");
   if (threads < 0) return Bad("threads", "must be 0 (all cores) or more");
   if (sh_degree < 0 || sh_degree > 3) return Bad("sh_degree", "must be in 0..3");
+  if (pdm_every < 1) return Bad("pdm_every", "must be 1 or more");
   if (sh_interval < 1) return Bad("sh_interval", "must be 1 or more");
   if (densify_start < 0 || densify_every < 1 || densify_until < 0) {
     return Bad("densify_start, densify_every, densify_until",
@@ -30,6 +31,7 @@ absl::Status TrainOptions::Validate() const {
     const char* name;
     double value;
   } numbers[] = {{"weight_exposure", weight_exposure},
+                 {"exposure_ssim", exposure_ssim},
                  {"weight_reconstruction", weight_reconstruction},
                  {"weight_prior", weight_prior},
                  {"weight_depth", weight_depth},
@@ -50,6 +52,7 @@ absl::Status TrainOptions::Validate() const {
   for (const auto& [name, value] : numbers) {
     if (!std::isfinite(value) || value < 0) return Bad(name, "must be a finite number, 0 or more");
   }
+  if (exposure_ssim > 1) return Bad("exposure_ssim", "must be in [0, 1]");
   return pdm.Validate();
 }
 

@@ -22,9 +22,11 @@ struct TrainOptions {
   bool use_prior = true;  // L_prior
   bool use_depth = true;  // L_depth, for views that have a depth map
   PdmOptions pdm;
+  int pdm_every = 1;  // iterations between those that denoise; the others have R = R_0. Choice
 
   // Loss weights; paper.
   double weight_exposure = 1.0;
+  double exposure_ssim = 0.0;  // L_exp = (1 - s) L1 + s (1 - SSIM); paper: 0, [0, 1]
   double weight_reconstruction = 1.0;
   double weight_prior = 0.1;
   double weight_depth = 0.1;

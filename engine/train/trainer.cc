@@ -171,7 +171,7 @@ absl::StatusOr<StepLosses> Trainer::Step() {
                           AdamUpdateBlock(step, grads, visible, block, &s.state.splats.params,
                                           &s.state.splats.moment1, &s.state.splats.moment2);
                         });
-    s.UpdatePdm(step);
+    if (s.objective.Denoises(s.state.iteration)) s.UpdatePdm(step);
   }
   ++s.state.iteration;
   if (s.state.iteration <= s.DensifyUntil()) {

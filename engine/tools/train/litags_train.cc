@@ -165,6 +165,8 @@ int Main(int argc, char** argv) {
   app.add_option("--tone", o.tone, "pseudo-target: paper, linear or none")
       ->transform(CLI::CheckedTransformer(tones));
   app.add_option("--theta", o.theta, "mean brightness of the target")->capture_default_str();
+  app.add_option("--exposure-ssim", o.exposure_ssim, "share of 1 - SSIM beside L1 in L_exp")
+      ->capture_default_str();
   app.add_option("--iterations", o.iterations, "one photo each")->capture_default_str();
   app.add_option("--seed", o.seed)->capture_default_str();
   app.add_option("--threads", o.threads, "0: all cores")->capture_default_str();
@@ -175,6 +177,10 @@ int Main(int argc, char** argv) {
   app.add_option("--holdout-every", o.holdout_every, "hold out every n-th photo; 0: none")
       ->capture_default_str();
   app.add_flag("!--no-pdm", o.use_pdm, "without the denoising module");
+  app.add_option("--pdm-hidden", o.pdm_hidden, "channels inside its network")
+      ->capture_default_str();
+  app.add_option("--pdm-every", o.pdm_every, "iterations between those that denoise")
+      ->capture_default_str();
   app.add_flag("!--no-prior", o.use_prior, "without the structure prior");
   app.add_flag("!--no-depth", o.use_depth, "without the depth loss");
   CLI11_PARSE(app, argc, argv);
