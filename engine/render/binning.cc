@@ -18,8 +18,8 @@ constexpr size_t kTilesPerTask = 16;
 
 // Calls visit(tile) for every tile the Gaussian reaches, row by row.
 template <class Visit>
-inline void ForEachTile(const ProjectedSplats::Box& box, const float* record,
-                        const EllipseBounds& bounds, int tiles_x, Visit&& visit) {
+inline void ForEachTile(const ProjectedSplats::Box& box, const float* record, int tiles_x,
+                        Visit&& visit) {
   const int tx0 = box.x0 / kTileSize, tx1 = box.x1 / kTileSize;
   const int ty0 = box.y0 / kTileSize, ty1 = box.y1 / kTileSize;
   if (tx0 == tx1 || ty0 == ty1) {  // a single row or column of tiles is all reached
@@ -29,20 +29,21 @@ inline void ForEachTile(const ProjectedSplats::Box& box, const float* record,
     return;
   }
   const float mx = record[kRecordX], my = record[kRecordY];
-  const float hh = bounds.half_height, hh2 = hh * hh;
+  const float hh = record[kRecordHalfHeight], hh2 = hh * hh;
+  const float shear = record[kRecordShear], rightmost = record[kRecordDyRight];
   const auto half_chord = [&](float dy) {
-    return bounds.aspect * std::sqrt(std::max(0.0f, hh2 - dy * dy));
+    return record[kRecordAspect] * std::sqrt(std::max(0.0f, hh2 - dy * dy));
   };
   for (int ty = ty0; ty <= ty1; ++ty) {
     // Pixel centres of this tile row, relative to the mean, limited to the ellipse.
     const float lo = std::max(ty * kTileSize + 0.5f - my, -hh);
     const float hi = std::min(ty * kTileSize + kTileSize - 0.5f - my, hh);
     if (lo > hi) continue;
-    const float dy_right = std::min(std::max(bounds.dy_right, lo), hi);
-    const float dy_left = std::min(std::max(-bounds.dy_right, lo), hi);
+    const float dy_right = std::min(std::max(rightmost, lo), hi);
+    const float dy_left = std::min(std::max(-rightmost, lo), hi);
     // The margin covers rounding; it costs nothing measurable.
-    const float right = mx + bounds.shear * dy_right + half_chord(dy_right) + 0.02f;
-    const float left = mx + bounds.shear * dy_left - half_chord(dy_left) - 0.02f;
+    const float right = mx + shear * dy_right + half_chord(dy_right) + 0.02f;
+    const float left = mx + shear * dy_left - half_chord(dy_left) - 0.02f;
     const int first_px =
         std::max<int>(box.x0, static_cast<int>(std::ceil(std::max(left - 0.5f, -1.0f))));
     const int last_px =
@@ -92,8 +93,8 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
     for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i) {
       const size_t before = reached.size();
       if (!splats.boxes[i].empty()) {
-        ForEachTile(splats.boxes[i], splats.records.data() + i * stride, splats.bounds[i],
-                    lists->tiles_x, [&](uint32_t tile) {
+        ForEachTile(splats.boxes[i], splats.records.data() + i * stride, lists->tiles_x,
+                    [&](uint32_t tile) {
                       ++count[tile];
                       reached.push_back(tile);
                     });

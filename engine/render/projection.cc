@@ -179,7 +179,7 @@ HWY_INLINE void PixelRange(V mid, V half, float size, V* first, V* last) {
   *last = hn::IfThenElse(number, *last, hn::Set(d, -1.0f));
 }
 
-// Writes what the lanes of `offset` contribute to records, bounds, depths and boxes.
+// Writes what the lanes of `offset` contribute to records, depths and boxes.
 void ProjectVector(const float* in, size_t first, size_t count, const KernelCamera& cam,
                    const ProjectionSettings& settings, ProjectedSplats* out) {
   const D d;
@@ -226,8 +226,8 @@ void ProjectVector(const float* in, size_t first, size_t count, const KernelCame
   ShEval(d, settings.sh_degree, dir.x, dir.y, dir.z, in, color);
   for (int c = 0; c < 3; ++c) hn::Store(color[c], d, rec[kRecordFeatures + c]);
   if (settings.channels == kNumChannels) {
-    const V depth = settings.depth_is_camera_z ? p.z : hn::Load(d, in + kDepth * kSplatBlock);
-    hn::Store(depth, d, rec[kRecordFeatures + kChannelDepth]);
+    const V composited = settings.depth_is_camera_z ? p.z : hn::Load(d, in + kDepth * kSplatBlock);
+    hn::Store(composited, d, rec[kRecordFeatures + kChannelDepth]);
     static_assert(kIllumination - kStructure == kChannelIllumination - kChannelStructure);
     for (int r = kStructure; r < kIllumination + 3; ++r) {
       hn::Store(hn::Load(d, in + r * kSplatBlock), d,
@@ -235,16 +235,16 @@ void ProjectVector(const float* in, size_t first, size_t count, const KernelCame
     }
   }
 
-  HWY_ALIGN float extra[9][kLanes];
-  hn::Store(half_h, d, extra[0]);
-  hn::Store(hn::Div(o.cov_b, o.cov_c), d, extra[1]);                             // shear
-  hn::Store(hn::Div(hn::Sqrt(o.det), o.cov_c), d, extra[2]);                     // aspect
-  hn::Store(hn::Mul(o.cov_b, hn::Sqrt(hn::Div(q_wide, o.cov_a))), d, extra[3]);  // dy_right
-  hn::Store(p.z, d, extra[4]);
-  hn::Store(x0, d, extra[5]);
-  hn::Store(x1, d, extra[6]);
-  hn::Store(y0, d, extra[7]);
-  hn::Store(y1, d, extra[8]);
+  hn::Store(half_h, d, rec[kRecordHalfHeight]);
+  hn::Store(hn::Div(o.cov_b, o.cov_c), d, rec[kRecordShear]);
+  hn::Store(hn::Div(hn::Sqrt(o.det), o.cov_c), d, rec[kRecordAspect]);
+  hn::Store(hn::Mul(o.cov_b, hn::Sqrt(hn::Div(q_wide, o.cov_a))), d, rec[kRecordDyRight]);
+  HWY_ALIGN float depth[kLanes], box_x0[kLanes], box_x1[kLanes], box_y0[kLanes], box_y1[kLanes];
+  hn::Store(p.z, d, depth);
+  hn::Store(x0, d, box_x0);
+  hn::Store(x1, d, box_x1);
+  hn::Store(y0, d, box_y0);
+  hn::Store(y1, d, box_y1);
   HWY_ALIGN float seen[kLanes];
   hn::Store(hn::IfThenElseZero(visible, hn::Set(d, 1.0f)), d, seen);
 
@@ -254,10 +254,9 @@ void ProjectVector(const float* in, size_t first, size_t count, const KernelCame
     ProjectedSplats::Box& box = out->boxes[first + i];
     box = {};
     if (seen[i] == 0.0f) continue;
-    box = {static_cast<int16_t>(extra[5][i]), static_cast<int16_t>(extra[6][i]),
-           static_cast<int16_t>(extra[7][i]), static_cast<int16_t>(extra[8][i])};
-    out->bounds[first + i] = {extra[0][i], extra[1][i], extra[2][i], extra[3][i]};
-    out->depths[first + i] = extra[4][i];
+    box = {static_cast<int16_t>(box_x0[i]), static_cast<int16_t>(box_x1[i]),
+           static_cast<int16_t>(box_y0[i]), static_cast<int16_t>(box_y1[i])};
+    out->depths[first + i] = depth[i];
     float* record = out->records.data() + (first + i) * stride;
     for (int f = 0; f < used; ++f) record[f] = rec[f][i];
   }
@@ -464,7 +463,6 @@ void ProjectedSplats::Resize(size_t n, int new_channels) {
   channels = new_channels;
   records.resize(n * RecordStride(channels));
   depths.resize(n);
-  bounds.resize(n);
   boxes.resize(n);
 }
 

@@ -25,14 +25,20 @@ struct KernelCamera {
 
 // One Gaussian as the rasteriser reads it: kRecordFeatures numbers, then the channels.
 //   log2 alpha(dx, dy) = log2_opacity + a dx^2 + b dx dy + c dy^2,  d = pixel centre - mean2d
+// The region where alpha >= 1/255 is an ellipse around mean2d: for |dy| <= half_height,
+// dx = shear dy +- aspect sqrt(half_height^2 - dy^2); its rightmost point is at dy = dy_right.
 constexpr int kRecordX = 0;
 constexpr int kRecordY = 1;
 constexpr int kRecordA = 2;
 constexpr int kRecordB = 3;
 constexpr int kRecordC = 4;
 constexpr int kRecordLog2Opacity = 5;
-constexpr int kRecordFeatures = 6;
-constexpr int RecordStride(int channels) { return (kRecordFeatures + channels + 3) / 4 * 4; }
+constexpr int kRecordHalfHeight = 6;
+constexpr int kRecordShear = 7;
+constexpr int kRecordAspect = 8;
+constexpr int kRecordDyRight = 9;
+constexpr int kRecordFeatures = 10;
+constexpr int RecordStride(int channels) { return (kRecordFeatures + channels + 7) / 8 * 8; }
 
 // What is summed over pixels for one Gaussian in the backward pass: with g = dL/d(ln alpha),
 // moments of g over d, the absolute mean2d gradient, then dL/dchannel.
@@ -45,16 +51,7 @@ constexpr int kGradYY = 5;
 constexpr int kGradAbsX = 6;  // sum |dL/dmean2d_x of a pixel|
 constexpr int kGradAbsY = 7;
 constexpr int kGradFeatures = 8;
-constexpr int GradStride(int channels) { return (kGradFeatures + channels + 3) / 4 * 4; }
-
-// The region where alpha >= 1/255 is an ellipse around mean2d: for |dy| <= half_height,
-// dx = shear dy +- aspect sqrt(half_height^2 - dy^2); its rightmost point is at dy = dy_right.
-struct EllipseBounds {
-  float half_height = 0;
-  float shear = 0;
-  float aspect = 0;
-  float dy_right = 0;
-};
+constexpr int GradStride(int channels) { return (kGradFeatures + channels + 7) / 8 * 8; }
 
 // Screen-space Gaussians of one view; index = Gaussian. Entries of Gaussians that are not visible
 // (x0 > x1) are stale.
@@ -62,9 +59,8 @@ struct ProjectedSplats {
   void Resize(size_t n, int channels);
 
   int channels = 0;
-  std::vector<float> records;  // [N][RecordStride]
-  std::vector<float> depths;   // [N], scene units
-  std::vector<EllipseBounds> bounds;
+  AlignedFloats records;      // [N][RecordStride]
+  std::vector<float> depths;  // [N], scene units
   struct Box {
     int16_t x0 = 0, x1 = -1, y0 = 0, y1 = -1;  // px, inclusive, inside the image
     bool empty() const { return x0 > x1; }

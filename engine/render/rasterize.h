@@ -1,46 +1,56 @@
-// Compositing one 16x16 tile, forward and backward. Vectors run across pixels: each covers a
-// block of 4 x (lanes / 4) pixels, and a bit mask per Gaussian says which blocks its ellipse
-// reaches.
+// Compositing one 16x16 tile, forward and backward. The tile is cut into blocks of one SIMD vector
+// of pixels, 4 x (lanes / 4). Each block walks the Gaussians that reach it with its channels in
+// registers; which Gaussians those are is a bit mask per block and chunk of 64 list entries.
 #ifndef LITAGS_ENGINE_RENDER_RASTERIZE_H_
 #define LITAGS_ENGINE_RENDER_RASTERIZE_H_
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
+#include "engine/core/aligned.h"
 #include "engine/render/projection.h"
-#include "hwy/aligned_allocator.h"
 
 namespace litags {
 
+constexpr int kChunk = 64;          // list entries that share one mask word per block
+constexpr int kMaxTileBlocks = 64;  // blocks of 4 lanes; wider vectors have fewer
+
 struct TileJob {
-  int x0 = 0, y0 = 0;                     // top-left pixel of the tile
-  int width = 0, height = 0;              // image, px
-  int channels = 0;                       // 3 or 11
-  size_t count = 0;                       // Gaussians in the list, front to back
-  const uint32_t* gaussians = nullptr;    // [count]
-  const float* records = nullptr;         // [N][RecordStride(channels)]
-  const EllipseBounds* bounds = nullptr;  // [N]
-  const float* background = nullptr;      // [channels]
-  // [count], bit b: block b of the tile is reached. Written by the forward pass up to the point
-  // where the tile is opaque (zero from there on), read by the backward pass.
-  uint64_t* block_masks = nullptr;
+  int x0 = 0, y0 = 0;                   // top-left pixel of the tile
+  int width = 0, height = 0;            // image, px
+  int channels = 0;                     // 3 or 11
+  size_t count = 0;                     // Gaussians in the list, front to back
+  const uint32_t* gaussians = nullptr;  // [count]
+  const float* records = nullptr;       // [N][RecordStride(channels)]
+  const float* background = nullptr;    // [channels]
+  // [ceil(count / kChunk)][kMaxTileBlocks]: bit k of word [j][b] is set if Gaussian j * kChunk + k
+  // of the list reaches block b before the block is opaque. Written by the forward pass, read by
+  // the backward pass.
+  uint64_t* reach = nullptr;
 };
 
 // Writes the tile's pixels of image [C, H, W] and alpha [H, W]. Returns the number of alpha
 // evaluations (lanes).
 int64_t RasterizeTile(const TileJob& job, float* image, float* alpha);
 
-// Grows as needed; one per thread.
+// Buffers of RasterizeTileVjp, kept to save allocations; one per thread.
 struct TileScratch {
-  hwy::AlignedFreeUniquePtr<float[]> data;
-  size_t size = 0;
-  float* Reserve(size_t floats);
+  AlignedFloats records, grads, evaluations;
+  std::vector<uint32_t> entries;
 };
 
-// Writes GradStride(channels) sums to grads[slots[k] * stride] for every k < count (zero where
-// nothing contributed). v_alpha may be null.
-void RasterizeTileVjp(const TileJob& job, const uint32_t* slots, const float* v_image,
-                      const float* v_alpha, float* grads, TileScratch* scratch);
+struct TileGradients {
+  const float* v_image = nullptr;   // [C, H, W]
+  const float* v_alpha = nullptr;   // [H, W], may be null
+  const uint32_t* slots = nullptr;  // [count]
+  float* pairs = nullptr;           // [..][GradStride(channels)]
+  bool absolute = false;            // also kGradAbsX and kGradAbsY, else they are zero
+};
+
+// Writes GradStride(channels) sums to pairs[slots[k]] for every k < count (zero where nothing
+// contributed).
+void RasterizeTileVjp(const TileJob& job, const TileGradients& gradients, TileScratch* scratch);
 
 }  // namespace litags
 

@@ -21,12 +21,13 @@ struct Renderer::Impl {
   ProjectionSettings projection;
   std::array<float, kNumChannels> background = {};
   int threads = 0;
+  bool absolute_gradients = false;
 
   ProjectedSplats projected;
   TileLists lists;
   BinScratch bin_scratch;
-  std::vector<uint64_t> block_masks;  // [pairs]
-  std::vector<float> pair_grads;      // [pairs][GradStride]
+  std::vector<uint64_t> reach;  // see TileJob; tiles one after the other
+  AlignedFloats pair_grads;     // [pairs][GradStride]
   std::vector<TileScratch> tile_scratch;
   std::vector<int64_t> tile_evaluations;
   ViewStats stats;
@@ -43,9 +44,9 @@ struct Renderer::Impl {
     job.count = lists.tile_begin[tile + 1] - begin;
     job.gaussians = lists.gaussians.data() + begin;
     job.records = projected.records.data();
-    job.bounds = projected.bounds.data();
     job.background = background.data();
-    job.block_masks = block_masks.data() + begin;
+    // The part of tiles before this one is no longer than this.
+    job.reach = reach.data() + (begin / kChunk + tile) * kMaxTileBlocks;
     return job;
   }
 
@@ -72,6 +73,8 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.background = settings.background;
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
 
+  s.absolute_gradients = settings.absolute_gradients;
+
   s.projected.Resize(splats.size(), settings.num_channels);
   const size_t blocks = splats.num_blocks();
   ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
@@ -90,7 +93,7 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
     p->data.resize(p->channels * p->plane_size());
   }
   const size_t tiles = s.lists.tile_begin.size() - 1;
-  s.block_masks.resize(s.lists.num_pairs());
+  s.reach.resize((s.lists.num_pairs() / kChunk + tiles) * kMaxTileBlocks);
   s.tile_evaluations.resize(tiles);
   ParallelFor(s.threads, tiles, [&](size_t tile, int) {
     s.tile_evaluations[tile] = RasterizeTile(s.JobOf(tile), image->data.data(), alpha->data.data());
@@ -128,11 +131,12 @@ void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGrad
   alignas(64) float grads[Splats::kBlockFloats] = {};
   alignas(64) float mean2d[2 * kSplatBlock];
   ProjectBlockVjp(splats, block, camera, projection, sums, visible, grads, mean2d);
+  const auto norm = [](float x, float y) { return std::sqrt(x * x + y * y); };
   for (size_t i = begin; i < end; ++i) {
     const int lane = static_cast<int>(i - begin);
-    stats.grad_means2d[i] = std::hypot(mean2d[lane], mean2d[kSplatBlock + lane]);
+    stats.grad_means2d[i] = norm(mean2d[lane], mean2d[kSplatBlock + lane]);
     stats.abs_grad_means2d[i] =
-        std::hypot(sums[kGradAbsX * kSplatBlock + lane], sums[kGradAbsY * kSplatBlock + lane]);
+        norm(sums[kGradAbsX * kSplatBlock + lane], sums[kGradAbsY * kSplatBlock + lane]);
   }
   sink(block, grads, visible);
 }
@@ -148,9 +152,13 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
   s.tile_scratch.resize(s.threads);
   const size_t tiles = s.lists.tile_begin.size() - 1;
   ParallelFor(s.threads, tiles, [&](size_t tile, int thread) {
-    RasterizeTileVjp(s.JobOf(tile), s.lists.slots.data() + s.lists.tile_begin[tile],
-                     v_image.data.data(), v_alpha.empty() ? nullptr : v_alpha.data.data(),
-                     s.pair_grads.data(), &s.tile_scratch[thread]);
+    TileGradients gradients;
+    gradients.v_image = v_image.data.data();
+    gradients.v_alpha = v_alpha.empty() ? nullptr : v_alpha.data.data();
+    gradients.slots = s.lists.slots.data() + s.lists.tile_begin[tile];
+    gradients.pairs = s.pair_grads.data();
+    gradients.absolute = s.absolute_gradients;
+    RasterizeTileVjp(s.JobOf(tile), gradients, &s.tile_scratch[thread]);
   });
 
   s.stats.grad_means2d.resize(splats.size());

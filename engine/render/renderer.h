@@ -36,8 +36,9 @@ struct RenderSettings {
   int sh_degree = kMaxShDegree;     // 0..3
   DepthSource depth_source = DepthSource::kAttribute;
   std::array<float, kNumChannels> background = {};
-  float near_plane = 0.2f;  // scene units; Gaussians at or before it are dropped (3DGS)
-  int threads = 0;          // <= 0: all cores
+  float near_plane = 0.2f;          // scene units; Gaussians at or before it are dropped (3DGS)
+  int threads = 0;                  // <= 0: all cores
+  bool absolute_gradients = false;  // whether Backward fills ViewStats::abs_grad_means2d
 };
 
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
@@ -45,7 +46,7 @@ struct RenderSettings {
 struct ViewStats {
   std::vector<float> radius_px;         // larger half-extent of the box where alpha >= 1/255
   std::vector<float> grad_means2d;      // |dL/dmeans2d|, loss per px
-  std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS)
+  std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS), or 0
 };
 
 // Receives the gradient of one block of 16 Gaussians, rows as in SplatRow, [kSplatRows][16]. Rows

@@ -32,8 +32,10 @@ const char* Target() { return hwy::TargetName(HWY_TARGET); }
 float FmaChains(int rounds, double* flops) {
   const hn::ScalableTag<float> d;
   const auto scale = hn::Set(d, 0.999f), add = hn::Set(d, 0.001f);
-  auto a = hn::Set(d, 1.0f), b = a, c = a, e = a, f = a, g = a, h = a, i = a, j = a, k = a, l = a,
-       m = a;
+  // Different starts: equal chains would be merged by the compiler.
+  const auto start = [&](int n) HWY_ATTR { return hn::Set(d, 1.0f + 0.01f * n); };
+  auto a = start(0), b = start(1), c = start(2), e = start(3), f = start(4), g = start(5),
+       h = start(6), i = start(7), j = start(8), k = start(9), l = start(10), m = start(11);
   for (int r = 0; r < rounds; ++r) {
     a = hn::MulAdd(a, scale, add), b = hn::MulAdd(b, scale, add), c = hn::MulAdd(c, scale, add);
     e = hn::MulAdd(e, scale, add), f = hn::MulAdd(f, scale, add), g = hn::MulAdd(g, scale, add);

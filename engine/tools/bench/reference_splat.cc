@@ -225,7 +225,8 @@ void RunSplatForwardCase(const ReferenceCase& reference, CaseReport* report) {
 void RunSplatBackwardCase(const ReferenceCase& reference, CaseReport* report) {
   const ReferenceCase forward(reference.folder() + "/../" + reference.ParamText("forward_case"));
   const Splats splats = ReadSplats(forward);
-  const RenderSettings settings = ReadSettings(forward);
+  RenderSettings settings = ReadSettings(forward);
+  settings.absolute_gradients = true;
   Renderer renderer;
   Planes image, alpha;
   renderer.Forward(splats, ReadCamera(forward), settings, &image, &alpha);

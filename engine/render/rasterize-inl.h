@@ -1,0 +1,146 @@
+// What the forward and backward compositing kernels share, per target. Include after highway.h.
+#if defined(LITAGS_ENGINE_RENDER_RASTERIZE_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef LITAGS_ENGINE_RENDER_RASTERIZE_INL_H_
+#undef LITAGS_ENGINE_RENDER_RASTERIZE_INL_H_
+#else
+#define LITAGS_ENGINE_RENDER_RASTERIZE_INL_H_
+#endif
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "engine/render/constants.h"
+#include "engine/render/projection.h"
+#include "engine/render/rasterize.h"
+#include "hwy/highway.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace litags {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D = hn::CappedTag<float, 16>;
+using V = hn::Vec<D>;
+using M = hn::Mask<D>;
+
+// How blocks tile the tile for this target's vector length.
+constexpr int kLanes = static_cast<int>(hn::MaxLanes(D()));
+constexpr int kTilePixels = kTileSize * kTileSize;
+constexpr int kColumns = kTileSize / kBlockWidth;
+constexpr int kBlockHeight = kLanes / kBlockWidth;
+constexpr int kRows = kTileSize / kBlockHeight;
+constexpr int kBlocks = kRows * kColumns;
+static_assert(kBlocks <= kMaxTileBlocks);
+constexpr uint64_t kAllBlocks = ~uint64_t{0} >> (64 - kBlocks);
+
+constexpr int BlockX(int block) { return block % kColumns * kBlockWidth; }
+constexpr int BlockY(int block) { return block / kColumns * kBlockHeight; }
+
+// 2^x for x in [-126, 0], to 2.4e-7 relative; meaningless for smaller x. Degree-5 minimax
+// polynomial on [-1/2, 1/2], fitted for this project.
+HWY_INLINE V Exp2(V x) {
+  const D d;
+  const hn::RebindToSigned<D> di;
+  // Adding 1.5 2^23 rounds to an integer and leaves it in the low bits.
+  const V magic = hn::Set(d, 12582912.0f);
+  const V shifted = hn::Add(x, magic);
+  const V f = hn::Sub(x, hn::Sub(shifted, magic));
+  // In pairs (Estrin): the chain of dependent steps is what limits compositing.
+  const V f2 = hn::Mul(f, f);
+  const V p01 = hn::MulAdd(hn::Set(d, 0.6931469440f), f, hn::Set(d, 1.0000001192f));
+  const V p23 = hn::MulAdd(hn::Set(d, 0.0555071309f), f, hn::Set(d, 0.2402212024f));
+  const V p45 = hn::MulAdd(hn::Set(d, 0.0013276470f), f, hn::Set(d, 0.0096755410f));
+  const V p = hn::MulAdd(hn::MulAdd(p45, f2, p23), f2, p01);
+  return hn::BitCast(d, hn::Add(hn::BitCast(di, p), hn::ShiftLeft<23>(hn::BitCast(di, shifted))));
+}
+
+// Alpha at pixel centres (x, y), clamped to 0.99, zero below 1/255.
+HWY_INLINE V Alpha(const float* HWY_RESTRICT record, V x, V y) {
+  const D d;
+  const V dx = hn::Sub(hn::Set(d, record[kRecordX]), x);
+  const V dy = hn::Sub(hn::Set(d, record[kRecordY]), y);
+  const V along_x =
+      hn::MulAdd(hn::Set(d, record[kRecordA]), dx, hn::Mul(hn::Set(d, record[kRecordB]), dy));
+  const V along_y = hn::MulAdd(hn::Mul(hn::Set(d, record[kRecordC]), dy), dy,
+                               hn::Set(d, record[kRecordLog2Opacity]));
+  const V power = hn::MulAdd(along_x, dx, along_y);
+  constexpr float kLog2AlphaMin = -7.99435344f;
+  return hn::IfThenElseZero(hn::Ge(power, hn::Set(d, kLog2AlphaMin)),
+                            hn::Min(Exp2(power), hn::Set(d, kAlphaMax)));
+}
+
+// One step of compositing: given alpha, updates the transmittance and returns the alpha that
+// counts: zero for pixels that are, or now become, opaque. An opaque pixel, or one outside the
+// image, is marked by the sign bit of its transmittance; the value is kept. *goes_on is false for
+// them.
+HWY_INLINE V Advance(V alpha, V* T, M* goes_on) {
+  const D d;
+  const V next = hn::NegMulAdd(alpha, *T, *T);
+  *goes_on = hn::Ge(next, hn::Set(d, kTransmittanceStop));
+  *T = hn::IfThenElse(*goes_on, next, hn::Or(*T, hn::SignBit(d)));
+  return hn::IfThenElseZero(*goes_on, alpha);
+}
+
+// Pixel centres of a tile's blocks.
+class PixelGrid {
+ public:
+  explicit PixelGrid(const TileJob& job) {
+    HWY_ALIGN float xs[kLanes], ys[kLanes];
+    for (int i = 0; i < kLanes; ++i) {
+      xs[i] = job.x0 + i % kBlockWidth + 0.5f;
+      ys[i] = job.y0 + i / kBlockWidth + 0.5f;
+    }
+    x_ = hn::Load(D(), xs);
+    y_ = hn::Load(D(), ys);
+  }
+  HWY_INLINE V X(int block) const {
+    return hn::Add(x_, hn::Set(D(), static_cast<float>(BlockX(block))));
+  }
+  HWY_INLINE V Y(int block) const {
+    return hn::Add(y_, hn::Set(D(), static_cast<float>(BlockY(block))));
+  }
+
+ private:
+  V x_, y_;  // of the first block
+};
+
+// Transmittance 1 for the block's pixels inside the image, -1 for the others.
+HWY_INLINE V InitialTransmittance(const TileJob& job, V x, V y) {
+  const D d;
+  const M inside = hn::And(hn::Lt(x, hn::Set(d, static_cast<float>(job.width))),
+                           hn::Lt(y, hn::Set(d, static_cast<float>(job.height))));
+  return hn::IfThenElse(inside, hn::Set(d, 1.0f), hn::Set(d, -1.0f));
+}
+
+// Calls visit(offset in the image plane, offset in the block, columns) for every row of the block
+// that has pixels inside the image. `columns` is a constant for whole rows.
+template <class Visit>
+HWY_INLINE void ForEachBlockRow(const TileJob& job, int block, Visit&& visit) {
+  const int x = job.x0 + BlockX(block), columns = std::min(kBlockWidth, job.width - x);
+  if (columns <= 0) return;
+  const int y0 = job.y0 + BlockY(block), rows = std::min(kBlockHeight, job.height - y0);
+  for (int r = 0; r < rows; ++r) {
+    const size_t at = size_t(y0 + r) * job.width + x;
+    if (columns == kBlockWidth) {
+      visit(at, r * kBlockWidth, std::integral_constant<int, kBlockWidth>());
+    } else {
+      visit(at, r * kBlockWidth, columns);
+    }
+  }
+}
+
+HWY_INLINE void CopyRow(const float* from, int columns, float* to) {
+  std::copy_n(from, columns, to);
+}
+HWY_INLINE void CopyRow(const float* from, std::integral_constant<int, kBlockWidth>, float* to) {
+  const hn::FixedTag<float, kBlockWidth> d;
+  hn::StoreU(hn::LoadU(d, from), d, to);
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace litags
+HWY_AFTER_NAMESPACE();
+
+#endif  // LITAGS_ENGINE_RENDER_RASTERIZE_INL_H_
