@@ -56,15 +56,16 @@ inline void ForEachTile(const ProjectedSplats::Box& box, const float* record, in
 // Puts one tile's pairs in order of depth; equal depths keep the order of Gaussians. Depths are
 // positive, so their bits sort like numbers.
 void SortTile(const ProjectedSplats& splats, const BinScratch& scratch, uint32_t begin,
-              uint32_t end, std::vector<uint64_t>* keys, TileLists* lists) {
-  keys->resize(end - begin);
+              uint32_t end, BinScratch::Sorting* sorting, TileLists* lists) {
+  std::vector<uint64_t>& keys = sorting->keys;
+  keys.resize(end - begin);
   for (uint32_t k = begin; k < end; ++k) {
     const float depth = splats.depths[scratch.gaussians[k]];
-    (*keys)[k - begin] = uint64_t{std::bit_cast<uint32_t>(depth)} << 32 | k;
+    keys[k - begin] = uint64_t{std::bit_cast<uint32_t>(depth)} << 32 | k;
   }
-  std::sort(keys->begin(), keys->end());
+  sorting->sort(keys.data(), keys.size(), hwy::SortAscending());
   for (uint32_t k = begin; k < end; ++k) {
-    const auto from = static_cast<uint32_t>((*keys)[k - begin]);
+    const auto from = static_cast<uint32_t>(keys[k - begin]);
     lists->gaussians[k] = scratch.gaussians[from];
     lists->slots[k] = scratch.slots[from];
   }
@@ -133,12 +134,12 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
       }
     }
   });
-  scratch->keys.resize(threads);
+  scratch->sorting.resize(threads);
   ParallelFor(threads, (tiles + kTilesPerTask - 1) / kTilesPerTask, [&](size_t task, int thread) {
     const size_t end = std::min(tiles, (task + 1) * kTilesPerTask);
     for (size_t tile = task * kTilesPerTask; tile < end; ++tile) {
       SortTile(splats, *scratch, lists->tile_begin[tile], lists->tile_begin[tile + 1],
-               &scratch->keys[thread], lists);
+               &scratch->sorting[thread], lists);
     }
   });
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/render/projection.h"
+#include "hwy/contrib/sort/vqsort.h"
 
 namespace litags {
 
@@ -28,7 +29,11 @@ struct BinScratch {
   std::vector<std::vector<uint32_t>> chunk_tiles;  // tiles of each pair, by chunk of Gaussians
   std::vector<uint32_t> offsets;                   // [chunks][tiles]
   std::vector<uint32_t> gaussians, slots;          // the lists before sorting
-  std::vector<std::vector<uint64_t>> keys;         // per thread: depth bits, place in the tile
+  struct Sorting {
+    hwy::Sorter sort;            // costly to make
+    std::vector<uint64_t> keys;  // depth bits, place in the tile
+  };
+  std::vector<Sorting> sorting;  // per thread
 };
 
 // Fills `lists` for an image of width x height px. A Gaussian is in a tile exactly when its
