@@ -9,14 +9,16 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/sfm/colmap_database.h"
+#include "engine/sfm/photo_set.h"
 
 namespace litags {
 namespace {
 
-// Pairs x limit^2 that COLMAP's CPU matcher may do. Measured: 1225 pairs with a limit of 1212,
-// which gave 2084 features per photo (the limit is rough: COLMAP drops whole scale levels), took
-// 284 CPU seconds.
-constexpr double kMatchBudget = 1.8e9;
+// Pairs x limit^2 that may be compared. The limit is rough: COLMAP drops whole scale levels, so up
+// to 1.7 times as many features come out, and 1.5e10 products, which take about 40 CPU seconds with
+// AVX2.
+constexpr double kMatchBudget = 5e9;
 constexpr int kMinFeatures = 1000, kMaxFeatures = 4000;
 
 std::string LensName(LensModel lens) { return lens == LensModel::kOpenCv ? "OPENCV" : "PINHOLE"; }
@@ -33,15 +35,10 @@ std::function<void(std::string_view)> CountLines(const char* format, const Fract
 
 }  // namespace
 
-int64_t NumPairs(const SfmOptions& options, int num_photos) {
-  const int64_t n = num_photos;
-  if (num_photos > options.sequential_above) return n * options.sequential_overlap;
-  return n * (n - 1) / 2;
-}
-
 int FeatureBudget(const SfmOptions& options, int num_photos) {
   if (options.max_features > 0) return options.max_features;
-  const double pairs = static_cast<double>(std::max<int64_t>(1, NumPairs(options, num_photos)));
+  const double pairs =
+      static_cast<double>(std::max<size_t>(1, PairsToMatch(options, num_photos).size()));
   return static_cast<int>(
       std::clamp<double>(std::sqrt(kMatchBudget / pairs), kMinFeatures, kMaxFeatures));
 }
@@ -111,29 +108,20 @@ absl::StatusOr<double> Colmap::ExtractFeatures(int num_photos, const FractionFn&
       CountLines("Processed file [%d/%d]", progress));
 }
 
-absl::StatusOr<double> Colmap::Match(int num_photos, const FractionFn& progress) {
-  std::vector<std::string> args = {"exhaustive_matcher",
-                                   "--database_path",
-                                   database_path(),
-                                   "--SiftMatching.use_gpu",
-                                   "0",
-                                   "--SiftMatching.num_threads",
-                                   absl::StrCat(threads_)};
-  if (num_photos > options_.sequential_above) {
-    args[0] = "sequential_matcher";
-    args.insert(args.end(),
-                {"--SequentialMatching.overlap", absl::StrCat(options_.sequential_overlap)});
-    return RunChecked(std::move(args), CountLines("Matching image [%d/%d]", progress));
-  }
-  args.insert(args.end(), {"--ExhaustiveMatching.block_size", "10"});  // finer progress
-  return RunChecked(std::move(args), [&](std::string_view line) {
-    int i = 0, n = 0, j = 0, m = 0;
-    if (std::sscanf(std::string(line).c_str(), "Matching block [%d/%d, %d/%d]", &i, &n, &j, &m) ==
-            4 &&
-        n > 0 && m > 0) {
-      progress(std::clamp(((i - 1.0) * m + j) / (1.0 * n * m), 0.0, 1.0));
-    }
-  });
+absl::StatusOr<double> Colmap::Verify(const std::vector<NamePair>& pairs,
+                                      const FractionFn& progress) {
+  if (pairs.empty()) return 0;
+  std::string list;
+  for (const NamePair& pair : pairs) absl::StrAppend(&list, pair.name1, " ", pair.name2, "\n");
+  const std::string list_path = dir_ + "/pairs.txt";
+  LITAGS_RETURN_IF_ERROR(WriteScratch(list_path, list));
+  // "pairs": for a pair with stored matches COLMAP only verifies, on all threads; "raw" would read
+  // the matches as text and verify on one.
+  return RunChecked(
+      {"matches_importer", "--database_path", database_path(), "--match_list_path", list_path,
+       "--match_type", "pairs", "--SiftMatching.use_gpu", "0", "--SiftMatching.num_threads",
+       absl::StrCat(threads_), "--SiftMatching.min_num_inliers", absl::StrCat(kMinInliers)},
+      CountLines("Matching block [%d/%d]", progress));
 }
 
 absl::StatusOr<double> Colmap::Map(const std::string& models_dir, int num_photos,

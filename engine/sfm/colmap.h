@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
 #include "engine/core/subprocess.h"
+#include "engine/sfm/photo_match.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -23,7 +24,7 @@ using FractionFn = std::function<void(double)>;
 // and the log's path; DEADLINE_EXCEEDED PROGRAM_TIMEOUT; CANCELLED.
 class Colmap {
  public:
-  // Files of `dir`: images/ (made by the caller), database.db, logs *.log. `options` and
+  // Files of `dir`: images/ (made by the caller), database.db, pairs.txt, logs *.log. `options` and
   // `cancel` must outlive this.
   Colmap(const SfmOptions& options, std::string dir, const CancelToken& cancel);
 
@@ -31,7 +32,9 @@ class Colmap {
   std::string database_path() const { return dir_ + "/database.db"; }
 
   absl::StatusOr<double> ExtractFeatures(int num_photos, const FractionFn& progress);
-  absl::StatusOr<double> Match(int num_photos, const FractionFn& progress);
+  // Checks the stored matches of these pairs against one relative pose each. Nothing to do for no
+  // pairs.
+  absl::StatusOr<double> Verify(const std::vector<NamePair>& pairs, const FractionFn& progress);
   // Models appear as models_dir/0, 1, ...; none at all is not an error here.
   absl::StatusOr<double> Map(const std::string& models_dir, int num_photos,
                              const FractionFn& progress);
@@ -52,11 +55,8 @@ class Colmap {
 };
 
 // SIFT features per photo: options.max_features, or as many of 1000..4000 as keep the matching of
-// all pairs near 300 CPU seconds (it grows with pairs times features squared).
+// up to 100 photos near 40 CPU seconds (it grows with pairs times features squared).
 int FeatureBudget(const SfmOptions& options, int num_photos);
-
-// Pairs that will be matched: all, or sequential_overlap neighbours.
-int64_t NumPairs(const SfmOptions& options, int num_photos);
 
 }  // namespace litags
 

@@ -2,9 +2,12 @@
 
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <string_view>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -32,14 +35,15 @@ class Database {
     sqlite3* db = nullptr;
     const int code = sqlite3_open_v2(path_.c_str(), &db, flags, nullptr);
     db_.reset(db);
-    return code == SQLITE_OK ? absl::OkStatus() : Error();
+    if (code != SQLITE_OK) return Error(sqlite3_errmsg(db_.get()));
+    return Execute("PRAGMA synchronous = OFF");  // as COLMAP: after a crash it is made anew
   }
 
   absl::StatusOr<Statement> Prepare(std::string_view sql) {
     sqlite3_stmt* statement = nullptr;
     if (sqlite3_prepare_v2(db_.get(), sql.data(), static_cast<int>(sql.size()), &statement,
                            nullptr) != SQLITE_OK) {
-      return Error();
+      return Error(sqlite3_errmsg(db_.get()));
     }
     return Statement(statement);
   }
@@ -49,22 +53,23 @@ class Database {
     const int code = sqlite3_step(statement.get());
     if (code == SQLITE_ROW) return true;
     if (code == SQLITE_DONE) return false;
-    return Error();
+    return Error(sqlite3_errmsg(db_.get()));
   }
 
   absl::Status Execute(const char* sql) {
-    return sqlite3_exec(db_.get(), sql, nullptr, nullptr, nullptr) == SQLITE_OK ? absl::OkStatus()
-                                                                                : Error();
+    return sqlite3_exec(db_.get(), sql, nullptr, nullptr, nullptr) == SQLITE_OK
+               ? absl::OkStatus()
+               : Error(sqlite3_errmsg(db_.get()));
+  }
+
+  absl::Status Error(std::string_view problem) const {
+    return MakeError(
+        absl::StatusCode::kInternal, "COLMAP_DATABASE", "",
+        absl::StrCat("COLMAP's database \"", path_, "\" cannot be used: ", std::string(problem),
+                     "; check that COLMAP 3.8 is installed and the disk has room"));
   }
 
  private:
-  absl::Status Error() const {
-    return MakeError(absl::StatusCode::kInternal, "COLMAP_DATABASE", "",
-                     absl::StrCat("COLMAP's database \"", path_,
-                                  "\" cannot be used: ", sqlite3_errmsg(db_.get()),
-                                  "; check that COLMAP 3.8 is installed and the disk has room"));
-  }
-
   const std::string path_;
   std::unique_ptr<sqlite3, CloseDatabase> db_;
 };
@@ -106,6 +111,76 @@ absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& p
                      .id2 = static_cast<int>(pair % kMaxImages),
                      .inliers = sqlite3_column_int(statement.get(), 1)});
   }
+}
+
+absl::StatusOr<std::vector<std::vector<uint8_t>>> ReadDescriptors(
+    const std::string& path, const std::vector<DatabaseImage>& images) {
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
+  LITAGS_ASSIGN_OR_RETURN(
+      const Statement statement,
+      db.Prepare("SELECT rows, cols, data FROM descriptors WHERE image_id = ?"));
+  std::vector<std::vector<uint8_t>> descriptors(images.size());
+  for (size_t i = 0; i < images.size(); ++i) {
+    sqlite3_bind_int(statement.get(), 1, images[i].id);
+    LITAGS_ASSIGN_OR_RETURN(const bool found, db.Step(statement));
+    const int64_t rows = found ? sqlite3_column_int64(statement.get(), 0) : 0;
+    const int64_t bytes = found ? sqlite3_column_bytes(statement.get(), 2) : 0;
+    constexpr int64_t kSize = kDescriptorSize;
+    if (rows != images[i].features || bytes != rows * kSize ||
+        (rows > 0 && sqlite3_column_int64(statement.get(), 1) != kSize)) {
+      return db.Error(absl::StrCat("image \"", images[i].name, "\" has ", images[i].features,
+                                   " keypoints, but ", rows, " descriptors in ", bytes, " bytes"));
+    }
+    const auto* data = static_cast<const uint8_t*>(sqlite3_column_blob(statement.get(), 2));
+    if (bytes > 0) descriptors[i].assign(data, data + bytes);
+    sqlite3_reset(statement.get());
+  }
+  return descriptors;
+}
+
+absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path) {
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
+  LITAGS_ASSIGN_OR_RETURN(
+      const Statement statement,
+      db.Prepare("SELECT pair_id, data FROM matches WHERE rows > 0 ORDER BY pair_id"));
+  std::vector<ImageMatches> pairs;
+  while (true) {
+    LITAGS_ASSIGN_OR_RETURN(const bool row, db.Step(statement));
+    if (!row) return pairs;
+    const int64_t pair = sqlite3_column_int64(statement.get(), 0);
+    ImageMatches& matches = pairs.emplace_back();
+    matches.id1 = static_cast<int>(pair / kMaxImages);
+    matches.id2 = static_cast<int>(pair % kMaxImages);
+    const size_t bytes = static_cast<size_t>(sqlite3_column_bytes(statement.get(), 1));
+    matches.matches.resize(bytes / sizeof(FeatureMatch));
+    std::memcpy(matches.matches.data(), sqlite3_column_blob(statement.get(), 1),
+                matches.matches.size() * sizeof(FeatureMatch));
+  }
+}
+
+absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatches>& pairs) {
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
+  LITAGS_RETURN_IF_ERROR(db.Execute("BEGIN; DELETE FROM matches"));
+  LITAGS_ASSIGN_OR_RETURN(
+      const Statement add,
+      db.Prepare("INSERT INTO matches (pair_id, rows, cols, data) VALUES (?, ?, 2, ?)"));
+  for (const ImageMatches& pair : pairs) {
+    std::vector<FeatureMatch> matches = pair.matches;
+    if (pair.id1 > pair.id2) {
+      for (FeatureMatch& match : matches) std::swap(match.index1, match.index2);
+    }
+    const auto [low, high] = std::minmax(pair.id1, pair.id2);
+    sqlite3_bind_int64(add.get(), 1, kMaxImages * low + high);
+    sqlite3_bind_int64(add.get(), 2, static_cast<int64_t>(matches.size()));
+    sqlite3_bind_blob64(add.get(), 3, matches.data(), matches.size() * sizeof(FeatureMatch),
+                        SQLITE_TRANSIENT);
+    LITAGS_RETURN_IF_ERROR(db.Step(add).status());
+    sqlite3_reset(add.get());
+  }
+  return db.Execute("COMMIT");
 }
 
 absl::Status SetKnownCameras(const std::string& path, const SparseModel& model) {

@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_SFM_COLMAP_DATABASE_H_
 #define LITAGS_ENGINE_SFM_COLMAP_DATABASE_H_
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -9,8 +10,12 @@
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
 #include "engine/io/sparse_model.h"
+#include "engine/sfm/descriptor_match.h"
 
 namespace litags {
+
+// COLMAP's SiftMatching.min_num_inliers: a pair with fewer matches is never verified.
+inline constexpr int kMinInliers = 15;
 
 struct DatabaseImage {
   int id = 0;        // COLMAP's, from 1
@@ -24,12 +29,29 @@ struct VerifiedPair {
   int inliers = 0;
 };
 
+// Unverified matches of two images, by id, in either order.
+struct ImageMatches {
+  int id1 = 0, id2 = 0;
+  std::vector<FeatureMatch> matches;
+};
+
 // In id order. INTERNAL COLMAP_DATABASE if the file is not a COLMAP 3.8 database.
 absl::StatusOr<std::vector<DatabaseImage>> ReadDatabaseImages(const std::string& path);
 
 // Pairs with at least `min_inliers` verified matches.
 absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& path,
                                                             int min_inliers);
+
+// Descriptors [features, 128] of each image; none for an image without features. INTERNAL
+// COLMAP_DATABASE if they are damaged or not as many as the image has keypoints.
+absl::StatusOr<std::vector<std::vector<uint8_t>>> ReadDescriptors(
+    const std::string& path, const std::vector<DatabaseImage>& images);
+
+// All stored matches that are not empty, by ascending ids, id1 < id2.
+absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path);
+
+// Stores the matches of these pairs in place of all that were there.
+absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatches>& pairs);
 
 // Gives every image its known intrinsics, one database camera each, marked as known so that
 // matches are verified with them. `model.views` hold the images' names and sizes.

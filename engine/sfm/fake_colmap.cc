@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/check.h"
@@ -54,6 +55,18 @@ void WriteModel(const fs::path& dir, const SparseModel& model) {
   LITAGS_CHECK(WriteColmapModel(dir, model).ok());
 }
 
+// SIFT descriptors that match only themselves: of four large entries any two share at most two.
+std::string HexDescriptors(int count) {
+  std::string bytes(static_cast<size_t>(count) * 128, '\0');
+  for (int i = 0; i < count; ++i) {
+    const int low = i % 32, high = i / 32 % 32;
+    for (const int entry : {low, 32 + high, 64 + (low + high) % 32, 96 + (low + 2 * high) % 32}) {
+      bytes[static_cast<size_t>(128 * i + entry)] = '\xff';
+    }
+  }
+  return absl::BytesToHexString(bytes);
+}
+
 }  // namespace
 
 FakeColmap::FakeColmap() {
@@ -85,26 +98,37 @@ void FakeColmap::On(const std::string& command, const std::string& shell_code) c
 
 void FakeColmap::SetDatabase(const std::vector<std::string>& names, int features,
                              const std::vector<std::pair<int, int>>& pairs) const {
-  const std::string path = dir_ + "/database.db";
-  fs::remove(path);
-  sqlite3* db = nullptr;
-  LITAGS_CHECK(sqlite3_open(path.c_str(), &db) == SQLITE_OK);
+  fs::remove(database());
   // The columns of COLMAP 3.8 that we use.
   std::string sql =
       "CREATE TABLE cameras (camera_id INTEGER PRIMARY KEY, model INTEGER, width INTEGER, height "
       "INTEGER, params BLOB, prior_focal_length INTEGER);"
       "CREATE TABLE images (image_id INTEGER PRIMARY KEY, name TEXT, camera_id INTEGER);"
       "CREATE TABLE keypoints (image_id INTEGER PRIMARY KEY, rows INTEGER);"
+      "CREATE TABLE descriptors (image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data "
+      "BLOB);"
+      "CREATE TABLE matches (pair_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
       "CREATE TABLE two_view_geometries (pair_id INTEGER PRIMARY KEY, rows INTEGER);"
       "INSERT INTO cameras VALUES (1, 1, 64, 48, NULL, 0);";
+  const std::string descriptors = HexDescriptors(features);
   for (size_t i = 0; i < names.size(); ++i) {
     absl::StrAppendFormat(&sql, "INSERT INTO images VALUES (%d, '%s', 1);", i + 1, names[i]);
     absl::StrAppendFormat(&sql, "INSERT INTO keypoints VALUES (%d, %d);", i + 1, features);
+    absl::StrAppendFormat(&sql, "INSERT INTO descriptors VALUES (%d, %d, 128, x'%s');", i + 1,
+                          features, descriptors);
   }
   for (const auto& [a, b] : pairs) {
     const int64_t pair_id = int64_t{2147483647} * (a + 1) + (b + 1);
     absl::StrAppendFormat(&sql, "INSERT INTO two_view_geometries VALUES (%d, 100);", pair_id);
   }
+  Execute(sql);
+}
+
+void FakeColmap::Execute(const std::string& sql) const {
+  sqlite3* db = nullptr;
+  LITAGS_CHECK(sqlite3_open(database().c_str(), &db) == SQLITE_OK);
+  LITAGS_CHECK(sqlite3_exec(db, "PRAGMA synchronous = OFF", nullptr, nullptr, nullptr) ==
+               SQLITE_OK);
   LITAGS_CHECK(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr) == SQLITE_OK);
   sqlite3_close(db);
 }

@@ -16,6 +16,7 @@ class FakeColmap {
   ~FakeColmap();  // removes it
 
   std::string dir() const { return dir_; }
+  std::string database() const { return dir_ + "/database.db"; }
   std::string program() const { return dir_ + "/colmap"; }
 
   // Photos dir()/photos/p0.png, p1.png ... of one sRGB level with some texture.
@@ -25,9 +26,13 @@ class FakeColmap {
   void On(const std::string& command, const std::string& shell_code) const;
 
   // The database that feature_extractor leaves: image ids 1.. in the order of `names`, each with
-  // `features`; pairs (of indices into names) are verified.
+  // the same `features` (up to 1024, each unlike the others), so that feature i matches feature i;
+  // pairs (of indices into names) are verified.
   void SetDatabase(const std::vector<std::string>& names, int features,
                    const std::vector<std::pair<int, int>>& pairs) const;
+
+  // Runs SQL statements on that database.
+  void Execute(const std::string& sql) const;
 
   // Adds a model that the mapper of rung `rung` (0..) hands out, or else the triangulator.
   void AddModel(int rung, int number, const SparseModel& model) const;

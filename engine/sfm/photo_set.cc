@@ -40,19 +40,6 @@ absl::Status ForEach(size_t n, int threads, const CancelToken& cancel,
   return absl::OkStatus();
 }
 
-// Copies are made anew after a crash: they need no fsync.
-absl::Status WriteScratch(const std::string& path, const std::string& bytes) {
-  std::ofstream file(path, std::ios::binary);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (file) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "work_dir",
-                   absl::StrCat("cannot write "
-                                ", path, "
-                                " (",
-                                bytes.size(), " bytes); free some room on the disk"));
-}
-
 }  // namespace
 
 absl::Status MakeFolder(const std::string& path) {
@@ -62,6 +49,16 @@ absl::Status MakeFolder(const std::string& path) {
   return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
                    absl::StrCat("cannot make folder \"", path, "\": ", error.message(),
                                 "; check its place and its permissions"));
+}
+
+absl::Status WriteScratch(const std::string& path, const std::string& bytes) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (file) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "work_dir",
+                   absl::StrCat("cannot write \"", path, "\" (", bytes.size(),
+                                " bytes); free some room on the disk"));
 }
 
 absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side) {

@@ -38,6 +38,9 @@ absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>
 // A folder and its parents, made if missing; FAILED_PRECONDITION naming the path.
 absl::Status MakeFolder(const std::string& path);
 
+// Writes a file that is made anew after a crash, so without fsync. RESOURCE_EXHAUSTED DISK_FULL.
+absl::Status WriteScratch(const std::string& path, const std::string& bytes);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_SFM_PHOTO_SET_H_

@@ -13,6 +13,7 @@
 #include "engine/io/file_util.h"
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
+#include "engine/sfm/photo_match.h"
 
 namespace litags {
 namespace {
@@ -21,12 +22,15 @@ namespace fs = std::filesystem;
 
 constexpr int kFewFeatures =
     50;  // fewer cannot give the 15 matches to several photos that SfM needs
-constexpr int kMinInliers = 15;  // COLMAP's default for a verified pair
 
 std::map<std::string, int> IndexByCopyName(const std::vector<Photo>& photos) {
   std::map<std::string, int> index;
   for (size_t i = 0; i < photos.size(); ++i) index[photos[i].copy_name] = static_cast<int>(i);
   return index;
+}
+
+double SecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 // Copies and their features; the steps that both kinds of rung share.
@@ -37,8 +41,7 @@ absl::Status PrepareAndExtract(const RungInput& in, Colmap& colmap, SfmRung& run
   LITAGS_RETURN_IF_ERROR(WriteCopies(in.images_dir, in.photos, in.preparation, colmap.images_dir(),
                                      in.options.threads, in.cancel,
                                      [&](double f) { in.report("prepare", f); }));
-  rung.prepare_seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  rung.prepare_seconds = SecondsSince(start);
   in.report("features", 0);
   LITAGS_ASSIGN_OR_RETURN(rung.feature_seconds,
                           colmap.ExtractFeatures(static_cast<int>(in.photos.size()),
@@ -47,10 +50,15 @@ absl::Status PrepareAndExtract(const RungInput& in, Colmap& colmap, SfmRung& run
 }
 
 absl::Status Match(const RungInput& in, Colmap& colmap, SfmRung& rung) {
+  const auto start = std::chrono::steady_clock::now();
   in.report("match", 0);
-  LITAGS_ASSIGN_OR_RETURN(
-      rung.match_seconds,
-      colmap.Match(static_cast<int>(in.photos.size()), [&](double f) { in.report("match", f); }));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<NamePair> pairs,
+                          MatchPhotos(colmap.database_path(), in.options, in.cancel,
+                                      [&](double f) { in.report("match", f); }));
+  rung.match_seconds = SecondsSince(start);
+  in.report("verify", 0);
+  LITAGS_ASSIGN_OR_RETURN(rung.verify_seconds,
+                          colmap.Verify(pairs, [&](double f) { in.report("verify", f); }));
   return absl::OkStatus();
 }
 

@@ -46,10 +46,30 @@ absl::Status ClearFolder(const std::string& dir) {
 void DropBulk(const std::string& rung_dir) {
   std::error_code ignored;  // leftovers are cleared by the next call
   for (const char* name : {"images", "database.db", "database.db-shm", "database.db-wal", "models",
-                           "known", "triangulated"}) {
+                           "known", "triangulated", "pairs.txt"}) {
     fs::remove_all(absl::StrCat(rung_dir, "/", name), ignored);
   }
 }
+
+// Lets the first report of each step through, then one per `least_seconds`.
+class ReportLimiter {
+ public:
+  explicit ReportLimiter(double least_seconds) : least_seconds_(least_seconds) {}
+
+  bool Passes(const std::string& step) {
+    const Clock::time_point now = Clock::now();
+    const bool due = std::chrono::duration<double>(now - last_).count() >= least_seconds_;
+    if (step == step_ && !due) return false;
+    step_ = step;
+    last_ = now;
+    return true;
+  }
+
+ private:
+  const double least_seconds_;
+  std::string step_;
+  Clock::time_point last_;
+};
 
 absl::Status Measure(Capture& capture) {
   LITAGS_ASSIGN_OR_RETURN(capture.light, MeasureCapture(capture.images_dir, capture.photos,
@@ -72,6 +92,7 @@ absl::StatusOr<SfmResult> Climb(
   SfmResult result;
   std::optional<RungOutput> best;
   for (size_t i = 0; i < ladder.size(); ++i) {
+    ReportLimiter limiter(capture.options.report_seconds);
     RungInput input = {.images_dir = capture.images_dir,
                        .photos = capture.photos,
                        .options = capture.options,
@@ -79,7 +100,7 @@ absl::StatusOr<SfmResult> Climb(
                        .preparation = ladder[i],
                        .dir = absl::StrCat(capture.dir, "/", i),
                        .report = [&](const char* step, double fraction) {
-                         if (!capture.progress) return;
+                         if (!capture.progress || !limiter.Passes(step)) return;
                          capture.progress({.preparation = std::string(PreparationName(ladder[i])),
                                            .step = step,
                                            .rung = static_cast<int>(i),
@@ -200,6 +221,7 @@ absl::Status SfmOptions::Validate() const {
   if (!is_fraction(min_registered)) return OutOfRange("min_registered", "must be in (0, 1]");
   if (!is_fraction(enough_registered)) return OutOfRange("enough_registered", "must be in (0, 1]");
   if (!(step_timeout_seconds >= 0)) return OutOfRange("step_timeout_seconds", "must be 0 or more");
+  if (!(report_seconds >= 0)) return OutOfRange("report_seconds", "must be 0 or more");
   if (max_memory_bytes < 0) return OutOfRange("max_memory_bytes", "must be 0 or more");
   if (niceness < 0 || niceness > 19) return OutOfRange("niceness", "must be in 0..19");
   return absl::OkStatus();

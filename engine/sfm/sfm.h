@@ -42,6 +42,7 @@ struct SfmOptions {
   double step_timeout_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
   int64_t max_memory_bytes = 0;        // address space of a COLMAP step; 0: no limit
   int niceness = 0;                    // COLMAP's, 0..19
+  double report_seconds = 1;           // least time between reports of one step's progress
   bool keep_prepared = false;          // keep the prepared photos and databases in work_dir
 
   // INVALID_ARGUMENT naming the field that breaks its rule.
@@ -51,7 +52,7 @@ struct SfmOptions {
 // Where the work stands; from the calling thread.
 struct SfmProgress {
   std::string preparation;  // "gain + Gaussian 0.7 px"
-  std::string step;         // "prepare", "features", "match", "map", "triangulate"
+  std::string step;         // "prepare", "features", "match", "verify", "map", "triangulate"
   int rung = 0;             // 0-based
   int rungs = 1;            // length of the ladder
   double fraction = 0;      // of this step, 0..1, as far as COLMAP tells
@@ -86,7 +87,8 @@ struct SfmRung {
   int64_t points = 0;       // in the largest model
   std::vector<int> groups;  // photos per separate model, largest first; of later ones, those in
                             // no earlier model: more than one is a split capture
-  double prepare_seconds = 0, feature_seconds = 0, match_seconds = 0, map_seconds = 0;
+  double prepare_seconds = 0, feature_seconds = 0, match_seconds = 0, verify_seconds = 0,
+         map_seconds = 0;
 };
 
 struct SfmResult {

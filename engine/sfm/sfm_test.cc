@@ -109,7 +109,8 @@ TEST_F(SfmTest, ColmapIsCalledOnTheCpuWithinItsBounds) {
                     HasSubstr("camera_model PINHOLE"), HasSubstr("single_camera_per_folder 1"),
                     HasSubstr("max_num_features 500"), HasSubstr("num_threads 3"),
                     HasSubstr("--random_seed 11")));
-  EXPECT_THAT(calls[1], AllOf(StartsWith("exhaustive_matcher"), HasSubstr("use_gpu 0")));
+  EXPECT_THAT(calls[1], AllOf(StartsWith("matches_importer"), HasSubstr("match_type pairs"),
+                              HasSubstr("use_gpu 0"), HasSubstr("num_threads 3")));
   EXPECT_THAT(calls[2], AllOf(StartsWith("mapper"), HasSubstr("ba_refine_focal_length 1"),
                               HasSubstr("ba_refine_principal_point 0")));
   EXPECT_EQ(calls[3], "offscreen 3");
@@ -117,13 +118,19 @@ TEST_F(SfmTest, ColmapIsCalledOnTheCpuWithinItsBounds) {
 
 TEST_F(SfmTest, ManyPhotosAreMatchedInSequence) {
   options_.sequential_above = 5;
+  options_.sequential_overlap = 1;
   options_.lens = LensModel::kOpenCv;
   options_.camera_per_photo = true;
+  colmap_.On("matches_importer", "cp \"$(dirname \"$db\")/pairs.txt\" \"$fake/pairs\"");
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
   ASSERT_TRUE(Find().ok());
   EXPECT_THAT(colmap_.Calls()[0],
               AllOf(HasSubstr("camera_model OPENCV"), HasSubstr("single_camera_per_image 1")));
-  EXPECT_THAT(colmap_.Calls()[1], AllOf(StartsWith("sequential_matcher"), HasSubstr("overlap 20")));
+  // Of the 15 pairs those that are 1, 2 or 4 apart.
+  std::ifstream pairs(colmap_.dir() + "/pairs");
+  int lines = 0;
+  for (std::string line; std::getline(pairs, line);) ++lines;
+  EXPECT_EQ(lines, 5 + 4 + 2);
 }
 
 TEST_F(SfmTest, ClimbsTheLadderAndKeepsTheModelWithMostPhotos) {
@@ -191,14 +198,14 @@ TEST_F(SfmTest, NoModelAtAllIsAnAnswerOfItsOwn) {
 }
 
 TEST_F(SfmTest, AFailingStepShowsColmapsLastWords) {
-  colmap_.On("exhaustive_matcher", "echo 'F1120 database is sour'; exit 3");
+  colmap_.On("matches_importer", "echo 'F1120 database is sour'; exit 3");
   const auto result = Find();
   EXPECT_EQ(result.status().code(), absl::StatusCode::kInternal);
   EXPECT_EQ(Reason(result.status()), "COLMAP_FAILED");
   EXPECT_THAT(std::string(result.status().message()),
-              AllOf(HasSubstr("exhaustive_matcher"), HasSubstr("database is sour"),
+              AllOf(HasSubstr("matches_importer"), HasSubstr("database is sour"),
                     HasSubstr("exit code 3")));
-  EXPECT_TRUE(std::filesystem::exists(colmap_.dir() + "/work/sfm/0/exhaustive_matcher.log"));
+  EXPECT_TRUE(std::filesystem::exists(colmap_.dir() + "/work/sfm/0/matches_importer.log"));
 }
 
 TEST_F(SfmTest, ACrashOfColmapIsReportedNotSkipped) {
@@ -235,10 +242,33 @@ TEST_F(SfmTest, CancellationEndsAHangingStepWithinASecondOrTwo) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
 }
 
+TEST_F(SfmTest, ProgressIsReportedOncePerSecondAtMost) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  colmap_.On("mapper", "for i in 1 2 3 4 5 6; do echo \"Registering image #$i ($i)\"; done");
+  std::vector<std::string> steps;
+  const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+  options_.report_seconds = 3600;
+  ASSERT_TRUE(
+      FindCameras(photos, colmap_.dir() + "/work", options_, cancel_, [&](const SfmProgress& p) {
+        steps.push_back(p.step);
+      }).ok());
+  EXPECT_THAT(steps, ElementsAre("prepare", "features", "match", "verify", "map"));
+}
+
+TEST_F(SfmTest, PhotosThatMatchNothingAreNotVerified) {
+  colmap_.SetDatabase(CopyNames({0, 1, 2, 3, 4, 5}), 14, {});
+  colmap_.On("mapper", "echo 'ERROR: failed to create sparse model'; exit 1");
+  EXPECT_EQ(Reason(Find(kWellLit).status()), "SFM_NO_MODEL");
+  for (const std::string& call : colmap_.Calls()) {
+    EXPECT_THAT(call, ::testing::Not(StartsWith("matches_importer")));
+  }
+}
+
 TEST_F(SfmTest, ProgressNamesRungStepAndFraction) {
+  options_.report_seconds = 0;
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
   colmap_.On("feature_extractor", "echo 'Processed file [3/6]'");
-  colmap_.On("exhaustive_matcher", "echo 'Matching block [2/2, 1/2] in 0.1s'");
+  colmap_.On("matches_importer", "echo 'Matching block [1/4] in 0.1s'");
   colmap_.On("mapper", "echo 'Registering image #3 (2)'");
   std::vector<std::string> seen;
   const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
@@ -250,7 +280,7 @@ TEST_F(SfmTest, ProgressNamesRungStepAndFraction) {
         seen.push_back(text);
       }).ok());
   EXPECT_THAT(seen, ::testing::IsSupersetOf({"0/3 prepare 1.00", "0/3 features 0.50",
-                                             "0/3 match 0.75", "0/3 map 0.33"}));
+                                             "0/3 match 1.00", "0/3 verify 0.25", "0/3 map 0.33"}));
 }
 
 TEST_F(SfmTest, OnlyTheLogsStay) {

@@ -1,0 +1,96 @@
+#include "engine/sfm/photo_match.h"
+
+#include <algorithm>
+#include <atomic>
+#include <utility>
+
+#include "absl/types/span.h"
+#include "engine/core/error.h"
+#include "engine/core/parallel.h"
+#include "engine/io/file_util.h"
+#include "engine/sfm/colmap_database.h"
+#include "engine/sfm/descriptor_match.h"
+
+namespace litags {
+namespace {
+
+// The images in the order of their photos: copies are numbered, in folders by size.
+absl::StatusOr<std::vector<DatabaseImage>> ReadImagesInPhotoOrder(const std::string& path) {
+  LITAGS_ASSIGN_OR_RETURN(std::vector<DatabaseImage> images, ReadDatabaseImages(path));
+  std::sort(images.begin(), images.end(), [](const DatabaseImage& a, const DatabaseImage& b) {
+    return std::pair(BaseName(a.name), a.id) < std::pair(BaseName(b.name), b.id);
+  });
+  return images;
+}
+
+// Runs of pairs with one first photo, which is packed once for all of them.
+std::vector<absl::Span<const PhotoPair>> GroupByFirst(const std::vector<PhotoPair>& pairs) {
+  std::vector<absl::Span<const PhotoPair>> groups;
+  for (size_t begin = 0, end = 0; begin < pairs.size(); begin = end) {
+    while (end < pairs.size() && pairs[end].first == pairs[begin].first) ++end;
+    groups.emplace_back(&pairs[begin], end - begin);
+  }
+  return groups;
+}
+
+// Matches of each of `pairs`; incomplete once cancelled.
+std::vector<std::vector<FeatureMatch>> MatchPairs(
+    const std::vector<std::vector<uint8_t>>& descriptors, const std::vector<PhotoPair>& pairs,
+    int threads, const CancelToken& cancel, const std::function<void(double)>& progress) {
+  std::vector<std::vector<FeatureMatch>> matches(pairs.size());
+  const auto groups = GroupByFirst(pairs);
+  std::atomic<size_t> done = 0;
+  ParallelFor(threads, groups.size(), [&](size_t group, int thread) {
+    if (cancel.IsCancelled()) return;
+    const PackedDescriptors first(descriptors[groups[group][0].first]);
+    for (const PhotoPair& pair : groups[group]) {
+      if (cancel.IsCancelled()) return;
+      const PackedDescriptors second(descriptors[pair.second]);
+      matches[&pair - pairs.data()] = MatchDescriptors(first, second, MatchRule(), cancel);
+      ++done;
+      if (thread == 0) progress(static_cast<double>(done) / pairs.size());
+    }
+  });
+  return matches;
+}
+
+}  // namespace
+
+std::vector<PhotoPair> PairsToMatch(const SfmOptions& options, int num_photos) {
+  const bool all = num_photos <= options.sequential_above;
+  const auto is_power_of_two = [](int i) { return (i & (i - 1)) == 0; };
+  std::vector<PhotoPair> pairs;
+  for (int i = 0; i < num_photos; ++i) {
+    for (int j = i + 1; j < num_photos; ++j) {
+      const int apart = j - i;
+      if (all || apart <= options.sequential_overlap || is_power_of_two(apart)) {
+        pairs.push_back({i, j});
+      }
+    }
+  }
+  return pairs;
+}
+
+absl::StatusOr<std::vector<NamePair>> MatchPhotos(const std::string& database_path,
+                                                  const SfmOptions& options,
+                                                  const CancelToken& cancel,
+                                                  const std::function<void(double)>& progress) {
+  LITAGS_ASSIGN_OR_RETURN(const auto images, ReadImagesInPhotoOrder(database_path));
+  LITAGS_ASSIGN_OR_RETURN(const auto descriptors, ReadDescriptors(database_path, images));
+  const std::vector<PhotoPair> pairs = PairsToMatch(options, static_cast<int>(images.size()));
+  auto matches = MatchPairs(descriptors, pairs, options.threads, cancel, progress);
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+
+  std::vector<NamePair> names;
+  std::vector<ImageMatches> kept;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    if (matches[i].size() < static_cast<size_t>(kMinInliers)) continue;
+    const DatabaseImage &first = images[pairs[i].first], &second = images[pairs[i].second];
+    names.push_back({first.name, second.name});
+    kept.push_back({first.id, second.id, std::move(matches[i])});
+  }
+  LITAGS_RETURN_IF_ERROR(WriteMatches(database_path, kept));
+  return names;
+}
+
+}  // namespace litags

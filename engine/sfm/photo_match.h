@@ -1,0 +1,48 @@
+// Raw matches of a capture: which photos are compared, and our matcher in place of COLMAP's.
+#ifndef LITAGS_ENGINE_SFM_PHOTO_MATCH_H_
+#define LITAGS_ENGINE_SFM_PHOTO_MATCH_H_
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+#include "engine/sfm/sfm.h"
+
+namespace litags {
+
+// Two photos, by their position in name order; first < second.
+struct PhotoPair {
+  int first = 0, second = 0;
+
+  friend bool operator==(const PhotoPair&, const PhotoPair&) = default;
+};
+
+// The pairs to compare, ascending: all, or for more than options.sequential_above photos those up
+// to options.sequential_overlap apart and those a power of two apart (COLMAP's sequential_matcher).
+std::vector<PhotoPair> PairsToMatch(const SfmOptions& options, int num_photos);
+
+// Two images of the database, by name, that may see the same things.
+struct NamePair {
+  std::string name1, name2;
+};
+
+// Compares the features in COLMAP's database and stores the matches there, unverified, in place of
+// what `matches` held. Pairs with fewer than kMinInliers are left out: they can never be verified.
+// Returns the pairs that are stored, ascending. The result does not depend on options.threads.
+//
+// The tests are those of COLMAP's CPU matcher with its defaults (SiftMatching.max_distance 0.7,
+// max_ratio 0.8, cross_check 1), but on the true nearest features; COLMAP 3.8 looks them up in
+// random k-d trees, which miss some.
+//
+// `progress` gets fractions, in the calling thread. Errors: INTERNAL COLMAP_DATABASE for a damaged
+// database; CANCELLED within a second.
+absl::StatusOr<std::vector<NamePair>> MatchPhotos(const std::string& database_path,
+                                                  const SfmOptions& options,
+                                                  const CancelToken& cancel,
+                                                  const std::function<void(double)>& progress);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_SFM_PHOTO_MATCH_H_
