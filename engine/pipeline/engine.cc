@@ -82,7 +82,9 @@ class Run {
     double last_report = 0;
     while (trainer_.iteration() < options_.iterations) {
       if (cancel.IsCancelled()) return Cancelled(cancel, trainer_.iteration() > first);
+      const double step_start = Now();
       LITAGS_ASSIGN_OR_RETURN(const StepLosses losses, trainer_.Step());
+      step_seconds_ += Now() - step_start;
       const int done = trainer_.iteration();
       Account(losses, done - first, Now() - start);
       const bool last = done == options_.iterations;
@@ -104,6 +106,13 @@ class Run {
     if (!std::filesystem::exists(scene_path_)) LITAGS_RETURN_IF_ERROR(Publish());
     report->gaussians = static_cast<int64_t>(trainer_.num_gaussians());
     report->iterations = trainer_.iteration();
+    report->training_seconds = step_seconds_;
+    const PhaseSeconds& phases = trainer_.phases();
+    report->phase_seconds = {{"forward", phases.forward},
+                             {"losses", phases.losses - phases.denoise},
+                             {"denoise", phases.denoise},
+                             {"backward", phases.backward},
+                             {"density", phases.density}};
     report->psnr_holdout = progress_.psnr_holdout;
     report->scene_path = scene_path_;
     // Kept until here so that a crash while saving can be resumed.
@@ -171,6 +180,7 @@ class Run {
   std::string scene_path_, checkpoint_path_;
   std::vector<View> views_;
   Progress progress_;
+  double step_seconds_ = 0;
 };
 
 class RealEngine : public Engine {
@@ -225,6 +235,8 @@ std::string ReconstructReport::ToJson() const {
                          {"gaussians", gaussians},
                          {"iterations", iterations},
                          {"seconds", seconds},
+                         {"training_seconds", training_seconds},
+                         {"phase_seconds", phase_seconds},
                          {"depth_used", depth_used},
                          {"notes", notes},
                          {"scene_path", scene_path}};

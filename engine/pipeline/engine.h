@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -98,7 +99,10 @@ struct ReconstructReport {
   int64_t sparse_points = 0;
   int64_t gaussians = 0;
   int iterations = 0;
-  double seconds = 0;
+  double seconds = 0;           // from the first photo to the report
+  double training_seconds = 0;  // of them in iterations
+  // Where those went: "forward", "losses", "denoise", "backward", "density".
+  std::map<std::string, double> phase_seconds;
   double psnr_holdout = 0;  // as in Progress
   bool depth_used = false;
   std::vector<std::string> notes;  // what the user should know: "no depth maps: depth loss off"

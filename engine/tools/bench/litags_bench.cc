@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
   litags::AddKernelsCommand(&app, &exit_status);
   litags::AddMachineCommand(&app, &exit_status);
   litags::AddRenderCommand(&app, &exit_status);
+  litags::AddTrainCommand(&app, &exit_status);
   CLI11_PARSE(app, argc, argv);
   return exit_status;
 }

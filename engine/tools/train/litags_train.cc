@@ -9,16 +9,16 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
-#include <map>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
-#include "engine/io/sparse_model.h"
 #include "engine/pipeline/engine.h"
+#include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/evaluation.h"
+#include "engine/tools/evaluation/method_options.h"
 
 namespace litags {
 namespace {
@@ -29,8 +29,8 @@ CancelToken* g_cancel = nullptr;
 void OnSignal(int) { g_cancel->Cancel(); }
 
 struct Arguments {
-  std::string dir, light, out, cameras, depth, truth, colmap = "colmap";
-  bool sfm = false;
+  BenchmarkScene scene;
+  std::string out, depth, truth, colmap = "colmap";
   ReconstructOptions options;
 };
 
@@ -62,22 +62,6 @@ absl::Status Print(const absl::Status& status) {
   return status;
 }
 
-// The cameras to evaluate at: those of transforms_test.json, or the held-out views.
-absl::StatusOr<std::vector<View>> TestViews(const Arguments& args, const Scene& scene) {
-  const std::string path = args.dir + "/transforms_test.json";
-  if (!fs::exists(path)) return std::vector<View>();
-  LITAGS_ASSIGN_OR_RETURN(SparseModel given, ReadCameras(path, "transforms_test.json"));
-  if (!args.sfm) return given.views;
-  // Cameras found by COLMAP live in another coordinate frame: take the scene's own by name.
-  std::map<std::string, View> by_name;
-  for (const View& v : scene.views()) by_name[v.name] = v;
-  std::vector<View> views;
-  for (const View& v : given.views) {
-    if (by_name.contains(v.name)) views.push_back(by_name[v.name]);
-  }
-  return views;
-}
-
 void PrintMean(const char* what, const Scores& scores) {
   std::printf(
       "%s, mean of %d test views: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n", what,
@@ -85,8 +69,8 @@ void PrintMean(const char* what, const Scores& scores) {
 }
 
 // Renders every test view into OUT/test and compares with the photos of `truth`.
-absl::Status Evaluate(const Arguments& args, const std::string& images_dir, const Scene& scene) {
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<View> views, TestViews(args, scene));
+absl::Status Evaluate(const Arguments& args, const Scene& scene) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<View> views, args.scene.TestViews(scene));
   if (views.empty()) return absl::OkStatus();
   const absl::StatusOr<Scores> renders =
       ScoreScene(scene, views, args.truth, args.out + "/test", args.options.threads);
@@ -96,26 +80,17 @@ absl::Status Evaluate(const Arguments& args, const std::string& images_dir, cons
     std::printf("%s  PSNR %.2f dB  SSIM %.4f\n", v.name.c_str(), v.psnr, v.ssim);
   }
   PrintMean("renders", *renders);
-  const absl::StatusOr<Scores> photos = ScorePhotos(images_dir, views, args.truth, args.options);
+  const absl::StatusOr<Scores> photos =
+      ScorePhotos(args.scene.PhotosDir(), views, args.truth, args.options);
   if (photos.ok()) PrintMean("brightened photos", *photos);
   if (!photos.ok() && !absl::IsNotFound(photos.status())) return photos.status();
   return WriteFileAtomically(args.out + "/evaluation.json", renders->ToJson() + "\n");
 }
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
-  const bool benchmark_layout = !args.light.empty();
-  ReconstructInput input;
-  input.images_dir = benchmark_layout ? args.dir + "/" + args.light : args.dir;
+  ReconstructInput input = args.scene.Input(args.out, &args.options);
   input.depth_dir = args.depth;
-  input.work_dir = args.out;
-  const std::string train_cameras = args.dir + "/transforms_train.json";
-  if (!args.cameras.empty()) {
-    input.cameras_path = args.cameras;
-  } else if (benchmark_layout && !args.sfm && fs::exists(train_cameras)) {
-    input.cameras_path = train_cameras;
-    args.options.holdout_every = 0;  // the test views are not among the training cameras
-  }
-  if (args.truth.empty() && fs::exists(args.dir + "/high")) args.truth = args.dir + "/high";
+  if (args.truth.empty()) args.truth = args.scene.TruthDir();
   std::error_code error;
   fs::create_directories(args.out, error);
   if (error) {
@@ -131,7 +106,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
                           engine->LoadScene(report.scene_path));
   LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*original_light=*/false));
   for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
-  LITAGS_RETURN_IF_ERROR(Evaluate(args, input.images_dir, *scene));
+  LITAGS_RETURN_IF_ERROR(Evaluate(args, *scene));
   std::printf("%d of %d photos placed (%s), %d Gaussians, %d iterations in %.1f s: %s\n",
               report.registered, report.photos, report.sfm_preparation.c_str(),
               static_cast<int>(report.gaussians), report.iterations, report.seconds,
@@ -141,48 +116,21 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
 
 int Main(int argc, char** argv) {
   Arguments args;
-  ReconstructOptions& o = args.options;
   CLI::App app("Trains a normally lit 3D scene from badly lit photos.", "litags-train");
-  app.add_option("dir", args.dir, "folder of photos, or a benchmark scene with --light")
+  app.add_option("dir", args.scene.dir, "folder of photos, or a benchmark scene with --light")
       ->required();
   app.add_option("-o,--out", args.out, "folder for the scene, pictures and report")->required();
-  app.add_option("--light", args.light,
+  app.add_option("--light", args.scene.light,
                  "benchmark layout: photos are in DIR/LIGHT (low, over_exp, high)");
-  app.add_option("--cameras", args.cameras,
+  app.add_option("--cameras", args.scene.cameras,
                  "transforms.json or COLMAP model folder; else COLMAP finds them");
-  app.add_flag("--sfm", args.sfm,
+  app.add_flag("--sfm", args.scene.sfm,
                "find the cameras with COLMAP even if DIR has transforms_train.json");
   app.add_option("--depth", args.depth, "folder of depth maps <photo>.{png,pfm,npy}");
   app.add_option("--truth", args.truth,
                  "folder of normally lit photos to compare with (default DIR/high)");
   app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();
-  const std::map<std::string, Method> methods = {{"litags", Method::kLitaGs},
-                                                 {"3dgs", Method::k3dgs}};
-  const std::map<std::string, Tone> tones = {
-      {"paper", Tone::kPaper}, {"linear", Tone::kLinearGain}, {"none", Tone::kNone}};
-  app.add_option("--method", o.method, "litags or 3dgs")
-      ->transform(CLI::CheckedTransformer(methods));
-  app.add_option("--tone", o.tone, "pseudo-target: paper, linear or none")
-      ->transform(CLI::CheckedTransformer(tones));
-  app.add_option("--theta", o.theta, "mean brightness of the target")->capture_default_str();
-  app.add_option("--exposure-ssim", o.exposure_ssim, "share of 1 - SSIM beside L1 in L_exp")
-      ->capture_default_str();
-  app.add_option("--iterations", o.iterations, "one photo each")->capture_default_str();
-  app.add_option("--seed", o.seed)->capture_default_str();
-  app.add_option("--threads", o.threads, "0: all cores")->capture_default_str();
-  app.add_option("--max-gaussians", o.max_gaussians)->capture_default_str();
-  app.add_option("--sh-degree", o.sh_degree)->capture_default_str();
-  app.add_option("--max-image-side", o.max_image_side,
-                 "shrink larger photos to this, px; 0: never");
-  app.add_option("--holdout-every", o.holdout_every, "hold out every n-th photo; 0: none")
-      ->capture_default_str();
-  app.add_flag("!--no-pdm", o.use_pdm, "without the denoising module");
-  app.add_option("--pdm-hidden", o.pdm_hidden, "channels inside its network")
-      ->capture_default_str();
-  app.add_option("--pdm-every", o.pdm_every, "iterations between those that denoise")
-      ->capture_default_str();
-  app.add_flag("!--no-prior", o.use_prior, "without the structure prior");
-  app.add_flag("!--no-depth", o.use_depth, "without the depth loss");
+  AddMethodOptions(&app, &args.options);
   CLI11_PARSE(app, argc, argv);
 
   CancelToken cancel;

@@ -1,0 +1,159 @@
+// litags-bench train: one training run on a benchmark scene, with where its time and memory went.
+#include <sys/resource.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "CLI/App.hpp"
+#include "CLI/Config.hpp"
+#include "CLI/Formatter.hpp"
+#include "absl/status/status.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "engine/tools/bench/commands.h"
+#include "engine/tools/bench/timing.h"
+#include "engine/tools/evaluation/benchmark_scene.h"
+#include "engine/tools/evaluation/evaluation.h"
+#include "engine/tools/evaluation/method_options.h"
+
+namespace litags {
+namespace {
+
+struct TrainArguments {
+  BenchmarkScene scene;
+  ReconstructOptions options;
+  int evaluate_every = 0;
+  std::string out, json;
+};
+
+int64_t PeakRssBytes() {
+  rusage usage = {};
+  getrusage(RUSAGE_SELF, &usage);
+  return int64_t{usage.ru_maxrss} * 1024;
+}
+
+// Scores the snapshots as they come. The time this takes is kept apart.
+class Recorder : public ReconstructObserver {
+ public:
+  Recorder(const TrainArguments& args, Engine* engine) : args_(args), engine_(engine) {}
+
+  void OnProgress(const Progress& p) override {
+    if (p.stage == Stage::kTraining && first_ms_ == 0) first_ms_ = NowMs();
+    iteration_ = p.iteration;
+    gaussians_ = p.gaussians;
+    if (p.preview_png.empty() || args_.evaluate_every == 0) return;
+    const double start = NowMs();
+    if (absl::Status s = Score(); !s.ok() && status.ok()) status = s;
+    paused_ms_ += NowMs() - start;
+  }
+  void OnSnapshot(const std::string& path) override { path_ = path; }
+
+  nlohmann::json history = nlohmann::json::array();
+  absl::Status status;
+
+ private:
+  absl::Status Score() {
+    const double seconds = (NowMs() - first_ms_ - paused_ms_) / 1e3;
+    LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene, engine_->LoadScene(path_));
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<View> views, args_.scene.TestViews(*scene));
+    LITAGS_ASSIGN_OR_RETURN(const Scores scores, ScoreScene(*scene, views, args_.scene.TruthDir(),
+                                                            "", args_.options.threads));
+    history.push_back({{"iteration", iteration_},
+                       {"seconds", seconds},
+                       {"gaussians", gaussians_},
+                       {"psnr", scores.psnr},
+                       {"ssim", scores.ssim},
+                       {"psnr_affine", scores.psnr_affine}});
+    std::printf("iteration %5d  %7.1f s  %7d Gaussians  PSNR %.2f dB  SSIM %.4f\n", iteration_,
+                seconds, static_cast<int>(gaussians_), scores.psnr, scores.ssim);
+    std::fflush(stdout);
+    return absl::OkStatus();
+  }
+
+  const TrainArguments& args_;
+  Engine* engine_;
+  std::string path_;
+  int iteration_ = 0;
+  int64_t gaussians_ = 0;
+  double first_ms_ = 0, paused_ms_ = 0;
+};
+
+absl::Status Train(TrainArguments args) {
+  std::error_code ignored;  // writing reports what matters
+  std::filesystem::create_directories(args.out, ignored);
+  const ReconstructInput input = args.scene.Input(args.out, &args.options);
+  args.options.preview_every =
+      args.evaluate_every > 0 ? args.evaluate_every : args.options.iterations;
+  args.options.checkpoint_every = args.options.iterations;
+
+  const std::unique_ptr<Engine> engine = MakeEngine();
+  Recorder recorder(args, engine.get());
+  LITAGS_ASSIGN_OR_RETURN(const ReconstructReport report,
+                          engine->Reconstruct(input, args.options, CancelToken(), &recorder));
+  LITAGS_RETURN_IF_ERROR(recorder.status);
+  const int64_t peak = PeakRssBytes();
+  LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
+                          engine->LoadScene(report.scene_path));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<View> views, args.scene.TestViews(*scene));
+  LITAGS_ASSIGN_OR_RETURN(const Scores scores, ScoreScene(*scene, views, args.scene.TruthDir(), "",
+                                                          args.options.threads));
+
+  const double seconds = report.training_seconds;
+  std::printf("%d iterations in %.1f s (%.1f it/s), %d Gaussians, peak %.0f MiB\n",
+              report.iterations, seconds, report.iterations / seconds,
+              static_cast<int>(report.gaussians), peak / 1048576.0);
+  for (const auto& [phase, spent] : report.phase_seconds) {
+    std::printf("  %-9s %7.2f ms an iteration  %4.1f %%\n", phase.c_str(),
+                1e3 * spent / report.iterations, 100 * spent / seconds);
+  }
+  std::printf("test views: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n", scores.psnr,
+              scores.ssim, scores.psnr_affine);
+  if (args.json.empty()) return absl::OkStatus();
+  const nlohmann::json json = {{"iterations", report.iterations},
+                               {"seconds", seconds},
+                               {"iterations_per_second", report.iterations / seconds},
+                               {"peak_rss_bytes", peak},
+                               {"gaussians", report.gaussians},
+                               {"psnr", scores.psnr},
+                               {"ssim", scores.ssim},
+                               {"psnr_affine", scores.psnr_affine},
+                               {"phase_seconds", report.phase_seconds},
+                               {"history", recorder.history}};
+  return WriteFileAtomically(args.json, json.dump(2) + "\n");
+}
+
+void Run(const TrainArguments& args, int* exit_status) {
+  if (const absl::Status s = Train(args); !s.ok()) {
+    std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
+    *exit_status = 1;
+  }
+}
+
+}  // namespace
+
+void AddTrainCommand(CLI::App* app, int* exit_status) {
+  auto args = std::make_shared<TrainArguments>();
+  args->scene.light = "low";
+  CLI::App* command =
+      app->add_subcommand("train", "Trains on a benchmark scene and measures time and quality");
+  command->add_option("scene", args->scene.dir, "SCENE with low/, high/, transforms_train.json")
+      ->required();
+  command->add_option("--light", args->scene.light, "photos are in SCENE/LIGHT")
+      ->capture_default_str();
+  command->add_option("--cameras", args->scene.cameras,
+                      "transforms.json or COLMAP model instead of transforms_train.json");
+  command->add_option("-o,--out", args->out, "folder for the scene")->required();
+  command
+      ->add_option("--evaluate-every", args->evaluate_every,
+                   "also score the test views every so many iterations; 0: only at the end")
+      ->check(CLI::Range(0, 1000000));
+  command->add_option("--json", args->json, "also write the figures here");
+  AddMethodOptions(command, &args->options);
+  command->callback([args, exit_status] { Run(*args, exit_status); });
+}
+
+}  // namespace litags

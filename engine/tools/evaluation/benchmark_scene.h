@@ -1,0 +1,35 @@
+// The layout of the LOM benchmark: SCENE/{low,over_exp,high}/ with the same photo names, and
+// SCENE/transforms_{train,test}.json.
+#ifndef LITAGS_ENGINE_TOOLS_EVALUATION_BENCHMARK_SCENE_H_
+#define LITAGS_ENGINE_TOOLS_EVALUATION_BENCHMARK_SCENE_H_
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "engine/core/camera.h"
+#include "engine/pipeline/engine.h"
+
+namespace litags {
+
+struct BenchmarkScene {
+  std::string dir;
+  std::string light;    // folder of the photos to train on; empty: they are in `dir` itself
+  std::string cameras;  // instead of transforms_train.json
+  bool sfm = false;     // COLMAP finds the cameras, of all photos
+
+  std::string PhotosDir() const;
+  std::string TruthDir() const;  // SCENE/high, or empty if there is none
+
+  // Known cameras unless `sfm`. Those of transforms_train.json leave the test views out, so
+  // nothing else is held out then.
+  ReconstructInput Input(const std::string& work_dir, ReconstructOptions* options) const;
+
+  // The cameras of transforms_test.json, none if there is no such file. With `sfm` they are the
+  // trained scene's own, by name: COLMAP's world is another.
+  absl::StatusOr<std::vector<View>> TestViews(const Scene& scene) const;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TOOLS_EVALUATION_BENCHMARK_SCENE_H_

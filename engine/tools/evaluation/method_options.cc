@@ -1,0 +1,40 @@
+#include "engine/tools/evaluation/method_options.h"
+
+#include <CLI/CLI.hpp>
+#include <map>
+#include <string>
+
+namespace litags {
+
+void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
+  const std::map<std::string, Method> methods = {{"litags", Method::kLitaGs},
+                                                 {"3dgs", Method::k3dgs}};
+  const std::map<std::string, Tone> tones = {
+      {"paper", Tone::kPaper}, {"linear", Tone::kLinearGain}, {"none", Tone::kNone}};
+  app->add_option("--method", options->method, "litags or 3dgs")
+      ->transform(CLI::CheckedTransformer(methods));
+  app->add_option("--tone", options->tone, "pseudo-target: paper, linear or none")
+      ->transform(CLI::CheckedTransformer(tones));
+  app->add_option("--theta", options->theta, "mean brightness of the target")
+      ->capture_default_str();
+  app->add_option("--exposure-ssim", options->exposure_ssim, "share of 1 - SSIM beside L1 in L_exp")
+      ->capture_default_str();
+  app->add_option("--iterations", options->iterations, "one photo each")->capture_default_str();
+  app->add_option("--seed", options->seed)->capture_default_str();
+  app->add_option("--threads", options->threads, "0: all cores")->capture_default_str();
+  app->add_option("--max-gaussians", options->max_gaussians)->capture_default_str();
+  app->add_option("--sh-degree", options->sh_degree)->capture_default_str();
+  app->add_option("--max-image-side", options->max_image_side,
+                  "shrink larger photos to this, px; 0: never");
+  app->add_option("--holdout-every", options->holdout_every, "hold out every n-th photo; 0: none")
+      ->capture_default_str();
+  app->add_flag("!--no-pdm", options->use_pdm, "without the denoising module");
+  app->add_option("--pdm-hidden", options->pdm_hidden, "channels inside its network")
+      ->capture_default_str();
+  app->add_option("--pdm-every", options->pdm_every, "iterations between those that denoise")
+      ->capture_default_str();
+  app->add_flag("!--no-prior", options->use_prior, "without the structure prior");
+  app->add_flag("!--no-depth", options->use_depth, "without the depth loss");
+}
+
+}  // namespace litags
