@@ -5,14 +5,13 @@
 #include <string>
 
 #include "engine/core/rng.h"
+#include "engine/sfm/scalar_match.h"
 #include "gtest/gtest.h"
 #include "hwy/highway.h"
 #include "hwy/targets.h"
 
 namespace litags {
 namespace {
-
-using Descriptors = std::vector<uint8_t>;
 
 // Runs `body` once for every instruction set that this machine has and this build contains.
 template <class Body>
@@ -58,38 +57,6 @@ Descriptors Resampled(const Descriptors& from, int noise) {
   return all;
 }
 
-int32_t Product(const Descriptors& a, size_t i, const Descriptors& b, size_t j) {
-  int32_t sum = 0;
-  for (size_t k = 0; k < kDescriptorSize; ++k) {
-    sum += a[i * kDescriptorSize + k] * b[j * kDescriptorSize + k];
-  }
-  return sum;
-}
-
-size_t Count(const Descriptors& all) { return all.size() / kDescriptorSize; }
-
-// The scalar twin of one direction; `index` is the first of the best.
-NearestProducts ScalarNearest(const Descriptors& of, const Descriptors& in, int32_t floor) {
-  NearestProducts nearest;
-  for (size_t i = 0; i < Count(of); ++i) {
-    int32_t best = floor, second = floor, index = -1;
-    for (size_t j = 0; j < Count(in); ++j) {
-      const int32_t product = Product(of, i, in, j);
-      if (product > best) {
-        second = best;
-        best = product;
-        index = static_cast<int32_t>(j);
-      } else {
-        second = std::max(second, product);
-      }
-    }
-    nearest.best.push_back(best);
-    nearest.second.push_back(second);
-    nearest.index.push_back(index);
-  }
-  return nearest;
-}
-
 void ExpectSame(const NearestProducts& got, const Descriptors& of, const Descriptors& in,
                 int32_t floor) {
   const NearestProducts want = ScalarNearest(of, in, floor);
@@ -113,34 +80,6 @@ void ExpectEqualsScalar(const Descriptors& a, const Descriptors& b, int32_t floo
     ExpectSame(of_a, a, b, floor);
     ExpectSame(of_b, b, a, floor);
   });
-}
-
-// COLMAP's rule word by word, in one direction; -1: no match.
-std::vector<int> ScalarMatches(const Descriptors& of, const Descriptors& in,
-                               const MatchRule& rule) {
-  const NearestProducts nearest = ScalarNearest(of, in, 0);
-  const auto distance = [](int32_t product) {
-    return std::acos(std::min(product / (512.0f * 512.0f), 1.0f));
-  };
-  std::vector<int> matches(Count(of), -1);
-  for (size_t i = 0; i < Count(of); ++i) {
-    const float d = distance(nearest.best[i]);
-    if (nearest.index[i] < 0 || d > rule.max_distance) continue;
-    if (d >= rule.max_ratio * distance(nearest.second[i])) continue;
-    matches[i] = nearest.index[i];
-  }
-  return matches;
-}
-
-std::vector<FeatureMatch> ScalarCrossMatches(const Descriptors& a, const Descriptors& b,
-                                             const MatchRule& rule) {
-  const std::vector<int> ab = ScalarMatches(a, b, rule), ba = ScalarMatches(b, a, rule);
-  std::vector<FeatureMatch> matches;
-  for (size_t i = 0; i < ab.size(); ++i) {
-    if (ab[i] < 0 || ba[static_cast<size_t>(ab[i])] != static_cast<int>(i)) continue;
-    matches.push_back({static_cast<uint32_t>(i), static_cast<uint32_t>(ab[i])});
-  }
-  return matches;
 }
 
 TEST(FindNearest, EqualsTheScalarTwinForAnyNumberOfFeatures) {
@@ -199,14 +138,14 @@ TEST(MatchDescriptors, EqualsColmapsRuleWordByWord) {
     const Descriptors a = RandomDescriptors(301, 1), b = Resampled(a, noise);
     for (const MatchRule rule :
          {MatchRule(), MatchRule{0.7f, 1.0f}, MatchRule{0.3f, 0.95f}, MatchRule{1.5f, 0.8f}}) {
-      const std::vector<FeatureMatch> want = ScalarCrossMatches(a, b, rule);
+      const std::vector<FeatureMatch> want = ScalarMatches(a, b, rule);
       ForEachTarget([&] {
         EXPECT_EQ(MatchDescriptors(PackedDescriptors(a), PackedDescriptors(b), rule, CancelToken()),
                   want);
       });
     }
     if (noise == 8) {
-      EXPECT_EQ(ScalarCrossMatches(a, b, MatchRule()).size(), 151u);  // all of b
+      EXPECT_EQ(ScalarMatches(a, b, MatchRule()).size(), 151u);  // all of b
     }
   }
 }
