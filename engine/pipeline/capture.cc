@@ -196,7 +196,8 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::vector<Train
   for (double x :
        {double(o.method), double(o.tone), o.theta, o.exposure_ssim, double(o.iterations),
         double(o.max_gaussians), double(o.sh_degree), double(o.use_pdm), double(o.pdm_hidden),
-        double(o.pdm_every), double(o.use_prior), double(o.use_depth), double(o.holdout_every)}) {
+        double(o.pdm_every), double(o.coarse_levels), o.coarse_until, double(o.use_prior),
+        double(o.use_depth), double(o.holdout_every)}) {
     f.Add(x);
   }
   f.Add(o.seed);

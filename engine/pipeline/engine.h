@@ -39,6 +39,9 @@ struct ReconstructOptions {
   double theta = 0.49;       // target mean of sRGB codes, (0, 1); authors' release
   double exposure_ssim = 0;  // share of 1 - SSIM beside L1 in L_exp, [0, 1]; paper: 0
   int iterations = 15000;    // one photo each; paper
+  // Coarse to fine: photos of 2^-n .. 1/2 of their size share the first part of the run.
+  int coarse_levels = 0;      // n, 0..4; 0: full size throughout
+  double coarse_until = 0.5;  // (0, 1] of the iterations
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;

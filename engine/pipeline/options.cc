@@ -25,6 +25,8 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.use_pdm = options.use_pdm;
   train.pdm.hidden = options.pdm_hidden;
   train.pdm_every = options.pdm_every;
+  train.coarse_levels = options.coarse_levels;
+  train.coarse_until = options.coarse_until;
   train.use_prior = options.use_prior;
   train.use_depth = options.use_depth;
   train.sh_degree = options.sh_degree;
@@ -38,6 +40,10 @@ absl::Status ReconstructOptions::Validate() const {
     return Bad("exposure_ssim", exposure_ssim, "is not in [0, 1]");
   if (iterations < 1 || iterations > 1'000'000)
     return Bad("iterations", iterations, "is not in 1..1000000");
+  if (coarse_levels < 0 || coarse_levels > 4)
+    return Bad("coarse_levels", coarse_levels, "is not in 0..4");
+  if (!(coarse_until > 0 && coarse_until <= 1))
+    return Bad("coarse_until", coarse_until, "is not in (0, 1]");
   if (threads < 0 || threads > 1024)
     return Bad("threads", threads, "is not in 0..1024 (0: all cores)");
   if (max_gaussians < 1000 || max_gaussians > 20'000'000) {

@@ -36,10 +36,10 @@ struct DensityReport {
 };
 
 // One density step. Gaussians whose mean gradient exceeds options.densify_grad are cloned (small)
-// or split in two (large), strongest first while the budget lasts; nearly transparent ones and those
-// with a parameter that is not finite are removed (one Gaussian always stays); then all are put in
-// Morton order, so that blocks of 16 are neighbours in space. Random numbers depend on (seed,
-// iteration, Gaussian) only. Stats are reset.
+// or split in two (large), strongest first while the budget lasts; nearly transparent ones and
+// those with a parameter that is not finite are removed (one Gaussian always stays); then all are
+// put in Morton order, so that blocks of 16 are neighbours in space. Random numbers depend on
+// (seed, iteration, Gaussian) only. Stats are reset.
 DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
                              SplatState* state, DensityStats* stats);
 

@@ -27,12 +27,12 @@ Objective::Objective(const TrainOptions& options)
     : options_(options), workspace_(options.threads), pdm_(options.pdm, options.threads) {}
 
 StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
-                               const PdmWeights& weights, int iteration, Planes* v_rendered,
-                               PdmWeights* v_weights) {
+                               const PdmWeights& weights, int iteration, bool denoise,
+                               Planes* v_rendered, PdmWeights* v_weights) {
   ZeroLike(rendered, rendered.channels, v_rendered);
   ApplyLut(view.photo, view.target_lut, workspace_, &target_);
   if (options_.lita) {
-    return EvaluateLita(view, rendered, weights, iteration, v_rendered, v_weights);
+    return EvaluateLita(view, rendered, weights, iteration, denoise, v_rendered, v_weights);
   }
   StepLosses losses;
   losses.reconstruction = ReconstructionLoss(rendered, target_, 1.0, *v_rendered, workspace_);
@@ -40,13 +40,12 @@ StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
 }
 
 StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered,
-                                   const PdmWeights& weights, int iteration, Planes* v_rendered,
-                                   PdmWeights* v_weights) {
+                                   const PdmWeights& weights, int iteration, bool denoise,
+                                   Planes* v_rendered, PdmWeights* v_weights) {
   static const ColorLut identity = IdentityLut();
   StepLosses losses;
   CopyPlanes(rendered, kChannelColor, &color_);
   const int stages = options_.pdm.stages;
-  const bool denoise = Denoises(iteration);
   if (denoise) {
     const double start = Seconds();
     CopyPlanes(rendered, kChannelNoise, &noise_);

@@ -18,12 +18,12 @@ class Objective {
  public:
   explicit Objective(const TrainOptions& options);
 
-  // Evaluates at `rendered` [11 or 3, H, W]. Writes v_rendered (same shape) and, where
-  // Denoises(iteration), v_weights.
+  // Evaluates at `rendered` [11 or 3, H, W], with R = PDM(R_0) if `denoise`, else R = R_0. Writes
+  // v_rendered (same shape) and, if `denoise`, v_weights.
   StepLosses Evaluate(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
-                      int iteration, Planes* v_rendered, PdmWeights* v_weights);
+                      int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
 
-  // Whether the PDM has a part in this iteration.
+  // Whether the options want the PDM in this iteration.
   bool Denoises(int iteration) const {
     return options_.lita && options_.use_pdm && iteration % options_.pdm_every == 0;
   }
@@ -32,7 +32,7 @@ class Objective {
 
  private:
   StepLosses EvaluateLita(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
-                          int iteration, Planes* v_rendered, PdmWeights* v_weights);
+                          int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
   // L1 to the pseudo-target, mixed with 1 - SSIM if the options ask for it.
   double ExposureLoss(const Planes& R);
   void AddStructure(const TrainView& view, const Planes& rendered, int iteration,

@@ -63,7 +63,10 @@ double TotalLoss(const TrainOptions& options, const TrainView& view, const Plane
   Objective objective(options);
   Planes v_rendered;
   PdmWeights v_weights;
-  return objective.Evaluate(view, rendered, weights, kIteration, &v_rendered, &v_weights).Total();
+  return objective
+      .Evaluate(view, rendered, weights, kIteration, objective.Denoises(kIteration), &v_rendered,
+                &v_weights)
+      .Total();
 }
 
 // Central differences of the total loss along directions sign(gradient) over the sets of samples
@@ -108,7 +111,8 @@ void CheckAllGradients(const TrainOptions& options, const std::vector<int>& live
   Objective objective(options);
   Planes v_rendered;
   PdmWeights v_weights;
-  objective.Evaluate(view, rendered, weights, kIteration, &v_rendered, &v_weights);
+  objective.Evaluate(view, rendered, weights, kIteration, objective.Denoises(kIteration),
+                     &v_rendered, &v_weights);
   ASSERT_EQ(v_rendered.data.size(), rendered.data.size());
   const auto loss = [&] { return TotalLoss(options, view, rendered, weights); };
   const size_t plane = rendered.plane_size();
@@ -199,16 +203,16 @@ TEST(Objective, TermsAreWeightedAndSumToTheTotal) {
   const PdmWeights weights = RandomWeights(options.pdm);
   Planes v_rendered;
   PdmWeights v_weights;
-  const StepLosses one =
-      Objective(options).Evaluate(view, rendered, weights, 0, &v_rendered, &v_weights);
+  const StepLosses one = Objective(options).Evaluate(view, rendered, weights, 0, options.use_pdm,
+                                                     &v_rendered, &v_weights);
   for (const double term : {one.exposure, one.reconstruction, one.prior, one.depth, one.denoise}) {
     EXPECT_GT(term, 0);
   }
   options.weight_exposure *= 2;
   options.weight_prior *= 3;
   options.weight_depth *= 5;
-  const StepLosses two =
-      Objective(options).Evaluate(view, rendered, weights, 0, &v_rendered, &v_weights);
+  const StepLosses two = Objective(options).Evaluate(view, rendered, weights, 0, options.use_pdm,
+                                                     &v_rendered, &v_weights);
   EXPECT_DOUBLE_EQ(two.exposure, 2 * one.exposure);
   EXPECT_DOUBLE_EQ(two.prior, 3 * one.prior);
   EXPECT_DOUBLE_EQ(two.depth, 5 * one.depth);
@@ -226,7 +230,7 @@ TEST(Objective, AViewWithoutMapsTrainsWithoutTheirTerms) {
   PdmWeights v_weights;
   const StepLosses losses =
       Objective(options).Evaluate(view, RandomPlanes(kNumChannels, kHeight, kWidth, 9),
-                                  RandomWeights(options.pdm), 0, &v_rendered, &v_weights);
+                                  RandomWeights(options.pdm), 0, true, &v_rendered, &v_weights);
   EXPECT_EQ(losses.prior, 0);
   EXPECT_EQ(losses.depth, 0);
   EXPECT_GT(losses.denoise, 0);

@@ -19,6 +19,8 @@ absl::Status TrainOptions::Validate() const {
   if (threads < 0) return Bad("threads", "must be 0 (all cores) or more");
   if (sh_degree < 0 || sh_degree > 3) return Bad("sh_degree", "must be in 0..3");
   if (pdm_every < 1) return Bad("pdm_every", "must be 1 or more");
+  if (coarse_levels < 0 || coarse_levels > 4) return Bad("coarse_levels", "must be in 0..4");
+  if (!(coarse_until > 0 && coarse_until <= 1)) return Bad("coarse_until", "must be in (0, 1]");
   if (sh_interval < 1) return Bad("sh_interval", "must be 1 or more");
   if (densify_start < 0 || densify_every < 1 || densify_until < 0) {
     return Bad("densify_start, densify_every, densify_until",

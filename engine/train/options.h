@@ -44,6 +44,11 @@ struct TrainOptions {
   double lr_attributes = 2.5e-3;  // structure, illumination, depth, noise. Choice
   double lr_pdm = 5e-5;           // release
 
+  // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..
+  // 1/2 of their size; there is no denoising before full size. 0 levels: full size throughout.
+  int coarse_levels = 0;  // 0..4
+  double coarse_until = 0.5;
+
   // SH degree starts at min(1, sh_degree) and grows by one every sh_interval iterations; paper.
   int sh_degree = 3;  // 0..3
   int sh_interval = 1000;

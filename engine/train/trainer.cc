@@ -13,6 +13,7 @@
 #include "engine/render/renderer.h"
 #include "engine/train/adam.h"
 #include "engine/train/objective.h"
+#include "engine/train/pyramid.h"
 #include "engine/train/train_state.h"
 
 namespace litags {
@@ -62,7 +63,7 @@ absl::Status NotFinite(const StepLosses& losses, int iteration, const std::strin
 
 struct Trainer::Impl {
   Impl(const TrainOptions& o, const std::vector<TrainView>* v, double scene_extent)
-      : options(o), views(v), extent(scene_extent), objective(o) {}
+      : options(o), pyramid(v, o), num_views(v->size()), extent(scene_extent), objective(o) {}
 
   int ShDegree() const {
     const int grown = 1 + state.iteration / options.sh_interval;
@@ -110,7 +111,8 @@ struct Trainer::Impl {
   }
 
   TrainOptions options;
-  const std::vector<TrainView>* views;
+  ViewPyramid pyramid;
+  size_t num_views;
   double extent;
   TrainState state;
   Objective objective;
@@ -145,8 +147,10 @@ const PhaseSeconds& Trainer::phases() const { return impl_->phases; }
 
 absl::StatusOr<StepLosses> Trainer::Step() {
   Impl& s = *impl_;
+  const int level = s.pyramid.LevelOf(s.state.iteration);
   const TrainView& view =
-      (*s.views)[ViewOfIteration(s.options.seed, s.state.iteration, s.views->size())];
+      s.pyramid.View(level, ViewOfIteration(s.options.seed, s.state.iteration, s.num_views));
+  const bool denoise = level == 0 && s.objective.Denoises(s.state.iteration);
   const Camera& camera = view.view.camera;
   RenderSettings settings;
   settings.num_channels = s.options.lita ? int{kNumChannels} : 3;
@@ -159,8 +163,8 @@ absl::StatusOr<StepLosses> Trainer::Step() {
   StepLosses losses;
   {
     Timer timer(&s.phases.losses);
-    losses = s.objective.Evaluate(view, s.rendered, s.state.pdm, s.state.iteration, &s.v_rendered,
-                                  &s.v_pdm);
+    losses = s.objective.Evaluate(view, s.rendered, s.state.pdm, s.state.iteration, denoise,
+                                  &s.v_rendered, &s.v_pdm);
   }
   LITAGS_RETURN_IF_ERROR(NotFinite(losses, s.state.iteration, view.view.name));
   {
@@ -171,7 +175,7 @@ absl::StatusOr<StepLosses> Trainer::Step() {
                           AdamUpdateBlock(step, grads, visible, block, &s.state.splats.params,
                                           &s.state.splats.moment1, &s.state.splats.moment2);
                         });
-    if (s.objective.Denoises(s.state.iteration)) s.UpdatePdm(step);
+    if (denoise) s.UpdatePdm(step);
   }
   ++s.state.iteration;
   if (s.state.iteration <= s.DensifyUntil()) {

@@ -113,13 +113,15 @@ class KernelBench {
     TrainOptions without = options_;
     without.use_pdm = false;
     Objective plain(without), full(options_);
-    Report(
-        "loss",
-        Measure(args_.repetitions,
-                [&] { plain.Evaluate(views_[0], rendered_, weights, 0, &v_rendered, &v_weights); }),
-        "all losses and their gradients but the denoiser's");
+    Report("loss",
+           Measure(args_.repetitions,
+                   [&] {
+                     plain.Evaluate(views_[0], rendered_, weights, 0, false, &v_rendered,
+                                    &v_weights);
+                   }),
+           "all losses and their gradients but the denoiser's");
     const Timing both = Measure(args_.repetitions, [&] {
-      full.Evaluate(views_[0], rendered_, weights, 0, &v_rendered, &v_weights);
+      full.Evaluate(views_[0], rendered_, weights, 0, true, &v_rendered, &v_weights);
     });
     Report("objective", both, "losses and denoiser");
     Planes color, noise, v_r0, v_noise;

@@ -20,6 +20,11 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option("--exposure-ssim", options->exposure_ssim, "share of 1 - SSIM beside L1 in L_exp")
       ->capture_default_str();
   app->add_option("--iterations", options->iterations, "one photo each")->capture_default_str();
+  app->add_option("--coarse-levels", options->coarse_levels,
+                  "start on photos of 2^-n of their size; 0: full size throughout")
+      ->capture_default_str();
+  app->add_option("--coarse-until", options->coarse_until, "part of the run on smaller photos")
+      ->capture_default_str();
   app->add_option("--seed", options->seed)->capture_default_str();
   app->add_option("--threads", options->threads, "0: all cores")->capture_default_str();
   app->add_option("--max-gaussians", options->max_gaussians)->capture_default_str();

@@ -1,0 +1,93 @@
+#include "engine/train/pyramid.h"
+
+#include <algorithm>
+
+namespace litags {
+namespace {
+
+constexpr int kMinSide = 64;
+
+// Means of 2x2 samples of interleaved bytes, rounded half up.
+std::vector<uint8_t> HalfBytes(const std::vector<uint8_t>& bytes, int width, int height,
+                               int channels) {
+  const int w = width / 2, h = height / 2;
+  std::vector<uint8_t> out(size_t(w) * h * channels);
+  for (int y = 0; y < h; ++y) {
+    const uint8_t* top = bytes.data() + size_t(2 * y) * width * channels;
+    const uint8_t* bottom = top + size_t(width) * channels;
+    uint8_t* to = out.data() + size_t(y) * w * channels;
+    for (int x = 0; x < w; ++x) {
+      for (int c = 0; c < channels; ++c) {
+        const int i = 2 * x * channels + c, j = i + channels;
+        to[x * channels + c] =
+            static_cast<uint8_t>((top[i] + top[j] + bottom[i] + bottom[j] + 2) / 4);
+      }
+    }
+  }
+  return out;
+}
+
+DepthMap HalfDepth(const DepthMap& map) {
+  const int w = map.depth.width / 2, h = map.depth.height / 2;
+  DepthMap out;
+  out.depth = Planes(1, h, w);
+  if (!map.confidence.empty()) out.confidence = Planes(1, h, w);
+  for (int y = 0; y < h; ++y) {
+    for (int x = 0; x < w; ++x) {
+      float sum = 0, weight = 0;
+      for (int i = 0; i < 4; ++i) {
+        const int sx = 2 * x + i % 2, sy = 2 * y + i / 2;
+        const float known = map.confidence.empty() ? 1.0f : map.confidence.at(0, sy, sx);
+        sum += known * map.depth.at(0, sy, sx);
+        weight += known;
+      }
+      if (weight > 0) out.depth.at(0, y, x) = sum / weight;
+      if (!map.confidence.empty()) out.confidence.at(0, y, x) = weight / 4;
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+TrainView HalfSize(const TrainView& view) {
+  TrainView out;
+  out.view = view.view;
+  Camera& camera = out.view.camera;
+  camera.width /= 2;
+  camera.height /= 2;
+  for (double* v : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *v /= 2;
+  out.target_lut = view.target_lut;
+  out.photo = ImageU8(camera.width, camera.height);
+  out.photo.data = HalfBytes(view.photo.data, view.photo.width, view.photo.height, 3);
+  if (!view.structure.empty()) {
+    out.structure = PlaneU8(camera.width, camera.height);
+    out.structure.data =
+        HalfBytes(view.structure.data, view.structure.width, view.structure.height, 1);
+  }
+  if (view.depth.has_value()) out.depth = HalfDepth(*view.depth);
+  return out;
+}
+
+ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options)
+    : views_(views), coarse_iterations_(options.coarse_until * options.iterations) {
+  int side = kMinSide << options.coarse_levels;
+  for (const TrainView& v : *views) {
+    side = std::min({side, v.view.camera.width, v.view.camera.height});
+  }
+  for (; side >= 2 * kMinSide; side /= 2) {
+    std::vector<TrainView> level;
+    for (size_t i = 0; i < views->size(); ++i) {
+      level.push_back(HalfSize(View(static_cast<int>(smaller_.size()), i)));
+    }
+    smaller_.push_back(std::move(level));
+  }
+}
+
+int ViewPyramid::LevelOf(int iteration) const {
+  if (iteration >= coarse_iterations_) return 0;
+  const int levels = static_cast<int>(smaller_.size());
+  return levels - static_cast<int>(iteration / coarse_iterations_ * levels);
+}
+
+}  // namespace litags

@@ -1,0 +1,40 @@
+// Coarse-to-fine training: the first iterations see smaller photos, which cost a quarter or a
+// sixteenth and need fewer Gaussians. The idea of tying resolution to progress is DashGaussian's
+// (Chen et al., CVPR 2025); the schedule is ours.
+#ifndef LITAGS_ENGINE_TRAIN_PYRAMID_H_
+#define LITAGS_ENGINE_TRAIN_PYRAMID_H_
+
+#include <vector>
+
+#include "engine/train/options.h"
+#include "engine/train/train_view.h"
+
+namespace litags {
+
+// The view at half its size: means of 2x2 pixels; an odd last row or column is left out. Depth and
+// confidence are means over known pixels.
+TrainView HalfSize(const TrainView& view);
+
+// Level 0 is the given views; level k has 2^-k of their size.
+class ViewPyramid {
+ public:
+  // `views` must outlive this. As many levels as the options ask for, fewer if a photo's smaller
+  // side would fall below 64 px: there a Gaussian's low-pass of 0.3 px^2 is all there is to see.
+  ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options);
+
+  // Level of an iteration: equal shares of the first coarse_until of the run for levels n .. 1,
+  // then level 0.
+  int LevelOf(int iteration) const;
+  const TrainView& View(int level, size_t index) const {
+    return level == 0 ? (*views_)[index] : smaller_[level - 1][index];
+  }
+
+ private:
+  const std::vector<TrainView>* views_;
+  std::vector<std::vector<TrainView>> smaller_;
+  double coarse_iterations_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TRAIN_PYRAMID_H_

@@ -1,0 +1,91 @@
+#include "engine/train/pyramid.h"
+
+#include <gtest/gtest.h>
+
+#include "engine/train/train_test_util.h"
+
+namespace litags {
+namespace {
+
+TrainView OddView() {
+  TrainView view;
+  view.view.camera = RingCamera(0, 4, 5, 4);
+  view.photo = ImageU8(5, 4);
+  for (size_t i = 0; i < view.photo.data.size(); ++i) view.photo.data[i] = i * 3;
+  view.structure = PlaneU8(5, 4);
+  for (size_t i = 0; i < view.structure.data.size(); ++i) view.structure.data[i] = i;
+  return view;
+}
+
+TEST(HalfSize, AveragesPixelsAndKeepsRaysWhereTheyWere) {
+  const TrainView view = OddView();
+  const TrainView half = HalfSize(view);
+  EXPECT_EQ(half.photo.width, 2);
+  EXPECT_EQ(half.photo.height, 2);
+  EXPECT_EQ(half.view.camera.width, 2);
+  // Pixels (2, 2), (3, 2), (2, 3), (3, 3), channel 1.
+  int sum = 0;
+  for (const auto& [x, y] : {std::pair{2, 2}, {3, 2}, {2, 3}, {3, 3}}) {
+    sum += view.photo.pixel(x, y)[1];
+  }
+  EXPECT_EQ(half.photo.pixel(1, 1)[1], (sum + 2) / 4);
+  EXPECT_EQ(half.structure.data[0], (0 + 1 + 5 + 6 + 2) / 4);
+  // The corner between four pixels is the centre of the pixel that replaces them.
+  const Camera &a = view.view.camera, &b = half.view.camera;
+  EXPECT_DOUBLE_EQ((1.0 - a.cx) / a.fx, (0.5 - b.cx) / b.fx);
+  EXPECT_DOUBLE_EQ((3.0 - a.cy) / a.fy, (1.5 - b.cy) / b.fy);
+  EXPECT_FALSE(half.depth.has_value());
+}
+
+TEST(HalfSize, DepthIsTheMeanOfKnownPixels) {
+  TrainView view = OddView();
+  view.depth.emplace();
+  view.depth->depth = Planes(1, 4, 5);
+  view.depth->confidence = Planes(1, 4, 5);
+  view.depth->depth.at(0, 0, 0) = 2;
+  view.depth->depth.at(0, 1, 1) = 4;
+  view.depth->confidence.at(0, 0, 0) = 1;
+  view.depth->confidence.at(0, 1, 1) = 1;
+  const DepthMap half = *HalfSize(view).depth;
+  EXPECT_FLOAT_EQ(half.depth.at(0, 0, 0), 3);
+  EXPECT_FLOAT_EQ(half.confidence.at(0, 0, 0), 0.5);
+  EXPECT_FLOAT_EQ(half.depth.at(0, 1, 1), 0);
+  EXPECT_FLOAT_EQ(half.confidence.at(0, 1, 1), 0);
+}
+
+std::vector<TrainView> OneView(int width, int height) {
+  TrainView view;
+  view.view.camera = RingCamera(0, 4, width, height);
+  view.photo = ImageU8(width, height);
+  return {view};
+}
+
+TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
+  const std::vector<TrainView> views = OneView(300, 256);
+  TrainOptions options;
+  options.iterations = 100;
+  options.coarse_levels = 2;
+  options.coarse_until = 0.5;
+  const ViewPyramid pyramid(&views, options);
+  EXPECT_EQ(pyramid.LevelOf(0), 2);
+  EXPECT_EQ(pyramid.LevelOf(24), 2);
+  EXPECT_EQ(pyramid.LevelOf(25), 1);
+  EXPECT_EQ(pyramid.LevelOf(49), 1);
+  EXPECT_EQ(pyramid.LevelOf(50), 0);
+  EXPECT_EQ(pyramid.LevelOf(99), 0);
+  EXPECT_EQ(pyramid.View(2, 0).photo.width, 75);
+  EXPECT_EQ(pyramid.View(0, 0).photo.width, 300);
+}
+
+TEST(ViewPyramid, SmallPhotosHaveFewerLevels) {
+  const std::vector<TrainView> views = OneView(300, 200);
+  TrainOptions options;
+  options.iterations = 100;
+  options.coarse_levels = 4;
+  EXPECT_EQ(ViewPyramid(&views, options).LevelOf(0), 1);
+  options.coarse_levels = 0;
+  EXPECT_EQ(ViewPyramid(&views, options).LevelOf(0), 0);
+}
+
+}  // namespace
+}  // namespace litags
