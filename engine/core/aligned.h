@@ -1,24 +1,37 @@
 #ifndef LITAGS_ENGINE_CORE_ALIGNED_H_
 #define LITAGS_ENGINE_CORE_ALIGNED_H_
 
+#include <sys/mman.h>
+
 #include <cstddef>
 #include <new>
 #include <vector>
 
 namespace litags {
 
-// Allocates on 64-byte boundaries: one cache line, one AVX-512 vector.
+// Allocates on 64-byte boundaries: one cache line, one AVX-512 vector. Large arrays ask for huge
+// pages: kernels jump around in them, and each jump would miss the table of small pages.
 template <class T>
 struct AlignedAllocator {
   using value_type = T;
-  static constexpr std::align_val_t kAlignment{64};
+  static constexpr size_t kHugePage = size_t{2} << 20;  // x86-64, and AArch64 with 4 KiB pages
+
+  static constexpr std::align_val_t AlignmentOf(size_t bytes) {
+    return std::align_val_t{bytes >= kHugePage ? kHugePage : 64};
+  }
 
   AlignedAllocator() = default;
   template <class U>
   AlignedAllocator(const AlignedAllocator<U>&) {}
 
-  T* allocate(size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), kAlignment)); }
-  void deallocate(T* p, size_t) { ::operator delete(p, kAlignment); }
+  T* allocate(size_t n) {
+    const size_t bytes = n * sizeof(T);
+    void* p = ::operator new(bytes, AlignmentOf(bytes));
+    // A request only: without huge pages everything works, more slowly.
+    if (bytes >= kHugePage) (void)madvise(p, bytes, MADV_HUGEPAGE);
+    return static_cast<T*>(p);
+  }
+  void deallocate(T* p, size_t n) { ::operator delete(p, AlignmentOf(n * sizeof(T))); }
 
   friend bool operator==(AlignedAllocator, AlignedAllocator) { return true; }
 };

@@ -139,6 +139,32 @@ HWY_INLINE void CopyRow(const float* from, std::integral_constant<int, kBlockWid
   hn::StoreU(hn::LoadU(d, from), d, to);
 }
 
+// R rows of four pixels, `width` apart. They are joined in registers: a vector read of what was
+// just written in parts would wait.
+template <int R>
+HWY_INLINE auto LoadRows(const float* p, size_t width) {
+  const hn::FixedTag<float, R * kBlockWidth> d;
+  if constexpr (R == 1) {
+    return hn::LoadU(d, p);
+  } else {
+    return hn::Combine(d, LoadRows<R / 2>(p + R / 2 * width, width), LoadRows<R / 2>(p, width));
+  }
+}
+
+// The block's pixels of an image plane; zero outside the image.
+HWY_INLINE V LoadBlock(const TileJob& job, int block, const float* plane) {
+  const D d;
+  const int x = job.x0 + BlockX(block), y = job.y0 + BlockY(block);
+  if (x + kBlockWidth > job.width || y + kBlockHeight > job.height) {
+    HWY_ALIGN float pixels[kLanes] = {};
+    ForEachBlockRow(job, block, [&](size_t at, int to, int columns) {
+      std::copy_n(plane + at, columns, pixels + to);
+    });
+    return hn::Load(d, pixels);
+  }
+  return LoadRows<kBlockHeight>(plane + size_t(y) * job.width + x, job.width);
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace litags
 HWY_AFTER_NAMESPACE();

@@ -61,16 +61,12 @@ struct BlockInput {
   void Load(const TileJob& job, const TileGradients& gradients, int block) {
     const D d;
     basis = Basis::OfBlock(block);
-    std::fill_n(v, C * kLanes, 0.0f);
-    std::fill_n(behind, kLanes, 0.0f);
     const size_t plane = size_t(job.width) * job.height;
-    ForEachBlockRow(job, block, [&](size_t at, int to, auto columns) HWY_ATTR {
-      for (int c = 0; c < C; ++c) {
-        CopyRow(gradients.v_image + c * plane + at, columns, v + c * kLanes + to);
-      }
-      if (gradients.v_alpha != nullptr) CopyRow(gradients.v_alpha + at, columns, behind + to);
-    });
-    V b = hn::Neg(hn::Load(d, behind));
+    for (int c = 0; c < C; ++c) {
+      hn::Store(LoadBlock(job, block, gradients.v_image + c * plane), d, v + c * kLanes);
+    }
+    V b = hn::Zero(d);
+    if (gradients.v_alpha != nullptr) b = hn::Neg(LoadBlock(job, block, gradients.v_alpha));
     for (int c = 0; c < C; ++c) {
       b = hn::MulAdd(hn::Load(d, v + c * kLanes), hn::Set(d, job.background[c]), b);
       for (int i = 0; i < kLanes; ++i) rows[i * kChannelRow + c] = v[c * kLanes + i];
