@@ -36,19 +36,19 @@ enum class Tone {
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kLinearGain;
-  double theta = 0.49;       // target mean of sRGB codes, (0, 1); authors' release
-  double exposure_ssim = 0;  // share of 1 - SSIM beside L1 in L_exp, [0, 1]; paper: 0
-  int iterations = 15000;    // one photo each; paper
+  double theta = 0.49;         // target mean of sRGB codes, (0, 1); authors' release
+  double exposure_ssim = 0.2;  // share of 1 - SSIM beside L1 in L_exp, [0, 1]; paper: 0
+  int iterations = 15000;      // one photo each; paper
   // Coarse to fine: photos of 2^-n .. 1/2 of their size share the first part of the run.
-  int coarse_levels = 0;      // n, 0..4; 0: full size throughout
+  int coarse_levels = 2;      // n, 0..4; 0: full size throughout, as the paper
   double coarse_until = 0.5;  // (0, 1] of the iterations
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;
   int sh_degree = 3;       // 0..3
   bool use_pdm = true;     // progressive denoising module
-  int pdm_hidden = 16;     // channels inside its network, 1..64
-  int pdm_every = 1;       // iterations between those that denoise
+  int pdm_hidden = 8;      // channels inside its network, 1..64
+  int pdm_every = 2;       // one iteration in so many denoises; paper: 1
   bool use_prior = true;   // structure prior loss
   bool use_depth = true;   // depth loss, where a depth provider has maps
   int max_image_side = 0;  // photos with a longer side are shrunk to it, px; 0: never
