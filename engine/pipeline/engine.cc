@@ -86,7 +86,7 @@ class Run {
       LITAGS_ASSIGN_OR_RETURN(const StepLosses losses, trainer_.Step());
       step_seconds_ += Now() - step_start;
       const int done = trainer_.iteration();
-      Account(losses, done - first, Now() - start);
+      Account(losses, first, Now() - start);
       const bool last = done == options_.iterations;
       if (done % options_.checkpoint_every == 0 && !last) {
         LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, capture_.fingerprint));
@@ -131,7 +131,8 @@ class Run {
     return cancel.Check();
   }
 
-  void Account(const StepLosses& losses, int steps, double seconds) {
+  void Account(const StepLosses& losses, int first, double seconds) {
+    const int done = trainer_.iteration(), steps = done - first;
     const double keep = steps == 1 ? 0.0 : kLossMemory;
     const auto mix = [&](double* mean, double value) { *mean = keep * *mean + (1 - keep) * value; };
     mix(&progress_.loss, losses.Total());
@@ -139,11 +140,12 @@ class Run {
     mix(&progress_.loss_reconstruction, losses.reconstruction);
     mix(&progress_.loss_structure, losses.prior + losses.depth);
     mix(&progress_.loss_denoise, losses.denoise);
-    progress_.iteration = trainer_.iteration();
+    progress_.iteration = done;
     progress_.gaussians = static_cast<int64_t>(trainer_.num_gaussians());
     progress_.iterations_per_second = steps / std::max(seconds, 1e-9);
-    progress_.eta_seconds =
-        (options_.iterations - progress_.iteration) / progress_.iterations_per_second;
+    const double before = trainer_.WorkBefore(done);
+    progress_.eta_seconds = seconds * (trainer_.WorkBefore(options_.iterations) - before) /
+                            (before - trainer_.WorkBefore(first));
   }
 
   // Saves a snapshot and reports it with a preview picture and the held-out PSNR.

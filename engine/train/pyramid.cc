@@ -1,6 +1,7 @@
 #include "engine/train/pyramid.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace litags {
 namespace {
@@ -88,6 +89,16 @@ int ViewPyramid::LevelOf(int iteration) const {
   if (iteration >= coarse_iterations_) return 0;
   const int levels = static_cast<int>(smaller_.size());
   return levels - static_cast<int>(iteration / coarse_iterations_ * levels);
+}
+
+double ViewPyramid::WorkBefore(int iteration) const {
+  const int levels = static_cast<int>(smaller_.size());
+  const double share = levels > 0 ? coarse_iterations_ / levels : 0;
+  double work = 0;
+  for (int i = 0; i < levels; ++i) {  // level n - i
+    work += std::clamp(iteration - i * share, 0.0, share) * std::pow(0.25, levels - i);
+  }
+  return work + std::max(0.0, iteration - levels * share);
 }
 
 }  // namespace litags

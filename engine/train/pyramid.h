@@ -25,6 +25,11 @@ class ViewPyramid {
   // Level of an iteration: equal shares of the first coarse_until of the run for levels n .. 1,
   // then level 0.
   int LevelOf(int iteration) const;
+
+  // Pixels that the iterations before this one compare, in photos of full size: the time of a run
+  // grows about like this.
+  double WorkBefore(int iteration) const;
+
   const TrainView& View(int level, size_t index) const {
     return level == 0 ? (*views_)[index] : smaller_[level - 1][index];
   }

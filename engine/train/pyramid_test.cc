@@ -73,6 +73,9 @@ TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
   EXPECT_EQ(pyramid.LevelOf(49), 1);
   EXPECT_EQ(pyramid.LevelOf(50), 0);
   EXPECT_EQ(pyramid.LevelOf(99), 0);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(0), 0);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(26), 25.0 / 16 + 1.0 / 4);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(100), 25.0 / 16 + 25.0 / 4 + 50);
   EXPECT_EQ(pyramid.View(2, 0).photo.width, 75);
   EXPECT_EQ(pyramid.View(0, 0).photo.width, 300);
 }

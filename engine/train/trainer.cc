@@ -145,6 +145,8 @@ int Trainer::iteration() const { return impl_->state.iteration; }
 size_t Trainer::num_gaussians() const { return impl_->state.splats.params.size(); }
 const PhaseSeconds& Trainer::phases() const { return impl_->phases; }
 
+double Trainer::WorkBefore(int iteration) const { return impl_->pyramid.WorkBefore(iteration); }
+
 absl::StatusOr<StepLosses> Trainer::Step() {
   Impl& s = *impl_;
   const int level = s.pyramid.LevelOf(s.state.iteration);

@@ -50,6 +50,9 @@ class Trainer {
   size_t num_gaussians() const;
   const PhaseSeconds& phases() const;
 
+  // Work of the iterations before this one, relative to one at full size; for estimates of time.
+  double WorkBefore(int iteration) const;
+
   // A copy of the scene as it is.
   Model Snapshot() const;
 
