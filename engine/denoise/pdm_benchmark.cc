@@ -1,4 +1,4 @@
-// Time of the PDM at 500x375, 16 hidden channels, 3 stages. Run:
+// Time of the PDM at 500x375, 3 stages. Run:
 //   build/release/bin/pdm_benchmark --benchmark_repetitions=5
 #include <benchmark/benchmark.h>
 
@@ -18,10 +18,12 @@ double ForwardFlops(const PdmOptions& options) {
 
 struct Inputs {
   PdmOptions options;
-  PdmWeights weights = PdmWeights::Initial(options, 1);
+  PdmWeights weights;
   Planes R0{3, kHeight, kWidth}, N{3, kHeight, kWidth}, v{3, kHeight, kWidth};
 
-  Inputs() {
+  explicit Inputs(int hidden) {
+    options.hidden = hidden;
+    weights = PdmWeights::Initial(options, 1);
     const CounterRng rng(1, 0);
     for (size_t i = 0; i < R0.data.size(); ++i) {
       R0.data[i] = static_cast<float>(rng.Uniform(3 * i));
@@ -35,7 +37,7 @@ struct Inputs {
 };
 
 void Forward(benchmark::State& state) {
-  const Inputs in;
+  const Inputs in(static_cast<int>(state.range(1)));
   Pdm pdm(in.options, static_cast<int>(state.range(0)));
   for (auto _ : state) pdm.Forward(in.weights, in.R0, in.N);
   state.counters["GFLOP/s"] = benchmark::Counter(ForwardFlops(in.options) * 1e-9,
@@ -43,7 +45,7 @@ void Forward(benchmark::State& state) {
 }
 
 void Backward(benchmark::State& state) {
-  const Inputs in;
+  const Inputs in(static_cast<int>(state.range(1)));
   Pdm pdm(in.options, static_cast<int>(state.range(0)));
   pdm.Forward(in.weights, in.R0, in.N);
   Planes v_R0, v_N;
@@ -53,10 +55,16 @@ void Backward(benchmark::State& state) {
                                                  benchmark::Counter::kIsIterationInvariantRate);
 }
 
-BENCHMARK(Forward)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(
-    benchmark::kMillisecond);
-BENCHMARK(Backward)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(
-    benchmark::kMillisecond);
+BENCHMARK(Forward)
+    ->ArgNames({"threads", "hidden"})
+    ->ArgsProduct({{1, 2}, {8, 16}})
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(Backward)
+    ->ArgNames({"threads", "hidden"})
+    ->ArgsProduct({{1, 2}, {8, 16}})
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace litags

@@ -9,6 +9,7 @@
 #include "CLI/Formatter.hpp"
 #include "engine/core/parallel.h"
 #include "engine/io/file_util.h"
+#include "engine/pipeline/train_options.h"
 #include "engine/render/binning.h"
 #include "engine/render/projection.h"
 #include "engine/render/renderer.h"
@@ -25,7 +26,7 @@ namespace litags {
 namespace {
 
 struct KernelArguments {
-  int gaussians = 100000, repetitions = 15, threads = 0;
+  int gaussians = 100000, repetitions = 15, threads = 0, pdm_hidden = 0;
   std::string size = "500x375", json;
 };
 
@@ -36,9 +37,15 @@ class KernelBench {
         camera_(BenchCamera(width, height)),
         splats_(BenchSplats(args.gaussians, camera_)),
         views_{BenchView(camera_)} {
-    options_.threads = args.threads;
-    options_.iterations = 1000000;  // density control stays out of the way
+    ReconstructOptions product;
+    product.threads = args.threads;
+    if (args.pdm_hidden > 0) product.pdm_hidden = args.pdm_hidden;
+    product.iterations = 1000000;  // density control stays out of the way
+    options_ = TrainOptionsOf(product);
     options_.densify_until = 0;
+    // Every step is a full one.
+    options_.coarse_levels = 0;
+    options_.pdm_every = 1;
     settings_.threads = args.threads;
   }
 
@@ -157,7 +164,7 @@ class KernelBench {
     options_.sh_interval = 1;
     Trainer at_degree_3(options_, &views_, splats_, 1.0);
     Report("iteration", Measure(args_.repetitions, [&] { (void)at_degree_3.Step(); }),
-           "one full training step");
+           "one full training step, denoiser included");
     Model model = at_degree_3.Snapshot();
     ModelRenderer renderer(args_.threads);
     ModelView view;
@@ -191,6 +198,8 @@ void AddKernelsCommand(CLI::App* app, int* exit_status) {
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
   command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
+  command->add_option("--pdm-hidden", args->pdm_hidden, "channels of the denoiser; 0: the default")
+      ->check(CLI::Range(0, 64));
   command->add_option("--json", args->json, "also write the medians here");
   command->callback([args, exit_status] {
     int width = 0, height = 0;

@@ -1,6 +1,4 @@
 // litags-bench train: one training run on a benchmark scene, with where its time and memory went.
-#include <sys/resource.h>
-
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -29,12 +27,6 @@ struct TrainArguments {
   int evaluate_every = 0;
   std::string out, json;
 };
-
-int64_t PeakRssBytes() {
-  rusage usage = {};
-  getrusage(RUSAGE_SELF, &usage);
-  return int64_t{usage.ru_maxrss} * 1024;
-}
 
 // Scores the snapshots as they come. The time this takes is kept apart.
 class Recorder : public ReconstructObserver {
