@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "engine/core/rng.h"
+#include "engine/core/simd_test_util.h"
 #include "engine/denoise/pdm_oracle.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
-#include "hwy/targets.h"
 
 namespace litags {
 namespace {
@@ -82,19 +82,6 @@ Pass RunPass(Pdm* pdm, const PdmWeights& weights, const Planes& R0, const Planes
   for (int k = 1; k <= pdm->options().stages; ++k) pass.R.push_back(pdm->R(k));
   pdm->Backward(v_last, v_previous, &pass.v_R0, &pass.v_N, &pass.v_weights);
   return pass;
-}
-
-// Calls body for every SIMD target that this machine can run.
-template <typename Body>
-void ForEachTarget(const Body& body) {
-  const int64_t targets = hwy::SupportedTargets() & HWY_TARGETS;
-  for (int64_t bits = targets; bits != 0; bits &= bits - 1) {
-    const int64_t target = bits & -bits;
-    hwy::SetSupportedTargetsForTest(target);
-    SCOPED_TRACE(hwy::TargetName(target));
-    body();
-  }
-  hwy::SetSupportedTargetsForTest(0);
 }
 
 std::vector<PdmOptions> Variants() {

@@ -8,10 +8,9 @@
 #include <vector>
 
 #include "engine/core/rng.h"
+#include "engine/core/simd_test_util.h"
 #include "engine/render/reference_renderer.h"
 #include "gtest/gtest.h"
-#include "hwy/highway.h"
-#include "hwy/targets.h"
 
 namespace litags {
 namespace {
@@ -43,25 +42,6 @@ Splats MakeSplats(size_t n, uint64_t seed) {
     for (int row = kShDc; row < kSplatRows; ++row) splats.at(i, row) = 0.4 * normal();
   }
   return splats;
-}
-
-// Runs `body` once for every instruction set that this machine has and this build contains.
-template <class Body>
-void ForEachTarget(Body body) {
-  int ran = 0;
-  for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
-    const int64_t target = targets & -targets;
-    if ((target & HWY_TARGETS) == 0) continue;
-    SCOPED_TRACE(hwy::TargetName(target));
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    body();
-    ++ran;
-  }
-  EXPECT_GE(ran, 1);
-  std::printf("instruction sets tested: %d\n", ran);
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
 void ExpectMatchesReference(const Splats& splats, const Camera& camera,

@@ -5,28 +5,12 @@
 #include <string>
 
 #include "engine/core/rng.h"
+#include "engine/core/simd_test_util.h"
 #include "engine/sfm/scalar_match.h"
 #include "gtest/gtest.h"
-#include "hwy/highway.h"
-#include "hwy/targets.h"
 
 namespace litags {
 namespace {
-
-// Runs `body` once for every instruction set that this machine has and this build contains.
-template <class Body>
-void ForEachTarget(const Body& body) {
-  for (int64_t targets = hwy::SupportedTargets() & HWY_TARGETS; targets != 0;
-       targets &= targets - 1) {
-    const int64_t target = targets & -targets;
-    SCOPED_TRACE(hwy::TargetName(target));
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    body();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-}
 
 // n descriptors of about length 512 whose entries are as uneven as those of SIFT.
 Descriptors RandomDescriptors(size_t n, uint64_t stream) {

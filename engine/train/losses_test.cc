@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "engine/core/rng.h"
+#include "engine/core/simd_test_util.h"
 #include "engine/train/loss_test_util.h"
-#include "hwy/targets.h"
 #include "tests/support/reference_case.h"
 
 namespace litags {
@@ -236,18 +236,14 @@ TEST(Losses, EverySimdTargetGivesTheSameResult) {
   for (const Case& test : Cases()) {
     Planes best_x(size.c, size.h, size.w), best_l = best_x;
     const double best = test.loss(p, 1, best_x, best_l, ws);
-    for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
-      hwy::SetSupportedTargetsForTest(targets & -targets);
-      hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    ForEachTarget([&] {
       Planes v_x(size.c, size.h, size.w), v_l = v_x;
       const double value = test.loss(p, 1, v_x, v_l, ws);
-      hwy::SetSupportedTargetsForTest(0);
-      hwy::GetChosenTarget().Update(hwy::SupportedTargets());
       // Rounding and the order of sums only.
       EXPECT_NEAR(value, best, 2e-6) << test.name;
       ExpectGradientsNear(v_x.data, Doubles(best_x), 2e-5, test.name);
       ExpectGradientsNear(v_l.data, Doubles(best_l), 2e-5, test.name);
-    }
+    });
   }
 }
 

@@ -11,31 +11,12 @@
 
 #include "engine/core/error.h"
 #include "engine/core/rng.h"
+#include "engine/core/simd_test_util.h"
 #include "engine/core/splats.h"
 #include "engine/render/renderer.h"
 #include "engine/train/train_view.h"
-#include "hwy/highway.h"
-#include "hwy/targets.h"
 
 namespace litags {
-
-// Runs `body` once for every instruction set that this machine has and this build contains.
-template <class Body>
-void ForEachTarget(Body body) {
-  int ran = 0;
-  for (int64_t targets = hwy::SupportedTargets(); targets != 0; targets &= targets - 1) {
-    const int64_t target = targets & -targets;
-    if ((target & HWY_TARGETS) == 0) continue;
-    SCOPED_TRACE(hwy::TargetName(target));
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    body();
-    ++ran;
-  }
-  EXPECT_GE(ran, 1);
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-}
 
 inline std::string ReasonOf(const absl::Status& status) {
   if (status.ok()) return "OK";

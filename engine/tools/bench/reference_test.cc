@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/simd_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/npy.h"
 #include "gmock/gmock.h"
@@ -17,13 +18,15 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-TEST(Reference, EngineAgreesWithEveryCase) {
+TEST(Reference, EngineAgreesWithEveryCaseOnEveryTarget) {
   const fs::path folder = fs::path(LITAGS_SOURCE_DIR) / "../shared/reference";
   if (!fs::exists(folder)) GTEST_SKIP() << "no reference cases beside the source tree";
-  std::ostringstream table;
-  const ReferenceSummary summary = RunReferenceCases(folder.string(), table);
-  EXPECT_TRUE(summary.AllPassed()) << table.str();
-  EXPECT_GE(summary.cases, 20);
+  ForEachTarget([&] {
+    std::ostringstream table;
+    const ReferenceSummary summary = RunReferenceCases(folder.string(), table);
+    EXPECT_TRUE(summary.AllPassed()) << table.str();
+    EXPECT_GE(summary.cases, 20);
+  });
 }
 
 // Writes a "metrics" case: two flat images, whose PSNR and SSIM are known by hand.
