@@ -1,0 +1,171 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "engine/core/error.h"
+#include "engine/pipeline/engine.h"
+#include "engine/pipeline/train_options.h"
+
+namespace litags {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+struct Case {
+  const char* field;
+  std::function<void(ReconstructOptions*)> set;
+};
+
+TEST(ReconstructOptions, DefaultsAreValid) {
+  const ReconstructOptions options;
+  EXPECT_TRUE(options.Validate().ok()) << options.Validate();
+}
+
+TEST(ReconstructOptions, BadFieldsAreNamed) {
+  using O = ReconstructOptions;
+  const Case cases[] = {
+      {"theta", [](O* o) { o->theta = 0; }},
+      {"theta", [](O* o) { o->theta = 1; }},
+      {"theta", [](O* o) { o->theta = kNan; }},
+      {"exposure_ssim", [](O* o) { o->exposure_ssim = -0.1; }},
+      {"exposure_ssim", [](O* o) { o->exposure_ssim = 1.1; }},
+      {"exposure_ssim", [](O* o) { o->exposure_ssim = kNan; }},
+      {"iterations", [](O* o) { o->iterations = 0; }},
+      {"iterations", [](O* o) { o->iterations = 1'000'001; }},
+      {"coarse_levels", [](O* o) { o->coarse_levels = -1; }},
+      {"coarse_levels", [](O* o) { o->coarse_levels = 5; }},
+      {"coarse_until", [](O* o) { o->coarse_until = 0; }},
+      {"coarse_until", [](O* o) { o->coarse_until = 1.5; }},
+      {"coarse_until", [](O* o) { o->coarse_until = kNan; }},
+      {"threads", [](O* o) { o->threads = -1; }},
+      {"threads", [](O* o) { o->threads = 1025; }},
+      {"max_gaussians", [](O* o) { o->max_gaussians = 999; }},
+      {"max_gaussians", [](O* o) { o->max_gaussians = 20'000'001; }},
+      {"sh_degree", [](O* o) { o->sh_degree = -1; }},
+      {"sh_degree", [](O* o) { o->sh_degree = 4; }},
+      {"pdm_hidden", [](O* o) { o->pdm_hidden = 0; }},
+      {"pdm_hidden", [](O* o) { o->pdm_hidden = 65; }},
+      {"pdm_every", [](O* o) { o->pdm_every = 0; }},
+      {"max_image_side", [](O* o) { o->max_image_side = -1; }},
+      {"max_image_side", [](O* o) { o->max_image_side = 63; }},
+      {"holdout_every", [](O* o) { o->holdout_every = -8; }},
+      {"holdout_every", [](O* o) { o->holdout_every = 1; }},
+      {"min_registered", [](O* o) { o->min_registered = 0; }},
+      {"min_registered", [](O* o) { o->min_registered = 1.01; }},
+      {"min_registered", [](O* o) { o->min_registered = kNan; }},
+      {"checkpoint_every", [](O* o) { o->checkpoint_every = 0; }},
+      {"preview_every", [](O* o) { o->preview_every = 0; }},
+  };
+  for (const auto& [field, set] : cases) {
+    ReconstructOptions options;
+    set(&options);
+    const absl::Status status = options.Validate();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << field;
+    const auto detail = GetErrorDetail(status);
+    ASSERT_TRUE(detail.has_value()) << field << ": " << status;
+    EXPECT_EQ(detail->reason, "BAD_OPTION");
+    EXPECT_EQ(detail->field, std::string("options.") + field);
+    EXPECT_EQ(std::string(status.message()).find(detail->field + ": "), 0u) << status;
+  }
+}
+
+TEST(ReconstructOptions, LimitsThemselvesAreValid) {
+  using O = ReconstructOptions;
+  const Case cases[] = {
+      {"exposure_ssim", [](O* o) { o->exposure_ssim = 0; }},
+      {"exposure_ssim", [](O* o) { o->exposure_ssim = 1; }},
+      {"iterations", [](O* o) { o->iterations = 1; }},
+      {"iterations", [](O* o) { o->iterations = 1'000'000; }},
+      {"coarse_levels", [](O* o) { o->coarse_levels = 0; }},
+      {"coarse_levels", [](O* o) { o->coarse_levels = 4; }},
+      {"coarse_until", [](O* o) { o->coarse_until = 1; }},
+      {"threads", [](O* o) { o->threads = 1024; }},
+      {"max_gaussians", [](O* o) { o->max_gaussians = 1000; }},
+      {"max_gaussians", [](O* o) { o->max_gaussians = 20'000'000; }},
+      {"sh_degree", [](O* o) { o->sh_degree = 0; }},
+      {"pdm_hidden", [](O* o) { o->pdm_hidden = 1; }},
+      {"pdm_hidden", [](O* o) { o->pdm_hidden = 64; }},
+      {"max_image_side", [](O* o) { o->max_image_side = 64; }},
+      {"holdout_every", [](O* o) { o->holdout_every = 0; }},
+      {"holdout_every", [](O* o) { o->holdout_every = 2; }},
+      {"min_registered", [](O* o) { o->min_registered = 1; }},
+  };
+  for (const auto& [field, set] : cases) {
+    ReconstructOptions options;
+    set(&options);
+    EXPECT_TRUE(options.Validate().ok()) << field << ": " << options.Validate();
+  }
+}
+
+// Values that no default has, so that a field left behind shows.
+TEST(ReconstructOptions, ReachTheTrainer) {
+  ReconstructOptions options;
+  options.method = Method::k3dgs;
+  options.exposure_ssim = 0.3;
+  options.iterations = 77;
+  options.coarse_levels = 3;
+  options.coarse_until = 0.7;
+  options.seed = 5;
+  options.threads = 3;
+  options.max_gaussians = 4321;
+  options.sh_degree = 1;
+  options.use_pdm = false;
+  options.pdm_hidden = 5;
+  options.pdm_every = 7;
+  options.use_prior = false;
+  options.use_depth = false;
+  const TrainOptions train = TrainOptionsOf(options);
+  EXPECT_FALSE(train.lita);
+  EXPECT_EQ(train.exposure_ssim, 0.3);
+  EXPECT_EQ(train.iterations, 77);
+  EXPECT_EQ(train.coarse_levels, 3);
+  EXPECT_EQ(train.coarse_until, 0.7);
+  EXPECT_EQ(train.seed, 5u);
+  EXPECT_EQ(train.threads, 3);
+  EXPECT_EQ(train.max_gaussians, 4321);
+  EXPECT_EQ(train.sh_degree, 1);
+  EXPECT_FALSE(train.use_pdm);
+  EXPECT_EQ(train.pdm.hidden, 5);
+  EXPECT_EQ(train.pdm_every, 7);
+  EXPECT_FALSE(train.use_prior);
+  EXPECT_FALSE(train.use_depth);
+  EXPECT_TRUE(TrainOptionsOf(ReconstructOptions()).lita);
+}
+
+TEST(Stage, HasAName) {
+  EXPECT_EQ(StageName(Stage::kLoading), "loading");
+  EXPECT_EQ(StageName(Stage::kFindingCameras), "finding-cameras");
+  EXPECT_EQ(StageName(Stage::kPreparing), "preparing");
+  EXPECT_EQ(StageName(Stage::kTraining), "training");
+  EXPECT_EQ(StageName(Stage::kSaving), "saving");
+}
+
+TEST(PseudoTarget, HasTheMeanThatWasAskedFor) {
+  ImageU8 photo(32, 16);
+  for (size_t i = 0; i < photo.data.size(); ++i) photo.data[i] = static_cast<uint8_t>(5 + i % 20);
+  ReconstructOptions options;
+  for (const Tone tone : {Tone::kPaper, Tone::kLinearGain}) {
+    options.tone = tone;
+    const auto target = MakePseudoTarget(photo, options);
+    ASSERT_TRUE(target.ok()) << target.status();
+    double sum = 0;
+    for (const uint8_t v : target->data) sum += v;
+    // Rounded to bytes: half a code.
+    EXPECT_NEAR(sum / target->data.size() / 255, options.theta, 0.5 / 255);
+  }
+  options.tone = Tone::kNone;
+  const auto same = MakePseudoTarget(photo, options);
+  ASSERT_TRUE(same.ok());
+  EXPECT_EQ(same->data, photo.data);
+  options.tone = Tone::kLinearGain;
+  EXPECT_EQ(MakePseudoTarget(ImageU8(8, 8), options).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(MakePseudoTarget(ImageU8(), options).status().code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,358 @@
+#include "engine/pipeline/scene_file.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine/io/container.h"
+#include "engine/io/file_util.h"
+#include "engine/io/ply.h"
+#include "engine/io/test_util.h"
+#include "engine/pipeline/scene.h"
+#include "engine/train/train_test_util.h"
+
+namespace litags {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kWidth = 40, kHeight = 24;
+constexpr int64_t kMaxFile = int64_t{1} << 24;
+
+// 37 Gaussians: not a multiple of a block.
+Model SmallModel(bool lita = true) {
+  Model model;
+  model.splats = ColoredCloud(37, 5);
+  model.lita = lita;
+  model.use_pdm = lita;
+  model.sh_degree = 2;
+  model.iteration = 1234;
+  model.pdm_options.stages = 2;
+  model.pdm_options.hidden = 4;
+  model.pdm_options.shared = false;
+  model.pdm_options.border = PdmBorder::kZero;
+  model.pdm = PdmWeights::Initial(model.pdm_options, 9);
+  // The last layer starts at zero, and then no weight matters.
+  for (auto& net : model.pdm.nets) {
+    for (size_t i = PdmNetLayout(4).w3; i < net.size(); ++i) net[i] = 0.01f * (i % 7) - 0.02f;
+  }
+  return model;
+}
+
+std::vector<View> RingViews(int count) {
+  std::vector<View> views;
+  for (int i = 0; i < count; ++i) {
+    views.push_back({"photo" + std::to_string(i) + ".png", RingCamera(i, count, kWidth, kHeight)});
+  }
+  return views;
+}
+
+std::string Bytes(const std::string& path) {
+  const auto bytes = ReadFile(path, "", kMaxFile);
+  EXPECT_TRUE(bytes.ok()) << bytes.status();
+  return bytes.value_or("");
+}
+
+std::string FullPly(const Scene& scene, const std::string& path) {
+  EXPECT_TRUE(scene.ExportFullPly(path).ok());
+  return Bytes(path);
+}
+
+absl::StatusOr<Planes> RenderChannel(const Scene& scene, Channel channel, double exposure = 0) {
+  RenderRequest request;
+  request.camera = RingCamera(1, 5, kWidth, kHeight);
+  request.channel = channel;
+  request.exposure = exposure;
+  request.threads = 1;
+  return scene.Render(request);
+}
+
+TEST(SceneFile, ComesBackAsItWas) {
+  const TempDir dir;
+  const Model model = SmallModel();
+  const std::vector<View> views = RingViews(5);
+  ASSERT_TRUE(SaveScene(dir / "a.litags", model, views).ok());
+  const auto scene = LoadSceneFile(dir / "a.litags");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+
+  EXPECT_EQ((*scene)->num_gaussians(), 37);
+  EXPECT_EQ((*scene)->iteration(), 1234);
+  EXPECT_TRUE(FullPly(**scene, dir / "a.ply") == EncodePly(model.splats, /*lita_attributes=*/true));
+  ASSERT_EQ((*scene)->views().size(), views.size());
+  for (size_t i = 0; i < views.size(); ++i) {
+    const View& read = (*scene)->views()[i];
+    EXPECT_EQ(read.name, views[i].name);
+    // JSON numbers are written with all their digits.
+    EXPECT_EQ(read.camera.Viewmat(), views[i].camera.Viewmat());
+    EXPECT_EQ(read.camera.width, kWidth);
+    EXPECT_EQ(read.camera.height, kHeight);
+    EXPECT_EQ(read.camera.fx, views[i].camera.fx);
+    EXPECT_EQ(read.camera.fy, views[i].camera.fy);
+    EXPECT_EQ(read.camera.cx, views[i].camera.cx);
+    EXPECT_EQ(read.camera.cy, views[i].camera.cy);
+  }
+
+  // Everything a picture depends on, the denoiser included.
+  const auto before = RenderChannel(*MakeScene(model, views), Channel::kColor);
+  const auto after = RenderChannel(**scene, Channel::kColor);
+  ASSERT_TRUE(before.ok() && after.ok());
+  EXPECT_EQ(before->data, after->data);
+  Model without_pdm = model;
+  without_pdm.use_pdm = false;
+  const auto noisy = RenderChannel(*MakeScene(without_pdm, views), Channel::kColor);
+  ASSERT_TRUE(noisy.ok());
+  EXPECT_NE(noisy->data, after->data) << "the denoiser does nothing, so it was not tested";
+}
+
+TEST(SceneFile, SavingTwiceGivesTheSameBytes) {
+  const TempDir dir;
+  ASSERT_TRUE(SaveScene(dir / "a.litags", SmallModel(), RingViews(3)).ok());
+  ASSERT_TRUE(SaveScene(dir / "b.litags", SmallModel(), RingViews(3)).ok());
+  EXPECT_TRUE(Bytes(dir / "a.litags") == Bytes(dir / "b.litags"));
+}
+
+TEST(SceneFile, PlainScenesComeBackWithoutADenoiser) {
+  const TempDir dir;
+  ASSERT_TRUE(SaveScene(dir / "a.litags", SmallModel(/*lita=*/false), RingViews(3)).ok());
+  const auto scene = LoadSceneFile(dir / "a.litags");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ(Reason((*scene)->ExportFullPly(dir / "a.ply")), "CHANNEL_UNAVAILABLE");
+}
+
+TEST(SceneFile, NamesThatAreNotUtf8AreSaved) {
+  const TempDir dir;
+  std::vector<View> views = RingViews(1);
+  views[0].name = "caf\xE9.png";
+  ASSERT_TRUE(SaveScene(dir / "a.litags", SmallModel(), views).ok());
+  const auto scene = LoadSceneFile(dir / "a.litags");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ((*scene)->views()[0].name, "caf\xEF\xBF\xBD.png");
+}
+
+TEST(SceneFile, ForeignAndTruncatedFilesAreRefused) {
+  const TempDir dir;
+  EXPECT_EQ(LoadSceneFile(dir / "none.litags").status().code(), absl::StatusCode::kNotFound);
+
+  ASSERT_TRUE(WriteFileAtomically(dir / "foreign", "ply\nformat ascii 1.0\n").ok());
+  const absl::Status foreign = LoadSceneFile(dir / "foreign").status();
+  EXPECT_EQ(foreign.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Reason(foreign), "NOT_A_CONTAINER");
+
+  ContainerWriter other("checkpoint", 1);
+  other.AddSection("meta", "{}");
+  ASSERT_TRUE(other.Commit(dir / "other").ok());
+  EXPECT_EQ(Reason(LoadSceneFile(dir / "other").status()), "WRONG_CONTAINER_KIND");
+
+  ContainerWriter newer("scene", 2);
+  ASSERT_TRUE(newer.Commit(dir / "newer").ok());
+  EXPECT_EQ(Reason(LoadSceneFile(dir / "newer").status()), "CONTAINER_TOO_NEW");
+
+  ASSERT_TRUE(SaveScene(dir / "a.litags", SmallModel(), RingViews(3)).ok());
+  const std::string whole = Bytes(dir / "a.litags");
+  for (const size_t size : {whole.size() - 1, whole.size() / 2, size_t{100}, size_t{12}}) {
+    ASSERT_TRUE(WriteFileAtomically(dir / "cut", whole.substr(0, size)).ok());
+    const absl::Status cut = LoadSceneFile(dir / "cut").status();
+    EXPECT_EQ(cut.code(), absl::StatusCode::kDataLoss) << size << ": " << cut;
+    EXPECT_EQ(Reason(cut), "CONTAINER_TRUNCATED") << size;
+  }
+  std::string flipped = whole;
+  flipped[whole.size() - 5] ^= 1;
+  ASSERT_TRUE(WriteFileAtomically(dir / "flipped", flipped).ok());
+  EXPECT_EQ(Reason(LoadSceneFile(dir / "flipped").status()), "CONTAINER_CORRUPT");
+}
+
+// What LoadSceneFile says to a scene whose sections were changed and then sealed again, so that
+// checksums hold.
+class ChangedScene : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(SaveScene(dir_ / "a.litags", SmallModel(), RingViews(3)).ok());
+  }
+
+  absl::Status Load(const std::function<void(Json* meta, std::string* splats)>& change,
+                    const std::string& left_out = "") {
+    const auto file = Container::Read(dir_ / "a.litags", "scene", 1);
+    if (!file.ok()) return file.status();
+    Json meta = Json::parse(*file->Section("meta"));
+    std::string splats(*file->Section("splats"));
+    change(&meta, &splats);
+    ContainerWriter out("scene", 1);
+    for (const std::string& name : file->SectionNames()) {
+      if (name == left_out) continue;
+      out.AddSection(name, name == "meta"     ? meta.dump()
+                           : name == "splats" ? splats
+                                              : std::string(*file->Section(name)));
+    }
+    if (const absl::Status s = out.Commit(dir_ / "b.litags"); !s.ok()) return s;
+    return LoadSceneFile(dir_ / "b.litags").status();
+  }
+
+ private:
+  TempDir dir_;
+};
+
+TEST_F(ChangedScene, LoadsIfNothingChanged) {
+  const absl::Status status = Load([](Json*, std::string*) {});
+  EXPECT_TRUE(status.ok()) << status;
+}
+
+TEST_F(ChangedScene, IsCorruptIfItsPartsDoNotFit) {
+  const struct {
+    const char* what;
+    std::function<void(Json*, std::string*)> change;
+  } cases[] = {
+      {"one block too many", [](Json* m, std::string*) { (*m)["gaussians"] = 49; }},
+      {"one block too few", [](Json* m, std::string*) { (*m)["gaussians"] = 32; }},
+      {"all the memory there is", [](Json* m, std::string*) { (*m)["gaussians"] = ~uint64_t{0}; }},
+      {"a negative number", [](Json* m, std::string*) { (*m)["gaussians"] = -1; }},
+      {"no number", [](Json* m, std::string*) { m->erase("gaussians"); }},
+      {"a text for a number", [](Json* m, std::string*) { (*m)["gaussians"] = "37"; }},
+      {"half a Gaussian more", [](Json*, std::string* s) { s->append(100, '\0'); }},
+      {"a Gaussian cut short", [](Json*, std::string* s) { s->resize(s->size() - 4); }},
+      {"an SH degree of 4", [](Json* m, std::string*) { (*m)["sh_degree"] = 4; }},
+      {"an SH degree of -1", [](Json* m, std::string*) { (*m)["sh_degree"] = -1; }},
+      {"a camera without size",
+       [](Json* m, std::string*) {
+         (*m)["views"][1]["size"] = {0, 24};
+       }},
+      {"a camera that is no rotation",
+       [](Json* m, std::string*) { (*m)["views"][1]["viewmat"][0] = 7; }},
+      {"a camera matrix of 15 numbers",
+       [](Json* m, std::string*) { (*m)["views"][1]["viewmat"].erase(0); }},
+      {"views that are no list", [](Json* m, std::string*) { (*m)["views"] = 3; }},
+      {"a wider denoiser", [](Json* m, std::string*) { (*m)["pdm"]["hidden"] = 5; }},
+      {"an impossible denoiser", [](Json* m, std::string*) { (*m)["pdm"]["hidden"] = 0; }},
+      {"a denoiser of one net", [](Json* m, std::string*) { (*m)["pdm"]["nets"] = 1; }},
+      {"another number of nets", [](Json* m, std::string*) { (*m)["pdm"]["shared"] = true; }},
+  };
+  for (const auto& [what, change] : cases) {
+    const absl::Status status = Load(change);
+    EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << what << ": " << status;
+    EXPECT_EQ(Reason(status), "SCENE_CORRUPT") << what << ": " << status;
+  }
+}
+
+TEST_F(ChangedScene, IsRefusedIfASectionIsMissing) {
+  for (const char* section : {"meta", "splats", "pdm1"}) {
+    const absl::Status status = Load([](Json*, std::string*) {}, section);
+    EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << section << ": " << status;
+    EXPECT_EQ(Reason(status), "SECTION_MISSING") << section;
+  }
+}
+
+TEST(Scene, RendersEveryChannel) {
+  const auto scene = MakeScene(SmallModel(), RingViews(5));
+  const struct {
+    Channel channel;
+    int planes;
+  } cases[] = {{Channel::kColor, 3}, {Channel::kOriginal, 3},  {Channel::kExposure, 3},
+               {Channel::kDepth, 1}, {Channel::kStructure, 1}, {Channel::kIllumination, 3},
+               {Channel::kNoise, 3}, {Channel::kAlpha, 1}};
+  for (const auto& [channel, planes] : cases) {
+    SCOPED_TRACE(static_cast<int>(channel));
+    const auto image = RenderChannel(*scene, channel);
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_EQ(image->channels, planes);
+    EXPECT_EQ(image->height, kHeight);
+    EXPECT_EQ(image->width, kWidth);
+    ASSERT_EQ(image->data.size(), size_t(planes) * kHeight * kWidth);
+    float highest = 0;
+    for (const float v : image->data) {
+      ASSERT_TRUE(std::isfinite(v));
+      highest = std::max(highest, v);
+    }
+    EXPECT_GT(highest, 0) << "nothing to be seen";
+  }
+}
+
+TEST(Scene, ExposureGoesFromNormalLightToThePhoto) {
+  const auto scene = MakeScene(SmallModel(), RingViews(5));
+  const auto color = RenderChannel(*scene, Channel::kColor);
+  const auto original = RenderChannel(*scene, Channel::kOriginal);
+  const auto t0 = RenderChannel(*scene, Channel::kExposure, 0);
+  const auto t1 = RenderChannel(*scene, Channel::kExposure, 1);
+  ASSERT_TRUE(color.ok() && original.ok() && t0.ok() && t1.ok());
+  EXPECT_EQ(t0->data, color->data);
+  EXPECT_EQ(t1->data, original->data);
+  EXPECT_NE(color->data, original->data);
+}
+
+// The ring's cameras are sqrt(20) from the middle of a cloud with corners at sqrt(3).
+TEST(Scene, DepthIsADistanceFromTheCamera) {
+  const auto depth = RenderChannel(*MakeScene(SmallModel(), RingViews(5)), Channel::kDepth);
+  ASSERT_TRUE(depth.ok());
+  int seen = 0;
+  for (const float z : depth->data) {
+    if (z == 0) continue;
+    ++seen;
+    EXPECT_GT(z, std::sqrt(20.0) - std::sqrt(3.0));
+    EXPECT_LT(z, std::sqrt(20.0) + std::sqrt(3.0));
+  }
+  EXPECT_GT(seen, 50);
+}
+
+TEST(Scene, FrameLooksAtTheMiddleOfARing) {
+  const auto scene = MakeScene(SmallModel(), RingViews(5));
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(scene->center()[k], 0, 1e-9);
+  EXPECT_NEAR(scene->up()[1], -1, 1e-9);
+  EXPECT_NEAR(scene->radius(), std::sqrt(20.0), 1e-9);
+}
+
+TEST(Scene, PlainScenesHaveColorAndAlphaOnly) {
+  const TempDir dir;
+  const auto scene = MakeScene(SmallModel(/*lita=*/false), RingViews(5));
+  for (const Channel channel : {Channel::kColor, Channel::kOriginal, Channel::kAlpha}) {
+    EXPECT_TRUE(RenderChannel(*scene, channel).ok()) << static_cast<int>(channel);
+  }
+  for (const Channel channel : {Channel::kExposure, Channel::kDepth, Channel::kStructure,
+                                Channel::kIllumination, Channel::kNoise}) {
+    const absl::Status status = RenderChannel(*scene, channel).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << static_cast<int>(channel);
+    EXPECT_EQ(Reason(status), "CHANNEL_UNAVAILABLE") << static_cast<int>(channel);
+  }
+  EXPECT_EQ(Reason(scene->ExportPly(dir / "a.ply", /*original_light=*/true)),
+            "CHANNEL_UNAVAILABLE");
+  EXPECT_TRUE(scene->ExportPly(dir / "a.ply", /*original_light=*/false).ok());
+}
+
+TEST(Scene, BadRequestsAreRefused) {
+  const auto scene = MakeScene(SmallModel(), RingViews(5));
+  EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kExposure, std::nan("")).status()),
+            "BAD_EXPOSURE");
+  EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kExposure, 8.5).status()), "BAD_EXPOSURE");
+  RenderRequest request;
+  request.camera = RingCamera(0, 5, kWidth, kHeight);
+  request.camera.fx = 0;
+  EXPECT_EQ(scene->Render(request).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(Scene, PlyWithOriginalLightHasTheColorsOfThePhoto) {
+  const TempDir dir;
+  const Model model = SmallModel();
+  const auto scene = MakeScene(model, RingViews(5));
+  ASSERT_TRUE(scene->ExportPly(dir / "normal.ply", false).ok());
+  ASSERT_TRUE(scene->ExportPly(dir / "original.ply", true).ok());
+  const auto normal = ReadPly(dir / "normal.ply", "ply");
+  const auto original = ReadPly(dir / "original.ply", "ply");
+  ASSERT_TRUE(normal.ok() && original.ok());
+  EXPECT_FALSE(normal->lita_attributes);
+  ASSERT_EQ(original->splats.size(), model.splats.size());
+  constexpr float kSh0 = 0.28209479f;
+  for (size_t i = 0; i < model.splats.size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_EQ(normal->splats.at(i, kShDc + c), model.splats.at(i, kShDc + c));
+      const float before = 0.5f + kSh0 * normal->splats.at(i, kShDc + c);
+      const float after = 0.5f + kSh0 * original->splats.at(i, kShDc + c);
+      // A few roundings of numbers near 1.
+      EXPECT_NEAR(after, before * model.splats.at(i, kIllumination + c), 1e-6);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace litags
