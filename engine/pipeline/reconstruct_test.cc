@@ -1,0 +1,279 @@
+// The whole engine on small photos: what it makes, and what it refuses.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/io/ply.h"
+#include "engine/pipeline/reconstruct_test_util.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  Recorder recorder;
+  const auto engine = MakeEngine(kNoColmap);
+  const auto report = engine->Reconstruct(input, SmallOptions(), CancelToken(), &recorder);
+  ASSERT_TRUE(report.ok()) << report.status();
+
+  EXPECT_EQ(report->photos, kPhotos);
+  EXPECT_EQ(report->registered, kPhotos);
+  EXPECT_THAT(report->dropped, IsEmpty());
+  EXPECT_EQ(report->sfm_preparation, "given");
+  EXPECT_EQ(report->sparse_points, kPoints);
+  EXPECT_EQ(report->gaussians, kPoints);  // density control starts later
+  EXPECT_EQ(report->iterations, kIterations);
+  EXPECT_GT(report->training_seconds, 0);
+  EXPECT_GE(report->seconds, report->training_seconds);
+  for (const char* phase : {"forward", "losses", "denoise", "backward"}) {
+    EXPECT_GT(report->phase_seconds.at(phase), 0) << phase;
+  }
+  EXPECT_TRUE(std::isfinite(report->psnr_holdout));
+  EXPECT_FALSE(report->depth_used);
+  EXPECT_THAT(report->notes, Contains(HasSubstr("no depth maps")));
+  EXPECT_EQ(report->scene_path, input.work_dir + "/scene.litags");
+  EXPECT_FALSE(fs::exists(input.work_dir + "/checkpoint.litags"));
+
+  const auto json = nlohmann::json::parse(Bytes(input.work_dir + "/report.json"));
+  EXPECT_EQ(json["photos"], kPhotos);
+  EXPECT_EQ(json["psnr_holdout"], report->psnr_holdout);
+
+  const auto scene = engine->LoadScene(report->scene_path);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ((*scene)->num_gaussians(), report->gaussians);
+  EXPECT_EQ((*scene)->iteration(), kIterations);
+  ASSERT_EQ((*scene)->views().size(), size_t{kPhotos});
+  for (int i = 0; i < kPhotos; ++i) {
+    EXPECT_EQ((*scene)->views()[i].name, photos.model.views[i].name);
+  }
+  const std::string ply = input.work_dir + "/scene.ply";
+  ASSERT_TRUE((*scene)->ExportPly(ply, /*original_light=*/false).ok());
+  const auto read = ReadPly(ply, "ply");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(static_cast<int64_t>(read->splats.size()), report->gaussians);
+}
+
+TEST(Reconstruct, ReportsProgressInOrder) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  Recorder recorder;
+  const auto report =
+      MakeEngine(kNoColmap)->Reconstruct(input, SmallOptions(), CancelToken(), &recorder);
+  ASSERT_TRUE(report.ok()) << report.status();
+
+  ASSERT_FALSE(recorder.reports.empty());
+  EXPECT_EQ(recorder.reports.front().stage, Stage::kLoading);
+  EXPECT_EQ(recorder.reports.back().stage, Stage::kSaving);
+  int last = 0, previews = 0;
+  Stage stage = Stage::kLoading;
+  for (const Progress& p : recorder.reports) {
+    EXPECT_GE(p.stage, stage);
+    stage = p.stage;
+    EXPECT_EQ(p.iterations, kIterations);
+    if (p.stage != Stage::kTraining) continue;
+    EXPECT_GT(p.iteration, last);
+    last = p.iteration;
+    EXPECT_GT(p.loss, 0);
+    EXPECT_GT(p.gaussians, 0);
+    EXPECT_GT(p.iterations_per_second, 0);
+    EXPECT_GE(p.eta_seconds, 0);
+    if (p.preview_png.empty()) continue;
+    ++previews;
+    const std::string_view png(reinterpret_cast<const char*>(p.preview_png.data()),
+                               p.preview_png.size());
+    const auto image = DecodeImage(png, "preview");
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_EQ(image->width, kWidth);
+    EXPECT_EQ(image->height, kHeight);
+  }
+  EXPECT_EQ(last, kIterations);
+  EXPECT_EQ(previews, kIterations / 10);
+  EXPECT_THAT(recorder.snapshots, ElementsAre(report->scene_path, report->scene_path,
+                                              report->scene_path, report->scene_path));
+}
+
+TEST(Reconstruct, ImprovesTheHeldOutPhotos) {
+  const Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  options.iterations = 1;
+  const auto before = Reconstruct(photos.Input("one"), options);
+  options.iterations = 150;
+  const auto after = Reconstruct(photos.Input("many"), options);
+  ASSERT_TRUE(before.ok() && after.ok()) << before.status() << after.status();
+  EXPECT_GT(after->psnr_holdout, before->psnr_holdout + 1);
+}
+
+TEST(Reconstruct, TrainsPlain3dgs) {
+  const Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  options.method = Method::k3dgs;
+  options.iterations = 10;
+  const ReconstructInput input = photos.Input("work");
+  const auto report = Reconstruct(input, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  const auto scene = MakeEngine()->LoadScene(report->scene_path);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  RenderRequest request;
+  request.camera = (*scene)->views()[0].camera;
+  EXPECT_TRUE((*scene)->Render(request).ok());
+  request.channel = Channel::kIllumination;
+  EXPECT_EQ(Reason((*scene)->Render(request).status()), "CHANNEL_UNAVAILABLE");
+}
+
+TEST(Reconstruct, LeavesOutABlackPhoto) {
+  const Photographs photos;
+  ASSERT_TRUE(WritePng(photos.Photo("photo3.png"), ImageU8(kWidth, kHeight)).ok());
+  ReconstructOptions options = SmallOptions();
+  options.iterations = 10;
+  const auto report = Reconstruct(photos.Input("work"), options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_EQ(report->photos, kPhotos);
+  EXPECT_THAT(report->notes, Contains("photo3.png is left out: all its pixels are (0, 0, 0)"));
+  const auto scene = MakeEngine()->LoadScene(report->scene_path);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ((*scene)->views().size(), size_t{kPhotos - 1});
+  for (const View& view : (*scene)->views()) EXPECT_NE(view.name, "photo3.png");
+}
+
+TEST(Reconstruct, LeavesOutPhotosWithoutACamera) {
+  const Photographs photos;
+  ASSERT_TRUE(WritePng(photos.Photo("another.png"), TestImage(kWidth, kHeight)).ok());
+  ReconstructOptions options = SmallOptions();
+  options.iterations = 10;
+  const ReconstructInput input = photos.Input("work");
+  // The second time from the cameras that were kept.
+  for (int run = 0; run < 2; ++run) {
+    const auto report = Reconstruct(input, options);
+    ASSERT_TRUE(report.ok()) << report.status();
+    EXPECT_EQ(report->photos, kPhotos + 1);
+    EXPECT_EQ(report->registered, kPhotos);
+    EXPECT_THAT(report->dropped, ElementsAre("another.png"));
+    EXPECT_THAT(report->notes, Contains(HasSubstr("1 of 9 photos have no camera")));
+  }
+}
+
+TEST(Reconstruct, TooFewPhotosAreRefused) {
+  const Photographs photos;
+  for (int i = 2; i < kPhotos; ++i) {
+    fs::remove(photos.Photo("photo" + std::to_string(i) + ".png"));
+  }
+  const absl::Status status = Reconstruct(photos.Input("work"), SmallOptions()).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+  EXPECT_EQ(Reason(status), "TOO_FEW_PHOTOS");
+}
+
+TEST(Reconstruct, BlackPhotosDoNotCount) {
+  const Photographs photos;
+  for (int i = 2; i < kPhotos; ++i) {
+    const std::string name = "photo" + std::to_string(i) + ".png";
+    ASSERT_TRUE(WritePng(photos.Photo(name), ImageU8(kWidth, kHeight)).ok());
+  }
+  const absl::Status status = Reconstruct(photos.Input("work"), SmallOptions()).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+  EXPECT_EQ(Reason(status), "TOO_FEW_PHOTOS");
+}
+
+// photo0.jpg is no photo here, but has the stem of one.
+TEST(Reconstruct, TwoCamerasOfOnePhotoAreRefused) {
+  Photographs photos;
+  photos.model.views.push_back({"photo0.jpg", photos.model.views[1].camera});
+  photos.model.distortions.emplace_back();
+  photos.WriteModel();
+  const absl::Status status = Reconstruct(photos.Input("work"), SmallOptions()).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
+  EXPECT_EQ(Reason(status), "DUPLICATE_CAMERA");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("photo0.png"));
+}
+
+TEST(Reconstruct, CamerasOfOtherPhotosAreRefused) {
+  Photographs photos;
+  for (View& view : photos.model.views) view.name = "other_" + view.name;
+  photos.WriteModel();
+  const absl::Status status = Reconstruct(photos.Input("work"), SmallOptions()).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
+  EXPECT_EQ(Reason(status), "NO_MATCHING_CAMERAS");
+}
+
+TEST(Reconstruct, CamerasOfAnotherShapeAreRefused) {
+  const Photographs photos;
+  ASSERT_TRUE(WritePng(photos.Photo("photo5.png"), TestImage(kHeight, kWidth)).ok());
+  const absl::Status status = Reconstruct(photos.Input("work"), SmallOptions()).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
+  EXPECT_EQ(Reason(status), "CAMERA_SIZE_MISMATCH");
+  EXPECT_EQ(GetErrorDetail(status)->field, "images[photo5.png]");
+}
+
+// Cameras of photos twice as large are brought to the size of the photos.
+TEST(Reconstruct, CamerasOfLargerPhotosAreScaled) {
+  Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  options.iterations = 10;
+  const ReconstructInput same = photos.Input("same"), larger = photos.Input("larger");
+  ASSERT_TRUE(Reconstruct(same, options).ok());
+  for (View& view : photos.model.views) {
+    view.camera = view.camera.Scaled(2 * kWidth, 2 * kHeight);
+  }
+  photos.WriteModel();
+  const auto report = Reconstruct(larger, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_TRUE(SceneBytes(larger) == SceneBytes(same));
+}
+
+TEST(Reconstruct, ADamagedPhotoIsNamed) {
+  const Photographs photos;
+  const std::string path = photos.Photo("photo4.png");
+  const std::string bytes = Bytes(path);
+  ASSERT_TRUE(WriteFileAtomically(path, bytes.substr(0, bytes.size() / 2)).ok());
+  const absl::Status status = Reconstruct(photos.Input("work"), SmallOptions()).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
+  EXPECT_EQ(Reason(status), "IMAGE_TRUNCATED");
+  EXPECT_EQ(GetErrorDetail(status)->field, "images[photo4.png]");
+}
+
+TEST(Reconstruct, MaxGaussiansLimitsTheSparsePoints) {
+  const Photographs photos(kWidth, kHeight, /*points=*/1200);
+  ReconstructOptions options = SmallOptions();
+  options.max_gaussians = 1000;
+  options.iterations = 5;
+  const auto report = Reconstruct(photos.Input("work"), options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_EQ(report->sparse_points, 1200);
+  EXPECT_EQ(report->gaussians, 1000);
+  EXPECT_THAT(report->notes, Contains(HasSubstr("of 1200 sparse points the 1000")));
+}
+
+TEST(Reconstruct, MaxImageSideShrinksPhotos) {
+  const Photographs photos(/*width=*/128, /*height=*/96);
+  ReconstructOptions options = SmallOptions();
+  options.max_image_side = 64;
+  options.iterations = 5;
+  const auto report = Reconstruct(photos.Input("work"), options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  const auto scene = MakeEngine()->LoadScene(report->scene_path);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ((*scene)->views()[0].camera.width, 64);
+  EXPECT_EQ((*scene)->views()[0].camera.height, 48);
+}
+
+TEST(Reconstruct, BadOptionsAreRefusedBeforeAnythingIsRead) {
+  ReconstructOptions options;
+  options.iterations = 0;
+  const absl::Status status = Reconstruct(ReconstructInput(), options).status();
+  EXPECT_EQ(Reason(status), "BAD_OPTION");
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,147 @@
+// The same scene, byte for byte, however often a job was interrupted.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <utility>
+
+#include "engine/pipeline/reconstruct_test_util.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+
+// Runs until a report of iteration `iteration` or later, then cancels.
+absl::Status ReconstructUntil(int iteration, const ReconstructInput& input,
+                              const ReconstructOptions& options) {
+  CancelToken cancel;
+  Recorder recorder;
+  recorder.on_progress = [&](const Progress& p) {
+    if (p.iteration >= iteration) cancel.Cancel();
+  };
+  return MakeEngine(kNoColmap)->Reconstruct(input, options, cancel, &recorder).status();
+}
+
+TEST(Reconstruct, GivesTheSameBytesForOneAndTwoThreads) {
+  const Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  const ReconstructInput two = photos.Input("two"), one = photos.Input("one"),
+                         other = photos.Input("other");
+  ASSERT_TRUE(Reconstruct(two, options).ok());
+  options.threads = 1;
+  ASSERT_TRUE(Reconstruct(one, options).ok());
+  EXPECT_TRUE(SceneBytes(one) == SceneBytes(two));
+  options.seed += 1;
+  ASSERT_TRUE(Reconstruct(other, options).ok());
+  EXPECT_FALSE(SceneBytes(one) == SceneBytes(other)) << "the seed does nothing";
+}
+
+// Cancelled at iteration 20, which is between checkpoints: the one that counts is written then.
+TEST(Resume, GoesOnAfterACancelAsIfNothingHadHappened) {
+  const Photographs photos;
+  const ReconstructOptions options = SmallOptions();
+  const ReconstructInput whole = photos.Input("whole"), parts = photos.Input("parts");
+  ASSERT_TRUE(Reconstruct(whole, options).ok());
+
+  const absl::Status cancelled = ReconstructUntil(20, parts, options);
+  EXPECT_EQ(cancelled.code(), absl::StatusCode::kCancelled) << cancelled;
+  EXPECT_TRUE(fs::exists(parts.work_dir + "/checkpoint.litags"));
+  const auto report = Reconstruct(parts, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains("resumed at iteration 20"));
+  EXPECT_EQ(report->iterations, kIterations);
+  EXPECT_TRUE(SceneBytes(parts) == SceneBytes(whole));
+}
+
+// A crash leaves the checkpoint of iteration 15 and a snapshot of 20.
+TEST(Resume, GoesOnFromAnOlderCheckpoint) {
+  const Photographs photos;
+  const ReconstructOptions options = SmallOptions();
+  const ReconstructInput whole = photos.Input("whole"), crashed = photos.Input("crashed");
+  const std::string checkpoint = crashed.work_dir + "/checkpoint.litags";
+  const std::string kept = checkpoint + ".kept";
+  CancelToken cancel;
+  Recorder recorder;
+  recorder.on_progress = [&](const Progress& p) {
+    if (p.iteration < 20) return;
+    if (!fs::exists(kept)) fs::copy_file(checkpoint, kept);
+    cancel.Cancel();
+  };
+  ASSERT_TRUE(Reconstruct(whole, options).ok());
+  EXPECT_EQ(MakeEngine(kNoColmap)->Reconstruct(crashed, options, cancel, &recorder).status().code(),
+            absl::StatusCode::kCancelled);
+  ASSERT_TRUE(fs::exists(kept));
+  fs::rename(kept, checkpoint);
+  const auto report = Reconstruct(crashed, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains("resumed at iteration 15"));
+  EXPECT_TRUE(SceneBytes(crashed) == SceneBytes(whole));
+}
+
+TEST(Resume, CoarseToFineGoesOnAfterACancel) {
+  const Photographs photos(/*width=*/160, /*height=*/128);  // 64 px is the smallest side
+  ReconstructOptions options = SmallOptions();
+  options.coarse_levels = 1;
+  options.coarse_until = 0.5;
+  const ReconstructInput whole = photos.Input("whole"), coarse = photos.Input("coarse"),
+                         fine = photos.Input("fine"), flat = photos.Input("flat");
+  ASSERT_TRUE(Reconstruct(whole, options).ok());
+  for (const auto& [input, iteration] : {std::pair(coarse, 10), std::pair(fine, 30)}) {
+    EXPECT_EQ(ReconstructUntil(iteration, input, options).code(), absl::StatusCode::kCancelled);
+    ASSERT_TRUE(Reconstruct(input, options).ok());
+    EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole)) << "cancelled at " << iteration;
+  }
+  options.coarse_levels = 0;
+  ASSERT_TRUE(Reconstruct(flat, options).ok());
+  EXPECT_FALSE(SceneBytes(flat) == SceneBytes(whole)) << "there was no coarse part";
+}
+
+TEST(Resume, StartsAgainFromADamagedCheckpoint) {
+  const Photographs photos;
+  const ReconstructOptions options = SmallOptions();
+  const ReconstructInput whole = photos.Input("whole"), damaged = photos.Input("damaged");
+  ASSERT_TRUE(Reconstruct(whole, options).ok());
+  const std::string checkpoint = damaged.work_dir + "/checkpoint.litags";
+  ASSERT_EQ(ReconstructUntil(20, damaged, options).code(), absl::StatusCode::kCancelled);
+  const std::string good = Bytes(checkpoint);
+  std::string flipped = good;
+  flipped[good.size() / 2] ^= 1;
+  for (const std::string& bad : {flipped, good.substr(0, good.size() / 2), std::string("hello")}) {
+    ASSERT_TRUE(WriteFileAtomically(checkpoint, bad).ok());
+    const auto report = Reconstruct(damaged, options);
+    ASSERT_TRUE(report.ok()) << report.status();
+    EXPECT_THAT(report->notes, Contains(HasSubstr("the checkpoint could not be used")));
+    EXPECT_TRUE(SceneBytes(damaged) == SceneBytes(whole));
+  }
+}
+
+TEST(Resume, StartsAgainFromACheckpointOfOtherOptions) {
+  const Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  const ReconstructInput whole = photos.Input("whole"), input = photos.Input("work");
+  ASSERT_EQ(ReconstructUntil(20, input, options).code(), absl::StatusCode::kCancelled);
+  options.theta = 0.4;
+  ASSERT_TRUE(Reconstruct(whole, options).ok());
+  const auto report = Reconstruct(input, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains(HasSubstr("a checkpoint of other photos or options")));
+  EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
+}
+
+TEST(Resume, CancelBeforeTheStartLeavesNoScene) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  CancelToken cancel;
+  cancel.Cancel();
+  Recorder recorder;
+  const auto report = MakeEngine(kNoColmap)->Reconstruct(input, SmallOptions(), cancel, &recorder);
+  EXPECT_EQ(report.status().code(), absl::StatusCode::kCancelled);
+  EXPECT_FALSE(fs::exists(input.work_dir + "/scene.litags"));
+}
+
+}  // namespace
+}  // namespace litags
