@@ -1,0 +1,72 @@
+// litags-bench score: pictures of any origin against photos of the same names.
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "CLI/App.hpp"
+#include "CLI/Config.hpp"
+#include "CLI/Formatter.hpp"
+#include "absl/status/status.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/tools/bench/commands.h"
+#include "engine/tools/evaluation/evaluation.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ScoreArguments {
+  std::string pictures, truth, json;
+};
+
+absl::Status Score(const ScoreArguments& args) {
+  std::map<std::string, std::string> truth_by_stem;
+  for (const fs::directory_entry& file : fs::directory_iterator(args.truth)) {
+    truth_by_stem[file.path().stem()] = file.path().filename();
+  }
+  Scorer scorer(args.truth);
+  std::map<std::string, std::string> pictures;  // sorted
+  for (const fs::directory_entry& file : fs::directory_iterator(args.pictures)) {
+    const auto truth = truth_by_stem.find(file.path().stem());
+    if (truth != truth_by_stem.end()) pictures[truth->second] = file.path();
+  }
+  for (const auto& [name, path] : pictures) {
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, ReadImage(path, path));
+    LITAGS_RETURN_IF_ERROR(scorer.Add(name, picture));
+  }
+  LITAGS_ASSIGN_OR_RETURN(const Scores scores, scorer.Finish());
+  for (const ViewScore& v : scores.views) {
+    std::printf("%s  PSNR %.2f dB  SSIM %.4f\n", v.name.c_str(), v.psnr, v.ssim);
+  }
+  std::printf("mean of %d: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n",
+              static_cast<int>(scores.views.size()), scores.psnr, scores.ssim, scores.psnr_affine);
+  if (args.json.empty()) return absl::OkStatus();
+  return WriteFileAtomically(args.json, scores.ToJson() + "\n");
+}
+
+}  // namespace
+
+void AddScoreCommand(CLI::App* app, int* exit_status) {
+  auto args = std::make_shared<ScoreArguments>();
+  CLI::App* command = app->add_subcommand("score", "Compares pictures with photos of equal names");
+  command->add_option("pictures", args->pictures, "folder of renders")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_option("truth", args->truth, "folder of photos; extensions may differ")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_option("--json", args->json, "also write the figures here");
+  command->callback([args, exit_status] {
+    if (const absl::Status s = Score(*args); !s.ok()) {
+      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
+      *exit_status = 1;
+    }
+  });
+}
+
+}  // namespace litags
