@@ -31,10 +31,11 @@ TEST(Reconstruct, GivesTheSameBytesForOneAndTwoThreads) {
   ReconstructOptions options = SmallOptions();
   const ReconstructInput two = photos.Input("two"), one = photos.Input("one"),
                          other = photos.Input("other");
-  ASSERT_TRUE(Reconstruct(two, options).ok());
-  options.threads = 1;
   ASSERT_TRUE(Reconstruct(one, options).ok());
+  options.threads = 2;
+  ASSERT_TRUE(Reconstruct(two, options).ok());
   EXPECT_TRUE(SceneBytes(one) == SceneBytes(two));
+  options.threads = 1;
   options.seed += 1;
   ASSERT_TRUE(Reconstruct(other, options).ok());
   EXPECT_FALSE(SceneBytes(one) == SceneBytes(other)) << "the seed does nothing";
@@ -98,6 +99,25 @@ TEST(Resume, CoarseToFineGoesOnAfterACancel) {
   options.coarse_levels = 0;
   ASSERT_TRUE(Reconstruct(flat, options).ok());
   EXPECT_FALSE(SceneBytes(flat) == SceneBytes(whole)) << "there was no coarse part";
+}
+
+// Density control first runs at iteration 600, and only in runs of 1200 iterations or more.
+TEST(Resume, GoesOnAcrossDensityControl) {
+  const Photographs photos(/*width=*/48, /*height=*/36);
+  ReconstructOptions options = SmallOptions();
+  options.iterations = 1200;
+  options.preview_every = 100;
+  options.pdm_hidden = 2;
+  const ReconstructInput whole = photos.Input("whole"), before = photos.Input("before"),
+                         after = photos.Input("after");
+  const auto report = Reconstruct(whole, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_NE(report->gaussians, kPoints) << "there was no density control";
+  for (const auto& [input, iteration] : {std::pair(before, 500), std::pair(after, 700)}) {
+    EXPECT_EQ(ReconstructUntil(iteration, input, options).code(), absl::StatusCode::kCancelled);
+    ASSERT_TRUE(Reconstruct(input, options).ok());
+    EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole)) << "cancelled at " << iteration;
+  }
 }
 
 TEST(Resume, StartsAgainFromADamagedCheckpoint) {
