@@ -201,6 +201,7 @@ class RealEngine : public Engine {
       p.stage = stage;
       p.message = message;
       p.iterations = options.iterations;
+      if (stage == Stage::kSaving) p.iteration = options.iterations;
       p.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
       observer->OnProgress(p);
     };
