@@ -1,6 +1,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <thread>
 #include <vector>
 
 #include "engine/core/camera.h"
@@ -83,6 +84,26 @@ TEST(ParallelFor, RunsEveryTaskOnceForAnyThreadCount) {
     });
     for (const auto& h : hits) EXPECT_EQ(h.load(), 1);
   }
+}
+
+TEST(ParallelFor, CallersOnSeveralThreadsDoNotDisturbEachOther) {
+  std::vector<std::thread> callers;
+  std::atomic<int> total{0};
+  for (int c = 0; c < 3; ++c) {
+    callers.emplace_back([&] {
+      for (int round = 0; round < 200; ++round) {
+        ParallelFor(1 + round % 4, 7, [&](size_t, int) { ++total; });
+      }
+    });
+  }
+  for (std::thread& caller : callers) caller.join();
+  EXPECT_EQ(total.load(), 3 * 200 * 7);
+}
+
+TEST(ParallelFor, LoopsInsideLoopsRun) {
+  std::atomic<int> total{0};
+  ParallelFor(3, 5, [&](size_t, int) { ParallelFor(3, 4, [&](size_t, int) { ++total; }); });
+  EXPECT_EQ(total.load(), 20);
 }
 
 TEST(CounterRng, HasTheMomentsItClaims) {

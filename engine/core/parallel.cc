@@ -1,48 +1,127 @@
 #include "engine/core/parallel.h"
 
-#include <algorithm>
+#include <sched.h>
 
-// ThreadSanitizer cannot see into libgomp and would report its barriers as races; the same
-// loops then run on plain threads.
-#if defined(__SANITIZE_THREAD__)
+#include <algorithm>
 #include <atomic>
+#include <cstdint>
 #include <thread>
 #include <vector>
-#else
-#include <omp.h>
+
+#if defined(__x86_64__)
+#include <immintrin.h>
 #endif
 
 namespace litags {
+namespace {
+
+void Pause() {
+#if defined(__x86_64__)
+  _mm_pause();
+#endif
+}
+
+// Waits until `word` is no longer `old`. Loops follow each other within microseconds, so it looks
+// for about 20 us before it sleeps; longer would take the core from other processes.
+uint32_t AwaitChange(const std::atomic<uint32_t>& word, uint32_t old) {
+  constexpr int kLooks = 500;
+  for (int i = 0; i < kLooks; ++i) {
+    const uint32_t now = word.load(std::memory_order_acquire);
+    if (now != old) return now;
+    Pause();
+  }
+  word.wait(old, std::memory_order_acquire);
+  return word.load(std::memory_order_acquire);
+}
+
+// The helpers of one calling thread. Threads of control never share helpers, so that a picture
+// can be rendered while another thread trains.
+class Team {
+ public:
+  Team() = default;
+  Team(const Team&) = delete;
+  Team& operator=(const Team&) = delete;
+  ~Team() {
+    Announce(kStop);
+    for (std::thread& helper : helpers_) helper.join();
+  }
+
+  void Run(int threads, size_t num_tasks, absl::FunctionRef<void(size_t, int)> body) {
+    while (static_cast<int>(helpers_.size()) < threads - 1) {
+      helpers_.emplace_back(
+          [this, index = helpers_.size(), start = round_.load()] { Help(index, start); });
+    }
+    Loop loop{num_tasks, body};
+    loop_ = &loop;
+    working_.store(threads - 1, std::memory_order_relaxed);
+    Announce(threads - 1);
+    loop.Work(0);
+    for (uint32_t left = working_.load(std::memory_order_acquire); left != 0;) {
+      left = AwaitChange(working_, left);
+    }
+  }
+
+ private:
+  struct Loop {
+    const size_t num_tasks;
+    const absl::FunctionRef<void(size_t, int)> body;
+    std::atomic<size_t> next{0};
+
+    void Work(int thread) {
+      for (size_t i; (i = next.fetch_add(1, std::memory_order_relaxed)) < num_tasks;) {
+        body(i, thread);
+      }
+    }
+  };
+
+  // The low bits of a round say how many helpers take part. The others touch nothing.
+  static constexpr uint32_t kCountMask = 0xFFF, kStop = kCountMask;
+
+  void Announce(uint32_t count) {
+    const uint32_t round = round_.load(std::memory_order_relaxed);
+    round_.store((round & ~kCountMask) + kCountMask + 1 + count, std::memory_order_release);
+    round_.notify_all();
+  }
+
+  void Help(size_t index, uint32_t seen) {
+    for (;;) {
+      seen = AwaitChange(round_, seen);
+      const uint32_t count = seen & kCountMask;
+      if (count == kStop) return;
+      if (index >= count) continue;
+      loop_->Work(static_cast<int>(index) + 1);
+      if (working_.fetch_sub(1, std::memory_order_acq_rel) == 1) working_.notify_one();
+    }
+  }
+
+  std::vector<std::thread> helpers_;
+  std::atomic<uint32_t> round_{0};
+  std::atomic<uint32_t> working_{0};
+  Loop* loop_ = nullptr;
+};
+
+}  // namespace
 
 int DefaultThreadCount() {
-#if defined(__SANITIZE_THREAD__)
+  cpu_set_t cpus;
+  if (sched_getaffinity(0, sizeof(cpus), &cpus) == 0) return std::max(1, CPU_COUNT(&cpus));
   return std::max(1u, std::thread::hardware_concurrency());
-#else
-  return std::max(1, omp_get_num_procs());
-#endif
 }
 
 void ParallelFor(int threads, size_t num_tasks,
                  absl::FunctionRef<void(size_t task, int thread)> body) {
+  constexpr size_t kMaxThreads = 1024;
   if (threads <= 0) threads = DefaultThreadCount();
-  threads = static_cast<int>(std::min<size_t>(threads, num_tasks));
-  if (threads <= 1) {
+  threads = static_cast<int>(std::min({size_t(threads), num_tasks, kMaxThreads}));
+  thread_local bool inside = false;  // loops inside a loop run on their own thread
+  if (threads <= 1 || inside) {
     for (size_t i = 0; i < num_tasks; ++i) body(i, 0);
     return;
   }
-#if defined(__SANITIZE_THREAD__)
-  std::atomic<size_t> next{0};
-  auto run = [&](int thread) {
-    for (size_t i = next++; i < num_tasks; i = next++) body(i, thread);
-  };
-  std::vector<std::thread> pool;
-  for (int i = 1; i < threads; ++i) pool.emplace_back(run, i);
-  run(0);
-  for (std::thread& t : pool) t.join();
-#else
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-  for (size_t i = 0; i < num_tasks; ++i) body(i, omp_get_thread_num());
-#endif
+  thread_local Team team;
+  inside = true;
+  team.Run(threads, num_tasks, body);
+  inside = false;
 }
 
 }  // namespace litags

@@ -9,12 +9,13 @@
 
 namespace litags {
 
-// Cores this process may run on (respects affinity and cgroup masks that OpenMP sees).
+// Cores this process may run on, by its affinity mask.
 int DefaultThreadCount();
 
 // Calls body(task, thread) for every task in [0, num_tasks), on up to `threads` threads
 // (<= 0: DefaultThreadCount()); `thread` is in [0, threads). Tasks are handed out dynamically in
-// order. Body must not throw.
+// order. Loops of several calling threads run side by side; a loop inside a loop runs on its own
+// thread. Body must not throw.
 void ParallelFor(int threads, size_t num_tasks,
                  absl::FunctionRef<void(size_t task, int thread)> body);
 
