@@ -22,9 +22,9 @@ struct SubmitArgs {
   // Only what was given is sent; the service has the defaults.
   std::optional<v1::Method> method;
   std::optional<v1::Tone> tone;
-  std::optional<double> theta, min_registered;
+  std::optional<double> theta, min_registered, exposure_ssim, coarse_until;
   std::optional<int> iterations, threads, sh_degree, max_image_side, holdout_every;
-  std::optional<int> checkpoint_every, preview_every;
+  std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
   std::optional<uint64_t> seed;
   std::optional<int64_t> max_gaussians;
   bool no_pdm = false, no_prior = false, no_depth = false;
@@ -66,6 +66,11 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.min_registered) options.set_min_registered(*args.min_registered);
   if (args.checkpoint_every) options.set_checkpoint_every(*args.checkpoint_every);
   if (args.preview_every) options.set_preview_every(*args.preview_every);
+  if (args.exposure_ssim) options.set_exposure_ssim(*args.exposure_ssim);
+  if (args.pdm_hidden) options.set_pdm_hidden(*args.pdm_hidden);
+  if (args.pdm_every) options.set_pdm_every(*args.pdm_every);
+  if (args.coarse_levels) options.set_coarse_levels(*args.coarse_levels);
+  if (args.coarse_until) options.set_coarse_until(*args.coarse_until);
   return options;
 }
 
@@ -188,6 +193,18 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_option("--max-gaussians", args->max_gaussians, "Most Gaussians")->group(group);
   command->add_option("--sh-degree", args->sh_degree, "Spherical harmonics, 0..3")->group(group);
   command->add_flag("--no-pdm", args->no_pdm, "Without the denoising module")->group(group);
+  command->add_option("--pdm-hidden", args->pdm_hidden, "Channels inside its network")
+      ->group(group);
+  command->add_option("--pdm-every", args->pdm_every, "One iteration in so many denoises")
+      ->group(group);
+  command
+      ->add_option("--exposure-ssim", args->exposure_ssim, "Share of 1 - SSIM in the exposure loss")
+      ->group(group);
+  command
+      ->add_option("--coarse-levels", args->coarse_levels, "Start on photos of 2^-n of their size")
+      ->group(group);
+  command->add_option("--coarse-until", args->coarse_until, "Part of the run on smaller photos")
+      ->group(group);
   command->add_flag("--no-prior", args->no_prior, "Without the structure prior")->group(group);
   command->add_flag("--no-depth", args->no_depth, "Without the depth loss")->group(group);
   command->add_option("--max-image-side", args->max_image_side, "Shrink photos to this, px")

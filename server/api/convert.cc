@@ -99,6 +99,11 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
   if (proto.has_min_registered()) options.min_registered = proto.min_registered();
   if (proto.has_checkpoint_every()) options.checkpoint_every = proto.checkpoint_every();
   if (proto.has_preview_every()) options.preview_every = proto.preview_every();
+  if (proto.has_exposure_ssim()) options.exposure_ssim = proto.exposure_ssim();
+  if (proto.has_pdm_hidden()) options.pdm_hidden = proto.pdm_hidden();
+  if (proto.has_pdm_every()) options.pdm_every = proto.pdm_every();
+  if (proto.has_coarse_levels()) options.coarse_levels = proto.coarse_levels();
+  if (proto.has_coarse_until()) options.coarse_until = proto.coarse_until();
 
   const absl::Status valid = options.Validate();
   if (valid.ok()) return options;
@@ -128,6 +133,11 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_min_registered(options.min_registered);
   proto.set_checkpoint_every(options.checkpoint_every);
   proto.set_preview_every(options.preview_every);
+  proto.set_exposure_ssim(options.exposure_ssim);
+  proto.set_pdm_hidden(options.pdm_hidden);
+  proto.set_pdm_every(options.pdm_every);
+  proto.set_coarse_levels(options.coarse_levels);
+  proto.set_coarse_until(options.coarse_until);
   return proto;
 }
 

@@ -31,6 +31,11 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("min_registered", r.min_registered);
   visit("checkpoint_every", r.checkpoint_every);
   visit("preview_every", r.preview_every);
+  visit("exposure_ssim", r.exposure_ssim);
+  visit("pdm_hidden", r.pdm_hidden);
+  visit("pdm_every", r.pdm_every);
+  visit("coarse_levels", r.coarse_levels);
+  visit("coarse_until", r.coarse_until);
 }
 
 template <typename R, typename F>

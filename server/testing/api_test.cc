@@ -64,6 +64,11 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_min_registered(0.75);
   o->set_checkpoint_every(11);
   o->set_preview_every(12);
+  o->set_exposure_ssim(0.25);
+  o->set_pdm_hidden(4);
+  o->set_pdm_every(3);
+  o->set_coarse_levels(1);
+  o->set_coarse_until(0.75);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();
