@@ -22,9 +22,9 @@ void Pause() {
 }
 
 // Waits until `word` is no longer `old`. Loops follow each other within microseconds, so it looks
-// for about 20 us before it sleeps; longer would take the core from other processes.
+// for some 50 us before it sleeps; longer would take the core from other processes.
 uint32_t AwaitChange(const std::atomic<uint32_t>& word, uint32_t old) {
-  constexpr int kLooks = 500;
+  constexpr int kLooks = 3000;
   for (int i = 0; i < kLooks; ++i) {
     const uint32_t now = word.load(std::memory_order_acquire);
     if (now != old) return now;
