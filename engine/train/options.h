@@ -45,7 +45,8 @@ struct TrainOptions {
   double lr_pdm = 5e-5;           // release
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..
-  // 1/2 of their size; there is no denoising before full size. 0 levels: full size throughout.
+  // 1/2 of their size, with 4^-level of max_gaussians and no denoising. 0 levels: full size
+  // throughout.
   int coarse_levels = 0;  // 0..4
   double coarse_until = 0.5;
 
@@ -56,8 +57,8 @@ struct TrainOptions {
   // Density control.
   int densify_start = 500;
   int densify_every = 200;  // release; 3DGS: 100
-  int densify_until =
-      5000;  // paper; runs shorter than twice this densify for half their length. Choice
+  // Iterations of densification after the coarse part, at most until half of the run. Choice
+  int densify_until = 5000;       // paper
   double densify_grad = 2e-4;     // mean |dL/dmean2d| in units of half the image; 3DGS
   double densify_percent = 0.01;  // of the extent: larger Gaussians are split, smaller cloned; 3DGS
   double prune_opacity = 0.005;   // 3DGS

@@ -91,6 +91,10 @@ int ViewPyramid::LevelOf(int iteration) const {
   return levels - static_cast<int>(iteration / coarse_iterations_ * levels);
 }
 
+int ViewPyramid::CoarseEnd() const {
+  return smaller_.empty() ? 0 : static_cast<int>(std::ceil(coarse_iterations_));
+}
+
 double ViewPyramid::WorkBefore(int iteration) const {
   const int levels = static_cast<int>(smaller_.size());
   const double share = levels > 0 ? coarse_iterations_ / levels : 0;

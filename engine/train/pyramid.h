@@ -26,6 +26,9 @@ class ViewPyramid {
   // then level 0.
   int LevelOf(int iteration) const;
 
+  // First iteration at full size.
+  int CoarseEnd() const;
+
   // Pixels that the iterations before this one compare, in photos of full size: the time of a run
   // grows about like this.
   double WorkBefore(int iteration) const;

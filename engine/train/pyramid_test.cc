@@ -73,6 +73,7 @@ TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
   EXPECT_EQ(pyramid.LevelOf(49), 1);
   EXPECT_EQ(pyramid.LevelOf(50), 0);
   EXPECT_EQ(pyramid.LevelOf(99), 0);
+  EXPECT_EQ(pyramid.CoarseEnd(), 50);
   EXPECT_DOUBLE_EQ(pyramid.WorkBefore(0), 0);
   EXPECT_DOUBLE_EQ(pyramid.WorkBefore(26), 25.0 / 16 + 1.0 / 4);
   EXPECT_DOUBLE_EQ(pyramid.WorkBefore(100), 25.0 / 16 + 25.0 / 4 + 50);
@@ -88,6 +89,7 @@ TEST(ViewPyramid, SmallPhotosHaveFewerLevels) {
   EXPECT_EQ(ViewPyramid(&views, options).LevelOf(0), 1);
   options.coarse_levels = 0;
   EXPECT_EQ(ViewPyramid(&views, options).LevelOf(0), 0);
+  EXPECT_EQ(ViewPyramid(&views, options).CoarseEnd(), 0);
 }
 
 }  // namespace

@@ -70,7 +70,9 @@ struct Trainer::Impl {
     return std::min(options.sh_degree, grown);
   }
 
-  int DensifyUntil() const { return std::min(options.densify_until, options.iterations / 2); }
+  int DensifyUntil() const {
+    return std::min(pyramid.CoarseEnd() + options.densify_until, options.iterations / 2);
+  }
 
   AdamStep MakeAdamStep(int sh_degree) const {
     AdamStep step(state.iteration + 1, AdamConstants());
@@ -107,7 +109,10 @@ struct Trainer::Impl {
       return;
     }
     Timer timer(&phases.density);
-    ControlDensity(options, extent, done, &state.splats, &state.density);
+    // Smaller photos have fewer pixels to explain; more Gaussians would only learn their noise.
+    TrainOptions limited = options;
+    limited.max_gaussians >>= 2 * pyramid.LevelOf(done);
+    ControlDensity(limited, extent, done, &state.splats, &state.density);
   }
 
   TrainOptions options;
