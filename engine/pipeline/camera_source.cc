@@ -14,6 +14,7 @@
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/fingerprint.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -23,10 +24,23 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr int64_t kMaxRegistrationFile = int64_t{64} << 20;
+constexpr int64_t kMaxCameraFile = int64_t{2} << 30;
 
 // JSON text; names of files need not be UTF-8.
 std::string Dump(const Json& json) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace);
+}
+
+// Of the files that ReadCameras reads. What cannot be read is left to it to complain about.
+std::string FingerprintOfCameras(const std::string& path) {
+  Fingerprint f;
+  for (const char* name : {"", "/cameras.bin", "/images.bin", "/points3D.bin"}) {
+    std::error_code ignored;
+    if (!fs::is_regular_file(path + name, ignored)) continue;
+    const auto bytes = ReadFile(path + name, "cameras", kMaxCameraFile);
+    if (bytes.ok()) f.Add(bytes->data(), bytes->size());
+  }
+  return f.Text();
 }
 
 // What the cameras were found from. Kept cameras of anything else are not used.
@@ -36,7 +50,10 @@ Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& pho
     std::error_code ignored;
     sizes.push_back({photo, fs::file_size(input.images_dir + "/" + photo, ignored)});
   }
-  const Json source = {{"cameras", input.cameras_path}, {"photos", sizes}};
+  Json source = {{"cameras", input.cameras_path}, {"photos", sizes}};
+  if (!input.cameras_path.empty()) {
+    source["fingerprint"] = FingerprintOfCameras(input.cameras_path);
+  }
   return Json::parse(Dump(source));  // as it will be read back
 }
 

@@ -13,6 +13,7 @@
 #include "engine/core/parallel.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/camera_source.h"
+#include "engine/pipeline/fingerprint.h"
 #include "engine/priors/depth_provider.h"
 #include "engine/priors/structure_prior.h"
 #include "engine/priors/tone.h"
@@ -21,23 +22,6 @@ namespace litags {
 namespace {
 
 constexpr size_t kMinPhotos = 3;  // fewer do not make a scene
-
-// FNV-1a, 64 bits: tells runs apart, not a defence.
-class Fingerprint {
- public:
-  void Add(const void* data, size_t size) {
-    const auto* p = static_cast<const unsigned char*>(data);
-    for (size_t i = 0; i < size; ++i) hash_ = (hash_ ^ p[i]) * 0x100000001B3ull;
-  }
-  template <class T>
-  void Add(const T& value) {
-    Add(&value, sizeof(value));
-  }
-  std::string Text() const { return absl::StrFormat("%016x", hash_); }
-
- private:
-  uint64_t hash_ = 0xCBF29CE484222325ull;
-};
 
 ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
   ToneOptions tone;
@@ -179,7 +163,20 @@ absl::Status AddDepth(const std::string& depth_dir, const CancelToken& cancel,
   return absl::OkStatus();
 }
 
-std::string MakeFingerprint(const ReconstructOptions& o, const std::vector<TrainView>& views) {
+void AddPoints(const std::vector<SparsePoint>& points, Fingerprint* f) {
+  for (const SparsePoint& point : points) {
+    f->Add(point.xyz);
+    f->Add(point.rgb);
+    for (const TrackElement& e : point.track) {
+      f->Add(e.view);
+      f->Add(e.x);
+      f->Add(e.y);
+    }
+  }
+}
+
+std::string MakeFingerprint(const ReconstructOptions& o, const std::vector<TrainView>& views,
+                            const std::vector<SparsePoint>& points) {
   Fingerprint f;
   for (const TrainView& v : views) {
     f.Add(v.view.name.data(), v.view.name.size());
@@ -192,6 +189,7 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::vector<Train
       f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
     }
   }
+  AddPoints(points, &f);
   // What shapes the result; threads and intervals of reports do not.
   for (double x :
        {double(o.method), double(o.tone), o.theta, o.exposure_ssim, double(o.iterations),
@@ -226,7 +224,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
     LITAGS_RETURN_IF_ERROR(AddDepth(input.depth_dir, cancel, &views, report));
 
   Capture capture;
-  capture.fingerprint = MakeFingerprint(options, views);
+  capture.fingerprint = MakeFingerprint(options, views, model.points);
   LimitPoints(options.max_gaussians, &model.points, report);
   capture.points = std::move(model.points);
   capture.point_views.assign(model.views.size(), -1);

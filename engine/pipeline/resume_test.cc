@@ -153,6 +153,21 @@ TEST(Resume, StartsAgainFromACheckpointOfOtherOptions) {
   EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
 }
 
+// Points are not seen in a resumed run, but the checkpoint grew from them.
+TEST(Resume, StartsAgainFromACheckpointOfOtherPoints) {
+  Photographs photos;
+  const ReconstructOptions options = SmallOptions();
+  const ReconstructInput whole = photos.Input("whole"), input = photos.Input("work");
+  ASSERT_EQ(ReconstructUntil(20, input, options).code(), absl::StatusCode::kCancelled);
+  for (SparsePoint& point : photos.model.points) point.xyz[1] += 0.1;
+  photos.WriteModel();
+  ASSERT_TRUE(Reconstruct(whole, options).ok());
+  const auto report = Reconstruct(input, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains(HasSubstr("a checkpoint of other photos or options")));
+  EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
+}
+
 TEST(Resume, CancelBeforeTheStartLeavesNoScene) {
   const Photographs photos;
   const ReconstructInput input = photos.Input("work");

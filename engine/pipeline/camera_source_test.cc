@@ -1,0 +1,207 @@
+#include "engine/pipeline/camera_source.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/io/colmap_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/test_util.h"
+#include "engine/io/transforms_io.h"
+#include "engine/sfm/fake_colmap.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+using Json = nlohmann::json;
+
+constexpr int kWidth = 128, kHeight = 96, kDark = 12;
+
+// Six dark photos p0.png .. p5.png, and a COLMAP that places them and finds 70 points, or 60 for
+// known cameras.
+class CameraSource : public ::testing::Test {
+ protected:
+  CameraSource() {
+    input_.images_dir = colmap_.MakePhotos(6, kWidth, kHeight, kDark);
+    input_.work_dir = colmap_.dir() + "/work";
+    fs::create_directory(input_.work_dir);
+    std::vector<std::string> names;
+    for (const View& view : Copies(0).views) names.push_back(view.name);
+    colmap_.SetDatabase(names, 900, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
+    colmap_.AddModel(0, 0, Copies(70));
+    colmap_.SetTriangulated(0, Copies(60));
+    options_.threads = 1;
+  }
+
+  static SparseModel Copies(int points) {
+    return CopiesModel(absl::StrCat(kWidth, "x", kHeight), kWidth, kHeight, {0, 1, 2, 3, 4, 5},
+                       points);
+  }
+
+  // What a user would bring, without points: photo i was taken at height y + i / 3.
+  static SparseModel Known(double y) {
+    SparseModel known = Copies(0);
+    for (int i = 0; i < 6; ++i) {
+      known.views[i].name = absl::StrCat("p", i, ".png");
+      known.views[i].camera.t[1] = y + i / 3.0;
+    }
+    return known;
+  }
+
+  absl::StatusOr<SparseModel> Obtain(const std::string& colmap) {
+    report_ = ReconstructReport();
+    const auto photos = ListPhotos(input_.images_dir, "images");
+    if (!photos.ok()) return photos.status();
+    return ObtainCameras(
+        input_, options_, *photos, colmap, CancelToken(), [](Stage, const std::string&) {},
+        &report_);
+  }
+  absl::StatusOr<SparseModel> Obtain() { return Obtain(colmap_.program()); }
+  absl::StatusOr<SparseModel> ObtainKept() { return Obtain("/nonexistent/colmap"); }
+
+  std::string RegistrationPath() const { return input_.work_dir + "/cameras/registration.json"; }
+
+  FakeColmap colmap_;
+  ReconstructInput input_;
+  ReconstructOptions options_;
+  ReconstructReport report_;
+};
+
+void ExpectSame(const SparseModel& a, const SparseModel& b) {
+  ASSERT_EQ(a.views.size(), b.views.size());
+  for (size_t i = 0; i < a.views.size(); ++i) {
+    EXPECT_EQ(a.views[i].name, b.views[i].name);
+    EXPECT_EQ(a.views[i].camera.Viewmat(), b.views[i].camera.Viewmat());
+    EXPECT_EQ(a.views[i].camera.fx, b.views[i].camera.fx);
+  }
+  ASSERT_EQ(a.points.size(), b.points.size());
+  for (size_t i = 0; i < a.points.size(); ++i) EXPECT_EQ(a.points[i].xyz, b.points[i].xyz);
+}
+
+TEST_F(CameraSource, CamerasThatColmapFoundAreKept) {
+  const auto found = Obtain();
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_THAT(found->views, SizeIs(6));
+  EXPECT_THAT(found->points, SizeIs(70));
+  EXPECT_EQ(report_.registered, 6);
+  EXPECT_EQ(report_.sfm_preparation, "gain + Gaussian 0.7 px");
+  const ReconstructReport first = report_;
+
+  const auto kept = ObtainKept();
+  ASSERT_TRUE(kept.ok()) << kept.status();
+  ExpectSame(*found, *kept);
+  EXPECT_EQ(report_.ToJson(), first.ToJson());
+}
+
+TEST_F(CameraSource, KeptCamerasOfOtherPhotosAreNotUsed) {
+  ASSERT_TRUE(Obtain().ok());
+  ASSERT_TRUE(WritePng(input_.images_dir + "/p2.png", TestImage(kWidth, kHeight)).ok());
+  EXPECT_EQ(Reason(ObtainKept().status()), "COLMAP_NOT_FOUND");
+}
+
+TEST_F(CameraSource, DamagedRegistrationIsAnError) {
+  ASSERT_TRUE(Obtain().ok());
+  const auto good = ReadFile(RegistrationPath(), "", 1 << 20);
+  ASSERT_TRUE(good.ok());
+  Json wrong_type = Json::parse(*good);
+  wrong_type["notes"] = 3;
+  Json missing = Json::parse(*good);
+  missing.erase("dropped");
+  for (const std::string& bad : {good->substr(0, good->size() / 2), std::string(), missing.dump(),
+                                 std::string("[]"), wrong_type.dump()}) {
+    ASSERT_TRUE(WriteFileAtomically(RegistrationPath(), bad).ok());
+    const absl::Status status = ObtainKept().status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << bad << status;
+    EXPECT_EQ(Reason(status), "REGISTRATION_CORRUPT") << bad;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("registration.json"));
+  }
+}
+
+// A crash while cameras are written leaves no registration.json.
+TEST_F(CameraSource, HalfWrittenCamerasAreFoundAgain) {
+  const auto found = Obtain();
+  ASSERT_TRUE(found.ok()) << found.status();
+  fs::remove(RegistrationPath());
+  fs::resize_file(input_.work_dir + "/cameras/images.bin", 20);
+  const auto again = Obtain();
+  ASSERT_TRUE(again.ok()) << again.status();
+  ExpectSame(*found, *again);
+}
+
+TEST_F(CameraSource, TransformsGetTriangulatedPoints) {
+  input_.cameras_path = colmap_.dir() + "/transforms.json";
+  ASSERT_TRUE(WriteTransforms(input_.cameras_path, Known(0.1), "high").ok());
+  const auto cameras = Obtain();
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  ASSERT_THAT(cameras->views, SizeIs(6));
+  EXPECT_THAT(cameras->points, SizeIs(60));
+  EXPECT_EQ(report_.sfm_preparation, "given");
+  EXPECT_THAT(report_.dropped, IsEmpty());
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(cameras->views[i].name, absl::StrCat("p", i, ".png"));
+    // Through the other convention of axes and COLMAP's quaternions: double precision.
+    EXPECT_NEAR(cameras->views[i].camera.t[1], 0.1 + i / 3.0, 1e-12);
+  }
+  const auto kept = ObtainKept();
+  ASSERT_TRUE(kept.ok()) << kept.status();
+  ExpectSame(*cameras, *kept);
+}
+
+TEST_F(CameraSource, NamesMatchByStem) {
+  input_.cameras_path = colmap_.dir() + "/sparse";
+  fs::create_directory(input_.cameras_path);
+  SparseModel known = Known(0.1);
+  known.points = Copies(5).points;
+  for (int i = 0; i < 6; ++i) known.views[i].name = absl::StrCat("p", i, ".JPG");
+  known.views[3].name = "elsewhere.JPG";
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known).ok());
+  const auto cameras = ObtainKept();
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  ASSERT_THAT(cameras->views, SizeIs(5));
+  EXPECT_EQ(cameras->views[0].name, "p0.png");
+  EXPECT_EQ(cameras->views[3].name, "p4.png");
+  EXPECT_THAT(report_.dropped, ElementsAre("p3.png"));
+  // Marks in the photo that is left out are gone, the others point at the right photos.
+  ASSERT_THAT(cameras->points, SizeIs(5));
+  EXPECT_EQ(cameras->points[0].track_length(), 5);
+  for (const TrackElement& e : cameras->points[0].track) EXPECT_LT(e.view, 5);
+}
+
+TEST_F(CameraSource, EditedTransformsReplaceKeptCameras) {
+  input_.cameras_path = colmap_.dir() + "/transforms.json";
+  for (const double y : {0.25, 0.75}) {
+    ASSERT_TRUE(WriteTransforms(input_.cameras_path, Known(y), "").ok());
+    const auto cameras = Obtain();
+    ASSERT_TRUE(cameras.ok()) << cameras.status();
+    EXPECT_NEAR(cameras->views[0].camera.t[1], y, 1e-12);
+  }
+}
+
+// Binary files, so that the edited model has the size of the old one.
+TEST_F(CameraSource, AnEditedColmapModelReplacesKeptCameras) {
+  input_.cameras_path = colmap_.dir() + "/sparse";
+  fs::create_directory(input_.cameras_path);
+  for (const double y : {0.25, 0.75}) {
+    SparseModel known = Known(y);
+    known.points = Copies(5).points;
+    ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known).ok());
+    const auto cameras = ObtainKept();
+    ASSERT_TRUE(cameras.ok()) << cameras.status();
+    EXPECT_EQ(cameras->views[0].camera.t[1], y);
+    EXPECT_THAT(cameras->points, SizeIs(5));
+  }
+}
+
+}  // namespace
+}  // namespace litags

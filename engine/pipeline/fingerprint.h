@@ -1,0 +1,34 @@
+#ifndef LITAGS_ENGINE_PIPELINE_FINGERPRINT_H_
+#define LITAGS_ENGINE_PIPELINE_FINGERPRINT_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <type_traits>
+
+#include "absl/strings/str_format.h"
+
+namespace litags {
+
+// FNV-1a, 64 bits: tells inputs apart, not a defence.
+class Fingerprint {
+ public:
+  void Add(const void* data, size_t size) {
+    const auto* p = static_cast<const unsigned char*>(data);
+    for (size_t i = 0; i < size; ++i) hash_ = (hash_ ^ p[i]) * 0x100000001B3ull;
+  }
+  // Not for types with padding: its bytes may be anything.
+  template <class T>
+  void Add(const T& value) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    Add(&value, sizeof(value));
+  }
+  std::string Text() const { return absl::StrFormat("%016x", hash_); }
+
+ private:
+  uint64_t hash_ = 0xCBF29CE484222325ull;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_FINGERPRINT_H_
