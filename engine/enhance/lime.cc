@@ -16,7 +16,7 @@ namespace {
 
 // alpha, gamma and strategy III (sigma 2 px) as in the paper's experiments.
 constexpr double kAlpha = 0.15, kGamma = 0.8, kSigmaPx = 2, kEpsilon = 1e-3;
-constexpr double kMaxPixels = 1 << 20;  // of the map; Choice
+constexpr double kMaxPixels = 1 << 18;  // of the map, 591x443; Choice
 
 using Plane = cv::Mat_<double>;
 
