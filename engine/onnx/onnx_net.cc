@@ -2,14 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
+#include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/dnn.hpp>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/onnx/graph.pb.h"
 
 namespace litags {
 
@@ -21,6 +23,7 @@ struct OnnxNet::Impl {
 namespace {
 
 constexpr int kMaxSide = 8192;
+constexpr int64_t kMaxFileBytes = int64_t{2000} << 20;  // protobuf's own limit is 2 GiB
 
 // OpenCV's what() spans lines and repeats the source position; one line of it is enough.
 std::string FirstLine(const cv::Exception& e) {
@@ -54,6 +57,29 @@ absl::StatusOr<Planes> ToPlanes(const cv::Mat& blob, const std::string& field,
   return planes;
 }
 
+// OpenCV 4.6 inverts the constant divisor of a Div where it lies: a constant that divides twice, as
+// the scale of LPIPS does, is inverted twice and multiplies. Gives each division its own copy.
+void UnshareDivisors(onnx::Graph* graph) {
+  std::map<std::string, onnx::Tensor> constants;
+  for (const onnx::Tensor& tensor : graph->initializer()) constants[tensor.name()] = tensor;
+  for (const onnx::Node& node : graph->node()) {
+    if (node.op_type() != "Constant" || node.output_size() != 1) continue;
+    for (const onnx::Attribute& attribute : node.attribute()) {
+      if (attribute.has_t()) constants[node.output(0)] = attribute.t();
+    }
+  }
+  int copies = 0;
+  for (onnx::Node& node : *graph->mutable_node()) {
+    if (node.op_type() != "Div" || node.input_size() != 2) continue;
+    const auto constant = constants.find(node.input(1));
+    if (constant == constants.end()) continue;
+    onnx::Tensor* copy = graph->add_initializer();
+    *copy = constant->second;
+    copy->set_name(absl::StrCat("litags_divisor_", copies++));
+    node.set_input(1, copy->name());
+  }
+}
+
 }  // namespace
 
 OnnxNet::OnnxNet(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -65,12 +91,15 @@ absl::StatusOr<OnnxNet> OnnxNet::Load(const std::string& path, std::string_view 
   auto impl = std::make_unique<Impl>();
   impl->path = path;
   impl->field = std::string(field);
-  if (!std::filesystem::is_regular_file(path)) {
-    return MakeError(absl::StatusCode::kNotFound, "NO_SUCH_FILE", field,
-                     absl::StrCat(impl->field, ": there is no file ", path));
+  LITAGS_ASSIGN_OR_RETURN(std::string bytes, ReadFile(path, field, kMaxFileBytes));
+  onnx::Model model;
+  if (!model.ParseFromString(bytes) || !model.has_graph()) {
+    return Bad("ONNX_UNREADABLE", impl->field, path, "is not an ONNX file");
   }
+  UnshareDivisors(model.mutable_graph());
+  bytes = model.SerializeAsString();
   try {
-    impl->net = cv::dnn::readNetFromONNX(path);
+    impl->net = cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
     impl->net.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
     impl->net.setPreferableTarget(cv::dnn::DNN_TARGET_CPU);
   } catch (const cv::Exception& e) {

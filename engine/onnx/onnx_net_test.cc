@@ -63,6 +63,20 @@ TEST_F(OnnxNetTest, InputsAreFoundByName) {
   EXPECT_EQ(Reason(net->Run({{"a", a}, {"no such input", b}}).status()), "ONNX_RUN");
 }
 
+TEST_F(OnnxNetTest, AConstantMayDivideMoreThanOnce) {
+  OnnxWriter model;
+  model.AddInput("x", {1, 2, 1, 2});
+  model.AddConstant("c", {1, 2, 1, 1}, {2, 4});
+  model.AddNode("Div", {"x", "c"}, "once");
+  model.AddNode("Div", {"once", "c"}, "twice");
+  model.AddOutput("twice", {1, 2, 1, 2});
+  auto net = Load(model);
+  ASSERT_TRUE(net.ok()) << net.status();
+  Planes x(2, 1, 2);
+  x.data = {4, 8, 16, 32};
+  EXPECT_EQ(net->Run({{"", x}})->data, (std::vector<float>{1, 2, 1, 2}));
+}
+
 TEST_F(OnnxNetTest, ValuesThatAreNotFiniteAreRefused) {
   OnnxWriter model;
   model.AddInput("x", {1, 1, 2, 2});
