@@ -32,6 +32,10 @@ double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+absl::StatusOr<Splats> InitialSplats(const Capture& capture) {
+  return InitializeFromPoints(capture.points, capture.point_views, capture.train);
+}
+
 // One training run: steps, reports, snapshots, checkpoints.
 class Run {
  public:
@@ -77,16 +81,20 @@ class Run {
   }
 
   absl::Status Train(const CancelToken& cancel) {
-    const double start = Now();
-    const int first = trainer_.iteration();
+    Leg leg = NewLeg();
     double last_report = 0;
     while (trainer_.iteration() < options_.iterations) {
-      if (cancel.IsCancelled()) return Cancelled(cancel, trainer_.iteration() > first);
+      if (cancel.IsCancelled()) return Cancelled(cancel, trainer_.iteration() > leg.first);
       const double step_start = Now();
-      LITAGS_ASSIGN_OR_RETURN(const StepLosses losses, trainer_.Step());
+      const absl::StatusOr<StepLosses> losses = trainer_.Step();
       step_seconds_ += Now() - step_start;
+      if (!losses.ok()) {
+        LITAGS_RETURN_IF_ERROR(RollBack(losses.status()));
+        leg = NewLeg();
+        continue;
+      }
       const int done = trainer_.iteration();
-      Account(losses, first, Now() - start);
+      Account(*losses, leg);
       const bool last = done == options_.iterations;
       if (done % options_.checkpoint_every == 0 && !last) {
         LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, capture_.fingerprint));
@@ -104,6 +112,7 @@ class Run {
 
   absl::Status Finish(ReconstructReport* report) {
     if (!std::filesystem::exists(scene_path_)) LITAGS_RETURN_IF_ERROR(Publish());
+    AddDetours(&report->notes);
     report->gaussians = static_cast<int64_t>(trainer_.num_gaussians());
     report->iterations = trainer_.iteration();
     report->training_seconds = step_seconds_;
@@ -122,6 +131,38 @@ class Run {
   }
 
  private:
+  // Iterations without a roll-back between them; rates are those of one leg.
+  struct Leg {
+    double start;  // seconds
+    int first;     // iteration
+  };
+  Leg NewLeg() const { return {Now(), trainer_.iteration()}; }
+
+  // Back to the last checkpoint, or to the start, and around what went wrong.
+  absl::Status RollBack(const absl::Status& fault) {
+    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(capture_));
+    LITAGS_RETURN_IF_ERROR(
+        trainer_.RollBack(checkpoint_path_, capture_.fingerprint, std::move(initial)));
+    Progress progress = progress_;
+    progress.iteration = trainer_.iteration();
+    progress.message = absl::StrCat(fault.message(), "; going on from iteration ",
+                                    trainer_.iteration(), ", around it");
+    observer_->OnProgress(progress);
+    return absl::OkStatus();
+  }
+
+  void AddDetours(std::vector<std::string>* notes) const {
+    const std::vector<Detour>& detours = trainer_.detours();
+    if (detours.empty()) return;
+    notes->push_back(
+        absl::StrCat("rolled back ", detours.size(), " times because a number was not finite"));
+    for (const Detour& d : detours) {
+      notes->push_back(absl::StrCat(
+          "iteration ", d.iteration, ": ", d.source, "; ",
+          d.gaussians ? "such Gaussians were removed" : "the photo's turn was skipped"));
+    }
+  }
+
   // Keeps what was done, so that a resumed job goes on from here. Where that fails it goes on from
   // the checkpoint before.
   absl::Status Cancelled(const CancelToken& cancel, bool progressed) const {
@@ -131,21 +172,23 @@ class Run {
     return cancel.Check();
   }
 
-  void Account(const StepLosses& losses, int first, double seconds) {
-    const int done = trainer_.iteration(), steps = done - first;
-    const double keep = steps == 1 ? 0.0 : kLossMemory;
+  void Account(const StepLosses& losses, const Leg& leg) {
+    const int done = trainer_.iteration(), steps = done - leg.first;
+    const double seconds = Now() - leg.start;
+    progress_.iteration = done;
+    progress_.gaussians = static_cast<int64_t>(trainer_.num_gaussians());
+    progress_.iterations_per_second = steps / std::max(seconds, 1e-9);
+    const double before = trainer_.WorkBefore(done);
+    progress_.eta_seconds = seconds * (trainer_.WorkBefore(options_.iterations) - before) /
+                            (before - trainer_.WorkBefore(leg.first));
+    if (losses.skipped) return;
+    const double keep = progress_.loss == 0 ? 0.0 : kLossMemory;
     const auto mix = [&](double* mean, double value) { *mean = keep * *mean + (1 - keep) * value; };
     mix(&progress_.loss, losses.Total());
     mix(&progress_.loss_exposure, losses.exposure);
     mix(&progress_.loss_reconstruction, losses.reconstruction);
     mix(&progress_.loss_structure, losses.prior + losses.depth);
     mix(&progress_.loss_denoise, losses.denoise);
-    progress_.iteration = done;
-    progress_.gaussians = static_cast<int64_t>(trainer_.num_gaussians());
-    progress_.iterations_per_second = steps / std::max(seconds, 1e-9);
-    const double before = trainer_.WorkBefore(done);
-    progress_.eta_seconds = seconds * (trainer_.WorkBefore(options_.iterations) - before) /
-                            (before - trainer_.WorkBefore(first));
   }
 
   // Saves a snapshot and reports it with a preview picture and the held-out PSNR.
@@ -207,8 +250,7 @@ class RealEngine : public Engine {
     };
     LITAGS_ASSIGN_OR_RETURN(const Capture capture,
                             LoadCapture(input, options, colmap_, cancel, progress, &report));
-    LITAGS_ASSIGN_OR_RETURN(
-        Splats initial, InitializeFromPoints(capture.points, capture.point_views, capture.train));
+    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(capture));
     Run run(input, options, capture, std::move(initial), observer);
     LITAGS_RETURN_IF_ERROR(run.Resume(&report.notes));
     LITAGS_RETURN_IF_ERROR(run.Train(cancel));

@@ -30,12 +30,13 @@ struct AdamStep {
 
 // Updates block `block`: only lanes with their bit in `visible`; the others keep value and moments
 // (as gsplat's selective Adam; most Gaussians are out of view most of the time). Thread-safe for
-// different blocks.
-void AdamUpdateBlock(const AdamStep& step, const float* grads, uint32_t visible, size_t block,
-                     Splats* params, Splats* moment1, Splats* moment2);
+// different blocks. Returns the updated lanes of which a value or moment is no longer finite; to
+// find them costs two multiplications by 0 a number.
+uint32_t AdamUpdateBlock(const AdamStep& step, const float* grads, uint32_t visible, size_t block,
+                         Splats* params, Splats* moment1, Splats* moment2);
 
-// The same for flat arrays, all elements.
-void AdamUpdate(const AdamStep& step, float lr, absl::Span<const float> grads,
+// The same for flat arrays, all elements. False if one of them is no longer finite.
+bool AdamUpdate(const AdamStep& step, float lr, absl::Span<const float> grads,
                 absl::Span<float> params, absl::Span<float> moment1, absl::Span<float> moment2);
 
 }  // namespace litags

@@ -4,7 +4,9 @@
 #include <cstring>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/io/container.h"
 
@@ -12,7 +14,7 @@ namespace litags {
 namespace {
 
 constexpr char kKind[] = "checkpoint";
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;
 
 std::string_view Bytes(const AlignedFloats& v) {
   return {reinterpret_cast<const char*>(v.data()), v.size() * sizeof(float)};
@@ -49,13 +51,38 @@ absl::Status ReadNets(const Container& file, const char* name, int hidden, size_
   return absl::OkStatus();
 }
 
+void AddDetours(const std::vector<Detour>& detours, ContainerWriter* out) {
+  for (size_t k = 0; k < detours.size(); ++k) {
+    const Detour& d = detours[k];
+    out->AddSection(absl::StrCat("detour", k),
+                    absl::StrCat(d.iteration, d.gaussians ? " gaussians " : " photo ", d.source));
+  }
+}
+
+absl::Status ReadDetours(const Container& file, size_t count, std::vector<Detour>* out) {
+  out->resize(count);
+  for (size_t k = 0; k < count; ++k) {
+    LITAGS_ASSIGN_OR_RETURN(const std::string_view text, file.Section(absl::StrCat("detour", k)));
+    const std::vector<std::string> parts =
+        absl::StrSplit(absl::string_view(text.data(), text.size()), absl::MaxSplits(' ', 2));
+    Detour& d = (*out)[k];
+    if (parts.size() != 3 || !absl::SimpleAtoi(parts[0], &d.iteration)) {
+      return Inconsistent("detour");
+    }
+    d.gaussians = parts[1] == "gaussians";
+    d.source = parts[2];
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,
                             const TrainState& state) {
   ContainerWriter out(kKind, kVersion);
   const std::vector<int64_t> header = {state.iteration, int64_t(state.splats.params.size()),
-                                       state.pdm.hidden, int64_t(state.pdm.nets.size())};
+                                       state.pdm.hidden, int64_t(state.pdm.nets.size()),
+                                       int64_t(state.detours.size())};
   out.AddSection("fingerprint", fingerprint);
   out.AddArrayView("header", header);
   out.AddSectionView("splats", Bytes(state.splats.params.data()));
@@ -66,6 +93,7 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
   AddNets("pdm_moment2_", state.pdm_moment2, &out);
   out.AddArrayView("density_grad", state.density.grad);
   out.AddArrayView("density_count", state.density.count);
+  AddDetours(state.detours, &out);
   return out.Commit(path);
 }
 
@@ -79,8 +107,9 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
                                   "delete it to start again"));
   }
   LITAGS_ASSIGN_OR_RETURN(const std::vector<int64_t> header, file.Array<int64_t>("header"));
-  if (header.size() != 4 || header[0] < 0 || header[0] > INT_MAX || header[1] < 1 ||
-      header[2] < 0 || header[2] > 64 || header[3] < 0 || header[3] > 8) {
+  if (header.size() != 5 || header[0] < 0 || header[0] > INT_MAX || header[1] < 1 ||
+      header[2] < 0 || header[2] > 64 || header[3] < 0 || header[3] > 8 || header[4] < 0 ||
+      header[4] > int64_t{kMaxDetours}) {
     return Inconsistent("header");
   }
   TrainState state;
@@ -98,6 +127,7 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
   LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm", hidden, nets, &state.pdm));
   LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm_moment1_", hidden, nets, &state.pdm_moment1));
   LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm_moment2_", hidden, nets, &state.pdm_moment2));
+  LITAGS_RETURN_IF_ERROR(ReadDetours(file, static_cast<size_t>(header[4]), &state.detours));
   return state;
 }
 

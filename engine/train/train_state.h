@@ -2,11 +2,13 @@
 #define LITAGS_ENGINE_TRAIN_TRAIN_STATE_H_
 
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/denoise/pdm.h"
 #include "engine/train/density.h"
+#include "engine/train/detour.h"
 
 namespace litags {
 
@@ -17,6 +19,7 @@ struct TrainState {
   SplatState splats;
   PdmWeights pdm, pdm_moment1, pdm_moment2;
   DensityStats density;
+  std::vector<Detour> detours;  // by iteration
 };
 
 // One container file of kind "checkpoint". `fingerprint` says what the run was made of.

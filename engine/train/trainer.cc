@@ -1,9 +1,12 @@
 #include "engine/train/trainer.h"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -20,6 +23,8 @@ namespace litags {
 namespace {
 
 constexpr uint64_t kViewOrderStream = 0x5649;  // random numbers of the photos' order
+
+constexpr int kSkipsOfAPhoto = 2;  // then it is left out: it will not get better
 
 // Adds the time until its destruction to a total.
 class Timer {
@@ -44,19 +49,21 @@ size_t ViewOfIteration(uint64_t seed, int iteration, size_t views) {
   return order[iteration % views];
 }
 
-absl::Status NotFinite(const StepLosses& losses, int iteration, const std::string& view) {
+// The first loss that is not finite, or null.
+const char* NotFinite(const StepLosses& losses) {
   const std::pair<const char*, double> terms[] = {{"exposure", losses.exposure},
                                                   {"reconstruction", losses.reconstruction},
                                                   {"prior", losses.prior},
                                                   {"depth", losses.depth},
                                                   {"denoise", losses.denoise}};
   for (const auto& [name, value] : terms) {
-    if (std::isfinite(value)) continue;
-    return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", name,
-                     absl::StrCat("the ", name, " loss became ", value, " at iteration ", iteration,
-                                  " (photo ", view, ")"));
+    if (!std::isfinite(value)) return name;
   }
-  return absl::OkStatus();
+  return nullptr;
+}
+
+absl::Status NotFiniteError(const std::string& field, const std::string& message) {
+  return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", field, message);
 }
 
 }  // namespace
@@ -94,13 +101,73 @@ struct Trainer::Impl {
     return step;
   }
 
-  void UpdatePdm(const AdamStep& step) {
+  // False if a weight or moment is no longer finite.
+  bool UpdatePdm(const AdamStep& step) {
+    bool finite = true;
     for (size_t k = 0; k < state.pdm.nets.size(); ++k) {
-      AdamUpdate(step, static_cast<float>(options.lr_pdm), v_pdm.nets[k],
-                 absl::MakeSpan(state.pdm.nets[k]), absl::MakeSpan(state.pdm_moment1.nets[k]),
-                 absl::MakeSpan(state.pdm_moment2.nets[k]));
+      finite &=
+          AdamUpdate(step, static_cast<float>(options.lr_pdm), v_pdm.nets[k],
+                     absl::MakeSpan(state.pdm.nets[k]), absl::MakeSpan(state.pdm_moment1.nets[k]),
+                     absl::MakeSpan(state.pdm_moment2.nets[k]));
     }
+    return finite;
   }
+
+  // The Gaussians' update from the renderer's gradients. The smallest index of those that are no
+  // longer finite, if any; none if this iteration is a detour around them.
+  std::optional<size_t> UpdateSplats(const AdamStep& step) {
+    const bool hide = DetourHere(/*gaussians=*/true);
+    SmallestIndex lost;
+    renderer.Backward(state.splats.params, v_rendered, Planes(),
+                      [&](size_t block, const float* grads, uint32_t visible) {
+                        if (hide)
+                          return UpdateBlockOrHide(step, grads, visible, block, &state.splats);
+                        const uint32_t bad =
+                            AdamUpdateBlock(step, grads, visible, block, &state.splats.params,
+                                            &state.splats.moment1, &state.splats.moment2);
+                        if (bad != 0) lost.Add(block * kSplatBlock + std::countr_zero(bad));
+                      });
+    return lost.any() ? std::optional(lost.get()) : std::nullopt;
+  }
+
+  bool DetourHere(bool gaussians) const {
+    return std::any_of(state.detours.begin(), state.detours.end(), [&](const Detour& d) {
+      return d.iteration == state.iteration && d.gaussians == gaussians;
+    });
+  }
+
+  // How often a photo's turn was skipped before `iteration`.
+  int Skips(size_t photo, int iteration) const {
+    return static_cast<int>(
+        std::count_if(state.detours.begin(), state.detours.end(), [&](const Detour& d) {
+          return !d.gaussians && d.iteration < iteration &&
+                 ViewOfIteration(options.seed, d.iteration, num_views) == photo;
+        }));
+  }
+
+  bool Skip(size_t photo) const {
+    return DetourHere(/*gaussians=*/false) || Skips(photo, state.iteration) >= kSkipsOfAPhoto;
+  }
+
+  size_t PhotosLeftOut() const {
+    size_t count = 0;
+    for (size_t i = 0; i < num_views; ++i) {
+      count += Skips(i, std::numeric_limits<int>::max()) >= kSkipsOfAPhoto;
+    }
+    return count;
+  }
+
+  absl::Status Fail(bool gaussians, const std::string& field, const std::string& what,
+                    const std::string& photo) {
+    Detour d{state.iteration, gaussians, absl::StrCat(what, " (photo ", photo, ")")};
+    const absl::Status status =
+        NotFiniteError(field, absl::StrCat(d.source, " at iteration ", d.iteration));
+    fault = std::move(d);
+    return status;
+  }
+
+  void Start(Splats initial);
+  absl::StatusOr<StepLosses> Learn(size_t photo);
 
   void Densify() {
     const int done = state.iteration;
@@ -125,23 +192,75 @@ struct Trainer::Impl {
   Planes rendered, alpha, v_rendered;
   PdmWeights v_pdm;
   PhaseSeconds phases;
+  std::optional<Detour> fault;  // what the last step met
 };
+
+void Trainer::Impl::Start(Splats initial) {
+  state = TrainState();
+  state.splats.params = std::move(initial);
+  state.splats.moment1 = Splats(state.splats.params.size());
+  state.splats.moment2 = Splats(state.splats.params.size());
+  state.splats.Rearrange(MortonOrder(state.splats.params));
+  state.density.Reset(state.splats.params.size());
+  if (options.lita && options.use_pdm) {
+    state.pdm = PdmWeights::Initial(options.pdm, options.seed);
+    state.pdm_moment1 = PdmWeights::Zeros(options.pdm);
+    state.pdm_moment2 = PdmWeights::Zeros(options.pdm);
+  }
+}
+
+// One step of gradient descent on a photo.
+absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
+  const int level = pyramid.LevelOf(state.iteration);
+  const TrainView& view = pyramid.View(level, photo);
+  const bool denoise = level == 0 && objective.Denoises(state.iteration);
+  const Camera& camera = view.view.camera;
+  RenderSettings settings;
+  settings.num_channels = options.lita ? int{kNumChannels} : 3;
+  settings.sh_degree = ShDegree();
+  settings.threads = options.threads;
+  {
+    Timer timer(&phases.forward);
+    renderer.Forward(state.splats.params, camera, settings, &rendered, &alpha);
+  }
+  StepLosses losses;
+  {
+    Timer timer(&phases.losses);
+    losses = objective.Evaluate(view, rendered, state.pdm, state.iteration, denoise, &v_rendered,
+                                &v_pdm);
+  }
+  if (const char* term = NotFinite(losses); term != nullptr) {
+    const std::string pixels = PixelsNotFinite(rendered);
+    return Fail(false, term,
+                absl::StrCat("the ", term, " loss is not finite",
+                             pixels.empty() ? "" : ", nor is the rendered ", pixels),
+                view.view.name);
+  }
+  Timer timer(&phases.backward);
+  const AdamStep step = MakeAdamStep(settings.sh_degree);
+  if (denoise && !UpdatePdm(step)) {
+    return Fail(false, "denoiser", "the denoiser's gradient is not finite", view.view.name);
+  }
+  if (const auto lost = UpdateSplats(step); lost.has_value()) {
+    // Where the loss's own gradient is to blame, its Gaussians are not.
+    const std::string pixels = PixelsNotFinite(v_rendered);
+    return Fail(pixels.empty(), "gradient",
+                absl::StrCat("the gradient of the ", pixels.empty() ? "" : "rendered ",
+                             pixels.empty() ? NameOfNotFinite(state.splats, *lost) : pixels,
+                             " is not finite"),
+                view.view.name);
+  }
+  if (state.iteration < DensifyUntil()) {
+    state.density.Add(renderer.stats(), camera.width, camera.height);
+  }
+  return losses;
+}
 
 Trainer::Trainer(const TrainOptions& options, const std::vector<TrainView>* views, Splats initial,
                  double extent)
     : impl_(std::make_unique<Impl>(options, views, extent)) {
   LITAGS_CHECK(!views->empty());
-  TrainState& s = impl_->state;
-  s.splats.params = std::move(initial);
-  s.splats.moment1 = Splats(s.splats.params.size());
-  s.splats.moment2 = Splats(s.splats.params.size());
-  s.splats.Rearrange(MortonOrder(s.splats.params));
-  s.density.Reset(s.splats.params.size());
-  if (options.lita && options.use_pdm) {
-    s.pdm = PdmWeights::Initial(options.pdm, options.seed);
-    s.pdm_moment1 = PdmWeights::Zeros(options.pdm);
-    s.pdm_moment2 = PdmWeights::Zeros(options.pdm);
-  }
+  impl_->Start(std::move(initial));
 }
 
 Trainer::~Trainer() = default;
@@ -154,44 +273,44 @@ double Trainer::WorkBefore(int iteration) const { return impl_->pyramid.WorkBefo
 
 absl::StatusOr<StepLosses> Trainer::Step() {
   Impl& s = *impl_;
-  const int level = s.pyramid.LevelOf(s.state.iteration);
-  const TrainView& view =
-      s.pyramid.View(level, ViewOfIteration(s.options.seed, s.state.iteration, s.num_views));
-  const bool denoise = level == 0 && s.objective.Denoises(s.state.iteration);
-  const Camera& camera = view.view.camera;
-  RenderSettings settings;
-  settings.num_channels = s.options.lita ? int{kNumChannels} : 3;
-  settings.sh_degree = s.ShDegree();
-  settings.threads = s.options.threads;
-  {
-    Timer timer(&s.phases.forward);
-    s.renderer.Forward(s.state.splats.params, camera, settings, &s.rendered, &s.alpha);
-  }
+  LITAGS_CHECK(!s.fault.has_value());
+  const size_t photo = ViewOfIteration(s.options.seed, s.state.iteration, s.num_views);
   StepLosses losses;
-  {
-    Timer timer(&s.phases.losses);
-    losses = s.objective.Evaluate(view, s.rendered, s.state.pdm, s.state.iteration, denoise,
-                                  &s.v_rendered, &s.v_pdm);
-  }
-  LITAGS_RETURN_IF_ERROR(NotFinite(losses, s.state.iteration, view.view.name));
-  {
-    Timer timer(&s.phases.backward);
-    const AdamStep step = s.MakeAdamStep(settings.sh_degree);
-    s.renderer.Backward(s.state.splats.params, s.v_rendered, Planes(),
-                        [&](size_t block, const float* grads, uint32_t visible) {
-                          AdamUpdateBlock(step, grads, visible, block, &s.state.splats.params,
-                                          &s.state.splats.moment1, &s.state.splats.moment2);
-                        });
-    if (denoise) s.UpdatePdm(step);
+  losses.skipped = s.Skip(photo);
+  if (!losses.skipped) {
+    LITAGS_ASSIGN_OR_RETURN(losses, s.Learn(photo));
   }
   ++s.state.iteration;
-  if (s.state.iteration <= s.DensifyUntil()) {
-    s.state.density.Add(s.renderer.stats(), camera.width, camera.height);
-    s.Densify();
-  }
+  s.Densify();
   s.phases.denoise = s.objective.denoise_seconds();
   return losses;
 }
+
+absl::Status Trainer::RollBack(const std::string& path, const std::string& fingerprint,
+                               Splats initial) {
+  Impl& s = *impl_;
+  LITAGS_CHECK(s.fault.has_value());
+  const Detour fault = *std::exchange(s.fault, std::nullopt);
+  const auto give_up = [&](const std::string& why) {
+    return NotFiniteError(
+        "training",
+        absl::StrCat("training met a number that is not finite and cannot go around it (", why,
+                     "): ", fault.source, " at iteration ", fault.iteration,
+                     "; leave out that photo or its depth map, or check the cameras"));
+  };
+  if (s.state.detours.size() == kMaxDetours) {
+    return give_up(absl::StrCat("after ", kMaxDetours, " roll-backs"));
+  }
+  std::vector<Detour> detours = std::move(s.state.detours);
+  detours.push_back(fault);
+  const absl::Status loaded = LoadCheckpoint(path, fingerprint);
+  if (!loaded.ok() || s.state.iteration > fault.iteration) s.Start(std::move(initial));
+  s.state.detours = std::move(detours);
+  if (2 * s.PhotosLeftOut() > s.num_views) return give_up("with half of the photos left out");
+  return absl::OkStatus();
+}
+
+const std::vector<Detour>& Trainer::detours() const { return impl_->state.detours; }
 
 Model Trainer::Snapshot() const {
   const Impl& s = *impl_;
@@ -220,6 +339,7 @@ absl::Status Trainer::LoadCheckpoint(const std::string& path, const std::string&
         "checkpoint: the denoiser has another shape; delete the checkpoint to start again");
   }
   impl_->state = std::move(state);
+  impl_->fault.reset();
   return absl::OkStatus();
 }
 

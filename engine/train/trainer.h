@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/splats.h"
+#include "engine/train/detour.h"
 #include "engine/train/model.h"
 #include "engine/train/options.h"
 #include "engine/train/train_view.h"
@@ -22,7 +23,8 @@ struct StepLosses {
   double reconstruction = 0;  // plain 3DGS: against the target
   double prior = 0;
   double depth = 0;
-  double denoise = 0;  // MSE of the last two stages + TV
+  double denoise = 0;    // MSE of the last two stages + TV
+  bool skipped = false;  // a detour: there was no photo
 
   double Total() const { return exposure + reconstruction + prior + depth + denoise; }
 };
@@ -42,9 +44,20 @@ class Trainer {
           double extent);
   ~Trainer();
 
-  // One iteration. INTERNAL (NOT_FINITE) naming the loss term if a loss is not a number; the scene
-  // is then as it was before the iteration.
+  // One iteration. INTERNAL (NOT_FINITE) if a loss, a gradient or a parameter is not finite, naming
+  // it with the photo and the iteration. The scene may then be half updated: RollBack, or
+  // LoadCheckpoint, is the only way on.
   absl::StatusOr<StepLosses> Step();
+
+  // After NOT_FINITE: back to the checkpoint at `path`, or to `initial` (as the constructor got it)
+  // if it is none of this run, and around what was met there: see Detour. A photo that was skipped
+  // twice is not used again. Iterations in between are repeated exactly, so the result does not
+  // depend on where the run went back to. INTERNAL (NOT_FINITE) after kMaxDetours, or when more
+  // than half of the photos would be left out.
+  absl::Status RollBack(const std::string& path, const std::string& fingerprint, Splats initial);
+
+  // What was met so far, by iteration; part of checkpoints.
+  const std::vector<Detour>& detours() const;
 
   int iteration() const;  // finished iterations
   size_t num_gaussians() const;
