@@ -31,7 +31,8 @@ uint32_t UpdateBlock(const AdamStep& s, const float* HWY_RESTRICT grads, uint32_
   for (size_t i = 0; i < kSplatBlock; i += lanes) {
     const auto mask = hn::RebindMask(d, hn::MaskFromVec(hn::Load(di, bits + i)));
     if (hn::AllFalse(d, mask)) continue;
-    auto probe = zero;  // NaN where something was not finite: 0 inf is NaN, and so is 0 NaN
+    // Not finite once a moment or value was not: squares only add up, and 0 inf is NaN.
+    auto probe = zero;
     for (int row = 0; row < s.rows; ++row) {
       const size_t at = row * kSplatBlock + i;
       const auto g = hn::Load(d, grads + at);
@@ -45,9 +46,9 @@ uint32_t UpdateBlock(const AdamStep& s, const float* HWY_RESTRICT grads, uint32_
       hn::Store(hn::IfThenElse(mask, new2, old2), d, m2 + at);
       const auto next = hn::Sub(old, step);
       hn::Store(hn::IfThenElse(mask, next, old), d, params + at);
-      probe = hn::MulAdd(zero, new2, hn::MulAdd(zero, next, probe));
+      probe = hn::Add(probe, hn::MulAdd(zero, next, new2));
     }
-    const auto lost = hn::And(mask, hn::IsNaN(probe));
+    const auto lost = hn::AndNot(hn::IsFinite(probe), mask);
     if (hn::AllFalse(d, lost)) continue;
     hn::Store(hn::BitCast(di, hn::VecFromMask(d, lost)), di, bits + i);
     for (size_t k = i; k < i + lanes; ++k) bad |= static_cast<uint32_t>(bits[k] & 1) << k;
