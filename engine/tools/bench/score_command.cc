@@ -37,7 +37,7 @@ absl::Status Score(const ScoreArguments& args) {
   }
   for (const auto& [name, path] : pictures) {
     LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, ReadImage(path, path));
-    LITAGS_RETURN_IF_ERROR(scorer.Add(name, picture));
+    LITAGS_RETURN_IF_ERROR(scorer.Add({.view = {name, Camera()}, .distortion = {}}, picture));
   }
   LITAGS_ASSIGN_OR_RETURN(const Scores scores, scorer.Finish());
   for (const ViewScore& v : scores.views) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "engine/core/error.h"
+#include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {
@@ -32,16 +33,30 @@ ReconstructInput BenchmarkScene::Input(const std::string& work_dir,
   return input;
 }
 
-absl::StatusOr<std::vector<View>> BenchmarkScene::TestViews(const Scene& scene) const {
+absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
+  std::vector<TestView> views;
   const std::string path = dir + "/transforms_test.json";
-  if (!fs::exists(path)) return std::vector<View>();
+  if (!fs::exists(path)) return views;
   LITAGS_ASSIGN_OR_RETURN(SparseModel given, ReadCameras(path, "transforms_test.json"));
-  if (!sfm) return given.views;
-  std::vector<View> views;
-  for (const View& wanted : given.views) {
+  for (size_t i = 0; i < given.views.size(); ++i) {
+    TestView view{given.views[i], given.distortions[i]};
+    if (const auto truth = FindPhoto(TruthDir(), view.view.name); truth.ok()) {
+      LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(*truth, *truth));
+      view.view.camera = view.view.camera.Scaled(info.width, info.height);
+    }
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
+absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(const Scene& scene) const {
+  LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> given, TestViews());
+  if (!sfm) return given;
+  std::vector<TestView> views;
+  for (const TestView& wanted : given) {
     const auto found = std::find_if(scene.views().begin(), scene.views().end(),
-                                    [&](const View& view) { return view.name == wanted.name; });
-    if (found != scene.views().end()) views.push_back(*found);
+                                    [&](const View& v) { return v.name == wanted.view.name; });
+    if (found != scene.views().end()) views.push_back({*found, Distortion()});
   }
   return views;
 }

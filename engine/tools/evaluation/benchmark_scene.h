@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "engine/core/camera.h"
 #include "engine/pipeline/engine.h"
+#include "engine/tools/evaluation/test_view.h"
 
 namespace litags {
 
@@ -25,9 +25,11 @@ struct BenchmarkScene {
   // nothing else is held out then.
   ReconstructInput Input(const std::string& work_dir, ReconstructOptions* options) const;
 
-  // The cameras of transforms_test.json, none if there is no such file. With `sfm` they are the
-  // trained scene's own, by name: COLMAP's world is another.
-  absl::StatusOr<std::vector<View>> TestViews(const Scene& scene) const;
+  // The cameras of transforms_test.json at the size of their truth photos, none if there is no such
+  // file.
+  absl::StatusOr<std::vector<TestView>> TestViews() const;
+  // With `sfm` they are the trained scene's own, by name: COLMAP's world is another.
+  absl::StatusOr<std::vector<TestView>> TestViews(const Scene& scene) const;
 };
 
 }  // namespace litags

@@ -14,28 +14,39 @@ namespace litags {
 namespace fs = std::filesystem;
 
 std::string Scores::ToJson() const {
+  const auto json_of = [](const std::optional<double>& v) {
+    return v.has_value() ? nlohmann::json(*v) : nlohmann::json();
+  };
   nlohmann::json rows = nlohmann::json::array();
   for (const ViewScore& v : views) {
-    rows.push_back({{"view", v.name}, {"psnr", v.psnr}, {"ssim", v.ssim}});
+    rows.push_back(
+        {{"view", v.name}, {"psnr", v.psnr}, {"ssim", v.ssim}, {"lpips", json_of(v.lpips)}});
   }
-  return nlohmann::json{
-      {"views", rows}, {"psnr", psnr}, {"ssim", ssim}, {"psnr_affine", psnr_affine}}
+  return nlohmann::json{{"views", rows},
+                        {"psnr", psnr},
+                        {"ssim", ssim},
+                        {"lpips", json_of(lpips)},
+                        {"psnr_affine", psnr_affine}}
       .dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-absl::Status Scorer::Add(const std::string& name, const ImageU8& picture) {
-  const std::string path = absl::StrCat(truth_dir_, "/", name);
-  if (truth_dir_.empty() || !fs::exists(path)) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(ImageU8 truth, ReadImage(path, absl::StrCat("truth[", name, "]")));
-  if (truth.width != picture.width || truth.height != picture.height) {
-    truth = ResizeArea(truth, picture.width, picture.height);
+absl::Status Scorer::Add(const TestView& view, const ImageU8& picture) {
+  absl::StatusOr<ImageU8> truth = LoadPhoto(truth_dir_, view);
+  if (absl::IsNotFound(truth.status())) return absl::OkStatus();
+  LITAGS_RETURN_IF_ERROR(truth.status());
+  if (truth->width != picture.width || truth->height != picture.height) {
+    truth = ResizeArea(*truth, picture.width, picture.height);
   }
-  ViewScore score{.name = name};
-  LITAGS_ASSIGN_OR_RETURN(score.psnr, Psnr(picture, truth));
-  LITAGS_ASSIGN_OR_RETURN(score.ssim, Ssim(picture, truth));
+  ViewScore score;
+  score.name = view.view.name;
+  LITAGS_ASSIGN_OR_RETURN(score.psnr, Psnr(picture, *truth));
+  LITAGS_ASSIGN_OR_RETURN(score.ssim, Ssim(picture, *truth));
+  if (lpips_ != nullptr) {
+    LITAGS_ASSIGN_OR_RETURN(score.lpips, lpips_->Distance(picture, *truth));
+  }
   views_.push_back(std::move(score));
   pictures_.push_back(picture);
-  truths_.push_back(std::move(truth));
+  truths_.push_back(*std::move(truth));
   return absl::OkStatus();
 }
 
@@ -50,44 +61,50 @@ absl::StatusOr<Scores> Scorer::Finish() const {
   for (const ViewScore& v : views_) {
     scores.psnr += v.psnr / static_cast<double>(views_.size());
     scores.ssim += v.ssim / static_cast<double>(views_.size());
+    if (v.lpips.has_value()) {
+      scores.lpips = scores.lpips.value_or(0) + *v.lpips / static_cast<double>(views_.size());
+    }
   }
   LITAGS_ASSIGN_OR_RETURN(const CorrectedPsnr fit, AffineCorrectedPsnr(pictures_, truths_));
   scores.psnr_affine = fit.corrected_db;
   return scores;
 }
 
-absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<View>& views,
+absl::StatusOr<ImageU8> RenderPicture(const Scene& scene, const View& view, int threads) {
+  RenderRequest request;
+  request.camera = view.camera;
+  request.threads = threads;
+  LITAGS_ASSIGN_OR_RETURN(const Planes color, scene.Render(request));
+  return ToImageU8(color);
+}
+
+absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<TestView>& views,
                                   const std::string& truth_dir, const std::string& pictures_dir,
                                   int threads) {
   std::error_code ignored;  // writing reports what matters
   if (!pictures_dir.empty()) fs::create_directories(pictures_dir, ignored);
   Scorer scorer(truth_dir);
-  for (const View& view : views) {
-    RenderRequest request;
-    request.camera = view.camera;
-    request.threads = threads;
-    LITAGS_ASSIGN_OR_RETURN(const Planes color, scene.Render(request));
-    const ImageU8 picture = ToImageU8(color);
+  for (const TestView& view : views) {
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, RenderPicture(scene, view.view, threads));
     if (!pictures_dir.empty()) {
       LITAGS_RETURN_IF_ERROR(
-          WritePng(absl::StrCat(pictures_dir, "/", Stem(view.name), ".png"), picture));
+          WritePng(absl::StrCat(pictures_dir, "/", Stem(view.view.name), ".png"), picture));
     }
-    LITAGS_RETURN_IF_ERROR(scorer.Add(view.name, picture));
+    LITAGS_RETURN_IF_ERROR(scorer.Add(view, picture));
   }
   return scorer.Finish();
 }
 
-absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir, const std::vector<View>& views,
-                                   const std::string& truth_dir,
+absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir,
+                                   const std::vector<TestView>& views, const std::string& truth_dir,
                                    const ReconstructOptions& options) {
   Scorer scorer(truth_dir);
-  for (const View& view : views) {
-    const std::string path = absl::StrCat(photos_dir, "/", view.name);
-    if (!fs::exists(path)) continue;
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 photo,
-                            ReadImage(path, absl::StrCat("images[", view.name, "]")));
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 target, MakePseudoTarget(photo, options));
-    LITAGS_RETURN_IF_ERROR(scorer.Add(view.name, target));
+  for (const TestView& view : views) {
+    const absl::StatusOr<ImageU8> photo = LoadPhoto(photos_dir, view);
+    if (absl::IsNotFound(photo.status())) continue;
+    LITAGS_RETURN_IF_ERROR(photo.status());
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 target, MakePseudoTarget(*photo, options));
+    LITAGS_RETURN_IF_ERROR(scorer.Add(view, target));
   }
   return scorer.Finish();
 }

@@ -7,6 +7,9 @@
 
 #include "engine/core/error.h"
 #include "engine/io/image_io.h"
+#include "engine/io/transforms_io.h"
+#include "engine/tools/evaluation/benchmark_scene.h"
+#include "engine/tools/evaluation/distort_test_util.h"
 
 namespace litags {
 namespace {
@@ -18,6 +21,9 @@ ImageU8 Ramp(int offset) {
   }
   return image;
 }
+
+// A view whose photos are taken as they are.
+TestView Named(const std::string& name) { return {.view = {name, Camera()}, .distortion = {}}; }
 
 class EvaluationTest : public testing::Test {
  protected:
@@ -34,8 +40,8 @@ class EvaluationTest : public testing::Test {
 TEST_F(EvaluationTest, AUniformOffsetCostsItsPsnrAndNothingAfterTheColourFit) {
   ASSERT_TRUE(WritePng(dir_ + "/truth/a.png", Ramp(0)).ok());
   Scorer scorer(dir_ + "/truth");
-  ASSERT_TRUE(scorer.Add("a.png", Ramp(10)).ok());
-  ASSERT_TRUE(scorer.Add("no-truth.png", Ramp(90)).ok());
+  ASSERT_TRUE(scorer.Add(Named("a.png"), Ramp(10)).ok());
+  ASSERT_TRUE(scorer.Add(Named("no-truth.png"), Ramp(90)).ok());
   const absl::StatusOr<Scores> scores = scorer.Finish();
   ASSERT_TRUE(scores.ok()) << scores.status();
   ASSERT_EQ(scores->views.size(), 1u);
@@ -46,7 +52,7 @@ TEST_F(EvaluationTest, AUniformOffsetCostsItsPsnrAndNothingAfterTheColourFit) {
 
 TEST_F(EvaluationTest, NoTruthPhotoIsNotFound) {
   Scorer scorer(dir_ + "/truth");
-  ASSERT_TRUE(scorer.Add("a.png", Ramp(0)).ok());
+  ASSERT_TRUE(scorer.Add(Named("a.png"), Ramp(0)).ok());
   const absl::Status status = scorer.Finish().status();
   EXPECT_TRUE(absl::IsNotFound(status));
   EXPECT_EQ(GetErrorDetail(status)->reason, "NO_TRUTH");
@@ -54,8 +60,7 @@ TEST_F(EvaluationTest, NoTruthPhotoIsNotFound) {
 
 TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
   ASSERT_TRUE(WritePng(dir_ + "/photos/a.png", Ramp(-30)).ok());
-  View view;
-  view.name = "a.png";
+  const TestView view = Named("a.png");
   ReconstructOptions options;
   const ImageU8 target = MakePseudoTarget(Ramp(-30), options).value();
   double mean = 0;
@@ -66,6 +71,51 @@ TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
   EXPECT_TRUE(std::isinf(ScorePhotos(dir_ + "/photos", {view}, dir_ + "/truth", options)->psnr));
   options.tone = Tone::kNone;
   EXPECT_LT(ScorePhotos(dir_ + "/photos", {view}, dir_ + "/truth", options)->psnr, 30);
+}
+
+TEST_F(EvaluationTest, TruthPhotosAreUndistortedAndFoundByStem) {
+  Camera camera;
+  camera.width = 96;
+  camera.height = 64;
+  camera.fx = camera.fy = 80;
+  camera.cx = 48;
+  camera.cy = 32;
+  const Distortion lens{.k1 = -0.25, .k2 = 0.02, .p1 = 0.004, .p2 = -0.003};
+  ImageU8 pinhole(96, 64);
+  for (int y = 0; y < 64; ++y) {
+    for (int x = 0; x < 96; ++x) {
+      const double v = 128 + 60 * std::sin(0.4 * x) * std::cos(0.35 * y);
+      std::fill_n(pinhole.pixel(x, y), 3, static_cast<uint8_t>(v));
+    }
+  }
+  std::filesystem::create_directories(dir_ + "/scene/high");
+  const ImageU8 taken = DistortPicture(pinhole, camera, lens);
+  ASSERT_TRUE(WritePng(dir_ + "/scene/high/a.png", taken).ok());
+  // The file is of another resolution, as transforms.json of a photo that was shrunk later.
+  SparseModel model;
+  model.views = {{"a.JPG", camera.Scaled(192, 128)}};
+  model.distortions = {lens};
+  ASSERT_TRUE(WriteTransforms(dir_ + "/scene/transforms_test.json", model, "high").ok());
+
+  const BenchmarkScene scene{.dir = dir_ + "/scene", .light = "low", .cameras = ""};
+  const auto views = scene.TestViews();
+  ASSERT_TRUE(views.ok()) << views.status();
+  ASSERT_EQ(views->size(), 1u);
+  EXPECT_EQ(views->at(0).view.camera.width, 96);
+  EXPECT_NEAR(views->at(0).view.camera.fx, 80, 1e-9);
+  Scorer scorer(scene.TruthDir());
+  ASSERT_TRUE(scorer.Add(views->at(0), pinhole).ok());
+  const double undistorted = scorer.Finish()->psnr,
+               as_taken = 10 * std::log10(65025 / [&] {
+                            double sum = 0;
+                            for (size_t i = 0; i < taken.data.size(); ++i) {
+                              sum += std::pow(double(taken.data[i]) - pinhole.data[i], 2) /
+                                     taken.data.size();
+                            }
+                            return sum;
+                          }());
+  EXPECT_LT(as_taken, 22);
+  EXPECT_GT(undistorted, 30);  // interpolated twice
 }
 
 }  // namespace

@@ -1,0 +1,28 @@
+// A camera that a scene is judged from, and the photos that were taken there.
+#ifndef LITAGS_ENGINE_TOOLS_EVALUATION_TEST_VIEW_H_
+#define LITAGS_ENGINE_TOOLS_EVALUATION_TEST_VIEW_H_
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "engine/core/camera.h"
+#include "engine/core/image.h"
+#include "engine/io/sparse_model.h"
+
+namespace litags {
+
+struct TestView {
+  View view;              // without lens distortion, as scenes are rendered
+  Distortion distortion;  // of the photos as they were taken
+};
+
+// Path of the photo of this name, or else of this stem, in `dir`; NOT_FOUND (NO_SUCH_PHOTO).
+absl::StatusOr<std::string> FindPhoto(const std::string& dir, const std::string& name);
+
+// That photo as the view's pinhole camera sees it: resized to it and undistorted. With a camera of
+// no size, as it is.
+absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TOOLS_EVALUATION_TEST_VIEW_H_
