@@ -68,6 +68,7 @@ absl::StatusOr<OnnxEnhancerOptions> ParseOnnxEnhancer(const std::string& text) {
   const size_t equals = parts[0].find('=');
   if (equals == std::string::npos) return Bad(text, "is not NAME=FILE.onnx");
   OnnxEnhancerOptions options;
+  options.text = text;
   options.name = parts[0].substr(0, equals);
   options.path = parts[0].substr(equals + 1);
   for (size_t i = 1; i < parts.size(); ++i) {

@@ -16,6 +16,7 @@ struct OnnxEnhancerOptions {
   OnnxPhotoOptions input;
   std::string output;  // name in the graph; empty: the last one
   double scale = 1;    // value of white in the output: 1 or 255
+  std::string text;    // what these were parsed from
 
   absl::Status Validate() const;
 };

@@ -9,12 +9,13 @@ namespace litags {
 // `litags-bench reference DIR`. Sets *exit_status when it has run.
 void AddReferenceCommand(CLI::App* app, int* exit_status);
 
-// `litags-bench kernels`, `machine`, `render`, `train`, `score`.
+// `litags-bench kernels`, `machine`, `render`, `train`, `score`, `table`.
 void AddKernelsCommand(CLI::App* app, int* exit_status);
 void AddMachineCommand(CLI::App* app, int* exit_status);
 void AddRenderCommand(CLI::App* app, int* exit_status);
 void AddTrainCommand(CLI::App* app, int* exit_status);
 void AddScoreCommand(CLI::App* app, int* exit_status);
+void AddTableCommand(CLI::App* app, int* exit_status);
 
 }  // namespace litags
 

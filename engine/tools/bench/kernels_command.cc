@@ -16,6 +16,7 @@
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
+#include "engine/tools/evaluation/process_usage.h"
 #include "engine/train/adam.h"
 #include "engine/train/losses.h"
 #include "engine/train/model.h"

@@ -4,11 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdint>
-#include <string>
 #include <vector>
-
-#include "absl/status/status.h"
 
 namespace litags {
 
@@ -39,9 +35,6 @@ Timing Measure(int repetitions, Body body) {
   }
   return Summarize(std::move(ms));
 }
-
-// Largest resident set of this process so far.
-int64_t PeakRssBytes();
 
 }  // namespace litags
 

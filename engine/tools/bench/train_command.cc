@@ -17,6 +17,7 @@
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
+#include "engine/tools/evaluation/process_usage.h"
 
 namespace litags {
 namespace {

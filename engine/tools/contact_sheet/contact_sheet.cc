@@ -7,12 +7,15 @@
 #include <opencv2/imgproc.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 
 namespace litags {
 namespace {
 
-constexpr int kGap = 8, kMargin = 16, kTitle = 40, kHeading = 30, kLabel = 76;  // px
+constexpr int kGap = 8, kMargin = 16, kTitle = 40, kHeading = 30, kLabel = 76,
+              kLineHeight = 18;  // px
+constexpr double kLabelSize = 0.45;
 // RGB; the sheet is drawn in our channel order.
 const cv::Scalar kPaper(250, 250, 248), kInk(40, 42, 46), kFaint(150, 152, 156),
     kHole(226, 226, 224);
@@ -24,6 +27,26 @@ void Write(cv::Mat& canvas, const std::string& text, cv::Point at, double size,
 
 cv::Size TextSize(const std::string& text, double size) {
   return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, size, 1, nullptr);
+}
+
+// Width of the labels' column: that of the longest line, with room before the pictures.
+int LabelWidth(const Sheet& sheet) {
+  int width = kLabel;
+  for (const SheetRow& row : sheet.rows) {
+    for (const absl::string_view line : absl::StrSplit(row.label, '\n')) {
+      width = std::max(width, TextSize(std::string(line), kLabelSize).width + kMargin);
+    }
+  }
+  return width;
+}
+
+void WriteLabel(cv::Mat& canvas, const std::string& label, cv::Point middle) {
+  const std::vector<std::string> lines = absl::StrSplit(label, '\n');
+  int y = middle.y - kLineHeight * (static_cast<int>(lines.size()) - 1) / 2;
+  for (const std::string& line : lines) {
+    Write(canvas, line, {middle.x, y}, kLabelSize, kInk);
+    y += kLineHeight;
+  }
 }
 
 // The 2nd and 98th percentile of the known values; {0, 1} if there are none.
@@ -175,19 +198,20 @@ absl::StatusOr<ImageU8> Draw(const Sheet& sheet) {
     rows.push_back(std::move(loaded));
   }
   const int columns = static_cast<int>(sheet.columns.size()), step = sheet.cell_width + kGap;
-  ImageU8 image(kMargin + kLabel + columns * step + kMargin - kGap, height - kGap + kMargin);
+  const int left = kMargin + LabelWidth(sheet);
+  ImageU8 image(left + columns * step + kMargin - kGap, height - kGap + kMargin);
   cv::Mat canvas(image.height, image.width, CV_8UC3, image.data.data());
   canvas.setTo(kPaper);
 
   if (!sheet.title.empty()) Write(canvas, sheet.title, {kMargin, kMargin + 20}, 0.65, kInk);
   for (int c = 0; c < columns; ++c) {
-    Write(canvas, sheet.columns[c], {kMargin + kLabel + c * step, top - 10}, 0.5, kInk);
+    Write(canvas, sheet.columns[c], {left + c * step, top - 10}, 0.5, kInk);
   }
   int y = top;
   for (size_t r = 0; r < rows.size(); ++r) {
-    Write(canvas, sheet.rows[r].label, {kMargin, y + rows[r].height / 2}, 0.45, kInk);
+    WriteLabel(canvas, sheet.rows[r].label, {kMargin, y + rows[r].height / 2});
     for (int c = 0; c < columns; ++c) {
-      const cv::Rect place(kMargin + kLabel + c * step, y, sheet.cell_width, rows[r].height);
+      const cv::Rect place(left + c * step, y, sheet.cell_width, rows[r].height);
       const bool given = c < static_cast<int>(rows[r].cells.size());
       DrawCell(canvas, given ? rows[r].cells[c] : cv::Mat(), place);
     }

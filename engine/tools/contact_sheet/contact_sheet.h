@@ -22,7 +22,7 @@ struct SheetCell {
 };
 
 struct SheetRow {
-  std::string label;
+  std::string label;  // may have several lines
   std::vector<SheetCell> cells;
 };
 

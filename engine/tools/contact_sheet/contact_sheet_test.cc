@@ -60,6 +60,20 @@ TEST_F(ContactSheet, ARowNeedNotFillItsColumns) {
   EXPECT_GT(image->width, 3 * 60);
 }
 
+TEST_F(ContactSheet, LongLabelsAreGivenRoomAndLinesShareARow) {
+  Sheet sheet;
+  sheet.columns = {"a"};
+  sheet.cell_width = 60;
+  sheet.rows = {{"short", {{Paint("a.png", 60, 60, {0, 255, 0})}}}};
+  const int narrow = DrawSheet(sheet)->width, height = DrawSheet(sheet)->height;
+  sheet.rows[0].label = "a label of many words\nand two lines";
+  const auto wide = DrawSheet(sheet);
+  ASSERT_TRUE(wide.ok()) << wide.status();
+  EXPECT_GT(wide->width, narrow + 50);
+  EXPECT_EQ(wide->height, height);
+  EXPECT_EQ(Count(*wide, 0, 255, 0), 60 * 60);  // no text over the picture
+}
+
 TEST_F(ContactSheet, TheWrittenFileHoldsTheSheet) {
   Sheet sheet;
   sheet.columns = {"a"};

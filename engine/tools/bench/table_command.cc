@@ -1,0 +1,137 @@
+// litags-bench table: methods compared on scenes, as in the paper's tables.
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "CLI/App.hpp"
+#include "CLI/Config.hpp"
+#include "CLI/Formatter.hpp"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "engine/core/error.h"
+#include "engine/tools/bench/commands.h"
+#include "engine/tools/evaluation/method_options.h"
+#include "engine/tools/table/table.h"
+
+namespace litags {
+namespace {
+
+struct TableArguments {
+  std::vector<std::string> scenes, lights = {"low", "over_exp"}, methods = {"all"}, enhancers;
+  std::string sparse, cell;
+  ReconstructOptions base;
+  TableOptions options;
+};
+
+// This process's command line.
+std::vector<std::string> OwnArguments() {
+  std::ifstream file("/proc/self/cmdline", std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  std::vector<std::string> arguments = absl::StrSplit(text, '\0');
+  if (!arguments.empty()) arguments.pop_back();  // it ends in a zero
+  return arguments;
+}
+
+// The method options that were given, "--seed=3 --tone=paper"; threads change no result.
+std::string SettingsOf(const std::vector<const CLI::Option*>& options) {
+  std::vector<std::string> given;
+  for (const CLI::Option* option : options) {
+    if (option->count() == 0 || option->get_name() == "--threads") continue;
+    given.push_back(absl::StrCat(option->get_name(), "=", absl::StrJoin(option->results(), ",")));
+  }
+  return absl::StrJoin(given, " ");
+}
+
+absl::Status Complete(TableArguments* args) {
+  TableOptions& options = args->options;
+  LITAGS_RETURN_IF_ERROR(args->base.Validate());
+  LITAGS_ASSIGN_OR_RETURN(options.scenes, FindScenes(args->scenes, args->sparse));
+  options.lights = args->lights;
+  std::vector<std::string> enhancers;
+  for (const Enhancer& enhancer : BuiltinEnhancers()) enhancers.push_back(enhancer.name);
+  for (const std::string& text : args->enhancers) {
+    LITAGS_ASSIGN_OR_RETURN(OnnxEnhancerOptions enhancer, ParseOnnxEnhancer(text));
+    enhancers.push_back(enhancer.name);
+    options.enhancers.push_back(std::move(enhancer));
+  }
+  for (const std::string& name : args->methods) {
+    const std::vector<std::string> names =
+        name == "all" ? AllMethods(enhancers) : std::vector<std::string>{name};
+    for (const std::string& each : names) {
+      LITAGS_ASSIGN_OR_RETURN(TableMethod method, ParseMethod(each, args->base, enhancers));
+      options.methods.push_back(std::move(method));
+    }
+  }
+  options.program = OwnArguments();
+  options.heading = absl::StrCat(
+      "# Methods compared\n\nMeans over test views; ", args->base.iterations,
+      " iterations each, same cameras and program. The best is in bold; 3dgs-normal is a bound.\n\n"
+      "```\n",
+      absl::StrJoin(options.program, " "), "\n```");
+  if (!options.program.empty()) options.program[0] = "/proc/self/exe";
+  return absl::OkStatus();
+}
+
+absl::Status Table(TableArguments* args, int* exit_status) {
+  LITAGS_RETURN_IF_ERROR(Complete(args));
+  if (!args->cell.empty()) return RunCell(args->options, args->cell);
+  LITAGS_ASSIGN_OR_RETURN(const int failed, RunTable(args->options));
+  std::printf("%s/table.md, table.csv, table.json%s\n", args->options.out.c_str(),
+              failed > 0 ? absl::StrCat("; ", failed, " rows failed").c_str() : "");
+  if (failed > 0) *exit_status = 1;
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddTableCommand(CLI::App* app, int* exit_status) {
+  auto args = std::make_shared<TableArguments>();
+  TableOptions& options = args->options;
+  CLI::App* command = app->add_subcommand(
+      "table", "Trains and scores every method on every scene and light; finished rows are kept");
+  command->add_option("scenes", args->scenes, "scenes in the layout of LOM, or folders of them")
+      ->required();
+  command->add_option("--light", args->lights, "folders of photos, such as low,over_exp")
+      ->delimiter(',')
+      ->capture_default_str();
+  command
+      ->add_option("--methods", args->methods,
+                   "all, or names: litags, litags-paper, litags-no-pdm, litags-no-depth, "
+                   "litags-no-prior, litags-no-pdm-depth-prior, 3dgs, 3dgs-normal, E+3dgs, 3dgs+E "
+                   "with E of gain, light-gain, gamma, histeq, clahe, lime or an --enhancer")
+      ->delimiter(',')
+      ->capture_default_str();
+  command->add_option("--enhancer", args->enhancers,
+                      "NAME=FILE.onnx[,size=WxH][,multiple=N][,mean=R:G:B][,std=R:G:B]"
+                      "[,output=NAME][,white=255]; may be repeated");
+  command->add_option("--lpips", options.lpips, "ONNX network of LPIPS, inputs in0 and in1");
+  command->add_option(
+      "--sparse", args->sparse,
+      "cameras inside each scene (transforms.json or COLMAP model, with its points) "
+      "instead of transforms_train.json and triangulation");
+  command->add_option("-o,--out", options.out, "folder for the table, pictures and runs")
+      ->required();
+  command->add_flag("--fresh", options.fresh, "run finished rows again, too");
+  command->add_option("--colmap", options.colmap, "COLMAP program")->capture_default_str();
+  command->add_option("--cell", args->cell)->group("");  // hidden: one row, in a child process
+  const size_t before = command->get_options().size();
+  AddMethodOptions(command, &args->base);
+  command->remove_option(command->get_option("--method"));  // --methods says it
+  std::vector<const CLI::Option*> settings;
+  for (size_t i = before; i < command->get_options().size(); ++i) {
+    settings.push_back(command->get_options()[i]);
+  }
+  command->callback([args, settings, exit_status] {
+    args->options.settings = SettingsOf(settings);
+    if (const absl::Status s = Table(args.get(), exit_status); !s.ok()) {
+      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
+      *exit_status = 1;
+    }
+  });
+}
+
+}  // namespace litags

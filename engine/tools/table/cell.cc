@@ -1,0 +1,132 @@
+#include "engine/tools/table/cell.h"
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/pipeline/fingerprint.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kMaxRowBytes = int64_t{16} << 20;
+constexpr int64_t kMaxFileBytes = int64_t{2} << 30;
+
+// Of a file's bytes; of nothing if it cannot be read, which whoever needs it will report.
+void AddFile(const std::string& path, Fingerprint* f) {
+  const auto bytes = ReadFile(path, path, kMaxFileBytes);
+  if (bytes.ok()) f->Add(bytes->data(), bytes->size());
+}
+
+// Of the names and sizes of photos.
+void AddPhotos(const std::string& dir, const std::vector<std::string>& photos, Fingerprint* f) {
+  for (const std::string& photo : photos) {
+    std::error_code ignored;
+    f->Add(photo.data(), photo.size());
+    f->Add(fs::file_size(absl::StrCat(dir, "/", photo), ignored));
+  }
+}
+
+std::string FileKey(const std::string& path) {
+  Fingerprint f;
+  AddFile(path, &f);
+  return absl::StrCat(path, " ", f.Text());
+}
+
+}  // namespace
+
+std::string TableCell::Name() const {
+  return absl::StrCat(scene_.name, "/", light_, "/", method_.name);
+}
+
+std::string TableCell::RunDirOf(const std::string& method) const {
+  return absl::StrCat(options_.out, "/runs/", scene_.name, "/", photos_light(), "/", method);
+}
+
+std::string TableCell::CamerasDir() const {
+  return absl::StrCat(options_.out, "/cameras/", scene_.name, "/", photos_light());
+}
+
+TableRow TableCell::EmptyRow() const {
+  TableRow row;
+  row.scene = scene_.name;
+  row.light = light_;
+  row.method = method_.name;
+  row.build = BuildId();
+  return row;
+}
+
+absl::StatusOr<std::string> TableCell::TrainingKey() const {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
+                          scene_.TrainingPhotos(photos_light()));
+  Fingerprint f;
+  AddPhotos(scene_.PhotosDir(photos_light()), photos, &f);
+  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    AddFile(absl::StrCat(CamerasDir(), "/cameras/", name), &f);
+  }
+  return absl::StrCat(method_.trained_as, " ", f.Text(), " ", EnhancerKey(method_.before), " ",
+                      options_.settings);
+}
+
+absl::StatusOr<std::string> TableCell::RowKey() const {
+  LITAGS_ASSIGN_OR_RETURN(const std::string training, TrainingKey());
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, scene_.TestViews());
+  std::vector<std::string> names;
+  for (const TestView& view : views) names.push_back(view.view.name);
+  Fingerprint f;
+  AddPhotos(scene_.TruthDir(), names, &f);
+  AddFile(scene_.dir + "/transforms_test.json", &f);
+  return absl::StrCat(training, " ", f.Text(), " ", EnhancerKey(method_.after), " ",
+                      options_.lpips.empty() ? "" : FileKey(options_.lpips));
+}
+
+absl::StatusOr<Enhancer> TableCell::MakeEnhancer(const std::string& name) const {
+  for (const Enhancer& enhancer : BuiltinEnhancers()) {
+    if (enhancer.name == name) return enhancer;
+  }
+  for (const OnnxEnhancerOptions& enhancer : options_.enhancers) {
+    if (enhancer.name == name) return MakeOnnxEnhancer(enhancer);
+  }
+  return absl::InternalError(absl::StrCat("no enhancer ", name));
+}
+
+std::string TableCell::EnhancerKey(const std::string& name) const {
+  for (const OnnxEnhancerOptions& e : options_.enhancers) {
+    if (e.name == name) return absl::StrCat(e.text, " ", FileKey(e.path));
+  }
+  return name;
+}
+
+absl::Status KeepRow(const std::string& path, const std::string& key, const TableRow& row) {
+  // The row's own text, so that rows have one format only.
+  const nlohmann::json json = {{"key", key}, {"row", row.ToJson()}};
+  return WriteFileAtomically(
+      path, json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+}
+
+std::optional<TableRow> KeptRow(const std::string& path, const std::string& key) {
+  const auto text = ReadFile(path, path, kMaxRowBytes);
+  if (!text.ok()) return std::nullopt;
+  const auto json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object() || json.value("key", nlohmann::json()) != key) return std::nullopt;
+  const nlohmann::json row = json.value("row", nlohmann::json());
+  if (!row.is_string()) return std::nullopt;
+  const auto parsed = ParseTableRow(row.get<std::string>(), path);
+  return parsed.ok() ? std::optional<TableRow>(*parsed) : std::nullopt;
+}
+
+std::string BuildId() {
+  static const std::string* const kId = [] {
+    Fingerprint f;
+    AddFile("/proc/self/exe", &f);
+    return new std::string(f.Text());
+  }();
+  return *kId;
+}
+
+}  // namespace litags

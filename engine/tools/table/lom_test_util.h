@@ -1,0 +1,87 @@
+// For tests: a small sample capture as LOM is downloaded, taken through a lens with distortion.
+#ifndef LITAGS_ENGINE_TOOLS_TABLE_LOM_TEST_UTIL_H_
+#define LITAGS_ENGINE_TOOLS_TABLE_LOM_TEST_UTIL_H_
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <filesystem>
+#include <string>
+#include <utility>
+
+#include "engine/io/colmap_io.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/sparse_model.h"
+#include "engine/io/transforms_io.h"
+#include "engine/sample/capture.h"
+#include "engine/tools/evaluation/distort_test_util.h"
+
+namespace litags {
+
+// Moves the pinhole camera's pixel (x, y), seen at `depth`, to the world.
+inline std::array<double, 3> WorldPoint(const Camera& c, double x, double y, double depth) {
+  const double p[3] = {(x - c.cx) / c.fx * depth - c.t[0], (y - c.cy) / c.fy * depth - c.t[1],
+                       depth - c.t[2]};
+  std::array<double, 3> world;
+  for (int i = 0; i < 3; ++i) world[i] = c.R[i] * p[0] + c.R[3 + i] * p[1] + c.R[6 + i] * p[2];
+  return world;
+}
+
+// Writes SCENE/{low,high,over_exp}, transforms_{train,test}.json with k1 k2 p1 p2, and
+// SCENE/sparse, a COLMAP model with points of exact depth so that no COLMAP is needed. Views 2 and
+// 6 of 8 are the test views.
+inline void WriteLomScene(const std::string& dir, int width = 64, int height = 48) {
+  sample::CaptureOptions options;
+  options.width = width;
+  options.height = height;
+  options.views = 8;
+  options.test_every = 4;
+  options.antialias = 1;
+  options.threads = 1;
+  options.truth = true;
+  ASSERT_TRUE(sample::WriteCapture(options, dir).ok());
+
+  const Distortion lens{.k1 = -0.08, .k2 = 0.01, .p1 = 0.002, .p2 = -0.001};
+  SparseModel all;
+  for (const char* part : {"train", "test"}) {
+    const std::string path = dir + "/transforms_" + part + ".json";
+    auto model = ReadTransforms(path, part);
+    ASSERT_TRUE(model.ok()) << model.status();
+    for (size_t i = 0; i < model->views.size(); ++i) {
+      model->distortions[i] = lens;
+      const View& view = model->views[i];
+      for (const char* light : {"low", "high", "over_exp"}) {
+        const std::string photo = dir + "/" + light + "/" + view.name;
+        const auto picture = ReadImage(photo, light);
+        ASSERT_TRUE(picture.ok()) << picture.status();
+        ASSERT_TRUE(WriteJpeg(photo, DistortPicture(*picture, view.camera, lens)).ok());
+      }
+      const int index = static_cast<int>(all.views.size());
+      all.views.push_back(view);
+      all.distortions.push_back(lens);
+      if (std::string(part) == "test") continue;
+      const auto depth = ReadDepthMap(dir + "/depth/" + Stem(view.name) + ".pfm", "depth");
+      ASSERT_TRUE(depth.ok()) << depth.status();
+      for (int y = 4; y < height; y += 8) {
+        for (int x = 4; x < width; x += 8) {
+          SparsePoint point;
+          point.xyz = WorldPoint(view.camera, x + 0.5, y + 0.5, depth->at(0, y, x));
+          point.rgb = {30, 30, 30};
+          // Where it was seen matters to nobody here.
+          point.track = {{index, x + 0.5, y + 0.5}};
+          if (index > 0) point.track.push_back({index - 1, x + 0.5, y + 0.5});
+          all.points.push_back(std::move(point));
+        }
+      }
+    }
+    ASSERT_TRUE(WriteTransforms(path, *model, "low").ok());
+  }
+  std::filesystem::create_directories(dir + "/sparse");
+  ASSERT_TRUE(WriteColmapModel(dir + "/sparse", all).ok());
+}
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TOOLS_TABLE_LOM_TEST_UTIL_H_

@@ -1,0 +1,183 @@
+// The table as Markdown, in the layout of the paper's Tables 1 and 2.
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/tools/table/row.h"
+
+namespace litags {
+namespace {
+
+using Rows = std::vector<TableRow>;
+using Value = std::function<std::optional<double>(const TableRow&)>;
+
+const char* GroupName(TableMethod::Group group) {
+  switch (group) {
+    case TableMethod::Group::kReference:
+      return "Trained on normally lit photos: a bound, not a method";
+    case TableMethod::Group::kVanilla:
+      return "3DGS on the photos as they are";
+    case TableMethod::Group::kAfter:
+      return "3DGS, then enhancement of its renders";
+    case TableMethod::Group::kBefore:
+      return "Enhancement of the photos, then 3DGS";
+    case TableMethod::Group::kAblation:
+      return "Ablations of litags (the paper's Table 3)";
+    case TableMethod::Group::kLita:
+      return "End-to-end";
+  }
+  return "";
+}
+
+// Distinct values in the order of their first appearance.
+std::vector<std::string> Distinct(const Rows& rows, std::string TableRow::*member) {
+  std::vector<std::string> out;
+  for (const TableRow& row : rows) {
+    if (std::find(out.begin(), out.end(), row.*member) == out.end()) out.push_back(row.*member);
+  }
+  return out;
+}
+
+// The value for one scene, or the mean over all of them if `scene` is empty; none unless all of
+// the scenes asked for have one: a mean over fewer scenes does not compare.
+std::optional<double> Over(const Rows& rows, const std::string& light, const std::string& method,
+                           const std::string& scene, const Value& value) {
+  double sum = 0;
+  int count = 0;
+  for (const TableRow& row : rows) {
+    if (row.light != light || row.method != method) continue;
+    if (!scene.empty() && row.scene != scene) continue;
+    const std::optional<double> v = row.ok() ? value(row) : std::nullopt;
+    if (!v.has_value() || !std::isfinite(*v)) return std::nullopt;
+    sum += *v;
+    ++count;
+  }
+  return count > 0 ? std::optional<double>(sum / count) : std::nullopt;
+}
+
+struct Column {
+  std::string title, scene;
+  Value value;
+  int decimals;
+  bool higher_is_better;
+};
+
+std::vector<Column> ColumnsOf(const std::vector<std::string>& scenes, bool lpips) {
+  std::vector<Column> columns;
+  const auto add = [&](const std::string& title, const std::string& scene) {
+    columns.push_back({title + " PSNR↑", scene, [](const TableRow& r) { return r.psnr; }, 2, true});
+    columns.push_back({title + " SSIM↑", scene, [](const TableRow& r) { return r.ssim; }, 3, true});
+    if (!lpips) return;
+    columns.push_back(
+        {title + " LPIPS↓", scene, [](const TableRow& r) { return r.lpips; }, 3, false});
+  };
+  for (const std::string& scene : scenes) add(scene, scene);
+  add("mean", "");
+  return columns;
+}
+
+std::string Cell(const std::optional<double>& value, int decimals, bool bold) {
+  if (!value.has_value()) return " –";
+  const std::string text = absl::StrFormat("%.*f", decimals, *value);
+  return bold ? absl::StrCat(" **", text, "**") : absl::StrCat(" ", text);
+}
+
+// Quality of all methods under one light.
+std::string QualityTable(const Rows& rows, const std::vector<TableMethod>& methods,
+                         const std::string& light) {
+  const bool lpips =
+      std::any_of(rows.begin(), rows.end(), [](const TableRow& r) { return r.lpips.has_value(); });
+  const std::vector<Column> columns = ColumnsOf(Distinct(rows, &TableRow::scene), lpips);
+  std::string out = "| Method |", rule = "|---|";
+  for (const Column& column : columns) {
+    absl::StrAppend(&out, " ", column.title, " |");
+    rule += "---|";
+  }
+  if (!lpips) {
+    out += " LPIPS↓ |";
+    rule += "---|";
+  }
+  absl::StrAppend(&out, "\n", rule, "\n");
+
+  // What is in bold: the best of what could be had without normal light.
+  std::vector<std::optional<double>> best(columns.size());
+  for (size_t c = 0; c < columns.size(); ++c) {
+    for (const TableMethod& method : methods) {
+      if (method.normal_light) continue;
+      const auto v = Over(rows, light, method.name, columns[c].scene, columns[c].value);
+      const auto better = [&](double a, double b) {
+        return columns[c].higher_is_better ? a > b : a < b;
+      };
+      if (v.has_value() && (!best[c].has_value() || better(*v, *best[c]))) best[c] = v;
+    }
+  }
+  std::optional<TableMethod::Group> group;
+  for (const TableMethod& method : methods) {
+    if (group != method.group && *GroupName(method.group) != '\0') {
+      absl::StrAppend(&out, "| *", GroupName(method.group), "* |\n");
+    }
+    group = method.group;
+    absl::StrAppend(&out, "| ", method.name, " |");
+    for (size_t c = 0; c < columns.size(); ++c) {
+      const auto v = Over(rows, light, method.name, columns[c].scene, columns[c].value);
+      const bool bold = v.has_value() && !method.normal_light && *v == best[c];
+      absl::StrAppend(&out, Cell(v, columns[c].decimals, bold), " |");
+    }
+    absl::StrAppend(&out, lpips ? "\n" : " no network given |\n");
+  }
+  return out;
+}
+
+// What the methods cost, and PSNR after a colour fit; means over scenes.
+std::string CostTable(const Rows& rows, const std::vector<TableMethod>& methods,
+                      const std::string& light) {
+  const std::vector<Column> columns = {
+      {"PSNR after one colour fit", "", [](const TableRow& r) { return r.psnr_affine; }, 2, true},
+      {"training, s", "", [](const TableRow& r) { return r.seconds; }, 1, false},
+      {"training, CPU s", "", [](const TableRow& r) { return r.cpu_seconds; }, 1, false},
+      {"enhancing, s", "", [](const TableRow& r) { return r.enhance_seconds; }, 1, false},
+      {"iterations", "", [](const TableRow& r) { return r.iterations; }, 0, false},
+      {"Gaussians", "", [](const TableRow& r) { return r.gaussians; }, 0, false},
+      {"peak memory, MiB", "", [](const TableRow& r) { return r.peak_rss_bytes / 1048576.0; }, 0,
+       false}};
+  std::string out = "| Method |", rule = "|---|";
+  for (const Column& column : columns) {
+    absl::StrAppend(&out, " ", column.title, " |");
+    rule += "---|";
+  }
+  absl::StrAppend(&out, "\n", rule, "\n");
+  for (const TableMethod& method : methods) {
+    absl::StrAppend(&out, "| ", method.name, " |");
+    for (const Column& column : columns) {
+      const auto v = Over(rows, light, method.name, "", column.value);
+      absl::StrAppend(&out, Cell(v, column.decimals, false), " |");
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string TableMarkdown(const Rows& rows, const std::vector<TableMethod>& methods,
+                          const std::string& heading) {
+  std::string out = heading + "\n";
+  for (const std::string& light : Distinct(rows, &TableRow::light)) {
+    absl::StrAppend(&out, "\n## ", light, "\n\n", QualityTable(rows, methods, light),
+                    "\nCost and diagnostics, means over scenes:\n\n",
+                    CostTable(rows, methods, light));
+  }
+  std::string failed;
+  for (const TableRow& row : rows) {
+    if (row.ok()) continue;
+    absl::StrAppend(&failed, "- ", row.scene, " ", row.light, " ", row.method, ": ", row.error,
+                    "\n");
+  }
+  if (!failed.empty()) absl::StrAppend(&out, "\n## Failed\n\n", failed);
+  return out;
+}
+
+}  // namespace litags

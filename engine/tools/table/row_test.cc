@@ -1,0 +1,129 @@
+#include "engine/tools/table/row.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "engine/io/file_util.h"
+#include "engine/io/test_util.h"
+#include "engine/tools/table/scene.h"
+
+namespace litags {
+namespace {
+
+TableRow Row(const std::string& scene, const std::string& method, double psnr) {
+  TableRow row;
+  row.scene = scene;
+  row.light = "low";
+  row.method = method;
+  row.psnr = psnr;
+  row.ssim = psnr / 100;
+  row.psnr_affine = psnr + 1;
+  row.seconds = 2.5;
+  row.iterations = 30;
+  row.gaussians = 1000;
+  row.peak_rss_bytes = int64_t{3} << 20;
+  row.views = 2;
+  return row;
+}
+
+std::vector<TableMethod> Methods(const std::vector<std::string>& names) {
+  std::vector<TableMethod> methods;
+  for (const std::string& name : names) {
+    methods.push_back(ParseMethod(name, ReconstructOptions(), {"gain"}).value());
+  }
+  return methods;
+}
+
+TEST(TableRow, ComesBackFromJson) {
+  TableRow row = Row("fox", "litags", 25.5);
+  row.lpips = 0.25;
+  const auto back = ParseTableRow(row.ToJson(), "row");
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_EQ(back->ToJson(), row.ToJson());
+  row.error = "no such, \"photo\"";
+  const auto failed = ParseTableRow(row.ToJson(), "row");
+  ASSERT_TRUE(failed.ok()) << failed.status();
+  EXPECT_FALSE(failed->ok());
+  EXPECT_TRUE(nlohmann::json::parse(row.ToJson())["psnr"].is_null());
+  EXPECT_EQ(Reason(ParseTableRow("{\"scene\": 3}", "row").status()), "ROW_CORRUPT");
+}
+
+TEST(TableCsv, QuotesWhatWouldBreakALine) {
+  TableRow failed = Row("fox", "litags", 0);
+  failed.error = "said \"no\", twice";
+  const std::string csv = TableCsv({Row("fox", "3dgs", 7.5), failed});
+  EXPECT_EQ(csv.rfind("scene,light,method,psnr,ssim,lpips,psnr_affine,seconds,", 0), 0u) << csv;
+  EXPECT_NE(csv.find("fox,low,3dgs,7.5,0.075,,8.5,2.5,"), std::string::npos) << csv;
+  EXPECT_NE(csv.find("\"said \"\"no\"\", twice\""), std::string::npos) << csv;
+}
+
+TEST(TableMarkdown, HasMeansOverScenesAndMarksTheBestButNotTheBound) {
+  const std::string text =
+      TableMarkdown({Row("a", "3dgs-normal", 30), Row("b", "3dgs-normal", 32), Row("a", "3dgs", 7),
+                     Row("b", "3dgs", 9), Row("a", "litags", 20), Row("b", "litags", 25)},
+                    Methods({"3dgs-normal", "3dgs", "litags"}), "# T");
+  EXPECT_NE(text.find("| 3dgs-normal | 30.00 | 0.300 | 32.00 | 0.320 | 31.00 | 0.310 |"),
+            std::string::npos)
+      << text;
+  EXPECT_NE(text.find("| litags | **20.00** | **0.200** | **25.00** | **0.250** | **22.50** |"),
+            std::string::npos)
+      << text;
+  EXPECT_NE(text.find("no network given"), std::string::npos);
+}
+
+TEST(TableMarkdown, AMeanOverFewerScenesIsNotShown) {
+  TableRow failed = Row("b", "litags", 0);
+  failed.error = "too dark";
+  const std::string text =
+      TableMarkdown({Row("a", "litags", 20), failed}, Methods({"litags"}), "# T");
+  EXPECT_NE(text.find("| litags | **20.00** | **0.200** | – | – | – | – |"), std::string::npos)
+      << text;
+  EXPECT_NE(text.find("- b low litags: too dark"), std::string::npos) << text;
+}
+
+TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
+  ReconstructOptions base;
+  base.iterations = 77;
+  const std::vector<std::string> enhancers = {"gain", "mine"};
+  for (const std::string& name : AllMethods(enhancers)) {
+    const auto method = ParseMethod(name, base, enhancers);
+    ASSERT_TRUE(method.ok()) << method.status();
+    EXPECT_EQ(method->options.iterations, 77) << name;
+  }
+  const auto of = [&](const char* name) { return ParseMethod(name, base, enhancers).value(); };
+  EXPECT_EQ(of("3dgs").options.tone, Tone::kNone);
+  EXPECT_EQ(of("mine+3dgs").before, "mine");
+  EXPECT_EQ(of("mine+3dgs").trained_as, "mine+3dgs");
+  EXPECT_EQ(of("3dgs+mine").after, "mine");
+  EXPECT_EQ(of("3dgs+mine").trained_as, "3dgs");
+  EXPECT_TRUE(of("3dgs-normal").normal_light);
+  EXPECT_EQ(of("litags-paper").options.tone, Tone::kPaper);
+  EXPECT_EQ(of("litags-paper").options.exposure_ssim, 0);
+  EXPECT_FALSE(of("litags-no-pdm").options.use_pdm);
+  EXPECT_TRUE(of("litags-no-pdm").options.use_prior);
+  EXPECT_FALSE(of("litags-no-pdm-depth-prior").options.use_prior);
+  EXPECT_EQ(Reason(ParseMethod("other+3dgs", base, enhancers).status()), "UNKNOWN_METHOD");
+}
+
+TEST(FindScenes, AFolderOfScenesIsAllOfThem) {
+  TempDir dir;
+  for (const char* scene : {"LOM/shrub", "LOM/bike", "LOM/notes", "else/bike"}) {
+    std::filesystem::create_directories(dir / scene);
+    if (std::string(scene) == "LOM/notes") continue;
+    ASSERT_TRUE(
+        WriteFileAtomically(dir / (std::string(scene) + "/transforms_test.json"), "{}").ok());
+  }
+  const auto scenes = FindScenes({dir / "LOM/"}, "");
+  ASSERT_TRUE(scenes.ok()) << scenes.status();
+  ASSERT_EQ(scenes->size(), 2u);
+  EXPECT_EQ(scenes->at(0).name, "bike");
+  EXPECT_EQ(scenes->at(1).name, "shrub");
+  EXPECT_EQ(FindScenes({dir / "LOM/bike/"}, "")->at(0).name, "bike");
+  EXPECT_EQ(Reason(FindScenes({dir / "LOM/notes"}, "").status()), "NO_SUCH_SCENE");
+  EXPECT_EQ(Reason(FindScenes({dir / "LOM", dir / "else"}, "").status()), "DUPLICATE_SCENE");
+}
+
+}  // namespace
+}  // namespace litags

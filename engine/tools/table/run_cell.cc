@@ -1,0 +1,209 @@
+// What happens in the process of one cell.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/tools/evaluation/evaluation.h"
+#include "engine/tools/evaluation/process_usage.h"
+#include "engine/tools/table/cell.h"
+#include "engine/tools/table/table.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kErrorGain = 4;  // of error pictures: a difference of a quarter is white
+
+double Now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// A line now and then, for log.txt.
+class LogObserver : public ReconstructObserver {
+ public:
+  void OnProgress(const Progress& p) override {
+    if (p.stage != Stage::kTraining) {
+      std::printf("%s: %s\n", std::string(StageName(p.stage)).c_str(), p.message.c_str());
+    } else if (Now() > last_ + 5) {
+      last_ = Now();
+      std::printf("iteration %d of %d, loss %.4f, %.0f s left\n", p.iteration, p.iterations, p.loss,
+                  p.eta_seconds);
+    }
+    std::fflush(stdout);
+  }
+  void OnSnapshot(const std::string&) override {}
+
+ private:
+  double last_ = 0;
+};
+
+// Enhances the training photos into `out`/NAME.png.
+absl::Status EnhancePhotos(const TableCell& cell, const std::string& out) {
+  LITAGS_ASSIGN_OR_RETURN(const Enhancer enhancer, cell.MakeEnhancer(cell.method().before));
+  const std::string dir = cell.scene().PhotosDir(cell.photos_light());
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
+                          cell.scene().TrainingPhotos(cell.photos_light()));
+  std::error_code ignored;  // writing reports what matters
+  fs::create_directories(out, ignored);
+  for (const std::string& photo : photos) {
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, ReadImage(absl::StrCat(dir, "/", photo),
+                                                           absl::StrCat("images[", photo, "]")));
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 enhanced, enhancer.run(image));
+    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(out, "/", Stem(photo), ".png"), enhanced));
+  }
+  return absl::OkStatus();
+}
+
+// The cell's scene, trained now or by an earlier run; returns its cost.
+absl::StatusOr<TableRow> Train(const TableCell& cell, Engine* engine) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string key, cell.TrainingKey());
+  const std::string dir = cell.TrainingDir(), kept = dir + "/training.json";
+  if (const auto row = KeptRow(kept, key); row.has_value() && fs::exists(dir + "/scene.litags")) {
+    return *row;
+  }
+  // From the beginning, not from a checkpoint: the seconds are those of the whole run.
+  for (const char* old : {"training.json", "scene.litags", "checkpoint.litags", "photos"}) {
+    std::error_code ignored;
+    fs::remove_all(dir + "/" + old, ignored);
+  }
+  std::error_code ignored;
+  fs::create_directories(dir, ignored);
+
+  TableRow cost = cell.EmptyRow();
+  cost.method = cell.method().trained_as;
+  ReconstructInput input;
+  input.images_dir = cell.scene().PhotosDir(cell.photos_light());
+  input.cameras_path = cell.CamerasDir() + "/cameras";
+  input.work_dir = dir;
+  const double start = Now();
+  if (!cell.method().before.empty()) {
+    input.images_dir = dir + "/photos";
+    LITAGS_RETURN_IF_ERROR(EnhancePhotos(cell, input.images_dir));
+    cost.enhance_seconds = Now() - start;
+  }
+  ReconstructOptions method = cell.method().options;
+  method.holdout_every = 0;  // the test views are left out already
+  method.preview_every = method.checkpoint_every = method.iterations;
+  LogObserver observer;
+  const double cpu_start = CpuSeconds();
+  LITAGS_ASSIGN_OR_RETURN(const ReconstructReport report,
+                          engine->Reconstruct(input, method, CancelToken(), &observer));
+  cost.cpu_seconds = CpuSeconds() - cpu_start;
+  cost.seconds = report.training_seconds;
+  cost.iterations = report.iterations;
+  cost.gaussians = report.gaussians;
+  cost.peak_rss_bytes = PeakRssBytes();
+  for (const std::string& note : report.notes) std::printf("note: %s\n", note.c_str());
+  LITAGS_RETURN_IF_ERROR(KeepRow(kept, key, cost));
+  return cost;
+}
+
+// The size of |picture - truth| per channel, times kErrorGain.
+ImageU8 ErrorPicture(const ImageU8& picture, const ImageU8& truth) {
+  ImageU8 error = picture;
+  for (size_t i = 0; i < error.data.size(); ++i) {
+    const int difference = std::abs(int{picture.data[i]} - int{truth.data[i]});
+    error.data[i] = static_cast<uint8_t>(std::min(255, kErrorGain * difference));
+  }
+  return error;
+}
+
+// What is judged: the scene's renders of the test views, enhanced if the method says so.
+absl::StatusOr<std::vector<ImageU8>> Pictures(const TableCell& cell, const Scene& scene,
+                                              const std::vector<TestView>& views,
+                                              double* enhance_seconds) {
+  std::vector<ImageU8> pictures;
+  for (const TestView& view : views) {
+    LITAGS_ASSIGN_OR_RETURN(ImageU8 picture,
+                            RenderPicture(scene, view.view, cell.method().options.threads));
+    pictures.push_back(std::move(picture));
+  }
+  if (cell.method().after.empty()) return pictures;
+  LITAGS_ASSIGN_OR_RETURN(const Enhancer enhancer, cell.MakeEnhancer(cell.method().after));
+  const double start = Now();
+  for (ImageU8& picture : pictures) {
+    LITAGS_ASSIGN_OR_RETURN(picture, enhancer.run(picture));
+  }
+  *enhance_seconds += Now() - start;
+  return pictures;
+}
+
+absl::Status WritePictures(const TableCell& cell, const std::vector<TestView>& views,
+                           const std::vector<ImageU8>& pictures) {
+  std::error_code ignored;  // writing reports what matters
+  fs::create_directories(cell.RunDir() + "/test", ignored);
+  fs::create_directories(cell.RunDir() + "/error", ignored);
+  for (size_t i = 0; i < views.size(); ++i) {
+    const std::string file = Stem(views[i].view.name) + ".png";
+    LITAGS_RETURN_IF_ERROR(WritePng(cell.RunDir() + "/test/" + file, pictures[i]));
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 truth, LoadPhoto(cell.scene().TruthDir(), views[i]));
+    LITAGS_RETURN_IF_ERROR(
+        WritePng(cell.RunDir() + "/error/" + file, ErrorPicture(pictures[i], truth)));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<TableRow> TrainAndScore(const TableOptions& options, const TableCell& cell) {
+  const std::unique_ptr<Engine> engine = MakeEngine(options.colmap);
+  LITAGS_ASSIGN_OR_RETURN(TableRow row, Train(cell, engine.get()));
+  row.method = cell.method().name;
+  LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
+                          engine->LoadScene(cell.TrainingDir() + "/scene.litags"));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, cell.scene().TestViews());
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> pictures,
+                          Pictures(cell, *scene, views, &row.enhance_seconds));
+  // Before scoring, whose network is not part of any method.
+  row.peak_rss_bytes = std::max(row.peak_rss_bytes, PeakRssBytes());
+  LITAGS_RETURN_IF_ERROR(WritePictures(cell, views, pictures));
+
+  std::optional<Lpips> lpips;
+  if (!options.lpips.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(lpips, Lpips::Load(options.lpips));
+  }
+  Scorer scorer(cell.scene().TruthDir(), lpips.has_value() ? &*lpips : nullptr);
+  for (size_t i = 0; i < views.size(); ++i) {
+    LITAGS_RETURN_IF_ERROR(scorer.Add(views[i], pictures[i]));
+  }
+  LITAGS_ASSIGN_OR_RETURN(const Scores scores, scorer.Finish());
+  row.psnr = scores.psnr;
+  row.ssim = scores.ssim;
+  row.lpips = scores.lpips;
+  row.psnr_affine = scores.psnr_affine;
+  row.views = static_cast<int>(scores.views.size());
+  LITAGS_RETURN_IF_ERROR(
+      WriteFileAtomically(cell.RunDir() + "/scores.json", scores.ToJson() + "\n"));
+  return row;
+}
+
+}  // namespace
+
+absl::Status RunCell(const TableOptions& options, const std::string& name) {
+  for (const TableScene& scene : options.scenes) {
+    for (const std::string& light : options.lights) {
+      for (const TableMethod& method : options.methods) {
+        const TableCell cell(options, scene, light, method);
+        if (cell.Name() != name) continue;
+        LITAGS_ASSIGN_OR_RETURN(const std::string key, cell.RowKey());
+        std::error_code ignored;  // writing reports what matters
+        fs::create_directories(cell.RunDir(), ignored);
+        const absl::StatusOr<TableRow> row = TrainAndScore(options, cell);
+        if (row.ok()) return KeepRow(cell.RunDir() + "/row.json", key, *row);
+        TableRow failed = cell.EmptyRow();
+        failed.error = std::string(row.status().message());
+        return KeepRow(cell.RunDir() + "/row.json", key, failed);
+      }
+    }
+  }
+  return InvalidInput("UNKNOWN_CELL", "--cell", absl::StrCat("--cell: there is no ", name));
+}
+
+}  // namespace litags

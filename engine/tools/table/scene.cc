@@ -1,0 +1,125 @@
+#include "engine/tools/table/scene.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/sparse_model.h"
+#include "engine/pipeline/camera_source.h"
+#include "engine/tools/evaluation/benchmark_scene.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kTrain[] = "transforms_train.json", kTest[] = "transforms_test.json";
+
+bool IsScene(const fs::path& dir) { return fs::exists(dir / kTest) || fs::exists(dir / kTrain); }
+
+// "LOM_full/buu/" and "." have names too.
+std::string NameOf(const fs::path& dir) {
+  std::error_code ignored;
+  const fs::path whole = fs::weakly_canonical(dir, ignored);
+  return whole.filename().string();
+}
+
+absl::Status Missing(const std::string& dir, const std::string& what) {
+  return MakeError(absl::StatusCode::kNotFound, "NO_SUCH_SCENE", dir,
+                   absl::StrCat(dir, ": ", what));
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<TestView>> TableScene::TestViews() const {
+  const BenchmarkScene scene{.dir = dir, .light = "high", .cameras = ""};
+  LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> views, scene.TestViews());
+  if (views.empty()) return Missing(dir, absl::StrCat("has no ", kTest));
+  if (sparse.empty()) return views;
+
+  const Camera& first = views[0].view.camera;
+  LITAGS_ASSIGN_OR_RETURN(
+      const SparseModel model,
+      ReadCameras(absl::StrCat(dir, "/", sparse), "--sparse", first.width, first.height));
+  for (TestView& view : views) {
+    const auto same = std::find_if(model.views.begin(), model.views.end(), [&](const View& v) {
+      return Stem(v.name) == Stem(view.view.name);
+    });
+    if (same == model.views.end()) {
+      return Missing(dir, absl::StrCat(sparse, " has no camera of test view ", view.view.name));
+    }
+    const Camera& size = view.view.camera;
+    view.distortion = model.distortions[same - model.views.begin()];
+    view.view.camera = same->camera.Scaled(size.width, size.height);
+  }
+  return views;
+}
+
+absl::StatusOr<std::vector<std::string>> TableScene::TrainingPhotos(
+    const std::string& light) const {
+  LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> photos, ListPhotos(PhotosDir(light), "photos"));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> test, TestViews());
+  std::set<std::string> held_out;
+  for (const TestView& view : test) held_out.insert(Stem(view.view.name));
+  std::erase_if(photos, [&](const std::string& photo) { return held_out.contains(Stem(photo)); });
+  if (photos.empty()) return Missing(PhotosDir(light), "every photo is a test view");
+  return photos;
+}
+
+absl::StatusOr<std::string> TableScene::PrepareCameras(const std::string& light,
+                                                       const ReconstructOptions& options,
+                                                       const std::string& colmap,
+                                                       const std::string& work_dir) const {
+  ReconstructInput input;
+  input.images_dir = PhotosDir(light);
+  input.cameras_path = absl::StrCat(dir, "/", sparse.empty() ? kTrain : sparse);
+  input.work_dir = work_dir;
+  if (!fs::exists(input.cameras_path)) {
+    return Missing(input.cameras_path, "no such cameras; name a file or folder with --sparse");
+  }
+  std::error_code ignored;  // writing reports what matters
+  fs::create_directories(work_dir, ignored);
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos, TrainingPhotos(light));
+  ReconstructReport report;
+  const auto silent = [](Stage, const std::string&) {};
+  LITAGS_RETURN_IF_ERROR(
+      ObtainCameras(input, options, photos, colmap, CancelToken(), silent, &report).status());
+  return absl::StrCat(work_dir, "/cameras");
+}
+
+absl::StatusOr<std::vector<TableScene>> FindScenes(const std::vector<std::string>& dirs,
+                                                   const std::string& sparse) {
+  std::vector<TableScene> scenes;
+  for (const std::string& dir : dirs) {
+    std::vector<std::string> found;
+    if (IsScene(dir)) {
+      found.push_back(dir);
+    } else if (fs::is_directory(dir)) {
+      for (const fs::directory_entry& entry : fs::directory_iterator(dir)) {
+        if (entry.is_directory() && IsScene(entry.path())) found.push_back(entry.path());
+      }
+      std::sort(found.begin(), found.end());
+    }
+    if (found.empty()) {
+      return Missing(dir, absl::StrCat("is neither a scene (with ", kTrain, " and ", kTest,
+                                       ") nor a folder of scenes"));
+    }
+    for (const std::string& scene : found) scenes.push_back({NameOf(scene), scene, sparse});
+  }
+  std::set<std::string> names;
+  for (const TableScene& scene : scenes) {
+    if (!names.insert(scene.name).second) {
+      return InvalidInput("DUPLICATE_SCENE", scene.dir,
+                          absl::StrCat(scene.dir, ": another scene is called ", scene.name,
+                                       " too; rename a folder or run two tables"));
+    }
+  }
+  return scenes;
+}
+
+}  // namespace litags

@@ -1,0 +1,175 @@
+// The table as its user sees it: the program on a capture in LOM's layout.
+#include "engine/tools/table/table.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "engine/core/subprocess.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/test_util.h"
+#include "engine/onnx/onnx_writer.h"
+#include "engine/tools/table/lom_test_util.h"
+
+namespace litags {
+namespace {
+
+using Json = nlohmann::json;
+
+// A network that gives `channels` channels of three times its input.
+std::string Times3(int channels) {
+  OnnxWriter model;
+  model.AddInput("x", {1, 3, 48, 64});
+  std::vector<float> weights(size_t(channels) * 3, 0.0f);
+  for (int c = 0; c < channels; ++c) weights[c * 3 + c] = 3;
+  model.AddConstant("w", {channels, 3, 1, 1}, weights);
+  model.AddNode("Conv", {"x", "w"}, "y", {{"kernel_shape", {1, 1}}});
+  model.AddOutput("y", {1, channels, 48, 64});
+  return model.Bytes();
+}
+
+// Mean squared difference of its inputs, in place of LPIPS.
+std::string SquaredDifference() {
+  OnnxWriter model;
+  for (const char* name : {"in0", "in1"}) model.AddInput(name, {1, 3, 48, 64});
+  model.AddNode("Sub", {"in0", "in1"}, "d");
+  model.AddNode("Mul", {"d", "d"}, "s");
+  model.AddNode("ReduceMean", {"s"}, "y", {{"axes", {1, 2, 3}}}, {{"keepdims", 1}});
+  model.AddOutput("y", {1, 1, 1, 1});
+  return model.Bytes();
+}
+
+class TableTest : public testing::Test {
+ protected:
+  // Once for all cases: the folder that a download of LOM leaves.
+  static void SetUpTestSuite() {
+    lom_ = new TempDir;
+    std::filesystem::create_directories(*lom_ / "LOM_full");
+    WriteLomScene(*lom_ / "LOM_full/room");
+  }
+  static void TearDownTestSuite() { delete lom_; }
+
+  struct Outcome {
+    int exit_code = 0;
+    std::string text;
+    Json rows;
+  };
+  Outcome Run(const std::vector<std::string>& more) {
+    SubprocessOptions child;
+    child.args = {LITAGS_BENCH,   "table", *lom_ / "LOM_full", "--sparse", "sparse",
+                  "--iterations", "30",    "--threads",        "1",        "-o",
+                  out_ / "out"};
+    child.args.insert(child.args.end(), more.begin(), more.end());
+    child.tail_lines = 1000;
+    const auto result = RunSubprocess(child, CancelToken());
+    EXPECT_TRUE(result.ok()) << result.status();
+    const auto json = ReadFile(out_ / "out/table.json", "table", 1 << 20);
+    return {result->exit_code, result->tail, json.ok() ? Json::parse(*json) : Json::array()};
+  }
+  static Json Row(const Outcome& outcome, const std::string& light, const std::string& method) {
+    for (const Json& row : outcome.rows) {
+      if (row["light"] == light && row["method"] == method) return row;
+    }
+    ADD_FAILURE() << "no row " << light << " " << method << "\n" << outcome.text;
+    return {};
+  }
+  bool Exists(const std::string& path) { return std::filesystem::exists(out_ / ("out/" + path)); }
+
+  static TempDir* lom_;
+  TempDir out_;
+};
+TempDir* TableTest::lom_ = nullptr;
+
+TEST_F(TableTest, EveryMethodGetsARowAndPicturesUnderEveryLight) {
+  ASSERT_TRUE(WriteFileAtomically(out_ / "mine.onnx", Times3(3)).ok());
+  ASSERT_TRUE(WriteFileAtomically(out_ / "lpips.onnx", SquaredDifference()).ok());
+  const std::vector<std::string> arguments = {
+      "--light",    "low,over_exp",
+      "--methods",  "3dgs-normal,3dgs,3dgs+mine,light-gain+3dgs,litags",
+      "--enhancer", "mine=" + (out_ / "mine.onnx"),
+      "--lpips",    out_ / "lpips.onnx"};
+  const Outcome outcome = Run(arguments);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  ASSERT_EQ(outcome.rows.size(), 10u);
+  for (const Json& row : outcome.rows) {
+    SCOPED_TRACE(row.dump());
+    EXPECT_EQ(row["scene"], "room");
+    EXPECT_GT(row["psnr"].get<double>(), 3);
+    EXPECT_GE(row["psnr_affine"].get<double>(), row["psnr"].get<double>() - 1e-6);
+    EXPECT_GT(row["ssim"].get<double>(), -1);
+    EXPECT_GT(row["lpips"].get<double>(), 0);
+    EXPECT_GT(row["seconds"].get<double>(), 0);
+    EXPECT_EQ(row["iterations"], 30);
+    EXPECT_GT(row["gaussians"].get<int>(), 100);
+    EXPECT_GT(row["peak_rss_bytes"].get<int64_t>(), int64_t{10} << 20);
+    EXPECT_EQ(row["views"], 2);
+    EXPECT_TRUE(row["error"].is_null());
+  }
+  // The bound does not depend on the light; in the dark it is far above plain 3DGS, whose renders
+  // are dark, and an enhancer helps.
+  const Json normal = Row(outcome, "low", "3dgs-normal"), dark = Row(outcome, "low", "3dgs");
+  EXPECT_EQ(normal["psnr"], Row(outcome, "over_exp", "3dgs-normal")["psnr"]);
+  EXPECT_GT(normal["psnr"].get<double>(), dark["psnr"].get<double>() + 3);
+  EXPECT_GT(Row(outcome, "low", "3dgs+mine")["psnr"].get<double>(), dark["psnr"].get<double>());
+  EXPECT_EQ(Row(outcome, "low", "3dgs+mine")["gaussians"], dark["gaussians"]);
+  EXPECT_GT(Row(outcome, "low", "light-gain+3dgs")["psnr"].get<double>(),
+            dark["psnr"].get<double>() + 3);
+
+  for (const char* file : {"table.md", "table.csv", "room_low.png", "room_over_exp.png",
+                           "runs/room/low/litags/scene.litags", "runs/room/low/litags/log.txt"}) {
+    EXPECT_TRUE(Exists(file)) << file;
+  }
+  const std::string csv = ReadFile(out_ / "out/table.csv", "", 1 << 20).value();
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 11);
+  const auto sheet = ReadImage(out_ / "out/room_low.png", "sheet");
+  ASSERT_TRUE(sheet.ok()) << sheet.status();
+  EXPECT_GT(sheet->height, 7 * 200);  // input, five methods, truth
+
+  // Again: nothing is trained, the rows are the same.
+  const Outcome again = Run(arguments);
+  EXPECT_EQ(again.rows, outcome.rows);
+  size_t kept = 0;
+  for (size_t at = again.text.find(": kept"); at != std::string::npos;
+       at = again.text.find(": kept", at + 1)) {
+    ++kept;
+  }
+  EXPECT_EQ(kept, 10u) << again.text;
+}
+
+TEST_F(TableTest, WhatFailsIsARowThatSaysWhyAndIsTriedAgain) {
+  ASSERT_TRUE(WriteFileAtomically(out_ / "bad.onnx", Times3(1)).ok());
+  const std::vector<std::string> arguments = {"--light",    "low,none",
+                                              "--methods",  "3dgs,bad+3dgs",
+                                              "--enhancer", "bad=" + (out_ / "bad.onnx")};
+  const Outcome outcome = Run(arguments);
+  EXPECT_EQ(outcome.exit_code, 1);
+  ASSERT_EQ(outcome.rows.size(), 4u) << outcome.text;
+  EXPECT_TRUE(Row(outcome, "low", "3dgs")["error"].is_null());
+  const Json bad = Row(outcome, "low", "bad+3dgs");
+  EXPECT_NE(bad["error"].get<std::string>().find("1 channels"), std::string::npos) << bad.dump();
+  EXPECT_TRUE(bad["psnr"].is_null());
+  EXPECT_FALSE(Row(outcome, "none", "3dgs")["error"].is_null());
+  const std::string markdown = ReadFile(out_ / "out/table.md", "", 1 << 20).value();
+  EXPECT_NE(markdown.find("no network given"), std::string::npos);
+  EXPECT_NE(markdown.find("## Failed"), std::string::npos);
+
+  ASSERT_TRUE(WriteFileAtomically(out_ / "bad.onnx", Times3(3)).ok());
+  const Outcome mended = Run(arguments);
+  EXPECT_TRUE(Row(mended, "low", "bad+3dgs")["error"].is_null()) << mended.text;
+  EXPECT_NE(mended.text.find("room/low/3dgs: kept"), std::string::npos) << mended.text;
+}
+
+TEST_F(TableTest, AnUnknownMethodIsRefusedWithAListOfThoseThatExist) {
+  const Outcome outcome = Run({"--methods", "litags,4dgs"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_NE(outcome.text.find("4dgs"), std::string::npos);
+  EXPECT_NE(outcome.text.find("clahe+3dgs"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace litags
