@@ -1,14 +1,17 @@
 // litags-bench table: methods compared on scenes, as in the paper's tables.
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <iterator>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
@@ -46,26 +49,49 @@ std::string SettingsOf(const std::vector<const CLI::Option*>& options) {
   return absl::StrJoin(given, " ");
 }
 
-absl::Status Complete(TableArguments* args) {
+absl::Status Bad(const char* field, const std::string& what) {
+  return InvalidInput("BAD_OPTION", field, absl::StrCat(field, ": ", what));
+}
+
+bool Contains(const std::vector<std::string>& list, const std::string& text) {
+  return std::find(list.begin(), list.end(), text) != list.end();
+}
+
+absl::Status CompleteMethods(TableArguments* args) {
   TableOptions& options = args->options;
-  LITAGS_RETURN_IF_ERROR(args->base.Validate());
-  LITAGS_ASSIGN_OR_RETURN(options.scenes, FindScenes(args->scenes, args->sparse));
-  options.lights = args->lights;
-  std::vector<std::string> enhancers;
+  std::vector<std::string> enhancers, names;
   for (const Enhancer& enhancer : BuiltinEnhancers()) enhancers.push_back(enhancer.name);
   for (const std::string& text : args->enhancers) {
     LITAGS_ASSIGN_OR_RETURN(OnnxEnhancerOptions enhancer, ParseOnnxEnhancer(text));
+    if (Contains(enhancers, enhancer.name)) {
+      return Bad("--enhancer", absl::StrCat("there are two called ", enhancer.name));
+    }
     enhancers.push_back(enhancer.name);
     options.enhancers.push_back(std::move(enhancer));
   }
   for (const std::string& name : args->methods) {
-    const std::vector<std::string> names =
-        name == "all" ? AllMethods(enhancers) : std::vector<std::string>{name};
-    for (const std::string& each : names) {
+    for (const std::string& each :
+         name == "all" ? AllMethods(enhancers) : std::vector<std::string>{name}) {
+      if (Contains(names, each)) continue;
       LITAGS_ASSIGN_OR_RETURN(TableMethod method, ParseMethod(each, args->base, enhancers));
+      names.push_back(each);
       options.methods.push_back(std::move(method));
     }
   }
+  return absl::OkStatus();
+}
+
+absl::Status Complete(TableArguments* args) {
+  TableOptions& options = args->options;
+  LITAGS_RETURN_IF_ERROR(args->base.Validate());
+  LITAGS_ASSIGN_OR_RETURN(options.scenes, FindScenes(args->scenes, args->sparse));
+  for (const std::string& light : args->lights) {
+    if (light.empty() || light == "." || light == ".." || absl::StrContains(light, "/")) {
+      return Bad("--light", absl::StrCat("\"", light, "\" is no name of a folder in the scene"));
+    }
+    if (!Contains(options.lights, light)) options.lights.push_back(light);
+  }
+  LITAGS_RETURN_IF_ERROR(CompleteMethods(args));
   options.program = OwnArguments();
   options.heading = absl::StrCat(
       "# Methods compared\n\nMeans over test views; ", args->base.iterations,

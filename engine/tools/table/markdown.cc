@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
 #include "engine/tools/table/row.h"
 
 namespace litags {
@@ -85,22 +86,27 @@ std::string Cell(const std::optional<double>& value, int decimals, bool bold) {
   return bold ? absl::StrCat(" **", text, "**") : absl::StrCat(" ", text);
 }
 
+// The first two lines of a table; `last` is one more column, or none.
+std::string Heading(const std::vector<Column>& columns, const std::string& last) {
+  std::string titles = "| Method |", rule = "|---|";
+  for (const Column& column : columns) {
+    absl::StrAppend(&titles, " ", column.title, " |");
+    rule += "---|";
+  }
+  if (!last.empty()) {
+    absl::StrAppend(&titles, " ", last, " |");
+    rule += "---|";
+  }
+  return absl::StrCat(titles, "\n", rule, "\n");
+}
+
 // Quality of all methods under one light.
 std::string QualityTable(const Rows& rows, const std::vector<TableMethod>& methods,
                          const std::string& light) {
   const bool lpips =
       std::any_of(rows.begin(), rows.end(), [](const TableRow& r) { return r.lpips.has_value(); });
   const std::vector<Column> columns = ColumnsOf(Distinct(rows, &TableRow::scene), lpips);
-  std::string out = "| Method |", rule = "|---|";
-  for (const Column& column : columns) {
-    absl::StrAppend(&out, " ", column.title, " |");
-    rule += "---|";
-  }
-  if (!lpips) {
-    out += " LPIPS↓ |";
-    rule += "---|";
-  }
-  absl::StrAppend(&out, "\n", rule, "\n");
+  std::string out = Heading(columns, lpips ? "" : "LPIPS↓");
 
   // What is in bold: the best of what could be had without normal light.
   std::vector<std::optional<double>> best(columns.size());
@@ -143,12 +149,7 @@ std::string CostTable(const Rows& rows, const std::vector<TableMethod>& methods,
       {"Gaussians", "", [](const TableRow& r) { return r.gaussians; }, 0, false},
       {"peak memory, MiB", "", [](const TableRow& r) { return r.peak_rss_bytes / 1048576.0; }, 0,
        false}};
-  std::string out = "| Method |", rule = "|---|";
-  for (const Column& column : columns) {
-    absl::StrAppend(&out, " ", column.title, " |");
-    rule += "---|";
-  }
-  absl::StrAppend(&out, "\n", rule, "\n");
+  std::string out = Heading(columns, "");
   for (const TableMethod& method : methods) {
     absl::StrAppend(&out, "| ", method.name, " |");
     for (const Column& column : columns) {
@@ -173,8 +174,8 @@ std::string TableMarkdown(const Rows& rows, const std::vector<TableMethod>& meth
   std::string failed;
   for (const TableRow& row : rows) {
     if (row.ok()) continue;
-    absl::StrAppend(&failed, "- ", row.scene, " ", row.light, " ", row.method, ": ", row.error,
-                    "\n");
+    absl::StrAppend(&failed, "- ", row.scene, " ", row.light, " ", row.method, ": ",
+                    absl::StrReplaceAll(row.error, {{"\n", " "}}), "\n");
   }
   if (!failed.empty()) absl::StrAppend(&out, "\n## Failed\n\n", failed);
   return out;
