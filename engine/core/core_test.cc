@@ -124,6 +124,18 @@ TEST(CounterRng, HasTheMomentsItClaims) {
   EXPECT_NE(rng.Bits(0), CounterRng(1, 3).Bits(0));
 }
 
+TEST(Splats, NamesTheFirstGaussianThatIsNotFinite) {
+  Splats splats(37);
+  EXPECT_EQ(splats.FirstNotFinite(), 37u);
+  splats.at(36, kShRest + 44) = INFINITY;
+  EXPECT_EQ(splats.FirstNotFinite(), 36u);
+  splats.at(20, kMean) = -std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(splats.FirstNotFinite(), 20u);
+  splats.at(20, kMean) = std::numeric_limits<float>::max();
+  splats.at(36, kShRest + 44) = std::numeric_limits<float>::denorm_min();
+  EXPECT_EQ(splats.FirstNotFinite(), 37u);
+}
+
 TEST(Splats, ResizeKeepsAndClears) {
   Splats splats(20);
   for (size_t i = 0; i < 20; ++i) splats.at(i, kMean) = float(i + 1);

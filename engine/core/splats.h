@@ -59,6 +59,9 @@ class Splats {
     return block(i / kSplatBlock)[row * kSplatBlock + i % kSplatBlock];
   }
 
+  // The first Gaussian with a NaN or an infinity, or size().
+  size_t FirstNotFinite() const;
+
   // All rows of Gaussian `from` of `source` into Gaussian `to` of this.
   void Copy(const Splats& source, size_t from, size_t to);
 

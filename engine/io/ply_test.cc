@@ -183,6 +183,11 @@ TEST(DecodePly, RefusesValuesThatAreNotFinite) {
   Splats splats = RandomSplats(2);
   splats.at(1, kLogScale) = NAN;
   EXPECT_EQ(Reason(DecodePly(EncodePly(splats, false), "f").status()), "NOT_FINITE");
+  for (const int row : {int{kShDc}, kShDc + 2, int{kShRest}, kShRest + 44}) {
+    splats = RandomSplats(2);
+    splats.at(0, row) = INFINITY;
+    EXPECT_EQ(Reason(DecodePly(EncodePly(splats, false), "f").status()), "NOT_FINITE") << row;
+  }
 }
 
 TEST(DecodePly, SurvivesTruncationAndCorruption) {

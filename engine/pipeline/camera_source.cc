@@ -116,15 +116,16 @@ absl::StatusOr<std::optional<SparseModel>> LoadRegistration(const std::string& d
   if (!json.is_object() || !json.contains("dropped") || !json.contains("preparation") ||
       !json.contains("notes")) {
     return MakeError(absl::StatusCode::kDataLoss, "REGISTRATION_CORRUPT", "cameras",
-                     absl::StrCat(dir, "/registration.json is damaged; delete ", dir,
-                                  " to find the cameras again"));
+                     absl::StrCat(dir, "/registration.json is damaged"));
   }
   if (json.value("source", Json()) != source) return std::nullopt;
   LITAGS_ASSIGN_OR_RETURN(SparseModel model, ReadColmapModel(dir, "cameras"));
   try {
-    report->dropped = json["dropped"].get<std::vector<std::string>>();
-    report->sfm_preparation = json["preparation"].get<std::string>();
+    auto dropped = json["dropped"].get<std::vector<std::string>>();
+    auto preparation = json["preparation"].get<std::string>();
     report->notes = json["notes"].get<std::vector<std::string>>();
+    report->dropped = std::move(dropped);
+    report->sfm_preparation = std::move(preparation);
   } catch (const Json::exception& e) {
     return MakeError(absl::StatusCode::kDataLoss, "REGISTRATION_CORRUPT", "cameras",
                      absl::StrCat(dir, "/registration.json: ", e.what()));
@@ -181,10 +182,11 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
   report->photos = static_cast<int>(photos.size());
   const std::string kept = input.work_dir + "/cameras";
   const Json source = SourceOf(input, photos);
+  std::string damage;
   if (fs::exists(kept + "/registration.json")) {
-    LITAGS_ASSIGN_OR_RETURN(std::optional<SparseModel> found,
-                            LoadRegistration(kept, source, report));
-    if (found.has_value()) return *std::move(found);
+    absl::StatusOr<std::optional<SparseModel>> found = LoadRegistration(kept, source, report);
+    if (found.ok() && found->has_value()) return **std::move(found);
+    if (!found.ok()) damage = std::string(found.status().message());
   }
 
   SfmOptions sfm;
@@ -240,6 +242,10 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
   LITAGS_ASSIGN_OR_RETURN(std::optional<SparseModel> read_back,
                           LoadRegistration(kept, source, report));
   if (!read_back.has_value()) return absl::InternalError("cameras changed while they were kept");
+  if (!damage.empty()) {
+    report->notes.push_back(absl::StrCat("the cameras kept from an earlier run could not be used (",
+                                         damage, "); they were found again"));
+  }
   return *std::move(read_back);
 }
 

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/finite.h"
 #include "engine/io/container.h"
 #include "engine/pipeline/scene.h"
 
@@ -44,6 +45,38 @@ View ViewFromJson(const Json& json) {
 absl::Status Damaged(const std::string& path, const std::string& what) {
   return MakeError(absl::StatusCode::kDataLoss, "SCENE_CORRUPT", "scene",
                    absl::StrCat(path, ": ", what, "; train the scene again"));
+}
+
+// Names of photos need not be UTF-8, as JSON has it: their bytes stand in a section of their own,
+// which ends each with a 0.
+std::string JoinNames(const std::vector<View>& views) {
+  std::string names;
+  for (const View& view : views) names.append(view.name).push_back('\0');
+  return names;
+}
+
+// False if there are not as many names as views.
+bool SplitNames(std::string_view names, std::vector<View>* views) {
+  for (View& view : *views) {
+    const size_t end = names.find('\0');
+    if (end == std::string_view::npos) return false;
+    view.name = names.substr(0, end);
+    names.remove_prefix(end + 1);
+  }
+  return names.empty();
+}
+
+// "Gaussian 3 holds a NaN or an infinity", "the denoiser holds ..."; "" if all is finite.
+std::string NotFinite(const Model& model) {
+  if (const size_t i = model.splats.FirstNotFinite(); i < model.splats.size()) {
+    return absl::StrCat("Gaussian ", i, " holds a NaN or an infinity");
+  }
+  for (const std::vector<float>& net : model.pdm.nets) {
+    if (FirstNotFinite(net.data(), net.size()) < net.size()) {
+      return "the denoiser holds a NaN or an infinity";
+    }
+  }
+  return "";
 }
 
 }  // namespace
@@ -90,6 +123,10 @@ SceneFrame FrameOfViews(const std::vector<View>& views) {
 
 absl::Status SaveScene(const std::string& path, const Model& model,
                        const std::vector<View>& views) {
+  if (const std::string what = NotFinite(model); !what.empty()) {
+    return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", "scene",
+                     absl::StrCat(path, ": ", what, "; the scene is not saved"));
+  }
   Json json = {{"lita", model.lita},
                {"use_pdm", model.use_pdm},
                {"sh_degree", model.sh_degree},
@@ -107,8 +144,8 @@ absl::Status SaveScene(const std::string& path, const Model& model,
                  {"clamp_R", p.clamp_R},
                  {"nets", model.pdm.nets.size()}};
   ContainerWriter out(kKind, kVersion);
-  // Names of photos need not be UTF-8.
   out.AddSection("meta", json.dump(-1, ' ', false, Json::error_handler_t::replace));
+  out.AddSection("names", JoinNames(views));
   const AlignedFloats& data = model.splats.data();
   out.AddSectionView("splats",
                      {reinterpret_cast<const char*>(data.data()), data.size() * sizeof(float)});
@@ -155,6 +192,10 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
   if (model.sh_degree < 0 || model.sh_degree > kMaxShDegree) {
     return Damaged(path, absl::StrCat("SH degree ", model.sh_degree, " does not exist"));
   }
+  if (file.Has("names")) {
+    LITAGS_ASSIGN_OR_RETURN(const std::string_view names, file.Section("names"));
+    if (!SplitNames(names, &views)) return Damaged(path, "the views' names do not fit the views");
+  }
   for (const View& view : views) {
     if (const absl::Status s = view.camera.Validate("camera"); !s.ok()) {
       return Damaged(path, absl::StrCat("view ", view.name, ": ", s.message()));
@@ -167,6 +208,8 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
     return Damaged(path, "the Gaussians are cut short");
   }
   std::memcpy(model.splats.data().data(), splats.data(), splats.size());
+  model.splats.Resize(
+      model.splats.size());  // lanes past the last Gaussian are zero, whatever was read
   model.pdm = PdmWeights::Zeros(model.pdm_options);
   if (model.use_pdm && nets != model.pdm.nets.size())
     return Damaged(path, "the denoiser has another shape");
@@ -176,6 +219,7 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
       return Damaged(path, "the denoiser has another shape");
     model.pdm.nets[k] = std::move(net);
   }
+  if (const std::string what = NotFinite(model); !what.empty()) return Damaged(path, what);
   return MakeScene(std::move(model), std::move(views));
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -124,14 +125,28 @@ TEST(SceneFile, PlainScenesComeBackWithoutADenoiser) {
   EXPECT_EQ(Reason((*scene)->ExportFullPly(dir / "a.ply")), "CHANNEL_UNAVAILABLE");
 }
 
-TEST(SceneFile, NamesThatAreNotUtf8AreSaved) {
+TEST(SceneFile, NamesThatAreNotUtf8AreKept) {
   const TempDir dir;
   std::vector<View> views = RingViews(1);
   views[0].name = "caf\xE9.png";
   ASSERT_TRUE(SaveScene(dir / "a.litags", SmallModel(), views).ok());
   const auto scene = LoadSceneFile(dir / "a.litags");
   ASSERT_TRUE(scene.ok()) << scene.status();
-  EXPECT_EQ((*scene)->views()[0].name, "caf\xEF\xBF\xBD.png");
+  EXPECT_EQ((*scene)->views()[0].name, "caf\xE9.png");
+}
+
+TEST(SceneFile, NumbersThatAreNotFiniteAreNotSaved) {
+  const TempDir dir;
+  for (const int row : {int{kMean}, int{kShDc}, kShRest + 44, int{kIllumination}}) {
+    Model model = SmallModel();
+    model.splats.at(36, row) = std::nanf("");
+    const absl::Status status = SaveScene(dir / "a.litags", model, RingViews(1));
+    EXPECT_EQ(Reason(status), "NOT_FINITE") << row;
+    EXPECT_NE(status.message().find("Gaussian 36"), absl::string_view::npos) << status;
+  }
+  Model model = SmallModel();
+  model.pdm.nets[1].back() = INFINITY;
+  EXPECT_EQ(Reason(SaveScene(dir / "a.litags", model, RingViews(1))), "NOT_FINITE");
 }
 
 TEST(SceneFile, ForeignAndTruncatedFilesAreRefused) {
@@ -214,6 +229,19 @@ TEST_F(ChangedScene, IsCorruptIfItsPartsDoNotFit) {
       {"a text for a number", [](Json* m, std::string*) { (*m)["gaussians"] = "37"; }},
       {"half a Gaussian more", [](Json*, std::string* s) { s->append(100, '\0'); }},
       {"a Gaussian cut short", [](Json*, std::string* s) { s->resize(s->size() - 4); }},
+      {"a colour that is not a number",
+       [](Json*, std::string* s) {
+         const float nan = std::nanf("");
+         std::memcpy(&(*s)[sizeof(float) * (kSplatBlock * (kShDc + 1) + 5)], &nan, sizeof(nan));
+       }},
+      {"an infinite SH coefficient",
+       [](Json*, std::string* s) {
+         const float infinity = INFINITY;
+         std::memcpy(&(*s)[sizeof(float) * kSplatBlock * (kShRest + 9)], &infinity, 4);
+       }},
+      {"a view without a name",
+       [](Json* m, std::string*) { (*m)["views"].push_back((*m)["views"][0]); }},
+      {"a name without a view", [](Json* m, std::string*) { (*m)["views"].erase(0); }},
       {"an SH degree of 4", [](Json* m, std::string*) { (*m)["sh_degree"] = 4; }},
       {"an SH degree of -1", [](Json* m, std::string*) { (*m)["sh_degree"] = -1; }},
       {"a camera without size",

@@ -31,6 +31,7 @@ absl::Status ReadSplats(const Container& file, const char* name, size_t n, Splat
   out->Resize(n);
   if (bytes.size() != out->data().size() * sizeof(float)) return Inconsistent(name);
   std::memcpy(out->data().data(), bytes.data(), bytes.size());
+  if (out->FirstNotFinite() < n) return Inconsistent(absl::StrCat("a NaN or infinity in ", name));
   return absl::OkStatus();
 }
 
