@@ -170,6 +170,38 @@ TEST_F(CameraSource, TransformsGetTriangulatedPoints) {
   ExpectSame(*cameras, *kept);
 }
 
+// Landscape photos and portrait ones, each with its own lens: per-frame keys in the file.
+TEST_F(CameraSource, TransformsMayHoldTwoCameras) {
+  const ImageU8 upright = TestImage(kHeight, kWidth);
+  SparseModel known = Known(0.1), found = Copies(60);
+  for (const int i : {1, 4}) {
+    ASSERT_TRUE(WritePng(absl::StrCat(input_.images_dir, "/p", i, ".png"), upright).ok());
+    for (SparseModel* model : {&known, &found}) {
+      Camera& camera = model->views[i].camera;
+      std::swap(camera.width, camera.height);
+      std::swap(camera.cx, camera.cy);
+      camera.fx = camera.fy = 77;
+    }
+    found.views[i].name = absl::StrCat(kHeight, "x", kWidth, "/00000", i, ".png");
+  }
+  input_.cameras_path = colmap_.dir() + "/transforms.json";
+  ASSERT_TRUE(WriteTransforms(input_.cameras_path, known, "").ok());
+  std::vector<std::string> names;
+  for (const View& view : found.views) names.push_back(view.name);
+  colmap_.SetDatabase(names, 900, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
+  colmap_.SetTriangulated(0, found);
+  const auto cameras = Obtain();
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  ASSERT_THAT(cameras->views, SizeIs(6));
+  for (int i = 0; i < 6; ++i) {
+    const Camera& camera = cameras->views[i].camera;
+    const bool portrait = i == 1 || i == 4;
+    EXPECT_EQ(camera.width, portrait ? kHeight : kWidth) << i;
+    EXPECT_EQ(camera.height, portrait ? kWidth : kHeight) << i;
+    EXPECT_EQ(camera.fx, portrait ? 77 : 50) << i;
+  }
+}
+
 TEST_F(CameraSource, NamesMatchByStem) {
   input_.cameras_path = colmap_.dir() + "/sparse";
   fs::create_directory(input_.cameras_path);

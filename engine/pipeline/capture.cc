@@ -1,10 +1,12 @@
 #include "engine/pipeline/capture.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -13,6 +15,7 @@
 #include "engine/core/parallel.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/camera_source.h"
+#include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/priors/depth_provider.h"
 #include "engine/priors/structure_prior.h"
@@ -59,12 +62,6 @@ void Shrink(int max_side, Camera* camera, ImageU8* photo) {
   *camera = camera->Scaled(width, height);
 }
 
-// A photo of one colour throughout (black, or white) shows nothing to learn from.
-bool IsFlat(const ImageU8& photo) {
-  const size_t n = photo.data.size();
-  return std::equal(photo.data.begin(), photo.data.begin() + (n - 3), photo.data.begin() + 3);
-}
-
 struct LoadedViews {
   std::vector<TrainView> views;
   std::vector<int> model_view;  // index into the model's views, per view here
@@ -77,13 +74,15 @@ absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
   const size_t n = model.views.size();
   std::vector<TrainView> views(n);
   std::vector<absl::Status> status(n);
+  std::vector<std::optional<std::array<uint8_t, 3>>> flat(n);
   ParallelFor(options.threads, n, [&](size_t i, int) {
     status[i] = [&]() -> absl::Status {
       LITAGS_RETURN_IF_ERROR(cancel.Check());
       TrainView& v = views[i];
       v.view = model.views[i];
       LITAGS_ASSIGN_OR_RETURN(v.photo, LoadPhoto(input.images_dir, v.view, model.distortions[i]));
-      if (IsFlat(v.photo)) return absl::OkStatus();
+      flat[i] = FlatColor(v.photo);
+      if (flat[i].has_value()) return absl::OkStatus();
       Shrink(options.max_image_side, &v.view.camera, &v.photo);
       LITAGS_ASSIGN_OR_RETURN(const ToneCurve tone, MakeToneCurve(v.photo, ToneOptionsOf(options)));
       v.target_lut = tone.lut;
@@ -93,10 +92,10 @@ absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
   LoadedViews out;
   for (size_t i = 0; i < n; ++i) {
-    if (IsFlat(views[i].photo)) {
-      const uint8_t* color = views[i].photo.pixel(0, 0);
+    if (flat[i].has_value()) {
+      const auto& [r, g, b] = *flat[i];
       report->notes.push_back(absl::StrFormat("%s is left out: all its pixels are (%d, %d, %d)",
-                                              views[i].view.name, color[0], color[1], color[2]));
+                                              views[i].view.name, r, g, b));
       continue;
     }
     out.model_view.push_back(static_cast<int>(i));
@@ -108,6 +107,7 @@ absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
                                   " photos have a camera and show something, at least ", kMinPhotos,
                                   " must; add photos of the place"));
   }
+  NoteExposures(out.views, &report->notes);
   return out;
 }
 
@@ -224,6 +224,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
     LITAGS_RETURN_IF_ERROR(AddDepth(input.depth_dir, cancel, &views, report));
 
   Capture capture;
+  LITAGS_RETURN_IF_ERROR(CheckScale(views, &model.points, &report->notes));
   capture.fingerprint = MakeFingerprint(options, views, model.points);
   LimitPoints(options.max_gaussians, &model.points, report);
   capture.points = std::move(model.points);

@@ -1,0 +1,99 @@
+#include "engine/pipeline/capture_checks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/core/color.h"
+#include "engine/core/error.h"
+#include "engine/render/renderer.h"
+
+namespace litags {
+namespace {
+
+constexpr double kNotFlat = 1e-3;          // part of a photo's pixels
+constexpr double kMixedExposureStops = 2;  // a camera on automatic stays below
+constexpr double kMaxCoordinate = 1e15;    // scene units; squares of sizes must fit into floats
+
+// Mean linear light, of 1 for white.
+double MeanLight(const ImageU8& photo) {
+  std::array<size_t, 256> counts = {};
+  for (const uint8_t code : photo.data) ++counts[code];
+  double sum = 0;
+  for (int code = 0; code < 256; ++code) sum += counts[code] * LinearFromSrgb(code / 255.0);
+  return sum / photo.data.size();
+}
+
+}  // namespace
+
+std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo) {
+  const size_t n = photo.data.size() / 3;
+  // A colour that most pixels have is the middle one of every channel.
+  std::array<uint8_t, 3> color;
+  for (int c = 0; c < 3; ++c) {
+    std::array<size_t, 256> counts = {};
+    for (size_t i = 0; i < n; ++i) ++counts[photo.data[3 * i + c]];
+    size_t below = 0;
+    int code = 0;
+    while ((below += counts[code]) <= n / 2) ++code;
+    color[c] = static_cast<uint8_t>(code);
+  }
+  size_t others = 0;
+  for (size_t i = 0; i < n; ++i) {
+    others += !std::equal(color.begin(), color.end(), &photo.data[3 * i]);
+  }
+  if (others > kNotFlat * n) return std::nullopt;
+  return color;
+}
+
+void NoteExposures(const std::vector<TrainView>& views, std::vector<std::string>* notes) {
+  std::pair<double, std::string> least = {INFINITY, ""}, most = {0, ""};
+  for (const TrainView& v : views) {
+    const std::pair<double, std::string> light = {MeanLight(v.photo), v.view.name};
+    least = std::min(least, light);
+    most = std::max(most, light);
+  }
+  const double stops = std::log2(most.first / least.first);
+  if (!(stops > kMixedExposureStops)) return;
+  notes->push_back(absl::StrFormat(
+      "exposures differ by %.1f stops (darkest %s, brightest %s): normal light is evened out photo "
+      "by photo, the original light of a view is an average over the photos around it",
+      stops, least.second, most.second));
+}
+
+absl::Status CheckScale(const std::vector<TrainView>& views, std::vector<SparsePoint>* points,
+                        std::vector<std::string>* notes) {
+  const auto far = [](const std::array<double, 3>& p) {
+    return !(std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])}) <= kMaxCoordinate);
+  };
+  for (const TrainView& v : views) {
+    if (!far(v.view.camera.Center())) continue;
+    return InvalidInput("SCENE_TOO_LARGE", "cameras",
+                        absl::StrCat("cameras: ", v.view.name, " stands more than ", kMaxCoordinate,
+                                     " units from the origin; divide all positions, of cameras "
+                                     "and points, by one number"));
+  }
+  const size_t dropped = std::erase_if(*points, [&](const SparsePoint& p) { return far(p.xyz); });
+  if (dropped > 0) {
+    notes->push_back(absl::StrCat(dropped, " sparse points were dropped: they are more than ",
+                                  kMaxCoordinate, " units away"));
+  }
+  const float near_plane = RenderSettings().near_plane;
+  const auto near = [&](const SparsePoint& p) {
+    return std::all_of(views.begin(), views.end(), [&](const TrainView& v) {
+      return v.view.camera.CamFromWorld(p.xyz)[2] <= near_plane;
+    });
+  };
+  const size_t hidden = std::count_if(points->begin(), points->end(), near);
+  if (2 * hidden <= points->size()) return absl::OkStatus();
+  return InvalidInput(
+      "SCENE_TOO_SMALL", "cameras",
+      absl::StrCat("cameras: ", hidden, " of ", points->size(), " points are nearer than ",
+                   near_plane,
+                   " units to every camera that they are in front of, and such things "
+                   "are not drawn; multiply all positions, of cameras and points, by one number"));
+}
+
+}  // namespace litags

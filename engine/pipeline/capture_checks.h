@@ -1,0 +1,33 @@
+// What is odd about a capture's photos, cameras and points, found before training.
+#ifndef LITAGS_ENGINE_PIPELINE_CAPTURE_CHECKS_H_
+#define LITAGS_ENGINE_PIPELINE_CAPTURE_CHECKS_H_
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "engine/core/image.h"
+#include "engine/io/sparse_model.h"
+#include "engine/train/train_view.h"
+
+namespace litags {
+
+// The colour of a photo that shows nothing to learn from: black, white or one colour throughout,
+// but for a thousandth of its pixels (JPEG and dust in a black photo).
+std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo);
+
+// Says so if the photos of a capture were exposed very differently.
+void NoteExposures(const std::vector<TrainView>& views, std::vector<std::string>* notes);
+
+// Scene units are the user's, but what is nearer than the renderer's near plane is never drawn, and
+// floats end somewhere. Drops points that are too far, with a note. INVALID_ARGUMENT
+// (SCENE_TOO_LARGE, SCENE_TOO_SMALL; field "cameras") for scenes that cannot be drawn.
+absl::Status CheckScale(const std::vector<TrainView>& views, std::vector<SparsePoint>* points,
+                        std::vector<std::string>* notes);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_CAPTURE_CHECKS_H_

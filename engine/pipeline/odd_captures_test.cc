@@ -1,0 +1,214 @@
+// Captures of every size and with odd photos: each ends in a finite scene with notes that say what
+// was odd, or in a refusal that says what to do.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "engine/core/error.h"
+#include "engine/core/rng.h"
+#include "engine/io/file_util.h"
+#include "engine/pipeline/capture_test_util.h"
+
+namespace litags {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Silent : public ReconstructObserver {
+ public:
+  void OnProgress(const Progress&) override {}
+  void OnSnapshot(const std::string&) override {}
+};
+
+absl::StatusOr<ReconstructReport> Train(const ReconstructInput& input,
+                                        const ReconstructOptions& options) {
+  Silent observer;
+  return MakeEngine("/nonexistent/colmap")->Reconstruct(input, options, CancelToken(), &observer);
+}
+
+// Loads the scene, which refuses numbers that are not finite, and renders every channel from the
+// first view. Its mean colour should be that of a normally lit picture, roughly.
+void ExpectGoodScene(const absl::StatusOr<ReconstructReport>& report, size_t views) {
+  ASSERT_TRUE(report.ok()) << report.status();
+  const auto scene = MakeEngine()->LoadScene(report->scene_path);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ((*scene)->views().size(), views);
+  for (const Channel channel : {Channel::kColor, Channel::kOriginal, Channel::kDepth,
+                                Channel::kStructure, Channel::kIllumination, Channel::kNoise}) {
+    RenderRequest request;
+    request.camera = (*scene)->views()[0].camera;
+    request.channel = channel;
+    const auto picture = (*scene)->Render(request);
+    ASSERT_TRUE(picture.ok()) << picture.status();
+    double sum = 0;
+    for (const float v : picture->data) {
+      ASSERT_TRUE(std::isfinite(v)) << static_cast<int>(channel);
+      sum += v;
+    }
+    if (channel != Channel::kColor) continue;
+    EXPECT_GT(sum / picture->data.size(), 0.25);
+    EXPECT_LT(sum / picture->data.size(), 0.75);
+  }
+}
+
+TEST(OddCaptures, AnyNumberOfViewsMakesAScene) {
+  for (const int views : {3, 6, 11, 50, 200}) {
+    SCOPED_TRACE(views);
+    const RoomCapture capture(views);
+    const auto report = Train(capture.Input("work"), capture.Options(40));
+    ExpectGoodScene(report, views);
+    EXPECT_EQ(report->registered, views);
+    EXPECT_THAT(report->notes, Not(Contains(HasSubstr("exposures differ"))));
+    EXPECT_EQ(std::isfinite(report->psnr_holdout), views >= 16);
+  }
+}
+
+TEST(OddCaptures, TwoViewsAreRefused) {
+  const RoomCapture capture(6);
+  for (int i = 2; i < 6; ++i) std::filesystem::remove(capture.Path("images/" + capture.Name(i)));
+  EXPECT_EQ(Reason(Train(capture.Input("work"), capture.Options(10)).status()), "TOO_FEW_PHOTOS");
+}
+
+TEST(OddCaptures, DarkNormalAndBrightPhotosInOneCapture) {
+  RoomCapture capture(18);
+  capture.SetLight([](int i) { return static_cast<Light>(i % 3); });
+  const auto report = Train(capture.Input("work"), capture.Options(60));
+  ExpectGoodScene(report, 18);
+  EXPECT_THAT(report->notes, Contains(HasSubstr("exposures differ by")));
+}
+
+TEST(OddCaptures, PortraitAndLandscapeOfTwoCameras) {
+  const RoomCapture capture(9, /*portrait=*/{1, 4, 7});
+  const auto report = Train(capture.Input("work"), capture.Options(40));
+  ExpectGoodScene(report, 9);
+  const auto scene = MakeEngine()->LoadScene(report->scene_path);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ((*scene)->views()[0].camera.width, RoomCapture::kWidth);
+  EXPECT_EQ((*scene)->views()[1].camera.width, RoomCapture::kHeight);
+}
+
+TEST(OddCaptures, BlackAndClippedPhotosAreLeftOutByName) {
+  const RoomCapture capture(8);
+  ImageU8 clipped(RoomCapture::kWidth, RoomCapture::kHeight);
+  capture.SetPhoto(2, clipped);
+  std::fill(clipped.data.begin(), clipped.data.end(), 255);
+  capture.SetPhoto(5, clipped);
+  const auto report = Train(capture.Input("work"), capture.Options(40));
+  ExpectGoodScene(report, 6);
+  EXPECT_THAT(report->notes, Contains("v002.png is left out: all its pixels are (0, 0, 0)"));
+  EXPECT_THAT(report->notes, Contains("v005.png is left out: all its pixels are (255, 255, 255)"));
+}
+
+// Dust on a lens cap, noise of a white wall.
+TEST(OddCaptures, AlmostFlatPhotosAreLeftOutAndTexturelessOnesSpoilNothing) {
+  const RoomCapture capture(10);
+  ImageU8 black(RoomCapture::kWidth, RoomCapture::kHeight), wall = black;
+  black.pixel(10, 10)[1] = 1;
+  capture.SetPhoto(1, black);
+  const CounterRng rng(1, 1);
+  for (size_t i = 0; i < wall.data.size(); ++i) {
+    wall.data[i] = static_cast<uint8_t>(20 + rng.Normal(i));
+  }
+  capture.SetPhoto(4, wall);
+  capture.SetPhoto(7, wall);
+  const auto report = Train(capture.Input("work"), capture.Options(60));
+  ExpectGoodScene(report, 9);
+  EXPECT_THAT(report->notes, Contains("v001.png is left out: all its pixels are (0, 0, 0)"));
+}
+
+TEST(OddCaptures, ACaptureOfClippedPhotosIsRefused) {
+  const RoomCapture capture(6);
+  ImageU8 clipped(RoomCapture::kWidth, RoomCapture::kHeight);
+  std::fill(clipped.data.begin(), clipped.data.end(), 255);
+  for (int i = 0; i < 6; ++i) capture.SetPhoto(i, clipped);
+  const absl::Status status = Train(capture.Input("work"), capture.Options(10)).status();
+  EXPECT_EQ(Reason(status), "TOO_FEW_PHOTOS");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("0 of 6 photos"));
+}
+
+// The same room with all positions times `unit`.
+absl::StatusOr<ReconstructReport> TrainInUnits(double unit) {
+  RoomCapture capture(6);
+  for (View& view : capture.model.views) {
+    for (double& t : view.camera.t) t *= unit;
+  }
+  for (SparsePoint& point : capture.model.points) {
+    for (double& x : point.xyz) x *= unit;
+  }
+  const auto report = Train(capture.Input("work"), capture.Options(20));
+  if (report.ok()) ExpectGoodScene(report, 6);
+  return report;
+}
+
+TEST(OddCaptures, UnitsOfLengthAreTheUsersWithinReason) {
+  for (const double unit : {0.5, 1e3, 1e9}) {
+    const absl::Status status = TrainInUnits(unit).status();
+    EXPECT_TRUE(status.ok()) << unit << status;
+  }
+  // The room in kilometres: all of it is nearer than what the renderer draws.
+  EXPECT_EQ(Reason(TrainInUnits(1e-3).status()), "SCENE_TOO_SMALL");
+  EXPECT_EQ(Reason(TrainInUnits(1e30).status()), "SCENE_TOO_LARGE");
+}
+
+TEST(OddCaptures, APointAtTheEndOfTheWorldIsDropped) {
+  RoomCapture capture(6);
+  capture.model.points[0].xyz = {1e200, 0, 0};
+  const auto report = Train(capture.Input("work"), capture.Options(20));
+  ExpectGoodScene(report, 6);
+  EXPECT_THAT(report->notes, Contains(HasSubstr("1 sparse points were dropped")));
+}
+
+// A write beyond the limit fails as on a full disk.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) {
+    EXPECT_EQ(getrlimit(RLIMIT_FSIZE, &before_), 0);
+    handler_ = std::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit = {bytes, before_.rlim_max};
+    EXPECT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  }
+  ~FileSizeLimit() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+
+ private:
+  rlimit before_;
+  void (*handler_)(int);
+};
+
+TEST(OddCaptures, AFullDiskIsSaidAndTheJobGoesOnWhenThereIsRoom) {
+  const RoomCapture capture(6);
+  ReconstructOptions options = capture.Options(20);
+  options.checkpoint_every = 10;
+  const ReconstructInput full = capture.Input("full"), whole = capture.Input("whole");
+  {
+    const FileSizeLimit limit(100'000);  // the cameras fit, a checkpoint does not
+    const absl::Status status = Train(full, options).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
+    EXPECT_EQ(Reason(status), "DISK_FULL");
+    EXPECT_THAT(std::string(status.message()), HasSubstr("free some space"));
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(full.work_dir)) {
+    EXPECT_THAT(entry.path().filename().string(), Not(HasSubstr("tmp"))) << "half a file was left";
+  }
+  ASSERT_TRUE(Train(full, options).ok());
+  ASSERT_TRUE(Train(whole, options).ok());
+  const auto a = ReadFile(full.work_dir + "/scene.litags", "", 1 << 28);
+  const auto b = ReadFile(whole.work_dir + "/scene.litags", "", 1 << 28);
+  ASSERT_TRUE(a.ok() && b.ok());
+  EXPECT_TRUE(*a == *b);
+}
+
+}  // namespace
+}  // namespace litags
