@@ -12,13 +12,13 @@ namespace litags {
 
 absl::StatusOr<std::string> FindPhoto(const std::string& dir, const std::string& name) {
   const std::string path = absl::StrCat(dir, "/", name);
-  if (std::filesystem::is_regular_file(path)) return path;
+  if (!dir.empty() && std::filesystem::is_regular_file(path)) return path;
   const absl::StatusOr<std::vector<std::string>> photos = ListPhotos(dir, "photos");
   for (const std::string& photo : photos.value_or(std::vector<std::string>())) {
     if (Stem(photo) == Stem(name)) return absl::StrCat(dir, "/", photo);
   }
   return MakeError(absl::StatusCode::kNotFound, "NO_SUCH_PHOTO", name,
-                   absl::StrCat(dir, " has no photo called ", name));
+                   absl::StrCat("there is no photo called ", name, " in \"", dir, "\""));
 }
 
 absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view) {

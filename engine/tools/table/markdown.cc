@@ -3,6 +3,7 @@
 #include <cmath>
 #include <functional>
 #include <optional>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -42,21 +43,24 @@ std::vector<std::string> Distinct(const Rows& rows, std::string TableRow::*membe
   return out;
 }
 
-// The value for one scene, or the mean over all of them if `scene` is empty; none unless all of
-// the scenes asked for have one: a mean over fewer scenes does not compare.
+// The value for one scene, or the mean over all of this light if `scene` is empty; none unless each
+// of them has one: a mean over fewer scenes does not compare.
 std::optional<double> Over(const Rows& rows, const std::string& light, const std::string& method,
                            const std::string& scene, const Value& value) {
   double sum = 0;
-  int count = 0;
+  size_t count = 0;
+  std::set<std::string> scenes;
   for (const TableRow& row : rows) {
-    if (row.light != light || row.method != method) continue;
-    if (!scene.empty() && row.scene != scene) continue;
+    if (row.light != light || (!scene.empty() && row.scene != scene)) continue;
+    scenes.insert(row.scene);
+    if (row.method != method) continue;
     const std::optional<double> v = row.ok() ? value(row) : std::nullopt;
     if (!v.has_value() || !std::isfinite(*v)) return std::nullopt;
     sum += *v;
     ++count;
   }
-  return count > 0 ? std::optional<double>(sum / count) : std::nullopt;
+  if (count == 0 || count < scenes.size()) return std::nullopt;
+  return sum / static_cast<double>(count);
 }
 
 struct Column {

@@ -81,6 +81,13 @@ TEST(TableMarkdown, AMeanOverFewerScenesIsNotShown) {
   EXPECT_NE(text.find("| litags | **20.00** | **0.200** | – | – | – | – |"), std::string::npos)
       << text;
   EXPECT_NE(text.find("- b low litags: too dark"), std::string::npos) << text;
+  // Nor is that of a method whose turn has not come in the second scene.
+  const std::string unfinished =
+      TableMarkdown({Row("a", "3dgs", 7), Row("a", "litags", 20), Row("b", "3dgs", 9)},
+                    Methods({"3dgs", "litags"}), "# T");
+  EXPECT_NE(unfinished.find("| litags | **20.00** | **0.200** | – | – | – | – |"),
+            std::string::npos)
+      << unfinished;
 }
 
 TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
