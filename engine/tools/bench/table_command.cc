@@ -123,6 +123,7 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
       ->required();
   command->add_option("--light", args->lights, "folders of photos, such as low,over_exp")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->capture_default_str();
   command
       ->add_option("--methods", args->methods,
@@ -130,10 +131,13 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
                    "litags-no-prior, litags-no-pdm-depth-prior, 3dgs, 3dgs-normal, E+3dgs, 3dgs+E "
                    "with E of gain, light-gain, gamma, histeq, clahe, lime or an --enhancer")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->capture_default_str();
-  command->add_option("--enhancer", args->enhancers,
-                      "NAME=FILE.onnx[,size=WxH][,multiple=N][,mean=R:G:B][,std=R:G:B]"
-                      "[,output=NAME][,white=255]; may be repeated");
+  command
+      ->add_option("--enhancer", args->enhancers,
+                   "NAME=FILE.onnx[,size=WxH][,multiple=N][,mean=R:G:B][,std=R:G:B]"
+                   "[,output=NAME][,white=255]; may be repeated")
+      ->allow_extra_args(false);
   command->add_option("--lpips", options.lpips, "ONNX network of LPIPS, inputs in0 and in1");
   command->add_option(
       "--sparse", args->sparse,
@@ -146,7 +150,10 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
   command->add_option("--cell", args->cell)->group("");  // hidden: one row, in a child process
   const size_t before = command->get_options().size();
   AddMethodOptions(command, &args->base);
-  command->remove_option(command->get_option("--method"));  // --methods says it
+  // --methods says it; the test views are those of transforms_test.json.
+  for (const char* other : {"--method", "--holdout-every"}) {
+    command->remove_option(command->get_option(other));
+  }
   std::vector<const CLI::Option*> settings;
   for (size_t i = before; i < command->get_options().size(); ++i) {
     settings.push_back(command->get_options()[i]);

@@ -61,10 +61,11 @@ class TableTest : public testing::Test {
   };
   Outcome Run(const std::vector<std::string>& more) {
     SubprocessOptions child;
-    child.args = {LITAGS_BENCH,   "table", *lom_ / "LOM_full", "--sparse", "sparse",
-                  "--iterations", "30",    "--threads",        "1",        "-o",
-                  out_ / "out"};
+    child.args = {LITAGS_BENCH, "table", "--iterations", "30",
+                  "--threads",  "1",     "--sparse",     "sparse"};
     child.args.insert(child.args.end(), more.begin(), more.end());
+    // Scenes may stand behind options.
+    child.args.insert(child.args.end(), {*lom_ / "LOM_full", "-o", out_ / "out"});
     child.tail_lines = 1000;
     const auto result = RunSubprocess(child, CancelToken());
     EXPECT_TRUE(result.ok()) << result.status();
