@@ -16,8 +16,8 @@
 #include "engine/io/image_io.h"
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
+#include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/fingerprint.h"
-#include "engine/priors/depth_provider.h"
 #include "engine/priors/structure_prior.h"
 #include "engine/priors/tone.h"
 
@@ -141,28 +141,6 @@ absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& 
   return absl::OkStatus();
 }
 
-absl::Status AddDepth(const std::string& depth_dir, const CancelToken& cancel,
-                      std::vector<TrainView>* views, ReconstructReport* report) {
-  if (depth_dir.empty()) {
-    report->notes.push_back("no depth maps were given: trained without the depth loss");
-    return absl::OkStatus();
-  }
-  LITAGS_ASSIGN_OR_RETURN(const std::unique_ptr<DepthProvider> provider,
-                          MakeFolderDepthProvider(depth_dir));
-  int found = 0;
-  for (TrainView& v : *views) {
-    LITAGS_RETURN_IF_ERROR(cancel.Check());
-    LITAGS_ASSIGN_OR_RETURN(v.depth, provider->Depth(v.view, v.photo));
-    found += v.depth.has_value();
-  }
-  report->depth_used = found > 0;
-  if (found < static_cast<int>(views->size())) {
-    report->notes.push_back(absl::StrCat(found, " of ", views->size(),
-                                         " photos have a depth map; the others train without"));
-  }
-  return absl::OkStatus();
-}
-
 void AddPoints(const std::vector<SparsePoint>& points, Fingerprint* f) {
   for (const SparsePoint& point : points) {
     f->Add(point.xyz);
@@ -175,8 +153,9 @@ void AddPoints(const std::vector<SparsePoint>& points, Fingerprint* f) {
   }
 }
 
-std::string MakeFingerprint(const ReconstructOptions& o, const std::vector<TrainView>& views,
-                            const std::vector<SparsePoint>& points) {
+// What depth can be computed from.
+std::string FingerprintOfViews(const std::vector<TrainView>& views,
+                               const std::vector<SparsePoint>& points) {
   Fingerprint f;
   for (const TrainView& v : views) {
     f.Add(v.view.name.data(), v.view.name.size());
@@ -184,18 +163,28 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::vector<Train
     f.Add(v.view.camera.Viewmat());
     for (double x : {v.view.camera.fx, v.view.camera.fy, v.view.camera.cx, v.view.camera.cy})
       f.Add(x);
-    if (v.depth.has_value()) {
-      f.Add(v.depth->depth.data.data(), v.depth->depth.data.size() * sizeof(float));
-      f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
-    }
   }
   AddPoints(points, &f);
+  return f.Text();
+}
+
+// Depth maps are part of it, save those of stereo: they follow from the rest, but not to the last
+// bit on every processor, and a job may be resumed on another one.
+std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inputs,
+                            DepthOrigin depth, const std::vector<TrainView>& train) {
+  Fingerprint f;
+  f.Add(inputs.data(), inputs.size());
+  for (const TrainView& v : train) {
+    if (!v.depth.has_value() || depth == DepthOrigin::kStereo) continue;
+    f.Add(v.depth->depth.data.data(), v.depth->depth.data.size() * sizeof(float));
+    f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
+  }
   // What shapes the result; threads and intervals of reports do not.
   for (double x :
        {double(o.method), double(o.tone), o.theta, o.exposure_ssim, double(o.iterations),
         double(o.max_gaussians), double(o.sh_degree), double(o.use_pdm), double(o.pdm_hidden),
         double(o.pdm_every), double(o.coarse_levels), o.coarse_until, double(o.use_prior),
-        double(o.use_depth), double(o.holdout_every)}) {
+        double(depth), o.depth_weight, double(o.depth_geometry), double(o.holdout_every)}) {
     f.Add(x);
   }
   f.Add(o.seed);
@@ -220,12 +209,10 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   std::vector<TrainView>& views = loaded.views;
   const bool lita = options.method == Method::kLitaGs;
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
-  if (lita && options.use_depth)
-    LITAGS_RETURN_IF_ERROR(AddDepth(input.depth_dir, cancel, &views, report));
 
   Capture capture;
   LITAGS_RETURN_IF_ERROR(CheckScale(views, &model.points, &report->notes));
-  capture.fingerprint = MakeFingerprint(options, views, model.points);
+  const std::string inputs = FingerprintOfViews(views, model.points);
   LimitPoints(options.max_gaussians, &model.points, report);
   capture.points = std::move(model.points);
   capture.point_views.assign(model.views.size(), -1);
@@ -240,6 +227,13 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
       capture.train.push_back(std::move(views[i]));
     }
   }
+  // Of the training photos alone: what is held out must not help.
+  const std::string key =
+      absl::StrCat(inputs, " points ", capture.points.size(), " holdout ", hold_out ? every : 0);
+  LITAGS_RETURN_IF_ERROR(AddDepthMaps(input, options, capture.points, capture.point_views, key,
+                                      cancel, progress, &capture.train, report));
+  capture.fingerprint =
+      MakeFingerprint(options, inputs, ResolveDepthOrigin(input, options), capture.train);
   return capture;
 }
 

@@ -33,6 +33,15 @@ enum class Tone {
   kNone,        // photos as they are
 };
 
+// Where depth maps for the depth loss come from.
+enum class DepthOrigin {
+  kAuto,     // the maps given with the photos, if any; docs/choices.md says why not stereo
+  kMaps,     // the maps given with the photos
+  kStereo,   // multi-view stereo on the photos themselves
+  kNetwork,  // ReconstructInput::depth_network
+  kNone,
+};
+
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kLinearGain;
@@ -50,12 +59,16 @@ struct ReconstructOptions {
   int pdm_hidden = 8;      // channels inside its network, 1..64
   int pdm_every = 2;       // one iteration in so many denoises; paper: 1
   bool use_prior = true;   // structure prior loss
-  bool use_depth = true;   // depth loss, where a depth provider has maps
+  bool use_depth = true;   // depth loss, where depth_source has maps
   int max_image_side = 0;  // photos with a longer side are shrunk to it, px; 0: never
   int holdout_every = 8;   // photos i (by name) with i % n == n / 2 are only evaluated; 0: none
   double min_registered = 0.5;  // fraction of photos that SfM must place, (0, 1]
   int checkpoint_every = 500;   // iterations
   int preview_every = 250;      // iterations between snapshots with a preview picture
+
+  DepthOrigin depth_source = DepthOrigin::kAuto;
+  double depth_weight = 0.03;  // of the depth loss, [0, 10]; paper: 0.1
+  bool depth_geometry = true;  // it sees the Gaussians' distance; paper: an attribute of theirs
 
   absl::Status Validate() const;
 };
@@ -87,11 +100,26 @@ class ReconstructObserver {
   virtual void OnSnapshot(const std::string& scene_path) = 0;
 };
 
+// A monocular depth network as an ONNX file: the operator's, or the user's of a command line.
+struct DepthNetwork {
+  std::string path;                                 // empty: there is none
+  int width = 384, height = 384;                    // px of its input
+  std::array<double, 3> mean = {.485, .456, .406};  // of RGB in [0, 1] (ImageNet)
+  std::array<double, 3> std = {.229, .224, .225};
+  bool inverse = true;  // gives inverse depth (MiDaS, Depth Anything), else depth (Marigold)
+
+  // From "FILE[,size=518x518][,mean=0.5:0.5:0.5][,std=0.5:0.5:0.5][,output=inverse|depth]".
+  // INVALID_ARGUMENT naming `field`. Empty text: no network.
+  static absl::StatusOr<DepthNetwork> Parse(std::string_view text, std::string_view field);
+};
+
 struct ReconstructInput {
   std::string images_dir;    // photos, flat; names are the views' names
   std::string cameras_path;  // transforms*.json or a COLMAP model folder; empty: run SfM
-  std::string depth_dir;     // <photo stem>.{png,pfm,npy}; empty: no depth loss
+  std::string depth_dir;     // <photo stem>.{png,pfm,npy}; empty: none given
   std::string work_dir;      // exists; SfM workspace, checkpoint, snapshots and results go here
+
+  DepthNetwork depth_network;
 };
 
 struct ReconstructReport {
@@ -108,7 +136,7 @@ struct ReconstructReport {
   std::map<std::string, double> phase_seconds;
   double psnr_holdout = 0;  // as in Progress
   bool depth_used = false;
-  std::vector<std::string> notes;  // what the user should know: "no depth maps: depth loss off"
+  std::vector<std::string> notes;  // what the user should know: "photo.jpg is left out: ..."
   std::string scene_path;          // work_dir/scene.litags
   std::string ToJson() const;
 };

@@ -29,6 +29,8 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.coarse_until = options.coarse_until;
   train.use_prior = options.use_prior;
   train.use_depth = options.use_depth;
+  train.weight_depth = options.depth_weight;
+  train.depth_geometry = options.depth_geometry;
   train.sh_degree = options.sh_degree;
   train.max_gaussians = options.max_gaussians;
   return train;
@@ -50,6 +52,8 @@ absl::Status ReconstructOptions::Validate() const {
     return Bad("max_gaussians", double(max_gaussians), "is not in 1000..20000000");
   }
   if (sh_degree < 0 || sh_degree > 3) return Bad("sh_degree", sh_degree, "is not in 0..3");
+  if (!(depth_weight >= 0 && depth_weight <= 10))
+    return Bad("depth_weight", depth_weight, "is not in [0, 10]");
   if (max_image_side < 0 || (max_image_side > 0 && max_image_side < 64)) {
     return Bad("max_image_side", max_image_side, "is neither 0 (never shrink) nor 64 or more");
   }

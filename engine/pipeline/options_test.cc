@@ -54,6 +54,9 @@ TEST(ReconstructOptions, BadFieldsAreNamed) {
       {"holdout_every", [](O* o) { o->holdout_every = -8; }},
       {"holdout_every", [](O* o) { o->holdout_every = 1; }},
       {"min_registered", [](O* o) { o->min_registered = 0; }},
+      {"depth_weight", [](O* o) { o->depth_weight = -0.1; }},
+      {"depth_weight", [](O* o) { o->depth_weight = 11; }},
+      {"depth_weight", [](O* o) { o->depth_weight = kNan; }},
       {"min_registered", [](O* o) { o->min_registered = 1.01; }},
       {"min_registered", [](O* o) { o->min_registered = kNan; }},
       {"checkpoint_every", [](O* o) { o->checkpoint_every = 0; }},
@@ -117,6 +120,8 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   options.pdm_every = 7;
   options.use_prior = false;
   options.use_depth = false;
+  options.depth_weight = 0.7;
+  options.depth_geometry = !options.depth_geometry;
   const TrainOptions train = TrainOptionsOf(options);
   EXPECT_FALSE(train.lita);
   EXPECT_EQ(train.exposure_ssim, 0.3);
@@ -132,6 +137,8 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(train.pdm_every, 7);
   EXPECT_FALSE(train.use_prior);
   EXPECT_FALSE(train.use_depth);
+  EXPECT_EQ(train.weight_depth, 0.7);
+  EXPECT_EQ(train.depth_geometry, !ReconstructOptions().depth_geometry);
   EXPECT_TRUE(TrainOptionsOf(ReconstructOptions()).lita);
 }
 

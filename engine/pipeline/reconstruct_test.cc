@@ -43,7 +43,6 @@ TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
   }
   EXPECT_TRUE(std::isfinite(report->psnr_holdout));
   EXPECT_FALSE(report->depth_used);
-  EXPECT_THAT(report->notes, Contains(HasSubstr("no depth maps")));
   EXPECT_EQ(report->scene_path, input.work_dir + "/scene.litags");
   EXPECT_FALSE(fs::exists(input.work_dir + "/checkpoint.litags"));
 

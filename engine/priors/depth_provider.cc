@@ -74,7 +74,21 @@ class FolderDepthProvider : public DepthProvider {
  public:
   explicit FolderDepthProvider(std::string folder) : folder_(std::move(folder)) {}
 
-  absl::StatusOr<std::optional<DepthMap>> Depth(const View& view, const ImageU8& photo) override {
+  absl::StatusOr<std::vector<std::optional<DepthMap>>> Maps(absl::Span<const PosedPhoto> photos,
+                                                            const CancelToken& cancel,
+                                                            DepthProgress progress) override {
+    std::vector<std::optional<DepthMap>> maps;
+    for (const PosedPhoto& p : photos) {
+      LITAGS_RETURN_IF_ERROR(cancel.Check());
+      LITAGS_ASSIGN_OR_RETURN(std::optional<DepthMap> map, Read(*p.view, *p.photo));
+      maps.push_back(std::move(map));
+      progress(static_cast<int>(maps.size()), static_cast<int>(photos.size()));
+    }
+    return maps;
+  }
+
+ private:
+  absl::StatusOr<std::optional<DepthMap>> Read(const View& view, const ImageU8& photo) const {
     const std::string path = FindDepthMap(folder_, Stem(view.name));
     if (path.empty()) return std::nullopt;
     const std::string field = absl::StrCat("depth/", BaseName(path));
@@ -105,7 +119,6 @@ class FolderDepthProvider : public DepthProvider {
     return map;
   }
 
- private:
   const std::string folder_;
 };
 

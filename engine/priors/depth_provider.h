@@ -1,14 +1,20 @@
 // Where depth maps come from. The depth loss is blind to scale and offset, so every source plugs
-// into the same interface.
+// into the same interface: maps given by the user here, a network in network_depth.h, stereo in
+// engine/stereo.
 #ifndef LITAGS_ENGINE_PRIORS_DEPTH_PROVIDER_H_
 #define LITAGS_ENGINE_PRIORS_DEPTH_PROVIDER_H_
 
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "engine/core/camera.h"
+#include "engine/core/cancel.h"
+#include "engine/core/color.h"
 #include "engine/core/image.h"
 
 namespace litags {
@@ -21,13 +27,24 @@ struct DepthMap {
   Planes confidence;
 };
 
+// A photo and its camera, of the same size.
+struct PosedPhoto {
+  const View* view = nullptr;
+  const ImageU8* photo = nullptr;
+  const ColorLut* tone = nullptr;  // photo byte to normally lit; may be null: as it is
+};
+
+// `done` of `total` photos have their map.
+using DepthProgress = absl::FunctionRef<void(int done, int total)>;
+
 class DepthProvider {
  public:
   virtual ~DepthProvider() = default;
 
-  // The map of one view; `photo` has the size of view.camera. nullopt: no map for this view,
-  // train without. An error: there is a map and it is unusable. Thread-safe.
-  virtual absl::StatusOr<std::optional<DepthMap>> Depth(const View& view, const ImageU8& photo) = 0;
+  // The maps of a whole capture, one entry a photo. nullopt: no map for this photo, train without.
+  // An error: a map exists and is unusable, or CANCELLED. `progress` comes from this thread.
+  virtual absl::StatusOr<std::vector<std::optional<DepthMap>>> Maps(
+      absl::Span<const PosedPhoto> photos, const CancelToken& cancel, DepthProgress progress) = 0;
 };
 
 // Maps that the user gives with the photos: <folder>/<stem of view.name>.{png,pfm,npy}, the first

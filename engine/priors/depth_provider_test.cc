@@ -27,7 +27,11 @@ class FolderDepth : public testing::Test {
   absl::StatusOr<std::optional<DepthMap>> Depth(const std::string& name, int width, int height) {
     auto provider = MakeFolderDepthProvider(folder_);
     if (!provider.ok()) return provider.status();
-    return (*provider)->Depth(View{name, {}}, ImageU8(width, height));
+    const View view{name, {}};
+    const ImageU8 photo(width, height);
+    auto maps = (*provider)->Maps({{&view, &photo}}, CancelToken(), [](int, int) {});
+    if (!maps.ok()) return maps.status();
+    return (*maps)[0];
   }
 
   // depth = 1 + x + 10 y.

@@ -21,6 +21,9 @@ struct TrainOptions {
   bool use_pdm = true;    // progressive denoising and L_de; else R = R_0
   bool use_prior = true;  // L_prior
   bool use_depth = true;  // L_depth, for views that have a depth map
+  // D_r is the Gaussians' distance along the axis, so that the loss moves them; else their own
+  // attribute d (paper). Choice
+  bool depth_geometry = false;
   PdmOptions pdm;
   int pdm_every = 1;  // iterations between those that denoise; the others have R = R_0. Choice
 

@@ -219,6 +219,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   settings.num_channels = options.lita ? int{kNumChannels} : 3;
   settings.sh_degree = ShDegree();
   settings.threads = options.threads;
+  if (options.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
   {
     Timer timer(&phases.forward);
     renderer.Forward(state.splats.params, camera, settings, &rendered, &alpha);

@@ -39,6 +39,18 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option("--pdm-every", options->pdm_every, "iterations between those that denoise")
       ->capture_default_str();
   app->add_flag("!--no-prior", options->use_prior, "without the structure prior");
+  const std::map<std::string, DepthOrigin> sources = {{"auto", DepthOrigin::kAuto},
+                                                      {"maps", DepthOrigin::kMaps},
+                                                      {"stereo", DepthOrigin::kStereo},
+                                                      {"network", DepthOrigin::kNetwork},
+                                                      {"none", DepthOrigin::kNone}};
+  app->add_option("--depth-source", options->depth_source,
+                  "depth maps: auto, maps, stereo, network or none")
+      ->transform(CLI::CheckedTransformer(sources));
+  app->add_option("--depth-weight", options->depth_weight, "of the depth loss")
+      ->capture_default_str();
+  app->add_flag("--depth-geometry,!--depth-attribute", options->depth_geometry,
+                "the depth loss sees the Gaussians' distance, not an attribute of theirs");
   app->add_flag("!--no-depth", options->use_depth, "without the depth loss");
 }
 

@@ -30,7 +30,7 @@ void OnSignal(int) { g_cancel->Cancel(); }
 
 struct Arguments {
   BenchmarkScene scene;
-  std::string out, depth, truth, colmap = "colmap";
+  std::string out, depth, depth_model, truth, colmap = "colmap";
   ReconstructOptions options;
 };
 
@@ -90,6 +90,8 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   ReconstructInput input = args.scene.Input(args.out, &args.options);
   input.depth_dir = args.depth;
+  LITAGS_ASSIGN_OR_RETURN(input.depth_network,
+                          DepthNetwork::Parse(args.depth_model, "--depth-model"));
   if (args.truth.empty()) args.truth = args.scene.TruthDir();
   std::error_code error;
   fs::create_directories(args.out, error);
@@ -127,6 +129,9 @@ int Main(int argc, char** argv) {
   app.add_flag("--sfm", args.scene.sfm,
                "find the cameras with COLMAP even if DIR has transforms_train.json");
   app.add_option("--depth", args.depth, "folder of depth maps <photo>.{png,pfm,npy}");
+  app.add_option("--depth-model", args.depth_model,
+                 "ONNX depth network, for --depth-source network: FILE[,size=518x518]"
+                 "[,mean=R:G:B][,std=R:G:B][,output=inverse|depth]");
   app.add_option("--truth", args.truth,
                  "folder of normally lit photos to compare with (default DIR/high)");
   app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();

@@ -1,0 +1,206 @@
+#include "engine/pipeline/depth_maps.h"
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/container.h"
+#include "engine/io/file_util.h"
+#include "engine/pipeline/fingerprint.h"
+#include "engine/priors/depth_provider.h"
+#include "engine/priors/network_depth.h"
+#include "engine/stereo/stereo.h"
+
+namespace litags {
+namespace {
+
+constexpr char kKind[] = "depth maps";
+constexpr uint32_t kVersion = 1;
+constexpr int64_t kMaxModelBytes = int64_t{4} << 30;
+
+using Maps = std::vector<std::optional<DepthMap>>;
+
+const char* Describe(DepthOrigin origin) {
+  switch (origin) {
+    case DepthOrigin::kMaps:
+      return "uploaded maps";
+    case DepthOrigin::kStereo:
+      return "stereo";
+    case DepthOrigin::kNetwork:
+      return "the operator's network";
+    case DepthOrigin::kAuto:
+    case DepthOrigin::kNone:
+      break;
+  }
+  return "no source";
+}
+
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeNetwork(const DepthNetwork& network) {
+  NetworkDepthOptions options;
+  options.path = network.path;
+  options.input.width = network.width;
+  options.input.height = network.height;
+  options.input.mean = network.mean;
+  options.input.std = network.std;
+  options.inverse = network.inverse;
+  return MakeNetworkDepthProvider(options, "depth_model");
+}
+
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(DepthOrigin origin,
+                                                            const ReconstructInput& input,
+                                                            const ReconstructOptions& options,
+                                                            absl::Span<const SparsePoint> points,
+                                                            absl::Span<const int> point_views) {
+  switch (origin) {
+    case DepthOrigin::kMaps:
+      if (!input.depth_dir.empty()) return MakeFolderDepthProvider(input.depth_dir);
+      return InvalidInput("DEPTH_MAPS_MISSING", "options.depth_source",
+                          "options.depth_source: maps were asked for and none were given; give "
+                          "depth maps or choose another source");
+    case DepthOrigin::kNetwork:
+      if (!input.depth_network.path.empty()) return MakeNetwork(input.depth_network);
+      return InvalidInput("DEPTH_MODEL_MISSING", "options.depth_source",
+                          "options.depth_source: a network was asked for and this installation "
+                          "has none (--depth-model); choose another source");
+    case DepthOrigin::kStereo: {
+      StereoOptions stereo;
+      stereo.threads = options.threads;
+      return MakeStereoDepthProvider(PointsOfTraining(points, point_views), stereo);
+    }
+    case DepthOrigin::kAuto:
+    case DepthOrigin::kNone:
+      break;
+  }
+  return absl::InternalError("no depth source to make");
+}
+
+// What the kept maps must have been made from.
+absl::StatusOr<std::string> KeyOf(DepthOrigin origin, const DepthNetwork& network,
+                                  const std::string& key) {
+  if (origin != DepthOrigin::kNetwork) return absl::StrCat("stereo ", key);
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
+                          ReadFile(network.path, "depth_model", kMaxModelBytes));
+  Fingerprint f;
+  f.Add(bytes.data(), bytes.size());
+  f.Add(network.width);
+  f.Add(network.height);
+  for (int c = 0; c < 3; ++c) {
+    f.Add(network.mean[c]);
+    f.Add(network.std[c]);
+  }
+  f.Add(network.inverse);
+  return absl::StrCat("network ", f.Text(), " ", key);
+}
+
+absl::Status Keep(const std::string& path, const std::string& key, const Maps& maps) {
+  ContainerWriter writer(kKind, kVersion);
+  writer.AddSectionView("key", key);
+  for (size_t i = 0; i < maps.size(); ++i) {
+    if (!maps[i].has_value()) continue;
+    writer.AddArrayView(absl::StrCat("depth ", i), maps[i]->depth.data);
+    writer.AddArrayView(absl::StrCat("confidence ", i), maps[i]->confidence.data);
+  }
+  return writer.Commit(path);
+}
+
+// One plane of the view's size, or none where it may be empty; false if it is something else.
+bool ToPlane(std::vector<float> values, const Camera& camera, bool may_be_empty, Planes* plane) {
+  if (values.empty() && may_be_empty) return true;
+  if (values.size() != size_t(camera.width) * camera.height) return false;
+  plane->channels = 1;
+  plane->width = camera.width;
+  plane->height = camera.height;
+  plane->data = std::move(values);
+  return true;
+}
+
+// The kept maps; nothing if there are none, or they are damaged or of something else: they can
+// always be made again.
+std::optional<Maps> Kept(const std::string& path, const std::string& key,
+                         absl::Span<const TrainView> views) {
+  const auto file = Container::Read(path, kKind, kVersion);
+  if (!file.ok()) return std::nullopt;
+  const auto kept_key = file->Section("key");
+  if (!kept_key.ok() || *kept_key != key) return std::nullopt;
+  Maps maps(views.size());
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (!file->Has(absl::StrCat("depth ", i))) continue;
+    auto depth = file->Array<float>(absl::StrCat("depth ", i));
+    auto confidence = file->Array<float>(absl::StrCat("confidence ", i));
+    if (!depth.ok() || !confidence.ok()) return std::nullopt;
+    const Camera& camera = views[i].view.camera;
+    DepthMap& map = maps[i].emplace();
+    if (!ToPlane(*std::move(depth), camera, false, &map.depth) ||
+        !ToPlane(*std::move(confidence), camera, true, &map.confidence)) {
+      return std::nullopt;
+    }
+  }
+  return maps;
+}
+
+}  // namespace
+
+std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
+                                          absl::Span<const int> point_views) {
+  std::vector<SparsePoint> out(points.begin(), points.end());
+  for (SparsePoint& point : out) {
+    const auto is_out = [&](const TrackElement& e) { return point_views[e.view] < 0; };
+    std::erase_if(point.track, is_out);
+    for (TrackElement& e : point.track) e.view = point_views[e.view];
+  }
+  return out;
+}
+
+DepthOrigin ResolveDepthOrigin(const ReconstructInput& input, const ReconstructOptions& options) {
+  if (!options.use_depth || options.method != Method::kLitaGs) return DepthOrigin::kNone;
+  if (options.depth_source != DepthOrigin::kAuto) return options.depth_source;
+  return input.depth_dir.empty() ? DepthOrigin::kNone : DepthOrigin::kMaps;
+}
+
+absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOptions& options,
+                          absl::Span<const SparsePoint> points, absl::Span<const int> point_views,
+                          const std::string& key, const CancelToken& cancel,
+                          const StageReport& progress, std::vector<TrainView>* views,
+                          ReconstructReport* report) {
+  const DepthOrigin origin = ResolveDepthOrigin(input, options);
+  if (origin == DepthOrigin::kNone) return absl::OkStatus();
+  if (origin != DepthOrigin::kMaps && !input.depth_dir.empty()) {
+    report->notes.push_back(absl::StrCat("the depth maps given are not used: depth comes from ",
+                                         Describe(origin), " (depth_source)"));
+  }
+  LITAGS_ASSIGN_OR_RETURN(const std::unique_ptr<DepthProvider> provider,
+                          MakeProvider(origin, input, options, points, point_views));
+  const bool keep = origin != DepthOrigin::kMaps;
+  const std::string path = input.work_dir + "/depth.litags";
+  std::string full_key;
+  std::optional<Maps> maps;
+  if (keep) {
+    LITAGS_ASSIGN_OR_RETURN(full_key, KeyOf(origin, input.depth_network, key));
+    maps = Kept(path, full_key, *views);
+  }
+  if (!maps.has_value()) {
+    std::vector<PosedPhoto> photos;
+    for (const TrainView& v : *views) photos.push_back({&v.view, &v.photo, &v.target_lut});
+    LITAGS_ASSIGN_OR_RETURN(maps, provider->Maps(photos, cancel, [&](int done, int total) {
+      progress(Stage::kPreparing,
+               absl::StrCat("depth by ", Describe(origin), ": ", done, " of ", total, " photos"));
+    }));
+    if (keep) LITAGS_RETURN_IF_ERROR(Keep(path, full_key, *maps));
+  }
+  int found = 0;
+  for (size_t i = 0; i < views->size(); ++i) {
+    found += (*maps)[i].has_value();
+    (*views)[i].depth = std::move((*maps)[i]);
+  }
+  report->depth_used = found > 0;
+  std::string note = absl::StrCat("depth from ", Describe(origin), ": ", found, " of ",
+                                  views->size(), " training photos have a map");
+  if (found < static_cast<int>(views->size())) absl::StrAppend(&note, "; the others train without");
+  report->notes.push_back(std::move(note));
+  return absl::OkStatus();
+}
+
+}  // namespace litags

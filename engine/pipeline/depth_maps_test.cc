@@ -1,0 +1,145 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "engine/io/depth_io.h"
+#include "engine/onnx/onnx_writer.h"
+#include "engine/pipeline/reconstruct_test_util.h"
+
+namespace litags {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+ReconstructOptions WithSource(DepthOrigin source) {
+  ReconstructOptions options = SmallOptions();
+  options.depth_source = source;
+  return options;
+}
+
+std::string Maps(const ReconstructInput& input) { return input.work_dir + "/depth.litags"; }
+
+TEST(DepthMaps, StereoIsMadeOnceAndKept) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work"), again = photos.Input("again");
+  const ReconstructOptions options = WithSource(DepthOrigin::kStereo);
+  const auto report = Reconstruct(input, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_TRUE(report->depth_used);
+  EXPECT_THAT(report->notes, Contains(HasSubstr("depth from stereo: ")));
+  const std::string kept = Bytes(Maps(input));
+  const auto time = std::filesystem::last_write_time(Maps(input));
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  EXPECT_EQ(std::filesystem::last_write_time(Maps(input)), time) << "made again";
+  ASSERT_TRUE(Reconstruct(again, options).ok());
+  EXPECT_TRUE(Bytes(Maps(again)) == kept) << "the same photos must give the same maps";
+  EXPECT_TRUE(SceneBytes(again) == SceneBytes(input));
+}
+
+TEST(DepthMaps, DamagedOrForeignKeptMapsAreMadeAgain) {
+  Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  const ReconstructOptions options = WithSource(DepthOrigin::kStereo);
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  const std::string kept = Bytes(Maps(input));
+  ASSERT_TRUE(WriteFileAtomically(Maps(input), kept.substr(0, kept.size() / 2)).ok());
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  EXPECT_TRUE(Bytes(Maps(input)) == kept);
+  for (SparsePoint& point : photos.model.points) point.xyz[1] += 0.1;
+  photos.WriteModel();
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  EXPECT_FALSE(Bytes(Maps(input)) == kept) << "maps of other points were used";
+}
+
+TEST(DepthMaps, GivenMapsComeFirstUnlessAnotherSourceIsAskedFor) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.depth_dir = input.work_dir + "/maps";
+  std::filesystem::create_directory(input.depth_dir);
+  Planes ramp(1, kHeight, kWidth);
+  for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = 1 + i % kWidth;
+  const std::string stem = Stem(photos.model.views[1].name);
+  ASSERT_TRUE(WritePfm(input.depth_dir + "/" + stem + ".pfm", ramp).ok());
+  const auto given = Reconstruct(input, WithSource(DepthOrigin::kAuto));
+  ASSERT_TRUE(given.ok()) << given.status();
+  EXPECT_TRUE(given->depth_used);
+  EXPECT_THAT(given->notes, Contains(HasSubstr("depth from uploaded maps: 1 of ")));
+  EXPECT_FALSE(std::filesystem::exists(Maps(input)));
+  const auto stereo = Reconstruct(input, WithSource(DepthOrigin::kStereo));
+  ASSERT_TRUE(stereo.ok()) << stereo.status();
+  EXPECT_THAT(stereo->notes, Contains(HasSubstr("the depth maps given are not used")));
+}
+
+TEST(DepthMaps, NoneAndTheDepthLossOffMakeNone) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  ReconstructOptions off = WithSource(DepthOrigin::kStereo);
+  off.use_depth = false;
+  for (const ReconstructOptions& options :
+       {WithSource(DepthOrigin::kNone), WithSource(DepthOrigin::kAuto), off}) {
+    const auto report = Reconstruct(input, options);
+    ASSERT_TRUE(report.ok()) << report.status();
+    EXPECT_FALSE(report->depth_used);
+    EXPECT_THAT(report->notes, Not(Contains(HasSubstr("depth from"))));
+    EXPECT_FALSE(std::filesystem::exists(Maps(input)));
+  }
+}
+
+TEST(DepthMaps, ASourceWithNothingToWorkWithIsRefused) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  EXPECT_EQ(Reason(Reconstruct(input, WithSource(DepthOrigin::kMaps)).status()),
+            "DEPTH_MAPS_MISSING");
+  const absl::Status network = Reconstruct(input, WithSource(DepthOrigin::kNetwork)).status();
+  EXPECT_EQ(Reason(network), "DEPTH_MODEL_MISSING");
+  EXPECT_EQ(GetErrorDetail(network)->field, "options.depth_source");
+}
+
+TEST(DepthMaps, ANetworkGivesMapsOfEveryPhoto) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  OnnxWriter model;
+  model.AddInput("x", {1, 3, 24, 32});
+  model.AddConstant("w", {1, 3, 1, 1}, {1, 1, 1});
+  model.AddConstant("b", {1}, {0});
+  model.AddNode("Conv", {"x", "w", "b"}, "y", {{"kernel_shape", {1, 1}}});
+  model.AddOutput("y", {1, 1, 24, 32});
+  input.depth_network.path = input.work_dir + "/depth.onnx";
+  input.depth_network.width = 32;
+  input.depth_network.height = 24;
+  ASSERT_TRUE(WriteFileAtomically(input.depth_network.path, model.Bytes()).ok());
+  const auto report = Reconstruct(input, WithSource(DepthOrigin::kNetwork));
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains(HasSubstr("network: 6 of 6 training photos")));
+  // Another setting of the network is another map.
+  const std::string kept = Bytes(Maps(input));
+  input.depth_network.inverse = false;
+  ASSERT_TRUE(Reconstruct(input, WithSource(DepthOrigin::kNetwork)).ok());
+  EXPECT_FALSE(Bytes(Maps(input)) == kept);
+}
+
+TEST(DepthNetwork, IsReadFromText) {
+  const auto network = DepthNetwork::Parse(
+      "/m/depth.onnx,size=518x392,mean=0.5:0.4:0.3,std=1:2:3,output=depth", "--depth-model");
+  ASSERT_TRUE(network.ok()) << network.status();
+  EXPECT_EQ(network->path, "/m/depth.onnx");
+  EXPECT_EQ(network->width, 518);
+  EXPECT_EQ(network->height, 392);
+  EXPECT_EQ(network->mean, (std::array<double, 3>{0.5, 0.4, 0.3}));
+  EXPECT_EQ(network->std, (std::array<double, 3>{1, 2, 3}));
+  EXPECT_FALSE(network->inverse);
+  EXPECT_TRUE(DepthNetwork::Parse("", "f")->path.empty());
+  EXPECT_TRUE(DepthNetwork::Parse("a.onnx", "f")->inverse);
+  for (const char* bad : {"a,size=518", "a,size=0x5", "a,mean=1:2", "a,std=1:x:2", "a,output=both",
+                          "a,colour=red", "a,size", "a,mean=1:nan:2"}) {
+    const absl::Status status = DepthNetwork::Parse(bad, "--depth-model").status();
+    EXPECT_EQ(Reason(status), "DEPTH_MODEL_SETTING") << bad;
+    EXPECT_EQ(GetErrorDetail(status)->field, "--depth-model");
+  }
+}
+
+}  // namespace
+}  // namespace litags

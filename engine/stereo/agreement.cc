@@ -1,0 +1,94 @@
+#include "engine/stereo/agreement.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "engine/stereo/correlate.h"
+
+namespace litags {
+namespace {
+
+constexpr float kEdge = 0.05f;  // of depth: neighbours that differ by more are two surfaces
+
+// Depth over the depth expected where pixel (x, y) of the view is seen by the other one; 0 if it
+// is not.
+double DepthRatio(const Transfer& t, const Surface& other, double x, double y,
+                  double inverse_depth) {
+  double q[3];
+  for (int i = 0; i < 3; ++i) {
+    q[i] = t.ray[3 * i] * x + t.ray[3 * i + 1] * y + t.ray[3 * i + 2] + inverse_depth * t.shift[i];
+  }
+  if (!(q[2] > 0)) return 0;
+  const double u = std::floor(q[0] / q[2]), v = std::floor(q[1] / q[2]);
+  if (!(u >= 0 && v >= 0 && u < other.inverse_depth.width && v < other.inverse_depth.height)) {
+    return 0;
+  }
+  // q2 is depth in the other view over depth in this one.
+  const double expected = q[2] / inverse_depth;
+  const double seen = other.inverse_depth.at(0, static_cast<int>(v), static_cast<int>(u));
+  return 1 / (seen * expected);
+}
+
+}  // namespace
+
+DepthMap Agree(const ViewSurface& view, absl::Span<const ViewSurface> others,
+               const AgreementOptions& options) {
+  std::vector<Transfer> transfers;
+  for (const ViewSurface& other : others) transfers.emplace_back(*view.camera, *other.camera);
+  const Planes& inverse_depth = view.surface->inverse_depth;
+  DepthMap map;
+  map.depth = map.confidence = Planes(1, inverse_depth.height, inverse_depth.width);
+  for (int y = 0; y < inverse_depth.height; ++y) {
+    for (int x = 0; x < inverse_depth.width; ++x) {
+      const double own = inverse_depth.at(0, y, x);
+      double sum = 1;
+      int agreeing = 0;
+      for (size_t k = 0; k < others.size(); ++k) {
+        const double ratio = DepthRatio(transfers[k], *others[k].surface, x + 0.5, y + 0.5, own);
+        if (std::abs(ratio - 1) > options.tolerance) continue;
+        sum += ratio;
+        ++agreeing;
+      }
+      const double fit = (view.surface->fit.at(0, y, x) - options.least_fit) /
+                         (options.full_fit - options.least_fit);
+      const double confidence =
+          std::clamp(fit, 0.0, 1.0) * std::min(1.0, double(agreeing) / options.full_views);
+      if (!(confidence > 0)) continue;
+      map.depth.at(0, y, x) = static_cast<float>(sum / (1 + agreeing) / own);
+      map.confidence.at(0, y, x) = static_cast<float>(confidence);
+    }
+  }
+  return map;
+}
+
+DepthMap ResizeSurface(const DepthMap& map, int width, int height) {
+  DepthMap out;
+  out.depth = out.confidence = Planes(1, height, width);
+  const int w = map.depth.width, h = map.depth.height;
+  for (int y = 0; y < height; ++y) {
+    const float py = std::clamp((y + 0.5f) * h / height - 0.5f, 0.0f, float(h - 1));
+    const int y0 = static_cast<int>(py), y1 = std::min(y0 + 1, h - 1);
+    for (int x = 0; x < width; ++x) {
+      const float px = std::clamp((x + 0.5f) * w / width - 0.5f, 0.0f, float(w - 1));
+      const int x0 = static_cast<int>(px), x1 = std::min(x0 + 1, w - 1);
+      const float fx = px - x0, fy = py - y0;
+      const int nx = fx < 0.5f ? x0 : x1, ny = fy < 0.5f ? y0 : y1;
+      const float depth = map.depth.at(0, ny, nx);
+      float& to = out.depth.at(0, y, x);
+      out.confidence.at(0, y, x) = map.confidence.at(0, ny, nx);
+      to = depth;
+      const std::array<float, 4> corners = {map.depth.at(0, y0, x0), map.depth.at(0, y0, x1),
+                                            map.depth.at(0, y1, x0), map.depth.at(0, y1, x1)};
+      const auto [least, most] = std::minmax_element(corners.begin(), corners.end());
+      if (!(*least > 0) || *most > (1 + kEdge) * *least) continue;
+      const float top = (1 - fx) / corners[0] + fx / corners[1];
+      const float bottom = (1 - fx) / corners[2] + fx / corners[3];
+      to = 1 / ((1 - fy) * top + fy * bottom);
+    }
+  }
+  return out;
+}
+
+}  // namespace litags

@@ -1,0 +1,87 @@
+#include "engine/stereo/match_image.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/color.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+// Of the mean brightness, under the root: at the black level read noise and rounding take over from
+// photon noise, and a bare root would blow them up.
+constexpr float kBlack = 0.05f;
+
+constexpr float kLuma[3] = {0.2126f, 0.7152f, 0.0722f};  // of linear sRGB (BT.709)
+
+std::array<std::array<float, 256>, 3> LumaTables() {
+  std::array<std::array<float, 256>, 3> tables;
+  for (int code = 0; code < 256; ++code) {
+    const float linear = static_cast<float>(LinearFromSrgb(code / 255.0));
+    for (int c = 0; c < 3; ++c) tables[c][code] = kLuma[c] * linear;
+  }
+  return tables;
+}
+
+cv::Mat Wrap(Planes* plane) {
+  return cv::Mat(plane->height, plane->width, CV_32F, plane->data.data());
+}
+
+// Median absolute diagonal Haar coefficient / 0.6745 (Donoho and Johnstone 1994).
+float NoiseOf(const Planes& gray) {
+  std::vector<float> details;
+  for (int y = 0; y + 1 < gray.height; y += 2) {
+    for (int x = 0; x + 1 < gray.width; x += 2) {
+      details.push_back(std::abs(gray.at(0, y, x) - gray.at(0, y, x + 1) - gray.at(0, y + 1, x) +
+                                 gray.at(0, y + 1, x + 1)) /
+                        2);
+    }
+  }
+  if (details.empty()) return 0;
+  const auto middle = details.begin() + details.size() / 2;
+  std::nth_element(details.begin(), middle, details.end());
+  return *middle / 0.6745f;
+}
+
+}  // namespace
+
+absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& camera, int max_side,
+                                          double blur_px) {
+  static const auto tables = LumaTables();
+  Planes light(1, photo.height, photo.width);
+  double sum = 0;
+  for (size_t i = 0; i < light.data.size(); ++i) {
+    const uint8_t* p = &photo.data[3 * i];
+    light.data[i] = tables[0][p[0]] + tables[1][p[1]] + tables[2][p[2]];
+    sum += light.data[i];
+  }
+  const double shrink = std::min(1.0, double(max_side) / std::max(photo.width, photo.height));
+  const int width = std::max(1, static_cast<int>(std::lround(photo.width * shrink)));
+  const int height = std::max(1, static_cast<int>(std::lround(photo.height * shrink)));
+  MatchImage out;
+  out.camera = camera.Scaled(width, height);
+  out.gray = Planes(1, height, width);
+  try {
+    cv::Mat gray = Wrap(&out.gray);
+    cv::resize(Wrap(&light), gray, gray.size(), 0, 0, cv::INTER_AREA);
+    if (blur_px > 0) {
+      cv::GaussianBlur(gray, gray, cv::Size(), blur_px, blur_px, cv::BORDER_REPLICATE);
+    }
+  } catch (const cv::Exception& e) {
+    return MakeError(absl::StatusCode::kInternal, "STEREO_RESIZE", "images",
+                     absl::StrCat("cannot shrink a photo for stereo: ", e.what()));
+  }
+  const float mean = static_cast<float>(sum / light.data.size());
+  const float gain = mean > 0 ? 1 / mean : 0;
+  const float center = std::sqrt(1 + kBlack);
+  for (float& v : out.gray.data) v = std::sqrt(v * gain + kBlack) - center;
+  out.noise = NoiseOf(out.gray);
+  return out;
+}
+
+}  // namespace litags

@@ -1,0 +1,26 @@
+// What stereo compares: a photo's brightness, freed of exposure as far as one view can tell.
+#ifndef LITAGS_ENGINE_STEREO_MATCH_IMAGE_H_
+#define LITAGS_ENGINE_STEREO_MATCH_IMAGE_H_
+
+#include "absl/status/statusor.h"
+#include "engine/core/camera.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+struct MatchImage {
+  Camera camera;    // of `gray`'s size
+  Planes gray;      // [1, h, w], mean about 0
+  float noise = 0;  // standard deviation of the noise of `gray`
+};
+
+// The photo shrunk to `max_side` px (never grown) by averaging linear light, which is what makes a
+// dark photo's noise bearable; smoothed by a Gaussian of `blur_px` of the result; then the square
+// root of brightness over its mean, under which photon noise has one size everywhere. An all-black
+// photo gives a flat image. INTERNAL if OpenCV fails.
+absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& camera, int max_side,
+                                          double blur_px);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_STEREO_MATCH_IMAGE_H_

@@ -1,0 +1,128 @@
+#include "engine/stereo/stereo.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/functional/function_ref.h"
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/core/parallel.h"
+#include "engine/stereo/match_image.h"
+#include "engine/stereo/view_plan.h"
+
+namespace litags {
+namespace {
+
+constexpr int kMaxViewsAtOnce = 8;  // each holds three bytes a pixel and label, up to 60 MB
+constexpr int kLeastSide = 16;      // px; less is no picture to match
+
+absl::Status Bad(const char* field, double value, const char* rule) {
+  return InvalidInput("BAD_OPTION", absl::StrCat("stereo.", field),
+                      absl::StrCat("stereo.", field, ": ", value, " ", rule));
+}
+
+// Runs body(i) for all views, in chunks so that progress comes from this thread.
+absl::Status ForEachView(size_t n, int threads, const CancelToken& cancel,
+                         absl::FunctionRef<absl::Status(size_t)> body,
+                         absl::FunctionRef<void(size_t done)> progress) {
+  threads = std::min(threads > 0 ? threads : DefaultThreadCount(), kMaxViewsAtOnce);
+  std::vector<absl::Status> status(n);
+  for (size_t first = 0; first < n; first += threads) {
+    const size_t count = std::min<size_t>(threads, n - first);
+    ParallelFor(threads, count, [&](size_t i, int) { status[first + i] = body(first + i); });
+    for (size_t i = first; i < first + count; ++i) LITAGS_RETURN_IF_ERROR(status[i]);
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
+    progress(first + count);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status StereoOptions::Validate() const {
+  if (max_side < 32 || max_side > 4096) return Bad("max_side", max_side, "is not in 32..4096");
+  if (!(blur_px >= 0 && blur_px <= 16)) return Bad("blur_px", blur_px, "is not in [0, 16]");
+  if (sources < 1 || sources > 8) return Bad("sources", sources, "is not in 1..8");
+  if (!(angle_deg > 0 && angle_deg <= 90)) return Bad("angle_deg", angle_deg, "is not in (0, 90]");
+  return surface.Validate();
+}
+
+absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
+    absl::Span<const PosedPhoto> photos, absl::Span<const SparsePoint> points,
+    const StereoOptions& options, const CancelToken& cancel, DepthProgress progress) {
+  LITAGS_RETURN_IF_ERROR(options.Validate());
+  const size_t n = photos.size();
+  std::vector<MatchImage> images(n);
+  std::vector<absl::Status> status(n);
+  ParallelFor(options.threads, n, [&](size_t i, int) {
+    auto image =
+        MakeMatchImage(*photos[i].photo, photos[i].view->camera, options.max_side, options.blur_px);
+    status[i] = image.status();
+    if (image.ok()) images[i] = *std::move(image);
+  });
+  for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
+  std::vector<Camera> cameras;
+  for (const MatchImage& image : images) cameras.push_back(image.camera);
+  std::vector<ViewPlan> plans = PlanViews(cameras, points, options.sources, options.angle_deg);
+  const auto too_small = [&](int i) {
+    return std::min(cameras[i].width, cameras[i].height) < kLeastSide;
+  };
+  for (size_t i = 0; i < n; ++i) {
+    std::erase_if(plans[i].sources, too_small);
+    if (too_small(static_cast<int>(i))) plans[i].sources.clear();
+  }
+
+  std::vector<Surface> surfaces(n);
+  LITAGS_RETURN_IF_ERROR(ForEachView(
+      n, options.threads, cancel,
+      [&](size_t i) -> absl::Status {
+        if (plans[i].sources.empty()) return absl::OkStatus();
+        std::vector<const MatchImage*> sources;
+        for (const int s : plans[i].sources) sources.push_back(&images[s]);
+        LITAGS_ASSIGN_OR_RETURN(
+            surfaces[i], EstimateSurface(images[i], sources, plans[i], options.surface, cancel));
+        return absl::OkStatus();
+      },
+      [&](size_t done) { progress(static_cast<int>(done), static_cast<int>(n)); }));
+
+  std::vector<std::optional<DepthMap>> maps(n);
+  ParallelFor(options.threads, n, [&](size_t i, int) {
+    if (surfaces[i].fit.empty()) return;
+    std::vector<ViewSurface> others;
+    for (const int s : plans[i].sources) {
+      if (!surfaces[s].fit.empty()) others.push_back({&cameras[s], &surfaces[s]});
+    }
+    const DepthMap map = Agree({&cameras[i], &surfaces[i]}, others, options.agreement);
+    const auto& c = map.confidence.data;
+    if (std::none_of(c.begin(), c.end(), [](float v) { return v > 0; })) return;
+    maps[i] = ResizeSurface(map, photos[i].photo->width, photos[i].photo->height);
+  });
+  return maps;
+}
+
+namespace {
+
+class StereoDepthProvider : public DepthProvider {
+ public:
+  StereoDepthProvider(std::vector<SparsePoint> points, const StereoOptions& options)
+      : points_(std::move(points)), options_(options) {}
+
+  absl::StatusOr<std::vector<std::optional<DepthMap>>> Maps(absl::Span<const PosedPhoto> photos,
+                                                            const CancelToken& cancel,
+                                                            DepthProgress progress) override {
+    return StereoDepth(photos, points_, options_, cancel, progress);
+  }
+
+ private:
+  const std::vector<SparsePoint> points_;
+  const StereoOptions options_;
+};
+
+}  // namespace
+
+std::unique_ptr<DepthProvider> MakeStereoDepthProvider(std::vector<SparsePoint> points,
+                                                       const StereoOptions& options) {
+  return std::make_unique<StereoDepthProvider>(std::move(points), options);
+}
+
+}  // namespace litags

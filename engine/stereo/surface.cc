@@ -1,0 +1,264 @@
+#include "engine/stereo/surface.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/stereo/correlate.h"
+#include "engine/stereo/semi_global.h"
+
+namespace litags {
+namespace {
+
+constexpr int kMaxBest = 8;
+constexpr double kCostScale = 250;  // of 1 - correlation, so that it fits a byte
+constexpr int kMinLabels = 16;
+
+// 1 / depth of label i is first + i * step.
+struct Labels {
+  double first = 0, step = 0;
+  int count = 0;
+};
+
+// How far, px, the middle of the reference moves in the source between two inverse depths.
+double Travel(const Transfer& t, const Camera& camera, double from, double to) {
+  const double x = camera.width / 2.0, y = camera.height / 2.0;
+  const auto project = [&](double inverse_depth, double* u, double* v) {
+    double q[3];
+    for (int i = 0; i < 3; ++i) {
+      q[i] =
+          t.ray[3 * i] * x + t.ray[3 * i + 1] * y + t.ray[3 * i + 2] + inverse_depth * t.shift[i];
+    }
+    if (!(q[2] > 0)) return false;
+    *u = q[0] / q[2];
+    *v = q[1] / q[2];
+    return true;
+  };
+  double u0, v0, u1, v1;
+  if (!project(from, &u0, &v0) || !project(to, &u1, &v1)) return 0;
+  return std::hypot(u1 - u0, v1 - v0);
+}
+
+// The sources of one view and what the sweeps over them need.
+class Matcher {
+ public:
+  Matcher(const MatchImage& reference, absl::Span<const MatchImage* const> sources,
+          const SurfaceOptions& options)
+      : camera_(reference.camera),
+        reference_(reference, options.radius),
+        sources_(sources.begin(), sources.end()),
+        pixels_(reference.gray.plane_size()),
+        fit_(pixels_) {
+    for (const MatchImage* source : sources_) transfers_.emplace_back(camera_, source->camera);
+    const int best = std::clamp<int>(options.best_sources, 1,
+                                     std::min<int>(kMaxBest, static_cast<int>(sources_.size())));
+    best_.assign(best, std::vector<float>(pixels_));
+  }
+
+  Labels ChooseLabels(const ViewPlan& plan, const SurfaceOptions& options) const {
+    Labels labels;
+    labels.first = 1 / plan.far_depth;
+    const double last = 1 / plan.near_depth;
+    double travel = 0;
+    for (const Transfer& t : transfers_) {
+      travel = std::max(travel, Travel(t, camera_, labels.first, last));
+    }
+    labels.count = std::clamp(static_cast<int>(std::ceil(travel / options.step_px)) + 1, kMinLabels,
+                              options.max_labels);
+    labels.step = (last - labels.first) / (labels.count - 1);
+    return labels;
+  }
+
+  // Correlation of every pixel at its inverse depth: mean of the best sources.
+  void Fit(const float* inverse_depth, float* mean) {
+    const size_t best = best_.size();
+    for (auto& values : best_) std::fill(values.begin(), values.end(), -1.0f);
+    for (size_t s = 0; s < sources_.size(); ++s) {
+      Correlate(reference_, *sources_[s], transfers_[s], inverse_depth, &scratch_, fit_.data());
+      for (size_t k = 0; k < best; ++k) {  // insertion, for all pixels at once
+        float* kept = best_[k].data();
+        for (size_t i = 0; i < pixels_; ++i) {
+          const float better = std::max(kept[i], fit_[i]), worse = std::min(kept[i], fit_[i]);
+          kept[i] = better;
+          fit_[i] = worse;
+        }
+      }
+    }
+    const float share = 1.0f / best;
+    for (size_t i = 0; i < pixels_; ++i) {
+      float sum = 0;
+      for (size_t k = 0; k < best; ++k) sum += best_[k][i];
+      mean[i] = sum * share;
+    }
+  }
+
+  size_t pixels() const { return pixels_; }
+
+ private:
+  const Camera& camera_;
+  const CorrelationReference reference_;
+  const std::vector<const MatchImage*> sources_;
+  const size_t pixels_;
+  std::vector<Transfer> transfers_;
+  std::vector<float> fit_, scratch_;
+  std::vector<std::vector<float>> best_;
+};
+
+absl::StatusOr<CostVolume> SweepPlanes(Matcher* matcher, const Camera& camera, const Labels& labels,
+                                       const CancelToken& cancel) {
+  CostVolume volume(camera.width, camera.height, labels.count);
+  std::vector<float> inverse_depth(matcher->pixels()), fit(matcher->pixels());
+  for (int label = 0; label < labels.count; ++label) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
+    std::fill(inverse_depth.begin(), inverse_depth.end(),
+              static_cast<float>(labels.first + label * labels.step));
+    matcher->Fit(inverse_depth.data(), fit.data());
+    uint8_t* cost = volume.cost.data() + label;
+    for (size_t i = 0; i < fit.size(); ++i) {
+      const float worth = std::clamp(fit[i], 0.0f, 1.0f);
+      cost[i * volume.labels] = static_cast<uint8_t>((1 - worth) * float(kCostScale) + 0.5f);
+    }
+  }
+  return volume;
+}
+
+// Makes depths other than that of a sparse point dear at its pixel.
+void AddAnchors(const ViewPlan& plan, const Labels& labels, double weight, CostVolume* volume) {
+  const double most = weight * kCostScale;
+  for (const Anchor& anchor : plan.anchors) {
+    const int x = static_cast<int>(std::floor(anchor.x)),
+              y = static_cast<int>(std::floor(anchor.y));
+    if (x < 0 || y < 0 || x >= volume->width || y >= volume->height) continue;
+    const double wanted = (1 / anchor.depth - labels.first) / labels.step;
+    if (wanted < 0 || wanted > labels.count - 1) continue;
+    uint8_t* cost = volume->at(size_t(y) * volume->width + x);
+    for (int label = 0; label < labels.count; ++label) {
+      const double away = std::max(0.0, std::abs(label - wanted) - 1);
+      cost[label] =
+          static_cast<uint8_t>(std::min(kCostScale, cost[label] + most * std::min(1.0, away / 2)));
+    }
+  }
+}
+
+// Where the parabola through (-1, left), (0, middle), (1, right) is least, in [-0.5, 0.5].
+double ParabolaMinimum(double left, double middle, double right) {
+  const double bend = left + right - 2 * middle;
+  return bend > 1e-12 ? std::clamp((left - right) / (2 * bend), -0.5, 0.5) : 0.0;
+}
+
+void PickLabels(const std::vector<uint16_t>& sums, const CostVolume& volume, const Labels& labels,
+                Planes* inverse_depth) {
+  for (size_t i = 0; i < inverse_depth->data.size(); ++i) {
+    const uint16_t* sum = &sums[i * volume.labels];
+    const int label = static_cast<int>(std::min_element(sum, sum + labels.count) - sum);
+    double offset = 0;
+    if (label > 0 && label + 1 < labels.count) {
+      offset = ParabolaMinimum(sum[label - 1], sum[label], sum[label + 1]);
+    }
+    inverse_depth->data[i] = static_cast<float>(labels.first + (label + offset) * labels.step);
+  }
+}
+
+// Median of the 3x3 neighbourhood, the border repeated.
+void Median3x3(Planes* plane) {
+  const Planes in = *plane;
+  for (int y = 0; y < in.height; ++y) {
+    for (int x = 0; x < in.width; ++x) {
+      std::array<float, 9> v;
+      for (int k = 0; k < 9; ++k) {
+        v[k] = in.at(0, std::clamp(y + k / 3 - 1, 0, in.height - 1),
+                     std::clamp(x + k % 3 - 1, 0, in.width - 1));
+      }
+      std::nth_element(v.begin(), v.begin() + 4, v.end());
+      plane->at(0, y, x) = v[4];
+    }
+  }
+}
+
+// Moves every pixel by up to `reach` in inverse depth to where it fits best.
+absl::Status SweepSurface(Matcher* matcher, double reach, const CancelToken& cancel,
+                          Surface* surface) {
+  constexpr int kOffsets = 5;
+  constexpr int kMiddle = kOffsets / 2;
+  const size_t n = matcher->pixels();
+  std::vector<float> moved(n);
+  std::array<std::vector<float>, kOffsets> fits;
+  const float step = static_cast<float>(reach / kMiddle);
+  for (int k = 0; k < kOffsets; ++k) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
+    for (size_t i = 0; i < n; ++i) {
+      moved[i] = surface->inverse_depth.data[i] + (k - kMiddle) * step;
+    }
+    fits[k].resize(n);
+    matcher->Fit(moved.data(), fits[k].data());
+  }
+  for (size_t i = 0; i < n; ++i) {
+    int best = kMiddle;
+    for (int k = 0; k < kOffsets; ++k) {
+      if (fits[k][i] > fits[best][i]) best = k;
+    }
+    double offset = best - kMiddle;
+    if (best > 0 && best + 1 < kOffsets) {
+      offset += ParabolaMinimum(-fits[best - 1][i], -fits[best][i], -fits[best + 1][i]);
+    }
+    surface->inverse_depth.data[i] += static_cast<float>(offset) * step;
+    surface->fit.data[i] = fits[best][i];
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Bad(const char* field, double value, const char* rule) {
+  return InvalidInput("BAD_OPTION", absl::StrCat("stereo.surface.", field),
+                      absl::StrCat("stereo.surface.", field, ": ", value, " ", rule));
+}
+
+}  // namespace
+
+absl::Status SurfaceOptions::Validate() const {
+  if (radius < 1 || radius > 8) return Bad("radius", radius, "is not in 1..8");
+  if (best_sources < 1 || best_sources > kMaxBest)
+    return Bad("best_sources", best_sources, "is not in 1..8");
+  if (!(step_px > 0)) return Bad("step_px", step_px, "is not above 0");
+  if (max_labels < kMinLabels || max_labels > 1024)
+    return Bad("max_labels", max_labels, "is not in 16..1024");
+  if (!(step_penalty >= 0 && step_penalty <= jump_penalty))
+    return Bad("step_penalty", step_penalty, "is not in [0, jump_penalty]");
+  if (!(jump_penalty <= 8)) return Bad("jump_penalty", jump_penalty, "is not 8 or less");
+  if (!(edge_contrast > 0)) return Bad("edge_contrast", edge_contrast, "is not above 0");
+  if (!(anchor_weight >= 0)) return Bad("anchor_weight", anchor_weight, "is not 0 or more");
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Surface> EstimateSurface(const MatchImage& reference,
+                                        absl::Span<const MatchImage* const> sources,
+                                        const ViewPlan& plan, const SurfaceOptions& options,
+                                        const CancelToken& cancel) {
+  Matcher matcher(reference, sources, options);
+  const Labels labels = matcher.ChooseLabels(plan, options);
+  Surface surface;
+  surface.inverse_depth = surface.fit = Planes(1, reference.gray.height, reference.gray.width);
+  {
+    LITAGS_ASSIGN_OR_RETURN(CostVolume volume,
+                            SweepPlanes(&matcher, reference.camera, labels, cancel));
+    AddAnchors(plan, labels, options.anchor_weight, &volume);
+    SmoothnessPenalty penalty;
+    penalty.step = static_cast<int>(std::lround(options.step_penalty * kCostScale));
+    penalty.jump = static_cast<int>(std::lround(options.jump_penalty * kCostScale));
+    penalty.edge_contrast = options.edge_contrast;
+    const std::vector<uint16_t> sums = AggregateCosts(volume, reference.gray.data.data(), penalty);
+    PickLabels(sums, volume, labels, &surface.inverse_depth);
+  }
+  for (const double reach : {0.5 * labels.step, 0.25 * labels.step}) {
+    Median3x3(&surface.inverse_depth);
+    LITAGS_RETURN_IF_ERROR(SweepSurface(&matcher, reach, cancel, &surface));
+  }
+  const float least = static_cast<float>(0.5 * labels.first);
+  for (float& v : surface.inverse_depth.data) v = std::max(v, least);
+  return surface;
+}
+
+}  // namespace litags
