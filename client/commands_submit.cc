@@ -22,11 +22,13 @@ struct SubmitArgs {
   // Only what was given is sent; the service has the defaults.
   std::optional<v1::Method> method;
   std::optional<v1::Tone> tone;
-  std::optional<double> theta, min_registered, exposure_ssim, coarse_until;
+  std::optional<v1::DepthSource> depth_source;
+  std::optional<double> theta, min_registered, exposure_ssim, coarse_until, depth_weight;
   std::optional<int> iterations, threads, sh_degree, max_image_side, holdout_every;
   std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
   std::optional<uint64_t> seed;
   std::optional<int64_t> max_gaussians;
+  std::optional<bool> depth_geometry;
   bool no_pdm = false, no_prior = false, no_depth = false;
 };
 
@@ -71,6 +73,9 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.pdm_every) options.set_pdm_every(*args.pdm_every);
   if (args.coarse_levels) options.set_coarse_levels(*args.coarse_levels);
   if (args.coarse_until) options.set_coarse_until(*args.coarse_until);
+  if (args.depth_source) options.set_depth_source(*args.depth_source);
+  if (args.depth_weight) options.set_depth_weight(*args.depth_weight);
+  if (args.depth_geometry) options.set_depth_geometry(*args.depth_geometry);
   return options;
 }
 
@@ -207,6 +212,19 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->group(group);
   command->add_flag("--no-prior", args->no_prior, "Without the structure prior")->group(group);
   command->add_flag("--no-depth", args->no_depth, "Without the depth loss")->group(group);
+  AddChoice<v1::DepthSource>(*command, "--depth-source", args->depth_source,
+                             {{"auto", v1::DEPTH_SOURCE_AUTO},
+                              {"maps", v1::DEPTH_SOURCE_MAPS},
+                              {"stereo", v1::DEPTH_SOURCE_STEREO},
+                              {"network", v1::DEPTH_SOURCE_NETWORK},
+                              {"none", v1::DEPTH_SOURCE_NONE}})
+      ->description("Depth maps: auto, maps (--depth), stereo, network (the service's) or none")
+      ->group(group);
+  command->add_option("--depth-weight", args->depth_weight, "Of the depth loss")->group(group);
+  command
+      ->add_option("--depth-geometry", args->depth_geometry,
+                   "true: the depth loss moves Gaussians; false: it sees an attribute of theirs")
+      ->group(group);
   command->add_option("--max-image-side", args->max_image_side, "Shrink photos to this, px")
       ->group(group);
   command->add_option("--holdout-every", args->holdout_every, "Every n-th photo only measures")

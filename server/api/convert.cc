@@ -19,6 +19,11 @@ static_assert(static_cast<int>(Method::k3dgs) + 1 == v1::METHOD_3DGS);
 static_assert(static_cast<int>(Tone::kPaper) + 1 == v1::TONE_PAPER);
 static_assert(static_cast<int>(Tone::kLinearGain) + 1 == v1::TONE_LINEAR_GAIN);
 static_assert(static_cast<int>(Tone::kNone) + 1 == v1::TONE_NONE);
+static_assert(static_cast<int>(DepthOrigin::kAuto) + 1 == v1::DEPTH_SOURCE_AUTO);
+static_assert(static_cast<int>(DepthOrigin::kMaps) + 1 == v1::DEPTH_SOURCE_MAPS);
+static_assert(static_cast<int>(DepthOrigin::kStereo) + 1 == v1::DEPTH_SOURCE_STEREO);
+static_assert(static_cast<int>(DepthOrigin::kNetwork) + 1 == v1::DEPTH_SOURCE_NETWORK);
+static_assert(static_cast<int>(DepthOrigin::kNone) + 1 == v1::DEPTH_SOURCE_NONE);
 static_assert(static_cast<int>(Stage::kLoading) + 1 == v1::STAGE_LOADING);
 static_assert(static_cast<int>(Stage::kSaving) + 1 == v1::STAGE_SAVING);
 static_assert(static_cast<int>(JobState::kUploading) == v1::JOB_STATE_UPLOADING);
@@ -85,6 +90,11 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
     if (!v1::Tone_IsValid(proto.tone())) return UnknownEnum("options.tone", proto.tone());
     options.tone = static_cast<Tone>(proto.tone() - 1);
   }
+  if (proto.has_depth_source() && proto.depth_source() != v1::DEPTH_SOURCE_UNSPECIFIED) {
+    if (!v1::DepthSource_IsValid(proto.depth_source()))
+      return UnknownEnum("options.depth_source", proto.depth_source());
+    options.depth_source = static_cast<DepthOrigin>(proto.depth_source() - 1);
+  }
   if (proto.has_theta()) options.theta = proto.theta();
   if (proto.has_iterations()) options.iterations = proto.iterations();
   if (proto.has_seed()) options.seed = proto.seed();
@@ -104,6 +114,8 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
   if (proto.has_pdm_every()) options.pdm_every = proto.pdm_every();
   if (proto.has_coarse_levels()) options.coarse_levels = proto.coarse_levels();
   if (proto.has_coarse_until()) options.coarse_until = proto.coarse_until();
+  if (proto.has_depth_weight()) options.depth_weight = proto.depth_weight();
+  if (proto.has_depth_geometry()) options.depth_geometry = proto.depth_geometry();
 
   const absl::Status valid = options.Validate();
   if (valid.ok()) return options;
@@ -138,6 +150,9 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_pdm_every(options.pdm_every);
   proto.set_coarse_levels(options.coarse_levels);
   proto.set_coarse_until(options.coarse_until);
+  proto.set_depth_source(static_cast<v1::DepthSource>(static_cast<int>(options.depth_source) + 1));
+  proto.set_depth_weight(options.depth_weight);
+  proto.set_depth_geometry(options.depth_geometry);
   return proto;
 }
 

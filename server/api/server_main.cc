@@ -27,6 +27,7 @@ struct Flags {
   ServerOptions server;
   std::string data;
   std::string colmap = "colmap";
+  std::string depth_model;
   std::string log_level = "info";
   std::string port_file;
   int workers = 1;
@@ -48,6 +49,12 @@ absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine
                                   " is not there or not executable; install it beside "
                                   "litags-server, or start with --workers 0"));
   }
+  LITAGS_ASSIGN_OR_RETURN(const DepthNetwork network,
+                          DepthNetwork::Parse(flags.depth_model, "--depth-model"));
+  if (!network.path.empty() && access(network.path.c_str(), R_OK) != 0) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MODEL_NOT_FOUND",
+                     "--depth-model", absl::StrCat(network.path, " is not there or not readable"));
+  }
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp();
@@ -62,6 +69,9 @@ absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine
   workers.command = {
       worker_program, "--store",    data.root,     "--threads",    absl::StrCat(flags.threads),
       "--colmap",     flags.colmap, "--log-level", flags.log_level};
+  if (!flags.depth_model.empty()) {
+    workers.command.insert(workers.command.end(), {"--depth-model", flags.depth_model});
+  }
   Supervisor supervisor(workers, &leases);
 
   const std::string host = flags.server.listen.substr(0, flags.server.listen.rfind(':'));
@@ -96,6 +106,9 @@ int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory 
       ->check(CLI::NonNegativeNumber);
   app.add_option("--colmap", flags.colmap, "COLMAP program: a name or a path")
       ->capture_default_str();
+  app.add_option("--depth-model", flags.depth_model,
+                 "ONNX depth network for jobs with depth_source NETWORK: FILE[,size=518x518]"
+                 "[,mean=R:G:B][,std=R:G:B][,output=inverse|depth]");
   app.add_option("--log-level", flags.log_level, "debug, info, warn or error")
       ->capture_default_str();
   app.add_option("--port-file", flags.port_file, "Write the port to this file once it is open");

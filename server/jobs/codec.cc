@@ -36,6 +36,9 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("pdm_every", r.pdm_every);
   visit("coarse_levels", r.coarse_levels);
   visit("coarse_until", r.coarse_until);
+  visit("depth_source", r.depth_source);
+  visit("depth_weight", r.depth_weight);
+  visit("depth_geometry", r.depth_geometry);
 }
 
 template <typename R, typename F>

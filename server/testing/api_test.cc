@@ -69,6 +69,9 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_pdm_every(3);
   o->set_coarse_levels(1);
   o->set_coarse_until(0.75);
+  o->set_depth_source(v1::DEPTH_SOURCE_STEREO);
+  o->set_depth_weight(0.5);
+  o->set_depth_geometry(false);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();
@@ -86,6 +89,10 @@ TEST_F(JobsApi, OptionOutOfRangeNamesTheField) {
   request.mutable_options()->set_method(static_cast<v1::Method>(77));
   EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
                  "options.method");
+  request.mutable_options()->clear_method();
+  request.mutable_options()->set_depth_source(static_cast<v1::DepthSource>(6));
+  EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
+                 "options.depth_source");
 }
 
 TEST_F(JobsApi, CreateIsIdempotentByRequestId) {

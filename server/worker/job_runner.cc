@@ -63,7 +63,8 @@ absl::StatusOr<ReconstructReport> Reconstruct(const Lease& lease, const WorkerCo
                                               ReconstructObserver* observer) {
   LITAGS_ASSIGN_OR_RETURN(auto engine_options, Decode<ReconstructOptions>(lease.job.options));
   if (engine_options.threads == 0) engine_options.threads = options.threads;
-  LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, PrepareInput(lease.job.id, context));
+  LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, PrepareInput(lease.job.id, context));
+  input.depth_network = options.depth_network;
   return context.engine->Reconstruct(input, engine_options, cancel, observer);
 }
 

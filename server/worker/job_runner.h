@@ -18,6 +18,7 @@ namespace litags {
 struct WorkerOptions {
   std::string name = "worker";   // unique among all workers there ever were
   int threads = 0;               // for jobs that do not say; 0: all cores
+  DepthNetwork depth_network;    // for jobs that ask for depth by a network
   double poll_seconds = 0.25;    // between looks for work, for cancellation and for shutdown
   double heartbeat_seconds = 2;  // between renewals of the lease
   double progress_seconds = 1;   // between progress events within one stage

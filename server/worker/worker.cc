@@ -46,7 +46,7 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
 
 int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
-  std::string data, colmap = "colmap", log_level = "info";
+  std::string data, colmap = "colmap", depth_model, log_level = "info";
   WorkerOptions options;
   options.name = absl::StrCat("worker-", getpid(), "-", RandomHex(4));
   app.add_option("--store", data, "Data folder of the installation")->required();
@@ -54,10 +54,17 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   app.add_option("--threads", options.threads, "Threads per job that does not say; 0: all cores")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--colmap", colmap, "COLMAP program: a name or a path")->capture_default_str();
+  app.add_option("--depth-model", depth_model, "ONNX depth network, see litags-server --help");
   app.add_option("--log-level", log_level, "debug, info, warn or error")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   if (!SetUpLog(log_level, options.name)) return 2;
 
+  absl::StatusOr<DepthNetwork> network = DepthNetwork::Parse(depth_model, "--depth-model");
+  if (!network.ok()) {
+    spdlog::error("{}", network.status().ToString());
+    return 2;
+  }
+  options.depth_network = *std::move(network);
   options.give_up = [] { _exit(3); };
   const std::unique_ptr<Engine> engine = make_engine(colmap);
   const ShutdownSignal signal;
