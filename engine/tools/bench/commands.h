@@ -15,6 +15,9 @@ void AddMachineCommand(CLI::App* app, int* exit_status);
 void AddRenderCommand(CLI::App* app, int* exit_status);
 void AddTrainCommand(CLI::App* app, int* exit_status);
 void AddScoreCommand(CLI::App* app, int* exit_status);
+
+// `litags-bench depth SCENE`.
+void AddDepthCommand(CLI::App* app, int* exit_status);
 void AddTableCommand(CLI::App* app, int* exit_status);
 
 }  // namespace litags

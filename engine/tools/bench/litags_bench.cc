@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   litags::AddRenderCommand(&app, &exit_status);
   litags::AddTrainCommand(&app, &exit_status);
   litags::AddScoreCommand(&app, &exit_status);
+  litags::AddDepthCommand(&app, &exit_status);
   litags::AddTableCommand(&app, &exit_status);
   CLI11_PARSE(app, argc, argv);
   return exit_status;

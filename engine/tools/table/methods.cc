@@ -35,6 +35,9 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.method = Method::kLitaGs;
   options.tone = Tone::kPaper;
   options.exposure_ssim = 0;
+  options.depth_source = DepthOrigin::kStereo;  // in place of the paper's network
+  options.depth_weight = 0.1;
+  options.depth_geometry = false;
   options.pdm_hidden = 16;
   options.pdm_every = 1;
   options.coarse_levels = 0;

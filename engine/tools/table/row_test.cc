@@ -108,6 +108,7 @@ TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
   EXPECT_TRUE(of("3dgs-normal").normal_light);
   EXPECT_EQ(of("litags-paper").options.tone, Tone::kPaper);
   EXPECT_EQ(of("litags-paper").options.exposure_ssim, 0);
+  EXPECT_FALSE(of("litags-paper").options.depth_geometry);
   EXPECT_FALSE(of("litags-no-pdm").options.use_pdm);
   EXPECT_TRUE(of("litags-no-pdm").options.use_prior);
   EXPECT_FALSE(of("litags-no-pdm-depth-prior").options.use_prior);
