@@ -23,7 +23,7 @@ struct SubmitArgs {
   std::optional<v1::Method> method;
   std::optional<v1::Tone> tone;
   std::optional<v1::DepthSource> depth_source;
-  std::optional<double> theta, min_registered, exposure_ssim, coarse_until, depth_weight;
+  std::optional<double> theta, contrast, min_registered, exposure_ssim, coarse_until, depth_weight;
   std::optional<int> iterations, threads, sh_degree, max_image_side, holdout_every;
   std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
   std::optional<uint64_t> seed;
@@ -55,6 +55,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.method) options.set_method(*args.method);
   if (args.tone) options.set_tone(*args.tone);
   if (args.theta) options.set_theta(*args.theta);
+  if (args.contrast) options.set_contrast(*args.contrast);
   if (args.iterations) options.set_iterations(*args.iterations);
   if (args.seed) options.set_seed(*args.seed);
   if (args.threads) options.set_threads(*args.threads);
@@ -186,12 +187,17 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                         {{"litags", v1::METHOD_LITA_GS}, {"3dgs", v1::METHOD_3DGS}})
       ->description("litags or 3dgs")
       ->group(group);
-  AddChoice<v1::Tone>(
-      *command, "--tone", args->tone,
-      {{"paper", v1::TONE_PAPER}, {"linear-gain", v1::TONE_LINEAR_GAIN}, {"none", v1::TONE_NONE}})
+  AddChoice<v1::Tone>(*command, "--tone", args->tone,
+                      {{"capture", v1::TONE_CAPTURE},
+                       {"linear-gain", v1::TONE_LINEAR_GAIN},
+                       {"paper", v1::TONE_PAPER},
+                       {"none", v1::TONE_NONE}})
       ->description("Target of the light: paper, linear-gain or none")
       ->group(group);
-  command->add_option("--theta", args->theta, "Mean level of the target, (0, 1)")->group(group);
+  command->add_option("--theta", args->theta, "Mean level of the target, (0, 1); 0: the tone's own")
+      ->group(group);
+  command->add_option("--contrast", args->contrast, "That --tone capture adds, [0, 1]")
+      ->group(group);
   command->add_option("--iterations", args->iterations, "Training iterations")->group(group);
   command->add_option("--seed", args->seed, "Seed of every random choice")->group(group);
   command->add_option("--threads", args->threads, "Threads; 0: all cores")->group(group);

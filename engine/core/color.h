@@ -1,8 +1,7 @@
-// The sRGB transfer curve and per-photo colour tables.
+// The sRGB transfer curve, and planes of bytes.
 #ifndef LITAGS_ENGINE_CORE_COLOR_H_
 #define LITAGS_ENGINE_CORE_COLOR_H_
 
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -19,19 +18,6 @@ inline double LinearFromSrgb(double srgb) {
 // Linear light in [0, 1] to sRGB-encoded value in [0, 1]; the inverse of the above.
 inline double SrgbFromLinear(double linear) {
   return linear <= 0.0031308 ? linear * 12.92 : 1.055 * std::pow(linear, 1.0 / 2.4) - 0.055;
-}
-
-// What each byte of an 8-bit photo stands for, per channel R, G, B: a photo with its table is a
-// float image at a quarter of the memory, and changing a photo's tone costs nothing.
-using ColorLut = std::array<std::array<float, 256>, 3>;
-
-// Byte / 255 in every channel: the photo as it is.
-inline ColorLut IdentityLut() {
-  ColorLut lut;
-  for (auto& channel : lut) {
-    for (int code = 0; code < 256; ++code) channel[code] = code * (1.0f / 255.0f);
-  }
-  return lut;
 }
 
 // One byte per pixel, [H, W], rows top to bottom.

@@ -18,6 +18,7 @@
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/fingerprint.h"
+#include "engine/priors/photometric.h"
 #include "engine/priors/structure_prior.h"
 #include "engine/priors/tone.h"
 
@@ -29,6 +30,7 @@ constexpr size_t kMinPhotos = 3;  // fewer do not make a scene
 ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
   ToneOptions tone;
   tone.theta = options.theta;
+  tone.contrast = options.contrast;
   switch (options.tone) {
     case Tone::kPaper:
       tone.rule = ToneRule::kPaperGain;
@@ -38,6 +40,9 @@ ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
       break;
     case Tone::kNone:
       tone.rule = ToneRule::kNone;
+      break;
+    case Tone::kCapture:
+      tone.rule = ToneRule::kCaptureGain;
       break;
   }
   return tone;
@@ -67,7 +72,7 @@ struct LoadedViews {
   std::vector<int> model_view;  // index into the model's views, per view here
 };
 
-// Photos with their pseudo-targets. Flat ones are left out, with a note.
+// Photos and cameras. Flat photos are left out, with a note.
 absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
                                       const ReconstructOptions& options, const SparseModel& model,
                                       const CancelToken& cancel, ReconstructReport* report) {
@@ -84,8 +89,6 @@ absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
       flat[i] = FlatColor(v.photo);
       if (flat[i].has_value()) return absl::OkStatus();
       Shrink(options.max_image_side, &v.view.camera, &v.photo);
-      LITAGS_ASSIGN_OR_RETURN(const ToneCurve tone, MakeToneCurve(v.photo, ToneOptionsOf(options)));
-      v.target_lut = tone.lut;
       return absl::OkStatus();
     }();
   });
@@ -128,14 +131,58 @@ void LimitPoints(int64_t limit, std::vector<SparsePoint>* points, ReconstructRep
   *points = std::move(kept);
 }
 
+// What is computed from all photos of a capture together takes them out of their views and puts
+// them back.
+std::vector<ImageU8> TakePhotos(std::vector<TrainView>* views) {
+  std::vector<ImageU8> photos(views->size());
+  for (size_t i = 0; i < views->size(); ++i) photos[i] = std::move((*views)[i].photo);
+  return photos;
+}
+
+void PutPhotos(std::vector<ImageU8> photos, std::vector<TrainView>* views) {
+  for (size_t i = 0; i < views->size(); ++i) (*views)[i].photo = std::move(photos[i]);
+}
+
+// Where the photos saw the model's points, sorted by point.
+std::vector<PointSighting> Sightings(const SparseModel& model, const LoadedViews& loaded) {
+  std::vector<int> photo_of(model.views.size(), -1);
+  for (size_t i = 0; i < loaded.model_view.size(); ++i)
+    photo_of[loaded.model_view[i]] = static_cast<int>(i);
+  std::vector<PointSighting> sightings;
+  for (size_t p = 0; p < model.points.size(); ++p) {
+    for (const TrackElement& element : model.points[p].track) {
+      const int photo = photo_of[element.view];
+      if (photo < 0) continue;
+      const Camera& camera = loaded.views[photo].view.camera;
+      const auto xyz = camera.CamFromWorld(model.points[p].xyz);
+      if (xyz[2] <= 0) continue;
+      sightings.push_back({static_cast<int>(p), photo, camera.fx * xyz[0] / xyz[2] + camera.cx,
+                           camera.fy * xyz[1] / xyz[2] + camera.cy});
+    }
+  }
+  return sightings;
+}
+
+absl::Status AddTargets(const ReconstructOptions& options, const SparseModel& model,
+                        LoadedViews* loaded) {
+  const std::vector<PointSighting> sightings = Sightings(model, *loaded);
+  std::vector<TrainView>& views = loaded->views;
+  std::vector<ImageU8> photos = TakePhotos(&views);
+  absl::StatusOr<std::vector<ToneTarget>> targets = MakeTargets(
+      photos, RelativeExposures(photos, sightings), ToneOptionsOf(options), options.threads);
+  PutPhotos(std::move(photos), &views);
+  LITAGS_RETURN_IF_ERROR(targets.status());
+  for (size_t i = 0; i < views.size(); ++i) views[i].target = std::move((*targets)[i].image);
+  return absl::OkStatus();
+}
+
 absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& cancel,
                           std::vector<TrainView>* views) {
   // The prior's scale is one for the whole capture, so all photos go in together.
-  std::vector<ImageU8> photos(views->size());
-  for (size_t i = 0; i < views->size(); ++i) photos[i] = std::move((*views)[i].photo);
+  std::vector<ImageU8> photos = TakePhotos(views);
   absl::StatusOr<CapturePriors> priors =
       ComputeCapturePriors(photos, StructurePriorOptions(), options.threads, cancel);
-  for (size_t i = 0; i < views->size(); ++i) (*views)[i].photo = std::move(photos[i]);
+  PutPhotos(std::move(photos), views);
   LITAGS_RETURN_IF_ERROR(priors.status());
   for (size_t i = 0; i < views->size(); ++i) (*views)[i].structure = std::move(priors->maps[i]);
   return absl::OkStatus();
@@ -180,11 +227,11 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
     f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
   }
   // What shapes the result; threads and intervals of reports do not.
-  for (double x :
-       {double(o.method), double(o.tone), o.theta, o.exposure_ssim, double(o.iterations),
-        double(o.max_gaussians), double(o.sh_degree), double(o.use_pdm), double(o.pdm_hidden),
-        double(o.pdm_every), double(o.coarse_levels), o.coarse_until, double(o.use_prior),
-        double(depth), o.depth_weight, double(o.depth_geometry), double(o.holdout_every)}) {
+  for (double x : {double(o.method), double(o.tone), o.theta, o.contrast, o.exposure_ssim,
+                   double(o.iterations), double(o.max_gaussians), double(o.sh_degree),
+                   double(o.use_pdm), double(o.pdm_hidden), double(o.pdm_every),
+                   double(o.coarse_levels), o.coarse_until, double(o.use_prior), double(depth),
+                   o.depth_weight, double(o.depth_geometry), double(o.holdout_every)}) {
     f.Add(x);
   }
   f.Add(o.seed);
@@ -206,6 +253,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
 
   progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded, LoadViews(input, options, model, cancel, report));
+  LITAGS_RETURN_IF_ERROR(AddTargets(options, model, &loaded));
   std::vector<TrainView>& views = loaded.views;
   const bool lita = options.method == Method::kLitaGs;
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
@@ -237,13 +285,14 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   return capture;
 }
 
-absl::StatusOr<ImageU8> MakePseudoTarget(const ImageU8& photo, const ReconstructOptions& options) {
-  LITAGS_ASSIGN_OR_RETURN(const ToneCurve tone, MakeToneCurve(photo, ToneOptionsOf(options)));
-  ImageU8 target = photo;
-  for (size_t i = 0; i < target.data.size(); ++i) {
-    target.data[i] = static_cast<uint8_t>(std::lround(255 * tone.lut[i % 3][photo.data[i]]));
-  }
-  return target;
+absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<ImageU8>& photos,
+                                                       const ReconstructOptions& options) {
+  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
+                          MakeTargets(photos, std::vector<double>(photos.size(), 1.0),
+                                      ToneOptionsOf(options), options.threads));
+  std::vector<ImageU8> images;
+  for (ToneTarget& target : targets) images.push_back(std::move(target.image));
+  return images;
 }
 
 }  // namespace litags

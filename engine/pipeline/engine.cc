@@ -202,7 +202,7 @@ class Run {
     double sum = 0;
     for (const TrainView& v : capture_.holdout) {
       renderer_.Render(model, v.view.camera, DepthSource::kCameraZ, &view);
-      ApplyLut(v.photo, v.target_lut, workspace, &target);
+      UnpackImage(v.target, workspace, &target);
       for (float& x : view.color.data) x = std::clamp(x, 0.0f, 1.0f);
       LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(view.color, target));
       sum += psnr;

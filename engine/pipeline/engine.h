@@ -28,9 +28,11 @@ enum class Method {
 
 // How the normal-light pseudo-target is made from a badly lit photo (the paper's L_exp).
 enum class Tone {
-  kPaper,       // gain on sRGB codes to mean theta
-  kLinearGain,  // gain in linear light to mean theta
+  kPaper,       // gain on sRGB codes to mean theta, photo by photo
+  kLinearGain,  // gain in linear light to mean theta, photo by photo
   kNone,        // photos as they are
+  kCapture,     // one gain in linear light for the capture, to an even histogram; exposures evened
+                // out between photos, clipped areas filled in, mild contrast
 };
 
 // Where depth maps for the depth loss come from.
@@ -44,8 +46,9 @@ enum class DepthOrigin {
 
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
-  Tone tone = Tone::kLinearGain;
-  double theta = 0.49;         // target mean of sRGB codes, (0, 1); authors' release
+  Tone tone = Tone::kCapture;
+  double theta = 0;            // target mean of sRGB codes, (0, 1); 0: 0.49 (paper), kCapture: 0.5
+  double contrast = 0.15;      // of kCapture, [0, 1]; 0: none
   double exposure_ssim = 0.2;  // share of 1 - SSIM beside L1 in L_exp, [0, 1]; paper: 0
   int iterations = 15000;      // one photo each; paper
   // Coarse to fine: photos of 2^-n .. 1/2 of their size share the first part of the run.
@@ -193,9 +196,11 @@ class Engine {
   virtual absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) = 0;
 };
 
-// One photo brightened by options.tone, as training compares with it (rounded to bytes): the
-// baseline that every method has to beat. INVALID_ARGUMENT for an empty or all-black photo.
-absl::StatusOr<ImageU8> MakePseudoTarget(const ImageU8& photo, const ReconstructOptions& options);
+// The photos of one capture brightened by options.tone, as training compares with them but for
+// small differences of exposure, which need cameras: the baseline that every method has to beat.
+// INVALID_ARGUMENT for an empty or all-black photo.
+absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<ImageU8>& photos,
+                                                       const ReconstructOptions& options);
 
 // The real one. `colmap` is the program's name or path.
 std::unique_ptr<Engine> MakeEngine(std::string colmap = "colmap");

@@ -3,14 +3,24 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/check.h"
+#include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/core/parallel.h"
+#include "engine/priors/highlights.h"
 
 namespace litags {
 namespace {
 
+constexpr double kThetaMean = 0.49;  // authors' release
+constexpr double kThetaEven = 0.5;
+constexpr int kClippedCode = 255;
+
 using Histogram = std::array<double, 256>;  // fraction of all samples
+using Lut = std::array<uint8_t, 256>;
 
 Histogram CountCodes(const ImageU8& photo) {
   std::array<int64_t, 256> counts = {};
@@ -35,66 +45,165 @@ auto LinearGain(double gain) {
   return [gain](double code) { return SrgbFromLinear(std::min(1.0, gain * LinearFromSrgb(code))); };
 }
 
+double AddContrast(double code, double contrast) {
+  return code + contrast * code * (1 - code) * (2 * code - 1);
+}
+
+// x in [low, high] with f(x) = y, for a growing f.
+template <class F>
+double Bisect(const F& f, double y, double low, double high) {
+  for (int i = 0; i < 60; ++i) {
+    const double middle = (low + high) / 2;
+    (f(middle) < y ? low : high) = middle;
+  }
+  return high;
+}
+
 // The gain in (0, max_gain] that brings the mean closest to theta; the mean grows with the gain.
 double SolveLinearGain(const Histogram& histogram, double theta, double max_gain) {
   if (Mean(histogram, LinearGain(max_gain)) <= theta) return max_gain;
-  double low = -64, high = std::log2(max_gain);  // stops; at -64 anything is black
-  for (int i = 0; i < 60; ++i) {
-    const double middle = (low + high) / 2;
-    (Mean(histogram, LinearGain(std::exp2(middle))) < theta ? low : high) = middle;
-  }
-  return std::exp2(high);
+  const auto mean = [&](double stops) { return Mean(histogram, LinearGain(std::exp2(stops))); };
+  return std::exp2(Bisect(mean, theta, -64, std::log2(max_gain)));  // at -64 anything is black
+}
+
+double ThetaOf(const ToneOptions& options) {
+  if (options.theta > 0) return options.theta;
+  return options.rule == ToneRule::kCaptureGain ? kThetaEven : kThetaMean;
 }
 
 template <class Curve>
-void SetCurve(const Histogram& histogram, const Curve& curve, ToneCurve* tone) {
-  for (auto& channel : tone->lut) {
-    for (int code = 0; code < 256; ++code) channel[code] = static_cast<float>(curve(code / 255.0));
+ImageU8 Apply(const ImageU8& photo, const Curve& curve) {
+  Lut lut;
+  for (int code = 0; code < 256; ++code) {
+    lut[code] = static_cast<uint8_t>(std::lround(255 * std::clamp(curve(code / 255.0), 0.0, 1.0)));
   }
-  tone->mean_after = Mean(histogram, curve);
+  ImageU8 out(photo.width, photo.height);
+  for (size_t i = 0; i < out.data.size(); ++i) out.data[i] = lut[photo.data[i]];
+  return out;
+}
+
+ToneTarget PaperTarget(const ImageU8& photo, double theta) {
+  ToneTarget target;
+  target.gain = theta / Mean(CountCodes(photo), CodeGain(1));
+  target.image = Apply(photo, CodeGain(target.gain));
+  return target;
+}
+
+ToneTarget LinearTarget(const ImageU8& photo, double theta, double max_gain) {
+  const Histogram histogram = CountCodes(photo);
+  ToneTarget target;
+  target.gain = SolveLinearGain(histogram, theta, max_gain);
+  target.reached = std::abs(Mean(histogram, LinearGain(target.gain)) - theta) < 1e-6;
+  target.image = Apply(photo, LinearGain(target.gain));
+  return target;
+}
+
+ToneTarget CaptureTarget(const ImageU8& photo, double gain, const ToneOptions& options) {
+  const auto curve = [&](double linear) {
+    return AddContrast(SrgbFromLinear(std::clamp(gain * linear, 0.0, 1.0)), options.contrast);
+  };
+  ToneTarget target;
+  target.gain = std::min(gain, options.max_gain);
+  target.reached = gain <= options.max_gain;
+  gain = target.gain;
+  const bool clipped =
+      std::find(photo.data.begin(), photo.data.end(), kClippedCode) != photo.data.end();
+  target.image = gain < 1 && clipped
+                     ? FillHighlights(photo, gain, curve)
+                     : Apply(photo, [&](double code) { return curve(LinearFromSrgb(code)); });
+  return target;
+}
+
+absl::Status CheckPhoto(const ImageU8& photo, const ToneOptions& options) {
+  if (photo.empty()) {
+    return InvalidInput("EMPTY_IMAGE", "image", "tone: the photo is empty; leave it out");
+  }
+  const bool black =
+      std::all_of(photo.data.begin(), photo.data.end(), [](uint8_t code) { return code == 0; });
+  if (black && options.rule != ToneRule::kNone) {
+    return InvalidInput("BLACK_IMAGE", "image",
+                        "tone: every pixel of the photo is 0, no gain can brighten it; leave it "
+                        "out or expose longer");
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
 
 absl::Status ToneOptions::Validate() const {
-  if (!(theta > 0 && theta < 1)) {
+  if (!(theta >= 0 && theta < 1)) {
     return InvalidInput("BAD_OPTION", "tone.theta",
-                        absl::StrCat("tone: theta = ", theta, ", must be in (0, 1)"));
+                        absl::StrCat("tone: theta = ", theta, ", must be in [0, 1)"));
   }
   if (!(max_gain >= 1 && max_gain <= 1e6)) {
     return InvalidInput("BAD_OPTION", "tone.max_gain",
                         absl::StrCat("tone: max_gain = ", max_gain, ", must be in [1, 1e6]"));
   }
+  if (!(contrast >= 0 && contrast <= 1)) {
+    return InvalidInput("BAD_OPTION", "tone.contrast",
+                        absl::StrCat("tone: contrast = ", contrast, ", must be in [0, 1]"));
+  }
   return absl::OkStatus();
 }
 
-absl::StatusOr<ToneCurve> MakeToneCurve(const ImageU8& photo, const ToneOptions& options) {
+double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
+                   const ToneOptions& options) {
+  // Samples as linear light at exposure 1, with their weight; clipped ones last.
+  std::vector<std::pair<double, double>> samples;
+  double total = 0, clipped = 0;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    const Histogram histogram = CountCodes(photos[i]);
+    for (int code = 0; code < kClippedCode; ++code) {
+      if (histogram[code] > 0)
+        samples.emplace_back(LinearFromSrgb(code / 255.0) / exposures[i], histogram[code]);
+    }
+    clipped += histogram[kClippedCode];
+    total += 1;
+  }
+  if (samples.empty()) return 1;  // nothing but white
+  std::sort(samples.begin(), samples.end());
+  const double p = std::min(0.5, 0.8 * (1 - clipped / total));
+  double sum = 0, level = samples.back().first;
+  for (const auto& [light, weight] : samples) {
+    sum += weight;
+    if (sum < p * total) continue;
+    level = light;
+    break;
+  }
+  const double code = std::pow(p, 1 / ThetaOf(options) - 1);
+  const auto contrast = [&](double c) { return AddContrast(c, options.contrast); };
+  const double wanted = LinearFromSrgb(Bisect(contrast, code, 0, 1));
+  return wanted / std::max(level, 1e-9);
+}
+
+absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,
+                                                    absl::Span<const double> exposures,
+                                                    const ToneOptions& options, int threads) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
-  if (photo.empty()) {
-    return InvalidInput("EMPTY_IMAGE", "image", "tone: the photo is empty; leave it out");
-  }
-  const Histogram histogram = CountCodes(photo);
-  ToneCurve tone;
-  tone.mean_before = Mean(histogram, CodeGain(1));
-  if (options.rule == ToneRule::kNone) {
-    tone.lut = IdentityLut();
-    tone.mean_after = tone.mean_before;
-    return tone;
-  }
-  if (tone.mean_before == 0) {
-    return InvalidInput("BLACK_IMAGE", "image",
-                        "tone: every pixel of the photo is 0, no gain can brighten it; leave it "
-                        "out or expose longer");
-  }
-  if (options.rule == ToneRule::kPaperGain) {
-    tone.gain = options.theta / tone.mean_before;
-    SetCurve(histogram, CodeGain(tone.gain), &tone);
-  } else {
-    tone.gain = SolveLinearGain(histogram, options.theta, options.max_gain);
-    SetCurve(histogram, LinearGain(tone.gain), &tone);
-    tone.reached = std::abs(tone.mean_after - options.theta) < 1e-6;
-  }
-  return tone;
+  LITAGS_CHECK(photos.size() == exposures.size());
+  for (const ImageU8& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
+  const double theta = ThetaOf(options);
+  const double gain = options.rule == ToneRule::kCaptureGain && !photos.empty()
+                          ? CaptureGain(photos, exposures, options)
+                          : 1;
+  std::vector<ToneTarget> targets(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    switch (options.rule) {
+      case ToneRule::kPaperGain:
+        targets[i] = PaperTarget(photos[i], theta);
+        break;
+      case ToneRule::kLinearGain:
+        targets[i] = LinearTarget(photos[i], theta, options.max_gain);
+        break;
+      case ToneRule::kCaptureGain:
+        targets[i] = CaptureTarget(photos[i], gain / exposures[i], options);
+        break;
+      case ToneRule::kNone:
+        targets[i].image = photos[i];
+        break;
+    }
+  });
+  return targets;
 }
 
 }  // namespace litags

@@ -1,40 +1,57 @@
-// The normal-light pseudo-target of a badly lit photo (LITA-GS L_exp), as a 256-entry table per
-// channel: a pure function of the photo's histogram.
+// The normal-light pseudo-target of badly lit photos (LITA-GS L_exp).
 #ifndef LITAGS_ENGINE_PRIORS_TONE_H_
 #define LITAGS_ENGINE_PRIORS_TONE_H_
 
+#include <vector>
+
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "engine/core/color.h"
+#include "absl/types/span.h"
 #include "engine/core/image.h"
 
 namespace litags {
 
 enum class ToneRule {
-  kPaperGain,   // clip(theta / mean(I) * I, 0, 1) on sRGB codes: the paper
-  kLinearGain,  // a gain in linear light, clipped at white, that brings the mean code to theta
-  kNone,        // the photo as it is
+  kPaperGain,    // clip(theta / mean(I) * I, 0, 1) on sRGB codes, photo by photo: the paper
+  kLinearGain,   // a gain in linear light, clipped at white, to a mean code of theta, by photo
+  kCaptureGain,  // one gain in linear light for the capture, see CaptureGain(); clipped areas are
+                 // filled in (highlights.h), then a curve of mild contrast
+  kNone,         // the photo as it is
 };
 
 struct ToneOptions {
-  ToneRule rule = ToneRule::kLinearGain;
-  double theta = 0.49;     // wanted mean of sRGB codes, (0, 1); authors' release
-  double max_gain = 4096;  // of linear light, kLinearGain only; >= 1. Choice: 12 stops
+  ToneRule rule = ToneRule::kCaptureGain;
+  // Wanted mean of sRGB codes, (0, 1). 0: the rule's own, 0.49 (authors' release), or 0.5 for
+  // kCaptureGain: an even histogram.
+  double theta = 0;
+  double max_gain = 4096;  // of linear light; >= 1. Choice: 12 stops
+  // Of kCaptureGain, [0, 1]: code c becomes c + contrast * c (1 - c) (2 c - 1). Cameras' picture
+  // styles add contrast, so an exact inverse of the sRGB curve looks flat. Choice, measured
+  double contrast = 0.15;
 
   absl::Status Validate() const;
 };
 
-struct ToneCurve {
-  ColorLut lut;            // byte to sRGB-encoded value in [0, 1]; monotone
-  double gain = 1;         // on codes (kPaperGain) or in linear light (kLinearGain)
-  double mean_before = 0;  // of sRGB codes over pixels and channels
-  double mean_after = 0;   // of the same through the table
-  bool reached = true;     // kLinearGain: false if max_gain was not enough to reach theta
+struct ToneTarget {
+  ImageU8 image;        // the target, sRGB
+  double gain = 1;      // on codes (kPaperGain) or in linear light
+  bool reached = true;  // false if max_gain was not enough
 };
 
-// The table for one photo. INVALID_ARGUMENT for bad options, an empty photo, or one that is all
-// black (no gain helps; leave it out).
-absl::StatusOr<ToneCurve> MakeToneCurve(const ImageU8& photo, const ToneOptions& options);
+// One target per photo, in order. `exposures`: light gathered by each photo relative to the
+// others, > 0 (RelativeExposures() in photometric.h); kCaptureGain evens them out, the other rules
+// do not read them. INVALID_ARGUMENT for bad options, an empty photo, or one that is all black (no
+// gain helps; leave it out). Deterministic for any `threads` (<= 0: all cores).
+absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,
+                                                    absl::Span<const double> exposures,
+                                                    const ToneOptions& options, int threads);
+
+// The gain in linear light, for a photo of exposure 1, that brings the capture's histogram where
+// an even histogram of mean theta has it, at its median: quantile p of codes at p^(1/theta - 1).
+// Robust against a bright sky or a black background, unlike the mean. Clipped samples are only
+// known to be bright, so with a fraction f of them p = min(0.5, 0.8 (1 - f)).
+double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
+                   const ToneOptions& options);
 
 }  // namespace litags
 

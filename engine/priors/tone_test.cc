@@ -4,7 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <utility>
+#include <vector>
 
+#include "engine/core/color.h"
 #include "engine/core/error.h"
 #include "engine/core/rng.h"
 
@@ -19,10 +23,28 @@ ImageU8 MakePhoto(int low, int high) {
   return photo;
 }
 
-double MeanThrough(const ImageU8& photo, const ColorLut& lut) {
-  double sum = 0;
-  for (size_t i = 0; i < photo.data.size(); ++i) sum += lut[i % 3][photo.data[i]];
-  return sum / photo.data.size();
+double MeanCode(const ImageU8& photo) {
+  return std::accumulate(photo.data.begin(), photo.data.end(), 0.0) / (255 * photo.data.size());
+}
+
+double MedianCode(std::vector<uint8_t> codes) {
+  std::nth_element(codes.begin(), codes.begin() + codes.size() / 2, codes.end());
+  return codes[codes.size() / 2] / 255.0;
+}
+
+absl::StatusOr<ToneTarget> MakeTarget(const ImageU8& photo, const ToneOptions& options) {
+  const std::vector<ImageU8> photos = {photo};
+  const std::vector<double> exposures = {1.0};
+  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
+                          MakeTargets(photos, exposures, options, 1));
+  return std::move(targets[0]);
+}
+
+// The byte that `code` becomes: of the first sample that has it.
+int Through(const ImageU8& photo, const ImageU8& target, int code) {
+  const auto at = std::find(photo.data.begin(), photo.data.end(), code);
+  EXPECT_NE(at, photo.data.end()) << code;
+  return target.data[at - photo.data.begin()];
 }
 
 TEST(Srgb, EncodingUndoesDecoding) {
@@ -35,71 +57,138 @@ TEST(Srgb, EncodingUndoesDecoding) {
 
 TEST(Tone, PaperGainScalesCodesAndClips) {
   const ImageU8 photo = MakePhoto(2, 40);
-  const auto tone = MakeToneCurve(photo, {.rule = ToneRule::kPaperGain, .theta = 0.49});
-  ASSERT_TRUE(tone.ok());
-  EXPECT_NEAR(tone->mean_before, MeanThrough(photo, IdentityLut()), 1e-6);
-  EXPECT_NEAR(tone->gain, 0.49 / tone->mean_before, 1e-9);
-  for (int code : {0, 10, 20, 255}) {
-    EXPECT_NEAR(tone->lut[1][code], std::min(1.0, tone->gain * code / 255), 1e-6);
+  const auto target = MakeTarget(photo, {.rule = ToneRule::kPaperGain});
+  ASSERT_TRUE(target.ok());
+  EXPECT_NEAR(target->gain, 0.49 / MeanCode(photo), 1e-9);  // the release's theta by default
+  for (const int code : {2, 10, 20, 40}) {
+    EXPECT_EQ(Through(photo, target->image, code),
+              std::lround(255 * std::min(1.0, target->gain * code / 255)));
   }
 }
 
 TEST(Tone, LinearGainBringsTheMeanToTheta) {
   for (const auto& [low, high] : {std::pair{0, 20}, {1, 90}, {150, 255}, {255, 255}}) {
     for (const double theta : {0.2, 0.49, 0.8}) {
-      const ImageU8 photo = MakePhoto(low, high);
-      const auto tone = MakeToneCurve(photo, {.rule = ToneRule::kLinearGain, .theta = theta});
-      ASSERT_TRUE(tone.ok());
-      EXPECT_TRUE(tone->reached);
-      EXPECT_NEAR(MeanThrough(photo, tone->lut), theta, 1e-5) << low << " " << theta;
-      EXPECT_NEAR(tone->mean_after, theta, 1e-6);
+      const auto target =
+          MakeTarget(MakePhoto(low, high), {.rule = ToneRule::kLinearGain, .theta = theta});
+      ASSERT_TRUE(target.ok());
+      EXPECT_TRUE(target->reached);
+      EXPECT_NEAR(MeanCode(target->image), theta, 0.5 / 255) << low << " " << theta;
     }
   }
 }
 
 TEST(Tone, LinearGainIsAGainOfLight) {
-  const auto tone = MakeToneCurve(MakePhoto(5, 60), {});
-  ASSERT_TRUE(tone.ok());
-  for (int code : {3, 17, 42}) {
-    const double light = std::min(1.0, tone->gain * LinearFromSrgb(code / 255.0));
-    EXPECT_NEAR(tone->lut[0][code], SrgbFromLinear(light), 1e-6);
+  const ImageU8 photo = MakePhoto(3, 60);
+  const auto target = MakeTarget(photo, {.rule = ToneRule::kLinearGain});
+  ASSERT_TRUE(target.ok());
+  for (const int code : {3, 17, 42}) {
+    const double light = std::min(1.0, target->gain * LinearFromSrgb(code / 255.0));
+    EXPECT_EQ(Through(photo, target->image, code), std::lround(255 * SrgbFromLinear(light)));
   }
 }
 
-TEST(Tone, CurvesAreMonotoneAndStayInRange) {
-  for (const ToneRule rule : {ToneRule::kPaperGain, ToneRule::kLinearGain, ToneRule::kNone}) {
-    const auto tone = MakeToneCurve(MakePhoto(0, 30), {.rule = rule});
-    ASSERT_TRUE(tone.ok());
-    for (const auto& channel : tone->lut) {
-      EXPECT_TRUE(std::is_sorted(channel.begin(), channel.end()));
-      EXPECT_GE(channel.front(), 0);
-      EXPECT_LE(channel.back(), 1);
+TEST(Tone, CaptureGainBringsTheMedianToTheMiddle) {
+  for (const auto& [low, high] : {std::pair{1, 20}, {10, 90}, {120, 250}}) {
+    for (const double contrast : {0.0, 0.25, 1.0}) {
+      const auto target = MakeTarget(MakePhoto(low, high), {.contrast = contrast});
+      ASSERT_TRUE(target.ok());
+      // One code of the photo is up to 16 of the target in the darkest.
+      EXPECT_NEAR(MedianCode(target->image.data), 0.5, 16 / 255.0) << low << " " << contrast;
     }
   }
 }
 
-TEST(Tone, NoneLeavesThePhotoAlone) {
-  const auto tone = MakeToneCurve(ImageU8(4, 4), {.rule = ToneRule::kNone});
-  ASSERT_TRUE(tone.ok());
-  EXPECT_EQ(tone->lut, IdentityLut());
+TEST(Tone, CaptureGainIgnoresABrightSkyThatMovesTheMean) {
+  ImageU8 plain = MakePhoto(4, 20), sky = plain;
+  std::fill(sky.data.begin(), sky.data.begin() + sky.data.size() / 4, 90);
+  const ToneOptions capture, mean{.rule = ToneRule::kLinearGain};
+  const double capture_change = MakeTarget(sky, capture)->gain / MakeTarget(plain, capture)->gain;
+  const double mean_change = MakeTarget(sky, mean)->gain / MakeTarget(plain, mean)->gain;
+  EXPECT_GT(capture_change, 0.7);
+  EXPECT_LT(mean_change, 0.55);
 }
 
-TEST(Tone, SaysWhenThetaIsOutOfReach) {
+TEST(Tone, CaptureGainKeepsWhatDiffersBetweenPhotos) {
+  // The same light, once with much of it in view and once with little: one gain for both.
+  const std::vector<ImageU8> photos = {MakePhoto(2, 20), MakePhoto(20, 40)};
+  const std::vector<double> same = {1, 1}, twice = {1, 2};
+  const auto targets = MakeTargets(photos, same, {}, 2);
+  ASSERT_TRUE(targets.ok());
+  EXPECT_EQ((*targets)[0].gain, (*targets)[1].gain);
+  // The second photo was exposed twice as long: half the gain.
+  const auto evened = MakeTargets(photos, twice, {}, 2);
+  ASSERT_TRUE(evened.ok());
+  EXPECT_NEAR((*evened)[0].gain / (*evened)[1].gain, 2, 1e-9);
+}
+
+TEST(Tone, ClippedSamplesOnlyCountAsBright) {
+  // An even histogram of scene light, with the upper 40% clipped away, gives the gain of the
+  // uncut one: codes of 0..153 where the scene has 0..1.
+  ImageU8 cut(256, 40);
+  for (size_t i = 0; i < cut.data.size(); ++i) {
+    const double scene = (i % 1000 + 0.5) / 1000;  // code of the normally lit scene
+    const double over = LinearFromSrgb(scene) / LinearFromSrgb(0.6);
+    cut.data[i] = static_cast<uint8_t>(std::lround(255 * SrgbFromLinear(std::min(1.0, over))));
+  }
+  const std::vector<ImageU8> photos = {cut};
+  const std::vector<double> exposures = {1.0};
+  const double gain = CaptureGain(photos, exposures, {.contrast = 0});
+  EXPECT_NEAR(gain, LinearFromSrgb(0.6), 0.02 * LinearFromSrgb(0.6));
+}
+
+TEST(Tone, TargetsGrowWithThePhoto) {
+  ImageU8 ramp(86, 1);
+  for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = static_cast<uint8_t>(i);
+  for (const ToneRule rule : {ToneRule::kPaperGain, ToneRule::kLinearGain, ToneRule::kNone}) {
+    const auto target = MakeTarget(ramp, {.rule = rule});
+    ASSERT_TRUE(target.ok());
+    EXPECT_TRUE(std::is_sorted(target->image.data.begin(), target->image.data.begin() + 256));
+  }
+  // Without white there is nothing to fill in: a curve alone.
+  for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = std::min<uint8_t>(i, 254);
+  const auto target = MakeTarget(ramp, {});
+  ASSERT_TRUE(target.ok());
+  EXPECT_TRUE(std::is_sorted(target->image.data.begin(), target->image.data.begin() + 255));
+}
+
+TEST(Tone, NoneLeavesThePhotoAlone) {
+  const auto target = MakeTarget(ImageU8(4, 4), {.rule = ToneRule::kNone});
+  ASSERT_TRUE(target.ok());
+  EXPECT_EQ(target->image.data, ImageU8(4, 4).data);
+}
+
+TEST(Tone, SaysWhenTheGoalIsOutOfReach) {
   ImageU8 photo(10, 10);
-  photo.data[0] = 200;  // all else black: no gain reaches a mean of 0.49
-  const auto tone = MakeToneCurve(photo, {});
-  ASSERT_TRUE(tone.ok());
-  EXPECT_FALSE(tone->reached);
-  EXPECT_NEAR(tone->mean_after, 1 / 300.0, 1e-6);
-  EXPECT_TRUE(MakeToneCurve(MakePhoto(5, 60), {})->reached);
+  photo.data[0] = 200;  // all else black: no gain reaches the goal
+  for (const ToneRule rule : {ToneRule::kLinearGain, ToneRule::kCaptureGain}) {
+    const auto target = MakeTarget(photo, {.rule = rule});
+    ASSERT_TRUE(target.ok());
+    EXPECT_FALSE(target->reached);
+    EXPECT_LE(target->gain, 4096);
+    EXPECT_TRUE(MakeTarget(MakePhoto(5, 60), {.rule = rule})->reached);
+  }
+}
+
+TEST(Tone, IsTheSameForAnyNumberOfThreads) {
+  const std::vector<ImageU8> photos = {MakePhoto(0, 255), MakePhoto(200, 255), MakePhoto(3, 90)};
+  const std::vector<double> exposures = {1, 2, 0.5};
+  const auto one = MakeTargets(photos, exposures, {}, 1),
+             two = MakeTargets(photos, exposures, {}, 2);
+  ASSERT_TRUE(one.ok() && two.ok());
+  for (int i = 0; i < 3; ++i) EXPECT_EQ((*one)[i].image.data, (*two)[i].image.data);
 }
 
 TEST(Tone, BlackAndEmptyPhotosAndBadOptionsAreErrors) {
-  EXPECT_EQ(GetErrorDetail(MakeToneCurve(ImageU8(4, 4), {}).status())->reason, "BLACK_IMAGE");
-  EXPECT_EQ(GetErrorDetail(MakeToneCurve(ImageU8(), {}).status())->reason, "EMPTY_IMAGE");
-  for (const double theta : {0.0, 1.0, -1.0, double(NAN)}) {
-    EXPECT_EQ(GetErrorDetail(MakeToneCurve(MakePhoto(1, 9), {.theta = theta}).status())->field,
-              "tone.theta");
+  EXPECT_EQ(GetErrorDetail(MakeTarget(ImageU8(4, 4), {}).status())->reason, "BLACK_IMAGE");
+  EXPECT_EQ(GetErrorDetail(MakeTarget(ImageU8(), {}).status())->reason, "EMPTY_IMAGE");
+  const ImageU8 photo = MakePhoto(1, 9);
+  for (const double theta : {1.0, -1.0, double(NAN)}) {
+    EXPECT_EQ(GetErrorDetail(MakeTarget(photo, {.theta = theta}).status())->field, "tone.theta");
+  }
+  for (const double contrast : {-0.1, 1.1, double(NAN)}) {
+    EXPECT_EQ(GetErrorDetail(MakeTarget(photo, {.contrast = contrast}).status())->field,
+              "tone.contrast");
   }
 }
 

@@ -53,8 +53,8 @@ std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int>
     const int x = static_cast<int>(std::floor(camera.fx * p[0] / p[2] + camera.cx));
     const int y = static_cast<int>(std::floor(camera.fy * p[1] / p[2] + camera.cy));
     if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
-    const uint8_t* pixel = views[v].photo.pixel(x, y);
-    for (int c = 0; c < 3; ++c) sum[c] += views[v].target_lut[c][pixel[c]];
+    const uint8_t* pixel = views[v].target.pixel(x, y);
+    for (int c = 0; c < 3; ++c) sum[c] += pixel[c] / 255.0;
     ++seen;
   }
   for (int c = 0; c < 3; ++c) sum[c] = seen > 0 ? sum[c] / seen : point.rgb[c] / 255.0;
@@ -65,10 +65,8 @@ std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int>
 double IlluminationLevel(absl::Span<const TrainView> views) {
   double photo = 0, target = 0;
   for (const TrainView& view : views) {
-    for (size_t i = 0; i < view.photo.data.size(); ++i) {
-      photo += view.photo.data[i] / 255.0;
-      target += view.target_lut[i % 3][view.photo.data[i]];
-    }
+    for (const uint8_t code : view.photo.data) photo += code;
+    for (const uint8_t code : view.target.data) target += code;
   }
   return target > 0 ? photo / target : 1;
 }

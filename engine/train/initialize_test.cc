@@ -21,15 +21,14 @@ std::vector<SparsePoint> RandomPoints(int n) {
   return points;
 }
 
-// A view whose photo is one colour and whose table multiplies codes by `gain`.
+// A view whose photo is one colour and whose target has `gain` times its codes.
 TrainView Flat(int index, uint8_t code, float gain) {
   TrainView view;
   view.view.camera = RingCamera(index, 4, 32, 24);
   view.photo = ImageU8(32, 24);
   std::fill(view.photo.data.begin(), view.photo.data.end(), code);
-  for (auto& channel : view.target_lut) {
-    for (int c = 0; c < 256; ++c) channel[c] = gain * c / 255.0f;
-  }
+  view.target = view.photo;
+  for (uint8_t& c : view.target.data) c = static_cast<uint8_t>(gain * c);
   return view;
 }
 

@@ -52,8 +52,8 @@ struct LossWorkspace {
   int map_channels = 0, map_height = 0, map_width = 0;  // that ssim_maps is laid out for
 };
 
-// Photo to float planes through its table; `planes` [3, H, W] is reused.
-void ApplyLut(const ImageU8& photo, const ColorLut& lut, LossWorkspace& ws, Planes* planes);
+// Bytes / 255 to float planes [3, H, W]; `planes` is reused.
+void UnpackImage(const ImageU8& image, LossWorkspace& ws, Planes* planes);
 
 // Bytes / 255 to one float plane [1, H, W]; `plane` is reused.
 void UnpackPlane(const PlaneU8& bytes, LossWorkspace& ws, Planes* plane);

@@ -24,11 +24,10 @@ struct Fixture {
   Planes v_x{3, kHeight, kWidth}, v_l{3, kHeight, kWidth}, v_a{1, kHeight, kWidth};
 };
 
-void ApplyLut(benchmark::State& state) {
+void UnpackImage(benchmark::State& state) {
   Fixture f(state);
   const ImageU8 photo = ToImageU8(f.x);
-  const ColorLut lut = IdentityLut();
-  for (auto _ : state) litags::ApplyLut(photo, lut, f.ws, &f.y);
+  for (auto _ : state) litags::UnpackImage(photo, f.ws, &f.y);
 }
 
 void L1(benchmark::State& state) {
@@ -82,7 +81,7 @@ void Prior(benchmark::State& state) {
 #define LITAGS_LOSS_BENCHMARK(name) \
   BENCHMARK(name)->Arg(1)->Arg(2)->ArgName("threads")->UseRealTime()->Unit(benchmark::kMillisecond)
 
-LITAGS_LOSS_BENCHMARK(ApplyLut);
+LITAGS_LOSS_BENCHMARK(UnpackImage);
 LITAGS_LOSS_BENCHMARK(L1);
 LITAGS_LOSS_BENCHMARK(L1Weighted);
 LITAGS_LOSS_BENCHMARK(Mse);

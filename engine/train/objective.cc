@@ -30,7 +30,7 @@ StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
                                const PdmWeights& weights, int iteration, bool denoise,
                                Planes* v_rendered, PdmWeights* v_weights) {
   ZeroLike(rendered, rendered.channels, v_rendered);
-  ApplyLut(view.photo, view.target_lut, workspace_, &target_);
+  UnpackImage(view.target, workspace_, &target_);
   if (options_.lita) {
     return EvaluateLita(view, rendered, weights, iteration, denoise, v_rendered, v_weights);
   }
@@ -42,7 +42,6 @@ StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
 StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered,
                                    const PdmWeights& weights, int iteration, bool denoise,
                                    Planes* v_rendered, PdmWeights* v_weights) {
-  static const ColorLut identity = IdentityLut();
   StepLosses losses;
   CopyPlanes(rendered, kChannelColor, &color_);
   const int stages = options_.pdm.stages;
@@ -56,7 +55,7 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   ZeroLike(R, 3, &v_color_);
 
   losses.exposure = options_.weight_exposure * ExposureLoss(R);
-  ApplyLut(view.photo, identity, workspace_, &input_);
+  UnpackImage(view.photo, workspace_, &input_);
   losses.reconstruction =
       options_.weight_reconstruction *
       ProductReconstructionLoss(R, PlanesView(rendered, kChannelIllumination, 3), input_,

@@ -15,14 +15,12 @@ namespace {
 
 constexpr int kWidth = 24, kHeight = 20, kIteration = 7;
 
-// Its target is above 2.4, its photo and its structure below 1.
+// Photo, target and structure are below 1.
 TrainView RandomView() {
   TrainView view;
   view.view.camera = RingCamera(0, 1, kWidth, kHeight);
   view.photo = ToImageU8(RandomPlanes(3, kHeight, kWidth, 1));
-  for (auto& channel : view.target_lut) {
-    for (int code = 0; code < 256; ++code) channel[code] = 2.4f + code / 255.0f;
-  }
+  view.target = ToImageU8(RandomPlanes(3, kHeight, kWidth, 5));
   view.structure = PlaneU8(kWidth, kHeight);
   const Planes structure = RandomPlanes(1, kHeight, kWidth, 2);
   for (size_t i = 0; i < structure.data.size(); ++i) {
@@ -32,14 +30,14 @@ TrainView RandomView() {
   return view;
 }
 
-// R in 0.5..0.95, L above 4.2, structure above 1.1: with RandomView no L1 term is within a step of
+// R in 1.7..2.2, L above 4.2, structure above 1.1: with RandomView no L1 term is within a step of
 // its kink, so differences are smooth. Both signs of L1 are losses_test's to check.
 Planes RenderedAwayFromKinks(int channels) {
   Planes rendered = RandomPlanes(channels, kHeight, kWidth, 9);
   for (int c = 0; c < channels; ++c) {
     for (size_t i = 0; i < rendered.plane_size(); ++i) {
       float& v = rendered.plane(c)[i];
-      if (c < 3) v = 0.5f + 0.5f * v;
+      if (c < 3) v = 1.7f + 0.5f * v;
       if (c == kChannelStructure) v += 1.1f;
       if (c >= kChannelIllumination) v += 4.2f;
     }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace litags {
 namespace {
@@ -58,9 +59,10 @@ TrainView HalfSize(const TrainView& view) {
   camera.width /= 2;
   camera.height /= 2;
   for (double* v : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *v /= 2;
-  out.target_lut = view.target_lut;
-  out.photo = ImageU8(camera.width, camera.height);
-  out.photo.data = HalfBytes(view.photo.data, view.photo.width, view.photo.height, 3);
+  for (const auto& [from, to] : {std::pair{&view.photo, &out.photo}, {&view.target, &out.target}}) {
+    *to = ImageU8(camera.width, camera.height);
+    to->data = HalfBytes(from->data, from->width, from->height, 3);
+  }
   if (!view.structure.empty()) {
     out.structure = PlaneU8(camera.width, camera.height);
     out.structure.data =

@@ -12,6 +12,8 @@ TrainView OddView() {
   view.view.camera = RingCamera(0, 4, 5, 4);
   view.photo = ImageU8(5, 4);
   for (size_t i = 0; i < view.photo.data.size(); ++i) view.photo.data[i] = i * 3;
+  view.target = view.photo;
+  for (uint8_t& code : view.target.data) code += 50;
   view.structure = PlaneU8(5, 4);
   for (size_t i = 0; i < view.structure.data.size(); ++i) view.structure.data[i] = i;
   return view;
@@ -29,6 +31,7 @@ TEST(HalfSize, AveragesPixelsAndKeepsRaysWhereTheyWere) {
     sum += view.photo.pixel(x, y)[1];
   }
   EXPECT_EQ(half.photo.pixel(1, 1)[1], (sum + 2) / 4);
+  EXPECT_EQ(half.target.pixel(1, 1)[1], (sum + 2) / 4 + 50);
   EXPECT_EQ(half.structure.data[0], (0 + 1 + 5 + 6 + 2) / 4);
   // The corner between four pixels is the centre of the pixel that replaces them.
   const Camera &a = view.view.camera, &b = half.view.camera;
@@ -56,7 +59,7 @@ TEST(HalfSize, DepthIsTheMeanOfKnownPixels) {
 std::vector<TrainView> OneView(int width, int height) {
   TrainView view;
   view.view.camera = RingCamera(0, 4, width, height);
-  view.photo = ImageU8(width, height);
+  view.photo = view.target = ImageU8(width, height);
   return {view};
 }
 

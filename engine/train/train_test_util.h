@@ -66,8 +66,8 @@ inline Splats ColoredCloud(size_t n, uint64_t seed) {
   return splats;
 }
 
-// Photos of `splats` at a third of their light from a ring of cameras, with tables that triple the
-// codes again, a structure map of made-up edges, and depth maps for every other view.
+// Photos of `splats` at a third of their light from a ring of cameras, with targets of three times
+// their codes, a structure map of made-up edges, and depth maps for every other view.
 inline std::vector<TrainView> DarkViews(const Splats& splats, int count, int width, int height) {
   std::vector<TrainView> views(count);
   Renderer renderer;
@@ -84,9 +84,8 @@ inline std::vector<TrainView> DarkViews(const Splats& splats, int count, int wid
     Planes dark(3, height, width);
     for (size_t i = 0; i < dark.data.size(); ++i) dark.data[i] = image.data[i] / 3;
     view.photo = ToImageU8(dark);
-    for (auto& channel : view.target_lut) {
-      for (int code = 0; code < 256; ++code) channel[code] = std::min(1.0f, 3 * code / 255.0f);
-    }
+    view.target = view.photo;
+    for (uint8_t& code : view.target.data) code = static_cast<uint8_t>(std::min(255, 3 * code));
     view.structure = PlaneU8(width, height);
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {

@@ -11,12 +11,12 @@
 namespace litags {
 
 // One photo with everything that training compares with. Kept as bytes: 40 photos of 500x375 with
-// their structure maps are 30 MB.
+// their targets and structure maps are 53 MB.
 struct TrainView {
   View view;
-  ImageU8 photo;        // I_in, of the camera's size
-  ColorLut target_lut;  // photo byte to pseudo-target (paper's modulated I_in)
-  PlaneU8 structure;    // P, 0..255 for 0..1; empty: no structure loss
+  ImageU8 photo;      // I_in, of the camera's size
+  ImageU8 target;     // the normal-light pseudo-target (paper's modulated I_in), same size
+  PlaneU8 structure;  // P, 0..255 for 0..1; empty: no structure loss
   std::optional<DepthMap> depth;
 };
 

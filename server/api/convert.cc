@@ -24,6 +24,7 @@ static_assert(static_cast<int>(DepthOrigin::kMaps) + 1 == v1::DEPTH_SOURCE_MAPS)
 static_assert(static_cast<int>(DepthOrigin::kStereo) + 1 == v1::DEPTH_SOURCE_STEREO);
 static_assert(static_cast<int>(DepthOrigin::kNetwork) + 1 == v1::DEPTH_SOURCE_NETWORK);
 static_assert(static_cast<int>(DepthOrigin::kNone) + 1 == v1::DEPTH_SOURCE_NONE);
+static_assert(static_cast<int>(Tone::kCapture) + 1 == v1::TONE_CAPTURE);
 static_assert(static_cast<int>(Stage::kLoading) + 1 == v1::STAGE_LOADING);
 static_assert(static_cast<int>(Stage::kSaving) + 1 == v1::STAGE_SAVING);
 static_assert(static_cast<int>(JobState::kUploading) == v1::JOB_STATE_UPLOADING);
@@ -116,6 +117,7 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
   if (proto.has_coarse_until()) options.coarse_until = proto.coarse_until();
   if (proto.has_depth_weight()) options.depth_weight = proto.depth_weight();
   if (proto.has_depth_geometry()) options.depth_geometry = proto.depth_geometry();
+  if (proto.has_contrast()) options.contrast = proto.contrast();
 
   const absl::Status valid = options.Validate();
   if (valid.ok()) return options;
@@ -153,6 +155,7 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_depth_source(static_cast<v1::DepthSource>(static_cast<int>(options.depth_source) + 1));
   proto.set_depth_weight(options.depth_weight);
   proto.set_depth_geometry(options.depth_geometry);
+  proto.set_contrast(options.contrast);
   return proto;
 }
 

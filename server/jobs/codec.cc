@@ -18,6 +18,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("method", r.method);
   visit("tone", r.tone);
   visit("theta", r.theta);
+  visit("contrast", r.contrast);
   visit("iterations", r.iterations);
   visit("seed", r.seed);
   visit("threads", r.threads);

@@ -72,6 +72,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_depth_source(v1::DEPTH_SOURCE_STEREO);
   o->set_depth_weight(0.5);
   o->set_depth_geometry(false);
+  o->set_contrast(0.5);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();

@@ -60,10 +60,8 @@ TrainView BenchView(const Camera& camera) {
   for (size_t i = 0; i < view.structure.data.size(); ++i) {
     view.structure.data[i] = static_cast<uint8_t>(rng.Below(i, 256));
   }
-  view.target_lut = IdentityLut();
-  for (auto& channel : view.target_lut) {
-    for (float& v : channel) v = std::min(1.0f, 8 * v);
-  }
+  view.target = view.photo;
+  for (uint8_t& v : view.target.data) v = static_cast<uint8_t>(std::min(255, 8 * v));
   return view;
 }
 

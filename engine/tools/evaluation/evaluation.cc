@@ -98,13 +98,19 @@ absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<TestView
 absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir,
                                    const std::vector<TestView>& views, const std::string& truth_dir,
                                    const ReconstructOptions& options) {
-  Scorer scorer(truth_dir);
+  std::vector<const TestView*> found;
+  std::vector<ImageU8> photos;
   for (const TestView& view : views) {
-    const absl::StatusOr<ImageU8> photo = LoadPhoto(photos_dir, view);
+    absl::StatusOr<ImageU8> photo = LoadPhoto(photos_dir, view);
     if (absl::IsNotFound(photo.status())) continue;
     LITAGS_RETURN_IF_ERROR(photo.status());
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 target, MakePseudoTarget(*photo, options));
-    LITAGS_RETURN_IF_ERROR(scorer.Add(view, target));
+    found.push_back(&view);
+    photos.push_back(*std::move(photo));
+  }
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> targets, MakePseudoTargets(photos, options));
+  Scorer scorer(truth_dir);
+  for (size_t i = 0; i < found.size(); ++i) {
+    LITAGS_RETURN_IF_ERROR(scorer.Add(*found[i], targets[i]));
   }
   return scorer.Finish();
 }

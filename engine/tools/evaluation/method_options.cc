@@ -9,13 +9,17 @@ namespace litags {
 void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   const std::map<std::string, Method> methods = {{"litags", Method::kLitaGs},
                                                  {"3dgs", Method::k3dgs}};
-  const std::map<std::string, Tone> tones = {
-      {"paper", Tone::kPaper}, {"linear", Tone::kLinearGain}, {"none", Tone::kNone}};
+  const std::map<std::string, Tone> tones = {{"capture", Tone::kCapture},
+                                             {"linear", Tone::kLinearGain},
+                                             {"paper", Tone::kPaper},
+                                             {"none", Tone::kNone}};
   app->add_option("--method", options->method, "litags or 3dgs")
       ->transform(CLI::CheckedTransformer(methods));
-  app->add_option("--tone", options->tone, "pseudo-target: paper, linear or none")
+  app->add_option("--tone", options->tone, "pseudo-target: capture, linear, paper or none")
       ->transform(CLI::CheckedTransformer(tones));
-  app->add_option("--theta", options->theta, "mean brightness of the target")
+  app->add_option("--theta", options->theta, "mean brightness of the target; 0: the tone's own")
+      ->capture_default_str();
+  app->add_option("--contrast", options->contrast, "of --tone capture; 0: none")
       ->capture_default_str();
   app->add_option("--exposure-ssim", options->exposure_ssim, "share of 1 - SSIM beside L1 in L_exp")
       ->capture_default_str();

@@ -1,0 +1,97 @@
+#include "engine/priors/highlights.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "engine/core/color.h"
+
+namespace litags {
+namespace {
+
+constexpr int kWidth = 200, kHeight = 120;
+constexpr double kGain = 0.25;  // the photo is two stops over
+
+double Curve(double linear) { return SrgbFromLinear(std::clamp(kGain * linear, 0.0, 1.0)); }
+
+// A photo of a scene whose codes are given, two stops over-exposed.
+template <class Scene>
+ImageU8 OverExposed(const Scene& scene) {
+  ImageU8 photo(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const std::array<double, 3> code = scene(x, y);
+      for (int c = 0; c < 3; ++c) {
+        const double light = std::min(1.0, LinearFromSrgb(code[c]) / kGain);
+        photo.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(255 * SrgbFromLinear(light)));
+      }
+    }
+  }
+  return photo;
+}
+
+double Code(const ImageU8& image, int x, int y, int c) { return image.pixel(x, y)[c] / 255.0; }
+
+TEST(Highlights, WhatIsNotClippedOnlyGoesThroughTheCurve) {
+  const auto scene = [](int x, int y) {
+    return std::array<double, 3>{0.4 * x / kWidth, 0.4 * y / kHeight, 0.2};
+  };
+  const ImageU8 filled = FillHighlights(OverExposed(scene), kGain, Curve);
+  for (int y = 0; y < kHeight; y += 7) {
+    for (int x = 0; x < kWidth; x += 7) {
+      // The photo's bytes and the target's, each rounded.
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(Code(filled, x, y, c), scene(x, y)[c], 1.5 / 255);
+    }
+  }
+}
+
+TEST(Highlights, AClippedChannelIsEstimatedFromTheOthers) {
+  // One colour at growing brightness: red clips first, from x = 100 on.
+  const auto scene = [](int x, int) {
+    const double light = 0.05 + 0.0018 * x;
+    return std::array<double, 3>{SrgbFromLinear(1.087 * light), SrgbFromLinear(0.6 * light),
+                                 SrgbFromLinear(0.4 * light)};
+  };
+  const ImageU8 photo = OverExposed(scene);
+  ASSERT_EQ(photo.pixel(150, 60)[0], 255);
+  ASSERT_LT(photo.pixel(150, 60)[1], 240);
+  const ImageU8 filled = FillHighlights(photo, kGain, Curve);
+  for (int x = 120; x <= 180; x += 20) {
+    EXPECT_NEAR(Code(filled, x, 60, 0), scene(x, 60)[0], 0.03) << x;
+    EXPECT_NEAR(Code(filled, x, 60, 1), scene(x, 60)[1], 1.5 / 255) << x;
+  }
+}
+
+TEST(Highlights, ABlindingAreaBecomesBrightWithoutAnOutline) {
+  const auto scene = [](int x, int y) {
+    const double r = std::hypot(x - 100, y - 60);
+    const double code = r < 40 ? 0.9 : 0.3;
+    return std::array<double, 3>{code, code, code};
+  };
+  const ImageU8 filled = FillHighlights(OverExposed(scene), kGain, Curve);
+  const double white = Curve(1), full = white + kHighlightFill * (1 - white);
+  EXPECT_NEAR(Code(filled, 100, 60, 1), full, 0.02);
+  EXPECT_NEAR(Code(filled, 20, 60, 1), 0.3, 2.0 / 255);
+  // From the rim inwards it grows.
+  double before = 0;
+  for (int x = 63; x <= 100; ++x) {
+    EXPECT_GE(Code(filled, x, 60, 1), before - 1.0 / 255) << x;
+    before = Code(filled, x, 60, 1);
+  }
+  for (int x = 66; x < 100; ++x) {
+    EXPECT_LT(Code(filled, x + 1, 60, 1) - Code(filled, x, 60, 1), 0.04) << x;
+  }
+}
+
+TEST(Highlights, AWhitePhotoStaysInRange) {
+  ImageU8 white(kWidth, kHeight);
+  std::fill(white.data.begin(), white.data.end(), 255);
+  const ImageU8 filled = FillHighlights(white, kGain, Curve);
+  const double full = Curve(1) + kHighlightFill * (1 - Curve(1));
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(Code(filled, 10, 10, c), full, 1.0 / 255);
+}
+
+}  // namespace
+}  // namespace litags

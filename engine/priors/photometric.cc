@@ -1,0 +1,118 @@
+#include "engine/priors/photometric.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "engine/core/color.h"
+
+namespace litags {
+namespace {
+
+constexpr int kRadius = 2;                   // px: a patch of 5x5 averages the noise
+constexpr int kMinCode = 2, kMaxCode = 250;  // of a patch's mean in every channel
+constexpr int kRounds = 50;                  // of alternating medians
+
+struct Sample {
+  int point, photo;
+  double log_light;
+};
+
+double Median(std::vector<double>& values) {
+  const auto middle = values.begin() + values.size() / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+const std::array<double, 256>& LinearLut() {
+  static const std::array<double, 256> lut = [] {
+    std::array<double, 256> out;
+    for (int code = 0; code < 256; ++code) out[code] = LinearFromSrgb(code / 255.0);
+    return out;
+  }();
+  return lut;
+}
+
+// Log of the mean linear light of a patch; nothing if it is cut off, black or white.
+std::optional<double> LogLight(const ImageU8& photo, double x, double y) {
+  const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
+  if (px < kRadius || py < kRadius || px + kRadius >= photo.width || py + kRadius >= photo.height)
+    return std::nullopt;
+  constexpr int kPixels = (2 * kRadius + 1) * (2 * kRadius + 1);
+  std::array<int, 3> codes = {0, 0, 0};
+  double light = 0;
+  for (int v = py - kRadius; v <= py + kRadius; ++v) {
+    for (int u = px - kRadius; u <= px + kRadius; ++u) {
+      const uint8_t* pixel = photo.pixel(u, v);
+      for (int c = 0; c < 3; ++c) {
+        codes[c] += pixel[c];
+        light += LinearLut()[pixel[c]];
+      }
+    }
+  }
+  for (const int sum : codes) {
+    if (sum < kMinCode * kPixels || sum > kMaxCode * kPixels) return std::nullopt;
+  }
+  return std::log(light / (3 * kPixels));
+}
+
+// Log of the median linear light of a whole photo.
+double LogMedianLight(const ImageU8& photo) {
+  std::array<size_t, 256> counts = {};
+  for (const uint8_t code : photo.data) ++counts[code];
+  size_t sum = 0;
+  int code = 0;
+  while (code < 255 && 2 * (sum += counts[code]) < photo.data.size()) ++code;
+  return std::log(LinearLut()[std::max(code, 1)]);
+}
+
+std::vector<Sample> TakeSamples(absl::Span<const ImageU8> photos,
+                                absl::Span<const PointSighting> sightings) {
+  std::vector<Sample> samples;
+  for (const PointSighting& s : sightings) {
+    const auto light = LogLight(photos[s.photo], s.x, s.y);
+    if (light.has_value()) samples.push_back({s.point, s.photo, *light});
+  }
+  return samples;
+}
+
+}  // namespace
+
+std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
+                                      absl::Span<const PointSighting> sightings) {
+  const std::vector<Sample> samples = TakeSamples(photos, sightings);
+  const size_t n = photos.size();
+  std::vector<double> medians(n), log_exposure(n, 0.0);
+  for (size_t i = 0; i < n; ++i) medians[i] = LogMedianLight(photos[i]);
+  // A start that is right but for what the photos show; the medians of shared points refine it.
+  std::vector<double> sorted = medians;
+  const double middle = n > 0 ? Median(sorted) : 0;
+  for (size_t i = 0; i < n; ++i) log_exposure[i] = medians[i] - middle;
+
+  std::vector<double> values;
+  std::vector<std::vector<double>> residuals(n);
+  for (int round = 0; round < kRounds; ++round) {
+    for (auto& r : residuals) r.clear();
+    for (size_t first = 0, end = 0; first < samples.size(); first = end) {
+      while (end < samples.size() && samples[end].point == samples[first].point) ++end;
+      if (end - first < 2) continue;
+      values.clear();
+      for (size_t i = first; i < end; ++i)
+        values.push_back(samples[i].log_light - log_exposure[samples[i].photo]);
+      const double albedo = Median(values);
+      for (size_t i = first; i < end; ++i)
+        residuals[samples[i].photo].push_back(samples[i].log_light - albedo);
+    }
+    for (size_t i = 0; i < n; ++i) {
+      if (residuals[i].size() >= kMinSightings) log_exposure[i] = Median(residuals[i]);
+    }
+  }
+  sorted = log_exposure;
+  const double shift = n > 0 ? Median(sorted) : 0;
+  std::vector<double> exposures(n);
+  for (size_t i = 0; i < n; ++i) exposures[i] = std::exp(log_exposure[i] - shift);
+  return exposures;
+}
+
+}  // namespace litags

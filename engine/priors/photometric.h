@@ -1,0 +1,31 @@
+// How much light each photo of a capture gathered, from points that several photos saw.
+#ifndef LITAGS_ENGINE_PRIORS_PHOTOMETRIC_H_
+#define LITAGS_ENGINE_PRIORS_PHOTOMETRIC_H_
+
+#include <vector>
+
+#include "absl/types/span.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+// A point of the scene as one photo saw it.
+struct PointSighting {
+  int point = 0;
+  int photo = 0;
+  double x = 0, y = 0;  // px, centres at +0.5
+};
+
+// Exposure of every photo relative to the capture's median photo, > 0: photo i shows the scene's
+// linear light times exposure i. Medians in the log domain, so that highlights, shadows and wrong
+// matches do not matter; samples near black or white are left out. A photo that shares fewer than
+// kMinSightings usable points with the others is taken to have the same median light as they have.
+// Sightings are sorted by point.
+std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
+                                      absl::Span<const PointSighting> sightings);
+
+inline constexpr int kMinSightings = 20;
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PRIORS_PHOTOMETRIC_H_

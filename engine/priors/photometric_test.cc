@@ -1,0 +1,99 @@
+#include "engine/priors/photometric.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/core/color.h"
+#include "engine/core/rng.h"
+
+namespace litags {
+namespace {
+
+constexpr int kSide = 80, kCell = 8, kPoints = 200;
+
+// Photo i shows points [30 i, 30 i + 80) of a long wall of grey cells, with `exposure`.
+struct Wall {
+  std::vector<ImageU8> photos;
+  std::vector<PointSighting> sightings;
+};
+
+double Albedo(int point) { return 0.02 + 0.2 * CounterRng(5, 0).Uniform(point); }
+
+Wall MakeWall(const std::vector<double>& exposures) {
+  Wall wall;
+  for (int i = 0; i < static_cast<int>(exposures.size()); ++i) {
+    ImageU8 photo(kSide, kSide);
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        const int point = 30 * i + (y / kCell) * (kSide / kCell) + x / kCell;
+        const double code = SrgbFromLinear(std::min(1.0, exposures[i] * Albedo(point)));
+        for (int c = 0; c < 3; ++c)
+          photo.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(255 * code));
+      }
+    }
+    wall.photos.push_back(std::move(photo));
+  }
+  for (int point = 0; point < kPoints; ++point) {
+    for (int i = 0; i < static_cast<int>(exposures.size()); ++i) {
+      const int cell = point - 30 * i, columns = kSide / kCell;
+      if (cell < 0 || cell >= columns * columns) continue;
+      wall.sightings.push_back(
+          {point, i, (cell % columns + 0.5) * kCell + 0.5, (cell / columns + 0.5) * kCell + 0.5});
+    }
+  }
+  return wall;
+}
+
+void ExpectRatios(const std::vector<double>& have, const std::vector<double>& want,
+                  double tolerance) {
+  ASSERT_EQ(have.size(), want.size());
+  for (size_t i = 1; i < have.size(); ++i) {
+    EXPECT_NEAR(have[i] / have[0], want[i] / want[0], tolerance * want[i] / want[0]) << i;
+  }
+}
+
+TEST(Photometric, FindsTheExposuresWhateverThePhotosShow) {
+  const std::vector<double> exposures = {1, 0.5, 2, 1.1, 0.9};
+  const Wall wall = MakeWall(exposures);
+  // Bytes of dark photos: 1%.
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.02);
+}
+
+TEST(Photometric, TheMedianPhotoHasExposureOne) {
+  const Wall wall = MakeWall({0.25, 1, 4});
+  std::vector<double> have = RelativeExposures(wall.photos, wall.sightings);
+  std::sort(have.begin(), have.end());
+  EXPECT_DOUBLE_EQ(have[1], 1);
+}
+
+TEST(Photometric, WrongMatchesDoNotMatter) {
+  const std::vector<double> exposures = {1, 0.5, 2, 1.1, 0.9};
+  Wall wall = MakeWall(exposures);
+  for (size_t i = 0; i < wall.sightings.size(); i += 5) wall.sightings[i].x = kSide - 10;
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.1);
+}
+
+TEST(Photometric, WithoutCommonPointsTheMediansOfThePhotosCount) {
+  std::vector<ImageU8> photos;
+  for (const int code : {40, 80, 160}) {
+    ImageU8 photo(8, 8);
+    std::fill(photo.data.begin(), photo.data.end(), code);
+    photos.push_back(photo);
+  }
+  std::vector<double> want;
+  for (const int code : {40, 80, 160}) want.push_back(LinearFromSrgb(code / 255.0));
+  ExpectRatios(RelativeExposures(photos, {}), want, 1e-9);
+  EXPECT_TRUE(RelativeExposures({}, {}).empty());
+}
+
+TEST(Photometric, BlackAndWhiteSamplesAreLeftOut) {
+  // The third photo is three stops over: half of it is clipped, the rest tells its exposure.
+  const std::vector<double> exposures = {1, 0.9, 8, 1.1};
+  const Wall wall = MakeWall(exposures);
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.03);
+}
+
+}  // namespace
+}  // namespace litags
