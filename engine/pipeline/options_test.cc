@@ -28,9 +28,11 @@ TEST(ReconstructOptions, DefaultsAreValid) {
 TEST(ReconstructOptions, BadFieldsAreNamed) {
   using O = ReconstructOptions;
   const Case cases[] = {
-      {"theta", [](O* o) { o->theta = 0; }},
+      {"theta", [](O* o) { o->theta = -0.1; }},
       {"theta", [](O* o) { o->theta = 1; }},
       {"theta", [](O* o) { o->theta = kNan; }},
+      {"contrast", [](O* o) { o->contrast = -0.1; }},
+      {"contrast", [](O* o) { o->contrast = 1.1; }},
       {"exposure_ssim", [](O* o) { o->exposure_ssim = -0.1; }},
       {"exposure_ssim", [](O* o) { o->exposure_ssim = 1.1; }},
       {"exposure_ssim", [](O* o) { o->exposure_ssim = kNan; }},

@@ -88,9 +88,11 @@ class Training {
     options_.max_gaussians = 400;
   }
 
-  // Every colour of this photo is compared with NaN.
+  // This photo's depth is compared with NaN.
   void SpoilPhoto(size_t i) {
-    for (auto& channel : views_[i].target_lut) channel.fill(kNan);
+    Planes& depth = views_[i].depth.emplace().depth;
+    depth = Planes(1, views_[i].photo.height, views_[i].photo.width);
+    std::fill(depth.data.begin(), depth.data.end(), kNan);
   }
 
   // A Gaussian larger than a float's square root can hold: its gradient overflows.
@@ -148,7 +150,9 @@ TEST(RollBack, APhotoIsSkippedTwiceAndThenLeftOut) {
   ASSERT_EQ(run.trainer().detours().size(), 2u);
   for (const Detour& d : run.trainer().detours()) {
     EXPECT_FALSE(d.gaussians);
-    EXPECT_EQ(d.source, "the exposure loss is not finite (photo photo5.png)");
+    EXPECT_EQ(d.source,
+              "the gradient of the rendered depth in 1920 px, first at (0, 0) is not finite (photo "
+              "photo5.png)");
   }
   EXPECT_LT(run.trainer().detours()[0].iteration, run.trainer().detours()[1].iteration);
   EXPECT_THAT(std::string(run.faults()[0].message()),
@@ -223,7 +227,7 @@ TEST(RollBack, GivesUpWhenTooManyPhotosAreSpoilt) {
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
   EXPECT_EQ(ReasonOf(status), "NOT_FINITE");
   EXPECT_THAT(std::string(status.message()), HasSubstr("after 8 roll-backs"));
-  EXPECT_THAT(std::string(status.message()), HasSubstr("the exposure loss is not finite (photo"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("first at (0, 0) is not finite (photo"));
   EXPECT_EQ(run.faults().size(), kMaxDetours + 1);
 }
 
