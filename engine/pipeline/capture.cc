@@ -207,6 +207,7 @@ std::string FingerprintOfViews(const std::vector<TrainView>& views,
   for (const TrainView& v : views) {
     f.Add(v.view.name.data(), v.view.name.size());
     f.Add(v.photo.data.data(), v.photo.data.size());
+    f.Add(v.target.data.data(), v.target.data.size());
     f.Add(v.view.camera.Viewmat());
     for (double x : {v.view.camera.fx, v.view.camera.fy, v.view.camera.cx, v.view.camera.cy})
       f.Add(x);

@@ -31,7 +31,7 @@ struct DepthMap {
 struct PosedPhoto {
   const View* view = nullptr;
   const ImageU8* photo = nullptr;
-  const ColorLut* tone = nullptr;  // photo byte to normally lit; may be null: as it is
+  const ImageU8* target = nullptr;  // the photo normally lit; may be null: as it is
 };
 
 // `done` of `total` photos have their map.

@@ -15,15 +15,6 @@ namespace {
 constexpr double kTail = 0.02;            // of the values, at either end, may be wild
 constexpr float kFarthestInverse = 0.1f;  // added to inverse depth in [0, 1]
 
-ImageU8 WithTone(const ImageU8& photo, const ColorLut* tone) {
-  if (tone == nullptr) return photo;
-  ImageU8 out = photo;
-  for (size_t i = 0; i < out.data.size(); ++i) {
-    out.data[i] = static_cast<uint8_t>(std::lround(255 * (*tone)[i % 3][photo.data[i]]));
-  }
-  return out;
-}
-
 Planes Resize(const Planes& plane, int width, int height) {
   Planes out(1, height, width);
   const cv::Mat in(plane.height, plane.width, CV_32F, const_cast<float*>(plane.data.data()));
@@ -72,7 +63,7 @@ class NetworkDepthProvider : public DepthProvider {
  private:
   // Of the photo's size; empty if the network sees nothing.
   absl::StatusOr<Planes> Run(const PosedPhoto& p) {
-    const ImageU8 photo = WithTone(*p.photo, p.tone);
+    const ImageU8& photo = p.target != nullptr ? *p.target : *p.photo;
     try {
       LITAGS_ASSIGN_OR_RETURN(Planes map, net_.Run({{"", OnnxPhoto(photo, options_.input)}}));
       if (map.channels != 1) {

@@ -37,11 +37,11 @@ class NetworkDepth : public testing::Test {
     return path;
   }
 
-  absl::StatusOr<std::optional<DepthMap>> Depth(const ImageU8& photo, const ColorLut* tone) {
+  absl::StatusOr<std::optional<DepthMap>> Depth(const ImageU8& photo, const ImageU8* target) {
     auto provider = MakeNetworkDepthProvider(options_, "depth_model");
     if (!provider.ok()) return provider.status();
     const View view{"a.jpg", {}};
-    auto maps = (*provider)->Maps({{&view, &photo, tone}}, CancelToken(), [](int, int) {});
+    auto maps = (*provider)->Maps({{&view, &photo, target}}, CancelToken(), [](int, int) {});
     if (!maps.ok()) return maps.status();
     return (*maps)[0];
   }
@@ -79,10 +79,8 @@ TEST_F(NetworkDepth, DepthIsTakenAsItIs) {
 }
 
 TEST_F(NetworkDepth, TheNetworkSeesTheBrightenedPhoto) {
-  ColorLut negative = IdentityLut();
-  for (auto& channel : negative) {
-    for (float& v : channel) v = 1 - v;
-  }
+  ImageU8 negative = Ramp();
+  for (uint8_t& v : negative.data) v = 255 - v;
   const auto map = Depth(Ramp(), &negative);
   ASSERT_TRUE(map.ok()) << map.status();
   EXPECT_GT((*map)->depth.at(0, 3, kWidth - 1), (*map)->depth.at(0, 3, 0));
