@@ -13,6 +13,7 @@ namespace {
 struct ExportArgs {
   std::string job, ply;
   bool original_light = false, full = false;
+  double light = 0;
 };
 
 int Export(Session& session, const ExportArgs& args) {
@@ -21,6 +22,7 @@ int Export(Session& session, const ExportArgs& args) {
   request.set_format(args.full             ? v1::MODEL_FORMAT_PLY_FULL
                      : args.original_light ? v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT
                                            : v1::MODEL_FORMAT_PLY);
+  request.set_light(args.light);
   OutputFile file;
   v1::ExportHeader header;
   absl::Status status = session.client().ExportModel(
@@ -46,6 +48,10 @@ void AddExportCommand(CLI::App& app, Session& session) {
   command->add_option("--ply", args->ply, "File to write")->required();
   CLI::Option* original =
       command->add_flag("--original-light", args->original_light, "In the light of the photos");
+  command
+      ->add_option("--light", args->light,
+                   "In this light: 0 normal, 1 as photographed, and between and beyond, -4..4")
+      ->excludes(original);
   command->add_flag("--full", args->full, "With every attribute of LITA-GS")->excludes(original);
   command->callback([&session, args] { session.exit_code = Export(session, *args); });
 }

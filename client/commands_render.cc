@@ -31,6 +31,8 @@ struct PathArgs {
   double radius_scale = 0, sweep_deg = 0;
   std::optional<double> elevation_deg;
   int frames = 0;
+  // At the path's ends.
+  std::optional<double> light_from, light_to, exposure_from, exposure_to;
   SettingsArgs settings;
 };
 
@@ -40,10 +42,12 @@ void AddSettings(CLI::App& command, SettingsArgs& args) {
   CLI::Option* fov = command.add_option("--fov", args.fov_deg, "Vertical field of view in degrees");
   command.add_option("--intrinsics", args.intrinsics, "Lens in pixels: fx,fy,cx,cy")->excludes(fov);
   command.add_option("--channel", args.channel,
-                     "color (default), original, exposure, depth, structure, illumination, noise "
+                     "color (default), original, light, depth, structure, illumination, noise "
                      "or alpha");
+  command.add_option("--light", args.light,
+                     "Light: 0 normal, 1 as photographed, and between and beyond, -4..4");
   command.add_option("--exposure", args.exposure,
-                     "Light: 0 normal, 1 as photographed, and beyond, -4..4");
+                     "Of the finished picture, in stops: +1 is twice the light, -10..10");
   command.add_option("--quality", args.jpeg_quality, "Of a JPEG, 1..100 (92)");
 }
 
@@ -100,6 +104,14 @@ absl::StatusOr<v1::RenderPathRequest> MakePathRequest(const PathArgs& args) {
     orbit->set_radius_scale(args.radius_scale);
     orbit->set_sweep_deg(args.sweep_deg);
     if (args.elevation_deg) orbit->set_elevation_deg(*args.elevation_deg);
+  }
+  if (args.light_from) {
+    request.mutable_light()->set_first(*args.light_from);
+    request.mutable_light()->set_last(*args.light_to);
+  }
+  if (args.exposure_from) {
+    request.mutable_exposure_stops()->set_first(*args.exposure_from);
+    request.mutable_exposure_stops()->set_last(*args.exposure_to);
   }
   return request;
 }
@@ -167,6 +179,17 @@ int Cameras(Session& session, const std::string& job, bool json) {
   return kExitOk;
 }
 
+// --NAME-from and --NAME-to: the slider of --NAME, moved along the path.
+void AddRamp(CLI::App& path, const std::string& name, std::optional<double>& from,
+             std::optional<double>& to) {
+  CLI::Option* first = path.add_option(
+      "--" + name + "-from", from,
+      "In the first frame, as --" + name + "; evenly to --" + name + "-to in the last");
+  CLI::Option* last = path.add_option("--" + name + "-to", to, "In the last frame");
+  first->needs(last)->excludes(path.get_option("--" + name));
+  last->needs(first);
+}
+
 void AddPath(CLI::App& app, Session& session) {
   auto args = std::make_shared<PathArgs>();
   CLI::App* path = app.add_subcommand("path", "Pictures along a path, written as they arrive");
@@ -183,6 +206,8 @@ void AddPath(CLI::App& app, Session& session) {
   path->add_option("--frames", args->frames, "Number of pictures (60)");
   path->add_option("--format", args->format, "png (default), jpg, npy or raw");
   AddSettings(*path, args->settings);
+  AddRamp(*path, "light", args->light_from, args->light_to);
+  AddRamp(*path, "exposure", args->exposure_from, args->exposure_to);
   path->add_option("-o,--output", args->output, "Folder for frame_0000.png and so on")->required();
   path->callback([&session, args] { session.exit_code = Path(session, *args); });
 }

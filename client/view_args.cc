@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
@@ -90,12 +91,17 @@ absl::Status ParseIntrinsics(const std::string& text, v1::RenderSettings* settin
 }
 
 absl::Status ParseChannel(const std::string& text, v1::RenderSettings* settings) {
+  if (absl::EqualsIgnoreCase(text, "exposure")) {
+    return BadInput("CHANNEL_UNKNOWN", "--channel",
+                    "--channel: there is no \"exposure\"; --light T renders R * L^T, --exposure "
+                    "STOPS makes the picture brighter or darker");
+  }
   v1::Channel channel = v1::CHANNEL_UNSPECIFIED;
   if (!v1::Channel_Parse("CHANNEL_" + absl::AsciiStrToUpper(text), &channel) ||
       channel == v1::CHANNEL_UNSPECIFIED) {
     return BadInput("CHANNEL_UNKNOWN", "--channel",
                     absl::StrCat("--channel: there is no \"", text,
-                                 "\"; choose color, original, exposure, depth, structure, "
+                                 "\"; choose color, original, light, depth, structure, "
                                  "illumination, noise or alpha"));
   }
   settings->set_channel(channel);
@@ -131,10 +137,11 @@ absl::StatusOr<v1::RenderSettings> ParseSettings(const SettingsArgs& args) {
   if (status.ok() && !args.channel.empty()) status = ParseChannel(args.channel, &settings);
   if (!status.ok()) return status;
   if (args.fov_deg) settings.set_vertical_fov_deg(*args.fov_deg);
-  if (args.exposure) {
-    settings.set_exposure(*args.exposure);
-    if (args.channel.empty()) settings.set_channel(v1::CHANNEL_EXPOSURE);
+  if (args.light) {
+    settings.set_light(*args.light);
+    if (args.channel.empty()) settings.set_channel(v1::CHANNEL_LIGHT);
   }
+  if (args.exposure) settings.set_exposure_stops(*args.exposure);
   settings.set_jpeg_quality(args.jpeg_quality);
   return settings;
 }

@@ -16,9 +16,10 @@ namespace litags::client {
 struct SettingsArgs {
   std::string size;  // "640x480"; "640x" or "x480": the other follows
   std::optional<double> fov_deg;
-  std::string intrinsics;  // "fx,fy,cx,cy"
-  std::string channel;     // "color", "depth", ...
-  std::optional<double> exposure;
+  std::string intrinsics;          // "fx,fy,cx,cy"
+  std::string channel;             // "color", "depth", ...
+  std::optional<double> light;     // t in R * L^t
+  std::optional<double> exposure;  // stops
   int jpeg_quality = 0;
 };
 

@@ -98,12 +98,19 @@ TEST(ParseSettings, ReadsSizes) {
   }
 }
 
-TEST(ParseSettings, AnExposureAloneChoosesItsChannel) {
+TEST(ParseSettings, ALightAloneChoosesItsChannelAnExposureDoesNot) {
   SettingsArgs args;
-  args.exposure = 0.5;
-  EXPECT_EQ(ParseSettings(args)->channel(), v1::CHANNEL_EXPOSURE);
+  args.exposure = 1.5;
+  EXPECT_EQ(ParseSettings(args)->channel(), v1::CHANNEL_UNSPECIFIED);
+  EXPECT_EQ(ParseSettings(args)->exposure_stops(), 1.5);
+  args.light = 0.5;
+  EXPECT_EQ(ParseSettings(args)->channel(), v1::CHANNEL_LIGHT);
+  EXPECT_EQ(ParseSettings(args)->light(), 0.5);
   args.channel = "Depth";
   EXPECT_EQ(ParseSettings(args)->channel(), v1::CHANNEL_DEPTH);
+  args.channel = "exposure";
+  EXPECT_EQ(ReasonOf(ParseSettings(args).status()), "CHANNEL_UNKNOWN");
+  EXPECT_THAT(std::string(ParseSettings(args).status().message()), ::testing::HasSubstr("--light"));
   args.channel = "unspecified";
   EXPECT_EQ(ReasonOf(ParseSettings(args).status()), "CHANNEL_UNKNOWN");
 }

@@ -147,7 +147,7 @@ struct ReconstructReport {
 enum class Channel {
   kColor,         // normal-lit R
   kOriginal,      // as photographed: R * L
-  kExposure,      // R * L^t, see RenderRequest::exposure
+  kLight,         // R * L^t, see RenderRequest::light
   kDepth,         // expected distance along the axis, scene units, 1 plane
   kStructure,     // 1 plane
   kIllumination,  // L, 3 planes
@@ -155,10 +155,16 @@ enum class Channel {
   kAlpha,         // 1 plane
 };
 
+// Bounds of RenderRequest::light and ::exposure_stops, both ways.
+constexpr double kMaxLight = 4, kMaxExposureStops = 10;
+
 struct RenderRequest {
   Camera camera;  // validated by the callee
   Channel channel = Channel::kColor;
-  double exposure = 0;  // t in R * L^t: 0 normal-lit, 1 as photographed
+  double light = 0;  // t in R * L^t of kLight: 0 normal-lit, 1 as photographed, -4..4
+  // The colour channels' linear light is multiplied by 2^stops before it is clamped, as a longer
+  // or shorter exposure would; -10..10, 0 for all other channels.
+  double exposure_stops = 0;
   int threads = 0;
 };
 
@@ -175,8 +181,10 @@ class Scene {
   virtual double radius() const = 0;
   // Float planes: 3 for colours (sRGB, clamped to [0, 1]), 1 otherwise as listed at Channel.
   virtual absl::StatusOr<Planes> Render(const RenderRequest& request) const = 0;
-  // Standard 3DGS .ply bytes written to a file; normal-lit, or with the original light's colours.
-  virtual absl::Status ExportPly(const std::string& path, bool original_light) const = 0;
+  // Standard 3DGS .ply bytes written to a file, in the light R * L^t with t = `light`, -4..4. L is
+  // applied to every Gaussian instead of every pixel, and the denoiser is left out: viewers know
+  // neither.
+  virtual absl::Status ExportPly(const std::string& path, double light) const = 0;
   // Every LITA attribute as extra properties.
   virtual absl::Status ExportFullPly(const std::string& path) const = 0;
 };

@@ -59,7 +59,7 @@ TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
     EXPECT_EQ((*scene)->views()[i].name, photos.model.views[i].name);
   }
   const std::string ply = input.work_dir + "/scene.ply";
-  ASSERT_TRUE((*scene)->ExportPly(ply, /*original_light=*/false).ok());
+  ASSERT_TRUE((*scene)->ExportPly(ply, /*light=*/0).ok());
   const auto read = ReadPly(ply, "ply");
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(static_cast<int64_t>(read->splats.size()), report->gaussians);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/color.h"
 #include "engine/core/error.h"
 #include "engine/io/ply.h"
 #include "engine/pipeline/scene_file.h"
@@ -14,16 +15,28 @@ namespace {
 
 constexpr float kSh0 = 0.28209479f;  // SH basis 0
 
-// R L^t per pixel and channel; L is kept off zero so that negative t stays finite.
-Planes Relight(const Planes& color, const Planes& channels, double t) {
-  Planes out = color;
-  const float power = static_cast<float>(t);
+// L^t; L is kept off zero so that negative t stays finite.
+float LightPower(float L, float t) { return std::pow(std::max(L, 1e-3f), t); }
+
+// R L^t per pixel and channel.
+Planes Relit(Planes color, const Planes& channels, double t) {
+  if (t == 0) return color;
   for (int c = 0; c < 3; ++c) {
     const float* L = channels.plane(kChannelIllumination + c);
-    float* v = out.plane(c);
-    for (size_t i = 0; i < out.plane_size(); ++i) v[i] *= std::pow(std::max(L[i], 1e-3f), power);
+    float* v = color.plane(c);
+    for (size_t i = 0; i < color.plane_size(); ++i) v[i] *= LightPower(L[i], static_cast<float>(t));
   }
-  return out;
+  return color;
+}
+
+// Linear light times 2^stops.
+Planes Exposed(Planes color, double stops) {
+  if (stops == 0) return color;
+  const double gain = std::exp2(stops);
+  for (float& v : color.data) {
+    v = v > 0 ? static_cast<float>(SrgbFromLinear(gain * LinearFromSrgb(v))) : 0.0f;
+  }
+  return color;
 }
 
 Planes Clamped(Planes planes) {
@@ -47,18 +60,38 @@ Planes Depth(const ModelView& view) {
   return out;
 }
 
-// Colours times each Gaussian's illumination: c l = 0.5 + SH'.
-Splats WithOriginalLight(const Splats& splats) {
-  Splats out = splats;
-  for (size_t i = 0; i < out.size(); ++i) {
+// Colours times each Gaussian's light to the power of t: c l^t = 0.5 + SH'.
+Splats InLight(Splats splats, double t) {
+  for (size_t i = 0; i < splats.size(); ++i) {
     for (int c = 0; c < 3; ++c) {
-      const float l = splats.at(i, kIllumination + c);
-      float& dc = out.at(i, kShDc + c);
-      dc = (l * (0.5f + kSh0 * dc) - 0.5f) / kSh0;
-      for (int k = 1; k < 16; ++k) out.at(i, kShRest + 3 * (k - 1) + c) *= l;
+      const float light = LightPower(splats.at(i, kIllumination + c), static_cast<float>(t));
+      float& dc = splats.at(i, kShDc + c);
+      dc = (light * (0.5f + kSh0 * dc) - 0.5f) / kSh0;
+      for (int k = 1; k < 16; ++k) splats.at(i, kShRest + 3 * (k - 1) + c) *= light;
     }
   }
-  return out;
+  return splats;
+}
+
+bool IsColor(Channel channel) {
+  return channel == Channel::kColor || channel == Channel::kOriginal || channel == Channel::kLight;
+}
+
+absl::Status CheckLight(double light) {
+  if (std::abs(light) <= kMaxLight) return absl::OkStatus();  // not NaN
+  return InvalidInput("BAD_LIGHT", "light",
+                      absl::StrCat("light: ", light, " is not in -", kMaxLight, "..", kMaxLight));
+}
+
+absl::Status CheckExposure(double stops, Channel channel) {
+  if (!(std::abs(stops) <= kMaxExposureStops)) {  // also NaN
+    return InvalidInput("BAD_EXPOSURE", "exposure_stops",
+                        absl::StrCat("exposure_stops: ", stops, " is not in -", kMaxExposureStops,
+                                     "..", kMaxExposureStops));
+  }
+  if (stops == 0 || IsColor(channel)) return absl::OkStatus();
+  return InvalidInput("BAD_EXPOSURE", "exposure_stops",
+                      "exposure_stops: only colours can be exposed; leave it 0 for this channel");
 }
 
 class ModelScene : public Scene {
@@ -75,10 +108,8 @@ class ModelScene : public Scene {
 
   absl::StatusOr<Planes> Render(const RenderRequest& request) const override {
     LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
-    if (!std::isfinite(request.exposure) || std::abs(request.exposure) > 8) {
-      return InvalidInput("BAD_EXPOSURE", "exposure",
-                          absl::StrCat("exposure: ", request.exposure, " is not in -8..8"));
-    }
+    LITAGS_RETURN_IF_ERROR(CheckLight(request.light));
+    LITAGS_RETURN_IF_ERROR(CheckExposure(request.exposure_stops, request.channel));
     if (!model_.lita && request.channel != Channel::kColor &&
         request.channel != Channel::kOriginal && request.channel != Channel::kAlpha) {
       return MakeError(
@@ -91,12 +122,9 @@ class ModelScene : public Scene {
     renderer.Render(model_, request.camera, DepthSource::kCameraZ, &view);
     switch (request.channel) {
       case Channel::kColor:
-        return Clamped(std::move(view.color));
       case Channel::kOriginal:
-        if (!model_.lita) return Clamped(std::move(view.color));
-        return Clamped(Relight(view.color, view.channels, 1.0));
-      case Channel::kExposure:
-        return Clamped(Relight(view.color, view.channels, request.exposure));
+      case Channel::kLight:
+        return Color(std::move(view), request);
       case Channel::kDepth:
         return Depth(view);
       case Channel::kStructure:
@@ -111,14 +139,14 @@ class ModelScene : public Scene {
     return absl::InternalError("unknown channel");
   }
 
-  absl::Status ExportPly(const std::string& path, bool original_light) const override {
-    if (!original_light) return WritePly(path, model_.splats, /*lita_attributes=*/false);
+  absl::Status ExportPly(const std::string& path, double light) const override {
+    LITAGS_RETURN_IF_ERROR(CheckLight(light));
+    if (light == 0) return WritePly(path, model_.splats, /*lita_attributes=*/false);
     if (!model_.lita) {
-      return MakeError(
-          absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "original_light",
-          "original_light: this scene was trained with plain 3dgs and has one light only");
+      return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
+                       "light: this scene was trained with plain 3dgs and has one light only");
     }
-    return WritePly(path, WithOriginalLight(model_.splats), /*lita_attributes=*/false);
+    return WritePly(path, InLight(model_.splats, light), /*lita_attributes=*/false);
   }
 
   absl::Status ExportFullPly(const std::string& path) const override {
@@ -131,6 +159,14 @@ class ModelScene : public Scene {
   }
 
  private:
+  Planes Color(ModelView view, const RenderRequest& request) const {
+    const double light = request.channel == Channel::kOriginal ? 1
+                         : request.channel == Channel::kLight  ? request.light
+                                                               : 0;
+    if (model_.lita) view.color = Relit(std::move(view.color), view.channels, light);
+    return Clamped(Exposed(std::move(view.color), request.exposure_stops));
+  }
+
   const Model model_;
   const std::vector<View> views_;
   const SceneFrame frame_;

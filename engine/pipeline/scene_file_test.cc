@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/color.h"
 #include "engine/io/container.h"
 #include "engine/io/file_util.h"
 #include "engine/io/ply.h"
@@ -64,11 +65,13 @@ std::string FullPly(const Scene& scene, const std::string& path) {
   return Bytes(path);
 }
 
-absl::StatusOr<Planes> RenderChannel(const Scene& scene, Channel channel, double exposure = 0) {
+absl::StatusOr<Planes> RenderChannel(const Scene& scene, Channel channel, double light = 0,
+                                     double stops = 0) {
   RenderRequest request;
   request.camera = RingCamera(1, 5, kWidth, kHeight);
   request.channel = channel;
-  request.exposure = exposure;
+  request.light = light;
+  request.exposure_stops = stops;
   request.threads = 1;
   return scene.Render(request);
 }
@@ -278,7 +281,7 @@ TEST(Scene, RendersEveryChannel) {
   const struct {
     Channel channel;
     int planes;
-  } cases[] = {{Channel::kColor, 3}, {Channel::kOriginal, 3},  {Channel::kExposure, 3},
+  } cases[] = {{Channel::kColor, 3}, {Channel::kOriginal, 3},  {Channel::kLight, 3},
                {Channel::kDepth, 1}, {Channel::kStructure, 1}, {Channel::kIllumination, 3},
                {Channel::kNoise, 3}, {Channel::kAlpha, 1}};
   for (const auto& [channel, planes] : cases) {
@@ -298,16 +301,48 @@ TEST(Scene, RendersEveryChannel) {
   }
 }
 
-TEST(Scene, ExposureGoesFromNormalLightToThePhoto) {
+TEST(Scene, LightGoesFromNormalToThePhotoAndBeyond) {
   const auto scene = MakeScene(SmallModel(), RingViews(5));
   const auto color = RenderChannel(*scene, Channel::kColor);
   const auto original = RenderChannel(*scene, Channel::kOriginal);
-  const auto t0 = RenderChannel(*scene, Channel::kExposure, 0);
-  const auto t1 = RenderChannel(*scene, Channel::kExposure, 1);
-  ASSERT_TRUE(color.ok() && original.ok() && t0.ok() && t1.ok());
-  EXPECT_EQ(t0->data, color->data);
-  EXPECT_EQ(t1->data, original->data);
+  const auto L = RenderChannel(*scene, Channel::kIllumination);
+  ASSERT_TRUE(color.ok() && original.ok() && L.ok());
+  EXPECT_EQ(RenderChannel(*scene, Channel::kLight, 0)->data, color->data);
+  EXPECT_EQ(RenderChannel(*scene, Channel::kLight, 1)->data, original->data);
   EXPECT_NE(color->data, original->data);
+  // R L^t wherever nothing is cut at 0 or 1, and L is not too dark.
+  for (const double t : {-4.0, -0.5, 0.5, 1.5, 4.0}) {
+    const auto lit = RenderChannel(*scene, Channel::kLight, t);
+    ASSERT_TRUE(lit.ok()) << lit.status();
+    int compared = 0;
+    for (size_t i = 0; i < lit->data.size(); ++i) {
+      const float R = color->data[i];
+      ASSERT_TRUE(lit->data[i] >= 0 && lit->data[i] <= 1) << t;
+      if (R <= 0 || R >= 1 || L->data[i] < 0.01f) continue;
+      // Floats: pow of numbers near 1 is good to a few roundings.
+      const double want = std::min(1.0, R * std::pow(double{L->data[i]}, t));
+      ASSERT_NEAR(lit->data[i], want, 1e-5 * std::max(1.0, want)) << t;
+      ++compared;
+    }
+    EXPECT_GT(compared, 100) << t;
+  }
+}
+
+TEST(Scene, ExposureMultipliesLinearLight) {
+  const auto scene = MakeScene(SmallModel(), RingViews(5));
+  for (const Channel channel : {Channel::kColor, Channel::kOriginal, Channel::kLight}) {
+    const auto before = RenderChannel(*scene, channel, channel == Channel::kLight ? 0.5 : 0);
+    for (const double stops : {-10.0, -1.0, 1.5, 10.0}) {
+      const auto after =
+          RenderChannel(*scene, channel, channel == Channel::kLight ? 0.5 : 0, stops);
+      ASSERT_TRUE(before.ok() && after.ok()) << after.status();
+      for (size_t i = 0; i < after->data.size(); ++i) {
+        if (before->data[i] >= 1) continue;  // it was cut, so nobody knows
+        const double light = std::exp2(stops) * LinearFromSrgb(before->data[i]);
+        ASSERT_NEAR(after->data[i], std::min(1.0, SrgbFromLinear(light)), 1e-5);
+      }
+    }
+  }
 }
 
 // The ring's cameras are sqrt(20) from the middle of a cloud with corners at sqrt(3).
@@ -337,47 +372,57 @@ TEST(Scene, PlainScenesHaveColorAndAlphaOnly) {
   for (const Channel channel : {Channel::kColor, Channel::kOriginal, Channel::kAlpha}) {
     EXPECT_TRUE(RenderChannel(*scene, channel).ok()) << static_cast<int>(channel);
   }
-  for (const Channel channel : {Channel::kExposure, Channel::kDepth, Channel::kStructure,
+  for (const Channel channel : {Channel::kLight, Channel::kDepth, Channel::kStructure,
                                 Channel::kIllumination, Channel::kNoise}) {
     const absl::Status status = RenderChannel(*scene, channel).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << static_cast<int>(channel);
     EXPECT_EQ(Reason(status), "CHANNEL_UNAVAILABLE") << static_cast<int>(channel);
   }
-  EXPECT_EQ(Reason(scene->ExportPly(dir / "a.ply", /*original_light=*/true)),
-            "CHANNEL_UNAVAILABLE");
-  EXPECT_TRUE(scene->ExportPly(dir / "a.ply", /*original_light=*/false).ok());
+  EXPECT_EQ(Reason(scene->ExportPly(dir / "a.ply", /*light=*/1)), "CHANNEL_UNAVAILABLE");
+  EXPECT_TRUE(scene->ExportPly(dir / "a.ply", /*light=*/0).ok());
 }
 
 TEST(Scene, BadRequestsAreRefused) {
   const auto scene = MakeScene(SmallModel(), RingViews(5));
-  EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kExposure, std::nan("")).status()),
-            "BAD_EXPOSURE");
-  EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kExposure, 8.5).status()), "BAD_EXPOSURE");
+  for (const double t : {std::nan(""), 4.01, -4.01, 1e300}) {
+    EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kLight, t).status()), "BAD_LIGHT") << t;
+    EXPECT_EQ(Reason(scene->ExportPly("/nonexistent/a.ply", t)), "BAD_LIGHT") << t;
+  }
+  for (const double stops : {std::nan(""), 10.1, -10.1}) {
+    EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kColor, 0, stops).status()), "BAD_EXPOSURE");
+  }
+  EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kDepth, 0, 1).status()), "BAD_EXPOSURE");
   RenderRequest request;
   request.camera = RingCamera(0, 5, kWidth, kHeight);
   request.camera.fx = 0;
   EXPECT_EQ(scene->Render(request).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST(Scene, PlyWithOriginalLightHasTheColorsOfThePhoto) {
+TEST(Scene, PlyInAnyLightHasTheGaussiansColorsInIt) {
   const TempDir dir;
   const Model model = SmallModel();
   const auto scene = MakeScene(model, RingViews(5));
-  ASSERT_TRUE(scene->ExportPly(dir / "normal.ply", false).ok());
-  ASSERT_TRUE(scene->ExportPly(dir / "original.ply", true).ok());
+  ASSERT_TRUE(scene->ExportPly(dir / "normal.ply", 0).ok());
   const auto normal = ReadPly(dir / "normal.ply", "ply");
-  const auto original = ReadPly(dir / "original.ply", "ply");
-  ASSERT_TRUE(normal.ok() && original.ok());
+  ASSERT_TRUE(normal.ok()) << normal.status();
   EXPECT_FALSE(normal->lita_attributes);
-  ASSERT_EQ(original->splats.size(), model.splats.size());
   constexpr float kSh0 = 0.28209479f;
-  for (size_t i = 0; i < model.splats.size(); ++i) {
-    for (int c = 0; c < 3; ++c) {
-      EXPECT_EQ(normal->splats.at(i, kShDc + c), model.splats.at(i, kShDc + c));
-      const float before = 0.5f + kSh0 * normal->splats.at(i, kShDc + c);
-      const float after = 0.5f + kSh0 * original->splats.at(i, kShDc + c);
-      // A few roundings of numbers near 1.
-      EXPECT_NEAR(after, before * model.splats.at(i, kIllumination + c), 1e-6);
+  for (const double t : {-1.0, 0.5, 1.0, 4.0}) {
+    ASSERT_TRUE(scene->ExportPly(dir / "lit.ply", t).ok());
+    const auto lit = ReadPly(dir / "lit.ply", "ply");
+    ASSERT_TRUE(lit.ok()) << lit.status();
+    ASSERT_EQ(lit->splats.size(), model.splats.size());
+    for (size_t i = 0; i < model.splats.size(); ++i) {
+      for (int c = 0; c < 3; ++c) {
+        EXPECT_EQ(normal->splats.at(i, kShDc + c), model.splats.at(i, kShDc + c));
+        const double light = std::pow(double{model.splats.at(i, kIllumination + c)}, t);
+        const double before = 0.5f + kSh0 * normal->splats.at(i, kShDc + c);
+        const double after = 0.5f + kSh0 * lit->splats.at(i, kShDc + c);
+        // A few roundings of numbers near 1.
+        EXPECT_NEAR(after, before * light, 2e-6 * std::max(1.0, light));
+        EXPECT_NEAR(lit->splats.at(i, kShRest + c), light * model.splats.at(i, kShRest + c),
+                    2e-6 * std::max(1.0, light));
+      }
     }
   }
 }

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/status.h"
+#include "server/api/view_request.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -15,13 +16,21 @@ namespace {
 
 constexpr size_t kChunkBytes = size_t{256} << 10;
 
-absl::Status WriteModel(const Scene& scene, v1::ModelFormat format, const std::string& path) {
+absl::Status WriteModel(const Scene& scene, const v1::ExportModelRequest& request,
+                        const std::string& path) {
+  const v1::ModelFormat format = request.format();
+  LITAGS_RETURN_IF_ERROR(CheckLight(request.light(), "light"));
+  if (request.light() != 0 && format != v1::MODEL_FORMAT_UNSPECIFIED &&
+      format != v1::MODEL_FORMAT_PLY) {
+    return InvalidInput("LIGHT_INVALID", "light",
+                        "light is for format PLY only; leave it 0 for the others");
+  }
   switch (format) {
     case v1::MODEL_FORMAT_UNSPECIFIED:
     case v1::MODEL_FORMAT_PLY:
-      return scene.ExportPly(path, /*original_light=*/false);
+      return scene.ExportPly(path, request.light());
     case v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT:
-      return scene.ExportPly(path, /*original_light=*/true);
+      return scene.ExportPly(path, /*light=*/1);
     case v1::MODEL_FORMAT_PLY_FULL:
       return scene.ExportFullPly(path);
     default:
@@ -63,7 +72,7 @@ class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
   absl::Status Prepare() {
     if (context_->IsCancelled()) return CallCancelled();
     LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(request_.name()));
-    LITAGS_RETURN_IF_ERROR(WriteModel(*scene, request_.format(), path_));
+    LITAGS_RETURN_IF_ERROR(WriteModel(*scene, request_, path_));
     std::error_code error;
     const auto size = std::filesystem::file_size(path_, error);
     file_.open(path_, std::ios::binary);

@@ -26,6 +26,8 @@ absl::Status Render(const Scene& scene, const RenderRequest& request,
   LITAGS_ASSIGN_OR_RETURN(const Planes planes, scene.Render(request));
   view->set_iteration(scene.iteration());
   *view->mutable_camera() = CameraToProto(request.camera);
+  view->set_light(request.light);
+  view->set_exposure_stops(request.exposure_stops);
   return EncodePicture(planes, request.channel, settings.format(), settings.jpeg_quality(), view);
 }
 
@@ -55,8 +57,7 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
 
   absl::Status Resolve() {
     LITAGS_ASSIGN_OR_RETURN(scene_, scenes_->Get(request_.name()));
-    LITAGS_ASSIGN_OR_RETURN(render_, ResolveContent(request_.settings()));
-    render_.threads = limits_.threads;
+    LITAGS_ASSIGN_OR_RETURN(content_, ResolvePathContent(request_));
     std::string lens_camera;
     if (request_.has_keyframes() && request_.keyframes().poses_size() > 0) {
       lens_camera = request_.keyframes().poses(0).camera();
@@ -71,11 +72,14 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
     if (context_->IsCancelled()) return Finish(ToGrpc(CallCancelled()));
     if (next_ == cameras_.size()) return Finish(grpc::Status::OK);
     message_.Clear();
-    message_.set_frame(static_cast<int>(next_));
-    message_.set_frames(static_cast<int>(cameras_.size()));
-    render_.camera = cameras_[next_++];
+    const int frame = static_cast<int>(next_), frames = static_cast<int>(cameras_.size());
+    message_.set_frame(frame);
+    message_.set_frames(frames);
+    RenderRequest render = content_.Frame(frame, frames);
+    render.camera = cameras_[next_++];
+    render.threads = limits_.threads;
     const absl::Status status =
-        Render(*scene_, render_, request_.settings(), message_.mutable_view());
+        Render(*scene_, render, request_.settings(), message_.mutable_view());
     if (!status.ok()) return Finish(ToGrpc(status));
     StartWrite(&message_);
   }
@@ -86,7 +90,7 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
   ThreadPool* const pool_;
   const RenderLimits limits_;
   std::shared_ptr<const Scene> scene_;
-  RenderRequest render_;
+  PathContent content_;
   std::vector<Camera> cameras_;
   size_t next_ = 0;
   v1::RenderPathResponse message_;

@@ -9,10 +9,8 @@
 namespace litags {
 namespace {
 
-constexpr double kMaxExposure = 4;
-
 static_assert(static_cast<int>(Channel::kColor) + 1 == v1::CHANNEL_COLOR);
-static_assert(static_cast<int>(Channel::kExposure) + 1 == v1::CHANNEL_EXPOSURE);
+static_assert(static_cast<int>(Channel::kLight) + 1 == v1::CHANNEL_LIGHT);
 static_assert(static_cast<int>(Channel::kAlpha) + 1 == v1::CHANNEL_ALPHA);
 
 std::array<double, 3> ToArray(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
@@ -24,6 +22,25 @@ bool AllFinite(const std::array<double, 3>& v) {
 absl::Status NotFinite(const std::string& field) {
   return InvalidInput("POSE_NOT_FINITE", field,
                       absl::StrCat(field, " holds a NaN or an infinity; give finite numbers"));
+}
+
+absl::Status CheckRange(double value, double limit, const char* reason, const std::string& field) {
+  if (std::abs(value) <= limit) return absl::OkStatus();  // not NaN
+  return InvalidInput(
+      reason, field,
+      absl::StrCat(field, " is ", value, "; it must be in [-", limit, ", ", limit, "]"));
+}
+
+absl::Status CheckExposure(double stops, const std::string& field) {
+  return CheckRange(stops, kMaxExposureStops, "EXPOSURE_INVALID", field);
+}
+
+absl::Status CheckExposable(Channel channel, const std::string& field) {
+  if (channel == Channel::kColor || channel == Channel::kOriginal || channel == Channel::kLight) {
+    return absl::OkStatus();
+  }
+  return InvalidInput("EXPOSURE_INVALID", field,
+                      absl::StrCat(field, " is for COLOR, ORIGINAL and LIGHT only; leave it 0"));
 }
 
 // Picture size from the settings and the aspect ratio of `base`.
@@ -55,6 +72,10 @@ absl::Status ResolveSize(const v1::RenderSettings& settings, const Camera& base,
 
 }  // namespace
 
+absl::Status CheckLight(double light, const std::string& field) {
+  return CheckRange(light, kMaxLight, "LIGHT_INVALID", field);
+}
+
 absl::StatusOr<RenderRequest> ResolveContent(const v1::RenderSettings& settings) {
   RenderRequest request;
   if (!v1::Channel_IsValid(settings.channel())) {
@@ -68,21 +89,64 @@ absl::StatusOr<RenderRequest> ResolveContent(const v1::RenderSettings& settings)
     return InvalidInput("FORMAT_UNKNOWN", "settings.format",
                         absl::StrCat("the server does not know format ", settings.format()));
   }
-  request.exposure = settings.exposure();
-  if (!(std::abs(request.exposure) <= kMaxExposure)) {  // also NaN
-    return InvalidInput("EXPOSURE_INVALID", "settings.exposure",
-                        absl::StrCat("exposure is ", request.exposure, "; it must be in [-",
-                                     kMaxExposure, ", ", kMaxExposure, "]"));
+  request.light = settings.light();
+  request.exposure_stops = settings.exposure_stops();
+  LITAGS_RETURN_IF_ERROR(CheckLight(request.light, "settings.light"));
+  LITAGS_RETURN_IF_ERROR(CheckExposure(request.exposure_stops, "settings.exposure_stops"));
+  if (request.light != 0 && request.channel != Channel::kLight) {
+    return InvalidInput("LIGHT_INVALID", "settings.light",
+                        "light is for CHANNEL_LIGHT only; set the channel or leave it 0");
   }
-  if (request.exposure != 0 && request.channel != Channel::kExposure) {
-    return InvalidInput("EXPOSURE_INVALID", "settings.exposure",
-                        "exposure is for CHANNEL_EXPOSURE only; set the channel or leave it 0");
-  }
+  if (request.exposure_stops != 0)
+    LITAGS_RETURN_IF_ERROR(CheckExposable(request.channel, "settings.exposure_stops"));
+  if (request.channel == Channel::kOriginal) request.light = 1;
   if (settings.jpeg_quality() < 0 || settings.jpeg_quality() > 100) {
     return InvalidInput("JPEG_QUALITY_INVALID", "settings.jpeg_quality",
                         absl::StrCat("jpeg_quality is ", settings.jpeg_quality(),
                                      "; it must be in 1..100, or 0 for the default"));
   }
+  return request;
+}
+
+absl::StatusOr<PathContent> ResolvePathContent(const v1::RenderPathRequest& request) {
+  const v1::RenderSettings& settings = request.settings();
+  PathContent content;
+  LITAGS_ASSIGN_OR_RETURN(content.first, ResolveContent(settings));
+  content.last = content.first;
+  if (request.has_light()) {
+    LITAGS_RETURN_IF_ERROR(CheckLight(request.light().first(), "light.first"));
+    LITAGS_RETURN_IF_ERROR(CheckLight(request.light().last(), "light.last"));
+    if (settings.light() != 0 || (settings.channel() != v1::CHANNEL_UNSPECIFIED &&
+                                  settings.channel() != v1::CHANNEL_LIGHT)) {
+      return InvalidInput("LIGHT_INVALID", "light",
+                          "light is said twice; with light along the path leave settings.light 0 "
+                          "and settings.channel unset or LIGHT");
+    }
+    content.first.channel = content.last.channel = Channel::kLight;
+    content.first.light = request.light().first();
+    content.last.light = request.light().last();
+  }
+  if (request.has_exposure_stops()) {
+    const v1::Ramp& stops = request.exposure_stops();
+    LITAGS_RETURN_IF_ERROR(CheckExposure(stops.first(), "exposure_stops.first"));
+    LITAGS_RETURN_IF_ERROR(CheckExposure(stops.last(), "exposure_stops.last"));
+    LITAGS_RETURN_IF_ERROR(CheckExposable(content.first.channel, "exposure_stops"));
+    if (settings.exposure_stops() != 0) {
+      return InvalidInput("EXPOSURE_INVALID", "exposure_stops",
+                          "exposure is said twice; with exposure_stops along the path leave "
+                          "settings.exposure_stops 0");
+    }
+    content.first.exposure_stops = stops.first();
+    content.last.exposure_stops = stops.last();
+  }
+  return content;
+}
+
+RenderRequest PathContent::Frame(int frame, int frames) const {
+  const double u = frames > 1 ? static_cast<double>(frame) / (frames - 1) : 0;
+  RenderRequest request = first;
+  request.light = std::lerp(first.light, last.light, u);
+  request.exposure_stops = std::lerp(first.exposure_stops, last.exposure_stops, u);
   return request;
 }
 

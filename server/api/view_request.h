@@ -11,8 +11,20 @@
 
 namespace litags {
 
-// Checks channel, exposure, format and JPEG quality; `camera` is left alone.
+// INVALID_ARGUMENT (LIGHT_INVALID) if t is out of range.
+absl::Status CheckLight(double light, const std::string& field);
+
+// Checks channel, light, exposure, format and JPEG quality; `camera` is left alone.
 absl::StatusOr<RenderRequest> ResolveContent(const v1::RenderSettings& settings);
+
+// What the frames of a path show, between its first and its last.
+struct PathContent {
+  RenderRequest first, last;  // `camera` is left alone
+
+  RenderRequest Frame(int frame, int frames) const;
+};
+
+absl::StatusOr<PathContent> ResolvePathContent(const v1::RenderPathRequest& request);
 
 // Size and lens of the pictures; the pose is that of the camera the lens was taken from, the one
 // called `camera_name` or, if that is empty, the scene's first.

@@ -57,11 +57,12 @@ class FakeScene : public Scene {
     LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
     const bool colour =
         request.channel == Channel::kColor || request.channel == Channel::kOriginal ||
-        request.channel == Channel::kExposure || request.channel == Channel::kIllumination ||
+        request.channel == Channel::kLight || request.channel == Channel::kIllumination ||
         request.channel == Channel::kNoise;
     Planes planes(colour ? 3 : 1, request.camera.height, request.camera.width);
     const auto center = request.camera.Center();
-    const double offset = 0.1 * static_cast<int>(request.channel) + 0.01 * request.exposure +
+    const double offset = 0.1 * static_cast<int>(request.channel) + 0.01 * request.light +
+                          0.02 * request.exposure_stops +
                           0.001 * (center[0] + center[1] + center[2]);
     for (int c = 0; c < planes.channels; ++c) {
       for (int y = 0; y < planes.height; ++y) {
@@ -77,8 +78,8 @@ class FakeScene : public Scene {
     return planes;
   }
 
-  absl::Status ExportPly(const std::string& path, bool original_light) const override {
-    return Write(path, original_light ? "original" : "normal");
+  absl::Status ExportPly(const std::string& path, double light) const override {
+    return Write(path, absl::StrCat("light ", light));
   }
   absl::Status ExportFullPly(const std::string& path) const override { return Write(path, "full"); }
 

@@ -143,12 +143,23 @@ TEST_F(RenderApi, BadSettingsAreRefusedWithTheirField) {
             "FIELD_OF_VIEW_INVALID settings.vertical_fov_deg");
   EXPECT_EQ(refusal_of([&] { s->mutable_intrinsics()->set_fx(5); }),
             "PICTURE_SIZE_INVALID settings.width");
-  EXPECT_EQ(refusal_of([&] { s->set_exposure(1); }), "EXPOSURE_INVALID settings.exposure");
+  EXPECT_EQ(refusal_of([&] { s->set_light(1); }), "LIGHT_INVALID settings.light");
+  for (const double t : {kNan, 4.01, -5.0}) {
+    EXPECT_EQ(refusal_of([&] {
+                s->set_channel(v1::CHANNEL_LIGHT);
+                s->set_light(t);
+              }),
+              "LIGHT_INVALID settings.light");
+  }
+  for (const double stops : {kNan, 10.5, -11.0}) {
+    EXPECT_EQ(refusal_of([&] { s->set_exposure_stops(stops); }),
+              "EXPOSURE_INVALID settings.exposure_stops");
+  }
   EXPECT_EQ(refusal_of([&] {
-              s->set_channel(v1::CHANNEL_EXPOSURE);
-              s->set_exposure(kNan);
+              s->set_channel(v1::CHANNEL_DEPTH);
+              s->set_exposure_stops(1);
             }),
-            "EXPOSURE_INVALID settings.exposure");
+            "EXPOSURE_INVALID settings.exposure_stops");
   EXPECT_EQ(refusal_of([&] { s->set_jpeg_quality(101); }),
             "JPEG_QUALITY_INVALID settings.jpeg_quality");
   EXPECT_EQ(refusal_of([&] { s->set_channel(static_cast<v1::Channel>(99)); }),
@@ -241,6 +252,69 @@ TEST_F(PathApi, KeyframesAreOnThePath) {
   }
 }
 
+TEST_F(PathApi, LightAndExposureGoEvenlyFromTheFirstFrameToTheLast) {
+  // Twice the same camera: only the light moves.
+  path_.mutable_keyframes()->add_poses()->set_camera("a.png");
+  path_.mutable_keyframes()->add_poses()->set_camera("a.png");
+  path_.mutable_settings()->set_format(v1::PICTURE_FORMAT_RAW_FLOAT);
+  path_.mutable_light()->set_first(1);
+  path_.mutable_light()->set_last(-1);
+  path_.mutable_exposure_stops()->set_last(2);
+  path_.set_frames(5);
+  std::vector<v1::RenderPathResponse> frames;
+  const grpc::Status status = Path(&frames);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  ASSERT_EQ(frames.size(), 5u);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_DOUBLE_EQ(frames[i].view().light(), 1 - 0.5 * i);
+    EXPECT_DOUBLE_EQ(frames[i].view().exposure_stops(), 0.5 * i);
+    // As one picture with these settings.
+    request_.mutable_pose()->set_camera("a.png");
+    request_.mutable_settings()->set_format(v1::PICTURE_FORMAT_RAW_FLOAT);
+    request_.mutable_settings()->set_channel(v1::CHANNEL_LIGHT);
+    request_.mutable_settings()->set_light(1 - 0.5 * i);
+    request_.mutable_settings()->set_exposure_stops(0.5 * i);
+    v1::RenderedView view;
+    ASSERT_TRUE(client_.Render(request_, &view).ok());
+    EXPECT_EQ(view.light(), frames[i].view().light());
+    float first = 0, single = 0;
+    std::memcpy(&first, frames[i].view().data().data(), sizeof(first));
+    std::memcpy(&single, view.data().data(), sizeof(single));
+    EXPECT_NEAR(first, single, 1e-6);  // interpolated rotations are orthonormal to rounding only
+  }
+}
+
+TEST_F(PathApi, BadLightsAndExposuresAreRefusedWithTheirField) {
+  std::vector<v1::RenderPathResponse> frames;
+  path_.mutable_orbit();
+  const auto refusal = [&] {
+    const auto detail = DetailOf(Path(&frames));
+    return detail.reason + " " + detail.field;
+  };
+  path_.mutable_light()->set_first(kNan);
+  EXPECT_EQ(refusal(), "LIGHT_INVALID light.first");
+  path_.mutable_light()->set_first(0);
+  path_.mutable_light()->set_last(4.5);
+  EXPECT_EQ(refusal(), "LIGHT_INVALID light.last");
+  path_.mutable_light()->set_last(1);
+  path_.mutable_settings()->set_channel(v1::CHANNEL_DEPTH);
+  EXPECT_EQ(refusal(), "LIGHT_INVALID light");
+  path_.mutable_settings()->set_channel(v1::CHANNEL_LIGHT);
+  path_.mutable_settings()->set_light(0.5);
+  EXPECT_EQ(refusal(), "LIGHT_INVALID light");
+  path_.clear_light();
+  path_.mutable_settings()->Clear();
+  path_.mutable_exposure_stops()->set_first(-11);
+  EXPECT_EQ(refusal(), "EXPOSURE_INVALID exposure_stops.first");
+  path_.mutable_exposure_stops()->set_first(1);
+  path_.mutable_settings()->set_exposure_stops(1);
+  EXPECT_EQ(refusal(), "EXPOSURE_INVALID exposure_stops");
+  path_.mutable_settings()->Clear();
+  path_.mutable_settings()->set_channel(v1::CHANNEL_ALPHA);
+  EXPECT_EQ(refusal(), "EXPOSURE_INVALID exposure_stops");
+  EXPECT_TRUE(frames.empty());
+}
+
 TEST_F(PathApi, BadPathsAreRefusedWithTheirField) {
   std::vector<v1::RenderPathResponse> frames;
   EXPECT_EQ(DetailOf(Path(&frames)).reason, "PATH_MISSING");
@@ -256,14 +330,21 @@ TEST_F(PathApi, BadPathsAreRefusedWithTheirField) {
 }
 
 TEST_F(RenderApi, ExportSendsTheAnnouncedBytesAndLeavesNoFile) {
-  for (const auto& [format, kind] : std::vector<std::pair<v1::ModelFormat, std::string>>{
-           {v1::MODEL_FORMAT_PLY, "normal"},
-           {v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT, "original"},
-           {v1::MODEL_FORMAT_PLY_FULL, "full"}}) {
+  const struct {
+    v1::ModelFormat format;
+    double light;
+    std::string kind;
+  } cases[] = {{v1::MODEL_FORMAT_PLY, 0, "light 0\n"},
+               {v1::MODEL_FORMAT_UNSPECIFIED, -0.5, "light -0.5\n"},
+               {v1::MODEL_FORMAT_PLY, 4, "light 4\n"},
+               {v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT, 0, "light 1\n"},
+               {v1::MODEL_FORMAT_PLY_FULL, 0, "full\n"}};
+  for (const auto& [format, light, kind] : cases) {
     grpc::ClientContext context;
     v1::ExportModelRequest request;
     request.set_name(job_);
     request.set_format(format);
+    request.set_light(light);
     const auto reader = client_.model->ExportModel(&context, request);
     v1::ExportModelResponse part;
     ASSERT_TRUE(reader->Read(&part));
@@ -275,6 +356,26 @@ TEST_F(RenderApi, ExportSendsTheAnnouncedBytesAndLeavesNoFile) {
     EXPECT_EQ(static_cast<int64_t>(bytes.size()), size);
     EXPECT_THAT(bytes, ::testing::StartsWith("ply\ncomment " + kind));
     EXPECT_THAT(bytes, ::testing::EndsWith("xend"));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(data_.tmp()));
+}
+
+TEST_F(RenderApi, ExportsInABadLightAreRefused) {
+  const std::pair<v1::ModelFormat, double> cases[] = {{v1::MODEL_FORMAT_PLY, kNan},
+                                                      {v1::MODEL_FORMAT_PLY, -4.5},
+                                                      {v1::MODEL_FORMAT_PLY_FULL, 0.5},
+                                                      {v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT, 0.5}};
+  for (const auto& [format, light] : cases) {
+    grpc::ClientContext context;
+    v1::ExportModelRequest request;
+    request.set_name(job_);
+    request.set_format(format);
+    request.set_light(light);
+    const auto reader = client_.model->ExportModel(&context, request);
+    v1::ExportModelResponse part;
+    EXPECT_FALSE(reader->Read(&part));
+    const auto detail = DetailOf(reader->Finish());
+    EXPECT_EQ(detail.reason + " " + detail.field, "LIGHT_INVALID light") << format << " " << light;
   }
   EXPECT_TRUE(std::filesystem::is_empty(data_.tmp()));
 }

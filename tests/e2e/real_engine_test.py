@@ -86,11 +86,14 @@ class RealEngine(harness.ServiceTest):
         name = json.loads(self.litags("cameras", self.room(), "--json")[0])["cameras"][0]["name"]
         lit = self.mean_of("--camera", name)
         dark = self.mean_of("--camera", name, "--channel", "original")
-        between = self.mean_of("--camera", name, "--channel", "exposure", "--exposure", "0.5")
+        between = self.mean_of("--camera", name, "--light", "0.5")
+        darker = self.mean_of("--camera", name, "--light", "1.5")
+        stopped_down = self.mean_of("--camera", name, "--exposure", "-2")
         # Photos have a mean of .045, targets of .49; a few hundred iterations come near to both.
         self.assertTrue(0.35 < lit < 0.6, lit)
         self.assertTrue(0.02 < dark < 0.09, dark)
-        self.assertTrue(dark < between < lit, between)
+        self.assertTrue(darker < dark < between < lit, (darker, between))
+        self.assertTrue(dark < stopped_down < 0.75 * lit, stopped_down)
 
     def test_a_view_from_where_no_photo_was_taken_shows_the_room(self):
         with open(os.path.join(self.capture, "transforms_test.json")) as file:

@@ -43,7 +43,7 @@ class Pictures(harness.ServiceTest):
         self.assertEqual(harness.png_size(self.read("v.png")), (80, 50))
 
     def test_every_channel_can_be_had_as_floats(self):
-        planes = {"color": 3, "original": 3, "exposure": 3, "depth": 1, "structure": 1,
+        planes = {"color": 3, "original": 3, "light": 3, "depth": 1, "structure": 1,
                   "illumination": 3, "noise": 3, "alpha": 1}
         for channel, count in planes.items():
             with self.subTest(channel):
@@ -99,6 +99,67 @@ class Pictures(harness.ServiceTest):
                 self.assertGreater(len(parts), 2)
                 self.assertEqual(self.read("scene.ply"), data)
                 self.assertFalse(os.path.exists(self.path("scene.ply.part")))
+
+    def test_light_and_exposure_reach_the_picture(self):
+        job = self.finished_job()
+
+        def first_value(*args):
+            self.litags("render", job, "--camera", "a.png", *args, "-o", self.path("v.raw"))
+            return struct.unpack("<f", self.read("v.raw")[:4])[0]
+
+        # The fake scene adds .01 t and .02 stops to its values.
+        lit = first_value("--light", "0")
+        self.assertAlmostEqual(first_value("--light", "0.5") - lit, 0.005, places=5)
+        self.assertAlmostEqual(first_value("--light", "-1.5") - lit, -0.015, places=5)
+        self.assertAlmostEqual(first_value("--light", "0", "--exposure", "+1.5") - lit, 0.03, places=5)
+        normal = first_value()
+        self.assertAlmostEqual(first_value("--exposure", "-2") - normal, -0.04, places=5)
+
+    def test_a_path_slides_light_and_exposure(self):
+        self.litags("path", self.finished_job(), "--keyframes", "a.png", "a.png", "--light-from", "1",
+                    "--light-to", "-1", "--exposure-from", "0", "--exposure-to", "-3", "--frames", "5",
+                    "--format", "raw", "-o", self.path("frames"))
+        values = [struct.unpack("<f", self.read(f"frames/frame_{i:04d}.raw")[:4])[0] for i in range(5)]
+        for i in range(5):
+            self.assertAlmostEqual(values[i] - values[0], -0.005 * i - 0.015 * i, places=5)
+
+    def test_an_export_has_the_light_asked_for(self):
+        self.litags("export", self.finished_job(), "--ply", self.path("dusk.ply"), "--light", "0.5")
+        self.assertTrue(self.read("dusk.ply").startswith(b"ply\ncomment light 0.5\n"))
+
+    def test_python_slides_the_light_along_an_orbit(self):
+        frames = list(self.pictures.RenderPath(render.RenderPathRequest(
+            name=self.finished_job(), orbit=render.Orbit(), frames=3,
+            light=render.Ramp(first=1, last=0))))
+        self.assertEqual([frame.view.light for frame in frames], [1, 0.5, 0])
+        for bad in (render.Ramp(first=5), render.Ramp(last=float("nan"))):
+            with self.assertRaises(harness.grpc.RpcError) as caught:
+                list(self.pictures.RenderPath(render.RenderPathRequest(
+                    name=self.finished_job(), orbit=render.Orbit(), light=bad)))
+            self.assertEqual(caught.exception.code(), harness.grpc.StatusCode.INVALID_ARGUMENT)
+            self.assertEqual(harness.error_detail(caught.exception).reason, "LIGHT_INVALID")
+
+    def test_bad_lights_are_refused_with_what_to_do(self):
+        job = self.finished_job()
+        where = ("--camera", "a.png", "-o", self.path("v.png"))
+        for args, words in ((("render", job, "--light", "4.5", *where), "LIGHT_INVALID"),
+                            (("render", job, "--light", "nan", *where), "LIGHT_INVALID"),
+                            (("render", job, "--exposure", "11", *where), "EXPOSURE_INVALID"),
+                            (("render", job, "--light", "1", "--channel", "depth", *where),
+                             "LIGHT_INVALID"),
+                            (("render", job, "--channel", "exposure", *where), "--light T"),
+                            (("path", job, "--orbit", "--light-from", "1", "-o", self.path("f")),
+                             "--light-to"),
+                            (("path", job, "--orbit", "--light-from", "1", "--light-to", "9", "-o",
+                              self.path("f")), "LIGHT_INVALID"),
+                            (("export", job, "--ply", self.path("s.ply"), "--light", "-5"),
+                             "LIGHT_INVALID"),
+                            (("export", job, "--ply", self.path("s.ply"), "--light", "1", "--full"),
+                             "LIGHT_INVALID")):
+            with self.subTest(args):
+                _, err = self.litags(*args, exit_code=2)
+                self.assertIn(words, err)
+        self.assertFalse(os.path.exists(self.path("s.ply")))
 
     def test_python_renders_raw_floats(self):
         view = self.pictures.RenderView(render.RenderViewRequest(

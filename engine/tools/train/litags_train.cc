@@ -106,7 +106,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
                           engine->Reconstruct(input, args.options, cancel, &observer));
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(report.scene_path));
-  LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*original_light=*/false));
+  LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*light=*/0));
   for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
   LITAGS_RETURN_IF_ERROR(Evaluate(args, *scene));
   std::printf("%d of %d photos placed (%s), %d Gaussians, %d iterations in %.1f s: %s\n",
