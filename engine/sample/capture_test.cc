@@ -1,5 +1,7 @@
 #include "engine/sample/capture.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +12,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
+#include <string>
 
 #include "engine/core/error.h"
 #include "engine/io/depth_io.h"
@@ -54,7 +57,8 @@ CaptureOptions Small() {
 class Capture : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    root_ = fs::path(testing::TempDir()) / "litags_sample_capture";
+    // Cases run as processes of their own, side by side.
+    root_ = fs::path(testing::TempDir()) / ("litags_sample_capture_" + std::to_string(getpid()));
     fs::remove_all(root_);
     const auto report = WriteCapture(Small(), root_ / "a");
     ASSERT_TRUE(report.ok()) << report.status();
