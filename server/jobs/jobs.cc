@@ -56,6 +56,17 @@ std::string BlobKey(std::string_view job_id, std::string_view sha256) {
   return absl::StrCat("jobs/", std::string(job_id), "/", std::string(sha256));
 }
 
+std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
+  struct Owned {
+    ClientJobStore store;
+    Jobs jobs;
+    Owned(const Jobs& all, ClientView view)
+        : store(all.store_, std::move(view)), jobs(&store, all.blobs_, all.data_, all.clock_) {}
+  };
+  auto owned = std::make_shared<Owned>(*this, std::move(view));
+  return {owned, &owned->jobs};
+}
+
 absl::StatusOr<JobRecord> Jobs::Create(const std::string& request_id,
                                        const std::string& display_name,
                                        const ReconstructOptions& options) {

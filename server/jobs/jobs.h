@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
+#include "server/jobs/client_job_store.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
 #include "server/store/job_store.h"
@@ -38,6 +40,10 @@ class Jobs {
   // The stores must outlive this.
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = SystemClockMs)
       : store_(store), blobs_(blobs), data_(std::move(data)), clock_(std::move(clock)) {}
+
+  // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
+  // stores.
+  std::shared_ptr<Jobs> For(ClientView view) const;
 
   // ALREADY_EXISTS (REQUEST_ID_REUSED) if the id was used for a job of other name or options.
   absl::StatusOr<JobRecord> Create(const std::string& request_id, const std::string& display_name,

@@ -28,7 +28,8 @@ enum class JobState {
 
 struct JobRecord {
   std::string id;
-  std::string request_id;  // empty: none
+  std::string owner;       // name of the client that made it; empty: made without authentication
+  std::string request_id;  // empty: none; unique per owner
   std::string display_name;
   JobState state = JobState::kUploading;
   bool cancel_requested = false;
@@ -80,16 +81,25 @@ struct EventRecord {
   std::string payload;  // JSON, opaque to the store
 };
 
+// What one owner's jobs amount to.
+struct OwnerUsage {
+  int64_t jobs = 0;
+  int64_t bytes = 0;  // of all their files
+};
+
 // One job inside a transaction. Nothing is visible to others, and nothing is on disk, until the
 // transaction's function has returned OK.
 class JobTransaction {
  public:
   virtual ~JobTransaction() = default;
 
-  // The job as it is; changes are written back at the end. `id`, `photos` and `bytes` are ignored.
+  // The job as it is; changes are written back at the end. `id`, `owner`, `photos` and `bytes` are
+  // ignored.
   JobRecord job;
 
   virtual absl::StatusOr<std::vector<FileRecord>> Files() = 0;
+  // Of the job's owner, with what this transaction changed so far.
+  virtual absl::StatusOr<OwnerUsage> Usage() = 0;
   // Adds the file or replaces that of the same role and name.
   virtual absl::Status PutFile(const FileRecord& file) = 0;
   // Appends an event with the next number; `number` is ignored.
@@ -109,16 +119,17 @@ class JobStore {
 
   virtual ~JobStore() = default;
 
-  // Inserts the job and applies `change` to it in the same transaction. If a job with the same
-  // non-empty request_id exists, returns that one instead, unchanged.
+  // Inserts the job and applies `change` to it in the same transaction. If a job of the same
+  // owner with the same non-empty request_id exists, returns that one instead, unchanged.
   virtual absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) = 0;
 
   virtual absl::StatusOr<JobRecord> Get(std::string_view id) = 0;
 
   // Newest first (creation time, then id, descending). Starts after job `after_id` that was
-  // created at `after_time_ms`; 0 and "" for the first page.
-  virtual absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms,
-                                                      std::string_view after_id, int limit) = 0;
+  // created at `after_time_ms`; 0 and "" for the first page. Only jobs of `owner`; nullopt: of all.
+  virtual absl::StatusOr<std::vector<JobRecord>> List(
+      int64_t after_time_ms, std::string_view after_id, int limit,
+      const std::optional<std::string>& owner = std::nullopt) = 0;
 
   // Applies `change` to a job, alone: no other change of the job happens between what the function
   // sees and what it writes. Its error is returned and leaves the job as it was. It may be called
@@ -146,6 +157,9 @@ class JobStore {
   // whatever process. Cheap enough to ask several times a second.
   virtual absl::StatusOr<int64_t> ChangeToken() = 0;
 };
+
+// NOT_FOUND (JOB_NOT_FOUND), for a job that is not there, and for one that is none of the caller's.
+absl::Status JobNotFound(std::string_view id);
 
 // An SQLite file, made if it is not there. FAILED_PRECONDITION (STORE_TOO_NEW) if a later version
 // of the program wrote it.

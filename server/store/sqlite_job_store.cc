@@ -13,7 +13,8 @@ namespace {
 constexpr char kColumns[] =
     "id, request_id, display_name, state, cancel_requested, attempt, lease_owner, "
     "lease_expires_ms, create_time_ms, start_time_ms, end_time_ms, queue_time_ms, last_event, "
-    "photos, bytes, snapshot_iteration, scene_path, options, progress, error, report";
+    "photos, bytes, snapshot_iteration, scene_path, options, progress, error, report, "
+    "owner";
 
 const std::string kSelect = absl::StrCat("SELECT ", kColumns, " FROM jobs ");
 
@@ -42,6 +43,7 @@ JobRecord ReadJob(const Statement& row) {
   job.progress = row.Text(c++);
   job.error = row.Text(c++);
   job.report = row.Text(c++);
+  job.owner = row.Text(c++);
   return job;
 }
 
@@ -82,14 +84,9 @@ absl::Status WriteJob(SqliteConnection* db, const JobRecord& job) {
       .Bind(job.options)
       .Bind(job.progress)
       .Bind(job.error)
-      .Bind(job.report);
+      .Bind(job.report)
+      .Bind(job.owner);
   return statement.Run();
-}
-
-absl::Status NotFound(std::string_view id) {
-  return MakeError(
-      absl::StatusCode::kNotFound, "JOB_NOT_FOUND", "name",
-      absl::StrCat("there is no job jobs/", std::string(id), "; ListJobs names those there are"));
 }
 
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqliteConnection* db, std::string_view id) {
@@ -114,11 +111,23 @@ absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqliteConnection* db, std::s
 class SqliteJobTransaction : public JobTransaction {
  public:
   SqliteJobTransaction(SqliteConnection* db, JobRecord record)
-      : db_(db), id_(record.id), photos_(record.photos), bytes_(record.bytes) {
+      : db_(db),
+        id_(record.id),
+        owner_(record.owner),
+        photos_(record.photos),
+        bytes_(record.bytes) {
     job = std::move(record);
   }
 
   absl::StatusOr<std::vector<FileRecord>> Files() override { return SelectFiles(db_, id_); }
+
+  absl::StatusOr<OwnerUsage> Usage() override {
+    // This job's row is written at the end: its bytes are counted from here.
+    Statement row = db_->Prepare("SELECT COUNT(*), SUM(bytes) FROM jobs WHERE owner=? AND id<>?");
+    row.Bind(owner_).Bind(id_);
+    LITAGS_RETURN_IF_ERROR(row.Run());
+    return OwnerUsage{row.Int(0) + 1, row.Int(1) + bytes_};
+  }
 
   absl::Status PutFile(const FileRecord& file) override {
     {
@@ -164,6 +173,7 @@ class SqliteJobTransaction : public JobTransaction {
   // Writes `job` back and returns it.
   absl::StatusOr<JobRecord> Finish() {
     job.id = id_;
+    job.owner = owner_;
     job.photos = photos_;
     job.bytes = bytes_;
     if (!removed_) LITAGS_RETURN_IF_ERROR(WriteJob(db_, job));
@@ -172,7 +182,7 @@ class SqliteJobTransaction : public JobTransaction {
 
  private:
   SqliteConnection* db_;
-  const std::string id_;
+  const std::string id_, owner_;
   int64_t photos_, bytes_;
   bool removed_ = false;
 };
@@ -185,8 +195,8 @@ class SqliteJobStore : public JobStore {
     std::lock_guard lock(mutex_);
     LITAGS_ASSIGN_OR_RETURN(const auto transaction, SqliteTransaction::Begin(db_.get()));
     if (!job.request_id.empty()) {
-      Statement row = db_->Prepare(kSelect + "WHERE request_id=?");
-      row.Bind(job.request_id);
+      Statement row = db_->Prepare(kSelect + "WHERE owner=? AND request_id=?");
+      row.Bind(job.owner).Bind(job.request_id);
       LITAGS_ASSIGN_OR_RETURN(const bool found, row.Step());
       if (found) return ReadJob(row);
     }
@@ -200,12 +210,15 @@ class SqliteJobStore : public JobStore {
   }
 
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
-                                              int limit) override {
+                                              int limit,
+                                              const std::optional<std::string>& owner) override {
     std::lock_guard lock(mutex_);
-    Statement row = db_->Prepare(kSelect +
-                                 "WHERE ?1=0 OR (create_time_ms, id) < (?1, ?2) "
+    // Two texts, so that each uses its index.
+    Statement row = db_->Prepare(kSelect + (owner ? "WHERE owner=?4 AND " : "WHERE ") +
+                                 "(?1=0 OR (create_time_ms, id) < (?1, ?2)) "
                                  "ORDER BY create_time_ms DESC, id DESC LIMIT ?3");
     row.Bind(after_time_ms).Bind(after_id).Bind(int64_t{limit});
+    if (owner) row.Bind(*owner);
     std::vector<JobRecord> jobs;
     for (;;) {
       LITAGS_ASSIGN_OR_RETURN(const bool more, row.Step());
@@ -280,7 +293,7 @@ class SqliteJobStore : public JobStore {
     Statement row = db_->Prepare(kSelect + "WHERE id=?");
     row.Bind(id);
     LITAGS_ASSIGN_OR_RETURN(const bool found, row.Step());
-    if (!found) return NotFound(id);
+    if (!found) return JobNotFound(id);
     return ReadJob(row);
   }
 
@@ -320,6 +333,12 @@ class SqliteJobStore : public JobStore {
 };
 
 }  // namespace
+
+absl::Status JobNotFound(std::string_view id) {
+  return MakeError(
+      absl::StatusCode::kNotFound, "JOB_NOT_FOUND", "name",
+      absl::StrCat("there is no job jobs/", std::string(id), "; ListJobs names those there are"));
+}
 
 absl::StatusOr<std::unique_ptr<JobStore>> OpenSqliteJobStore(const std::string& path) {
   LITAGS_ASSIGN_OR_RETURN(auto connection, SqliteConnection::Open(path));

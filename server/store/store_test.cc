@@ -14,6 +14,7 @@
 #include "server/store/data_dir.h"
 #include "server/store/digest.h"
 #include "server/store/job_store.h"
+#include "server/store/sqlite_migrations.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -50,6 +51,7 @@ class JobStoreTest : public ::testing::Test {
 
 TEST_F(JobStoreTest, EveryFieldSurvivesWritingAndReopening) {
   JobRecord job = MakeJob("a1", 1000, JobState::kRunning);
+  job.owner = "alice";
   job.request_id = "req";
   job.display_name = "my \"fox\"; DROP TABLE jobs";
   job.cancel_requested = true;
@@ -68,6 +70,7 @@ TEST_F(JobStoreTest, EveryFieldSurvivesWritingAndReopening) {
   store_ = Open();
   const auto read = store_->Get("a1");
   ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->owner, "alice");
   EXPECT_EQ(read->request_id, job.request_id);
   EXPECT_EQ(read->display_name, job.display_name);
   EXPECT_EQ(read->state, job.state);
@@ -98,6 +101,62 @@ TEST_F(JobStoreTest, SameRequestIdReturnsTheFirstJobUnchanged) {
   // Without a request id every call makes a job.
   ASSERT_TRUE(store_->Create(MakeJob("b1", 3), Nothing).ok());
   EXPECT_EQ(store_->Create(MakeJob("b2", 4), Nothing)->id, "b2");
+}
+
+TEST_F(JobStoreTest, OwnersHaveRequestIdsListsAndSumsOfTheirOwn) {
+  JobRecord hers = MakeJob("a1", 1), his = MakeJob("b1", 2), his_next = MakeJob("b2", 3);
+  hers.owner = "alice";
+  his.owner = his_next.owner = "bob";
+  hers.request_id = his.request_id = "same";
+  ASSERT_TRUE(store_->Create(hers, Nothing).ok());
+  EXPECT_EQ(store_->Create(his, Nothing)->id, "b1");
+  ASSERT_TRUE(store_->Create(his_next, Nothing).ok());
+  const auto ids = [&](const std::optional<std::string>& owner) {
+    std::vector<std::string> ids;
+    const auto jobs = store_->List(0, "", 10, owner);
+    for (const JobRecord& job : *jobs) ids.push_back(job.id);
+    return ids;
+  };
+  EXPECT_THAT(ids("alice"), ElementsAre("a1"));
+  EXPECT_THAT(ids("bob"), ElementsAre("b2", "b1"));
+  EXPECT_THAT(ids(std::nullopt), ElementsAre("b2", "b1", "a1"));
+  EXPECT_EQ(store_->List(3, "b2", 10, "bob")->at(0).id, "b1");
+
+  OwnerUsage usage;
+  const auto put = [&](JobTransaction& job) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(job.PutFile({"a.jpg", FileRole::kPhoto, 7, "00", 1, 1}));
+    LITAGS_ASSIGN_OR_RETURN(usage, job.Usage());
+    job.job.owner = "mallory";  // ignored
+    return absl::OkStatus();
+  };
+  for (const char* id : {"a1", "b1", "b2"}) ASSERT_TRUE(store_->Update(id, put).ok());
+  EXPECT_EQ(usage.jobs, 2);    // bob's, not alice's
+  EXPECT_EQ(usage.bytes, 14);  // with those of the transaction that asks
+  EXPECT_EQ(store_->Get("b2")->owner, "bob");
+}
+
+TEST_F(JobStoreTest, JobsOfTheFirstVersionAreKeptAndBelongToNobody) {
+  const std::string path = dir_.path() + "/old.db";
+  {
+    const auto old = SqliteConnection::Open(path);
+    ASSERT_TRUE(old.ok());
+    ASSERT_TRUE(MigrateSqlite(old->get(), 1).ok());
+    ASSERT_TRUE((*old)
+                    ->Execute("INSERT INTO jobs VALUES ('a1','req','old',2,0,0,'',0,1,0,0,1,0,0,"
+                              "0,-1,'','{}','','','')")
+                    .ok());
+  }
+  auto store = OpenSqliteJobStore(path);
+  ASSERT_TRUE(store.ok()) << store.status();
+  const auto job = (*store)->Get("a1");
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->owner, "");
+  EXPECT_EQ(job->request_id, "req");
+  EXPECT_EQ(job->state, JobState::kQueued);
+  JobRecord again = MakeJob("a2", 2);
+  again.request_id = "req";
+  EXPECT_EQ((*store)->Create(again, Nothing)->id, "a1");
+  EXPECT_TRUE(OpenSqliteJobStore(path).ok()) << "migrating twice";
 }
 
 TEST_F(JobStoreTest, UnknownJobIsNotFoundInEveryCall) {

@@ -1,0 +1,86 @@
+#include "server/jobs/client_job_store.h"
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+absl::Status ForWorkersOnly() {
+  return MakeError(absl::StatusCode::kInternal, "NOT_FOR_CLIENTS", "",
+                   "a client's view of the job store was used as a worker's; this is a defect of "
+                   "the server");
+}
+
+}  // namespace
+
+absl::StatusOr<JobRecord> ClientJobStore::Create(const JobRecord& job, Change change) {
+  JobRecord owned = job;
+  owned.owner = view_.owner;
+  return store_->Create(owned, [&](JobTransaction& transaction) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(change(transaction));
+    if (view_.max_jobs == 0) return absl::OkStatus();
+    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, transaction.Usage());
+    if (usage.jobs <= view_.max_jobs) return absl::OkStatus();
+    return MakeError(
+        absl::StatusCode::kResourceExhausted, "JOB_QUOTA_REACHED", "",
+        absl::StrCat("this client has ", usage.jobs - 1, " jobs, and may have ", view_.max_jobs,
+                     "; delete some, or ask the operator for a larger --max-jobs"));
+  });
+}
+
+absl::StatusOr<JobRecord> ClientJobStore::Get(std::string_view id) {
+  LITAGS_ASSIGN_OR_RETURN(JobRecord job, store_->Get(id));
+  if (!Sees(job)) return JobNotFound(id);
+  return job;
+}
+
+absl::StatusOr<std::vector<JobRecord>> ClientJobStore::List(
+    int64_t after_time_ms, std::string_view after_id, int limit,
+    const std::optional<std::string>& owner) {
+  if (view_.sees_all) return store_->List(after_time_ms, after_id, limit, owner);
+  if (owner && *owner != view_.owner) return std::vector<JobRecord>();
+  return store_->List(after_time_ms, after_id, limit, view_.owner);
+}
+
+absl::StatusOr<JobRecord> ClientJobStore::Update(std::string_view id, Change change) {
+  return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
+    if (!Sees(job.job)) return JobNotFound(id);
+    if (view_.max_bytes == 0) return change(job);
+    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage before, job.Usage());
+    LITAGS_RETURN_IF_ERROR(change(job));
+    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage after, job.Usage());
+    // Whoever is above a quota that was lowered may still do all that adds nothing.
+    if (after.bytes <= view_.max_bytes || after.bytes <= before.bytes) return absl::OkStatus();
+    return MakeError(
+        absl::StatusCode::kResourceExhausted, "BYTE_QUOTA_REACHED", "",
+        absl::StrCat("this client's jobs would hold ", after.bytes, " bytes, and may hold ",
+                     view_.max_bytes,
+                     "; delete old jobs, or ask the operator for a larger --max-bytes"));
+  });
+}
+
+absl::StatusOr<std::vector<FileRecord>> ClientJobStore::Files(std::string_view id) {
+  LITAGS_RETURN_IF_ERROR(Get(id).status());
+  return store_->Files(id);
+}
+
+absl::StatusOr<std::vector<EventRecord>> ClientJobStore::Events(std::string_view id, int64_t after,
+                                                                int limit) {
+  LITAGS_RETURN_IF_ERROR(Get(id).status());
+  return store_->Events(id, after, limit);
+}
+
+absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstQueued(Change) {
+  return ForWorkersOnly();
+}
+
+absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstExpired(int64_t, Change) {
+  return ForWorkersOnly();
+}
+
+absl::StatusOr<std::vector<std::string>> ClientJobStore::LeasedTo(std::string_view) {
+  return ForWorkersOnly();
+}
+
+}  // namespace litags

@@ -1,0 +1,55 @@
+#ifndef LITAGS_SERVER_JOBS_CLIENT_JOB_STORE_H_
+#define LITAGS_SERVER_JOBS_CLIENT_JOB_STORE_H_
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/store/job_store.h"
+
+namespace litags {
+
+// Whose jobs, and how many of them.
+struct ClientView {
+  std::string owner;      // of the jobs it makes
+  bool sees_all = false;  // also other owners' jobs: an administrator
+  int64_t max_jobs = 0;   // of this owner at one time; 0: no limit
+  int64_t max_bytes = 0;  // of all their files; 0: no limit
+};
+
+// The store as one client may use it. Jobs of others are as good as not there, in every call: this
+// is the one place where ownership and quotas are checked, below all handlers, so that a new
+// handler cannot forget them. Calls that are for workers are refused.
+//
+// Errors beside the store's: RESOURCE_EXHAUSTED (JOB_QUOTA_REACHED, BYTE_QUOTA_REACHED).
+class ClientJobStore : public JobStore {
+ public:
+  // `store` must outlive this.
+  ClientJobStore(JobStore* store, ClientView view) : store_(store), view_(std::move(view)) {}
+
+  absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) override;
+  absl::StatusOr<JobRecord> Get(std::string_view id) override;
+  absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
+                                              int limit,
+                                              const std::optional<std::string>& owner) override;
+  absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override;
+  absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
+  absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
+                                                  int limit) override;
+  absl::StatusOr<int64_t> ChangeToken() override { return store_->ChangeToken(); }
+
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) override;
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
+                                                              Change change) override;
+  absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
+
+ private:
+  bool Sees(const JobRecord& job) const { return view_.sees_all || job.owner == view_.owner; }
+
+  JobStore* const store_;
+  const ClientView view_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_JOBS_CLIENT_JOB_STORE_H_

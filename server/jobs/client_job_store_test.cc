@@ -1,0 +1,117 @@
+#include "server/jobs/client_job_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "engine/core/error.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string Reason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail ? detail->reason : status.ok() ? "" : std::string(status.message());
+}
+
+absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
+
+JobRecord MakeJob(const std::string& id) {
+  JobRecord job;
+  job.id = id;
+  job.create_time_ms = 1;
+  return job;
+}
+
+std::function<absl::Status(JobTransaction&)> PutBytes(int64_t bytes) {
+  return [bytes](JobTransaction& job) {
+    return job.PutFile({"a", FileRole::kPhoto, bytes, "00", 1, 1});
+  };
+}
+
+class ClientJobStoreTest : public ::testing::Test {
+ protected:
+  ClientJobStoreTest() {
+    EXPECT_TRUE(alice_.Create(MakeJob("a1"), Nothing).ok());
+    EXPECT_TRUE(bob_.Create(MakeJob("b1"), Nothing).ok());
+  }
+
+  TempDir dir_;
+  std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(dir_.path() + "/jobs.db");
+  ClientJobStore alice_{store_.get(), {.owner = "alice", .max_jobs = 2, .max_bytes = 10}};
+  ClientJobStore bob_{store_.get(), {.owner = "bob"}};
+  ClientJobStore admin_{store_.get(), {.owner = "root", .sees_all = true}};
+};
+
+TEST_F(ClientJobStoreTest, JobsBelongToTheClientThatMadeThem) {
+  EXPECT_EQ(store_->Get("a1")->owner, "alice");
+  EXPECT_EQ(store_->Get("b1")->owner, "bob");
+}
+
+TEST_F(ClientJobStoreTest, EveryCallTreatsJobsOfOthersAsNotThere) {
+  const absl::Status missing = bob_.Get("none").status();
+  for (const absl::Status& status : {bob_.Get("a1").status(), bob_.Update("a1", Nothing).status(),
+                                     bob_.Files("a1").status(), bob_.Events("a1", 0, 1).status()}) {
+    EXPECT_EQ(Reason(status), "JOB_NOT_FOUND");
+    EXPECT_EQ(status.code(), missing.code());
+  }
+  // Nor does its message differ from that of a job that never was.
+  EXPECT_EQ(bob_.Get("a1").status().message(),
+            "there is no job jobs/a1; ListJobs names those there are");
+  EXPECT_EQ(bob_.List(0, "", 10, std::nullopt)->size(), 1u);
+  EXPECT_TRUE(bob_.List(0, "", 10, "alice")->empty());
+}
+
+TEST_F(ClientJobStoreTest, OwnersAndAdministratorsReachTheJob) {
+  for (ClientJobStore* client : {&alice_, &admin_}) {
+    EXPECT_TRUE(client->Get("a1").ok());
+    EXPECT_TRUE(client->Update("a1", Nothing).ok());
+    EXPECT_TRUE(client->Files("a1").ok());
+    EXPECT_TRUE(client->Events("a1", 0, 1).ok());
+  }
+  EXPECT_EQ(admin_.List(0, "", 10, std::nullopt)->size(), 2u);
+  EXPECT_EQ(admin_.List(0, "", 10, "bob")->at(0).id, "b1");
+}
+
+TEST_F(ClientJobStoreTest, WorkersCallsAreRefused) {
+  EXPECT_EQ(Reason(admin_.UpdateFirstQueued(Nothing).status()), "NOT_FOR_CLIENTS");
+  EXPECT_EQ(Reason(admin_.UpdateFirstExpired(0, Nothing).status()), "NOT_FOR_CLIENTS");
+  EXPECT_EQ(Reason(admin_.LeasedTo("w").status()), "NOT_FOR_CLIENTS");
+}
+
+TEST_F(ClientJobStoreTest, JobsAreCountedPerClient) {
+  EXPECT_TRUE(alice_.Create(MakeJob("a2"), Nothing).ok());
+  const absl::Status third = alice_.Create(MakeJob("a3"), Nothing).status();
+  EXPECT_EQ(third.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(Reason(third), "JOB_QUOTA_REACHED");
+  EXPECT_THAT(std::string(third.message()), HasSubstr("has 2 jobs, and may have 2"));
+  EXPECT_FALSE(store_->Get("a3").ok());
+  EXPECT_TRUE(bob_.Create(MakeJob("b2"), Nothing).ok());
+  ASSERT_TRUE(alice_.Update("a2", [](JobTransaction& job) { return job.Remove(); }).ok());
+  EXPECT_TRUE(alice_.Create(MakeJob("a3"), Nothing).ok());
+}
+
+TEST_F(ClientJobStoreTest, BytesAreCountedOverAllJobsOfAClient) {
+  EXPECT_TRUE(alice_.Create(MakeJob("a2"), Nothing).ok());
+  EXPECT_TRUE(alice_.Update("a1", PutBytes(6)).ok());
+  const absl::Status more = alice_.Update("a2", PutBytes(5)).status();
+  EXPECT_EQ(Reason(more), "BYTE_QUOTA_REACHED");
+  EXPECT_THAT(std::string(more.message()), HasSubstr("would hold 11 bytes, and may hold 10"));
+  EXPECT_EQ(store_->Get("a2")->bytes, 0);
+  EXPECT_TRUE(alice_.Update("a2", PutBytes(4)).ok());
+}
+
+TEST_F(ClientJobStoreTest, ClientAboveALoweredQuotaMayStillDoWhatAddsNothing) {
+  ClientJobStore before(store_.get(), {.owner = "alice"});
+  ASSERT_TRUE(before.Update("a1", PutBytes(100)).ok());
+  EXPECT_TRUE(alice_.Update("a1", Nothing).ok());
+  EXPECT_TRUE(alice_.Update("a1", PutBytes(50)).ok());
+  EXPECT_EQ(Reason(alice_.Update("a1", PutBytes(60)).status()), "BYTE_QUOTA_REACHED");
+}
+
+}  // namespace
+}  // namespace litags
