@@ -196,21 +196,20 @@ class Run {
     const Model model = trainer_.Snapshot();
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, views_));
     observer_->OnSnapshot(scene_path_);
-    ModelView view;
     LossWorkspace workspace(options_.threads);
-    Planes target;
+    Planes color, target;
     double sum = 0;
     for (const TrainView& v : capture_.holdout) {
-      renderer_.Render(model, v.view.camera, DepthSource::kCameraZ, &view);
+      renderer_.RenderColor(model, v.view.camera, &color);
       UnpackImage(v.target, workspace, &target);
-      for (float& x : view.color.data) x = std::clamp(x, 0.0f, 1.0f);
-      LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(view.color, target));
+      for (float& x : color.data) x = std::clamp(x, 0.0f, 1.0f);
+      LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, target));
       sum += psnr;
     }
     if (!capture_.holdout.empty()) progress_.psnr_holdout = sum / capture_.holdout.size();
     const TrainView& shown = capture_.holdout.empty() ? capture_.train[0] : capture_.holdout[0];
-    renderer_.Render(model, shown.view.camera, DepthSource::kCameraZ, &view);
-    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(ToImageU8(view.color)));
+    renderer_.RenderColor(model, shown.view.camera, &color);
+    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(ToImageU8(color)));
     Progress progress = progress_;
     progress.preview_png.assign(png.begin(), png.end());
     observer_->OnProgress(progress);

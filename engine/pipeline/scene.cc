@@ -20,7 +20,6 @@ float LightPower(float L, float t) { return std::pow(std::max(L, 1e-3f), t); }
 
 // R L^t per pixel and channel.
 Planes Relit(Planes color, const Planes& channels, double t) {
-  if (t == 0) return color;
   for (int c = 0; c < 3; ++c) {
     const float* L = channels.plane(kChannelIllumination + c);
     float* v = color.plane(c);
@@ -51,11 +50,10 @@ Planes CopyOf(const Planes& from, int first, int count) {
 }
 
 // Composited depth over coverage; 0 where there is nothing.
-Planes Depth(const ModelView& view) {
-  Planes out = CopyOf(view.channels, kChannelDepth, 1);
+Planes Depth(const Planes& channels, const Planes& alpha) {
+  Planes out = CopyOf(channels, kChannelDepth, 1);
   for (size_t i = 0; i < out.data.size(); ++i) {
-    const float alpha = view.alpha.data[i];
-    out.data[i] = alpha > 1e-3f ? out.data[i] / alpha : 0.0f;
+    out.data[i] = alpha.data[i] > 1e-3f ? out.data[i] / alpha.data[i] : 0.0f;
   }
   return out;
 }
@@ -118,25 +116,23 @@ class ModelScene : public Scene {
           "train with method litags for the others");
     }
     ModelRenderer renderer(request.threads);
-    ModelView view;
-    renderer.Render(model_, request.camera, DepthSource::kCameraZ, &view);
+    if (IsColor(request.channel)) return Color(&renderer, request);
+    Planes channels, alpha;
+    renderer.RenderChannels(model_, request.camera, &channels, &alpha);
     switch (request.channel) {
-      case Channel::kColor:
-      case Channel::kOriginal:
-      case Channel::kLight:
-        return Color(std::move(view), request);
       case Channel::kDepth:
-        return Depth(view);
+        return Depth(channels, alpha);
       case Channel::kStructure:
-        return CopyOf(view.channels, kChannelStructure, 1);
+        return CopyOf(channels, kChannelStructure, 1);
       case Channel::kIllumination:
-        return CopyOf(view.channels, kChannelIllumination, 3);
+        return CopyOf(channels, kChannelIllumination, 3);
       case Channel::kNoise:
-        return CopyOf(view.channels, kChannelNoise, 3);
+        return CopyOf(channels, kChannelNoise, 3);
       case Channel::kAlpha:
-        return std::move(view.alpha);
+        return alpha;
+      default:
+        return absl::InternalError("unknown channel");
     }
-    return absl::InternalError("unknown channel");
   }
 
   absl::Status ExportPly(const std::string& path, double light) const override {
@@ -159,12 +155,20 @@ class ModelScene : public Scene {
   }
 
  private:
-  Planes Color(ModelView view, const RenderRequest& request) const {
+  Planes Color(ModelRenderer* renderer, const RenderRequest& request) const {
     const double light = request.channel == Channel::kOriginal ? 1
                          : request.channel == Channel::kLight  ? request.light
                                                                : 0;
-    if (model_.lita) view.color = Relit(std::move(view.color), view.channels, light);
-    return Clamped(Exposed(std::move(view.color), request.exposure_stops));
+    Planes color;
+    if (light == 0 || !model_.lita) {
+      renderer->RenderColor(model_, request.camera, &color);
+    } else {
+      Planes channels, alpha;
+      renderer->RenderChannels(model_, request.camera, &channels, &alpha);
+      renderer->Denoise(model_, channels, &color);
+      color = Relit(std::move(color), channels, light);
+    }
+    return Clamped(Exposed(std::move(color), request.exposure_stops));
   }
 
   const Model model_;

@@ -233,6 +233,10 @@ void ProjectVector(const float* in, size_t first, size_t count, const KernelCame
       hn::Store(hn::Load(d, in + r * kSplatBlock), d,
                 rec[kRecordFeatures + kChannelStructure + (r - kStructure)]);
     }
+  } else if (settings.channels == kColorAndNoise) {
+    for (int c = 0; c < 3; ++c) {
+      hn::Store(hn::Load(d, in + (kNoise + c) * kSplatBlock), d, rec[kRecordFeatures + 3 + c]);
+    }
   }
 
   hn::Store(half_h, d, rec[kRecordHalfHeight]);

@@ -197,8 +197,14 @@ int64_t Forward(const TileJob& job, float* image, float* alpha) {
 }
 
 int64_t RasterizeTileImpl(const TileJob& job, float* image, float* alpha) {
-  return job.channels == 3 ? Forward<3>(job, image, alpha)
-                           : Forward<kNumChannels>(job, image, alpha);
+  switch (job.channels) {
+    case kColorOnly:
+      return Forward<kColorOnly>(job, image, alpha);
+    case kColorAndNoise:
+      return Forward<kColorAndNoise>(job, image, alpha);
+    default:
+      return Forward<kNumChannels>(job, image, alpha);
+  }
 }
 
 }  // namespace HWY_NAMESPACE

@@ -15,7 +15,7 @@
 
 namespace litags {
 
-// Order of the composited channels. Renders with 3 channels hold the colour only.
+// Order of the composited channels of a whole render.
 enum RenderChannel : int {
   kChannelColor = 0,         // 3: R0
   kChannelDepth = 3,         // 1: D_r
@@ -25,6 +25,10 @@ enum RenderChannel : int {
   kNumChannels = 11,
 };
 
+// Renders that hold less cost less, for pictures; Backward takes kColorOnly and kNumChannels.
+constexpr int kColorOnly = 3;      // R0
+constexpr int kColorAndNoise = 6;  // R0, N_GS: what the denoiser reads
+
 // What the depth channel composites.
 enum class DepthSource {
   kCameraZ,    // distance along the optical axis: what a user calls depth
@@ -32,7 +36,7 @@ enum class DepthSource {
 };
 
 struct RenderSettings {
-  int num_channels = kNumChannels;  // 3 or 11
+  int num_channels = kNumChannels;  // or kColorOnly, kColorAndNoise
   int sh_degree = kMaxShDegree;     // 0..3
   DepthSource depth_source = DepthSource::kAttribute;
   std::array<float, kNumChannels> background = {};
@@ -70,8 +74,9 @@ class Renderer {
   void Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
                Planes* image, Planes* alpha);
 
-  // VJP of the last Forward: v_image [C, H, W], v_alpha [1, H, W] (or empty) to the parameters.
-  // `splats` must be unchanged. Exact derivatives: zero through the clamp at 0.99.
+  // VJP of the last Forward, of 3 or 11 channels: v_image [C, H, W], v_alpha [1, H, W] (or empty)
+  // to the parameters. `splats` must be unchanged. Exact derivatives: zero through the clamp at
+  // 0.99.
   void Backward(const Splats& splats, const Planes& v_image, const Planes& v_alpha,
                 BlockGradSink sink);
 

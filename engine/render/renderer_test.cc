@@ -88,6 +88,26 @@ TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
   });
 }
 
+TEST(Renderer, ColourAndNoiseAloneAreTheSameBytesAsInAWholeRender) {
+  ForEachTarget([] {
+    const Splats splats = MakeSplats(150, 7);
+    const Camera camera = MakeCamera(61, 43);
+    RenderSettings settings;
+    Renderer renderer;
+    Planes all, some, alpha, some_alpha;
+    renderer.Forward(splats, camera, settings, &all, &alpha);
+    settings.num_channels = kColorAndNoise;
+    renderer.Forward(splats, camera, settings, &some, &some_alpha);
+    ASSERT_EQ(some.channels, 6);
+    EXPECT_EQ(some_alpha.data, alpha.data);
+    for (int c = 0; c < 6; ++c) {
+      const float* expected = all.plane(c < 3 ? c : kChannelNoise + c - 3);
+      EXPECT_TRUE(std::equal(expected, expected + all.plane_size(), some.plane(c)))
+          << "channel " << c;
+    }
+  });
+}
+
 TEST(Renderer, MatchesTheReferenceForDegenerateShapes) {
   Splats splats = MakeSplats(60, 3);
   for (size_t i = 0; i < 60; ++i) {

@@ -11,21 +11,36 @@ void CopyPlanes(const Planes& from, int first, Planes* to) {
   to->data.assign(from.plane(first), from.plane(first) + 3 * from.plane_size());
 }
 
-void ModelRenderer::Render(const Model& model, const Camera& camera, DepthSource depth_source,
-                           ModelView* out) {
+void ModelRenderer::Composite(const Model& model, const Camera& camera, int num_channels,
+                              Planes* channels, Planes* alpha) {
   RenderSettings settings;
-  settings.num_channels = model.lita ? int{kNumChannels} : 3;
+  settings.num_channels = num_channels;
   settings.sh_degree = model.sh_degree;
-  settings.depth_source = depth_source;
+  settings.depth_source = DepthSource::kCameraZ;
   settings.threads = threads_;
-  renderer_.Forward(model.splats, camera, settings, &out->channels, &out->alpha);
-  CopyPlanes(out->channels, kChannelColor, &out->color);
+  renderer_.Forward(model.splats, camera, settings, channels, alpha);
+}
+
+void ModelRenderer::RenderColor(const Model& model, const Camera& camera, Planes* color) {
+  const bool denoise = model.lita && model.use_pdm;
+  Composite(model, camera, denoise ? kColorAndNoise : kColorOnly, denoise ? &composited_ : color,
+            &alpha_);
+  if (denoise) Denoise(model, composited_, color);
+}
+
+void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Planes* channels,
+                                   Planes* alpha) {
+  Composite(model, camera, model.lita ? int{kNumChannels} : kColorOnly, channels, alpha);
+}
+
+void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* color) {
+  CopyPlanes(channels, kChannelColor, color);
   if (!model.lita || !model.use_pdm) return;
-  CopyPlanes(out->channels, kChannelNoise, &noise_);
+  CopyPlanes(channels, channels.channels == kColorAndNoise ? 3 : int{kChannelNoise}, &noise_);
   if (!pdm_.has_value() || pdm_->options() != model.pdm_options)
     pdm_.emplace(model.pdm_options, threads_);
-  pdm_->Forward(model.pdm, out->color, noise_);
-  out->color = pdm_->R(model.pdm_options.stages);
+  pdm_->Forward(model.pdm, *color, noise_);
+  *color = pdm_->R(model.pdm_options.stages);
 }
 
 }  // namespace litags

@@ -22,25 +22,29 @@ struct Model {
   int iteration = 0;
 };
 
-struct ModelView {
-  Planes channels;  // [11, H, W], see RenderChannel; [3, H, W] for plain 3DGS
-  Planes alpha;     // [1, H, W]
-  Planes color;     // [3, H, W]: R, after denoising; not clamped
-};
-
 // Renders views of a model, keeping buffers between calls. Not thread-safe.
 class ModelRenderer {
  public:
   explicit ModelRenderer(int threads) : threads_(threads) {}
 
-  // The depth channel holds `depth_source`.
-  void Render(const Model& model, const Camera& camera, DepthSource depth_source, ModelView* out);
+  // R [3, H, W], after denoising; not clamped. Composites what it needs and no more.
+  void RenderColor(const Model& model, const Camera& camera, Planes* color);
+
+  // All channels [11, H, W], see RenderChannel, with CameraZ as depth, or [3, H, W] for plain
+  // 3DGS; alpha [1, H, W].
+  void RenderChannels(const Model& model, const Camera& camera, Planes* channels, Planes* alpha);
+
+  // R of rendered channels, as RenderColor.
+  void Denoise(const Model& model, const Planes& channels, Planes* color);
 
  private:
+  void Composite(const Model& model, const Camera& camera, int num_channels, Planes* channels,
+                 Planes* alpha);
+
   int threads_;
   Renderer renderer_;
   std::optional<Pdm> pdm_;  // of the last model's options
-  Planes noise_;
+  Planes composited_, alpha_, noise_;
 };
 
 // Planes [first, first + 3) as an image of their own.

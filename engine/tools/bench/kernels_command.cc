@@ -168,11 +168,11 @@ class KernelBench {
            "one full training step, denoiser included");
     Model model = at_degree_3.Snapshot();
     ModelRenderer renderer(args_.threads);
-    ModelView view;
+    Planes color;
     Report("render",
            Measure(args_.repetitions,
-                   [&] { renderer.Render(model, camera_, DepthSource::kCameraZ, &view); }),
-           "a finished picture: 11 channels and denoiser");
+                   [&] { renderer.RenderColor(model, camera_, &color); }),
+           "a finished picture: colour and noise, denoised");
   }
 
   KernelArguments args_;

@@ -65,9 +65,9 @@ void Run(const RenderArguments& args, int* exit_status) {
                }));
   }
   ModelRenderer finished(args.threads);
-  ModelView view;
+  Planes color;
   json["finished"] = Report("finished (denoised)", Latencies(args, [&](const Camera& camera) {
-                              finished.Render(model, camera, DepthSource::kCameraZ, &view);
+                              finished.RenderColor(model, camera, &color);
                             }));
   if (args.json.empty()) return;
   if (const absl::Status s = WriteFileAtomically(args.json, json.dump(2) + "\n"); !s.ok()) {

@@ -1,0 +1,49 @@
+#include "engine/train/model.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "engine/train/train_test_util.h"
+
+namespace litags {
+namespace {
+
+Model SmallModel() {
+  Model model;
+  model.splats = ColoredCloud(60, 5);
+  model.pdm = PdmWeights::Initial(model.pdm_options, 3);
+  return model;
+}
+
+TEST(ModelRenderer, ColourComesOutTheSameWithAndWithoutTheOtherChannels) {
+  const Camera camera = RingCamera(1, 5, 40, 30);
+  for (const bool use_pdm : {true, false}) {
+    Model model = SmallModel();
+    model.use_pdm = use_pdm;
+    ModelRenderer renderer(1);
+    Planes direct, channels, alpha, from_channels;
+    renderer.RenderColor(model, camera, &direct);
+    renderer.RenderChannels(model, camera, &channels, &alpha);
+    renderer.Denoise(model, channels, &from_channels);
+    EXPECT_EQ(channels.channels, kNumChannels);
+    EXPECT_EQ(direct.data, from_channels.data) << "denoiser " << use_pdm;
+    const bool changed = !std::equal(direct.data.begin(), direct.data.end(), channels.data.begin());
+    EXPECT_EQ(changed, use_pdm) << "the denoiser changes what was composited";
+  }
+}
+
+TEST(ModelRenderer, A3dgsModelHasColourOnly) {
+  Model model = SmallModel();
+  model.lita = false;
+  const Camera camera = RingCamera(1, 5, 40, 30);
+  ModelRenderer renderer(1);
+  Planes color, channels, alpha;
+  renderer.RenderColor(model, camera, &color);
+  renderer.RenderChannels(model, camera, &channels, &alpha);
+  EXPECT_EQ(channels.channels, 3);
+  EXPECT_EQ(color.data, channels.data);
+}
+
+}  // namespace
+}  // namespace litags
