@@ -107,10 +107,11 @@ struct BlockState {
 };
 
 // Composites the Gaussians of `reach` over a block, front to back. Returns those that came before
-// the block was opaque, and whether it is now.
-template <int C>
+// the block was opaque, and whether it is now. Adds the pixels that they changed to *useful, if
+// that is to be counted.
+template <int C, bool kCountUseful>
 HWY_INLINE uint64_t CompositeBlock(const float* HWY_RESTRICT records, uint64_t reach, V x, V y,
-                                   BlockState<C>* state, bool* opaque) {
+                                   BlockState<C>* state, bool* opaque, int64_t* useful) {
   const D d;
   V T = hn::Load(d, state->T);
   V acc[C];
@@ -124,6 +125,7 @@ HWY_INLINE uint64_t CompositeBlock(const float* HWY_RESTRICT records, uint64_t r
     const V before = T;
     M goes_on;
     const V w = hn::Mul(Advance(Alpha(record, x, y), &T, &goes_on), before);
+    if constexpr (kCountUseful) *useful += hn::CountTrue(d, hn::Gt(w, hn::Zero(d)));
 #pragma GCC unroll 16
     for (int c = 0; c < C; ++c) {
       acc[c] = hn::MulAdd(w, hn::Set(d, record[kRecordFeatures + c]), acc[c]);
@@ -155,8 +157,8 @@ HWY_INLINE void FinishBlock(const TileJob& job, int block, BlockState<C>* state,
   });
 }
 
-template <int C>
-int64_t Forward(const TileJob& job, float* image, float* alpha) {
+template <int C, bool kCountUseful = false>
+TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
   const D d;
   const PixelGrid grid(job);
   BlockState<C> states[kBlocks] = {};
@@ -168,7 +170,7 @@ int64_t Forward(const TileJob& job, float* image, float* alpha) {
   }
 
   Chunk<C> chunk;
-  int64_t evaluations = 0;
+  TileEvaluations evaluations;
   for (size_t begin = 0; begin < job.count; begin += kChunk) {
     uint64_t* reach = job.reach + begin / kChunk * kMaxTileBlocks;
     if (alive == 0) {
@@ -184,26 +186,28 @@ int64_t Forward(const TileJob& job, float* image, float* alpha) {
       if ((alive >> block & 1) == 0) reach[block] = 0;
       if (reach[block] == 0) continue;
       bool opaque;
-      reach[block] = CompositeBlock(chunk.records, reach[block], grid.X(block), grid.Y(block),
-                                    &states[block], &opaque);
-      evaluations += std::popcount(reach[block]);
+      reach[block] =
+          CompositeBlock<C, kCountUseful>(chunk.records, reach[block], grid.X(block), grid.Y(block),
+                                          &states[block], &opaque, &evaluations.useful);
+      evaluations.all += std::popcount(reach[block]) * kLanes;
       if (opaque) alive &= ~(uint64_t{1} << block);
     }
   }
   for (int block = 0; block < kBlocks; ++block) {
     FinishBlock(job, block, &states[block], image, alpha);
   }
-  return evaluations * kLanes;
+  return evaluations;
 }
 
-int64_t RasterizeTileImpl(const TileJob& job, float* image, float* alpha) {
+TileEvaluations RasterizeTileImpl(const TileJob& job, float* image, float* alpha) {
   switch (job.channels) {
     case kColorOnly:
       return Forward<kColorOnly>(job, image, alpha);
     case kColorAndNoise:
       return Forward<kColorAndNoise>(job, image, alpha);
     default:
-      return Forward<kNumChannels>(job, image, alpha);
+      return job.count_useful ? Forward<kNumChannels, true>(job, image, alpha)
+                              : Forward<kNumChannels>(job, image, alpha);
   }
 }
 
@@ -216,7 +220,7 @@ namespace litags {
 
 HWY_EXPORT(RasterizeTileImpl);
 
-int64_t RasterizeTile(const TileJob& job, float* image, float* alpha) {
+TileEvaluations RasterizeTile(const TileJob& job, float* image, float* alpha) {
   return HWY_DYNAMIC_DISPATCH(RasterizeTileImpl)(job, image, alpha);
 }
 

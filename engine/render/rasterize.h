@@ -28,11 +28,17 @@ struct TileJob {
   // of the list reaches block b before the block is opaque. Written by the forward pass, read by
   // the backward pass.
   uint64_t* reach = nullptr;
+  bool count_useful = false;  // of 11 channels only
 };
 
-// Writes the tile's pixels of image [C, H, W] and alpha [H, W]. Returns the number of alpha
-// evaluations (lanes).
-int64_t RasterizeTile(const TileJob& job, float* image, float* alpha);
+// Alpha evaluations of a tile, pixels (lanes counted one by one).
+struct TileEvaluations {
+  int64_t all = 0;
+  int64_t useful = 0;  // those that changed a pixel; 0 unless asked for
+};
+
+// Writes the tile's pixels of image [C, H, W] and alpha [H, W].
+TileEvaluations RasterizeTile(const TileJob& job, float* image, float* alpha);
 
 // Buffers of RasterizeTileVjp, kept to save allocations; one per thread.
 struct TileScratch {

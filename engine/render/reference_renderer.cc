@@ -124,7 +124,7 @@ ReferenceImage RenderReference(const std::vector<double>& params, const Camera& 
   const int C = settings.num_channels;
   const size_t plane = size_t(camera.width) * camera.height;
   ReferenceImage out{std::vector<double>(C * plane), std::vector<double>(plane),
-                     std::vector<char>(plane)};
+                     std::vector<char>(plane), 0};
   for (size_t pixel = 0; pixel < plane; ++pixel) {
     const double px = pixel % camera.width + 0.5, py = pixel / camera.width + 0.5;
     double T = 1;
@@ -137,6 +137,7 @@ ReferenceImage RenderReference(const std::vector<double>& params, const Camera& 
       const double alpha = std::min(0.99, raw);
       if (Near(T * (1 - alpha), 1e-4)) out.fragile[pixel] = 1;
       if (T * (1 - alpha) < 1e-4) break;
+      ++out.contributions;
       for (int c = 0; c < C; ++c) out.image[c * plane + pixel] += alpha * T * g.features[c];
       T *= 1 - alpha;
     }

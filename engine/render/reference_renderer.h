@@ -3,6 +3,7 @@
 #ifndef LITAGS_ENGINE_RENDER_REFERENCE_RENDERER_H_
 #define LITAGS_ENGINE_RENDER_REFERENCE_RENDERER_H_
 
+#include <cstdint>
 #include <vector>
 
 #include "engine/core/camera.h"
@@ -20,6 +21,7 @@ struct ReferenceImage {
   // [H, W]: 1 where a decision (alpha against 1/255 or 0.99, T against 1e-4) is within 0.1 % of its
   // threshold, so that single precision may decide otherwise.
   std::vector<char> fragile;
+  int64_t contributions = 0;  // (pixel, Gaussian) pairs that were composited
 };
 
 ReferenceImage RenderReference(const std::vector<double>& params, const Camera& camera,

@@ -21,7 +21,7 @@ struct Renderer::Impl {
   ProjectionSettings projection;
   std::array<float, kNumChannels> background = {};
   int threads = 0;
-  bool absolute_gradients = false;
+  bool absolute_gradients = false, count_useful = false;
 
   ProjectedSplats projected;
   TileLists lists;
@@ -29,7 +29,7 @@ struct Renderer::Impl {
   std::vector<uint64_t> reach;  // see TileJob; tiles one after the other
   AlignedFloats pair_grads;     // [pairs][GradStride]
   std::vector<TileScratch> tile_scratch;
-  std::vector<int64_t> tile_evaluations;
+  std::vector<TileEvaluations> tile_evaluations;
   ViewStats stats;
   Counters counters;
 
@@ -45,6 +45,7 @@ struct Renderer::Impl {
     job.gaussians = lists.gaussians.data() + begin;
     job.records = projected.records.data();
     job.background = background.data();
+    job.count_useful = count_useful;
     // The part of tiles before this one is no longer than this.
     job.reach = reach.data() + (begin / kChunk + tile) * kMaxTileBlocks;
     return job;
@@ -73,8 +74,8 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
                   settings.depth_source == DepthSource::kCameraZ, settings.near_plane};
   s.background = settings.background;
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
-
   s.absolute_gradients = settings.absolute_gradients;
+  s.count_useful = settings.count_useful;
 
   s.projected.Resize(splats.size(), settings.num_channels);
   const size_t blocks = splats.num_blocks();
@@ -103,7 +104,10 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.counters = {};
   s.counters.visible = static_cast<int64_t>(s.lists.num_visible);
   s.counters.tile_pairs = static_cast<int64_t>(s.lists.num_pairs());
-  for (int64_t n : s.tile_evaluations) s.counters.evaluations += n;
+  for (const TileEvaluations& n : s.tile_evaluations) {
+    s.counters.evaluations += n.all;
+    s.counters.useful += n.useful;
+  }
   s.stats.radius_px.resize(splats.size());
   for (size_t i = 0; i < splats.size(); ++i) {
     const ProjectedSplats::Box& box = s.projected.boxes[i];

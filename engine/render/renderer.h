@@ -43,6 +43,7 @@ struct RenderSettings {
   float near_plane = 0.2f;          // scene units; Gaussians at or before it are dropped (3DGS)
   int threads = 0;                  // <= 0: all cores
   bool absolute_gradients = false;  // whether Backward fills ViewStats::abs_grad_means2d
+  bool count_useful = false;        // whether Forward of 11 channels fills Counters::useful
 };
 
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
@@ -88,6 +89,7 @@ class Renderer {
     int64_t visible = 0;      // Gaussians that reach a pixel's alpha threshold
     int64_t tile_pairs = 0;   // entries of the tile lists
     int64_t evaluations = 0;  // alpha evaluations, pixels (lanes counted one by one)
+    int64_t useful = 0;       // of these, with an alpha of 1/255 or more, on a pixel not opaque
   };
   Counters counters() const;
 

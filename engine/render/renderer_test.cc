@@ -88,6 +88,24 @@ TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
   });
 }
 
+TEST(Renderer, UsefulEvaluationsAreThoseThatWereComposited) {
+  ForEachTarget([] {
+    const Splats splats = MakeSplats(150, 7);
+    const Camera camera = MakeCamera(61, 43);
+    RenderSettings settings;
+    const ReferenceImage want = RenderReference(ToDoubles(splats), camera, settings);
+    settings.count_useful = true;
+    Renderer renderer;
+    Planes image, alpha;
+    renderer.Forward(splats, camera, settings, &image, &alpha);
+    const Renderer::Counters counters = renderer.counters();
+    const auto fragile = std::count(want.fragile.begin(), want.fragile.end(), 1);
+    EXPECT_NEAR(counters.useful, want.contributions, fragile);
+    EXPECT_GT(counters.useful, 0);
+    EXPECT_LE(counters.useful, counters.evaluations);
+  });
+}
+
 TEST(Renderer, ColourAndNoiseAloneAreTheSameBytesAsInAWholeRender) {
   ForEachTarget([] {
     const Splats splats = MakeSplats(150, 7);

@@ -15,6 +15,8 @@
 #include "engine/render/renderer.h"
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
+#include "engine/tools/bench/machine.h"
+#include "engine/tools/bench/roofline.h"
 #include "engine/tools/bench/timing.h"
 #include "engine/tools/evaluation/process_usage.h"
 #include "engine/train/adam.h"
@@ -51,6 +53,11 @@ class KernelBench {
   }
 
   void Run() {
+    const int threads = args_.threads > 0 ? args_.threads : DefaultThreadCount();
+    peaks_ = {PeakGflops(threads), TriadGbytes(threads)};
+    std::printf("%s, %d threads: at most %.1f GFLOP/s, %.1f GB/s\n", InstructionSet(), threads,
+                peaks_.gflops, peaks_.gbytes_per_second);
+    json_["peaks"] = {{"gflops", peaks_.gflops}, {"gbytes_per_second", peaks_.gbytes_per_second}};
     TimeRendering();
     TimeObjective();
     TimeAdam();
@@ -58,7 +65,7 @@ class KernelBench {
     json_["gaussians"] = args_.gaussians;
     json_["width"] = camera_.width;
     json_["height"] = camera_.height;
-    json_["threads"] = args_.threads > 0 ? args_.threads : DefaultThreadCount();
+    json_["threads"] = threads;
     json_["peak_rss_bytes"] = PeakRssBytes();
   }
 
@@ -72,7 +79,25 @@ class KernelBench {
     json_["spread"][std::string(name) + "_ms"] = {t.min_ms, t.max_ms};
   }
 
+  void ReportRoofline(const char* name, const Timing& t, const Work& work) {
+    const double least = peaks_.LeastMilliseconds(work);
+    std::printf("  at least %.2f ms at the machine's peak: %.0f %% of it reached\n", least,
+                100 * least / t.median_ms);
+    json_["roofline"][name] = {{"least_ms", least}, {"fraction", least / t.median_ms}};
+  }
+
+  // Of the alpha evaluations, the share that changes a pixel.
+  double UsefulShare() {
+    RenderSettings settings = settings_;
+    settings.count_useful = true;
+    Planes alpha;
+    renderer_.Forward(splats_, camera_, settings, &rendered_, &alpha);
+    const Renderer::Counters c = renderer_.counters();
+    return double(c.useful) / c.evaluations;
+  }
+
   void TimeRendering() {
+    const double useful = UsefulShare();
     Planes alpha;
     const auto forward = [&] {
       renderer_.Forward(splats_, camera_, settings_, &rendered_, &alpha);
@@ -81,9 +106,13 @@ class KernelBench {
     Report("forward", t, "project, sort, bin, composite 11 channels");
     const Renderer::Counters c = renderer_.counters();
     const double pixels = double(camera_.width) * camera_.height;
-    std::printf("  %.1f evaluations per pixel, %.2f ns each; %.2f tiles per visible Gaussian\n",
-                c.evaluations / pixels, 1e6 * t.median_ms / c.evaluations,
-                double(c.tile_pairs) / c.visible);
+    std::printf(
+        "  %.1f evaluations per pixel, %.2f ns each, %.0f %% of them change it; %.2f tiles per "
+        "visible Gaussian\n",
+        c.evaluations / pixels, 1e6 * t.median_ms / c.evaluations, 100 * useful,
+        double(c.tile_pairs) / c.visible);
+    ReportRoofline("forward", t, ForwardWork(c.evaluations, kNumChannels));
+    json_["useful_evaluations"] = useful;
     json_["evaluations_per_pixel"] = c.evaluations / pixels;
     json_["forward_ns_per_evaluation"] = 1e6 * t.median_ms / c.evaluations;
 
@@ -106,13 +135,11 @@ class KernelBench {
 
     Planes v(kNumChannels, camera_.height, camera_.width);
     for (size_t i = 0; i < v.data.size(); ++i) v.data[i] = 1e-6f * (i % 17);
-    Report("backward",
-           Measure(args_.repetitions,
-                   [&] {
-                     renderer_.Backward(splats_, v, Planes(),
-                                        [](size_t, const float*, uint32_t) {});
-                   }),
-           "compositing and projection, no parameter update");
+    const Timing backward = Measure(args_.repetitions, [&] {
+      renderer_.Backward(splats_, v, Planes(), [](size_t, const float*, uint32_t) {});
+    });
+    Report("backward", backward, "compositing and projection, no parameter update");
+    ReportRoofline("backward", backward, BackwardWork(c.evaluations));
   }
 
   void TimeObjective() {
@@ -121,13 +148,11 @@ class KernelBench {
     TrainOptions without = options_;
     without.use_pdm = false;
     Objective plain(without), full(options_);
-    Report("loss",
-           Measure(args_.repetitions,
-                   [&] {
-                     plain.Evaluate(views_[0], rendered_, weights, 0, false, &v_rendered,
-                                    &v_weights);
-                   }),
-           "all losses and their gradients but the denoiser's");
+    const Timing loss = Measure(args_.repetitions, [&] {
+      plain.Evaluate(views_[0], rendered_, weights, 0, false, &v_rendered, &v_weights);
+    });
+    Report("loss", loss, "all losses and their gradients but the denoiser's");
+    ReportRoofline("loss", loss, LossWork(double(camera_.width) * camera_.height));
     const Timing both = Measure(args_.repetitions, [&] {
       full.Evaluate(views_[0], rendered_, weights, 0, true, &v_rendered, &v_weights);
     });
@@ -136,28 +161,27 @@ class KernelBench {
     CopyPlanes(rendered_, kChannelColor, &color);
     CopyPlanes(rendered_, kChannelNoise, &noise);
     Pdm pdm(options_.pdm, options_.threads);
-    Report("pdm",
-           Measure(args_.repetitions,
-                   [&] {
-                     pdm.Forward(weights, color, noise);
-                     pdm.Backward(color, noise, &v_r0, &v_noise, &v_weights);
-                   }),
-           "denoiser, forward and backward");
+    const Timing denoiser = Measure(args_.repetitions, [&] {
+      pdm.Forward(weights, color, noise);
+      pdm.Backward(color, noise, &v_r0, &v_noise, &v_weights);
+    });
+    Report("pdm", denoiser, "denoiser, forward and backward");
+    ReportRoofline("pdm", denoiser,
+                   DenoiserWork(color.plane_size(), options_.pdm.hidden, options_.pdm.stages));
   }
 
   void TimeAdam() {
     Splats params = splats_, m1(splats_.size()), m2(splats_.size());
     const AdamStep step(10, AdamConstants());
-    Report("adam",
-           Measure(args_.repetitions,
-                   [&] {
-                     ParallelFor(args_.threads, params.num_blocks() / 32, [&](size_t task, int) {
-                       for (size_t b = 32 * task; b < 32 * (task + 1); ++b) {
-                         AdamUpdateBlock(step, splats_.block(b), 0xFFFF, b, &params, &m1, &m2);
-                       }
-                     });
-                   }),
-           "all Gaussians, all 67 rows (in training fused with backward)");
+    const Timing t = Measure(args_.repetitions, [&] {
+      ParallelFor(args_.threads, params.num_blocks() / 32, [&](size_t task, int) {
+        for (size_t b = 32 * task; b < 32 * (task + 1); ++b) {
+          AdamUpdateBlock(step, splats_.block(b), 0xFFFF, b, &params, &m1, &m2);
+        }
+      });
+    });
+    Report("adam", t, "all Gaussians, all 67 rows (in training fused with backward)");
+    ReportRoofline("adam", t, AdamWork(splats_.size(), kSplatRows));
   }
 
   void TimeWhole() {
@@ -170,8 +194,7 @@ class KernelBench {
     ModelRenderer renderer(args_.threads);
     Planes color;
     Report("render",
-           Measure(args_.repetitions,
-                   [&] { renderer.RenderColor(model, camera_, &color); }),
+           Measure(args_.repetitions, [&] { renderer.RenderColor(model, camera_, &color); }),
            "a finished picture: colour and noise, denoised");
   }
 
@@ -182,6 +205,7 @@ class KernelBench {
   TrainOptions options_;
   RenderSettings settings_;
   Renderer renderer_;
+  Peaks peaks_;
   Planes rendered_;
   nlohmann::json json_;
 };

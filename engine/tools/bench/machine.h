@@ -1,0 +1,18 @@
+// What this machine can do at most.
+#ifndef LITAGS_ENGINE_TOOLS_BENCH_MACHINE_H_
+#define LITAGS_ENGINE_TOOLS_BENCH_MACHINE_H_
+
+namespace litags {
+
+// Of the kernels: what Highway chose, e.g. "AVX2".
+const char* InstructionSet();
+
+// GFLOP/s of multiply-adds by `threads` threads together, best of some runs.
+double PeakGflops(int threads);
+
+// GB/s moved by a triad over arrays far larger than the caches, best of some runs.
+double TriadGbytes(int threads);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TOOLS_BENCH_MACHINE_H_
