@@ -231,7 +231,8 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
   for (double x : {double(o.method), double(o.tone), o.theta, o.contrast, o.exposure_ssim,
                    double(o.iterations), double(o.max_gaussians), double(o.sh_degree),
                    double(o.use_pdm), double(o.pdm_hidden), double(o.pdm_every),
-                   double(o.coarse_levels), o.coarse_until, double(o.use_prior), double(depth),
+                   double(o.coarse_levels), o.coarse_until, o.settle_epochs,
+                   double(o.use_prior), double(depth),
                    o.depth_weight, double(o.depth_geometry), double(o.holdout_every)}) {
     f.Add(x);
   }

@@ -54,6 +54,8 @@ struct ReconstructOptions {
   // Coarse to fine: photos of 2^-n .. 1/2 of their size share the first part of the run.
   int coarse_levels = 2;      // n, 0..4; 0: full size throughout, as the paper
   double coarse_until = 0.5;  // (0, 1] of the iterations
+  // E: learning rates are divided by 1 + e / E after e epochs at full size; 0: constant, as 3DGS.
+  double settle_epochs = 25;
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;

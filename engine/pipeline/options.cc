@@ -27,6 +27,7 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.pdm_every = options.pdm_every;
   train.coarse_levels = options.coarse_levels;
   train.coarse_until = options.coarse_until;
+  train.settle_epochs = options.settle_epochs;
   train.use_prior = options.use_prior;
   train.use_depth = options.use_depth;
   train.weight_depth = options.depth_weight;
@@ -47,6 +48,8 @@ absl::Status ReconstructOptions::Validate() const {
     return Bad("coarse_levels", coarse_levels, "is not in 0..4");
   if (!(coarse_until > 0 && coarse_until <= 1))
     return Bad("coarse_until", coarse_until, "is not in (0, 1]");
+  if (!(settle_epochs >= 0 && settle_epochs <= 1e6))
+    return Bad("settle_epochs", settle_epochs, "is not in [0, 1000000]");
   if (threads < 0 || threads > 1024)
     return Bad("threads", threads, "is not in 0..1024 (0: all cores)");
   if (max_gaussians < 1000 || max_gaussians > 20'000'000) {

@@ -40,6 +40,8 @@ TEST(ReconstructOptions, BadFieldsAreNamed) {
       {"iterations", [](O* o) { o->iterations = 1'000'001; }},
       {"coarse_levels", [](O* o) { o->coarse_levels = -1; }},
       {"coarse_levels", [](O* o) { o->coarse_levels = 5; }},
+      {"settle_epochs", [](O* o) { o->settle_epochs = -1; }},
+      {"settle_epochs", [](O* o) { o->settle_epochs = kNan; }},
       {"coarse_until", [](O* o) { o->coarse_until = 0; }},
       {"coarse_until", [](O* o) { o->coarse_until = 1.5; }},
       {"coarse_until", [](O* o) { o->coarse_until = kNan; }},
@@ -114,6 +116,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   options.iterations = 77;
   options.coarse_levels = 3;
   options.coarse_until = 0.7;
+  options.settle_epochs = 9;
   options.seed = 5;
   options.threads = 3;
   options.max_gaussians = 4321;
@@ -131,6 +134,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(train.iterations, 77);
   EXPECT_EQ(train.coarse_levels, 3);
   EXPECT_EQ(train.coarse_until, 0.7);
+  EXPECT_EQ(train.settle_epochs, 9);
   EXPECT_EQ(train.seed, 5u);
   EXPECT_EQ(train.threads, 3);
   EXPECT_EQ(train.max_gaussians, 4321);

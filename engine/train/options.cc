@@ -48,6 +48,7 @@ absl::Status TrainOptions::Validate() const {
                  {"lr_quats", lr_quats},
                  {"lr_attributes", lr_attributes},
                  {"lr_pdm", lr_pdm},
+                 {"settle_epochs", settle_epochs},
                  {"densify_grad", densify_grad},
                  {"densify_percent", densify_percent},
                  {"prune_opacity", prune_opacity}};

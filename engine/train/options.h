@@ -46,6 +46,10 @@ struct TrainOptions {
   double lr_quats = 1e-3;
   double lr_attributes = 2.5e-3;  // structure, illumination, depth, noise. Choice
   double lr_pdm = 5e-5;           // release
+  // E: all rates of Gaussians but the means' are divided by 1 + e / E after e epochs (iterations
+  // over views) at full size, so that noisy photos are averaged rather than followed one by one.
+  // 0: constant rates, as 3DGS. Choice
+  double settle_epochs = 0;
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..
   // 1/2 of their size, with 4^-level of max_gaussians and no denoising. 0 levels: full size

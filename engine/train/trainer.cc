@@ -81,6 +81,12 @@ struct Trainer::Impl {
     return std::min(pyramid.CoarseEnd() + options.densify_until, options.iterations / 2);
   }
 
+  double SettleFactor() const {
+    const int at_full_size = state.iteration - pyramid.CoarseEnd();
+    if (options.settle_epochs == 0 || at_full_size <= 0) return 1;
+    return 1 / (1 + at_full_size / (options.settle_epochs * num_views));
+  }
+
   AdamStep MakeAdamStep(int sh_degree) const {
     AdamStep step(state.iteration + 1, AdamConstants());
     const double progress = std::min(1.0, double(state.iteration) / options.iterations);
@@ -97,6 +103,8 @@ struct Trainer::Impl {
     set(kShDc, 3, options.lr_sh_dc);
     set(kDepth, kShRest - kDepth, options.lr_attributes);
     set(kShRest, kSplatRows - kShRest, options.lr_sh_rest);
+    const auto settle = static_cast<float>(SettleFactor());
+    for (int row = kMean + 3; row < kSplatRows; ++row) step.lr[row] *= settle;
     step.rows = SplatRowsForDegree(sh_degree);
     return step;
   }

@@ -233,6 +233,30 @@ TEST(Trainer, LearningRatesOfZeroFreezeTheMeans) {
   EXPECT_FALSE(SameBytes(before.splats.data(), after.splats.data()));
 }
 
+TEST(Trainer, RatesFallByTheEpochsAtFullSize) {
+  // The largest step of a colour: Adam's are about the learning rate.
+  const auto moved = [](double settle_epochs) {
+    TrainOptions options = Options();
+    options.densify_until = 0;
+    options.settle_epochs = settle_epochs;
+    Trainer trainer = MakeTrainer(options);
+    Train(&trainer, 32);
+    const Splats before = trainer.Snapshot().splats;
+    Train(&trainer, 33);
+    const Splats after = trainer.Snapshot().splats;
+    double largest = 0;
+    for (size_t i = 0; i < before.size(); ++i)
+      largest = std::max(largest, std::abs(double(after.at(i, kShDc)) - before.at(i, kShDc)));
+    return largest;
+  };
+  // 32 iterations of 8 photos: 4 epochs, so 1 / (1 + 4 / 0.5) of the constant rate, more or less:
+  // the two runs are at different places.
+  const double constant = moved(0), settled = moved(0.5);
+  EXPECT_GT(constant, 0.02);
+  EXPECT_LT(settled, constant / 4);
+  EXPECT_GT(settled, constant / 20);
+}
+
 TEST(TrainOptions, ValidateNamesTheBrokenRule) {
   EXPECT_TRUE(TrainOptions().Validate().ok());
   const auto field_of = [](auto change) {

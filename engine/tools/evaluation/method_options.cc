@@ -27,6 +27,9 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option("--coarse-levels", options->coarse_levels,
                   "start on photos of 2^-n of their size; 0: full size throughout")
       ->capture_default_str();
+  app->add_option("--settle-epochs", options->settle_epochs,
+                  "learning rates fall from here on, epochs at full size; 0: constant")
+      ->capture_default_str();
   app->add_option("--coarse-until", options->coarse_until, "part of the run on smaller photos")
       ->capture_default_str();
   app->add_option("--seed", options->seed)->capture_default_str();

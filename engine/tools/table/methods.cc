@@ -41,6 +41,7 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.pdm_hidden = 16;
   options.pdm_every = 1;
   options.coarse_levels = 0;
+  options.settle_epochs = 0;
   return options;
 }
 
