@@ -301,6 +301,22 @@ absl::StatusOr<bool> HasEnded(pid_t pid) {
                                           "; something else in this process reaps children"));
 }
 
+// Whether a program brings this signal upon itself; others are sent to it.
+bool IsOwnFault(int signal) {
+  switch (signal) {
+    case SIGABRT:
+    case SIGSEGV:
+    case SIGBUS:
+    case SIGFPE:
+    case SIGILL:
+    case SIGTRAP:
+    case SIGSYS:
+      return true;
+    default:
+      return false;
+  }
+}
+
 // Follows the child to its end; asks it to stop, then forces it, once `stop` becomes an error.
 absl::Status Follow(pid_t pid, int fd, const SubprocessOptions& options, const CancelToken& cancel,
                     Clock::time_point start, Output& output) {
@@ -390,7 +406,8 @@ absl::StatusOr<SubprocessResult> RunSubprocess(const SubprocessOptions& options,
 
   if (WIFSIGNALED(status)) {
     const int signal = WTERMSIG(status);
-    return MakeError(absl::StatusCode::kInternal, "PROGRAM_KILLED", options.args[0],
+    return MakeError(absl::StatusCode::kInternal,
+                     IsOwnFault(signal) ? "PROGRAM_CRASHED" : "PROGRAM_KILLED", options.args[0],
                      absl::StrCat("program \"", options.args[0], "\" was ended by signal ", signal,
                                   " (", strsignal(signal), ")",
                                   signal == SIGKILL ? ", perhaps for want of memory" : "",

@@ -51,7 +51,8 @@ struct SubprocessResult {
 //
 // Errors: FAILED_PRECONDITION PROGRAM_NOT_FOUND or PROGRAM_NOT_STARTED (field: args[0]);
 // DEADLINE_EXCEEDED PROGRAM_TIMEOUT; CANCELLED, within grace_seconds + 0.1 s of Cancel();
-// INTERNAL PROGRAM_KILLED when a signal ended it; RESOURCE_EXHAUSTED if no process or pipe could be
+// INTERNAL PROGRAM_CRASHED when it ended itself by a signal (abort, bad memory access),
+// PROGRAM_KILLED when another signal ended it; RESOURCE_EXHAUSTED if no process or pipe could be
 // made. Thread-safe. The process must not ignore SIGCHLD nor wait for children it did not start.
 absl::StatusOr<SubprocessResult> RunSubprocess(const SubprocessOptions& options,
                                                const CancelToken& cancel);

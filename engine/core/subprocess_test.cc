@@ -171,9 +171,10 @@ TEST_F(SubprocessTest, AProgramThatCannotStartIsAnError) {
 TEST_F(SubprocessTest, ASignalIsReportedByNumberWithTheLastOutput) {
   const auto result = Execute(Shell("echo so far; kill -11 $$"));
   EXPECT_EQ(result.status().code(), absl::StatusCode::kInternal);
-  EXPECT_EQ(Reason(result.status()), "PROGRAM_KILLED");
+  EXPECT_EQ(Reason(result.status()), "PROGRAM_CRASHED");
   EXPECT_THAT(std::string(result.status().message()), HasSubstr("signal 11"));
   EXPECT_THAT(std::string(result.status().message()), HasSubstr("so far"));
+  EXPECT_EQ(Reason(Execute(Shell("kill -9 $$")).status()), "PROGRAM_KILLED");
 }
 
 TEST_F(SubprocessTest, ATimeoutEndsTheProgramAndItsChildren) {

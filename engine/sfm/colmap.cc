@@ -49,9 +49,10 @@ Colmap::Colmap(const SfmOptions& options, std::string dir, const CancelToken& ca
       cancel_(cancel),
       threads_(options.threads > 0 ? options.threads : DefaultThreadCount()) {}
 
-absl::Status Colmap::Failed(const std::string& command, const std::string& how) const {
+absl::Status Colmap::Failed(std::string_view reason, const std::string& command,
+                            const std::string& how) const {
   return MakeError(
-      absl::StatusCode::kInternal, "COLMAP_FAILED", command,
+      absl::StatusCode::kInternal, reason, command,
       absl::StrCat("colmap ", command, " failed: ", how, " (log: ", dir_, "/", command, ".log)"));
 }
 
@@ -83,7 +84,10 @@ absl::StatusOr<SubprocessResult> Colmap::Run(std::vector<std::string> args,
                                   "known cameras with points"));
   }
   if (detail && detail->reason == "PROGRAM_KILLED") {
-    return Failed(command, std::string(result.status().message()));
+    return Failed("COLMAP_KILLED", command, std::string(result.status().message()));
+  }
+  if (detail && detail->reason == "PROGRAM_CRASHED") {
+    return Failed("COLMAP_FAILED", command, std::string(result.status().message()));
   }
   return result;
 }
@@ -93,7 +97,8 @@ absl::StatusOr<double> Colmap::RunChecked(std::vector<std::string> args,
   const std::string command = args[0];
   LITAGS_ASSIGN_OR_RETURN(const SubprocessResult result, Run(std::move(args), on_line));
   if (result.exit_code == 0) return result.seconds;
-  return Failed(command, absl::StrCat("exit code ", result.exit_code, ": ", result.tail));
+  return Failed("COLMAP_FAILED", command,
+                absl::StrCat("exit code ", result.exit_code, ": ", result.tail));
 }
 
 absl::StatusOr<double> Colmap::ExtractFeatures(int num_photos, const FractionFn& progress) {
@@ -143,7 +148,8 @@ absl::StatusOr<double> Colmap::Map(const std::string& models_dir, int num_photos
           on_line));
   // COLMAP 3.8 ends with an error when no model came out: an answer, not a failure.
   if (result.exit_code != 0 && !absl::StrContains(result.tail, "failed to create sparse model")) {
-    return Failed("mapper", absl::StrCat("exit code ", result.exit_code, ": ", result.tail));
+    return Failed("COLMAP_FAILED", "mapper",
+                  absl::StrCat("exit code ", result.exit_code, ": ", result.tail));
   }
   return result.seconds;
 }

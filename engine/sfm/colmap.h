@@ -21,7 +21,8 @@ using FractionFn = std::function<void(double)>;
 
 // One database and the photos it is made of. Every command returns its wall-clock seconds.
 // Errors: FAILED_PRECONDITION COLMAP_NOT_FOUND; INTERNAL COLMAP_FAILED with COLMAP's last lines
-// and the log's path; DEADLINE_EXCEEDED PROGRAM_TIMEOUT; CANCELLED.
+// and the log's path, COLMAP_KILLED if it was ended from outside; DEADLINE_EXCEEDED
+// PROGRAM_TIMEOUT; CANCELLED.
 class Colmap {
  public:
   // Files of `dir`: images/ (made by the caller), database.db, pairs.txt, logs *.log. `options` and
@@ -46,7 +47,8 @@ class Colmap {
                                        const std::function<void(std::string_view)>& on_line);
   absl::StatusOr<double> RunChecked(std::vector<std::string> args,
                                     const std::function<void(std::string_view)>& on_line);
-  absl::Status Failed(const std::string& command, const std::string& how) const;
+  absl::Status Failed(std::string_view reason, const std::string& command,
+                      const std::string& how) const;
 
   const SfmOptions& options_;
   const std::string dir_;

@@ -83,11 +83,23 @@ bool IsBetter(const SfmRung& a, const SfmRung& b) {
   return std::pair(a.registered, a.points) > std::pair(b.registered, b.points);
 }
 
+using TryRung = absl::FunctionRef<absl::StatusOr<RungOutput>(const RungInput&)>;
+
+// A signal that ends COLMAP (the kernel short of memory, an operator) says nothing about the
+// photos: the rung starts afresh, so that it gives what it would have given undisturbed.
+absl::StatusOr<RungOutput> Survive(const RungInput& input, TryRung try_rung) {
+  constexpr int kAttempts = 3;
+  for (int attempt = 1;; ++attempt) {
+    LITAGS_RETURN_IF_ERROR(ClearFolder(input.dir));
+    auto output = try_rung(input);
+    const auto detail = GetErrorDetail(output.status());
+    if (!detail || detail->reason != "COLMAP_KILLED" || attempt == kAttempts) return output;
+  }
+}
+
 // Tries the preparations in turn until one is enough; the best of those tried.
-absl::StatusOr<SfmResult> Climb(
-    const Capture& capture,
-    absl::FunctionRef<absl::StatusOr<RungOutput>(const RungInput&)> try_rung,
-    absl::FunctionRef<bool(const SfmRung&)> is_enough) {
+absl::StatusOr<SfmResult> Climb(const Capture& capture, TryRung try_rung,
+                                absl::FunctionRef<bool(const SfmRung&)> is_enough) {
   const std::vector<Preparation> ladder = Ladder(capture.exposure);
   SfmResult result;
   std::optional<RungOutput> best;
@@ -107,8 +119,7 @@ absl::StatusOr<SfmResult> Climb(
                                            .rungs = static_cast<int>(ladder.size()),
                                            .fraction = fraction});
                        }};
-    LITAGS_RETURN_IF_ERROR(MakeFolder(input.dir));
-    auto output = try_rung(input);
+    auto output = Survive(input, try_rung);
     if (!capture.options.keep_prepared) DropBulk(input.dir);
     LITAGS_RETURN_IF_ERROR(output.status());
     result.rungs.push_back(output->rung);

@@ -123,7 +123,8 @@ struct SfmResult {
 // FAILED_PRECONDITION SFM_TOO_FEW_REGISTERED (fewer than 3 or than min_registered placed; the
 // message names photos and causes), SFM_NO_MODEL (none placed), SFM_SPLIT (photos of different
 // places: a second group at least half as large as the first), COLMAP_NOT_FOUND; INTERNAL
-// COLMAP_FAILED with COLMAP's last lines; DEADLINE_EXCEEDED; CANCELLED within a second.
+// COLMAP_FAILED with COLMAP's last lines, or COLMAP_KILLED if it was ended from outside at a
+// preparation's three attempts; DEADLINE_EXCEEDED; CANCELLED within a second.
 absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::string& work_dir,
                                       const SfmOptions& options, const CancelToken& cancel,
                                       const SfmProgressFn& progress = nullptr);

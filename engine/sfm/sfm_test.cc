@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/io/colmap_io.h"
+#include "engine/io/transforms_io.h"
 #include "engine/sfm/fake_colmap.h"
 #include "engine/sfm/registration.h"
 #include "gmock/gmock.h"
@@ -211,6 +212,32 @@ TEST_F(SfmTest, AFailingStepShowsColmapsLastWords) {
 TEST_F(SfmTest, ACrashOfColmapIsReportedNotSkipped) {
   colmap_.On("feature_extractor", "kill -6 $$");
   EXPECT_EQ(Reason(Find().status()), "COLMAP_FAILED");
+  EXPECT_THAT(colmap_.Calls(), SizeIs(1));  // it would crash again
+}
+
+TEST_F(SfmTest, AStepThatIsAlwaysKilledIsGivenUp) {
+  colmap_.On("feature_extractor", "kill -9 $$");
+  EXPECT_EQ(Reason(Find().status()), "COLMAP_KILLED");
+  EXPECT_THAT(colmap_.Calls(), SizeIs(3));
+}
+
+TEST_F(SfmTest, AKilledStepStartsItsRungAfreshAndChangesNothing) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  const auto undisturbed = Find();
+  ASSERT_TRUE(undisturbed.ok()) << undisturbed.status();
+  const size_t calls = colmap_.Calls().size();
+  for (const char* command : {"feature_extractor", "matches_importer", "mapper"}) {
+    colmap_.On(command, absl::StrCat("if [ ! -e \"$fake/killed\" ]; then touch \"$fake/killed\"; "
+                                     "touch \"$(dirname \"$db\")/stray\"; kill -9 $$; fi"));
+    const auto result = Find();
+    ASSERT_TRUE(result.ok()) << command << ": " << result.status();
+    EXPECT_EQ(result->rungs.size(), 1u);
+    EXPECT_EQ(FormatTransforms(result->model, ""), FormatTransforms(undisturbed->model, ""));
+    EXPECT_FALSE(std::filesystem::exists(colmap_.dir() + "/work/sfm/0/stray"));
+    std::filesystem::remove(colmap_.dir() + "/killed");
+    colmap_.On(command, ":");
+  }
+  EXPECT_EQ(colmap_.Calls().size(), 4 * calls + 1 + 2 + 3);
 }
 
 TEST_F(SfmTest, MissingColmapSaysHowToGetIt) {
