@@ -79,6 +79,10 @@ absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstExpired(int6
   return ForWorkersOnly();
 }
 
+absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstLeasedBeyond(int64_t, Change) {
+  return ForWorkersOnly();
+}
+
 absl::StatusOr<std::vector<std::string>> ClientJobStore::LeasedTo(std::string_view) {
   return ForWorkersOnly();
 }

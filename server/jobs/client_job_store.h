@@ -41,6 +41,8 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) override;
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
                                                               Change change) override;
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
+                                                                   Change change) override;
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
 
  private:

@@ -185,6 +185,37 @@ TEST_F(JobsTest, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING ");
 }
 
+TEST_F(JobsTest, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) {
+  const std::string dead = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("dead")->has_value());
+  const std::string living = StartedJob();
+  const Lease lease = **leases_.Acquire("living");
+  now_ms_ -= 3'600'000;
+  EXPECT_FALSE(leases_.Acquire("idle")->has_value());
+  now_ms_ += 9'000;
+  ASSERT_TRUE(leases_.Heartbeat(lease).ok());
+  now_ms_ += 2'000;
+  const auto taken = leases_.Acquire("idle");
+  ASSERT_TRUE(taken.ok() && taken->has_value());
+  EXPECT_EQ((*taken)->job.id, dead);
+  ASSERT_TRUE(leases_.Succeed(**taken, {}, "x").ok());
+  ASSERT_TRUE(leases_.Succeed(lease, {}, "x").ok());
+  // Earlier times, but the same order of events.
+  EXPECT_EQ(History(dead), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(History(living), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+}
+
+TEST_F(JobsTest, ClockSetForwardCostsAnAttemptAndNoJob) {
+  const std::string id = StartedJob();
+  const Lease first = **leases_.Acquire("w1");
+  now_ms_ += 3'600'000;
+  const auto second = leases_.Acquire("w2");
+  ASSERT_TRUE(second.ok() && second->has_value());
+  EXPECT_EQ(Reason(leases_.Succeed(first, {}, "x")), "LEASE_LOST");
+  ASSERT_TRUE(leases_.Succeed(**second, {}, "x").ok());
+  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+}
+
 TEST_F(JobsTest, JobFailsWithItsReasonAfterThreeLostWorkers) {
   const std::string id = StartedJob();
   for (int attempt = 1; attempt <= 3; ++attempt) {

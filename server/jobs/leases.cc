@@ -25,7 +25,20 @@ absl::Status LostIfGone(const absl::Status& status, const Lease& lease) {
 
 }  // namespace
 
+absl::Status Leases::ShortenImpossibleLeases() {
+  const int64_t latest_ms = clock_() + options_.duration_ms;
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const auto job,
+                            store_->UpdateFirstLeasedBeyond(latest_ms, [&](JobTransaction& job) {
+                              job.job.lease_expires_ms = latest_ms;
+                              return absl::OkStatus();
+                            }));
+    if (!job) return absl::OkStatus();
+  }
+}
+
 absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner) {
+  LITAGS_RETURN_IF_ERROR(ShortenImpossibleLeases());
   for (;;) {
     LITAGS_ASSIGN_OR_RETURN(
         const auto expired, store_->UpdateFirstExpired(clock_(), [&](JobTransaction& job) {

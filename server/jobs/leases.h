@@ -64,6 +64,9 @@ class Leases {
  private:
   absl::StatusOr<JobRecord> Update(const Lease& lease, JobStore::Change change);
   absl::Status Abandon(JobTransaction& job, std::string_view why);
+  // No lease ends later than one taken now. Where one does, the clock was set back since, and a
+  // dead worker would keep its job until the old time came again. A living one renews in time.
+  absl::Status ShortenImpossibleLeases();
 
   JobStore* const store_;
   BlobStore* const blobs_;

@@ -112,7 +112,8 @@ class JobTransaction {
 // that the change survives a crash of any process and of the machine.
 //
 // Errors of every call: NOT_FOUND (JOB_NOT_FOUND) for an unknown id; RESOURCE_EXHAUSTED
-// (DISK_FULL); INTERNAL (STORE_FAILED) for whatever else the store meets.
+// (DISK_FULL); DATA_LOSS (STORE_CORRUPT); INTERNAL (STORE_FAILED) for whatever else the store
+// meets.
 class JobStore {
  public:
   using Change = absl::FunctionRef<absl::Status(JobTransaction&)>;
@@ -143,6 +144,10 @@ class JobStore {
   virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
                                                                       Change change) = 0;
 
+  // Update() of one running job whose lease ends after `latest_ms`; nullopt if there is none.
+  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
+                                                                           Change change) = 0;
+
   // Ids of the running jobs leased to `owner`.
   virtual absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) = 0;
 
@@ -160,6 +165,10 @@ class JobStore {
 
 // NOT_FOUND (JOB_NOT_FOUND), for a job that is not there, and for one that is none of the caller's.
 absl::Status JobNotFound(std::string_view id);
+
+// Reads all of an SQLite job store, a second or so per 500 MB, and says whether it is whole; one
+// that is not there is. DATA_LOSS (STORE_CORRUPT).
+absl::Status CheckSqliteJobStore(const std::string& path);
 
 // An SQLite file, made if it is not there. FAILED_PRECONDITION (STORE_TOO_NEW) if a later version
 // of the program wrote it.

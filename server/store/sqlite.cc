@@ -15,6 +15,10 @@ absl::Status ErrorOf(sqlite3* db, int result) {
     return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "",
                      "the job store's disk is full; free some space and try again");
   }
+  if (result == SQLITE_CORRUPT || result == SQLITE_NOTADB) {
+    return MakeError(absl::StatusCode::kDataLoss, "STORE_CORRUPT", "",
+                     absl::StrCat("the job store is damaged: ", text, "; put back a backup"));
+  }
   return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
                    absl::StrCat("the job store failed: ", text));
 }

@@ -245,6 +245,12 @@ class SqliteJobStore : public JobStore {
                        now_ms, change);
   }
 
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
+                                                                   Change change) override {
+    return UpdateFirst("SELECT id FROM jobs WHERE state=3 AND lease_expires_ms > ?1 LIMIT 1",
+                       latest_ms, change);
+  }
+
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override {
     std::lock_guard lock(mutex_);
     Statement row = db_->Prepare("SELECT id FROM jobs WHERE state=3 AND lease_owner=?");

@@ -281,6 +281,8 @@ TEST_F(JobStoreTest, QueueIsFirstInFirstOutAndExpiryLooksAtTheLeaseOnly) {
   EXPECT_FALSE(store_->UpdateFirstQueued(take)->has_value());
   EXPECT_FALSE(store_->UpdateFirstExpired(100, Nothing)->has_value());
   EXPECT_TRUE(store_->UpdateFirstExpired(101, Nothing)->has_value());
+  EXPECT_FALSE(store_->UpdateFirstLeasedBeyond(100, Nothing)->has_value());
+  EXPECT_TRUE(store_->UpdateFirstLeasedBeyond(99, Nothing)->has_value());
   EXPECT_EQ(store_->LeasedTo("w")->size(), 2u);
   EXPECT_TRUE(store_->LeasedTo("other")->empty());
 }
@@ -326,6 +328,28 @@ TEST_F(JobStoreTest, DatabaseOfALaterVersionIsRefused) {
   ASSERT_EQ(sqlite3_exec(db, "PRAGMA user_version=99", nullptr, nullptr, nullptr), SQLITE_OK);
   sqlite3_close(db);
   EXPECT_EQ(Reason(OpenSqliteJobStore(dir_.path() + "/jobs.db").status()), "STORE_TOO_NEW");
+}
+
+TEST_F(JobStoreTest, DamagedPageIsFoundBeforeItIsServed) {
+  const std::string path = dir_.path() + "/jobs.db";
+  for (int i = 0; i < 200; ++i) {
+    ASSERT_TRUE(store_->Create(MakeJob("job" + std::to_string(i), 1), Nothing).ok());
+  }
+  store_.reset();
+  EXPECT_TRUE(CheckSqliteJobStore(path).ok());
+  EXPECT_TRUE(CheckSqliteJobStore(dir_.path() + "/none.db").ok());
+  constexpr int kPage = 4096;
+  const auto pages = static_cast<int>(std::filesystem::file_size(path)) / kPage;
+  ASSERT_GT(pages, 4);
+  for (const int page : {0, pages / 2}) {
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(page * kPage);
+    file << std::string(kPage, '\x5a') << std::flush;
+    const absl::Status status = CheckSqliteJobStore(path);
+    EXPECT_EQ(Reason(status), "STORE_CORRUPT") << page;
+    EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("backup"));
+    EXPECT_FALSE(OpenSqliteJobStore(path).ok() && page == 0);
+  }
 }
 
 TEST_F(JobStoreTest, FolderThatDoesNotExistIsAClearError) {

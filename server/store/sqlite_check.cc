@@ -1,0 +1,31 @@
+#include <sys/stat.h>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "engine/core/error.h"
+#include "server/store/job_store.h"
+#include "server/store/sqlite.h"
+
+namespace litags {
+
+absl::Status CheckSqliteJobStore(const std::string& path) {
+  struct stat info;
+  if (stat(path.c_str(), &info) != 0) return absl::OkStatus();  // to be made
+  const auto damaged = [&path](absl::string_view how) {
+    return MakeError(absl::StatusCode::kDataLoss, "STORE_CORRUPT", "data",
+                     absl::StrCat("the job store ", path, " is damaged (", how,
+                                  "); put back a backup, or move litags.db* away to start with an "
+                                  "empty store: docs/reliability.md"));
+  };
+  auto connection = SqliteConnection::Open(path);
+  if (absl::IsDataLoss(connection.status())) return damaged(connection.status().message());
+  LITAGS_RETURN_IF_ERROR(connection.status());
+  Statement row = (*connection)->Prepare("PRAGMA quick_check(1)");
+  const auto found = row.Step();
+  if (absl::IsDataLoss(found.status())) return damaged(found.status().message());
+  LITAGS_RETURN_IF_ERROR(found.status());
+  const std::string verdict = absl::StrReplaceAll(row.Text(0), {{"\n", " "}});
+  return verdict == "ok" ? absl::OkStatus() : damaged(verdict);
+}
+
+}  // namespace litags
