@@ -28,9 +28,21 @@ constexpr uint8_t kTinyPng[] = {0x89, 'P', 'N',  'G',  0x0d, 0x0a, 0x1a, 0x0a, 0
                                 0x82, 0,   0x81, 0xdd, 0x43, 0x6a, 0xf4, 0,    0,    0, 0, 'I',
                                 'E',  'N', 'D',  0xae, 0x42, 0x60, 0x82};
 
+// What "training" changes: a number that only the same iterations in the same order give.
+struct Trained {
+  int iteration = 0;
+  uint64_t state = 0;
+
+  void Step(uint64_t seed) {
+    ++iteration;
+    state = (state ^ seed ^ static_cast<uint64_t>(iteration)) * 0x9E3779B97F4A7C15u;
+    state ^= state >> 29;
+  }
+};
+
 class FakeScene : public Scene {
  public:
-  FakeScene(int iteration, const std::vector<std::string>& names) : iteration_(iteration) {
+  FakeScene(const Trained& trained, const std::vector<std::string>& names) : trained_(trained) {
     for (size_t i = 0; i < names.size(); ++i) {
       View& view = views_.emplace_back();
       view.name = names[i];
@@ -48,7 +60,7 @@ class FakeScene : public Scene {
 
   const std::vector<View>& views() const override { return views_; }
   int64_t num_gaussians() const override { return 100; }
-  int iteration() const override { return iteration_; }
+  int iteration() const override { return trained_.iteration; }
   std::array<double, 3> center() const override { return {0, 0, 0}; }
   std::array<double, 3> up() const override { return {0, -1, 0}; }
   double radius() const override { return 4; }
@@ -81,7 +93,9 @@ class FakeScene : public Scene {
   absl::Status ExportPly(const std::string& path, double light) const override {
     return Write(path, absl::StrCat("light ", light));
   }
-  absl::Status ExportFullPly(const std::string& path) const override { return Write(path, "full"); }
+  absl::Status ExportFullPly(const std::string& path) const override {
+    return Write(path, absl::StrCat("full ", trained_.state));
+  }
 
  private:
   // Larger than one chunk of an export.
@@ -91,15 +105,16 @@ class FakeScene : public Scene {
     return file.good() ? absl::OkStatus() : absl::InternalError("cannot write " + path);
   }
 
-  const int iteration_;
+  const Trained trained_;
   std::vector<View> views_;
 };
 
-// Writes a scene file: the iteration, then the photos' names.
-void Save(const std::string& path, int iteration, const std::set<std::string>& names) {
+// Writes a scene file, whole or not at all: what was trained, then the photos' names. Without names
+// it is a checkpoint.
+void Save(const std::string& path, const Trained& trained, const std::set<std::string>& names) {
   {
     std::ofstream file(path + ".tmp");
-    file << iteration << "\n";
+    file << trained.iteration << " " << trained.state << "\n";
     for (const std::string& name : names) file << name << "\n";
   }
   fs::rename(path + ".tmp", path);
@@ -134,8 +149,9 @@ class FakeEngine : public Engine {
     report.scene_path = input.work_dir + "/scene.litags";
 
     const std::string checkpoint = input.work_dir + "/checkpoint";
-    int start = 0;
-    std::ifstream(checkpoint) >> start;
+    Trained trained;
+    std::ifstream(checkpoint) >> trained.iteration >> trained.state;
+    const int start = trained.iteration;
     if (start > 0) report.notes.push_back(absl::StrCat("resumed at iteration ", start));
     const auto pause = std::chrono::milliseconds(Has(names, "slow") ? 20 : 1);
 
@@ -148,15 +164,16 @@ class FakeEngine : public Engine {
     for (int i = start + 1; i <= options.iterations; ++i) {
       LITAGS_RETURN_IF_ERROR(cancel.Check());
       std::this_thread::sleep_for(pause);
+      trained.Step(options.seed);
       progress.iteration = i;
       progress.loss = 1.0 / i;
       progress.gaussians = 100;
-      if (i % options.checkpoint_every == 0) std::ofstream(checkpoint) << i;
+      if (i % options.checkpoint_every == 0) Save(checkpoint, trained, {});
       if (i % options.preview_every == 0) {
         progress.preview_png.assign(std::begin(kTinyPng), std::end(kTinyPng));
         observer->OnProgress(progress);
         progress.preview_png.clear();
-        Save(report.scene_path, i, names);
+        Save(report.scene_path, trained, names);
         observer->OnSnapshot(report.scene_path);
       } else {
         observer->OnProgress(progress);
@@ -165,19 +182,19 @@ class FakeEngine : public Engine {
         LITAGS_RETURN_IF_ERROR(Misbehave(names, input, cancel));
       }
     }
-    Save(report.scene_path, options.iterations, names);
+    Save(report.scene_path, trained, names);
     return report;
   }
 
   absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) override {
     std::ifstream file(path);
-    int iteration = 0;
-    if (!(file >> iteration)) {
+    Trained trained;
+    if (!(file >> trained.iteration >> trained.state)) {
       return MakeError(absl::StatusCode::kNotFound, "SCENE_MISSING", "", "no scene at " + path);
     }
     std::vector<std::string> names;
     for (std::string name; file >> name;) names.push_back(name);
-    return std::shared_ptr<const Scene>(std::make_shared<FakeScene>(iteration, names));
+    return std::shared_ptr<const Scene>(std::make_shared<FakeScene>(trained, names));
   }
 
  private:
@@ -188,6 +205,8 @@ class FakeEngine : public Engine {
       std::ofstream(marker) << "x";
       kill(getpid(), SIGKILL);
     }
+    std::vector<std::string> hoard;
+    while (Has(names, "memory")) hoard.emplace_back(64 << 20, 'x');
     while (Has(names, "stuck") || (Has(names, "hang") && !cancel.IsCancelled())) {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }

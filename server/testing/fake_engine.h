@@ -16,6 +16,7 @@ namespace litags {
 //   fail        Reconstruct returns FAILED_PRECONDITION (SFM_TOO_FEW_VIEWS)
 //   crash-once  the process dies half way, at the first attempt only
 //   crash       the process dies half way, at every attempt
+//   memory      takes memory half way until there is none: only with a limit, --worker-memory
 //   hang        stops making progress half way, but obeys the cancel token
 //   stuck       stops making progress half way and does not obey it
 //   slow        20 ms per iteration
