@@ -194,6 +194,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
   sfm.threads = options.threads;
   sfm.seed = options.seed;
   sfm.min_registered = options.min_registered;
+  sfm.step_timeout_seconds = input.colmap_step_seconds;
   const auto on_progress = [&](const SfmProgress& p) {
     progress(Stage::kFindingCameras, Describe(p));
   };

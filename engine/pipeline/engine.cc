@@ -237,6 +237,9 @@ class RealEngine : public Engine {
                                                 ReconstructObserver* observer) override {
     LITAGS_RETURN_IF_ERROR(options.Validate());
     const double start = Now();
+    // Of a run that was killed while it wrote.
+    RemoveStaleTempFiles(input.work_dir);
+    RemoveStaleTempFiles(input.work_dir + "/cameras");
     ReconstructReport report;
     const auto progress = [&](Stage stage, const std::string& message) {
       Progress p;

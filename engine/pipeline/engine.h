@@ -125,6 +125,7 @@ struct ReconstructInput {
   std::string work_dir;      // exists; SfM workspace, checkpoint, snapshots and results go here
 
   DepthNetwork depth_network;
+  double colmap_step_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
 };
 
 struct ReconstructReport {

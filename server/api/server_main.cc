@@ -32,6 +32,9 @@ struct Flags {
   std::string port_file;
   int workers = 1;
   int threads = 0;
+  int64_t worker_memory_bytes = 0;
+  double colmap_step_seconds = 3600;
+  bool worker_network = false;
 };
 
 std::string DefaultDataFolder() {
@@ -58,6 +61,7 @@ absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp();
+  LITAGS_RETURN_IF_ERROR(CheckSqliteJobStore(data.database()));
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenSqliteJobStore(data.database()));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenDiskBlobStore(data.blobs()));
   Jobs jobs(store.get(), blobs.get(), data);
@@ -69,6 +73,10 @@ absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine
   workers.command = {
       worker_program, "--store",    data.root,     "--threads",    absl::StrCat(flags.threads),
       "--colmap",     flags.colmap, "--log-level", flags.log_level};
+  workers.command.insert(workers.command.end(),
+                         {"--max-memory", absl::StrCat(flags.worker_memory_bytes),
+                          "--colmap-timeout", absl::StrCat(flags.colmap_step_seconds)});
+  if (flags.worker_network) workers.command.push_back("--allow-network");
   if (!flags.depth_model.empty()) {
     workers.command.insert(workers.command.end(), {"--depth-model", flags.depth_model});
   }
@@ -109,6 +117,15 @@ int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory 
   app.add_option("--depth-model", flags.depth_model,
                  "ONNX depth network for jobs with depth_source NETWORK: FILE[,size=518x518]"
                  "[,mean=R:G:B][,std=R:G:B][,output=inverse|depth]");
+  app.add_option("--colmap-timeout", flags.colmap_step_seconds,
+                 "Seconds that one COLMAP step may take; 0: no limit")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--worker-memory", flags.worker_memory_bytes,
+                 "Address space of a worker and of each program it starts, as 6GiB; 0: no limit")
+      ->transform(CLI::AsSizeValue(false));
+  app.add_flag("--worker-network", flags.worker_network,
+               "Leave workers in the machine's network, which they do not need");
   app.add_option("--log-level", flags.log_level, "debug, info, warn or error")
       ->capture_default_str();
   app.add_option("--port-file", flags.port_file, "Write the port to this file once it is open");

@@ -65,6 +65,7 @@ absl::StatusOr<ReconstructReport> Reconstruct(const Lease& lease, const WorkerCo
   if (engine_options.threads == 0) engine_options.threads = options.threads;
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, PrepareInput(lease.job.id, context));
   input.depth_network = options.depth_network;
+  input.colmap_step_seconds = options.colmap_step_seconds;
   return context.engine->Reconstruct(input, engine_options, cancel, observer);
 }
 

@@ -16,13 +16,14 @@
 namespace litags {
 
 struct WorkerOptions {
-  std::string name = "worker";   // unique among all workers there ever were
-  int threads = 0;               // for jobs that do not say; 0: all cores
-  DepthNetwork depth_network;    // for jobs that ask for depth by a network
-  double poll_seconds = 0.25;    // between looks for work, for cancellation and for shutdown
-  double heartbeat_seconds = 2;  // between renewals of the lease
-  double progress_seconds = 1;   // between progress events within one stage
-  double grace_seconds = 5;      // for an engine to obey its cancel token
+  std::string name = "worker";        // unique among all workers there ever were
+  int threads = 0;                    // for jobs that do not say; 0: all cores
+  DepthNetwork depth_network;         // for jobs that ask for depth by a network
+  double colmap_step_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
+  double poll_seconds = 0.25;         // between looks for work, for cancellation and for shutdown
+  double heartbeat_seconds = 2;       // between renewals of the lease
+  double progress_seconds = 1;        // between progress events within one stage
+  double grace_seconds = 5;           // for an engine to obey its cancel token
   // Called when it does not: must not return. The store already says what becomes of the job.
   std::function<void()> give_up;
 };

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/subprocess.h"
 #include "server/store/digest.h"
+#include "server/worker/hardening.h"
 
 namespace litags {
 namespace {
@@ -20,6 +21,12 @@ using SteadyClock = std::chrono::steady_clock;
 void PassOn(std::string_view line) {
   const std::string text = absl::StrCat(std::string(line), "\n");
   std::fwrite(text.data(), 1, text.size(), stderr);
+}
+
+std::string WhyItEnded(const absl::StatusOr<SubprocessResult>& result) {
+  if (!result.ok()) return std::string(result.status().message());
+  if (result->exit_code == kOutOfMemoryExitCode) return "it ran out of memory";
+  return absl::StrCat("it exited with code ", result->exit_code);
 }
 
 }  // namespace
@@ -53,8 +60,7 @@ void Supervisor::KeepRunning(int index) {
     const auto start = SteadyClock::now();
     const auto result = RunSubprocess(child, stop_);
     const double lived = std::chrono::duration<double>(SteadyClock::now() - start).count();
-    const std::string why = result.ok() ? absl::StrCat("it exited with code ", result->exit_code)
-                                        : std::string(result.status().message());
+    const std::string why = WhyItEnded(result);
     if (const absl::Status status = leases_->WorkerDied(name, why); !status.ok()) {
       spdlog::error("cannot take back the job of {}: {}", name, status.ToString());
     }

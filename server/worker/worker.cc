@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/store/digest.h"
+#include "server/worker/hardening.h"
 #include "server/worker/log.h"
 #include "server/worker/shutdown_signal.h"
 
@@ -48,6 +49,7 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
   std::string data, colmap = "colmap", depth_model, log_level = "info";
   WorkerOptions options;
+  HardeningOptions hardening;
   options.name = absl::StrCat("worker-", getpid(), "-", RandomHex(4));
   app.add_option("--store", data, "Data folder of the installation")->required();
   app.add_option("--name", options.name, "Name, unique among all workers there ever were");
@@ -55,9 +57,25 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--colmap", colmap, "COLMAP program: a name or a path")->capture_default_str();
   app.add_option("--depth-model", depth_model, "ONNX depth network, see litags-server --help");
+  app.add_option("--colmap-timeout", options.colmap_step_seconds,
+                 "Seconds that one COLMAP step may take; 0: no limit")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--max-memory", hardening.max_memory_bytes,
+                 "Address space of the worker and of each program it starts, as 6GiB; 0: no limit")
+      ->transform(CLI::AsSizeValue(false));
+  app.add_flag("--allow-network", hardening.allow_network,
+               "Stay in the machine's network, which a worker does not need");
   app.add_option("--log-level", log_level, "debug, info, warn or error")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   if (!SetUpLog(log_level, options.name)) return 2;
+  if (const absl::Status status = hardening.Validate(); !status.ok()) {
+    spdlog::error("{}", status.ToString());
+    return 2;
+  }
+  for (const std::string& refused : HardenProcess(hardening)) {
+    spdlog::warn("not hardened as it should be: {}", refused);
+  }
 
   absl::StatusOr<DepthNetwork> network = DepthNetwork::Parse(depth_model, "--depth-model");
   if (!network.ok()) {

@@ -1,0 +1,173 @@
+#include "server/worker/hardening.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <fstream>
+#include <filesystem>
+#include <functional>
+#include <iterator>
+#include <string>
+
+#include "engine/core/error.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kShadowMemory = true;  // sanitizers reserve terabytes of address space
+#else
+constexpr bool kShadowMemory = false;
+#endif
+
+// Exit code of a child process that was hardened and then ran `body`, or minus the signal that
+// ended it. Assertions do not reach us from there, so `body` returns what it saw.
+int InHardenedChild(const HardeningOptions& options, const std::function<int()>& body) {
+  const pid_t child = fork();
+  if (child == 0) {
+    HardenProcess(options);
+    _exit(body());
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
+
+std::string Status() {
+  std::ifstream file("/proc/self/status");
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+int64_t HardLimit(__rlimit_resource resource) {
+  rlimit limit;
+  getrlimit(resource, &limit);
+  return static_cast<int64_t>(limit.rlim_max);
+}
+
+// A listening socket on loopback, and its address.
+int Listen(sockaddr_in* address) {
+  const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  *address = {};
+  address->sin_family = AF_INET;
+  address->sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof(*address);
+  const bool ok = bind(fd, reinterpret_cast<sockaddr*>(address), size) == 0 && listen(fd, 4) == 0 &&
+                  getsockname(fd, reinterpret_cast<sockaddr*>(address), &size) == 0;
+  return ok ? fd : -1;
+}
+
+int Connect(const sockaddr_in& address) {
+  const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const int result = connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
+  close(fd);
+  return result;
+}
+
+TEST(Hardening, GivesUpPrivilegesAndCoreDumps) {
+  EXPECT_EQ(InHardenedChild({},
+                            [] {
+                              const bool gone =
+                                  Status().find("NoNewPrivs:\t1\n") != std::string::npos;
+                              return gone && HardLimit(RLIMIT_CORE) == 0 ? 0 : 1;
+                            }),
+            0);
+}
+
+TEST(Hardening, LimitsHoldInProgramsThatItStarts) {
+  if (kShadowMemory) GTEST_SKIP() << "a sanitizer needs more address space";
+  HardeningOptions options;
+  options.max_memory_bytes = int64_t{1} << 30;
+  options.max_file_bytes = 1 << 20;
+  EXPECT_EQ(InHardenedChild(options,
+                            [] {
+                              return std::system(
+                                  "test \"$(ulimit -Hv)\" = 1048576 && "
+                                  "test \"$(ulimit -Hf)\" = 2048 && "  // blocks of 512 bytes
+                                  "test \"$(ulimit -Hc)\" = 0 && "
+                                  "grep -q 'NoNewPrivs:.1' /proc/self/status");
+                            }),
+            0);
+}
+
+TEST(Hardening, FileBeyondItsLimitIsAFailedWrite) {
+  TempDir dir;
+  HardeningOptions options;
+  options.max_file_bytes = 1000;
+  EXPECT_EQ(InHardenedChild(options,
+                            [&] {
+                              std::ofstream file(dir.path() + "/file");
+                              file << std::string(5000, 'x') << std::flush;
+                              return file.fail() && errno == EFBIG ? 0 : 1;
+                            }),
+            0);
+}
+
+TEST(Hardening, UsedUpMemoryEndsTheProcessWithItsOwnExitCode) {
+  if (kShadowMemory) GTEST_SKIP() << "a sanitizer needs more address space";
+  HardeningOptions options;
+  options.max_memory_bytes = int64_t{1} << 30;
+  EXPECT_EQ(InHardenedChild(options,
+                            [] {
+                              const std::string too_much(size_t{4} << 30, 'x');
+                              return static_cast<int>(too_much.back() == 'x');
+                            }),
+            kOutOfMemoryExitCode);
+}
+
+TEST(Hardening, NetworkIsOutOfReachUnlessAllowed) {
+  sockaddr_in address;
+  const int listener = Listen(&address);
+  ASSERT_GE(listener, 0);
+  HardeningOptions options;
+  options.allow_network = true;
+  EXPECT_EQ(InHardenedChild(options, [&] { return Connect(address) == 0 ? 0 : 1; }), 0);
+  options.allow_network = false;
+  const int without = InHardenedChild(options, [&] {
+    if (Connect(address) == 0) return 1;
+    return errno == ENETUNREACH ? 0 : 2;
+  });
+  close(listener);
+  // Some containers forbid new namespaces; the worker's log says so then.
+  if (without == 1) GTEST_SKIP() << "this kernel or container allows no network namespace";
+  EXPECT_EQ(without, 0);
+}
+
+TEST(Hardening, FilesStayThoseOfTheUser) {
+  TempDir dir;
+  std::ofstream(dir.path() + "/before") << "x";
+  EXPECT_EQ(InHardenedChild({},
+                            [&] {
+                              std::ofstream before(dir.path() + "/before", std::ios::app);
+                              std::ofstream after(dir.path() + "/after");
+                              before << "y" << std::flush;
+                              after << "y" << std::flush;
+                              return before.good() && after.good() ? 0 : 1;
+                            }),
+            0);
+  EXPECT_TRUE(std::filesystem::exists(dir.path() + "/after"));
+}
+
+TEST(Hardening, MemoryTooSmallToStartInIsRefused) {
+  HardeningOptions options;
+  options.max_memory_bytes = 1 << 20;
+  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "max_memory_bytes");
+  EXPECT_THAT(std::string(options.Validate().message()), HasSubstr("512 MiB"));
+  options.max_memory_bytes = 0;
+  EXPECT_TRUE(options.Validate().ok());
+  options.max_file_bytes = -1;
+  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "max_file_bytes");
+}
+
+}  // namespace
+}  // namespace litags
