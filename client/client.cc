@@ -37,7 +37,7 @@ bool IsTransient(const absl::Status& status) {
   const std::string reason = DetailOf(status).reason();
   return status.code() == absl::StatusCode::kUnavailable ||
          status.code() == absl::StatusCode::kCancelled || reason == "RENDER_QUEUE_FULL" ||
-         reason == "SERVER_BUSY";
+         reason == "SERVER_BUSY" || reason == "UPLOAD_STALLED" || reason == "OFFSET_INVALID";
 }
 
 // Whether the status was made by a server and not by the lack of one.

@@ -61,6 +61,18 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
     return grpc::Status::OK;
   }
 
+  grpc::Status QueryUpload(grpc::ServerContext*, const v1::QueryUploadRequest* request,
+                           v1::QueryUploadResponse* response) override {
+    for (const v1::FileHeader& file : request->files()) {
+      v1::FileStatus* status = response->add_files();
+      const auto it = stored.find(file.name());
+      if (it == stored.end()) continue;
+      status->set_offset(static_cast<int64_t>(it->second.size()));
+      status->set_stored(status->offset() == file.size_bytes());
+    }
+    return grpc::Status::OK;
+  }
+
   grpc::Status UploadImages(grpc::ServerContext*,
                             grpc::ServerReader<v1::UploadImagesRequest>* reader,
                             v1::UploadImagesResponse*) override {
@@ -77,7 +89,7 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
           --breaks_left;
           return Broken();
         }
-        stored[header.name()].clear();
+        stored[header.name()].resize(static_cast<size_t>(header.offset()));
       } else {
         stored[header.name()] += request.chunk();
       }

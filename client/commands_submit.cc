@@ -147,6 +147,11 @@ int Submit(Session& session, const SubmitArgs& args) {
   request.set_display_name(args.name);
   request.set_request_id(args.request_id);
   *request.mutable_options() = MakeOptions(args);
+  if (!args.request_id.empty()) {
+    auto digest = ContentDigest(capture->files);
+    if (!digest.ok()) return ReportError(session, digest.status());
+    request.set_content_digest(*std::move(digest));
+  }
   const auto job = session.client().CreateJob(std::move(request));
   if (!job.ok()) return ReportError(session, job.status());
 

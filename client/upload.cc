@@ -3,6 +3,7 @@
 #include <openssl/evp.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -12,6 +13,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "absl/types/span.h"
 #include "client/status.h"
 
 namespace litags::client {
@@ -22,6 +24,8 @@ namespace fs = std::filesystem;
 constexpr size_t kChunkBytes = 256 << 10;
 // One stream acknowledges at most this much (or one larger file).
 constexpr int64_t kStreamBytes = 8 << 20;
+constexpr size_t kStreamFiles = 500;  // a server answers for 1000 at a time
+constexpr std::chrono::seconds kQueryPatience{60};
 
 const std::set<std::string>& PhotoExtensions() {
   static const auto& extensions = *new std::set<std::string>{".jpg", ".jpeg", ".png"};
@@ -107,48 +111,111 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
   return absl::OkStatus();
 }
 
-// One stream: the files [first, last). On OK all of them are stored.
-absl::Status SendStream(Client& client, const std::string& job, const std::vector<LocalFile>& files,
-                        size_t first, size_t last) {
-  grpc::ClientContext context;
-  Interrupt::Scope scope(client.interrupt(), context);
-  v1::UploadImagesResponse response;
-  auto writer = client.reconstruction().UploadImages(&context, &response);
-  v1::UploadImagesRequest request;
-  request.set_name(job);
-  bool open = writer->Write(request);
-  absl::Status local;
-  std::string chunk(kChunkBytes, '\0');
-  for (size_t i = first; i < last && open && local.ok(); ++i) {
-    v1::FileHeader* header = request.mutable_file();
-    header->set_name(files[i].name);
-    header->set_role(files[i].role);
-    header->set_size_bytes(files[i].size_bytes);
-    header->set_sha256(files[i].sha256);
-    open = writer->Write(request);
-    std::ifstream in(files[i].path, std::ios::binary);
-    for (int64_t left = files[i].size_bytes; left > 0 && open;) {
-      const auto n = static_cast<std::streamsize>(std::min<int64_t>(left, kChunkBytes));
-      if (!in.read(chunk.data(), n)) {
-        local = BadInput("FILE_CHANGED", files[i].path,
-                         absl::StrCat(files[i].path,
-                                      ": became shorter while it was sent; submit "
-                                      "again when nothing writes to it"));
-        break;
-      }
-      request.set_chunk(chunk.data(), static_cast<size_t>(n));
-      open = writer->Write(request);
-      left -= n;
-    }
-  }
-  if (!local.ok()) {
-    context.TryCancel();
-    (void)writer->Finish();
-    return local;
-  }
-  writer->WritesDone();  // whether this works shows in the status
-  return FromGrpc(writer->Finish());
+absl::Status FillDigest(LocalFile& file) {
+  if (!file.sha256.empty()) return absl::OkStatus();
+  auto digest = FileSha256(file.path);
+  if (!digest.ok()) return digest.status();
+  file.sha256 = *std::move(digest);
+  return absl::OkStatus();
 }
+
+void FillHeader(const LocalFile& file, v1::FileHeader* header) {
+  header->set_name(file.name);
+  header->set_role(file.role);
+  header->set_size_bytes(file.size_bytes);
+  header->set_sha256(file.sha256);
+}
+
+// The bytes of a file from `offset` on, as chunks; `*open` turns false when the server takes no
+// more.
+absl::Status SendBytes(const LocalFile& file, int64_t offset,
+                       grpc::ClientWriter<v1::UploadImagesRequest>& writer, bool* open) {
+  v1::UploadImagesRequest request;
+  std::ifstream in(file.path, std::ios::binary);
+  in.seekg(offset);
+  std::string chunk(kChunkBytes, '\0');
+  for (int64_t left = file.size_bytes - offset; left > 0 && *open;) {
+    const auto n = static_cast<std::streamsize>(std::min<int64_t>(left, kChunkBytes));
+    if (!in.read(chunk.data(), n)) {
+      return BadInput("FILE_CHANGED", file.path,
+                      absl::StrCat(file.path,
+                                   ": became shorter while it was sent; submit again when nothing "
+                                   "writes to it"));
+    }
+    request.set_chunk(chunk.data(), static_cast<size_t>(n));
+    *open = writer.Write(request);
+    left -= n;
+  }
+  return absl::OkStatus();
+}
+
+// The files that go up in one stream, and what the server has of them.
+class Batch {
+ public:
+  Batch(Client& client, const std::string& job, absl::Span<const LocalFile> files)
+      : client_(client), job_(job), files_(files) {}
+
+  // One try: asks what is missing and sends it. `*progressed` if the server had more than at the
+  // try before. On OK all files are stored.
+  absl::Status Send(bool* progressed) {
+    const int64_t before = known_bytes_;
+    if (const absl::Status status = Query(); !status.ok()) return status;
+    *progressed = known_bytes_ > before;
+    return Stream();
+  }
+
+ private:
+  absl::Status Query() {
+    v1::QueryUploadRequest request;
+    request.set_name(job_);
+    for (const LocalFile& file : files_) FillHeader(file, request.add_files());
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + kQueryPatience);
+    Interrupt::Scope scope(client_.interrupt(), context);
+    status_.Clear();
+    const absl::Status status =
+        FromGrpc(client_.reconstruction().QueryUpload(&context, request, &status_));
+    if (!status.ok()) return status;
+    if (status_.files_size() != request.files_size()) {
+      return LocalError(absl::StatusCode::kInternal, "UPLOAD_BROKEN", "files",
+                        "the server did not answer for every file; this is a defect of it");
+    }
+    known_bytes_ = 0;
+    for (const v1::FileStatus& file : status_.files()) known_bytes_ += file.offset();
+    return absl::OkStatus();
+  }
+
+  absl::Status Stream() {
+    grpc::ClientContext context;
+    Interrupt::Scope scope(client_.interrupt(), context);
+    v1::UploadImagesResponse response;
+    const auto writer = client_.reconstruction().UploadImages(&context, &response);
+    v1::UploadImagesRequest request;
+    request.set_name(job_);
+    bool open = writer->Write(request);
+    for (size_t i = 0; i < files_.size() && open; ++i) {
+      const v1::FileStatus& there = status_.files(static_cast<int>(i));
+      if (there.stored()) continue;
+      FillHeader(files_[i], request.mutable_file());
+      request.mutable_file()->set_offset(there.offset());
+      open = writer->Write(request);
+      const absl::Status local = SendBytes(files_[i], there.offset(), *writer, &open);
+      if (!local.ok()) {
+        context.TryCancel();
+        (void)writer->Finish();
+        return local;
+      }
+    }
+    writer->WritesDone();  // whether this works shows in the status
+    return FromGrpc(writer->Finish());
+  }
+
+  Client& client_;
+  const std::string& job_;
+  const absl::Span<const LocalFile> files_;
+  v1::QueryUploadResponse status_;
+  int64_t known_bytes_ = 0;
+};
 
 }  // namespace
 
@@ -211,15 +278,16 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
   for (size_t first = 0; first < files.size();) {
     size_t last = first;
     int64_t bytes = 0;
-    while (last < files.size() &&
+    while (last < files.size() && last - first < kStreamFiles &&
            (last == first || bytes + files[last].size_bytes <= kStreamBytes)) {
-      auto digest = FileSha256(files[last].path);
-      if (!digest.ok()) return digest.status();
-      files[last].sha256 = *std::move(digest);
       bytes += files[last++].size_bytes;
     }
+    Batch batch(client, job, absl::MakeConstSpan(files).subspan(first, last - first));
+    for (size_t i = first; i < last; ++i) {
+      if (const absl::Status status = FillDigest(files[i]); !status.ok()) return status;
+    }
     const absl::Status status =
-        client.Retry([&](bool*) { return SendStream(client, job, files, first, last); });
+        client.Retry([&](bool* progressed) { return batch.Send(progressed); });
     if (!status.ok()) return status;
     progress.files_done += static_cast<int>(last - first);
     progress.bytes_done += bytes;
@@ -227,6 +295,22 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     first = last;
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> ContentDigest(std::vector<LocalFile>& files) {
+  const std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context(EVP_MD_CTX_new(),
+                                                                   EVP_MD_CTX_free);
+  EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
+  for (LocalFile& file : files) {
+    if (const absl::Status status = FillDigest(file); !status.ok()) return status;
+    // Names hold no line breaks, so that no two captures give the same text.
+    const std::string line = absl::StrCat(static_cast<int>(file.role), "/", file.name, "\n");
+    EVP_DigestUpdate(context.get(), line.data(), line.size());
+    EVP_DigestUpdate(context.get(), file.sha256.data(), file.sha256.size());
+  }
+  std::string digest(32, '\0');
+  EVP_DigestFinal_ex(context.get(), reinterpret_cast<unsigned char*>(digest.data()), nullptr);
+  return digest;
 }
 
 }  // namespace litags::client

@@ -45,11 +45,15 @@ struct UploadProgress {
 };
 
 // Sends the files to a job in state UPLOADING and returns when the server has acknowledged all.
-// They go in streams of a few megabytes each, so that a broken connection costs at most one of
-// those; the server skips what it already has. INVALID_ARGUMENT (FILE_UNREADABLE, FILE_CHANGED)
-// for trouble on this side, else the errors of UploadImages.
+// They go in streams of a few megabytes each; before each, and after a broken one, the server is
+// asked what it has, so that no byte that arrived is sent again. INVALID_ARGUMENT
+// (FILE_UNREADABLE, FILE_CHANGED) for trouble on this side, else the errors of UploadImages.
 absl::Status UploadFiles(Client& client, const std::string& job, std::vector<LocalFile>& files,
                          absl::FunctionRef<void(const UploadProgress&)> on_progress);
+
+// A digest over roles, names and contents of all files, for CreateJobRequest.content_digest; fills
+// in their own digests. INVALID_ARGUMENT (FILE_UNREADABLE).
+absl::StatusOr<std::string> ContentDigest(std::vector<LocalFile>& files);
 
 }  // namespace litags::client
 

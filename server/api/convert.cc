@@ -174,6 +174,7 @@ absl::StatusOr<v1::Job> JobToProto(const JobRecord& job) {
   SetTime(job.create_time_ms, proto.mutable_create_time());
   if (job.start_time_ms) SetTime(job.start_time_ms, proto.mutable_start_time());
   if (job.end_time_ms) SetTime(job.end_time_ms, proto.mutable_end_time());
+  if (job.expire_time_ms) SetTime(job.expire_time_ms, proto.mutable_expire_time());
   proto.set_attempt(job.attempt);
   proto.set_last_event(job.last_event);
   if (!job.progress.empty()) {

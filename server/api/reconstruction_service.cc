@@ -9,14 +9,18 @@
 #include "server/api/convert.h"
 #include "server/api/status.h"
 #include "server/api/unary.h"
+#include "server/api/upload_reactor.h"
 #include "server/api/upload_session.h"
 #include "server/api/watch_reactor.h"
+#include "server/store/digest.h"
 
 namespace litags {
 namespace {
 
 constexpr size_t kMaxRequestIdLength = 64;
 constexpr size_t kMaxDisplayNameBytes = 200;
+constexpr int kMaxContentDigestBytes = 64;
+constexpr int kMaxQueryFiles = 1000;
 constexpr int kDefaultPageSize = 50, kMaxPageSize = 1000;
 
 absl::Status Answer(const absl::StatusOr<JobRecord>& job, v1::Job* response) {
@@ -48,36 +52,6 @@ absl::StatusOr<PageStart> ParsePageToken(const std::string& token) {
   return start;
 }
 
-// Steps of one upload run on the pool, one after the other. Deletes itself when the call is over.
-class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
- public:
-  UploadReactor(grpc::CallbackServerContext* context, v1::UploadImagesResponse* response,
-                Jobs* jobs, UploadLimits limits, ThreadPool* pool)
-      : context_(context), response_(response), pool_(pool), session_(jobs, limits) {
-    StartRead(&request_);
-  }
-
-  void OnReadDone(bool ok) override {
-    pool_->Run([this, ok] { Step(ok); });
-  }
-
-  void OnDone() override { delete this; }
-
- private:
-  void Step(bool ok) {
-    if (context_->IsCancelled()) return Finish(ToGrpc(CallCancelled()));
-    const absl::Status status = ok ? session_.Handle(request_) : session_.End(response_);
-    if (ok && status.ok()) return StartRead(&request_);
-    Finish(ToGrpc(status));
-  }
-
-  grpc::CallbackServerContext* const context_;
-  v1::UploadImagesResponse* const response_;
-  ThreadPool* const pool_;
-  UploadSession session_;
-  v1::UploadImagesRequest request_;
-};
-
 }  // namespace
 
 template <typename Request>
@@ -105,8 +79,16 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
                           absl::StrCat("display_name has ", request->display_name().size(),
                                        " bytes; at most ", kMaxDisplayNameBytes, " are allowed"));
     }
-    LITAGS_ASSIGN_OR_RETURN(const ReconstructOptions options, OptionsFromProto(request->options()));
-    const auto job = jobs_->Create(request->request_id(), request->display_name(), options);
+    if (request->content_digest().size() > kMaxContentDigestBytes) {
+      return InvalidInput("CONTENT_DIGEST_INVALID", "content_digest",
+                          absl::StrCat("content_digest has ", request->content_digest().size(),
+                                       " bytes; at most ", kMaxContentDigestBytes,
+                                       " are allowed, SHA-256 has 32"));
+    }
+    NewJob wanted{request->request_id(), request->display_name(),
+                  ToHex(request->content_digest()), {}};
+    LITAGS_ASSIGN_OR_RETURN(wanted.options, OptionsFromProto(request->options()));
+    const auto job = jobs_->Create(wanted);
     if (job.ok()) spdlog::info("job={} created", job->id);
     return Answer(job, response);
   });
@@ -114,7 +96,32 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
 
 grpc::ServerReadReactor<v1::UploadImagesRequest>* ReconstructionServiceImpl::UploadImages(
     Context* context, v1::UploadImagesResponse* response) {
-  return new UploadReactor(context, response, jobs_, limits_, pool_);
+  return new UploadReactor(context, response, jobs_, pool_);
+}
+
+grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
+    Context* context, const v1::QueryUploadRequest* request, v1::QueryUploadResponse* response) {
+  return RunUnary(context, pool_, [=, this]() -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
+    if (request->files_size() > kMaxQueryFiles) {
+      return InvalidInput("TOO_MANY_FILES", "files",
+                          absl::StrCat(request->files_size(), " files in one call; ask for at most ",
+                                       kMaxQueryFiles, " at a time"));
+    }
+    std::vector<FileRecord> files;
+    for (const v1::FileHeader& header : request->files()) {
+      LITAGS_ASSIGN_OR_RETURN(UploadHeader file,
+                              ParseFileHeader(header, jobs_->uploads().limits()));
+      files.push_back(std::move(file.record));
+    }
+    LITAGS_ASSIGN_OR_RETURN(const auto statuses, jobs_->uploads().Query(id, files));
+    for (const FileStatus& status : statuses) {
+      v1::FileStatus* proto = response->add_files();
+      proto->set_stored(status.stored);
+      proto->set_offset(status.offset);
+    }
+    return absl::OkStatus();
+  });
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::StartJob(Context* context,

@@ -12,13 +12,15 @@ namespace litags {
 class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackService {
  public:
   // All must outlive this; `pool` runs what touches the store.
-  ReconstructionServiceImpl(Jobs* jobs, EventHub* hub, ThreadPool* pool, UploadLimits limits = {})
-      : jobs_(jobs), hub_(hub), pool_(pool), limits_(limits) {}
+  ReconstructionServiceImpl(Jobs* jobs, EventHub* hub, ThreadPool* pool)
+      : jobs_(jobs), hub_(hub), pool_(pool) {}
 
   using Context = grpc::CallbackServerContext;
 
   grpc::ServerUnaryReactor* CreateJob(Context* context, const v1::CreateJobRequest* request,
                                       v1::Job* response) override;
+  grpc::ServerUnaryReactor* QueryUpload(Context* context, const v1::QueryUploadRequest* request,
+                                        v1::QueryUploadResponse* response) override;
   grpc::ServerReadReactor<v1::UploadImagesRequest>* UploadImages(
       Context* context, v1::UploadImagesResponse* response) override;
   grpc::ServerUnaryReactor* StartJob(Context* context, const v1::StartJobRequest* request,
@@ -45,7 +47,6 @@ class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackServ
   Jobs* const jobs_;
   EventHub* const hub_;
   ThreadPool* const pool_;
-  const UploadLimits limits_;
 };
 
 }  // namespace litags

@@ -33,7 +33,7 @@ class GrpcServer : public Server {
         render_pool_(options.render_threads, options.max_waiting_pictures, RenderQueueFull()),
         hub_(jobs),
         scenes_(jobs, engine),
-        reconstruction_(jobs, &hub_, &store_pool_, options.uploads),
+        reconstruction_(jobs, &hub_, &store_pool_),
         render_(&scenes_, &render_pool_, options.render),
         model_(&scenes_, &render_pool_, jobs->data().tmp()) {}
 

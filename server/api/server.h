@@ -20,7 +20,6 @@ struct ServerOptions {
   int render_threads = 2;  // pictures made at the same time
   size_t max_waiting_calls = 1024;
   size_t max_waiting_pictures = 32;
-  UploadLimits uploads;
   RenderLimits render;
 };
 

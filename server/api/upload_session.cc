@@ -1,7 +1,5 @@
 #include "server/api/upload_session.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
@@ -14,7 +12,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
 #include "server/api/convert.h"
-#include "server/api/status.h"
+#include "server/store/digest.h"
 
 namespace litags {
 namespace {
@@ -75,27 +73,66 @@ absl::Status CheckContent(const std::string& path, const std::string& field, Fil
   return absl::OkStatus();
 }
 
+// An error of the store that names no field is about this one.
+absl::Status WithField(const absl::Status& status, const std::string& field) {
+  const auto detail = GetErrorDetail(status);
+  if (!detail || !detail->field.empty()) return status;
+  return MakeError(status.code(), detail->reason, field,
+                   absl::StrCat(field, ": ", std::string(status.message())));
+}
+
 absl::Status OutOfOrder(const char* message) {
   return InvalidInput("UPLOAD_ORDER", "part", message);
 }
 
 }  // namespace
 
-UploadSession::UploadSession(Jobs* jobs, UploadLimits limits)
-    : jobs_(jobs),
-      limits_(limits),
-      staging_path_(absl::StrCat(jobs->data().tmp(), "/upload-", RandomHex(8))) {}
-
-UploadSession::~UploadSession() {
-  file_.reset();
-  unlink(staging_path_.c_str());
+absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
+                                             const UploadLimits& limits) {
+  if (!v1::FileRole_IsValid(header.role())) {
+    return InvalidInput("FILE_ROLE_UNKNOWN", "file.role",
+                        absl::StrCat("the server does not know file role ", header.role()));
+  }
+  UploadHeader file;
+  file.record.name = header.name();
+  file.record.size_bytes = header.size_bytes();
+  file.record.sha256 = ToHex(header.sha256());
+  file.record.role = header.role() == v1::FILE_ROLE_UNSPECIFIED
+                         ? FileRole::kPhoto
+                         : static_cast<FileRole>(header.role());
+  file.field = absl::StrCat(RulesOf(file.record.role).field, "[", header.name(), "]");
+  LITAGS_RETURN_IF_ERROR(CheckName(header.name(), file.record.role, file.field));
+  if (header.size_bytes() <= 0) {
+    return InvalidInput("FILE_EMPTY", file.field,
+                        absl::StrCat(file.field,
+                                     ": the file has no bytes; leave it out or copy it "
+                                     "from the camera again"));
+  }
+  const int64_t limit =
+      file.record.role == FileRole::kCameras ? limits.max_cameras_bytes : limits.max_file_bytes;
+  if (header.size_bytes() > limit) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", file.field,
+                     absl::StrCat(file.field, ": ", header.size_bytes(), " bytes exceed ", limit,
+                                  "; make the file smaller"));
+  }
+  if (header.sha256().size() != 32) {
+    return InvalidInput("FILE_DIGEST_MISSING", file.field,
+                        absl::StrCat(file.field, ": sha256 has ", header.sha256().size(),
+                                     " bytes; it must have 32"));
+  }
+  if (header.offset() < 0) {
+    return InvalidInput("OFFSET_NEGATIVE", file.field,
+                        absl::StrCat(file.field, ": offset is ", header.offset(),
+                                     "; it counts bytes from the start of the file"));
+  }
+  return file;
 }
 
 absl::Status UploadSession::Handle(const v1::UploadImagesRequest& request) {
   if (request.part_case() == v1::UploadImagesRequest::kName) {
     if (!job_id_.empty()) return OutOfOrder("the job is named once, in the first message");
     LITAGS_ASSIGN_OR_RETURN(job_id_, ParseJobName(request.name()));
-    return jobs_->CheckUpload(job_id_);
+    return jobs_->uploads().Check(job_id_);
   }
   if (job_id_.empty()) return OutOfOrder("the first message must name the job");
   switch (request.part_case()) {
@@ -113,43 +150,26 @@ absl::Status UploadSession::Begin(const v1::FileHeader& header) {
     return InvalidInput(
         "FILE_TRUNCATED", file_->field,
         absl::StrCat(file_->field, ": ", file_->received, " of ", file_->record.size_bytes,
-                     " bytes came before the next file; send it again"));
+                     " bytes came before the next file; send the rest"));
   }
-  if (!v1::FileRole_IsValid(header.role())) {
-    return InvalidInput("FILE_ROLE_UNKNOWN", "file.role",
-                        absl::StrCat("the server does not know file role ", header.role()));
+  LITAGS_ASSIGN_OR_RETURN(UploadHeader parsed, ParseFileHeader(header, jobs_->uploads().limits()));
+  Incoming file{std::move(parsed), header.offset(), nullptr};
+  const bool whole = file.received == file.record.size_bytes;  // no bytes will follow
+  LITAGS_ASSIGN_OR_RETURN(const bool known, jobs_->uploads().IsStored(job_id_, file.record));
+  if (!known && whole) {
+    LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file.record));
+    if (adopted) {
+      ++stored_;
+      return absl::OkStatus();
+    }
   }
-  Incoming file;
-  file.record.name = header.name();
-  file.record.size_bytes = header.size_bytes();
-  file.record.sha256 = ToHex(header.sha256());
-  file.record.role = header.role() == v1::FILE_ROLE_UNSPECIFIED
-                         ? FileRole::kPhoto
-                         : static_cast<FileRole>(header.role());
-  file.field = absl::StrCat(RulesOf(file.record.role).field, "[", header.name(), "]");
-  LITAGS_RETURN_IF_ERROR(CheckName(header.name(), file.record.role, file.field));
-  if (header.size_bytes() <= 0) {
-    return InvalidInput("FILE_EMPTY", file.field,
-                        absl::StrCat(file.field,
-                                     ": the file has no bytes; leave it out or copy it "
-                                     "from the camera again"));
+  if (!known) {
+    auto partial = jobs_->uploads().Open(job_id_, file.record, header.offset());
+    if (!partial.ok()) return WithField(partial.status(), file.field);
+    file.partial = *std::move(partial);
   }
-  const int64_t limit =
-      file.record.role == FileRole::kCameras ? limits_.max_cameras_bytes : limits_.max_file_bytes;
-  if (header.size_bytes() > limit) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", file.field,
-                     absl::StrCat(file.field, ": ", header.size_bytes(), " bytes exceed ", limit,
-                                  "; make the file smaller"));
-  }
-  if (header.sha256().size() != 32) {
-    return InvalidInput("FILE_DIGEST_MISSING", file.field,
-                        absl::StrCat(file.field, ": sha256 has ", header.sha256().size(),
-                                     " bytes; it must have 32"));
-  }
-  LITAGS_ASSIGN_OR_RETURN(file.known, jobs_->HasFile(job_id_, file.record));
-  if (!file.known) file.out.open(staging_path_, std::ios::binary | std::ios::trunc);
   file_ = std::move(file);
-  return absl::OkStatus();
+  return whole ? Complete() : absl::OkStatus();
 }
 
 absl::Status UploadSession::Append(const std::string& chunk) {
@@ -165,12 +185,9 @@ absl::Status UploadSession::Append(const std::string& chunk) {
                         absl::StrCat(file_->field, ": more bytes came than the ",
                                      file_->record.size_bytes, " announced; did the file change?"));
   }
-  file_->sha.Update(chunk);
-  if (!file_->known &&
-      !file_->out.write(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", file_->field,
-                     absl::StrCat(file_->field, ": the server cannot write it; free some space in ",
-                                  "its data folder"));
+  if (file_->partial) {
+    const absl::Status written = file_->partial->Append(chunk);
+    if (!written.ok()) return WithField(written, file_->field);
   }
   return file_->received == file_->record.size_bytes ? Complete() : absl::OkStatus();
 }
@@ -178,26 +195,28 @@ absl::Status UploadSession::Append(const std::string& chunk) {
 absl::Status UploadSession::Complete() {
   Incoming file = *std::move(file_);
   file_.reset();
-  if (file.sha.HexDigest() != file.record.sha256) {
+  if (!file.partial) {
+    ++unchanged_;
+    return absl::OkStatus();
+  }
+  const absl::Status status = Store(file);
+  if (status.ok()) {
+    ++stored_;
+  } else if (absl::IsInvalidArgument(status)) {
+    file.partial->Discard();  // the same bytes would be refused again
+  }
+  return status;
+}
+
+absl::Status UploadSession::Store(Incoming& file) {
+  if (file.partial->HexDigest() != file.record.sha256) {
     return InvalidInput("FILE_DIGEST_MISMATCH", file.field,
                         absl::StrCat(file.field,
                                      ": the bytes do not have the announced SHA-256; "
                                      "they were damaged on the way, send them again"));
   }
-  if (file.known) {
-    ++unchanged_;
-    return absl::OkStatus();
-  }
-  file.out.close();
-  if (!file.out) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", file.field,
-                     absl::StrCat(file.field, ": the server cannot write it; free some space in ",
-                                  "its data folder"));
-  }
-  LITAGS_RETURN_IF_ERROR(CheckContent(staging_path_, file.field, &file.record));
-  LITAGS_RETURN_IF_ERROR(jobs_->AddFile(job_id_, file.record, staging_path_, limits_));
-  ++stored_;
-  return absl::OkStatus();
+  LITAGS_RETURN_IF_ERROR(CheckContent(file.partial->path(), file.field, &file.record));
+  return jobs_->uploads().Add(job_id_, file.record, file.partial->path());
 }
 
 absl::Status UploadSession::End(v1::UploadImagesResponse* response) {
@@ -205,7 +224,7 @@ absl::Status UploadSession::End(v1::UploadImagesResponse* response) {
   if (file_) {
     return InvalidInput("FILE_TRUNCATED", file_->field,
                         absl::StrCat(file_->field, ": the upload ended after ", file_->received,
-                                     " of ", file_->record.size_bytes, " bytes; send it again"));
+                                     " of ", file_->record.size_bytes, " bytes; send the rest"));
   }
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs_->Get(job_id_));
   LITAGS_ASSIGN_OR_RETURN(*response->mutable_job(), JobToProto(job));

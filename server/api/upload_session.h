@@ -2,24 +2,31 @@
 #define LITAGS_SERVER_API_UPLOAD_SESSION_H_
 
 #include <cstdint>
-#include <fstream>
 #include <memory>
 #include <optional>
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "litags/v1/reconstruction_service.pb.h"
 #include "server/jobs/jobs.h"
-#include "server/store/digest.h"
 
 namespace litags {
 
+// A file that is announced or asked for, checked as far as its header goes.
+struct UploadHeader {
+  FileRecord record;
+  std::string field;  // "images[NAME]"
+};
+absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
+                                             const UploadLimits& limits);
+
 // One UploadImages stream without its transport: takes the messages in order, checks and stores
-// each file. Memory stays bounded by one message and one decoded file.
+// each file. Memory stays bounded by one message and one decoded file. What came of a file that is
+// not complete when the stream ends is kept for the next one.
 class UploadSession {
  public:
-  UploadSession(Jobs* jobs, UploadLimits limits);
-  ~UploadSession();  // removes what was not stored
+  explicit UploadSession(Jobs* jobs) : jobs_(jobs) {}
 
   absl::Status Handle(const v1::UploadImagesRequest& request);
   // The stream is complete. INVALID_ARGUMENT (FILE_TRUNCATED) inside a file.
@@ -27,22 +34,17 @@ class UploadSession {
 
  private:
   // The file that is coming in.
-  struct Incoming {
-    FileRecord record;
-    std::string field;   // "images[NAME]"
-    bool known = false;  // stored before: the bytes are only counted
-    int64_t received = 0;
-    Sha256 sha;
-    std::ofstream out;
+  struct Incoming : UploadHeader {
+    int64_t received = 0;                  // bytes, those of earlier streams included
+    std::unique_ptr<PartialFile> partial;  // null: stored before, the bytes are only counted
   };
 
   absl::Status Begin(const v1::FileHeader& header);
   absl::Status Append(const std::string& chunk);
   absl::Status Complete();
+  absl::Status Store(Incoming& file);
 
   Jobs* const jobs_;
-  const UploadLimits limits_;
-  const std::string staging_path_;
   std::string job_id_;
   std::optional<Incoming> file_;
   int stored_ = 0, unchanged_ = 0;

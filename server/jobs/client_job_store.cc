@@ -65,6 +65,12 @@ absl::StatusOr<std::vector<FileRecord>> ClientJobStore::Files(std::string_view i
   return store_->Files(id);
 }
 
+absl::StatusOr<std::optional<JobFile>> ClientJobStore::FindFile(std::string_view id, FileRole role,
+                                                                std::string_view sha256) {
+  LITAGS_RETURN_IF_ERROR(Get(id).status());
+  return store_->FindFile(id, role, sha256);
+}
+
 absl::StatusOr<std::vector<EventRecord>> ClientJobStore::Events(std::string_view id, int64_t after,
                                                                 int limit) {
   LITAGS_RETURN_IF_ERROR(Get(id).status());
@@ -84,6 +90,10 @@ absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstLeasedBeyond
 }
 
 absl::StatusOr<std::vector<std::string>> ClientJobStore::LeasedTo(std::string_view) {
+  return ForWorkersOnly();
+}
+
+absl::StatusOr<std::vector<std::string>> ClientJobStore::Expired(int64_t, int) {
   return ForWorkersOnly();
 }
 

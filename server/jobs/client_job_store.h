@@ -34,6 +34,8 @@ class ClientJobStore : public JobStore {
                                               const std::optional<std::string>& owner) override;
   absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override;
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
+  absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
+                                                  std::string_view sha256) override;
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                   int limit) override;
   absl::StatusOr<int64_t> ChangeToken() override { return store_->ChangeToken(); }
@@ -44,6 +46,7 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
                                                                    Change change) override;
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
+  absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
 
  private:
   bool Sees(const JobRecord& job) const { return view_.sees_all || job.owner == view_.owner; }

@@ -1,9 +1,5 @@
 #include "server/jobs/jobs.h"
 
-#include <algorithm>
-#include <chrono>
-#include <filesystem>
-
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
@@ -45,88 +41,39 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
 
 }  // namespace
 
-int64_t SystemClockMs() {
-  using std::chrono::system_clock;
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             system_clock::now().time_since_epoch())
-      .count();
-}
-
-std::string BlobKey(std::string_view job_id, std::string_view sha256) {
-  return absl::StrCat("jobs/", std::string(job_id), "/", std::string(sha256));
-}
-
 std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
   struct Owned {
     ClientJobStore store;
     Jobs jobs;
     Owned(const Jobs& all, ClientView view)
-        : store(all.store_, std::move(view)), jobs(&store, all.blobs_, all.data_, all.clock_) {}
+        : store(all.store_, std::move(view)),
+          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area()) {}
   };
   auto owned = std::make_shared<Owned>(*this, std::move(view));
   return {owned, &owned->jobs};
 }
 
-absl::StatusOr<JobRecord> Jobs::Create(const std::string& request_id,
-                                       const std::string& display_name,
-                                       const ReconstructOptions& options) {
+absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   const int64_t now_ms = clock_();
   JobRecord job;
   job.id = RandomHex(8);
-  job.request_id = request_id;
-  job.display_name = display_name;
-  job.options = Encode(options);
+  job.request_id = wanted.request_id;
+  job.display_name = wanted.display_name;
+  job.content_digest = wanted.content_digest;
+  job.options = Encode(wanted.options);
   job.create_time_ms = now_ms;
+  job.expire_time_ms = uploads_.Expiry();
   LITAGS_ASSIGN_OR_RETURN(JobRecord made, store_->Create(job, [&](JobTransaction& transaction) {
     return AddStateEvent(transaction, now_ms, "created");
   }));
-  if (made.display_name != display_name || made.options != job.options) {
-    return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED", "request_id",
-                     absl::StrCat("request_id \"", request_id, "\" made jobs/", made.id,
-                                  " with another title or other options; use a new one"));
-  }
-  return made;
-}
-
-absl::Status Jobs::CheckUpload(std::string_view id) {
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
-  return NextState(job.state, JobAction::kUpload).status();
-}
-
-absl::StatusOr<bool> Jobs::HasFile(std::string_view id, const FileRecord& file) {
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
-  return std::any_of(files.begin(), files.end(), [&](const FileRecord& f) {
-    return f.role == file.role && f.name == file.name && f.sha256 == file.sha256;
-  });
-}
-
-absl::Status Jobs::AddFile(std::string_view id, const FileRecord& file, const std::string& path,
-                           const UploadLimits& limits) {
-  // Bytes first: a row never points at a blob that is not there. A blob without a row does no harm
-  // and goes with its job.
-  LITAGS_RETURN_IF_ERROR(CheckUpload(id));
-  LITAGS_RETURN_IF_ERROR(blobs_->PutFile(BlobKey(id, file.sha256), path));
-  const auto change = [&](JobTransaction& job) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
-    LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
-    const bool known = std::any_of(files.begin(), files.end(), [&](const FileRecord& f) {
-      return f.role == file.role && f.name == file.name;
-    });
-    if (!known && static_cast<int64_t>(files.size()) >= limits.max_files) {
-      return MakeError(absl::StatusCode::kResourceExhausted, "TOO_MANY_FILES", "images",
-                       absl::StrCat("a job may have ", limits.max_files,
-                                    " files; upload fewer or split the capture"));
-    }
-    for (const FileRecord& f : files) {
-      if (file.role == FileRole::kCameras && f.role == file.role && f.name != file.name) {
-        return InvalidInput(
-            "CAMERAS_TWICE", absl::StrCat("cameras[", file.name, "]"),
-            absl::StrCat("the job has the cameras file ", f.name, " already; a job takes one"));
-      }
-    }
-    return job.PutFile(file);
-  };
-  return store_->Update(id, change).status();
+  const char* other = made.display_name != job.display_name       ? "another title"
+                      : made.options != job.options               ? "other options"
+                      : made.content_digest != job.content_digest ? "other files"
+                                                                  : nullptr;
+  if (!other) return made;
+  return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED", "request_id",
+                   absl::StrCat("request_id \"", job.request_id, "\" made jobs/", made.id, " with ",
+                                other, "; use a new one"));
 }
 
 absl::Status Jobs::Enqueue(JobTransaction& job, std::string_view message) {
@@ -140,10 +87,13 @@ absl::Status Jobs::Enqueue(JobTransaction& job, std::string_view message) {
 }
 
 absl::StatusOr<JobRecord> Jobs::Start(std::string_view id) {
-  return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kStart).status());
-    return Enqueue(job, "started");
+  auto job = store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(NextState(transaction.job.state, JobAction::kStart).status());
+    return Enqueue(transaction, "started");
   });
+  // What had come of files that are not there: nobody can complete them now.
+  if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() tries again
+  return job;
 }
 
 absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id) {
@@ -154,11 +104,13 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id) {
 }
 
 absl::StatusOr<JobRecord> Jobs::Cancel(std::string_view id) {
-  return store_->Update(id, [&](JobTransaction& job) {
+  auto job = store_->Update(id, [&](JobTransaction& transaction) {
     // A running job only learns of the wish; its worker takes it to CANCELLED.
-    job.job.cancel_requested = job.job.state == JobState::kRunning;
-    return ApplyAction(job, JobAction::kCancel, clock_(), "cancelled on request");
+    transaction.job.cancel_requested = transaction.job.state == JobState::kRunning;
+    return ApplyAction(transaction, JobAction::kCancel, clock_(), "cancelled on request");
   });
+  if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() tries again
+  return job;
 }
 
 absl::Status Jobs::Delete(std::string_view id) {
@@ -167,15 +119,7 @@ absl::Status Jobs::Delete(std::string_view id) {
     return job.Remove();
   };
   LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
-  LITAGS_RETURN_IF_ERROR(blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id))));
-  std::error_code error;
-  std::filesystem::remove_all(data_.work(id), error);
-  if (error) {
-    return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
-                     absl::StrCat("the job is deleted, but its work folder could not be removed: ",
-                                  error.message()));
-  }
-  return absl::OkStatus();
+  return RemoveFolders(id);
 }
 
 }  // namespace litags

@@ -4,7 +4,6 @@
 #define LITAGS_SERVER_JOBS_JOBS_H_
 
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -14,40 +13,36 @@
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
 #include "server/jobs/client_job_store.h"
+#include "server/jobs/uploads.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
 #include "server/store/job_store.h"
 
 namespace litags {
 
-// Milliseconds since 1970.
-using Clock = std::function<int64_t()>;
-int64_t SystemClockMs();
-
-// The store key of a job's file or preview picture.
-std::string BlobKey(std::string_view job_id, std::string_view sha256);
-
-// What an upload may cost.
-struct UploadLimits {
-  int64_t max_files = 10000;                      // per job
-  int64_t max_file_bytes = int64_t{256} << 20;    // photos and depth maps
-  int64_t max_cameras_bytes = int64_t{64} << 20;  // transforms.json
+// What CreateJob says about a job beside how to reconstruct.
+struct NewJob {
+  std::string request_id;      // empty: none
+  std::string display_name;
+  std::string content_digest;  // of what will be uploaded, hex; empty: not said
+  ReconstructOptions options;
 };
 
 // Thread-safe. Errors: those of JobStore and NextState(), and what each call says.
 class Jobs {
  public:
-  // The stores must outlive this.
-  Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = SystemClockMs)
-      : store_(store), blobs_(blobs), data_(std::move(data)), clock_(std::move(clock)) {}
+  // The stores must outlive this. One per data folder; For() makes more of it.
+  Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = SystemClockMs,
+       UploadLimits limits = {})
+      : Jobs(store, blobs, data, clock, std::make_shared<UploadArea>(data.uploads(), limits)) {}
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
   // stores.
   std::shared_ptr<Jobs> For(ClientView view) const;
 
-  // ALREADY_EXISTS (REQUEST_ID_REUSED) if the id was used for a job of other name or options.
-  absl::StatusOr<JobRecord> Create(const std::string& request_id, const std::string& display_name,
-                                   const ReconstructOptions& options);
+  // ALREADY_EXISTS (REQUEST_ID_REUSED) if the id was used for a job of another name, other options
+  // or other content.
+  absl::StatusOr<JobRecord> Create(const NewJob& job);
 
   absl::StatusOr<JobRecord> Get(std::string_view id) { return store_->Get(id); }
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
@@ -55,20 +50,18 @@ class Jobs {
     return store_->List(after_time_ms, after_id, limit);
   }
 
-  // OK if the job takes files.
-  absl::Status CheckUpload(std::string_view id);
-  // Whether the file is stored already, with this content.
-  absl::StatusOr<bool> HasFile(std::string_view id, const FileRecord& file);
-  // Keeps a checked file whose bytes are at `path`; the file at `path` is consumed. On disk when it
-  // returns. RESOURCE_EXHAUSTED (TOO_MANY_FILES).
-  absl::Status AddFile(std::string_view id, const FileRecord& file, const std::string& path,
-                       const UploadLimits& limits = {});
+  // Files for jobs that are not started yet.
+  Uploads& uploads() { return uploads_; }
 
   // FAILED_PRECONDITION: TOO_FEW_PHOTOS, PHOTO_SIZES_DIFFER, beside the state's own.
   absl::StatusOr<JobRecord> Start(std::string_view id);
   absl::StatusOr<JobRecord> Cancel(std::string_view id);
   absl::StatusOr<JobRecord> Resume(std::string_view id);
   absl::Status Delete(std::string_view id);
+
+  // Removes what nobody will come back for: jobs whose time is over, and files that belong to no
+  // job, as crashes may leave them. Returns the ids of the jobs that expired.
+  absl::StatusOr<std::vector<std::string>> Sweep();
 
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after, int limit) {
     return store_->Events(id, after, limit);
@@ -81,12 +74,24 @@ class Jobs {
   const DataDir& data() const { return data_; }
 
  private:
+  Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
+       std::shared_ptr<UploadArea> area)
+      : store_(store),
+        blobs_(blobs),
+        data_(std::move(data)),
+        clock_(std::move(clock)),
+        uploads_(store, blobs, std::move(area), clock_) {}
+
   absl::Status Enqueue(JobTransaction& job, std::string_view message);
+  absl::StatusOr<bool> RemoveExpired(std::string_view id);
+  absl::Status RemoveFolders(std::string_view id);
+  absl::Status RemoveOrphans();
 
   JobStore* const store_;
   BlobStore* const blobs_;
   const DataDir data_;
   const Clock clock_;
+  Uploads uploads_;
 };
 
 }  // namespace litags

@@ -30,16 +30,16 @@ class JobsTest : public ::testing::Test {
  protected:
   // Stores a file of made-up content and the given picture size.
   absl::Status Add(const std::string& id, const std::string& name, int width = 64, int height = 48,
-                   FileRole role = FileRole::kPhoto, UploadLimits limits = {}) {
+                   FileRole role = FileRole::kPhoto) {
     const std::string path = data_.tmp() + "/staged";
     std::ofstream(path) << name;
-    return jobs_.AddFile(
-        id, {name, role, static_cast<int64_t>(name.size()), Sha256::Hex(name), width, height}, path,
-        limits);
+    return jobs_.uploads().Add(
+        id, {name, role, static_cast<int64_t>(name.size()), Sha256::Hex(name), width, height},
+        path);
   }
 
   std::string StartedJob() {
-    const std::string id = jobs_.Create("", "", {})->id;
+    const std::string id = jobs_.Create({})->id;
     EXPECT_TRUE(Add(id, "a.jpg").ok());
     EXPECT_TRUE(Add(id, "b.jpg").ok());
     EXPECT_TRUE(jobs_.Start(id).ok());
@@ -96,17 +96,20 @@ TEST_F(JobsTest, JobGoesFromUploadToSuccessWithAGaplessHistory) {
 }
 
 TEST_F(JobsTest, RequestIdGivesTheSameJobUnlessTheContentDiffers) {
-  const std::string id = jobs_.Create("r", "title", {})->id;
-  EXPECT_EQ(jobs_.Create("r", "title", {})->id, id);
+  const std::string id = jobs_.Create({"r", "title", "", {}})->id;
+  EXPECT_EQ(jobs_.Create({"r", "title", "", {}})->id, id);
   ReconstructOptions other;
   other.iterations = 5;
-  const auto refused = jobs_.Create("r", "title", other);
+  const auto refused = jobs_.Create({"r", "title", "", other});
   EXPECT_EQ(refused.status().code(), absl::StatusCode::kAlreadyExists);
   EXPECT_EQ(Reason(refused.status()), "REQUEST_ID_REUSED");
+  const auto other_files = jobs_.Create({"r", "title", "abcd", {}});
+  EXPECT_EQ(Reason(other_files.status()), "REQUEST_ID_REUSED");
+  EXPECT_THAT(std::string(other_files.status().message()), HasSubstr("other files"));
 }
 
 TEST_F(JobsTest, OnePhotoIsTooFew) {
-  const std::string id = jobs_.Create("", "", {})->id;
+  const std::string id = jobs_.Create({})->id;
   EXPECT_EQ(Reason(jobs_.Start(id).status()), "TOO_FEW_PHOTOS");
   ASSERT_TRUE(Add(id, "a.jpg").ok());
   ASSERT_TRUE(Add(id, "a.png", 0, 0, FileRole::kDepth).ok());
@@ -117,7 +120,7 @@ TEST_F(JobsTest, OnePhotoIsTooFew) {
 }
 
 TEST_F(JobsTest, TwoSizesAreRefusedByNameUnlessCamerasAreGiven) {
-  const std::string id = jobs_.Create("", "", {})->id;
+  const std::string id = jobs_.Create({})->id;
   ASSERT_TRUE(Add(id, "a.jpg", 64, 48).ok());
   ASSERT_TRUE(Add(id, "b.jpg", 48, 64).ok());
   const absl::Status status = jobs_.Start(id).status();
@@ -129,22 +132,8 @@ TEST_F(JobsTest, TwoSizesAreRefusedByNameUnlessCamerasAreGiven) {
   EXPECT_TRUE(jobs_.Start(id).ok());
 }
 
-TEST_F(JobsTest, FilesAreBoundedReplaceableAndRefusedAfterTheStart) {
-  const std::string id = jobs_.Create("", "", {})->id;
-  UploadLimits two;
-  two.max_files = 2;
-  ASSERT_TRUE(Add(id, "a.jpg", 1, 1, FileRole::kPhoto, two).ok());
-  ASSERT_TRUE(Add(id, "b.jpg", 1, 1, FileRole::kPhoto, two).ok());
-  EXPECT_EQ(Reason(Add(id, "c.jpg", 1, 1, FileRole::kPhoto, two)), "TOO_MANY_FILES");
-  EXPECT_TRUE(Add(id, "b.jpg", 1, 1, FileRole::kPhoto, two).ok());
-  ASSERT_TRUE(Add(id, "one.json", 0, 0, FileRole::kCameras).ok());
-  EXPECT_EQ(Reason(Add(id, "two.json", 0, 0, FileRole::kCameras)), "CAMERAS_TWICE");
-  ASSERT_TRUE(jobs_.Start(id).ok());
-  EXPECT_EQ(Reason(Add(id, "d.jpg")), "JOB_NOT_UPLOADING");
-}
-
 TEST_F(JobsTest, CancelEndsWaitingJobsAtOnceAndRunningOnesThroughTheirWorker) {
-  const std::string uploading = jobs_.Create("", "", {})->id;
+  const std::string uploading = jobs_.Create({})->id;
   EXPECT_EQ(jobs_.Cancel(uploading)->state, JobState::kCancelled);
 
   const std::string id = StartedJob();

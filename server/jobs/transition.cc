@@ -19,6 +19,7 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
   record.state = next;
   record.error = error ? Encode(*error) : "";
   record.end_time_ms = IsTerminal(next) ? now_ms : 0;
+  record.expire_time_ms = 0;
   if (next == JobState::kQueued) record.queue_time_ms = now_ms;
   if (next == JobState::kRunning) {
     if (record.start_time_ms == 0) record.start_time_ms = now_ms;

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -30,9 +31,25 @@ class BlobStore {
   // bytes with the store: do not write to it.
   virtual absl::Status Fetch(std::string_view key, const std::string& path) = 0;
 
+  // Makes the blob `from` known as `to`, too, without copying bytes where that can be helped; on
+  // disk when it returns. `to` being there already is fine.
+  virtual absl::Status Link(std::string_view from, std::string_view to) = 0;
+
+  // What is inside the folder `prefix`; empty if there is no such folder.
+  struct Entry {
+    std::string name;         // last part of the key of a blob or folder
+    double quiet_seconds = 0;  // since it was changed last
+  };
+  virtual absl::StatusOr<std::vector<Entry>> List(std::string_view prefix) = 0;
+
+  // Removes one blob; none there is fine.
+  virtual absl::Status Remove(std::string_view key) = 0;
   // Removes all blobs whose keys begin with the folder `prefix` ("jobs/ID").
   virtual absl::Status RemoveFolder(std::string_view prefix) = 0;
 };
+
+// The same as List() for any local folder.
+absl::StatusOr<std::vector<BlobStore::Entry>> ListFolder(const std::string& folder);
 
 // A folder, made if it is not there.
 absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& root);

@@ -18,6 +18,7 @@ absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
   const fs::path absolute = fs::absolute(root, error).lexically_normal();
   DataDir dir{absolute.string()};
   if (!error) fs::create_directories(absolute / "work", error);
+  if (!error) fs::create_directories(absolute / "uploads", error);
   if (!error) fs::create_directories(absolute / "tmp", error);
   if (!error) fs::permissions(absolute, fs::perms::owner_all, error);
   if (error) {
@@ -29,8 +30,10 @@ absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
 }
 
 void DataDir::EmptyTmp() const {
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(tmp(), error)) fs::remove_all(entry, error);
+  for (const std::string& folder : {tmp(), blobs() + "/tmp"}) {
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(folder, error)) fs::remove_all(entry, error);
+  }
 }
 
 absl::StatusOr<std::unique_ptr<DataDirLock>> DataDirLock::Take(const DataDir& dir) {

@@ -14,18 +14,21 @@ namespace litags {
 //   litags.db        jobs, files, events
 //   blobs/           photos, depth maps, previews, by digest
 //   work/JOB/        what the engine keeps of a job: links to its photos, checkpoint, scene
-//   tmp/             uploads and exports in flight; emptied when a server starts
+//   uploads/JOB/     files that have come in part; gone once the job is started
+//   tmp/             exports and unpacked files in flight; emptied when a server starts
 struct DataDir {
   std::string root;
 
   std::string database() const { return root + "/litags.db"; }
   std::string blobs() const { return root + "/blobs"; }
+  std::string uploads() const { return root + "/uploads"; }
   std::string tmp() const { return root + "/tmp"; }
+  std::string work() const { return root + "/work"; }
   std::string work(std::string_view job_id) const { return root + "/work/" + std::string(job_id); }
 
   // Makes the folders, readable by the owner only. FAILED_PRECONDITION (DATA_DIR_UNUSABLE).
   static absl::StatusOr<DataDir> Open(const std::string& root);
-  // Removes what an earlier server left in tmp/.
+  // Removes what an earlier server and its workers left in tmp/ and blobs/tmp/.
   void EmptyTmp() const;
 };
 

@@ -2,8 +2,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -13,6 +13,7 @@
 #include "engine/core/check.h"
 #include "engine/core/error.h"
 #include "server/store/blob_store.h"
+#include "server/store/digest.h"
 
 namespace litags {
 namespace {
@@ -69,9 +70,7 @@ class DiskBlobStore : public BlobStore {
   explicit DiskBlobStore(fs::path root) : root_(std::move(root)) {}
 
   absl::Status Put(std::string_view key, std::string_view bytes) override {
-    static std::atomic<int> counter{0};
-    const fs::path temporary =
-        root_ / "tmp" / absl::StrCat("put-", getpid(), "-", counter.fetch_add(1));
+    const fs::path temporary = TemporaryPath();
     absl::Status status = WriteAll(temporary, bytes);
     if (status.ok()) status = PutFile(key, temporary);
     unlink(temporary.c_str());  // still there after a failure only
@@ -106,6 +105,31 @@ class DiskBlobStore : public BlobStore {
     return error ? ErrorOf("copy", source, error.value()) : absl::OkStatus();
   }
 
+  absl::Status Link(std::string_view from, std::string_view to) override {
+    const fs::path source = PathOf(from), target = PathOf(to);
+    LITAGS_RETURN_IF_ERROR(MakeFolder(target.parent_path()));
+    if (link(source.c_str(), target.c_str()) == 0 || errno == EEXIST) {
+      return Sync(target.parent_path());
+    }
+    if (errno == ENOENT) return ErrorOf("link", source, ENOENT);
+    const fs::path temporary = TemporaryPath();  // a file system without hard links: copy
+    std::error_code error;
+    fs::copy_file(source, temporary, error);
+    absl::Status status = error ? ErrorOf("copy", source, error.value()) : PutFile(to, temporary);
+    unlink(temporary.c_str());
+    return status;
+  }
+
+  absl::StatusOr<std::vector<Entry>> List(std::string_view prefix) override {
+    return ListFolder(PathOf(prefix));
+  }
+
+  absl::Status Remove(std::string_view key) override {
+    const fs::path path = PathOf(key);
+    if (unlink(path.c_str()) != 0 && errno != ENOENT) return ErrorOf("remove", path, errno);
+    return absl::OkStatus();
+  }
+
   absl::Status RemoveFolder(std::string_view prefix) override {
     std::error_code error;
     fs::remove_all(PathOf(prefix), error);
@@ -124,6 +148,8 @@ class DiskBlobStore : public BlobStore {
   }
 
  private:
+  fs::path TemporaryPath() const { return root_ / "tmp" / absl::StrCat("put-", RandomHex(8)); }
+
   fs::path PathOf(std::string_view key) const {
     LITAGS_CHECK(!key.empty() && key.front() != '/' &&
                  std::all_of(key.begin(), key.end(), [](char c) {
@@ -136,6 +162,20 @@ class DiskBlobStore : public BlobStore {
 };
 
 }  // namespace
+
+absl::StatusOr<std::vector<BlobStore::Entry>> ListFolder(const std::string& folder) {
+  std::vector<BlobStore::Entry> entries;
+  std::error_code error;
+  const auto now = fs::file_time_type::clock::now();
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    std::error_code gone;
+    const auto time = it->last_write_time(gone);
+    if (gone) continue;
+    entries.push_back({it->path().filename(), std::chrono::duration<double>(now - time).count()});
+  }
+  if (error && error.value() != ENOENT) return ErrorOf("list", folder, error.value());
+  return entries;
+}
 
 absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& root) {
   auto store = std::make_unique<DiskBlobStore>(root);

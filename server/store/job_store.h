@@ -31,19 +31,24 @@ struct JobRecord {
   std::string owner;       // name of the client that made it; empty: made without authentication
   std::string request_id;  // empty: none; unique per owner
   std::string display_name;
+  std::string content_digest;  // what the creator said would be uploaded; empty: nothing said
   JobState state = JobState::kUploading;
   bool cancel_requested = false;
-  int attempt = 0;  // leases since it was last queued by a user
+  int attempt = 0;   // leases since it was last queued by a user
+  int priority = 0;  // higher ones leave the queue first
 
   // The lease of the worker that runs it; meaningful in kRunning only.
   std::string lease_owner;
+  int64_t lease_start_ms = 0;
   int64_t lease_expires_ms = 0;
+  int64_t run_ms = 0;  // spent in earlier leases since it was last queued by a user
 
   // Times in milliseconds since 1970; 0: not yet.
   int64_t create_time_ms = 0;
   int64_t start_time_ms = 0;
   int64_t end_time_ms = 0;
   int64_t queue_time_ms = 0;
+  int64_t expire_time_ms = 0;  // from then on it may be removed; 0: never
 
   int64_t last_event = 0;  // number of the newest event
   int64_t photos = 0;      // kept by the store
@@ -54,13 +59,14 @@ struct JobRecord {
 
   // JSON, opaque to the store; empty: none. See server/jobs/codec.h.
   std::string options;
+  std::string policy;
   std::string progress;
   std::string error;
   std::string report;
 };
 
 // Stored as numbers: never change or reuse them.
-enum class FileRole { kPhoto = 1, kCameras = 2, kDepth = 3 };
+enum class FileRole { kPhoto = 1, kCameras = 2, kDepth = 3, kColmap = 4, kArchive = 5 };
 
 struct FileRecord {
   std::string name;
@@ -69,6 +75,12 @@ struct FileRecord {
   std::string sha256;  // 64 hex digits
   int width = 0;       // px; photos only
   int height = 0;      // px; photos only
+};
+
+// A file and the job it belongs to.
+struct JobFile {
+  std::string job_id;
+  FileRecord file;
 };
 
 // Stored as numbers: never change or reuse them.
@@ -137,7 +149,8 @@ class JobStore {
   // more than once, so it must have no effect but on the transaction.
   virtual absl::StatusOr<JobRecord> Update(std::string_view id, Change change) = 0;
 
-  // Update() of the first queued job (by queue_time_ms); nullopt if there is none.
+  // Update() of the first queued job (highest priority, then by queue_time_ms); nullopt if there
+  // is none.
   virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) = 0;
 
   // Update() of one running job whose lease ended before `now_ms`; nullopt if there is none.
@@ -151,8 +164,16 @@ class JobStore {
   // Ids of the running jobs leased to `owner`.
   virtual absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) = 0;
 
+  // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
+  virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
+
   // By role, then name.
   virtual absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) = 0;
+
+  // A file with these bytes and this role in any job of the owner of job `id`, `id` itself
+  // included; nullopt if there is none.
+  virtual absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
+                                                          std::string_view sha256) = 0;
 
   // Events with numbers above `after`, in order, at most `limit`.
   virtual absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,

@@ -14,7 +14,7 @@ constexpr char kColumns[] =
     "id, request_id, display_name, state, cancel_requested, attempt, lease_owner, "
     "lease_expires_ms, create_time_ms, start_time_ms, end_time_ms, queue_time_ms, last_event, "
     "photos, bytes, snapshot_iteration, scene_path, options, progress, error, report, "
-    "owner";
+    "owner, content_digest, priority, lease_start_ms, run_ms, expire_time_ms, policy";
 
 const std::string kSelect = absl::StrCat("SELECT ", kColumns, " FROM jobs ");
 
@@ -44,6 +44,12 @@ JobRecord ReadJob(const Statement& row) {
   job.error = row.Text(c++);
   job.report = row.Text(c++);
   job.owner = row.Text(c++);
+  job.content_digest = row.Text(c++);
+  job.priority = static_cast<int>(row.Int(c++));
+  job.lease_start_ms = row.Int(c++);
+  job.run_ms = row.Int(c++);
+  job.expire_time_ms = row.Int(c++);
+  job.policy = row.Text(c++);
   return job;
 }
 
@@ -58,7 +64,8 @@ absl::Status WriteJob(SqliteConnection* db, const JobRecord& job) {
     for (const char* name :
          {"display_name", "state", "cancel_requested", "attempt", "lease_owner", "lease_expires_ms",
           "start_time_ms", "end_time_ms", "queue_time_ms", "last_event", "photos", "bytes",
-          "snapshot_iteration", "scene_path", "options", "progress", "error", "report"}) {
+          "snapshot_iteration", "scene_path", "options", "progress", "error", "report",
+          "priority", "lease_start_ms", "run_ms", "expire_time_ms", "policy"}) {
       absl::StrAppend(&sql, sql.back() == ' ' ? "" : ", ", name, "=excluded.", name);
     }
     return sql;
@@ -85,26 +92,51 @@ absl::Status WriteJob(SqliteConnection* db, const JobRecord& job) {
       .Bind(job.progress)
       .Bind(job.error)
       .Bind(job.report)
-      .Bind(job.owner);
+      .Bind(job.owner)
+      .Bind(job.content_digest)
+      .Bind(int64_t{job.priority})
+      .Bind(job.lease_start_ms)
+      .Bind(job.run_ms)
+      .Bind(job.expire_time_ms)
+      .Bind(job.policy);
   return statement.Run();
 }
 
+constexpr char kFileColumns[] = "role, name, size_bytes, sha256, width, height";
+
+// Order as kFileColumns.
+FileRecord ReadFileRow(const Statement& row) {
+  FileRecord file;
+  int c = 0;
+  file.role = static_cast<FileRole>(row.Int(c++));
+  file.name = row.Text(c++);
+  file.size_bytes = row.Int(c++);
+  file.sha256 = row.Text(c++);
+  file.width = static_cast<int>(row.Int(c++));
+  file.height = static_cast<int>(row.Int(c++));
+  return file;
+}
+
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqliteConnection* db, std::string_view id) {
-  Statement row = db->Prepare(
-      "SELECT role, name, size_bytes, sha256, width, height FROM files WHERE job_id=? "
-      "ORDER BY role, name");
+  static const std::string kSql =
+      absl::StrCat("SELECT ", kFileColumns, " FROM files WHERE job_id=? ORDER BY role, name");
+  Statement row = db->Prepare(kSql);
   row.Bind(id);
   std::vector<FileRecord> files;
   for (;;) {
     LITAGS_ASSIGN_OR_RETURN(const bool more, row.Step());
     if (!more) return files;
-    FileRecord& file = files.emplace_back();
-    file.role = static_cast<FileRole>(row.Int(0));
-    file.name = row.Text(1);
-    file.size_bytes = row.Int(2);
-    file.sha256 = row.Text(3);
-    file.width = static_cast<int>(row.Int(4));
-    file.height = static_cast<int>(row.Int(5));
+    files.push_back(ReadFileRow(row));
+  }
+}
+
+// The ids that a prepared SELECT gives.
+absl::StatusOr<std::vector<std::string>> ReadIds(Statement& row) {
+  std::vector<std::string> ids;
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, row.Step());
+    if (!more) return ids;
+    ids.push_back(row.Text(0));
   }
 }
 
@@ -235,8 +267,10 @@ class SqliteJobStore : public JobStore {
   }
 
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) override {
-    return UpdateFirst("SELECT id FROM jobs WHERE state=2 AND ?1=?1 ORDER BY queue_time_ms LIMIT 1",
-                       0, change);
+    return UpdateFirst(
+        "SELECT id FROM jobs WHERE state=2 AND ?1=?1 "
+        "ORDER BY priority DESC, queue_time_ms, create_time_ms, id LIMIT 1",
+        0, change);
   }
 
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
@@ -255,18 +289,38 @@ class SqliteJobStore : public JobStore {
     std::lock_guard lock(mutex_);
     Statement row = db_->Prepare("SELECT id FROM jobs WHERE state=3 AND lease_owner=?");
     row.Bind(owner);
-    std::vector<std::string> ids;
-    for (;;) {
-      LITAGS_ASSIGN_OR_RETURN(const bool more, row.Step());
-      if (!more) return ids;
-      ids.push_back(row.Text(0));
-    }
+    return ReadIds(row);
+  }
+
+  absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override {
+    std::lock_guard lock(mutex_);
+    Statement row = db_->Prepare(
+        "SELECT id FROM jobs WHERE expire_time_ms > 0 AND expire_time_ms <= ? "
+        "ORDER BY expire_time_ms LIMIT ?");
+    row.Bind(now_ms).Bind(int64_t{limit});
+    return ReadIds(row);
   }
 
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override {
     std::lock_guard lock(mutex_);
     LITAGS_RETURN_IF_ERROR(Select(id).status());
     return SelectFiles(db_.get(), id);
+  }
+
+  absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
+                                                  std::string_view sha256) override {
+    std::lock_guard lock(mutex_);
+    LITAGS_RETURN_IF_ERROR(Select(id).status());
+    static const std::string kSql =
+        absl::StrCat("SELECT ", kFileColumns,
+                     ", job_id FROM files WHERE sha256=?1 AND role=?2 AND "
+                     "(SELECT owner FROM jobs WHERE id=job_id) = "
+                     "(SELECT owner FROM jobs WHERE id=?3) ORDER BY job_id <> ?3 LIMIT 1");
+    Statement row = db_->Prepare(kSql);
+    row.Bind(sha256).Bind(static_cast<int64_t>(role)).Bind(id);
+    LITAGS_ASSIGN_OR_RETURN(const bool found, row.Step());
+    if (!found) return std::nullopt;
+    return JobFile{row.Text(6), ReadFileRow(row)};
   }
 
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,

@@ -1,0 +1,112 @@
+// Files on their way into a job: what is there, what is missing, and how they are kept.
+#ifndef LITAGS_SERVER_JOBS_UPLOADS_H_
+#define LITAGS_SERVER_JOBS_UPLOADS_H_
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/store/blob_store.h"
+#include "server/store/job_store.h"
+#include "server/store/partial_files.h"
+
+namespace litags {
+
+// Milliseconds since 1970.
+using Clock = std::function<int64_t()>;
+int64_t SystemClockMs();
+
+// The store key of a job's file or preview picture.
+std::string BlobKey(std::string_view job_id, std::string_view sha256);
+
+// What an upload may cost.
+struct UploadLimits {
+  int64_t max_files = 10000;                      // per job, those on their way included
+  int64_t max_file_bytes = int64_t{256} << 20;    // photos and depth maps
+  int64_t max_cameras_bytes = int64_t{64} << 20;  // transforms.json
+  int64_t max_job_bytes = int64_t{16} << 30;      // all files of a job
+  double max_silence_seconds = 60;                // between two messages of a stream
+  double keep_seconds = 24 * 3600;                // a job that is not started and gets no files
+};
+
+// How much of a file an upload may leave out.
+struct FileStatus {
+  bool stored = false;  // the job has it
+  int64_t offset = 0;   // bytes that need not be sent; all of them: the header is enough
+};
+
+// What all views of the jobs of one data folder share: files on their way, and who adds files.
+struct UploadArea {
+  UploadArea(std::string partials_root, UploadLimits limits)
+      : limits(limits), partials(std::move(partials_root)) {}
+  const UploadLimits limits;
+  PartialFiles partials;
+  // Files of one job are added one at a time: bytes are stored before the row that names them, and
+  // removed again if the row is refused. By a hash of the job's id.
+  std::array<std::mutex, 16> add_mutexes;
+};
+
+// Thread-safe. Errors: those of JobStore, BlobStore, PartialFiles and NextState(), and what each
+// call says. In a FileRecord, role, name, size and digest must be set; names must be checked.
+class Uploads {
+ public:
+  // The stores must outlive this.
+  Uploads(JobStore* store, BlobStore* blobs, std::shared_ptr<UploadArea> area, Clock clock)
+      : store_(store), blobs_(blobs), area_(std::move(area)), clock_(std::move(clock)) {}
+
+  const UploadLimits& limits() const { return area_->limits; }
+  PartialFiles& partials() { return area_->partials; }
+  const std::shared_ptr<UploadArea>& area() const { return area_; }
+
+  // OK if the job takes files. Counts as a sign of life: the job expires later.
+  absl::Status Check(std::string_view id);
+
+  // What of each file is on disk.
+  absl::StatusOr<std::vector<FileStatus>> Query(std::string_view id,
+                                                const std::vector<FileRecord>& files);
+  absl::StatusOr<bool> IsStored(std::string_view id, const FileRecord& file);
+
+  // Takes a file's bytes from `offset` on. RESOURCE_EXHAUSTED (TOO_MANY_FILES, JOB_TOO_LARGE),
+  // OUT_OF_RANGE (OFFSET_INVALID).
+  absl::StatusOr<std::unique_ptr<PartialFile>> Open(std::string_view id, const FileRecord& file,
+                                                    int64_t offset);
+
+  // Keeps a checked file whose bytes are at `path`; the file at `path` is consumed. Bytes that
+  // another job has already take no more room. On disk when it returns. RESOURCE_EXHAUSTED
+  // (TOO_MANY_FILES, JOB_TOO_LARGE), INVALID_ARGUMENT (CAMERAS_TWICE).
+  absl::Status Add(std::string_view id, const FileRecord& file, const std::string& path);
+
+  // The same with the bytes of a file of the same digest and role in this job or in another one of
+  // the same owner. False if there is none.
+  absl::StatusOr<bool> Adopt(std::string_view id, const FileRecord& file);
+
+  // When a job that now got a file, and is not started, may be removed.
+  int64_t Expiry() const {
+    return clock_() + static_cast<int64_t>(1000 * limits().keep_seconds);
+  }
+
+ private:
+  absl::Status CheckRoom(std::string_view id, const std::vector<FileRecord>& files,
+                         const FileRecord& file, const PartialFiles::Usage& coming) const;
+  absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
+  absl::Status PutRow(std::string_view id, const FileRecord& file);
+  absl::Status RemoveUnused(std::string_view id, std::string_view sha256);
+  std::mutex& AddMutex(std::string_view id);
+
+  JobStore* const store_;
+  BlobStore* const blobs_;
+  const std::shared_ptr<UploadArea> area_;
+  const Clock clock_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_JOBS_UPLOADS_H_

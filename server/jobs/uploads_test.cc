@@ -1,0 +1,257 @@
+#include "server/jobs/uploads.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/jobs/jobs.h"
+#include "server/jobs/leases.h"
+#include "server/store/digest.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+std::string Reason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail ? detail->reason : "";
+}
+
+FileRecord Photo(const std::string& name, const std::string& bytes,
+                 FileRole role = FileRole::kPhoto) {
+  return {name, role, static_cast<int64_t>(bytes.size()), Sha256::Hex(bytes), 64, 48};
+}
+
+class UploadsTest : public ::testing::Test {
+ protected:
+  UploadsTest() { Restart({}); }
+
+  // As a server does that starts again on the same data.
+  void Restart(UploadLimits limits) {
+    jobs_.reset();
+    blobs_.reset();
+    store_.reset();
+    store_ = *OpenSqliteJobStore(data_.database());
+    blobs_ = *OpenDiskBlobStore(data_.blobs());
+    jobs_ = std::make_unique<Jobs>(store_.get(), blobs_.get(), data_, clock_, limits);
+  }
+
+  Uploads& uploads() { return jobs_->uploads(); }
+  std::string NewJob() { return jobs_->Create({})->id; }
+
+  // A whole file at once.
+  absl::Status Add(const std::string& id, const std::string& name, const std::string& bytes,
+                   FileRole role = FileRole::kPhoto) {
+    const FileRecord file = Photo(name, bytes, role);
+    auto partial = uploads().Open(id, file, 0);
+    if (!partial.ok()) return partial.status();
+    LITAGS_RETURN_IF_ERROR((*partial)->Append(bytes));
+    return uploads().Add(id, file, (*partial)->path());
+  }
+
+  int64_t OffsetOf(const std::string& id, const FileRecord& file) {
+    const auto statuses = uploads().Query(id, {file});
+    EXPECT_TRUE(statuses.ok()) << statuses.status();
+    return statuses.ok() ? (*statuses)[0].offset : -1;
+  }
+
+  // Bytes of all files of jobs, the database left out.
+  int64_t BytesOnDisk() const {
+    int64_t bytes = 0;
+    for (const std::string& folder : {data_.blobs(), data_.uploads(), data_.work(), data_.tmp()}) {
+      for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+        if (entry.is_regular_file()) bytes += static_cast<int64_t>(entry.file_size());
+      }
+    }
+    return bytes;
+  }
+
+  int64_t now_ms_ = 1'000'000'000;
+  Clock clock_ = [this] { return now_ms_; };
+  TempDir dir_;
+  DataDir data_ = *DataDir::Open(dir_.path());
+  std::unique_ptr<JobStore> store_;
+  std::unique_ptr<BlobStore> blobs_;
+  std::unique_ptr<Jobs> jobs_;
+};
+
+TEST_F(UploadsTest, BytesOfABrokenStreamAreContinuedAlsoAfterARestart) {
+  const std::string id = NewJob();
+  const FileRecord file = Photo("a.jpg", "0123456789");
+  ASSERT_TRUE((*uploads().Open(id, file, 0))->Append("0123").ok());  // and the stream breaks
+  EXPECT_EQ(OffsetOf(id, file), 4);
+  Restart({});
+  EXPECT_EQ(OffsetOf(id, file), 4);
+  auto rest = uploads().Open(id, file, 4);
+  ASSERT_TRUE(rest.ok()) << rest.status();
+  ASSERT_TRUE((*rest)->Append("456789").ok());
+  EXPECT_EQ((*rest)->HexDigest(), file.sha256);  // of all bytes, the earlier ones included
+  ASSERT_TRUE(uploads().Add(id, file, (*rest)->path()).ok());
+  EXPECT_TRUE((*uploads().Query(id, {file}))[0].stored);
+  EXPECT_EQ(*blobs_->Get(BlobKey(id, file.sha256)), "0123456789");
+}
+
+TEST_F(UploadsTest, OffsetBeyondWhatIsThereIsRefusedAndASmallerOneDropsTheRest) {
+  const std::string id = NewJob();
+  const FileRecord file = Photo("a.jpg", "0123456789");
+  ASSERT_TRUE((*uploads().Open(id, file, 0))->Append("0123").ok());
+  EXPECT_EQ(Reason(uploads().Open(id, file, 5).status()), "OFFSET_INVALID");
+  EXPECT_EQ(OffsetOf(id, file), 4);  // the refusal cost nothing
+  auto again = uploads().Open(id, file, 2);
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ((*again)->size(), 2);
+  ASSERT_TRUE((*again)->Append("23456789").ok());
+  EXPECT_EQ((*again)->HexDigest(), file.sha256);
+  EXPECT_EQ(Reason(uploads().Open(id, Photo("b.jpg", "b"), 1).status()), "OFFSET_INVALID");
+}
+
+TEST_F(UploadsTest, NewestStreamTakesAFileOverAndTheOlderOneWritesNothingMore) {
+  const std::string id = NewJob();
+  const FileRecord file = Photo("a.jpg", "0123456789");
+  auto old_stream = *uploads().Open(id, file, 0);
+  ASSERT_TRUE(old_stream->Append("0123").ok());
+  auto new_stream = *uploads().Open(id, file, 4);
+  EXPECT_EQ(Reason(old_stream->Append("xxxx")), "UPLOAD_TAKEN_OVER");
+  old_stream->Discard();  // has no say any more
+  old_stream.reset();
+  ASSERT_TRUE(new_stream->Append("456789").ok());
+  EXPECT_EQ(OffsetOf(id, file), 10);
+}
+
+TEST_F(UploadsTest, SameBytesAreStoredOnceAndSentOnceForAllJobs) {
+  const std::string first = NewJob(), second = NewJob();
+  const std::string bytes(100'000, 'x');
+  const FileRecord file = Photo("a.jpg", bytes);
+  ASSERT_TRUE(Add(first, "a.jpg", bytes).ok());
+  FileRecord renamed = file;
+  renamed.name = "b.jpg";
+  EXPECT_EQ(OffsetOf(second, renamed), 100'000);
+  const auto adopted = uploads().Adopt(second, renamed);
+  ASSERT_TRUE(adopted.ok() && *adopted) << adopted.status();
+  EXPECT_EQ(jobs_->Get(second)->photos, 1);
+  // A job that sends them all the same shares them, too: hard links to the same bytes.
+  const std::string third = NewJob();
+  ASSERT_TRUE(Add(third, "c.jpg", bytes).ok());
+  const fs::path blob = fs::path(data_.blobs()) / BlobKey(third, file.sha256);
+  EXPECT_EQ(fs::hard_link_count(blob), 3u);
+  ASSERT_TRUE(jobs_->Delete(first).ok());
+  EXPECT_EQ(blobs_->Get(BlobKey(second, file.sha256))->size(), 100'000u);
+  // Another role or size is another file.
+  EXPECT_EQ(OffsetOf(third, Photo("a.png", bytes, FileRole::kDepth)), 0);
+  EXPECT_FALSE(*uploads().Adopt(third, Photo("d.jpg", "other")));
+}
+
+TEST_F(UploadsTest, FilesAndBytesOfAJobAreBoundedThoseOnTheirWayIncluded) {
+  UploadLimits limits;
+  limits.max_files = 2;
+  limits.max_job_bytes = 100;
+  Restart(limits);
+  const std::string id = NewJob();
+  ASSERT_TRUE(Add(id, "a.jpg", "aaa").ok());
+  {
+    auto coming = *uploads().Open(id, Photo("b.jpg", "bbbb"), 0);
+    ASSERT_TRUE(coming->Append("bb").ok());
+  }
+  EXPECT_EQ(Reason(Add(id, "c.jpg", "ccc")), "TOO_MANY_FILES");
+  ASSERT_TRUE(Add(id, "b.jpg", "bbbb").ok());
+  EXPECT_EQ(Reason(Add(id, "c.jpg", "ccc")), "TOO_MANY_FILES");
+  EXPECT_EQ(Reason(Add(id, "b.jpg", std::string(98, 'b'))), "JOB_TOO_LARGE");
+  EXPECT_TRUE(Add(id, "b.jpg", std::string(97, 'b')).ok());
+}
+
+TEST_F(UploadsTest, ReplacedFilesLeaveNoBytesAndASecondCamerasFileIsRefused) {
+  const std::string id = NewJob();
+  ASSERT_TRUE(Add(id, "a.jpg", "first").ok());
+  ASSERT_TRUE(Add(id, "a.jpg", "other one").ok());
+  EXPECT_EQ(BytesOnDisk(), 9);
+  ASSERT_TRUE(Add(id, "one.json", "{}", FileRole::kCameras).ok());
+  EXPECT_EQ(Reason(Add(id, "two.json", "[]", FileRole::kCameras)), "CAMERAS_TWICE");
+  EXPECT_EQ(BytesOnDisk(), 11);
+}
+
+TEST_F(UploadsTest, CancelDeleteAndStartEndUploadsAndLeaveNothingOfThem) {
+  for (const std::string how : {"cancel", "delete", "start"}) {
+    const std::string id = NewJob();
+    ASSERT_TRUE(Add(id, "a.jpg", "a" + how).ok());
+    ASSERT_TRUE(Add(id, "b.jpg", "b" + how).ok());
+    const FileRecord file = Photo("c.jpg", "0123456789");
+    auto stream = *uploads().Open(id, file, 0);
+    ASSERT_TRUE(stream->Append("0123").ok());
+    if (how == "cancel") ASSERT_TRUE(jobs_->Cancel(id).ok());
+    if (how == "delete") ASSERT_TRUE(jobs_->Delete(id).ok());
+    if (how == "start") ASSERT_TRUE(jobs_->Start(id).ok());
+    EXPECT_EQ(Reason(stream->Append("456789")), "UPLOAD_TAKEN_OVER") << how;
+    EXPECT_FALSE(uploads().Open(id, file, 0).ok()) << how;
+    stream.reset();
+    EXPECT_TRUE(fs::is_empty(data_.uploads())) << how;
+  }
+}
+
+TEST_F(UploadsTest, DiskUseAfterManyBrokenUploadsReturnsToZero) {
+  for (int i = 0; i < 20; ++i) {
+    const std::string id = NewJob();
+    ASSERT_TRUE(Add(id, "a.jpg", absl::StrCat("photo ", i)).ok());
+    ASSERT_TRUE((*uploads().Open(id, Photo("b.jpg", absl::StrCat("0123456789", i)), 0))
+                    ->Append("0123")
+                    .ok());
+  }
+  EXPECT_GT(BytesOnDisk(), 0);
+  now_ms_ += 23 * 3600 * 1000;
+  EXPECT_EQ(jobs_->Sweep()->size(), 0u);
+  now_ms_ += 2 * 3600 * 1000;
+  EXPECT_EQ(jobs_->Sweep()->size(), 20u);
+  EXPECT_EQ(BytesOnDisk(), 0);
+  EXPECT_TRUE(fs::is_empty(data_.uploads()));
+  EXPECT_TRUE(jobs_->List(0, "", 100)->empty());
+}
+
+TEST_F(UploadsTest, SignsOfLifeKeepAnUploadAndAStartedJobNeverExpires) {
+  const std::string alive = NewJob(), open = NewJob(), started = NewJob();
+  ASSERT_TRUE(Add(started, "a.jpg", "a").ok());
+  ASSERT_TRUE(Add(started, "b.jpg", "b").ok());
+  ASSERT_TRUE(jobs_->Start(started).ok());
+  auto stream = *uploads().Open(open, Photo("b.jpg", "0123456789"), 0);
+  for (int hour = 0; hour < 40; ++hour) {
+    now_ms_ += 3600 * 1000;
+    ASSERT_TRUE(uploads().Check(alive).ok());
+    ASSERT_EQ(jobs_->Sweep()->size(), 0u);
+  }
+  stream.reset();  // the stream has ended; nothing had come for 40 hours
+  EXPECT_THAT(*jobs_->Sweep(), ::testing::ElementsAre(open));
+  now_ms_ += int64_t{1000} * 3600 * 1000;
+  EXPECT_THAT(*jobs_->Sweep(), ::testing::ElementsAre(alive));
+  EXPECT_EQ(jobs_->Get(started)->state, JobState::kQueued);
+}
+
+TEST_F(UploadsTest, FilesThatBelongToNoJobAreCollectedAndStrangersAreLeftAlone) {
+  UploadLimits limits;
+  limits.keep_seconds = 0;
+  Restart(limits);
+  const std::string lost = "0123456789abcdef";  // as after a crash in the middle of a deletion
+  ASSERT_TRUE(blobs_->Put(BlobKey(lost, std::string(64, 'a')), "photo").ok());
+  for (const std::string& folder : {data_.work(lost), data_.uploads() + "/" + lost}) {
+    fs::create_directories(folder);
+    std::ofstream(folder + "/file") << "bytes";
+  }
+  fs::create_directories(data_.work("lost+found"));
+  ASSERT_TRUE(jobs_->Sweep().ok());
+  EXPECT_EQ(BytesOnDisk(), 0);
+  EXPECT_TRUE(fs::exists(data_.work("lost+found")));
+}
+
+TEST_F(UploadsTest, OrphansOfTodayAreKeptForTheOperator) {
+  const std::string lost = "0123456789abcdef";
+  ASSERT_TRUE(blobs_->Put(BlobKey(lost, std::string(64, 'a')), "photo").ok());
+  ASSERT_TRUE(jobs_->Sweep().ok());
+  EXPECT_EQ(BytesOnDisk(), 5);
+}
+
+}  // namespace
+}  // namespace litags

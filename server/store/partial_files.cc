@@ -1,0 +1,184 @@
+#include "server/store/partial_files.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/check.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kReadBytes = size_t{1} << 20;
+constexpr uint64_t kNobody = 0;
+
+absl::Status ErrorOf(const char* action, const std::string& path, int error) {
+  if (error == ENOSPC || error == EDQUOT) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "",
+                     "the disk of the server's data folder is full; free some space there");
+  }
+  return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
+                   absl::StrCat("cannot ", action, " ", path, ": ", std::strerror(error)));
+}
+
+}  // namespace
+
+PartialFile::~PartialFile() {
+  if (fd_ >= 0) close(fd_);
+  if (size_ == 0) Discard();
+}
+
+absl::Status PartialFile::Lost() const {
+  return MakeError(absl::StatusCode::kAborted, "UPLOAD_TAKEN_OVER", "",
+                   "another stream sends this file now, or the job was cancelled or deleted; "
+                   "upload a file by one stream at a time");
+}
+
+absl::Status PartialFile::OpenAt(int64_t offset) {
+  fd_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  struct stat status;
+  if (fd_ < 0 || fstat(fd_, &status) != 0) return ErrorOf("open", path_, errno);
+  if (offset < 0 || status.st_size < offset) {
+    size_ = status.st_size;
+    return MakeError(absl::StatusCode::kOutOfRange, "OFFSET_INVALID", "",
+                     absl::StrCat("offset is ", offset, ", but the server has ", status.st_size,
+                                  " bytes of this file; ask QueryUpload again"));
+  }
+  if (ftruncate(fd_, offset) != 0) return ErrorOf("truncate", path_, errno);
+  std::string chunk(std::min<int64_t>(offset, kReadBytes), '\0');
+  while (size_ < offset) {
+    const size_t wanted = std::min<int64_t>(chunk.size(), offset - size_);
+    const ssize_t n = read(fd_, chunk.data(), wanted);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return ErrorOf("read", path_, n < 0 ? errno : EIO);
+    sha_.Update({chunk.data(), static_cast<size_t>(n)});
+    size_ += n;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PartialFile::Append(std::string_view bytes) {
+  std::lock_guard lock(slot_->mutex);
+  if (slot_->writer != writer_) return Lost();
+  sha_.Update(bytes);
+  while (!bytes.empty()) {
+    const ssize_t n = write(fd_, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return ErrorOf("write", path_, errno);
+    size_ += n;
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  return absl::OkStatus();
+}
+
+void PartialFile::Discard() {
+  std::lock_guard lock(slot_->mutex);
+  if (slot_->writer != writer_) return;
+  slot_->writer = kNobody;
+  unlink(path_.c_str());
+}
+
+std::string PartialFiles::Folder(std::string_view job_id) const {
+  LITAGS_CHECK(!job_id.empty() && job_id.find_first_of("./") == std::string_view::npos);
+  return absl::StrCat(root_, "/", std::string(job_id));
+}
+
+absl::StatusOr<int64_t> PartialFiles::Size(std::string_view job_id, std::string_view key) {
+  const std::string path = absl::StrCat(Folder(job_id), "/", std::string(key));
+  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) {
+    if (errno == ENOENT) return 0;
+    return ErrorOf("open", path, errno);
+  }
+  struct stat status;
+  // Synced: what is announced here is not sent again.
+  const bool ok = fstat(fd, &status) == 0 && fdatasync(fd) == 0;
+  const int error = errno;
+  close(fd);
+  if (!ok) return ErrorOf("sync", path, error);
+  return status.st_size;
+}
+
+std::shared_ptr<PartialSlot> PartialFiles::SlotOf(const std::string& name) {
+  std::weak_ptr<PartialSlot>& entry = slots_[name];
+  std::shared_ptr<PartialSlot> slot = entry.lock();
+  if (!slot) entry = slot = std::make_shared<PartialSlot>();
+  return slot;
+}
+
+absl::StatusOr<std::unique_ptr<PartialFile>> PartialFiles::Open(std::string_view job_id,
+                                                                std::string_view key,
+                                                                int64_t offset) {
+  const std::string folder = Folder(job_id);
+  std::shared_ptr<PartialSlot> slot;
+  uint64_t writer = 0;
+  {
+    std::lock_guard lock(mutex_);
+    std::erase_if(slots_, [](const auto& entry) { return entry.second.expired(); });
+    slot = SlotOf(absl::StrCat(std::string(job_id), "/", std::string(key)));
+    writer = next_writer_++;
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (error) return ErrorOf("create", folder, error.value());
+  }
+  const std::string path = absl::StrCat(folder, "/", std::string(key));
+  std::unique_ptr<PartialFile> file(new PartialFile(slot, writer, path));
+  std::lock_guard lock(slot->mutex);  // an append of the writer before is over now
+  slot->writer = writer;
+  const absl::Status opened = file->OpenAt(offset);
+  if (opened.ok()) return file;
+  // Not the destructor's task: it would lock the slot, and must not remove what others sent.
+  slot->writer = kNobody;
+  if (file->size_ == 0) unlink(path.c_str());
+  return opened;
+}
+
+bool PartialFiles::InUse(std::string_view job_id) {
+  const std::string prefix = absl::StrCat(std::string(job_id), "/");
+  std::lock_guard lock(mutex_);
+  for (auto it = slots_.lower_bound(prefix); it != slots_.end(); ++it) {
+    if (!it->first.starts_with(prefix)) return false;
+    if (!it->second.expired()) return true;
+  }
+  return false;
+}
+
+PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id) const {
+  Usage usage;
+  std::error_code error;
+  const fs::path folder = Folder(job_id);
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    std::error_code gone;  // it may have become complete just now
+    const auto bytes = it->file_size(gone);
+    if (gone) continue;
+    ++usage.files;
+    usage.bytes += static_cast<int64_t>(bytes);
+  }
+  return usage;
+}
+
+absl::Status PartialFiles::RemoveJob(std::string_view job_id) {
+  const std::string prefix = absl::StrCat(std::string(job_id), "/");
+  std::lock_guard lock(mutex_);
+  for (auto it = slots_.lower_bound(prefix); it != slots_.end(); ++it) {
+    if (!it->first.starts_with(prefix)) break;
+    if (const auto slot = it->second.lock()) {
+      std::lock_guard slot_lock(slot->mutex);
+      slot->writer = kNobody;
+    }
+  }
+  std::error_code error;
+  fs::remove_all(Folder(job_id), error);
+  return error ? ErrorOf("remove", Folder(job_id), error.value()) : absl::OkStatus();
+}
+
+}  // namespace litags
