@@ -14,8 +14,9 @@ namespace {
 bool IsAboutInput(const std::string& reason) {
   static const auto& reasons = *new std::set<std::string>{
       "TOO_FEW_PHOTOS", "PHOTO_SIZES_DIFFER", "IMAGE_TOO_LARGE",  "FILE_TOO_LARGE",
-      "TOO_MANY_FILES", "PICTURE_TOO_LARGE",  "REQUEST_ID_REUSED"};
-  return reasons.count(reason) > 0;
+      "TOO_MANY_FILES", "PICTURE_TOO_LARGE",  "REQUEST_ID_REUSED",
+      "JOB_TOO_LARGE",  "COLMAP_INCOMPLETE"};
+  return reasons.count(reason) > 0 || reason.starts_with("ARCHIVE_");
 }
 
 // The command that helps, where there is one; the service's messages know no commands.

@@ -29,6 +29,9 @@ struct SubmitArgs {
   std::optional<uint64_t> seed;
   std::optional<int64_t> max_gaussians;
   std::optional<bool> depth_geometry;
+  int priority = 0;
+  double max_run_seconds = 0, retention_seconds = 0;
+  int64_t max_memory_bytes = 0;
   bool no_pdm = false, no_prior = false, no_depth = false;
 };
 
@@ -80,15 +83,19 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   return options;
 }
 
-void NoteSkipped(const Capture& capture) {
-  if (capture.skipped.empty()) return;
+// The first few of some names.
+std::string ShortList(std::vector<std::string> names) {
   constexpr size_t kShown = 5;
-  std::vector<std::string> names = capture.skipped;
   const size_t more = names.size() > kShown ? names.size() - kShown : 0;
   names.resize(names.size() - more);
+  return absl::StrCat(absl::StrJoin(names, ", "),
+                      more > 0 ? absl::StrCat(" and ", more, " more") : "");
+}
+
+void NoteSkipped(const Capture& capture) {
+  if (capture.skipped.empty()) return;
   Note(absl::StrCat(
-      "not sent, since the names are not those of photos: ", absl::StrJoin(names, ", "),
-      more > 0 ? absl::StrCat(" and ", more, " more") : "",
+      "not sent, since the names are not those of photos: ", ShortList(capture.skipped),
       capture.files.back().role == v1::FILE_ROLE_PHOTO
           ? " (known cameras go with --cameras, depth maps with --depth)"
           : ""));
@@ -100,6 +107,9 @@ void NoteUpload(const UploadProgress& progress) {
       absl::StrCat("uploaded ", progress.files_done, "/", progress.files, " files, ",
                    BytesText(progress.bytes_done), " of ", BytesText(progress.bytes));
   const bool done = progress.files_done == progress.files;
+  if (done && !progress.skipped.empty()) {
+    Note(absl::StrCat("not used, of what is in the archive: ", ShortList(progress.skipped)));
+  }
   if (isatty(STDERR_FILENO)) {
     std::fprintf(stderr, "\r%s\x1b[K%s", text.c_str(), done ? "\n" : "");
     std::fflush(stderr);
@@ -147,6 +157,10 @@ int Submit(Session& session, const SubmitArgs& args) {
   request.set_display_name(args.name);
   request.set_request_id(args.request_id);
   *request.mutable_options() = MakeOptions(args);
+  request.mutable_policy()->set_priority(args.priority);
+  request.mutable_policy()->set_max_run_seconds(args.max_run_seconds);
+  request.mutable_policy()->set_max_memory_bytes(args.max_memory_bytes);
+  request.mutable_policy()->set_retention_seconds(args.retention_seconds);
   if (!args.request_id.empty()) {
     auto digest = ContentDigest(capture->files);
     if (!digest.ok()) return ReportError(session, digest.status());
@@ -178,15 +192,35 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   auto args = std::make_shared<SubmitArgs>();
   CLI::App* command = app.add_subcommand(
       "submit", "Send a folder of photos and start its reconstruction; prints the job's name");
-  command->add_option("DIR", args->dir, "Folder with the photos (subfolders are not read)")
+  command
+      ->add_option(
+          "DIR", args->dir,
+          "Folder with the photos (subfolders are not read), or a .zip, .tar or .tar.gz of it")
       ->required();
   command->add_flag("--watch", args->watch, "Then follow the job until it ends");
   command->add_option("--name", args->name, "Title for humans");
-  command->add_option("--cameras", args->cameras, "Known cameras: a transforms.json");
+  command->add_option("--cameras", args->cameras,
+                      "Known cameras: a transforms.json, or the folder of a COLMAP model");
   command->add_option("--depth", args->depth_dir,
                       "Folder with depth maps, named as the photos (.png 16 bit, .pfm, .npy)");
   command->add_option("--request-id", args->request_id,
                       "Your own id: the same command with the same id continues one job");
+  const std::string treatment = "Treatment";
+  command->add_option("--priority", args->priority, "Before jobs of less, -100..100; default 0")
+      ->group(treatment);
+  command
+      ->add_option("--max-run-seconds", args->max_run_seconds,
+                   "Fail the job when it has run for so long; resume goes on")
+      ->group(treatment);
+  command
+      ->add_option("--max-memory", args->max_memory_bytes,
+                   "Fail the job when it holds more bytes; 4G and the like are understood")
+      ->transform(CLI::AsSizeValue(false))
+      ->group(treatment);
+  command
+      ->add_option("--keep-seconds", args->retention_seconds,
+                   "Remove the job so long after its end; 0: never")
+      ->group(treatment);
   const std::string group = "Reconstruction (defaults: those of the service)";
   AddChoice<v1::Method>(*command, "--method", args->method,
                         {{"litags", v1::METHOD_LITA_GS}, {"3dgs", v1::METHOD_3DGS}})

@@ -75,6 +75,23 @@ std::string FoldersWithPhotos(const fs::path& dir) {
   return found;
 }
 
+bool IsArchiveName(const std::string& name) {
+  const std::string lower = absl::AsciiStrToLower(name);
+  return lower.ends_with(".zip") || lower.ends_with(".tar") || lower.ends_with(".tar.gz") ||
+         lower.ends_with(".tgz");
+}
+
+// The files of a COLMAP model.
+absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
+  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    auto file = MakeLocalFile(fs::path(dir) / name, v1::FILE_ROLE_COLMAP);
+    if (!file.ok()) return file.status();
+    capture->bytes += file->size_bytes;
+    capture->files.push_back(*std::move(file));
+  }
+  return absl::OkStatus();
+}
+
 // Adds the files of one folder; those with other extensions go to capture->skipped.
 absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::FileRole role,
                         const std::set<std::string>& extensions, Capture* capture) {
@@ -164,6 +181,8 @@ class Batch {
     return Stream();
   }
 
+  const v1::UploadImagesResponse& response() const { return response_; }
+
  private:
   absl::Status Query() {
     v1::QueryUploadRequest request;
@@ -188,8 +207,8 @@ class Batch {
   absl::Status Stream() {
     grpc::ClientContext context;
     Interrupt::Scope scope(client_.interrupt(), context);
-    v1::UploadImagesResponse response;
-    const auto writer = client_.reconstruction().UploadImages(&context, &response);
+    response_.Clear();
+    const auto writer = client_.reconstruction().UploadImages(&context, &response_);
     v1::UploadImagesRequest request;
     request.set_name(job_);
     bool open = writer->Write(request);
@@ -214,6 +233,7 @@ class Batch {
   const std::string& job_;
   const absl::Span<const LocalFile> files_;
   v1::QueryUploadResponse status_;
+  v1::UploadImagesResponse response_;
   int64_t known_bytes_ = 0;
 };
 
@@ -222,8 +242,16 @@ class Batch {
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
                                     const std::string& depth_dir) {
   Capture capture;
-  absl::Status status =
-      ScanFolder(photos_dir, "DIR", v1::FILE_ROLE_PHOTO, PhotoExtensions(), &capture);
+  std::error_code is_no_file;
+  absl::Status status;
+  if (fs::is_regular_file(photos_dir, is_no_file) && IsArchiveName(photos_dir)) {
+    auto archive = MakeLocalFile(photos_dir, v1::FILE_ROLE_ARCHIVE);
+    if (!archive.ok()) return archive.status();
+    capture.bytes += archive->size_bytes;
+    capture.files.push_back(*std::move(archive));
+  } else {
+    status = ScanFolder(photos_dir, "DIR", v1::FILE_ROLE_PHOTO, PhotoExtensions(), &capture);
+  }
   if (!status.ok()) return status;
   if (capture.files.empty()) {
     const std::string inside = FoldersWithPhotos(photos_dir);
@@ -232,8 +260,10 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
                                  inside.empty() ? "give the folder that holds them"
                                                 : absl::StrCat("did you mean ", inside, "?")));
   }
-  if (!cameras_path.empty()) {
-    std::error_code error;
+  if (std::error_code error; fs::is_directory(cameras_path, error)) {
+    status = AddColmapModel(cameras_path, &capture);
+    if (!status.ok()) return status;
+  } else if (!cameras_path.empty()) {
     if (!fs::is_regular_file(cameras_path, error)) {
       return Unreadable(cameras_path, error ? error.message() : "not a file");
     }
@@ -291,6 +321,7 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     if (!status.ok()) return status;
     progress.files_done += static_cast<int>(last - first);
     progress.bytes_done += bytes;
+    for (const std::string& name : batch.response().skipped()) progress.skipped.push_back(name);
     on_progress(progress);
     first = last;
   }

@@ -28,8 +28,9 @@ struct Capture {
   int64_t bytes = 0;                 // of all files
 };
 
-// The photos of a folder (not of its subfolders; hidden files do not count), and, where the paths
-// are not empty, a transforms.json and a folder of depth maps. INVALID_ARGUMENT: FOLDER_MISSING,
+// The photos of a folder (not of its subfolders; hidden files do not count) or a ZIP or TAR archive
+// of one, and, where the paths are not empty, cameras (a transforms.json or the folder of a COLMAP
+// model) and a folder of depth maps. INVALID_ARGUMENT: FOLDER_MISSING,
 // FOLDER_EMPTY, NO_PHOTOS, FILE_UNREADABLE.
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
                                     const std::string& depth_dir);
@@ -42,6 +43,7 @@ struct UploadProgress {
   int files = 0;
   int64_t bytes_done = 0;
   int64_t bytes = 0;
+  std::vector<std::string> skipped;  // files in archives that the service has no use for
 };
 
 // Sends the files to a job in state UPLOADING and returns when the server has acknowledged all.

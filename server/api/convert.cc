@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "litags/v1/reconstruction_service.pb.h"
 #include "server/jobs/codec.h"
 
 namespace litags {
@@ -29,6 +30,8 @@ static_assert(static_cast<int>(Stage::kLoading) + 1 == v1::STAGE_LOADING);
 static_assert(static_cast<int>(Stage::kSaving) + 1 == v1::STAGE_SAVING);
 static_assert(static_cast<int>(JobState::kUploading) == v1::JOB_STATE_UPLOADING);
 static_assert(static_cast<int>(JobState::kCancelled) == v1::JOB_STATE_CANCELLED);
+static_assert(static_cast<int>(FileRole::kPhoto) == v1::FILE_ROLE_PHOTO);
+static_assert(static_cast<int>(FileRole::kArchive) == v1::FILE_ROLE_ARCHIVE);
 
 absl::Status UnknownEnum(const char* field, int value) {
   return InvalidInput("OPTION_OUT_OF_RANGE", field,
@@ -129,6 +132,13 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
                    std::string(valid.message()));
 }
 
+absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto) {
+  const JobPolicy policy{proto.priority(), proto.max_run_seconds(), proto.max_memory_bytes(),
+                         proto.retention_seconds()};
+  LITAGS_RETURN_IF_ERROR(policy.Validate());
+  return policy;
+}
+
 v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   v1::JobOptions proto;
   proto.set_method(static_cast<v1::Method>(static_cast<int>(options.method) + 1));
@@ -174,6 +184,13 @@ absl::StatusOr<v1::Job> JobToProto(const JobRecord& job) {
   SetTime(job.create_time_ms, proto.mutable_create_time());
   if (job.start_time_ms) SetTime(job.start_time_ms, proto.mutable_start_time());
   if (job.end_time_ms) SetTime(job.end_time_ms, proto.mutable_end_time());
+  if (!job.policy.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(const auto policy, Decode<JobPolicy>(job.policy));
+    proto.mutable_policy()->set_priority(policy.priority);
+    proto.mutable_policy()->set_max_run_seconds(policy.max_run_seconds);
+    proto.mutable_policy()->set_max_memory_bytes(policy.max_memory_bytes);
+    proto.mutable_policy()->set_retention_seconds(policy.retention_seconds);
+  }
   if (job.expire_time_ms) SetTime(job.expire_time_ms, proto.mutable_expire_time());
   proto.set_attempt(job.attempt);
   proto.set_last_event(job.last_event);

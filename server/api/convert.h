@@ -5,6 +5,7 @@
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
 #include "litags/v1/job.pb.h"
+#include "server/jobs/policy.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -13,6 +14,9 @@ namespace litags {
 // "options.NAME".
 absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto);
 // Sets every field.
+// INVALID_ARGUMENT (POLICY_OUT_OF_RANGE).
+absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto);
+
 v1::JobOptions OptionsToProto(const ReconstructOptions& options);
 
 std::string JobName(std::string_view id);  // "jobs/{id}"

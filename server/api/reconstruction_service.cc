@@ -80,13 +80,14 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
                                        " bytes; at most ", kMaxDisplayNameBytes, " are allowed"));
     }
     if (request->content_digest().size() > kMaxContentDigestBytes) {
-      return InvalidInput("CONTENT_DIGEST_INVALID", "content_digest",
-                          absl::StrCat("content_digest has ", request->content_digest().size(),
-                                       " bytes; at most ", kMaxContentDigestBytes,
-                                       " are allowed, SHA-256 has 32"));
+      return InvalidInput(
+          "CONTENT_DIGEST_INVALID", "content_digest",
+          absl::StrCat("content_digest has ", request->content_digest().size(), " bytes; at most ",
+                       kMaxContentDigestBytes, " are allowed, SHA-256 has 32"));
     }
-    NewJob wanted{request->request_id(), request->display_name(),
-                  ToHex(request->content_digest()), {}};
+    NewJob wanted{
+        request->request_id(), request->display_name(), ToHex(request->content_digest()), {}, {}};
+    LITAGS_ASSIGN_OR_RETURN(wanted.policy, PolicyFromProto(request->policy()));
     LITAGS_ASSIGN_OR_RETURN(wanted.options, OptionsFromProto(request->options()));
     const auto job = jobs_->Create(wanted);
     if (job.ok()) spdlog::info("job={} created", job->id);
@@ -104,9 +105,10 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
   return RunUnary(context, pool_, [=, this]() -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
     if (request->files_size() > kMaxQueryFiles) {
-      return InvalidInput("TOO_MANY_FILES", "files",
-                          absl::StrCat(request->files_size(), " files in one call; ask for at most ",
-                                       kMaxQueryFiles, " at a time"));
+      return InvalidInput(
+          "TOO_MANY_FILES", "files",
+          absl::StrCat(request->files_size(), " files in one call; ask for at most ",
+                       kMaxQueryFiles, " at a time"));
     }
     std::vector<FileRecord> files;
     for (const v1::FileHeader& header : request->files()) {

@@ -13,6 +13,7 @@
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "server/api/server.h"
+#include "server/jobs/janitor.h"
 #include "server/jobs/leases.h"
 #include "server/worker/log.h"
 #include "server/worker/shutdown_signal.h"
@@ -25,11 +26,13 @@ namespace fs = std::filesystem;
 
 struct Flags {
   ServerOptions server;
+  UploadLimits uploads;
   std::string data;
   std::string colmap = "colmap";
   std::string depth_model;
   std::string log_level = "info";
   std::string port_file;
+  double sweep_seconds = 60;
   int workers = 1;
   int threads = 0;
   int64_t worker_memory_bytes = 0;
@@ -64,7 +67,7 @@ absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine
   LITAGS_RETURN_IF_ERROR(CheckSqliteJobStore(data.database()));
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenSqliteJobStore(data.database()));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenDiskBlobStore(data.blobs()));
-  Jobs jobs(store.get(), blobs.get(), data);
+  Jobs jobs(store.get(), blobs.get(), data, SystemClockMs, flags.uploads);
   Leases leases(store.get(), blobs.get());
   LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));
 
@@ -81,6 +84,7 @@ absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine
     workers.command.insert(workers.command.end(), {"--depth-model", flags.depth_model});
   }
   Supervisor supervisor(workers, &leases);
+  const Janitor janitor(&jobs, flags.sweep_seconds);
 
   const std::string host = flags.server.listen.substr(0, flags.server.listen.rfind(':'));
   std::printf("litags-server listens on %s:%d and stores in %s\n", host.c_str(), server->port(),
@@ -126,6 +130,21 @@ int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory 
       ->transform(CLI::AsSizeValue(false));
   app.add_flag("--worker-network", flags.worker_network,
                "Leave workers in the machine's network, which they do not need");
+  app.add_option("--keep-uploads", flags.uploads.keep_seconds,
+                 "Seconds after which a job that was not started, and gets no files, is removed")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--max-upload-silence", flags.uploads.max_silence_seconds,
+                 "Seconds after which an upload that sends nothing is ended; what came is kept")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--max-job-bytes", flags.uploads.max_job_bytes, "Bytes of all files of a job")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--sweep-every", flags.sweep_seconds,
+                 "Seconds between looks for jobs and files that can be removed")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   app.add_option("--log-level", flags.log_level, "debug, info, warn or error")
       ->capture_default_str();
   app.add_option("--port-file", flags.port_file, "Write the port to this file once it is open");

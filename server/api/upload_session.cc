@@ -1,77 +1,16 @@
 #include "server/api/upload_session.h"
 
-#include <algorithm>
-#include <cctype>
-#include <filesystem>
-#include <vector>
-
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "engine/io/depth_io.h"
-#include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
-#include "engine/io/transforms_io.h"
 #include "server/api/convert.h"
-#include "server/store/digest.h"
+#include "server/api/status.h"
+#include "server/api/unpack.h"
+#include "server/archive/extract.h"
 
 namespace litags {
 namespace {
 
 constexpr size_t kMaxChunkBytes = size_t{1} << 20;
-
-struct RoleRules {
-  const char* field;                    // "images"
-  std::vector<const char*> extensions;  // of names, lower case
-};
-
-RoleRules RulesOf(FileRole role) {
-  switch (role) {
-    case FileRole::kCameras:
-      return {"cameras", {".json"}};
-    case FileRole::kDepth:
-      return {"depths", {".png", ".pfm", ".npy"}};
-    case FileRole::kPhoto:
-      break;
-  }
-  return {"images", {".jpg", ".jpeg", ".png"}};
-}
-
-absl::Status CheckName(const std::string& name, FileRole role, const std::string& field) {
-  LITAGS_RETURN_IF_ERROR(ValidateFileName(name, field));
-  std::string extension = std::filesystem::path(name).extension();
-  if (role == FileRole::kPhoto) {  // the engine finds depth maps by their lower-case names
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return std::tolower(c); });
-  }
-  const auto allowed = RulesOf(role).extensions;
-  if (name.front() != '.' &&
-      std::any_of(allowed.begin(), allowed.end(), [&](const char* e) { return extension == e; })) {
-    return absl::OkStatus();
-  }
-  std::string list;
-  for (const char* e : allowed) absl::StrAppend(&list, list.empty() ? "" : ", ", e);
-  return InvalidInput("BAD_FILE_NAME", field,
-                      absl::StrCat(field, ": the name must end in one of ", list,
-                                   " and not begin with a dot; rename the file"));
-}
-
-// Reads the file as what it says it is; sets a photo's size.
-absl::Status CheckContent(const std::string& path, const std::string& field, FileRecord* file) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, file->size_bytes));
-  switch (file->role) {
-    case FileRole::kPhoto: {
-      LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, DecodeImage(bytes, field));
-      file->width = image.width;
-      file->height = image.height;
-      return absl::OkStatus();
-    }
-    case FileRole::kCameras:
-      return ParseTransforms(bytes, field).status();
-    case FileRole::kDepth:
-      return DecodeDepthMap(bytes, field).status();
-  }
-  return absl::OkStatus();
-}
 
 // An error of the store that names no field is about this one.
 absl::Status WithField(const absl::Status& status, const std::string& field) {
@@ -86,47 +25,6 @@ absl::Status OutOfOrder(const char* message) {
 }
 
 }  // namespace
-
-absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
-                                             const UploadLimits& limits) {
-  if (!v1::FileRole_IsValid(header.role())) {
-    return InvalidInput("FILE_ROLE_UNKNOWN", "file.role",
-                        absl::StrCat("the server does not know file role ", header.role()));
-  }
-  UploadHeader file;
-  file.record.name = header.name();
-  file.record.size_bytes = header.size_bytes();
-  file.record.sha256 = ToHex(header.sha256());
-  file.record.role = header.role() == v1::FILE_ROLE_UNSPECIFIED
-                         ? FileRole::kPhoto
-                         : static_cast<FileRole>(header.role());
-  file.field = absl::StrCat(RulesOf(file.record.role).field, "[", header.name(), "]");
-  LITAGS_RETURN_IF_ERROR(CheckName(header.name(), file.record.role, file.field));
-  if (header.size_bytes() <= 0) {
-    return InvalidInput("FILE_EMPTY", file.field,
-                        absl::StrCat(file.field,
-                                     ": the file has no bytes; leave it out or copy it "
-                                     "from the camera again"));
-  }
-  const int64_t limit =
-      file.record.role == FileRole::kCameras ? limits.max_cameras_bytes : limits.max_file_bytes;
-  if (header.size_bytes() > limit) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", file.field,
-                     absl::StrCat(file.field, ": ", header.size_bytes(), " bytes exceed ", limit,
-                                  "; make the file smaller"));
-  }
-  if (header.sha256().size() != 32) {
-    return InvalidInput("FILE_DIGEST_MISSING", file.field,
-                        absl::StrCat(file.field, ": sha256 has ", header.sha256().size(),
-                                     " bytes; it must have 32"));
-  }
-  if (header.offset() < 0) {
-    return InvalidInput("OFFSET_NEGATIVE", file.field,
-                        absl::StrCat(file.field, ": offset is ", header.offset(),
-                                     "; it counts bytes from the start of the file"));
-  }
-  return file;
-}
 
 absl::Status UploadSession::Handle(const v1::UploadImagesRequest& request) {
   if (request.part_case() == v1::UploadImagesRequest::kName) {
@@ -200,9 +98,7 @@ absl::Status UploadSession::Complete() {
     return absl::OkStatus();
   }
   const absl::Status status = Store(file);
-  if (status.ok()) {
-    ++stored_;
-  } else if (absl::IsInvalidArgument(status)) {
+  if (absl::IsInvalidArgument(status)) {
     file.partial->Discard();  // the same bytes would be refused again
   }
   return status;
@@ -215,8 +111,26 @@ absl::Status UploadSession::Store(Incoming& file) {
                                      ": the bytes do not have the announced SHA-256; "
                                      "they were damaged on the way, send them again"));
   }
+  if (file.record.role == FileRole::kArchive) return Unpack(file);
   LITAGS_RETURN_IF_ERROR(CheckContent(file.partial->path(), file.field, &file.record));
-  return jobs_->uploads().Add(job_id_, file.record, file.partial->path());
+  LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
+  ++stored_;
+  return absl::OkStatus();
+}
+
+absl::Status UploadSession::Unpack(Incoming& file) {
+  ArchiveLimits limits;
+  limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
+  limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
+  Unpacker unpacker(jobs_, job_id_, file.field);
+  const absl::Status status = ExtractArchive(file.partial->path(), limits, file.field, &unpacker);
+  stored_ += unpacker.stored();
+  unchanged_ += unpacker.unchanged();
+  skipped_.insert(skipped_.end(), unpacker.skipped().begin(), unpacker.skipped().end());
+  LITAGS_RETURN_IF_ERROR(status);
+  LITAGS_RETURN_IF_ERROR(jobs_->uploads().NoteArchive(job_id_, file.record));
+  file.partial->Discard();
+  return absl::OkStatus();
 }
 
 absl::Status UploadSession::End(v1::UploadImagesResponse* response) {
@@ -230,6 +144,7 @@ absl::Status UploadSession::End(v1::UploadImagesResponse* response) {
   LITAGS_ASSIGN_OR_RETURN(*response->mutable_job(), JobToProto(job));
   response->set_files_stored(stored_);
   response->set_files_unchanged(unchanged_);
+  for (const std::string& name : skipped_) response->add_skipped(name);
   return absl::OkStatus();
 }
 

@@ -5,21 +5,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
-#include "absl/status/statusor.h"
 #include "litags/v1/reconstruction_service.pb.h"
+#include "server/api/upload_files.h"
 #include "server/jobs/jobs.h"
 
 namespace litags {
-
-// A file that is announced or asked for, checked as far as its header goes.
-struct UploadHeader {
-  FileRecord record;
-  std::string field;  // "images[NAME]"
-};
-absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
-                                             const UploadLimits& limits);
 
 // One UploadImages stream without its transport: takes the messages in order, checks and stores
 // each file. Memory stays bounded by one message and one decoded file. What came of a file that is
@@ -43,11 +36,13 @@ class UploadSession {
   absl::Status Append(const std::string& chunk);
   absl::Status Complete();
   absl::Status Store(Incoming& file);
+  absl::Status Unpack(Incoming& file);
 
   Jobs* const jobs_;
   std::string job_id_;
   std::optional<Incoming> file_;
   int stored_ = 0, unchanged_ = 0;
+  std::vector<std::string> skipped_;  // in archives
 };
 
 }  // namespace litags

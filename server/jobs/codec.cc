@@ -44,6 +44,14 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
 }
 
 template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, JobPolicy> {
+  visit("priority", r.priority);
+  visit("max_run_seconds", r.max_run_seconds);
+  visit("max_memory_bytes", r.max_memory_bytes);
+  visit("retention_seconds", r.retention_seconds);
+}
+
+template <typename R, typename F>
 void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, JobError> {
   visit("code", r.code);
   visit("message", r.message);
@@ -160,6 +168,7 @@ JobError JobError::Of(const absl::Status& status) {
 }
 
 std::string Encode(const ReconstructOptions& options) { return EncodeRecord(options); }
+std::string Encode(const JobPolicy& policy) { return EncodeRecord(policy); }
 std::string Encode(const JobError& error) { return EncodeRecord(error); }
 std::string Encode(const StateChange& change) { return EncodeRecord(change); }
 std::string Encode(const ProgressRecord& progress) { return EncodeRecord(progress); }
@@ -179,6 +188,7 @@ absl::StatusOr<T> Decode(std::string_view text) {
 }
 
 template absl::StatusOr<ReconstructOptions> Decode(std::string_view);
+template absl::StatusOr<JobPolicy> Decode(std::string_view);
 template absl::StatusOr<JobError> Decode(std::string_view);
 template absl::StatusOr<StateChange> Decode(std::string_view);
 template absl::StatusOr<ProgressRecord> Decode(std::string_view);

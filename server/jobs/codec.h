@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "engine/core/error.h"
 #include "engine/pipeline/engine.h"
+#include "server/jobs/policy.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -43,6 +44,7 @@ struct SnapshotRecord {
 };
 
 std::string Encode(const ReconstructOptions& options);
+std::string Encode(const JobPolicy& policy);
 std::string Encode(const JobError& error);
 std::string Encode(const StateChange& change);
 std::string Encode(const ProgressRecord& progress);

@@ -15,8 +15,10 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
   const FileRecord* other = nullptr;  // of another size than the first
   int photos = 0;
   bool cameras = false;
+  int colmap_files = 0;
   for (const FileRecord& file : files) {
-    if (file.role == FileRole::kCameras) cameras = true;
+    if (file.role == FileRole::kCameras || file.role == FileRole::kColmap) cameras = true;
+    if (file.role == FileRole::kColmap) ++colmap_files;
     if (file.role != FileRole::kPhoto) continue;
     ++photos;
     if (!first) first = &file;
@@ -26,6 +28,12 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
                      absl::StrCat("the job has ", photos, photos == 1 ? " photo" : " photos",
                                   "; a scene needs at least 2, and 20 or more look good"));
+  }
+  if (colmap_files % 3 != 0) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "COLMAP_INCOMPLETE", "colmap",
+                     absl::StrCat("the job has ", colmap_files,
+                                  " of the 3 files of a COLMAP "
+                                  "model; upload cameras.bin, images.bin and points3D.bin"));
   }
   if (other && !cameras) {
     return MakeError(
@@ -61,6 +69,8 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   job.display_name = wanted.display_name;
   job.content_digest = wanted.content_digest;
   job.options = Encode(wanted.options);
+  job.policy = Encode(wanted.policy);
+  job.priority = wanted.policy.priority;
   job.create_time_ms = now_ms;
   job.expire_time_ms = uploads_.Expiry();
   LITAGS_ASSIGN_OR_RETURN(JobRecord made, store_->Create(job, [&](JobTransaction& transaction) {
@@ -68,6 +78,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   }));
   const char* other = made.display_name != job.display_name       ? "another title"
                       : made.options != job.options               ? "other options"
+                      : made.policy != job.policy                 ? "another policy"
                       : made.content_digest != job.content_digest ? "other files"
                                                                   : nullptr;
   if (!other) return made;
@@ -83,6 +94,7 @@ absl::Status Jobs::Enqueue(JobTransaction& job, std::string_view message) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
   LITAGS_RETURN_IF_ERROR(CheckPhotos(files));
   job.job.attempt = 0;
+  job.job.run_ms = 0;
   return ApplyAction(job, action, clock_(), message);
 }
 

@@ -13,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
 #include "server/jobs/client_job_store.h"
+#include "server/jobs/policy.h"
 #include "server/jobs/uploads.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
@@ -22,10 +23,11 @@ namespace litags {
 
 // What CreateJob says about a job beside how to reconstruct.
 struct NewJob {
-  std::string request_id;      // empty: none
+  std::string request_id;  // empty: none
   std::string display_name;
   std::string content_digest;  // of what will be uploaded, hex; empty: not said
   ReconstructOptions options;
+  JobPolicy policy;
 };
 
 // Thread-safe. Errors: those of JobStore and NextState(), and what each call says.

@@ -38,8 +38,10 @@ class JobsTest : public ::testing::Test {
         path);
   }
 
-  std::string StartedJob() {
-    const std::string id = jobs_.Create({})->id;
+  std::string StartedJob(const JobPolicy& policy = {}) {
+    NewJob wanted;
+    wanted.policy = policy;
+    const std::string id = jobs_.Create(wanted)->id;
     EXPECT_TRUE(Add(id, "a.jpg").ok());
     EXPECT_TRUE(Add(id, "b.jpg").ok());
     EXPECT_TRUE(jobs_.Start(id).ok());
@@ -96,14 +98,14 @@ TEST_F(JobsTest, JobGoesFromUploadToSuccessWithAGaplessHistory) {
 }
 
 TEST_F(JobsTest, RequestIdGivesTheSameJobUnlessTheContentDiffers) {
-  const std::string id = jobs_.Create({"r", "title", "", {}})->id;
-  EXPECT_EQ(jobs_.Create({"r", "title", "", {}})->id, id);
+  const std::string id = jobs_.Create({"r", "title", "", {}, {}})->id;
+  EXPECT_EQ(jobs_.Create({"r", "title", "", {}, {}})->id, id);
   ReconstructOptions other;
   other.iterations = 5;
-  const auto refused = jobs_.Create({"r", "title", "", other});
+  const auto refused = jobs_.Create({"r", "title", "", other, {}});
   EXPECT_EQ(refused.status().code(), absl::StatusCode::kAlreadyExists);
   EXPECT_EQ(Reason(refused.status()), "REQUEST_ID_REUSED");
-  const auto other_files = jobs_.Create({"r", "title", "abcd", {}});
+  const auto other_files = jobs_.Create({"r", "title", "abcd", {}, {}});
   EXPECT_EQ(Reason(other_files.status()), "REQUEST_ID_REUSED");
   EXPECT_THAT(std::string(other_files.status().message()), HasSubstr("other files"));
 }
@@ -232,6 +234,85 @@ TEST_F(JobsTest, WorkerThatShutsDownCostsNoAttempt) {
     ASSERT_TRUE(leases_.GiveBack(lease).ok());
     EXPECT_EQ(State(id), JobState::kQueued);
   }
+}
+
+TEST_F(JobsTest, HigherPrioritiesLeaveTheQueueFirstAndEqualOnesInOrder) {
+  std::vector<std::string> ids;
+  for (const int priority : {0, -5, 7, 0, 7, 0}) {
+    now_ms_ += 1;
+    JobPolicy policy;
+    policy.priority = priority;
+    ids.push_back(StartedJob(policy));
+  }
+  for (const int expected : {2, 4, 0, 3, 5, 1}) {
+    const auto lease = leases_.Acquire("w");
+    ASSERT_TRUE(lease.ok() && lease->has_value());
+    EXPECT_EQ((*lease)->job.id, ids[expected]);
+  }
+}
+
+TEST_F(JobsTest, JobThatLostItsWorkerKeepsItsPlaceInTheQueue) {
+  const std::string first = StartedJob();
+  now_ms_ += 1000;
+  const std::string second = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("w")->has_value());
+  now_ms_ += 1000;
+  ASSERT_TRUE(leases_.WorkerDied("w", "gone").ok());
+  EXPECT_EQ((*leases_.Acquire("w2"))->job.id, first);
+  EXPECT_EQ((*leases_.Acquire("w3"))->job.id, second);
+}
+
+TEST_F(JobsTest, TimeWithWorkersIsSummedUpUntilTheJobIsResumed) {
+  const std::string id = StartedJob();
+  for (int i = 1; i <= 2; ++i) {
+    ASSERT_TRUE(leases_.Acquire("w")->has_value());
+    now_ms_ += 5000;
+    ASSERT_TRUE(leases_.WorkerDied("w", "gone").ok());
+    now_ms_ += 60'000;  // in the queue
+    EXPECT_EQ(jobs_.Get(id)->run_ms, i * 5000);
+  }
+  const Lease lease = **leases_.Acquire("w");
+  EXPECT_EQ(lease.job.run_ms, 10'000);
+  now_ms_ -= 3'600'000;  // the clock is set back
+  ASSERT_TRUE(leases_.Fail(lease, absl::InternalError("x")).ok());
+  EXPECT_EQ(jobs_.Get(id)->run_ms, 10'000);
+  ASSERT_TRUE(jobs_.Resume(id).ok());
+  EXPECT_EQ(jobs_.Get(id)->run_ms, 0);
+}
+
+TEST_F(JobsTest, JobsAreKeptAfterTheirEndAsLongAsTheirPolicySays) {
+  JobPolicy policy;
+  policy.retention_seconds = 60;
+  const std::string brief = StartedJob(policy), lasting = StartedJob();
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_TRUE(leases_.Fail(**leases_.Acquire("w"), absl::InternalError("x")).ok());
+  }
+  EXPECT_EQ(jobs_.Get(brief)->expire_time_ms, now_ms_ + 60'000);
+  EXPECT_EQ(jobs_.Get(lasting)->expire_time_ms, 0);
+  ASSERT_TRUE(jobs_.Resume(brief).ok());  // lives again
+  now_ms_ += 100'000;
+  EXPECT_TRUE(jobs_.Sweep()->empty());
+  ASSERT_TRUE(jobs_.Cancel(brief).ok());
+  now_ms_ += 60'000;
+  EXPECT_THAT(*jobs_.Sweep(), ::testing::ElementsAre(brief));
+  EXPECT_FALSE(std::filesystem::exists(data_.blobs() + "/jobs/" + brief));
+  EXPECT_TRUE(jobs_.Get(lasting).ok());
+}
+
+TEST(JobPolicy, ValuesOutOfRangeAreRefusedByName) {
+  const auto field = [](auto change) {
+    JobPolicy policy;
+    change(policy);
+    const auto detail = GetErrorDetail(policy.Validate());
+    return detail ? detail->field : "none";
+  };
+  EXPECT_EQ(field([](JobPolicy&) {}), "none");
+  EXPECT_EQ(field([](JobPolicy& p) { p.priority = -101; }), "policy.priority");
+  EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = -1; }), "policy.max_run_seconds");
+  EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = std::nan(""); }),
+            "policy.max_run_seconds");
+  EXPECT_EQ(field([](JobPolicy& p) { p.max_memory_bytes = 1000; }), "policy.max_memory_bytes");
+  EXPECT_EQ(field([](JobPolicy& p) { p.retention_seconds = 1e300; }), "policy.retention_seconds");
 }
 
 TEST_F(JobsTest, LostWorkerOfAJobToBeCancelledCancelsIt) {

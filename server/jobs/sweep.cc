@@ -28,10 +28,10 @@ absl::Status Jobs::RemoveFolders(std::string_view id) {
   std::error_code error;
   fs::remove_all(data_.work(id), error);
   if (error) {
-    status.Update(MakeError(
-        absl::StatusCode::kInternal, "STORE_FAILED", "",
-        absl::StrCat("the job is deleted, but its work folder could not be removed: ",
-                     error.message())));
+    status.Update(
+        MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
+                  absl::StrCat("the job is deleted, but its work folder could not be removed: ",
+                               error.message())));
   }
   return status;
 }

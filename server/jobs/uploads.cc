@@ -26,6 +26,10 @@ bool IsIn(const std::vector<FileRecord>& files, const FileRecord& file) {
   });
 }
 
+bool GivesCameras(const FileRecord& file) {
+  return file.role == FileRole::kCameras || file.role == FileRole::kColmap;
+}
+
 // The key of a file on its way: another one for the same bytes under another name.
 std::string PartialKey(const FileRecord& file) {
   return Sha256::Hex(absl::StrCat(static_cast<int>(file.role), "/", file.sha256, "/", file.name));
@@ -50,13 +54,13 @@ absl::Status Uploads::Check(std::string_view id) {
   const int64_t step = static_cast<int64_t>(1000 * kTouchFraction * limits().keep_seconds);
   if (Expiry() - job.expire_time_ms < step) return absl::OkStatus();
   return store_
-      ->Update(id,
-               [&](JobTransaction& transaction) -> absl::Status {
-                 LITAGS_RETURN_IF_ERROR(
-                     NextState(transaction.job.state, JobAction::kUpload).status());
-                 transaction.job.expire_time_ms = Expiry();
-                 return absl::OkStatus();
-               })
+      ->Update(
+          id,
+          [&](JobTransaction& transaction) -> absl::Status {
+            LITAGS_RETURN_IF_ERROR(NextState(transaction.job.state, JobAction::kUpload).status());
+            transaction.job.expire_time_ms = Expiry();
+            return absl::OkStatus();
+          })
       .status();
 }
 
@@ -94,17 +98,19 @@ absl::Status Uploads::CheckRoom(std::string_view id, const std::vector<FileRecor
     if (SameName(f, file)) continue;  // will be replaced
     ++count;
     bytes += f.size_bytes;
-    if (file.role == FileRole::kCameras && f.role == file.role) {
-      return InvalidInput(
-          "CAMERAS_TWICE", absl::StrCat("cameras[", file.name, "]"),
-          absl::StrCat("the job has the cameras file ", f.name, " already; a job takes one"));
+    if (GivesCameras(f) && GivesCameras(file) &&
+        (f.role != file.role || file.role == FileRole::kCameras)) {
+      return InvalidInput("CAMERAS_TWICE", absl::StrCat("cameras[", file.name, "]"),
+                          absl::StrCat("the job has the cameras of ", f.name,
+                                       " already; a job takes one "
+                                       "transforms.json or one COLMAP model"));
     }
   }
   if (count > limits().max_files) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "TOO_MANY_FILES", "images",
-                     absl::StrCat("jobs/", std::string(id), " would have ", count,
-                                  " files; a job may have ", limits().max_files,
-                                  "; upload fewer or split the capture"));
+    return MakeError(
+        absl::StatusCode::kResourceExhausted, "TOO_MANY_FILES", "images",
+        absl::StrCat("jobs/", std::string(id), " would have ", count, " files; a job may have ",
+                     limits().max_files, "; upload fewer or split the capture"));
   }
   if (bytes > limits().max_job_bytes) {
     return MakeError(absl::StatusCode::kResourceExhausted, "JOB_TOO_LARGE", "images",
@@ -116,8 +122,7 @@ absl::Status Uploads::CheckRoom(std::string_view id, const std::vector<FileRecor
 }
 
 absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
-                                                           const FileRecord& file,
-                                                           int64_t offset) {
+                                                           const FileRecord& file, int64_t offset) {
   LITAGS_RETURN_IF_ERROR(Check(id));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
   const std::string key = PartialKey(file);
@@ -195,6 +200,12 @@ absl::StatusOr<bool> Uploads::Adopt(std::string_view id, const FileRecord& file)
   mine.name = file.name;
   LITAGS_RETURN_IF_ERROR(PutRow(id, mine));
   return true;
+}
+
+absl::Status Uploads::NoteArchive(std::string_view id, FileRecord archive) {
+  archive.size_bytes = 0;
+  const std::lock_guard lock(AddMutex(id));
+  return PutRow(id, archive);
 }
 
 absl::Status Uploads::RemoveUnused(std::string_view id, std::string_view sha256) {

@@ -88,10 +88,11 @@ class Uploads {
   // the same owner. False if there is none.
   absl::StatusOr<bool> Adopt(std::string_view id, const FileRecord& file);
 
+  // Notes that an archive was unpacked, so that it need not come again; of itself nothing is kept.
+  absl::Status NoteArchive(std::string_view id, FileRecord archive);
+
   // When a job that now got a file, and is not started, may be removed.
-  int64_t Expiry() const {
-    return clock_() + static_cast<int64_t>(1000 * limits().keep_seconds);
-  }
+  int64_t Expiry() const { return clock_() + static_cast<int64_t>(1000 * limits().keep_seconds); }
 
  private:
   absl::Status CheckRoom(std::string_view id, const std::vector<FileRecord>& files,

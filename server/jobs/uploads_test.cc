@@ -184,9 +184,10 @@ TEST_F(UploadsTest, CancelDeleteAndStartEndUploadsAndLeaveNothingOfThem) {
     const FileRecord file = Photo("c.jpg", "0123456789");
     auto stream = *uploads().Open(id, file, 0);
     ASSERT_TRUE(stream->Append("0123").ok());
-    if (how == "cancel") ASSERT_TRUE(jobs_->Cancel(id).ok());
-    if (how == "delete") ASSERT_TRUE(jobs_->Delete(id).ok());
-    if (how == "start") ASSERT_TRUE(jobs_->Start(id).ok());
+    const absl::Status ended = how == "cancel"   ? jobs_->Cancel(id).status()
+                               : how == "delete" ? jobs_->Delete(id)
+                                                 : jobs_->Start(id).status();
+    ASSERT_TRUE(ended.ok()) << how << ": " << ended;
     EXPECT_EQ(Reason(stream->Append("456789")), "UPLOAD_TAKEN_OVER") << how;
     EXPECT_FALSE(uploads().Open(id, file, 0).ok()) << how;
     stream.reset();

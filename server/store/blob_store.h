@@ -37,7 +37,7 @@ class BlobStore {
 
   // What is inside the folder `prefix`; empty if there is no such folder.
   struct Entry {
-    std::string name;         // last part of the key of a blob or folder
+    std::string name;          // last part of the key of a blob or folder
     double quiet_seconds = 0;  // since it was changed last
   };
   virtual absl::StatusOr<std::vector<Entry>> List(std::string_view prefix) = 0;

@@ -81,6 +81,7 @@ class PartialFiles {
 
   // Removes the job's files; streams that have one open lose it.
   absl::Status RemoveJob(std::string_view job_id);
+
  private:
   std::string Folder(std::string_view job_id) const;
   // Keys of slots are "JOB/KEY".

@@ -61,11 +61,29 @@ absl::Status WriteJob(SqliteConnection* db, const JobRecord& job) {
     for (auto i = 0; i < columns; ++i) sql += ",?";
     // Not INSERT OR REPLACE, which would delete the row and with it the files and events.
     sql += ") ON CONFLICT (id) DO UPDATE SET ";
-    for (const char* name :
-         {"display_name", "state", "cancel_requested", "attempt", "lease_owner", "lease_expires_ms",
-          "start_time_ms", "end_time_ms", "queue_time_ms", "last_event", "photos", "bytes",
-          "snapshot_iteration", "scene_path", "options", "progress", "error", "report",
-          "priority", "lease_start_ms", "run_ms", "expire_time_ms", "policy"}) {
+    for (const char* name : {"display_name",
+                             "state",
+                             "cancel_requested",
+                             "attempt",
+                             "lease_owner",
+                             "lease_expires_ms",
+                             "start_time_ms",
+                             "end_time_ms",
+                             "queue_time_ms",
+                             "last_event",
+                             "photos",
+                             "bytes",
+                             "snapshot_iteration",
+                             "scene_path",
+                             "options",
+                             "progress",
+                             "error",
+                             "report",
+                             "priority",
+                             "lease_start_ms",
+                             "run_ms",
+                             "expire_time_ms",
+                             "policy"}) {
       absl::StrAppend(&sql, sql.back() == ' ' ? "" : ", ", name, "=excluded.", name);
     }
     return sql;

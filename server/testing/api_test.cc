@@ -1,11 +1,16 @@
 #include <gmock/gmock.h>
+#include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <map>
 #include <set>
 
 #include "server/api/convert.h"
+#include "server/jobs/codec.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"
+#include "server/worker/memory.h"
 
 namespace litags {
 namespace {
@@ -121,7 +126,8 @@ TEST_F(JobsApi, UnknownAndMalformedJobsAreRefusedByEveryCall) {
   for (const grpc::Status& status :
        {client_.Get(unknown, &job), client_.Start(unknown), client_.Cancel(unknown),
         client_.Resume(unknown), client_.Delete(unknown), client_.Watch(unknown, 0, &events),
-        client_.Upload(unknown, {}), client_.Render(render, &view)}) {
+        client_.Upload(unknown, {}), client_.Render(render, &view),
+        client_.Query(unknown, {}, std::make_unique<v1::QueryUploadResponse>().get())}) {
     EXPECT_REFUSED(status, NOT_FOUND, "JOB_NOT_FOUND", "name");
     EXPECT_THAT(status.error_message(), HasSubstr(unknown));
   }
@@ -178,7 +184,123 @@ TEST_F(JobsApi, DamagedAndDisorderlyUploadsAreRefused) {
   v1::Job job;
   ASSERT_TRUE(client_.Get(name, &job).ok());
   EXPECT_EQ(job.photos(), 0);
+  ASSERT_TRUE(client_.Cancel(name).ok());
   EXPECT_TRUE(std::filesystem::is_empty(data_.tmp()));  // nothing is left of them
+  EXPECT_TRUE(std::filesystem::is_empty(data_.uploads()));
+}
+
+// The messages of a file from its byte `offset` on.
+std::vector<v1::UploadImagesRequest> RestMessages(const std::string& job, const TestFile& file,
+                                                  size_t offset) {
+  std::vector<v1::UploadImagesRequest> messages = {NameMessage(job)};
+  TestFile rest = file;
+  rest.bytes = file.bytes.substr(offset);
+  for (const auto& message : FileMessages(rest)) messages.push_back(message);
+  messages[1] = FileMessages(file)[0];
+  messages[1].mutable_file()->set_offset(static_cast<int64_t>(offset));
+  return messages;
+}
+
+TEST_F(JobsApi, UploadGoesOnInsideAFileWhereABrokenStreamEnded) {
+  const std::string name = NewJob();
+  const TestFile file{"a.jpg", TestJpeg(640, 480)};
+  const TestFile other{"b.png", TestPng()};
+  ASSERT_GT(file.bytes.size(), 3000u);
+  {
+    grpc::ClientContext call;
+    v1::UploadImagesResponse response;
+    const auto writer = client_.jobs->UploadImages(&call, &response);
+    auto messages = FileMessages(file);  // chunks of 1000 bytes
+    messages.insert(messages.begin(), NameMessage(name));
+    for (int i = 0; i < 4; ++i) ASSERT_TRUE(writer->Write(messages[i]));
+    v1::QueryUploadResponse query;
+    do {  // until the server has stored the chunks; then the connection breaks
+      ASSERT_TRUE(client_.Query(name, {file}, &query).ok());
+    } while (query.files(0).offset() < 2000);
+    call.TryCancel();
+    (void)writer->Finish();
+  }
+  v1::QueryUploadResponse query;
+  const grpc::Status asked = client_.Query(name, {file, other}, &query);
+  ASSERT_TRUE(asked.ok()) << asked.error_message();
+  EXPECT_FALSE(query.files(0).stored());
+  EXPECT_EQ(query.files(0).offset(), 2000);
+  EXPECT_EQ(query.files(1).offset(), 0);
+  EXPECT_REFUSED(client_.UploadRaw(RestMessages(name, file, 2500)), OUT_OF_RANGE, "OFFSET_INVALID",
+                 "images[a.jpg]");
+  const grpc::Status rest = client_.UploadRaw(RestMessages(name, file, 2000));
+  ASSERT_TRUE(rest.ok()) << rest.error_message();
+  ASSERT_TRUE(client_.Query(name, {file}, &query).ok());
+  EXPECT_TRUE(query.files(0).stored());
+  EXPECT_TRUE(std::filesystem::is_empty(data_.uploads() + "/" + name.substr(5)));
+}
+
+TEST_F(JobsApi, BytesThatAreKnownFromAnotherJobNeedNotBeSent) {
+  const TestFile file{"a.png", TestPng()};
+  ASSERT_TRUE(client_.Upload(NewJob(), {file}).ok());
+  const std::string name = NewJob();
+  TestFile renamed = file;
+  renamed.name = "b.png";
+  v1::QueryUploadResponse query;
+  ASSERT_TRUE(client_.Query(name, {renamed}, &query).ok());
+  EXPECT_FALSE(query.files(0).stored());
+  ASSERT_EQ(query.files(0).offset(), static_cast<int64_t>(file.bytes.size()));
+  ASSERT_TRUE(client_.UploadRaw(RestMessages(name, renamed, file.bytes.size())).ok());
+  v1::Job job;
+  ASSERT_TRUE(client_.Get(name, &job).ok());
+  EXPECT_EQ(job.photos(), 1);
+  // Whoever only claims to have the bytes of a file gets nothing.
+  const TestFile unknown{"c.png", TestPng(64, 48, 9)};
+  EXPECT_REFUSED(client_.UploadRaw(RestMessages(name, unknown, unknown.bytes.size())), OUT_OF_RANGE,
+                 "OFFSET_INVALID", "images[c.png]");
+}
+
+TEST_F(JobsApi, UploadThatSaysNothingIsEndedAndItsBytesAreKept) {
+  UploadLimits limits;
+  limits.max_silence_seconds = 0.3;
+  Jobs jobs(store_.get(), blobs_.get(), data_, SystemClockMs, limits);
+  const auto server = *StartServer(Options(), &jobs, engine_.get());
+  TestClient client(server->InProcessChannel());
+  const std::string name = NewJob();
+  const TestFile file{"a.jpg", TestJpeg(640, 480)};
+  grpc::ClientContext call;
+  v1::UploadImagesResponse response;
+  const auto writer = client.jobs->UploadImages(&call, &response);
+  const auto messages = FileMessages(file);
+  ASSERT_TRUE(writer->Write(NameMessage(name)));
+  ASSERT_TRUE(writer->Write(messages[0]));
+  ASSERT_TRUE(writer->Write(messages[1]));
+  EXPECT_REFUSED(writer->Finish(), DEADLINE_EXCEEDED, "UPLOAD_STALLED", "");
+  v1::QueryUploadResponse query;
+  ASSERT_TRUE(client_.Query(name, {file}, &query).ok());
+  EXPECT_EQ(query.files(0).offset(), 1000);
+}
+
+TEST_F(JobsApi, QueriesAreCheckedAsUploadsAre) {
+  const std::string name = NewJob();
+  v1::QueryUploadResponse response;
+  EXPECT_REFUSED(client_.Query(name, {{"../a.jpg", "x"}}, &response), INVALID_ARGUMENT,
+                 "BAD_FILE_NAME", "images[../a.jpg]");
+  EXPECT_REFUSED(client_.Query(name, std::vector<TestFile>(1001, {"a.jpg", "x"}), &response),
+                 INVALID_ARGUMENT, "TOO_MANY_FILES", "files");
+  ASSERT_TRUE(client_.Cancel(name).ok());
+  EXPECT_REFUSED(client_.Query(name, {{"a.jpg", "x"}}, &response), FAILED_PRECONDITION,
+                 "JOB_NOT_UPLOADING", "name");
+}
+
+TEST_F(JobsApi, RequestIdForOtherFilesIsFoundOut) {
+  v1::CreateJobRequest request;
+  request.set_request_id("abc");
+  request.set_content_digest("one");
+  v1::Job job;
+  ASSERT_TRUE(client_.Create(request, &job).ok());
+  EXPECT_TRUE(job.has_expire_time());
+  ASSERT_TRUE(client_.Create(request, &job).ok());
+  request.set_content_digest("two");
+  EXPECT_REFUSED(client_.Create(request, &job), ALREADY_EXISTS, "REQUEST_ID_REUSED", "request_id");
+  request.set_content_digest(std::string(65, 'x'));
+  EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "CONTENT_DIGEST_INVALID",
+                 "content_digest");
 }
 
 TEST_F(JobsApi, FilesBeforeTheBadOneStayAndUnchangedFilesCostNothing) {
@@ -232,6 +354,96 @@ TEST_F(JobsApi, ListPagesThroughAllJobsNewestFirst) {
   EXPECT_REFUSED(list(-1, ""), INVALID_ARGUMENT, "PAGE_SIZE_INVALID", "page_size");
 }
 
+// What each call answers in each state; "" is OK. Cancelling and resuming come before deleting, so
+// that every call meets the state it is tested in: each gets a job of its own.
+TEST_F(JobsApi, EveryCallInEveryStateGivesTheDocumentedCode) {
+  using State = v1::JobState;
+  const auto job_in = [&](State state) {
+    const std::string name = NewJob(), id = name.substr(5);
+    EXPECT_TRUE(client_.Upload(name, {{"a.png", TestPng(64, 48, 1)}, {"b.png", TestPng()}}).ok());
+    if (state == v1::JOB_STATE_UPLOADING) return name;
+    EXPECT_TRUE(client_.Start(name).ok());
+    if (state == v1::JOB_STATE_QUEUED) return name;
+    const auto lease = leases_.Acquire("w" + id);
+    EXPECT_TRUE(lease.ok() && lease->has_value());
+    EXPECT_EQ((*lease)->job.id, id);
+    absl::Status end;
+    if (state == v1::JOB_STATE_SUCCEEDED) end = leases_.Succeed(**lease, {}, "scene");
+    if (state == v1::JOB_STATE_FAILED) end = leases_.Fail(**lease, absl::InternalError("x"));
+    if (state == v1::JOB_STATE_CANCELLED) {
+      EXPECT_TRUE(client_.Cancel(name).ok());
+      end = leases_.Stopped(**lease);
+    }
+    EXPECT_TRUE(end.ok()) << end;
+    return name;
+  };
+  struct Call {
+    const char* what;
+    std::function<grpc::Status(const std::string&)> call;
+    std::map<State, std::string> refused;  // reason by state; all others are OK
+  };
+  const State uploading = v1::JOB_STATE_UPLOADING, queued = v1::JOB_STATE_QUEUED,
+              running = v1::JOB_STATE_RUNNING, succeeded = v1::JOB_STATE_SUCCEEDED,
+              failed = v1::JOB_STATE_FAILED, cancelled = v1::JOB_STATE_CANCELLED;
+  const std::string closed = "JOB_NOT_UPLOADING", not_resumable = "JOB_NOT_RESUMABLE";
+  const std::map<State, std::string> after_upload = {{queued, closed},
+                                                     {running, closed},
+                                                     {succeeded, closed},
+                                                     {failed, closed},
+                                                     {cancelled, closed}};
+  v1::Job job;
+  v1::QueryUploadResponse query;
+  const std::vector<Call> calls = {
+      {"GetJob", [&](auto& name) { return client_.Get(name, &job); }, {}},
+      {"QueryUpload", [&](auto& name) { return client_.Query(name, {{"c.png", "x"}}, &query); },
+       after_upload},
+      {"UploadImages",
+       [&](auto& name) { return client_.Upload(name, {{"c.png", TestPng(64, 48, 3)}}); },
+       after_upload},
+      {"StartJob", [&](auto& name) { return client_.Start(name); }, after_upload},
+      {"CancelJob", [&](auto& name) { return client_.Cancel(name); },
+       {{succeeded, "JOB_ALREADY_DONE"}, {failed, "JOB_ALREADY_DONE"}}},
+      {"ResumeJob", [&](auto& name) { return client_.Resume(name); },
+       {{uploading, not_resumable},
+        {queued, not_resumable},
+        {running, not_resumable},
+        {succeeded, not_resumable}}},
+      {"DeleteJob", [&](auto& name) { return client_.Delete(name); }, {{running, "JOB_RUNNING"}}},
+  };
+  for (const State state : {uploading, running, succeeded, failed, cancelled, queued}) {
+    for (const Call& call : calls) {
+      SCOPED_TRACE(std::string(call.what) + " in " + v1::JobState_Name(state));
+      const std::string name = job_in(state);
+      const grpc::Status status = call.call(name);
+      const auto refused = call.refused.find(state);
+      if (refused == call.refused.end()) {
+        EXPECT_TRUE(status.ok()) << status.error_message();
+      } else {
+        EXPECT_EQ(status.error_code(), grpc::FAILED_PRECONDITION);
+        EXPECT_EQ(DetailOf(status).reason, refused->second);
+      }
+      // Out of the way of the jobs that follow in the queue; NOT_FOUND after DeleteJob.
+      store_->Update(name.substr(5), [](JobTransaction& t) { return t.Remove(); })
+          .status()
+          .IgnoreError();
+    }
+  }
+}
+
+TEST_F(JobsApi, PolicyReachesTheJobAndIsChecked) {
+  v1::CreateJobRequest request;
+  request.mutable_policy()->set_priority(7);
+  request.mutable_policy()->set_max_run_seconds(60);
+  request.mutable_policy()->set_max_memory_bytes(int64_t{1} << 30);
+  request.mutable_policy()->set_retention_seconds(3600);
+  v1::Job job;
+  ASSERT_TRUE(client_.Create(request, &job).ok());
+  EXPECT_EQ(job.policy().SerializeAsString(), request.policy().SerializeAsString());
+  request.mutable_policy()->set_priority(101);
+  EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "POLICY_OUT_OF_RANGE",
+                 "policy.priority");
+}
+
 TEST_F(JobsApi, WatchFollowsAJobFromCreationToItsEnd) {
   StartWorker();
   const std::string name = client_.StartedJob({"a", "b", "c"});
@@ -280,6 +492,51 @@ TEST_F(JobsApi, WatchResumedAfterEachEventHasNoGapAndNoDouble) {
   EXPECT_REFUSED(client_.Watch(name, static_cast<int64_t>(all.size()) + 1, &none), OUT_OF_RANGE,
                  "EVENT_NOT_YET", "after_event");
   EXPECT_TRUE(none.empty());
+}
+
+// 20 MB of history and eight readers that read nothing: held for each, it would be 160 MB.
+TEST_F(JobsApi, ReadersThatDoNotReadHoldNoMemoryAndLoseNothing) {
+  constexpr int kEvents = 5000, kReaders = 8;
+  const std::string name = NewJob();
+  ProgressRecord record;
+  record.progress.message = std::string(4000, 'x');
+  const std::string payload = Encode(record);
+  ASSERT_TRUE(store_
+                  ->Update(name.substr(5),
+                           [&](JobTransaction& job) -> absl::Status {
+                             for (int i = 0; i < kEvents; ++i) {
+                               LITAGS_RETURN_IF_ERROR(
+                                   job.AddEvent({0, 1, EventKind::kProgress, payload}));
+                             }
+                             return absl::OkStatus();
+                           })
+                  .ok());
+  ServerOptions options = Options();
+  options.listen = "127.0.0.1:0";
+  const auto server = *StartServer(options, &jobs_, engine_.get());
+  const auto channel = grpc::CreateChannel("127.0.0.1:" + std::to_string(server->port()),
+                                           grpc::InsecureChannelCredentials());
+  TestClient client(channel);
+  v1::WatchJobRequest request;
+  request.set_name(name);
+  const int64_t before = ResidentBytesWithChildren();
+  std::vector<std::unique_ptr<grpc::ClientContext>> calls;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::JobEvent>>> readers;
+  for (int i = 0; i < kReaders; ++i) {
+    calls.push_back(std::make_unique<grpc::ClientContext>());
+    readers.push_back(client.jobs->WatchJob(calls.back().get(), request));
+    v1::JobEvent event;
+    ASSERT_TRUE(readers.back()->Read(&event));
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));  // time to send all it would
+  EXPECT_LT(ResidentBytesWithChildren() - before, int64_t{40} << 20);
+  v1::JobEvent event;
+  for (int64_t number = 2; number <= kEvents + 1; ++number) {  // "created" is the first
+    ASSERT_TRUE(readers[0]->Read(&event));
+    ASSERT_EQ(event.number(), number);
+  }
+  for (const auto& call : calls) call->TryCancel();
+  for (const auto& reader : readers) (void)reader->Finish();
 }
 
 TEST_F(JobsApi, WatchEndsWhenTheJobIsDeletedAndWhenTheServerStops) {

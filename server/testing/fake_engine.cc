@@ -205,8 +205,15 @@ class FakeEngine : public Engine {
       std::ofstream(marker) << "x";
       kill(getpid(), SIGKILL);
     }
-    std::vector<std::string> hoard;
+    std::vector<std::string> hoard;  // until there is no more
     while (Has(names, "memory")) hoard.emplace_back(64 << 20, 'x');
+    std::vector<char> memory;  // more than a job's limit, held until it is noticed
+    if (Has(names, "hungry")) {
+      memory.assign(size_t{300} << 20, 'x');
+      const volatile char* held = memory.data();  // or no compiler would keep it
+      while (*held == 'x' && !cancel.IsCancelled())
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
     while (Has(names, "stuck") || (Has(names, "hang") && !cancel.IsCancelled())) {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }

@@ -20,6 +20,7 @@ namespace litags {
 //   hang        stops making progress half way, but obeys the cancel token
 //   stuck       stops making progress half way and does not obey it
 //   slow        20 ms per iteration
+//   hungry      takes 300 MB half way, then as hang
 std::unique_ptr<Engine> MakeFakeEngine(std::string colmap = "");
 
 }  // namespace litags

@@ -338,7 +338,7 @@ TEST_F(RenderApi, ExportSendsTheAnnouncedBytesAndLeavesNoFile) {
                {v1::MODEL_FORMAT_UNSPECIFIED, -0.5, "light -0.5\n"},
                {v1::MODEL_FORMAT_PLY, 4, "light 4\n"},
                {v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT, 0, "light 1\n"},
-               {v1::MODEL_FORMAT_PLY_FULL, 0, "full\n"}};
+               {v1::MODEL_FORMAT_PLY_FULL, 0, "full "}};
   for (const auto& [format, light, kind] : cases) {
     grpc::ClientContext context;
     v1::ExportModelRequest request;

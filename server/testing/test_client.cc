@@ -75,6 +75,14 @@ std::vector<v1::UploadImagesRequest> FileMessages(const TestFile& file, std::str
   return messages;
 }
 
+grpc::Status TestClient::Query(const std::string& name, const std::vector<TestFile>& files,
+                               v1::QueryUploadResponse* response) {
+  Call call;
+  auto request = Named<v1::QueryUploadRequest>(name);
+  for (const TestFile& file : files) *request.add_files() = FileMessages(file)[0].file();
+  return jobs->QueryUpload(&call, request, response);
+}
+
 grpc::Status TestClient::UploadRaw(const std::vector<v1::UploadImagesRequest>& messages) {
   Call call;
   v1::UploadImagesResponse response;

@@ -34,6 +34,8 @@ class TestClient {
   grpc::Status Create(const v1::CreateJobRequest& request, v1::Job* job);
   grpc::Status Upload(const std::string& name, const std::vector<TestFile>& files,
                       v1::UploadImagesResponse* response = nullptr);
+  grpc::Status Query(const std::string& name, const std::vector<TestFile>& files,
+                     v1::QueryUploadResponse* response);
   // The messages as they are, then half-close.
   grpc::Status UploadRaw(const std::vector<v1::UploadImagesRequest>& messages);
   grpc::Status Start(const std::string& name, v1::Job* job = nullptr);

@@ -5,6 +5,10 @@
 #include <filesystem>
 
 #include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/jobs/codec.h"
+#include "server/worker/memory.h"
 
 namespace litags {
 namespace {
@@ -13,6 +17,12 @@ using SteadyClock = std::chrono::steady_clock;
 
 double SecondsSince(SteadyClock::time_point t) {
   return std::chrono::duration<double>(SteadyClock::now() - t).count();
+}
+
+// Jobs that were made before there were policies have none.
+JobPolicy PolicyOf(const JobRecord& job) {
+  const auto policy = Decode<JobPolicy>(job.policy);
+  return policy.ok() ? *policy : JobPolicy();
 }
 
 }  // namespace
@@ -25,6 +35,7 @@ JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
       options_(options),
       shutdown_(std::move(shutdown)),
       engine_cancel_(std::move(engine_cancel)),
+      policy_(PolicyOf(lease.job)),
       last_heartbeat_(SteadyClock::now()),
       thread_([this] { Loop(); }) {}
 
@@ -91,7 +102,28 @@ void JobMonitor::Check() {
     return;
   }
   if (renew) last_heartbeat_ = SteadyClock::now();
-  if (*cancel) StopEngine(StopReason::kCancelled);
+  if (*cancel) return StopEngine(StopReason::kCancelled);
+  limit_exceeded_ = CheckLimits();
+  if (!limit_exceeded_.ok()) StopEngine(StopReason::kLimit);
+}
+
+absl::Status JobMonitor::CheckLimits() const {
+  const double seconds = static_cast<double>(lease_.job.run_ms) / 1000 + SecondsSince(start_);
+  if (policy_.max_run_seconds > 0 && seconds > policy_.max_run_seconds) {
+    return MakeError(absl::StatusCode::kDeadlineExceeded, "RUN_TIME_EXCEEDED",
+                     "policy.max_run_seconds",
+                     absl::StrCat("the job ran for ", policy_.max_run_seconds,
+                                  " s, which is its limit; ResumeJob goes on from the last "
+                                  "checkpoint for as long again"));
+  }
+  if (policy_.max_memory_bytes == 0) return absl::OkStatus();
+  const int64_t bytes = ResidentBytesWithChildren();
+  if (bytes <= policy_.max_memory_bytes) return absl::OkStatus();
+  return MakeError(
+      absl::StatusCode::kResourceExhausted, "MEMORY_EXCEEDED", "policy.max_memory_bytes",
+      absl::StrCat("the job held ", bytes, " bytes of memory; its limit is ",
+                   policy_.max_memory_bytes,
+                   "; set max_image_side or max_gaussians lower, or the limit higher"));
 }
 
 void JobMonitor::WriteReports(bool all) {
@@ -135,6 +167,7 @@ void JobMonitor::GiveUpIfStuck() {
   spdlog::error("job={} the engine does not stop; leaving it", lease_.job.id);
   absl::Status status;
   if (stop_reason_ == StopReason::kCancelled) status = context_.leases->Stopped(lease_);
+  if (stop_reason_ == StopReason::kLimit) status = context_.leases->Fail(lease_, limit_exceeded_);
   if (stop_reason_ == StopReason::kShutdown) status = context_.leases->GiveBack(lease_);
   if (!status.ok()) spdlog::error("job={} {}", lease_.job.id, status.ToString());
   options_.give_up();

@@ -20,7 +20,7 @@ namespace litags {
 // down. The engine's calls only leave a note, so that training never waits for the store.
 class JobMonitor : public ReconstructObserver {
  public:
-  enum class StopReason { kNone, kCancelled, kShutdown, kLeaseLost };
+  enum class StopReason { kNone, kCancelled, kShutdown, kLeaseLost, kLimit };
 
   // All arguments must outlive this.
   JobMonitor(const Lease& lease, const WorkerContext& context, const WorkerOptions& options,
@@ -32,6 +32,9 @@ class JobMonitor : public ReconstructObserver {
 
   // Ends the thread, writes what is still to be written, and says why the engine was stopped.
   StopReason Finish();
+  // After Finish(): with kLimit, the error that the job ends with: DEADLINE_EXCEEDED
+  // (RUN_TIME_EXCEEDED), RESOURCE_EXHAUSTED (MEMORY_EXCEEDED).
+  const absl::Status& limit_exceeded() const { return limit_exceeded_; }
 
  private:
   using TimePoint = std::chrono::steady_clock::time_point;
@@ -42,7 +45,8 @@ class JobMonitor : public ReconstructObserver {
   };
 
   void Loop();
-  void Check();  // cancellation, shutdown, heartbeat
+  void Check();  // cancellation, shutdown, heartbeat, limits
+  absl::Status CheckLimits() const;
   void WriteReports(bool all);
   void StopEngine(StopReason reason);
   void GiveUpIfStuck();
@@ -64,6 +68,9 @@ class JobMonitor : public ReconstructObserver {
 
   // Used by the thread only.
   StopReason stop_reason_ = StopReason::kNone;
+  absl::Status limit_exceeded_;
+  JobPolicy policy_;
+  const TimePoint start_ = std::chrono::steady_clock::now();
   TimePoint stop_time_{}, last_heartbeat_{}, last_progress_{};
 
   std::thread thread_;

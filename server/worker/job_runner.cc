@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
@@ -27,9 +28,10 @@ absl::StatusOr<ReconstructInput> PrepareInput(const std::string& job_id,
   const fs::path work = context.data.work(job_id);
   const fs::path input = work / "input";
   const fs::path photos = input / "photos", depths = input / "depths", run = work / "run";
+  const fs::path colmap = input / "colmap";
   std::error_code error;
   fs::remove_all(input, error);
-  for (const fs::path& folder : {photos, depths, run}) {
+  for (const fs::path& folder : {photos, depths, colmap, run}) {
     if (!error) fs::create_directories(folder, error);
     if (error) return FolderError(folder, error);
   }
@@ -51,6 +53,12 @@ absl::StatusOr<ReconstructInput> PrepareInput(const std::string& job_id,
         path = input / "transforms.json";
         result.cameras_path = path;
         break;
+      case FileRole::kColmap:
+        path = colmap / file.name;
+        result.cameras_path = colmap;
+        break;
+      case FileRole::kArchive:
+        continue;  // its files have rows of their own
     }
     LITAGS_RETURN_IF_ERROR(context.blobs->Fetch(BlobKey(job_id, file.sha256), path));
   }
@@ -62,7 +70,11 @@ absl::StatusOr<ReconstructReport> Reconstruct(const Lease& lease, const WorkerCo
                                               const CancelToken& cancel,
                                               ReconstructObserver* observer) {
   LITAGS_ASSIGN_OR_RETURN(auto engine_options, Decode<ReconstructOptions>(lease.job.options));
-  if (engine_options.threads == 0) engine_options.threads = options.threads;
+  if (engine_options.threads == 0 || options.threads > 0) {
+    engine_options.threads = engine_options.threads == 0
+                                 ? options.threads
+                                 : std::min(engine_options.threads, options.threads);
+  }
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, PrepareInput(lease.job.id, context));
   input.depth_network = options.depth_network;
   input.colmap_step_seconds = options.colmap_step_seconds;
@@ -95,6 +107,10 @@ absl::Status RunJob(const Lease& lease, const WorkerContext& context, const Work
   if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kShutdown) {
     spdlog::info("job={} given back: shutting down", id);
     return context.leases->GiveBack(lease);
+  }
+  if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kLimit) {
+    spdlog::warn("job={} stopped: {}", id, monitor.limit_exceeded().ToString());
+    return context.leases->Fail(lease, monitor.limit_exceeded());
   }
   if (stop == JobMonitor::StopReason::kLeaseLost) {
     spdlog::warn("job={} lease lost", id);

@@ -16,8 +16,8 @@
 namespace litags {
 
 struct WorkerOptions {
-  std::string name = "worker";        // unique among all workers there ever were
-  int threads = 0;                    // for jobs that do not say; 0: all cores
+  std::string name = "worker";  // unique among all workers there ever were
+  int threads = 0;  // most a job may use, and what one uses that does not say; 0: all cores
   DepthNetwork depth_network;         // for jobs that ask for depth by a network
   double colmap_step_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
   double poll_seconds = 0.25;         // between looks for work, for cancellation and for shutdown

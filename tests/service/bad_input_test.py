@@ -104,7 +104,7 @@ class BadUploads(harness.ServiceTest):
         job = self.job()
         parts = list(self.upload(job, [("a.png", harness.png())], chunk=100))
         self.assert_refused(lambda: self.jobs.UploadImages(iter(parts[:-1])), INVALID,
-                            "FILE_TRUNCATED", "images[a.png]", "again")
+                            "FILE_TRUNCATED", "images[a.png]", "send the rest")
 
     def test_options_out_of_range(self):
         _, err = self.litags("submit", self.photos(), "--theta", "1.5", exit_code=2)

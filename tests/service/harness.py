@@ -8,6 +8,7 @@ the standard library only.
 import contextlib
 import hashlib
 import os
+import random
 import shutil
 import signal
 import socket
@@ -38,18 +39,37 @@ PATIENCE_S = 60
 
 def png(width=64, height=48, seed=0):
     """A small RGB photo as PNG bytes, another one for every seed."""
-    def chunk(kind, data):
-        body = kind + data
-        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
-
     rows = bytearray()
     for y in range(height):
         rows.append(0)
         for x in range(width):
             rows += bytes(((x * 3 + seed * 17) % 256, (y * 5 + seed) % 256, (x ^ y) % 256))
+    return png_of(width, height, zlib.compress(bytes(rows)))
+
+
+def png_of(width, height, data, bits=8, colour=2):
+    """A PNG, RGB by default, of compressed rows."""
+    def chunk(kind, data):
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
     return (b"\x89PNG\r\n\x1a\n"
-            + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
-            + chunk(b"IDAT", zlib.compress(bytes(rows))) + chunk(b"IEND", b""))
+            + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0))
+            + chunk(b"IDAT", data) + chunk(b"IEND", b""))
+
+
+def depth_png(width=64, height=48):
+    """A depth map as a 16-bit grey PNG."""
+    rows = b"".join(b"\0" + struct.pack(">%dH" % width, *range(1000, 1000 + width))
+                    for _ in range(height))
+    return png_of(width, height, zlib.compress(rows), bits=16, colour=0)
+
+
+def large_png(seed=0, width=1200, height=900):
+    """A photo of about 3 MB that no compression makes smaller."""
+    noise = random.Random(seed)
+    rows = b"".join(b"\0" + noise.randbytes(3 * width) for _ in range(height))
+    return png_of(width, height, zlib.compress(rows, 0))
 
 
 def jpeg_header(width=64, height=48):
@@ -84,7 +104,7 @@ def error_detail(error):
 class Server:
     """A server process with its data in `folder`; port 0 until it has started."""
 
-    def __init__(self, folder, port=0):
+    def __init__(self, folder, port=0, extra=()):
         self.data = os.path.join(folder, "data")
         port_file = os.path.join(folder, "port")
         with contextlib.suppress(FileNotFoundError):
@@ -93,7 +113,7 @@ class Server:
         self.log = open(self.log_path, "ab")
         self.process = subprocess.Popen(
             [os.path.join(BIN, SERVER_PROGRAM), "--listen", f"127.0.0.1:{port}", "--data", self.data,
-             "--port-file", port_file, "--threads", "1"],
+             "--port-file", port_file, "--threads", "1", *extra],
             stdout=self.log, stderr=self.log)
         deadline = time.monotonic() + PATIENCE_S
         while not os.path.exists(port_file):
@@ -123,38 +143,58 @@ class Server:
 
 
 class CuttableProxy:
-    """A TCP relay to a server, whose connections can be cut."""
+    """A TCP relay to a server, whose connections can be cut or fall silent."""
 
-    def __init__(self, port):
+    def __init__(self, port, cut_every=0):
+        """`cut_every`: bytes from clients after which all connections are cut; 0: never."""
         self.target = port
+        self.cut_every = cut_every
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.address = "127.0.0.1:%d" % self.listener.getsockname()[1]
         self.lock = threading.Lock()
         self.sockets = []
         self.connections = 0
+        self.sent = 0        # bytes from clients
+        self.closed = 0      # connections that the server ended
+        self.silent = False  # takes all bytes and passes none on
         threading.Thread(target=self._accept, daemon=True).start()
 
     def _accept(self):
         while True:
             try:
                 client, _ = self.listener.accept()
-                server = socket.create_connection(("127.0.0.1", self.target))
             except OSError:
                 return
+            try:
+                server = socket.create_connection(("127.0.0.1", self.target))
+            except OSError:  # no server there: a connection that breaks at once
+                client.close()
+                continue
             with self.lock:
                 self.connections += 1
                 self.sockets += [client, server]
-            for source, sink in ((client, server), (server, client)):
-                threading.Thread(target=self._relay, args=(source, sink), daemon=True).start()
+            threading.Thread(target=self._relay, args=(client, server, True), daemon=True).start()
+            threading.Thread(target=self._relay, args=(server, client, False), daemon=True).start()
 
-    @staticmethod
-    def _relay(source, sink):
+    def _relay(self, source, sink, from_client):
         with contextlib.suppress(OSError):
             while data := source.recv(65536):
+                if self.silent:
+                    continue
                 sink.sendall(data)
+                if from_client and self._count(len(data)):
+                    time.sleep(0.2)  # what was passed on is read: a reset would throw it away
+                    self.cut()
+            if not from_client:
+                self.closed += 1
         for end in (source, sink):
             with contextlib.suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
+
+    def _count(self, size):
+        with self.lock:
+            before, self.sent = self.sent, self.sent + size
+            return self.cut_every and before // self.cut_every != self.sent // self.cut_every
 
     def cut(self):
         """Ends every connection there is; new ones are taken."""
@@ -177,7 +217,7 @@ class ServiceTest(unittest.TestCase):
     def setUpClass(cls):
         cls.class_folder = tempfile.mkdtemp(prefix="litags-service-")
         cls.addClassCleanup(shutil.rmtree, cls.class_folder, ignore_errors=True)
-        cls.server = Server(cls.class_folder)
+        cls.server = cls.make_server()
         cls.addClassCleanup(lambda: cls.server.stop())
         cls.channel = grpc.insecure_channel(cls.server.address,
                                             options=[("grpc.enable_http_proxy", 0)])
@@ -185,6 +225,10 @@ class ServiceTest(unittest.TestCase):
         cls.jobs = reconstruction_service_pb2_grpc.ReconstructionServiceStub(cls.channel)
         cls.pictures = render_service_pb2_grpc.RenderServiceStub(cls.channel)
         cls.models = model_service_pb2_grpc.ModelServiceStub(cls.channel)
+
+    @classmethod
+    def make_server(cls):
+        return Server(cls.class_folder)
 
     def setUp(self):
         self.folder = tempfile.mkdtemp(dir=self.class_folder)
@@ -267,3 +311,4 @@ class ServiceTest(unittest.TestCase):
 SUCCEEDED = job_pb2.JOB_STATE_SUCCEEDED
 RUNNING = job_pb2.JOB_STATE_RUNNING
 CANCELLED = job_pb2.JOB_STATE_CANCELLED
+FAILED = job_pb2.JOB_STATE_FAILED

@@ -74,6 +74,16 @@ class Jobs(harness.ServiceTest):
         last = self.jobs.GetJob(rpc.GetJobRequest(name=job)).last_event
         self.assertEqual(numbers, list(range(1, last + 1)))
 
+    def test_watching_over_a_crash_of_the_worker_loses_and_doubles_nothing(self):
+        job = self.submit("--iterations", "60", "--checkpoint-every", "10",
+                          names=("crash-once.png", "b.png"))
+        out, _ = self.litags("watch", job, "--json")
+        events = [json.loads(line) for line in out.splitlines()]
+        last = self.jobs.GetJob(rpc.GetJobRequest(name=job)).last_event
+        self.assertEqual([int(event["number"]) for event in events], list(range(1, last + 1)))
+        states = [event["stateChange"]["state"] for event in events if "stateChange" in event]
+        self.assertEqual(states.count("JOB_STATE_RUNNING"), 2)
+
     def test_python_resumes_a_watch_after_the_last_number(self):
         job = self.submit("--iterations", "100", names=("slow.png", "b.png"))
         stream = self.jobs.WatchJob(rpc.WatchJobRequest(name=job))
@@ -117,6 +127,40 @@ class Jobs(harness.ServiceTest):
         self.litags("resume", job)
         out, _ = self.litags("watch", job)
         self.assertRegex(out, r"note: resumed at iteration [1-9]")
+
+    def test_a_job_that_runs_too_long_fails_and_resume_goes_on(self):
+        job = self.submit("--iterations", "150", "--checkpoint-every", "10", "--max-run-seconds",
+                          "1.5", names=("slow.png", "b.png"))
+        out, _ = self.litags("watch", job, exit_code=1)
+        self.assertIn("RUN_TIME_EXCEEDED", out)
+        self.assertIn("ResumeJob goes on", out)
+        for _ in range(10):  # 3 s of work, 1.5 s at a time, more on a busy machine
+            self.litags("resume", job)
+            self.wait_for(lambda: self.state(job) in (harness.SUCCEEDED, harness.FAILED), "an end")
+            if self.state(job) == harness.SUCCEEDED:
+                break
+        report = self.jobs.GetJob(rpc.GetJobRequest(name=job)).report
+        self.assertRegex(report.notes[0], "resumed at iteration [1-9]")
+
+    def test_a_job_that_takes_too_much_memory_fails_and_its_worker_lives(self):
+        job = self.submit("--iterations", "20", "--max-memory", "200M",
+                          names=("hungry.png", "b.png"))
+        out, _ = self.litags("watch", job, exit_code=1)
+        self.assertIn("MEMORY_EXCEEDED", out)
+        self.assertIn("max_gaussians lower", out)
+        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=job)).attempt, 1)
+        self.litags("watch", self.submit("--iterations", "10"))
+
+    def test_urgent_jobs_overtake_waiting_ones(self):
+        first = self.submit("--iterations", "20", names=("hang.png", "b.png"))
+        waiting = self.submit("--iterations", "10")
+        urgent = self.submit("--iterations", "10", "--priority", "5")
+        self.litags("cancel", first)
+        for job in (waiting, urgent):
+            self.litags("watch", job)
+        start = {job: self.jobs.GetJob(rpc.GetJobRequest(name=job)).start_time.ToNanoseconds()
+                 for job in (waiting, urgent)}
+        self.assertLess(start[urgent], start[waiting])
 
     def test_a_job_that_fails_says_why_and_what_to_do(self):
         job = self.submit("--iterations", "10", names=("fail.png", "b.png"))

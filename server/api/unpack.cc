@@ -1,0 +1,88 @@
+#include "server/api/unpack.h"
+
+#include <unistd.h>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "engine/core/error.h"
+#include "server/api/upload_files.h"
+
+namespace litags {
+namespace {
+
+constexpr size_t kMaxSkipped = 100;
+
+std::string PathIn(const ArchiveEntry& entry) {
+  std::vector<std::string> parts = entry.folders;
+  parts.push_back(entry.name);
+  return absl::Utf8SafeCHexEscape(absl::StrJoin(parts, "/"));
+}
+
+}  // namespace
+
+Unpacker::Unpacker(Jobs* jobs, std::string job_id, std::string field)
+    : jobs_(jobs),
+      job_id_(std::move(job_id)),
+      field_(std::move(field)),
+      staging_path_(absl::StrCat(jobs->data().tmp(), "/unpack-", RandomHex(8))) {}
+
+Unpacker::~Unpacker() { unlink(staging_path_.c_str()); }
+
+absl::StatusOr<bool> Unpacker::Begin(const ArchiveEntry& entry) {
+  const std::optional<FileRole> role = RoleInArchive(entry);
+  if (!role) {
+    if (skipped_.size() < kMaxSkipped) skipped_.push_back(PathIn(entry));
+    return false;
+  }
+  file_ = {entry.name, *role, 0, "", 0, 0};
+  LITAGS_RETURN_IF_ERROR(CheckName(entry.name, *role, FieldOf(*role, entry.name)));
+  const auto [first, added] = seen_.emplace(std::pair(*role, entry.name), PathIn(entry));
+  if (!added) {
+    return InvalidInput("ARCHIVE_NAME_TWICE", field_,
+                        absl::StrCat(field_, ": ", first->second, " and ", PathIn(entry),
+                                     " have one name; pack one folder of photos only"));
+  }
+  sha_ = Sha256();
+  out_ = std::ofstream(staging_path_, std::ios::binary | std::ios::trunc);
+  return true;
+}
+
+absl::Status Unpacker::Write(std::string_view bytes) {
+  sha_.Update(bytes);
+  file_.size_bytes += static_cast<int64_t>(bytes.size());
+  if (out_.write(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", field_,
+                   absl::StrCat(field_,
+                                ": the server cannot unpack it; free some space in its "
+                                "data folder"));
+}
+
+absl::Status Unpacker::End() {
+  const std::string field = FieldOf(file_.role, file_.name);
+  if (file_.size_bytes == 0) {
+    return InvalidInput("FILE_EMPTY", field,
+                        absl::StrCat(field, ": the file in ", field_,
+                                     " has no bytes; leave it out or copy it from the camera "
+                                     "again"));
+  }
+  out_.close();
+  if (!out_) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", field_,
+                     absl::StrCat(field_,
+                                  ": the server cannot unpack it; free some space in its "
+                                  "data folder"));
+  }
+  file_.sha256 = sha_.HexDigest();
+  LITAGS_ASSIGN_OR_RETURN(const bool known, jobs_->uploads().IsStored(job_id_, file_));
+  if (known) {
+    ++unchanged_;
+    return absl::OkStatus();
+  }
+  LITAGS_RETURN_IF_ERROR(CheckContent(staging_path_, field, &file_));
+  LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file_, staging_path_));
+  ++stored_;
+  return absl::OkStatus();
+}
+
+}  // namespace litags

@@ -1,0 +1,54 @@
+#ifndef LITAGS_SERVER_API_UNPACK_H_
+#define LITAGS_SERVER_API_UNPACK_H_
+
+#include <cstdint>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/archive/extract.h"
+#include "server/jobs/jobs.h"
+#include "server/store/digest.h"
+
+namespace litags {
+
+// Stores the files of an uploaded archive in a job, each checked as if it had come by itself. What
+// a file is for follows from its name and folder. One at a time is on disk beside the archive.
+class Unpacker : public ArchiveSink {
+ public:
+  Unpacker(Jobs* jobs, std::string job_id, std::string field);
+  ~Unpacker() override;
+
+  // INVALID_ARGUMENT (ARCHIVE_NAME_TWICE): two files of one role have one name.
+  absl::StatusOr<bool> Begin(const ArchiveEntry& entry) override;
+  absl::Status Write(std::string_view bytes) override;
+  absl::Status End() override;
+
+  int stored() const { return stored_; }
+  int unchanged() const { return unchanged_; }
+  // Files that no job has a use for, in order; the first hundred.
+  const std::vector<std::string>& skipped() const { return skipped_; }
+
+ private:
+  Jobs* const jobs_;
+  const std::string job_id_;
+  const std::string field_;  // the archive's
+  const std::string staging_path_;
+  FileRecord file_;  // the one in hand
+  Sha256 sha_;
+  std::ofstream out_;
+  // Where each file was, by role and name.
+  std::map<std::pair<FileRole, std::string>, std::string> seen_;
+  int stored_ = 0, unchanged_ = 0;
+  std::vector<std::string> skipped_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_UNPACK_H_

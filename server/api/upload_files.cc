@@ -1,0 +1,173 @@
+#include "server/api/upload_files.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "engine/core/error.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/transforms_io.h"
+#include "server/store/digest.h"
+
+namespace litags {
+namespace {
+
+struct RoleRules {
+  const char* field;                    // "images"
+  std::vector<const char*> extensions;  // of names, lower case
+};
+
+RoleRules RulesOf(FileRole role) {
+  switch (role) {
+    case FileRole::kCameras:
+      return {"cameras", {".json"}};
+    case FileRole::kDepth:
+      return {"depths", {".png", ".pfm", ".npy"}};
+    case FileRole::kColmap:
+      return {"colmap", {".bin"}};
+    case FileRole::kArchive:
+      return {"archives", {".zip", ".tar", ".tar.gz", ".tgz"}};
+    case FileRole::kPhoto:
+      break;
+  }
+  return {"images", {".jpg", ".jpeg", ".png"}};
+}
+
+constexpr const char* kColmapNames[] = {"cameras.bin", "images.bin", "points3D.bin"};
+
+bool IsColmapName(const std::string& name) {
+  return std::any_of(std::begin(kColmapNames), std::end(kColmapNames),
+                     [&](const char* n) { return name == n; });
+}
+
+bool HasExtension(const std::string& name, FileRole role) {
+  const std::string lower = absl::AsciiStrToLower(name);
+  // The engine finds depth maps by their lower-case names.
+  const std::string& compared = role == FileRole::kDepth ? name : lower;
+  for (const std::string extension : RulesOf(role).extensions) {
+    if (compared.size() > extension.size() && compared.ends_with(extension)) return true;
+  }
+  return false;
+}
+
+int64_t LimitOf(FileRole role, const UploadLimits& limits) {
+  if (role == FileRole::kCameras) return limits.max_cameras_bytes;
+  if (role == FileRole::kArchive) return limits.max_job_bytes;
+  return limits.max_file_bytes;
+}
+
+}  // namespace
+
+std::string FieldOf(FileRole role, const std::string& name) {
+  return absl::StrCat(RulesOf(role).field, "[", name, "]");
+}
+
+absl::Status CheckName(const std::string& name, FileRole role, const std::string& field) {
+  LITAGS_RETURN_IF_ERROR(ValidateFileName(name, field));
+  if (role == FileRole::kColmap && !IsColmapName(name)) {
+    return InvalidInput("BAD_FILE_NAME", field,
+                        absl::StrCat(field, ": the files of a COLMAP model are named ",
+                                     absl::StrJoin(kColmapNames, ", "),
+                                     "; text models are converted by colmap model_converter"));
+  }
+  if (name.front() != '.' && HasExtension(name, role)) return absl::OkStatus();
+  return InvalidInput("BAD_FILE_NAME", field,
+                      absl::StrCat(field, ": the name must end in one of ",
+                                   absl::StrJoin(RulesOf(role).extensions, ", "),
+                                   " and not begin with a dot; rename the file"));
+}
+
+absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
+                                             const UploadLimits& limits) {
+  if (!v1::FileRole_IsValid(header.role())) {
+    return InvalidInput("FILE_ROLE_UNKNOWN", "file.role",
+                        absl::StrCat("the server does not know file role ", header.role()));
+  }
+  UploadHeader file;
+  file.record.name = header.name();
+  file.record.size_bytes = header.size_bytes();
+  file.record.sha256 = ToHex(header.sha256());
+  file.record.role = header.role() == v1::FILE_ROLE_UNSPECIFIED
+                         ? FileRole::kPhoto
+                         : static_cast<FileRole>(header.role());
+  file.field = FieldOf(file.record.role, header.name());
+  LITAGS_RETURN_IF_ERROR(CheckName(header.name(), file.record.role, file.field));
+  if (header.size_bytes() <= 0) {
+    return InvalidInput("FILE_EMPTY", file.field,
+                        absl::StrCat(file.field,
+                                     ": the file has no bytes; leave it out or copy it "
+                                     "from the camera again"));
+  }
+  const int64_t limit = LimitOf(file.record.role, limits);
+  if (header.size_bytes() > limit) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", file.field,
+                     absl::StrCat(file.field, ": ", header.size_bytes(), " bytes exceed ", limit,
+                                  "; make the file smaller"));
+  }
+  if (header.sha256().size() != 32) {
+    return InvalidInput("FILE_DIGEST_MISSING", file.field,
+                        absl::StrCat(file.field, ": sha256 has ", header.sha256().size(),
+                                     " bytes; it must have 32"));
+  }
+  if (header.offset() < 0) {
+    return InvalidInput("OFFSET_NEGATIVE", file.field,
+                        absl::StrCat(file.field, ": offset is ", header.offset(),
+                                     "; it counts bytes from the start of the file"));
+  }
+  if (header.offset() > header.size_bytes()) {
+    return InvalidInput("FILE_SIZE_MISMATCH", file.field,
+                        absl::StrCat(file.field, ": offset ", header.offset(),
+                                     " lies beyond the end of the file of ", header.size_bytes(),
+                                     " bytes"));
+  }
+  return file;
+}
+
+absl::Status CheckContent(const std::string& path, const std::string& field, FileRecord* file) {
+  // A model's three files make sense together only: the engine checks them when the job runs.
+  if (file->role == FileRole::kColmap) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, file->size_bytes));
+  switch (file->role) {
+    case FileRole::kPhoto: {
+      LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, DecodeImage(bytes, field));
+      file->width = image.width;
+      file->height = image.height;
+      return absl::OkStatus();
+    }
+    case FileRole::kCameras:
+      return ParseTransforms(bytes, field).status();
+    case FileRole::kDepth:
+      return DecodeDepthMap(bytes, field).status();
+    case FileRole::kColmap:
+    case FileRole::kArchive:
+      break;
+  }
+  return absl::OkStatus();
+}
+
+std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry) {
+  const std::string folder =
+      entry.folders.empty() ? "" : absl::AsciiStrToLower(entry.folders.back());
+  if (entry.name.starts_with(".")) return std::nullopt;
+  for (const std::string& f : entry.folders) {
+    if (f.starts_with(".") || f == "__MACOSX") return std::nullopt;
+  }
+  if (folder == "mask" || folder == "masks") return std::nullopt;
+  if (folder == "depth" || folder == "depths") {
+    return HasExtension(entry.name, FileRole::kDepth) ? std::optional(FileRole::kDepth)
+                                                      : std::nullopt;
+  }
+  if (IsColmapName(entry.name)) return FileRole::kColmap;
+  if (entry.name.starts_with("transforms") && HasExtension(entry.name, FileRole::kCameras)) {
+    return FileRole::kCameras;
+  }
+  if (HasExtension(entry.name, FileRole::kPhoto)) return FileRole::kPhoto;
+  return std::nullopt;
+}
+
+}  // namespace litags

@@ -1,0 +1,38 @@
+// What an uploaded file may be: names, sizes and content by role.
+#ifndef LITAGS_SERVER_API_UPLOAD_FILES_H_
+#define LITAGS_SERVER_API_UPLOAD_FILES_H_
+
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "litags/v1/reconstruction_service.pb.h"
+#include "server/archive/extract.h"
+#include "server/jobs/uploads.h"
+
+namespace litags {
+
+// A file that is announced or asked for, checked as far as its header goes.
+struct UploadHeader {
+  FileRecord record;
+  std::string field;  // "images[NAME]"
+};
+absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
+                                             const UploadLimits& limits);
+
+// How errors name a file: "images[NAME]", "depths[NAME]", ...
+std::string FieldOf(FileRole role, const std::string& name);
+
+// One plain component with an extension that the role has. INVALID_ARGUMENT (BAD_FILE_NAME).
+absl::Status CheckName(const std::string& name, FileRole role, const std::string& field);
+
+// Reads the file at `path` as what it says it is; sets a photo's size. Not for archives.
+absl::Status CheckContent(const std::string& path, const std::string& field, FileRecord* file);
+
+// What a file in an archive is for, by its name and its folder; nullopt: nothing that a job uses.
+std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_UPLOAD_FILES_H_

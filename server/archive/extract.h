@@ -1,0 +1,56 @@
+#ifndef LITAGS_SERVER_ARCHIVE_EXTRACT_H_
+#define LITAGS_SERVER_ARCHIVE_EXTRACT_H_
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace litags {
+
+// What an archive may cost, however small it is itself.
+struct ArchiveLimits {
+  int64_t max_entries = 20000;                   // files and folders
+  int64_t max_entry_bytes = int64_t{256} << 20;  // unpacked
+  int64_t max_total_bytes = int64_t{16} << 30;   // unpacked
+  // Unpacked bytes per byte of the archive, once the former are more than 64 MiB: photos hardly
+  // shrink, bombs do.
+  int64_t max_ratio = 100;
+};
+
+// A regular file in an archive. Its name is data: it never becomes a path here.
+struct ArchiveEntry {
+  std::vector<std::string> folders;  // "capture", "images"; none is "." or ".."
+  std::string name;                  // "0001.jpg"
+};
+
+// Takes the files of an archive, one after the other. An error of any call ends the extraction and
+// is its result.
+class ArchiveSink {
+ public:
+  virtual ~ArchiveSink() = default;
+  // False: its bytes are not wanted, and no End() follows.
+  virtual absl::StatusOr<bool> Begin(const ArchiveEntry& entry) = 0;
+  virtual absl::Status Write(std::string_view bytes) = 0;
+  virtual absl::Status End() = 0;
+};
+
+// Reads a ZIP or TAR archive (the latter plain or gzipped) of strangers, in one pass and in little
+// memory. `field` names it in errors, beside the entry at fault. Also wanted files that come before
+// an error have been given to the sink.
+// INVALID_ARGUMENT: ARCHIVE_NOT_RECOGNIZED, ARCHIVE_CORRUPT, ARCHIVE_ENCRYPTED, ARCHIVE_EMPTY (no
+//   file in it), ARCHIVE_ENTRY_UNSAFE (links, devices, absolute names, "..", backslashes).
+// RESOURCE_EXHAUSTED: ARCHIVE_TOO_MANY_ENTRIES, ARCHIVE_ENTRY_TOO_LARGE, ARCHIVE_TOO_LARGE,
+//   ARCHIVE_RATIO_TOO_LARGE.
+absl::Status ExtractArchive(const std::string& path, const ArchiveLimits& limits,
+                            std::string_view field, ArchiveSink* sink);
+// The same from memory.
+absl::Status ExtractArchiveBytes(std::string_view bytes, const ArchiveLimits& limits,
+                                 std::string_view field, ArchiveSink* sink);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_ARCHIVE_EXTRACT_H_

@@ -1,0 +1,42 @@
+#include "server/jobs/policy.h"
+
+#include <cmath>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+constexpr int kMaxPriority = 100;
+constexpr int64_t kMinMemoryBytes = int64_t{64} << 20;  // no job runs in less
+constexpr double kMaxSeconds = 1e9;                     // 31 years: milliseconds do not overflow
+
+absl::Status Bad(const char* name, double value, const char* rule) {
+  return InvalidInput("POLICY_OUT_OF_RANGE", absl::StrCat("policy.", name),
+                      absl::StrCat("policy.", name, " is ", value, "; it must be ", rule));
+}
+
+bool IsDuration(double seconds) {
+  return std::isfinite(seconds) && seconds >= 0 && seconds <= kMaxSeconds;
+}
+
+}  // namespace
+
+absl::Status JobPolicy::Validate() const {
+  if (std::abs(priority) > kMaxPriority) return Bad("priority", priority, "in -100..100");
+  if (!IsDuration(max_run_seconds)) {
+    return Bad("max_run_seconds", max_run_seconds, "0 (no limit) or up to 1e9");
+  }
+  if (max_memory_bytes != 0 && max_memory_bytes < kMinMemoryBytes) {
+    return Bad("max_memory_bytes", static_cast<double>(max_memory_bytes),
+               "0 (no limit) or at least 64 MiB");
+  }
+  if (!IsDuration(retention_seconds)) {
+    return Bad("retention_seconds", retention_seconds, "0 (for ever) or up to 1e9");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace litags

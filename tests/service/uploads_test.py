@@ -1,0 +1,271 @@
+"""Uploads over connections that break, and what becomes of those that are given up."""
+
+import hashlib
+import io
+import os
+import shutil
+import tarfile
+import tempfile
+import threading
+import unittest
+import zipfile
+
+import grpc
+
+import harness
+from harness import rpc
+
+
+def file_header(name, data, offset=0):
+    return rpc.FileHeader(name=name, role=rpc.FILE_ROLE_PHOTO, size_bytes=len(data),
+                          sha256=hashlib.sha256(data).digest(), offset=offset)
+
+
+def bytes_on_disk(data_folder):
+    """Bytes and names of all files of jobs; the database and the server's lock are not theirs."""
+    files = {}
+    for folder in ("blobs", "uploads", "work", "tmp"):
+        for path, _, names in os.walk(os.path.join(data_folder, folder)):
+            for name in names:
+                files[os.path.join(path, name)] = os.path.getsize(os.path.join(path, name))
+    return files
+
+
+class Uploads(harness.ServiceTest):
+
+    def large_photos(self, seeds):
+        folder = tempfile.mkdtemp(dir=self.folder)
+        for seed in seeds:
+            with open(os.path.join(folder, f"{seed}.png"), "wb") as file:
+                file.write(harness.large_png(seed))
+        return folder
+
+    def proxy(self, **options):
+        proxy = harness.CuttableProxy(self.server.port, **options)
+        self.addCleanup(proxy.close)
+        return proxy
+
+    def test_files_larger_than_any_connection_lives_arrive(self):
+        # Three files of 3.2 MB over connections that live for 1 MB: sent whole, none would arrive.
+        proxy = self.proxy(cut_every=1 << 20)
+        photos = self.large_photos((1, 2, 3))
+        out, err = self.litags("submit", photos, "--iterations", "10", server=proxy.address)
+        job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
+        self.assertEqual(job.photos, 3)
+        self.assertGreaterEqual(proxy.connections, 9, err)
+        # What a cut costs is what was on its way then, in buffers of the kernel and the proxy.
+        self.assertLess(proxy.sent, 2 * job.bytes)
+
+    def test_an_upload_goes_on_after_kill_9_of_the_server(self):
+        folder = tempfile.mkdtemp(prefix="litags-upload-")
+        self.addCleanup(shutil.rmtree, folder, ignore_errors=True)
+        server = harness.Server(folder)
+        proxy = harness.CuttableProxy(server.port)
+        self.addCleanup(proxy.close)
+        submit = self.start_litags("submit", self.large_photos((4, 5, 6)), "--iterations", "10",
+                                   server=proxy.address)
+        self.wait_for(lambda: proxy.sent > 4 << 20, "the upload to be half way")
+        proxy.silent = True
+        server.kill()
+        server = harness.Server(folder, server.port)
+        self.addCleanup(server.stop)
+        sent = proxy.sent
+        proxy.silent = False
+        proxy.cut()
+        out, err = submit.communicate(timeout=harness.PATIENCE_S)
+        self.assertEqual(submit.returncode, 0, err)
+        with grpc.insecure_channel(server.address) as channel:
+            stub = harness.reconstruction_service_pb2_grpc.ReconstructionServiceStub(channel)
+            job = stub.GetJob(rpc.GetJobRequest(name=out.strip()))
+        self.assertEqual(job.photos, 3)
+        self.assertLess(proxy.sent - sent, job.bytes - (2 << 20))
+
+    def test_the_same_photos_are_sent_once_for_several_jobs(self):
+        photos = self.large_photos((7, 8))
+        self.litags("submit", photos, "--iterations", "10")
+        proxy = self.proxy()
+        out, _ = self.litags("submit", photos, "--iterations", "20", server=proxy.address)
+        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 2)
+        self.assertLess(proxy.sent, 100_000)
+
+    def test_a_request_id_with_other_photos_is_refused(self):
+        photos = self.photos()
+        args = ("submit", photos, "--iterations", "10", "--request-id", os.path.basename(photos))
+        first, _ = self.litags(*args)
+        again, _ = self.litags(*args)
+        self.assertEqual(first, again)
+        with open(os.path.join(photos, "d.png"), "wb") as file:
+            file.write(harness.png(seed=9))
+        _, err = self.litags(*args, exit_code=2)
+        self.assertIn("REQUEST_ID_REUSED", err)
+        self.assertIn("with other files", err)
+
+    def test_python_asks_what_is_missing_and_sends_the_rest(self):
+        job = self.jobs.CreateJob(rpc.CreateJobRequest()).name
+        data = harness.large_png(9)
+
+        def part(offset, end):
+            yield rpc.UploadImagesRequest(name=job)
+            yield rpc.UploadImagesRequest(file=file_header("a.png", data, offset))
+            for start in range(offset, end, 256 << 10):
+                yield rpc.UploadImagesRequest(chunk=data[start:min(start + (256 << 10), end)])
+
+        def missing():
+            return self.jobs.QueryUpload(rpc.QueryUploadRequest(
+                name=job, files=[file_header("a.png", data)])).files[0]
+
+        self.assert_refused(lambda: self.jobs.UploadImages(part(0, 1_000_000)),
+                            grpc.StatusCode.INVALID_ARGUMENT, "FILE_TRUNCATED", "images[a.png]",
+                            "send the rest")
+        self.assertEqual((missing().stored, missing().offset), (False, 1_000_000))
+        self.jobs.UploadImages(part(1_000_000, len(data)))
+        self.assertTrue(missing().stored)
+
+
+class Archives(harness.ServiceTest):
+
+    def path(self, name):
+        return os.path.join(tempfile.mkdtemp(dir=self.folder), name)
+
+    def zip(self, files, name="capture.zip"):
+        path = self.path(name)
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for entry, data in files:
+                archive.writestr(entry, data)
+        return path
+
+    def tar(self, files, name="capture.tar.gz"):
+        path = self.path(name)
+        with tarfile.open(path, "w:gz" if name.endswith("gz") else "w") as archive:
+            for entry, data in files:
+                info = entry if isinstance(entry, tarfile.TarInfo) else tarfile.TarInfo(entry)
+                info.size = len(data)
+                archive.addfile(info, io.BytesIO(data))
+        return path
+
+    def capture(self):
+        return [("night/images/a.png", harness.png(seed=1)),
+                ("night/images/b.png", harness.png(seed=2)),
+                ("night/depth/a.png", harness.depth_png()),
+                ("night/README.txt", b"taken at night"),
+                ("__MACOSX/night/._a.png", b"junk")]
+
+    def test_a_packed_folder_becomes_a_job(self):
+        for path in (self.zip(self.capture()), self.tar(self.capture()),
+                     self.tar(self.capture(), "capture.tar")):
+            out, err = self.litags("submit", path, "--iterations", "10", "--watch")
+            job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
+            self.assertEqual((job.state, job.photos), (harness.SUCCEEDED, 2))
+            self.assertTrue(job.report.depth_used)
+            self.assertIn("not used, of what is in the archive: night/README.txt", err)
+        self.wait_for(lambda: not os.listdir(os.path.join(self.server.data, "tmp")), "an empty tmp")
+
+    def test_a_large_archive_arrives_over_connections_that_break(self):
+        proxy = harness.CuttableProxy(self.server.port, cut_every=1 << 20)
+        self.addCleanup(proxy.close)
+        path = self.zip([(f"{seed}.png", harness.large_png(seed)) for seed in (21, 22)])
+        out, _ = self.litags("submit", path, "--iterations", "10", server=proxy.address)
+        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 2)
+        self.assertGreaterEqual(proxy.connections, 6)
+
+    def refused(self, path, reason, words):
+        before = {job.name for job in self.jobs.ListJobs(rpc.ListJobsRequest()).jobs}
+        _, err = self.litags("submit", path, exit_code=2)
+        self.assertIn(reason, err)
+        self.assertIn(words, err)
+        after = {job.name for job in self.jobs.ListJobs(rpc.ListJobsRequest()).jobs}
+        self.assertEqual(before, after)  # the job was removed again
+
+    def test_hostile_archives_are_refused_by_the_name_of_the_entry(self):
+        photo = harness.png()
+        self.refused(self.zip([("../../evil.png", photo)]), "ARCHIVE_ENTRY_UNSAFE",
+                     "../../evil.png")
+        self.refused(self.tar([("/etc/evil.png", photo)]), "ARCHIVE_ENTRY_UNSAFE", "/etc/evil.png")
+        for kind in (tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.CHRTYPE, tarfile.FIFOTYPE):
+            link = tarfile.TarInfo("trap.png")
+            link.type, link.linkname = kind, "/etc/passwd"
+            self.refused(self.tar([(link, b"")]), "ARCHIVE_ENTRY_UNSAFE", "trap.png")
+        self.refused(self.zip([("a/1.png", photo), ("b/1.png", photo)]), "ARCHIVE_NAME_TWICE",
+                     "a/1.png and b/1.png")
+        self.refused(self.zip([("1.png", b"no photo at all")]), "IMAGE_NOT_RECOGNIZED",
+                     "images[1.png]")
+        path = self.path("text.zip")
+        with open(path, "wb") as file:
+            file.write(b"this is no archive")
+        self.refused(path, "ARCHIVE_NOT_RECOGNIZED", "archives[text.zip]")
+        self.assertFalse(os.path.exists(os.path.join(self.server.data, "evil.png")))
+
+    def test_a_bomb_is_refused_and_leaves_nothing(self):
+        self.refused(self.zip([("bomb.png", bytes(100 << 20))]), "ARCHIVE_RATIO_TOO_LARGE",
+                     "times its size")
+        self.assertEqual(os.listdir(os.path.join(self.server.data, "uploads")), [])
+
+    def test_known_cameras_may_be_a_colmap_model(self):
+        model = tempfile.mkdtemp(dir=self.folder)
+        for name in ("cameras.bin", "images.bin", "points3D.bin"):
+            with open(os.path.join(model, name), "wb") as file:
+                file.write(b"as COLMAP wrote it")  # the fake engine does not look inside
+        out, _ = self.litags("submit", self.photos(), "--cameras", model, "--iterations", "10",
+                             "--watch")
+        job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
+        self.assertEqual(job.report.sfm_preparation, "given")
+        os.remove(os.path.join(model, "images.bin"))
+        _, err = self.litags("submit", self.photos(), "--cameras", model, exit_code=2)
+        self.assertIn("images.bin", err)
+
+
+class Expiry(harness.ServiceTest):
+
+    @classmethod
+    def make_server(cls):
+        return harness.Server(cls.class_folder, extra=("--keep-uploads", "8", "--sweep-every", "0.2"))
+
+    def test_broken_uploads_expire_and_their_space_is_free_again(self):
+        data = harness.large_png(1)
+        jobs = [self.jobs.CreateJob(rpc.CreateJobRequest()).name for _ in range(5)]
+        for i, job in enumerate(jobs):
+            released = threading.Event()
+
+            def messages():
+                yield from self.upload(job, [("whole.png", harness.png(seed=i))])
+                yield rpc.UploadImagesRequest(file=file_header("part.png", data))
+                yield rpc.UploadImagesRequest(chunk=data[:1 << 20])
+                released.wait(harness.PATIENCE_S)
+
+            call = self.jobs.UploadImages.future(messages())
+            query = rpc.QueryUploadRequest(name=job, files=[file_header("part.png", data)])
+            self.wait_for(lambda: self.jobs.QueryUpload(query).files[0].offset == 1 << 20,
+                          "the bytes to arrive")
+            call.cancel()  # as if the connection had broken
+            released.set()
+        self.assertGreater(sum(bytes_on_disk(self.server.data).values()), 1 << 20)
+        self.wait_for(lambda: not self.jobs.ListJobs(rpc.ListJobsRequest()).jobs, "the expiry")
+        self.wait_for(lambda: not bytes_on_disk(self.server.data), "an empty disk")
+
+    def test_a_job_is_removed_when_its_retention_is_over(self):
+        out, _ = self.litags("submit", self.photos(), "--iterations", "10", "--keep-seconds", "1")
+        job = out.strip()
+        self.litags("watch", job)
+        kept, _ = self.litags("submit", self.photos(), "--iterations", "10", "--watch")
+        names = lambda: [job.name for job in self.jobs.ListJobs(rpc.ListJobsRequest()).jobs]
+        self.wait_for(lambda: job not in names(), "the removal")
+        self.assertIn(kept.strip(), names())
+        self.wait_for(lambda: not [path for path in bytes_on_disk(self.server.data)
+                                   if job.removeprefix("jobs/") in path], "its files to go")
+        self.litags("delete", kept.strip())
+
+    def test_a_cancelled_upload_leaves_only_what_it_was_told_is_stored(self):
+        data = harness.large_png(2)
+        job = self.jobs.CreateJob(rpc.CreateJobRequest()).name
+        with self.assertRaises(grpc.RpcError):
+            self.jobs.UploadImages(iter([rpc.UploadImagesRequest(name=job),
+                                         rpc.UploadImagesRequest(file=file_header("a.png", data)),
+                                         rpc.UploadImagesRequest(chunk=data[:1 << 20])]))
+        self.assertEqual(sum(bytes_on_disk(self.server.data).values()), 1 << 20)
+        self.jobs.CancelJob(rpc.CancelJobRequest(name=job))
+        self.assertEqual(bytes_on_disk(self.server.data), {})
+        self.jobs.DeleteJob(rpc.DeleteJobRequest(name=job))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
