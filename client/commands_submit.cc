@@ -23,6 +23,7 @@ struct SubmitArgs {
   std::optional<v1::Method> method;
   std::optional<v1::Tone> tone;
   std::optional<v1::DepthSource> depth_source;
+  std::optional<v1::DensityStatistic> density_statistic;
   std::optional<double> theta, contrast, min_registered, exposure_ssim, coarse_until, depth_weight;
   std::optional<int> iterations, threads, sh_degree, max_image_side, holdout_every;
   std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
@@ -80,6 +81,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.depth_source) options.set_depth_source(*args.depth_source);
   if (args.depth_weight) options.set_depth_weight(*args.depth_weight);
   if (args.depth_geometry) options.set_depth_geometry(*args.depth_geometry);
+  if (args.density_statistic) options.set_density_statistic(*args.density_statistic);
   return options;
 }
 
@@ -241,6 +243,12 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_option("--seed", args->seed, "Seed of every random choice")->group(group);
   command->add_option("--threads", args->threads, "Threads; 0: all cores")->group(group);
   command->add_option("--max-gaussians", args->max_gaussians, "Most Gaussians")->group(group);
+  AddChoice<v1::DensityStatistic>(*command, "--density-statistic", args->density_statistic,
+                                  {{"mean", v1::DENSITY_STATISTIC_MEAN},
+                                   {"abs", v1::DENSITY_STATISTIC_ABS},
+                                   {"pixel", v1::DENSITY_STATISTIC_PIXEL}})
+      ->description("Gradient that lets Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
+      ->group(group);
   command->add_option("--sh-degree", args->sh_degree, "Spherical harmonics, 0..3")->group(group);
   command->add_flag("--no-pdm", args->no_pdm, "Without the denoising module")->group(group);
   command->add_option("--pdm-hidden", args->pdm_hidden, "Channels inside its network")

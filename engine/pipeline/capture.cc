@@ -228,12 +228,26 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
     f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
   }
   // What shapes the result; threads and intervals of reports do not.
-  for (double x : {double(o.method), double(o.tone), o.theta, o.contrast, o.exposure_ssim,
-                   double(o.iterations), double(o.max_gaussians), double(o.sh_degree),
-                   double(o.use_pdm), double(o.pdm_hidden), double(o.pdm_every),
-                   double(o.coarse_levels), o.coarse_until, o.settle_epochs,
-                   double(o.use_prior), double(depth),
-                   o.depth_weight, double(o.depth_geometry), double(o.holdout_every)}) {
+  for (double x : {double(o.method),
+                   double(o.tone),
+                   o.theta,
+                   o.contrast,
+                   o.exposure_ssim,
+                   double(o.iterations),
+                   double(o.max_gaussians),
+                   double(o.sh_degree),
+                   double(o.use_pdm),
+                   double(o.pdm_hidden),
+                   double(o.pdm_every),
+                   double(o.coarse_levels),
+                   o.coarse_until,
+                   o.settle_epochs,
+                   double(o.use_prior),
+                   double(depth),
+                   o.depth_weight,
+                   double(o.depth_geometry),
+                   double(o.holdout_every),
+                   double(o.density_statistic)}) {
     f.Add(x);
   }
   f.Add(o.seed);

@@ -44,6 +44,14 @@ enum class DepthOrigin {
   kNone,
 };
 
+// Which Gaussians are cloned and split: by the gradient of their place in the picture, averaged
+// over the photos that see them.
+enum class DensityStatistic {
+  kMean,   // 3DGS
+  kAbs,    // absolute values summed over pixels (AbsGS)
+  kPixel,  // weighted by the pixels they cover (Pixel-GS)
+};
+
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kCapture;
@@ -59,6 +67,7 @@ struct ReconstructOptions {
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;
+  DensityStatistic density_statistic = DensityStatistic::kMean;
   int sh_degree = 3;       // 0..3
   bool use_pdm = true;     // progressive denoising module
   int pdm_hidden = 8;      // channels inside its network, 1..64

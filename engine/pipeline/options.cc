@@ -13,6 +13,18 @@ absl::Status Bad(const char* field, double value, const char* rule) {
                       absl::StrCat("options.", field, ": ", value, " ", rule));
 }
 
+PixelSum PixelSumOf(DensityStatistic statistic) {
+  switch (statistic) {
+    case DensityStatistic::kMean:
+      break;
+    case DensityStatistic::kAbs:
+      return PixelSum::kAbsGradient;
+    case DensityStatistic::kPixel:
+      return PixelSum::kCount;
+  }
+  return PixelSum::kNone;
+}
+
 }  // namespace
 
 TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
@@ -34,6 +46,7 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.depth_geometry = options.depth_geometry;
   train.sh_degree = options.sh_degree;
   train.max_gaussians = options.max_gaussians;
+  train.density_statistic = PixelSumOf(options.density_statistic);
   return train;
 }
 

@@ -128,6 +128,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   options.use_depth = false;
   options.depth_weight = 0.7;
   options.depth_geometry = !options.depth_geometry;
+  options.density_statistic = DensityStatistic::kAbs;
   const TrainOptions train = TrainOptionsOf(options);
   EXPECT_FALSE(train.lita);
   EXPECT_EQ(train.exposure_ssim, 0.3);
@@ -146,6 +147,10 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_FALSE(train.use_depth);
   EXPECT_EQ(train.weight_depth, 0.7);
   EXPECT_EQ(train.depth_geometry, !ReconstructOptions().depth_geometry);
+  EXPECT_EQ(train.density_statistic, PixelSum::kAbsGradient);
+  options.density_statistic = DensityStatistic::kPixel;
+  EXPECT_EQ(TrainOptionsOf(options).density_statistic, PixelSum::kCount);
+  EXPECT_EQ(TrainOptionsOf(ReconstructOptions()).density_statistic, PixelSum::kNone);
   EXPECT_TRUE(TrainOptionsOf(ReconstructOptions()).lita);
 }
 

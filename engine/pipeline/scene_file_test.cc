@@ -366,14 +366,18 @@ TEST(Scene, FrameLooksAtTheMiddleOfARing) {
   EXPECT_NEAR(scene->radius(), std::sqrt(20.0), 1e-9);
 }
 
-TEST(Scene, PlainScenesHaveColorAndAlphaOnly) {
+TEST(Scene, PlainScenesHaveColorDepthAndAlphaOnly) {
   const TempDir dir;
   const auto scene = MakeScene(SmallModel(/*lita=*/false), RingViews(5));
   for (const Channel channel : {Channel::kColor, Channel::kOriginal, Channel::kAlpha}) {
     EXPECT_TRUE(RenderChannel(*scene, channel).ok()) << static_cast<int>(channel);
   }
-  for (const Channel channel : {Channel::kLight, Channel::kDepth, Channel::kStructure,
-                                Channel::kIllumination, Channel::kNoise}) {
+  const auto depth = RenderChannel(*scene, Channel::kDepth);
+  const auto lita = RenderChannel(*MakeScene(SmallModel(), RingViews(5)), Channel::kDepth);
+  ASSERT_TRUE(depth.ok() && lita.ok());
+  EXPECT_EQ(depth->data, lita->data);
+  for (const Channel channel :
+       {Channel::kLight, Channel::kStructure, Channel::kIllumination, Channel::kNoise}) {
     const absl::Status status = RenderChannel(*scene, channel).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << static_cast<int>(channel);
     EXPECT_EQ(Reason(status), "CHANNEL_UNAVAILABLE") << static_cast<int>(channel);

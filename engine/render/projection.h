@@ -41,15 +41,15 @@ constexpr int kRecordFeatures = 10;
 constexpr int RecordStride(int channels) { return (kRecordFeatures + channels + 7) / 8 * 8; }
 
 // What is summed over pixels for one Gaussian in the backward pass: with g = dL/d(ln alpha),
-// moments of g over d, the absolute mean2d gradient, then dL/dchannel.
+// moments of g over d, two sums that PixelSum chooses, then dL/dchannel.
 constexpr int kGradSum = 0;  // sum g
 constexpr int kGradX = 1;    // sum g dx
 constexpr int kGradY = 2;    // sum g dy
 constexpr int kGradXX = 3;
 constexpr int kGradXY = 4;
 constexpr int kGradYY = 5;
-constexpr int kGradAbsX = 6;  // sum |dL/dmean2d_x of a pixel|
-constexpr int kGradAbsY = 7;
+// kAbsGradient: sum |dL/dmean2d of a pixel|, x and y. kCount: pixels, 0. kNone: 0, 0.
+constexpr int kGradExtra = 6;
 constexpr int kGradFeatures = 8;
 constexpr int GradStride(int channels) { return (kGradFeatures + channels + 7) / 8 * 8; }
 

@@ -10,6 +10,7 @@
 
 #include "engine/core/aligned.h"
 #include "engine/render/projection.h"
+#include "engine/render/renderer.h"
 
 namespace litags {
 
@@ -47,11 +48,11 @@ struct TileScratch {
 };
 
 struct TileGradients {
-  const float* v_image = nullptr;   // [C, H, W]
-  const float* v_alpha = nullptr;   // [H, W], may be null
-  const uint32_t* slots = nullptr;  // [count]
-  float* pairs = nullptr;           // [..][GradStride(channels)]
-  bool absolute = false;            // also kGradAbsX and kGradAbsY, else they are zero
+  const float* v_image = nullptr;        // [C, H, W]
+  const float* v_alpha = nullptr;        // [H, W], may be null
+  const uint32_t* slots = nullptr;       // [count]
+  float* pairs = nullptr;                // [..][GradStride(channels)]
+  PixelSum pixel_sum = PixelSum::kNone;  // what kGradExtra holds
 };
 
 // Writes GradStride(channels) sums to pairs[slots[k]] for every k < count (zero where nothing

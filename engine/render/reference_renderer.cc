@@ -8,6 +8,7 @@ namespace litags {
 namespace {
 
 struct Projected {
+  size_t index;
   double z, x, y, conic_a, conic_b, conic_c, opacity;
   std::array<double, kNumChannels> features;
 };
@@ -101,6 +102,48 @@ bool ProjectOne(const double* g, const Camera& cam, const RenderSettings& settin
 
 bool Near(double value, double threshold) { return std::abs(value - threshold) < 1e-3 * threshold; }
 
+std::vector<Projected> ProjectAll(const std::vector<double>& params, const Camera& camera,
+                                  const RenderSettings& settings) {
+  std::vector<Projected> gaussians;
+  for (size_t i = 0; i < params.size() / kSplatRows; ++i) {
+    Projected p;
+    p.index = i;
+    if (ProjectOne(params.data() + i * kSplatRows, camera, settings, &p)) gaussians.push_back(p);
+  }
+  std::stable_sort(gaussians.begin(), gaussians.end(),
+                   [](const Projected& a, const Projected& b) { return a.z < b.z; });
+  return gaussians;
+}
+
+// One Gaussian's part in a pixel.
+struct Part {
+  const Projected* gaussian;
+  double dx, dy;  // from its mean to the pixel
+  double alpha, T;
+  bool clamped;
+};
+
+// Front to back. *fragile: see ReferenceImage.
+std::vector<Part> PartsOfPixel(const std::vector<Projected>& gaussians, double px, double py,
+                               bool* fragile) {
+  std::vector<Part> parts;
+  *fragile = false;
+  double T = 1;
+  for (const Projected& g : gaussians) {
+    const double dx = px - g.x, dy = py - g.y;
+    const double sigma = 0.5 * (g.conic_a * dx * dx + g.conic_c * dy * dy) + g.conic_b * dx * dy;
+    const double raw = g.opacity * std::exp(-sigma);
+    if (Near(raw, 1.0 / 255) || Near(raw, 0.99)) *fragile = true;
+    if (raw < 1.0 / 255) continue;
+    const double alpha = std::min(0.99, raw);
+    if (Near(T * (1 - alpha), 1e-4)) *fragile = true;
+    if (T * (1 - alpha) < 1e-4) break;
+    parts.push_back({&g, dx, dy, alpha, T, raw >= 0.99});
+    T *= 1 - alpha;
+  }
+  return parts;
+}
+
 }  // namespace
 
 std::vector<double> ToDoubles(const Splats& splats) {
@@ -113,37 +156,65 @@ std::vector<double> ToDoubles(const Splats& splats) {
 
 ReferenceImage RenderReference(const std::vector<double>& params, const Camera& camera,
                                const RenderSettings& settings) {
-  std::vector<Projected> gaussians;
-  for (size_t i = 0; i < params.size() / kSplatRows; ++i) {
-    Projected p;
-    if (ProjectOne(params.data() + i * kSplatRows, camera, settings, &p)) gaussians.push_back(p);
-  }
-  std::stable_sort(gaussians.begin(), gaussians.end(),
-                   [](const Projected& a, const Projected& b) { return a.z < b.z; });
-
+  const std::vector<Projected> gaussians = ProjectAll(params, camera, settings);
   const int C = settings.num_channels;
   const size_t plane = size_t(camera.width) * camera.height;
   ReferenceImage out{std::vector<double>(C * plane), std::vector<double>(plane),
                      std::vector<char>(plane), 0};
   for (size_t pixel = 0; pixel < plane; ++pixel) {
-    const double px = pixel % camera.width + 0.5, py = pixel / camera.width + 0.5;
+    bool fragile;
     double T = 1;
-    for (const Projected& g : gaussians) {
-      const double dx = px - g.x, dy = py - g.y;
-      const double sigma = 0.5 * (g.conic_a * dx * dx + g.conic_c * dy * dy) + g.conic_b * dx * dy;
-      const double raw = g.opacity * std::exp(-sigma);
-      if (Near(raw, 1.0 / 255) || Near(raw, 0.99)) out.fragile[pixel] = 1;
-      if (raw < 1.0 / 255) continue;
-      const double alpha = std::min(0.99, raw);
-      if (Near(T * (1 - alpha), 1e-4)) out.fragile[pixel] = 1;
-      if (T * (1 - alpha) < 1e-4) break;
+    for (const Part& part : PartsOfPixel(gaussians, pixel % camera.width + 0.5,
+                                         pixel / camera.width + 0.5, &fragile)) {
       ++out.contributions;
-      for (int c = 0; c < C; ++c) out.image[c * plane + pixel] += alpha * T * g.features[c];
-      T *= 1 - alpha;
+      for (int c = 0; c < C; ++c) {
+        out.image[c * plane + pixel] += part.alpha * part.T * part.gaussian->features[c];
+      }
+      T = part.T * (1 - part.alpha);
     }
+    out.fragile[pixel] = fragile;
     for (int c = 0; c < C; ++c) out.image[c * plane + pixel] += T * settings.background[c];
     out.alpha[pixel] = 1 - T;
   }
+  return out;
+}
+
+ReferencePixelSums SumReferencePixels(const std::vector<double>& params, const Camera& camera,
+                                      const RenderSettings& settings, const Planes& v_image,
+                                      const Planes& v_alpha) {
+  const std::vector<Projected> gaussians = ProjectAll(params, camera, settings);
+  const size_t n = params.size() / kSplatRows, plane = v_alpha.plane_size();
+  std::vector<double> abs_x(n), abs_y(n);
+  ReferencePixelSums out{std::vector<double>(n), std::vector<double>(n), std::vector<double>(n)};
+  for (size_t pixel = 0; pixel < plane; ++pixel) {
+    bool fragile;
+    std::vector<Part> parts =
+        PartsOfPixel(gaussians, pixel % camera.width + 0.5, pixel / camera.width + 0.5, &fragile);
+    const auto v = [&](int c) { return double(v_image.data[c * plane + pixel]); };
+    // dL/dT of the transmittance behind the parts seen so far, back to front.
+    double behind = -v_alpha.data[pixel];
+    for (int c = 0; c < settings.num_channels; ++c) behind += v(c) * settings.background[c];
+    for (auto part = parts.rbegin(); part != parts.rend(); ++part) {
+      const Projected& g = *part->gaussian;
+      double feature = 0;
+      for (int c = 0; c < settings.num_channels; ++c) feature += v(c) * g.features[c];
+      // alpha = o exp(-sigma(pixel - mean)): dalpha/dmean = alpha conic (pixel - mean).
+      const double v_alpha_part = part->T * (feature - behind);
+      behind = part->alpha * feature + (1 - part->alpha) * behind;
+      const double v_log_alpha = part->clamped ? 0 : part->alpha * v_alpha_part;
+      abs_x[g.index] += std::abs(v_log_alpha * (g.conic_a * part->dx + g.conic_b * part->dy));
+      abs_y[g.index] += std::abs(v_log_alpha * (g.conic_b * part->dx + g.conic_c * part->dy));
+      out.pixels[g.index] += 1;
+    }
+    if (!fragile) continue;
+    // Any Gaussian that reaches such a pixel may be drawn there or not.
+    for (const Projected& g : gaussians) {
+      const double dx = pixel % camera.width + 0.5 - g.x, dy = pixel / camera.width + 0.5 - g.y;
+      const double sigma = 0.5 * (g.conic_a * dx * dx + g.conic_c * dy * dy) + g.conic_b * dx * dy;
+      if (g.opacity * std::exp(-sigma) > 0.99 / 255) out.doubtful[g.index] += 1;
+    }
+  }
+  for (size_t i = 0; i < n; ++i) out.abs_grad[i] = std::hypot(abs_x[i], abs_y[i]);
   return out;
 }
 

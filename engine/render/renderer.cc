@@ -21,7 +21,8 @@ struct Renderer::Impl {
   ProjectionSettings projection;
   std::array<float, kNumChannels> background = {};
   int threads = 0;
-  bool absolute_gradients = false, count_useful = false;
+  bool count_useful = false;
+  PixelSum pixel_sum = PixelSum::kNone;
 
   ProjectedSplats projected;
   TileLists lists;
@@ -74,8 +75,8 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
                   settings.depth_source == DepthSource::kCameraZ, settings.near_plane};
   s.background = settings.background;
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
-  s.absolute_gradients = settings.absolute_gradients;
   s.count_useful = settings.count_useful;
+  s.pixel_sum = settings.pixel_sum;
 
   s.projected.Resize(splats.size(), settings.num_channels);
   const size_t blocks = splats.num_blocks();
@@ -140,8 +141,10 @@ void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGrad
   for (size_t i = begin; i < end; ++i) {
     const int lane = static_cast<int>(i - begin);
     stats.grad_means2d[i] = norm(mean2d[lane], mean2d[kSplatBlock + lane]);
-    stats.abs_grad_means2d[i] =
-        norm(sums[kGradAbsX * kSplatBlock + lane], sums[kGradAbsY * kSplatBlock + lane]);
+    const float extra0 = sums[kGradExtra * kSplatBlock + lane];
+    const float extra1 = sums[(kGradExtra + 1) * kSplatBlock + lane];
+    if (pixel_sum == PixelSum::kAbsGradient) stats.abs_grad_means2d[i] = norm(extra0, extra1);
+    if (pixel_sum == PixelSum::kCount) stats.pixels[i] = extra0;
   }
   sink(block, grads, visible);
 }
@@ -163,12 +166,13 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
     gradients.v_alpha = v_alpha.empty() ? nullptr : v_alpha.data.data();
     gradients.slots = s.lists.slots.data() + s.lists.tile_begin[tile];
     gradients.pairs = s.pair_grads.data();
-    gradients.absolute = s.absolute_gradients;
+    gradients.pixel_sum = s.pixel_sum;
     RasterizeTileVjp(s.JobOf(tile), gradients, &s.tile_scratch[thread]);
   });
 
   s.stats.grad_means2d.resize(splats.size());
-  s.stats.abs_grad_means2d.resize(splats.size());
+  s.stats.abs_grad_means2d.resize(s.pixel_sum == PixelSum::kAbsGradient ? splats.size() : 0);
+  s.stats.pixels.resize(s.pixel_sum == PixelSum::kCount ? splats.size() : 0);
   const size_t blocks = splats.num_blocks();
   ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
     const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);

@@ -35,23 +35,32 @@ enum class DepthSource {
   kAttribute,  // the learned attribute d_i: the paper's D_r
 };
 
+// What Backward also sums up over the pixels of each Gaussian, for density control.
+enum class PixelSum {
+  kNone,
+  kAbsGradient,  // ViewStats::abs_grad_means2d
+  kCount,        // ViewStats::pixels
+};
+
 struct RenderSettings {
   int num_channels = kNumChannels;  // or kColorOnly, kColorAndNoise
   int sh_degree = kMaxShDegree;     // 0..3
   DepthSource depth_source = DepthSource::kAttribute;
   std::array<float, kNumChannels> background = {};
-  float near_plane = 0.2f;          // scene units; Gaussians at or before it are dropped (3DGS)
-  int threads = 0;                  // <= 0: all cores
-  bool absolute_gradients = false;  // whether Backward fills ViewStats::abs_grad_means2d
-  bool count_useful = false;        // whether Forward of 11 channels fills Counters::useful
+  float near_plane = 0.2f;    // scene units; Gaussians at or before it are dropped (3DGS)
+  int threads = 0;            // <= 0: all cores
+  bool count_useful = false;  // whether Forward of 11 channels fills Counters::useful
+  PixelSum pixel_sum = PixelSum::kNone;
 };
 
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
 // of visible Gaussians (radius_px > 0) are meaningful.
 struct ViewStats {
-  std::vector<float> radius_px;         // larger half-extent of the box where alpha >= 1/255
-  std::vector<float> grad_means2d;      // |dL/dmeans2d|, loss per px
-  std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS), or 0
+  std::vector<float> radius_px;     // larger half-extent of the box where alpha >= 1/255
+  std::vector<float> grad_means2d;  // |dL/dmeans2d|, loss per px
+  // Empty unless RenderSettings::pixel_sum asks for them.
+  std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS), loss per px
+  std::vector<float> pixels;            // pixels it has a part in (Pixel-GS)
 };
 
 // Receives the gradient of one block of 16 Gaussians, rows as in SplatRow, [kSplatRows][16]. Rows

@@ -266,6 +266,71 @@ TEST(Renderer, GradientRowsPastTheShDegreeAreZero) {
   EXPECT_GT(used, 0);
 }
 
+ViewStats StatsOf(const Splats& splats, const Camera& camera, const RenderSettings& settings,
+                  const Loss& loss) {
+  Renderer renderer;
+  Planes image, alpha;
+  renderer.Forward(splats, camera, settings, &image, &alpha);
+  renderer.Backward(splats, loss.v_image, loss.v_alpha, [](size_t, const float*, uint32_t) {});
+  return renderer.stats();
+}
+
+TEST(Renderer, SumsOverPixelsMatchTheReferenceOnEveryTarget) {
+  const Camera camera = MakeCamera(61, 43);
+  const Splats splats = MakeSplats(90, 21);
+  for (const int channels : {3, int{kNumChannels}}) {
+    SCOPED_TRACE(channels);
+    RenderSettings settings;
+    settings.num_channels = channels;
+    settings.background[1] = 0.4f;
+    const Loss loss = MakeLoss(splats, camera, settings);
+    const ReferencePixelSums want =
+        SumReferencePixels(ToDoubles(splats), camera, settings, loss.v_image, loss.v_alpha);
+    ForEachTarget([&] {
+      settings.pixel_sum = PixelSum::kAbsGradient;
+      const ViewStats abs = StatsOf(splats, camera, settings, loss);
+      settings.pixel_sum = PixelSum::kCount;
+      const ViewStats count = StatsOf(splats, camera, settings, loss);
+      EXPECT_TRUE(abs.pixels.empty());
+      EXPECT_TRUE(count.abs_grad_means2d.empty());
+      double largest = 0, worst = 0, seen = 0;
+      for (size_t i = 0; i < splats.size(); ++i) {
+        if (abs.radius_px[i] <= 0) continue;
+        largest = std::max(largest, want.abs_grad[i]);
+        worst = std::max(worst, std::abs(abs.abs_grad_means2d[i] - want.abs_grad[i]));
+        EXPECT_LE(std::abs(count.pixels[i] - want.pixels[i]), want.doubtful[i]) << i;
+        EXPECT_GE(abs.abs_grad_means2d[i], 0.999f * abs.grad_means2d[i])
+            << "pulls cancel only here";
+        seen += count.pixels[i];
+      }
+      EXPECT_GT(seen, 1000);
+      // As the gradients themselves: single precision reaches 2e-5 of the largest.
+      EXPECT_LT(worst, 2e-4 * largest);
+    });
+  }
+}
+
+TEST(Renderer, SumsOverPixelsChangeNoGradientAndAreTheSameBytesForAnyThreadCount) {
+  const Camera camera = MakeCamera(150, 110);
+  const Splats splats = MakeSplats(3000, 22);
+  RenderSettings settings;
+  settings.threads = 1;
+  const Loss loss = MakeLoss(splats, camera, settings);
+  const std::vector<double> plain = Gradient(splats, camera, settings, loss);
+  for (const PixelSum sum : {PixelSum::kAbsGradient, PixelSum::kCount}) {
+    settings.pixel_sum = sum;
+    settings.threads = 1;
+    EXPECT_EQ(Gradient(splats, camera, settings, loss), plain);
+    const ViewStats one = StatsOf(splats, camera, settings, loss);
+    for (int threads : {2, 5}) {
+      settings.threads = threads;
+      const ViewStats more = StatsOf(splats, camera, settings, loss);
+      EXPECT_EQ(more.abs_grad_means2d, one.abs_grad_means2d);
+      EXPECT_EQ(more.pixels, one.pixels);
+    }
+  }
+}
+
 TEST(Renderer, ResultsAreTheSameBytesForAnyThreadCount) {
   const Camera camera = MakeCamera(150, 110);
   const Splats splats = MakeSplats(3000, 12);

@@ -59,12 +59,12 @@ void PlaceSplit(const Splats& parent, size_t p, const CounterRng& rng, uint64_t 
   }
 }
 
-// The Gaussians to grow: mean gradient over the threshold, the `budget` largest of them.
+// The Gaussians to grow: score over the threshold, the `budget` largest of them.
 std::vector<uint32_t> ChooseGrowing(const DensityStats& stats, double threshold, size_t budget) {
   std::vector<uint32_t> chosen;
-  const auto score = [&](uint32_t i) { return stats.grad[i] / stats.count[i]; };
+  const auto score = [&](uint32_t i) { return stats.grad[i] / stats.weight[i]; };
   for (uint32_t i = 0; i < stats.grad.size(); ++i) {
-    if (stats.count[i] > 0 && score(i) > threshold) chosen.push_back(i);
+    if (stats.weight[i] > 0 && score(i) > threshold) chosen.push_back(i);
   }
   if (chosen.size() > budget) {
     const auto stronger = [&](uint32_t a, uint32_t b) {
@@ -89,15 +89,18 @@ void SplatState::Rearrange(const std::vector<uint32_t>& from) {
 
 void DensityStats::Reset(size_t n) {
   grad.assign(n, 0);
-  count.assign(n, 0);
+  weight.assign(n, 0);
 }
 
-void DensityStats::Add(const ViewStats& view, int width, int height) {
+void DensityStats::Add(PixelSum statistic, const ViewStats& view, int width, int height) {
   const float to_half_image = 0.5f * std::max(width, height);
+  const std::vector<float>& lengths =
+      statistic == PixelSum::kAbsGradient ? view.abs_grad_means2d : view.grad_means2d;
   for (size_t i = 0; i < grad.size(); ++i) {
     if (view.radius_px[i] <= 0) continue;
-    grad[i] += view.grad_means2d[i] * to_half_image;
-    count[i] += 1;
+    const float w = statistic == PixelSum::kCount ? view.pixels[i] : 1;
+    grad[i] += w * lengths[i] * to_half_image;
+    weight[i] += w;
   }
 }
 
@@ -138,7 +141,10 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
   const size_t n = state->params.size();
   const size_t budget =
       static_cast<size_t>(std::max<int64_t>(0, options.max_gaussians - int64_t(n)));
-  const std::vector<uint32_t> growing = ChooseGrowing(*stats, options.densify_grad, budget);
+  const double threshold = options.density_statistic == PixelSum::kAbsGradient
+                               ? options.densify_abs_grad
+                               : options.densify_grad;
+  const std::vector<uint32_t> growing = ChooseGrowing(*stats, threshold, budget);
 
   // Old Gaussians first, then one new one for each that grows: a clone is a copy, a split moves
   // both the old and the new one.

@@ -1,5 +1,6 @@
 // Adaptive density control: where the picture needs more Gaussians, and which are not needed.
-// Source: 3DGS Sec. 5, with a hard budget.
+// Source: 3DGS Sec. 5, with a hard budget; AbsGS (arXiv 2404.10484) Sec. 3.2 and Pixel-GS (arXiv
+// 2403.15530) Sec. 3.2 for the scores.
 #ifndef LITAGS_ENGINE_TRAIN_DENSITY_H_
 #define LITAGS_ENGINE_TRAIN_DENSITY_H_
 
@@ -22,24 +23,26 @@ struct SplatState {
   void Rearrange(const std::vector<uint32_t>& from);
 };
 
-// Sums over the views since the last density step; index = Gaussian.
+// Sums over the views since the last density step that saw the Gaussian; index = Gaussian. Its
+// score is grad / weight.
 struct DensityStats {
-  std::vector<float> grad;   // |dL/dmean2d|, in units of half the image's larger side
-  std::vector<float> count;  // views in which the Gaussian was visible
+  std::vector<float> grad;    // weight |dL/dmean2d|, in units of half the image's larger side
+  std::vector<float> weight;  // 1 a view; of kCount: pixels
 
   void Reset(size_t n);
-  void Add(const ViewStats& view, int width, int height);
+  // `statistic` is the PixelSum that the view was rendered with.
+  void Add(PixelSum statistic, const ViewStats& view, int width, int height);
 };
 
 struct DensityReport {
   int64_t cloned = 0, split = 0, pruned = 0;
 };
 
-// One density step. Gaussians whose mean gradient exceeds options.densify_grad are cloned (small)
-// or split in two (large), strongest first while the budget lasts; nearly transparent ones and
-// those with a parameter that is not finite are removed (one Gaussian always stays); then all are
-// put in Morton order, so that blocks of 16 are neighbours in space. Random numbers depend on
-// (seed, iteration, Gaussian) only. Stats are reset.
+// One density step. Gaussians whose score exceeds the threshold of options.density_statistic are
+// cloned (small) or split in two (large), strongest first while the budget lasts; nearly
+// transparent ones and those with a parameter that is not finite are removed (one Gaussian always
+// stays); then all are put in Morton order, so that blocks of 16 are neighbours in space. Random
+// numbers depend on (seed, iteration, Gaussian) only. Stats are reset.
 DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
                              SplatState* state, DensityStats* stats);
 

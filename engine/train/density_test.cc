@@ -38,7 +38,7 @@ DensityStats Stats(std::vector<float> mean_grads) {
   DensityStats stats;
   stats.Reset(mean_grads.size());
   for (size_t i = 0; i < mean_grads.size(); ++i) {
-    stats.count[i] = 4;
+    stats.weight[i] = 4;
     stats.grad[i] = 4 * mean_grads[i];
   }
   return stats;
@@ -60,7 +60,7 @@ TEST(Density, ClonesSmallGaussiansThatMove) {
   EXPECT_EQ(report.pruned, 0);
   EXPECT_EQ(Identities(state), (std::multiset<int>{0, 1, 1, 2, 3, 3, 4}));
   EXPECT_EQ(stats.grad, std::vector<float>(7, 0.0f));
-  EXPECT_EQ(stats.count, std::vector<float>(7, 0.0f));
+  EXPECT_EQ(stats.weight, std::vector<float>(7, 0.0f));
   // Of each pair one keeps its moments and the new one starts without.
   for (const int id : {1, 3}) {
     float sum = 0;
@@ -180,11 +180,51 @@ TEST(Density, StatsCountOnlyViewsWhereAGaussianIsSeen) {
   ViewStats view;
   view.radius_px = {2, 0, 5};
   view.grad_means2d = {0.5f, 99, 0.25f};
-  stats.Add(view, 40, 20);
+  stats.Add(PixelSum::kNone, view, 40, 20);
   view.radius_px = {0, 0, 1};
-  stats.Add(view, 40, 20);
-  EXPECT_EQ(stats.count, (std::vector<float>{1, 0, 2}));
+  stats.Add(PixelSum::kNone, view, 40, 20);
+  EXPECT_EQ(stats.weight, (std::vector<float>{1, 0, 2}));
   EXPECT_EQ(stats.grad, (std::vector<float>{10, 0, 10}));
+}
+
+TEST(Density, StatsSumAbsoluteGradientsWhereAskedTo) {
+  DensityStats stats;
+  stats.Reset(2);
+  ViewStats view;
+  view.radius_px = {2, 0};
+  view.grad_means2d = {0.5f, 99};
+  view.abs_grad_means2d = {2, 99};
+  stats.Add(PixelSum::kAbsGradient, view, 40, 20);
+  EXPECT_EQ(stats.weight, (std::vector<float>{1, 0}));
+  EXPECT_EQ(stats.grad, (std::vector<float>{40, 0}));
+}
+
+TEST(Density, StatsWeighViewsByPixelsWhereAskedTo) {
+  DensityStats stats;
+  stats.Reset(1);
+  ViewStats view;
+  view.radius_px = {2};
+  view.grad_means2d = {0.5f};
+  view.pixels = {30};
+  stats.Add(PixelSum::kCount, view, 40, 20);
+  view.grad_means2d = {0.1f};
+  view.pixels = {10};
+  stats.Add(PixelSum::kCount, view, 40, 20);
+  EXPECT_EQ(stats.weight, std::vector<float>{40});
+  EXPECT_FLOAT_EQ(stats.grad[0] / stats.weight[0], 20 * (30 * 0.5f + 10 * 0.1f) / 40);
+}
+
+TEST(Density, AbsoluteGradientsHaveAThresholdOfTheirOwn) {
+  for (const PixelSum statistic : {PixelSum::kNone, PixelSum::kAbsGradient}) {
+    SplatState state = Line(3, 0.05);
+    DensityStats stats = Stats({0.5e-3f, 1.5e-3f, 0});
+    TrainOptions options;
+    options.density_statistic = statistic;
+    options.densify_grad = 0.4e-3;
+    options.densify_abs_grad = 1e-3;
+    const DensityReport report = ControlDensity(options, kExtent, 600, &state, &stats);
+    EXPECT_EQ(report.cloned, statistic == PixelSum::kNone ? 2 : 1);
+  }
 }
 
 TEST(MortonOrder, IsAPermutationThatKeepsNeighboursTogether) {

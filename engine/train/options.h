@@ -5,6 +5,7 @@
 
 #include "absl/status/status.h"
 #include "engine/denoise/pdm.h"
+#include "engine/render/renderer.h"
 
 namespace litags {
 
@@ -61,12 +62,17 @@ struct TrainOptions {
   int sh_degree = 3;  // 0..3
   int sh_interval = 1000;
 
-  // Density control.
+  // Density control. A Gaussian's score is, over the views that saw it since the last step, kNone:
+  // the mean of |dL/dmean2d| (3DGS); kAbsGradient: the mean of the same with absolute values summed
+  // over pixels, so that opposite pulls do not cancel (AbsGS); kCount: the mean weighted by the
+  // pixels it covered, so that large ones count where they are seen whole (Pixel-GS).
+  PixelSum density_statistic = PixelSum::kNone;
   int densify_start = 500;
   int densify_every = 200;  // release; 3DGS: 100
   // Iterations of densification after the coarse part, at most until half of the run. Choice
-  int densify_until = 5000;       // paper
-  double densify_grad = 2e-4;     // mean |dL/dmean2d| in units of half the image; 3DGS
+  int densify_until = 5000;        // paper
+  double densify_grad = 2e-4;      // least score to grow, in units of half the image; 3DGS
+  double densify_abs_grad = 8e-4;  // the same with kAbsGradient, which is larger
   double densify_percent = 0.01;  // of the extent: larger Gaussians are split, smaller cloned; 3DGS
   double prune_opacity = 0.005;   // 3DGS
   int64_t max_gaussians = 200000;

@@ -14,7 +14,7 @@ namespace litags {
 namespace {
 
 constexpr char kKind[] = "checkpoint";
-constexpr uint32_t kVersion = 2;
+constexpr uint32_t kVersion = 3;
 
 std::string_view Bytes(const AlignedFloats& v) {
   return {reinterpret_cast<const char*>(v.data()), v.size() * sizeof(float)};
@@ -93,7 +93,7 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
   AddNets("pdm_moment1_", state.pdm_moment1, &out);
   AddNets("pdm_moment2_", state.pdm_moment2, &out);
   out.AddArrayView("density_grad", state.density.grad);
-  out.AddArrayView("density_count", state.density.count);
+  out.AddArrayView("density_weight", state.density.weight);
   AddDetours(state.detours, &out);
   return out.Commit(path);
 }
@@ -117,8 +117,8 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
   state.iteration = static_cast<int>(header[0]);
   const auto n = static_cast<size_t>(header[1]);
   LITAGS_ASSIGN_OR_RETURN(state.density.grad, file.Array<float>("density_grad"));
-  LITAGS_ASSIGN_OR_RETURN(state.density.count, file.Array<float>("density_count"));
-  if (state.density.grad.size() != n || state.density.count.size() != n)
+  LITAGS_ASSIGN_OR_RETURN(state.density.weight, file.Array<float>("density_weight"));
+  if (state.density.grad.size() != n || state.density.weight.size() != n)
     return Inconsistent("density");
   LITAGS_RETURN_IF_ERROR(ReadSplats(file, "splats", n, &state.splats.params));
   LITAGS_RETURN_IF_ERROR(ReadSplats(file, "splats_moment1", n, &state.splats.moment1));

@@ -228,6 +228,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   settings.sh_degree = ShDegree();
   settings.threads = options.threads;
   if (options.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
+  if (state.iteration < DensifyUntil()) settings.pixel_sum = options.density_statistic;
   {
     Timer timer(&phases.forward);
     renderer.Forward(state.splats.params, camera, settings, &rendered, &alpha);
@@ -260,7 +261,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
                 view.view.name);
   }
   if (state.iteration < DensifyUntil()) {
-    state.density.Add(renderer.stats(), camera.width, camera.height);
+    state.density.Add(options.density_statistic, renderer.stats(), camera.width, camera.height);
   }
   return losses;
 }

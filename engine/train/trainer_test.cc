@@ -115,6 +115,26 @@ TEST(Trainer, NumberOfThreadsDoesNotChangeAByte) {
   }
 }
 
+TEST(Trainer, EveryDensityStatisticTrainsTheSameBytesOnAnyNumberOfThreads) {
+  std::vector<AlignedFloats> results;
+  for (const PixelSum statistic : {PixelSum::kNone, PixelSum::kAbsGradient, PixelSum::kCount}) {
+    TrainOptions options = Options();
+    options.density_statistic = statistic;
+    options.densify_abs_grad = 4e-5;
+    Trainer one = MakeTrainer(options);
+    Train(&one, 25);
+    EXPECT_GT(one.num_gaussians(), 300u);
+    options.threads = 3;
+    Trainer three = MakeTrainer(options);
+    Train(&three, 25);
+    ExpectSame(one.Snapshot(), three.Snapshot());
+    for (const AlignedFloats& other : results) {
+      EXPECT_FALSE(SameBytes(other, one.Snapshot().splats.data())) << "the statistic has no effect";
+    }
+    results.push_back(one.Snapshot().splats.data());
+  }
+}
+
 TEST(Trainer, SeedChangesTheRun) {
   TrainOptions options = Options();
   Trainer a = MakeTrainer(options);

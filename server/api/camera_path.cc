@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/camera_path.h"
 #include "engine/core/error.h"
 #include "server/api/view_request.h"
 
@@ -12,69 +13,26 @@ namespace litags {
 namespace {
 
 using Eigen::Vector3d;
-using RowMatrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 constexpr int kDefaultFrames = 60, kMaxFrames = 10000;
 constexpr double kMaxElevationDeg = 89;
 
 Vector3d ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
-struct Key {
-  Vector3d center;
-  Eigen::Quaterniond cam_from_world;
-};
-
-Key ToKey(const Camera& camera) {
-  return {ToVector(camera.Center()),
-          Eigen::Quaterniond(Eigen::Map<const RowMatrix>(camera.R.data()))};
-}
-
-Camera AtKey(const Camera& lens, const Key& key) {
-  Camera camera = lens;
-  const RowMatrix R = key.cam_from_world.normalized().toRotationMatrix();
-  const Vector3d t = -R * key.center;
-  std::copy_n(R.data(), 9, camera.R.begin());
-  std::copy_n(t.data(), 3, camera.t.begin());
-  return camera;
-}
-
-// Catmull-Rom: through p1 at u = 0 and p2 at u = 1.
-Vector3d CatmullRom(const Vector3d& p0, const Vector3d& p1, const Vector3d& p2, const Vector3d& p3,
-                    double u) {
-  return 0.5 * (2 * p1 + u * (p2 - p0) + u * u * (2 * p0 - 5 * p1 + 4 * p2 - p3) +
-                u * u * u * (3 * p1 - p0 - 3 * p2 + p3));
-}
-
 absl::StatusOr<std::vector<Camera>> Through(const v1::Keyframes& keyframes, int frames,
                                             const Camera& lens, const Scene& scene) {
-  std::vector<Key> keys;
+  std::vector<Camera> keys;
   for (int i = 0; i < keyframes.poses_size(); ++i) {
     LITAGS_ASSIGN_OR_RETURN(
         const Camera camera,
         ResolvePose(keyframes.poses(i), lens, scene, absl::StrCat("keyframes.poses[", i, "]")));
-    keys.push_back(ToKey(camera));
+    keys.push_back(camera);
   }
-  const int n = static_cast<int>(keys.size());
-  if (n < 2) {
+  if (keys.size() < 2) {
     return InvalidInput("TOO_FEW_KEYFRAMES", "keyframes.poses",
-                        absl::StrCat("a path through ", n, " poses; give at least 2"));
+                        absl::StrCat("a path through ", keys.size(), " poses; give at least 2"));
   }
-  const bool closed = keyframes.closed();
-  const int segments = closed ? n : n - 1;
-  const auto key = [&](int i) -> const Key& {
-    return keys[closed ? (i + n) % n : std::clamp(i, 0, n - 1)];
-  };
-  std::vector<Camera> cameras;
-  for (int f = 0; f < frames; ++f) {
-    // A closed path does not show its first frame again; an open one ends at its last keyframe.
-    const double position = double(f) * segments / (closed ? frames : std::max(1, frames - 1));
-    const int i = std::min(static_cast<int>(position), segments - 1);
-    const double u = position - i;
-    cameras.push_back(AtKey(lens, {CatmullRom(key(i - 1).center, key(i).center, key(i + 1).center,
-                                              key(i + 2).center, u),
-                                   key(i).cam_from_world.slerp(u, key(i + 1).cam_from_world)}));
-  }
-  return cameras;
+  return PathThrough(keys, frames, keyframes.closed(), lens);
 }
 
 // The photos' mean angle above the plane through the centre, radians.

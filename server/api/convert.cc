@@ -99,6 +99,12 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
       return UnknownEnum("options.depth_source", proto.depth_source());
     options.depth_source = static_cast<DepthOrigin>(proto.depth_source() - 1);
   }
+  if (proto.has_density_statistic() &&
+      proto.density_statistic() != v1::DENSITY_STATISTIC_UNSPECIFIED) {
+    if (!v1::DensityStatistic_IsValid(proto.density_statistic()))
+      return UnknownEnum("options.density_statistic", proto.density_statistic());
+    options.density_statistic = static_cast<DensityStatistic>(proto.density_statistic() - 1);
+  }
   if (proto.has_theta()) options.theta = proto.theta();
   if (proto.has_iterations()) options.iterations = proto.iterations();
   if (proto.has_seed()) options.seed = proto.seed();
@@ -166,6 +172,8 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_depth_weight(options.depth_weight);
   proto.set_depth_geometry(options.depth_geometry);
   proto.set_contrast(options.contrast);
+  proto.set_density_statistic(
+      static_cast<v1::DensityStatistic>(static_cast<int>(options.density_statistic) + 1));
   return proto;
 }
 

@@ -78,6 +78,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_depth_weight(0.5);
   o->set_depth_geometry(false);
   o->set_contrast(0.5);
+  o->set_density_statistic(v1::DENSITY_STATISTIC_ABS);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();
@@ -99,6 +100,10 @@ TEST_F(JobsApi, OptionOutOfRangeNamesTheField) {
   request.mutable_options()->set_depth_source(static_cast<v1::DepthSource>(6));
   EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
                  "options.depth_source");
+  request.mutable_options()->clear_depth_source();
+  request.mutable_options()->set_density_statistic(static_cast<v1::DensityStatistic>(4));
+  EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
+                 "options.density_statistic");
 }
 
 TEST_F(JobsApi, CreateIsIdempotentByRequestId) {

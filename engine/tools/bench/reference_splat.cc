@@ -226,7 +226,7 @@ void RunSplatBackwardCase(const ReferenceCase& reference, CaseReport* report) {
   const ReferenceCase forward(reference.folder() + "/../" + reference.ParamText("forward_case"));
   const Splats splats = ReadSplats(forward);
   RenderSettings settings = ReadSettings(forward);
-  settings.absolute_gradients = true;
+  settings.pixel_sum = PixelSum::kAbsGradient;
   Renderer renderer;
   Planes image, alpha;
   renderer.Forward(splats, ReadCamera(forward), settings, &image, &alpha);

@@ -139,6 +139,10 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
                    "[,output=NAME][,white=255]; may be repeated")
       ->allow_extra_args(false);
   command->add_option("--lpips", options.lpips, "ONNX network of LPIPS, inputs in0 and in1");
+  command
+      ->add_option("--flicker", options.flicker_frames,
+                   "measure flicker on a path of so many frames through the scene's cameras")
+      ->check(CLI::Range(2, 10000));
   command->add_option(
       "--sparse", args->sparse,
       "cameras inside each scene (transforms.json or COLMAP model, with its points) "

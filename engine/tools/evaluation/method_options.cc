@@ -35,6 +35,12 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option("--seed", options->seed)->capture_default_str();
   app->add_option("--threads", options->threads, "0: all cores")->capture_default_str();
   app->add_option("--max-gaussians", options->max_gaussians)->capture_default_str();
+  const std::map<std::string, DensityStatistic> statistics = {{"mean", DensityStatistic::kMean},
+                                                              {"abs", DensityStatistic::kAbs},
+                                                              {"pixel", DensityStatistic::kPixel}};
+  app->add_option("--density-statistic", options->density_statistic,
+                  "gradient that makes Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
+      ->transform(CLI::CheckedTransformer(statistics));
   app->add_option("--sh-degree", options->sh_degree)->capture_default_str();
   app->add_option("--max-image-side", options->max_image_side,
                   "shrink larger photos to this, px; 0: never");

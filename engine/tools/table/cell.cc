@@ -81,8 +81,10 @@ absl::StatusOr<std::string> TableCell::RowKey() const {
   Fingerprint f;
   AddPhotos(scene_.TruthDir(), names, &f);
   AddFile(scene_.dir + "/transforms_test.json", &f);
-  return absl::StrCat(training, " ", f.Text(), " ", EnhancerKey(method_.after), " ",
-                      options_.lpips.empty() ? "" : FileKey(options_.lpips));
+  return absl::StrCat(
+      training, " ", f.Text(), " ", EnhancerKey(method_.after), " ",
+      options_.lpips.empty() ? "" : FileKey(options_.lpips),
+      options_.flicker_frames > 0 ? absl::StrCat(" flicker ", options_.flicker_frames) : "");
 }
 
 absl::StatusOr<Enhancer> TableCell::MakeEnhancer(const std::string& name) const {

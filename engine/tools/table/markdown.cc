@@ -144,7 +144,7 @@ std::string QualityTable(const Rows& rows, const std::vector<TableMethod>& metho
 // What the methods cost, and PSNR after a colour fit; means over scenes.
 std::string CostTable(const Rows& rows, const std::vector<TableMethod>& methods,
                       const std::string& light) {
-  const std::vector<Column> columns = {
+  std::vector<Column> columns = {
       {"PSNR after one colour fit", "", [](const TableRow& r) { return r.psnr_affine; }, 2, true},
       {"training, s", "", [](const TableRow& r) { return r.seconds; }, 1, false},
       {"training, CPU s", "", [](const TableRow& r) { return r.cpu_seconds; }, 1, false},
@@ -153,6 +153,19 @@ std::string CostTable(const Rows& rows, const std::vector<TableMethod>& methods,
       {"Gaussians", "", [](const TableRow& r) { return r.gaussians; }, 0, false},
       {"peak memory, MiB", "", [](const TableRow& r) { return r.peak_rss_bytes / 1048576.0; }, 0,
        false}};
+  if (std::any_of(rows.begin(), rows.end(), [](const TableRow& r) { return r.flicker; })) {
+    const auto scaled = [](double scale, auto of) {
+      return [=](const TableRow& r) -> std::optional<double> {
+        if (!r.flicker.has_value()) return std::nullopt;
+        return scale * *r.flicker / of(r);
+      };
+    };
+    columns.push_back(
+        {"flicker x 1000", "", scaled(1000, [](const TableRow&) { return 1.0; }), 2, false});
+    columns.push_back({"flicker / contrast, %", "",
+                       scaled(100, [](const TableRow& r) { return r.path_contrast.value_or(0); }),
+                       2, false});
+  }
   std::string out = Heading(columns, "");
   for (const TableMethod& method : methods) {
     absl::StrAppend(&out, "| ", method.name, " |");

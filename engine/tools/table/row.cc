@@ -29,6 +29,9 @@ Json JsonOf(const TableRow& r) {
   json["gaussians"] = known(r.gaussians);
   json["peak_rss_bytes"] = known(r.peak_rss_bytes);
   json["views"] = known(r.views);
+  json["flicker"] = r.flicker.has_value() ? known(*r.flicker) : Json();
+  json["flicker_share"] = r.flicker_share.has_value() ? known(*r.flicker_share) : Json();
+  json["path_contrast"] = r.path_contrast.has_value() ? known(*r.path_contrast) : Json();
   json["build"] = r.build;
   json["error"] = r.ok() ? Json() : Json(r.error);
   return json;
@@ -72,6 +75,14 @@ absl::StatusOr<TableRow> ParseTableRow(std::string_view text, std::string_view f
     row.gaussians = json.at("gaussians");
     row.peak_rss_bytes = json.at("peak_rss_bytes");
     row.views = json.at("views");
+    const auto optional = [&](const char* key) -> std::optional<double> {
+      const auto found = json.find(key);  // rows made before there was a path have none
+      if (found == json.end() || found->is_null()) return std::nullopt;
+      return found->get<double>();
+    };
+    row.flicker = optional("flicker");
+    row.flicker_share = optional("flicker_share");
+    row.path_contrast = optional("path_contrast");
     return row;
   } catch (const Json::exception& e) {
     return MakeError(absl::StatusCode::kDataLoss, "ROW_CORRUPT", field,

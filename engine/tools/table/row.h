@@ -27,7 +27,10 @@ struct TableRow {
   int64_t gaussians = 0;
   int64_t peak_rss_bytes = 0;  // largest resident set of the process that trained or rendered
   int views = 0;               // test views
-  std::string build;           // fingerprint of the program that made it
+  // Along a path (--flicker): mean difference of what two frames show both, [0, 1]; the share of
+  // pixels that they do; the frames' standard deviation. None if not asked for.
+  std::optional<double> flicker, flicker_share, path_contrast;
+  std::string build;  // fingerprint of the program that made it
 
   bool ok() const { return error.empty(); }
   std::string ToJson() const;  // an object

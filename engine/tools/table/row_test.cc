@@ -39,9 +39,13 @@ std::vector<TableMethod> Methods(const std::vector<std::string>& names) {
 TEST(TableRow, ComesBackFromJson) {
   TableRow row = Row("fox", "litags", 25.5);
   row.lpips = 0.25;
+  row.flicker = 0.0125;
+  row.flicker_share = 0.75;
+  row.path_contrast = 0.2;
   const auto back = ParseTableRow(row.ToJson(), "row");
   ASSERT_TRUE(back.ok()) << back.status();
   EXPECT_EQ(back->ToJson(), row.ToJson());
+  EXPECT_EQ(back->flicker, 0.0125);
   row.error = "no such, \"photo\"";
   const auto failed = ParseTableRow(row.ToJson(), "row");
   ASSERT_TRUE(failed.ok()) << failed.status();
@@ -71,6 +75,16 @@ TEST(TableMarkdown, HasMeansOverScenesAndMarksTheBestButNotTheBound) {
             std::string::npos)
       << text;
   EXPECT_NE(text.find("no network given"), std::string::npos);
+}
+
+TEST(TableMarkdown, ShowsFlickerWhereItWasMeasured) {
+  TableRow row = Row("a", "litags", 20);
+  EXPECT_EQ(TableMarkdown({row}, Methods({"litags"}), "# T").find("flicker"), std::string::npos);
+  row.flicker = 0.0125;
+  row.path_contrast = 0.25;
+  const std::string text = TableMarkdown({row}, Methods({"litags"}), "# T");
+  EXPECT_NE(text.find("| flicker x 1000 | flicker / contrast, % |"), std::string::npos) << text;
+  EXPECT_NE(text.find("| 12.50 | 5.00 |"), std::string::npos) << text;
 }
 
 TEST(TableMarkdown, AMeanOverFewerScenesIsNotShown) {

@@ -14,6 +14,7 @@
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/process_usage.h"
 #include "engine/tools/table/cell.h"
+#include "engine/tools/table/path_flicker.h"
 #include "engine/tools/table/table.h"
 
 namespace litags {
@@ -152,6 +153,20 @@ absl::Status WritePictures(const TableCell& cell, const std::vector<TestView>& v
   return absl::OkStatus();
 }
 
+absl::Status AddFlicker(const TableCell& cell, const Scene& scene, int frames, TableRow* row) {
+  std::optional<Enhancer> after;
+  if (!cell.method().after.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(after, cell.MakeEnhancer(cell.method().after));
+  }
+  LITAGS_ASSIGN_OR_RETURN(const PathFlicker path,
+                          MeasurePathFlicker(scene, frames, after.has_value() ? &*after : nullptr,
+                                             cell.method().options.threads));
+  row->flicker = path.steps.Mean();
+  row->flicker_share = path.steps.Share();
+  row->path_contrast = path.contrast;
+  return absl::OkStatus();
+}
+
 absl::StatusOr<TableRow> TrainAndScore(const TableOptions& options, const TableCell& cell) {
   const std::unique_ptr<Engine> engine = MakeEngine(options.colmap);
   LITAGS_ASSIGN_OR_RETURN(TableRow row, Train(cell, engine.get()));
@@ -179,6 +194,9 @@ absl::StatusOr<TableRow> TrainAndScore(const TableOptions& options, const TableC
   row.lpips = scores.lpips;
   row.psnr_affine = scores.psnr_affine;
   row.views = static_cast<int>(scores.views.size());
+  if (options.flicker_frames > 0) {
+    LITAGS_RETURN_IF_ERROR(AddFlicker(cell, *scene, options.flicker_frames, &row));
+  }
   LITAGS_RETURN_IF_ERROR(
       WriteFileAtomically(cell.RunDir() + "/scores.json", scores.ToJson() + "\n"));
   return row;

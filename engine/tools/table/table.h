@@ -20,6 +20,7 @@ struct TableOptions {
   std::vector<TableMethod> methods;
   std::vector<OnnxEnhancerOptions> enhancers;  // beside the built-in ones
   std::string lpips;                           // ONNX file; empty: no LPIPS
+  int flicker_frames = 0;                      // of the path that flicker is measured on; 0: not
   std::string colmap = "colmap";
   std::string out;
   std::string settings;  // options of all methods as given by the user; rows of others are not kept

@@ -93,7 +93,8 @@ TEST_F(TableTest, EveryMethodGetsARowAndPicturesUnderEveryLight) {
       "--light",    "low,over_exp",
       "--methods",  "3dgs-normal,3dgs,3dgs+mine,light-gain+3dgs,litags",
       "--enhancer", "mine=" + (out_ / "mine.onnx"),
-      "--lpips",    out_ / "lpips.onnx"};
+      "--lpips",    out_ / "lpips.onnx",
+      "--flicker",  "5"};
   const Outcome outcome = Run(arguments);
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
   ASSERT_EQ(outcome.rows.size(), 10u);
@@ -104,6 +105,10 @@ TEST_F(TableTest, EveryMethodGetsARowAndPicturesUnderEveryLight) {
     EXPECT_GE(row["psnr_affine"].get<double>(), row["psnr"].get<double>() - 1e-6);
     EXPECT_GT(row["ssim"].get<double>(), -1);
     EXPECT_GT(row["lpips"].get<double>(), 0);
+    EXPECT_GT(row["flicker"].get<double>(), 0);
+    EXPECT_LT(row["flicker"].get<double>(), 0.3);
+    EXPECT_GT(row["flicker_share"].get<double>(), 0.1);
+    EXPECT_GT(row["path_contrast"].get<double>(), 0.001);
     EXPECT_GT(row["seconds"].get<double>(), 0);
     EXPECT_EQ(row["iterations"], 30);
     EXPECT_GT(row["gaussians"].get<int>(), 100);
@@ -118,6 +123,9 @@ TEST_F(TableTest, EveryMethodGetsARowAndPicturesUnderEveryLight) {
   EXPECT_GT(normal["psnr"].get<double>(), dark["psnr"].get<double>() + 3);
   EXPECT_GT(Row(outcome, "low", "3dgs+mine")["psnr"].get<double>(), dark["psnr"].get<double>());
   EXPECT_EQ(Row(outcome, "low", "3dgs+mine")["gaussians"], dark["gaussians"]);
+  // The same path, with every frame three times as bright.
+  EXPECT_GT(Row(outcome, "low", "3dgs+mine")["flicker"].get<double>(),
+            2 * dark["flicker"].get<double>());
   EXPECT_GT(Row(outcome, "low", "light-gain+3dgs")["psnr"].get<double>(),
             dark["psnr"].get<double>() + 3);
 
