@@ -58,16 +58,6 @@ Planes Depth(const Planes& channels, const Planes& alpha) {
   return out;
 }
 
-// The same of a plain 3DGS scene, whose pictures are composited without it.
-Planes PlainDepth(const Model& model, const RenderRequest& request) {
-  RenderSettings settings;
-  settings.depth_source = DepthSource::kCameraZ;
-  settings.threads = request.threads;
-  ModelView view;
-  Renderer().Forward(model.splats, request.camera, settings, &view.channels, &view.alpha);
-  return Depth(view);
-}
-
 // Colours times each Gaussian's light to the power of t: c l^t = 0.5 + SH'.
 Splats InLight(Splats splats, double t) {
   for (size_t i = 0; i < splats.size(); ++i) {
@@ -118,9 +108,9 @@ class ModelScene : public Scene {
     LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
     LITAGS_RETURN_IF_ERROR(CheckLight(request.light));
     LITAGS_RETURN_IF_ERROR(CheckExposure(request.exposure_stops, request.channel));
-    if (!model_.lita && request.channel == Channel::kDepth) return PlainDepth(model_, request);
     if (!model_.lita && request.channel != Channel::kColor &&
-        request.channel != Channel::kOriginal && request.channel != Channel::kAlpha) {
+        request.channel != Channel::kOriginal && request.channel != Channel::kDepth &&
+        request.channel != Channel::kAlpha) {
       return MakeError(
           absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "channel",
           "channel: this scene was trained with plain 3dgs and has colour, depth and alpha only; "

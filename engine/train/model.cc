@@ -30,7 +30,7 @@ void ModelRenderer::RenderColor(const Model& model, const Camera& camera, Planes
 
 void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Planes* channels,
                                    Planes* alpha) {
-  Composite(model, camera, model.lita ? int{kNumChannels} : kColorOnly, channels, alpha);
+  Composite(model, camera, kNumChannels, channels, alpha);
 }
 
 void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* color) {

@@ -30,8 +30,8 @@ class ModelRenderer {
   // R [3, H, W], after denoising; not clamped. Composites what it needs and no more.
   void RenderColor(const Model& model, const Camera& camera, Planes* color);
 
-  // All channels [11, H, W], see RenderChannel, with CameraZ as depth, or [3, H, W] for plain
-  // 3DGS; alpha [1, H, W].
+  // All channels [11, H, W], see RenderChannel, with CameraZ as depth; alpha [1, H, W]. Those of
+  // the attributes mean nothing for plain 3DGS.
   void RenderChannels(const Model& model, const Camera& camera, Planes* channels, Planes* alpha);
 
   // R of rendered channels, as RenderColor.

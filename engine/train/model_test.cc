@@ -33,7 +33,7 @@ TEST(ModelRenderer, ColourComesOutTheSameWithAndWithoutTheOtherChannels) {
   }
 }
 
-TEST(ModelRenderer, A3dgsModelHasColourOnly) {
+TEST(ModelRenderer, A3dgsModelIsNotDenoisedAndHasDepth) {
   Model model = SmallModel();
   model.lita = false;
   const Camera camera = RingCamera(1, 5, 40, 30);
@@ -41,8 +41,10 @@ TEST(ModelRenderer, A3dgsModelHasColourOnly) {
   Planes color, channels, alpha;
   renderer.RenderColor(model, camera, &color);
   renderer.RenderChannels(model, camera, &channels, &alpha);
-  EXPECT_EQ(channels.channels, 3);
-  EXPECT_EQ(color.data, channels.data);
+  ASSERT_EQ(channels.channels, kNumChannels);
+  EXPECT_TRUE(std::equal(color.data.begin(), color.data.end(), channels.data.begin()));
+  const float* depth = channels.plane(kChannelDepth);
+  EXPECT_GT(*std::max_element(depth, depth + channels.plane_size()), 2);
 }
 
 }  // namespace

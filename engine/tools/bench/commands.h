@@ -20,6 +20,9 @@ void AddScoreCommand(CLI::App* app, int* exit_status);
 void AddDepthCommand(CLI::App* app, int* exit_status);
 void AddTableCommand(CLI::App* app, int* exit_status);
 
+// `litags-bench noise SCENE PICTURES`.
+void AddNoiseCommand(CLI::App* app, int* exit_status);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_TOOLS_BENCH_COMMANDS_H_

@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   litags::AddScoreCommand(&app, &exit_status);
   litags::AddDepthCommand(&app, &exit_status);
   litags::AddTableCommand(&app, &exit_status);
+  litags::AddNoiseCommand(&app, &exit_status);
   CLI11_PARSE(app, argc, argv);
   return exit_status;
 }

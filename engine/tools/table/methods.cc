@@ -38,6 +38,7 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.depth_source = DepthOrigin::kStereo;  // in place of the paper's network
   options.depth_weight = 0.1;
   options.depth_geometry = false;
+  options.density_statistic = DensityStatistic::kMean;
   options.pdm_hidden = 16;
   options.pdm_every = 1;
   options.coarse_levels = 0;
