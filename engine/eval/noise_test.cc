@@ -44,8 +44,9 @@ TEST(FlatNoise, StripesAreNotFlat) {
   const std::vector<char> flat = FlatPixels(CleanPicture(), {.share = 0.5});
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      if (x < 36 || x >= 84) EXPECT_TRUE(flat[y * kWidth + x]) << x << " " << y;
-      if (x >= 40 && x < 80) EXPECT_FALSE(flat[y * kWidth + x]) << x << " " << y;
+      const bool outside = x < 36 || x >= 84, inside = x >= 40 && x < 80;
+      if (!outside && !inside) continue;  // the border is within the gradient's square
+      EXPECT_EQ(flat[y * kWidth + x] != 0, outside) << x << " " << y;
     }
   }
 }
