@@ -39,8 +39,8 @@ std::array<double, 4> CatmullRomWeights(double u) {
           0.5 * (u3 - u2)};
 }
 
-// The place in `frame` as the upper left of the four pixels around it and the way from there;
-// false if a pixel that interpolation needs is outside, or its depth is another one.
+// Whether every pixel of `frame` that interpolation at this place needs is inside and has its
+// depth; (x, y) is the upper left of the four around it.
 bool Visible(const PathFrame& frame, const Place& at, int* x, int* y) {
   if (!(at.z > 0)) return false;
   const double fx = std::floor(at.x - 0.5), fy = std::floor(at.y - 0.5);
@@ -49,8 +49,8 @@ bool Visible(const PathFrame& frame, const Place& at, int* x, int* y) {
   }
   *x = static_cast<int>(fx);
   *y = static_cast<int>(fy);
-  for (int k = 0; k < 4; ++k) {
-    const float z = frame.depth.at(0, *y + k / 2, *x + k % 2);
+  for (int k = 0; k < 16; ++k) {
+    const float z = frame.depth.at(0, *y - 1 + k / 4, *x - 1 + k % 4);
     if (!(std::abs(z - at.z) <= kDepthTolerance * at.z)) return false;
   }
   return true;
