@@ -28,11 +28,10 @@ struct Flicker {
 };
 
 // `from` warped to the camera of `to` by the depth of `to`, and compared with it. A pixel counts if
-// it lands inside `from` and the depth found there, at all four pixels around, agrees to 2 %: it is
-// then the same surface, seen from both places, away from outlines. Colours of `from` are
-// interpolated bicubically (Catmull-Rom), which keeps nearly all sharpness: blurred scenes get no
-// better figures by less to interpolate. INVALID_ARGUMENT (SIZE_MISMATCH) if planes do not fit
-// their cameras.
+// it lands inside `from` and the depth there, at all sixteen pixels that its colour is interpolated
+// from, agrees to 2 %: it is then the same surface, seen from both places, away from outlines.
+// Interpolation is bicubic (Catmull-Rom), which loses little sharpness: blurred scenes gain little
+// by being easier to interpolate. INVALID_ARGUMENT (SIZE_MISMATCH) if planes do not fit cameras.
 absl::StatusOr<Flicker> MeasureFlicker(const PathFrame& from, const PathFrame& to);
 
 }  // namespace litags
