@@ -52,8 +52,8 @@ TEST(FlatNoise, StripesAreNotFlat) {
       }
     }
   }
-  // The walls are more than half of the picture; which of their pixels make up the half is open.
-  EXPECT_NEAR(walls, kWidth * kHeight / 2, 1);
+  // Half of the picture, or more where pixels are equally flat.
+  EXPECT_GE(walls, kWidth * kHeight / 2 - 1);
 }
 
 TEST(FlatNoise, FindsTheDeviationThatWasAdded) {
