@@ -13,10 +13,10 @@ namespace litags {
 // Fields that are not set keep the engine's defaults. INVALID_ARGUMENT with the field
 // "options.NAME".
 absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto);
-// Sets every field.
 // INVALID_ARGUMENT (POLICY_OUT_OF_RANGE).
 absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto);
 
+// Sets every field.
 v1::JobOptions OptionsToProto(const ReconstructOptions& options);
 
 std::string JobName(std::string_view id);  // "jobs/{id}"

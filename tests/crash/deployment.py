@@ -1,0 +1,275 @@
+"""A server that tests may kill: its processes, its data folder, and a client that never gives up."""
+
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+import uuid
+
+import grpc
+
+import harness
+from harness import job_pb2, rpc
+
+MARKER = "LITAGS_TEST_DEPLOYMENT"
+# Scenes may not go on from a checkpoint for as long as the lease of a killed worker lasts (10 s).
+PATIENCE_S = 180
+FINAL = (job_pb2.JOB_STATE_SUCCEEDED, job_pb2.JOB_STATE_FAILED, job_pb2.JOB_STATE_CANCELLED)
+# What an idle data folder holds beside what belongs to jobs.
+OWN_FILES = re.compile(r"litags\.db(-wal|-shm)?|server\.lock")
+
+
+class Deployment:
+    """A server process on one port and one data folder, through deaths and restarts."""
+
+    def __init__(self, folder, *flags, program=None, environment=None, prefix=()):
+        self.folder = folder
+        self.data = os.path.join(folder, "data")
+        self.log_path = os.path.join(folder, "server.log")
+        self.program = program or harness.SERVER_PROGRAM
+        self.flags = flags
+        self.prefix = list(prefix)  # of the command: a wrapper that ends in exec
+        self.marker = uuid.uuid4().hex
+        self.environment = dict(os.environ, **(environment or {}), **{MARKER: self.marker})
+        self.port = 0
+        self.process = None
+
+    def command(self):
+        return [*self.prefix, os.path.join(harness.BIN, self.program), "--listen",
+                f"127.0.0.1:{self.port}", "--data", self.data, "--port-file", self.port_file(),
+                *self.flags]
+
+    def port_file(self):
+        return os.path.join(self.folder, "port")
+
+    def start(self):
+        with contextlib.suppress(FileNotFoundError):
+            os.remove(self.port_file())
+        with open(self.log_path, "ab") as log:
+            self.process = subprocess.Popen(self.command(), env=self.environment, stdout=log,
+                                            stderr=log)
+        deadline = time.monotonic() + PATIENCE_S
+        while not os.path.exists(self.port_file()):
+            if self.process.poll() is not None or time.monotonic() > deadline:
+                raise RuntimeError(f"no server:\n{self.log()}")
+            time.sleep(0.01)
+        with open(self.port_file()) as file:
+            self.port = int(file.read())
+        return self
+
+    @property
+    def address(self):
+        return f"127.0.0.1:{self.port}"
+
+    def log(self):
+        with open(self.log_path, errors="replace") as file:
+            return file.read()
+
+    def kill(self):
+        """kill -9 of the server."""
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self):
+        """SIGTERM; (exit code, seconds until it had ended)."""
+        begin = time.monotonic()
+        self.process.send_signal(signal.SIGTERM)
+        try:
+            return self.process.wait(PATIENCE_S), time.monotonic() - begin
+        finally:
+            if self.process.poll() is None:
+                self.process.kill()
+                self.process.wait()
+
+    # What is running.
+
+    def processes(self, words=""):
+        """{pid: command line} of this deployment's living processes whose command has `words`."""
+        found = {}
+        for entry in os.listdir("/proc"):
+            if not entry.isdigit():
+                continue
+            with contextlib.suppress(OSError):
+                with open(f"/proc/{entry}/environ", "rb") as file:
+                    if f"{MARKER}={self.marker}".encode() not in file.read():
+                        continue
+                with open(f"/proc/{entry}/cmdline", "rb") as file:
+                    command = file.read().replace(b"\0", b" ").decode(errors="replace")
+                with open(f"/proc/{entry}/stat") as file:
+                    state = file.read().rsplit(")", 1)[1].split()[0]
+                if state != "Z" and words in command:
+                    found[int(entry)] = command
+        return found
+
+    def workers(self):
+        return [pid for pid, command in self.processes("worker").items()
+                if "--store" in command]
+
+    def orphans(self):
+        """What is still alive two seconds after the server has ended."""
+        deadline = time.monotonic() + 2
+        while self.processes() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        return self.processes()
+
+    # What is on disk.
+
+    def files(self, below=""):
+        """Relative paths of all files under data/`below`."""
+        root = os.path.join(self.data, below)
+        return sorted(os.path.relpath(os.path.join(folder, name), root)
+                      for folder, _, names in os.walk(root) for name in names)
+
+    def strays(self):
+        """Files that belong to no job and no part of the service."""
+        return [path for path in self.files() if not OWN_FILES.fullmatch(path)]
+
+    def scene_digest(self, job):
+        path = os.path.join(self.data, "work", job.removeprefix("jobs/"), "run", "scene.litags")
+        with open(path, "rb") as file:
+            return hashlib.sha256(file.read()).hexdigest()
+
+
+class Lost(Exception):
+    """A promise was broken."""
+
+
+class Client:
+    """Does one job from creation to its end, over as many connections as that takes."""
+
+    def __init__(self, address):
+        # Knocks often: servers are away for a fraction of a second.
+        self.channel = grpc.insecure_channel(address, options=[
+            ("grpc.enable_http_proxy", 0), ("grpc.min_reconnect_backoff_ms", 50),
+            ("grpc.initial_reconnect_backoff_ms", 50), ("grpc.max_reconnect_backoff_ms", 200)])
+        self.jobs = harness.reconstruction_service_pb2_grpc.ReconstructionServiceStub(self.channel)
+        self.models = harness.model_service_pb2_grpc.ModelServiceStub(self.channel)
+
+    def close(self):
+        self.channel.close()
+
+    @staticmethod
+    def insist(call):
+        """`call()` until the answer is not that the server is away."""
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                return call()
+            except grpc.RpcError as error:
+                if error.code() != grpc.StatusCode.UNAVAILABLE:
+                    raise
+                if time.monotonic() > deadline:
+                    raise Lost(f"the server stays away: {error.details()}") from error
+                time.sleep(0.02)
+
+    def get(self, job):
+        return self.insist(lambda: self.jobs.GetJob(rpc.GetJobRequest(name=job), timeout=30))
+
+    def create(self, **options):
+        request = rpc.CreateJobRequest(request_id=uuid.uuid4().hex,
+                                       options=job_pb2.JobOptions(**options))
+        return self.insist(lambda: self.jobs.CreateJob(request, timeout=30)).name
+
+    def upload(self, job, files):
+        """`files`: (name, bytes, role) each."""
+        def messages():
+            yield rpc.UploadImagesRequest(name=job)
+            for name, data, role in files:
+                yield rpc.UploadImagesRequest(file=rpc.FileHeader(
+                    name=name, role=role, size_bytes=len(data),
+                    sha256=hashlib.sha256(data).digest()))
+                for start in range(0, len(data), 16 << 10):
+                    yield rpc.UploadImagesRequest(chunk=data[start:start + (16 << 10)])
+        return self.insist(lambda: self.jobs.UploadImages(messages(), timeout=60))
+
+    def start(self, job):
+        try:
+            self.insist(lambda: self.jobs.StartJob(rpc.StartJobRequest(name=job), timeout=30))
+        except grpc.RpcError:
+            # The answer to an earlier call may have been lost with its server.
+            if self.get(job).state == job_pb2.JOB_STATE_UPLOADING:
+                raise
+
+    def watch(self, job):
+        """Every event until the job's end, in the order they came."""
+        events = []
+
+        def follow():
+            after = events[-1].number if events else 0
+            for event in self.jobs.WatchJob(rpc.WatchJobRequest(name=job, after_event=after),
+                                            timeout=PATIENCE_S):
+                events.append(event)
+
+        self.insist(follow)
+        return events
+
+    def delete(self, job):
+        try:
+            self.insist(lambda: self.jobs.DeleteJob(rpc.DeleteJobRequest(name=job), timeout=30))
+        except grpc.RpcError as error:
+            if error.code() != grpc.StatusCode.NOT_FOUND:
+                raise
+
+    def run(self, files, **options):
+        """(job, events) of a job that is submitted and followed to its end."""
+        job = self.create(**options)
+        self.upload(job, files)
+        self.start(job)
+        return job, self.watch(job)
+
+    def started(self, files, **options):
+        job = self.create(**options)
+        self.upload(job, files)
+        self.start(job)
+        return job
+
+    def wait_for(self, job, condition, what):
+        deadline = time.monotonic() + PATIENCE_S
+        while not condition(found := self.get(job)):
+            if time.monotonic() > deadline:
+                raise Lost(f"{job} never came to {what}: {found}")
+            time.sleep(0.02)
+        return found
+
+
+def check_events(client, job, events):
+    """The numbers are 1, 2, 3 ... to the job's last one."""
+    numbers = [event.number for event in events]
+    last = client.get(job).last_event
+    if numbers != list(range(1, last + 1)):
+        raise Lost(f"{job}: events {numbers} of 1..{last}")
+
+
+def photos(count=3, slow=True, seed=0):
+    """Small photos for the fake engine; a slow one makes an iteration last 20 ms."""
+    names = ["slow.png" if slow else "a.png"] + [f"p{i}.png" for i in range(1, count)]
+    return [(name, harness.png(seed=seed + i), rpc.FILE_ROLE_PHOTO)
+            for i, name in enumerate(names)]
+
+
+def capture(folder, views=12, size="160x120"):
+    """The sample room's dark photos with their cameras, for the real engine."""
+    subprocess.run([os.path.join(harness.BIN, "litags-sample"), folder, "--size", size, "--views",
+                    str(views)], check=True, stdout=subprocess.DEVNULL)
+    files = []
+    low = os.path.join(folder, "low")
+    for name in sorted(os.listdir(low)):
+        with open(os.path.join(low, name), "rb") as file:
+            files.append((name, file.read(), rpc.FILE_ROLE_PHOTO))
+    with open(os.path.join(folder, "transforms_train.json"), "rb") as file:
+        files.append(("transforms_train.json", file.read(), rpc.FILE_ROLE_CAMERAS))
+    return files
+
+
+@contextlib.contextmanager
+def scratch():
+    folder = tempfile.mkdtemp(prefix="litags-crash-")
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,326 @@
+"""Faults of the machine and of neighbours: each ends in the outcome that docs/reliability.md names."""
+
+import contextlib
+import os
+import random
+import stat
+import subprocess
+import time
+import unittest
+
+import grpc
+
+import deployment
+import harness
+from deployment import Client, Deployment
+from harness import job_pb2, rpc
+
+FAILED = job_pb2.JOB_STATE_FAILED
+RUNNING = job_pb2.JOB_STATE_RUNNING
+SUCCEEDED = job_pb2.JOB_STATE_SUCCEEDED
+FAKE = "litags-fake-server"
+REAL = "litags-server"
+
+
+def may_mount():
+    """Whether a mount namespace of our own can be had, as root or by way of a user namespace."""
+    return subprocess.run([*OWN_MOUNTS, "true"], capture_output=True).returncode == 0
+
+
+# A command's own mounts, which vanish with it.
+OWN_MOUNTS = (["unshare", "--mount"] if os.geteuid() == 0 else
+              ["unshare", "--user", "--map-current-user", "--keep-caps", "--mount"])
+
+
+class FaultTest(unittest.TestCase):
+
+    def setUp(self):
+        self.stack = contextlib.ExitStack()
+        self.addCleanup(self.stack.close)
+        self.folder = self.stack.enter_context(deployment.scratch())
+
+    def deploy(self, *flags, program=FAKE, **more):
+        flags = ("--threads", "1", *flags)
+        server = Deployment(self.folder, *flags, program=program, **more).start()
+        self.addCleanup(self.end, server)
+        return server
+
+    def end(self, server):
+        if server.process.poll() is None:
+            server.stop()
+        self.assertEqual(server.orphans(), {})
+
+    def client(self, server):
+        client = Client(server.address)
+        self.addCleanup(client.close)
+        return client
+
+    def refused(self, call, code):
+        """The reason and message of the refusal."""
+        with self.assertRaises(grpc.RpcError) as caught:
+            call()
+        self.assertEqual(caught.exception.code(), code, caught.exception.details())
+        return harness.error_detail(caught.exception).reason, caught.exception.details()
+
+    def capture(self, **more):
+        return deployment.capture(os.path.join(self.folder, "capture"), **more)
+
+    def script(self, name, text):
+        path = os.path.join(self.folder, name)
+        with open(path, "w") as file:
+            file.write("#!/bin/sh\n" + text)
+        os.chmod(path, stat.S_IRWXU)
+        return path
+
+
+class Colmap(FaultTest):
+    """Real server and worker; COLMAP is what the operator says it is."""
+
+    def fails(self, *flags):
+        server = self.deploy(*flags, program=REAL)
+        client = self.client(server)
+        job, events = client.run(self.capture(views=5, size="64x48"), iterations=10)
+        deployment.check_events(client, job, events)
+        found = client.get(job)
+        self.assertEqual(found.state, FAILED, found)
+        return server, found
+
+    def test_missing_colmap_fails_the_job_and_says_how_to_get_it(self):
+        _, job = self.fails("--colmap", "no-such-colmap")
+        self.assertEqual(job.error.detail.reason, "COLMAP_NOT_FOUND")
+        self.assertRegex(job.error.message, "apt-get install colmap")
+
+    def test_hanging_colmap_is_ended_by_its_time_limit(self):
+        hanging = self.script("colmap", "trap '' TERM\nsleep 1000 &\nwait\n")
+        server, job = self.fails("--colmap", hanging, "--colmap-timeout", "1")
+        self.assertEqual(job.error.detail.reason, "PROGRAM_TIMEOUT")
+        self.assertEqual(server.processes("sleep"), {})
+
+    def test_cancel_ends_a_hanging_colmap_and_leaves_no_process(self):
+        hanging = self.script("colmap", "trap '' TERM\nsleep 1000 &\nwait\n")
+        server = self.deploy("--colmap", hanging, program=REAL)
+        client = self.client(server)
+        job = client.started(self.capture(views=5, size="64x48"), iterations=10)
+        while not server.processes("sleep 1000"):
+            time.sleep(0.02)
+        client.jobs.CancelJob(rpc.CancelJobRequest(name=job))
+        client.wait_for(job, lambda j: j.state == job_pb2.JOB_STATE_CANCELLED, "its cancellation")
+        self.assertEqual(server.processes("sleep"), {})
+        client.delete(job)
+        self.assertEqual([f for f in server.files() if job.removeprefix("jobs/") in f], [])
+
+
+class Memory(FaultTest):
+
+    def test_worker_out_of_memory_fails_the_job_and_the_next_one_works(self):
+        server = self.deploy("--worker-memory", "1GiB")
+        client = self.client(server)
+        greedy = [(name, harness.png(), rpc.FILE_ROLE_PHOTO) for name in ("memory.png", "b.png")]
+        job, events = client.run(greedy, iterations=10)
+        deployment.check_events(client, job, events)
+        found = client.get(job)
+        self.assertEqual((found.state, found.attempt), (FAILED, 3), found)
+        self.assertEqual(found.error.detail.reason, "WORKER_LOST")
+        self.assertRegex(found.error.message, "it ran out of memory.*max_image_side")
+        modest, _ = client.run(deployment.photos(slow=False), iterations=5)
+        self.assertEqual(client.get(modest).state, SUCCEEDED)
+
+
+class Checkpoints(FaultTest):
+
+    OPTIONS = dict(iterations=1500, checkpoint_every=50, preview_every=500, seed=3, threads=1)
+
+    def interrupted(self):
+        """(server, client, job): stopped by SIGTERM while it trained."""
+        server = self.deploy(program=REAL)
+        client = self.client(server)
+        job = client.started(self.files, **self.OPTIONS)
+        client.wait_for(job, lambda j: j.progress.iteration >= 10 or j.state == SUCCEEDED,
+                        "iteration 10")
+        code, seconds = server.stop()
+        self.assertEqual(code, 0)
+        self.assertLess(seconds, 10)
+        self.assertEqual(server.orphans(), {})
+        return server, client, job
+
+    def setUp(self):
+        super().setUp()
+        self.files = self.capture()
+
+    def undisturbed(self):
+        server = Deployment(os.path.join(self.folder, "undisturbed"), "--threads", "1",
+                            program=REAL)
+        os.mkdir(server.folder)
+        server.start()
+        client = Client(server.address)
+        try:
+            job, _ = client.run(self.files, **self.OPTIONS)
+            return server.scene_digest(job)
+        finally:
+            client.close()
+            server.stop()
+
+    def checkpoint(self, server, job):
+        return os.path.join(server.data, "work", job.removeprefix("jobs/"), "run",
+                            "checkpoint.litags")
+
+    def test_sigterm_keeps_the_work_done_and_the_job_goes_on_after_a_restart(self):
+        server, client, job = self.interrupted()
+        self.assertTrue(os.path.exists(self.checkpoint(server, job)))
+        server.start()
+        events = client.watch(job)
+        found = client.get(job)
+        self.assertEqual(found.state, SUCCEEDED, found)
+        self.assertEqual(found.attempt, 1)  # a shutdown costs no attempt
+        deployment.check_events(client, job, events)
+        note = next(n for n in found.report.notes if n.startswith("resumed at iteration "))
+        self.assertGreaterEqual(int(note.split()[-1]), 10)
+        self.assertEqual(server.scene_digest(job), self.undisturbed())
+
+    def test_damaged_checkpoint_is_told_and_training_starts_again(self):
+        server, client, job = self.interrupted()
+        path = self.checkpoint(server, job)
+        with open(path, "r+b") as file:
+            file.seek(os.path.getsize(path) // 2)
+            byte = file.read(1)
+            file.seek(-1, os.SEEK_CUR)
+            file.write(bytes([byte[0] ^ 0x10]))
+        server.start()
+        client.watch(job)
+        found = client.get(job)
+        self.assertEqual(found.state, SUCCEEDED, found)
+        self.assertTrue(any("checkpoint could not be used" in n for n in found.report.notes),
+                        found.report.notes)
+        self.assertEqual(server.scene_digest(job), self.undisturbed())
+
+
+class Store(FaultTest):
+
+    def test_second_server_on_one_data_folder_refuses(self):
+        first = self.deploy()
+        second = subprocess.run(first.command()[:2] + ["127.0.0.1:0", "--data", first.data],
+                                capture_output=True, text=True, timeout=60)
+        self.assertNotEqual(second.returncode, 0)
+        self.assertRegex(second.stderr, "another litags-server uses .*--data")
+        client = self.client(first)
+        job, _ = client.run(deployment.photos(slow=False), iterations=5)
+        self.assertEqual(client.get(job).state, SUCCEEDED)
+
+    def test_sigterm_with_queued_jobs_ends_in_seconds_and_loses_none(self):
+        server = self.deploy("--workers", "2")
+        client = self.client(server)
+        jobs = [client.started(deployment.photos(), iterations=100, checkpoint_every=5)
+                for _ in range(4)]
+        client.wait_for(jobs[0], lambda j: j.progress.iteration > 5, "iteration 5")
+        code, seconds = server.stop()
+        self.assertEqual(code, 0)
+        self.assertLess(seconds, 10)
+        self.assertEqual(server.orphans(), {})
+        server.start()
+        for job in jobs:
+            events = client.watch(job)
+            deployment.check_events(client, job, events)
+            self.assertEqual(client.get(job).state, SUCCEEDED)
+
+    def test_damaged_database_is_refused_with_its_remedy(self):
+        server = self.deploy()
+        client = self.client(server)
+        job, _ = client.run(deployment.photos(slow=False), iterations=50, preview_every=1)
+        self.assertEqual(client.get(job).state, SUCCEEDED)
+        server.stop()
+        path = os.path.join(server.data, "litags.db")
+        pages = os.path.getsize(path) // 4096
+        self.assertGreater(pages, 8)
+        with open(path, "r+b") as file:
+            file.seek(4096 * (pages // 2))
+            file.write(random.Random(1).randbytes(4096))
+        again = subprocess.run(server.command(), capture_output=True, text=True, timeout=60)
+        self.assertNotEqual(again.returncode, 0)
+        self.assertRegex(again.stderr, r"litags\.db is damaged .*backup")
+
+    def in_small_disk(self, megabytes):
+        """A wrapper that gives the server's data folder a disk of its own of that size."""
+        if not may_mount():
+            self.skipTest("no mount namespace to be had: a small disk cannot be made")
+        data = os.path.join(self.folder, "data")
+        os.makedirs(data, exist_ok=True)
+        return [*OWN_MOUNTS, "sh", "-c",
+                f'mount -t tmpfs -o size={megabytes}m tmpfs "{data}" && exec "$@"', "sh"]
+
+    def inside(self, server, command):
+        """Runs a shell command among the server's mounts."""
+        user = [] if os.geteuid() == 0 else ["--user", "--preserve-credentials"]
+        subprocess.run(["nsenter", "--target", str(server.process.pid), "--mount", *user, "sh",
+                        "-c", command], check=True)
+
+    def test_full_disk_refuses_cleanly_and_serves_again_once_there_is_room(self):
+        server = self.deploy(prefix=self.in_small_disk(8))
+        client = self.client(server)
+        done, _ = client.run(deployment.photos(slow=False), iterations=5)
+        photo = [("big.png", harness.png(600, 500, seed=1), rpc.FILE_ROLE_PHOTO)]
+        waiting = client.create()
+        self.inside(server, f'dd if=/dev/zero of="{server.data}/ballast" bs=4k 2>/dev/null || true')
+        reason, message = self.refused(lambda: client.upload(waiting, photo),
+                                       grpc.StatusCode.RESOURCE_EXHAUSTED)
+        self.assertEqual(reason, "DISK_FULL")
+        self.assertRegex(message, "free some space")
+        # What needs no room still works.
+        self.assertEqual(client.get(done).state, SUCCEEDED)
+        list(client.jobs.WatchJob(rpc.WatchJobRequest(name=done)))
+        self.inside(server, f'rm "{server.data}/ballast"')
+        client.upload(waiting, photo)
+        self.assertEqual(client.get(waiting).photos, 1)
+        again, events = client.run(deployment.photos(slow=False), iterations=5)
+        deployment.check_events(client, again, events)
+        self.assertEqual(client.get(again).state, SUCCEEDED)
+
+    def test_disk_that_fills_while_a_job_runs_loses_no_job(self):
+        server = self.deploy(prefix=self.in_small_disk(8))
+        client = self.client(server)
+        job = client.started(deployment.photos(), iterations=100, checkpoint_every=5)
+        client.wait_for(job, lambda j: j.progress.iteration > 10, "iteration 10")
+        self.inside(server, f'dd if=/dev/zero of="{server.data}/ballast" bs=4k 2>/dev/null || true')
+        time.sleep(4)
+        self.inside(server, f'rm "{server.data}/ballast"')
+        events = client.watch(job)
+        deployment.check_events(client, job, events)
+        self.assertEqual(client.get(job).state, SUCCEEDED, client.get(job))
+
+    def test_read_only_store_is_refused_with_its_remedy(self):
+        if not may_mount():
+            self.skipTest("no mount namespace to be had: a read-only folder cannot be made")
+        server = self.deploy()
+        server.stop()
+        read_only = (f'mount --bind "{server.data}" "{server.data}" && '
+                     f'mount -o remount,bind,ro "{server.data}" && exec "$@"')
+        again = subprocess.run([*OWN_MOUNTS, "sh", "-c", read_only, "sh", *server.command()],
+                               capture_output=True, text=True, timeout=60)
+        self.assertNotEqual(again.returncode, 0)
+        self.assertRegex(again.stderr, "cannot use .* as the data folder: Read-only file system; "
+                                       "choose another")
+
+
+class Hardening(FaultTest):
+
+    def test_workers_run_with_nothing_they_do_not_need(self):
+        server = self.deploy("--worker-memory", "2GiB")
+        client = self.client(server)
+        job = client.started(deployment.photos(), iterations=50)
+        client.wait_for(job, lambda j: j.state == RUNNING, "its worker")
+        [worker] = server.workers()
+        with open(f"/proc/{worker}/status") as file:
+            self.assertRegex(file.read(), r"NoNewPrivs:\s1\n")
+        with open(f"/proc/{worker}/limits") as file:
+            limits = file.read()
+        self.assertRegex(limits, r"Max core file size\s+0\s+0\s")
+        self.assertRegex(limits, rf"Max address space\s+{2 << 30}\s+{2 << 30}\s")
+        self.assertRegex(limits, rf"Max file size\s+{64 << 30}\s+{64 << 30}\s")
+        own, ours = (os.readlink(f"/proc/{pid}/ns/net") for pid in (worker, "self"))
+        if "not hardened as it should be: no network" not in server.log():
+            self.assertNotEqual(own, ours)
+        client.watch(job)
+        self.assertEqual(client.get(job).state, SUCCEEDED)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,282 @@
+// Writes the seed corpora: small valid inputs, made by our own writers. `fuzz-seeds FOLDER`
+#include <archive.h>
+#include <archive_entry.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "engine/core/check.h"
+#include "engine/io/colmap_io.h"
+#include "engine/io/container.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/image_io.h"
+#include "engine/io/npy.h"
+#include "engine/io/ply.h"
+#include "engine/io/transforms_io.h"
+#include "engine/pipeline/scene_file.h"
+#include "engine/train/train_state.h"
+#include "litags/v1/reconstruction_service.pb.h"
+#include "litags/v1/render_service.pb.h"
+#include "tests/fuzz/fuzz_support.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Corpus {
+ public:
+  explicit Corpus(fs::path root) : root_(std::move(root)) {}
+
+  void Add(const std::string& target, const std::string& name, const std::string& bytes) const {
+    fs::create_directories(root_ / target);
+    std::ofstream file(root_ / target / name, std::ios::binary);
+    file << bytes;
+    LITAGS_CHECK(file.good());
+  }
+
+ private:
+  const fs::path root_;
+};
+
+std::string Read(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+ImageU8 Photo() {
+  ImageU8 image(9, 6);
+  for (size_t i = 0; i < image.data.size(); ++i) image.data[i] = static_cast<uint8_t>(7 * i);
+  return image;
+}
+
+Planes Depth() {
+  Planes depth(1, 3, 4);
+  for (size_t i = 0; i < depth.data.size(); ++i) depth.data[i] = 1 + 0.25f * static_cast<float>(i);
+  return depth;
+}
+
+// A JPEG with an EXIF block that turns it.
+std::string TurnedJpeg(const std::string& jpeg) {
+  using namespace std::string_literals;
+  const std::string exif =
+      "Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"s;
+  std::string block = "\xff\xe1"s;
+  block.push_back(0);
+  block.push_back(static_cast<char>(exif.size() + 2));
+  return jpeg.substr(0, 2) + block + exif + jpeg.substr(2);
+}
+
+SparseModel Cameras(bool distorted) {
+  SparseModel model;
+  for (int i = 0; i < 2; ++i) {
+    View view;
+    view.name = "000" + std::to_string(i) + ".jpg";
+    view.camera.width = 64;
+    view.camera.height = 48;
+    view.camera.fx = view.camera.fy = 50;
+    view.camera.cx = 32;
+    view.camera.cy = 24;
+    LITAGS_CHECK(view.camera.LookAt({double(i), -1, -4}, {0, 0, 0}, {0, -1, 0}).ok());
+    model.views.push_back(view);
+    model.distortions.push_back(distorted ? Distortion{0.1, -0.02, 0.001, 0.002} : Distortion{});
+  }
+  SparsePoint point;
+  point.xyz = {0.1, 0.2, 0.3};
+  point.track = {{0, 30, 20}, {1, 33, 21}};
+  model.points = {point};
+  return model;
+}
+
+Splats Gaussians() {
+  Splats splats(2);
+  for (size_t i = 0; i < 2; ++i) {
+    splats.at(i, kMean) = 0.5f * static_cast<float>(i);
+    for (int r = 0; r < 3; ++r) splats.at(i, kLogScale + r) = -2;
+    splats.at(i, kRawQuat) = 1;
+  }
+  return splats;
+}
+
+PdmOptions SmallDenoiser() {
+  PdmOptions options;
+  options.hidden = 1;
+  options.shared = true;
+  return options;
+}
+
+// The sections of a container, as WriteScratchContainer() takes them.
+std::string Sections(const std::string& path, std::string_view kind, uint32_t version) {
+  const auto file = Container::Read(path, kind, version);
+  LITAGS_CHECK(file.ok());
+  std::vector<std::string> pieces;
+  for (const std::string& name : file->SectionNames()) {
+    pieces.push_back(name);
+    pieces.emplace_back(*file->Section(name));
+  }
+  return JoinPieces(pieces);
+}
+
+void AddImages(const Corpus& corpus) {
+  const std::string png = *EncodePng(Photo()), jpeg = *EncodeJpeg(Photo(), 60);
+  const std::string png16 = *EncodePng16(Depth(), 1000), turned = TurnedJpeg(jpeg);
+  for (const char* target : {"image_header", "image_decode"}) {
+    corpus.Add(target, "photo.png", png);
+    corpus.Add(target, "photo.jpg", jpeg);
+    corpus.Add(target, "turned.jpg", turned);
+    corpus.Add(target, "deep.png", png16);
+    corpus.Add(target, "cut.jpg", jpeg.substr(0, jpeg.size() / 2));
+  }
+  corpus.Add("image_header", "exif", turned.substr(12));
+  corpus.Add("depth_map", "depth.png", png16);
+  corpus.Add("depth_map", "depth.pfm", EncodePfm(Depth()));
+  const Planes depth = Depth();
+  const std::vector<float> values(depth.data.begin(), depth.data.end());
+  corpus.Add("depth_map", "depth.npy", EncodeNpy(MakeNpyArray({3, 4}, absl::MakeSpan(values))));
+}
+
+void AddModels(const Corpus& corpus, const fs::path& scratch) {
+  for (const bool distorted : {false, true}) {
+    const std::string name = distorted ? "distorted" : "plain";
+    corpus.Add("transforms", name + ".json", FormatTransforms(Cameras(distorted), "low"));
+    LITAGS_CHECK(WriteColmapModel(scratch, Cameras(distorted)).ok());
+    corpus.Add("colmap_model", name,
+               JoinPieces({Read(scratch / "cameras.bin"), Read(scratch / "images.bin"),
+                           Read(scratch / "points3D.bin")}));
+    corpus.Add("ply", distorted ? "lita.ply" : "plain.ply", EncodePly(Gaussians(), distorted));
+  }
+}
+
+void AddContainers(const Corpus& corpus, const fs::path& scratch) {
+  TrainState state;
+  state.iteration = 5;
+  state.splats = {Gaussians(), Splats(2), Splats(2)};
+  state.pdm = state.pdm_moment1 = state.pdm_moment2 = PdmWeights::Zeros(SmallDenoiser());
+  state.density.Reset(2);
+  state.detours = {{3, true, "loss"}};
+  const std::string checkpoint = scratch / "checkpoint";
+  LITAGS_CHECK(SaveTrainState(checkpoint, "fuzz", state).ok());
+  corpus.Add("checkpoint", "two", Sections(checkpoint, "checkpoint", 2));
+  ContainerWriter small("checkpoint", 2);
+  small.AddSection("a", "bytes");
+  small.AddSection("numbers", std::string(16, '\1'));
+  LITAGS_CHECK(small.Commit(checkpoint).ok());
+  corpus.Add("container", "small", Read(checkpoint));
+
+  Model model;
+  model.splats = Gaussians();
+  model.pdm_options = SmallDenoiser();
+  model.pdm = PdmWeights::Zeros(SmallDenoiser());
+  const std::string scene = scratch / "scene";
+  LITAGS_CHECK(SaveScene(scene, model, Cameras(false).views).ok());
+  corpus.Add("scene", "two", Sections(scene, "scene", 1));
+}
+
+void AddRequests(const Corpus& corpus) {
+  v1::CreateJobRequest job;
+  v1::JobOptions& options = *job.mutable_options();
+  options.set_method(v1::METHOD_LITA_GS);
+  options.set_theta(0.4);
+  options.set_iterations(100);
+  options.set_min_registered(0.5);
+  job.mutable_policy()->set_priority(3);
+  job.mutable_policy()->set_retention_seconds(60);
+  corpus.Add("request", "job", '\0' + job.SerializeAsString());
+
+  v1::RenderViewRequest view;
+  view.set_name("jobs/0123456789abcdef");
+  view.mutable_pose()->set_camera("a.png");
+  view.mutable_settings()->set_width(32);
+  view.mutable_settings()->set_vertical_fov_deg(50);
+  corpus.Add("request", "camera", '\1' + view.SerializeAsString());
+  auto* look_at = view.mutable_pose()->mutable_look_at();
+  look_at->mutable_eye()->set_z(-4);
+  look_at->mutable_target()->set_x(1);
+  view.mutable_settings()->set_channel(v1::CHANNEL_LIGHT);
+  view.mutable_settings()->set_light(0.5);
+  corpus.Add("request", "look_at", '\1' + view.SerializeAsString());
+  for (int i = 0; i < 16; ++i) view.mutable_pose()->mutable_viewmat()->add_values(i % 5 == 0);
+  auto* lens = view.mutable_settings()->mutable_intrinsics();
+  lens->set_fx(30);
+  lens->set_fy(30);
+  lens->set_cx(16);
+  lens->set_cy(12);
+  corpus.Add("request", "viewmat", '\1' + view.SerializeAsString());
+
+  v1::RenderPathRequest path;
+  path.set_frames(3);
+  path.mutable_keyframes()->add_poses()->set_camera("a.png");
+  path.mutable_keyframes()->add_poses()->set_camera("b.png");
+  corpus.Add("request", "keyframes", '\2' + path.SerializeAsString());
+  path.mutable_orbit()->set_sweep_deg(90);
+  path.mutable_light()->set_last(1);
+  corpus.Add("request", "orbit", '\2' + path.SerializeAsString());
+
+  v1::FileHeader file;
+  file.set_name("a.png");
+  file.set_size_bytes(4096);
+  file.set_sha256(std::string(32, 's'));
+  file.set_offset(17);
+  corpus.Add("request", "file", '\3' + file.SerializeAsString());
+}
+
+enum class Packing { kZip, kTar, kTarGz };
+
+// A small folder, as other programs pack it.
+std::string Pack(Packing packing) {
+  const std::pair<const char*, std::string> files[] = {{"night/images/a.png", *EncodePng(Photo())},
+                                                       {"night/depth/a.pfm", EncodePfm(Depth())},
+                                                       {"night/README.txt", "taken at night"}};
+  std::string out(64 << 10, '\0');
+  size_t used = 0;
+  archive* writer = archive_write_new();
+  if (packing == Packing::kZip) {
+    archive_write_set_format_zip(writer);
+  } else {
+    archive_write_set_format_ustar(writer);
+    if (packing == Packing::kTarGz) archive_write_add_filter_gzip(writer);
+  }
+  archive_write_open_memory(writer, out.data(), out.size(), &used);
+  for (const auto& [name, bytes] : files) {
+    archive_entry* entry = archive_entry_new();
+    archive_entry_set_pathname(entry, name);
+    archive_entry_set_filetype(entry, AE_IFREG);
+    archive_entry_set_perm(entry, 0644);
+    archive_entry_set_size(entry, static_cast<la_int64_t>(bytes.size()));
+    LITAGS_CHECK(archive_write_header(writer, entry) == ARCHIVE_OK);
+    archive_write_data(writer, bytes.data(), bytes.size());
+    archive_entry_free(entry);
+  }
+  archive_write_close(writer);
+  archive_write_free(writer);
+  out.resize(used);
+  return out;
+}
+
+void AddArchives(const Corpus& corpus) {
+  corpus.Add("archive", "night.zip", Pack(Packing::kZip));
+  corpus.Add("archive", "night.tar.gz", Pack(Packing::kTarGz));
+  // Without the zeros that fill its last block.
+  corpus.Add("archive", "night.tar", Pack(Packing::kTar).substr(0, 4096));
+}
+
+}  // namespace
+}  // namespace litags
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: fuzz-seeds FOLDER\n");
+    return 2;
+  }
+  const litags::Corpus corpus(argv[1]);
+  const std::filesystem::path scratch = std::filesystem::path(litags::ScratchPath()).parent_path();
+  litags::AddImages(corpus);
+  litags::AddModels(corpus, scratch);
+  litags::AddContainers(corpus, scratch);
+  litags::AddRequests(corpus);
+  litags::AddArchives(corpus);
+  return 0;
+}

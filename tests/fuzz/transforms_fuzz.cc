@@ -1,0 +1,18 @@
+// transforms.json; what is read is written and read again.
+#include <algorithm>
+
+#include "engine/core/check.h"
+#include "engine/io/transforms_io.h"
+#include "tests/fuzz/fuzz_support.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace litags;
+  const auto model = ParseTransforms(AsText(data, size), "cameras", 64, 48);
+  if (!model.ok()) return 0;
+  LITAGS_CHECK(model->distortions.size() == model->views.size());
+  for (const View& view : model->views) LITAGS_CHECK(view.camera.Validate("camera").ok());
+  if (model->views.empty()) return 0;
+  const auto again = ParseTransforms(FormatTransforms(*model, "low"), "cameras");
+  LITAGS_CHECK(again.ok() && again->views.size() == model->views.size());
+  return 0;
+}
