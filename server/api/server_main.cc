@@ -63,7 +63,7 @@ absl::Status Serve(const Flags& flags, const std::string& worker_program, Engine
   }
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
-  data.EmptyTmp();
+  data.EmptyTmp(/*quiet_seconds=*/0);
   LITAGS_RETURN_IF_ERROR(CheckSqliteJobStore(data.database()));
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenSqliteJobStore(data.database()));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenDiskBlobStore(data.blobs()));

@@ -97,6 +97,7 @@ absl::StatusOr<std::vector<std::string>> Jobs::Sweep() {
     if (gone) removed.push_back(id);
   }
   LITAGS_RETURN_IF_ERROR(RemoveOrphans());
+  data_.EmptyTmp(uploads_.limits().keep_seconds);
   return removed;
 }
 

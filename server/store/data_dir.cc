@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/store/blob_store.h"
 
 namespace litags {
 
@@ -29,10 +30,15 @@ absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
   return dir;
 }
 
-void DataDir::EmptyTmp() const {
+void DataDir::EmptyTmp(double quiet_seconds) const {
   for (const std::string& folder : {tmp(), blobs() + "/tmp"}) {
-    std::error_code error;
-    for (const auto& entry : fs::directory_iterator(folder, error)) fs::remove_all(entry, error);
+    const auto entries = ListFolder(folder);
+    if (!entries.ok()) continue;  // there is no folder, so nothing in it
+    for (const BlobStore::Entry& entry : *entries) {
+      if (quiet_seconds > 0 && entry.quiet_seconds < quiet_seconds) continue;
+      std::error_code error;  // its owner may have removed it just now
+      fs::remove_all(fs::path(folder) / entry.name, error);
+    }
   }
 }
 

@@ -15,7 +15,8 @@ namespace litags {
 //   blobs/           photos, depth maps, previews, by digest
 //   work/JOB/        what the engine keeps of a job: links to its photos, checkpoint, scene
 //   uploads/JOB/     files that have come in part; gone once the job is started
-//   tmp/             exports and unpacked files in flight; emptied when a server starts
+//   tmp/             exports and unpacked files in flight; emptied when a server starts, swept
+//   later
 struct DataDir {
   std::string root;
 
@@ -28,8 +29,9 @@ struct DataDir {
 
   // Makes the folders, readable by the owner only. FAILED_PRECONDITION (DATA_DIR_UNUSABLE).
   static absl::StatusOr<DataDir> Open(const std::string& root);
-  // Removes what an earlier server and its workers left in tmp/ and blobs/tmp/.
-  void EmptyTmp() const;
+  // Removes what killed processes left in tmp/ and blobs/tmp/: what nobody has written to for that
+  // long; 0: all there is, before workers are started.
+  void EmptyTmp(double quiet_seconds) const;
 };
 
 // One server per data folder: held while it lives, given up by the kernel if the process dies.

@@ -19,9 +19,12 @@ import deployment
 from deployment import Client, Deployment, Lost
 from harness import job_pb2
 
-# How often a kill falls into a deletion. Never yet: a job's folder may stay then (docs/status.md).
-DELETE_KILLS = 0.0
 KILLS = 2  # a job that loses its worker three times fails, by design
+EARLY_KILLS = 0.25   # share of kills that fall into the first half second, when photos come in
+DELETE_KILLS = 0.5   # share of rounds with a kill of the server in the middle of the deletions
+# What a kill leaves, of a job that was being deleted or of a file that was being written, the
+# server removes once it has been quiet for as long as abandoned uploads are kept: here, a second.
+SWEEP = ("--keep-uploads", "1", "--sweep-every", "0.1")
 
 
 @dataclasses.dataclass
@@ -52,6 +55,7 @@ class Tally:
     changed_scenes: int = 0
     broken_histories: int = 0
     orphans: int = 0
+    swept: int = 0          # rounds in which a kill left something for the server to tidy up
     strays: int = 0
     complaints: list = dataclasses.field(default_factory=list)
 
@@ -101,6 +105,7 @@ class Round:
                 self.disturb()
                 self.check()
                 self.delete()
+                self.sweep()
             finally:
                 code, _ = self.server.stop()
             if code != 0:
@@ -129,7 +134,9 @@ class Round:
         for thread in threads:
             thread.start()
         span = self.reference.seconds * max(1, self.workload.jobs / 2)
-        for moment in sorted(self.random.uniform(0, span) for _ in range(KILLS)):
+        moments = [self.random.uniform(0, 0.5 if self.random.random() < EARLY_KILLS else span)
+                   for _ in range(KILLS)]
+        for moment in sorted(moments):
             victim = self.random.choice(self.workload.victims)
             time.sleep(max(0, begin + moment - time.monotonic()))
             self.strike(victim, threads)
@@ -192,6 +199,19 @@ class Round:
             with self.lock:
                 self.tally.kills["server, deleting"] += 1
         client.close()
+
+    def sweep(self):
+        """Lets the server tidy up what deaths in the middle of something left behind."""
+        if not self.server.strays():
+            return
+        with self.lock:
+            self.tally.swept += 1
+        self.server.stop()
+        self.server.flags += SWEEP
+        self.server.start()
+        deadline = time.monotonic() + 30
+        while self.server.strays() and time.monotonic() < deadline:
+            time.sleep(0.05)
 
 
 def run_rounds(workload, seeds, at_once=1, report=print):

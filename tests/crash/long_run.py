@@ -36,6 +36,7 @@ def main():
                                            report=lambda text: print(text, flush=True))
             rows.append(row(workload.name, tally))
             complaints += tally.complaints
+            print(f"{workload.name}: kills left something to tidy up in {tally.swept} rounds")
     print("\n| Workload | Rounds | kill -9 of | Jobs | Lost | Changed scenes | Events lost or doubled "
           "| Processes left | Files left |\n|---|---:|---|---:|---:|---:|---:|---:|---:|")
     print("\n".join(rows))
