@@ -14,7 +14,6 @@ namespace litags {
 namespace {
 
 constexpr char kKind[] = "checkpoint";
-constexpr uint32_t kVersion = 3;
 
 std::string_view Bytes(const AlignedFloats& v) {
   return {reinterpret_cast<const char*>(v.data()), v.size() * sizeof(float)};
@@ -80,7 +79,7 @@ absl::Status ReadDetours(const Container& file, size_t count, std::vector<Detour
 
 absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,
                             const TrainState& state) {
-  ContainerWriter out(kKind, kVersion);
+  ContainerWriter out(kKind, kCheckpointVersion);
   const std::vector<int64_t> header = {state.iteration, int64_t(state.splats.params.size()),
                                        state.pdm.hidden, int64_t(state.pdm.nets.size()),
                                        int64_t(state.detours.size())};
@@ -99,7 +98,7 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
 }
 
 absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::string& fingerprint) {
-  LITAGS_ASSIGN_OR_RETURN(const Container file, Container::Read(path, kKind, kVersion));
+  LITAGS_ASSIGN_OR_RETURN(const Container file, Container::Read(path, kKind, kCheckpointVersion));
   LITAGS_ASSIGN_OR_RETURN(const std::string_view found, file.Section("fingerprint"));
   if (found != fingerprint) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "CHECKPOINT_MISMATCH", "checkpoint",

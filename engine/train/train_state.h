@@ -1,6 +1,7 @@
 #ifndef LITAGS_ENGINE_TRAIN_TRAIN_STATE_H_
 #define LITAGS_ENGINE_TRAIN_TRAIN_STATE_H_
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,9 @@ struct TrainState {
   DensityStats density;
   std::vector<Detour> detours;  // by iteration
 };
+
+// Version of the container; others are not read.
+inline constexpr uint32_t kCheckpointVersion = 3;
 
 // One container file of kind "checkpoint". `fingerprint` says what the run was made of.
 absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,

@@ -5,11 +5,11 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace litags;
-  WriteScratchContainer(AsText(data, size), "checkpoint", 2);
+  WriteScratchContainer(AsText(data, size), "checkpoint", kCheckpointVersion);
   const auto state = LoadTrainState(ScratchPath(), "fuzz");
   if (!state.ok()) return 0;
   const size_t n = state->splats.params.size();
   LITAGS_CHECK(n > 0 && state->splats.moment1.size() == n && state->splats.moment2.size() == n);
-  LITAGS_CHECK(state->density.grad.size() == n && state->density.count.size() == n);
+  LITAGS_CHECK(state->density.grad.size() == n && state->density.weight.size() == n);
   return 0;
 }

@@ -159,7 +159,7 @@ void AddContainers(const Corpus& corpus, const fs::path& scratch) {
   state.detours = {{3, true, "loss"}};
   const std::string checkpoint = scratch / "checkpoint";
   LITAGS_CHECK(SaveTrainState(checkpoint, "fuzz", state).ok());
-  corpus.Add("checkpoint", "two", Sections(checkpoint, "checkpoint", 2));
+  corpus.Add("checkpoint", "two", Sections(checkpoint, "checkpoint", kCheckpointVersion));
   ContainerWriter small("checkpoint", 2);
   small.AddSection("a", "bytes");
   small.AddSection("numbers", std::string(16, '\1'));
@@ -237,7 +237,10 @@ std::string Pack(Packing packing) {
     archive_write_set_format_zip(writer);
   } else {
     archive_write_set_format_ustar(writer);
-    if (packing == Packing::kTarGz) archive_write_add_filter_gzip(writer);
+    if (packing == Packing::kTarGz) {
+      archive_write_add_filter_gzip(writer);
+      archive_write_set_filter_option(writer, "gzip", "timestamp", nullptr);  // the same each time
+    }
   }
   archive_write_open_memory(writer, out.data(), out.size(), &used);
   for (const auto& [name, bytes] : files) {
