@@ -15,6 +15,7 @@ namespace litags {
 namespace {
 
 constexpr size_t kLengthBytes = 4;
+constexpr size_t kMaxNameSize = 255;  // that a container takes
 
 // Removed when the process ends.
 struct ScratchFolder {
@@ -76,7 +77,8 @@ void WriteScratchContainer(std::string_view input, std::string_view kind, uint32
   ContainerWriter writer(kind, version);
   std::set<std::string> names;
   for (size_t i = 0; i + 1 < pieces.size(); i += 2) {
-    if (pieces[i].size() > 255 || !names.insert(pieces[i]).second) continue;
+    const bool fits = !pieces[i].empty() && pieces[i].size() <= kMaxNameSize;
+    if (!fits || !names.insert(pieces[i]).second) continue;
     writer.AddSection(pieces[i], pieces[i + 1]);
   }
   LITAGS_CHECK(writer.Commit(ScratchPath()).ok());
