@@ -7,8 +7,9 @@
 namespace litags {
 namespace {
 
-// The delay of an event on its way to a watcher is this at most.
-constexpr std::chrono::milliseconds kPollInterval{50};
+// How soon the hub's end is noticed.
+constexpr double kStepSeconds = 0.1;
+constexpr std::chrono::milliseconds kPauseAfterError{500};
 constexpr std::chrono::seconds kStopGrace{1};
 
 }  // namespace
@@ -40,14 +41,14 @@ void EventHub::Stop() {
 void EventHub::Loop() {
   int64_t last = -1;
   while (!stopping()) {
-    const auto token = jobs_->ChangeToken();
+    const auto token = jobs_->WaitForChange(last, kStepSeconds);
     if (!token.ok()) {
       spdlog::error("cannot look for events: {}", token.status().ToString());
+      std::this_thread::sleep_for(kPauseAfterError);
     } else if (*token != last) {
       last = *token;
       WakeAll();
     }
-    std::this_thread::sleep_for(kPollInterval);
   }
 }
 

@@ -13,8 +13,8 @@
 
 namespace litags {
 
-// Tells watchers that something in the store changed, whichever process changed it. One thread asks
-// the store's change token; watchers then read what they need.
+// Tells watchers that something in the store changed, whichever process changed it. One thread
+// waits for the store's changes; watchers then read what they need.
 class EventHub {
  public:
   explicit EventHub(Jobs* jobs);

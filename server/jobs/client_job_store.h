@@ -38,7 +38,11 @@ class ClientJobStore : public JobStore {
                                                   std::string_view sha256) override;
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                   int limit) override;
-  absl::StatusOr<int64_t> ChangeToken() override { return store_->ChangeToken(); }
+  absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen, double seconds) override {
+    return store_->WaitForChange(topic, seen, seconds);
+  }
+  int64_t NowMs() override { return store_->NowMs(); }
+  int64_t ReachableSinceMs() override { return store_->ReachableSinceMs(); }
 
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) override;
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,

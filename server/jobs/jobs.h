@@ -33,10 +33,12 @@ struct NewJob {
 // Thread-safe. Errors: those of JobStore and NextState(), and what each call says.
 class Jobs {
  public:
-  // The stores must outlive this. One per data folder; For() makes more of it.
-  Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = SystemClockMs,
+  // The stores must outlive this. One per data folder; For() makes more of it. Without a clock, the
+  // store's is used.
+  Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = nullptr,
        UploadLimits limits = {})
-      : Jobs(store, blobs, data, clock, std::make_shared<UploadArea>(data.uploads(), limits)) {}
+      : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
+             std::make_shared<UploadArea>(data.uploads(), limits)) {}
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
   // stores.
@@ -71,7 +73,10 @@ class Jobs {
   absl::StatusOr<std::string> Preview(std::string_view id, std::string_view sha256) {
     return blobs_->Get(BlobKey(id, sha256));
   }
-  absl::StatusOr<int64_t> ChangeToken() { return store_->ChangeToken(); }
+  // As JobStore::WaitForChange(), of any job.
+  absl::StatusOr<int64_t> WaitForChange(int64_t seen, double seconds) {
+    return store_->WaitForChange(ChangeTopic::kJobs, seen, seconds);
+  }
 
   const DataDir& data() const { return data_; }
 

@@ -10,7 +10,7 @@ namespace {
 
 absl::Status CheckHeld(const JobRecord& job, const Lease& lease) {
   if (job.state == JobState::kRunning && job.lease_owner == lease.owner &&
-      job.attempt == lease.job.attempt) {
+      job.attempt == lease.job.attempt && job.lease_start_ms == lease.job.lease_start_ms) {
     return absl::OkStatus();
   }
   return MakeError(absl::StatusCode::kAborted, "LEASE_LOST", "",
@@ -37,15 +37,21 @@ absl::Status Leases::ShortenImpossibleLeases() {
   }
 }
 
-absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner) {
-  LITAGS_RETURN_IF_ERROR(ShortenImpossibleLeases());
+absl::Status Leases::AbandonStale() {
+  const int64_t since_ms = store_->ReachableSinceMs();
+  if (since_ms != 0 && clock_() - since_ms < options_.duration_ms) return absl::OkStatus();
   for (;;) {
     LITAGS_ASSIGN_OR_RETURN(
         const auto expired, store_->UpdateFirstExpired(clock_(), [&](JobTransaction& job) {
           return Abandon(job, absl::StrCat("worker ", job.job.lease_owner, " was not heard of"));
         }));
-    if (!expired) break;
+    if (!expired) return absl::OkStatus();
   }
+}
+
+absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner) {
+  LITAGS_RETURN_IF_ERROR(ShortenImpossibleLeases());
+  LITAGS_RETURN_IF_ERROR(AbandonStale());
   const auto take = [&](JobTransaction& job) -> absl::Status {
     ++job.job.attempt;
     LITAGS_RETURN_IF_ERROR(ApplyAction(

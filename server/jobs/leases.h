@@ -32,9 +32,12 @@ struct Lease {
 // another worker, ended or deleted.
 class Leases {
  public:
-  // The stores must outlive this.
-  Leases(JobStore* store, BlobStore* blobs, LeaseOptions options = {}, Clock clock = SystemClockMs)
-      : store_(store), blobs_(blobs), options_(options), clock_(std::move(clock)) {}
+  // The stores must outlive this. Without a clock, the store's is used.
+  Leases(JobStore* store, BlobStore* blobs, LeaseOptions options = {}, Clock clock = nullptr)
+      : store_(store),
+        blobs_(blobs),
+        options_(options),
+        clock_(clock ? std::move(clock) : StoreClock(store)) {}
 
   // Takes the job that has been queued longest; nullopt if there is none. Puts jobs with stale
   // leases back into the queue first.
@@ -67,6 +70,9 @@ class Leases {
   // No lease ends later than one taken now. Where one does, the clock was set back since, and a
   // dead worker would keep its job until the old time came again. A living one renews in time.
   absl::Status ShortenImpossibleLeases();
+  // Puts jobs with stale leases back into the queue. Not before everybody had the time to renew
+  // theirs, if the store was away.
+  absl::Status AbandonStale();
 
   JobStore* const store_;
   BlobStore* const blobs_;

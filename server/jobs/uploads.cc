@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -36,13 +35,6 @@ std::string PartialKey(const FileRecord& file) {
 }
 
 }  // namespace
-
-int64_t SystemClockMs() {
-  using std::chrono::system_clock;
-  return std::chrono::duration_cast<std::chrono::milliseconds>(
-             system_clock::now().time_since_epoch())
-      .count();
-}
 
 std::string BlobKey(std::string_view job_id, std::string_view sha256) {
   return absl::StrCat("jobs/", std::string(job_id), "/", std::string(sha256));

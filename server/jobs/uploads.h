@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -19,10 +18,6 @@
 #include "server/store/partial_files.h"
 
 namespace litags {
-
-// Milliseconds since 1970.
-using Clock = std::function<int64_t()>;
-int64_t SystemClockMs();
 
 // The store key of a job's file or preview picture.
 std::string BlobKey(std::string_view job_id, std::string_view sha256);

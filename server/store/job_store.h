@@ -4,6 +4,7 @@
 #define LITAGS_SERVER_STORE_JOB_STORE_H_
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,6 +16,10 @@
 #include "absl/status/statusor.h"
 
 namespace litags {
+
+// Milliseconds since 1970.
+using Clock = std::function<int64_t()>;
+int64_t SystemClockMs();
 
 // Stored as numbers: never change or reuse them.
 enum class JobState {
@@ -120,12 +125,20 @@ class JobTransaction {
   virtual absl::Status Remove() = 0;
 };
 
+// What can be waited for.
+enum class ChangeTopic {
+  kJobs,   // any change of any job
+  kQueue,  // a job that waits for a worker
+};
+
 // Thread-safe. Several processes may hold a store on the same data. An OK answer to a change means
 // that the change survives a crash of any process and of the machine.
 //
 // Errors of every call: NOT_FOUND (JOB_NOT_FOUND) for an unknown id; RESOURCE_EXHAUSTED
 // (DISK_FULL); DATA_LOSS (STORE_CORRUPT); INTERNAL (STORE_FAILED) for whatever else the store
-// meets.
+// meets. A store on another machine, beside these: UNAVAILABLE, with nothing changed
+// (STORE_UNAVAILABLE, STORE_BUSY), or with the connection lost in a commit and the database away
+// since, so that nobody knows (STORE_OUTCOME_UNKNOWN).
 class JobStore {
  public:
   using Change = absl::FunctionRef<absl::Status(JobTransaction&)>;
@@ -179,10 +192,22 @@ class JobStore {
   virtual absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                           int limit) = 0;
 
-  // A number that differs from the one of an earlier call if anything was changed in between, by
-  // whatever process. Cheap enough to ask several times a second.
-  virtual absl::StatusOr<int64_t> ChangeToken() = 0;
+  // Returns once there was a change since the call that returned `seen`, whichever process made it,
+  // and after `seconds` at the latest. What it returns differs from `seen` if there was one; it may
+  // differ without. A change is seen a moment after it was made. -1 is never returned.
+  virtual absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen,
+                                                double seconds) = 0;
+
+  // Milliseconds since 1970 by the clock that all users of the store share; leases are timed by it.
+  virtual int64_t NowMs() = 0;
+
+  // The time since which workers can have renewed their leases, as far as is known here; 0: always.
+  // Leases that ran out while nobody reached the store do not show that their workers are dead.
+  virtual int64_t ReachableSinceMs() = 0;
 };
+
+// NowMs() of a store that outlives the clock.
+Clock StoreClock(JobStore* store);
 
 // NOT_FOUND (JOB_NOT_FOUND), for a job that is not there, and for one that is none of the caller's.
 absl::Status JobNotFound(std::string_view id);
@@ -194,6 +219,11 @@ absl::Status CheckSqliteJobStore(const std::string& path);
 // An SQLite file, made if it is not there. FAILED_PRECONDITION (STORE_TOO_NEW) if a later version
 // of the program wrote it.
 absl::StatusOr<std::unique_ptr<JobStore>> OpenSqliteJobStore(const std::string& path);
+
+// A database of a PostgreSQL server of version 13 or later: a libpq URL or connection string.
+// Tables are made in it if they are not there. FAILED_PRECONDITION (STORE_NOT_OPENED: a missing
+// right; STORE_TOO_NEW, STORE_TOO_OLD), UNAVAILABLE (STORE_UNAVAILABLE).
+absl::StatusOr<std::unique_ptr<JobStore>> OpenPostgresJobStore(const std::string& url);
 
 }  // namespace litags
 

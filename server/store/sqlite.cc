@@ -25,18 +25,18 @@ absl::Status ErrorOf(sqlite3* db, int result) {
 
 }  // namespace
 
-Statement::~Statement() {
+SqliteStatement::~SqliteStatement() {
   sqlite3_reset(stmt_);
   sqlite3_clear_bindings(stmt_);
 }
 
-Statement& Statement::Bind(int64_t value) {
+SqlStatement& SqliteStatement::Bind(int64_t value) {
   const int result = sqlite3_bind_int64(stmt_, next_parameter_++, value);
   if (bind_result_ == SQLITE_OK) bind_result_ = result;
   return *this;
 }
 
-Statement& Statement::Bind(std::string_view value) {
+SqlStatement& SqliteStatement::Bind(std::string_view value) {
   // A null pointer would bind NULL.
   const char* data = value.data() ? value.data() : "";
   const int result = sqlite3_bind_text(stmt_, next_parameter_++, data,
@@ -45,7 +45,7 @@ Statement& Statement::Bind(std::string_view value) {
   return *this;
 }
 
-absl::StatusOr<bool> Statement::Step() {
+absl::StatusOr<bool> SqliteStatement::Step() {
   if (!stmt_ || bind_result_ != SQLITE_OK) return ErrorOf(db_, bind_result_);
   const int result = sqlite3_step(stmt_);
   if (result == SQLITE_ROW) return true;
@@ -53,9 +53,12 @@ absl::StatusOr<bool> Statement::Step() {
   return ErrorOf(db_, result);
 }
 
-absl::Status Statement::Run() { return Step().status(); }
+absl::StatusOr<int64_t> SqliteStatement::Run() {
+  LITAGS_RETURN_IF_ERROR(Step().status());
+  return sqlite3_changes64(db_);
+}
 
-std::string Statement::Text(int column) const {
+std::string SqliteStatement::Text(int column) const {
   const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(stmt_, column));
   return text ? std::string(text, sqlite3_column_bytes(stmt_, column)) : std::string();
 }
@@ -82,13 +85,13 @@ SqliteConnection::~SqliteConnection() {
   sqlite3_close(db_);
 }
 
-Statement SqliteConnection::Prepare(const std::string& sql) {
+std::unique_ptr<SqlStatement> SqliteConnection::Prepare(const std::string& sql) {
   auto [it, added] = statements_.try_emplace(sql, nullptr);
   if (!it->second) {
     sqlite3_prepare_v3(db_, sql.c_str(), static_cast<int>(sql.size()), SQLITE_PREPARE_PERSISTENT,
                        &it->second, nullptr);
   }
-  return Statement(db_, it->second);
+  return std::make_unique<SqliteStatement>(db_, it->second);
 }
 
 absl::Status SqliteConnection::Execute(const std::string& sql) {

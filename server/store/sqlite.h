@@ -12,29 +12,23 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/store/sql.h"
 
 namespace litags {
 
-// One statement in use: bound in order, stepped, and handed back to the connection's cache when
-// this object ends. An error of any call is kept and returned by Step() or Run().
-class Statement {
+class SqliteStatement : public SqlStatement {
  public:
-  Statement(sqlite3* db, sqlite3_stmt* stmt) : db_(db), stmt_(stmt) {}
-  Statement(const Statement&) = delete;
-  Statement& operator=(const Statement&) = delete;
-  ~Statement();
+  SqliteStatement(sqlite3* db, sqlite3_stmt* stmt) : db_(db), stmt_(stmt) {}
+  SqliteStatement(const SqliteStatement&) = delete;
+  SqliteStatement& operator=(const SqliteStatement&) = delete;
+  ~SqliteStatement() override;  // back to the connection's cache
 
-  // Binds the next parameters.
-  Statement& Bind(int64_t value);
-  Statement& Bind(std::string_view value);
-
-  // True: a row can be read.
-  absl::StatusOr<bool> Step();
-  // For statements that return no rows.
-  absl::Status Run();
-
-  int64_t Int(int column) const { return sqlite3_column_int64(stmt_, column); }
-  std::string Text(int column) const;
+  SqlStatement& Bind(int64_t value) override;
+  SqlStatement& Bind(std::string_view value) override;
+  absl::StatusOr<bool> Step() override;
+  absl::StatusOr<int64_t> Run() override;
+  int64_t Int(int column) const override { return sqlite3_column_int64(stmt_, column); }
+  std::string Text(int column) const override;
 
  private:
   sqlite3* db_;
@@ -44,15 +38,13 @@ class Statement {
 };
 
 // One connection. Not thread-safe.
-class SqliteConnection {
+class SqliteConnection : public SqlSession {
  public:
   static absl::StatusOr<std::unique_ptr<SqliteConnection>> Open(const std::string& path);
-  ~SqliteConnection();
+  ~SqliteConnection() override;
 
-  // `sql` must be a literal or otherwise stay the same text: prepared statements are cached by it.
-  Statement Prepare(const std::string& sql);
-  // Runs statements without parameters.
-  absl::Status Execute(const std::string& sql);
+  std::unique_ptr<SqlStatement> Prepare(const std::string& sql) override;
+  absl::Status Execute(const std::string& sql) override;
 
  private:
   explicit SqliteConnection(sqlite3* db) : db_(db) {}

@@ -20,11 +20,11 @@ absl::Status CheckSqliteJobStore(const std::string& path) {
   auto connection = SqliteConnection::Open(path);
   if (absl::IsDataLoss(connection.status())) return damaged(connection.status().message());
   LITAGS_RETURN_IF_ERROR(connection.status());
-  Statement row = (*connection)->Prepare("PRAGMA quick_check(1)");
-  const auto found = row.Step();
+  const auto row = (*connection)->Prepare("PRAGMA quick_check(1)");
+  const auto found = row->Step();
   if (absl::IsDataLoss(found.status())) return damaged(found.status().message());
   LITAGS_RETURN_IF_ERROR(found.status());
-  const std::string verdict = absl::StrReplaceAll(row.Text(0), {{"\n", " "}});
+  const std::string verdict = absl::StrReplaceAll(row->Text(0), {{"\n", " "}});
   return verdict == "ok" ? absl::OkStatus() : damaged(verdict);
 }
 

@@ -1,10 +1,8 @@
 #include "server/store/sqlite_migrations.h"
 
-#include <algorithm>
-#include <iterator>
-
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/store/sql_migrations.h"
 
 namespace litags {
 namespace {
@@ -81,29 +79,25 @@ CREATE INDEX files_by_digest ON files (sha256);
 )sql",
 };
 
-absl::StatusOr<int64_t> Version(SqliteConnection* connection) {
-  Statement statement = connection->Prepare("PRAGMA user_version");
-  LITAGS_RETURN_IF_ERROR(statement.Run());
-  return statement.Int(0);
+absl::StatusOr<int64_t> Version(SqlSession& sql) {
+  const auto statement = sql.Prepare("PRAGMA user_version");
+  LITAGS_RETURN_IF_ERROR(statement->Step().status());
+  return statement->Int(0);
+}
+
+absl::Status SetVersion(SqlSession& sql, int64_t version) {
+  return sql.Execute(absl::StrCat("PRAGMA user_version=", version));
 }
 
 }  // namespace
 
 absl::Status MigrateSqlite(SqliteConnection* connection, int64_t last) {
-  constexpr int64_t kNewest = std::size(kSteps);
   for (;;) {
-    // Another process may migrate at the same time: look again under the write lock.
+    // Another process may migrate at the same time: each step looks under the write lock.
     LITAGS_ASSIGN_OR_RETURN(const auto transaction, SqliteTransaction::Begin(connection));
-    LITAGS_ASSIGN_OR_RETURN(const int64_t version, Version(connection));
-    if (version > kNewest) {
-      return MakeError(
-          absl::StatusCode::kFailedPrecondition, "STORE_TOO_NEW", "data",
-          absl::StrCat("the job store has version ", version,
-                       ", this program knows versions up to ", kNewest, "; use the newer program"));
-    }
-    if (version >= std::min(kNewest, last)) return absl::OkStatus();
-    LITAGS_RETURN_IF_ERROR(connection->Execute(kSteps[version]));
-    LITAGS_RETURN_IF_ERROR(connection->Execute(absl::StrCat("PRAGMA user_version=", version + 1)));
+    LITAGS_ASSIGN_OR_RETURN(const bool stepped,
+                            MigrateOneStep(*connection, kSteps, {Version, SetVersion}, last));
+    if (!stepped) return absl::OkStatus();
     LITAGS_RETURN_IF_ERROR(transaction->Commit());
   }
 }

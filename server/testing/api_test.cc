@@ -400,15 +400,22 @@ TEST_F(JobsApi, EveryCallInEveryStateGivesTheDocumentedCode) {
   v1::QueryUploadResponse query;
   const std::vector<Call> calls = {
       {"GetJob", [&](auto& name) { return client_.Get(name, &job); }, {}},
-      {"QueryUpload", [&](auto& name) { return client_.Query(name, {{"c.png", "x"}}, &query); },
+      {"QueryUpload",
+       [&](auto& name) {
+         return client_.Query(name, {{"c.png", "x"}}, &query);
+       },
        after_upload},
       {"UploadImages",
-       [&](auto& name) { return client_.Upload(name, {{"c.png", TestPng(64, 48, 3)}}); },
+       [&](auto& name) {
+         return client_.Upload(name, {{"c.png", TestPng(64, 48, 3)}});
+       },
        after_upload},
       {"StartJob", [&](auto& name) { return client_.Start(name); }, after_upload},
-      {"CancelJob", [&](auto& name) { return client_.Cancel(name); },
+      {"CancelJob",
+       [&](auto& name) { return client_.Cancel(name); },
        {{succeeded, "JOB_ALREADY_DONE"}, {failed, "JOB_ALREADY_DONE"}}},
-      {"ResumeJob", [&](auto& name) { return client_.Resume(name); },
+      {"ResumeJob",
+       [&](auto& name) { return client_.Resume(name); },
        {{uploading, not_resumable},
         {queued, not_resumable},
         {running, not_resumable},
@@ -506,16 +513,16 @@ TEST_F(JobsApi, ReadersThatDoNotReadHoldNoMemoryAndLoseNothing) {
   ProgressRecord record;
   record.progress.message = std::string(4000, 'x');
   const std::string payload = Encode(record);
-  ASSERT_TRUE(store_
-                  ->Update(name.substr(5),
-                           [&](JobTransaction& job) -> absl::Status {
-                             for (int i = 0; i < kEvents; ++i) {
-                               LITAGS_RETURN_IF_ERROR(
-                                   job.AddEvent({0, 1, EventKind::kProgress, payload}));
-                             }
-                             return absl::OkStatus();
-                           })
-                  .ok());
+  ASSERT_TRUE(
+      store_
+          ->Update(name.substr(5),
+                   [&](JobTransaction& job) -> absl::Status {
+                     for (int i = 0; i < kEvents; ++i) {
+                       LITAGS_RETURN_IF_ERROR(job.AddEvent({0, 1, EventKind::kProgress, payload}));
+                     }
+                     return absl::OkStatus();
+                   })
+          .ok());
   ServerOptions options = Options();
   options.listen = "127.0.0.1:0";
   const auto server = *StartServer(options, &jobs_, engine_.get());

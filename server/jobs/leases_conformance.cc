@@ -1,0 +1,145 @@
+// Leases on every kind of store: whoever lost one can write nothing more.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <functional>
+#include <thread>
+
+#include "server/jobs/codec.h"
+#include "server/jobs/leases.h"
+#include "server/testing/job_store_kind.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+constexpr int64_t kLeaseMs = 300;
+
+// What a worker may write under a lease.
+struct Write {
+  const char* name;
+  std::function<absl::Status(Leases&, const Lease&)> call;
+};
+
+std::vector<Write> AllWrites() {
+  return {
+      {"heartbeat", [](Leases& l, const Lease& lease) { return l.Heartbeat(lease).status(); }},
+      {"progress", [](Leases& l, const Lease& lease) { return l.AddProgress(lease, {}); }},
+      {"snapshot",
+       [](Leases& l, const Lease& lease) { return l.AddSnapshot(lease, "work/late", 7); }},
+      {"result",
+       [](Leases& l, const Lease& lease) {
+         return l.Succeed(lease, ReconstructReport(), "work/late");
+       }},
+      {"failure",
+       [](Leases& l, const Lease& lease) { return l.Fail(lease, absl::InternalError("late")); }},
+      {"stop", [](Leases& l, const Lease& lease) { return l.Stopped(lease); }},
+      {"return", [](Leases& l, const Lease& lease) { return l.GiveBack(lease); }},
+  };
+}
+
+class FencingConformance : public StoreConformance {
+ protected:
+  void SetUp() override {
+    StoreConformance::SetUp();
+    if (IsSkipped()) return;
+    leases_ = std::make_unique<Leases>(store_.get(), blobs_.get(), LeaseOptions{kLeaseMs, 3});
+    jobs_ = std::make_unique<Jobs>(store_.get(), blobs_.get(), data_);
+    JobRecord job;
+    job.id = "a1";
+    job.state = JobState::kQueued;
+    job.create_time_ms = job.queue_time_ms = store_->NowMs();
+    ASSERT_TRUE(store_
+                    ->Create(job,
+                             [](JobTransaction& t) {
+                               return t.PutFile({"a", FileRole::kPhoto, 1, "0"});
+                             })
+                    .ok());
+    ASSERT_TRUE(store_
+                    ->Update("a1",
+                             [](JobTransaction& t) {
+                               return t.PutFile({"b", FileRole::kPhoto, 1, "0"});
+                             })
+                    .ok());
+  }
+
+  // Tries until the job can be had.
+  Lease Acquire(const std::string& owner) {
+    for (int i = 0; i < 200; ++i) {
+      auto lease = leases_->Acquire(owner);
+      EXPECT_TRUE(lease.ok()) << lease.status();
+      if (lease.ok() && lease->has_value()) return **lease;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    ADD_FAILURE() << "no job for " << owner;
+    return {};
+  }
+
+  void ExpectNothingCanBeWrittenWith(const Lease& lost) {
+    const JobRecord before = *store_->Get("a1");
+    for (const Write& write : AllWrites()) {
+      const absl::Status status = write.call(*leases_, lost);
+      EXPECT_EQ(status.code(), absl::StatusCode::kAborted) << write.name;
+      EXPECT_EQ(Reason(status), "LEASE_LOST") << write.name;
+    }
+    const JobRecord after = *store_->Get("a1");
+    EXPECT_EQ(after.state, before.state);
+    EXPECT_EQ(after.last_event, before.last_event);
+    EXPECT_EQ(after.scene_path, before.scene_path);
+    EXPECT_EQ(after.progress, before.progress);
+    EXPECT_EQ(after.report, before.report);
+    EXPECT_EQ(after.lease_expires_ms, before.lease_expires_ms);
+  }
+
+  TempDir dir_;
+  DataDir data_ = *DataDir::Open(dir_.path());
+  std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
+  std::unique_ptr<Leases> leases_;
+  std::unique_ptr<Jobs> jobs_;
+};
+
+TEST_F(FencingConformance, WorkerThatSleptThroughItsLeaseCanWriteNothingMore) {
+  const Lease lost = Acquire("w1");
+  const Lease held = Acquire("w2");  // once the first has run out
+  EXPECT_EQ(held.job.attempt, 2);
+  ExpectNothingCanBeWrittenWith(lost);
+  EXPECT_TRUE(leases_->AddSnapshot(held, "work/new", 5).ok());
+  ExpectNothingCanBeWrittenWith(lost);
+  EXPECT_TRUE(leases_->Succeed(held, ReconstructReport(), "work/new").ok());
+  ExpectNothingCanBeWrittenWith(lost);
+  EXPECT_EQ(store_->Get("a1")->scene_path, "work/new");
+}
+
+TEST_F(FencingConformance, LeaseOfBeforeACancellationIsLostEvenToTheSameWorker) {
+  const Lease lost = Acquire("w1");
+  ASSERT_TRUE(jobs_->Cancel("a1").ok());
+  ASSERT_TRUE(leases_->Stopped(lost).ok());
+  ASSERT_TRUE(jobs_->Resume("a1").ok());
+  std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  const Lease held = Acquire("w1");
+  ASSERT_EQ(held.job.attempt, lost.job.attempt);
+  ExpectNothingCanBeWrittenWith(lost);
+  EXPECT_TRUE(leases_->Heartbeat(held).ok());
+}
+
+TEST_F(FencingConformance, LeaseOfADeletedJobIsLost) {
+  const Lease lost = Acquire("w1");
+  ASSERT_TRUE(store_->Update("a1", [](JobTransaction& job) { return job.Remove(); }).ok());
+  for (const Write& write : AllWrites()) {
+    EXPECT_EQ(Reason(write.call(*leases_, lost)), "LEASE_LOST") << write.name;
+  }
+}
+
+TEST_F(FencingConformance, LeaseThatIsRenewedInTimeIsKept) {
+  const Lease lease = Acquire("w1");
+  const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(3 * kLeaseMs);
+  while (std::chrono::steady_clock::now() < end) {
+    ASSERT_TRUE(leases_->Heartbeat(lease).ok());
+    ASSERT_FALSE(leases_->Acquire("w2")->has_value());
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,17 @@
+#include <chrono>
+
+#include "server/store/job_store.h"
+
+namespace litags {
+
+int64_t SystemClockMs() {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+Clock StoreClock(JobStore* store) {
+  return [store] { return store->NowMs(); };
+}
+
+}  // namespace litags

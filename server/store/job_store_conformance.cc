@@ -1,0 +1,511 @@
+// What every job store must do, whatever keeps it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <mutex>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/store/job_store.h"
+#include "server/testing/job_store_kind.h"
+
+namespace litags {
+namespace {
+
+using ::testing::ElementsAre;
+
+class JobStoreConformance : public StoreConformance {};
+
+absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
+
+JobRecord MakeJob(const std::string& id, int64_t time_ms, JobState state = JobState::kUploading) {
+  JobRecord job;
+  job.id = id;
+  job.state = state;
+  job.create_time_ms = time_ms;
+  job.queue_time_ms = time_ms;
+  return job;
+}
+
+TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
+  JobRecord job = MakeJob("a1", 1000, JobState::kRunning);
+  job.owner = "alice";
+  job.request_id = "req";
+  job.display_name = "my \"fox\"; DROP TABLE jobs";
+  job.cancel_requested = true;
+  job.attempt = 2;
+  job.lease_owner = "w1";
+  job.lease_expires_ms = 5;
+  job.start_time_ms = 6;
+  job.end_time_ms = 7;
+  job.snapshot_iteration = 250;
+  job.scene_path = "work/a1/scene";
+  job.options = "{\"o\":1}";
+  job.progress = "{\"p\":1}";
+  job.error = "{\"e\":1}";
+  job.report = "{\"r\":1}";
+  ASSERT_TRUE(store_->Create(job, Nothing).ok());
+  store_ = Open();
+  const auto read = store_->Get("a1");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->owner, "alice");
+  EXPECT_EQ(read->request_id, job.request_id);
+  EXPECT_EQ(read->display_name, job.display_name);
+  EXPECT_EQ(read->state, job.state);
+  EXPECT_TRUE(read->cancel_requested);
+  EXPECT_EQ(read->attempt, 2);
+  EXPECT_EQ(read->lease_owner, "w1");
+  EXPECT_EQ(read->lease_expires_ms, 5);
+  EXPECT_EQ(read->create_time_ms, 1000);
+  EXPECT_EQ(read->start_time_ms, 6);
+  EXPECT_EQ(read->end_time_ms, 7);
+  EXPECT_EQ(read->queue_time_ms, 1000);
+  EXPECT_EQ(read->snapshot_iteration, 250);
+  EXPECT_EQ(read->scene_path, job.scene_path);
+  EXPECT_EQ(read->options, job.options);
+  EXPECT_EQ(read->progress, job.progress);
+  EXPECT_EQ(read->error, job.error);
+  EXPECT_EQ(read->report, job.report);
+}
+
+TEST_F(JobStoreConformance, SameRequestIdReturnsTheFirstJobUnchanged) {
+  JobRecord first = MakeJob("a1", 1), second = MakeJob("a2", 2);
+  first.request_id = second.request_id = "same";
+  ASSERT_TRUE(store_->Create(first, Nothing).ok());
+  const auto made = store_->Create(second, Nothing);
+  ASSERT_TRUE(made.ok());
+  EXPECT_EQ(made->id, "a1");
+  EXPECT_EQ(store_->Get("a2").status().code(), absl::StatusCode::kNotFound);
+  // Without a request id every call makes a job.
+  ASSERT_TRUE(store_->Create(MakeJob("b1", 3), Nothing).ok());
+  EXPECT_EQ(store_->Create(MakeJob("b2", 4), Nothing)->id, "b2");
+}
+
+TEST_F(JobStoreConformance, OwnersHaveRequestIdsListsAndSumsOfTheirOwn) {
+  JobRecord hers = MakeJob("a1", 1), his = MakeJob("b1", 2), his_next = MakeJob("b2", 3);
+  hers.owner = "alice";
+  his.owner = his_next.owner = "bob";
+  hers.request_id = his.request_id = "same";
+  ASSERT_TRUE(store_->Create(hers, Nothing).ok());
+  EXPECT_EQ(store_->Create(his, Nothing)->id, "b1");
+  ASSERT_TRUE(store_->Create(his_next, Nothing).ok());
+  const auto ids = [&](const std::optional<std::string>& owner) {
+    std::vector<std::string> ids;
+    const auto jobs = store_->List(0, "", 10, owner);
+    for (const JobRecord& job : *jobs) ids.push_back(job.id);
+    return ids;
+  };
+  EXPECT_THAT(ids("alice"), ElementsAre("a1"));
+  EXPECT_THAT(ids("bob"), ElementsAre("b2", "b1"));
+  EXPECT_THAT(ids(std::nullopt), ElementsAre("b2", "b1", "a1"));
+  EXPECT_EQ(store_->List(3, "b2", 10, "bob")->at(0).id, "b1");
+
+  OwnerUsage usage;
+  const auto put = [&](JobTransaction& job) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(job.PutFile({"a.jpg", FileRole::kPhoto, 7, "00", 1, 1}));
+    LITAGS_ASSIGN_OR_RETURN(usage, job.Usage());
+    job.job.owner = "mallory";  // ignored
+    return absl::OkStatus();
+  };
+  for (const char* id : {"a1", "b1", "b2"}) ASSERT_TRUE(store_->Update(id, put).ok());
+  EXPECT_EQ(usage.jobs, 2);    // bob's, not alice's
+  EXPECT_EQ(usage.bytes, 14);  // with those of the transaction that asks
+  EXPECT_EQ(store_->Get("b2")->owner, "bob");
+}
+
+TEST_F(JobStoreConformance, UnknownJobIsNotFoundInEveryCall) {
+  for (const absl::Status& status :
+       {store_->Get("none").status(), store_->Update("none", Nothing).status(),
+        store_->Files("none").status(), store_->Events("none", 0, 10).status()}) {
+    EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+    EXPECT_EQ(Reason(status), "JOB_NOT_FOUND");
+  }
+}
+
+TEST_F(JobStoreConformance, FailedChangeLeavesTheJobItsEventsAndItsFilesAsTheyWere) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  const auto status = store_->Update("a1", [](JobTransaction& job) -> absl::Status {
+    job.job.state = JobState::kQueued;
+    LITAGS_RETURN_IF_ERROR(job.AddEvent({0, 1, EventKind::kState, "x"}));
+    LITAGS_RETURN_IF_ERROR(job.PutFile({"a.jpg", FileRole::kPhoto, 3, "00", 1, 1}));
+    return absl::AbortedError("no");
+  });
+  EXPECT_EQ(status.status().code(), absl::StatusCode::kAborted);
+  EXPECT_EQ(store_->Get("a1")->state, JobState::kUploading);
+  EXPECT_EQ(store_->Get("a1")->last_event, 0);
+  EXPECT_TRUE(store_->Files("a1")->empty());
+  EXPECT_TRUE(store_->Events("a1", 0, 10)->empty());
+}
+
+TEST_F(JobStoreConformance, EventsAreNumberedWithoutGapsWhenSeveralConnectionsWrite) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  constexpr int kWriters = 3, kEach = 15;
+  std::vector<std::thread> writers;
+  for (int w = 0; w < kWriters; ++w) {
+    writers.emplace_back([this, w] {
+      auto store = Open();  // its own connection, as in another process
+      for (int i = 0; i < kEach; ++i) {
+        const auto status = store->Update("a1", [&](JobTransaction& job) {
+          return job.AddEvent({0, 1, EventKind::kProgress, std::to_string(w)});
+        });
+        EXPECT_TRUE(status.ok()) << status.status();
+      }
+    });
+  }
+  for (auto& t : writers) t.join();
+  const auto events = store_->Events("a1", 0, 1000);
+  ASSERT_EQ(events->size(), size_t{kWriters * kEach});
+  for (size_t i = 0; i < events->size(); ++i) {
+    EXPECT_EQ((*events)[i].number, static_cast<int64_t>(i + 1));
+  }
+  EXPECT_EQ(store_->Get("a1")->last_event, kWriters * kEach);
+  const auto page = store_->Events("a1", 10, 2);
+  ASSERT_EQ(page->size(), 2u);
+  EXPECT_EQ((*page)[0].number, 11);
+}
+
+TEST_F(JobStoreConformance, FilesAreReplacedByNameAndCounted) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  const auto put = [&](const FileRecord& file) {
+    return store_->Update("a1", [&](JobTransaction& job) { return job.PutFile(file); });
+  };
+  ASSERT_TRUE(put({"b.jpg", FileRole::kPhoto, 10, "00", 4, 3}).ok());
+  ASSERT_TRUE(put({"a.jpg", FileRole::kPhoto, 20, "11", 4, 3}).ok());
+  ASSERT_TRUE(put({"a.jpg", FileRole::kDepth, 100, "22", 0, 0}).ok());
+  const auto job = put({"b.jpg", FileRole::kPhoto, 30, "33", 4, 3});
+  ASSERT_TRUE(job.ok());
+  EXPECT_EQ(job->photos, 2);
+  EXPECT_EQ(job->bytes, 150);
+  EXPECT_EQ(store_->Get("a1")->bytes, 150);
+  const auto files = store_->Files("a1");
+  ASSERT_EQ(files->size(), 3u);
+  EXPECT_EQ((*files)[0].name, "a.jpg");
+  EXPECT_EQ((*files)[1].sha256, "33");
+  EXPECT_EQ((*files)[1].width, 4);
+  EXPECT_EQ((*files)[2].role, FileRole::kDepth);
+}
+
+TEST_F(JobStoreConformance, RemoveTakesFilesAndEventsAlong) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  ASSERT_TRUE(store_
+                  ->Update("a1",
+                           [](JobTransaction& job) -> absl::Status {
+                             LITAGS_RETURN_IF_ERROR(job.PutFile({"a", FileRole::kPhoto, 1, "0"}));
+                             return job.AddEvent({0, 1, EventKind::kState, "x"});
+                           })
+                  .ok());
+  ASSERT_TRUE(store_->Update("a1", [](JobTransaction& job) { return job.Remove(); }).ok());
+  EXPECT_EQ(store_->Get("a1").status().code(), absl::StatusCode::kNotFound);
+  // A new job of the same id would see leftovers.
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  EXPECT_TRUE(store_->Files("a1")->empty());
+  EXPECT_TRUE(store_->Events("a1", 0, 10)->empty());
+}
+
+TEST_F(JobStoreConformance, ListPagesNewestFirstWithoutGapOrRepeatAlsoAtEqualTimes) {
+  for (const auto& [id, time] : std::vector<std::pair<std::string, int64_t>>{
+           {"a", 10}, {"b", 20}, {"c", 20}, {"d", 20}, {"e", 30}}) {
+    ASSERT_TRUE(store_->Create(MakeJob(id, time), Nothing).ok());
+  }
+  std::vector<std::string> seen;
+  int64_t time = 0;
+  std::string id;
+  for (;;) {
+    const auto page = store_->List(time, id, 2);
+    ASSERT_TRUE(page.ok()) << page.status();
+    if (page->empty()) break;
+    for (const JobRecord& job : *page) seen.push_back(job.id);
+    time = page->back().create_time_ms;
+    id = page->back().id;
+  }
+  EXPECT_THAT(seen, ElementsAre("e", "d", "c", "b", "a"));
+}
+
+TEST_F(JobStoreConformance, QueueIsFirstInFirstOutAndExpiryLooksAtTheLeaseOnly) {
+  ASSERT_TRUE(store_->Create(MakeJob("late", 20, JobState::kQueued), Nothing).ok());
+  ASSERT_TRUE(store_->Create(MakeJob("early", 10, JobState::kQueued), Nothing).ok());
+  const auto take = [](JobTransaction& job) {
+    job.job.state = JobState::kRunning;
+    job.job.lease_owner = std::string("w");
+    job.job.lease_expires_ms = 100;
+    return absl::OkStatus();
+  };
+  EXPECT_EQ((*store_->UpdateFirstQueued(take))->id, "early");
+  EXPECT_EQ((*store_->UpdateFirstQueued(take))->id, "late");
+  EXPECT_FALSE(store_->UpdateFirstQueued(take)->has_value());
+  EXPECT_FALSE(store_->UpdateFirstExpired(100, Nothing)->has_value());
+  EXPECT_TRUE(store_->UpdateFirstExpired(101, Nothing)->has_value());
+  EXPECT_FALSE(store_->UpdateFirstLeasedBeyond(100, Nothing)->has_value());
+  EXPECT_TRUE(store_->UpdateFirstLeasedBeyond(99, Nothing)->has_value());
+  EXPECT_EQ(store_->LeasedTo("w")->size(), 2u);
+  EXPECT_TRUE(store_->LeasedTo("other")->empty());
+}
+
+TEST_F(JobStoreConformance, WaitingEndsWithOwnAndForeignChangesAndElseWithItsTime) {
+  auto other = Open();
+  // A store may see a change of before; then all is quiet.
+  int64_t token = *store_->WaitForChange(ChangeTopic::kJobs, -1, 0);
+  const auto becomes_quiet = [&] {
+    for (int i = 0; i < 10; ++i) {
+      const int64_t before = token;
+      token = *store_->WaitForChange(ChangeTopic::kJobs, before, 1.5);
+      if (token == before) return true;
+    }
+    return false;
+  };
+  ASSERT_TRUE(becomes_quiet());
+  for (JobStore* writer : {store_.get(), other.get()}) {
+    std::thread change([writer] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      EXPECT_TRUE(writer->Create(MakeJob("a", 1), Nothing).ok());
+      EXPECT_TRUE(writer->Update("a", [](JobTransaction& job) { return job.Remove(); }).ok());
+    });
+    const int64_t after = *store_->WaitForChange(ChangeTopic::kJobs, token, 20);
+    EXPECT_NE(after, token);
+    change.join();
+    ASSERT_TRUE(becomes_quiet());
+  }
+}
+
+TEST_F(JobStoreConformance, WhoWaitsForTheQueueLearnsOfAQueuedJob) {
+  int64_t token = *store_->WaitForChange(ChangeTopic::kQueue, -1, 0);
+  auto other = Open();
+  ASSERT_TRUE(other->Create(MakeJob("a1", 1), Nothing).ok());
+  const auto queue = [](JobTransaction& job) {
+    job.job.state = JobState::kQueued;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(other->Update("a1", queue).ok());
+  const auto found = [&] { return store_->UpdateFirstQueued(Nothing)->has_value(); };
+  for (int i = 0; i < 20 && !found(); ++i) {
+    token = *store_->WaitForChange(ChangeTopic::kQueue, token, 20);
+  }
+  EXPECT_TRUE(found());
+}
+
+TEST_F(JobStoreConformance, EveryQueuedJobGoesToOneOfManyTakers) {
+  constexpr int kJobs = 24, kTakers = 4;
+  for (int i = 0; i < kJobs; ++i) {
+    ASSERT_TRUE(
+        store_->Create(MakeJob(absl::StrCat("job", i), i, JobState::kQueued), Nothing).ok());
+  }
+  std::mutex mutex;
+  std::vector<std::string> taken;
+  std::vector<std::thread> takers;
+  for (int t = 0; t < kTakers; ++t) {
+    takers.emplace_back([&] {
+      auto store = Open();
+      for (;;) {
+        const auto job = store->UpdateFirstQueued([](JobTransaction& job) {
+          job.job.state = JobState::kRunning;
+          ++job.job.attempt;
+          return absl::OkStatus();
+        });
+        ASSERT_TRUE(job.ok()) << job.status();
+        if (!job->has_value()) return;
+        std::lock_guard lock(mutex);
+        taken.push_back((*job)->id);
+      }
+    });
+  }
+  for (auto& t : takers) t.join();
+  // A taker may find nothing while another holds the last jobs, but none is left over or taken
+  // twice.
+  EXPECT_EQ(taken.size(), size_t{kJobs});
+  const auto jobs = store_->List(0, "", 100);
+  for (const JobRecord& job : *jobs) EXPECT_EQ(job.attempt, 1) << job.id;
+}
+
+TEST_F(JobStoreConformance, ChangesOfOneJobAtTheSameTimeAreAllKept) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  constexpr int kThreads = 4, kEach = 10;
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t) {
+    threads.emplace_back([&] {
+      for (int i = 0; i < kEach; ++i) {
+        const auto status = store_->Update("a1", [](JobTransaction& job) {
+          ++job.job.run_ms;
+          return absl::OkStatus();
+        });
+        EXPECT_TRUE(status.ok()) << status.status();
+      }
+    });
+  }
+  for (auto& t : threads) t.join();
+  EXPECT_EQ(store_->Get("a1")->run_ms, kThreads * kEach);
+}
+
+TEST_F(JobStoreConformance, RequestsOfTheSameIdAtTheSameTimeMakeOneJob) {
+  constexpr int kThreads = 4;
+  std::vector<std::string> ids(kThreads);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t) {
+    threads.emplace_back([&, t] {
+      JobRecord job = MakeJob(absl::StrCat("a", t), 1);
+      job.request_id = "same";
+      const auto made = store_->Create(job, [](JobTransaction& transaction) {
+        return transaction.AddEvent({0, 1, EventKind::kState, "made"});
+      });
+      ASSERT_TRUE(made.ok()) << made.status();
+      ids[t] = made->id;
+    });
+  }
+  for (auto& t : threads) t.join();
+  for (const std::string& id : ids) EXPECT_EQ(id, ids[0]);
+  EXPECT_EQ(store_->List(0, "", 10)->size(), 1u);
+  EXPECT_EQ(store_->Events(ids[0], 0, 10)->size(), 1u);
+}
+
+TEST_F(JobStoreConformance, QuotaIsNotOverrunByJobsMadeAtTheSameTime) {
+  constexpr int kThreads = 6, kQuota = 3;
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t) {
+    threads.emplace_back([&, t] {
+      JobRecord job = MakeJob(absl::StrCat("a", t), 1);
+      job.owner = "alice";
+      const auto made = store_->Create(job, [](JobTransaction& transaction) -> absl::Status {
+        LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, transaction.Usage());
+        return usage.jobs <= kQuota ? absl::OkStatus() : absl::ResourceExhaustedError("quota");
+      });
+      EXPECT_TRUE(made.ok() || absl::IsResourceExhausted(made.status())) << made.status();
+    });
+  }
+  for (auto& t : threads) t.join();
+  EXPECT_EQ(store_->List(0, "", 10, "alice")->size(), size_t{kQuota});
+}
+
+TEST_F(JobStoreConformance, TextsAreOrderedByTheirBytesAndKeptAsTheyAre) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  const std::vector<std::string> names = {"B 'quoted' \\ ?1 $1", "Z", "a",
+                                          "\xc3\xa4\xf0\x9f\x93\xb7"};
+  ASSERT_TRUE(
+      store_
+          ->Update("a1",
+                   [&](JobTransaction& job) -> absl::Status {
+                     for (auto name = names.rbegin(); name != names.rend(); ++name) {
+                       LITAGS_RETURN_IF_ERROR(job.PutFile({*name, FileRole::kPhoto, 1, "0"}));
+                     }
+                     return absl::OkStatus();
+                   })
+          .ok());
+  const auto files = store_->Files("a1");
+  ASSERT_EQ(files->size(), names.size());
+  for (size_t i = 0; i < names.size(); ++i) EXPECT_EQ((*files)[i].name, names[i]);
+}
+
+TEST_F(JobStoreConformance, NumbersBeyond32BitsAndLongTextsAreKept) {
+  JobRecord job = MakeJob("a1", int64_t{1} << 60);
+  job.progress = std::string(3'000'000, 'x');
+  ASSERT_TRUE(store_->Create(job, Nothing).ok());
+  EXPECT_EQ(store_->Get("a1")->create_time_ms, job.create_time_ms);
+  EXPECT_EQ(store_->Get("a1")->progress, job.progress);
+  EXPECT_EQ(store_->List(job.create_time_ms, "b", 10)->size(), 1u);
+}
+
+TEST_F(JobStoreConformance, FileOfTheSameBytesIsFoundInTheOwnJobFirstAndNotAtOthers) {
+  for (const auto& [id, owner] : std::vector<std::pair<std::string, std::string>>{
+           {"a1", "alice"}, {"a2", "alice"}, {"b1", "bob"}}) {
+    JobRecord job = MakeJob(id, 1);
+    job.owner = owner;
+    ASSERT_TRUE(store_
+                    ->Create(job,
+                             [](JobTransaction& job) {
+                               return job.PutFile({"x.jpg", FileRole::kPhoto, 1, "d1"});
+                             })
+                    .ok());
+  }
+  JobRecord empty = MakeJob("b2", 1), stranger = MakeJob("c1", 1);
+  empty.owner = "bob";
+  stranger.owner = "carol";
+  ASSERT_TRUE(store_->Create(empty, Nothing).ok());
+  ASSERT_TRUE(store_->Create(stranger, Nothing).ok());
+  const auto found_in = [&](const std::string& id, FileRole role = FileRole::kPhoto) {
+    const auto file = store_->FindFile(id, role, "d1");
+    return *file ? (*file)->job_id : std::string();
+  };
+  EXPECT_EQ(found_in("a2"), "a2");
+  EXPECT_EQ(found_in("b2"), "b1");
+  EXPECT_EQ(found_in("c1"), "");
+  EXPECT_EQ(found_in("a1", FileRole::kDepth), "");
+}
+
+TEST_F(JobStoreConformance, ExpiredJobsAreListedOldestFirst) {
+  for (const auto& [id, time] :
+       std::vector<std::pair<std::string, int64_t>>{{"a", 30}, {"b", 10}, {"c", 0}, {"d", 20}}) {
+    JobRecord job = MakeJob(id, 1);
+    job.expire_time_ms = time;
+    ASSERT_TRUE(store_->Create(job, Nothing).ok());
+  }
+  EXPECT_THAT(*store_->Expired(20, 10), ElementsAre("b", "d"));
+  EXPECT_THAT(*store_->Expired(30, 1), ElementsAre("b"));
+}
+
+TEST_F(JobStoreConformance, ClockIsThatOfThisMachineWhereTheStoreIsOnIt) {
+  EXPECT_TRUE(store_->Get("none").status().code() == absl::StatusCode::kNotFound);
+  EXPECT_NEAR(static_cast<double>(store_->NowMs()), static_cast<double>(SystemClockMs()), 2000);
+}
+
+TEST_F(JobStoreConformance, JobsOfEveryEarlierVersionAreKeptAndBelongToNobody) {
+  store_.reset();
+  for (int64_t version = 1; version <= kind_->newest_version(); ++version) {
+    const auto kind = MakeTestedKind();
+    ASSERT_TRUE(kind->MakeOld(version).ok());
+    auto store = kind->Open();
+    ASSERT_TRUE(store.ok()) << store.status();
+    const auto job = (*store)->Get("a1");
+    ASSERT_TRUE(job.ok()) << job.status();
+    EXPECT_EQ(job->owner, "");
+    EXPECT_EQ(job->request_id, "req");
+    EXPECT_EQ(job->state, JobState::kQueued);
+    JobRecord again = MakeJob("a2", 2);
+    again.request_id = "req";
+    EXPECT_EQ((*store)->Create(again, Nothing)->id, "a1");
+    EXPECT_TRUE(kind->Open().ok()) << "migrating twice";
+  }
+}
+
+TEST_F(JobStoreConformance, EmptyPlaceIsLaidOutOnceByManyAtTheSameTime) {
+  const auto kind = MakeTestedKind();
+  std::vector<std::thread> openers;
+  for (int i = 0; i < 4; ++i) {
+    openers.emplace_back([&] {
+      const auto store = kind->Open();
+      EXPECT_TRUE(store.ok()) << store.status();
+    });
+  }
+  for (auto& t : openers) t.join();
+  EXPECT_TRUE((*kind->Open())->Create(MakeJob("a1", 1), Nothing).ok());
+}
+
+TEST_F(JobStoreConformance, AcknowledgedJobSurvivesKillOfItsProcess) {
+  int pipe_fds[2];
+  ASSERT_EQ(pipe(pipe_fds), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    auto store = kind_->Open();
+    if (store.ok() && (*store)->Create(MakeJob("a1", 1), Nothing).ok()) {
+      if (write(pipe_fds[1], "k", 1) == 1) pause();
+    }
+    _exit(1);
+  }
+  char ack = 0;
+  ASSERT_EQ(read(pipe_fds[0], &ack, 1), 1);
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  close(pipe_fds[0]);
+  close(pipe_fds[1]);
+  auto store = kind_->Open();
+  ASSERT_TRUE(store.ok());
+  EXPECT_TRUE((*store)->Get("a1").ok());
+}
+
+TEST_F(JobStoreConformance, DatabaseOfALaterVersionIsRefused) {
+  ASSERT_TRUE(kind_->MakeTooNew().ok());
+  EXPECT_EQ(Reason(kind_->Open().status()), "STORE_TOO_NEW");
+}
+
+}  // namespace
+}  // namespace litags

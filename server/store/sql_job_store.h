@@ -1,0 +1,67 @@
+// JobStore on any SQL database. Internal to server/store.
+#ifndef LITAGS_SERVER_STORE_SQL_JOB_STORE_H_
+#define LITAGS_SERVER_STORE_SQL_JOB_STORE_H_
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/store/job_store.h"
+#include "server/store/sql.h"
+#include "server/store/sql_jobs.h"
+
+namespace litags {
+
+// What is the same for every database. A subclass brings connections and transactions, and says how
+// its clock is read and its changes are waited for.
+class SqlJobStore : public JobStore {
+ public:
+  absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) override;
+  absl::StatusOr<JobRecord> Get(std::string_view id) override;
+  absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
+                                              int limit,
+                                              const std::optional<std::string>& owner) override;
+  absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override;
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) override;
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
+                                                              Change change) override;
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
+                                                                   Change change) override;
+  absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
+  absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
+  absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
+  absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
+                                                  std::string_view sha256) override;
+  absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
+                                                  int limit) override;
+
+ protected:
+  // How a SELECT in a transaction keeps others from its row, and how it passes over rows that
+  // others keep; empty where transactions run one after the other.
+  SqlJobStore(const char* lock, const char* lock_or_skip)
+      : lock_(lock), lock_or_skip_(lock_or_skip) {}
+
+  // Runs `work` on a session that sees what is committed. Both may call `work` again after an error
+  // of the database that another try can cure, and return its error otherwise.
+  using ReadWork = absl::FunctionRef<absl::Status(SqlSession&)>;
+  virtual absl::Status Read(ReadWork work) = 0;
+  // Runs `work` in a transaction: committed if it returns true, else rolled back.
+  using WriteWork = absl::FunctionRef<absl::StatusOr<bool>(SqlSession&)>;
+  virtual absl::Status Write(WriteWork work) = 0;
+
+ private:
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirst(FirstOf which, int64_t argument,
+                                                       Change change);
+
+  const char* const lock_;
+  const char* const lock_or_skip_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_STORE_SQL_JOB_STORE_H_

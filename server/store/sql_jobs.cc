@@ -1,0 +1,347 @@
+#include "server/store/sql_jobs.h"
+
+#include <type_traits>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+// Whether an UPDATE writes a column.
+enum class Column { kFixed, kChanges };
+
+// Calls f(name, kind, field) for every column of jobs; the one list of them.
+template <typename Record, typename F>
+void VisitColumns(Record& job, F&& f) {
+  f("id", Column::kFixed, job.id);
+  f("owner", Column::kFixed, job.owner);
+  f("request_id", Column::kFixed, job.request_id);
+  f("content_digest", Column::kFixed, job.content_digest);
+  f("create_time_ms", Column::kFixed, job.create_time_ms);
+  f("display_name", Column::kChanges, job.display_name);
+  f("state", Column::kChanges, job.state);
+  f("cancel_requested", Column::kChanges, job.cancel_requested);
+  f("attempt", Column::kChanges, job.attempt);
+  f("priority", Column::kChanges, job.priority);
+  f("lease_owner", Column::kChanges, job.lease_owner);
+  f("lease_start_ms", Column::kChanges, job.lease_start_ms);
+  f("lease_expires_ms", Column::kChanges, job.lease_expires_ms);
+  f("run_ms", Column::kChanges, job.run_ms);
+  f("start_time_ms", Column::kChanges, job.start_time_ms);
+  f("end_time_ms", Column::kChanges, job.end_time_ms);
+  f("queue_time_ms", Column::kChanges, job.queue_time_ms);
+  f("expire_time_ms", Column::kChanges, job.expire_time_ms);
+  f("last_event", Column::kChanges, job.last_event);
+  f("photos", Column::kChanges, job.photos);
+  f("bytes", Column::kChanges, job.bytes);
+  f("snapshot_iteration", Column::kChanges, job.snapshot_iteration);
+  f("scene_path", Column::kChanges, job.scene_path);
+  f("options", Column::kChanges, job.options);
+  f("policy", Column::kChanges, job.policy);
+  f("progress", Column::kChanges, job.progress);
+  f("error", Column::kChanges, job.error);
+  f("report", Column::kChanges, job.report);
+}
+
+const std::string& Columns() {
+  static const std::string kColumns = [] {
+    std::string names;
+    const JobRecord job;
+    VisitColumns(job, [&](const char* name, Column, const auto&) {
+      absl::StrAppend(&names, names.empty() ? "" : ", ", name);
+    });
+    return names;
+  }();
+  return kColumns;
+}
+
+void BindField(SqlStatement& statement, const std::string& field) { statement.Bind(field); }
+template <typename Number>
+void BindField(SqlStatement& statement, const Number& field) {
+  statement.Bind(static_cast<int64_t>(field));
+}
+
+// Of a row of Columns().
+JobRecord ReadJob(const SqlStatement& row) {
+  JobRecord job;
+  int column = 0;
+  VisitColumns(job, [&](const char*, Column, auto& field) {
+    using Field = std::decay_t<decltype(field)>;
+    if constexpr (std::is_same_v<Field, std::string>) {
+      field = row.Text(column++);
+    } else {
+      field = static_cast<Field>(row.Int(column++));
+    }
+  });
+  return job;
+}
+
+absl::Status UpdateJob(SqlSession& sql, const JobRecord& job) {
+  static const std::string kSql = [] {
+    std::string text = "UPDATE jobs SET";
+    int parameter = 1;  // the first is the id
+    const JobRecord any;
+    VisitColumns(any, [&](const char* name, Column kind, const auto&) {
+      if (kind == Column::kFixed) return;
+      absl::StrAppend(&text, parameter == 1 ? " " : ", ", name, "=?", parameter + 1);
+      ++parameter;
+    });
+    return text + " WHERE id=?1";
+  }();
+  const auto update = sql.Prepare(kSql);
+  update->Bind(job.id);
+  VisitColumns(job, [&](const char*, Column kind, const auto& field) {
+    if (kind == Column::kChanges) BindField(*update, field);
+  });
+  return update->Run().status();
+}
+
+// Collects what `read` makes of each row.
+template <typename Read>
+auto ReadAll(SqlStatement& row, Read read) -> absl::StatusOr<std::vector<decltype(read(row))>> {
+  std::vector<decltype(read(row))> all;
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, row.Step());
+    if (!more) return all;
+    all.push_back(read(row));
+  }
+}
+
+std::string ReadId(const SqlStatement& row) { return row.Text(0); }
+
+constexpr char kFileColumns[] = "role, name, size_bytes, sha256, width, height";
+
+// Order as kFileColumns.
+FileRecord ReadFile(const SqlStatement& row) {
+  FileRecord file;
+  int c = 0;
+  file.role = static_cast<FileRole>(row.Int(c++));
+  file.name = row.Text(c++);
+  file.size_bytes = row.Int(c++);
+  file.sha256 = row.Text(c++);
+  file.width = static_cast<int>(row.Int(c++));
+  file.height = static_cast<int>(row.Int(c++));
+  return file;
+}
+
+class SqlJobTransaction : public JobTransaction {
+ public:
+  SqlJobTransaction(SqlSession& sql, JobRecord record)
+      : sql_(sql),
+        id_(record.id),
+        owner_(record.owner),
+        was_queued_(record.state == JobState::kQueued),
+        photos_(record.photos),
+        bytes_(record.bytes) {
+    job = std::move(record);
+  }
+
+  absl::StatusOr<std::vector<FileRecord>> Files() override { return SelectFiles(sql_, id_); }
+
+  absl::StatusOr<OwnerUsage> Usage() override {
+    LITAGS_RETURN_IF_ERROR(sql_.LockOwner(owner_));
+    // This job's row is written at the end: its bytes are counted from here.
+    const auto row = sql_.Prepare(
+        "SELECT COUNT(*), COALESCE(SUM(bytes), 0) FROM jobs WHERE owner=?1 AND id<>?2");
+    row->Bind(owner_).Bind(id_);
+    LITAGS_RETURN_IF_ERROR(row->Step().status());
+    return OwnerUsage{row->Int(0) + 1, row->Int(1) + bytes_};
+  }
+
+  absl::Status PutFile(const FileRecord& file) override {
+    const auto upsert = sql_.Prepare(
+        "INSERT INTO files (job_id, role, name, size_bytes, sha256, width, height) "
+        "VALUES (?1,?2,?3,?4,?5,?6,?7) ON CONFLICT (job_id, role, name) DO UPDATE SET "
+        "size_bytes=excluded.size_bytes, sha256=excluded.sha256, width=excluded.width, "
+        "height=excluded.height");
+    upsert->Bind(id_)
+        .Bind(static_cast<int64_t>(file.role))
+        .Bind(file.name)
+        .Bind(file.size_bytes)
+        .Bind(file.sha256)
+        .Bind(int64_t{file.width})
+        .Bind(int64_t{file.height});
+    LITAGS_RETURN_IF_ERROR(upsert->Run().status());
+    const auto sums = sql_.Prepare(
+        "SELECT COUNT(*) FILTER (WHERE role=1), COALESCE(SUM(size_bytes), 0) FROM files "
+        "WHERE job_id=?1");
+    sums->Bind(id_);
+    LITAGS_RETURN_IF_ERROR(sums->Step().status());
+    photos_ = sums->Int(0);
+    bytes_ = sums->Int(1);
+    return absl::OkStatus();
+  }
+
+  absl::Status AddEvent(const EventRecord& event) override {
+    const auto insert = sql_.Prepare(
+        "INSERT INTO events (job_id, number, time_ms, kind, payload) VALUES (?1,?2,?3,?4,?5)");
+    insert->Bind(id_)
+        .Bind(++job.last_event)
+        .Bind(event.time_ms)
+        .Bind(static_cast<int64_t>(event.kind))
+        .Bind(event.payload);
+    return insert->Run().status();
+  }
+
+  absl::Status Remove() override {
+    removed_ = true;
+    const auto remove = sql_.Prepare("DELETE FROM jobs WHERE id=?1");  // cascades
+    remove->Bind(id_);
+    return remove->Run().status();
+  }
+
+  // Writes `job` back and returns it.
+  absl::StatusOr<JobRecord> Finish() {
+    job.id = id_;
+    job.owner = owner_;
+    job.photos = photos_;
+    job.bytes = bytes_;
+    if (!removed_) LITAGS_RETURN_IF_ERROR(UpdateJob(sql_, job));
+    sql_.Announce(ChangeTopic::kJobs);
+    if (job.state == JobState::kQueued && !was_queued_) sql_.Announce(ChangeTopic::kQueue);
+    return job;
+  }
+
+ private:
+  SqlSession& sql_;
+  const std::string id_, owner_;
+  const bool was_queued_;
+  int64_t photos_, bytes_;
+  bool removed_ = false;
+};
+
+}  // namespace
+
+absl::Status JobNotFound(std::string_view id) {
+  return MakeError(
+      absl::StatusCode::kNotFound, "JOB_NOT_FOUND", "name",
+      absl::StrCat("there is no job jobs/", std::string(id), "; ListJobs names those there are"));
+}
+
+absl::StatusOr<JobRecord> SelectJob(SqlSession& sql, std::string_view id, std::string_view lock) {
+  const auto row =
+      sql.Prepare(absl::StrCat("SELECT ", Columns(), " FROM jobs WHERE id=?1", std::string(lock)));
+  row->Bind(id);
+  LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
+  if (!found) return JobNotFound(id);
+  return ReadJob(*row);
+}
+
+absl::StatusOr<std::optional<JobRecord>> SelectByRequest(SqlSession& sql, const std::string& owner,
+                                                         const std::string& request_id) {
+  // The first condition is the index's own.
+  const auto row = sql.Prepare(absl::StrCat("SELECT ", Columns(),
+                                            " FROM jobs WHERE request_id<>'' AND owner=?1 AND "
+                                            "request_id=?2"));
+  row->Bind(owner).Bind(request_id);
+  LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
+  if (!found) return std::nullopt;
+  return ReadJob(*row);
+}
+
+absl::StatusOr<std::vector<JobRecord>> SelectPage(SqlSession& sql, int64_t after_time_ms,
+                                                  std::string_view after_id, int limit,
+                                                  const std::optional<std::string>& owner) {
+  // Two texts, so that each uses its index.
+  const auto row = sql.Prepare(absl::StrCat(
+      "SELECT ", Columns(), " FROM jobs WHERE ", owner ? "owner=?4 AND " : "",
+      "(?1=0 OR (create_time_ms, id) < (?1, ?2)) ORDER BY create_time_ms DESC, id DESC LIMIT ?3"));
+  row->Bind(after_time_ms).Bind(after_id).Bind(int64_t{limit});
+  if (owner) row->Bind(*owner);
+  return ReadAll(*row, ReadJob);
+}
+
+absl::StatusOr<std::optional<std::string>> SelectFirst(SqlSession& sql, FirstOf which,
+                                                       int64_t argument, std::string_view lock) {
+  const char* condition = "";
+  switch (which) {
+    case FirstOf::kQueued:
+      condition = "state=2 ORDER BY priority DESC, queue_time_ms, create_time_ms, id";
+      break;
+    case FirstOf::kExpired:
+      condition = "state=3 AND lease_expires_ms < ?1";
+      break;
+    case FirstOf::kLeasedBeyond:
+      condition = "state=3 AND lease_expires_ms > ?1";
+      break;
+  }
+  const auto row = sql.Prepare(
+      absl::StrCat("SELECT id FROM jobs WHERE ", condition, " LIMIT 1", std::string(lock)));
+  if (which != FirstOf::kQueued) row->Bind(argument);
+  LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
+  if (!found) return std::nullopt;
+  return row->Text(0);
+}
+
+absl::StatusOr<std::vector<std::string>> SelectLeasedTo(SqlSession& sql, std::string_view owner) {
+  const auto row = sql.Prepare("SELECT id FROM jobs WHERE state=3 AND lease_owner=?1");
+  row->Bind(owner);
+  return ReadAll(*row, ReadId);
+}
+
+absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t now_ms, int limit) {
+  const auto row = sql.Prepare(
+      "SELECT id FROM jobs WHERE expire_time_ms > 0 AND expire_time_ms <= ?1 "
+      "ORDER BY expire_time_ms LIMIT ?2");
+  row->Bind(now_ms).Bind(int64_t{limit});
+  return ReadAll(*row, ReadId);
+}
+
+absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id) {
+  const auto row = sql.Prepare(
+      absl::StrCat("SELECT ", kFileColumns, " FROM files WHERE job_id=?1 ORDER BY role, name"));
+  row->Bind(id);
+  return ReadAll(*row, ReadFile);
+}
+
+absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,
+                                                      FileRole role, std::string_view sha256) {
+  const auto row = sql.Prepare(absl::StrCat("SELECT ", kFileColumns,
+                                            ", job_id FROM files WHERE sha256=?1 AND role=?2 AND "
+                                            "(SELECT owner FROM jobs WHERE id=job_id) = "
+                                            "(SELECT owner FROM jobs WHERE id=?3) "
+                                            "ORDER BY job_id <> ?3 LIMIT 1"));
+  row->Bind(sha256).Bind(static_cast<int64_t>(role)).Bind(id);
+  LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
+  if (!found) return std::nullopt;
+  return JobFile{row->Text(6), ReadFile(*row)};
+}
+
+absl::StatusOr<std::vector<EventRecord>> SelectEvents(SqlSession& sql, std::string_view id,
+                                                      int64_t after, int limit) {
+  const auto row = sql.Prepare(
+      "SELECT number, time_ms, kind, payload FROM events WHERE job_id=?1 AND number>?2 "
+      "ORDER BY number LIMIT ?3");
+  row->Bind(id).Bind(after).Bind(int64_t{limit});
+  return ReadAll(*row, [](const SqlStatement& event) {
+    return EventRecord{event.Int(0), event.Int(1), static_cast<EventKind>(event.Int(2)),
+                       event.Text(3)};
+  });
+}
+
+absl::StatusOr<bool> InsertJob(SqlSession& sql, const JobRecord& job) {
+  static const std::string kSql = [] {
+    std::string values;
+    int parameter = 0;
+    const JobRecord any;
+    VisitColumns(any, [&](const char*, Column, const auto&) {
+      absl::StrAppend(&values, parameter == 0 ? "?" : ",?", parameter + 1);
+      ++parameter;
+    });
+    return absl::StrCat("INSERT INTO jobs (", Columns(), ") VALUES (", values,
+                        ") ON CONFLICT (owner, request_id) WHERE request_id <> '' DO NOTHING");
+  }();
+  const auto insert = sql.Prepare(kSql);
+  VisitColumns(job, [&](const char*, Column, const auto& field) { BindField(*insert, field); });
+  LITAGS_ASSIGN_OR_RETURN(const int64_t inserted, insert->Run());
+  return inserted == 1;
+}
+
+absl::StatusOr<JobRecord> ApplyChange(SqlSession& sql, JobRecord job, JobStore::Change change) {
+  SqlJobTransaction transaction(sql, std::move(job));
+  LITAGS_RETURN_IF_ERROR(change(transaction));
+  return transaction.Finish();
+}
+
+}  // namespace litags

@@ -1,0 +1,51 @@
+// The statements about jobs, files and events, in the SQL that SQLite and PostgreSQL share.
+// Internal to server/store.
+#ifndef LITAGS_SERVER_STORE_SQL_JOBS_H_
+#define LITAGS_SERVER_STORE_SQL_JOBS_H_
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/store/job_store.h"
+#include "server/store/sql.h"
+
+namespace litags {
+
+// `lock` ends a SELECT that is to keep others from the row: "", " FOR UPDATE".
+absl::StatusOr<JobRecord> SelectJob(SqlSession& sql, std::string_view id,
+                                    std::string_view lock = "");
+absl::StatusOr<std::optional<JobRecord>> SelectByRequest(SqlSession& sql, const std::string& owner,
+                                                         const std::string& request_id);
+absl::StatusOr<std::vector<JobRecord>> SelectPage(SqlSession& sql, int64_t after_time_ms,
+                                                  std::string_view after_id, int limit,
+                                                  const std::optional<std::string>& owner);
+
+// Which job of several is to be changed.
+enum class FirstOf { kQueued, kExpired, kLeasedBeyond };
+// `argument` is the time of kExpired and kLeasedBeyond.
+absl::StatusOr<std::optional<std::string>> SelectFirst(SqlSession& sql, FirstOf which,
+                                                       int64_t argument,
+                                                       std::string_view lock = "");
+
+absl::StatusOr<std::vector<std::string>> SelectLeasedTo(SqlSession& sql, std::string_view owner);
+absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t now_ms, int limit);
+absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id);
+absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,
+                                                      FileRole role, std::string_view sha256);
+absl::StatusOr<std::vector<EventRecord>> SelectEvents(SqlSession& sql, std::string_view id,
+                                                      int64_t after, int limit);
+
+// False: the owner has a job of the same request_id.
+absl::StatusOr<bool> InsertJob(SqlSession& sql, const JobRecord& job);
+
+// Applies `change` to the job, whose row the session's transaction holds, and writes it back.
+absl::StatusOr<JobRecord> ApplyChange(SqlSession& sql, JobRecord job, JobStore::Change change);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_STORE_SQL_JOBS_H_

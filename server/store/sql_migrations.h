@@ -1,0 +1,31 @@
+// Bringing a database to the newest layout. Internal to server/store.
+#ifndef LITAGS_SERVER_STORE_SQL_MIGRATIONS_H_
+#define LITAGS_SERVER_STORE_SQL_MIGRATIONS_H_
+
+#include <cstdint>
+#include <limits>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/types/span.h"
+#include "server/store/sql.h"
+
+namespace litags {
+
+inline constexpr int64_t kNewestVersion = std::numeric_limits<int64_t>::max();
+
+// How a kind of database keeps the number of its layout.
+struct VersionAccess {
+  absl::FunctionRef<absl::StatusOr<int64_t>(SqlSession&)> get;  // 0: nothing is there yet
+  absl::FunctionRef<absl::Status(SqlSession&, int64_t version)> set;
+};
+
+// One step of a migration, in the session's transaction, which keeps others from migrating. Step n
+// leads from version n to n + 1. False: the database has the newest version, or version `last`.
+// FAILED_PRECONDITION (STORE_TOO_NEW) if it is newer than this program.
+absl::StatusOr<bool> MigrateOneStep(SqlSession& sql, absl::Span<const char* const> steps,
+                                    const VersionAccess& version, int64_t last);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_STORE_SQL_MIGRATIONS_H_

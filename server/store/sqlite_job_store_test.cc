@@ -1,0 +1,57 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "engine/core/error.h"
+#include "server/store/job_store.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+std::string Reason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail ? detail->reason : "";
+}
+
+class SqliteJobStoreTest : public ::testing::Test {
+ protected:
+  TempDir dir_;
+};
+
+TEST_F(SqliteJobStoreTest, DamagedPageIsFoundBeforeItIsServed) {
+  const std::string path = dir_.path() + "/jobs.db";
+  {
+    auto store = *OpenSqliteJobStore(path);
+    for (int i = 0; i < 200; ++i) {
+      JobRecord job;
+      job.id = "job" + std::to_string(i);
+      ASSERT_TRUE(store->Create(job, [](JobTransaction&) { return absl::OkStatus(); }).ok());
+    }
+  }
+  EXPECT_TRUE(CheckSqliteJobStore(path).ok());
+  EXPECT_TRUE(CheckSqliteJobStore(dir_.path() + "/none.db").ok());
+  constexpr int kPage = 4096;
+  const auto pages = static_cast<int>(std::filesystem::file_size(path)) / kPage;
+  ASSERT_GT(pages, 4);
+  for (const int page : {0, pages / 2}) {
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(page * kPage);
+    file << std::string(kPage, '\x5a') << std::flush;
+    const absl::Status status = CheckSqliteJobStore(path);
+    EXPECT_EQ(Reason(status), "STORE_CORRUPT") << page;
+    EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("backup"));
+    EXPECT_FALSE(OpenSqliteJobStore(path).ok() && page == 0);
+  }
+}
+
+TEST_F(SqliteJobStoreTest, FolderThatDoesNotExistIsAClearError) {
+  const auto store = OpenSqliteJobStore(dir_.path() + "/missing/jobs.db");
+  EXPECT_EQ(Reason(store.status()), "STORE_NOT_OPENED");
+  EXPECT_THAT(std::string(store.status().message()), ::testing::HasSubstr("missing/jobs.db"));
+}
+
+}  // namespace
+}  // namespace litags

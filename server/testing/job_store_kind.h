@@ -1,0 +1,59 @@
+#ifndef LITAGS_SERVER_TESTING_JOB_STORE_KIND_H_
+#define LITAGS_SERVER_TESTING_JOB_STORE_KIND_H_
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "engine/core/error.h"
+#include "server/store/job_store.h"
+
+namespace litags {
+
+// One kind of job store with a place of its own, empty at first.
+class JobStoreKind {
+ public:
+  virtual ~JobStoreKind() = default;
+  // Each call opens it anew, as another process would.
+  virtual absl::StatusOr<std::unique_ptr<JobStore>> Open() = 0;
+  // Lays the place out as the first version of the store did, with the queued job "a1" of the
+  // request "req" in it, and brings it to version `version`.
+  virtual absl::Status MakeOld(int64_t version) = 0;
+  virtual int64_t newest_version() const = 0;
+  // Claims that a later version of the program wrote it.
+  virtual absl::Status MakeTooNew() = 0;
+};
+
+// The kind that a test program is linked with; null if it cannot be had on this machine.
+std::unique_ptr<JobStoreKind> MakeTestedKind();
+
+// What every kind of store must do, run with the kind that the program is linked with.
+class StoreConformance : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    kind_ = MakeTestedKind();
+    if (!kind_) GTEST_SKIP() << "this kind of store is not installed here";
+    store_ = Open();
+  }
+
+  std::unique_ptr<JobStore> Open() {
+    auto store = kind_->Open();
+    EXPECT_TRUE(store.ok()) << store.status();
+    return store.ok() ? *std::move(store) : nullptr;
+  }
+
+  static std::string Reason(const absl::Status& status) {
+    const auto detail = GetErrorDetail(status);
+    return detail ? detail->reason : "";
+  }
+
+  std::unique_ptr<JobStoreKind> kind_;
+  std::unique_ptr<JobStore> store_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_TESTING_JOB_STORE_KIND_H_

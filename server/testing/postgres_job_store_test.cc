@@ -1,0 +1,230 @@
+// What is PostgreSQL's own: a database that goes away, connections that break, commits whose answer
+// is lost. Linked with the conformance cases.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <thread>
+
+#include "engine/core/error.h"
+#include "server/jobs/leases.h"
+#include "server/store/job_store.h"
+#include "server/store/postgres.h"
+#include "server/testing/cutting_proxy.h"
+#include "server/testing/postgres_server.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+using SteadyClock = std::chrono::steady_clock;
+
+std::string Reason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail ? detail->reason : "";
+}
+
+absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
+
+JobRecord MakeJob(const std::string& id, JobState state = JobState::kUploading) {
+  JobRecord job;
+  job.id = id;
+  job.state = state;
+  return job;
+}
+
+class PostgresJobStoreTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    server_ = SharedPostgres();
+    if (!server_) GTEST_SKIP() << "PostgreSQL is not installed here";
+    url_ = *server_->NewDatabase();
+    store_ = Open(url_);
+  }
+
+  static std::unique_ptr<JobStore> Open(const std::string& url) {
+    auto store = OpenPostgresJobStore(url);
+    EXPECT_TRUE(store.ok()) << store.status();
+    return store.ok() ? *std::move(store) : nullptr;
+  }
+
+  // Ends the connections to this test's database, as an operator may.
+  void BreakConnections() {
+    const std::string name =
+        url_.substr(url_.find("///") + 3, url_.find('?') - url_.find("///") - 3);
+    EXPECT_TRUE(server_
+                    ->Execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE "
+                              "datname = '" +
+                              name + "'")
+                    .ok());
+  }
+
+  PostgresServer* server_ = nullptr;
+  std::string url_;
+  std::unique_ptr<JobStore> store_;
+};
+
+TEST_F(PostgresJobStoreTest, CallsFailAtOnceWhileTheDatabaseIsAwayAndWorkWhenItIsBack) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1"), Nothing).ok());
+  server_->Crash();
+  const auto start = SteadyClock::now();
+  for (const absl::Status& status :
+       {store_->Get("a1").status(), store_->Update("a1", Nothing).status(),
+        store_->Create(MakeJob("a2"), Nothing).status(), store_->Events("a1", 0, 9).status(),
+        store_->UpdateFirstQueued(Nothing).status(), store_->List(0, "", 9).status()}) {
+    EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
+    EXPECT_EQ(Reason(status), "STORE_UNAVAILABLE");
+  }
+  EXPECT_LT(SteadyClock::now() - start, std::chrono::seconds(5));
+  ASSERT_TRUE(server_->Run().ok());
+  EXPECT_TRUE(store_->Get("a1").ok()) << "what was acknowledged is there";
+  EXPECT_TRUE(store_->Update("a1", Nothing).ok());
+}
+
+TEST_F(PostgresJobStoreTest, RestartBetweenTwoCallsIsNotNoticed) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1"), Nothing).ok());
+  server_->Stop();
+  ASSERT_TRUE(server_->Run().ok());
+  EXPECT_TRUE(store_->Get("a1").ok());
+  BreakConnections();
+  EXPECT_TRUE(store_->Update("a1", Nothing).ok());
+}
+
+TEST_F(PostgresJobStoreTest, ConnectionThatBreaksInATransactionCostsNothingAndDoublesNothing) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1"), Nothing).ok());
+  int calls = 0;
+  const auto job = store_->Update("a1", [&](JobTransaction& transaction) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(transaction.AddEvent({0, 1, EventKind::kState, "x"}));
+    if (++calls == 1) BreakConnections();
+    return absl::OkStatus();
+  });
+  EXPECT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(calls, 2);
+  EXPECT_EQ(store_->Events("a1", 0, 10)->size(), 1u);
+}
+
+TEST_F(PostgresJobStoreTest, CommitWhoseAnswerIsLostIsLookedUpAndNotRepeated) {
+  CuttingProxy proxy(server_->port());
+  auto store = Open(proxy.Through(server_->OverTcp(url_)));
+  ASSERT_TRUE(store->Create(MakeJob("a1"), Nothing).ok());
+  for (const auto cut : {CuttingProxy::kAfterRequest, CuttingProxy::kBeforeRequest}) {
+    const int64_t events = store->Get("a1")->last_event;
+    proxy.CutAt("COMMIT", cut);
+    int calls = 0;
+    const auto job = store->Update("a1", [&](JobTransaction& transaction) {
+      ++calls;
+      return transaction.AddEvent({0, 1, EventKind::kState, "x"});
+    });
+    EXPECT_TRUE(job.ok()) << job.status();
+    EXPECT_TRUE(proxy.has_cut());
+    // Committed, or rolled back and done again: once in either case.
+    EXPECT_EQ(calls, cut == CuttingProxy::kAfterRequest ? 1 : 2);
+    EXPECT_EQ(store->Get("a1")->last_event, events + 1);
+    EXPECT_EQ(store->Events("a1", events, 10)->size(), 1u);
+  }
+}
+
+TEST_F(PostgresJobStoreTest, DeadlockIsTriedAgain) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1"), Nothing).ok());
+  const auto other = PgConnection::Open(url_);
+  ASSERT_TRUE(other.ok());
+  // PostgreSQL ends the transaction that notices the cycle; the other one does not look for it.
+  ASSERT_TRUE((*other)->Execute("SET deadlock_timeout = '60s'").ok());
+  std::thread waits_for_us;
+  int calls = 0;
+  const auto job = store_->Update("a1", [&](JobTransaction& transaction) -> absl::Status {
+    if (++calls == 1) {
+      LITAGS_RETURN_IF_ERROR((*other)->Begin());
+      LITAGS_RETURN_IF_ERROR((*other)->LockOwner(""));
+      waits_for_us = std::thread([&] {
+        EXPECT_TRUE((*other)->Execute("UPDATE jobs SET photos = 1 WHERE id = 'a1'").ok());
+        EXPECT_TRUE((*other)->Rollback().ok());
+      });
+      std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    }
+    LITAGS_RETURN_IF_ERROR(transaction.Usage().status());  // waits for the other
+    return transaction.AddEvent({0, 1, EventKind::kState, "x"});
+  });
+  waits_for_us.join();
+  EXPECT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(calls, 2);
+  EXPECT_EQ(store_->Events("a1", 0, 10)->size(), 1u);
+}
+
+TEST_F(PostgresJobStoreTest, WaiterIsToldAtOnceAndStillLearnsAfterItsConnectionBroke) {
+  auto other = Open(url_);
+  ASSERT_TRUE(other->Create(MakeJob("a1"), Nothing).ok());
+  const auto wait_for_change = [&](double* seconds) {
+    int64_t token = *store_->WaitForChange(ChangeTopic::kJobs, -1, 0);
+    // Until only the change made here can end the wait.
+    while (true) {
+      const int64_t next = *store_->WaitForChange(ChangeTopic::kJobs, token, 1.5);
+      if (next == token) break;
+      token = next;
+    }
+    std::atomic<int64_t> changed_ms{0};
+    std::thread writer([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      EXPECT_TRUE(other->Update("a1", Nothing).ok());
+      changed_ms = MonotonicMs();
+    });
+    EXPECT_NE(*store_->WaitForChange(ChangeTopic::kJobs, token, 20), token);
+    const int64_t woken_ms = MonotonicMs();
+    writer.join();
+    *seconds = static_cast<double>(woken_ms - changed_ms) / 1000;
+  };
+  double seconds = 0;
+  wait_for_change(&seconds);
+  EXPECT_LT(seconds, 0.5) << "found by looking once a second, not told";
+  BreakConnections();
+  wait_for_change(&seconds);
+}
+
+TEST_F(PostgresJobStoreTest, WorkersKeepTheirJobsOverAnOutageLongerThanTheirLeases) {
+  constexpr int64_t kLeaseMs = 1500;
+  TempDir dir;
+  auto blobs = *OpenDiskBlobStore(dir.path());
+  Leases mine(store_.get(), blobs.get(), {kLeaseMs, 3});
+  auto other_store = Open(url_);
+  Leases others(other_store.get(), blobs.get(), {kLeaseMs, 3});
+  ASSERT_TRUE(store_->Create(MakeJob("a1", JobState::kQueued), Nothing).ok());
+  const auto lease = mine.Acquire("w1");
+  ASSERT_TRUE(lease.ok() && lease->has_value());
+  server_->Crash();
+  std::this_thread::sleep_for(std::chrono::milliseconds(kLeaseMs + 200));
+  EXPECT_EQ(Reason(mine.Heartbeat(**lease).status()), "STORE_UNAVAILABLE");
+  ASSERT_TRUE(server_->Run().ok());
+  // An idle worker that is the first to be back takes nothing.
+  EXPECT_FALSE(others.Acquire("w2")->has_value());
+  EXPECT_TRUE(mine.Heartbeat(**lease).ok());
+  EXPECT_TRUE(mine.AddSnapshot(**lease, "work/a1/scene", 5).ok());
+  // A worker that does not come back loses its job a lease later.
+  bool taken = false;
+  for (int i = 0; i < 100 && !taken; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    taken = others.Acquire("w2")->has_value();
+  }
+  EXPECT_TRUE(taken);
+  EXPECT_EQ(Reason(mine.Heartbeat(**lease).status()), "LEASE_LOST");
+}
+
+TEST_F(PostgresJobStoreTest, TextThatPostgresCannotKeepIsRefusedByName) {
+  JobRecord job = MakeJob("a1");
+  job.display_name = std::string("a\0b", 3);
+  EXPECT_EQ(Reason(store_->Create(job, Nothing).status()), "TEXT_INVALID");
+  job.display_name = "\xff";
+  EXPECT_EQ(Reason(store_->Create(job, Nothing).status()), "TEXT_INVALID");
+  job.display_name = "ok";
+  EXPECT_TRUE(store_->Create(job, Nothing).ok());
+}
+
+TEST_F(PostgresJobStoreTest, ServerThatIsNotThereIsAClearError) {
+  const auto store = OpenPostgresJobStore("postgresql://127.0.0.1:1/litags?user=nobody");
+  EXPECT_EQ(Reason(store.status()), "STORE_UNAVAILABLE");
+  EXPECT_THAT(std::string(store.status().message()), HasSubstr("127.0.0.1"));
+}
+
+}  // namespace
+}  // namespace litags
