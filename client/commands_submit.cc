@@ -24,7 +24,8 @@ struct SubmitArgs {
   std::optional<v1::Tone> tone;
   std::optional<v1::DepthSource> depth_source;
   std::optional<v1::DensityStatistic> density_statistic;
-  std::optional<double> theta, contrast, min_registered, exposure_ssim, coarse_until, depth_weight;
+  std::optional<double> theta, contrast, min_registered, exposure_ssim, coarse_until, settle_epochs,
+      depth_weight;
   std::optional<int> iterations, threads, sh_degree, max_image_side, holdout_every;
   std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
   std::optional<uint64_t> seed;
@@ -33,7 +34,7 @@ struct SubmitArgs {
   int priority = 0;
   double max_run_seconds = 0, retention_seconds = 0;
   int64_t max_memory_bytes = 0;
-  bool no_pdm = false, no_prior = false, no_depth = false;
+  bool no_pdm = false, no_prior = false, no_depth = false, information_weights = false;
 };
 
 // An option that takes one of a few words.
@@ -78,6 +79,8 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.pdm_every) options.set_pdm_every(*args.pdm_every);
   if (args.coarse_levels) options.set_coarse_levels(*args.coarse_levels);
   if (args.coarse_until) options.set_coarse_until(*args.coarse_until);
+  if (args.settle_epochs) options.set_settle_epochs(*args.settle_epochs);
+  if (args.information_weights) options.set_information_weights(true);
   if (args.depth_source) options.set_depth_source(*args.depth_source);
   if (args.depth_weight) options.set_depth_weight(*args.depth_weight);
   if (args.depth_geometry) options.set_depth_geometry(*args.depth_geometry);
@@ -233,7 +236,7 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                        {"linear-gain", v1::TONE_LINEAR_GAIN},
                        {"paper", v1::TONE_PAPER},
                        {"none", v1::TONE_NONE}})
-      ->description("Target of the light: paper, linear-gain or none")
+      ->description("Target of the light: capture, linear-gain, paper or none")
       ->group(group);
   command->add_option("--theta", args->theta, "Mean level of the target, (0, 1); 0: the tone's own")
       ->group(group);
@@ -250,6 +253,14 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->description("Gradient that lets Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
       ->group(group);
   command->add_option("--sh-degree", args->sh_degree, "Spherical harmonics, 0..3")->group(group);
+  command
+      ->add_option("--settle-epochs", args->settle_epochs,
+                   "Rounds over all photos after which learning rates are half; 0: constant")
+      ->group(group);
+  command
+      ->add_flag("--information-weights", args->information_weights,
+                 "Pixels that noise, rounding or clipping spoilt weigh less")
+      ->group(group);
   command->add_flag("--no-pdm", args->no_pdm, "Without the denoising module")->group(group);
   command->add_option("--pdm-hidden", args->pdm_hidden, "Channels inside its network")
       ->group(group);

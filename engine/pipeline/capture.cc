@@ -18,6 +18,7 @@
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/fingerprint.h"
+#include "engine/priors/information.h"
 #include "engine/priors/photometric.h"
 #include "engine/priors/structure_prior.h"
 #include "engine/priors/tone.h"
@@ -176,6 +177,16 @@ absl::Status AddTargets(const ReconstructOptions& options, const SparseModel& mo
   return absl::OkStatus();
 }
 
+void AddInformation(std::vector<TrainView>* views) {
+  std::vector<const ImageU8*> photos, targets;
+  for (const TrainView& v : *views) {
+    photos.push_back(&v.photo);
+    targets.push_back(&v.target);
+  }
+  std::vector<PlaneU8> weights = InformationWeights(photos, targets);
+  for (size_t i = 0; i < views->size(); ++i) (*views)[i].information = std::move(weights[i]);
+}
+
 absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& cancel,
                           std::vector<TrainView>* views) {
   // The prior's scale is one for the whole capture, so all photos go in together.
@@ -243,6 +254,7 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
                    o.coarse_until,
                    o.settle_epochs,
                    double(o.use_prior),
+                   double(o.information_weights),
                    double(depth),
                    o.depth_weight,
                    double(o.depth_geometry),
@@ -272,6 +284,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   LITAGS_RETURN_IF_ERROR(AddTargets(options, model, &loaded));
   std::vector<TrainView>& views = loaded.views;
   const bool lita = options.method == Method::kLitaGs;
+  if (lita && options.information_weights) AddInformation(&views);
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
 
   Capture capture;

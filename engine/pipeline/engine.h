@@ -68,14 +68,15 @@ struct ReconstructOptions {
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;
   DensityStatistic density_statistic = DensityStatistic::kMean;
-  int sh_degree = 3;       // 0..3
-  bool use_pdm = true;     // progressive denoising module
-  int pdm_hidden = 8;      // channels inside its network, 1..64
-  int pdm_every = 2;       // one iteration in so many denoises; paper: 1
-  bool use_prior = true;   // structure prior loss
-  bool use_depth = true;   // depth loss, where depth_source has maps
-  int max_image_side = 0;  // photos with a longer side are shrunk to it, px; 0: never
-  int holdout_every = 8;   // photos i (by name) with i % n == n / 2 are only evaluated; 0: none
+  int sh_degree = 3;                 // 0..3
+  bool use_pdm = true;               // progressive denoising module
+  int pdm_hidden = 8;                // channels inside its network, 1..64
+  int pdm_every = 2;                 // one iteration in so many denoises; paper: 1
+  bool use_prior = true;             // structure prior loss
+  bool information_weights = false;  // pixels that noise, rounding or clipping spoilt weigh less
+  bool use_depth = true;             // depth loss, where depth_source has maps
+  int max_image_side = 0;            // photos with a longer side are shrunk to it, px; 0: never
+  int holdout_every = 8;  // photos i (by name) with i % n == n / 2 are only evaluated; 0: none
   double min_registered = 0.5;  // fraction of photos that SfM must place, (0, 1]
   int checkpoint_every = 500;   // iterations
   int preview_every = 250;      // iterations between snapshots with a preview picture

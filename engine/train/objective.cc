@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "engine/priors/information.h"
 #include "engine/render/renderer.h"
 #include "engine/train/depth_loss.h"
 #include "engine/train/model.h"
@@ -31,6 +32,7 @@ StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
                                Planes* v_rendered, PdmWeights* v_weights) {
   ZeroLike(rendered, rendered.channels, v_rendered);
   UnpackImage(view.target, workspace_, &target_);
+  UnpackInformation(view.information);
   if (options_.lita) {
     return EvaluateLita(view, rendered, weights, iteration, denoise, v_rendered, v_weights);
   }
@@ -58,9 +60,9 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   UnpackImage(view.photo, workspace_, &input_);
   losses.reconstruction =
       options_.weight_reconstruction *
-      ProductReconstructionLoss(R, PlanesView(rendered, kChannelIllumination, 3), input_,
-                                options_.weight_reconstruction, v_color_,
-                                PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_);
+      ProductReconstructionLoss(
+          R, PlanesView(rendered, kChannelIllumination, 3), input_, options_.weight_reconstruction,
+          v_color_, PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_, {}, information_);
   if (denoise) {
     ZeroLike(R, 3, &v_previous_);
     const Planes& previous = stages > 1 ? pdm_.R(stages - 1) : color_;
@@ -84,11 +86,20 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   return losses;
 }
 
+void Objective::UnpackInformation(const PlaneU8& information) {
+  if (information.empty()) {
+    information_ = Planes();
+    return;
+  }
+  UnpackPlane(information, workspace_, &information_);
+  for (float& weight : information_.data) weight *= 255.0f / kInformationOne;
+}
+
 double Objective::ExposureLoss(const Planes& R) {
   const double ssim = options_.exposure_ssim, weight = options_.weight_exposure;
-  if (ssim == 0) return L1Loss(R, target_, weight, v_color_, workspace_);
+  if (ssim == 0) return L1Loss(R, target_, weight, v_color_, workspace_, information_);
   return ReconstructionLoss(R, target_, weight, v_color_, workspace_,
-                            {.l1 = 1 - ssim, .ssim = ssim});
+                            {.l1 = 1 - ssim, .ssim = ssim}, information_);
 }
 
 void Objective::AddStructure(const TrainView& view, const Planes& rendered, int iteration,

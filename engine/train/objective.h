@@ -35,13 +35,14 @@ class Objective {
                           int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
   // L1 to the pseudo-target, mixed with 1 - SSIM if the options ask for it.
   double ExposureLoss(const Planes& R);
+  void UnpackInformation(const PlaneU8& information);
   void AddStructure(const TrainView& view, const Planes& rendered, int iteration,
                     Planes* v_rendered, StepLosses* losses);
 
   TrainOptions options_;
   LossWorkspace workspace_;
   Pdm pdm_;
-  Planes target_, input_, structure_, color_, noise_;
+  Planes target_, input_, information_, structure_, color_, noise_;
   Planes v_color_, v_previous_, v_r0_, v_noise_;
   double denoise_seconds_ = 0;
 };

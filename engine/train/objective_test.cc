@@ -1,11 +1,14 @@
 #include "engine/train/objective.h"
 
+#include "engine/priors/information.h"
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include "engine/priors/information.h"
 #include "engine/train/loss_test_util.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
@@ -101,8 +104,8 @@ void CheckGradient(std::vector<float>* values, const std::vector<float>& gradien
   EXPECT_LE(error, 0.04 * largest);
 }
 
-void CheckAllGradients(const TrainOptions& options, const std::vector<int>& live_channels) {
-  const TrainView view = RandomView();
+void CheckAllGradients(const TrainOptions& options, const std::vector<int>& live_channels,
+                       const TrainView& view = RandomView()) {
   Planes rendered = RenderedAwayFromKinks(options.lita ? int{kNumChannels} : 3);
   PdmWeights weights;
   if (options.lita && options.use_pdm) weights = RandomWeights(options.pdm);
@@ -173,6 +176,45 @@ TEST(Objective, GradientAgreesWithASingleStage) {
   TrainOptions options = Options();
   options.pdm.stages = 1;
   CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
+}
+
+// A weight for each pixel, 0 to 2.
+TrainView InformedView() {
+  TrainView view = RandomView();
+  view.information = PlaneU8(kWidth, kHeight);
+  for (size_t i = 0; i < view.information.data.size(); ++i) {
+    view.information.data[i] = static_cast<uint8_t>(CounterRng(6, 6).Below(i, 129));
+  }
+  return view;
+}
+
+TEST(Objective, GradientAgreesWithInformationWeights) {
+  TrainOptions options = Options();
+  options.exposure_ssim = 0.2;
+  CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}, InformedView());
+}
+
+TEST(Objective, InformationWeighsPhotoAndTarget) {
+  TrainOptions options = Options();
+  options.use_pdm = false;
+  TrainView view = RandomView();
+  const Planes rendered = RandomPlanes(kNumChannels, kHeight, kWidth, 9);
+  const auto evaluate = [&] {
+    Planes v_rendered;
+    PdmWeights v_weights;
+    return Objective(options).Evaluate(view, rendered, {}, 0, false, &v_rendered, &v_weights);
+  };
+  const StepLosses plain = evaluate();
+  view.information = PlaneU8(kWidth, kHeight);
+  std::fill(view.information.data.begin(), view.information.data.end(), kInformationOne);
+  const StepLosses one = evaluate();
+  EXPECT_NEAR(one.exposure, plain.exposure, 1e-6);
+  EXPECT_NEAR(one.reconstruction, plain.reconstruction, 1e-6);
+  std::fill(view.information.data.begin(), view.information.data.end(), 0);
+  const StepLosses none = evaluate();
+  EXPECT_LT(none.exposure, plain.exposure);
+  EXPECT_LT(none.reconstruction, plain.reconstruction);
+  EXPECT_EQ(none.prior, plain.prior);
 }
 
 TEST(Objective, WithoutPdmNoiseIsFree) {

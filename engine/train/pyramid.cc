@@ -63,10 +63,11 @@ TrainView HalfSize(const TrainView& view) {
     *to = ImageU8(camera.width, camera.height);
     to->data = HalfBytes(from->data, from->width, from->height, 3);
   }
-  if (!view.structure.empty()) {
-    out.structure = PlaneU8(camera.width, camera.height);
-    out.structure.data =
-        HalfBytes(view.structure.data, view.structure.width, view.structure.height, 1);
+  for (const auto& [from, to] :
+       {std::pair{&view.structure, &out.structure}, {&view.information, &out.information}}) {
+    if (from->empty()) continue;
+    *to = PlaneU8(camera.width, camera.height);
+    to->data = HalfBytes(from->data, from->width, from->height, 1);
   }
   if (view.depth.has_value()) out.depth = HalfDepth(*view.depth);
   return out;

@@ -16,6 +16,7 @@ TrainView OddView() {
   for (uint8_t& code : view.target.data) code += 50;
   view.structure = PlaneU8(5, 4);
   for (size_t i = 0; i < view.structure.data.size(); ++i) view.structure.data[i] = i;
+  view.information = view.structure;
   return view;
 }
 
@@ -33,6 +34,7 @@ TEST(HalfSize, AveragesPixelsAndKeepsRaysWhereTheyWere) {
   EXPECT_EQ(half.photo.pixel(1, 1)[1], (sum + 2) / 4);
   EXPECT_EQ(half.target.pixel(1, 1)[1], (sum + 2) / 4 + 50);
   EXPECT_EQ(half.structure.data[0], (0 + 1 + 5 + 6 + 2) / 4);
+  EXPECT_EQ(half.information.data, half.structure.data);
   // The corner between four pixels is the centre of the pixel that replaces them.
   const Camera &a = view.view.camera, &b = half.view.camera;
   EXPECT_DOUBLE_EQ((1.0 - a.cx) / a.fx, (0.5 - b.cx) / b.fx);

@@ -17,6 +17,7 @@ struct TrainView {
   ImageU8 photo;      // I_in, of the camera's size
   ImageU8 target;     // the normal-light pseudo-target (paper's modulated I_in), same size
   PlaneU8 structure;  // P, 0..255 for 0..1; empty: no structure loss
+  PlaneU8 information;  // weight of each pixel, kInformationOne for 1; empty: all 1
   std::optional<DepthMap> depth;
 };
 

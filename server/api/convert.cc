@@ -126,6 +126,8 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
   if (proto.has_coarse_until()) options.coarse_until = proto.coarse_until();
   if (proto.has_depth_weight()) options.depth_weight = proto.depth_weight();
   if (proto.has_depth_geometry()) options.depth_geometry = proto.depth_geometry();
+  if (proto.has_settle_epochs()) options.settle_epochs = proto.settle_epochs();
+  if (proto.has_information_weights()) options.information_weights = proto.information_weights();
   if (proto.has_contrast()) options.contrast = proto.contrast();
 
   const absl::Status valid = options.Validate();
@@ -172,6 +174,8 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_depth_weight(options.depth_weight);
   proto.set_depth_geometry(options.depth_geometry);
   proto.set_contrast(options.contrast);
+  proto.set_settle_epochs(options.settle_epochs);
+  proto.set_information_weights(options.information_weights);
   proto.set_density_statistic(
       static_cast<v1::DensityStatistic>(static_cast<int>(options.density_statistic) + 1));
   return proto;

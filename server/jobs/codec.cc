@@ -26,6 +26,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("sh_degree", r.sh_degree);
   visit("use_pdm", r.use_pdm);
   visit("use_prior", r.use_prior);
+  visit("information_weights", r.information_weights);
   visit("use_depth", r.use_depth);
   visit("max_image_side", r.max_image_side);
   visit("holdout_every", r.holdout_every);

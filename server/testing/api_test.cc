@@ -78,6 +78,8 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_depth_weight(0.5);
   o->set_depth_geometry(false);
   o->set_contrast(0.5);
+  o->set_settle_epochs(7.5);
+  o->set_information_weights(true);
   o->set_density_statistic(v1::DENSITY_STATISTIC_ABS);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);

@@ -51,6 +51,8 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
       ->capture_default_str();
   app->add_option("--pdm-every", options->pdm_every, "iterations between those that denoise")
       ->capture_default_str();
+  app->add_flag("--information-weights", options->information_weights,
+                "pixels that noise, rounding or clipping spoilt weigh less");
   app->add_flag("!--no-prior", options->use_prior, "without the structure prior");
   const std::map<std::string, DepthOrigin> sources = {{"auto", DepthOrigin::kAuto},
                                                       {"maps", DepthOrigin::kMaps},

@@ -1,0 +1,37 @@
+// Which pixels of badly lit photos are worth believing.
+#ifndef LITAGS_ENGINE_PRIORS_INFORMATION_H_
+#define LITAGS_ENGINE_PRIORS_INFORMATION_H_
+
+#include <array>
+#include <vector>
+
+#include "absl/types/span.h"
+#include "engine/core/color.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+inline constexpr int kClippedCode = 254;       // and above; JPEG moves white a little
+inline constexpr double kClippedNoise = 48;    // what a filled-in area may be wrong by. Choice
+inline constexpr double kToleratedNoise = 24;  // halves a weight. Choice
+
+// What InformationWeights() stores for a weight of 1, the mean of a capture.
+inline constexpr int kInformationOne = 64;
+
+// Standard deviation of the target's error, codes of 255, for each code of the photos. The larger
+// of two: the noise measured in the targets, from differences to the mean of the four neighbours
+// (the lower quartile, which flat areas set, not edges); and that of rounding the photo to its
+// code, the target's step from code to code / sqrt(12). Clipped highlights have kClippedNoise or
+// more. Codes that hardly occur take over their neighbours'. Sizes must agree (LITAGS_CHECK).
+std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
+                                    absl::Span<const ImageU8* const> targets);
+
+// Weight of every pixel in the losses that compare with photos and targets: mean over channels of
+// 1 / (1 + (noise / kToleratedNoise)^2), brought to a mean of 1 over the capture and stored in
+// steps of 1 / kInformationOne, at most 255 of them. One plane per photo.
+std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
+                                        absl::Span<const ImageU8* const> targets);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PRIORS_INFORMATION_H_
