@@ -34,12 +34,14 @@ std::string NextStep(const std::string& reason, const std::string& job) {
 
 std::string UnreachableText(const Session& session, const absl::Status& status) {
   if (absl::IsDeadlineExceeded(status)) {
-    return absl::StrCat("the server at ", session.server,
+    return absl::StrCat("the server at ", session.connection.server,
                         " did not answer in time: is it busy? try again, or look into its log");
   }
-  return absl::StrCat("no server answers at ", session.server,
-                      ": start one with \"litags-server\", or name another with --server "
-                      "HOST:PORT or LITAGS_SERVER");
+  return absl::StrCat("no server answers at ", session.connection.server,
+                      ": start one with \"litags-server\", name another with --server "
+                      "HOST:PORT or LITAGS_SERVER, or see whether one of you speaks TLS and the "
+                      "other does not (--tls, --tls-ca) (",
+                      std::string(status.message()), ")");
 }
 
 }  // namespace
@@ -63,17 +65,17 @@ int ExitCodeOf(const absl::Status& status) {
   }
 }
 
-Client& Session::client() {
-  if (!client_) {
-    ClientOptions options;
-    options.retry_seconds = retry_seconds;
-    options.on_retry = [](const absl::Status& why, double pause) {
-      Note(absl::StrCat("trying again in ", DurationText(std::max(1.0, pause)), " (",
-                        std::string(why.message()), ")"));
-    };
-    client_ = std::make_unique<Client>(Connect(server), std::move(options), interrupt);
-  }
-  return *client_;
+absl::Status Session::Open() {
+  auto channel = Connect(connection);
+  if (!channel.ok()) return channel.status();
+  ClientOptions options;
+  options.retry_seconds = retry_seconds;
+  options.on_retry = [](const absl::Status& why, double pause) {
+    Note(absl::StrCat("trying again in ", DurationText(std::max(1.0, pause)), " (",
+                      std::string(why.message()), ")"));
+  };
+  client_ = std::make_unique<Client>(*std::move(channel), std::move(options), interrupt);
+  return absl::OkStatus();
 }
 
 int ReportError(const Session& session, const absl::Status& status, const std::string& job) {

@@ -11,6 +11,7 @@
 #include "CLI/CLI.hpp"
 #include "absl/status/status.h"
 #include "client/client.h"
+#include "client/connection.h"
 #include "client/interrupt.h"
 
 namespace litags::client {
@@ -32,13 +33,15 @@ int ExitCodeOf(const absl::Status& status);
 // One run of the program.
 class Session {
  public:
-  std::string server;  // host:port
+  ConnectionOptions connection;
   double retry_seconds = 120;
   Interrupt interrupt;
   int exit_code = kExitOk;
 
-  // Connects on first use.
-  Client& client();
+  // Makes the channel; OK before the command runs, else the error is the command's.
+  absl::Status Open();
+  // After Open().
+  Client& client() { return *client_; }
 
  private:
   std::unique_ptr<Client> client_;

@@ -10,27 +10,12 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "client/status.h"
-#include "grpcpp/create_channel.h"
 #include "grpcpp/generic/generic_stub.h"
 
 namespace litags::client {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-// Most of a message on the wire: raw floats of a 16-megapixel picture are 192 MiB.
-constexpr int kMaxMessageBytes = 256 << 20;
-constexpr int kConnectMs = 5000;
-constexpr int kReconnectMinMs = 200;
-constexpr int kReconnectMaxMs = 2000;
-// How often a silent peer is asked whether it is still there while a call is open.
-constexpr int kKeepaliveMs = 30000;
-constexpr int kKeepaliveTimeoutMs = 10000;
-
-bool IsLoopback(const std::string& server) {
-  return server.starts_with("127.") || server.starts_with("localhost") ||
-         server.starts_with("[::1]");
-}
 
 // Worth another try: the connection broke, or the server is busy.
 bool IsTransient(const absl::Status& status) {
@@ -60,19 +45,6 @@ bool HasEnded(v1::JobState state) {
 }
 
 }  // namespace
-
-std::shared_ptr<grpc::Channel> Connect(const std::string& server) {
-  grpc::ChannelArguments args;
-  args.SetMaxReceiveMessageSize(kMaxMessageBytes);
-  args.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kReconnectMinMs);
-  args.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kReconnectMaxMs);
-  args.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
-  args.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
-  args.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
-  // A proxy for the internet is no way to this machine.
-  if (IsLoopback(server)) args.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), args);
-}
 
 std::string JobName(std::string_view job) {
   return job.starts_with("jobs/") ? std::string(job) : "jobs/" + std::string(job);

@@ -35,10 +35,6 @@ struct ClientOptions {
   std::function<void(const absl::Status& why, double pause_seconds)> on_retry;
 };
 
-// "host:port" to a channel without encryption. Never fails: the first call shows whether a server
-// is there.
-std::shared_ptr<grpc::Channel> Connect(const std::string& server);
-
 // "7f3a" or "jobs/7f3a" to "jobs/7f3a".
 std::string JobName(std::string_view job);
 

@@ -305,10 +305,39 @@ TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
 }
 
 TEST_F(ClientTest, AServerThatNeverAnsweredIsReportedAtOnce) {
-  Client client(Connect("127.0.0.1:1"), {}, interrupt_);  // retries for two minutes otherwise
+  const auto channel = Connect({.server = "127.0.0.1:1"});
+  ASSERT_TRUE(channel.ok());
+  Client client(*channel, {}, interrupt_);  // retries for two minutes otherwise
   const auto begin = std::chrono::steady_clock::now();
   EXPECT_TRUE(absl::IsUnavailable(client.GetJob("jobs/1").status()));
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(20));
+}
+
+TEST(Connection, FilesAndTokensThatCannotBeUsedAreNamedWithTheirFlag) {
+  const std::string file = ::testing::TempDir() + "/litags-connection-test";
+  std::ofstream(file) << "two\nlines\n";
+  const struct {
+    ConnectionOptions options;
+    const char *reason, *field;
+  } kCases[] = {
+      {{.server = "127.0.0.1:1", .tls_ca = "/missing"}, "TLS_FILE_UNREADABLE", "--tls-ca"},
+      {{.server = "127.0.0.1:1", .tls_cert = file}, "TLS_INCOMPLETE", "--tls-key"},
+      {{.server = "127.0.0.1:1", .tls_key = file}, "TLS_INCOMPLETE", "--tls-cert"},
+      {{.server = "127.0.0.1:1", .token_file = "/missing"}, "TOKEN_UNREADABLE", "--token-file"},
+      {{.server = "127.0.0.1:1", .token_file = file}, "TOKEN_INVALID", "--token-file"},
+      {{.server = "127.0.0.1:1", .token = "a b"}, "TOKEN_INVALID", "LITAGS_TOKEN"},
+      {{.server = "example.org:1", .token = "secret"}, "TOKEN_EXPOSED", "--token-file"},
+      {{.server = "127.0.0.1.example.org:1", .token = "secret"}, "TOKEN_EXPOSED", "--token-file"},
+  };
+  for (const auto& c : kCases) {
+    const absl::Status status = Connect(c.options).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << c.reason;
+    EXPECT_EQ(DetailOf(status).reason(), c.reason);
+    EXPECT_EQ(DetailOf(status).field(), c.field);
+    EXPECT_EQ(status.message().find("secret"), absl::string_view::npos);
+  }
+  EXPECT_TRUE(Connect({.server = "example.org:1", .tls = true, .token = "secret"}).ok());
+  std::remove(file.c_str());
 }
 
 TEST_F(ClientTest, AnInterruptEndsAWatch) {

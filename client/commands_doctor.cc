@@ -18,12 +18,12 @@ int Doctor(Session& session) {
   const auto begin = std::chrono::steady_clock::now();
   const auto serving = session.client().IsServing("");
   if (!serving.ok() && ExitCodeOf(serving.status()) == kExitUnreachable) {
-    std::printf("server   %s: no answer\n", session.server.c_str());
+    std::printf("server   %s: no answer\n", session.connection.server.c_str());
     return ReportError(session, serving.status());
   }
   const std::chrono::duration<double, std::milli> elapsed =
       std::chrono::steady_clock::now() - begin;
-  std::printf("server   %s: answers (%.1f ms with connecting)\n", session.server.c_str(),
+  std::printf("server   %s: answers (%.1f ms with connecting)\n", session.connection.server.c_str(),
               elapsed.count());
   std::printf("health   %s\n", !serving.ok() ? "not offered"
                                : *serving    ? "serving"

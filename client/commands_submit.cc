@@ -138,7 +138,9 @@ void CleanUp(Session& session, const SubmitArgs& args, const std::string& job,
     ClientOptions options;
     options.retry_seconds = 0;
     options.call_seconds = 5;
-    removed = Client(Connect(session.server), options, fresh).DeleteJob(job);
+    // The channel was made once from the same options.
+    const auto channel = Connect(session.connection);
+    removed = channel.ok() ? Client(*channel, options, fresh).DeleteJob(job) : channel.status();
   }
   Note(removed.ok() ? absl::StrCat(job, " was removed again")
                     : absl::StrCat(job,

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <initializer_list>
 #include <thread>
 
@@ -45,6 +46,27 @@ void HandleSignals(Interrupt& interrupt) {
   }).detach();
 }
 
+void AddConnectionOptions(CLI::App& app, litags::client::ConnectionOptions& options) {
+  app.add_option("--server", options.server, "Address of the server, host:port")
+      ->envname("LITAGS_SERVER")
+      ->default_val("127.0.0.1:50051");
+  app.add_flag("--tls", options.tls, "Encrypt, trusting the system's root certificates")
+      ->envname("LITAGS_TLS");
+  app.add_option("--tls-ca", options.tls_ca, "Encrypt, trusting the certificates of this PEM file")
+      ->envname("LITAGS_TLS_CA");
+  app.add_option("--tls-cert", options.tls_cert, "Our certificate (PEM), for mutual TLS")
+      ->envname("LITAGS_TLS_CERT");
+  app.add_option("--tls-key", options.tls_key, "Its private key (PEM)")->envname("LITAGS_TLS_KEY");
+  app.add_option("--tls-name", options.tls_name,
+                 "The name in the server's certificate, if it is not that of --server")
+      ->envname("LITAGS_TLS_NAME");
+  // No flag for the token itself: other users of the machine see command lines.
+  app.add_option("--token-file", options.token_file,
+                 "File with the token that names us; LITAGS_TOKEN holds one itself")
+      ->envname("LITAGS_TOKEN_FILE");
+  if (const char* token = std::getenv("LITAGS_TOKEN")) options.token = token;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -55,14 +77,19 @@ int main(int argc, char** argv) {
   CLI::App app("litags: photos taken in bad light go in, normally lit views come out");
   app.name("litags");
   app.set_version_flag("--version", LITAGS_VERSION);
-  app.add_option("--server", session.server, "Address of the server, host:port")
-      ->envname("LITAGS_SERVER")
-      ->default_val("127.0.0.1:50051");
+  AddConnectionOptions(app, session.connection);
   app.add_option("--retry", session.retry_seconds,
                  "Seconds for which a connection that broke is tried again")
       ->default_val(120)
       ->check(CLI::NonNegativeNumber);
   app.require_subcommand(1);
+  // Runs before the command's own callback, with all options known.
+  app.parse_complete_callback([&session] {
+    if (const absl::Status status = session.Open(); !status.ok()) {
+      session.exit_code = ReportError(session, status);
+      throw CLI::RuntimeError(session.exit_code);
+    }
+  });
   app.fallthrough();
   app.footer(kFooter);
   litags::client::AddSubmitCommand(app, session);

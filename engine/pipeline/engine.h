@@ -179,6 +179,7 @@ struct RenderRequest {
   // or shorter exposure would; -10..10, 0 for all other channels.
   double exposure_stops = 0;
   int threads = 0;
+  CancelToken cancel;  // looked at between the tiles of the picture
 };
 
 // A loaded scene. Immutable and safe to use from several threads.
@@ -193,6 +194,7 @@ class Scene {
   virtual std::array<double, 3> up() const = 0;
   virtual double radius() const = 0;
   // Float planes: 3 for colours (sRGB, clamped to [0, 1]), 1 otherwise as listed at Channel.
+  // CANCELLED soon after the request's token is raised.
   virtual absl::StatusOr<Planes> Render(const RenderRequest& request) const = 0;
   // Standard 3DGS .ply bytes written to a file, in the light R * L^t with t = `light`, -4..4. L is
   // applied to every Gaussian instead of every pixel, and the denoiser is left out: viewers know

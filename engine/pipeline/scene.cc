@@ -116,10 +116,15 @@ class ModelScene : public Scene {
           "channel: this scene was trained with plain 3dgs and has colour, depth and alpha only; "
           "train with method litags for the others");
     }
-    ModelRenderer renderer(request.threads);
-    if (IsColor(request.channel)) return Color(&renderer, request);
+    ModelRenderer renderer(request.threads, &request.cancel);
+    if (IsColor(request.channel)) {
+      Planes color = Color(&renderer, request);
+      LITAGS_RETURN_IF_ERROR(request.cancel.Check());
+      return color;
+    }
     Planes channels, alpha;
     renderer.RenderChannels(model_, request.camera, &channels, &alpha);
+    LITAGS_RETURN_IF_ERROR(request.cancel.Check());
     switch (request.channel) {
       case Channel::kDepth:
         return Depth(channels, alpha);

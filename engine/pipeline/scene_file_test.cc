@@ -386,6 +386,15 @@ TEST(Scene, PlainScenesHaveColorDepthAndAlphaOnly) {
   EXPECT_TRUE(scene->ExportPly(dir / "a.ply", /*light=*/0).ok());
 }
 
+TEST(Scene, CancelledPicturesStop) {
+  const auto scene = MakeScene(SmallModel(), RingViews(3));
+  RenderRequest request;
+  request.camera = RingViews(3)[0].camera;
+  EXPECT_TRUE(scene->Render(request).ok());
+  request.cancel.Cancel();
+  EXPECT_EQ(scene->Render(request).status().code(), absl::StatusCode::kCancelled);
+}
+
 TEST(Scene, BadRequestsAreRefused) {
   const auto scene = MakeScene(SmallModel(), RingViews(5));
   for (const double t : {std::nan(""), 4.01, -4.01, 1e300}) {

@@ -99,6 +99,7 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.reach.resize((s.lists.num_pairs() / kChunk + tiles) * kMaxTileBlocks);
   s.tile_evaluations.resize(tiles);
   ParallelFor(s.threads, tiles, [&](size_t tile, int) {
+    if (settings.cancel && settings.cancel->IsCancelled()) return;
     s.tile_evaluations[tile] = RasterizeTile(s.JobOf(tile), image->data.data(), alpha->data.data());
   });
 

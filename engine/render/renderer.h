@@ -10,6 +10,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "engine/core/camera.h"
+#include "engine/core/cancel.h"
 #include "engine/core/image.h"
 #include "engine/core/splats.h"
 
@@ -47,9 +48,10 @@ struct RenderSettings {
   int sh_degree = kMaxShDegree;     // 0..3
   DepthSource depth_source = DepthSource::kAttribute;
   std::array<float, kNumChannels> background = {};
-  float near_plane = 0.2f;    // scene units; Gaussians at or before it are dropped (3DGS)
-  int threads = 0;            // <= 0: all cores
-  bool count_useful = false;  // whether Forward of 11 channels fills Counters::useful
+  float near_plane = 0.2f;              // scene units; Gaussians at or before it are dropped (3DGS)
+  int threads = 0;                      // <= 0: all cores
+  const CancelToken* cancel = nullptr;  // once raised, Forward leaves the picture unfinished
+  bool count_useful = false;            // whether Forward of 11 channels fills Counters::useful
   PixelSum pixel_sum = PixelSum::kNone;
 };
 

@@ -15,6 +15,7 @@ void ModelRenderer::Composite(const Model& model, const Camera& camera, int num_
                               Planes* channels, Planes* alpha) {
   RenderSettings settings;
   settings.num_channels = num_channels;
+  settings.cancel = cancel_;
   settings.sh_degree = model.sh_degree;
   settings.depth_source = DepthSource::kCameraZ;
   settings.threads = threads_;
@@ -35,7 +36,7 @@ void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Pla
 
 void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* color) {
   CopyPlanes(channels, kChannelColor, color);
-  if (!model.lita || !model.use_pdm) return;
+  if (!model.lita || !model.use_pdm || (cancel_ && cancel_->IsCancelled())) return;
   CopyPlanes(channels, channels.channels == kColorAndNoise ? 3 : int{kChannelNoise}, &noise_);
   if (!pdm_.has_value() || pdm_->options() != model.pdm_options)
     pdm_.emplace(model.pdm_options, threads_);

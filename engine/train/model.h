@@ -25,7 +25,9 @@ struct Model {
 // Renders views of a model, keeping buffers between calls. Not thread-safe.
 class ModelRenderer {
  public:
-  explicit ModelRenderer(int threads) : threads_(threads) {}
+  // Once `cancel`, which must outlive this, is raised, pictures are left unfinished.
+  explicit ModelRenderer(int threads, const CancelToken* cancel = nullptr)
+      : threads_(threads), cancel_(cancel) {}
 
   // R [3, H, W], after denoising; not clamped. Composites what it needs and no more.
   void RenderColor(const Model& model, const Camera& camera, Planes* color);
@@ -42,6 +44,7 @@ class ModelRenderer {
                  Planes* alpha);
 
   int threads_;
+  const CancelToken* cancel_;
   Renderer renderer_;
   std::optional<Pdm> pdm_;  // of the last model's options
   Planes composited_, alpha_, noise_;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/status.h"
+#include "server/api/unary.h"
 #include "server/api/view_request.h"
 #include "server/store/digest.h"
 
@@ -43,21 +44,23 @@ absl::Status WriteModel(const Scene& scene, const v1::ExportModelRequest& reques
 // call is over.
 class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
  public:
-  ExportReactor(grpc::CallbackServerContext* context, const v1::ExportModelRequest& request,
+  ExportReactor(std::shared_ptr<Call> call, const v1::ExportModelRequest& request,
                 SceneCache* scenes, ThreadPool* pool, const std::string& tmp)
-      : context_(context),
+      : call_(std::move(call)),
         request_(request),
         scenes_(scenes),
         pool_(pool),
         path_(absl::StrCat(tmp, "/export-", RandomHex(8))) {
     const absl::Status accepted = pool_->Try([this] { Begin(); });
-    if (!accepted.ok()) Finish(ToGrpc(accepted));
+    if (!accepted.ok()) Finish(call_->End(accepted));
   }
 
   void OnWriteDone(bool ok) override {
-    if (!ok) return Finish(ToGrpc(CallCancelled()));
+    if (!ok) return Finish(call_->End(CallCancelled()));
     pool_->Run([this] { SendChunk(); });
   }
+
+  void OnCancel() override { cancel_.Cancel(); }
 
   void OnDone() override { delete this; }
 
@@ -65,13 +68,13 @@ class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
   void Begin() {
     const absl::Status status = Prepare();
     unlink(path_.c_str());  // what is open stays readable, and nothing is left behind
-    if (!status.ok()) return Finish(ToGrpc(status));
+    if (!status.ok()) return Finish(call_->End(status));
     StartWrite(&message_);
   }
 
   absl::Status Prepare() {
-    if (context_->IsCancelled()) return CallCancelled();
-    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(request_.name()));
+    if (cancel_.IsCancelled()) return CallCancelled();
+    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call_->jobs(), request_.name()));
     LITAGS_RETURN_IF_ERROR(WriteModel(*scene, request_, path_));
     std::error_code error;
     const auto size = std::filesystem::file_size(path_, error);
@@ -87,20 +90,21 @@ class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
   }
 
   void SendChunk() {
-    if (context_->IsCancelled()) return Finish(ToGrpc(CallCancelled()));
+    if (cancel_.IsCancelled()) return Finish(call_->End(CallCancelled()));
     std::string* chunk = message_.mutable_chunk();
     chunk->resize(kChunkBytes);
     file_.read(chunk->data(), static_cast<std::streamsize>(chunk->size()));
     chunk->resize(static_cast<size_t>(file_.gcount()));
-    if (chunk->empty()) return Finish(grpc::Status::OK);
+    if (chunk->empty()) return Finish(call_->End(absl::OkStatus()));
     StartWrite(&message_);
   }
 
-  grpc::CallbackServerContext* const context_;
+  const std::shared_ptr<Call> call_;
   const v1::ExportModelRequest request_;
   SceneCache* const scenes_;
   ThreadPool* const pool_;
   const std::string path_;
+  CancelToken cancel_;
   std::ifstream file_;
   v1::ExportModelResponse message_;
 };
@@ -109,7 +113,10 @@ class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
 
 grpc::ServerWriteReactor<v1::ExportModelResponse>* ModelServiceImpl::ExportModel(
     grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) {
-  return new ExportReactor(context, *request, scenes_, pool_, tmp_);
+  return RunStream<grpc::ServerWriteReactor<v1::ExportModelResponse>>(
+      gate_, context, {"ExportModel", CallKind::kPictureStream}, [&](std::shared_ptr<Call> call) {
+        return new ExportReactor(std::move(call), *request, scenes_, pool_, tmp_);
+      });
 }
 
 }  // namespace litags

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "litags/v1/model_service.grpc.pb.h"
+#include "server/api/gate.h"
 #include "server/api/scene_cache.h"
 #include "server/api/thread_pool.h"
 
@@ -13,13 +14,14 @@ namespace litags {
 class ModelServiceImpl : public v1::ModelService::CallbackService {
  public:
   // All must outlive this; `tmp` is a folder for files in flight.
-  ModelServiceImpl(SceneCache* scenes, ThreadPool* pool, std::string tmp)
-      : scenes_(scenes), pool_(pool), tmp_(std::move(tmp)) {}
+  ModelServiceImpl(Gate* gate, SceneCache* scenes, ThreadPool* pool, std::string tmp)
+      : gate_(gate), scenes_(scenes), pool_(pool), tmp_(std::move(tmp)) {}
 
   grpc::ServerWriteReactor<v1::ExportModelResponse>* ExportModel(
       grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) override;
 
  private:
+  Gate* const gate_;
   SceneCache* const scenes_;
   ThreadPool* const pool_;
   const std::string tmp_;

@@ -56,18 +56,19 @@ absl::StatusOr<PageStart> ParsePageToken(const std::string& token) {
 
 template <typename Request>
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::JobCall(
-    Context* context, const Request* request, v1::Job* response,
+    Context* context, CallName name, const Request* request, v1::Job* response,
     absl::StatusOr<JobRecord> (Jobs::*change)(std::string_view)) {
-  return RunUnary(context, pool_, [=, this]() -> absl::Status {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
-    return Answer((jobs_->*change)(id), response);
-  });
+    return Answer((call.jobs()->*change)(id), response);
+  };
+  return RunUnary(gate_, context, name, pool_, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
                                                                const v1::CreateJobRequest* request,
                                                                v1::Job* response) {
-  return RunUnary(context, pool_, [=, this]() -> absl::Status {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     if (request->request_id().size() > kMaxRequestIdLength) {
       return InvalidInput(
           "REQUEST_ID_INVALID", "request_id",
@@ -89,20 +90,24 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
         request->request_id(), request->display_name(), ToHex(request->content_digest()), {}, {}};
     LITAGS_ASSIGN_OR_RETURN(wanted.policy, PolicyFromProto(request->policy()));
     LITAGS_ASSIGN_OR_RETURN(wanted.options, OptionsFromProto(request->options()));
-    const auto job = jobs_->Create(wanted);
+    const auto job = call.jobs()->Create(wanted);
     if (job.ok()) spdlog::info("job={} created", job->id);
     return Answer(job, response);
-  });
+  };
+  return RunUnary(gate_, context, {"CreateJob", CallKind::kChange}, pool_, work);
 }
 
 grpc::ServerReadReactor<v1::UploadImagesRequest>* ReconstructionServiceImpl::UploadImages(
     Context* context, v1::UploadImagesResponse* response) {
-  return new UploadReactor(context, response, jobs_, pool_);
+  return RunStream<grpc::ServerReadReactor<v1::UploadImagesRequest>>(
+      gate_, context, {"UploadImages", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
+        return new UploadReactor(std::move(call), context, response, pool_);
+      });
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
     Context* context, const v1::QueryUploadRequest* request, v1::QueryUploadResponse* response) {
-  return RunUnary(context, pool_, [=, this]() -> absl::Status {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
     if (request->files_size() > kMaxQueryFiles) {
       return InvalidInput(
@@ -110,38 +115,39 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
           absl::StrCat(request->files_size(), " files in one call; ask for at most ",
                        kMaxQueryFiles, " at a time"));
     }
+    Uploads& uploads = call.jobs()->uploads();
     std::vector<FileRecord> files;
     for (const v1::FileHeader& header : request->files()) {
-      LITAGS_ASSIGN_OR_RETURN(UploadHeader file,
-                              ParseFileHeader(header, jobs_->uploads().limits()));
+      LITAGS_ASSIGN_OR_RETURN(UploadHeader file, ParseFileHeader(header, uploads.limits()));
       files.push_back(std::move(file.record));
     }
-    LITAGS_ASSIGN_OR_RETURN(const auto statuses, jobs_->uploads().Query(id, files));
+    LITAGS_ASSIGN_OR_RETURN(const auto statuses, uploads.Query(id, files));
     for (const FileStatus& status : statuses) {
       v1::FileStatus* proto = response->add_files();
       proto->set_stored(status.stored);
       proto->set_offset(status.offset);
     }
     return absl::OkStatus();
-  });
+  };
+  return RunUnary(gate_, context, {"QueryUpload", CallKind::kRead}, pool_, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::StartJob(Context* context,
                                                               const v1::StartJobRequest* request,
                                                               v1::Job* response) {
-  return JobCall(context, request, response, &Jobs::Start);
+  return JobCall(context, {"StartJob", CallKind::kChange}, request, response, &Jobs::Start);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetJob(Context* context,
                                                             const v1::GetJobRequest* request,
                                                             v1::Job* response) {
-  return JobCall(context, request, response, &Jobs::Get);
+  return JobCall(context, {"GetJob", CallKind::kRead}, request, response, &Jobs::Get);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListJobs(Context* context,
                                                               const v1::ListJobsRequest* request,
                                                               v1::ListJobsResponse* response) {
-  return RunUnary(context, pool_, [=, this]() -> absl::Status {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     const int size = request->page_size() == 0 ? kDefaultPageSize : request->page_size();
     if (size < 0 || size > kMaxPageSize) {
       return InvalidInput("PAGE_SIZE_INVALID", "page_size",
@@ -150,7 +156,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListJobs(Context* context,
     LITAGS_ASSIGN_OR_RETURN(const PageStart start, ParsePageToken(request->page_token()));
     // One more than asked for tells whether there is a next page.
     LITAGS_ASSIGN_OR_RETURN(std::vector<JobRecord> jobs,
-                            jobs_->List(start.time_ms, start.id, size + 1));
+                            call.jobs()->List(start.time_ms, start.id, size + 1));
     if (jobs.size() > static_cast<size_t>(size)) {
       jobs.resize(size);
       response->set_next_page_token(PageToken(jobs.back()));
@@ -159,35 +165,40 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListJobs(Context* context,
       LITAGS_RETURN_IF_ERROR(Answer(job, response->add_jobs()));
     }
     return absl::OkStatus();
-  });
+  };
+  return RunUnary(gate_, context, {"ListJobs", CallKind::kRead}, pool_, work);
 }
 
 grpc::ServerWriteReactor<v1::JobEvent>* ReconstructionServiceImpl::WatchJob(
     Context* context, const v1::WatchJobRequest* request) {
-  return new WatchReactor(context, *request, jobs_, hub_, pool_);
+  return RunStream<grpc::ServerWriteReactor<v1::JobEvent>>(
+      gate_, context, {"WatchJob", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
+        return new WatchReactor(std::move(call), context, *request, hub_, pool_);
+      });
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CancelJob(Context* context,
                                                                const v1::CancelJobRequest* request,
                                                                v1::Job* response) {
-  return JobCall(context, request, response, &Jobs::Cancel);
+  return JobCall(context, {"CancelJob", CallKind::kChange}, request, response, &Jobs::Cancel);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::ResumeJob(Context* context,
                                                                const v1::ResumeJobRequest* request,
                                                                v1::Job* response) {
-  return JobCall(context, request, response, &Jobs::Resume);
+  return JobCall(context, {"ResumeJob", CallKind::kChange}, request, response, &Jobs::Resume);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteJob(Context* context,
                                                                const v1::DeleteJobRequest* request,
                                                                google::protobuf::Empty*) {
-  return RunUnary(context, pool_, [=, this]() -> absl::Status {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
-    LITAGS_RETURN_IF_ERROR(jobs_->Delete(id));
+    LITAGS_RETURN_IF_ERROR(call.jobs()->Delete(id));
     spdlog::info("job={} deleted", id);
     return absl::OkStatus();
-  });
+  };
+  return RunUnary(gate_, context, {"DeleteJob", CallKind::kChange}, pool_, work);
 }
 
 }  // namespace litags

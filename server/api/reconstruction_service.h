@@ -3,6 +3,7 @@
 
 #include "litags/v1/reconstruction_service.grpc.pb.h"
 #include "server/api/event_hub.h"
+#include "server/api/gate.h"
 #include "server/api/thread_pool.h"
 #include "server/jobs/jobs.h"
 
@@ -12,8 +13,8 @@ namespace litags {
 class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackService {
  public:
   // All must outlive this; `pool` runs what touches the store.
-  ReconstructionServiceImpl(Jobs* jobs, EventHub* hub, ThreadPool* pool)
-      : jobs_(jobs), hub_(hub), pool_(pool) {}
+  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool)
+      : gate_(gate), hub_(hub), pool_(pool) {}
 
   using Context = grpc::CallbackServerContext;
 
@@ -41,10 +42,11 @@ class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackServ
  private:
   // A call that names a job and answers with it: `change` is a method of Jobs.
   template <typename Request>
-  grpc::ServerUnaryReactor* JobCall(Context* context, const Request* request, v1::Job* response,
+  grpc::ServerUnaryReactor* JobCall(Context* context, CallName name, const Request* request,
+                                    v1::Job* response,
                                     absl::StatusOr<JobRecord> (Jobs::*change)(std::string_view));
 
-  Jobs* const jobs_;
+  Gate* const gate_;
   EventHub* const hub_;
   ThreadPool* const pool_;
 };

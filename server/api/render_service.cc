@@ -35,28 +35,30 @@ absl::Status Render(const Scene& scene, const RenderRequest& request,
 // is over.
 class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
  public:
-  PathReactor(grpc::CallbackServerContext* context, const v1::RenderPathRequest& request,
-              SceneCache* scenes, ThreadPool* pool, RenderLimits limits)
-      : context_(context), request_(request), scenes_(scenes), pool_(pool), limits_(limits) {
+  PathReactor(std::shared_ptr<Call> call, const v1::RenderPathRequest& request, SceneCache* scenes,
+              ThreadPool* pool, RenderLimits limits)
+      : call_(std::move(call)), request_(request), scenes_(scenes), pool_(pool), limits_(limits) {
     const absl::Status accepted = pool_->Try([this] { Begin(); });
-    if (!accepted.ok()) Finish(ToGrpc(accepted));
+    if (!accepted.ok()) Finish(call_->End(accepted));
   }
 
   void OnWriteDone(bool ok) override {
-    if (!ok) return Finish(ToGrpc(CallCancelled()));
+    if (!ok) return Finish(call_->End(CallCancelled()));
     pool_->Run([this] { SendNext(); });
   }
+
+  void OnCancel() override { cancel_.Cancel(); }
 
   void OnDone() override { delete this; }
 
  private:
   void Begin() {
-    if (const absl::Status status = Resolve(); !status.ok()) return Finish(ToGrpc(status));
+    if (const absl::Status status = Resolve(); !status.ok()) return Finish(call_->End(status));
     SendNext();
   }
 
   absl::Status Resolve() {
-    LITAGS_ASSIGN_OR_RETURN(scene_, scenes_->Get(request_.name()));
+    LITAGS_ASSIGN_OR_RETURN(scene_, scenes_->Get(call_->jobs(), request_.name()));
     LITAGS_ASSIGN_OR_RETURN(content_, ResolvePathContent(request_));
     std::string lens_camera;
     if (request_.has_keyframes() && request_.keyframes().poses_size() > 0) {
@@ -69,8 +71,8 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
   }
 
   void SendNext() {
-    if (context_->IsCancelled()) return Finish(ToGrpc(CallCancelled()));
-    if (next_ == cameras_.size()) return Finish(grpc::Status::OK);
+    if (cancel_.IsCancelled()) return Finish(call_->End(CallCancelled()));
+    if (next_ == cameras_.size()) return Finish(call_->End(absl::OkStatus()));
     message_.Clear();
     const int frame = static_cast<int>(next_), frames = static_cast<int>(cameras_.size());
     message_.set_frame(frame);
@@ -78,17 +80,19 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
     RenderRequest render = content_.Frame(frame, frames);
     render.camera = cameras_[next_++];
     render.threads = limits_.threads;
+    render.cancel = cancel_;
     const absl::Status status =
         Render(*scene_, render, request_.settings(), message_.mutable_view());
-    if (!status.ok()) return Finish(ToGrpc(status));
+    if (!status.ok()) return Finish(call_->End(status));
     StartWrite(&message_);
   }
 
-  grpc::CallbackServerContext* const context_;
+  const std::shared_ptr<Call> call_;
   const v1::RenderPathRequest request_;
   SceneCache* const scenes_;
   ThreadPool* const pool_;
   const RenderLimits limits_;
+  CancelToken cancel_;
   std::shared_ptr<const Scene> scene_;
   PathContent content_;
   std::vector<Camera> cameras_;
@@ -101,28 +105,35 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
 grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerContext* context,
                                                         const v1::RenderViewRequest* request,
                                                         v1::RenderedView* response) {
-  return RunUnary(context, pool_, [=, this]() -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(request->name()));
+  const CallName name{"RenderView", CallKind::kPicture};
+  const auto work = [=, this](Call& call, const CancelToken& cancel) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call.jobs(), request->name()));
     LITAGS_ASSIGN_OR_RETURN(RenderRequest render, ResolveContent(request->settings()));
     LITAGS_ASSIGN_OR_RETURN(
         const Camera lens,
         ResolveLens(request->settings(), request->pose().camera(), *scene, limits_.max_pixels));
     LITAGS_ASSIGN_OR_RETURN(render.camera, ResolvePose(request->pose(), lens, *scene, "pose"));
     render.threads = limits_.threads;
+    render.cancel = cancel;
     return Render(*scene, render, request->settings(), response);
-  });
+  };
+  return RunUnary(gate_, context, name, pool_, work);
 }
 
 grpc::ServerWriteReactor<v1::RenderPathResponse>* RenderServiceImpl::RenderPath(
     grpc::CallbackServerContext* context, const v1::RenderPathRequest* request) {
-  return new PathReactor(context, *request, scenes_, pool_, limits_);
+  return RunStream<grpc::ServerWriteReactor<v1::RenderPathResponse>>(
+      gate_, context, {"RenderPath", CallKind::kPictureStream}, [&](std::shared_ptr<Call> call) {
+        return new PathReactor(std::move(call), *request, scenes_, pool_, limits_);
+      });
 }
 
 grpc::ServerUnaryReactor* RenderServiceImpl::ListCameras(grpc::CallbackServerContext* context,
                                                          const v1::ListCamerasRequest* request,
                                                          v1::ListCamerasResponse* response) {
-  return RunUnary(context, pool_, [=, this]() -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(request->name()));
+  const CallName name{"ListCameras", CallKind::kPicture};
+  const auto work = [=, this](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call.jobs(), request->name()));
     for (const View& view : scene->views()) {
       v1::NamedCamera* camera = response->add_cameras();
       camera->set_name(view.name);
@@ -134,7 +145,8 @@ grpc::ServerUnaryReactor* RenderServiceImpl::ListCameras(grpc::CallbackServerCon
     response->set_iteration(scene->iteration());
     response->set_gaussians(scene->num_gaussians());
     return absl::OkStatus();
-  });
+  };
+  return RunUnary(gate_, context, name, pool_, work);
 }
 
 }  // namespace litags

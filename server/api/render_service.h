@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "litags/v1/render_service.grpc.pb.h"
+#include "server/api/gate.h"
 #include "server/api/scene_cache.h"
 #include "server/api/thread_pool.h"
 
@@ -11,7 +12,7 @@ namespace litags {
 
 struct RenderLimits {
   int64_t max_pixels = int64_t{16} << 20;  // per picture
-  int threads = 0;                         // per picture; 0: all cores
+  int threads = 1;                         // per picture
 };
 
 // Handlers of litags.v1.RenderService. All work runs on the render pool, so that pictures cannot
@@ -19,8 +20,8 @@ struct RenderLimits {
 class RenderServiceImpl : public v1::RenderService::CallbackService {
  public:
   // All must outlive this.
-  RenderServiceImpl(SceneCache* scenes, ThreadPool* pool, RenderLimits limits = {})
-      : scenes_(scenes), pool_(pool), limits_(limits) {}
+  RenderServiceImpl(Gate* gate, SceneCache* scenes, ThreadPool* pool, RenderLimits limits = {})
+      : gate_(gate), scenes_(scenes), pool_(pool), limits_(limits) {}
 
   grpc::ServerUnaryReactor* RenderView(grpc::CallbackServerContext* context,
                                        const v1::RenderViewRequest* request,
@@ -32,6 +33,7 @@ class RenderServiceImpl : public v1::RenderService::CallbackService {
                                         v1::ListCamerasResponse* response) override;
 
  private:
+  Gate* const gate_;
   SceneCache* const scenes_;
   ThreadPool* const pool_;
   const RenderLimits limits_;

@@ -25,15 +25,15 @@ absl::StatusOr<int64_t> StampOf(const std::string& path) {
 
 }  // namespace
 
-absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(const std::string& name) {
+absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(Jobs* jobs, const std::string& name) {
   LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(name));
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs_->Get(id));
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs->Get(id));
   if (job.scene_path.empty()) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "SCENE_NOT_READY", "name",
                      absl::StrCat("the job is ", std::string(JobStateName(job.state)),
                                   " and has no snapshot yet; WatchJob tells when there is one"));
   }
-  const std::string path = std::filesystem::path(jobs_->data().root) / job.scene_path;
+  const std::string path = std::filesystem::path(jobs->data().root) / job.scene_path;
   LITAGS_ASSIGN_OR_RETURN(int64_t stamp, StampOf(path));
   if (auto scene = Find(path, stamp)) return scene;
 

@@ -17,13 +17,13 @@ namespace litags {
 // Thread-safe.
 class SceneCache {
  public:
-  // Both must outlive this.
-  SceneCache(Jobs* jobs, Engine* engine, size_t capacity = 4)
-      : jobs_(jobs), engine_(engine), capacity_(capacity) {}
+  // `engine` must outlive this.
+  explicit SceneCache(Engine* engine, size_t capacity = 4) : engine_(engine), capacity_(capacity) {}
 
-  // The newest snapshot of the job called `name`. FAILED_PRECONDITION (SCENE_NOT_READY) if there is
-  // none yet; else the errors of ParseJobName(), Jobs::Get() and Engine::LoadScene().
-  absl::StatusOr<std::shared_ptr<const Scene>> Get(const std::string& name);
+  // The newest snapshot of the job called `name`, if it is one of `jobs`. FAILED_PRECONDITION
+  // (SCENE_NOT_READY) if there is none yet; else the errors of ParseJobName(), Jobs::Get() and
+  // Engine::LoadScene().
+  absl::StatusOr<std::shared_ptr<const Scene>> Get(Jobs* jobs, const std::string& name);
 
  private:
   struct Entry {
@@ -34,7 +34,6 @@ class SceneCache {
 
   std::shared_ptr<const Scene> Find(const std::string& path, int64_t stamp);
 
-  Jobs* const jobs_;
   Engine* const engine_;
   const size_t capacity_;
   std::mutex load_mutex_;  // one scene is loaded at a time, and only once

@@ -3,12 +3,14 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/health_check_service_interface.h>
+#include <spdlog/spdlog.h>
 
 #include <chrono>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/event_hub.h"
+#include "server/api/gate.h"
 #include "server/api/model_service.h"
 #include "server/api/reconstruction_service.h"
 #include "server/api/scene_cache.h"
@@ -18,46 +20,62 @@
 namespace litags {
 namespace {
 
-// Chunks have 1 MiB at most, and little else in their message.
-constexpr int kMaxReceiveBytes = 2 << 20;
-// A picture of 16 megapixels as three raw floats.
-constexpr int kMaxSendBytes = 256 << 20;
-constexpr int kKeepaliveMs = 30'000;
-constexpr int kMinPingIntervalMs = 10'000;
 constexpr std::chrono::seconds kShutdownGrace{1};
+
+int Ms(double seconds) { return static_cast<int>(1000 * seconds); }
+
+void SetLimits(const ConnectionLimits& limits, grpc::ServerBuilder* builder) {
+  builder->SetMaxReceiveMessageSize(limits.max_receive_bytes);
+  builder->SetMaxSendMessageSize(limits.max_send_bytes);
+  builder->AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, limits.max_header_bytes);
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, limits.max_calls);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, Ms(limits.keepalive_seconds));
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, Ms(limits.keepalive_timeout_seconds));
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
+                              Ms(limits.min_ping_seconds));
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 2);
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, Ms(limits.max_idle_seconds));
+  // A second server on the port is an error, not a silent share of its calls.
+  builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+}
+
+std::shared_ptr<grpc::ServerCredentials> CredentialsOf(const TlsMaterial& tls) {
+  grpc::SslServerCredentialsOptions options(
+      tls.client_ca.empty() ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
+                            : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+  options.pem_root_certs = tls.client_ca;
+  options.pem_key_cert_pairs.push_back({tls.key, tls.cert});
+  return grpc::SslServerCredentials(options);
+}
 
 class GrpcServer : public Server {
  public:
-  GrpcServer(const ServerOptions& options, Jobs* jobs, Engine* engine)
-      : store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
-        render_pool_(options.render_threads, options.max_waiting_pictures, RenderQueueFull()),
+  GrpcServer(const ServerOptions& options, std::unique_ptr<Authenticator> authenticator, Jobs* jobs,
+             Engine* engine)
+      : authenticator_(std::move(authenticator)),
+        gate_(jobs, authenticator_.get(), options.limits, options.connections.max_wait_seconds),
+        store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
+        render_pool_(options.render_threads, options.max_waiting_pictures,
+                     RenderQueueFull(options.max_waiting_pictures)),
         hub_(jobs),
-        scenes_(jobs, engine),
-        reconstruction_(jobs, &hub_, &store_pool_),
-        render_(&scenes_, &render_pool_, options.render),
-        model_(&scenes_, &render_pool_, jobs->data().tmp()) {}
+        scenes_(engine),
+        reconstruction_(&gate_, &hub_, &store_pool_),
+        render_(&gate_, &scenes_, &render_pool_, options.render),
+        model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp()) {}
 
   ~GrpcServer() override { Shutdown(); }
 
-  absl::Status Start(const std::string& listen) {
+  absl::Status Start(const std::string& listen, const ConnectionLimits& limits,
+                     const std::shared_ptr<grpc::ServerCredentials>& credentials) {
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
     grpc::ServerBuilder builder;
     builder.RegisterService(&reconstruction_);
     builder.RegisterService(&render_);
     builder.RegisterService(&model_);
-    builder.SetMaxReceiveMessageSize(kMaxReceiveBytes);
-    builder.SetMaxSendMessageSize(kMaxSendBytes);
-    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
-    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveMs);
-    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-    builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
-                               kMinPingIntervalMs);
-    // A second server on the port is an error, not a silent share of its calls.
-    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-    if (!listen.empty()) {
-      builder.AddListeningPort(listen, grpc::InsecureServerCredentials(), &port_);
-    }
+    SetLimits(limits, &builder);
+    if (!listen.empty()) builder.AddListeningPort(listen, credentials, &port_);
     server_ = builder.BuildAndStart();
     if (!server_ || (!listen.empty() && port_ == 0)) {
       return MakeError(absl::StatusCode::kUnavailable, "CANNOT_LISTEN", "listen",
@@ -90,7 +108,10 @@ class GrpcServer : public Server {
   }
 
  private:
-  // Order matters: the pools go last, since tasks on them end calls to the services.
+  // Order matters: the pools go after the services, since tasks on them end calls, and the gate
+  // last, which every call leaves through.
+  const std::unique_ptr<Authenticator> authenticator_;
+  Gate gate_;
   ThreadPool store_pool_, render_pool_;
   EventHub hub_;
   SceneCache scenes_;
@@ -103,10 +124,39 @@ class GrpcServer : public Server {
 
 }  // namespace
 
+absl::Status CheckListening(const ServerOptions& options) {
+  if (options.insecure || options.listen.empty() || IsLoopback(options.listen)) {
+    return absl::OkStatus();
+  }
+  if (!options.tls.enabled()) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "PLAINTEXT_NOT_ASKED_FOR", "--listen",
+                     absl::StrCat(options.listen,
+                                  " can be reached from other machines, and photos would travel "
+                                  "unencrypted; give --tls-cert and --tls-key, or --insecure"));
+  }
+  if (!options.auth.enabled() && options.tls.client_ca.empty()) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "NOBODY_IS_ASKED", "--listen",
+                     absl::StrCat(options.listen,
+                                  " can be reached from other machines, and everybody could use "
+                                  "the server; give --tokens or --tls-client-ca, or --insecure"));
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::unique_ptr<Server>> StartServer(const ServerOptions& options, Jobs* jobs,
                                                     Engine* engine) {
-  auto server = std::make_unique<GrpcServer>(options, jobs, engine);
-  LITAGS_RETURN_IF_ERROR(server->Start(options.listen));
+  LITAGS_RETURN_IF_ERROR(CheckListening(options));
+  std::shared_ptr<grpc::ServerCredentials> credentials = grpc::InsecureServerCredentials();
+  if (options.tls.enabled()) {
+    LITAGS_ASSIGN_OR_RETURN(const TlsMaterial tls, LoadTls(options.tls));
+    credentials = CredentialsOf(tls);
+    spdlog::info("TLS with a certificate in force until {}", tls.expires);
+  }
+  AuthOptions auth = options.auth;
+  auth.client_certificates = !options.tls.client_ca.empty();
+  LITAGS_ASSIGN_OR_RETURN(auto authenticator, Authenticator::Make(std::move(auth)));
+  auto server = std::make_unique<GrpcServer>(options, std::move(authenticator), jobs, engine);
+  LITAGS_RETURN_IF_ERROR(server->Start(options.listen, options.connections, credentials));
   return std::unique_ptr<Server>(std::move(server));
 }
 

@@ -8,14 +8,35 @@
 
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
+#include "server/api/gate.h"
 #include "server/api/render_service.h"
+#include "server/auth/authenticator.h"
+#include "server/auth/tls.h"
 #include "server/jobs/jobs.h"
 
 namespace litags {
 
+// What one connection may cost. Times in seconds.
+struct ConnectionLimits {
+  int max_receive_bytes = 2 << 20;  // a message: chunks have 1 MiB at most, and little else
+  int max_send_bytes = 256 << 20;   // a picture of 16 megapixels as three raw floats
+  int max_header_bytes = 16 << 10;  // all headers of a call
+  int max_calls = 1000;             // at the same time on one connection
+  double keepalive_seconds = 30;    // a silent peer is asked this often whether it is there
+  double keepalive_timeout_seconds = 20;
+  double min_ping_seconds = 10;    // a peer that asks us more often is cut off
+  double max_idle_seconds = 1800;  // a connection without calls is closed
+  double max_wait_seconds = 60;    // a call with one answer; longer deadlines are cut to this
+};
+
 struct ServerOptions {
   std::string listen =
-      "127.0.0.1:50051";   // host:port; port 0: any free one; empty: in process only
+      "127.0.0.1:50051";  // host:port; port 0: any free one; empty: in process only
+  bool insecure = false;  // listen for others without TLS, or without knowing who calls
+  TlsOptions tls;         // none: plaintext
+  AuthOptions auth;       // client_certificates follows from tls
+  ClientLimits limits;
+  ConnectionLimits connections;
   int store_threads = 4;   // for calls about jobs
   int render_threads = 2;  // pictures made at the same time
   size_t max_waiting_calls = 1024;
@@ -36,7 +57,12 @@ class Server {
   virtual void Shutdown() = 0;
 };
 
-// Both must outlive the server. UNAVAILABLE (CANNOT_LISTEN).
+// OK if those who can reach the address are meant to: anything but this machine needs TLS and
+// authentication, or `insecure`. FAILED_PRECONDITION (PLAINTEXT_NOT_ASKED_FOR, NOBODY_IS_ASKED).
+absl::Status CheckListening(const ServerOptions& options);
+
+// Both must outlive the server. UNAVAILABLE (CANNOT_LISTEN); errors of CheckListening(), LoadTls()
+// and Authenticator::Make().
 absl::StatusOr<std::unique_ptr<Server>> StartServer(const ServerOptions& options, Jobs* jobs,
                                                     Engine* engine);
 

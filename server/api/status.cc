@@ -64,9 +64,11 @@ absl::Status ShuttingDown() {
                    "the server shuts down; try again in a moment");
 }
 
-absl::Status RenderQueueFull() {
+absl::Status RenderQueueFull(size_t max_waiting) {
   return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
-                   "too many pictures wait to be rendered; try again in a second");
+                   absl::StrCat(max_waiting,
+                                " pictures wait to be rendered, and no more may; try again in a "
+                                "second"));
 }
 
 absl::Status ServerBusy() {

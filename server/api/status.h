@@ -21,7 +21,7 @@ absl::StatusOr<std::string> ParseJobName(const std::string& name);
 absl::Status CallCancelled();
 absl::Status ShuttingDown();
 // What a call gets for which there is no room.
-absl::Status RenderQueueFull();
+absl::Status RenderQueueFull(size_t max_waiting);
 absl::Status ServerBusy();
 
 }  // namespace litags

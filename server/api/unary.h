@@ -4,25 +4,64 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
+#include <memory>
 #include <utility>
 
 #include "absl/status/status.h"
+#include "engine/core/cancel.h"
+#include "server/api/gate.h"
 #include "server/api/status.h"
 #include "server/api/thread_pool.h"
 
 namespace litags {
 
-// Answers a unary call with what `work` returns, run on the pool; the call's request and response
-// live until then. The pool's own error if it is busy.
+// One unary call. Deletes itself when the call is over.
+class UnaryReactor : public grpc::ServerUnaryReactor {
+ public:
+  void OnCancel() override { cancel_.Cancel(); }
+  void OnDone() override { delete this; }
+  // Raised when the client gave up, hung up, or its deadline passed.
+  const CancelToken& cancel() const { return cancel_; }
+
+ private:
+  CancelToken cancel_;
+};
+
+// Answers a unary call with what `work(call, cancel)` returns, run on the pool; the call's request
+// and response live until then. The gate's error, or the pool's own if it is busy.
 template <typename Work>
-grpc::ServerUnaryReactor* RunUnary(grpc::CallbackServerContext* context, ThreadPool* pool,
-                                   Work work) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  const absl::Status accepted = pool->Try([context, reactor, work = std::move(work)] {
-    reactor->Finish(ToGrpc(context->IsCancelled() ? CallCancelled() : work()));
+grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* context, CallName name,
+                                   ThreadPool* pool, Work work) {
+  auto* reactor = new UnaryReactor;
+  auto call = gate->Enter(context, name);
+  if (!call.ok()) {
+    reactor->Finish(Refuse(name, call.status()));
+    return reactor;
+  }
+  const absl::Status accepted = pool->Try([reactor, call = *call, work = std::move(work)] {
+    // A call that nobody waits for any more costs nothing.
+    absl::Status status = reactor->cancel().IsCancelled() ? CallCancelled() : call->CheckWait();
+    if (status.ok()) status = work(*call, reactor->cancel());
+    reactor->Finish(call->End(status));
   });
-  if (!accepted.ok()) reactor->Finish(ToGrpc(accepted));
+  if (!accepted.ok()) reactor->Finish((*call)->End(accepted));
   return reactor;
+}
+
+// The end of a stream that was not let in. Deletes itself when the call is over.
+template <typename Reactor>
+class RefusedStream : public Reactor {
+ public:
+  explicit RefusedStream(const grpc::Status& status) { this->Finish(status); }
+  void OnDone() override { delete this; }
+};
+
+// Makes the reactor of a stream, `make(call)`, or one that refuses it.
+template <typename Reactor, typename Make>
+Reactor* RunStream(Gate* gate, grpc::CallbackServerContext* context, CallName name, Make make) {
+  auto call = gate->Enter(context, name);
+  if (!call.ok()) return new RefusedStream<Reactor>(Refuse(name, call.status()));
+  return make(*std::move(call));
 }
 
 }  // namespace litags

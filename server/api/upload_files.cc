@@ -120,10 +120,10 @@ absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
                                      "; it counts bytes from the start of the file"));
   }
   if (header.offset() > header.size_bytes()) {
-    return InvalidInput("FILE_SIZE_MISMATCH", file.field,
-                        absl::StrCat(file.field, ": offset ", header.offset(),
-                                     " lies beyond the end of the file of ", header.size_bytes(),
-                                     " bytes"));
+    return InvalidInput(
+        "FILE_SIZE_MISMATCH", file.field,
+        absl::StrCat(file.field, ": offset ", header.offset(),
+                     " lies beyond the end of the file of ", header.size_bytes(), " bytes"));
   }
   return file;
 }

@@ -17,9 +17,13 @@ absl::Status Stalled(double seconds) {
 
 }  // namespace
 
-UploadReactor::UploadReactor(grpc::CallbackServerContext* context,
-                             v1::UploadImagesResponse* response, Jobs* jobs, ThreadPool* pool)
-    : context_(context), response_(response), jobs_(jobs), pool_(pool), session_(jobs) {
+UploadReactor::UploadReactor(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
+                             v1::UploadImagesResponse* response, ThreadPool* pool)
+    : call_(std::move(call)),
+      context_(context),
+      response_(response),
+      pool_(pool),
+      session_(call_->jobs()) {
   Read();
 }
 
@@ -28,7 +32,7 @@ void UploadReactor::Read() {
     std::lock_guard lock(awaited_->mutex);
     awaited_->read = ++reads_;
   }
-  const double seconds = jobs_->uploads().limits().max_silence_seconds;
+  const double seconds = call_->jobs()->uploads().limits().max_silence_seconds;
   const auto deadline = std::chrono::system_clock::now() +
                         std::chrono::milliseconds(static_cast<int64_t>(1000 * seconds));
   alarm_ = std::make_unique<grpc::Alarm>();
@@ -39,7 +43,7 @@ void UploadReactor::Read() {
       if (awaited->read != read) return;
       awaited->read = Awaited::kStalled;
     }
-    Finish(ToGrpc(Stalled(seconds)));  // only whoever ends the wait for a read may go on
+    Finish(call_->End(Stalled(seconds)));  // only whoever ends the wait for a read may go on
   });
   StartRead(&request_);
 }
@@ -55,10 +59,10 @@ void UploadReactor::OnReadDone(bool ok) {
 
 void UploadReactor::Step(bool ok) {
   alarm_.reset();
-  if (context_->IsCancelled()) return Finish(ToGrpc(CallCancelled()));
+  if (context_->IsCancelled()) return Finish(call_->End(CallCancelled()));
   const absl::Status status = ok ? session_.Handle(request_) : session_.End(response_);
   if (ok && status.ok()) return Read();
-  Finish(ToGrpc(status));
+  Finish(call_->End(status));
 }
 
 }  // namespace litags

@@ -9,9 +9,9 @@
 #include <mutex>
 
 #include "litags/v1/reconstruction_service.grpc.pb.h"
+#include "server/api/gate.h"
 #include "server/api/thread_pool.h"
 #include "server/api/upload_session.h"
-#include "server/jobs/jobs.h"
 
 namespace litags {
 
@@ -19,8 +19,8 @@ namespace litags {
 // nothing for too long is sent away. Deletes itself when the call is over.
 class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
  public:
-  UploadReactor(grpc::CallbackServerContext* context, v1::UploadImagesResponse* response,
-                Jobs* jobs, ThreadPool* pool);
+  UploadReactor(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
+                v1::UploadImagesResponse* response, ThreadPool* pool);
 
   void OnReadDone(bool ok) override;
   void OnDone() override { delete this; }
@@ -36,9 +36,9 @@ class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
   void Read();
   void Step(bool ok);
 
+  const std::shared_ptr<Call> call_;
   grpc::CallbackServerContext* const context_;
   v1::UploadImagesResponse* const response_;
-  Jobs* const jobs_;
   ThreadPool* const pool_;
   UploadSession session_;
   v1::UploadImagesRequest request_;

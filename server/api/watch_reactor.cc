@@ -13,9 +13,14 @@ constexpr int kEventsPerRead = 16;
 
 }  // namespace
 
-WatchReactor::WatchReactor(grpc::CallbackServerContext* context, const v1::WatchJobRequest& request,
-                           Jobs* jobs, EventHub* hub, ThreadPool* pool)
-    : context_(context), request_(request), jobs_(jobs), hub_(hub), pool_(pool) {
+WatchReactor::WatchReactor(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
+                           const v1::WatchJobRequest& request, EventHub* hub, ThreadPool* pool)
+    : call_(std::move(call)),
+      context_(context),
+      request_(request),
+      jobs_(call_->jobs()),
+      hub_(hub),
+      pool_(pool) {
   subscription_ = hub_->Subscribe([this] { Wake(); });
   pool_->Run([this] { Step(); });
 }
@@ -48,7 +53,7 @@ void WatchReactor::End(const absl::Status& status) {
     std::lock_guard lock(mutex_);
     ended_ = true;
   }
-  Finish(ToGrpc(status));
+  Finish(call_->End(status));
 }
 
 void WatchReactor::Step() {

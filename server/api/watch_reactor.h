@@ -10,6 +10,7 @@
 
 #include "litags/v1/reconstruction_service.grpc.pb.h"
 #include "server/api/event_hub.h"
+#include "server/api/gate.h"
 #include "server/api/thread_pool.h"
 #include "server/jobs/jobs.h"
 
@@ -20,8 +21,8 @@ namespace litags {
 // from the number sent last. Deletes itself when the call is over.
 class WatchReactor : public grpc::ServerWriteReactor<v1::JobEvent> {
  public:
-  WatchReactor(grpc::CallbackServerContext* context, const v1::WatchJobRequest& request, Jobs* jobs,
-               EventHub* hub, ThreadPool* pool);
+  WatchReactor(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
+               const v1::WatchJobRequest& request, EventHub* hub, ThreadPool* pool);
 
   void OnWriteDone(bool ok) override;
   void OnCancel() override;
@@ -35,6 +36,7 @@ class WatchReactor : public grpc::ServerWriteReactor<v1::JobEvent> {
   absl::Status ReadMore(bool* over);
   absl::StatusOr<v1::JobEvent> Fill(const EventRecord& event);
 
+  const std::shared_ptr<Call> call_;
   grpc::CallbackServerContext* const context_;
   const v1::WatchJobRequest request_;
   Jobs* const jobs_;

@@ -40,9 +40,15 @@ struct Trained {
   }
 };
 
+bool IsHeavy(const std::vector<std::string>& names) {
+  return std::any_of(names.begin(), names.end(),
+                     [](const std::string& name) { return fs::path(name).stem() == "heavy"; });
+}
+
 class FakeScene : public Scene {
  public:
-  FakeScene(const Trained& trained, const std::vector<std::string>& names) : trained_(trained) {
+  FakeScene(const Trained& trained, const std::vector<std::string>& names)
+      : trained_(trained), heavy_(IsHeavy(names)) {
     for (size_t i = 0; i < names.size(); ++i) {
       View& view = views_.emplace_back();
       view.name = names[i];
@@ -67,6 +73,10 @@ class FakeScene : public Scene {
 
   absl::StatusOr<Planes> Render(const RenderRequest& request) const override {
     LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
+    for (int i = 0; heavy_ && i < 4000; ++i) {
+      LITAGS_RETURN_IF_ERROR(request.cancel.Check());
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
     const bool colour =
         request.channel == Channel::kColor || request.channel == Channel::kOriginal ||
         request.channel == Channel::kLight || request.channel == Channel::kIllumination ||
@@ -106,6 +116,7 @@ class FakeScene : public Scene {
   }
 
   const Trained trained_;
+  const bool heavy_;
   std::vector<View> views_;
 };
 

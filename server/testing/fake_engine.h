@@ -21,6 +21,7 @@ namespace litags {
 //   stuck       stops making progress half way and does not obey it
 //   slow        20 ms per iteration
 //   hungry      takes 300 MB half way, then as hang
+//   heavy       a picture of the scene takes 20 s, unless it is cancelled
 std::unique_ptr<Engine> MakeFakeEngine(std::string colmap = "");
 
 }  // namespace litags

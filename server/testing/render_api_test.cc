@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <thread>
 
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"
@@ -402,6 +403,86 @@ TEST_F(RenderApi, SnapshotOfARunningJobRendersAndANewerOneReplacesIt) {
   v1::Job job;
   ASSERT_TRUE(client_.Get(running, &job).ok());
   EXPECT_EQ(job.state(), v1::JOB_STATE_RUNNING);
+}
+
+// A server with one thread for pictures, and room for two that wait.
+class BusyRenderApi : public ApiTest {
+ protected:
+  BusyRenderApi() {
+    ServerOptions options = Options();
+    options.render_threads = 1;
+    options.max_waiting_pictures = 2;
+    server_ = *StartServer(options, &jobs_, engine_.get());
+    client_ = TestClient(server_->InProcessChannel());
+    StartWorker();
+    heavy_.set_name(client_.StartedJob({"heavy", "b"}, 10));
+    light_.set_name(client_.StartedJob({"a", "b"}, 10));
+    for (auto* request : {&heavy_, &light_}) {
+      client_.WaitFor(request->name(), v1::JOB_STATE_SUCCEEDED);
+      request->mutable_pose()->set_camera("b.png");
+    }
+  }
+
+  v1::RenderViewRequest heavy_, light_;
+};
+
+TEST_F(BusyRenderApi, FullQueueRefusesPicturesAndNothingElseAndCancelledOnesFreeIt) {
+  constexpr int kPictures = 3;  // one is made, two wait
+  grpc::ClientContext contexts[kPictures];
+  std::vector<std::thread> callers;
+  std::vector<grpc::StatusCode> codes(kPictures, grpc::OK);
+  for (int i = 0; i < kPictures; ++i) {
+    callers.emplace_back([&, i] {
+      v1::RenderedView view;
+      codes[i] = client_.render->RenderView(&contexts[i], heavy_, &view).error_code();
+    });
+  }
+  // A picture that gave up while it waited still holds its place.
+  grpc::Status refused;
+  for (int i = 0; i < 100 && DetailOf(refused).reason != "RENDER_QUEUE_FULL"; ++i) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(50));
+    v1::RenderedView view;
+    refused = client_.render->RenderView(&context, light_, &view);
+  }
+  EXPECT_EQ(DetailOf(refused).reason, "RENDER_QUEUE_FULL");
+  EXPECT_EQ(refused.error_code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_THAT(refused.error_message(), ::testing::HasSubstr("2 pictures wait"));
+  v1::Job job;
+  EXPECT_TRUE(client_.Get(light_.name(), &job).ok());
+
+  const auto start = std::chrono::steady_clock::now();
+  for (grpc::ClientContext& context : contexts) context.TryCancel();
+  for (std::thread& caller : callers) caller.join();
+  v1::RenderedView view;
+  grpc::Status status;
+  do {
+    status = client_.Render(light_, &view);
+  } while (DetailOf(status).reason == "RENDER_QUEUE_FULL");
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  // A heavy picture takes 20 s unless it is stopped.
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
+  EXPECT_THAT(codes, ::testing::Contains(grpc::CANCELLED));
+}
+
+TEST_F(BusyRenderApi, PathThatNobodyReadsAnyMoreStops) {
+  v1::RenderPathRequest path;
+  path.set_name(heavy_.name());
+  path.mutable_orbit()->set_radius_scale(1);
+  path.set_frames(50);
+  {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
+    v1::RenderPathResponse frame;
+    auto reader = client_.render->RenderPath(&context, path);
+    EXPECT_FALSE(reader->Read(&frame));
+    EXPECT_EQ(reader->Finish().error_code(), grpc::DEADLINE_EXCEEDED);
+  }
+  const auto start = std::chrono::steady_clock::now();
+  v1::RenderedView view;
+  const grpc::Status status = client_.Render(light_, &view);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
 }
 
 }  // namespace

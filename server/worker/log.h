@@ -5,9 +5,15 @@
 
 namespace litags {
 
-// Logs go to stderr, one line per event: time, level, program, text with key=value pairs
-// ("job=ID"). Returns false, having said so, for an unknown level.
-bool SetUpLog(const std::string& level, const std::string& program);
+// Logs go to stderr, one line per event. A message begins with the things it is about, as
+// "key=value" words without spaces ("job=ID client=NAME"); text for humans follows.
+//
+//   text  time, level, program, message
+//   json  an object with "time", "level", "program", "message", and a member for each such word
+//
+// Control characters of a message never reach the terminal or break a line. Returns false, having
+// said so, for an unknown level; `format` is "text" or "json".
+bool SetUpLog(const std::string& level, const std::string& format, const std::string& program);
 
 }  // namespace litags
 

@@ -56,6 +56,7 @@ void Supervisor::KeepRunning(int index) {
     child.args = options_.command;
     child.args.insert(child.args.end(), {"--name", name});
     child.grace_seconds = options_.grace_seconds;
+    child.niceness = options_.niceness;
     child.on_line = PassOn;
     const auto start = SteadyClock::now();
     const auto result = RunSubprocess(child, stop_);

@@ -13,6 +13,7 @@ namespace litags {
 struct SupervisorOptions {
   std::vector<std::string> command;  // program and arguments; "--name NAME" is added
   int workers = 1;
+  int niceness = 0;                  // added to ours, 0..19
   double min_backoff_seconds = 0.2;  // before the first restart; doubles while workers die young
   double max_backoff_seconds = 10;
   double young_seconds = 30;  // a worker that lived longer is restarted at once

@@ -47,7 +47,7 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
 
 int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
-  std::string data, colmap = "colmap", depth_model, log_level = "info";
+  std::string data, colmap = "colmap", depth_model, log_level = "info", log_format = "text";
   WorkerOptions options;
   HardeningOptions hardening;
   options.name = absl::StrCat("worker-", getpid(), "-", RandomHex(4));
@@ -67,8 +67,11 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   app.add_flag("--allow-network", hardening.allow_network,
                "Stay in the machine's network, which a worker does not need");
   app.add_option("--log-level", log_level, "debug, info, warn or error")->capture_default_str();
+  app.add_option("--log-format", log_format, "text or json")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  if (!SetUpLog(log_level, options.name)) return 2;
+  if (!SetUpLog(log_level, log_format, options.name)) return 2;
   if (const absl::Status status = hardening.Validate(); !status.ok()) {
     spdlog::error("{}", status.ToString());
     return 2;

@@ -1,0 +1,153 @@
+#include "client/connection.h"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "client/status.h"
+#include "grpcpp/create_channel.h"
+#include "grpcpp/security/credentials.h"
+#include "grpcpp/support/client_interceptor.h"
+
+namespace litags::client {
+namespace {
+
+namespace experimental = grpc::experimental;
+
+// Most of a message on the wire: raw floats of a 16-megapixel picture are 192 MiB.
+constexpr int kMaxMessageBytes = 256 << 20;
+constexpr int kConnectMs = 5000;
+constexpr int kReconnectMinMs = 200;
+constexpr int kReconnectMaxMs = 2000;
+// How often a silent peer is asked whether it is still there while a call is open.
+constexpr int kKeepaliveMs = 30000;
+constexpr int kKeepaliveTimeoutMs = 10000;
+constexpr size_t kMaxFileBytes = 1 << 20;
+
+bool IsLoopback(const std::string& server) {
+  const std::string host = server.substr(0, server.rfind(':'));
+  return host == "localhost" || host == "[::1]" ||
+         (host.starts_with("127.") && host.find_first_not_of("0123456789.") == std::string::npos);
+}
+
+// Adds the token to every call of a channel. Channel credentials could do it only over TLS, and
+// tokens are of use on one machine too.
+class TokenInterceptor : public experimental::Interceptor {
+ public:
+  explicit TokenInterceptor(std::string authorization) : authorization_(std::move(authorization)) {}
+  void Intercept(experimental::InterceptorBatchMethods* methods) override {
+    using experimental::InterceptionHookPoints;
+    if (methods->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_INITIAL_METADATA)) {
+      methods->GetSendInitialMetadata()->insert({"authorization", authorization_});
+    }
+    methods->Proceed();
+  }
+
+ private:
+  const std::string authorization_;
+};
+
+class TokenInterceptorFactory : public experimental::ClientInterceptorFactoryInterface {
+ public:
+  explicit TokenInterceptorFactory(const std::string& token)
+      : authorization_(absl::StrCat("Bearer ", token)) {}
+  experimental::Interceptor* CreateClientInterceptor(experimental::ClientRpcInfo*) override {
+    return new TokenInterceptor(authorization_);
+  }
+
+ private:
+  const std::string authorization_;
+};
+
+absl::StatusOr<std::string> ReadSmallFile(const std::string& path, std::string_view reason,
+                                          std::string_view flag) {
+  if (path.empty()) return std::string();
+  std::ifstream file(path, std::ios::binary);
+  std::string text(kMaxFileBytes, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<size_t>(file.gcount()));
+  if (text.empty()) {
+    return BadInput(reason, flag,
+                    absl::StrCat("cannot read ", path,
+                                 ", or it is empty; check the path and who "
+                                 "may read it"));
+  }
+  return text;
+}
+
+absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> TlsCredentials(
+    const ConnectionOptions& options) {
+  if (options.tls_cert.empty() != options.tls_key.empty()) {
+    return BadInput("TLS_INCOMPLETE", options.tls_cert.empty() ? "--tls-cert" : "--tls-key",
+                    "--tls-cert and --tls-key belong together; give both");
+  }
+  grpc::SslCredentialsOptions ssl;
+  for (const auto& [path, text, flag] :
+       {std::tuple{&options.tls_ca, &ssl.pem_root_certs, "--tls-ca"},
+        std::tuple{&options.tls_cert, &ssl.pem_cert_chain, "--tls-cert"},
+        std::tuple{&options.tls_key, &ssl.pem_private_key, "--tls-key"}}) {
+    auto read = ReadSmallFile(*path, "TLS_FILE_UNREADABLE", flag);
+    if (!read.ok()) return read.status();
+    *text = *std::move(read);
+  }
+  return grpc::SslCredentials(ssl);
+}
+
+absl::StatusOr<std::string> TokenOf(const ConnectionOptions& options) {
+  std::string token = options.token;
+  if (!options.token_file.empty()) {
+    auto read = ReadSmallFile(options.token_file, "TOKEN_UNREADABLE", "--token-file");
+    if (!read.ok()) return read.status();
+    token = *std::move(read);
+  }
+  while (!token.empty() && (token.back() == '\n' || token.back() == '\r')) token.pop_back();
+  // Anything else cannot be sent as a header, and never was a token.
+  if (!std::all_of(token.begin(), token.end(), [](char c) { return c > ' ' && c < 0x7f; })) {
+    return BadInput("TOKEN_INVALID", options.token_file.empty() ? "LITAGS_TOKEN" : "--token-file",
+                    "a token is one line of letters, digits and punctuation; give the one that "
+                    "the operator made");
+  }
+  return token;
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& options) {
+  grpc::ChannelArguments args;
+  args.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  args.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kReconnectMinMs);
+  args.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kReconnectMaxMs);
+  args.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
+  args.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+  args.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  // A proxy for the internet is no way to this machine.
+  if (IsLoopback(options.server)) args.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  if (!options.tls_name.empty()) args.SetSslTargetNameOverride(options.tls_name);
+
+  std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
+  const bool tls = options.tls || !options.tls_ca.empty() || !options.tls_cert.empty() ||
+                   !options.tls_key.empty() || !options.tls_name.empty();
+  if (tls) {
+    auto made = TlsCredentials(options);
+    if (!made.ok()) return made.status();
+    credentials = *std::move(made);
+  }
+  const auto token = TokenOf(options);
+  if (!token.ok()) return token.status();
+  std::vector<std::unique_ptr<experimental::ClientInterceptorFactoryInterface>> interceptors;
+  if (!token->empty()) {
+    if (!tls && !IsLoopback(options.server)) {
+      return BadInput("TOKEN_EXPOSED", "--token-file",
+                      absl::StrCat("the token would travel to ", options.server,
+                                   " unencrypted; use --tls or --tls-ca FILE"));
+    }
+    interceptors.push_back(std::make_unique<TokenInterceptorFactory>(*token));
+  }
+  return experimental::CreateCustomChannelWithInterceptors(options.server, credentials, args,
+                                                           std::move(interceptors));
+}
+
+}  // namespace litags::client

@@ -1,0 +1,151 @@
+#include "server/api/gate.h"
+
+#include <grpcpp/security/auth_context.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cctype>
+#include <optional>
+#include <string_view>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/api/status.h"
+#include "server/store/digest.h"
+
+namespace litags {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr size_t kMaxRequestIdLength = 64;
+constexpr char kRequestIdHeader[] = "x-request-id";
+// Clients whose use is remembered before those that do nothing are dropped.
+constexpr size_t kMaxRemembered = 1000;
+
+std::optional<std::string_view> Header(const grpc::CallbackServerContext& context,
+                                       const char* name) {
+  const auto& headers = context.client_metadata();
+  const auto found = headers.find(name);
+  if (found == headers.end()) return std::nullopt;
+  return std::string_view(found->second.data(), found->second.size());
+}
+
+bool IsRequestId(std::string_view id) {
+  return !id.empty() && id.size() <= kMaxRequestIdLength &&
+         std::all_of(id.begin(), id.end(), [](unsigned char c) {
+           return std::isalnum(c) || c == '.' || c == '_' || c == '-';
+         });
+}
+
+bool IsStream(CallKind kind) {
+  return kind == CallKind::kStream || kind == CallKind::kPictureStream;
+}
+
+bool IsPicture(CallKind kind) {
+  return kind == CallKind::kPicture || kind == CallKind::kPictureStream;
+}
+
+double Seconds(SteadyClock::duration d) { return std::chrono::duration<double>(d).count(); }
+
+}  // namespace
+
+Call::Call(Gate* gate, CallName name, std::string request_id, Principal client)
+    : gate_(gate), name_(name), request_id_(std::move(request_id)), client_(std::move(client)) {}
+
+Call::~Call() {
+  if (holds_stream_) gate_->Leave(*this);
+}
+
+absl::Status Call::CheckWait() const {
+  if (Seconds(SteadyClock::now() - start_) <= gate_->max_wait_seconds_) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kDeadlineExceeded, "WAITED_TOO_LONG", "",
+                   absl::StrCat("the call waited more than ", gate_->max_wait_seconds_,
+                                " s for its turn; the server is busy: try again later"));
+}
+
+grpc::Status Call::End(const absl::Status& status) {
+  const double ms = 1000 * Seconds(SteadyClock::now() - start_);
+  const bool quiet = status.ok() && name_.kind != CallKind::kChange;
+  spdlog::log(quiet ? spdlog::level::debug : spdlog::level::info,
+              "call={} request={} client={} code={} ms={:.1f} {}", name_.method, request_id_,
+              client_.name.empty() ? "-" : client_.name, absl::StatusCodeToString(status.code()),
+              ms, std::string(status.message()));
+  return ToGrpc(status);
+}
+
+grpc::Status Refuse(CallName name, const absl::Status& status) {
+  spdlog::info("call={} code={} {}", name.method, absl::StatusCodeToString(status.code()),
+               std::string(status.message()));
+  return ToGrpc(status);
+}
+
+absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* context,
+                                                  CallName name) {
+  const auto wanted_id = Header(*context, kRequestIdHeader);
+  std::string request_id =
+      wanted_id && IsRequestId(*wanted_id) ? std::string(*wanted_id) : RandomHex(8);
+  context->AddInitialMetadata(kRequestIdHeader, request_id);
+  LITAGS_ASSIGN_OR_RETURN(Principal client, Identify(*context));
+  std::shared_ptr<Call> call(new Call(this, name, std::move(request_id), std::move(client)));
+  LITAGS_RETURN_IF_ERROR(Count(call.get()));
+  call->jobs_ =
+      jobs_->For({call->client_.name, call->client_.admin, limits_.max_jobs, limits_.max_bytes});
+  return call;
+}
+
+absl::StatusOr<Principal> Gate::Identify(const grpc::CallbackServerContext& context) const {
+  std::optional<std::string> certificate_name;
+  if (const auto peer = context.auth_context(); peer && peer->IsPeerAuthenticated()) {
+    const auto names = peer->FindPropertyValues("x509_common_name");
+    if (!names.empty()) certificate_name.emplace(names[0].data(), names[0].size());
+  }
+  return authenticator_->Identify(Header(context, "authorization"), certificate_name);
+}
+
+absl::Status Gate::Count(Call* call) {
+  const CallKind kind = call->name_.kind;
+  if (!IsStream(kind) && !IsPicture(kind)) return absl::OkStatus();
+  const auto now = SteadyClock::now();
+  std::lock_guard lock(mutex_);
+  if (uses_.size() > kMaxRemembered) {
+    std::erase_if(uses_, [&](const auto& entry) {
+      return entry.second.streams == 0 && Seconds(now - entry.second.counted) > 60;
+    });
+  }
+  const auto [entry, is_new] = uses_.try_emplace(call->client_.name);
+  Use& use = entry->second;
+  const double refill =
+      is_new ? limits_.picture_burst : Seconds(now - use.counted) * limits_.pictures_per_second;
+  use.pictures = std::min(limits_.picture_burst, use.pictures + refill);
+  use.counted = now;
+  if (IsPicture(kind)) LITAGS_RETURN_IF_ERROR(CountPicture(use));
+  if (!IsStream(kind)) return absl::OkStatus();
+  if (limits_.max_streams > 0 && use.streams >= limits_.max_streams) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "TOO_MANY_STREAMS", "",
+                     absl::StrCat("this client has ", use.streams,
+                                  " uploads, watches, paths and exports open, and may have ",
+                                  limits_.max_streams, "; wait for one to end"));
+  }
+  ++use.streams;
+  call->holds_stream_ = true;
+  return absl::OkStatus();
+}
+
+absl::Status Gate::CountPicture(Use& use) const {
+  if (limits_.pictures_per_second <= 0) return absl::OkStatus();
+  if (use.pictures >= 1) {
+    use.pictures -= 1;
+    return absl::OkStatus();
+  }
+  return MakeError(absl::StatusCode::kResourceExhausted, "PICTURE_RATE_EXCEEDED", "",
+                   absl::StrCat("this client asks for more than ", limits_.pictures_per_second,
+                                " pictures a second; wait a second, or ask for a path instead"));
+}
+
+void Gate::Leave(const Call& call) {
+  std::lock_guard lock(mutex_);
+  --uses_[call.client_.name].streams;
+}
+
+}  // namespace litags

@@ -1,0 +1,119 @@
+// The door that every call goes through: who calls, which jobs are theirs, how much at a time.
+#ifndef LITAGS_SERVER_API_GATE_H_
+#define LITAGS_SERVER_API_GATE_H_
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/status.h>
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "server/auth/authenticator.h"
+#include "server/jobs/jobs.h"
+
+namespace litags {
+
+// What one client may have; 0: no limit.
+struct ClientLimits {
+  int64_t max_jobs = 1000;                 // at one time, in any state
+  int64_t max_bytes = int64_t{200} << 30;  // uploaded files of all its jobs
+  int max_streams = 1000;                  // uploads, watches, paths and exports at one time
+  double pictures_per_second = 100;        // RenderView, RenderPath and ExportModel calls
+  double picture_burst = 200;              // that many at once after a pause
+};
+
+// What a call does, for the limits above.
+enum class CallKind {
+  kRead,           // answers from the job store
+  kChange,         // changes a job
+  kStream,         // an upload or a watch: counted while it is open
+  kPicture,        // one picture or list of cameras: counted per second
+  kPictureStream,  // both: a path or an export
+};
+
+struct CallName {
+  const char* method;  // "GetJob"
+  CallKind kind;
+};
+
+class Gate;
+
+// One call that was let in, until its end. Held by whatever works on it.
+class Call {
+ public:
+  ~Call();
+  Call(const Call&) = delete;
+  Call& operator=(const Call&) = delete;
+
+  // The jobs of the client; an administrator's: all.
+  Jobs* jobs() const { return jobs_.get(); }
+  const Principal& client() const { return client_; }
+  // OK if the call may still begin. DEADLINE_EXCEEDED (WAITED_TOO_LONG).
+  absl::Status CheckWait() const;
+
+  // The answer: also logged, with the ids of call and client. Call once.
+  grpc::Status End(const absl::Status& status);
+
+ private:
+  friend class Gate;
+  Call(Gate* gate, CallName name, std::string request_id, Principal client);
+
+  Gate* const gate_;
+  const CallName name_;
+  const std::string request_id_;
+  const Principal client_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::shared_ptr<Jobs> jobs_;
+  bool holds_stream_ = false;
+};
+
+// Thread-safe; its methods do not block.
+class Gate {
+ public:
+  // Both must outlive this and every Call.
+  Gate(Jobs* jobs, Authenticator* authenticator, ClientLimits limits, double max_wait_seconds)
+      : jobs_(jobs),
+        authenticator_(authenticator),
+        limits_(limits),
+        max_wait_seconds_(max_wait_seconds) {}
+
+  // Lets a call in. The answer carries the header "x-request-id": the client's own, if it sent one
+  // of up to 64 letters, digits, '.', '_' or '-', else a new one.
+  //
+  // UNAUTHENTICATED, see Authenticator; RESOURCE_EXHAUSTED (TOO_MANY_STREAMS,
+  // PICTURE_RATE_EXCEEDED).
+  absl::StatusOr<std::shared_ptr<Call>> Enter(grpc::CallbackServerContext* context, CallName name);
+
+ private:
+  friend class Call;
+
+  // What a client uses now.
+  struct Use {
+    int streams = 0;
+    double pictures = 0;  // that it may ask for at once
+    std::chrono::steady_clock::time_point counted;
+  };
+
+  absl::StatusOr<Principal> Identify(const grpc::CallbackServerContext& context) const;
+  absl::Status Count(Call* call);
+  absl::Status CountPicture(Use& use) const;
+  void Leave(const Call& call);
+
+  Jobs* const jobs_;
+  Authenticator* const authenticator_;
+  const ClientLimits limits_;
+  const double max_wait_seconds_;
+  std::mutex mutex_;
+  std::map<std::string, Use> uses_;  // by client; those without streams are dropped now and then
+};
+
+// What a call gets that was not let in: for the log, as Call::End() does for the others.
+grpc::Status Refuse(CallName name, const absl::Status& status);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_GATE_H_

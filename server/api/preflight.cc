@@ -1,0 +1,128 @@
+#include "server/api/preflight.h"
+
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/core/subprocess.h"
+#include "engine/io/file_util.h"
+#include "server/auth/authenticator.h"
+#include "server/auth/tls.h"
+#include "server/store/data_dir.h"
+
+namespace litags {
+namespace {
+
+// A capture of 50 photos with its scene takes some hundred megabytes.
+constexpr int64_t kMinFreeBytes = int64_t{1} << 30;
+constexpr double kColmapSeconds = 20;
+
+using Finding = absl::StatusOr<std::string>;  // what was found, for humans
+
+Finding CheckStore(const ServerFlags& flags) {
+  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
+  const std::string probe = absl::StrCat(data.tmp(), "/check-", getpid());
+  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(probe, "check\n"));
+  unlink(probe.c_str());
+  // A server that runs holds the lock: no reason to fail, but to say so.
+  const bool used = !DataDirLock::Take(data).ok();
+  return absl::StrCat(data.root, " can be written",
+                      used ? "; a server is using it now" : "; no server is using it");
+}
+
+Finding CheckSpace(const ServerFlags& flags) {
+  struct statvfs info = {};
+  if (statvfs(flags.data.c_str(), &info) != 0) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "SPACE_UNKNOWN", "--data",
+                     absl::StrCat("cannot ask for the free space of ", flags.data));
+  }
+  const int64_t free = static_cast<int64_t>(info.f_bavail) * static_cast<int64_t>(info.f_frsize);
+  const std::string text = absl::StrCat(free >> 20, " MiB free in ", flags.data);
+  if (free < kMinFreeBytes) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "SPACE_LOW", "--data",
+                     absl::StrCat(text, ", fewer than ", kMinFreeBytes >> 20,
+                                  "; free some, or choose another --data"));
+  }
+  return text;
+}
+
+Finding CheckColmap(const ServerFlags& flags) {
+  SubprocessOptions colmap;
+  colmap.args = {flags.colmap, "help"};
+  colmap.env = {"QT_QPA_PLATFORM=offscreen"};
+  colmap.timeout_seconds = kColmapSeconds;
+  std::string version;
+  colmap.on_line = [&](std::string_view line) {
+    if (version.empty() && line.find("COLMAP") != std::string_view::npos) version = line;
+  };
+  LITAGS_ASSIGN_OR_RETURN(const SubprocessResult result, RunSubprocess(colmap, CancelToken()));
+  if (result.exit_code != 0 || version.empty()) {
+    return MakeError(
+        absl::StatusCode::kFailedPrecondition, "COLMAP_BROKEN", "--colmap",
+        absl::StrCat(flags.colmap, " help ended with code ", result.exit_code, ": ", result.tail));
+  }
+  return version;
+}
+
+Finding CheckTls(const ServerFlags& flags) {
+  if (!flags.server.tls.enabled()) return std::string("off");
+  LITAGS_ASSIGN_OR_RETURN(const TlsMaterial tls, LoadTls(flags.server.tls));
+  return absl::StrCat("the certificate is in force until ", tls.expires,
+                      tls.client_ca.empty() ? "" : "; clients must show one");
+}
+
+Finding CheckAuthentication(const ServerFlags& flags) {
+  AuthOptions auth = flags.server.auth;
+  auth.client_certificates = !flags.server.tls.client_ca.empty();
+  LITAGS_RETURN_IF_ERROR(Authenticator::Make(auth).status());
+  return std::string(auth.enabled() ? "clients are asked who they are" : "off: all are operators");
+}
+
+Finding CheckAddress(const ServerFlags& flags) {
+  LITAGS_RETURN_IF_ERROR(CheckListening(flags.server));
+  return absl::StrCat(flags.server.listen,
+                      IsLoopback(flags.server.listen) ? ", for this machine only" : "");
+}
+
+bool Report(const char* what, const Finding& finding) {
+  const std::string text = finding.ok() ? *finding : std::string(finding.status().message());
+  std::printf("%-4s %-14s %s\n", finding.ok() ? "ok" : "FAIL", what, text.c_str());
+  return finding.ok();
+}
+
+}  // namespace
+
+absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_program) {
+  if (flags.workers > 0 && access(worker_program.c_str(), X_OK) != 0) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "WORKER_NOT_FOUND", "--workers",
+                     absl::StrCat(worker_program,
+                                  " is not there or not executable; install it beside "
+                                  "litags-server, or start with --workers 0"));
+  }
+  LITAGS_ASSIGN_OR_RETURN(const DepthNetwork network,
+                          DepthNetwork::Parse(flags.depth_model, "--depth-model"));
+  if (!network.path.empty() && access(network.path.c_str(), R_OK) != 0) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MODEL_NOT_FOUND",
+                     "--depth-model", absl::StrCat(network.path, " is not there or not readable"));
+  }
+  return absl::OkStatus();
+}
+
+bool Preflight(const ServerFlags& flags, const std::string& worker_program) {
+  const absl::Status programs = CheckPrograms(flags, worker_program);
+  bool well = Report("store", CheckStore(flags));
+  well &= Report("space", CheckSpace(flags));
+  well &= Report("programs", programs.ok() ? Finding(worker_program) : Finding(programs));
+  well &= Report("colmap", CheckColmap(flags));
+  well &= Report("address", CheckAddress(flags));
+  well &= Report("tls", CheckTls(flags));
+  well &= Report("authentication", CheckAuthentication(flags));
+  std::fflush(stdout);
+  return well;
+}
+
+}  // namespace litags

@@ -1,0 +1,22 @@
+#ifndef LITAGS_SERVER_API_PREFLIGHT_H_
+#define LITAGS_SERVER_API_PREFLIGHT_H_
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "server/api/server_flags.h"
+
+namespace litags {
+
+// Whether jobs could run: the worker's program, and the depth network if there is one.
+// FAILED_PRECONDITION (WORKER_NOT_FOUND, DEPTH_MODEL_NOT_FOUND).
+absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_program);
+
+// litags-server --check: looks at everything that a start needs, and at what jobs will need, and
+// prints a line for each: "ok" or "FAIL", what, and why. It changes nothing but a file that it
+// makes and removes in the data folder. Returns whether all is well.
+bool Preflight(const ServerFlags& flags, const std::string& worker_program);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_PREFLIGHT_H_

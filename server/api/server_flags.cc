@@ -1,0 +1,145 @@
+#include "server/api/server_flags.h"
+
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+
+#include "absl/strings/str_cat.h"
+
+namespace litags {
+namespace {
+
+std::string DefaultDataFolder() {
+  const char* home = std::getenv("HOME");
+  return absl::StrCat(home && *home ? home : ".", "/.local/share/litags");
+}
+
+void AddAccessFlags(CLI::App* app, ServerOptions* server) {
+  app->add_option("--listen", server->listen, "HOST:PORT to listen on; port 0: any free one")
+      ->capture_default_str();
+  app->add_flag("--insecure", server->insecure,
+                "Let other machines connect without TLS, or without authentication");
+  app->add_option("--tls-cert", server->tls.cert,
+                  "Certificate of the server, and its issuers (PEM)");
+  app->add_option("--tls-key", server->tls.key, "Private key of the certificate (PEM)");
+  app->add_option("--tls-client-ca", server->tls.client_ca,
+                  "Clients must show a certificate issued by one of these (PEM); its common name "
+                  "names the client");
+  app->add_option("--tokens", server->auth.tokens_path,
+                  "File of token digests, made by \"token NAME\"; read again when it changes");
+  app->add_option("--token", server->auth.token_entries, "Token digest, NAME:sha256:HEX; several")
+      ->delimiter(',');
+  app->add_option("--admins", server->auth.admins,
+                  "Names of clients that see and change everybody's jobs")
+      ->delimiter(',');
+}
+
+void AddClientLimitFlags(CLI::App* app, ClientLimits* limits) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+  };
+  add("--max-jobs", limits->max_jobs, "Jobs of one client at one time; 0: no limit");
+  add("--max-bytes", limits->max_bytes, "Bytes of all files of one client; 0: no limit");
+  add("--max-streams", limits->max_streams,
+      "Uploads, watches, paths and exports of one client at one time; 0: no limit");
+  add("--pictures-per-second", limits->pictures_per_second,
+      "Calls for pictures of one client a second; 0: no limit");
+  add("--picture-burst", limits->picture_burst, "So many calls at once after a pause");
+}
+
+void AddRenderFlags(CLI::App* app, ServerOptions* server) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
+  };
+  add("--render-workers", server->render_threads, "Pictures made at the same time");
+  add("--render-threads", server->render.threads, "Threads per picture");
+  add("--max-waiting-pictures", server->max_waiting_pictures,
+      "Pictures that may wait for their turn");
+  add("--max-pixels", server->render.max_pixels, "Pixels of a picture");
+}
+
+void AddConnectionFlags(CLI::App* app, ConnectionLimits* limits) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
+  };
+  add("--max-connection-calls", limits->max_calls, "Calls at the same time on one connection");
+  add("--keepalive", limits->keepalive_seconds,
+      "Seconds after which a silent client is asked whether it is there");
+  add("--keepalive-timeout", limits->keepalive_timeout_seconds,
+      "Seconds that it may take to answer");
+  add("--min-ping", limits->min_ping_seconds, "A client that asks more often, seconds, is cut off");
+  add("--max-idle", limits->max_idle_seconds,
+      "Seconds before a connection without calls is closed");
+  add("--max-wait", limits->max_wait_seconds,
+      "Seconds that a call with one answer may wait for its turn");
+}
+
+void AddJobFlags(CLI::App* app, ServerFlags* flags) {
+  app->add_option("--data", flags->data, "Folder for jobs and scenes")->capture_default_str();
+  app->add_option("--workers", flags->workers, "Jobs that run at the same time on this machine")
+      ->check(CLI::Range(0, 256))
+      ->capture_default_str();
+  app->add_option("--worker-niceness", flags->worker_niceness,
+                  "Jobs leave the processor to pictures by so much")
+      ->check(CLI::Range(0, 19))
+      ->capture_default_str();
+  app->add_option("--threads", flags->threads, "Threads per job; 0: all cores")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->add_option("--colmap", flags->colmap, "COLMAP program: a name or a path")
+      ->capture_default_str();
+  app->add_option("--depth-model", flags->depth_model,
+                  "ONNX depth network for jobs with depth_source NETWORK: FILE[,size=518x518]"
+                  "[,mean=R:G:B][,std=R:G:B][,output=inverse|depth]");
+  app->add_option("--colmap-timeout", flags->colmap_step_seconds,
+                  "Seconds that one COLMAP step may take; 0: no limit")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->add_option("--worker-memory", flags->worker_memory_bytes,
+                  "Address space of a worker and of each program it starts, as 6GiB; 0: no limit")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  app->add_flag("--worker-network", flags->worker_network,
+                "Leave workers in the machine's network, which they do not need");
+}
+
+void AddUploadFlags(CLI::App* app, ServerFlags* flags) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
+  };
+  add("--keep-uploads", flags->uploads.keep_seconds,
+      "Seconds after which a job that was not started, and gets no files, is removed");
+  add("--max-upload-silence", flags->uploads.max_silence_seconds,
+      "Seconds after which an upload that sends nothing is ended; what came is kept");
+  add("--max-job-bytes", flags->uploads.max_job_bytes, "Bytes of all files of a job");
+  add("--sweep-every", flags->sweep_seconds,
+      "Seconds between looks for jobs and files that can be removed");
+}
+
+}  // namespace
+
+void AddServerFlags(CLI::App* app, ServerFlags* flags) {
+  flags->data = DefaultDataFolder();
+  AddJobFlags(app, flags);
+  AddUploadFlags(app, flags);
+  AddAccessFlags(app, &flags->server);
+  AddClientLimitFlags(app, &flags->server.limits);
+  AddRenderFlags(app, &flags->server);
+  AddConnectionFlags(app, &flags->server.connections);
+  app->add_option("--log-level", flags->log_level, "debug, info, warn or error")
+      ->capture_default_str();
+  app->add_option("--log-format", flags->log_format, "text, or json: one object a line")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
+  app->add_option("--port-file", flags->port_file, "Write the port to this file once it is open");
+  app->add_option("--config", flags->config, "TOML file of settings; flags and variables beat it");
+  app->add_flag("--print-config", flags->print_config,
+                "Print all settings, and where each comes from, and end");
+  app->add_flag("--check", flags->check, "Check that all is in place to start, and end");
+}
+
+Settings::Rules ServerSettingsRules() {
+  return {
+      "LITAGS_SERVER", {{"data", "LITAGS_DATA"}}, {"config", "print-config", "check"}, {"token"}};
+}
+
+}  // namespace litags

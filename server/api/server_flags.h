@@ -1,0 +1,43 @@
+#ifndef LITAGS_SERVER_API_SERVER_FLAGS_H_
+#define LITAGS_SERVER_API_SERVER_FLAGS_H_
+
+#include <string>
+
+#include "server/api/server.h"
+#include "server/config/settings.h"
+
+namespace litags {
+
+// Everything that an operator can set.
+struct ServerFlags {
+  ServerOptions server;
+  UploadLimits uploads;
+  std::string data;
+  std::string colmap = "colmap";
+  std::string depth_model;
+  std::string log_level = "info";
+  std::string log_format = "text";
+  std::string port_file;
+  int workers = 1;
+  int threads = 0;                    // per job; 0: all cores
+  int worker_niceness = 5;            // pictures, which somebody waits for, go before jobs
+  int64_t worker_memory_bytes = 0;    // address space of each worker; 0: no limit
+  double colmap_step_seconds = 3600;  // 0: no limit
+  bool worker_network = false;        // whether workers stay in the machine's network
+  double sweep_seconds = 60;          // between looks for what can be removed
+
+  // Belong to one run.
+  std::string config;
+  bool print_config = false;
+  bool check = false;
+};
+
+// Adds an option for each, with checks and help.
+void AddServerFlags(CLI::App* app, ServerFlags* flags);
+
+// How they are looked for beside the command line: LITAGS_SERVER_..., and which are secret.
+Settings::Rules ServerSettingsRules();
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_SERVER_FLAGS_H_

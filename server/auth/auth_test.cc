@@ -1,0 +1,230 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <fstream>
+#include <thread>
+
+#include "engine/core/error.h"
+#include "server/auth/authenticator.h"
+#include "server/auth/tls.h"
+#include "server/auth/tokens.h"
+#include "server/store/digest.h"
+#include "server/testing/certificates.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+std::string Reason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail ? detail->reason : "";
+}
+
+std::string Field(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail ? detail->field : "";
+}
+
+TEST(Tokens, HaveTwoHundredFiftySixRandomBits) {
+  const std::string token = MakeToken();
+  EXPECT_THAT(token, ::testing::MatchesRegex("litags_[0-9a-f]{64}"));
+  EXPECT_NE(token, MakeToken());
+}
+
+TEST(Tokens, TableFindsTheNameAndHoldsOnlyDigests) {
+  const std::string alice = MakeToken(), alice_new = MakeToken(), bob = MakeToken();
+  const std::string text = "# clients\n\n" + TokenEntry("alice", alice) + "\r\n" +
+                           TokenEntry("bob", bob) + "\n" + TokenEntry("alice", alice_new);
+  EXPECT_THAT(text, Not(HasSubstr(alice.substr(7))));
+  TokenTable table;
+  ASSERT_TRUE(table.AddLines(text, "tokens").ok());
+  EXPECT_EQ(table.size(), 3u);
+  EXPECT_EQ(table.Find(alice), "alice");
+  EXPECT_EQ(table.Find(alice_new), "alice");
+  EXPECT_EQ(table.Find(bob), "bob");
+  EXPECT_EQ(table.Find(MakeToken()), std::nullopt);
+  EXPECT_EQ(table.Find(""), std::nullopt);
+  // The digest, which someone may have read from a backup, opens nothing.
+  EXPECT_EQ(table.Find(Sha256::Hex(alice)), std::nullopt);
+}
+
+TEST(Tokens, BrokenEntriesAreRefusedWithTheirLineAndWithoutTheirDigest) {
+  const std::string good = TokenEntry("alice", "t");
+  const std::string digest = Sha256::Hex("t");
+  for (const std::string& bad :
+       {std::string("alice"), "alice:" + digest, "alice:sha256:" + digest.substr(1),
+        "alice:md5:" + digest, ":sha256:" + digest, "a b:sha256:" + digest, good + "00",
+        std::string("alice:sha256:") + std::string(64, 'G')}) {
+    TokenTable table;
+    const absl::Status status = table.AddLines(good + "\n" + bad, "tokens");
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << bad;
+    EXPECT_EQ(Field(status), "tokens line 2") << bad;
+    EXPECT_THAT(std::string(status.message()), Not(HasSubstr(digest.substr(1)))) << bad;
+  }
+}
+
+TEST(Tokens, FileIsPrivateAndHoldsNoToken) {
+  TempDir dir;
+  const std::string path = dir.path() + "/tokens";
+  const auto token = AddTokenToFile("alice", path);
+  ASSERT_TRUE(token.ok()) << token.status();
+  ASSERT_TRUE(AddTokenToFile("bob", path).ok());
+  struct stat info = {};
+  ASSERT_EQ(stat(path.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0600u);
+  std::ifstream file(path);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_THAT(text, Not(HasSubstr(token->substr(7))));
+  TokenTable table;
+  ASSERT_TRUE(table.AddLines(text, path).ok());
+  EXPECT_EQ(table.Find(*token), "alice");
+  EXPECT_EQ(Reason(AddTokenToFile("a/b", path).status()), "CLIENT_NAME_INVALID");
+  EXPECT_EQ(Reason(AddTokenToFile("a", dir.path() + "/no/tokens").status()), "TOKENS_NOT_WRITTEN");
+}
+
+TEST(Authenticator, WithoutAuthenticationEverybodyIsTheOperator) {
+  auto authenticator = Authenticator::Make({});
+  ASSERT_TRUE(authenticator.ok());
+  const auto caller = (*authenticator)->Identify("Bearer whatever", std::nullopt);
+  ASSERT_TRUE(caller.ok());
+  EXPECT_EQ(caller->name, "");
+  EXPECT_TRUE(caller->admin);
+}
+
+TEST(Authenticator, TokenNamesTheClientAndEverythingElseIsRefused) {
+  AuthOptions options;
+  const std::string alice = MakeToken(), root = MakeToken();
+  options.token_entries = {TokenEntry("alice", alice), TokenEntry("root", root)};
+  options.admins = {"root"};
+  auto made = Authenticator::Make(options);
+  ASSERT_TRUE(made.ok()) << made.status();
+  Authenticator& authenticator = **made;
+  EXPECT_EQ(authenticator.Identify("Bearer " + alice, {})->name, "alice");
+  EXPECT_FALSE(authenticator.Identify("bearer " + alice, {})->admin);
+  EXPECT_TRUE(authenticator.Identify("Bearer " + root, {})->admin);
+  const auto reason = [&](std::optional<std::string_view> header) {
+    const absl::Status status = authenticator.Identify(header, {}).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kUnauthenticated);
+    EXPECT_THAT(std::string(status.message()), Not(HasSubstr(alice.substr(7, 32))));
+    return Reason(status);
+  };
+  EXPECT_EQ(reason(std::nullopt), "TOKEN_MISSING");
+  for (const std::string& bad :
+       {std::string(), std::string("Bearer "), alice, "Basic " + alice, "Bearer " + alice + " ",
+        "Bearer " + alice.substr(0, 70), "Bearer " + std::string(100'000, 'x')}) {
+    EXPECT_EQ(reason(bad), "TOKEN_INVALID") << bad.substr(0, 100);
+  }
+  // A certificate counts only where TLS has verified one.
+  EXPECT_FALSE(authenticator.Identify({}, "alice").ok());
+}
+
+TEST(Authenticator, CertificateNamesTheClientUnlessATokenDoes) {
+  AuthOptions options;
+  const std::string alice = MakeToken();
+  options.token_entries = {TokenEntry("alice", alice)};
+  options.client_certificates = true;
+  options.admins = {"ops.example"};
+  auto made = Authenticator::Make(options);
+  ASSERT_TRUE(made.ok());
+  EXPECT_TRUE((*made)->Identify({}, "ops.example")->admin);
+  EXPECT_EQ((*made)->Identify("Bearer " + alice, "ops.example")->name, "alice");
+  EXPECT_EQ(Reason((*made)->Identify("Bearer no", "ops.example").status()), "TOKEN_INVALID");
+  EXPECT_EQ(Reason((*made)->Identify({}, "not a name").status()), "CERTIFICATE_NAME_INVALID");
+}
+
+TEST(Authenticator, TokenTakenOutOfTheFileStopsWorkingWithinSeconds) {
+  TempDir dir;
+  AuthOptions options;
+  options.tokens_path = dir.path() + "/tokens";
+  EXPECT_EQ(Reason(Authenticator::Make(options).status()), "TOKENS_UNREADABLE");
+  const std::string alice = *AddTokenToFile("alice", options.tokens_path);
+  auto made = Authenticator::Make(options);
+  ASSERT_TRUE(made.ok()) << made.status();
+  const auto works = [&](const std::string& token) {
+    return (*made)->Identify("Bearer " + token, {}).ok();
+  };
+  EXPECT_TRUE(works(alice));
+  const auto wait = [] { std::this_thread::sleep_for(std::chrono::milliseconds(1100)); };
+  // A file in the middle of being edited changes nothing.
+  std::ofstream(options.tokens_path) << "garbage\n";
+  wait();
+  EXPECT_TRUE(works(alice));
+  std::ofstream(options.tokens_path) << "# nobody\n";
+  wait();
+  EXPECT_FALSE(works(alice));
+  const std::string bob = *AddTokenToFile("bob", options.tokens_path);
+  wait();
+  EXPECT_TRUE(works(bob));
+}
+
+class Tls : public ::testing::Test {
+ protected:
+  Tls() {
+    authority_.Issue("server");
+    authority_.Issue("other");
+  }
+  absl::Status Load(const std::string& cert, const std::string& key, const std::string& ca = "") {
+    return LoadTls({cert.empty() ? "" : authority_.Path(cert),
+                    key.empty() ? "" : authority_.Path(key), ca.empty() ? "" : authority_.Path(ca)})
+        .status();
+  }
+  TempDir dir_;
+  TestAuthority authority_{dir_.path()};
+};
+
+TEST_F(Tls, MatchingFilesLoad) {
+  const auto material = LoadTls(
+      {authority_.Path("server.crt"), authority_.Path("server.key"), authority_.Path("ca.crt")});
+  ASSERT_TRUE(material.ok()) << material.status();
+  EXPECT_EQ(material->cert, authority_.Read("server.crt"));
+  EXPECT_EQ(material->key, authority_.Read("server.key"));
+  EXPECT_EQ(material->client_ca, authority_.Read("ca.crt"));
+  EXPECT_THAT(material->expires, HasSubstr("20"));
+}
+
+TEST_F(Tls, EveryWrongFileIsNamedWithItsFlag) {
+  authority_.Issue("ended", -60);
+  std::ofstream(authority_.Path("empty.pem"));
+  std::ofstream(authority_.Path("garbage.pem")) << "-----BEGIN CERTIFICATE-----\ngarbage\n";
+  const struct {
+    const char *cert, *key, *ca, *reason, *flag;
+  } kCases[] = {
+      {"", "server.key", "", "TLS_INCOMPLETE", "--tls-cert"},
+      {"server.crt", "", "", "TLS_INCOMPLETE", "--tls-key"},
+      {"", "", "ca.crt", "TLS_INCOMPLETE", "--tls-cert"},
+      {"missing.crt", "server.key", "", "TLS_FILE_UNREADABLE", "--tls-cert"},
+      {"server.crt", "missing.key", "", "TLS_FILE_UNREADABLE", "--tls-key"},
+      {"server.crt", "server.key", "missing.crt", "TLS_FILE_UNREADABLE", "--tls-client-ca"},
+      {"empty.pem", "server.key", "", "TLS_FILE_UNREADABLE", "--tls-cert"},
+      {"garbage.pem", "server.key", "", "TLS_FILE_INVALID", "--tls-cert"},
+      {"server.key", "server.key", "", "TLS_FILE_INVALID", "--tls-cert"},
+      {"server.crt", "server.crt", "", "TLS_FILE_INVALID", "--tls-key"},
+      {"server.crt", "server.key", "server.key", "TLS_FILE_INVALID", "--tls-client-ca"},
+      {"server.crt", "other.key", "", "TLS_KEY_MISMATCH", "--tls-key"},
+      {"ended.crt", "ended.key", "", "TLS_CERTIFICATE_EXPIRED", "--tls-cert"},
+  };
+  for (const auto& c : kCases) {
+    const absl::Status status = Load(c.cert, c.key, c.ca);
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << c.cert << " " << c.key;
+    EXPECT_EQ(Reason(status), c.reason) << status;
+    EXPECT_EQ(Field(status), c.flag) << status;
+  }
+}
+
+TEST(Loopback, IsToldFromAddressesThatOthersReach) {
+  for (const char* address :
+       {"127.0.0.1:1", "127.1.2.3:50051", "localhost:1", "[::1]:1", "unix:/run/litags.sock"}) {
+    EXPECT_TRUE(IsLoopback(address)) << address;
+  }
+  for (const char* address : {"0.0.0.0:1", "[::]:1", "192.168.0.1:1", "example.org:1",
+                              "127.0.0.1.example.org:1", "localhost.example.org:1", ":1", ""}) {
+    EXPECT_FALSE(IsLoopback(address)) << address;
+  }
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,124 @@
+#include "server/auth/authenticator.h"
+
+#include <spdlog/spdlog.h>
+#include <strings.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+constexpr std::chrono::seconds kLookInterval{1};
+constexpr off_t kMaxTokensBytes = 4 << 20;
+constexpr size_t kMaxAuthorizationLength = 512;
+constexpr char kTokensFlag[] = "--tokens";
+
+absl::Status Unauthenticated(std::string_view reason, std::string_view message) {
+  return MakeError(absl::StatusCode::kUnauthenticated, reason, "authorization", message);
+}
+
+bool IsSameFile(const struct stat& a, const struct stat& b) {
+  return a.st_ino == b.st_ino && a.st_size == b.st_size && a.st_mtim.tv_sec == b.st_mtim.tv_sec &&
+         a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Authenticator>> Authenticator::Make(AuthOptions options) {
+  std::unique_ptr<Authenticator> made(new Authenticator(std::move(options)));
+  for (const std::string& name : made->options_.admins) {
+    LITAGS_RETURN_IF_ERROR(CheckClientName(name, "--admins"));
+    made->admins_.insert(name);
+  }
+  LITAGS_RETURN_IF_ERROR(made->Load());
+  return made;
+}
+
+absl::Status Authenticator::Load() {
+  auto tokens = std::make_shared<TokenTable>();
+  for (const std::string& entry : options_.token_entries) {
+    LITAGS_RETURN_IF_ERROR(tokens->Add(entry, "--token"));
+  }
+  const std::string& path = options_.tokens_path;
+  if (!path.empty()) {
+    struct stat info = {};
+    std::ifstream file(path);
+    if (!file || stat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode) ||
+        info.st_size > kMaxTokensBytes) {
+      return MakeError(
+          absl::StatusCode::kFailedPrecondition, "TOKENS_UNREADABLE", kTokensFlag,
+          absl::StrCat("cannot read tokens from ", path, ": ", std::strerror(errno),
+                       "; make the file with \"litags-server token NAME --tokens ", path, "\""));
+    }
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    file_ = info;
+    LITAGS_RETURN_IF_ERROR(tokens->AddLines(text, path));
+  }
+  tokens_ = std::move(tokens);
+  return absl::OkStatus();
+}
+
+std::shared_ptr<const TokenTable> Authenticator::Tokens() {
+  std::lock_guard lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  struct stat info = {};
+  if (!options_.tokens_path.empty() && now - looked_ >= kLookInterval) {
+    looked_ = now;
+    if (stat(options_.tokens_path.c_str(), &info) != 0 || !IsSameFile(info, file_)) {
+      if (const absl::Status status = Load(); status.ok()) {
+        spdlog::info("read {} tokens from {}", tokens_->size(), options_.tokens_path);
+      } else {
+        spdlog::error("the tokens stay as they were: {}", std::string(status.message()));
+      }
+    }
+  }
+  return tokens_;
+}
+
+Principal Authenticator::Named(std::string name) const {
+  const bool admin = admins_.count(name) > 0;
+  return {std::move(name), admin};
+}
+
+absl::StatusOr<Principal> Authenticator::Identify(
+    std::optional<std::string_view> authorization,
+    std::optional<std::string_view> certificate_name) {
+  if (!options_.enabled()) return Principal{"", true};
+  const bool takes_tokens = !options_.tokens_path.empty() || !options_.token_entries.empty();
+  if (takes_tokens && authorization) {
+    constexpr std::string_view kScheme = "bearer ";
+    if (authorization->size() > kMaxAuthorizationLength ||
+        authorization->size() <= kScheme.size() ||
+        strncasecmp(authorization->data(), kScheme.data(), kScheme.size()) != 0) {
+      return Unauthenticated(
+          "TOKEN_INVALID",
+          "the authorization header is not \"Bearer TOKEN\"; send the token that "
+          "the operator gave you, with no quotes or spaces");
+    }
+    if (auto name = Tokens()->Find(authorization->substr(kScheme.size()))) {
+      return Named(*std::move(name));
+    }
+    return Unauthenticated("TOKEN_INVALID",
+                           "the server does not know this token; it was mistyped or taken back: "
+                           "ask the operator for a new one");
+  }
+  if (options_.client_certificates && certificate_name) {
+    if (!CheckClientName(*certificate_name, "").ok()) {
+      return Unauthenticated("CERTIFICATE_NAME_INVALID",
+                             "the common name of the client's certificate is no client's name; "
+                             "names have 1 to 64 letters, digits, '.', '_', '-' or '@'");
+    }
+    return Named(std::string(*certificate_name));
+  }
+  return Unauthenticated("TOKEN_MISSING",
+                         "the server asks for a token; send it as \"authorization: Bearer TOKEN\" "
+                         "(litags: --token-file FILE or LITAGS_TOKEN)");
+}
+
+}  // namespace litags

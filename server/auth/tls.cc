@@ -1,0 +1,135 @@
+#include "server/auth/tls.h"
+
+#include <openssl/bio.h>
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+constexpr size_t kMaxPemBytes = 4 << 20;
+
+template <auto Free>
+struct Freer {
+  template <typename T>
+  void operator()(T* object) const {
+    Free(object);
+  }
+};
+using Bio = std::unique_ptr<BIO, Freer<BIO_free>>;
+using Certificate = std::unique_ptr<X509, Freer<X509_free>>;
+using Key = std::unique_ptr<EVP_PKEY, Freer<EVP_PKEY_free>>;
+
+absl::Status TlsError(std::string_view reason, std::string_view flag, std::string_view message) {
+  return MakeError(absl::StatusCode::kFailedPrecondition, reason, flag, message);
+}
+
+absl::StatusOr<std::string> ReadPem(const std::string& path, std::string_view flag) {
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  std::string text(kMaxPemBytes + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<size_t>(file.gcount()));
+  if (text.empty() || text.size() > kMaxPemBytes) {
+    const char* why = errno          ? std::strerror(errno)
+                      : text.empty() ? "it is empty or no file"
+                                     : "it is too long for a PEM file";
+    return TlsError("TLS_FILE_UNREADABLE", flag,
+                    absl::StrCat("cannot read ", path, ": ", why,
+                                 "; give a PEM file that the server's user may read"));
+  }
+  return text;
+}
+
+Bio OpenText(const std::string& text) {
+  return Bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
+}
+
+// A key that asks for a passphrase is refused instead of asking the terminal.
+int NoPassphrase(char*, int, int, void*) { return -1; }
+
+absl::StatusOr<Certificate> ParseCertificate(const std::string& text, const std::string& path,
+                                             std::string_view flag) {
+  Certificate certificate(PEM_read_bio_X509(OpenText(text).get(), nullptr, NoPassphrase, nullptr));
+  ERR_clear_error();
+  if (!certificate) {
+    return TlsError("TLS_FILE_INVALID", flag,
+                    absl::StrCat(path, " holds no PEM certificate (\"-----BEGIN CERTIFICATE\")"));
+  }
+  return certificate;
+}
+
+std::string TimeText(const ASN1_TIME* time) {
+  const Bio text(BIO_new(BIO_s_mem()));
+  ASN1_TIME_print(text.get(), time);
+  char* data = nullptr;
+  const long size = BIO_get_mem_data(text.get(), &data);
+  return std::string(data, static_cast<size_t>(size));
+}
+
+absl::Status CheckPair(const X509* certificate, const std::string& key_text,
+                       const TlsOptions& options) {
+  const Key key(PEM_read_bio_PrivateKey(OpenText(key_text).get(), nullptr, NoPassphrase, nullptr));
+  ERR_clear_error();
+  if (!key) {
+    return TlsError("TLS_FILE_INVALID", "--tls-key",
+                    absl::StrCat(options.key,
+                                 " holds no private key in PEM form without a "
+                                 "passphrase (\"-----BEGIN PRIVATE KEY\")"));
+  }
+  const bool match = X509_check_private_key(certificate, key.get()) == 1;
+  ERR_clear_error();
+  if (!match) {
+    return TlsError("TLS_KEY_MISMATCH", "--tls-key",
+                    absl::StrCat(options.key, " is not the key of the certificate in ",
+                                 options.cert, "; give the two files that were made together"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options) {
+  if (options.cert.empty() || options.key.empty()) {
+    return TlsError("TLS_INCOMPLETE", options.cert.empty() ? "--tls-cert" : "--tls-key",
+                    "TLS needs both --tls-cert and --tls-key; give the one that is missing");
+  }
+  TlsMaterial material;
+  LITAGS_ASSIGN_OR_RETURN(material.cert, ReadPem(options.cert, "--tls-cert"));
+  LITAGS_ASSIGN_OR_RETURN(material.key, ReadPem(options.key, "--tls-key"));
+  LITAGS_ASSIGN_OR_RETURN(const Certificate certificate,
+                          ParseCertificate(material.cert, options.cert, "--tls-cert"));
+  LITAGS_RETURN_IF_ERROR(CheckPair(certificate.get(), material.key, options));
+  material.expires = TimeText(X509_get0_notAfter(certificate.get()));
+  if (X509_cmp_current_time(X509_get0_notAfter(certificate.get())) < 0) {
+    return TlsError("TLS_CERTIFICATE_EXPIRED", "--tls-cert",
+                    absl::StrCat("the certificate in ", options.cert, " ended on ",
+                                 material.expires, "; clients refuse it: renew it"));
+  }
+  if (!options.client_ca.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(material.client_ca, ReadPem(options.client_ca, "--tls-client-ca"));
+    LITAGS_RETURN_IF_ERROR(
+        ParseCertificate(material.client_ca, options.client_ca, "--tls-client-ca").status());
+  }
+  return material;
+}
+
+bool IsLoopback(std::string_view address) {
+  if (address.starts_with("unix:") || address.starts_with("unix-abstract:")) return true;
+  const std::string_view host = address.substr(0, address.rfind(':'));
+  return host == "localhost" || host == "[::1]" || host == "::1" ||
+         (host.starts_with("127.") &&
+          host.find_first_not_of("0123456789.") == std::string_view::npos);
+}
+
+}  // namespace litags

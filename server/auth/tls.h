@@ -1,0 +1,38 @@
+#ifndef LITAGS_SERVER_AUTH_TLS_H_
+#define LITAGS_SERVER_AUTH_TLS_H_
+
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+
+namespace litags {
+
+// Paths of PEM files.
+struct TlsOptions {
+  std::string cert;       // the server's certificate, then those of its issuers
+  std::string key;        // its private key, not encrypted
+  std::string client_ca;  // if given, clients must show a certificate issued by one of these
+
+  bool enabled() const { return !cert.empty() || !key.empty() || !client_ca.empty(); }
+};
+
+// The files' content.
+struct TlsMaterial {
+  std::string cert, key, client_ca;
+  std::string expires;  // end of the server certificate's life, for humans
+};
+
+// Reads and checks the files: that they are there, hold what they should, that key and certificate
+// belong together, and that the certificate is in force. FAILED_PRECONDITION, with the flag as the
+// field: TLS_INCOMPLETE, TLS_FILE_UNREADABLE, TLS_FILE_INVALID, TLS_KEY_MISMATCH,
+// TLS_CERTIFICATE_EXPIRED.
+absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options);
+
+// Whether HOST:PORT can be reached from this machine only: 127.x.y.z, ::1, localhost, or a
+// Unix socket.
+bool IsLoopback(std::string_view address);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_AUTH_TLS_H_

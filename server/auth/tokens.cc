@@ -1,0 +1,116 @@
+#include "server/auth/tokens.h"
+
+#include <fcntl.h>
+#include <openssl/crypto.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstring>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/store/digest.h"
+
+namespace litags {
+namespace {
+
+constexpr int kTokenBytes = 32;
+constexpr size_t kMaxNameLength = 64;
+constexpr size_t kDigestLength = 64;
+constexpr std::string_view kDigestMark = ":sha256:";
+
+bool IsDigest(std::string_view text) {
+  return text.size() == kDigestLength && std::all_of(text.begin(), text.end(), [](char c) {
+           return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
+         });
+}
+
+std::string_view Trimmed(std::string_view text) {
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front()))) {
+    text.remove_prefix(1);
+  }
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) {
+    text.remove_suffix(1);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string MakeToken() { return absl::StrCat("litags_", RandomHex(kTokenBytes)); }
+
+std::string TokenEntry(std::string_view name, std::string_view token) {
+  return std::string(name).append(kDigestMark).append(Sha256::Hex(token));
+}
+
+absl::Status CheckClientName(std::string_view name, std::string_view field) {
+  const auto allowed = [](unsigned char c) {
+    return std::isalnum(c) ||
+           std::string_view("._-@").find(static_cast<char>(c)) != std::string_view::npos;
+  };
+  if (!name.empty() && name.size() <= kMaxNameLength &&
+      std::all_of(name.begin(), name.end(), allowed)) {
+    return absl::OkStatus();
+  }
+  return InvalidInput("CLIENT_NAME_INVALID", field,
+                      absl::StrCat("a client's name has 1 to ", kMaxNameLength,
+                                   " letters, digits, '.', '_', '-' or '@'; choose another name"));
+}
+
+absl::Status TokenTable::Add(std::string_view entry, std::string_view field) {
+  const size_t mark = entry.find(kDigestMark);
+  if (mark == std::string_view::npos || !IsDigest(entry.substr(mark + kDigestMark.size()))) {
+    return InvalidInput(
+        "TOKEN_ENTRY_INVALID", field,
+        absl::StrCat(std::string(field),
+                     ": not an entry of the form NAME:sha256:HEX with 64 lower-case "
+                     "hex digits; make one with \"litags-server token NAME\""));
+  }
+  LITAGS_RETURN_IF_ERROR(CheckClientName(entry.substr(0, mark), field));
+  entries_.push_back(
+      {std::string(entry.substr(0, mark)), std::string(entry.substr(mark + kDigestMark.size()))});
+  return absl::OkStatus();
+}
+
+absl::Status TokenTable::AddLines(std::string_view text, std::string_view field) {
+  for (int number = 1; !text.empty(); ++number) {
+    const size_t end = std::min(text.find('\n'), text.size());
+    const std::string_view line = Trimmed(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (line.empty() || line.front() == '#') continue;
+    LITAGS_RETURN_IF_ERROR(Add(line, absl::StrCat(std::string(field), " line ", number)));
+  }
+  return absl::OkStatus();
+}
+
+std::optional<std::string> TokenTable::Find(std::string_view token) const {
+  const std::string digest = Sha256::Hex(token);
+  const Entry* found = nullptr;
+  for (const Entry& entry : entries_) {
+    if (CRYPTO_memcmp(entry.sha256.data(), digest.data(), kDigestLength) == 0) found = &entry;
+  }
+  if (!found) return std::nullopt;
+  return found->name;
+}
+
+absl::StatusOr<std::string> AddTokenToFile(std::string_view name, const std::string& path) {
+  LITAGS_RETURN_IF_ERROR(CheckClientName(name, "NAME"));
+  const std::string token = MakeToken();
+  const std::string line = TokenEntry(name, token) + "\n";
+  const int fd = open(path.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
+  const bool written = fd >= 0 &&
+                       write(fd, line.data(), line.size()) == static_cast<ssize_t>(line.size()) &&
+                       fsync(fd) == 0;
+  const int error = errno;
+  if (fd >= 0) close(fd);
+  if (!written) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "TOKENS_NOT_WRITTEN", "--tokens",
+                     absl::StrCat("cannot add a token to ", path, ": ", std::strerror(error),
+                                  "; check that the folder exists and may be written"));
+  }
+  return token;
+}
+
+}  // namespace litags

@@ -1,0 +1,170 @@
+#include "server/config/settings.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cctype>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+// "max-jobs" of --max-jobs; empty for what has no long name.
+std::string NameOf(const CLI::Option* option) {
+  return option->get_lnames().empty() ? "" : option->get_lnames().front();
+}
+
+bool IsTomlLiteral(const std::string& value) {
+  if (value == "true" || value == "false") return true;
+  char* end = nullptr;
+  std::strtod(value.c_str(), &end);
+  const bool plain =
+      !value.empty() && (std::isdigit(static_cast<unsigned char>(value[0])) || value[0] == '-');
+  return plain && *end == '\0';
+}
+
+// CLI11 ends a value at '#' even inside quotes.
+bool HasQuotedHash(const std::string& text) {
+  bool quoted = false, comment = false;
+  for (const char c : text) {
+    if (c == '\n') quoted = comment = false;
+    if (c == '"' && !comment) quoted = !quoted;
+    if (c == '#' && quoted) return true;
+    if (c == '#') comment = true;
+  }
+  return false;
+}
+
+std::string TomlValue(const std::string& value) {
+  return IsTomlLiteral(value) ? value : absl::StrCat("\"", value, "\"");
+}
+
+std::string TomlValue(const std::vector<std::string>& values, bool is_list) {
+  if (!is_list) return TomlValue(values.empty() ? "" : values.front());
+  return absl::StrCat("[",
+                      absl::StrJoin(values, ", ",
+                                    [](std::string* out, const std::string& value) {
+                                      out->append(TomlValue(value));
+                                    }),
+                      "]");
+}
+
+}  // namespace
+
+std::string Settings::EnvironmentName(const std::string& name) const {
+  std::string variable = absl::StrCat(rules_.env_prefix, "_", name);
+  for (char& c : variable) c = c == '-' ? '_' : static_cast<char>(std::toupper(c));
+  return variable;
+}
+
+absl::Status Settings::ReadFile(const std::string& path) {
+  std::vector<CLI::ConfigItem> items;
+  std::ifstream stream(path);
+  std::stringstream file;
+  file << stream.rdbuf();
+  if (!stream) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "CONFIG_UNREADABLE", "--config",
+                     absl::StrCat("cannot read ", path, "; check the path and who may read it"));
+  }
+  if (HasQuotedHash(file.str())) {
+    return InvalidInput("CONFIG_INVALID", "--config",
+                        absl::StrCat(path,
+                                     ": a value in quotes holds a '#', which the reader would "
+                                     "take for a comment; use another path, or a flag"));
+  }
+  try {
+    items = CLI::ConfigTOML().from_config(file);
+  } catch (const CLI::Error& error) {
+    return InvalidInput("CONFIG_INVALID", "--config", absl::StrCat(path, ": ", error.what()));
+  }
+  for (CLI::ConfigItem& item : items) {
+    const std::string key = item.fullname();
+    const CLI::Option* option =
+        item.parents.empty() ? app_->get_option_no_throw("--" + item.name) : nullptr;
+    if (!option || rules_.command_line_only.count(item.name) > 0) {
+      return InvalidInput("CONFIG_KEY_UNKNOWN", key,
+                          absl::StrCat(path, ": there is no setting \"", key,
+                                       "\"; --print-config lists those there are"));
+    }
+    if (!file_.emplace(item.name, std::move(item.inputs)).second) {
+      return InvalidInput("CONFIG_KEY_TWICE", key,
+                          absl::StrCat(path, " sets \"", key, "\" twice; keep one line"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Settings::Apply(CLI::Option* option, const std::string& name) {
+  std::string& place = places_[name];
+  if (option->count() > 0) {
+    place = "command line";
+    return absl::OkStatus();
+  }
+  std::vector<std::string> variables = {EnvironmentName(name)};
+  if (const auto other = rules_.other_env.find(name); other != rules_.other_env.end()) {
+    variables.push_back(other->second);
+  }
+  std::vector<std::string> values;
+  for (const std::string& variable : variables) {
+    const char* value = std::getenv(variable.c_str());
+    if (!value || !*value || !values.empty()) continue;
+    values = {value};
+    place = absl::StrCat("environment ", variable);
+  }
+  if (values.empty()) {
+    const auto found = file_.find(name);
+    if (found == file_.end()) {
+      place = "default";
+      return absl::OkStatus();
+    }
+    values = found->second;
+    place = absl::StrCat("file ", config_path_);
+  }
+  try {
+    option->add_result(values);
+    option->run_callback();
+  } catch (const CLI::Error& error) {
+    const bool secret = rules_.secret.count(name) > 0;
+    return InvalidInput("SETTING_INVALID", "--" + name,
+                        absl::StrCat("--", name, " from ", place, ": ",
+                                     secret ? "its value is not valid" : error.what()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Settings::Complete(const std::string& config_path) {
+  config_path_ = config_path;
+  if (!config_path.empty()) LITAGS_RETURN_IF_ERROR(ReadFile(config_path));
+  for (CLI::Option* option : app_->get_options()) {
+    const std::string name = NameOf(option);
+    if (name.empty() || name == "help" || rules_.command_line_only.count(name) > 0) continue;
+    LITAGS_RETURN_IF_ERROR(Apply(option, name));
+  }
+  return absl::OkStatus();
+}
+
+std::string Settings::Print() const {
+  std::string text;
+  for (const auto& [name, place] : places_) {
+    const CLI::Option* option = app_->get_option("--" + name);
+    const bool is_list = option->get_items_expected_max() > 1;
+    if (rules_.secret.count(name) > 0) {
+      absl::StrAppend(&text, "# ", name, " = (", option->count(), " values, not shown)");
+    } else if (option->count() > 0) {
+      absl::StrAppend(&text, name, " = ", TomlValue(option->reduced_results(), is_list));
+    } else if (is_list) {
+      absl::StrAppend(&text, name, " = []");
+    } else {
+      absl::StrAppend(&text, name, " = ", TomlValue(option->get_default_str()));
+    }
+    absl::StrAppend(&text, "  # ", place, "\n");
+  }
+  return text;
+}
+
+}  // namespace litags
