@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "client/connection.h"
 #include "client/status.h"
 #include "client/upload.h"
 #include "grpcpp/server.h"

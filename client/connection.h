@@ -11,17 +11,16 @@
 namespace litags::client {
 
 struct ConnectionOptions {
-  std::string server;  // host:port
-  bool tls = false;    // with the system's root certificates; also turned on by those below
+  std::string server = {};  // host:port
+  bool tls = false;         // with the system's root certificates; also turned on by those below
   // Paths of PEM files; empty: none.
-  std::string tls_ca;    // the roots to trust instead of the system's
-  std::string tls_cert;  // our certificate, if the server asks for one
-  std::string tls_key;   // its private key
-  std::string
-      tls_name;  // the name that the server's certificate must have; empty: that of `server`
+  std::string tls_ca = {};    // the roots to trust instead of the system's
+  std::string tls_cert = {};  // our certificate, if the server asks for one
+  std::string tls_key = {};   // its private key
+  std::string tls_name = {};  // what the certificate must name; empty: the host of `server`
   // At most one of them: the token itself, or the file that holds it.
-  std::string token;
-  std::string token_file;
+  std::string token = {};
+  std::string token_file = {};
 };
 
 // A channel to the server, whose calls carry the token. It says nothing about whether a server is

@@ -124,6 +124,7 @@ absl::Status Settings::Apply(CLI::Option* option, const std::string& name) {
     }
     values = found->second;
     place = absl::StrCat("file ", config_path_);
+    if (values.empty()) return absl::OkStatus();  // an empty list
   }
   try {
     option->add_result(values);
@@ -157,6 +158,8 @@ std::string Settings::Print() const {
       absl::StrAppend(&text, "# ", name, " = (", option->count(), " values, not shown)");
     } else if (option->count() > 0) {
       absl::StrAppend(&text, name, " = ", TomlValue(option->reduced_results(), is_list));
+    } else if (option->get_items_expected_max() == 0) {  // a flag
+      absl::StrAppend(&text, name, " = false");
     } else if (is_list) {
       absl::StrAppend(&text, name, " = []");
     } else {

@@ -66,6 +66,7 @@ TEST_F(SettingsTest, DefaultsStayWhereNothingNamesTheOption) {
   EXPECT_EQ(listen_, "127.0.0.1:1");
   EXPECT_EQ(jobs_, 1);
   EXPECT_THAT(settings_.Print(), HasSubstr("jobs = 1  # default\n"));
+  EXPECT_THAT(settings_.Print(), HasSubstr("insecure = false  # default\n"));
 }
 
 TEST_F(SettingsTest, FileIsBeatenByEnvironmentAndEnvironmentByTheCommandLine) {
@@ -126,6 +127,11 @@ TEST_F(SettingsTest, WhatIsPrintedIsAFileThatSetsTheSame) {
   EXPECT_EQ(rate, 0.5);
   EXPECT_TRUE(insecure);
   EXPECT_THAT(admins, ElementsAre("ann", "ben"));
+}
+
+TEST_F(SettingsTest, EmptyListInTheFileIsAnEmptyList) {
+  ASSERT_TRUE(Complete("", "admins = []\n").ok());
+  EXPECT_TRUE(admins_.empty());
 }
 
 TEST_F(SettingsTest, SecretsAreNeverPrinted) {

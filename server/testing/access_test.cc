@@ -242,7 +242,8 @@ TEST_F(AccessTest, HealthIsForEverybody) {
   ClientCall call;
   grpc::GenericStub stub(Connect());
   grpc::CompletionQueue queue;
-  const grpc::ByteBuffer request;
+  const grpc::Slice empty;  // the whole server
+  const grpc::ByteBuffer request(&empty, 1);
   grpc::ByteBuffer response;
   grpc::Status status;
   auto check = stub.PrepareUnaryCall(&call, "/grpc.health.v1.Health/Check", request, &queue);

@@ -81,7 +81,7 @@ class Security(harness.ServiceTest):
         self.assertIn(job, self.litags_as("root", "list")[0])
         for command in (("show", job), ("watch", job), ("cancel", job), ("resume", job),
                         ("delete", job), ("cameras", job),
-                        ("render", job, "--camera", "a.png", "-o", picture + "2")):
+                        ("render", job, "--camera", "a.png", "-o", picture + ".png")):
             _, err = self.litags_as("bob", *command, exit_code=4)
             self.assertIn("JOB_NOT_FOUND", err, command)
         self.litags_as("root", "delete", job)
