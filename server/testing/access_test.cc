@@ -82,6 +82,7 @@ std::map<std::string, Row> JobCalls() {
   jobs("CancelJob", &Jobs::CancelJob);
   jobs("ResumeJob", &Jobs::ResumeJob);
   jobs("DeleteJob", &Jobs::DeleteJob);
+  rows["litags.v1.ReconstructionService.QueryUpload"] = Unary(&Stubs::jobs, &Jobs::QueryUpload);
   rows["litags.v1.ReconstructionService.UploadImages"] = [](Stubs& stubs, ClientCall& call,
                                                             const std::string& job) {
     v1::UploadImagesResponse response;
