@@ -65,18 +65,23 @@ absl::Status Call::CheckWait() const {
 }
 
 grpc::Status Call::End(const absl::Status& status) {
-  const double ms = 1000 * Seconds(SteadyClock::now() - start_);
+  const double seconds = Seconds(SteadyClock::now() - start_);
   const bool quiet = status.ok() && name_.kind != CallKind::kChange;
   spdlog::log(quiet ? spdlog::level::debug : spdlog::level::info,
               "call={} request={} client={} code={} ms={:.1f} {}", name_.method, request_id_,
               client_.name.empty() ? "-" : client_.name, absl::StatusCodeToString(status.code()),
-              ms, std::string(status.message()));
+              1000 * seconds, std::string(status.message()));
+  metrics().AddCall(name_.method, status.code(), IsStream(name_.kind) ? -1 : seconds);
+  metrics().AddIfStoreError(status);
   return ToGrpc(status);
 }
 
-grpc::Status Refuse(CallName name, const absl::Status& status) {
+Metrics& Call::metrics() const { return *gate_->metrics_; }
+
+grpc::Status Gate::Refuse(CallName name, const absl::Status& status) {
   spdlog::info("call={} code={} {}", name.method, absl::StatusCodeToString(status.code()),
                std::string(status.message()));
+  metrics_->AddCall(name.method, status.code(), -1);
   return ToGrpc(status);
 }
 

@@ -14,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "server/auth/authenticator.h"
 #include "server/jobs/jobs.h"
+#include "server/metrics/metrics.h"
 
 namespace litags {
 
@@ -52,10 +53,11 @@ class Call {
   // The jobs of the client; an administrator's: all.
   Jobs* jobs() const { return jobs_.get(); }
   const Principal& client() const { return client_; }
+  Metrics& metrics() const;
   // OK if the call may still begin. DEADLINE_EXCEEDED (WAITED_TOO_LONG).
   absl::Status CheckWait() const;
 
-  // The answer: also logged, with the ids of call and client. Call once.
+  // The answer: also counted and logged, with the ids of call and client. Call once.
   grpc::Status End(const absl::Status& status);
 
  private:
@@ -74,10 +76,12 @@ class Call {
 // Thread-safe; its methods do not block.
 class Gate {
  public:
-  // Both must outlive this and every Call.
-  Gate(Jobs* jobs, Authenticator* authenticator, ClientLimits limits, double max_wait_seconds)
+  // All must outlive this and every Call.
+  Gate(Jobs* jobs, Authenticator* authenticator, Metrics* metrics, ClientLimits limits,
+       double max_wait_seconds)
       : jobs_(jobs),
         authenticator_(authenticator),
+        metrics_(metrics),
         limits_(limits),
         max_wait_seconds_(max_wait_seconds) {}
 
@@ -87,6 +91,9 @@ class Gate {
   // UNAUTHENTICATED, see Authenticator; RESOURCE_EXHAUSTED (TOO_MANY_STREAMS,
   // PICTURE_RATE_EXCEEDED).
   absl::StatusOr<std::shared_ptr<Call>> Enter(grpc::CallbackServerContext* context, CallName name);
+
+  // What a call gets that Enter() did not let in: counted and logged, as Call::End() does.
+  grpc::Status Refuse(CallName name, const absl::Status& status);
 
  private:
   friend class Call;
@@ -105,14 +112,12 @@ class Gate {
 
   Jobs* const jobs_;
   Authenticator* const authenticator_;
+  Metrics* const metrics_;
   const ClientLimits limits_;
   const double max_wait_seconds_;
   std::mutex mutex_;
   std::map<std::string, Use> uses_;  // by client; those without streams are dropped now and then
 };
-
-// What a call gets that was not let in: for the log, as Call::End() does for the others.
-grpc::Status Refuse(CallName name, const absl::Status& status);
 
 }  // namespace litags
 

@@ -1,5 +1,6 @@
 #include "server/api/render_service.h"
 
+#include <chrono>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -21,14 +22,19 @@ v1::Vector3 ToProto(const std::array<double, 3>& v) {
   return proto;
 }
 
-absl::Status Render(const Scene& scene, const RenderRequest& request,
+absl::Status Render(Call& call, const Scene& scene, const RenderRequest& request,
                     const v1::RenderSettings& settings, v1::RenderedView* view) {
+  const auto start = std::chrono::steady_clock::now();
   LITAGS_ASSIGN_OR_RETURN(const Planes planes, scene.Render(request));
   view->set_iteration(scene.iteration());
   *view->mutable_camera() = CameraToProto(request.camera);
   view->set_light(request.light);
   view->set_exposure_stops(request.exposure_stops);
-  return EncodePicture(planes, request.channel, settings.format(), settings.jpeg_quality(), view);
+  LITAGS_RETURN_IF_ERROR(
+      EncodePicture(planes, request.channel, settings.format(), settings.jpeg_quality(), view));
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+  call.metrics().AddPicture(elapsed.count());
+  return absl::OkStatus();
 }
 
 // One RenderPath stream: renders a frame, sends it, renders the next. Deletes itself when the call
@@ -82,7 +88,7 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
     render.threads = limits_.threads;
     render.cancel = cancel_;
     const absl::Status status =
-        Render(*scene_, render, request_.settings(), message_.mutable_view());
+        Render(*call_, *scene_, render, request_.settings(), message_.mutable_view());
     if (!status.ok()) return Finish(call_->End(status));
     StartWrite(&message_);
   }
@@ -115,7 +121,7 @@ grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerCont
     LITAGS_ASSIGN_OR_RETURN(render.camera, ResolvePose(request->pose(), lens, *scene, "pose"));
     render.threads = limits_.threads;
     render.cancel = cancel;
-    return Render(*scene, render, request->settings(), response);
+    return Render(call, *scene, render, request->settings(), response);
   };
   return RunUnary(gate_, context, name, pool_, work);
 }

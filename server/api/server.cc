@@ -54,7 +54,8 @@ class GrpcServer : public Server {
   GrpcServer(const ServerOptions& options, std::unique_ptr<Authenticator> authenticator, Jobs* jobs,
              Engine* engine)
       : authenticator_(std::move(authenticator)),
-        gate_(jobs, authenticator_.get(), options.limits, options.connections.max_wait_seconds),
+        gate_(jobs, authenticator_.get(), &metrics_, options.limits,
+              options.connections.max_wait_seconds),
         store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
@@ -82,13 +83,20 @@ class GrpcServer : public Server {
                        absl::StrCat("cannot listen on ", listen,
                                     "; is another server running there? choose another --listen"));
     }
-    for (const char* service :
-         {v1::ReconstructionService::service_full_name(), v1::RenderService::service_full_name(),
-          v1::ModelService::service_full_name()}) {
-      server_->GetHealthCheckService()->SetServingStatus(service, true);
-    }
+    SetHealth({});
     return absl::OkStatus();
   }
+
+  void SetHealth(const Health& health) override {
+    grpc::HealthCheckServiceInterface* service = server_->GetHealthCheckService();
+    const bool all = health.store && health.workers;
+    service->SetServingStatus("", all);
+    service->SetServingStatus(v1::ReconstructionService::service_full_name(), all);
+    service->SetServingStatus(v1::RenderService::service_full_name(), health.store);
+    service->SetServingStatus(v1::ModelService::service_full_name(), health.store);
+  }
+
+  Metrics* metrics() override { return &metrics_; }
 
   int port() const override { return port_; }
 
@@ -109,7 +117,8 @@ class GrpcServer : public Server {
 
  private:
   // Order matters: the pools go after the services, since tasks on them end calls, and the gate
-  // last, which every call leaves through.
+  // last, which every call leaves through and is counted at.
+  Metrics metrics_;
   const std::unique_ptr<Authenticator> authenticator_;
   Gate gate_;
   ThreadPool store_pool_, render_pool_;

@@ -13,6 +13,7 @@
 #include "server/auth/authenticator.h"
 #include "server/auth/tls.h"
 #include "server/jobs/jobs.h"
+#include "server/metrics/metrics.h"
 
 namespace litags {
 
@@ -44,6 +45,12 @@ struct ServerOptions {
   RenderLimits render;
 };
 
+// What the services need. Pictures and models need the store only.
+struct Health {
+  bool store = true;
+  bool workers = true;
+};
+
 // The gRPC services on one port, with health and reflection.
 class Server {
  public:
@@ -52,6 +59,12 @@ class Server {
   // The port it listens on; 0 if it listens on none.
   virtual int port() const = 0;
   virtual std::shared_ptr<grpc::Channel> InProcessChannel() = 0;
+  // What it counted so far; lives as long as the server.
+  virtual Metrics* metrics() = 0;
+
+  // What the health service says from now on: of each service, and, as "", of all together.
+  // Thread-safe, but not beside Shutdown().
+  virtual void SetHealth(const Health& health) = 0;
 
   // Ends watches with UNAVAILABLE, gives other calls a moment, then ends them too.
   virtual void Shutdown() = 0;

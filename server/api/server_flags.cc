@@ -125,6 +125,9 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   AddClientLimitFlags(app, &flags->server.limits);
   AddRenderFlags(app, &flags->server);
   AddConnectionFlags(app, &flags->server.connections);
+  app->add_option("--metrics-listen", flags->metrics_listen,
+                  "HOST:PORT for Prometheus, plain HTTP: on this machine or in a network of your "
+                  "own; none: no metrics");
   app->add_option("--log-level", flags->log_level, "debug, info, warn or error")
       ->capture_default_str();
   app->add_option("--log-format", flags->log_format, "text, or json: one object a line")

@@ -18,6 +18,7 @@ struct ServerFlags {
   std::string log_level = "info";
   std::string log_format = "text";
   std::string port_file;
+  std::string metrics_listen;  // empty: no metrics
   int workers = 1;
   int threads = 0;                    // per job; 0: all cores
   int worker_niceness = 5;            // pictures, which somebody waits for, go before jobs

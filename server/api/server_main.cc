@@ -10,12 +10,14 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
+#include "server/api/health_monitor.h"
 #include "server/api/preflight.h"
 #include "server/api/server.h"
 #include "server/api/server_flags.h"
 #include "server/auth/tokens.h"
 #include "server/jobs/janitor.h"
 #include "server/jobs/leases.h"
+#include "server/metrics/metrics_server.h"
 #include "server/worker/log.h"
 #include "server/worker/shutdown_signal.h"
 #include "server/worker/supervisor.h"
@@ -60,7 +62,17 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   Jobs jobs(store.get(), blobs.get(), data, SystemClockMs, flags.uploads);
   Leases leases(store.get(), blobs.get());
   LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));
-  Supervisor supervisor(WorkersOf(flags, worker_program, data), &leases);
+  std::unique_ptr<MetricsServer> metrics;
+  if (!flags.metrics_listen.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(metrics,
+                            MetricsServer::Start(flags.metrics_listen, server->metrics(), &jobs));
+    spdlog::info("metrics at port {}, /metrics", metrics->port());
+  }
+  SupervisorOptions workers = WorkersOf(flags, worker_program, data);
+  workers.on_restart = [&] { server->metrics()->AddWorkerRestart(); };
+  Supervisor supervisor(workers, &leases);
+  auto health = std::make_unique<HealthMonitor>(
+      &jobs, [&] { return supervisor.AllFailing(); }, server.get());
   const Janitor janitor(&jobs, flags.sweep_seconds);
 
   const std::string host = flags.server.listen.substr(0, flags.server.listen.rfind(':'));
@@ -73,6 +85,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   }
   signal.Wait();
   spdlog::info("shutting down");
+  health.reset();
   server->Shutdown();
   supervisor.Stop();
   return absl::OkStatus();

@@ -35,7 +35,7 @@ grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* cont
   auto* reactor = new UnaryReactor;
   auto call = gate->Enter(context, name);
   if (!call.ok()) {
-    reactor->Finish(Refuse(name, call.status()));
+    reactor->Finish(gate->Refuse(name, call.status()));
     return reactor;
   }
   const absl::Status accepted = pool->Try([reactor, call = *call, work = std::move(work)] {
@@ -60,7 +60,7 @@ class RefusedStream : public Reactor {
 template <typename Reactor, typename Make>
 Reactor* RunStream(Gate* gate, grpc::CallbackServerContext* context, CallName name, Make make) {
   auto call = gate->Enter(context, name);
-  if (!call.ok()) return new RefusedStream<Reactor>(Refuse(name, call.status()));
+  if (!call.ok()) return new RefusedStream<Reactor>(gate->Refuse(name, call.status()));
   return make(*std::move(call));
 }
 

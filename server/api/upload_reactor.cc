@@ -60,6 +60,7 @@ void UploadReactor::OnReadDone(bool ok) {
 void UploadReactor::Step(bool ok) {
   alarm_.reset();
   if (context_->IsCancelled()) return Finish(call_->End(CallCancelled()));
+  call_->metrics().AddUploadedBytes(static_cast<int64_t>(ok ? request_.chunk().size() : 0));
   const absl::Status status = ok ? session_.Handle(request_) : session_.End(response_);
   if (ok && status.ok()) return Read();
   Finish(call_->End(status));

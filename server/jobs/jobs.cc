@@ -87,6 +87,24 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
                                 other, "; use a new one"));
 }
 
+absl::StatusOr<JobsOverview> Jobs::Overview() {
+  LITAGS_ASSIGN_OR_RETURN(const JobCensus census, store_->Census());
+  JobsOverview overview;
+  for (const JobState state : kAllJobStates) overview.by_state[state] = 0;
+  for (const auto& [state, count] : census.by_state) overview.by_state[state] = count;
+  if (census.oldest_queue_time_ms > 0) {
+    // A clock that was set back makes no negative age.
+    const int64_t age_ms = std::max(int64_t{0}, clock_() - census.oldest_queue_time_ms);
+    overview.queue_age_seconds = static_cast<double>(age_ms) / 1000;
+  }
+  for (const std::string& json : census.running_progress) {
+    if (json.empty()) continue;
+    LITAGS_ASSIGN_OR_RETURN(const ProgressRecord record, Decode<ProgressRecord>(json));
+    overview.iterations_per_second += record.progress.iterations_per_second;
+  }
+  return overview;
+}
+
 absl::Status Jobs::Enqueue(JobTransaction& job, std::string_view message) {
   const JobAction action =
       job.job.state == JobState::kUploading ? JobAction::kStart : JobAction::kResume;

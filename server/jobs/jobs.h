@@ -4,6 +4,7 @@
 #define LITAGS_SERVER_JOBS_JOBS_H_
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -30,6 +31,13 @@ struct NewJob {
   JobPolicy policy;
 };
 
+// How all jobs are at the moment.
+struct JobsOverview {
+  std::map<JobState, int64_t> by_state;  // every state
+  double queue_age_seconds = 0;          // since the job that waits longest was queued
+  double iterations_per_second = 0;      // of all running jobs together
+};
+
 // Thread-safe. Errors: those of JobStore and NextState(), and what each call says.
 class Jobs {
  public:
@@ -53,6 +61,9 @@ class Jobs {
                                               int limit) {
     return store_->List(after_time_ms, after_id, limit);
   }
+
+  // Not for clients.
+  absl::StatusOr<JobsOverview> Overview();
 
   // Files for jobs that are not started yet.
   Uploads& uploads() { return uploads_; }

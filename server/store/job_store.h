@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -104,6 +105,13 @@ struct OwnerUsage {
   int64_t bytes = 0;  // of all their files
 };
 
+// All jobs, for whoever watches over the service.
+struct JobCensus {
+  std::map<JobState, int64_t> by_state;       // states without jobs are left out
+  int64_t oldest_queue_time_ms = 0;           // of the queued jobs; 0: there are none
+  std::vector<std::string> running_progress;  // JobRecord::progress of each running job
+};
+
 // One job inside a transaction. Nothing is visible to others, and nothing is on disk, until the
 // transaction's function has returned OK.
 class JobTransaction {
@@ -179,6 +187,8 @@ class JobStore {
 
   // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
   virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
+
+  virtual absl::StatusOr<JobCensus> Census() = 0;
 
   // By role, then name.
   virtual absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) = 0;

@@ -244,6 +244,23 @@ TEST_F(JobStoreConformance, QueueIsFirstInFirstOutAndExpiryLooksAtTheLeaseOnly) 
   EXPECT_TRUE(store_->LeasedTo("other")->empty());
 }
 
+TEST_F(JobStoreConformance, CensusCountsStatesAndFindsTheLongestWait) {
+  EXPECT_TRUE(store_->Census()->by_state.empty());
+  EXPECT_EQ(store_->Census()->oldest_queue_time_ms, 0);
+  ASSERT_TRUE(store_->Create(MakeJob("u", 5), Nothing).ok());
+  ASSERT_TRUE(store_->Create(MakeJob("q2", 20, JobState::kQueued), Nothing).ok());
+  ASSERT_TRUE(store_->Create(MakeJob("q1", 10, JobState::kQueued), Nothing).ok());
+  JobRecord running = MakeJob("r", 1, JobState::kRunning);
+  running.progress = "{}";
+  ASSERT_TRUE(store_->Create(running, Nothing).ok());
+  const JobCensus census = *store_->Census();
+  EXPECT_EQ(census.by_state,
+            (std::map<JobState, int64_t>{
+                {JobState::kUploading, 1}, {JobState::kQueued, 2}, {JobState::kRunning, 1}}));
+  EXPECT_EQ(census.oldest_queue_time_ms, 10);
+  EXPECT_THAT(census.running_progress, ElementsAre("{}"));
+}
+
 TEST_F(JobStoreConformance, WaitingEndsWithOwnAndForeignChangesAndElseWithItsTime) {
   auto other = Open();
   // A store may see a change of before; then all is quiet.

@@ -106,6 +106,15 @@ absl::StatusOr<std::vector<std::string>> SqlJobStore::Expired(int64_t now_ms, in
   return ids;
 }
 
+absl::StatusOr<JobCensus> SqlJobStore::Census() {
+  JobCensus census;
+  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(census, SelectCensus(sql));
+    return absl::OkStatus();
+  }));
+  return census;
+}
+
 absl::StatusOr<std::vector<FileRecord>> SqlJobStore::Files(std::string_view id) {
   std::vector<FileRecord> files;
   LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {

@@ -288,6 +288,25 @@ absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t 
   return ReadAll(*row, ReadId);
 }
 
+absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql) {
+  JobCensus census;
+  const auto states =
+      sql.Prepare("SELECT state, COUNT(*), MIN(queue_time_ms) FROM jobs GROUP BY state");
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, states->Step());
+    if (!more) break;
+    const auto state = static_cast<JobState>(states->Int(0));
+    census.by_state[state] = states->Int(1);
+    if (state == JobState::kQueued) census.oldest_queue_time_ms = states->Int(2);
+  }
+  const auto running = sql.Prepare("SELECT progress FROM jobs WHERE state=3");
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, running->Step());
+    if (!more) return census;
+    census.running_progress.push_back(running->Text(0));
+  }
+}
+
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id) {
   const auto row = sql.Prepare(
       absl::StrCat("SELECT ", kFileColumns, " FROM files WHERE job_id=?1 ORDER BY role, name"));

@@ -15,7 +15,8 @@
 namespace litags {
 namespace {
 
-using SteadyClock = std::chrono::steady_clock;
+// More young deaths in a row than a job can cause, which is given up after three.
+constexpr int kManyYoungDeaths = 4;
 
 // Workers write whole log lines in the format of this process: passed on as they are.
 void PassOn(std::string_view line) {
@@ -32,7 +33,9 @@ std::string WhyItEnded(const absl::StatusOr<SubprocessResult>& result) {
 }  // namespace
 
 Supervisor::Supervisor(SupervisorOptions options, Leases* leases)
-    : options_(std::move(options)), leases_(leases) {
+    : options_(std::move(options)),
+      leases_(leases),
+      places_(static_cast<size_t>(options_.workers)) {
   for (int i = 0; i < options_.workers; ++i) {
     threads_.emplace_back([this, i] { KeepRunning(i); });
   }
@@ -47,7 +50,17 @@ void Supervisor::Stop() {
   }
 }
 
+bool Supervisor::AllFailing() const {
+  const auto now = SteadyClock::now();
+  std::lock_guard lock(mutex_);
+  return !places_.empty() && std::all_of(places_.begin(), places_.end(), [&](const Place& place) {
+    const std::chrono::duration<double> age = now - place.start;
+    return place.young_deaths >= kManyYoungDeaths && age.count() < options_.young_seconds;
+  });
+}
+
 void Supervisor::KeepRunning(int index) {
+  Place& place = places_[static_cast<size_t>(index)];
   double backoff = options_.min_backoff_seconds;
   while (!stop_.IsCancelled()) {
     // A new name per process: what the old one held can be told from what the new one holds.
@@ -59,6 +72,10 @@ void Supervisor::KeepRunning(int index) {
     child.niceness = options_.niceness;
     child.on_line = PassOn;
     const auto start = SteadyClock::now();
+    {
+      std::lock_guard lock(mutex_);
+      place.start = start;
+    }
     const auto result = RunSubprocess(child, stop_);
     const double lived = std::chrono::duration<double>(SteadyClock::now() - start).count();
     const std::string why = WhyItEnded(result);
@@ -67,8 +84,14 @@ void Supervisor::KeepRunning(int index) {
     }
     if (stop_.IsCancelled()) return;
 
-    backoff = lived > options_.young_seconds ? options_.min_backoff_seconds
-                                             : std::min(2 * backoff, options_.max_backoff_seconds);
+    const bool young = lived <= options_.young_seconds;
+    {
+      std::lock_guard lock(mutex_);
+      place.young_deaths = young ? place.young_deaths + 1 : 0;
+    }
+    if (options_.on_restart) options_.on_restart();
+    backoff =
+        young ? std::min(2 * backoff, options_.max_backoff_seconds) : options_.min_backoff_seconds;
     spdlog::warn("{} ended: {}; next one in {:.1f} s", name, why, backoff);
     const auto until = SteadyClock::now() + std::chrono::duration<double>(backoff);
     while (!stop_.IsCancelled() && SteadyClock::now() < until) {

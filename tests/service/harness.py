@@ -104,7 +104,7 @@ def error_detail(error):
 class Server:
     """A server process with its data in `folder`; port 0 until it has started."""
 
-    def __init__(self, folder, port=0, extra=()):
+    def __init__(self, folder, port=0, extra=(), program=None):
         self.data = os.path.join(folder, "data")
         port_file = os.path.join(folder, "port")
         with contextlib.suppress(FileNotFoundError):
@@ -112,7 +112,7 @@ class Server:
         self.log_path = os.path.join(folder, "server.log")
         self.log = open(self.log_path, "ab")
         self.process = subprocess.Popen(
-            [os.path.join(BIN, SERVER_PROGRAM), "--listen", f"127.0.0.1:{port}", "--data", self.data,
+            [program or os.path.join(BIN, SERVER_PROGRAM), "--listen", f"127.0.0.1:{port}", "--data", self.data,
              "--port-file", port_file, "--threads", "1", *extra],
             stdout=self.log, stderr=self.log)
         deadline = time.monotonic() + PATIENCE_S

@@ -1,0 +1,96 @@
+// What the server says of its health while the store or the workers fail.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <filesystem>
+#include <thread>
+
+#include "engine/core/error.h"
+#include "server/api/health_monitor.h"
+#include "server/jobs/client_job_store.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+// A store whose disk can be taken away.
+class FailingStore : public ClientJobStore {
+ public:
+  explicit FailingStore(JobStore* store) : ClientJobStore(store, {.sees_all = true}) {}
+
+  absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
+                                              int limit,
+                                              const std::optional<std::string>& owner) override {
+    if (fails) {
+      return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "", "the disk is gone");
+    }
+    return ClientJobStore::List(after_time_ms, after_id, limit, owner);
+  }
+
+  std::atomic<bool> fails{false};
+};
+
+class NotedServer : public Server {
+ public:
+  int port() const override { return 0; }
+  std::shared_ptr<grpc::Channel> InProcessChannel() override { return nullptr; }
+  Metrics* metrics() override { return &metrics_; }
+  void SetHealth(const Health& health) override {
+    store = health.store;
+    workers = health.workers;
+    ++looks;
+  }
+  void Shutdown() override {}
+
+  std::atomic<bool> store{false}, workers{false};
+  std::atomic<int> looks{0};
+
+ private:
+  Metrics metrics_;
+};
+
+class HealthTest : public ::testing::Test {
+ protected:
+  // Two looks from now on: the first may have begun before.
+  void WaitForALook() {
+    const int until = server_.looks + 2;
+    while (server_.looks < until) std::this_thread::yield();
+  }
+
+  TempDir dir_;
+  DataDir data_ = *DataDir::Open(dir_.path());
+  std::unique_ptr<JobStore> sqlite_ = *OpenSqliteJobStore(data_.database());
+  FailingStore store_{sqlite_.get()};
+  std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
+  Jobs jobs_{&store_, blobs_.get(), data_};
+  NotedServer server_;
+  std::atomic<bool> workers_fail_{false};
+};
+
+TEST_F(HealthTest, FollowsTheStoreAndTheWorkers) {
+  const HealthMonitor monitor(
+      &jobs_, [this] { return workers_fail_.load(); }, &server_, 0.01);
+  WaitForALook();
+  EXPECT_TRUE(server_.store && server_.workers);
+  store_.fails = true;
+  WaitForALook();
+  EXPECT_TRUE(!server_.store && server_.workers);
+  store_.fails = false;
+  workers_fail_ = true;
+  WaitForALook();
+  EXPECT_TRUE(server_.store && !server_.workers);
+  workers_fail_ = false;
+  WaitForALook();
+  EXPECT_TRUE(server_.store && server_.workers);
+}
+
+TEST_F(HealthTest, StoreWhoseFolderIsGoneIsNotWell) {
+  EXPECT_TRUE(CheckStoreHealth(&jobs_).ok());
+  std::filesystem::remove_all(data_.root);
+  const absl::Status status = CheckStoreHealth(&jobs_);
+  EXPECT_EQ(status.code(), absl::StatusCode::kInternal) << status;
+  EXPECT_EQ(GetErrorDetail(status)->reason, "STORE_FAILED");
+}
+
+}  // namespace
+}  // namespace litags
