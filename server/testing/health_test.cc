@@ -16,7 +16,7 @@ namespace {
 // A store whose disk can be taken away.
 class FailingStore : public ClientJobStore {
  public:
-  explicit FailingStore(JobStore* store) : ClientJobStore(store, {.sees_all = true}) {}
+  explicit FailingStore(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
 
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
                                               int limit,
