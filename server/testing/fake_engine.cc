@@ -172,6 +172,7 @@ class FakeEngine : public Engine {
     progress.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
     observer->OnProgress(progress);
     progress.stage = Stage::kTraining;
+    progress.iterations_per_second = 1000.0 / static_cast<double>(pause.count());
     for (int i = start + 1; i <= options.iterations; ++i) {
       LITAGS_RETURN_IF_ERROR(cancel.Check());
       std::this_thread::sleep_for(pause);
