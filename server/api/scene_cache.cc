@@ -33,7 +33,7 @@ absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(Jobs* jobs, const s
                      absl::StrCat("the job is ", std::string(JobStateName(job.state)),
                                   " and has no snapshot yet; WatchJob tells when there is one"));
   }
-  const std::string path = std::filesystem::path(jobs->data().root) / job.scene_path;
+  const std::string path = jobs->data().FromStored(job.scene_path);
   LITAGS_ASSIGN_OR_RETURN(int64_t stamp, StampOf(path));
   if (auto scene = Find(path, stamp)) return scene;
 

@@ -75,6 +75,16 @@ void AddConnectionFlags(CLI::App* app, ConnectionLimits* limits) {
 
 void AddJobFlags(CLI::App* app, ServerFlags* flags) {
   app->add_option("--data", flags->data, "Folder for jobs and scenes")->capture_default_str();
+  app->add_option(
+      "--store", flags->places.jobs,
+      "Jobs: sqlite:///FILE or postgresql://... (default: litags.db in the data folder)");
+  app->add_option(
+      "--blobs", flags->places.blobs,
+      "Photos: file:///FOLDER or s3://BUCKET/PREFIX (default: blobs/ in the data folder)");
+  app->add_option("--s3-endpoint", flags->places.s3_endpoint, "S3 server, if it is not Amazon's");
+  app->add_option("--work", flags->work,
+                  "Folder of checkpoints and scenes; one that all servers and workers of a store "
+                  "share (default: work/ in the data folder)");
   app->add_option("--workers", flags->workers, "Jobs that run at the same time on this machine")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
@@ -141,8 +151,14 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
 }
 
 Settings::Rules ServerSettingsRules() {
-  return {
-      "LITAGS_SERVER", {{"data", "LITAGS_DATA"}}, {"config", "print-config", "check"}, {"token"}};
+  return {"LITAGS_SERVER",
+          {{"data", "LITAGS_DATA"},
+           {"store", "LITAGS_STORE"},
+           {"blobs", "LITAGS_BLOBS"},
+           {"s3-endpoint", "LITAGS_S3_ENDPOINT"},
+           {"work", "LITAGS_WORK"}},
+          {"config", "print-config", "check"},
+          {"token", "store"}};
 }
 
 }  // namespace litags

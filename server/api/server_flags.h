@@ -5,6 +5,7 @@
 
 #include "server/api/server.h"
 #include "server/config/settings.h"
+#include "server/store/open_stores.h"
 
 namespace litags {
 
@@ -13,6 +14,8 @@ struct ServerFlags {
   ServerOptions server;
   UploadLimits uploads;
   std::string data;
+  std::string work;  // empty: in the data folder
+  StorePlaces places;
   std::string colmap = "colmap";
   std::string depth_model;
   std::string log_level = "info";

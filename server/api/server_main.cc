@@ -18,6 +18,7 @@
 #include "server/jobs/janitor.h"
 #include "server/jobs/leases.h"
 #include "server/metrics/metrics_server.h"
+#include "server/store/open_stores.h"
 #include "server/worker/log.h"
 #include "server/worker/shutdown_signal.h"
 #include "server/worker/supervisor.h"
@@ -37,7 +38,10 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   const auto pass = [&](const char* name, const std::string& value) {
     command.insert(command.end(), {name, value});
   };
-  pass("--store", data.root);
+  pass("--data", data.root);
+  // Not as arguments: the store's URL may hold a password.
+  workers.env = {"LITAGS_STORE=" + flags.places.jobs, "LITAGS_BLOBS=" + flags.places.blobs,
+                 "LITAGS_S3_ENDPOINT=" + flags.places.s3_endpoint, "LITAGS_WORK=" + data.work()};
   pass("--threads", absl::StrCat(flags.threads));
   pass("--colmap", flags.colmap);
   pass("--colmap-timeout", absl::StrCat(flags.colmap_step_seconds));
@@ -53,13 +57,13 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
                    const ShutdownSignal& signal) {
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
-  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
+  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data, flags.work));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp(/*quiet_seconds=*/0);
-  LITAGS_RETURN_IF_ERROR(CheckSqliteJobStore(data.database()));
-  LITAGS_ASSIGN_OR_RETURN(const auto store, OpenSqliteJobStore(data.database()));
-  LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenDiskBlobStore(data.blobs()));
-  Jobs jobs(store.get(), blobs.get(), data, SystemClockMs, flags.uploads);
+  LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
+  LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(flags.places, data));
+  LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
+  Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), flags.uploads);
   Leases leases(store.get(), blobs.get());
   LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));
   std::unique_ptr<MetricsServer> metrics;

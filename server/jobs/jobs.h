@@ -75,7 +75,8 @@ class Jobs {
   absl::Status Delete(std::string_view id);
 
   // Removes what nobody will come back for: jobs whose time is over, and files that belong to no
-  // job, as crashes may leave them: folders of deleted jobs and temporary files. Returns the ids of the jobs that expired.
+  // job, as crashes may leave them: folders of deleted jobs and temporary files. Returns the ids of
+  // the jobs that expired.
   absl::StatusOr<std::vector<std::string>> Sweep();
 
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after, int limit) {

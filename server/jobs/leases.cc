@@ -102,7 +102,9 @@ absl::Status Leases::AddProgress(const Lease& lease, const Progress& progress) {
   return Update(lease,
                 [&](JobTransaction& job) -> absl::Status {
                   LITAGS_RETURN_IF_ERROR(ApplyAction(job, JobAction::kReport, clock_(), ""));
-                  job.job.progress = Encode(record);
+                  std::string encoded = Encode(record);
+                  if (job.job.progress == encoded) return absl::OkStatus();
+                  job.job.progress = std::move(encoded);
                   return job.AddEvent({0, clock_(), EventKind::kProgress, job.job.progress});
                 })
       .status();
@@ -112,10 +114,22 @@ absl::Status Leases::AddSnapshot(const Lease& lease, const std::string& scene_pa
   return Update(lease,
                 [&](JobTransaction& job) -> absl::Status {
                   LITAGS_RETURN_IF_ERROR(ApplyAction(job, JobAction::kReport, clock_(), ""));
+                  if (job.job.scene_path == scene_path && job.job.snapshot_iteration == iteration) {
+                    return absl::OkStatus();
+                  }
                   job.job.scene_path = scene_path;
                   job.job.snapshot_iteration = iteration;
                   return job.AddEvent(
                       {0, clock_(), EventKind::kSnapshot, Encode(SnapshotRecord{iteration})});
+                })
+      .status();
+}
+
+absl::Status Leases::MoveSnapshot(const Lease& lease, const std::string& scene_path) {
+  return Update(lease,
+                [&](JobTransaction& job) {
+                  job.job.scene_path = scene_path;
+                  return absl::OkStatus();
                 })
       .status();
 }

@@ -49,8 +49,11 @@ class Leases {
   absl::StatusOr<bool> CancelRequested(const Lease& lease);
 
   absl::Status AddProgress(const Lease& lease, const Progress& progress);
-  // `scene_path` is relative to the data folder.
+  // `scene_path` is as DataDir::ToStored() gives it. Said again, this and progress change nothing:
+  // after a commit of which nobody knows, they can be.
   absl::Status AddSnapshot(const Lease& lease, const std::string& scene_path, int iteration);
+  // The newest snapshot is at another path now.
+  absl::Status MoveSnapshot(const Lease& lease, const std::string& scene_path);
 
   // The ends of a lease.
   absl::Status Succeed(const Lease& lease, const ReconstructReport& report,

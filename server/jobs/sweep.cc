@@ -1,6 +1,7 @@
 // What a service that runs for years must throw away: Jobs::Sweep().
 #include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <map>
 
 #include "absl/strings/str_cat.h"
@@ -53,30 +54,30 @@ absl::StatusOr<bool> Jobs::RemoveExpired(std::string_view id) {
 }
 
 absl::Status Jobs::RemoveOrphans() {
-  // How long the folders of each job have been left alone.
+  // How long the local folders of each job have been left alone.
   std::map<std::string, double> quiet;
-  const auto note = [&](const std::vector<BlobStore::Entry>& entries) {
-    for (const auto& entry : entries) {
-      if (!IsJobId(entry.name)) continue;
-      const auto [it, added] = quiet.emplace(entry.name, entry.quiet_seconds);
-      if (!added) it->second = std::min(it->second, entry.quiet_seconds);
-    }
+  const auto note = [&](const std::string& name, double seconds) {
+    if (!IsJobId(name)) return;
+    const auto [it, added] = quiet.emplace(name, seconds);
+    if (!added) it->second = std::min(it->second, seconds);
   };
   LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data_.uploads()));
   LITAGS_ASSIGN_OR_RETURN(const auto works, ListFolder(data_.work()));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, blobs_->List("jobs"));
-  note(partials);
-  note(works);
-  note(blobs);
+  for (const FolderEntry& entry : partials) note(entry.name, entry.quiet_seconds);
+  for (const FolderEntry& entry : works) note(entry.name, entry.quiet_seconds);
+  for (const std::string& name : blobs) note(name, std::numeric_limits<double>::infinity());
   for (const auto& [id, seconds] : quiet) {
     // A row is there before its folders are, so that a folder without a row was left behind by a
     // crash, or its row was lost: the delay is the operator's time to bring the row back.
     if (seconds < uploads_.limits().keep_seconds) continue;
     const absl::Status row = store_->Get(id).status();
-    if (absl::IsNotFound(row)) {
+    if (row.ok()) continue;
+    if (!absl::IsNotFound(row)) return row;
+    LITAGS_ASSIGN_OR_RETURN(const double blob_seconds,
+                            blobs_->QuietSeconds(absl::StrCat("jobs/", id)));
+    if (blob_seconds >= uploads_.limits().keep_seconds) {
       LITAGS_RETURN_IF_ERROR(RemoveFolders(id));
-    } else {
-      LITAGS_RETURN_IF_ERROR(row);
     }
   }
   for (const auto& entry : partials) {

@@ -16,7 +16,9 @@ namespace litags {
 // Keys are paths of lower-case letters, digits, '-' and '/', made by us ("jobs/ID/SHA256"), never
 // by clients. A blob never changes. Thread-safe; several processes may share a store.
 //
-// Errors: NOT_FOUND (BLOB_NOT_FOUND), RESOURCE_EXHAUSTED (DISK_FULL), INTERNAL (STORE_FAILED).
+// Errors: NOT_FOUND (BLOB_NOT_FOUND), RESOURCE_EXHAUSTED (DISK_FULL), DATA_LOSS (BLOB_DAMAGED) if a
+// blob named by its SHA-256 has another one, INTERNAL (STORE_FAILED). A store on another machine,
+// beside these: UNAVAILABLE (BLOBS_UNAVAILABLE), FAILED_PRECONDITION (BLOBS_DENIED).
 class BlobStore {
  public:
   virtual ~BlobStore() = default;
@@ -35,12 +37,11 @@ class BlobStore {
   // disk when it returns. `to` being there already is fine.
   virtual absl::Status Link(std::string_view from, std::string_view to) = 0;
 
-  // What is inside the folder `prefix`; empty if there is no such folder.
-  struct Entry {
-    std::string name;          // last part of the key of a blob or folder
-    double quiet_seconds = 0;  // since it was changed last
-  };
-  virtual absl::StatusOr<std::vector<Entry>> List(std::string_view prefix) = 0;
+  // Names of what is inside the folder `prefix`: the last parts of the keys of blobs and folders;
+  // empty if there is no such folder.
+  virtual absl::StatusOr<std::vector<std::string>> List(std::string_view prefix) = 0;
+  // Since anything in the folder `prefix` was changed last; infinity if there is no such folder.
+  virtual absl::StatusOr<double> QuietSeconds(std::string_view prefix) = 0;
 
   // Removes one blob; none there is fine.
   virtual absl::Status Remove(std::string_view key) = 0;
@@ -48,11 +49,29 @@ class BlobStore {
   virtual absl::Status RemoveFolder(std::string_view prefix) = 0;
 };
 
-// The same as List() for any local folder.
-absl::StatusOr<std::vector<BlobStore::Entry>> ListFolder(const std::string& folder);
+// What is inside a local folder; empty if there is no such folder.
+struct FolderEntry {
+  std::string name;
+  double quiet_seconds = 0;  // since it was changed last
+};
+absl::StatusOr<std::vector<FolderEntry>> ListFolder(const std::string& folder);
 
 // A folder, made if it is not there.
 absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& root);
+
+// A bucket of Amazon S3, or of a server that speaks its protocol.
+struct S3Options {
+  std::string endpoint;  // "http://127.0.0.1:9000"; the bucket follows as the path's first part
+  std::string region = "us-east-1";
+  std::string bucket;
+  std::string prefix;  // of all keys: empty, or "a/b/"
+  std::string access_key, secret_key;
+  std::string session_token;               // of temporary credentials; else empty
+  int64_t part_bytes = int64_t{16} << 20;  // larger blobs come and go in parts; 5 MiB at least
+};
+
+// The bucket must be there. FAILED_PRECONDITION (BLOBS_DENIED), UNAVAILABLE (BLOBS_UNAVAILABLE).
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenS3BlobStore(S3Options options);
 
 }  // namespace litags
 

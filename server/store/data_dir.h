@@ -19,16 +19,22 @@ namespace litags {
 //   later
 struct DataDir {
   std::string root;
+  std::string work_root;  // root/work, or a volume that several servers and workers share
 
   std::string database() const { return root + "/litags.db"; }
   std::string blobs() const { return root + "/blobs"; }
   std::string uploads() const { return root + "/uploads"; }
   std::string tmp() const { return root + "/tmp"; }
-  std::string work() const { return root + "/work"; }
-  std::string work(std::string_view job_id) const { return root + "/work/" + std::string(job_id); }
+  const std::string& work() const { return work_root; }
+  std::string work(std::string_view job_id) const { return work_root + "/" + std::string(job_id); }
 
-  // Makes the folders, readable by the owner only. FAILED_PRECONDITION (DATA_DIR_UNUSABLE).
-  static absl::StatusOr<DataDir> Open(const std::string& root);
+  // Paths of files below work() as the job store keeps them, "work/...", and back.
+  std::string ToStored(const std::string& path) const;
+  std::string FromStored(const std::string& stored) const;
+
+  // Makes the folders, readable by the owner only. `work` empty: root/work. FAILED_PRECONDITION
+  // (DATA_DIR_UNUSABLE).
+  static absl::StatusOr<DataDir> Open(const std::string& root, const std::string& work = "");
   // Removes what killed processes left in tmp/ and blobs/tmp/: what nobody has written to for that
   // long; 0: all there is, before workers are started.
   void EmptyTmp(double quiet_seconds) const;

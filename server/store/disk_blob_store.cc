@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
@@ -120,8 +121,18 @@ class DiskBlobStore : public BlobStore {
     return status;
   }
 
-  absl::StatusOr<std::vector<Entry>> List(std::string_view prefix) override {
-    return ListFolder(PathOf(prefix));
+  absl::StatusOr<std::vector<std::string>> List(std::string_view prefix) override {
+    LITAGS_ASSIGN_OR_RETURN(const auto entries, ListFolder(PathOf(prefix)));
+    std::vector<std::string> names;
+    for (const FolderEntry& entry : entries) names.push_back(entry.name);
+    return names;
+  }
+
+  absl::StatusOr<double> QuietSeconds(std::string_view prefix) override {
+    std::error_code error;
+    const auto time = fs::last_write_time(PathOf(prefix), error);
+    if (error) return std::numeric_limits<double>::infinity();
+    return std::chrono::duration<double>(fs::file_time_type::clock::now() - time).count();
   }
 
   absl::Status Remove(std::string_view key) override {
@@ -163,8 +174,8 @@ class DiskBlobStore : public BlobStore {
 
 }  // namespace
 
-absl::StatusOr<std::vector<BlobStore::Entry>> ListFolder(const std::string& folder) {
-  std::vector<BlobStore::Entry> entries;
+absl::StatusOr<std::vector<FolderEntry>> ListFolder(const std::string& folder) {
+  std::vector<FolderEntry> entries;
   std::error_code error;
   const auto now = fs::file_time_type::clock::now();
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {

@@ -68,6 +68,11 @@ void CuttingProxy::CutAt(const std::string& text, Cut cut) {
   has_cut_ = false;
 }
 
+std::vector<std::string> CuttingProxy::Requests() {
+  std::lock_guard lock(mutex_);
+  return requests_;
+}
+
 void CuttingProxy::CutAll() {
   std::lock_guard lock(mutex_);
   for (const int fd : sockets_) shutdown(fd, SHUT_RDWR);
@@ -77,7 +82,7 @@ void CuttingProxy::Accept() {
   while (!ends_) {
     const int client = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
     if (client < 0) continue;
-    if (closed_ || ends_) {
+    if (ends_) {
       close(client);
       continue;
     }
@@ -87,6 +92,7 @@ void CuttingProxy::Accept() {
 
 bool CuttingProxy::IsCut(const std::string& bytes, Cut* cut) {
   std::lock_guard lock(mutex_);
+  requests_.push_back(bytes);
   if (text_.empty() || bytes.find(text_) == std::string::npos) return false;
   text_.clear();
   *cut = cut_;

@@ -1,13 +1,10 @@
 #include "server/testing/postgres_server.h"
 
-#include <arpa/inet.h>
 #include <fcntl.h>
 #include <grp.h>
-#include <netinet/in.h>
 #include <pwd.h>
 #include <signal.h>
 #include <sys/prctl.h>
-#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,6 +16,7 @@
 #include "absl/strings/str_replace.h"
 #include "server/store/postgres.h"
 #include "server/store/postgres_migrations.h"
+#include "server/testing/free_port.h"
 #include "server/testing/job_store_kind.h"
 
 namespace litags {
@@ -35,19 +33,6 @@ std::string FindPrograms() {
     if (fs::exists(folder + "/initdb") && folder > newest) newest = folder;
   }
   return newest;
-}
-
-// A port that was free just now.
-int FreePort() {
-  const int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof(address);
-  bind(fd, reinterpret_cast<sockaddr*>(&address), size);
-  getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
-  close(fd);
-  return ntohs(address.sin_port);
 }
 
 class PostgresKind : public JobStoreKind {

@@ -2,8 +2,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include <filesystem>
-
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -142,17 +140,20 @@ void JobMonitor::WriteReports(bool all) {
   if (progress) {
     last_progress_ = SteadyClock::now();
     status = context_.leases->AddProgress(lease_, *progress);
+    if (status.ok()) progress.reset();
   }
-  if (snapshot) {
-    const std::string path =
-        std::filesystem::path(snapshot->scene_path).lexically_proximate(context_.data.root);
-    status.Update(context_.leases->AddSnapshot(lease_, path, snapshot->iteration));
+  if (snapshot && status.ok()) {
+    status = context_.leases->AddSnapshot(lease_, context_.data.ToStored(snapshot->scene_path),
+                                          snapshot->iteration);
+    if (status.ok()) snapshot.reset();
   }
-  if (absl::IsAborted(status)) {
-    StopEngine(StopReason::kLeaseLost);
-  } else if (!status.ok()) {
-    spdlog::warn("job={} cannot write its progress: {}", lease_.job.id, status.ToString());
-  }
+  if (status.ok()) return;
+  if (absl::IsAborted(status)) return StopEngine(StopReason::kLeaseLost);
+  spdlog::warn("job={} cannot write its progress: {}", lease_.job.id, status.ToString());
+  // The store may come back: what nothing newer has replaced by then is written with the next.
+  std::lock_guard lock(mutex_);
+  if (!progress_) progress_.swap(progress);
+  if (!snapshot_) snapshot_.swap(snapshot);
 }
 
 void JobMonitor::StopEngine(StopReason reason) {

@@ -20,8 +20,9 @@ struct WorkerOptions {
   int threads = 0;  // most a job may use, and what one uses that does not say; 0: all cores
   DepthNetwork depth_network;         // for jobs that ask for depth by a network
   double colmap_step_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
-  double poll_seconds = 0.25;         // between looks for work, for cancellation and for shutdown
+  double poll_seconds = 0.25;         // between looks for cancellation and for shutdown
   double heartbeat_seconds = 2;       // between renewals of the lease
+  double look_seconds = 2;            // between looks for work of which nobody told
   double progress_seconds = 1;        // between progress events within one stage
   double grace_seconds = 5;           // for an engine to obey its cancel token
   // Called when it does not: must not return. The store already says what becomes of the job.

@@ -67,6 +67,7 @@ void Supervisor::KeepRunning(int index) {
     const std::string name = absl::StrCat("worker-", index, "-", RandomHex(4));
     SubprocessOptions child;
     child.args = options_.command;
+    child.env = options_.env;
     child.args.insert(child.args.end(), {"--name", name});
     child.grace_seconds = options_.grace_seconds;
     child.niceness = options_.niceness;

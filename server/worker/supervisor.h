@@ -15,6 +15,7 @@ namespace litags {
 
 struct SupervisorOptions {
   std::vector<std::string> command;  // program and arguments; "--name NAME" is added
+  std::vector<std::string> env;  // "NAME=value", for what must not be seen in a list of processes
   int workers = 1;
   int niceness = 0;                  // added to ours, 0..19
   double min_backoff_seconds = 0.2;  // before the first restart; doubles while workers die young

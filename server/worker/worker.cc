@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/store/digest.h"
+#include "server/store/open_stores.h"
 #include "server/worker/hardening.h"
 #include "server/worker/log.h"
 #include "server/worker/shutdown_signal.h"
@@ -17,11 +18,25 @@
 namespace litags {
 namespace {
 
-absl::Status OpenAndRun(const std::string& data_path, const WorkerOptions& options, Engine* engine,
-                        const CancelToken& shutdown) {
-  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(data_path));
-  LITAGS_ASSIGN_OR_RETURN(const auto store, OpenSqliteJobStore(data.database()));
-  LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenDiskBlobStore(data.blobs()));
+// Until the queue changes, as far as `seen` knows it, or it is time to look anyway: leases run out
+// without a word.
+void WaitForWork(JobStore* store, const WorkerOptions& options, const CancelToken& shutdown,
+                 int64_t* seen) {
+  const auto end =
+      std::chrono::steady_clock::now() + std::chrono::duration<double>(options.look_seconds);
+  while (!shutdown.IsCancelled() && std::chrono::steady_clock::now() < end) {
+    const auto token = store->WaitForChange(ChangeTopic::kQueue, *seen, options.poll_seconds);
+    if (!token.ok()) return std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    if (*token == *seen) continue;
+    *seen = *token;
+    return;
+  }
+}
+
+absl::Status OpenAndRun(const DataDir& data, const StorePlaces& places,
+                        const WorkerOptions& options, Engine* engine, const CancelToken& shutdown) {
+  LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(places, data));
+  LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(places, data));
   Leases leases(store.get(), blobs.get());
   RunWorker({store.get(), blobs.get(), &leases, engine, data}, options, shutdown);
   return absl::OkStatus();
@@ -31,27 +46,50 @@ absl::Status OpenAndRun(const std::string& data_path, const WorkerOptions& optio
 
 void RunWorker(const WorkerContext& context, const WorkerOptions& options,
                const CancelToken& shutdown) {
-  const auto pause = std::chrono::duration<double>(options.poll_seconds);
+  int64_t seen = -1;
+  bool store_is_away = false;  // said once
   while (!shutdown.IsCancelled()) {
     const auto lease = context.leases->Acquire(options.name);
     if (!lease.ok()) {
-      spdlog::error("cannot look for work: {}", lease.status().ToString());
-    } else if (lease->has_value()) {
-      const absl::Status status = RunJob(**lease, context, options, shutdown);
-      if (status.ok()) continue;
-      spdlog::error("job={} {}", (*lease)->job.id, status.ToString());
+      if (!store_is_away) spdlog::error("cannot look for work: {}", lease.status().ToString());
+      store_is_away = true;
+      std::this_thread::sleep_for(std::chrono::duration<double>(options.poll_seconds));
+      continue;
     }
-    std::this_thread::sleep_for(pause);
+    if (store_is_away) spdlog::info("can look for work again");
+    store_is_away = false;
+    if (lease->has_value()) {
+      const absl::Status status = RunJob(**lease, context, options, shutdown);
+      if (!status.ok()) spdlog::error("job={} {}", (*lease)->job.id, status.ToString());
+    } else {
+      WaitForWork(context.store, options, shutdown, &seen);
+    }
   }
 }
 
 int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
-  std::string data, colmap = "colmap", depth_model, log_level = "info", log_format = "text";
+  StorePlaces places;
+  std::string data_path, work, colmap = "colmap", depth_model, log_level = "info",
+                               log_format = "text";
   WorkerOptions options;
   HardeningOptions hardening;
   options.name = absl::StrCat("worker-", getpid(), "-", RandomHex(4));
-  app.add_option("--store", data, "Data folder of the installation")->required();
+  app.add_option("--data", data_path, "Data folder: of the server, or one of the worker's own")
+      ->required();
+  app.add_option("--store", places.jobs,
+                 "Jobs: sqlite:///FILE or postgresql://... (default: litags.db in the data folder)")
+      ->envname("LITAGS_STORE");
+  app.add_option(
+         "--blobs", places.blobs,
+         "Photos: file:///FOLDER or s3://BUCKET/PREFIX (default: blobs/ in the data folder)")
+      ->envname("LITAGS_BLOBS");
+  app.add_option("--s3-endpoint", places.s3_endpoint, "S3 server, if it is not Amazon's")
+      ->envname("LITAGS_S3_ENDPOINT");
+  app.add_option("--work", work,
+                 "Folder of checkpoints and scenes, shared with the servers that render them "
+                 "(default: work/ in the data folder)")
+      ->envname("LITAGS_WORK");
   app.add_option("--name", options.name, "Name, unique among all workers there ever were");
   app.add_option("--threads", options.threads, "Threads per job that does not say; 0: all cores")
       ->check(CLI::NonNegativeNumber);
@@ -72,10 +110,11 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   if (!SetUpLog(log_level, log_format, options.name)) return 2;
-  if (const absl::Status status = hardening.Validate(); !status.ok()) {
+  if (absl::Status status = hardening.Validate(); status.Update(places.Validate()), !status.ok()) {
     spdlog::error("{}", status.ToString());
     return 2;
   }
+  if (places.NeedNetwork()) hardening.allow_network = true;
   for (const std::string& refused : HardenProcess(hardening)) {
     spdlog::warn("not hardened as it should be: {}", refused);
   }
@@ -89,8 +128,10 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   options.give_up = [] { _exit(3); };
   const std::unique_ptr<Engine> engine = make_engine(colmap);
   const ShutdownSignal signal;
-  spdlog::info("working on {}", data);
-  const absl::Status status = OpenAndRun(data, options, engine.get(), signal.token());
+  spdlog::info("working on {}", data_path);
+  const auto data = DataDir::Open(data_path, work);
+  absl::Status status = data.status();
+  if (status.ok()) status = OpenAndRun(*data, places, options, engine.get(), signal.token());
   if (!status.ok()) {
     spdlog::error("{}", status.ToString());
     return 1;

@@ -1,6 +1,7 @@
 """A server that tests may kill: its processes, its data folder, and a client that never gives up."""
 
 import contextlib
+import glob
 import hashlib
 import os
 import re
@@ -109,7 +110,7 @@ class Deployment:
 
     def workers(self):
         return [pid for pid, command in self.processes("worker").items()
-                if "--store" in command]
+                if "--name" in command]
 
     def orphans(self):
         """What is still alive two seconds after the server has ended."""
@@ -130,9 +131,14 @@ class Deployment:
         """Files that belong to no job and no part of the service."""
         return [path for path in self.files() if not OWN_FILES.fullmatch(path)]
 
+    def run_folder(self, job):
+        """Where the job's newest lease keeps its checkpoint and scene."""
+        leases = glob.glob(os.path.join(self.data, "work", job.removeprefix("jobs/"), "lease-*"))
+        newest = max(leases, key=lambda path: int(path.rsplit("-", 1)[1]))
+        return os.path.join(newest, "run")
+
     def scene_digest(self, job):
-        path = os.path.join(self.data, "work", job.removeprefix("jobs/"), "run", "scene.litags")
-        with open(path, "rb") as file:
+        with open(os.path.join(self.run_folder(job), "scene.litags"), "rb") as file:
             return hashlib.sha256(file.read()).hexdigest()
 
 

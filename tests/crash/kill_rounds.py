@@ -78,7 +78,7 @@ def undisturbed(workload):
                 raise Lost(f"even undisturbed {job} ends as {state}")
             deployment.check_events(client, job, events)
             return Undisturbed(seconds, server.scene_digest(job),
-                               server.files(f"work/{job.removeprefix('jobs/')}"))
+                               server.work_files(job))
         finally:
             client.close()
             server.stop()

@@ -1,0 +1,131 @@
+#include "server/store/open_stores.h"
+
+#include <libpq-fe.h>
+
+#include <cstdlib>
+#include <string_view>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+constexpr std::string_view kSqlite = "sqlite://", kFile = "file://", kS3 = "s3://";
+constexpr char kDefaultRegion[] = "us-east-1";
+
+bool IsPostgres(std::string_view url) {
+  return url.starts_with("postgresql://") || url.starts_with("postgres://");
+}
+
+std::string Variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value ? value : "";
+}
+
+// What follows the scheme, if it is an absolute path.
+absl::StatusOr<std::string> PathOf(const std::string& url, std::string_view scheme,
+                                   const char* field) {
+  std::string path = url.substr(scheme.size());
+  if (path.size() > 1 && path[0] == '/') return path;
+  return InvalidInput("STORE_URL_INVALID", field,
+                      absl::StrCat(url, " names no absolute path; write ", std::string(scheme),
+                                   "/path, with three slashes"));
+}
+
+std::string SqlitePath(const StorePlaces& places, const DataDir& data) {
+  return places.jobs.empty() ? data.database() : places.jobs.substr(kSqlite.size());
+}
+
+// The value of a parameter of a libpq URL; INVALID_ARGUMENT without the URL, which holds secrets.
+absl::StatusOr<std::string> PostgresHost(const std::string& url) {
+  char* error = nullptr;
+  PQconninfoOption* const options = PQconninfoParse(url.c_str(), &error);
+  PQfreemem(error);
+  if (!options) {
+    return InvalidInput("STORE_URL_INVALID", "store",
+                        "the PostgreSQL URL cannot be read; write "
+                        "postgresql://user@host:5432/database");
+  }
+  std::string host;
+  for (const PQconninfoOption* option = options; option->keyword; ++option) {
+    if (std::string_view(option->keyword) == "host" && option->val) host = option->val;
+  }
+  PQconninfoFree(options);
+  return host;
+}
+
+absl::StatusOr<S3Options> S3OptionsOf(const StorePlaces& places) {
+  S3Options options;
+  const std::string rest = places.blobs.substr(kS3.size());
+  const size_t slash = rest.find('/');
+  options.bucket = rest.substr(0, slash);
+  if (slash != std::string::npos) options.prefix = rest.substr(slash + 1);
+  if (!options.prefix.empty() && options.prefix.back() != '/') options.prefix += '/';
+  constexpr char kPlain[] = "abcdefghijklmnopqrstuvwxyz0123456789.-_/";
+  if (options.bucket.empty() || rest.find_first_not_of(kPlain) != std::string::npos) {
+    return InvalidInput("STORE_URL_INVALID", "blobs",
+                        absl::StrCat(places.blobs,
+                                     " is not s3://bucket or s3://bucket/prefix, of "
+                                     "lower-case letters, digits, '.', '-', '_'"));
+  }
+  const std::string region = Variable("AWS_REGION");
+  options.region = region.empty() ? kDefaultRegion : region;
+  options.endpoint = places.s3_endpoint.empty()
+                         ? absl::StrCat("https://s3.", options.region, ".amazonaws.com")
+                         : places.s3_endpoint;
+  while (options.endpoint.ends_with('/')) options.endpoint.pop_back();
+  options.access_key = Variable("AWS_ACCESS_KEY_ID");
+  options.secret_key = Variable("AWS_SECRET_ACCESS_KEY");
+  options.session_token = Variable("AWS_SESSION_TOKEN");
+  return options;
+}
+
+}  // namespace
+
+absl::Status StorePlaces::Validate() const {
+  if (jobs.starts_with(kSqlite)) {
+    LITAGS_RETURN_IF_ERROR(PathOf(jobs, kSqlite, "store").status());
+  } else if (IsPostgres(jobs)) {
+    LITAGS_RETURN_IF_ERROR(PostgresHost(jobs).status());
+  } else if (!jobs.empty()) {
+    return InvalidInput("STORE_URL_INVALID", "store",
+                        "the job store is neither sqlite:///path nor postgresql://...");
+  }
+  if (blobs.starts_with(kFile)) return PathOf(blobs, kFile, "blobs").status();
+  if (blobs.starts_with(kS3)) return S3OptionsOf(*this).status();
+  if (blobs.empty()) return absl::OkStatus();
+  return InvalidInput("STORE_URL_INVALID", "blobs",
+                      absl::StrCat(blobs, " is neither file:///path nor s3://bucket/prefix"));
+}
+
+bool StorePlaces::NeedNetwork() const {
+  if (blobs.starts_with(kS3)) return true;
+  if (!IsPostgres(jobs)) return false;
+  const auto host = PostgresHost(jobs);
+  return !host.ok() || (!host->empty() && !host->starts_with('/'));
+}
+
+absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places,
+                                                       const DataDir& data) {
+  LITAGS_RETURN_IF_ERROR(places.Validate());
+  if (IsPostgres(places.jobs)) return OpenPostgresJobStore(places.jobs);
+  return OpenSqliteJobStore(SqlitePath(places, data));
+}
+
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& places,
+                                                         const DataDir& data) {
+  LITAGS_RETURN_IF_ERROR(places.Validate());
+  if (places.blobs.starts_with(kS3)) {
+    LITAGS_ASSIGN_OR_RETURN(S3Options options, S3OptionsOf(places));
+    return OpenS3BlobStore(std::move(options));
+  }
+  return OpenDiskBlobStore(places.blobs.empty() ? data.blobs() : places.blobs.substr(kFile.size()));
+}
+
+absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data) {
+  if (IsPostgres(places.jobs)) return absl::OkStatus();
+  return CheckSqliteJobStore(SqlitePath(places, data));
+}
+
+}  // namespace litags

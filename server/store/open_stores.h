@@ -1,0 +1,43 @@
+#ifndef LITAGS_SERVER_STORE_OPEN_STORES_H_
+#define LITAGS_SERVER_STORE_OPEN_STORES_H_
+
+#include <memory>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/store/blob_store.h"
+#include "server/store/data_dir.h"
+#include "server/store/job_store.h"
+
+namespace litags {
+
+// Where an installation keeps its jobs and its bytes, as its operator says it.
+struct StorePlaces {
+  // "sqlite:///path/of/file" or "postgresql://..."; empty: litags.db in the data folder. May hold a
+  // password: never shown.
+  std::string jobs;
+  // "file:///path/of/folder" or "s3://bucket/prefix"; empty: blobs/ in the data folder. The keys of
+  // S3 are in AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_SESSION_TOKEN, as everywhere.
+  std::string blobs;
+  // "https://host:port" of the S3 server; empty: Amazon's in AWS_REGION.
+  std::string s3_endpoint;
+
+  // INVALID_ARGUMENT (STORE_URL_INVALID).
+  absl::Status Validate() const;
+  // Whether a process needs the network to reach them. Unix sockets do without.
+  bool NeedNetwork() const;
+};
+
+absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places,
+                                                       const DataDir& data);
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& places,
+                                                         const DataDir& data);
+
+// Reads all of a store that is a file of this machine, and says whether it is whole; one that is
+// not is. DATA_LOSS (STORE_CORRUPT).
+absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_STORE_OPEN_STORES_H_

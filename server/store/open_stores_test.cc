@@ -1,0 +1,59 @@
+#include "server/store/open_stores.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "engine/core/error.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+TEST(OpenStores, UrlsAreCheckedAndSecretsAreNotRepeated) {
+  for (const char* url : {"", "sqlite:///a/b.db", "postgresql://u:p@db/x", "postgres:///x"}) {
+    EXPECT_TRUE((StorePlaces{url, "", ""}.Validate().ok())) << url;
+  }
+  for (const char* url :
+       {"a/b.db", "sqlite://a.db", "mysql://secret@x", "postgresql://secret@[::1"}) {
+    const absl::Status status = StorePlaces{url, "", ""}.Validate();
+    ASSERT_TRUE(GetErrorDetail(status)) << url;
+    EXPECT_EQ(GetErrorDetail(status)->reason, "STORE_URL_INVALID") << url;
+    EXPECT_THAT(std::string(status.message()), Not(HasSubstr("secret")));
+  }
+  for (const char* url : {"", "file:///a", "s3://bucket", "s3://bucket/a/b"}) {
+    EXPECT_TRUE((StorePlaces{"", url, ""}.Validate().ok())) << url;
+  }
+  for (const char* url : {"/a", "file://a", "s3://", "s3://bucket/a b", "s3://B"}) {
+    EXPECT_FALSE((StorePlaces{"", url, ""}.Validate().ok())) << url;
+  }
+}
+
+TEST(OpenStores, NetworkIsNeededForServersThatAreNotReachedBySocketFiles) {
+  EXPECT_FALSE((StorePlaces{"", "", ""}.NeedNetwork()));
+  EXPECT_FALSE((StorePlaces{"postgresql:///x?host=/run/postgresql", "", ""}.NeedNetwork()));
+  EXPECT_TRUE((StorePlaces{"postgresql://db/x", "", ""}.NeedNetwork()));
+  EXPECT_TRUE((StorePlaces{"postgresql://127.0.0.1/x", "", ""}.NeedNetwork()));
+  EXPECT_TRUE((StorePlaces{"", "s3://bucket", ""}.NeedNetwork()));
+}
+
+TEST(OpenStores, DefaultsAreInTheDataFolderAndPathsCanBeNamed) {
+  TempDir dir;
+  const DataDir data = *DataDir::Open(dir.path() + "/data", dir.path() + "/work");
+  ASSERT_TRUE(OpenJobStore({}, data).ok());
+  EXPECT_TRUE(std::filesystem::exists(data.database()));
+  const StorePlaces places{"sqlite://" + dir.path() + "/jobs.db", "file://" + dir.path() + "/b",
+                           ""};
+  EXPECT_TRUE(OpenJobStore(places, data).ok());
+  EXPECT_TRUE(OpenBlobStore(places, data).ok());
+  EXPECT_TRUE(std::filesystem::exists(dir.path() + "/jobs.db"));
+  EXPECT_TRUE(std::filesystem::exists(dir.path() + "/b"));
+  EXPECT_EQ(data.FromStored(data.ToStored(data.work("a1") + "/lease-1/run/scene")),
+            dir.path() + "/work/a1/lease-1/run/scene");
+  EXPECT_EQ(data.ToStored(data.work("a1") + "/run/scene"), "work/a1/run/scene");
+}
+
+}  // namespace
+}  // namespace litags

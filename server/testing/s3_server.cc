@@ -1,0 +1,93 @@
+#include "server/testing/s3_server.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <sstream>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "server/testing/blob_store_kind.h"
+#include "server/testing/free_port.h"
+
+namespace litags {
+namespace {
+
+constexpr char kBucket[] = "litags-test";
+constexpr char kKey[] = "S3RVER";  // fixed by the program, both of them
+
+std::string FindProgram() {
+  if (const char* named = std::getenv("LITAGS_S3RVER")) return named;
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    if (std::filesystem::exists(folder + "/s3rver")) return folder + "/s3rver";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::unique_ptr<S3Server> S3Server::Start() {
+  std::unique_ptr<S3Server> server(new S3Server);
+  server->program_ = FindProgram();
+  if (server->program_.empty()) return nullptr;
+  server->port_ = FreePort();
+  server->Run();
+  return server;
+}
+
+S3Server::~S3Server() { Kill(); }
+
+void S3Server::Run() {
+  const std::string port = absl::StrCat(port_);
+  pid_ = fork();
+  if (pid_ == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    const int null = open("/dev/null", O_RDWR);
+    dup2(null, STDOUT_FILENO);
+    // Its listings encrypt their page tokens with a cipher that OpenSSL 3 keeps apart.
+    setenv("NODE_OPTIONS", "--openssl-legacy-provider", 1);
+    execl(program_.c_str(), "s3rver", "--directory", dir_.path().c_str(), "--address", "127.0.0.1",
+          "--port", port.c_str(), "--silent", "--configure-bucket", kBucket, nullptr);
+    _exit(127);
+  }
+  for (int i = 0; i < 40; ++i) {  // each try has retries of its own
+    if (OpenS3BlobStore(Options()).ok()) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+}
+
+void S3Server::Kill() {
+  if (pid_ <= 0) return;
+  kill(pid_, SIGKILL);
+  waitpid(pid_, nullptr, 0);
+  pid_ = -1;
+}
+
+S3Options S3Server::Options() {
+  S3Options options;
+  options.endpoint = absl::StrCat("http://127.0.0.1:", port_);
+  options.bucket = kBucket;
+  options.prefix = absl::StrCat("test/", ++stores_, "/");
+  options.access_key = options.secret_key = kKey;
+  options.part_bytes = int64_t{5} << 20;
+  return options;
+}
+
+S3Server* SharedS3() {
+  static const std::unique_ptr<S3Server> server = S3Server::Start();
+  return server.get();
+}
+
+std::unique_ptr<BlobStore> MakeTestedBlobStore(const std::string&) {
+  return SharedS3() ? *OpenS3BlobStore(SharedS3()->Options()) : nullptr;
+}
+
+}  // namespace litags

@@ -1,0 +1,44 @@
+#ifndef LITAGS_SERVER_TESTING_S3_SERVER_H_
+#define LITAGS_SERVER_TESTING_S3_SERVER_H_
+
+#include <sys/types.h>
+
+#include <memory>
+#include <string>
+
+#include "server/store/blob_store.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+
+// An S3 server as a process: s3rver, by its path in LITAGS_S3RVER or found in PATH.
+class S3Server {
+ public:
+  // Null if there is none on this machine.
+  static std::unique_ptr<S3Server> Start();
+  ~S3Server();
+
+  void Run();
+  void Kill();
+  int port() const { return port_; }
+  // Of a store in its bucket under a prefix of its own.
+  S3Options Options();
+  // Where it keeps its files.
+  const std::string& folder() const { return dir_.path(); }
+
+ private:
+  S3Server() = default;
+
+  TempDir dir_;
+  std::string program_;
+  int port_ = 0;
+  pid_t pid_ = -1;
+  int stores_ = 0;
+};
+
+// The one that the tests of this process share; null if there is none.
+S3Server* SharedS3();
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_TESTING_S3_SERVER_H_

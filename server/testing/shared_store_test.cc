@@ -1,0 +1,129 @@
+// Two servers, each with a worker and a data folder of its own, on one PostgreSQL and one shared
+// volume, over real sockets.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "server/testing/postgres_server.h"
+#include "server/testing/server_process.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+class SharedStore : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    postgres_ = SharedPostgres();
+    if (!postgres_) GTEST_SKIP() << "PostgreSQL is not installed here";
+    url_ = *postgres_->NewDatabase();
+    for (const char* folder : {"a", "b"}) {
+      std::filesystem::create_directory(dir_.path() + "/" + folder);
+    }
+    a_.Launch(Flags());
+    b_.Launch(Flags());
+  }
+
+  std::vector<std::string> Flags() const {
+    return {"--store", url_,
+            "--blobs", "file://" + dir_.path() + "/blobs",
+            "--work",  dir_.path() + "/work"};
+  }
+
+  // The states a job went through, of gapless events seen at one server.
+  static std::string History(ServerProcess& server, const std::string& name) {
+    std::vector<v1::JobEvent> events;
+    const grpc::Status status = server.client().Watch(name, 0, &events);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    std::string history;
+    for (size_t i = 0; i < events.size(); ++i) {
+      EXPECT_EQ(events[i].number(), static_cast<int64_t>(i + 1));
+      if (!events[i].has_state_change()) continue;
+      history += v1::JobState_Name(events[i].state_change().state()).substr(10) + " ";
+    }
+    return history;
+  }
+
+  TempDir dir_;
+  PostgresServer* postgres_ = nullptr;
+  std::string url_;
+  ServerProcess a_{FAKE_SERVER, dir_.path() + "/a"};
+  ServerProcess b_{FAKE_SERVER, dir_.path() + "/b"};
+};
+
+TEST_F(SharedStore, WhatOneServerIsToldTheOtherKnows) {
+  const std::string name = a_.client().StartedJob({"a", "b", "c"});
+  EXPECT_EQ(History(b_, name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  v1::RenderViewRequest request;
+  request.set_name(name);
+  request.mutable_pose()->set_camera("a.png");
+  v1::RenderedView view;
+  for (ServerProcess* server : {&a_, &b_}) {
+    const grpc::Status status = server->client().Render(request, &view);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+  }
+  EXPECT_TRUE(b_.client().Delete(name).ok());
+  v1::Job job;
+  EXPECT_EQ(a_.client().Get(name, &job).error_code(), grpc::NOT_FOUND);
+}
+
+TEST_F(SharedStore, JobIsCancelledAtOneServerAndResumedAtTheOther) {
+  const std::string name = a_.client().StartedJob({"slow", "b"}, 200);
+  a_.client().WaitFor(name, v1::JOB_STATE_RUNNING);
+  ASSERT_TRUE(b_.client().Cancel(name).ok());
+  a_.client().WaitFor(name, v1::JOB_STATE_CANCELLED);
+  ASSERT_TRUE(a_.client().Resume(name).ok());
+  b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
+  EXPECT_EQ(History(a_, name), "UPLOADING QUEUED RUNNING CANCELLED QUEUED RUNNING SUCCEEDED ");
+}
+
+TEST_F(SharedStore, ManyJobsAreEachRunOnceAndBothServersWork) {
+  std::vector<std::string> names;
+  for (int i = 0; i < 6; ++i) {
+    names.push_back((i % 2 ? a_ : b_).client().StartedJob({"a", "b"}));
+  }
+  for (const std::string& name : names) {
+    a_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
+    EXPECT_EQ(History(b_, name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  }
+}
+
+TEST_F(SharedStore, JobOfAKilledServerGoesOnAtTheOtherFromItsCheckpoint) {
+  // Whichever worker has it: with its server gone, the other one takes it when the lease runs out.
+  const std::string name = a_.client().StartedJob({"slow", "b"}, 300);
+  v1::Job job;
+  for (int i = 0; i < 2000 && job.snapshot_iteration() < 1; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    ASSERT_TRUE(a_.client().Get(name, &job).ok());
+  }
+  ASSERT_EQ(job.state(), v1::JOB_STATE_RUNNING);
+  // Only one of the two kills can hit the job's worker; the other server is started again.
+  a_.End(SIGKILL);
+  job = b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
+  const bool was_at_a = job.attempt() == 2;
+  EXPECT_EQ(History(b_, name), was_at_a ? "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED "
+                                        : "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  if (was_at_a) {
+    ASSERT_EQ(job.report().notes_size(), 1);
+    EXPECT_THAT(job.report().notes(0), ::testing::HasSubstr("resumed at iteration"));
+  }
+}
+
+TEST_F(SharedStore, RunningJobOutlivesARestartOfTheDatabase) {
+  const std::string name = a_.client().StartedJob({"slow", "b"}, 200);
+  a_.client().WaitFor(name, v1::JOB_STATE_RUNNING);
+  postgres_->Crash();
+  v1::Job job;
+  const grpc::Status away = b_.client().Get(name, &job);
+  EXPECT_EQ(away.error_code(), grpc::UNAVAILABLE);
+  EXPECT_EQ(DetailOf(away).reason, "STORE_UNAVAILABLE");
+  std::this_thread::sleep_for(std::chrono::seconds(6));  // the job itself is done by now
+  ASSERT_TRUE(postgres_->Run().ok());
+  job = b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
+  EXPECT_EQ(job.attempt(), 1);
+  EXPECT_EQ(History(a_, name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+}
+
+}  // namespace
+}  // namespace litags

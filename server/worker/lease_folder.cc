@@ -1,0 +1,67 @@
+#include "server/worker/lease_folder.h"
+
+#include <charconv>
+#include <filesystem>
+#include <map>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kPrefix = "lease-";
+
+absl::Status FolderError(const fs::path& path, const std::error_code& error) {
+  const bool full = error == std::errc::no_space_on_device;
+  return MakeError(full ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal,
+                   full ? "DISK_FULL" : "STORE_FAILED", "",
+                   absl::StrCat("cannot prepare ", path.string(), ": ", error.message()));
+}
+
+// The lease folders that are there, by number.
+std::map<int64_t, fs::path> LeaseFolders(const fs::path& work, std::error_code& error) {
+  std::map<int64_t, fs::path> folders;
+  for (fs::directory_iterator it(work, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename();
+    if (!name.starts_with(kPrefix)) continue;
+    int64_t number = -1;
+    std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), number);
+    folders[number] = it->path();
+  }
+  return folders;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> TakeLeaseFolder(const Lease& lease, const DataDir& data) {
+  const int64_t number = lease.job.last_event;
+  const fs::path work = data.work(lease.job.id);
+  const fs::path mine = work / absl::StrCat(std::string(kPrefix), number);
+  std::error_code error;
+  fs::create_directories(work, error);
+  std::map<int64_t, fs::path> folders;
+  if (!error) folders = LeaseFolders(work, error);
+  if (error) return FolderError(work, error);
+  if (!folders.empty() && folders.rbegin()->first > number) {
+    return MakeError(absl::StatusCode::kAborted, "LEASE_LOST", "",
+                     absl::StrCat("a later lease works on jobs/", lease.job.id));
+  }
+  if (!folders.empty() && folders.rbegin()->first < number) {
+    fs::rename(folders.rbegin()->second, mine, error);
+  } else if (fs::exists(work / "run")) {  // of before there were lease folders
+    fs::create_directories(mine, error);
+    if (!error) fs::rename(work / "run", mine / "run", error);
+  }
+  if (!error) fs::create_directories(mine / "run", error);
+  if (error) return FolderError(mine, error);
+  // An interrupted worker may have come after its successor and left an empty one.
+  for (const auto& [other, path] : folders) {
+    if (other < number) fs::remove_all(path, error);
+  }
+  return mine.string();
+}
+
+}  // namespace litags

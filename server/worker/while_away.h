@@ -1,0 +1,39 @@
+#ifndef LITAGS_SERVER_WORKER_WHILE_AWAY_H_
+#define LITAGS_SERVER_WORKER_WHILE_AWAY_H_
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <thread>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+
+namespace litags {
+
+inline const absl::Status& StatusOf(const absl::Status& status) { return status; }
+template <typename T>
+const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
+  return result.status();
+}
+
+// Repeats a call to a store that is away until it is back, or `stop` is raised; then once more, and
+// what that says. A job that ran for hours does not fail because a database restarts.
+template <typename Call>
+auto WhileAway(const CancelToken& stop, Call call) {
+  constexpr std::chrono::milliseconds kPause{500}, kStep{50};
+  for (bool logged = false;; logged = true) {
+    auto result = call();
+    if (!absl::IsUnavailable(StatusOf(result))) return result;
+    if (!logged) spdlog::warn("waiting for the store: {}", StatusOf(result).ToString());
+    for (auto waited = kStep; waited <= kPause && !stop.IsCancelled(); waited += kStep) {
+      std::this_thread::sleep_for(kStep);
+    }
+    if (stop.IsCancelled()) return call();
+  }
+}
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_WORKER_WHILE_AWAY_H_
