@@ -68,6 +68,7 @@ struct S3Options {
   std::string access_key, secret_key;
   std::string session_token;               // of temporary credentials; else empty
   int64_t part_bytes = int64_t{16} << 20;  // larger blobs come and go in parts; 5 MiB at least
+  int page_names = 1000;                   // names that one answer to a listing holds
 };
 
 // The bucket must be there. FAILED_PRECONDITION (BLOBS_DENIED), UNAVAILABLE (BLOBS_UNAVAILABLE).

@@ -254,7 +254,9 @@ class S3BlobStore : public BlobStore {
       S3Request request;
       if (!token.empty()) request.query.push_back({"continuation-token", token});
       if (*delimiter) request.query.push_back({"delimiter", delimiter});
-      request.query.insert(request.query.end(), {{"list-type", "2"}, {"prefix", prefix}});
+      const std::string page_names = absl::StrCat(client_.options().page_names);
+      request.query.insert(request.query.end(),
+                           {{"list-type", "2"}, {"max-keys", page_names}, {"prefix", prefix}});
       LITAGS_ASSIGN_OR_RETURN(const S3Answer page, client_.Send(request));
       take(page.body);
       token = XmlText(page.body, "NextContinuationToken");
