@@ -127,6 +127,11 @@ class Deployment:
         return sorted(os.path.relpath(os.path.join(folder, name), root)
                       for folder, _, names in os.walk(root) for name in names)
 
+    def work_files(self, job):
+        """What the engine keeps of a job, whichever lease it was that kept it last."""
+        return [re.sub(r"^lease-\d+/", "lease/", path)
+                for path in self.files(f"work/{job.removeprefix('jobs/')}")]
+
     def strays(self):
         """Files that belong to no job and no part of the service."""
         return [path for path in self.files() if not OWN_FILES.fullmatch(path)]

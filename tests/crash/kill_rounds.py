@@ -178,7 +178,7 @@ class Round:
                 self.complain("broken_histories", str(lost))
             if (digest := self.server.scene_digest(job)) != self.reference.scene:
                 self.complain("changed_scenes", f"{job}: {digest} is not {self.reference.scene}")
-            files = self.server.files(f"work/{job.removeprefix('jobs/')}")
+            files = self.server.work_files(job)
             if files != self.reference.files:
                 self.complain("strays", f"{job} keeps {sorted(set(files) ^ set(self.reference.files))}"
                                         " more or less than undisturbed")
