@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <string>
 #include <thread>
 
 #include "server/api/server.h"
@@ -14,6 +15,16 @@
 #include "server/worker/worker.h"
 
 namespace litags {
+
+// The call is refused with this code and, in its ErrorDetail, this reason and field.
+#define EXPECT_REFUSED(call, code, why, where)                              \
+  do {                                                                      \
+    const grpc::Status refused = (call);                                    \
+    EXPECT_EQ(refused.error_code(), grpc::code) << refused.error_message(); \
+    EXPECT_EQ(DetailOf(refused).reason, why) << refused.error_message();    \
+    EXPECT_EQ(DetailOf(refused).field, where) << refused.error_message();   \
+    EXPECT_FALSE(refused.error_message().empty());                          \
+  } while (false)
 
 // The real handlers over an in-process channel, the real store, and, once asked for, one worker as
 // a thread, all with the fake engine.
@@ -32,6 +43,12 @@ class ApiTest : public ::testing::Test {
       options.progress_seconds = 0.02;
       RunWorker({store_.get(), blobs_.get(), &leases_, engine_.get(), data_}, options, stop_);
     });
+  }
+
+  std::string NewJob() {
+    v1::Job job;
+    EXPECT_TRUE(client_.Create({}, &job).ok());
+    return job.name();
   }
 
   static ServerOptions Options() {

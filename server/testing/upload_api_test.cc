@@ -1,0 +1,210 @@
+// Uploads: what is refused, and what goes on where it was broken off.
+#include <gmock/gmock.h>
+#include <grpcpp/create_channel.h>
+#include <gtest/gtest.h>
+
+#include "server/testing/api_fixture.h"
+#include "server/testing/photos.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+
+class UploadApi : public ApiTest {
+ protected:
+  // What the service answers to the upload of one file into a new job.
+  grpc::Status UploadOne(const TestFile& file) { return client_.Upload(NewJob(), {file}); }
+};
+
+TEST_F(UploadApi, PhotosThatAreNoneAreRefusedByName) {
+  const std::string jpeg = TestJpeg(200, 150);
+  EXPECT_REFUSED(UploadOne({"a.jpg", "hello, this is text"}), INVALID_ARGUMENT,
+                 "IMAGE_NOT_RECOGNIZED", "images[a.jpg]");
+  EXPECT_REFUSED(UploadOne({"b.jpg", ""}), INVALID_ARGUMENT, "FILE_EMPTY", "images[b.jpg]");
+  EXPECT_REFUSED(UploadOne({"c.jpg", jpeg.substr(0, jpeg.size() / 2)}), INVALID_ARGUMENT,
+                 "IMAGE_TRUNCATED", "images[c.jpg]");
+  const grpc::Status cameras = UploadOne({"d.json", "{", v1::FILE_ROLE_CAMERAS});
+  EXPECT_EQ(cameras.error_code(), grpc::INVALID_ARGUMENT);
+  EXPECT_THAT(DetailOf(cameras).field, HasSubstr("cameras[d.json]"));
+  EXPECT_EQ(UploadOne({"e.npy", "junk", v1::FILE_ROLE_DEPTH}).error_code(), grpc::INVALID_ARGUMENT);
+}
+
+TEST_F(UploadApi, NamesThatAreNotPlainFileNamesAreRefused) {
+  for (const std::string name : {"../a.jpg", "a/b.jpg", "/etc/a.jpg", "..", "", ".hidden.jpg",
+                                 "a\\b.jpg", "a\nb.jpg", "a.txt", "noextension"}) {
+    EXPECT_REFUSED(UploadOne({name, TestJpeg()}), INVALID_ARGUMENT, "BAD_FILE_NAME",
+                   "images[" + name + "]");
+  }
+  const std::string longest(256, 'x');
+  EXPECT_REFUSED(UploadOne({longest + ".jpg", TestJpeg()}), INVALID_ARGUMENT, "BAD_FILE_NAME",
+                 "images[" + longest + ".jpg]");
+}
+
+TEST_F(UploadApi, DamagedAndDisorderlyUploadsAreRefused) {
+  const std::string name = NewJob();
+  const auto with_name = [&](std::vector<v1::UploadImagesRequest> messages) {
+    messages.insert(messages.begin(), NameMessage(name));
+    return messages;
+  };
+  const TestFile file{"a.png", TestPng()};
+  EXPECT_REFUSED(client_.UploadRaw(with_name(FileMessages(file, std::string(32, 'x')))),
+                 INVALID_ARGUMENT, "FILE_DIGEST_MISMATCH", "images[a.png]");
+  EXPECT_REFUSED(client_.UploadRaw(with_name(FileMessages(file, "short"))), INVALID_ARGUMENT,
+                 "FILE_DIGEST_MISSING", "images[a.png]");
+  EXPECT_REFUSED(client_.UploadRaw(with_name(FileMessages(file, "", 1'000'000))), INVALID_ARGUMENT,
+                 "FILE_TRUNCATED", "images[a.png]");
+  EXPECT_REFUSED(client_.UploadRaw(with_name(FileMessages(file, "", 10))), INVALID_ARGUMENT,
+                 "FILE_SIZE_MISMATCH", "images[a.png]");
+  EXPECT_REFUSED(client_.UploadRaw(with_name(FileMessages(file, "", int64_t{1} << 40))),
+                 RESOURCE_EXHAUSTED, "FILE_TOO_LARGE", "images[a.png]");
+  EXPECT_REFUSED(client_.UploadRaw(FileMessages(file)), INVALID_ARGUMENT, "UPLOAD_ORDER", "part");
+  EXPECT_REFUSED(client_.UploadRaw({}), INVALID_ARGUMENT, "UPLOAD_ORDER", "part");
+  EXPECT_REFUSED(client_.UploadRaw({NameMessage(name), NameMessage(name)}), INVALID_ARGUMENT,
+                 "UPLOAD_ORDER", "part");
+  v1::Job job;
+  ASSERT_TRUE(client_.Get(name, &job).ok());
+  EXPECT_EQ(job.photos(), 0);
+  ASSERT_TRUE(client_.Cancel(name).ok());
+  EXPECT_TRUE(std::filesystem::is_empty(data_.tmp()));  // nothing is left of them
+  EXPECT_TRUE(std::filesystem::is_empty(data_.uploads()));
+}
+
+// The messages of a file from its byte `offset` on.
+std::vector<v1::UploadImagesRequest> RestMessages(const std::string& job, const TestFile& file,
+                                                  size_t offset) {
+  std::vector<v1::UploadImagesRequest> messages = {NameMessage(job)};
+  TestFile rest = file;
+  rest.bytes = file.bytes.substr(offset);
+  for (const auto& message : FileMessages(rest)) messages.push_back(message);
+  messages[1] = FileMessages(file)[0];
+  messages[1].mutable_file()->set_offset(static_cast<int64_t>(offset));
+  return messages;
+}
+
+TEST_F(UploadApi, UploadGoesOnInsideAFileWhereABrokenStreamEnded) {
+  const std::string name = NewJob();
+  const TestFile file{"a.jpg", TestJpeg(640, 480)};
+  const TestFile other{"b.png", TestPng()};
+  ASSERT_GT(file.bytes.size(), 3000u);
+  {
+    grpc::ClientContext call;
+    v1::UploadImagesResponse response;
+    const auto writer = client_.jobs->UploadImages(&call, &response);
+    auto messages = FileMessages(file);  // chunks of 1000 bytes
+    messages.insert(messages.begin(), NameMessage(name));
+    for (int i = 0; i < 4; ++i) ASSERT_TRUE(writer->Write(messages[i]));
+    v1::QueryUploadResponse query;
+    do {  // until the server has stored the chunks; then the connection breaks
+      ASSERT_TRUE(client_.Query(name, {file}, &query).ok());
+    } while (query.files(0).offset() < 2000);
+    call.TryCancel();
+    (void)writer->Finish();
+  }
+  v1::QueryUploadResponse query;
+  const grpc::Status asked = client_.Query(name, {file, other}, &query);
+  ASSERT_TRUE(asked.ok()) << asked.error_message();
+  EXPECT_FALSE(query.files(0).stored());
+  EXPECT_EQ(query.files(0).offset(), 2000);
+  EXPECT_EQ(query.files(1).offset(), 0);
+  EXPECT_REFUSED(client_.UploadRaw(RestMessages(name, file, 2500)), OUT_OF_RANGE, "OFFSET_INVALID",
+                 "images[a.jpg]");
+  const grpc::Status rest = client_.UploadRaw(RestMessages(name, file, 2000));
+  ASSERT_TRUE(rest.ok()) << rest.error_message();
+  ASSERT_TRUE(client_.Query(name, {file}, &query).ok());
+  EXPECT_TRUE(query.files(0).stored());
+  EXPECT_TRUE(std::filesystem::is_empty(data_.uploads() + "/" + name.substr(5)));
+}
+
+TEST_F(UploadApi, BytesThatAreKnownFromAnotherJobNeedNotBeSent) {
+  const TestFile file{"a.png", TestPng()};
+  ASSERT_TRUE(client_.Upload(NewJob(), {file}).ok());
+  const std::string name = NewJob();
+  TestFile renamed = file;
+  renamed.name = "b.png";
+  v1::QueryUploadResponse query;
+  ASSERT_TRUE(client_.Query(name, {renamed}, &query).ok());
+  EXPECT_FALSE(query.files(0).stored());
+  ASSERT_EQ(query.files(0).offset(), static_cast<int64_t>(file.bytes.size()));
+  ASSERT_TRUE(client_.UploadRaw(RestMessages(name, renamed, file.bytes.size())).ok());
+  v1::Job job;
+  ASSERT_TRUE(client_.Get(name, &job).ok());
+  EXPECT_EQ(job.photos(), 1);
+  // Whoever only claims to have the bytes of a file gets nothing.
+  const TestFile unknown{"c.png", TestPng(64, 48, 9)};
+  EXPECT_REFUSED(client_.UploadRaw(RestMessages(name, unknown, unknown.bytes.size())), OUT_OF_RANGE,
+                 "OFFSET_INVALID", "images[c.png]");
+}
+
+TEST_F(UploadApi, UploadThatSaysNothingIsEndedAndItsBytesAreKept) {
+  UploadLimits limits;
+  limits.max_silence_seconds = 0.3;
+  Jobs jobs(store_.get(), blobs_.get(), data_, SystemClockMs, limits);
+  const auto server = *StartServer(Options(), &jobs, engine_.get());
+  TestClient client(server->InProcessChannel());
+  const std::string name = NewJob();
+  const TestFile file{"a.jpg", TestJpeg(640, 480)};
+  grpc::ClientContext call;
+  v1::UploadImagesResponse response;
+  const auto writer = client.jobs->UploadImages(&call, &response);
+  const auto messages = FileMessages(file);
+  ASSERT_TRUE(writer->Write(NameMessage(name)));
+  ASSERT_TRUE(writer->Write(messages[0]));
+  ASSERT_TRUE(writer->Write(messages[1]));
+  EXPECT_REFUSED(writer->Finish(), DEADLINE_EXCEEDED, "UPLOAD_STALLED", "");
+  v1::QueryUploadResponse query;
+  ASSERT_TRUE(client_.Query(name, {file}, &query).ok());
+  EXPECT_EQ(query.files(0).offset(), 1000);
+}
+
+TEST_F(UploadApi, QueriesAreCheckedAsUploadsAre) {
+  const std::string name = NewJob();
+  v1::QueryUploadResponse response;
+  EXPECT_REFUSED(client_.Query(name, {{"../a.jpg", "x"}}, &response), INVALID_ARGUMENT,
+                 "BAD_FILE_NAME", "images[../a.jpg]");
+  EXPECT_REFUSED(client_.Query(name, std::vector<TestFile>(1001, {"a.jpg", "x"}), &response),
+                 INVALID_ARGUMENT, "TOO_MANY_FILES", "files");
+  ASSERT_TRUE(client_.Cancel(name).ok());
+  EXPECT_REFUSED(client_.Query(name, {{"a.jpg", "x"}}, &response), FAILED_PRECONDITION,
+                 "JOB_NOT_UPLOADING", "name");
+}
+
+TEST_F(UploadApi, RequestIdForOtherFilesIsFoundOut) {
+  v1::CreateJobRequest request;
+  request.set_request_id("abc");
+  request.set_content_digest("one");
+  v1::Job job;
+  ASSERT_TRUE(client_.Create(request, &job).ok());
+  EXPECT_TRUE(job.has_expire_time());
+  ASSERT_TRUE(client_.Create(request, &job).ok());
+  request.set_content_digest("two");
+  EXPECT_REFUSED(client_.Create(request, &job), ALREADY_EXISTS, "REQUEST_ID_REUSED", "request_id");
+  request.set_content_digest(std::string(65, 'x'));
+  EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "CONTENT_DIGEST_INVALID",
+                 "content_digest");
+}
+
+TEST_F(UploadApi, FilesBeforeTheBadOneStayAndUnchangedFilesCostNothing) {
+  const std::string name = NewJob();
+  EXPECT_EQ(client_.Upload(name, {{"a.png", TestPng(64, 48, 1)}, {"b.png", "bad"}}).error_code(),
+            grpc::INVALID_ARGUMENT);
+  v1::UploadImagesResponse response;
+  const grpc::Status again = client_.Upload(
+      name, {{"a.png", TestPng(64, 48, 1)}, {"b.png", TestPng(64, 48, 2)}}, &response);
+  ASSERT_TRUE(again.ok()) << again.error_message();
+  EXPECT_EQ(response.files_unchanged(), 1);
+  EXPECT_EQ(response.files_stored(), 1);
+  EXPECT_EQ(response.job().photos(), 2);
+}
+
+TEST_F(UploadApi, OnePhotoAndTwoSizesAreRefusedAtTheStart) {
+  const std::string one = NewJob();
+  ASSERT_TRUE(client_.Upload(one, {{"a.png", TestPng()}}).ok());
+  EXPECT_REFUSED(client_.Start(one), FAILED_PRECONDITION, "TOO_FEW_PHOTOS", "images");
+  const std::string two = NewJob();
+  ASSERT_TRUE(client_.Upload(two, {{"a.png", TestPng(64, 48)}, {"b.png", TestPng(48, 64)}}).ok());
+  EXPECT_REFUSED(client_.Start(two), FAILED_PRECONDITION, "PHOTO_SIZES_DIFFER", "images[b.png]");
+}
+
+}  // namespace
+}  // namespace litags
