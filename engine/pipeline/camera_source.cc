@@ -50,7 +50,8 @@ Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& pho
     std::error_code ignored;
     sizes.push_back({photo, fs::file_size(input.images_dir + "/" + photo, ignored)});
   }
-  Json source = {{"cameras", input.cameras_path}, {"photos", sizes}};
+  // Not where they lie: a job's folder moves from lease to lease.
+  Json source = {{"given", !input.cameras_path.empty()}, {"photos", sizes}};
   if (!input.cameras_path.empty()) {
     source["fingerprint"] = FingerprintOfCameras(input.cameras_path);
   }

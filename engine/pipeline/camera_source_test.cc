@@ -222,6 +222,23 @@ TEST_F(CameraSource, NamesMatchByStem) {
   for (const TrackElement& e : cameras->points[0].track) EXPECT_LT(e.view, 5);
 }
 
+TEST_F(CameraSource, KeptCamerasAreFoundWhereTheFoldersHaveMoved) {
+  input_.cameras_path = colmap_.dir() + "/transforms.json";
+  ASSERT_TRUE(WriteTransforms(input_.cameras_path, Known(0.25), "").ok());
+  const auto found = Obtain();
+  ASSERT_TRUE(found.ok()) << found.status();
+  const std::string moved = colmap_.dir() + "/moved";
+  fs::create_directory(moved);
+  for (std::string* path : {&input_.cameras_path, &input_.images_dir, &input_.work_dir}) {
+    const std::string to = moved + "/" + fs::path(*path).filename().string();
+    fs::rename(*path, to);
+    *path = to;
+  }
+  const auto kept = ObtainKept();
+  ASSERT_TRUE(kept.ok()) << kept.status();
+  ExpectSame(*found, *kept);
+}
+
 TEST_F(CameraSource, EditedTransformsReplaceKeptCameras) {
   input_.cameras_path = colmap_.dir() + "/transforms.json";
   for (const double y : {0.25, 0.75}) {
