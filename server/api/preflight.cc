@@ -13,6 +13,7 @@
 #include "server/auth/authenticator.h"
 #include "server/auth/tls.h"
 #include "server/store/data_dir.h"
+#include "server/store/open_stores.h"
 
 namespace litags {
 namespace {
@@ -24,10 +25,13 @@ constexpr double kColmapSeconds = 20;
 using Finding = absl::StatusOr<std::string>;  // what was found, for humans
 
 Finding CheckStore(const ServerFlags& flags) {
-  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
+  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data, flags.work));
   const std::string probe = absl::StrCat(data.tmp(), "/check-", getpid());
   LITAGS_RETURN_IF_ERROR(WriteFileAtomically(probe, "check\n"));
   unlink(probe.c_str());
+  LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
+  // Looks into a store on another machine when it is opened.
+  LITAGS_RETURN_IF_ERROR(OpenBlobStore(flags.places, data).status());
   // A server that runs holds the lock: no reason to fail, but to say so.
   const bool used = !DataDirLock::Take(data).ok();
   return absl::StrCat(data.root, " can be written",

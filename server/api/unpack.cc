@@ -48,14 +48,18 @@ absl::StatusOr<bool> Unpacker::Begin(const ArchiveEntry& entry) {
   return true;
 }
 
-absl::Status Unpacker::Write(std::string_view bytes) {
-  sha_.Update(bytes);
-  file_.size_bytes += static_cast<int64_t>(bytes.size());
-  if (out_.write(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return absl::OkStatus();
+absl::Status Unpacker::NoRoom() const {
   return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", field_,
                    absl::StrCat(field_,
                                 ": the server cannot unpack it; free some space in its "
                                 "data folder"));
+}
+
+absl::Status Unpacker::Write(std::string_view bytes) {
+  sha_.Update(bytes);
+  file_.size_bytes += static_cast<int64_t>(bytes.size());
+  if (out_.write(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return absl::OkStatus();
+  return NoRoom();
 }
 
 absl::Status Unpacker::End() {
@@ -67,12 +71,7 @@ absl::Status Unpacker::End() {
                                      "again"));
   }
   out_.close();
-  if (!out_) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", field_,
-                     absl::StrCat(field_,
-                                  ": the server cannot unpack it; free some space in its "
-                                  "data folder"));
-  }
+  if (!out_) return NoRoom();
   file_.sha256 = sha_.HexDigest();
   LITAGS_ASSIGN_OR_RETURN(const bool known, jobs_->uploads().IsStored(job_id_, file_));
   if (known) {

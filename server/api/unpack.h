@@ -36,6 +36,8 @@ class Unpacker : public ArchiveSink {
   const std::vector<std::string>& skipped() const { return skipped_; }
 
  private:
+  absl::Status NoRoom() const;
+
   Jobs* const jobs_;
   const std::string job_id_;
   const std::string field_;  // the archive's

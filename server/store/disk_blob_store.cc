@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -15,6 +14,7 @@
 #include "engine/core/error.h"
 #include "server/store/blob_store.h"
 #include "server/store/digest.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 namespace {
@@ -22,16 +22,11 @@ namespace {
 namespace fs = std::filesystem;
 
 absl::Status ErrorOf(const char* action, const fs::path& path, int error) {
-  if (error == ENOSPC || error == EDQUOT) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "",
-                     "the blob store's disk is full; free some space and try again");
-  }
   if (error == ENOENT) {
     return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", "",
                      absl::StrCat("no stored file ", path.filename().string()));
   }
-  return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
-                   absl::StrCat("cannot ", action, " ", path.string(), ": ", std::strerror(error)));
+  return FileError(action, path, error);
 }
 
 class Fd {

@@ -1,12 +1,11 @@
 #include "server/store/open_stores.h"
 
-#include <libpq-fe.h>
-
 #include <cstdlib>
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/store/postgres.h"
 
 namespace litags {
 namespace {
@@ -124,7 +123,8 @@ absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& plac
 }
 
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data) {
-  if (IsPostgres(places.jobs)) return absl::OkStatus();
+  LITAGS_RETURN_IF_ERROR(places.Validate());
+  if (IsPostgres(places.jobs)) return PgConnection::Open(places.jobs).status();
   return CheckSqliteJobStore(SqlitePath(places, data));
 }
 

@@ -34,8 +34,9 @@ absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places
 absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& places,
                                                          const DataDir& data);
 
-// Reads all of a store that is a file of this machine, and says whether it is whole; one that is
-// not is. DATA_LOSS (STORE_CORRUPT).
+// Whether there is a store to begin with, without changing it: a file is read as a whole, unless it
+// is not there yet; a database is connected to. DATA_LOSS (STORE_CORRUPT), UNAVAILABLE
+// (STORE_UNAVAILABLE).
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data);
 
 }  // namespace litags

@@ -6,12 +6,12 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/error.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 namespace {
@@ -20,15 +20,6 @@ namespace fs = std::filesystem;
 
 constexpr size_t kReadBytes = size_t{1} << 20;
 constexpr uint64_t kNobody = 0;
-
-absl::Status ErrorOf(const char* action, const std::string& path, int error) {
-  if (error == ENOSPC || error == EDQUOT) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "",
-                     "the disk of the server's data folder is full; free some space there");
-  }
-  return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
-                   absl::StrCat("cannot ", action, " ", path, ": ", std::strerror(error)));
-}
 
 }  // namespace
 
@@ -46,20 +37,20 @@ absl::Status PartialFile::Lost() const {
 absl::Status PartialFile::OpenAt(int64_t offset) {
   fd_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   struct stat status;
-  if (fd_ < 0 || fstat(fd_, &status) != 0) return ErrorOf("open", path_, errno);
+  if (fd_ < 0 || fstat(fd_, &status) != 0) return FileError("open", path_, errno);
   if (offset < 0 || status.st_size < offset) {
     size_ = status.st_size;
     return MakeError(absl::StatusCode::kOutOfRange, "OFFSET_INVALID", "",
                      absl::StrCat("offset is ", offset, ", but the server has ", status.st_size,
                                   " bytes of this file; ask QueryUpload again"));
   }
-  if (ftruncate(fd_, offset) != 0) return ErrorOf("truncate", path_, errno);
+  if (ftruncate(fd_, offset) != 0) return FileError("truncate", path_, errno);
   std::string chunk(std::min<int64_t>(offset, kReadBytes), '\0');
   while (size_ < offset) {
     const size_t wanted = std::min<int64_t>(chunk.size(), offset - size_);
     const ssize_t n = read(fd_, chunk.data(), wanted);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return ErrorOf("read", path_, n < 0 ? errno : EIO);
+    if (n <= 0) return FileError("read", path_, n < 0 ? errno : EIO);
     sha_.Update({chunk.data(), static_cast<size_t>(n)});
     size_ += n;
   }
@@ -73,7 +64,7 @@ absl::Status PartialFile::Append(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t n = write(fd_, bytes.data(), bytes.size());
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return ErrorOf("write", path_, errno);
+    if (n < 0) return FileError("write", path_, errno);
     size_ += n;
     bytes.remove_prefix(static_cast<size_t>(n));
   }
@@ -97,14 +88,14 @@ absl::StatusOr<int64_t> PartialFiles::Size(std::string_view job_id, std::string_
   const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) {
     if (errno == ENOENT) return 0;
-    return ErrorOf("open", path, errno);
+    return FileError("open", path, errno);
   }
   struct stat status;
   // Synced: what is announced here is not sent again.
   const bool ok = fstat(fd, &status) == 0 && fdatasync(fd) == 0;
   const int error = errno;
   close(fd);
-  if (!ok) return ErrorOf("sync", path, error);
+  if (!ok) return FileError("sync", path, error);
   return status.st_size;
 }
 
@@ -128,7 +119,7 @@ absl::StatusOr<std::unique_ptr<PartialFile>> PartialFiles::Open(std::string_view
     writer = next_writer_++;
     std::error_code error;
     fs::create_directories(folder, error);
-    if (error) return ErrorOf("create", folder, error.value());
+    if (error) return FileError("create", folder, error.value());
   }
   const std::string path = absl::StrCat(folder, "/", std::string(key));
   std::unique_ptr<PartialFile> file(new PartialFile(slot, writer, path));
@@ -178,7 +169,7 @@ absl::Status PartialFiles::RemoveJob(std::string_view job_id) {
   }
   std::error_code error;
   fs::remove_all(Folder(job_id), error);
-  return error ? ErrorOf("remove", Folder(job_id), error.value()) : absl::OkStatus();
+  return error ? FileError("remove", Folder(job_id), error.value()) : absl::OkStatus();
 }
 
 }  // namespace litags

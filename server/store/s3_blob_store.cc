@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
@@ -15,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/store/digest.h"
+#include "server/store/file_error.h"
 #include "server/store/s3_client.h"
 
 namespace litags {
@@ -28,15 +28,6 @@ std::string DigestIn(std::string_view key) {
   const bool is_digest = name.size() == kDigestLength &&
                          name.find_first_not_of("0123456789abcdef") == std::string_view::npos;
   return is_digest ? std::string(name) : "";
-}
-
-absl::Status FileError(const char* action, const std::string& path, int error) {
-  if (error == ENOSPC || error == EDQUOT) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "",
-                     "the disk is full; free some space and try again");
-  }
-  return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
-                   absl::StrCat("cannot ", action, " ", path, ": ", std::strerror(error)));
 }
 
 // "2026-11-21T15:32:21.000Z" as seconds since 1970; 0 if it is no time.

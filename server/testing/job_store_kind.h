@@ -13,6 +13,19 @@
 
 namespace litags {
 
+// A change that changes nothing.
+inline absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
+
+inline JobRecord MakeJob(const std::string& id, int64_t time_ms,
+                         JobState state = JobState::kUploading) {
+  JobRecord job;
+  job.id = id;
+  job.state = state;
+  job.create_time_ms = time_ms;
+  job.queue_time_ms = time_ms;
+  return job;
+}
+
 // One kind of job store with a place of its own, empty at first.
 class JobStoreKind {
  public:

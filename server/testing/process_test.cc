@@ -71,20 +71,6 @@ class ServiceProcess : public ::testing::Test {
     return workers;
   }
 
-  // Events 1, 2, 3, ... of the job until it ends.
-  std::string History(const std::string& name) {
-    std::vector<v1::JobEvent> events;
-    const grpc::Status status = client_->Watch(name, 0, &events);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    std::string history;
-    for (size_t i = 0; i < events.size(); ++i) {
-      EXPECT_EQ(events[i].number(), static_cast<int64_t>(i + 1));
-      if (!events[i].has_state_change()) continue;
-      history += v1::JobState_Name(events[i].state_change().state()).substr(10) + " ";
-    }
-    return history;
-  }
-
   // Until the engine is where it misbehaves: half way, after the snapshot there.
   void WaitForSnapshot(const std::string& name, int iteration) {
     v1::Job job;
@@ -103,7 +89,7 @@ class ServiceProcess : public ::testing::Test {
 
 TEST_F(ServiceProcess, JobRunsRendersAndIsDeletedOverARealSocket) {
   const std::string name = client_->StartedJob({"a", "b", "c"});
-  EXPECT_EQ(History(name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(client_->History(name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
   v1::RenderViewRequest request;
   request.set_name(name);
   request.mutable_pose()->set_camera("a.png");
@@ -116,7 +102,7 @@ TEST_F(ServiceProcess, JobRunsRendersAndIsDeletedOverARealSocket) {
 
 TEST_F(ServiceProcess, CrashedWorkerIsReplacedAndTheJobGoesOnFromItsCheckpoint) {
   const std::string name = client_->StartedJob({"crash-once", "b"}, 60);
-  EXPECT_EQ(History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(client_->History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
   v1::Job job;
   ASSERT_TRUE(client_->Get(name, &job).ok());
   EXPECT_EQ(job.attempt(), 2);
@@ -129,7 +115,8 @@ TEST_F(ServiceProcess, JobThatKillsEveryWorkerFailsAndTheServerLivesOn) {
   const v1::Job job = client_->WaitFor(name, v1::JOB_STATE_FAILED, 30);
   EXPECT_EQ(job.error().detail().reason(), "WORKER_LOST");
   EXPECT_EQ(job.error().code(), grpc::ABORTED);
-  EXPECT_EQ(History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING QUEUED RUNNING FAILED ");
+  EXPECT_EQ(client_->History(name),
+            "UPLOADING QUEUED RUNNING QUEUED RUNNING QUEUED RUNNING FAILED ");
   const std::string next = client_->StartedJob({"a", "b"});
   client_->WaitFor(next, v1::JOB_STATE_SUCCEEDED, 30);
 }
@@ -163,7 +150,7 @@ TEST_F(ServiceProcess, StoppedServerLeavesNoWorkerAndTheJobGoesOnAfterARestart) 
   EXPECT_LT(SecondsSince(start), 10);
   EXPECT_NE(kill(workers[0], 0), 0);  // gone
   Launch();
-  EXPECT_EQ(History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(client_->History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
 }
 
 TEST_F(ServiceProcess, KilledServerTakesItsWorkersAlongAndLosesNoJob) {
@@ -182,7 +169,7 @@ TEST_F(ServiceProcess, KilledServerTakesItsWorkersAlongAndLosesNoJob) {
   EXPECT_TRUE(state == "gone" || state == "Z") << state;
   Launch();
   client_->WaitFor(name, v1::JOB_STATE_SUCCEEDED, 30);
-  History(name);
+  client_->History(name);
 }
 
 TEST_F(ServiceProcess, SecondServerOnTheSameDataIsRefused) {

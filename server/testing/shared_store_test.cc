@@ -31,20 +31,6 @@ class SharedStore : public ::testing::Test {
             "--work",  dir_.path() + "/work"};
   }
 
-  // The states a job went through, of gapless events seen at one server.
-  static std::string History(ServerProcess& server, const std::string& name) {
-    std::vector<v1::JobEvent> events;
-    const grpc::Status status = server.client().Watch(name, 0, &events);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    std::string history;
-    for (size_t i = 0; i < events.size(); ++i) {
-      EXPECT_EQ(events[i].number(), static_cast<int64_t>(i + 1));
-      if (!events[i].has_state_change()) continue;
-      history += v1::JobState_Name(events[i].state_change().state()).substr(10) + " ";
-    }
-    return history;
-  }
-
   TempDir dir_;
   PostgresServer* postgres_ = nullptr;
   std::string url_;
@@ -54,7 +40,7 @@ class SharedStore : public ::testing::Test {
 
 TEST_F(SharedStore, WhatOneServerIsToldTheOtherKnows) {
   const std::string name = a_.client().StartedJob({"a", "b", "c"});
-  EXPECT_EQ(History(b_, name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(b_.client().History(name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
   v1::RenderViewRequest request;
   request.set_name(name);
   request.mutable_pose()->set_camera("a.png");
@@ -75,7 +61,8 @@ TEST_F(SharedStore, JobIsCancelledAtOneServerAndResumedAtTheOther) {
   a_.client().WaitFor(name, v1::JOB_STATE_CANCELLED);
   ASSERT_TRUE(a_.client().Resume(name).ok());
   b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
-  EXPECT_EQ(History(a_, name), "UPLOADING QUEUED RUNNING CANCELLED QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(a_.client().History(name),
+            "UPLOADING QUEUED RUNNING CANCELLED QUEUED RUNNING SUCCEEDED ");
 }
 
 TEST_F(SharedStore, ManyJobsAreEachRunOnceAndBothServersWork) {
@@ -85,7 +72,7 @@ TEST_F(SharedStore, ManyJobsAreEachRunOnceAndBothServersWork) {
   }
   for (const std::string& name : names) {
     a_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
-    EXPECT_EQ(History(b_, name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+    EXPECT_EQ(b_.client().History(name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
   }
 }
 
@@ -102,8 +89,9 @@ TEST_F(SharedStore, JobOfAKilledServerGoesOnAtTheOtherFromItsCheckpoint) {
   a_.End(SIGKILL);
   job = b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
   const bool was_at_a = job.attempt() == 2;
-  EXPECT_EQ(History(b_, name), was_at_a ? "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED "
-                                        : "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(b_.client().History(name), was_at_a
+                                           ? "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED "
+                                           : "UPLOADING QUEUED RUNNING SUCCEEDED ");
   if (was_at_a) {
     ASSERT_EQ(job.report().notes_size(), 1);
     EXPECT_THAT(job.report().notes(0), ::testing::HasSubstr("resumed at iteration"));
@@ -122,7 +110,7 @@ TEST_F(SharedStore, RunningJobOutlivesARestartOfTheDatabase) {
   ASSERT_TRUE(postgres_->Run().ok());
   job = b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
   EXPECT_EQ(job.attempt(), 1);
-  EXPECT_EQ(History(a_, name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(a_.client().History(name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
 }
 
 }  // namespace

@@ -151,6 +151,19 @@ grpc::Status TestClient::Watch(const std::string& name, int64_t after,
   return reader->Finish();
 }
 
+std::string TestClient::History(const std::string& name) {
+  std::vector<v1::JobEvent> events;
+  const grpc::Status status = Watch(name, 0, &events);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  std::string history;
+  for (size_t i = 0; i < events.size(); ++i) {
+    EXPECT_EQ(events[i].number(), static_cast<int64_t>(i + 1));
+    if (!events[i].has_state_change()) continue;
+    history += v1::JobState_Name(events[i].state_change().state()).substr(10) + " ";
+  }
+  return history;
+}
+
 grpc::Status TestClient::Render(const v1::RenderViewRequest& request, v1::RenderedView* view) {
   Call call;
   return render->RenderView(&call, request, view);

@@ -46,6 +46,9 @@ class TestClient {
   // Reads until the stream ends, or until `at_most` events came (then it cancels).
   grpc::Status Watch(const std::string& name, int64_t after, std::vector<v1::JobEvent>* events,
                      size_t at_most = SIZE_MAX, bool previews = false);
+  // The states a job goes through until it ends, "UPLOADING QUEUED ... "; expects events 1, 2, 3,
+  // ...
+  std::string History(const std::string& name);
   grpc::Status Render(const v1::RenderViewRequest& request, v1::RenderedView* view);
 
   // A started job of these photos; each name is "STEM.png".

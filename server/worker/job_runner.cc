@@ -9,6 +9,7 @@
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
+#include "server/store/file_error.h"
 #include "server/worker/job_monitor.h"
 #include "server/worker/lease_folder.h"
 #include "server/worker/while_away.h"
@@ -17,11 +18,6 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
-
-absl::Status FolderError(const fs::path& path, const std::error_code& error) {
-  return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
-                   absl::StrCat("cannot prepare ", path.string(), ": ", error.message()));
-}
 
 // The folder that held the newest snapshot has just become this lease's.
 absl::Status FollowSnapshot(const Lease& lease, const WorkerContext& context, const fs::path& run) {
@@ -42,7 +38,7 @@ absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerCo
   fs::remove_all(input, error);
   for (const fs::path& folder : {photos, depths, colmap, run}) {
     if (!error) fs::create_directories(folder, error);
-    if (error) return FolderError(folder, error);
+    if (error) return FileError("prepare", folder, error.value());
   }
   ReconstructInput result;
   result.images_dir = photos;

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 namespace {
@@ -13,13 +14,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kPrefix = "lease-";
-
-absl::Status FolderError(const fs::path& path, const std::error_code& error) {
-  const bool full = error == std::errc::no_space_on_device;
-  return MakeError(full ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kInternal,
-                   full ? "DISK_FULL" : "STORE_FAILED", "",
-                   absl::StrCat("cannot prepare ", path.string(), ": ", error.message()));
-}
 
 // The lease folders that are there, by number.
 std::map<int64_t, fs::path> LeaseFolders(const fs::path& work, std::error_code& error) {
@@ -44,7 +38,7 @@ absl::StatusOr<std::string> TakeLeaseFolder(const Lease& lease, const DataDir& d
   fs::create_directories(work, error);
   std::map<int64_t, fs::path> folders;
   if (!error) folders = LeaseFolders(work, error);
-  if (error) return FolderError(work, error);
+  if (error) return FileError("prepare", work, error.value());
   if (!folders.empty() && folders.rbegin()->first > number) {
     return MakeError(absl::StatusCode::kAborted, "LEASE_LOST", "",
                      absl::StrCat("a later lease works on jobs/", lease.job.id));
@@ -56,7 +50,7 @@ absl::StatusOr<std::string> TakeLeaseFolder(const Lease& lease, const DataDir& d
     if (!error) fs::rename(work / "run", mine / "run", error);
   }
   if (!error) fs::create_directories(mine / "run", error);
-  if (error) return FolderError(mine, error);
+  if (error) return FileError("prepare", mine, error.value());
   // An interrupted worker may have come after its successor and left an empty one.
   for (const auto& [other, path] : folders) {
     if (other < number) fs::remove_all(path, error);

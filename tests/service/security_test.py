@@ -210,6 +210,16 @@ class Settings(unittest.TestCase):
         self.assertRegex(out, r"(?m)^FAIL +tls .*/missing")
         self.assertRegex(out, r"(?m)^ok +store ")
 
+    def test_check_looks_into_stores_elsewhere(self):
+        for option, value, words in (
+                ("--store", "postgresql://u:secret@127.0.0.1:1/jobs", "database is away"),
+                ("--store", "redis://127.0.0.1", "neither"),
+                ("--blobs", "ftp://127.0.0.1", "neither")):
+            code, out, err = run_server("--check", "--data", self.data, option, value)
+            self.assertEqual(code, 1)
+            self.assertRegex(out, "(?m)^FAIL +store .*" + words)
+            self.assertNotIn("secret", out + err)
+
     def test_check_of_a_folder_that_cannot_be_one_fails(self):
         code, out, _ = run_server("--check", "--data", self.write("not a folder"), "--colmap",
                                   "/bin/true")
