@@ -22,6 +22,7 @@ constexpr float kWeightTransform[kConvTransformed][3] = {
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "engine/denoise/conv3x3.cc"
+#include "hwy/cache_control.h"
 #include "hwy/foreach_target.h"  // IWYU pragma: keep
 #include "hwy/highway.h"
 
@@ -34,28 +35,11 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 
-// Vectors of pixels per register block. With 4 output channels, 12
-// accumulators, 3 inputs and a weight fill the 16 registers of AVX2 and SSE4;
-// targets with 32 registers take 16 + 4 + 1.
-#if HWY_TARGET <= HWY_AVX3 || HWY_ARCH_ARM_A64
-constexpr int kPixelVectors = 4;
-#else
-constexpr int kPixelVectors = 3;
-#endif
-
-V ApplyEpilogue(ConvEpilogue epilogue, V v, const float* other) {
-  const D d;
-  switch (epilogue) {
-    case ConvEpilogue::kBias:
-      return v;
-    case ConvEpilogue::kRelu:
-      return hn::Max(v, hn::Zero(d));
-    case ConvEpilogue::kReluVjp:
-      return hn::IfThenElseZero(hn::Gt(hn::Load(d, other), hn::Zero(d)), v);
-    case ConvEpilogue::kSubtract:
-      return hn::Sub(v, hn::Load(d, other));
-  }
-  return v;
+// Vectors of pixels per register block: as many as leave the compiler room to keep the sums, the
+// inputs and a weight in registers (16 on AVX2 and SSE4, else 32).
+constexpr int PixelVectors(int out_channels) {
+  const bool many_registers = HWY_TARGET <= HWY_AVX3 || HWY_ARCH_ARM_A64;
+  return many_registers ? 4 : out_channels == 3 ? 3 : 2;
 }
 
 // t[j] = (B d)[j] for the rows d of one channel; `count` floats each, a
@@ -124,48 +108,45 @@ void TransformGradientRows(const PaddedRows& v, int y, float* out) {
 struct RowJob {
   const ConvWeights* weights;
   const float* in;  // transformed, pixel 0 of the first row
-  size_t stride;
-  const PaddedRows* other;
-  PaddedRows* out;
-  ConvEpilogue epilogue;
-  int y;
+  size_t in_stride;
+  // Pixel 0 of channel 0 of the first row written, and what the epilogue reads there.
+  float* out;
+  const float* other;
+  const float* base;
+  size_t stride, row_stride;  // of the three
+  int width, rows;            // rows that are inside the image
 };
 
-// Writes P vectors of pixels from x on of output row y + i.
-template <int P>
-HWY_INLINE void StoreRow(const RowJob& job, int o, int i, int x, const V (&sums)[P]) {
+template <ConvEpilogue kEpilogue>
+HWY_INLINE V Finish(V v, const RowJob& job, size_t at) {
   const D d;
-  constexpr int N = hn::MaxLanes(d);
-  const int y = job.y + i, width = job.out->width();
-  if (y >= job.out->height()) return;
-  const V bias = hn::Set(d, job.weights->bias[o]);
-  const float* other = job.other ? job.other->row(y, o) + x : nullptr;
-  float* out = job.out->row(y, o) + x;
-#pragma GCC unroll 4
-  for (int p = 0; p < P; ++p) {
-    V v = ApplyEpilogue(job.epilogue, hn::Add(sums[p], bias), other ? other + p * N : nullptr);
-    const int left = width - (x + p * N);
-    if (left < N) v = hn::IfThenElseZero(hn::FirstN(d, left), v);
-    hn::Store(v, d, out + p * N);
+  switch (kEpilogue) {
+    case ConvEpilogue::kRelu:
+      return hn::Max(v, hn::Zero(d));
+    case ConvEpilogue::kReluVjp:
+      return hn::IfThenElseZero(hn::Gt(hn::Load(d, job.other + at), hn::Zero(d)), v);
+    case ConvEpilogue::kSubtract:
+      return hn::Sub(v, hn::Load(d, job.other + at));
+    case ConvEpilogue::kResidual:
+      return hn::Sub(hn::Load(d, job.base + at), hn::Sub(hn::Load(d, job.other + at), v));
   }
 }
 
-// OC output channels from oc0 on, P vectors of pixels from x on, kConvRows
-// rows.
+// products [kConvTransformed][OC][P * N] of OC output channels from oc0 on, P vectors of pixels
+// from x on.
 template <int OC, int P>
-HWY_INLINE void ConvBlock(const RowJob& job, int oc0, int x) {
+HWY_INLINE void Multiply(const RowJob& job, int oc0, int x, float* HWY_RESTRICT products) {
   const D d;
   constexpr size_t N = hn::MaxLanes(d);
   const int in_channels = job.weights->in_channels;
-  const float* w = job.weights->w.get() + size_t(oc0) * in_channels * kConvTransformed * 3;
-  const float* in = job.in + x - 1;
-  HWY_ALIGN float products[kConvTransformed][OC][P * N];
-
+  const float* HWY_RESTRICT w =
+      job.weights->w.get() + size_t(oc0) * in_channels * kConvTransformed * 3;
+  const float* HWY_RESTRICT in = job.in + x - 1;
   for (int j = 0; j < kConvTransformed; ++j) {
     V acc[OC][P];
 #pragma GCC unroll 16
     for (int i = 0; i < OC * P; ++i) acc[i / P][i % P] = hn::Zero(d);
-    for (int c = 0; c < in_channels; ++c, in += job.stride) {
+    for (int c = 0; c < in_channels; ++c, in += job.in_stride) {
 #pragma GCC unroll 3
       for (int kx = 0; kx < 3; ++kx, w += OC) {
         V pixels[P];
@@ -180,51 +161,98 @@ HWY_INLINE void ConvBlock(const RowJob& job, int oc0, int x) {
       }
     }
 #pragma GCC unroll 16
-    for (int i = 0; i < OC * P; ++i)
-      hn::Store(acc[i / P][i % P], d, &products[j][i / P][i % P * N]);
+    for (int i = 0; i < OC * P; ++i, products += N) hn::Store(acc[i / P][i % P], d, products);
   }
+}
 
+// Rows written and read by the epilogue are more than the hardware follows.
+template <int OC, ConvEpilogue kEpilogue>
+HWY_INLINE void PrefetchBlock(const RowJob& job, int oc0, int x) {
+  for (int o = oc0; o < oc0 + OC; ++o) {
+    size_t at = o * job.stride + x;
+    for (int i = 0; i < job.rows; ++i, at += job.row_stride) {
+      hwy::Prefetch(job.out + at);
+      if constexpr (kEpilogue != ConvEpilogue::kRelu) hwy::Prefetch(job.other + at);
+      if constexpr (kEpilogue == ConvEpilogue::kResidual) hwy::Prefetch(job.base + at);
+    }
+  }
+}
+
+// OC output channels from oc0 on, P vectors of pixels from x on, kConvRows rows. What lies past the
+// width stays zero.
+constexpr int kAhead = 64;  // pixels
+template <int OC, int P, bool kTail, ConvEpilogue kEpilogue>
+HWY_INLINE void ConvBlock(const RowJob& job, int oc0, int x) {
+  const D d;
+  constexpr size_t N = hn::MaxLanes(d);
+  HWY_ALIGN float products[kConvTransformed * OC * P * N];
+  if constexpr (!kTail) PrefetchBlock<OC, kEpilogue>(job, oc0, x + kAhead);
+  Multiply<OC, P>(job, oc0, x, products);
   const V two = hn::Set(d, 2.0f), four = hn::Set(d, 4.0f), eight = hn::Set(d, 8.0f);
   for (int o = 0; o < OC; ++o) {
-    V rows[kConvRows][P];
+    const V bias = hn::Set(d, job.weights->bias[oc0 + o]);
 #pragma GCC unroll 4
     for (int p = 0; p < P; ++p) {
-      const auto m = [&](int j) HWY_ATTR { return hn::Load(d, &products[j][o][p * N]); };
+      const auto m = [&](int j)
+                         HWY_ATTR { return hn::Load(d, products + ((j * OC + o) * P + p) * N); };
       const V even = hn::Add(m(1), m(2)), odd = hn::Sub(m(1), m(2));
       const V even2 = hn::Add(m(3), m(4)), odd2 = hn::Sub(m(3), m(4));
-      rows[0][p] = hn::Add(m(0), hn::Add(even, even2));
-      rows[1][p] = hn::MulAdd(two, odd2, odd);
-      rows[2][p] = hn::MulAdd(four, even2, even);
-      rows[3][p] = hn::Add(m(5), hn::MulAdd(eight, odd2, odd));
+      size_t at = (oc0 + o) * job.stride + x + p * N;
+      const auto store = [&](int row, V v) HWY_ATTR {
+        if (row >= job.rows) return;
+        v = Finish<kEpilogue>(v, job, at);
+        if constexpr (kTail) v = hn::IfThenElseZero(hn::FirstN(d, job.width - x), v);
+        hn::Store(v, d, job.out + at);
+        at += job.row_stride;
+      };
+      store(0, hn::Add(hn::Add(m(0), bias), hn::Add(even, even2)));
+      store(1, hn::MulAdd(two, odd2, hn::Add(odd, bias)));
+      store(2, hn::MulAdd(four, even2, hn::Add(even, bias)));
+      store(3, hn::Add(hn::Add(m(5), bias), hn::MulAdd(eight, odd2, odd)));
     }
-    for (int i = 0; i < kConvRows; ++i) StoreRow<P>(job, oc0 + o, i, x, rows[i]);
   }
 }
 
-template <int OC, int P>
-void ConvBlocks(const RowJob& job, int x) {
-  for (int oc0 = 0; oc0 < job.weights->out_channels; oc0 += OC) ConvBlock<OC, P>(job, oc0, x);
-}
-
-template <int OC>
+template <int OC, ConvEpilogue kEpilogue>
 void ConvRow(const RowJob& job) {
-  constexpr int N = hn::MaxLanes(D());
-  const int width = job.out->width();
+  constexpr int N = hn::MaxLanes(D()), P = PixelVectors(OC);
+  const int channels = job.weights->out_channels;
   int x = 0;
-  for (; x + (kPixelVectors - 1) * N < width; x += kPixelVectors * N) {
-    ConvBlocks<OC, kPixelVectors>(job, x);
+  for (; x + P * N <= job.width; x += P * N) {
+    for (int oc0 = 0; oc0 < channels; oc0 += OC) ConvBlock<OC, P, false, kEpilogue>(job, oc0, x);
   }
-  for (; x < width; x += N) ConvBlocks<OC, 1>(job, x);
+  for (; x < job.width; x += N) {
+    for (int oc0 = 0; oc0 < channels; oc0 += OC) ConvBlock<OC, 1, true, kEpilogue>(job, oc0, x);
+  }
 }
 
-void Conv3x3Rows(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
-                 const PaddedRows* other, float* scratch, PaddedRows* out) {
-  TransformInputRows(in, y, scratch);
-  const RowJob job = {&weights, scratch + PaddedRows::kPad, in.stride(), other, out, epilogue, y};
-  if (ConvBlockSize(weights.out_channels) == 3) {
-    ConvRow<3>(job);
+template <ConvEpilogue kEpilogue>
+void ConvRowOf(const RowJob& job) {
+  if (ConvBlockSize(job.weights->out_channels) == 3) {
+    ConvRow<3, kEpilogue>(job);
   } else {
-    ConvRow<4>(job);
+    ConvRow<4, kEpilogue>(job);
+  }
+}
+
+void Conv3x3Rows(const ConvLayer& layer, int y, float* scratch) {
+  const PaddedRows &in = *layer.in, &out = *layer.out;
+  TransformInputRows(in, y, scratch);
+  const auto at = [&](const PaddedRows* rows) { return rows ? rows->row(y, 0) : nullptr; };
+  const RowJob job = {layer.weights,   scratch + PaddedRows::kPad,
+                      in.stride(),     layer.out->row(y, 0),
+                      at(layer.other), at(layer.base),
+                      out.stride(),    out.row_stride(),
+                      out.width(),     std::min(kConvRows, out.height() - y)};
+  switch (layer.epilogue) {
+    case ConvEpilogue::kRelu:
+      return ConvRowOf<ConvEpilogue::kRelu>(job);
+    case ConvEpilogue::kReluVjp:
+      return ConvRowOf<ConvEpilogue::kReluVjp>(job);
+    case ConvEpilogue::kSubtract:
+      return ConvRowOf<ConvEpilogue::kSubtract>(job);
+    case ConvEpilogue::kResidual:
+      return ConvRowOf<ConvEpilogue::kResidual>(job);
   }
 }
 
@@ -385,10 +413,8 @@ void ConvWeights::PackTransposed(int in, int out, const float* source) {
   PackTransformed(in_channels, out_channels, weight, w.get());
 }
 
-void Conv3x3Rows(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
-                 const PaddedRows* other, float* scratch, PaddedRows* out) {
-  HWY_DYNAMIC_DISPATCH(Conv3x3Rows)
-  (weights, in, y, epilogue, other, scratch, out);
+void Conv3x3Rows(const ConvLayer& layer, int y, float* scratch) {
+  HWY_DYNAMIC_DISPATCH(Conv3x3Rows)(layer, y, scratch);
 }
 
 size_t ConvScratch(const PaddedRows& in) { return kConvTransformed * in.row_stride(); }

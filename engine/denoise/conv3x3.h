@@ -42,19 +42,29 @@ struct ConvWeights {
 };
 
 enum class ConvEpilogue {
-  kBias,      // out = conv
   kRelu,      // out = max(conv, 0)
   kReluVjp,   // out = other > 0 ? conv : 0 (ReLU'(0) = 0)
   kSubtract,  // out = conv - other
+  kResidual,  // out = base - (other - conv)
+};
+
+// One convolution of an image. `other` and `base` have the shape of `out`; null where the epilogue
+// does not read them.
+struct ConvLayer {
+  const ConvWeights* weights;
+  const PaddedRows* in;
+  ConvEpilogue epilogue;
+  PaddedRows* out;
+  const PaddedRows* other = nullptr;
+  const PaddedRows* base = nullptr;
 };
 
 // Floats of scratch that Conv3x3Rows needs; aligned to a vector.
 size_t ConvScratch(const PaddedRows& in);
 
-// Writes rows y .. y + kConvRows - 1 of `out` [out_channels], as far as there
-// are any; `other` has the shape of `out` (last two epilogues).
-void Conv3x3Rows(const ConvWeights& weights, const PaddedRows& in, int y, ConvEpilogue epilogue,
-                 const PaddedRows* other, float* scratch, PaddedRows* out);
+// Writes rows y .. y + kConvRows - 1 of the layer, as far as there are any; they depend on the rows
+// y - 1 .. y + kConvRows of its input.
+void Conv3x3Rows(const ConvLayer& layer, int y, float* scratch);
 
 // Floats of scratch that Conv3x3WeightGradRows needs; aligned to a vector.
 size_t ConvWeightGradScratch(const PaddedRows& in, const PaddedRows& v_out);

@@ -12,6 +12,11 @@ namespace {
 constexpr int kStripRows = 16;
 static_assert(kStripRows % kConvRows == 0);
 
+// Bands of groups of kConvRows rows: long enough that their seams do not meet, few enough that most
+// work is inside them.
+constexpr int kBandGroups = 8;
+constexpr int kMaxBands = 8;
+
 int NumStrips(int height) { return (height + kStripRows - 1) / kStripRows; }
 
 }  // namespace
@@ -32,10 +37,11 @@ void ConvNet::SetWeights(const float* net) {
   conv3_transposed_.PackTransposed(hidden_, 3, net + at.w3);
 }
 
-void ConvNet::Forward(int threads, ConvNetActivations* act, PaddedRows* out) {
-  Convolve(threads, conv1_, act->in, ConvEpilogue::kRelu, nullptr, &act->h1);
-  Convolve(threads, conv2_, act->h1, ConvEpilogue::kRelu, nullptr, &act->h2);
-  Convolve(threads, conv3_, act->h2, ConvEpilogue::kBias, nullptr, out);
+void ConvNet::Forward(int threads, ConvNetActivations* act, const PaddedRows& base,
+                      PaddedRows* out) {
+  Convolve(threads, {{&conv1_, &act->in, ConvEpilogue::kRelu, &act->h1},
+                     {&conv2_, &act->h1, ConvEpilogue::kRelu, &act->h2},
+                     {&conv3_, &act->h2, ConvEpilogue::kResidual, out, &act->in, &base}});
 }
 
 void ConvNet::Backward(int threads, const ConvNetActivations& act, const PaddedRows& v_out,
@@ -45,12 +51,12 @@ void ConvNet::Backward(int threads, const ConvNetActivations& act, const PaddedR
   v_h1_.Resize(ConvPaddedChannels(hidden_), height, width);
   v_h2_.Resize(ConvPaddedChannels(hidden_), height, width);
 
+  Convolve(threads, {{&conv3_transposed_, &v_out, ConvEpilogue::kReluVjp, &v_h2_, &act.h2},
+                     {&conv2_transposed_, &v_h2_, ConvEpilogue::kReluVjp, &v_h1_, &act.h1},
+                     {&conv1_transposed_, &v_h1_, ConvEpilogue::kSubtract, v_in, &v_out}});
   WeightGradient(threads, hidden_, 3, act.h2, v_out, v_net + at.w3, v_net + at.b3);
-  Convolve(threads, conv3_transposed_, v_out, ConvEpilogue::kReluVjp, &act.h2, &v_h2_);
   WeightGradient(threads, hidden_, hidden_, act.h1, v_h2_, v_net + at.w2, v_net + at.b2);
-  Convolve(threads, conv2_transposed_, v_h2_, ConvEpilogue::kReluVjp, &act.h1, &v_h1_);
   WeightGradient(threads, 3, hidden_, act.in, v_h1_, v_net + at.w1, v_net + at.b1);
-  Convolve(threads, conv1_transposed_, v_h1_, ConvEpilogue::kSubtract, &v_out, v_in);
 }
 
 void ConvNet::ReserveScratch(int threads, size_t per_thread) {
@@ -59,16 +65,40 @@ void ConvNet::ReserveScratch(int threads, size_t per_thread) {
   scratch_ = hwy::AllocateAligned<float>(scratch_size_);
 }
 
-void ConvNet::Convolve(int threads, const ConvWeights& weights, const PaddedRows& in,
-                       ConvEpilogue epilogue, const PaddedRows* other, PaddedRows* out) {
-  const int height = in.height();
-  const size_t scratch = ConvScratch(in);
+// Layer l of a group of rows needs layer l - 1 of the groups beside it. Inside a band of groups all
+// layers advance together, each one group behind the one before, so that a layer reads what has
+// just been written. At the seams between bands each layer stops a group earlier than the one
+// before it; what is left there is done when both bands are.
+void ConvNet::Convolve(int threads, absl::Span<const ConvLayer> layers) {
+  const int num_layers = static_cast<int>(layers.size());
+  const int groups = (layers[0].in->height() + kConvRows - 1) / kConvRows;
+  const int bands = std::clamp(groups / kBandGroups, 1, kMaxBands);
+  size_t scratch = 0;
+  for (const ConvLayer& layer : layers) scratch = std::max(scratch, ConvScratch(*layer.in));
   if (threads <= 0) threads = DefaultThreadCount();
   ReserveScratch(threads, scratch);
-  ParallelFor(threads, NumStrips(height), [&](size_t strip, int thread) {
-    const int y0 = static_cast<int>(strip) * kStripRows;
-    for (int y = y0; y < std::min(y0 + kStripRows, height); y += kConvRows) {
-      Conv3x3Rows(weights, in, y, epilogue, other, scratch_.get() + thread * scratch, out);
+  const auto convolve = [&](int layer, int group, int thread) {
+    Conv3x3Rows(layers[layer], group * kConvRows, scratch_.get() + thread * scratch);
+  };
+  const auto seam = [&](int band) { return groups * band / bands; };
+  ParallelFor(threads, bands, [&](size_t task, int thread) {
+    const int band = static_cast<int>(task);
+    const int begin = seam(band), end = seam(band + 1);
+    for (int step = begin; step < end + num_layers - 1; ++step) {
+      for (int layer = 0; layer < num_layers; ++layer) {
+        const int first = begin + (begin > 0 ? layer : 0);
+        const int last = end - (end < groups ? layer : 0);
+        const int group = step - layer;
+        if (group >= first && group < last) convolve(layer, group, thread);
+      }
+    }
+  });
+  ParallelFor(threads, bands - 1, [&](size_t task, int thread) {
+    const int middle = seam(static_cast<int>(task) + 1);
+    for (int layer = 1; layer < num_layers; ++layer) {
+      for (int group = middle - layer; group < middle + layer; ++group) {
+        convolve(layer, group, thread);
+      }
     }
   });
 }

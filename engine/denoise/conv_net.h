@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "absl/types/span.h"
 #include "engine/denoise/conv3x3.h"
 #include "engine/denoise/padded_rows.h"
 
@@ -26,8 +27,8 @@ class ConvNet {
   // `net` as in PdmNetLayout.
   void SetWeights(const float* net);
 
-  // out [3] = F(act->in); fills act->h1, h2.
-  void Forward(int threads, ConvNetActivations* act, PaddedRows* out);
+  // out [3] = base - (act->in - F(act->in)); fills act->h1, h2.
+  void Forward(int threads, ConvNetActivations* act, const PaddedRows& base, PaddedRows* out);
 
   // VJP at `act`: v_in [3] = F^T(v_out) - v_out (the network is used as x -
   // F(x), up to sign) and v_net += gradient of the weights, laid out as in
@@ -37,8 +38,7 @@ class ConvNet {
 
  private:
   void ReserveScratch(int threads, size_t per_thread);
-  void Convolve(int threads, const ConvWeights& weights, const PaddedRows& in,
-                ConvEpilogue epilogue, const PaddedRows* other, PaddedRows* out);
+  void Convolve(int threads, absl::Span<const ConvLayer> layers);
   void WeightGradient(int threads, int in_channels, int out_channels, const PaddedRows& in,
                       const PaddedRows& v_out, float* v_w, float* v_bias);
 

@@ -3,8 +3,63 @@
 #include <algorithm>
 #include <cmath>
 
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "engine/denoise/high_pass.cc"
+#include "hwy/foreach_target.h"  // IWYU pragma: keep
+#include "hwy/highway.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace litags {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::ScalableTag<float>;
+using V = hn::Vec<D>;
+
+template <bool kClamp>
+HWY_INLINE V LoadPixels(const float* from) {
+  const D d;
+  const V v = hn::Load(d, from);
+  return kClamp ? hn::Min(hn::Max(v, hn::Zero(d)), hn::Set(d, 1.0f)) : v;
+}
+
+// Whole vectors: sources, coefficients and so the output are zero past the width.
+template <bool kClamp>
+void Filter(const FilterJob& job) {
+  const D d;
+  constexpr int N = hn::MaxLanes(d);
+  for (int x = 0; x < job.width; x += N) {
+    V sum = hn::Zero(d);
+    for (int t = job.first; t <= job.last; ++t) {
+      const float* source = job.centre + (t - job.radius) * job.row_stride + x;
+      sum = hn::MulAdd(hn::Set(d, job.row_coefs[t * job.row_coef_stride]),
+                       LoadPixels<kClamp>(source), sum);
+    }
+    hn::Store(sum, d, job.blurred + x);
+  }
+  for (int x = 0; x < job.width; x += N) {
+    V sum = LoadPixels<kClamp>(job.centre + x);
+    for (int t = 0; t <= 2 * job.radius; ++t) {
+      sum = hn::NegMulAdd(hn::LoadU(d, job.columns->tap(t) + x),
+                          hn::LoadU(d, job.blurred + x + t - job.radius), sum);
+    }
+    hn::Store(sum, d, job.out + x);
+  }
+}
+
+void FilterRow(const FilterJob& job) { return job.clamp ? Filter<true>(job) : Filter<false>(job); }
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace litags
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
 namespace litags {
 namespace {
+
+HWY_EXPORT(FilterRow);
 
 std::vector<double> GaussianKernel(int size, double sigma) {
   std::vector<double> kernel(size);
@@ -17,6 +72,10 @@ std::vector<double> GaussianKernel(int size, double sigma) {
   return kernel;
 }
 
+size_t RoundUpToPad(size_t n) {
+  return (n + PaddedRows::kPad - 1) / PaddedRows::kPad * PaddedRows::kPad;
+}
+
 // Mirror without repeating the edge pixel: -1 -> 1, n -> n - 2.
 int Reflect101(int i, int n) {
   if (n == 1) return 0;
@@ -25,22 +84,21 @@ int Reflect101(int i, int n) {
   return i < n ? i : period - i;
 }
 
-float Clamp01(float v) { return std::min(std::max(v, 0.0f), 1.0f); }
-
 }  // namespace
 
 Band Band::Convolution(const std::vector<double>& kernel, PdmBorder border, int length) {
   Band band;
   band.radius = static_cast<int>(kernel.size()) / 2;
   band.length = length;
-  std::vector<double> coefs(kernel.size() * length, 0.0);
+  band.stride = RoundUpToPad(length);
+  std::vector<double> coefs(kernel.size() * band.stride, 0.0);
   for (int i = 0; i < length; ++i) {
     for (int d = -band.radius; d <= band.radius; ++d) {
       int j = i + d;
       if (border == PdmBorder::kReflect101) j = Reflect101(j, length);
       if (j < 0 || j >= length) continue;
       // A mirrored pixel is never further from i than the pixel it stands for.
-      coefs[size_t(j - i + band.radius) * length + i] += kernel[d + band.radius];
+      coefs[(j - i + band.radius) * band.stride + i] += kernel[d + band.radius];
     }
   }
   band.coefs.assign(coefs.begin(), coefs.end());
@@ -51,12 +109,13 @@ Band Band::Transposed() const {
   Band band;
   band.radius = radius;
   band.length = length;
+  band.stride = stride;
   band.coefs.assign(coefs.size(), 0.0f);
   for (int i = 0; i < length; ++i) {
     for (int t = 0; t <= 2 * radius; ++t) {
       const int j = i - radius + t;
       if (j < 0 || j >= length) continue;
-      band.coefs[size_t(2 * radius - t) * length + j] = tap(t)[i];
+      band.coefs[(2 * radius - t) * stride + j] = tap(t)[i];
     }
   }
   return band;
@@ -76,29 +135,26 @@ void HighPass::Resize(int height, int width) {
   }
 }
 
+size_t HighPass::ScratchSize() const { return columns_.stride + 2 * PaddedRows::kPad; }
+
 void HighPass::Apply(const Band& rows, const Band& columns, const PaddedRows& in, int c, int y,
                      bool clamp, float* scratch, float* out) {
-  const int radius = rows.radius, width = columns.length;
-  float* blurred = scratch + radius;  // stays zero on both sides
-  std::fill_n(blurred, width, 0.0f);
-  for (int t = 0; t <= 2 * radius; ++t) {
-    const int source_y = y - radius + t;
-    if (source_y < 0 || source_y >= rows.length) continue;
-    const float coef = rows.tap(t)[y];
-    const float* source = in.row(source_y, c);
-    if (clamp) {
-      for (int x = 0; x < width; ++x) blurred[x] += coef * Clamp01(source[x]);
-    } else {
-      for (int x = 0; x < width; ++x) blurred[x] += coef * source[x];
-    }
-  }
-  const float* centre = in.row(y, c);
-  for (int x = 0; x < width; ++x) out[x] = clamp ? Clamp01(centre[x]) : centre[x];
-  for (int t = 0; t <= 2 * radius; ++t) {
-    const float* coefs = columns.tap(t);
-    const float* source = blurred - radius + t;
-    for (int x = 0; x < width; ++x) out[x] -= coefs[x] * source[x];
-  }
+  const int radius = rows.radius;
+  FilterJob job;
+  job.columns = &columns;
+  job.centre = in.row(y, c);
+  job.row_stride = static_cast<ptrdiff_t>(in.row_stride());
+  job.row_coefs = rows.coefs.data() + y;
+  job.row_coef_stride = rows.stride;
+  job.radius = radius;
+  job.first = std::max(0, radius - y);
+  job.last = std::min(2 * radius, radius + rows.length - 1 - y);
+  job.width = columns.length;
+  job.clamp = clamp;
+  job.blurred = scratch + PaddedRows::kPad;
+  job.out = out;
+  HWY_DYNAMIC_DISPATCH(FilterRow)(job);
 }
 
 }  // namespace litags
+#endif  // HWY_ONCE

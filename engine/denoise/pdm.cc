@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/core/aligned.h"
 #include "engine/core/check.h"
 #include "engine/core/parallel.h"
 #include "engine/denoise/conv_net.h"
@@ -26,7 +27,7 @@ struct Pdm::Impl {
         threads(num_threads > 0 ? num_threads : DefaultThreadCount()),
         high_pass(pdm_options),
         stages(pdm_options.stages),
-        r(pdm_options.stages + 1),
+        r(std::max(3, pdm_options.stages + 1)),
         R(pdm_options.stages) {
     const int num_nets = options.shared ? 1 : options.stages;
     for (int i = 0; i < num_nets; ++i) nets.emplace_back(options.hidden);
@@ -34,7 +35,9 @@ struct Pdm::Impl {
 
   ConvNet& net(int k) { return nets[options.shared ? 0 : k]; }
 
-  void Resize(int new_height, int new_width);
+  // One forward pass with the activations of stage k in stages[slot] and R_k in r[from].
+  void Stage(const Planes& N, int k, int slot, int from, int to);
+  void Start(const PdmWeights& weights, const Planes& R0, const Planes& N);
 
   // Calls body(y, c, scratch) for the three channels of every row.
   template <typename Body>
@@ -44,8 +47,8 @@ struct Pdm::Impl {
     });
   }
 
-  void NoiseEstimate(int k, const Planes& N);
-  void Subtract(int k);
+  void NoiseEstimate(const Planes& N, int k, int slot, int from);
+  void CopyClamped(const PaddedRows& from, Planes* out);
   void StartGradient(const Planes& v_last, Planes* v_R0);
   void NoiseEstimateVjp(int k, const Planes& v_previous, Planes* v_R0, Planes* v_N);
 
@@ -55,46 +58,56 @@ struct Pdm::Impl {
   HighPass high_pass;
   std::vector<ConvNet> nets;
   std::vector<ConvNetActivations> stages;
-  std::vector<PaddedRows> r;                // R_0..R_K before the clamp
-  std::vector<Planes> R;                    // R_1..R_K
-  PaddedRows f;                             // F(Nhat_k)
-  PaddedRows v_r, v_nhat;                   // dL/dR_{k+1} before the clamp, dL/dNhat_k
-  std::vector<std::vector<float>> scratch;  // per thread
+  std::vector<PaddedRows> r;           // R_0..R_K before the clamp
+  std::vector<Planes> R;               // R_1..R_K
+  PaddedRows v_r, v_nhat;              // dL/dR_{k+1} before the clamp, dL/dNhat_k
+  std::vector<AlignedFloats> scratch;  // per thread
 };
 
-void Pdm::Impl::Resize(int new_height, int new_width) {
-  height = new_height;
-  width = new_width;
-  high_pass.Resize(height, width);
-  for (ConvNetActivations& stage : stages) stage.Resize(options.hidden, height, width);
-  for (PaddedRows& rows : r) rows.Resize(3, height, width);
-  for (PaddedRows* rows : {&f, &v_r, &v_nhat}) rows->Resize(3, height, width);
-  for (Planes& planes : R) planes = Planes(3, height, width);
-  scratch.assign(threads, std::vector<float>(high_pass.ScratchSize(), 0.0f));
+void Pdm::Impl::Start(const PdmWeights& weights, const Planes& R0, const Planes& N) {
+  LITAGS_CHECK(R0.channels == 3 && SameSize(R0, N));
+  LITAGS_CHECK(weights.hidden == options.hidden && weights.nets.size() == nets.size());
+  if (R0.height != height || R0.width != width) {
+    height = R0.height;
+    width = R0.width;
+    high_pass.Resize(height, width);
+    scratch.assign(threads, AlignedFloats(high_pass.ScratchSize(), 0.0f));
+  }
+  for (size_t i = 0; i < nets.size(); ++i) nets[i].SetWeights(weights.nets[i].data());
+  r[0].Resize(3, height, width);
+  ForEachRow([&](int y, int c, float*) {
+    std::copy_n(R0.plane(c) + size_t(y) * width, width, r[0].row(y, c));
+  });
+}
+
+// R_{k+1} = R_0 - (Nhat_k - F(Nhat_k)).
+void Pdm::Impl::Stage(const Planes& N, int k, int slot, int from, int to) {
+  stages[slot].Resize(options.hidden, height, width);
+  r[to].Resize(3, height, width);
+  NoiseEstimate(N, k, slot, from);
+  net(k).Forward(threads, &stages[slot], r[0], &r[to]);
 }
 
 // Nhat_0 = (R_0 - C(R_0) + N) / 2; Nhat_k = R_k - C(R_k).
-void Pdm::Impl::NoiseEstimate(int k, const Planes& N) {
+void Pdm::Impl::NoiseEstimate(const Planes& N, int k, int slot, int from) {
   ForEachRow([&](int y, int c, float* row_scratch) {
-    float* nhat = stages[k].in.row(y, c);
-    high_pass.Row(r[k], c, y, k > 0 && options.clamp_R, row_scratch, nhat);
+    float* nhat = stages[slot].in.row(y, c);
+    high_pass.Row(r[from], c, y, k > 0 && options.clamp_R, row_scratch, nhat);
     if (k > 0) return;
     const float* noise = N.plane(c) + size_t(y) * width;
     for (int x = 0; x < width; ++x) nhat[x] = 0.5f * (nhat[x] + noise[x]);
   });
 }
 
-// R_{k+1} = R_0 - (Nhat_k - F(Nhat_k)).
-void Pdm::Impl::Subtract(int k) {
+void Pdm::Impl::CopyClamped(const PaddedRows& from, Planes* out) {
+  if (out->channels != 3 || out->height != height || out->width != width) {
+    *out = Planes(3, height, width);
+  }
   ForEachRow([&](int y, int c, float*) {
-    const float* r0 = r[0].row(y, c);
-    const float* nhat = stages[k].in.row(y, c);
-    const float* denoised = f.row(y, c);
-    float* next = r[k + 1].row(y, c);
-    float* out = R[k].plane(c) + size_t(y) * width;
-    for (int x = 0; x < width; ++x) next[x] = r0[x] - (nhat[x] - denoised[x]);
+    const float* value = from.row(y, c);
+    float* to = out->plane(c) + size_t(y) * width;
     for (int x = 0; x < width; ++x) {
-      out[x] = options.clamp_R ? std::min(std::max(next[x], 0.0f), 1.0f) : next[x];
+      to[x] = options.clamp_R ? std::min(std::max(value[x], 0.0f), 1.0f) : value[x];
     }
   });
 }
@@ -147,19 +160,20 @@ Pdm& Pdm::operator=(Pdm&&) noexcept = default;
 
 void Pdm::Forward(const PdmWeights& weights, const Planes& R0, const Planes& N) {
   Impl& m = *impl_;
-  LITAGS_CHECK(R0.channels == 3 && SameSize(R0, N));
-  LITAGS_CHECK(weights.hidden == m.options.hidden && weights.nets.size() == m.nets.size());
-  if (R0.height != m.height || R0.width != m.width) m.Resize(R0.height, R0.width);
-  for (size_t i = 0; i < m.nets.size(); ++i) m.nets[i].SetWeights(weights.nets[i].data());
-
-  m.ForEachRow([&](int y, int c, float*) {
-    std::copy_n(R0.plane(c) + size_t(y) * m.width, m.width, m.r[0].row(y, c));
-  });
+  m.Start(weights, R0, N);
   for (int k = 0; k < m.options.stages; ++k) {
-    m.NoiseEstimate(k, N);
-    m.net(k).Forward(m.threads, &m.stages[k], &m.f);
-    m.Subtract(k);
+    m.Stage(N, k, k, k, k + 1);
+    m.CopyClamped(m.r[k + 1], &m.R[k]);
   }
+}
+
+void Pdm::Apply(const PdmWeights& weights, const Planes& R0, const Planes& N, Planes* R) {
+  Impl& m = *impl_;
+  m.Start(weights, R0, N);
+  // Stage k reads R_k and writes R_{k+1}, in turn in two buffers beside R_0.
+  const auto buffer = [](int k) { return k == 0 ? 0 : 1 + k % 2; };
+  for (int k = 0; k < m.options.stages; ++k) m.Stage(N, k, 0, buffer(k), buffer(k + 1));
+  m.CopyClamped(m.r[buffer(m.options.stages)], R);
 }
 
 const Planes& Pdm::R(int k) const {
@@ -176,6 +190,7 @@ void Pdm::Backward(const Planes& v_last, const Planes& v_previous, Planes* v_R0,
     if (!SameSize(*planes, v_last)) *planes = Planes(3, m.height, m.width);
   }
   *v_weights = PdmWeights::Zeros(m.options);
+  for (PaddedRows* rows : {&m.v_r, &m.v_nhat}) rows->Resize(3, m.height, m.width);
 
   m.StartGradient(v_last, v_R0);
   for (int k = m.options.stages - 1; k >= 0; --k) {

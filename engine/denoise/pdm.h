@@ -71,6 +71,10 @@ class Pdm {
   // shape of PdmWeights::Zeros(options).
   void Forward(const PdmWeights& weights, const Planes& R0, const Planes& N);
 
+  // As Forward, for the result alone: R [3,H,W] = R_K (its shape is set). Needs a third of the
+  // memory; Backward must not follow.
+  void Apply(const PdmWeights& weights, const Planes& R0, const Planes& N, Planes* R);
+
   // R_k [3,H,W] of the last Forward, k = 1..K; R(K) is the result.
   const Planes& R(int k) const;
 

@@ -39,7 +39,18 @@ struct Inputs {
 void Forward(benchmark::State& state) {
   const Inputs in(static_cast<int>(state.range(1)));
   Pdm pdm(in.options, static_cast<int>(state.range(0)));
+  pdm.Forward(in.weights, in.R0, in.N);  // allocates
   for (auto _ : state) pdm.Forward(in.weights, in.R0, in.N);
+  state.counters["GFLOP/s"] = benchmark::Counter(ForwardFlops(in.options) * 1e-9,
+                                                 benchmark::Counter::kIsIterationInvariantRate);
+}
+
+void Apply(benchmark::State& state) {
+  const Inputs in(static_cast<int>(state.range(1)));
+  Pdm pdm(in.options, static_cast<int>(state.range(0)));
+  Planes R;
+  pdm.Apply(in.weights, in.R0, in.N, &R);  // allocates
+  for (auto _ : state) pdm.Apply(in.weights, in.R0, in.N, &R);
   state.counters["GFLOP/s"] = benchmark::Counter(ForwardFlops(in.options) * 1e-9,
                                                  benchmark::Counter::kIsIterationInvariantRate);
 }
@@ -56,6 +67,11 @@ void Backward(benchmark::State& state) {
 }
 
 BENCHMARK(Forward)
+    ->ArgNames({"threads", "hidden"})
+    ->ArgsProduct({{1, 2}, {8, 16}})
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(Apply)
     ->ArgNames({"threads", "hidden"})
     ->ArgsProduct({{1, 2}, {8, 16}})
     ->UseRealTime()

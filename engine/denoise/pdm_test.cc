@@ -103,10 +103,11 @@ std::vector<PdmOptions> Variants() {
 }
 
 TEST(Pdm, MatchesTheEquationsOnEverySimdTargetAndOddSize) {
-  // {height, width}: single pixels and lines, and one more or less than any vector or block length.
-  const std::vector<std::pair<int, int>> sizes = {{1, 1},  {3, 5},  {1, 40}, {33, 1},  {2, 3},
-                                                  {4, 7},  {5, 9},  {3, 15}, {17, 17}, {4, 31},
-                                                  {3, 33}, {2, 63}, {2, 65}, {3, 95}};
+  // {height, width}: single pixels and lines, one more or less than any vector or block length, and
+  // several bands of rows.
+  const std::vector<std::pair<int, int>> sizes = {
+      {1, 1},   {3, 5},  {1, 40}, {33, 1}, {2, 3},  {4, 7},  {5, 9},  {3, 15},
+      {17, 17}, {4, 31}, {3, 33}, {2, 63}, {2, 65}, {3, 95}, {67, 6}, {129, 5}};
   for (const PdmOptions& options : Variants()) {
     const PdmWeights weights = RandomWeights(options);
     for (const auto& [height, width] : sizes) {
@@ -121,6 +122,9 @@ TEST(Pdm, MatchesTheEquationsOnEverySimdTargetAndOddSize) {
           // 432 single-precision terms of size 1, three stages deep.
           EXPECT_LT(LargestError(pdm.R(k).data, expected[k - 1]), 1e-5) << "R_" << k;
         }
+        Planes result;
+        pdm.Apply(weights, R0, N, &result);
+        EXPECT_EQ(result.data, pdm.R(options.stages).data);
       });
     }
   }

@@ -35,13 +35,13 @@ void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Pla
 }
 
 void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* color) {
-  CopyPlanes(channels, kChannelColor, color);
-  if (!model.lita || !model.use_pdm || (cancel_ && cancel_->IsCancelled())) return;
+  const bool denoise = model.lita && model.use_pdm && !(cancel_ && cancel_->IsCancelled());
+  CopyPlanes(channels, kChannelColor, denoise ? &color_ : color);
+  if (!denoise) return;
   CopyPlanes(channels, channels.channels == kColorAndNoise ? 3 : int{kChannelNoise}, &noise_);
   if (!pdm_.has_value() || pdm_->options() != model.pdm_options)
     pdm_.emplace(model.pdm_options, threads_);
-  pdm_->Forward(model.pdm, *color, noise_);
-  *color = pdm_->R(model.pdm_options.stages);
+  pdm_->Apply(model.pdm, color_, noise_, color);
 }
 
 }  // namespace litags

@@ -47,7 +47,7 @@ class ModelRenderer {
   const CancelToken* cancel_;
   Renderer renderer_;
   std::optional<Pdm> pdm_;  // of the last model's options
-  Planes composited_, alpha_, noise_;
+  Planes composited_, alpha_, color_, noise_;
 };
 
 // Planes [first, first + 3) as an image of their own.
