@@ -71,16 +71,27 @@ HWY_INLINE V Alpha(const float* HWY_RESTRICT record, V x, V y) {
                             hn::Min(Exp2(power), hn::Set(d, kAlphaMax)));
 }
 
-// One step of compositing: given alpha, updates the transmittance and returns the alpha that
-// counts: zero for pixels that are, or now become, opaque. An opaque pixel, or one outside the
-// image, is marked by the sign bit of its transmittance; the value is kept. *goes_on is false for
-// them.
-HWY_INLINE V Advance(V alpha, V* T, M* goes_on) {
+// Entries of a list whose alphas are evaluated together, before they are composited. In one loop
+// the sums over channels would wait for the exponential in the processor's queues and keep the next
+// entry's arithmetic out.
+constexpr int kBatch = 16;
+
+// One step of compositing. `product` is the product of 1 - alpha so far: the transmittance, or less
+// than kTransmittanceStop where the pixel is opaque (and from the start outside the image).
+struct Step {
+  V before;  // transmittance in front of the Gaussian
+  M counts;  // the pixel is not opaque, nor becomes so
+};
+HWY_INLINE Step Advance(V alpha, V* product) {
   const D d;
-  const V next = hn::NegMulAdd(alpha, *T, *T);
-  *goes_on = hn::Ge(next, hn::Set(d, kTransmittanceStop));
-  *T = hn::IfThenElse(*goes_on, next, hn::Or(*T, hn::SignBit(d)));
-  return hn::IfThenElseZero(*goes_on, alpha);
+  const V before = *product;
+  *product = hn::NegMulAdd(alpha, before, before);
+  return {before, hn::Ge(*product, hn::Set(d, kTransmittanceStop))};
+}
+
+// To be called every kBatch steps: products of opaque pixels must not become denormal.
+HWY_INLINE V DropOpaque(V product) {
+  return hn::IfThenElseZero(hn::Ge(product, hn::Set(D(), kTransmittanceStop)), product);
 }
 
 // Pixel centres of a tile's blocks.
@@ -106,12 +117,12 @@ class PixelGrid {
   V x_, y_;  // of the first block
 };
 
-// Transmittance 1 for the block's pixels inside the image, -1 for the others.
-HWY_INLINE V InitialTransmittance(const TileJob& job, V x, V y) {
+// The first `product` of a block's pixels: 1 inside the image, 0 outside.
+HWY_INLINE V InitialProduct(const TileJob& job, V x, V y) {
   const D d;
   const M inside = hn::And(hn::Lt(x, hn::Set(d, static_cast<float>(job.width))),
                            hn::Lt(y, hn::Set(d, static_cast<float>(job.height))));
-  return hn::IfThenElse(inside, hn::Set(d, 1.0f), hn::Set(d, -1.0f));
+  return hn::IfThenElseZero(inside, hn::Set(d, 1.0f));
 }
 
 // Calls visit(offset in the image plane, offset in the block, columns) for every row of the block

@@ -103,7 +103,8 @@ HWY_INLINE void FindReach(const float (*bounds)[kChunk], const TileJob& job, uin
 template <int C>
 struct BlockState {
   HWY_ALIGN float acc[C * kLanes];
-  HWY_ALIGN float T[kLanes];
+  HWY_ALIGN float product[kLanes];  // see Advance
+  HWY_ALIGN float T[kLanes];        // transmittance, also of opaque pixels
 };
 
 // Composites the Gaussians of `reach` over a block, front to back. Returns those that came before
@@ -113,27 +114,47 @@ template <int C, bool kCountUseful>
 HWY_INLINE uint64_t CompositeBlock(const float* HWY_RESTRICT records, uint64_t reach, V x, V y,
                                    BlockState<C>* state, bool* opaque, int64_t* useful) {
   const D d;
-  V T = hn::Load(d, state->T);
+  HWY_ALIGN float alphas[kBatch * kLanes];
+  const float* entries[kBatch];
+  V product = hn::Load(d, state->product), T = hn::Load(d, state->T);
   V acc[C];
 #pragma GCC unroll 16
   for (int c = 0; c < C; ++c) acc[c] = hn::Load(d, state->acc + c * kLanes);
-  uint64_t rest = reach;
   *opaque = false;
+  uint64_t rest = reach;
   do {
-    const float* record = records + std::countr_zero(rest) * RecordStride(C);
-    rest &= rest - 1;
-    const V before = T;
-    M goes_on;
-    const V w = hn::Mul(Advance(Alpha(record, x, y), &T, &goes_on), before);
-    if constexpr (kCountUseful) *useful += hn::CountTrue(d, hn::Gt(w, hn::Zero(d)));
+    uint64_t batch = rest;
+    int n = 0;
+    do {
+      entries[n] = records + std::countr_zero(rest) * RecordStride(C);
+      hn::Store(Alpha(entries[n], x, y), d, alphas + n * kLanes);
+      ++n;
+      rest &= rest - 1;
+    } while (n < kBatch && rest != 0);
+
+    product = DropOpaque(product);
+    for (int i = 0; i < n; ++i) {
+      const float* record = entries[i];
+      const V alpha = hn::Load(d, alphas + i * kLanes);
+      const Step step = Advance(alpha, &product);
+      const V w = hn::IfThenElseZero(step.counts, hn::Mul(alpha, step.before));
+      T = hn::IfThenElse(step.counts, product, T);
+      if constexpr (kCountUseful) *useful += hn::CountTrue(d, hn::Gt(w, hn::Zero(d)));
 #pragma GCC unroll 16
-    for (int c = 0; c < C; ++c) {
-      acc[c] = hn::MulAdd(w, hn::Set(d, record[kRecordFeatures + c]), acc[c]);
+      for (int c = 0; c < C; ++c) {
+        acc[c] = hn::MulAdd(w, hn::Set(d, record[kRecordFeatures + c]), acc[c]);
+      }
+      batch &= batch - 1;
+      if (hn::AllFalse(d, step.counts)) {
+        *opaque = true;
+        rest |= batch;
+        break;
+      }
     }
-    *opaque = hn::AllFalse(d, goes_on);
   } while (rest != 0 && !*opaque);
 #pragma GCC unroll 16
   for (int c = 0; c < C; ++c) hn::Store(acc[c], d, state->acc + c * kLanes);
+  hn::Store(product, d, state->product);
   hn::Store(T, d, state->T);
   return reach ^ rest;
 }
@@ -142,7 +163,7 @@ template <int C>
 HWY_INLINE void FinishBlock(const TileJob& job, int block, BlockState<C>* state, float* image,
                             float* alpha) {
   const D d;
-  const V T = hn::Abs(hn::Load(d, state->T));
+  const V T = hn::Load(d, state->T);
   for (int c = 0; c < C; ++c) {
     float* acc = state->acc + c * kLanes;
     hn::Store(hn::MulAdd(T, hn::Set(d, job.background[c]), hn::Load(d, acc)), d, acc);
@@ -164,9 +185,10 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
   BlockState<C> states[kBlocks] = {};
   uint64_t alive = 0;  // blocks that are not opaque
   for (int block = 0; block < kBlocks; ++block) {
-    const V T = InitialTransmittance(job, grid.X(block), grid.Y(block));
-    hn::Store(T, d, states[block].T);
-    if (!hn::AllTrue(d, hn::Lt(T, hn::Zero(d)))) alive |= uint64_t{1} << block;
+    const V product = InitialProduct(job, grid.X(block), grid.Y(block));
+    hn::Store(product, d, states[block].product);
+    hn::Store(hn::Set(d, 1.0f), d, states[block].T);
+    if (!hn::AllFalse(d, hn::Gt(product, hn::Zero(d)))) alive |= uint64_t{1} << block;
   }
 
   Chunk<C> chunk;

@@ -92,15 +92,23 @@ struct BlockInput {
 // Front to back once more, noting alpha and transmittance of every evaluation.
 template <int C>
 HWY_INLINE void NoteEvaluations(const float* HWY_RESTRICT records, const uint32_t* entries,
-                                size_t n, V T, const BlockInput<C>& in,
+                                size_t n, V product, const BlockInput<C>& in,
                                 float* HWY_RESTRICT evaluations) {
   const D d;
-  for (size_t i = 0; i < n; ++i, evaluations += kEvaluation) {
-    hn::Store(T, d, evaluations + kLanes);
-    M goes_on;
-    const V alpha =
-        Advance(Alpha(records + entries[i] * RecordStride(C), in.x, in.y), &T, &goes_on);
-    hn::Store(alpha, d, evaluations);
+  for (size_t begin = 0; begin < n; begin += kBatch) {
+    const size_t end = std::min(n, begin + kBatch);
+    for (size_t i = begin; i < end; ++i) {
+      hn::Store(Alpha(records + entries[i] * RecordStride(C), in.x, in.y), d,
+                evaluations + i * kEvaluation);
+    }
+    product = DropOpaque(product);
+    for (size_t i = begin; i < end; ++i) {
+      float* evaluation = evaluations + i * kEvaluation;
+      const V alpha = hn::Load(d, evaluation);
+      const Step step = Advance(alpha, &product);
+      hn::Store(hn::IfThenElseZero(step.counts, alpha), d, evaluation);
+      hn::Store(step.before, d, evaluation + kLanes);
+    }
   }
 }
 
@@ -309,7 +317,7 @@ void Backward(const TileJob& job, const TileGradients& gradients, TileScratch* s
     in.x = grid.X(block);
     in.y = grid.Y(block);
     in.Load(job, gradients, block);
-    NoteEvaluations(records, entries, n, InitialTransmittance(job, in.x, in.y), in, evaluations);
+    NoteEvaluations(records, entries, n, InitialProduct(job, in.x, in.y), in, evaluations);
     WeighEvaluations<C, kSum>(records, entries, n, in, evaluations, grads);
     std::fill_n(entries + n, G, static_cast<uint32_t>(used));
     std::fill_n(evaluations + n * kEvaluation, G * kEvaluation, 0.0f);
