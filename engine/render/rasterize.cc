@@ -15,25 +15,19 @@ namespace litags {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Part of a tile's list with its records side by side: they are read once per block.
-template <int C>
+// Part of a tile's list: where its records are, and their ellipses side by side.
 struct Chunk {
-  static constexpr int kStride = RecordStride(C);
   static constexpr int kBounds[] = {kRecordX,     kRecordY,      kRecordHalfHeight,
                                     kRecordShear, kRecordAspect, kRecordDyRight};
 
-  HWY_ALIGN float records[kChunk * kStride];
+  const float* records[kChunk];
   HWY_ALIGN float bounds[6][kChunk];  // kBounds, field by field
 
-  void Load(const TileJob& job, size_t begin) {
-    const hn::CappedTag<float, 8> d;  // strides are multiples of 8
+  void Load(const TileJob& job, size_t begin, size_t stride) {
     const size_t count = std::min<size_t>(kChunk, job.count - begin);
     for (size_t k = 0; k < count; ++k) {
-      const float* from = job.records + size_t{job.gaussians[begin + k]} * kStride;
-      float* to = records + k * kStride;
-      for (size_t i = 0; i < kStride; i += hn::Lanes(d))
-        hn::Store(hn::LoadU(d, from + i), d, to + i);
-      for (int f = 0; f < 6; ++f) bounds[f][k] = from[kBounds[f]];
+      records[k] = job.records + job.gaussians[begin + k] * stride;
+      for (int f = 0; f < 6; ++f) bounds[f][k] = records[k][kBounds[f]];
     }
     for (size_t k = count; k < kChunk; ++k) {  // reach nothing
       for (int f = 0; f < 6; ++f) bounds[f][k] = f == 2 ? -1.0f : 0.0f;
@@ -41,11 +35,11 @@ struct Chunk {
   }
 
   // Lists are in depth order, records in memory order: without help every entry waits for memory.
-  static HWY_INLINE void Prefetch(const TileJob& job, size_t begin, size_t end) {
+  static HWY_INLINE void Prefetch(const TileJob& job, size_t begin, size_t end, size_t stride) {
     for (size_t k = begin; k < std::min(job.count, end); ++k) {
-      const float* record = job.records + size_t{job.gaussians[k]} * kStride;
+      const float* record = job.records + job.gaussians[k] * stride;
       hwy::Prefetch(record);
-      hwy::Prefetch(record + kStride - 1);
+      hwy::Prefetch(record + stride - 1);
     }
   }
 };
@@ -111,7 +105,7 @@ struct BlockState {
 // the block was opaque, and whether it is now. Adds the pixels that they changed to *useful, if
 // that is to be counted.
 template <int C, bool kCountUseful>
-HWY_INLINE uint64_t CompositeBlock(const float* HWY_RESTRICT records, uint64_t reach, V x, V y,
+HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, V x, V y,
                                    BlockState<C>* state, bool* opaque, int64_t* useful) {
   const D d;
   HWY_ALIGN float alphas[kBatch * kLanes];
@@ -126,7 +120,7 @@ HWY_INLINE uint64_t CompositeBlock(const float* HWY_RESTRICT records, uint64_t r
     uint64_t batch = rest;
     int n = 0;
     do {
-      entries[n] = records + std::countr_zero(rest) * RecordStride(C);
+      entries[n] = records[std::countr_zero(rest)];
       hn::Store(Alpha(entries[n], x, y), d, alphas + n * kLanes);
       ++n;
       rest &= rest - 1;
@@ -191,7 +185,8 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
     if (!hn::AllFalse(d, hn::Gt(product, hn::Zero(d)))) alive |= uint64_t{1} << block;
   }
 
-  Chunk<C> chunk;
+  constexpr size_t kStride = RecordStride(C);
+  Chunk chunk;
   TileEvaluations evaluations;
   for (size_t begin = 0; begin < job.count; begin += kChunk) {
     uint64_t* reach = job.reach + begin / kChunk * kMaxTileBlocks;
@@ -199,12 +194,12 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
       std::fill_n(reach, kBlocks, 0);
       continue;
     }
-    chunk.Load(job, begin);
+    chunk.Load(job, begin, kStride);
     FindReach(chunk.bounds, job, reach);
     for (int block = 0; block < kBlocks; ++block) {
       constexpr int kShare = kChunk / kBlocks;  // of the next chunk
-      Chunk<C>::Prefetch(job, begin + kChunk + block * kShare,
-                         begin + kChunk + (block + 1) * kShare);
+      Chunk::Prefetch(job, begin + kChunk + block * kShare, begin + kChunk + (block + 1) * kShare,
+                      kStride);
       if ((alive >> block & 1) == 0) reach[block] = 0;
       if (reach[block] == 0) continue;
       bool opaque;

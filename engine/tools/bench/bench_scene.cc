@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/core/rng.h"
+#include "engine/train/density.h"
 
 namespace litags {
 
@@ -43,7 +44,11 @@ Splats BenchSplats(size_t n, const Camera& camera) {
       splats.at(i, row) = static_cast<float>(0.3 * normal());
     for (int k = 0; k < 3; ++k) splats.at(i, kIllumination + k) = 0.1f;
   }
-  return splats;
+  // In the order that the trainer keeps.
+  const std::vector<uint32_t> order = MortonOrder(splats);
+  Splats sorted(n);
+  for (size_t i = 0; i < n; ++i) sorted.Copy(splats, order[i], i);
+  return sorted;
 }
 
 TrainView BenchView(const Camera& camera) {
