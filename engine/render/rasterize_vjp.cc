@@ -130,11 +130,13 @@ HWY_INLINE void WeighEvaluations(const float* HWY_RESTRICT records, const uint32
     evaluation -= kEvaluation;
     const float* record = records + entries[i] * RecordStride(C);
     const V alpha = hn::Load(d, evaluation), T = hn::Load(d, evaluation + kLanes);
-    V q = hn::Mul(v[0], hn::Set(d, record[kRecordFeatures]));
+    V part[3];  // one sum would be a chain three times as long
 #pragma GCC unroll 16
-    for (int c = 1; c < C; ++c) {
-      q = hn::MulAdd(v[c], hn::Set(d, record[kRecordFeatures + c]), q);
+    for (int c = 0; c < C; ++c) {
+      const V feature = hn::Set(d, record[kRecordFeatures + c]);
+      part[c % 3] = c < 3 ? hn::Mul(v[c], feature) : hn::MulAdd(v[c], feature, part[c % 3]);
     }
+    const V q = hn::Add(part[0], hn::Add(part[1], part[2]));
     const V w = hn::Mul(alpha, T);
     const V excess = hn::Sub(q, behind);
     behind = hn::MulAdd(alpha, excess, behind);
