@@ -16,40 +16,48 @@ namespace {
 constexpr size_t kChunks = 16;
 constexpr size_t kTilesPerTask = 16;
 
-// Calls visit(tile) for every tile the Gaussian reaches, row by row.
-template <class Visit>
-inline void ForEachTile(const ProjectedSplats::Box& box, const float* record, int tiles_x,
-                        Visit&& visit) {
-  const int tx0 = box.x0 / kTileSize, tx1 = box.x1 / kTileSize;
-  const int ty0 = box.y0 / kTileSize, ty1 = box.y1 / kTileSize;
-  if (tx0 == tx1 || ty0 == ty1) {  // a single row or column of tiles is all reached
-    for (int ty = ty0; ty <= ty1; ++ty) {
-      for (int tx = tx0; tx <= tx1; ++tx) visit(ty * tiles_x + tx);
-    }
-    return;
-  }
-  const float mx = record[kRecordX], my = record[kRecordY];
-  const float hh = record[kRecordHalfHeight], hh2 = hh * hh;
-  const float shear = record[kRecordShear], rightmost = record[kRecordDyRight];
+// Tile columns that a Gaussian reaches in the row `ty` of tiles; empty if first > last. As
+// ColumnsOfRows, for the few Gaussians with more rows than ProjectedSplats::spans has.
+struct TileSpan {
+  int first, last;
+};
+TileSpan SpanOfRow(const ProjectedSplats::Box& box, const float* record, int ty) {
+  const float my = record[kRecordY], half_height = record[kRecordHalfHeight];
+  // Pixel centres of the row, relative to the mean, limited to the ellipse.
+  const float lo = std::max(ty * kTileSize + 0.5f - my, -half_height);
+  const float hi = std::min(ty * kTileSize + kTileSize - 0.5f - my, half_height);
+  if (lo > hi) return {0, -1};
+  const auto at = [&](float dy) { return std::min(std::max(dy, lo), hi); };
   const auto half_chord = [&](float dy) {
-    return record[kRecordAspect] * std::sqrt(std::max(0.0f, hh2 - dy * dy));
+    const float inside = half_height * half_height - dy * dy;
+    return record[kRecordAspect] * std::sqrt(std::max(0.0f, inside)) + 0.02f;
   };
-  for (int ty = ty0; ty <= ty1; ++ty) {
-    // Pixel centres of this tile row, relative to the mean, limited to the ellipse.
-    const float lo = std::max(ty * kTileSize + 0.5f - my, -hh);
-    const float hi = std::min(ty * kTileSize + kTileSize - 0.5f - my, hh);
-    if (lo > hi) continue;
-    const float dy_right = std::min(std::max(rightmost, lo), hi);
-    const float dy_left = std::min(std::max(-rightmost, lo), hi);
-    // The margin covers rounding; it costs nothing measurable.
-    const float right = mx + shear * dy_right + half_chord(dy_right) + 0.02f;
-    const float left = mx + shear * dy_left - half_chord(dy_left) - 0.02f;
-    const int first_px =
-        std::max<int>(box.x0, static_cast<int>(std::ceil(std::max(left - 0.5f, -1.0f))));
-    const int last_px =
-        std::min<int>(box.x1, static_cast<int>(std::floor(std::min(right - 0.5f, 40000.0f))));
-    if (first_px > last_px) continue;
-    for (int tx = first_px / kTileSize; tx <= last_px / kTileSize; ++tx) visit(ty * tiles_x + tx);
+  const float dy_right = at(record[kRecordDyRight]), dy_left = at(-record[kRecordDyRight]);
+  const float center = record[kRecordX] - 0.5f;
+  const float right = center + record[kRecordShear] * dy_right + half_chord(dy_right);
+  const float left = center + record[kRecordShear] * dy_left - half_chord(dy_left);
+  // Numbers that are not finite give all of the box.
+  const int first = left > box.x0 ? static_cast<int>(std::ceil(std::min(left, 40000.0f))) : box.x0;
+  const int last = right < box.x1 ? static_cast<int>(std::floor(std::max(right, -1.0f))) : box.x1;
+  if (first > last) return {0, -1};
+  return {first / kTileSize, last / kTileSize};
+}
+
+// Calls visit(tile) for every tile that Gaussian i reaches, row by row.
+template <class Visit>
+inline void ForEachTile(const ProjectedSplats& splats, size_t i, int tiles_x, Visit&& visit) {
+  const ProjectedSplats::Box& box = splats.boxes[i];
+  const int ty0 = box.y0 / kTileSize, ty1 = box.y1 / kTileSize;
+  const auto visit_row = [&](int ty, int first, int last) {
+    for (int tx = first; tx <= last; ++tx) visit(ty * tiles_x + tx);
+  };
+  const ProjectedSplats::Spans& spans = splats.spans[i];
+  const int known = std::min(ty1, ty0 + ProjectedSplats::kSpanRows - 1);
+  for (int ty = ty0; ty <= known; ++ty) visit_row(ty, spans.first[ty - ty0], spans.last[ty - ty0]);
+  const float* record = splats.records.data() + i * RecordStride(splats.channels);
+  for (int ty = known + 1; ty <= ty1; ++ty) {
+    const TileSpan span = SpanOfRow(box, record, ty);
+    visit_row(ty, span.first, span.last);
   }
 }
 
@@ -79,7 +87,6 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
   lists->tiles_y = (height + kTileSize - 1) / kTileSize;
   const size_t tiles = size_t(lists->tiles_x) * lists->tiles_y;
   const size_t n = splats.boxes.size();
-  const int stride = RecordStride(splats.channels);
   const auto chunk_begin = [&](size_t chunk) { return n * chunk / kChunks; };
 
   // Which tiles each Gaussian reaches, in memory order; counts per Gaussian and per (chunk, tile).
@@ -94,11 +101,10 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
     for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i) {
       const size_t before = reached.size();
       if (!splats.boxes[i].empty()) {
-        ForEachTile(splats.boxes[i], splats.records.data() + i * stride, lists->tiles_x,
-                    [&](uint32_t tile) {
-                      ++count[tile];
-                      reached.push_back(tile);
-                    });
+        ForEachTile(splats, i, lists->tiles_x, [&](uint32_t tile) {
+          ++count[tile];
+          reached.push_back(tile);
+        });
       }
       lists->slot_begin[i + 1] = static_cast<uint32_t>(reached.size() - before);
     }

@@ -10,6 +10,7 @@
 #include "hwy/foreach_target.h"  // IWYU pragma: keep
 #include "hwy/highway.h"
 // After highway.h: these define per-target code.
+#include "engine/render/ellipse-inl.h"
 #include "engine/render/sh-inl.h"
 #include "hwy/contrib/math/math-inl.h"
 
@@ -239,10 +240,32 @@ void ProjectVector(const float* in, size_t first, size_t count, const KernelCame
     }
   }
 
-  hn::Store(half_h, d, rec[kRecordHalfHeight]);
-  hn::Store(hn::Div(o.cov_b, o.cov_c), d, rec[kRecordShear]);
-  hn::Store(hn::Div(hn::Sqrt(o.det), o.cov_c), d, rec[kRecordAspect]);
-  hn::Store(hn::Mul(o.cov_b, hn::Sqrt(hn::Div(q_wide, o.cov_a))), d, rec[kRecordDyRight]);
+  const Ellipse<V> ellipse = {x,
+                              y,
+                              half_h,
+                              hn::Div(o.cov_b, o.cov_c),
+                              hn::Div(hn::Sqrt(o.det), o.cov_c),
+                              hn::Mul(o.cov_b, hn::Sqrt(hn::Div(q_wide, o.cov_a)))};
+  hn::Store(ellipse.half_height, d, rec[kRecordHalfHeight]);
+  hn::Store(ellipse.shear, d, rec[kRecordShear]);
+  hn::Store(ellipse.aspect, d, rec[kRecordAspect]);
+  hn::Store(ellipse.dy_right, d, rec[kRecordDyRight]);
+  HWY_ALIGN float span_first[ProjectedSplats::kSpanRows][kLanes];
+  HWY_ALIGN float span_last[ProjectedSplats::kSpanRows][kLanes];
+  const V tile = hn::Set(d, static_cast<float>(kTileSize));
+  for (int row = 0; row < ProjectedSplats::kSpanRows; ++row) {
+    const V top =
+        hn::Mul(hn::Add(hn::Floor(hn::Div(y0, tile)), hn::Set(d, static_cast<float>(row))), tile);
+    const Columns<V> columns =
+        ColumnsOfRows(d, ellipse, top, hn::Add(top, hn::Set(d, kTileSize - 1.0f)), 0.0f);
+    // Limited to the box; numbers that are not finite give all of it.
+    const V first = hn::IfThenElse(hn::Ge(columns.first, x0), columns.first, x0);
+    const V last = hn::IfThenElse(hn::Le(columns.last, x1), columns.last, x1);
+    const M some = hn::Le(first, last);
+    hn::Store(hn::IfThenElseZero(some, hn::Floor(hn::Div(first, tile))), d, span_first[row]);
+    hn::Store(hn::IfThenElse(some, hn::Floor(hn::Div(last, tile)), hn::Set(d, -1.0f)), d,
+              span_last[row]);
+  }
   HWY_ALIGN float depth[kLanes], box_x0[kLanes], box_x1[kLanes], box_y0[kLanes], box_y1[kLanes];
   hn::Store(p.z, d, depth);
   hn::Store(x0, d, box_x0);
@@ -260,6 +283,11 @@ void ProjectVector(const float* in, size_t first, size_t count, const KernelCame
     if (seen[i] == 0.0f) continue;
     box = {static_cast<int16_t>(box_x0[i]), static_cast<int16_t>(box_x1[i]),
            static_cast<int16_t>(box_y0[i]), static_cast<int16_t>(box_y1[i])};
+    ProjectedSplats::Spans& spans = out->spans[first + i];
+    for (int row = 0; row < ProjectedSplats::kSpanRows; ++row) {
+      spans.first[row] = static_cast<int16_t>(span_first[row][i]);
+      spans.last[row] = static_cast<int16_t>(span_last[row][i]);
+    }
     out->depths[first + i] = depth[i];
     float* record = out->records.data() + (first + i) * stride;
     for (int f = 0; f < used; ++f) record[f] = rec[f][i];
@@ -468,6 +496,7 @@ void ProjectedSplats::Resize(size_t n, int new_channels) {
   records.resize(n * RecordStride(channels));
   depths.resize(n);
   boxes.resize(n);
+  spans.resize(n);
 }
 
 void ProjectBlock(const Splats& splats, size_t block, const KernelCamera& camera,

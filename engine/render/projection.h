@@ -66,6 +66,13 @@ struct ProjectedSplats {
     bool empty() const { return x0 > x1; }
   };
   std::vector<Box> boxes;
+  // Tile columns that the ellipse reaches in the first rows of tiles of its box, empty where
+  // first > last. Hardly any Gaussian has more rows.
+  static constexpr int kSpanRows = 2;
+  struct Spans {
+    int16_t first[kSpanRows], last[kSpanRows];
+  };
+  std::vector<Spans> spans;
 };
 
 struct ProjectionSettings {

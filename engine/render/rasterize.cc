@@ -7,6 +7,7 @@
 #include "hwy/foreach_target.h"  // IWYU pragma: keep
 #include "hwy/highway.h"
 // After highway.h: these define per-target code.
+#include "engine/render/ellipse-inl.h"
 #include "engine/render/rasterize-inl.h"
 #include "hwy/cache_control.h"
 
@@ -44,46 +45,22 @@ struct Chunk {
   }
 };
 
-// Range of pixels [first, last], counted from the tile's left edge, that ellipses cover in the
-// rows y .. y + kBlockHeight - 1 (relative to the tile): exact, from where the ellipse is widest
-// inside them. Empty where first > last.
-struct Span {
-  V first, last;
-};
-HWY_INLINE Span SpanOfRows(const float (*bounds)[kChunk], int k, float tile_x, float tile_y,
-                           int y) {
-  const D d;
-  const auto field = [&](int f) HWY_ATTR { return hn::Load(d, bounds[f] + k); };
-  const V half_height = field(2), shear = field(3), aspect = field(4), dy_right = field(5);
-  const V top = hn::Sub(hn::Set(d, tile_y + y + 0.5f), field(1));
-  const V lo = hn::Max(top, hn::Neg(half_height));
-  const V hi = hn::Min(hn::Add(top, hn::Set(d, kBlockHeight - 1.0f)), half_height);
-  const V center = hn::Sub(field(0), hn::Set(d, tile_x + 0.5f));
-  const V margin = hn::Set(d, 0.02f);  // covers rounding; costs nothing measurable
-  const auto half_chord = [&](V dy) HWY_ATTR {
-    const V inside = hn::NegMulAdd(dy, dy, hn::Mul(half_height, half_height));
-    return hn::MulAdd(aspect, hn::Sqrt(hn::Max(inside, hn::Zero(d))), margin);
-  };
-  const V at_right = hn::Min(hn::Max(dy_right, lo), hi);
-  const V at_left = hn::Min(hn::Max(hn::Neg(dy_right), lo), hi);
-  const V right = hn::Add(hn::MulAdd(shear, at_right, center), half_chord(at_right));
-  const V left = hn::Sub(hn::MulAdd(shear, at_left, center), half_chord(at_left));
-  const M some = hn::Le(lo, hi);
-  return {hn::Ceil(left), hn::IfThenElse(some, hn::Floor(right), hn::Set(d, -1e9f))};
-}
-
 // Sets reach[b], bit k, if Gaussian k of the chunk covers a pixel centre of block b.
 HWY_INLINE void FindReach(const float (*bounds)[kChunk], const TileJob& job, uint64_t* reach) {
   const D d;
   std::fill_n(reach, kBlocks, 0);
   for (int k = 0; k < kChunk; k += kLanes) {
+    const auto field = [&](int f) HWY_ATTR { return hn::Load(d, bounds[f] + k); };
+    const Ellipse<V> ellipse = {field(0), field(1), field(2), field(3), field(4), field(5)};
     for (int row = 0; row < kRows; ++row) {
-      const Span span = SpanOfRows(bounds, k, job.x0, job.y0, row * kBlockHeight);
-      const M some = hn::Le(span.first, span.last);
+      const float y = static_cast<float>(job.y0 + row * kBlockHeight);
+      const Columns<V> columns =
+          ColumnsOfRows(d, ellipse, hn::Set(d, y), hn::Set(d, y + kBlockHeight - 1), job.x0);
+      const M some = hn::Le(columns.first, columns.last);
       for (int column = 0; column < kColumns; ++column) {
         const float x = static_cast<float>(column * kBlockWidth);
-        const M here = hn::And(some, hn::And(hn::Le(span.first, hn::Set(d, x + kBlockWidth - 1)),
-                                             hn::Ge(span.last, hn::Set(d, x))));
+        const M here = hn::And(some, hn::And(hn::Le(columns.first, hn::Set(d, x + kBlockWidth - 1)),
+                                             hn::Ge(columns.last, hn::Set(d, x))));
         uint8_t bits[8] = {};
         hn::StoreMaskBits(d, here, bits);
         const uint64_t word = bits[0] | bits[1] << 8;
