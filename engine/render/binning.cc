@@ -61,24 +61,6 @@ inline void ForEachTile(const ProjectedSplats& splats, size_t i, int tiles_x, Vi
   }
 }
 
-// Puts one tile's pairs in order of depth; equal depths keep the order of Gaussians. Depths are
-// positive, so their bits sort like numbers.
-void SortTile(const ProjectedSplats& splats, const BinScratch& scratch, uint32_t begin,
-              uint32_t end, BinScratch::Sorting* sorting, TileLists* lists) {
-  std::vector<uint64_t>& keys = sorting->keys;
-  keys.resize(end - begin);
-  for (uint32_t k = begin; k < end; ++k) {
-    const float depth = splats.depths[scratch.gaussians[k]];
-    keys[k - begin] = uint64_t{std::bit_cast<uint32_t>(depth)} << 32 | k;
-  }
-  sorting->sort(keys.data(), keys.size(), hwy::SortAscending());
-  for (uint32_t k = begin; k < end; ++k) {
-    const auto from = static_cast<uint32_t>(keys[k - begin]);
-    lists->gaussians[k] = scratch.gaussians[from];
-    lists->slots[k] = scratch.slots[from];
-  }
-}
-
 }  // namespace
 
 void Bin(const ProjectedSplats& splats, int width, int height, int threads, TileLists* lists,
@@ -126,26 +108,32 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
   }
   lists->tile_begin[tiles] = total;
 
-  // Distribute, then sort every tile.
-  for (auto* v : {&scratch->gaussians, &scratch->slots, &lists->gaussians, &lists->slots})
-    v->resize(total);
+  // Distribute, then sort every tile by depth, equal depths by slot and so by Gaussian. Depths are
+  // positive, so their bits sort like numbers.
+  scratch->keys.resize(total);
+  for (auto* v : {&scratch->gaussian_of_slot, &lists->gaussians, &lists->slots}) v->resize(total);
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
     uint32_t* offset = scratch->offsets.data() + chunk * tiles;
     const uint32_t* tile = scratch->chunk_tiles[chunk].data();
     for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i) {
       for (uint32_t slot = lists->slot_begin[i]; slot < lists->slot_begin[i + 1]; ++slot) {
-        const uint32_t at = offset[*tile++]++;
-        scratch->gaussians[at] = static_cast<uint32_t>(i);
-        scratch->slots[at] = slot;
+        const uint64_t depth = std::bit_cast<uint32_t>(splats.depths[i]);
+        scratch->keys[offset[*tile++]++] = depth << 32 | slot;
+        scratch->gaussian_of_slot[slot] = static_cast<uint32_t>(i);
       }
     }
   });
-  scratch->sorting.resize(threads);
+  scratch->sorters.resize(threads);
   ParallelFor(threads, (tiles + kTilesPerTask - 1) / kTilesPerTask, [&](size_t task, int thread) {
-    const size_t end = std::min(tiles, (task + 1) * kTilesPerTask);
-    for (size_t tile = task * kTilesPerTask; tile < end; ++tile) {
-      SortTile(splats, *scratch, lists->tile_begin[tile], lists->tile_begin[tile + 1],
-               &scratch->sorting[thread], lists);
+    const size_t begin = task * kTilesPerTask, end = std::min(tiles, begin + kTilesPerTask);
+    for (size_t tile = begin; tile < end; ++tile) {
+      scratch->sorters[thread](scratch->keys.data() + lists->tile_begin[tile],
+                               lists->tile_begin[tile + 1] - lists->tile_begin[tile],
+                               hwy::SortAscending());
+    }
+    for (uint32_t k = lists->tile_begin[begin]; k < lists->tile_begin[end]; ++k) {
+      lists->slots[k] = static_cast<uint32_t>(scratch->keys[k]);
+      lists->gaussians[k] = scratch->gaussian_of_slot[lists->slots[k]];
     }
   });
 }

@@ -28,12 +28,9 @@ struct TileLists {
 struct BinScratch {
   std::vector<std::vector<uint32_t>> chunk_tiles;  // tiles of each pair, by chunk of Gaussians
   std::vector<uint32_t> offsets;                   // [chunks][tiles]
-  std::vector<uint32_t> gaussians, slots;          // the lists before sorting
-  struct Sorting {
-    hwy::Sorter sort;            // costly to make
-    std::vector<uint64_t> keys;  // depth bits, place in the tile
-  };
-  std::vector<Sorting> sorting;  // per thread
+  std::vector<uint32_t> gaussian_of_slot;          // [pairs]
+  std::vector<uint64_t> keys;                      // [pairs], by tile: depth bits, slot
+  std::vector<hwy::Sorter> sorters;                // per thread; costly to make
 };
 
 // Fills `lists` for an image of width x height px. A Gaussian is in a tile exactly when its
