@@ -25,7 +25,7 @@ constexpr double kColmapSeconds = 20;
 using Finding = absl::StatusOr<std::string>;  // what was found, for humans
 
 Finding CheckStore(const ServerFlags& flags) {
-  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data, flags.work));
+  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   const std::string probe = absl::StrCat(data.tmp(), "/check-", getpid());
   LITAGS_RETURN_IF_ERROR(WriteFileAtomically(probe, "check\n"));
   unlink(probe.c_str());

@@ -1,61 +1,71 @@
 #include "server/api/scene_cache.h"
 
-#include <sys/stat.h>
-
-#include <filesystem>
+#include <unistd.h>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/status.h"
 #include "server/jobs/state_machine.h"
+#include "server/store/digest.h"
 
 namespace litags {
 namespace {
 
-absl::StatusOr<int64_t> StampOf(const std::string& path) {
-  struct stat info = {};
-  if (stat(path.c_str(), &info) != 0) {
-    return MakeError(absl::StatusCode::kInternal, "SCENE_MISSING", "",
-                     "the job's scene is gone from the server's disk; resume or rerun the job");
-  }
-  // A replaced file has another inode or another time, mostly both.
-  return (int64_t{info.st_mtim.tv_sec} * 1'000'000'000 + info.st_mtim.tv_nsec) ^
-         static_cast<int64_t>(info.st_ino << 1);
-}
+// A running job replaces its snapshot, and removes the one before, now and then.
+constexpr int kTries = 5;
 
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(Jobs* jobs, const std::string& name) {
   LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(name));
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs->Get(id));
-  if (job.scene_path.empty()) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "SCENE_NOT_READY", "name",
-                     absl::StrCat("the job is ", std::string(JobStateName(job.state)),
-                                  " and has no snapshot yet; WatchJob tells when there is one"));
+  for (int attempt = 1;; ++attempt) {
+    LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs->Get(id));
+    LITAGS_ASSIGN_OR_RETURN(const auto file, Jobs::SceneOf(job));
+    if (!file) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "SCENE_NOT_READY", "name",
+                       absl::StrCat("the job is ", std::string(JobStateName(job.state)),
+                                    " and has no snapshot yet; WatchJob tells when there is one"));
+    }
+    if (auto scene = Find(id, *file)) return scene;
+    std::lock_guard load_lock(load_mutex_);
+    if (auto scene = Find(id, *file)) return scene;
+    auto scene = Load(jobs, id, *file);
+    if (scene.ok()) {
+      Add({id, *file, *scene});
+      return scene;
+    }
+    if (!absl::IsNotFound(scene.status()) || attempt == kTries) return scene;
   }
-  const std::string path = jobs->data().FromStored(job.scene_path);
-  LITAGS_ASSIGN_OR_RETURN(int64_t stamp, StampOf(path));
-  if (auto scene = Find(path, stamp)) return scene;
+}
 
-  std::lock_guard load_lock(load_mutex_);
-  LITAGS_ASSIGN_OR_RETURN(stamp, StampOf(path));
-  if (auto scene = Find(path, stamp)) return scene;
-  LITAGS_ASSIGN_OR_RETURN(auto scene, engine_->LoadScene(path));
-  std::lock_guard lock(mutex_);
-  entries_.remove_if([&](const Entry& entry) { return entry.path == path; });
-  entries_.push_front({path, stamp, scene});
-  if (entries_.size() > capacity_) entries_.pop_back();
+absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Load(Jobs* jobs, const std::string& job,
+                                                              const KeptFile& file) {
+  const std::string path = absl::StrCat(jobs->data().tmp(), "/scene-", RandomHex(8));
+  LITAGS_RETURN_IF_ERROR(jobs->FetchKept(job, file, path));
+  auto scene = engine_->LoadScene(path);
+  unlink(path.c_str());
   return scene;
 }
 
-std::shared_ptr<const Scene> SceneCache::Find(const std::string& path, int64_t stamp) {
+std::shared_ptr<const Scene> SceneCache::Find(const std::string& job, const KeptFile& file) {
   std::lock_guard lock(mutex_);
   for (auto it = entries_.begin(); it != entries_.end(); ++it) {
-    if (it->path != path || it->stamp != stamp) continue;
+    if (it->job != job || it->file != file) continue;
     entries_.splice(entries_.begin(), entries_, it);
     return it->scene;
   }
   return nullptr;
+}
+
+void SceneCache::Add(Entry added) {
+  std::lock_guard lock(mutex_);
+  entries_.remove_if([&](const Entry& entry) { return entry.job == added.job; });
+  entries_.push_front(std::move(added));
+  int64_t bytes = 0;
+  for (auto it = entries_.begin(); it != entries_.end();) {
+    bytes += it->file.bytes;
+    it = bytes > max_bytes_ && it != entries_.begin() ? entries_.erase(it) : std::next(it);
+  }
 }
 
 }  // namespace litags

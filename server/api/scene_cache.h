@@ -13,29 +13,33 @@
 
 namespace litags {
 
-// Loaded scenes of jobs, the ones used last; a snapshot that was replaced is loaded anew.
+// Scenes of jobs in memory, the ones used last, up to `max_bytes` of what their files have; one is
+// kept whatever its size. A file is on this machine's disk only while it is loaded, one at a time.
 // Thread-safe.
 class SceneCache {
  public:
   // `engine` must outlive this.
-  explicit SceneCache(Engine* engine, size_t capacity = 4) : engine_(engine), capacity_(capacity) {}
+  SceneCache(Engine* engine, int64_t max_bytes) : engine_(engine), max_bytes_(max_bytes) {}
 
   // The newest snapshot of the job called `name`, if it is one of `jobs`. FAILED_PRECONDITION
-  // (SCENE_NOT_READY) if there is none yet; else the errors of ParseJobName(), Jobs::Get() and
-  // Engine::LoadScene().
+  // (SCENE_NOT_READY) if there is none yet; else the errors of ParseJobName(), Jobs::Get(),
+  // Jobs::FetchKept() and Engine::LoadScene().
   absl::StatusOr<std::shared_ptr<const Scene>> Get(Jobs* jobs, const std::string& name);
 
  private:
   struct Entry {
-    std::string path;
-    int64_t stamp;  // tells versions of the file apart
+    std::string job;
+    KeptFile file;
     std::shared_ptr<const Scene> scene;
   };
 
-  std::shared_ptr<const Scene> Find(const std::string& path, int64_t stamp);
+  absl::StatusOr<std::shared_ptr<const Scene>> Load(Jobs* jobs, const std::string& job,
+                                                    const KeptFile& file);
+  std::shared_ptr<const Scene> Find(const std::string& job, const KeptFile& file);
+  void Add(Entry entry);
 
   Engine* const engine_;
-  const size_t capacity_;
+  const int64_t max_bytes_;
   std::mutex load_mutex_;  // one scene is loaded at a time, and only once
   std::mutex mutex_;
   std::list<Entry> entries_;  // used last in front

@@ -60,7 +60,7 @@ class GrpcServer : public Server {
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
         hub_(jobs),
-        scenes_(engine),
+        scenes_(engine, options.scene_cache_bytes),
         reconstruction_(&gate_, &hub_, &store_pool_),
         render_(&gate_, &scenes_, &render_pool_, options.render),
         model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp()) {}

@@ -43,6 +43,7 @@ struct ServerOptions {
   size_t max_waiting_calls = 1024;
   size_t max_waiting_pictures = 32;
   RenderLimits render;
+  int64_t scene_cache_bytes = int64_t{1} << 30;
 };
 
 // What the services need. Pictures and models need the store only.

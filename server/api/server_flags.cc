@@ -55,6 +55,10 @@ void AddRenderFlags(CLI::App* app, ServerOptions* server) {
   add("--max-waiting-pictures", server->max_waiting_pictures,
       "Pictures that may wait for their turn");
   add("--max-pixels", server->render.max_pixels, "Pixels of a picture");
+  app->add_option("--scene-cache", server->scene_cache_bytes,
+                  "Memory for scenes that were rendered last, as 1GiB; at least one stays")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
 }
 
 void AddConnectionFlags(CLI::App* app, ConnectionLimits* limits) {
@@ -80,11 +84,12 @@ void AddJobFlags(CLI::App* app, ServerFlags* flags) {
       "Jobs: sqlite:///FILE or postgresql://... (default: litags.db in the data folder)");
   app->add_option(
       "--blobs", flags->places.blobs,
-      "Photos: file:///FOLDER or s3://BUCKET/PREFIX (default: blobs/ in the data folder)");
+      "Photos, checkpoints, scenes: file:///FOLDER or s3://BUCKET/PREFIX (default: blobs/ in the data folder)");
   app->add_option("--s3-endpoint", flags->places.s3_endpoint, "S3 server, if it is not Amazon's");
-  app->add_option("--work", flags->work,
-                  "Folder of checkpoints and scenes; one that all servers and workers of a store "
-                  "share (default: work/ in the data folder)");
+  app->add_option("--keep-every", flags->keep_seconds,
+                  "Seconds between two times that a job's checkpoint and snapshot are sent to S3")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app->add_option("--workers", flags->workers, "Jobs that run at the same time on this machine")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
@@ -155,8 +160,7 @@ Settings::Rules ServerSettingsRules() {
           {{"data", "LITAGS_DATA"},
            {"store", "LITAGS_STORE"},
            {"blobs", "LITAGS_BLOBS"},
-           {"s3-endpoint", "LITAGS_S3_ENDPOINT"},
-           {"work", "LITAGS_WORK"}},
+           {"s3-endpoint", "LITAGS_S3_ENDPOINT"}},
           {"config", "print-config", "check"},
           {"token", "store"}};
 }

@@ -14,7 +14,6 @@ struct ServerFlags {
   ServerOptions server;
   UploadLimits uploads;
   std::string data;
-  std::string work;  // empty: in the data folder
   StorePlaces places;
   std::string colmap = "colmap";
   std::string depth_model;
@@ -28,6 +27,7 @@ struct ServerFlags {
   int64_t worker_memory_bytes = 0;    // address space of each worker; 0: no limit
   double colmap_step_seconds = 3600;  // 0: no limit
   bool worker_network = false;        // whether workers stay in the machine's network
+  double keep_seconds = StorePlaces::kKeepSeconds;  // between checkpoints sent to S3
   double sweep_seconds = 60;          // between looks for what can be removed
 
   // Belong to one run.

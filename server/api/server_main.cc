@@ -17,6 +17,7 @@
 #include "server/auth/tokens.h"
 #include "server/jobs/janitor.h"
 #include "server/jobs/leases.h"
+#include "server/jobs/work_import.h"
 #include "server/metrics/metrics_server.h"
 #include "server/store/open_stores.h"
 #include "server/worker/log.h"
@@ -41,10 +42,11 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   pass("--data", data.root);
   // Not as arguments: the store's URL may hold a password.
   workers.env = {"LITAGS_STORE=" + flags.places.jobs, "LITAGS_BLOBS=" + flags.places.blobs,
-                 "LITAGS_S3_ENDPOINT=" + flags.places.s3_endpoint, "LITAGS_WORK=" + data.work()};
+                 "LITAGS_S3_ENDPOINT=" + flags.places.s3_endpoint};
   pass("--threads", absl::StrCat(flags.threads));
   pass("--colmap", flags.colmap);
   pass("--colmap-timeout", absl::StrCat(flags.colmap_step_seconds));
+  pass("--keep-every", absl::StrCat(flags.keep_seconds));
   pass("--max-memory", absl::StrCat(flags.worker_memory_bytes));
   if (flags.worker_network) command.push_back("--allow-network");
   if (!flags.depth_model.empty()) pass("--depth-model", flags.depth_model);
@@ -57,12 +59,13 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
                    const ShutdownSignal& signal) {
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
-  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data, flags.work));
+  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp(/*quiet_seconds=*/0);
   LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
+  LITAGS_RETURN_IF_ERROR(ImportWorkFolders(store.get(), blobs.get(), data));
   Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), flags.uploads);
   Leases leases(store.get(), blobs.get());
   LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));

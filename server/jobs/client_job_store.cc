@@ -93,6 +93,8 @@ absl::StatusOr<std::vector<std::string>> ClientJobStore::LeasedTo(std::string_vi
   return ForWorkersOnly();
 }
 
+absl::StatusOr<std::vector<std::string>> ClientJobStore::Littered(int) { return ForWorkersOnly(); }
+
 absl::StatusOr<JobCensus> ClientJobStore::Census() { return ForWorkersOnly(); }
 
 absl::StatusOr<std::vector<std::string>> ClientJobStore::Expired(int64_t, int) {

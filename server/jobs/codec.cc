@@ -104,7 +104,12 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("psnr_holdout", r.psnr_holdout);
   visit("depth_used", r.depth_used);
   visit("notes", r.notes);
-  visit("scene_path", r.scene_path);
+}
+
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, KeptFile> {
+  visit("blob", r.blob);
+  visit("bytes", r.bytes);
 }
 
 template <typename R>
@@ -156,6 +161,18 @@ void FromJson(const Json& json, R& record) {
   Fields(record, Reader{json});
 }
 
+template <>
+Json ToJson(const KeptFiles& files) {
+  Json json = Json::object();
+  for (const auto& [name, file] : files) json[name] = ToJson(file);
+  return json;
+}
+
+template <>
+void FromJson(const Json& json, KeptFiles& files) {
+  for (const auto& [name, file] : json.items()) FromJson(file, files[name]);
+}
+
 template <typename R>
 std::string EncodeRecord(const R& record) {
   // Messages may hold bytes of other programs' output: replace what is not UTF-8.
@@ -176,6 +193,7 @@ std::string Encode(const StateChange& change) { return EncodeRecord(change); }
 std::string Encode(const ProgressRecord& progress) { return EncodeRecord(progress); }
 std::string Encode(const SnapshotRecord& snapshot) { return EncodeRecord(snapshot); }
 std::string Encode(const ReconstructReport& report) { return EncodeRecord(report); }
+std::string Encode(const KeptFiles& files) { return EncodeRecord(files); }
 
 template <typename T>
 absl::StatusOr<T> Decode(std::string_view text) {
@@ -196,5 +214,6 @@ template absl::StatusOr<StateChange> Decode(std::string_view);
 template absl::StatusOr<ProgressRecord> Decode(std::string_view);
 template absl::StatusOr<SnapshotRecord> Decode(std::string_view);
 template absl::StatusOr<ReconstructReport> Decode(std::string_view);
+template absl::StatusOr<KeptFiles> Decode(std::string_view);
 
 }  // namespace litags

@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "engine/core/error.h"
 #include "engine/pipeline/engine.h"
+#include "server/jobs/kept_files.h"
 #include "server/jobs/policy.h"
 #include "server/store/job_store.h"
 
@@ -35,7 +36,7 @@ struct StateChange {
 // Payload of EventKind::kProgress, and JobRecord::progress. The picture is a blob of its own.
 struct ProgressRecord {
   Progress progress;    // preview_png is empty
-  std::string preview;  // SHA-256 of the PNG; empty: none
+  std::string preview;  // the PNG, see BlobKey(); empty: none
 };
 
 // Payload of EventKind::kSnapshot.
@@ -50,6 +51,7 @@ std::string Encode(const StateChange& change);
 std::string Encode(const ProgressRecord& progress);
 std::string Encode(const SnapshotRecord& snapshot);
 std::string Encode(const ReconstructReport& report);
+std::string Encode(const KeptFiles& files);
 
 // Decode<T>(Encode(x)) == x. INTERNAL (STORE_CORRUPT) if the text is not of this kind.
 template <typename T>

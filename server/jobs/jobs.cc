@@ -105,6 +105,14 @@ absl::StatusOr<JobsOverview> Jobs::Overview() {
   return overview;
 }
 
+absl::StatusOr<std::optional<KeptFile>> Jobs::SceneOf(const JobRecord& job) {
+  if (job.kept.empty()) return std::nullopt;
+  LITAGS_ASSIGN_OR_RETURN(const KeptFiles kept, Decode<KeptFiles>(job.kept));
+  const auto scene = kept.find(kSceneFile);
+  if (scene == kept.end()) return std::nullopt;
+  return scene->second;
+}
+
 absl::Status Jobs::Enqueue(JobTransaction& job, std::string_view message) {
   const JobAction action =
       job.job.state == JobState::kUploading ? JobAction::kStart : JobAction::kResume;

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -74,16 +76,22 @@ class Jobs {
   absl::StatusOr<JobRecord> Resume(std::string_view id);
   absl::Status Delete(std::string_view id);
 
-  // Removes what nobody will come back for: jobs whose time is over, and files that belong to no
-  // job, as crashes may leave them: folders of deleted jobs and temporary files. Returns the ids of
-  // the jobs that expired.
+  // Removes what nobody will come back for: jobs whose time is over, and what crashes may leave:
+  // folders of deleted jobs, blobs that no job names, temporary files. Returns the ids of the jobs
+  // that expired.
   absl::StatusOr<std::vector<std::string>> Sweep();
 
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after, int limit) {
     return store_->Events(id, after, limit);
   }
-  absl::StatusOr<std::string> Preview(std::string_view id, std::string_view sha256) {
-    return blobs_->Get(BlobKey(id, sha256));
+  absl::StatusOr<std::string> Preview(std::string_view id, std::string_view blob) {
+    return blobs_->Get(BlobKey(id, blob));
+  }
+  // The newest snapshot as the job's row names it; nullopt if there is none.
+  static absl::StatusOr<std::optional<KeptFile>> SceneOf(const JobRecord& job);
+  // Makes a file of a job readable at `path`, which must not exist and must not be written to.
+  absl::Status FetchKept(std::string_view id, const KeptFile& file, const std::string& path) {
+    return blobs_->Fetch(BlobKey(id, file.blob), path);
   }
   // As JobStore::WaitForChange(), of any job.
   absl::StatusOr<int64_t> WaitForChange(int64_t seen, double seconds) {
@@ -105,6 +113,8 @@ class Jobs {
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
   absl::Status RemoveFolders(std::string_view id);
   absl::Status RemoveOrphans();
+  absl::Status RemoveLitter(const std::string& id);
+  absl::StatusOr<std::set<std::string>> BlobsNamedBy(const JobRecord& job);
 
   JobStore* const store_;
   BlobStore* const blobs_;

@@ -81,15 +81,16 @@ TEST_F(JobsTest, JobGoesFromUploadToSuccessWithAGaplessHistory) {
   progress.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
   progress.preview_png = {1, 2, 3};
   ASSERT_TRUE(leases_.AddProgress(**lease, progress).ok());
-  ASSERT_TRUE(leases_.AddSnapshot(**lease, "work/x/scene", 7).ok());
+  const KeptFiles first{{kSceneFile, {"3/a", 10}}}, last{{kSceneFile, {"3/b", 11}}};
+  ASSERT_TRUE(leases_.Keep(**lease, first, 7).ok());
   ReconstructReport report;
   report.iterations = 9;
-  ASSERT_TRUE(leases_.Succeed(**lease, report, "work/x/final").ok());
+  ASSERT_TRUE(leases_.Succeed(**lease, report, last).ok());
 
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING SUCCEEDED ");
   const JobRecord job = *jobs_.Get(id);
   EXPECT_EQ(job.snapshot_iteration, 9);
-  EXPECT_EQ(job.scene_path, "work/x/final");
+  EXPECT_EQ(**Jobs::SceneOf(job), last.at(kSceneFile));
   EXPECT_EQ(Decode<ReconstructReport>(job.report)->iterations, 9);
   const auto stored = Decode<ProgressRecord>(job.progress);
   EXPECT_TRUE(std::isnan(stored->progress.psnr_holdout));
@@ -171,7 +172,7 @@ TEST_F(JobsTest, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
   EXPECT_EQ(Reason(leases_.Heartbeat(first).status()), "LEASE_LOST");
   EXPECT_EQ(Reason(leases_.CancelRequested(first).status()), "LEASE_LOST");
   EXPECT_EQ(Reason(leases_.AddProgress(first, {})), "LEASE_LOST");
-  EXPECT_EQ(Reason(leases_.Succeed(first, {}, "x")), "LEASE_LOST");
+  EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
   EXPECT_TRUE(leases_.AddProgress(**second, {}).ok());
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING ");
 }
@@ -189,8 +190,8 @@ TEST_F(JobsTest, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) {
   const auto taken = leases_.Acquire("idle");
   ASSERT_TRUE(taken.ok() && taken->has_value());
   EXPECT_EQ((*taken)->job.id, dead);
-  ASSERT_TRUE(leases_.Succeed(**taken, {}, "x").ok());
-  ASSERT_TRUE(leases_.Succeed(lease, {}, "x").ok());
+  ASSERT_TRUE(leases_.Succeed(**taken, {}, {}).ok());
+  ASSERT_TRUE(leases_.Succeed(lease, {}, {}).ok());
   // Earlier times, but the same order of events.
   EXPECT_EQ(History(dead), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
   EXPECT_EQ(History(living), "UPLOADING QUEUED RUNNING SUCCEEDED ");
@@ -202,8 +203,8 @@ TEST_F(JobsTest, ClockSetForwardCostsAnAttemptAndNoJob) {
   now_ms_ += 3'600'000;
   const auto second = leases_.Acquire("w2");
   ASSERT_TRUE(second.ok() && second->has_value());
-  EXPECT_EQ(Reason(leases_.Succeed(first, {}, "x")), "LEASE_LOST");
-  ASSERT_TRUE(leases_.Succeed(**second, {}, "x").ok());
+  EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
+  ASSERT_TRUE(leases_.Succeed(**second, {}, {}).ok());
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
 }
 
@@ -362,14 +363,49 @@ TEST_F(JobsTest, FailureKeepsCodeMessageAndDetail) {
 TEST_F(JobsTest, DeleteRemovesEverythingAndRefusesARunningJob) {
   const std::string id = StartedJob();
   const Lease lease = **leases_.Acquire("w");
-  std::filesystem::create_directories(data_.work(id) + "/run");
   EXPECT_EQ(Reason(jobs_.Delete(id)), "JOB_RUNNING");
   ASSERT_TRUE(leases_.Fail(lease, absl::InternalError("x")).ok());
   ASSERT_TRUE(jobs_.Delete(id).ok());
   EXPECT_EQ(Reason(jobs_.Get(id).status()), "JOB_NOT_FOUND");
-  EXPECT_FALSE(std::filesystem::exists(data_.work(id)));
   EXPECT_FALSE(std::filesystem::exists(data_.blobs() + "/jobs/" + id));
   EXPECT_EQ(Reason(leases_.Heartbeat(lease).status()), "LEASE_LOST");
+}
+
+TEST_F(JobsTest, BlobsThatNoRowNamesAreRemovedOnceTheJobHasEnded) {
+  const std::string id = StartedJob();
+  const Lease lost = **leases_.Acquire("w1");
+  Progress progress;
+  progress.preview_png = {1, 2, 3};
+  ASSERT_TRUE(leases_.AddProgress(lost, progress).ok());
+  const auto put = [&](const Lease& lease, char digit) {
+    const std::string blob = LeaseBlob(lease.job.last_event, std::string(64, digit));
+    EXPECT_TRUE(blobs_->Put(BlobKey(id, blob), "bytes").ok());
+    return blob;
+  };
+  const std::string named = put(lost, 'a'), unnamed = put(lost, 'b');
+  ASSERT_TRUE(leases_.Keep(lost, {{kSceneFile, {named, 5}}}, 1).ok());
+  ASSERT_TRUE(leases_.WorkerDied("w1", "killed").ok());
+  const Lease held = **leases_.Acquire("w2");
+  const std::string late = put(held, 'c');
+  ASSERT_TRUE(jobs_.Sweep().ok());
+  EXPECT_TRUE(blobs_->Get(BlobKey(id, late)).ok()) << "a running job may be about to name it";
+  ASSERT_TRUE(leases_.Fail(held, absl::InternalError("x")).ok());
+  ASSERT_TRUE(jobs_.Sweep().ok());
+  for (const std::string& gone : {unnamed, late}) {
+    EXPECT_EQ(Reason(blobs_->Get(BlobKey(id, gone)).status()), "BLOB_NOT_FOUND");
+  }
+  EXPECT_TRUE(blobs_->Get(BlobKey(id, named)).ok());
+  const auto shown = Decode<ProgressRecord>(jobs_.Get(id)->progress);
+  EXPECT_TRUE(jobs_.Preview(id, shown->preview).ok());
+  EXPECT_TRUE(blobs_->Get(BlobKey(id, Sha256::Hex("a.jpg"))).ok()) << "a photo";
+  EXPECT_TRUE(store_->Littered(10)->empty());
+  // A worker that wakes up now says so itself.
+  put(lost, 'd');
+  EXPECT_EQ(Reason(leases_.Keep(lost, {}, {})), "LEASE_LOST");
+  ASSERT_TRUE(leases_.LeftLitter(lost).ok());
+  EXPECT_THAT(*store_->Littered(10), ::testing::ElementsAre(id));
+  ASSERT_TRUE(jobs_.Sweep().ok());
+  EXPECT_EQ(blobs_->List("jobs/" + id + "/" + std::to_string(lost.job.last_event))->size(), 2u);
 }
 
 TEST(Codec, OptionsSurviveTheirJson) {

@@ -58,6 +58,7 @@ absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner) {
         job, JobAction::kLease, clock_(),
         job.job.attempt > 1 ? absl::StrCat("attempt ", job.job.attempt) : std::string()));
     job.job.lease_owner = owner;
+    job.job.has_litter = true;  // should this worker die
     job.job.lease_expires_ms = clock_() + options_.duration_ms;
     return absl::OkStatus();
   };
@@ -96,7 +97,7 @@ absl::Status Leases::AddProgress(const Lease& lease, const Progress& progress) {
   if (!progress.preview_png.empty()) {
     const std::string_view png(reinterpret_cast<const char*>(progress.preview_png.data()),
                                progress.preview_png.size());
-    record.preview = Sha256::Hex(png);
+    record.preview = LeaseBlob(lease.job.last_event, Sha256::Hex(png));
     LITAGS_RETURN_IF_ERROR(blobs_->Put(BlobKey(lease.job.id, record.preview), png));
   }
   return Update(lease,
@@ -110,37 +111,32 @@ absl::Status Leases::AddProgress(const Lease& lease, const Progress& progress) {
       .status();
 }
 
-absl::Status Leases::AddSnapshot(const Lease& lease, const std::string& scene_path, int iteration) {
+absl::Status Leases::Keep(const Lease& lease, const KeptFiles& files,
+                          std::optional<int> snapshot_iteration) {
+  const std::string kept = Encode(files);
   return Update(lease,
                 [&](JobTransaction& job) -> absl::Status {
                   LITAGS_RETURN_IF_ERROR(ApplyAction(job, JobAction::kReport, clock_(), ""));
-                  if (job.job.scene_path == scene_path && job.job.snapshot_iteration == iteration) {
+                  const bool again = job.job.kept == kept;
+                  job.job.kept = kept;
+                  if (!snapshot_iteration ||
+                      (again && job.job.snapshot_iteration == *snapshot_iteration)) {
                     return absl::OkStatus();
                   }
-                  job.job.scene_path = scene_path;
-                  job.job.snapshot_iteration = iteration;
-                  return job.AddEvent(
-                      {0, clock_(), EventKind::kSnapshot, Encode(SnapshotRecord{iteration})});
-                })
-      .status();
-}
-
-absl::Status Leases::MoveSnapshot(const Lease& lease, const std::string& scene_path) {
-  return Update(lease,
-                [&](JobTransaction& job) {
-                  job.job.scene_path = scene_path;
-                  return absl::OkStatus();
+                  job.job.snapshot_iteration = *snapshot_iteration;
+                  return job.AddEvent({0, clock_(), EventKind::kSnapshot,
+                                       Encode(SnapshotRecord{*snapshot_iteration})});
                 })
       .status();
 }
 
 absl::Status Leases::Succeed(const Lease& lease, const ReconstructReport& report,
-                             const std::string& scene_path) {
+                             const KeptFiles& files) {
   return Update(
              lease,
              [&](JobTransaction& job) -> absl::Status {
                job.job.report = Encode(report);
-               job.job.scene_path = scene_path;
+               job.job.kept = Encode(files);
                if (job.job.snapshot_iteration != report.iterations) {
                  job.job.snapshot_iteration = report.iterations;
                  LITAGS_RETURN_IF_ERROR(job.AddEvent({0, clock_(), EventKind::kSnapshot,
@@ -177,6 +173,17 @@ absl::Status Leases::GiveBack(const Lease& lease) {
                                      "the worker shut down; the job goes on with the next one");
                 })
       .status();
+}
+
+absl::Status Leases::LeftLitter(const Lease& lease) {
+  const absl::Status status = store_
+                                  ->Update(lease.job.id,
+                                           [](JobTransaction& job) {
+                                             job.job.has_litter = true;
+                                             return absl::OkStatus();
+                                           })
+                                  .status();
+  return absl::IsNotFound(status) ? absl::OkStatus() : status;  // a deleted job's blobs are swept
 }
 
 absl::Status Leases::WorkerDied(std::string_view owner, std::string_view why) {

@@ -28,8 +28,8 @@ struct Lease {
   JobRecord job;      // as it was when leased
 };
 
-// Thread-safe. Every call with a Lease fails with ABORTED (LEASE_LOST) if the job was given to
-// another worker, ended or deleted.
+// Thread-safe. Every call with a Lease but LeftLitter() fails with ABORTED (LEASE_LOST) if the job
+// was given to another worker, ended or deleted.
 class Leases {
  public:
   // The stores must outlive this. Without a clock, the store's is used.
@@ -49,19 +49,21 @@ class Leases {
   absl::StatusOr<bool> CancelRequested(const Lease& lease);
 
   absl::Status AddProgress(const Lease& lease, const Progress& progress);
-  // `scene_path` is as DataDir::ToStored() gives it. Said again, this and progress change nothing:
-  // after a commit of which nobody knows, they can be.
-  absl::Status AddSnapshot(const Lease& lease, const std::string& scene_path, int iteration);
-  // The newest snapshot is at another path now.
-  absl::Status MoveSnapshot(const Lease& lease, const std::string& scene_path);
+  // The engine's files are these from now on; with an iteration, the scene among them is a new
+  // snapshot. Said again, this and progress change nothing: after a commit of which nobody knows,
+  // they can be.
+  absl::Status Keep(const Lease& lease, const KeptFiles& files,
+                    std::optional<int> snapshot_iteration);
 
   // The ends of a lease.
-  absl::Status Succeed(const Lease& lease, const ReconstructReport& report,
-                       const std::string& scene_path);
+  absl::Status Succeed(const Lease& lease, const ReconstructReport& report, const KeptFiles& files);
   absl::Status Fail(const Lease& lease, const absl::Status& error);
   absl::Status Stopped(const Lease& lease);  // cancelled, as asked for
   // The worker shuts down: the job waits for another one, and this attempt does not count.
   absl::Status GiveBack(const Lease& lease);
+
+  // The lease was lost after blobs were stored under it: they are looked for when the job has ended.
+  absl::Status LeftLitter(const Lease& lease);
 
   // A worker is known to be dead: what it held goes back into the queue, or FAILED after too many
   // attempts, or CANCELLED if that was asked for. `why` is for humans: "killed by signal 9".

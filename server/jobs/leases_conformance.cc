@@ -15,6 +15,7 @@ namespace litags {
 namespace {
 
 constexpr int64_t kLeaseMs = 300;
+const KeptFiles kNew{{kSceneFile, {"2/aa", 5}}}, kLate{{kSceneFile, {"1/bb", 6}}};
 
 // What a worker may write under a lease.
 struct Write {
@@ -26,11 +27,11 @@ std::vector<Write> AllWrites() {
   return {
       {"heartbeat", [](Leases& l, const Lease& lease) { return l.Heartbeat(lease).status(); }},
       {"progress", [](Leases& l, const Lease& lease) { return l.AddProgress(lease, {}); }},
-      {"snapshot",
-       [](Leases& l, const Lease& lease) { return l.AddSnapshot(lease, "work/late", 7); }},
+      {"files", [](Leases& l, const Lease& lease) { return l.Keep(lease, kLate, {}); }},
+      {"snapshot", [](Leases& l, const Lease& lease) { return l.Keep(lease, kLate, 7); }},
       {"result",
        [](Leases& l, const Lease& lease) {
-         return l.Succeed(lease, ReconstructReport(), "work/late");
+         return l.Succeed(lease, ReconstructReport(), kLate);
        }},
       {"failure",
        [](Leases& l, const Lease& lease) { return l.Fail(lease, absl::InternalError("late")); }},
@@ -86,7 +87,7 @@ class FencingConformance : public StoreConformance {
     const JobRecord after = *store_->Get("a1");
     EXPECT_EQ(after.state, before.state);
     EXPECT_EQ(after.last_event, before.last_event);
-    EXPECT_EQ(after.scene_path, before.scene_path);
+    EXPECT_EQ(after.kept, before.kept);
     EXPECT_EQ(after.progress, before.progress);
     EXPECT_EQ(after.report, before.report);
     EXPECT_EQ(after.lease_expires_ms, before.lease_expires_ms);
@@ -104,11 +105,11 @@ TEST_F(FencingConformance, WorkerThatSleptThroughItsLeaseCanWriteNothingMore) {
   const Lease held = Acquire("w2");  // once the first has run out
   EXPECT_EQ(held.job.attempt, 2);
   ExpectNothingCanBeWrittenWith(lost);
-  EXPECT_TRUE(leases_->AddSnapshot(held, "work/new", 5).ok());
+  EXPECT_TRUE(leases_->Keep(held, kNew, 5).ok());
   ExpectNothingCanBeWrittenWith(lost);
-  EXPECT_TRUE(leases_->Succeed(held, ReconstructReport(), "work/new").ok());
+  EXPECT_TRUE(leases_->Succeed(held, ReconstructReport(), kNew).ok());
   ExpectNothingCanBeWrittenWith(lost);
-  EXPECT_EQ(store_->Get("a1")->scene_path, "work/new");
+  EXPECT_EQ(store_->Get("a1")->kept, Encode(kNew));
 }
 
 TEST_F(FencingConformance, LeaseOfBeforeACancellationIsLostEvenToTheSameWorker) {

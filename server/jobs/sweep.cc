@@ -1,24 +1,28 @@
 // What a service that runs for years must throw away: Jobs::Sweep().
 #include <algorithm>
-#include <filesystem>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/state_machine.h"
 
 namespace litags {
 namespace {
 
-namespace fs = std::filesystem;
-
-constexpr int kExpiredPerSweep = 1000;
+constexpr int kJobsPerSweep = 1000;
+constexpr int kEventsPerRead = 1000;
 
 // As RandomHex(8) makes them. Other names in our folders are not ours.
 bool IsJobId(const std::string& name) {
   return name.size() == 16 && name.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+bool IsNumber(const std::string& name) {
+  return !name.empty() && name.find_first_not_of("0123456789") == std::string::npos;
 }
 
 }  // namespace
@@ -26,14 +30,6 @@ bool IsJobId(const std::string& name) {
 absl::Status Jobs::RemoveFolders(std::string_view id) {
   absl::Status status = uploads_.partials().RemoveJob(id);
   status.Update(blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id))));
-  std::error_code error;
-  fs::remove_all(data_.work(id), error);
-  if (error) {
-    status.Update(
-        MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
-                  absl::StrCat("the job is deleted, but its work folder could not be removed: ",
-                               error.message())));
-  }
   return status;
 }
 
@@ -62,10 +58,8 @@ absl::Status Jobs::RemoveOrphans() {
     if (!added) it->second = std::min(it->second, seconds);
   };
   LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data_.uploads()));
-  LITAGS_ASSIGN_OR_RETURN(const auto works, ListFolder(data_.work()));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, blobs_->List("jobs"));
   for (const FolderEntry& entry : partials) note(entry.name, entry.quiet_seconds);
-  for (const FolderEntry& entry : works) note(entry.name, entry.quiet_seconds);
   for (const std::string& name : blobs) note(name, std::numeric_limits<double>::infinity());
   for (const auto& [id, seconds] : quiet) {
     // A row is there before its folders are, so that a folder without a row was left behind by a
@@ -90,14 +84,75 @@ absl::Status Jobs::RemoveOrphans() {
   return absl::OkStatus();
 }
 
+// A worker that died, or lost its lease, may have stored what no row names. While a job does not
+// run, nobody can come to name such a blob, since no lease stores under another one's keys: what is
+// not named now is of no use to anybody.
+absl::Status Jobs::RemoveLitter(const std::string& id) {
+  const std::string folder = absl::StrCat("jobs/", id);
+  LITAGS_ASSIGN_OR_RETURN(const auto names, blobs_->List(folder));
+  std::map<std::string, std::vector<std::string>> of_leases;
+  for (const std::string& name : names) {
+    if (!IsNumber(name)) continue;
+    LITAGS_ASSIGN_OR_RETURN(of_leases[name], blobs_->List(absl::StrCat(folder, "/", name)));
+  }
+  // After the list: a job that does not run now has stored nothing since.
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+  if (job.state == JobState::kQueued || job.state == JobState::kRunning) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> named, BlobsNamedBy(job));
+  for (const auto& [lease, blobs] : of_leases) {
+    const auto is_named = [&](const std::string& sha256) {
+      return named.contains(absl::StrCat(lease, "/", sha256));
+    };
+    if (std::none_of(blobs.begin(), blobs.end(), is_named)) {
+      LITAGS_RETURN_IF_ERROR(blobs_->RemoveFolder(absl::StrCat(folder, "/", lease)));
+      continue;
+    }
+    for (const std::string& sha256 : blobs) {
+      if (is_named(sha256)) continue;
+      LITAGS_RETURN_IF_ERROR(blobs_->Remove(absl::StrCat(folder, "/", lease, "/", sha256)));
+    }
+  }
+  return store_
+      ->Update(id,
+               [&](JobTransaction& now) {
+                 if (now.job.last_event == job.last_event) now.job.has_litter = false;
+                 return absl::OkStatus();
+               })
+      .status();
+}
+
+absl::StatusOr<std::set<std::string>> Jobs::BlobsNamedBy(const JobRecord& job) {
+  std::set<std::string> named;
+  if (!job.kept.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(const KeptFiles kept, Decode<KeptFiles>(job.kept));
+    for (const auto& [name, file] : kept) named.insert(file.blob);
+  }
+  for (int64_t last = 0; last < job.last_event;) {
+    LITAGS_ASSIGN_OR_RETURN(const auto events, store_->Events(job.id, last, kEventsPerRead));
+    if (events.empty()) break;
+    last = events.back().number;
+    for (const EventRecord& event : events) {
+      if (event.kind != EventKind::kProgress) continue;
+      LITAGS_ASSIGN_OR_RETURN(const auto record, Decode<ProgressRecord>(event.payload));
+      named.insert(record.preview);
+    }
+  }
+  return named;
+}
+
 absl::StatusOr<std::vector<std::string>> Jobs::Sweep() {
-  LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->Expired(clock_(), kExpiredPerSweep));
+  LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->Expired(clock_(), kJobsPerSweep));
   std::vector<std::string> removed;
   for (const std::string& id : ids) {
     LITAGS_ASSIGN_OR_RETURN(const bool gone, RemoveExpired(id));
     if (gone) removed.push_back(id);
   }
   LITAGS_RETURN_IF_ERROR(RemoveOrphans());
+  LITAGS_ASSIGN_OR_RETURN(const auto littered, store_->Littered(kJobsPerSweep));
+  for (const std::string& id : littered) {
+    const absl::Status status = RemoveLitter(id);
+    if (!absl::IsNotFound(status)) LITAGS_RETURN_IF_ERROR(status);  // else deleted meanwhile
+  }
   data_.EmptyTmp(uploads_.limits().keep_seconds);
   return removed;
 }

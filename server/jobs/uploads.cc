@@ -36,10 +36,6 @@ std::string PartialKey(const FileRecord& file) {
 
 }  // namespace
 
-std::string BlobKey(std::string_view job_id, std::string_view sha256) {
-  return absl::StrCat("jobs/", std::string(job_id), "/", std::string(sha256));
-}
-
 absl::Status Uploads::Check(std::string_view id) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
   LITAGS_RETURN_IF_ERROR(NextState(job.state, JobAction::kUpload).status());

@@ -13,14 +13,12 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/jobs/kept_files.h"
 #include "server/store/blob_store.h"
 #include "server/store/job_store.h"
 #include "server/store/partial_files.h"
 
 namespace litags {
-
-// The store key of a job's file or preview picture.
-std::string BlobKey(std::string_view job_id, std::string_view sha256);
 
 // What an upload may cost.
 struct UploadLimits {

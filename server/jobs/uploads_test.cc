@@ -65,7 +65,7 @@ class UploadsTest : public ::testing::Test {
   // Bytes of all files of jobs, the database left out.
   int64_t BytesOnDisk() const {
     int64_t bytes = 0;
-    for (const std::string& folder : {data_.blobs(), data_.uploads(), data_.work(), data_.tmp()}) {
+    for (const std::string& folder : {data_.blobs(), data_.uploads(), data_.scratch(), data_.tmp()}) {
       for (const auto& entry : fs::recursive_directory_iterator(folder)) {
         if (entry.is_regular_file()) bytes += static_cast<int64_t>(entry.file_size());
       }
@@ -237,15 +237,14 @@ TEST_F(UploadsTest, FilesThatBelongToNoJobAreCollectedAndStrangersAreLeftAlone) 
   Restart(limits);
   const std::string lost = "0123456789abcdef";  // as after a crash in the middle of a deletion
   ASSERT_TRUE(blobs_->Put(BlobKey(lost, std::string(64, 'a')), "photo").ok());
-  for (const std::string& folder : {data_.work(lost), data_.uploads() + "/" + lost}) {
-    fs::create_directories(folder);
-    std::ofstream(folder + "/file") << "bytes";
-  }
-  fs::create_directories(data_.work("lost+found"));
+  ASSERT_TRUE(blobs_->Put(BlobKey(lost, LeaseBlob(3, std::string(64, 'b'))), "scene").ok());
+  fs::create_directories(data_.uploads() + "/" + lost);
+  std::ofstream(data_.uploads() + "/" + lost + "/file") << "bytes";
+  fs::create_directories(data_.uploads() + "/lost+found");
   std::ofstream(data_.blobs() + "/tmp/put-1") << "half of it";  // of a worker that was killed
   ASSERT_TRUE(jobs_->Sweep().ok());
   EXPECT_EQ(BytesOnDisk(), 0);
-  EXPECT_TRUE(fs::exists(data_.work("lost+found")));
+  EXPECT_TRUE(fs::exists(data_.uploads() + "/lost+found"));
 }
 
 TEST_F(UploadsTest, OrphansOfTodayAreKeptForTheOperator) {

@@ -1,4 +1,4 @@
-// Where bytes are kept: photos, depth maps, preview pictures.
+// Where bytes are kept: photos, depth maps, checkpoints, scenes, preview pictures.
 #ifndef LITAGS_SERVER_STORE_BLOB_STORE_H_
 #define LITAGS_SERVER_STORE_BLOB_STORE_H_
 
@@ -13,7 +13,7 @@
 
 namespace litags {
 
-// Keys are paths of lower-case letters, digits, '-' and '/', made by us ("jobs/ID/SHA256"), never
+// Keys are paths of lower-case letters, digits, '-' and '/', made by us ("jobs/ID/SHA256", "jobs/ID/N/SHA256"), never
 // by clients. A blob never changes. Thread-safe; several processes may share a store.
 //
 // Errors: NOT_FOUND (BLOB_NOT_FOUND), RESOURCE_EXHAUSTED (DISK_FULL), DATA_LOSS (BLOB_DAMAGED) if a

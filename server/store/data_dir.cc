@@ -14,30 +14,21 @@ namespace litags {
 
 namespace fs = std::filesystem;
 
-absl::StatusOr<DataDir> DataDir::Open(const std::string& root, const std::string& work) {
+absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
   std::error_code error;
   const fs::path absolute = fs::absolute(root, error).lexically_normal();
-  DataDir dir{absolute.string(), (absolute / "work").string()};
-  if (!error && !work.empty()) dir.work_root = fs::absolute(work, error).lexically_normal();
-  if (!error) fs::create_directories(dir.work_root, error);
+  DataDir dir{absolute.string()};
+  if (!error) fs::create_directories(absolute / "scratch", error);
   if (!error) fs::create_directories(absolute / "uploads", error);
   if (!error) fs::create_directories(absolute / "tmp", error);
   if (!error) fs::permissions(absolute, fs::perms::owner_all, error);
   if (error) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_UNUSABLE", "data",
                      absl::StrCat("cannot use ", dir.root, " as the data folder",
-                                  work.empty() ? "" : absl::StrCat(", with ", dir.work_root), ": ",
-                                  error.message(), "; choose another or fix its permissions"));
+                                  ": ", error.message(),
+                                  "; choose another or fix its permissions"));
   }
   return dir;
-}
-
-std::string DataDir::ToStored(const std::string& path) const {
-  return fs::path("work") / fs::path(path).lexically_proximate(work_root);
-}
-
-std::string DataDir::FromStored(const std::string& stored) const {
-  return fs::path(work_root) / fs::path(stored).lexically_proximate("work");
 }
 
 void DataDir::EmptyTmp(double quiet_seconds) const {

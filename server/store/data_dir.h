@@ -12,29 +12,23 @@ namespace litags {
 
 // The folder that holds everything of one installation.
 //   litags.db        jobs, files, events
-//   blobs/           photos, depth maps, previews, by digest
-//   work/JOB/        what the engine keeps of a job: links to its photos, checkpoint, scene
+//   blobs/           photos, depth maps, checkpoints, scenes, previews, by digest
+//   scratch/         a folder for each job that is running on this machine; see ScratchFolder
 //   uploads/JOB/     files that have come in part; gone once the job is started
 //   tmp/             exports and unpacked files in flight; emptied when a server starts, swept
 //   later
 struct DataDir {
   std::string root;
-  std::string work_root;  // root/work, or a volume that several servers and workers share
-
   std::string database() const { return root + "/litags.db"; }
   std::string blobs() const { return root + "/blobs"; }
   std::string uploads() const { return root + "/uploads"; }
   std::string tmp() const { return root + "/tmp"; }
-  const std::string& work() const { return work_root; }
-  std::string work(std::string_view job_id) const { return work_root + "/" + std::string(job_id); }
+  std::string scratch() const { return root + "/scratch"; }
+  // Of earlier versions, see ImportWorkFolders().
+  std::string work() const { return root + "/work"; }
 
-  // Paths of files below work() as the job store keeps them, "work/...", and back.
-  std::string ToStored(const std::string& path) const;
-  std::string FromStored(const std::string& stored) const;
-
-  // Makes the folders, readable by the owner only. `work` empty: root/work. FAILED_PRECONDITION
-  // (DATA_DIR_UNUSABLE).
-  static absl::StatusOr<DataDir> Open(const std::string& root, const std::string& work = "");
+  // Makes the folders, readable by the owner only. FAILED_PRECONDITION (DATA_DIR_UNUSABLE).
+  static absl::StatusOr<DataDir> Open(const std::string& root);
   // Removes what killed processes left in tmp/ and blobs/tmp/: what nobody has written to for that
   // long; 0: all there is, before workers are started.
   void EmptyTmp(double quiet_seconds) const;

@@ -78,8 +78,11 @@ class DiskBlobStore : public BlobStore {
     LITAGS_RETURN_IF_ERROR(MakeFolder(target.parent_path()));
     // Content, then name, then folder: each is on disk before the next says so.
     LITAGS_RETURN_IF_ERROR(Sync(path));
-    if (rename(path.c_str(), target.c_str()) != 0) return ErrorOf("store", target, errno);
-    return Sync(target.parent_path());
+    if (rename(path.c_str(), target.c_str()) == 0) return Sync(target.parent_path());
+    if (errno != EXDEV) return ErrorOf("store", target, errno);
+    LITAGS_RETURN_IF_ERROR(Copy(path, key));  // a file system of its own
+    unlink(path.c_str());
+    return absl::OkStatus();
   }
 
   absl::StatusOr<std::string> Get(std::string_view key) override {
@@ -108,12 +111,7 @@ class DiskBlobStore : public BlobStore {
       return Sync(target.parent_path());
     }
     if (errno == ENOENT) return ErrorOf("link", source, ENOENT);
-    const fs::path temporary = TemporaryPath();  // a file system without hard links: copy
-    std::error_code error;
-    fs::copy_file(source, temporary, error);
-    absl::Status status = error ? ErrorOf("copy", source, error.value()) : PutFile(to, temporary);
-    unlink(temporary.c_str());
-    return status;
+    return Copy(source, to);  // a file system without hard links
   }
 
   absl::StatusOr<std::vector<std::string>> List(std::string_view prefix) override {
@@ -154,6 +152,15 @@ class DiskBlobStore : public BlobStore {
   }
 
  private:
+  absl::Status Copy(const fs::path& source, std::string_view key) {
+    const fs::path temporary = TemporaryPath();
+    std::error_code error;
+    fs::copy_file(source, temporary, error);
+    absl::Status status = error ? ErrorOf("copy", source, error.value()) : PutFile(key, temporary);
+    unlink(temporary.c_str());
+    return status;
+  }
+
   fs::path TemporaryPath() const { return root_ / "tmp" / absl::StrCat("put-", RandomHex(8)); }
 
   fs::path PathOf(std::string_view key) const {

@@ -61,9 +61,10 @@ struct JobRecord {
   int64_t bytes = 0;       // of all files; kept by the store
 
   int snapshot_iteration = -1;  // -1: no snapshot
-  std::string scene_path;       // of the newest snapshot, relative to the data folder
+  bool has_litter = false;      // there may be blobs of it that nothing names
 
   // JSON, opaque to the store; empty: none. See server/jobs/codec.h.
+  std::string kept;  // what the engine left for later runs, the newest snapshot among it
   std::string options;
   std::string policy;
   std::string progress;
@@ -187,6 +188,9 @@ class JobStore {
 
   // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
   virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
+
+  // Jobs that have_litter and neither run nor wait to.
+  virtual absl::StatusOr<std::vector<std::string>> Littered(int limit) = 0;
 
   virtual absl::StatusOr<JobCensus> Census() = 0;
 

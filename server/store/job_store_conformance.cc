@@ -26,7 +26,8 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   job.start_time_ms = 6;
   job.end_time_ms = 7;
   job.snapshot_iteration = 250;
-  job.scene_path = "work/a1/scene";
+  job.kept = "{\"scene\":1}";
+  job.has_litter = true;
   job.options = "{\"o\":1}";
   job.progress = "{\"p\":1}";
   job.error = "{\"e\":1}";
@@ -48,7 +49,8 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   EXPECT_EQ(read->end_time_ms, 7);
   EXPECT_EQ(read->queue_time_ms, 1000);
   EXPECT_EQ(read->snapshot_iteration, 250);
-  EXPECT_EQ(read->scene_path, job.scene_path);
+  EXPECT_EQ(read->kept, job.kept);
+  EXPECT_TRUE(read->has_litter);
   EXPECT_EQ(read->options, job.options);
   EXPECT_EQ(read->progress, job.progress);
   EXPECT_EQ(read->error, job.error);

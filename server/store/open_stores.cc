@@ -98,8 +98,10 @@ absl::Status StorePlaces::Validate() const {
                       absl::StrCat(blobs, " is neither file:///path nor s3://bucket/prefix"));
 }
 
+bool StorePlaces::BlobsAreFar() const { return blobs.starts_with(kS3); }
+
 bool StorePlaces::NeedNetwork() const {
-  if (blobs.starts_with(kS3)) return true;
+  if (BlobsAreFar()) return true;
   if (!IsPostgres(jobs)) return false;
   const auto host = PostgresHost(jobs);
   return !host.ok() || (!host->empty() && !host->starts_with('/'));

@@ -27,6 +27,9 @@ struct StorePlaces {
   absl::Status Validate() const;
   // Whether a process needs the network to reach them. Unix sockets do without.
   bool NeedNetwork() const;
+  // Whether storing a blob sends its bytes over a network, rather than giving a file another name.
+  bool BlobsAreFar() const;
+  static constexpr double kKeepSeconds = 60;  // between checkpoints sent there, if nobody says else
 };
 
 absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places,

@@ -41,7 +41,7 @@ TEST(OpenStores, NetworkIsNeededForServersThatAreNotReachedBySocketFiles) {
 
 TEST(OpenStores, DefaultsAreInTheDataFolderAndPathsCanBeNamed) {
   TempDir dir;
-  const DataDir data = *DataDir::Open(dir.path() + "/data", dir.path() + "/work");
+  const DataDir data = *DataDir::Open(dir.path() + "/data");
   ASSERT_TRUE(OpenJobStore({}, data).ok());
   EXPECT_TRUE(std::filesystem::exists(data.database()));
   const StorePlaces places{"sqlite://" + dir.path() + "/jobs.db", "file://" + dir.path() + "/b",
@@ -50,9 +50,6 @@ TEST(OpenStores, DefaultsAreInTheDataFolderAndPathsCanBeNamed) {
   EXPECT_TRUE(OpenBlobStore(places, data).ok());
   EXPECT_TRUE(std::filesystem::exists(dir.path() + "/jobs.db"));
   EXPECT_TRUE(std::filesystem::exists(dir.path() + "/b"));
-  EXPECT_EQ(data.FromStored(data.ToStored(data.work("a1") + "/lease-1/run/scene")),
-            dir.path() + "/work/a1/lease-1/run/scene");
-  EXPECT_EQ(data.ToStored(data.work("a1") + "/run/scene"), "work/a1/run/scene");
 }
 
 }  // namespace

@@ -73,6 +73,14 @@ CREATE TABLE events (
   PRIMARY KEY (job_id, number)
 );
 )sql",
+    // What the engine leaves is in the blob store, and named here; where it was a file before,
+    // ImportWorkFolders() brings it there.
+    R"sql(
+ALTER TABLE jobs DROP COLUMN scene_path;
+ALTER TABLE jobs ADD COLUMN kept TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN has_litter BIGINT NOT NULL DEFAULT 0;
+CREATE INDEX jobs_by_litter ON jobs (id) WHERE has_litter = 1;
+)sql",
 };
 
 absl::StatusOr<int64_t> Version(SqlSession& sql) {

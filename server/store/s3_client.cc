@@ -140,7 +140,6 @@ absl::StatusOr<S3Answer> S3Client::SendOnce(const S3Request& request, bool* may_
   const std::unique_ptr<curl_slist, decltype(&curl_slist_free_all)> headers(list,
                                                                             curl_slist_free_all);
   const std::string url = UrlOf(request);
-  const std::string user = absl::StrCat(options_.access_key, ":", options_.secret_key);
   const std::string scope = absl::StrCat("aws:amz:", options_.region, ":s3");
   curl_easy_setopt(curl, CURLOPT_URL, url.c_str());
   curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "http,https");
@@ -148,7 +147,8 @@ absl::StatusOr<S3Answer> S3Client::SendOnce(const S3Request& request, bool* may_
   curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT, kConnectSeconds);
   curl_easy_setopt(curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
   curl_easy_setopt(curl, CURLOPT_LOW_SPEED_TIME, kStalledSeconds);
-  curl_easy_setopt(curl, CURLOPT_USERPWD, user.c_str());
+  curl_easy_setopt(curl, CURLOPT_USERNAME, options_.access_key.c_str());  // may hold a colon
+  curl_easy_setopt(curl, CURLOPT_PASSWORD, options_.secret_key.c_str());
   curl_easy_setopt(curl, CURLOPT_AWS_SIGV4, scope.c_str());
   const std::string_view method = request.method;
   if (method == "PUT" || method == "POST") {

@@ -106,6 +106,15 @@ absl::StatusOr<std::vector<std::string>> SqlJobStore::Expired(int64_t now_ms, in
   return ids;
 }
 
+absl::StatusOr<std::vector<std::string>> SqlJobStore::Littered(int limit) {
+  std::vector<std::string> ids;
+  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(ids, SelectLittered(sql, limit));
+    return absl::OkStatus();
+  }));
+  return ids;
+}
+
 absl::StatusOr<JobCensus> SqlJobStore::Census() {
   JobCensus census;
   LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {

@@ -34,6 +34,7 @@ class SqlJobStore : public JobStore {
                                                                    Change change) override;
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
   absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
+  absl::StatusOr<std::vector<std::string>> Littered(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,

@@ -36,7 +36,8 @@ void VisitColumns(Record& job, F&& f) {
   f("photos", Column::kChanges, job.photos);
   f("bytes", Column::kChanges, job.bytes);
   f("snapshot_iteration", Column::kChanges, job.snapshot_iteration);
-  f("scene_path", Column::kChanges, job.scene_path);
+  f("has_litter", Column::kChanges, job.has_litter);
+  f("kept", Column::kChanges, job.kept);
   f("options", Column::kChanges, job.options);
   f("policy", Column::kChanges, job.policy);
   f("progress", Column::kChanges, job.progress);
@@ -285,6 +286,13 @@ absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t 
       "SELECT id FROM jobs WHERE expire_time_ms > 0 AND expire_time_ms <= ?1 "
       "ORDER BY expire_time_ms LIMIT ?2");
   row->Bind(now_ms).Bind(int64_t{limit});
+  return ReadAll(*row, ReadId);
+}
+
+absl::StatusOr<std::vector<std::string>> SelectLittered(SqlSession& sql, int limit) {
+  const auto row = sql.Prepare(
+      "SELECT id FROM jobs WHERE has_litter=1 AND state NOT IN (2, 3) ORDER BY id LIMIT ?1");
+  row->Bind(int64_t{limit});
   return ReadAll(*row, ReadId);
 }
 

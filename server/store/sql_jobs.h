@@ -34,6 +34,7 @@ absl::StatusOr<std::optional<std::string>> SelectFirst(SqlSession& sql, FirstOf 
 
 absl::StatusOr<std::vector<std::string>> SelectLeasedTo(SqlSession& sql, std::string_view owner);
 absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t now_ms, int limit);
+absl::StatusOr<std::vector<std::string>> SelectLittered(SqlSession& sql, int limit);
 absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql);
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id);
 absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,

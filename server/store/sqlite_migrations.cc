@@ -77,6 +77,14 @@ CREATE INDEX jobs_by_queue ON jobs (state, priority DESC, queue_time_ms);
 CREATE INDEX jobs_by_expiry ON jobs (expire_time_ms) WHERE expire_time_ms > 0;
 CREATE INDEX files_by_digest ON files (sha256);
 )sql",
+    // What the engine leaves is in the blob store, and named here; where it was a file before,
+    // ImportWorkFolders() brings it there.
+    R"sql(
+ALTER TABLE jobs DROP COLUMN scene_path;
+ALTER TABLE jobs ADD COLUMN kept TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN has_litter INTEGER NOT NULL DEFAULT 0;
+CREATE INDEX jobs_by_litter ON jobs (id) WHERE has_litter = 1;
+)sql",
 };
 
 absl::StatusOr<int64_t> Version(SqlSession& sql) {

@@ -68,11 +68,6 @@ void CuttingProxy::CutAt(const std::string& text, Cut cut) {
   has_cut_ = false;
 }
 
-std::vector<std::string> CuttingProxy::Requests() {
-  std::lock_guard lock(mutex_);
-  return requests_;
-}
-
 void CuttingProxy::CutAll() {
   std::lock_guard lock(mutex_);
   for (const int fd : sockets_) shutdown(fd, SHUT_RDWR);
@@ -92,7 +87,6 @@ void CuttingProxy::Accept() {
 
 bool CuttingProxy::IsCut(const std::string& bytes, Cut* cut) {
   std::lock_guard lock(mutex_);
-  requests_.push_back(bytes);
   if (text_.empty() || bytes.find(text_) == std::string::npos) return false;
   text_.clear();
   *cut = cut_;

@@ -28,21 +28,18 @@ class CuttingProxy {
   // Cuts the next connection on which a client's message holds `text`.
   void CutAt(const std::string& text, Cut cut);
   bool has_cut() const { return has_cut_; }
-  // What clients have sent so far, in the pieces in which it came.
-  std::vector<std::string> Requests();
 
  private:
   void Accept();
   void Pass(int client);
   void CutAll();
-  // Notes what a client sent; whether that is where to cut.
+  // Whether what a client sent is where to cut.
   bool IsCut(const std::string& bytes, Cut* cut);
 
   const int to_port_;
   int listener_ = -1, port_ = 0;
   std::atomic<bool> ends_{false}, has_cut_{false};
   std::mutex mutex_;
-  std::vector<std::string> requests_;
   std::string text_;  // empty: cut nothing
   Cut cut_ = kBeforeRequest;
   std::vector<int> sockets_;

@@ -215,6 +215,7 @@ class FakeEngine : public Engine {
     const std::string marker = input.work_dir + "/crashed";
     if (Has(names, "crash") || (Has(names, "crash-once") && !fs::exists(marker))) {
       std::ofstream(marker) << "x";
+      std::this_thread::sleep_for(std::chrono::seconds(1));  // the marker is kept, as a checkpoint
       kill(getpid(), SIGKILL);
     }
     std::vector<std::string> hoard;  // until there is no more

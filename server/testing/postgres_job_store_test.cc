@@ -199,7 +199,7 @@ TEST_F(PostgresJobStoreTest, WorkersKeepTheirJobsOverAnOutageLongerThanTheirLeas
   // An idle worker that is the first to be back takes nothing.
   EXPECT_FALSE(others.Acquire("w2")->has_value());
   EXPECT_TRUE(mine.Heartbeat(**lease).ok());
-  EXPECT_TRUE(mine.AddSnapshot(**lease, "work/a1/scene", 5).ok());
+  EXPECT_TRUE(mine.Keep(**lease, {{kSceneFile, {"1/aa", 5}}}, 5).ok());
   // A worker that does not come back loses its job a lease later.
   bool taken = false;
   for (int i = 0; i < 100 && !taken; ++i) {

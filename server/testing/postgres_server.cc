@@ -48,7 +48,7 @@ class PostgresKind : public JobStoreKind {
                      "0,0,-1,'','{}','','','','')"));
     return MigratePostgres(old.get(), version);
   }
-  int64_t newest_version() const override { return 1; }
+  int64_t newest_version() const override { return 2; }
 
   absl::Status MakeTooNew() override {
     LITAGS_ASSIGN_OR_RETURN(const auto connection, PgConnection::Open(url_));

@@ -11,7 +11,7 @@
 
 namespace litags {
 
-// An S3 server as a process: s3rver, by its path in LITAGS_S3RVER or found in PATH.
+// An S3 server as a process: OpenStack Swift, see tests/s3.
 class S3Server {
  public:
   // Null if there is none on this machine.
@@ -23,14 +23,11 @@ class S3Server {
   int port() const { return port_; }
   // Of a store in its bucket under a prefix of its own.
   S3Options Options();
-  // Where it keeps its files.
-  const std::string& folder() const { return dir_.path(); }
 
  private:
   S3Server() = default;
 
   TempDir dir_;
-  std::string program_;
   int port_ = 0;
   pid_t pid_ = -1;
   int stores_ = 0;

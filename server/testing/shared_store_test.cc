@@ -1,5 +1,5 @@
-// Two servers, each with a worker and a data folder of its own, on one PostgreSQL and one shared
-// volume, over real sockets.
+// Two servers, each with a worker and a data folder of its own, on one PostgreSQL and one
+// folder of blobs, over real sockets.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -27,8 +27,7 @@ class SharedStore : public ::testing::Test {
 
   std::vector<std::string> Flags() const {
     return {"--store", url_,
-            "--blobs", "file://" + dir_.path() + "/blobs",
-            "--work",  dir_.path() + "/work"};
+            "--blobs", "file://" + dir_.path() + "/blobs"};
   }
 
   TempDir dir_;

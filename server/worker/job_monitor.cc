@@ -39,28 +39,6 @@ JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
 
 JobMonitor::~JobMonitor() { Finish(); }
 
-void JobMonitor::OnProgress(const Progress& progress) {
-  std::lock_guard lock(mutex_);
-  std::vector<uint8_t> preview;
-  if (progress_) preview = std::move(progress_->preview_png);
-  progress_ = progress;
-  // A picture that was not written yet goes with the newer numbers.
-  if (progress_->preview_png.empty()) progress_->preview_png = std::move(preview);
-  iteration_ = progress.iteration;
-  if (last_stage_ != progress.stage || !progress_->preview_png.empty()) {
-    last_stage_ = progress.stage;
-    urgent_ = true;
-    wake_.notify_one();
-  }
-}
-
-void JobMonitor::OnSnapshot(const std::string& scene_path) {
-  std::lock_guard lock(mutex_);
-  snapshot_ = Snapshot{scene_path, iteration_};
-  urgent_ = true;
-  wake_.notify_one();
-}
-
 JobMonitor::StopReason JobMonitor::Finish() {
   {
     std::lock_guard lock(mutex_);
@@ -72,24 +50,22 @@ JobMonitor::StopReason JobMonitor::Finish() {
 }
 
 void JobMonitor::Loop() {
-  for (bool finished = false; !finished;) {
+  for (;;) {
     {
       std::unique_lock lock(mutex_);
       wake_.wait_for(lock, std::chrono::duration<double>(options_.poll_seconds),
-                     [this] { return finished_ || urgent_; });
-      finished = finished_;
+                     [this] { return finished_; });
+      if (finished_) return;
     }
-    WriteReports(finished);
-    if (!finished) Check();
+    Check();
   }
 }
 
 void JobMonitor::Check() {
-  if (stop_reason_ != StopReason::kNone) {
-    GiveUpIfStuck();
-    return;
-  }
-  if (shutdown_.IsCancelled()) return StopEngine(StopReason::kShutdown);
+  if (lease_lost_) StopEngine(StopReason::kLeaseLost);
+  if (shutdown_.IsCancelled()) StopEngine(StopReason::kShutdown);
+  if (stop_reason_ != StopReason::kNone && !engine_ended_) GiveUpIfStuck();
+  if (stop_reason_ == StopReason::kLeaseLost) return;
   const bool renew = SecondsSince(last_heartbeat_) >= options_.heartbeat_seconds;
   const auto cancel =
       renew ? context_.leases->Heartbeat(lease_) : context_.leases->CancelRequested(lease_);
@@ -100,7 +76,8 @@ void JobMonitor::Check() {
     return;
   }
   if (renew) last_heartbeat_ = SteadyClock::now();
-  if (*cancel) return StopEngine(StopReason::kCancelled);
+  if (*cancel) StopEngine(StopReason::kCancelled);
+  if (stop_reason_ != StopReason::kNone) return;
   limit_exceeded_ = CheckLimits();
   if (!limit_exceeded_.ok()) StopEngine(StopReason::kLimit);
 }
@@ -122,38 +99,6 @@ absl::Status JobMonitor::CheckLimits() const {
       absl::StrCat("the job held ", bytes, " bytes of memory; its limit is ",
                    policy_.max_memory_bytes,
                    "; set max_image_side or max_gaussians lower, or the limit higher"));
-}
-
-void JobMonitor::WriteReports(bool all) {
-  std::optional<Progress> progress;
-  std::optional<Snapshot> snapshot;
-  {
-    std::lock_guard lock(mutex_);
-    if (all || urgent_ || SecondsSince(last_progress_) >= options_.progress_seconds) {
-      progress.swap(progress_);
-    }
-    snapshot.swap(snapshot_);
-    urgent_ = false;
-  }
-  if (stop_reason_ == StopReason::kLeaseLost) return;
-  absl::Status status;
-  if (progress) {
-    last_progress_ = SteadyClock::now();
-    status = context_.leases->AddProgress(lease_, *progress);
-    if (status.ok()) progress.reset();
-  }
-  if (snapshot && status.ok()) {
-    status = context_.leases->AddSnapshot(lease_, context_.data.ToStored(snapshot->scene_path),
-                                          snapshot->iteration);
-    if (status.ok()) snapshot.reset();
-  }
-  if (status.ok()) return;
-  if (absl::IsAborted(status)) return StopEngine(StopReason::kLeaseLost);
-  spdlog::warn("job={} cannot write its progress: {}", lease_.job.id, status.ToString());
-  // The store may come back: what nothing newer has replaced by then is written with the next.
-  std::lock_guard lock(mutex_);
-  if (!progress_) progress_.swap(progress);
-  if (!snapshot_) snapshot_.swap(snapshot);
 }
 
 void JobMonitor::StopEngine(StopReason reason) {

@@ -1,36 +1,36 @@
 #ifndef LITAGS_SERVER_WORKER_JOB_MONITOR_H_
 #define LITAGS_SERVER_WORKER_JOB_MONITOR_H_
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
-#include <optional>
-#include <string>
 #include <thread>
 
 #include "engine/core/cancel.h"
-#include "engine/pipeline/engine.h"
 #include "server/jobs/leases.h"
 #include "server/worker/job_runner.h"
 
 namespace litags {
 
-// The thread beside a running engine: renews the lease, writes what the engine reports, and raises
-// the engine's cancel token when the job is to be cancelled, the lease is lost or the worker shuts
-// down. The engine's calls only leave a note, so that training never waits for the store.
-class JobMonitor : public ReconstructObserver {
+// The thread beside a running engine that keeps the lease: renews it, and raises the engine's cancel
+// token when the job is to be cancelled, the lease is lost, a limit is reached or the worker shuts
+// down.
+class JobMonitor {
  public:
   enum class StopReason { kNone, kCancelled, kShutdown, kLeaseLost, kLimit };
 
   // All arguments must outlive this.
   JobMonitor(const Lease& lease, const WorkerContext& context, const WorkerOptions& options,
              CancelToken shutdown, CancelToken engine_cancel);
-  ~JobMonitor() override;
+  ~JobMonitor();
 
-  void OnProgress(const Progress& progress) override;
-  void OnSnapshot(const std::string& scene_path) override;
+  // The lease is lost, as somebody else has found out.
+  void NoteLeaseLost() { lease_lost_ = true; }
+  // The engine has returned; the lease is kept for what is left to write.
+  void NoteEngineEnded() { engine_ended_ = true; }
 
-  // Ends the thread, writes what is still to be written, and says why the engine was stopped.
+  // Ends the thread and says why the engine was stopped.
   StopReason Finish();
   // After Finish(): with kLimit, the error that the job ends with: DEADLINE_EXCEEDED
   // (RUN_TIME_EXCEEDED), RESOURCE_EXHAUSTED (MEMORY_EXCEEDED).
@@ -39,15 +39,9 @@ class JobMonitor : public ReconstructObserver {
  private:
   using TimePoint = std::chrono::steady_clock::time_point;
 
-  struct Snapshot {
-    std::string scene_path;
-    int iteration;
-  };
-
   void Loop();
   void Check();  // cancellation, shutdown, heartbeat, limits
   absl::Status CheckLimits() const;
-  void WriteReports(bool all);
   void StopEngine(StopReason reason);
   void GiveUpIfStuck();
 
@@ -60,18 +54,14 @@ class JobMonitor : public ReconstructObserver {
   std::mutex mutex_;
   std::condition_variable wake_;
   bool finished_ = false;
-  bool urgent_ = false;               // a report that does not wait for progress_seconds
-  std::optional<Progress> progress_;  // newest, not written yet
-  std::optional<Snapshot> snapshot_;  // newest, not written yet
-  std::optional<Stage> last_stage_;
-  int iteration_ = 0;
+  std::atomic<bool> lease_lost_ = false, engine_ended_ = false;
 
   // Used by the thread only.
   StopReason stop_reason_ = StopReason::kNone;
   absl::Status limit_exceeded_;
   JobPolicy policy_;
   const TimePoint start_ = std::chrono::steady_clock::now();
-  TimePoint stop_time_{}, last_heartbeat_{}, last_progress_{};
+  TimePoint stop_time_{}, last_heartbeat_{};
 
   std::thread thread_;
 };

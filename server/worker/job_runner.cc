@@ -11,39 +11,33 @@
 #include "server/jobs/jobs.h"
 #include "server/store/file_error.h"
 #include "server/worker/job_monitor.h"
-#include "server/worker/lease_folder.h"
+#include "server/worker/job_reporter.h"
 #include "server/worker/while_away.h"
+#include "server/worker/work_folder.h"
 
 namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
 
-// The folder that held the newest snapshot has just become this lease's.
-absl::Status FollowSnapshot(const Lease& lease, const WorkerContext& context, const fs::path& run) {
-  if (lease.job.scene_path.empty()) return absl::OkStatus();
-  const fs::path scene = run / fs::path(lease.job.scene_path).filename();
-  return context.leases->MoveSnapshot(lease, context.data.ToStored(scene));
-}
-
-// Lays out the job's files as the engine wants them, afresh, since an earlier attempt may have been
-// interrupted here. The names were checked when they were uploaded: one component, no leading dot.
-absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerContext& context) {
+// Lays out the job's files as the engine wants them, with what earlier leases kept; afresh when a
+// store was away. The names were checked when they were uploaded: one component, no leading dot.
+absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerContext& context,
+                                              WorkFolder* folder) {
   const std::string& job_id = lease.job.id;
-  LITAGS_ASSIGN_OR_RETURN(const fs::path folder_of_lease, TakeLeaseFolder(lease, context.data));
-  const fs::path input = folder_of_lease / "input", run = folder_of_lease / "run";
+  LITAGS_RETURN_IF_ERROR(folder->Fetch());
+  const fs::path input = folder->input();
   const fs::path photos = input / "photos", depths = input / "depths";
   const fs::path colmap = input / "colmap";
   std::error_code error;
   fs::remove_all(input, error);
-  for (const fs::path& folder : {photos, depths, colmap, run}) {
-    if (!error) fs::create_directories(folder, error);
-    if (error) return FileError("prepare", folder, error.value());
+  for (const fs::path& made : {photos, depths, colmap}) {
+    if (!error) fs::create_directories(made, error);
+    if (error) return FileError("prepare", made, error.value());
   }
   ReconstructInput result;
   result.images_dir = photos;
-  result.work_dir = run;
-  LITAGS_RETURN_IF_ERROR(FollowSnapshot(lease, context, run));
+  result.work_dir = folder->run();
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, context.store->Files(job_id));
   for (const FileRecord& file : files) {
     fs::path path;
@@ -71,39 +65,50 @@ absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerCo
   return result;
 }
 
-absl::StatusOr<ReconstructReport> Reconstruct(const Lease& lease, const WorkerContext& context,
-                                              const WorkerOptions& options,
-                                              const CancelToken& cancel,
-                                              ReconstructObserver* observer) {
-  LITAGS_ASSIGN_OR_RETURN(auto engine_options, Decode<ReconstructOptions>(lease.job.options));
-  if (engine_options.threads == 0 || options.threads > 0) {
-    engine_options.threads = engine_options.threads == 0
-                                 ? options.threads
-                                 : std::min(engine_options.threads, options.threads);
+struct Outcome {
+  absl::StatusOr<ReconstructReport> report;
+  absl::Status kept;  // whether all that the engine left is in the blob store
+};
+
+Outcome Reconstruct(const Lease& lease, const WorkerContext& context, const WorkerOptions& options,
+                    const CancelToken& cancel, WorkFolder* folder, JobMonitor* monitor) {
+  auto engine_options = Decode<ReconstructOptions>(lease.job.options);
+  if (!engine_options.ok()) return {engine_options.status(), absl::OkStatus()};
+  if (engine_options->threads == 0 || options.threads > 0) {
+    engine_options->threads = engine_options->threads == 0
+                                  ? options.threads
+                                  : std::min(engine_options->threads, options.threads);
   }
-  LITAGS_ASSIGN_OR_RETURN(ReconstructInput input,
-                          WhileAway(cancel, [&]() -> absl::StatusOr<ReconstructInput> {
-                            LITAGS_RETURN_IF_ERROR(cancel.Check());
-                            return PrepareInput(lease, context);
-                          }));
-  input.depth_network = options.depth_network;
-  input.colmap_step_seconds = options.colmap_step_seconds;
-  return context.engine->Reconstruct(input, engine_options, cancel, observer);
+  auto input = WhileAway(cancel, [&]() -> absl::StatusOr<ReconstructInput> {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
+    return PrepareInput(lease, context, folder);
+  });
+  if (!input.ok()) return {input.status(), absl::OkStatus()};
+  input->depth_network = options.depth_network;
+  input->colmap_step_seconds = options.colmap_step_seconds;
+  JobReporter reporter(lease, context, options, folder, [monitor] { monitor->NoteLeaseLost(); });
+  Outcome outcome;
+  outcome.report = context.engine->Reconstruct(*input, *engine_options, cancel, &reporter);
+  monitor->NoteEngineEnded();
+  outcome.kept = reporter.Finish(cancel);
+  return outcome;
 }
 
 // Writes how the lease ended, when the store is there to take it.
 absl::Status WriteEnd(const Lease& lease, const WorkerContext& context, const CancelToken& shutdown,
-                      const absl::StatusOr<ReconstructReport>& report, const JobMonitor& monitor,
-                      JobMonitor::StopReason stop) {
+                      const absl::StatusOr<ReconstructReport>& report, WorkFolder* folder,
+                      const JobMonitor& monitor, JobMonitor::StopReason stop) {
   Leases& leases = *context.leases;
   const std::string& id = lease.job.id;
   const auto write = [&](auto end) { return WhileAway(shutdown, end); };
   // An engine that finished, or failed, before it saw the token has finished, or failed.
   if (report.ok()) {
-    spdlog::info("job={} succeeded gaussians={} seconds={:.1f}", id, report->gaussians,
-                 report->seconds);
-    const std::string scene = context.data.ToStored(report->scene_path);
-    return write([&] { return leases.Succeed(lease, *report, scene); });
+    spdlog::info("job={} succeeded gaussians={} seconds={:.1f} kept_bytes={}", id,
+                 report->gaussians, report->seconds, folder->stored_bytes());
+    LITAGS_RETURN_IF_ERROR(
+        write([&] { return leases.Succeed(lease, *report, folder->kept()); }));
+    folder->RemoveReplaced();
+    return absl::OkStatus();
   }
   if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kCancelled) {
     spdlog::info("job={} cancelled", id);
@@ -117,10 +122,6 @@ absl::Status WriteEnd(const Lease& lease, const WorkerContext& context, const Ca
     spdlog::warn("job={} stopped: {}", id, monitor.limit_exceeded().ToString());
     return write([&] { return leases.Fail(lease, monitor.limit_exceeded()); });
   }
-  if (stop == JobMonitor::StopReason::kLeaseLost) {
-    spdlog::warn("job={} lease lost", id);
-    return absl::OkStatus();
-  }
   spdlog::warn("job={} failed: {}", id, report.status().ToString());
   return write([&] { return leases.Fail(lease, report.status()); });
 }
@@ -133,9 +134,25 @@ absl::Status RunJob(const Lease& lease, const WorkerContext& context, const Work
   spdlog::info("job={} attempt={} starts", id, lease.job.attempt);
   CancelToken cancel;
   JobMonitor monitor(lease, context, options, shutdown, cancel);
-  const auto report = Reconstruct(lease, context, options, cancel, &monitor);
+  const auto folder = WorkFolder::Make(lease, context.blobs, context.data.scratch());
+  Outcome outcome{folder.status(), absl::OkStatus()};
+  if (folder.ok()) {
+    outcome = Reconstruct(lease, context, options, cancel, folder->get(), &monitor);
+  }
   const JobMonitor::StopReason stop = monitor.Finish();
-  return WriteEnd(lease, context, shutdown, report, monitor, stop);
+  if (stop == JobMonitor::StopReason::kLeaseLost || absl::IsAborted(outcome.kept)) {
+    spdlog::warn("job={} lease lost", id);
+    return absl::OkStatus();
+  }
+  if (!outcome.kept.ok()) {
+    spdlog::warn("job={} not all of its files could be kept: {}", id, outcome.kept.ToString());
+    // There is no success without the scene.
+    if (outcome.report.ok()) {
+      outcome.report = stop == JobMonitor::StopReason::kNone ? outcome.kept : cancel.Check();
+    }
+  }
+  return WriteEnd(lease, context, shutdown, outcome.report, folder.ok() ? folder->get() : nullptr,
+                  monitor, stop);
 }
 
 }  // namespace litags

@@ -24,6 +24,7 @@ struct WorkerOptions {
   double heartbeat_seconds = 2;       // between renewals of the lease
   double look_seconds = 2;            // between looks for work of which nobody told
   double progress_seconds = 1;        // between progress events within one stage
+  double keep_seconds = 0;            // between two times that the engine's files are stored
   double grace_seconds = 5;           // for an engine to obey its cancel token
   // Called when it does not: must not return. The store already says what becomes of the job.
   std::function<void()> give_up;

@@ -13,6 +13,7 @@
 #include "server/store/open_stores.h"
 #include "server/worker/hardening.h"
 #include "server/worker/log.h"
+#include "server/worker/scratch_folder.h"
 #include "server/worker/shutdown_signal.h"
 
 namespace litags {
@@ -70,7 +71,8 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
 int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
   StorePlaces places;
-  std::string data_path, work, colmap = "colmap", depth_model, log_level = "info",
+  double keep_seconds = StorePlaces::kKeepSeconds;
+  std::string data_path, colmap = "colmap", depth_model, log_level = "info",
                                log_format = "text";
   WorkerOptions options;
   HardeningOptions hardening;
@@ -82,14 +84,14 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
       ->envname("LITAGS_STORE");
   app.add_option(
          "--blobs", places.blobs,
-         "Photos: file:///FOLDER or s3://BUCKET/PREFIX (default: blobs/ in the data folder)")
+         "Photos, checkpoints, scenes: file:///FOLDER or s3://BUCKET/PREFIX (default: blobs/ in the data folder)")
       ->envname("LITAGS_BLOBS");
   app.add_option("--s3-endpoint", places.s3_endpoint, "S3 server, if it is not Amazon's")
       ->envname("LITAGS_S3_ENDPOINT");
-  app.add_option("--work", work,
-                 "Folder of checkpoints and scenes, shared with the servers that render them "
-                 "(default: work/ in the data folder)")
-      ->envname("LITAGS_WORK");
+  app.add_option("--keep-every", keep_seconds,
+                 "Seconds between two times that checkpoint and snapshot are sent to S3")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app.add_option("--name", options.name, "Name, unique among all workers there ever were");
   app.add_option("--threads", options.threads, "Threads per job that does not say; 0: all cores")
       ->check(CLI::NonNegativeNumber);
@@ -114,6 +116,7 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
     spdlog::error("{}", status.ToString());
     return 2;
   }
+  options.keep_seconds = places.BlobsAreFar() ? keep_seconds : 0;
   if (places.NeedNetwork()) hardening.allow_network = true;
   for (const std::string& refused : HardenProcess(hardening)) {
     spdlog::warn("not hardened as it should be: {}", refused);
@@ -129,8 +132,9 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   const std::unique_ptr<Engine> engine = make_engine(colmap);
   const ShutdownSignal signal;
   spdlog::info("working on {}", data_path);
-  const auto data = DataDir::Open(data_path, work);
+  const auto data = DataDir::Open(data_path);
   absl::Status status = data.status();
+  if (status.ok()) ScratchFolder::RemoveAbandoned(data->scratch());
   if (status.ok()) status = OpenAndRun(*data, places, options, engine.get(), signal.token());
   if (!status.ok()) {
     spdlog::error("{}", status.ToString());

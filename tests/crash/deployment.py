@@ -1,12 +1,13 @@
 """A server that tests may kill: its processes, its data folder, and a client that never gives up."""
 
 import contextlib
-import glob
 import hashlib
+import json
 import os
 import re
 import shutil
 import signal
+import sqlite3
 import subprocess
 import tempfile
 import time
@@ -26,54 +27,33 @@ FINAL = (job_pb2.JOB_STATE_SUCCEEDED, job_pb2.JOB_STATE_FAILED, job_pb2.JOB_STAT
 OWN_FILES = re.compile(r"litags\.db(-wal|-shm)?|server\.lock")
 
 
-class Deployment:
-    """A server process on one port and one data folder, through deaths and restarts."""
+class Process:
+    """A program that tests start, kill and start again, with all that it starts itself."""
 
-    def __init__(self, folder, *flags, program=None, environment=None, prefix=()):
+    def __init__(self, folder, command, environment=None, prefix=()):
         self.folder = folder
-        self.data = os.path.join(folder, "data")
-        self.log_path = os.path.join(folder, "server.log")
-        self.program = program or harness.SERVER_PROGRAM
-        self.flags = flags
+        self.log_path = os.path.join(folder, "log")
+        self.arguments = list(command)
         self.prefix = list(prefix)  # of the command: a wrapper that ends in exec
         self.marker = uuid.uuid4().hex
         self.environment = dict(os.environ, **(environment or {}), **{MARKER: self.marker})
-        self.port = 0
         self.process = None
 
     def command(self):
-        return [*self.prefix, os.path.join(harness.BIN, self.program), "--listen",
-                f"127.0.0.1:{self.port}", "--data", self.data, "--port-file", self.port_file(),
-                *self.flags]
-
-    def port_file(self):
-        return os.path.join(self.folder, "port")
+        return [*self.prefix, *self.arguments]
 
     def start(self):
-        with contextlib.suppress(FileNotFoundError):
-            os.remove(self.port_file())
         with open(self.log_path, "ab") as log:
             self.process = subprocess.Popen(self.command(), env=self.environment, stdout=log,
                                             stderr=log)
-        deadline = time.monotonic() + PATIENCE_S
-        while not os.path.exists(self.port_file()):
-            if self.process.poll() is not None or time.monotonic() > deadline:
-                raise RuntimeError(f"no server:\n{self.log()}")
-            time.sleep(0.01)
-        with open(self.port_file()) as file:
-            self.port = int(file.read())
         return self
-
-    @property
-    def address(self):
-        return f"127.0.0.1:{self.port}"
 
     def log(self):
         with open(self.log_path, errors="replace") as file:
             return file.read()
 
     def kill(self):
-        """kill -9 of the server."""
+        """kill -9 of the program."""
         self.process.kill()
         self.process.wait()
 
@@ -119,6 +99,42 @@ class Deployment:
             time.sleep(0.02)
         return self.processes()
 
+
+class Deployment(Process):
+    """A server process on one port and one data folder, through deaths and restarts."""
+
+    def __init__(self, folder, *flags, program=None, host="127.0.0.1", **more):
+        super().__init__(folder, [], **more)
+        self.data = os.path.join(folder, "data")
+        self.program = program or harness.SERVER_PROGRAM
+        self.flags = flags
+        self.host = host
+        self.port = 0
+
+    def command(self):
+        return [*self.prefix, os.path.join(harness.BIN, self.program), "--listen", self.address,
+                "--data", self.data, "--port-file", self.port_file(), *self.flags]
+
+    def port_file(self):
+        return os.path.join(self.folder, "port")
+
+    def start(self):
+        with contextlib.suppress(FileNotFoundError):
+            os.remove(self.port_file())
+        super().start()
+        deadline = time.monotonic() + PATIENCE_S
+        while not os.path.exists(self.port_file()):
+            if self.process.poll() is not None or time.monotonic() > deadline:
+                raise RuntimeError(f"no server:\n{self.log()}")
+            time.sleep(0.01)
+        with open(self.port_file()) as file:
+            self.port = int(file.read())
+        return self
+
+    @property
+    def address(self):
+        return f"{self.host}:{self.port}"
+
     # What is on disk.
 
     def files(self, below=""):
@@ -127,23 +143,31 @@ class Deployment:
         return sorted(os.path.relpath(os.path.join(folder, name), root)
                       for folder, _, names in os.walk(root) for name in names)
 
-    def work_files(self, job):
-        """What the engine keeps of a job, whichever lease it was that kept it last."""
-        return [re.sub(r"^lease-\d+/", "lease/", path)
-                for path in self.files(f"work/{job.removeprefix('jobs/')}")]
+    def ask(self, statement, job):
+        with contextlib.closing(sqlite3.connect(os.path.join(self.data, "litags.db"))) as store:
+            return store.execute(statement, [job.removeprefix("jobs/")]).fetchall()
+
+    def kept(self, job):
+        """{name: path of the blob} of what the engine left of a job."""
+        [(kept,)] = self.ask("SELECT kept FROM jobs WHERE id = ?", job)
+        return {name: os.path.join(self.data, "blobs", job, file["blob"])
+                for name, file in json.loads(kept or "{}").items()}
+
+    def litter(self, job):
+        """Blobs of a job that nothing names."""
+        named = {os.path.relpath(path, os.path.join(self.data, "blobs", job))
+                 for path in self.kept(job).values()}
+        named |= {sha256 for sha256, in self.ask("SELECT sha256 FROM files WHERE job_id = ?", job)}
+        named |= {json.loads(payload).get("preview") for payload, in
+                  self.ask("SELECT payload FROM events WHERE job_id = ? AND kind = 2", job)}
+        return sorted(set(self.files(f"blobs/{job}")) - named)
 
     def strays(self):
         """Files that belong to no job and no part of the service."""
         return [path for path in self.files() if not OWN_FILES.fullmatch(path)]
 
-    def run_folder(self, job):
-        """Where the job's newest lease keeps its checkpoint and scene."""
-        leases = glob.glob(os.path.join(self.data, "work", job.removeprefix("jobs/"), "lease-*"))
-        newest = max(leases, key=lambda path: int(path.rsplit("-", 1)[1]))
-        return os.path.join(newest, "run")
-
     def scene_digest(self, job):
-        with open(os.path.join(self.run_folder(job), "scene.litags"), "rb") as file:
+        with open(self.kept(job)["scene.litags"], "rb") as file:
             return hashlib.sha256(file.read()).hexdigest()
 
 

@@ -163,7 +163,7 @@ class Checkpoints(FaultTest):
             server.stop()
 
     def checkpoint(self, server, job):
-        return os.path.join(server.run_folder(job), "checkpoint.litags")
+        return server.kept(job)["checkpoint.litags"]
 
     def test_sigterm_keeps_the_work_done_and_the_job_goes_on_after_a_restart(self):
         server, client, job = self.interrupted()

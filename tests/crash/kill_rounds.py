@@ -36,14 +36,14 @@ class Workload:
     options: dict
     jobs: int
     victims: tuple
-    flags: tuple = ("--workers", "2", "--threads", "1")
+    flags: tuple = ("--workers", "2", "--threads", "1", "--sweep-every", "0.5")
 
 
 @dataclasses.dataclass
 class Undisturbed:
     seconds: float
     scene: str      # SHA-256
-    files: list     # of the job's work folder
+    files: list     # that the engine left
 
 
 @dataclasses.dataclass
@@ -78,7 +78,7 @@ def undisturbed(workload):
                 raise Lost(f"even undisturbed {job} ends as {state}")
             deployment.check_events(client, job, events)
             return Undisturbed(seconds, server.scene_digest(job),
-                               server.work_files(job))
+                               sorted(server.kept(job)))
         finally:
             client.close()
             server.stop()
@@ -178,11 +178,20 @@ class Round:
                 self.complain("broken_histories", str(lost))
             if (digest := self.server.scene_digest(job)) != self.reference.scene:
                 self.complain("changed_scenes", f"{job}: {digest} is not {self.reference.scene}")
-            files = self.server.work_files(job)
+            files = sorted(self.server.kept(job))
             if files != self.reference.files:
                 self.complain("strays", f"{job} keeps {sorted(set(files) ^ set(self.reference.files))}"
                                         " more or less than undisturbed")
+            if not self.comes_true(lambda: not self.server.litter(job)):
+                self.complain("strays", f"nothing names {self.server.litter(job)} of {job}")
         client.close()
+
+    @staticmethod
+    def comes_true(condition):
+        deadline = time.monotonic() + 30
+        while not condition() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return condition()
 
     def delete(self):
         client = Client(self.server.address)
@@ -209,9 +218,7 @@ class Round:
         self.server.stop()
         self.server.flags += SWEEP
         self.server.start()
-        deadline = time.monotonic() + 30
-        while self.server.strays() and time.monotonic() < deadline:
-            time.sleep(0.05)
+        self.comes_true(lambda: not self.server.strays())
 
 
 def run_rounds(workload, seeds, at_once=1, report=print):
@@ -254,4 +261,5 @@ def real_workload(folder):
     """The real engine and COLMAP on a tiny capture with known cameras."""
     return Workload("real engine", "litags-server", deployment.capture(folder),
                     dict(iterations=400, checkpoint_every=20, preview_every=100, seed=3, threads=1),
-                    1, ("server", "worker", "colmap"), ("--workers", "1", "--threads", "1"))
+                    1, ("server", "worker", "colmap"),
+                    ("--workers", "1", "--threads", "1", "--sweep-every", "0.5"))

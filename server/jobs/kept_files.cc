@@ -1,0 +1,98 @@
+#include "server/jobs/kept_files.h"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/store/digest.h"
+#include "server/store/file_error.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kReadBytes = size_t{1} << 20;
+// See engine/pipeline/README.md: what finding cameras works with, and the end of a file's name
+// while it is written.
+constexpr char kWorkspace[] = "sfm";
+constexpr std::string_view kUnfinished = "tmp";
+
+void AddFiles(const fs::path& folder, const std::string& prefix, std::vector<std::string>* files) {
+  std::error_code error;  // the engine may remove what is listed
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename();
+    std::error_code gone;
+    if (it->is_directory(gone)) {
+      if (prefix.empty() && name != kWorkspace) AddFiles(it->path(), name + "/", files);
+    } else if (!name.ends_with(kUnfinished) && it->is_regular_file(gone)) {
+      files->push_back(prefix + name);
+    }
+  }
+}
+
+// A second name for the file, or a copy where there are none.
+absl::Status Stage(const std::string& path, const std::string& staging) {
+  if (link(path.c_str(), staging.c_str()) == 0) return absl::OkStatus();
+  std::error_code error;
+  if (errno != ENOENT) fs::copy_file(path, staging, error);
+  if (errno == ENOENT || error == std::errc::no_such_file_or_directory) {
+    return MakeError(absl::StatusCode::kNotFound, "FILE_GONE", "",
+                     absl::StrCat(path, " is not there any more"));
+  }
+  return error ? FileError("copy", path, error.value()) : absl::OkStatus();
+}
+
+// Digest and size of a file.
+absl::StatusOr<KeptFile> Measure(const std::string& path) {
+  KeptFile file;
+  Sha256 sha;
+  std::string chunk(kReadBytes, '\0');
+  std::ifstream in(path, std::ios::binary);
+  while (in) {
+    in.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
+    sha.Update({chunk.data(), static_cast<size_t>(in.gcount())});
+    file.bytes += in.gcount();
+  }
+  if (!in.eof()) return FileError("read", path, EIO);
+  file.blob = sha.HexDigest();
+  return file;
+}
+
+}  // namespace
+
+std::string BlobKey(std::string_view job_id, std::string_view blob) {
+  return absl::StrCat("jobs/", std::string(job_id), "/", std::string(blob));
+}
+
+std::string LeaseBlob(int64_t lease, std::string_view sha256) {
+  return absl::StrCat(lease, "/", std::string(sha256));
+}
+
+std::vector<std::string> FilesWorthKeeping(const std::string& work_folder) {
+  std::vector<std::string> files;
+  AddFiles(work_folder, "", &files);
+  return files;
+}
+
+absl::StatusOr<KeptFile> StoreFile(BlobStore* blobs, std::string_view job_id, int64_t lease,
+                                   const std::string& path, const std::string& staging,
+                                   const KeptFile& known) {
+  LITAGS_RETURN_IF_ERROR(Stage(path, staging));
+  const auto store = [&]() -> absl::StatusOr<KeptFile> {
+    LITAGS_ASSIGN_OR_RETURN(KeptFile file, Measure(staging));
+    if (known.blob.ends_with(absl::StrCat("/", file.blob))) return known;
+    file.blob = LeaseBlob(lease, file.blob);
+    LITAGS_RETURN_IF_ERROR(blobs->PutFile(BlobKey(job_id, file.blob), staging));
+    return file;
+  };
+  auto file = store();
+  unlink(staging.c_str());  // still there unless the store took it
+  return file;
+}
+
+}  // namespace litags

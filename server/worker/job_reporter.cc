@@ -1,0 +1,166 @@
+#include "server/worker/job_reporter.h"
+
+#include <spdlog/spdlog.h>
+
+#include <utility>
+
+#include "absl/status/status.h"
+#include "server/worker/while_away.h"
+
+namespace litags {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr double kPauseAfterFailure = 2;  // seconds
+
+double SecondsSince(SteadyClock::time_point t) {
+  return std::chrono::duration<double>(SteadyClock::now() - t).count();
+}
+
+}  // namespace
+
+JobReporter::JobReporter(const Lease& lease, const WorkerContext& context,
+                         const WorkerOptions& options, WorkFolder* folder,
+                         std::function<void()> on_lease_lost)
+    : lease_(lease),
+      context_(context),
+      options_(options),
+      folder_(folder),
+      on_lease_lost_(std::move(on_lease_lost)),
+      thread_([this] { Loop(); }) {}
+
+JobReporter::~JobReporter() { End(); }
+
+void JobReporter::OnProgress(const Progress& progress) {
+  std::lock_guard lock(mutex_);
+  std::vector<uint8_t> preview;
+  if (progress_) preview = std::move(progress_->preview_png);
+  progress_ = progress;
+  // A picture that was not written yet goes with the newer numbers.
+  if (progress_->preview_png.empty()) progress_->preview_png = std::move(preview);
+  iteration_ = progress.iteration;
+  if (last_stage_ != progress.stage || !progress_->preview_png.empty()) {
+    last_stage_ = progress.stage;
+    urgent_ = true;
+    wake_.notify_one();
+  }
+}
+
+void JobReporter::OnSnapshot(const std::string&) {
+  std::lock_guard lock(mutex_);
+  snapshot_ = iteration_;
+  urgent_ = true;
+  wake_.notify_one();
+}
+
+void JobReporter::End() {
+  {
+    std::lock_guard lock(mutex_);
+    finished_ = true;
+    wake_.notify_one();
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+absl::Status JobReporter::Finish(const CancelToken& stop) {
+  End();
+  urgent_ = true;
+  const absl::Status status = lease_lost_ ? absl::AbortedError("the lease is lost")
+                                          : WhileAway(stop, [&]() -> absl::Status {
+                                              LITAGS_RETURN_IF_ERROR(WriteProgress());
+                                              return KeepFiles();
+                                            });
+  if (absl::IsAborted(status)) NoteFailure("", status);
+  return status;
+}
+
+void JobReporter::Loop() {
+  for (;;) {
+    {
+      std::unique_lock lock(mutex_);
+      wake_.wait_for(lock, std::chrono::duration<double>(options_.poll_seconds),
+                     [this] { return finished_ || urgent_; });
+      if (finished_) return;
+    }
+    Write();
+    if (lease_lost_) return;
+  }
+}
+
+void JobReporter::Write() {
+  if (const absl::Status status = WriteProgress(); !status.ok()) {
+    NoteFailure("write its progress", status);
+  }
+  if (lease_lost_ || SteadyClock::now() < next_keep_) return;
+  const int64_t stored = folder_->stored_bytes();
+  const absl::Status status = KeepFiles();
+  double pause = folder_->stored_bytes() == stored ? 0 : options_.keep_seconds;
+  if (!status.ok()) {
+    NoteFailure("keep its files", status);
+    pause = kPauseAfterFailure;
+  }
+  next_keep_ = SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(
+                                        std::chrono::duration<double>(pause));
+}
+
+absl::Status JobReporter::WriteProgress() {
+  std::optional<Progress> progress;
+  {
+    std::lock_guard lock(mutex_);
+    if (urgent_ || SecondsSince(last_progress_) >= options_.progress_seconds) {
+      progress.swap(progress_);
+    }
+    urgent_ = false;
+  }
+  if (!progress) return absl::OkStatus();
+  last_progress_ = SteadyClock::now();
+  const absl::Status status = context_.leases->AddProgress(lease_, *progress);
+  if (status.ok()) return status;
+  // The store may come back: what nothing newer has replaced by then is written with the next.
+  std::lock_guard lock(mutex_);
+  if (!progress_) {
+    progress_.swap(progress);
+  } else if (progress_->preview_png.empty()) {
+    progress_->preview_png = std::move(progress->preview_png);
+  }
+  return status;
+}
+
+absl::Status JobReporter::KeepFiles() {
+  std::optional<int> snapshot;
+  bool finished = false;
+  {
+    std::lock_guard lock(mutex_);
+    snapshot.swap(snapshot_);
+    finished = finished_;
+  }
+  const absl::Status status = [&]() -> absl::Status {
+    // A scene that was not announced yet will be in a moment.
+    std::vector<std::string> but;
+    if (!snapshot && !finished) but = {kSceneFile};
+    LITAGS_ASSIGN_OR_RETURN(const bool changed, folder_->Store(but));
+    must_keep_ = must_keep_ || changed || snapshot.has_value();
+    if (!must_keep_) return absl::OkStatus();
+    LITAGS_RETURN_IF_ERROR(context_.leases->Keep(lease_, folder_->kept(), snapshot));
+    must_keep_ = false;
+    folder_->RemoveReplaced();
+    return absl::OkStatus();
+  }();
+  if (status.ok()) return status;
+  std::lock_guard lock(mutex_);
+  if (!snapshot_) snapshot_.swap(snapshot);
+  return status;
+}
+
+void JobReporter::NoteFailure(const char* what, const absl::Status& status) {
+  if (!absl::IsAborted(status)) {
+    spdlog::warn("job={} cannot {}: {}", lease_.job.id, what, status.ToString());
+    return;
+  }
+  lease_lost_ = true;
+  context_.leases->LeftLitter(lease_).IgnoreError();  // found at the latest with the job's deletion
+  on_lease_lost_();
+}
+
+}  // namespace litags

@@ -1,0 +1,27 @@
+"""The short form of storm.py; tests/cluster/run is the long one."""
+
+import os
+import random
+import sys
+import unittest
+
+import cluster
+import storm
+
+
+class Cluster(unittest.TestCase):
+
+    def test_every_job_ends_once_whatever_is_killed_or_cut(self):
+        if missing := cluster.missing():
+            self.skipTest(missing)
+        seed = int(os.environ.get("LITAGS_CLUSTER_SEED") or random.randrange(1_000_000))
+        print(f"LITAGS_CLUSTER_SEED={seed} repeats it", file=sys.stderr)
+        tally = storm.run(storm.fake_workload(iterations=50), seed, jobs=8, seconds=20,
+                          report=lambda text: print(text, file=sys.stderr))
+        print(tally.row(), file=sys.stderr)
+        self.assertEqual(tally.complaints, [])
+        self.assertEqual(tally.jobs, 8)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
