@@ -135,10 +135,9 @@ absl::Status RunJob(const Lease& lease, const WorkerContext& context, const Work
   CancelToken cancel;
   JobMonitor monitor(lease, context, options, shutdown, cancel);
   const auto folder = WorkFolder::Make(lease, context.blobs, context.data.scratch());
-  Outcome outcome{folder.status(), absl::OkStatus()};
-  if (folder.ok()) {
-    outcome = Reconstruct(lease, context, options, cancel, folder->get(), &monitor);
-  }
+  Outcome outcome =
+      folder.ok() ? Reconstruct(lease, context, options, cancel, folder->get(), &monitor)
+                  : Outcome{folder.status(), absl::OkStatus()};
   const JobMonitor::StopReason stop = monitor.Finish();
   if (stop == JobMonitor::StopReason::kLeaseLost || absl::IsAborted(outcome.kept)) {
     spdlog::warn("job={} lease lost", id);

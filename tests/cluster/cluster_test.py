@@ -16,11 +16,11 @@ class Cluster(unittest.TestCase):
             self.skipTest(missing)
         seed = int(os.environ.get("LITAGS_CLUSTER_SEED") or random.randrange(1_000_000))
         print(f"LITAGS_CLUSTER_SEED={seed} repeats it", file=sys.stderr)
-        tally = storm.run(storm.fake_workload(iterations=50), seed, jobs=8, seconds=20,
+        tally = storm.run(storm.fake_workload(iterations=150), seed, jobs=16, seconds=30,
                           report=lambda text: print(text, file=sys.stderr))
         print(tally.row(), file=sys.stderr)
         self.assertEqual(tally.complaints, [])
-        self.assertEqual(tally.jobs, 8)
+        self.assertEqual(tally.jobs, 16)
 
 
 if __name__ == "__main__":

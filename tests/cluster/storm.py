@@ -24,7 +24,7 @@ from harness import job_pb2, rpc
 from litags.v1 import model_service_pb2
 
 # Seconds until the next disturbance, that a killed node stays down, that a cut lasts.
-PAUSE, DOWN, CUT = (0.5, 4), (0, 4), (1, 12)
+PAUSE, DOWN, CUT = (0.3, 3), (0, 4), (1, 12)
 VICTIMS = ("server",) * 3 + ("worker",) * 4 + ("postgres", "s3")
 AWAY = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.CANCELLED,
         grpc.StatusCode.ABORTED, grpc.StatusCode.INTERNAL)
