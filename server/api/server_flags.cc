@@ -82,9 +82,9 @@ void AddJobFlags(CLI::App* app, ServerFlags* flags) {
   app->add_option(
       "--store", flags->places.jobs,
       "Jobs: sqlite:///FILE or postgresql://... (default: litags.db in the data folder)");
-  app->add_option(
-      "--blobs", flags->places.blobs,
-      "Photos, checkpoints, scenes: file:///FOLDER or s3://BUCKET/PREFIX (default: blobs/ in the data folder)");
+  app->add_option("--blobs", flags->places.blobs,
+                  "Photos, checkpoints, scenes: file:///FOLDER or s3://BUCKET/PREFIX (default: "
+                  "blobs/ in the data folder)");
   app->add_option("--s3-endpoint", flags->places.s3_endpoint, "S3 server, if it is not Amazon's");
   app->add_option("--keep-every", flags->keep_seconds,
                   "Seconds between two times that a job's checkpoint and snapshot are sent to S3")

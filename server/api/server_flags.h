@@ -28,7 +28,7 @@ struct ServerFlags {
   double colmap_step_seconds = 3600;  // 0: no limit
   bool worker_network = false;        // whether workers stay in the machine's network
   double keep_seconds = StorePlaces::kKeepSeconds;  // between checkpoints sent to S3
-  double sweep_seconds = 60;          // between looks for what can be removed
+  double sweep_seconds = 60;                        // between looks for what can be removed
 
   // Belong to one run.
   std::string config;

@@ -1,6 +1,7 @@
 // What the engine leaves in its work folder for later runs of a job, as blobs: checkpoint, cameras,
 // depth maps, scene. A job's row names them all (JobRecord::kept), so that whoever may change the
-// row decides what there is: a worker that lost its lease can store bytes, but nobody will see them.
+// row decides what there is: a worker that lost its lease can store bytes, but nobody will see
+// them.
 #ifndef LITAGS_SERVER_JOBS_KEPT_FILES_H_
 #define LITAGS_SERVER_JOBS_KEPT_FILES_H_
 

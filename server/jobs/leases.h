@@ -62,7 +62,8 @@ class Leases {
   // The worker shuts down: the job waits for another one, and this attempt does not count.
   absl::Status GiveBack(const Lease& lease);
 
-  // The lease was lost after blobs were stored under it: they are looked for when the job has ended.
+  // The lease was lost after blobs were stored under it: they are looked for when the job has
+  // ended.
   absl::Status LeftLitter(const Lease& lease);
 
   // A worker is known to be dead: what it held goes back into the queue, or FAILED after too many

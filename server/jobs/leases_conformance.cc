@@ -30,9 +30,7 @@ std::vector<Write> AllWrites() {
       {"files", [](Leases& l, const Lease& lease) { return l.Keep(lease, kLate, {}); }},
       {"snapshot", [](Leases& l, const Lease& lease) { return l.Keep(lease, kLate, 7); }},
       {"result",
-       [](Leases& l, const Lease& lease) {
-         return l.Succeed(lease, ReconstructReport(), kLate);
-       }},
+       [](Leases& l, const Lease& lease) { return l.Succeed(lease, ReconstructReport(), kLate); }},
       {"failure",
        [](Leases& l, const Lease& lease) { return l.Fail(lease, absl::InternalError("late")); }},
       {"stop", [](Leases& l, const Lease& lease) { return l.Stopped(lease); }},

@@ -65,7 +65,8 @@ class UploadsTest : public ::testing::Test {
   // Bytes of all files of jobs, the database left out.
   int64_t BytesOnDisk() const {
     int64_t bytes = 0;
-    for (const std::string& folder : {data_.blobs(), data_.uploads(), data_.scratch(), data_.tmp()}) {
+    for (const std::string& folder :
+         {data_.blobs(), data_.uploads(), data_.scratch(), data_.tmp()}) {
       for (const auto& entry : fs::recursive_directory_iterator(folder)) {
         if (entry.is_regular_file()) bytes += static_cast<int64_t>(entry.file_size());
       }

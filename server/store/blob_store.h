@@ -13,8 +13,9 @@
 
 namespace litags {
 
-// Keys are paths of lower-case letters, digits, '-' and '/', made by us ("jobs/ID/SHA256", "jobs/ID/N/SHA256"), never
-// by clients. A blob never changes. Thread-safe; several processes may share a store.
+// Keys are paths of lower-case letters, digits, '-' and '/', made by us ("jobs/ID/SHA256",
+// "jobs/ID/N/SHA256"), never by clients. A blob never changes. Thread-safe; several processes may
+// share a store.
 //
 // Errors: NOT_FOUND (BLOB_NOT_FOUND), RESOURCE_EXHAUSTED (DISK_FULL), DATA_LOSS (BLOB_DAMAGED) if a
 // blob named by its SHA-256 has another one, INTERNAL (STORE_FAILED). A store on another machine,

@@ -24,9 +24,8 @@ absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
   if (!error) fs::permissions(absolute, fs::perms::owner_all, error);
   if (error) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_UNUSABLE", "data",
-                     absl::StrCat("cannot use ", dir.root, " as the data folder",
-                                  ": ", error.message(),
-                                  "; choose another or fix its permissions"));
+                     absl::StrCat("cannot use ", dir.root, " as the data folder", ": ",
+                                  error.message(), "; choose another or fix its permissions"));
   }
   return dir;
 }

@@ -26,8 +26,7 @@ class SharedStore : public ::testing::Test {
   }
 
   std::vector<std::string> Flags() const {
-    return {"--store", url_,
-            "--blobs", "file://" + dir_.path() + "/blobs"};
+    return {"--store", url_, "--blobs", "file://" + dir_.path() + "/blobs"};
   }
 
   TempDir dir_;

@@ -13,9 +13,9 @@
 
 namespace litags {
 
-// The thread beside a running engine that keeps the lease: renews it, and raises the engine's cancel
-// token when the job is to be cancelled, the lease is lost, a limit is reached or the worker shuts
-// down.
+// The thread beside a running engine that keeps the lease: renews it, and raises the engine's
+// cancel token when the job is to be cancelled, the lease is lost, a limit is reached or the worker
+// shuts down.
 class JobMonitor {
  public:
   enum class StopReason { kNone, kCancelled, kShutdown, kLeaseLost, kLimit };

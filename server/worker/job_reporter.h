@@ -18,8 +18,8 @@ namespace litags {
 
 // The thread beside a running engine that writes what the engine reports: numbers and pictures, and
 // the files it leaves in its work folder. The engine's calls only leave a note, so that training
-// never waits for a store; a lease is renewed by another thread (JobMonitor), so that it never waits
-// for a large file.
+// never waits for a store; a lease is renewed by another thread (JobMonitor), so that it never
+// waits for a large file.
 class JobReporter : public ReconstructObserver {
  public:
   // All arguments must outlive this. `on_lease_lost` is called by the thread.

@@ -105,8 +105,7 @@ absl::Status WriteEnd(const Lease& lease, const WorkerContext& context, const Ca
   if (report.ok()) {
     spdlog::info("job={} succeeded gaussians={} seconds={:.1f} kept_bytes={}", id,
                  report->gaussians, report->seconds, folder->stored_bytes());
-    LITAGS_RETURN_IF_ERROR(
-        write([&] { return leases.Succeed(lease, *report, folder->kept()); }));
+    LITAGS_RETURN_IF_ERROR(write([&] { return leases.Succeed(lease, *report, folder->kept()); }));
     folder->RemoveReplaced();
     return absl::OkStatus();
   }
@@ -135,9 +134,9 @@ absl::Status RunJob(const Lease& lease, const WorkerContext& context, const Work
   CancelToken cancel;
   JobMonitor monitor(lease, context, options, shutdown, cancel);
   const auto folder = WorkFolder::Make(lease, context.blobs, context.data.scratch());
-  Outcome outcome =
-      folder.ok() ? Reconstruct(lease, context, options, cancel, folder->get(), &monitor)
-                  : Outcome{folder.status(), absl::OkStatus()};
+  Outcome outcome = folder.ok()
+                        ? Reconstruct(lease, context, options, cancel, folder->get(), &monitor)
+                        : Outcome{folder.status(), absl::OkStatus()};
   const JobMonitor::StopReason stop = monitor.Finish();
   if (stop == JobMonitor::StopReason::kLeaseLost || absl::IsAborted(outcome.kept)) {
     spdlog::warn("job={} lease lost", id);

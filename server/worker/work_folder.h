@@ -16,9 +16,9 @@
 namespace litags {
 
 // Where the engine works under one lease: a scratch folder of this machine with input/ and run/.
-// What earlier leases kept is brought in, and what the engine leaves is brought into the blob store.
-// Store() and RemoveReplaced() are for one thread; files may be replaced, as the engine does, at any
-// time.
+// What earlier leases kept is brought in, and what the engine leaves is brought into the blob
+// store. Store() and RemoveReplaced() are for one thread; files may be replaced, as the engine
+// does, at any time.
 class WorkFolder {
  public:
   // `blobs` must outlive this.
@@ -28,8 +28,8 @@ class WorkFolder {
   std::string input() const { return scratch_->path() + "/input"; }
   std::string run() const { return scratch_->path() + "/run"; }
 
-  // Once, before the engine runs. A kept file that is gone or damaged is left out: the engine can do
-  // without any. Errors of the blob store.
+  // Once, before the engine runs. A kept file that is gone or damaged is left out: the engine can
+  // do without any. Errors of the blob store.
   absl::Status Fetch();
 
   // Stores the files that are new or were replaced since the last call; those in `but` at another

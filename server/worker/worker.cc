@@ -72,8 +72,7 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
   StorePlaces places;
   double keep_seconds = StorePlaces::kKeepSeconds;
-  std::string data_path, colmap = "colmap", depth_model, log_level = "info",
-                               log_format = "text";
+  std::string data_path, colmap = "colmap", depth_model, log_level = "info", log_format = "text";
   WorkerOptions options;
   HardeningOptions hardening;
   options.name = absl::StrCat("worker-", getpid(), "-", RandomHex(4));
@@ -82,9 +81,9 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   app.add_option("--store", places.jobs,
                  "Jobs: sqlite:///FILE or postgresql://... (default: litags.db in the data folder)")
       ->envname("LITAGS_STORE");
-  app.add_option(
-         "--blobs", places.blobs,
-         "Photos, checkpoints, scenes: file:///FOLDER or s3://BUCKET/PREFIX (default: blobs/ in the data folder)")
+  app.add_option("--blobs", places.blobs,
+                 "Photos, checkpoints, scenes: file:///FOLDER or s3://BUCKET/PREFIX (default: "
+                 "blobs/ in the data folder)")
       ->envname("LITAGS_BLOBS");
   app.add_option("--s3-endpoint", places.s3_endpoint, "S3 server, if it is not Amazon's")
       ->envname("LITAGS_S3_ENDPOINT");

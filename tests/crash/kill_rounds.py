@@ -24,7 +24,7 @@ EARLY_KILLS = 0.25   # share of kills that fall into the first half second, when
 DELETE_KILLS = 0.5   # share of rounds with a kill of the server in the middle of the deletions
 # What a kill leaves, of a job that was being deleted or of a file that was being written, the
 # server removes once it has been quiet for as long as abandoned uploads are kept: here, a second.
-SWEEP = ("--keep-uploads", "1", "--sweep-every", "0.1")
+SWEEP = ("--keep-uploads", "1")
 
 
 @dataclasses.dataclass
