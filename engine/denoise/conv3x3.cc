@@ -312,27 +312,29 @@ void WeightGradRow(const PaddedRows& in, const PaddedRows& v_out, int y, float* 
   }
 }
 
-template <int OC>
-void WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y1, float* scratch,
-                    float* v_w, float* v_bias) {
-  const D d;
-  constexpr int N = hn::MaxLanes(d);
-  const int in_channels = in.channels(), out_channels = v_out.channels();
-  const size_t num_weights = size_t(out_channels) * in_channels * 9;
-  float* sums = scratch + kConvTransformed * (in.row_stride() + v_out.row_stride());
-  std::fill_n(sums, (num_weights * 2 + out_channels) * N, 0.0f);
-  for (int y = y0; y < y1; y += kConvRows) WeightGradRow<OC>(in, v_out, y, scratch, sums);
+void WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y, float* scratch,
+                    float* sums) {
+  if (ConvBlockSize(v_out.channels()) == 3) {
+    WeightGradRow<3>(in, v_out, y, scratch, sums);
+  } else {
+    WeightGradRow<4>(in, v_out, y, scratch, sums);
+  }
+}
 
+void WeightGradOfSums(int in_channels, int out_channels, const float* sums, float* v_w,
+                      float* v_bias) {
+  const D d;
   auto next_sum = [&] {
     const float total = hn::GetLane(hn::SumOfLanes(d, hn::Load(d, sums)));
-    sums += N;
+    sums += hn::MaxLanes(d);
     return total;
   };
-  std::fill_n(v_w, num_weights, 0.0f);
+  std::fill_n(v_w, size_t(out_channels) * in_channels * 9, 0.0f);
+  const int block = ConvBlockSize(out_channels);
   for (const auto& g : kWeightTransform) {
-    for (int oc0 = 0; oc0 < out_channels; oc0 += OC) {
+    for (int oc0 = 0; oc0 < out_channels; oc0 += block) {
       for (int c = 0; c < in_channels; ++c) {
-        for (int o = oc0; o < oc0 + OC; ++o) {
+        for (int o = oc0; o < oc0 + block; ++o) {
           float* taps = v_w + (size_t(o) * in_channels + c) * 9;
           for (int kx = 0; kx < 3; ++kx) {
             const float sum = next_sum();
@@ -345,15 +347,6 @@ void WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y
   for (int o = 0; o < out_channels; ++o) v_bias[o] = next_sum();
 }
 
-void Conv3x3WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y1,
-                           float* scratch, float* v_w, float* v_bias) {
-  if (ConvBlockSize(v_out.channels()) == 3) {
-    WeightGradRows<3>(in, v_out, y0, y1, scratch, v_w, v_bias);
-  } else {
-    WeightGradRows<4>(in, v_out, y0, y1, scratch, v_w, v_bias);
-  }
-}
-
 }  // namespace
 }  // namespace HWY_NAMESPACE
 }  // namespace litags
@@ -364,7 +357,8 @@ namespace litags {
 namespace {
 
 HWY_EXPORT(Conv3x3Rows);
-HWY_EXPORT(Conv3x3WeightGradRows);
+HWY_EXPORT(WeightGradRows);
+HWY_EXPORT(WeightGradOfSums);
 
 // Fills w; weight(out, in, tap) are the plain weights.
 template <typename Weight>
@@ -420,14 +414,21 @@ void Conv3x3Rows(const ConvLayer& layer, int y, float* scratch) {
 size_t ConvScratch(const PaddedRows& in) { return kConvTransformed * in.row_stride(); }
 
 size_t ConvWeightGradScratch(const PaddedRows& in, const PaddedRows& v_out) {
-  const size_t sums = size_t(v_out.channels()) * (in.channels() * 3 * kConvTransformed + 1);
-  return ConvScratch(in) + ConvScratch(v_out) + PaddedRows::kPad * sums;
+  return ConvScratch(in) + ConvScratch(v_out);
 }
 
-void Conv3x3WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y1,
-                           float* scratch, float* v_w, float* v_bias) {
-  HWY_DYNAMIC_DISPATCH(Conv3x3WeightGradRows)
-  (in, v_out, y0, y1, scratch, v_w, v_bias);
+size_t ConvWeightGradSums(int in_channels, int out_channels) {
+  return PaddedRows::kPad * out_channels * (in_channels * 3 * kConvTransformed + 1);
+}
+
+void Conv3x3WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y, float* scratch,
+                           float* sums) {
+  HWY_DYNAMIC_DISPATCH(WeightGradRows)(in, v_out, y, scratch, sums);
+}
+
+void Conv3x3WeightGradOfSums(int in_channels, int out_channels, const float* sums, float* v_w,
+                             float* v_bias) {
+  HWY_DYNAMIC_DISPATCH(WeightGradOfSums)(in_channels, out_channels, sums, v_w, v_bias);
 }
 
 }  // namespace litags

@@ -57,6 +57,9 @@ struct ConvLayer {
   PaddedRows* out;
   const PaddedRows* other = nullptr;
   const PaddedRows* base = nullptr;
+  // Not null on the way back: `in` is the gradient of a convolution of `activation`, whose weights'
+  // gradient is wanted, too.
+  const PaddedRows* activation = nullptr;
 };
 
 // Floats of scratch that Conv3x3Rows needs; aligned to a vector.
@@ -66,14 +69,19 @@ size_t ConvScratch(const PaddedRows& in);
 // y - 1 .. y + kConvRows of its input.
 void Conv3x3Rows(const ConvLayer& layer, int y, float* scratch);
 
-// Floats of scratch that Conv3x3WeightGradRows needs; aligned to a vector.
+// Floats of scratch and of sums that Conv3x3WeightGradRows needs; aligned to a vector.
 size_t ConvWeightGradScratch(const PaddedRows& in, const PaddedRows& v_out);
+size_t ConvWeightGradSums(int in_channels, int out_channels);
 
-// Adds up, over rows [y0, y1), the gradient of the weights, in the unpacked
-// order [out,in,ky,kx] of the padded channel counts, and of the bias [out]. y1
-// - y0 is a multiple of kConvRows or y1 = H.
-void Conv3x3WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y0, int y1,
-                           float* scratch, float* v_w, float* v_bias);
+// Adds what rows y .. y + kConvRows - 1 of v_out (as far as there are any) bring to the gradient of
+// the weights and bias of a convolution of `in`. `sums` start as zeros.
+void Conv3x3WeightGradRows(const PaddedRows& in, const PaddedRows& v_out, int y, float* scratch,
+                           float* sums);
+
+// The gradient from such sums: v_w in the unpacked order [out,in,ky,kx] of the padded channel
+// counts, v_bias [out].
+void Conv3x3WeightGradOfSums(int in_channels, int out_channels, const float* sums, float* v_w,
+                             float* v_bias);
 
 }  // namespace litags
 

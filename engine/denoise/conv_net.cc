@@ -8,16 +8,22 @@
 namespace litags {
 namespace {
 
-// Rows per task. Fixed, because the sums over strips are part of the result.
-constexpr int kStripRows = 16;
-static_assert(kStripRows % kConvRows == 0);
-
 // Bands of groups of kConvRows rows: long enough that their seams do not meet, few enough that most
-// work is inside them.
+// work is inside them. Fixed, because sums over bands are part of the result.
 constexpr int kBandGroups = 8;
 constexpr int kMaxBands = 8;
 
-int NumStrips(int height) { return (height + kStripRows - 1) / kStripRows; }
+// Of the gradient of one layer's weights, channels padded.
+size_t NumWeights(const ConvLayer& layer) {
+  return size_t(layer.in->channels()) * layer.activation->channels() * 9;
+}
+size_t GradientSize(const ConvLayer& layer) {
+  return layer.activation ? NumWeights(layer) + layer.in->channels() : 0;
+}
+size_t SumsSize(const ConvLayer& layer) {
+  return layer.activation ? ConvWeightGradSums(layer.activation->channels(), layer.in->channels())
+                          : 0;
+}
 
 }  // namespace
 
@@ -51,12 +57,17 @@ void ConvNet::Backward(int threads, const ConvNetActivations& act, const PaddedR
   v_h1_.Resize(ConvPaddedChannels(hidden_), height, width);
   v_h2_.Resize(ConvPaddedChannels(hidden_), height, width);
 
-  Convolve(threads, {{&conv3_transposed_, &v_out, ConvEpilogue::kReluVjp, &v_h2_, &act.h2},
-                     {&conv2_transposed_, &v_h2_, ConvEpilogue::kReluVjp, &v_h1_, &act.h1},
-                     {&conv1_transposed_, &v_h1_, ConvEpilogue::kSubtract, v_in, &v_out}});
-  WeightGradient(threads, hidden_, 3, act.h2, v_out, v_net + at.w3, v_net + at.b3);
-  WeightGradient(threads, hidden_, hidden_, act.h1, v_h2_, v_net + at.w2, v_net + at.b2);
-  WeightGradient(threads, 3, hidden_, act.in, v_h1_, v_net + at.w1, v_net + at.b1);
+  const ConvLayer layers[] = {
+      {&conv3_transposed_, &v_out, ConvEpilogue::kReluVjp, &v_h2_, &act.h2, nullptr, &act.h2},
+      {&conv2_transposed_, &v_h2_, ConvEpilogue::kReluVjp, &v_h1_, &act.h1, nullptr, &act.h1},
+      {&conv1_transposed_, &v_h1_, ConvEpilogue::kSubtract, v_in, &v_out, nullptr, &act.in}};
+  Convolve(threads, layers);
+  const float* gradient = partial_.data();
+  AddGradient(layers[0], hidden_, 3, gradient, v_net + at.w3, v_net + at.b3);
+  gradient += GradientSize(layers[0]);
+  AddGradient(layers[1], hidden_, hidden_, gradient, v_net + at.w2, v_net + at.b2);
+  gradient += GradientSize(layers[1]);
+  AddGradient(layers[2], 3, hidden_, gradient, v_net + at.w1, v_net + at.b1);
 }
 
 void ConvNet::ReserveScratch(int threads, size_t per_thread) {
@@ -68,70 +79,87 @@ void ConvNet::ReserveScratch(int threads, size_t per_thread) {
 // Layer l of a group of rows needs layer l - 1 of the groups beside it. Inside a band of groups all
 // layers advance together, each one group behind the one before, so that a layer reads what has
 // just been written. At the seams between bands each layer stops a group earlier than the one
-// before it; what is left there is done when both bands are.
+// before it; what is left there is done when both bands are. Gradients of weights go to partial_,
+// one set for each band and each seam.
 void ConvNet::Convolve(int threads, absl::Span<const ConvLayer> layers) {
   const int num_layers = static_cast<int>(layers.size());
   const int groups = (layers[0].in->height() + kConvRows - 1) / kConvRows;
   const int bands = std::clamp(groups / kBandGroups, 1, kMaxBands);
-  size_t scratch = 0;
-  for (const ConvLayer& layer : layers) scratch = std::max(scratch, ConvScratch(*layer.in));
+  size_t work = 0, sums = 0;
+  gradient_size_ = 0;
+  for (const ConvLayer& layer : layers) {
+    work = std::max(work, layer.activation ? ConvWeightGradScratch(*layer.activation, *layer.in)
+                                           : ConvScratch(*layer.in));
+    sums += SumsSize(layer);
+    gradient_size_ += GradientSize(layer);
+  }
   if (threads <= 0) threads = DefaultThreadCount();
-  ReserveScratch(threads, scratch);
-  const auto convolve = [&](int layer, int group, int thread) {
-    Conv3x3Rows(layers[layer], group * kConvRows, scratch_.get() + thread * scratch);
+  ReserveScratch(threads, work + sums);
+  num_partials_ = 2 * bands - 1;
+  partial_.resize(num_partials_ * gradient_size_);
+
+  // Calls run(convolve), where convolve(layer, group) does that part; then sums its gradients up.
+  const auto task = [&](int partial, int thread, const auto& run) {
+    float* scratch = scratch_.get() + thread * (work + sums);
+    std::fill_n(scratch + work, sums, 0.0f);
+    run([&](int index, int group) {
+      const ConvLayer& layer = layers[index];
+      Conv3x3Rows(layer, group * kConvRows, scratch);
+      if (layer.activation == nullptr) return;
+      float* layer_sums = scratch + work;
+      for (int i = 0; i < index; ++i) layer_sums += SumsSize(layers[i]);
+      Conv3x3WeightGradRows(*layer.activation, *layer.in, group * kConvRows, scratch, layer_sums);
+    });
+    const float* layer_sums = scratch + work;
+    float* gradient = partial_.data() + partial * gradient_size_;
+    for (const ConvLayer& layer : layers) {
+      if (layer.activation == nullptr) continue;
+      Conv3x3WeightGradOfSums(layer.activation->channels(), layer.in->channels(), layer_sums,
+                              gradient, gradient + NumWeights(layer));
+      layer_sums += SumsSize(layer);
+      gradient += GradientSize(layer);
+    }
   };
+
   const auto seam = [&](int band) { return groups * band / bands; };
-  ParallelFor(threads, bands, [&](size_t task, int thread) {
-    const int band = static_cast<int>(task);
-    const int begin = seam(band), end = seam(band + 1);
-    for (int step = begin; step < end + num_layers - 1; ++step) {
-      for (int layer = 0; layer < num_layers; ++layer) {
-        const int first = begin + (begin > 0 ? layer : 0);
-        const int last = end - (end < groups ? layer : 0);
-        const int group = step - layer;
-        if (group >= first && group < last) convolve(layer, group, thread);
+  ParallelFor(threads, bands, [&](size_t index, int thread) {
+    const int band = static_cast<int>(index), begin = seam(band), end = seam(band + 1);
+    task(band, thread, [&](const auto& convolve) {
+      for (int step = begin; step < end + num_layers - 1; ++step) {
+        for (int layer = 0; layer < num_layers; ++layer) {
+          const int first = begin + (begin > 0 ? layer : 0);
+          const int last = end - (end < groups ? layer : 0);
+          const int group = step - layer;
+          if (group >= first && group < last) convolve(layer, group);
+        }
       }
-    }
+    });
   });
-  ParallelFor(threads, bands - 1, [&](size_t task, int thread) {
-    const int middle = seam(static_cast<int>(task) + 1);
-    for (int layer = 1; layer < num_layers; ++layer) {
-      for (int group = middle - layer; group < middle + layer; ++group) {
-        convolve(layer, group, thread);
+  ParallelFor(threads, bands - 1, [&](size_t index, int thread) {
+    const int middle = seam(static_cast<int>(index) + 1);
+    task(bands + static_cast<int>(index), thread, [&](const auto& convolve) {
+      for (int layer = 1; layer < num_layers; ++layer) {
+        for (int group = middle - layer; group < middle + layer; ++group) convolve(layer, group);
       }
-    }
+    });
   });
 }
 
-void ConvNet::WeightGradient(int threads, int in_channels, int out_channels, const PaddedRows& in,
-                             const PaddedRows& v_out, float* v_w, float* v_bias) {
-  const int height = in.height(), strips = NumStrips(height);
-  const size_t num_weights = size_t(v_out.channels()) * in.channels() * 9;
-  const size_t num_partial = num_weights + v_out.channels();
-  const size_t scratch = ConvWeightGradScratch(in, v_out);
-  if (threads <= 0) threads = DefaultThreadCount();
-  partial_.resize(std::max(partial_.size(), num_partial * strips));
-  ReserveScratch(threads, scratch);
-  ParallelFor(threads, strips, [&](size_t strip, int thread) {
-    const int y0 = static_cast<int>(strip) * kStripRows;
-    float* sums = partial_.data() + strip * num_partial;
-    Conv3x3WeightGradRows(in, v_out, y0, std::min(y0 + kStripRows, height),
-                          scratch_.get() + thread * scratch, sums, sums + num_weights);
-  });
-
-  auto total = [&](size_t index) {
+void ConvNet::AddGradient(const ConvLayer& layer, int in_channels, int out_channels,
+                          const float* gradient, float* v_w, float* v_bias) const {
+  const auto total = [&](size_t index) {
     double sum = 0;
-    for (int strip = 0; strip < strips; ++strip) sum += partial_[strip * num_partial + index];
+    for (int i = 0; i < num_partials_; ++i) sum += gradient[i * gradient_size_ + index];
     return static_cast<float>(sum);
   };
+  const size_t padded_in = layer.activation->channels();
   for (int o = 0; o < out_channels; ++o) {
     for (int c = 0; c < in_channels; ++c) {
       for (int tap = 0; tap < 9; ++tap) {
-        v_w[(size_t(o) * in_channels + c) * 9 + tap] +=
-            total((size_t(o) * in.channels() + c) * 9 + tap);
+        v_w[(size_t(o) * in_channels + c) * 9 + tap] += total((o * padded_in + c) * 9 + tap);
       }
     }
-    v_bias[o] += total(num_weights + o);
+    v_bias[o] += total(NumWeights(layer) + o);
   }
 }
 

@@ -39,14 +39,18 @@ class ConvNet {
  private:
   void ReserveScratch(int threads, size_t per_thread);
   void Convolve(int threads, absl::Span<const ConvLayer> layers);
-  void WeightGradient(int threads, int in_channels, int out_channels, const PaddedRows& in,
-                      const PaddedRows& v_out, float* v_w, float* v_bias);
+  // Adds the gradient of the layer's weights, the sum of what Convolve left; `gradient` is its
+  // place in the first of the partial ones.
+  void AddGradient(const ConvLayer& layer, int in_channels, int out_channels, const float* gradient,
+                   float* v_w, float* v_bias) const;
 
   int hidden_;
   ConvWeights conv1_, conv2_, conv3_;
   ConvWeights conv1_transposed_, conv2_transposed_, conv3_transposed_;
   PaddedRows v_h1_, v_h2_;
-  std::vector<float> partial_;  // [strips][weights and biases]
+  std::vector<float> partial_;  // [num_partials][gradient_size: weights and biases of all layers]
+  int num_partials_ = 0;
+  size_t gradient_size_ = 0;
   hwy::AlignedFreeUniquePtr<float[]> scratch_;
   size_t scratch_size_ = 0;
 };
