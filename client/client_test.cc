@@ -167,6 +167,7 @@ class ClientTest : public ::testing::Test {
     grpc::ServerBuilder builder;
     builder.RegisterService(&service_);
     builder.RegisterService(&model_);
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
     server_ = builder.BuildAndStart();
     ClientOptions options;
     options.first_pause_seconds = 0.001;
@@ -203,6 +204,7 @@ class ClientTest : public ::testing::Test {
   fs::path dir_;
   FakeReconstruction service_;
   FakeModel model_;
+  int port_ = 0;
   std::unique_ptr<grpc::Server> server_;
   Interrupt interrupt_;
   std::unique_ptr<Client> client_;
@@ -339,6 +341,27 @@ TEST(Connection, FilesAndTokensThatCannotBeUsedAreNamedWithTheirFlag) {
   }
   EXPECT_TRUE(Connect({.server = "example.org:1", .tls = true, .token = "secret"}).ok());
   std::remove(file.c_str());
+}
+
+TEST(Connection, ServersWithoutAnAddressAreRefusedWhereThereAreSeveral) {
+  EXPECT_TRUE(Connect({.server = "127.0.0.1:1,localhost:2"}).ok());
+  for (const char* server : {"", "127.0.0.1:1,127.0.0.1", "127.0.0.1:1,no.such.invalid:2"}) {
+    const absl::Status status = Connect({.server = server}).status();
+    EXPECT_EQ(DetailOf(status).reason(), "SERVER_UNKNOWN") << server;
+    EXPECT_EQ(DetailOf(status).field(), "--server");
+  }
+  // A token stays on this machine only if all of them are on it.
+  EXPECT_EQ(DetailOf(Connect({.server = "127.0.0.1:1,192.0.2.1:2", .token = "x"}).status()).reason(),
+            "TOKEN_EXPOSED");
+}
+
+TEST_F(ClientTest, OneServerOfSeveralIsEnough) {
+  for (int i = 0; i < 8; ++i) {  // in whichever order they are tried
+    const auto channel =
+        Connect({.server = absl::StrCat("127.0.0.1:1,127.0.0.1:", port_, ",127.0.0.1:2")});
+    ASSERT_TRUE(channel.ok()) << channel.status();
+    EXPECT_TRUE(Client(*channel, {}, interrupt_).GetJob("jobs/1").ok());
+  }
 }
 
 TEST_F(ClientTest, AnInterruptEndsAWatch) {

@@ -1,12 +1,18 @@
 #include "client/connection.h"
 
+#include <netdb.h>
+#include <sys/socket.h>
+
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <random>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "client/status.h"
 #include "grpcpp/create_channel.h"
 #include "grpcpp/security/credentials.h"
@@ -27,8 +33,53 @@ constexpr int kKeepaliveMs = 30000;
 constexpr int kKeepaliveTimeoutMs = 10000;
 constexpr size_t kMaxFileBytes = 1 << 20;
 
+std::vector<std::string> ServersOf(const ConnectionOptions& options) {
+  return absl::StrSplit(options.server, ',', absl::SkipWhitespace());
+}
+
+std::string HostOf(const std::string& server) { return server.substr(0, server.rfind(':')); }
+
+// The IPv4 addresses of host:port, as host:port.
+absl::StatusOr<std::vector<std::string>> Resolve(const std::string& server) {
+  const std::string host = HostOf(server);
+  const std::string port = server.substr(std::min(server.size(), host.size() + 1));
+  addrinfo hints = {};
+  hints.ai_family = AF_INET;
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  const int error = getaddrinfo(host.c_str(), port.c_str(), &hints, &found);
+  std::vector<std::string> addresses;
+  for (const addrinfo* a = found; error == 0 && a; a = a->ai_next) {
+    char number[NI_MAXHOST];
+    if (getnameinfo(a->ai_addr, a->ai_addrlen, number, sizeof(number), nullptr, 0,
+                    NI_NUMERICHOST) == 0) {
+      addresses.push_back(absl::StrCat(number, ":", port));
+    }
+  }
+  if (error == 0) freeaddrinfo(found);
+  if (!addresses.empty() && !port.empty()) return addresses;
+  return BadInput("SERVER_UNKNOWN", "--server",
+                  absl::StrCat(server, " has no IPv4 address and port",
+                               error ? absl::StrCat(" (", gai_strerror(error), ")") : "",
+                               "; several servers are written host:port,host:port"));
+}
+
+// What gRPC calls the servers. Several are one name with many addresses, of which gRPC holds on to
+// the first that answers. Their order is drawn, so that clients share out among the servers.
+absl::StatusOr<std::string> TargetOf(const std::vector<std::string>& servers) {
+  if (servers.size() == 1) return servers[0];
+  std::vector<std::string> addresses;
+  for (const std::string& server : servers) {
+    auto resolved = Resolve(server);
+    if (!resolved.ok()) return resolved.status();
+    addresses.insert(addresses.end(), resolved->begin(), resolved->end());
+  }
+  std::shuffle(addresses.begin(), addresses.end(), std::mt19937(std::random_device()()));
+  return absl::StrCat("ipv4:", absl::StrJoin(addresses, ","));
+}
+
 bool IsLoopback(const std::string& server) {
-  const std::string host = server.substr(0, server.rfind(':'));
+  const std::string host = HostOf(server);
   return host == "localhost" || host == "[::1]" ||
          (host.starts_with("127.") && host.find_first_not_of("0123456789.") == std::string::npos);
 }
@@ -116,6 +167,11 @@ absl::StatusOr<std::string> TokenOf(const ConnectionOptions& options) {
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& options) {
+  const std::vector<std::string> servers = ServersOf(options);
+  if (servers.empty()) return BadInput("SERVER_UNKNOWN", "--server", "no server is named");
+  const auto target = TargetOf(servers);
+  if (!target.ok()) return target.status();
+  const bool here = std::all_of(servers.begin(), servers.end(), IsLoopback);
   grpc::ChannelArguments args;
   args.SetMaxReceiveMessageSize(kMaxMessageBytes);
   args.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kReconnectMinMs);
@@ -124,8 +180,12 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& 
   args.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
   args.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
   // A proxy for the internet is no way to this machine.
-  if (IsLoopback(options.server)) args.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  if (!options.tls_name.empty()) args.SetSslTargetNameOverride(options.tls_name);
+  if (here) args.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  if (!options.tls_name.empty()) {
+    args.SetSslTargetNameOverride(options.tls_name);
+  } else if (servers.size() > 1) {
+    args.SetSslTargetNameOverride(HostOf(servers[0]));
+  }
 
   std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
   const bool tls = options.tls || !options.tls_ca.empty() || !options.tls_cert.empty() ||
@@ -139,14 +199,14 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& 
   if (!token.ok()) return token.status();
   std::vector<std::unique_ptr<experimental::ClientInterceptorFactoryInterface>> interceptors;
   if (!token->empty()) {
-    if (!tls && !IsLoopback(options.server)) {
+    if (!tls && !here) {
       return BadInput("TOKEN_EXPOSED", "--token-file",
                       absl::StrCat("the token would travel to ", options.server,
                                    " unencrypted; use --tls or --tls-ca FILE"));
     }
     interceptors.push_back(std::make_unique<TokenInterceptorFactory>(*token));
   }
-  return experimental::CreateCustomChannelWithInterceptors(options.server, credentials, args,
+  return experimental::CreateCustomChannelWithInterceptors(*target, credentials, args,
                                                            std::move(interceptors));
 }
 

@@ -11,13 +11,15 @@
 namespace litags::client {
 
 struct ConnectionOptions {
-  std::string server = {};  // host:port
+  // host:port; several, separated by commas, of one service: the first that answers, in an order
+  // that is another one in every process, is used until it does not answer any more.
+  std::string server = {};
   bool tls = false;         // with the system's root certificates; also turned on by those below
   // Paths of PEM files; empty: none.
   std::string tls_ca = {};    // the roots to trust instead of the system's
   std::string tls_cert = {};  // our certificate, if the server asks for one
   std::string tls_key = {};   // its private key
-  std::string tls_name = {};  // what the certificate must name; empty: the host of `server`
+  std::string tls_name = {};  // what certificates must name; empty: the first host of `server`
   // At most one of them: the token itself, or the file that holds it.
   std::string token = {};
   std::string token_file = {};
@@ -26,9 +28,9 @@ struct ConnectionOptions {
 // A channel to the server, whose calls carry the token. It says nothing about whether a server is
 // there: the first call shows.
 //
-// INVALID_ARGUMENT, with the flag as the field: TLS_FILE_UNREADABLE, TLS_INCOMPLETE,
-// TOKEN_UNREADABLE, TOKEN_INVALID (not a token's characters), TOKEN_EXPOSED (it would travel
-// unencrypted to another machine).
+// INVALID_ARGUMENT, with the flag as the field: SERVER_UNKNOWN (of several, one has no address),
+// TLS_FILE_UNREADABLE, TLS_INCOMPLETE, TOKEN_UNREADABLE, TOKEN_INVALID (not a token's characters),
+// TOKEN_EXPOSED (it would travel unencrypted to another machine).
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& options);
 
 }  // namespace litags::client

@@ -29,6 +29,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Costs one request to S3 for so much of a large file, and so much is sent again if another server
+// takes over.
+constexpr int64_t kUploadChunkBytes = int64_t{8} << 20;
+
 SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_program,
                             const DataDir& data) {
   SupervisorOptions workers;
@@ -66,7 +70,9 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
   LITAGS_RETURN_IF_ERROR(ImportWorkFolders(store.get(), blobs.get(), data));
-  Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), flags.uploads);
+  UploadLimits uploads = flags.uploads;
+  if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
+  Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads);
   Leases leases(store.get(), blobs.get());
   LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));
   std::unique_ptr<MetricsServer> metrics;

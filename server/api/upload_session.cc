@@ -114,6 +114,7 @@ absl::Status UploadSession::Store(Incoming& file) {
   if (file.record.role == FileRole::kArchive) return Unpack(file);
   LITAGS_RETURN_IF_ERROR(CheckContent(file.partial->path(), file.field, &file.record));
   LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
+  file.partial->Discard();  // what of it is left
   ++stored_;
   return absl::OkStatus();
 }

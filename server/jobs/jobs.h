@@ -48,7 +48,7 @@ class Jobs {
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = nullptr,
        UploadLimits limits = {})
       : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
-             std::make_shared<UploadArea>(data.uploads(), limits)) {}
+             std::make_shared<UploadArea>(data.uploads(), blobs, limits)) {}
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
   // stores.

@@ -60,7 +60,9 @@ absl::Status Jobs::RemoveOrphans() {
   LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data_.uploads()));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, blobs_->List("jobs"));
   for (const FolderEntry& entry : partials) note(entry.name, entry.quiet_seconds);
+  LITAGS_ASSIGN_OR_RETURN(const auto chunks, uploads_.partials().chunks().Jobs());
   for (const std::string& name : blobs) note(name, std::numeric_limits<double>::infinity());
+  for (const std::string& name : chunks) note(name, std::numeric_limits<double>::infinity());
   for (const auto& [id, seconds] : quiet) {
     // A row is there before its folders are, so that a folder without a row was left behind by a
     // crash, or its row was lost: the delay is the operator's time to bring the row back.
@@ -70,15 +72,19 @@ absl::Status Jobs::RemoveOrphans() {
     if (!absl::IsNotFound(row)) return row;
     LITAGS_ASSIGN_OR_RETURN(const double blob_seconds,
                             blobs_->QuietSeconds(absl::StrCat("jobs/", id)));
-    if (blob_seconds >= uploads_.limits().keep_seconds) {
+    LITAGS_ASSIGN_OR_RETURN(const double chunk_seconds,
+                            uploads_.partials().chunks().QuietSeconds(id));
+    if (std::min(blob_seconds, chunk_seconds) >= uploads_.limits().keep_seconds) {
       LITAGS_RETURN_IF_ERROR(RemoveFolders(id));
     }
   }
-  for (const auto& entry : partials) {
-    if (!IsJobId(entry.name)) continue;
-    const auto job = store_->Get(entry.name);
+  std::set<std::string> uploading(chunks.begin(), chunks.end());
+  for (const auto& entry : partials) uploading.insert(entry.name);
+  for (const std::string& id : uploading) {
+    if (!IsJobId(id)) continue;
+    const auto job = store_->Get(id);
     if (job.ok() && job->state != JobState::kUploading) {
-      LITAGS_RETURN_IF_ERROR(uploads_.partials().RemoveJob(entry.name));
+      LITAGS_RETURN_IF_ERROR(uploads_.partials().RemoveJob(id));
     }
   }
   return absl::OkStatus();

@@ -73,7 +73,7 @@ absl::StatusOr<std::vector<FileStatus>> Uploads::Query(std::string_view id,
       status.offset = file.size_bytes;
       continue;
     }
-    LITAGS_ASSIGN_OR_RETURN(const int64_t there, partials().Size(id, PartialKey(file)));
+    LITAGS_ASSIGN_OR_RETURN(const int64_t there, partials().Size(id, PartialKey(file), file.size_bytes));
     status.offset = std::min(there, file.size_bytes);
   }
   return result;
@@ -115,13 +115,13 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
   const std::string key = PartialKey(file);
   PartialFiles::Usage coming = partials().UsageOf(id);
-  LITAGS_ASSIGN_OR_RETURN(const int64_t there, partials().Size(id, key));
+  LITAGS_ASSIGN_OR_RETURN(const int64_t there, partials().Size(id, key, file.size_bytes));
   if (there > 0) {  // counted with the file itself
     --coming.files;
     coming.bytes -= there;
   }
   LITAGS_RETURN_IF_ERROR(CheckRoom(id, files, file, coming));
-  auto partial = partials().Open(id, key, offset);
+  auto partial = partials().Open(id, key, file.size_bytes, offset);
   // A job that was cancelled or deleted meanwhile has no files on their way.
   if (const absl::Status status = Check(id); !status.ok()) {
     partials().RemoveJob(id).IgnoreError();

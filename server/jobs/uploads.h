@@ -28,6 +28,9 @@ struct UploadLimits {
   int64_t max_job_bytes = int64_t{16} << 30;      // all files of a job
   double max_silence_seconds = 60;                // between two messages of a stream
   double keep_seconds = 24 * 3600;                // a job that is not started and gets no files
+  // Larger files come to the blob store in pieces of so much while they are on their way, so that
+  // another server can go on with them; 0: there is no other one.
+  int64_t chunk_bytes = 0;
 };
 
 // How much of a file an upload may leave out.
@@ -38,8 +41,8 @@ struct FileStatus {
 
 // What all views of the jobs of one data folder share: files on their way, and who adds files.
 struct UploadArea {
-  UploadArea(std::string partials_root, UploadLimits limits)
-      : limits(limits), partials(std::move(partials_root)) {}
+  UploadArea(std::string partials_root, BlobStore* blobs, UploadLimits limits)
+      : limits(limits), partials(std::move(partials_root), {blobs, limits.chunk_bytes}) {}
   const UploadLimits limits;
   PartialFiles partials;
   // Files of one job are added one at a time: bytes are stored before the row that names them, and

@@ -126,6 +126,55 @@ TEST_F(UploadsTest, NewestStreamTakesAFileOverAndTheOlderOneWritesNothingMore) {
   EXPECT_EQ(OffsetOf(id, file), 10);
 }
 
+TEST_F(UploadsTest, AnotherServerGoesOnAtTheLastChunk) {
+  UploadLimits limits;
+  limits.chunk_bytes = 4;
+  Restart(limits);
+  const std::string id = NewJob();
+  const FileRecord file = Photo("a.jpg", "0123456789abcdef");
+  auto here = *uploads().Open(id, file, 0);
+  for (const char* bytes : {"01234", "567", "89a"}) ASSERT_TRUE(here->Append(bytes).ok());
+  EXPECT_EQ(OffsetOf(id, file), 11);
+
+  TempDir elsewhere;
+  const DataDir other_data = *DataDir::Open(elsewhere.path());
+  Jobs other(store_.get(), blobs_.get(), other_data, clock_, limits);
+  EXPECT_EQ((*other.uploads().Query(id, {file}))[0].offset, 8);
+  EXPECT_EQ(Reason(other.uploads().Open(id, file, 11).status()), "OFFSET_INVALID");
+  auto there = other.uploads().Open(id, file, 8);
+  ASSERT_TRUE(there.ok()) << there.status();
+  ASSERT_TRUE((*there)->Append("89abcd").ok());
+  // Back to the first, which has fewer bytes of its own than are known by now.
+  EXPECT_EQ(OffsetOf(id, file), 12);
+  here = *uploads().Open(id, file, 12);
+  ASSERT_TRUE(here->Append("cdef").ok());
+  EXPECT_EQ(here->HexDigest(), file.sha256);
+  ASSERT_TRUE(uploads().Add(id, file, here->path()).ok());
+  here->Discard();
+  EXPECT_TRUE(blobs_->List("uploads/" + id)->empty() ||
+              blobs_->List("uploads/" + id + "/" + (*blobs_->List("uploads/" + id))[0])->empty());
+  EXPECT_EQ(*blobs_->Get(BlobKey(id, file.sha256)), "0123456789abcdef");
+  // What the other one still has goes when the job does not take files any more.
+  ASSERT_TRUE((*there)->Append("ef").ok());
+  ASSERT_TRUE(jobs_->Cancel(id).ok());
+  ASSERT_TRUE(other.Sweep().ok());
+  EXPECT_TRUE(blobs_->List("uploads")->empty());
+  EXPECT_TRUE(fs::is_empty(other_data.uploads()));
+}
+
+TEST_F(UploadsTest, ChunksOfNoJobAreCollectedAndSmallFilesHaveNone) {
+  UploadLimits limits;
+  limits.chunk_bytes = 4;
+  limits.keep_seconds = 0;
+  Restart(limits);
+  const std::string id = NewJob();
+  ASSERT_TRUE((*uploads().Open(id, Photo("a.jpg", "012"), 0))->Append("01").ok());
+  EXPECT_TRUE(blobs_->List("uploads")->empty());
+  ASSERT_TRUE(blobs_->Put("uploads/0123456789abcdef/aa/0-4", "lost").ok());
+  ASSERT_TRUE(jobs_->Sweep().ok());
+  EXPECT_FALSE(blobs_->Get("uploads/0123456789abcdef/aa/0-4").ok());
+}
+
 TEST_F(UploadsTest, SameBytesAreStoredOnceAndSentOnceForAllJobs) {
   const std::string first = NewJob(), second = NewJob();
   const std::string bytes(100'000, 'x');

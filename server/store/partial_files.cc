@@ -34,10 +34,25 @@ absl::Status PartialFile::Lost() const {
                    "upload a file by one stream at a time");
 }
 
+absl::Status PartialFile::BringChunks(int64_t offset) {
+  const off_t there = lseek(fd_, 0, SEEK_END);
+  if (there < 0) return FileError("read", path_, errno);
+  if (there >= offset) return absl::OkStatus();
+  size_ = there;
+  LITAGS_RETURN_IF_ERROR(chunks_->Read(
+      job_id_, key_, there, [this](std::string_view bytes) { return Write(bytes); }));
+  size_ = 0;  // counted when the file is read
+  return absl::OkStatus();
+}
+
 absl::Status PartialFile::OpenAt(int64_t offset) {
   fd_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (fd_ < 0) return FileError("open", path_, errno);
+  if (chunks_) LITAGS_RETURN_IF_ERROR(BringChunks(offset));
   struct stat status;
-  if (fd_ < 0 || fstat(fd_, &status) != 0) return FileError("open", path_, errno);
+  if (fstat(fd_, &status) != 0 || lseek(fd_, 0, SEEK_SET) != 0) {
+    return FileError("open", path_, errno);
+  }
   if (offset < 0 || status.st_size < offset) {
     size_ = status.st_size;
     return MakeError(absl::StatusCode::kOutOfRange, "OFFSET_INVALID", "",
@@ -54,6 +69,9 @@ absl::Status PartialFile::OpenAt(int64_t offset) {
     sha_.Update({chunk.data(), static_cast<size_t>(n)});
     size_ += n;
   }
+  if (!chunks_) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const int64_t stored, chunks_->Size(job_id_, key_));
+  in_chunks_ = std::min(stored, size_);
   return absl::OkStatus();
 }
 
@@ -61,6 +79,28 @@ absl::Status PartialFile::Append(std::string_view bytes) {
   std::lock_guard lock(slot_->mutex);
   if (slot_->writer != writer_) return Lost();
   sha_.Update(bytes);
+  LITAGS_RETURN_IF_ERROR(Write(bytes));
+  return chunks_ ? StoreChunks() : absl::OkStatus();
+}
+
+absl::Status PartialFile::StoreChunks() {
+  const int64_t chunk_bytes = chunks_->chunk_bytes();
+  while (size_ - in_chunks_ >= chunk_bytes) {
+    std::string chunk(static_cast<size_t>(chunk_bytes), '\0');
+    for (size_t done = 0; done < chunk.size();) {
+      const ssize_t n = pread(fd_, chunk.data() + done, chunk.size() - done,
+                              in_chunks_ + static_cast<off_t>(done));
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) return FileError("read", path_, n < 0 ? errno : EIO);
+      done += static_cast<size_t>(n);
+    }
+    LITAGS_RETURN_IF_ERROR(chunks_->Put(job_id_, key_, in_chunks_, chunk));
+    in_chunks_ += chunk_bytes;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status PartialFile::Write(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t n = write(fd_, bytes.data(), bytes.size());
     if (n < 0 && errno == EINTR) continue;
@@ -76,6 +116,7 @@ void PartialFile::Discard() {
   if (slot_->writer != writer_) return;
   slot_->writer = kNobody;
   unlink(path_.c_str());
+  if (chunks_ && size_ > 0) chunks_->Remove(job_id_, key_).IgnoreError();  // gone at the latest with the upload
 }
 
 std::string PartialFiles::Folder(std::string_view job_id) const {
@@ -83,11 +124,16 @@ std::string PartialFiles::Folder(std::string_view job_id) const {
   return absl::StrCat(root_, "/", std::string(job_id));
 }
 
-absl::StatusOr<int64_t> PartialFiles::Size(std::string_view job_id, std::string_view key) {
+absl::StatusOr<int64_t> PartialFiles::Size(std::string_view job_id, std::string_view key,
+                                           int64_t file_bytes) {
+  int64_t in_chunks = 0;
+  if (const UploadChunks* chunks = ChunksOf(file_bytes)) {
+    LITAGS_ASSIGN_OR_RETURN(in_chunks, chunks->Size(job_id, key));
+  }
   const std::string path = absl::StrCat(Folder(job_id), "/", std::string(key));
   const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) {
-    if (errno == ENOENT) return 0;
+    if (errno == ENOENT) return in_chunks;
     return FileError("open", path, errno);
   }
   struct stat status;
@@ -96,7 +142,7 @@ absl::StatusOr<int64_t> PartialFiles::Size(std::string_view job_id, std::string_
   const int error = errno;
   close(fd);
   if (!ok) return FileError("sync", path, error);
-  return status.st_size;
+  return std::max<int64_t>(in_chunks, status.st_size);
 }
 
 std::shared_ptr<PartialSlot> PartialFiles::SlotOf(const std::string& name) {
@@ -108,6 +154,7 @@ std::shared_ptr<PartialSlot> PartialFiles::SlotOf(const std::string& name) {
 
 absl::StatusOr<std::unique_ptr<PartialFile>> PartialFiles::Open(std::string_view job_id,
                                                                 std::string_view key,
+                                                                int64_t file_bytes,
                                                                 int64_t offset) {
   const std::string folder = Folder(job_id);
   std::shared_ptr<PartialSlot> slot;
@@ -122,7 +169,9 @@ absl::StatusOr<std::unique_ptr<PartialFile>> PartialFiles::Open(std::string_view
     if (error) return FileError("create", folder, error.value());
   }
   const std::string path = absl::StrCat(folder, "/", std::string(key));
-  std::unique_ptr<PartialFile> file(new PartialFile(slot, writer, path));
+  std::unique_ptr<PartialFile> file(new PartialFile(slot, writer, std::string(job_id),
+                                                    std::string(key), path,
+                                                    ChunksOf(file_bytes)));
   std::lock_guard lock(slot->mutex);  // an append of the writer before is over now
   slot->writer = writer;
   const absl::Status opened = file->OpenAt(offset);
@@ -169,7 +218,8 @@ absl::Status PartialFiles::RemoveJob(std::string_view job_id) {
   }
   std::error_code error;
   fs::remove_all(Folder(job_id), error);
-  return error ? FileError("remove", Folder(job_id), error.value()) : absl::OkStatus();
+  if (error) return FileError("remove", Folder(job_id), error.value());
+  return chunks_.RemoveJob(job_id);
 }
 
 }  // namespace litags

@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/store/digest.h"
+#include "server/store/upload_chunks.h"
 
 namespace litags {
 
@@ -22,7 +23,7 @@ struct PartialSlot {
 };
 
 // One file on its way in: the bytes so far, and their digest. What has come stays for the next
-// stream when this object ends, unless Discard() or the reader of path() removed it.
+// stream when this object ends, unless Discard() removed it.
 class PartialFile {
  public:
   ~PartialFile();  // a file without bytes is removed
@@ -33,7 +34,7 @@ class PartialFile {
   const std::string& path() const { return path_; }
 
   // ABORTED (UPLOAD_TAKEN_OVER) if another stream has opened the file since, or its job is gone;
-  // RESOURCE_EXHAUSTED (DISK_FULL).
+  // RESOURCE_EXHAUSTED (DISK_FULL); where pieces go to the blob store, its errors.
   absl::Status Append(std::string_view bytes);
   // SHA-256 of all bytes so far, 64 hex digits. Call once; nothing may be appended after.
   std::string HexDigest() { return sha_.HexDigest(); }
@@ -42,34 +43,47 @@ class PartialFile {
 
  private:
   friend class PartialFiles;
-  PartialFile(std::shared_ptr<PartialSlot> slot, uint64_t writer, std::string path)
-      : slot_(std::move(slot)), writer_(writer), path_(std::move(path)) {}
+  PartialFile(std::shared_ptr<PartialSlot> slot, uint64_t writer, std::string job_id,
+              std::string key, std::string path, const UploadChunks* chunks)
+      : slot_(std::move(slot)),
+        writer_(writer),
+        job_id_(std::move(job_id)),
+        key_(std::move(key)),
+        path_(std::move(path)),
+        chunks_(chunks) {}
   absl::Status OpenAt(int64_t offset);
+  absl::Status BringChunks(int64_t offset);  // into a file that has fewer bytes
+  absl::Status Write(std::string_view bytes);
+  absl::Status StoreChunks();
   absl::Status Lost() const;
 
   const std::shared_ptr<PartialSlot> slot_;
   const uint64_t writer_;
-  const std::string path_;
+  const std::string job_id_, key_, path_;
+  const UploadChunks* const chunks_;  // null: the file is too small for them
   int fd_ = -1;
   int64_t size_ = 0;
+  int64_t in_chunks_ = 0;  // of them
   Sha256 sha_;
 };
 
 // Files that have come in part, one folder per job. Keys are lower-case hex digits made by us.
-// Thread-safe; for one process at a time.
+// Thread-safe; for one process at a time. With chunks, large files go on at another process, too:
+// at the last full chunk, where theirs ends earlier.
 //
-// Errors: RESOURCE_EXHAUSTED (DISK_FULL), INTERNAL (STORE_FAILED).
+// Errors: RESOURCE_EXHAUSTED (DISK_FULL), INTERNAL (STORE_FAILED), those of the chunks.
 class PartialFiles {
  public:
-  explicit PartialFiles(std::string root) : root_(std::move(root)) {}
+  explicit PartialFiles(std::string root, UploadChunks chunks = {nullptr, 0})
+      : root_(std::move(root)), chunks_(chunks) {}
 
-  // Bytes of the file that are on disk now; 0 if there are none.
-  absl::StatusOr<int64_t> Size(std::string_view job_id, std::string_view key);
+  // Bytes that are on disk now, here or in chunks, of a file that will have `file_bytes`.
+  absl::StatusOr<int64_t> Size(std::string_view job_id, std::string_view key, int64_t file_bytes);
 
   // Takes the file over, from `offset` on: bytes beyond it are dropped, those before are read once
   // for the digest. OUT_OF_RANGE (OFFSET_INVALID) if fewer are there.
   absl::StatusOr<std::unique_ptr<PartialFile>> Open(std::string_view job_id, std::string_view key,
-                                                    int64_t offset);
+                                                    int64_t file_bytes, int64_t offset);
 
   // Whether a stream has a file of the job open.
   bool InUse(std::string_view job_id);
@@ -78,16 +92,21 @@ class PartialFiles {
     int64_t files = 0, bytes = 0;
   };
   Usage UsageOf(std::string_view job_id) const;
+  const UploadChunks& chunks() const { return chunks_; }
 
   // Removes the job's files; streams that have one open lose it.
   absl::Status RemoveJob(std::string_view job_id);
 
  private:
+  const UploadChunks* ChunksOf(int64_t file_bytes) const {
+    return chunks_.used() && file_bytes >= chunks_.chunk_bytes() ? &chunks_ : nullptr;
+  }
   std::string Folder(std::string_view job_id) const;
   // Keys of slots are "JOB/KEY".
   std::shared_ptr<PartialSlot> SlotOf(const std::string& name);
 
   const std::string root_;
+  const UploadChunks chunks_;
   std::mutex mutex_;
   uint64_t next_writer_ = 1;
   std::map<std::string, std::weak_ptr<PartialSlot>> slots_;
