@@ -351,8 +351,9 @@ TEST(Connection, ServersWithoutAnAddressAreRefusedWhereThereAreSeveral) {
     EXPECT_EQ(DetailOf(status).field(), "--server");
   }
   // A token stays on this machine only if all of them are on it.
-  EXPECT_EQ(DetailOf(Connect({.server = "127.0.0.1:1,192.0.2.1:2", .token = "x"}).status()).reason(),
-            "TOKEN_EXPOSED");
+  EXPECT_EQ(
+      DetailOf(Connect({.server = "127.0.0.1:1,192.0.2.1:2", .token = "x"}).status()).reason(),
+      "TOKEN_EXPOSED");
 }
 
 TEST_F(ClientTest, OneServerOfSeveralIsEnough) {

@@ -14,7 +14,7 @@ struct ConnectionOptions {
   // host:port; several, separated by commas, of one service: the first that answers, in an order
   // that is another one in every process, is used until it does not answer any more.
   std::string server = {};
-  bool tls = false;         // with the system's root certificates; also turned on by those below
+  bool tls = false;  // with the system's root certificates; also turned on by those below
   // Paths of PEM files; empty: none.
   std::string tls_ca = {};    // the roots to trust instead of the system's
   std::string tls_cert = {};  // our certificate, if the server asks for one

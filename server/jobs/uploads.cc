@@ -73,7 +73,8 @@ absl::StatusOr<std::vector<FileStatus>> Uploads::Query(std::string_view id,
       status.offset = file.size_bytes;
       continue;
     }
-    LITAGS_ASSIGN_OR_RETURN(const int64_t there, partials().Size(id, PartialKey(file), file.size_bytes));
+    LITAGS_ASSIGN_OR_RETURN(const int64_t there,
+                            partials().Size(id, PartialKey(file), file.size_bytes));
     status.offset = std::min(there, file.size_bytes);
   }
   return result;

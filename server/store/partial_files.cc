@@ -39,8 +39,8 @@ absl::Status PartialFile::BringChunks(int64_t offset) {
   if (there < 0) return FileError("read", path_, errno);
   if (there >= offset) return absl::OkStatus();
   size_ = there;
-  LITAGS_RETURN_IF_ERROR(chunks_->Read(
-      job_id_, key_, there, [this](std::string_view bytes) { return Write(bytes); }));
+  LITAGS_RETURN_IF_ERROR(
+      chunks_->Read(job_id_, key_, there, [this](std::string_view bytes) { return Write(bytes); }));
   size_ = 0;  // counted when the file is read
   return absl::OkStatus();
 }
@@ -116,7 +116,8 @@ void PartialFile::Discard() {
   if (slot_->writer != writer_) return;
   slot_->writer = kNobody;
   unlink(path_.c_str());
-  if (chunks_ && size_ > 0) chunks_->Remove(job_id_, key_).IgnoreError();  // gone at the latest with the upload
+  if (chunks_ && size_ > 0)
+    chunks_->Remove(job_id_, key_).IgnoreError();  // gone at the latest with the upload
 }
 
 std::string PartialFiles::Folder(std::string_view job_id) const {
@@ -170,8 +171,7 @@ absl::StatusOr<std::unique_ptr<PartialFile>> PartialFiles::Open(std::string_view
   }
   const std::string path = absl::StrCat(folder, "/", std::string(key));
   std::unique_ptr<PartialFile> file(new PartialFile(slot, writer, std::string(job_id),
-                                                    std::string(key), path,
-                                                    ChunksOf(file_bytes)));
+                                                    std::string(key), path, ChunksOf(file_bytes)));
   std::lock_guard lock(slot->mutex);  // an append of the writer before is over now
   slot->writer = writer;
   const absl::Status opened = file->OpenAt(offset);

@@ -14,8 +14,8 @@
 namespace litags {
 
 // Pieces of large files on their way, as blobs "uploads/JOB/KEY/FIRST-END", so that another server
-// of the same blob store can go on with a file. Keys are those of PartialFiles. What a file's pieces
-// are together is known by its digest only when it is complete.
+// of the same blob store can go on with a file. Keys are those of PartialFiles. What a file's
+// pieces are together is known by its digest only when it is complete.
 //
 // Thread-safe. Errors: those of the blob store.
 class UploadChunks {
