@@ -216,7 +216,7 @@ class Storm:
         if client.model(job) != self.expected[seed]:
             self.complain(f"{job}: another model than undisturbed")
 
-    def settles(self, what, condition, seconds=90):
+    def settles(self, what, condition, seconds=180):
         deadline = time.monotonic() + seconds
         while (left := condition()) and time.monotonic() < deadline:
             time.sleep(0.5)
