@@ -7,6 +7,7 @@
 
 #include "engine/core/error.h"
 #include "server/store/digest.h"
+#include "server/store/upload_chunks.h"
 #include "server/testing/blob_store_kind.h"
 #include "server/testing/temp_dir.h"
 
@@ -111,6 +112,30 @@ TEST_F(BlobStoreConformance, FoldersAreListedByTheirOwnNames) {
   EXPECT_THAT(*blobs_->List("jobs/1"), UnorderedElementsAre("aa", "bb"));
   ASSERT_TRUE(blobs_->RemoveFolder("jobs/1").ok());
   EXPECT_THAT(*blobs_->List("jobs/12"), ElementsAre("aa"));
+}
+
+TEST_F(BlobStoreConformance, ChunksOfAnUploadAreReadAsFarAsTheyHang) {
+  const UploadChunks chunks(blobs_.get(), 4);
+  EXPECT_EQ(*chunks.Size("a1", "ff"), 0);
+  ASSERT_TRUE(chunks.Put("a1", "ff", 4, "4567").ok());
+  EXPECT_EQ(*chunks.Size("a1", "ff"), 0) << "the beginning is not there";
+  ASSERT_TRUE(chunks.Put("a1", "ff", 0, "0123").ok());
+  ASSERT_TRUE(chunks.Put("a1", "ff", 2, "2345").ok());
+  ASSERT_TRUE(chunks.Put("a1", "ff", 12, "cdef").ok());
+  EXPECT_EQ(*chunks.Size("a1", "ff"), 8);
+  std::string rest;
+  const auto take = [&](std::string_view bytes) {
+    rest += bytes;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(chunks.Read("a1", "ff", 3, take).ok());
+  EXPECT_EQ(rest, "34567");
+  EXPECT_THAT(*chunks.Jobs(), ElementsAre("a1"));
+  ASSERT_TRUE(chunks.Remove("a1", "ff").ok());
+  EXPECT_EQ(*chunks.Size("a1", "ff"), 0);
+  ASSERT_TRUE(chunks.Put("a1", "ff", 0, "0").ok());
+  ASSERT_TRUE(chunks.RemoveJob("a1").ok());
+  EXPECT_THAT(*chunks.Jobs(), IsEmpty());
 }
 
 TEST_F(BlobStoreConformance, QuietIsAFolderThatNothingCameTo) {

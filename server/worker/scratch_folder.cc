@@ -17,6 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr int kTries = 10;
+
 // The folder, locked; -1 if it is gone or somebody else has it.
 int LockFolder(const std::string& path) {
   const int fd = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -26,7 +28,9 @@ int LockFolder(const std::string& path) {
       stat(path.c_str(), &there) == 0 && opened.st_ino == there.st_ino) {
     return fd;
   }
+  const int error = errno;
   close(fd);
+  errno = error;
   return -1;
 }
 
@@ -34,12 +38,14 @@ int LockFolder(const std::string& path) {
 
 absl::StatusOr<std::unique_ptr<ScratchFolder>> ScratchFolder::Make(const std::string& root) {
   RemoveAbandoned(root);
-  for (;;) {
+  for (int attempt = 1;; ++attempt) {
     std::string path = root + "/" + RandomHex(8);
     if (mkdir(path.c_str(), 0700) != 0) return FileError("create", path, errno);
     const int fd = LockFolder(path);
     if (fd >= 0) return std::unique_ptr<ScratchFolder>(new ScratchFolder(std::move(path), fd));
-    // Another worker took it for abandoned, in the moment before it was locked.
+    // Another worker took it for abandoned, in the moment before it was locked; or nothing can be
+    // locked there.
+    if (attempt == kTries) return FileError("lock", path, errno);
   }
 }
 
