@@ -63,6 +63,23 @@ std::string SqliteStatement::Text(int column) const {
   return text ? std::string(text, sqlite3_column_bytes(stmt_, column)) : std::string();
 }
 
+namespace {
+
+// Two that change a new file's mode at the same time are in each other's way, and SQLite does not
+// wait then.
+absl::Status EnterWal(sqlite3* db) {
+  constexpr int kPauseMs = 10;
+  int result = SQLITE_BUSY;
+  for (int waited_ms = 0; result == SQLITE_BUSY && waited_ms < kBusyTimeoutMs;
+       waited_ms += kPauseMs) {
+    if (waited_ms > 0) sqlite3_sleep(kPauseMs);
+    result = sqlite3_exec(db, "PRAGMA journal_mode=WAL", nullptr, nullptr, nullptr);
+  }
+  return result == SQLITE_OK ? absl::OkStatus() : ErrorOf(db, result);
+}
+
+}  // namespace
+
 absl::StatusOr<std::unique_ptr<SqliteConnection>> SqliteConnection::Open(const std::string& path) {
   sqlite3* db = nullptr;
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
@@ -74,9 +91,9 @@ absl::StatusOr<std::unique_ptr<SqliteConnection>> SqliteConnection::Open(const s
                                   "; check that the folder exists and may be written"));
   }
   sqlite3_busy_timeout(db, kBusyTimeoutMs);
+  LITAGS_RETURN_IF_ERROR(EnterWal(db));
   // FULL: a commit is on disk before it returns, also in WAL mode.
-  LITAGS_RETURN_IF_ERROR(connection->Execute(
-      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"));
+  LITAGS_RETURN_IF_ERROR(connection->Execute("PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"));
   return connection;
 }
 
