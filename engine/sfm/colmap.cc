@@ -1,6 +1,7 @@
 #include "engine/sfm/colmap.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <utility>
@@ -158,14 +159,26 @@ absl::StatusOr<double> Colmap::Triangulate(const std::string& input_dir,
                                            const std::string& output_dir, int num_photos,
                                            const FractionFn& progress) {
   int done = 0;
-  return RunChecked({"point_triangulator", "--database_path", database_path(), "--image_path",
-                     images_dir(), "--input_path", input_dir, "--output_path", output_dir,
-                     "--Mapper.num_threads", absl::StrCat(threads_)},
-                    [&](std::string_view line) {
-                      if (absl::StrContains(std::string(line), "Triangulating image #")) {
-                        progress(std::min(1.0, static_cast<double>(++done) / num_photos));
-                      }
-                    });
+  bool nothing_to_adjust = false;
+  const auto on_line = [&](std::string_view view) {
+    const std::string line(view);
+    if (absl::StrContains(line, "Triangulating image #")) {
+      progress(std::min(1.0, static_cast<double>(++done) / num_photos));
+    }
+    if (absl::StrContains(line, "Check failed: bundle_adjuster.Solve")) nothing_to_adjust = true;
+  };
+  const auto start = std::chrono::steady_clock::now();
+  const auto seconds =
+      RunChecked({"point_triangulator", "--database_path", database_path(), "--image_path",
+                  images_dir(), "--input_path", input_dir, "--output_path", output_dir,
+                  "--Mapper.num_threads", absl::StrCat(threads_)},
+                 on_line);
+  // COLMAP 3.8 aborts where there is no point to adjust: an answer, not a failure.
+  const auto detail = GetErrorDetail(seconds.status());
+  if (nothing_to_adjust && detail && detail->reason == "COLMAP_FAILED") {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+  return seconds;
 }
 
 }  // namespace litags

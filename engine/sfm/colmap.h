@@ -39,6 +39,7 @@ class Colmap {
   // Models appear as models_dir/0, 1, ...; none at all is not an error here.
   absl::StatusOr<double> Map(const std::string& models_dir, int num_photos,
                              const FractionFn& progress);
+  // Leaves `output_dir` empty if no point is seen by two photos.
   absl::StatusOr<double> Triangulate(const std::string& input_dir, const std::string& output_dir,
                                      int num_photos, const FractionFn& progress);
 

@@ -239,12 +239,15 @@ absl::StatusOr<RungOutput> TriangulatePhotos(const RungInput& in, const SparseMo
       colmap.Triangulate(input_dir, output_dir, static_cast<int>(in.photos.size()),
                          [&](double f) { in.report("triangulate", f); }));
 
-  LITAGS_ASSIGN_OR_RETURN(SparseModel copies, ReadColmapModel(output_dir, "colmap model"));
-  LITAGS_ASSIGN_OR_RETURN(out.model, ToPhotos(std::move(copies), in.photos));
-  if (out.model.views.size() != cameras.views.size()) {
-    return MakeError(absl::StatusCode::kInternal, "COLMAP_FAILED", "point_triangulator",
-                     absl::StrCat("COLMAP returned ", out.model.views.size(), " of ",
-                                  cameras.views.size(), " given cameras"));
+  std::error_code ignored;  // the reader says what is wrong
+  if (!fs::is_empty(output_dir, ignored)) {  // else there are no points
+    LITAGS_ASSIGN_OR_RETURN(SparseModel copies, ReadColmapModel(output_dir, "colmap model"));
+    LITAGS_ASSIGN_OR_RETURN(out.model, ToPhotos(std::move(copies), in.photos));
+    if (out.model.views.size() != cameras.views.size()) {
+      return MakeError(absl::StatusCode::kInternal, "COLMAP_FAILED", "point_triangulator",
+                       absl::StrCat("COLMAP returned ", out.model.views.size(), " of ",
+                                    cameras.views.size(), " given cameras"));
+    }
   }
   // The given numbers, not what they became on the way through COLMAP.
   out.model.views = cameras.views;

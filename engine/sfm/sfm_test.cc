@@ -393,6 +393,38 @@ TEST_F(SfmTest, CamerasThatSeeNothingAlikeAreAnError) {
   EXPECT_EQ(Reason(result.status()), "SFM_NO_POINTS");
 }
 
+// What COLMAP 3.8 says and does then.
+constexpr char kAbort[] =
+    "echo 'F2026 1 sfm.cc:473] Check failed: bundle_adjuster.Solve(&reconstruction) ' >&2; "
+    "kill -ABRT $$";
+
+TEST_F(SfmTest, TheAbortOfATriangulationWithoutPointsIsNoFailureOfColmap) {
+  const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+  colmap_.On("point_triangulator", kAbort);
+  const auto result =
+      TriangulatePoints(photos, KnownCameras(), colmap_.dir() + "/work", options_, cancel_);
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Reason(result.status()), "SFM_NO_POINTS");
+  // Other aborts are.
+  colmap_.On("point_triangulator", "kill -ABRT $$");
+  EXPECT_EQ(
+      Reason(TriangulatePoints(photos, KnownCameras(), colmap_.dir() + "/work", options_, cancel_)
+                 .status()),
+      "COLMAP_FAILED");
+}
+
+TEST_F(SfmTest, PointsOfALaterPreparationAreTakenAfterAnAbort) {
+  const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+  colmap_.On("point_triangulator", absl::StrCat("if [ $rung = 0 ]; then ", kAbort, "; fi"));
+  colmap_.SetTriangulated(1, Model({0, 1, 2, 3, 4, 5}, 60));
+  const auto result =
+      TriangulatePoints(photos, KnownCameras(), colmap_.dir() + "/work", options_, cancel_);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.points, SizeIs(60));
+  ASSERT_THAT(result->rungs, SizeIs(2));
+  EXPECT_EQ(result->rungs[0].points, 0);
+}
+
 TEST(SfmOptions, DefaultsAreValidAndErrorsNameTheField) {
   EXPECT_TRUE(SfmOptions().Validate().ok());
   SfmOptions options;
