@@ -81,9 +81,13 @@ bool IsArchiveName(const std::string& name) {
          lower.ends_with(".tgz");
 }
 
-// The files of a COLMAP model.
+// The files of a COLMAP model, in text form if there is no binary one.
 absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
-  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+  std::error_code ignored;  // MakeLocalFile says what is wrong
+  const bool text = !fs::exists(fs::path(dir) / "cameras.bin", ignored) &&
+                    fs::exists(fs::path(dir) / "cameras.txt", ignored);
+  for (const char* stem : {"cameras", "images", "points3D"}) {
+    const std::string name = absl::StrCat(stem, text ? ".txt" : ".bin");
     auto file = MakeLocalFile(fs::path(dir) / name, v1::FILE_ROLE_COLMAP);
     if (!file.ok()) return file.status();
     capture->bytes += file->size_bytes;

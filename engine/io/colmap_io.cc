@@ -2,11 +2,13 @@
 
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <unordered_map>
 #include <vector>
 
 #include "engine/io/byte_reader.h"
+#include "engine/io/colmap_text.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/model_util.h"
@@ -301,14 +303,13 @@ std::string EncodeImages(const SparseModel& model, const std::vector<size_t>& ca
   return out;
 }
 
-}  // namespace
-
-absl::StatusOr<SparseModel> ParseColmapModel(std::string_view cameras_bin,
-                                             std::string_view images_bin,
-                                             std::string_view points_bin, std::string_view field) {
-  const std::string images_name = absl::StrCat(Absl(field), "/images.bin");
+// `suffix`: of the files' names in errors.
+absl::StatusOr<SparseModel> ParseModel(std::string_view cameras_bin, std::string_view images_bin,
+                                       std::string_view points_bin, std::string_view field,
+                                       const char* suffix) {
+  const std::string images_name = absl::StrCat(Absl(field), "/images", suffix);
   LITAGS_ASSIGN_OR_RETURN(const auto cameras,
-                          ParseCameras(cameras_bin, absl::StrCat(Absl(field), "/cameras.bin")));
+                          ParseCameras(cameras_bin, absl::StrCat(Absl(field), "/cameras", suffix)));
   LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(images_bin, cameras, images_name));
   if (images.views.empty()) return InvalidField("NO_CAMERAS", images_name, "it holds no image");
 
@@ -318,19 +319,40 @@ absl::StatusOr<SparseModel> ParseColmapModel(std::string_view cameras_bin,
   std::vector<int> view_of_source(order.size());
   for (size_t i = 0; i < order.size(); ++i) view_of_source[order[i]] = static_cast<int>(i);
 
-  LITAGS_ASSIGN_OR_RETURN(model.points, ParsePoints(points_bin, images, view_of_source,
-                                                    absl::StrCat(Absl(field), "/points3D.bin")));
+  LITAGS_ASSIGN_OR_RETURN(model.points,
+                          ParsePoints(points_bin, images, view_of_source,
+                                      absl::StrCat(Absl(field), "/points3D", suffix)));
   return model;
 }
 
+}  // namespace
+
+absl::StatusOr<SparseModel> ParseColmapModel(std::string_view cameras_bin,
+                                             std::string_view images_bin,
+                                             std::string_view points_bin, std::string_view field) {
+  return ParseModel(cameras_bin, images_bin, points_bin, field, ".bin");
+}
+
+absl::StatusOr<SparseModel> ParseColmapText(std::string_view cameras_txt,
+                                            std::string_view images_txt,
+                                            std::string_view points_txt, std::string_view field) {
+  LITAGS_ASSIGN_OR_RETURN(const ColmapBytes bytes,
+                          BinaryFromText(cameras_txt, images_txt, points_txt, field));
+  return ParseModel(bytes.cameras, bytes.images, bytes.points, field, ".txt");
+}
+
 absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field) {
+  std::error_code ignored;  // ReadFile says what is wrong
+  const bool text = !std::filesystem::exists(dir + "/cameras.bin", ignored) &&
+                    std::filesystem::exists(dir + "/cameras.txt", ignored);
   std::string bytes[3];
-  constexpr const char* kFiles[3] = {"/cameras.bin", "/images.bin", "/points3D.bin"};
+  constexpr const char* kFiles[3] = {"/cameras", "/images", "/points3D"};
   for (int i = 0; i < 3; ++i) {
-    LITAGS_ASSIGN_OR_RETURN(
-        bytes[i], ReadFile(dir + kFiles[i], absl::StrCat(Absl(field), kFiles[i]), kMaxFileBytes));
+    const std::string name = absl::StrCat(kFiles[i], text ? ".txt" : ".bin");
+    LITAGS_ASSIGN_OR_RETURN(bytes[i],
+                            ReadFile(dir + name, absl::StrCat(Absl(field), name), kMaxFileBytes));
   }
-  return ParseColmapModel(bytes[0], bytes[1], bytes[2], field);
+  return (text ? ParseColmapText : ParseColmapModel)(bytes[0], bytes[1], bytes[2], field);
 }
 
 absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model) {

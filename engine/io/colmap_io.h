@@ -1,4 +1,4 @@
-// COLMAP's binary model: cameras.bin, images.bin, points3D.bin. Same axes as ours.
+// COLMAP's models: cameras.bin, images.bin, points3D.bin, or the same as .txt. Same axes as ours.
 #ifndef LITAGS_ENGINE_IO_COLMAP_IO_H_
 #define LITAGS_ENGINE_IO_COLMAP_IO_H_
 
@@ -11,8 +11,8 @@
 
 namespace litags {
 
-// Reads the model in folder `dir`. Camera models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and
-// OPENCV. NOT_FOUND if a file is missing; INVALID_ARGUMENT if one is truncated, holds impossible
+// Reads the model in folder `dir`: the binary one, or, if there is none, that in text form. Camera
+// models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV. NOT_FOUND if a file is missing; INVALID_ARGUMENT if one is truncated, holds impossible
 // counts or references, numbers that are not finite, or another camera model.
 absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field);
 
@@ -20,6 +20,10 @@ absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_
 absl::StatusOr<SparseModel> ParseColmapModel(std::string_view cameras_bin,
                                              std::string_view images_bin,
                                              std::string_view points_bin, std::string_view field);
+// The same in text form.
+absl::StatusOr<SparseModel> ParseColmapText(std::string_view cameras_txt,
+                                            std::string_view images_txt,
+                                            std::string_view points_txt, std::string_view field);
 
 // Writes the model to folder `dir` (which exists), one camera per distinct set of intrinsics:
 // PINHOLE, or OPENCV where there is distortion. Image and point ids are index + 1.

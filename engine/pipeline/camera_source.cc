@@ -34,7 +34,8 @@ std::string Dump(const Json& json) {
 // Of the files that ReadCameras reads. What cannot be read is left to it to complain about.
 std::string FingerprintOfCameras(const std::string& path) {
   Fingerprint f;
-  for (const char* name : {"", "/cameras.bin", "/images.bin", "/points3D.bin"}) {
+  for (const char* name : {"", "/cameras.bin", "/images.bin", "/points3D.bin", "/cameras.txt",
+                           "/images.txt", "/points3D.txt"}) {
     std::error_code ignored;
     if (!fs::is_regular_file(path + name, ignored)) continue;
     const auto bytes = ReadFile(path + name, "cameras", kMaxCameraFile);

@@ -29,7 +29,7 @@ RoleRules RulesOf(FileRole role) {
     case FileRole::kDepth:
       return {"depths", {".png", ".pfm", ".npy"}};
     case FileRole::kColmap:
-      return {"colmap", {".bin"}};
+      return {"colmap", {".bin", ".txt"}};
     case FileRole::kArchive:
       return {"archives", {".zip", ".tar", ".tar.gz", ".tgz"}};
     case FileRole::kPhoto:
@@ -38,7 +38,8 @@ RoleRules RulesOf(FileRole role) {
   return {"images", {".jpg", ".jpeg", ".png"}};
 }
 
-constexpr const char* kColmapNames[] = {"cameras.bin", "images.bin", "points3D.bin"};
+constexpr const char* kColmapNames[] = {"cameras.bin", "images.bin", "points3D.bin",
+                                        "cameras.txt", "images.txt", "points3D.txt"};
 
 bool IsColmapName(const std::string& name) {
   return std::any_of(std::begin(kColmapNames), std::end(kColmapNames),
@@ -72,8 +73,7 @@ absl::Status CheckName(const std::string& name, FileRole role, const std::string
   if (role == FileRole::kColmap && !IsColmapName(name)) {
     return InvalidInput("BAD_FILE_NAME", field,
                         absl::StrCat(field, ": the files of a COLMAP model are named ",
-                                     absl::StrJoin(kColmapNames, ", "),
-                                     "; text models are converted by colmap model_converter"));
+                                     absl::StrJoin(kColmapNames, ", ")));
   }
   if (name.front() != '.' && HasExtension(name, role)) return absl::OkStatus();
   return InvalidInput("BAD_FILE_NAME", field,
@@ -162,7 +162,16 @@ std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry) {
     return HasExtension(entry.name, FileRole::kDepth) ? std::optional(FileRole::kDepth)
                                                       : std::nullopt;
   }
-  if (IsColmapName(entry.name)) return FileRole::kColmap;
+  // Text files of these names may be anything, save where COLMAP's are.
+  const auto is_colmap_folder = [](const std::string& f) {
+    const std::string lower = absl::AsciiStrToLower(f);
+    return lower.starts_with("sparse") || lower.starts_with("colmap");
+  };
+  if (IsColmapName(entry.name) &&
+      (entry.name.ends_with(".bin") ||
+       std::any_of(entry.folders.begin(), entry.folders.end(), is_colmap_folder))) {
+    return FileRole::kColmap;
+  }
   if (entry.name.starts_with("transforms") && HasExtension(entry.name, FileRole::kCameras)) {
     return FileRole::kCameras;
   }

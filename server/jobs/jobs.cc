@@ -15,10 +15,10 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
   const FileRecord* other = nullptr;  // of another size than the first
   int photos = 0;
   bool cameras = false;
-  int colmap_files = 0;
+  int binary_files = 0, text_files = 0;  // of COLMAP models
   for (const FileRecord& file : files) {
     if (file.role == FileRole::kCameras || file.role == FileRole::kColmap) cameras = true;
-    if (file.role == FileRole::kColmap) ++colmap_files;
+    if (file.role == FileRole::kColmap) ++(file.name.ends_with(".txt") ? text_files : binary_files);
     if (file.role != FileRole::kPhoto) continue;
     ++photos;
     if (!first) first = &file;
@@ -29,11 +29,11 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
                      absl::StrCat("the job has ", photos, photos == 1 ? " photo" : " photos",
                                   "; a scene needs at least 2, and 20 or more look good"));
   }
-  if (colmap_files % 3 != 0) {
+  if (binary_files + text_files > 0 && binary_files < 3 && text_files < 3) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "COLMAP_INCOMPLETE", "colmap",
-                     absl::StrCat("the job has ", colmap_files,
-                                  " of the 3 files of a COLMAP "
-                                  "model; upload cameras.bin, images.bin and points3D.bin"));
+                     absl::StrCat("the job has ", std::max(binary_files, text_files),
+                                  " of the 3 files of a COLMAP model; upload cameras.bin, "
+                                  "images.bin and points3D.bin, or the same three as .txt"));
   }
   if (other && !cameras) {
     return MakeError(

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <string>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/container.h"
@@ -138,6 +139,16 @@ void AddImages(const Corpus& corpus) {
   corpus.Add("depth_map", "depth.npy", EncodeNpy(MakeNpyArray({3, 4}, absl::MakeSpan(values))));
 }
 
+// The three files of a model as COLMAP writes them.
+std::vector<std::string> ColmapText(bool distorted) {
+  return {absl::StrCat("# cameras\n1 ",
+                       distorted ? "OPENCV 64 48 70 71.5 32 24 0.1 -0.2 0.003 1e-4\n"
+                                 : "PINHOLE 64 48 70 71.5 32 24\n2 SIMPLE_RADIAL 4 3 5 2 1.5 0\n"),
+          "# images\n2 1 0 0 0 0.5 -1 2e0 1 night/b.jpg\n\n"
+          "5 0.5 -0.5 0.5 0.5 0 0 1 1 a b.jpg\n10.5 11 3 12 13.25 -1\n",
+          "# points\n3 0.25 -1 4 10 20 30 0.75 5 0\n4 1 1 1 0 0 0 -1\n"};
+}
+
 void AddModels(const Corpus& corpus, const fs::path& scratch) {
   for (const bool distorted : {false, true}) {
     const std::string name = distorted ? "distorted" : "plain";
@@ -146,6 +157,7 @@ void AddModels(const Corpus& corpus, const fs::path& scratch) {
     corpus.Add("colmap_model", name,
                JoinPieces({Read(scratch / "cameras.bin"), Read(scratch / "images.bin"),
                            Read(scratch / "points3D.bin")}));
+    corpus.Add("colmap_text", name, JoinPieces(ColmapText(distorted)));
     corpus.Add("ply", distorted ? "lita.ply" : "plain.ply", EncodePly(Gaussians(), distorted));
   }
 }

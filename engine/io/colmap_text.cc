@@ -1,0 +1,207 @@
+#include "engine/io/colmap_text.h"
+
+#include <charconv>
+#include <cstdint>
+#include <system_error>
+
+#include "engine/io/byte_reader.h"
+#include "engine/io/io_error.h"
+
+namespace litags {
+namespace {
+
+struct CameraModel {
+  std::string_view name;
+  int32_t number;
+  int params;
+};
+constexpr CameraModel kCameraModels[] = {{"SIMPLE_PINHOLE", 0, 3},
+                                         {"PINHOLE", 1, 4},
+                                         {"SIMPLE_RADIAL", 2, 4},
+                                         {"RADIAL", 3, 5},
+                                         {"OPENCV", 4, 8}};
+
+bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+
+std::string_view Trimmed(std::string_view text) {
+  while (!text.empty() && IsBlank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && IsBlank(text.back())) text.remove_suffix(1);
+  return text;
+}
+
+// Lines of a file, trimmed, and where they stand.
+class LineReader {
+ public:
+  LineReader(std::string_view text, std::string field) : rest_(text), field_(std::move(field)) {}
+
+  // The next line, whatever is in it; false at the end.
+  bool Next(std::string_view* line) {
+    if (rest_.empty()) return false;
+    const size_t end = rest_.find('\n');
+    *line = Trimmed(rest_.substr(0, end));
+    rest_ = end == std::string_view::npos ? "" : rest_.substr(end + 1);
+    ++number_;
+    return true;
+  }
+  // The next line that is neither empty nor a comment.
+  bool NextRecord(std::string_view* line) {
+    while (Next(line)) {
+      if (!line->empty() && line->front() != '#') return true;
+    }
+    return false;
+  }
+
+  absl::Status Corrupt(std::string_view what) const {
+    return InvalidField(
+        "MODEL_CORRUPT", field_,
+        absl::StrCat("line ", number_, ": ", Absl(what), "; export the model again"));
+  }
+
+ private:
+  std::string_view rest_;
+  const std::string field_;
+  int64_t number_ = 0;
+};
+
+// The words of a line, one after the other.
+class Words {
+ public:
+  explicit Words(std::string_view line) : rest_(line) {}
+
+  std::string_view rest() const { return rest_; }
+
+  // False at the end of the line.
+  bool Next(std::string_view* word) {
+    if (rest_.empty()) return false;
+    size_t end = 0;
+    while (end < rest_.size() && !IsBlank(rest_[end])) ++end;
+    *word = rest_.substr(0, end);
+    rest_ = Trimmed(rest_.substr(end));
+    return true;
+  }
+
+  // False if the next word is not such a number.
+  template <typename T>
+  bool Read(T* value) {
+    std::string_view word;
+    if (!Next(&word)) return false;
+    const char* end = word.data() + word.size();
+    const auto [stop, error] = std::from_chars(word.data(), end, *value);
+    return error == std::errc() && stop == end;
+  }
+
+  // Appends numbers of this type as they stand in a binary model.
+  template <typename T>
+  bool Copy(int count, std::string* out) {
+    for (int i = 0; i < count; ++i) {
+      T value{};
+      if (!Read(&value)) return false;
+      AppendNumber(out, value);
+    }
+    return true;
+  }
+
+ private:
+  std::string_view rest_;
+};
+
+// `count` in front of `records`.
+std::string Counted(uint64_t count, const std::string& records) {
+  std::string out;
+  AppendNumber(&out, count);
+  return out.append(records);
+}
+
+absl::StatusOr<std::string> Cameras(LineReader lines) {
+  std::string records;
+  uint64_t count = 0;
+  for (std::string_view line; lines.NextRecord(&line); ++count) {
+    Words words(line);
+    uint32_t id = 0;
+    std::string_view name;
+    if (!words.Read(&id) || !words.Next(&name)) return lines.Corrupt("not a camera");
+    const CameraModel* model = nullptr;
+    for (const CameraModel& m : kCameraModels) {
+      if (m.name == name) model = &m;
+    }
+    if (!model) {
+      const absl::Status status = lines.Corrupt(
+          "its camera model is not SIMPLE_PINHOLE, PINHOLE, "
+          "SIMPLE_RADIAL, RADIAL or OPENCV");
+      return InvalidInput("UNSUPPORTED_CAMERA_MODEL", GetErrorDetail(status)->field,
+                          std::string(status.message()));
+    }
+    AppendNumber(&records, id);
+    AppendNumber(&records, model->number);
+    if (!words.Copy<uint64_t>(2, &records) || !words.Copy<double>(model->params, &records) ||
+        !words.rest().empty()) {
+      return lines.Corrupt("a camera has its number, model, size and parameters");
+    }
+  }
+  return Counted(count, records);
+}
+
+absl::StatusOr<std::string> Images(LineReader lines) {
+  std::string records;
+  uint64_t count = 0;
+  for (std::string_view line; lines.NextRecord(&line); ++count) {
+    Words words(line);
+    if (!words.Copy<uint32_t>(1, &records) || !words.Copy<double>(7, &records) ||
+        !words.Copy<uint32_t>(1, &records) || words.rest().empty() ||
+        words.rest().find('\0') != std::string_view::npos) {
+      return lines.Corrupt("an image has its number, rotation, translation, camera and name");
+    }
+    records.append(words.rest()).push_back('\0');
+    // The line that follows, empty or not, has the observations.
+    std::string observations;
+    uint64_t observed = 0;
+    if (!lines.Next(&line)) line = "";
+    for (Words seen(line); !seen.rest().empty(); ++observed) {
+      if (!seen.Copy<double>(2, &observations) || !seen.Copy<int64_t>(1, &observations)) {
+        return lines.Corrupt("an observation has x, y and the number of a point, or -1");
+      }
+    }
+    AppendNumber(&records, observed);
+    records.append(observations);
+  }
+  return Counted(count, records);
+}
+
+absl::StatusOr<std::string> Points(LineReader lines) {
+  std::string records;
+  uint64_t count = 0;
+  for (std::string_view line; lines.NextRecord(&line); ++count) {
+    Words words(line);
+    if (!words.Copy<uint64_t>(1, &records) || !words.Copy<double>(3, &records) ||
+        !words.Copy<uint8_t>(3, &records) || !words.Copy<double>(1, &records)) {
+      return lines.Corrupt("a point has its number, place, colour and error");
+    }
+    std::string track;
+    uint64_t length = 0;
+    for (; !words.rest().empty(); ++length) {
+      if (!words.Copy<uint32_t>(2, &track)) {
+        return lines.Corrupt("a track is made of numbers of an image and of its observation");
+      }
+    }
+    AppendNumber(&records, length);
+    records.append(track);
+  }
+  return Counted(count, records);
+}
+
+}  // namespace
+
+absl::StatusOr<ColmapBytes> BinaryFromText(std::string_view cameras_txt,
+                                           std::string_view images_txt, std::string_view points_txt,
+                                           std::string_view field) {
+  const auto lines = [&](std::string_view text, const char* name) {
+    return LineReader(text, absl::StrCat(Absl(field), name));
+  };
+  ColmapBytes bytes;
+  LITAGS_ASSIGN_OR_RETURN(bytes.cameras, Cameras(lines(cameras_txt, "/cameras.txt")));
+  LITAGS_ASSIGN_OR_RETURN(bytes.images, Images(lines(images_txt, "/images.txt")));
+  LITAGS_ASSIGN_OR_RETURN(bytes.points, Points(lines(points_txt, "/points3D.txt")));
+  return bytes;
+}
+
+}  // namespace litags
