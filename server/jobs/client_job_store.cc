@@ -14,6 +14,14 @@ absl::Status ForWorkersOnly() {
 
 }  // namespace
 
+absl::Status CheckByteQuota(int64_t bytes, int64_t max_bytes) {
+  if (max_bytes == 0 || bytes <= max_bytes) return absl::OkStatus();
+  return MakeError(
+      absl::StatusCode::kResourceExhausted, "BYTE_QUOTA_REACHED", "",
+      absl::StrCat("this client's jobs would hold ", bytes, " bytes, and may hold ", max_bytes,
+                   "; delete old jobs, or ask the operator for a larger --max-bytes"));
+}
+
 absl::StatusOr<JobRecord> ClientJobStore::Create(const JobRecord& job, Change change) {
   JobRecord owned = job;
   owned.owner = view_.owner;
@@ -51,12 +59,8 @@ absl::StatusOr<JobRecord> ClientJobStore::Update(std::string_view id, Change cha
     LITAGS_RETURN_IF_ERROR(change(job));
     LITAGS_ASSIGN_OR_RETURN(const OwnerUsage after, job.Usage());
     // Whoever is above a quota that was lowered may still do all that adds nothing.
-    if (after.bytes <= view_.max_bytes || after.bytes <= before.bytes) return absl::OkStatus();
-    return MakeError(
-        absl::StatusCode::kResourceExhausted, "BYTE_QUOTA_REACHED", "",
-        absl::StrCat("this client's jobs would hold ", after.bytes, " bytes, and may hold ",
-                     view_.max_bytes,
-                     "; delete old jobs, or ask the operator for a larger --max-bytes"));
+    if (after.bytes <= before.bytes) return absl::OkStatus();
+    return CheckByteQuota(after.bytes, view_.max_bytes);
   });
 }
 
@@ -69,6 +73,11 @@ absl::StatusOr<std::optional<JobFile>> ClientJobStore::FindFile(std::string_view
                                                                 std::string_view sha256) {
   LITAGS_RETURN_IF_ERROR(Get(id).status());
   return store_->FindFile(id, role, sha256);
+}
+
+absl::StatusOr<OwnerUsage> ClientJobStore::UsageOf(std::string_view owner) {
+  if (!view_.sees_all && owner != view_.owner) return OwnerUsage();
+  return store_->UsageOf(owner);
 }
 
 absl::StatusOr<std::vector<EventRecord>> ClientJobStore::Events(std::string_view id, int64_t after,

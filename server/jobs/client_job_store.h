@@ -17,6 +17,9 @@ struct ClientView {
   int64_t max_bytes = 0;  // of all their files; 0: no limit
 };
 
+// RESOURCE_EXHAUSTED (BYTE_QUOTA_REACHED) if there is a limit, and `bytes` are more.
+absl::Status CheckByteQuota(int64_t bytes, int64_t max_bytes);
+
 // The store as one client may use it. Jobs of others are as good as not there, in every call: this
 // is the one place where ownership and quotas are checked, below all handlers, so that a new
 // handler cannot forget them. Calls that are for workers are refused.
@@ -36,6 +39,7 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
                                                   std::string_view sha256) override;
+  absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override;
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                   int limit) override;
   absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen, double seconds) override {

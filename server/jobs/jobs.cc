@@ -53,11 +53,11 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
   struct Owned {
     ClientJobStore store;
     Jobs jobs;
-    Owned(const Jobs& all, ClientView view)
-        : store(all.store_, std::move(view)),
-          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area()) {}
+    Owned(const Jobs& all, const ClientView& view)
+        : store(all.store_, view),
+          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view.max_bytes) {}
   };
-  auto owned = std::make_shared<Owned>(*this, std::move(view));
+  auto owned = std::make_shared<Owned>(*this, view);
   return {owned, &owned->jobs};
 }
 

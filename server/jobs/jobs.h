@@ -102,12 +102,12 @@ class Jobs {
 
  private:
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
-       std::shared_ptr<UploadArea> area)
+       std::shared_ptr<UploadArea> area, int64_t max_owner_bytes = 0)
       : store_(store),
         blobs_(blobs),
         data_(std::move(data)),
         clock_(std::move(clock)),
-        uploads_(store, blobs, std::move(area), clock_) {}
+        uploads_(store, blobs, std::move(area), clock_, max_owner_bytes) {}
 
   absl::Status Enqueue(JobTransaction& job, std::string_view message);
   absl::StatusOr<bool> RemoveExpired(std::string_view id);

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/jobs/client_job_store.h"
 #include "server/jobs/state_machine.h"
 #include "server/store/digest.h"
 
@@ -110,18 +111,29 @@ absl::Status Uploads::CheckRoom(std::string_view id, const std::vector<FileRecor
   return absl::OkStatus();
 }
 
+// Whether the owner of the job may have this file, too. What streams that are open now have
+// announced counts once it has come: several may pass the limit by a file each.
+absl::Status Uploads::CheckQuota(std::string_view id, const FileRecord& file) const {
+  if (max_owner_bytes_ == 0) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+  LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
+  int64_t bytes = usage.bytes + file.size_bytes;
+  for (const std::string& other_id : area_->partials.Jobs()) {
+    const auto other = store_->Get(other_id);
+    if (!other.ok() || other->owner != job.owner) continue;
+    bytes += area_->partials.UsageOf(other_id, other_id == id ? PartialKey(file) : "").bytes;
+  }
+  return CheckByteQuota(bytes, max_owner_bytes_);
+}
+
 absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
                                                            const FileRecord& file, int64_t offset) {
   LITAGS_RETURN_IF_ERROR(Check(id));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
   const std::string key = PartialKey(file);
-  PartialFiles::Usage coming = partials().UsageOf(id);
-  LITAGS_ASSIGN_OR_RETURN(const int64_t there, partials().Size(id, key, file.size_bytes));
-  if (there > 0) {  // counted with the file itself
-    --coming.files;
-    coming.bytes -= there;
-  }
-  LITAGS_RETURN_IF_ERROR(CheckRoom(id, files, file, coming));
+  // What is there of the file itself counts with it.
+  LITAGS_RETURN_IF_ERROR(CheckRoom(id, files, file, partials().UsageOf(id, key)));
+  LITAGS_RETURN_IF_ERROR(CheckQuota(id, file));
   auto partial = partials().Open(id, key, file.size_bytes, offset);
   // A job that was cancelled or deleted meanwhile has no files on their way.
   if (const absl::Status status = Check(id); !status.ok()) {

@@ -54,9 +54,15 @@ struct UploadArea {
 // call says. In a FileRecord, role, name, size and digest must be set; names must be checked.
 class Uploads {
  public:
-  // The stores must outlive this.
-  Uploads(JobStore* store, BlobStore* blobs, std::shared_ptr<UploadArea> area, Clock clock)
-      : store_(store), blobs_(blobs), area_(std::move(area)), clock_(std::move(clock)) {}
+  // The stores must outlive this. `max_owner_bytes`: of all files of one owner's jobs, those on
+  // their way included; 0: no limit.
+  Uploads(JobStore* store, BlobStore* blobs, std::shared_ptr<UploadArea> area, Clock clock,
+          int64_t max_owner_bytes = 0)
+      : store_(store),
+        blobs_(blobs),
+        area_(std::move(area)),
+        clock_(std::move(clock)),
+        max_owner_bytes_(max_owner_bytes) {}
 
   const UploadLimits& limits() const { return area_->limits; }
   PartialFiles& partials() { return area_->partials; }
@@ -70,8 +76,8 @@ class Uploads {
                                                 const std::vector<FileRecord>& files);
   absl::StatusOr<bool> IsStored(std::string_view id, const FileRecord& file);
 
-  // Takes a file's bytes from `offset` on. RESOURCE_EXHAUSTED (TOO_MANY_FILES, JOB_TOO_LARGE),
-  // OUT_OF_RANGE (OFFSET_INVALID).
+  // Takes a file's bytes from `offset` on. RESOURCE_EXHAUSTED (TOO_MANY_FILES, JOB_TOO_LARGE,
+  // BYTE_QUOTA_REACHED), OUT_OF_RANGE (OFFSET_INVALID).
   absl::StatusOr<std::unique_ptr<PartialFile>> Open(std::string_view id, const FileRecord& file,
                                                     int64_t offset);
 
@@ -93,6 +99,7 @@ class Uploads {
  private:
   absl::Status CheckRoom(std::string_view id, const std::vector<FileRecord>& files,
                          const FileRecord& file, const PartialFiles::Usage& coming) const;
+  absl::Status CheckQuota(std::string_view id, const FileRecord& file) const;
   absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
   absl::Status PutRow(std::string_view id, const FileRecord& file);
   absl::Status RemoveUnused(std::string_view id, std::string_view sha256);
@@ -102,6 +109,7 @@ class Uploads {
   BlobStore* const blobs_;
   const std::shared_ptr<UploadArea> area_;
   const Clock clock_;
+  const int64_t max_owner_bytes_;
 };
 
 }  // namespace litags

@@ -83,6 +83,33 @@ class UploadsTest : public ::testing::Test {
   std::unique_ptr<Jobs> jobs_;
 };
 
+TEST_F(UploadsTest, WhatHasComeOfFilesCountsAgainstTheOwnersBytes) {
+  const auto alice = jobs_->For({.owner = "alice", .max_bytes = 1000});
+  const auto bob = jobs_->For({.owner = "bob", .max_bytes = 1000});
+  const std::string first = alice->Create({})->id, second = alice->Create({})->id;
+  const FileRecord broken = Photo("broken.jpg", std::string(800, 'x'));
+  ASSERT_TRUE((*alice->uploads().Open(first, broken, 0))->Append(std::string(600, 'x')).ok());
+
+  const FileRecord other = Photo("other.jpg", std::string(500, 'y'));
+  for (const std::string& id : {first, second}) {
+    const absl::Status refused = alice->uploads().Open(id, other, 0).status();
+    EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+    EXPECT_EQ(Reason(refused), "BYTE_QUOTA_REACHED");
+    EXPECT_THAT(std::string(refused.message()), HasSubstr("would hold 1100 bytes"));
+  }
+  EXPECT_TRUE(bob->uploads().Open(bob->Create({})->id, other, 0).ok());
+  EXPECT_TRUE(jobs_->For({.owner = "alice"})->uploads().Open(second, other, 0).ok());  // no limit
+
+  // What is there of a file is not counted twice when the rest of it comes.
+  auto rest = alice->uploads().Open(first, broken, 600);
+  ASSERT_TRUE(rest.ok()) << rest.status();
+  ASSERT_TRUE((*rest)->Append(std::string(200, 'x')).ok());
+  ASSERT_TRUE(alice->uploads().Add(first, broken, (*rest)->path()).ok());
+  EXPECT_EQ(Reason(alice->uploads().Open(second, other, 0).status()), "BYTE_QUOTA_REACHED");
+  ASSERT_TRUE(alice->Delete(first).ok());
+  EXPECT_TRUE(alice->uploads().Open(second, other, 0).ok());
+}
+
 TEST_F(UploadsTest, BytesOfABrokenStreamAreContinuedAlsoAfterARestart) {
   const std::string id = NewJob();
   const FileRecord file = Photo("a.jpg", "0123456789");

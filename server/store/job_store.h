@@ -202,6 +202,9 @@ class JobStore {
   virtual absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
                                                           std::string_view sha256) = 0;
 
+  // What the jobs of this owner amount to.
+  virtual absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) = 0;
+
   // Events with numbers above `after`, in order, at most `limit`.
   virtual absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                           int limit) = 0;

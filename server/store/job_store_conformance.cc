@@ -100,6 +100,10 @@ TEST_F(JobStoreConformance, OwnersHaveRequestIdsListsAndSumsOfTheirOwn) {
   EXPECT_EQ(usage.jobs, 2);    // bob's, not alice's
   EXPECT_EQ(usage.bytes, 14);  // with those of the transaction that asks
   EXPECT_EQ(store_->Get("b2")->owner, "bob");
+  EXPECT_EQ(store_->UsageOf("bob")->jobs, 2);
+  EXPECT_EQ(store_->UsageOf("bob")->bytes, 14);
+  EXPECT_EQ(store_->UsageOf("alice")->bytes, 7);
+  EXPECT_EQ(store_->UsageOf("carol")->jobs, 0);
 }
 
 TEST_F(JobStoreConformance, UnknownJobIsNotFoundInEveryCall) {

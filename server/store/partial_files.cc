@@ -192,11 +192,21 @@ bool PartialFiles::InUse(std::string_view job_id) {
   return false;
 }
 
-PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id) const {
+std::vector<std::string> PartialFiles::Jobs() const {
+  std::vector<std::string> ids;
+  std::error_code error;
+  for (fs::directory_iterator it(root_, error), end; !error && it != end; it.increment(error)) {
+    ids.push_back(it->path().filename());
+  }
+  return ids;
+}
+
+PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id, std::string_view but_key) const {
   Usage usage;
   std::error_code error;
   const fs::path folder = Folder(job_id);
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    if (it->path().filename() == but_key) continue;
     std::error_code gone;  // it may have become complete just now
     const auto bytes = it->file_size(gone);
     if (gone) continue;

@@ -85,13 +85,16 @@ class PartialFiles {
   absl::StatusOr<std::unique_ptr<PartialFile>> Open(std::string_view job_id, std::string_view key,
                                                     int64_t file_bytes, int64_t offset);
 
+  // Ids of the jobs that have files on their way.
+  std::vector<std::string> Jobs() const;
+
   // Whether a stream has a file of the job open.
   bool InUse(std::string_view job_id);
-  // Files and bytes of the job.
+  // Files and bytes of the job that lie here, but for one.
   struct Usage {
     int64_t files = 0, bytes = 0;
   };
-  Usage UsageOf(std::string_view job_id) const;
+  Usage UsageOf(std::string_view job_id, std::string_view but_key = "") const;
   const UploadChunks& chunks() const { return chunks_; }
 
   // Removes the job's files; streams that have one open lose it.

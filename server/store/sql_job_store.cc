@@ -124,6 +124,15 @@ absl::StatusOr<JobCensus> SqlJobStore::Census() {
   return census;
 }
 
+absl::StatusOr<OwnerUsage> SqlJobStore::UsageOf(std::string_view owner) {
+  OwnerUsage usage;
+  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(usage, SelectUsage(sql, owner, /*but=*/""));
+    return absl::OkStatus();
+  }));
+  return usage;
+}
+
 absl::StatusOr<std::vector<FileRecord>> SqlJobStore::Files(std::string_view id) {
   std::vector<FileRecord> files;
   LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {

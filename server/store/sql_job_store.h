@@ -36,6 +36,7 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
   absl::StatusOr<std::vector<std::string>> Littered(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
+  absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override;
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
                                                   std::string_view sha256) override;

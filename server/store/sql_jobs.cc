@@ -143,11 +143,8 @@ class SqlJobTransaction : public JobTransaction {
   absl::StatusOr<OwnerUsage> Usage() override {
     LITAGS_RETURN_IF_ERROR(sql_.LockOwner(owner_));
     // This job's row is written at the end: its bytes are counted from here.
-    const auto row = sql_.Prepare(
-        "SELECT COUNT(*), COALESCE(SUM(bytes), 0) FROM jobs WHERE owner=?1 AND id<>?2");
-    row->Bind(owner_).Bind(id_);
-    LITAGS_RETURN_IF_ERROR(row->Step().status());
-    return OwnerUsage{row->Int(0) + 1, row->Int(1) + bytes_};
+    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage others, SelectUsage(sql_, owner_, id_));
+    return OwnerUsage{others.jobs + 1, others.bytes + bytes_};
   }
 
   absl::Status PutFile(const FileRecord& file) override {
@@ -294,6 +291,15 @@ absl::StatusOr<std::vector<std::string>> SelectLittered(SqlSession& sql, int lim
       "SELECT id FROM jobs WHERE has_litter=1 AND state NOT IN (2, 3) ORDER BY id LIMIT ?1");
   row->Bind(int64_t{limit});
   return ReadAll(*row, ReadId);
+}
+
+absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
+                                       std::string_view but) {
+  const auto row =
+      sql.Prepare("SELECT COUNT(*), COALESCE(SUM(bytes), 0) FROM jobs WHERE owner=?1 AND id<>?2");
+  row->Bind(std::string(owner)).Bind(std::string(but));
+  LITAGS_RETURN_IF_ERROR(row->Step().status());
+  return OwnerUsage{row->Int(0), row->Int(1)};
 }
 
 absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql) {

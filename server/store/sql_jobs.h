@@ -36,6 +36,9 @@ absl::StatusOr<std::vector<std::string>> SelectLeasedTo(SqlSession& sql, std::st
 absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t now_ms, int limit);
 absl::StatusOr<std::vector<std::string>> SelectLittered(SqlSession& sql, int limit);
 absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql);
+// Of all the owner's jobs but `but`.
+absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
+                                       std::string_view but);
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id);
 absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,
                                                       FileRole role, std::string_view sha256);
