@@ -16,6 +16,7 @@
 #include "server/api/scene_cache.h"
 #include "server/api/status.h"
 #include "server/api/thread_pool.h"
+#include "server/api/tls_credentials.h"
 
 namespace litags {
 namespace {
@@ -40,15 +41,6 @@ void SetLimits(const ConnectionLimits& limits, grpc::ServerBuilder* builder) {
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
 }
 
-std::shared_ptr<grpc::ServerCredentials> CredentialsOf(const TlsMaterial& tls) {
-  grpc::SslServerCredentialsOptions options(
-      tls.client_ca.empty() ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
-                            : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
-  options.pem_root_certs = tls.client_ca;
-  options.pem_key_cert_pairs.push_back({tls.key, tls.cert});
-  return grpc::SslServerCredentials(options);
-}
-
 class GrpcServer : public Server {
  public:
   GrpcServer(const ServerOptions& options, std::unique_ptr<Authenticator> authenticator, Jobs* jobs,
@@ -68,7 +60,8 @@ class GrpcServer : public Server {
   ~GrpcServer() override { Shutdown(); }
 
   absl::Status Start(const std::string& listen, const ConnectionLimits& limits,
-                     const std::shared_ptr<grpc::ServerCredentials>& credentials) {
+                     std::shared_ptr<grpc::ServerCredentials> credentials) {
+    credentials_ = std::move(credentials);
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
     grpc::ServerBuilder builder;
@@ -76,7 +69,7 @@ class GrpcServer : public Server {
     builder.RegisterService(&render_);
     builder.RegisterService(&model_);
     SetLimits(limits, &builder);
-    if (!listen.empty()) builder.AddListeningPort(listen, credentials, &port_);
+    if (!listen.empty()) builder.AddListeningPort(listen, credentials_, &port_);
     server_ = builder.BuildAndStart();
     if (!server_ || (!listen.empty() && port_ == 0)) {
       return MakeError(absl::StatusCode::kUnavailable, "CANNOT_LISTEN", "listen",
@@ -127,6 +120,7 @@ class GrpcServer : public Server {
   ReconstructionServiceImpl reconstruction_;
   RenderServiceImpl render_;
   ModelServiceImpl model_;
+  std::shared_ptr<grpc::ServerCredentials> credentials_;  // asked at every handshake
   std::unique_ptr<grpc::Server> server_;
   int port_ = 0;
 };
@@ -157,9 +151,8 @@ absl::StatusOr<std::unique_ptr<Server>> StartServer(const ServerOptions& options
   LITAGS_RETURN_IF_ERROR(CheckListening(options));
   std::shared_ptr<grpc::ServerCredentials> credentials = grpc::InsecureServerCredentials();
   if (options.tls.enabled()) {
-    LITAGS_ASSIGN_OR_RETURN(const TlsMaterial tls, LoadTls(options.tls));
-    credentials = CredentialsOf(tls);
-    spdlog::info("TLS with a certificate in force until {}", tls.expires);
+    LITAGS_ASSIGN_OR_RETURN(auto files, TlsFiles::Open(options.tls));
+    credentials = TlsCredentials(std::move(files));
   }
   AuthOptions auth = options.auth;
   auth.client_certificates = !options.tls.client_ca.empty();

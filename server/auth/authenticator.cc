@@ -23,11 +23,6 @@ absl::Status Unauthenticated(std::string_view reason, std::string_view message) 
   return MakeError(absl::StatusCode::kUnauthenticated, reason, "authorization", message);
 }
 
-bool IsSameFile(const struct stat& a, const struct stat& b) {
-  return a.st_ino == b.st_ino && a.st_size == b.st_size && a.st_mtim.tv_sec == b.st_mtim.tv_sec &&
-         a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
-}
-
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Authenticator>> Authenticator::Make(AuthOptions options) {
@@ -47,6 +42,7 @@ absl::Status Authenticator::Load() {
   }
   const std::string& path = options_.tokens_path;
   if (!path.empty()) {
+    file_ = FileStamp::Of(path);  // before reading: a change meanwhile is seen later
     struct stat info = {};
     std::ifstream file(path);
     if (!file || stat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode) ||
@@ -57,7 +53,6 @@ absl::Status Authenticator::Load() {
                        "; make the file with \"litags-server token NAME --tokens ", path, "\""));
     }
     const std::string text{std::istreambuf_iterator<char>(file), {}};
-    file_ = info;
     LITAGS_RETURN_IF_ERROR(tokens->AddLines(text, path));
   }
   tokens_ = std::move(tokens);
@@ -67,10 +62,9 @@ absl::Status Authenticator::Load() {
 std::shared_ptr<const TokenTable> Authenticator::Tokens() {
   std::lock_guard lock(mutex_);
   const auto now = std::chrono::steady_clock::now();
-  struct stat info = {};
   if (!options_.tokens_path.empty() && now - looked_ >= kLookInterval) {
     looked_ = now;
-    if (stat(options_.tokens_path.c_str(), &info) != 0 || !IsSameFile(info, file_)) {
+    if (FileStamp::Of(options_.tokens_path) != file_) {
       if (const absl::Status status = Load(); status.ok()) {
         spdlog::info("read {} tokens from {}", tokens_->size(), options_.tokens_path);
       } else {

@@ -1,8 +1,6 @@
 #ifndef LITAGS_SERVER_AUTH_AUTHENTICATOR_H_
 #define LITAGS_SERVER_AUTH_AUTHENTICATOR_H_
 
-#include <sys/stat.h>
-
 #include <chrono>
 #include <memory>
 #include <mutex>
@@ -13,6 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/auth/file_stamp.h"
 #include "server/auth/principal.h"
 #include "server/auth/tokens.h"
 
@@ -55,7 +54,7 @@ class Authenticator {
   std::set<std::string> admins_;
   std::mutex mutex_;
   std::shared_ptr<const TokenTable> tokens_;
-  struct stat file_ = {};  // as it was when it was read
+  FileStamp file_;  // as it was when it was read
   std::chrono::steady_clock::time_point looked_;
 };
 

@@ -4,6 +4,7 @@
 #include <openssl/err.h>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
+#include <spdlog/spdlog.h>
 
 #include <cerrno>
 #include <cstring>
@@ -18,6 +19,7 @@ namespace litags {
 namespace {
 
 constexpr size_t kMaxPemBytes = 4 << 20;
+constexpr std::chrono::seconds kLookInterval{1};
 
 template <auto Free>
 struct Freer {
@@ -122,6 +124,39 @@ absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options) {
         ParseCertificate(material.client_ca, options.client_ca, "--tls-client-ca").status());
   }
   return material;
+}
+
+absl::StatusOr<std::unique_ptr<TlsFiles>> TlsFiles::Open(TlsOptions options) {
+  std::unique_ptr<TlsFiles> files(new TlsFiles(std::move(options)));
+  files->seen_ = files->Look();  // before reading: a change meanwhile is seen later
+  files->looked_ = std::chrono::steady_clock::now();
+  LITAGS_ASSIGN_OR_RETURN(files->read_, LoadTls(files->options_));
+  spdlog::info("TLS with a certificate in force until {}", files->read_->expires);
+  return files;
+}
+
+TlsFiles::Stamps TlsFiles::Look() const {
+  return {FileStamp::Of(options_.cert), FileStamp::Of(options_.key),
+          FileStamp::Of(options_.client_ca)};
+}
+
+std::optional<TlsMaterial> TlsFiles::TakeRenewed() {
+  const std::lock_guard lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  if (now - looked_ >= kLookInterval) {
+    looked_ = now;
+    if (const Stamps stamps = Look(); stamps != seen_) {
+      seen_ = stamps;
+      auto renewed = LoadTls(options_);
+      if (renewed.ok()) {
+        spdlog::info("TLS files were renewed: a certificate in force until {}", renewed->expires);
+        read_ = *std::move(renewed);
+      } else {
+        spdlog::error("TLS stays as it was: {}", std::string(renewed.status().message()));
+      }
+    }
+  }
+  return std::exchange(read_, std::nullopt);
 }
 
 bool IsLoopback(std::string_view address) {

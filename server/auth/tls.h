@@ -1,10 +1,17 @@
 #ifndef LITAGS_SERVER_AUTH_TLS_H_
 #define LITAGS_SERVER_AUTH_TLS_H_
 
+#include <array>
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "absl/status/statusor.h"
+#include "server/auth/file_stamp.h"
 
 namespace litags {
 
@@ -28,6 +35,32 @@ struct TlsMaterial {
 // field: TLS_INCOMPLETE, TLS_FILE_UNREADABLE, TLS_FILE_INVALID, TLS_KEY_MISMATCH,
 // TLS_CERTIFICATE_EXPIRED.
 absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options);
+
+// The same files while the server runs: certificates are renewed under it. Thread-safe and quick.
+class TlsFiles {
+ public:
+  // Errors of LoadTls().
+  static absl::StatusOr<std::unique_ptr<TlsFiles>> Open(TlsOptions options);
+
+  // What the files hold, if that is another thing than was taken before; the first time, what
+  // Open() read. Looks once a second at most. Files that do not pass LoadTls(), as when one of two
+  // has been replaced, change nothing; the log says so.
+  std::optional<TlsMaterial> TakeRenewed();
+
+  bool asks_clients() const { return !options_.client_ca.empty(); }
+
+ private:
+  using Stamps = std::array<FileStamp, 3>;
+
+  explicit TlsFiles(TlsOptions options) : options_(std::move(options)) {}
+  Stamps Look() const;
+
+  const TlsOptions options_;
+  std::mutex mutex_;
+  Stamps seen_;
+  std::optional<TlsMaterial> read_;  // not taken yet
+  std::chrono::steady_clock::time_point looked_;
+};
 
 // Whether HOST:PORT can be reached from this machine only: 127.x.y.z, ::1, localhost, or a
 // Unix socket.

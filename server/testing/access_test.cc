@@ -6,6 +6,7 @@
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <set>
@@ -297,6 +298,79 @@ TEST_F(AccessTest, ClientCertificateNamesTheClient) {
   EXPECT_EQ(store_->Get(job.name().substr(5))->owner, "carol");
 }
 
+// A handshake over a connection of its own, by a client that trusts `ca` and shows the certificate
+// `shown`, if there is one.
+grpc::StatusCode Handshake(const std::string& address, const std::string& token,
+                           const TestAuthority& ca, const TestAuthority* shown = nullptr) {
+  grpc::SslCredentialsOptions ssl;
+  ssl.pem_root_certs = ca.Read("ca.crt");
+  if (shown) {
+    ssl.pem_cert_chain = shown->Read("carol.crt");
+    ssl.pem_private_key = shown->Read("carol.key");
+  }
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  Stubs stubs(grpc::CreateCustomChannel(address, grpc::SslCredentials(ssl), arguments));
+  ClientCall call(token);
+  v1::ListJobsResponse jobs;
+  return stubs.jobs->ListJobs(&call, {}, &jobs).error_code();
+}
+
+// The server looks at its files once a second at most.
+void AwaitHandshake(grpc::StatusCode code, const std::function<grpc::StatusCode()>& handshake) {
+  grpc::StatusCode found;
+  for (int i = 0; i < 200 && (found = handshake()) != code; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  EXPECT_EQ(found, code);
+}
+
+TEST_F(AccessTest, ARenewedCertificateIsShownAndOpenConnectionsStay) {
+  Start();
+  TempDir renewed_dir;
+  TestAuthority renewed(renewed_dir.path());
+  renewed.Issue("server");
+  const std::string& token = tokens_.at("alice");
+  const auto by_old = [&] { return Handshake(Address(), token, authority_); };
+  const auto by_new = [&] { return Handshake(Address(), token, renewed); };
+  EXPECT_EQ(by_old(), grpc::OK);
+  EXPECT_EQ(by_new(), grpc::UNAVAILABLE);
+
+  // Half a renewal: the key is that of the old certificate.
+  const auto copy = [&](const std::string& file) {
+    std::filesystem::copy_file(renewed.Path(file), authority_.Path(file),
+                               std::filesystem::copy_options::overwrite_existing);
+  };
+  copy("server.crt");
+  std::this_thread::sleep_for(std::chrono::milliseconds(1100));  // until it is looked at
+  EXPECT_EQ(by_old(), grpc::OK);
+  EXPECT_EQ(by_new(), grpc::UNAVAILABLE);
+
+  copy("server.key");
+  AwaitHandshake(grpc::OK, by_new);
+  EXPECT_EQ(by_old(), grpc::UNAVAILABLE);
+  Created("alice");  // over the connection of before
+}
+
+TEST_F(AccessTest, RenewedClientAuthoritiesDecideAboutNewConnections) {
+  TempDir renewed_dir;
+  TestAuthority renewed(renewed_dir.path());
+  renewed.Issue("carol");
+  authority_.Issue("carol");
+  std::filesystem::copy_file(authority_.Path("ca.crt"), authority_.Path("clients.crt"));
+  options_.tls.client_ca = authority_.Path("clients.crt");
+  options_.auth = {};
+  Start();
+  const auto by_old = [&] { return Handshake(Address(), "", authority_, &authority_); };
+  const auto by_new = [&] { return Handshake(Address(), "", authority_, &renewed); };
+  EXPECT_EQ(by_old(), grpc::OK);
+  EXPECT_EQ(by_new(), grpc::UNAVAILABLE);
+  std::filesystem::rename(renewed.Path("ca.crt"), authority_.Path("clients.crt"));
+  AwaitHandshake(grpc::OK, by_new);
+  EXPECT_EQ(by_old(), grpc::UNAVAILABLE);
+}
+
 TEST_F(AccessTest, OthersAreLetInOnlyEncryptedAndByName) {
   const auto reason = [&](std::function<void(ServerOptions&)> change) {
     ServerOptions options;
@@ -402,6 +476,30 @@ TEST_F(AccessTest, JobsOfOneClientAreCounted) {
   const grpc::Status third = stubs_->jobs->CreateJob(&call, {}, &job);
   EXPECT_EQ(third.error_code(), grpc::RESOURCE_EXHAUSTED);
   EXPECT_EQ(DetailOf(third).reason, "JOB_QUOTA_REACHED");
+}
+
+TEST_F(AccessTest, BytesOfOneClientAreCountedBeforeTheyAreComplete) {
+  const std::string photo = TestPng(64, 48, 1), other = TestPng(64, 48, 2);
+  options_.limits.max_bytes = static_cast<int64_t>(photo.size() + other.size() / 2);
+  Start();
+  const auto upload = [&](const std::string& client, const std::string& job,
+                          const std::string& bytes, bool whole) {
+    ClientCall call(tokens_.at(client));
+    v1::UploadImagesResponse response;
+    auto writer = stubs_->jobs->UploadImages(&call, &response);
+    writer->Write(NameMessage(job));
+    auto messages = FileMessages({"x.png", bytes});
+    if (!whole) messages.back().mutable_chunk()->pop_back();
+    for (const auto& message : messages) writer->Write(message);
+    writer->WritesDone();
+    return DetailOf(writer->Finish());
+  };
+  const std::string hers = Created("alice"), also_hers = Created("alice"), his = Created("bob");
+  EXPECT_EQ(upload("alice", hers, photo, /*whole=*/false).reason, "FILE_TRUNCATED");
+  const ErrorDetail refused = upload("alice", also_hers, other, true);
+  EXPECT_EQ(refused.reason, "BYTE_QUOTA_REACHED");
+  EXPECT_EQ(refused.field, "images[x.png]");
+  EXPECT_EQ(upload("bob", his, other, true).reason, "");
 }
 
 TEST_F(AccessTest, OversizedMessagesAndHeadersAreRefused) {

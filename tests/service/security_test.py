@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shutil
+import ssl
 import subprocess
 import tempfile
 import unittest
@@ -34,6 +35,12 @@ def make_certificates(folder):
     openssl("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes",
             "-days", "1", "-subj", "/CN=test authority", "-keyout", at("ca.key"), "-out",
             at("ca.crt"))
+    issue_server_certificate(folder)
+
+
+def issue_server_certificate(folder):
+    """Another key and certificate each time."""
+    at = lambda name: os.path.join(folder, name)  # noqa: E731
     openssl("req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-subj",
             "/CN=server", "-keyout", at("server.key"), "-out", at("server.csr"))
     with open(at("san"), "w") as file:
@@ -85,6 +92,27 @@ class Security(harness.ServiceTest):
             _, err = self.litags_as("bob", *command, exit_code=4)
             self.assertIn("JOB_NOT_FOUND", err, command)
         self.litags_as("root", "delete", job)
+
+    def test_a_renewed_certificate_is_shown_and_nothing_is_interrupted(self):
+        def shown():
+            return ssl.get_server_certificate(("127.0.0.1", self.server.port))
+
+        out, _ = self.litags_as("alice", "submit", self.photos(("slow.png", "b.png")),
+                                "--iterations", "150")
+        job, before = out.strip(), shown()
+        with open(os.path.join(self.class_folder, "server.crt")) as file:
+            self.assertEqual(file.read().strip(), before.strip())
+        watch = self.start_litags(
+            "--retry", "0", "--tls-ca", os.path.join(self.class_folder, "ca.crt"), "--token-file",
+            os.path.join(self.class_folder, "alice.token"), "watch", job)
+        issue_server_certificate(self.class_folder)
+        self.wait_for(lambda: shown() != before, "the renewed certificate")
+        with open(os.path.join(self.class_folder, "server.crt")) as file:
+            self.assertEqual(file.read().strip(), shown().strip())
+        self.litags_as("alice", "list")  # a new connection
+        _, err = watch.communicate(timeout=harness.PATIENCE_S)
+        self.assertEqual(watch.returncode, 0, err)
+        self.assertNotIn("trying again", err)
 
     def test_nobody_gets_in_without_a_token(self):
         _, err = self.litags_as(None, "list", exit_code=5)
