@@ -28,9 +28,6 @@ constexpr int kMaxMessageBytes = 256 << 20;
 constexpr int kConnectMs = 5000;
 constexpr int kReconnectMinMs = 200;
 constexpr int kReconnectMaxMs = 2000;
-// How often a silent peer is asked whether it is still there while a call is open.
-constexpr int kKeepaliveMs = 30000;
-constexpr int kKeepaliveTimeoutMs = 10000;
 constexpr size_t kMaxFileBytes = 1 << 20;
 
 std::vector<std::string> ServersOf(const ConnectionOptions& options) {
@@ -177,8 +174,11 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& 
   args.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kReconnectMinMs);
   args.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kReconnectMaxMs);
   args.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
-  args.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
-  args.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  args.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, static_cast<int>(1000 * options.keepalive_seconds));
+  args.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS,
+              static_cast<int>(1000 * options.keepalive_timeout_seconds));
+  // By default gRPC stops asking after two times, and a watch sends nothing else.
+  args.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // A proxy for the internet is no way to this machine.
   if (here) args.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   if (!options.tls_name.empty()) {

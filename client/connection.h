@@ -23,6 +23,10 @@ struct ConnectionOptions {
   // At most one of them: the token itself, or the file that holds it.
   std::string token = {};
   std::string token_file = {};
+  // While a call is open, a server that has been silent for so long is asked whether it is still
+  // there, and given up if it does not answer in time; seconds.
+  double keepalive_seconds = 30;
+  double keepalive_timeout_seconds = 10;
 };
 
 // A channel to the server, whose calls carry the token. It says nothing about whether a server is

@@ -65,6 +65,14 @@ void AddConnectionOptions(CLI::App& app, litags::client::ConnectionOptions& opti
   app.add_option("--token-file", options.token_file,
                  "File with the token that names us; LITAGS_TOKEN holds one itself")
       ->envname("LITAGS_TOKEN_FILE");
+  app.add_option("--keepalive", options.keepalive_seconds,
+                 "Seconds after which a silent server is asked whether it is there")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--keepalive-timeout", options.keepalive_timeout_seconds,
+                 "Seconds that it may take to answer")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
   if (const char* token = std::getenv("LITAGS_TOKEN")) options.token = token;
 }
 
