@@ -145,10 +145,13 @@ class Server:
 class CuttableProxy:
     """A TCP relay to a server, whose connections can be cut or fall silent."""
 
-    def __init__(self, port, cut_every=0):
-        """`cut_every`: bytes from clients after which all connections are cut; 0: never."""
+    def __init__(self, port, cut_every=0, progress=None):
+        """`cut_every`: bytes from clients after which all connections are cut; 0: never.
+        `progress`: a number that grows while the server works on what has come: a cut is put off
+        until it rests, for what a server has not read is lost with the connection."""
         self.target = port
         self.cut_every = cut_every
+        self.progress = progress or (lambda: 0)
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.address = "127.0.0.1:%d" % self.listener.getsockname()[1]
         self.lock = threading.Lock()
@@ -183,13 +186,19 @@ class CuttableProxy:
                     continue
                 sink.sendall(data)
                 if from_client and self._count(len(data)):
-                    time.sleep(0.2)  # what was passed on is read: a reset would throw it away
+                    self._wait_for_rest()
                     self.cut()
             if not from_client:
                 self.closed += 1
         for end in (source, sink):
             with contextlib.suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
+
+    def _wait_for_rest(self):
+        before, now = None, self.progress()
+        while now != before:
+            time.sleep(0.2)
+            before, now = now, self.progress()
 
     def _count(self, size):
         with self.lock:
