@@ -149,16 +149,14 @@ absl::StatusOr<v1::Job> Client::CancelJob(const std::string& name) {
   });
 }
 
-absl::StatusOr<v1::Job> Client::ResumeJob(const std::string& name) {
-  v1::ResumeJobRequest request;
-  request.set_name(name);
+absl::StatusOr<v1::Job> Client::ResumeJob(const v1::ResumeJobRequest& request) {
   int tries = 0;
   auto job = Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
     ++tries;
     return reconstruction_->ResumeJob(context, request, response);
   });
   if (!job.ok() && tries > 1 && DetailOf(job.status()).reason() == "JOB_NOT_RESUMABLE") {
-    return GetJob(name);
+    return GetJob(request.name());
   }
   return job;
 }

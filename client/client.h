@@ -53,7 +53,7 @@ class Client {
   absl::StatusOr<v1::Job> GetJob(const std::string& name);
   absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request);
   absl::StatusOr<v1::Job> CancelJob(const std::string& name);
-  absl::StatusOr<v1::Job> ResumeJob(const std::string& name);
+  absl::StatusOr<v1::Job> ResumeJob(const v1::ResumeJobRequest& request);
   absl::Status DeleteJob(const std::string& name);
 
   // Calls on_event for every event numbered above `after`, in order, each once, across broken

@@ -1,4 +1,4 @@
-// litags list, show, cancel, resume, delete.
+// litags list, show, cancel, delete.
 #include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
@@ -136,15 +136,6 @@ void AddJobCommands(CLI::App& app, Session& session) {
         Note(absl::StrCat(
             name, job->state() == v1::JOB_STATE_CANCELLED ? " is cancelled" : " is stopping",
             "; continue it with: litags resume ", name));
-        return kExitOk;
-      });
-  AddSimpleCommand(
-      app, session, "resume", "Continue a failed or cancelled job from its last checkpoint",
-      [&session](const std::string& name) -> int {
-        const auto job = session.client().ResumeJob(name);
-        if (!job.ok()) return ReportError(session, job.status(), name);
-        Note(absl::StrCat(name, " is ", StateText(job->state()), "; follow it with: litags watch ",
-                          name, " --after ", job->last_event()));
         return kExitOk;
       });
   AddSimpleCommand(app, session, "delete", "Remove a job with its photos and its scene",

@@ -11,6 +11,7 @@
 #include "client/cli.h"
 #include "client/status.h"
 #include "client/text.h"
+#include "client/treatment.h"
 #include "client/upload.h"
 
 namespace litags::client {
@@ -26,14 +27,13 @@ struct SubmitArgs {
   std::optional<v1::DensityStatistic> density_statistic;
   std::optional<double> theta, contrast, min_registered, exposure_ssim, coarse_until, settle_epochs,
       depth_weight;
-  std::optional<int> iterations, threads, sh_degree, max_image_side, holdout_every;
+  std::optional<int> iterations, schedule_iterations, threads, sh_degree, max_image_side,
+      holdout_every;
   std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
   std::optional<uint64_t> seed;
   std::optional<int64_t> max_gaussians;
   std::optional<bool> depth_geometry;
-  int priority = 0;
-  double max_run_seconds = 0, retention_seconds = 0;
-  int64_t max_memory_bytes = 0;
+  Treatment treatment;
   bool no_pdm = false, no_prior = false, no_depth = false, information_weights = false;
 };
 
@@ -62,6 +62,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.theta) options.set_theta(*args.theta);
   if (args.contrast) options.set_contrast(*args.contrast);
   if (args.iterations) options.set_iterations(*args.iterations);
+  if (args.schedule_iterations) options.set_schedule_iterations(*args.schedule_iterations);
   if (args.seed) options.set_seed(*args.seed);
   if (args.threads) options.set_threads(*args.threads);
   if (args.max_gaussians) options.set_max_gaussians(*args.max_gaussians);
@@ -164,10 +165,7 @@ int Submit(Session& session, const SubmitArgs& args) {
   request.set_display_name(args.name);
   request.set_request_id(args.request_id);
   *request.mutable_options() = MakeOptions(args);
-  request.mutable_policy()->set_priority(args.priority);
-  request.mutable_policy()->set_max_run_seconds(args.max_run_seconds);
-  request.mutable_policy()->set_max_memory_bytes(args.max_memory_bytes);
-  request.mutable_policy()->set_retention_seconds(args.retention_seconds);
+  *request.mutable_policy() = ToProto(args.treatment);
   if (!args.request_id.empty()) {
     auto digest = ContentDigest(capture->files);
     if (!digest.ok()) return ReportError(session, digest.status());
@@ -212,22 +210,7 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                       "Folder with depth maps, named as the photos (.png 16 bit, .pfm, .npy)");
   command->add_option("--request-id", args->request_id,
                       "Your own id: the same command with the same id continues one job");
-  const std::string treatment = "Treatment";
-  command->add_option("--priority", args->priority, "Before jobs of less, -100..100; default 0")
-      ->group(treatment);
-  command
-      ->add_option("--max-run-seconds", args->max_run_seconds,
-                   "Fail the job when it has run for so long; resume goes on")
-      ->group(treatment);
-  command
-      ->add_option("--max-memory", args->max_memory_bytes,
-                   "Fail the job when it holds more bytes; 4G and the like are understood")
-      ->transform(CLI::AsSizeValue(false))
-      ->group(treatment);
-  command
-      ->add_option("--keep-seconds", args->retention_seconds,
-                   "Remove the job so long after its end; 0: never")
-      ->group(treatment);
+  AddTreatmentOptions(*command, args->treatment);
   const std::string group = "Reconstruction (defaults: those of the service)";
   AddChoice<v1::Method>(*command, "--method", args->method,
                         {{"litags", v1::METHOD_LITA_GS}, {"3dgs", v1::METHOD_3DGS}})
@@ -245,6 +228,10 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_option("--contrast", args->contrast, "That --tone capture adds, [0, 1]")
       ->group(group);
   command->add_option("--iterations", args->iterations, "Training iterations")->group(group);
+  command
+      ->add_option("--schedule-iterations", args->schedule_iterations,
+                   "Lay out learning rates and densities for so many; the rest goes on at the last")
+      ->group(group);
   command->add_option("--seed", args->seed, "Seed of every random choice")->group(group);
   command->add_option("--threads", args->threads, "Threads; 0: all cores")->group(group);
   command->add_option("--max-gaussians", args->max_gaussians, "Most Gaussians")->group(group);

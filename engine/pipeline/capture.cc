@@ -238,13 +238,13 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
     f.Add(v.depth->depth.data.data(), v.depth->depth.data.size() * sizeof(float));
     f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
   }
-  // What shapes the result; threads and intervals of reports do not.
+  // What shapes the iterations; how many there are, threads and intervals of reports do not.
   for (double x : {double(o.method),
                    double(o.tone),
                    o.theta,
                    o.contrast,
                    o.exposure_ssim,
-                   double(o.iterations),
+                   double(o.ScheduleIterations()),
                    double(o.max_gaussians),
                    double(o.sh_degree),
                    double(o.use_pdm),

@@ -60,8 +60,14 @@ class Run {
 
   // Goes on from the checkpoint if there is one of this capture and these options.
   absl::Status Resume(std::vector<std::string>* notes) {
-    if (!std::filesystem::exists(checkpoint_path_)) return absl::OkStatus();
-    const absl::Status status = trainer_.LoadCheckpoint(checkpoint_path_, capture_.fingerprint);
+    if (!std::filesystem::exists(checkpoint_path_)) {
+      if (std::filesystem::exists(scene_path_)) {
+        notes->push_back("an earlier run left no checkpoint; training starts from the beginning");
+      }
+      return absl::OkStatus();
+    }
+    const absl::Status status =
+        trainer_.LoadCheckpoint(checkpoint_path_, capture_.fingerprint, options_.iterations);
     const auto detail = GetErrorDetail(status);
     if (detail.has_value() && detail->reason == "CHECKPOINT_MISMATCH") {
       notes->push_back(
@@ -81,6 +87,8 @@ class Run {
   }
 
   absl::Status Train(const CancelToken& cancel) {
+    progress_.iteration = trainer_.iteration();
+    progress_.gaussians = static_cast<int64_t>(trainer_.num_gaussians());
     Leg leg = NewLeg();
     double last_report = 0;
     while (trainer_.iteration() < options_.iterations) {
@@ -96,10 +104,11 @@ class Run {
       const int done = trainer_.iteration();
       Account(*losses, leg);
       const bool last = done == options_.iterations;
-      if (done % options_.checkpoint_every == 0 && !last) {
+      if (done % options_.checkpoint_every == 0 || last) {
         LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, capture_.fingerprint));
       }
-      if (done % options_.preview_every == 0 || last) {
+      if (last) break;
+      if (done % options_.preview_every == 0) {
         LITAGS_RETURN_IF_ERROR(Publish());
         last_report = Now();
       } else if (Now() - last_report > kReportSeconds) {
@@ -107,11 +116,10 @@ class Run {
         last_report = Now();
       }
     }
-    return absl::OkStatus();
+    return Publish();
   }
 
-  absl::Status Finish(ReconstructReport* report) {
-    if (!std::filesystem::exists(scene_path_)) LITAGS_RETURN_IF_ERROR(Publish());
+  void Finish(ReconstructReport* report) {
     AddDetours(&report->notes);
     report->gaussians = static_cast<int64_t>(trainer_.num_gaussians());
     report->iterations = trainer_.iteration();
@@ -124,10 +132,6 @@ class Run {
                              {"density", phases.density}};
     report->psnr_holdout = progress_.psnr_holdout;
     report->scene_path = scene_path_;
-    // Kept until here so that a crash while saving can be resumed.
-    std::error_code ignored;
-    std::filesystem::remove(checkpoint_path_, ignored);
-    return absl::OkStatus();
   }
 
  private:
@@ -257,7 +261,7 @@ class RealEngine : public Engine {
     LITAGS_RETURN_IF_ERROR(run.Resume(&report.notes));
     LITAGS_RETURN_IF_ERROR(run.Train(cancel));
     progress(Stage::kSaving, "writing the report");
-    LITAGS_RETURN_IF_ERROR(run.Finish(&report));
+    run.Finish(&report);
     report.seconds = Now() - start;
     LITAGS_RETURN_IF_ERROR(WriteFileAtomically(input.work_dir + "/report.json", report.ToJson()));
     return report;

@@ -59,6 +59,10 @@ struct ReconstructOptions {
   double contrast = 0.15;      // of kCapture, [0, 1]; 0: none
   double exposure_ssim = 0.2;  // share of 1 - SSIM beside L1 in L_exp, [0, 1]; paper: 0
   int iterations = 15000;      // one photo each; paper
+  // Iterations that learning rates, the coarse part and density control are laid out for; those
+  // beyond go on at full size, with the last rates and the Gaussians there are. A finished scene is
+  // trained further by more `iterations` with this at what they were. 0: `iterations`.
+  int schedule_iterations = 0;
   // Coarse to fine: photos of 2^-n .. 1/2 of their size share the first part of the run.
   int coarse_levels = 2;      // n, 0..4; 0: full size throughout, as the paper
   double coarse_until = 0.5;  // (0, 1] of the iterations
@@ -86,6 +90,7 @@ struct ReconstructOptions {
   bool depth_geometry = true;  // it sees the Gaussians' distance; paper: an attribute of theirs
 
   absl::Status Validate() const;
+  int ScheduleIterations() const { return schedule_iterations ? schedule_iterations : iterations; }
 };
 
 enum class Stage { kLoading, kFindingCameras, kPreparing, kTraining, kSaving };
@@ -209,8 +214,9 @@ class Engine {
   virtual ~Engine() = default;
 
   // Photos to scene. Resumes from work_dir's checkpoint if there is one made from the same photos
-  // and options. CANCELLED soon after the token is raised; INVALID_ARGUMENT or
-  // FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot give a scene.
+  // and options, save more iterations of the same schedule. CANCELLED soon after the token is
+  // raised; INVALID_ARGUMENT or FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot give
+  // a scene.
   virtual absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
                                                         const ReconstructOptions& options,
                                                         const CancelToken& cancel,

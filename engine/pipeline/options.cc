@@ -29,7 +29,7 @@ PixelSum PixelSumOf(DensityStatistic statistic) {
 
 TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   TrainOptions train;
-  train.iterations = options.iterations;
+  train.iterations = options.ScheduleIterations();  // it is stepped from outside
   train.seed = options.seed;
   train.threads = options.threads;
   train.lita = options.method == Method::kLitaGs;
@@ -57,6 +57,8 @@ absl::Status ReconstructOptions::Validate() const {
     return Bad("exposure_ssim", exposure_ssim, "is not in [0, 1]");
   if (iterations < 1 || iterations > 1'000'000)
     return Bad("iterations", iterations, "is not in 1..1000000");
+  if (schedule_iterations < 0 || schedule_iterations > 1'000'000)
+    return Bad("schedule_iterations", schedule_iterations, "is not in 0..1000000 (0: iterations)");
   if (coarse_levels < 0 || coarse_levels > 4)
     return Bad("coarse_levels", coarse_levels, "is not in 0..4");
   if (!(coarse_until > 0 && coarse_until <= 1))

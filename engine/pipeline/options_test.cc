@@ -40,6 +40,8 @@ TEST(ReconstructOptions, BadFieldsAreNamed) {
       {"iterations", [](O* o) { o->iterations = 1'000'001; }},
       {"coarse_levels", [](O* o) { o->coarse_levels = -1; }},
       {"coarse_levels", [](O* o) { o->coarse_levels = 5; }},
+      {"schedule_iterations", [](O* o) { o->schedule_iterations = -1; }},
+      {"schedule_iterations", [](O* o) { o->schedule_iterations = 1'000'001; }},
       {"settle_epochs", [](O* o) { o->settle_epochs = -1; }},
       {"settle_epochs", [](O* o) { o->settle_epochs = kNan; }},
       {"coarse_until", [](O* o) { o->coarse_until = 0; }},
@@ -148,6 +150,8 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(train.weight_depth, 0.7);
   EXPECT_EQ(train.depth_geometry, !ReconstructOptions().depth_geometry);
   EXPECT_EQ(train.density_statistic, PixelSum::kAbsGradient);
+  options.schedule_iterations = 55;
+  EXPECT_EQ(TrainOptionsOf(options).iterations, 55);
   options.density_statistic = DensityStatistic::kPixel;
   EXPECT_EQ(TrainOptionsOf(options).density_statistic, PixelSum::kCount);
   EXPECT_EQ(TrainOptionsOf(ReconstructOptions()).density_statistic, PixelSum::kNone);

@@ -44,7 +44,7 @@ TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
   EXPECT_TRUE(std::isfinite(report->psnr_holdout));
   EXPECT_FALSE(report->depth_used);
   EXPECT_EQ(report->scene_path, input.work_dir + "/scene.litags");
-  EXPECT_FALSE(fs::exists(input.work_dir + "/checkpoint.litags"));
+  EXPECT_TRUE(fs::exists(input.work_dir + "/checkpoint.litags"));  // to train it further
 
   const auto json = nlohmann::json::parse(Bytes(input.work_dir + "/report.json"));
   EXPECT_EQ(json["photos"], kPhotos);

@@ -153,6 +153,73 @@ TEST(Resume, StartsAgainFromACheckpointOfOtherOptions) {
   EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
 }
 
+// What is promised of more iterations: the bytes of a run that had this many, and this schedule,
+// from its beginning; whether it had ended, or was stopped.
+TEST(Resume, AFinishedSceneIsTrainedFurther) {
+  const Photographs photos(/*width=*/160, /*height=*/128);
+  ReconstructOptions options = SmallOptions();
+  options.coarse_levels = 1;
+  const ReconstructInput ended = photos.Input("ended"), stopped = photos.Input("stopped"),
+                         whole = photos.Input("whole"), stretched = photos.Input("stretched");
+  ASSERT_TRUE(Reconstruct(ended, options).ok());
+  ASSERT_EQ(ReconstructUntil(10, stopped, options).code(), absl::StatusCode::kCancelled);
+  options.iterations = kIterations + 15;
+  ASSERT_TRUE(Reconstruct(stretched, options).ok());
+  options.schedule_iterations = kIterations;
+  ASSERT_TRUE(Reconstruct(whole, options).ok());
+  EXPECT_FALSE(SceneBytes(whole) == SceneBytes(stretched)) << "the schedules were the same";
+  const auto report = Reconstruct(ended, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains("resumed at iteration 40"));
+  EXPECT_EQ(report->iterations, kIterations + 15);
+  EXPECT_TRUE(SceneBytes(ended) == SceneBytes(whole));
+  ASSERT_TRUE(Reconstruct(stopped, options).ok());
+  EXPECT_TRUE(SceneBytes(stopped) == SceneBytes(whole));
+}
+
+// As after a kill between the last checkpoint and the report.
+TEST(Resume, AFinishedSceneIsMadeAgainFromItsCheckpoint) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  const auto first = Reconstruct(input, SmallOptions());
+  ASSERT_TRUE(first.ok()) << first.status();
+  const std::string scene = SceneBytes(input);
+  fs::remove(input.work_dir + "/scene.litags");
+  const auto again = Reconstruct(input, SmallOptions());
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_THAT(again->notes, Contains("resumed at iteration 40"));
+  EXPECT_EQ(again->psnr_holdout, first->psnr_holdout);
+  EXPECT_EQ(again->gaussians, first->gaussians);
+  EXPECT_TRUE(SceneBytes(input) == scene);
+}
+
+TEST(Resume, StartsAgainForFewerIterationsThanThereWere) {
+  const Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  const ReconstructInput input = photos.Input("work"), whole = photos.Input("whole");
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  options.iterations = 20;
+  options.schedule_iterations = kIterations;
+  ASSERT_TRUE(Reconstruct(whole, options).ok());
+  const auto report = Reconstruct(input, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains(HasSubstr("a checkpoint of other photos or options")));
+  EXPECT_EQ(report->iterations, 20);
+  EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
+}
+
+TEST(Resume, SaysThatAnEarlierRunLeftNoCheckpoint) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  ASSERT_TRUE(Reconstruct(input, SmallOptions()).ok());
+  const std::string scene = SceneBytes(input);
+  fs::remove(input.work_dir + "/checkpoint.litags");
+  const auto report = Reconstruct(input, SmallOptions());
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains(HasSubstr("left no checkpoint")));
+  EXPECT_TRUE(SceneBytes(input) == scene);
+}
+
 // Points are not seen in a resumed run, but the checkpoint grew from them.
 TEST(Resume, StartsAgainFromACheckpointOfOtherPoints) {
   Photographs photos;

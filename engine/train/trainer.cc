@@ -313,8 +313,7 @@ absl::Status Trainer::RollBack(const std::string& path, const std::string& finge
   }
   std::vector<Detour> detours = std::move(s.state.detours);
   detours.push_back(fault);
-  const absl::Status loaded = LoadCheckpoint(path, fingerprint);
-  if (!loaded.ok() || s.state.iteration > fault.iteration) s.Start(std::move(initial));
+  if (!LoadCheckpoint(path, fingerprint, fault.iteration).ok()) s.Start(std::move(initial));
   s.state.detours = std::move(detours);
   if (2 * s.PhotosLeftOut() > s.num_views) return give_up("with half of the photos left out");
   return absl::OkStatus();
@@ -340,8 +339,14 @@ absl::Status Trainer::SaveCheckpoint(const std::string& path,
   return SaveTrainState(path, fingerprint, impl_->state);
 }
 
-absl::Status Trainer::LoadCheckpoint(const std::string& path, const std::string& fingerprint) {
+absl::Status Trainer::LoadCheckpoint(const std::string& path, const std::string& fingerprint,
+                                     int most_iterations) {
   LITAGS_ASSIGN_OR_RETURN(TrainState state, LoadTrainState(path, fingerprint));
+  if (state.iteration > most_iterations) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "CHECKPOINT_MISMATCH", "checkpoint",
+                     absl::StrCat(path, " has ", state.iteration, " iterations, more than the ",
+                                  most_iterations, " that are wanted"));
+  }
   if (state.pdm.nets.size() != impl_->state.pdm.nets.size() ||
       state.pdm.hidden != impl_->state.pdm.hidden) {
     return MakeError(

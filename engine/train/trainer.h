@@ -3,6 +3,7 @@
 #ifndef LITAGS_ENGINE_TRAIN_TRAINER_H_
 #define LITAGS_ENGINE_TRAIN_TRAINER_H_
 
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -70,10 +71,12 @@ class Trainer {
   Model Snapshot() const;
 
   // Everything needed to go on, written atomically. `fingerprint` names photos and options;
-  // LoadCheckpoint refuses another one (FAILED_PRECONDITION, CHECKPOINT_MISMATCH). A resumed run
-  // ends with the bytes of one never interrupted.
+  // LoadCheckpoint refuses another one, and one of more than `most_iterations`
+  // (FAILED_PRECONDITION, CHECKPOINT_MISMATCH), and then changes nothing. A resumed run ends with
+  // the bytes of one never interrupted.
   absl::Status SaveCheckpoint(const std::string& path, const std::string& fingerprint) const;
-  absl::Status LoadCheckpoint(const std::string& path, const std::string& fingerprint);
+  absl::Status LoadCheckpoint(const std::string& path, const std::string& fingerprint,
+                              int most_iterations = std::numeric_limits<int>::max());
 
  private:
   struct Impl;

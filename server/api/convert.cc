@@ -84,8 +84,8 @@ void SetTime(int64_t time_ms, google::protobuf::Timestamp* proto) {
 
 }  // namespace
 
-absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto) {
-  ReconstructOptions options;
+absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
+                                                    ReconstructOptions options) {
   if (proto.has_method() && proto.method() != v1::METHOD_UNSPECIFIED) {
     if (!v1::Method_IsValid(proto.method())) return UnknownEnum("options.method", proto.method());
     options.method = static_cast<Method>(proto.method() - 1);
@@ -129,6 +129,7 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
   if (proto.has_settle_epochs()) options.settle_epochs = proto.settle_epochs();
   if (proto.has_information_weights()) options.information_weights = proto.information_weights();
   if (proto.has_contrast()) options.contrast = proto.contrast();
+  if (proto.has_schedule_iterations()) options.schedule_iterations = proto.schedule_iterations();
 
   const absl::Status valid = options.Validate();
   if (valid.ok()) return options;
@@ -140,9 +141,11 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto)
                    std::string(valid.message()));
 }
 
-absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto) {
-  const JobPolicy policy{proto.priority(), proto.max_run_seconds(), proto.max_memory_bytes(),
-                         proto.retention_seconds()};
+absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy policy) {
+  if (proto.has_priority()) policy.priority = proto.priority();
+  if (proto.has_max_run_seconds()) policy.max_run_seconds = proto.max_run_seconds();
+  if (proto.has_max_memory_bytes()) policy.max_memory_bytes = proto.max_memory_bytes();
+  if (proto.has_retention_seconds()) policy.retention_seconds = proto.retention_seconds();
   LITAGS_RETURN_IF_ERROR(policy.Validate());
   return policy;
 }
@@ -176,6 +179,7 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_contrast(options.contrast);
   proto.set_settle_epochs(options.settle_epochs);
   proto.set_information_weights(options.information_weights);
+  proto.set_schedule_iterations(options.schedule_iterations);
   proto.set_density_statistic(
       static_cast<v1::DensityStatistic>(static_cast<int>(options.density_statistic) + 1));
   return proto;

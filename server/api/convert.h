@@ -10,11 +10,12 @@
 
 namespace litags {
 
-// Fields that are not set keep the engine's defaults. INVALID_ARGUMENT with the field
+// Fields that are not set stay as they are in `options`. INVALID_ARGUMENT with the field
 // "options.NAME".
-absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto);
-// INVALID_ARGUMENT (POLICY_OUT_OF_RANGE).
-absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto);
+absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
+                                                    ReconstructOptions options = {});
+// The same; INVALID_ARGUMENT (POLICY_OUT_OF_RANGE).
+absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy policy = {});
 
 // Sets every field.
 v1::JobOptions OptionsToProto(const ReconstructOptions& options);

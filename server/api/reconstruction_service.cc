@@ -186,7 +186,16 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CancelJob(Context* context,
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::ResumeJob(Context* context,
                                                                const v1::ResumeJobRequest* request,
                                                                v1::Job* response) {
-  return JobCall(context, {"ResumeJob", CallKind::kChange}, request, response, &Jobs::Resume);
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
+    const auto change = [&](ReconstructOptions& options, JobPolicy& policy) -> absl::Status {
+      LITAGS_ASSIGN_OR_RETURN(options, OptionsFromProto(request->options(), options));
+      LITAGS_ASSIGN_OR_RETURN(policy, PolicyFromProto(request->policy(), policy));
+      return absl::OkStatus();
+    };
+    return Answer(call.jobs()->Resume(id, change), response);
+  };
+  return RunUnary(gate_, context, {"ResumeJob", CallKind::kChange}, pool_, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteJob(Context* context,

@@ -43,6 +43,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("depth_weight", r.depth_weight);
   visit("depth_geometry", r.depth_geometry);
   visit("density_statistic", r.density_statistic);
+  visit("schedule_iterations", r.schedule_iterations);
 }
 
 template <typename R, typename F>
@@ -194,6 +195,15 @@ std::string Encode(const ProgressRecord& progress) { return EncodeRecord(progres
 std::string Encode(const SnapshotRecord& snapshot) { return EncodeRecord(snapshot); }
 std::string Encode(const ReconstructReport& report) { return EncodeRecord(report); }
 std::string Encode(const KeptFiles& files) { return EncodeRecord(files); }
+
+std::vector<std::string> Differences(const ReconstructOptions& a, const ReconstructOptions& b) {
+  const Json before = ToJson(a), after = ToJson(b);
+  std::vector<std::string> names;
+  for (const auto& [name, value] : before.items()) {
+    if (after[name] != value) names.push_back(name);
+  }
+  return names;
+}
 
 template <typename T>
 absl::StatusOr<T> Decode(std::string_view text) {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -52,6 +53,9 @@ std::string Encode(const ProgressRecord& progress);
 std::string Encode(const SnapshotRecord& snapshot);
 std::string Encode(const ReconstructReport& report);
 std::string Encode(const KeptFiles& files);
+
+// Names of the options that differ, as in JobOptions of the proto.
+std::vector<std::string> Differences(const ReconstructOptions& a, const ReconstructOptions& b);
 
 // Decode<T>(Encode(x)) == x. INTERNAL (STORE_CORRUPT) if the text is not of this kind.
 template <typename T>

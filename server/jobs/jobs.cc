@@ -113,31 +113,43 @@ absl::StatusOr<std::optional<KeptFile>> Jobs::SceneOf(const JobRecord& job) {
   return scene->second;
 }
 
-absl::Status Jobs::Enqueue(JobTransaction& job, std::string_view message) {
-  const JobAction action =
-      job.job.state == JobState::kUploading ? JobAction::kStart : JobAction::kResume;
+absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_view message) {
   LITAGS_RETURN_IF_ERROR(NextState(job.job.state, action).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
   LITAGS_RETURN_IF_ERROR(CheckPhotos(files));
   job.job.attempt = 0;
   job.job.run_ms = 0;
+  job.job.report.clear();
   return ApplyAction(job, action, clock_(), message);
 }
 
 absl::StatusOr<JobRecord> Jobs::Start(std::string_view id) {
   auto job = store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(NextState(transaction.job.state, JobAction::kStart).status());
-    return Enqueue(transaction, "started");
+    return Enqueue(transaction, JobAction::kStart, "started");
   });
   // What had come of files that are not there: nobody can complete them now.
   if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() tries again
   return job;
 }
 
-absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id) {
+absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& change) {
   return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kResume).status());
-    return Enqueue(job, "resumed");
+    if (!change) return Enqueue(job, JobAction::kResume, "resumed");
+    LITAGS_ASSIGN_OR_RETURN(const auto before, Decode<ReconstructOptions>(job.job.options));
+    JobPolicy policy;
+    if (!job.job.policy.empty()) {
+      LITAGS_ASSIGN_OR_RETURN(policy, Decode<JobPolicy>(job.job.policy));
+    }
+    ReconstructOptions options = before;
+    LITAGS_RETURN_IF_ERROR(change(options, policy));
+    LITAGS_ASSIGN_OR_RETURN(options, ResumedOptions(before, options));
+    job.job.options = Encode(options);
+    job.job.policy = Encode(policy);
+    job.job.priority = policy.priority;
+    const int more = options.iterations - before.iterations;
+    if (more == 0) return Enqueue(job, JobAction::kResume, "resumed");
+    return Enqueue(job, JobAction::kExtend,
+                   absl::StrCat("resumed, for ", more, " more iterations"));
   });
 }
 

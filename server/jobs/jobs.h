@@ -17,6 +17,8 @@
 #include "engine/pipeline/engine.h"
 #include "server/jobs/client_job_store.h"
 #include "server/jobs/policy.h"
+#include "server/jobs/resume.h"
+#include "server/jobs/state_machine.h"
 #include "server/jobs/uploads.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
@@ -73,7 +75,8 @@ class Jobs {
   // FAILED_PRECONDITION: TOO_FEW_PHOTOS, PHOTO_SIZES_DIFFER, beside the state's own.
   absl::StatusOr<JobRecord> Start(std::string_view id);
   absl::StatusOr<JobRecord> Cancel(std::string_view id);
-  absl::StatusOr<JobRecord> Resume(std::string_view id);
+  // Errors of `change`, of ResumedOptions(), and those of Start().
+  absl::StatusOr<JobRecord> Resume(std::string_view id, const ResumeChange& change = nullptr);
   absl::Status Delete(std::string_view id);
 
   // Removes what nobody will come back for: jobs whose time is over, and what crashes may leave:
@@ -109,7 +112,7 @@ class Jobs {
         clock_(std::move(clock)),
         uploads_(store, blobs, std::move(area), clock_, max_owner_bytes) {}
 
-  absl::Status Enqueue(JobTransaction& job, std::string_view message);
+  absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
   absl::Status RemoveFolders(std::string_view id);
   absl::Status RemoveOrphans();

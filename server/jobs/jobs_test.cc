@@ -157,6 +157,50 @@ TEST_F(JobsTest, CancelEndsWaitingJobsAtOnceAndRunningOnesThroughTheirWorker) {
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING CANCELLED QUEUED ");
 }
 
+TEST_F(JobsTest, ResumeChangesWhatItIsToldAndNothingOfAJobThatItRefuses) {
+  JobPolicy policy;
+  policy.retention_seconds = 60;
+  policy.max_run_seconds = 50;
+  const std::string id = StartedJob(policy);
+  ReconstructReport report;
+  report.iterations = ReconstructOptions().iterations;
+  const KeptFiles kept_files = {{kSceneFile, {"1/aa", 5}}, {"checkpoint.litags", {"1/bb", 15}}};
+  ASSERT_TRUE(leases_.Succeed(**leases_.Acquire("w1"), report, kept_files).ok());
+  EXPECT_EQ(jobs_.Get(id)->expire_time_ms, now_ms_ + 60'000);
+  const JobRecord before = *jobs_.Get(id);
+
+  const auto refused = jobs_.Resume(id, [](ReconstructOptions& o, JobPolicy& p) {
+    p.priority = 9;
+    o.iterations += 100;
+    o.theta = 0.3;
+    return absl::OkStatus();
+  });
+  EXPECT_EQ(Reason(refused.status()), "OPTION_NOT_RESUMABLE");
+  EXPECT_EQ(jobs_.Get(id)->options, before.options);
+  EXPECT_EQ(jobs_.Get(id)->policy, before.policy);
+  EXPECT_EQ(jobs_.Get(id)->priority, 0);
+  EXPECT_EQ(jobs_.Get(id)->last_event, before.last_event);
+
+  const auto resumed = jobs_.Resume(id, [](ReconstructOptions& o, JobPolicy& p) {
+    p.priority = 9;
+    p.max_run_seconds = 70;
+    o.iterations += 100;
+    return absl::OkStatus();
+  });
+  ASSERT_TRUE(resumed.ok()) << resumed.status();
+  EXPECT_EQ(resumed->state, JobState::kQueued);
+  EXPECT_EQ(resumed->priority, 9);
+  EXPECT_EQ(resumed->expire_time_ms, 0);
+  EXPECT_EQ(*Decode<KeptFiles>(resumed->kept), kept_files);
+  const auto options = Decode<ReconstructOptions>(resumed->options);
+  EXPECT_EQ(options->iterations, ReconstructOptions().iterations + 100);
+  EXPECT_EQ(options->schedule_iterations, ReconstructOptions().iterations);
+  const auto kept = Decode<JobPolicy>(resumed->policy);
+  EXPECT_EQ(kept->max_run_seconds, 70);
+  EXPECT_EQ(kept->retention_seconds, 60);
+  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING SUCCEEDED QUEUED ");
+}
+
 TEST_F(JobsTest, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
   const std::string id = StartedJob();
   const Lease first = **leases_.Acquire("w1");

@@ -28,6 +28,10 @@ constexpr Transition kTransitions[] = {
     {JobAction::kResume, JobState::kFailed, JobState::kQueued},
     {JobAction::kResume, JobState::kCancelled, JobState::kQueued},
 
+    {JobAction::kExtend, JobState::kFailed, JobState::kQueued},
+    {JobAction::kExtend, JobState::kCancelled, JobState::kQueued},
+    {JobAction::kExtend, JobState::kSucceeded, JobState::kQueued},
+
     {JobAction::kRemove, JobState::kUploading, JobState::kUploading},
     {JobAction::kRemove, JobState::kQueued, JobState::kQueued},
     {JobAction::kRemove, JobState::kSucceeded, JobState::kSucceeded},
@@ -58,7 +62,12 @@ Refusal RefusalOf(JobAction action) {
     case JobAction::kCancel:
       return {"JOB_ALREADY_DONE", "there is nothing to cancel"};
     case JobAction::kResume:
-      return {"JOB_NOT_RESUMABLE", "only a FAILED or CANCELLED job can be resumed"};
+      return {"JOB_NOT_RESUMABLE",
+              "only a FAILED or CANCELLED job can be resumed, and a SUCCEEDED one with more "
+              "iterations"};
+    case JobAction::kExtend:
+      return {"JOB_NOT_RESUMABLE",
+              "only a SUCCEEDED, FAILED or CANCELLED job can go on for more iterations"};
     case JobAction::kRemove:
       return {"JOB_RUNNING", "cancel it before deleting it"};
     case JobAction::kLease:

@@ -15,6 +15,7 @@ enum class JobAction {
   kStart,    // hand it to the workers
   kCancel,   // ask for a stop
   kResume,   // try again, or go on
+  kExtend,   // go on for more iterations than it had
   kRemove,   // delete it
   kLease,    // a worker takes it
   kReport,   // its worker reports progress
@@ -28,9 +29,9 @@ inline constexpr JobState kAllJobStates[] = {JobState::kUploading, JobState::kQu
                                              JobState::kRunning,   JobState::kSucceeded,
                                              JobState::kFailed,    JobState::kCancelled};
 inline constexpr JobAction kAllJobActions[] = {
-    JobAction::kUpload, JobAction::kStart, JobAction::kCancel, JobAction::kResume,
-    JobAction::kRemove, JobAction::kLease, JobAction::kReport, JobAction::kSucceed,
-    JobAction::kFail,   JobAction::kStop,  JobAction::kRequeue};
+    JobAction::kUpload,  JobAction::kStart,  JobAction::kCancel, JobAction::kResume,
+    JobAction::kExtend,  JobAction::kRemove, JobAction::kLease,  JobAction::kReport,
+    JobAction::kSucceed, JobAction::kFail,   JobAction::kStop,   JobAction::kRequeue};
 
 std::string_view JobStateName(JobState state);  // "UPLOADING", ...
 

@@ -13,15 +13,15 @@ namespace {
 // the order of kAllJobActions; the letter is that of the state that follows, '.' means refused.
 // clang-format off
 const std::map<JobState, std::string> kExpected = {
-    //                      Upload, Start, Cancel, Resume, remoVe, Lease, rePort, sucCeed, Fail,
-    //                      stOp, requEue
-    //                      USCRVLPCFOE
-    {JobState::kUploading, "UQC.U......"},
-    {JobState::kQueued,    "..C.QR....."},
-    {JobState::kRunning,   "..R...RSFCQ"},
-    {JobState::kSucceeded, "....S......"},
-    {JobState::kFailed,    "...QF......"},
-    {JobState::kCancelled, "..CQC......"},
+    //                      Upload, Start, Cancel, Resume, eXtend, remoVe, Lease, rePort, sucCeed,
+    //                      Fail, stOp, requEue
+    //                      USCRXVLPCFOE
+    {JobState::kUploading, "UQC..U......"},
+    {JobState::kQueued,    "..C..QR....."},
+    {JobState::kRunning,   "..R....RSFCQ"},
+    {JobState::kSucceeded, "....QS......"},
+    {JobState::kFailed,    "...QQF......"},
+    {JobState::kCancelled, "..CQQC......"},
 };
 // clang-format on
 
@@ -47,6 +47,7 @@ TEST(StateMachine, RefusalsNameTheStateAndHaveAReasonPerAction) {
       {JobAction::kStart, {JobState::kQueued, "JOB_NOT_UPLOADING"}},
       {JobAction::kCancel, {JobState::kSucceeded, "JOB_ALREADY_DONE"}},
       {JobAction::kResume, {JobState::kRunning, "JOB_NOT_RESUMABLE"}},
+      {JobAction::kExtend, {JobState::kUploading, "JOB_NOT_RESUMABLE"}},
       {JobAction::kRemove, {JobState::kRunning, "JOB_RUNNING"}},
       {JobAction::kLease, {JobState::kRunning, "JOB_NOT_QUEUED"}},
       {JobAction::kReport, {JobState::kQueued, "JOB_NOT_RUNNING"}},

@@ -61,6 +61,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_contrast(0.5);
   o->set_settle_epochs(7.5);
   o->set_information_weights(true);
+  o->set_schedule_iterations(100);
   o->set_density_statistic(v1::DENSITY_STATISTIC_ABS);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
@@ -395,6 +396,40 @@ TEST_F(JobsApi, RunningJobIsCancelledWithinTwoSecondsAndResumesFromItsCheckpoint
   EXPECT_REFUSED(client_.Cancel(name), FAILED_PRECONDITION, "JOB_ALREADY_DONE", "name");
   EXPECT_REFUSED(client_.Resume(name), FAILED_PRECONDITION, "JOB_NOT_RESUMABLE", "name");
   EXPECT_TRUE(client_.Delete(name).ok());
+}
+
+TEST_F(JobsApi, ASucceededJobIsTrainedFurther) {
+  StartWorker();
+  v1::ResumeJobRequest request;
+  request.set_name(client_.StartedJob({"a", "b"}, 30));
+  client_.WaitFor(request.name(), v1::JOB_STATE_SUCCEEDED);
+  request.mutable_options()->set_iterations(29);
+  EXPECT_REFUSED(client_.Resume(request), INVALID_ARGUMENT, "ITERATIONS_REDUCED",
+                 "options.iterations");
+  request.mutable_options()->set_iterations(30);
+  EXPECT_REFUSED(client_.Resume(request), FAILED_PRECONDITION, "JOB_NOT_RESUMABLE", "name");
+  request.mutable_options()->set_iterations(50);
+  request.mutable_options()->set_theta(0.3);
+  EXPECT_REFUSED(client_.Resume(request), INVALID_ARGUMENT, "OPTION_NOT_RESUMABLE",
+                 "options.theta");
+  request.mutable_options()->set_theta(2);
+  EXPECT_EQ(DetailOf(client_.Resume(request)).field, "options.theta");
+  request.mutable_options()->clear_theta();
+  request.mutable_policy()->set_priority(101);
+  EXPECT_REFUSED(client_.Resume(request), INVALID_ARGUMENT, "POLICY_OUT_OF_RANGE",
+                 "policy.priority");
+  request.mutable_policy()->set_priority(3);
+  v1::Job job;
+  ASSERT_TRUE(client_.Resume(request, &job).ok());
+  EXPECT_FALSE(job.has_report());
+  EXPECT_EQ(job.snapshot_iteration(), 30);  // can be seen meanwhile
+  job = client_.WaitFor(request.name(), v1::JOB_STATE_SUCCEEDED);
+  EXPECT_EQ(job.report().iterations(), 50);
+  EXPECT_EQ(job.report().notes(0), "resumed at iteration 30");
+  EXPECT_EQ(job.snapshot_iteration(), 50);
+  EXPECT_EQ(job.options().iterations(), 50);
+  EXPECT_EQ(job.options().schedule_iterations(), 30);
+  EXPECT_EQ(job.policy().priority(), 3);
 }
 
 }  // namespace

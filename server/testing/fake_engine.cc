@@ -180,7 +180,7 @@ class FakeEngine : public Engine {
       progress.iteration = i;
       progress.loss = 1.0 / i;
       progress.gaussians = 100;
-      if (i % options.checkpoint_every == 0) Save(checkpoint, trained, {});
+      if (i % options.checkpoint_every == 0 || i == options.iterations) Save(checkpoint, trained, {});
       if (i % options.preview_every == 0) {
         progress.preview_png.assign(std::begin(kTinyPng), std::end(kTinyPng));
         observer->OnProgress(progress);

@@ -125,9 +125,13 @@ grpc::Status TestClient::Cancel(const std::string& name, v1::Job* job) {
 }
 
 grpc::Status TestClient::Resume(const std::string& name, v1::Job* job) {
+  return Resume(Named<v1::ResumeJobRequest>(name), job);
+}
+
+grpc::Status TestClient::Resume(const v1::ResumeJobRequest& request, v1::Job* job) {
   Call call;
   v1::Job unused;
-  return jobs->ResumeJob(&call, Named<v1::ResumeJobRequest>(name), job ? job : &unused);
+  return jobs->ResumeJob(&call, request, job ? job : &unused);
 }
 
 grpc::Status TestClient::Delete(const std::string& name) {

@@ -42,6 +42,7 @@ class TestClient {
   grpc::Status Get(const std::string& name, v1::Job* job);
   grpc::Status Cancel(const std::string& name, v1::Job* job = nullptr);
   grpc::Status Resume(const std::string& name, v1::Job* job = nullptr);
+  grpc::Status Resume(const v1::ResumeJobRequest& request, v1::Job* job = nullptr);
   grpc::Status Delete(const std::string& name);
   // Reads until the stream ends, or until `at_most` events came (then it cancels).
   grpc::Status Watch(const std::string& name, int64_t after, std::vector<v1::JobEvent>* events,

@@ -231,9 +231,18 @@ class Client:
             if self.get(job).state == job_pb2.JOB_STATE_UPLOADING:
                 raise
 
-    def watch(self, job):
-        """Every event until the job's end, in the order they came."""
-        events = []
+    def resume(self, job, iterations):
+        request = rpc.ResumeJobRequest(name=job, options=job_pb2.JobOptions(iterations=iterations))
+        try:
+            self.insist(lambda: self.jobs.ResumeJob(request, timeout=30))
+        except grpc.RpcError:
+            # As in start().
+            if self.get(job).options.iterations != iterations:
+                raise
+
+    def watch(self, job, events=()):
+        """Every event after those until the job's end, in the order they came."""
+        events = list(events)
 
         def follow():
             after = events[-1].number if events else 0
@@ -251,12 +260,19 @@ class Client:
             if error.code() != grpc.StatusCode.NOT_FOUND:
                 raise
 
-    def run(self, files, **options):
-        """(job, events) of a job that is submitted and followed to its end."""
-        job = self.create(**options)
+    def run(self, files, in_two_parts=False, **options):
+        """(job, events) of a job that is submitted and followed to its end. In two parts: it ends
+        after the iterations of its schedule, and is then resumed for the others."""
+        first = dict(options, iterations=options["schedule_iterations"],
+                     schedule_iterations=0) if in_two_parts else options
+        job = self.create(**first)
         self.upload(job, files)
         self.start(job)
-        return job, self.watch(job)
+        events = self.watch(job)
+        if in_two_parts:
+            self.resume(job, options["iterations"])
+            events = self.watch(job, events)
+        return job, events
 
     def started(self, files, **options):
         job = self.create(**options)

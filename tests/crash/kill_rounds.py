@@ -2,7 +2,8 @@
 
 One round: a fresh server, some jobs from concurrent clients, two kills whose victims and moments
 follow from the round's seed; then deletion, once in a while with a kill in the middle of it, and
-the server's end. Against an undisturbed run of the same jobs, a round checks that every job ended
+the server's end. Some rounds' jobs are in two parts: they end, and are resumed for more
+iterations. Against an undisturbed run of the same jobs, a round checks that every job ended
 well, that its scene has the same bytes, that its events are numbered without gap or repeat, and
 that no process and no file is left.
 """
@@ -21,6 +22,7 @@ from harness import job_pb2
 
 KILLS = 2  # a job that loses its worker three times fails, by design
 EARLY_KILLS = 0.25   # share of kills that fall into the first half second, when photos come in
+TWO_PARTS = 0.33     # share of rounds whose jobs end early, and are then trained further
 DELETE_KILLS = 0.5   # share of rounds with a kill of the server in the middle of the deletions
 # What a kill leaves, of a job that was being deleted or of a file that was being written, the
 # server removes once it has been quiet for as long as abandoned uploads are kept: here, a second.
@@ -91,6 +93,7 @@ class Round:
         self.workload, self.reference, self.seed = workload, reference, seed
         self.tally, self.lock = tally, lock
         self.random = random.Random(f"{workload.name}-{seed}")
+        self.in_two_parts = self.random.random() < TWO_PARTS
         self.jobs = []  # (job, events) of those that came to an end
 
     def complain(self, kind, text):
@@ -120,7 +123,8 @@ class Round:
     def one_job(self):
         client = Client(self.server.address)
         try:
-            self.jobs.append(client.run(self.workload.files, **self.workload.options))
+            self.jobs.append(client.run(self.workload.files, self.in_two_parts,
+                                        **self.workload.options))
         except Exception as error:  # whatever it is, the job is lost to its owner
             self.complain("lost_jobs", repr(error))
         finally:
@@ -253,13 +257,14 @@ def run_rounds(workload, seeds, at_once=1, report=print):
 def fake_workload():
     """The fake engine: 3 jobs of 100 iterations of 20 ms each."""
     return Workload("fake engine", "litags-fake-server", deployment.photos(),
-                    dict(iterations=100, checkpoint_every=7, preview_every=10, seed=3), 3,
-                    ("server", "worker"))
+                    dict(iterations=100, schedule_iterations=60, checkpoint_every=7,
+                         preview_every=10, seed=3), 3, ("server", "worker"))
 
 
 def real_workload(folder):
     """The real engine and COLMAP on a tiny capture with known cameras."""
     return Workload("real engine", "litags-server", deployment.capture(folder),
-                    dict(iterations=400, checkpoint_every=20, preview_every=100, seed=3, threads=1),
-                    1, ("server", "worker", "colmap"),
+                    dict(iterations=400, schedule_iterations=250, checkpoint_every=20,
+                         preview_every=100, seed=3, threads=1), 1,
+                    ("server", "worker", "colmap"),
                     ("--workers", "1", "--threads", "1", "--sweep-every", "0.5"))

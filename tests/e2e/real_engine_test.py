@@ -131,6 +131,20 @@ class RealEngine(harness.ServiceTest):
         self.assertEqual(watch.returncode, 0, out + err)
         self.assertEqual(self.state(job), harness.SUCCEEDED)
 
+    def test_a_scene_trained_further_has_the_bytes_of_one_trained_at_once(self):
+        job = self.submit_room("--iterations", "40", "--watch")
+        self.litags("resume", job, "--iterations", "60")
+        self.litags("watch", job)
+        at_once = self.submit_room("--iterations", "60", "--schedule-iterations", "40", "--watch")
+        scenes = []
+        for name in (job, at_once):
+            path = os.path.join(self.folder, "scene.ply")
+            self.litags("export", name, "--ply", path, "--full")
+            with open(path, "rb") as file:
+                scenes.append(file.read())
+        self.assertTrue(scenes[0] == scenes[1])
+        self.assertIn("resumed at iteration 40", self.litags("show", job)[0])
+
     def test_photos_of_different_places_end_in_a_clear_failure(self):
         folder = os.path.join(self.folder, "strangers")
         os.mkdir(folder)
@@ -139,6 +153,14 @@ class RealEngine(harness.ServiceTest):
                 file.write(noise_png(i))
         _, err = self.litags("submit", folder, "--watch", exit_code=1)
         self.assertIn("SFM_NO_MODEL", err)
+        # With cameras that somebody says they have, too.
+        frames = [{"file_path": f"{i}.png", "transform_matrix":
+                   [[1, 0, 0, 0.3 * i], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]} for i in range(4)]
+        cameras = os.path.join(self.folder, "transforms.json")
+        with open(cameras, "w") as file:
+            json.dump({"camera_angle_x": 0.9, "frames": frames}, file)
+        _, err = self.litags("submit", folder, "--cameras", cameras, "--watch", exit_code=1)
+        self.assertIn("SFM_NO_POINTS", err)
 
     def worker_of_server(self):
         children = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(self.server.process.pid)],

@@ -51,6 +51,37 @@ class Jobs(harness.ServiceTest):
         self.assertEqual(first, second)
         self.assertIn("was submitted before", err)
 
+    def exported(self, job):
+        path = os.path.join(self.folder, "scene.ply")
+        self.litags("export", job, "--ply", path, "--full")
+        with open(path, "rb") as file:
+            return file.read()
+
+    def test_a_finished_scene_is_trained_further(self):
+        job = self.submit("--iterations", "20", "--watch")
+        _, err = self.litags("resume", job, exit_code=5)
+        self.assertIn("JOB_NOT_RESUMABLE", err)
+        _, err = self.litags("resume", job, "--iterations", "10", exit_code=2)
+        self.assertIn("ITERATIONS_REDUCED", err)
+        self.assert_refused(
+            lambda: self.jobs.ResumeJob(rpc.ResumeJobRequest(
+                name=job, options=harness.job_pb2.JobOptions(iterations=50, use_pdm=False))),
+            grpc.StatusCode.INVALID_ARGUMENT, "OPTION_NOT_RESUMABLE", "options.use_pdm",
+            "make a new job")
+        before = self.exported(job)
+        resumed = self.jobs.ResumeJob(rpc.ResumeJobRequest(
+            name=job, options=harness.job_pb2.JobOptions(iterations=35)))
+        self.litags("watch", job, "--after", str(resumed.last_event))
+        self.litags("resume", job, "--iterations", "50", "--priority", "4")
+        self.litags("watch", job)
+        found = self.jobs.GetJob(rpc.GetJobRequest(name=job))
+        self.assertEqual((found.options.iterations, found.options.schedule_iterations,
+                          found.policy.priority, found.report.iterations), (50, 20, 4, 50))
+        self.assertEqual(list(found.report.notes), ["resumed at iteration 35"])
+        at_once = self.submit("--iterations", "50", "--schedule-iterations", "20", "--watch")
+        self.assertEqual(self.exported(job), self.exported(at_once))
+        self.assertNotEqual(self.exported(job), before)
+
     def test_watching_over_a_cut_connection_loses_and_doubles_nothing(self):
         # 300 iterations of 20 ms: long enough to be cut several times.
         job = self.submit("--iterations", "300", names=("slow.png", "b.png"))

@@ -24,6 +24,10 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option("--exposure-ssim", options->exposure_ssim, "share of 1 - SSIM beside L1 in L_exp")
       ->capture_default_str();
   app->add_option("--iterations", options->iterations, "one photo each")->capture_default_str();
+  app->add_option("--schedule-iterations", options->schedule_iterations,
+                  "lay out rates and densities for so many, the rest goes on at the last rates; with "
+                  "the same -o and more --iterations, a finished scene is trained further; 0: all")
+      ->capture_default_str();
   app->add_option("--coarse-levels", options->coarse_levels,
                   "start on photos of 2^-n of their size; 0: full size throughout")
       ->capture_default_str();
