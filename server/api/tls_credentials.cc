@@ -3,6 +3,8 @@
 #include <grpc/grpc.h>
 #include <grpc/grpc_security.h>
 
+#include <string>
+
 #include "engine/core/check.h"
 
 namespace litags {
@@ -36,8 +38,9 @@ class RenewingCredentials final : public grpc::ServerCredentials {
     const auto renewed = static_cast<RenewingCredentials*>(self)->files_->TakeRenewed();
     if (!renewed) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
     const grpc_ssl_pem_key_cert_pair pair = {renewed->key.c_str(), renewed->cert.c_str()};
-    const char* client_ca = renewed->client_ca.empty() ? nullptr : renewed->client_ca.c_str();
-    *config = grpc_ssl_server_certificate_config_create(client_ca, &pair, 1);
+    // gRPC 1.51 insists on some authority, also where clients are not asked for certificates.
+    const std::string& client_ca = renewed->client_ca.empty() ? renewed->cert : renewed->client_ca;
+    *config = grpc_ssl_server_certificate_config_create(client_ca.c_str(), &pair, 1);
     return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_NEW;
   }
 
