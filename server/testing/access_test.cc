@@ -336,6 +336,7 @@ TEST_F(AccessTest, ARenewedCertificateIsShownAndOpenConnectionsStay) {
   const auto by_new = [&] { return Handshake(Address(), token, renewed); };
   EXPECT_EQ(by_old(), grpc::OK);
   EXPECT_EQ(by_new(), grpc::UNAVAILABLE);
+  Created("alice");  // opens a connection that stays
 
   // Half a renewal: the key is that of the old certificate.
   const auto copy = [&](const std::string& file) {
