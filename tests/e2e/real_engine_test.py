@@ -158,7 +158,7 @@ class RealEngine(harness.ServiceTest):
                    [[1, 0, 0, 0.3 * i], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]} for i in range(4)]
         cameras = os.path.join(self.folder, "transforms.json")
         with open(cameras, "w") as file:
-            json.dump({"camera_angle_x": 0.9, "frames": frames}, file)
+            json.dump({"camera_angle_x": 0.9, "w": 160, "h": 120, "frames": frames}, file)
         _, err = self.litags("submit", folder, "--cameras", cameras, "--watch", exit_code=1)
         self.assertIn("SFM_NO_POINTS", err)
 
