@@ -86,7 +86,7 @@ absl::StatusOr<std::vector<EventRecord>> ClientJobStore::Events(std::string_view
   return store_->Events(id, after, limit);
 }
 
-absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstQueued(Change) {
+absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstQueued(Fits, Change) {
   return ForWorkersOnly();
 }
 
@@ -105,6 +105,10 @@ absl::StatusOr<std::vector<std::string>> ClientJobStore::LeasedTo(std::string_vi
 absl::StatusOr<std::vector<std::string>> ClientJobStore::Littered(int) { return ForWorkersOnly(); }
 
 absl::StatusOr<JobCensus> ClientJobStore::Census() { return ForWorkersOnly(); }
+
+absl::Status ClientJobStore::PutWorker(const WorkerRecord&) { return ForWorkersOnly(); }
+
+absl::Status ClientJobStore::RemoveWorker(std::string_view) { return ForWorkersOnly(); }
 
 absl::StatusOr<std::vector<std::string>> ClientJobStore::Expired(int64_t, int) {
   return ForWorkersOnly();

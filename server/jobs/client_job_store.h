@@ -45,10 +45,13 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen, double seconds) override {
     return store_->WaitForChange(topic, seen, seconds);
   }
+  absl::StatusOr<std::vector<WorkerRecord>> Workers(int64_t since_ms) override {
+    return store_->Workers(since_ms);
+  }
   int64_t NowMs() override { return store_->NowMs(); }
   int64_t ReachableSinceMs() override { return store_->ReachableSinceMs(); }
 
-  absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) override;
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Fits fits, Change change) override;
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
                                                               Change change) override;
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
@@ -56,6 +59,8 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
   absl::StatusOr<std::vector<std::string>> Littered(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
+  absl::Status PutWorker(const WorkerRecord& worker) override;
+  absl::Status RemoveWorker(std::string_view name) override;
   absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
 
  private:

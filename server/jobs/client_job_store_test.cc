@@ -78,7 +78,7 @@ TEST_F(ClientJobStoreTest, OwnersAndAdministratorsReachTheJob) {
 }
 
 TEST_F(ClientJobStoreTest, WorkersCallsAreRefused) {
-  EXPECT_EQ(Reason(admin_.UpdateFirstQueued(Nothing).status()), "NOT_FOR_CLIENTS");
+  EXPECT_EQ(Reason(admin_.UpdateFirstQueued(FitsAny, Nothing).status()), "NOT_FOR_CLIENTS");
   EXPECT_EQ(Reason(admin_.UpdateFirstExpired(0, Nothing).status()), "NOT_FOR_CLIENTS");
   EXPECT_EQ(Reason(admin_.LeasedTo("w").status()), "NOT_FOR_CLIENTS");
 }

@@ -62,7 +62,7 @@ absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner) {
     job.job.lease_expires_ms = clock_() + options_.duration_ms;
     return absl::OkStatus();
   };
-  LITAGS_ASSIGN_OR_RETURN(auto job, store_->UpdateFirstQueued(take));
+  LITAGS_ASSIGN_OR_RETURN(auto job, store_->UpdateFirstQueued(FitsAny, take));
   if (!job) return std::nullopt;
   return Lease{owner, *std::move(job)};
 }

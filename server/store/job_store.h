@@ -40,8 +40,9 @@ struct JobRecord {
   std::string content_digest;  // what the creator said would be uploaded; empty: nothing said
   JobState state = JobState::kUploading;
   bool cancel_requested = false;
-  int attempt = 0;   // leases since it was last queued by a user
-  int priority = 0;  // higher ones leave the queue first
+  int attempt = 0;    // leases since it was last queued by a user
+  int priority = 0;   // higher ones leave the queue first
+  std::string needs;  // what its worker must have; opaque to the store; empty: nothing
 
   // The lease of the worker that runs it; meaningful in kRunning only.
   std::string lease_owner;
@@ -108,9 +109,17 @@ struct OwnerUsage {
 
 // All jobs, for whoever watches over the service.
 struct JobCensus {
-  std::map<JobState, int64_t> by_state;       // states without jobs are left out
-  int64_t oldest_queue_time_ms = 0;           // of the queued jobs; 0: there are none
-  std::vector<std::string> running_progress;  // JobRecord::progress of each running job
+  std::map<JobState, int64_t> by_state;            // states without jobs are left out
+  int64_t oldest_queue_time_ms = 0;                // of the queued jobs; 0: there are none
+  std::map<std::string, int64_t> queued_by_needs;  // how many queued jobs have which needs
+  std::vector<std::string> running_progress;       // JobRecord::progress of each running job
+};
+
+// A worker that said that it is there.
+struct WorkerRecord {
+  std::string name;
+  int64_t seen_ms = 0;    // when it said so last
+  std::string resources;  // what it has: JSON, opaque to the store
 };
 
 // One job inside a transaction. Nothing is visible to others, and nothing is on disk, until the
@@ -151,6 +160,8 @@ enum class ChangeTopic {
 class JobStore {
  public:
   using Change = absl::FunctionRef<absl::Status(JobTransaction&)>;
+  // Whether a worker has what JobRecord::needs says. Asked once for each text that is in the queue.
+  using Fits = absl::FunctionRef<bool(std::string_view needs)>;
 
   virtual ~JobStore() = default;
 
@@ -171,9 +182,11 @@ class JobStore {
   // more than once, so it must have no effect but on the transaction.
   virtual absl::StatusOr<JobRecord> Update(std::string_view id, Change change) = 0;
 
-  // Update() of the first queued job (highest priority, then by queue_time_ms); nullopt if there
-  // is none.
-  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) = 0;
+  // Update() of the first queued job whose needs fit: of those of the highest priority, one of the
+  // owner with the fewest running jobs, who then waits longest (queue_time_ms); nullopt if there is
+  // none. Changes at the same time do not see each other's choice, so that an owner may get as many
+  // jobs too early as there are.
+  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Fits fits, Change change) = 0;
 
   // Update() of one running job whose lease ended before `now_ms`; nullopt if there is none.
   virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
@@ -193,6 +206,12 @@ class JobStore {
   virtual absl::StatusOr<std::vector<std::string>> Littered(int limit) = 0;
 
   virtual absl::StatusOr<JobCensus> Census() = 0;
+
+  // Workers say that they are there, and are forgotten by their names. Nobody waits for that.
+  virtual absl::Status PutWorker(const WorkerRecord& worker) = 0;
+  virtual absl::Status RemoveWorker(std::string_view name) = 0;
+  // Those seen at `since_ms` or later, by name.
+  virtual absl::StatusOr<std::vector<WorkerRecord>> Workers(int64_t since_ms) = 0;
 
   // By role, then name.
   virtual absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) = 0;
@@ -222,6 +241,9 @@ class JobStore {
   // Leases that ran out while nobody reached the store do not show that their workers are dead.
   virtual int64_t ReachableSinceMs() = 0;
 };
+
+// Fits of a worker that takes any job.
+inline bool FitsAny(std::string_view) { return true; }
 
 // NowMs() of a store that outlives the clock.
 Clock StoreClock(JobStore* store);

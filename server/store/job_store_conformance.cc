@@ -196,15 +196,84 @@ TEST_F(JobStoreConformance, QueueIsFirstInFirstOutAndExpiryLooksAtTheLeaseOnly) 
     job.job.lease_expires_ms = 100;
     return absl::OkStatus();
   };
-  EXPECT_EQ((*store_->UpdateFirstQueued(take))->id, "early");
-  EXPECT_EQ((*store_->UpdateFirstQueued(take))->id, "late");
-  EXPECT_FALSE(store_->UpdateFirstQueued(take)->has_value());
+  EXPECT_EQ((*store_->UpdateFirstQueued(FitsAny, take))->id, "early");
+  EXPECT_EQ((*store_->UpdateFirstQueued(FitsAny, take))->id, "late");
+  EXPECT_FALSE(store_->UpdateFirstQueued(FitsAny, take)->has_value());
   EXPECT_FALSE(store_->UpdateFirstExpired(100, Nothing)->has_value());
   EXPECT_TRUE(store_->UpdateFirstExpired(101, Nothing)->has_value());
   EXPECT_FALSE(store_->UpdateFirstLeasedBeyond(100, Nothing)->has_value());
   EXPECT_TRUE(store_->UpdateFirstLeasedBeyond(99, Nothing)->has_value());
   EXPECT_EQ(store_->LeasedTo("w")->size(), 2u);
   EXPECT_TRUE(store_->LeasedTo("other")->empty());
+}
+
+TEST_F(JobStoreConformance, QueueIsSharedOutAmongOwnersWithinAPriority) {
+  const auto queue = [&](const std::string& id, const std::string& owner, int64_t time_ms,
+                         int priority = 0) {
+    JobRecord job = MakeJob(id, time_ms, JobState::kQueued);
+    job.owner = owner;
+    job.priority = priority;
+    ASSERT_TRUE(store_->Create(job, Nothing).ok());
+  };
+  for (int i = 1; i <= 5; ++i) queue(absl::StrCat("many", i), "many", i);
+  queue("one1", "one", 10);
+  queue("two1", "two", 20);
+  queue("two2", "two", 21);
+  queue("urgent1", "many", 30, 1);
+  std::string taken;
+  const auto take = [&] {
+    const auto job = store_->UpdateFirstQueued(FitsAny, [](JobTransaction& job) {
+      job.job.state = JobState::kRunning;
+      return absl::OkStatus();
+    });
+    ASSERT_TRUE(job.ok()) << job.status();
+    absl::StrAppend(&taken, *job ? (*job)->id : "none", " ");
+  };
+  for (int i = 0; i < 6; ++i) take();
+  // A job of another priority counts, too; then those with the fewest go first, then the longest
+  // wait.
+  EXPECT_EQ(taken, "urgent1 one1 two1 many1 two2 many2 ");
+  // Whoever has none running any more is first again.
+  taken.clear();
+  queue("one2", "one", 40);
+  ASSERT_TRUE(store_
+                  ->Update("one1",
+                           [](JobTransaction& job) {
+                             job.job.state = JobState::kSucceeded;
+                             return absl::OkStatus();
+                           })
+                  .ok());
+  for (int i = 0; i < 5; ++i) take();
+  EXPECT_EQ(taken, "one2 many3 many4 many5 none ");
+}
+
+TEST_F(JobStoreConformance, JobThatDoesNotFitIsPassedOverAndKeepsItsPlace) {
+  const auto queue = [&](const std::string& id, const std::string& needs, int64_t time_ms,
+                         int priority = 0) {
+    JobRecord job = MakeJob(id, time_ms, JobState::kQueued);
+    job.needs = needs;
+    job.priority = priority;
+    ASSERT_TRUE(store_->Create(job, Nothing).ok());
+  };
+  queue("small1", "", 1);
+  queue("large1", "large", 2, 1);
+  queue("large2", "large", 3, 1);
+  queue("odd1", "odd", 4);
+  const auto take = [&](JobStore::Fits fits) {
+    const auto job = store_->UpdateFirstQueued(fits, [](JobTransaction& job) {
+      job.job.state = JobState::kRunning;
+      return absl::OkStatus();
+    });
+    EXPECT_TRUE(job.ok()) << job.status();
+    return *job ? (*job)->id : "none";
+  };
+  const auto small = [](std::string_view needs) { return needs.empty(); };
+  EXPECT_EQ(take(small), "small1");
+  EXPECT_EQ(take(small), "none");
+  EXPECT_EQ(take([](std::string_view needs) { return needs != "odd"; }), "large1");
+  EXPECT_EQ(take(FitsAny), "large2");
+  EXPECT_EQ(take(FitsAny), "odd1");
+  EXPECT_EQ(store_->Get("odd1")->needs, "odd");
 }
 
 TEST_F(JobStoreConformance, CensusCountsStatesAndFindsTheLongestWait) {
@@ -222,6 +291,39 @@ TEST_F(JobStoreConformance, CensusCountsStatesAndFindsTheLongestWait) {
                 {JobState::kUploading, 1}, {JobState::kQueued, 2}, {JobState::kRunning, 1}}));
   EXPECT_EQ(census.oldest_queue_time_ms, 10);
   EXPECT_THAT(census.running_progress, ElementsAre("{}"));
+}
+
+TEST_F(JobStoreConformance, CensusCountsTheNeedsOfQueuedJobs) {
+  for (const auto& [id, needs] : std::vector<std::pair<std::string, std::string>>{
+           {"a", ""}, {"b", "large"}, {"c", "large"}}) {
+    JobRecord job = MakeJob(id, 1, JobState::kQueued);
+    job.needs = needs;
+    ASSERT_TRUE(store_->Create(job, Nothing).ok());
+  }
+  EXPECT_EQ(store_->Census()->queued_by_needs,
+            (std::map<std::string, int64_t>{{"", 1}, {"large", 2}}));
+}
+
+TEST_F(JobStoreConformance, WorkersAreThereUntilTheyAreSilentOrRemoved) {
+  ASSERT_TRUE(store_->PutWorker({"w2", 1000, "{}"}).ok());
+  ASSERT_TRUE(store_->PutWorker({"w1", 2000, "{}"}).ok());
+  ASSERT_TRUE(store_->PutWorker({"w2", 3000, "{\"cores\":2}"}).ok());
+  const auto names = [&](int64_t since_ms) {
+    std::vector<std::string> names;
+    const auto workers = store_->Workers(since_ms);
+    for (const WorkerRecord& worker : *workers) names.push_back(worker.name);
+    return names;
+  };
+  EXPECT_THAT(names(0), ElementsAre("w1", "w2"));
+  EXPECT_THAT(names(2001), ElementsAre("w2"));
+  EXPECT_EQ(store_->Workers(3000)->at(0).resources, "{\"cores\":2}");
+  ASSERT_TRUE(store_->RemoveWorker("w2").ok());
+  ASSERT_TRUE(store_->RemoveWorker("w2").ok()) << "it is gone already";
+  EXPECT_THAT(names(0), ElementsAre("w1"));
+  // One that died without a word long ago is forgotten.
+  constexpr int64_t kTwoDaysMs = int64_t{48} * 3600 * 1000;
+  ASSERT_TRUE(store_->PutWorker({"w3", kTwoDaysMs, "{}"}).ok());
+  EXPECT_THAT(names(0), ElementsAre("w3"));
 }
 
 TEST_F(JobStoreConformance, TextsAreOrderedByTheirBytesAndKeptAsTheyAre) {

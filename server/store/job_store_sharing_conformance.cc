@@ -78,7 +78,7 @@ TEST_F(JobStoreSharing, WhoWaitsForTheQueueLearnsOfAQueuedJob) {
     return absl::OkStatus();
   };
   ASSERT_TRUE(other->Update("a1", queue).ok());
-  const auto found = [&] { return store_->UpdateFirstQueued(Nothing)->has_value(); };
+  const auto found = [&] { return store_->UpdateFirstQueued(FitsAny, Nothing)->has_value(); };
   for (int i = 0; i < 20 && !found(); ++i) {
     token = *store_->WaitForChange(ChangeTopic::kQueue, token, 20);
   }
@@ -98,7 +98,7 @@ TEST_F(JobStoreSharing, EveryQueuedJobGoesToOneOfManyTakers) {
     takers.emplace_back([&] {
       auto store = Open();
       for (;;) {
-        const auto job = store->UpdateFirstQueued([](JobTransaction& job) {
+        const auto job = store->UpdateFirstQueued(FitsAny, [](JobTransaction& job) {
           job.job.state = JobState::kRunning;
           ++job.job.attempt;
           return absl::OkStatus();

@@ -1,6 +1,7 @@
 #include "server/store/sql_job_store.h"
 
 #include "engine/core/error.h"
+#include "server/store/sql_queue.h"
 
 namespace litags {
 
@@ -53,19 +54,18 @@ absl::StatusOr<JobRecord> SqlJobStore::Update(std::string_view id, Change change
   return result;
 }
 
-absl::StatusOr<std::optional<JobRecord>> SqlJobStore::UpdateFirst(FirstOf which, int64_t argument,
-                                                                  Change change) {
+absl::StatusOr<std::optional<JobRecord>> SqlJobStore::UpdateFirst(Select select, Change change) {
   std::optional<std::string> id;
   // Most calls find nothing: look before opening a transaction.
   LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(id, SelectFirst(sql, which, argument));
+    LITAGS_ASSIGN_OR_RETURN(id, select(sql, ""));
     return absl::OkStatus();
   }));
   std::optional<JobRecord> result;
   if (!id) return result;
   LITAGS_RETURN_IF_ERROR(Write([&](SqlSession& sql) -> absl::StatusOr<bool> {
     result.reset();
-    LITAGS_ASSIGN_OR_RETURN(id, SelectFirst(sql, which, argument, lock_or_skip_));
+    LITAGS_ASSIGN_OR_RETURN(id, select(sql, lock_or_skip_));
     if (!id) return false;
     LITAGS_ASSIGN_OR_RETURN(JobRecord job, SelectJob(sql, *id));
     LITAGS_ASSIGN_OR_RETURN(result, ApplyChange(sql, std::move(job), change));
@@ -74,18 +74,28 @@ absl::StatusOr<std::optional<JobRecord>> SqlJobStore::UpdateFirst(FirstOf which,
   return result;
 }
 
-absl::StatusOr<std::optional<JobRecord>> SqlJobStore::UpdateFirstQueued(Change change) {
-  return UpdateFirst(FirstOf::kQueued, 0, change);
+absl::StatusOr<std::optional<JobRecord>> SqlJobStore::UpdateFirstQueued(Fits fits, Change change) {
+  return UpdateFirst(
+      [&](SqlSession& sql, std::string_view lock) { return SelectQueued(sql, fits, lock); },
+      change);
 }
 
 absl::StatusOr<std::optional<JobRecord>> SqlJobStore::UpdateFirstExpired(int64_t now_ms,
                                                                          Change change) {
-  return UpdateFirst(FirstOf::kExpired, now_ms, change);
+  return UpdateFirst(
+      [&](SqlSession& sql, std::string_view lock) {
+        return SelectFirst(sql, FirstOf::kExpired, now_ms, lock);
+      },
+      change);
 }
 
 absl::StatusOr<std::optional<JobRecord>> SqlJobStore::UpdateFirstLeasedBeyond(int64_t latest_ms,
                                                                               Change change) {
-  return UpdateFirst(FirstOf::kLeasedBeyond, latest_ms, change);
+  return UpdateFirst(
+      [&](SqlSession& sql, std::string_view lock) {
+        return SelectFirst(sql, FirstOf::kLeasedBeyond, latest_ms, lock);
+      },
+      change);
 }
 
 absl::StatusOr<std::vector<std::string>> SqlJobStore::LeasedTo(std::string_view owner) {
@@ -131,6 +141,29 @@ absl::StatusOr<OwnerUsage> SqlJobStore::UsageOf(std::string_view owner) {
     return absl::OkStatus();
   }));
   return usage;
+}
+
+absl::Status SqlJobStore::PutWorker(const WorkerRecord& worker) {
+  return Write([&](SqlSession& sql) -> absl::StatusOr<bool> {
+    LITAGS_RETURN_IF_ERROR(UpsertWorker(sql, worker));
+    return true;
+  });
+}
+
+absl::Status SqlJobStore::RemoveWorker(std::string_view name) {
+  return Write([&](SqlSession& sql) -> absl::StatusOr<bool> {
+    LITAGS_RETURN_IF_ERROR(DeleteWorker(sql, name));
+    return true;
+  });
+}
+
+absl::StatusOr<std::vector<WorkerRecord>> SqlJobStore::Workers(int64_t since_ms) {
+  std::vector<WorkerRecord> workers;
+  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(workers, SelectWorkers(sql, since_ms));
+    return absl::OkStatus();
+  }));
+  return workers;
 }
 
 absl::StatusOr<std::vector<FileRecord>> SqlJobStore::Files(std::string_view id) {

@@ -27,7 +27,7 @@ class SqlJobStore : public JobStore {
                                               int limit,
                                               const std::optional<std::string>& owner) override;
   absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override;
-  absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Change change) override;
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Fits fits, Change change) override;
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
                                                               Change change) override;
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
@@ -37,6 +37,9 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<std::vector<std::string>> Littered(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
   absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override;
+  absl::Status PutWorker(const WorkerRecord& worker) override;
+  absl::Status RemoveWorker(std::string_view name) override;
+  absl::StatusOr<std::vector<WorkerRecord>> Workers(int64_t since_ms) override;
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
                                                   std::string_view sha256) override;
@@ -58,8 +61,10 @@ class SqlJobStore : public JobStore {
   virtual absl::Status Write(WriteWork work) = 0;
 
  private:
-  absl::StatusOr<std::optional<JobRecord>> UpdateFirst(FirstOf which, int64_t argument,
-                                                       Change change);
+  // Update() of the job whose id `select(sql, lock)` finds.
+  using Select = absl::FunctionRef<absl::StatusOr<std::optional<std::string>>(
+      SqlSession&, std::string_view lock)>;
+  absl::StatusOr<std::optional<JobRecord>> UpdateFirst(Select select, Change change);
 
   const char* const lock_;
   const char* const lock_or_skip_;

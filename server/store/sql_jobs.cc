@@ -1,5 +1,6 @@
 #include "server/store/sql_jobs.h"
 
+#include <algorithm>
 #include <type_traits>
 
 #include "absl/strings/str_cat.h"
@@ -24,6 +25,7 @@ void VisitColumns(Record& job, F&& f) {
   f("cancel_requested", Column::kChanges, job.cancel_requested);
   f("attempt", Column::kChanges, job.attempt);
   f("priority", Column::kChanges, job.priority);
+  f("needs", Column::kChanges, job.needs);
   f("lease_owner", Column::kChanges, job.lease_owner);
   f("lease_start_ms", Column::kChanges, job.lease_start_ms);
   f("lease_expires_ms", Column::kChanges, job.lease_expires_ms);
@@ -251,12 +253,9 @@ absl::StatusOr<std::vector<JobRecord>> SelectPage(SqlSession& sql, int64_t after
 }
 
 absl::StatusOr<std::optional<std::string>> SelectFirst(SqlSession& sql, FirstOf which,
-                                                       int64_t argument, std::string_view lock) {
+                                                       int64_t time_ms, std::string_view lock) {
   const char* condition = "";
   switch (which) {
-    case FirstOf::kQueued:
-      condition = "state=2 ORDER BY priority DESC, queue_time_ms, create_time_ms, id";
-      break;
     case FirstOf::kExpired:
       condition = "state=3 AND lease_expires_ms < ?1";
       break;
@@ -266,7 +265,7 @@ absl::StatusOr<std::optional<std::string>> SelectFirst(SqlSession& sql, FirstOf 
   }
   const auto row = sql.Prepare(
       absl::StrCat("SELECT id FROM jobs WHERE ", condition, " LIMIT 1", std::string(lock)));
-  if (which != FirstOf::kQueued) row->Bind(argument);
+  row->Bind(time_ms);
   LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
   if (!found) return std::nullopt;
   return row->Text(0);
@@ -303,20 +302,30 @@ absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
 }
 
 absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql) {
+  // Three texts, so that each uses its index.
   JobCensus census;
-  const auto states =
-      sql.Prepare("SELECT state, COUNT(*), MIN(queue_time_ms) FROM jobs GROUP BY state");
+  const auto at_rest =
+      sql.Prepare("SELECT state, COUNT(*) FROM jobs WHERE state NOT IN (2, 3) GROUP BY state");
   for (;;) {
-    LITAGS_ASSIGN_OR_RETURN(const bool more, states->Step());
+    LITAGS_ASSIGN_OR_RETURN(const bool more, at_rest->Step());
     if (!more) break;
-    const auto state = static_cast<JobState>(states->Int(0));
-    census.by_state[state] = states->Int(1);
-    if (state == JobState::kQueued) census.oldest_queue_time_ms = states->Int(2);
+    census.by_state[static_cast<JobState>(at_rest->Int(0))] = at_rest->Int(1);
+  }
+  const auto queued = sql.Prepare(
+      "SELECT needs, COUNT(*), MIN(queue_time_ms) FROM jobs WHERE state=2 GROUP BY needs");
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, queued->Step());
+    if (!more) break;
+    census.queued_by_needs[queued->Text(0)] = queued->Int(1);
+    census.by_state[JobState::kQueued] += queued->Int(1);
+    int64_t& oldest_ms = census.oldest_queue_time_ms;
+    oldest_ms = oldest_ms == 0 ? queued->Int(2) : std::min(oldest_ms, queued->Int(2));
   }
   const auto running = sql.Prepare("SELECT progress FROM jobs WHERE state=3");
   for (;;) {
     LITAGS_ASSIGN_OR_RETURN(const bool more, running->Step());
     if (!more) return census;
+    ++census.by_state[JobState::kRunning];
     census.running_progress.push_back(running->Text(0));
   }
 }

@@ -25,12 +25,10 @@ absl::StatusOr<std::vector<JobRecord>> SelectPage(SqlSession& sql, int64_t after
                                                   std::string_view after_id, int limit,
                                                   const std::optional<std::string>& owner);
 
-// Which job of several is to be changed.
-enum class FirstOf { kQueued, kExpired, kLeasedBeyond };
-// `argument` is the time of kExpired and kLeasedBeyond.
+// Which running job of several is to be changed, by the end of its lease.
+enum class FirstOf { kExpired, kLeasedBeyond };
 absl::StatusOr<std::optional<std::string>> SelectFirst(SqlSession& sql, FirstOf which,
-                                                       int64_t argument,
-                                                       std::string_view lock = "");
+                                                       int64_t time_ms, std::string_view lock);
 
 absl::StatusOr<std::vector<std::string>> SelectLeasedTo(SqlSession& sql, std::string_view owner);
 absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t now_ms, int limit);

@@ -85,6 +85,25 @@ ALTER TABLE jobs ADD COLUMN kept TEXT NOT NULL DEFAULT '';
 ALTER TABLE jobs ADD COLUMN has_litter INTEGER NOT NULL DEFAULT 0;
 CREATE INDEX jobs_by_litter ON jobs (id) WHERE has_litter = 1;
 )sql",
+    // The queue is shared out among clients, and jobs need something of their workers.
+    R"sql(
+ALTER TABLE jobs ADD COLUMN needs TEXT NOT NULL DEFAULT '';
+DROP INDEX jobs_by_queue;
+CREATE INDEX jobs_by_queue
+  ON jobs (priority, needs, owner, queue_time_ms, create_time_ms, id, state) WHERE state = 2;
+CREATE INDEX jobs_at_rest ON jobs (state) WHERE state NOT IN (2, 3);
+CREATE INDEX jobs_by_lease ON jobs (lease_expires_ms) WHERE state = 3;
+CREATE INDEX jobs_by_worker ON jobs (lease_owner) WHERE state = 3;
+CREATE INDEX jobs_running ON jobs (owner) WHERE state = 3;
+)sql",
+    // Workers say that they are there.
+    R"sql(
+CREATE TABLE workers (
+  name TEXT PRIMARY KEY,
+  seen_ms INTEGER NOT NULL,
+  resources TEXT NOT NULL
+) WITHOUT ROWID;
+)sql",
 };
 
 absl::StatusOr<int64_t> Version(SqlSession& sql) {

@@ -48,7 +48,7 @@ class PostgresKind : public JobStoreKind {
                      "0,0,-1,'','{}','','','','')"));
     return MigratePostgres(old.get(), version);
   }
-  int64_t newest_version() const override { return 2; }
+  int64_t newest_version() const override { return 4; }
 
   absl::Status MakeTooNew() override {
     LITAGS_ASSIGN_OR_RETURN(const auto connection, PgConnection::Open(url_));
@@ -61,10 +61,11 @@ class PostgresKind : public JobStoreKind {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<PostgresServer>> PostgresServer::Start() {
+absl::StatusOr<std::unique_ptr<PostgresServer>> PostgresServer::Start(bool durable) {
   std::unique_ptr<PostgresServer> server(new PostgresServer);
   server->programs_ = FindPrograms();
   if (server->programs_.empty()) return absl::NotFoundError("PostgreSQL is not installed");
+  server->durable_ = durable;
   server->port_ = FreePort();
   server->user_ = getuid();
   server->group_ = getgid();
@@ -117,9 +118,9 @@ absl::Status PostgresServer::RunProgram(const std::vector<std::string>& args) co
 }
 
 absl::Status PostgresServer::Run() {
-  pid_ =
-      Spawn({"postgres", "-D", dir_.path() + "/data", "-k", dir_.path(), "-p", absl::StrCat(port_),
-             "-c", "listen_addresses=127.0.0.1", "-c", "fsync=off", "-c", "max_connections=100"});
+  pid_ = Spawn({"postgres", "-D", dir_.path() + "/data", "-k", dir_.path(), "-p",
+                absl::StrCat(port_), "-c", "listen_addresses=127.0.0.1", "-c",
+                durable_ ? "fsync=on" : "fsync=off", "-c", "max_connections=100"});
   for (int i = 0; i < 600; ++i) {
     const auto connection = PgConnection::Open(Url("postgres"));
     if (connection.ok()) return absl::OkStatus();

@@ -18,8 +18,9 @@ namespace litags {
 // this process.
 class PostgresServer {
  public:
-  // The newest one installed; NOT_FOUND if there is none.
-  static absl::StatusOr<std::unique_ptr<PostgresServer>> Start();
+  // The newest one installed; NOT_FOUND if there is none. What is committed survives a power cut if
+  // `durable`, at the price that it has in operation.
+  static absl::StatusOr<std::unique_ptr<PostgresServer>> Start(bool durable = false);
   ~PostgresServer();
 
   // Ends it as SIGTERM, or as a power cut would, and starts it again.
@@ -33,6 +34,7 @@ class PostgresServer {
   std::string OverTcp(const std::string& url) const;
   absl::Status Execute(const std::string& sql);
   int port() const { return port_; }
+  pid_t pid() const { return pid_; }
 
  private:
   PostgresServer() = default;
@@ -44,6 +46,7 @@ class PostgresServer {
 
   TempDir dir_;
   std::string programs_;  // folder
+  bool durable_ = false;
   int port_ = 0;
   uid_t user_ = 0;
   gid_t group_ = 0;

@@ -17,7 +17,7 @@ class SqliteKind : public JobStoreKind {
                      "'{}','','','')"));
     return MigrateSqlite(old.get(), version);
   }
-  int64_t newest_version() const override { return 4; }
+  int64_t newest_version() const override { return 6; }
 
   absl::Status MakeTooNew() override {
     LITAGS_ASSIGN_OR_RETURN(const auto connection, SqliteConnection::Open(path_));
