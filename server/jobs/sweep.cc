@@ -106,7 +106,8 @@ absl::Status Jobs::RemoveLitter(const std::string& id) {
   if (job.state == JobState::kQueued || job.state == JobState::kRunning) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> named, BlobsNamedBy(job));
   for (const auto& [lease, blobs] : of_leases) {
-    const auto is_named = [&](const std::string& sha256) {
+    // The copy is for clang 14, which takes no structured binding by reference.
+    const auto is_named = [&named, lease = lease](const std::string& sha256) {
       return named.contains(absl::StrCat(lease, "/", sha256));
     };
     if (std::none_of(blobs.begin(), blobs.end(), is_named)) {
