@@ -10,6 +10,7 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "engine/io/file_util.h"
+#include "engine/pipeline/train_options.h"
 #include "engine/render/renderer.h"
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
@@ -48,6 +49,7 @@ nlohmann::json Report(const char* name, const std::vector<double>& ms) {
 void Run(const RenderArguments& args, int* exit_status) {
   Model model;
   model.splats = BenchSplats(args.gaussians, BenchCamera(args.width, args.height));
+  model.pdm_options = TrainOptionsOf(ReconstructOptions()).pdm;
   model.pdm = PdmWeights::Initial(model.pdm_options, 1);
   nlohmann::json json = {
       {"gaussians", args.gaussians}, {"width", args.width}, {"height", args.height}};
