@@ -72,10 +72,6 @@ std::vector<double> GaussianKernel(int size, double sigma) {
   return kernel;
 }
 
-size_t RoundUpToPad(size_t n) {
-  return (n + PaddedRows::kPad - 1) / PaddedRows::kPad * PaddedRows::kPad;
-}
-
 // Mirror without repeating the edge pixel: -1 -> 1, n -> n - 2.
 int Reflect101(int i, int n) {
   if (n == 1) return 0;
@@ -90,7 +86,7 @@ Band Band::Convolution(const std::vector<double>& kernel, PdmBorder border, int 
   Band band;
   band.radius = static_cast<int>(kernel.size()) / 2;
   band.length = length;
-  band.stride = RoundUpToPad(length);
+  band.stride = PaddedRows::RoundUp(length);
   std::vector<double> coefs(kernel.size() * band.stride, 0.0);
   for (int i = 0; i < length; ++i) {
     for (int d = -band.radius; d <= band.radius; ++d) {

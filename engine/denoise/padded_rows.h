@@ -17,6 +17,9 @@ class PaddedRows {
  public:
   static constexpr size_t kPad = 16;  // floats: one AVX-512 vector
 
+  // n, up to a multiple of kPad.
+  static constexpr size_t RoundUp(size_t n) { return (n + kPad - 1) / kPad * kPad; }
+
   int channels() const { return channels_; }
   int height() const { return height_; }
   int width() const { return width_; }
@@ -29,7 +32,7 @@ class PaddedRows {
     channels_ = channels;
     height_ = height;
     width_ = width;
-    stride_ = (width + kPad - 1) / kPad * kPad + 2 * kPad;
+    stride_ = RoundUp(width) + 2 * kPad;
     const size_t count = row_stride() * (height + 2);
     data_ = hwy::AllocateAligned<float>(count);
     std::memset(data_.get(), 0, count * sizeof(float));

@@ -16,15 +16,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct WorkFolder {
+struct OldFolder {
   int64_t lease = 0;  // 0: of before there were lease folders
   fs::path path;
 };
 
 // That of the newest lease; leases of a job before it lost their folder to it.
-absl::StatusOr<WorkFolder> NewestIn(const fs::path& folder) {
+absl::StatusOr<OldFolder> NewestIn(const fs::path& folder) {
   constexpr std::string_view kPrefix = "lease-";
-  WorkFolder newest{0, folder / "run"};
+  OldFolder newest{0, folder / "run"};
   LITAGS_ASSIGN_OR_RETURN(const auto entries, ListFolder(folder));
   for (const FolderEntry& entry : entries) {
     if (!entry.name.starts_with(kPrefix)) continue;
@@ -37,7 +37,7 @@ absl::StatusOr<WorkFolder> NewestIn(const fs::path& folder) {
 }
 
 absl::Status Import(JobStore* store, BlobStore* blobs, const DataDir& data, const JobRecord& job) {
-  LITAGS_ASSIGN_OR_RETURN(const WorkFolder work, NewestIn(data.work() + "/" + job.id));
+  LITAGS_ASSIGN_OR_RETURN(const OldFolder work, NewestIn(data.work() + "/" + job.id));
   KeptFiles kept;
   for (const std::string& name : FilesWorthKeeping(work.path)) {
     LITAGS_ASSIGN_OR_RETURN(kept[name],

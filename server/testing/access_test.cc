@@ -2,7 +2,6 @@
 // another client, by an administrator, and by nobody.
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
-#include <grpcpp/create_channel.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
 
@@ -12,51 +11,11 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
-#include "server/auth/tokens.h"
-#include "server/testing/api_fixture.h"
-#include "server/testing/certificates.h"
+#include "server/testing/access_fixture.h"
 #include "server/testing/photos.h"
 
 namespace litags {
 namespace {
-
-using ::testing::Contains;
-using ::testing::HasSubstr;
-
-// A call with a deadline, and a token if there is one.
-struct ClientCall : grpc::ClientContext {
-  explicit ClientCall(const std::string& token = "") {
-    set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
-    if (!token.empty()) AddMetadata("authorization", "Bearer " + token);
-  }
-};
-
-struct Stubs {
-  explicit Stubs(const std::shared_ptr<grpc::Channel>& channel)
-      : jobs(v1::ReconstructionService::NewStub(channel)),
-        render(v1::RenderService::NewStub(channel)),
-        model(v1::ModelService::NewStub(channel)) {}
-  std::unique_ptr<v1::ReconstructionService::Stub> jobs;
-  std::unique_ptr<v1::RenderService::Stub> render;
-  std::unique_ptr<v1::ModelService::Stub> model;
-};
-
-template <typename Request>
-Request Named(const std::string& job) {
-  Request request;
-  request.set_name(job);
-  return request;
-}
-
-// Reads a stream to its end, or cancels it after the first message: it was let in.
-template <typename Message>
-grpc::Status FirstOf(ClientCall& call, std::unique_ptr<grpc::ClientReader<Message>> reader) {
-  Message message;
-  if (!reader->Read(&message)) return reader->Finish();
-  call.TryCancel();
-  reader->Finish();
-  return grpc::Status::OK;
-}
 
 // One call about a job.
 using Row = std::function<grpc::Status(Stubs&, ClientCall&, const std::string& job)>;
@@ -109,70 +68,6 @@ std::map<std::string, Row> JobCalls() {
   };
   return rows;
 }
-
-class AccessTest : public ::testing::Test {
- protected:
-  AccessTest() {
-    authority_.Issue("server");
-    options_.listen = "127.0.0.1:0";
-    options_.tls = {authority_.Path("server.crt"), authority_.Path("server.key"), ""};
-    for (const auto& [name, token] : tokens_) {
-      options_.auth.token_entries.push_back(TokenEntry(name, token));
-    }
-    options_.auth.admins = {"root"};
-  }
-
-  void Start() {
-    auto server = StartServer(options_, &jobs_, engine_.get());
-    ASSERT_TRUE(server.ok()) << server.status();
-    server_ = *std::move(server);
-    stubs_ = std::make_unique<Stubs>(Connect());
-  }
-
-  // `client`: whose certificate to show; empty: none.
-  std::shared_ptr<grpc::Channel> Connect(const std::string& client = "") {
-    grpc::SslCredentialsOptions ssl;
-    ssl.pem_root_certs = authority_.Read("ca.crt");
-    if (!client.empty()) {
-      ssl.pem_cert_chain = authority_.Read(client + ".crt");
-      ssl.pem_private_key = authority_.Read(client + ".key");
-    }
-    grpc::ChannelArguments arguments;
-    arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-    return grpc::CreateCustomChannel(Address(), grpc::SslCredentials(ssl), arguments);
-  }
-  std::string Address() const { return absl::StrCat("127.0.0.1:", server_->port()); }
-
-  std::string Created(const std::string& owner) {
-    ClientCall call(tokens_.at(owner));
-    v1::Job job;
-    const grpc::Status status = stubs_->jobs->CreateJob(&call, {}, &job);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return job.name();
-  }
-
-  std::set<std::string> Listed(const std::string& client) {
-    ClientCall call(tokens_.at(client));
-    v1::ListJobsResponse response;
-    EXPECT_TRUE(stubs_->jobs->ListJobs(&call, {}, &response).ok());
-    std::set<std::string> names;
-    for (const v1::Job& job : response.jobs()) names.insert(job.name());
-    return names;
-  }
-
-  const std::map<std::string, std::string> tokens_ = {
-      {"alice", MakeToken()}, {"bob", MakeToken()}, {"root", MakeToken()}};
-  TempDir dir_;
-  TestAuthority authority_{dir_.path()};
-  DataDir data_ = *DataDir::Open(dir_.path() + "/data");
-  std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
-  std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
-  Jobs jobs_{store_.get(), blobs_.get(), data_};
-  std::unique_ptr<Engine> engine_ = MakeFakeEngine();
-  ServerOptions options_;
-  std::unique_ptr<Server> server_;
-  std::unique_ptr<Stubs> stubs_;
-};
 
 TEST_F(AccessTest, EveryCallOfEveryServiceHasARow) {
   const std::map<std::string, Row> rows = JobCalls();
@@ -409,111 +304,6 @@ TEST_F(AccessTest, AnswersCarryARequestId) {
   EXPECT_EQ(id_of("").size(), 16u);
   EXPECT_EQ(id_of("two words").size(), 16u);
   EXPECT_EQ(id_of(std::string(65, 'x')).size(), 16u);
-}
-
-TEST_F(AccessTest, StreamsOfOneClientAreCounted) {
-  options_.limits.max_streams = 2;
-  Start();
-  const std::string hers = Created("alice"), his = Created("bob");
-  std::vector<std::unique_ptr<ClientCall>> calls;
-  std::vector<std::unique_ptr<grpc::ClientReader<v1::JobEvent>>> open;
-  v1::JobEvent event;
-  for (int i = 0; i < 2; ++i) {
-    calls.push_back(std::make_unique<ClientCall>(tokens_.at("alice")));
-    open.push_back(stubs_->jobs->WatchJob(calls.back().get(), Named<v1::WatchJobRequest>(hers)));
-    ASSERT_TRUE(open.back()->Read(&event));
-  }
-  const auto watch = [&](const std::string& client, const std::string& job) {
-    ClientCall call(tokens_.at(client));
-    return FirstOf(call, stubs_->jobs->WatchJob(&call, Named<v1::WatchJobRequest>(job)));
-  };
-  const grpc::Status third = watch("alice", hers);
-  EXPECT_EQ(third.error_code(), grpc::RESOURCE_EXHAUSTED);
-  EXPECT_EQ(DetailOf(third).reason, "TOO_MANY_STREAMS");
-  EXPECT_THAT(third.error_message(), HasSubstr("has 2 uploads, watches, paths and exports open"));
-  EXPECT_TRUE(watch("bob", his).ok());
-  calls[0]->TryCancel();
-  open[0]->Finish();
-  // The server learns of it a moment later.
-  grpc::Status again;
-  for (int i = 0; i < 200 && !(again = watch("alice", hers)).ok(); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  EXPECT_TRUE(again.ok()) << again.error_message();
-  calls[1]->TryCancel();
-  open[1]->Finish();
-}
-
-TEST_F(AccessTest, PicturesOfOneClientAreCountedPerSecond) {
-  options_.limits.pictures_per_second = 5;
-  options_.limits.picture_burst = 3;
-  Start();
-  const auto render = [&](const std::string& client, const std::string& job) {
-    ClientCall call(tokens_.at(client));
-    v1::RenderedView view;
-    return DetailOf(stubs_->render->RenderView(&call, Named<v1::RenderViewRequest>(job), &view))
-        .reason;
-  };
-  const std::string hers = Created("alice"), his = Created("bob");
-  std::vector<std::string> reasons;
-  for (int i = 0; i < 20; ++i) reasons.push_back(render("alice", hers));
-  // No scene yet, which is an answer, for the first three; one every 200 ms comes free.
-  EXPECT_EQ(std::set<std::string>(reasons.begin(), reasons.begin() + 3),
-            std::set<std::string>{"SCENE_NOT_READY"});
-  EXPECT_THAT(reasons, Contains("PICTURE_RATE_EXCEEDED"));
-  EXPECT_EQ(render("bob", his), "SCENE_NOT_READY");
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  EXPECT_EQ(render("alice", hers), "SCENE_NOT_READY");
-}
-
-TEST_F(AccessTest, JobsOfOneClientAreCounted) {
-  options_.limits.max_jobs = 2;
-  Start();
-  Created("alice");
-  Created("alice");
-  Created("bob");
-  ClientCall call(tokens_.at("alice"));
-  v1::Job job;
-  const grpc::Status third = stubs_->jobs->CreateJob(&call, {}, &job);
-  EXPECT_EQ(third.error_code(), grpc::RESOURCE_EXHAUSTED);
-  EXPECT_EQ(DetailOf(third).reason, "JOB_QUOTA_REACHED");
-}
-
-TEST_F(AccessTest, BytesOfOneClientAreCountedBeforeTheyAreComplete) {
-  const std::string photo = TestPng(64, 48, 1), other = TestPng(64, 48, 2);
-  options_.limits.max_bytes = static_cast<int64_t>(photo.size() + other.size() / 2);
-  Start();
-  const auto upload = [&](const std::string& client, const std::string& job,
-                          const std::string& bytes, bool whole) {
-    ClientCall call(tokens_.at(client));
-    v1::UploadImagesResponse response;
-    auto writer = stubs_->jobs->UploadImages(&call, &response);
-    writer->Write(NameMessage(job));
-    auto messages = FileMessages({"x.png", bytes});
-    if (!whole) messages.back().mutable_chunk()->pop_back();
-    for (const auto& message : messages) writer->Write(message);
-    writer->WritesDone();
-    return DetailOf(writer->Finish());
-  };
-  const std::string hers = Created("alice"), also_hers = Created("alice"), his = Created("bob");
-  EXPECT_EQ(upload("alice", hers, photo, /*whole=*/false).reason, "FILE_TRUNCATED");
-  const ErrorDetail refused = upload("alice", also_hers, other, true);
-  EXPECT_EQ(refused.reason, "BYTE_QUOTA_REACHED");
-  EXPECT_EQ(refused.field, "images[x.png]");
-  EXPECT_EQ(upload("bob", his, other, true).reason, "");
-}
-
-TEST_F(AccessTest, OversizedMessagesAndHeadersAreRefused) {
-  Start();
-  v1::CreateJobRequest request;
-  request.set_display_name(std::string(3 << 20, 'x'));
-  v1::Job job;
-  ClientCall large(tokens_.at("alice"));
-  EXPECT_EQ(stubs_->jobs->CreateJob(&large, request, &job).error_code(), grpc::RESOURCE_EXHAUSTED);
-  ClientCall headers(tokens_.at("alice"));
-  headers.AddMetadata("x-large", std::string(100 << 10, 'x'));
-  EXPECT_FALSE(stubs_->jobs->CreateJob(&headers, {}, &job).ok());
-  Created("alice");  // and the server lives on
 }
 
 }  // namespace

@@ -128,7 +128,7 @@ class Storm:
         job = client.started(self.workload.files, seed=seed, **self.workload.options)
         events = []
         while True:
-            self.follow(client, job, events)
+            client.follow(job, events, timeout=SECONDS)
             found = client.get(job)
             if found.state == job_pb2.JOB_STATE_FAILED and \
                     found.error.detail.reason == "WORKER_LOST":
@@ -137,16 +137,6 @@ class Storm:
                 self.resume(client, job)
                 continue
             return job, seed, events
-
-    @staticmethod
-    def follow(client, job, events):
-        """Adds the events up to the job's end, over as many streams as that takes."""
-        def watch():
-            after = events[-1].number if events else 0
-            for event in client.jobs.WatchJob(rpc.WatchJobRequest(name=job, after_event=after),
-                                              timeout=SECONDS):
-                events.append(event)
-        client.insist(watch)
 
     @staticmethod
     def resume(client, job):
@@ -206,7 +196,7 @@ class Storm:
         if [e.number for e in events] != list(range(1, found.last_event + 1)):
             self.complain(f"{job}: events {[e.number for e in events]} of {found.last_event}")
         again = []
-        self.follow(client, job, again)
+        client.follow(job, again, timeout=SECONDS)
         if again != events:
             self.complain(f"{job}: events change when they are read again")
         ends = [e for e in events if e.HasField("state_change")

@@ -243,15 +243,18 @@ class Client:
     def watch(self, job, events=()):
         """Every event after those until the job's end, in the order they came."""
         events = list(events)
+        self.follow(job, events)
+        return events
 
-        def follow():
+    def follow(self, job, events, timeout=PATIENCE_S):
+        """Adds the events up to the job's end, over as many streams as that takes."""
+        def watch():
             after = events[-1].number if events else 0
             for event in self.jobs.WatchJob(rpc.WatchJobRequest(name=job, after_event=after),
-                                            timeout=PATIENCE_S):
+                                            timeout=timeout):
                 events.append(event)
 
-        self.insist(follow)
-        return events
+        self.insist(watch)
 
     def delete(self, job):
         try:

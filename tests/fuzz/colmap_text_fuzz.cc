@@ -2,6 +2,7 @@
 #include "engine/core/check.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/colmap_text.h"
+#include "tests/fuzz/check_model.h"
 #include "tests/fuzz/fuzz_support.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -17,11 +18,6 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto binary = ParseColmapModel(bytes->cameras, bytes->images, bytes->points, "cameras");
   LITAGS_CHECK(model.ok() == binary.ok());
   if (!model.ok()) return 0;
-  LITAGS_CHECK(model->distortions.size() == model->views.size());
-  for (const SparsePoint& point : model->points) {
-    for (const TrackElement& seen : point.track) {
-      LITAGS_CHECK(seen.view >= 0 && static_cast<size_t>(seen.view) < model->views.size());
-    }
-  }
+  CheckModel(*model);
   return 0;
 }

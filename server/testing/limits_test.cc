@@ -1,0 +1,127 @@
+// What one client may have and take, over real sockets.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "server/testing/access_fixture.h"
+#include "server/testing/photos.h"
+
+namespace litags {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+
+class Limits : public AccessTest {};
+
+TEST_F(Limits, StreamsOfOneClientAreCounted) {
+  options_.limits.max_streams = 2;
+  Start();
+  const std::string hers = Created("alice"), his = Created("bob");
+  std::vector<std::unique_ptr<ClientCall>> calls;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::JobEvent>>> open;
+  v1::JobEvent event;
+  for (int i = 0; i < 2; ++i) {
+    calls.push_back(std::make_unique<ClientCall>(tokens_.at("alice")));
+    open.push_back(stubs_->jobs->WatchJob(calls.back().get(), Named<v1::WatchJobRequest>(hers)));
+    ASSERT_TRUE(open.back()->Read(&event));
+  }
+  const auto watch = [&](const std::string& client, const std::string& job) {
+    ClientCall call(tokens_.at(client));
+    return FirstOf(call, stubs_->jobs->WatchJob(&call, Named<v1::WatchJobRequest>(job)));
+  };
+  const grpc::Status third = watch("alice", hers);
+  EXPECT_EQ(third.error_code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(DetailOf(third).reason, "TOO_MANY_STREAMS");
+  EXPECT_THAT(third.error_message(), HasSubstr("has 2 uploads, watches, paths and exports open"));
+  EXPECT_TRUE(watch("bob", his).ok());
+  calls[0]->TryCancel();
+  open[0]->Finish();
+  // The server learns of it a moment later.
+  grpc::Status again;
+  for (int i = 0; i < 200 && !(again = watch("alice", hers)).ok(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_TRUE(again.ok()) << again.error_message();
+  calls[1]->TryCancel();
+  open[1]->Finish();
+}
+
+TEST_F(Limits, PicturesOfOneClientAreCountedPerSecond) {
+  options_.limits.pictures_per_second = 5;
+  options_.limits.picture_burst = 3;
+  Start();
+  const auto render = [&](const std::string& client, const std::string& job) {
+    ClientCall call(tokens_.at(client));
+    v1::RenderedView view;
+    return DetailOf(stubs_->render->RenderView(&call, Named<v1::RenderViewRequest>(job), &view))
+        .reason;
+  };
+  const std::string hers = Created("alice"), his = Created("bob");
+  std::vector<std::string> reasons;
+  for (int i = 0; i < 20; ++i) reasons.push_back(render("alice", hers));
+  // No scene yet, which is an answer, for the first three; one every 200 ms comes free.
+  EXPECT_EQ(std::set<std::string>(reasons.begin(), reasons.begin() + 3),
+            std::set<std::string>{"SCENE_NOT_READY"});
+  EXPECT_THAT(reasons, Contains("PICTURE_RATE_EXCEEDED"));
+  EXPECT_EQ(render("bob", his), "SCENE_NOT_READY");
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(render("alice", hers), "SCENE_NOT_READY");
+}
+
+TEST_F(Limits, JobsOfOneClientAreCounted) {
+  options_.limits.max_jobs = 2;
+  Start();
+  Created("alice");
+  Created("alice");
+  Created("bob");
+  ClientCall call(tokens_.at("alice"));
+  v1::Job job;
+  const grpc::Status third = stubs_->jobs->CreateJob(&call, {}, &job);
+  EXPECT_EQ(third.error_code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(DetailOf(third).reason, "JOB_QUOTA_REACHED");
+}
+
+TEST_F(Limits, BytesOfOneClientAreCountedBeforeTheyAreComplete) {
+  const std::string photo = TestPng(64, 48, 1), other = TestPng(64, 48, 2);
+  options_.limits.max_bytes = static_cast<int64_t>(photo.size() + other.size() / 2);
+  Start();
+  const auto upload = [&](const std::string& client, const std::string& job,
+                          const std::string& bytes, bool whole) {
+    ClientCall call(tokens_.at(client));
+    v1::UploadImagesResponse response;
+    auto writer = stubs_->jobs->UploadImages(&call, &response);
+    writer->Write(NameMessage(job));
+    auto messages = FileMessages({"x.png", bytes});
+    if (!whole) messages.back().mutable_chunk()->pop_back();
+    for (const auto& message : messages) writer->Write(message);
+    writer->WritesDone();
+    return DetailOf(writer->Finish());
+  };
+  const std::string hers = Created("alice"), also_hers = Created("alice"), his = Created("bob");
+  EXPECT_EQ(upload("alice", hers, photo, /*whole=*/false).reason, "FILE_TRUNCATED");
+  const ErrorDetail refused = upload("alice", also_hers, other, true);
+  EXPECT_EQ(refused.reason, "BYTE_QUOTA_REACHED");
+  EXPECT_EQ(refused.field, "images[x.png]");
+  EXPECT_EQ(upload("bob", his, other, true).reason, "");
+}
+
+TEST_F(Limits, OversizedMessagesAndHeadersAreRefused) {
+  Start();
+  v1::CreateJobRequest request;
+  request.set_display_name(std::string(3 << 20, 'x'));
+  v1::Job job;
+  ClientCall large(tokens_.at("alice"));
+  EXPECT_EQ(stubs_->jobs->CreateJob(&large, request, &job).error_code(), grpc::RESOURCE_EXHAUSTED);
+  ClientCall headers(tokens_.at("alice"));
+  headers.AddMetadata("x-large", std::string(100 << 10, 'x'));
+  EXPECT_FALSE(stubs_->jobs->CreateJob(&headers, {}, &job).ok());
+  Created("alice");  // and the server lives on
+}
+
+}  // namespace
+}  // namespace litags
