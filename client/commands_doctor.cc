@@ -1,6 +1,7 @@
 // litags doctor: is everything in place?
 #include <chrono>
 #include <cstdio>
+#include <memory>
 
 #include "absl/strings/str_format.h"
 #include "client/cli.h"
@@ -11,7 +12,7 @@
 namespace litags::client {
 namespace {
 
-int Doctor(Session& session) {
+int Doctor(Session& session, bool health_only) {
   std::printf("client   litags %s, gRPC %s, protobuf %d.%d.%d\n", LITAGS_VERSION,
               grpc::Version().c_str(), GOOGLE_PROTOBUF_VERSION / 1000000,
               GOOGLE_PROTOBUF_VERSION / 1000 % 1000, GOOGLE_PROTOBUF_VERSION % 1000);
@@ -28,6 +29,7 @@ int Doctor(Session& session) {
   std::printf("health   %s\n", !serving.ok() ? "not offered"
                                : *serving    ? "serving"
                                              : "NOT serving");
+  if (health_only) return serving.ok() && *serving ? kExitOk : kExitServerError;
 
   v1::ListJobsRequest request;
   request.set_page_size(1);
@@ -46,7 +48,11 @@ int Doctor(Session& session) {
 
 void AddDoctorCommand(CLI::App& app, Session& session) {
   CLI::App* command = app.add_subcommand("doctor", "Check that the server answers and works");
-  command->callback([&session] { session.exit_code = Doctor(session); });
+  const auto health_only = std::make_shared<bool>(false);
+  command->add_flag("--health", *health_only,
+                    "Ask the health service only, which needs no token: for probes");
+  command->callback(
+      [&session, health_only] { session.exit_code = Doctor(session, *health_only); });
 }
 
 }  // namespace litags::client

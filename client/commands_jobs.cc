@@ -69,6 +69,7 @@ void PrintJob(const v1::Job& job) {
   row("job", job.name());
   row("name", job.display_name());
   row("state", StateText(job.state()) + (job.cancel_requested() ? " (cancel requested)" : ""));
+  row("waits for", job.waits_for());
   row("photos", absl::StrCat(job.photos(), " (", BytesText(job.bytes()), ")"));
   row("created", TimeText(job.create_time()));
   row("started", TimeText(job.start_time()));

@@ -17,6 +17,17 @@ void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
                   "Fail the job when it holds more bytes; 4G and the like are understood")
       ->transform(CLI::AsSizeValue(false))
       ->group(group);
+  command.add_option("--min-cores", treatment.min_cores, "Cores that the job's worker must have")
+      ->group(group);
+  command
+      .add_option("--min-memory", treatment.min_memory_bytes,
+                  "Main memory that its worker must have, as 8G; default: as --max-memory")
+      ->transform(CLI::AsSizeValue(false))
+      ->group(group);
+  command
+      .add_option("--labels", treatment.labels, "Labels its worker must have, as avx512,site-b")
+      ->delimiter(',')
+      ->group(group);
   command
       .add_option("--keep-seconds", treatment.retention_seconds,
                   "Remove the job so long after its end; 0: never")
@@ -29,6 +40,9 @@ v1::JobPolicy ToProto(const Treatment& treatment) {
   if (treatment.max_run_seconds) policy.set_max_run_seconds(*treatment.max_run_seconds);
   if (treatment.max_memory_bytes) policy.set_max_memory_bytes(*treatment.max_memory_bytes);
   if (treatment.retention_seconds) policy.set_retention_seconds(*treatment.retention_seconds);
+  if (treatment.min_cores) policy.set_min_cores(*treatment.min_cores);
+  if (treatment.min_memory_bytes) policy.set_min_memory_bytes(*treatment.min_memory_bytes);
+  policy.mutable_labels()->Add(treatment.labels.begin(), treatment.labels.end());
   return policy;
 }
 

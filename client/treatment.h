@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "CLI/CLI.hpp"
 #include "litags/v1/job.pb.h"
@@ -11,12 +13,13 @@ namespace litags::client {
 
 // How a job is treated, as far as it was given; the service has the defaults.
 struct Treatment {
-  std::optional<int> priority;
+  std::optional<int> priority, min_cores;
   std::optional<double> max_run_seconds, retention_seconds;
-  std::optional<int64_t> max_memory_bytes;
+  std::optional<int64_t> max_memory_bytes, min_memory_bytes;
+  std::vector<std::string> labels;
 };
 
-// Adds --priority, --max-run-seconds, --max-memory and --keep-seconds. `treatment` must outlive the
+// Adds --priority, --max-run-seconds, --max-memory, --min-cores and so on. `treatment` must outlive the
 // parsing.
 void AddTreatmentOptions(CLI::App& command, Treatment& treatment);
 

@@ -146,6 +146,9 @@ absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy 
   if (proto.has_max_run_seconds()) policy.max_run_seconds = proto.max_run_seconds();
   if (proto.has_max_memory_bytes()) policy.max_memory_bytes = proto.max_memory_bytes();
   if (proto.has_retention_seconds()) policy.retention_seconds = proto.retention_seconds();
+  if (proto.has_min_cores()) policy.min_cores = proto.min_cores();
+  if (proto.has_min_memory_bytes()) policy.min_memory_bytes = proto.min_memory_bytes();
+  if (proto.labels_size() > 0) policy.labels = {proto.labels().begin(), proto.labels().end()};
   LITAGS_RETURN_IF_ERROR(policy.Validate());
   return policy;
 }
@@ -206,6 +209,9 @@ absl::StatusOr<v1::Job> JobToProto(const JobRecord& job) {
     proto.mutable_policy()->set_max_run_seconds(policy.max_run_seconds);
     proto.mutable_policy()->set_max_memory_bytes(policy.max_memory_bytes);
     proto.mutable_policy()->set_retention_seconds(policy.retention_seconds);
+    proto.mutable_policy()->set_min_cores(policy.min_cores);
+    proto.mutable_policy()->set_min_memory_bytes(policy.min_memory_bytes);
+    proto.mutable_policy()->mutable_labels()->Add(policy.labels.begin(), policy.labels.end());
   }
   if (job.expire_time_ms) SetTime(job.expire_time_ms, proto.mutable_expire_time());
   proto.set_attempt(job.attempt);

@@ -23,9 +23,12 @@ constexpr int kMaxContentDigestBytes = 64;
 constexpr int kMaxQueryFiles = 1000;
 constexpr int kDefaultPageSize = 50, kMaxPageSize = 1000;
 
-absl::Status Answer(const absl::StatusOr<JobRecord>& job, v1::Job* response) {
+absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* response) {
   LITAGS_RETURN_IF_ERROR(job.status());
   LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(*job));
+  if (job->state != JobState::kQueued) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const Workforce workers, jobs.Workers());
+  response->set_waits_for(WaitsFor(*job, workers));
   return absl::OkStatus();
 }
 
@@ -60,7 +63,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::JobCall(
     absl::StatusOr<JobRecord> (Jobs::*change)(std::string_view)) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
-    return Answer((call.jobs()->*change)(id), response);
+    return Answer(*call.jobs(), (call.jobs()->*change)(id), response);
   };
   return RunUnary(gate_, context, name, pool_, work);
 }
@@ -92,7 +95,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
     LITAGS_ASSIGN_OR_RETURN(wanted.options, OptionsFromProto(request->options()));
     const auto job = call.jobs()->Create(wanted);
     if (job.ok()) spdlog::info("job={} created", job->id);
-    return Answer(job, response);
+    return Answer(*call.jobs(), job, response);
   };
   return RunUnary(gate_, context, {"CreateJob", CallKind::kChange}, pool_, work);
 }
@@ -162,7 +165,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListJobs(Context* context,
       response->set_next_page_token(PageToken(jobs.back()));
     }
     for (const JobRecord& job : jobs) {
-      LITAGS_RETURN_IF_ERROR(Answer(job, response->add_jobs()));
+      LITAGS_RETURN_IF_ERROR(Answer(*call.jobs(), job, response->add_jobs()));
     }
     return absl::OkStatus();
   };

@@ -97,6 +97,14 @@ void AddJobFlags(CLI::App* app, ServerFlags* flags) {
                   "Jobs leave the processor to pictures by so much")
       ->check(CLI::Range(0, 19))
       ->capture_default_str();
+  app->add_option("--worker-cores", flags->worker_cores,
+                  "Cores that the jobs of each worker here may count on; 0: its share of the "
+                  "machine's, or --threads")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->add_option("--worker-labels", flags->worker_labels,
+                  "What else jobs may ask for, as avx512,site-b")
+      ->delimiter(',');
   app->add_option("--threads", flags->threads, "Threads per job; 0: all cores")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();

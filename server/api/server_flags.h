@@ -22,7 +22,9 @@ struct ServerFlags {
   std::string port_file;
   std::string metrics_listen;  // empty: no metrics
   int workers = 1;
-  int threads = 0;                    // per job; 0: all cores
+  int threads = 0;       // per job; 0: all cores
+  int worker_cores = 0;  // that jobs may count on; 0: a share of those found
+  std::vector<std::string> worker_labels;
   int worker_niceness = 5;            // pictures, which somebody waits for, go before jobs
   int64_t worker_memory_bytes = 0;    // address space of each worker; 0: no limit
   double colmap_step_seconds = 3600;  // 0: no limit

@@ -3,11 +3,13 @@
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "server/api/health_monitor.h"
@@ -17,10 +19,12 @@
 #include "server/auth/tokens.h"
 #include "server/jobs/janitor.h"
 #include "server/jobs/leases.h"
+#include "server/jobs/move.h"
 #include "server/jobs/work_import.h"
 #include "server/metrics/metrics_server.h"
 #include "server/store/open_stores.h"
 #include "server/worker/log.h"
+#include "server/worker/machine.h"
 #include "server/worker/shutdown_signal.h"
 #include "server/worker/supervisor.h"
 
@@ -48,6 +52,15 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   workers.env = {"LITAGS_STORE=" + flags.places.jobs, "LITAGS_BLOBS=" + flags.places.blobs,
                  "LITAGS_S3_ENDPOINT=" + flags.places.s3_endpoint};
   pass("--threads", absl::StrCat(flags.threads));
+  const Resources found = FoundResources();
+  const int share = std::max(1, flags.workers);
+  int cores = flags.worker_cores;
+  if (cores == 0) cores = flags.threads > 0 ? flags.threads : std::max(1, found.cores / share);
+  pass("--cores", absl::StrCat(cores));
+  pass("--memory", absl::StrCat(found.memory_bytes / share));
+  if (!flags.worker_labels.empty()) {
+    pass("--labels", absl::StrJoin(Sorted(flags.worker_labels), ","));
+  }
   pass("--colmap", flags.colmap);
   pass("--colmap-timeout", absl::StrCat(flags.colmap_step_seconds));
   pass("--keep-every", absl::StrCat(flags.keep_seconds));
@@ -104,6 +117,30 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   return absl::OkStatus();
 }
 
+// litags-server move: progress to stderr, the summary to stdout.
+absl::Status Move(const ServerFlags& flags, const StorePlaces& to) {
+  LITAGS_RETURN_IF_ERROR(to.Validate());
+  LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
+  LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
+  LITAGS_ASSIGN_OR_RETURN(const MoveSummary moved,
+                          MoveInstallation(flags.places, to, data, [](const std::string& text) {
+                            std::fprintf(stderr, "checked so far: %s\n", text.c_str());
+                          }));
+  for (const auto& [table, sum] : moved.rows) {
+    std::printf("%s %lld  %s\n", table.c_str(), static_cast<long long>(sum.rows),
+                sum.digest.c_str());
+  }
+  std::printf("blobs %lld, %lld bytes, each read back; %lld copied now\n",
+              static_cast<long long>(moved.blobs), static_cast<long long>(moved.blob_bytes),
+              static_cast<long long>(moved.blobs_copied));
+  if (moved.partial_jobs > 0) {
+    std::printf("files of %lld jobs have come in part; clients send those again\n",
+                static_cast<long long>(moved.partial_jobs));
+  }
+  std::printf("all of it is there twice; start servers on the new stores only\n");
+  return absl::OkStatus();
+}
+
 // litags-server token NAME: the token to stdout, all else to stderr.
 absl::Status PrintNewToken(const std::string& name, const std::string& tokens_path) {
   if (!tokens_path.empty()) {
@@ -138,6 +175,15 @@ int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory 
   CLI::App* token = app.add_subcommand("token", "Make a token for a client, print it, and end");
   token->add_option("NAME", client_name, "Name of the client")->required();
   token->fallthrough();
+  StorePlaces to;
+  CLI::App* move = app.add_subcommand(
+      "move", "Copy all jobs and files into other stores, compare, and end; no server may run");
+  move->add_option("--to-store", to.jobs, "Where jobs go, as --store")
+      ->required()
+      ->envname("LITAGS_TO_STORE");
+  move->add_option("--to-blobs", to.blobs, "Where photos and scenes go, as --blobs")->required();
+  move->add_option("--to-s3-endpoint", to.s3_endpoint, "S3 server of --to-blobs");
+  move->fallthrough();
   CLI11_PARSE(app, argc, argv);
 
   if (const char* config = std::getenv("LITAGS_SERVER_CONFIG"); config && flags.config.empty()) {
@@ -150,6 +196,11 @@ int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory 
   }
   if (token->parsed()) {
     const absl::Status status = PrintNewToken(client_name, flags.server.auth.tokens_path);
+    return status.ok() ? 0 : Fail(status);
+  }
+  if (move->parsed()) {
+    if (!SetUpLog(flags.log_level, flags.log_format, "litags-server")) return 2;
+    const absl::Status status = Move(flags, to);
     return status.ok() ? 0 : Fail(status);
   }
   if (flags.print_config) {

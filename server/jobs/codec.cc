@@ -52,6 +52,16 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, JobPo
   visit("max_run_seconds", r.max_run_seconds);
   visit("max_memory_bytes", r.max_memory_bytes);
   visit("retention_seconds", r.retention_seconds);
+  visit("min_cores", r.min_cores);
+  visit("min_memory_bytes", r.min_memory_bytes);
+  visit("labels", r.labels);
+}
+
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Resources> {
+  visit("cores", r.cores);
+  visit("memory_bytes", r.memory_bytes);
+  visit("labels", r.labels);
 }
 
 template <typename R, typename F>
@@ -189,6 +199,7 @@ JobError JobError::Of(const absl::Status& status) {
 
 std::string Encode(const ReconstructOptions& options) { return EncodeRecord(options); }
 std::string Encode(const JobPolicy& policy) { return EncodeRecord(policy); }
+std::string Encode(const Resources& resources) { return EncodeRecord(resources); }
 std::string Encode(const JobError& error) { return EncodeRecord(error); }
 std::string Encode(const StateChange& change) { return EncodeRecord(change); }
 std::string Encode(const ProgressRecord& progress) { return EncodeRecord(progress); }
@@ -219,6 +230,7 @@ absl::StatusOr<T> Decode(std::string_view text) {
 
 template absl::StatusOr<ReconstructOptions> Decode(std::string_view);
 template absl::StatusOr<JobPolicy> Decode(std::string_view);
+template absl::StatusOr<Resources> Decode(std::string_view);
 template absl::StatusOr<JobError> Decode(std::string_view);
 template absl::StatusOr<StateChange> Decode(std::string_view);
 template absl::StatusOr<ProgressRecord> Decode(std::string_view);

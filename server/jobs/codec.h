@@ -13,6 +13,7 @@
 #include "engine/core/error.h"
 #include "engine/pipeline/engine.h"
 #include "server/jobs/kept_files.h"
+#include "server/jobs/placement.h"
 #include "server/jobs/policy.h"
 #include "server/store/job_store.h"
 
@@ -47,6 +48,7 @@ struct SnapshotRecord {
 
 std::string Encode(const ReconstructOptions& options);
 std::string Encode(const JobPolicy& policy);
+std::string Encode(const Resources& resources);
 std::string Encode(const JobError& error);
 std::string Encode(const StateChange& change);
 std::string Encode(const ProgressRecord& progress);

@@ -1,5 +1,7 @@
 #include "server/jobs/jobs.h"
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
@@ -71,6 +73,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   job.options = Encode(wanted.options);
   job.policy = Encode(wanted.policy);
   job.priority = wanted.policy.priority;
+  job.needs = EncodedNeedsOf(wanted.policy);
   job.create_time_ms = now_ms;
   job.expire_time_ms = uploads_.Expiry();
   LITAGS_ASSIGN_OR_RETURN(JobRecord made, store_->Create(job, [&](JobTransaction& transaction) {
@@ -96,6 +99,13 @@ absl::StatusOr<JobsOverview> Jobs::Overview() {
     // A clock that was set back makes no negative age.
     const int64_t age_ms = std::max(int64_t{0}, clock_() - census.oldest_queue_time_ms);
     overview.queue_age_seconds = static_cast<double>(age_ms) / 1000;
+  }
+  LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
+  overview.workers = static_cast<int64_t>(workers.size());
+  for (const auto& [needs, count] : census.queued_by_needs) {
+    const bool fits = std::any_of(workers.begin(), workers.end(),
+                                  [&](const Resources& has) { return Fits(needs, has); });
+    if (!fits) overview.misfits += count;
   }
   for (const std::string& json : census.running_progress) {
     if (json.empty()) continue;
@@ -146,6 +156,7 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
     job.job.options = Encode(options);
     job.job.policy = Encode(policy);
     job.job.priority = policy.priority;
+    job.job.needs = EncodedNeedsOf(policy);
     const int more = options.iterations - before.iterations;
     if (more == 0) return Enqueue(job, JobAction::kResume, "resumed");
     return Enqueue(job, JobAction::kExtend,

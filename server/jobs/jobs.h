@@ -16,6 +16,7 @@
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
 #include "server/jobs/client_job_store.h"
+#include "server/jobs/placement.h"
 #include "server/jobs/policy.h"
 #include "server/jobs/resume.h"
 #include "server/jobs/state_machine.h"
@@ -39,6 +40,8 @@ struct NewJob {
 struct JobsOverview {
   std::map<JobState, int64_t> by_state;  // every state
   double queue_age_seconds = 0;          // since the job that waits longest was queued
+  int64_t misfits = 0;                   // queued jobs that no worker that is there can take
+  int64_t workers = 0;                   // that are there
   double iterations_per_second = 0;      // of all running jobs together
 };
 
@@ -68,6 +71,9 @@ class Jobs {
 
   // Not for clients.
   absl::StatusOr<JobsOverview> Overview();
+
+  // The workers that are there, all clients' alike; see WaitsFor().
+  absl::StatusOr<Workforce> Workers() { return WorkersThere(store_); }
 
   // Files for jobs that are not started yet.
   Uploads& uploads() { return uploads_; }

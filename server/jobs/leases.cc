@@ -49,7 +49,8 @@ absl::Status Leases::AbandonStale() {
   }
 }
 
-absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner) {
+absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner,
+                                                     const Resources& has) {
   LITAGS_RETURN_IF_ERROR(ShortenImpossibleLeases());
   LITAGS_RETURN_IF_ERROR(AbandonStale());
   const auto take = [&](JobTransaction& job) -> absl::Status {
@@ -62,7 +63,8 @@ absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner) {
     job.job.lease_expires_ms = clock_() + options_.duration_ms;
     return absl::OkStatus();
   };
-  LITAGS_ASSIGN_OR_RETURN(auto job, store_->UpdateFirstQueued(FitsAny, take));
+  const auto fits = [&](std::string_view needs) { return Fits(needs, has); };
+  LITAGS_ASSIGN_OR_RETURN(auto job, store_->UpdateFirstQueued(fits, take));
   if (!job) return std::nullopt;
   return Lease{owner, *std::move(job)};
 }
@@ -197,7 +199,7 @@ absl::Status Leases::WorkerDied(std::string_view owner, std::string_view why) {
     };
     LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
   }
-  return absl::OkStatus();
+  return store_->RemoveWorker(owner);
 }
 
 absl::Status Leases::Abandon(JobTransaction& job, std::string_view why) {

@@ -39,9 +39,9 @@ class Leases {
         options_(options),
         clock_(clock ? std::move(clock) : StoreClock(store)) {}
 
-  // Takes the job that has been queued longest; nullopt if there is none. Puts jobs with stale
-  // leases back into the queue first.
-  absl::StatusOr<std::optional<Lease>> Acquire(const std::string& owner);
+  // Takes the first queued job that fits a worker which has that; nullopt if there is none. Puts
+  // jobs with stale leases back into the queue first.
+  absl::StatusOr<std::optional<Lease>> Acquire(const std::string& owner, const Resources& has = {});
 
   // Keeps the lease. Returns whether the job is to be cancelled.
   absl::StatusOr<bool> Heartbeat(const Lease& lease);

@@ -5,13 +5,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/jobs/placement.h"
 
 namespace litags {
 namespace {
 
 constexpr int kMaxPriority = 100;
 constexpr int64_t kMinMemoryBytes = int64_t{64} << 20;  // no job runs in less
-constexpr double kMaxSeconds = 1e9;                     // 31 years: milliseconds do not overflow
+constexpr int kMaxCores = 65536;
+constexpr double kMaxSeconds = 1e9;  // 31 years: milliseconds do not overflow
 
 absl::Status Bad(const char* name, double value, const char* rule) {
   return InvalidInput("POLICY_OUT_OF_RANGE", absl::StrCat("policy.", name),
@@ -36,7 +38,12 @@ absl::Status JobPolicy::Validate() const {
   if (!IsDuration(retention_seconds)) {
     return Bad("retention_seconds", retention_seconds, "0 (for ever) or up to 1e9");
   }
-  return absl::OkStatus();
+  if (min_cores < 0 || min_cores > kMaxCores) return Bad("min_cores", min_cores, "in 0..65536");
+  if (min_memory_bytes < 0 || (max_memory_bytes != 0 && min_memory_bytes > max_memory_bytes)) {
+    return Bad("min_memory_bytes", static_cast<double>(min_memory_bytes),
+               "0 (as max_memory_bytes) or up to max_memory_bytes");
+  }
+  return CheckLabels(labels, "policy.labels");
 }
 
 }  // namespace litags

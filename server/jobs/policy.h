@@ -2,6 +2,8 @@
 #define LITAGS_SERVER_JOBS_POLICY_H_
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 
@@ -13,8 +15,12 @@ struct JobPolicy {
   double max_run_seconds = 0;    // with a worker, since it was last queued by a user; 0: no limit
   int64_t max_memory_bytes = 0;  // of the worker's process and its children; 0: no limit
   double retention_seconds = 0;  // from its end until it is removed; 0: never
+  // What a worker must have to take the job; see placement.h.
+  int min_cores = 0;
+  int64_t min_memory_bytes = 0;  // 0: max_memory_bytes
+  std::vector<std::string> labels;
 
-  // INVALID_ARGUMENT (POLICY_OUT_OF_RANGE, field "policy.NAME").
+  // INVALID_ARGUMENT (POLICY_OUT_OF_RANGE, LABEL_INVALID; field "policy.NAME").
   absl::Status Validate() const;
 };
 

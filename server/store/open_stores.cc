@@ -32,10 +32,6 @@ absl::StatusOr<std::string> PathOf(const std::string& url, std::string_view sche
                                    "/path, with three slashes"));
 }
 
-std::string SqlitePath(const StorePlaces& places, const DataDir& data) {
-  return places.jobs.empty() ? data.database() : places.jobs.substr(kSqlite.size());
-}
-
 // The value of a parameter of a libpq URL; INVALID_ARGUMENT without the URL, which holds secrets.
 absl::StatusOr<std::string> PostgresHost(const std::string& url) {
   char* error = nullptr;
@@ -100,6 +96,12 @@ absl::Status StorePlaces::Validate() const {
 
 bool StorePlaces::BlobsAreFar() const { return blobs.starts_with(kS3); }
 
+bool StorePlaces::UsesPostgres() const { return IsPostgres(jobs); }
+
+std::string StorePlaces::SqlitePath(const DataDir& data) const {
+  return jobs.empty() ? data.database() : jobs.substr(kSqlite.size());
+}
+
 bool StorePlaces::NeedNetwork() const {
   if (BlobsAreFar()) return true;
   if (!IsPostgres(jobs)) return false;
@@ -111,7 +113,7 @@ absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places
                                                        const DataDir& data) {
   LITAGS_RETURN_IF_ERROR(places.Validate());
   if (IsPostgres(places.jobs)) return OpenPostgresJobStore(places.jobs);
-  return OpenSqliteJobStore(SqlitePath(places, data));
+  return OpenSqliteJobStore(places.SqlitePath(data));
 }
 
 absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& places,
@@ -127,7 +129,7 @@ absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& plac
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data) {
   LITAGS_RETURN_IF_ERROR(places.Validate());
   if (IsPostgres(places.jobs)) return PgConnection::Open(places.jobs).status();
-  return CheckSqliteJobStore(SqlitePath(places, data));
+  return CheckSqliteJobStore(places.SqlitePath(data));
 }
 
 }  // namespace litags

@@ -25,6 +25,9 @@ struct StorePlaces {
 
   // INVALID_ARGUMENT (STORE_URL_INVALID).
   absl::Status Validate() const;
+  bool UsesPostgres() const;
+  // Of a store that is not PostgreSQL's.
+  std::string SqlitePath(const DataDir& data) const;
   // Whether a process needs the network to reach them. Unix sockets do without.
   bool NeedNetwork() const;
   // Whether storing a blob sends its bytes over a network, rather than giving a file another name.

@@ -17,6 +17,7 @@ namespace litags {
 
 struct WorkerOptions {
   std::string name = "worker";  // unique among all workers there ever were
+  Resources has;                // what jobs may count on
   int threads = 0;  // most a job may use, and what one uses that does not say; 0: all cores
   DepthNetwork depth_network;         // for jobs that ask for depth by a network
   double colmap_step_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <thread>
 
@@ -13,6 +14,8 @@
 #include "server/store/open_stores.h"
 #include "server/worker/hardening.h"
 #include "server/worker/log.h"
+#include "server/worker/machine.h"
+#include "server/worker/presence.h"
 #include "server/worker/scratch_folder.h"
 #include "server/worker/shutdown_signal.h"
 
@@ -34,11 +37,24 @@ void WaitForWork(JobStore* store, const WorkerOptions& options, const CancelToke
   }
 }
 
+// What the operator does not say the worker has, it finds out.
+void Complete(const HardeningOptions& hardening, WorkerOptions* options) {
+  const Resources found = FoundResources();
+  Resources& has = options->has;
+  if (has.cores == 0) has.cores = options->threads > 0 ? options->threads : found.cores;
+  if (has.memory_bytes == 0) has.memory_bytes = found.memory_bytes;
+  if (hardening.max_memory_bytes > 0) {
+    has.memory_bytes = std::min(has.memory_bytes, hardening.max_memory_bytes);
+  }
+  has.labels = Sorted(has.labels);
+}
+
 absl::Status OpenAndRun(const DataDir& data, const StorePlaces& places,
                         const WorkerOptions& options, Engine* engine, const CancelToken& shutdown) {
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(places, data));
   Leases leases(store.get(), blobs.get());
+  const WorkerPresence presence(store.get(), options.name, options.has);
   RunWorker({store.get(), blobs.get(), &leases, engine, data}, options, shutdown);
   return absl::OkStatus();
 }
@@ -50,7 +66,7 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
   int64_t seen = -1;
   bool store_is_away = false;  // said once
   while (!shutdown.IsCancelled()) {
-    const auto lease = context.leases->Acquire(options.name);
+    const auto lease = context.leases->Acquire(options.name, options.has);
     if (!lease.ok()) {
       if (!store_is_away) spdlog::error("cannot look for work: {}", lease.status().ToString());
       store_is_away = true;
@@ -94,6 +110,17 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   app.add_option("--name", options.name, "Name, unique among all workers there ever were");
   app.add_option("--threads", options.threads, "Threads per job that does not say; 0: all cores")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--cores", options.has.cores,
+                 "Cores that jobs may count on; default: those there are, or --threads")
+      ->check(CLI::PositiveNumber)
+      ->envname("LITAGS_WORKER_CORES");
+  app.add_option("--memory", options.has.memory_bytes,
+                 "Main memory that jobs may count on, as 6GiB; default: what there is")
+      ->transform(CLI::AsSizeValue(false))
+      ->envname("LITAGS_WORKER_MEMORY");
+  app.add_option("--labels", options.has.labels, "What else jobs may ask for, as avx512,site-b")
+      ->delimiter(',')
+      ->envname("LITAGS_WORKER_LABELS");
   app.add_option("--colmap", colmap, "COLMAP program: a name or a path")->capture_default_str();
   app.add_option("--depth-model", depth_model, "ONNX depth network, see litags-server --help");
   app.add_option("--colmap-timeout", options.colmap_step_seconds,
@@ -111,10 +138,14 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   if (!SetUpLog(log_level, log_format, options.name)) return 2;
-  if (absl::Status status = hardening.Validate(); status.Update(places.Validate()), !status.ok()) {
-    spdlog::error("{}", status.ToString());
+  absl::Status valid = hardening.Validate();
+  valid.Update(places.Validate());
+  valid.Update(CheckLabels(options.has.labels, "--labels"));
+  if (!valid.ok()) {
+    spdlog::error("{}", valid.ToString());
     return 2;
   }
+  Complete(hardening, &options);
   options.keep_seconds = places.BlobsAreFar() ? keep_seconds : 0;
   if (places.NeedNetwork()) hardening.allow_network = true;
   for (const std::string& refused : HardenProcess(hardening)) {

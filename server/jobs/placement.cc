@@ -1,0 +1,109 @@
+#include "server/jobs/placement.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "engine/core/error.h"
+#include "server/jobs/codec.h"
+
+namespace litags {
+namespace {
+
+constexpr size_t kMaxLabels = 8, kMaxLabelLength = 63;
+
+bool IsLabel(const std::string& label) {
+  return !label.empty() && label.size() <= kMaxLabelLength &&
+         label.find_first_not_of(
+             "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+             "-_./=") == std::string::npos;
+}
+
+bool IsNothing(const Resources& needs) {
+  return needs.cores == 0 && needs.memory_bytes == 0 && needs.labels.empty();
+}
+
+std::string MiB(int64_t bytes) { return absl::StrCat((bytes + (1 << 20) - 1) >> 20, " MiB"); }
+
+std::string InWords(const Resources& needs) {
+  std::vector<std::string> parts;
+  if (needs.cores > 0) parts.push_back(absl::StrCat(needs.cores, " cores"));
+  if (needs.memory_bytes > 0) {
+    parts.push_back(absl::StrCat(MiB(needs.memory_bytes), " of memory"));
+  }
+  for (const std::string& label : needs.labels) parts.push_back(absl::StrCat("label ", label));
+  return parts.empty() ? "a worker" : absl::StrCat("a worker with ", absl::StrJoin(parts, ", "));
+}
+
+}  // namespace
+
+absl::Status CheckLabels(const std::vector<std::string>& labels, const char* field) {
+  if (labels.size() <= kMaxLabels && std::all_of(labels.begin(), labels.end(), IsLabel)) {
+    return absl::OkStatus();
+  }
+  return InvalidInput(
+      "LABEL_INVALID", field,
+      absl::StrCat(field, " are \"", absl::StrJoin(labels, ","), "\"; there may be ", kMaxLabels,
+                   ", each of 1..", kMaxLabelLength, " letters, digits and -_./="));
+}
+
+std::vector<std::string> Sorted(std::vector<std::string> labels) {
+  std::sort(labels.begin(), labels.end());
+  labels.erase(std::unique(labels.begin(), labels.end()), labels.end());
+  return labels;
+}
+
+Resources NeedsOf(const JobPolicy& policy) {
+  return {policy.min_cores,
+          policy.min_memory_bytes > 0 ? policy.min_memory_bytes : policy.max_memory_bytes,
+          Sorted(policy.labels)};
+}
+
+std::string EncodedNeedsOf(const JobPolicy& policy) {
+  const Resources needs = NeedsOf(policy);
+  return IsNothing(needs) ? "" : Encode(needs);
+}
+
+bool Fits(const Resources& needs, const Resources& has) {
+  return needs.cores <= has.cores && needs.memory_bytes <= has.memory_bytes &&
+         std::includes(has.labels.begin(), has.labels.end(), needs.labels.begin(),
+                       needs.labels.end());
+}
+
+bool Fits(std::string_view needs, const Resources& has) {
+  if (needs.empty()) return true;
+  const auto decoded = Decode<Resources>(needs);
+  return decoded.ok() && Fits(*decoded, has);
+}
+
+absl::StatusOr<Workforce> WorkersThere(JobStore* store) {
+  LITAGS_ASSIGN_OR_RETURN(const auto records, store->Workers(store->NowMs() - kWorkerSilenceMs));
+  Workforce workers;
+  for (const WorkerRecord& record : records) {
+    LITAGS_ASSIGN_OR_RETURN(Resources has, Decode<Resources>(record.resources));
+    workers.push_back(std::move(has));
+  }
+  return workers;
+}
+
+std::string WaitsFor(const JobRecord& job, const Workforce& workers) {
+  if (job.state != JobState::kQueued) return "";
+  if (workers.empty()) return "a worker; none is there";
+  Resources needs;
+  if (!job.needs.empty()) {
+    const auto decoded = Decode<Resources>(job.needs);
+    if (!decoded.ok()) return std::string(decoded.status().message());
+    needs = *decoded;
+  }
+  Resources most;  // of any one of them; labels are not named, they are the operator's
+  for (const Resources& has : workers) {
+    if (Fits(needs, has)) return "";
+    most.cores = std::max(most.cores, has.cores);
+    most.memory_bytes = std::max(most.memory_bytes, has.memory_bytes);
+  }
+  return absl::StrCat(InWords(needs), "; of the ", workers.size(),
+                      " that are there none has all of it, the largest ", most.cores, " cores and ",
+                      MiB(most.memory_bytes));
+}
+
+}  // namespace litags

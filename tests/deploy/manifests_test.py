@@ -1,0 +1,329 @@
+"""The files in deploy/ against themselves and against the programs: every manifest parses, names and
+ports that refer to each other match, no secret is in them, and every variable and flag is one that the
+program knows. What only a cluster can say is not tested here."""
+
+import os
+import re
+import shutil
+import subprocess
+import unittest
+
+import yaml
+
+DEPLOY = os.environ["LITAGS_DEPLOY"]
+BIN = os.environ["LITAGS_BIN"]
+PROGRAMS = {name: os.path.join(BIN, program) for name, program in (
+    ("litags-server", os.environ["LITAGS_SERVER_PROGRAM"]),
+    ("litags-worker", os.environ["LITAGS_WORKER_PROGRAM"]), ("litags", "litags"))}
+KUBERNETES = os.path.join(DEPLOY, "kubernetes")
+# What others read: the S3 client's, as everywhere.
+FOREIGN = {"AWS_REGION", "AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN"}
+# What operators make, as base/settings.yaml says, with the keys in each.
+SECRETS = {"litags-store": {"url"}, "litags-s3": {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"},
+           "litags-tls": {"tls.crt", "tls.key", "ca.crt"}, "litags-tokens": {"tokens"}}
+API_VERSIONS = {"Deployment": "apps/v1", "Service": "v1", "ConfigMap": "v1", "ServiceAccount": "v1",
+                "PodDisruptionBudget": "policy/v1", "NetworkPolicy": "networking.k8s.io/v1",
+                "HorizontalPodAutoscaler": "autoscaling/v2"}
+
+
+def run(*command, env=None):
+    done = subprocess.run(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          text=True, timeout=60)
+    return done.returncode, done.stdout
+
+
+def documents(path):
+    with open(path) as file:
+        return [document for document in yaml.safe_load_all(file) if document]
+
+
+def base():
+    """The objects of the base, as its kustomization lists them."""
+    folder = os.path.join(KUBERNETES, "base")
+    kustomization, = documents(os.path.join(folder, "kustomization.yaml"))
+    files = sorted(os.listdir(folder))
+    assert sorted(kustomization["resources"] + ["kustomization.yaml"]) == files, files
+    return [d for name in kustomization["resources"] for d in documents(os.path.join(folder, name))]
+
+
+def built(overlay):
+    """The objects that kubectl makes of an overlay, or None without kubectl."""
+    if not shutil.which("kubectl"):
+        return None
+    code, out = run("kubectl", "kustomize", os.path.join(KUBERNETES, overlay))
+    assert code == 0, out
+    return list(yaml.safe_load_all(out))
+
+
+def named(objects, kind, name):
+    found, = [o for o in objects if o["kind"] == kind and o["metadata"]["name"] == name]
+    return found
+
+
+def container(objects, deployment):
+    containers = named(objects, "Deployment", deployment)["spec"]["template"]["spec"]["containers"]
+    assert len(containers) == 1
+    return containers[0]
+
+
+def environment(objects, container):
+    """The variables of a container; those from Secrets have a stand-in of the right form."""
+    stand_in = {"url": "postgresql://litags:secret@db/litags"}
+    result = {}
+    for source in container["envFrom"]:
+        if "configMapRef" in source:
+            result.update(named(objects, "ConfigMap", source["configMapRef"]["name"])["data"])
+        else:
+            result.update({key: "x" for key in SECRETS[source["secretRef"]["name"]]})
+    for variable in container["env"]:
+        if "value" in variable:
+            result[variable["name"]] = variable["value"]
+        else:
+            key = variable["valueFrom"]["secretKeyRef"]["key"]
+            result[variable["name"]] = stand_in.get(key, "x")
+    return result
+
+
+class Programs:
+    """What the programs themselves say they know."""
+
+    @staticmethod
+    def check_server(test, variables, args=()):
+        for name in variables:
+            test.assertTrue(name.startswith("LITAGS_") or name in FOREIGN, name)
+        code, out = run(PROGRAMS["litags-server"], *args, "--print-config",
+                        env={"PATH": os.environ["PATH"], **variables})
+        test.assertEqual(code, 0, out)
+        known = set(re.findall(r"# environment (\S+)", out))
+        test.assertEqual(known, {v for v in variables if v.startswith("LITAGS_")})
+        return out
+
+    @staticmethod
+    def check_worker(test, variables, args):
+        code, out = run(PROGRAMS["litags-worker"], "--help")
+        test.assertEqual(code, 0, out)
+        known = set(re.findall(r"\(Env:(\S+)\)", out)) | FOREIGN
+        test.assertLessEqual(set(variables), known)
+        flags = {arg for arg in args if arg.startswith("--")}
+        test.assertLessEqual(flags, set(re.findall(r"--[a-z][a-z-]*", out)))
+
+
+class Kubernetes(unittest.TestCase):
+
+    def test_kinds_and_versions_are_those_of_kubernetes(self):
+        for o in base():
+            self.assertEqual(o["apiVersion"], API_VERSIONS[o["kind"]])
+            self.assertRegex(o["metadata"]["name"], r"^[a-z0-9]([-a-z0-9]*[a-z0-9])?$")
+            self.assertNotEqual(o["kind"], "Secret", "secrets are not in the project")
+
+    def test_pods_are_confined(self):
+        for name in ("litags-server", "litags-worker"):
+            pod = named(base(), "Deployment", name)["spec"]["template"]["spec"]
+            self.assertTrue(pod["securityContext"]["runAsNonRoot"])
+            self.assertIs(pod["automountServiceAccountToken"], False)
+            mine = container(base(), name)
+            confined = mine["securityContext"]
+            self.assertTrue(confined["readOnlyRootFilesystem"])
+            self.assertIs(confined["allowPrivilegeEscalation"], False)
+            self.assertEqual(confined["capabilities"], {"drop": ["ALL"]})
+            for amounts in (mine["resources"]["requests"], mine["resources"]["limits"]):
+                self.assertIn("memory", amounts)
+            # What is written lies on volumes of a bounded size.
+            mounted = {m["name"] for m in mine["volumeMounts"]}
+            self.assertEqual(mounted, {v["name"] for v in pod["volumes"]})
+            for volume in pod["volumes"]:
+                if "emptyDir" in volume:
+                    self.assertIn("sizeLimit", volume["emptyDir"])
+            paths = {m["mountPath"] for m in mine["volumeMounts"]}
+            self.assertLessEqual({"/data", "/tmp"}, paths)
+
+    def test_the_user_is_that_of_the_image(self):
+        with open(os.path.join(DEPLOY, "Dockerfile")) as file:
+            uid = int(re.search(r"useradd .*--uid (\d+)", file.read()).group(1))
+        for name in ("litags-server", "litags-worker"):
+            pod = named(base(), "Deployment", name)["spec"]["template"]["spec"]
+            self.assertEqual(pod["securityContext"]["runAsUser"], uid)
+
+    def test_selectors_find_their_pods(self):
+        objects = base()
+        pods = {o["metadata"]["name"]: o["spec"]["template"]["metadata"]["labels"]
+                for o in objects if o["kind"] == "Deployment"}
+        wanted = []
+        for o in objects:
+            spec = o.get("spec", {})
+            if o["kind"] == "Service":
+                wanted.append(spec["selector"])
+            elif o["kind"] == "NetworkPolicy":
+                wanted.append(spec["podSelector"]["matchLabels"])
+            elif o["kind"] in ("Deployment", "PodDisruptionBudget"):
+                wanted.append(spec["selector"]["matchLabels"])
+        self.assertEqual(len(wanted), 1 + 2 + 2 + 2)
+        for selector in wanted:
+            self.assertTrue(any(selector.items() <= labels.items() for labels in pods.values()),
+                            selector)
+        scaled = named(objects, "HorizontalPodAutoscaler", "litags-worker")["spec"]
+        self.assertIn(scaled["scaleTargetRef"]["name"], pods)
+        self.assertNotIn("replicas", named(objects, "Deployment", "litags-worker")["spec"])
+
+    def test_ports_are_those_the_server_listens_on(self):
+        objects = base()
+        server = container(objects, "litags-server")
+        ports = {p["name"]: p["containerPort"] for p in server["ports"]}
+        variables = environment(objects, server)
+        self.assertEqual(variables["LITAGS_SERVER_LISTEN"], f"0.0.0.0:{ports['grpc']}")
+        self.assertEqual(variables["LITAGS_SERVER_METRICS_LISTEN"], f"0.0.0.0:{ports['metrics']}")
+        service = named(objects, "Service", "litags")["spec"]["ports"]
+        self.assertEqual([p["targetPort"] for p in service], ["grpc"])
+        pod = named(objects, "Deployment", "litags-server")["spec"]["template"]
+        self.assertEqual(int(pod["metadata"]["annotations"]["prometheus.io/port"]), ports["metrics"])
+        for probe in ("readinessProbe", "startupProbe"):
+            self.assertIn(f"localhost:{ports['grpc']}", server[probe]["exec"]["command"])
+        for policy in (o for o in objects if o["kind"] == "NetworkPolicy"):
+            for rule in policy["spec"]["ingress"]:
+                self.assertLessEqual({p["port"] for p in rule["ports"]}, set(ports))
+
+    def test_secrets_are_named_and_have_the_keys_that_are_used(self):
+        for name in ("litags-server", "litags-worker"):
+            pod = named(base(), "Deployment", name)["spec"]["template"]["spec"]
+            mine = pod["containers"][0]
+            for variable in mine["env"]:
+                if "valueFrom" in variable:
+                    reference = variable["valueFrom"]["secretKeyRef"]
+                    self.assertIn(reference["key"], SECRETS[reference["name"]])
+            mounts = {m["name"]: m["mountPath"] for m in mine["volumeMounts"]}
+            files = {f"{mounts[v['name']]}/{key}" for v in pod["volumes"] if "secret" in v
+                     for key in SECRETS[v["secret"]["secretName"]]}
+            used = re.findall(r"/etc/litags/\S+", " ".join(
+                [v.get("value", "") for v in mine["env"]]
+                + mine.get("readinessProbe", {}).get("exec", {}).get("command", [])))
+            self.assertLessEqual(set(used), files)
+
+    def test_the_programs_know_every_variable_and_flag(self):
+        objects = base()
+        server, worker = container(objects, "litags-server"), container(objects, "litags-worker")
+        self.assertEqual(server["command"], ["litags-server"])
+        out = Programs.check_server(self, environment(objects, server), server.get("args", ()))
+        self.assertRegex(out, r"(?m)^workers = 0 ")
+        self.assertNotIn("secret", re.sub("[a-z]*secret[a-z]* ", "", out))
+        self.assertEqual(worker["command"], ["litags-worker"])
+        Programs.check_worker(self, environment(objects, worker), worker["args"])
+        probe = server["readinessProbe"]["exec"]["command"]
+        code, out = run(PROGRAMS[probe[0]], *probe[1:])
+        self.assertIn("/etc/litags/tls/ca.crt", out, "the probe gets as far as its file")
+        self.assertNotEqual(code, 0)
+
+    def test_pods_get_more_time_to_end_than_they_need(self):
+        # A worker ends within 10 s (service/fleet); a server waits 8 s for its own workers, if any.
+        for name, least in (("litags-server", 30), ("litags-worker", 30)):
+            pod = named(base(), "Deployment", name)["spec"]["template"]["spec"]
+            self.assertGreaterEqual(pod["terminationGracePeriodSeconds"], least)
+
+    def test_the_autoscalers_metric_is_one_that_the_server_has(self):
+        scaler = named(base(), "HorizontalPodAutoscaler", "litags-worker")["spec"]
+        metric = scaler["metrics"][0]["external"]["metric"]["name"]
+        adapter, = documents(os.path.join(KUBERNETES, "prometheus-adapter.yaml"))
+        rule, = adapter["rules"]["external"]
+        self.assertEqual(rule["name"]["as"], metric)
+        with open(os.environ["LITAGS_METRICS_SOURCE"]) as source:
+            names = set(re.findall(r'"(litags_[a-z_]+)"', source.read()))
+        self.assertLessEqual(set(re.findall(r"litags_[a-z_]+", rule["metricsQuery"])), names)
+
+    def test_kustomize_builds_base_and_overlay(self):
+        plain, example = built("base"), built("overlays/example")
+        if plain is None:
+            self.skipTest("kubectl is not installed")
+        self.assertEqual(len(plain), len(base()))
+        self.assertEqual(len(example), len(base()))
+        for o in example:
+            self.assertEqual(o["metadata"].get("namespace"), "litags")
+        for name in ("litags-server", "litags-worker"):
+            self.assertRegex(container(example, name)["image"], r"^registry.example.org/litags:\S+$")
+        # The overlay's own variables are known, too, and its selectors still find their pods.
+        worker = container(example, "litags-worker")
+        self.assertIn("LITAGS_WORKER_LABELS", environment(example, worker))
+        Programs.check_worker(self, environment(example, worker), worker["args"])
+        labels = named(example, "Deployment", "litags-worker")["spec"]["template"]["metadata"]["labels"]
+        budget = named(example, "PodDisruptionBudget", "litags-worker")
+        self.assertLessEqual(budget["spec"]["selector"]["matchLabels"].items(), labels.items())
+
+
+class Compose(unittest.TestCase):
+
+    def test_services_are_confined_and_their_variables_known(self):
+        for name in ("compose.yaml", "compose.fleet.yaml"):
+            compose, = documents(os.path.join(DEPLOY, name))
+            for service, spec in compose["services"].items():
+                if spec.get("image") != "litags":
+                    continue
+                with self.subTest(file=name, service=service):
+                    self.assertTrue(spec["read_only"])
+                    self.assertEqual(spec["cap_drop"], ["ALL"])
+                    variables = {key: re.sub(r"\$\{[^}]*\}", "x", str(value))
+                                 for key, value in spec["environment"].items()}
+                    entry = spec.get("entrypoint", ["litags-server"])[0]
+                    args = spec.get("command", [])
+                    if entry == "litags-server":
+                        Programs.check_server(self, variables, args)
+                    else:
+                        Programs.check_worker(self, variables, args)
+
+    def test_no_password_is_written_down(self):
+        with open(os.path.join(DEPLOY, "compose.fleet.yaml")) as file:
+            for line in file:
+                if re.search(r"PASSWORD|SECRET|STORE:", line) and ":" in line and "#" not in line[:3]:
+                    self.assertRegex(line, r"\$\{\w+:\?", line)
+
+
+class Image(unittest.TestCase):
+
+    def test_the_dockerfile_is_in_stages_and_does_not_run_as_root(self):
+        with open(os.path.join(DEPLOY, "Dockerfile")) as file:
+            lines = [line.strip() for line in file if line.strip() and not line.startswith("#")]
+        stages = [line for line in lines if line.startswith("FROM")]
+        self.assertEqual(len(stages), 2)
+        last = lines[lines.index(stages[-1]):]
+        self.assertIn("USER litags", last)
+        self.assertTrue(any("bootstrap --runtime" in line for line in last))
+        copied = set(re.findall(r"build/release/bin/(\S+)", " ".join(last)))
+        self.assertLessEqual(set(PROGRAMS), copied)
+
+
+    def test_the_packages_of_the_image_hold_every_library_of_the_programs(self):
+        if not shutil.which("dpkg-query"):
+            self.skipTest("packages are those of Debian")
+        with open(os.path.join(DEPLOY, "bootstrap")) as file:
+            wanted = re.search(r"runtime_packages=\(\n(.*?)\n\)", file.read(), re.S).group(1).split()
+        _, out = run("dpkg-query", "-W", "-f", "${Package}|${Pre-Depends}, ${Depends}\\n")
+        depends = {}
+        for line in out.splitlines():
+            package, _, rest = line.partition("|")
+            depends[package] = re.findall(r"[a-z0-9][a-z0-9.+-]+(?=[ ,:|]|$)",
+                                          re.sub(r"\([^)]*\)", " ", rest))
+        installed, todo = set(), [p for p in wanted if p in depends]
+        while todo:
+            package = todo.pop()
+            if package in depends and package not in installed:
+                installed.add(package)
+                todo += depends[package]
+        libraries = set()
+        for name in ("litags-server", "litags-worker", "litags", "litags-train"):
+            program = os.path.join(BIN, name)
+            if not os.path.exists(program):
+                continue  # not built here
+            _, out = run("objdump", "-p", program)
+            paths = dict(re.findall(r"(\S+) => (/\S+)", run("ldd", program)[1]))
+            needed = re.findall(r"NEEDED +(\S+)", out)
+            libraries |= {os.path.realpath(paths[n]) for n in needed if n in paths}  # the loader is not
+        if not libraries:
+            self.skipTest("the programs are not built here")
+        # Packages from before /lib was /usr/lib name it so.
+        _, out = run("dpkg-query", "-S", *libraries, *(p.removeprefix("/usr") for p in libraries))
+        owners = {path: package for package, path in
+                  re.findall(r"(?m)^([^:\s]+):\S* (/\S+)$", out)}
+        for path in sorted(libraries):
+            package = owners.get(path) or owners.get(path.removeprefix("/usr"))
+            self.assertTrue(package in installed, f"{path} is of {package}")
+
+
+if __name__ == "__main__":
+    unittest.main()

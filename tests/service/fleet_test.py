@@ -1,0 +1,109 @@
+"""Workers that come and go, and what they have: a server without workers of its own keeps jobs in
+its queue until one comes that fits."""
+
+import os
+import signal
+import subprocess
+import time
+import unittest
+
+import harness
+from harness import BIN, RUNNING, SERVER_PROGRAM, SUCCEEDED, rpc
+from operating_test import metrics_of
+
+from litags.v1 import job_pb2
+
+WORKER = os.path.join(BIN, SERVER_PROGRAM.replace("server", "worker"))
+QUEUED = job_pb2.JOB_STATE_QUEUED
+
+
+class Fleet(harness.ServiceTest):
+
+    @classmethod
+    def make_server(cls):
+        return harness.Server(cls.class_folder,
+                              extra=("--workers", "0", "--metrics-listen", "127.0.0.1:0"))
+
+    def setUp(self):
+        super().setUp()
+        self.workers = []
+        self.addCleanup(lambda: [self.end(worker) for worker in self.workers])
+
+    def start_worker(self, *args):
+        log = open(os.path.join(self.folder, "worker.log"), "ab")
+        self.addCleanup(log.close)
+        worker = subprocess.Popen([WORKER, "--data", self.server.data, "--threads", "1", *args],
+                                  stdout=log, stderr=log)
+        self.workers.append(worker)
+        return worker
+
+    def end(self, worker):
+        """SIGTERM; returns the exit code and how long it took."""
+        start = time.monotonic()
+        if worker.poll() is None:
+            worker.send_signal(signal.SIGTERM)
+        try:
+            return worker.wait(harness.PATIENCE_S), time.monotonic() - start
+        finally:
+            worker.kill()
+
+    def job(self, name):
+        return self.jobs.GetJob(rpc.GetJobRequest(name=name))
+
+    def metric(self, key):
+        return metrics_of(self.server).get(key, 0)
+
+    def test_jobs_wait_while_there_are_no_workers_and_run_when_one_comes(self):
+        job = self.submit("--iterations", "20")
+        self.assertEqual(self.job(job).state, QUEUED)
+        self.assertIn("none is there", self.job(job).waits_for)
+        self.assertEqual(self.metric("litags_workers"), 0)
+        self.assertEqual(self.metric('litags_jobs{state="QUEUED"}'), 1)
+        worker = self.start_worker()
+        self.wait_for(lambda: self.state(job) == SUCCEEDED, "the job is done")
+        self.assertEqual(self.job(job).waits_for, "")
+        self.assertEqual(self.metric("litags_workers"), 1)
+        self.assertEqual(self.end(worker)[0], 0)
+        self.assertEqual(self.metric("litags_workers"), 0)
+
+    def test_a_drained_worker_gives_its_job_back_at_no_cost(self):
+        job = self.submit("--iterations", "100000", names=("slow.png", "b.png"))
+        worker = self.start_worker()
+        self.wait_for(lambda: self.state(job) == RUNNING, "the job runs")
+        code, seconds = self.end(worker)
+        self.assertEqual(code, 0)
+        self.assertLess(seconds, 10, "the grace of deploy/ is built on this")
+        self.assertEqual(self.job(job).state, QUEUED)
+        self.start_worker()
+        self.wait_for(lambda: self.state(job) == RUNNING, "the job runs again")
+        self.assertEqual(self.job(job).attempt, 1)
+        self.litags("cancel", job)
+
+    def test_a_job_goes_to_a_worker_that_has_what_it_needs(self):
+        job = self.submit("--iterations", "20", "--min-cores", "3", "--min-memory", "1GiB",
+                          "--labels", "site-b,avx512")
+        self.start_worker("--cores", "8", "--memory", "8GiB", "--labels", "avx512")
+        self.wait_for(lambda: self.metric("litags_workers") == 1, "the first worker is there")
+        easy = self.submit("--iterations", "20")
+        self.wait_for(lambda: self.state(easy) == SUCCEEDED, "the worker works")
+        waiting = self.job(job)
+        self.assertEqual(waiting.state, QUEUED)
+        self.assertIn("label site-b", waiting.waits_for)
+        self.assertIn("site-b", self.litags("show", job)[0])
+        self.assertEqual(self.metric("litags_jobs_without_fitting_worker"), 1)
+        self.start_worker("--cores", "3", "--memory", "1GiB", "--labels", "site-b,avx512,more")
+        self.wait_for(lambda: self.state(job) == SUCCEEDED, "the second worker takes it")
+        self.assertEqual(self.metric("litags_jobs_without_fitting_worker"), 0)
+        policy = self.job(job).policy
+        self.assertEqual((policy.min_cores, policy.min_memory_bytes, list(policy.labels)),
+                         (3, 1 << 30, ["site-b", "avx512"]))
+
+    def test_labels_that_are_none_are_refused(self):
+        _, err = self.litags("submit", self.photos(), "--labels", "a b", exit_code=2)
+        self.assertRegex(err, "policy.labels")
+        worker = self.start_worker("--labels", "a b")
+        self.assertEqual(worker.wait(harness.PATIENCE_S), 2)
+
+
+if __name__ == "__main__":
+    unittest.main()
