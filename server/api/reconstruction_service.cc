@@ -23,13 +23,19 @@ constexpr int kMaxContentDigestBytes = 64;
 constexpr int kMaxQueryFiles = 1000;
 constexpr int kDefaultPageSize = 50, kMaxPageSize = 1000;
 
+absl::Status Describe(const JobRecord& job, const Workforce& workers, v1::Job* response) {
+  LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(job));
+  response->set_waits_for(WaitsFor(job, workers));
+  return absl::OkStatus();
+}
+
 absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* response) {
   LITAGS_RETURN_IF_ERROR(job.status());
-  LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(*job));
-  if (job->state != JobState::kQueued) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const Workforce workers, jobs.Workers());
-  response->set_waits_for(WaitsFor(*job, workers));
-  return absl::OkStatus();
+  Workforce workers;
+  if (job->state == JobState::kQueued) {
+    LITAGS_ASSIGN_OR_RETURN(workers, jobs.Workers());
+  }
+  return Describe(*job, workers, response);
 }
 
 // A page token is where the next page starts: creation time and id of the last job shown.
@@ -164,8 +170,9 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListJobs(Context* context,
       jobs.resize(size);
       response->set_next_page_token(PageToken(jobs.back()));
     }
+    LITAGS_ASSIGN_OR_RETURN(const Workforce workers, call.jobs()->Workers());
     for (const JobRecord& job : jobs) {
-      LITAGS_RETURN_IF_ERROR(Answer(*call.jobs(), job, response->add_jobs()));
+      LITAGS_RETURN_IF_ERROR(Describe(job, workers, response->add_jobs()));
     }
     return absl::OkStatus();
   };
@@ -196,7 +203,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ResumeJob(Context* context,
       LITAGS_ASSIGN_OR_RETURN(policy, PolicyFromProto(request->policy(), policy));
       return absl::OkStatus();
     };
-    return Answer(call.jobs()->Resume(id, change), response);
+    return Answer(*call.jobs(), call.jobs()->Resume(id, change), response);
   };
   return RunUnary(gate_, context, {"ResumeJob", CallKind::kChange}, pool_, work);
 }

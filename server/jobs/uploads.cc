@@ -111,8 +111,7 @@ absl::Status Uploads::CheckRoom(std::string_view id, const std::vector<FileRecor
   return absl::OkStatus();
 }
 
-// Whether the owner of the job may have this file, too. What streams that are open now have
-// announced counts once it has come: several may pass the limit by a file each.
+// Whether the owner of the job may have this file, too.
 absl::Status Uploads::CheckQuota(std::string_view id, const FileRecord& file) const {
   if (max_owner_bytes_ == 0) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
@@ -131,9 +130,14 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
   LITAGS_RETURN_IF_ERROR(Check(id));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
   const std::string key = PartialKey(file);
-  // What is there of the file itself counts with it.
-  LITAGS_RETURN_IF_ERROR(CheckRoom(id, files, file, partials().UsageOf(id, key)));
-  LITAGS_RETURN_IF_ERROR(CheckQuota(id, file));
+  const auto announced = [&]() -> absl::StatusOr<std::shared_ptr<PartialSlot>> {
+    const std::lock_guard lock(area_->announce_mutex);
+    // What is there of the file itself counts with it.
+    LITAGS_RETURN_IF_ERROR(CheckRoom(id, files, file, partials().UsageOf(id, key)));
+    LITAGS_RETURN_IF_ERROR(CheckQuota(id, file));
+    return partials().Announce(id, key, file.size_bytes);
+  }();
+  LITAGS_RETURN_IF_ERROR(announced.status());
   auto partial = partials().Open(id, key, file.size_bytes, offset);
   // A job that was cancelled or deleted meanwhile has no files on their way.
   if (const absl::Status status = Check(id); !status.ok()) {

@@ -48,6 +48,8 @@ struct UploadArea {
   // Files of one job are added one at a time: bytes are stored before the row that names them, and
   // removed again if the row is refused. By a hash of the job's id.
   std::array<std::mutex, 16> add_mutexes;
+  // Files are announced one at a time, so that no two take the same room.
+  std::mutex announce_mutex;
 };
 
 // Thread-safe. Errors: those of JobStore, BlobStore, PartialFiles and NextState(), and what each

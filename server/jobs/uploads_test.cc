@@ -5,6 +5,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <thread>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -108,6 +110,31 @@ TEST_F(UploadsTest, WhatHasComeOfFilesCountsAgainstTheOwnersBytes) {
   EXPECT_EQ(Reason(alice->uploads().Open(second, other, 0).status()), "BYTE_QUOTA_REACHED");
   ASSERT_TRUE(alice->Delete(first).ok());
   EXPECT_TRUE(alice->uploads().Open(second, other, 0).ok());
+}
+
+TEST_F(UploadsTest, StreamsAtTheSameTimeGetNoMoreThanTheOwnersBytes) {
+  constexpr int kThreads = 6;
+  const auto alice = jobs_->For({.owner = "alice", .max_bytes = 1000});
+  const std::string id = alice->Create({})->id;
+  std::vector<absl::StatusOr<std::unique_ptr<PartialFile>>> opened(kThreads);
+  {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < kThreads; ++i) {
+      threads.emplace_back([&, i] {
+        opened[i] = alice->uploads().Open(
+            id, Photo(absl::StrCat(i, ".jpg"), std::string(400, static_cast<char>('a' + i))), 0);
+      });
+    }
+  }
+  int taken = 0;
+  for (auto& file : opened) {
+    EXPECT_EQ(Reason(file.status()), file.ok() ? "" : "BYTE_QUOTA_REACHED");
+    taken += file.ok();
+  }
+  EXPECT_EQ(taken, 2);
+  // A stream that ends before it sent a byte makes room.
+  opened.clear();
+  EXPECT_TRUE(alice->uploads().Open(id, Photo("big.jpg", std::string(1000, 'z')), 0).ok());
 }
 
 TEST_F(UploadsTest, BytesOfABrokenStreamAreContinuedAlsoAfterARestart) {

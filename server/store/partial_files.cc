@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <functional>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
@@ -146,10 +148,14 @@ absl::StatusOr<int64_t> PartialFiles::Size(std::string_view job_id, std::string_
   return std::max<int64_t>(in_chunks, status.st_size);
 }
 
-std::shared_ptr<PartialSlot> PartialFiles::SlotOf(const std::string& name) {
-  std::weak_ptr<PartialSlot>& entry = slots_[name];
+std::shared_ptr<PartialSlot> PartialFiles::Announce(std::string_view job_id, std::string_view key,
+                                                    int64_t file_bytes) {
+  std::lock_guard lock(mutex_);
+  std::erase_if(slots_, [](const auto& entry) { return entry.second.expired(); });
+  auto& entry = slots_[absl::StrCat(std::string(job_id), "/", std::string(key))];
   std::shared_ptr<PartialSlot> slot = entry.lock();
   if (!slot) entry = slot = std::make_shared<PartialSlot>();
+  slot->file_bytes = file_bytes;
   return slot;
 }
 
@@ -158,12 +164,10 @@ absl::StatusOr<std::unique_ptr<PartialFile>> PartialFiles::Open(std::string_view
                                                                 int64_t file_bytes,
                                                                 int64_t offset) {
   const std::string folder = Folder(job_id);
-  std::shared_ptr<PartialSlot> slot;
+  const std::shared_ptr<PartialSlot> slot = Announce(job_id, key, file_bytes);
   uint64_t writer = 0;
   {
     std::lock_guard lock(mutex_);
-    std::erase_if(slots_, [](const auto& entry) { return entry.second.expired(); });
-    slot = SlotOf(absl::StrCat(std::string(job_id), "/", std::string(key)));
     writer = next_writer_++;
     std::error_code error;
     fs::create_directories(folder, error);
@@ -192,26 +196,42 @@ bool PartialFiles::InUse(std::string_view job_id) {
   return false;
 }
 
-std::vector<std::string> PartialFiles::Jobs() const {
-  std::vector<std::string> ids;
+std::vector<std::string> PartialFiles::Jobs() {
+  std::set<std::string> ids;
   std::error_code error;
   for (fs::directory_iterator it(root_, error), end; !error && it != end; it.increment(error)) {
-    ids.push_back(it->path().filename());
+    ids.insert(it->path().filename());
   }
-  return ids;
+  std::lock_guard lock(mutex_);
+  for (const auto& [name, slot] : slots_) {
+    if (!slot.expired()) ids.insert(name.substr(0, name.find('/')));
+  }
+  return {ids.begin(), ids.end()};
 }
 
-PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id, std::string_view but_key) const {
-  Usage usage;
+PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id, std::string_view but_key) {
+  std::map<std::string, int64_t, std::less<>> bytes_of;  // by key
   std::error_code error;
   const fs::path folder = Folder(job_id);
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-    if (it->path().filename() == but_key) continue;
     std::error_code gone;  // it may have become complete just now
     const auto bytes = it->file_size(gone);
-    if (gone) continue;
+    if (!gone) bytes_of[it->path().filename()] = static_cast<int64_t>(bytes);
+  }
+  {
+    const std::string prefix = absl::StrCat(std::string(job_id), "/");
+    std::lock_guard lock(mutex_);
+    for (auto it = slots_.lower_bound(prefix); it != slots_.end(); ++it) {
+      if (!it->first.starts_with(prefix)) break;
+      const auto slot = it->second.lock();
+      if (slot) bytes_of[it->first.substr(prefix.size())] = slot->file_bytes;
+    }
+  }
+  Usage usage;
+  for (const auto& [key, bytes] : bytes_of) {
+    if (key == but_key) continue;
     ++usage.files;
-    usage.bytes += static_cast<int64_t>(bytes);
+    usage.bytes += bytes;
   }
   return usage;
 }
@@ -219,8 +239,8 @@ PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id, std::string_v
 absl::Status PartialFiles::RemoveJob(std::string_view job_id) {
   const std::string prefix = absl::StrCat(std::string(job_id), "/");
   std::lock_guard lock(mutex_);
-  for (auto it = slots_.lower_bound(prefix); it != slots_.end(); ++it) {
-    if (!it->first.starts_with(prefix)) break;
+  for (auto it = slots_.lower_bound(prefix); it != slots_.end() && it->first.starts_with(prefix);
+       it = slots_.erase(it)) {
     if (const auto slot = it->second.lock()) {
       std::lock_guard slot_lock(slot->mutex);
       slot->writer = kNobody;

@@ -20,6 +20,7 @@ namespace litags {
 struct PartialSlot {
   std::mutex mutex;
   uint64_t writer = 0;
+  int64_t file_bytes = 0;  // that the file will have; under the mutex of PartialFiles
 };
 
 // One file on its way in: the bytes so far, and their digest. What has come stays for the next
@@ -80,21 +81,26 @@ class PartialFiles {
   // Bytes that are on disk now, here or in chunks, of a file that will have `file_bytes`.
   absl::StatusOr<int64_t> Size(std::string_view job_id, std::string_view key, int64_t file_bytes);
 
+  // Makes the file count in UsageOf() with all the bytes that it will have, for as long as the
+  // result is kept or the file is open.
+  std::shared_ptr<PartialSlot> Announce(std::string_view job_id, std::string_view key,
+                                        int64_t file_bytes);
+
   // Takes the file over, from `offset` on: bytes beyond it are dropped, those before are read once
   // for the digest. OUT_OF_RANGE (OFFSET_INVALID) if fewer are there.
   absl::StatusOr<std::unique_ptr<PartialFile>> Open(std::string_view job_id, std::string_view key,
                                                     int64_t file_bytes, int64_t offset);
 
-  // Ids of the jobs that have files on their way.
-  std::vector<std::string> Jobs() const;
+  // Ids of the jobs that have files on their way, each once.
+  std::vector<std::string> Jobs();
 
   // Whether a stream has a file of the job open.
   bool InUse(std::string_view job_id);
-  // Files and bytes of the job that lie here, but for one.
+  // Files and bytes of the job that lie here or are announced, but for one.
   struct Usage {
     int64_t files = 0, bytes = 0;
   };
-  Usage UsageOf(std::string_view job_id, std::string_view but_key = "") const;
+  Usage UsageOf(std::string_view job_id, std::string_view but_key = "");
   const UploadChunks& chunks() const { return chunks_; }
 
   // Removes the job's files; streams that have one open lose it.
@@ -105,14 +111,12 @@ class PartialFiles {
     return chunks_.used() && file_bytes >= chunks_.chunk_bytes() ? &chunks_ : nullptr;
   }
   std::string Folder(std::string_view job_id) const;
-  // Keys of slots are "JOB/KEY".
-  std::shared_ptr<PartialSlot> SlotOf(const std::string& name);
 
   const std::string root_;
   const UploadChunks chunks_;
   std::mutex mutex_;
   uint64_t next_writer_ = 1;
-  std::map<std::string, std::weak_ptr<PartialSlot>> slots_;
+  std::map<std::string, std::weak_ptr<PartialSlot>> slots_;  // by "JOB/KEY"
 };
 
 }  // namespace litags

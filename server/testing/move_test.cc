@@ -86,14 +86,17 @@ class Move : public ::testing::Test {
     const auto store = *OpenJobStore(places, data_);
     const auto blobs = *OpenBlobStore(places, data_);
     std::string all;
-    for (const JobRecord& job : *store->List(0, "", 100)) {
+    const auto jobs = store->List(0, "", 100).value();
+    for (const JobRecord& job : jobs) {
       absl::StrAppend(&all, job.id, " ", job.owner, " ", job.request_id, " ", job.display_name, " ",
                       job.options, " ", job.needs, " ", job.photos, " ", job.bytes, " ",
                       job.last_event, "\n");
-      for (const FileRecord& file : *store->Files(job.id)) {
+      const auto files = store->Files(job.id).value();
+      for (const FileRecord& file : files) {
         absl::StrAppend(&all, file.name, " ", file.sha256, " ", file.size_bytes, "\n");
       }
-      for (const EventRecord& event : *store->Events(job.id, 0, 100)) {
+      const auto events = store->Events(job.id, 0, 100).value();
+      for (const EventRecord& event : events) {
         absl::StrAppend(&all, event.number, " ", event.time_ms, " ", event.payload, "\n");
       }
       for (int i = 0; i < kBlobs; ++i) {

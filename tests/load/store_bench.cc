@@ -13,6 +13,8 @@
 #include <fstream>
 #include <functional>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -31,6 +33,7 @@ using SteadyClock = std::chrono::steady_clock;
 
 struct BenchOptions {
   int workers = 16;
+  int leases = 0;  // held at the same time by as many fleet workers, over `workers` connections
   int jobs = 2000;
   int waiting = 20000;  // further jobs in the queue, of lower priority, so that it has a length
   int clients = 20;
@@ -131,10 +134,10 @@ JobRecord QueuedJob(const std::string& id, const std::string& owner, int priorit
 void Fill(const Kind& kind, const BenchOptions& options) {
   const Measurement measurement(kind);
   std::atomic<int> next{0};
-  const int total = options.jobs + options.waiting;
+  const int total = options.jobs + options.leases + options.waiting;
   OnThreads(kind, 4, [&](JobStore* store, int) {
     for (int i; (i = next++) < total;) {
-      const bool waits = i >= options.jobs;
+      const bool waits = i >= total - options.waiting;
       const auto job =
           QueuedJob(absl::StrCat("job", i), absl::StrCat("client", i % options.clients),
                     waits ? -1 : 0, store->NowMs());
@@ -142,6 +145,12 @@ void Fill(const Kind& kind, const BenchOptions& options) {
     }
   });
   measurement.Print("jobs created", total, "jobs");
+}
+
+Progress ProgressOf(int iteration) {
+  Progress progress;
+  progress.iteration = iteration;
+  return progress;
 }
 
 // Jobs from the queue to their end, each with a lease, reports, one renewal and an end.
@@ -154,11 +163,7 @@ void MeasureLeases(const Kind& kind, const BenchOptions& options, BlobStore* blo
     while (done < options.jobs) {
       const auto lease = Need(leases.Acquire(name));
       if (!lease) continue;  // others are taking the last ones
-      Progress progress;
-      for (int i = 1; i <= options.reports; ++i) {
-        progress.iteration = i;
-        Need(leases.AddProgress(*lease, progress));
-      }
+      for (int i = 1; i <= options.reports; ++i) Need(leases.AddProgress(*lease, ProgressOf(i)));
       Need(leases.Heartbeat(*lease).status());
       Need(leases.Stopped(*lease));
       ++done;
@@ -176,16 +181,91 @@ void MeasureEvents(const Kind& kind, const BenchOptions& options, BlobStore* blo
   OnThreads(kind, options.workers, [&](JobStore* store, int index) {
     Leases leases(store, blobs);
     const auto lease = Need(leases.Acquire(absl::StrCat("reporter", index)));
-    Progress progress;
-    while (lease && SteadyClock::now() < end) {
-      ++progress.iteration;
-      Need(leases.AddProgress(*lease, progress));
+    for (int i = 1; lease && SteadyClock::now() < end; ++i) {
+      Need(leases.AddProgress(*lease, ProgressOf(i)));
       ++events;
     }
     if (lease) Need(leases.GiveBack(*lease));
   });
   measurement.Print("events written", static_cast<double>(events.load()), "events");
 }
+
+// A fleet of workers at their own pace (WorkerOptions): each looks for cancellation four times a
+// second, reports once, and renews its lease every other second. How late they get says when the
+// store has enough.
+class Fleet {
+ public:
+  Fleet(const Kind& kind, const BenchOptions& options, BlobStore* blobs)
+      : kind_(kind), options_(options), blobs_(blobs) {}
+
+  void Measure() {
+    const int connections = std::min(options_.workers, options_.leases);
+    OnThreads(kind_, connections, [&](JobStore* store, int index) { Run(store, index); });
+    std::sort(late_ms_.begin(), late_ms_.end());
+    measurement_->Print(absl::StrCat("commits of ", options_.leases, " leases").c_str(),
+                        static_cast<double>(commits_), "commits");
+    std::printf("%-9s %-28s %lld lost; rounds end late by %.0f ms (p50), %.0f ms (p99)\n",
+                kind_.name.c_str(), "of these leases", static_cast<long long>(lost_),
+                late_ms_[late_ms_.size() / 2], late_ms_[late_ms_.size() * 99 / 100]);
+  }
+
+ private:
+  static constexpr std::chrono::milliseconds kRound{250};
+  static constexpr int kReportRounds = 4, kRenewRounds = 8;
+
+  // The share of one connection. Measured is what happens while all leases are held.
+  void Run(JobStore* store, int index) {
+    Leases leases(store, blobs_);
+    std::vector<Lease> held;
+    auto due = SteadyClock::now();
+    for (int round = 0; !IsOver(); ++round) {
+      std::this_thread::sleep_until(due);
+      due = std::max(due, SteadyClock::now() - kRound) + kRound;
+      const bool measured = held_ == options_.leases;
+      for (size_t i = 0; i < held.size(); ++i) Turn(&leases, held[i], round + static_cast<int>(i));
+      int next = index + static_cast<int>(held.size()) * options_.workers;
+      for (; next < options_.leases && SteadyClock::now() < due; next += options_.workers) {
+        auto lease = Need(leases.Acquire(absl::StrCat("fleet", next)));
+        if (!lease) break;
+        held.push_back(*std::move(lease));
+        if (++held_ == options_.leases) Start();
+      }
+      const std::chrono::duration<double, std::milli> late = SteadyClock::now() - due;
+      const std::lock_guard lock(mutex_);
+      if (measured) late_ms_.push_back(std::max(0.0, late.count()));
+    }
+    for (const Lease& lease : held) leases.GiveBack(lease).IgnoreError();
+  }
+
+  void Turn(Leases* leases, const Lease& lease, int turn) {
+    const bool renews = turn % kRenewRounds == 0, reports = turn % kReportRounds == 1;
+    const absl::Status status =
+        renews ? leases->Heartbeat(lease).status() : leases->CancelRequested(lease).status();
+    if (absl::IsAborted(status)) ++lost_;
+    if (status.ok() && reports) Need(leases->AddProgress(lease, ProgressOf(turn)));
+    if (held_ == options_.leases) commits_ += renews + reports;
+  }
+
+  void Start() {
+    const std::lock_guard lock(mutex_);
+    measurement_.emplace(kind_);
+    end_ = SteadyClock::now() + std::chrono::duration<double>(options_.seconds);
+  }
+  bool IsOver() {
+    const std::lock_guard lock(mutex_);
+    return measurement_ && SteadyClock::now() >= end_;
+  }
+
+  const Kind& kind_;
+  const BenchOptions& options_;
+  BlobStore* const blobs_;
+  std::atomic<int> held_{0};
+  std::atomic<int64_t> commits_{0}, lost_{0};
+  std::mutex mutex_;
+  std::optional<Measurement> measurement_;
+  std::chrono::time_point<SteadyClock, std::chrono::duration<double>> end_;
+  std::vector<double> late_ms_;
+};
 
 // From the commit of an event until another process has read it.
 void MeasureLatency(const Kind& kind, const BenchOptions& options) {
@@ -239,6 +319,9 @@ int Run(int argc, char** argv) {
   std::vector<std::string> stores = {"sqlite", "postgres"};
   app.add_option("STORE", stores, "sqlite and postgres: new ones of this machine's packages");
   app.add_option("--workers", options.workers, "At the same time")->capture_default_str();
+  app.add_option("--leases", options.leases,
+                 "Held at the same time for --seconds, over the connections of --workers")
+      ->capture_default_str();
   app.add_option("--jobs", options.jobs, "Taken and ended")->capture_default_str();
   app.add_option("--waiting", options.waiting, "In the queue behind them")->capture_default_str();
   app.add_option("--clients", options.clients, "To whom the jobs belong")->capture_default_str();
@@ -246,8 +329,9 @@ int Run(int argc, char** argv) {
   app.add_option("--latencies", options.latencies, "Events watched")->capture_default_str();
   app.add_option("--seconds", options.seconds, "Of writing events")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  std::printf("%d workers, %d jobs of %d reports, %d more in the queue, %d clients\n",
-              options.workers, options.jobs, options.reports, options.waiting, options.clients);
+  std::printf("%d workers, %d leases, %d jobs of %d reports, %d more in the queue, %d clients\n",
+              options.workers, options.leases, options.jobs, options.reports, options.waiting,
+              options.clients);
   for (const std::string& store : stores) {
     TempDir dir;
     const auto blobs = Need(OpenDiskBlobStore(dir.path()));
@@ -267,6 +351,7 @@ int Run(int argc, char** argv) {
     Fill(kind, options);
     MeasureLeases(kind, options, blobs.get());
     MeasureEvents(kind, options, blobs.get());
+    if (options.leases > 0) Fleet(kind, options, blobs.get()).Measure();
     MeasureLatency(kind, options);
   }
   return 0;
