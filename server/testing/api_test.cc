@@ -243,6 +243,9 @@ TEST_F(JobsApi, PolicyReachesTheJobAndIsChecked) {
   request.mutable_policy()->set_max_run_seconds(60);
   request.mutable_policy()->set_max_memory_bytes(int64_t{1} << 30);
   request.mutable_policy()->set_retention_seconds(3600);
+  request.mutable_policy()->set_min_cores(4);
+  request.mutable_policy()->set_min_memory_bytes(int64_t{1} << 29);
+  request.mutable_policy()->add_labels("avx512");
   v1::Job job;
   ASSERT_TRUE(client_.Create(request, &job).ok());
   EXPECT_EQ(job.policy().SerializeAsString(), request.policy().SerializeAsString());

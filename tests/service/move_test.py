@@ -30,7 +30,7 @@ class Move(harness.ServiceTest):
         said = [record.SerializeToString(), *(event.SerializeToString() for event in watch)]
         if with_scene:
             request = render_service_pb2.RenderViewRequest(name=job)
-            request.pose.camera = "a.png"
+            request.pose.camera = "b.png"
             said.append(self.pictures.RenderView(request).SerializeToString())
             export = self.models.ExportModel(model_service_pb2.ExportModelRequest(name=job))
             said += [message.SerializeToString() for message in export]
