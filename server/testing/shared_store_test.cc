@@ -106,6 +106,11 @@ TEST_F(SharedStore, RunningJobOutlivesARestartOfTheDatabase) {
   EXPECT_EQ(DetailOf(away).reason, "STORE_UNAVAILABLE");
   std::this_thread::sleep_for(std::chrono::seconds(6));  // the job itself is done by now
   ASSERT_TRUE(postgres_->Run().ok());
+  // Servers that were refused just now ask again after a moment (PostgresPool).
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+  while (!b_.client().Get(name, &job).ok() && std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
   job = b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
   EXPECT_EQ(job.attempt(), 1);
   EXPECT_EQ(a_.client().History(name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
