@@ -210,6 +210,43 @@ TEST_F(PostgresJobStoreTest, WorkersKeepTheirJobsOverAnOutageLongerThanTheirLeas
   EXPECT_EQ(Reason(mine.Heartbeat(**lease).status()), "LEASE_LOST");
 }
 
+TEST_F(PostgresJobStoreTest, TakingAJobReadsAsMuchAsThereAreOwnersNotJobs) {
+  constexpr int kOwners = 20, kJobs = 40000, kTakes = 10;
+  const auto database = PgConnection::Open(url_);
+  ASSERT_TRUE(database.ok()) << database.status();
+  ASSERT_TRUE(store_->Create(MakeJob("model"), Nothing).ok());
+  const absl::Status filled = (*database)->Execute(absl::StrCat(
+      "CREATE TEMP TABLE made AS SELECT jobs.*, i FROM jobs, generate_series(1, ", kJobs,
+      ") AS i; ", "UPDATE made SET id='job' || i, owner='owner' || i % ", kOwners, ", state=2; ",
+      "ALTER TABLE made DROP COLUMN i; INSERT INTO jobs SELECT * FROM made; ANALYZE jobs"));
+  ASSERT_TRUE(filled.ok()) << filled;
+  const auto rows_read = [&]() -> int64_t {
+    const auto row = (*database)->Prepare(
+        "SELECT (SELECT SUM(idx_tup_read) FROM pg_stat_user_indexes WHERE relname='jobs') + "
+        "(SELECT SUM(seq_tup_read) FROM pg_stat_user_tables WHERE relname='jobs')");
+    return row->Step().value_or(false) ? row->Int(0) : -1;
+  };
+  // A connection tells what it read once a second at most, and only after it did something.
+  const auto settled = [&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1100));
+    EXPECT_TRUE(store_->Get("model").ok());
+    EXPECT_TRUE((*database)->Execute("SELECT 1").ok());
+    return rows_read();
+  };
+  const int64_t before = settled();
+  for (int i = 0; i < kTakes; ++i) {
+    const auto taken = store_->UpdateFirstQueued(FitsAny, [](JobTransaction& job) {
+      job.job.state = JobState::kRunning;
+      return absl::OkStatus();
+    });
+    ASSERT_TRUE(taken.ok() && *taken) << taken.status();
+  }
+  const int64_t read = settled() - before;
+  EXPECT_GE(read, kTakes);  // it is counted at all
+  // Some look-ups of each owner's first job; the queue has 2,000 rows of each.
+  EXPECT_LT(read, kTakes * kOwners * 20);
+}
+
 TEST_F(PostgresJobStoreTest, TextThatPostgresCannotKeepIsRefusedByName) {
   JobRecord job = MakeJob("a1");
   job.display_name = std::string("a\0b", 3);
