@@ -169,7 +169,7 @@ Settings::Rules ServerSettingsRules() {
            {"store", "LITAGS_STORE"},
            {"blobs", "LITAGS_BLOBS"},
            {"s3-endpoint", "LITAGS_S3_ENDPOINT"}},
-          {"config", "print-config", "check"},
+          {"config", "print-config", "check", "version"},
           {"token", "store"}};
 }
 

@@ -167,9 +167,11 @@ int Fail(const absl::Status& status) {
 int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory make_engine) {
   ServerFlags flags;
   CLI::App app{"Reconstructs scenes from badly lit photos, as a gRPC service."};
+  app.set_version_flag("--version", LITAGS_VERSION);
   AddServerFlags(&app, &flags);
   app.footer(
-      "Every option but --config, --print-config and --check may also be set by a variable "
+      "Every option but --config, --print-config, --check and --version may also be set by a "
+      "variable "
       "(LITAGS_SERVER_MAX_JOBS for --max-jobs) or in the file of --config.");
   std::string client_name;
   CLI::App* token = app.add_subcommand("token", "Make a token for a client, print it, and end");

@@ -112,12 +112,6 @@ absl::Status StoreUnavailable(const std::string& why) {
                                 "; nothing was changed, try again in a moment"));
 }
 
-absl::Status StoreBusy(const std::string& why) {
-  return MakeError(absl::StatusCode::kUnavailable, "STORE_BUSY", "",
-                   absl::StrCat("the job store's database is busy: ", why,
-                                "; nothing was changed, try again in a moment"));
-}
-
 absl::StatusOr<std::unique_ptr<PgConnection>> PgConnection::Open(const std::string& url) {
   // What the URL says comes later, and wins.
   const char* const keywords[] = {"connect_timeout",  "keepalives_idle",  "keepalives_interval",

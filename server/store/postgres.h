@@ -89,8 +89,6 @@ int64_t MonotonicMs();
 
 // UNAVAILABLE (STORE_UNAVAILABLE).
 absl::Status StoreUnavailable(const std::string& why);
-// UNAVAILABLE (STORE_BUSY).
-absl::Status StoreBusy(const std::string& why);
 
 }  // namespace litags
 

@@ -9,9 +9,18 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
 #include "server/store/job_store.h"
 
 namespace litags {
+
+// UNAVAILABLE (STORE_BUSY).
+inline absl::Status StoreBusy(const std::string& why) {
+  return MakeError(absl::StatusCode::kUnavailable, "STORE_BUSY", "",
+                   absl::StrCat("the job store's database is busy: ", why,
+                                "; nothing was changed, try again in a moment"));
+}
 
 // One statement in use: bound in order, then stepped. An error of Bind() is returned by Step().
 class SqlStatement {

@@ -6,9 +6,6 @@
 namespace litags {
 namespace {
 
-// Writers of other processes are waited for this long.
-constexpr int kBusyTimeoutMs = 10000;
-
 absl::Status ErrorOf(sqlite3* db, int result) {
   const std::string text = db ? sqlite3_errmsg(db) : sqlite3_errstr(result);
   if (result == SQLITE_FULL) {
@@ -19,6 +16,7 @@ absl::Status ErrorOf(sqlite3* db, int result) {
     return MakeError(absl::StatusCode::kDataLoss, "STORE_CORRUPT", "",
                      absl::StrCat("the job store is damaged: ", text, "; put back a backup"));
   }
+  if (result == SQLITE_BUSY) return StoreBusy(text);
   return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
                    absl::StrCat("the job store failed: ", text));
 }
@@ -67,10 +65,10 @@ namespace {
 
 // Two that change a new file's mode at the same time are in each other's way, and SQLite does not
 // wait then.
-absl::Status EnterWal(sqlite3* db) {
+absl::Status EnterWal(sqlite3* db, int busy_timeout_ms) {
   constexpr int kPauseMs = 10;
   int result = SQLITE_BUSY;
-  for (int waited_ms = 0; result == SQLITE_BUSY && waited_ms < kBusyTimeoutMs;
+  for (int waited_ms = 0; result == SQLITE_BUSY && waited_ms < busy_timeout_ms;
        waited_ms += kPauseMs) {
     if (waited_ms > 0) sqlite3_sleep(kPauseMs);
     result = sqlite3_exec(db, "PRAGMA journal_mode=WAL", nullptr, nullptr, nullptr);
@@ -80,7 +78,8 @@ absl::Status EnterWal(sqlite3* db) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<SqliteConnection>> SqliteConnection::Open(const std::string& path) {
+absl::StatusOr<std::unique_ptr<SqliteConnection>> SqliteConnection::Open(const std::string& path,
+                                                                         int busy_timeout_ms) {
   sqlite3* db = nullptr;
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
   const int result = sqlite3_open_v2(path.c_str(), &db, flags, nullptr);
@@ -90,8 +89,8 @@ absl::StatusOr<std::unique_ptr<SqliteConnection>> SqliteConnection::Open(const s
                      absl::StrCat("cannot open the job store ", path, ": ", sqlite3_errstr(result),
                                   "; check that the folder exists and may be written"));
   }
-  sqlite3_busy_timeout(db, kBusyTimeoutMs);
-  LITAGS_RETURN_IF_ERROR(EnterWal(db));
+  sqlite3_busy_timeout(db, busy_timeout_ms);
+  LITAGS_RETURN_IF_ERROR(EnterWal(db, busy_timeout_ms));
   // FULL: a commit is on disk before it returns, also in WAL mode.
   LITAGS_RETURN_IF_ERROR(connection->Execute("PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"));
   return connection;

@@ -40,7 +40,9 @@ class SqliteStatement : public SqlStatement {
 // One connection. Not thread-safe.
 class SqliteConnection : public SqlSession {
  public:
-  static absl::StatusOr<std::unique_ptr<SqliteConnection>> Open(const std::string& path);
+  // Other connections' writes are waited for; UNAVAILABLE (STORE_BUSY) after so long.
+  static absl::StatusOr<std::unique_ptr<SqliteConnection>> Open(const std::string& path,
+                                                                int busy_timeout_ms = 10000);
   ~SqliteConnection() override;
 
   std::unique_ptr<SqlStatement> Prepare(const std::string& sql) override;

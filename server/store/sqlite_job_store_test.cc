@@ -6,6 +6,7 @@
 
 #include "engine/core/error.h"
 #include "server/store/job_store.h"
+#include "server/store/sqlite.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -45,6 +46,18 @@ TEST_F(SqliteJobStoreTest, DamagedPageIsFoundBeforeItIsServed) {
     EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("backup"));
     EXPECT_FALSE(OpenSqliteJobStore(path).ok() && page == 0);
   }
+}
+
+TEST_F(SqliteJobStoreTest, WriterThatTakesTooLongMakesOthersTryAgainLater) {
+  const auto first = *SqliteConnection::Open(dir_.path() + "/jobs.db");
+  const auto second = *SqliteConnection::Open(dir_.path() + "/jobs.db", /*busy_timeout_ms=*/20);
+  auto writing = SqliteTransaction::Begin(first.get());
+  ASSERT_TRUE(writing.ok()) << writing.status();
+  const absl::Status refused = SqliteTransaction::Begin(second.get()).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(Reason(refused), "STORE_BUSY");
+  writing->reset();
+  EXPECT_TRUE(SqliteTransaction::Begin(second.get()).ok());
 }
 
 TEST_F(SqliteJobStoreTest, FolderThatDoesNotExistIsAClearError) {

@@ -86,6 +86,7 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
 
 int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
+  app.set_version_flag("--version", LITAGS_VERSION);
   StorePlaces places;
   double keep_seconds = StorePlaces::kKeepSeconds;
   std::string data_path, colmap = "colmap", depth_model, log_level = "info", log_format = "text";

@@ -118,6 +118,13 @@ class Health(unittest.TestCase):
         self.addCleanup(channel.close)
         return channel
 
+    def test_all_programs_name_the_same_version(self):
+        versions = {subprocess.run([os.path.join(BIN, program), "--version"], check=True,
+                                   stdout=subprocess.PIPE, text=True).stdout
+                    for program in ("litags", SERVER_PROGRAM, WORKER_PROGRAM)}
+        self.assertEqual(len(versions), 1, versions)
+        self.assertRegex(versions.pop(), r"^\d+\.\d+\.\d+\n$")
+
     def test_a_well_server_serves_everything(self):
         channel = self.start(os.path.join(BIN, SERVER_PROGRAM))
         for service in ("", "litags.v1.ReconstructionService", "litags.v1.RenderService",

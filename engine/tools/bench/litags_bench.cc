@@ -6,6 +6,7 @@
 
 int main(int argc, char** argv) {
   CLI::App app("Measures the litags engine.", "litags-bench");
+  app.set_version_flag("--version", LITAGS_VERSION);
   app.require_subcommand(1);
   int exit_status = 0;
   litags::AddReferenceCommand(&app, &exit_status);

@@ -119,6 +119,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
 int Main(int argc, char** argv) {
   Arguments args;
   CLI::App app("Trains a normally lit 3D scene from badly lit photos.", "litags-train");
+  app.set_version_flag("--version", LITAGS_VERSION);
   app.add_option("dir", args.scene.dir, "folder of photos, or a benchmark scene with --light")
       ->required();
   app.add_option("-o,--out", args.out, "folder for the scene, pictures and report")->required();
