@@ -186,7 +186,7 @@ class ClientTest : public ::testing::Test {
   }
 
   absl::Status Upload() {
-    auto capture = ScanCapture(dir_.string(), "", "");
+    auto capture = ScanCapture(dir_.string(), "", "", "");
     if (!capture.ok()) return capture.status();
     return UploadFiles(*client_, "jobs/1", capture->files,
                        [this](const UploadProgress& progress) { last_progress_ = progress; });
@@ -416,7 +416,7 @@ TEST_F(ClientTest, ScanningFindsPhotosAndNamesTheRest) {
   Write("notes.txt", "x");
   Write(".hidden.jpg", "x");
   Write("sub/c.jpg", "x");
-  const auto capture = ScanCapture(dir_.string(), "", "");
+  const auto capture = ScanCapture(dir_.string(), "", "", "");
   ASSERT_TRUE(capture.ok());
   ASSERT_EQ(capture->files.size(), 2u);
   EXPECT_EQ(capture->files[0].name, "a.png");
@@ -424,12 +424,32 @@ TEST_F(ClientTest, ScanningFindsPhotosAndNamesTheRest) {
   EXPECT_THAT(capture->skipped, ElementsAre("notes.txt"));
 }
 
+TEST_F(ClientTest, ScanningTakesMasksBesideThePhotosOrOfAFolder) {
+  Write("a.jpg", "x");
+  EXPECT_EQ(ScanCapture(dir_.string(), "", "", "")->masks_dir, "");
+  Write("masks/a.jpg.png", "y");
+  Write("other/a.png", "z");
+  for (const std::string given : {"", "other"}) {
+    const auto capture =
+        ScanCapture(dir_.string(), "", "", given.empty() ? "" : (dir_ / given).string());
+    ASSERT_TRUE(capture.ok()) << capture.status();
+    ASSERT_EQ(capture->files.size(), 2u);
+    EXPECT_EQ(capture->files[1].role, v1::FILE_ROLE_MASK);
+    EXPECT_EQ(capture->files[1].name, given.empty() ? "a.jpg.png" : "a.png");
+    EXPECT_EQ(capture->masks_dir, (dir_ / (given.empty() ? "masks" : given)).string());
+  }
+  Write("none/readme.txt", "x");
+  EXPECT_EQ(
+      DetailOf(ScanCapture(dir_.string(), "", "", (dir_ / "none").string()).status()).reason(),
+      "NO_MASKS");
+}
+
 TEST_F(ClientTest, ScanningRefusesMissingEmptyAndPhotolessFolders) {
-  EXPECT_EQ(DetailOf(ScanCapture((dir_ / "none").string(), "", "").status()).reason(),
+  EXPECT_EQ(DetailOf(ScanCapture((dir_ / "none").string(), "", "", "").status()).reason(),
             "FOLDER_MISSING");
-  EXPECT_EQ(DetailOf(ScanCapture(dir_.string(), "", "").status()).reason(), "FOLDER_EMPTY");
+  EXPECT_EQ(DetailOf(ScanCapture(dir_.string(), "", "", "").status()).reason(), "FOLDER_EMPTY");
   Write("low/a.jpg", "x");
-  const absl::Status status = ScanCapture(dir_.string(), "", "").status();
+  const absl::Status status = ScanCapture(dir_.string(), "", "", "").status();
   EXPECT_EQ(DetailOf(status).reason(), "NO_PHOTOS");
   EXPECT_THAT(std::string(status.message()), HasSubstr("did you mean"));
 }

@@ -1,6 +1,7 @@
 // litags submit: a folder of photos becomes a job.
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -18,7 +19,7 @@ namespace litags::client {
 namespace {
 
 struct SubmitArgs {
-  std::string dir, cameras, depth_dir, name, request_id;
+  std::string dir, cameras, depth_dir, masks_dir, name, request_id;
   bool watch = false;
   // Only what was given is sent; the service has the defaults.
   std::optional<v1::Method> method;
@@ -103,8 +104,17 @@ void NoteSkipped(const Capture& capture) {
   Note(absl::StrCat(
       "not sent, since the names are not those of photos: ", ShortList(capture.skipped),
       capture.files.back().role == v1::FILE_ROLE_PHOTO
-          ? " (known cameras go with --cameras, depth maps with --depth)"
+          ? " (known cameras go with --cameras, depth maps with --depth, masks with --masks)"
           : ""));
+}
+
+void NoteMasks(const Capture& capture) {
+  if (capture.masks_dir.empty()) return;
+  const auto masks =
+      std::count_if(capture.files.begin(), capture.files.end(),
+                    [](const LocalFile& file) { return file.role == v1::FILE_ROLE_MASK; });
+  Note(absl::StrCat("with ", masks, masks == 1 ? " mask" : " masks", " from ", capture.masks_dir,
+                    ": what is 0 there is not learnt"));
 }
 
 // The upload's progress: drawn anew on a terminal, else said at the end only.
@@ -157,9 +167,10 @@ absl::Status UploadAndStart(Session& session, const std::string& job, Capture& c
 }
 
 int Submit(Session& session, const SubmitArgs& args) {
-  auto capture = ScanCapture(args.dir, args.cameras, args.depth_dir);
+  auto capture = ScanCapture(args.dir, args.cameras, args.depth_dir, args.masks_dir);
   if (!capture.ok()) return ReportError(session, capture.status());
   NoteSkipped(*capture);
+  NoteMasks(*capture);
 
   v1::CreateJobRequest request;
   request.set_display_name(args.name);
@@ -200,7 +211,8 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command
       ->add_option(
           "DIR", args->dir,
-          "Folder with the photos (subfolders are not read), or a .zip, .tar or .tar.gz of it")
+          "Folder with the photos (of its subfolders only masks is read), or a .zip, .tar or "
+          ".tar.gz of it")
       ->required();
   command->add_flag("--watch", args->watch, "Then follow the job until it ends");
   command->add_option("--name", args->name, "Title for humans");
@@ -208,6 +220,9 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                       "Known cameras: a transforms.json, or the folder of a COLMAP model");
   command->add_option("--depth", args->depth_dir,
                       "Folder with depth maps, named as the photos (.png 16 bit, .pfm, .npy)");
+  command->add_option("--masks", args->masks_dir,
+                      "Folder with masks of photos, <photo's name>.png, 0 where a pixel is not of "
+                      "the scene; default: DIR/masks, if there is one");
   command->add_option("--request-id", args->request_id,
                       "Your own id: the same command with the same id continues one job");
   AddTreatmentOptions(*command, args->treatment);

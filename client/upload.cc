@@ -37,6 +37,11 @@ const std::set<std::string>& DepthExtensions() {
   return extensions;
 }
 
+const std::set<std::string>& MaskExtensions() {
+  static const auto& extensions = *new std::set<std::string>{".png"};
+  return extensions;
+}
+
 bool HasExtension(const fs::path& path, const std::set<std::string>& extensions) {
   return extensions.count(absl::AsciiStrToLower(path.extension().string())) > 0;
 }
@@ -130,6 +135,17 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
                                  "photos"));
   }
   return absl::OkStatus();
+}
+
+absl::Status AddMasks(Capture* capture) {
+  const size_t others = capture->files.size();
+  const absl::Status status =
+      ScanFolder(capture->masks_dir, "--masks", v1::FILE_ROLE_MASK, MaskExtensions(), capture);
+  if (!status.ok() || capture->files.size() > others) return status;
+  return BadInput("NO_MASKS", "--masks",
+                  absl::StrCat(capture->masks_dir,
+                               ": holds no masks (.png); name them <photo's name>.png, or remove "
+                               "the folder"));
 }
 
 absl::Status FillDigest(LocalFile& file) {
@@ -244,7 +260,7 @@ class Batch {
 }  // namespace
 
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
-                                    const std::string& depth_dir) {
+                                    const std::string& depth_dir, const std::string& masks_dir) {
   Capture capture;
   std::error_code is_no_file;
   absl::Status status;
@@ -278,6 +294,15 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   }
   if (!depth_dir.empty()) {
     status = ScanFolder(depth_dir, "--depth", v1::FILE_ROLE_DEPTH, DepthExtensions(), &capture);
+    if (!status.ok()) return status;
+  }
+  capture.masks_dir = masks_dir;
+  const fs::path beside = fs::path(photos_dir) / "masks";
+  if (std::error_code ignored; masks_dir.empty() && fs::is_directory(beside, ignored)) {
+    capture.masks_dir = beside.string();
+  }
+  if (!capture.masks_dir.empty()) {
+    status = AddMasks(&capture);
     if (!status.ok()) return status;
   }
   std::sort(capture.files.begin(), capture.files.end(), [](const auto& a, const auto& b) {

@@ -24,16 +24,18 @@ struct LocalFile {
 
 struct Capture {
   std::vector<LocalFile> files;      // by role, then name
-  std::vector<std::string> skipped;  // names in the folders that are neither photos nor depth maps
+  std::vector<std::string> skipped;  // names in the folders that are of no use there
   int64_t bytes = 0;                 // of all files
+  std::string masks_dir;             // where masks come from; empty: there are none
 };
 
 // The photos of a folder (not of its subfolders; hidden files do not count) or a ZIP or TAR archive
 // of one, and, where the paths are not empty, cameras (a transforms.json or the folder of a COLMAP
-// model) and a folder of depth maps. INVALID_ARGUMENT: FOLDER_MISSING,
-// FOLDER_EMPTY, NO_PHOTOS, FILE_UNREADABLE.
+// model), a folder of depth maps and one of masks; without one, the photos' subfolder "masks", if
+// there is one. INVALID_ARGUMENT: FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS,
+// FILE_UNREADABLE.
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
-                                    const std::string& depth_dir);
+                                    const std::string& depth_dir, const std::string& masks_dir);
 
 // SHA-256 of a file, 32 bytes. INVALID_ARGUMENT (FILE_UNREADABLE).
 absl::StatusOr<std::string> FileSha256(const std::string& path);

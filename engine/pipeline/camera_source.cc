@@ -44,8 +44,19 @@ std::string FingerprintOfCameras(const std::string& path) {
   return f.Text();
 }
 
+std::string FingerprintOfMasks(const MaskPaths& masks) {
+  Fingerprint f;
+  for (const auto& [photo, path] : masks) {
+    f.Add(photo.data(), photo.size());
+    const auto bytes = ReadFile(path, "masks", ImageLimits().max_bytes);
+    if (bytes.ok()) f.Add(bytes->data(), bytes->size());
+  }
+  return f.Text();
+}
+
 // What the cameras were found from. Kept cameras of anything else are not used.
-Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& photos) {
+Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& photos,
+              const MaskPaths& masks) {
   Json sizes = Json::array();
   for (const std::string& photo : photos) {
     std::error_code ignored;
@@ -56,6 +67,7 @@ Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& pho
   if (!input.cameras_path.empty()) {
     source["fingerprint"] = FingerprintOfCameras(input.cameras_path);
   }
+  if (!masks.empty()) source["masks"] = FingerprintOfMasks(masks);
   return Json::parse(Dump(source));  // as it will be read back
 }
 
@@ -179,11 +191,12 @@ absl::Status FitToPhotos(const std::string& images_dir, SparseModel* model) {
 absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
                                           const ReconstructOptions& options,
                                           const std::vector<std::string>& photos,
-                                          const std::string& colmap, const CancelToken& cancel,
-                                          const StageReport& progress, ReconstructReport* report) {
+                                          const MaskPaths& masks, const std::string& colmap,
+                                          const CancelToken& cancel, const StageReport& progress,
+                                          ReconstructReport* report) {
   report->photos = static_cast<int>(photos.size());
   const std::string kept = input.work_dir + "/cameras";
-  const Json source = SourceOf(input, photos);
+  const Json source = SourceOf(input, photos, masks);
   std::string damage;
   if (fs::exists(kept + "/registration.json")) {
     absl::StatusOr<std::optional<SparseModel>> found = LoadRegistration(kept, source, report);
@@ -197,6 +210,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
   sfm.seed = options.seed;
   sfm.min_registered = options.min_registered;
   sfm.step_timeout_seconds = input.colmap_step_seconds;
+  sfm.masks = masks;
   const auto on_progress = [&](const SfmProgress& p) {
     progress(Stage::kFindingCameras, Describe(p));
   };

@@ -66,7 +66,7 @@ class CameraSource : public ::testing::Test {
     const auto photos = ListPhotos(input_.images_dir, "images");
     if (!photos.ok()) return photos.status();
     return ObtainCameras(
-        input_, options_, *photos, colmap, CancelToken(), [](Stage, const std::string&) {},
+        input_, options_, *photos, masks_, colmap, CancelToken(), [](Stage, const std::string&) {},
         &report_);
   }
   absl::StatusOr<SparseModel> Obtain() { return Obtain(colmap_.program()); }
@@ -75,6 +75,7 @@ class CameraSource : public ::testing::Test {
   std::string RegistrationPath() const { return input_.work_dir + "/cameras/registration.json"; }
 
   FakeColmap colmap_;
+  MaskPaths masks_;
   ReconstructInput input_;
   ReconstructOptions options_;
   ReconstructReport report_;

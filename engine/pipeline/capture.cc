@@ -12,8 +12,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/depth_maps.h"
@@ -49,23 +52,46 @@ ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
   return tone;
 }
 
-// The photo as its pinhole camera sees it, shrunk if the options ask for it.
-absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const View& view,
-                                  const Distortion& distortion) {
-  LITAGS_ASSIGN_OR_RETURN(
-      ImageU8 image, ReadImage(dir + "/" + view.name, absl::StrCat("images[", view.name, "]")));
-  if (distortion.IsZero()) return image;
-  return Undistort(image, view.camera, distortion);
+// Photo and mask as their pinhole camera sees them.
+absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
+                       const Distortion& distortion, TrainView* v) {
+  const std::string field = absl::StrCat("images[", v->view.name, "]");
+  LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
+  v->photo = std::move(read.image);
+  v->mask = std::move(read.mask);
+  if (distortion.IsZero()) return absl::OkStatus();
+  absl::Status status;
+  const auto undistort = [&](const ImageU8& image) {
+    absl::StatusOr<ImageU8> pinhole = Undistort(image, v->view.camera, distortion);
+    status.Update(pinhole.status());
+    return pinhole.ok() ? *std::move(pinhole) : ImageU8();
+  };
+  v->photo = undistort(v->photo);
+  if (!v->mask.empty()) v->mask = ChangeMask(v->mask, undistort);
+  return status;
 }
 
-void Shrink(int max_side, Camera* camera, ImageU8* photo) {
-  const int side = std::max(camera->width, camera->height);
+void Shrink(int max_side, TrainView* v) {
+  Camera& camera = v->view.camera;
+  const int side = std::max(camera.width, camera.height);
   if (max_side <= 0 || side <= max_side) return;
   const double scale = double(max_side) / side;
-  const int width = std::max(1, static_cast<int>(std::lround(camera->width * scale)));
-  const int height = std::max(1, static_cast<int>(std::lround(camera->height * scale)));
-  *photo = ResizeArea(*photo, width, height);
-  *camera = camera->Scaled(width, height);
+  const int width = std::max(1, static_cast<int>(std::lround(camera.width * scale)));
+  const int height = std::max(1, static_cast<int>(std::lround(camera.height * scale)));
+  const auto resize = [&](const ImageU8& image) { return ResizeArea(image, width, height); };
+  v->photo = resize(v->photo);
+  if (!v->mask.empty()) v->mask = ChangeMask(v->mask, resize);
+  camera = camera.Scaled(width, height);
+}
+
+// A mask may leave something of the photo as it was taken, and nothing at the size of training.
+absl::Status CheckMask(const TrainView& v, const std::string& mask_path) {
+  if (CountedPixels(v.mask, v.photo.data.size() / 3) > 0) return absl::OkStatus();
+  const std::string field = absl::StrCat("masks[", BaseName(mask_path), "]");
+  return InvalidInput("MASK_BLACK", field,
+                      absl::StrCat(field, ": at ", v.mask.width, "x", v.mask.height,
+                                   " px, the size of training, no pixel of the photo counts; "
+                                   "leave the photo out"));
 }
 
 struct LoadedViews {
@@ -76,7 +102,8 @@ struct LoadedViews {
 // Photos and cameras. Flat photos are left out, with a note.
 absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
                                       const ReconstructOptions& options, const SparseModel& model,
-                                      const CancelToken& cancel, ReconstructReport* report) {
+                                      const MaskPaths& masks, const CancelToken& cancel,
+                                      ReconstructReport* report) {
   const size_t n = model.views.size();
   std::vector<TrainView> views(n);
   std::vector<absl::Status> status(n);
@@ -86,11 +113,15 @@ absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
       LITAGS_RETURN_IF_ERROR(cancel.Check());
       TrainView& v = views[i];
       v.view = model.views[i];
-      LITAGS_ASSIGN_OR_RETURN(v.photo, LoadPhoto(input.images_dir, v.view, model.distortions[i]));
-      flat[i] = FlatColor(v.photo);
+      const auto mask = masks.find(v.view.name);
+      const std::string mask_path = mask == masks.end() ? "" : mask->second;
+      LITAGS_RETURN_IF_ERROR(
+          LoadPhoto(input.images_dir + "/" + v.view.name, mask_path, model.distortions[i], &v));
+      LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
+      flat[i] = FlatColor(v.photo, v.mask);
       if (flat[i].has_value()) return absl::OkStatus();
-      Shrink(options.max_image_side, &v.view.camera, &v.photo);
-      return absl::OkStatus();
+      Shrink(options.max_image_side, &v);
+      return CheckMask(v, mask_path);
     }();
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
@@ -132,17 +163,31 @@ void LimitPoints(int64_t limit, std::vector<SparsePoint>* points, ReconstructRep
   *points = std::move(kept);
 }
 
-// What is computed from all photos of a capture together takes them out of their views and puts
-// them back.
-std::vector<ImageU8> TakePhotos(std::vector<TrainView>* views) {
-  std::vector<ImageU8> photos(views->size());
-  for (size_t i = 0; i < views->size(); ++i) photos[i] = std::move((*views)[i].photo);
-  return photos;
-}
+// What is computed from all photos of a capture together, taken out of their views while this
+// lives.
+class PhotosTogether {
+ public:
+  explicit PhotosTogether(std::vector<TrainView>* views) : views_(views) {
+    for (TrainView& v : *views) {
+      photos.push_back(std::move(v.photo));
+      masks.push_back(std::move(v.mask));
+    }
+  }
+  ~PhotosTogether() {
+    for (size_t i = 0; i < views_->size(); ++i) {
+      (*views_)[i].photo = std::move(photos[i]);
+      (*views_)[i].mask = std::move(masks[i]);
+    }
+  }
+  PhotosTogether(const PhotosTogether&) = delete;
+  PhotosTogether& operator=(const PhotosTogether&) = delete;
 
-void PutPhotos(std::vector<ImageU8> photos, std::vector<TrainView>* views) {
-  for (size_t i = 0; i < views->size(); ++i) (*views)[i].photo = std::move(photos[i]);
-}
+  std::vector<ImageU8> photos;
+  std::vector<PlaneU8> masks;
+
+ private:
+  std::vector<TrainView>* views_;
+};
 
 // Where the photos saw the model's points, sorted by point.
 std::vector<PointSighting> Sightings(const SparseModel& model, const LoadedViews& loaded) {
@@ -168,35 +213,50 @@ absl::Status AddTargets(const ReconstructOptions& options, const SparseModel& mo
                         LoadedViews* loaded) {
   const std::vector<PointSighting> sightings = Sightings(model, *loaded);
   std::vector<TrainView>& views = loaded->views;
-  std::vector<ImageU8> photos = TakePhotos(&views);
-  absl::StatusOr<std::vector<ToneTarget>> targets = MakeTargets(
-      photos, RelativeExposures(photos, sightings), ToneOptionsOf(options), options.threads);
-  PutPhotos(std::move(photos), &views);
-  LITAGS_RETURN_IF_ERROR(targets.status());
-  for (size_t i = 0; i < views.size(); ++i) views[i].target = std::move((*targets)[i].image);
+  const PhotosTogether all(&views);
+  LITAGS_ASSIGN_OR_RETURN(
+      std::vector<ToneTarget> targets,
+      MakeTargets(all.photos, RelativeExposures(all.photos, sightings, all.masks),
+                  ToneOptionsOf(options), options.threads, all.masks));
+  for (size_t i = 0; i < views.size(); ++i) views[i].target = std::move(targets[i].image);
   return absl::OkStatus();
 }
 
 void AddInformation(std::vector<TrainView>* views) {
+  const PhotosTogether all(views);
   std::vector<const ImageU8*> photos, targets;
-  for (const TrainView& v : *views) {
-    photos.push_back(&v.photo);
-    targets.push_back(&v.target);
+  for (size_t i = 0; i < views->size(); ++i) {
+    photos.push_back(&all.photos[i]);
+    targets.push_back(&(*views)[i].target);
   }
-  std::vector<PlaneU8> weights = InformationWeights(photos, targets);
+  std::vector<PlaneU8> weights = InformationWeights(photos, targets, all.masks);
   for (size_t i = 0; i < views->size(); ++i) (*views)[i].information = std::move(weights[i]);
 }
 
 absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& cancel,
                           std::vector<TrainView>* views) {
   // The prior's scale is one for the whole capture, so all photos go in together.
-  std::vector<ImageU8> photos = TakePhotos(views);
-  absl::StatusOr<CapturePriors> priors =
-      ComputeCapturePriors(photos, StructurePriorOptions(), options.threads, cancel);
-  PutPhotos(std::move(photos), views);
-  LITAGS_RETURN_IF_ERROR(priors.status());
-  for (size_t i = 0; i < views->size(); ++i) (*views)[i].structure = std::move(priors->maps[i]);
+  const PhotosTogether all(views);
+  LITAGS_ASSIGN_OR_RETURN(CapturePriors priors,
+                          ComputeCapturePriors(all.photos, StructurePriorOptions(), options.threads,
+                                               cancel, all.masks));
+  for (size_t i = 0; i < views->size(); ++i) (*views)[i].structure = std::move(priors.maps[i]);
   return absl::OkStatus();
+}
+
+// Says what the masks do.
+void NoteMasks(const std::vector<TrainView>& views, std::vector<std::string>* notes) {
+  size_t masks = 0, pixels = 0, masked = 0;
+  for (const TrainView& v : views) {
+    if (v.mask.empty()) continue;
+    ++masks;
+    pixels += v.mask.data.size();
+    masked += v.mask.data.size() - CountedPixels(v.mask, v.mask.data.size());
+  }
+  if (masks == 0) return;
+  notes->push_back(
+      absl::StrFormat("%d of %d photos have a mask; %.1f %% of their pixels do not count", masks,
+                      views.size(), 100.0 * masked / pixels));
 }
 
 void AddPoints(const std::vector<SparsePoint>& points, Fingerprint* f) {
@@ -219,6 +279,7 @@ std::string FingerprintOfViews(const std::vector<TrainView>& views,
     f.Add(v.view.name.data(), v.view.name.size());
     f.Add(v.photo.data.data(), v.photo.data.size());
     f.Add(v.target.data.data(), v.target.data.size());
+    f.Add(v.mask.data.data(), v.mask.data.size());
     f.Add(v.view.camera.Viewmat());
     for (double x : {v.view.camera.fx, v.view.camera.fy, v.view.camera.cx, v.view.camera.cy})
       f.Add(x);
@@ -275,14 +336,20 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   progress(Stage::kLoading, "reading photos");
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
                           ListPhotos(input.images_dir, "images"));
-  LITAGS_ASSIGN_OR_RETURN(SparseModel model,
-                          ObtainCameras(input, options, photos, colmap, cancel, progress, report));
+  MaskPaths masks;
+  if (!input.masks_dir.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(masks, FindMasks(input.masks_dir, photos));
+  }
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model, ObtainCameras(input, options, photos, masks, colmap,
+                                                           cancel, progress, report));
   LITAGS_RETURN_IF_ERROR(cancel.Check());
 
   progress(Stage::kPreparing, "pseudo-targets and structure maps");
-  LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded, LoadViews(input, options, model, cancel, report));
+  LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded,
+                          LoadViews(input, options, model, masks, cancel, report));
   LITAGS_RETURN_IF_ERROR(AddTargets(options, model, &loaded));
   std::vector<TrainView>& views = loaded.views;
+  NoteMasks(views, &report->notes);
   const bool lita = options.method == Method::kLitaGs;
   if (lita && options.information_weights) AddInformation(&views);
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/render/renderer.h"
 
 namespace litags {
@@ -17,33 +18,36 @@ constexpr double kNotFlat = 1e-3;          // part of a photo's pixels
 constexpr double kMixedExposureStops = 2;  // a camera on automatic stays below
 constexpr double kMaxCoordinate = 1e15;    // scene units; squares of sizes must fit into floats
 
-// Mean linear light, of 1 for white.
-double MeanLight(const ImageU8& photo) {
+// Mean linear light of what counts, of 1 for white.
+double MeanLight(const ImageU8& photo, const PlaneU8& mask) {
   std::array<size_t, 256> counts = {};
-  for (const uint8_t code : photo.data) ++counts[code];
+  const size_t pixels = photo.data.size() / 3;
+  ForCounted(mask, pixels, [&](size_t i) {
+    for (int c = 0; c < 3; ++c) ++counts[photo.data[3 * i + c]];
+  });
   double sum = 0;
   for (int code = 0; code < 256; ++code) sum += counts[code] * LinearFromSrgb(code / 255.0);
-  return sum / photo.data.size();
+  return sum / (3 * CountedPixels(mask, pixels));
 }
 
 }  // namespace
 
-std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo) {
-  const size_t n = photo.data.size() / 3;
+std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo, const PlaneU8& mask) {
+  const size_t pixels = photo.data.size() / 3, n = CountedPixels(mask, pixels);
   // A colour that most pixels have is the middle one of every channel.
   std::array<uint8_t, 3> color;
   for (int c = 0; c < 3; ++c) {
     std::array<size_t, 256> counts = {};
-    for (size_t i = 0; i < n; ++i) ++counts[photo.data[3 * i + c]];
+    ForCounted(mask, pixels, [&](size_t i) { ++counts[photo.data[3 * i + c]]; });
     size_t below = 0;
     int code = 0;
     while ((below += counts[code]) <= n / 2) ++code;
     color[c] = static_cast<uint8_t>(code);
   }
   size_t others = 0;
-  for (size_t i = 0; i < n; ++i) {
+  ForCounted(mask, pixels, [&](size_t i) {
     others += !std::equal(color.begin(), color.end(), &photo.data[3 * i]);
-  }
+  });
   if (others > kNotFlat * n) return std::nullopt;
   return color;
 }
@@ -51,7 +55,7 @@ std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo) {
 void NoteExposures(const std::vector<TrainView>& views, std::vector<std::string>* notes) {
   std::pair<double, std::string> least = {INFINITY, ""}, most = {0, ""};
   for (const TrainView& v : views) {
-    const std::pair<double, std::string> light = {MeanLight(v.photo), v.view.name};
+    const std::pair<double, std::string> light = {MeanLight(v.photo, v.mask), v.view.name};
     least = std::min(least, light);
     most = std::max(most, light);
   }

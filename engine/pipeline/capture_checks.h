@@ -16,8 +16,9 @@
 namespace litags {
 
 // The colour of a photo that shows nothing to learn from: black, white or one colour throughout,
-// but for a thousandth of its pixels (JPEG and dust in a black photo).
-std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo);
+// but for a thousandth of its pixels (JPEG and dust in a black photo). Only pixels that count by
+// its mask are looked at, of which there is one or more.
+std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo, const PlaneU8& mask = {});
 
 // Says so if the photos of a capture were exposed very differently.
 void NoteExposures(const std::vector<TrainView>& views, std::vector<std::string>* notes);

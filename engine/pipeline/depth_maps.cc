@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/io/container.h"
 #include "engine/io/file_util.h"
 #include "engine/pipeline/fingerprint.h"
@@ -141,6 +142,15 @@ std::optional<Maps> Kept(const std::string& path, const std::string& key,
   return maps;
 }
 
+void ForgetMasked(const PlaneU8& mask, DepthMap* map) {
+  if (mask.empty()) return;
+  if (map->confidence.empty()) {
+    map->confidence = Planes(1, map->depth.height, map->depth.width);
+    std::fill(map->confidence.data.begin(), map->confidence.data.end(), 1.0f);
+  }
+  ForMasked(mask, [&](size_t i) { map->depth.data[i] = map->confidence.data[i] = 0; });
+}
+
 }  // namespace
 
 std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
@@ -193,7 +203,9 @@ absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOption
   int found = 0;
   for (size_t i = 0; i < views->size(); ++i) {
     found += (*maps)[i].has_value();
-    (*views)[i].depth = std::move((*maps)[i]);
+    TrainView& v = (*views)[i];
+    v.depth = std::move((*maps)[i]);
+    if (v.depth.has_value()) ForgetMasked(v.mask, &*v.depth);
   }
   report->depth_used = found > 0;
   std::string note = absl::StrCat("depth from ", Describe(origin), ": ", found, " of ",

@@ -27,7 +27,7 @@ DepthOrigin ResolveDepthOrigin(const ReconstructInput& input, const ReconstructO
 // work_dir/depth.litags and taken from there if they were made from the same photos, cameras and
 // points (`key`), so that a resumed run has the very same. INVALID_ARGUMENT
 // (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING) if the source has nothing to work with; errors of the
-// source.
+// source. Pixels that do not count by their photo's mask get no depth.
 absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOptions& options,
                           absl::Span<const SparsePoint> points, absl::Span<const int> point_views,
                           const std::string& key, const CancelToken& cancel,

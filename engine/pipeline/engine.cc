@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -34,6 +35,16 @@ double Now() {
 
 absl::StatusOr<Splats> InitialSplats(const Capture& capture) {
   return InitializeFromPoints(capture.points, capture.point_views, capture.train);
+}
+
+// Over the pixels that count; the others of `target` are changed.
+absl::StatusOr<double> PsnrOfCounted(const PlaneU8& mask, const Planes& color, Planes* target) {
+  for (int c = 0; c < target->channels; ++c) {
+    ForMasked(mask, [&](size_t i) { target->plane(c)[i] = color.plane(c)[i]; });
+  }
+  LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, *target));
+  const double pixels = static_cast<double>(color.plane_size());
+  return psnr - 10 * std::log10(pixels / CountedPixels(mask, color.plane_size()));
 }
 
 // One training run: steps, reports, snapshots, checkpoints.
@@ -207,7 +218,7 @@ class Run {
       renderer_.RenderColor(model, v.view.camera, &color);
       UnpackImage(v.target, workspace, &target);
       for (float& x : color.data) x = std::clamp(x, 0.0f, 1.0f);
-      LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, target));
+      LITAGS_ASSIGN_OR_RETURN(const double psnr, PsnrOfCounted(v.mask, color, &target));
       sum += psnr;
     }
     if (!capture_.holdout.empty()) progress_.psnr_holdout = sum / capture_.holdout.size();

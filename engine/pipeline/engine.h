@@ -104,7 +104,7 @@ struct Progress {
   int iterations = 0;  // total
   double loss = 0;     // running mean of the total loss
   double loss_exposure = 0, loss_reconstruction = 0, loss_structure = 0, loss_denoise = 0;
-  double psnr_holdout = 0;  // dB against the pseudo-target on held-out views
+  double psnr_holdout = 0;  // dB against the pseudo-target on held-out views, where they count
   int64_t gaussians = 0;
   double iterations_per_second = 0;
   double eta_seconds = 0;
@@ -137,6 +137,9 @@ struct ReconstructInput {
   std::string images_dir;    // photos, flat; names are the views' names
   std::string cameras_path;  // transforms*.json or a COLMAP model folder; empty: run SfM
   std::string depth_dir;     // <photo stem>.{png,pfm,npy}; empty: none given
+  // <photo name>.png or <photo stem>.png, 8 bits, of the photo's upright size: 0 where a pixel is
+  // not of the scene and must not be learnt. Photos may lack one. Empty: none given.
+  std::string masks_dir;
   std::string work_dir;      // exists; SfM workspace, checkpoint, snapshots and results go here
 
   DepthNetwork depth_network;

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "engine/core/check.h"
+#include "engine/core/mask.h"
 
 namespace litags {
 namespace {
@@ -28,12 +29,14 @@ struct CodeStatistics {
 
 using Statistics = std::vector<CodeStatistics>;  // [kCodes]
 
-void AddPhoto(const ImageU8& photo, const ImageU8& target, Statistics* statistics) {
+void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask,
+              Statistics* statistics) {
   const auto at = [&](int x, int y, int c) -> int {
     return target.data[(size_t(y) * target.width + x) * 3 + c];
   };
   for (int y = 1; y + 1 < photo.height; ++y) {
     for (int x = 1; x + 1 < photo.width; ++x) {
+      if (!mask.empty() && mask.data[size_t(y) * mask.width + x] == 0) continue;
       for (int c = 0; c < 3; ++c) {
         const int value = at(x, y, c);
         const int around = at(x - 1, y, c) + at(x + 1, y, c) + at(x, y - 1, c) + at(x, y + 1, c);
@@ -74,12 +77,13 @@ CodeStatistics Around(const Statistics& statistics, int code) {
 }  // namespace
 
 std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
-                                    absl::Span<const ImageU8* const> targets) {
+                                    absl::Span<const ImageU8* const> targets,
+                                    absl::Span<const PlaneU8> masks) {
   LITAGS_CHECK(photos.size() == targets.size());
   Statistics statistics(kCodes);
   for (size_t i = 0; i < photos.size(); ++i) {
     LITAGS_CHECK(photos[i]->width == targets[i]->width && photos[i]->height == targets[i]->height);
-    AddPhoto(*photos[i], *targets[i], &statistics);
+    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &statistics);
   }
   std::array<double, 256> noise, mean;
   for (int code = 0; code < kCodes; ++code) {
@@ -97,8 +101,9 @@ std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
 }
 
 std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
-                                        absl::Span<const ImageU8* const> targets) {
-  const std::array<double, 256> noise = TargetNoise(photos, targets);
+                                        absl::Span<const ImageU8* const> targets,
+                                        absl::Span<const PlaneU8> masks) {
+  const std::array<double, 256> noise = TargetNoise(photos, targets, masks);
   std::array<double, 256> weight;
   for (int code = 0; code < kCodes; ++code) {
     const double relative = noise[code] / kToleratedNoise;
@@ -106,9 +111,11 @@ std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
   }
   double sum = 0;
   int64_t samples = 0;
-  for (const ImageU8* photo : photos) {
-    for (const uint8_t code : photo->data) sum += weight[code];
-    samples += static_cast<int64_t>(photo->data.size());
+  for (size_t i = 0; i < photos.size(); ++i) {
+    ForCounted(MaskOf(masks, i), photos[i]->data.size() / 3, [&](size_t k) {
+      for (int c = 0; c < 3; ++c) sum += weight[photos[i]->data[3 * k + c]];
+      samples += 3;
+    });
   }
   const double scale = sum > 0 ? kInformationOne * static_cast<double>(samples) / sum : 0;
   std::vector<PlaneU8> planes;

@@ -22,15 +22,18 @@ inline constexpr int kInformationOne = 64;
 // of two: the noise measured in the targets, from differences to the mean of the four neighbours
 // (the lower quartile, which flat areas set, not edges); and that of rounding the photo to its
 // code, the target's step from code to code / sqrt(12). Clipped highlights have kClippedNoise or
-// more. Codes that hardly occur take over their neighbours'. Sizes must agree (LITAGS_CHECK).
+// more. Codes that hardly occur take over their neighbours'. `masks`: see MaskOf; pixels that do
+// not count say nothing. Sizes must agree (LITAGS_CHECK).
 std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
-                                    absl::Span<const ImageU8* const> targets);
+                                    absl::Span<const ImageU8* const> targets,
+                                    absl::Span<const PlaneU8> masks = {});
 
 // Weight of every pixel in the losses that compare with photos and targets: mean over channels of
-// 1 / (1 + (noise / kToleratedNoise)^2), brought to a mean of 1 over the capture and stored in
-// steps of 1 / kInformationOne, at most 255 of them. One plane per photo.
+// 1 / (1 + (noise / kToleratedNoise)^2), brought to a mean of 1 over what counts of the capture and
+// stored in steps of 1 / kInformationOne, at most 255 of them. One plane per photo.
 std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
-                                        absl::Span<const ImageU8* const> targets);
+                                        absl::Span<const ImageU8* const> targets,
+                                        absl::Span<const PlaneU8> masks = {});
 
 }  // namespace litags
 

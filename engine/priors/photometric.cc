@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "engine/core/color.h"
+#include "engine/core/mask.h"
 
 namespace litags {
 namespace {
@@ -34,8 +35,8 @@ const std::array<double, 256>& LinearLut() {
   return lut;
 }
 
-// Log of the mean linear light of a patch; nothing if it is cut off, black or white.
-std::optional<double> LogLight(const ImageU8& photo, double x, double y) {
+// Log of the mean linear light of a patch; nothing if it is cut off, masked, black or white.
+std::optional<double> LogLight(const ImageU8& photo, const PlaneU8& mask, double x, double y) {
   const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
   if (px < kRadius || py < kRadius || px + kRadius >= photo.width || py + kRadius >= photo.height)
     return std::nullopt;
@@ -44,6 +45,7 @@ std::optional<double> LogLight(const ImageU8& photo, double x, double y) {
   double light = 0;
   for (int v = py - kRadius; v <= py + kRadius; ++v) {
     for (int u = px - kRadius; u <= px + kRadius; ++u) {
+      if (!mask.empty() && mask.data[size_t(v) * mask.width + u] == 0) return std::nullopt;
       const uint8_t* pixel = photo.pixel(u, v);
       for (int c = 0; c < 3; ++c) {
         codes[c] += pixel[c];
@@ -58,20 +60,24 @@ std::optional<double> LogLight(const ImageU8& photo, double x, double y) {
 }
 
 // Log of the median linear light of a whole photo.
-double LogMedianLight(const ImageU8& photo) {
+double LogMedianLight(const ImageU8& photo, const PlaneU8& mask) {
   std::array<size_t, 256> counts = {};
-  for (const uint8_t code : photo.data) ++counts[code];
+  const size_t pixels = photo.data.size() / 3, samples = 3 * CountedPixels(mask, pixels);
+  ForCounted(mask, pixels, [&](size_t i) {
+    for (int c = 0; c < 3; ++c) ++counts[photo.data[3 * i + c]];
+  });
   size_t sum = 0;
   int code = 0;
-  while (code < 255 && 2 * (sum += counts[code]) < photo.data.size()) ++code;
+  while (code < 255 && 2 * (sum += counts[code]) < samples) ++code;
   return std::log(LinearLut()[std::max(code, 1)]);
 }
 
 std::vector<Sample> TakeSamples(absl::Span<const ImageU8> photos,
-                                absl::Span<const PointSighting> sightings) {
+                                absl::Span<const PointSighting> sightings,
+                                absl::Span<const PlaneU8> masks) {
   std::vector<Sample> samples;
   for (const PointSighting& s : sightings) {
-    const auto light = LogLight(photos[s.photo], s.x, s.y);
+    const auto light = LogLight(photos[s.photo], MaskOf(masks, s.photo), s.x, s.y);
     if (light.has_value()) samples.push_back({s.point, s.photo, *light});
   }
   return samples;
@@ -80,11 +86,12 @@ std::vector<Sample> TakeSamples(absl::Span<const ImageU8> photos,
 }  // namespace
 
 std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
-                                      absl::Span<const PointSighting> sightings) {
-  const std::vector<Sample> samples = TakeSamples(photos, sightings);
+                                      absl::Span<const PointSighting> sightings,
+                                      absl::Span<const PlaneU8> masks) {
+  const std::vector<Sample> samples = TakeSamples(photos, sightings, masks);
   const size_t n = photos.size();
   std::vector<double> medians(n), log_exposure(n, 0.0);
-  for (size_t i = 0; i < n; ++i) medians[i] = LogMedianLight(photos[i]);
+  for (size_t i = 0; i < n; ++i) medians[i] = LogMedianLight(photos[i], MaskOf(masks, i));
   // A start that is right but for what the photos show; the medians of shared points refine it.
   std::vector<double> sorted = medians;
   const double middle = n > 0 ? Median(sorted) : 0;

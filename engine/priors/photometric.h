@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "engine/core/color.h"
 #include "engine/core/image.h"
 
 namespace litags {
@@ -20,9 +21,11 @@ struct PointSighting {
 // linear light times exposure i. Medians in the log domain, so that highlights, shadows and wrong
 // matches do not matter; samples near black or white are left out. A photo that shares fewer than
 // kMinSightings usable points with the others is taken to have the same median light as they have.
-// Sightings are sorted by point.
+// Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its patch
+// does not count.
 std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
-                                      absl::Span<const PointSighting> sightings);
+                                      absl::Span<const PointSighting> sightings,
+                                      absl::Span<const PlaneU8> masks = {});
 
 inline constexpr int kMinSightings = 20;
 

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 
 namespace litags {
@@ -197,7 +198,7 @@ absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOpt
   return prior;
 }
 
-double EstimateNoise(const ImageU8& photo) {
+double EstimateNoise(const ImageU8& photo, const PlaneU8& mask) {
   const float* m = kColorModel[0];
   // Rounding a code to 8 bits has deviation 1 / (255 sqrt(12)); E mixes three of them.
   const double rounding =
@@ -206,9 +207,14 @@ double EstimateNoise(const ImageU8& photo) {
     const uint8_t* p = photo.pixel(x, y);
     return (m[0] * p[0] + m[1] * p[1] + m[2] * p[2]) * (1.0f / 255.0f);
   };
+  const auto counts = [&](int x, int y) {
+    return mask.empty() || mask.data[size_t(y) * mask.width + x] != 0;
+  };
   std::vector<float> means, details;
   for (int y = 0; y + 1 < photo.height; y += 2) {
     for (int x = 0; x + 1 < photo.width; x += 2) {
+      if (!counts(x, y) || !counts(x + 1, y) || !counts(x, y + 1) || !counts(x + 1, y + 1))
+        continue;
       const float a = intensity(x, y), b = intensity(x + 1, y);
       const float c = intensity(x, y + 1), d = intensity(x + 1, y + 1);
       means.push_back((a + b + c + d) / 4);
@@ -225,19 +231,23 @@ double EstimateNoise(const ImageU8& photo) {
   return std::max(rounding, Median(&dark_details) / 0.6745);
 }
 
-double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions& options) {
+double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions& options,
+                  absl::Span<const PlaneU8> masks) {
   std::vector<float> noise;
-  for (const ImageU8& photo : photos) noise.push_back(static_cast<float>(EstimateNoise(photo)));
+  for (size_t i = 0; i < photos.size(); ++i) {
+    noise.push_back(static_cast<float>(EstimateNoise(photos[i], MaskOf(masks, i))));
+  }
   return noise.empty() ? 0 : options.floor_noise_factor * Median(&noise);
 }
 
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const ImageU8> photos,
                                                    const StructurePriorOptions& options,
-                                                   int threads, const CancelToken& cancel) {
+                                                   int threads, const CancelToken& cancel,
+                                                   absl::Span<const PlaneU8> masks) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   CapturePriors result;
   StructurePriorOptions resolved = options;
-  if (resolved.floor < 0) resolved.floor = NoiseFloor(photos, options);
+  if (resolved.floor < 0) resolved.floor = NoiseFloor(photos, options, masks);
   result.floor = resolved.floor;
   if (threads <= 0) threads = DefaultThreadCount();
   std::vector<absl::Status> status(photos.size());
@@ -256,8 +266,9 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const ImageU8> pho
     return absl::OkStatus();
   };
   std::vector<std::vector<uint64_t>> counts(threads, std::vector<uint64_t>(kCodes));
-  LITAGS_RETURN_IF_ERROR(for_each_prior([&](const Planes& prior, size_t, int thread) {
-    for (const float p : prior.data) ++counts[thread][Code(p)];
+  LITAGS_RETURN_IF_ERROR(for_each_prior([&](const Planes& prior, size_t i, int thread) {
+    ForCounted(MaskOf(masks, i), prior.data.size(),
+               [&](size_t k) { ++counts[thread][Code(prior.data[k])]; });
   }));
   for (int t = 1; t < threads; ++t) {
     for (size_t code = 0; code < kCodes; ++code) counts[0][code] += counts[t][code];

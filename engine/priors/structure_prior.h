@@ -51,12 +51,13 @@ absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOpt
 
 // Standard deviation of the noise of E in one photo, codes of [0, 1]: median absolute diagonal
 // Haar coefficient / 0.6745 (Donoho and Johnstone 1994) over the darker half of the photo, never
-// below the rounding noise of 8 bits seen by E.
-double EstimateNoise(const ImageU8& photo);
+// below the rounding noise of 8 bits seen by E. Squares of 2x2 px with a masked one do not count.
+double EstimateNoise(const ImageU8& photo, const PlaneU8& mask = {});
 
 // Below this E a photo says nothing about structure: floor_noise_factor times the median of
 // EstimateNoise over the capture.
-double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions& options);
+double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions& options,
+                  absl::Span<const PlaneU8> masks = {});
 
 struct CapturePriors {
   std::vector<PlaneU8> maps;  // P / scale clipped to [0, 1], times 255; one per photo, in order
@@ -65,11 +66,13 @@ struct CapturePriors {
 };
 
 // P of every photo, divided by the percentile of P over all of them so that L1 has one scale for
-// the capture. Deterministic for any `threads` (<= 0: all cores). CANCELLED on request,
-// INVALID_ARGUMENT for a bad option or a capture without any structure.
+// the capture; `masks`: see MaskOf, only pixels that count decide the scale. Deterministic for any
+// `threads` (<= 0: all cores). CANCELLED on request, INVALID_ARGUMENT for a bad option or a capture
+// without any structure.
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const ImageU8> photos,
                                                    const StructurePriorOptions& options,
-                                                   int threads, const CancelToken& cancel);
+                                                   int threads, const CancelToken& cancel,
+                                                   absl::Span<const PlaneU8> masks = {});
 
 }  // namespace litags
 

@@ -9,6 +9,7 @@
 #include "engine/core/check.h"
 #include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/priors/highlights.h"
 
@@ -19,14 +20,17 @@ constexpr double kThetaMean = 0.49;  // authors' release
 constexpr double kThetaEven = 0.5;
 constexpr int kClippedCode = 255;
 
-using Histogram = std::array<double, 256>;  // fraction of all samples
+using Histogram = std::array<double, 256>;  // fraction of all samples that count
 using Lut = std::array<uint8_t, 256>;
 
-Histogram CountCodes(const ImageU8& photo) {
+Histogram CountCodes(const ImageU8& photo, const PlaneU8& mask) {
   std::array<int64_t, 256> counts = {};
-  for (const uint8_t code : photo.data) ++counts[code];
+  const size_t pixels = photo.data.size() / 3, samples = 3 * CountedPixels(mask, pixels);
+  ForCounted(mask, pixels, [&](size_t i) {
+    for (int c = 0; c < 3; ++c) ++counts[photo.data[3 * i + c]];
+  });
   Histogram histogram;
-  for (int code = 0; code < 256; ++code) histogram[code] = double(counts[code]) / photo.data.size();
+  for (int code = 0; code < 256; ++code) histogram[code] = double(counts[code]) / samples;
   return histogram;
 }
 
@@ -82,15 +86,15 @@ ImageU8 Apply(const ImageU8& photo, const Curve& curve) {
   return out;
 }
 
-ToneTarget PaperTarget(const ImageU8& photo, double theta) {
+ToneTarget PaperTarget(const ImageU8& photo, const PlaneU8& mask, double theta) {
   ToneTarget target;
-  target.gain = theta / Mean(CountCodes(photo), CodeGain(1));
+  target.gain = theta / Mean(CountCodes(photo, mask), CodeGain(1));
   target.image = Apply(photo, CodeGain(target.gain));
   return target;
 }
 
-ToneTarget LinearTarget(const ImageU8& photo, double theta, double max_gain) {
-  const Histogram histogram = CountCodes(photo);
+ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta, double max_gain) {
+  const Histogram histogram = CountCodes(photo, mask);
   ToneTarget target;
   target.gain = SolveLinearGain(histogram, theta, max_gain);
   target.reached = std::abs(Mean(histogram, LinearGain(target.gain)) - theta) < 1e-6;
@@ -147,12 +151,12 @@ absl::Status ToneOptions::Validate() const {
 }
 
 double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
-                   const ToneOptions& options) {
+                   const ToneOptions& options, absl::Span<const PlaneU8> masks) {
   // Samples as linear light at exposure 1, with their weight; clipped ones last.
   std::vector<std::pair<double, double>> samples;
   double total = 0, clipped = 0;
   for (size_t i = 0; i < photos.size(); ++i) {
-    const Histogram histogram = CountCodes(photos[i]);
+    const Histogram histogram = CountCodes(photos[i], MaskOf(masks, i));
     for (int code = 0; code < kClippedCode; ++code) {
       if (histogram[code] > 0)
         samples.emplace_back(LinearFromSrgb(code / 255.0) / exposures[i], histogram[code]);
@@ -178,22 +182,24 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
 
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,
                                                     absl::Span<const double> exposures,
-                                                    const ToneOptions& options, int threads) {
+                                                    const ToneOptions& options, int threads,
+                                                    absl::Span<const PlaneU8> masks) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_CHECK(photos.size() == exposures.size());
+  LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
   for (const ImageU8& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
   const double theta = ThetaOf(options);
   const double gain = options.rule == ToneRule::kCaptureGain && !photos.empty()
-                          ? CaptureGain(photos, exposures, options)
+                          ? CaptureGain(photos, exposures, options, masks)
                           : 1;
   std::vector<ToneTarget> targets(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     switch (options.rule) {
       case ToneRule::kPaperGain:
-        targets[i] = PaperTarget(photos[i], theta);
+        targets[i] = PaperTarget(photos[i], MaskOf(masks, i), theta);
         break;
       case ToneRule::kLinearGain:
-        targets[i] = LinearTarget(photos[i], theta, options.max_gain);
+        targets[i] = LinearTarget(photos[i], MaskOf(masks, i), theta, options.max_gain);
         break;
       case ToneRule::kCaptureGain:
         targets[i] = CaptureTarget(photos[i], gain / exposures[i], options);

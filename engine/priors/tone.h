@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "engine/core/color.h"
 #include "engine/core/image.h"
 
 namespace litags {
@@ -40,18 +41,21 @@ struct ToneTarget {
 
 // One target per photo, in order. `exposures`: light gathered by each photo relative to the
 // others, > 0 (RelativeExposures() in photometric.h); kCaptureGain evens them out, the other rules
-// do not read them. INVALID_ARGUMENT for bad options, an empty photo, or one that is all black (no
-// gain helps; leave it out). Deterministic for any `threads` (<= 0: all cores).
+// do not read them. `masks` (see MaskOf; each leaves a pixel or more): only pixels that count
+// decide gains, all of the photo is mapped. INVALID_ARGUMENT for bad options, an empty photo, or
+// one that is all black (no gain helps; leave it out). Deterministic for any `threads` (<= 0: all
+// cores).
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,
                                                     absl::Span<const double> exposures,
-                                                    const ToneOptions& options, int threads);
+                                                    const ToneOptions& options, int threads,
+                                                    absl::Span<const PlaneU8> masks = {});
 
 // The gain in linear light, for a photo of exposure 1, that brings the capture's histogram where
 // an even histogram of mean theta has it, at its median: quantile p of codes at p^(1/theta - 1).
 // Robust against a bright sky or a black background, unlike the mean. Clipped samples are only
 // known to be bright, so with a fraction f of them p = min(0.5, 0.8 (1 - f)).
 double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
-                   const ToneOptions& options);
+                   const ToneOptions& options, absl::Span<const PlaneU8> masks = {});
 
 }  // namespace litags
 

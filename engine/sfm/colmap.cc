@@ -105,13 +105,26 @@ absl::StatusOr<double> Colmap::RunChecked(std::vector<std::string> args,
 absl::StatusOr<double> Colmap::ExtractFeatures(int num_photos, const FractionFn& progress) {
   const std::string sharing =
       options_.camera_per_photo ? "single_camera_per_image" : "single_camera_per_folder";
-  return RunChecked(
-      {"feature_extractor", "--database_path", database_path(), "--image_path", images_dir(),
-       "--ImageReader.camera_model", LensName(options_.lens),
-       absl::StrCat("--ImageReader.", sharing), "1", "--SiftExtraction.use_gpu", "0",
-       "--SiftExtraction.max_num_features", absl::StrCat(FeatureBudget(options_, num_photos)),
-       "--SiftExtraction.num_threads", absl::StrCat(threads_)},
-      CountLines("Processed file [%d/%d]", progress));
+  std::vector<std::string> args = {"feature_extractor",
+                                   "--database_path",
+                                   database_path(),
+                                   "--image_path",
+                                   images_dir(),
+                                   "--ImageReader.camera_model",
+                                   LensName(options_.lens),
+                                   absl::StrCat("--ImageReader.", sharing),
+                                   "1",
+                                   "--SiftExtraction.use_gpu",
+                                   "0",
+                                   "--SiftExtraction.max_num_features",
+                                   absl::StrCat(FeatureBudget(options_, num_photos)),
+                                   "--SiftExtraction.num_threads",
+                                   absl::StrCat(threads_)};
+  // It takes photos without a mask as they are.
+  if (!options_.masks.empty()) {
+    args.insert(args.end(), {"--ImageReader.mask_path", masks_dir()});
+  }
+  return RunChecked(std::move(args), CountLines("Processed file [%d/%d]", progress));
 }
 
 absl::StatusOr<double> Colmap::Verify(const std::vector<NamePair>& pairs,

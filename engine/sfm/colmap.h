@@ -25,11 +25,12 @@ using FractionFn = std::function<void(double)>;
 // PROGRAM_TIMEOUT; CANCELLED.
 class Colmap {
  public:
-  // Files of `dir`: images/ (made by the caller), database.db, pairs.txt, logs *.log. `options` and
-  // `cancel` must outlive this.
+  // Files of `dir`: images/ and masks/ (made by the caller), database.db, pairs.txt, logs *.log.
+  // `options` and `cancel` must outlive this.
   Colmap(const SfmOptions& options, std::string dir, const CancelToken& cancel);
 
   std::string images_dir() const { return dir_ + "/images"; }
+  std::string masks_dir() const { return dir_ + "/masks"; }
   std::string database_path() const { return dir_ + "/database.db"; }
 
   absl::StatusOr<double> ExtractFeatures(int num_photos, const FractionFn& progress);

@@ -6,6 +6,9 @@
 #include <string>
 
 #include "engine/core/camera.h"
+#include "engine/core/mask.h"
+#include "engine/io/file_util.h"
+#include "engine/io/mask_io.h"
 #include "engine/io/sparse_model.h"
 #include "engine/sfm/sfm.h"
 #include "gtest/gtest.h"
@@ -85,6 +88,26 @@ TEST_F(ColmapOnCastle, TriangulatesKnownCamerasWhereTheTruthHasItsPoints) {
     }
   }
   EXPECT_LT(mean_error / seen, 1.5);  // px; COLMAP rejects beyond 4
+}
+
+TEST_F(ColmapOnCastle, FindsNothingUnderMasks) {
+  SparseModel known = truth_;
+  known.points.clear();
+  const int width = known.views[0].camera.width, height = known.views[0].camera.height;
+  PlaneU8 right(width, height);  // the left half is masked
+  for (size_t i = 0; i < right.data.size(); ++i) {
+    right.data[i] = static_cast<int>(i) % width < width / 2 ? 0 : kCounts;
+  }
+  const std::string mask = work_ / "mask.png";
+  ASSERT_TRUE(WriteFileAtomically(mask, EncodeMask(right).value()).ok());
+  for (const View& view : known.views) options_.masks[view.name] = mask;
+  const auto result = TriangulatePoints(scene_ / "low", known, work_, options_, CancelToken());
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_GT(result->model.points.size(), 50u);
+  for (const SparsePoint& point : result->model.points) {
+    // A keypoint lies between pixels.
+    for (const TrackElement& element : point.track) ASSERT_GT(element.x, width / 2 - 1);
+  }
 }
 
 }  // namespace

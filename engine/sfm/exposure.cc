@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "engine/core/mask.h"
 #include "opencv2/core.hpp"
 #include "opencv2/imgproc.hpp"
 
@@ -16,8 +17,8 @@ cv::Mat Wrap(ImageU8& image) {
   return cv::Mat(image.height, image.width, CV_8UC3, image.data.data());
 }
 
-void ApplyGain(ImageU8& image) {
-  const double mean = MeasureLight(image).mean_level;
+void ApplyGain(ImageU8& image, const PlaneU8& mask) {
+  const double mean = MeasureLight(image, mask).mean_level;
   const double gain = std::clamp(kTargetMean / std::max(mean, 1e-6), 1.0, kMaxGain);
   for (uint8_t& code : image.data) {
     code = static_cast<uint8_t>(std::min(255.0, code * gain + 0.5));
@@ -52,14 +53,17 @@ std::string_view ExposureName(Exposure exposure) {
   return "";
 }
 
-LightStats MeasureLight(const ImageU8& photo) {
-  if (photo.empty()) return {};
+LightStats MeasureLight(const ImageU8& photo, const PlaneU8& mask) {
+  const size_t pixels = photo.data.size() / 3;
+  const double n = 3.0 * CountedPixels(mask, pixels);
+  if (n == 0) return {};
   uint64_t sum = 0, clipped = 0;
-  for (size_t i = 0; i < photo.data.size(); ++i) {
-    sum += photo.data[i];
-    clipped += photo.data[i] == 255;
-  }
-  const double n = static_cast<double>(photo.data.size());
+  ForCounted(mask, pixels, [&](size_t i) {
+    for (int c = 0; c < 3; ++c) {
+      sum += photo.data[3 * i + c];
+      clipped += photo.data[3 * i + c] == 255;
+    }
+  });
   return {.mean_level = sum / n / 255, .clipped_fraction = clipped / n};
 }
 
@@ -97,21 +101,21 @@ std::vector<Preparation> Ladder(Exposure exposure) {
   return {};
 }
 
-ImageU8 Prepare(const ImageU8& photo, Preparation preparation) {
+ImageU8 Prepare(const ImageU8& photo, Preparation preparation, const PlaneU8& mask) {
   ImageU8 image = photo;
   switch (preparation) {
     case Preparation::kRaw:
       break;
     case Preparation::kGainBlur07:
-      ApplyGain(image);
+      ApplyGain(image, mask);
       ApplyBlur(image, 0.7);
       break;
     case Preparation::kGainBlur12:
-      ApplyGain(image);
+      ApplyGain(image, mask);
       ApplyBlur(image, 1.2);
       break;
     case Preparation::kGainClahe:
-      ApplyGain(image);
+      ApplyGain(image, mask);
       ApplyClahe(image);
       break;
     case Preparation::kClahe:

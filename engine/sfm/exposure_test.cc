@@ -39,6 +39,27 @@ TEST(Exposure, LightIsMeanCodeAndShareOfClippedCodes) {
   EXPECT_DOUBLE_EQ(stats.clipped_fraction, 1 / 6.0);
 }
 
+TEST(Exposure, MaskedPixelsAreNoLightAndGetNoSayInTheGain) {
+  ImageU8 photo(2, 1);
+  photo.data = {255, 0, 0, 51, 51, 51};
+  PlaneU8 mask(2, 1);
+  EXPECT_EQ(MeasureLight(photo, mask).mean_level, 0);
+  mask.data[1] = 255;
+  EXPECT_DOUBLE_EQ(MeasureLight(photo, mask).mean_level, 0.2);
+  EXPECT_DOUBLE_EQ(MeasureLight(photo, mask).clipped_fraction, 0);
+  ImageU8 halves(40, 8);
+  PlaneU8 right(40, 8);
+  for (int i = 0; i < 320; ++i) {
+    right.data[i] = i % 40 < 20 ? 0 : 255;
+    std::fill_n(&halves.data[3 * i], 3, uint8_t(i % 40 < 20 ? 200 : 20));
+  }
+  const auto prepared = [&](const PlaneU8& of) {
+    return Prepare(halves, Preparation::kGainBlur07, of).pixel(35, 4)[0];
+  };
+  EXPECT_NEAR(prepared(right), 0.45 * 255, 1);
+  EXPECT_LT(prepared({}), 30);
+}
+
 TEST(Exposure, ClassesFollowMeanAndClipping) {
   EXPECT_EQ(ClassifyExposure({.mean_level = 0.045}), Exposure::kLow);
   EXPECT_EQ(ClassifyExposure({.mean_level = 0.49}), Exposure::kNormal);

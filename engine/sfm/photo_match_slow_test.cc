@@ -42,8 +42,9 @@ class MatchingBesideColmap : public ::testing::Test {
     const std::string photos_dir = dir_ + "/capture/high";
     const auto photos = ListPhotoSet(photos_dir, 0);
     ASSERT_TRUE(photos.ok()) << photos.status();
-    const absl::Status copied = WriteCopies(photos_dir, *photos, Preparation::kRaw,
-                                            colmap_.images_dir(), 0, cancel_, IgnoreProgress);
+    const absl::Status copied =
+        WriteCopies(photos_dir, *photos, Preparation::kRaw, colmap_.images_dir(),
+                    colmap_.masks_dir(), 0, cancel_, IgnoreProgress);
     ASSERT_TRUE(copied.ok()) << copied;
     const auto seconds = colmap_.ExtractFeatures(kViews, IgnoreProgress);
     ASSERT_TRUE(seconds.ok()) << seconds.status();

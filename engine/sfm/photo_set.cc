@@ -61,7 +61,8 @@ absl::Status WriteScratch(const std::string& path, const std::string& bytes) {
                                 " bytes); free some room on the disk"));
 }
 
-absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side) {
+absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side,
+                                                const MaskPaths& masks) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(images_dir, "images"));
   std::vector<Photo> photos;
   photos.reserve(names.size());
@@ -80,6 +81,7 @@ absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, i
     }
     // By the photo's own size: two sizes may shrink to one without being one camera.
     photo.copy_name = absl::StrFormat("%dx%d/%06d.png", photo.width, photo.height, photos.size());
+    if (const auto mask = masks.find(name); mask != masks.end()) photo.mask_path = mask->second;
     photos.push_back(std::move(photo));
   }
   return photos;
@@ -93,9 +95,10 @@ absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,
   std::vector<LightStats> stats(n);
   LITAGS_RETURN_IF_ERROR(ForEach(n, threads, cancel, [&](size_t i, int) -> absl::Status {
     const Photo& photo = photos[i * photos.size() / n];
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 image,
-                            ReadImage(PathOf(images_dir, photo), FieldOf(photo)));
-    stats[i] = MeasureLight(image);
+    LITAGS_ASSIGN_OR_RETURN(
+        const MaskedPhoto read,
+        ReadMaskedPhoto(PathOf(images_dir, photo), FieldOf(photo), photo.mask_path));
+    stats[i] = MeasureLight(read.image, read.mask);
     return absl::OkStatus();
   }));
   LightStats mean;
@@ -107,23 +110,35 @@ absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,
 }
 
 absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>& photos,
-                         Preparation preparation, const std::string& copies_dir, int threads,
-                         const CancelToken& cancel, const std::function<void(double)>& progress) {
+                         Preparation preparation, const std::string& copies_dir,
+                         const std::string& masks_dir, int threads, const CancelToken& cancel,
+                         const std::function<void(double)>& progress) {
   std::set<std::string> folders;
   for (const Photo& photo : photos) {
     folders.insert(photo.copy_name.substr(0, photo.copy_name.find('/')));
   }
   for (const std::string& folder : folders) {
-    LITAGS_RETURN_IF_ERROR(MakeFolder(absl::StrCat(copies_dir, "/", folder)));
+    for (const std::string& dir : {copies_dir, masks_dir}) {
+      LITAGS_RETURN_IF_ERROR(MakeFolder(absl::StrCat(dir, "/", folder)));
+    }
   }
   std::atomic<size_t> done = 0;
   return ForEach(photos.size(), threads, cancel, [&](size_t i, int thread) -> absl::Status {
     const Photo& photo = photos[i];
-    LITAGS_ASSIGN_OR_RETURN(ImageU8 image, ReadImage(PathOf(images_dir, photo), FieldOf(photo)));
-    if (photo.copy_width != photo.width || photo.copy_height != photo.height) {
-      image = ResizeArea(image, photo.copy_width, photo.copy_height);
+    LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(PathOf(images_dir, photo),
+                                                              FieldOf(photo), photo.mask_path));
+    const auto resize = [&](const ImageU8& image) {
+      return ResizeArea(image, photo.copy_width, photo.copy_height);
+    };
+    const ImageU8 image = resize(read.image);
+    if (!read.mask.empty()) {
+      read.mask = ChangeMask(read.mask, resize);
+      LITAGS_ASSIGN_OR_RETURN(const std::string mask, EncodeMask(read.mask));
+      LITAGS_RETURN_IF_ERROR(
+          WriteScratch(absl::StrCat(masks_dir, "/", photo.copy_name, ".png"), mask));
     }
-    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(Prepare(image, preparation)));
+    LITAGS_ASSIGN_OR_RETURN(const std::string png,
+                            EncodePng(Prepare(image, preparation, read.mask)));
     LITAGS_RETURN_IF_ERROR(WriteScratch(absl::StrCat(copies_dir, "/", photo.copy_name), png));
     ++done;
     if (thread == 0) progress(static_cast<double>(done) / photos.size());

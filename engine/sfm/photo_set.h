@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
+#include "engine/io/mask_io.h"
 #include "engine/sfm/exposure.h"
 
 namespace litags {
@@ -19,21 +20,27 @@ struct Photo {
                           // client's choice reaches its command line or database
   int width = 0, height = 0;            // px, upright
   int copy_width = 0, copy_height = 0;  // px
+  std::string mask_path;                // empty: all pixels count
 };
 
 // All photos of a folder in name order, sized but not decoded. Copies have a longer side of at
-// most max_image_side (0: no bound). Errors of ListPhotos and ReadImageSize.
-absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side);
+// most max_image_side (0: no bound). `masks`: those of the photos that have one. Errors of
+// ListPhotos and ReadImageSize.
+absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side,
+                                                const MaskPaths& masks = {});
 
-// Mean light of up to 32 photos spread evenly over the capture.
+// Mean light of up to 32 photos spread evenly over the capture, without their masked pixels.
 absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,
                                           const std::vector<Photo>& photos, int threads,
                                           const CancelToken& cancel);
 
-// Writes the prepared copies under copies_dir. `progress` gets fractions, in the calling thread.
+// Writes the prepared copies under copies_dir, and for photos with a mask that of the copy, as
+// masks_dir/<copy_name>.png: COLMAP finds no features where it is black. `progress` gets fractions,
+// in the calling thread.
 absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>& photos,
-                         Preparation preparation, const std::string& copies_dir, int threads,
-                         const CancelToken& cancel, const std::function<void(double)>& progress);
+                         Preparation preparation, const std::string& copies_dir,
+                         const std::string& masks_dir, int threads, const CancelToken& cancel,
+                         const std::function<void(double)>& progress);
 
 // A folder and its parents, made if missing; FAILED_PRECONDITION naming the path.
 absl::Status MakeFolder(const std::string& path);

@@ -39,7 +39,7 @@ absl::Status PrepareAndExtract(const RungInput& in, Colmap& colmap, SfmRung& run
   const auto start = std::chrono::steady_clock::now();
   in.report("prepare", 0);
   LITAGS_RETURN_IF_ERROR(WriteCopies(in.images_dir, in.photos, in.preparation, colmap.images_dir(),
-                                     in.options.threads, in.cancel,
+                                     colmap.masks_dir(), in.options.threads, in.cancel,
                                      [&](double f) { in.report("prepare", f); }));
   rung.prepare_seconds = SecondsSince(start);
   in.report("features", 0);
@@ -239,7 +239,7 @@ absl::StatusOr<RungOutput> TriangulatePhotos(const RungInput& in, const SparseMo
       colmap.Triangulate(input_dir, output_dir, static_cast<int>(in.photos.size()),
                          [&](double f) { in.report("triangulate", f); }));
 
-  std::error_code ignored;  // the reader says what is wrong
+  std::error_code ignored;                   // the reader says what is wrong
   if (!fs::is_empty(output_dir, ignored)) {  // else there are no points
     LITAGS_ASSIGN_OR_RETURN(SparseModel copies, ReadColmapModel(output_dir, "colmap model"));
     LITAGS_ASSIGN_OR_RETURN(out.model, ToPhotos(std::move(copies), in.photos));

@@ -45,8 +45,8 @@ absl::Status ClearFolder(const std::string& dir) {
 // Copies and databases are large and of no further use; the logs stay.
 void DropBulk(const std::string& rung_dir) {
   std::error_code ignored;  // leftovers are cleared by the next call
-  for (const char* name : {"images", "database.db", "database.db-shm", "database.db-wal", "models",
-                           "known", "triangulated", "pairs.txt"}) {
+  for (const char* name : {"images", "masks", "database.db", "database.db-shm", "database.db-wal",
+                           "models", "known", "triangulated", "pairs.txt"}) {
     fs::remove_all(absl::StrCat(rung_dir, "/", name), ignored);
   }
 }
@@ -245,7 +245,8 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
-  LITAGS_ASSIGN_OR_RETURN(capture.photos, ListPhotoSet(images_dir, options.max_image_side));
+  LITAGS_ASSIGN_OR_RETURN(capture.photos,
+                          ListPhotoSet(images_dir, options.max_image_side, options.masks));
   const int n = static_cast<int>(capture.photos.size());
   if (n < 2) {
     return InvalidInput("TOO_FEW_PHOTOS", "images",
@@ -282,7 +283,7 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
   }
   Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
   LITAGS_ASSIGN_OR_RETURN(const std::vector<Photo> all,
-                          ListPhotoSet(images_dir, options.max_image_side));
+                          ListPhotoSet(images_dir, options.max_image_side, options.masks));
   LITAGS_ASSIGN_OR_RETURN(capture.photos, PhotosOfViews(all, cameras));
   LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
   LITAGS_RETURN_IF_ERROR(Measure(capture));

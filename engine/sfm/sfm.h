@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
+#include "engine/io/mask_io.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {
@@ -44,6 +45,7 @@ struct SfmOptions {
   int niceness = 0;                    // COLMAP's, 0..19
   double report_seconds = 1;           // least time between reports of one step's progress
   bool keep_prepared = false;          // keep the prepared photos and databases in work_dir
+  MaskPaths masks;  // of photos by name: no features and no say in the light where they are 0
 
   // INVALID_ARGUMENT naming the field that breaks its rule.
   absl::Status Validate() const;
@@ -119,7 +121,7 @@ struct SfmResult {
 // Not repeatable bit by bit: COLMAP's RANSAC and bundle adjustment depend on thread timing, so
 // poses differ in the last digits from run to run (less with threads = 1 and a fixed seed).
 //
-// Errors: INVALID_ARGUMENT for options, unreadable photos, TOO_FEW_PHOTOS (one or none);
+// Errors: INVALID_ARGUMENT for options, unreadable photos or masks, TOO_FEW_PHOTOS (one or none);
 // FAILED_PRECONDITION SFM_TOO_FEW_REGISTERED (fewer than 3 or than min_registered placed; the
 // message names photos and causes), SFM_NO_MODEL (none placed), SFM_SPLIT (photos of different
 // places: a second group at least half as large as the first), COLMAP_NOT_FOUND; INTERNAL

@@ -11,7 +11,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/io/colmap_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
 #include "engine/io/transforms_io.h"
 #include "engine/sfm/fake_colmap.h"
 #include "engine/sfm/registration.h"
@@ -22,8 +26,10 @@ namespace litags {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
@@ -94,6 +100,27 @@ TEST_F(SfmTest, ViewsAndTracksAreThoseOfThePhotosNotOfTheirCopies) {
   EXPECT_DOUBLE_EQ(seen.y, 40);
   EXPECT_THAT(result->rungs, SizeIs(1));  // all placed: no further rung
   EXPECT_TRUE(result->notes.empty());
+}
+
+TEST_F(SfmTest, ColmapGetsMasksOfTheCopies) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  ASSERT_TRUE(Find().ok());
+  EXPECT_THAT(colmap_.Calls()[0], Not(HasSubstr("mask_path")));
+  PlaneU8 mask(128, 96);
+  std::fill(mask.data.begin() + 128 * 10, mask.data.end(), kCounts);
+  options_.masks["p2.png"] = colmap_.dir() + "/mask.png";
+  ASSERT_TRUE(WriteFileAtomically(options_.masks["p2.png"], EncodeMask(mask).value()).ok());
+  options_.keep_prepared = true;
+  ASSERT_TRUE(Find().ok());
+  const std::string masks = colmap_.dir() + "/work/sfm/0/masks";
+  EXPECT_THAT(colmap_.Calls(), Contains(HasSubstr("--ImageReader.mask_path " + masks)));
+  EXPECT_FALSE(std::filesystem::exists(masks + "/128x96/000001.png.png"))
+      << "a photo without a mask has one";
+  const auto copy = ReadImage(masks + "/128x96/000002.png.png", "mask");
+  ASSERT_TRUE(copy.ok()) << copy.status();
+  ASSERT_EQ(copy->width, 64);
+  EXPECT_EQ(copy->pixel(30, 4)[0], 0);
+  EXPECT_EQ(copy->pixel(30, 5)[0], 255);
 }
 
 TEST_F(SfmTest, ColmapIsCalledOnTheCpuWithinItsBounds) {

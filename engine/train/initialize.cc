@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 
 namespace litags {
 namespace {
@@ -38,7 +39,8 @@ std::vector<float> NeighbourDistances(absl::Span<const SparsePoint> points) {
   return out;
 }
 
-// Mean pseudo-target colour where the photos saw the point; the point's own colour if none did.
+// Mean pseudo-target colour where the photos saw the point, unmasked; the point's own colour if
+// none did.
 std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int> point_views,
                                  absl::Span<const TrainView> views) {
   std::array<double, 3> sum = {0, 0, 0};
@@ -53,6 +55,8 @@ std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int>
     const int x = static_cast<int>(std::floor(camera.fx * p[0] / p[2] + camera.cx));
     const int y = static_cast<int>(std::floor(camera.fy * p[1] / p[2] + camera.cy));
     if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
+    const PlaneU8& mask = views[v].mask;
+    if (!mask.empty() && mask.data[size_t(y) * mask.width + x] == 0) continue;
     const uint8_t* pixel = views[v].target.pixel(x, y);
     for (int c = 0; c < 3; ++c) sum[c] += pixel[c] / 255.0;
     ++seen;
@@ -61,12 +65,15 @@ std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int>
   return sum;
 }
 
-// mean(photo) / mean(target) over all views: what L must be for R L to look like the photos.
+// mean(photo) / mean(target) over what counts of all views: what L must be for R L to look like the
+// photos.
 double IlluminationLevel(absl::Span<const TrainView> views) {
   double photo = 0, target = 0;
   for (const TrainView& view : views) {
-    for (const uint8_t code : view.photo.data) photo += code;
-    for (const uint8_t code : view.target.data) target += code;
+    ForCounted(view.mask, view.photo.data.size() / 3, [&](size_t i) {
+      for (int c = 0; c < 3; ++c) photo += view.photo.data[3 * i + c];
+      for (int c = 0; c < 3; ++c) target += view.target.data[3 * i + c];
+    });
   }
   return target > 0 ? photo / target : 1;
 }

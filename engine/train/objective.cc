@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "engine/core/mask.h"
 #include "engine/priors/information.h"
 #include "engine/render/renderer.h"
 #include "engine/train/depth_loss.h"
@@ -16,6 +17,19 @@ void ZeroLike(const Planes& like, int channels, Planes* out) {
   out->height = like.height;
   out->width = like.width;
   out->data.assign(channels * like.plane_size(), 0.0f);
+}
+
+// to = from at masked pixels, plane by plane.
+void CopyMasked(const PlaneU8& mask, PlanesView from, PlanesSpan to) {
+  for (int c = 0; c < to.channels; ++c) {
+    ForMasked(mask, [&](size_t i) { to.plane(c)[i] = from.plane(c)[i]; });
+  }
+}
+
+void ZeroMasked(const PlaneU8& mask, PlanesSpan v) {
+  for (int c = 0; c < v.channels; ++c) {
+    ForMasked(mask, [&](size_t i) { v.plane(c)[i] = 0; });
+  }
 }
 
 double Seconds() {
@@ -37,7 +51,9 @@ StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
     return EvaluateLita(view, rendered, weights, iteration, denoise, v_rendered, v_weights);
   }
   StepLosses losses;
+  CopyMasked(view.mask, rendered, target_);
   losses.reconstruction = ReconstructionLoss(rendered, target_, 1.0, *v_rendered, workspace_);
+  ZeroMasked(view.mask, *v_rendered);
   return losses;
 }
 
@@ -56,8 +72,9 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   const Planes& R = denoise ? pdm_.R(stages) : color_;
   ZeroLike(R, 3, &v_color_);
 
-  losses.exposure = options_.weight_exposure * ExposureLoss(R);
   UnpackImage(view.photo, workspace_, &input_);
+  HideMasked(view.mask, R, PlanesView(rendered, kChannelIllumination, 3));
+  losses.exposure = options_.weight_exposure * ExposureLoss(R);
   losses.reconstruction =
       options_.weight_reconstruction *
       ProductReconstructionLoss(
@@ -70,8 +87,11 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
         options_.weight_denoise *
             MseLoss(R, previous, options_.weight_denoise, v_color_, v_previous_, workspace_) +
         options_.weight_tv * TvLoss(R, TvNorm::kSquared, options_.weight_tv, v_color_, workspace_);
+    ZeroMasked(view.mask, v_previous_);
   }
   AddStructure(view, rendered, iteration, v_rendered, &losses);
+  ZeroMasked(view.mask, v_color_);
+  ZeroMasked(view.mask, *v_rendered);
 
   const size_t n = 3 * rendered.plane_size();
   if (!denoise) {
@@ -95,6 +115,14 @@ void Objective::UnpackInformation(const PlaneU8& information) {
   for (float& weight : information_.data) weight *= 255.0f / kInformationOne;
 }
 
+void Objective::HideMasked(const PlaneU8& mask, const Planes& R, PlanesView illumination) {
+  CopyMasked(mask, R, target_);
+  for (int c = 0; c < 3; ++c) {
+    ForMasked(mask,
+              [&](size_t i) { input_.plane(c)[i] = R.plane(c)[i] * illumination.plane(c)[i]; });
+  }
+}
+
 double Objective::ExposureLoss(const Planes& R) {
   const double ssim = options_.exposure_ssim, weight = options_.weight_exposure;
   if (ssim == 0) return L1Loss(R, target_, weight, v_color_, workspace_, information_);
@@ -106,6 +134,7 @@ void Objective::AddStructure(const TrainView& view, const Planes& rendered, int 
                              Planes* v_rendered, StepLosses* losses) {
   if (options_.use_prior && !view.structure.empty()) {
     UnpackPlane(view.structure, workspace_, &structure_);
+    CopyMasked(view.mask, PlanesView(rendered, kChannelStructure, 1), structure_);
     losses->prior =
         options_.weight_prior * L1Loss(PlanesView(rendered, kChannelStructure, 1), structure_,
                                        options_.weight_prior,

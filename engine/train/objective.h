@@ -14,6 +14,11 @@
 namespace litags {
 
 // L = L_exp + L_str + L_de + L_rec of the paper; or 3DGS' loss against the target image.
+//
+// Where a view's mask says that a pixel does not count, photo, pseudo-target and structure map are
+// taken to be what is rendered there, which is held fixed: the pixel's own difference is 0, windows
+// of SSIM around it see no difference in it, and it passes on no gradient, of no loss. What the
+// photo showed there changes nothing.
 class Objective {
  public:
   explicit Objective(const TrainOptions& options);
@@ -36,6 +41,8 @@ class Objective {
   // L1 to the pseudo-target, mixed with 1 - SSIM if the options ask for it.
   double ExposureLoss(const Planes& R);
   void UnpackInformation(const PlaneU8& information);
+  // Masked pixels of the photo and the pseudo-target become what is rendered there.
+  void HideMasked(const PlaneU8& mask, const Planes& R, PlanesView illumination);
   void AddStructure(const TrainView& view, const Planes& rendered, int iteration,
                     Planes* v_rendered, StepLosses* losses);
 

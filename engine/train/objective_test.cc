@@ -1,7 +1,5 @@
 #include "engine/train/objective.h"
 
-#include "engine/priors/information.h"
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -10,6 +8,7 @@
 
 #include "engine/priors/information.h"
 #include "engine/train/loss_test_util.h"
+#include "engine/train/objective_test_util.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
 
@@ -18,35 +17,7 @@ namespace {
 
 constexpr int kWidth = 24, kHeight = 20, kIteration = 7;
 
-// Photo, target and structure are below 1.
-TrainView RandomView() {
-  TrainView view;
-  view.view.camera = RingCamera(0, 1, kWidth, kHeight);
-  view.photo = ToImageU8(RandomPlanes(3, kHeight, kWidth, 1));
-  view.target = ToImageU8(RandomPlanes(3, kHeight, kWidth, 5));
-  view.structure = PlaneU8(kWidth, kHeight);
-  const Planes structure = RandomPlanes(1, kHeight, kWidth, 2);
-  for (size_t i = 0; i < structure.data.size(); ++i) {
-    view.structure.data[i] = static_cast<uint8_t>(255 * structure.data[i]);
-  }
-  view.depth = DepthMap{RandomPlanes(1, kHeight, kWidth, 3), RandomPlanes(1, kHeight, kWidth, 4)};
-  return view;
-}
-
-// R in 1.7..2.2, L above 4.2, structure above 1.1: with RandomView no L1 term is within a step of
-// its kink, so differences are smooth. Both signs of L1 are losses_test's to check.
-Planes RenderedAwayFromKinks(int channels) {
-  Planes rendered = RandomPlanes(channels, kHeight, kWidth, 9);
-  for (int c = 0; c < channels; ++c) {
-    for (size_t i = 0; i < rendered.plane_size(); ++i) {
-      float& v = rendered.plane(c)[i];
-      if (c < 3) v = 1.7f + 0.5f * v;
-      if (c == kChannelStructure) v += 1.1f;
-      if (c >= kChannelIllumination) v += 4.2f;
-    }
-  }
-  return rendered;
-}
+TrainView SmallView() { return RandomView(kWidth, kHeight); }
 
 // All layers non-zero, so that every weight has a gradient.
 PdmWeights RandomWeights(const PdmOptions& options) {
@@ -105,8 +76,8 @@ void CheckGradient(std::vector<float>* values, const std::vector<float>& gradien
 }
 
 void CheckAllGradients(const TrainOptions& options, const std::vector<int>& live_channels,
-                       const TrainView& view = RandomView()) {
-  Planes rendered = RenderedAwayFromKinks(options.lita ? int{kNumChannels} : 3);
+                       const TrainView& view = SmallView()) {
+  Planes rendered = RenderedAwayFromKinks(options.lita ? int{kNumChannels} : 3, kWidth, kHeight);
   PdmWeights weights;
   if (options.lita && options.use_pdm) weights = RandomWeights(options.pdm);
   Objective objective(options);
@@ -180,7 +151,7 @@ TEST(Objective, GradientAgreesWithASingleStage) {
 
 // A weight for each pixel, 0 to 2.
 TrainView InformedView() {
-  TrainView view = RandomView();
+  TrainView view = SmallView();
   view.information = PlaneU8(kWidth, kHeight);
   for (size_t i = 0; i < view.information.data.size(); ++i) {
     view.information.data[i] = static_cast<uint8_t>(CounterRng(6, 6).Below(i, 129));
@@ -197,7 +168,7 @@ TEST(Objective, GradientAgreesWithInformationWeights) {
 TEST(Objective, InformationWeighsPhotoAndTarget) {
   TrainOptions options = Options();
   options.use_pdm = false;
-  TrainView view = RandomView();
+  TrainView view = SmallView();
   const Planes rendered = RandomPlanes(kNumChannels, kHeight, kWidth, 9);
   const auto evaluate = [&] {
     Planes v_rendered;
@@ -237,7 +208,7 @@ TEST(Objective, Plain3dgsComparesColoursWithTheTarget) {
 }
 
 TEST(Objective, TermsAreWeightedAndSumToTheTotal) {
-  const TrainView view = RandomView();
+  const TrainView view = SmallView();
   const Planes rendered = RandomPlanes(kNumChannels, kHeight, kWidth, 9);
   TrainOptions options = Options();
   const PdmWeights weights = RandomWeights(options.pdm);
@@ -262,7 +233,7 @@ TEST(Objective, TermsAreWeightedAndSumToTheTotal) {
 }
 
 TEST(Objective, AViewWithoutMapsTrainsWithoutTheirTerms) {
-  TrainView view = RandomView();
+  TrainView view = SmallView();
   view.structure = PlaneU8();
   view.depth.reset();
   const TrainOptions options = Options();

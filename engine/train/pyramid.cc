@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/core/mask.h"
+
 namespace litags {
 namespace {
 
@@ -63,12 +65,14 @@ TrainView HalfSize(const TrainView& view) {
     *to = ImageU8(camera.width, camera.height);
     to->data = HalfBytes(from->data, from->width, from->height, 3);
   }
-  for (const auto& [from, to] :
-       {std::pair{&view.structure, &out.structure}, {&view.information, &out.information}}) {
+  for (const auto& [from, to] : {std::pair{&view.structure, &out.structure},
+                                 {&view.information, &out.information},
+                                 {&view.mask, &out.mask}}) {
     if (from->empty()) continue;
     *to = PlaneU8(camera.width, camera.height);
     to->data = HalfBytes(from->data, from->width, from->height, 1);
   }
+  for (uint8_t& counts : out.mask.data) counts = counts == kCounts ? kCounts : 0;
   if (view.depth.has_value()) out.depth = HalfDepth(*view.depth);
   return out;
 }

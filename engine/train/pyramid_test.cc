@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "engine/core/mask.h"
 #include "engine/train/train_test_util.h"
 
 namespace litags {
@@ -40,6 +41,16 @@ TEST(HalfSize, AveragesPixelsAndKeepsRaysWhereTheyWere) {
   EXPECT_DOUBLE_EQ((1.0 - a.cx) / a.fx, (0.5 - b.cx) / b.fx);
   EXPECT_DOUBLE_EQ((3.0 - a.cy) / a.fy, (1.5 - b.cy) / b.fy);
   EXPECT_FALSE(half.depth.has_value());
+}
+
+TEST(HalfSize, APixelCountsIfAllFourDo) {
+  TrainView view = OddView();
+  EXPECT_TRUE(HalfSize(view).mask.empty());
+  view.mask = PlaneU8(5, 4);
+  std::fill(view.mask.data.begin(), view.mask.data.end(), kCounts);
+  view.mask.data[1 * 5 + 2] = 0;  // of (1, 0)
+  view.mask.data[2 * 5 + 4] = 0;  // in the column that is left out
+  EXPECT_EQ(HalfSize(view).mask.data, (std::vector<uint8_t>{255, 0, 255, 255}));
 }
 
 TEST(HalfSize, DepthIsTheMeanOfKnownPixels) {

@@ -32,6 +32,7 @@ static_assert(static_cast<int>(JobState::kUploading) == v1::JOB_STATE_UPLOADING)
 static_assert(static_cast<int>(JobState::kCancelled) == v1::JOB_STATE_CANCELLED);
 static_assert(static_cast<int>(FileRole::kPhoto) == v1::FILE_ROLE_PHOTO);
 static_assert(static_cast<int>(FileRole::kArchive) == v1::FILE_ROLE_ARCHIVE);
+static_assert(static_cast<int>(FileRole::kMask) == v1::FILE_ROLE_MASK);
 
 absl::Status UnknownEnum(const char* field, int value) {
   return InvalidInput("OPTION_OUT_OF_RANGE", field,

@@ -11,6 +11,7 @@
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
 #include "engine/io/transforms_io.h"
 #include "server/store/digest.h"
 
@@ -32,6 +33,8 @@ RoleRules RulesOf(FileRole role) {
       return {"colmap", {".bin", ".txt"}};
     case FileRole::kArchive:
       return {"archives", {".zip", ".tar", ".tar.gz", ".tgz"}};
+    case FileRole::kMask:
+      return {"masks", {".png"}};
     case FileRole::kPhoto:
       break;
   }
@@ -143,6 +146,12 @@ absl::Status CheckContent(const std::string& path, const std::string& field, Fil
       return ParseTransforms(bytes, field).status();
     case FileRole::kDepth:
       return DecodeDepthMap(bytes, field).status();
+    case FileRole::kMask: {
+      LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, DecodeMask(bytes, field));
+      file->width = mask.width;
+      file->height = mask.height;
+      return absl::OkStatus();
+    }
     case FileRole::kColmap:
     case FileRole::kArchive:
       break;
@@ -157,7 +166,10 @@ std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry) {
   for (const std::string& f : entry.folders) {
     if (f.starts_with(".") || f == "__MACOSX") return std::nullopt;
   }
-  if (folder == "mask" || folder == "masks") return std::nullopt;
+  if (folder == "mask" || folder == "masks") {
+    return HasExtension(entry.name, FileRole::kMask) ? std::optional(FileRole::kMask)
+                                                     : std::nullopt;
+  }
   if (folder == "depth" || folder == "depths") {
     return HasExtension(entry.name, FileRole::kDepth) ? std::optional(FileRole::kDepth)
                                                       : std::nullopt;

@@ -1,9 +1,11 @@
 #include "server/jobs/jobs.h"
 
 #include <algorithm>
+#include <map>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/transition.h"
 #include "server/store/digest.h"
@@ -45,6 +47,29 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
                      other->name, " has ", other->width, "x", other->height,
                      " px; photos must share one size, unless cameras (transforms.json) are "
                      "uploaded with them"));
+  }
+  return absl::OkStatus();
+}
+
+// Every mask fits a photo. The engine finds them by the same rule.
+absl::Status CheckMasks(const std::vector<FileRecord>& files) {
+  std::vector<std::string> photos, masks;
+  std::map<std::pair<FileRole, std::string>, const FileRecord*> records;
+  for (const FileRecord& file : files) {
+    if (file.role == FileRole::kPhoto) photos.push_back(file.name);
+    if (file.role == FileRole::kMask) masks.push_back(file.name);
+    records[{file.role, file.name}] = &file;
+  }
+  LITAGS_ASSIGN_OR_RETURN(const auto mask_of, MatchMasks(photos, masks));
+  for (const auto& [photo_name, mask_name] : mask_of) {
+    const FileRecord& photo = *records[{FileRole::kPhoto, photo_name}];
+    const FileRecord& mask = *records[{FileRole::kMask, mask_name}];
+    if (mask.width == photo.width && mask.height == photo.height) continue;
+    const std::string field = absl::StrCat("masks[", mask_name, "]");
+    return InvalidInput("MASK_SIZE", field,
+                        absl::StrCat(field, ": the mask is ", mask.width, "x", mask.height,
+                                     " px, its photo ", photo_name, " upright ", photo.width, "x",
+                                     photo.height, "; make masks of the photo's size"));
   }
   return absl::OkStatus();
 }
@@ -127,6 +152,7 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
   LITAGS_RETURN_IF_ERROR(NextState(job.job.state, action).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
   LITAGS_RETURN_IF_ERROR(CheckPhotos(files));
+  LITAGS_RETURN_IF_ERROR(CheckMasks(files));
   job.job.attempt = 0;
   job.job.run_ms = 0;
   job.job.report.clear();

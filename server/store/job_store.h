@@ -74,15 +74,15 @@ struct JobRecord {
 };
 
 // Stored as numbers: never change or reuse them.
-enum class FileRole { kPhoto = 1, kCameras = 2, kDepth = 3, kColmap = 4, kArchive = 5 };
+enum class FileRole { kPhoto = 1, kCameras = 2, kDepth = 3, kColmap = 4, kArchive = 5, kMask = 6 };
 
 struct FileRecord {
   std::string name;
   FileRole role = FileRole::kPhoto;
   int64_t size_bytes = 0;
   std::string sha256;  // 64 hex digits
-  int width = 0;       // px; photos only
-  int height = 0;      // px; photos only
+  int width = 0;       // px; photos and masks only
+  int height = 0;      // px; photos and masks only
 };
 
 // A file and the job it belongs to.

@@ -154,6 +154,10 @@ class FakeEngine : public Engine {
     report.photos = report.registered = static_cast<int>(names.size());
     report.sfm_preparation = input.cameras_path.empty() ? "raw" : "given";
     report.depth_used = !input.depth_dir.empty();
+    if (!input.masks_dir.empty()) {
+      const auto masks = std::distance(fs::directory_iterator(input.masks_dir), {});
+      report.notes.push_back(absl::StrCat(masks, " photos have a mask"));
+    }
     report.gaussians = 100;
     report.iterations = options.iterations;
     report.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
@@ -180,7 +184,8 @@ class FakeEngine : public Engine {
       progress.iteration = i;
       progress.loss = 1.0 / i;
       progress.gaussians = 100;
-      if (i % options.checkpoint_every == 0 || i == options.iterations) Save(checkpoint, trained, {});
+      if (i % options.checkpoint_every == 0 || i == options.iterations)
+        Save(checkpoint, trained, {});
       if (i % options.preview_every == 0) {
         progress.preview_png.assign(std::begin(kTinyPng), std::end(kTinyPng));
         observer->OnProgress(progress);

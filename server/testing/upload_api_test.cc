@@ -3,6 +3,7 @@
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
+#include "engine/io/mask_io.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"
 
@@ -28,6 +29,45 @@ TEST_F(UploadApi, PhotosThatAreNoneAreRefusedByName) {
   EXPECT_EQ(cameras.error_code(), grpc::INVALID_ARGUMENT);
   EXPECT_THAT(DetailOf(cameras).field, HasSubstr("cameras[d.json]"));
   EXPECT_EQ(UploadOne({"e.npy", "junk", v1::FILE_ROLE_DEPTH}).error_code(), grpc::INVALID_ARGUMENT);
+}
+
+// A mask whose right half counts.
+std::string TestMask(int width = 64, int height = 48) {
+  PlaneU8 mask(width, height);
+  for (size_t i = 0; i < mask.data.size(); ++i) mask.data[i] = int(i) % width < width / 2 ? 0 : 255;
+  return EncodeMask(mask).value();
+}
+
+TEST_F(UploadApi, MasksThatAreNoneAreRefusedByName) {
+  const auto mask = [](const std::string& name, const std::string& bytes) {
+    return TestFile{name, bytes, v1::FILE_ROLE_MASK};
+  };
+  EXPECT_REFUSED(UploadOne(mask("a.png", "junk")), INVALID_ARGUMENT, "IMAGE_NOT_RECOGNIZED",
+                 "masks[a.png]");
+  EXPECT_REFUSED(UploadOne(mask("a.jpg", TestJpeg())), INVALID_ARGUMENT, "BAD_FILE_NAME",
+                 "masks[a.jpg]");
+  EXPECT_REFUSED(UploadOne(mask("a.png", TestJpeg())), INVALID_ARGUMENT, "MASK_FORMAT",
+                 "masks[a.png]");
+  EXPECT_REFUSED(UploadOne(mask("a.png", EncodeMask(PlaneU8(9, 9)).value())), INVALID_ARGUMENT,
+                 "MASK_BLACK", "masks[a.png]");
+}
+
+TEST_F(UploadApi, MasksMustFitAPhotoWhenTheJobStarts) {
+  const std::vector<TestFile> photos = {{"a.png", TestPng(64, 48, 1)},
+                                        {"b.png", TestPng(64, 48, 2)}};
+  const auto start = [&](const std::string& name, const std::string& mask) {
+    const std::string job = NewJob();
+    // Masks may come before their photos.
+    EXPECT_TRUE(client_.Upload(job, {{name, mask, v1::FILE_ROLE_MASK}}).ok());
+    EXPECT_TRUE(client_.Upload(job, photos).ok());
+    return client_.Start(job);
+  };
+  EXPECT_REFUSED(start("c.png", TestMask()), INVALID_ARGUMENT, "MASK_WITHOUT_PHOTO",
+                 "masks[c.png]");
+  EXPECT_REFUSED(start("a.png.png", TestMask(48, 64)), INVALID_ARGUMENT, "MASK_SIZE",
+                 "masks[a.png.png]");
+  EXPECT_TRUE(start("a.png.png", TestMask()).ok());
+  EXPECT_TRUE(start("b.png", TestMask()).ok());
 }
 
 TEST_F(UploadApi, NamesThatAreNotPlainFileNamesAreRefused) {

@@ -27,11 +27,11 @@ absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerCo
   const std::string& job_id = lease.job.id;
   LITAGS_RETURN_IF_ERROR(folder->Fetch());
   const fs::path input = folder->input();
-  const fs::path photos = input / "photos", depths = input / "depths";
+  const fs::path photos = input / "photos", depths = input / "depths", masks = input / "masks";
   const fs::path colmap = input / "colmap";
   std::error_code error;
   fs::remove_all(input, error);
-  for (const fs::path& made : {photos, depths, colmap}) {
+  for (const fs::path& made : {photos, depths, masks, colmap}) {
     if (!error) fs::create_directories(made, error);
     if (error) return FileError("prepare", made, error.value());
   }
@@ -48,6 +48,10 @@ absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerCo
       case FileRole::kDepth:
         path = depths / file.name;
         result.depth_dir = depths;
+        break;
+      case FileRole::kMask:
+        path = masks / file.name;
+        result.masks_dir = masks;
         break;
       case FileRole::kCameras:
         path = input / "transforms.json";

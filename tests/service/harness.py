@@ -65,6 +65,12 @@ def depth_png(width=64, height=48):
     return png_of(width, height, zlib.compress(rows), bits=16, colour=0)
 
 
+def mask_png(width=64, height=48):
+    """A mask as an 8-bit grey PNG: the left half is not of the scene."""
+    row = b"\0" + bytes(width // 2) + b"\xff" * (width - width // 2)
+    return png_of(width, height, zlib.compress(row * height), colour=0)
+
+
 def large_png(seed=0, width=1200, height=900):
     """A photo of about 3 MB that no compression makes smaller."""
     noise = random.Random(seed)

@@ -129,6 +129,34 @@ class Uploads(harness.ServiceTest):
         self.assertTrue(missing().stored)
 
 
+class Masks(harness.ServiceTest):
+
+    def folder_with_masks(self, **masks):
+        photos = self.photos()
+        os.mkdir(os.path.join(photos, "masks"))
+        for name, data in masks.items():
+            with open(os.path.join(photos, "masks", name + ".png"), "wb") as file:
+                file.write(data)
+        return photos
+
+    def test_masks_beside_the_photos_go_with_them_and_end_in_a_model(self):
+        photos = self.folder_with_masks(a=harness.mask_png(), c=harness.mask_png())
+        out, err = self.litags("submit", photos, "--iterations", "10", "--watch")
+        self.assertIn(f"with 2 masks from {photos}/masks", err)
+        job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
+        self.assertEqual((job.state, job.photos), (harness.SUCCEEDED, 3))
+        self.assertIn("2 photos have a mask", job.report.notes)
+        self.litags("delete", job.name)
+        self.wait_for(lambda: not bytes_on_disk(self.server.data), "an empty data folder")
+
+    def test_a_mask_of_another_size_is_refused_and_the_job_removed_again(self):
+        photos = self.folder_with_masks(b=harness.mask_png(48, 64))
+        _, err = self.litags("submit", photos, exit_code=2)
+        self.assertIn("MASK_SIZE", err)
+        self.assertIn("masks[b.png]", err)
+        self.assertIn("was removed again", err)
+
+
 class Archives(harness.ServiceTest):
 
     def path(self, name):
@@ -154,6 +182,8 @@ class Archives(harness.ServiceTest):
         return [("night/images/a.png", harness.png(seed=1)),
                 ("night/images/b.png", harness.png(seed=2)),
                 ("night/depth/a.png", harness.depth_png()),
+                ("night/masks/a.png.png", harness.mask_png()),
+                ("night/masks/notes.txt", b"made by hand"),
                 ("night/README.txt", b"taken at night"),
                 ("__MACOSX/night/._a.png", b"junk")]
 
@@ -164,7 +194,9 @@ class Archives(harness.ServiceTest):
             job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
             self.assertEqual((job.state, job.photos), (harness.SUCCEEDED, 2))
             self.assertTrue(job.report.depth_used)
-            self.assertIn("not used, of what is in the archive: night/README.txt", err)
+            self.assertIn("1 photos have a mask", job.report.notes)
+            self.assertIn("not used, of what is in the archive: night/masks/notes.txt, "
+                          "night/README.txt", err)
         self.wait_for(lambda: not os.listdir(os.path.join(self.server.data, "tmp")), "an empty tmp")
 
     def test_a_large_archive_arrives_over_connections_that_break(self):

@@ -88,7 +88,8 @@ absl::StatusOr<std::string> TableScene::PrepareCameras(const std::string& light,
   ReconstructReport report;
   const auto silent = [](Stage, const std::string&) {};
   LITAGS_RETURN_IF_ERROR(
-      ObtainCameras(input, options, photos, colmap, CancelToken(), silent, &report).status());
+      ObtainCameras(input, options, photos, MaskPaths(), colmap, CancelToken(), silent, &report)
+          .status());
   return absl::StrCat(work_dir, "/cameras");
 }
 

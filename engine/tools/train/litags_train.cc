@@ -30,7 +30,7 @@ void OnSignal(int) { g_cancel->Cancel(); }
 
 struct Arguments {
   BenchmarkScene scene;
-  std::string out, depth, depth_model, truth, colmap = "colmap";
+  std::string out, depth, masks, depth_model, truth, colmap = "colmap";
   ReconstructOptions options;
 };
 
@@ -90,6 +90,12 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   ReconstructInput input = args.scene.Input(args.out, &args.options);
   input.depth_dir = args.depth;
+  input.masks_dir = args.masks;
+  const fs::path beside = fs::path(input.images_dir) / "masks";
+  if (std::error_code ignored; args.masks.empty() && fs::is_directory(beside, ignored)) {
+    input.masks_dir = beside;
+    std::fprintf(stderr, "masks: those in %s\n", input.masks_dir.c_str());
+  }
   LITAGS_ASSIGN_OR_RETURN(input.depth_network,
                           DepthNetwork::Parse(args.depth_model, "--depth-model"));
   if (args.truth.empty()) args.truth = args.scene.TruthDir();
@@ -130,6 +136,9 @@ int Main(int argc, char** argv) {
   app.add_flag("--sfm", args.scene.sfm,
                "find the cameras with COLMAP even if DIR has transforms_train.json");
   app.add_option("--depth", args.depth, "folder of depth maps <photo>.{png,pfm,npy}");
+  app.add_option("--masks", args.masks,
+                 "folder of masks <photo>.png, 0 where a pixel is not of the scene (default: the "
+                 "subfolder masks of the photos, if there is one)");
   app.add_option("--depth-model", args.depth_model,
                  "ONNX depth network, for --depth-source network: FILE[,size=518x518]"
                  "[,mean=R:G:B][,std=R:G:B][,output=inverse|depth]");

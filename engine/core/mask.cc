@@ -1,0 +1,130 @@
+#include "engine/core/mask.h"
+
+#include <algorithm>
+#include <array>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/check.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+struct Level {
+  ImageU8 image;
+  PlaneU8 known;
+};
+
+// Half the size: means of the known pixels of 2x2, known if one of them is. An odd last row or
+// column stands for itself.
+Level HalfKnown(const ImageU8& image, const PlaneU8& known) {
+  const int width = (image.width + 1) / 2, height = (image.height + 1) / 2;
+  Level half{ImageU8(width, height), PlaneU8(width, height)};
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      std::array<int, 3> sum = {0, 0, 0};
+      int count = 0;
+      for (int sy = 2 * y; sy < std::min(2 * y + 2, image.height); ++sy) {
+        for (int sx = 2 * x; sx < std::min(2 * x + 2, image.width); ++sx) {
+          if (known.data[size_t(sy) * image.width + sx] == 0) continue;
+          for (int c = 0; c < 3; ++c) sum[c] += image.pixel(sx, sy)[c];
+          ++count;
+        }
+      }
+      if (count == 0) continue;
+      half.known.data[size_t(y) * width + x] = kCounts;
+      for (int c = 0; c < 3; ++c) {
+        half.image.pixel(x, y)[c] = static_cast<uint8_t>((sum[c] + count / 2) / count);
+      }
+    }
+  }
+  return half;
+}
+
+// Unknown pixels from the image of half the size, bilinear.
+void FillFrom(const ImageU8& half, const PlaneU8& known, ImageU8* image) {
+  for (int y = 0; y < image->height; ++y) {
+    const int y0 = y / 2, y1 = std::clamp(y % 2 == 1 ? y0 + 1 : y0 - 1, 0, half.height - 1);
+    for (int x = 0; x < image->width; ++x) {
+      if (known.data[size_t(y) * image->width + x] != 0) continue;
+      const int x0 = x / 2, x1 = std::clamp(x % 2 == 1 ? x0 + 1 : x0 - 1, 0, half.width - 1);
+      for (int c = 0; c < 3; ++c) {
+        const int sum = 9 * half.pixel(x0, y0)[c] + 3 * half.pixel(x1, y0)[c] +
+                        3 * half.pixel(x0, y1)[c] + half.pixel(x1, y1)[c];
+        image->pixel(x, y)[c] = static_cast<uint8_t>((sum + 8) / 16);
+      }
+    }
+  }
+}
+
+std::string FieldOf(const std::string& mask) { return absl::StrCat("masks[", mask, "]"); }
+
+// Without the part after the last dot.
+std::string WithoutExtension(const std::string& name) { return name.substr(0, name.rfind('.')); }
+
+}  // namespace
+
+const PlaneU8& MaskOf(absl::Span<const PlaneU8> masks, size_t i) {
+  static const PlaneU8& none = *new PlaneU8;
+  return masks.empty() ? none : masks[i];
+}
+
+size_t CountedPixels(const PlaneU8& mask, size_t pixels) {
+  return mask.empty() ? pixels
+                      : pixels - std::count(mask.data.begin(), mask.data.end(), uint8_t{0});
+}
+
+// Pull and push: known colours are averaged down until all is known, and what was unknown is
+// interpolated up again.
+void FillMasked(const PlaneU8& mask, ImageU8* image) {
+  if (mask.empty()) return;
+  LITAGS_CHECK(mask.width == image->width && mask.height == image->height);
+  if (std::find(mask.data.begin(), mask.data.end(), uint8_t{0}) == mask.data.end()) return;
+  if (mask.data.size() == 1) {
+    image->data.assign(3, 0);
+    return;
+  }
+  Level half = HalfKnown(*image, mask);
+  FillMasked(half.known, &half.image);
+  FillFrom(half.image, mask, image);
+}
+
+absl::StatusOr<std::map<std::string, std::string>> MatchMasks(absl::Span<const std::string> photos,
+                                                              absl::Span<const std::string> masks) {
+  const std::set<std::string> names(photos.begin(), photos.end());
+  std::map<std::string, std::string> by_stem;  // empty: several photos
+  for (const std::string& photo : photos) {
+    const auto [first, added] = by_stem.emplace(WithoutExtension(photo), photo);
+    if (!added) first->second.clear();
+  }
+  std::map<std::string, std::string> mask_of;
+  for (const std::string& mask : masks) {
+    const std::string wanted = WithoutExtension(mask);
+    std::string photo = wanted;
+    if (!names.contains(wanted)) {
+      const auto stem = by_stem.find(wanted);
+      if (stem == by_stem.end()) {
+        return InvalidInput(
+            "MASK_WITHOUT_PHOTO", FieldOf(mask),
+            absl::StrCat(FieldOf(mask), ": there is no photo ", wanted, " or ", wanted,
+                         ".*; name masks <photo's name>.png, as 0001.jpg.png, or leave it out"));
+      }
+      if (stem->second.empty()) {
+        return InvalidInput("MASK_AMBIGUOUS", FieldOf(mask),
+                            absl::StrCat(FieldOf(mask), ": several photos are called ", wanted,
+                                         ".*; name the mask <photo's whole name>.png"));
+      }
+      photo = stem->second;
+    }
+    const auto [first, added] = mask_of.emplace(photo, mask);
+    if (!added) {
+      return InvalidInput("MASK_TWICE", FieldOf(mask),
+                          absl::StrCat(FieldOf(mask), ": photo ", photo, " has the mask ",
+                                       first->second, " already; keep one"));
+    }
+  }
+  return mask_of;
+}
+
+}  // namespace litags

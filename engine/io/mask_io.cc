@@ -1,0 +1,117 @@
+#include "engine/io/mask_io.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "engine/core/mask.h"
+#include "engine/io/file_util.h"
+#include "engine/io/io_error.h"
+
+namespace litags {
+namespace {
+
+bool IsMaskName(const std::string& name) {
+  return name.size() > 4 && name.front() != '.' &&
+         absl::AsciiStrToLower(name.substr(name.size() - 4)) == ".png";
+}
+
+absl::Status CheckFormat(const ImageInfo& info, std::string_view field) {
+  if (info.format != ImageFormat::kPng) {
+    return InvalidField("MASK_FORMAT", field,
+                        "a mask must be a PNG: JPEG does not keep zeros; save it as PNG");
+  }
+  if (info.bit_depth > 8) {
+    return InvalidField("MASK_FORMAT", field,
+                        absl::StrCat("the mask has ", info.bit_depth,
+                                     " bits a channel, at most 8 are taken; save it with 8"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckSize(const ImageInfo& info, const ImageU8& photo, std::string_view field) {
+  if (info.width == photo.width && info.height == photo.height) return absl::OkStatus();
+  return InvalidField(
+      "MASK_SIZE", field,
+      absl::StrCat("the mask is ", info.width, "x", info.height, " px, its photo upright ",
+                   photo.width, "x", photo.height, "; make masks of the photo's size"));
+}
+
+}  // namespace
+
+absl::StatusOr<MaskPaths> FindMasks(const std::string& dir, absl::Span<const std::string> photos) {
+  std::error_code error;
+  std::filesystem::directory_iterator it(dir, error), end;
+  if (error) {
+    return FieldError(absl::StatusCode::kNotFound, "NO_SUCH_FOLDER", "masks",
+                      absl::StrCat("cannot list the folder '", dir, "': ", error.message(),
+                                   "; give a folder of masks or none"));
+  }
+  std::vector<std::string> names;
+  for (; it != end; it.increment(error)) {
+    std::error_code ignored;
+    const std::string name = it->path().filename().string();
+    if (IsMaskName(name) && it->is_regular_file(ignored)) names.push_back(name);
+  }
+  if (error) {
+    return FieldError(absl::StatusCode::kInternal, "IO_ERROR", "masks",
+                      absl::StrCat("cannot list the folder '", dir, "': ", error.message()));
+  }
+  if (names.empty()) {
+    return InvalidField(
+        "NO_MASKS", "masks",
+        absl::StrCat("the folder '", dir, "' holds no .png file; name masks <photo's name>.png"));
+  }
+  std::sort(names.begin(), names.end());
+  LITAGS_ASSIGN_OR_RETURN(const auto mask_of, MatchMasks(photos, names));
+  MaskPaths paths;
+  for (const auto& [photo, mask] : mask_of) paths[photo] = absl::StrCat(dir, "/", mask);
+  return paths;
+}
+
+absl::StatusOr<PlaneU8> DecodeMask(std::string_view bytes, std::string_view field,
+                                   const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field, limits));
+  LITAGS_RETURN_IF_ERROR(CheckFormat(info, field));
+  LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, DecodeImage(bytes, field, limits));
+  PlaneU8 mask(image.width, image.height);
+  for (size_t i = 0; i < image.data.size(); ++i) {
+    if (image.data[i] != 0) mask.data[i / 3] = kCounts;
+  }
+  if (CountedPixels(mask, mask.data.size()) > 0) return mask;
+  return InvalidField("MASK_BLACK", field,
+                      "every pixel of the mask is 0, nothing of the photo counts; leave the photo "
+                      "out, or turn the mask around: 0 is what does not count");
+}
+
+absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string_view field,
+                                            const std::string& mask_path) {
+  MaskedPhoto photo;
+  LITAGS_ASSIGN_OR_RETURN(photo.image, ReadImage(path, field));
+  if (mask_path.empty()) return photo;
+  const std::string mask_field = absl::StrCat("masks[", BaseName(mask_path), "]");
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
+                          ReadFile(mask_path, mask_field, ImageLimits().max_bytes));
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, mask_field));
+  LITAGS_RETURN_IF_ERROR(CheckSize(info, photo.image, mask_field));
+  LITAGS_ASSIGN_OR_RETURN(photo.mask, DecodeMask(bytes, mask_field));
+  FillMasked(photo.mask, &photo.image);
+  return photo;
+}
+
+absl::StatusOr<std::string> EncodeMask(const PlaneU8& mask) {
+  try {
+    const cv::Mat gray(mask.height, mask.width, CV_8U, const_cast<uint8_t*>(mask.data.data()));
+    std::vector<uint8_t> out;
+    if (!gray.empty() && cv::imencode(".png", gray, out))
+      return std::string(out.begin(), out.end());
+    return InvalidField("IMAGE_EMPTY", "mask", "there are no pixels to encode");
+  } catch (const cv::Exception& e) {
+    return FieldError(absl::StatusCode::kInternal, "IMAGE_ENCODE_FAILED", "mask", e.what());
+  }
+}
+
+}  // namespace litags
