@@ -74,7 +74,7 @@ class AccessTest : public ::testing::Test {
     stubs_ = std::make_unique<Stubs>(Connect());
   }
 
-  // `client`: whose certificate to show; empty: none.
+  // A connection of its own. `client`: whose certificate to show; empty: none.
   std::shared_ptr<grpc::Channel> Connect(const std::string& client = "") {
     grpc::SslCredentialsOptions ssl;
     ssl.pem_root_certs = authority_.Read("ca.crt");
@@ -84,6 +84,7 @@ class AccessTest : public ::testing::Test {
     }
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
     return grpc::CreateCustomChannel(Address(), grpc::SslCredentials(ssl), arguments);
   }
   std::string Address() const { return absl::StrCat("127.0.0.1:", server_->port()); }
