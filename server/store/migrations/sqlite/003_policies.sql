@@ -1,0 +1,10 @@
+ALTER TABLE jobs ADD COLUMN content_digest TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN priority INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN lease_start_ms INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN run_ms INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN expire_time_ms INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN policy TEXT NOT NULL DEFAULT '';
+DROP INDEX jobs_by_queue;
+CREATE INDEX jobs_by_queue ON jobs (state, priority DESC, queue_time_ms);
+CREATE INDEX jobs_by_expiry ON jobs (expire_time_ms) WHERE expire_time_ms > 0;
+CREATE INDEX files_by_digest ON files (sha256);
