@@ -75,6 +75,24 @@ size_t CountedPixels(const PlaneU8& mask, size_t pixels) {
                       : pixels - std::count(mask.data.begin(), mask.data.end(), uint8_t{0});
 }
 
+std::array<int64_t, 256> CountCodes(const ImageU8& photo, const PlaneU8& mask) {
+  std::array<int64_t, 256> counts = {};
+  ForCounted(mask, photo.data.size() / 3, [&](size_t i) {
+    for (int c = 0; c < 3; ++c) ++counts[photo.data[3 * i + c]];
+  });
+  return counts;
+}
+
+absl::Status CheckMaskSize(const std::string& mask_name, int mask_width, int mask_height,
+                           int photo_width, int photo_height) {
+  if (mask_width == photo_width && mask_height == photo_height) return absl::OkStatus();
+  const std::string field = FieldOf(mask_name);
+  return InvalidInput(
+      "MASK_SIZE", field,
+      absl::StrCat(field, ": the mask is ", mask_width, "x", mask_height, " px, its photo upright ",
+                   photo_width, "x", photo_height, "; make masks of the photo's size"));
+}
+
 // Pull and push: known colours are averaged down until all is known, and what was unknown is
 // interpolated up again.
 void FillMasked(const PlaneU8& mask, ImageU8* image) {

@@ -3,12 +3,14 @@
 #ifndef LITAGS_ENGINE_CORE_MASK_H_
 #define LITAGS_ENGINE_CORE_MASK_H_
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <map>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "engine/core/color.h"
@@ -25,6 +27,13 @@ const PlaneU8& MaskOf(absl::Span<const PlaneU8> masks, size_t i);
 
 // Pixels that count, of an image of `pixels`.
 size_t CountedPixels(const PlaneU8& mask, size_t pixels);
+
+inline bool Counts(const PlaneU8& mask, int x, int y) {
+  return mask.empty() || mask.data[size_t(y) * mask.width + x] != 0;
+}
+
+// How often each code occurs in the pixels that count, channels alike.
+std::array<int64_t, 256> CountCodes(const ImageU8& photo, const PlaneU8& mask);
 
 // body(i) for every pixel that counts, of an image of `pixels`.
 template <class Body>
@@ -48,6 +57,11 @@ void ForMasked(const PlaneU8& mask, Body body) {
 // filters which read neighbours meet nothing of what was there. Sizes agree (LITAGS_CHECK). A mask
 // without any pixel that counts makes the image black.
 void FillMasked(const PlaneU8& mask, ImageU8* image);
+
+// INVALID_ARGUMENT (MASK_SIZE) with field "masks[NAME]" unless both have the same size, in pixels,
+// the photo's taken upright.
+absl::Status CheckMaskSize(const std::string& mask_name, int mask_width, int mask_height,
+                           int photo_width, int photo_height);
 
 // Which mask belongs to which photo, by file names: <photo's name>.png, as COLMAP has it, else
 // <photo's stem>.png if one photo only has that stem. INVALID_ARGUMENT with field "masks[NAME]":

@@ -5,10 +5,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 #include <system_error>
 #include <utility>
@@ -179,6 +181,30 @@ int RemoveStaleTempFiles(const std::string& dir) {
     if (::unlinkat(::dirfd(handle.get()), entry->d_name, 0) == 0) ++removed;
   }
   return removed;
+}
+
+absl::StatusOr<std::vector<std::string>> ListFiles(
+    const std::string& dir, std::string_view field,
+    absl::FunctionRef<bool(const std::string& name)> accept) {
+  std::error_code error;
+  std::filesystem::directory_iterator it(dir, error), end;
+  if (error) {
+    return FieldError(absl::StatusCode::kNotFound, "NO_SUCH_FOLDER", field,
+                      absl::StrCat("cannot list the folder '", dir, "': ", error.message(),
+                                   "; give a folder that is there"));
+  }
+  std::vector<std::string> names;
+  for (; it != end; it.increment(error)) {
+    std::error_code ignored;
+    const std::string name = it->path().filename().string();
+    if (accept(name) && it->is_regular_file(ignored)) names.push_back(name);
+  }
+  if (error) {
+    return FieldError(absl::StatusCode::kInternal, "IO_ERROR", field,
+                      absl::StrCat("cannot list the folder '", dir, "': ", error.message()));
+  }
+  std::sort(names.begin(), names.end());
+  return names;
 }
 
 absl::Status ValidateFileName(std::string_view name, std::string_view field) {

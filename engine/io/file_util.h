@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
@@ -28,6 +29,12 @@ absl::Status WriteFileAtomically(const std::string& path, absl::Span<const std::
 // Deletes the temporary files that writers killed half-way left in `dir`. For the folder's only
 // writer, when it starts. Returns how many there were.
 int RemoveStaleTempFiles(const std::string& dir);
+
+// Names of the regular files in `dir` that `accept` takes, sorted. `field` names the folder in
+// errors. NOT_FOUND (NO_SUCH_FOLDER), INTERNAL (IO_ERROR).
+absl::StatusOr<std::vector<std::string>> ListFiles(
+    const std::string& dir, std::string_view field,
+    absl::FunctionRef<bool(const std::string& name)> accept);
 
 // Whether a client's `name` may become a file's name inside a folder of ours: 1..255 bytes, valid
 // UTF-8, no '/' or '\', no control characters, no leading dot. INVALID_ARGUMENT (BAD_FILE_NAME).

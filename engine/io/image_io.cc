@@ -198,28 +198,11 @@ absl::Status WritePng16(const std::string& path, const Planes& plane, double sca
 
 absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir,
                                                     std::string_view field) {
-  std::error_code error;
-  std::filesystem::directory_iterator it(dir, error), end;
-  if (error) {
-    return FieldError(absl::StatusCode::kNotFound, "NO_SUCH_FOLDER", field,
-                      absl::StrCat("cannot list the folder '", dir, "': ", error.message(),
-                                   "; give a folder of photos"));
-  }
-  std::vector<std::string> names;
-  for (; it != end; it.increment(error)) {
-    std::error_code ignored;
-    const std::string name = it->path().filename().string();
-    if (IsPhotoName(name) && it->is_regular_file(ignored)) names.push_back(name);
-  }
-  if (error) {
-    return FieldError(absl::StatusCode::kInternal, "IO_ERROR", field,
-                      absl::StrCat("cannot list the folder '", dir, "': ", error.message()));
-  }
+  LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> names, ListFiles(dir, field, IsPhotoName));
   if (names.empty()) {
     return InvalidField("NO_PHOTOS", field,
                         absl::StrCat("the folder '", dir, "' holds no .jpg, .jpeg or .png file"));
   }
-  std::sort(names.begin(), names.end());
   return names;
 }
 

@@ -1,7 +1,5 @@
 #include "engine/io/mask_io.h"
 
-#include <algorithm>
-#include <filesystem>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <utility>
@@ -32,40 +30,16 @@ absl::Status CheckFormat(const ImageInfo& info, std::string_view field) {
   return absl::OkStatus();
 }
 
-absl::Status CheckSize(const ImageInfo& info, const ImageU8& photo, std::string_view field) {
-  if (info.width == photo.width && info.height == photo.height) return absl::OkStatus();
-  return InvalidField(
-      "MASK_SIZE", field,
-      absl::StrCat("the mask is ", info.width, "x", info.height, " px, its photo upright ",
-                   photo.width, "x", photo.height, "; make masks of the photo's size"));
-}
-
 }  // namespace
 
 absl::StatusOr<MaskPaths> FindMasks(const std::string& dir, absl::Span<const std::string> photos) {
-  std::error_code error;
-  std::filesystem::directory_iterator it(dir, error), end;
-  if (error) {
-    return FieldError(absl::StatusCode::kNotFound, "NO_SUCH_FOLDER", "masks",
-                      absl::StrCat("cannot list the folder '", dir, "': ", error.message(),
-                                   "; give a folder of masks or none"));
-  }
-  std::vector<std::string> names;
-  for (; it != end; it.increment(error)) {
-    std::error_code ignored;
-    const std::string name = it->path().filename().string();
-    if (IsMaskName(name) && it->is_regular_file(ignored)) names.push_back(name);
-  }
-  if (error) {
-    return FieldError(absl::StatusCode::kInternal, "IO_ERROR", "masks",
-                      absl::StrCat("cannot list the folder '", dir, "': ", error.message()));
-  }
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names,
+                          ListFiles(dir, "masks", IsMaskName));
   if (names.empty()) {
     return InvalidField(
         "NO_MASKS", "masks",
         absl::StrCat("the folder '", dir, "' holds no .png file; name masks <photo's name>.png"));
   }
-  std::sort(names.begin(), names.end());
   LITAGS_ASSIGN_OR_RETURN(const auto mask_of, MatchMasks(photos, names));
   MaskPaths paths;
   for (const auto& [photo, mask] : mask_of) paths[photo] = absl::StrCat(dir, "/", mask);
@@ -96,7 +70,8 @@ absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
                           ReadFile(mask_path, mask_field, ImageLimits().max_bytes));
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, mask_field));
-  LITAGS_RETURN_IF_ERROR(CheckSize(info, photo.image, mask_field));
+  LITAGS_RETURN_IF_ERROR(CheckMaskSize(BaseName(mask_path), info.width, info.height,
+                                       photo.image.width, photo.image.height));
   LITAGS_ASSIGN_OR_RETURN(photo.mask, DecodeMask(bytes, mask_field));
   FillMasked(photo.mask, &photo.image);
   return photo;

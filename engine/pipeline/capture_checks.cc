@@ -20,14 +20,10 @@ constexpr double kMaxCoordinate = 1e15;    // scene units; squares of sizes must
 
 // Mean linear light of what counts, of 1 for white.
 double MeanLight(const ImageU8& photo, const PlaneU8& mask) {
-  std::array<size_t, 256> counts = {};
-  const size_t pixels = photo.data.size() / 3;
-  ForCounted(mask, pixels, [&](size_t i) {
-    for (int c = 0; c < 3; ++c) ++counts[photo.data[3 * i + c]];
-  });
+  const std::array<int64_t, 256> counts = CountCodes(photo, mask);
   double sum = 0;
   for (int code = 0; code < 256; ++code) sum += counts[code] * LinearFromSrgb(code / 255.0);
-  return sum / (3 * CountedPixels(mask, pixels));
+  return sum / (3 * CountedPixels(mask, photo.data.size() / 3));
 }
 
 }  // namespace

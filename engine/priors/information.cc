@@ -36,7 +36,7 @@ void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask,
   };
   for (int y = 1; y + 1 < photo.height; ++y) {
     for (int x = 1; x + 1 < photo.width; ++x) {
-      if (!mask.empty() && mask.data[size_t(y) * mask.width + x] == 0) continue;
+      if (!Counts(mask, x, y)) continue;
       for (int c = 0; c < 3; ++c) {
         const int value = at(x, y, c);
         const int around = at(x - 1, y, c) + at(x + 1, y, c) + at(x, y - 1, c) + at(x, y + 1, c);

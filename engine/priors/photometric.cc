@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "engine/core/color.h"
@@ -45,7 +46,7 @@ std::optional<double> LogLight(const ImageU8& photo, const PlaneU8& mask, double
   double light = 0;
   for (int v = py - kRadius; v <= py + kRadius; ++v) {
     for (int u = px - kRadius; u <= px + kRadius; ++u) {
-      if (!mask.empty() && mask.data[size_t(v) * mask.width + u] == 0) return std::nullopt;
+      if (!Counts(mask, u, v)) return std::nullopt;
       const uint8_t* pixel = photo.pixel(u, v);
       for (int c = 0; c < 3; ++c) {
         codes[c] += pixel[c];
@@ -61,12 +62,9 @@ std::optional<double> LogLight(const ImageU8& photo, const PlaneU8& mask, double
 
 // Log of the median linear light of a whole photo.
 double LogMedianLight(const ImageU8& photo, const PlaneU8& mask) {
-  std::array<size_t, 256> counts = {};
-  const size_t pixels = photo.data.size() / 3, samples = 3 * CountedPixels(mask, pixels);
-  ForCounted(mask, pixels, [&](size_t i) {
-    for (int c = 0; c < 3; ++c) ++counts[photo.data[3 * i + c]];
-  });
-  size_t sum = 0;
+  const std::array<int64_t, 256> counts = CountCodes(photo, mask);
+  const int64_t samples = std::accumulate(counts.begin(), counts.end(), int64_t{0});
+  int64_t sum = 0;
   int code = 0;
   while (code < 255 && 2 * (sum += counts[code]) < samples) ++code;
   return std::log(LinearLut()[std::max(code, 1)]);

@@ -207,14 +207,13 @@ double EstimateNoise(const ImageU8& photo, const PlaneU8& mask) {
     const uint8_t* p = photo.pixel(x, y);
     return (m[0] * p[0] + m[1] * p[1] + m[2] * p[2]) * (1.0f / 255.0f);
   };
-  const auto counts = [&](int x, int y) {
-    return mask.empty() || mask.data[size_t(y) * mask.width + x] != 0;
-  };
   std::vector<float> means, details;
   for (int y = 0; y + 1 < photo.height; y += 2) {
     for (int x = 0; x + 1 < photo.width; x += 2) {
-      if (!counts(x, y) || !counts(x + 1, y) || !counts(x, y + 1) || !counts(x + 1, y + 1))
+      if (!Counts(mask, x, y) || !Counts(mask, x + 1, y) || !Counts(mask, x, y + 1) ||
+          !Counts(mask, x + 1, y + 1)) {
         continue;
+      }
       const float a = intensity(x, y), b = intensity(x + 1, y);
       const float c = intensity(x, y + 1), d = intensity(x + 1, y + 1);
       means.push_back((a + b + c + d) / 4);

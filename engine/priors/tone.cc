@@ -23,12 +23,9 @@ constexpr int kClippedCode = 255;
 using Histogram = std::array<double, 256>;  // fraction of all samples that count
 using Lut = std::array<uint8_t, 256>;
 
-Histogram CountCodes(const ImageU8& photo, const PlaneU8& mask) {
-  std::array<int64_t, 256> counts = {};
-  const size_t pixels = photo.data.size() / 3, samples = 3 * CountedPixels(mask, pixels);
-  ForCounted(mask, pixels, [&](size_t i) {
-    for (int c = 0; c < 3; ++c) ++counts[photo.data[3 * i + c]];
-  });
+Histogram SharesOfCodes(const ImageU8& photo, const PlaneU8& mask) {
+  const std::array<int64_t, 256> counts = CountCodes(photo, mask);
+  const size_t samples = 3 * CountedPixels(mask, photo.data.size() / 3);
   Histogram histogram;
   for (int code = 0; code < 256; ++code) histogram[code] = double(counts[code]) / samples;
   return histogram;
@@ -88,13 +85,13 @@ ImageU8 Apply(const ImageU8& photo, const Curve& curve) {
 
 ToneTarget PaperTarget(const ImageU8& photo, const PlaneU8& mask, double theta) {
   ToneTarget target;
-  target.gain = theta / Mean(CountCodes(photo, mask), CodeGain(1));
+  target.gain = theta / Mean(SharesOfCodes(photo, mask), CodeGain(1));
   target.image = Apply(photo, CodeGain(target.gain));
   return target;
 }
 
 ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta, double max_gain) {
-  const Histogram histogram = CountCodes(photo, mask);
+  const Histogram histogram = SharesOfCodes(photo, mask);
   ToneTarget target;
   target.gain = SolveLinearGain(histogram, theta, max_gain);
   target.reached = std::abs(Mean(histogram, LinearGain(target.gain)) - theta) < 1e-6;
@@ -156,7 +153,7 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
   std::vector<std::pair<double, double>> samples;
   double total = 0, clipped = 0;
   for (size_t i = 0; i < photos.size(); ++i) {
-    const Histogram histogram = CountCodes(photos[i], MaskOf(masks, i));
+    const Histogram histogram = SharesOfCodes(photos[i], MaskOf(masks, i));
     for (int code = 0; code < kClippedCode; ++code) {
       if (histogram[code] > 0)
         samples.emplace_back(LinearFromSrgb(code / 255.0) / exposures[i], histogram[code]);

@@ -56,7 +56,7 @@ std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int>
     const int y = static_cast<int>(std::floor(camera.fy * p[1] / p[2] + camera.cy));
     if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
     const PlaneU8& mask = views[v].mask;
-    if (!mask.empty() && mask.data[size_t(y) * mask.width + x] == 0) continue;
+    if (!Counts(mask, x, y)) continue;
     const uint8_t* pixel = views[v].target.pixel(x, y);
     for (int c = 0; c < 3; ++c) sum[c] += pixel[c] / 255.0;
     ++seen;

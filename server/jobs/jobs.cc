@@ -64,12 +64,8 @@ absl::Status CheckMasks(const std::vector<FileRecord>& files) {
   for (const auto& [photo_name, mask_name] : mask_of) {
     const FileRecord& photo = *records[{FileRole::kPhoto, photo_name}];
     const FileRecord& mask = *records[{FileRole::kMask, mask_name}];
-    if (mask.width == photo.width && mask.height == photo.height) continue;
-    const std::string field = absl::StrCat("masks[", mask_name, "]");
-    return InvalidInput("MASK_SIZE", field,
-                        absl::StrCat(field, ": the mask is ", mask.width, "x", mask.height,
-                                     " px, its photo ", photo_name, " upright ", photo.width, "x",
-                                     photo.height, "; make masks of the photo's size"));
+    LITAGS_RETURN_IF_ERROR(
+        CheckMaskSize(mask_name, mask.width, mask.height, photo.width, photo.height));
   }
   return absl::OkStatus();
 }

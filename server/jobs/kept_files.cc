@@ -4,7 +4,6 @@
 
 #include <cerrno>
 #include <filesystem>
-#include <fstream>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -16,7 +15,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kReadBytes = size_t{1} << 20;
 // See engine/pipeline/README.md: what finding cameras works with, and the end of a file's name
 // while it is written.
 constexpr char kWorkspace[] = "sfm";
@@ -47,22 +45,6 @@ absl::Status Stage(const std::string& path, const std::string& staging) {
   return error ? FileError("copy", path, error.value()) : absl::OkStatus();
 }
 
-// Digest and size of a file.
-absl::StatusOr<KeptFile> Measure(const std::string& path) {
-  KeptFile file;
-  Sha256 sha;
-  std::string chunk(kReadBytes, '\0');
-  std::ifstream in(path, std::ios::binary);
-  while (in) {
-    in.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
-    sha.Update({chunk.data(), static_cast<size_t>(in.gcount())});
-    file.bytes += in.gcount();
-  }
-  if (!in.eof()) return FileError("read", path, EIO);
-  file.blob = sha.HexDigest();
-  return file;
-}
-
 }  // namespace
 
 std::string BlobKey(std::string_view job_id, std::string_view blob) {
@@ -84,9 +66,9 @@ absl::StatusOr<KeptFile> StoreFile(BlobStore* blobs, std::string_view job_id, in
                                    const KeptFile& known) {
   LITAGS_RETURN_IF_ERROR(Stage(path, staging));
   const auto store = [&]() -> absl::StatusOr<KeptFile> {
-    LITAGS_ASSIGN_OR_RETURN(KeptFile file, Measure(staging));
-    if (known.blob.ends_with(absl::StrCat("/", file.blob))) return known;
-    file.blob = LeaseBlob(lease, file.blob);
+    LITAGS_ASSIGN_OR_RETURN(const FileDigest read, DigestOfFile(staging));
+    if (known.blob.ends_with(absl::StrCat("/", read.sha256))) return known;
+    KeptFile file{LeaseBlob(lease, read.sha256), read.bytes};
     LITAGS_RETURN_IF_ERROR(blobs->PutFile(BlobKey(job_id, file.blob), staging));
     return file;
   };

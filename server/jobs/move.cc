@@ -2,7 +2,6 @@
 
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <set>
 #include <vector>
 
@@ -20,11 +19,6 @@ using SteadyClock = std::chrono::steady_clock;
 
 constexpr int kJobsPerPage = 200;
 constexpr std::chrono::seconds kNoteEvery{1};
-
-// As the last part of a key: see BlobStore.
-bool IsDigest(const std::string& name) {
-  return name.size() == 64 && name.find_first_not_of("0123456789abcdef") == std::string::npos;
-}
 
 absl::Status CheckUnused(JobStore* store, const char* which) {
   LITAGS_ASSIGN_OR_RETURN(const Workforce workers, WorkersThere(store));
@@ -72,22 +66,6 @@ absl::Status AddKeys(BlobStore* blobs, const std::string& folder, std::set<std::
   return absl::OkStatus();
 }
 
-// The SHA-256 of a file.
-absl::StatusOr<std::string> DigestOf(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  Sha256 sha;
-  std::vector<char> buffer(1 << 20);
-  while (file) {
-    file.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-    sha.Update({buffer.data(), static_cast<size_t>(file.gcount())});
-  }
-  if (!file.eof()) {
-    return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
-                     absl::StrCat("cannot read ", path));
-  }
-  return sha.HexDigest();
-}
-
 class Mover {
  public:
   Mover(BlobStore* from, BlobStore* to, const DataDir& data,
@@ -130,13 +108,13 @@ class Mover {
     std::error_code error;
     fs::remove(staging_, error);
     LITAGS_RETURN_IF_ERROR(blobs->Fetch(key, staging_));
-    LITAGS_ASSIGN_OR_RETURN(const std::string digest, DigestOf(staging_));
-    if (digest != key.substr(key.rfind('/') + 1)) {
+    LITAGS_ASSIGN_OR_RETURN(const FileDigest found, DigestOfFile(staging_));
+    if (found.sha256 != key.substr(key.rfind('/') + 1)) {
       return MakeError(absl::StatusCode::kDataLoss, "BLOB_DAMAGED", which,
-                       absl::StrCat("the blob ", key, " of the ", which, " has the digest ", digest,
-                                    "; put it back from a backup"));
+                       absl::StrCat("the blob ", key, " of the ", which, " has the digest ",
+                                    found.sha256, "; put it back from a backup"));
     }
-    return static_cast<int64_t>(fs::file_size(staging_, error));
+    return found.bytes;
   }
 
   void Note() {

@@ -112,15 +112,14 @@ absl::Status Uploads::CheckRoom(std::string_view id, const std::vector<FileRecor
 }
 
 // Whether the owner of the job may have this file, too.
-absl::Status Uploads::CheckQuota(std::string_view id, const FileRecord& file) const {
+absl::Status Uploads::CheckQuota(const JobRecord& job, const FileRecord& file) const {
   if (max_owner_bytes_ == 0) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
   LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
   int64_t bytes = usage.bytes + file.size_bytes;
   for (const std::string& other_id : area_->partials.Jobs()) {
     const auto other = store_->Get(other_id);
     if (!other.ok() || other->owner != job.owner) continue;
-    bytes += area_->partials.UsageOf(other_id, other_id == id ? PartialKey(file) : "").bytes;
+    bytes += area_->partials.UsageOf(other_id, other_id == job.id ? PartialKey(file) : "").bytes;
   }
   return CheckByteQuota(bytes, max_owner_bytes_);
 }
@@ -131,10 +130,12 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
   const std::string key = PartialKey(file);
   const auto announced = [&]() -> absl::StatusOr<std::shared_ptr<PartialSlot>> {
-    const std::lock_guard lock(area_->announce_mutex);
+    LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+    auto& mutexes = area_->announce_mutexes;
+    const std::lock_guard lock(mutexes[std::hash<std::string>()(job.owner) % mutexes.size()]);
     // What is there of the file itself counts with it.
     LITAGS_RETURN_IF_ERROR(CheckRoom(id, files, file, partials().UsageOf(id, key)));
-    LITAGS_RETURN_IF_ERROR(CheckQuota(id, file));
+    LITAGS_RETURN_IF_ERROR(CheckQuota(job, file));
     return partials().Announce(id, key, file.size_bytes);
   }();
   LITAGS_RETURN_IF_ERROR(announced.status());

@@ -48,8 +48,9 @@ struct UploadArea {
   // Files of one job are added one at a time: bytes are stored before the row that names them, and
   // removed again if the row is refused. By a hash of the job's id.
   std::array<std::mutex, 16> add_mutexes;
-  // Files are announced one at a time, so that no two take the same room.
-  std::mutex announce_mutex;
+  // Files of one owner are announced one at a time, so that no two take the same room. By a hash
+  // of the owner.
+  std::array<std::mutex, 16> announce_mutexes;
 };
 
 // Thread-safe. Errors: those of JobStore, BlobStore, PartialFiles and NextState(), and what each
@@ -101,7 +102,7 @@ class Uploads {
  private:
   absl::Status CheckRoom(std::string_view id, const std::vector<FileRecord>& files,
                          const FileRecord& file, const PartialFiles::Usage& coming) const;
-  absl::Status CheckQuota(std::string_view id, const FileRecord& file) const;
+  absl::Status CheckQuota(const JobRecord& job, const FileRecord& file) const;
   absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
   absl::Status PutRow(std::string_view id, const FileRecord& file);
   absl::Status RemoveUnused(std::string_view id, std::string_view sha256);

@@ -3,8 +3,12 @@
 #include <openssl/evp.h>
 #include <openssl/rand.h>
 
+#include <cerrno>
+#include <fstream>
+
 #include "absl/strings/escaping.h"
 #include "engine/core/check.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 
@@ -23,6 +27,25 @@ Sha256::~Sha256() = default;
 
 void Sha256::Update(std::string_view bytes) {
   LITAGS_CHECK(EVP_DigestUpdate(context_->evp, bytes.data(), bytes.size()) == 1);
+}
+
+absl::StatusOr<FileDigest> DigestOfFile(const std::string& path) {
+  FileDigest file;
+  Sha256 sha;
+  std::string chunk(size_t{1} << 20, '\0');
+  std::ifstream in(path, std::ios::binary);
+  while (in) {
+    in.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
+    sha.Update({chunk.data(), static_cast<size_t>(in.gcount())});
+    file.bytes += in.gcount();
+  }
+  if (!in.eof()) return FileError("read", path, EIO);
+  file.sha256 = sha.HexDigest();
+  return file;
+}
+
+bool IsDigest(std::string_view text) {
+  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
 }
 
 std::string Sha256::HexDigest() {

@@ -1,9 +1,12 @@
 #ifndef LITAGS_SERVER_STORE_DIGEST_H_
 #define LITAGS_SERVER_STORE_DIGEST_H_
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
+
+#include "absl/status/statusor.h"
 
 namespace litags {
 
@@ -27,6 +30,16 @@ class Sha256 {
 
 // Bytes as lower-case hex digits.
 std::string ToHex(std::string_view bytes);
+
+struct FileDigest {
+  std::string sha256;  // 64 hex digits
+  int64_t bytes = 0;
+};
+// Reads the whole file. Errors of FileError().
+absl::StatusOr<FileDigest> DigestOfFile(const std::string& path);
+
+// Whether it looks like a SHA-256 in hex, as blobs' names and the ends of their keys do.
+bool IsDigest(std::string_view text);
 
 // 2 n hex digits from the system's random source.
 std::string RandomHex(int n);

@@ -20,14 +20,10 @@
 namespace litags {
 namespace {
 
-constexpr size_t kDigestLength = 64;
-
 // Blobs whose key ends in a SHA-256 are checked against it.
 std::string DigestIn(std::string_view key) {
   const std::string_view name = key.substr(key.rfind('/') + 1);
-  const bool is_digest = name.size() == kDigestLength &&
-                         name.find_first_not_of("0123456789abcdef") == std::string_view::npos;
-  return is_digest ? std::string(name) : "";
+  return IsDigest(name) ? std::string(name) : "";
 }
 
 // "2026-11-21T15:32:21.000Z" as seconds since 1970; 0 if it is no time.

@@ -7,9 +7,6 @@
 namespace litags {
 namespace {
 
-using SteadyClock = std::chrono::steady_clock;
-
-constexpr std::chrono::milliseconds kStep{50};
 // Said again in time although one try fails.
 constexpr std::chrono::milliseconds kEvery{kWorkerSilenceMs / 3};
 constexpr std::chrono::milliseconds kAfterFailure{1000};
@@ -17,19 +14,22 @@ constexpr std::chrono::milliseconds kAfterFailure{1000};
 }  // namespace
 
 WorkerPresence::WorkerPresence(JobStore* store, std::string name, const Resources& has)
-    : store_(store), name_(std::move(name)), resources_(Encode(has)), thread_([this] { Loop(); }) {}
+    : store_(store),
+      name_(std::move(name)),
+      resources_(Encode(has)),
+      thread_([this](std::stop_token stop) { Loop(stop); }) {}
 
 WorkerPresence::~WorkerPresence() {
-  stop_.Cancel();
+  thread_.request_stop();
   thread_.join();
   store_->RemoveWorker(name_).IgnoreError();  // else it is forgotten a little later
 }
 
-void WorkerPresence::Loop() {
-  while (!stop_.IsCancelled()) {
+void WorkerPresence::Loop(std::stop_token stop) {
+  while (!stop.stop_requested()) {
     const absl::Status status = store_->PutWorker({name_, store_->NowMs(), resources_});
-    const auto until = SteadyClock::now() + (status.ok() ? kEvery : kAfterFailure);
-    while (!stop_.IsCancelled() && SteadyClock::now() < until) std::this_thread::sleep_for(kStep);
+    std::unique_lock lock(mutex_);
+    wake_.wait_for(lock, stop, status.ok() ? kEvery : kAfterFailure, [] { return false; });
   }
 }
 

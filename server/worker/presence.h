@@ -1,10 +1,12 @@
 #ifndef LITAGS_SERVER_WORKER_PRESENCE_H_
 #define LITAGS_SERVER_WORKER_PRESENCE_H_
 
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
 #include <string>
 #include <thread>
 
-#include "engine/core/cancel.h"
 #include "server/jobs/placement.h"
 #include "server/store/job_store.h"
 
@@ -19,12 +21,13 @@ class WorkerPresence {
   ~WorkerPresence();
 
  private:
-  void Loop();
+  void Loop(std::stop_token stop);
 
   JobStore* const store_;
   const std::string name_, resources_;
-  CancelToken stop_;
-  std::thread thread_;
+  std::mutex mutex_;
+  std::condition_variable_any wake_;
+  std::jthread thread_;
 };
 
 }  // namespace litags
