@@ -21,12 +21,6 @@ constexpr size_t kMaxNameLength = 64;
 constexpr size_t kDigestLength = 64;
 constexpr std::string_view kDigestMark = ":sha256:";
 
-bool IsDigest(std::string_view text) {
-  return text.size() == kDigestLength && std::all_of(text.begin(), text.end(), [](char c) {
-           return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
-         });
-}
-
 std::string_view Trimmed(std::string_view text) {
   while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front()))) {
     text.remove_prefix(1);
