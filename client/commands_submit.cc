@@ -26,8 +26,8 @@ struct SubmitArgs {
   std::optional<v1::Tone> tone;
   std::optional<v1::DepthSource> depth_source;
   std::optional<v1::DensityStatistic> density_statistic;
-  std::optional<double> theta, contrast, min_registered, exposure_ssim, coarse_until, settle_epochs,
-      depth_weight;
+  std::optional<double> theta, contrast, chroma_smoothing, min_registered, exposure_ssim,
+      coarse_until, settle_epochs, depth_weight;
   std::optional<int> iterations, schedule_iterations, threads, sh_degree, max_image_side,
       holdout_every;
   std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
@@ -62,6 +62,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.tone) options.set_tone(*args.tone);
   if (args.theta) options.set_theta(*args.theta);
   if (args.contrast) options.set_contrast(*args.contrast);
+  if (args.chroma_smoothing) options.set_chroma_smoothing(*args.chroma_smoothing);
   if (args.iterations) options.set_iterations(*args.iterations);
   if (args.schedule_iterations) options.set_schedule_iterations(*args.schedule_iterations);
   if (args.seed) options.set_seed(*args.seed);
@@ -241,6 +242,10 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_option("--theta", args->theta, "Mean level of the target, (0, 1); 0: the tone's own")
       ->group(group);
   command->add_option("--contrast", args->contrast, "That --tone capture adds, [0, 1]")
+      ->group(group);
+  command
+      ->add_option("--chroma-smoothing", args->chroma_smoothing,
+                   "Of colours of dark photos, deviations of the noise; 0: none")
       ->group(group);
   command->add_option("--iterations", args->iterations, "Training iterations")->group(group);
   command

@@ -35,6 +35,7 @@ ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
   ToneOptions tone;
   tone.theta = options.theta;
   tone.contrast = options.contrast;
+  tone.chroma_smoothing = options.chroma_smoothing;
   switch (options.tone) {
     case Tone::kPaper:
       tone.rule = ToneRule::kPaperGain;
@@ -304,6 +305,7 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
                    double(o.tone),
                    o.theta,
                    o.contrast,
+                   o.chroma_smoothing,
                    o.exposure_ssim,
                    double(o.ScheduleIterations()),
                    double(o.max_gaussians),

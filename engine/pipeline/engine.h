@@ -55,8 +55,10 @@ enum class DensityStatistic {
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kCapture;
-  double theta = 0;            // target mean of sRGB codes, (0, 1); 0: 0.49 (paper), kCapture: 0.5
-  double contrast = 0.15;      // of kCapture, [0, 1]; 0: none
+  double theta = 0;        // target mean of sRGB codes, (0, 1); 0: 0.49 (paper), kCapture: 0.5
+  double contrast = 0.15;  // of kCapture, [0, 1]; 0: none
+  // Of kCapture, [0, 100]: how far colours of neighbours are averaged, in deviations of the noise.
+  double chroma_smoothing = 2;
   double exposure_ssim = 0.2;  // share of 1 - SSIM beside L1 in L_exp, [0, 1]; paper: 0
   int iterations = 15000;      // one photo each; paper
   // Iterations that learning rates, the coarse part and density control are laid out for; those
@@ -140,7 +142,7 @@ struct ReconstructInput {
   // <photo name>.png or <photo stem>.png, 8 bits, of the photo's upright size: 0 where a pixel is
   // not of the scene and must not be learnt. Photos may lack one. Empty: none given.
   std::string masks_dir;
-  std::string work_dir;      // exists; SfM workspace, checkpoint, snapshots and results go here
+  std::string work_dir;  // exists; SfM workspace, checkpoint, snapshots and results go here
 
   DepthNetwork depth_network;
   double colmap_step_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit

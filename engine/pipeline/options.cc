@@ -53,6 +53,9 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
 absl::Status ReconstructOptions::Validate() const {
   if (!(theta >= 0 && theta < 1)) return Bad("theta", theta, "is not in [0, 1) (0: automatic)");
   if (!(contrast >= 0 && contrast <= 1)) return Bad("contrast", contrast, "is not in [0, 1]");
+  if (!(chroma_smoothing >= 0 && chroma_smoothing <= 100)) {
+    return Bad("chroma_smoothing", chroma_smoothing, "is not in [0, 100]");
+  }
   if (!(exposure_ssim >= 0 && exposure_ssim <= 1))
     return Bad("exposure_ssim", exposure_ssim, "is not in [0, 1]");
   if (iterations < 1 || iterations > 1'000'000)

@@ -33,6 +33,8 @@ TEST(ReconstructOptions, BadFieldsAreNamed) {
       {"theta", [](O* o) { o->theta = kNan; }},
       {"contrast", [](O* o) { o->contrast = -0.1; }},
       {"contrast", [](O* o) { o->contrast = 1.1; }},
+      {"chroma_smoothing", [](O* o) { o->chroma_smoothing = -1; }},
+      {"chroma_smoothing", [](O* o) { o->chroma_smoothing = kNan; }},
       {"exposure_ssim", [](O* o) { o->exposure_ssim = -0.1; }},
       {"exposure_ssim", [](O* o) { o->exposure_ssim = 1.1; }},
       {"exposure_ssim", [](O* o) { o->exposure_ssim = kNan; }},

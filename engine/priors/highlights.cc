@@ -1,12 +1,9 @@
 #include "engine/priors/highlights.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
-#include <vector>
 
-#include "engine/core/color.h"
+#include "engine/priors/float_image.h"
 
 namespace litags {
 namespace {
@@ -18,21 +15,12 @@ constexpr double kCodeSigma = 0.0015;   // of the photo's width: codes are smoot
 constexpr double kSurroundings = 0.04;  // of the width: sigma of "around here"
 constexpr double kLeast = 1e-3;  // weight of a clipped channel, and of the photo's mean colour
 
-using Image = cv::Mat_<cv::Vec3f>;
-using Plane = cv::Mat_<float>;
-
-cv::Mat Blur(const cv::Mat& image, double sigma) {
-  cv::Mat out;
-  cv::GaussianBlur(image, out, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
-  return out;
-}
-
 // Per channel: 0 measured, 1 clipped.
-Image Clippedness(const ImageU8& photo) {
+FloatImage Clippedness(const ImageU8& photo) {
   const cv::Mat codes(photo.height, photo.width, CV_8UC3, const_cast<uint8_t*>(photo.data.data()));
-  Image scaled;
+  FloatImage scaled;
   codes.convertTo(scaled, CV_32FC3, 1.0 / 255);
-  Image t = Blur(scaled, std::max(0.5, kCodeSigma * photo.width));
+  FloatImage t = Blur(scaled, std::max(0.5, kCodeSigma * photo.width));
   for (cv::Vec3f& pixel : t) {
     for (int c = 0; c < 3; ++c) {
       const float x = std::clamp((pixel[c] - float(kKnee)) / float(kTop - kKnee), 0.0f, 1.0f);
@@ -42,22 +30,12 @@ Image Clippedness(const ImageU8& photo) {
   return t;
 }
 
-Image Linear(const ImageU8& photo) {
-  std::array<float, 256> lut;
-  for (int code = 0; code < 256; ++code) lut[code] = LinearFromSrgb(code / 255.0);
-  Image linear(photo.height, photo.width);
-  for (int i = 0; i < photo.height * photo.width; ++i) {
-    for (int c = 0; c < 3; ++c) linear(i)[c] = lut[photo.data[3 * i + c]];
-  }
-  return linear;
-}
-
 float Sum(const cv::Vec3f& v) { return v[0] + v[1] + v[2]; }
 
 // Colour of the unclipped surroundings, channels with a mean of 1. Brighter pixels count more:
 // they are the likelier relatives of the clipped ones.
-Image SurroundingColor(const Image& linear, const Image& clipped) {
-  Image weighted(linear.size());
+FloatImage SurroundingColor(const FloatImage& linear, const FloatImage& clipped) {
+  FloatImage weighted(linear.size());
   cv::Vec3d sum(0, 0, 0);
   for (int i = 0; i < linear.rows * linear.cols; ++i) {
     const cv::Vec3f &y = linear(i), &t = clipped(i);
@@ -66,7 +44,7 @@ Image SurroundingColor(const Image& linear, const Image& clipped) {
     sum += cv::Vec3d(weighted(i));
   }
   const cv::Vec3f everywhere = sum * (kLeast / (linear.rows * linear.cols));
-  Image color = Blur(weighted, kSurroundings * linear.cols);
+  FloatImage color = Blur(weighted, kSurroundings * linear.cols);
   for (cv::Vec3f& k : color) {
     k += everywhere;
     const float mean = Sum(k) / 3;
@@ -79,13 +57,13 @@ Image SurroundingColor(const Image& linear, const Image& clipped) {
 
 ImageU8 FillHighlights(const ImageU8& photo, double gain,
                        const std::function<double(double linear)>& curve) {
-  const Image clipped = Clippedness(photo), linear = Linear(photo);
-  const Image color = SurroundingColor(linear, clipped);
-  Plane all(photo.height, photo.width);
+  const FloatImage clipped = Clippedness(photo), linear = LinearImage(photo);
+  const FloatImage color = SurroundingColor(linear, clipped);
+  FloatPlane all(photo.height, photo.width);
   for (int i = 0; i < photo.height * photo.width; ++i) {
     all(i) = clipped(i)[0] * clipped(i)[1] * clipped(i)[2];
   }
-  const Plane depth = Blur(all, kSurroundings * photo.width);  // into the clipped area, [0, 1]
+  const FloatPlane depth = Blur(all, kSurroundings * photo.width);  // into the clipped area, [0, 1]
   const double lift = kHighlightFill * (1 - curve(1));
   ImageU8 out(photo.width, photo.height);
   for (int i = 0; i < photo.height * photo.width; ++i) {

@@ -11,6 +11,7 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/priors/chroma.h"
 #include "engine/priors/highlights.h"
 
 namespace litags {
@@ -99,7 +100,8 @@ ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta,
   return target;
 }
 
-ToneTarget CaptureTarget(const ImageU8& photo, double gain, const ToneOptions& options) {
+ToneTarget CaptureTarget(const ImageU8& photo, const PlaneU8& mask, double gain,
+                         const ToneOptions& options) {
   const auto curve = [&](double linear) {
     return AddContrast(SrgbFromLinear(std::clamp(gain * linear, 0.0, 1.0)), options.contrast);
   };
@@ -111,7 +113,7 @@ ToneTarget CaptureTarget(const ImageU8& photo, double gain, const ToneOptions& o
       std::find(photo.data.begin(), photo.data.end(), kClippedCode) != photo.data.end();
   target.image = gain < 1 && clipped
                      ? FillHighlights(photo, gain, curve)
-                     : Apply(photo, [&](double code) { return curve(LinearFromSrgb(code)); });
+                     : SmoothChroma(photo, gain, options.chroma_smoothing, curve, mask);
   return target;
 }
 
@@ -143,6 +145,11 @@ absl::Status ToneOptions::Validate() const {
   if (!(contrast >= 0 && contrast <= 1)) {
     return InvalidInput("BAD_OPTION", "tone.contrast",
                         absl::StrCat("tone: contrast = ", contrast, ", must be in [0, 1]"));
+  }
+  if (!(chroma_smoothing >= 0 && chroma_smoothing <= 100)) {
+    return InvalidInput(
+        "BAD_OPTION", "tone.chroma_smoothing",
+        absl::StrCat("tone: chroma_smoothing = ", chroma_smoothing, ", must be in [0, 100]"));
   }
   return absl::OkStatus();
 }
@@ -199,7 +206,7 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> ph
         targets[i] = LinearTarget(photos[i], MaskOf(masks, i), theta, options.max_gain);
         break;
       case ToneRule::kCaptureGain:
-        targets[i] = CaptureTarget(photos[i], gain / exposures[i], options);
+        targets[i] = CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], options);
         break;
       case ToneRule::kNone:
         targets[i].image = photos[i];

@@ -16,7 +16,7 @@ enum class ToneRule {
   kPaperGain,    // clip(theta / mean(I) * I, 0, 1) on sRGB codes, photo by photo: the paper
   kLinearGain,   // a gain in linear light, clipped at white, to a mean code of theta, by photo
   kCaptureGain,  // one gain in linear light for the capture, see CaptureGain(); clipped areas are
-                 // filled in (highlights.h), then a curve of mild contrast
+                 // filled in (highlights.h), colour noise is averaged (chroma.h), mild contrast
   kNone,         // the photo as it is
 };
 
@@ -29,6 +29,9 @@ struct ToneOptions {
   // Of kCaptureGain, [0, 1]: code c becomes c + contrast * c (1 - c) (2 c - 1). Cameras' picture
   // styles add contrast, so an exact inverse of the sRGB curve looks flat. Choice, measured
   double contrast = 0.15;
+  // Of kCaptureGain, [0, 100]: colours of dark photos are averaged over neighbours that are alike
+  // up to this many deviations of the noise (chroma.h); 0: never. Choice, measured
+  double chroma_smoothing = 2;
 
   absl::Status Validate() const;
 };

@@ -130,6 +130,7 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
   if (proto.has_settle_epochs()) options.settle_epochs = proto.settle_epochs();
   if (proto.has_information_weights()) options.information_weights = proto.information_weights();
   if (proto.has_contrast()) options.contrast = proto.contrast();
+  if (proto.has_chroma_smoothing()) options.chroma_smoothing = proto.chroma_smoothing();
   if (proto.has_schedule_iterations()) options.schedule_iterations = proto.schedule_iterations();
 
   const absl::Status valid = options.Validate();
@@ -181,6 +182,7 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_depth_weight(options.depth_weight);
   proto.set_depth_geometry(options.depth_geometry);
   proto.set_contrast(options.contrast);
+  proto.set_chroma_smoothing(options.chroma_smoothing);
   proto.set_settle_epochs(options.settle_epochs);
   proto.set_information_weights(options.information_weights);
   proto.set_schedule_iterations(options.schedule_iterations);

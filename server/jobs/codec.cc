@@ -19,6 +19,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("tone", r.tone);
   visit("theta", r.theta);
   visit("contrast", r.contrast);
+  visit("chroma_smoothing", r.chroma_smoothing);
   visit("iterations", r.iterations);
   visit("seed", r.seed);
   visit("threads", r.threads);

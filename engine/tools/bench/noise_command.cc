@@ -84,8 +84,9 @@ absl::Status MeasureNoise(const NoiseArguments& args) {
         absl::StatusCode::kNotFound, "NO_PICTURES", "pictures",
         absl::StrCat(args.pictures, " has no picture named as a test view of ", args.scene.dir));
   }
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> targets,
-                          MakePseudoTargets(photos, ReconstructOptions()));
+  ReconstructOptions as_taken;  // brightened, with all of their noise
+  as_taken.chroma_smoothing = 0;
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> targets, MakePseudoTargets(photos, as_taken));
   LITAGS_ASSIGN_OR_RETURN(const Quality photo, Measure(targets, truths, args.flat));
   LITAGS_ASSIGN_OR_RETURN(const Quality render, Measure(renders, truths, args.flat));
   Print("photos", photo);

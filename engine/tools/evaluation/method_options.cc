@@ -21,12 +21,17 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
       ->capture_default_str();
   app->add_option("--contrast", options->contrast, "of --tone capture; 0: none")
       ->capture_default_str();
+  app->add_option("--chroma-smoothing", options->chroma_smoothing,
+                  "of --tone capture: colours are averaged over neighbours alike up to this many "
+                  "deviations of the noise; 0: never")
+      ->capture_default_str();
   app->add_option("--exposure-ssim", options->exposure_ssim, "share of 1 - SSIM beside L1 in L_exp")
       ->capture_default_str();
   app->add_option("--iterations", options->iterations, "one photo each")->capture_default_str();
-  app->add_option("--schedule-iterations", options->schedule_iterations,
-                  "lay out rates and densities for so many, the rest goes on at the last rates; with "
-                  "the same -o and more --iterations, a finished scene is trained further; 0: all")
+  app->add_option(
+         "--schedule-iterations", options->schedule_iterations,
+         "lay out rates and densities for so many, the rest goes on at the last rates; with "
+         "the same -o and more --iterations, a finished scene is trained further; 0: all")
       ->capture_default_str();
   app->add_option("--coarse-levels", options->coarse_levels,
                   "start on photos of 2^-n of their size; 0: full size throughout")

@@ -1,0 +1,35 @@
+// Photos in linear light as OpenCV matrices; for the sources of this folder only.
+#ifndef LITAGS_ENGINE_PRIORS_FLOAT_IMAGE_H_
+#define LITAGS_ENGINE_PRIORS_FLOAT_IMAGE_H_
+
+#include <array>
+#include <opencv2/imgproc.hpp>
+
+#include "engine/core/color.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+using FloatImage = cv::Mat_<cv::Vec3f>;
+using FloatPlane = cv::Mat_<float>;
+
+inline cv::Mat Blur(const cv::Mat& image, double sigma) {
+  cv::Mat out;
+  cv::GaussianBlur(image, out, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
+  return out;
+}
+
+// Linear light, 1: the photo's white.
+inline FloatImage LinearImage(const ImageU8& photo) {
+  std::array<float, 256> lut;
+  for (int code = 0; code < 256; ++code) lut[code] = LinearFromSrgb(code / 255.0);
+  FloatImage linear(photo.height, photo.width);
+  for (int i = 0; i < photo.height * photo.width; ++i) {
+    for (int c = 0; c < 3; ++c) linear(i)[c] = lut[photo.data[3 * i + c]];
+  }
+  return linear;
+}
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PRIORS_FLOAT_IMAGE_H_
