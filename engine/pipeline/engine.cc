@@ -8,11 +8,13 @@
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <opencv2/core/utility.hpp>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/core/parallel.h"
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -252,6 +254,8 @@ class RealEngine : public Engine {
                                                 ReconstructObserver* observer) override {
     LITAGS_RETURN_IF_ERROR(options.Validate());
     const double start = Now();
+    // OpenCV has a pool of its own, as large as the machine unless it is told.
+    cv::setNumThreads(options.threads > 0 ? options.threads : DefaultThreadCount());
     // Of a run that was killed while it wrote.
     RemoveStaleTempFiles(input.work_dir);
     RemoveStaleTempFiles(input.work_dir + "/cameras");

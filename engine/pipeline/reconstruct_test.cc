@@ -4,7 +4,9 @@
 
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <opencv2/core/utility.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -130,6 +132,23 @@ TEST(Reconstruct, TrainsPlain3dgs) {
   EXPECT_TRUE((*scene)->Render(request).ok());
   request.channel = Channel::kIllumination;
   EXPECT_EQ(Reason((*scene)->Render(request).status()), "CHANNEL_UNAVAILABLE");
+}
+
+TEST(Reconstruct, OneThreadIsOneThread) {
+  const auto threads = [] {
+    const fs::directory_iterator tasks("/proc/self/task");
+    return std::distance(begin(tasks), end(tasks));
+  };
+  const Photographs photos;
+  Recorder recorder;
+  ReconstructOptions options = SmallOptions();
+  options.threads = 1;
+  const auto before = threads();  // a sanitizer has one of its own
+  const auto report =
+      MakeEngine(kNoColmap)->Reconstruct(photos.Input("work"), options, CancelToken(), &recorder);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_EQ(threads(), before);       // pools outlive their loops
+  EXPECT_EQ(cv::getNumThreads(), 1);  // its own starts with larger photos than these
 }
 
 TEST(Reconstruct, LeavesOutABlackPhoto) {
