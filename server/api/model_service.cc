@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/api/grpc_order.h"
 #include "server/api/status.h"
 #include "server/api/unary.h"
 #include "server/api/view_request.h"
@@ -56,6 +57,7 @@ class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
   }
 
   void OnWriteDone(bool ok) override {
+    AfterStart(this);
     if (!ok) return Finish(call_->End(CallCancelled()));
     pool_->Run([this] { SendChunk(); });
   }
@@ -69,6 +71,7 @@ class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
     const absl::Status status = Prepare();
     unlink(path_.c_str());  // what is open stays readable, and nothing is left behind
     if (!status.ok()) return Finish(call_->End(status));
+    BeforeStart(this);
     StartWrite(&message_);
   }
 
@@ -96,6 +99,7 @@ class ExportReactor : public grpc::ServerWriteReactor<v1::ExportModelResponse> {
     file_.read(chunk->data(), static_cast<std::streamsize>(chunk->size()));
     chunk->resize(static_cast<size_t>(file_.gcount()));
     if (chunk->empty()) return Finish(call_->End(absl::OkStatus()));
+    BeforeStart(this);
     StartWrite(&message_);
   }
 

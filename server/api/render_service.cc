@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/camera_path.h"
+#include "server/api/grpc_order.h"
 #include "server/api/picture.h"
 #include "server/api/status.h"
 #include "server/api/unary.h"
@@ -49,6 +50,7 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
   }
 
   void OnWriteDone(bool ok) override {
+    AfterStart(this);
     if (!ok) return Finish(call_->End(CallCancelled()));
     pool_->Run([this] { SendNext(); });
   }
@@ -90,6 +92,7 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
     const absl::Status status =
         Render(*call_, *scene_, render, request_.settings(), message_.mutable_view());
     if (!status.ok()) return Finish(call_->End(status));
+    BeforeStart(this);
     StartWrite(&message_);
   }
 

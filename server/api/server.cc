@@ -105,6 +105,9 @@ class GrpcServer : public Server {
     hub_.Stop();
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
     server_->Wait();
+    // All calls are over, but the tasks that ended them may still be returning.
+    store_pool_.Stop();
+    render_pool_.Stop();
     server_.reset();
   }
 

@@ -7,13 +7,14 @@ ThreadPool::ThreadPool(int threads, size_t max_waiting, absl::Status busy)
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Loop(); });
 }
 
-ThreadPool::~ThreadPool() {
+void ThreadPool::Stop() {
   {
     std::lock_guard lock(mutex_);
     stop_ = true;
   }
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();
+  threads_.clear();
 }
 
 absl::Status ThreadPool::Try(std::function<void()> task) {

@@ -19,11 +19,13 @@ class ThreadPool {
  public:
   // Try() accepts up to `max_waiting` tasks that no thread has begun, and answers `busy` beyond.
   ThreadPool(int threads, size_t max_waiting, absl::Status busy);
-  ~ThreadPool();
+  ~ThreadPool() { Stop(); }
 
   absl::Status Try(std::function<void()> task);
   // For the next step of a call that was let in by Try(): never refused.
   void Run(std::function<void()> task);
+  // Returns when everything submitted has run; nothing may be submitted any more.
+  void Stop();
 
  private:
   void Loop();

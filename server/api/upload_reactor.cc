@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/api/grpc_order.h"
 #include "server/api/status.h"
 
 namespace litags {
@@ -45,10 +46,12 @@ void UploadReactor::Read() {
     }
     Finish(call_->End(Stalled(seconds)));  // only whoever ends the wait for a read may go on
   });
+  BeforeStart(this);
   StartRead(&request_);
 }
 
 void UploadReactor::OnReadDone(bool ok) {
+  AfterStart(this);
   {
     std::lock_guard lock(awaited_->mutex);
     if (awaited_->read == Awaited::kStalled) return;

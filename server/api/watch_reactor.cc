@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/convert.h"
+#include "server/api/grpc_order.h"
 #include "server/api/status.h"
 #include "server/jobs/state_machine.h"
 
@@ -36,6 +37,7 @@ void WatchReactor::Wake() {
 void WatchReactor::OnCancel() { Wake(); }
 
 void WatchReactor::OnWriteDone(bool ok) {
+  AfterStart(this);
   if (ok) {
     pool_->Run([this] { Step(); });
   } else {
@@ -65,6 +67,7 @@ void WatchReactor::Step() {
       last_ = ready_.front().number;
       ready_.pop_front();
       message_ = *std::move(message);
+      BeforeStart(this);
       return StartWrite(&message_);
     }
     {
