@@ -245,7 +245,8 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->group(group);
   command
       ->add_option("--chroma-smoothing", args->chroma_smoothing,
-                   "Of colours of dark photos, deviations of the noise; 0: none")
+                   "Average colours of dark photos over neighbours alike up to so many "
+                   "deviations of the noise; 0: never")
       ->group(group);
   command->add_option("--iterations", args->iterations, "Training iterations")->group(group);
   command

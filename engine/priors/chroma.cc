@@ -7,6 +7,7 @@
 
 #include "engine/core/mask.h"
 #include "engine/priors/float_image.h"
+#include "engine/priors/information.h"
 
 namespace litags {
 namespace {
@@ -54,8 +55,7 @@ cv::Vec3f LumaChroma(const cv::Vec3f& rgb) {
   return {y, (rgb[2] - y) / 1.772f, (rgb[0] - y) / 1.402f};
 }
 
-// Deviation of the noise in the codes' luma: from the lower quartile of differences to the mean of
-// four neighbours, which flat areas set, not edges (see TargetNoise). Black says nothing.
+// Deviation of the noise in the codes' luma. Black says nothing.
 double LumaNoise(const FloatImage& codes, const PlaneU8& mask) {
   FloatPlane luma(codes.size());
   for (int i = 0; i < codes.rows * codes.cols; ++i) luma(i) = Luma(codes(i));
@@ -74,7 +74,7 @@ double LumaNoise(const FloatImage& codes, const PlaneU8& mask) {
   if (differences.empty()) return 0;
   const auto quartile = differences.begin() + differences.size() / 4;
   std::nth_element(differences.begin(), quartile, differences.end());
-  return *quartile / (0.3186 * std::sqrt(1.25));  // of a normal distribution
+  return NoiseOfDifferences(*quartile);
 }
 
 // The mean of `linear` over the taps around (x, y) whose guides are like the one there.

@@ -49,15 +49,14 @@ void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask,
   }
 }
 
-// Deviation of noise whose differences these are: they have sqrt(5/4) of it, and the lower
-// quartile of a normal distribution's magnitude is 0.3186 of its deviation.
+// Deviation of noise whose differences these are.
 double NoiseOf(const CodeStatistics& s) {
   int64_t below = 0;
   for (int d = 0; d < kDifferences; ++d) {
     const int64_t next = below + s.differences[d];
     if (4 * next >= s.samples && next > below) {
       const double part = (0.25 * s.samples - below) / (next - below);  // of bin d +- 1/2
-      return std::max(0.0, d - 0.5 + part) / 4 / (0.3186 * std::sqrt(1.25));
+      return NoiseOfDifferences(std::max(0.0, d - 0.5 + part) / 4);
     }
     below = next;
   }

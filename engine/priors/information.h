@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_PRIORS_INFORMATION_H_
 
 #include <array>
+#include <cmath>
 #include <vector>
 
 #include "absl/types/span.h"
@@ -17,6 +18,13 @@ inline constexpr double kToleratedNoise = 24;  // halves a weight. Choice
 
 // What InformationWeights() stores for a weight of 1, the mean of a capture.
 inline constexpr int kInformationOne = 64;
+
+// Deviation of noise whose differences to the mean of the four neighbours have this lower quartile
+// of magnitudes: they have sqrt(5/4) of it, and a normal distribution's quartile is 0.3186 of its
+// deviation. Flat areas set that quartile, not edges.
+inline double NoiseOfDifferences(double lower_quartile) {
+  return lower_quartile / (0.3186 * std::sqrt(1.25));
+}
 
 // Standard deviation of the target's error, codes of 255, for each code of the photos. The larger
 // of two: the noise measured in the targets, from differences to the mean of the four neighbours
