@@ -166,14 +166,18 @@ HWY_INLINE void Multiply(const RowJob& job, int oc0, int x, float* HWY_RESTRICT 
 }
 
 // Rows written and read by the epilogue are more than the hardware follows.
-template <int OC, ConvEpilogue kEpilogue>
+template <int OC, int P, ConvEpilogue kEpilogue>
 HWY_INLINE void PrefetchBlock(const RowJob& job, int oc0, int x) {
+  constexpr int kLine = HWY_ALIGNMENT / sizeof(float);
+  const int end = x + std::max(1, P * static_cast<int>(hn::MaxLanes(D())) / kLine) * kLine;
   for (int o = oc0; o < oc0 + OC; ++o) {
-    size_t at = o * job.stride + x;
-    for (int i = 0; i < job.rows; ++i, at += job.row_stride) {
-      hwy::Prefetch(job.out + at);
-      if constexpr (kEpilogue != ConvEpilogue::kRelu) hwy::Prefetch(job.other + at);
-      if constexpr (kEpilogue == ConvEpilogue::kResidual) hwy::Prefetch(job.base + at);
+    for (int i = 0; i < job.rows; ++i) {
+      const size_t row = o * job.stride + i * job.row_stride;
+      for (size_t at = row + x; at < row + end; at += kLine) {
+        hwy::Prefetch(job.out + at);
+        if constexpr (kEpilogue != ConvEpilogue::kRelu) hwy::Prefetch(job.other + at);
+        if constexpr (kEpilogue == ConvEpilogue::kResidual) hwy::Prefetch(job.base + at);
+      }
     }
   }
 }
@@ -186,7 +190,7 @@ HWY_INLINE void ConvBlock(const RowJob& job, int oc0, int x) {
   const D d;
   constexpr size_t N = hn::MaxLanes(d);
   HWY_ALIGN float products[kConvTransformed * OC * P * N];
-  if constexpr (!kTail) PrefetchBlock<OC, kEpilogue>(job, oc0, x + kAhead);
+  if constexpr (!kTail) PrefetchBlock<OC, P, kEpilogue>(job, oc0, x + kAhead);
   Multiply<OC, P>(job, oc0, x, products);
   const V two = hn::Set(d, 2.0f), four = hn::Set(d, 4.0f), eight = hn::Set(d, 8.0f);
   for (int o = 0; o < OC; ++o) {

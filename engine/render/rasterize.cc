@@ -108,7 +108,7 @@ HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, 
       const float* record = entries[i];
       const V alpha = hn::Load(d, alphas + i * kLanes);
       const Step step = Advance(alpha, &product);
-      const V w = hn::IfThenElseZero(step.counts, hn::Mul(alpha, step.before));
+      const V w = hn::Mul(alpha, hn::IfThenElseZero(step.counts, step.before));
       T = hn::IfThenElse(step.counts, product, T);
       if constexpr (kCountUseful) *useful += hn::CountTrue(d, hn::Gt(w, hn::Zero(d)));
 #pragma GCC unroll 16

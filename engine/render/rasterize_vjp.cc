@@ -69,9 +69,25 @@ struct BlockInput {
     if (gradients.v_alpha != nullptr) b = hn::Neg(LoadBlock(job, block, gradients.v_alpha));
     for (int c = 0; c < C; ++c) {
       b = hn::MulAdd(hn::Load(d, v + c * kLanes), hn::Set(d, job.background[c]), b);
-      for (int i = 0; i < kLanes; ++i) rows[i * kChannelRow + c] = v[c * kLanes + i];
     }
     hn::Store(b, d, behind);
+    Transpose();
+  }
+
+  // Four channels at a time.
+  HWY_INLINE void Transpose() {
+    const D d;
+    const hn::FixedTag<float, 4> d4;
+    HWY_ALIGN float pixels[4 * kLanes];
+    for (int c = 0; c < C; c += 4) {
+      const auto channel = [&](int k) HWY_ATTR {
+        return k < C ? hn::Load(d, v + k * kLanes) : hn::Zero(d);
+      };
+      hn::StoreInterleaved4(channel(c), channel(c + 1), channel(c + 2), channel(c + 3), d, pixels);
+      for (int i = 0; i < kLanes; ++i) {
+        hn::Store(hn::Load(d4, pixels + 4 * i), d4, rows + i * kChannelRow + c);
+      }
+    }
   }
 
   // Rows of a tile are too short for the hardware to fetch them ahead.
@@ -106,7 +122,9 @@ HWY_INLINE void NoteEvaluations(const float* HWY_RESTRICT records, const uint32_
       float* evaluation = evaluations + i * kEvaluation;
       const V alpha = hn::Load(d, evaluation);
       const Step step = Advance(alpha, &product);
-      hn::Store(hn::IfThenElseZero(step.counts, alpha), d, evaluation);
+      // Not IfThenElseZero of alpha: compilers make a masked load of it, which waits on AVX-512
+      // until the first loop's store has left for the cache.
+      hn::Store(hn::Min(alpha, hn::IfThenElseZero(step.counts, hn::Set(d, 1.0f))), d, evaluation);
       hn::Store(step.before, d, evaluation + kLanes);
     }
   }

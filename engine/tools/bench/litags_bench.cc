@@ -3,11 +3,19 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "engine/tools/bench/commands.h"
+#include "engine/tools/bench/machine.h"
 
 int main(int argc, char** argv) {
   CLI::App app("Measures the litags engine.", "litags-bench");
   app.set_version_flag("--version", LITAGS_VERSION);
   app.require_subcommand(1);
+  app.add_option_function<std::string>(
+      "--instruction-set",
+      [](const std::string& name) {
+        const absl::Status limited = litags::LimitInstructionSet(name);
+        if (!limited.ok()) throw CLI::ValidationError(std::string(limited.message()));
+      },
+      "kernels use no wider one than this, e.g. AVX2");
   int exit_status = 0;
   litags::AddReferenceCommand(&app, &exit_status);
   litags::AddKernelsCommand(&app, &exit_status);

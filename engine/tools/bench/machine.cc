@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/aligned.h"
 #include "engine/core/parallel.h"
 #include "engine/tools/bench/timing.h"
@@ -61,6 +62,19 @@ HWY_EXPORT(FmaChains);
 HWY_EXPORT(Triad);
 
 const char* InstructionSet() { return HWY_DYNAMIC_DISPATCH(Target)(); }
+
+absl::Status LimitInstructionSet(const std::string& name) {
+  std::string known;
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    if (name == hwy::TargetName(target)) {
+      hwy::DisableTargets(target - 1);  // lower bits are wider vectors
+      return absl::OkStatus();
+    }
+    absl::StrAppend(&known, known.empty() ? "" : ", ", hwy::TargetName(target));
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("instruction set ", name, " is not there; this machine and build have ", known));
+}
 
 double PeakGflops(int threads) {
   std::vector<double> flops(threads);
