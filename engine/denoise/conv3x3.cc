@@ -36,7 +36,8 @@ using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 
 // Vectors of pixels per register block: as many as leave the compiler room to keep the sums, the
-// inputs and a weight in registers (16 on AVX2 and SSE4, else 32), and the block in the first cache.
+// inputs and a weight in registers (16 on AVX2 and SSE4, else 32), and the block in the first
+// cache.
 constexpr int PixelVectors(int out_channels) {
   if (hn::MaxLanes(D()) > 8) return 2;
   const bool many_registers = HWY_TARGET <= HWY_AVX3 || HWY_ARCH_ARM_A64;
