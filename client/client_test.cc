@@ -4,10 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <functional>
+#include <future>
 #include <map>
 #include <mutex>
 #include <thread>
@@ -42,20 +43,35 @@ grpc::Status Refusal(grpc::StatusCode code, const std::string& reason, const std
 // Keeps one job. Connections break where the test wants it.
 class FakeReconstruction : public v1::ReconstructionService::Service {
  public:
-  std::map<std::string, std::string> stored;  // name to bytes
-  std::vector<std::string> request_ids;
-  int breaks_left = 0;     // streams (and StartJob answers) to break
-  size_t break_after = 2;  // files or events
-  int64_t events = 10;
-  int64_t skipped_event = 0;  // left out of the watch
-  int starts = 0, streams = 0;
-  bool hang = false;  // WatchJob waits for its end
+  struct State {
+    std::map<std::string, std::string> stored;  // name to bytes
+    std::vector<std::string> request_ids;
+    int breaks_left = 0;     // streams (and StartJob answers) to break
+    size_t break_after = 2;  // files or events
+    int64_t events = 10;
+    int64_t skipped_event = 0;  // left out of the watch
+    int starts = 0, streams = 0;
+    bool hang = false;  // WatchJob waits for its end
+  };
+
+  // Calls come on threads of the server: the state is locked as long as what this returns lives.
+  class Locked {
+   public:
+    explicit Locked(FakeReconstruction* fake) : lock_(fake->mutex_), state_(&fake->state_) {}
+    State* operator->() const { return state_; }
+
+   private:
+    std::unique_lock<std::mutex> lock_;
+    State* state_;
+  };
+  Locked state() { return Locked(this); }
 
   grpc::Status CreateJob(grpc::ServerContext*, const v1::CreateJobRequest* request,
                          v1::Job* job) override {
-    request_ids.push_back(request->request_id());
-    if (breaks_left > 0 && request_ids.size() > 1) {
-      --breaks_left;
+    const Locked now = state();
+    now->request_ids.push_back(request->request_id());
+    if (now->breaks_left > 0 && now->request_ids.size() > 1) {
+      --now->breaks_left;
       return Broken();
     }
     job->set_name("jobs/1");
@@ -64,10 +80,11 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
 
   grpc::Status QueryUpload(grpc::ServerContext*, const v1::QueryUploadRequest* request,
                            v1::QueryUploadResponse* response) override {
+    const Locked now = state();
     for (const v1::FileHeader& file : request->files()) {
       v1::FileStatus* status = response->add_files();
-      const auto it = stored.find(file.name());
-      if (it == stored.end()) continue;
+      const auto it = now->stored.find(file.name());
+      if (it == now->stored.end()) continue;
       status->set_offset(static_cast<int64_t>(it->second.size()));
       status->set_stored(status->offset() == file.size_bytes());
     }
@@ -77,7 +94,8 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
   grpc::Status UploadImages(grpc::ServerContext*,
                             grpc::ServerReader<v1::UploadImagesRequest>* reader,
                             v1::UploadImagesResponse*) override {
-    ++streams;
+    const Locked now = state();
+    ++now->streams;
     v1::UploadImagesRequest request;
     if (!reader->Read(&request) || request.name() != "jobs/1") return Refused("UPLOAD_ORDER", "");
     v1::FileHeader header;
@@ -86,22 +104,23 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
       if (request.has_file()) {
         header = request.file();
         if (header.name() == "bad.jpg") return Refused("IMAGE_UNSUPPORTED", "images[bad.jpg]");
-        if (breaks_left > 0 && files++ == break_after) {
-          --breaks_left;
+        if (now->breaks_left > 0 && files++ == now->break_after) {
+          --now->breaks_left;
           return Broken();
         }
-        stored[header.name()].resize(static_cast<size_t>(header.offset()));
+        now->stored[header.name()].resize(static_cast<size_t>(header.offset()));
       } else {
-        stored[header.name()] += request.chunk();
+        now->stored[header.name()] += request.chunk();
       }
     }
     return grpc::Status::OK;
   }
 
   grpc::Status StartJob(grpc::ServerContext*, const v1::StartJobRequest*, v1::Job* job) override {
-    if (++starts > 1) return Refusal(grpc::FAILED_PRECONDITION, "JOB_NOT_UPLOADING", "name");
-    if (breaks_left > 0) {
-      --breaks_left;
+    const Locked now = state();
+    if (++now->starts > 1) return Refusal(grpc::FAILED_PRECONDITION, "JOB_NOT_UPLOADING", "name");
+    if (now->breaks_left > 0) {
+      --now->breaks_left;
       return Broken();  // started, but nobody hears of it
     }
     job->set_name("jobs/1");
@@ -120,19 +139,20 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
 
   grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                         grpc::ServerWriter<v1::JobEvent>* writer) override {
-    ++streams;
+    const Locked now = state();
+    ++now->streams;
     size_t sent = 0;
-    for (int64_t number = request->after_event() + 1; number <= events; ++number) {
-      if (number == skipped_event) continue;
-      if (breaks_left > 0 && sent++ == break_after) {
-        --breaks_left;
+    for (int64_t number = request->after_event() + 1; number <= now->events; ++number) {
+      if (number == now->skipped_event) continue;
+      if (now->breaks_left > 0 && sent++ == now->break_after) {
+        --now->breaks_left;
         return Broken();
       }
       v1::JobEvent event;
       event.set_number(number);
       writer->Write(event);
     }
-    while (hang && !context->IsCancelled()) {
+    while (now->hang && !context->IsCancelled()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     return grpc::Status::OK;
@@ -142,11 +162,14 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
   static grpc::Status Refused(const std::string& reason, const std::string& field) {
     return Refusal(grpc::INVALID_ARGUMENT, reason, field);
   }
+
+  std::mutex mutex_;
+  State state_;
 };
 
 class FakeModel : public v1::ModelService::Service {
  public:
-  int64_t announced = 5;
+  std::atomic<int64_t> announced = 5;
   grpc::Status ExportModel(grpc::ServerContext*, const v1::ExportModelRequest*,
                            grpc::ServerWriter<v1::ExportModelResponse>* writer) override {
     v1::ExportModelResponse response;
@@ -223,7 +246,8 @@ TEST_F(ClientTest, AnUploadSendsNamesWithoutFoldersAndAllBytes) {
   Write("b.jpg", large);
   Write("a.JPG", "small");
   ASSERT_TRUE(Upload().ok());
-  EXPECT_THAT(service_.stored, ElementsAre(std::pair("a.JPG", "small"), std::pair("b.jpg", large)));
+  EXPECT_THAT(service_.state()->stored,
+              ElementsAre(std::pair("a.JPG", "small"), std::pair("b.jpg", large)));
   EXPECT_EQ(last_progress_.files_done, 2);
   EXPECT_EQ(last_progress_.bytes_done, 700'005);
 }
@@ -231,11 +255,11 @@ TEST_F(ClientTest, AnUploadSendsNamesWithoutFoldersAndAllBytes) {
 TEST_F(ClientTest, AnUploadOverABreakingConnectionCompletes) {
   for (int i = 0; i < 6; ++i) Write(absl::StrCat(i, ".png"), absl::StrCat("photo ", i));
   ASSERT_TRUE(client_->GetJob("jobs/1").ok());  // the server has answered once
-  service_.breaks_left = 2;
+  service_.state()->breaks_left = 2;
   ASSERT_TRUE(Upload().ok());
-  EXPECT_EQ(service_.streams, 3);
-  EXPECT_EQ(service_.stored.size(), 6u);
-  EXPECT_EQ(service_.stored["5.png"], "photo 5");
+  EXPECT_EQ(service_.state()->streams, 3);
+  EXPECT_EQ(service_.state()->stored.size(), 6u);
+  EXPECT_EQ(service_.state()->stored["5.png"], "photo 5");
 }
 
 TEST_F(ClientTest, ARefusedFileIsNotSentAgain) {
@@ -243,15 +267,15 @@ TEST_F(ClientTest, ARefusedFileIsNotSentAgain) {
   const absl::Status status = Upload();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(DetailOf(status).field(), "images[bad.jpg]");
-  EXPECT_EQ(service_.streams, 1);
+  EXPECT_EQ(service_.state()->streams, 1);
 }
 
 TEST_F(ClientTest, WatchingOverABreakingConnectionLosesAndDoublesNothing) {
-  service_.breaks_left = 3;
+  service_.state()->breaks_left = 3;
   absl::Status status;
   EXPECT_THAT(Watch(0, &status), ElementsAre(1, 2, 3, 4, 5, 6, 7, 8, 9, 10));
   EXPECT_TRUE(status.ok()) << status;
-  EXPECT_EQ(service_.streams, 4);
+  EXPECT_EQ(service_.state()->streams, 4);
 }
 
 TEST_F(ClientTest, WatchingStartsAfterAGivenEvent) {
@@ -261,7 +285,7 @@ TEST_F(ClientTest, WatchingStartsAfterAGivenEvent) {
 }
 
 TEST_F(ClientTest, AGapInTheEventsIsAnError) {
-  service_.skipped_event = 4;
+  service_.state()->skipped_event = 4;
   absl::Status status;
   EXPECT_THAT(Watch(0, &status), ElementsAre(1, 2, 3));
   EXPECT_EQ(DetailOf(status).reason(), "EVENTS_BROKEN");
@@ -269,20 +293,21 @@ TEST_F(ClientTest, AGapInTheEventsIsAnError) {
 
 TEST_F(ClientTest, ARetriedCreationKeepsItsRequestId) {
   ASSERT_TRUE(client_->CreateJob({}).ok());
-  service_.breaks_left = 1;
+  service_.state()->breaks_left = 1;
   ASSERT_TRUE(client_->CreateJob({}).ok());
-  ASSERT_EQ(service_.request_ids.size(), 3u);
-  EXPECT_EQ(service_.request_ids[1], service_.request_ids[2]);
-  EXPECT_NE(service_.request_ids[0], service_.request_ids[1]);
-  EXPECT_FALSE(service_.request_ids[0].empty());
+  const std::vector<std::string> ids = service_.state()->request_ids;
+  ASSERT_EQ(ids.size(), 3u);
+  EXPECT_EQ(ids[1], ids[2]);
+  EXPECT_NE(ids[0], ids[1]);
+  EXPECT_FALSE(ids[0].empty());
 }
 
 TEST_F(ClientTest, AStartWhoseAnswerWasLostCountsAsStarted) {
   ASSERT_TRUE(client_->GetJob("jobs/1").ok());
-  service_.breaks_left = 1;
+  service_.state()->breaks_left = 1;
   const auto job = client_->StartJob("jobs/1");
   EXPECT_TRUE(job.ok()) << job.status();
-  EXPECT_EQ(service_.starts, 2);
+  EXPECT_EQ(service_.state()->starts, 2);
 }
 
 TEST_F(ClientTest, ASecondStartByTheUserIsAnError) {
@@ -366,14 +391,21 @@ TEST_F(ClientTest, OneServerOfSeveralIsEnough) {
 }
 
 TEST_F(ClientTest, AnInterruptEndsAWatch) {
-  service_.hang = true;
-  std::thread interrupter([this] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  service_.state()->hang = true;
+  std::promise<void> all;
+  std::thread interrupter([&] {
+    all.get_future().wait();
     interrupt_.Raise();
   });
-  absl::Status status;
-  EXPECT_EQ(Watch(0, &status).size(), 10u);
+  int events = 0;
+  const absl::Status status = client_
+                                  ->WatchJob("jobs/1", 0,
+                                             [&](const v1::JobEvent&) {
+                                               if (++events == 10) all.set_value();
+                                             })
+                                  .status();
   interrupter.join();
+  EXPECT_EQ(events, 10);
   EXPECT_TRUE(absl::IsCancelled(status)) << status;
 }
 
