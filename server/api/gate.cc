@@ -53,8 +53,11 @@ double Seconds(SteadyClock::duration d) { return std::chrono::duration<double>(d
 Call::Call(Gate* gate, CallName name, std::string request_id, Principal client)
     : gate_(gate), name_(name), request_id_(std::move(request_id)), client_(std::move(client)) {}
 
-Call::~Call() {
+Call::~Call() { LeaveStream(); }
+
+void Call::LeaveStream() {
   if (holds_stream_) gate_->Leave(*this);
+  holds_stream_ = false;
 }
 
 absl::Status Call::CheckWait() const {
@@ -65,6 +68,7 @@ absl::Status Call::CheckWait() const {
 }
 
 grpc::Status Call::End(const absl::Status& status) {
+  LeaveStream();  // a client that hears of the end may open the next
   const double seconds = Seconds(SteadyClock::now() - start_);
   const bool quiet = status.ok() && name_.kind != CallKind::kChange;
   spdlog::log(quiet ? spdlog::level::debug : spdlog::level::info,

@@ -70,6 +70,8 @@ class Call {
   const Principal client_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::shared_ptr<Jobs> jobs_;
+  void LeaveStream();
+
   bool holds_stream_ = false;
 };
 

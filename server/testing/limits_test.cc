@@ -51,6 +51,26 @@ TEST_F(Limits, StreamsOfOneClientAreCounted) {
   open[1]->Finish();
 }
 
+TEST_F(Limits, AStreamThatHasEndedMakesRoomAtOnce) {
+  options_.limits.max_streams = 1;
+  Start();
+  const std::string job = Created("alice");
+  {
+    ClientCall call(tokens_.at("alice"));
+    v1::Job cancelled;
+    ASSERT_TRUE(stubs_->jobs->CancelJob(&call, Named<v1::CancelJobRequest>(job), &cancelled).ok());
+  }
+  for (int i = 0; i < 100; ++i) {
+    ClientCall call(tokens_.at("alice"));
+    const auto watch = stubs_->jobs->WatchJob(&call, Named<v1::WatchJobRequest>(job));
+    v1::JobEvent event;
+    while (watch->Read(&event)) {
+    }
+    const grpc::Status status = watch->Finish();
+    ASSERT_TRUE(status.ok()) << i << ": " << status.error_message();
+  }
+}
+
 TEST_F(Limits, PicturesOfOneClientAreCountedPerSecond) {
   options_.limits.pictures_per_second = 5;
   options_.limits.picture_burst = 3;

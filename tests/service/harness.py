@@ -34,7 +34,9 @@ from litags.v1 import render_service_pb2_grpc  # noqa: E402
 BIN = os.environ["LITAGS_BIN"]
 SERVER_PROGRAM = os.environ.get("LITAGS_SERVER_PROGRAM", "litags-server")
 # Generous: a loaded machine must not fail a test. Nothing waits this long when all is well.
-PATIENCE_S = 60
+# Sanitized builds take several times as long.
+SLOWER = int(os.environ.get("LITAGS_TEST_SLOWER", "1"))
+PATIENCE_S = 60 * SLOWER
 
 
 def png(width=64, height=48, seed=0):
