@@ -307,12 +307,7 @@ TEST_F(JobsApi, WatchResumedAfterEachEventHasNoGapAndNoDouble) {
 
 // 20 MB of history and eight readers that read nothing: held for each, it would be 160 MB.
 TEST_F(JobsApi, ReadersThatDoNotReadHoldNoMemoryAndLoseNothing) {
-#ifdef __SANITIZE_THREAD__
-  constexpr int kEvents = 200;  // it searches all it left out of its reports, byte after byte
-#else
-  constexpr int kEvents = 5000;
-#endif
-  constexpr int kReaders = 8;
+  constexpr int kEvents = 5000, kReaders = 8;
   const std::string name = NewJob();
   ProgressRecord record;
   record.progress.message = std::string(4000, 'x');
