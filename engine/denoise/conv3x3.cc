@@ -36,12 +36,11 @@ using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 
 // Vectors of pixels per register block: as many as leave the compiler room to keep the sums, the
-// inputs and a weight in registers (16 on AVX2 and SSE4, else 32), and the block in the first
-// cache.
+// inputs and a weight in registers (32 on ARM, 16 on AVX2 and SSE4); on AVX-512 the block's rows
+// would fill the first cache before its 32 registers.
 constexpr int PixelVectors(int out_channels) {
   if (hn::MaxLanes(D()) > 8) return 2;
-  const bool many_registers = HWY_TARGET <= HWY_AVX3 || HWY_ARCH_ARM_A64;
-  return many_registers ? 4 : out_channels == 3 ? 3 : 2;
+  return HWY_ARCH_ARM_A64 ? 4 : out_channels == 3 ? 3 : 2;
 }
 
 // t[j] = (B d)[j] for the rows d of one channel; `count` floats each, a

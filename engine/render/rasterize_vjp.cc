@@ -79,6 +79,7 @@ struct BlockInput {
     const D d;
     const hn::FixedTag<float, 4> d4;
     HWY_ALIGN float pixels[4 * kLanes];
+    static_assert((C + 3) / 4 * 4 <= kChannelRow);
     for (int c = 0; c < C; c += 4) {
       const auto channel = [&](int k) HWY_ATTR {
         return k < C ? hn::Load(d, v + k * kLanes) : hn::Zero(d);

@@ -1,0 +1,178 @@
+// Services of our own making, for the client library to call: one job, and connections that break.
+#ifndef LITAGS_CLIENT_CLIENT_TEST_UTIL_H_
+#define LITAGS_CLIENT_CLIENT_TEST_UTIL_H_
+
+#include <atomic>
+#include <chrono>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "grpcpp/server_context.h"
+#include "litags/v1/errors.pb.h"
+#include "litags/v1/model_service.grpc.pb.h"
+#include "litags/v1/reconstruction_service.grpc.pb.h"
+
+namespace litags::client {
+
+inline grpc::Status Broken() { return {grpc::UNAVAILABLE, "Socket closed"}; }
+
+inline grpc::Status Refusal(grpc::StatusCode code, const std::string& reason,
+                            const std::string& field) {
+  v1::ErrorDetail detail;
+  detail.set_reason(reason);
+  detail.set_field(field);
+  v1::RpcStatus status;
+  status.set_code(code);
+  status.add_details()->PackFrom(detail);
+  return {code, "refused", status.SerializeAsString()};
+}
+
+// Keeps one job. Connections break where the test wants it.
+class FakeReconstruction : public v1::ReconstructionService::Service {
+ public:
+  struct State {
+    std::map<std::string, std::string> stored;  // name to bytes
+    std::vector<std::string> request_ids;
+    int breaks_left = 0;     // streams (and StartJob answers) to break
+    size_t break_after = 2;  // files or events
+    int64_t events = 10;
+    int64_t skipped_event = 0;  // left out of the watch
+    int starts = 0, streams = 0;
+    bool hang = false;  // WatchJob waits for its end
+  };
+
+  // Calls come on threads of the server: the state is locked as long as what this returns lives.
+  class Locked {
+   public:
+    explicit Locked(FakeReconstruction* fake) : lock_(fake->mutex_), state_(&fake->state_) {}
+    State* operator->() const { return state_; }
+
+   private:
+    std::unique_lock<std::mutex> lock_;
+    State* state_;
+  };
+  Locked state() { return Locked(this); }
+
+  grpc::Status CreateJob(grpc::ServerContext*, const v1::CreateJobRequest* request,
+                         v1::Job* job) override {
+    const Locked now = state();
+    now->request_ids.push_back(request->request_id());
+    if (now->breaks_left > 0 && now->request_ids.size() > 1) {
+      --now->breaks_left;
+      return Broken();
+    }
+    job->set_name("jobs/1");
+    return grpc::Status::OK;
+  }
+
+  grpc::Status QueryUpload(grpc::ServerContext*, const v1::QueryUploadRequest* request,
+                           v1::QueryUploadResponse* response) override {
+    const Locked now = state();
+    for (const v1::FileHeader& file : request->files()) {
+      v1::FileStatus* status = response->add_files();
+      const auto it = now->stored.find(file.name());
+      if (it == now->stored.end()) continue;
+      status->set_offset(static_cast<int64_t>(it->second.size()));
+      status->set_stored(status->offset() == file.size_bytes());
+    }
+    return grpc::Status::OK;
+  }
+
+  grpc::Status UploadImages(grpc::ServerContext*,
+                            grpc::ServerReader<v1::UploadImagesRequest>* reader,
+                            v1::UploadImagesResponse*) override {
+    const Locked now = state();
+    ++now->streams;
+    v1::UploadImagesRequest request;
+    if (!reader->Read(&request) || request.name() != "jobs/1") return Refused("UPLOAD_ORDER", "");
+    v1::FileHeader header;
+    size_t files = 0;
+    while (reader->Read(&request)) {
+      if (request.has_file()) {
+        header = request.file();
+        if (header.name() == "bad.jpg") return Refused("IMAGE_UNSUPPORTED", "images[bad.jpg]");
+        if (now->breaks_left > 0 && files++ == now->break_after) {
+          --now->breaks_left;
+          return Broken();
+        }
+        now->stored[header.name()].resize(static_cast<size_t>(header.offset()));
+      } else {
+        now->stored[header.name()] += request.chunk();
+      }
+    }
+    return grpc::Status::OK;
+  }
+
+  grpc::Status StartJob(grpc::ServerContext*, const v1::StartJobRequest*, v1::Job* job) override {
+    const Locked now = state();
+    if (++now->starts > 1) return Refusal(grpc::FAILED_PRECONDITION, "JOB_NOT_UPLOADING", "name");
+    if (now->breaks_left > 0) {
+      --now->breaks_left;
+      return Broken();  // started, but nobody hears of it
+    }
+    job->set_name("jobs/1");
+    return grpc::Status::OK;
+  }
+
+  grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest* request,
+                      v1::Job* job) override {
+    if (request->name() != "jobs/1") {
+      return Refusal(grpc::NOT_FOUND, "JOB_NOT_FOUND", "name");
+    }
+    job->set_name("jobs/1");
+    job->set_state(v1::JOB_STATE_SUCCEEDED);
+    return grpc::Status::OK;
+  }
+
+  grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
+                        grpc::ServerWriter<v1::JobEvent>* writer) override {
+    const Locked now = state();
+    ++now->streams;
+    size_t sent = 0;
+    for (int64_t number = request->after_event() + 1; number <= now->events; ++number) {
+      if (number == now->skipped_event) continue;
+      if (now->breaks_left > 0 && sent++ == now->break_after) {
+        --now->breaks_left;
+        return Broken();
+      }
+      v1::JobEvent event;
+      event.set_number(number);
+      writer->Write(event);
+    }
+    while (now->hang && !context->IsCancelled()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return grpc::Status::OK;
+  }
+
+ private:
+  static grpc::Status Refused(const std::string& reason, const std::string& field) {
+    return Refusal(grpc::INVALID_ARGUMENT, reason, field);
+  }
+
+  std::mutex mutex_;
+  State state_;
+};
+
+class FakeModel : public v1::ModelService::Service {
+ public:
+  std::atomic<int64_t> announced = 5;
+  grpc::Status ExportModel(grpc::ServerContext*, const v1::ExportModelRequest*,
+                           grpc::ServerWriter<v1::ExportModelResponse>* writer) override {
+    v1::ExportModelResponse response;
+    response.mutable_header()->set_size_bytes(announced);
+    writer->Write(response);
+    response.set_chunk("abc");
+    writer->Write(response);
+    response.set_chunk("de");
+    writer->Write(response);
+    return grpc::Status::OK;
+  }
+};
+
+}  // namespace litags::client
+
+#endif  // LITAGS_CLIENT_CLIENT_TEST_UTIL_H_
