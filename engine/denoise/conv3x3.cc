@@ -32,15 +32,17 @@ namespace HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::ScalableTag<float>;
+// At most 8 lanes: of 16, nearly every load of a pixel's neighbours crosses a cache line, and
+// processors whose 512-bit units are 256 bits wide gain nothing for it.
+using D = HWY_CAPPED(float, 8);
 using V = hn::Vec<D>;
 
 // Vectors of pixels per register block: as many as leave the compiler room to keep the sums, the
-// inputs and a weight in registers (32 on ARM, 16 on AVX2 and SSE4); on AVX-512 the block's rows
-// would fill the first cache before its 32 registers.
+// inputs and a weight in registers (32 on ARM, 16 on AVX2 and SSE4). AVX-512 has 32, too, but
+// blocks of 3 or 4 vectors take 7 to 10 % longer there.
 constexpr int PixelVectors(int out_channels) {
-  if (hn::MaxLanes(D()) > 8) return 2;
-  return HWY_ARCH_ARM_A64 ? 4 : out_channels == 3 ? 3 : 2;
+  if (HWY_ARCH_ARM_A64) return 4;
+  return HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3 ? 2 : out_channels == 3 ? 3 : 2;
 }
 
 // t[j] = (B d)[j] for the rows d of one channel; `count` floats each, a

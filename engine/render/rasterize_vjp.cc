@@ -15,8 +15,8 @@ namespace litags {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Sums over pixels run with lanes across the summed quantities, not across pixels: one vector of
-// eight moments, one or two of channels. Nothing has to be added across lanes.
+// Sums over pixels run with lanes across the summed quantities, not across pixels: a vector of
+// eight moments, one or two of eight or sixteen channels. Nothing has to be added across lanes.
 using DR = hn::CappedTag<float, 8>;
 using VR = hn::Vec<DR>;
 constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(DR()));
@@ -181,54 +181,51 @@ HWY_INLINE void WeighEvaluations(const float* HWY_RESTRICT records, const uint32
   }
 }
 
-// Adds the pixels of n evaluations (a multiple of kGroup) to their Gaussians' sums: a product of
-// the weights [n][pixel] with the rows [pixel][moment or channel].
-template <int C>
-constexpr int kGroup = kRowLanes == 8 ? 4 : 2;
+// Evaluations whose sums are kept in registers together: as many as leave room for a vector of
+// every pixel beside them.
+constexpr int kGroup = kLanes == 16 ? 8 : 4;
+
+// Adds the pixels of n evaluations (a multiple of kGroup) to one vector of their Gaussians' sums: a
+// product of the weights [n][pixel] with rows [pixel][kStride].
+template <int C, int kStride, class DS>
+HWY_INLINE void AddPixelsTo(DS d, int offset, const uint32_t* entries, size_t n, const float* rows,
+                            const float* HWY_RESTRICT weights, float* HWY_RESTRICT grads) {
+  using VS = hn::Vec<DS>;
+  VS row[kLanes];
+#pragma GCC unroll 16
+  for (int pixel = 0; pixel < kLanes; ++pixel) row[pixel] = hn::Load(d, rows + pixel * kStride);
+  for (size_t i = 0; i < n; i += kGroup, weights += kGroup * kEvaluation) {
+    VS sum[kGroup];
+#pragma GCC unroll 16
+    for (int j = 0; j < kGroup; ++j) {
+      sum[j] = hn::LoadU(d, grads + entries[i + j] * GradStride(C) + offset);
+    }
+#pragma GCC unroll 16
+    for (int pixel = 0; pixel < kLanes; ++pixel) {
+#pragma GCC unroll 16
+      for (int j = 0; j < kGroup; ++j) {
+        sum[j] = hn::MulAdd(hn::Set(d, weights[j * kEvaluation + pixel]), row[pixel], sum[j]);
+      }
+    }
+#pragma GCC unroll 16
+    for (int j = 0; j < kGroup; ++j) {
+      hn::StoreU(sum[j], d, grads + entries[i + j] * GradStride(C) + offset);
+    }
+  }
+}
 
 template <int C>
 HWY_INLINE void AddPixels(const uint32_t* entries, size_t n, const BlockInput<C>& in,
-                          const float* HWY_RESTRICT evaluations, float* HWY_RESTRICT grads) {
-  const DR d;
+                          const float* evaluations, float* grads) {
   constexpr int kChannelRow = BlockInput<C>::kChannelRow;
-  constexpr int kM = kMoments / kRowLanes, kF = kChannelRow / kRowLanes;
-  constexpr int G = kGroup<C>;
-  for (size_t i = 0; i < n; i += G, evaluations += G * kEvaluation) {
-    VR sum[G][kM + kF];
-#pragma GCC unroll 16
-    for (int j = 0; j < G; ++j) {
-#pragma GCC unroll 16
-      for (int f = 0; f < kM + kF; ++f) {
-        sum[j][f] = hn::Load(d, grads + entries[i + j] * GradStride(C) + f * kRowLanes);
-      }
-    }
-    for (int pixel = 0; pixel < kLanes; ++pixel) {
-#pragma GCC unroll 16
-      for (int f = 0; f < kM; ++f) {
-        const VR row = hn::Load(d, in.basis + pixel * kMoments + f * kRowLanes);
-#pragma GCC unroll 16
-        for (int j = 0; j < G; ++j) {
-          const VR g = hn::Set(d, evaluations[j * kEvaluation + kLanes + pixel]);
-          sum[j][f] = hn::MulAdd(g, row, sum[j][f]);
-        }
-      }
-#pragma GCC unroll 16
-      for (int f = 0; f < kF; ++f) {
-        const VR row = hn::Load(d, in.rows + pixel * kChannelRow + f * kRowLanes);
-#pragma GCC unroll 16
-        for (int j = 0; j < G; ++j) {
-          const VR w = hn::Set(d, evaluations[j * kEvaluation + pixel]);
-          sum[j][kM + f] = hn::MulAdd(w, row, sum[j][kM + f]);
-        }
-      }
-    }
-#pragma GCC unroll 16
-    for (int j = 0; j < G; ++j) {
-#pragma GCC unroll 16
-      for (int f = 0; f < kM + kF; ++f) {
-        hn::Store(sum[j][f], d, grads + entries[i + j] * GradStride(C) + f * kRowLanes);
-      }
-    }
+  const hn::CappedTag<float, kChannelRow> dc;
+#pragma GCC unroll 4
+  for (int m = 0; m < kMoments; m += kRowLanes) {
+    AddPixelsTo<C, kMoments>(DR(), m, entries, n, in.basis + m, evaluations + kLanes, grads);
+  }
+#pragma GCC unroll 4
+  for (int f = 0; f < kChannelRow; f += hn::MaxLanes(dc)) {
+    AddPixelsTo<C, kChannelRow>(dc, kMoments + f, entries, n, in.rows + f, evaluations, grads);
   }
 }
 
@@ -318,7 +315,7 @@ HWY_INLINE void StorePairs(const TileJob& job, const TileGradients& gradients, s
 template <int C, PixelSum kSum>
 void Backward(const TileJob& job, const TileGradients& gradients, TileScratch* scratch) {
   const PixelGrid grid(job);
-  constexpr int kGrads = GradStride(C), G = kGroup<C>;
+  constexpr int kGrads = GradStride(C), G = kGroup;
   const size_t used = UsedLength(job);
   if (used > 0) BlockInput<C>::Prefetch(job, gradients);
   GatherRecords<C>(job, used, &scratch->records);

@@ -11,6 +11,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "engine/core/aligned.h"
 #include "engine/core/color.h"
 #include "engine/core/image.h"
 
@@ -46,9 +47,9 @@ struct LossWorkspace {
   explicit LossWorkspace(int num_threads = 0) : threads(num_threads) {}
 
   int threads;                   // <= 0: all cores
-  std::vector<float> rows;       // per-thread row buffers
+  AlignedFloats rows;            // per-thread row buffers
   std::vector<double> partials;  // one sum per task, added in task order
-  std::vector<float> ssim_maps;  // dSSIM / d(blurred moments), rows padded with zeros
+  AlignedFloats ssim_maps;       // dSSIM / d(blurred moments), rows padded with zeros
   int map_channels = 0, map_height = 0, map_width = 0;  // that ssim_maps is laid out for
 };
 
