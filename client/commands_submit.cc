@@ -35,7 +35,8 @@ struct SubmitArgs {
   std::optional<int64_t> max_gaussians;
   std::optional<bool> depth_geometry;
   Treatment treatment;
-  bool no_pdm = false, no_prior = false, no_depth = false, information_weights = false;
+  bool no_pdm = false, no_prior = false, no_depth = false, no_dense_start = false,
+       information_weights = false;
 };
 
 // An option that takes one of a few words.
@@ -72,6 +73,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.no_pdm) options.set_use_pdm(false);
   if (args.no_prior) options.set_use_prior(false);
   if (args.no_depth) options.set_use_depth(false);
+  if (args.no_dense_start) options.set_dense_start(false);
   if (args.max_image_side) options.set_max_image_side(*args.max_image_side);
   if (args.holdout_every) options.set_holdout_every(*args.holdout_every);
   if (args.min_registered) options.set_min_registered(*args.min_registered);
@@ -263,6 +265,10 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->description("Gradient that lets Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
       ->group(group);
   command->add_option("--sh-degree", args->sh_degree, "Spherical harmonics, 0..3")->group(group);
+  command
+      ->add_flag("--no-dense-start", args->no_dense_start,
+                 "Start from the sparse points alone, not from stereo's, too")
+      ->group(group);
   command
       ->add_option("--settle-epochs", args->settle_epochs,
                    "Rounds over all photos after which learning rates are half; 0: constant")

@@ -37,6 +37,12 @@ std::array<double, 3> Camera::CamFromWorld(const std::array<double, 3>& p) const
           R[6] * p[0] + R[7] * p[1] + R[8] * p[2] + t[2]};
 }
 
+std::array<double, 3> Camera::WorldFromCam(const std::array<double, 3>& p) const {
+  const double q[3] = {p[0] - t[0], p[1] - t[1], p[2] - t[2]};
+  return {R[0] * q[0] + R[3] * q[1] + R[6] * q[2], R[1] * q[0] + R[4] * q[1] + R[7] * q[2],
+          R[2] * q[0] + R[5] * q[1] + R[8] * q[2]};
+}
+
 Camera Camera::Scaled(int new_width, int new_height) const {
   Camera out = *this;
   const double sx = double(new_width) / width, sy = double(new_height) / height;

@@ -23,8 +23,9 @@ struct Camera {
   // Camera centre in world coordinates: -R^T t.
   std::array<double, 3> Center() const;
 
-  // World point to camera frame.
+  // World point to camera frame, and back.
   std::array<double, 3> CamFromWorld(const std::array<double, 3>& point) const;
+  std::array<double, 3> WorldFromCam(const std::array<double, 3>& point) const;
 
   // Same view at another image size: intrinsics scaled, pose kept.
   Camera Scaled(int new_width, int new_height) const;

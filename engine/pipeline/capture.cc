@@ -19,6 +19,7 @@
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
+#include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/priors/information.h"
@@ -310,6 +311,7 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
                    double(o.ScheduleIterations()),
                    double(o.max_gaussians),
                    double(o.sh_degree),
+                   double(o.dense_start),
                    double(o.use_pdm),
                    double(o.pdm_hidden),
                    double(o.pdm_every),
@@ -378,6 +380,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
       absl::StrCat(inputs, " points ", capture.points.size(), " holdout ", hold_out ? every : 0);
   LITAGS_RETURN_IF_ERROR(AddDepthMaps(input, options, capture.points, capture.point_views, key,
                                       cancel, progress, &capture.train, report));
+  LITAGS_RETURN_IF_ERROR(AddDenseStart(input, options, key, cancel, progress, &capture, report));
   capture.fingerprint =
       MakeFingerprint(options, inputs, ResolveDepthOrigin(input, options), capture.train);
   return capture;

@@ -75,6 +75,7 @@ struct ReconstructOptions {
   int64_t max_gaussians = 200000;
   DensityStatistic density_statistic = DensityStatistic::kMean;
   int sh_degree = 3;                 // 0..3
+  bool dense_start = true;           // points of stereo depth to start from, besides SfM's
   bool use_pdm = true;               // progressive denoising module
   int pdm_hidden = 8;                // channels inside its network, 1..64
   int pdm_every = 2;                 // one iteration in so many denoises; paper: 1

@@ -126,6 +126,7 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
   if (proto.has_coarse_levels()) options.coarse_levels = proto.coarse_levels();
   if (proto.has_coarse_until()) options.coarse_until = proto.coarse_until();
   if (proto.has_depth_weight()) options.depth_weight = proto.depth_weight();
+  if (proto.has_dense_start()) options.dense_start = proto.dense_start();
   if (proto.has_depth_geometry()) options.depth_geometry = proto.depth_geometry();
   if (proto.has_settle_epochs()) options.settle_epochs = proto.settle_epochs();
   if (proto.has_information_weights()) options.information_weights = proto.information_weights();
@@ -180,6 +181,7 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_coarse_until(options.coarse_until);
   proto.set_depth_source(static_cast<v1::DepthSource>(static_cast<int>(options.depth_source) + 1));
   proto.set_depth_weight(options.depth_weight);
+  proto.set_dense_start(options.dense_start);
   proto.set_depth_geometry(options.depth_geometry);
   proto.set_contrast(options.contrast);
   proto.set_chroma_smoothing(options.chroma_smoothing);

@@ -58,6 +58,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_depth_source(v1::DEPTH_SOURCE_STEREO);
   o->set_depth_weight(0.5);
   o->set_depth_geometry(false);
+  o->set_dense_start(false);
   o->set_contrast(0.5);
   o->set_chroma_smoothing(2.5);
   o->set_settle_epochs(7.5);

@@ -51,6 +51,8 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
                   "gradient that makes Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
       ->transform(CLI::CheckedTransformer(statistics));
   app->add_option("--sh-degree", options->sh_degree)->capture_default_str();
+  app->add_flag("!--no-dense-start", options->dense_start,
+                "start from the sparse points alone, not from stereo's, too");
   app->add_option("--max-image-side", options->max_image_side,
                   "shrink larger photos to this, px; 0: never");
   app->add_option("--holdout-every", options->holdout_every, "hold out every n-th photo; 0: none")

@@ -38,6 +38,7 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.depth_source = DepthOrigin::kStereo;  // in place of the paper's network
   options.depth_weight = 0.1;
   options.depth_geometry = false;
+  options.dense_start = false;
   options.density_statistic = DensityStatistic::kMean;
   options.pdm_hidden = 16;
   options.pdm_every = 1;
@@ -72,6 +73,7 @@ absl::StatusOr<TableMethod> ParseMethod(const std::string& name, const Reconstru
     method.group = Group::kAblation;
     method.options.use_pdm = base.use_pdm && ablation.pdm;
     method.options.use_depth = base.use_depth && ablation.depth;
+    method.options.dense_start = base.dense_start && ablation.depth;
     method.options.use_prior = base.use_prior && ablation.prior;
     return method;
   }

@@ -1,0 +1,160 @@
+#include "engine/pipeline/dense_start.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/core/mask.h"
+#include "engine/io/container.h"
+#include "engine/pipeline/depth_maps.h"
+#include "engine/stereo/stereo.h"
+
+namespace litags {
+namespace {
+
+constexpr char kKind[] = "start points";
+constexpr uint32_t kVersion = 1;
+
+// Calls visit(photo, x, y) for the known pixels of a grid `step` apart.
+template <class Visit>
+void ForEachKnown(absl::Span<const PhotoDepth> photos, int step, const Visit& visit) {
+  for (const PhotoDepth& photo : photos) {
+    const Planes& confidence = photo.map->confidence;
+    for (int y = step / 2; y < confidence.height; y += step) {
+      for (int x = step / 2; x < confidence.width; x += step) {
+        if (confidence.at(0, y, x) < kDenseConfidence) continue;
+        if (Counts(photo.view->mask, x, y)) visit(photo, x, y);
+      }
+    }
+  }
+}
+
+SparsePoint PointAt(const PhotoDepth& photo, int x, int y) {
+  const Camera& camera = photo.view->view.camera;
+  const double z = photo.map->depth.at(0, y, x);
+  SparsePoint point;
+  point.xyz = camera.WorldFromCam(
+      {(x + 0.5 - camera.cx) / camera.fx * z, (y + 0.5 - camera.cy) / camera.fy * z, z});
+  std::copy_n(photo.view->target.pixel(x, y), 3, point.rgb.begin());
+  return point;
+}
+
+absl::Status Keep(const std::string& path, const std::string& key,
+                  absl::Span<const SparsePoint> points) {
+  std::vector<double> xyz;
+  std::vector<uint8_t> rgb;
+  for (const SparsePoint& point : points) {
+    xyz.insert(xyz.end(), point.xyz.begin(), point.xyz.end());
+    rgb.insert(rgb.end(), point.rgb.begin(), point.rgb.end());
+  }
+  ContainerWriter writer(kKind, kVersion);
+  writer.AddSectionView("key", key);
+  writer.AddArrayView("xyz", xyz);
+  writer.AddArrayView("rgb", rgb);
+  return writer.Commit(path);
+}
+
+// The kept points; nothing if there are none, or they are damaged or of something else: they can
+// always be made again.
+std::optional<std::vector<SparsePoint>> Kept(const std::string& path, const std::string& key) {
+  const auto file = Container::Read(path, kKind, kVersion);
+  if (!file.ok()) return std::nullopt;
+  const auto kept_key = file->Section("key");
+  const auto xyz = file->Array<double>("xyz");
+  const auto rgb = file->Array<uint8_t>("rgb");
+  if (!kept_key.ok() || *kept_key != key || !xyz.ok() || !rgb.ok()) return std::nullopt;
+  if (xyz->size() != rgb->size() || xyz->size() % 3 != 0) return std::nullopt;
+  std::vector<SparsePoint> points(xyz->size() / 3);
+  for (size_t i = 0; i < points.size(); ++i) {
+    std::copy_n(xyz->begin() + 3 * i, 3, points[i].xyz.begin());
+    std::copy_n(rgb->begin() + 3 * i, 3, points[i].rgb.begin());
+  }
+  return points;
+}
+
+// Of photos that have stereo depth already.
+std::vector<SparsePoint> PointsOfLoss(const std::vector<TrainView>& views, int64_t limit) {
+  std::vector<PhotoDepth> photos;
+  for (const TrainView& v : views) {
+    if (v.depth.has_value()) photos.push_back({&v, &*v.depth});
+  }
+  return PointsOfDepth(photos, limit);
+}
+
+absl::StatusOr<std::vector<SparsePoint>> PointsOfStereo(const ReconstructOptions& options,
+                                                        const CancelToken& cancel,
+                                                        const StageReport& progress,
+                                                        const Capture& capture, int64_t limit) {
+  const std::vector<TrainView>& views = capture.train;
+  const int every = (static_cast<int>(views.size()) + kDenseViews - 1) / kDenseViews;
+  std::vector<PosedPhoto> photos;
+  for (size_t i = 0; i < views.size(); i += every) {
+    photos.push_back({&views[i].view, &views[i].photo, &views[i].target});
+  }
+  std::vector<int> point_views = capture.point_views;
+  for (int& v : point_views) v = v >= 0 && v % every == 0 ? v / every : -1;
+  StereoOptions stereo;
+  stereo.threads = options.threads;
+  const auto report = [&](int done, int total) {
+    progress(Stage::kPreparing,
+             absl::StrCat("points to start from by stereo: ", done, " of ", total, " photos"));
+  };
+  LITAGS_ASSIGN_OR_RETURN(
+      const auto maps,
+      StereoDepth(photos, PointsOfTraining(capture.points, point_views), stereo, cancel, report));
+  std::vector<PhotoDepth> known;
+  for (size_t i = 0; i < maps.size(); ++i) {
+    if (maps[i].has_value()) known.push_back({&views[i * every], &*maps[i]});
+  }
+  return PointsOfDepth(known, limit);
+}
+
+}  // namespace
+
+std::vector<SparsePoint> PointsOfDepth(absl::Span<const PhotoDepth> photos, int64_t limit) {
+  std::vector<SparsePoint> points;
+  if (limit <= 0) return points;
+  const auto count = [&](int step) {
+    int64_t known = 0;
+    ForEachKnown(photos, step, [&](const PhotoDepth&, int, int) { ++known; });
+    return known;
+  };
+  int step = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(count(1)) / limit)));
+  while (count(step) > limit) ++step;
+  ForEachKnown(photos, step, [&](const PhotoDepth& photo, int x, int y) {
+    points.push_back(PointAt(photo, x, y));
+  });
+  return points;
+}
+
+absl::Status AddDenseStart(const ReconstructInput& input, const ReconstructOptions& options,
+                           const std::string& key, const CancelToken& cancel,
+                           const StageReport& progress, Capture* capture,
+                           ReconstructReport* report) {
+  if (!options.dense_start || options.method != Method::kLitaGs) return absl::OkStatus();
+  const int64_t sparse = static_cast<int64_t>(capture->points.size());
+  const int64_t limit = options.max_gaussians / 16 - sparse;
+  if (limit <= 0) return absl::OkStatus();
+  const std::string path = input.work_dir + "/start.litags";
+  const std::string full_key = absl::StrCat("at most ", limit, " of ", key);
+  std::optional<std::vector<SparsePoint>> points = Kept(path, full_key);
+  if (!points.has_value()) {
+    if (ResolveDepthOrigin(input, options) == DepthOrigin::kStereo) {
+      points = PointsOfLoss(capture->train, limit);
+    } else {
+      LITAGS_ASSIGN_OR_RETURN(points, PointsOfStereo(options, cancel, progress, *capture, limit));
+    }
+    LITAGS_RETURN_IF_ERROR(Keep(path, full_key, *points));
+  }
+  report->notes.push_back(absl::StrCat("training starts from ", sparse, " sparse points and ",
+                                       points->size(), " of stereo depth"));
+  capture->points.insert(capture->points.end(), std::make_move_iterator(points->begin()),
+                         std::make_move_iterator(points->end()));
+  return absl::OkStatus();
+}
+
+}  // namespace litags

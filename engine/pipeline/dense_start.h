@@ -1,0 +1,46 @@
+// More Gaussians to start from than the sparse points: dark photos have few of those, and where
+// there are few photos, too, density control takes long to grow the rest.
+#ifndef LITAGS_ENGINE_PIPELINE_DENSE_START_H_
+#define LITAGS_ENGINE_PIPELINE_DENSE_START_H_
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/types/span.h"
+#include "engine/core/cancel.h"
+#include "engine/io/sparse_model.h"
+#include "engine/pipeline/capture.h"
+#include "engine/pipeline/engine.h"
+#include "engine/train/train_view.h"
+
+namespace litags {
+
+inline constexpr int kDenseViews = 32;           // with stereo depth, evenly by name. Choice
+inline constexpr double kDenseConfidence = 0.5;  // least, of depth. Choice
+
+// A photo and its depth, of the same size; in the units of the cameras and with a confidence.
+struct PhotoDepth {
+  const TrainView* view;
+  const DepthMap* map;
+};
+
+// World points, without tracks, of a square grid of pixels of all photos: where depth has
+// kDenseConfidence and the pixel counts by its photo's mask. As many as the finest grid of whole
+// pixels has without exceeding `limit`. Colours are the pseudo-targets'.
+std::vector<SparsePoint> PointsOfDepth(absl::Span<const PhotoDepth> photos, int64_t limit);
+
+// Adds points of stereo depth to capture->points if options.dense_start asks for them: with the
+// sparse points at most a sixteenth of max_gaussians, the budget of photos at a quarter of their
+// size. They are kept in work_dir/start.litags and taken from there if they were made from the same
+// photos, cameras and points (`key`). Errors are those of stereo and of writing that file. What is
+// found, or that nothing is, becomes a note of `report`.
+absl::Status AddDenseStart(const ReconstructInput& input, const ReconstructOptions& options,
+                           const std::string& key, const CancelToken& cancel,
+                           const StageReport& progress, Capture* capture,
+                           ReconstructReport* report);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_DENSE_START_H_

@@ -1,0 +1,163 @@
+#include "engine/pipeline/dense_start.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "engine/core/mask.h"
+#include "engine/pipeline/reconstruct_test_util.h"
+
+namespace litags {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+// A photo whose pixels all lie on the plane z = 2 + x / 10 of its camera.
+struct Plane {
+  static constexpr int kWide = 40, kHigh = 30;
+  TrainView view;
+  DepthMap map;
+
+  Plane() {
+    view.view.camera = RingCamera(1, 5, kWide, kHigh);
+    view.target = ImageU8(kWide, kHigh);
+    for (size_t i = 0; i < view.target.data.size(); ++i) view.target.data[i] = i % 251;
+    map.depth = map.confidence = Planes(1, kHigh, kWide);
+    std::fill(map.confidence.data.begin(), map.confidence.data.end(), 0.9f);
+    for (int y = 0; y < kHigh; ++y) {
+      for (int x = 0; x < kWide; ++x) {
+        const Camera& c = view.view.camera;
+        map.depth.at(0, y, x) = static_cast<float>(2 / (1 - 0.1 * (x + 0.5 - c.cx) / c.fx));
+      }
+    }
+  }
+  PhotoDepth Photo() const { return {&view, &map}; }
+};
+
+TEST(PointsOfDepth, LieWhereThePixelsSeeThem) {
+  const Plane plane;
+  const auto points = PointsOfDepth({plane.Photo()}, Plane::kWide * Plane::kHigh);
+  ASSERT_EQ(points.size(), size_t{Plane::kWide * Plane::kHigh});
+  const Camera& camera = plane.view.view.camera;
+  for (const int i : {0, 41, 1199}) {
+    const auto p = camera.CamFromWorld(points[i].xyz);
+    EXPECT_NEAR(p[2], 2 + 0.1 * p[0], 1e-6);
+    EXPECT_NEAR(camera.fx * p[0] / p[2] + camera.cx, i % Plane::kWide + 0.5, 1e-9);
+    EXPECT_NEAR(camera.fy * p[1] / p[2] + camera.cy, i / Plane::kWide + 0.5, 1e-9);
+    EXPECT_EQ(points[i].rgb[1], plane.view.target.data[3 * i + 1]);
+    EXPECT_TRUE(points[i].track.empty());
+  }
+}
+
+TEST(PointsOfDepth, AreAGridOfAtMostTheLimitOverAllPhotos) {
+  const Plane a, b;
+  EXPECT_EQ(PointsOfDepth({a.Photo(), b.Photo()}, 2400).size(), 2400u);
+  EXPECT_EQ(PointsOfDepth({a.Photo(), b.Photo()}, 2399).size(), 600u);  // every second
+  EXPECT_EQ(PointsOfDepth({a.Photo(), b.Photo()}, 600).size(), 600u);
+  // Pixels (1, 1), (4, 1) ...: 13 of 40 columns, 10 of 30 rows.
+  const auto third = PointsOfDepth({a.Photo()}, 140);
+  ASSERT_EQ(third.size(), 130u);
+  EXPECT_EQ(third[1].rgb[0], a.view.target.pixel(4, 1)[0]);
+  EXPECT_TRUE(PointsOfDepth({a.Photo()}, 0).empty());
+  EXPECT_TRUE(PointsOfDepth({a.Photo()}, -5).empty());
+  EXPECT_TRUE(PointsOfDepth({}, 100).empty());
+}
+
+TEST(PointsOfDepth, DoubtfulAndMaskedPixelsGiveNone) {
+  Plane plane;
+  for (int x = 0; x < 10; ++x) plane.map.confidence.at(0, 3, x) = 0.49f;
+  plane.view.mask = PlaneU8(Plane::kWide, Plane::kHigh);
+  std::fill(plane.view.mask.data.begin(), plane.view.mask.data.end(), kCounts);
+  for (int x = 20; x < 25; ++x) plane.view.mask.data[7 * Plane::kWide + x] = 0;
+  EXPECT_EQ(PointsOfDepth({plane.Photo()}, 1 << 20).size(), 1200u - 10 - 5);
+}
+
+ReconstructOptions DenseOptions() {
+  ReconstructOptions options = SmallOptions();
+  options.dense_start = true;
+  return options;
+}
+
+std::string Start(const ReconstructInput& input) { return input.work_dir + "/start.litags"; }
+
+TEST(DenseStart, PointsAreMadeOnceAndKept) {
+  Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  ReconstructOptions options = DenseOptions();
+  const auto report = Reconstruct(input, options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains(HasSubstr("training starts from 150 sparse points and ")));
+  EXPECT_THAT(report->notes, Not(Contains(HasSubstr(" and 0 of stereo depth"))));
+  EXPECT_EQ(report->sparse_points, 150);
+  EXPECT_GT(report->gaussians, 200);
+  EXPECT_FALSE(report->depth_used) << "the depth loss is another matter";
+
+  const std::string kept = Bytes(Start(input));
+  const auto time = std::filesystem::last_write_time(Start(input));
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  EXPECT_EQ(std::filesystem::last_write_time(Start(input)), time) << "made again";
+  // Damaged: made again, the same.
+  ASSERT_TRUE(WriteFileAtomically(Start(input), kept.substr(0, kept.size() / 2)).ok());
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  EXPECT_TRUE(Bytes(Start(input)) == kept);
+  // Of other photos, cameras, points or another limit: others.
+  options.max_gaussians = 150 * 16 + 160;
+  const auto fewer = Reconstruct(photos.Input("fewer"), options);
+  ASSERT_TRUE(fewer.ok());
+  EXPECT_LE(fewer->gaussians, report->gaussians);
+  for (SparsePoint& point : photos.model.points) point.xyz[1] += 0.1;
+  photos.WriteModel();
+  ASSERT_TRUE(Reconstruct(input, DenseOptions()).ok());
+  EXPECT_FALSE(Bytes(Start(input)) == kept) << "those of other points were used";
+}
+
+TEST(DenseStart, TwoThreadsGiveTheSameScene) {
+  const Photographs photos;
+  ReconstructOptions options = DenseOptions();
+  const ReconstructInput one = photos.Input("one"), two = photos.Input("two");
+  ASSERT_TRUE(Reconstruct(one, options).ok());
+  options.threads = 2;
+  ASSERT_TRUE(Reconstruct(two, options).ok());
+  EXPECT_TRUE(Bytes(Start(one)) == Bytes(Start(two)));
+  EXPECT_TRUE(SceneBytes(one) == SceneBytes(two));
+}
+
+TEST(DenseStart, WithoutItAndWithPlain3dgsOnlyTheSparsePointsStart) {
+  const Photographs photos;
+  ReconstructOptions off = DenseOptions(), plain = DenseOptions(), full = DenseOptions();
+  off.dense_start = false;
+  plain.method = Method::k3dgs;
+  full.max_gaussians = 150 * 16;
+  int run = 0;
+  for (const ReconstructOptions& options : {off, plain, full}) {
+    const ReconstructInput input = photos.Input("work" + std::to_string(run++));
+    const auto report = Reconstruct(input, options);
+    ASSERT_TRUE(report.ok()) << report.status();
+    EXPECT_THAT(report->notes, Not(Contains(HasSubstr("training starts from"))));
+    EXPECT_FALSE(std::filesystem::exists(Start(input)));
+  }
+}
+
+TEST(DenseStart, DepthOfTheLossIsNotMadeTwice) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  ReconstructOptions options = DenseOptions();
+  options.depth_source = DepthOrigin::kStereo;
+  Recorder recorder;
+  int stereo = 0, start = 0;
+  recorder.on_progress = [&](const Progress& p) {
+    stereo += p.message.find("depth by stereo") != std::string::npos;
+    start += p.message.find("points to start from") != std::string::npos;
+  };
+  ASSERT_TRUE(MakeEngine(kNoColmap)->Reconstruct(input, options, CancelToken(), &recorder).ok());
+  EXPECT_GT(stereo, 0);
+  EXPECT_EQ(start, 0);
+  EXPECT_FALSE(Bytes(Start(input)).empty());
+}
+
+}  // namespace
+}  // namespace litags
