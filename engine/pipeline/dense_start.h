@@ -18,6 +18,7 @@
 namespace litags {
 
 inline constexpr int kDenseViews = 32;           // with stereo depth, evenly by name. Choice
+inline constexpr int kDenseSide = 640;           // larger photos are shrunk to this, px. Choice
 inline constexpr double kDenseConfidence = 0.5;  // least, of depth. Choice
 
 // A photo and its depth, of the same size; in the units of the cameras and with a confidence.

@@ -4,9 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "engine/core/mask.h"
+#include "engine/io/container.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {
@@ -124,6 +128,27 @@ TEST(DenseStart, TwoThreadsGiveTheSameScene) {
   ASSERT_TRUE(Reconstruct(two, options).ok());
   EXPECT_TRUE(Bytes(Start(one)) == Bytes(Start(two)));
   EXPECT_TRUE(SceneBytes(one) == SceneBytes(two));
+}
+
+// Mean distance of the points of stereo from the origin, where the cloud is.
+double MeanDistance(const ReconstructInput& input) {
+  const auto file = Container::Read(Start(input), "start points", 1);
+  EXPECT_TRUE(file.ok()) << file.status();
+  const std::vector<double> xyz = file->Array<double>("xyz").value();
+  EXPECT_GT(xyz.size(), 300u);
+  double sum = 0;
+  for (size_t i = 0; i < xyz.size(); i += 3) sum += std::hypot(xyz[i], xyz[i + 1], xyz[i + 2]);
+  return sum / (xyz.size() / 3);
+}
+
+TEST(DenseStart, LargePhotosGivePointsInTheSamePlaces) {
+  const Photographs small(320, 240), large(kDenseSide + 160, 600);
+  ReconstructOptions options = DenseOptions();
+  options.iterations = 2;
+  const ReconstructInput a = small.Input("work"), b = large.Input("work");
+  ASSERT_TRUE(Reconstruct(a, options).ok());
+  ASSERT_TRUE(Reconstruct(b, options).ok());
+  EXPECT_NEAR(MeanDistance(b) / MeanDistance(a), 1, 0.1);
 }
 
 TEST(DenseStart, WithoutItAndWithPlain3dgsOnlyTheSparsePointsStart) {
