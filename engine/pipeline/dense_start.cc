@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -164,10 +165,12 @@ absl::Status AddDenseStart(const ReconstructInput& input, const ReconstructOptio
   const int64_t limit = options.max_gaussians / 16 - sparse;
   if (limit <= 0) return absl::OkStatus();
   const std::string path = input.work_dir + "/start.litags";
-  const std::string full_key = absl::StrCat("at most ", limit, " of ", key);
+  const bool has_stereo = ResolveDepthOrigin(input, options) == DepthOrigin::kStereo;
+  const std::string full_key =
+      absl::StrCat("at most ", limit, has_stereo ? " of the loss's depth, " : " of stereo, ", key);
   std::optional<std::vector<SparsePoint>> points = Kept(path, full_key);
   if (!points.has_value()) {
-    if (ResolveDepthOrigin(input, options) == DepthOrigin::kStereo) {
+    if (has_stereo) {
       points = PointsOfLoss(capture->train, limit);
     } else {
       LITAGS_ASSIGN_OR_RETURN(points, PointsOfStereo(options, cancel, progress, *capture, limit));

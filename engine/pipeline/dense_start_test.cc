@@ -142,7 +142,8 @@ double MeanDistance(const ReconstructInput& input) {
 }
 
 TEST(DenseStart, LargePhotosGivePointsInTheSamePlaces) {
-  const Photographs small(320, 240), large(kDenseSide + 160, 600);
+  const Photographs small(340, 160), large(680, 320);
+  ASSERT_GT(680, kDenseSide);
   ReconstructOptions options = DenseOptions();
   options.iterations = 2;
   const ReconstructInput a = small.Input("work"), b = large.Input("work");
@@ -182,6 +183,10 @@ TEST(DenseStart, DepthOfTheLossIsNotMadeTwice) {
   EXPECT_GT(stereo, 0);
   EXPECT_EQ(start, 0);
   EXPECT_FALSE(Bytes(Start(input)).empty());
+  // Without that loss they are other photos' depth.
+  options.depth_source = DepthOrigin::kAuto;
+  ASSERT_TRUE(MakeEngine(kNoColmap)->Reconstruct(input, options, CancelToken(), &recorder).ok());
+  EXPECT_GT(start, 0) << "points of the loss's depth were used";
 }
 
 }  // namespace
