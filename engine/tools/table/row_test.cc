@@ -123,6 +123,10 @@ TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
   EXPECT_EQ(of("litags-paper").options.tone, Tone::kPaper);
   EXPECT_EQ(of("litags-paper").options.exposure_ssim, 0);
   EXPECT_FALSE(of("litags-paper").options.depth_geometry);
+  EXPECT_FALSE(of("litags-paper").options.dense_start);
+  EXPECT_TRUE(of("litags").options.dense_start);
+  EXPECT_TRUE(of("litags-no-prior").options.dense_start);
+  EXPECT_FALSE(of("litags-no-depth").options.dense_start);
   EXPECT_FALSE(of("litags-no-pdm").options.use_pdm);
   EXPECT_TRUE(of("litags-no-pdm").options.use_prior);
   EXPECT_FALSE(of("litags-no-pdm-depth-prior").options.use_prior);
