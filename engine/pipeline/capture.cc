@@ -22,6 +22,7 @@
 #include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/shrink.h"
 #include "engine/priors/information.h"
 #include "engine/priors/photometric.h"
 #include "engine/priors/structure_prior.h"
@@ -71,19 +72,6 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   v->photo = undistort(v->photo);
   if (!v->mask.empty()) v->mask = ChangeMask(v->mask, undistort);
   return status;
-}
-
-void Shrink(int max_side, TrainView* v) {
-  Camera& camera = v->view.camera;
-  const int side = std::max(camera.width, camera.height);
-  if (max_side <= 0 || side <= max_side) return;
-  const double scale = double(max_side) / side;
-  const int width = std::max(1, static_cast<int>(std::lround(camera.width * scale)));
-  const int height = std::max(1, static_cast<int>(std::lround(camera.height * scale)));
-  const auto resize = [&](const ImageU8& image) { return ResizeArea(image, width, height); };
-  v->photo = resize(v->photo);
-  if (!v->mask.empty()) v->mask = ChangeMask(v->mask, resize);
-  camera = camera.Scaled(width, height);
 }
 
 // A mask may leave something of the photo as it was taken, and nothing at the size of training.

@@ -11,9 +11,8 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/io/container.h"
-#include "engine/io/image_io.h"
-#include "engine/io/mask_io.h"
 #include "engine/pipeline/depth_maps.h"
+#include "engine/pipeline/shrink.h"
 #include "engine/stereo/stereo.h"
 
 namespace litags {
@@ -88,28 +87,6 @@ std::vector<SparsePoint> PointsOfLoss(const std::vector<TrainView>& views, int64
   return PointsOfDepth(photos, limit);
 }
 
-// What stereo and points are made of, at most kDenseSide px: the maps of thirty large photos would
-// fill the memory.
-TrainView Reduced(const TrainView& view) {
-  TrainView out;
-  out.view = view.view;
-  out.photo = view.photo;
-  out.target = view.target;
-  out.mask = view.mask;
-  Camera& camera = out.view.camera;
-  const double scale = double(kDenseSide) / std::max(camera.width, camera.height);
-  if (scale >= 1) return out;
-  camera = camera.Scaled(std::max(1, static_cast<int>(std::lround(scale * camera.width))),
-                         std::max(1, static_cast<int>(std::lround(scale * camera.height))));
-  const auto resize = [&](const ImageU8& image) {
-    return ResizeArea(image, camera.width, camera.height);
-  };
-  out.photo = resize(out.photo);
-  out.target = resize(out.target);
-  if (!out.mask.empty()) out.mask = ChangeMask(out.mask, resize);
-  return out;
-}
-
 absl::StatusOr<std::vector<SparsePoint>> PointsOfStereo(const ReconstructOptions& options,
                                                         const CancelToken& cancel,
                                                         const StageReport& progress,
@@ -117,7 +94,15 @@ absl::StatusOr<std::vector<SparsePoint>> PointsOfStereo(const ReconstructOptions
   const int n = static_cast<int>(capture.train.size());
   const int every = (n + kDenseViews - 1) / kDenseViews;
   std::vector<TrainView> views;
-  for (int i = 0; i < n; i += every) views.push_back(Reduced(capture.train[i]));
+  for (int i = 0; i < n; i += every) {
+    const TrainView& v = capture.train[i];
+    TrainView& small = views.emplace_back();
+    small.view = v.view;
+    small.photo = v.photo;
+    small.target = v.target;
+    small.mask = v.mask;
+    Shrink(kDenseSide, &small);  // the maps of thirty large photos would fill the memory
+  }
   std::vector<PosedPhoto> photos;
   for (const TrainView& v : views) photos.push_back({&v.view, &v.photo, &v.target});
   std::vector<int> point_views = capture.point_views;

@@ -315,15 +315,15 @@ HWY_INLINE void StorePairs(const TileJob& job, const TileGradients& gradients, s
 template <int C, PixelSum kSum>
 void Backward(const TileJob& job, const TileGradients& gradients, TileScratch* scratch) {
   const PixelGrid grid(job);
-  constexpr int kGrads = GradStride(C), G = kGroup;
+  constexpr int kGrads = GradStride(C);
   const size_t used = UsedLength(job);
   if (used > 0) BlockInput<C>::Prefetch(job, gradients);
   GatherRecords<C>(job, used, &scratch->records);
   const float* records = scratch->records.data();
   // One more row takes the sums of the entries that fill a group up.
   scratch->grads.assign((used + 1) * kGrads, 0.0f);
-  scratch->entries.resize(used + G);
-  scratch->evaluations.resize((used + G) * kEvaluation);
+  scratch->entries.resize(used + kGroup);
+  scratch->evaluations.resize((used + kGroup) * kEvaluation);
   uint32_t* entries = scratch->entries.data();
   float* evaluations = scratch->evaluations.data();
   float* grads = scratch->grads.data();
@@ -337,9 +337,9 @@ void Backward(const TileJob& job, const TileGradients& gradients, TileScratch* s
     in.Load(job, gradients, block);
     NoteEvaluations(records, entries, n, InitialProduct(job, in.x, in.y), in, evaluations);
     WeighEvaluations<C, kSum>(records, entries, n, in, evaluations, grads);
-    std::fill_n(entries + n, G, static_cast<uint32_t>(used));
-    std::fill_n(evaluations + n * kEvaluation, G * kEvaluation, 0.0f);
-    AddPixels(entries, (n + G - 1) / G * G, in, evaluations, grads);
+    std::fill_n(entries + n, kGroup, static_cast<uint32_t>(used));
+    std::fill_n(evaluations + n * kEvaluation, kGroup * kEvaluation, 0.0f);
+    AddPixels(entries, (n + kGroup - 1) / kGroup * kGroup, in, evaluations, grads);
   }
   StorePairs<C>(job, gradients, used, records, grads);
 }

@@ -63,6 +63,7 @@ class Call {
  private:
   friend class Gate;
   Call(Gate* gate, CallName name, std::string request_id, Principal client);
+  void LeaveStream();
 
   Gate* const gate_;
   const CallName name_;
@@ -70,8 +71,6 @@ class Call {
   const Principal client_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::shared_ptr<Jobs> jobs_;
-  void LeaveStream();
-
   bool holds_stream_ = false;
 };
 
