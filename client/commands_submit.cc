@@ -27,7 +27,7 @@ struct SubmitArgs {
   std::optional<v1::DepthSource> depth_source;
   std::optional<v1::DensityStatistic> density_statistic;
   std::optional<double> theta, contrast, chroma_smoothing, min_registered, exposure_ssim,
-      coarse_until, settle_epochs, depth_weight;
+      coarse_until, settle_epochs, dropout, depth_weight;
   std::optional<int> iterations, schedule_iterations, threads, sh_degree, max_image_side,
       holdout_every;
   std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
@@ -85,6 +85,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.coarse_levels) options.set_coarse_levels(*args.coarse_levels);
   if (args.coarse_until) options.set_coarse_until(*args.coarse_until);
   if (args.settle_epochs) options.set_settle_epochs(*args.settle_epochs);
+  if (args.dropout) options.set_dropout(*args.dropout);
   if (args.information_weights) options.set_information_weights(true);
   if (args.depth_source) options.set_depth_source(*args.depth_source);
   if (args.depth_weight) options.set_depth_weight(*args.depth_weight);
@@ -272,6 +273,10 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command
       ->add_option("--settle-epochs", args->settle_epochs,
                    "Rounds over all photos after which learning rates are half; 0: constant")
+      ->group(group);
+  command
+      ->add_option("--dropout", args->dropout,
+                   "Share of the scene that an iteration leaves out, after many rounds; 0: none")
       ->group(group);
   command
       ->add_flag("--information-weights", args->information_weights,

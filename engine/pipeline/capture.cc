@@ -306,6 +306,7 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
                    double(o.coarse_levels),
                    o.coarse_until,
                    o.settle_epochs,
+                   o.dropout,
                    double(o.use_prior),
                    double(o.information_weights),
                    double(depth),

@@ -40,6 +40,7 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.coarse_levels = options.coarse_levels;
   train.coarse_until = options.coarse_until;
   train.settle_epochs = options.settle_epochs;
+  if (train.lita) train.dropout = options.dropout;
   train.use_prior = options.use_prior;
   train.use_depth = options.use_depth;
   train.weight_depth = options.depth_weight;
@@ -68,6 +69,7 @@ absl::Status ReconstructOptions::Validate() const {
     return Bad("coarse_until", coarse_until, "is not in (0, 1]");
   if (!(settle_epochs >= 0 && settle_epochs <= 1e6))
     return Bad("settle_epochs", settle_epochs, "is not in [0, 1000000]");
+  if (!(dropout >= 0 && dropout <= 0.9)) return Bad("dropout", dropout, "is not in [0, 0.9]");
   if (threads < 0 || threads > 1024)
     return Bad("threads", threads, "is not in 0..1024 (0: all cores)");
   if (max_gaussians < 1000 || max_gaussians > 20'000'000) {

@@ -46,6 +46,8 @@ TEST(ReconstructOptions, BadFieldsAreNamed) {
       {"schedule_iterations", [](O* o) { o->schedule_iterations = 1'000'001; }},
       {"settle_epochs", [](O* o) { o->settle_epochs = -1; }},
       {"settle_epochs", [](O* o) { o->settle_epochs = kNan; }},
+      {"dropout", [](O* o) { o->dropout = 0.95; }},
+      {"dropout", [](O* o) { o->dropout = kNan; }},
       {"coarse_until", [](O* o) { o->coarse_until = 0; }},
       {"coarse_until", [](O* o) { o->coarse_until = 1.5; }},
       {"coarse_until", [](O* o) { o->coarse_until = kNan; }},
@@ -121,6 +123,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   options.coarse_levels = 3;
   options.coarse_until = 0.7;
   options.settle_epochs = 9;
+  options.dropout = 0.4;
   options.seed = 5;
   options.threads = 3;
   options.max_gaussians = 4321;
@@ -140,6 +143,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(train.coarse_levels, 3);
   EXPECT_EQ(train.coarse_until, 0.7);
   EXPECT_EQ(train.settle_epochs, 9);
+  EXPECT_EQ(train.dropout, 0) << "plain 3DGS has none";
   EXPECT_EQ(train.seed, 5u);
   EXPECT_EQ(train.threads, 3);
   EXPECT_EQ(train.max_gaussians, 4321);
@@ -157,7 +161,9 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   options.density_statistic = DensityStatistic::kPixel;
   EXPECT_EQ(TrainOptionsOf(options).density_statistic, PixelSum::kCount);
   EXPECT_EQ(TrainOptionsOf(ReconstructOptions()).density_statistic, PixelSum::kNone);
-  EXPECT_TRUE(TrainOptionsOf(ReconstructOptions()).lita);
+  options.method = Method::kLitaGs;
+  EXPECT_TRUE(TrainOptionsOf(options).lita);
+  EXPECT_EQ(TrainOptionsOf(options).dropout, 0.4);
 }
 
 TEST(Stage, HasAName) {

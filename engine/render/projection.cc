@@ -101,13 +101,20 @@ void Scatter(const Rows& rows, size_t begin, size_t count, ProjectedSplats* out)
   }
 }
 
+// What a Dropout does to one vector.
+struct Dropped {
+  M left_out;
+  V log2_gain;  // of the others' opacity
+};
+
 // Projects one vector of Gaussians, `begin` to `begin + count`; `in` points at its first lane.
 void ProjectVector(const float* in, size_t begin, size_t count, const KernelCamera& cam,
-                   const ProjectionSettings& settings, ProjectedSplats* out) {
+                   const ProjectionSettings& settings, const Dropped& dropped,
+                   ProjectedSplats* out) {
   const D d;
   const V3 mean = LoadMean(in);
   const V3 p = ToCamera(mean, cam);
-  const M in_front = hn::Gt(p.z, hn::Set(d, settings.near_plane));
+  const M in_front = hn::AndNot(dropped.left_out, hn::Gt(p.z, hn::Set(d, settings.near_plane)));
   const auto clear = [&]() {
     std::fill_n(out->boxes.begin() + begin, count, ProjectedSplats::Box());
   };
@@ -115,7 +122,8 @@ void ProjectVector(const float* in, size_t begin, size_t count, const KernelCame
 
   const Lanes o = ProjectLanes(in, p, cam);
   const V log2_opacity =
-      hn::Mul(hn::Set(d, kLog2E), LogSigmoid(hn::Load(d, in + kLogitOpacity * kSplatBlock)));
+      hn::MulAdd(hn::Set(d, kLog2E), LogSigmoid(hn::Load(d, in + kLogitOpacity * kSplatBlock)),
+                 dropped.log2_gain);
   // alpha >= 1/255 inside d^T conic d <= q.
   const V q = hn::Mul(hn::Set(d, 2.0f / kLog2E), hn::Add(log2_opacity, hn::Set(d, kLog2Of255)));
   // A little wider than exact: rounding must not lose a pixel at the rim.
@@ -163,11 +171,17 @@ void ProjectVector(const float* in, size_t begin, size_t count, const KernelCame
 
 void ProjectBlockImpl(const Splats& splats, size_t block, const KernelCamera& camera,
                       const ProjectionSettings& settings, ProjectedSplats* out) {
-  const size_t lanes = hn::Lanes(D());
+  const D d;
+  const size_t lanes = hn::Lanes(d);
   const size_t begin = block * kSplatBlock, end = std::min(splats.size(), begin + kSplatBlock);
+  const uint32_t left_out = settings.dropout.LeftOut(block);
+  const V log2_gain = hn::Set(d, static_cast<float>(-std::log2(1 - settings.dropout.share)));
   for (size_t i = begin; i < end; i += lanes) {
+    const uint64_t bits = left_out >> (i - begin);
+    const Dropped dropped = {hn::LoadMaskBits(d, reinterpret_cast<const uint8_t*>(&bits)),
+                             log2_gain};
     ProjectVector(splats.block(block) + (i - begin), i, std::min(lanes, end - i), camera, settings,
-                  out);
+                  dropped, out);
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "engine/core/camera.h"
 #include "engine/core/splats.h"
+#include "engine/render/dropout.h"
 #include "engine/render/renderer.h"
 
 namespace litags {
@@ -80,6 +81,7 @@ struct ProjectionSettings {
   int sh_degree = kMaxShDegree;
   bool depth_is_camera_z = false;
   float near_plane = 0.2f;
+  Dropout dropout;
 };
 
 // Projects block `block` of 16 Gaussians. Thread-safe for different blocks.

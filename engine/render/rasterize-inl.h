@@ -38,7 +38,7 @@ constexpr uint64_t kAllBlocks = ~uint64_t{0} >> (64 - kBlocks);
 constexpr int BlockX(int block) { return block % kColumns * kBlockWidth; }
 constexpr int BlockY(int block) { return block / kColumns * kBlockHeight; }
 
-// 2^x for x in [-126, 0], to 2.4e-7 relative; meaningless for smaller x. Degree-5 minimax
+// 2^x for x in [-126, 126], to 2.4e-7 relative; meaningless for smaller x. Degree-5 minimax
 // polynomial on [-1/2, 1/2], fitted for this project.
 HWY_INLINE V Exp2(V x) {
   const D d;

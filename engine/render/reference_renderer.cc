@@ -77,7 +77,7 @@ bool ProjectOne(const double* g, const Camera& cam, const RenderSettings& settin
   out->conic_a = c / det;
   out->conic_b = -b / det;
   out->conic_c = a / det;
-  out->opacity = 1 / (1 + std::exp(-g[kLogitOpacity]));
+  out->opacity = 1 / (1 + std::exp(-g[kLogitOpacity])) / (1 - settings.dropout.share);
 
   const auto center = cam.Center();
   double dir[3] = {g[0] - center[0], g[1] - center[1], g[2] - center[2]};
@@ -106,6 +106,7 @@ std::vector<Projected> ProjectAll(const std::vector<double>& params, const Camer
                                   const RenderSettings& settings) {
   std::vector<Projected> gaussians;
   for (size_t i = 0; i < params.size() / kSplatRows; ++i) {
+    if (settings.dropout.LeftOut(i / kSplatBlock) >> i % kSplatBlock & 1) continue;
     Projected p;
     p.index = i;
     if (ProjectOne(params.data() + i * kSplatRows, camera, settings, &p)) gaussians.push_back(p);

@@ -72,7 +72,8 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.width = camera.width;
   s.height = camera.height;
   s.projection = {settings.num_channels, std::clamp(settings.sh_degree, 0, kMaxShDegree),
-                  settings.depth_source == DepthSource::kCameraZ, settings.near_plane};
+                  settings.depth_source == DepthSource::kCameraZ, settings.near_plane,
+                  settings.dropout};
   s.background = settings.background;
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
   s.count_useful = settings.count_useful;

@@ -13,6 +13,7 @@
 #include "engine/core/cancel.h"
 #include "engine/core/image.h"
 #include "engine/core/splats.h"
+#include "engine/render/dropout.h"
 
 namespace litags {
 
@@ -53,6 +54,7 @@ struct RenderSettings {
   const CancelToken* cancel = nullptr;  // once raised, Forward leaves the picture unfinished
   bool count_useful = false;            // whether Forward of 11 channels fills Counters::useful
   PixelSum pixel_sum = PixelSum::kNone;
+  Dropout dropout;  // of training
 };
 
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries

@@ -1,5 +1,6 @@
 #include "engine/render/renderer.h"
 
+#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -86,6 +87,33 @@ TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
       }
     }
   });
+}
+
+TEST(Renderer, DropoutMatchesTheReferenceOnEveryTarget) {
+  ForEachTarget([] {
+    for (const double share : {0.2, 0.7}) {
+      RenderSettings settings;
+      settings.dropout = {share, CounterRng(5, 6)};
+      for (size_t n : {size_t{1}, size_t{17}, size_t{150}}) {
+        ExpectMatchesReference(MakeSplats(n, n), MakeCamera(61, 43), settings);
+      }
+    }
+  });
+}
+
+TEST(Renderer, DropoutLeavesOutItsShareAndOthersEachTime) {
+  Dropout dropout{0.3, CounterRng(5, 6)};
+  const Dropout next{0.3, CounterRng(5, 7)};
+  int left_out = 0, both = 0;
+  constexpr int kBlocks = 10000;
+  for (int block = 0; block < kBlocks; ++block) {
+    left_out += std::popcount(dropout.LeftOut(block));
+    both += std::popcount(dropout.LeftOut(block) & next.LeftOut(block));
+  }
+  EXPECT_NEAR(left_out / (16.0 * kBlocks), 0.3, 0.006);
+  EXPECT_NEAR(both / (16.0 * kBlocks), 0.09, 0.004);
+  dropout.share = 0;
+  EXPECT_EQ(dropout.LeftOut(3), 0u);
 }
 
 TEST(Renderer, UsefulEvaluationsAreThoseThatWereComposited) {
@@ -221,6 +249,7 @@ TEST(Renderer, GradientsMatchFiniteDifferencesOnEveryTarget) {
     RenderSettings settings;
     settings.depth_source = source;
     settings.background[2] = 0.7f;
+    if (source == DepthSource::kCameraZ) settings.dropout = {0.3, CounterRng(5, 6)};
     const Loss loss = MakeLoss(splats, camera, settings);
     std::vector<double> params = ToDoubles(splats);
     std::vector<double> want(params.size());

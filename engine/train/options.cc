@@ -49,6 +49,7 @@ absl::Status TrainOptions::Validate() const {
                  {"lr_attributes", lr_attributes},
                  {"lr_pdm", lr_pdm},
                  {"settle_epochs", settle_epochs},
+                 {"dropout", dropout},
                  {"densify_grad", densify_grad},
                  {"densify_abs_grad", densify_abs_grad},
                  {"densify_percent", densify_percent},
@@ -57,6 +58,7 @@ absl::Status TrainOptions::Validate() const {
     if (!std::isfinite(value) || value < 0) return Bad(name, "must be a finite number, 0 or more");
   }
   if (exposure_ssim > 1) return Bad("exposure_ssim", "must be in [0, 1]");
+  if (dropout > 0.9) return Bad("dropout", "must be in [0, 0.9]");
   return pdm.Validate();
 }
 

@@ -51,6 +51,9 @@ struct TrainOptions {
   // over views) at full size, so that noisy photos are averaged rather than followed one by one.
   // 0: constant rates, as 3DGS. Choice
   double settle_epochs = 0;
+  // Share of the Gaussians that an iteration leaves out after many epochs at full size: it grows as
+  // dropout e / (e + 100). What repeats of the same photos would teach is their noise. Choice
+  double dropout = 0;  // [0, 0.9]
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..
   // 1/2 of their size, with 4^-level of max_gaussians and no denoising. 0 levels: full size

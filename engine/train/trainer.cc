@@ -23,6 +23,8 @@ namespace litags {
 namespace {
 
 constexpr uint64_t kViewOrderStream = 0x5649;  // random numbers of the photos' order
+constexpr uint64_t kDropoutStream = 0x4450;    // and of who is left out
+constexpr double kDropoutEpochs = 100;         // at full size, to half of options.dropout. Choice
 
 constexpr int kSkipsOfAPhoto = 2;  // then it is left out: it will not get better
 
@@ -81,10 +83,19 @@ struct Trainer::Impl {
     return std::min(pyramid.CoarseEnd() + options.densify_until, options.iterations / 2);
   }
 
+  // At full size.
+  double Epochs() const {
+    return std::max(0, state.iteration - pyramid.CoarseEnd()) / static_cast<double>(num_views);
+  }
+
   double SettleFactor() const {
-    const int at_full_size = state.iteration - pyramid.CoarseEnd();
-    if (options.settle_epochs == 0 || at_full_size <= 0) return 1;
-    return 1 / (1 + at_full_size / (options.settle_epochs * num_views));
+    if (options.settle_epochs == 0) return 1;
+    return 1 / (1 + Epochs() / options.settle_epochs);
+  }
+
+  Dropout MakeDropout() const {
+    const double share = options.dropout * Epochs() / (Epochs() + kDropoutEpochs);
+    return {share, CounterRng(options.seed, kDropoutStream + (uint64_t(state.iteration) << 16))};
   }
 
   AdamStep MakeAdamStep(int sh_degree) const {
@@ -227,6 +238,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   settings.num_channels = options.lita ? int{kNumChannels} : 3;
   settings.sh_degree = ShDegree();
   settings.threads = options.threads;
+  settings.dropout = MakeDropout();
   if (options.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
   if (state.iteration < DensifyUntil()) settings.pixel_sum = options.density_statistic;
   {

@@ -29,6 +29,7 @@ TrainOptions Options() {
   options.densify_every = 10;
   options.densify_grad = 1e-5;
   options.max_gaussians = 400;
+  options.dropout = 0.3;
   // Sixty iterations have to show something.
   options.lr_sh_dc = options.lr_attributes = 0.04;
   return options;
@@ -277,6 +278,28 @@ TEST(Trainer, RatesFallByTheEpochsAtFullSize) {
   EXPECT_GT(settled, constant / 20);
 }
 
+TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
+  // Gaussians that iteration `at` leaves as they were, out of 300.
+  const auto left_out = [](double dropout, int at) {
+    TrainOptions options = Options();
+    options.densify_until = 0;
+    options.dropout = dropout;
+    Trainer trainer = MakeTrainer(options);
+    Train(&trainer, at);
+    const Splats before = trainer.Snapshot().splats;
+    Train(&trainer, at + 1);
+    const Splats after = trainer.Snapshot().splats;
+    int same = 0;
+    for (size_t i = 0; i < before.size(); ++i) same += before.at(i, kShDc) == after.at(i, kShDc);
+    return same;
+  };
+  EXPECT_EQ(left_out(0.9, 0), left_out(0, 0)) << "all photos are new";
+  // 50 epochs of 8 photos: 0.9 x 50 / (50 + 100) = 0.3 of those in view; without it all are.
+  const int hidden = left_out(0, 400);
+  EXPECT_LT(hidden, 60);
+  EXPECT_NEAR(left_out(0.9, 400) - hidden, 0.3 * (300 - hidden), 35) << hidden;
+}
+
 TEST(TrainOptions, ValidateNamesTheBrokenRule) {
   EXPECT_TRUE(TrainOptions().Validate().ok());
   const auto field_of = [](auto change) {
@@ -293,6 +316,7 @@ TEST(TrainOptions, ValidateNamesTheBrokenRule) {
   EXPECT_EQ(field_of([](TrainOptions* o) { o->max_gaussians = 0; }), "max_gaussians");
   EXPECT_EQ(field_of([](TrainOptions* o) { o->lr_means = kNan; }), "lr_means");
   EXPECT_EQ(field_of([](TrainOptions* o) { o->weight_tv = -1; }), "weight_tv");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->dropout = 0.95; }), "dropout");
   EXPECT_NE(field_of([](TrainOptions* o) { o->densify_every = 0; }), "valid");
   EXPECT_NE(field_of([](TrainOptions* o) { o->pdm.stages = 0; }), "valid");
 }

@@ -40,6 +40,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("coarse_levels", r.coarse_levels);
   visit("coarse_until", r.coarse_until);
   visit("settle_epochs", r.settle_epochs);
+  visit("dropout", r.dropout);
   visit("depth_source", r.depth_source);
   visit("depth_weight", r.depth_weight);
   visit("depth_geometry", r.depth_geometry);

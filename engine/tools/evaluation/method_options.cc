@@ -39,6 +39,10 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option("--settle-epochs", options->settle_epochs,
                   "learning rates fall from here on, epochs at full size; 0: constant")
       ->capture_default_str();
+  app->add_option(
+         "--dropout", options->dropout,
+         "share of the Gaussians that an iteration of litags leaves out, after many epochs")
+      ->capture_default_str();
   app->add_option("--coarse-until", options->coarse_until, "part of the run on smaller photos")
       ->capture_default_str();
   app->add_option("--seed", options->seed)->capture_default_str();

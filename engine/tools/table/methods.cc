@@ -44,6 +44,7 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.pdm_every = 1;
   options.coarse_levels = 0;
   options.settle_epochs = 0;
+  options.dropout = 0;
   options.information_weights = false;
   return options;
 }
