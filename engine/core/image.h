@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 namespace litags {
@@ -40,6 +41,30 @@ struct Planes {
   float& at(int c, int y, int x) { return plane(c)[size_t(y) * width + x]; }
   float at(int c, int y, int x) const { return plane(c)[size_t(y) * width + x]; }
 };
+
+// Consecutive planes of a Planes, e.g. the colour of an 11-channel render; [channels, H, W]. A
+// whole Planes converts by itself. Valid as long as the Planes is.
+template <typename T>
+struct BasicPlanesView {
+  T* data = nullptr;
+  int channels = 0;
+  int height = 0;
+  int width = 0;
+
+  using Source = std::conditional_t<std::is_const_v<T>, const Planes, Planes>;
+
+  BasicPlanesView() = default;
+  BasicPlanesView(Source& planes) : BasicPlanesView(planes, 0, planes.channels) {}  // NOLINT
+  BasicPlanesView(Source& planes, int first, int count)
+      : data(planes.plane(first)), channels(count), height(planes.height), width(planes.width) {}
+
+  bool empty() const { return data == nullptr; }
+  size_t plane_size() const { return size_t(height) * width; }
+  size_t size() const { return channels * plane_size(); }
+  T* plane(int c) const { return data + c * plane_size(); }
+};
+using PlanesView = BasicPlanesView<const float>;
+using PlanesSpan = BasicPlanesView<float>;
 
 // Bytes to [3, H, W] floats in [0, 1]; no change of encoding.
 inline Planes ToPlanes(const ImageU8& image) {

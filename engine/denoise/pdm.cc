@@ -15,7 +15,8 @@ namespace {
 // True where the clamp to [0, 1] passes the gradient; `v` is the value before it.
 bool InsideClamp(float v) { return v >= 0.0f && v <= 1.0f; }
 
-bool SameSize(const Planes& a, const Planes& b) {
+template <class A, class B>
+bool SameSize(const A& a, const B& b) {
   return a.channels == b.channels && a.height == b.height && a.width == b.width;
 }
 
@@ -36,8 +37,8 @@ struct Pdm::Impl {
   ConvNet& net(int k) { return nets[options.shared ? 0 : k]; }
 
   // One forward pass with the activations of stage k in stages[slot] and R_k in r[from].
-  void Stage(const Planes& N, int k, int slot, int from, int to);
-  void Start(const PdmWeights& weights, const Planes& R0, const Planes& N);
+  void Stage(PlanesView N, int k, int slot, int from, int to);
+  void Start(const PdmWeights& weights, PlanesView R0, PlanesView N);
 
   // Calls body(y, c, scratch) for the three channels of every row.
   template <typename Body>
@@ -47,10 +48,10 @@ struct Pdm::Impl {
     });
   }
 
-  void NoiseEstimate(const Planes& N, int k, int slot, int from);
+  void NoiseEstimate(PlanesView N, int k, int slot, int from);
   void CopyClamped(const PaddedRows& from, Planes* out);
-  void StartGradient(const Planes& v_last, Planes* v_R0);
-  void NoiseEstimateVjp(int k, const Planes& v_previous, Planes* v_R0, Planes* v_N);
+  void StartGradient(PlanesView v_last, PlanesSpan v_R0);
+  void NoiseEstimateVjp(int k, PlanesView v_previous, PlanesSpan v_R0, PlanesSpan v_N);
 
   PdmOptions options;
   int threads;
@@ -64,7 +65,7 @@ struct Pdm::Impl {
   std::vector<AlignedFloats> scratch;  // per thread
 };
 
-void Pdm::Impl::Start(const PdmWeights& weights, const Planes& R0, const Planes& N) {
+void Pdm::Impl::Start(const PdmWeights& weights, PlanesView R0, PlanesView N) {
   LITAGS_CHECK(R0.channels == 3 && SameSize(R0, N));
   LITAGS_CHECK(weights.hidden == options.hidden && weights.nets.size() == nets.size());
   if (R0.height != height || R0.width != width) {
@@ -81,7 +82,7 @@ void Pdm::Impl::Start(const PdmWeights& weights, const Planes& R0, const Planes&
 }
 
 // R_{k+1} = R_0 - (Nhat_k - F(Nhat_k)).
-void Pdm::Impl::Stage(const Planes& N, int k, int slot, int from, int to) {
+void Pdm::Impl::Stage(PlanesView N, int k, int slot, int from, int to) {
   stages[slot].Resize(options.hidden, height, width);
   r[to].Resize(3, height, width);
   NoiseEstimate(N, k, slot, from);
@@ -89,7 +90,7 @@ void Pdm::Impl::Stage(const Planes& N, int k, int slot, int from, int to) {
 }
 
 // Nhat_0 = (R_0 - C(R_0) + N) / 2; Nhat_k = R_k - C(R_k).
-void Pdm::Impl::NoiseEstimate(const Planes& N, int k, int slot, int from) {
+void Pdm::Impl::NoiseEstimate(PlanesView N, int k, int slot, int from) {
   ForEachRow([&](int y, int c, float* row_scratch) {
     float* nhat = stages[slot].in.row(y, c);
     high_pass.Row(r[from], c, y, k > 0 && options.clamp_R, row_scratch, nhat);
@@ -112,7 +113,7 @@ void Pdm::Impl::CopyClamped(const PaddedRows& from, Planes* out) {
   });
 }
 
-void Pdm::Impl::StartGradient(const Planes& v_last, Planes* v_R0) {
+void Pdm::Impl::StartGradient(PlanesView v_last, PlanesSpan v_R0) {
   ForEachRow([&](int y, int c, float*) {
     const size_t at = size_t(y) * width;
     const float* v = v_last.plane(c) + at;
@@ -121,12 +122,12 @@ void Pdm::Impl::StartGradient(const Planes& v_last, Planes* v_R0) {
     for (int x = 0; x < width; ++x) {
       out[x] = !options.clamp_R || InsideClamp(value[x]) ? v[x] : 0.0f;
     }
-    std::copy_n(out, width, v_R0->plane(c) + at);
+    std::copy_n(out, width, v_R0.plane(c) + at);
   });
 }
 
 // From dL/dNhat_k to dL/dR_k, which is added to v_R0 as R_k = R_0 - N_k (k >= 1).
-void Pdm::Impl::NoiseEstimateVjp(int k, const Planes& v_previous, Planes* v_R0, Planes* v_N) {
+void Pdm::Impl::NoiseEstimateVjp(int k, PlanesView v_previous, PlanesSpan v_R0, PlanesSpan v_N) {
   const bool add_previous = k == options.stages - 1 && !v_previous.empty();
   ForEachRow([&](int y, int c, float* row_scratch) {
     const size_t at = size_t(y) * width;
@@ -134,7 +135,7 @@ void Pdm::Impl::NoiseEstimateVjp(int k, const Planes& v_previous, Planes* v_R0, 
     high_pass.AdjointRow(v_nhat, c, y, row_scratch, out);
     if (k == 0) {
       const float* v = v_nhat.row(y, c);
-      float* noise = v_N->plane(c) + at;
+      float* noise = v_N.plane(c) + at;
       for (int x = 0; x < width; ++x) out[x] *= 0.5f;
       for (int x = 0; x < width; ++x) noise[x] = 0.5f * v[x];
     }
@@ -146,7 +147,7 @@ void Pdm::Impl::NoiseEstimateVjp(int k, const Planes& v_previous, Planes* v_R0, 
       const float* value = r[k].row(y, c);
       for (int x = 0; x < width; ++x) out[x] = InsideClamp(value[x]) ? out[x] : 0.0f;
     }
-    float* total = v_R0->plane(c) + at;
+    float* total = v_R0.plane(c) + at;
     for (int x = 0; x < width; ++x) total[x] += out[x];
   });
 }
@@ -158,7 +159,7 @@ Pdm::~Pdm() = default;
 Pdm::Pdm(Pdm&&) noexcept = default;
 Pdm& Pdm::operator=(Pdm&&) noexcept = default;
 
-void Pdm::Forward(const PdmWeights& weights, const Planes& R0, const Planes& N) {
+void Pdm::Forward(const PdmWeights& weights, PlanesView R0, PlanesView N) {
   Impl& m = *impl_;
   m.Start(weights, R0, N);
   for (int k = 0; k < m.options.stages; ++k) {
@@ -167,7 +168,7 @@ void Pdm::Forward(const PdmWeights& weights, const Planes& R0, const Planes& N) 
   }
 }
 
-void Pdm::Apply(const PdmWeights& weights, const Planes& R0, const Planes& N, Planes* R) {
+void Pdm::Apply(const PdmWeights& weights, PlanesView R0, PlanesView N, Planes* R) {
   Impl& m = *impl_;
   m.Start(weights, R0, N);
   // Stage k reads R_k and writes R_{k+1}, in turn in two buffers beside R_0.
@@ -181,14 +182,11 @@ const Planes& Pdm::R(int k) const {
   return impl_->R[k - 1];
 }
 
-void Pdm::Backward(const Planes& v_last, const Planes& v_previous, Planes* v_R0, Planes* v_N,
+void Pdm::Backward(PlanesView v_last, PlanesView v_previous, PlanesSpan v_R0, PlanesSpan v_N,
                    PdmWeights* v_weights) {
   Impl& m = *impl_;
-  LITAGS_CHECK(SameSize(v_last, m.R.back()));
+  LITAGS_CHECK(SameSize(v_last, m.R.back()) && SameSize(v_R0, v_last) && SameSize(v_N, v_last));
   LITAGS_CHECK(v_previous.empty() || SameSize(v_previous, v_last));
-  for (Planes* planes : {v_R0, v_N}) {
-    if (!SameSize(*planes, v_last)) *planes = Planes(3, m.height, m.width);
-  }
   *v_weights = PdmWeights::Zeros(m.options);
   for (PaddedRows* rows : {&m.v_r, &m.v_nhat}) rows->Resize(3, m.height, m.width);
 

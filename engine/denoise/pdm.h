@@ -69,19 +69,19 @@ class Pdm {
 
   // Denoises R0 [3,H,W] with the noise map N [3,H,W] (rendered N_GS). `weights` must have the
   // shape of PdmWeights::Zeros(options).
-  void Forward(const PdmWeights& weights, const Planes& R0, const Planes& N);
+  void Forward(const PdmWeights& weights, PlanesView R0, PlanesView N);
 
   // As Forward, for the result alone: R [3,H,W] = R_K (its shape is set). Needs a third of the
   // memory; Backward must not follow.
-  void Apply(const PdmWeights& weights, const Planes& R0, const Planes& N, Planes* R);
+  void Apply(const PdmWeights& weights, PlanesView R0, PlanesView N, Planes* R);
 
   // R_k [3,H,W] of the last Forward, k = 1..K; R(K) is the result.
   const Planes& R(int k) const;
 
   // VJP of the last Forward. v_last [3,H,W] = dL/dR_K; v_previous [3,H,W] = dL/dR_{K-1} or empty
-  // (for K = 1 it is dL/dR_0). Overwrites v_R0 [3,H,W], v_N [3,H,W] and v_weights (their shapes are
-  // set).
-  void Backward(const Planes& v_last, const Planes& v_previous, Planes* v_R0, Planes* v_N,
+  // (for K = 1 it is dL/dR_0). Overwrites v_R0 [3,H,W], v_N [3,H,W] and v_weights (its shape is
+  // set). v_R0 may be v_last.
+  void Backward(PlanesView v_last, PlanesView v_previous, PlanesSpan v_R0, PlanesSpan v_N,
                 PdmWeights* v_weights);
 
   const PdmOptions& options() const;

@@ -59,9 +59,9 @@ void Backward(benchmark::State& state) {
   const Inputs in(static_cast<int>(state.range(1)));
   Pdm pdm(in.options, static_cast<int>(state.range(0)));
   pdm.Forward(in.weights, in.R0, in.N);
-  Planes v_R0, v_N;
+  Planes v_R0 = in.v, v_N = in.v;
   PdmWeights v_weights;
-  for (auto _ : state) pdm.Backward(in.v, in.v, &v_R0, &v_N, &v_weights);
+  for (auto _ : state) pdm.Backward(in.v, in.v, v_R0, v_N, &v_weights);
   state.counters["GFLOP/s"] = benchmark::Counter(2 * ForwardFlops(in.options) * 1e-9,
                                                  benchmark::Counter::kIsIterationInvariantRate);
 }

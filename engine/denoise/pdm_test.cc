@@ -80,7 +80,8 @@ Pass RunPass(Pdm* pdm, const PdmWeights& weights, const Planes& R0, const Planes
   Pass pass;
   pdm->Forward(weights, R0, N);
   for (int k = 1; k <= pdm->options().stages; ++k) pass.R.push_back(pdm->R(k));
-  pdm->Backward(v_last, v_previous, &pass.v_R0, &pass.v_N, &pass.v_weights);
+  pass.v_R0 = pass.v_N = Planes(3, R0.height, R0.width);
+  pdm->Backward(v_last, v_previous, pass.v_R0, pass.v_N, &pass.v_weights);
   return pass;
 }
 
@@ -213,6 +214,18 @@ TEST(Pdm, GivesTheSameBytesForAnyNumberOfThreadsAndAgainAfterOtherSizes) {
     RunPass(&pdm, weights, small, small, small, small);
     EXPECT_TRUE(RunPass(&pdm, weights, R0, N, v_last, v_previous) == expected) << threads;
   }
+}
+
+TEST(Pdm, GradientMayTakeThePlaceOfTheOneItComesFrom) {
+  const PdmOptions options;
+  const Planes R0 = RandomPlanes(33, 21, 0, 1, 0), v_last = RandomPlanes(33, 21, -1, 1, 2);
+  Pdm pdm(options, 2);
+  const Pass expected = RunPass(&pdm, RandomWeights(options), R0, R0, v_last, Planes());
+  Planes v = v_last, v_N = v_last;
+  PdmWeights v_weights;
+  pdm.Backward(v, Planes(), v, v_N, &v_weights);
+  EXPECT_EQ(v.data, expected.v_R0.data);
+  EXPECT_EQ(v_N.data, expected.v_N.data);
 }
 
 TEST(Pdm, StartsAsAGentleSmoothingThatKeepsFlatImages) {

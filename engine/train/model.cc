@@ -4,13 +4,6 @@
 
 namespace litags {
 
-void CopyPlanes(const Planes& from, int first, Planes* to) {
-  to->channels = 3;
-  to->height = from.height;
-  to->width = from.width;
-  to->data.assign(from.plane(first), from.plane(first) + 3 * from.plane_size());
-}
-
 void ModelRenderer::Composite(const Model& model, const Camera& camera, int num_channels,
                               Planes* channels, Planes* alpha) {
   RenderSettings settings;
@@ -36,12 +29,16 @@ void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Pla
 
 void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* color) {
   const bool denoise = model.lita && model.use_pdm && !(cancel_ && cancel_->IsCancelled());
-  CopyPlanes(channels, kChannelColor, denoise ? &color_ : color);
-  if (!denoise) return;
-  CopyPlanes(channels, channels.channels == kColorAndNoise ? 3 : int{kChannelNoise}, &noise_);
+  const PlanesView R0(channels, kChannelColor, 3);
+  if (!denoise) {
+    *color = Planes(3, channels.height, channels.width);
+    std::copy_n(R0.data, R0.size(), color->data.data());
+    return;
+  }
+  const PlanesView noise(channels, channels.channels == kColorAndNoise ? 3 : int{kChannelNoise}, 3);
   if (!pdm_.has_value() || pdm_->options() != model.pdm_options)
     pdm_.emplace(model.pdm_options, threads_);
-  pdm_->Apply(model.pdm, color_, noise_, color);
+  pdm_->Apply(model.pdm, R0, noise, color);
 }
 
 }  // namespace litags

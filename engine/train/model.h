@@ -47,11 +47,8 @@ class ModelRenderer {
   const CancelToken* cancel_;
   Renderer renderer_;
   std::optional<Pdm> pdm_;  // of the last model's options
-  Planes composited_, alpha_, color_, noise_;
+  Planes composited_, alpha_;
 };
-
-// Planes [first, first + 3) as an image of their own.
-void CopyPlanes(const Planes& from, int first, Planes* to);
 
 }  // namespace litags
 

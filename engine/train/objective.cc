@@ -4,19 +4,23 @@
 #include <chrono>
 
 #include "engine/core/mask.h"
+#include "engine/core/parallel.h"
 #include "engine/priors/information.h"
 #include "engine/render/renderer.h"
 #include "engine/train/depth_loss.h"
-#include "engine/train/model.h"
 
 namespace litags {
 namespace {
 
-void ZeroLike(const Planes& like, int channels, Planes* out) {
-  out->channels = channels;
+// Zeros of the size of `like`, plane by plane.
+void ZeroLike(int threads, PlanesView like, Planes* out) {
+  out->channels = like.channels;
   out->height = like.height;
   out->width = like.width;
-  out->data.assign(channels * like.plane_size(), 0.0f);
+  out->data.resize(like.size());
+  ParallelFor(threads, like.channels, [&](size_t c, int) {
+    std::fill_n(out->plane(static_cast<int>(c)), out->plane_size(), 0.0f);
+  });
 }
 
 // to = from at masked pixels, plane by plane.
@@ -44,7 +48,7 @@ Objective::Objective(const TrainOptions& options)
 StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
                                const PdmWeights& weights, int iteration, bool denoise,
                                Planes* v_rendered, PdmWeights* v_weights) {
-  ZeroLike(rendered, rendered.channels, v_rendered);
+  ZeroLike(options_.threads, rendered, v_rendered);
   UnpackImage(view.target, workspace_, &target_);
   UnpackInformation(view.information);
   if (options_.lita) {
@@ -61,48 +65,42 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
                                    const PdmWeights& weights, int iteration, bool denoise,
                                    Planes* v_rendered, PdmWeights* v_weights) {
   StepLosses losses;
-  CopyPlanes(rendered, kChannelColor, &color_);
+  const PlanesView R0(rendered, kChannelColor, 3);
+  const PlanesView illumination(rendered, kChannelIllumination, 3);
   const int stages = options_.pdm.stages;
   if (denoise) {
     const double start = Seconds();
-    CopyPlanes(rendered, kChannelNoise, &noise_);
-    pdm_.Forward(weights, color_, noise_);
+    pdm_.Forward(weights, R0, PlanesView(rendered, kChannelNoise, 3));
     denoise_seconds_ += Seconds() - start;
   }
-  const Planes& R = denoise ? pdm_.R(stages) : color_;
-  ZeroLike(R, 3, &v_color_);
+  const PlanesView R = denoise ? PlanesView(pdm_.R(stages)) : R0;
+  const PlanesSpan v_color(*v_rendered, kChannelColor, 3);  // dL/dR, in the end dL/dR_0
 
   UnpackImage(view.photo, workspace_, &input_);
-  HideMasked(view.mask, R, PlanesView(rendered, kChannelIllumination, 3));
-  losses.exposure = options_.weight_exposure * ExposureLoss(R);
+  HideMasked(view.mask, R, illumination);
+  losses.exposure = options_.weight_exposure * ExposureLoss(R, v_color);
   losses.reconstruction =
       options_.weight_reconstruction *
-      ProductReconstructionLoss(
-          R, PlanesView(rendered, kChannelIllumination, 3), input_, options_.weight_reconstruction,
-          v_color_, PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_, {}, information_);
+      ProductReconstructionLoss(R, illumination, input_, options_.weight_reconstruction, v_color,
+                                PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_, {},
+                                information_);
   if (denoise) {
-    ZeroLike(R, 3, &v_previous_);
-    const Planes& previous = stages > 1 ? pdm_.R(stages - 1) : color_;
+    ZeroLike(options_.threads, R, &v_previous_);
+    const PlanesView previous = stages > 1 ? PlanesView(pdm_.R(stages - 1)) : R0;
     losses.denoise =
         options_.weight_denoise *
-            MseLoss(R, previous, options_.weight_denoise, v_color_, v_previous_, workspace_) +
-        options_.weight_tv * TvLoss(R, TvNorm::kSquared, options_.weight_tv, v_color_, workspace_);
+            MseLoss(R, previous, options_.weight_denoise, v_color, v_previous_, workspace_) +
+        options_.weight_tv * TvLoss(R, TvNorm::kSquared, options_.weight_tv, v_color, workspace_);
     ZeroMasked(view.mask, v_previous_);
   }
   AddStructure(view, rendered, iteration, v_rendered, &losses);
-  ZeroMasked(view.mask, v_color_);
   ZeroMasked(view.mask, *v_rendered);
-
-  const size_t n = 3 * rendered.plane_size();
-  if (!denoise) {
-    std::copy_n(v_color_.data.data(), n, v_rendered->plane(kChannelColor));
-    return losses;
+  if (denoise) {
+    const double start = Seconds();
+    pdm_.Backward(PlanesView(*v_rendered, kChannelColor, 3), v_previous_, v_color,
+                  PlanesSpan(*v_rendered, kChannelNoise, 3), v_weights);
+    denoise_seconds_ += Seconds() - start;
   }
-  const double start = Seconds();
-  pdm_.Backward(v_color_, v_previous_, &v_r0_, &v_noise_, v_weights);
-  std::copy_n(v_r0_.data.data(), n, v_rendered->plane(kChannelColor));
-  std::copy_n(v_noise_.data.data(), n, v_rendered->plane(kChannelNoise));
-  denoise_seconds_ += Seconds() - start;
   return losses;
 }
 
@@ -115,7 +113,7 @@ void Objective::UnpackInformation(const PlaneU8& information) {
   for (float& weight : information_.data) weight *= 255.0f / kInformationOne;
 }
 
-void Objective::HideMasked(const PlaneU8& mask, const Planes& R, PlanesView illumination) {
+void Objective::HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumination) {
   CopyMasked(mask, R, target_);
   for (int c = 0; c < 3; ++c) {
     ForMasked(mask,
@@ -123,11 +121,11 @@ void Objective::HideMasked(const PlaneU8& mask, const Planes& R, PlanesView illu
   }
 }
 
-double Objective::ExposureLoss(const Planes& R) {
+double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
   const double ssim = options_.exposure_ssim, weight = options_.weight_exposure;
-  if (ssim == 0) return L1Loss(R, target_, weight, v_color_, workspace_, information_);
-  return ReconstructionLoss(R, target_, weight, v_color_, workspace_,
-                            {.l1 = 1 - ssim, .ssim = ssim}, information_);
+  if (ssim == 0) return L1Loss(R, target_, weight, v_R, workspace_, information_);
+  return ReconstructionLoss(R, target_, weight, v_R, workspace_, {.l1 = 1 - ssim, .ssim = ssim},
+                            information_);
 }
 
 void Objective::AddStructure(const TrainView& view, const Planes& rendered, int iteration,

@@ -39,18 +39,17 @@ class Objective {
   StepLosses EvaluateLita(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
                           int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
   // L1 to the pseudo-target, mixed with 1 - SSIM if the options ask for it.
-  double ExposureLoss(const Planes& R);
+  double ExposureLoss(PlanesView R, PlanesSpan v_R);
   void UnpackInformation(const PlaneU8& information);
   // Masked pixels of the photo and the pseudo-target become what is rendered there.
-  void HideMasked(const PlaneU8& mask, const Planes& R, PlanesView illumination);
+  void HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumination);
   void AddStructure(const TrainView& view, const Planes& rendered, int iteration,
                     Planes* v_rendered, StepLosses* losses);
 
   TrainOptions options_;
   LossWorkspace workspace_;
   Pdm pdm_;
-  Planes target_, input_, information_, structure_, color_, noise_;
-  Planes v_color_, v_previous_, v_r0_, v_noise_;
+  Planes target_, input_, information_, structure_, v_previous_;
   double denoise_seconds_ = 0;
 };
 

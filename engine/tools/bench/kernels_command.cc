@@ -157,13 +157,12 @@ class KernelBench {
       full.Evaluate(views_[0], rendered_, weights, 0, true, &v_rendered, &v_weights);
     });
     Report("objective", both, "losses and denoiser");
-    Planes color, noise, v_r0, v_noise;
-    CopyPlanes(rendered_, kChannelColor, &color);
-    CopyPlanes(rendered_, kChannelNoise, &noise);
+    const PlanesView color(rendered_, kChannelColor, 3), noise(rendered_, kChannelNoise, 3);
+    Planes v_r0(3, rendered_.height, rendered_.width), v_noise = v_r0;
     Pdm pdm(options_.pdm, options_.threads);
     const Timing denoiser = Measure(args_.repetitions, [&] {
       pdm.Forward(weights, color, noise);
-      pdm.Backward(color, noise, &v_r0, &v_noise, &v_weights);
+      pdm.Backward(color, noise, v_r0, v_noise, &v_weights);
     });
     Report("pdm", denoiser, "denoiser, forward and backward");
     ReportRoofline("pdm", denoiser,

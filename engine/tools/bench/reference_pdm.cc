@@ -87,9 +87,9 @@ void RunConvCase(const ReferenceCase& reference, CaseReport* report) {
   for (size_t i = 0; i < x.data.size(); ++i) output.data[i] += x.data[i];
   CompareOutput(reference, "output", output, report);
 
-  Planes v_R0, v_N;
+  Planes v_R0 = zero, v_N = zero;
   PdmWeights v_weights;
-  pdm.Backward(w_out, Planes(), &v_R0, &v_N, &v_weights);
+  pdm.Backward(w_out, Planes(), v_R0, v_N, &v_weights);
   CompareWeightGradients(reference, options, v_weights, report);
   Planes v_x = v_N;
   for (size_t i = 0; i < x.data.size(); ++i) v_x.data[i] = 2 * v_N.data[i] + w_out.data[i];
@@ -115,9 +115,9 @@ void RunPdmCase(const ReferenceCase& reference, CaseReport* report) {
   for (int k = 1; k <= options.stages; ++k) {
     CompareOutput(reference, absl::StrCat("R", k), pdm.R(k), report);
   }
-  Planes v_R0, v_N;
+  Planes v_R0 = reference.ReadPlanes("w_out"), v_N = v_R0;
   PdmWeights v_weights;
-  pdm.Backward(reference.ReadPlanes("w_out"), Planes(), &v_R0, &v_N, &v_weights);
+  pdm.Backward(v_R0, Planes(), v_R0, v_N, &v_weights);
   CompareGradient(reference, "grad_R0", v_R0.data, report);
   CompareGradient(reference, "grad_N", v_N.data, report);
   CompareWeightGradients(reference, options, v_weights, report);
