@@ -52,7 +52,7 @@ struct TrainOptions {
   // 0: constant rates, as 3DGS. Choice
   double settle_epochs = 0;
   // Share of the Gaussians that an iteration leaves out after many epochs at full size: it grows as
-  // dropout e / (e + 100). What repeats of the same photos would teach is their noise. Choice
+  // dropout e / (e + 50). What repeats of the same photos would teach is their noise. Choice
   double dropout = 0;  // [0, 0.9]
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..

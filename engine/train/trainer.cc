@@ -24,7 +24,7 @@ namespace {
 
 constexpr uint64_t kViewOrderStream = 0x5649;  // random numbers of the photos' order
 constexpr uint64_t kDropoutStream = 0x4450;    // and of who is left out
-constexpr double kDropoutEpochs = 100;         // at full size, to half of options.dropout. Choice
+constexpr double kDropoutEpochs = 50;          // at full size, to half of options.dropout. Choice
 
 constexpr int kSkipsOfAPhoto = 2;  // then it is left out: it will not get better
 
