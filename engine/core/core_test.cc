@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <limits>
@@ -83,6 +84,18 @@ TEST(ParallelFor, RunsEveryTaskOnceForAnyThreadCount) {
       ++hits[i];
     });
     for (const auto& h : hits) EXPECT_EQ(h.load(), 1);
+  }
+}
+
+TEST(ParallelFor, ThreadsTakeTheirShareFromTheFrontAndOthersFromTheBack) {
+  constexpr size_t kTasks = 1000;
+  std::vector<size_t> own[2], others[2];
+  ParallelFor(2, kTasks, [&](size_t task, int thread) {
+    (task * 2 / kTasks == static_cast<size_t>(thread) ? own : others)[thread].push_back(task);
+  });
+  for (int thread = 0; thread < 2; ++thread) {
+    EXPECT_TRUE(std::is_sorted(own[thread].begin(), own[thread].end()));
+    EXPECT_TRUE(std::is_sorted(others[thread].rbegin(), others[thread].rend()));
   }
 }
 

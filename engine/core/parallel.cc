@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <limits>
 #include <thread>
 #include <vector>
+
+#include "engine/core/check.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -14,6 +17,8 @@
 
 namespace litags {
 namespace {
+
+constexpr size_t kCacheLine = 64;
 
 void Pause() {
 #if defined(__x86_64__)
@@ -51,28 +56,55 @@ class Team {
       helpers_.emplace_back(
           [this, index = helpers_.size(), start = round_.load()] { Help(index, start); });
     }
-    Loop loop{num_tasks, body};
+    if (shares_.size() < static_cast<size_t>(threads)) shares_ = std::vector<Share>(threads);
+    for (int i = 0; i < threads; ++i) {
+      shares_[i].Set(num_tasks * i / threads, num_tasks * (i + 1) / threads);
+    }
+    const Loop loop{threads, body};
     loop_ = &loop;
     working_.store(threads - 1, std::memory_order_relaxed);
     Announce(threads - 1);
-    loop.Work(0);
+    Work(0);
     for (uint32_t left = working_.load(std::memory_order_acquire); left != 0;) {
       left = AwaitChange(working_, left);
     }
   }
 
  private:
-  struct Loop {
-    const size_t num_tasks;
-    const absl::FunctionRef<void(size_t, int)> body;
-    std::atomic<size_t> next{0};
-
-    void Work(int thread) {
-      for (size_t i; (i = next.fetch_add(1, std::memory_order_relaxed)) < num_tasks;) {
-        body(i, thread);
-      }
+  // The tasks [begin, end) of a loop that are left of one thread's share, on a cache line of its
+  // own. Its thread takes them from the front, others that have done theirs from the back.
+  class alignas(kCacheLine) Share {
+   public:
+    void Set(uint32_t begin, uint32_t end) {
+      left_.store(uint64_t{end} << 32 | begin, std::memory_order_relaxed);
     }
+    // False if none is left.
+    bool Take(bool from_front, uint32_t* task) {
+      uint64_t left = left_.load(std::memory_order_relaxed), rest;
+      do {
+        const auto begin = static_cast<uint32_t>(left), end = static_cast<uint32_t>(left >> 32);
+        if (begin == end) return false;
+        *task = from_front ? begin : end - 1;
+        rest = from_front ? left + 1 : left - (uint64_t{1} << 32);
+      } while (!left_.compare_exchange_weak(left, rest, std::memory_order_relaxed));
+      return true;
+    }
+
+   private:
+    std::atomic<uint64_t> left_{0};
   };
+
+  struct Loop {
+    int threads;
+    absl::FunctionRef<void(size_t, int)> body;
+  };
+
+  void Work(int thread) {
+    for (int i = 0; i < loop_->threads; ++i) {
+      Share& share = shares_[(thread + i) % loop_->threads];
+      for (uint32_t task; share.Take(i == 0, &task);) loop_->body(task, thread);
+    }
+  }
 
   // The low bits of a round say how many helpers take part. The others touch nothing.
   static constexpr uint32_t kCountMask = 0xFFF, kStop = kCountMask;
@@ -89,7 +121,7 @@ class Team {
       const uint32_t count = seen & kCountMask;
       if (count == kStop) return;
       if (index >= count) continue;
-      loop_->Work(static_cast<int>(index) + 1);
+      Work(static_cast<int>(index) + 1);
       if (working_.fetch_sub(1, std::memory_order_acq_rel) == 1) working_.notify_one();
     }
   }
@@ -97,7 +129,8 @@ class Team {
   std::vector<std::thread> helpers_;
   std::atomic<uint32_t> round_{0};
   std::atomic<uint32_t> working_{0};
-  Loop* loop_ = nullptr;
+  std::vector<Share> shares_;  // by thread
+  const Loop* loop_ = nullptr;
 };
 
 }  // namespace
@@ -111,6 +144,7 @@ int DefaultThreadCount() {
 void ParallelFor(int threads, size_t num_tasks,
                  absl::FunctionRef<void(size_t task, int thread)> body) {
   constexpr size_t kMaxThreads = 1024;
+  LITAGS_CHECK(num_tasks <= std::numeric_limits<uint32_t>::max());
   if (threads <= 0) threads = DefaultThreadCount();
   threads = static_cast<int>(std::min({size_t(threads), num_tasks, kMaxThreads}));
   thread_local bool inside = false;  // loops inside a loop run on their own thread

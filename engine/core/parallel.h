@@ -13,9 +13,11 @@ namespace litags {
 int DefaultThreadCount();
 
 // Calls body(task, thread) for every task in [0, num_tasks), on up to `threads` threads
-// (<= 0: DefaultThreadCount()); `thread` is in [0, threads). Tasks are handed out dynamically in
-// order. Loops of several calling threads run side by side; a loop inside a loop runs on its own
-// thread. Body must not throw.
+// (<= 0: DefaultThreadCount()); `thread` is in [0, threads). Fewer than 2^32 tasks. Every thread
+// starts with a share of consecutive tasks, in order, and then takes the last ones of others'
+// shares: tasks side by side, which often write the same cache lines, seldom run at the same time,
+// and a thread finds in its cache what it wrote in the loop before. Loops of several calling
+// threads run side by side; a loop inside a loop runs on its own thread. Body must not throw.
 void ParallelFor(int threads, size_t num_tasks,
                  absl::FunctionRef<void(size_t task, int thread)> body);
 
