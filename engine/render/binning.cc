@@ -43,22 +43,64 @@ TileSpan SpanOfRow(const ProjectedSplats::Box& box, const float* record, int ty)
   return {first / kTileSize, last / kTileSize};
 }
 
-// Calls visit(tile) for every tile that Gaussian i reaches, row by row.
-template <class Visit>
-inline void ForEachTile(const ProjectedSplats& splats, size_t i, int tiles_x, Visit&& visit) {
+using Pair = BinScratch::Pair;
+
+// Writes a pair for every tile of the row `ty` that the span has; returns where the next one goes.
+// Up to two past that are overwritten: most spans have one or two tiles, and which of them would be
+// hard to predict for a branch.
+inline Pair* AddRow(uint32_t gaussian, int tiles_x, int ty, int first, int last, Pair* to) {
+  const uint32_t row = ty * tiles_x;
+  *to = {gaussian, row + first};
+  to += first <= last;
+  *to = {gaussian, row + first + 1};
+  to += first + 1 <= last;
+  for (int tx = first + 2; tx <= last; ++tx) *to++ = {gaussian, row + tx};
+  return to;
+}
+
+// The same for all tiles that Gaussian i reaches, row by row.
+inline Pair* AddTiles(const ProjectedSplats& splats, size_t i, int tiles_x, Pair* to) {
+  const auto gaussian = static_cast<uint32_t>(i);
   const ProjectedSplats::Box& box = splats.boxes[i];
-  const int ty0 = box.y0 / kTileSize, ty1 = box.y1 / kTileSize;
-  const auto visit_row = [&](int ty, int first, int last) {
-    for (int tx = first; tx <= last; ++tx) visit(ty * tiles_x + tx);
-  };
   const ProjectedSplats::Spans& spans = splats.spans[i];
-  const int known = std::min(ty1, ty0 + ProjectedSplats::kSpanRows - 1);
-  for (int ty = ty0; ty <= known; ++ty) visit_row(ty, spans.first[ty - ty0], spans.last[ty - ty0]);
-  const float* record = splats.records.data() + i * RecordStride(splats.channels);
-  for (int ty = known + 1; ty <= ty1; ++ty) {
-    const TileSpan span = SpanOfRow(box, record, ty);
-    visit_row(ty, span.first, span.last);
+  int ty = box.y0 / kTileSize;
+  for (int row = 0; row < ProjectedSplats::kSpanRows; ++row, ++ty) {
+    to = AddRow(gaussian, tiles_x, ty, spans.first[row], spans.last[row], to);
   }
+  const float* record = splats.records.data() + i * RecordStride(splats.channels);
+  for (; ty <= box.y1 / kTileSize; ++ty) {
+    const TileSpan span = SpanOfRow(box, record, ty);
+    to = AddRow(gaussian, tiles_x, ty, span.first, span.last, to);
+  }
+  return to;
+}
+
+// The most pairs that a Gaussian of this box has, and AddRow's two.
+size_t RoomFor(const ProjectedSplats::Box& box) {
+  const auto tiles = [](int first, int last) {
+    return size_t(last / kTileSize - first / kTileSize + 1);
+  };
+  return tiles(box.x0, box.x1) * tiles(box.y0, box.y1) + 2;
+}
+
+// Which tiles the Gaussians [begin, end) reach. Adds to counts [tiles]; slot_begin becomes each
+// one's first pair, counted from `begin`.
+void FindTiles(const ProjectedSplats& splats, size_t begin, size_t end, int tiles_x,
+               BinScratch::ChunkPairs* chunk, uint32_t* counts, uint32_t* slot_begin) {
+  std::vector<Pair> pairs = std::move(chunk->pairs);  // chunks share cache lines
+  uint32_t count = 0, visible = 0;
+  for (size_t i = begin; i < end; ++i) {
+    slot_begin[i] = count;
+    if (splats.boxes[i].empty()) continue;
+    const size_t room = count + RoomFor(splats.boxes[i]);
+    if (pairs.size() < room) pairs.resize(2 * room);
+    Pair* const to = pairs.data() + count;
+    const auto added = static_cast<uint32_t>(AddTiles(splats, i, tiles_x, to) - to);
+    count += added;
+    visible += added > 0;
+  }
+  for (uint32_t k = 0; k < count; ++k) ++counts[pairs[k].tile];
+  *chunk = {std::move(pairs), count, visible};
 }
 
 }  // namespace
@@ -71,33 +113,16 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
   const size_t n = splats.boxes.size();
   const auto chunk_begin = [&](size_t chunk) { return n * chunk / kChunks; };
 
-  // Which tiles each Gaussian reaches, in memory order; counts per Gaussian and per (chunk, tile).
-  scratch->chunk_tiles.resize(kChunks);
+  scratch->chunks.resize(kChunks);
   scratch->offsets.assign(kChunks * tiles, 0);
   lists->slot_begin.resize(n + 1);
-  lists->slot_begin[0] = 0;
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
-    uint32_t* count = scratch->offsets.data() + chunk * tiles;
-    std::vector<uint32_t>& reached = scratch->chunk_tiles[chunk];
-    reached.clear();
-    for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i) {
-      const size_t before = reached.size();
-      if (!splats.boxes[i].empty()) {
-        ForEachTile(splats, i, lists->tiles_x, [&](uint32_t tile) {
-          ++count[tile];
-          reached.push_back(tile);
-        });
-      }
-      lists->slot_begin[i + 1] = static_cast<uint32_t>(reached.size() - before);
-    }
+    FindTiles(splats, chunk_begin(chunk), chunk_begin(chunk + 1), lists->tiles_x,
+              &scratch->chunks[chunk], scratch->offsets.data() + chunk * tiles,
+              lists->slot_begin.data());
   });
 
   // Counts to offsets.
-  lists->num_visible = 0;
-  for (size_t i = 0; i < n; ++i) {
-    lists->num_visible += lists->slot_begin[i + 1] > 0;
-    lists->slot_begin[i + 1] += lists->slot_begin[i];
-  }
   lists->tile_begin.resize(tiles + 1);
   uint32_t total = 0;
   for (size_t tile = 0; tile < tiles; ++tile) {
@@ -107,6 +132,13 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
     }
   }
   lists->tile_begin[tiles] = total;
+  lists->slot_begin[n] = total;
+  lists->num_visible = 0;
+  uint32_t first_slot[kChunks], slots = 0;
+  for (size_t chunk = 0; chunk < kChunks; ++chunk) {
+    first_slot[chunk] = std::exchange(slots, slots + scratch->chunks[chunk].count);
+    lists->num_visible += scratch->chunks[chunk].visible;
+  }
 
   // Distribute, then sort every tile by depth, equal depths by slot and so by Gaussian. Depths are
   // positive, so their bits sort like numbers.
@@ -114,13 +146,14 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
   for (auto* v : {&scratch->gaussian_of_slot, &lists->gaussians, &lists->slots}) v->resize(total);
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
     uint32_t* offset = scratch->offsets.data() + chunk * tiles;
-    const uint32_t* tile = scratch->chunk_tiles[chunk].data();
-    for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i) {
-      for (uint32_t slot = lists->slot_begin[i]; slot < lists->slot_begin[i + 1]; ++slot) {
-        const uint64_t depth = std::bit_cast<uint32_t>(splats.depths[i]);
-        scratch->keys[offset[*tile++]++] = depth << 32 | slot;
-        scratch->gaussian_of_slot[slot] = static_cast<uint32_t>(i);
-      }
+    const Pair* pairs = scratch->chunks[chunk].pairs.data();
+    uint32_t slot = first_slot[chunk];
+    for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i)
+      lists->slot_begin[i] += slot;
+    for (uint32_t k = 0; k < scratch->chunks[chunk].count; ++k, ++slot) {
+      const uint64_t depth = std::bit_cast<uint32_t>(splats.depths[pairs[k].gaussian]);
+      scratch->keys[offset[pairs[k].tile]++] = depth << 32 | slot;
+      scratch->gaussian_of_slot[slot] = pairs[k].gaussian;
     }
   });
   scratch->sorters.resize(threads);

@@ -26,11 +26,19 @@ struct TileLists {
 
 // Scratch of Bin, kept to save allocations.
 struct BinScratch {
-  std::vector<std::vector<uint32_t>> chunk_tiles;  // tiles of each pair, by chunk of Gaussians
-  std::vector<uint32_t> offsets;                   // [chunks][tiles]
-  std::vector<uint32_t> gaussian_of_slot;          // [pairs]
-  std::vector<uint64_t> keys;                      // [pairs], by tile: depth bits, slot
-  std::vector<hwy::Sorter> sorters;                // per thread; costly to make
+  struct Pair {
+    uint32_t gaussian, tile;
+  };
+  // What a chunk of Gaussians reaches, in memory order; the first `count` are in use.
+  struct ChunkPairs {
+    std::vector<Pair> pairs;
+    uint32_t count = 0, visible = 0;
+  };
+  std::vector<ChunkPairs> chunks;
+  std::vector<uint32_t> offsets;           // [chunks][tiles]
+  std::vector<uint32_t> gaussian_of_slot;  // [pairs]
+  std::vector<uint64_t> keys;              // [pairs], by tile: depth bits, slot
+  std::vector<hwy::Sorter> sorters;        // per thread; costly to make
 };
 
 // Fills `lists` for an image of width x height px. A Gaussian is in a tile exactly when its

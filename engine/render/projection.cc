@@ -64,8 +64,8 @@ HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const Kernel
   }
 }
 
-// Tiles that the ellipse reaches, in the columns [x0, x1] from the row y0 of pixels on.
-HWY_INLINE void StoreSpans(const Ellipse<V>& ellipse, V x0, V x1, V y0, Rows* rows) {
+// Tiles that the ellipse reaches in the box's first rows of tiles.
+HWY_INLINE void StoreSpans(const Ellipse<V>& ellipse, V x0, V x1, V y0, V y1, Rows* rows) {
   const D d;
   const V tile = hn::Set(d, static_cast<float>(kTileSize));
   const auto tile_of = [&](V px) HWY_ATTR { return hn::Floor(hn::Div(px, tile)); };
@@ -76,7 +76,7 @@ HWY_INLINE void StoreSpans(const Ellipse<V>& ellipse, V x0, V x1, V y0, Rows* ro
     // Numbers that are not finite give all of the box.
     const V first = hn::IfThenElse(hn::Ge(columns.first, x0), columns.first, x0);
     const V last = hn::IfThenElse(hn::Le(columns.last, x1), columns.last, x1);
-    const M some = hn::Le(first, last);
+    const M some = hn::And(hn::Le(first, last), hn::Le(top, y1));
     hn::Store(hn::IfThenElseZero(some, tile_of(first)), d, rows->first[row]);
     hn::Store(hn::IfThenElse(some, tile_of(last), hn::Set(d, -1.0f)), d, rows->last[row]);
   }
@@ -159,7 +159,7 @@ void ProjectVector(const float* in, size_t begin, size_t count, const KernelCame
   put(kRecordAspect, ellipse.aspect);
   put(kRecordDyRight, ellipse.dy_right);
   StoreFeatures(in, mean, p.z, cam, settings, &rows);
-  StoreSpans(ellipse, x0, x1, y0, &rows);
+  StoreSpans(ellipse, x0, x1, y0, y1, &rows);
   hn::Store(p.z, d, rows.depth);
   hn::Store(x0, d, rows.x0);
   hn::Store(x1, d, rows.x1);

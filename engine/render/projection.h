@@ -67,8 +67,8 @@ struct ProjectedSplats {
     bool empty() const { return x0 > x1; }
   };
   std::vector<Box> boxes;
-  // Tile columns that the ellipse reaches in the first rows of tiles of its box, empty where
-  // first > last. Hardly any Gaussian has more rows.
+  // Tile columns that the ellipse reaches in the first rows of tiles of its box, 0 and -1 where
+  // there are none. Hardly any Gaussian has more rows.
   static constexpr int kSpanRows = 2;
   struct Spans {
     int16_t first[kSpanRows], last[kSpanRows];

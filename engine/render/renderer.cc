@@ -13,7 +13,13 @@
 namespace litags {
 namespace {
 constexpr size_t kBlocksPerTask = 32;  // 512 Gaussians: long enough to hide the hand-out
+
+// See ViewStats.
+float Radius(const ProjectedSplats::Box& box) {
+  return box.empty() ? 0.0f : 0.5f * (1 + std::max(box.x1 - box.x0, box.y1 - box.y0));
 }
+
+}  // namespace
 
 struct Renderer::Impl {
   KernelCamera camera;
@@ -80,11 +86,16 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.pixel_sum = settings.pixel_sum;
 
   s.projected.Resize(splats.size(), settings.num_channels);
+  s.stats.radius_px.resize(splats.size());
   const size_t blocks = splats.num_blocks();
   ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
     const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
     for (size_t b = task * kBlocksPerTask; b < end; ++b) {
       ProjectBlock(splats, b, s.camera, s.projection, &s.projected);
+    }
+    const size_t last = std::min(splats.size(), end * kSplatBlock);
+    for (size_t i = task * kBlocksPerTask * kSplatBlock; i < last; ++i) {
+      s.stats.radius_px[i] = Radius(s.projected.boxes[i]);
     }
   });
   Bin(s.projected, s.width, s.height, s.threads, &s.lists, &s.bin_scratch);
@@ -110,12 +121,6 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   for (const TileEvaluations& n : s.tile_evaluations) {
     s.counters.evaluations += n.all;
     s.counters.useful += n.useful;
-  }
-  s.stats.radius_px.resize(splats.size());
-  for (size_t i = 0; i < splats.size(); ++i) {
-    const ProjectedSplats::Box& box = s.projected.boxes[i];
-    s.stats.radius_px[i] =
-        box.empty() ? 0.0f : 0.5f * (1 + std::max(box.x1 - box.x0, box.y1 - box.y0));
   }
 }
 
