@@ -33,12 +33,18 @@ HWY_INLINE void PixelRange(V mid, V half, float size, V* first, V* last) {
 
 // One vector of projected Gaussians, field by field.
 struct Rows {
-  HWY_ALIGN float record[kRecordFeatures + kNumChannels][kSplatBlock];
+  HWY_ALIGN float record[RecordStride(kNumChannels)][kSplatBlock];
   HWY_ALIGN float depth[kSplatBlock], seen[kSplatBlock];
-  HWY_ALIGN float x0[kSplatBlock], x1[kSplatBlock], y0[kSplatBlock], y1[kSplatBlock];
-  HWY_ALIGN float first[ProjectedSplats::kSpanRows][kSplatBlock];
-  HWY_ALIGN float last[ProjectedSplats::kSpanRows][kSplatBlock];
+  // Gaussian by Gaussian, in the order of Box and Spans.
+  HWY_ALIGN int32_t box[kSplatBlock][4], spans[kSplatBlock][4];
 };
+
+// Four rows of whole numbers, Gaussian by Gaussian.
+HWY_INLINE void StoreWhole(V a, V b, V c, V e, int32_t (*out)[4]) {
+  const hn::RebindToSigned<D> d;
+  hn::StoreInterleaved4(hn::ConvertTo(d, a), hn::ConvertTo(d, b), hn::ConvertTo(d, c),
+                        hn::ConvertTo(d, e), d, out[0]);
+}
 
 // Channels of the record.
 HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const KernelCamera& cam,
@@ -69,6 +75,7 @@ HWY_INLINE void StoreSpans(const Ellipse<V>& ellipse, V x0, V x1, V y0, V y1, Ro
   const D d;
   const V tile = hn::Set(d, static_cast<float>(kTileSize));
   const auto tile_of = [&](V px) HWY_ATTR { return hn::Floor(hn::Div(px, tile)); };
+  V firsts[ProjectedSplats::kSpanRows], lasts[ProjectedSplats::kSpanRows];
   for (int row = 0; row < ProjectedSplats::kSpanRows; ++row) {
     const V top = hn::Mul(hn::Add(tile_of(y0), hn::Set(d, static_cast<float>(row))), tile);
     const Columns<V> columns =
@@ -77,27 +84,37 @@ HWY_INLINE void StoreSpans(const Ellipse<V>& ellipse, V x0, V x1, V y0, V y1, Ro
     const V first = hn::IfThenElse(hn::Ge(columns.first, x0), columns.first, x0);
     const V last = hn::IfThenElse(hn::Le(columns.last, x1), columns.last, x1);
     const M some = hn::And(hn::Le(first, last), hn::Le(top, y1));
-    hn::Store(hn::IfThenElseZero(some, tile_of(first)), d, rows->first[row]);
-    hn::Store(hn::IfThenElse(some, tile_of(last), hn::Set(d, -1.0f)), d, rows->last[row]);
+    firsts[row] = hn::IfThenElseZero(some, tile_of(first));
+    lasts[row] = hn::IfThenElse(some, tile_of(last), hn::Set(d, -1.0f));
   }
+  StoreWhole(firsts[0], firsts[1], lasts[0], lasts[1], rows->spans);
 }
 
 // Rows to Gaussians `begin` to `begin + count`.
 void Scatter(const Rows& rows, size_t begin, size_t count, ProjectedSplats* out) {
-  const int stride = RecordStride(out->channels), used = kRecordFeatures + out->channels;
+  const D d;
+  const hn::FixedTag<float, 4> quad;
+  const hn::FixedTag<int32_t, 4> di;
+  const hn::FixedTag<int16_t, 4> di16;
+  const int stride = RecordStride(out->channels);
+  HWY_ALIGN float fields[RecordStride(kNumChannels) / 4][kSplatBlock][4];
+  for (int f = 0; f < stride; f += 4) {
+    const auto row = [&](int i) HWY_ATTR { return hn::Load(d, rows.record[f + i]); };
+    hn::StoreInterleaved4(row(0), row(1), row(2), row(3), d, fields[f / 4][0]);
+  }
   for (size_t i = 0; i < count; ++i) {
     out->boxes[begin + i] = {};
     if (rows.seen[i] == 0.0f) continue;
-    out->boxes[begin + i] = {static_cast<int16_t>(rows.x0[i]), static_cast<int16_t>(rows.x1[i]),
-                             static_cast<int16_t>(rows.y0[i]), static_cast<int16_t>(rows.y1[i])};
-    ProjectedSplats::Spans& spans = out->spans[begin + i];
-    for (int row = 0; row < ProjectedSplats::kSpanRows; ++row) {
-      spans.first[row] = static_cast<int16_t>(rows.first[row][i]);
-      spans.last[row] = static_cast<int16_t>(rows.last[row][i]);
-    }
+    const auto narrow = [&](const int32_t* from)
+                            HWY_ATTR { return hn::DemoteTo(di16, hn::Load(di, from)); };
+    static_assert(sizeof(ProjectedSplats::Box) == 8 && sizeof(ProjectedSplats::Spans) == 8);
+    hn::StoreU(narrow(rows.box[i]), di16, reinterpret_cast<int16_t*>(&out->boxes[begin + i]));
+    hn::StoreU(narrow(rows.spans[i]), di16, reinterpret_cast<int16_t*>(&out->spans[begin + i]));
     out->depths[begin + i] = rows.depth[i];
     float* record = out->records.data() + (begin + i) * stride;
-    for (int f = 0; f < used; ++f) record[f] = rows.record[f][i];
+    for (int f = 0; f < stride; f += 4) {
+      hn::Store(hn::Load(quad, fields[f / 4][i]), quad, record + f);
+    }
   }
 }
 
@@ -139,6 +156,9 @@ void ProjectVector(const float* in, size_t begin, size_t count, const KernelCame
   if (hn::AllFalse(d, visible)) return clear();
 
   Rows rows;
+  for (int f = kRecordFeatures + settings.channels; f < RecordStride(settings.channels); ++f) {
+    hn::Store(hn::Zero(d), d, rows.record[f]);  // padding
+  }
   const auto put = [&](int field, V value) HWY_ATTR { hn::Store(value, d, rows.record[field]); };
   const V inv_det = hn::Div(hn::Set(d, 1.0f), o.det);
   const V half_log2e = hn::Set(d, -0.5f * kLog2E);
@@ -161,10 +181,7 @@ void ProjectVector(const float* in, size_t begin, size_t count, const KernelCame
   StoreFeatures(in, mean, p.z, cam, settings, &rows);
   StoreSpans(ellipse, x0, x1, y0, y1, &rows);
   hn::Store(p.z, d, rows.depth);
-  hn::Store(x0, d, rows.x0);
-  hn::Store(x1, d, rows.x1);
-  hn::Store(y0, d, rows.y0);
-  hn::Store(y1, d, rows.y1);
+  StoreWhole(x0, x1, y0, y1, rows.box);
   hn::Store(hn::IfThenElseZero(visible, hn::Set(d, 1.0f)), d, rows.seen);
   Scatter(rows, begin, count, out);
 }

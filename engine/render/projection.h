@@ -28,16 +28,16 @@ struct KernelCamera {
 //   log2 alpha(dx, dy) = log2_opacity + a dx^2 + b dx dy + c dy^2,  d = pixel centre - mean2d
 // The region where alpha >= 1/255 is an ellipse around mean2d: for |dy| <= half_height,
 // dx = shear dy +- aspect sqrt(half_height^2 - dy^2); its rightmost point is at dy = dy_right.
-constexpr int kRecordX = 0;
+constexpr int kRecordX = 0;  // the first six are the ellipse
 constexpr int kRecordY = 1;
-constexpr int kRecordA = 2;
-constexpr int kRecordB = 3;
-constexpr int kRecordC = 4;
-constexpr int kRecordLog2Opacity = 5;
-constexpr int kRecordHalfHeight = 6;
-constexpr int kRecordShear = 7;
-constexpr int kRecordAspect = 8;
-constexpr int kRecordDyRight = 9;
+constexpr int kRecordHalfHeight = 2;
+constexpr int kRecordShear = 3;
+constexpr int kRecordAspect = 4;
+constexpr int kRecordDyRight = 5;
+constexpr int kRecordA = 6;
+constexpr int kRecordB = 7;
+constexpr int kRecordC = 8;
+constexpr int kRecordLog2Opacity = 9;
 constexpr int kRecordFeatures = 10;
 constexpr int RecordStride(int channels) { return (kRecordFeatures + channels + 7) / 8 * 8; }
 

@@ -1,6 +1,7 @@
 #include "engine/render/rasterize.h"
 
 #include <bit>
+#include <cstring>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "engine/render/rasterize.cc"
@@ -16,22 +17,23 @@ namespace litags {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Part of a tile's list: where its records are, and their ellipses side by side.
+// Part of a tile's list: where its records are, and the fields of each that make its ellipse.
 struct Chunk {
-  static constexpr int kBounds[] = {kRecordX,     kRecordY,      kRecordHalfHeight,
-                                    kRecordShear, kRecordAspect, kRecordDyRight};
+  static_assert(kRecordShear == 3 && kRecordAspect == 4 && kRecordDyRight == 5);
 
   const float* records[kChunk];
-  HWY_ALIGN float bounds[6][kChunk];  // kBounds, field by field
+  HWY_ALIGN float fields[2][kChunk][4];  // 0 .. 3 and 4 .. 7 of the record
 
   void Load(const TileJob& job, size_t begin, size_t stride) {
+    const hn::FixedTag<float, 4> d;
     const size_t count = std::min<size_t>(kChunk, job.count - begin);
     for (size_t k = 0; k < count; ++k) {
       records[k] = job.records + job.gaussians[begin + k] * stride;
-      for (int f = 0; f < 6; ++f) bounds[f][k] = records[k][kBounds[f]];
+      for (int i = 0; i < 2; ++i) hn::Store(hn::Load(d, records[k] + 4 * i), d, fields[i][k]);
     }
     for (size_t k = count; k < kChunk; ++k) {  // reach nothing
-      for (int f = 0; f < 6; ++f) bounds[f][k] = f == 2 ? -1.0f : 0.0f;
+      for (int i = 0; i < 2; ++i) hn::Store(hn::Zero(d), d, fields[i][k]);
+      fields[0][k][kRecordHalfHeight] = -1;
     }
   }
 
@@ -45,13 +47,25 @@ struct Chunk {
   }
 };
 
+HWY_INLINE uint64_t MaskBits(M mask) {
+  uint8_t bytes[8];  // as many are written as the lanes need
+  hn::StoreMaskBits(D(), mask, bytes);
+  if constexpr (kLanes <= 8) return bytes[0];
+  uint16_t bits;
+  std::memcpy(&bits, bytes, sizeof(bits));
+  return bits;
+}
+
 // Sets reach[b], bit k, if Gaussian k of the chunk covers a pixel centre of block b.
-HWY_INLINE void FindReach(const float (*bounds)[kChunk], const TileJob& job, uint64_t* reach) {
+HWY_INLINE void FindReach(const Chunk& chunk, const TileJob& job, uint64_t* reach) {
   const D d;
   std::fill_n(reach, kBlocks, 0);
   for (int k = 0; k < kChunk; k += kLanes) {
-    const auto field = [&](int f) HWY_ATTR { return hn::Load(d, bounds[f] + k); };
-    const Ellipse<V> ellipse = {field(0), field(1), field(2), field(3), field(4), field(5)};
+    Ellipse<V> ellipse;
+    V unused;
+    hn::LoadInterleaved4(d, chunk.fields[0][k], ellipse.x, ellipse.y, ellipse.half_height,
+                         ellipse.shear);
+    hn::LoadInterleaved4(d, chunk.fields[1][k], ellipse.aspect, ellipse.dy_right, unused, unused);
     for (int row = 0; row < kRows; ++row) {
       const float y = static_cast<float>(job.y0 + row * kBlockHeight);
       const Columns<V> columns =
@@ -61,10 +75,7 @@ HWY_INLINE void FindReach(const float (*bounds)[kChunk], const TileJob& job, uin
         const float x = static_cast<float>(column * kBlockWidth);
         const M here = hn::And(some, hn::And(hn::Le(columns.first, hn::Set(d, x + kBlockWidth - 1)),
                                              hn::Ge(columns.last, hn::Set(d, x))));
-        uint8_t bits[8] = {};
-        hn::StoreMaskBits(d, here, bits);
-        const uint64_t word = bits[0] | bits[1] << 8;
-        reach[row * kColumns + column] |= word << k;
+        reach[row * kColumns + column] |= MaskBits(here) << k;
       }
     }
   }
@@ -183,7 +194,7 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
       continue;
     }
     chunk.Load(job, begin, kStride);
-    FindReach(chunk.bounds, job, reach);
+    FindReach(chunk, job, reach);
     for (int block = 0; block < kBlocks; ++block) {
       constexpr int kShare = kChunk / kBlocks;  // of the next chunk
       Chunk::Prefetch(job, begin + kChunk + block * kShare, begin + kChunk + (block + 1) * kShare,
