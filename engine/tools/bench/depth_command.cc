@@ -95,7 +95,7 @@ absl::Status MeasureDepth(DepthArguments args) {
   ReconstructOptions options;
   options.depth_source = DepthOrigin::kNone;
   options.use_prior = false;
-  const ReconstructInput input = args.scene.Input(args.out, &options);
+  LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, args.scene.Input(args.out, &options));
   ReconstructReport report;
   LITAGS_ASSIGN_OR_RETURN(const Capture capture, LoadCapture(
                                                      input, options, "colmap", CancelToken(),

@@ -78,7 +78,7 @@ class Recorder : public ReconstructObserver {
 absl::Status Train(TrainArguments args) {
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(args.out, ignored);
-  const ReconstructInput input = args.scene.Input(args.out, &args.options);
+  LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, args.scene.Input(args.out, &args.options));
   args.options.preview_every =
       args.evaluate_every > 0 ? args.evaluate_every : args.options.iterations;
   args.options.checkpoint_every = args.options.iterations;

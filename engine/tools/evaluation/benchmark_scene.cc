@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
@@ -18,17 +19,27 @@ std::string BenchmarkScene::TruthDir() const {
   return fs::exists(high) ? high : std::string();
 }
 
-ReconstructInput BenchmarkScene::Input(const std::string& work_dir,
-                                       ReconstructOptions* options) const {
+absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_dir,
+                                                       ReconstructOptions* options) const {
   ReconstructInput input;
   input.images_dir = PhotosDir();
   input.work_dir = work_dir;
+  input.cameras_path = cameras;
+  if (light.empty() || sfm) return input;
   const std::string train = dir + "/transforms_train.json";
-  if (!cameras.empty()) {
-    input.cameras_path = cameras;
-  } else if (!light.empty() && !sfm && fs::exists(train)) {
-    input.cameras_path = train;
-    options->holdout_every = 0;
+  if (cameras.empty() && fs::exists(train)) input.cameras_path = train;
+  if (input.cameras_path.empty()) return input;
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> test, TestViews());
+  if (test.empty()) return input;
+  options->holdout_every = 0;
+  LITAGS_ASSIGN_OR_RETURN(const SparseModel model, ReadCameras(input.cameras_path, "--cameras"));
+  for (const View& view : model.views) {
+    const bool in_test = std::any_of(test.begin(), test.end(),
+                                     [&](const TestView& t) { return t.view.name == view.name; });
+    if (!in_test) continue;
+    return InvalidInput("TEST_VIEW_IN_CAMERAS", "--cameras",
+                        absl::StrCat(input.cameras_path, " has ", view.name, ", a test view of ",
+                                     dir, ": it would be trained on; take it out of the cameras"));
   }
   return input;
 }

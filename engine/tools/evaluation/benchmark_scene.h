@@ -21,9 +21,11 @@ struct BenchmarkScene {
   std::string PhotosDir() const;
   std::string TruthDir() const;  // SCENE/high, or empty if there is none
 
-  // Known cameras unless `sfm`. Those of transforms_train.json leave the test views out, so
-  // nothing else is held out then.
-  ReconstructInput Input(const std::string& work_dir, ReconstructOptions* options) const;
+  // Known cameras unless `sfm`. A scene with test views of its own holds out nothing else.
+  // INVALID_ARGUMENT (TEST_VIEW_IN_CAMERAS) if `cameras` have one of them: its photo would be
+  // trained on.
+  absl::StatusOr<ReconstructInput> Input(const std::string& work_dir,
+                                         ReconstructOptions* options) const;
 
   // The cameras of transforms_test.json at the size of their truth photos, none if there is no such
   // file.

@@ -1,5 +1,6 @@
 #include "engine/tools/evaluation/evaluation.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -112,6 +113,39 @@ TEST_F(EvaluationTest, TruthPhotosAreUndistortedAndFoundByStem) {
                           }());
   EXPECT_LT(as_taken, 22);
   EXPECT_GT(undistorted, 30);  // interpolated twice
+}
+
+// Writes SCENE/transforms_NAME.json with cameras of these names.
+void WriteCameras(const std::string& scene, const std::string& name,
+                  const std::vector<std::string>& photos) {
+  Camera camera;
+  camera.width = 96;
+  camera.height = 64;
+  camera.fx = camera.fy = 80;
+  SparseModel model;
+  for (const std::string& photo : photos) model.views.push_back({photo, camera});
+  model.distortions.resize(photos.size());
+  ASSERT_TRUE(WriteTransforms(scene + "/transforms_" + name + ".json", model, "high").ok());
+}
+
+TEST_F(EvaluationTest, SceneWithTestViewsHoldsOutNothingElseAndTrainsOnNoneOfThem) {
+  WriteCameras(dir_, "train", {"a.JPG", "b.JPG"});
+  WriteCameras(dir_, "test", {"c.JPG"});
+  WriteCameras(dir_, "fewer", {"b.JPG"});
+  WriteCameras(dir_, "all", {"a.JPG", "b.JPG", "c.JPG"});
+  BenchmarkScene scene{.dir = dir_, .light = "low", .cameras = ""};
+  for (const char* cameras : {"", "fewer"}) {
+    if (*cameras != 0) scene.cameras = dir_ + "/transforms_" + cameras + ".json";
+    ReconstructOptions options;
+    ASSERT_TRUE(scene.Input("work", &options).ok());
+    EXPECT_EQ(options.holdout_every, 0);
+  }
+  scene.cameras = dir_ + "/transforms_all.json";
+  ReconstructOptions options;
+  const absl::Status status = scene.Input("work", &options).status();
+  ASSERT_TRUE(GetErrorDetail(status).has_value()) << status;
+  EXPECT_EQ(GetErrorDetail(status)->reason, "TEST_VIEW_IN_CAMERAS");
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("c.JPG"));
 }
 
 }  // namespace

@@ -88,7 +88,7 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
 }
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
-  ReconstructInput input = args.scene.Input(args.out, &args.options);
+  LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args.scene.Input(args.out, &args.options));
   input.depth_dir = args.depth;
   input.masks_dir = args.masks;
   const fs::path beside = fs::path(input.images_dir) / "masks";
