@@ -276,7 +276,8 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->group(group);
   command
       ->add_option("--dropout", args->dropout,
-                   "Share of the scene that an iteration leaves out, after many rounds; 0: none")
+                   "Share of the scene that an iteration leaves out, after many rounds over noisy "
+                   "photos; 0: none")
       ->group(group);
   command
       ->add_flag("--information-weights", args->information_weights,

@@ -99,6 +99,15 @@ std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
   return noise;
 }
 
+double PictureNoise(absl::Span<const ImageU8* const> pictures, absl::Span<const PlaneU8> masks) {
+  Statistics statistics(kCodes);
+  for (size_t i = 0; i < pictures.size(); ++i) {
+    AddPhoto(*pictures[i], *pictures[i], MaskOf(masks, i), &statistics);
+  }
+  for (int code = 2; code < kCodes; ++code) statistics[1].Add(statistics[code]);
+  return NoiseOf(statistics[1]);
+}
+
 std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
                                         absl::Span<const ImageU8* const> targets,
                                         absl::Span<const PlaneU8> masks) {

@@ -36,6 +36,12 @@ std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
                                     absl::Span<const ImageU8* const> targets,
                                     absl::Span<const PlaneU8> masks = {});
 
+// Standard deviation of the noise in pictures, codes of 255, one for all of them: as above from the
+// lower quartile of differences, without those at code 0, which black cuts off. Fine texture all
+// over the pictures counts as noise, too.
+double PictureNoise(absl::Span<const ImageU8* const> pictures,
+                    absl::Span<const PlaneU8> masks = {});
+
 // Weight of every pixel in the losses that compare with photos and targets: mean over channels of
 // 1 / (1 + (noise / kToleratedNoise)^2), brought to a mean of 1 over what counts of the capture and
 // stored in steps of 1 / kInformationOne, at most 255 of them. One plane per photo.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "engine/core/mask.h"
 #include "engine/core/rng.h"
 
 namespace litags {
@@ -50,6 +51,21 @@ TEST(TargetNoise, ClippedHighlightsAreGuesses) {
   EXPECT_LT(noise[100], 1);
   EXPECT_EQ(noise[kClippedCode], kClippedNoise);
   EXPECT_EQ(noise[255], kClippedNoise);
+}
+
+TEST(PictureNoise, IsTheDeviationOfFlatAreasThatAreNotBlack) {
+  const ImageU8 noisy = TwoHalves(60, 180, 8, 8), clean = TwoHalves(60, 180);
+  EXPECT_NEAR(PictureNoise({&noisy}), 8, 0.8);
+  EXPECT_LT(PictureNoise({&clean}), 0.5);
+  const ImageU8 half_black = TwoHalves(0, 180, 0, 8);
+  EXPECT_NEAR(PictureNoise({&half_black}), 8, 0.8);
+  EXPECT_EQ(PictureNoise({}), 0);
+  PlaneU8 mask(kSize, kSize);  // the left half counts
+  for (int i = 0; i < kSize * kSize; ++i) mask.data[i] = i % kSize < kSize / 2 ? kCounts : 0;
+  const ImageU8 two = TwoHalves(60, 180, 4, 20);
+  const ImageU8* pictures[] = {&two};
+  const PlaneU8 masks[] = {mask};
+  EXPECT_NEAR(PictureNoise(pictures, masks), 4, 0.4);
 }
 
 TEST(InformationWeights, FavourWhatIsKnownAndHaveAMeanOfOne) {

@@ -63,37 +63,30 @@ inline Pair* AddTiles(const ProjectedSplats& splats, size_t i, int tiles_x, Pair
   const auto gaussian = static_cast<uint32_t>(i);
   const ProjectedSplats::Box& box = splats.boxes[i];
   const ProjectedSplats::Spans& spans = splats.spans[i];
-  int ty = box.y0 / kTileSize;
+  constexpr unsigned kTile = kTileSize;  // boxes that are not empty have no negative numbers
+  int ty = box.y0 / kTile;
   for (int row = 0; row < ProjectedSplats::kSpanRows; ++row, ++ty) {
     to = AddRow(gaussian, tiles_x, ty, spans.first[row], spans.last[row], to);
   }
-  const float* record = splats.records.data() + i * RecordStride(splats.channels);
-  for (; ty <= box.y1 / kTileSize; ++ty) {
+  for (const int last_row = box.y1 / kTile; ty <= last_row; ++ty) {
+    const float* record = splats.records.data() + i * RecordStride(splats.channels);
     const TileSpan span = SpanOfRow(box, record, ty);
     to = AddRow(gaussian, tiles_x, ty, span.first, span.last, to);
   }
   return to;
 }
 
-// The most pairs that a Gaussian of this box has, and AddRow's two.
-size_t RoomFor(const ProjectedSplats::Box& box) {
-  const auto tiles = [](int first, int last) {
-    return size_t(last / kTileSize - first / kTileSize + 1);
-  };
-  return tiles(box.x0, box.x1) * tiles(box.y0, box.y1) + 2;
-}
-
-// Which tiles the Gaussians [begin, end) reach. Adds to counts [tiles]; slot_begin becomes each
-// one's first pair, counted from `begin`.
-void FindTiles(const ProjectedSplats& splats, size_t begin, size_t end, int tiles_x,
+// Which of the `tiles` the Gaussians [begin, end) reach. Adds to counts [tiles]; slot_begin becomes
+// each one's first pair, counted from `begin`.
+void FindTiles(const ProjectedSplats& splats, size_t begin, size_t end, int tiles_x, size_t tiles,
                BinScratch::ChunkPairs* chunk, uint32_t* counts, uint32_t* slot_begin) {
   std::vector<Pair> pairs = std::move(chunk->pairs);  // chunks share cache lines
+  const size_t most = tiles + 2;                      // that one Gaussian writes, AddRow's two too
   uint32_t count = 0, visible = 0;
   for (size_t i = begin; i < end; ++i) {
     slot_begin[i] = count;
     if (splats.boxes[i].empty()) continue;
-    const size_t room = count + RoomFor(splats.boxes[i]);
-    if (pairs.size() < room) pairs.resize(2 * room);
+    if (pairs.size() < count + most) pairs.resize(2 * (count + most));
     Pair* const to = pairs.data() + count;
     const auto added = static_cast<uint32_t>(AddTiles(splats, i, tiles_x, to) - to);
     count += added;
@@ -117,7 +110,7 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
   scratch->offsets.assign(kChunks * tiles, 0);
   lists->slot_begin.resize(n + 1);
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
-    FindTiles(splats, chunk_begin(chunk), chunk_begin(chunk + 1), lists->tiles_x,
+    FindTiles(splats, chunk_begin(chunk), chunk_begin(chunk + 1), lists->tiles_x, tiles,
               &scratch->chunks[chunk], scratch->offsets.data() + chunk * tiles,
               lists->slot_begin.data());
   });

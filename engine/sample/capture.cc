@@ -82,6 +82,7 @@ absl::Status WriteCameras(const CaptureOptions& options, const std::vector<View>
 absl::Status WriteCaptureJson(const CaptureOptions& options, const std::vector<View>& views,
                               const Exposures& exposures, const fs::path& out) {
   nlohmann::ordered_json json = {{"seed", options.seed},
+                                 {"noise_seed", options.noise_seed},
                                  {"gain_is_relative_to", "high, linear light, per channel RGB"},
                                  {"full_well_electrons", options.sensor.full_well},
                                  {"read_noise_electrons", options.sensor.read_noise},

@@ -16,14 +16,15 @@
 namespace litags::sample {
 
 struct CaptureOptions {
-  int width = 360;     // px, [32, 8192]
-  int height = 270;    // px, [32, 8192]
-  int views = 36;      // [2, 9999]
-  int test_every = 8;  // every n-th view is a test view, >= 2
-  uint64_t seed = 0;   // texture detail, hand shake, exposure jitter, noise
-  int threads = 0;     // <= 0: all cores; the files do not depend on it
-  int antialias = 3;   // samples a pixel and axis, [1, 16]
-  bool truth = false;  // also write depth/ and clean/
+  int width = 360;          // px, [32, 8192]
+  int height = 270;         // px, [32, 8192]
+  int views = 36;           // [2, 9999]
+  int test_every = 8;       // every n-th view is a test view, >= 2
+  uint64_t seed = 0;        // texture detail, hand shake, exposure jitter, noise
+  uint32_t noise_seed = 0;  // another one: the same photos with other noise
+  int threads = 0;          // <= 0: all cores; the files do not depend on it
+  int antialias = 3;        // samples a pixel and axis, [1, 16]
+  bool truth = false;       // also write depth/ and clean/
 
   double high_mean = 0.47;  // mean sRGB level of high/, (0, 1)
   double low_mean = 0.045;  // mean sRGB level of low/, (0, high_mean)

@@ -187,6 +187,17 @@ TEST_F(Capture, HasTheSameBytesForTheSameSeedWhateverTheThreads) {
   EXPECT_NE(ReadTree(root_ / "c").at("low/0001.JPG"), a.at("low/0001.JPG"));
 }
 
+TEST_F(Capture, AnotherNoiseSeedChangesTheNoiseAlone) {
+  CaptureOptions options = Small();
+  options.noise_seed = 1;
+  ASSERT_TRUE(WriteCapture(options, root_ / "d").ok());
+  const auto a = ReadTree(root_ / "a"), d = ReadTree(root_ / "d");
+  EXPECT_NE(d.at("low/0001.JPG"), a.at("low/0001.JPG"));
+  EXPECT_NE(d.at("over_exp/0001.JPG"), a.at("over_exp/0001.JPG"));
+  EXPECT_EQ(d.at("high/0001.JPG"), a.at("high/0001.JPG"));
+  EXPECT_EQ(d.at("transforms_train.json"), a.at("transforms_train.json"));
+}
+
 TEST(CaptureOptions, NamesTheBadOption) {
   const auto field = [](auto change) {
     CaptureOptions options;

@@ -70,6 +70,11 @@ std::vector<Gain> ViewGains(const CaptureOptions& options, double gain, int ligh
   return out;
 }
 
+// Random numbers of a photo's noise.
+CounterRng NoiseRng(const CaptureOptions& options, uint64_t stream) {
+  return CounterRng(options.seed, stream + (uint64_t{options.noise_seed} << 32));
+}
+
 }  // namespace
 
 Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* light) {
@@ -114,13 +119,13 @@ ImageU8 NormalPhoto(const Planes& light) { return ToImageU8(Develop(light, {1, 1
 ImageU8 LowPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
                  size_t view) {
   return Expose(light, exposures.low_gain[view], options.sensor,
-                CounterRng(options.seed, kLowNoise + view));
+                NoiseRng(options, kLowNoise + view));
 }
 
 ImageU8 OverPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
                   size_t view) {
   return Expose(light, exposures.over_gain[view], options.sensor,
-                CounterRng(options.seed, kOverNoise + view));
+                NoiseRng(options, kOverNoise + view));
 }
 
 double MeanLevel(const ImageU8& image) {

@@ -24,6 +24,9 @@ int Run(int argc, char** argv) {
   app.add_option("--views", options.views, "Number of photos")->capture_default_str();
   app.add_option("--seed", options.seed, "Texture detail, hand shake and noise")
       ->capture_default_str();
+  app.add_option("--noise-seed", options.noise_seed,
+                 "Another one: the same photos with other noise")
+      ->capture_default_str();
   app.add_option("--low-mean", options.low_mean, "Mean sRGB level of low/, 0..1")
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Threads; 0: all cores")->capture_default_str();

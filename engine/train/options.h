@@ -51,8 +51,9 @@ struct TrainOptions {
   // over views) at full size, so that noisy photos are averaged rather than followed one by one.
   // 0: constant rates, as 3DGS. Choice
   double settle_epochs = 0;
-  // Share of the Gaussians that an iteration leaves out after many epochs at full size: it grows as
-  // dropout e / (e + 50). What repeats of the same photos would teach is their noise. Choice
+  // Share of the Gaussians that an iteration leaves out: dropout e / (e + 50) after e epochs at
+  // full size, times s^2 / (s^2 + 2^2), with s codes of noise in the targets (PictureNoise). What
+  // repeats of the same photos would teach is their noise. Choice
   double dropout = 0;  // [0, 0.9]
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..

@@ -13,6 +13,7 @@
 #include "engine/core/check.h"
 #include "engine/core/error.h"
 #include "engine/core/rng.h"
+#include "engine/priors/information.h"
 #include "engine/render/renderer.h"
 #include "engine/train/adam.h"
 #include "engine/train/objective.h"
@@ -25,6 +26,7 @@ namespace {
 constexpr uint64_t kViewOrderStream = 0x5649;  // random numbers of the photos' order
 constexpr uint64_t kDropoutStream = 0x4450;    // and of who is left out
 constexpr double kDropoutEpochs = 50;          // at full size, to half of options.dropout. Choice
+constexpr double kDropoutNoise = 2;            // codes of 255 in the targets, to half of it. Choice
 
 constexpr int kSkipsOfAPhoto = 2;  // then it is left out: it will not get better
 
@@ -64,6 +66,18 @@ const char* NotFinite(const StepLosses& losses) {
   return nullptr;
 }
 
+// How much dropout the noise of the targets asks for, [0, 1).
+double NoiseShare(const std::vector<TrainView>& views) {
+  std::vector<const ImageU8*> targets;
+  std::vector<PlaneU8> masks;
+  for (const TrainView& view : views) {
+    targets.push_back(&view.target);
+    masks.push_back(view.mask);
+  }
+  const double noise = PictureNoise(targets, masks);
+  return noise * noise / (noise * noise + kDropoutNoise * kDropoutNoise);
+}
+
 absl::Status NotFiniteError(const std::string& field, const std::string& message) {
   return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", field, message);
 }
@@ -72,7 +86,9 @@ absl::Status NotFiniteError(const std::string& field, const std::string& message
 
 struct Trainer::Impl {
   Impl(const TrainOptions& o, const std::vector<TrainView>* v, double scene_extent)
-      : options(o), pyramid(v, o), num_views(v->size()), extent(scene_extent), objective(o) {}
+      : options(o), pyramid(v, o), num_views(v->size()), extent(scene_extent), objective(o) {
+    if (options.dropout > 0) most_dropout = options.dropout * NoiseShare(*v);
+  }
 
   int ShDegree() const {
     const int grown = 1 + state.iteration / options.sh_interval;
@@ -94,7 +110,7 @@ struct Trainer::Impl {
   }
 
   Dropout MakeDropout() const {
-    const double share = options.dropout * Epochs() / (Epochs() + kDropoutEpochs);
+    const double share = most_dropout * Epochs() / (Epochs() + kDropoutEpochs);
     return {share, CounterRng(options.seed, kDropoutStream + (uint64_t(state.iteration) << 16))};
   }
 
@@ -205,6 +221,7 @@ struct Trainer::Impl {
   ViewPyramid pyramid;
   size_t num_views;
   double extent;
+  double most_dropout = 0;  // after many epochs
   TrainState state;
   Objective objective;
   Renderer renderer;

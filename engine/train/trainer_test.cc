@@ -278,13 +278,24 @@ TEST(Trainer, RatesFallByTheEpochsAtFullSize) {
   EXPECT_GT(settled, constant / 20);
 }
 
-TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
+TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSizeAndTheNoise) {
+  // Targets of one code, and others for every second pixel.
+  const auto views_with = [](int amplitude) {
+    std::vector<TrainView> views = Views();
+    for (TrainView& view : views) {
+      for (int i = 0; i < view.target.width * view.target.height; ++i) {
+        std::fill_n(&view.target.data[3 * i], 3, 128 + (i % 2 == 0 ? amplitude : -amplitude));
+      }
+    }
+    return views;
+  };
+  const std::vector<TrainView> even = views_with(0), noisy = views_with(60);
   // Gaussians that iteration `at` leaves as they were, out of 300.
-  const auto left_out = [](double dropout, int at) {
+  const auto left_out = [](const std::vector<TrainView>& views, double dropout, int at) {
     TrainOptions options = Options();
     options.densify_until = 0;
     options.dropout = dropout;
-    Trainer trainer = MakeTrainer(options);
+    Trainer trainer(options, &views, Start(), SceneExtent(views));
     Train(&trainer, at);
     const Splats before = trainer.Snapshot().splats;
     Train(&trainer, at + 1);
@@ -293,11 +304,12 @@ TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
     for (size_t i = 0; i < before.size(); ++i) same += before.at(i, kShDc) == after.at(i, kShDc);
     return same;
   };
-  EXPECT_EQ(left_out(0.9, 0), left_out(0, 0)) << "all photos are new";
+  EXPECT_EQ(left_out(noisy, 0.9, 0), left_out(noisy, 0, 0)) << "all photos are new";
   // 50 epochs of 8 photos: 0.9 x 50 / (50 + 50) = 0.45 of those in view; without it all are.
-  const int hidden = left_out(0, 400);
+  const int hidden = left_out(noisy, 0, 400);
   EXPECT_LT(hidden, 60);
-  EXPECT_NEAR(left_out(0.9, 400) - hidden, 0.45 * (300 - hidden), 35) << hidden;
+  EXPECT_NEAR(left_out(noisy, 0.9, 400) - hidden, 0.45 * (300 - hidden), 35) << hidden;
+  EXPECT_EQ(left_out(even, 0.9, 400), left_out(even, 0, 400)) << "there is no noise";
 }
 
 TEST(TrainOptions, ValidateNamesTheBrokenRule) {

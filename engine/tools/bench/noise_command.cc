@@ -1,4 +1,5 @@
 // litags-bench noise: what is left of the photos' noise in renders of the same views.
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -22,9 +23,48 @@ namespace {
 
 struct NoiseArguments {
   BenchmarkScene scene;
-  std::string pictures, json;
+  std::string pictures, again, json;
   FlatNoiseOptions flat;
 };
+
+// Pictures of the same views, in one order.
+struct Pictures {
+  std::vector<ImageU8> renders, again, photos, truths;
+};
+
+// Of the test views that have a render.
+absl::StatusOr<Pictures> ReadPictures(const NoiseArguments& args) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
+  Pictures out;
+  for (const TestView& view : views) {
+    const absl::StatusOr<std::string> render = FindPhoto(args.pictures, view.view.name);
+    if (absl::IsNotFound(render.status())) continue;
+    LITAGS_RETURN_IF_ERROR(render.status());
+    LITAGS_ASSIGN_OR_RETURN(out.renders.emplace_back(), ReadImage(*render, *render));
+    LITAGS_ASSIGN_OR_RETURN(out.photos.emplace_back(), LoadPhoto(args.scene.PhotosDir(), view));
+    LITAGS_ASSIGN_OR_RETURN(out.truths.emplace_back(), LoadPhoto(args.scene.TruthDir(), view));
+    if (args.again.empty()) continue;
+    LITAGS_ASSIGN_OR_RETURN(const std::string again, FindPhoto(args.again, view.view.name));
+    LITAGS_ASSIGN_OR_RETURN(out.again.emplace_back(), ReadImage(again, again));
+  }
+  if (!out.renders.empty()) return out;
+  return MakeError(
+      absl::StatusCode::kNotFound, "NO_PICTURES", "pictures",
+      absl::StrCat(args.pictures, " has no picture named as a test view of ", args.scene.dir));
+}
+
+// Deviation of one picture's part in what two differ by, where the truth is flat: detail that both
+// lack, or both made up, is no part of it.
+absl::StatusOr<double> NoiseOfTwo(const Pictures& p, const FlatNoiseOptions& options) {
+  double mean = 0;
+  for (size_t i = 0; i < p.renders.size(); ++i) {
+    LITAGS_ASSIGN_OR_RETURN(const double difference,
+                            FlatNoise(ToPlanes(p.renders[i]), ToPlanes(p.again[i]),
+                                      FlatPixels(ToPlanes(p.truths[i]), options), options));
+    mean += difference / std::sqrt(2.0) / p.renders.size();
+  }
+  return mean;
+}
 
 // Means over the views.
 struct Quality {
@@ -66,38 +106,30 @@ void Print(const char* what, const Quality& q) {
 }
 
 absl::Status MeasureNoise(const NoiseArguments& args) {
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
-  std::vector<ImageU8> renders, photos, truths;
-  for (const TestView& view : views) {
-    const absl::StatusOr<std::string> render = FindPhoto(args.pictures, view.view.name);
-    if (absl::IsNotFound(render.status())) continue;
-    LITAGS_RETURN_IF_ERROR(render.status());
-    LITAGS_ASSIGN_OR_RETURN(ImageU8 picture, ReadImage(*render, *render));
-    LITAGS_ASSIGN_OR_RETURN(ImageU8 photo, LoadPhoto(args.scene.PhotosDir(), view));
-    LITAGS_ASSIGN_OR_RETURN(ImageU8 truth, LoadPhoto(args.scene.TruthDir(), view));
-    renders.push_back(std::move(picture));
-    photos.push_back(std::move(photo));
-    truths.push_back(std::move(truth));
-  }
-  if (renders.empty()) {
-    return MakeError(
-        absl::StatusCode::kNotFound, "NO_PICTURES", "pictures",
-        absl::StrCat(args.pictures, " has no picture named as a test view of ", args.scene.dir));
-  }
+  LITAGS_ASSIGN_OR_RETURN(const Pictures p, ReadPictures(args));
   ReconstructOptions as_taken;  // brightened, with all of their noise
   as_taken.chroma_smoothing = 0;
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> targets, MakePseudoTargets(photos, as_taken));
-  LITAGS_ASSIGN_OR_RETURN(const Quality photo, Measure(targets, truths, args.flat));
-  LITAGS_ASSIGN_OR_RETURN(const Quality render, Measure(renders, truths, args.flat));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> targets,
+                          MakePseudoTargets(p.photos, as_taken));
+  LITAGS_ASSIGN_OR_RETURN(const Quality photo, Measure(targets, p.truths, args.flat));
+  LITAGS_ASSIGN_OR_RETURN(const Quality render, Measure(p.renders, p.truths, args.flat));
   Print("photos", photo);
   Print("renders", render);
   std::printf("renders have %.3f of the photos' noise in the flattest %.0f %% of %d views\n",
-              render.noise / photo.noise, 100 * args.flat.share, static_cast<int>(renders.size()));
+              render.noise / photo.noise, 100 * args.flat.share,
+              static_cast<int>(p.renders.size()));
+  nlohmann::json json = {{"photos", JsonOf(photo)},
+                         {"renders", JsonOf(render)},
+                         {"ratio", render.noise / photo.noise},
+                         {"views", p.renders.size()}};
+  if (!args.again.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(const double noise, NoiseOfTwo(p, args.flat));
+    std::printf("of it %.4f, %.3f of the photos', follows the photos' noise\n", noise,
+                noise / photo.noise);
+    json["noise_of_photos"] = noise;
+    json["ratio_of_photos"] = noise / photo.noise;
+  }
   if (args.json.empty()) return absl::OkStatus();
-  const nlohmann::json json = {{"photos", JsonOf(photo)},
-                               {"renders", JsonOf(render)},
-                               {"ratio", render.noise / photo.noise},
-                               {"views", renders.size()}};
   return WriteFileAtomically(args.json, json.dump(2) + "\n");
 }
 
@@ -113,6 +145,11 @@ void AddNoiseCommand(CLI::App* app, int* exit_status) {
       ->check(CLI::ExistingDirectory);
   command->add_option("pictures", args->pictures, "folder of renders of its test views")
       ->required()
+      ->check(CLI::ExistingDirectory);
+  command
+      ->add_option("--again", args->again,
+                   "renders of a scene trained on the same photos with other noise "
+                   "(litags-sample --noise-seed): tells noise from detail that is missing")
       ->check(CLI::ExistingDirectory);
   command->add_option("--light", args->scene.light, "photos are in SCENE/LIGHT")
       ->capture_default_str();

@@ -41,7 +41,8 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
       ->capture_default_str();
   app->add_option(
          "--dropout", options->dropout,
-         "share of the Gaussians that an iteration of litags leaves out, after many epochs")
+         "share of the Gaussians that an iteration of litags leaves out, after many epochs on "
+         "noisy photos")
       ->capture_default_str();
   app->add_option("--coarse-until", options->coarse_until, "part of the run on smaller photos")
       ->capture_default_str();
