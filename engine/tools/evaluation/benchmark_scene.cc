@@ -27,7 +27,10 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
   input.cameras_path = cameras;
   if (light.empty() || sfm) return input;
   const std::string train = dir + "/transforms_train.json";
-  if (cameras.empty() && fs::exists(train)) input.cameras_path = train;
+  if (cameras.empty() && fs::exists(train)) {
+    input.cameras_path = train;
+    options->holdout_every = 0;
+  }
   if (input.cameras_path.empty()) return input;
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> test, TestViews());
   if (test.empty()) return input;
