@@ -111,7 +111,9 @@ class Team {
 
   void Announce(uint32_t count) {
     const uint32_t round = round_.load(std::memory_order_relaxed);
-    round_.store((round & ~kCountMask) + kCountMask + 1 + count, std::memory_order_release);
+    // Sequentially consistent, as notify_all() asks whether anyone waits: were that read before the
+    // store is seen, a helper that goes to sleep meanwhile would never be woken.
+    round_.store((round & ~kCountMask) + kCountMask + 1 + count, std::memory_order_seq_cst);
     round_.notify_all();
   }
 
@@ -122,7 +124,7 @@ class Team {
       if (count == kStop) return;
       if (index >= count) continue;
       Work(static_cast<int>(index) + 1);
-      if (working_.fetch_sub(1, std::memory_order_acq_rel) == 1) working_.notify_one();
+      if (working_.fetch_sub(1, std::memory_order_seq_cst) == 1) working_.notify_one();
     }
   }
 
