@@ -95,4 +95,11 @@ absl::StatusOr<double> FlatNoise(const Planes& picture, const Planes& clean,
   return samples > 0 ? std::sqrt(squares / static_cast<double>(samples)) : 0.0;
 }
 
+absl::StatusOr<double> NoiseBetween(const Planes& one, const Planes& other,
+                                    const std::vector<char>& flat,
+                                    const FlatNoiseOptions& options) {
+  LITAGS_ASSIGN_OR_RETURN(const double difference, FlatNoise(one, other, flat, options));
+  return difference / std::sqrt(2.0);
+}
+
 }  // namespace litags

@@ -26,6 +26,12 @@ std::vector<char> FlatPixels(const Planes& clean, const FlatNoiseOptions& option
 absl::StatusOr<double> FlatNoise(const Planes& picture, const Planes& clean,
                                  const std::vector<char>& flat, const FlatNoiseOptions& options);
 
+// The part of one of two pictures of a view in what they differ by, for pictures that differ by
+// their noise alone: FlatNoise() of one against the other, over sqrt(2). Detail that both lack, or
+// both made up, is no part of it. INVALID_ARGUMENT (SIZE_MISMATCH).
+absl::StatusOr<double> NoiseBetween(const Planes& one, const Planes& other,
+                                    const std::vector<char>& flat, const FlatNoiseOptions& options);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_EVAL_NOISE_H_

@@ -25,8 +25,8 @@ Planes CleanPicture() {
   return clean;
 }
 
-Planes Noisy(Planes picture, double deviation) {
-  const CounterRng rng(1, 1);
+Planes Noisy(Planes picture, double deviation, uint64_t seed = 1) {
+  const CounterRng rng(seed, 1);
   for (size_t i = 0; i < picture.data.size(); ++i) {
     picture.data[i] += static_cast<float>(deviation * rng.Normal(i));
   }
@@ -97,6 +97,20 @@ TEST(FlatNoise, OtherSizesAreRefused) {
   EXPECT_FALSE(FlatNoise(Planes(3, 90, 119), clean, flat, {}).ok());
   EXPECT_FALSE(FlatNoise(clean, clean, {}, {}).ok());
   EXPECT_TRUE(FlatPixels(Planes(), {}).empty());
+}
+
+TEST(NoiseBetween, IsTheNoiseWithoutWhatBothPicturesLack) {
+  const Planes clean = CleanPicture();
+  Planes spoilt = clean;  // a weave on the walls that is not there
+  for (size_t i = 0; i < spoilt.data.size(); ++i) spoilt.data[i] += i % 2 == 0 ? 0.05f : -0.05f;
+  const Planes one = Noisy(spoilt, 0.02, 1), other = Noisy(spoilt, 0.02, 2);
+  EXPECT_GT(Measure(one, clean), 0.045);
+  FlatNoiseOptions options;
+  options.share = 0.5;
+  const std::vector<char> flat = FlatPixels(clean, options);
+  EXPECT_NEAR(NoiseBetween(one, other, flat, options).value(), 0.02, 0.001);
+  EXPECT_EQ(NoiseBetween(one, one, flat, options).value(), 0);
+  EXPECT_FALSE(NoiseBetween(one, Planes(3, 2, 2), flat, options).ok());
 }
 
 }  // namespace

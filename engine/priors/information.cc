@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 
 #include "engine/core/check.h"
 #include "engine/core/mask.h"
@@ -11,51 +12,62 @@ namespace litags {
 namespace {
 
 constexpr int kCodes = 256;
-constexpr int kDifferences = 4 * kCodes;
 constexpr int64_t kEnoughSamples = 500;  // of one code
+
+void AddCounts(const NoiseDifferences& from, NoiseDifferences* to) {
+  for (size_t i = 0; i < from.size(); ++i) (*to)[i] += from[i];
+}
 
 // What the targets do at the samples of one code.
 struct CodeStatistics {
   int64_t samples = 0;
   double target_sum = 0;
-  std::array<int64_t, kDifferences> differences = {};  // |to the neighbours' mean|, code / 4
+  NoiseDifferences differences = {};
 
   void Add(const CodeStatistics& other) {
     samples += other.samples;
     target_sum += other.target_sum;
-    for (int i = 0; i < kDifferences; ++i) differences[i] += other.differences[i];
+    AddCounts(other.differences, &differences);
   }
 };
 
 using Statistics = std::vector<CodeStatistics>;  // [kCodes]
 
-void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask,
-              Statistics* statistics) {
-  const auto at = [&](int x, int y, int c) -> int {
-    return target.data[(size_t(y) * target.width + x) * 3 + c];
-  };
-  for (int y = 1; y + 1 < photo.height; ++y) {
-    for (int x = 1; x + 1 < photo.width; ++x) {
+// Calls visit(sample, code, difference) for every sample of the picture but the border's: its index
+// in the data, and the difference as NoiseDifferences counts it.
+template <class Visit>
+void ForEachDifference(const ImageU8& picture, const PlaneU8& mask, const Visit& visit) {
+  const size_t row = 3 * size_t(picture.width);
+  for (int y = 1; y + 1 < picture.height; ++y) {
+    for (int x = 1; x + 1 < picture.width; ++x) {
       if (!Counts(mask, x, y)) continue;
       for (int c = 0; c < 3; ++c) {
-        const int value = at(x, y, c);
-        const int around = at(x - 1, y, c) + at(x + 1, y, c) + at(x, y - 1, c) + at(x, y + 1, c);
-        CodeStatistics& s = (*statistics)[photo.data[(size_t(y) * photo.width + x) * 3 + c]];
-        s.samples += 1;
-        s.target_sum += value;
-        s.differences[std::abs(4 * value - around)] += 1;
+        const size_t sample = y * row + 3 * x + c;
+        const uint8_t* at = picture.data.data() + sample;
+        visit(sample, *at, std::abs(4 * *at - (at[-3] + at[3] + *(at - row) + at[row])));
       }
     }
   }
 }
 
+void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask,
+              Statistics* statistics) {
+  ForEachDifference(target, mask, [&](size_t sample, int code, int difference) {
+    CodeStatistics& s = (*statistics)[photo.data[sample]];
+    s.samples += 1;
+    s.target_sum += code;
+    s.differences[difference] += 1;
+  });
+}
+
 // Deviation of noise whose differences these are.
-double NoiseOf(const CodeStatistics& s) {
+double NoiseOf(const NoiseDifferences& differences) {
+  const int64_t samples = std::accumulate(differences.begin(), differences.end(), int64_t{0});
   int64_t below = 0;
-  for (int d = 0; d < kDifferences; ++d) {
-    const int64_t next = below + s.differences[d];
-    if (4 * next >= s.samples && next > below) {
-      const double part = (0.25 * s.samples - below) / (next - below);  // of bin d +- 1/2
+  for (size_t d = 0; d < differences.size(); ++d) {
+    const int64_t next = below + differences[d];
+    if (4 * next >= samples && next > below) {
+      const double part = (0.25 * samples - below) / (next - below);  // of bin d +- 1/2
       return NoiseOfDifferences(std::max(0.0, d - 0.5 + part) / 4);
     }
     below = next;
@@ -87,7 +99,7 @@ std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
   std::array<double, 256> noise, mean;
   for (int code = 0; code < kCodes; ++code) {
     const CodeStatistics around = Around(statistics, code);
-    noise[code] = NoiseOf(around);
+    noise[code] = NoiseOf(around.differences);
     mean[code] = around.target_sum / std::max<int64_t>(1, around.samples);
   }
   for (int code = 0; code < kCodes; ++code) {
@@ -99,14 +111,15 @@ std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
   return noise;
 }
 
-double PictureNoise(absl::Span<const ImageU8* const> pictures, absl::Span<const PlaneU8> masks) {
-  Statistics statistics(kCodes);
-  for (size_t i = 0; i < pictures.size(); ++i) {
-    AddPhoto(*pictures[i], *pictures[i], MaskOf(masks, i), &statistics);
-  }
-  for (int code = 2; code < kCodes; ++code) statistics[1].Add(statistics[code]);
-  return NoiseOf(statistics[1]);
+void PictureNoise::Add(const ImageU8& picture, const PlaneU8& mask) {
+  ForEachDifference(picture, mask, [&](size_t, int code, int difference) {
+    if (code > 0) differences_[difference] += 1;
+  });
 }
+
+void PictureNoise::Add(const PictureNoise& other) { AddCounts(other.differences_, &differences_); }
+
+double PictureNoise::Deviation() const { return NoiseOf(differences_); }
 
 std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
                                         absl::Span<const ImageU8* const> targets,

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "absl/types/span.h"
@@ -26,6 +27,9 @@ inline double NoiseOfDifferences(double lower_quartile) {
   return lower_quartile / (0.3186 * std::sqrt(1.25));
 }
 
+// Counts of differences to the mean of the four neighbours, in quarters of a code.
+using NoiseDifferences = std::array<int64_t, 4 * 256>;
+
 // Standard deviation of the target's error, codes of 255, for each code of the photos. The larger
 // of two: the noise measured in the targets, from differences to the mean of the four neighbours
 // (the lower quartile, which flat areas set, not edges); and that of rounding the photo to its
@@ -36,11 +40,21 @@ std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
                                     absl::Span<const ImageU8* const> targets,
                                     absl::Span<const PlaneU8> masks = {});
 
-// Standard deviation of the noise in pictures, codes of 255, one for all of them: as above from the
-// lower quartile of differences, without those at code 0, which black cuts off. Fine texture all
-// over the pictures counts as noise, too.
-double PictureNoise(absl::Span<const ImageU8* const> pictures,
-                    absl::Span<const PlaneU8> masks = {});
+// Measures the noise of pictures, one figure for all that were added: as above from the lower
+// quartile of differences, without those at code 0, which black cuts off. Fine texture all over the
+// pictures counts as noise, too.
+class PictureNoise {
+ public:
+  // `mask` as in engine/core/mask.h.
+  void Add(const ImageU8& picture, const PlaneU8& mask);
+  void Add(const PictureNoise& other);
+
+  // Standard deviation, codes of 255; 0 if nothing was added.
+  double Deviation() const;
+
+ private:
+  NoiseDifferences differences_ = {};
+};
 
 // Weight of every pixel in the losses that compare with photos and targets: mean over channels of
 // 1 / (1 + (noise / kToleratedNoise)^2), brought to a mean of 1 over what counts of the capture and

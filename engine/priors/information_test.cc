@@ -54,18 +54,28 @@ TEST(TargetNoise, ClippedHighlightsAreGuesses) {
 }
 
 TEST(PictureNoise, IsTheDeviationOfFlatAreasThatAreNotBlack) {
-  const ImageU8 noisy = TwoHalves(60, 180, 8, 8), clean = TwoHalves(60, 180);
-  EXPECT_NEAR(PictureNoise({&noisy}), 8, 0.8);
-  EXPECT_LT(PictureNoise({&clean}), 0.5);
-  const ImageU8 half_black = TwoHalves(0, 180, 0, 8);
-  EXPECT_NEAR(PictureNoise({&half_black}), 8, 0.8);
-  EXPECT_EQ(PictureNoise({}), 0);
-  PlaneU8 mask(kSize, kSize);  // the left half counts
-  for (int i = 0; i < kSize * kSize; ++i) mask.data[i] = i % kSize < kSize / 2 ? kCounts : 0;
-  const ImageU8 two = TwoHalves(60, 180, 4, 20);
-  const ImageU8* pictures[] = {&two};
-  const PlaneU8 masks[] = {mask};
-  EXPECT_NEAR(PictureNoise(pictures, masks), 4, 0.4);
+  const auto of = [](const ImageU8& picture, const PlaneU8& mask = {}) {
+    PictureNoise noise;
+    noise.Add(picture, mask);
+    return noise.Deviation();
+  };
+  EXPECT_EQ(PictureNoise().Deviation(), 0);
+  EXPECT_NEAR(of(TwoHalves(60, 180, 8, 8)), 8, 0.8);
+  EXPECT_LT(of(TwoHalves(60, 180)), 0.5);
+  EXPECT_NEAR(of(TwoHalves(0, 180, 0, 8)), 8, 0.8);
+  PlaneU8 left(kSize, kSize);
+  for (int i = 0; i < kSize * kSize; ++i) left.data[i] = i % kSize < kSize / 2 ? kCounts : 0;
+  EXPECT_NEAR(of(TwoHalves(60, 180, 4, 20), left), 4, 0.4);
+}
+
+TEST(PictureNoise, OfSeveralPicturesIsThatOfAllTheirPixels) {
+  PictureNoise all, one, two;
+  one.Add(TwoHalves(60, 60, 4, 4), {});
+  two.Add(TwoHalves(60, 60, 8, 8), {});
+  all.Add(one);
+  all.Add(two);
+  EXPECT_GT(all.Deviation(), one.Deviation());
+  EXPECT_LT(all.Deviation(), two.Deviation());
 }
 
 TEST(InformationWeights, FavourWhatIsKnownAndHaveAMeanOfOne) {

@@ -102,14 +102,15 @@ void Scatter(const Rows& rows, size_t begin, size_t count, ProjectedSplats* out)
     const auto row = [&](int i) HWY_ATTR { return hn::Load(d, rows.record[f + i]); };
     hn::StoreInterleaved4(row(0), row(1), row(2), row(3), d, fields[f / 4][0]);
   }
+  const auto narrow = [&](const int32_t* from, auto* to) HWY_ATTR {
+    static_assert(sizeof(*to) == 4 * sizeof(int16_t));
+    hn::StoreU(hn::DemoteTo(di16, hn::Load(di, from)), di16, reinterpret_cast<int16_t*>(to));
+  };
   for (size_t i = 0; i < count; ++i) {
     out->boxes[begin + i] = {};
     if (rows.seen[i] == 0.0f) continue;
-    const auto narrow = [&](const int32_t* from)
-                            HWY_ATTR { return hn::DemoteTo(di16, hn::Load(di, from)); };
-    static_assert(sizeof(ProjectedSplats::Box) == 8 && sizeof(ProjectedSplats::Spans) == 8);
-    hn::StoreU(narrow(rows.box[i]), di16, reinterpret_cast<int16_t*>(&out->boxes[begin + i]));
-    hn::StoreU(narrow(rows.spans[i]), di16, reinterpret_cast<int16_t*>(&out->spans[begin + i]));
+    narrow(rows.box[i], &out->boxes[begin + i]);
+    narrow(rows.spans[i], &out->spans[begin + i]);
     out->depths[begin + i] = rows.depth[i];
     float* record = out->records.data() + (begin + i) * stride;
     for (int f = 0; f < stride; f += 4) {

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/error.h"
+#include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 #include "engine/priors/information.h"
 #include "engine/render/renderer.h"
@@ -67,15 +68,17 @@ const char* NotFinite(const StepLosses& losses) {
 }
 
 // How much dropout the noise of the targets asks for, [0, 1).
-double NoiseShare(const std::vector<TrainView>& views) {
-  std::vector<const ImageU8*> targets;
-  std::vector<PlaneU8> masks;
-  for (const TrainView& view : views) {
-    targets.push_back(&view.target);
-    masks.push_back(view.mask);
-  }
-  const double noise = PictureNoise(targets, masks);
-  return noise * noise / (noise * noise + kDropoutNoise * kDropoutNoise);
+double NoiseShare(const std::vector<TrainView>& views, int threads) {
+  std::vector<PictureNoise> noises(views.size());
+  ParallelFor(threads, views.size(), [&](size_t i, int) {
+    PictureNoise noise;
+    noise.Add(views[i].target, views[i].mask);
+    noises[i] = noise;
+  });
+  PictureNoise all;
+  for (const PictureNoise& noise : noises) all.Add(noise);
+  const double squared = all.Deviation() * all.Deviation();
+  return squared / (squared + kDropoutNoise * kDropoutNoise);
 }
 
 absl::Status NotFiniteError(const std::string& field, const std::string& message) {
@@ -87,7 +90,7 @@ absl::Status NotFiniteError(const std::string& field, const std::string& message
 struct Trainer::Impl {
   Impl(const TrainOptions& o, const std::vector<TrainView>* v, double scene_extent)
       : options(o), pyramid(v, o), num_views(v->size()), extent(scene_extent), objective(o) {
-    if (options.dropout > 0) most_dropout = options.dropout * NoiseShare(*v);
+    if (options.dropout > 0) most_dropout = options.dropout * NoiseShare(*v, o.threads);
   }
 
   int ShDegree() const {

@@ -9,6 +9,7 @@
 
 #include "engine/io/container.h"
 #include "engine/io/test_util.h"
+#include "engine/priors/information.h"
 #include "engine/train/initialize.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
@@ -290,6 +291,9 @@ TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSizeAndTheNoise) {
     return views;
   };
   const std::vector<TrainView> even = views_with(0), noisy = views_with(60);
+  PictureNoise others;
+  for (const TrainView& view : Views()) others.Add(view.target, view.mask);
+  EXPECT_GT(others.Deviation(), 2) << "the other tests' runs leave out some as well";
   // Gaussians that iteration `at` leaves as they were, out of 300.
   const auto left_out = [](const std::vector<TrainView>& views, double dropout, int at) {
     TrainOptions options = Options();

@@ -1,5 +1,4 @@
 // litags-bench noise: what is left of the photos' noise in renders of the same views.
-#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -53,17 +52,16 @@ absl::StatusOr<Pictures> ReadPictures(const NoiseArguments& args) {
       absl::StrCat(args.pictures, " has no picture named as a test view of ", args.scene.dir));
 }
 
-// Deviation of one picture's part in what two differ by, where the truth is flat: detail that both
-// lack, or both made up, is no part of it.
+// Of the renders and those of the other scene; mean over the views.
 absl::StatusOr<double> NoiseOfTwo(const Pictures& p, const FlatNoiseOptions& options) {
-  double mean = 0;
+  double sum = 0;
   for (size_t i = 0; i < p.renders.size(); ++i) {
-    LITAGS_ASSIGN_OR_RETURN(const double difference,
-                            FlatNoise(ToPlanes(p.renders[i]), ToPlanes(p.again[i]),
-                                      FlatPixels(ToPlanes(p.truths[i]), options), options));
-    mean += difference / std::sqrt(2.0) / p.renders.size();
+    LITAGS_ASSIGN_OR_RETURN(const double noise,
+                            NoiseBetween(ToPlanes(p.renders[i]), ToPlanes(p.again[i]),
+                                         FlatPixels(ToPlanes(p.truths[i]), options), options));
+    sum += noise;
   }
-  return mean;
+  return sum / p.renders.size();
 }
 
 // Means over the views.

@@ -35,12 +35,13 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> test, TestViews());
   if (test.empty()) return input;
   options->holdout_every = 0;
-  LITAGS_ASSIGN_OR_RETURN(const SparseModel model, ReadCameras(input.cameras_path, "--cameras"));
+  const char* field = cameras.empty() ? "transforms_train.json" : "--cameras";
+  LITAGS_ASSIGN_OR_RETURN(const SparseModel model, ReadCameras(input.cameras_path, field));
   for (const View& view : model.views) {
     const bool in_test = std::any_of(test.begin(), test.end(),
                                      [&](const TestView& t) { return t.view.name == view.name; });
     if (!in_test) continue;
-    return InvalidInput("TEST_VIEW_IN_CAMERAS", "--cameras",
+    return InvalidInput("TEST_VIEW_IN_CAMERAS", field,
                         absl::StrCat(input.cameras_path, " has ", view.name, ", a test view of ",
                                      dir, ": it would be trained on; take it out of the cameras"));
   }
