@@ -12,7 +12,6 @@
 #include "engine/core/mask.h"
 #include "engine/io/container.h"
 #include "engine/pipeline/depth_maps.h"
-#include "engine/pipeline/shrink.h"
 #include "engine/stereo/stereo.h"
 
 namespace litags {
@@ -21,7 +20,15 @@ namespace {
 constexpr char kKind[] = "start points";
 constexpr uint32_t kVersion = 1;
 
-// Calls visit(photo, x, y) for the known pixels of a grid `step` apart.
+// The photo's pixel under the centre of the map's.
+std::pair<int, int> PixelUnder(const PhotoDepth& photo, int x, int y) {
+  const Camera& camera = photo.view->view.camera;
+  const Planes& depth = photo.map->depth;
+  return {static_cast<int>((x + 0.5) * camera.width / depth.width),
+          static_cast<int>((y + 0.5) * camera.height / depth.height)};
+}
+
+// Calls visit(photo, x, y) for the known pixels of a grid of the map's, `step` apart.
 template <class Visit>
 void ForEachKnown(absl::Span<const PhotoDepth> photos, int step, const Visit& visit) {
   for (const PhotoDepth& photo : photos) {
@@ -29,19 +36,22 @@ void ForEachKnown(absl::Span<const PhotoDepth> photos, int step, const Visit& vi
     for (int y = step / 2; y < confidence.height; y += step) {
       for (int x = step / 2; x < confidence.width; x += step) {
         if (confidence.at(0, y, x) < kDenseConfidence) continue;
-        if (Counts(photo.view->mask, x, y)) visit(photo, x, y);
+        const auto [u, v] = PixelUnder(photo, x, y);
+        if (Counts(photo.view->mask, u, v)) visit(photo, x, y);
       }
     }
   }
 }
 
 SparsePoint PointAt(const PhotoDepth& photo, int x, int y) {
-  const Camera& camera = photo.view->view.camera;
+  const Camera camera =
+      photo.view->view.camera.Scaled(photo.map->depth.width, photo.map->depth.height);
   const double z = photo.map->depth.at(0, y, x);
   SparsePoint point;
   point.xyz = camera.WorldFromCam(
       {(x + 0.5 - camera.cx) / camera.fx * z, (y + 0.5 - camera.cy) / camera.fy * z, z});
-  std::copy_n(photo.view->target.pixel(x, y), 3, point.rgb.begin());
+  const auto [u, v] = PixelUnder(photo, x, y);
+  std::copy_n(photo.view->target.pixel(u, v), 3, point.rgb.begin());
   return point;
 }
 
@@ -91,22 +101,8 @@ absl::StatusOr<std::vector<SparsePoint>> PointsOfStereo(const ReconstructOptions
                                                         const CancelToken& cancel,
                                                         const StageReport& progress,
                                                         const Capture& capture, int64_t limit) {
-  const int n = static_cast<int>(capture.train.size());
-  const int every = (n + kDenseViews - 1) / kDenseViews;
-  std::vector<TrainView> views;
-  for (int i = 0; i < n; i += every) {
-    const TrainView& v = capture.train[i];
-    TrainView& small = views.emplace_back();
-    small.view = v.view;
-    small.photo = v.photo;
-    small.target = v.target;
-    small.mask = v.mask;
-    Shrink(kDenseSide, &small);  // the maps of thirty large photos would fill the memory
-  }
   std::vector<PosedPhoto> photos;
-  for (const TrainView& v : views) photos.push_back({&v.view, &v.photo, &v.target});
-  std::vector<int> point_views = capture.point_views;
-  for (int& v : point_views) v = v >= 0 && v % every == 0 ? v / every : -1;
+  for (const TrainView& v : capture.train) photos.push_back({&v.view, &v.photo, &v.target});
   StereoOptions stereo;
   stereo.threads = options.threads;
   const auto report = [&](int done, int total) {
@@ -114,11 +110,11 @@ absl::StatusOr<std::vector<SparsePoint>> PointsOfStereo(const ReconstructOptions
              absl::StrCat("points to start from by stereo: ", done, " of ", total, " photos"));
   };
   LITAGS_ASSIGN_OR_RETURN(
-      const auto maps,
-      StereoDepth(photos, PointsOfTraining(capture.points, point_views), stereo, cancel, report));
+      const auto maps, StereoDepth(photos, PointsOfFew(capture.points, capture.point_views), stereo,
+                                   cancel, report));
   std::vector<PhotoDepth> known;
   for (size_t i = 0; i < maps.size(); ++i) {
-    if (maps[i].has_value()) known.push_back({&views[i], &*maps[i]});
+    if (maps[i].has_value()) known.push_back({&capture.train[i], &*maps[i]});
   }
   return PointsOfDepth(known, limit);
 }

@@ -17,18 +17,16 @@
 
 namespace litags {
 
-inline constexpr int kDenseViews = 32;           // with stereo depth, evenly by name. Choice
-inline constexpr int kDenseSide = 640;           // larger photos are shrunk to this, px. Choice
 inline constexpr double kDenseConfidence = 0.5;  // least, of depth. Choice
 
-// A photo and its depth, of the same size; in the units of the cameras and with a confidence.
+// A photo and its depth, in the units of the cameras and with a confidence.
 struct PhotoDepth {
   const TrainView* view;
   const DepthMap* map;
 };
 
-// World points, without tracks, of a square grid of pixels of all photos: where depth has
-// kDenseConfidence and the pixel counts by its photo's mask. As many as the finest grid of whole
+// World points, without tracks, of a square grid of pixels of all maps: where depth has
+// kDenseConfidence and the photo's pixel counts by its mask. As many as the finest grid of whole
 // pixels has without exceeding `limit`. Colours are the pseudo-targets'.
 std::vector<SparsePoint> PointsOfDepth(absl::Span<const PhotoDepth> photos, int64_t limit);
 

@@ -143,7 +143,6 @@ double MeanDistance(const ReconstructInput& input) {
 
 TEST(DenseStart, LargePhotosGivePointsInTheSamePlaces) {
   const Photographs small(340, 160), large(680, 320);
-  static_assert(680 > kDenseSide);
   ReconstructOptions options = DenseOptions();
   options.iterations = 2;
   const ReconstructInput a = small.Input("work"), b = large.Input("work");
@@ -172,19 +171,22 @@ TEST(DenseStart, DepthOfTheLossIsNotMadeTwice) {
   const Photographs photos;
   const ReconstructInput input = photos.Input("work");
   ReconstructOptions options = DenseOptions();
-  options.depth_source = DepthOrigin::kStereo;
   Recorder recorder;
   int stereo = 0, start = 0;
   recorder.on_progress = [&](const Progress& p) {
     stereo += p.message.find("depth by stereo") != std::string::npos;
     start += p.message.find("points to start from") != std::string::npos;
   };
-  ASSERT_TRUE(MakeEngine(kNoColmap)->Reconstruct(input, options, CancelToken(), &recorder).ok());
-  EXPECT_GT(stereo, 0);
-  EXPECT_EQ(start, 0);
-  EXPECT_FALSE(Bytes(Start(input)).empty());
-  // Without that loss they are other photos' depth.
-  options.depth_source = DepthOrigin::kAuto;
+  for (const DepthOrigin source : {DepthOrigin::kAuto, DepthOrigin::kStereo}) {
+    options.depth_source = source;
+    stereo = 0;
+    ASSERT_TRUE(MakeEngine(kNoColmap)->Reconstruct(input, options, CancelToken(), &recorder).ok());
+    EXPECT_GT(stereo, 0);
+    EXPECT_EQ(start, 0);
+    EXPECT_FALSE(Bytes(Start(input)).empty());
+  }
+  // Without that loss they are made for themselves.
+  options.depth_source = DepthOrigin::kNone;
   ASSERT_TRUE(MakeEngine(kNoColmap)->Reconstruct(input, options, CancelToken(), &recorder).ok());
   EXPECT_GT(start, 0) << "points of the loss's depth were used";
 }

@@ -10,6 +10,8 @@
 #include "engine/core/mask.h"
 #include "engine/io/container.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/priors/depth_provider.h"
 #include "engine/priors/network_depth.h"
@@ -19,7 +21,7 @@ namespace litags {
 namespace {
 
 constexpr char kKind[] = "depth maps";
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;
 constexpr int64_t kMaxModelBytes = int64_t{4} << 30;
 
 using Maps = std::vector<std::optional<DepthMap>>;
@@ -69,7 +71,9 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(DepthOrigin origin,
     case DepthOrigin::kStereo: {
       StereoOptions stereo;
       stereo.threads = options.threads;
-      return MakeStereoDepthProvider(PointsOfTraining(points, point_views), stereo);
+      const bool asked = options.depth_source == DepthOrigin::kStereo;
+      return MakeStereoDepthProvider(
+          asked ? PointsOfTraining(points, point_views) : PointsOfFew(points, point_views), stereo);
     }
     case DepthOrigin::kAuto:
     case DepthOrigin::kNone:
@@ -79,9 +83,10 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(DepthOrigin origin,
 }
 
 // What the kept maps must have been made from.
-absl::StatusOr<std::string> KeyOf(DepthOrigin origin, const DepthNetwork& network,
+absl::StatusOr<std::string> KeyOf(DepthOrigin origin, const DepthNetwork& network, bool asked,
                                   const std::string& key) {
-  if (origin != DepthOrigin::kNetwork) return absl::StrCat("stereo ", key);
+  if (origin == DepthOrigin::kStereo)
+    return absl::StrCat(asked ? "stereo " : "stereo of few ", key);
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
                           ReadFile(network.path, "depth_model", kMaxModelBytes));
   Fingerprint f;
@@ -99,6 +104,13 @@ absl::StatusOr<std::string> KeyOf(DepthOrigin origin, const DepthNetwork& networ
 absl::Status Keep(const std::string& path, const std::string& key, const Maps& maps) {
   ContainerWriter writer(kKind, kVersion);
   writer.AddSectionView("key", key);
+  std::vector<int32_t> sizes(2 * maps.size());  // width and height of each; 0: none
+  for (size_t i = 0; i < maps.size(); ++i) {
+    if (!maps[i].has_value()) continue;
+    sizes[2 * i] = maps[i]->depth.width;
+    sizes[2 * i + 1] = maps[i]->depth.height;
+  }
+  writer.AddArrayView("sizes", sizes);
   for (size_t i = 0; i < maps.size(); ++i) {
     if (!maps[i].has_value()) continue;
     writer.AddArrayView(absl::StrCat("depth ", i), maps[i]->depth.data);
@@ -107,35 +119,37 @@ absl::Status Keep(const std::string& path, const std::string& key, const Maps& m
   return writer.Commit(path);
 }
 
-// One plane of the view's size, or none where it may be empty; false if it is something else.
-bool ToPlane(std::vector<float> values, const Camera& camera, bool may_be_empty, Planes* plane) {
+// One plane, or none where it may be empty; false if there are not as many values.
+bool ToPlane(std::vector<float> values, int width, int height, bool may_be_empty, Planes* plane) {
   if (values.empty() && may_be_empty) return true;
-  if (values.size() != size_t(camera.width) * camera.height) return false;
+  if (width <= 0 || height <= 0 || values.size() != size_t(width) * height) return false;
   plane->channels = 1;
-  plane->width = camera.width;
-  plane->height = camera.height;
+  plane->width = width;
+  plane->height = height;
   plane->data = std::move(values);
   return true;
 }
 
-// The kept maps; nothing if there are none, or they are damaged or of something else: they can
-// always be made again.
-std::optional<Maps> Kept(const std::string& path, const std::string& key,
-                         absl::Span<const TrainView> views) {
+// The kept maps of `views` photos; nothing if there are none, or they are damaged or of something
+// else: they can always be made again.
+std::optional<Maps> Kept(const std::string& path, const std::string& key, size_t views) {
   const auto file = Container::Read(path, kKind, kVersion);
   if (!file.ok()) return std::nullopt;
   const auto kept_key = file->Section("key");
-  if (!kept_key.ok() || *kept_key != key) return std::nullopt;
-  Maps maps(views.size());
-  for (size_t i = 0; i < views.size(); ++i) {
-    if (!file->Has(absl::StrCat("depth ", i))) continue;
+  const auto sizes = file->Array<int32_t>("sizes");
+  if (!kept_key.ok() || *kept_key != key || !sizes.ok() || sizes->size() != 2 * views) {
+    return std::nullopt;
+  }
+  Maps maps(views);
+  for (size_t i = 0; i < views; ++i) {
+    const int width = (*sizes)[2 * i], height = (*sizes)[2 * i + 1];
+    if (width == 0) continue;
     auto depth = file->Array<float>(absl::StrCat("depth ", i));
     auto confidence = file->Array<float>(absl::StrCat("confidence ", i));
     if (!depth.ok() || !confidence.ok()) return std::nullopt;
-    const Camera& camera = views[i].view.camera;
     DepthMap& map = maps[i].emplace();
-    if (!ToPlane(*std::move(depth), camera, false, &map.depth) ||
-        !ToPlane(*std::move(confidence), camera, true, &map.confidence)) {
+    if (!ToPlane(*std::move(depth), width, height, false, &map.depth) ||
+        !ToPlane(*std::move(confidence), width, height, true, &map.confidence)) {
       return std::nullopt;
     }
   }
@@ -144,11 +158,14 @@ std::optional<Maps> Kept(const std::string& path, const std::string& key,
 
 void ForgetMasked(const PlaneU8& mask, DepthMap* map) {
   if (mask.empty()) return;
+  const int width = map->depth.width, height = map->depth.height;
   if (map->confidence.empty()) {
-    map->confidence = Planes(1, map->depth.height, map->depth.width);
+    map->confidence = Planes(1, height, width);
     std::fill(map->confidence.data.begin(), map->confidence.data.end(), 1.0f);
   }
-  ForMasked(mask, [&](size_t i) { map->depth.data[i] = map->confidence.data[i] = 0; });
+  const PlaneU8 small =
+      ChangeMask(mask, [&](const ImageU8& image) { return ResizeArea(image, width, height); });
+  ForMasked(small, [&](size_t i) { map->depth.data[i] = map->confidence.data[i] = 0; });
 }
 
 }  // namespace
@@ -164,10 +181,22 @@ std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
   return out;
 }
 
+std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
+                                     absl::Span<const int> point_views) {
+  int last = 0;
+  for (const int view : point_views) last = std::max(last, view);
+  const int every = last / kFewViews + 1;
+  std::vector<SparsePoint> out = PointsOfTraining(points, point_views);
+  for (SparsePoint& point : out) {
+    std::erase_if(point.track, [&](const TrackElement& e) { return e.view % every != 0; });
+  }
+  return out;
+}
+
 DepthOrigin ResolveDepthOrigin(const ReconstructInput& input, const ReconstructOptions& options) {
   if (!options.use_depth || options.method != Method::kLitaGs) return DepthOrigin::kNone;
   if (options.depth_source != DepthOrigin::kAuto) return options.depth_source;
-  return input.depth_dir.empty() ? DepthOrigin::kNone : DepthOrigin::kMaps;
+  return input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
 }
 
 absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOptions& options,
@@ -188,8 +217,9 @@ absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOption
   std::string full_key;
   std::optional<Maps> maps;
   if (keep) {
-    LITAGS_ASSIGN_OR_RETURN(full_key, KeyOf(origin, input.depth_network, key));
-    maps = Kept(path, full_key, *views);
+    LITAGS_ASSIGN_OR_RETURN(full_key, KeyOf(origin, input.depth_network,
+                                            options.depth_source != DepthOrigin::kAuto, key));
+    maps = Kept(path, full_key, views->size());
   }
   if (!maps.has_value()) {
     std::vector<PosedPhoto> photos;

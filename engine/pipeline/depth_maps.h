@@ -15,11 +15,17 @@
 
 namespace litags {
 
+inline constexpr int kFewViews = 32;  // evenly by name, for stereo that nobody asked for. Choice
+
 // The points with the tracks of the training photos alone, as indices into Capture::train.
 std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
                                           absl::Span<const int> point_views);
 
-// The source that options.depth_source means for this input: kAuto becomes kMaps or kNone.
+// The same with the tracks of at most kFewViews photos: stereo gives no map to the others.
+std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
+                                     absl::Span<const int> point_views);
+
+// The source that options.depth_source means for this input: kAuto becomes kMaps or kStereo.
 DepthOrigin ResolveDepthOrigin(const ReconstructInput& input, const ReconstructOptions& options);
 
 // Fills TrainView::depth of `views`, and depth_used and notes of `report`. `points` are of the

@@ -5,6 +5,7 @@
 
 #include "engine/io/depth_io.h"
 #include "engine/onnx/onnx_writer.h"
+#include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {
@@ -73,13 +74,40 @@ TEST(DepthMaps, GivenMapsComeFirstUnlessAnotherSourceIsAskedFor) {
   EXPECT_THAT(stereo->notes, Contains(HasSubstr("the depth maps given are not used")));
 }
 
+// With nothing given and nothing asked for. Those of all photos are other maps.
+TEST(DepthMaps, StereoOfSomePhotosIsTheDefault) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work"), all = photos.Input("all");
+  const auto report = Reconstruct(input, WithSource(DepthOrigin::kAuto));
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_TRUE(report->depth_used);
+  EXPECT_THAT(report->notes, Contains(HasSubstr("depth from stereo: 6 of 6 training photos")));
+  const std::string kept = Bytes(Maps(input));
+  ASSERT_TRUE(Reconstruct(all, WithSource(DepthOrigin::kStereo)).ok());
+  EXPECT_FALSE(Bytes(Maps(all)) == kept) << "the key must tell them apart";
+}
+
+TEST(PointsOfFew, AreSeenByPhotosSpreadEvenly) {
+  for (const int views : {1, 32, 33, 64, 100}) {
+    SparsePoint point;
+    std::vector<int> point_views = {-1};  // the first photo is held out
+    for (int i = 0; i <= views; ++i) point.track.push_back({i, 0, 0});
+    for (int i = 0; i < views; ++i) point_views.push_back(i);
+    const auto few = PointsOfFew({point}, point_views);
+    ASSERT_EQ(few.size(), 1u);
+    const int every = views <= 32 ? 1 : views <= 64 ? 2 : 4;
+    ASSERT_EQ(few[0].track_length(), (views + every - 1) / every) << views;
+    for (size_t i = 0; i < few[0].track.size(); ++i) EXPECT_EQ(few[0].track[i].view, i * every);
+  }
+  EXPECT_TRUE(PointsOfFew({}, {}).empty());
+}
+
 TEST(DepthMaps, NoneAndTheDepthLossOffMakeNone) {
   const Photographs photos;
   const ReconstructInput input = photos.Input("work");
   ReconstructOptions off = WithSource(DepthOrigin::kStereo);
   off.use_depth = false;
-  for (const ReconstructOptions& options :
-       {WithSource(DepthOrigin::kNone), WithSource(DepthOrigin::kAuto), off}) {
+  for (const ReconstructOptions& options : {WithSource(DepthOrigin::kNone), off}) {
     const auto report = Reconstruct(input, options);
     ASSERT_TRUE(report.ok()) << report.status();
     EXPECT_FALSE(report->depth_used);

@@ -37,9 +37,9 @@ enum class Tone {
 
 // Where depth maps for the depth loss come from.
 enum class DepthOrigin {
-  kAuto,     // the maps given with the photos, if any; docs/choices.md says why not stereo
+  kAuto,     // the maps given with the photos; without any, stereo on kFewViews of them
   kMaps,     // the maps given with the photos
-  kStereo,   // multi-view stereo on the photos themselves
+  kStereo,   // multi-view stereo on all photos
   kNetwork,  // ReconstructInput::depth_network
   kNone,
 };
@@ -92,7 +92,7 @@ struct ReconstructOptions {
   int preview_every = 250;      // iterations between snapshots with a preview picture
 
   DepthOrigin depth_source = DepthOrigin::kAuto;
-  double depth_weight = 0.03;  // of the depth loss, [0, 10]; paper: 0.1
+  double depth_weight = 0.01;  // of the depth loss, [0, 10]; paper: 0.1
   bool depth_geometry = true;  // it sees the Gaussians' distance; paper: an attribute of theirs
 
   absl::Status Validate() const;

@@ -91,6 +91,7 @@ inline ReconstructOptions SmallOptions() {
   options.threads = 1;  // two wait for each other on a busy machine
   options.seed = 11;
   options.dense_start = false;  // a cloud has no surfaces
+  options.depth_source = DepthOrigin::kNone;
   return options;
 }
 

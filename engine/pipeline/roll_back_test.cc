@@ -45,6 +45,12 @@ class HostileDepth {
   Photographs photos_;
 };
 
+ReconstructOptions GivenMaps() {
+  ReconstructOptions options = SmallOptions();
+  options.depth_source = DepthOrigin::kMaps;
+  return options;
+}
+
 void ExpectFiniteScene(const std::string& path) {
   const auto scene = MakeEngine()->LoadScene(path);
   ASSERT_TRUE(scene.ok()) << scene.status();
@@ -59,7 +65,7 @@ void ExpectFiniteScene(const std::string& path) {
 TEST(RollBack, AJobGoesAroundAPhotoAndSaysSo) {
   const HostileDepth capture({1});
   Recorder recorder;
-  const auto report = MakeEngine(kNoColmap)->Reconstruct(capture.Input("work"), SmallOptions(),
+  const auto report = MakeEngine(kNoColmap)->Reconstruct(capture.Input("work"), GivenMaps(),
                                                          CancelToken(), &recorder);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_EQ(report->iterations, kIterations);
@@ -81,7 +87,7 @@ TEST(RollBack, AJobGoesAroundAPhotoAndSaysSo) {
 TEST(RollBack, AnInterruptedJobEndsWithTheSameBytes) {
   const HostileDepth capture({1});
   const ReconstructInput whole = capture.Input("whole");
-  ASSERT_TRUE(Reconstruct(whole, SmallOptions()).ok());
+  ASSERT_TRUE(Reconstruct(whole, GivenMaps()).ok());
   for (const int stop : {10, 20, 30}) {
     const ReconstructInput parts = capture.Input("parts" + std::to_string(stop));
     CancelToken cancel;
@@ -89,12 +95,10 @@ TEST(RollBack, AnInterruptedJobEndsWithTheSameBytes) {
     recorder.on_progress = [&](const Progress& p) {
       if (p.iteration >= stop) cancel.Cancel();
     };
-    EXPECT_EQ(MakeEngine(kNoColmap)
-                  ->Reconstruct(parts, SmallOptions(), cancel, &recorder)
-                  .status()
-                  .code(),
-              absl::StatusCode::kCancelled);
-    const auto report = Reconstruct(parts, SmallOptions());
+    EXPECT_EQ(
+        MakeEngine(kNoColmap)->Reconstruct(parts, GivenMaps(), cancel, &recorder).status().code(),
+        absl::StatusCode::kCancelled);
+    const auto report = Reconstruct(parts, GivenMaps());
     ASSERT_TRUE(report.ok()) << report.status();
     EXPECT_THAT(report->notes, Contains(HasSubstr("rolled back 2 times")));
     EXPECT_TRUE(SceneBytes(parts) == SceneBytes(whole)) << "cancelled at " << stop;
@@ -103,7 +107,7 @@ TEST(RollBack, AnInterruptedJobEndsWithTheSameBytes) {
 
 TEST(RollBack, AJobWhosePhotosAreAllSpoiltSaysWhy) {
   const HostileDepth capture({0, 1, 2, 3, 4, 5, 6, 7});
-  const absl::Status status = Reconstruct(capture.Input("work"), SmallOptions()).status();
+  const absl::Status status = Reconstruct(capture.Input("work"), GivenMaps()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
   EXPECT_EQ(Reason(status), "NOT_FINITE");
   EXPECT_THAT(std::string(status.message()), HasSubstr("the gradient of the rendered depth"));

@@ -8,11 +8,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/parallel.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 
 namespace litags {
 namespace {
+
+constexpr float kEdge = 0.05f;  // of depth: neighbours that differ by more are two surfaces. Choice
 
 // Known pixels: depth as it is, confidence 1; unknown ones: 0 and 0.
 DepthMap SplitKnown(Planes depth) {
@@ -70,6 +73,25 @@ DepthMap ResizeKnown(const DepthMap& map, int width, int height) {
   return out;
 }
 
+// Between which pixels of a row or column of `from` the pixels of one of `to` lie.
+struct Between {
+  int first, second;
+  float at;  // from the first's centre, [0, 1]
+
+  int Nearest() const { return at < 0.5f ? first : second; }
+  float Mix(const float* line) const { return line[first] + at * (line[second] - line[first]); }
+};
+
+std::vector<Between> Betweens(int from, int to) {
+  std::vector<Between> out(to);
+  for (int i = 0; i < to; ++i) {
+    const float p = std::clamp((i + 0.5f) * from / to - 0.5f, 0.0f, float(from - 1));
+    const int first = static_cast<int>(p);
+    out[i] = {first, std::min(first + 1, from - 1), p - first};
+  }
+  return out;
+}
+
 class FolderDepthProvider : public DepthProvider {
  public:
   explicit FolderDepthProvider(std::string folder) : folder_(std::move(folder)) {}
@@ -123,6 +145,39 @@ class FolderDepthProvider : public DepthProvider {
 };
 
 }  // namespace
+
+void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthMap* out) {
+  const auto resize = [&](Planes* plane) {
+    if (plane->width != width || plane->height != height) *plane = Planes(1, height, width);
+  };
+  resize(&out->depth);
+  if (map.confidence.empty()) {
+    out->confidence = Planes();
+  } else {
+    resize(&out->confidence);
+  }
+  const std::vector<Between> columns = Betweens(map.depth.width, width);
+  const std::vector<Between> rows = Betweens(map.depth.height, height);
+  ParallelFor(threads, height, [&](size_t y, int) {
+    const auto row_of = [](const Planes& plane, size_t i) {
+      return plane.data.data() + i * plane.width;
+    };
+    const Between& row = rows[y];
+    const int nearest = row.Nearest();
+    const float *top = row_of(map.depth, row.first), *bottom = row_of(map.depth, row.second);
+    const float* known = map.confidence.empty() ? nullptr : row_of(map.confidence, nearest);
+    for (int x = 0; x < width; ++x) {
+      const Between& column = columns[x];
+      const auto [least, most] = std::minmax(
+          {top[column.first], top[column.second], bottom[column.first], bottom[column.second]});
+      const bool one_surface = least > 0 && most <= (1 + kEdge) * least;
+      out->depth.at(0, y, x) =
+          one_surface ? column.Mix(top) + row.at * (column.Mix(bottom) - column.Mix(top))
+                      : map.depth.at(0, nearest, column.Nearest());
+      if (known != nullptr) out->confidence.at(0, y, x) = known[column.Nearest()];
+    }
+  });
+}
 
 absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(const std::string& folder) {
   std::error_code error;

@@ -20,12 +20,16 @@
 namespace litags {
 
 struct DepthMap {
-  // [1, H, W] of the photo's size, finite; grows with distance along the optical axis, up to one
-  // scale and offset per map.
+  // [1, h, w], of the photo's size or, for the same view, smaller; finite; grows with distance
+  // along the optical axis, up to one scale and offset per map.
   Planes depth;
-  // [1, H, W] in [0, 1]; 0: nothing known there (depth is 0). Empty: known everywhere.
+  // [1, h, w] in [0, 1]; 0: nothing known there (depth is 0). Empty: known everywhere.
   Planes confidence;
 };
+
+// `map` at another size of the same view: bilinear inside a surface, the nearest pixel at its edges
+// and for the confidence. The memory of `out` is used again.
+void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthMap* out);
 
 // A photo and its camera, of the same size.
 struct PosedPhoto {

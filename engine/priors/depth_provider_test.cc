@@ -132,5 +132,35 @@ TEST_F(FolderDepth, MapsThatCannotBeUsedAreErrorsThatNameTheFile) {
   EXPECT_NE(reason("junk", "junk.png"), "no detail");
 }
 
+TEST(ResizeDepth, ASlantedSurfaceStaysFlat) {
+  DepthMap map{Planes(1, 3, 4), Planes()}, large;
+  for (int i = 0; i < 12; ++i) map.depth.data[i] = 5 + 0.1f * (i % 4) + 0.05f * (i / 4);
+  ResizeDepth(map, 8, 9, 2, &large);
+  EXPECT_TRUE(large.confidence.empty());
+  for (int y = 1; y < 8; ++y) {  // beyond the outer centres it is constant
+    for (int x = 1; x < 7; ++x) {
+      const double expected = 5 + 0.1 * ((x + 0.5) / 2 - 0.5) + 0.05 * ((y + 0.5) / 3 - 0.5);
+      EXPECT_NEAR(large.depth.at(0, y, x), expected, 1e-5) << x << " " << y;
+    }
+  }
+}
+
+TEST(ResizeDepth, KeepsEdgesAndUnknownPixels) {
+  DepthMap map{Planes(1, 2, 4), Planes(1, 2, 4)};
+  map.depth.data = {1, 1.02f, 3, 0, 1, 1.02f, 3, 0};
+  map.confidence.data = {1, 1, 0.5f, 0, 1, 1, 0.5f, 0};
+  DepthMap large;
+  ResizeDepth(map, 8, 4, 1, &large);
+  for (int y = 0; y < 4; ++y) {
+    EXPECT_EQ(large.depth.at(0, y, 7), 0);
+    EXPECT_EQ(large.confidence.at(0, y, 7), 0);
+    for (int x = 0; x < 8; ++x) {  // nothing between the two surfaces
+      const float z = large.depth.at(0, y, x);
+      EXPECT_TRUE(z == 0 || z == 3 || (z >= 1 && z <= 1.02f)) << z;
+    }
+    EXPECT_GT(large.depth.at(0, y, 2), large.depth.at(0, y, 1));
+  }
+}
+
 }  // namespace
 }  // namespace litags

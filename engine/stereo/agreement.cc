@@ -10,8 +10,6 @@
 namespace litags {
 namespace {
 
-constexpr float kEdge = 0.05f;  // of depth: neighbours that differ by more are two surfaces
-
 // Depth over the depth expected where pixel (x, y) of the view is seen by the other one; 0 if it
 // is not.
 double DepthRatio(const Transfer& t, const Surface& other, double x, double y,
@@ -61,34 +59,6 @@ DepthMap Agree(const ViewSurface& view, absl::Span<const ViewSurface> others,
     }
   }
   return map;
-}
-
-DepthMap ResizeSurface(const DepthMap& map, int width, int height) {
-  DepthMap out;
-  out.depth = out.confidence = Planes(1, height, width);
-  const int w = map.depth.width, h = map.depth.height;
-  for (int y = 0; y < height; ++y) {
-    const float py = std::clamp((y + 0.5f) * h / height - 0.5f, 0.0f, float(h - 1));
-    const int y0 = static_cast<int>(py), y1 = std::min(y0 + 1, h - 1);
-    for (int x = 0; x < width; ++x) {
-      const float px = std::clamp((x + 0.5f) * w / width - 0.5f, 0.0f, float(w - 1));
-      const int x0 = static_cast<int>(px), x1 = std::min(x0 + 1, w - 1);
-      const float fx = px - x0, fy = py - y0;
-      const int nx = fx < 0.5f ? x0 : x1, ny = fy < 0.5f ? y0 : y1;
-      const float depth = map.depth.at(0, ny, nx);
-      float& to = out.depth.at(0, y, x);
-      out.confidence.at(0, y, x) = map.confidence.at(0, ny, nx);
-      to = depth;
-      const std::array<float, 4> corners = {map.depth.at(0, y0, x0), map.depth.at(0, y0, x1),
-                                            map.depth.at(0, y1, x0), map.depth.at(0, y1, x1)};
-      const auto [least, most] = std::minmax_element(corners.begin(), corners.end());
-      if (!(*least > 0) || *most > (1 + kEdge) * *least) continue;
-      const float top = (1 - fx) / corners[0] + fx / corners[1];
-      const float bottom = (1 - fx) / corners[2] + fx / corners[3];
-      to = 1 / ((1 - fy) * top + fy * bottom);
-    }
-  }
-  return out;
 }
 
 }  // namespace litags

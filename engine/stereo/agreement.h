@@ -27,10 +27,6 @@ struct ViewSurface {
 DepthMap Agree(const ViewSurface& view, absl::Span<const ViewSurface> others,
                const AgreementOptions& options);
 
-// The map at another size of the same view: bilinear in 1 / depth inside a surface, the nearest
-// pixel at its edges.
-DepthMap ResizeSurface(const DepthMap& map, int width, int height);
-
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_STEREO_AGREEMENT_H_

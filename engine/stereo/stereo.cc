@@ -72,18 +72,22 @@ absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
     if (too_small(static_cast<int>(i))) plans[i].sources.clear();
   }
 
+  std::vector<size_t> matched;
+  for (size_t i = 0; i < n; ++i) {
+    if (!plans[i].sources.empty()) matched.push_back(i);
+  }
   std::vector<Surface> surfaces(n);
   LITAGS_RETURN_IF_ERROR(ForEachView(
-      n, options.threads, cancel,
-      [&](size_t i) -> absl::Status {
-        if (plans[i].sources.empty()) return absl::OkStatus();
+      matched.size(), options.threads, cancel,
+      [&](size_t k) -> absl::Status {
+        const size_t i = matched[k];
         std::vector<const MatchImage*> sources;
         for (const int s : plans[i].sources) sources.push_back(&images[s]);
         LITAGS_ASSIGN_OR_RETURN(
             surfaces[i], EstimateSurface(images[i], sources, plans[i], options.surface, cancel));
         return absl::OkStatus();
       },
-      [&](size_t done) { progress(static_cast<int>(done), static_cast<int>(n)); }));
+      [&](size_t done) { progress(static_cast<int>(done), static_cast<int>(matched.size())); }));
 
   std::vector<std::optional<DepthMap>> maps(n);
   ParallelFor(options.threads, n, [&](size_t i, int) {
@@ -92,10 +96,10 @@ absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
     for (const int s : plans[i].sources) {
       if (!surfaces[s].fit.empty()) others.push_back({&cameras[s], &surfaces[s]});
     }
-    const DepthMap map = Agree({&cameras[i], &surfaces[i]}, others, options.agreement);
+    DepthMap map = Agree({&cameras[i], &surfaces[i]}, others, options.agreement);
     const auto& c = map.confidence.data;
     if (std::none_of(c.begin(), c.end(), [](float v) { return v > 0; })) return;
-    maps[i] = ResizeSurface(map, photos[i].photo->width, photos[i].photo->height);
+    maps[i] = std::move(map);
   });
   return maps;
 }

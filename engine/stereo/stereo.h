@@ -29,11 +29,12 @@ struct StereoOptions {
   absl::Status Validate() const;
 };
 
-// Depth along the optical axis, in the units of the cameras, of every photo: [1, H, W] of its
-// size, with a confidence. `points[i].track[k].view` is an index into `photos`; sparse points give
-// neighbours, depth range and guidance. nullopt for photos that share too few points with others,
-// and those where nothing fits. The same bytes for any number of threads. `progress(done, total)`
-// comes from the calling thread. INVALID_ARGUMENT for bad options, CANCELLED on request.
+// Depth along the optical axis, in the units of the cameras, of every photo: [1, h, w] of the size
+// it was matched at, with a confidence. `points[i].track[k].view` is an index into `photos`; sparse
+// points give neighbours, depth range and guidance. nullopt for photos that share too few points
+// with others, and those where nothing fits. The same bytes for any number of threads.
+// `progress(done, total)` comes from the calling thread. INVALID_ARGUMENT for bad options,
+// CANCELLED on request.
 absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
     absl::Span<const PosedPhoto> photos, absl::Span<const SparsePoint> points,
     const StereoOptions& options, const CancelToken& cancel, DepthProgress progress);

@@ -192,21 +192,5 @@ TEST(StereoDepth, StopsOnRequestAndChecksItsOptions) {
   EXPECT_EQ(GetErrorDetail(Compute(DarkRoom(), options).status())->field, "stereo.max_side");
 }
 
-TEST(ResizeSurface, KeepsEdgesAndUnknownPixels) {
-  DepthMap map{Planes(1, 2, 4), Planes(1, 2, 4)};
-  map.depth.data = {1, 1.02f, 3, 0, 1, 1.02f, 3, 0};
-  map.confidence.data = {1, 1, 0.5f, 0, 1, 1, 0.5f, 0};
-  const DepthMap large = ResizeSurface(map, 8, 4);
-  for (int y = 0; y < 4; ++y) {
-    EXPECT_EQ(large.depth.at(0, y, 7), 0);
-    EXPECT_EQ(large.confidence.at(0, y, 7), 0);
-    for (int x = 0; x < 8; ++x) {  // nothing between the two surfaces
-      const float z = large.depth.at(0, y, x);
-      EXPECT_TRUE(z == 0 || z == 3 || (z >= 1 && z <= 1.02f)) << z;
-    }
-    EXPECT_GT(large.depth.at(0, y, 2), large.depth.at(0, y, 1));
-  }
-}
-
 }  // namespace
 }  // namespace litags

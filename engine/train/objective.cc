@@ -139,12 +139,17 @@ void Objective::AddStructure(const TrainView& view, const Planes& rendered, int 
                                        PlanesSpan(*v_rendered, kChannelStructure, 1), workspace_);
   }
   if (options_.use_depth && view.depth.has_value()) {
+    const DepthMap* map = &*view.depth;
+    if (map->depth.width != rendered.width || map->depth.height != rendered.height) {
+      ResizeDepth(*map, rendered.width, rendered.height, workspace_.threads, &depth_);
+      map = &depth_;
+    }
     const std::vector<Patch> patches = DrawDepthPatches(
         rendered.width, rendered.height, DepthPatchOptions(), options_.seed, iteration);
     const PlanesView confidence =
-        view.depth->confidence.empty() ? PlanesView() : PlanesView(view.depth->confidence);
+        map->confidence.empty() ? PlanesView() : PlanesView(map->confidence);
     losses->depth =
-        options_.weight_depth * DepthLoss(PlanesView(rendered, kChannelDepth, 1), view.depth->depth,
+        options_.weight_depth * DepthLoss(PlanesView(rendered, kChannelDepth, 1), map->depth,
                                           confidence, patches, options_.weight_depth,
                                           PlanesSpan(*v_rendered, kChannelDepth, 1), workspace_)
                                     .Sum();

@@ -50,6 +50,7 @@ class Objective {
   LossWorkspace workspace_;
   Pdm pdm_;
   Planes target_, input_, information_, structure_, v_previous_;
+  DepthMap depth_;
   double denoise_seconds_ = 0;
 };
 

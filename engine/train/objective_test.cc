@@ -232,6 +232,26 @@ TEST(Objective, TermsAreWeightedAndSumToTheTotal) {
                    two.exposure + two.reconstruction + two.prior + two.depth + two.denoise);
 }
 
+TEST(Objective, ASmallDepthMapCountsAsEnlarged) {
+  TrainView small = SmallView(), large = SmallView();
+  small.depth = DepthMap{RandomPlanes(1, kHeight / 2, kWidth / 3, 3),
+                         RandomPlanes(1, kHeight / 2, kWidth / 3, 4)};
+  ResizeDepth(*small.depth, kWidth, kHeight, 1, &*large.depth);
+  Planes gradients[2];
+  double losses[2];
+  for (int i = 0; i < 2; ++i) {
+    PdmWeights v_weights;
+    losses[i] =
+        Objective(Options())
+            .Evaluate(i == 0 ? small : large, RandomPlanes(kNumChannels, kHeight, kWidth, 9),
+                      RandomWeights(Options().pdm), 0, true, &gradients[i], &v_weights)
+            .depth;
+  }
+  EXPECT_GT(losses[0], 0);
+  EXPECT_EQ(losses[0], losses[1]);
+  EXPECT_EQ(gradients[0].data, gradients[1].data);
+}
+
 TEST(Objective, AViewWithoutMapsTrainsWithoutTheirTerms) {
   TrainView view = SmallView();
   view.structure = PlaneU8();

@@ -73,7 +73,10 @@ TrainView HalfSize(const TrainView& view) {
     to->data = HalfBytes(from->data, from->width, from->height, 1);
   }
   for (uint8_t& counts : out.mask.data) counts = counts == kCounts ? kCounts : 0;
-  if (view.depth.has_value()) out.depth = HalfDepth(*view.depth);
+  if (view.depth.has_value()) {
+    const bool fine = view.depth->depth.width >= 2 * camera.width;
+    out.depth = fine ? HalfDepth(*view.depth) : *view.depth;
+  }
   return out;
 }
 

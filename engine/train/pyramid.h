@@ -12,7 +12,8 @@
 namespace litags {
 
 // The view at half its size: means of 2x2 pixels; an odd last row or column is left out. Depth and
-// confidence are means over known pixels. A pixel counts if all four do (ChangeMask says why).
+// confidence are means over known pixels, unless the map is small already. A pixel counts if all
+// four do (ChangeMask says why).
 TrainView HalfSize(const TrainView& view);
 
 // Level 0 is the given views; level k has 2^-k of their size.

@@ -69,6 +69,12 @@ TEST(HalfSize, DepthIsTheMeanOfKnownPixels) {
   EXPECT_FLOAT_EQ(half.confidence.at(0, 1, 1), 0);
 }
 
+TEST(HalfSize, ASmallDepthMapStaysAsItIs) {
+  TrainView view = OddView();
+  view.depth = DepthMap{Planes(1, 2, 3), Planes()};
+  EXPECT_EQ(HalfSize(view).depth->depth.width, 3);
+}
+
 std::vector<TrainView> OneView(int width, int height) {
   TrainView view;
   view.view.camera = RingCamera(0, 4, width, height);

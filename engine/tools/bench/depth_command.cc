@@ -62,6 +62,7 @@ struct Errors {
   }
 };
 
+// Of the photos' size.
 absl::StatusOr<Maps> Compute(const std::vector<TrainView>& views,
                              const std::vector<ImageU8>& photos,
                              const std::vector<SparsePoint>& points, const StereoOptions& options,
@@ -72,6 +73,11 @@ absl::StatusOr<Maps> Compute(const std::vector<TrainView>& views,
   LITAGS_ASSIGN_OR_RETURN(Maps maps,
                           StereoDepth(posed, points, options, CancelToken(), [](int, int) {}));
   *cpu_seconds = CpuSeconds() - start;
+  for (size_t i = 0; i < maps.size(); ++i) {
+    if (!maps[i].has_value()) continue;
+    const DepthMap small = *std::move(maps[i]);
+    ResizeDepth(small, photos[i].width, photos[i].height, options.threads, &*maps[i]);
+  }
   return maps;
 }
 

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -95,6 +96,9 @@ absl::Status Train(TrainArguments args) {
   LITAGS_ASSIGN_OR_RETURN(const Scores scores, ScoreScene(*scene, views, args.scene.TruthDir(), "",
                                                           args.options.threads));
 
+  LITAGS_ASSIGN_OR_RETURN(const std::optional<DepthScores> depth,
+                          ScoreDepth(*scene, views, args.scene.DepthDir(), args.options.threads));
+
   const double seconds = report.training_seconds;
   std::printf("%d iterations in %.1f s (%.1f it/s), %d Gaussians, peak %.0f MiB\n",
               report.iterations, seconds, report.iterations / seconds,
@@ -105,17 +109,28 @@ absl::Status Train(TrainArguments args) {
   }
   std::printf("test views: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n", scores.psnr,
               scores.ssim, scores.psnr_affine);
+  if (depth.has_value()) {
+    std::printf(
+        "depth: %.1f %% within 2 %%, %.1f %% within 10 %%, %.1f %% more than 20 %% too far\n",
+        100 * depth->within_2_percent, 100 * depth->within_10_percent,
+        100 * depth->beyond_20_percent);
+  }
   if (args.json.empty()) return absl::OkStatus();
-  const nlohmann::json json = {{"iterations", report.iterations},
-                               {"seconds", seconds},
-                               {"iterations_per_second", report.iterations / seconds},
-                               {"peak_rss_bytes", peak},
-                               {"gaussians", report.gaussians},
-                               {"psnr", scores.psnr},
-                               {"ssim", scores.ssim},
-                               {"psnr_affine", scores.psnr_affine},
-                               {"phase_seconds", report.phase_seconds},
-                               {"history", recorder.history}};
+  nlohmann::json json = {{"iterations", report.iterations},
+                         {"seconds", seconds},
+                         {"iterations_per_second", report.iterations / seconds},
+                         {"peak_rss_bytes", peak},
+                         {"gaussians", report.gaussians},
+                         {"psnr", scores.psnr},
+                         {"ssim", scores.ssim},
+                         {"psnr_affine", scores.psnr_affine},
+                         {"phase_seconds", report.phase_seconds},
+                         {"history", recorder.history}};
+  if (depth.has_value()) {
+    json["depth"] = {{"within_2_percent", depth->within_2_percent},
+                     {"within_10_percent", depth->within_10_percent},
+                     {"beyond_20_percent", depth->beyond_20_percent}};
+  }
   return WriteFileAtomically(args.json, json.dump(2) + "\n");
 }
 

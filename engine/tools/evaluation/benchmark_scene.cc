@@ -19,6 +19,8 @@ std::string BenchmarkScene::TruthDir() const {
   return fs::exists(high) ? high : std::string();
 }
 
+std::string BenchmarkScene::DepthDir() const { return sfm ? std::string() : dir + "/depth"; }
+
 absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_dir,
                                                        ReconstructOptions* options) const {
   ReconstructInput input;

@@ -21,6 +21,8 @@ struct BenchmarkScene {
   std::string PhotosDir() const;
   std::string TruthDir() const;  // SCENE/high, or empty if there is none
 
+  std::string DepthDir() const;  // SCENE/depth; empty with `sfm`: COLMAP's world has another unit
+
   // Known cameras unless `sfm`. Nothing else is held out of transforms_train.json, nor of `cameras`
   // if the scene has test views of its own.
   // INVALID_ARGUMENT (TEST_VIEW_IN_CAMERAS) if `cameras` have one of them: its photo would be

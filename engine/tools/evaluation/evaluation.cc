@@ -1,11 +1,13 @@
 #include "engine/tools/evaluation/evaluation.h"
 
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/eval/metrics.h"
+#include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 
@@ -93,6 +95,46 @@ absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<TestView
     LITAGS_RETURN_IF_ERROR(scorer.Add(view, picture));
   }
   return scorer.Finish();
+}
+
+absl::StatusOr<std::optional<DepthScores>> ScoreDepth(const Scene& scene,
+                                                      const std::vector<TestView>& views,
+                                                      const std::string& depth_dir, int threads) {
+  DepthScores scores;
+  for (const TestView& view : views) {
+    const std::string path = FindDepthMap(depth_dir, Stem(view.view.name));
+    if (path.empty() || !view.distortion.IsZero()) continue;
+    LITAGS_ASSIGN_OR_RETURN(const Planes truth, ReadDepthMap(path, path));
+    RenderRequest request;
+    request.camera = view.view.camera;
+    request.channel = Channel::kDepth;
+    request.threads = threads;
+    LITAGS_ASSIGN_OR_RETURN(const Planes depth, scene.Render(request));
+    if (truth.width != depth.width || truth.height != depth.height) {
+      return InvalidInput("SIZE_MISMATCH", path,
+                          absl::StrCat(path, " is not of the size of ", view.view.name));
+    }
+    double known = 0, near_2 = 0, near_10 = 0, far_20 = 0;
+    for (size_t i = 0; i < truth.data.size(); ++i) {
+      if (!(truth.data[i] > 0)) continue;
+      const double error = depth.data[i] / truth.data[i] - 1;
+      ++known;
+      near_2 += std::abs(error) < 0.02;
+      near_10 += std::abs(error) < 0.1;
+      far_20 += error > 0.2;
+    }
+    if (known == 0) continue;
+    ++scores.views;
+    scores.within_2_percent += near_2 / known;
+    scores.within_10_percent += near_10 / known;
+    scores.beyond_20_percent += far_20 / known;
+  }
+  if (scores.views == 0) return std::nullopt;
+  for (double* share :
+       {&scores.within_2_percent, &scores.within_10_percent, &scores.beyond_20_percent}) {
+    *share /= scores.views;
+  }
+  return scores;
 }
 
 absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir,

@@ -56,6 +56,21 @@ absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<TestView
                                   const std::string& truth_dir, const std::string& pictures_dir,
                                   int threads);
 
+// Depth of the normal-lit renders against the truth, over the pixels that have one: shares of them,
+// means over views.
+struct DepthScores {
+  int views = 0;
+  double within_2_percent = 0, within_10_percent = 0;
+  double beyond_20_percent = 0;  // too far by more: holes
+};
+
+// Truth: `depth_dir`/<stem>.{png,pfm,npy} of the pictures' size, distance along the axis in the
+// cameras' units, 0: none. Views without it are left out, and those whose photos are distorted. No
+// views at all is nullopt.
+absl::StatusOr<std::optional<DepthScores>> ScoreDepth(const Scene& scene,
+                                                      const std::vector<TestView>& views,
+                                                      const std::string& depth_dir, int threads);
+
 // What any method has to beat: the badly lit photos of the same views, each brightened by the
 // tone rule that training uses.
 absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir,

@@ -3,10 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
 #include "engine/core/error.h"
+#include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
@@ -68,6 +70,53 @@ TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
   EXPECT_TRUE(std::isinf(ScorePhotos(dir_ + "/photos", {view}, dir_ + "/truth", options)->psnr));
   options.tone = Tone::kNone;
   EXPECT_LT(ScorePhotos(dir_ + "/photos", {view}, dir_ + "/truth", options)->psnr, 30);
+}
+
+// Sees the same distance everywhere.
+class FlatScene : public Scene {
+ public:
+  explicit FlatScene(float depth) : depth_(depth) {}
+  const std::vector<View>& views() const override { return views_; }
+  int64_t num_gaussians() const override { return 0; }
+  int iteration() const override { return 0; }
+  std::array<double, 3> center() const override { return {}; }
+  std::array<double, 3> up() const override { return {0, 1, 0}; }
+  double radius() const override { return 1; }
+  absl::StatusOr<Planes> Render(const RenderRequest& request) const override {
+    EXPECT_EQ(request.channel, Channel::kDepth);
+    Planes depth(1, request.camera.height, request.camera.width);
+    std::fill(depth.data.begin(), depth.data.end(), depth_);
+    return depth;
+  }
+  absl::Status ExportPly(const std::string&, double) const override { return absl::OkStatus(); }
+  absl::Status ExportFullPly(const std::string&) const override { return absl::OkStatus(); }
+
+ private:
+  float depth_;
+  std::vector<View> views_;
+};
+
+TEST_F(EvaluationTest, DepthIsComparedWhereTheTruthIsKnown) {
+  TestView view = Named("a.png"), bent = Named("b.png"), other = Named("c.png");
+  view.view.camera.width = bent.view.camera.width = other.view.camera.width = 5;
+  view.view.camera.height = bent.view.camera.height = other.view.camera.height = 2;
+  bent.distortion.k1 = 0.1;
+  Planes truth(1, 2, 5);
+  // Exact, 1 % and 5 % off, too far by a quarter, too near by a third; half of it is unknown.
+  truth.data = {3, 3.03f, 3.15f, 2.4f, 4.5f, 0, 0, 0, 0, 0};
+  for (const char* name : {"a", "b"}) {
+    ASSERT_TRUE(WritePfm(dir_ + "/" + name + ".pfm", truth).ok());
+  }
+  const auto scores = ScoreDepth(FlatScene(3), {view, bent, other}, dir_, 1);
+  ASSERT_TRUE(scores.ok() && scores->has_value()) << scores.status();
+  EXPECT_EQ((*scores)->views, 1);
+  EXPECT_DOUBLE_EQ((*scores)->within_2_percent, 0.4);
+  EXPECT_DOUBLE_EQ((*scores)->within_10_percent, 0.6);
+  EXPECT_DOUBLE_EQ((*scores)->beyond_20_percent, 0.2);
+  EXPECT_FALSE(ScoreDepth(FlatScene(3), {bent, other}, dir_, 1)->has_value());
+  view.view.camera.width = 4;
+  EXPECT_EQ(GetErrorDetail(ScoreDepth(FlatScene(3), {view}, dir_, 1).status())->reason,
+            "SIZE_MISMATCH");
 }
 
 TEST_F(EvaluationTest, TruthPhotosAreUndistortedAndFoundByStem) {
