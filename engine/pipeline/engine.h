@@ -175,7 +175,7 @@ enum class Channel {
   kColor,         // normal-lit R
   kOriginal,      // as photographed: R * L
   kLight,         // R * L^t, see RenderRequest::light
-  kDepth,         // expected distance along the axis, scene units, 1 plane
+  kDepth,         // distance of surfaces along the axis, scene units, 0: nothing, 1 plane
   kStructure,     // 1 plane
   kIllumination,  // L, 3 planes
   kNoise,         // N_GS, 3 planes

@@ -49,15 +49,6 @@ Planes CopyOf(const Planes& from, int first, int count) {
   return out;
 }
 
-// Composited depth over coverage; 0 where there is nothing.
-Planes Depth(const Planes& channels, const Planes& alpha) {
-  Planes out = CopyOf(channels, kChannelDepth, 1);
-  for (size_t i = 0; i < out.data.size(); ++i) {
-    out.data[i] = alpha.data[i] > 1e-3f ? out.data[i] / alpha.data[i] : 0.0f;
-  }
-  return out;
-}
-
 // Colours times each Gaussian's light to the power of t: c l^t = 0.5 + SH'.
 Splats InLight(Splats splats, double t) {
   for (size_t i = 0; i < splats.size(); ++i) {
@@ -122,12 +113,16 @@ class ModelScene : public Scene {
       LITAGS_RETURN_IF_ERROR(request.cancel.Check());
       return color;
     }
+    if (request.channel == Channel::kDepth) {
+      Planes depth;
+      renderer.RenderDepth(model_, request.camera, &depth);
+      LITAGS_RETURN_IF_ERROR(request.cancel.Check());
+      return depth;
+    }
     Planes channels, alpha;
     renderer.RenderChannels(model_, request.camera, &channels, &alpha);
     LITAGS_RETURN_IF_ERROR(request.cancel.Check());
     switch (request.channel) {
-      case Channel::kDepth:
-        return Depth(channels, alpha);
       case Channel::kStructure:
         return CopyOf(channels, kChannelStructure, 1);
       case Channel::kIllumination:

@@ -17,6 +17,11 @@ constexpr float kJacobianMargin = 0.15f;
 constexpr int kTileSize = 16;   // px, a side
 constexpr int kBlockWidth = 4;  // px; a SIMD vector covers 4 x (lanes / 4) pixels
 
+// What hides the view between these transmittances is taken for the surface. Chosen on a capture
+// with exact depth, docs/results.md.
+constexpr float kSurfaceFrom = 0.6f;
+constexpr float kSurfaceTo = 0.3f;
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_RENDER_CONSTANTS_H_

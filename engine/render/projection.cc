@@ -53,6 +53,10 @@ HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const Kernel
   const auto copy = [&](int row, int channel) HWY_ATTR {
     hn::Store(hn::Load(d, in + row * kSplatBlock), d, rows->record[kRecordFeatures + channel]);
   };
+  if (settings.channels == kDepthOnly) {
+    hn::Store(z, d, rows->record[kRecordFeatures]);
+    return;
+  }
   V inv_distance;
   const V3 dir = Direction(mean, cam, &inv_distance);
   V color[3];

@@ -81,13 +81,38 @@ HWY_INLINE void FindReach(const Chunk& chunk, const TileJob& job, uint64_t* reac
   }
 }
 
-// A block's compositing state. [channel][lane]
+// Sums that compositing C channels takes. Of depth: all that is there, what makes the surface, and
+// the weight of that.
+template <int C>
+constexpr int kSums = C == kDepthOnly ? 3 : C;
+
+// A block's compositing state. [sum][lane]
 template <int C>
 struct BlockState {
-  HWY_ALIGN float acc[C * kLanes];
+  HWY_ALIGN float acc[kSums<C> * kLanes];
   HWY_ALIGN float product[kLanes];  // see Advance
   HWY_ALIGN float T[kLanes];        // transmittance, also of opaque pixels
 };
+
+// Adds a Gaussian of weight w, which takes the transmittance to `product`.
+template <int C>
+HWY_INLINE void AddGaussian(const float* record, V w, const Step& step, V product, V* acc) {
+  const D d;
+  if constexpr (C == kDepthOnly) {
+    const V z = hn::Set(d, record[kRecordFeatures]);
+    const V part = hn::Sub(hn::Min(step.before, hn::Set(d, kSurfaceFrom)),
+                           hn::Max(product, hn::Set(d, kSurfaceTo)));
+    const V surface = hn::IfThenElseZero(step.counts, hn::ZeroIfNegative(part));
+    acc[0] = hn::MulAdd(w, z, acc[0]);
+    acc[1] = hn::MulAdd(surface, z, acc[1]);
+    acc[2] = hn::Add(surface, acc[2]);
+  } else {
+#pragma GCC unroll 16
+    for (int c = 0; c < C; ++c) {
+      acc[c] = hn::MulAdd(w, hn::Set(d, record[kRecordFeatures + c]), acc[c]);
+    }
+  }
+}
 
 // Composites the Gaussians of `reach` over a block, front to back. Returns those that came before
 // the block was opaque, and whether it is now. Adds the pixels that they changed to *useful, if
@@ -99,9 +124,9 @@ HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, 
   HWY_ALIGN float alphas[kBatch * kLanes];
   const float* entries[kBatch];
   V product = hn::Load(d, state->product), T = hn::Load(d, state->T);
-  V acc[C];
+  V acc[kSums<C>];
 #pragma GCC unroll 16
-  for (int c = 0; c < C; ++c) acc[c] = hn::Load(d, state->acc + c * kLanes);
+  for (int c = 0; c < kSums<C>; ++c) acc[c] = hn::Load(d, state->acc + c * kLanes);
   *opaque = false;
   uint64_t rest = reach;
   do {
@@ -122,10 +147,7 @@ HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, 
       const V w = hn::Mul(alpha, hn::IfThenElseZero(step.counts, step.before));
       T = hn::IfThenElse(step.counts, product, T);
       if constexpr (kCountUseful) *useful += hn::CountTrue(d, hn::Gt(w, hn::Zero(d)));
-#pragma GCC unroll 16
-      for (int c = 0; c < C; ++c) {
-        acc[c] = hn::MulAdd(w, hn::Set(d, record[kRecordFeatures + c]), acc[c]);
-      }
+      AddGaussian<C>(record, w, step, product, acc);
       batch &= batch - 1;
       if (hn::AllFalse(d, step.counts)) {
         *opaque = true;
@@ -135,7 +157,7 @@ HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, 
     }
   } while (rest != 0 && !*opaque);
 #pragma GCC unroll 16
-  for (int c = 0; c < C; ++c) hn::Store(acc[c], d, state->acc + c * kLanes);
+  for (int c = 0; c < kSums<C>; ++c) hn::Store(acc[c], d, state->acc + c * kLanes);
   hn::Store(product, d, state->product);
   hn::Store(T, d, state->T);
   return reach ^ rest;
@@ -152,15 +174,29 @@ HWY_INLINE void PrefetchOutput(const TileJob& job, int block, float* image, floa
   hwy::Prefetch(alpha + at);
 }
 
+// The image's values from the sums, in their place.
+template <int C>
+HWY_INLINE void FinishSums(const TileJob& job, V T, float* acc) {
+  const D d;
+  if constexpr (C == kDepthOnly) {
+    const V alpha = hn::Sub(hn::Set(d, 1.0f), T), weight = hn::Load(d, acc + 2 * kLanes);
+    const M surface = hn::Gt(weight, hn::Zero(d));
+    const V sum = hn::IfThenElse(surface, hn::Load(d, acc + kLanes), hn::Load(d, acc));
+    const V depth = hn::Div(sum, hn::IfThenElse(surface, weight, alpha));
+    hn::Store(hn::IfThenElseZero(hn::Gt(alpha, hn::Set(d, 1e-3f)), depth), d, acc);
+  } else {
+    for (int c = 0; c < C; ++c, acc += kLanes) {
+      hn::Store(hn::MulAdd(T, hn::Set(d, job.background[c]), hn::Load(d, acc)), d, acc);
+    }
+  }
+}
+
 template <int C>
 HWY_INLINE void FinishBlock(const TileJob& job, int block, BlockState<C>* state, float* image,
                             float* alpha) {
   const D d;
   const V T = hn::Load(d, state->T);
-  for (int c = 0; c < C; ++c) {
-    float* acc = state->acc + c * kLanes;
-    hn::Store(hn::MulAdd(T, hn::Set(d, job.background[c]), hn::Load(d, acc)), d, acc);
-  }
+  FinishSums<C>(job, T, state->acc);
   hn::Store(hn::Sub(hn::Set(d, 1.0f), T), d, state->T);
   const size_t plane = size_t(job.width) * job.height;
   ForEachBlockRow(job, block, [&](size_t at, int from, auto columns) HWY_ATTR {
@@ -218,6 +254,8 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
 
 TileEvaluations RasterizeTileImpl(const TileJob& job, float* image, float* alpha) {
   switch (job.channels) {
+    case kDepthOnly:
+      return Forward<kDepthOnly>(job, image, alpha);
     case kColorOnly:
       return Forward<kColorOnly>(job, image, alpha);
     case kColorAndNoise:

@@ -145,6 +145,21 @@ std::vector<Part> PartsOfPixel(const std::vector<Projected>& gaussians, double p
   return parts;
 }
 
+// T: behind the last part.
+double SurfaceDepth(const std::vector<Part>& parts, double T) {
+  if (1 - T <= 1e-3) return 0;
+  const bool surface = T < 0.6;
+  const double from = surface ? 0.6 : 1, to = surface ? 0.3 : 0;
+  double sum = 0, weight = 0;
+  for (const Part& part : parts) {
+    const double behind = part.T * (1 - part.alpha);
+    const double w = std::max(0.0, std::min(part.T, from) - std::max(behind, to));
+    sum += w * part.gaussian->z;
+    weight += w;
+  }
+  return sum / weight;
+}
+
 }  // namespace
 
 std::vector<double> ToDoubles(const Splats& splats) {
@@ -165,8 +180,16 @@ ReferenceImage RenderReference(const std::vector<double>& params, const Camera& 
   for (size_t pixel = 0; pixel < plane; ++pixel) {
     bool fragile;
     double T = 1;
-    for (const Part& part : PartsOfPixel(gaussians, pixel % camera.width + 0.5,
-                                         pixel / camera.width + 0.5, &fragile)) {
+    const std::vector<Part> parts =
+        PartsOfPixel(gaussians, pixel % camera.width + 0.5, pixel / camera.width + 0.5, &fragile);
+    if (C == kDepthOnly) {
+      if (!parts.empty()) T = parts.back().T * (1 - parts.back().alpha);
+      out.image[pixel] = SurfaceDepth(parts, T);
+      out.fragile[pixel] = fragile;
+      out.alpha[pixel] = 1 - T;
+      continue;
+    }
+    for (const Part& part : parts) {
       ++out.contributions;
       for (int c = 0; c < C; ++c) {
         out.image[c * plane + pixel] += part.alpha * part.T * part.gaussian->features[c];

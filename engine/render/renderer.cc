@@ -71,8 +71,8 @@ Renderer::Counters Renderer::counters() const { return impl_->counters; }
 
 void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
                        Planes* image, Planes* alpha) {
-  LITAGS_CHECK(settings.num_channels == kColorOnly || settings.num_channels == kColorAndNoise ||
-               settings.num_channels == kNumChannels);
+  const int C = settings.num_channels;
+  LITAGS_CHECK(C == kDepthOnly || C == kColorOnly || C == kColorAndNoise || C == kNumChannels);
   Impl& s = *impl_;
   s.camera = KernelCamera(camera);
   s.width = camera.width;
@@ -160,7 +160,7 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
                         BlockGradSink sink) {
   Impl& s = *impl_;
   LITAGS_CHECK(splats.size() == s.projected.boxes.size());
-  LITAGS_CHECK(s.projection.channels != kColorAndNoise);
+  LITAGS_CHECK(s.projection.channels == kColorOnly || s.projection.channels == kNumChannels);
   LITAGS_CHECK(v_image.channels == s.projection.channels && v_image.width == s.width &&
                v_image.height == s.height);
   const int stride = GradStride(s.projection.channels);

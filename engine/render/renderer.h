@@ -28,6 +28,7 @@ enum RenderChannel : int {
 };
 
 // Renders that hold less cost less, for pictures; Backward takes kColorOnly and kNumChannels.
+constexpr int kDepthOnly = 1;      // where surfaces are, see Forward
 constexpr int kColorOnly = 3;      // R0
 constexpr int kColorAndNoise = 6;  // R0, N_GS: what the denoiser reads
 
@@ -45,7 +46,7 @@ enum class PixelSum {
 };
 
 struct RenderSettings {
-  int num_channels = kNumChannels;  // or kColorOnly, kColorAndNoise
+  int num_channels = kNumChannels;  // or kDepthOnly, kColorOnly, kColorAndNoise
   int sh_degree = kMaxShDegree;     // 0..3
   DepthSource depth_source = DepthSource::kAttribute;
   std::array<float, kNumChannels> background = {};
@@ -85,6 +86,10 @@ class Renderer {
   // Composites `splats` into image [num_channels, H, W] and alpha [1, H, W] = 1 - T_final.
   // Front to back by depth, alpha = min(0.99, o exp(-sigma)), skipped below 1/255, stopped before T
   // falls below 1e-4 (3DGS). No 3-sigma cut-off: extents are exact. The camera must be valid.
+  // With kDepthOnly the image is a distance along the optical axis, without background: the mean of
+  // the Gaussians' that take T from kSurfaceFrom to kSurfaceTo, by how much of that each takes.
+  // Neither a haze in front nor what shows through thin places moves it. Where T stays above: of
+  // all that is there; 0 where alpha is below 1e-3.
   void Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
                Planes* image, Planes* alpha);
 

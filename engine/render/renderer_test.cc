@@ -10,6 +10,7 @@
 
 #include "engine/core/rng.h"
 #include "engine/core/simd_test_util.h"
+#include "engine/render/constants.h"
 #include "engine/render/reference_renderer.h"
 #include "gtest/gtest.h"
 
@@ -87,6 +88,62 @@ TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
       }
     }
   });
+}
+
+TEST(Renderer, SurfaceDepthMatchesTheReferenceOnEveryTarget) {
+  ForEachTarget([] {
+    RenderSettings settings;
+    settings.num_channels = kDepthOnly;
+    settings.background[0] = 7;  // has none
+    for (size_t n : {size_t{1}, size_t{17}, size_t{150}, size_t{600}}) {
+      const Splats splats = MakeSplats(n, n);
+      const Camera camera = MakeCamera(61, 43);
+      const ReferenceImage want = RenderReference(ToDoubles(splats), camera, settings);
+      Renderer renderer;
+      Planes depth, alpha;
+      renderer.Forward(splats, camera, settings, &depth, &alpha);
+      ASSERT_EQ(depth.data.size(), want.image.size());
+      int compared = 0, opaque = 0;
+      for (size_t i = 0; i < depth.data.size(); ++i) {
+        EXPECT_NEAR(alpha.data[i], want.alpha[i], want.fragile[i] ? 1e-2 : 2e-5);
+        // Where little weight is left to the surface, its mean is as uncertain.
+        const double surface = kSurfaceFrom - (1 - want.alpha[i]);
+        if (want.fragile[i] || std::abs(surface) < 0.01) continue;
+        ASSERT_NEAR(depth.data[i], want.image[i], surface < 0 ? 1e-4 : 1e-5 / surface) << i;
+        ++compared;
+        opaque += surface > 0;
+      }
+      EXPECT_GT(compared, 2 * 61 * 43 / 3);
+      EXPECT_GT(opaque, n >= 150 ? 61 * 43 / 10 : -1);
+    }
+  });
+}
+
+// A haze in front, a wall that lets a fifth of the light through, and what is behind it.
+TEST(Renderer, SurfaceDepthIsThatOfTheWall) {
+  Splats splats(3);
+  const double z[] = {1, 4, 50}, opacity[] = {0.2, 0.75, 0.98};
+  for (int i = 0; i < 3; ++i) {
+    splats.at(i, kMean + 2) = static_cast<float>(z[i]);
+    for (int k = 0; k < 3; ++k) splats.at(i, kLogScale + k) = static_cast<float>(std::log(100));
+    splats.at(i, kRawQuat) = 1;
+    splats.at(i, kLogitOpacity) = static_cast<float>(std::log(opacity[i] / (1 - opacity[i])));
+  }
+  Camera camera;
+  camera.width = camera.height = 8;
+  camera.fx = camera.fy = 8;
+  camera.cx = camera.cy = 4;
+  RenderSettings settings;
+  settings.num_channels = kDepthOnly;
+  Renderer renderer;
+  Planes depth, alpha;
+  renderer.Forward(splats, camera, settings, &depth, &alpha);
+  for (const float d : depth.data) EXPECT_FLOAT_EQ(d, 4);
+  for (int i = 1; i < 3; ++i) splats.at(i, kLogitOpacity) = -40;
+  renderer.Forward(splats, camera, settings, &depth, &alpha);
+  for (const float d : depth.data) EXPECT_FLOAT_EQ(d, 1);  // the haze is all there is
+  renderer.Forward(Splats(), camera, settings, &depth, &alpha);
+  for (const float d : depth.data) EXPECT_EQ(d, 0);
 }
 
 TEST(Renderer, DropoutMatchesTheReferenceOnEveryTarget) {

@@ -22,6 +22,10 @@ void ModelRenderer::RenderColor(const Model& model, const Camera& camera, Planes
   if (denoise) Denoise(model, composited_, color);
 }
 
+void ModelRenderer::RenderDepth(const Model& model, const Camera& camera, Planes* depth) {
+  Composite(model, camera, kDepthOnly, depth, &alpha_);
+}
+
 void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Planes* channels,
                                    Planes* alpha) {
   Composite(model, camera, kNumChannels, channels, alpha);

@@ -32,6 +32,9 @@ class ModelRenderer {
   // R [3, H, W], after denoising; not clamped. Composites what it needs and no more.
   void RenderColor(const Model& model, const Camera& camera, Planes* color);
 
+  // Distance of the surfaces along the optical axis [1, H, W], scene units; 0 where nothing is.
+  void RenderDepth(const Model& model, const Camera& camera, Planes* depth);
+
   // All channels [11, H, W], see RenderChannel, with CameraZ as depth; alpha [1, H, W]. Those of
   // the attributes mean nothing for plain 3DGS.
   void RenderChannels(const Model& model, const Camera& camera, Planes* channels, Planes* alpha);
