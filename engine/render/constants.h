@@ -21,6 +21,7 @@ constexpr int kBlockWidth = 4;  // px; a SIMD vector covers 4 x (lanes / 4) pixe
 // with exact depth, docs/results.md.
 constexpr float kSurfaceFrom = 0.6f;
 constexpr float kSurfaceTo = 0.3f;
+constexpr float kSurfaceTilt = 0.1f;  // of its Z, how far from it a Gaussian may reach. As above
 
 }  // namespace litags
 

@@ -46,6 +46,17 @@ HWY_INLINE void StoreWhole(V a, V b, V c, V e, int32_t (*out)[4]) {
                         hn::ConvertTo(d, e), d, out[0]);
 }
 
+// Z given the pixel is linear in it, by the covariance of both: conic cov(mean2d, Z).
+HWY_INLINE void StoreDepth(const Lanes& o, V inv_det, Rows* rows) {
+  const D d;
+  const V cx = Dot(o.T0, o.U2), cy = Dot(o.T1, o.U2);
+  const V dx = hn::MulSub(o.cov_c, cx, hn::Mul(o.cov_b, cy));
+  const V dy = hn::MulSub(o.cov_a, cy, hn::Mul(o.cov_b, cx));
+  hn::Store(o.p.z, d, rows->record[kRecordFeatures]);
+  hn::Store(hn::Mul(dx, inv_det), d, rows->record[kRecordDzDx]);
+  hn::Store(hn::Mul(dy, inv_det), d, rows->record[kRecordDzDy]);
+}
+
 // Channels of the record.
 HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const KernelCamera& cam,
                               const ProjectionSettings& settings, Rows* rows) {
@@ -53,10 +64,6 @@ HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const Kernel
   const auto copy = [&](int row, int channel) HWY_ATTR {
     hn::Store(hn::Load(d, in + row * kSplatBlock), d, rows->record[kRecordFeatures + channel]);
   };
-  if (settings.channels == kDepthOnly) {
-    hn::Store(z, d, rows->record[kRecordFeatures]);
-    return;
-  }
   V inv_distance;
   const V3 dir = Direction(mean, cam, &inv_distance);
   V color[3];
@@ -183,7 +190,11 @@ void ProjectVector(const float* in, size_t begin, size_t count, const KernelCame
   put(kRecordShear, ellipse.shear);
   put(kRecordAspect, ellipse.aspect);
   put(kRecordDyRight, ellipse.dy_right);
-  StoreFeatures(in, mean, p.z, cam, settings, &rows);
+  if (settings.channels == kDepthOnly) {
+    StoreDepth(o, inv_det, &rows);
+  } else {
+    StoreFeatures(in, mean, p.z, cam, settings, &rows);
+  }
   StoreSpans(ellipse, x0, x1, y0, y1, &rows);
   hn::Store(p.z, d, rows.depth);
   StoreWhole(x0, x1, y0, y1, rows.box);

@@ -39,6 +39,10 @@ constexpr int kRecordB = 7;
 constexpr int kRecordC = 8;
 constexpr int kRecordLog2Opacity = 9;
 constexpr int kRecordFeatures = 10;
+// Of kDepthOnly, whose channel is Z of the mean: where a ray meets the Gaussian most, to first
+// order Z + dz_dx dx + dz_dy dy.
+constexpr int kRecordDzDx = kRecordFeatures + 1;
+constexpr int kRecordDzDy = kRecordFeatures + 2;
 constexpr int RecordStride(int channels) { return (kRecordFeatures + channels + 7) / 8 * 8; }
 
 // What is summed over pixels for one Gaussian in the backward pass: with g = dL/d(ln alpha),

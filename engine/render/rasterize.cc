@@ -94,12 +94,19 @@ struct BlockState {
   HWY_ALIGN float T[kLanes];        // transmittance, also of opaque pixels
 };
 
-// Adds a Gaussian of weight w, which takes the transmittance to `product`.
+// Adds a Gaussian of weight w, which takes the transmittance to `product`, at pixel centres (x, y).
 template <int C>
-HWY_INLINE void AddGaussian(const float* record, V w, const Step& step, V product, V* acc) {
+HWY_INLINE void AddGaussian(const float* record, V x, V y, V w, const Step& step, V product,
+                            V* acc) {
   const D d;
   if constexpr (C == kDepthOnly) {
-    const V z = hn::Set(d, record[kRecordFeatures]);
+    const V dx = hn::Sub(x, hn::Set(d, record[kRecordX]));
+    const V dy = hn::Sub(y, hn::Set(d, record[kRecordY]));
+    const V z_mean = hn::Set(d, record[kRecordFeatures]);
+    const V tilt = hn::MulAdd(hn::Set(d, record[kRecordDzDx]), dx,
+                              hn::Mul(hn::Set(d, record[kRecordDzDy]), dy));
+    const V reach = hn::Mul(hn::Set(d, kSurfaceTilt), z_mean);
+    const V z = hn::Add(z_mean, hn::Min(hn::Max(tilt, hn::Neg(reach)), reach));
     const V part = hn::Sub(hn::Min(step.before, hn::Set(d, kSurfaceFrom)),
                            hn::Max(product, hn::Set(d, kSurfaceTo)));
     const V surface = hn::IfThenElseZero(step.counts, hn::ZeroIfNegative(part));
@@ -147,7 +154,7 @@ HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, 
       const V w = hn::Mul(alpha, hn::IfThenElseZero(step.counts, step.before));
       T = hn::IfThenElse(step.counts, product, T);
       if constexpr (kCountUseful) *useful += hn::CountTrue(d, hn::Gt(w, hn::Zero(d)));
-      AddGaussian<C>(record, w, step, product, acc);
+      AddGaussian<C>(record, x, y, w, step, product, acc);
       batch &= batch - 1;
       if (hn::AllFalse(d, step.counts)) {
         *opaque = true;

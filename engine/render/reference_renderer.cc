@@ -9,7 +9,7 @@ namespace {
 
 struct Projected {
   size_t index;
-  double z, x, y, conic_a, conic_b, conic_c, opacity;
+  double z, x, y, conic_a, conic_b, conic_c, opacity, dz_dx, dz_dy;
   std::array<double, kNumChannels> features;
 };
 
@@ -77,6 +77,13 @@ bool ProjectOne(const double* g, const Camera& cam, const RenderSettings& settin
   out->conic_a = c / det;
   out->conic_b = -b / det;
   out->conic_c = a / det;
+  double cov_x = 0, cov_y = 0;  // of the mean's pixel and Z
+  for (int i = 0; i < 3; ++i) {
+    cov_x += t0[i] * u[6 + i];
+    cov_y += t1[i] * u[6 + i];
+  }
+  out->dz_dx = out->conic_a * cov_x + out->conic_b * cov_y;
+  out->dz_dy = out->conic_b * cov_x + out->conic_c * cov_y;
   out->opacity = 1 / (1 + std::exp(-g[kLogitOpacity])) / (1 - settings.dropout.share);
 
   const auto center = cam.Center();
@@ -154,7 +161,9 @@ double SurfaceDepth(const std::vector<Part>& parts, double T) {
   for (const Part& part : parts) {
     const double behind = part.T * (1 - part.alpha);
     const double w = std::max(0.0, std::min(part.T, from) - std::max(behind, to));
-    sum += w * part.gaussian->z;
+    const Projected& g = *part.gaussian;
+    const double tilt = g.dz_dx * part.dx + g.dz_dy * part.dy;
+    sum += w * (g.z + std::clamp(tilt, -0.1 * g.z, 0.1 * g.z));
     weight += w;
   }
   return sum / weight;

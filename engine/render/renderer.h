@@ -86,10 +86,12 @@ class Renderer {
   // Composites `splats` into image [num_channels, H, W] and alpha [1, H, W] = 1 - T_final.
   // Front to back by depth, alpha = min(0.99, o exp(-sigma)), skipped below 1/255, stopped before T
   // falls below 1e-4 (3DGS). No 3-sigma cut-off: extents are exact. The camera must be valid.
-  // With kDepthOnly the image is a distance along the optical axis, without background: the mean of
-  // the Gaussians' that take T from kSurfaceFrom to kSurfaceTo, by how much of that each takes.
-  // Neither a haze in front nor what shows through thin places moves it. Where T stays above: of
-  // all that is there; 0 where alpha is below 1e-3.
+  // With kDepthOnly the image is a distance along the optical axis, without background: the mean
+  // over the Gaussians that take T from kSurfaceFrom to kSurfaceTo, by how much of that each takes.
+  // Neither a haze in front nor what shows through thin places moves it. A Gaussian is where the
+  // ray meets it most: its mean Z given the pixel, to first order as its conic is, and not more
+  // than kSurfaceTilt from its own. Where T stays above: the mean of all that is there; 0 where
+  // alpha is below 1e-3.
   void Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
                Planes* image, Planes* alpha);
 

@@ -146,6 +146,33 @@ TEST(Renderer, SurfaceDepthIsThatOfTheWall) {
   for (const float d : depth.data) EXPECT_EQ(d, 0);
 }
 
+// One thin disc in a plane that is tilted against the camera, not too far from its centre.
+TEST(Renderer, SurfaceDepthFollowsATiltedDisc) {
+  Splats disc(1);
+  disc.at(0, kMean + 2) = 4;
+  for (int k = 0; k < 3; ++k) disc.at(0, kLogScale + k) = static_cast<float>(std::log(0.3));
+  disc.at(0, kLogScale + 2) = -12;  // flat along Z, then turned about Y
+  disc.at(0, kRawQuat) = static_cast<float>(std::cos(0.25));
+  disc.at(0, kRawQuat + 2) = static_cast<float>(std::sin(0.25));
+  disc.at(0, kLogitOpacity) = 10;
+  Camera camera;
+  camera.width = camera.height = 64;
+  camera.fx = camera.fy = 200;
+  camera.cx = camera.cy = 32;
+  RenderSettings settings;
+  settings.num_channels = kDepthOnly;
+  Renderer renderer;
+  Planes depth, alpha;
+  renderer.Forward(disc, camera, settings, &depth, &alpha);
+  for (int x = 24; x < 40; ++x) {
+    // The plane through (0, 0, 4): Z = 4 - tan(0.5) X, X = Z (x - cx) / fx.
+    const double ray = (x + 0.5 - camera.cx) / camera.fx;
+    const double plane = 4 / (1 + std::tan(0.5) * ray);
+    EXPECT_NEAR(depth.at(0, 32, x), plane, 0.01 * std::abs(plane - 4) + 0.003) << x;
+  }
+  EXPECT_GT(std::abs(depth.at(0, 32, 24) - depth.at(0, 32, 39)), 0.1);
+}
+
 TEST(Renderer, DropoutMatchesTheReferenceOnEveryTarget) {
   ForEachTarget([] {
     for (const double share : {0.2, 0.7}) {
