@@ -50,7 +50,13 @@ float NoiseOf(const Planes& gray) {
 
 }  // namespace
 
-absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& camera, int max_side,
+Camera MatchCamera(const Camera& camera, int max_side) {
+  const double shrink = std::min(1.0, double(max_side) / std::max(camera.width, camera.height));
+  return camera.Scaled(std::max(1, static_cast<int>(std::lround(camera.width * shrink))),
+                       std::max(1, static_cast<int>(std::lround(camera.height * shrink))));
+}
+
+absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& camera,
                                           double blur_px) {
   static const auto tables = LumaTables();
   Planes light(1, photo.height, photo.width);
@@ -60,12 +66,9 @@ absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& ca
     light.data[i] = tables[0][p[0]] + tables[1][p[1]] + tables[2][p[2]];
     sum += light.data[i];
   }
-  const double shrink = std::min(1.0, double(max_side) / std::max(photo.width, photo.height));
-  const int width = std::max(1, static_cast<int>(std::lround(photo.width * shrink)));
-  const int height = std::max(1, static_cast<int>(std::lround(photo.height * shrink)));
   MatchImage out;
-  out.camera = camera.Scaled(width, height);
-  out.gray = Planes(1, height, width);
+  out.camera = camera;
+  out.gray = Planes(1, camera.height, camera.width);
   try {
     cv::Mat gray = Wrap(&out.gray);
     cv::resize(Wrap(&light), gray, gray.size(), 0, 0, cv::INTER_AREA);

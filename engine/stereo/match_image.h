@@ -14,11 +14,14 @@ struct MatchImage {
   float noise = 0;  // standard deviation of the noise of `gray`
 };
 
-// The photo shrunk to `max_side` px (never grown) by averaging linear light, which is what makes a
-// dark photo's noise bearable; smoothed by a Gaussian of `blur_px` of the result; then the square
-// root of brightness over its mean, under which photon noise has one size everywhere. An all-black
-// photo gives a flat image. INTERNAL if OpenCV fails.
-absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& camera, int max_side,
+// The photo's camera, shrunk to `max_side` px (never grown).
+Camera MatchCamera(const Camera& camera, int max_side);
+
+// The photo shrunk to the size of `camera` by averaging linear light, which is what makes a dark
+// photo's noise bearable; smoothed by a Gaussian of `blur_px` of the result; then the square root
+// of brightness over its mean, under which photon noise has one size everywhere. An all-black photo
+// gives a flat image. INTERNAL if OpenCV fails.
+absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& camera,
                                           double blur_px);
 
 }  // namespace litags

@@ -37,6 +37,44 @@ absl::Status ForEachView(size_t n, int threads, const CancelToken& cancel,
   return absl::OkStatus();
 }
 
+// Views that are too small neither have sources nor are some.
+std::vector<ViewPlan> PlanLargeViews(absl::Span<const Camera> cameras,
+                                     absl::Span<const SparsePoint> points,
+                                     const StereoOptions& options) {
+  std::vector<ViewPlan> plans = PlanViews(cameras, points, options.sources, options.angle_deg);
+  const auto too_small = [&](int i) {
+    return std::min(cameras[i].width, cameras[i].height) < kLeastSide;
+  };
+  for (size_t i = 0; i < plans.size(); ++i) {
+    std::erase_if(plans[i].sources, too_small);
+    if (too_small(static_cast<int>(i))) plans[i].sources.clear();
+  }
+  return plans;
+}
+
+// Those of the other photos stay empty.
+absl::StatusOr<std::vector<MatchImage>> ImagesOf(absl::Span<const ViewPlan> plans,
+                                                 absl::Span<const PosedPhoto> photos,
+                                                 absl::Span<const Camera> cameras,
+                                                 const StereoOptions& options) {
+  const size_t n = photos.size();
+  std::vector<char> needed(n);
+  for (size_t i = 0; i < n; ++i) {
+    if (!plans[i].sources.empty()) needed[i] = true;
+    for (const int s : plans[i].sources) needed[s] = true;
+  }
+  std::vector<MatchImage> images(n);
+  std::vector<absl::Status> status(n);
+  ParallelFor(options.threads, n, [&](size_t i, int) {
+    if (!needed[i]) return;
+    auto image = MakeMatchImage(*photos[i].photo, cameras[i], options.blur_px);
+    status[i] = image.status();
+    if (image.ok()) images[i] = *std::move(image);
+  });
+  for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
+  return images;
+}
+
 }  // namespace
 
 absl::Status StereoOptions::Validate() const {
@@ -52,30 +90,18 @@ absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
     const StereoOptions& options, const CancelToken& cancel, DepthProgress progress) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   const size_t n = photos.size();
-  std::vector<MatchImage> images(n);
-  std::vector<absl::Status> status(n);
-  ParallelFor(options.threads, n, [&](size_t i, int) {
-    auto image =
-        MakeMatchImage(*photos[i].photo, photos[i].view->camera, options.max_side, options.blur_px);
-    status[i] = image.status();
-    if (image.ok()) images[i] = *std::move(image);
-  });
-  for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
   std::vector<Camera> cameras;
-  for (const MatchImage& image : images) cameras.push_back(image.camera);
-  std::vector<ViewPlan> plans = PlanViews(cameras, points, options.sources, options.angle_deg);
-  const auto too_small = [&](int i) {
-    return std::min(cameras[i].width, cameras[i].height) < kLeastSide;
-  };
-  for (size_t i = 0; i < n; ++i) {
-    std::erase_if(plans[i].sources, too_small);
-    if (too_small(static_cast<int>(i))) plans[i].sources.clear();
+  for (const PosedPhoto& p : photos) {
+    cameras.push_back(MatchCamera(p.view->camera, options.max_side));
   }
-
+  const std::vector<ViewPlan> plans = PlanLargeViews(cameras, points, options);
   std::vector<size_t> matched;
   for (size_t i = 0; i < n; ++i) {
     if (!plans[i].sources.empty()) matched.push_back(i);
   }
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<MatchImage> images,
+                          ImagesOf(plans, photos, cameras, options));
+
   std::vector<Surface> surfaces(n);
   LITAGS_RETURN_IF_ERROR(ForEachView(
       matched.size(), options.threads, cancel,
