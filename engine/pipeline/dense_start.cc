@@ -1,7 +1,6 @@
 #include "engine/pipeline/dense_start.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <iterator>
 #include <optional>

@@ -1,7 +1,6 @@
 #include "engine/stereo/agreement.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <vector>
 
