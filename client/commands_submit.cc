@@ -304,7 +304,10 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                               {"stereo", v1::DEPTH_SOURCE_STEREO},
                               {"network", v1::DEPTH_SOURCE_NETWORK},
                               {"none", v1::DEPTH_SOURCE_NONE}})
-      ->description("Depth maps: auto, maps (--depth), stereo, network (the service's) or none")
+      ->description(
+          "Depth maps: maps (--depth), stereo of all photos, network (the service's), none, or "
+          "auto: "
+          "maps if given, else stereo of up to 32 photos")
       ->group(group);
   command->add_option("--depth-weight", args->depth_weight, "Of the depth loss")->group(group);
   command

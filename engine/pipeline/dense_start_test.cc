@@ -57,6 +57,24 @@ TEST(PointsOfDepth, LieWhereThePixelsSeeThem) {
   }
 }
 
+TEST(PointsOfDepth, AMapMayBeSmallerThanItsPhoto) {
+  Plane plane;
+  TrainView& view = plane.view;
+  view.view.camera = view.view.camera.Scaled(2 * Plane::kWide, 2 * Plane::kHigh);
+  view.target = ImageU8(2 * Plane::kWide, 2 * Plane::kHigh);
+  for (size_t i = 0; i < view.target.data.size(); ++i) view.target.data[i] = i % 251;
+  view.mask = PlaneU8(2 * Plane::kWide, 2 * Plane::kHigh);
+  std::fill(view.mask.data.begin(), view.mask.data.end(), kCounts);
+  view.mask.data[1 * 2 * Plane::kWide + 3] = 0;  // under the map's (1, 0)
+  const auto points = PointsOfDepth({plane.Photo()}, 1 << 20);
+  ASSERT_EQ(points.size(), 1199u);
+  const auto p = view.view.camera.CamFromWorld(points[1].xyz);  // (2, 0)
+  EXPECT_NEAR(p[2], plane.map.depth.at(0, 0, 2), 1e-6);
+  EXPECT_NEAR(view.view.camera.fx * p[0] / p[2] + view.view.camera.cx, 5, 1e-9);
+  EXPECT_NEAR(view.view.camera.fy * p[1] / p[2] + view.view.camera.cy, 1, 1e-9);
+  EXPECT_EQ(points[1].rgb[2], view.target.pixel(5, 1)[2]);
+}
+
 TEST(PointsOfDepth, AreAGridOfAtMostTheLimitOverAllPhotos) {
   const Plane a, b;
   EXPECT_EQ(PointsOfDepth({a.Photo(), b.Photo()}, 2400).size(), 2400u);
@@ -122,6 +140,7 @@ TEST(DenseStart, PointsAreMadeOnceAndKept) {
 TEST(DenseStart, TwoThreadsGiveTheSameScene) {
   const Photographs photos;
   ReconstructOptions options = DenseOptions();
+  options.depth_source = DepthOrigin::kAuto;  // the loss's maps, too
   const ReconstructInput one = photos.Input("one"), two = photos.Input("two");
   ASSERT_TRUE(Reconstruct(one, options).ok());
   options.threads = 2;

@@ -133,6 +133,17 @@ TEST(StereoDepth, FindsTheDepthOfADarkRoom) {
   EXPECT_GT(near_5 / known, 0.75);
 }
 
+TEST(StereoDepth, MapsHaveTheSizeThatWasMatched) {
+  StereoOptions options;
+  options.max_side = 64;
+  const auto maps = Compute(DarkRoom(), options);
+  ASSERT_TRUE(maps.ok()) << maps.status();
+  ASSERT_TRUE((*maps)[4].has_value());
+  EXPECT_EQ((*maps)[4]->depth.width, 64);
+  EXPECT_EQ((*maps)[4]->depth.height, 48);
+  EXPECT_EQ((*maps)[4]->confidence.data.size(), 64u * 48);
+}
+
 TEST(StereoDepth, BytesDoNotDependOnThreads) {
   StereoOptions three;
   three.threads = 3;

@@ -75,8 +75,10 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
                                                       {"stereo", DepthOrigin::kStereo},
                                                       {"network", DepthOrigin::kNetwork},
                                                       {"none", DepthOrigin::kNone}};
-  app->add_option("--depth-source", options->depth_source,
-                  "depth maps: auto, maps, stereo, network or none")
+  app->add_option(
+         "--depth-source", options->depth_source,
+         "depth maps: maps, stereo of all photos, network, none, or auto: maps if given, else "
+         "stereo of up to 32 photos")
       ->transform(CLI::CheckedTransformer(sources));
   app->add_option("--depth-weight", options->depth_weight, "of the depth loss")
       ->capture_default_str();
