@@ -36,7 +36,7 @@ struct SubmitArgs {
   std::optional<bool> depth_geometry;
   Treatment treatment;
   bool no_pdm = false, no_prior = false, no_depth = false, no_dense_start = false,
-       information_weights = false;
+       no_noise_filter = false, information_weights = false;
 };
 
 // An option that takes one of a few words.
@@ -73,6 +73,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.no_pdm) options.set_use_pdm(false);
   if (args.no_prior) options.set_use_prior(false);
   if (args.no_depth) options.set_use_depth(false);
+  if (args.no_noise_filter) options.set_noise_filter(false);
   if (args.no_dense_start) options.set_dense_start(false);
   if (args.max_image_side) options.set_max_image_side(*args.max_image_side);
   if (args.holdout_every) options.set_holdout_every(*args.holdout_every);
@@ -284,6 +285,11 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                  "Pixels that noise, rounding or clipping spoilt weigh less")
       ->group(group);
   command->add_flag("--no-pdm", args->no_pdm, "Without the denoising module")->group(group);
+  command
+      ->add_flag(
+          "--no-noise-filter", args->no_noise_filter,
+          "Pictures are not smoothed where they show no more than the photos' rounding explains")
+      ->group(group);
   command->add_option("--pdm-hidden", args->pdm_hidden, "Channels inside its network")
       ->group(group);
   command->add_option("--pdm-every", args->pdm_every, "One iteration in so many denoises")

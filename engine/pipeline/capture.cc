@@ -199,8 +199,9 @@ std::vector<PointSighting> Sightings(const SparseModel& model, const LoadedViews
   return sightings;
 }
 
-absl::Status AddTargets(const ReconstructOptions& options, const SparseModel& model,
-                        LoadedViews* loaded) {
+// Adds the targets and returns what rounding leaves in them.
+absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const SparseModel& model,
+                                      LoadedViews* loaded) {
   const std::vector<PointSighting> sightings = Sightings(model, *loaded);
   std::vector<TrainView>& views = loaded->views;
   const PhotosTogether all(&views);
@@ -208,8 +209,14 @@ absl::Status AddTargets(const ReconstructOptions& options, const SparseModel& mo
       std::vector<ToneTarget> targets,
       MakeTargets(all.photos, RelativeExposures(all.photos, sightings, all.masks),
                   ToneOptionsOf(options), options.threads, all.masks));
-  for (size_t i = 0; i < views.size(); ++i) views[i].target = std::move(targets[i].image);
-  return absl::OkStatus();
+  std::vector<double> gains;
+  for (size_t i = 0; i < views.size(); ++i) {
+    views[i].target = std::move(targets[i].image);
+    gains.push_back(targets[i].gain);
+  }
+  const auto median = gains.begin() + gains.size() / 2;
+  std::nth_element(gains.begin(), median, gains.end());
+  return RoundingNoise(ToneOptionsOf(options), *median);
 }
 
 void AddInformation(std::vector<TrainView>* views) {
@@ -340,7 +347,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded,
                           LoadViews(input, options, model, masks, cancel, report));
-  LITAGS_RETURN_IF_ERROR(AddTargets(options, model, &loaded));
+  LITAGS_ASSIGN_OR_RETURN(const NoiseCurve noise, AddTargets(options, model, &loaded));
   std::vector<TrainView>& views = loaded.views;
   NoteMasks(views, &report->notes);
   const bool lita = options.method == Method::kLitaGs;
@@ -348,6 +355,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
 
   Capture capture;
+  capture.noise = noise;
   LITAGS_RETURN_IF_ERROR(CheckScale(views, &model.points, &report->notes));
   const std::string inputs = FingerprintOfViews(views, model.points);
   LimitPoints(options.max_gaussians, &model.points, report);

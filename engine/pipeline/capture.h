@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
+#include "engine/denoise/noise_filter.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/engine.h"
 #include "engine/train/train_view.h"
@@ -19,6 +20,7 @@ struct Capture {
   std::vector<TrainView> holdout;  // evaluated only
   std::vector<SparsePoint> points;
   std::vector<int> point_views;  // model view to index in `train`, -1 if held out or left out
+  NoiseCurve noise = {};         // of pictures: RoundingNoise() at the photos' median gain
   std::string fingerprint;       // of photos, cameras and the options that shape the result
 };
 

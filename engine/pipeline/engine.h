@@ -77,11 +77,14 @@ struct ReconstructOptions {
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;
   DensityStatistic density_statistic = DensityStatistic::kMean;
-  int sh_degree = 3;                 // 0..3
-  bool dense_start = true;           // points of stereo depth to start from, besides SfM's
-  bool use_pdm = true;               // progressive denoising module
-  int pdm_hidden = 8;                // channels inside its network, 1..64
-  int pdm_every = 2;                 // one iteration in so many denoises; paper: 1
+  int sh_degree = 3;        // 0..3
+  bool dense_start = true;  // points of stereo depth to start from, besides SfM's
+  bool use_pdm = true;      // progressive denoising module
+  int pdm_hidden = 8;       // channels inside its network, 1..64
+  int pdm_every = 2;        // one iteration in so many denoises; paper: 1
+  // Pictures are smoothed where they show no more than the rounding of the photos explains
+  // (engine/denoise/noise_filter.h).
+  bool noise_filter = true;
   bool use_prior = true;             // structure prior loss
   bool information_weights = false;  // pixels that noise, rounding or clipping spoilt weigh less
   bool use_depth = true;             // depth loss, where depth_source has maps

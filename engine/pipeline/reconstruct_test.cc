@@ -9,6 +9,7 @@
 #include <opencv2/core/utility.hpp>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "engine/io/ply.h"
@@ -132,6 +133,31 @@ TEST(Reconstruct, TrainsPlain3dgs) {
   EXPECT_TRUE((*scene)->Render(request).ok());
   request.channel = Channel::kIllumination;
   EXPECT_EQ(Reason((*scene)->Render(request).status()), "CHANNEL_UNAVAILABLE");
+}
+
+TEST(Reconstruct, TheNoiseFilterActsOnPicturesOnly) {
+  const Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  const auto picture_and_ply = [&](const std::string& name, Method method, bool noise_filter) {
+    options.method = method;
+    options.noise_filter = noise_filter;
+    const ReconstructInput input = photos.Input(name);
+    const auto report = Reconstruct(input, options);
+    EXPECT_TRUE(report.ok()) << report.status();
+    const auto scene = MakeEngine()->LoadScene(report->scene_path);
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    RenderRequest request;
+    request.camera = (*scene)->views()[0].camera;
+    const auto picture = (*scene)->Render(request);
+    EXPECT_TRUE(picture.ok() && (*scene)->ExportPly(input.work_dir + "/a.ply", 0).ok());
+    return std::pair(picture->data, Bytes(input.work_dir + "/a.ply"));
+  };
+  const auto on = picture_and_ply("on", Method::kLitaGs, true);
+  const auto off = picture_and_ply("off", Method::kLitaGs, false);
+  EXPECT_NE(on.first, off.first);
+  EXPECT_TRUE(on.second == off.second);
+  EXPECT_EQ(picture_and_ply("3dgs", Method::k3dgs, true).first,
+            picture_and_ply("3dgs off", Method::k3dgs, false).first);
 }
 
 TEST(Reconstruct, OneThreadIsOneThread) {

@@ -143,6 +143,7 @@ absl::Status SaveScene(const std::string& path, const Model& model,
                  {"zero_border", p.border == PdmBorder::kZero},
                  {"clamp_R", p.clamp_R},
                  {"nets", model.pdm.nets.size()}};
+  if (model.noise.has_value()) json["noise"] = *model.noise;
   ContainerWriter out(kKind, kVersion);
   out.AddSection("meta", json.dump(-1, ' ', false, Json::error_handler_t::replace));
   out.AddSection("names", JoinNames(views));
@@ -186,6 +187,7 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
         p.at("zero_border").get<bool>() ? PdmBorder::kZero : PdmBorder::kReflect101;
     model.pdm_options.clamp_R = p.at("clamp_R").get<bool>();
     nets = p.at("nets").get<size_t>();
+    if (json.contains("noise")) model.noise = json.at("noise").get<NoiseCurve>();
   } catch (const Json::exception& e) {
     return Damaged(path, e.what());
   }

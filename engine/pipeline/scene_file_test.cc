@@ -43,6 +43,10 @@ Model SmallModel(bool lita = true) {
   for (auto& net : model.pdm.nets) {
     for (size_t i = PdmNetLayout(4).w3; i < net.size(); ++i) net[i] = 0.01f * (i % 7) - 0.02f;
   }
+  if (lita) {
+    model.noise.emplace();
+    for (size_t i = 0; i < model.noise->size(); ++i) (*model.noise)[i] = 0.3f / (3 + i);
+  }
   return model;
 }
 
@@ -101,16 +105,32 @@ TEST(SceneFile, ComesBackAsItWas) {
     EXPECT_EQ(read.camera.cy, views[i].camera.cy);
   }
 
-  // Everything a picture depends on, the denoiser included.
+  // Everything a picture depends on, the denoiser and the noise filter included.
   const auto before = RenderChannel(*MakeScene(model, views), Channel::kColor);
   const auto after = RenderChannel(**scene, Channel::kColor);
   ASSERT_TRUE(before.ok() && after.ok());
   EXPECT_EQ(before->data, after->data);
-  Model without_pdm = model;
+  Model without_pdm = model, without_filter = model;
   without_pdm.use_pdm = false;
-  const auto noisy = RenderChannel(*MakeScene(without_pdm, views), Channel::kColor);
-  ASSERT_TRUE(noisy.ok());
-  EXPECT_NE(noisy->data, after->data) << "the denoiser does nothing, so it was not tested";
+  without_filter.noise.reset();
+  for (const Model& other : {without_pdm, without_filter}) {
+    const auto picture = RenderChannel(*MakeScene(other, views), Channel::kColor);
+    ASSERT_TRUE(picture.ok());
+    EXPECT_NE(picture->data, after->data) << "what does nothing was not tested";
+  }
+}
+
+TEST(SceneFile, ScenesWithoutANoiseCurveAreNotFiltered) {
+  const TempDir dir;
+  Model model = SmallModel();
+  model.noise.reset();
+  ASSERT_TRUE(SaveScene(dir / "a.litags", model, RingViews(5)).ok());
+  const auto scene = LoadSceneFile(dir / "a.litags");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  const auto before = RenderChannel(*MakeScene(model, RingViews(5)), Channel::kColor);
+  const auto after = RenderChannel(**scene, Channel::kColor);
+  ASSERT_TRUE(before.ok() && after.ok());
+  EXPECT_EQ(before->data, after->data);
 }
 
 TEST(SceneFile, SavingTwiceGivesTheSameBytes) {
@@ -258,6 +278,8 @@ TEST_F(ChangedScene, IsCorruptIfItsPartsDoNotFit) {
       {"views that are no list", [](Json* m, std::string*) { (*m)["views"] = 3; }},
       {"a wider denoiser", [](Json* m, std::string*) { (*m)["pdm"]["hidden"] = 5; }},
       {"an impossible denoiser", [](Json* m, std::string*) { (*m)["pdm"]["hidden"] = 0; }},
+      {"a short noise curve", [](Json* m, std::string*) { (*m)["noise"].erase(0); }},
+      {"a noise curve of words", [](Json* m, std::string*) { (*m)["noise"][7] = "much"; }},
       {"a denoiser of one net", [](Json* m, std::string*) { (*m)["pdm"]["nets"] = 1; }},
       {"another number of nets", [](Json* m, std::string*) { (*m)["pdm"]["shared"] = true; }},
   };

@@ -51,6 +51,28 @@ double AddContrast(double code, double contrast) {
   return code + contrast * code * (1 - code) * (2 * code - 1);
 }
 
+// Linear light to codes.
+auto CaptureCurve(double gain, double contrast) {
+  return [gain, contrast](double linear) {
+    return AddContrast(SrgbFromLinear(std::clamp(gain * linear, 0.0, 1.0)), contrast);
+  };
+}
+
+// What becomes of a photo's code, where nothing else than the tone acts on it.
+double TargetCode(const ToneOptions& options, double gain, double code) {
+  switch (options.rule) {
+    case ToneRule::kPaperGain:
+      return CodeGain(gain)(code);
+    case ToneRule::kLinearGain:
+      return LinearGain(gain)(code);
+    case ToneRule::kCaptureGain:
+      return CaptureCurve(gain, options.contrast)(LinearFromSrgb(code));
+    case ToneRule::kNone:
+      break;
+  }
+  return code;
+}
+
 // x in [low, high] with f(x) = y, for a growing f.
 template <class F>
 double Bisect(const F& f, double y, double low, double high) {
@@ -102,13 +124,11 @@ ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta,
 
 ToneTarget CaptureTarget(const ImageU8& photo, const PlaneU8& mask, double gain,
                          const ToneOptions& options) {
-  const auto curve = [&](double linear) {
-    return AddContrast(SrgbFromLinear(std::clamp(gain * linear, 0.0, 1.0)), options.contrast);
-  };
   ToneTarget target;
   target.gain = std::min(gain, options.max_gain);
   target.reached = gain <= options.max_gain;
   gain = target.gain;
+  const auto curve = CaptureCurve(gain, options.contrast);
   const bool clipped =
       std::find(photo.data.begin(), photo.data.end(), kClippedCode) != photo.data.end();
   target.image = gain < 1 && clipped
@@ -182,6 +202,18 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
   const auto contrast = [&](double c) { return AddContrast(c, options.contrast); };
   const double wanted = LinearFromSrgb(Bisect(contrast, code, 0, 1));
   return wanted / std::max(level, 1e-9);
+}
+
+std::array<float, 256> RoundingNoise(const ToneOptions& options, double gain) {
+  const auto target = [&](double code) { return TargetCode(options, gain, code); };
+  std::array<float, 256> noise;
+  for (int i = 0; i < 256; ++i) {
+    const double code = Bisect(target, i / 255.0, 0, 1);
+    const double low = std::max(0.0, code - 0.5 / 255), high = std::min(1.0, code + 0.5 / 255);
+    const double step = (target(high) - target(low)) / (255 * (high - low));
+    noise[i] = static_cast<float>(step / std::sqrt(12.0));
+  }
+  return noise;
 }
 
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,

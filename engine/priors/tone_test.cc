@@ -170,6 +170,29 @@ TEST(Tone, SaysWhenTheGoalIsOutOfReach) {
   }
 }
 
+TEST(Tone, RoundingNoiseIsTheStepBetweenCodes) {
+  const double root = std::sqrt(12.0);
+  // The identity steps by one code, the paper's gain by as many as it says, until it clips.
+  const auto none = RoundingNoise({.rule = ToneRule::kNone}, 1);
+  const auto paper = RoundingNoise({.rule = ToneRule::kPaperGain}, 10);
+  for (const int code : {0, 100, 200, 255}) EXPECT_NEAR(255 * none[code], 1 / root, 1e-4) << code;
+  for (const int code : {0, 100, 240}) EXPECT_NEAR(255 * paper[code], 10 / root, 1e-4) << code;
+
+  // A photo's codes 3 and 4, both in the linear foot of sRGB, after 6 stops without contrast.
+  const ToneOptions plain{.contrast = 0};
+  const auto target = [](double code) {
+    return 255 * SrgbFromLinear(64 * LinearFromSrgb(code / 255));
+  };
+  const auto dark = RoundingNoise(plain, 64);
+  EXPECT_NEAR(255 * dark[std::lround(target(3.5))], (target(4) - target(3)) / root, 0.05);
+  // Nothing is darker than code 0: there half a code is the step.
+  EXPECT_NEAR(255 * dark[0], 2 * target(0.5) / root, 0.05);
+  for (const int code : {40, 80, 120, 160}) EXPECT_LT(dark[code], dark[code - 40]) << code;
+
+  const auto glare = RoundingNoise({}, 0.25);
+  EXPECT_LT(255 * *std::max_element(glare.begin(), glare.end()), 0.5);
+}
+
 TEST(Tone, IsTheSameForAnyNumberOfThreads) {
   const std::vector<ImageU8> photos = {MakePhoto(0, 255), MakePhoto(200, 255), MakePhoto(3, 90)};
   const std::vector<double> exposures = {1, 2, 0.5};

@@ -12,7 +12,7 @@
 #define HWY_TARGET_INCLUDE "engine/train/depth_loss.cc"
 #include "hwy/foreach_target.h"  // IWYU pragma: keep
 // After foreach_target.
-#include "engine/train/simd-inl.h"
+#include "engine/core/simd-inl.h"
 
 // Shared by all targets: defined by the first pass of foreach_target only.
 #ifndef LITAGS_ENGINE_TRAIN_DEPTH_LOSS_SHARED_

@@ -11,7 +11,7 @@
 #define HWY_TARGET_INCLUDE "engine/train/losses.cc"
 #include "hwy/foreach_target.h"  // IWYU pragma: keep
 // After foreach_target.
-#include "engine/train/simd-inl.h"
+#include "engine/core/simd-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace litags {

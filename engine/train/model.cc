@@ -3,6 +3,15 @@
 #include <algorithm>
 
 namespace litags {
+namespace {
+
+void CopyColor(const Planes& channels, Planes* color) {
+  const PlanesView R0(channels, kChannelColor, 3);
+  *color = Planes(3, channels.height, channels.width);
+  std::copy_n(R0.data, R0.size(), color->data.data());
+}
+
+}  // namespace
 
 void ModelRenderer::Composite(const Model& model, const Camera& camera, int num_channels,
                               Planes* channels, Planes* alpha) {
@@ -19,7 +28,8 @@ void ModelRenderer::RenderColor(const Model& model, const Camera& camera, Planes
   const bool denoise = model.lita && model.use_pdm;
   Composite(model, camera, denoise ? kColorAndNoise : kColorOnly, denoise ? &composited_ : color,
             &alpha_);
-  if (denoise) Denoise(model, composited_, color);
+  if (denoise) ApplyPdm(model, composited_, color);
+  FilterNoise(model, color);
 }
 
 void ModelRenderer::RenderDepth(const Model& model, const Camera& camera, Planes* depth) {
@@ -32,17 +42,25 @@ void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Pla
 }
 
 void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* color) {
-  const bool denoise = model.lita && model.use_pdm && !(cancel_ && cancel_->IsCancelled());
-  const PlanesView R0(channels, kChannelColor, 3);
-  if (!denoise) {
-    *color = Planes(3, channels.height, channels.width);
-    std::copy_n(R0.data, R0.size(), color->data.data());
-    return;
+  if (model.lita && model.use_pdm) {
+    ApplyPdm(model, channels, color);
+  } else {
+    CopyColor(channels, color);
   }
+  FilterNoise(model, color);
+}
+
+void ModelRenderer::ApplyPdm(const Model& model, const Planes& channels, Planes* color) {
+  if (Cancelled()) return CopyColor(channels, color);
+  const PlanesView R0(channels, kChannelColor, 3);
   const PlanesView noise(channels, channels.channels == kColorAndNoise ? 3 : int{kChannelNoise}, 3);
   if (!pdm_.has_value() || pdm_->options() != model.pdm_options)
     pdm_.emplace(model.pdm_options, threads_);
   pdm_->Apply(model.pdm, R0, noise, color);
+}
+
+void ModelRenderer::FilterNoise(const Model& model, Planes* color) {
+  if (model.noise.has_value() && !Cancelled()) noise_filter_.Apply(*model.noise, *color);
 }
 
 }  // namespace litags

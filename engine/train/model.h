@@ -7,6 +7,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
 #include "engine/core/splats.h"
+#include "engine/denoise/noise_filter.h"
 #include "engine/denoise/pdm.h"
 #include "engine/render/renderer.h"
 
@@ -18,7 +19,8 @@ struct Model {
   bool use_pdm = true;
   PdmOptions pdm_options;
   PdmWeights pdm;
-  int sh_degree = 3;  // in use
+  std::optional<NoiseCurve> noise;  // for the NoiseFilter that pictures go through; none: no filter
+  int sh_degree = 3;                // in use
   int iteration = 0;
 };
 
@@ -27,9 +29,9 @@ class ModelRenderer {
  public:
   // Once `cancel`, which must outlive this, is raised, pictures are left unfinished.
   explicit ModelRenderer(int threads, const CancelToken* cancel = nullptr)
-      : threads_(threads), cancel_(cancel) {}
+      : threads_(threads), cancel_(cancel), noise_filter_(threads) {}
 
-  // R [3, H, W], after denoising; not clamped. Composites what it needs and no more.
+  // R [3, H, W], after the PDM and the noise filter; not clamped. Composites what it needs and no more.
   void RenderColor(const Model& model, const Camera& camera, Planes* color);
 
   // Distance of the surfaces along the optical axis [1, H, W], scene units; 0 where nothing is.
@@ -45,11 +47,15 @@ class ModelRenderer {
  private:
   void Composite(const Model& model, const Camera& camera, int num_channels, Planes* channels,
                  Planes* alpha);
+  void ApplyPdm(const Model& model, const Planes& channels, Planes* color);
+  void FilterNoise(const Model& model, Planes* color);
+  bool Cancelled() const { return cancel_ != nullptr && cancel_->IsCancelled(); }
 
   int threads_;
   const CancelToken* cancel_;
   Renderer renderer_;
   std::optional<Pdm> pdm_;  // of the last model's options
+  NoiseFilter noise_filter_;
   Planes composited_, alpha_;
 };
 

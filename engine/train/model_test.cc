@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "engine/train/train_test_util.h"
 
 namespace litags {
@@ -18,18 +20,21 @@ Model SmallModel() {
 
 TEST(ModelRenderer, ColourComesOutTheSameWithAndWithoutTheOtherChannels) {
   const Camera camera = RingCamera(1, 5, 40, 30);
-  for (const bool use_pdm : {true, false}) {
+  for (const auto& [use_pdm, filter] :
+       {std::pair(true, false), {false, false}, {true, true}, {false, true}}) {
+    SCOPED_TRACE(absl::StrCat("denoiser ", use_pdm, ", filter ", filter));
     Model model = SmallModel();
     model.use_pdm = use_pdm;
+    if (filter) model.noise.emplace().fill(0.05f);
     ModelRenderer renderer(1);
     Planes direct, channels, alpha, from_channels;
     renderer.RenderColor(model, camera, &direct);
     renderer.RenderChannels(model, camera, &channels, &alpha);
     renderer.Denoise(model, channels, &from_channels);
     EXPECT_EQ(channels.channels, kNumChannels);
-    EXPECT_EQ(direct.data, from_channels.data) << "denoiser " << use_pdm;
+    EXPECT_EQ(direct.data, from_channels.data);
     const bool changed = !std::equal(direct.data.begin(), direct.data.end(), channels.data.begin());
-    EXPECT_EQ(changed, use_pdm) << "the denoiser changes what was composited";
+    EXPECT_EQ(changed, use_pdm || filter) << "both change what was composited";
   }
 }
 

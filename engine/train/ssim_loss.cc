@@ -15,7 +15,7 @@
 #define HWY_TARGET_INCLUDE "engine/train/ssim_loss.cc"
 #include "hwy/foreach_target.h"  // IWYU pragma: keep
 // After foreach_target.
-#include "engine/train/simd-inl.h"
+#include "engine/core/simd-inl.h"
 #include "hwy/cache_control.h"
 
 // Shared by all targets: defined by the first pass of foreach_target only.

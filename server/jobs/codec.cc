@@ -45,6 +45,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("depth_weight", r.depth_weight);
   visit("depth_geometry", r.depth_geometry);
   visit("dense_start", r.dense_start);
+  visit("noise_filter", r.noise_filter);
   visit("density_statistic", r.density_statistic);
   visit("schedule_iterations", r.schedule_iterations);
 }

@@ -63,6 +63,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_chroma_smoothing(2.5);
   o->set_settle_epochs(7.5);
   o->set_dropout(0.25);
+  o->set_noise_filter(false);
   o->set_information_weights(true);
   o->set_schedule_iterations(100);
   o->set_density_statistic(v1::DENSITY_STATISTIC_ABS);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/core/rng.h"
+#include "engine/priors/tone.h"
 #include "engine/train/density.h"
 
 namespace litags {
@@ -50,6 +51,8 @@ Splats BenchSplats(size_t n, const Camera& camera) {
   for (size_t i = 0; i < n; ++i) sorted.Copy(splats, order[i], i);
   return sorted;
 }
+
+NoiseCurve BenchNoise() { return RoundingNoise(ToneOptions(), 64); }
 
 TrainView BenchView(const Camera& camera) {
   const CounterRng rng(1, 0xBF);

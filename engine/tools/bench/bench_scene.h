@@ -6,6 +6,7 @@
 
 #include "engine/core/camera.h"
 #include "engine/core/splats.h"
+#include "engine/denoise/noise_filter.h"
 #include "engine/train/train_view.h"
 
 namespace litags {
@@ -17,6 +18,9 @@ Camera BenchCamera(int width, int height);
 // pixel is reached by about 40 of them whatever n is, as measured on densified scenes; shapes,
 // opacities and colours are random.
 Splats BenchSplats(size_t n, const Camera& camera);
+
+// What the rounding of photos six stops too dark leaves in pictures.
+NoiseCurve BenchNoise();
 
 // A photo of noise and gradients with target and structure map, for the losses.
 TrainView BenchView(const Camera& camera);

@@ -190,11 +190,12 @@ class KernelBench {
     Report("iteration", Measure(args_.repetitions, [&] { (void)at_degree_3.Step(); }),
            "one full training step, denoiser included");
     Model model = at_degree_3.Snapshot();
+    model.noise = BenchNoise();
     ModelRenderer renderer(args_.threads);
     Planes color;
     Report("render",
            Measure(args_.repetitions, [&] { renderer.RenderColor(model, camera_, &color); }),
-           "a finished picture: colour and noise, denoised");
+           "a finished picture: colour and noise, denoised and filtered");
   }
 
   KernelArguments args_;

@@ -51,6 +51,7 @@ void Run(const RenderArguments& args, int* exit_status) {
   model.splats = BenchSplats(args.gaussians, BenchCamera(args.width, args.height));
   model.pdm_options = TrainOptionsOf(ReconstructOptions()).pdm;
   model.pdm = PdmWeights::Initial(model.pdm_options, 1);
+  model.noise = BenchNoise();
   nlohmann::json json = {
       {"gaussians", args.gaussians}, {"width", args.width}, {"height", args.height}};
 

@@ -39,6 +39,7 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.depth_weight = 0.1;
   options.depth_geometry = false;
   options.dense_start = false;
+  options.noise_filter = false;
   options.density_statistic = DensityStatistic::kMean;
   options.pdm_hidden = 16;
   options.pdm_every = 1;
@@ -73,6 +74,7 @@ absl::StatusOr<TableMethod> ParseMethod(const std::string& name, const Reconstru
     if (name != ablation.name) continue;
     method.group = Group::kAblation;
     method.options.use_pdm = base.use_pdm && ablation.pdm;
+    method.options.noise_filter = base.noise_filter && ablation.pdm;
     method.options.use_depth = base.use_depth && ablation.depth;
     method.options.dense_start = base.dense_start && ablation.depth;
     method.options.use_prior = base.use_prior && ablation.prior;

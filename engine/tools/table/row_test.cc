@@ -124,10 +124,13 @@ TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
   EXPECT_EQ(of("litags-paper").options.exposure_ssim, 0);
   EXPECT_FALSE(of("litags-paper").options.depth_geometry);
   EXPECT_FALSE(of("litags-paper").options.dense_start);
+  EXPECT_FALSE(of("litags-paper").options.noise_filter);
   EXPECT_TRUE(of("litags").options.dense_start);
   EXPECT_TRUE(of("litags-no-prior").options.dense_start);
   EXPECT_FALSE(of("litags-no-depth").options.dense_start);
   EXPECT_FALSE(of("litags-no-pdm").options.use_pdm);
+  EXPECT_FALSE(of("litags-no-pdm").options.noise_filter);
+  EXPECT_TRUE(of("litags-no-depth").options.noise_filter);
   EXPECT_TRUE(of("litags-no-pdm").options.use_prior);
   EXPECT_FALSE(of("litags-no-pdm-depth-prior").options.use_prior);
   EXPECT_EQ(Reason(ParseMethod("other+3dgs", base, enhancers).status()), "UNKNOWN_METHOD");

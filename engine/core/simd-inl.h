@@ -1,9 +1,9 @@
-// Vector loops shared by the loss kernels. Included once per Highway target.
-#if defined(LITAGS_ENGINE_TRAIN_SIMD_INL_H_) == defined(HWY_TARGET_TOGGLE)
-#ifdef LITAGS_ENGINE_TRAIN_SIMD_INL_H_
-#undef LITAGS_ENGINE_TRAIN_SIMD_INL_H_
+// Vector loops shared by kernels over image rows. Included once per Highway target.
+#if defined(LITAGS_ENGINE_CORE_SIMD_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef LITAGS_ENGINE_CORE_SIMD_INL_H_
+#undef LITAGS_ENGINE_CORE_SIMD_INL_H_
 #else
-#define LITAGS_ENGINE_TRAIN_SIMD_INL_H_
+#define LITAGS_ENGINE_CORE_SIMD_INL_H_
 #endif
 
 #include <cstddef>
@@ -59,4 +59,4 @@ HWY_INLINE float Sum(FloatTag d, FloatVec v) { return hn::GetLane(hn::SumOfLanes
 }  // namespace litags
 HWY_AFTER_NAMESPACE();
 
-#endif  // LITAGS_ENGINE_TRAIN_SIMD_INL_H_
+#endif  // LITAGS_ENGINE_CORE_SIMD_INL_H_
