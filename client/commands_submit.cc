@@ -33,10 +33,10 @@ struct SubmitArgs {
   std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
   std::optional<uint64_t> seed;
   std::optional<int64_t> max_gaussians;
-  std::optional<bool> depth_geometry;
+  std::optional<bool> depth_geometry, use_pdm;
   Treatment treatment;
-  bool no_pdm = false, no_prior = false, no_depth = false, no_dense_start = false,
-       no_noise_filter = false, information_weights = false;
+  bool no_prior = false, no_depth = false, no_dense_start = false, no_noise_filter = false,
+       information_weights = false;
 };
 
 // An option that takes one of a few words.
@@ -70,7 +70,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.threads) options.set_threads(*args.threads);
   if (args.max_gaussians) options.set_max_gaussians(*args.max_gaussians);
   if (args.sh_degree) options.set_sh_degree(*args.sh_degree);
-  if (args.no_pdm) options.set_use_pdm(false);
+  if (args.use_pdm) options.set_use_pdm(*args.use_pdm);
   if (args.no_prior) options.set_use_prior(false);
   if (args.no_depth) options.set_use_depth(false);
   if (args.no_noise_filter) options.set_noise_filter(false);
@@ -284,7 +284,10 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->add_flag("--information-weights", args->information_weights,
                  "Pixels that noise, rounding or clipping spoilt weigh less")
       ->group(group);
-  command->add_flag("--no-pdm", args->no_pdm, "Without the denoising module")->group(group);
+  command
+      ->add_flag("--pdm,!--no-pdm", args->use_pdm,
+                 "With the paper's denoising module; without by default")
+      ->group(group);
   command
       ->add_flag(
           "--no-noise-filter", args->no_noise_filter,

@@ -128,7 +128,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   options.threads = 3;
   options.max_gaussians = 4321;
   options.sh_degree = 1;
-  options.use_pdm = false;
+  options.use_pdm = true;
   options.pdm_hidden = 5;
   options.pdm_every = 7;
   options.use_prior = false;
@@ -148,7 +148,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(train.threads, 3);
   EXPECT_EQ(train.max_gaussians, 4321);
   EXPECT_EQ(train.sh_degree, 1);
-  EXPECT_FALSE(train.use_pdm);
+  EXPECT_TRUE(train.use_pdm);
   EXPECT_EQ(train.pdm.hidden, 5);
   EXPECT_EQ(train.pdm_every, 7);
   EXPECT_FALSE(train.use_prior);

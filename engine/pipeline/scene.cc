@@ -107,6 +107,11 @@ class ModelScene : public Scene {
           "channel: this scene was trained with plain 3dgs and has colour, depth and alpha only; "
           "train with method litags for the others");
     }
+    if (!model_.use_pdm && request.channel == Channel::kNoise) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "channel",
+                       "channel: this scene was trained without the denoising module, which learns "
+                       "the noise; train with use_pdm (--pdm) for it");
+    }
     ModelRenderer renderer(request.threads, &request.cancel);
     if (IsColor(request.channel)) {
       Planes color = Color(&renderer, request);

@@ -408,6 +408,14 @@ TEST(Scene, PlainScenesHaveColorDepthAndAlphaOnly) {
   EXPECT_TRUE(scene->ExportPly(dir / "a.ply", /*light=*/0).ok());
 }
 
+TEST(Scene, WithoutTheDenoiserThereIsNoNoiseChannel) {
+  Model model = SmallModel();
+  model.use_pdm = false;
+  const auto scene = MakeScene(std::move(model), RingViews(3));
+  EXPECT_TRUE(RenderChannel(*scene, Channel::kIllumination).ok());
+  EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kNoise).status()), "CHANNEL_UNAVAILABLE");
+}
+
 TEST(Scene, CancelledPicturesStop) {
   const auto scene = MakeScene(SmallModel(), RingViews(3));
   RenderRequest request;

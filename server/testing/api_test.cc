@@ -42,7 +42,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_threads(3);
   o->set_max_gaussians(5000);
   o->set_sh_degree(1);
-  o->set_use_pdm(false);
+  o->set_use_pdm(true);
   o->set_use_prior(false);
   o->set_use_depth(false);
   o->set_max_image_side(640);

@@ -69,9 +69,13 @@ void Run(const RenderArguments& args, int* exit_status) {
   }
   ModelRenderer finished(args.threads);
   Planes color;
-  json["finished"] = Report("finished (denoised)", Latencies(args, [&](const Camera& camera) {
-                              finished.RenderColor(model, camera, &color);
-                            }));
+  for (const bool use_pdm : {false, true}) {
+    model.use_pdm = use_pdm;
+    json[use_pdm ? "finished_pdm" : "finished"] = Report(
+        use_pdm ? "with the denoiser" : "finished", Latencies(args, [&](const Camera& camera) {
+          finished.RenderColor(model, camera, &color);
+        }));
+  }
   if (args.json.empty()) return;
   if (const absl::Status s = WriteFileAtomically(args.json, json.dump(2) + "\n"); !s.ok()) {
     std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());

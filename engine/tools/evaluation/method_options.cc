@@ -62,11 +62,11 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
                   "shrink larger photos to this, px; 0: never");
   app->add_option("--holdout-every", options->holdout_every, "hold out every n-th photo; 0: none")
       ->capture_default_str();
-  app->add_flag("!--no-pdm", options->use_pdm, "without the denoising module");
+  app->add_flag("--pdm,!--no-pdm", options->use_pdm,
+                "with the paper's denoising module; without by default");
   app->add_flag(
       "!--no-noise-filter", options->noise_filter,
-      "pictures as the denoising module leaves them, not smoothed where they show no more "
-      "than the rounding of the photos explains");
+      "pictures are not smoothed where they show no more than the photos' rounding explains");
   app->add_option("--pdm-hidden", options->pdm_hidden, "channels inside its network")
       ->capture_default_str();
   app->add_option("--pdm-every", options->pdm_every, "iterations between those that denoise")

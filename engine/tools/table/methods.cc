@@ -40,6 +40,7 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.depth_geometry = false;
   options.dense_start = false;
   options.noise_filter = false;
+  options.use_pdm = true;
   options.density_statistic = DensityStatistic::kMean;
   options.pdm_hidden = 16;
   options.pdm_every = 1;
