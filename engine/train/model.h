@@ -31,7 +31,8 @@ class ModelRenderer {
   explicit ModelRenderer(int threads, const CancelToken* cancel = nullptr)
       : threads_(threads), cancel_(cancel), noise_filter_(threads) {}
 
-  // R [3, H, W], after the PDM and the noise filter; not clamped. Composites what it needs and no more.
+  // R [3, H, W], after the PDM and the noise filter; not clamped. Composites what it needs and no
+  // more.
   void RenderColor(const Model& model, const Camera& camera, Planes* color);
 
   // Distance of the surfaces along the optical axis [1, H, W], scene units; 0 where nothing is.
