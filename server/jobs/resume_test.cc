@@ -55,7 +55,7 @@ TEST(Resume, AnyOtherOptionIsRefusedByName) {
       {"theta", [](O& o) { o.theta = 0.4; }},
       {"method", [](O& o) { o.method = Method::k3dgs; }},
       {"seed", [](O& o) { ++o.seed; }},
-      {"use_pdm", [](O& o) { o.use_pdm = false; }},
+      {"use_pdm", [](O& o) { o.use_pdm = !o.use_pdm; }},
       {"max_gaussians", [](O& o) { o.max_gaussians = 5000; }},
       {"schedule_iterations", [](O& o) { o.schedule_iterations = 100; }},
   };
