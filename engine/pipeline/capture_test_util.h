@@ -93,6 +93,7 @@ class RoomCapture {
     options.iterations = iterations;
     options.threads = 1;
     options.sh_degree = 1;
+    options.use_pdm = true;  // of everything there is
     options.pdm_hidden = 2;
     return options;
   }

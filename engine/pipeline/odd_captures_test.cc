@@ -44,7 +44,7 @@ void ExpectGoodScene(const absl::StatusOr<ReconstructReport>& report, size_t vie
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_EQ((*scene)->views().size(), views);
   for (const Channel channel : {Channel::kColor, Channel::kOriginal, Channel::kDepth,
-                                Channel::kStructure, Channel::kIllumination}) {
+                                Channel::kStructure, Channel::kIllumination, Channel::kNoise}) {
     RenderRequest request;
     request.camera = (*scene)->views()[0].camera;
     request.channel = channel;
