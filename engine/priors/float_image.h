@@ -1,7 +1,8 @@
-// Photos in linear light as OpenCV matrices; for the sources of this folder only.
+// Photos as OpenCV matrices; for the sources of this folder only.
 #ifndef LITAGS_ENGINE_PRIORS_FLOAT_IMAGE_H_
 #define LITAGS_ENGINE_PRIORS_FLOAT_IMAGE_H_
 
+#include <algorithm>
 #include <array>
 #include <opencv2/imgproc.hpp>
 
@@ -17,6 +18,15 @@ inline cv::Mat Blur(const cv::Mat& image, double sigma) {
   cv::Mat out;
   cv::GaussianBlur(image, out, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
   return out;
+}
+
+// The photo's codes in [0, 1], smoothed: noise and compression scatter clipped samples below 255.
+inline FloatImage SmoothCodes(const ImageU8& photo) {
+  constexpr double kSigma = 0.0015;  // of the photo's width
+  const cv::Mat codes(photo.height, photo.width, CV_8UC3, const_cast<uint8_t*>(photo.data.data()));
+  FloatImage scaled;
+  codes.convertTo(scaled, CV_32FC3, 1.0 / 255);
+  return Blur(scaled, std::max(0.5, kSigma * photo.width));
 }
 
 // Linear light, 1: the photo's white.

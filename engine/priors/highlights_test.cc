@@ -32,13 +32,18 @@ ImageU8 OverExposed(const Scene& scene) {
   return photo;
 }
 
+ImageU8 Fill(const ImageU8& photo) {
+  const ClippedColors colors(CollectPalette({photo}, {1.0}, kGain, {}), 1);
+  return FillHighlights(photo, kGain, colors, Curve);
+}
+
 double Code(const ImageU8& image, int x, int y, int c) { return image.pixel(x, y)[c] / 255.0; }
 
 TEST(Highlights, WhatIsNotClippedOnlyGoesThroughTheCurve) {
   const auto scene = [](int x, int y) {
     return std::array<double, 3>{0.4 * x / kWidth, 0.4 * y / kHeight, 0.2};
   };
-  const ImageU8 filled = FillHighlights(OverExposed(scene), kGain, Curve);
+  const ImageU8 filled = Fill(OverExposed(scene));
   for (int y = 0; y < kHeight; y += 7) {
     for (int x = 0; x < kWidth; x += 7) {
       // The photo's bytes and the target's, each rounded.
@@ -57,10 +62,31 @@ TEST(Highlights, AClippedChannelIsEstimatedFromTheOthers) {
   const ImageU8 photo = OverExposed(scene);
   ASSERT_EQ(photo.pixel(150, 60)[0], 255);
   ASSERT_LT(photo.pixel(150, 60)[1], 240);
-  const ImageU8 filled = FillHighlights(photo, kGain, Curve);
+  const ImageU8 filled = Fill(photo);
   for (int x = 120; x <= 180; x += 20) {
     EXPECT_NEAR(Code(filled, x, 60, 0), scene(x, 60)[0], 0.03) << x;
     EXPECT_NEAR(Code(filled, x, 60, 1), scene(x, 60)[1], 1.5 / 255) << x;
+  }
+}
+
+TEST(Highlights, TwoClippedChannelsTakeTheColorOfTheShade) {
+  // Wood, in the shade on the left, and lit on the right so that red and green are clipped there;
+  // a grey wall below.
+  const auto scene = [](int x, int y) {
+    if (y >= 80) return std::array<double, 3>{0.3, 0.3, 0.3};
+    const double light = x < 60 ? 0.15 : 0.85;
+    return std::array<double, 3>{SrgbFromLinear(light), SrgbFromLinear(0.45 * light),
+                                 SrgbFromLinear(0.15 * light)};
+  };
+  const ImageU8 photo = OverExposed(scene);
+  ASSERT_EQ(photo.pixel(150, 40)[0], 255);
+  ASSERT_EQ(photo.pixel(150, 40)[1], 255);
+  ASSERT_LT(photo.pixel(150, 40)[2], 240);
+  const ImageU8 filled = Fill(photo);
+  for (int x = 90; x <= 190; x += 20) {
+    EXPECT_NEAR(Code(filled, x, 40, 0), scene(x, 40)[0], 0.05) << x;
+    EXPECT_NEAR(Code(filled, x, 40, 1), scene(x, 40)[1], 0.05) << x;
+    EXPECT_NEAR(Code(filled, x, 40, 2), scene(x, 40)[2], 1.5 / 255) << x;
   }
 }
 
@@ -70,7 +96,7 @@ TEST(Highlights, ABlindingAreaBecomesBrightWithoutAnOutline) {
     const double code = r < 40 ? 0.9 : 0.3;
     return std::array<double, 3>{code, code, code};
   };
-  const ImageU8 filled = FillHighlights(OverExposed(scene), kGain, Curve);
+  const ImageU8 filled = Fill(OverExposed(scene));
   const double white = Curve(1), full = white + kHighlightFill * (1 - white);
   EXPECT_NEAR(Code(filled, 100, 60, 1), full, 0.02);
   EXPECT_NEAR(Code(filled, 20, 60, 1), 0.3, 2.0 / 255);
@@ -88,7 +114,7 @@ TEST(Highlights, ABlindingAreaBecomesBrightWithoutAnOutline) {
 TEST(Highlights, AWhitePhotoStaysInRange) {
   ImageU8 white(kWidth, kHeight);
   std::fill(white.data.begin(), white.data.end(), 255);
-  const ImageU8 filled = FillHighlights(white, kGain, Curve);
+  const ImageU8 filled = Fill(white);
   const double full = Curve(1) + kHighlightFill * (1 - Curve(1));
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(Code(filled, 10, 10, c), full, 1.0 / 255);
 }

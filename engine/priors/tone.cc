@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -12,6 +13,7 @@
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/priors/chroma.h"
+#include "engine/priors/clipped_colors.h"
 #include "engine/priors/highlights.h"
 
 namespace litags {
@@ -122,19 +124,57 @@ ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta,
   return target;
 }
 
+// Whether the target has room for more light than the photo could hold, and the photo was full.
+bool HasHighlights(const ImageU8& photo, double gain) {
+  return gain < 1 &&
+         std::find(photo.data.begin(), photo.data.end(), kClippedCode) != photo.data.end();
+}
+
+// Quarters of a stop: finer, exposures make no difference to what is clipped.
+int ExposureStep(double exposure) { return std::lround(4 * std::log2(exposure)); }
+
+// The scene's colours as photos clip them that have highlights, by exposure.
+std::map<int, ClippedColors> ColorsOfHighlights(absl::Span<const ImageU8> photos,
+                                                absl::Span<const double> exposures, double gain,
+                                                absl::Span<const PlaneU8> masks) {
+  std::map<int, ClippedColors> colors;
+  ScenePalette palette;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    if (!HasHighlights(photos[i], gain / exposures[i])) continue;
+    if (colors.empty()) palette = CollectPalette(photos, exposures, gain, masks);
+    const int step = ExposureStep(exposures[i]);
+    colors.try_emplace(step, palette, std::exp2(step / 4.0));
+  }
+  return colors;
+}
+
+// `colors`: for the exposure of a photo that has highlights.
 ToneTarget CaptureTarget(const ImageU8& photo, const PlaneU8& mask, double gain,
-                         const ToneOptions& options) {
+                         const ClippedColors* colors, const ToneOptions& options) {
   ToneTarget target;
   target.gain = std::min(gain, options.max_gain);
   target.reached = gain <= options.max_gain;
   gain = target.gain;
   const auto curve = CaptureCurve(gain, options.contrast);
-  const bool clipped =
-      std::find(photo.data.begin(), photo.data.end(), kClippedCode) != photo.data.end();
-  target.image = gain < 1 && clipped
-                     ? FillHighlights(photo, gain, curve)
+  target.image = HasHighlights(photo, gain)
+                     ? FillHighlights(photo, gain, *colors, curve)
                      : SmoothChroma(photo, gain, options.chroma_smoothing, curve, mask);
   return target;
+}
+
+std::vector<ToneTarget> CaptureTargets(absl::Span<const ImageU8> photos,
+                                       absl::Span<const double> exposures,
+                                       const ToneOptions& options, int threads,
+                                       absl::Span<const PlaneU8> masks) {
+  const double gain = CaptureGain(photos, exposures, options, masks);
+  const auto colors = ColorsOfHighlights(photos, exposures, gain, masks);
+  std::vector<ToneTarget> targets(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    const auto found = colors.find(ExposureStep(exposures[i]));
+    targets[i] = CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i],
+                               found == colors.end() ? nullptr : &found->second, options);
+  });
+  return targets;
 }
 
 absl::Status CheckPhoto(const ImageU8& photo, const ToneOptions& options) {
@@ -224,10 +264,10 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> ph
   LITAGS_CHECK(photos.size() == exposures.size());
   LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
   for (const ImageU8& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
+  if (options.rule == ToneRule::kCaptureGain) {
+    return CaptureTargets(photos, exposures, options, threads, masks);
+  }
   const double theta = ThetaOf(options);
-  const double gain = options.rule == ToneRule::kCaptureGain && !photos.empty()
-                          ? CaptureGain(photos, exposures, options, masks)
-                          : 1;
   std::vector<ToneTarget> targets(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     switch (options.rule) {
@@ -238,8 +278,6 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> ph
         targets[i] = LinearTarget(photos[i], MaskOf(masks, i), theta, options.max_gain);
         break;
       case ToneRule::kCaptureGain:
-        targets[i] = CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], options);
-        break;
       case ToneRule::kNone:
         targets[i].image = photos[i];
         break;
