@@ -2,15 +2,11 @@
 #ifndef LITAGS_ENGINE_DENOISE_NOISE_FILTER_H_
 #define LITAGS_ENGINE_DENOISE_NOISE_FILTER_H_
 
-#include <array>
-
 #include "engine/core/aligned.h"
 #include "engine/core/image.h"
+#include "engine/core/noise_curve.h"
 
 namespace litags {
-
-// Standard deviation of what is wrong with a picture's luma where the luma is i / 255; 1 is white.
-using NoiseCurve = std::array<float, 256>;
 
 // A local Wiener filter (J.-S. Lee, "Digital image enhancement and noise filtering by use of local
 // statistics", 1980) of 5x5 pixels. A window whose luma varies by v, of which n^2 is noise, says

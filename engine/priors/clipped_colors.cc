@@ -24,52 +24,77 @@ float Square(float x) { return x * x; }
 
 float LightOf(float code) { return static_cast<float>(LinearFromSrgb(code)); }
 
-// What a pixel of these codes has in the mean of the palette; see ClippedColors.
-Rgb EstimateLogRatio(const ScenePalette& palette, float log_exposure, const Rgb& codes) {
-  Rgb known, log_light;
+// What a photo shows of a pixel.
+struct Sighting {
+  Rgb known;      // 1: the channel was measured, 0: it is clipped
+  Rgb log_light;  // of clipped channels: white, the least that they may be
+};
+
+Sighting SightingOf(const Rgb& codes) {
+  Sighting out;
   for (int c = 0; c < 3; ++c) {
-    known[c] = 1 - Clippedness(codes[c]);
-    log_light[c] = std::log(LightOf(std::max(codes[c], kDark)));
+    out.known[c] = 1 - Clippedness(codes[c]);
+    out.log_light[c] = std::log(LightOf(std::max(codes[c], kDark)));
   }
-  const float sum_known = known[0] + known[1] + known[2] + 1e-6f;
+  return out;
+}
+
+// Brings a colour of the palette to the brightness of the pixel. Returns the logarithm of how well
+// it then explains what was seen.
+float Explain(const Sighting& pixel, Rgb* color) {
+  const auto& [known, log_light] = pixel;
+  float scale = 0, sum_known = 1e-6f;
+  for (int c = 0; c < 3; ++c) {
+    scale += known[c] * (log_light[c] - (*color)[c]);
+    sum_known += known[c];
+  }
+  scale /= sum_known;
+  float log_weight = Square(scale / kBrightness);
+  for (int c = 0; c < 3; ++c) {
+    float& scaled = (*color)[c] += scale;
+    log_weight += known[c] * Square((log_light[c] - scaled) / kMismatch);
+    log_weight += (1 - known[c]) * Square(std::min(scaled, 0.0f) / kUnclipped);
+  }
+  return -0.5f * log_weight;
+}
+
+// The mean of a palette's colours at the brightness of the pixel, by how well they explain it.
+Rgb MeanColor(const ScenePalette& palette, float log_exposure, const Sighting& pixel) {
   // A running softmax: `sum` and `mean` are relative to the largest weight so far.
   float largest = -1e30f, sum = 0;
   Rgb mean = {};
-  if (sum_known < 3) {
-    for (const Rgb& color : palette) {
-      Rgb difference;
-      float scale = 0;  // log of what brings the colour to the pixel's brightness
-      for (int c = 0; c < 3; ++c) {
-        difference[c] = log_light[c] - (color[c] + log_exposure);
-        scale += known[c] * difference[c] / sum_known;
-      }
-      Rgb scaled;
-      float log_weight = -0.5f * Square(scale / kBrightness);
-      for (int c = 0; c < 3; ++c) {
-        scaled[c] = color[c] + log_exposure + scale;
-        log_weight -= 0.5f * known[c] * Square((difference[c] - scale) / kMismatch);
-        log_weight -= 0.5f * (1 - known[c]) * Square(std::min(scaled[c], 0.0f) / kUnclipped);
-      }
-      if (log_weight > largest) {
-        const float shrink = std::exp(largest - log_weight);
-        sum *= shrink;
-        for (float& m : mean) m *= shrink;
-        largest = log_weight;
-      }
-      const float weight = std::exp(log_weight - largest);
-      sum += weight;
-      for (int c = 0; c < 3; ++c) mean[c] += weight * scaled[c];
+  for (Rgb color : palette) {
+    for (float& channel : color) channel += log_exposure;
+    const float log_weight = Explain(pixel, &color);
+    if (log_weight > largest) {
+      const float shrink = std::exp(largest - log_weight);
+      sum *= shrink;
+      for (float& m : mean) m *= shrink;
+      largest = log_weight;
+    }
+    const float weight = std::exp(log_weight - largest);
+    sum += weight;
+    for (int c = 0; c < 3; ++c) mean[c] += weight * color[c];
+  }
+  for (float& m : mean) m /= sum;
+  return mean;
+}
+
+// ClippedColors::LogRatio where nothing is interpolated.
+Rgb EstimateLogRatio(const ScenePalette& palette, float log_exposure, const Rgb& codes) {
+  const Sighting pixel = SightingOf(codes);
+  const bool clipped = std::min({pixel.known[0], pixel.known[1], pixel.known[2]}) < 1;
+  Rgb log_light = pixel.log_light;
+  if (clipped && !palette.empty()) {
+    const Rgb mean = MeanColor(palette, log_exposure, pixel);
+    for (int c = 0; c < 3; ++c) {
+      if (pixel.known[c] < 1) log_light[c] = std::max(log_light[c], mean[c]);
     }
   }
-  Rgb log_ratio;
-  float light = 0;
-  for (int c = 0; c < 3; ++c) {
-    const bool measured = known[c] == 1 || sum == 0;
-    log_ratio[c] = measured ? log_light[c] : std::max(log_light[c], mean[c] / sum);
-    light += std::exp(log_ratio[c]);
-  }
-  for (float& r : log_ratio) r -= std::log(light / 3);
-  return log_ratio;
+  float sum = 0;
+  for (const float l : log_light) sum += std::exp(l);
+  for (float& l : log_light) l -= std::log(sum / 3);
+  return log_light;
 }
 
 }  // namespace

@@ -244,9 +244,9 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
   return wanted / std::max(level, 1e-9);
 }
 
-std::array<float, 256> RoundingNoise(const ToneOptions& options, double gain) {
+NoiseCurve RoundingNoise(const ToneOptions& options, double gain) {
   const auto target = [&](double code) { return TargetCode(options, gain, code); };
-  std::array<float, 256> noise;
+  NoiseCurve noise;
   for (int i = 0; i < 256; ++i) {
     const double code = Bisect(target, i / 255.0, 0, 1);
     const double low = std::max(0.0, code - 0.5 / 255), high = std::min(1.0, code + 0.5 / 255);

@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_PRIORS_TONE_H_
 #define LITAGS_ENGINE_PRIORS_TONE_H_
 
-#include <array>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -10,6 +9,7 @@
 #include "absl/types/span.h"
 #include "engine/core/color.h"
 #include "engine/core/image.h"
+#include "engine/core/noise_curve.h"
 
 namespace litags {
 
@@ -54,11 +54,10 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> ph
                                                     const ToneOptions& options, int threads,
                                                     absl::Span<const PlaneU8> masks = {});
 
-// Standard deviation of what rounding a photo to its codes does to its target, where the target is
-// i / 255; 1 is white: the target's step from one of the photo's codes to the next / sqrt(12), for
-// the gain of a ToneTarget. In the dark it is many codes, and other photos of the place have the
-// same, since they were rounded alike.
-std::array<float, 256> RoundingNoise(const ToneOptions& options, double gain);
+// What rounding a photo to its codes does to its target: the target's step from one of the photo's
+// codes to the next / sqrt(12), for the gain of a ToneTarget. In the dark it is many codes, and
+// other photos of the place have the same, since they were rounded alike.
+NoiseCurve RoundingNoise(const ToneOptions& options, double gain);
 
 // The gain in linear light, for a photo of exposure 1, that brings the capture's histogram where
 // an even histogram of mean theta has it, at its median: quantile p of codes at p^(1/theta - 1).
