@@ -28,8 +28,9 @@ ScenePalette CollectPalette(absl::Span<const ImageU8> photos, absl::Span<const d
 
 // The colours of a palette as photos of one exposure clip them. A clipped pixel has the mean of
 // the palette's colours, of any brightness, weighted by how well they agree with the channels
-// that were measured and by whether they would have clipped the others: orange of which red and
-// green are clipped looks yellow, but no yellow of the scene has as much blue.
+// that were measured and by whether they would have clipped the others. A lit orange of which red
+// and green are clipped looks yellow; if the scene shows orange in the shade, and no such yellow,
+// it was orange.
 class ClippedColors {
  public:
   ClippedColors(const ScenePalette& palette, double exposure);
