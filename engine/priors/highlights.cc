@@ -12,17 +12,22 @@ constexpr double kFadeSigma = 0.04;   // of the photo's width: how far white tak
 constexpr double kColorSigma = 0.01;  // of the width: how far estimated colours are averaged
 constexpr float kLeast = 1e-3f;       // weight of a pixel or channel that has no other
 
-cv::Vec3f ClippednessOf(const cv::Vec3f& codes) {
-  return cv::Vec3f(Clippedness(codes[0]), Clippedness(codes[1]), Clippedness(codes[2]));
+// Per channel: 0 measured, 1 clipped.
+FloatImage ClippednessOf(const FloatImage& codes) {
+  FloatImage out = codes.clone();
+  for (cv::Vec3f& pixel : out) {
+    for (int c = 0; c < 3; ++c) pixel[c] = Clippedness(pixel[c]);
+  }
+  return out;
 }
 
 // Each pixel's ratio of channels to their mean, averaged over neighbours with some channels
 // clipped: what varies from pixel to pixel is brightness rather than colour.
-FloatImage Colors(const FloatImage& codes, const ClippedColors& colors) {
+FloatImage Colors(const FloatImage& codes, const FloatImage& clipped, const ClippedColors& colors) {
   FloatImage out(codes.size());
   FloatPlane weights(codes.size());
   for (int i = 0; i < codes.rows * codes.cols; ++i) {
-    const cv::Vec3f t = ClippednessOf(codes(i));
+    const cv::Vec3f& t = clipped(i);
     weights(i) = std::max({t[0], t[1], t[2]}) * (1 - t[0] * t[1] * t[2]) + kLeast;
     const Rgb ratio = colors.LogRatio({codes(i)[0], codes(i)[1], codes(i)[2]});
     out(i) = weights(i) * cv::Vec3f(ratio.data());
@@ -39,11 +44,10 @@ FloatImage Colors(const FloatImage& codes, const ClippedColors& colors) {
 ImageU8 FillHighlights(const ImageU8& photo, double gain, const ClippedColors& colors,
                        const std::function<double(double linear)>& curve) {
   const FloatImage codes = SmoothCodes(photo), linear = LinearImage(photo);
-  const FloatImage color = Colors(codes, colors);
+  const FloatImage clipped = ClippednessOf(codes), color = Colors(codes, clipped, colors);
   FloatPlane all(photo.height, photo.width);
   for (int i = 0; i < photo.height * photo.width; ++i) {
-    const cv::Vec3f t = ClippednessOf(codes(i));
-    all(i) = t[0] * t[1] * t[2];
+    all(i) = clipped(i)[0] * clipped(i)[1] * clipped(i)[2];
   }
   const FloatPlane depth = Blur(all, kFadeSigma * photo.width);  // into the clipped area, [0, 1]
   const double lift = kHighlightFill * (1 - curve(1));
@@ -52,7 +56,7 @@ ImageU8 FillHighlights(const ImageU8& photo, double gain, const ClippedColors& c
     const float inside = all(i) * depth(i);
     // White towards the middle: what blinds a camera is mostly light, not colour.
     const cv::Vec3f k = cv::Vec3f(1, 1, 1) + (1 - inside) * (color(i) - cv::Vec3f(1, 1, 1));
-    const cv::Vec3f &y = linear(i), t = ClippednessOf(codes(i));
+    const cv::Vec3f &y = linear(i), &t = clipped(i);
     float measured = 0, of_color = 0;
     for (int c = 0; c < 3; ++c) {
       measured += (1 - t[c] + kLeast) * y[c];

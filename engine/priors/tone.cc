@@ -124,31 +124,7 @@ ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta,
   return target;
 }
 
-// Whether the target has room for more light than the photo could hold, and the photo was full.
-bool HasHighlights(const ImageU8& photo, double gain) {
-  return gain < 1 &&
-         std::find(photo.data.begin(), photo.data.end(), kClippedCode) != photo.data.end();
-}
-
-// Quarters of a stop: finer, exposures make no difference to what is clipped.
-int ExposureStep(double exposure) { return std::lround(4 * std::log2(exposure)); }
-
-// The scene's colours as photos clip them that have highlights, by exposure.
-std::map<int, ClippedColors> ColorsOfHighlights(absl::Span<const ImageU8> photos,
-                                                absl::Span<const double> exposures, double gain,
-                                                absl::Span<const PlaneU8> masks) {
-  std::map<int, ClippedColors> colors;
-  ScenePalette palette;
-  for (size_t i = 0; i < photos.size(); ++i) {
-    if (!HasHighlights(photos[i], gain / exposures[i])) continue;
-    if (colors.empty()) palette = CollectPalette(photos, exposures, gain, masks);
-    const int step = ExposureStep(exposures[i]);
-    colors.try_emplace(step, palette, std::exp2(step / 4.0));
-  }
-  return colors;
-}
-
-// `colors`: for the exposure of a photo that has highlights.
+// `colors`: of a photo with highlights to fill in, else null.
 ToneTarget CaptureTarget(const ImageU8& photo, const PlaneU8& mask, double gain,
                          const ClippedColors* colors, const ToneOptions& options) {
   ToneTarget target;
@@ -156,7 +132,7 @@ ToneTarget CaptureTarget(const ImageU8& photo, const PlaneU8& mask, double gain,
   target.reached = gain <= options.max_gain;
   gain = target.gain;
   const auto curve = CaptureCurve(gain, options.contrast);
-  target.image = HasHighlights(photo, gain)
+  target.image = colors != nullptr
                      ? FillHighlights(photo, gain, *colors, curve)
                      : SmoothChroma(photo, gain, options.chroma_smoothing, curve, mask);
   return target;
@@ -167,12 +143,22 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const ImageU8> photos,
                                        const ToneOptions& options, int threads,
                                        absl::Span<const PlaneU8> masks) {
   const double gain = CaptureGain(photos, exposures, options, masks);
-  const auto colors = ColorsOfHighlights(photos, exposures, gain, masks);
+  // By quarters of a stop: finer, exposures make no difference to what is clipped.
+  std::map<int, ClippedColors> tables;
+  std::vector<const ClippedColors*> colors(photos.size(), nullptr);
+  ScenePalette palette;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    const std::vector<uint8_t>& codes = photos[i].data;
+    const bool clipped = std::find(codes.begin(), codes.end(), kClippedCode) != codes.end();
+    if (gain >= exposures[i] || !clipped) continue;
+    if (tables.empty()) palette = CollectPalette(photos, exposures, gain, masks);
+    const int step = static_cast<int>(std::lround(4 * std::log2(exposures[i])));
+    colors[i] = &tables.try_emplace(step, palette, std::exp2(step / 4.0)).first->second;
+  }
   std::vector<ToneTarget> targets(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
-    const auto found = colors.find(ExposureStep(exposures[i]));
-    targets[i] = CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i],
-                               found == colors.end() ? nullptr : &found->second, options);
+    targets[i] =
+        CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], colors[i], options);
   });
   return targets;
 }
@@ -277,10 +263,11 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> ph
       case ToneRule::kLinearGain:
         targets[i] = LinearTarget(photos[i], MaskOf(masks, i), theta, options.max_gain);
         break;
-      case ToneRule::kCaptureGain:
       case ToneRule::kNone:
         targets[i].image = photos[i];
         break;
+      case ToneRule::kCaptureGain:
+        break;  // CaptureTargets, above
     }
   });
   return targets;

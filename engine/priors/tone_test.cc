@@ -137,6 +137,31 @@ TEST(Tone, ClippedSamplesOnlyCountAsBright) {
   EXPECT_NEAR(gain, LinearFromSrgb(0.6), 0.02 * LinearFromSrgb(0.6));
 }
 
+TEST(Tone, ClippedChannelsTakeTheColorThatAnotherPhotoShows) {
+  // Wood, on the brighter photo with red and green clipped.
+  const double light[3] = {0.8, 0.36, 0.11};
+  const auto photo_of = [&](double exposure) {
+    ImageU8 photo(64, 48);
+    for (size_t i = 0; i < photo.data.size(); ++i) {
+      photo.data[i] = std::lround(255 * SrgbFromLinear(std::min(1.0, exposure * light[i % 3])));
+    }
+    return photo;
+  };
+  const std::vector<ImageU8> photos = {photo_of(4), photo_of(1)};
+  ASSERT_EQ(photos[0].data[0], 255);
+  ASSERT_EQ(photos[0].data[1], 255);
+  const std::vector<double> exposures = {4, 1};
+  const auto together = MakeTargets(photos, exposures, {}, 1);
+  ASSERT_TRUE(together.ok());
+  const std::vector<uint8_t>&bright = (*together)[0].image.data, &dark = (*together)[1].image.data;
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(bright[c], dark[c], 4) << c;
+  EXPECT_GT(bright[0], bright[1] + 40);
+
+  const auto alone = MakeTarget(photos[0], {});
+  ASSERT_TRUE(alone.ok());
+  EXPECT_EQ(alone->image.data[0], alone->image.data[1]);
+}
+
 TEST(Tone, TargetsGrowWithThePhoto) {
   ImageU8 ramp(86, 1);
   for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = static_cast<uint8_t>(i);
