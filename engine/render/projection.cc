@@ -69,16 +69,16 @@ HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const Kernel
   V color[3];
   ShEval(d, settings.sh_degree, dir.x, dir.y, dir.z, in, color);
   for (int c = 0; c < 3; ++c) hn::Store(color[c], d, rows->record[kRecordFeatures + c]);
-  if (settings.channels == kNumChannels) {
-    copy(kDepth, kChannelDepth);
-    if (settings.depth_is_camera_z) hn::Store(z, d, rows->record[kRecordFeatures + kChannelDepth]);
-    static_assert(kIllumination - kStructure == kChannelIllumination - kChannelStructure);
-    for (int r = kStructure; r < kIllumination + 3; ++r) {
-      copy(r, kChannelStructure + (r - kStructure));
-    }
-  } else if (settings.channels == kColorAndNoise) {
+  if (settings.channels == kColorAndNoise) {
     for (int c = 0; c < 3; ++c) copy(kNoise + c, 3 + c);
   }
+  if (settings.channels < kWithoutNoise) return;
+  copy(kDepth, kChannelDepth);
+  if (settings.depth_is_camera_z) hn::Store(z, d, rows->record[kRecordFeatures + kChannelDepth]);
+  copy(kStructure, kChannelStructure);
+  for (int c = 0; c < 3; ++c) copy(kIllumination + c, kChannelIllumination + c);
+  if (settings.channels < kNumChannels) return;
+  for (int c = 0; c < 3; ++c) copy(kNoise + c, kChannelNoise + c);
 }
 
 // Tiles that the ellipse reaches in the box's first rows of tiles.

@@ -85,9 +85,13 @@ struct VjpRows {
 // they are.
 HWY_INLINE V AttributesVjp(const VjpRows& rows, const ProjectionSettings& settings) {
   const D d;
-  if (settings.channels != kNumChannels) return hn::Zero(d);
-  for (int r = kStructure; r < kIllumination + 3; ++r) {
-    rows.Put(r, rows.Sum(kGradFeatures + kChannelStructure + (r - kStructure)));
+  if (settings.channels < kWithoutNoise) return hn::Zero(d);
+  const auto copy = [&](int channel, int row)
+                        HWY_ATTR { rows.Put(row, rows.Sum(kGradFeatures + channel)); };
+  copy(kChannelStructure, kStructure);
+  for (int c = 0; c < 3; ++c) {
+    copy(kChannelIllumination + c, kIllumination + c);
+    if (settings.channels == kNumChannels) copy(kChannelNoise + c, kNoise + c);
   }
   const V v_depth = rows.Sum(kGradFeatures + kChannelDepth);
   rows.Put(kDepth, settings.depth_is_camera_z ? hn::Zero(d) : v_depth);

@@ -267,6 +267,8 @@ TileEvaluations RasterizeTileImpl(const TileJob& job, float* image, float* alpha
       return Forward<kColorOnly>(job, image, alpha);
     case kColorAndNoise:
       return Forward<kColorAndNoise>(job, image, alpha);
+    case kWithoutNoise:
+      return Forward<kWithoutNoise>(job, image, alpha);
     default:
       return job.count_useful ? Forward<kNumChannels, true>(job, image, alpha)
                               : Forward<kNumChannels>(job, image, alpha);

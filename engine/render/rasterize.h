@@ -20,7 +20,7 @@ constexpr int kMaxTileBlocks = 64;  // blocks of 4 lanes; wider vectors have few
 struct TileJob {
   int x0 = 0, y0 = 0;                   // top-left pixel of the tile
   int width = 0, height = 0;            // image, px
-  int channels = 0;                     // 1, 6 (both forward only), 3 or 11
+  int channels = 0;                     // as RenderSettings::num_channels
   size_t count = 0;                     // Gaussians in the list, front to back
   const uint32_t* gaussians = nullptr;  // [count]
   const float* records = nullptr;       // [N][RecordStride(channels)]

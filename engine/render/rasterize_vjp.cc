@@ -358,8 +358,14 @@ void BackwardOf(const TileJob& job, const TileGradients& gradients, TileScratch*
 
 void RasterizeTileVjpImpl(const TileJob& job, const TileGradients& gradients,
                           TileScratch* scratch) {
-  if (job.channels == 3) return BackwardOf<3>(job, gradients, scratch);
-  BackwardOf<kNumChannels>(job, gradients, scratch);
+  switch (job.channels) {
+    case kColorOnly:
+      return BackwardOf<kColorOnly>(job, gradients, scratch);
+    case kWithoutNoise:
+      return BackwardOf<kWithoutNoise>(job, gradients, scratch);
+    default:
+      return BackwardOf<kNumChannels>(job, gradients, scratch);
+  }
 }
 
 }  // namespace HWY_NAMESPACE

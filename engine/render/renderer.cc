@@ -19,6 +19,10 @@ float Radius(const ProjectedSplats::Box& box) {
   return box.empty() ? 0.0f : 0.5f * (1 + std::max(box.x1 - box.x0, box.y1 - box.y0));
 }
 
+bool HasVjp(int channels) {
+  return channels == kColorOnly || channels == kWithoutNoise || channels == kNumChannels;
+}
+
 }  // namespace
 
 struct Renderer::Impl {
@@ -72,7 +76,7 @@ Renderer::Counters Renderer::counters() const { return impl_->counters; }
 void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
                        Planes* image, Planes* alpha) {
   const int C = settings.num_channels;
-  LITAGS_CHECK(C == kDepthOnly || C == kColorOnly || C == kColorAndNoise || C == kNumChannels);
+  LITAGS_CHECK(C == kDepthOnly || C == kColorAndNoise || HasVjp(C));
   Impl& s = *impl_;
   s.camera = KernelCamera(camera);
   s.width = camera.width;
@@ -160,7 +164,7 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
                         BlockGradSink sink) {
   Impl& s = *impl_;
   LITAGS_CHECK(splats.size() == s.projected.boxes.size());
-  LITAGS_CHECK(s.projection.channels == kColorOnly || s.projection.channels == kNumChannels);
+  LITAGS_CHECK(HasVjp(s.projection.channels));
   LITAGS_CHECK(v_image.channels == s.projection.channels && v_image.width == s.width &&
                v_image.height == s.height);
   const int stride = GradStride(s.projection.channels);

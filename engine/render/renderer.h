@@ -22,14 +22,16 @@ enum RenderChannel : int {
   kChannelColor = 0,         // 3: R0
   kChannelDepth = 3,         // 1: D_r
   kChannelStructure = 4,     // 1: P_r
-  kChannelNoise = 5,         // 3: N_GS
-  kChannelIllumination = 8,  // 3: L_r
+  kChannelIllumination = 5,  // 3: L_r
+  kChannelNoise = 8,         // 3: N_GS, which only the denoiser reads
   kNumChannels = 11,
 };
 
-// Renders that hold less cost less, for pictures; Backward takes kColorOnly and kNumChannels.
+// Renders that hold less cost less. The first channels of a whole render, forward and backward:
+constexpr int kColorOnly = 3;
+constexpr int kWithoutNoise = 8;
+// Forward only, for pictures:
 constexpr int kDepthOnly = 1;      // where surfaces are, see Forward
-constexpr int kColorOnly = 3;      // R0
 constexpr int kColorAndNoise = 6;  // R0, N_GS: what the denoiser reads
 
 // What the depth channel composites.
@@ -46,7 +48,7 @@ enum class PixelSum {
 };
 
 struct RenderSettings {
-  int num_channels = kNumChannels;  // or kDepthOnly, kColorOnly, kColorAndNoise
+  int num_channels = kNumChannels;  // or one of the constants above
   int sh_degree = kMaxShDegree;     // 0..3
   DepthSource depth_source = DepthSource::kAttribute;
   std::array<float, kNumChannels> background = {};
@@ -95,9 +97,9 @@ class Renderer {
   void Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
                Planes* image, Planes* alpha);
 
-  // VJP of the last Forward, of 3 or 11 channels: v_image [C, H, W], v_alpha [1, H, W] (or empty)
-  // to the parameters. `splats` must be unchanged. Exact derivatives: zero through the clamp at
-  // 0.99.
+  // VJP of the last Forward, of 3, 8 or 11 channels: v_image [C, H, W], v_alpha [1, H, W] (or
+  // empty) to the parameters. `splats` must be unchanged. Exact derivatives: zero through the clamp
+  // at 0.99.
   void Backward(const Splats& splats, const Planes& v_image, const Planes& v_alpha,
                 BlockGradSink sink);
 

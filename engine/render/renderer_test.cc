@@ -77,7 +77,7 @@ TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
   ForEachTarget([] {
     for (const auto& [w, h] : {std::pair{61, 43}, {16, 16}, {1, 1}, {17, 5}, {3, 33}}) {
       SCOPED_TRACE(std::to_string(w) + "x" + std::to_string(h));
-      for (int channels : {3, int{kNumChannels}}) {
+      for (int channels : {kColorOnly, kWithoutNoise, int{kNumChannels}}) {
         RenderSettings settings;
         settings.num_channels = channels;
         settings.background[0] = 0.3f;
@@ -214,7 +214,7 @@ TEST(Renderer, UsefulEvaluationsAreThoseThatWereComposited) {
   });
 }
 
-TEST(Renderer, ColourAndNoiseAloneAreTheSameBytesAsInAWholeRender) {
+TEST(Renderer, FewerChannelsAreTheSameBytesAsInAWholeRender) {
   ForEachTarget([] {
     const Splats splats = MakeSplats(150, 7);
     const Camera camera = MakeCamera(61, 43);
@@ -222,14 +222,17 @@ TEST(Renderer, ColourAndNoiseAloneAreTheSameBytesAsInAWholeRender) {
     Renderer renderer;
     Planes all, some, alpha, some_alpha;
     renderer.Forward(splats, camera, settings, &all, &alpha);
-    settings.num_channels = kColorAndNoise;
-    renderer.Forward(splats, camera, settings, &some, &some_alpha);
-    ASSERT_EQ(some.channels, 6);
-    EXPECT_EQ(some_alpha.data, alpha.data);
-    for (int c = 0; c < 6; ++c) {
-      const float* expected = all.plane(c < 3 ? c : kChannelNoise + c - 3);
-      EXPECT_TRUE(std::equal(expected, expected + all.plane_size(), some.plane(c)))
-          << "channel " << c;
+    for (const int channels : {kColorOnly, kColorAndNoise, kWithoutNoise}) {
+      settings.num_channels = channels;
+      renderer.Forward(splats, camera, settings, &some, &some_alpha);
+      ASSERT_EQ(some.channels, channels);
+      EXPECT_EQ(some_alpha.data, alpha.data);
+      for (int c = 0; c < channels; ++c) {
+        const bool moved = channels == kColorAndNoise && c >= 3;
+        const float* expected = all.plane(moved ? kChannelNoise + c - 3 : c);
+        EXPECT_TRUE(std::equal(expected, expected + all.plane_size(), some.plane(c)))
+            << "channel " << c << " of " << channels;
+      }
     }
   });
 }
@@ -325,8 +328,11 @@ std::vector<double> Gradient(const Splats& splats, const Camera& camera,
 TEST(Renderer, GradientsMatchFiniteDifferencesOnEveryTarget) {
   const Camera camera = MakeCamera(27, 21);
   const Splats splats = MakeSplats(18, 11);
-  for (const DepthSource source : {DepthSource::kAttribute, DepthSource::kCameraZ}) {
+  for (const auto& [source, channels] : {std::pair(DepthSource::kAttribute, int{kNumChannels}),
+                                         {DepthSource::kCameraZ, int{kNumChannels}},
+                                         {DepthSource::kAttribute, kWithoutNoise}}) {
     RenderSettings settings;
+    settings.num_channels = channels;
     settings.depth_source = source;
     settings.background[2] = 0.7f;
     if (source == DepthSource::kCameraZ) settings.dropout = {0.3, CounterRng(5, 6)};
@@ -387,7 +393,7 @@ ViewStats StatsOf(const Splats& splats, const Camera& camera, const RenderSettin
 TEST(Renderer, SumsOverPixelsMatchTheReferenceOnEveryTarget) {
   const Camera camera = MakeCamera(61, 43);
   const Splats splats = MakeSplats(90, 21);
-  for (const int channels : {3, int{kNumChannels}}) {
+  for (const int channels : {kColorOnly, kWithoutNoise, int{kNumChannels}}) {
     SCOPED_TRACE(channels);
     RenderSettings settings;
     settings.num_channels = channels;

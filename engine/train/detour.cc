@@ -36,8 +36,8 @@ constexpr Range kRows[] = {{kMean, "mean"},           {kLogScale, "scale"},
 constexpr Range kChannels[] = {{kChannelColor, "colour"},
                                {kChannelDepth, "depth"},
                                {kChannelStructure, "structure"},
-                               {kChannelNoise, "noise"},
-                               {kChannelIllumination, "light"}};
+                               {kChannelIllumination, "light"},
+                               {kChannelNoise, "noise"}};
 
 }  // namespace
 

@@ -82,7 +82,7 @@ bool SameBytes(const Result& a, const Result& b) {
 }
 
 Planes Rendered(const TrainOptions& options) {
-  return RandomPlanes(options.lita ? int{kNumChannels} : 3, kHeight, kWidth, 12);
+  return RandomPlanes(Objective(options).NumChannels(), kHeight, kWidth, 12);
 }
 
 TEST(MaskedObjective, WhatIsUnderTheMaskChangesNoByte) {
@@ -154,7 +154,7 @@ void CheckDifferences(const TrainOptions& options, const std::vector<int>& chann
   constexpr float kStep = 2e-3f;
   constexpr int kSide = 6;
   const TrainView view = MaskedView();
-  Planes rendered = RenderedAwayFromKinks(options.lita ? int{kNumChannels} : 3, kWidth, kHeight);
+  Planes rendered = RenderedAwayFromKinks(Objective(options).NumChannels(), kWidth, kHeight);
   const Planes v = Evaluate(options, view, rendered).v_rendered;
   for (const int c : channels) {
     double error2 = 0, norm2 = 0;

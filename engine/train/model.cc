@@ -38,7 +38,7 @@ void ModelRenderer::RenderDepth(const Model& model, const Camera& camera, Planes
 
 void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Planes* channels,
                                    Planes* alpha) {
-  Composite(model, camera, kNumChannels, channels, alpha);
+  Composite(model, camera, model.use_pdm ? int{kNumChannels} : kWithoutNoise, channels, alpha);
 }
 
 void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* color) {

@@ -38,8 +38,8 @@ class ModelRenderer {
   // Distance of the surfaces along the optical axis [1, H, W], scene units; 0 where nothing is.
   void RenderDepth(const Model& model, const Camera& camera, Planes* depth);
 
-  // All channels [11, H, W], see RenderChannel, with CameraZ as depth; alpha [1, H, W]. Those of
-  // the attributes mean nothing for plain 3DGS.
+  // All channels [11, H, W], see RenderChannel, or 8 if the model has no denoiser and so no noise,
+  // with CameraZ as depth; alpha [1, H, W]. Those of the attributes mean nothing for plain 3DGS.
   void RenderChannels(const Model& model, const Camera& camera, Planes* channels, Planes* alpha);
 
   // R of rendered channels, as RenderColor.

@@ -6,6 +6,7 @@
 
 #include "engine/core/image.h"
 #include "engine/denoise/pdm.h"
+#include "engine/render/renderer.h"
 #include "engine/train/losses.h"
 #include "engine/train/options.h"
 #include "engine/train/train_view.h"
@@ -23,8 +24,14 @@ class Objective {
  public:
   explicit Objective(const TrainOptions& options);
 
-  // Evaluates at `rendered` [11 or 3, H, W], with R = PDM(R_0) if `denoise`, else R = R_0. Writes
-  // v_rendered (same shape) and, if `denoise`, v_weights.
+  // Channels that it wants rendered: those without noise if the options have no PDM to read it.
+  int NumChannels() const {
+    if (!options_.lita) return kColorOnly;
+    return options_.use_pdm ? int{kNumChannels} : kWithoutNoise;
+  }
+
+  // Evaluates at `rendered` [NumChannels(), H, W], with R = PDM(R_0) if `denoise`, else R = R_0.
+  // Writes v_rendered (same shape) and, if `denoise`, v_weights.
   StepLosses Evaluate(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
                       int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
 

@@ -35,7 +35,7 @@ inline Planes RenderedAwayFromKinks(int channels, int width, int height) {
       float& v = rendered.plane(c)[i];
       if (c < 3) v = 1.7f + 0.5f * v;
       if (c == kChannelStructure) v += 1.1f;
-      if (c >= kChannelIllumination) v += 4.2f;
+      if (c >= kChannelIllumination && c < kChannelIllumination + 3) v += 4.2f;
     }
   }
   return rendered;

@@ -17,7 +17,7 @@ struct TrainOptions {
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores; never changes the result
 
-  // True: LITA-GS, 11 channels and all losses. False: plain 3DGS on the target images.
+  // True: LITA-GS, 8 channels (11 with the PDM) and all losses. False: plain 3DGS on the target images.
   bool lita = true;
   bool use_pdm = true;    // progressive denoising and L_de; else R = R_0
   bool use_prior = true;  // L_prior

@@ -255,7 +255,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   const bool denoise = level == 0 && objective.Denoises(state.iteration);
   const Camera& camera = view.view.camera;
   RenderSettings settings;
-  settings.num_channels = options.lita ? int{kNumChannels} : 3;
+  settings.num_channels = objective.NumChannels();
   settings.sh_degree = ShDegree();
   settings.threads = options.threads;
   settings.dropout = MakeDropout();

@@ -7,6 +7,7 @@
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
+#include "absl/strings/str_cat.h"
 #include "engine/core/parallel.h"
 #include "engine/io/file_util.h"
 #include "engine/pipeline/train_options.h"
@@ -59,7 +60,9 @@ class KernelBench {
     std::printf("%s, %d threads: at most %.1f GFLOP/s, %.1f GB/s\n", InstructionSet(), threads,
                 peaks_.gflops, peaks_.gbytes_per_second);
     json_["peaks"] = {{"gflops", peaks_.gflops}, {"gbytes_per_second", peaks_.gbytes_per_second}};
-    TimeRendering();
+    TimeRendering(kWithoutNoise, "_8");  // what training composites without the denoiser
+    TimeRendering(kNumChannels, "");
+    TimeBinning();
     TimeObjective();
     TimeAdam();
     TimeWhole();
@@ -73,14 +76,14 @@ class KernelBench {
   const nlohmann::json& json() const { return json_; }
 
  private:
-  void Report(const char* name, const Timing& t, const char* what) {
-    std::printf("%-12s %8.2f ms  (%.2f .. %.2f)  %s\n", name, t.median_ms, t.min_ms, t.max_ms,
-                what);
-    json_[std::string(name) + "_ms"] = t.median_ms;
-    json_["spread"][std::string(name) + "_ms"] = {t.min_ms, t.max_ms};
+  void Report(const std::string& name, const Timing& t, const std::string& what) {
+    std::printf("%-13s %8.2f ms  (%.2f .. %.2f)  %s\n", name.c_str(), t.median_ms, t.min_ms,
+                t.max_ms, what.c_str());
+    json_[name + "_ms"] = t.median_ms;
+    json_["spread"][name + "_ms"] = {t.min_ms, t.max_ms};
   }
 
-  void ReportRoofline(const char* name, const Timing& t, const Work& work) {
+  void ReportRoofline(const std::string& name, const Timing& t, const Work& work) {
     const double least = peaks_.LeastMilliseconds(work);
     std::printf("  at least %.2f ms at the machine's peak: %.0f %% of it reached\n", least,
                 100 * least / t.median_ms);
@@ -97,14 +100,16 @@ class KernelBench {
     return double(c.useful) / c.evaluations;
   }
 
-  void TimeRendering() {
+  void TimeRendering(int channels, const std::string& suffix) {
     const double useful = UsefulShare();
+    settings_.num_channels = channels;
     Planes alpha;
     const auto forward = [&] {
       renderer_.Forward(splats_, camera_, settings_, &rendered_, &alpha);
     };
     const Timing t = Measure(args_.repetitions, forward);
-    Report("forward", t, "project, sort, bin, composite 11 channels");
+    Report("forward" + suffix, t,
+           absl::StrCat("project, sort, bin, composite ", channels, " channels"));
     const Renderer::Counters c = renderer_.counters();
     const double pixels = double(camera_.width) * camera_.height;
     std::printf(
@@ -112,11 +117,21 @@ class KernelBench {
         "visible Gaussian\n",
         c.evaluations / pixels, 1e6 * t.median_ms / c.evaluations, 100 * useful,
         double(c.tile_pairs) / c.visible);
-    ReportRoofline("forward", t, ForwardWork(c.evaluations, kNumChannels));
+    ReportRoofline("forward" + suffix, t, ForwardWork(c.evaluations, channels));
     json_["useful_evaluations"] = useful;
     json_["evaluations_per_pixel"] = c.evaluations / pixels;
-    json_["forward_ns_per_evaluation"] = 1e6 * t.median_ms / c.evaluations;
+    json_["forward" + suffix + "_ns_per_evaluation"] = 1e6 * t.median_ms / c.evaluations;
 
+    Planes v(channels, camera_.height, camera_.width);
+    for (size_t i = 0; i < v.data.size(); ++i) v.data[i] = 1e-6f * (i % 17);
+    const Timing backward = Measure(args_.repetitions, [&] {
+      renderer_.Backward(splats_, v, Planes(), [](size_t, const float*, uint32_t) {});
+    });
+    Report("backward" + suffix, backward, "compositing and projection, no parameter update");
+    ReportRoofline("backward" + suffix, backward, BackwardWork(c.evaluations, channels));
+  }
+
+  void TimeBinning() {
     ProjectedSplats projected;
     projected.Resize(splats_.size(), kNumChannels);
     const KernelCamera camera(camera_);
@@ -133,16 +148,7 @@ class KernelBench {
                          &scratch);
                    }),
            "part of forward: depth sort and tile lists");
-
-    Planes v(kNumChannels, camera_.height, camera_.width);
-    for (size_t i = 0; i < v.data.size(); ++i) v.data[i] = 1e-6f * (i % 17);
-    const Timing backward = Measure(args_.repetitions, [&] {
-      renderer_.Backward(splats_, v, Planes(), [](size_t, const float*, uint32_t) {});
-    });
-    Report("backward", backward, "compositing and projection, no parameter update");
-    ReportRoofline("backward", backward, BackwardWork(c.evaluations));
   }
-
   void TimeObjective() {
     PdmWeights weights = PdmWeights::Initial(options_.pdm, 1), v_weights;
     Planes v_rendered;
@@ -187,10 +193,14 @@ class KernelBench {
   void TimeWhole() {
     // SH degree 3 is what most iterations run at.
     options_.sh_interval = 1;
-    Trainer at_degree_3(options_, &views_, splats_, 1.0);
-    Report("iteration", Measure(args_.repetitions, [&] { (void)at_degree_3.Step(); }),
+    TrainOptions without = options_;
+    without.use_pdm = false;
+    Trainer plain(without, &views_, splats_, 1.0), denoising(options_, &views_, splats_, 1.0);
+    Report("iteration_8", Measure(args_.repetitions, [&] { (void)plain.Step(); }),
+           "one full training step, without the denoiser and its channels");
+    Report("iteration", Measure(args_.repetitions, [&] { (void)denoising.Step(); }),
            "one full training step, denoiser included");
-    Model model = at_degree_3.Snapshot();
+    Model model = denoising.Snapshot();
     model.noise = BenchNoise();
     ModelRenderer renderer(args_.threads);
     Planes color;

@@ -44,6 +44,14 @@ void ReadRows(const ReferenceCase& reference, const char* array, int row, int co
 // Row of coefficient k, colour c of spherical harmonics.
 int ShRow(int k, int c) { return k == 0 ? kShDc + c : kShRest + 3 * (k - 1) + c; }
 
+// Row that feature c is kept in: harmonics of degree 0, then the LITA attributes.
+int FeatureRow(int c) {
+  if (c >= kChannelNoise) return kNoise + c - kChannelNoise;
+  if (c >= kChannelIllumination) return kIllumination + c - kChannelIllumination;
+  static_assert(kStructure - kShDc == kChannelStructure && kDepth - kShDc == kChannelDepth);
+  return kShDc + c;
+}
+
 int NumChannels(const ReferenceCase& reference) {
   return static_cast<int>(reference.Param("channels"));
 }
@@ -52,8 +60,6 @@ int ShDegree(const ReferenceCase& reference) {
   return HasSh(reference) ? static_cast<int>(reference.Param("sh_degree")) : 0;
 }
 
-// Plain features become harmonics of degree 0 (the first three) and LITA attributes, whose rows
-// follow in the order of the channels.
 Splats ReadSplats(const ReferenceCase& reference) {
   Splats splats(static_cast<size_t>(reference.Param("n")));
   ReadRows(reference, "means", kMean, 3, &splats);
@@ -68,12 +74,12 @@ Splats ReadSplats(const ReferenceCase& reference) {
     return splats;
   }
   const int channels = NumChannels(reference);
-  ReadRows(reference, "features", kShDc, channels, &splats);
-  for (size_t i = 0; i < splats.size(); ++i) {
-    for (int c = 0; c < 3; ++c) {
-      float& f = splats.at(i, kShDc + c);
-      f = static_cast<float>((f - 0.5) / kShC0);
-    }
+  const auto features = reference.Floats("features");  // [N,C]
+  if (features.size() != splats.size() * channels) throw CaseError("features: wrong size");
+  for (size_t i = 0; i < features.size(); ++i) {
+    const int c = static_cast<int>(i % channels);
+    splats.at(i / channels, FeatureRow(c)) =
+        c < 3 ? static_cast<float>((features[i] - 0.5) / kShC0) : features[i];
   }
   return splats;
 }
@@ -189,7 +195,7 @@ void CompareFeatureGradients(const ReferenceCase& reference, const GradientCompa
   std::vector<float> actual;
   for (size_t i = 0; i < grads.size(); ++i) {
     for (int c = 0; c < channels; ++c) {
-      const double g = grads.at(i, kShDc + c);
+      const double g = grads.at(i, FeatureRow(c));
       actual.push_back(static_cast<float>(c < 3 ? g / kShC0 : g));
     }
   }

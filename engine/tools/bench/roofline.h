@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "engine/render/projection.h"
+
 namespace litags {
 
 struct Work {
@@ -26,9 +28,9 @@ constexpr Work ForwardWork(int64_t evaluations, int channels) {
   return {.flops = double(evaluations) * (28 + 2 * channels)};
 }
 
-// Alpha and transmittance once more, 26 for the weights, 2 for each of 24 sums.
-constexpr Work BackwardWork(int64_t evaluations) {
-  return {.flops = double(evaluations) * (27 + 26 + 48)};
+// Alpha and transmittance once more, a product per channel and 4 for the weights, 2 for each sum.
+constexpr Work BackwardWork(int64_t evaluations, int channels) {
+  return {.flops = double(evaluations) * (27 + 2 * channels + 4 + 2 * GradStride(channels))};
 }
 
 // SSIM of three channels twice (L_exp and L_rec): 4 + 3 separable blurs of 11 taps.
