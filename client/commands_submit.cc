@@ -26,6 +26,7 @@ struct SubmitArgs {
   std::optional<v1::Tone> tone;
   std::optional<v1::DepthSource> depth_source;
   std::optional<v1::DensityStatistic> density_statistic;
+  std::optional<v1::DensityGrowth> density_growth;
   std::optional<double> theta, contrast, chroma_smoothing, min_registered, exposure_ssim,
       coarse_until, settle_epochs, dropout, depth_weight;
   std::optional<int> iterations, schedule_iterations, threads, sh_degree, max_image_side,
@@ -35,8 +36,8 @@ struct SubmitArgs {
   std::optional<int64_t> max_gaussians;
   std::optional<bool> depth_geometry, use_pdm;
   Treatment treatment;
-  bool no_prior = false, no_depth = false, no_dense_start = false, no_noise_filter = false,
-       information_weights = false;
+  bool no_prior = false, prior_geometry = false, no_depth = false, no_dense_start = false,
+       no_noise_filter = false, information_weights = false;
 };
 
 // An option that takes one of a few words.
@@ -72,6 +73,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.sh_degree) options.set_sh_degree(*args.sh_degree);
   if (args.use_pdm) options.set_use_pdm(*args.use_pdm);
   if (args.no_prior) options.set_use_prior(false);
+  if (args.prior_geometry) options.set_prior_geometry(true);
   if (args.no_depth) options.set_use_depth(false);
   if (args.no_noise_filter) options.set_noise_filter(false);
   if (args.no_dense_start) options.set_dense_start(false);
@@ -92,6 +94,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.depth_weight) options.set_depth_weight(*args.depth_weight);
   if (args.depth_geometry) options.set_depth_geometry(*args.depth_geometry);
   if (args.density_statistic) options.set_density_statistic(*args.density_statistic);
+  if (args.density_growth) options.set_density_growth(*args.density_growth);
   return options;
 }
 
@@ -266,6 +269,13 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                                    {"pixel", v1::DENSITY_STATISTIC_PIXEL}})
       ->description("Gradient that lets Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
       ->group(group);
+  AddChoice<v1::DensityGrowth>(*command, "--density-growth", args->density_growth,
+                               {{"long-axis", v1::DENSITY_GROWTH_LONG_AXIS},
+                                {"clone-split", v1::DENSITY_GROWTH_CLONE_SPLIT}})
+      ->description(
+          "Gaussians that split become: long-axis, halves side by side, or clone-split, as 3DGS "
+          "has it")
+      ->group(group);
   command->add_option("--sh-degree", args->sh_degree, "Spherical harmonics, 0..3")->group(group);
   command
       ->add_flag("--no-dense-start", args->no_dense_start,
@@ -306,6 +316,11 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_option("--coarse-until", args->coarse_until, "Part of the run on smaller photos")
       ->group(group);
   command->add_flag("--no-prior", args->no_prior, "Without the structure prior")->group(group);
+  command
+      ->add_flag(
+          "--prior-geometry", args->prior_geometry,
+          "The structure prior moves Gaussians, as in the paper; else it trains its map alone")
+      ->group(group);
   command->add_flag("--no-depth", args->no_depth, "Without the depth loss")->group(group);
   AddChoice<v1::DepthSource>(*command, "--depth-source", args->depth_source,
                              {{"auto", v1::DEPTH_SOURCE_AUTO},

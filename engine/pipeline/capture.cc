@@ -315,12 +315,14 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
                    o.settle_epochs,
                    o.dropout,
                    double(o.use_prior),
+                   double(o.prior_geometry),
                    double(o.information_weights),
                    double(depth),
                    o.depth_weight,
                    double(o.depth_geometry),
                    double(o.holdout_every),
-                   double(o.density_statistic)}) {
+                   double(o.density_statistic),
+                   double(o.density_growth)}) {
     f.Add(x);
   }
   f.Add(o.seed);

@@ -52,6 +52,12 @@ enum class DensityStatistic {
   kPixel,  // weighted by the pixels they cover (Pixel-GS)
 };
 
+// How such a Gaussian becomes two.
+enum class DensityGrowth {
+  kLongAxis,    // halves of it, side by side on its longest axis
+  kCloneSplit,  // 3DGS: a copy if it is small, two at random places in it if it is large
+};
+
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kCapture;
@@ -77,7 +83,8 @@ struct ReconstructOptions {
   int threads = 0;  // 0: all cores
   int64_t max_gaussians = 200000;
   DensityStatistic density_statistic = DensityStatistic::kMean;
-  int sh_degree = 3;        // 0..3
+  DensityGrowth density_growth = DensityGrowth::kLongAxis;  // of LITA-GS
+  int sh_degree = 3;                                        // 0..3
   bool dense_start = true;  // points of stereo depth to start from, besides SfM's
   // The paper's progressive denoising module. Off: beside the noise filter it is worth nothing that
   // was measured (docs/results.md), and costs a third of training and half of a picture's time.
@@ -88,6 +95,7 @@ struct ReconstructOptions {
   // (engine/denoise/noise_filter.h).
   bool noise_filter = true;
   bool use_prior = true;             // structure prior loss
+  bool prior_geometry = false;       // it moves Gaussians (paper), else it trains the map alone
   bool information_weights = false;  // pixels that noise, rounding or clipping spoilt weigh less
   bool use_depth = true;             // depth loss, where depth_source has maps
   int max_image_side = 0;            // photos with a longer side are shrunk to it, px; 0: never

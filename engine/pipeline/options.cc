@@ -25,6 +25,10 @@ PixelSum PixelSumOf(DensityStatistic statistic) {
   return PixelSum::kNone;
 }
 
+Growth GrowthOf(DensityGrowth growth) {
+  return growth == DensityGrowth::kLongAxis ? Growth::kLongAxis : Growth::kCloneSplit;
+}
+
 }  // namespace
 
 TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
@@ -41,7 +45,9 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.coarse_until = options.coarse_until;
   train.settle_epochs = options.settle_epochs;
   if (train.lita) train.dropout = options.dropout;
+  if (train.lita) train.growth = GrowthOf(options.density_growth);
   train.use_prior = options.use_prior;
+  train.prior_geometry = options.prior_geometry;
   train.use_depth = options.use_depth;
   train.weight_depth = options.depth_weight;
   train.depth_geometry = options.depth_geometry;

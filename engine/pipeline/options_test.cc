@@ -136,6 +136,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   options.depth_weight = 0.7;
   options.depth_geometry = !options.depth_geometry;
   options.density_statistic = DensityStatistic::kAbs;
+  options.prior_geometry = !options.prior_geometry;
   const TrainOptions train = TrainOptionsOf(options);
   EXPECT_FALSE(train.lita);
   EXPECT_EQ(train.exposure_ssim, 0.3);
@@ -155,7 +156,9 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_FALSE(train.use_depth);
   EXPECT_EQ(train.weight_depth, 0.7);
   EXPECT_EQ(train.depth_geometry, !ReconstructOptions().depth_geometry);
+  EXPECT_EQ(train.prior_geometry, !ReconstructOptions().prior_geometry);
   EXPECT_EQ(train.density_statistic, PixelSum::kAbsGradient);
+  EXPECT_EQ(train.growth, Growth::kCloneSplit) << "plain 3DGS has its own";
   options.schedule_iterations = 55;
   EXPECT_EQ(TrainOptionsOf(options).iterations, 55);
   options.density_statistic = DensityStatistic::kPixel;
@@ -164,6 +167,9 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   options.method = Method::kLitaGs;
   EXPECT_TRUE(TrainOptionsOf(options).lita);
   EXPECT_EQ(TrainOptionsOf(options).dropout, 0.4);
+  EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kLongAxis);
+  options.density_growth = DensityGrowth::kCloneSplit;
+  EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kCloneSplit);
 }
 
 TEST(Stage, HasAName) {

@@ -53,6 +53,7 @@ struct TileGradients {
   const uint32_t* slots = nullptr;       // [count]
   float* pairs = nullptr;                // [..][GradStride(channels)]
   PixelSum pixel_sum = PixelSum::kNone;  // what kGradExtra holds
+  uint32_t detached_channels = 0;        // as in RenderSettings
 };
 
 // Writes GradStride(channels) sums to pairs[slots[k]] for every k < count (zero where nothing

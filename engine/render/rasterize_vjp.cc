@@ -54,8 +54,8 @@ struct BlockInput {
   static constexpr int kChannelRow = GradStride(C) - kMoments;
   V x, y;
   const float* basis;
-  HWY_ALIGN float v[C * kLanes];                    // dL/dimage, [channel][lane]
-  HWY_ALIGN float rows[kLanes * kChannelRow] = {};  // the same, [lane][channel]
+  HWY_ALIGN float v[C * kLanes];  // dL/dimage, [channel][lane]; 0 of detached channels
+  HWY_ALIGN float rows[kLanes * kChannelRow] = {};  // dL/dimage of all channels, [lane][channel]
   HWY_ALIGN float behind[kLanes];                   // dL/dT_final: background less alpha
 
   void Load(const TileJob& job, const TileGradients& gradients, int block) {
@@ -65,13 +65,16 @@ struct BlockInput {
     for (int c = 0; c < C; ++c) {
       hn::Store(LoadBlock(job, block, gradients.v_image + c * plane), d, v + c * kLanes);
     }
+    Transpose();
+    for (int c = 0; c < C; ++c) {
+      if (gradients.detached_channels >> c & 1) hn::Store(hn::Zero(d), d, v + c * kLanes);
+    }
     V b = hn::Zero(d);
     if (gradients.v_alpha != nullptr) b = hn::Neg(LoadBlock(job, block, gradients.v_alpha));
     for (int c = 0; c < C; ++c) {
       b = hn::MulAdd(hn::Load(d, v + c * kLanes), hn::Set(d, job.background[c]), b);
     }
     hn::Store(b, d, behind);
-    Transpose();
   }
 
   // Four channels at a time.

@@ -33,6 +33,7 @@ struct Renderer::Impl {
   int threads = 0;
   bool count_useful = false;
   PixelSum pixel_sum = PixelSum::kNone;
+  uint32_t detached_channels = 0;
 
   ProjectedSplats projected;
   TileLists lists;
@@ -88,6 +89,7 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
   s.count_useful = settings.count_useful;
   s.pixel_sum = settings.pixel_sum;
+  s.detached_channels = settings.detached_channels;
 
   s.projected.Resize(splats.size(), settings.num_channels);
   s.stats.radius_px.resize(splats.size());
@@ -178,6 +180,7 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
     gradients.slots = s.lists.slots.data() + s.lists.tile_begin[tile];
     gradients.pairs = s.pair_grads.data();
     gradients.pixel_sum = s.pixel_sum;
+    gradients.detached_channels = s.detached_channels;
     RasterizeTileVjp(s.JobOf(tile), gradients, &s.tile_scratch[thread]);
   });
 

@@ -58,6 +58,9 @@ struct RenderSettings {
   bool count_useful = false;            // whether Forward of 11 channels fills Counters::useful
   PixelSum pixel_sum = PixelSum::kNone;
   Dropout dropout;  // of training
+  // Bit c: Backward gives channel c's gradient to the Gaussians' values in it and to nothing else,
+  // as if what they cover were given.
+  uint32_t detached_channels = 0;
 };
 
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
@@ -98,8 +101,8 @@ class Renderer {
                Planes* image, Planes* alpha);
 
   // VJP of the last Forward, of 3, 8 or 11 channels: v_image [C, H, W], v_alpha [1, H, W] (or
-  // empty) to the parameters. `splats` must be unchanged. Exact derivatives: zero through the clamp
-  // at 0.99.
+  // empty) to the parameters. `splats` must be unchanged. Exact derivatives, but for
+  // detached_channels: zero through the clamp at 0.99.
   void Backward(const Splats& splats, const Planes& v_image, const Planes& v_alpha,
                 BlockGradSink sink);
 

@@ -363,6 +363,32 @@ TEST(Renderer, GradientsMatchFiniteDifferencesOnEveryTarget) {
   }
 }
 
+TEST(Renderer, DetachedChannelsReachTheirOwnValuesOnly) {
+  const Camera camera = MakeCamera(61, 43);
+  const Splats splats = MakeSplats(90, 21);
+  RenderSettings settings;
+  settings.num_channels = kWithoutNoise;
+  settings.background[kChannelStructure] = 0.3f;
+  const Loss loss = MakeLoss(splats, camera, settings);
+  Loss without = loss;
+  std::fill_n(without.v_image.plane(kChannelStructure), without.v_image.plane_size(), 0.0f);
+  ForEachTarget([&] {
+    const std::vector<double> attached = Gradient(splats, camera, settings, loss);
+    const std::vector<double> no_structure = Gradient(splats, camera, settings, without);
+    RenderSettings detached = settings;
+    detached.detached_channels = 1u << kChannelStructure;
+    const std::vector<double> got = Gradient(splats, camera, detached, loss);
+    double structure = 0;
+    for (size_t i = 0; i < got.size(); ++i) {
+      const bool own = i % kSplatRows == kStructure;
+      ASSERT_EQ(got[i], own ? attached[i] : no_structure[i]) << "row " << i % kSplatRows;
+      if (own) structure += std::abs(got[i]);
+    }
+    EXPECT_GT(structure, 0);
+    EXPECT_NE(attached, got) << "it moved nothing in the first place";
+  });
+}
+
 TEST(Renderer, GradientRowsPastTheShDegreeAreZero) {
   const Camera camera = MakeCamera(27, 21);
   const Splats splats = MakeSplats(18, 11);

@@ -14,6 +14,12 @@ namespace {
 constexpr uint64_t kSplitStream = 0x5350;  // random numbers of splits
 constexpr double kSplitShrink = 1.6;       // 3DGS: scales of both halves are divided by this
 
+// Halves along the longest axis, relative to the whole. Their length and offset keep its variance
+// there, 1/4 + 3/4. Choice
+constexpr double kHalfLength = 0.5, kHalfOffset = 0.8660254;
+constexpr double kHalfWidth = 0.9;    // of the other axes. Choice
+constexpr double kHalfOpacity = 0.8;  // where halves overlap they cover more. Choice
+
 float MaxScale(const Splats& s, size_t i) {
   return std::exp(std::max({s.at(i, kLogScale), s.at(i, kLogScale + 1), s.at(i, kLogScale + 2)}));
 }
@@ -42,21 +48,44 @@ std::array<double, 9> Rotation(const Splats& s, size_t i) {
           2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
 }
 
-// Moves Gaussian i to a random place inside `parent` and shrinks it.
-void PlaceSplit(const Splats& parent, size_t p, const CounterRng& rng, uint64_t counter, size_t i,
-                Splats* out) {
+// Moves the mean of Gaussian i by `offset` along the axes of Gaussian p of `parent`, in its scales.
+void MoveBy(const std::array<double, 3>& offset, const Splats& parent, size_t p, size_t i,
+            Splats* out) {
   const std::array<double, 9> rot = Rotation(parent, p);
   double local[3];
+  for (int k = 0; k < 3; ++k) local[k] = std::exp(parent.at(p, kLogScale + k)) * offset[k];
   for (int k = 0; k < 3; ++k) {
-    local[k] = std::exp(parent.at(p, kLogScale + k)) * rng.Normal(counter + k);
-  }
-  for (int k = 0; k < 3; ++k) {
-    const double offset =
+    const double moved =
         rot[3 * k] * local[0] + rot[3 * k + 1] * local[1] + rot[3 * k + 2] * local[2];
-    out->at(i, kMean + k) = parent.at(p, kMean + k) + static_cast<float>(offset);
-    out->at(i, kLogScale + k) =
-        parent.at(p, kLogScale + k) - static_cast<float>(std::log(kSplitShrink));
+    out->at(i, kMean + k) += static_cast<float>(moved);
   }
+}
+
+// Makes Gaussian i, a copy of Gaussian p of `parent`, a smaller one at a random place inside it.
+void PlaceSplit(const Splats& parent, size_t p, const CounterRng& rng, uint64_t counter, size_t i,
+                Splats* out) {
+  MoveBy({rng.Normal(counter), rng.Normal(counter + 1), rng.Normal(counter + 2)}, parent, p, i,
+         out);
+  for (int k = 0; k < 3; ++k) {
+    out->at(i, kLogScale + k) -= static_cast<float>(std::log(kSplitShrink));
+  }
+}
+
+// Makes Gaussian i, a copy of Gaussian p of `parent`, its half on one side (1 or -1) of the middle
+// of its longest axis.
+void PlaceHalf(const Splats& parent, size_t p, double side, size_t i, Splats* out) {
+  const float scales[3] = {parent.at(p, kLogScale), parent.at(p, kLogScale + 1),
+                           parent.at(p, kLogScale + 2)};
+  const auto longest = std::max_element(scales, scales + 3) - scales;
+  std::array<double, 3> offset = {};
+  offset[longest] = side * kHalfOffset;
+  MoveBy(offset, parent, p, i, out);
+  for (int k = 0; k < 3; ++k) {
+    const double shrink = k == longest ? kHalfLength : kHalfWidth;
+    out->at(i, kLogScale + k) += static_cast<float>(std::log(shrink));
+  }
+  const double opacity = kHalfOpacity * Opacity(parent, p);
+  out->at(i, kLogitOpacity) = static_cast<float>(std::log(opacity / (1 - opacity)));
 }
 
 // The Gaussians to grow: score over the threshold, the `budget` largest of them.
@@ -84,6 +113,13 @@ void SplatState::Rearrange(const std::vector<uint32_t>& from) {
     Splats next(from.size());
     for (size_t i = 0; i < from.size(); ++i) next.Copy(*s, from[i], i);
     *s = std::move(next);
+  }
+}
+
+void SplatState::ClearMoments(size_t i) {
+  for (int row = 0; row < kSplatRows; ++row) {
+    moment1.at(i, row) = 0;
+    moment2.at(i, row) = 0;
   }
 }
 
@@ -146,31 +182,31 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
                                : options.densify_grad;
   const std::vector<uint32_t> growing = ChooseGrowing(*stats, threshold, budget);
 
-  // Old Gaussians first, then one new one for each that grows: a clone is a copy, a split moves
-  // both the old and the new one.
+  // Old Gaussians first, then one new one for each that grows: a clone is a copy, splits and halves
+  // move both the old and the new one.
   std::vector<uint32_t> from(n);
   std::iota(from.begin(), from.end(), 0);
   from.insert(from.end(), growing.begin(), growing.end());
   const Splats before = state->params;
   state->Rearrange(from);
   const CounterRng rng(options.seed, kSplitStream + (uint64_t(iteration) << 16));
-  const auto clear_moments = [&](size_t i) {
-    for (int row = 0; row < kSplatRows; ++row) {
-      state->moment1.at(i, row) = 0;
-      state->moment2.at(i, row) = 0;
-    }
-  };
   for (size_t k = 0; k < growing.size(); ++k) {
     const uint32_t old = growing[k];
-    clear_moments(n + k);
-    if (MaxScale(before, old) <= options.densify_percent * extent) {
+    state->ClearMoments(n + k);
+    const bool halves = options.growth == Growth::kLongAxis;
+    if (!halves && MaxScale(before, old) <= options.densify_percent * extent) {
       ++report.cloned;
       continue;
     }
     ++report.split;
-    clear_moments(old);
-    PlaceSplit(before, old, rng, uint64_t{old} * 8, old, &state->params);
-    PlaceSplit(before, old, rng, uint64_t{old} * 8 + 3, n + k, &state->params);
+    state->ClearMoments(old);
+    if (halves) {
+      PlaceHalf(before, old, 1, old, &state->params);
+      PlaceHalf(before, old, -1, n + k, &state->params);
+    } else {
+      PlaceSplit(before, old, rng, uint64_t{old} * 8, old, &state->params);
+      PlaceSplit(before, old, rng, uint64_t{old} * 8 + 3, n + k, &state->params);
+    }
   }
 
   // Prune and reorder in one pass over memory.

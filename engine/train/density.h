@@ -1,6 +1,7 @@
 // Adaptive density control: where the picture needs more Gaussians, and which are not needed.
 // Source: 3DGS Sec. 5, with a hard budget; AbsGS (arXiv 2404.10484) Sec. 3.2 and Pixel-GS (arXiv
-// 2403.15530) Sec. 3.2 for the scores.
+// 2403.15530) Sec. 3.2 for the scores; arXiv 2411.10133 and 2508.12313 for the split along the
+// longest axis, whose constants here are ours.
 #ifndef LITAGS_ENGINE_TRAIN_DENSITY_H_
 #define LITAGS_ENGINE_TRAIN_DENSITY_H_
 
@@ -21,6 +22,8 @@ struct SplatState {
 
   // Keeps exactly the Gaussians `from` (indices into this; repeats make copies), in that order.
   void Rearrange(const std::vector<uint32_t>& from);
+
+  void ClearMoments(size_t i);
 };
 
 // Sums over the views since the last density step that saw the Gaussian; index = Gaussian. Its
@@ -38,8 +41,8 @@ struct DensityReport {
   int64_t cloned = 0, split = 0, pruned = 0;
 };
 
-// One density step. Gaussians whose score exceeds the threshold of options.density_statistic are
-// cloned (small) or split in two (large), strongest first while the budget lasts; nearly
+// One density step. Gaussians whose score exceeds the threshold of options.density_statistic become
+// two, as options.growth says, strongest first while the budget lasts; nearly
 // transparent ones and those with a parameter that is not finite are removed (one Gaussian always
 // stays); then all are put in Morton order, so that blocks of 16 are neighbours in space. Random
 // numbers depend on (seed, iteration, Gaussian) only. Stats are reset.

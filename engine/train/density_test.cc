@@ -113,6 +113,76 @@ TEST(Density, SplitsAlongTheGaussiansOwnAxes) {
   EXPECT_GT(along, 0.5);
 }
 
+TEST(Density, HalvesLieSideBySideOnTheLongestAxis) {
+  for (const double scale : {0.05, 0.5}) {  // 3DGS would clone one and split the other
+    SplatState state = Line(2, 1e-4);
+    for (size_t i = 0; i < 2; ++i) {
+      state.params.at(i, kMean) = 0;
+      // Turned 90 degrees about z (and not normalised): its long axis is the world's y.
+      state.params.at(i, kLogScale) = static_cast<float>(std::log(scale));
+      state.params.at(i, kRawQuat) = state.params.at(i, kRawQuat + 3) = 3;
+      state.params.at(i, kLogitOpacity) = 0;
+    }
+    DensityStats stats = Stats({1e-3f, 0});
+    TrainOptions options;
+    options.growth = Growth::kLongAxis;
+    const DensityReport report = ControlDensity(options, kExtent, 600, &state, &stats);
+    EXPECT_EQ(report.split, 1);
+    EXPECT_EQ(report.cloned, 0);
+    ASSERT_EQ(state.params.size(), 3u);
+    double sum = 0, variance = 0;
+    for (size_t i = 0; i < 3; ++i) {
+      const Splats& s = state.params;
+      if (s.at(i, kShDc) == 1) {  // the other one is as it was
+        EXPECT_EQ(s.at(i, kLogScale), static_cast<float>(std::log(scale)));
+        EXPECT_EQ(state.moment1.at(i, kMean), 2);
+        continue;
+      }
+      EXPECT_NEAR(s.at(i, kMean), 0, 1e-6);
+      EXPECT_NEAR(s.at(i, kMean + 2), 0, 1e-6);
+      EXPECT_NEAR(s.at(i, kLogScale + 1), std::log(0.9e-4), 1e-5);
+      EXPECT_NEAR(s.at(i, kLogitOpacity), std::log(0.4 / 0.6), 1e-5);
+      EXPECT_EQ(state.moment1.at(i, kMean), 0);
+      EXPECT_EQ(state.moment2.at(i, kShRest), 0);
+      const double offset = s.at(i, kMean + 1);
+      sum += offset;
+      variance += (offset * offset + std::exp(2 * s.at(i, kLogScale))) / 2;
+    }
+    EXPECT_NEAR(sum, 0, 1e-6);
+    EXPECT_NEAR(std::sqrt(variance), scale, 1e-5 * scale) << "as far out as the whole";
+  }
+}
+
+TEST(Density, HalvesChangeThePictureLessThanCopiesAndRandomPlaces) {
+  const Camera camera = RingCamera(0, 1, 64, 48);
+  const auto render = [&](const Splats& splats) {
+    Renderer renderer;
+    Planes image, alpha;
+    renderer.Forward(splats, camera, RenderSettings(), &image, &alpha);
+    return image;
+  };
+  const Splats cloud = ColoredCloud(300, 4);
+  const Planes before = render(cloud);
+  const auto change = [&](Growth growth, double extent) {
+    SplatState state{cloud, Splats(300), Splats(300)};
+    DensityStats stats = Stats(std::vector<float>(300, 1e-3f));
+    TrainOptions options;
+    options.growth = growth;
+    ControlDensity(options, extent, 600, &state, &stats);
+    const Planes after = render(state.params);
+    double sum = 0;
+    for (size_t i = 0; i < 3 * before.plane_size(); ++i) {
+      sum += std::abs(after.data[i] - before.data[i]);
+    }
+    return sum;
+  };
+  constexpr double kAllSmall = 1000, kAllLarge = 1;
+  const double halves = change(Growth::kLongAxis, kAllSmall);
+  EXPECT_EQ(change(Growth::kLongAxis, kAllLarge), halves) << "size does not matter";
+  EXPECT_LT(halves, 0.8 * change(Growth::kCloneSplit, kAllSmall));
+  EXPECT_LT(halves, 0.8 * change(Growth::kCloneSplit, kAllLarge));
+}
+
 TEST(Density, TheBudgetGoesToTheStrongest) {
   SplatState state = Line(10, 0.05);
   DensityStats stats =

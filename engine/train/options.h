@@ -9,6 +9,12 @@
 
 namespace litags {
 
+// How density control makes two Gaussians of one.
+enum class Growth {
+  kLongAxis,    // halves of it, side by side on its longest axis: nearly the same picture. Choice
+  kCloneSplit,  // 3DGS: a copy in its place if it is small, two at random places in it if large
+};
+
 // Everything that decides the result of a training run, besides the data. Defaults: the paper's
 // Sec. "Implementation Details", the authors' release where that is silent, 3DGS otherwise;
 // `Choice` is ours.
@@ -17,11 +23,13 @@ struct TrainOptions {
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores; never changes the result
 
-  // True: LITA-GS, 8 channels (11 with the PDM) and all losses. False: plain 3DGS on the target images.
+  // True: LITA-GS, 8 channels (11 with the PDM) and all losses. False: plain 3DGS on the target
+  // images.
   bool lita = true;
-  bool use_pdm = true;    // progressive denoising and L_de; else R = R_0
-  bool use_prior = true;  // L_prior
-  bool use_depth = true;  // L_depth, for views that have a depth map
+  bool use_pdm = true;         // progressive denoising and L_de; else R = R_0
+  bool use_prior = true;       // L_prior
+  bool prior_geometry = true;  // it moves Gaussians (paper), else trains their attribute p alone
+  bool use_depth = true;       // L_depth, for views that have a depth map
   // D_r is the Gaussians' distance along the axis, so that the loss moves them; else their own
   // attribute d (paper). Choice
   bool depth_geometry = false;
@@ -71,6 +79,7 @@ struct TrainOptions {
   // over pixels, so that opposite pulls do not cancel (AbsGS); kCount: the mean weighted by the
   // pixels it covered, so that large ones count where they are seen whole (Pixel-GS).
   PixelSum density_statistic = PixelSum::kNone;
+  Growth growth = Growth::kCloneSplit;
   int densify_start = 500;
   int densify_every = 200;  // release; 3DGS: 100
   // Iterations of densification after the coarse part, at most until half of the run. Choice

@@ -260,6 +260,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   settings.threads = options.threads;
   settings.dropout = MakeDropout();
   if (options.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
+  if (!options.prior_geometry) settings.detached_channels = 1u << kChannelStructure;
   if (state.iteration < DensifyUntil()) settings.pixel_sum = options.density_statistic;
   {
     Timer timer(&phases.forward);

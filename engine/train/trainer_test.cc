@@ -241,6 +241,31 @@ TEST(Trainer, AblationsTrain) {
   }
 }
 
+TEST(Trainer, APriorThatMovesNothingTrainsItsAttributeAlone) {
+  const auto train = [](bool use_prior, bool geometry) {
+    TrainOptions options = Options();
+    options.use_prior = use_prior;
+    options.prior_geometry = geometry;
+    Trainer trainer = MakeTrainer(options);
+    Train(&trainer, kIterations);
+    return trainer.Snapshot().splats;
+  };
+  const Splats none = train(false, false), detached = train(true, false), paper = train(true, true);
+  ASSERT_EQ(detached.size(), none.size());
+  bool trained = false;
+  for (size_t i = 0; i < none.size(); ++i) {
+    for (int row = 0; row < kSplatRows; ++row) {
+      if (row == kStructure) {
+        trained |= detached.at(i, row) != none.at(i, row);
+      } else {
+        ASSERT_EQ(detached.at(i, row), none.at(i, row)) << i << " row " << row;
+      }
+    }
+  }
+  EXPECT_TRUE(trained);
+  EXPECT_FALSE(SameBytes(paper.data(), detached.data()));
+}
+
 TEST(Trainer, LearningRatesOfZeroFreezeTheMeans) {
   TrainOptions options = Options();
   options.lr_means = options.lr_means_final = 0;

@@ -106,6 +106,11 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
       return UnknownEnum("options.density_statistic", proto.density_statistic());
     options.density_statistic = static_cast<DensityStatistic>(proto.density_statistic() - 1);
   }
+  if (proto.has_density_growth() && proto.density_growth() != v1::DENSITY_GROWTH_UNSPECIFIED) {
+    if (!v1::DensityGrowth_IsValid(proto.density_growth()))
+      return UnknownEnum("options.density_growth", proto.density_growth());
+    options.density_growth = static_cast<DensityGrowth>(proto.density_growth() - 1);
+  }
   if (proto.has_theta()) options.theta = proto.theta();
   if (proto.has_iterations()) options.iterations = proto.iterations();
   if (proto.has_seed()) options.seed = proto.seed();
@@ -114,6 +119,7 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
   if (proto.has_sh_degree()) options.sh_degree = proto.sh_degree();
   if (proto.has_use_pdm()) options.use_pdm = proto.use_pdm();
   if (proto.has_use_prior()) options.use_prior = proto.use_prior();
+  if (proto.has_prior_geometry()) options.prior_geometry = proto.prior_geometry();
   if (proto.has_use_depth()) options.use_depth = proto.use_depth();
   if (proto.has_max_image_side()) options.max_image_side = proto.max_image_side();
   if (proto.has_holdout_every()) options.holdout_every = proto.holdout_every();
@@ -194,6 +200,9 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_schedule_iterations(options.schedule_iterations);
   proto.set_density_statistic(
       static_cast<v1::DensityStatistic>(static_cast<int>(options.density_statistic) + 1));
+  proto.set_density_growth(
+      static_cast<v1::DensityGrowth>(static_cast<int>(options.density_growth) + 1));
+  proto.set_prior_geometry(options.prior_geometry);
   return proto;
 }
 

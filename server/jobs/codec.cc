@@ -27,6 +27,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("sh_degree", r.sh_degree);
   visit("use_pdm", r.use_pdm);
   visit("use_prior", r.use_prior);
+  visit("prior_geometry", r.prior_geometry);
   visit("information_weights", r.information_weights);
   visit("use_depth", r.use_depth);
   visit("max_image_side", r.max_image_side);
@@ -47,6 +48,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("dense_start", r.dense_start);
   visit("noise_filter", r.noise_filter);
   visit("density_statistic", r.density_statistic);
+  visit("density_growth", r.density_growth);
   visit("schedule_iterations", r.schedule_iterations);
 }
 

@@ -67,6 +67,8 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_information_weights(true);
   o->set_schedule_iterations(100);
   o->set_density_statistic(v1::DENSITY_STATISTIC_ABS);
+  o->set_density_growth(v1::DENSITY_GROWTH_CLONE_SPLIT);
+  o->set_prior_geometry(true);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();
@@ -92,6 +94,10 @@ TEST_F(JobsApi, OptionOutOfRangeNamesTheField) {
   request.mutable_options()->set_density_statistic(static_cast<v1::DensityStatistic>(4));
   EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
                  "options.density_statistic");
+  request.mutable_options()->clear_density_statistic();
+  request.mutable_options()->set_density_growth(static_cast<v1::DensityGrowth>(3));
+  EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
+                 "options.density_growth");
 }
 
 TEST_F(JobsApi, CreateIsIdempotentByRequestId) {

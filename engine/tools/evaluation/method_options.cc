@@ -55,6 +55,12 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option("--density-statistic", options->density_statistic,
                   "gradient that makes Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
       ->transform(CLI::CheckedTransformer(statistics));
+  const std::map<std::string, DensityGrowth> growths = {
+      {"long-axis", DensityGrowth::kLongAxis}, {"clone-split", DensityGrowth::kCloneSplit}};
+  app->add_option("--density-growth", options->density_growth,
+                  "Gaussians that split become: long-axis, halves side by side, or clone-split, as "
+                  "3DGS has it")
+      ->transform(CLI::CheckedTransformer(growths));
   app->add_option("--sh-degree", options->sh_degree)->capture_default_str();
   app->add_flag("!--no-dense-start", options->dense_start,
                 "start from the sparse points alone, not from stereo's, too");
@@ -74,6 +80,9 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_flag("--information-weights", options->information_weights,
                 "pixels that noise, rounding or clipping spoilt weigh less");
   app->add_flag("!--no-prior", options->use_prior, "without the structure prior");
+  app->add_flag(
+      "--prior-geometry", options->prior_geometry,
+      "the structure prior moves Gaussians, as in the paper; else it trains its map alone");
   const std::map<std::string, DepthOrigin> sources = {{"auto", DepthOrigin::kAuto},
                                                       {"maps", DepthOrigin::kMaps},
                                                       {"stereo", DepthOrigin::kStereo},

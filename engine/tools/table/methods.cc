@@ -42,6 +42,8 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.noise_filter = false;
   options.use_pdm = true;
   options.density_statistic = DensityStatistic::kMean;
+  options.density_growth = DensityGrowth::kCloneSplit;
+  options.prior_geometry = true;
   options.pdm_hidden = 16;
   options.pdm_every = 1;
   options.coarse_levels = 0;
