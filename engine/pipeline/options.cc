@@ -13,6 +13,8 @@ absl::Status Bad(const char* field, double value, const char* rule) {
                       absl::StrCat("options.", field, ": ", value, " ", rule));
 }
 
+constexpr double kDensifyEpochs = 60;  // TrainOptions::densify_epochs. Choice
+
 PixelSum PixelSumOf(DensityStatistic statistic) {
   switch (statistic) {
     case DensityStatistic::kMean:
@@ -44,8 +46,11 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.coarse_levels = options.coarse_levels;
   train.coarse_until = options.coarse_until;
   train.settle_epochs = options.settle_epochs;
-  if (train.lita) train.dropout = options.dropout;
-  if (train.lita) train.growth = GrowthOf(options.density_growth);
+  if (train.lita) {
+    train.dropout = options.dropout;
+    train.growth = GrowthOf(options.density_growth);
+    if (train.growth == Growth::kLongAxis) train.densify_epochs = kDensifyEpochs;
+  }
   train.use_prior = options.use_prior;
   train.prior_geometry = options.prior_geometry;
   train.use_depth = options.use_depth;

@@ -168,8 +168,10 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_TRUE(TrainOptionsOf(options).lita);
   EXPECT_EQ(TrainOptionsOf(options).dropout, 0.4);
   EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kLongAxis);
+  EXPECT_GT(TrainOptionsOf(options).densify_epochs, 0);
   options.density_growth = DensityGrowth::kCloneSplit;
   EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kCloneSplit);
+  EXPECT_EQ(TrainOptionsOf(options).densify_epochs, 0) << "as the paper";
 }
 
 TEST(Stage, HasAName) {

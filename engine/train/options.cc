@@ -50,6 +50,7 @@ absl::Status TrainOptions::Validate() const {
                  {"lr_pdm", lr_pdm},
                  {"settle_epochs", settle_epochs},
                  {"dropout", dropout},
+                 {"densify_epochs", densify_epochs},
                  {"densify_grad", densify_grad},
                  {"densify_abs_grad", densify_abs_grad},
                  {"densify_percent", densify_percent},

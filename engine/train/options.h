@@ -82,8 +82,11 @@ struct TrainOptions {
   Growth growth = Growth::kCloneSplit;
   int densify_start = 500;
   int densify_every = 200;  // release; 3DGS: 100
-  // Iterations of densification after the coarse part, at most until half of the run. Choice
-  int densify_until = 5000;        // paper
+  // Iterations of densification after the coarse part (paper), at most until half of the run; until
+  // densify_epochs if those take longer, at most until 0.7 of the run: short runs on many photos
+  // have not seen these often enough to learn their noise. Choice
+  int densify_until = 5000;
+  double densify_epochs = 0;
   double densify_grad = 2e-4;      // least score to grow, in units of half the image; 3DGS
   double densify_abs_grad = 8e-4;  // the same with kAbsGradient, which is larger
   double densify_percent = 0.01;  // of the extent: larger Gaussians are split, smaller cloned; 3DGS

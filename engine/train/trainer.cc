@@ -29,6 +29,9 @@ constexpr uint64_t kDropoutStream = 0x4450;    // and of who is left out
 constexpr double kDropoutEpochs = 50;          // at full size, to half of options.dropout. Choice
 constexpr double kDropoutNoise = 2;            // codes of 255 in the targets, to half of it. Choice
 
+constexpr double kDensifyShare = 0.5;      // of the run, see options.densify_epochs. Choice
+constexpr double kMostDensifyShare = 0.7;  // of short runs
+
 constexpr int kSkipsOfAPhoto = 2;  // then it is left out: it will not get better
 
 // Adds the time until its destruction to a total.
@@ -99,7 +102,10 @@ struct Trainer::Impl {
   }
 
   int DensifyUntil() const {
-    return std::min(pyramid.CoarseEnd() + options.densify_until, options.iterations / 2);
+    const double most =
+        std::clamp(options.densify_epochs * num_views, kDensifyShare * options.iterations,
+                   kMostDensifyShare * options.iterations);
+    return std::min(pyramid.CoarseEnd() + options.densify_until, static_cast<int>(most));
   }
 
   // At full size.

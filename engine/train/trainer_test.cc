@@ -241,6 +241,29 @@ TEST(Trainer, AblationsTrain) {
   }
 }
 
+TEST(Trainer, DensityGrowsUntilTheEpochsAreOverWithinBounds) {
+  const auto last_growth = [](double epochs, int until) {
+    TrainOptions options = Options();
+    options.densify_epochs = epochs;
+    options.densify_until = until;
+    options.max_gaussians = 100000;
+    Trainer trainer = MakeTrainer(options);
+    int last = 0;
+    for (int i = 1; i <= kIterations; ++i) {
+      const size_t before = trainer.num_gaussians();
+      Train(&trainer, i);
+      if (trainer.num_gaussians() != before) last = i;
+    }
+    return last;
+  };
+  const double eight_photos = 1 / 8.0;
+  EXPECT_EQ(last_growth(0, 5000), 30) << "half of the run";
+  EXPECT_EQ(last_growth(10 * eight_photos, 5000), 30) << "no less";
+  EXPECT_EQ(last_growth(41 * eight_photos, 5000), 40);
+  EXPECT_EQ(last_growth(1000, 5000), 40) << "0.7 of the run";
+  EXPECT_EQ(last_growth(1000, 25), 20);
+}
+
 TEST(Trainer, APriorThatMovesNothingTrainsItsAttributeAlone) {
   const auto train = [](bool use_prior, bool geometry) {
     TrainOptions options = Options();
