@@ -2,8 +2,6 @@
 
 #include <bit>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <limits>
 #include <string>
 #include <vector>
@@ -12,39 +10,11 @@
 #include "engine/core/simd_test_util.h"
 #include "engine/render/constants.h"
 #include "engine/render/reference_renderer.h"
+#include "engine/render/renderer_test_util.h"
 #include "gtest/gtest.h"
 
 namespace litags {
 namespace {
-
-Camera MakeCamera(int width, int height) {
-  Camera camera;
-  camera.width = width;
-  camera.height = height;
-  camera.fx = 0.9 * width;
-  camera.fy = 1.1 * width;
-  camera.cx = 0.45 * width;
-  camera.cy = 0.55 * height;
-  EXPECT_TRUE(camera.LookAt({0.3, -0.2, -4}, {0.1, 0, 0}, {0.1, -1, 0}).ok());
-  return camera;
-}
-
-// A cloud around the origin: mixed sizes and shapes, some before, across and behind the camera.
-Splats MakeSplats(size_t n, uint64_t seed) {
-  const CounterRng rng(seed, 7);
-  Splats splats(n);
-  for (size_t i = 0; i < n; ++i) {
-    uint64_t counter = i * 200;
-    const auto normal = [&] { return rng.Normal(counter++); };
-    for (int k = 0; k < 3; ++k) splats.at(i, kMean + k) = 0.8 * normal();
-    if (i % 13 == 5) splats.at(i, kMean + 2) -= 4;  // near the camera, half of them behind it
-    for (int k = 0; k < 3; ++k) splats.at(i, kLogScale + k) = -2.2 + 0.7 * normal();
-    for (int k = 0; k < 4; ++k) splats.at(i, kRawQuat + k) = normal();
-    splats.at(i, kLogitOpacity) = 1.5 * normal();
-    for (int row = kShDc; row < kSplatRows; ++row) splats.at(i, row) = 0.4 * normal();
-  }
-  return splats;
-}
 
 void ExpectMatchesReference(const Splats& splats, const Camera& camera,
                             const RenderSettings& settings) {
@@ -284,204 +254,6 @@ TEST(Renderer, NotANumberAndInfinityInOneGaussianLeaveTheOthersAlone) {
     splats.at(39, kMean) = bad;
     renderer.Forward(splats, MakeCamera(40, 30), RenderSettings(), &image, &alpha);
     EXPECT_EQ(image.data, want.data);
-  }
-}
-
-// Loss = sum(weights * image) + sum(weights * alpha), with weights zero on fragile pixels.
-struct Loss {
-  Planes v_image, v_alpha;
-  double Of(const ReferenceImage& r) const {
-    double sum = 0;
-    for (size_t i = 0; i < r.image.size(); ++i) sum += r.image[i] * v_image.data[i];
-    for (size_t i = 0; i < r.alpha.size(); ++i) sum += r.alpha[i] * v_alpha.data[i];
-    return sum;
-  }
-};
-
-Loss MakeLoss(const Splats& splats, const Camera& camera, const RenderSettings& settings) {
-  const ReferenceImage r = RenderReference(ToDoubles(splats), camera, settings);
-  Loss loss{Planes(settings.num_channels, camera.height, camera.width),
-            Planes(1, camera.height, camera.width)};
-  const CounterRng rng(9, 9);
-  const size_t plane = loss.v_alpha.data.size();
-  for (size_t i = 0; i < loss.v_image.data.size(); ++i) {
-    loss.v_image.data[i] = r.fragile[i % plane] ? 0 : rng.Normal(i);
-  }
-  for (size_t i = 0; i < plane; ++i)
-    loss.v_alpha.data[i] = r.fragile[i] ? 0 : rng.Normal(1000000 + i);
-  return loss;
-}
-
-std::vector<double> Gradient(const Splats& splats, const Camera& camera,
-                             const RenderSettings& settings, const Loss& loss) {
-  Renderer renderer;
-  Planes image, alpha;
-  renderer.Forward(splats, camera, settings, &image, &alpha);
-  Splats grads(splats.size());
-  renderer.Backward(splats, loss.v_image, loss.v_alpha,
-                    [&](size_t block, const float* g, uint32_t) {
-                      std::memcpy(grads.block(block), g, sizeof(float) * Splats::kBlockFloats);
-                    });
-  return ToDoubles(grads);
-}
-
-TEST(Renderer, GradientsMatchFiniteDifferencesOnEveryTarget) {
-  const Camera camera = MakeCamera(27, 21);
-  const Splats splats = MakeSplats(18, 11);
-  for (const auto& [source, channels] : {std::pair(DepthSource::kAttribute, int{kNumChannels}),
-                                         {DepthSource::kCameraZ, int{kNumChannels}},
-                                         {DepthSource::kAttribute, kWithoutNoise}}) {
-    RenderSettings settings;
-    settings.num_channels = channels;
-    settings.depth_source = source;
-    settings.background[2] = 0.7f;
-    if (source == DepthSource::kCameraZ) settings.dropout = {0.3, CounterRng(5, 6)};
-    const Loss loss = MakeLoss(splats, camera, settings);
-    std::vector<double> params = ToDoubles(splats);
-    std::vector<double> want(params.size());
-    for (size_t i = 0; i < params.size(); ++i) {
-      const double h = 1e-5, kept = params[i];
-      params[i] = kept + h;
-      const double up = loss.Of(RenderReference(params, camera, settings));
-      params[i] = kept - h;
-      const double down = loss.Of(RenderReference(params, camera, settings));
-      params[i] = kept;
-      want[i] = (up - down) / (2 * h);
-    }
-    ForEachTarget([&] {
-      const std::vector<double> got = Gradient(splats, camera, settings, loss);
-      for (int row = 0; row < kSplatRows; ++row) {
-        double scale = 1e-3, worst = 0;
-        for (size_t i = row; i < want.size(); i += kSplatRows) {
-          scale = std::max(scale, std::abs(want[i]));
-          worst = std::max(worst, std::abs(got[i] - want[i]));
-        }
-        // Single precision reaches 2e-5 of the largest entry; differences add their own 1e-6.
-        EXPECT_LT(worst, 2e-4 * scale) << "row " << row;
-      }
-    });
-  }
-}
-
-TEST(Renderer, DetachedChannelsReachTheirOwnValuesOnly) {
-  const Camera camera = MakeCamera(61, 43);
-  const Splats splats = MakeSplats(90, 21);
-  RenderSettings settings;
-  settings.num_channels = kWithoutNoise;
-  settings.background[kChannelStructure] = 0.3f;
-  const Loss loss = MakeLoss(splats, camera, settings);
-  Loss without = loss;
-  std::fill_n(without.v_image.plane(kChannelStructure), without.v_image.plane_size(), 0.0f);
-  ForEachTarget([&] {
-    const std::vector<double> attached = Gradient(splats, camera, settings, loss);
-    const std::vector<double> no_structure = Gradient(splats, camera, settings, without);
-    RenderSettings detached = settings;
-    detached.detached_channels = 1u << kChannelStructure;
-    const std::vector<double> got = Gradient(splats, camera, detached, loss);
-    double structure = 0;
-    for (size_t i = 0; i < got.size(); ++i) {
-      const bool own = i % kSplatRows == kStructure;
-      ASSERT_EQ(got[i], own ? attached[i] : no_structure[i]) << "row " << i % kSplatRows;
-      if (own) structure += std::abs(got[i]);
-    }
-    EXPECT_GT(structure, 0);
-    EXPECT_NE(attached, got) << "it moved nothing in the first place";
-  });
-}
-
-TEST(Renderer, GradientRowsPastTheShDegreeAreZero) {
-  const Camera camera = MakeCamera(27, 21);
-  const Splats splats = MakeSplats(18, 11);
-  RenderSettings settings;
-  settings.num_channels = 3;
-  settings.sh_degree = 1;
-  const std::vector<double> grads =
-      Gradient(splats, camera, settings, MakeLoss(splats, camera, settings));
-  double used = 0;
-  for (size_t i = 0; i < grads.size(); ++i) {
-    if (int(i % kSplatRows) >= SplatRowsForDegree(1)) {
-      EXPECT_EQ(grads[i], 0);
-    }
-    if (i % kSplatRows == kShRest) used += std::abs(grads[i]);
-  }
-  EXPECT_GT(used, 0);
-}
-
-ViewStats StatsOf(const Splats& splats, const Camera& camera, const RenderSettings& settings,
-                  const Loss& loss) {
-  Renderer renderer;
-  Planes image, alpha;
-  renderer.Forward(splats, camera, settings, &image, &alpha);
-  renderer.Backward(splats, loss.v_image, loss.v_alpha, [](size_t, const float*, uint32_t) {});
-  return renderer.stats();
-}
-
-TEST(Renderer, SumsOverPixelsMatchTheReferenceOnEveryTarget) {
-  const Camera camera = MakeCamera(61, 43);
-  const Splats splats = MakeSplats(90, 21);
-  for (const int channels : {kColorOnly, kWithoutNoise, int{kNumChannels}}) {
-    SCOPED_TRACE(channels);
-    RenderSettings settings;
-    settings.num_channels = channels;
-    settings.background[1] = 0.4f;
-    const Loss loss = MakeLoss(splats, camera, settings);
-    const ReferencePixelSums want =
-        SumReferencePixels(ToDoubles(splats), camera, settings, loss.v_image, loss.v_alpha);
-    ForEachTarget([&] {
-      settings.pixel_sum = PixelSum::kAbsGradient;
-      const ViewStats abs = StatsOf(splats, camera, settings, loss);
-      settings.pixel_sum = PixelSum::kCount;
-      const ViewStats count = StatsOf(splats, camera, settings, loss);
-      EXPECT_TRUE(abs.pixels.empty());
-      EXPECT_TRUE(count.abs_grad_means2d.empty());
-      double largest = 0, worst = 0, seen = 0;
-      for (size_t i = 0; i < splats.size(); ++i) {
-        if (abs.radius_px[i] <= 0) continue;
-        largest = std::max(largest, want.abs_grad[i]);
-        worst = std::max(worst, std::abs(abs.abs_grad_means2d[i] - want.abs_grad[i]));
-        EXPECT_LE(std::abs(count.pixels[i] - want.pixels[i]), want.doubtful[i]) << i;
-        EXPECT_GE(abs.abs_grad_means2d[i], 0.999f * abs.grad_means2d[i])
-            << "pulls cancel only here";
-        seen += count.pixels[i];
-      }
-      EXPECT_GT(seen, 1000);
-      // As the gradients themselves: single precision reaches 2e-5 of the largest.
-      EXPECT_LT(worst, 2e-4 * largest);
-    });
-  }
-}
-
-TEST(Renderer, SumsOverPixelsChangeNoGradientAndAreTheSameBytesForAnyThreadCount) {
-  const Camera camera = MakeCamera(150, 110);
-  const Splats splats = MakeSplats(3000, 22);
-  RenderSettings settings;
-  settings.threads = 1;
-  const Loss loss = MakeLoss(splats, camera, settings);
-  const std::vector<double> plain = Gradient(splats, camera, settings, loss);
-  for (const PixelSum sum : {PixelSum::kAbsGradient, PixelSum::kCount}) {
-    settings.pixel_sum = sum;
-    settings.threads = 1;
-    EXPECT_EQ(Gradient(splats, camera, settings, loss), plain);
-    const ViewStats one = StatsOf(splats, camera, settings, loss);
-    for (int threads : {2, 5}) {
-      settings.threads = threads;
-      const ViewStats more = StatsOf(splats, camera, settings, loss);
-      EXPECT_EQ(more.abs_grad_means2d, one.abs_grad_means2d);
-      EXPECT_EQ(more.pixels, one.pixels);
-    }
-  }
-}
-
-TEST(Renderer, ResultsAreTheSameBytesForAnyThreadCount) {
-  const Camera camera = MakeCamera(150, 110);
-  const Splats splats = MakeSplats(3000, 12);
-  RenderSettings settings;
-  settings.threads = 1;
-  const Loss loss = MakeLoss(splats, camera, settings);
-  const std::vector<double> want = Gradient(splats, camera, settings, loss);
-  for (int threads : {2, 5}) {
-    settings.threads = threads;
-    EXPECT_EQ(Gradient(splats, camera, settings, loss), want) << threads << " threads";
   }
 }
 

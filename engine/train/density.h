@@ -42,10 +42,10 @@ struct DensityReport {
 };
 
 // One density step. Gaussians whose score exceeds the threshold of options.density_statistic become
-// two, as options.growth says, strongest first while the budget lasts; nearly
-// transparent ones and those with a parameter that is not finite are removed (one Gaussian always
-// stays); then all are put in Morton order, so that blocks of 16 are neighbours in space. Random
-// numbers depend on (seed, iteration, Gaussian) only. Stats are reset.
+// two, as options.growth says, strongest first while the budget lasts; nearly transparent ones and
+// those with a parameter that is not finite are removed (one Gaussian always stays); then all are
+// put in Morton order, so that blocks of 16 are neighbours in space. Random numbers depend on
+// (seed, iteration, Gaussian) only. Stats are reset.
 DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
                              SplatState* state, DensityStats* stats);
 

@@ -83,8 +83,8 @@ struct TrainOptions {
   int densify_start = 500;
   int densify_every = 200;  // release; 3DGS: 100
   // Iterations of densification after the coarse part (paper), at most until half of the run; until
-  // densify_epochs if those take longer, at most until 0.7 of the run: short runs on many photos
-  // have not seen these often enough to learn their noise. Choice
+  // every photo was seen densify_epochs times if that is later, at most until 0.7 of the run: short
+  // runs on many photos have not seen these often enough to learn their noise. Choice
   int densify_until = 5000;
   double densify_epochs = 0;
   double densify_grad = 2e-4;      // least score to grow, in units of half the image; 3DGS
