@@ -186,6 +186,37 @@ TEST(DenseStart, WithoutItAndWithPlain3dgsOnlyTheSparsePointsStart) {
   }
 }
 
+// Share of the scene's Gaussians that are less than a fifth as thick as wide.
+double ShareOfDisks(const ReconstructInput& input) {
+  const auto file = Container::Read(input.work_dir + "/scene.litags", "scene", 1 << 20);
+  EXPECT_TRUE(file.ok()) << file.status();
+  const std::vector<float> data = file->Array<float>("splats").value();
+  Splats splats(data.size() / Splats::kBlockFloats * kSplatBlock);  // with what fills up blocks
+  std::copy(data.begin(), data.end(), splats.block(0));
+  double disks = 0;
+  for (size_t i = 0; i < splats.size(); ++i) {
+    disks += splats.at(i, kLogScale + 2) < splats.at(i, kLogScale) + std::log(0.2);
+  }
+  return disks / splats.size();
+}
+
+TEST(DenseStart, GaussiansStartAsDisksWithItAlone) {
+  const Photographs photos;
+  ReconstructOptions with = DenseOptions(), off = DenseOptions(), plain = DenseOptions();
+  with.iterations = off.iterations = plain.iterations = 1;
+  off.dense_start = false;
+  plain.method = Method::k3dgs;
+  const ReconstructInput input = photos.Input("with");
+  ASSERT_TRUE(Reconstruct(input, with).ok());
+  EXPECT_GT(ShareOfDisks(input), 0.2);
+  int run = 0;
+  for (const ReconstructOptions& options : {off, plain}) {
+    const ReconstructInput other = photos.Input("work" + std::to_string(run++));
+    ASSERT_TRUE(Reconstruct(other, options).ok());
+    EXPECT_EQ(ShareOfDisks(other), 0);
+  }
+}
+
 TEST(DenseStart, DepthOfTheLossIsNotMadeTwice) {
   const Photographs photos;
   const ReconstructInput input = photos.Input("work");

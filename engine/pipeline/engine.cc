@@ -35,8 +35,10 @@ double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-absl::StatusOr<Splats> InitialSplats(const Capture& capture) {
-  return InitializeFromPoints(capture.points, capture.point_views, capture.train);
+absl::StatusOr<Splats> InitialSplats(const ReconstructOptions& options, const Capture& capture) {
+  const bool surfaces = options.dense_start && options.method == Method::kLitaGs;
+  return InitializeFromPoints(capture.points, capture.point_views, capture.train,
+                              surfaces ? StartShape::kDisk : StartShape::kBall);
 }
 
 // Over the pixels that count; the others of `target` are changed.
@@ -157,7 +159,7 @@ class Run {
 
   // Back to the last checkpoint, or to the start, and around what went wrong.
   absl::Status RollBack(const absl::Status& fault) {
-    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(capture_));
+    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(options_, capture_));
     LITAGS_RETURN_IF_ERROR(
         trainer_.RollBack(checkpoint_path_, capture_.fingerprint, std::move(initial)));
     Progress progress = progress_;
@@ -272,7 +274,7 @@ class RealEngine : public Engine {
     };
     LITAGS_ASSIGN_OR_RETURN(const Capture capture,
                             LoadCapture(input, options, colmap_, cancel, progress, &report));
-    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(capture));
+    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(options, capture));
     Run run(input, options, capture, std::move(initial), observer);
     LITAGS_RETURN_IF_ERROR(run.Resume(&report.notes));
     LITAGS_RETURN_IF_ERROR(run.Train(cancel));

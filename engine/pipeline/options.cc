@@ -13,7 +13,10 @@ absl::Status Bad(const char* field, double value, const char* rule) {
                       absl::StrCat("options.", field, ": ", value, " ", rule));
 }
 
-constexpr double kDensifyEpochs = 60;  // TrainOptions::densify_epochs. Choice
+// TrainOptions of Gaussians that grow by halves. Choices
+constexpr double kDensifyEpochs = 60;
+constexpr double kLrScales = 0.01;
+constexpr double kMaxScale = 0.5;
 
 PixelSum PixelSumOf(DensityStatistic statistic) {
   switch (statistic) {
@@ -49,7 +52,11 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   if (train.lita) {
     train.dropout = options.dropout;
     train.growth = GrowthOf(options.density_growth);
-    if (train.growth == Growth::kLongAxis) train.densify_epochs = kDensifyEpochs;
+    if (train.growth == Growth::kLongAxis) {
+      train.densify_epochs = kDensifyEpochs;
+      train.lr_scales = kLrScales;
+      train.max_scale = kMaxScale;
+    }
   }
   train.use_prior = options.use_prior;
   train.prior_geometry = options.prior_geometry;

@@ -169,9 +169,13 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(TrainOptionsOf(options).dropout, 0.4);
   EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kLongAxis);
   EXPECT_GT(TrainOptionsOf(options).densify_epochs, 0);
+  EXPECT_GT(TrainOptionsOf(options).max_scale, 0);
+  EXPECT_GT(TrainOptionsOf(options).lr_scales, TrainOptions().lr_scales);
   options.density_growth = DensityGrowth::kCloneSplit;
   EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kCloneSplit);
   EXPECT_EQ(TrainOptionsOf(options).densify_epochs, 0) << "as the paper";
+  EXPECT_EQ(TrainOptionsOf(options).max_scale, 0);
+  EXPECT_EQ(TrainOptionsOf(options).lr_scales, TrainOptions().lr_scales);
 }
 
 TEST(Stage, HasAName) {

@@ -5,9 +5,11 @@
 #ifndef LITAGS_ENGINE_TRAIN_DENSITY_H_
 #define LITAGS_ENGINE_TRAIN_DENSITY_H_
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
+#include "absl/types/span.h"
 #include "engine/core/splats.h"
 #include "engine/render/renderer.h"
 #include "engine/train/options.h"
@@ -48,6 +50,11 @@ struct DensityReport {
 // (seed, iteration, Gaussian) only. Stats are reset.
 DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
                              SplatState* state, DensityStats* stats);
+
+// Cuts every scale to `limit` times the distance from the Gaussian's mean to the nearest of the
+// camera centres (at least one; world). Returns how many Gaussians were cut.
+int64_t LimitScales(double limit, absl::Span<const std::array<double, 3>> centers, int threads,
+                    Splats* splats);
 
 // Permutation that sorts the means along a Morton curve; ties by index.
 std::vector<uint32_t> MortonOrder(const Splats& splats);

@@ -1,6 +1,7 @@
 #include "engine/train/density.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -327,6 +328,31 @@ TEST(MortonOrder, TiesAndOddMeansKeepTheirOrder) {
   std::sort(order.begin(), order.end());
   for (uint32_t i = 0; i < 20; ++i) EXPECT_EQ(order[i], i);
   EXPECT_TRUE(MortonOrder(Splats()).empty());
+}
+
+TEST(LimitScales, CutsWhatIsWiderThanItsDistanceAllows) {
+  Splats splats = Line(40, 1).params;  // means at x = 0 .. 39
+  splats.at(3, kLogScale + 1) = std::log(7.0f);
+  const std::array<double, 3> centers[] = {{-1, 0, 0}, {35, 0, 0}};
+  // Distances to the nearest: 1, 2, .. and, beyond x = 17, 17, .. 0, .. 4.
+  Splats before = splats;
+  const int64_t cut = LimitScales(0.5, centers, 2, &splats);
+  int64_t want = 0;
+  for (size_t i = 0; i < splats.size(); ++i) {
+    const double distance = std::min(std::abs(i + 1.0), std::abs(i - 35.0));
+    const double most = std::max(0.5 * distance, 0.5e-7);
+    bool wide = false;
+    for (int k = 0; k < 3; ++k) {
+      const double scale = std::exp(before.at(i, kLogScale + k));
+      EXPECT_NEAR(std::exp(splats.at(i, kLogScale + k)), std::min(scale, most), 1e-5 * scale);
+      wide |= scale > most * (1 + 1e-6);
+    }
+    want += wide;
+    for (int k = 0; k < 3; ++k) before.at(i, kLogScale + k) = splats.at(i, kLogScale + k);
+  }
+  EXPECT_EQ(cut, want);
+  EXPECT_EQ(want, 1 + 1 + 3) << "x = 0, x = 3, and around the second camera";
+  EXPECT_EQ(before.data(), splats.data()) << "nothing but scales changes";
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/flann.hpp>
+#include <optional>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -15,28 +16,67 @@ namespace {
 
 constexpr double kInitialOpacity = 0.1;
 constexpr double kSh0 = 0.28209479177387814;  // SH basis 0
-constexpr int kNeighbours = 3;
+constexpr int kNeighbours = 3;                // that make the scale
+constexpr int kPlaneNeighbours = 12;          // that make the plane. Choice
+// Variance across the plane over the smaller one in it, at most: more is no surface. Choice
+constexpr double kPlaneThickness = 0.3;
+constexpr double kDiskThickness = 0.1;  // of a disk's other scales. Choice
 
-// Root mean squared distance of every point to its three nearest neighbours; at least 1e-7, for
-// points in one place.
-std::vector<float> NeighbourDistances(absl::Span<const SparsePoint> points) {
+// A point among its nearest neighbours.
+struct Neighbourhood {
+  float distance;                   // root mean squared, to the nearest three; at least 1e-7
+  std::optional<cv::Vec3d> normal;  // of the plane that the nearest twelve are close to, if any
+};
+
+// Normal of the plane that these rows of `data` are close to.
+std::optional<cv::Vec3d> NormalOf(const cv::Mat_<float>& data, const cv::Mat_<int>& rows) {
+  cv::Vec3d mean;
+  cv::Matx33d products = cv::Matx33d::zeros();
+  for (const int row : rows) {
+    const cv::Vec3d x(data(row, 0), data(row, 1), data(row, 2));
+    mean += x / static_cast<double>(rows.total());
+  }
+  for (const int row : rows) {
+    const cv::Vec3d x(data(row, 0), data(row, 1), data(row, 2));
+    products += (x - mean) * (x - mean).t();
+  }
+  cv::Vec3d variances;  // the largest first
+  cv::Matx33d axes;     // a row each
+  cv::eigen(products, variances, axes);
+  if (!(variances[2] < kPlaneThickness * variances[1])) return std::nullopt;
+  return cv::Vec3d(axes(2, 0), axes(2, 1), axes(2, 2));
+}
+
+std::vector<Neighbourhood> Neighbourhoods(absl::Span<const SparsePoint> points, StartShape shape) {
   const int n = static_cast<int>(points.size());
+  const int nearest =
+      std::min(n, 1 + (shape == StartShape::kDisk ? kPlaneNeighbours : kNeighbours));
   cv::Mat_<float> data(n, 3);
   for (int i = 0; i < n; ++i) {
     for (int k = 0; k < 3; ++k) data(i, k) = static_cast<float>(points[i].xyz[k]);
   }
   cv::flann::GenericIndex<cvflann::L2_Simple<float>> index(data,
                                                            cvflann::KDTreeSingleIndexParams());
-  cv::Mat_<int> indices(n, kNeighbours + 1);
-  cv::Mat_<float> squared(n, kNeighbours + 1);
-  index.knnSearch(data, indices, squared, kNeighbours + 1, cvflann::SearchParams(-1));
-  std::vector<float> out(n);
+  cv::Mat_<int> indices(n, nearest);
+  cv::Mat_<float> squared(n, nearest);
+  index.knnSearch(data, indices, squared, nearest, cvflann::SearchParams(-1));
+  std::vector<Neighbourhood> out(n);
   for (int i = 0; i < n; ++i) {
     double sum = 0;  // the nearest is the point itself
     for (int k = 1; k <= kNeighbours; ++k) sum += squared(i, k);
-    out[i] = static_cast<float>(std::sqrt(std::max(sum / kNeighbours, 1e-14)));
+    out[i].distance = static_cast<float>(std::sqrt(std::max(sum / kNeighbours, 1e-14)));
+    if (shape == StartShape::kDisk) out[i].normal = NormalOf(data, indices.row(i));
   }
   return out;
+}
+
+// Makes the ball of index i a disk across `normal`, of length 1: its third axis is turned there.
+void Flatten(cv::Vec3d normal, size_t i, Splats* splats) {
+  if (normal[2] < 0) normal = -normal;  // either way is the same disk; the shorter turn
+  const double quat[4] = {1 + normal[2], -normal[1], normal[0], 0};
+  const double norm = std::sqrt(2 * (1 + normal[2]));
+  for (int k = 0; k < 4; ++k) splats->at(i, kRawQuat + k) = static_cast<float>(quat[k] / norm);
+  splats->at(i, kLogScale + 2) += static_cast<float>(std::log(kDiskThickness));
 }
 
 // Mean pseudo-target colour where the photos saw the point, unmasked; the point's own colour if
@@ -95,14 +135,14 @@ double SceneExtent(absl::Span<const TrainView> views) {
 
 absl::StatusOr<Splats> InitializeFromPoints(absl::Span<const SparsePoint> points,
                                             absl::Span<const int> point_views,
-                                            absl::Span<const TrainView> views) {
+                                            absl::Span<const TrainView> views, StartShape shape) {
   if (points.size() <= kNeighbours) {
     return MakeError(
         absl::StatusCode::kFailedPrecondition, "TOO_FEW_POINTS", "images",
         absl::StrCat("only ", points.size(),
                      " 3D points were found; take photos with more overlap or texture"));
   }
-  const std::vector<float> distances = NeighbourDistances(points);
+  const std::vector<Neighbourhood> near = Neighbourhoods(points, shape);
   const float illumination = static_cast<float>(IlluminationLevel(views));
   const float logit = static_cast<float>(std::log(kInitialOpacity / (1 - kInitialOpacity)));
   Splats splats(points.size());
@@ -113,11 +153,12 @@ absl::StatusOr<Splats> InitializeFromPoints(absl::Span<const SparsePoint> points
       depth += v.view.camera.CamFromWorld(points[i].xyz)[2] / views.size();
     for (int k = 0; k < 3; ++k) {
       splats.at(i, kMean + k) = static_cast<float>(points[i].xyz[k]);
-      splats.at(i, kLogScale + k) = std::log(distances[i]);
+      splats.at(i, kLogScale + k) = std::log(near[i].distance);
       splats.at(i, kShDc + k) = static_cast<float>((color[k] - 0.5) / kSh0);
       splats.at(i, kIllumination + k) = illumination;
     }
     splats.at(i, kRawQuat) = 1;
+    if (near[i].normal.has_value()) Flatten(*near[i].normal, i, &splats);
     splats.at(i, kLogitOpacity) = logit;
     splats.at(i, kDepth) = static_cast<float>(depth);
   }

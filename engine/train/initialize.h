@@ -15,14 +15,21 @@ namespace litags {
 // density thresholds (3DGS). At least 1e-6.
 double SceneExtent(absl::Span<const TrainView> views);
 
-// Gaussians at sparse points (3DGS Sec. 5): isotropic, scale = root mean squared distance to the
-// three nearest neighbours, opacity 0.1, colour from the pseudo-targets of the photos that saw the
-// point. `point_views[v]` is the index into `views` of the model's view v, -1 if it is not among
-// them. LITA attributes start where the losses are flat: no noise, illumination = mean photo over
-// mean target, d = mean depth over the cameras. FAILED_PRECONDITION with fewer than 4 points.
+// What a Gaussian is at first.
+enum class StartShape {
+  kBall,  // isotropic (3DGS)
+  kDisk,  // where a point and its neighbours lie in a plane, a tenth as thick across it; else a
+          // ball. For points of surfaces, such as stereo's. Choice
+};
+
+// Gaussians at sparse points (3DGS Sec. 5): scale = root mean squared distance to the three nearest
+// neighbours, opacity 0.1, colour from the pseudo-targets of the photos that saw the point.
+// `point_views[v]` is the index into `views` of the model's view v, -1 if it is not among them.
+// LITA attributes start where the losses are flat: no noise, illumination = mean photo over mean
+// target, d = mean depth over the cameras. FAILED_PRECONDITION with fewer than 4 points.
 absl::StatusOr<Splats> InitializeFromPoints(absl::Span<const SparsePoint> points,
                                             absl::Span<const int> point_views,
-                                            absl::Span<const TrainView> views);
+                                            absl::Span<const TrainView> views, StartShape shape);
 
 }  // namespace litags
 

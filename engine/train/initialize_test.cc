@@ -1,5 +1,6 @@
 #include "engine/train/initialize.h"
 
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -35,7 +36,7 @@ TrainView Flat(int index, uint8_t code, float gain) {
 TEST(Initialize, ScaleIsTheRmsDistanceToThreeNeighbours) {
   const std::vector<SparsePoint> points = RandomPoints(300);
   const std::vector<TrainView> views = {Flat(0, 50, 2)};
-  const auto splats = InitializeFromPoints(points, {}, views);
+  const auto splats = InitializeFromPoints(points, {}, views, StartShape::kBall);
   ASSERT_TRUE(splats.ok()) << splats.status();
   ASSERT_EQ(splats->size(), 300u);
   for (size_t i = 0; i < points.size(); ++i) {
@@ -63,7 +64,7 @@ TEST(Initialize, ColourIsTheMeanTargetOfThePhotosThatSawThePoint) {
   points[1].track = {{2, 0, 0}};             // model view 2 is held out
   points[2].track = {{7, 0, 0}};             // no such view
   const std::vector<TrainView> views = {Flat(0, 51, 1), Flat(1, 102, 2)};  // targets 0.2, 0.8
-  const auto splats = InitializeFromPoints(points, {0, 1, -1}, views);
+  const auto splats = InitializeFromPoints(points, {0, 1, -1}, views, StartShape::kBall);
   ASSERT_TRUE(splats.ok());
   const auto color = [&](size_t i, int c) { return 0.5 + kSh0 * splats->at(i, kShDc + c); };
   EXPECT_NEAR(color(0, 1), 0.5, 1e-6);
@@ -77,7 +78,7 @@ TEST(Initialize, ColourIsTheMeanTargetOfThePhotosThatSawThePoint) {
 TEST(Initialize, AttributesStartWhereTheLossesAreFlat) {
   const std::vector<SparsePoint> points = RandomPoints(5);
   const std::vector<TrainView> views = {Flat(0, 51, 2), Flat(1, 51, 4)};
-  const auto splats = InitializeFromPoints(points, {}, views);
+  const auto splats = InitializeFromPoints(points, {}, views, StartShape::kBall);
   ASSERT_TRUE(splats.ok());
   for (size_t i = 0; i < 5; ++i) {
     EXPECT_NEAR(splats->at(i, kIllumination), (0.2 + 0.2) / (0.4 + 0.8), 1e-5);
@@ -90,18 +91,65 @@ TEST(Initialize, AttributesStartWhereTheLossesAreFlat) {
   }
 }
 
+// The unit vector that Gaussian i is thin along: the third column of its rotation.
+std::array<double, 3> ThinAxis(const Splats& s, size_t i) {
+  const double w = s.at(i, kRawQuat), x = s.at(i, kRawQuat + 1), y = s.at(i, kRawQuat + 2),
+               z = s.at(i, kRawQuat + 3);
+  EXPECT_NEAR(w * w + x * x + y * y + z * z, 1, 1e-5);
+  return {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)};
+}
+
+TEST(Initialize, DisksLieInThePlaneOfTheirNeighbours) {
+  const double normals[][3] = {{0, 0, 1}, {0, 0, -1}, {0.6, 0.8, 0}, {-0.48, 0.6, -0.64}};
+  for (const auto& n : normals) {
+    std::vector<SparsePoint> points = RandomPoints(200);
+    for (SparsePoint& p : points) {  // down to a hundredth of their height above the plane
+      double height = 0;
+      for (int k = 0; k < 3; ++k) height += n[k] * p.xyz[k];
+      for (int k = 0; k < 3; ++k) p.xyz[k] -= 0.99 * height * n[k];
+    }
+    const auto balls = InitializeFromPoints(points, {}, {}, StartShape::kBall);
+    const auto disks = InitializeFromPoints(points, {}, {}, StartShape::kDisk);
+    ASSERT_TRUE(balls.ok() && disks.ok());
+    for (size_t i = 0; i < points.size(); ++i) {
+      const std::array<double, 3> axis = ThinAxis(*disks, i);
+      EXPECT_GT(std::abs(axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]), 0.98);
+      for (int k = 0; k < 3; ++k) {
+        const double thinner = k == 2 ? std::log(0.1) : 0;
+        EXPECT_NEAR(disks->at(i, kLogScale + k), balls->at(i, kLogScale + k) + thinner, 1e-5);
+      }
+    }
+  }
+}
+
+TEST(Initialize, PointsThatFillSpaceStayBalls) {
+  std::vector<SparsePoint> points;  // a grid: inside, the variances of neighbours are alike
+  for (int i = 0; i < 343; ++i) {
+    points.emplace_back().xyz = {double(i % 7), double(i / 7 % 7), double(i / 49)};
+  }
+  const auto disks = InitializeFromPoints(points, {}, {}, StartShape::kDisk);
+  ASSERT_TRUE(disks.ok());
+  const size_t middle = 3 + 7 * 3 + 49 * 3;
+  EXPECT_EQ(disks->at(middle, kLogScale + 2), disks->at(middle, kLogScale));
+  EXPECT_EQ(disks->at(middle, kRawQuat), 1);
+}
+
 TEST(Initialize, PointsInOnePlaceGiveFiniteGaussians) {
   const std::vector<SparsePoint> points(50, RandomPoints(1)[0]);
-  const auto splats = InitializeFromPoints(points, {}, {});
-  ASSERT_TRUE(splats.ok());
-  for (const float v : splats->data()) ASSERT_TRUE(std::isfinite(v));
+  for (const StartShape shape : {StartShape::kBall, StartShape::kDisk}) {
+    const auto splats = InitializeFromPoints(points, {}, {}, shape);
+    ASSERT_TRUE(splats.ok());
+    for (const float v : splats->data()) ASSERT_TRUE(std::isfinite(v));
+  }
 }
 
 TEST(Initialize, RefusesFewerThanFourPoints) {
-  const auto splats = InitializeFromPoints(RandomPoints(3), {}, {});
+  const auto splats = InitializeFromPoints(RandomPoints(3), {}, {}, StartShape::kBall);
   EXPECT_EQ(splats.status().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(ReasonOf(splats.status()), "TOO_FEW_POINTS");
-  EXPECT_TRUE(InitializeFromPoints(RandomPoints(4), {}, {}).ok());
+  EXPECT_TRUE(InitializeFromPoints(RandomPoints(4), {}, {}, StartShape::kBall).ok());
+  EXPECT_TRUE(InitializeFromPoints(RandomPoints(4), {}, {}, StartShape::kDisk).ok())
+      << "fewer than make a plane elsewhere";
 }
 
 TEST(SceneExtent, IsTheCamerasRadiusAndATenth) {

@@ -92,6 +92,10 @@ struct TrainOptions {
   double densify_percent = 0.01;  // of the extent: larger Gaussians are split, smaller cloned; 3DGS
   double prune_opacity = 0.005;   // 3DGS
   int64_t max_gaussians = 200000;
+  // Largest scale, in distances from the mean to the nearest camera; what is wider is cut to it at
+  // every density step, also after growth: it could stand in the way of views that no photo has.
+  // 0: none is cut, as 3DGS. Choice
+  double max_scale = 0;
 
   // INVALID_ARGUMENT naming the field that breaks its rule.
   absl::Status Validate() const;

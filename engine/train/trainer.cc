@@ -1,6 +1,7 @@
 #include "engine/train/trainer.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <chrono>
 #include <cmath>
@@ -93,6 +94,7 @@ absl::Status NotFiniteError(const std::string& field, const std::string& message
 struct Trainer::Impl {
   Impl(const TrainOptions& o, const std::vector<TrainView>* v, double scene_extent)
       : options(o), pyramid(v, o), num_views(v->size()), extent(scene_extent), objective(o) {
+    for (const TrainView& view : *v) centers.push_back(view.view.camera.Center());
     if (options.dropout > 0) most_dropout = options.dropout * NoiseShare(*v, o.threads);
   }
 
@@ -213,24 +215,28 @@ struct Trainer::Impl {
   void Start(Splats initial);
   absl::StatusOr<StepLosses> Learn(size_t photo);
 
+  // At density steps: growth while it lasts, then no Gaussian wider than it may be.
   void Densify() {
     const int done = state.iteration;
-    if (done < options.densify_start || done > DensifyUntil() ||
-        done % options.densify_every != 0) {
-      return;
-    }
+    if (done < options.densify_start || done % options.densify_every != 0) return;
     Timer timer(&phases.density);
-    // Smaller photos have fewer pixels to explain; more Gaussians would only learn their noise.
-    TrainOptions limited = options;
-    limited.max_gaussians >>= 2 * pyramid.LevelOf(done);
-    ControlDensity(limited, extent, done, &state.splats, &state.density);
+    if (done <= DensifyUntil()) {
+      // Smaller photos have fewer pixels to explain; more Gaussians would only learn their noise.
+      TrainOptions limited = options;
+      limited.max_gaussians >>= 2 * pyramid.LevelOf(done);
+      ControlDensity(limited, extent, done, &state.splats, &state.density);
+    }
+    if (options.max_scale > 0) {
+      LimitScales(options.max_scale, centers, options.threads, &state.splats.params);
+    }
   }
 
   TrainOptions options;
   ViewPyramid pyramid;
   size_t num_views;
   double extent;
-  double most_dropout = 0;  // after many epochs
+  std::vector<std::array<double, 3>> centers;  // of the views' cameras
+  double most_dropout = 0;                     // after many epochs
   TrainState state;
   Objective objective;
   Renderer renderer;

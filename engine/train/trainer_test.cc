@@ -264,6 +264,34 @@ TEST(Trainer, DensityGrowsUntilTheEpochsAreOverWithinBounds) {
   EXPECT_EQ(last_growth(1000, 25), 20);
 }
 
+TEST(Trainer, NoGaussianIsWiderThanItsDistanceToTheCamerasAllows) {
+  const auto widest = [](double max_scale) {
+    TrainOptions options = Options();
+    options.max_scale = max_scale;
+    options.lr_scales = 0.2;     // they all grow wide soon
+    options.densify_until = 20;  // cut after growth as well
+    Trainer trainer = MakeTrainer(options);
+    Train(&trainer, kIterations);
+    const Splats splats = trainer.Snapshot().splats;
+    double most = 0;
+    for (size_t i = 0; i < splats.size(); ++i) {
+      double nearest = std::numeric_limits<double>::infinity();
+      for (const TrainView& v : Views()) {
+        const auto c = v.view.camera.Center();
+        nearest =
+            std::min(nearest, std::hypot(c[0] - splats.at(i, kMean), c[1] - splats.at(i, kMean + 1),
+                                         c[2] - splats.at(i, kMean + 2)));
+      }
+      for (int k = 0; k < 3; ++k) {
+        most = std::max(most, std::exp(splats.at(i, kLogScale + k)) / nearest);
+      }
+    }
+    return most;
+  };
+  EXPECT_GT(widest(0), 0.06);
+  EXPECT_LT(widest(0.05), 0.05 + 1e-6);
+}
+
 TEST(Trainer, APriorThatMovesNothingTrainsItsAttributeAlone) {
   const auto train = [](bool use_prior, bool geometry) {
     TrainOptions options = Options();
