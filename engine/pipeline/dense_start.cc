@@ -140,7 +140,7 @@ absl::Status AddDenseStart(const ReconstructInput& input, const ReconstructOptio
                            const std::string& key, const CancelToken& cancel,
                            const StageReport& progress, Capture* capture,
                            ReconstructReport* report) {
-  if (!options.dense_start || options.method != Method::kLitaGs) return absl::OkStatus();
+  if (!StartsDense(options)) return absl::OkStatus();
   const int64_t sparse = static_cast<int64_t>(capture->points.size());
   const int64_t limit = options.max_gaussians / 16 - sparse;
   if (limit <= 0) return absl::OkStatus();

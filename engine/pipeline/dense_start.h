@@ -30,7 +30,12 @@ struct PhotoDepth {
 // pixels has without exceeding `limit`. Colours are the pseudo-targets'.
 std::vector<SparsePoint> PointsOfDepth(absl::Span<const PhotoDepth> photos, int64_t limit);
 
-// Adds points of stereo depth to capture->points if options.dense_start asks for them: with the
+// Whether training starts from surfaces: stereo's points besides the sparse ones, and disks.
+inline bool StartsDense(const ReconstructOptions& options) {
+  return options.dense_start && options.method == Method::kLitaGs;
+}
+
+// Adds points of stereo depth to capture->points if StartsDense(options): with the
 // sparse points at most a sixteenth of max_gaussians, the budget of photos at a quarter of their
 // size. They are kept in work_dir/start.litags and taken from there if they were made from the same
 // photos, cameras and points (`key`). Errors are those of stereo and of writing that file. What is

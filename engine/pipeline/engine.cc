@@ -19,6 +19,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/capture.h"
+#include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/train_options.h"
 #include "engine/train/initialize.h"
@@ -36,9 +37,8 @@ double Now() {
 }
 
 absl::StatusOr<Splats> InitialSplats(const ReconstructOptions& options, const Capture& capture) {
-  const bool surfaces = options.dense_start && options.method == Method::kLitaGs;
   return InitializeFromPoints(capture.points, capture.point_views, capture.train,
-                              surfaces ? StartShape::kDisk : StartShape::kBall);
+                              StartsDense(options) ? StartShape::kDisk : StartShape::kBall);
 }
 
 // Over the pixels that count; the others of `target` are changed.

@@ -52,10 +52,11 @@ enum class DensityStatistic {
   kPixel,  // weighted by the pixels they cover (Pixel-GS)
 };
 
-// How such a Gaussian becomes two.
+// How such a Gaussian becomes two, and what goes with it: how long short runs grow, how fast scales
+// learn, and how wide they may become.
 enum class DensityGrowth {
   kLongAxis,    // halves of it, side by side on its longest axis
-  kCloneSplit,  // 3DGS: a copy if it is small, two at random places in it if it is large
+  kCloneSplit,  // 3DGS: a copy if it is small, two at random places in it if it is large; its rates
 };
 
 struct ReconstructOptions {

@@ -141,30 +141,25 @@ void DensityStats::Add(PixelSum statistic, const ViewStats& view, int width, int
   }
 }
 
-int64_t LimitScales(double limit, absl::Span<const std::array<double, 3>> centers, int threads,
-                    Splats* splats) {
-  std::vector<int> cut(splats->num_blocks(), 0);
+void LimitScales(double limit, absl::Span<const std::array<double, 3>> centers, int threads,
+                 Splats* splats) {
   ParallelFor(threads, splats->num_blocks(), [&](size_t block, int) {
     const size_t first = block * kSplatBlock;
     const size_t end = std::min(first + kSplatBlock, splats->size());
     for (size_t i = first; i < end; ++i) {
-      double nearest = std::numeric_limits<double>::infinity();  // squared
-      for (const std::array<double, 3>& center : centers) {
-        double squared = 0;
-        for (int k = 0; k < 3; ++k) squared += std::pow(center[k] - splats->at(i, kMean + k), 2);
-        nearest = std::min(nearest, squared);
+      double nearest = std::numeric_limits<double>::infinity();
+      for (const auto& [x, y, z] : centers) {
+        nearest =
+            std::min(nearest, std::hypot(x - splats->at(i, kMean), y - splats->at(i, kMean + 1),
+                                         z - splats->at(i, kMean + 2)));
       }
       // A mean in a camera's very centre must give a number all the same.
-      const auto most = static_cast<float>(std::log(limit * std::sqrt(std::max(nearest, 1e-14))));
-      bool wide = false;
+      const auto most = static_cast<float>(std::log(limit * std::max(nearest, 1e-7)));
       for (int row = kLogScale; row < kLogScale + 3; ++row) {
-        wide |= splats->at(i, row) > most;
         splats->at(i, row) = std::min(splats->at(i, row), most);
       }
-      cut[block] += wide;
     }
   });
-  return std::accumulate(cut.begin(), cut.end(), int64_t{0});
 }
 
 std::vector<uint32_t> MortonOrder(const Splats& splats) {

@@ -52,9 +52,9 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
                              SplatState* state, DensityStats* stats);
 
 // Cuts every scale to `limit` times the distance from the Gaussian's mean to the nearest of the
-// camera centres (at least one; world). Returns how many Gaussians were cut.
-int64_t LimitScales(double limit, absl::Span<const std::array<double, 3>> centers, int threads,
-                    Splats* splats);
+// camera centres (at least one; world).
+void LimitScales(double limit, absl::Span<const std::array<double, 3>> centers, int threads,
+                 Splats* splats);
 
 // Permutation that sorts the means along a Morton curve; ties by index.
 std::vector<uint32_t> MortonOrder(const Splats& splats);

@@ -30,16 +30,11 @@ struct Neighbourhood {
 
 // Normal of the plane that these rows of `data` are close to.
 std::optional<cv::Vec3d> NormalOf(const cv::Mat_<float>& data, const cv::Mat_<int>& rows) {
+  const auto point = [&](int row) { return cv::Vec3d(data(row, 0), data(row, 1), data(row, 2)); };
   cv::Vec3d mean;
+  for (const int row : rows) mean += point(row) / static_cast<double>(rows.total());
   cv::Matx33d products = cv::Matx33d::zeros();
-  for (const int row : rows) {
-    const cv::Vec3d x(data(row, 0), data(row, 1), data(row, 2));
-    mean += x / static_cast<double>(rows.total());
-  }
-  for (const int row : rows) {
-    const cv::Vec3d x(data(row, 0), data(row, 1), data(row, 2));
-    products += (x - mean) * (x - mean).t();
-  }
+  for (const int row : rows) products += (point(row) - mean) * (point(row) - mean).t();
   cv::Vec3d variances;  // the largest first
   cv::Matx33d axes;     // a row each
   cv::eigen(products, variances, axes);
