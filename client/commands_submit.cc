@@ -37,7 +37,7 @@ struct SubmitArgs {
   std::optional<bool> depth_geometry, use_pdm;
   Treatment treatment;
   bool no_prior = false, prior_geometry = false, no_depth = false, no_dense_start = false,
-       no_noise_filter = false, information_weights = false;
+       no_noise_filter = false, no_antialiasing = false, information_weights = false;
 };
 
 // An option that takes one of a few words.
@@ -76,6 +76,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.prior_geometry) options.set_prior_geometry(true);
   if (args.no_depth) options.set_use_depth(false);
   if (args.no_noise_filter) options.set_noise_filter(false);
+  if (args.no_antialiasing) options.set_antialiased(false);
   if (args.no_dense_start) options.set_dense_start(false);
   if (args.max_image_side) options.set_max_image_side(*args.max_image_side);
   if (args.holdout_every) options.set_holdout_every(*args.holdout_every);
@@ -302,6 +303,10 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->add_flag(
           "--no-noise-filter", args->no_noise_filter,
           "Pictures are not smoothed where they show no more than the photos' rounding explains")
+      ->group(group);
+  command
+      ->add_flag("--no-antialiasing", args->no_antialiasing,
+                 "Gaussians smaller than a pixel grow, as 3DGS has it: smaller views look thicker")
       ->group(group);
   command->add_option("--pdm-hidden", args->pdm_hidden, "Channels inside its network")
       ->group(group);

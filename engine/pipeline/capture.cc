@@ -322,7 +322,8 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
                    double(o.depth_geometry),
                    double(o.holdout_every),
                    double(o.density_statistic),
-                   double(o.density_growth)}) {
+                   double(o.density_growth),
+                   double(o.antialiased)}) {
     f.Add(x);
   }
   f.Add(o.seed);

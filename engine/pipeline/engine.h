@@ -85,7 +85,10 @@ struct ReconstructOptions {
   int64_t max_gaussians = 200000;
   DensityStatistic density_statistic = DensityStatistic::kMean;
   DensityGrowth density_growth = DensityGrowth::kLongAxis;  // of LITA-GS
-  int sh_degree = 3;                                        // 0..3
+  // Gaussians smaller than a pixel become more transparent instead of larger, so that pictures of
+  // any size look alike (PixelFilter::kMip). Of LITA-GS; false: as 3DGS.
+  bool antialiased = true;
+  int sh_degree = 3;        // 0..3
   bool dense_start = true;  // points of stereo depth to start from, besides SfM's
   // The paper's progressive denoising module. Off: beside the noise filter it is worth nothing that
   // was measured (docs/results.md), and costs a third of training and half of a picture's time.
@@ -226,9 +229,10 @@ class Scene {
   virtual absl::StatusOr<Planes> Render(const RenderRequest& request) const = 0;
   // Standard 3DGS .ply bytes written to a file, in the light R * L^t with t = `light`, -4..4. L is
   // applied to every Gaussian instead of every pixel, and the denoiser is left out: viewers know
-  // neither.
+  // neither. Shapes and opacities are such that what viewers draw in pictures of about the views'
+  // size is much like Render's (viewer_splats.h).
   virtual absl::Status ExportPly(const std::string& path, double light) const = 0;
-  // Every LITA attribute as extra properties.
+  // The Gaussians as they are, every LITA attribute as extra properties.
   virtual absl::Status ExportFullPly(const std::string& path) const = 0;
 };
 

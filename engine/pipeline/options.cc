@@ -52,6 +52,7 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   if (train.lita) {
     train.dropout = options.dropout;
     train.growth = GrowthOf(options.density_growth);
+    if (options.antialiased) train.pixel_filter = PixelFilter::kMip;
     if (train.growth == Growth::kLongAxis) {
       train.densify_epochs = kDensifyEpochs;
       train.lr_scales = kLrScales;

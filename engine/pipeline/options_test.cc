@@ -159,6 +159,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(train.prior_geometry, !ReconstructOptions().prior_geometry);
   EXPECT_EQ(train.density_statistic, PixelSum::kAbsGradient);
   EXPECT_EQ(train.growth, Growth::kCloneSplit) << "plain 3DGS has its own";
+  EXPECT_EQ(train.pixel_filter, PixelFilter::kDilate);
   options.schedule_iterations = 55;
   EXPECT_EQ(TrainOptionsOf(options).iterations, 55);
   options.density_statistic = DensityStatistic::kPixel;
@@ -168,9 +169,12 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_TRUE(TrainOptionsOf(options).lita);
   EXPECT_EQ(TrainOptionsOf(options).dropout, 0.4);
   EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kLongAxis);
+  EXPECT_EQ(TrainOptionsOf(options).pixel_filter, PixelFilter::kMip);
   EXPECT_GT(TrainOptionsOf(options).densify_epochs, 0);
   EXPECT_GT(TrainOptionsOf(options).max_scale, 0);
   EXPECT_GT(TrainOptionsOf(options).lr_scales, TrainOptions().lr_scales);
+  options.antialiased = false;
+  EXPECT_EQ(TrainOptionsOf(options).pixel_filter, PixelFilter::kDilate);
   options.density_growth = DensityGrowth::kCloneSplit;
   EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kCloneSplit);
   EXPECT_EQ(TrainOptionsOf(options).densify_epochs, 0) << "as the paper";

@@ -9,6 +9,7 @@
 #include "engine/core/error.h"
 #include "engine/io/ply.h"
 #include "engine/pipeline/scene_file.h"
+#include "engine/pipeline/viewer_splats.h"
 
 namespace litags {
 namespace {
@@ -143,12 +144,15 @@ class ModelScene : public Scene {
 
   absl::Status ExportPly(const std::string& path, double light) const override {
     LITAGS_RETURN_IF_ERROR(CheckLight(light));
-    if (light == 0) return WritePly(path, model_.splats, /*lita_attributes=*/false);
-    if (!model_.lita) {
+    if (light != 0 && !model_.lita) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
                        "light: this scene was trained with plain 3dgs and has one light only");
     }
-    return WritePly(path, InLight(model_.splats, light), /*lita_attributes=*/false);
+    Splats splats = light == 0 ? model_.splats : InLight(model_.splats, light);
+    if (model_.pixel_filter == PixelFilter::kMip) {
+      splats = SplatsForViewers(views_, std::move(splats));
+    }
+    return WritePly(path, splats, /*lita_attributes=*/false);
   }
 
   absl::Status ExportFullPly(const std::string& path) const override {

@@ -18,7 +18,7 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr char kKind[] = "scene";
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;  // 1: before pixel filters, all of them as 3DGS has it
 
 Json ViewToJson(const View& view) {
   const Camera& c = view.camera;
@@ -129,6 +129,7 @@ absl::Status SaveScene(const std::string& path, const Model& model,
   }
   Json json = {{"lita", model.lita},
                {"use_pdm", model.use_pdm},
+               {"antialiased", model.pixel_filter == PixelFilter::kMip},
                {"sh_degree", model.sh_degree},
                {"iteration", model.iteration},
                {"gaussians", model.splats.size()},
@@ -167,6 +168,8 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
     const Json json = Json::parse(meta);
     model.lita = json.at("lita").get<bool>();
     model.use_pdm = json.at("use_pdm").get<bool>();
+    const bool antialiased = file.version() >= 2 && json.at("antialiased").get<bool>();
+    model.pixel_filter = antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
     model.sh_degree = json.at("sh_degree").get<int>();
     model.iteration = json.at("iteration").get<int>();
     const auto gaussians = json.at("gaussians").get<size_t>();

@@ -43,6 +43,7 @@ Model SmallModel(bool lita = true) {
   for (auto& net : model.pdm.nets) {
     for (size_t i = PdmNetLayout(4).w3; i < net.size(); ++i) net[i] = 0.01f * (i % 7) - 0.02f;
   }
+  model.pixel_filter = PixelFilter::kMip;
   if (lita) {
     model.noise.emplace();
     for (size_t i = 0; i < model.noise->size(); ++i) (*model.noise)[i] = 0.3f / (3 + i);
@@ -110,10 +111,11 @@ TEST(SceneFile, ComesBackAsItWas) {
   const auto after = RenderChannel(**scene, Channel::kColor);
   ASSERT_TRUE(before.ok() && after.ok());
   EXPECT_EQ(before->data, after->data);
-  Model without_pdm = model, without_filter = model;
+  Model without_pdm = model, without_filter = model, dilated = model;
   without_pdm.use_pdm = false;
   without_filter.noise.reset();
-  for (const Model& other : {without_pdm, without_filter}) {
+  dilated.pixel_filter = PixelFilter::kDilate;
+  for (const Model& other : {without_pdm, without_filter, dilated}) {
     const auto picture = RenderChannel(*MakeScene(other, views), Channel::kColor);
     ASSERT_TRUE(picture.ok());
     EXPECT_NE(picture->data, after->data) << "what does nothing was not tested";
@@ -186,7 +188,7 @@ TEST(SceneFile, ForeignAndTruncatedFilesAreRefused) {
   ASSERT_TRUE(other.Commit(dir / "other").ok());
   EXPECT_EQ(Reason(LoadSceneFile(dir / "other").status()), "WRONG_CONTAINER_KIND");
 
-  ContainerWriter newer("scene", 2);
+  ContainerWriter newer("scene", 3);
   ASSERT_TRUE(newer.Commit(dir / "newer").ok());
   EXPECT_EQ(Reason(LoadSceneFile(dir / "newer").status()), "CONTAINER_TOO_NEW");
 
@@ -213,13 +215,13 @@ class ChangedScene : public ::testing::Test {
   }
 
   absl::Status Load(const std::function<void(Json* meta, std::string* splats)>& change,
-                    const std::string& left_out = "") {
-    const auto file = Container::Read(dir_ / "a.litags", "scene", 1);
+                    const std::string& left_out = "", uint32_t version = 2) {
+    const auto file = Container::Read(dir_ / "a.litags", "scene", 2);
     if (!file.ok()) return file.status();
     Json meta = Json::parse(*file->Section("meta"));
     std::string splats(*file->Section("splats"));
     change(&meta, &splats);
-    ContainerWriter out("scene", 1);
+    ContainerWriter out("scene", version);
     for (const std::string& name : file->SectionNames()) {
       if (name == left_out) continue;
       out.AddSection(name, name == "meta"     ? meta.dump()
@@ -230,13 +232,25 @@ class ChangedScene : public ::testing::Test {
     return LoadSceneFile(dir_ / "b.litags").status();
   }
 
- private:
-  TempDir dir_;
+  const TempDir dir_;
 };
 
 TEST_F(ChangedScene, LoadsIfNothingChanged) {
   const absl::Status status = Load([](Json*, std::string*) {});
   EXPECT_TRUE(status.ok()) << status;
+}
+
+// Version 1 says nothing of pixel filters.
+TEST_F(ChangedScene, OfTheFirstVersionLooksAsItDid) {
+  const auto forget = [](Json* meta, std::string*) { meta->erase("antialiased"); };
+  EXPECT_EQ(Reason(Load(forget)), "SCENE_CORRUPT");
+  ASSERT_TRUE(Load(forget, "", 1).ok());
+  Model model = SmallModel();
+  model.pixel_filter = PixelFilter::kDilate;
+  const auto before = RenderChannel(*MakeScene(model, RingViews(3)), Channel::kColor);
+  const auto after = RenderChannel(**LoadSceneFile(dir_ / "b.litags"), Channel::kColor);
+  ASSERT_TRUE(before.ok() && after.ok());
+  EXPECT_EQ(before->data, after->data);
 }
 
 TEST_F(ChangedScene, IsCorruptIfItsPartsDoNotFit) {

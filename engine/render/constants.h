@@ -9,6 +9,7 @@ constexpr float kAlphaMax = 0.99f;           // keeps 1 - alpha away from 0 for 
 constexpr float kAlphaMin = 1.0f / 255.0f;   // below one 8-bit step a Gaussian is invisible
 constexpr float kTransmittanceStop = 1e-4f;  // nothing behind can change an 8-bit pixel
 constexpr float kEps2d = 0.3f;               // px^2 added to the 2D covariance (low-pass)
+constexpr float kMipEps2d = 0.1f;            // the same of PixelFilter::kMip (Mip-Splatting's)
 
 // X/Z and Y/Z inside the projection's Jacobian are limited to the image plus this fraction of it on
 // each side: the local affine approximation is meaningless far outside the view (3DGS, gsplat).

@@ -43,10 +43,12 @@ struct Lanes {
   M u_free, v_free;  // where the limit does not act
   V3 scale;
   V qw, qx, qy, qz, inv_qnorm;
-  V rot[9];       // rotation of the quaternion, row-major
-  V3 U0, U1, U2;  // rows of W R S
-  V s0, s1;       // fx / Z, fy / Z
-  V3 T0, T1;      // rows of J W R S
+  V rot[9];                       // rotation of the quaternion, row-major
+  V3 U0, U1, U2;                  // rows of W R S
+  V s0, s1;                       // fx / Z, fy / Z
+  V3 T0, T1;                      // rows of J W R S
+  V eps;                          // added to the diagonal of T T^T
+  V sharp_a, sharp_c, sharp_det;  // of T T^T; cov_b is its own
   V cov_a, cov_b, cov_c, det;
 };
 
@@ -97,7 +99,8 @@ HWY_INLINE V3 Direction(const V3& m, const KernelCamera& cam, V* inv_distance) {
 
 // `in` points at the lanes of one vector inside a block. Lanes at or behind the camera give
 // numbers without meaning; callers mask them.
-HWY_INLINE Lanes ProjectLanes(const float* in, const V3& p, const KernelCamera& cam) {
+HWY_INLINE Lanes ProjectLanes(const float* in, const V3& p, const KernelCamera& cam,
+                              PixelFilter filter) {
   const D d;
   const auto load = [&](int row) HWY_ATTR { return hn::Load(d, in + row * kSplatBlock); };
   const V one = hn::Set(d, 1.0f);
@@ -143,18 +146,27 @@ HWY_INLINE Lanes ProjectLanes(const float* in, const V3& p, const KernelCamera& 
   o.T0 = Scale(Axpy(hn::Neg(o.u), o.U2, o.U0), o.s0);
   o.T1 = Scale(Axpy(hn::Neg(o.v), o.U2, o.U1), o.s1);
 
-  const V eps = hn::Set(d, kEps2d);
-  const V t00 = Dot(o.T0, o.T0), t11 = Dot(o.T1, o.T1);
-  o.cov_a = hn::Add(t00, eps);
+  o.eps = hn::Set(d, filter == PixelFilter::kMip ? kMipEps2d : kEps2d);
+  o.sharp_a = Dot(o.T0, o.T0);
+  o.sharp_c = Dot(o.T1, o.T1);
+  o.cov_a = hn::Add(o.sharp_a, o.eps);
   o.cov_b = Dot(o.T0, o.T1);
-  o.cov_c = hn::Add(t11, eps);
+  o.cov_c = hn::Add(o.sharp_c, o.eps);
   // a c - b^2 by Lagrange's identity, |T0 x T1|^2 + eps (|T0|^2 + |T1|^2) + eps^2: the plain
   // difference loses all digits for long thin Gaussians.
   const V3 cross = {hn::MulSub(o.T0.y, o.T1.z, hn::Mul(o.T0.z, o.T1.y)),
                     hn::MulSub(o.T0.z, o.T1.x, hn::Mul(o.T0.x, o.T1.z)),
                     hn::MulSub(o.T0.x, o.T1.y, hn::Mul(o.T0.y, o.T1.x))};
-  o.det = hn::MulAdd(eps, hn::Add(hn::Add(t00, t11), eps), Dot(cross, cross));
+  o.sharp_det = Dot(cross, cross);
+  o.det = hn::MulAdd(o.eps, hn::Add(o.cov_a, o.sharp_c), o.sharp_det);
   return o;
+}
+
+// |Cov| / |Cov + eps I| of PixelFilter::kMip. Where it is cut nothing is visible: alpha is below
+// 1/255 even where Dropout makes up for nine tenths left out.
+HWY_INLINE V AreaRatio(const Lanes& o) {
+  const D d;
+  return hn::Max(hn::Div(o.sharp_det, o.det), hn::Set(d, 1e-7f));
 }
 
 // ln sigmoid(x), without overflow on either side.

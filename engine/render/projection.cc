@@ -149,10 +149,13 @@ void ProjectVector(const float* in, size_t begin, size_t count, const KernelCame
   };
   if (hn::AllFalse(d, in_front)) return clear();
 
-  const Lanes o = ProjectLanes(in, p, cam);
-  const V log2_opacity =
+  const Lanes o = ProjectLanes(in, p, cam, settings.pixel_filter);
+  V log2_opacity =
       hn::MulAdd(hn::Set(d, kLog2E), LogSigmoid(hn::Load(d, in + kLogitOpacity * kSplatBlock)),
                  dropped.log2_gain);
+  if (settings.pixel_filter == PixelFilter::kMip) {
+    log2_opacity = hn::MulAdd(hn::Set(d, 0.5f), hn::Log2(d, AreaRatio(o)), log2_opacity);
+  }
   // alpha >= 1/255 inside d^T conic d <= q.
   const V q = hn::Mul(hn::Set(d, 2.0f / kLog2E), hn::Add(log2_opacity, hn::Set(d, kLog2Of255)));
   // A little wider than exact: rounding must not lose a pixel at the rim.

@@ -84,6 +84,7 @@ struct ProjectionSettings {
   int channels = kNumChannels;
   int sh_degree = kMaxShDegree;
   bool depth_is_camera_z = false;
+  PixelFilter pixel_filter = PixelFilter::kDilate;
   float near_plane = 0.2f;
   Dropout dropout;
 };

@@ -68,6 +68,18 @@ HWY_INLINE void CovarianceVjp(V A, V B, V C, V sxx, V sxy, V syy, V* a, V* b, V*
   *c = hn::Mul(half, hn::MulAdd(w10, B, hn::Mul(w11, C)));
 }
 
+// Adds what comes by way of the opacity's factor r of PixelFilter::kMip. With S = dL/d(ln r) and
+// Cov = T T^T: dL/dCov = S / 2 (Cov^-1 - X) = S / 2 eps Cov^-1 X, which is no difference of near
+// equals.
+HWY_INLINE void MipFilterVjp(const Lanes& o, V A, V B, V C, V s, V* a, V* b, V* c) {
+  const D d;
+  const V scale =
+      hn::Div(hn::Mul(hn::Mul(hn::Set(d, 0.5f), s), o.eps), hn::Mul(AreaRatio(o), o.det));
+  *a = hn::MulAdd(scale, hn::MulSub(o.sharp_c, A, hn::Mul(o.cov_b, B)), *a);
+  *b = hn::MulAdd(scale, hn::MulSub(o.sharp_c, B, hn::Mul(o.cov_b, C)), *b);
+  *c = hn::MulAdd(scale, hn::MulSub(o.sharp_a, C, hn::Mul(o.cov_b, B)), *c);
+}
+
 // What a vector of Gaussians' VJP reads and writes.
 struct VjpRows {
   const float* in;    // parameters
@@ -140,7 +152,7 @@ void VjpVector(const VjpRows& rows, const KernelCamera& cam, const ProjectionSet
   const D d;
   const V3 mean = LoadMean(rows.in);
   const V3 p = ToCamera(mean, cam);
-  const Lanes o = ProjectLanes(rows.in, p, cam);
+  const Lanes o = ProjectLanes(rows.in, p, cam, settings.pixel_filter);
   const V inv_det = hn::Div(hn::Set(d, 1.0f), o.det);
   const V A = hn::Mul(o.cov_c, inv_det), B = hn::Neg(hn::Mul(o.cov_b, inv_det)),
           C = hn::Mul(o.cov_a, inv_det);
@@ -158,6 +170,9 @@ void VjpVector(const VjpRows& rows, const KernelCamera& cam, const ProjectionSet
   // Covariance: Cov = T T^T + eps I.
   V g00, g01, g11;
   CovarianceVjp(A, B, C, rows.Sum(kGradXX), rows.Sum(kGradXY), rows.Sum(kGradYY), &g00, &g01, &g11);
+  if (settings.pixel_filter == PixelFilter::kMip) {
+    MipFilterVjp(o, A, B, C, rows.Sum(kGradSum), &g00, &g01, &g11);
+  }
   const V two = hn::Set(d, 2.0f);
   const V3 v_t0 = Scale(Axpy(g01, o.T1, Scale(o.T0, g00)), two);
   const V3 v_t1 = Scale(Axpy(g01, o.T0, Scale(o.T1, g11)), two);

@@ -62,7 +62,9 @@ bool ProjectOne(const double* g, const Camera& cam, const RenderSettings& settin
                                (W - cam.cx) / cam.fx + 0.15 * W / cam.fx);
   const double ty = std::clamp(p[1] / p[2], -(cam.cy / cam.fy + 0.15 * H / cam.fy),
                                (H - cam.cy) / cam.fy + 0.15 * H / cam.fy);
-  double t0[3], t1[3], a = 0.3, b = 0, c = 0.3;
+  const bool mip = settings.pixel_filter == PixelFilter::kMip;
+  const double eps = mip ? 0.1 : 0.3;
+  double t0[3], t1[3], a = eps, b = 0, c = eps;
   for (int i = 0; i < 3; ++i) {
     t0[i] = cam.fx / p[2] * (u[i] - tx * u[6 + i]);
     t1[i] = cam.fy / p[2] * (u[3 + i] - ty * u[6 + i]);
@@ -85,6 +87,7 @@ bool ProjectOne(const double* g, const Camera& cam, const RenderSettings& settin
   out->dz_dx = out->conic_a * cov_x + out->conic_b * cov_y;
   out->dz_dy = out->conic_b * cov_x + out->conic_c * cov_y;
   out->opacity = 1 / (1 + std::exp(-g[kLogitOpacity])) / (1 - settings.dropout.share);
+  if (mip) out->opacity *= std::sqrt(std::max(0.0, (a - eps) * (c - eps) - b * b) / det);
 
   const auto center = cam.Center();
   double dir[3] = {g[0] - center[0], g[1] - center[1], g[2] - center[2]};

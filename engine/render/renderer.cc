@@ -82,8 +82,11 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.camera = KernelCamera(camera);
   s.width = camera.width;
   s.height = camera.height;
-  s.projection = {settings.num_channels, std::clamp(settings.sh_degree, 0, kMaxShDegree),
-                  settings.depth_source == DepthSource::kCameraZ, settings.near_plane,
+  s.projection = {settings.num_channels,
+                  std::clamp(settings.sh_degree, 0, kMaxShDegree),
+                  settings.depth_source == DepthSource::kCameraZ,
+                  settings.pixel_filter,
+                  settings.near_plane,
                   settings.dropout};
   s.background = settings.background;
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();

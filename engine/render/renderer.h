@@ -47,11 +47,20 @@ enum class PixelSum {
   kCount,        // ViewStats::pixels
 };
 
+// How Gaussians about as small as a pixel are drawn. Both add eps to the diagonal of the 2D
+// covariance Cov.
+enum class PixelFilter {
+  kDilate,  // 3DGS: and no more, so that they grow, by more of their size in smaller pictures
+  kMip,     // opacity times sqrt(|Cov| / |Cov + eps I|), so that they cover as much as before: the
+            // scene is as dense in pictures of any size (2D Mip filter; arXiv 2311.16493)
+};
+
 struct RenderSettings {
   int num_channels = kNumChannels;  // or one of the constants above
   int sh_degree = kMaxShDegree;     // 0..3
   DepthSource depth_source = DepthSource::kAttribute;
   std::array<float, kNumChannels> background = {};
+  PixelFilter pixel_filter = PixelFilter::kDilate;  // as the scene was trained with
   float near_plane = 0.2f;              // scene units; Gaussians at or before it are dropped (3DGS)
   int threads = 0;                      // <= 0: all cores
   const CancelToken* cancel = nullptr;  // once raised, Forward leaves the picture unfinished

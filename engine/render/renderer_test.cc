@@ -3,6 +3,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -58,6 +59,57 @@ TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
       }
     }
   });
+}
+
+// The same splats with every scale times `factor`.
+Splats Resized(Splats splats, double factor) {
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int k = 0; k < 3; ++k) splats.at(i, kLogScale + k) += std::log(factor);
+  }
+  return splats;
+}
+
+TEST(Renderer, MipFilterMatchesTheReferenceOnEveryTarget) {
+  ForEachTarget([] {
+    RenderSettings settings;
+    settings.pixel_filter = PixelFilter::kMip;
+    settings.background[1] = 0.6f;
+    for (const double factor : {0.03, 0.2, 1.0}) {  // from a hundredth of a pixel on
+      SCOPED_TRACE(factor);
+      const Splats splats = Resized(MakeSplats(300, 4), factor);
+      for (const int channels : {kColorOnly, int{kNumChannels}}) {
+        settings.num_channels = channels;
+        ExpectMatchesReference(splats, MakeCamera(61, 43), settings);
+      }
+      settings.num_channels = kColorOnly;
+      settings.dropout = {0.4, CounterRng(1, 2)};
+      ExpectMatchesReference(splats, MakeCamera(61, 43), settings);
+      settings.dropout = {};
+    }
+  });
+}
+
+// Mean opacity of a picture of `width` px.
+double Covered(const Splats& splats, int width, PixelFilter filter) {
+  RenderSettings settings;
+  settings.num_channels = kColorOnly;
+  settings.pixel_filter = filter;
+  Planes image, alpha;
+  Renderer().Forward(splats, MakeCamera(width, width * 3 / 4), settings, &image, &alpha);
+  return std::accumulate(alpha.data.begin(), alpha.data.end(), 0.0) / alpha.data.size();
+}
+
+// What small Gaussians cover of a picture does not depend on its size, as it does if they only
+// grow.
+TEST(Renderer, MipFilterCoversAsMuchOfSmallPicturesAsOfLargeOnes) {
+  Splats splats = Resized(MakeSplats(400, 8), 0.2);  // 0.4 px in the smallest picture
+  for (size_t i = 0; i < splats.size(); ++i) splats.at(i, kLogitOpacity) = 1;
+  const double want = Covered(splats, 1600, PixelFilter::kMip);
+  EXPECT_NEAR(Covered(splats, 1600, PixelFilter::kDilate), want, 0.05 * want);
+  for (const int width : {400, 200, 100}) {
+    EXPECT_NEAR(Covered(splats, width, PixelFilter::kMip), want, 0.05 * want) << width;
+  }
+  EXPECT_GT(Covered(splats, 100, PixelFilter::kDilate), 1.3 * want);
 }
 
 TEST(Renderer, SurfaceDepthMatchesTheReferenceOnEveryTarget) {

@@ -1,6 +1,7 @@
 // Renderer::Backward, and what it sums up for density control.
 #include <cmath>
 #include <cstring>
+#include <tuple>
 #include <vector>
 
 #include "engine/core/rng.h"
@@ -54,12 +55,15 @@ std::vector<double> Gradient(const Splats& splats, const Camera& camera,
 TEST(RendererVjp, GradientsMatchFiniteDifferencesOnEveryTarget) {
   const Camera camera = MakeCamera(27, 21);
   const Splats splats = MakeSplats(18, 11);
-  for (const auto& [source, channels] : {std::pair(DepthSource::kAttribute, int{kNumChannels}),
-                                         {DepthSource::kCameraZ, int{kNumChannels}},
-                                         {DepthSource::kAttribute, kWithoutNoise}}) {
+  using Case = std::tuple<DepthSource, int, PixelFilter>;
+  for (const auto& [source, channels, filter] :
+       {Case(DepthSource::kAttribute, kNumChannels, PixelFilter::kDilate),
+        Case(DepthSource::kCameraZ, kNumChannels, PixelFilter::kMip),
+        Case(DepthSource::kAttribute, kWithoutNoise, PixelFilter::kMip)}) {
     RenderSettings settings;
     settings.num_channels = channels;
     settings.depth_source = source;
+    settings.pixel_filter = filter;
     settings.background[2] = 0.7f;
     if (source == DepthSource::kCameraZ) settings.dropout = {0.3, CounterRng(5, 6)};
     const Loss loss = MakeLoss(splats, camera, settings);

@@ -20,7 +20,8 @@ struct Model {
   PdmOptions pdm_options;
   PdmWeights pdm;
   std::optional<NoiseCurve> noise;  // for the NoiseFilter that pictures go through; none: no filter
-  int sh_degree = 3;                // in use
+  PixelFilter pixel_filter = PixelFilter::kDilate;  // that it was trained with
+  int sh_degree = 3;                                // in use
   int iteration = 0;
 };
 

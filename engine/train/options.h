@@ -70,6 +70,8 @@ struct TrainOptions {
   int coarse_levels = 0;  // 0..4
   double coarse_until = 0.5;
 
+  PixelFilter pixel_filter = PixelFilter::kDilate;  // 3DGS
+
   // SH degree starts at min(1, sh_degree) and grows by one every sh_interval iterations; paper.
   int sh_degree = 3;  // 0..3
   int sh_interval = 1000;

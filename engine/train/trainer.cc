@@ -271,6 +271,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   settings.sh_degree = ShDegree();
   settings.threads = options.threads;
   settings.dropout = MakeDropout();
+  settings.pixel_filter = options.pixel_filter;
   if (options.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
   if (!options.prior_geometry) settings.detached_channels = 1u << kChannelStructure;
   if (state.iteration < DensifyUntil()) settings.pixel_sum = options.density_statistic;
@@ -374,6 +375,7 @@ Model Trainer::Snapshot() const {
   model.use_pdm = s.options.lita && s.options.use_pdm;
   model.pdm_options = s.options.pdm;
   model.pdm = s.state.pdm;
+  model.pixel_filter = s.options.pixel_filter;
   model.sh_degree = s.ShDegree();
   model.iteration = s.state.iteration;
   return model;

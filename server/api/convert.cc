@@ -137,6 +137,7 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
   if (proto.has_settle_epochs()) options.settle_epochs = proto.settle_epochs();
   if (proto.has_dropout()) options.dropout = proto.dropout();
   if (proto.has_noise_filter()) options.noise_filter = proto.noise_filter();
+  if (proto.has_antialiased()) options.antialiased = proto.antialiased();
   if (proto.has_information_weights()) options.information_weights = proto.information_weights();
   if (proto.has_contrast()) options.contrast = proto.contrast();
   if (proto.has_chroma_smoothing()) options.chroma_smoothing = proto.chroma_smoothing();
@@ -196,6 +197,7 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   proto.set_settle_epochs(options.settle_epochs);
   proto.set_dropout(options.dropout);
   proto.set_noise_filter(options.noise_filter);
+  proto.set_antialiased(options.antialiased);
   proto.set_information_weights(options.information_weights);
   proto.set_schedule_iterations(options.schedule_iterations);
   proto.set_density_statistic(

@@ -49,6 +49,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("noise_filter", r.noise_filter);
   visit("density_statistic", r.density_statistic);
   visit("density_growth", r.density_growth);
+  visit("antialiased", r.antialiased);
   visit("schedule_iterations", r.schedule_iterations);
 }
 

@@ -69,6 +69,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_density_statistic(v1::DENSITY_STATISTIC_ABS);
   o->set_density_growth(v1::DENSITY_GROWTH_CLONE_SPLIT);
   o->set_prior_geometry(true);
+  o->set_antialiased(false);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();

@@ -184,7 +184,7 @@ void AddContainers(const Corpus& corpus, const fs::path& scratch) {
   model.pdm = PdmWeights::Zeros(SmallDenoiser());
   const std::string scene = scratch / "scene";
   LITAGS_CHECK(SaveScene(scene, model, Cameras(false).views).ok());
-  corpus.Add("scene", "two", Sections(scene, "scene", 1));
+  corpus.Add("scene", "two", Sections(scene, "scene", 2));
 }
 
 void AddRequests(const Corpus& corpus) {

@@ -5,7 +5,7 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace litags;
-  WriteScratchContainer(AsText(data, size), "scene", 1);
+  WriteScratchContainer(AsText(data, size), "scene", 2);
   const auto scene = LoadSceneFile(ScratchPath());
   if (!scene.ok() || (*scene)->views().empty()) return 0;
   RenderRequest request;

@@ -53,6 +53,7 @@ class KernelBench {
     options_.coarse_levels = 0;
     options_.pdm_every = 1;
     settings_.threads = args.threads;
+    settings_.pixel_filter = options_.pixel_filter;
   }
 
   void Run() {

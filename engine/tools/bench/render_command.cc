@@ -52,6 +52,7 @@ void Run(const RenderArguments& args, int* exit_status) {
   model.pdm_options = TrainOptionsOf(ReconstructOptions()).pdm;
   model.pdm = PdmWeights::Initial(model.pdm_options, 1);
   model.noise = BenchNoise();
+  model.pixel_filter = TrainOptionsOf(ReconstructOptions()).pixel_filter;
   nlohmann::json json = {
       {"gaussians", args.gaussians}, {"width", args.width}, {"height", args.height}};
 
@@ -59,6 +60,7 @@ void Run(const RenderArguments& args, int* exit_status) {
   Planes image, alpha;
   RenderSettings settings;
   settings.threads = args.threads;
+  settings.pixel_filter = model.pixel_filter;
   for (const auto& [name, channels] :
        {std::pair{"colour", 3}, {"all channels", int{kNumChannels}}}) {
     settings.num_channels = channels;

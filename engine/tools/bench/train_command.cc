@@ -28,6 +28,7 @@ struct TrainArguments {
   ReconstructOptions options;
   int evaluate_every = 0;
   std::string out, json;
+  std::vector<std::string> score_also;  // folders of the truth at other sizes
 };
 
 // Scores the snapshots as they come. The time this takes is kept apart.
@@ -76,6 +77,28 @@ class Recorder : public ReconstructObserver {
   double first_ms_ = 0, paused_ms_ = 0;
 };
 
+nlohmann::json JsonOf(const Scores& scores) {
+  return {{"psnr", scores.psnr}, {"ssim", scores.ssim}, {"psnr_affine", scores.psnr_affine}};
+}
+
+// Pictures of the sizes that the photos in args.score_also have.
+absl::StatusOr<nlohmann::json> ScoreAlso(const TrainArguments& args, const Scene& scene,
+                                         const std::vector<TestView>& views) {
+  nlohmann::json rows = nlohmann::json::array();
+  for (const std::string& dir : args.score_also) {
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> sized, AtSizeOfPhotos(views, dir));
+    LITAGS_ASSIGN_OR_RETURN(const Scores scores,
+                            ScoreScene(scene, sized, dir, "", args.options.threads));
+    const Camera& camera = sized.front().view.camera;
+    std::printf("%dx%d, %s: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n",
+                camera.width, camera.height, dir.c_str(), scores.psnr, scores.ssim,
+                scores.psnr_affine);
+    rows.push_back(JsonOf(scores));
+    rows.back()["size"] = {camera.width, camera.height};
+  }
+  return rows;
+}
+
 absl::Status Train(TrainArguments args) {
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(args.out, ignored);
@@ -109,6 +132,7 @@ absl::Status Train(TrainArguments args) {
   }
   std::printf("test views: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n", scores.psnr,
               scores.ssim, scores.psnr_affine);
+  LITAGS_ASSIGN_OR_RETURN(const nlohmann::json also, ScoreAlso(args, *scene, views));
   if (depth.has_value()) {
     std::printf(
         "depth: %.1f %% within 2 %%, %.1f %% within 10 %%, %.1f %% more than 20 %% too far\n",
@@ -121,11 +145,10 @@ absl::Status Train(TrainArguments args) {
                          {"iterations_per_second", report.iterations / seconds},
                          {"peak_rss_bytes", peak},
                          {"gaussians", report.gaussians},
-                         {"psnr", scores.psnr},
-                         {"ssim", scores.ssim},
-                         {"psnr_affine", scores.psnr_affine},
                          {"phase_seconds", report.phase_seconds},
-                         {"history", recorder.history}};
+                         {"history", recorder.history},
+                         {"other_sizes", also}};
+  json.update(JsonOf(scores));
   if (depth.has_value()) {
     json["depth"] = {{"within_2_percent", depth->within_2_percent},
                      {"within_10_percent", depth->within_10_percent},
@@ -159,6 +182,9 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
       ->add_option("--evaluate-every", args->evaluate_every,
                    "also score the test views every so many iterations; 0: only at the end")
       ->check(CLI::Range(0, 1000000));
+  command->add_option("--score-also", args->score_also,
+                      "photos named as high/'s, but of another size: what pictures of that size "
+                      "are like");
   command->add_option("--json", args->json, "also write the figures here");
   AddMethodOptions(command, &args->options);
   command->callback([args, exit_status] { Run(*args, exit_status); });

@@ -61,6 +61,24 @@ TEST_F(EvaluationTest, NoTruthPhotoIsNotFound) {
   EXPECT_EQ(GetErrorDetail(status)->reason, "NO_TRUTH");
 }
 
+TEST_F(EvaluationTest, CamerasTakeTheSizeOfThePhotosInAFolder) {
+  ASSERT_TRUE(WritePng(dir_ + "/photos/a.png", Ramp(0)).ok());  // 32x24
+  TestView view = Named("a.jpg");
+  view.view.camera.width = 64;
+  view.view.camera.height = 48;
+  view.view.camera.fx = view.view.camera.fy = 50;
+  view.view.camera.cx = 32;
+  view.view.camera.cy = 20;
+  const auto sized = AtSizeOfPhotos({view}, dir_ + "/photos");
+  ASSERT_TRUE(sized.ok()) << sized.status();
+  const Camera& camera = sized->at(0).view.camera;
+  EXPECT_EQ(camera.width, 32);
+  EXPECT_EQ(camera.height, 24);
+  EXPECT_EQ(camera.fx, 25);
+  EXPECT_EQ(camera.cy, 10);
+  EXPECT_TRUE(absl::IsNotFound(AtSizeOfPhotos({Named("b.png")}, dir_ + "/photos").status()));
+}
+
 TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
   ASSERT_TRUE(WritePng(dir_ + "/photos/a.png", Ramp(-30)).ok());
   const TestView view = Named("a.png");

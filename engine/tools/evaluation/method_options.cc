@@ -61,6 +61,8 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
                   "Gaussians that split become: long-axis, halves side by side, or clone-split, as "
                   "3DGS has it")
       ->transform(CLI::CheckedTransformer(growths));
+  app->add_flag("!--no-antialiasing", options->antialiased,
+                "Gaussians smaller than a pixel grow, as 3DGS has it");
   app->add_option("--sh-degree", options->sh_degree)->capture_default_str();
   app->add_flag("!--no-dense-start", options->dense_start,
                 "start from the sparse points alone, not from stereo's, too");

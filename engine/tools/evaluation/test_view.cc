@@ -33,4 +33,14 @@ absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view) 
   return Undistort(photo, camera, view.distortion);
 }
 
+absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views,
+                                                     const std::string& dir) {
+  for (TestView& view : views) {
+    const TestView of_any_size = {.view = {view.view.name, Camera()}, .distortion = {}};
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 photo, LoadPhoto(dir, of_any_size));
+    view.view.camera = view.view.camera.Scaled(photo.width, photo.height);
+  }
+  return views;
+}
+
 }  // namespace litags

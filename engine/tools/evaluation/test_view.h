@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_TOOLS_EVALUATION_TEST_VIEW_H_
 
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
@@ -22,6 +23,11 @@ absl::StatusOr<std::string> FindPhoto(const std::string& dir, const std::string&
 // That photo as the view's pinhole camera sees it: resized to it and undistorted. With a camera of
 // no size, as it is.
 absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view);
+
+// The same views with cameras of the size of their photos in `dir`. Errors of FindPhoto and of
+// reading.
+absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views,
+                                                     const std::string& dir);
 
 }  // namespace litags
 

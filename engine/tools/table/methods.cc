@@ -43,6 +43,7 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   options.use_pdm = true;
   options.density_statistic = DensityStatistic::kMean;
   options.density_growth = DensityGrowth::kCloneSplit;
+  options.antialiased = false;
   options.prior_geometry = true;
   options.pdm_hidden = 16;
   options.pdm_every = 1;

@@ -127,6 +127,7 @@ TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
   EXPECT_FALSE(of("litags-paper").options.noise_filter);
   EXPECT_TRUE(of("litags-paper").options.prior_geometry);
   EXPECT_EQ(of("litags-paper").options.density_growth, DensityGrowth::kCloneSplit);
+  EXPECT_FALSE(of("litags-paper").options.antialiased);
   EXPECT_TRUE(of("litags-paper").options.use_pdm);
   EXPECT_TRUE(of("litags").options.dense_start);
   EXPECT_TRUE(of("litags-no-prior").options.dense_start);

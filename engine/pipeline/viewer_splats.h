@@ -1,0 +1,23 @@
+// Scenes for viewers that draw small Gaussians as 3DGS does.
+#ifndef LITAGS_ENGINE_PIPELINE_VIEWER_SPLATS_H_
+#define LITAGS_ENGINE_PIPELINE_VIEWER_SPLATS_H_
+
+#include <vector>
+
+#include "engine/core/camera.h"
+#include "engine/core/splats.h"
+
+namespace litags {
+
+// Gaussians of PixelFilter::kMip as PixelFilter::kDilate should get them to draw much the same in
+// pictures of the size of `views`. With p the size of a pixel at the Gaussian, in scene units, mean
+// over the views that see it, scales s become s' and the opacity o becomes o':
+//   s'^2 = s^2 - (kEps2d - kMipEps2d) p^2, where that is positive, else nearly none
+//   o' = o sqrt(product of s^2 / (s'^2 + kEps2d p^2)) over the two larger scales,
+// exact for large Gaussians seen along their shortest axis, and nearly so for small ones. Those
+// that no view sees stay as they are.
+Splats SplatsForViewers(const std::vector<View>& views, Splats splats);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_VIEWER_SPLATS_H_

@@ -1,0 +1,127 @@
+#include "engine/pipeline/viewer_splats.h"
+
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine/core/rng.h"
+#include "engine/io/file_util.h"
+#include "engine/io/ply.h"
+#include "engine/io/test_util.h"
+#include "engine/pipeline/scene.h"
+#include "engine/render/renderer.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+constexpr int kSize = 96;  // px, at 100 px per unit of X/Z, from a distance of 4 units
+constexpr double kPixel = 0.04;
+
+std::vector<View> FrontViews() {
+  std::vector<View> views;
+  for (int i = 0; i < 4; ++i) {
+    View view;
+    view.name = std::to_string(i);
+    Camera& c = view.camera;
+    c.width = c.height = kSize;
+    c.fx = c.fy = 100;
+    c.cx = c.cy = kSize / 2;
+    EXPECT_TRUE(c.LookAt({0.2 * i, -0.1 * i, -4}, {0, 0, 0}, {0, -1, 0}).ok());
+    views.push_back(view);
+  }
+  return views;
+}
+
+// Disks that face the cameras, about `px` pixels wide.
+Splats Disks(size_t n, double px) {
+  const CounterRng rng(3, 1);
+  Splats splats(n);
+  for (size_t i = 0; i < n; ++i) {
+    uint64_t counter = i * 100;
+    const auto normal = [&] { return static_cast<float>(rng.Normal(counter++)); };
+    for (int k = 0; k < 3; ++k) splats.at(i, kMean + k) = (k < 2 ? 0.6f : 0.1f) * normal();
+    for (int k = 0; k < 3; ++k) {
+      splats.at(i, kLogScale + k) =
+          static_cast<float>(std::log(kPixel * px * (k < 2 ? 1 : 0.1))) + 0.2f * normal();
+    }
+    splats.at(i, kRawQuat) = 1;
+    splats.at(i, kLogitOpacity) = normal();
+    for (int c = 0; c < 3; ++c) splats.at(i, kShDc + c) = normal();
+  }
+  return splats;
+}
+
+std::vector<float> Picture(const Splats& splats, const Camera& camera, PixelFilter filter) {
+  RenderSettings settings;
+  settings.num_channels = kColorOnly;
+  settings.pixel_filter = filter;
+  Planes image, alpha;
+  Renderer().Forward(splats, camera, settings, &image, &alpha);
+  return image.data;
+}
+
+double Difference(const std::vector<float>& a, const std::vector<float>& b) {
+  double sum = 0;
+  for (size_t i = 0; i < a.size(); ++i) sum += std::pow(double{a[i]} - b[i], 2);
+  return std::sqrt(sum / a.size());
+}
+
+TEST(SplatsForViewers, DilatedLookMuchAsTheyDidWithTheMipFilter) {
+  const std::vector<View> views = FrontViews();
+  const struct {
+    double px;     // of a disk
+    double least;  // how many times nearer they get
+  } cases[] = {{0.2, 2}, {0.5, 4}, {1, 10}, {3, 12}};
+  for (const auto& c : cases) {
+    const Splats splats = Disks(600, c.px);
+    const Splats exported = SplatsForViewers(views, splats);
+    for (const View& view : views) {
+      const std::vector<float> want = Picture(splats, view.camera, PixelFilter::kMip);
+      const double before = Difference(Picture(splats, view.camera, PixelFilter::kDilate), want);
+      const double after = Difference(Picture(exported, view.camera, PixelFilter::kDilate), want);
+      EXPECT_LT(c.least * after, before) << c.px << " px, view " << view.name;
+    }
+  }
+}
+
+TEST(SplatsForViewers, AreWhatScenesOfTheMipFilterExport) {
+  const TempDir dir;
+  const std::vector<View> views = FrontViews();
+  Model model;
+  model.lita = model.use_pdm = false;
+  model.splats = Disks(30, 0.5);
+  for (const auto& [filter, want] :
+       {std::pair(PixelFilter::kMip, SplatsForViewers(views, model.splats)),
+        std::pair(PixelFilter::kDilate, model.splats)}) {
+    model.pixel_filter = filter;
+    ASSERT_TRUE(MakeScene(model, views)->ExportPly(dir / "a.ply", /*light=*/0).ok());
+    const auto ply = ReadFile(dir / "a.ply", "", int64_t{1} << 20);
+    ASSERT_TRUE(ply.ok()) << ply.status();
+    EXPECT_TRUE(*ply == EncodePly(want, /*lita_attributes=*/false));
+  }
+}
+
+TEST(SplatsForViewers, ThoseThatNoViewSeesStayAsTheyAre) {
+  Splats splats = Disks(20, 0.5);
+  for (size_t i = 0; i < splats.size(); ++i) splats.at(i, kMean + 2) -= 50;
+  EXPECT_EQ(SplatsForViewers(FrontViews(), splats).data(), splats.data());
+  EXPECT_EQ(SplatsForViewers({}, splats).data(), splats.data());
+}
+
+TEST(SplatsForViewers, ExtremesStayFinite) {
+  Splats splats = Disks(4, 1);
+  for (int k = 0; k < 3; ++k) {
+    splats.at(0, kLogScale + k) = -200;
+    splats.at(1, kLogScale + k) = 80;
+  }
+  splats.at(1, kLogitOpacity) = 90;
+  splats.at(2, kLogitOpacity) = 90;
+  splats.at(3, kLogitOpacity) = -90;
+  const Splats exported = SplatsForViewers(FrontViews(), splats);
+  EXPECT_EQ(exported.FirstNotFinite(), exported.size());
+}
+
+}  // namespace
+}  // namespace litags
