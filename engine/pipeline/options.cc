@@ -17,6 +17,7 @@ absl::Status Bad(const char* field, double value, const char* rule) {
 constexpr double kDensifyEpochs = 60;
 constexpr double kLrScales = 0.01;
 constexpr double kMaxScale = 0.5;
+constexpr double kClearSpace = 0.5;
 
 PixelSum PixelSumOf(DensityStatistic statistic) {
   switch (statistic) {
@@ -57,6 +58,7 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
       train.densify_epochs = kDensifyEpochs;
       train.lr_scales = kLrScales;
       train.max_scale = kMaxScale;
+      train.clear_space = kClearSpace;
     }
   }
   train.use_prior = options.use_prior;

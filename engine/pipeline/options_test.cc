@@ -172,6 +172,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(TrainOptionsOf(options).pixel_filter, PixelFilter::kMip);
   EXPECT_GT(TrainOptionsOf(options).densify_epochs, 0);
   EXPECT_GT(TrainOptionsOf(options).max_scale, 0);
+  EXPECT_GT(TrainOptionsOf(options).clear_space, 0);
   EXPECT_GT(TrainOptionsOf(options).lr_scales, TrainOptions().lr_scales);
   options.antialiased = false;
   EXPECT_EQ(TrainOptionsOf(options).pixel_filter, PixelFilter::kDilate);
@@ -179,6 +180,7 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_EQ(TrainOptionsOf(options).growth, Growth::kCloneSplit);
   EXPECT_EQ(TrainOptionsOf(options).densify_epochs, 0) << "as the paper";
   EXPECT_EQ(TrainOptionsOf(options).max_scale, 0);
+  EXPECT_EQ(TrainOptionsOf(options).clear_space, 0);
   EXPECT_EQ(TrainOptionsOf(options).lr_scales, TrainOptions().lr_scales);
 }
 

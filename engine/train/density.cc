@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "absl/functional/function_ref.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 
@@ -107,6 +108,25 @@ std::vector<uint32_t> ChooseGrowing(const DensityStats& stats, double threshold,
   return chosen;
 }
 
+constexpr float kClearLogit = -10;  // far from being seen
+
+// Distance from the mean to the nearest of the points.
+double ToNearest(absl::Span<const std::array<double, 3>> points, const Splats& splats, size_t i) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const auto& [x, y, z] : points) {
+    nearest = std::min(nearest, std::hypot(x - splats.at(i, kMean), y - splats.at(i, kMean + 1),
+                                           z - splats.at(i, kMean + 2)));
+  }
+  return nearest;
+}
+
+void ForEachGaussian(int threads, size_t count, absl::FunctionRef<void(size_t i)> visit) {
+  ParallelFor(threads, (count + kSplatBlock - 1) / kSplatBlock, [&](size_t block, int) {
+    const size_t first = block * kSplatBlock, end = std::min(first + kSplatBlock, count);
+    for (size_t i = first; i < end; ++i) visit(i);
+  });
+}
+
 }  // namespace
 
 void SplatState::Rearrange(const std::vector<uint32_t>& from) {
@@ -141,23 +161,32 @@ void DensityStats::Add(PixelSum statistic, const ViewStats& view, int width, int
   }
 }
 
+double DistanceKept(double share, absl::Span<const std::array<double, 3>> centers, int threads,
+                    const Splats& splats) {
+  std::vector<double> distances(splats.size());
+  ForEachGaussian(threads, splats.size(),
+                  [&](size_t i) { distances[i] = ToNearest(centers, splats, i); });
+  const auto kept = distances.begin() + static_cast<ptrdiff_t>((1 - share) * distances.size());
+  if (kept == distances.end()) return 0;
+  std::nth_element(distances.begin(), kept, distances.end());
+  return *kept;
+}
+
+void ClearSpace(double distance, absl::Span<const std::array<double, 3>> centers, int threads,
+                Splats* splats) {
+  ForEachGaussian(threads, splats->size(), [&](size_t i) {
+    if (ToNearest(centers, *splats, i) < distance) splats->at(i, kLogitOpacity) = kClearLogit;
+  });
+}
+
 void LimitScales(double limit, absl::Span<const std::array<double, 3>> centers, int threads,
                  Splats* splats) {
-  ParallelFor(threads, splats->num_blocks(), [&](size_t block, int) {
-    const size_t first = block * kSplatBlock;
-    const size_t end = std::min(first + kSplatBlock, splats->size());
-    for (size_t i = first; i < end; ++i) {
-      double nearest = std::numeric_limits<double>::infinity();
-      for (const auto& [x, y, z] : centers) {
-        nearest =
-            std::min(nearest, std::hypot(x - splats->at(i, kMean), y - splats->at(i, kMean + 1),
-                                         z - splats->at(i, kMean + 2)));
-      }
-      // A mean in a camera's very centre must give a number all the same.
-      const auto most = static_cast<float>(std::log(limit * std::max(nearest, 1e-7)));
-      for (int row = kLogScale; row < kLogScale + 3; ++row) {
-        splats->at(i, row) = std::min(splats->at(i, row), most);
-      }
+  ForEachGaussian(threads, splats->size(), [&](size_t i) {
+    // A mean in a camera's very centre must give a number all the same.
+    const double nearest = std::max(ToNearest(centers, *splats, i), 1e-7);
+    const auto most = static_cast<float>(std::log(limit * nearest));
+    for (int row = kLogScale; row < kLogScale + 3; ++row) {
+      splats->at(i, row) = std::min(splats->at(i, row), most);
     }
   });
 }

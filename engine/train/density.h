@@ -51,6 +51,16 @@ struct DensityReport {
 DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
                              SplatState* state, DensityStats* stats);
 
+// Of the distances from the Gaussians' means to the nearest of the camera centres (at least one;
+// world), that which this share of them keeps; 0 if there is no Gaussian.
+double DistanceKept(double share, absl::Span<const std::array<double, 3>> centers, int threads,
+                    const Splats& splats);
+
+// Makes Gaussians whose means are nearer than this to a camera centre invisible; ControlDensity
+// removes them.
+void ClearSpace(double distance, absl::Span<const std::array<double, 3>> centers, int threads,
+                Splats* splats);
+
 // Cuts every scale to `limit` times the distance from the Gaussian's mean to the nearest of the
 // camera centres (at least one; world).
 void LimitScales(double limit, absl::Span<const std::array<double, 3>> centers, int threads,

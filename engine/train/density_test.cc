@@ -7,6 +7,7 @@
 #include <set>
 #include <vector>
 
+#include "engine/render/constants.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
 
@@ -328,6 +329,29 @@ TEST(MortonOrder, TiesAndOddMeansKeepTheirOrder) {
   std::sort(order.begin(), order.end());
   for (uint32_t i = 0; i < 20; ++i) EXPECT_EQ(order[i], i);
   EXPECT_TRUE(MortonOrder(Splats()).empty());
+}
+
+TEST(ClearSpace, HidesWhatIsNearerAndNothingElse) {
+  Splats splats = Line(40, 1).params;  // means at x = 0 .. 39
+  const Splats before = splats;
+  const std::array<double, 3> centers[] = {{-1, 0, 0}, {35, 0, 0}};
+  ClearSpace(1.5, centers, 2, &splats);
+  for (int i = 0; i < 40; ++i) {
+    for (int row = 0; row < kSplatRows; ++row) {
+      const bool hidden = row == kLogitOpacity && (i == 0 || (i >= 34 && i <= 36));
+      ASSERT_EQ(splats.at(i, row) != before.at(i, row), hidden) << i << " row " << row;
+    }
+  }
+  EXPECT_LT(splats.at(0, kLogitOpacity), std::log(kAlphaMin));
+}
+
+TEST(DistanceKept, IsThatOfAllButAFew) {
+  const Splats splats = Line(200, 1).params;  // means at x = 0 .. 199
+  const std::array<double, 3> centers[] = {{-5, 0, 0}};
+  EXPECT_DOUBLE_EQ(DistanceKept(1, centers, 2, splats), 5);
+  EXPECT_NEAR(DistanceKept(0.99, centers, 2, splats), 7, 1.001);
+  EXPECT_DOUBLE_EQ(DistanceKept(0.5, centers, 2, splats), 105);
+  EXPECT_EQ(DistanceKept(0.99, centers, 2, Splats()), 0);
 }
 
 TEST(LimitScales, CutsWhatIsWiderThanItsDistanceAllows) {

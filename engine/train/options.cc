@@ -55,7 +55,8 @@ absl::Status TrainOptions::Validate() const {
                  {"densify_abs_grad", densify_abs_grad},
                  {"densify_percent", densify_percent},
                  {"prune_opacity", prune_opacity},
-                 {"max_scale", max_scale}};
+                 {"max_scale", max_scale},
+                 {"clear_space", clear_space}};
   for (const auto& [name, value] : numbers) {
     if (!std::isfinite(value) || value < 0) return Bad(name, "must be a finite number, 0 or more");
   }

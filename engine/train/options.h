@@ -99,6 +99,11 @@ struct TrainOptions {
   // 0: none is cut, as 3DGS. Choice
   double max_scale = 0;
 
+  // Nearest that a Gaussian may be to a camera, of the distance that 99 % of the first Gaussians
+  // keep from the nearest one; nearer ones are removed at density steps: photos show nothing there,
+  // but for other cameras they hide everything. 0: none is, as 3DGS. Choice
+  double clear_space = 0;
+
   // INVALID_ARGUMENT naming the field that breaks its rule.
   absl::Status Validate() const;
 };

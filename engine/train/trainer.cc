@@ -215,11 +215,14 @@ struct Trainer::Impl {
   void Start(Splats initial);
   absl::StatusOr<StepLosses> Learn(size_t photo);
 
-  // At density steps: growth while it lasts, then no Gaussian wider than it may be.
+  // At density steps: growth while it lasts, then no Gaussian nearer or wider than it may be.
   void Densify() {
     const int done = state.iteration;
     if (done < options.densify_start || done % options.densify_every != 0) return;
     Timer timer(&phases.density);
+    if (clear_distance > 0) {
+      ClearSpace(clear_distance, centers, options.threads, &state.splats.params);
+    }
     if (done <= DensifyUntil()) {
       // Smaller photos have fewer pixels to explain; more Gaussians would only learn their noise.
       TrainOptions limited = options;
@@ -237,6 +240,7 @@ struct Trainer::Impl {
   double extent;
   std::vector<std::array<double, 3>> centers;  // of the views' cameras
   double most_dropout = 0;                     // after many epochs
+  double clear_distance = 0;                   // of Gaussians to the cameras, least; world
   TrainState state;
   Objective objective;
   Renderer renderer;
@@ -247,6 +251,9 @@ struct Trainer::Impl {
 };
 
 void Trainer::Impl::Start(Splats initial) {
+  if (options.clear_space > 0) {
+    clear_distance = options.clear_space * DistanceKept(0.99, centers, options.threads, initial);
+  }
   state = TrainState();
   state.splats.params = std::move(initial);
   state.splats.moment1 = Splats(state.splats.params.size());

@@ -264,6 +264,17 @@ TEST(Trainer, DensityGrowsUntilTheEpochsAreOverWithinBounds) {
   EXPECT_EQ(last_growth(1000, 25), 20);
 }
 
+double ToNearestCamera(const Splats& splats, size_t i) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const TrainView& v : Views()) {
+    const auto c = v.view.camera.Center();
+    nearest =
+        std::min(nearest, std::hypot(c[0] - splats.at(i, kMean), c[1] - splats.at(i, kMean + 1),
+                                     c[2] - splats.at(i, kMean + 2)));
+  }
+  return nearest;
+}
+
 TEST(Trainer, NoGaussianIsWiderThanItsDistanceToTheCamerasAllows) {
   const auto widest = [](double max_scale) {
     TrainOptions options = Options();
@@ -275,21 +286,33 @@ TEST(Trainer, NoGaussianIsWiderThanItsDistanceToTheCamerasAllows) {
     const Splats splats = trainer.Snapshot().splats;
     double most = 0;
     for (size_t i = 0; i < splats.size(); ++i) {
-      double nearest = std::numeric_limits<double>::infinity();
-      for (const TrainView& v : Views()) {
-        const auto c = v.view.camera.Center();
-        nearest =
-            std::min(nearest, std::hypot(c[0] - splats.at(i, kMean), c[1] - splats.at(i, kMean + 1),
-                                         c[2] - splats.at(i, kMean + 2)));
-      }
       for (int k = 0; k < 3; ++k) {
-        most = std::max(most, std::exp(splats.at(i, kLogScale + k)) / nearest);
+        most = std::max(most, std::exp(splats.at(i, kLogScale + k)) / ToNearestCamera(splats, i));
       }
     }
     return most;
   };
   EXPECT_GT(widest(0), 0.06);
   EXPECT_LT(widest(0.05), 0.05 + 1e-6);
+}
+
+TEST(Trainer, TheSpaceBeforeTheCamerasIsKeptClear) {
+  const auto nearest = [](double clear_space) {
+    TrainOptions options = Options();
+    options.clear_space = clear_space;
+    Trainer trainer = MakeTrainer(options);
+    Train(&trainer, kIterations);
+    const Splats splats = trainer.Snapshot().splats;
+    double least = std::numeric_limits<double>::infinity();
+    for (size_t i = 0; i < splats.size(); ++i) {
+      if (splats.at(i, kLogitOpacity) > -9) least = std::min(least, ToNearestCamera(splats, i));
+    }
+    return least;
+  };
+  const double without = nearest(0);
+  EXPECT_NEAR(nearest(0.5), without, 1e-9) << "none is that near";
+  // They move between density steps.
+  EXPECT_GT(nearest(1.3), 1.25 * without);
 }
 
 TEST(Trainer, APriorThatMovesNothingTrainsItsAttributeAlone) {
