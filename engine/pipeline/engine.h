@@ -53,7 +53,7 @@ enum class DensityStatistic {
 };
 
 // How such a Gaussian becomes two, and what goes with it: how long short runs grow, how fast scales
-// learn, and how wide they may become.
+// learn, how wide Gaussians may become and how near to a camera.
 enum class DensityGrowth {
   kLongAxis,    // halves of it, side by side on its longest axis
   kCloneSplit,  // 3DGS: a copy if it is small, two at random places in it if it is large; its rates
