@@ -85,8 +85,9 @@ struct ReconstructOptions {
   int64_t max_gaussians = 200000;
   DensityStatistic density_statistic = DensityStatistic::kMean;
   DensityGrowth density_growth = DensityGrowth::kLongAxis;  // of LITA-GS
-  // Gaussians smaller than a pixel become more transparent instead of larger, so that pictures of
-  // any size look alike (PixelFilter::kMip). Of LITA-GS; false: as 3DGS.
+  // Gaussians smaller than a pixel become more transparent instead of larger, so that pictures
+  // keep their look at other sizes than the photos' (PixelFilter::kMip). Of LITA-GS; false: as
+  // 3DGS.
   bool antialiased = true;
   int sh_degree = 3;        // 0..3
   bool dense_start = true;  // points of stereo depth to start from, besides SfM's

@@ -112,12 +112,13 @@ constexpr float kClearLogit = -10;  // far from being seen
 
 // Distance from the mean to the nearest of the points.
 double ToNearest(absl::Span<const std::array<double, 3>> points, const Splats& splats, size_t i) {
-  double nearest = std::numeric_limits<double>::infinity();
-  for (const auto& [x, y, z] : points) {
-    nearest = std::min(nearest, std::hypot(x - splats.at(i, kMean), y - splats.at(i, kMean + 1),
-                                           z - splats.at(i, kMean + 2)));
+  const double x = splats.at(i, kMean), y = splats.at(i, kMean + 1), z = splats.at(i, kMean + 2);
+  double squared = std::numeric_limits<double>::infinity();
+  for (const auto& p : points) {
+    const double dx = p[0] - x, dy = p[1] - y, dz = p[2] - z;
+    squared = std::min(squared, dx * dx + dy * dy + dz * dz);
   }
-  return nearest;
+  return std::sqrt(squared);
 }
 
 void ForEachGaussian(int threads, size_t count, absl::FunctionRef<void(size_t i)> visit) {

@@ -137,8 +137,9 @@ class KernelBench {
     ProjectedSplats projected;
     projected.Resize(splats_.size(), kNumChannels);
     const KernelCamera camera(camera_);
+    const ProjectionSettings settings = {.pixel_filter = settings_.pixel_filter, .dropout = {}};
     for (size_t b = 0; b < splats_.num_blocks(); ++b) {
-      ProjectBlock(splats_, b, camera, ProjectionSettings(), &projected);
+      ProjectBlock(splats_, b, camera, settings, &projected);
     }
     TileLists lists;
     BinScratch scratch;
