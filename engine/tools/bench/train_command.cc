@@ -182,9 +182,11 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
       ->add_option("--evaluate-every", args->evaluate_every,
                    "also score the test views every so many iterations; 0: only at the end")
       ->check(CLI::Range(0, 1000000));
-  command->add_option("--score-also", args->score_also,
-                      "photos named as high/'s, but of another size: what pictures of that size "
-                      "are like");
+  command
+      ->add_option("--score-also", args->score_also,
+                   "folder of photos named as high/'s, but of another size: what pictures of that "
+                   "size are like")
+      ->check(CLI::ExistingDirectory);
   command->add_option("--json", args->json, "also write the figures here");
   AddMethodOptions(command, &args->options);
   command->callback([args, exit_status] { Run(*args, exit_status); });
