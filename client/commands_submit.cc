@@ -247,7 +247,7 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                        {"none", v1::TONE_NONE}})
       ->description("Target of the light: capture, linear-gain, paper or none")
       ->group(group);
-  command->add_option("--theta", args->theta, "Mean level of the target, (0, 1); 0: the tone's own")
+  command->add_option("--theta", args->theta, "Mean level of the target, (0, 1); 0: 0.49")
       ->group(group);
   command->add_option("--contrast", args->contrast, "That --tone capture adds, [0, 1]")
       ->group(group);

@@ -62,7 +62,7 @@ enum class DensityGrowth {
 struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kCapture;
-  double theta = 0;        // target mean of sRGB codes, (0, 1); 0: 0.49 (paper), kCapture: 0.5
+  double theta = 0;        // target mean of sRGB codes, (0, 1); 0: 0.49 (paper)
   double contrast = 0.15;  // of kCapture, [0, 1]; 0: none
   // Of kCapture, [0, 100]: how far colours of neighbours are averaged, in deviations of the noise.
   double chroma_smoothing = 2;

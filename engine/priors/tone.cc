@@ -19,8 +19,7 @@
 namespace litags {
 namespace {
 
-constexpr double kThetaMean = 0.49;  // authors' release
-constexpr double kThetaEven = 0.5;
+constexpr double kTheta = 0.49;  // authors' release
 constexpr int kClippedCode = 255;
 
 using Histogram = std::array<double, 256>;  // fraction of all samples that count
@@ -92,10 +91,7 @@ double SolveLinearGain(const Histogram& histogram, double theta, double max_gain
   return std::exp2(Bisect(mean, theta, -64, std::log2(max_gain)));  // at -64 anything is black
 }
 
-double ThetaOf(const ToneOptions& options) {
-  if (options.theta > 0) return options.theta;
-  return options.rule == ToneRule::kCaptureGain ? kThetaEven : kThetaMean;
-}
+double ThetaOf(const ToneOptions& options) { return options.theta > 0 ? options.theta : kTheta; }
 
 template <class Curve>
 ImageU8 Apply(const ImageU8& photo, const Curve& curve) {

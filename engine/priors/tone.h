@@ -23,8 +23,7 @@ enum class ToneRule {
 
 struct ToneOptions {
   ToneRule rule = ToneRule::kCaptureGain;
-  // Wanted mean of sRGB codes, (0, 1). 0: the rule's own, 0.49 (authors' release), or 0.5 for
-  // kCaptureGain: an even histogram.
+  // Wanted mean of sRGB codes, (0, 1). 0: 0.49, the authors' release.
   double theta = 0;
   double max_gain = 4096;  // of linear light; >= 1. Choice: 12 stops
   // Of kCaptureGain, [0, 1]: code c becomes c + contrast * c (1 - c) (2 c - 1). Cameras' picture

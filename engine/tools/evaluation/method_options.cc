@@ -17,7 +17,7 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
       ->transform(CLI::CheckedTransformer(methods));
   app->add_option("--tone", options->tone, "pseudo-target: capture, linear, paper or none")
       ->transform(CLI::CheckedTransformer(tones));
-  app->add_option("--theta", options->theta, "mean brightness of the target; 0: the tone's own")
+  app->add_option("--theta", options->theta, "mean brightness of the target; 0: 0.49")
       ->capture_default_str();
   app->add_option("--contrast", options->contrast, "of --tone capture; 0: none")
       ->capture_default_str();
