@@ -343,7 +343,9 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->add_option("--depth-geometry", args->depth_geometry,
                    "true: the depth loss moves Gaussians; false: it sees an attribute of theirs")
       ->group(group);
-  command->add_option("--max-image-side", args->max_image_side, "Shrink photos to this, px")
+  command
+      ->add_option("--max-image-side", args->max_image_side,
+                   "Shrink larger photos to this, px; 0: never")
       ->group(group);
   command->add_option("--holdout-every", args->holdout_every, "Every n-th photo only measures")
       ->group(group);

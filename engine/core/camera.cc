@@ -1,5 +1,6 @@
 #include "engine/core/camera.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
@@ -61,6 +62,11 @@ absl::Status Camera::Validate(std::string_view field, int64_t max_pixels) const 
     return InvalidInput(
         "BAD_CAMERA_SIZE", field,
         absl::StrCat(name, ": image size is ", width, "x", height, "; both must be positive"));
+  }
+  if (std::max(width, height) > kMaxImageSide) {
+    return InvalidInput("IMAGE_TOO_LARGE", field,
+                        absl::StrCat(name, ": ", width, "x", height, " is more than ",
+                                     kMaxImageSide, " px on a side; ask for a smaller image"));
   }
   if (int64_t{width} * height > max_pixels) {
     return InvalidInput("IMAGE_TOO_LARGE", field,

@@ -74,6 +74,11 @@ TEST(Camera, ValidateNamesTheField) {
   EXPECT_EQ(GetErrorDetail(camera.Validate("k"))->reason, "BAD_FOCAL_LENGTH");
   camera = TestCamera();
   EXPECT_EQ(GetErrorDetail(camera.Validate("k", 100))->reason, "IMAGE_TOO_LARGE");
+  camera.height = 8;
+  camera.width = kMaxImageSide;
+  EXPECT_TRUE(camera.Validate("k").ok());
+  camera.width += 1;
+  EXPECT_EQ(GetErrorDetail(camera.Validate("k"))->reason, "IMAGE_TOO_LARGE");
 }
 
 TEST(ParallelFor, RunsEveryTaskOnceForAnyThreadCount) {

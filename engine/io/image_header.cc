@@ -26,12 +26,12 @@ bool IsStartOfFrame(uint8_t marker) {
 // Markers without a length: TEM and RST0..RST7.
 bool IsBareMarker(uint8_t marker) { return marker == 0x01 || (marker >= 0xD0 && marker <= 0xD7); }
 
-// Next marker of a JPEG: FF, any number of fill bytes FF, then the code.
-bool ReadMarker(ByteReader* reader, uint8_t* marker, bool* aligned) {
-  uint8_t byte = 0;
-  if (!reader->Read(&byte)) return false;
-  *aligned = byte == 0xFF;
-  if (!*aligned) return true;
+// Next marker of a JPEG: FF, any number of fill bytes FF, then the code. What stands before it is
+// skipped, as libjpeg does.
+bool ReadMarker(ByteReader* reader, uint8_t* marker) {
+  do {
+    if (!reader->Read(marker)) return false;
+  } while (*marker != 0xFF);
   do {
     if (!reader->Read(marker)) return false;
   } while (*marker == 0xFF);
@@ -89,9 +89,7 @@ absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_vi
   reader.Skip(2);  // SOI
   while (true) {
     uint8_t marker = 0;
-    bool aligned = false;
-    if (!ReadMarker(&reader, &marker, &aligned)) return Truncated(field);
-    if (!aligned) return Corrupt(field, "the JPEG header holds bytes that are no marker");
+    if (!ReadMarker(&reader, &marker)) return Truncated(field);
     if (IsBareMarker(marker)) continue;
     if (marker == kEndOfImage) return Corrupt(field, "the JPEG ends without a picture");
     uint16_t length = 0;

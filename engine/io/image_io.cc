@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <span>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -122,12 +123,23 @@ cv::Mat ToBgr(const ImageU8& image) {
   return bgr;
 }
 
-bool IsPhotoName(const std::string& name) {
+bool EndsWithOneOf(std::span<const std::string_view> suffixes, const std::string& name) {
   const std::string lower = absl::AsciiStrToLower(name);
-  const auto ends_with = [&](std::string_view suffix) {
-    return lower.size() > suffix.size() && std::string_view(lower).ends_with(suffix);
-  };
-  return name.front() != '.' && (ends_with(".jpg") || ends_with(".jpeg") || ends_with(".png"));
+  return name.front() != '.' && std::ranges::any_of(suffixes, [&](std::string_view suffix) {
+           return lower.size() > suffix.size() && std::string_view(lower).ends_with(suffix);
+         });
+}
+
+bool IsPhotoName(const std::string& name) {
+  constexpr std::string_view kRead[] = {".jpg", ".jpeg", ".png"};
+  return EndsWithOneOf(kRead, name);
+}
+
+bool IsOtherPictureName(const std::string& name) {
+  constexpr std::string_view kOther[] = {".heic", ".heif", ".avif", ".webp", ".tif", ".tiff",
+                                         ".bmp",  ".dng",  ".nef",  ".cr2",  ".cr3", ".arw",
+                                         ".raf",  ".orf",  ".rw2",  ".jxl",  ".exr"};
+  return EndsWithOneOf(kOther, name);
 }
 
 }  // namespace
@@ -200,10 +212,21 @@ absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir,
                                                     std::string_view field) {
   LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> names, ListFiles(dir, field, IsPhotoName));
   if (names.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(const std::string others, DescribeOtherPictures(dir, field));
     return InvalidField("NO_PHOTOS", field,
-                        absl::StrCat("the folder '", dir, "' holds no .jpg, .jpeg or .png file"));
+                        absl::StrCat("the folder '", dir, "' holds no .jpg, .jpeg or .png file",
+                                     others.empty() ? "" : "; ", others));
   }
   return names;
+}
+
+absl::StatusOr<std::string> DescribeOtherPictures(const std::string& dir, std::string_view field) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names,
+                          ListFiles(dir, field, IsOtherPictureName));
+  if (names.empty()) return "";
+  return absl::StrCat(names.size(), names.size() == 1 ? " picture is" : " pictures are",
+                      " of a kind that is not read, ", names.front(),
+                      names.size() == 1 ? "" : " for one", ": convert to JPEG or PNG");
 }
 
 ImageU8 ResizeArea(const ImageU8& image, int width, int height) {

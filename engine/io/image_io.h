@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/core/camera.h"
 #include "engine/core/image.h"
 
 namespace litags {
@@ -17,7 +18,7 @@ namespace litags {
 struct ImageLimits {
   int64_t max_bytes = int64_t{256} << 20;  // encoded
   int64_t max_pixels = int64_t{64} << 20;  // decoded, "64 MP"
-  int max_side = 32766;                    // px
+  int max_side = kMaxImageSide;            // px
 };
 
 enum class ImageFormat { kJpeg, kPng };
@@ -63,6 +64,11 @@ absl::Status WritePng16(const std::string& path, const Planes& plane, double sca
 // Names of the photos in a folder (.jpg .jpeg .png in any case; hidden files skipped), sorted by
 // bytes. NOT_FOUND (NO_SUCH_FOLDER), INVALID_ARGUMENT (NO_PHOTOS).
 absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir, std::string_view field);
+
+// "6 pictures are of a kind that is not read, IMG_1.HEIC for one: convert to JPEG or PNG": HEIC,
+// TIFF, raw files and others of a folder, by their names; "" if there are none. NOT_FOUND
+// (NO_SUCH_FOLDER).
+absl::StatusOr<std::string> DescribeOtherPictures(const std::string& dir, std::string_view field);
 
 // Resamples by pixel area (no aliasing when shrinking; bilinear when growing). Sizes positive.
 ImageU8 ResizeArea(const ImageU8& image, int width, int height);

@@ -116,6 +116,18 @@ TEST(DecodeImage, RefusesEveryTruncation) {
   }
 }
 
+// libjpeg reads on at the next marker, too.
+TEST(DecodeImage, BytesBetweenSegmentsAreSkipped) {
+  std::string jpeg = WithJpegExif(EncodeJpeg(TestImage(40, 24)).value(), ExifBlock(1, true));
+  const ImageU8 want = DecodeImage(jpeg, "f").value();
+  const size_t end = jpeg.find("\xFF\xDB");  // the quantisation tables
+  ASSERT_NE(end, std::string::npos);
+  jpeg.insert(end, 2, '\0');
+  const absl::StatusOr<ImageU8> image = DecodeImage(jpeg, "f");
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(image->data, want.data);
+}
+
 TEST(DecodeImage, RefusesAShortScanThatPretendsToEnd) {
   const std::string jpeg = EncodeJpeg(TestImage(64, 64)).value();
   for (size_t n = jpeg.size() - 40; n > jpeg.size() / 2; n -= 37) {
@@ -273,6 +285,18 @@ TEST(ListPhotos, RefusesMissingAndEmptyFolders) {
   const absl::Status missing = ListPhotos(dir / "none", "images").status();
   EXPECT_EQ(Reason(missing), "NO_SUCH_FOLDER");
   EXPECT_EQ(missing.code(), absl::StatusCode::kNotFound);
+}
+
+TEST(ListPhotos, SaysWhichPicturesAreNotRead) {
+  TempDir dir;
+  EXPECT_EQ(DescribeOtherPictures(dir.path(), "images").value(), "");
+  for (const char* name : {"b.HEIC", "a.dng", "notes.txt"}) std::ofstream(dir / name) << "x";
+  const std::string want =
+      "2 pictures are of a kind that is not read, a.dng for one: convert to JPEG or PNG";
+  EXPECT_EQ(DescribeOtherPictures(dir.path(), "images").value(), want);
+  const absl::Status none = ListPhotos(dir.path(), "images").status();
+  EXPECT_EQ(Reason(none), "NO_PHOTOS");
+  EXPECT_THAT(std::string(none.message()), HasSubstr(want));
 }
 
 TEST(ResizeArea, AveragesWhatItShrinks) {

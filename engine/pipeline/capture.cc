@@ -116,6 +116,7 @@ absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
   LoadedViews out;
+  int shrunk = 0;
   for (size_t i = 0; i < n; ++i) {
     if (flat[i].has_value()) {
       const auto& [r, g, b] = *flat[i];
@@ -123,8 +124,14 @@ absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
                                               views[i].view.name, r, g, b));
       continue;
     }
+    shrunk += views[i].view.camera.width < model.views[i].camera.width;
     out.model_view.push_back(static_cast<int>(i));
     out.views.push_back(std::move(views[i]));
+  }
+  if (shrunk > 0) {
+    report->notes.push_back(absl::StrCat(shrunk, " of ", out.views.size(),
+                                         " photos were shrunk to ", options.max_image_side,
+                                         " px (max_image_side; 0 keeps their size)"));
   }
   if (out.views.size() < kMinPhotos) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
@@ -201,7 +208,7 @@ std::vector<PointSighting> Sightings(const SparseModel& model, const LoadedViews
 
 // Adds the targets and returns what rounding leaves in them.
 absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const SparseModel& model,
-                                      LoadedViews* loaded) {
+                                      LoadedViews* loaded, std::vector<std::string>* notes) {
   const std::vector<PointSighting> sightings = Sightings(model, *loaded);
   std::vector<TrainView>& views = loaded->views;
   const PhotosTogether all(&views);
@@ -213,6 +220,11 @@ absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const S
   for (size_t i = 0; i < views.size(); ++i) {
     views[i].target = std::move(targets[i].image);
     gains.push_back(targets[i].gain);
+    if (!targets[i].reached) {
+      notes->push_back(absl::StrCat(views[i].view.name, " stays darker than wanted: no gain ",
+                                    "brings it there; leave it out, or mask ",
+                                    "what no light fell on"));
+    }
   }
   const auto median = gains.begin() + gains.size() / 2;
   std::nth_element(gains.begin(), median, gains.end());
@@ -339,6 +351,8 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   progress(Stage::kLoading, "reading photos");
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
                           ListPhotos(input.images_dir, "images"));
+  LITAGS_ASSIGN_OR_RETURN(std::string others, DescribeOtherPictures(input.images_dir, "images"));
+  if (!others.empty()) report->notes.push_back(std::move(others));
   MaskPaths masks;
   if (!input.masks_dir.empty()) {
     LITAGS_ASSIGN_OR_RETURN(masks, FindMasks(input.masks_dir, photos));
@@ -350,7 +364,8 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded,
                           LoadViews(input, options, model, masks, cancel, report));
-  LITAGS_ASSIGN_OR_RETURN(const NoiseCurve noise, AddTargets(options, model, &loaded));
+  LITAGS_ASSIGN_OR_RETURN(const NoiseCurve noise,
+                          AddTargets(options, model, &loaded, &report->notes));
   std::vector<TrainView>& views = loaded.views;
   NoteMasks(views, &report->notes);
   const bool lita = options.method == Method::kLitaGs;

@@ -15,6 +15,7 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/core/simd_target.h"
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -98,6 +99,12 @@ class Run {
     }
     LITAGS_RETURN_IF_ERROR(status);
     notes->push_back(absl::StrCat("resumed at iteration ", trainer_.iteration()));
+    const std::string& before = trainer_.checkpoint_target();
+    if (!before.empty() && before != SimdTarget()) {
+      notes->push_back(absl::StrCat("earlier iterations ran with ", before, ", these with ",
+                                    SimdTarget(), " instructions: the scene is as good as that of ",
+                                    "one machine, but not the same byte for byte"));
+    }
     return absl::OkStatus();
   }
 
@@ -178,7 +185,7 @@ class Run {
     for (const Detour& d : detours) {
       notes->push_back(absl::StrCat(
           "iteration ", d.iteration, ": ", d.source, "; ",
-          d.gaussians ? "such Gaussians were removed" : "the photo's turn was skipped"));
+          d.gaussians ? "such Gaussians were made invisible" : "the photo's turn was skipped"));
     }
   }
 

@@ -103,7 +103,7 @@ struct ReconstructOptions {
   bool prior_geometry = false;       // it moves Gaussians (paper), else it trains the map alone
   bool information_weights = false;  // pixels that noise, rounding or clipping spoilt weigh less
   bool use_depth = true;             // depth loss, where depth_source has maps
-  int max_image_side = 0;            // photos with a longer side are shrunk to it, px; 0: never
+  int max_image_side = 1600;         // photos with a longer side are shrunk to it, px; 0: never
   int holdout_every = 8;  // photos i (by name) with i % n == n / 2 are only evaluated; 0: none
   double min_registered = 0.5;  // fraction of photos that SfM must place, (0, 1]
   int checkpoint_every = 500;   // iterations

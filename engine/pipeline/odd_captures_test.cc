@@ -160,6 +160,22 @@ TEST(OddCaptures, UnitsOfLengthAreTheUsersWithinReason) {
   EXPECT_EQ(Reason(TrainInUnits(1e30).status()), "SCENE_TOO_LARGE");
 }
 
+// In the coordinates of a map.
+TEST(OddCaptures, CamerasFarFromTheOriginAreRefusedWithWhatToSubtract) {
+  RoomCapture capture(6);
+  const std::array<double, 3> offset = {5e5, 4.6e6, 100};
+  for (View& view : capture.model.views) {
+    const std::array<double, 3> moved = view.camera.CamFromWorld({-5e5, -4.6e6, -100});
+    view.camera.t = moved;
+  }
+  for (SparsePoint& point : capture.model.points) {
+    for (int k = 0; k < 3; ++k) point.xyz[k] += offset[k];
+  }
+  const absl::Status status = Train(capture.Input("work"), capture.Options(20)).status();
+  EXPECT_EQ(Reason(status), "SCENE_FAR_AWAY");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("subtract (500000, "));
+}
+
 TEST(OddCaptures, APointAtTheEndOfTheWorldIsDropped) {
   RoomCapture capture(6);
   capture.model.points[0].xyz = {1e200, 0, 0};

@@ -310,6 +310,7 @@ TEST(Reconstruct, MaxImageSideShrinksPhotos) {
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_EQ((*scene)->views()[0].camera.width, 64);
   EXPECT_EQ((*scene)->views()[0].camera.height, 48);
+  EXPECT_THAT(report->notes, Contains(HasSubstr(" photos were shrunk to 64 px")));
 }
 
 TEST(Reconstruct, BadOptionsAreRefusedBeforeAnythingIsRead) {

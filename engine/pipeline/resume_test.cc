@@ -5,7 +5,10 @@
 #include <filesystem>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "engine/core/simd_target.h"
+#include "engine/core/simd_test_util.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {
@@ -100,6 +103,27 @@ TEST(Resume, CoarseToFineGoesOnAfterACancel) {
   options.coarse_levels = 0;
   ASSERT_TRUE(Reconstruct(flat, options).ok());
   EXPECT_FALSE(SceneBytes(flat) == SceneBytes(whole)) << "there was no coarse part";
+}
+
+TEST(Resume, SaysThatAnotherInstructionSetGoesOn) {
+  const Photographs photos;
+  const ReconstructOptions options = SmallOptions();
+  std::vector<std::string> targets;
+  ForEachTarget([&] {
+    targets.push_back(SimdTarget());
+    const ReconstructInput input = photos.Input("work");
+    if (targets.size() == 1) {
+      EXPECT_EQ(ReconstructUntil(20, input, options).code(), absl::StatusCode::kCancelled);
+      return;
+    }
+    const auto report = Reconstruct(input, options);
+    ASSERT_TRUE(report.ok()) << report.status();
+    const auto changed = HasSubstr(absl::StrCat(targets.front(), ", these with ", targets.back()));
+    if (targets.size() == 2) {
+      EXPECT_THAT(report->notes, Contains(changed));
+    }
+  });
+  if (targets.size() < 2) GTEST_SKIP() << "this machine has one instruction set";
 }
 
 // Density control first runs at iteration 600, and only in runs of 1200 iterations or more. The
@@ -203,7 +227,7 @@ TEST(Resume, StartsAgainForFewerIterationsThanThereWere) {
   ASSERT_TRUE(Reconstruct(whole, options).ok());
   const auto report = Reconstruct(input, options);
   ASSERT_TRUE(report.ok()) << report.status();
-  EXPECT_THAT(report->notes, Contains(HasSubstr("a checkpoint of other photos or options")));
+  EXPECT_THAT(report->notes, Contains(HasSubstr("more than the 20 that are wanted")));
   EXPECT_EQ(report->iterations, 20);
   EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
 }

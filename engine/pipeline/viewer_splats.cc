@@ -22,7 +22,7 @@ double MeanPixelSize(const std::vector<View>& views, const std::array<double, 3>
     if (!(z > 0)) continue;
     const double px = c.fx * x / z + c.cx, py = c.fy * y / z + c.cy;
     if (px < 0 || py < 0 || px > c.width || py > c.height) continue;
-    sum += z / c.fx;
+    sum += z / std::sqrt(c.fx * c.fy);
     ++count;
   }
   return count > 0 ? sum / count : 0;

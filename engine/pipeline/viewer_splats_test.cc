@@ -69,12 +69,14 @@ double Difference(const std::vector<float>& a, const std::vector<float>& b) {
 }
 
 TEST(SplatsForViewers, DilatedLookMuchAsTheyDidWithTheMipFilter) {
-  const std::vector<View> views = FrontViews();
+  std::vector<View> views = FrontViews();
   const struct {
-    double px;     // of a disk
-    double least;  // how many times nearer they get
-  } cases[] = {{0.2, 2}, {0.5, 4}, {1, 10}, {3, 12}};
+    double px;          // of a disk
+    double least;       // how many times nearer they get
+    double aspect = 1;  // of a pixel
+  } cases[] = {{0.2, 2}, {0.5, 4}, {1, 10}, {3, 12}, {0.5, 3, 2}, {1, 3, 2}, {3, 2.5, 2}};
   for (const auto& c : cases) {
+    for (View& view : views) view.camera.fy = c.aspect * view.camera.fx;
     const Splats splats = Disks(600, c.px);
     const Splats exported = SplatsForViewers(views, splats);
     for (const View& view : views) {

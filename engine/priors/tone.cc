@@ -20,6 +20,7 @@ namespace litags {
 namespace {
 
 constexpr double kTheta = 0.49;  // authors' release
+constexpr double kLeastOfLit = 0.45;
 constexpr int kClippedCode = 255;
 
 using Histogram = std::array<double, 256>;  // fraction of all samples that count
@@ -200,7 +201,7 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
                    const ToneOptions& options, absl::Span<const PlaneU8> masks) {
   // Samples as linear light at exposure 1, with their weight; clipped ones last.
   std::vector<std::pair<double, double>> samples;
-  double total = 0, clipped = 0;
+  double total = 0, clipped = 0, black = 0;
   for (size_t i = 0; i < photos.size(); ++i) {
     const Histogram histogram = SharesOfCodes(photos[i], MaskOf(masks, i));
     for (int code = 0; code < kClippedCode; ++code) {
@@ -208,15 +209,17 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
         samples.emplace_back(LinearFromSrgb(code / 255.0) / exposures[i], histogram[code]);
     }
     clipped += histogram[kClippedCode];
+    black += histogram[0];
     total += 1;
   }
   if (samples.empty()) return 1;  // nothing but white
   std::sort(samples.begin(), samples.end());
   const double p = std::min(0.5, 0.8 * (1 - clipped / total));
+  const double rank = std::max(p * total, black + kLeastOfLit * (total - black - clipped));
   double sum = 0, level = samples.back().first;
   for (const auto& [light, weight] : samples) {
     sum += weight;
-    if (sum < p * total) continue;
+    if (sum < rank) continue;
     level = light;
     break;
   }

@@ -60,8 +60,10 @@ NoiseCurve RoundingNoise(const ToneOptions& options, double gain);
 
 // The gain in linear light, for a photo of exposure 1, that brings the capture's histogram where
 // an even histogram of mean theta has it, at its median: quantile p of codes at p^(1/theta - 1).
-// Robust against a bright sky or a black background, unlike the mean. Clipped samples are only
-// known to be bright, so with a fraction f of them p = min(0.5, 0.8 (1 - f)).
+// Robust against a bright sky, unlike the mean. Clipped samples are only known to be bright, so
+// with a fraction f of them p = min(0.5, 0.8 (1 - f)). Where no light fell (code 0) there is nothing
+// to brighten: the sample that goes there is never below quantile 0.45 of what is neither black nor
+// clipped, so that a torch in the dark is exposed for what it lights.
 double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
                    const ToneOptions& options, absl::Span<const PlaneU8> masks = {});
 

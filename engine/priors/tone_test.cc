@@ -138,6 +138,20 @@ TEST(Tone, ClippedSamplesOnlyCountAsBright) {
   EXPECT_NEAR(gain, LinearFromSrgb(0.6), 0.02 * LinearFromSrgb(0.6));
 }
 
+TEST(Tone, WhatATorchLightsIsExposedForHoweverLittleItIs) {
+  const ImageU8 lit = MakePhoto(10, 90);
+  const std::vector<double> exposures = {1.0};
+  const double gain = CaptureGain({lit}, exposures, {});
+  for (const double share : {0.05, 0.5, 0.6, 0.95}) {
+    ImageU8 torch = lit;
+    const CounterRng rng(3, 0);
+    for (size_t i = 0; i < torch.data.size(); ++i) {
+      if (rng.Below(i, 1000) < 1000 * share) torch.data[i] = 0;
+    }
+    EXPECT_NEAR(CaptureGain({torch}, exposures, {}) / gain, 1, 0.25) << share;
+  }
+}
+
 TEST(Tone, ClippedChannelsTakeTheColorThatAnotherPhotoShows) {
   // Wood, on the brighter photo with red and green clipped.
   const double light[3] = {0.8, 0.36, 0.11};
@@ -185,15 +199,17 @@ TEST(Tone, NoneLeavesThePhotoAlone) {
 }
 
 TEST(Tone, SaysWhenTheGoalIsOutOfReach) {
-  ImageU8 photo(10, 10);
-  photo.data[0] = 200;  // all else black: no gain reaches the goal
+  const ImageU8 photo = MakePhoto(5, 60);
   for (const ToneRule rule : {ToneRule::kLinearGain, ToneRule::kCaptureGain}) {
-    const auto target = MakeTarget(photo, {.rule = rule});
+    const auto target = MakeTarget(photo, {.rule = rule, .max_gain = 2});
     ASSERT_TRUE(target.ok());
     EXPECT_FALSE(target->reached);
-    EXPECT_LE(target->gain, 4096);
-    EXPECT_TRUE(MakeTarget(MakePhoto(5, 60), {.rule = rule})->reached);
+    EXPECT_LE(target->gain, 2);
+    EXPECT_TRUE(MakeTarget(photo, {.rule = rule})->reached);
   }
+  ImageU8 spot(10, 10);
+  spot.data[0] = 200;  // all else black: no gain brings the mean there
+  EXPECT_FALSE(MakeTarget(spot, {.rule = ToneRule::kLinearGain})->reached);
 }
 
 TEST(Tone, RoundingNoiseIsTheStepBetweenCodes) {

@@ -75,7 +75,7 @@ struct RenderSettings {
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
 // of visible Gaussians (radius_px > 0) are meaningful.
 struct ViewStats {
-  std::vector<float> radius_px;     // larger half-extent of the box where alpha >= 1/255
+  std::vector<float> radius_px;     // larger half-extent of the visible part of its box; 0: none
   std::vector<float> grad_means2d;  // |dL/dmeans2d|, loss per px
   // Empty unless RenderSettings::pixel_sum asks for them.
   std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS), loss per px

@@ -270,6 +270,27 @@ TEST(Renderer, MatchesTheReferenceForDegenerateShapes) {
   ForEachTarget([&] { ExpectMatchesReference(splats, MakeCamera(45, 37), RenderSettings()); });
 }
 
+// Its exponent is a difference of numbers that are a billion times as large.
+TEST(Renderer, ANeedleWhoseMeanIsFarAwayIsNoMoreOpaqueThanItIs) {
+  Camera camera;
+  camera.width = 256, camera.height = 192;
+  camera.fx = camera.fy = 250, camera.cx = 128, camera.cy = 96;
+  Splats needle(1);
+  constexpr double kOffset = 64000;  // px, along the needle
+  const double length = kOffset / camera.fx, angle = std::atan2(0.6, 0.8);
+  needle.at(0, kMean) = 0.8 * length, needle.at(0, kMean + 1) = 0.6 * length;
+  needle.at(0, kMean + 2) = 1;
+  needle.at(0, kLogScale) = std::log(1.05 * length);
+  needle.at(0, kLogScale + 1) = needle.at(0, kLogScale + 2) = std::log(0.01);
+  needle.at(0, kRawQuat) = std::cos(angle / 2), needle.at(0, kRawQuat + 3) = std::sin(angle / 2);
+  needle.at(0, kLogitOpacity) = -2.9;
+  ForEachTarget([&] {
+    Planes image, alpha;
+    Renderer().Forward(needle, camera, RenderSettings(), &image, &alpha);
+    EXPECT_LT(*std::max_element(alpha.data.begin(), alpha.data.end()), 1.01 / (1 + std::exp(2.9)));
+  });
+}
+
 TEST(Renderer, EmptySceneReturnsBackground) {
   Renderer renderer;
   RenderSettings settings;

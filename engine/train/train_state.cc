@@ -8,12 +8,14 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
+#include "engine/core/simd_target.h"
 #include "engine/io/container.h"
 
 namespace litags {
 namespace {
 
 constexpr char kKind[] = "checkpoint";
+constexpr int64_t kMaxBytes = int64_t{32} << 30;  // 20 million Gaussians take half of it
 
 std::string_view Bytes(const AlignedFloats& v) {
   return {reinterpret_cast<const char*>(v.data()), v.size() * sizeof(float)};
@@ -84,6 +86,7 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
                                        state.pdm.hidden, int64_t(state.pdm.nets.size()),
                                        int64_t(state.detours.size())};
   out.AddSection("fingerprint", fingerprint);
+  out.AddSection("simd target", SimdTarget());
   out.AddArrayView("header", header);
   out.AddSectionView("splats", Bytes(state.splats.params.data()));
   out.AddSectionView("splats_moment1", Bytes(state.splats.moment1.data()));
@@ -98,7 +101,8 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
 }
 
 absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::string& fingerprint) {
-  LITAGS_ASSIGN_OR_RETURN(const Container file, Container::Read(path, kKind, kCheckpointVersion));
+  LITAGS_ASSIGN_OR_RETURN(const Container file,
+                          Container::Read(path, kKind, kCheckpointVersion, kMaxBytes));
   LITAGS_ASSIGN_OR_RETURN(const std::string_view found, file.Section("fingerprint"));
   if (found != fingerprint) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "CHECKPOINT_MISMATCH", "checkpoint",
@@ -114,6 +118,7 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
   }
   TrainState state;
   state.iteration = static_cast<int>(header[0]);
+  if (const auto target = file.Section("simd target"); target.ok()) state.saved_on = *target;
   const auto n = static_cast<size_t>(header[1]);
   LITAGS_ASSIGN_OR_RETURN(state.density.grad, file.Array<float>("density_grad"));
   LITAGS_ASSIGN_OR_RETURN(state.density.weight, file.Array<float>("density_weight"));

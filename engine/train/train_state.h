@@ -21,12 +21,15 @@ struct TrainState {
   PdmWeights pdm, pdm_moment1, pdm_moment2;
   DensityStats density;
   std::vector<Detour> detours;  // by iteration
+  // SimdTarget() of who saved it; empty: it does not say. Not a part of what is trained.
+  std::string saved_on;
 };
 
 // Version of the container; others are not read.
 inline constexpr uint32_t kCheckpointVersion = 3;
 
-// One container file of kind "checkpoint". `fingerprint` says what the run was made of.
+// One container file of kind "checkpoint". `fingerprint` says what the run was made of; saved_on is
+// this process' target.
 absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,
                             const TrainState& state);
 

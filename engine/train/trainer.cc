@@ -388,6 +388,8 @@ Model Trainer::Snapshot() const {
   return model;
 }
 
+const std::string& Trainer::checkpoint_target() const { return impl_->state.saved_on; }
+
 absl::Status Trainer::SaveCheckpoint(const std::string& path,
                                      const std::string& fingerprint) const {
   return SaveTrainState(path, fingerprint, impl_->state);
@@ -397,8 +399,8 @@ absl::Status Trainer::LoadCheckpoint(const std::string& path, const std::string&
                                      int most_iterations) {
   LITAGS_ASSIGN_OR_RETURN(TrainState state, LoadTrainState(path, fingerprint));
   if (state.iteration > most_iterations) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "CHECKPOINT_MISMATCH", "checkpoint",
-                     absl::StrCat(path, " has ", state.iteration, " iterations, more than the ",
+    return MakeError(absl::StatusCode::kFailedPrecondition, "CHECKPOINT_TOO_LONG", "checkpoint",
+                     absl::StrCat("it has ", state.iteration, " iterations, more than the ",
                                   most_iterations, " that are wanted"));
   }
   if (state.pdm.nets.size() != impl_->state.pdm.nets.size() ||

@@ -72,11 +72,14 @@ class Trainer {
 
   // Everything needed to go on, written atomically. `fingerprint` names photos and options;
   // LoadCheckpoint refuses another one, and one of more than `most_iterations`
-  // (FAILED_PRECONDITION, CHECKPOINT_MISMATCH), and then changes nothing. A resumed run ends with
-  // the bytes of one never interrupted.
+  // (FAILED_PRECONDITION; CHECKPOINT_MISMATCH, CHECKPOINT_TOO_LONG), and then changes nothing. A
+  // resumed run ends with the bytes of one never interrupted, if it is on one SIMD target.
   absl::Status SaveCheckpoint(const std::string& path, const std::string& fingerprint) const;
   absl::Status LoadCheckpoint(const std::string& path, const std::string& fingerprint,
                               int most_iterations = std::numeric_limits<int>::max());
+
+  // SIMD target that the checkpoint loaded last was saved on; empty: none was, or it does not say.
+  const std::string& checkpoint_target() const;
 
  private:
   struct Impl;

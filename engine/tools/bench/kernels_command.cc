@@ -10,6 +10,7 @@
 #include "CLI/Formatter.hpp"
 #include "absl/strings/str_cat.h"
 #include "engine/core/parallel.h"
+#include "engine/core/simd_target.h"
 #include "engine/io/file_util.h"
 #include "engine/pipeline/train_options.h"
 #include "engine/render/binning.h"
@@ -59,7 +60,7 @@ class KernelBench {
   void Run() {
     const int threads = args_.threads > 0 ? args_.threads : DefaultThreadCount();
     peaks_ = {PeakGflops(threads), TriadGbytes(threads)};
-    std::printf("%s, %d threads: at most %.1f GFLOP/s, %.1f GB/s\n", InstructionSet(), threads,
+    std::printf("%s, %d threads: at most %.1f GFLOP/s, %.1f GB/s\n", SimdTarget(), threads,
                 peaks_.gflops, peaks_.gbytes_per_second);
     json_["peaks"] = {{"gflops", peaks_.gflops}, {"gbytes_per_second", peaks_.gbytes_per_second}};
     CountEvaluations();

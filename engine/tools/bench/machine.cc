@@ -17,8 +17,6 @@ namespace litags {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-const char* Target() { return hwy::TargetName(HWY_TARGET); }
-
 // `rounds` x 12 independent multiply-adds per lane: enough chains to hide the latency. Returns a
 // value so that nothing is optimised away; *flops gets the floating-point operations done.
 float FmaChains(int rounds, double* flops) {
@@ -57,11 +55,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace litags {
 
-HWY_EXPORT(Target);
 HWY_EXPORT(FmaChains);
 HWY_EXPORT(Triad);
-
-const char* InstructionSet() { return HWY_DYNAMIC_DISPATCH(Target)(); }
 
 absl::Status LimitInstructionSet(const std::string& name) {
   std::string known;

@@ -8,9 +8,6 @@
 
 namespace litags {
 
-// Of the kernels: what Highway chose, e.g. "AVX2".
-const char* InstructionSet();
-
 // Keeps the kernels to `name` ("AVX2") and what is narrower, from now on: two instruction sets side
 // by side on one machine. InvalidArgument if this build or machine lacks it.
 absl::Status LimitInstructionSet(const std::string& name);

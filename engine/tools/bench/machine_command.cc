@@ -8,6 +8,7 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "engine/core/parallel.h"
+#include "engine/core/simd_target.h"
 #include "engine/io/file_util.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/machine.h"
@@ -21,9 +22,9 @@ void AddMachineCommand(CLI::App* app, int* exit_status) {
   command->add_option("--json", *json_path, "also write the figures here");
   command->callback([json_path, exit_status] {
     nlohmann::json json;
-    json["target"] = InstructionSet();
+    json["target"] = SimdTarget();
     json["cores"] = DefaultThreadCount();
-    std::printf("instruction set %s, %d cores\n", InstructionSet(), DefaultThreadCount());
+    std::printf("instruction set %s, %d cores\n", SimdTarget(), DefaultThreadCount());
     for (int threads = 1; threads <= DefaultThreadCount(); threads *= 2) {
       const double gflops = PeakGflops(threads), gbytes = TriadGbytes(threads);
       std::printf("%d threads: %.1f GFLOP/s multiply-add, %.1f GB/s triad\n", threads, gflops,
