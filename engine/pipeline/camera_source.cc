@@ -31,16 +31,26 @@ std::string Dump(const Json& json) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace);
 }
 
-// Of the files that ReadCameras reads. What cannot be read is left to it to complain about.
+// What cannot be read is left to those who need it to complain about.
+void AddFile(const std::string& path, int64_t max_bytes, Fingerprint* f) {
+  const auto bytes = ReadFile(path, "", max_bytes);
+  if (bytes.ok()) f->Add(bytes->data(), bytes->size());
+}
+
+// Of the files that ReadCameras reads.
 std::string FingerprintOfCameras(const std::string& path) {
   Fingerprint f;
   for (const char* name : {"", "/cameras.bin", "/images.bin", "/points3D.bin", "/cameras.txt",
                            "/images.txt", "/points3D.txt"}) {
     std::error_code ignored;
-    if (!fs::is_regular_file(path + name, ignored)) continue;
-    const auto bytes = ReadFile(path + name, "cameras", kMaxCameraFile);
-    if (bytes.ok()) f.Add(bytes->data(), bytes->size());
+    if (fs::is_regular_file(path + name, ignored)) AddFile(path + name, kMaxCameraFile, &f);
   }
+  return f.Text();
+}
+
+std::string FingerprintOfPhoto(const std::string& path) {
+  Fingerprint f;
+  AddFile(path, ImageLimits().max_bytes, &f);
   return f.Text();
 }
 
@@ -48,8 +58,7 @@ std::string FingerprintOfMasks(const MaskPaths& masks) {
   Fingerprint f;
   for (const auto& [photo, path] : masks) {
     f.Add(photo.data(), photo.size());
-    const auto bytes = ReadFile(path, "masks", ImageLimits().max_bytes);
-    if (bytes.ok()) f.Add(bytes->data(), bytes->size());
+    AddFile(path, ImageLimits().max_bytes, &f);
   }
   return f.Text();
 }
@@ -57,13 +66,12 @@ std::string FingerprintOfMasks(const MaskPaths& masks) {
 // What the cameras were found from. Kept cameras of anything else are not used.
 Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& photos,
               const MaskPaths& masks) {
-  Json sizes = Json::array();
+  Json fingerprints = Json::array();
   for (const std::string& photo : photos) {
-    std::error_code ignored;
-    sizes.push_back({photo, fs::file_size(input.images_dir + "/" + photo, ignored)});
+    fingerprints.push_back({photo, FingerprintOfPhoto(input.images_dir + "/" + photo)});
   }
   // Not where they lie: a job's folder moves from lease to lease.
-  Json source = {{"given", !input.cameras_path.empty()}, {"photos", sizes}};
+  Json source = {{"given", !input.cameras_path.empty()}, {"photos", fingerprints}};
   if (!input.cameras_path.empty()) {
     source["fingerprint"] = FingerprintOfCameras(input.cameras_path);
   }

@@ -113,6 +113,17 @@ TEST_F(CameraSource, KeptCamerasOfOtherPhotosAreNotUsed) {
   EXPECT_EQ(Reason(ObtainKept().status()), "COLMAP_NOT_FOUND");
 }
 
+// Such as the EXIF orientation: as many bytes as before.
+TEST_F(CameraSource, KeptCamerasOfPhotosEditedInPlaceAreNotUsed) {
+  const std::string path = input_.images_dir + "/p2.png";
+  const std::string photo = ReadFile(path, "", 1 << 20).value();
+  ASSERT_TRUE(WriteFileAtomically(path, photo + "a").ok());
+  ASSERT_TRUE(Obtain().ok());
+  ASSERT_TRUE(ObtainKept().ok());
+  ASSERT_TRUE(WriteFileAtomically(path, photo + "b").ok());
+  EXPECT_EQ(Reason(ObtainKept().status()), "COLMAP_NOT_FOUND");
+}
+
 TEST_F(CameraSource, DamagedCamerasCostANoteAndAreFoundAgain) {
   const auto found = Obtain();
   ASSERT_TRUE(found.ok()) << found.status();

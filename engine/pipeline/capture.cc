@@ -62,10 +62,19 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
   v->photo = std::move(read.image);
   v->mask = std::move(read.mask);
+  const Camera& camera = v->view.camera;
+  if (v->photo.width != camera.width || v->photo.height != camera.height) {
+    return InvalidInput(
+        "CAMERA_SIZE_MISMATCH", field,
+        absl::StrCat(v->view.name, ": the photo is ", v->photo.width, "x", v->photo.height,
+                     " but its camera says ", camera.width, "x", camera.height,
+                     "; send the photo as it was when its camera "
+                     "was found, or delete the folder cameras of this run"));
+  }
   if (distortion.IsZero()) return absl::OkStatus();
   absl::Status status;
   const auto undistort = [&](const ImageU8& image) {
-    absl::StatusOr<ImageU8> pinhole = Undistort(image, v->view.camera, distortion);
+    absl::StatusOr<ImageU8> pinhole = Undistort(image, camera, distortion);
     status.Update(pinhole.status());
     return pinhole.ok() ? *std::move(pinhole) : ImageU8();
   };

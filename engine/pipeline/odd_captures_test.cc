@@ -126,6 +126,20 @@ TEST(OddCaptures, AlmostFlatPhotosAreLeftOutAndTexturelessOnesSpoilNothing) {
   EXPECT_THAT(report->notes, Contains("v001.png is left out: all its pixels are (0, 0, 0)"));
 }
 
+// Kept cameras that somebody changed: they must not be trained with.
+TEST(OddCaptures, AKeptCameraOfAnotherSizeThanItsPhotoIsRefused) {
+  RoomCapture capture(6);
+  const ReconstructInput input = capture.Input("work");
+  ASSERT_TRUE(Train(input, capture.Options(10)).ok());
+  Camera& camera = capture.model.views[2].camera;
+  std::swap(camera.width, camera.height);
+  ASSERT_TRUE(WriteColmapModel(input.work_dir + "/cameras", capture.model).ok());
+  const absl::Status status = Train(input, capture.Options(10)).status();
+  EXPECT_EQ(Reason(status), "CAMERA_SIZE_MISMATCH");
+  EXPECT_THAT(std::string(status.message()),
+              HasSubstr("v002.png: the photo is 64x48 but its camera says 48x64"));
+}
+
 TEST(OddCaptures, ACaptureOfClippedPhotosIsRefused) {
   const RoomCapture capture(6);
   ImageU8 clipped(RoomCapture::kWidth, RoomCapture::kHeight);
