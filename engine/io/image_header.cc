@@ -38,6 +38,44 @@ bool ReadMarker(ByteReader* reader, uint8_t* marker) {
   return true;
 }
 
+// Numbers of a TIFF block, in its byte order. Position 0, where no number lies, is "nowhere".
+class TiffReader {
+ public:
+  explicit TiffReader(std::string_view tiff) : tiff_(tiff), little_(tiff.starts_with("II")) {}
+
+  size_t FirstDirectory() const {
+    const bool is_tiff = (little_ || tiff_.starts_with("MM")) && Get<uint16_t>(2) == 42;
+    return is_tiff ? Get<uint32_t>(4) : 0;
+  }
+
+  // 0 beyond the end.
+  template <typename T>
+  T Get(size_t position) const {
+    T value = 0;
+    if (position == 0 || position > tiff_.size()) return value;
+    ByteReader reader(tiff_.substr(position));
+    little_ ? reader.Read(&value) : reader.ReadBig(&value);
+    return value;
+  }
+
+  // Position of the single value of a tag, or of where that is written.
+  size_t Find(size_t directory, uint16_t tag, uint16_t type) const {
+    const size_t entries = Get<uint16_t>(directory);
+    for (size_t i = 0; i < entries; ++i) {
+      const size_t entry = directory + 2 + 12 * i;
+      if (Get<uint16_t>(entry) == tag && Get<uint16_t>(entry + 2) == type &&
+          Get<uint32_t>(entry + 4) == 1) {
+        return entry + 8;
+      }
+    }
+    return 0;
+  }
+
+ private:
+  const std::string_view tiff_;
+  const bool little_;
+};
+
 struct PngChunk {
   std::string_view type, data;
 };
@@ -57,28 +95,22 @@ std::optional<ImageFormat> SniffImageFormat(std::string_view bytes) {
   return std::nullopt;
 }
 
-int ParseExifOrientation(std::string_view tiff) {
-  constexpr uint16_t kOrientationTag = 0x0112, kShort = 3;
-  const bool little = tiff.starts_with("II");
-  if (!little && !tiff.starts_with("MM")) return 1;
-  ByteReader reader(tiff);
-  const auto u16 = [&](uint16_t* v) { return little ? reader.Read(v) : reader.ReadBig(v); };
-  const auto u32 = [&](uint32_t* v) { return little ? reader.Read(v) : reader.ReadBig(v); };
-
-  uint16_t order = 0, magic = 0, entries = 0;
-  uint32_t directory = 0;
-  if (!u16(&order) || !u16(&magic) || magic != 42 || !u32(&directory)) return 1;
-  if (directory < reader.position() || !reader.Skip(directory - reader.position())) return 1;
-  if (!u16(&entries)) return 1;
-  for (uint16_t i = 0; i < entries; ++i) {
-    uint16_t tag = 0, type = 0, value = 0, unused = 0;
-    uint32_t count = 0;
-    if (!u16(&tag) || !u16(&type) || !u32(&count) || !u16(&value) || !u16(&unused)) return 1;
-    if (tag == kOrientationTag && type == kShort && count == 1) {
-      return value >= 1 && value <= 8 ? value : 1;
-    }
+void ReadExif(std::string_view tiff, ImageInfo* info) {
+  constexpr uint16_t kShort = 3, kLong = 4, kRational = 5;
+  constexpr uint16_t kOrientation = 0x0112, kCameraDirectory = 0x8769, kFocalLength = 0x920A,
+                     kFocalLengthIn35mmFilm = 0xA405;
+  const TiffReader reader(tiff);
+  const size_t main = reader.FirstDirectory();
+  const int orientation = reader.Get<uint16_t>(reader.Find(main, kOrientation, kShort));
+  if (info->orientation == 1 && orientation >= 1 && orientation <= 8) {
+    info->orientation = orientation;
   }
-  return 1;
+  const size_t camera = reader.Get<uint32_t>(reader.Find(main, kCameraDirectory, kLong));
+  double focal = reader.Get<uint16_t>(reader.Find(camera, kFocalLengthIn35mmFilm, kShort));
+  const size_t ratio = reader.Get<uint32_t>(reader.Find(camera, kFocalLength, kRational));
+  const uint32_t above = reader.Get<uint32_t>(ratio), below = reader.Get<uint32_t>(ratio + 4);
+  if (focal == 0 && ratio > 0 && below > 0) focal = double(above) / below;
+  if (info->focal_length == 0) info->focal_length = focal;
 }
 
 absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field) {
@@ -97,8 +129,8 @@ absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_vi
     if (!reader.ReadBig(&length)) return Truncated(field);
     if (length < 2) return Corrupt(field, "a JPEG segment has an impossible length");
     if (!reader.ReadBytes(length - 2u, &segment)) return Truncated(field);
-    if (marker == kApp1 && segment.starts_with(kExifPrefix) && info.orientation == 1) {
-      info.orientation = ParseExifOrientation(segment.substr(kExifPrefix.size()));
+    if (marker == kApp1 && segment.starts_with(kExifPrefix)) {
+      ReadExif(segment.substr(kExifPrefix.size()), &info);
     }
     if (IsStartOfFrame(marker)) {
       ByteReader frame(segment);
@@ -140,7 +172,7 @@ absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_vie
   info.bit_depth = depth;
   while (chunk.type != "IDAT" && chunk.type != "IEND") {
     if (!ReadChunk(&reader, &chunk)) break;  // long image data: the header was whole before it
-    if (chunk.type == "eXIf") info.orientation = ParseExifOrientation(chunk.data);
+    if (chunk.type == "eXIf") ReadExif(chunk.data, &info);
   }
   return info;
 }

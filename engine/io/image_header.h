@@ -14,7 +14,7 @@ namespace litags {
 // JPEG or PNG by their first bytes; nullopt for anything else.
 std::optional<ImageFormat> SniffImageFormat(std::string_view bytes);
 
-// Size as stored (not turned upright), EXIF orientation, bit depth. Checks no limits. JPEG: reads
+// Size as stored (not turned upright), what EXIF says, bit depth. Checks no limits. JPEG: reads
 // up to the first scan. PNG: up to the first image data.
 absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field);
 absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_view field);
@@ -22,9 +22,9 @@ absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_vie
 // Walks a PNG's chunks: IMAGE_TRUNCATED unless they are whole up to IEND.
 absl::Status CheckPngComplete(std::string_view bytes, std::string_view field);
 
-// EXIF orientation 1..8 of a TIFF block ("II*\0..." or "MM\0*..."); 1 if it holds none or is
-// broken.
-int ParseExifOrientation(std::string_view tiff);
+// Orientation and focal length of an EXIF block ("II*\0..." or "MM\0*..."), where it holds them and
+// `info` has none yet. What is broken is passed over.
+void ReadExif(std::string_view tiff, ImageInfo* info);
 
 }  // namespace litags
 

@@ -30,6 +30,9 @@ struct ImageInfo {
   int height = 0;       // px
   int orientation = 1;  // EXIF, 1..8
   int bit_depth = 8;    // per channel
+  // EXIF, mm: of a 35 mm camera that sees as much, else the lens' own; 0: not said. Tells lenses
+  // of one camera and steps of a zoom apart.
+  double focal_length = 0;
 };
 
 // Reads the header only. Errors are INVALID_ARGUMENT, start with `field` (for photos:

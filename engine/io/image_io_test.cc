@@ -240,6 +240,32 @@ TEST(DecodeImage, TurnsPhotosUpright) {
   }
 }
 
+// A TIFF block with a camera directory: FocalLengthIn35mmFilm (0: without) and FocalLength.
+std::string FocalBlock(int in_35mm, uint32_t above, uint32_t below) {
+  const auto entry = [](int tag, int type, const std::string& value) {
+    return Big32(uint32_t(tag) << 16 | type) + Big32(1) + value;
+  };
+  const std::string head("MM\0\x2A\0\0\0\x08", 8), one("\0\1", 2), two("\0\2", 2);
+  const uint32_t camera = 26, ratio = 26 + 2 + 2 * 12 + 4;
+  return head + one + entry(0x8769, 4, Big32(camera)) + Big32(0) + two +
+         entry(0x920A, 5, Big32(ratio)) +
+         entry(in_35mm > 0 ? 0xA405 : 0xA406, 3, Big32(uint32_t(in_35mm) << 16)) + Big32(0) +
+         Big32(above) + Big32(below);
+}
+
+TEST(ReadImageInfo, KnowsTheFocalLengthOfExif) {
+  const std::string jpeg = EncodeJpeg(TestImage(16, 8)).value();
+  const auto focal = [&](const std::string& tiff) {
+    return ReadImageInfo(WithJpegExif(jpeg, tiff), "f").value().focal_length;
+  };
+  EXPECT_EQ(focal(FocalBlock(52, 425, 100)), 52);  // the lens' own length is that of both lenses
+  EXPECT_EQ(focal(FocalBlock(0, 425, 100)), 4.25);
+  EXPECT_EQ(focal(FocalBlock(0, 425, 0)), 0);
+  EXPECT_EQ(focal(ExifBlock(6, true)), 0);
+  const std::string whole = FocalBlock(0, 425, 100);
+  for (size_t n = 0; n < whole.size(); ++n) EXPECT_EQ(focal(whole.substr(0, n)), 0) << n;
+}
+
 TEST(DecodeImage, IgnoresBrokenExif) {
   const std::string jpeg = EncodeJpeg(TestImage(16, 8)).value();
   for (int orientation : {0, 9, 65535}) {

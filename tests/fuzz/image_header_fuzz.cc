@@ -17,7 +17,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   ParseJpegHeader(bytes, "x").status().IgnoreError();
   ParsePngHeader(bytes, "x").status().IgnoreError();
   CheckPngComplete(bytes, "x").IgnoreError();
-  const int orientation = ParseExifOrientation(bytes);
-  LITAGS_CHECK(orientation >= 1 && orientation <= 8);
+  ImageInfo info;
+  ReadExif(bytes, &info);
+  LITAGS_CHECK(info.orientation >= 1 && info.orientation <= 8);
+  LITAGS_CHECK(info.focal_length >= 0 && info.focal_length < 1e10);
   return 0;
 }
