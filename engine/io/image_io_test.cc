@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/test_util.h"
 #include "engine/io/testing_jpeg.h"
@@ -23,29 +24,6 @@ double MeanAbsDifference(const ImageU8& a, const ImageU8& b) {
   double sum = 0;
   for (size_t i = 0; i < a.data.size(); ++i) sum += std::abs(a.data[i] - b.data[i]);
   return sum / a.data.size();
-}
-
-// A TIFF block that holds an orientation and nothing else.
-std::string ExifBlock(int orientation, bool little) {
-  const auto n = [&](int value, int size) {
-    std::string s;
-    for (int i = 0; i < size; ++i) s += static_cast<char>(value >> 8 * (little ? i : size - 1 - i));
-    return s;
-  };
-  return std::string(little ? "II" : "MM") + n(42, 2) + n(8, 4) + n(1, 2) + n(0x0112, 2) + n(3, 2) +
-         n(1, 4) + n(orientation, 2) + n(0, 2) + n(0, 4);
-}
-
-std::string WithJpegExif(const std::string& jpeg, const std::string& tiff) {
-  const std::string payload = std::string("Exif\0\0", 6) + tiff;
-  const size_t length = payload.size() + 2;
-  return jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
-         static_cast<char>(length & 0xFF) + payload + jpeg.substr(2);
-}
-
-std::string Big32(uint32_t v) {
-  return {static_cast<char>(v >> 24), static_cast<char>(v >> 16), static_cast<char>(v >> 8),
-          static_cast<char>(v)};
 }
 
 std::string PngChunk(const std::string& type, const std::string& data) {
@@ -238,19 +216,6 @@ TEST(DecodeImage, TurnsPhotosUpright) {
       }
     }
   }
-}
-
-// A TIFF block with a camera directory: FocalLengthIn35mmFilm (0: without) and FocalLength.
-std::string FocalBlock(int in_35mm, uint32_t above, uint32_t below) {
-  const auto entry = [](int tag, int type, const std::string& value) {
-    return Big32(uint32_t(tag) << 16 | type) + Big32(1) + value;
-  };
-  const std::string head("MM\0\x2A\0\0\0\x08", 8), one("\0\1", 2), two("\0\2", 2);
-  const uint32_t camera = 26, ratio = 26 + 2 + 2 * 12 + 4;
-  return head + one + entry(0x8769, 4, Big32(camera)) + Big32(0) + two +
-         entry(0x920A, 5, Big32(ratio)) +
-         entry(in_35mm > 0 ? 0xA405 : 0xA406, 3, Big32(uint32_t(in_35mm) << 16)) + Big32(0) +
-         Big32(above) + Big32(below);
 }
 
 TEST(ReadImageInfo, KnowsTheFocalLengthOfExif) {

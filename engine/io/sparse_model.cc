@@ -1,5 +1,6 @@
 #include "engine/io/sparse_model.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <opencv2/calib3d.hpp>
@@ -17,6 +18,23 @@ absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_vie
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) return ReadColmapModel(path, field);
   return ReadTransforms(path, field, default_width, default_height);
+}
+
+double LargestShift(const Camera& camera, const Distortion& d) {
+  constexpr int kSteps = 16;  // a side
+  double largest = 0;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      const double x = (double(camera.width) * j / kSteps - camera.cx) / camera.fx;
+      const double y = (double(camera.height) * i / kSteps - camera.cy) / camera.fy;
+      const double r2 = x * x + y * y, radial = r2 * (d.k1 + r2 * d.k2);
+      const double dx = x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x);
+      const double dy = y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y;
+      largest =
+          std::max(largest, std::sqrt(std::pow(camera.fx * dx, 2) + std::pow(camera.fy * dy, 2)));
+    }
+  }
+  return largest;
 }
 
 absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,

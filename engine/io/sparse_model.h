@@ -50,6 +50,9 @@ struct SparseModel {
 absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
                                         int default_width = 0, int default_height = 0);
 
+// How far the distortion moves a pixel of the camera's picture at most, px.
+double LargestShift(const Camera& camera, const Distortion& distortion);
+
 // Removes lens distortion: the picture that the pinhole `camera` (same intrinsics) would have
 // taken. Where the photo has no pixels its border is repeated. INVALID_ARGUMENT if the sizes differ
 // or a coefficient is not finite.

@@ -24,6 +24,15 @@ Camera TestCamera() {
 // Smooth in x and y, so that resampling adds no more than rounding.
 double Pattern(double x, double y, int c) { return 127 + 100 * std::sin(0.05 * x + 0.03 * y + c); }
 
+TEST(LargestShift, IsThatOfTheFarthestCorner) {
+  const Camera camera = TestCamera();
+  EXPECT_EQ(LargestShift(camera, Distortion()), 0);
+  const double x = -62.0 / 100, y = 41.0 / 90, r2 = x * x + y * y;  // bottom left
+  EXPECT_NEAR(LargestShift(camera, {.k1 = 0.1}), 0.1 * r2 * std::hypot(100 * x, 90 * y), 1e-9);
+  EXPECT_NEAR(LargestShift(camera, {.p1 = 0.01}),
+              0.01 * std::hypot(100 * 2 * x * y, 90 * (r2 + 2 * y * y)), 1e-9);
+}
+
 TEST(Undistort, FollowsTheBrownConradyModel) {
   const Camera camera = TestCamera();
   const Distortion d{.k1 = -0.2, .k2 = 0.05, .p1 = 0.01, .p2 = -0.004};

@@ -22,7 +22,17 @@ namespace {
 constexpr double kMatchBudget = 5e9;
 constexpr int kMinFeatures = 1000, kMaxFeatures = 4000;
 
-std::string LensName(LensModel lens) { return lens == LensModel::kOpenCv ? "OPENCV" : "PINHOLE"; }
+std::string LensName(LensModel lens) {
+  switch (lens) {
+    case LensModel::kPinhole:
+      return "PINHOLE";
+    case LensModel::kSimpleRadial:
+      return "SIMPLE_RADIAL";
+    case LensModel::kOpenCv:
+      return "OPENCV";
+  }
+  return "";
+}
 
 // Calls progress with the fraction of the first two numbers that `format` finds in a line.
 std::function<void(std::string_view)> CountLines(const char* format, const FractionFn& progress) {
@@ -103,8 +113,6 @@ absl::StatusOr<double> Colmap::RunChecked(std::vector<std::string> args,
 }
 
 absl::StatusOr<double> Colmap::ExtractFeatures(int num_photos, const FractionFn& progress) {
-  const std::string sharing =
-      options_.camera_per_photo ? "single_camera_per_image" : "single_camera_per_folder";
   std::vector<std::string> args = {"feature_extractor",
                                    "--database_path",
                                    database_path(),
@@ -112,7 +120,7 @@ absl::StatusOr<double> Colmap::ExtractFeatures(int num_photos, const FractionFn&
                                    images_dir(),
                                    "--ImageReader.camera_model",
                                    LensName(options_.lens),
-                                   absl::StrCat("--ImageReader.", sharing),
+                                   "--ImageReader.single_camera_per_folder",
                                    "1",
                                    "--SiftExtraction.use_gpu",
                                    "0",

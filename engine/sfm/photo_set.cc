@@ -80,7 +80,9 @@ absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, i
       photo.copy_height = std::max(1, static_cast<int>(std::lround(scale * photo.height)));
     }
     // By the photo's own size: two sizes may shrink to one without being one camera.
-    photo.copy_name = absl::StrFormat("%dx%d/%06d.png", photo.width, photo.height, photos.size());
+    photo.camera = absl::StrFormat("%dx%d", photo.width, photo.height);
+    if (info.focal_length > 0) absl::StrAppendFormat(&photo.camera, "_%gmm", info.focal_length);
+    photo.copy_name = absl::StrFormat("%s/%06d.png", photo.camera, photos.size());
     if (const auto mask = masks.find(name); mask != masks.end()) photo.mask_path = mask->second;
     photos.push_back(std::move(photo));
   }
@@ -114,9 +116,7 @@ absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>
                          const std::string& masks_dir, int threads, const CancelToken& cancel,
                          const std::function<void(double)>& progress) {
   std::set<std::string> folders;
-  for (const Photo& photo : photos) {
-    folders.insert(photo.copy_name.substr(0, photo.copy_name.find('/')));
-  }
+  for (const Photo& photo : photos) folders.insert(photo.camera);
   for (const std::string& folder : folders) {
     for (const std::string& dir : {copies_dir, masks_dir}) {
       LITAGS_RETURN_IF_ERROR(MakeFolder(absl::StrCat(dir, "/", folder)));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -58,6 +59,17 @@ std::string SummarizeDrops(const std::vector<SfmPhoto>& photos) {
                                  ShortList(names), ")"));
   }
   return absl::StrJoin(parts, "; ");
+}
+
+std::string SummarizeCameras(const std::vector<Photo>& photos) {
+  std::map<std::string, int> count;
+  for (const Photo& photo : photos) ++count[photo.camera];
+  if (count.size() < 2) return "";
+  std::vector<std::string> parts;
+  for (const auto& [camera, n] : count) {
+    parts.push_back(absl::StrCat(n, n == 1 ? " photo of " : " photos of ", camera));
+  }
+  return absl::StrCat(count.size(), " cameras: ", ShortList(parts));
 }
 
 absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>& photos,

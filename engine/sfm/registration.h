@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "engine/sfm/photo_set.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -16,6 +17,9 @@ int NeededPhotos(int num_photos, const SfmOptions& options);
 // The dropped photos by cause, with up to five names each:
 // "2 match no other photo (a.jpg, b.jpg); 1 has too few features (c.jpg)". Empty if none.
 std::string SummarizeDrops(const std::vector<SfmPhoto>& photos);
+
+// "2 cameras: 20 photos of 480x361_26mm, 10 photos of 480x361_52mm". Empty for one.
+std::string SummarizeCameras(const std::vector<Photo>& photos);
 
 // OK, or FAILED_PRECONDITION SFM_NO_MODEL, SFM_SPLIT or SFM_TOO_FEW_REGISTERED.
 absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>& photos,

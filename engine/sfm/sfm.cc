@@ -1,5 +1,6 @@
 #include "engine/sfm/sfm.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -9,6 +10,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/sfm/exposure.h"
@@ -155,6 +157,24 @@ void AddNotes(const SfmRung& kept, SfmResult& result) {
   }
 }
 
+// What the user should know of cameras and lenses. Distortion that nobody would see becomes none:
+// taking it out of the photos would cost them sharpness.
+void SettleCameras(const std::vector<Photo>& photos, SfmResult& result) {
+  constexpr double kSeen = 0.5;  // px
+  const std::string cameras = SummarizeCameras(photos);
+  if (!cameras.empty()) result.notes.push_back(cameras);
+  double largest = 0;
+  for (size_t i = 0; i < result.model.views.size(); ++i) {
+    Distortion& distortion = result.model.distortions[i];
+    const double shift = LargestShift(result.model.views[i].camera, distortion);
+    if (shift <= kSeen) distortion = Distortion();
+    if (shift > kSeen) largest = std::max(largest, shift);
+  }
+  if (largest == 0) return;
+  result.notes.push_back(absl::StrFormat(
+      "lens distortion of up to %.1f px was found and is taken out of the photos", largest));
+}
+
 // The photo of each given view, with sizes that agree.
 absl::StatusOr<std::vector<Photo>> PhotosOfViews(const std::vector<Photo>& photos,
                                                  const SparseModel& cameras) {
@@ -265,6 +285,7 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
   const SfmRung& kept = KeptRung(result);
   LITAGS_RETURN_IF_ERROR(JudgeRegistration(kept, result.photos, options));
   AddNotes(kept, result);
+  SettleCameras(capture.photos, result);
   result.seconds = SecondsSince(start);
   return result;
 }

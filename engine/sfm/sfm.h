@@ -24,16 +24,17 @@ std::string_view ExposureName(Exposure exposure);  // "normal", "low", "over"
 
 // Which camera parameters COLMAP solves for. The principal point stays at the image centre.
 enum class LensModel {
-  kPinhole,  // fx fy; photos free of lens distortion
-  kOpenCv,   // fx fy k1 k2 p1 p2
+  kPinhole,       // fx fy; photos free of lens distortion
+  kSimpleRadial,  // f k1
+  kOpenCv,        // fx fy k1 k2 p1 p2; of many photos
 };
 
 struct SfmOptions {
   std::string colmap = "colmap";  // program name or path; 3.8 is what the tests run
   int threads = 0;                // bound on COLMAP's and our threads; 0: all cores
   uint64_t seed = 0;              // COLMAP's --random_seed; see FindCameras about repeatability
-  LensModel lens = LensModel::kPinhole;
-  bool camera_per_photo = false;  // false: photos of one size share one camera
+  // Of each camera; photos of one size and EXIF focal length share one.
+  LensModel lens = LensModel::kSimpleRadial;
   int max_image_side = 1600;    // larger photos are matched at this longer side, px; 0: as they are
   int max_features = 0;         // SIFT features per photo; 0: 1000..4000, fewer for more photos
   int sequential_above = 200;   // with more photos, match only neighbours in name order
@@ -95,7 +96,8 @@ struct SfmRung {
 
 struct SfmResult {
   // Views (named as the photos, in name order, at the photos' own size), their lens distortions,
-  // and points; see engine/io/sparse_model.h. Point colours are those of the prepared photos:
+  // zero where it moves no pixel by more than half a pixel, and points; see
+  // engine/io/sparse_model.h. Point colours are those of the prepared photos:
   // sRGB, brought to a mean of .45 in low light.
   SparseModel model;
   Exposure exposure = Exposure::kNormal;

@@ -13,6 +13,7 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/io/colmap_io.h"
+#include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
@@ -102,6 +103,39 @@ TEST_F(SfmTest, ViewsAndTracksAreThoseOfThePhotosNotOfTheirCopies) {
   EXPECT_TRUE(result->notes.empty());
 }
 
+// Same size, two lenses: every other photo says another focal length.
+TEST_F(SfmTest, PhotosOfOneSizeAndFocalLengthShareACamera) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+  for (const int i : {1, 3, 5}) {
+    const std::string path = absl::StrCat(photos, "/p", i, ".png");
+    const std::string jpeg = EncodeJpeg(ReadImage(path, "").value()).value();
+    ASSERT_TRUE(WriteFileAtomically(path, WithJpegExif(jpeg, FocalBlock(52, 425, 100))).ok());
+  }
+  options_.keep_prepared = true;
+  const auto result = FindCameras(photos, colmap_.dir() + "/work", options_, cancel_);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->notes, Contains("2 cameras: 3 photos of 128x96, 3 photos of 128x96_52mm"));
+  const std::string images = colmap_.dir() + "/work/sfm/0/images";
+  EXPECT_TRUE(std::filesystem::exists(images + "/128x96/000002.png"));
+  EXPECT_TRUE(std::filesystem::exists(images + "/128x96_52mm/000003.png"));
+}
+
+TEST_F(SfmTest, LensDistortionIsKeptWhereItShows) {
+  SparseModel model = Model({0, 1, 2, 3, 4, 5}, 7);
+  for (Distortion& distortion : model.distortions) distortion.k1 = -0.1;
+  model.distortions[2].k1 = 1e-3;
+  colmap_.AddModel(0, 0, model);
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->model.distortions[1].k1, -0.1);
+  EXPECT_TRUE(result->model.distortions[2].IsZero());
+  // At a corner, 80 px from the middle: f = 100 px, so 0.8 0.1 0.64 100.
+  EXPECT_THAT(result->notes,
+              ElementsAre("lens distortion of up to 5.1 px was found and is taken out of the "
+                          "photos"));
+}
+
 TEST_F(SfmTest, ColmapGetsMasksOfTheCopies) {
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
   ASSERT_TRUE(Find().ok());
@@ -134,9 +168,9 @@ TEST_F(SfmTest, ColmapIsCalledOnTheCpuWithinItsBounds) {
   ASSERT_THAT(calls, SizeIs(4));
   EXPECT_THAT(calls[0],
               AllOf(StartsWith("feature_extractor"), HasSubstr("use_gpu 0"),
-                    HasSubstr("camera_model PINHOLE"), HasSubstr("single_camera_per_folder 1"),
-                    HasSubstr("max_num_features 500"), HasSubstr("num_threads 3"),
-                    HasSubstr("--random_seed 11")));
+                    HasSubstr("camera_model SIMPLE_RADIAL"),
+                    HasSubstr("single_camera_per_folder 1"), HasSubstr("max_num_features 500"),
+                    HasSubstr("num_threads 3"), HasSubstr("--random_seed 11")));
   EXPECT_THAT(calls[1], AllOf(StartsWith("matches_importer"), HasSubstr("match_type pairs"),
                               HasSubstr("use_gpu 0"), HasSubstr("num_threads 3")));
   EXPECT_THAT(calls[2], AllOf(StartsWith("mapper"), HasSubstr("ba_refine_focal_length 1"),
@@ -147,13 +181,9 @@ TEST_F(SfmTest, ColmapIsCalledOnTheCpuWithinItsBounds) {
 TEST_F(SfmTest, ManyPhotosAreMatchedInSequence) {
   options_.sequential_above = 5;
   options_.sequential_overlap = 1;
-  options_.lens = LensModel::kOpenCv;
-  options_.camera_per_photo = true;
   colmap_.On("matches_importer", "cp \"$(dirname \"$db\")/pairs.txt\" \"$fake/pairs\"");
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
   ASSERT_TRUE(Find().ok());
-  EXPECT_THAT(colmap_.Calls()[0],
-              AllOf(HasSubstr("camera_model OPENCV"), HasSubstr("single_camera_per_image 1")));
   // Of the 15 pairs those that are 1, 2 or 4 apart.
   std::ifstream pairs(colmap_.dir() + "/pairs");
   int lines = 0;

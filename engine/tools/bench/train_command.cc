@@ -54,7 +54,8 @@ class Recorder : public ReconstructObserver {
   absl::Status Score() {
     const double seconds = (NowMs() - first_ms_ - paused_ms_) / 1e3;
     LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene, engine_->LoadScene(path_));
-    LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args_.scene.TestViews(*scene));
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views,
+                            args_.scene.TestViews(*scene, args_.out));
     LITAGS_ASSIGN_OR_RETURN(const Scores scores, ScoreScene(*scene, views, args_.scene.TruthDir(),
                                                             "", args_.options.threads));
     history.push_back({{"iteration", iteration_},
@@ -115,7 +116,8 @@ absl::Status Train(TrainArguments args) {
   const int64_t peak = PeakRssBytes();
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(report.scene_path));
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews(*scene));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views,
+                          args.scene.TestViews(*scene, args.out));
   LITAGS_ASSIGN_OR_RETURN(const Scores scores, ScoreScene(*scene, views, args.scene.TruthDir(), "",
                                                           args.options.threads));
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -66,14 +67,20 @@ absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
   return views;
 }
 
-absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(const Scene& scene) const {
+absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(const Scene& scene,
+                                                                const std::string& work_dir) const {
   LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> given, TestViews());
-  if (!sfm) return given;
+  if (!sfm || given.empty()) return given;
+  LITAGS_ASSIGN_OR_RETURN(const SparseModel found, ReadCameras(work_dir + "/cameras", "cameras"));
+  std::map<std::string, Distortion> lenses;
+  for (size_t i = 0; i < found.views.size(); ++i) {
+    lenses[found.views[i].name] = found.distortions[i];
+  }
   std::vector<TestView> views;
   for (const TestView& wanted : given) {
-    const auto found = std::find_if(scene.views().begin(), scene.views().end(),
-                                    [&](const View& v) { return v.name == wanted.view.name; });
-    if (found != scene.views().end()) views.push_back({*found, Distortion()});
+    const auto same = std::find_if(scene.views().begin(), scene.views().end(),
+                                   [&](const View& v) { return v.name == wanted.view.name; });
+    if (same != scene.views().end()) views.push_back({*same, lenses[same->name]});
   }
   return views;
 }

@@ -33,8 +33,10 @@ struct BenchmarkScene {
   // The cameras of transforms_test.json at the size of their truth photos, none if there is no such
   // file.
   absl::StatusOr<std::vector<TestView>> TestViews() const;
-  // With `sfm` they are the trained scene's own, by name: COLMAP's world is another.
-  absl::StatusOr<std::vector<TestView>> TestViews(const Scene& scene) const;
+  // With `sfm` they are the trained scene's own, by name: COLMAP's world is another. So are their
+  // lenses, which the run in `work_dir` found.
+  absl::StatusOr<std::vector<TestView>> TestViews(const Scene& scene,
+                                                  const std::string& work_dir) const;
 };
 
 }  // namespace litags

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "engine/core/error.h"
+#include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
@@ -93,7 +94,8 @@ TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
 // Sees the same distance everywhere.
 class FlatScene : public Scene {
  public:
-  explicit FlatScene(float depth) : depth_(depth) {}
+  explicit FlatScene(float depth, std::vector<View> views = {})
+      : depth_(depth), views_(std::move(views)) {}
   const std::vector<View>& views() const override { return views_; }
   int64_t num_gaussians() const override { return 0; }
   int iteration() const override { return 0; }
@@ -213,6 +215,28 @@ TEST_F(EvaluationTest, SceneWithTestViewsHoldsOutNothingElseAndTrainsOnNoneOfThe
   ASSERT_TRUE(GetErrorDetail(status).has_value()) << status;
   EXPECT_EQ(GetErrorDetail(status)->reason, "TEST_VIEW_IN_CAMERAS");
   EXPECT_THAT(std::string(status.message()), testing::HasSubstr("c.JPG"));
+}
+
+// COLMAP's cameras, and the lenses that it found.
+TEST_F(EvaluationTest, TestViewsOfAColmapRunAreTheScenesWithTheirLens) {
+  WriteCameras(dir_, "test", {"b.png", "z.png"});
+  SparseModel found;
+  Camera camera;
+  camera.width = 96;
+  camera.height = 64;
+  camera.fx = camera.fy = 77;
+  found.views = {{"a.png", camera}, {"b.png", camera}};
+  found.distortions = {Distortion(), {.k1 = -0.1}};
+  std::filesystem::create_directories(dir_ + "/work/cameras");
+  ASSERT_TRUE(WriteColmapModel(dir_ + "/work/cameras", found).ok());
+  BenchmarkScene scene{.dir = dir_, .light = "low", .cameras = ""};
+  scene.sfm = true;
+  const auto views = scene.TestViews(FlatScene(1, found.views), dir_ + "/work");
+  ASSERT_TRUE(views.ok()) << views.status();
+  ASSERT_EQ(views->size(), 1u);
+  EXPECT_EQ(views->at(0).view.name, "b.png");
+  EXPECT_EQ(views->at(0).view.camera.fx, 77);
+  EXPECT_EQ(views->at(0).distortion.k1, -0.1);
 }
 
 }  // namespace

@@ -70,7 +70,7 @@ void PrintMean(const char* what, const Scores& scores) {
 
 // Renders every test view into OUT/test and compares with the photos of `truth`.
 absl::Status Evaluate(const Arguments& args, const Scene& scene) {
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews(scene));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews(scene, args.out));
   if (views.empty()) return absl::OkStatus();
   const absl::StatusOr<Scores> renders =
       ScoreScene(scene, views, args.truth, args.out + "/test", args.options.threads);

@@ -1,0 +1,48 @@
+// For tests: photos with EXIF.
+#ifndef LITAGS_ENGINE_IO_EXIF_TEST_UTIL_H_
+#define LITAGS_ENGINE_IO_EXIF_TEST_UTIL_H_
+
+#include <cstdint>
+#include <string>
+
+namespace litags {
+
+inline std::string Big32(uint32_t v) {
+  return {static_cast<char>(v >> 24), static_cast<char>(v >> 16), static_cast<char>(v >> 8),
+          static_cast<char>(v)};
+}
+
+// A TIFF block with a camera directory: FocalLengthIn35mmFilm (0: without) and FocalLength.
+inline std::string FocalBlock(int in_35mm, uint32_t above, uint32_t below) {
+  const auto entry = [](int tag, int type, const std::string& value) {
+    return Big32(uint32_t(tag) << 16 | type) + Big32(1) + value;
+  };
+  const std::string head("MM\0\x2A\0\0\0\x08", 8), one("\0\1", 2), two("\0\2", 2);
+  const uint32_t camera = 26, ratio = 26 + 2 + 2 * 12 + 4;
+  return head + one + entry(0x8769, 4, Big32(camera)) + Big32(0) + two +
+         entry(0x920A, 5, Big32(ratio)) +
+         entry(in_35mm > 0 ? 0xA405 : 0xA406, 3, Big32(uint32_t(in_35mm) << 16)) + Big32(0) +
+         Big32(above) + Big32(below);
+}
+
+// A TIFF block that holds an orientation and nothing else.
+inline std::string ExifBlock(int orientation, bool little) {
+  const auto n = [&](int value, int size) {
+    std::string s;
+    for (int i = 0; i < size; ++i) s += static_cast<char>(value >> 8 * (little ? i : size - 1 - i));
+    return s;
+  };
+  return std::string(little ? "II" : "MM") + n(42, 2) + n(8, 4) + n(1, 2) + n(0x0112, 2) + n(3, 2) +
+         n(1, 4) + n(orientation, 2) + n(0, 2) + n(0, 4);
+}
+
+inline std::string WithJpegExif(const std::string& jpeg, const std::string& tiff) {
+  const std::string payload = std::string("Exif\0\0", 6) + tiff;
+  const size_t length = payload.size() + 2;
+  return jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
+         static_cast<char>(length & 0xFF) + payload + jpeg.substr(2);
+}
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_EXIF_TEST_UTIL_H_
