@@ -243,4 +243,17 @@ std::string Stem(std::string_view path) {
   return name;
 }
 
+NameIndex::NameIndex(absl::Span<const std::string> names) {
+  for (size_t i = 0; i < names.size(); ++i) {
+    by_name_.emplace(names[i], i);
+    by_stem_.emplace(Stem(names[i]), i);
+  }
+}
+
+std::optional<size_t> NameIndex::Find(const std::string& name) const {
+  if (const auto named = by_name_.find(name); named != by_name_.end()) return named->second;
+  const auto stemmed = by_stem_.find(Stem(name));
+  return stemmed == by_stem_.end() ? std::nullopt : std::optional(stemmed->second);
+}
+
 }  // namespace litags

@@ -3,6 +3,8 @@
 #define LITAGS_ENGINE_IO_FILE_UTIL_H_
 
 #include <cstdint>
+#include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -44,6 +46,17 @@ absl::Status ValidateFileName(std::string_view name, std::string_view field);
 std::string BaseName(std::string_view path);
 // The base name without its last extension: "low/0001.JPG" -> "0001".
 std::string Stem(std::string_view path);
+
+// Finds photos by name, else by stem: cameras and truth photos often come with another extension.
+class NameIndex {
+ public:
+  explicit NameIndex(absl::Span<const std::string> names);
+  // Index into `names`.
+  std::optional<size_t> Find(const std::string& name) const;
+
+ private:
+  std::map<std::string, size_t> by_name_, by_stem_;
+};
 
 }  // namespace litags
 

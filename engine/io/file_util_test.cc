@@ -147,5 +147,14 @@ TEST(PathParts, AreTheLastPart) {
   EXPECT_EQ(Stem("a.b.png"), "a.b");
 }
 
+TEST(NameIndex, FindsByNameElseByStem) {
+  const std::vector<std::string> names = {"a.jpg", "a.png", "b.png"};
+  const NameIndex index(names);
+  EXPECT_EQ(index.Find("a.png"), 1u);
+  EXPECT_EQ(index.Find("a.JPG"), 0u);
+  EXPECT_EQ(index.Find("b"), 2u);
+  EXPECT_EQ(index.Find("c.png"), std::nullopt);
+}
+
 }  // namespace
 }  // namespace litags

@@ -1,6 +1,5 @@
 #include "engine/pipeline/camera_source.h"
 
-#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -9,12 +8,12 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/given_cameras.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -79,40 +78,6 @@ Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& pho
   return Json::parse(Dump(source));  // as it will be read back
 }
 
-// Renames the views to the photos they belong to (same name, else same stem) and drops views
-// without a photo, with their marks in tracks. INVALID_ARGUMENT if two are of one photo.
-absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std::string>& photos) {
-  std::map<std::string, std::string> by_name, by_stem;
-  for (const std::string& photo : photos) {
-    by_name[photo] = photo;
-    by_stem[Stem(photo)] = photo;
-  }
-  SparseModel out;
-  std::set<std::string> taken;
-  std::vector<int> new_index(model.views.size(), -1);
-  for (size_t i = 0; i < model.views.size(); ++i) {
-    const auto named = by_name.find(model.views[i].name);
-    const auto stemmed = by_stem.find(Stem(model.views[i].name));
-    if (named == by_name.end() && stemmed == by_stem.end()) continue;
-    const std::string& photo = named != by_name.end() ? named->second : stemmed->second;
-    if (!taken.insert(photo).second) {
-      return InvalidInput("DUPLICATE_CAMERA", "cameras",
-                          absl::StrCat("cameras: photo ", photo, " has two cameras, the second as ",
-                                       model.views[i].name, "; keep one"));
-    }
-    new_index[i] = static_cast<int>(out.views.size());
-    out.views.push_back(std::move(model.views[i]));
-    out.views.back().name = photo;
-    out.distortions.push_back(model.distortions[i]);
-  }
-  out.points = std::move(model.points);
-  for (SparsePoint& point : out.points) {
-    std::erase_if(point.track, [&](const TrackElement& e) { return new_index[e.view] < 0; });
-    for (TrackElement& e : point.track) e.view = new_index[e.view];
-  }
-  return out;
-}
-
 // Registration that COLMAP produced, next to the model in work_dir/cameras.
 absl::Status SaveRegistration(const std::string& dir, const Json& source, const SparseModel& model,
                               const ReconstructReport& report) {
@@ -173,27 +138,6 @@ void FillReport(const SfmResult& result, ReconstructReport* report) {
   report->notes.insert(report->notes.end(), result.notes.begin(), result.notes.end());
 }
 
-// Photos of given cameras come with a size; it may be given for another resolution of the photos.
-absl::Status FitToPhotos(const std::string& images_dir, SparseModel* model) {
-  for (size_t i = 0; i < model->views.size(); ++i) {
-    View& view = model->views[i];
-    const std::string field = absl::StrCat("images[", view.name, "]");
-    LITAGS_ASSIGN_OR_RETURN(const ImageInfo info,
-                            ReadImageSize(images_dir + "/" + view.name, field));
-    if (info.width == view.camera.width && info.height == view.camera.height) continue;
-    const double sx = double(info.width) / view.camera.width;
-    const double sy = double(info.height) / view.camera.height;
-    if (std::abs(sx / sy - 1) > 0.02) {
-      return InvalidInput("CAMERA_SIZE_MISMATCH", field,
-                          absl::StrCat(view.name, ": the photo is ", info.width, "x", info.height,
-                                       " but its camera says ", view.camera.width, "x",
-                                       view.camera.height, "; give cameras of these photos"));
-    }
-    view.camera = view.camera.Scaled(info.width, info.height);
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
@@ -229,20 +173,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
     FillReport(result, report);
     model = std::move(result.model);
   } else {
-    LITAGS_ASSIGN_OR_RETURN(
-        const ImageInfo first,
-        ReadImageSize(input.images_dir + "/" + photos[0], absl::StrCat("images[", photos[0], "]")));
-    LITAGS_ASSIGN_OR_RETURN(SparseModel given,
-                            ReadCameras(input.cameras_path, "cameras", first.width, first.height));
-    LITAGS_ASSIGN_OR_RETURN(model, MatchPhotos(std::move(given), photos));
-    if (model.views.empty()) {
-      return InvalidInput(
-          "NO_MATCHING_CAMERAS", "cameras",
-          absl::StrCat("cameras: none of the ", photos.size(),
-                       " photos has a camera; file_path must end in the photos' names, as ",
-                       photos[0]));
-    }
-    LITAGS_RETURN_IF_ERROR(FitToPhotos(input.images_dir, &model));
+    LITAGS_ASSIGN_OR_RETURN(model, ReadGivenCameras(input, photos, &report->notes));
     if (model.points.empty()) {
       LITAGS_ASSIGN_OR_RETURN(
           SfmResult result,

@@ -1,0 +1,156 @@
+#include "engine/pipeline/given_cameras.h"
+
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+
+namespace litags {
+namespace {
+
+// Renames the views to the photos they belong to, puts them in the photos' order and drops views
+// without a photo, with their marks in tracks.
+absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std::string>& photos) {
+  const NameIndex index(photos);
+  std::map<std::string, size_t> view_of;
+  for (size_t i = 0; i < model.views.size(); ++i) {
+    const std::optional<size_t> photo = index.Find(model.views[i].name);
+    if (!photo.has_value()) continue;
+    if (!view_of.emplace(photos[*photo], i).second) {
+      return InvalidInput(
+          "DUPLICATE_CAMERA", "cameras",
+          absl::StrCat("cameras: photo ", photos[*photo], " has two cameras, the second as ",
+                       model.views[i].name, "; keep one"));
+    }
+  }
+  SparseModel out;
+  std::vector<int> new_index(model.views.size(), -1);
+  for (const auto& [photo, i] : view_of) {
+    new_index[i] = static_cast<int>(out.views.size());
+    out.views.push_back({photo, model.views[i].camera});
+    out.distortions.push_back(model.distortions[i]);
+  }
+  out.points = std::move(model.points);
+  for (SparsePoint& point : out.points) {
+    std::erase_if(point.track, [&](const TrackElement& e) { return new_index[e.view] < 0; });
+    for (TrackElement& e : point.track) e.view = new_index[e.view];
+  }
+  return out;
+}
+
+bool SameShape(const Camera& camera, int width, int height) {
+  return std::abs(double(width) * camera.height / (double(height) * camera.width) - 1) <= 0.02;
+}
+
+// What a photo's camera becomes when the photo is turned by 90 degrees, clockwise.
+void TurnClockwise(Camera* camera, Distortion* distortion) {
+  Camera& c = *camera;
+  const Camera before = c;
+  c.width = before.height;
+  c.height = before.width;
+  c.fx = before.fy;
+  c.fy = before.fx;
+  c.cx = before.height - before.cy;
+  c.cy = before.cx;
+  // x and y of the camera's frame become -y and x.
+  for (int i = 0; i < 3; ++i) {
+    c.R[i] = -before.R[3 + i];
+    c.R[3 + i] = before.R[i];
+  }
+  c.t[0] = -before.t[1];
+  c.t[1] = before.t[0];
+  // (p2, p1) is a direction in the picture.
+  *distortion = {
+      .k1 = distortion->k1, .k2 = distortion->k2, .p1 = distortion->p2, .p2 = -distortion->p1};
+}
+
+// Where the marks of a view's points lie after TurnClockwise of a picture of this height.
+void TurnTracksClockwise(int view, int height, std::vector<SparsePoint>* points) {
+  for (SparsePoint& point : *points) {
+    for (TrackElement& e : point.track) {
+      if (e.view == view) e = {view, height - e.y, e.x};
+    }
+  }
+}
+
+// Turns a camera that is of the photo as stored upright; true if it was.
+absl::StatusOr<bool> TurnUpright(const ImageInfo& photo, int index, SparseModel* model) {
+  if (photo.orientation == 1) return false;
+  const View& view = model->views[index];
+  const bool swaps = photo.orientation >= 5;
+  const bool upright = SameShape(view.camera, photo.width, photo.height);
+  const bool stored = swaps ? SameShape(view.camera, photo.height, photo.width) : upright;
+  if (!stored) return false;
+  const bool turned = photo.orientation == 6 || photo.orientation == 8;  // not mirrored, too
+  if (upright || !turned) {
+    return InvalidInput(
+        "ORIENTATION_AMBIGUOUS", absl::StrCat("images[", view.name, "]"),
+        absl::StrCat(view.name, ": its EXIF orientation, ", photo.orientation,
+                     ", turns the photo, and its camera may be of the photo before or after; if "
+                     "the cameras are COLMAP's, which ignores it, take it out of the photos "
+                     "(exiftool -Orientation= DIR), else turn their pixels (mogrify -auto-orient "
+                     "DIR/*)"));
+  }
+  for (int turns = photo.orientation == 6 ? 1 : 3; turns > 0; --turns) {
+    TurnTracksClockwise(index, view.camera.height, &model->points);
+    TurnClockwise(&model->views[index].camera, &model->distortions[index]);
+  }
+  return true;
+}
+
+// Photos of given cameras come with a size; it may be given for another resolution of the photos.
+absl::Status FitToPhotos(const std::string& images_dir, SparseModel* model,
+                         std::vector<std::string>* notes) {
+  int turned = 0;
+  for (size_t i = 0; i < model->views.size(); ++i) {
+    View& view = model->views[i];
+    const std::string field = absl::StrCat("images[", view.name, "]");
+    LITAGS_ASSIGN_OR_RETURN(const ImageInfo info,
+                            ReadImageSize(images_dir + "/" + view.name, field));
+    LITAGS_ASSIGN_OR_RETURN(const bool turns, TurnUpright(info, static_cast<int>(i), model));
+    turned += turns;
+    if (info.width == view.camera.width && info.height == view.camera.height) continue;
+    if (!SameShape(view.camera, info.width, info.height)) {
+      return InvalidInput("CAMERA_SIZE_MISMATCH", field,
+                          absl::StrCat(view.name, ": the photo is ", info.width, "x", info.height,
+                                       " but its camera says ", view.camera.width, "x",
+                                       view.camera.height, "; give cameras of these photos"));
+    }
+    view.camera = view.camera.Scaled(info.width, info.height);
+  }
+  if (turned > 0) {
+    notes->push_back(absl::StrCat(turned, " of ", model->views.size(),
+                                  " cameras are of photos as stored; they were turned upright with "
+                                  "them, as EXIF has it"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
+                                             const std::vector<std::string>& photos,
+                                             std::vector<std::string>* notes) {
+  LITAGS_ASSIGN_OR_RETURN(
+      const ImageInfo first,
+      ReadImageSize(input.images_dir + "/" + photos[0], absl::StrCat("images[", photos[0], "]")));
+  LITAGS_ASSIGN_OR_RETURN(SparseModel given,
+                          ReadCameras(input.cameras_path, "cameras", first.width, first.height));
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model, MatchPhotos(std::move(given), photos));
+  if (model.views.empty()) {
+    return InvalidInput(
+        "NO_MATCHING_CAMERAS", "cameras",
+        absl::StrCat("cameras: none of the ", photos.size(),
+                     " photos has a camera; file_path must end in the photos' names, as ",
+                     photos[0]));
+  }
+  LITAGS_RETURN_IF_ERROR(FitToPhotos(input.images_dir, &model, notes));
+  return model;
+}
+
+}  // namespace litags

@@ -1,0 +1,25 @@
+// Cameras that the user brought: each with its photo, its photo's size and its photo's way up.
+#ifndef LITAGS_ENGINE_PIPELINE_GIVEN_CAMERAS_H_
+#define LITAGS_ENGINE_PIPELINE_GIVEN_CAMERAS_H_
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "engine/io/sparse_model.h"
+#include "engine/pipeline/engine.h"
+
+namespace litags {
+
+// The cameras in input.cameras_path of these photos (sorted names in input.images_dir), by name,
+// else by stem; the views get the photos' names and sizes. COLMAP ignores the EXIF orientation:
+// cameras of a photo as stored are turned upright with it. INVALID_ARGUMENT: NO_MATCHING_CAMERAS,
+// DUPLICATE_CAMERA (of one photo), CAMERA_SIZE_MISMATCH, ORIENTATION_AMBIGUOUS (the sizes do not
+// tell whether a camera is of the photo as stored); errors of ReadCameras and ReadImageSize.
+absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
+                                             const std::vector<std::string>& photos,
+                                             std::vector<std::string>* notes);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_GIVEN_CAMERAS_H_
