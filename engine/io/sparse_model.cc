@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "engine/core/check.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/io_error.h"
 #include "engine/io/transforms_io.h"
@@ -37,6 +38,33 @@ double LargestShift(const Camera& camera, const Distortion& d) {
   return largest;
 }
 
+namespace {
+
+// `out` of type and size of `in`: what the pinhole `camera` would have taken.
+absl::Status Remap(const cv::Mat& in, const Camera& camera, const Distortion& distortion,
+                   int interpolation, int border, cv::Mat* out) {
+  const double coefficients[4] = {distortion.k1, distortion.k2, distortion.p1, distortion.p2};
+  for (double k : coefficients) {
+    if (!std::isfinite(k)) {
+      return InvalidField("NOT_FINITE", "distortion",
+                          "a lens distortion coefficient is NaN or infinite; send finite numbers");
+    }
+  }
+  try {
+    // OpenCV counts pixels from their centres, we from their corners.
+    const cv::Matx33d K(camera.fx, 0, camera.cx - 0.5, 0, camera.fy, camera.cy - 0.5, 0, 0, 1);
+    cv::Mat map_x, map_y;
+    cv::initUndistortRectifyMap(K, cv::Mat(1, 4, CV_64F, const_cast<double*>(coefficients)),
+                                cv::noArray(), K, in.size(), CV_32FC1, map_x, map_y);
+    cv::remap(in, *out, map_x, map_y, interpolation, border);
+    return absl::OkStatus();
+  } catch (const cv::Exception& e) {
+    return FieldError(absl::StatusCode::kInternal, "UNDISTORT_FAILED", "image", e.what());
+  }
+}
+
+}  // namespace
+
 absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,
                                   const Distortion& distortion) {
   if (image.empty() || image.width != camera.width || image.height != camera.height) {
@@ -45,28 +73,25 @@ absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,
                                      " px, its camera ", camera.width, "x", camera.height,
                                      "; use the photos the cameras were made for"));
   }
-  const double coefficients[4] = {distortion.k1, distortion.k2, distortion.p1, distortion.p2};
-  for (double k : coefficients) {
-    if (!std::isfinite(k)) {
-      return InvalidField("NOT_FINITE", "distortion",
-                          "a lens distortion coefficient is NaN or infinite; send finite numbers");
-    }
-  }
   if (distortion.IsZero()) return image;
-  try {
-    // OpenCV counts pixels from their centres, we from their corners.
-    const cv::Matx33d K(camera.fx, 0, camera.cx - 0.5, 0, camera.fy, camera.cy - 0.5, 0, 0, 1);
-    const cv::Mat in(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.data.data()));
-    cv::Mat map_x, map_y;
-    cv::initUndistortRectifyMap(K, cv::Mat(1, 4, CV_64F, const_cast<double*>(coefficients)),
-                                cv::noArray(), K, in.size(), CV_32FC1, map_x, map_y);
-    ImageU8 out(image.width, image.height);
-    cv::Mat result(out.height, out.width, CV_8UC3, out.data.data());
-    cv::remap(in, result, map_x, map_y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
-    return out;
-  } catch (const cv::Exception& e) {
-    return FieldError(absl::StatusCode::kInternal, "UNDISTORT_FAILED", "image", e.what());
-  }
+  const cv::Mat in(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.data.data()));
+  ImageU8 out(image.width, image.height);
+  cv::Mat result(out.height, out.width, CV_8UC3, out.data.data());
+  LITAGS_RETURN_IF_ERROR(
+      Remap(in, camera, distortion, cv::INTER_LINEAR, cv::BORDER_REPLICATE, &result));
+  return out;
+}
+
+absl::StatusOr<Planes> UndistortNearest(const Planes& plane, const Camera& camera,
+                                        const Distortion& distortion) {
+  LITAGS_CHECK(plane.channels == 1);
+  if (distortion.IsZero()) return plane;
+  const cv::Mat in(plane.height, plane.width, CV_32F, const_cast<float*>(plane.data.data()));
+  Planes out(1, plane.height, plane.width);
+  cv::Mat result(out.height, out.width, CV_32F, out.data.data());
+  LITAGS_RETURN_IF_ERROR(Remap(in, camera.Scaled(plane.width, plane.height), distortion,
+                               cv::INTER_NEAREST, cv::BORDER_CONSTANT, &result));
+  return out;
 }
 
 }  // namespace litags

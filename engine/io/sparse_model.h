@@ -59,6 +59,11 @@ double LargestShift(const Camera& camera, const Distortion& distortion);
 absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,
                                   const Distortion& distortion);
 
+// The same for what belongs to the photo's pixels and must not be mixed, [1, h, w] of any size of
+// the photo's aspect ratio: nearest neighbours, 0 where the photo has no pixels.
+absl::StatusOr<Planes> UndistortNearest(const Planes& plane, const Camera& camera,
+                                        const Distortion& distortion);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_IO_SPARSE_MODEL_H_

@@ -71,6 +71,7 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
                      "; send the photo as it was when its camera "
                      "was found, or delete the folder cameras of this run"));
   }
+  v->distortion = distortion;
   if (distortion.IsZero()) return absl::OkStatus();
   absl::Status status;
   const auto undistort = [&](const ImageU8& image) {

@@ -223,7 +223,9 @@ absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOption
   }
   if (!maps.has_value()) {
     std::vector<PosedPhoto> photos;
-    for (const TrainView& v : *views) photos.push_back({&v.view, &v.photo, &v.target});
+    for (const TrainView& v : *views) {
+      photos.push_back({&v.view, &v.photo, &v.target, &v.distortion});
+    }
     LITAGS_ASSIGN_OR_RETURN(maps, provider->Maps(photos, cancel, [&](int done, int total) {
       progress(Stage::kPreparing,
                absl::StrCat("depth by ", Describe(origin), ": ", done, " of ", total, " photos"));

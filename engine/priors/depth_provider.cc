@@ -11,6 +11,7 @@
 #include "engine/core/parallel.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
+#include "engine/io/sparse_model.h"
 
 namespace litags {
 namespace {
@@ -102,7 +103,7 @@ class FolderDepthProvider : public DepthProvider {
     std::vector<std::optional<DepthMap>> maps;
     for (const PosedPhoto& p : photos) {
       LITAGS_RETURN_IF_ERROR(cancel.Check());
-      LITAGS_ASSIGN_OR_RETURN(std::optional<DepthMap> map, Read(*p.view, *p.photo));
+      LITAGS_ASSIGN_OR_RETURN(std::optional<DepthMap> map, Read(p));
       maps.push_back(std::move(map));
       progress(static_cast<int>(maps.size()), static_cast<int>(photos.size()));
     }
@@ -110,12 +111,18 @@ class FolderDepthProvider : public DepthProvider {
   }
 
  private:
-  absl::StatusOr<std::optional<DepthMap>> Read(const View& view, const ImageU8& photo) const {
-    const std::string path = FindDepthMap(folder_, Stem(view.name));
+  absl::StatusOr<std::optional<DepthMap>> Read(const PosedPhoto& posed) const {
+    const ImageU8& photo = *posed.photo;
+    const std::string path = FindDepthMap(folder_, Stem(posed.view->name));
     if (path.empty()) return std::nullopt;
     const std::string field = absl::StrCat("depth/", BaseName(path));
     LITAGS_ASSIGN_OR_RETURN(Planes plane, ReadDepthMap(path, field));
     DepthMap map = SplitKnown(std::move(plane));
+    if (posed.distortion != nullptr) {
+      for (Planes* p : {&map.depth, &map.confidence}) {
+        LITAGS_ASSIGN_OR_RETURN(*p, UndistortNearest(*p, posed.view->camera, *posed.distortion));
+      }
+    }
     LITAGS_RETURN_IF_ERROR(CheckUsable(map, field));
     const int width = map.depth.width, height = map.depth.height;
     if (width != photo.width || height != photo.height) {

@@ -19,6 +19,8 @@
 
 namespace litags {
 
+struct Distortion;
+
 struct DepthMap {
   // [1, h, w], of the photo's size or, for the same view, smaller; finite; grows with distance
   // along the optical axis, up to one scale and offset per map.
@@ -36,6 +38,8 @@ struct PosedPhoto {
   const View* view = nullptr;
   const ImageU8* photo = nullptr;
   const ImageU8* target = nullptr;  // the photo normally lit; may be null: as it is
+  // What the photo had when it was taken, and maps of it have; null: none.
+  const Distortion* distortion = nullptr;
 };
 
 // `done` of `total` photos have their map.

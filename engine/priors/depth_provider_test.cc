@@ -8,6 +8,7 @@
 
 #include "engine/core/error.h"
 #include "engine/io/depth_io.h"
+#include "engine/io/sparse_model.h"
 
 namespace litags {
 namespace {
@@ -101,6 +102,34 @@ TEST_F(FolderDepth, AMapOfTwiceTheSizeIsAveraged) {
   EXPECT_TRUE((*depth)->confidence.empty());  // three of four are known
   EXPECT_NEAR(map.at(0, 0, 0), (2 + 11 + 12) / 3.0, 1e-5);
   EXPECT_NEAR(map.at(0, 2, 3), 1 + 6.5 + 10 * 4.5, 1e-4);
+}
+
+// A map of an RGB-D camera has its lens, as its photo had.
+TEST_F(FolderDepth, TheLensIsTakenOutOfTheMapAsOutOfThePhoto) {
+  View view{"a.jpg", {}};
+  Camera& camera = view.camera;
+  camera.width = 96, camera.height = 64;
+  camera.fx = camera.fy = 60, camera.cx = 48, camera.cy = 32;
+  const ImageU8 photo(96, 64);
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), Ramp(96, 64)).ok());
+  auto provider = MakeFolderDepthProvider(folder_);
+  ASSERT_TRUE(provider.ok());
+  for (const double k1 : {-0.2, 0.2}) {
+    const Distortion lens{.k1 = k1};
+    const auto maps =
+        (*provider)->Maps({{&view, &photo, nullptr, &lens}}, CancelToken(), [](int, int) {});
+    ASSERT_TRUE(maps.ok()) << maps.status();
+    const DepthMap& map = *maps->front();
+    // Pixel (80, 50): where the photo had it.
+    const double x = (80.5 - 48) / 60, y = (50.5 - 32) / 60, stretch = 1 + k1 * (x * x + y * y);
+    const double column = 60 * x * stretch + 48 - 0.5, row = 60 * y * stretch + 32 - 0.5;
+    EXPECT_NEAR(map.depth.at(0, 50, 80), 1 + std::round(column) + 10 * std::round(row), 1e-3);
+    // Outward the photo ends before its corners.
+    EXPECT_EQ(map.confidence.empty(), k1 < 0);
+    if (k1 > 0) {
+      EXPECT_EQ(map.confidence.at(0, 0, 0), 0);
+    }
+  }
 }
 
 TEST_F(FolderDepth, ASmallerMapIsInterpolated) {

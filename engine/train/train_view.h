@@ -6,6 +6,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/color.h"
 #include "engine/core/image.h"
+#include "engine/io/sparse_model.h"
 #include "engine/priors/depth_provider.h"
 
 namespace litags {
@@ -20,6 +21,7 @@ struct TrainView {
   PlaneU8 information;  // weight of each pixel, kInformationOne for 1; empty: all 1
   PlaneU8 mask;         // 0: does not count, kCounts: does (engine/core/mask.h); empty: all count
   std::optional<DepthMap> depth;
+  Distortion distortion;  // that the photo had when it was taken; here it has none
 };
 
 }  // namespace litags
