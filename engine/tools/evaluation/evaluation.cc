@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -78,6 +79,18 @@ absl::StatusOr<ImageU8> RenderPicture(const Scene& scene, const View& view, int 
   request.threads = threads;
   LITAGS_ASSIGN_OR_RETURN(const Planes color, scene.Render(request));
   return ToImageU8(color);
+}
+
+absl::Status WriteViews(const Scene& scene, const std::string& dir, int threads) {
+  std::error_code ignored;  // writing reports what matters
+  fs::create_directories(dir, ignored);
+  std::set<std::string> stems;
+  for (const View& view : scene.views()) {
+    const std::string file = stems.insert(Stem(view.name)).second ? Stem(view.name) : view.name;
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, RenderPicture(scene, view, threads));
+    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(dir, "/", file, ".png"), picture));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<TestView>& views,

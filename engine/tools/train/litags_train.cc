@@ -113,6 +113,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(report.scene_path));
   LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*light=*/0));
+  LITAGS_RETURN_IF_ERROR(WriteViews(*scene, args.out + "/views", args.options.threads));
   for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
   LITAGS_RETURN_IF_ERROR(Evaluate(args, *scene));
   std::printf("%d of %d photos placed (%s), %d Gaussians, %d iterations in %.1f s: %s\n",
@@ -128,7 +129,10 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", LITAGS_VERSION);
   app.add_option("dir", args.scene.dir, "folder of photos, or a benchmark scene with --light")
       ->required();
-  app.add_option("-o,--out", args.out, "folder for the scene, pictures and report")->required();
+  app.add_option("-o,--out", args.out,
+                 "folder for scene.litags, scene.ply, report.json and views/PHOTO.png, the photos' "
+                 "views in normal light; with test views also test/PHOTO.png and evaluation.json")
+      ->required();
   app.add_option("--light", args.scene.light,
                  "benchmark layout: photos are in DIR/LIGHT (low, over_exp, high)");
   app.add_option("--cameras", args.scene.cameras,

@@ -1,0 +1,66 @@
+// litags-train as its user sees it: the program on a folder of photos.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "engine/core/subprocess.h"
+#include "engine/io/colmap_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/test_util.h"
+#include "engine/tools/table/lom_test_util.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class TrainProgramTest : public testing::Test {
+ protected:
+  void SetUp() override { WriteLomScene(scene_); }
+
+  struct Outcome {
+    int exit_code = 0;
+    std::string text;
+  };
+  Outcome Run(const std::vector<std::string>& arguments) {
+    SubprocessOptions child;
+    child.args = {LITAGS_TRAIN, "-o", out_, "--iterations", "30", "--threads", "1"};
+    child.args.insert(child.args.end(), arguments.begin(), arguments.end());
+    child.tail_lines = 1000;
+    const auto result = RunSubprocess(child, CancelToken());
+    EXPECT_TRUE(result.ok()) << result.status();
+    return {result->exit_code, result->tail};
+  }
+
+  TempDir dir_;
+  const std::string scene_ = dir_ / "room", out_ = dir_ / "out";
+};
+
+TEST_F(TrainProgramTest, EveryPhotoGetsAPictureInNormalLight) {
+  const Outcome outcome = Run({scene_ + "/low", "--cameras", scene_ + "/sparse"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const auto photos = ListPhotos(scene_ + "/low", "photos");
+  ASSERT_TRUE(photos.ok()) << photos.status();
+  ASSERT_EQ(photos->size(), 8u);
+  for (const std::string& photo : *photos) {
+    const auto dark = ReadImage(scene_ + "/low/" + photo, photo);
+    const auto view = ReadImage(out_ + "/views/" + Stem(photo) + ".png", photo);
+    ASSERT_TRUE(dark.ok() && view.ok()) << view.status();
+    EXPECT_EQ(view->width, dark->width);
+    EXPECT_EQ(view->height, dark->height);
+    const auto mean = [](const ImageU8& image) {
+      double sum = 0;
+      for (const uint8_t byte : image.data) sum += byte;
+      return sum / static_cast<double>(image.data.size());
+    };
+    EXPECT_GT(mean(*view), 2 * mean(*dark)) << photo;
+  }
+}
+
+}  // namespace
+}  // namespace litags
