@@ -22,7 +22,7 @@ namespace litags {
 
 // What is optimised.
 enum class Method {
-  kLitaGs,  // the paper: R, L, structure, noise, PDM
+  kLitaGs,  // the paper's R, L and structure; with use_pdm also its noise and denoiser
   k3dgs,    // plain 3D Gaussian splatting on the photos as they are (or after `tone`, see below)
 };
 

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -14,6 +15,7 @@
 #include "engine/io/transforms_io.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/distort_test_util.h"
+#include "engine/tools/evaluation/method_options.h"
 
 namespace litags {
 namespace {
@@ -182,6 +184,43 @@ TEST_F(EvaluationTest, TruthPhotosAreUndistortedAndFoundByStem) {
                           }());
   EXPECT_LT(as_taken, 22);
   EXPECT_GT(undistorted, 30);  // interpolated twice
+}
+
+// The options that a command line gives.
+ReconstructOptions Parsed(const std::string& arguments) {
+  ReconstructOptions options;
+  CLI::App app;
+  AddMethodOptions(&app, &options);
+  app.parse(arguments);
+  return options;
+}
+
+TEST(MethodOptions, ThePapersSettingsAreAMethodThatOtherOptionsChange) {
+  const ReconstructOptions paper = Parsed("--tone capture --iterations 7 --method litags-paper");
+  EXPECT_EQ(paper.tone, Tone::kCapture);
+  EXPECT_EQ(paper.iterations, 7);
+  EXPECT_TRUE(paper.use_pdm);
+  EXPECT_EQ(paper.dropout, 0);
+  EXPECT_EQ(Parsed("--method litags-paper").tone, Tone::kPaper);
+  EXPECT_FALSE(Parsed("--method litags").use_pdm);
+  EXPECT_EQ(Parsed("--method 3dgs").method, Method::k3dgs);
+  EXPECT_EQ(Parsed("--tone linear-gain").tone, Tone::kLinearGain);  // as `litags submit` has it
+}
+
+TEST(MethodOptions, AWrongWordIsAnsweredWithTheRightOnes) {
+  try {
+    Parsed("--method 4dgs");
+    FAIL() << "4dgs is no method";
+  } catch (const CLI::ValidationError& error) {
+    EXPECT_STREQ(error.what(),
+                 "--method: there is no \"4dgs\"; choose one of: litags litags-paper 3dgs");
+  }
+  ReconstructOptions options;
+  CLI::App app;
+  AddMethodOptions(&app, &options);
+  const std::string help = app.help();
+  EXPECT_THAT(help, testing::HasSubstr("--tone TEXT=capture"));
+  EXPECT_THAT(help, testing::Not(testing::HasSubstr("ENUM")));
 }
 
 // Writes SCENE/transforms_NAME.json with cameras of these names.

@@ -1,22 +1,92 @@
 #include "engine/tools/evaluation/method_options.h"
 
 #include <CLI/CLI.hpp>
-#include <map>
+#include <algorithm>
 #include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 
 namespace litags {
+namespace {
+
+template <class Value>
+using Choices = std::vector<std::pair<std::string, Value>>;
+
+// An option that takes one of a few words; the first is the default.
+template <class Value, class Use>
+void AddChoice(CLI::App* app, const std::string& name, const Choices<Value>& choices, Use use,
+               const std::string& help) {
+  app->add_option_function<std::string>(
+         name,
+         [name, choices, use](const std::string& word) {
+           const auto found = std::find_if(choices.begin(), choices.end(), [&](const auto& choice) {
+             return choice.first == word;
+           });
+           if (found != choices.end()) return use(found->second);
+           throw CLI::ValidationError(
+               name, absl::StrCat("there is no \"", word, "\"; choose one of: ",
+                                  absl::StrJoin(choices, " ", [](std::string* out, const auto& c) {
+                                    out->append(c.first);
+                                  })));
+         },
+         help)
+      ->default_str(choices.front().first);
+}
+
+template <class Value>
+void AddChoice(CLI::App* app, const std::string& name, Value* value, const Choices<Value>& choices,
+               const std::string& help) {
+  AddChoice(
+      app, name, choices, [value](Value chosen) { *value = chosen; }, help);
+}
+
+}  // namespace
+
+ReconstructOptions PaperSettings(ReconstructOptions options) {
+  options.method = Method::kLitaGs;
+  options.tone = Tone::kPaper;
+  options.exposure_ssim = 0;
+  options.depth_source = DepthOrigin::kStereo;  // in place of the paper's network
+  options.depth_weight = 0.1;
+  options.depth_geometry = false;
+  options.dense_start = false;
+  options.noise_filter = false;
+  options.use_pdm = true;
+  options.density_statistic = DensityStatistic::kMean;
+  options.density_growth = DensityGrowth::kCloneSplit;
+  options.antialiased = false;
+  options.prior_geometry = true;
+  options.pdm_hidden = 16;
+  options.pdm_every = 1;
+  options.coarse_levels = 0;
+  options.settle_epochs = 0;
+  options.dropout = 0;
+  options.information_weights = false;
+  return options;
+}
 
 void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
-  const std::map<std::string, Method> methods = {{"litags", Method::kLitaGs},
-                                                 {"3dgs", Method::k3dgs}};
-  const std::map<std::string, Tone> tones = {{"capture", Tone::kCapture},
-                                             {"linear", Tone::kLinearGain},
-                                             {"paper", Tone::kPaper},
-                                             {"none", Tone::kNone}};
-  app->add_option("--method", options->method, "litags or 3dgs")
-      ->transform(CLI::CheckedTransformer(methods));
-  app->add_option("--tone", options->tone, "pseudo-target: capture, linear, paper or none")
-      ->transform(CLI::CheckedTransformer(tones));
+  // First of all, so that the options beside it change what the method sets.
+  const Choices<ReconstructOptions (*)(ReconstructOptions)> methods = {
+      {"litags", [](ReconstructOptions given) { return given; }},
+      {"litags-paper", PaperSettings},
+      {"3dgs", [](ReconstructOptions given) {
+         given.method = Method::k3dgs;
+         return given;
+       }}};
+  AddChoice(
+      app, "--method", methods, [options](auto settings) { *options = settings(*options); },
+      "litags, litags-paper (all as the paper has it, but for stereo in place of its depth "
+      "network), or 3dgs");
+  AddChoice(app, "--tone", &options->tone,
+            {{"capture", Tone::kCapture},
+             {"linear-gain", Tone::kLinearGain},
+             {"paper", Tone::kPaper},
+             {"none", Tone::kNone}},
+            "pseudo-target: capture, linear-gain, paper or none");
   app->add_option("--theta", options->theta, "mean brightness of the target; 0: 0.49")
       ->capture_default_str();
   app->add_option("--contrast", options->contrast, "of --tone capture; 0: none")
@@ -49,18 +119,15 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option("--seed", options->seed)->capture_default_str();
   app->add_option("--threads", options->threads, "0: all cores")->capture_default_str();
   app->add_option("--max-gaussians", options->max_gaussians)->capture_default_str();
-  const std::map<std::string, DensityStatistic> statistics = {{"mean", DensityStatistic::kMean},
-                                                              {"abs", DensityStatistic::kAbs},
-                                                              {"pixel", DensityStatistic::kPixel}};
-  app->add_option("--density-statistic", options->density_statistic,
-                  "gradient that makes Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
-      ->transform(CLI::CheckedTransformer(statistics));
-  const std::map<std::string, DensityGrowth> growths = {
-      {"long-axis", DensityGrowth::kLongAxis}, {"clone-split", DensityGrowth::kCloneSplit}};
-  app->add_option("--density-growth", options->density_growth,
-                  "Gaussians that split become: long-axis, halves side by side, or clone-split, as "
-                  "3DGS has it")
-      ->transform(CLI::CheckedTransformer(growths));
+  AddChoice(app, "--density-statistic", &options->density_statistic,
+            {{"mean", DensityStatistic::kMean},
+             {"abs", DensityStatistic::kAbs},
+             {"pixel", DensityStatistic::kPixel}},
+            "gradient that makes Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)");
+  AddChoice(app, "--density-growth", &options->density_growth,
+            {{"long-axis", DensityGrowth::kLongAxis}, {"clone-split", DensityGrowth::kCloneSplit}},
+            "Gaussians that split become: long-axis, halves side by side, or clone-split, as 3DGS "
+            "has it");
   app->add_flag("!--no-antialiasing", options->antialiased,
                 "Gaussians smaller than a pixel grow, as 3DGS has it");
   app->add_option("--sh-degree", options->sh_degree)->capture_default_str();
@@ -85,16 +152,14 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_flag(
       "--prior-geometry", options->prior_geometry,
       "the structure prior moves Gaussians, as in the paper; else it trains its map alone");
-  const std::map<std::string, DepthOrigin> sources = {{"auto", DepthOrigin::kAuto},
-                                                      {"maps", DepthOrigin::kMaps},
-                                                      {"stereo", DepthOrigin::kStereo},
-                                                      {"network", DepthOrigin::kNetwork},
-                                                      {"none", DepthOrigin::kNone}};
-  app->add_option(
-         "--depth-source", options->depth_source,
-         "depth maps: maps, stereo of all photos, network, none, or auto: maps if given, else "
-         "stereo of up to 32 photos")
-      ->transform(CLI::CheckedTransformer(sources));
+  AddChoice(app, "--depth-source", &options->depth_source,
+            {{"auto", DepthOrigin::kAuto},
+             {"maps", DepthOrigin::kMaps},
+             {"stereo", DepthOrigin::kStereo},
+             {"network", DepthOrigin::kNetwork},
+             {"none", DepthOrigin::kNone}},
+            "depth maps: maps, stereo of all photos, network, none, or auto: maps if given, else "
+            "stereo of up to 32 photos");
   app->add_option("--depth-weight", options->depth_weight, "of the depth loss")
       ->capture_default_str();
   app->add_flag("--depth-geometry,!--depth-attribute", options->depth_geometry,

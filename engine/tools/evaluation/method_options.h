@@ -6,8 +6,13 @@
 
 namespace litags {
 
+// The paper's settings, whatever `options` has switched on beyond it: gain on sRGB codes, L1 alone
+// in L_exp, 16 channels in a denoiser that runs in every iteration, full size throughout.
+ReconstructOptions PaperSettings(ReconstructOptions options);
+
 // Adds a command-line option for everything in `options` that shapes the result, and --threads.
-// The defaults are those of `options`, which must outlive parsing.
+// The defaults are those of `options`, which must outlive parsing. --method litags-paper means
+// PaperSettings, changed by the options beside it.
 void AddMethodOptions(CLI::App* app, ReconstructOptions* options);
 
 }  // namespace litags

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/tools/evaluation/method_options.h"
 
 namespace litags {
 namespace {
@@ -30,29 +31,6 @@ ReconstructOptions Plain(ReconstructOptions options) {
 }
 
 }  // namespace
-
-ReconstructOptions PaperSettings(ReconstructOptions options) {
-  options.method = Method::kLitaGs;
-  options.tone = Tone::kPaper;
-  options.exposure_ssim = 0;
-  options.depth_source = DepthOrigin::kStereo;  // in place of the paper's network
-  options.depth_weight = 0.1;
-  options.depth_geometry = false;
-  options.dense_start = false;
-  options.noise_filter = false;
-  options.use_pdm = true;
-  options.density_statistic = DensityStatistic::kMean;
-  options.density_growth = DensityGrowth::kCloneSplit;
-  options.antialiased = false;
-  options.prior_geometry = true;
-  options.pdm_hidden = 16;
-  options.pdm_every = 1;
-  options.coarse_levels = 0;
-  options.settle_epochs = 0;
-  options.dropout = 0;
-  options.information_weights = false;
-  return options;
-}
 
 std::vector<std::string> AllMethods(const std::vector<std::string>& enhancers) {
   std::vector<std::string> names = {"3dgs-normal", "3dgs"};

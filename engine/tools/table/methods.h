@@ -16,15 +16,11 @@ struct TableMethod {
   std::string name;
   Group group = Group::kLita;
   ReconstructOptions options;
-  bool normal_light = false;  // trains on the normally lit photos: a bound, not a method
+  bool normal_light = false;  // trains on the normally lit photos, for reference
   std::string before;         // enhancer of the photos; empty: none
   std::string after;          // enhancer of the renders; empty: none
   std::string trained_as;     // the method whose scene is rendered: itself, unless `after` is set
 };
-
-// The paper's settings, whatever `options` has switched on beyond it: gain on sRGB codes, L1 alone
-// in L_exp, 16 channels in a denoiser that runs in every iteration, full size throughout.
-ReconstructOptions PaperSettings(ReconstructOptions options);
 
 // Every method, in the order of the paper's tables: 3dgs-normal, 3dgs, 3dgs+E, E+3dgs, ablations,
 // litags-paper, litags.
