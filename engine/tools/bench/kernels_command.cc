@@ -186,8 +186,9 @@ class KernelBench {
     Splats params = splats_, m1(splats_.size()), m2(splats_.size());
     const AdamStep step(10, AdamConstants());
     const Timing t = Measure(args_.repetitions, [&] {
-      ParallelFor(args_.threads, params.num_blocks() / 32, [&](size_t task, int) {
-        for (size_t b = 32 * task; b < 32 * (task + 1); ++b) {
+      ParallelFor(args_.threads, (params.num_blocks() + 31) / 32, [&](size_t task, int) {
+        const size_t end = std::min(32 * (task + 1), params.num_blocks());
+        for (size_t b = 32 * task; b < end; ++b) {
           AdamUpdateBlock(step, splats_.block(b), 0xFFFF, b, &params, &m1, &m2);
         }
       });

@@ -16,6 +16,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
+#include "engine/io/image_io.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/method_options.h"
 #include "engine/tools/table/table.h"
@@ -81,6 +82,16 @@ absl::Status CompleteMethods(TableArguments* args) {
   return absl::OkStatus();
 }
 
+// Before anything is trained: every scene has photos in every light.
+absl::Status CheckLights(const TableOptions& options) {
+  for (const TableScene& scene : options.scenes) {
+    for (const std::string& light : options.lights) {
+      LITAGS_RETURN_IF_ERROR(ListPhotos(scene.PhotosDir(light), "--light").status());
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::Status Complete(TableArguments* args) {
   TableOptions& options = args->options;
   LITAGS_RETURN_IF_ERROR(args->base.Validate());
@@ -91,6 +102,7 @@ absl::Status Complete(TableArguments* args) {
     }
     if (!Contains(options.lights, light)) options.lights.push_back(light);
   }
+  LITAGS_RETURN_IF_ERROR(CheckLights(options));
   LITAGS_RETURN_IF_ERROR(CompleteMethods(args));
   options.program = OwnArguments();
   options.heading = absl::StrCat(

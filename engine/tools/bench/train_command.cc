@@ -103,6 +103,10 @@ absl::StatusOr<nlohmann::json> ScoreAlso(const TrainArguments& args, const Scene
 absl::Status Train(TrainArguments args) {
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(args.out, ignored);
+  // From the beginning, not from a checkpoint: the seconds are those of the whole run.
+  for (const char* old : {"/scene.litags", "/checkpoint.litags"}) {
+    std::filesystem::remove(args.out + old, ignored);
+  }
   LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, args.scene.Input(args.out, &args.options));
   args.options.preview_every =
       args.evaluate_every > 0 ? args.evaluate_every : args.options.iterations;

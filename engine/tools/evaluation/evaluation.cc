@@ -1,5 +1,6 @@
 #include "engine/tools/evaluation/evaluation.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -152,13 +153,18 @@ absl::StatusOr<std::optional<DepthScores>> ScoreDepth(const Scene& scene,
 
 absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir,
                                    const std::vector<TestView>& views, const std::string& truth_dir,
-                                   const ReconstructOptions& options) {
+                                   const ReconstructOptions& options,
+                                   std::vector<std::string>* black) {
   std::vector<const TestView*> found;
   std::vector<ImageU8> photos;
   for (const TestView& view : views) {
     absl::StatusOr<ImageU8> photo = LoadPhoto(photos_dir, view);
     if (absl::IsNotFound(photo.status())) continue;
     LITAGS_RETURN_IF_ERROR(photo.status());
+    if (std::all_of(photo->data.begin(), photo->data.end(), [](uint8_t c) { return c == 0; })) {
+      black->push_back(view.view.name);  // no gain brightens it
+      continue;
+    }
     found.push_back(&view);
     photos.push_back(*std::move(photo));
   }

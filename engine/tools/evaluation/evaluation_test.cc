@@ -88,9 +88,21 @@ TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
   ReconstructOptions options;
   const ImageU8 target = MakePseudoTargets({Ramp(-30)}, options).value()[0];
   ASSERT_TRUE(WritePng(dir_ + "/truth/a.png", target).ok());
-  EXPECT_TRUE(std::isinf(ScorePhotos(dir_ + "/photos", {view}, dir_ + "/truth", options)->psnr));
+  std::vector<std::string> black;
+  const auto score = [&](const std::vector<TestView>& views) {
+    return ScorePhotos(dir_ + "/photos", views, dir_ + "/truth", options, &black);
+  };
+  EXPECT_TRUE(std::isinf(score({view})->psnr));
+  EXPECT_THAT(black, testing::IsEmpty());
+  ASSERT_TRUE(WritePng(dir_ + "/photos/b.png", ImageU8(32, 24)).ok());
+  ASSERT_TRUE(WritePng(dir_ + "/truth/b.png", target).ok());
+  const auto with_black = score({view, Named("b.png")});
+  ASSERT_TRUE(with_black.ok()) << with_black.status();
+  EXPECT_EQ(with_black->views.size(), 1u);
+  EXPECT_THAT(black, testing::ElementsAre("b.png"));
+  EXPECT_TRUE(absl::IsNotFound(score({Named("b.png")}).status()));  // nothing is left
   options.tone = Tone::kNone;
-  EXPECT_LT(ScorePhotos(dir_ + "/photos", {view}, dir_ + "/truth", options)->psnr, 30);
+  EXPECT_LT(score({view})->psnr, 30);
 }
 
 // Sees the same distance everywhere.

@@ -4,10 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
@@ -80,6 +82,31 @@ inline void WriteLomScene(const std::string& dir, int width = 64, int height = 4
   }
   std::filesystem::create_directories(dir + "/sparse");
   ASSERT_TRUE(WriteColmapModel(dir + "/sparse", all).ok());
+}
+
+// Writes SCENE/sparse without the test views, cameras that need no COLMAP.
+inline void WriteTrainingCameras(const std::string& scene, const std::string& out) {
+  auto model = ReadColmapModel(scene + "/sparse", "sparse");
+  ASSERT_TRUE(model.ok()) << model.status();
+  const auto test = ReadTransforms(scene + "/transforms_test.json", "test");
+  ASSERT_TRUE(test.ok()) << test.status();
+  std::vector<int> to(model->views.size(), -1);
+  SparseModel kept;
+  for (size_t i = 0; i < model->views.size(); ++i) {
+    const std::string& name = model->views[i].name;
+    const auto same = [&](const View& view) { return view.name == name; };
+    if (std::any_of(test->views.begin(), test->views.end(), same)) continue;
+    to[i] = static_cast<int>(kept.views.size());
+    kept.views.push_back(model->views[i]);
+    kept.distortions.push_back(model->distortions[i]);
+  }
+  kept.points = std::move(model->points);
+  for (SparsePoint& point : kept.points) {
+    std::erase_if(point.track, [&](const TrackElement& e) { return to[e.view] < 0; });
+    for (TrackElement& e : point.track) e.view = to[e.view];
+  }
+  std::filesystem::create_directories(out);
+  ASSERT_TRUE(WriteColmapModel(out, kept).ok());
 }
 
 }  // namespace litags

@@ -153,17 +153,15 @@ TEST_F(TableTest, EveryMethodGetsARowAndPicturesUnderEveryLight) {
 
 TEST_F(TableTest, WhatFailsIsARowThatSaysWhyAndIsTriedAgain) {
   ASSERT_TRUE(WriteFileAtomically(out_ / "bad.onnx", Times3(1)).ok());
-  const std::vector<std::string> arguments = {"--light",    "low,none",
-                                              "--methods",  "3dgs,bad+3dgs",
-                                              "--enhancer", "bad=" + (out_ / "bad.onnx")};
+  const std::vector<std::string> arguments = {
+      "--light", "low", "--methods", "3dgs,bad+3dgs", "--enhancer", "bad=" + (out_ / "bad.onnx")};
   const Outcome outcome = Run(arguments);
   EXPECT_EQ(outcome.exit_code, 1);
-  ASSERT_EQ(outcome.rows.size(), 4u) << outcome.text;
+  ASSERT_EQ(outcome.rows.size(), 2u) << outcome.text;
   EXPECT_TRUE(Row(outcome, "low", "3dgs")["error"].is_null());
   const Json bad = Row(outcome, "low", "bad+3dgs");
   EXPECT_NE(bad["error"].get<std::string>().find("1 channels"), std::string::npos) << bad.dump();
   EXPECT_TRUE(bad["psnr"].is_null());
-  EXPECT_FALSE(Row(outcome, "none", "3dgs")["error"].is_null());
   const std::string markdown = ReadFile(out_ / "out/table.md", "", 1 << 20).value();
   EXPECT_NE(markdown.find("no network given"), std::string::npos);
   EXPECT_NE(markdown.find("## Failed"), std::string::npos);
@@ -172,6 +170,29 @@ TEST_F(TableTest, WhatFailsIsARowThatSaysWhyAndIsTriedAgain) {
   const Outcome mended = Run(arguments);
   EXPECT_TRUE(Row(mended, "low", "bad+3dgs")["error"].is_null()) << mended.text;
   EXPECT_NE(mended.text.find("room/low/3dgs: kept"), std::string::npos) << mended.text;
+}
+
+TEST_F(TableTest, AMissingLightIsRefusedBeforeAnythingIsTrained) {
+  const Outcome outcome = Run({"--light", "low,dark", "--methods", "3dgs"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_NE(outcome.text.find("room/dark"), std::string::npos) << outcome.text;
+  EXPECT_FALSE(Exists("runs"));
+}
+
+TEST_F(TableTest, AMeasuredRunBeginsAtTheBeginning) {
+  SubprocessOptions child;
+  child.args = {LITAGS_BENCH, "train",         *lom_ / "LOM_full/room",
+                "-o",         out_ / "run",    "--iterations",
+                "20",         "--threads",     "1",
+                "--cameras",  out_ / "cameras"};
+  child.tail_lines = 1000;
+  WriteTrainingCameras(*lom_ / "LOM_full/room", out_ / "cameras");
+  for (int run = 0; run < 2; ++run) {
+    const auto result = RunSubprocess(child, CancelToken());
+    ASSERT_TRUE(result.ok()) << result.status();
+    EXPECT_EQ(result->exit_code, 0) << result->tail;
+    EXPECT_EQ(result->tail.find("nan"), std::string::npos) << result->tail;
+  }
 }
 
 TEST_F(TableTest, AnUnknownMethodIsRefusedWithAListOfThoseThatExist) {

@@ -13,8 +13,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
 #include "engine/pipeline/engine.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/evaluation.h"
@@ -80,14 +82,60 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
     std::printf("%s  PSNR %.2f dB  SSIM %.4f\n", v.name.c_str(), v.psnr, v.ssim);
   }
   PrintMean("renders", *renders);
+  LITAGS_RETURN_IF_ERROR(
+      WriteFileAtomically(args.out + "/evaluation.json", renders->ToJson() + "\n"));
+  std::vector<std::string> black;
   const absl::StatusOr<Scores> photos =
-      ScorePhotos(args.scene.PhotosDir(), views, args.truth, args.options);
+      ScorePhotos(args.scene.PhotosDir(), views, args.truth, args.options, &black);
+  for (const std::string& name : black) {
+    std::fprintf(stderr, "note: %s is all black: not among the brightened photos\n", name.c_str());
+  }
   if (photos.ok()) PrintMean("brightened photos", *photos);
-  if (!photos.ok() && !absl::IsNotFound(photos.status())) return photos.status();
-  return WriteFileAtomically(args.out + "/evaluation.json", renders->ToJson() + "\n");
+  return absl::IsNotFound(photos.status()) ? absl::OkStatus() : photos.status();
+}
+
+// A scene in LOM's layout is no folder of photos itself: what is meant is one of those inside.
+absl::Status CheckPhotos(const BenchmarkScene& scene) {
+  const absl::Status photos = ListPhotos(scene.PhotosDir(), "dir").status();
+  if (photos.ok() || !scene.light.empty()) return photos;
+  std::vector<std::string> lights;
+  std::error_code ignored;  // ListPhotos has said what is wrong
+  for (const fs::directory_entry& entry : fs::directory_iterator(scene.dir, ignored)) {
+    if (entry.is_directory(ignored) && ListPhotos(entry.path(), "dir").ok()) {
+      lights.push_back(entry.path().filename());
+    }
+  }
+  if (lights.empty()) return photos;
+  std::sort(lights.begin(), lights.end());
+  return InvalidInput("NO_PHOTOS", "--light",
+                      absl::StrCat(scene.dir, " holds no photos itself, but folders of them: ",
+                                   absl::StrJoin(lights, ", "),
+                                   "; name one with --light, as --light ", lights.back()));
+}
+
+// How many of the photos that were not placed are test views, which nothing is trained on.
+absl::StatusOr<int> CountTestPhotos(const Arguments& args, const ReconstructReport& report) {
+  if (args.scene.light.empty() || args.scene.sfm) return 0;
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
+  return static_cast<int>(
+      std::count_if(report.dropped.begin(), report.dropped.end(), [&](const std::string& photo) {
+        return std::any_of(views.begin(), views.end(), [&](const TestView& view) {
+          return Stem(view.view.name) == Stem(photo);
+        });
+      }));
+}
+
+void PrintReport(const ReconstructReport& report, int test_photos) {
+  std::printf(
+      "%d of %d photos placed (%s)%s, %d Gaussians, %d iterations in %.1f s: %s\n",
+      report.registered, report.photos - test_photos, report.sfm_preparation.c_str(),
+      test_photos > 0 ? absl::StrCat(", ", test_photos, " more are test views").c_str() : "",
+      static_cast<int>(report.gaussians), report.iterations, report.seconds,
+      report.scene_path.c_str());
 }
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
+  LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args.scene.Input(args.out, &args.options));
   input.depth_dir = args.depth;
   input.masks_dir = args.masks;
@@ -114,12 +162,16 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
                           engine->LoadScene(report.scene_path));
   LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*light=*/0));
   LITAGS_RETURN_IF_ERROR(WriteViews(*scene, args.out + "/views", args.options.threads));
+  LITAGS_ASSIGN_OR_RETURN(const int test_photos, CountTestPhotos(args, report));
+  if (test_photos > 0) {
+    std::fprintf(stderr,
+                 "note: %d of the photos are test views: compared with, not trained on, and so "
+                 "among those without a camera\n",
+                 test_photos);
+  }
   for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
   LITAGS_RETURN_IF_ERROR(Evaluate(args, *scene));
-  std::printf("%d of %d photos placed (%s), %d Gaussians, %d iterations in %.1f s: %s\n",
-              report.registered, report.photos, report.sfm_preparation.c_str(),
-              static_cast<int>(report.gaussians), report.iterations, report.seconds,
-              report.scene_path.c_str());
+  PrintReport(report, test_photos);
   return absl::OkStatus();
 }
 

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "engine/core/subprocess.h"
-#include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
+#include "engine/io/transforms_io.h"
 #include "engine/tools/table/lom_test_util.h"
 
 namespace litags {
@@ -60,6 +60,28 @@ TEST_F(TrainProgramTest, EveryPhotoGetsAPictureInNormalLight) {
     };
     EXPECT_GT(mean(*view), 2 * mean(*dark)) << photo;
   }
+}
+
+TEST_F(TrainProgramTest, ABlackTestPhotoCostsOnlyItsOwnComparison) {
+  const std::string cameras = dir_ / "cameras";
+  WriteTrainingCameras(scene_, cameras);
+  const auto test = ReadTransforms(scene_ + "/transforms_test.json", "test");
+  ASSERT_TRUE(test.ok()) << test.status();
+  const std::string black = test->views[0].name;
+  ASSERT_TRUE(WriteJpeg(scene_ + "/low/" + black, ImageU8(64, 48)).ok());
+
+  const Outcome outcome = Run({scene_, "--light", "low", "--cameras", cameras});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr(black + " is all black"));
+  EXPECT_THAT(outcome.text, HasSubstr("brightened photos, mean of 1 test views"));
+  EXPECT_THAT(outcome.text, HasSubstr("6 of 6 photos placed (given), 2 more are test views"));
+  EXPECT_TRUE(fs::exists(out_ + "/evaluation.json"));
+}
+
+TEST_F(TrainProgramTest, ASceneWithoutALightIsAnsweredWithTheLightsThereAre) {
+  const Outcome outcome = Run({scene_});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("high, low, over_exp; name one with --light"));
 }
 
 }  // namespace
