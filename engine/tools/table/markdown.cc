@@ -19,7 +19,7 @@ using Value = std::function<std::optional<double>(const TableRow&)>;
 const char* GroupName(TableMethod::Group group) {
   switch (group) {
     case TableMethod::Group::kReference:
-      return "Trained on normally lit photos: a bound, not a method";
+      return "3DGS on normally lit photos, for reference";
     case TableMethod::Group::kVanilla:
       return "3DGS on the photos as they are";
     case TableMethod::Group::kAfter:

@@ -63,7 +63,7 @@ TEST(TableCsv, QuotesWhatWouldBreakALine) {
   EXPECT_NE(csv.find("\"said \"\"no\"\", twice\""), std::string::npos) << csv;
 }
 
-TEST(TableMarkdown, HasMeansOverScenesAndMarksTheBestButNotTheBound) {
+TEST(TableMarkdown, HasMeansOverScenesAndMarksTheBestButNotTheReference) {
   const std::string text =
       TableMarkdown({Row("a", "3dgs-normal", 30), Row("b", "3dgs-normal", 32), Row("a", "3dgs", 7),
                      Row("b", "3dgs", 9), Row("a", "litags", 20), Row("b", "litags", 25)},
@@ -74,6 +74,7 @@ TEST(TableMarkdown, HasMeansOverScenesAndMarksTheBestButNotTheBound) {
   EXPECT_NE(text.find("| litags | **20.00** | **0.200** | **25.00** | **0.250** | **22.50** |"),
             std::string::npos)
       << text;
+  EXPECT_NE(text.find("3DGS on normally lit photos, for reference"), std::string::npos) << text;
   EXPECT_NE(text.find("no network given"), std::string::npos);
 }
 

@@ -98,7 +98,7 @@ class TableRun {
       row = cell.EmptyRow();
       row->error = why;
     }
-    row->light = cell.light();  // the bound's row is the same for every light
+    row->light = cell.light();  // 3dgs-normal's row is the same for every light
     std::printf("%s\n", Describe(*row).c_str());
     return *std::move(row);
   }

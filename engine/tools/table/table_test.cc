@@ -117,7 +117,7 @@ TEST_F(TableTest, EveryMethodGetsARowAndPicturesUnderEveryLight) {
     EXPECT_EQ(row["views"], 2);
     EXPECT_TRUE(row["error"].is_null());
   }
-  // The bound does not depend on the light; in the dark it is far above plain 3DGS, whose renders
+  // 3dgs-normal does not depend on the light; in the dark it is far above plain 3DGS, whose renders
   // are dark, and an enhancer helps.
   const Json normal = Row(outcome, "low", "3dgs-normal"), dark = Row(outcome, "low", "3dgs");
   EXPECT_EQ(normal["psnr"], Row(outcome, "over_exp", "3dgs-normal")["psnr"]);
