@@ -23,7 +23,7 @@ int Export(Session& session, const ExportArgs& args) {
                      : args.original_light ? v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT
                                            : v1::MODEL_FORMAT_PLY);
   request.set_light(args.light);
-  OutputFile file;
+  OutputFile file("--ply");
   v1::ExportHeader header;
   absl::Status status = session.client().ExportModel(
       request,

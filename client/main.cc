@@ -6,8 +6,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <initializer_list>
+#include <string>
 #include <thread>
+#include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "client/cli.h"
 
 namespace {
@@ -76,6 +79,19 @@ void AddConnectionOptions(CLI::App& app, litags::client::ConnectionOptions& opti
   if (const char* token = std::getenv("LITAGS_TOKEN")) options.token = token;
 }
 
+// Without a command that there is: says which there are.
+int NoteCommands(const CLI::App& app) {
+  const std::vector<std::string> words = app.remaining();
+  std::string text = words.empty() ? "no command is given"
+                                   : absl::StrCat("there is no command \"", words.front(), "\"");
+  absl::StrAppend(&text, "; choose one of:");
+  for (const CLI::App* command : app.get_subcommands(nullptr)) {
+    absl::StrAppend(&text, " ", command->get_name());
+  }
+  litags::client::Note(text + "\nlitags --help and litags COMMAND --help say more");
+  return litags::client::kExitBadInput;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -111,6 +127,9 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
+    if (error.get_name() == "RequiredError" && app.get_subcommands().empty()) {
+      return NoteCommands(app);
+    }
     return app.exit(error) == 0 ? litags::client::kExitOk : litags::client::kExitBadInput;
   }
   if (std::fflush(stdout) != 0) return litags::client::kExitServerError;

@@ -51,7 +51,7 @@ absl::Status OutputFile::Open(const std::string& path) {
     errno = EISDIR;
   }
   return BadInput(
-      "OUTPUT_NOT_WRITABLE", "-o",
+      "OUTPUT_NOT_WRITABLE", field_,
       absl::StrCat(path, ": cannot be written (", std::generic_category().message(errno),
                    "); choose another name or make its folder"));
 }
@@ -77,7 +77,7 @@ absl::Status OutputFile::Failed() {
   const int error = errno;
   const bool full = error == ENOSPC || error == EDQUOT;
   return LocalError(full ? absl::StatusCode::kResourceExhausted : absl::StatusCode::kDataLoss,
-                    full ? "OUTPUT_DISK_FULL" : "OUTPUT_FAILED", "-o",
+                    full ? "OUTPUT_DISK_FULL" : "OUTPUT_FAILED", field_,
                     absl::StrCat(path_, ": ", std::generic_category().message(error),
                                  "; free some space or write elsewhere"));
 }

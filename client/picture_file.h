@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -17,7 +18,8 @@ namespace litags::client {
 // cannot be made, RESOURCE_EXHAUSTED (OUTPUT_DISK_FULL) or DATA_LOSS (OUTPUT_FAILED) later.
 class OutputFile {
  public:
-  OutputFile() = default;
+  // `field`: the option that names the file, for errors.
+  explicit OutputFile(std::string field = "-o") : field_(std::move(field)) {}
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
   ~OutputFile();
@@ -30,7 +32,7 @@ class OutputFile {
  private:
   absl::Status Failed();
 
-  std::string path_, part_path_;
+  std::string field_, path_, part_path_;
   std::FILE* file_ = nullptr;
 };
 

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <string>
 
+#include "engine/core/arguments.h"
 #include "engine/sample/capture.h"
 
 namespace {
@@ -31,7 +32,7 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Threads; 0: all cores")->capture_default_str();
   app.add_flag("--truth", options.truth, "Also write depth/NAME.pfm and noise-free clean/NAME.png");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
   if (!ParseSize(size, &options.width, &options.height)) {
     std::cerr << "litags-sample: --size: \"" << size << "\" is not WIDTHxHEIGHT, as in 360x270\n";
     return 2;

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "engine/core/arguments.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "server/api/health_monitor.h"
@@ -186,7 +187,7 @@ int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory 
   move->add_option("--to-blobs", to.blobs, "Where photos and scenes go, as --blobs")->required();
   move->add_option("--to-s3-endpoint", to.s3_endpoint, "S3 server of --to-blobs");
   move->fallthrough();
-  CLI11_PARSE(app, argc, argv);
+  if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
 
   if (const char* config = std::getenv("LITAGS_SERVER_CONFIG"); config && flags.config.empty()) {
     flags.config = config;

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/arguments.h"
 #include "engine/core/error.h"
 #include "server/store/digest.h"
 #include "server/store/open_stores.h"
@@ -137,7 +138,7 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   app.add_option("--log-format", log_format, "text or json")
       ->check(CLI::IsMember({"text", "json"}))
       ->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
   if (!SetUpLog(log_level, log_format, options.name)) return 2;
   absl::Status valid = hardening.Validate();
   valid.Update(places.Validate());

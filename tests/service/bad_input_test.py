@@ -3,6 +3,7 @@
 import math
 import os
 import re
+import subprocess
 import tempfile
 import unittest
 
@@ -180,6 +181,18 @@ class BadRequests(harness.ServiceTest):
                         ("path", "1", "-o", "f"), ("list", "--limit", "-3")):
             with self.subTest(command):
                 self.litags(*command, exit_code=2)
+
+    def test_a_command_that_is_not_there_is_answered_with_those_that_are(self):
+        for words, said in ((("help",), 'there is no command "help"'), ((), "no command is given")):
+            _, err = self.litags(*words, exit_code=2)
+            self.assertIn(said + "; choose one of: submit watch ", err)
+
+    def test_bad_usage_of_every_program_ends_with_2(self):
+        for program in (harness.SERVER_PROGRAM, harness.SERVER_PROGRAM.replace("server", "worker")):
+            for word in ("--frobnicate", "--threads=many"):
+                done = subprocess.run([os.path.join(harness.BIN, program), word],
+                                      stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                self.assertEqual(done.returncode, 2, (program, word, done.stderr))
 
 
 if __name__ == "__main__":

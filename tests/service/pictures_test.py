@@ -171,6 +171,9 @@ class Pictures(harness.ServiceTest):
         _, err = self.litags("render", self.finished_job(), "--camera", "a.png", "-o",
                              self.path("none/v.png"), exit_code=2)
         self.assertIn("OUTPUT_NOT_WRITABLE", err)
+        _, err = self.litags("export", self.finished_job(), "--ply", self.path("none/s.ply"),
+                             exit_code=2)
+        self.assertIn("field:  --ply\n", err)
 
 
 if __name__ == "__main__":

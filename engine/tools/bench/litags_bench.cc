@@ -2,6 +2,7 @@
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
+#include "engine/core/arguments.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/machine.h"
 
@@ -26,6 +27,6 @@ int main(int argc, char** argv) {
   litags::AddDepthCommand(&app, &exit_status);
   litags::AddTableCommand(&app, &exit_status);
   litags::AddNoiseCommand(&app, &exit_status);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
   return exit_status;
 }

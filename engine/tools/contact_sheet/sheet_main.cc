@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/arguments.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
 
 namespace {
@@ -22,7 +23,7 @@ int Run(int argc, char** argv) {
       ->required();
   app.add_option("--row", rows, "A row: LABEL PICTURE...; may be repeated")->required();
   app.add_option("--cell-width", sheet.cell_width, "Width of a picture, px")->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
 
   for (const std::vector<std::string>& words : rows) {
     litags::SheetRow row;

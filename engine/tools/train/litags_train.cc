@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "engine/core/arguments.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -202,7 +203,7 @@ int Main(int argc, char** argv) {
                  "folder of normally lit photos to compare with (default DIR/high)");
   app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();
   AddMethodOptions(&app, &args.options);
-  CLI11_PARSE(app, argc, argv);
+  if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
 
   CancelToken cancel;
   g_cancel = &cancel;

@@ -78,6 +78,12 @@ TEST_F(TrainProgramTest, ABlackTestPhotoCostsOnlyItsOwnComparison) {
   EXPECT_TRUE(fs::exists(out_ + "/evaluation.json"));
 }
 
+TEST_F(TrainProgramTest, BadUsageEndsWith2) {
+  EXPECT_EQ(Run({scene_, "--tone", "linear"}).exit_code, 2);
+  EXPECT_EQ(Run({scene_, "--frobnicate"}).exit_code, 2);
+  EXPECT_EQ(Run({"--help"}).exit_code, 0);
+}
+
 TEST_F(TrainProgramTest, ASceneWithoutALightIsAnsweredWithTheLightsThereAre) {
   const Outcome outcome = Run({scene_});
   EXPECT_EQ(outcome.exit_code, 1);
