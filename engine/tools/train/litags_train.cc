@@ -127,12 +127,11 @@ absl::StatusOr<int> CountTestPhotos(const Arguments& args, const ReconstructRepo
 }
 
 void PrintReport(const ReconstructReport& report, int test_photos) {
-  std::printf(
-      "%d of %d photos placed (%s)%s, %d Gaussians, %d iterations in %.1f s: %s\n",
-      report.registered, report.photos - test_photos, report.sfm_preparation.c_str(),
-      test_photos > 0 ? absl::StrCat(", ", test_photos, " more are test views").c_str() : "",
-      static_cast<int>(report.gaussians), report.iterations, report.seconds,
-      report.scene_path.c_str());
+  std::printf("%d of %d photos placed (%s)%s, %d Gaussians, %d iterations in %.1f s: %s\n",
+              report.registered, report.photos - test_photos, report.sfm_preparation.c_str(),
+              test_photos > 0 ? absl::StrCat(", test views: ", test_photos).c_str() : "",
+              static_cast<int>(report.gaussians), report.iterations, report.seconds,
+              report.scene_path.c_str());
 }
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
@@ -166,7 +165,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_ASSIGN_OR_RETURN(const int test_photos, CountTestPhotos(args, report));
   if (test_photos > 0) {
     std::fprintf(stderr,
-                 "note: %d of the photos are test views: compared with, not trained on, and so "
+                 "note: test views, compared with and not trained on: %d of the photos; they are "
                  "among those without a camera\n",
                  test_photos);
   }

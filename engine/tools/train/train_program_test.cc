@@ -74,7 +74,7 @@ TEST_F(TrainProgramTest, ABlackTestPhotoCostsOnlyItsOwnComparison) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_THAT(outcome.text, HasSubstr(black + " is all black"));
   EXPECT_THAT(outcome.text, HasSubstr("brightened photos, mean of 1 test views"));
-  EXPECT_THAT(outcome.text, HasSubstr("6 of 6 photos placed (given), 2 more are test views"));
+  EXPECT_THAT(outcome.text, HasSubstr("6 of 6 photos placed (given), test views: 2,"));
   EXPECT_TRUE(fs::exists(out_ + "/evaluation.json"));
 }
 
