@@ -1,17 +1,26 @@
 #include "engine/tools/evaluation/benchmark_scene.h"
 
-#include <algorithm>
 #include <filesystem>
-#include <map>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {
+namespace {
 
 namespace fs = std::filesystem;
+
+// For files of cameras that state no size; 0x0 without photos.
+ImageInfo SizeOfFirstPhoto(const std::string& dir) {
+  const auto photos = ListPhotos(dir, "photos");
+  if (!photos.ok()) return {};
+  return ReadImageSize(dir + "/" + photos->front(), "photos").value_or(ImageInfo());
+}
+
+}  // namespace
 
 std::string BenchmarkScene::PhotosDir() const { return light.empty() ? dir : dir + "/" + light; }
 
@@ -39,11 +48,12 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
   if (test.empty()) return input;
   options->holdout_every = 0;
   const char* field = cameras.empty() ? "transforms_train.json" : "--cameras";
-  LITAGS_ASSIGN_OR_RETURN(const SparseModel model, ReadCameras(input.cameras_path, field));
+  const ImageInfo size = SizeOfFirstPhoto(PhotosDir());
+  LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
+                          ReadCameras(input.cameras_path, field, size.width, size.height));
+  const NameIndex index(NamesOf(test));
   for (const View& view : model.views) {
-    const bool in_test = std::any_of(test.begin(), test.end(),
-                                     [&](const TestView& t) { return t.view.name == view.name; });
-    if (!in_test) continue;
+    if (!index.Find(view.name).has_value()) continue;
     return InvalidInput("TEST_VIEW_IN_CAMERAS", field,
                         absl::StrCat(input.cameras_path, " has ", view.name, ", a test view of ",
                                      dir, ": it would be trained on; take it out of the cameras"));
@@ -55,7 +65,9 @@ absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
   std::vector<TestView> views;
   const std::string path = dir + "/transforms_test.json";
   if (!fs::exists(path)) return views;
-  LITAGS_ASSIGN_OR_RETURN(SparseModel given, ReadCameras(path, "transforms_test.json"));
+  const ImageInfo size = SizeOfFirstPhoto(TruthDir().empty() ? PhotosDir() : TruthDir());
+  LITAGS_ASSIGN_OR_RETURN(SparseModel given,
+                          ReadCameras(path, "transforms_test.json", size.width, size.height));
   for (size_t i = 0; i < given.views.size(); ++i) {
     TestView view{given.views[i], given.distortions[i]};
     if (const auto truth = FindPhoto(TruthDir(), view.view.name); truth.ok()) {
@@ -72,15 +84,12 @@ absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(const Scene& sce
   LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> given, TestViews());
   if (!sfm || given.empty()) return given;
   LITAGS_ASSIGN_OR_RETURN(const SparseModel found, ReadCameras(work_dir + "/cameras", "cameras"));
-  std::map<std::string, Distortion> lenses;
-  for (size_t i = 0; i < found.views.size(); ++i) {
-    lenses[found.views[i].name] = found.distortions[i];
-  }
+  const NameIndex trained(NamesOf(scene.views())), cameras(NamesOf(found.views));
   std::vector<TestView> views;
   for (const TestView& wanted : given) {
-    const auto same = std::find_if(scene.views().begin(), scene.views().end(),
-                                   [&](const View& v) { return v.name == wanted.view.name; });
-    if (same != scene.views().end()) views.push_back({*same, lenses[same->name]});
+    const auto view = trained.Find(wanted.view.name), camera = cameras.Find(wanted.view.name);
+    if (!view || !camera) continue;
+    views.push_back({scene.views()[*view], found.distortions[*camera]});
   }
   return views;
 }

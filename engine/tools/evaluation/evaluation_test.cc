@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <regex>
 
 #include "engine/core/error.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
@@ -266,6 +268,31 @@ TEST_F(EvaluationTest, SceneWithTestViewsHoldsOutNothingElseAndTrainsOnNoneOfThe
   ASSERT_TRUE(GetErrorDetail(status).has_value()) << status;
   EXPECT_EQ(GetErrorDetail(status)->reason, "TEST_VIEW_IN_CAMERAS");
   EXPECT_THAT(std::string(status.message()), testing::HasSubstr("c.JPG"));
+}
+
+TEST_F(EvaluationTest, ATestViewIsKnownWithoutItsExtension) {
+  WriteCameras(dir_, "test", {"c"});
+  WriteCameras(dir_, "all", {"a.JPG", "c.JPG"});
+  const BenchmarkScene scene{.dir = dir_, .light = "low", .cameras = dir_ + "/transforms_all.json"};
+  ReconstructOptions options;
+  EXPECT_EQ(GetErrorDetail(scene.Input("work", &options).status())->reason, "TEST_VIEW_IN_CAMERAS");
+}
+
+TEST_F(EvaluationTest, CamerasWithoutASizeHaveThatOfThePhotos) {
+  for (const char* name : {"train", "test"}) {
+    WriteCameras(dir_, name, {std::string(name) + ".png"});
+    const std::string path = dir_ + "/transforms_" + name + ".json";
+    std::string json = ReadFile(path, "", 1 << 20).value();
+    json = std::regex_replace(json, std::regex(",\\s*\"[wh]\": *[0-9]+"), "");
+    ASSERT_TRUE(WriteFileAtomically(path, json).ok());
+  }
+  std::filesystem::create_directories(dir_ + "/low");
+  ASSERT_TRUE(WritePng(dir_ + "/low/train.png", Ramp(0)).ok());
+  const BenchmarkScene scene{.dir = dir_, .light = "low", .cameras = ""};
+  ReconstructOptions options;
+  const auto input = scene.Input("work", &options);
+  ASSERT_TRUE(input.ok()) << input.status();
+  EXPECT_EQ(scene.TestViews()->at(0).view.camera.width, 32);
 }
 
 // COLMAP's cameras, and the lenses that it found.

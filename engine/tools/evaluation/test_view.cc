@@ -1,6 +1,5 @@
 #include "engine/tools/evaluation/test_view.h"
 
-#include <filesystem>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -10,13 +9,23 @@
 
 namespace litags {
 
+std::vector<std::string> NamesOf(const std::vector<View>& views) {
+  std::vector<std::string> names;
+  for (const View& view : views) names.push_back(view.name);
+  return names;
+}
+
+std::vector<std::string> NamesOf(const std::vector<TestView>& views) {
+  std::vector<std::string> names;
+  for (const TestView& view : views) names.push_back(view.view.name);
+  return names;
+}
+
 absl::StatusOr<std::string> FindPhoto(const std::string& dir, const std::string& name) {
-  const std::string path = absl::StrCat(dir, "/", name);
-  if (!dir.empty() && std::filesystem::is_regular_file(path)) return path;
-  const absl::StatusOr<std::vector<std::string>> photos = ListPhotos(dir, "photos");
-  for (const std::string& photo : photos.value_or(std::vector<std::string>())) {
-    if (Stem(photo) == Stem(name)) return absl::StrCat(dir, "/", photo);
-  }
+  const std::vector<std::string> photos =
+      ListPhotos(dir, "photos").value_or(std::vector<std::string>());
+  if (const auto found = NameIndex(photos).Find(name))
+    return absl::StrCat(dir, "/", photos[*found]);
   return MakeError(absl::StatusCode::kNotFound, "NO_SUCH_PHOTO", name,
                    absl::StrCat("there is no photo called ", name, " in \"", dir, "\""));
 }

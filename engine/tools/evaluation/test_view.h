@@ -17,6 +17,10 @@ struct TestView {
   Distortion distortion;  // of the photos as they were taken
 };
 
+// For a NameIndex.
+std::vector<std::string> NamesOf(const std::vector<View>& views);
+std::vector<std::string> NamesOf(const std::vector<TestView>& views);
+
 // Path of the photo of this name, or else of this stem, in `dir`; NOT_FOUND (NO_SUCH_PHOTO).
 absl::StatusOr<std::string> FindPhoto(const std::string& dir, const std::string& name);
 

@@ -46,16 +46,15 @@ absl::StatusOr<std::vector<TestView>> TableScene::TestViews() const {
   LITAGS_ASSIGN_OR_RETURN(
       const SparseModel model,
       ReadCameras(absl::StrCat(dir, "/", sparse), "--sparse", first.width, first.height));
+  const NameIndex index(NamesOf(model.views));
   for (TestView& view : views) {
-    const auto same = std::find_if(model.views.begin(), model.views.end(), [&](const View& v) {
-      return Stem(v.name) == Stem(view.view.name);
-    });
-    if (same == model.views.end()) {
+    const auto same = index.Find(view.view.name);
+    if (!same.has_value()) {
       return Missing(dir, absl::StrCat(sparse, " has no camera of test view ", view.view.name));
     }
     const Camera& size = view.view.camera;
-    view.distortion = model.distortions[same - model.views.begin()];
-    view.view.camera = same->camera.Scaled(size.width, size.height);
+    view.distortion = model.distortions[*same];
+    view.view.camera = model.views[*same].camera.Scaled(size.width, size.height);
   }
   return views;
 }
@@ -64,9 +63,8 @@ absl::StatusOr<std::vector<std::string>> TableScene::TrainingPhotos(
     const std::string& light) const {
   LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> photos, ListPhotos(PhotosDir(light), "photos"));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> test, TestViews());
-  std::set<std::string> held_out;
-  for (const TestView& view : test) held_out.insert(Stem(view.view.name));
-  std::erase_if(photos, [&](const std::string& photo) { return held_out.contains(Stem(photo)); });
+  const NameIndex held_out(NamesOf(test));
+  std::erase_if(photos, [&](const std::string& photo) { return held_out.Find(photo).has_value(); });
   if (photos.empty()) return Missing(PhotosDir(light), "every photo is a test view");
   return photos;
 }
