@@ -4,7 +4,6 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -120,7 +119,6 @@ struct ExecPlan {
   std::vector<std::string> args, env;
   std::vector<char*> argv, envp;
   std::string working_dir;
-  int64_t max_memory_bytes;
   int niceness;
   int fd_limit;
   pid_t parent;
@@ -141,7 +139,6 @@ absl::StatusOr<ExecPlan> MakePlan(const SubprocessOptions& options) {
   plan.argv = ExecPlan::Pointers(plan.args);
   plan.envp = ExecPlan::Pointers(plan.env);
   plan.working_dir = options.working_dir;
-  plan.max_memory_bytes = options.max_memory_bytes;
   plan.niceness = options.niceness;
   plan.fd_limit = static_cast<int>(std::clamp<long>(sysconf(_SC_OPEN_MAX), 256, 65536));
   plan.parent = getpid();
@@ -180,11 +177,6 @@ void CloseOnExecFrom(int first, int fd_limit) {
   CloseOnExecFrom(3, plan.fd_limit);
 
   if (!plan.working_dir.empty() && chdir(plan.working_dir.c_str()) != 0) fail();
-  if (plan.max_memory_bytes > 0) {
-    const rlimit limit = {static_cast<rlim_t>(plan.max_memory_bytes),
-                          static_cast<rlim_t>(plan.max_memory_bytes)};
-    if (setrlimit(RLIMIT_AS, &limit) != 0) fail();
-  }
   if (plan.niceness > 0) {
     errno = 0;
     if (nice(plan.niceness) == -1 && errno != 0) fail();
@@ -374,8 +366,7 @@ absl::Status SubprocessOptions::Validate() const {
                           absl::StrCat("env \"", entry, "\" is not of the form NAME=value"));
     }
   }
-  if (!(timeout_seconds >= 0) || !(grace_seconds >= 0) || max_memory_bytes < 0 ||
-      max_log_bytes < 0) {
+  if (!(timeout_seconds >= 0) || !(grace_seconds >= 0) || max_log_bytes < 0) {
     return InvalidInput("OUT_OF_RANGE", "timeout_seconds",
                         "times and sizes must be 0 or more; 0 means no limit");
   }

@@ -26,7 +26,6 @@ struct SubprocessOptions {
   size_t tail_lines = 20;            // last lines kept for SubprocessResult::tail
   double timeout_seconds = 0;        // wall clock; 0: no limit
   double grace_seconds = 0.5;        // between SIGTERM and SIGKILL when we end the child
-  int64_t max_memory_bytes = 0;      // RLIMIT_AS (address space) of each process; 0: no limit
   int niceness = 0;                  // added to ours, 0..19
   std::function<void(std::string_view line)> on_line;  // each output line, in the calling thread
 

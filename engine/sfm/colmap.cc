@@ -81,8 +81,6 @@ absl::StatusOr<SubprocessResult> Colmap::Run(std::vector<std::string> args,
                "OPENBLAS_NUM_THREADS=" + threads};
   child.log_path = absl::StrCat(dir_, "/", command, ".log");
   child.timeout_seconds = options_.step_timeout_seconds;
-  child.max_memory_bytes = options_.max_memory_bytes;
-  child.niceness = options_.niceness;
   child.on_line = on_line;
 
   auto result = RunSubprocess(child, cancel_);

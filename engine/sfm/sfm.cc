@@ -253,8 +253,6 @@ absl::Status SfmOptions::Validate() const {
   if (!is_fraction(enough_registered)) return OutOfRange("enough_registered", "must be in (0, 1]");
   if (!(step_timeout_seconds >= 0)) return OutOfRange("step_timeout_seconds", "must be 0 or more");
   if (!(report_seconds >= 0)) return OutOfRange("report_seconds", "must be 0 or more");
-  if (max_memory_bytes < 0) return OutOfRange("max_memory_bytes", "must be 0 or more");
-  if (niceness < 0 || niceness > 19) return OutOfRange("niceness", "must be in 0..19");
   return absl::OkStatus();
 }
 

@@ -42,8 +42,6 @@ struct SfmOptions {
   double min_registered = 0.5;  // fraction of photos that must be placed, else an error, (0, 1]
   double enough_registered = 0.95;     // a rung that places this fraction ends the climb, (0, 1]
   double step_timeout_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
-  int64_t max_memory_bytes = 0;        // address space of a COLMAP step; 0: no limit
-  int niceness = 0;                    // COLMAP's, 0..19
   double report_seconds = 1;           // least time between reports of one step's progress
   bool keep_prepared = false;          // keep the prepared photos and databases in work_dir
   MaskPaths masks;  // of photos by name: no features and no say in the light where they are 0

@@ -488,9 +488,6 @@ TEST(SfmOptions, DefaultsAreValidAndErrorsNameTheField) {
   options.min_registered = std::nan("");
   EXPECT_EQ(GetErrorDetail(options.Validate())->field, "min_registered");
   options = {};
-  options.niceness = -1;
-  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "niceness");
-  options = {};
   options.max_image_side = 10;
   EXPECT_EQ(GetErrorDetail(options.Validate())->field, "max_image_side");
 }
