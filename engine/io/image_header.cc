@@ -60,9 +60,9 @@ class TiffReader {
 
   // Position of the single value of a tag, or of where that is written.
   size_t Find(size_t directory, uint16_t tag, uint16_t type) const {
-    const size_t entries = Get<uint16_t>(directory);
-    for (size_t i = 0; i < entries; ++i) {
-      const size_t entry = directory + 2 + 12 * i;
+    constexpr size_t kSize = 12;
+    const size_t first = directory + 2, end = first + kSize * Get<uint16_t>(directory);
+    for (size_t entry = first; entry < end && entry + kSize <= tiff_.size(); entry += kSize) {
       if (Get<uint16_t>(entry) == tag && Get<uint16_t>(entry + 2) == type &&
           Get<uint32_t>(entry + 4) == 1) {
         return entry + 8;
