@@ -22,6 +22,10 @@ constexpr size_t kMaxRequestIdLength = 64;
 constexpr char kRequestIdHeader[] = "x-request-id";
 // Clients whose use is remembered before those that do nothing are dropped.
 constexpr size_t kMaxRemembered = 1000;
+// An answer is there as a message, and as the bytes that gRPC makes of it.
+constexpr int kCopies = 2;
+// Clients that read faster are never late.
+constexpr double kMinBytesPerSecond = 1 << 20;
 
 std::optional<std::string_view> Header(const grpc::CallbackServerContext& context,
                                        const char* name) {
@@ -53,7 +57,10 @@ double Seconds(SteadyClock::duration d) { return std::chrono::duration<double>(d
 Call::Call(Gate* gate, CallName name, std::string request_id, Principal client)
     : gate_(gate), name_(name), request_id_(std::move(request_id)), client_(std::move(client)) {}
 
-Call::~Call() { LeaveStream(); }
+Call::~Call() {
+  LeaveStream();
+  Hold(0);
+}
 
 void Call::LeaveStream() {
   if (holds_stream_) gate_->Leave(*this);
@@ -65,6 +72,19 @@ absl::Status Call::CheckWait() const {
   return MakeError(absl::StatusCode::kDeadlineExceeded, "WAITED_TOO_LONG", "",
                    absl::StrCat("the call waited more than ", gate_->max_wait_seconds_,
                                 " s for its turn; the server is busy: try again later"));
+}
+
+absl::Status Call::CheckRoom() const { return gate_->CheckRoom(client_.name); }
+
+void Call::Hold(int64_t bytes) {
+  bytes *= kCopies;
+  if (bytes != held_bytes_) gate_->AddBytes(client_.name, bytes - held_bytes_);
+  held_bytes_ = bytes;
+}
+
+double Call::SecondsToRead() const {
+  const double bytes = static_cast<double>(held_bytes_) / kCopies;
+  return gate_->answers_.max_unread_seconds + bytes / kMinBytesPerSecond;
 }
 
 grpc::Status Call::End(const absl::Status& status) {
@@ -119,7 +139,8 @@ absl::Status Gate::Count(Call* call) {
   std::lock_guard lock(mutex_);
   if (uses_.size() > kMaxRemembered) {
     std::erase_if(uses_, [&](const auto& entry) {
-      return entry.second.streams == 0 && Seconds(now - entry.second.counted) > 60;
+      return entry.second.streams == 0 && entry.second.bytes == 0 &&
+             Seconds(now - entry.second.counted) > 60;
     });
   }
   const auto [entry, is_new] = uses_.try_emplace(call->client_.name);
@@ -155,6 +176,22 @@ absl::Status Gate::CountPicture(Use& use) const {
 void Gate::Leave(const Call& call) {
   std::lock_guard lock(mutex_);
   --uses_[call.client_.name].streams;
+}
+
+absl::Status Gate::CheckRoom(const std::string& client) {
+  std::lock_guard lock(mutex_);
+  if (bytes_ < answers_.max_unread_bytes && uses_[client].bytes < answers_.max_unread_bytes / 2) {
+    return absl::OkStatus();
+  }
+  return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
+                   "the memory for pictures that clients have not read yet is used up; read those "
+                   "asked for, and try again in a second");
+}
+
+void Gate::AddBytes(const std::string& client, int64_t bytes) {
+  std::lock_guard lock(mutex_);
+  uses_[client].bytes += bytes;
+  bytes_ += bytes;
 }
 
 }  // namespace litags

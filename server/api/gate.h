@@ -27,6 +27,12 @@ struct ClientLimits {
   double picture_burst = 200;              // that many at once after a pause
 };
 
+// What answers may cost that clients have not read yet.
+struct AnswerLimits {
+  double max_unread_seconds = 60;  // a client that reads nothing for so long is cut off
+  int64_t max_unread_bytes = int64_t{512} << 20;  // pictures and models; one client: half of it
+};
+
 // What a call does, for the limits above.
 enum class CallKind {
   kRead,           // answers from the job store
@@ -57,6 +63,14 @@ class Call {
   // OK if the call may still begin. DEADLINE_EXCEEDED (WAITED_TOO_LONG).
   absl::Status CheckWait() const;
 
+  // OK if there is room for another answer. RESOURCE_EXHAUSTED (RENDER_QUEUE_FULL).
+  absl::Status CheckRoom() const;
+  // The answer that waits for the client to read it has so many bytes; counts until the next one,
+  // or until the call is gone.
+  void Hold(int64_t bytes);
+  // How long the client may take to read it.
+  double SecondsToRead() const;
+
   // The answer: also counted and logged, with the ids of call and client. Call once.
   grpc::Status End(const absl::Status& status);
 
@@ -72,6 +86,7 @@ class Call {
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::shared_ptr<Jobs> jobs_;
   bool holds_stream_ = false;
+  int64_t held_bytes_ = 0;
 };
 
 // Thread-safe; its methods do not block.
@@ -79,11 +94,12 @@ class Gate {
  public:
   // All must outlive this and every Call.
   Gate(Jobs* jobs, Authenticator* authenticator, Metrics* metrics, ClientLimits limits,
-       double max_wait_seconds)
+       AnswerLimits answers, double max_wait_seconds)
       : jobs_(jobs),
         authenticator_(authenticator),
         metrics_(metrics),
         limits_(limits),
+        answers_(answers),
         max_wait_seconds_(max_wait_seconds) {}
 
   // Lets a call in. The answer carries the header "x-request-id": the client's own, if it sent one
@@ -102,6 +118,7 @@ class Gate {
   // What a client uses now.
   struct Use {
     int streams = 0;
+    int64_t bytes = 0;    // of answers that were not read yet
     double pictures = 0;  // that it may ask for at once
     std::chrono::steady_clock::time_point counted;
   };
@@ -110,14 +127,18 @@ class Gate {
   absl::Status Count(Call* call);
   absl::Status CountPicture(Use& use) const;
   void Leave(const Call& call);
+  absl::Status CheckRoom(const std::string& client);
+  void AddBytes(const std::string& client, int64_t bytes);
 
   Jobs* const jobs_;
   Authenticator* const authenticator_;
   Metrics* const metrics_;
   const ClientLimits limits_;
+  const AnswerLimits answers_;
   const double max_wait_seconds_;
   std::mutex mutex_;
-  std::map<std::string, Use> uses_;  // by client; those without streams are dropped now and then
+  std::map<std::string, Use> uses_;  // by client; those not in use are dropped now and then
+  int64_t bytes_ = 0;                // of all clients
 };
 
 }  // namespace litags

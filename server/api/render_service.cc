@@ -5,8 +5,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/api/answer_stream.h"
 #include "server/api/camera_path.h"
-#include "server/api/grpc_order.h"
 #include "server/api/picture.h"
 #include "server/api/status.h"
 #include "server/api/unary.h"
@@ -38,35 +38,38 @@ absl::Status Render(Call& call, const Scene& scene, const RenderRequest& request
   return absl::OkStatus();
 }
 
-// One RenderPath stream: renders a frame, sends it, renders the next. Deletes itself when the call
-// is over.
-class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
+// One RenderPath stream: a frame a message.
+class PathStream : public AnswerStream<v1::RenderPathResponse> {
  public:
-  PathReactor(std::shared_ptr<Call> call, const v1::RenderPathRequest& request, SceneCache* scenes,
-              ThreadPool* pool, RenderLimits limits)
-      : call_(std::move(call)), request_(request), scenes_(scenes), pool_(pool), limits_(limits) {
-    const absl::Status accepted = pool_->Try([this] { Begin(); });
-    if (!accepted.ok()) Finish(call_->End(accepted));
+  PathStream(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
+             const v1::RenderPathRequest& request, SceneCache* scenes, ThreadPool* pool,
+             RenderLimits limits)
+      : AnswerStream(std::move(call), context, pool),
+        request_(request),
+        scenes_(scenes),
+        limits_(limits) {
+    Begin();
   }
-
-  void OnWriteDone(bool ok) override {
-    AfterStart(this);
-    if (!ok) return Finish(call_->End(CallCancelled()));
-    pool_->Run([this] { SendNext(); });
-  }
-
-  void OnCancel() override { cancel_.Cancel(); }
-
-  void OnDone() override { delete this; }
 
  private:
-  void Begin() {
-    if (const absl::Status status = Resolve(); !status.ok()) return Finish(call_->End(status));
-    SendNext();
+  absl::StatusOr<bool> Next(v1::RenderPathResponse* message) override {
+    if (!scene_) LITAGS_RETURN_IF_ERROR(Resolve());
+    if (next_ == cameras_.size()) return false;
+    const int frame = static_cast<int>(next_), frames = static_cast<int>(cameras_.size());
+    message->Clear();
+    message->set_frame(frame);
+    message->set_frames(frames);
+    RenderRequest render = content_.Frame(frame, frames);
+    render.camera = cameras_[next_++];
+    render.threads = limits_.threads;
+    render.cancel = cancel();
+    LITAGS_RETURN_IF_ERROR(
+        Render(call(), *scene_, render, request_.settings(), message->mutable_view()));
+    return true;
   }
 
   absl::Status Resolve() {
-    LITAGS_ASSIGN_OR_RETURN(scene_, scenes_->Get(call_->jobs(), request_.name()));
+    LITAGS_ASSIGN_OR_RETURN(scene_, scenes_->Get(call().jobs(), request_.name()));
     LITAGS_ASSIGN_OR_RETURN(content_, ResolvePathContent(request_));
     std::string lens_camera;
     if (request_.has_keyframes() && request_.keyframes().poses_size() > 0) {
@@ -78,35 +81,13 @@ class PathReactor : public grpc::ServerWriteReactor<v1::RenderPathResponse> {
     return absl::OkStatus();
   }
 
-  void SendNext() {
-    if (cancel_.IsCancelled()) return Finish(call_->End(CallCancelled()));
-    if (next_ == cameras_.size()) return Finish(call_->End(absl::OkStatus()));
-    message_.Clear();
-    const int frame = static_cast<int>(next_), frames = static_cast<int>(cameras_.size());
-    message_.set_frame(frame);
-    message_.set_frames(frames);
-    RenderRequest render = content_.Frame(frame, frames);
-    render.camera = cameras_[next_++];
-    render.threads = limits_.threads;
-    render.cancel = cancel_;
-    const absl::Status status =
-        Render(*call_, *scene_, render, request_.settings(), message_.mutable_view());
-    if (!status.ok()) return Finish(call_->End(status));
-    BeforeStart(this);
-    StartWrite(&message_);
-  }
-
-  const std::shared_ptr<Call> call_;
   const v1::RenderPathRequest request_;
   SceneCache* const scenes_;
-  ThreadPool* const pool_;
   const RenderLimits limits_;
-  CancelToken cancel_;
   std::shared_ptr<const Scene> scene_;
   PathContent content_;
   std::vector<Camera> cameras_;
   size_t next_ = 0;
-  v1::RenderPathResponse message_;
 };
 
 }  // namespace
@@ -116,6 +97,7 @@ grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerCont
                                                         v1::RenderedView* response) {
   const CallName name{"RenderView", CallKind::kPicture};
   const auto work = [=, this](Call& call, const CancelToken& cancel) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(call.CheckRoom());
     LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call.jobs(), request->name()));
     LITAGS_ASSIGN_OR_RETURN(RenderRequest render, ResolveContent(request->settings()));
     LITAGS_ASSIGN_OR_RETURN(
@@ -124,7 +106,9 @@ grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerCont
     LITAGS_ASSIGN_OR_RETURN(render.camera, ResolvePose(request->pose(), lens, *scene, "pose"));
     render.threads = limits_.threads;
     render.cancel = cancel;
-    return Render(call, *scene, render, request->settings(), response);
+    LITAGS_RETURN_IF_ERROR(Render(call, *scene, render, request->settings(), response));
+    call.Hold(static_cast<int64_t>(response->ByteSizeLong()));
+    return absl::OkStatus();
   };
   return RunUnary(gate_, context, name, pool_, work);
 }
@@ -133,7 +117,7 @@ grpc::ServerWriteReactor<v1::RenderPathResponse>* RenderServiceImpl::RenderPath(
     grpc::CallbackServerContext* context, const v1::RenderPathRequest* request) {
   return RunStream<grpc::ServerWriteReactor<v1::RenderPathResponse>>(
       gate_, context, {"RenderPath", CallKind::kPictureStream}, [&](std::shared_ptr<Call> call) {
-        return new PathReactor(std::move(call), *request, scenes_, pool_, limits_);
+        return new PathStream(std::move(call), context, *request, scenes_, pool_, limits_);
       });
 }
 

@@ -46,7 +46,7 @@ class GrpcServer : public Server {
   GrpcServer(const ServerOptions& options, std::unique_ptr<Authenticator> authenticator, Jobs* jobs,
              Engine* engine)
       : authenticator_(std::move(authenticator)),
-        gate_(jobs, authenticator_.get(), &metrics_, options.limits,
+        gate_(jobs, authenticator_.get(), &metrics_, options.limits, options.answers,
               options.connections.max_wait_seconds),
         store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
         render_pool_(options.render_threads, options.max_waiting_pictures,

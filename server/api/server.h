@@ -37,6 +37,7 @@ struct ServerOptions {
   TlsOptions tls;         // none: plaintext
   AuthOptions auth;       // client_certificates follows from tls
   ClientLimits limits;
+  AnswerLimits answers;
   ConnectionLimits connections;
   int store_threads = 4;   // for calls about jobs
   int render_threads = 2;  // pictures made at the same time

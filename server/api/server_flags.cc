@@ -55,6 +55,14 @@ void AddRenderFlags(CLI::App* app, ServerOptions* server) {
   add("--max-waiting-pictures", server->max_waiting_pictures,
       "Pictures that may wait for their turn");
   add("--max-pixels", server->render.max_pixels, "Pixels of a picture");
+  add("--max-unread", server->answers.max_unread_seconds,
+      "Seconds after which a client that does not read its answer is cut off; large answers get a "
+      "second more for each MiB");
+  app->add_option("--max-unread-bytes", server->answers.max_unread_bytes,
+                  "Memory for pictures and models that clients have not read yet, as 512MiB; one "
+                  "client may have half of it")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
   app->add_option("--scene-cache", server->scene_cache_bytes,
                   "Memory for scenes that were rendered last, as 1GiB; at least one stays")
       ->transform(CLI::AsSizeValue(false))

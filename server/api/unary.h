@@ -9,7 +9,10 @@
 
 #include "absl/status/status.h"
 #include "engine/core/cancel.h"
+#include "server/api/cut_off.h"
 #include "server/api/gate.h"
+#include "server/api/grpc_order.h"
+#include "server/api/stall_timer.h"
 #include "server/api/status.h"
 #include "server/api/thread_pool.h"
 
@@ -18,13 +21,30 @@ namespace litags {
 // One unary call. Deletes itself when the call is over.
 class UnaryReactor : public grpc::ServerUnaryReactor {
  public:
+  explicit UnaryReactor(grpc::CallbackServerContext* context) : context_(context) {}
+
+  // Ends the call. A client that does not read the answer is cut off.
+  void Answer(std::shared_ptr<Call> call, const absl::Status& status) {
+    call_ = std::move(call);
+    const grpc::Status end = call_->End(status);
+    timer_.Start(call_->SecondsToRead(), [context = context_] { CutOff(context); });
+    BeforeStart(this);
+    Finish(end);
+  }
+
   void OnCancel() override { cancel_.Cancel(); }
-  void OnDone() override { delete this; }
+  void OnDone() override {
+    AfterStart(this);
+    delete this;
+  }
   // Raised when the client gave up, hung up, or its deadline passed.
   const CancelToken& cancel() const { return cancel_; }
 
  private:
+  grpc::CallbackServerContext* const context_;
   CancelToken cancel_;
+  std::shared_ptr<Call> call_;  // counted until the answer was read
+  StallTimer timer_;
 };
 
 // Answers a unary call with what `work(call, cancel)` returns, run on the pool; the call's request
@@ -32,7 +52,7 @@ class UnaryReactor : public grpc::ServerUnaryReactor {
 template <typename Work>
 grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* context, CallName name,
                                    ThreadPool* pool, Work work) {
-  auto* reactor = new UnaryReactor;
+  auto* reactor = new UnaryReactor(context);
   auto call = gate->Enter(context, name);
   if (!call.ok()) {
     reactor->Finish(gate->Refuse(name, call.status()));
@@ -42,9 +62,9 @@ grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* cont
     // A call that nobody waits for any more costs nothing.
     absl::Status status = reactor->cancel().IsCancelled() ? CallCancelled() : call->CheckWait();
     if (status.ok()) status = work(*call, reactor->cancel());
-    reactor->Finish(call->End(status));
+    reactor->Answer(call, status);
   });
-  if (!accepted.ok()) reactor->Finish((*call)->End(accepted));
+  if (!accepted.ok()) reactor->Answer(*call, accepted);
   return reactor;
 }
 

@@ -1,7 +1,5 @@
 #include "server/api/upload_reactor.h"
 
-#include <chrono>
-
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/grpc_order.h"
@@ -29,39 +27,19 @@ UploadReactor::UploadReactor(std::shared_ptr<Call> call, grpc::CallbackServerCon
 }
 
 void UploadReactor::Read() {
-  {
-    std::lock_guard lock(awaited_->mutex);
-    awaited_->read = ++reads_;
-  }
   const double seconds = call_->jobs()->uploads().limits().max_silence_seconds;
-  const auto deadline = std::chrono::system_clock::now() +
-                        std::chrono::milliseconds(static_cast<int64_t>(1000 * seconds));
-  alarm_ = std::make_unique<grpc::Alarm>();
-  alarm_->Set(deadline, [this, seconds, awaited = awaited_, read = reads_](bool due) {
-    if (!due) return;  // set off by its end; `this` may be gone
-    {
-      std::lock_guard lock(awaited->mutex);
-      if (awaited->read != read) return;
-      awaited->read = Awaited::kStalled;
-    }
-    Finish(call_->End(Stalled(seconds)));  // only whoever ends the wait for a read may go on
-  });
+  timer_.Start(seconds, [this, seconds] { Finish(call_->End(Stalled(seconds))); });
   BeforeStart(this);
   StartRead(&request_);
 }
 
 void UploadReactor::OnReadDone(bool ok) {
   AfterStart(this);
-  {
-    std::lock_guard lock(awaited_->mutex);
-    if (awaited_->read == Awaited::kStalled) return;
-    awaited_->read = Awaited::kNone;
-  }
+  if (timer_.Stop()) return;  // finished
   pool_->Run([this, ok] { Step(ok); });
 }
 
 void UploadReactor::Step(bool ok) {
-  alarm_.reset();
   if (context_->IsCancelled()) return Finish(call_->End(CallCancelled()));
   call_->metrics().AddUploadedBytes(static_cast<int64_t>(ok ? request_.chunk().size() : 0));
   const absl::Status status = ok ? session_.Handle(request_) : session_.End(response_);

@@ -1,15 +1,14 @@
 #ifndef LITAGS_SERVER_API_UPLOAD_REACTOR_H_
 #define LITAGS_SERVER_API_UPLOAD_REACTOR_H_
 
-#include <grpcpp/alarm.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
 #include <memory>
-#include <mutex>
 
 #include "litags/v1/reconstruction_service.grpc.pb.h"
 #include "server/api/gate.h"
+#include "server/api/stall_timer.h"
 #include "server/api/thread_pool.h"
 #include "server/api/upload_session.h"
 
@@ -26,13 +25,6 @@ class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
   void OnDone() override { delete this; }
 
  private:
-  // Which read is awaited. Alarms outlive the call, hence shared.
-  struct Awaited {
-    static constexpr int64_t kNone = 0, kStalled = -1;
-    std::mutex mutex;
-    int64_t read = kNone;
-  };
-
   void Read();
   void Step(bool ok);
 
@@ -42,9 +34,7 @@ class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
   ThreadPool* const pool_;
   UploadSession session_;
   v1::UploadImagesRequest request_;
-  const std::shared_ptr<Awaited> awaited_ = std::make_shared<Awaited>();
-  int64_t reads_ = 0;
-  std::unique_ptr<grpc::Alarm> alarm_;
+  StallTimer timer_;
 };
 
 }  // namespace litags

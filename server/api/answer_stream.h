@@ -1,0 +1,89 @@
+#ifndef LITAGS_SERVER_API_ANSWER_STREAM_H_
+#define LITAGS_SERVER_API_ANSWER_STREAM_H_
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <memory>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+#include "server/api/cut_off.h"
+#include "server/api/gate.h"
+#include "server/api/grpc_order.h"
+#include "server/api/stall_timer.h"
+#include "server/api/status.h"
+#include "server/api/thread_pool.h"
+
+namespace litags {
+
+// A stream of large answers: the next is made on the pool once the client took the last, and while
+// there is room for it. A client that takes nothing for too long is cut off. Deletes itself when
+// the call is over.
+template <typename Message>
+class AnswerStream : public grpc::ServerWriteReactor<Message> {
+ public:
+  void OnWriteDone(bool ok) final {
+    AfterStart(this);
+    const bool stalled = timer_.Stop();
+    call_->Hold(0);
+    if (stalled) return End(AnswerNotRead());
+    if (!ok) return End(CallCancelled());
+    pool_->Run([this] { Step(); });
+  }
+
+  void OnCancel() final { cancel_.Cancel(); }
+
+  void OnDone() final { delete this; }
+
+ protected:
+  AnswerStream(std::shared_ptr<Call> call, grpc::CallbackServerContext* context, ThreadPool* pool)
+      : call_(std::move(call)), context_(context), pool_(pool) {}
+
+  // To be called last in the constructor.
+  void Begin() {
+    const absl::Status accepted = pool_->Try([this] { Step(); });
+    if (!accepted.ok()) End(accepted);
+  }
+
+  // Makes the next message; false: there is none. On the pool.
+  virtual absl::StatusOr<bool> Next(Message* message) = 0;
+
+  Call& call() { return *call_; }
+  const CancelToken& cancel() const { return cancel_; }
+
+ private:
+  void Step() {
+    if (cancel_.IsCancelled()) return End(CallCancelled());
+    if (const absl::Status room = call_->CheckRoom(); !room.ok()) return AwaitRoom(room);
+    waited_seconds_ = 0;
+    const absl::StatusOr<bool> more = Next(&message_);
+    if (!more.ok() || !*more) return End(more.status());
+    call_->Hold(static_cast<int64_t>(message_.ByteSizeLong()));
+    timer_.Start(call_->SecondsToRead(), [this] { CutOff(context_); });
+    BeforeStart(this);
+    this->StartWrite(&message_);
+  }
+
+  void AwaitRoom(const absl::Status& room) {
+    constexpr double kPauseSeconds = 0.2;
+    waited_seconds_ += kPauseSeconds;
+    if (waited_seconds_ > call_->SecondsToRead()) return End(room);
+    timer_.Start(kPauseSeconds, [this] { pool_->Run([this] { Step(); }); });
+  }
+
+  void End(const absl::Status& status) { this->Finish(call_->End(status)); }
+
+  const std::shared_ptr<Call> call_;
+  grpc::CallbackServerContext* const context_;
+  ThreadPool* const pool_;
+  CancelToken cancel_;
+  StallTimer timer_;
+  double waited_seconds_ = 0;  // for room
+  Message message_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_API_ANSWER_STREAM_H_

@@ -1,0 +1,143 @@
+// Clients that ask for much and do not read it.
+#include <gmock/gmock.h>
+#include <grpcpp/create_channel.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <thread>
+
+#include "server/testing/api_fixture.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+
+// Pictures of 1.1 MB, twice in the server, and room for 4 MB, of which one client may have half.
+class UnreadAnswers : public ApiTest {
+ protected:
+  using PathReader = std::unique_ptr<grpc::ClientReader<v1::RenderPathResponse>>;
+
+  void SetUp() override {
+    StartWorker();
+    job_ = client_.StartedJob({"a", "b"}, 10);
+    client_.WaitFor(job_, v1::JOB_STATE_SUCCEEDED);
+    SetLarge(view_.mutable_settings());
+    view_.set_name(job_);
+    view_.mutable_pose()->set_camera("b.png");
+  }
+
+  void Serve(double max_unread_seconds) {
+    ServerOptions options = Options();
+    options.listen = "127.0.0.1:0";
+    options.answers.max_unread_seconds = max_unread_seconds;
+    options.answers.max_unread_bytes = 4'000'000;
+    server_ = *StartServer(options, &jobs_, engine_.get());
+    const std::string address = "127.0.0.1:" + std::to_string(server_->port());
+    const auto credentials = grpc::InsecureChannelCredentials();
+    client_ = TestClient(grpc::CreateChannel(address, credentials));
+    grpc::ChannelArguments arguments;  // gRPC takes in some MB by itself, unless told not to
+    arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+    arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 64 << 10);
+    slow_channel_ = grpc::CreateCustomChannel(address, credentials, arguments);
+    slow_client_ = TestClient(slow_channel_);
+  }
+
+  static void SetLarge(v1::RenderSettings* settings) {
+    settings->set_width(300);
+    settings->set_height(300);
+    settings->set_format(v1::PICTURE_FORMAT_RAW_FLOAT);
+  }
+
+  PathReader OpenPath(grpc::ClientContext* call, int frames) {
+    call->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+    v1::RenderPathRequest path;
+    path.set_name(job_);
+    path.mutable_orbit()->set_radius_scale(1);
+    path.set_frames(frames);
+    SetLarge(path.mutable_settings());
+    return slow_client_.render->RenderPath(call, path);
+  }
+
+  std::string ViewRefusal() {
+    v1::RenderedView view;
+    return DetailOf(client_.Render(view_, &view)).reason;
+  }
+
+  // Until pictures are refused, or are not any more.
+  bool BecomesRefused(bool refused) {
+    for (int i = 0; i < 500; ++i) {
+      if ((ViewRefusal() == "RENDER_QUEUE_FULL") == refused) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return false;
+  }
+
+  std::string job_;
+  v1::RenderViewRequest view_;
+  std::shared_ptr<grpc::Channel> slow_channel_;
+  TestClient slow_client_{server_->InProcessChannel()};
+};
+
+template <typename Message>
+int ReadAll(grpc::ClientReader<Message>& reader) {
+  int messages = 0;
+  for (Message message; reader.Read(&message);) ++messages;
+  return messages;
+}
+
+TEST_F(UnreadAnswers, PathIsCutOffAndItsMemoryFreed) {
+  Serve(/*max_unread_seconds=*/0.3);
+  grpc::ClientContext call;
+  const PathReader reader = OpenPath(&call, 50);
+  EXPECT_TRUE(BecomesRefused(true));  // the first frame fills the client's half
+  EXPECT_TRUE(BecomesRefused(false));
+  EXPECT_LT(ReadAll(*reader), 50);
+  const grpc::Status status = reader->Finish();
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
+  EXPECT_THAT(status.error_message(), HasSubstr("not read in time"));
+}
+
+TEST_F(UnreadAnswers, ExportIsCutOff) {
+  Serve(/*max_unread_seconds=*/0.3);
+  v1::ExportModelRequest request;
+  request.set_name(job_);
+  grpc::ClientContext call;
+  const auto reader = slow_client_.model->ExportModel(&call, request);
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  ReadAll(*reader);
+  const grpc::Status status = reader->Finish();
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
+}
+
+// A unary answer, held back as only a client can that is written for it.
+TEST_F(UnreadAnswers, PictureIsCutOffAndItsMemoryFreed) {
+  Serve(/*max_unread_seconds=*/0.3);
+  grpc::ClientContext call;
+  const grpc::internal::RpcMethod method("/litags.v1.RenderService/RenderView",
+                                         grpc::internal::RpcMethod::SERVER_STREAMING);
+  const std::unique_ptr<grpc::ClientReader<v1::RenderedView>> reader(
+      grpc::internal::ClientReaderFactory<v1::RenderedView>::Create(slow_channel_.get(), method,
+                                                                    &call, view_));
+  EXPECT_TRUE(BecomesRefused(true));
+  EXPECT_TRUE(BecomesRefused(false));
+  EXPECT_EQ(ReadAll(*reader), 0);
+  EXPECT_EQ(reader->Finish().error_code(), grpc::UNAVAILABLE);
+}
+
+TEST_F(UnreadAnswers, PathsWaitForRoomAndThenGoOn) {
+  Serve(/*max_unread_seconds=*/30);
+  grpc::ClientContext first_call, second_call;
+  const PathReader first = OpenPath(&first_call, 5);
+  ASSERT_TRUE(BecomesRefused(true));
+  const PathReader second = OpenPath(&second_call, 5);
+  std::thread first_reader([&] { EXPECT_EQ(ReadAll(*first), 5); });
+  EXPECT_EQ(ReadAll(*second), 5);
+  first_reader.join();
+  EXPECT_TRUE(first->Finish().ok());
+  EXPECT_TRUE(second->Finish().ok());
+  EXPECT_TRUE(BecomesRefused(false));
+}
+
+}  // namespace
+}  // namespace litags
