@@ -110,7 +110,7 @@ grpc::ServerReadReactor<v1::UploadImagesRequest>* ReconstructionServiceImpl::Upl
     Context* context, v1::UploadImagesResponse* response) {
   return RunStream<grpc::ServerReadReactor<v1::UploadImagesRequest>>(
       gate_, context, {"UploadImages", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
-        return new UploadReactor(std::move(call), context, response, pool_);
+        return new UploadReactor(std::move(call), context, response, blob_pool_);
       });
 }
 
@@ -138,7 +138,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
     }
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, {"QueryUpload", CallKind::kRead}, pool_, work);
+  return RunUnary(gate_, context, {"QueryUpload", CallKind::kRead}, blob_pool_, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::StartJob(Context* context,
@@ -183,7 +183,8 @@ grpc::ServerWriteReactor<v1::JobEvent>* ReconstructionServiceImpl::WatchJob(
     Context* context, const v1::WatchJobRequest* request) {
   return RunStream<grpc::ServerWriteReactor<v1::JobEvent>>(
       gate_, context, {"WatchJob", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
-        return new WatchReactor(std::move(call), context, *request, hub_, pool_);
+        ThreadPool* const pool = request->include_previews() ? blob_pool_ : pool_;
+        return new WatchReactor(std::move(call), context, *request, hub_, pool);
       });
 }
 
@@ -217,7 +218,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteJob(Context* context,
     spdlog::info("job={} deleted", id);
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, {"DeleteJob", CallKind::kChange}, pool_, work);
+  return RunUnary(gate_, context, {"DeleteJob", CallKind::kChange}, blob_pool_, work);
 }
 
 }  // namespace litags

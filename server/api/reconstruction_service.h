@@ -12,9 +12,10 @@ namespace litags {
 // Handlers of litags.v1.ReconstructionService: validate, call Jobs, convert.
 class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackService {
  public:
-  // All must outlive this; `pool` runs what touches the store.
-  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool)
-      : gate_(gate), hub_(hub), pool_(pool) {}
+  // All must outlive this; `pool` runs what touches the job store only and is short, `blob_pool`
+  // what reads and writes files.
+  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, ThreadPool* blob_pool)
+      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(blob_pool) {}
 
   using Context = grpc::CallbackServerContext;
 
@@ -49,6 +50,7 @@ class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackServ
   Gate* const gate_;
   EventHub* const hub_;
   ThreadPool* const pool_;
+  ThreadPool* const blob_pool_;
 };
 
 }  // namespace litags

@@ -49,11 +49,12 @@ class GrpcServer : public Server {
         gate_(jobs, authenticator_.get(), &metrics_, options.limits, options.answers,
               options.connections.max_wait_seconds),
         store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
+        blob_pool_(options.blob_threads, options.max_waiting_calls, ServerBusy()),
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
         hub_(jobs),
         scenes_(engine, options.scene_cache_bytes),
-        reconstruction_(&gate_, &hub_, &store_pool_),
+        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_),
         render_(&gate_, &scenes_, &render_pool_, options.render),
         model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp()) {}
 
@@ -107,6 +108,7 @@ class GrpcServer : public Server {
     server_->Wait();
     // All calls are over, but the tasks that ended them may still be returning.
     store_pool_.Stop();
+    blob_pool_.Stop();
     render_pool_.Stop();
     server_.reset();
   }
@@ -117,7 +119,7 @@ class GrpcServer : public Server {
   Metrics metrics_;
   const std::unique_ptr<Authenticator> authenticator_;
   Gate gate_;
-  ThreadPool store_pool_, render_pool_;
+  ThreadPool store_pool_, blob_pool_, render_pool_;
   EventHub hub_;
   SceneCache scenes_;
   ReconstructionServiceImpl reconstruction_;

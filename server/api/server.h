@@ -40,6 +40,7 @@ struct ServerOptions {
   AnswerLimits answers;
   ConnectionLimits connections;
   int store_threads = 4;   // for calls about jobs
+  int blob_threads = 4;    // for what may take long: uploads, previews, removal
   int render_threads = 2;  // pictures made at the same time
   size_t max_waiting_calls = 1024;
   size_t max_waiting_pictures = 32;

@@ -70,6 +70,7 @@ struct S3Options {
   std::string session_token;               // of temporary credentials; else empty
   int64_t part_bytes = int64_t{16} << 20;  // larger blobs come and go in parts; 5 MiB at least
   int page_names = 1000;                   // names that one answer to a listing holds
+  double patience_seconds = 30;            // with a server that is away or says nothing
 };
 
 // The bucket must be there. FAILED_PRECONDITION (BLOBS_DENIED), UNAVAILABLE (BLOBS_UNAVAILABLE).

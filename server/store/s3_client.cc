@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <functional>
 #include <random>
 #include <thread>
@@ -18,8 +19,8 @@ namespace litags {
 namespace {
 
 constexpr long kConnectSeconds = 5;
-constexpr long kStalledSeconds = 20;  // without a byte
-constexpr int kFirstPauseMs = 100;    // doubles, with jitter
+constexpr double kStalledSeconds = 20;  // without a byte
+constexpr int kFirstPauseMs = 100;      // doubles, with jitter
 constexpr size_t kMaxErrorBytes = 64 << 10;
 
 void PauseBefore(int attempt) {
@@ -120,7 +121,8 @@ std::string S3Client::UrlOf(const S3Request& request) const {
   return url;
 }
 
-absl::StatusOr<S3Answer> S3Client::SendOnce(const S3Request& request, bool* may_pass) {
+absl::StatusOr<S3Answer> S3Client::SendOnce(const S3Request& request, double patience_seconds,
+                                            bool* may_pass) {
   *may_pass = false;
   CURL* const curl = TakeHandle();
   if (!curl) return Unavailable("libcurl cannot be used");
@@ -146,7 +148,8 @@ absl::StatusOr<S3Answer> S3Client::SendOnce(const S3Request& request, bool* may_
   curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
   curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT, kConnectSeconds);
   curl_easy_setopt(curl, CURLOPT_LOW_SPEED_LIMIT, 1L);
-  curl_easy_setopt(curl, CURLOPT_LOW_SPEED_TIME, kStalledSeconds);
+  // 0 would be no limit.
+  curl_easy_setopt(curl, CURLOPT_LOW_SPEED_TIME, static_cast<long>(std::ceil(patience_seconds)));
   curl_easy_setopt(curl, CURLOPT_USERNAME, options_.access_key.c_str());  // may hold a colon
   curl_easy_setopt(curl, CURLOPT_PASSWORD, options_.secret_key.c_str());
   curl_easy_setopt(curl, CURLOPT_AWS_SIGV4, scope.c_str());
@@ -179,11 +182,17 @@ absl::StatusOr<S3Answer> S3Client::SendOnce(const S3Request& request, bool* may_
 }
 
 absl::StatusOr<S3Answer> S3Client::Send(const S3Request& request) {
+  using SteadyClock = std::chrono::steady_clock;
+  const auto start = SteadyClock::now();
+  double left = options_.patience_seconds;
   for (int attempt = 1;; ++attempt) {
     bool may_pass = false;
-    auto answer = SendOnce(request, &may_pass);
+    auto answer = SendOnce(request, std::min(left, kStalledSeconds), &may_pass);
     if (answer.ok() || !may_pass || attempt == kTries) return answer;
     PauseBefore(attempt);
+    const std::chrono::duration<double> spent = SteadyClock::now() - start;
+    left = options_.patience_seconds - spent.count();
+    if (left <= 0) return answer;
   }
 }
 

@@ -38,7 +38,8 @@ class S3Client {
   explicit S3Client(S3Options options) : options_(std::move(options)) {}
   ~S3Client();
 
-  // Sends the request, again after failures that may pass: kTries times, with growing pauses.
+  // Sends the request, again after failures that may pass: kTries times, with growing pauses, while
+  // options().patience_seconds last.
   // NOT_FOUND (BLOB_NOT_FOUND); FAILED_PRECONDITION (BLOBS_DENIED); UNAVAILABLE
   // (BLOBS_UNAVAILABLE); INTERNAL (STORE_FAILED).
   absl::StatusOr<S3Answer> Send(const S3Request& request);
@@ -49,8 +50,9 @@ class S3Client {
   static constexpr int kTries = 6;
   struct Exchange;
 
-  // One try. `may_pass`: whether another one may do better.
-  absl::StatusOr<S3Answer> SendOnce(const S3Request& request, bool* may_pass);
+  // One try, given up after so long without a byte. `may_pass`: whether another one may do better.
+  absl::StatusOr<S3Answer> SendOnce(const S3Request& request, double patience_seconds,
+                                    bool* may_pass);
   std::string UrlOf(const S3Request& request) const;
   void* TakeHandle();
   void PutHandle(void* handle);

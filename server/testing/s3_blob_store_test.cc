@@ -1,6 +1,11 @@
 // What is S3's own: failures of the network and of the server. Linked with the conformance cases.
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
+#include <chrono>
 #include <string>
 
 #include "engine/core/error.h"
@@ -55,6 +60,27 @@ TEST_F(S3BlobStoreTest, ServerThatIsRestartedIsWaitedForAndOneThatStaysAwayIsAnE
   EXPECT_EQ(Reason(OpenS3BlobStore(options_).status()), "BLOBS_UNAVAILABLE");
   server_->Run();
   EXPECT_EQ(*blobs->Get("jobs/1/aa"), "bytes");
+}
+
+// Takes connections, as its kernel does while the program stands still, and says nothing.
+TEST(SilentS3Test, ServerThatSaysNothingIsGivenUpInTime) {
+  const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof(address);
+  auto* const generic = reinterpret_cast<sockaddr*>(&address);
+  ASSERT_EQ(bind(listener, generic, size), 0);
+  ASSERT_EQ(listen(listener, 64), 0);
+  ASSERT_EQ(getsockname(listener, generic, &size), 0);
+  S3Options options;
+  options.endpoint = "http://127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+  options.bucket = options.access_key = options.secret_key = "x";
+  options.patience_seconds = 3;
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_EQ(Reason(OpenS3BlobStore(options).status()), "BLOBS_UNAVAILABLE");
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(8));
+  close(listener);
 }
 
 TEST_F(S3BlobStoreTest, WrongKeyAndWrongBucketAreClearErrors) {

@@ -3,6 +3,10 @@
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
+#include <thread>
+
 #include "engine/io/mask_io.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"
@@ -195,6 +199,76 @@ TEST_F(UploadApi, UploadThatSaysNothingIsEndedAndItsBytesAreKept) {
   v1::QueryUploadResponse query;
   ASSERT_TRUE(client_.Query(name, {file}, &query).ok());
   EXPECT_EQ(query.files(0).offset(), 1000);
+}
+
+// Takes no file until it is told to.
+class StuckBlobStore : public BlobStore {
+ public:
+  explicit StuckBlobStore(BlobStore* blobs) : blobs_(blobs) {}
+
+  int waiting() const { return waiting_; }
+  void Release() { released_ = true; }
+
+  absl::Status PutFile(std::string_view key, const std::string& path) override {
+    for (++waiting_; !released_;) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    return blobs_->PutFile(key, path);
+  }
+  absl::Status Put(std::string_view key, std::string_view bytes) override {
+    return blobs_->Put(key, bytes);
+  }
+  absl::StatusOr<std::string> Get(std::string_view key) override { return blobs_->Get(key); }
+  absl::Status Fetch(std::string_view key, const std::string& path) override {
+    return blobs_->Fetch(key, path);
+  }
+  absl::Status Link(std::string_view from, std::string_view to) override {
+    return blobs_->Link(from, to);
+  }
+  absl::StatusOr<std::vector<std::string>> List(std::string_view prefix) override {
+    return blobs_->List(prefix);
+  }
+  absl::StatusOr<double> QuietSeconds(std::string_view prefix) override {
+    return blobs_->QuietSeconds(prefix);
+  }
+  absl::Status Remove(std::string_view key) override { return blobs_->Remove(key); }
+  absl::Status RemoveFolder(std::string_view prefix) override {
+    return blobs_->RemoveFolder(prefix);
+  }
+
+ private:
+  BlobStore* const blobs_;
+  std::atomic<int> waiting_ = 0;
+  std::atomic<bool> released_ = false;
+};
+
+TEST_F(UploadApi, UploadsThatTakeLongHoldUpNoShortCall) {
+  StuckBlobStore stuck(blobs_.get());
+  Jobs jobs(store_.get(), &stuck, data_);
+  ServerOptions options = Options();
+  options.store_threads = options.blob_threads = 2;
+  const auto server = *StartServer(options, &jobs, engine_.get());
+  TestClient client(server->InProcessChannel());
+  std::vector<std::thread> uploads;
+  for (int i = 0; i < 4; ++i) {
+    uploads.emplace_back([&, job = NewJob(), i] {
+      EXPECT_TRUE(client.Upload(job, {{"a.png", TestPng(64, 48, i)}}).ok());
+    });
+  }
+  for (int i = 0; i < 1000 && stuck.waiting() < options.blob_threads; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_EQ(stuck.waiting(), options.blob_threads);
+  const std::string name = NewJob();
+  grpc::ClientContext call;
+  call.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(5));
+  v1::GetJobRequest request;
+  request.set_name(name);
+  v1::Job job;
+  EXPECT_TRUE(client.jobs->GetJob(&call, request, &job).ok());
+  std::vector<v1::JobEvent> events;
+  EXPECT_TRUE(client.Watch(name, 0, &events, 1).error_code() == grpc::CANCELLED);
+  EXPECT_EQ(events.size(), 1u);
+  stuck.Release();
+  for (std::thread& upload : uploads) upload.join();
 }
 
 TEST_F(UploadApi, QueriesAreCheckedAsUploadsAre) {
