@@ -113,6 +113,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   signal.Wait();
   spdlog::info("shutting down");
   health.reset();
+  supervisor.BeginStop();  // they need as long as the calls
   server->Shutdown();
   supervisor.Stop();
   return absl::OkStatus();

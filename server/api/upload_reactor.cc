@@ -16,13 +16,9 @@ absl::Status Stalled(double seconds) {
 
 }  // namespace
 
-UploadReactor::UploadReactor(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
-                             v1::UploadImagesResponse* response, ThreadPool* pool)
-    : call_(std::move(call)),
-      context_(context),
-      response_(response),
-      pool_(pool),
-      session_(call_->jobs()) {
+UploadReactor::UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response,
+                             ThreadPool* pool)
+    : call_(std::move(call)), response_(response), pool_(pool), session_(call_->jobs(), cancel_) {
   Read();
 }
 
@@ -40,11 +36,11 @@ void UploadReactor::OnReadDone(bool ok) {
 }
 
 void UploadReactor::Step(bool ok) {
-  if (context_->IsCancelled()) return Finish(call_->End(CallCancelled()));
+  if (cancel_.IsCancelled()) return Finish(call_->End(CallCancelled()));
   call_->metrics().AddUploadedBytes(static_cast<int64_t>(ok ? request_.chunk().size() : 0));
   const absl::Status status = ok ? session_.Handle(request_) : session_.End(response_);
   if (ok && status.ok()) return Read();
-  Finish(call_->End(status));
+  Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
 }
 
 }  // namespace litags

@@ -1,11 +1,11 @@
 #ifndef LITAGS_SERVER_API_UPLOAD_REACTOR_H_
 #define LITAGS_SERVER_API_UPLOAD_REACTOR_H_
 
-#include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
 #include <memory>
 
+#include "engine/core/cancel.h"
 #include "litags/v1/reconstruction_service.grpc.pb.h"
 #include "server/api/gate.h"
 #include "server/api/stall_timer.h"
@@ -18,10 +18,10 @@ namespace litags {
 // nothing for too long is sent away. Deletes itself when the call is over.
 class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
  public:
-  UploadReactor(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
-                v1::UploadImagesResponse* response, ThreadPool* pool);
+  UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response, ThreadPool* pool);
 
   void OnReadDone(bool ok) override;
+  void OnCancel() override { cancel_.Cancel(); }
   void OnDone() override { delete this; }
 
  private:
@@ -29,9 +29,9 @@ class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
   void Step(bool ok);
 
   const std::shared_ptr<Call> call_;
-  grpc::CallbackServerContext* const context_;
   v1::UploadImagesResponse* const response_;
   ThreadPool* const pool_;
+  CancelToken cancel_;
   UploadSession session_;
   v1::UploadImagesRequest request_;
   StallTimer timer_;

@@ -124,7 +124,8 @@ absl::Status UploadSession::Unpack(Incoming& file) {
   limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
   limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
   Unpacker unpacker(jobs_, job_id_, file.field);
-  const absl::Status status = ExtractArchive(file.partial->path(), limits, file.field, &unpacker);
+  const absl::Status status =
+      ExtractArchive(file.partial->path(), limits, file.field, &unpacker, cancel_);
   stored_ += unpacker.stored();
   unchanged_ += unpacker.unchanged();
   skipped_.insert(skipped_.end(), unpacker.skipped().begin(), unpacker.skipped().end());

@@ -5,9 +5,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "engine/core/cancel.h"
 #include "litags/v1/reconstruction_service.pb.h"
 #include "server/api/upload_files.h"
 #include "server/jobs/jobs.h"
@@ -19,7 +21,8 @@ namespace litags {
 // not complete when the stream ends is kept for the next one.
 class UploadSession {
  public:
-  explicit UploadSession(Jobs* jobs) : jobs_(jobs) {}
+  // An archive that is being unpacked is left when `cancel` is raised.
+  UploadSession(Jobs* jobs, CancelToken cancel) : jobs_(jobs), cancel_(std::move(cancel)) {}
 
   absl::Status Handle(const v1::UploadImagesRequest& request);
   // The stream is complete. INVALID_ARGUMENT (FILE_TRUNCATED) inside a file.
@@ -39,6 +42,7 @@ class UploadSession {
   absl::Status Unpack(Incoming& file);
 
   Jobs* const jobs_;
+  const CancelToken cancel_;
   std::string job_id_;
   std::optional<Incoming> file_;
   int stored_ = 0, unchanged_ = 0;

@@ -38,16 +38,18 @@ absl::Status NotRecognized(const std::string& field, const std::string& why) {
 class Extraction {
  public:
   Extraction(Reader reader, int64_t archive_bytes, const ArchiveLimits& limits,
-             std::string_view field, ArchiveSink* sink)
+             std::string_view field, ArchiveSink* sink, const CancelToken& cancel)
       : reader_(std::move(reader)),
         archive_bytes_(archive_bytes),
         limits_(limits),
         field_(field),
-        sink_(sink) {}
+        sink_(sink),
+        cancel_(cancel) {}
 
   absl::Status Run() {
     int64_t entries = 0, files = 0;
     for (;; ++entries) {
+      LITAGS_RETURN_IF_ERROR(cancel_.Check());
       archive_entry* entry = nullptr;
       const int result = archive_read_next_header(reader_.get(), &entry);
       if (result == ARCHIVE_EOF) break;
@@ -140,6 +142,7 @@ class Extraction {
     int64_t bytes = 0;
     // Also what is not wanted is read and counted: a format may only be passed through in order.
     for (;;) {
+      LITAGS_RETURN_IF_ERROR(cancel_.Check());
       const la_ssize_t n = archive_read_data(reader_.get(), block_.data(), block_.size());
       if (n == 0) break;
       if (n < 0) return Corrupt(false);
@@ -179,6 +182,7 @@ class Extraction {
   const ArchiveLimits limits_;
   const std::string field_;
   ArchiveSink* const sink_;
+  const CancelToken cancel_;
   int64_t total_ = 0;
   std::string name_;                // of the entry in hand
   std::vector<std::string> parts_;  // of that name
@@ -201,23 +205,26 @@ absl::Status NotOpened(archive* reader, std::string_view field) {
 }  // namespace
 
 absl::Status ExtractArchive(const std::string& path, const ArchiveLimits& limits,
-                            std::string_view field, ArchiveSink* sink) {
+                            std::string_view field, ArchiveSink* sink, const CancelToken& cancel) {
   std::error_code error;
   const auto bytes = std::filesystem::file_size(path, error);
   Reader reader = MakeReader();
   if (error || archive_read_open_filename(reader.get(), path.c_str(), kBlockBytes) != ARCHIVE_OK) {
     return NotOpened(reader.get(), field);
   }
-  return Extraction(std::move(reader), static_cast<int64_t>(bytes), limits, field, sink).Run();
+  return Extraction(std::move(reader), static_cast<int64_t>(bytes), limits, field, sink, cancel)
+      .Run();
 }
 
 absl::Status ExtractArchiveBytes(std::string_view bytes, const ArchiveLimits& limits,
-                                 std::string_view field, ArchiveSink* sink) {
+                                 std::string_view field, ArchiveSink* sink,
+                                 const CancelToken& cancel) {
   Reader reader = MakeReader();
   if (archive_read_open_memory(reader.get(), bytes.data(), bytes.size()) != ARCHIVE_OK) {
     return NotOpened(reader.get(), field);
   }
-  return Extraction(std::move(reader), static_cast<int64_t>(bytes.size()), limits, field, sink)
+  return Extraction(std::move(reader), static_cast<int64_t>(bytes.size()), limits, field, sink,
+                    cancel)
       .Run();
 }
 

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
 
 namespace litags {
 
@@ -45,11 +46,14 @@ class ArchiveSink {
 //   file in it), ARCHIVE_ENTRY_UNSAFE (links, devices, absolute names, "..", backslashes).
 // RESOURCE_EXHAUSTED: ARCHIVE_TOO_MANY_ENTRIES, ARCHIVE_ENTRY_TOO_LARGE, ARCHIVE_TOO_LARGE,
 //   ARCHIVE_RATIO_TOO_LARGE.
+// CANCELLED.
 absl::Status ExtractArchive(const std::string& path, const ArchiveLimits& limits,
-                            std::string_view field, ArchiveSink* sink);
+                            std::string_view field, ArchiveSink* sink,
+                            const CancelToken& cancel = {});
 // The same from memory.
 absl::Status ExtractArchiveBytes(std::string_view bytes, const ArchiveLimits& limits,
-                                 std::string_view field, ArchiveSink* sink);
+                                 std::string_view field, ArchiveSink* sink,
+                                 const CancelToken& cancel = {});
 
 }  // namespace litags
 

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstdio>
 #include <thread>
 
 #include "engine/io/mask_io.h"
@@ -269,6 +270,56 @@ TEST_F(UploadApi, UploadsThatTakeLongHoldUpNoShortCall) {
   EXPECT_EQ(events.size(), 1u);
   stuck.Release();
   for (std::thread& upload : uploads) upload.join();
+}
+
+// One file of an archive, which two empty blocks end.
+std::string TarEntry(const std::string& name, const std::string& bytes) {
+  std::string entry(512, '\0');
+  const auto put = [&](size_t at, const std::string& text) {
+    entry.replace(at, text.size(), text);
+  };
+  put(0, name);
+  put(100, "0000644");
+  char size[12];
+  std::snprintf(size, sizeof(size), "%011zo", bytes.size());
+  put(124, size);
+  put(148, "        ");
+  put(156, "0");
+  put(257, "ustar");
+  put(263, "00");
+  unsigned sum = 0;
+  for (const unsigned char c : entry) sum += c;
+  std::snprintf(size, sizeof(size), "%06o", sum);
+  put(148, size);
+  put(154, std::string(1, '\0'));
+  entry += bytes;
+  entry.resize((entry.size() + 511) / 512 * 512);
+  return entry;
+}
+
+TEST_F(UploadApi, ArchiveIsNotUnpackedFurtherWhenTheClientIsGone) {
+  StuckBlobStore stuck(blobs_.get());
+  Jobs jobs(store_.get(), &stuck, data_);
+  const auto server = *StartServer(Options(), &jobs, engine_.get());
+  TestClient client(server->InProcessChannel());
+  std::string tar;
+  for (int i = 0; i < 3; ++i) tar += TarEntry(std::to_string(i) + ".png", TestPng(64, 48, i));
+  auto messages = FileMessages({"a.tar", tar + std::string(1024, '\0'), v1::FILE_ROLE_ARCHIVE});
+  messages.insert(messages.begin(), NameMessage(NewJob()));
+  grpc::ClientContext call;
+  v1::UploadImagesResponse response;
+  const auto writer = client.jobs->UploadImages(&call, &response);
+  for (const auto& message : messages) ASSERT_TRUE(writer->Write(message));
+  for (int i = 0; i < 1000 && stuck.waiting() == 0; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  ASSERT_EQ(stuck.waiting(), 1);  // the first photo
+  call.TryCancel();
+  EXPECT_EQ(writer->Finish().error_code(), grpc::CANCELLED);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // until the server hears of it
+  stuck.Release();
+  server->Shutdown();
+  EXPECT_EQ(stuck.waiting(), 1);
 }
 
 TEST_F(UploadApi, QueriesAreCheckedAsUploadsAre) {

@@ -44,7 +44,7 @@ Supervisor::Supervisor(SupervisorOptions options, Leases* leases)
 Supervisor::~Supervisor() { Stop(); }
 
 void Supervisor::Stop() {
-  stop_.Cancel();
+  BeginStop();
   for (std::thread& thread : threads_) {
     if (thread.joinable()) thread.join();
   }

@@ -36,7 +36,9 @@ class Supervisor {
   // Whether there are workers, and each of them died young again and again. Thread-safe.
   bool AllFailing() const;
 
-  // Ends the workers; they give their jobs back first.
+  // Tells the workers to end; they give their jobs back first.
+  void BeginStop() { stop_.Cancel(); }
+  // The same, and waits until they have.
   void Stop();
 
  private:
