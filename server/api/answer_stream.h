@@ -30,7 +30,7 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
     call_->Hold(0);
     if (stalled) return End(AnswerNotRead());
     if (!ok) return End(CallCancelled());
-    pool_->Run([this] { Step(); });
+    pool_->Run(call_->client().name, [this] { Step(); });
   }
 
   void OnCancel() final { cancel_.Cancel(); }
@@ -43,7 +43,7 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
 
   // To be called last in the constructor.
   void Begin() {
-    const absl::Status accepted = pool_->Try([this] { Step(); });
+    const absl::Status accepted = pool_->Try(call_->client().name, [this] { Step(); });
     if (!accepted.ok()) End(accepted);
   }
 
@@ -70,7 +70,7 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
     constexpr double kPauseSeconds = 0.2;
     waited_seconds_ += kPauseSeconds;
     if (waited_seconds_ > call_->SecondsToRead()) return End(room);
-    timer_.Start(kPauseSeconds, [this] { pool_->Run([this] { Step(); }); });
+    timer_.Start(kPauseSeconds, [this] { pool_->Run(call_->client().name, [this] { Step(); }); });
   }
 
   void End(const absl::Status& status) { this->Finish(call_->End(status)); }

@@ -53,7 +53,7 @@ void AddRenderFlags(CLI::App* app, ServerOptions* server) {
   add("--render-workers", server->render_threads, "Pictures made at the same time");
   add("--render-threads", server->render.threads, "Threads per picture");
   add("--max-waiting-pictures", server->max_waiting_pictures,
-      "Pictures that may wait for their turn");
+      "Pictures of one client that may wait for their turn");
   add("--max-pixels", server->render.max_pixels, "Pixels of a picture");
   add("--max-unread", server->answers.max_unread_seconds,
       "Seconds after which a client that does not read its answer is cut off; large answers get a "

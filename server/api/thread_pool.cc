@@ -17,22 +17,42 @@ void ThreadPool::Stop() {
   threads_.clear();
 }
 
-absl::Status ThreadPool::Try(std::function<void()> task) {
+absl::Status ThreadPool::Try(const std::string& client, std::function<void()> task) {
   {
     std::lock_guard lock(mutex_);
-    if (tasks_.size() >= max_waiting_) return busy_;
-    tasks_.push_back(std::move(task));
+    const auto queue = queues_.find({client, false});
+    if ((queue == queues_.end() ? 0 : queue->second.size()) >= max_waiting_) return busy_;
+    Add(client, false, std::move(task));
   }
   wake_.notify_one();
   return absl::OkStatus();
 }
 
-void ThreadPool::Run(std::function<void()> task) {
+void ThreadPool::Run(const std::string& client, std::function<void()> task) {
   {
     std::lock_guard lock(mutex_);
-    tasks_.push_back(std::move(task));
+    Add(client, true, std::move(task));
   }
   wake_.notify_one();
+}
+
+void ThreadPool::Add(const std::string& client, bool is_step, std::function<void()> task) {
+  const auto [queue, is_new] = queues_.try_emplace({client, is_step});
+  if (is_new) turns_.push_back(queue);
+  queue->second.push_back(std::move(task));
+}
+
+std::function<void()> ThreadPool::TakeNext() {
+  const auto queue = turns_.front();
+  turns_.pop_front();
+  std::function<void()> task = std::move(queue->second.front());
+  queue->second.pop_front();
+  if (queue->second.empty()) {
+    queues_.erase(queue);
+  } else {
+    turns_.push_back(queue);
+  }
+  return task;
 }
 
 void ThreadPool::Loop() {
@@ -40,10 +60,9 @@ void ThreadPool::Loop() {
     std::function<void()> task;
     {
       std::unique_lock lock(mutex_);
-      wake_.wait(lock, [this] { return stop_ || !tasks_.empty(); });
-      if (tasks_.empty()) return;
-      task = std::move(tasks_.front());
-      tasks_.pop_front();
+      wake_.wait(lock, [this] { return stop_ || !turns_.empty(); });
+      if (turns_.empty()) return;
+      task = TakeNext();
     }
     task();
   }

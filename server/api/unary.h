@@ -58,12 +58,13 @@ grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* cont
     reactor->Finish(gate->Refuse(name, call.status()));
     return reactor;
   }
-  const absl::Status accepted = pool->Try([reactor, call = *call, work = std::move(work)] {
-    // A call that nobody waits for any more costs nothing.
-    absl::Status status = reactor->cancel().IsCancelled() ? CallCancelled() : call->CheckWait();
-    if (status.ok()) status = work(*call, reactor->cancel());
-    reactor->Answer(call, status);
-  });
+  const absl::Status accepted =
+      pool->Try((*call)->client().name, [reactor, call = *call, work = std::move(work)] {
+        // A call that nobody waits for any more costs nothing.
+        absl::Status status = reactor->cancel().IsCancelled() ? CallCancelled() : call->CheckWait();
+        if (status.ok()) status = work(*call, reactor->cancel());
+        reactor->Answer(call, status);
+      });
   if (!accepted.ok()) reactor->Answer(*call, accepted);
   return reactor;
 }

@@ -32,7 +32,7 @@ void UploadReactor::Read() {
 void UploadReactor::OnReadDone(bool ok) {
   AfterStart(this);
   if (timer_.Stop()) return;  // finished
-  pool_->Run([this, ok] { Step(ok); });
+  pool_->Run(call_->client().name, [this, ok] { Step(ok); });
 }
 
 void UploadReactor::Step(bool ok) {

@@ -23,7 +23,7 @@ WatchReactor::WatchReactor(std::shared_ptr<Call> call, grpc::CallbackServerConte
       hub_(hub),
       pool_(pool) {
   subscription_ = hub_->Subscribe([this] { Wake(); });
-  pool_->Run([this] { Step(); });
+  pool_->Run(call_->client().name, [this] { Step(); });
 }
 
 void WatchReactor::Wake() {
@@ -31,7 +31,7 @@ void WatchReactor::Wake() {
   changed_ = true;
   if (awake_ || ended_) return;
   awake_ = true;
-  pool_->Run([this] { Step(); });
+  pool_->Run(call_->client().name, [this] { Step(); });
 }
 
 void WatchReactor::OnCancel() { Wake(); }
@@ -39,7 +39,7 @@ void WatchReactor::OnCancel() { Wake(); }
 void WatchReactor::OnWriteDone(bool ok) {
   AfterStart(this);
   if (ok) {
-    pool_->Run([this] { Step(); });
+    pool_->Run(call_->client().name, [this] { Step(); });
   } else {
     End(CallCancelled());
   }
