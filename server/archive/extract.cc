@@ -2,6 +2,7 @@
 
 #include <archive.h>
 #include <archive_entry.h>
+#include <locale.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -20,6 +21,26 @@ constexpr size_t kBlockBytes = size_t{256} << 10;
 constexpr int64_t kFreeBytes = int64_t{64} << 20;
 
 using Reader = std::unique_ptr<archive, int (*)(archive*)>;
+
+// The library gives names in the character set of the thread's locale, and none at all if it lacks
+// a character, as that of a program does that sets no locale.
+class Utf8Names {
+ public:
+  Utf8Names() : locale_(newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr)) {
+    if (locale_) before_ = uselocale(locale_);
+  }
+  Utf8Names(const Utf8Names&) = delete;
+  Utf8Names& operator=(const Utf8Names&) = delete;
+  ~Utf8Names() {
+    if (!locale_) return;
+    uselocale(before_);
+    freelocale(locale_);
+  }
+
+ private:
+  const locale_t locale_;
+  locale_t before_ = nullptr;
+};
 
 // Names of entries are shown in messages: without control characters, and not endlessly.
 std::string Shown(std::string_view name) {
@@ -47,6 +68,7 @@ class Extraction {
         cancel_(cancel) {}
 
   absl::Status Run() {
+    const Utf8Names utf8_names;
     int64_t entries = 0, files = 0;
     for (;; ++entries) {
       LITAGS_RETURN_IF_ERROR(cancel_.Check());

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <clocale>
 #include <map>
 
 #include "engine/core/error.h"
@@ -100,6 +101,16 @@ TEST_P(Archives, FilesComeWithTheirFoldersAndAllBytes) {
   ASSERT_TRUE(status.ok()) << status;
   EXPECT_THAT(sink.files, ElementsAre(Pair("2.jpg", "two"), Pair("set|images|1.jpg", large)));
   EXPECT_EQ(sink.ended, 2);
+}
+
+TEST_P(Archives, NamesMayHoldAnyCharacterWhateverTheLocale) {
+  ASSERT_TRUE(std::setlocale(LC_CTYPE, "C.UTF-8"));  // of the program that packs
+  const std::string bytes = Pack({{"Küche/a.png", "a"}, {"写真/1.png", "b"}}, GetParam());
+  ASSERT_TRUE(std::setlocale(LC_CTYPE, "C"));
+  MapSink sink;
+  const absl::Status status = Extract(bytes, {}, &sink);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_THAT(sink.files, ElementsAre(Pair("Küche|a.png", "a"), Pair("写真|1.png", "b")));
 }
 
 TEST_P(Archives, NamesThatLeadElsewhereAreRefusedByName) {
