@@ -190,6 +190,7 @@ absl::StatusOr<JobRecord> Jobs::Cancel(std::string_view id) {
   auto job = store_->Update(id, [&](JobTransaction& transaction) {
     // A running job only learns of the wish; its worker takes it to CANCELLED.
     transaction.job.cancel_requested = transaction.job.state == JobState::kRunning;
+    transaction.job.has_litter = true;  // files that were replaced
     return ApplyAction(transaction, JobAction::kCancel, clock_(), "cancelled on request");
   });
   if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() tries again

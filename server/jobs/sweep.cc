@@ -9,6 +9,7 @@
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/state_machine.h"
+#include "server/store/digest.h"
 
 namespace litags {
 namespace {
@@ -90,21 +91,33 @@ absl::Status Jobs::RemoveOrphans() {
   return absl::OkStatus();
 }
 
-// A worker that died, or lost its lease, may have stored what no row names. While a job does not
+// Of files that were replaced or refused while the job took files, and of a worker that died or
+// lost its lease, there may be blobs that no row names. While a job takes no files and does not
 // run, nobody can come to name such a blob, since no lease stores under another one's keys: what is
 // not named now is of no use to anybody.
 absl::Status Jobs::RemoveLitter(const std::string& id) {
   const std::string folder = absl::StrCat("jobs/", id);
   LITAGS_ASSIGN_OR_RETURN(const auto names, blobs_->List(folder));
   std::map<std::string, std::vector<std::string>> of_leases;
+  std::vector<std::string> uploaded;
   for (const std::string& name : names) {
-    if (!IsNumber(name)) continue;
-    LITAGS_ASSIGN_OR_RETURN(of_leases[name], blobs_->List(absl::StrCat(folder, "/", name)));
+    if (IsDigest(name)) {
+      uploaded.push_back(name);
+    } else if (IsNumber(name)) {
+      LITAGS_ASSIGN_OR_RETURN(of_leases[name], blobs_->List(absl::StrCat(folder, "/", name)));
+    }
   }
   // After the list: a job that does not run now has stored nothing since.
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
-  if (job.state == JobState::kQueued || job.state == JobState::kRunning) return absl::OkStatus();
+  if (job.state == JobState::kUploading || job.state == JobState::kQueued ||
+      job.state == JobState::kRunning) {
+    return absl::OkStatus();
+  }
   LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> named, BlobsNamedBy(job));
+  for (const std::string& sha256 : uploaded) {
+    if (named.contains(sha256)) continue;
+    LITAGS_RETURN_IF_ERROR(blobs_->Remove(absl::StrCat(folder, "/", sha256)));
+  }
   for (const auto& [lease, blobs] : of_leases) {
     // The copy is for clang 14, which takes no structured binding by reference.
     const auto is_named = [&named, lease = lease](const std::string& sha256) {
@@ -122,7 +135,9 @@ absl::Status Jobs::RemoveLitter(const std::string& id) {
   return store_
       ->Update(id,
                [&](JobTransaction& now) {
-                 if (now.job.last_event == job.last_event) now.job.has_litter = false;
+                 if (now.job.last_event != job.last_event) return absl::OkStatus();
+                 now.job.has_litter = false;
+                 now.job.litter_bytes = 0;
                  return absl::OkStatus();
                })
       .status();
@@ -130,6 +145,8 @@ absl::Status Jobs::RemoveLitter(const std::string& id) {
 
 absl::StatusOr<std::set<std::string>> Jobs::BlobsNamedBy(const JobRecord& job) {
   std::set<std::string> named;
+  LITAGS_ASSIGN_OR_RETURN(const auto files, store_->Files(job.id));
+  for (const FileRecord& file : files) named.insert(file.sha256);
   if (!job.kept.empty()) {
     LITAGS_ASSIGN_OR_RETURN(const KeptFiles kept, Decode<KeptFiles>(job.kept));
     for (const auto& [name, file] : kept) named.insert(file.blob);

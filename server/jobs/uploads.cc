@@ -26,6 +26,11 @@ bool IsIn(const std::vector<FileRecord>& files, const FileRecord& file) {
   });
 }
 
+// Whether a row for `file` takes the place of one with other bytes.
+bool Replaces(const FileRecord& file, const FileRecord& old) {
+  return SameName(file, old) && file.sha256 != old.sha256;
+}
+
 bool GivesCameras(const FileRecord& file) {
   return file.role == FileRole::kCameras || file.role == FileRole::kColmap;
 }
@@ -81,13 +86,14 @@ absl::StatusOr<std::vector<FileStatus>> Uploads::Query(std::string_view id,
   return result;
 }
 
-absl::Status Uploads::CheckRoom(std::string_view id, const std::vector<FileRecord>& files,
+absl::Status Uploads::CheckRoom(const JobRecord& job, const std::vector<FileRecord>& files,
                                 const FileRecord& file, const PartialFiles::Usage& coming) const {
-  int64_t count = 1 + coming.files, bytes = file.size_bytes + coming.bytes;
+  int64_t count = 1 + coming.files;
+  int64_t bytes = file.size_bytes + coming.bytes + job.litter_bytes;
   for (const FileRecord& f : files) {
-    if (SameName(f, file)) continue;  // will be replaced
+    if (!SameName(f, file) || Replaces(file, f)) bytes += f.size_bytes;
+    if (SameName(f, file)) continue;
     ++count;
-    bytes += f.size_bytes;
     if (GivesCameras(f) && GivesCameras(file) &&
         (f.role != file.role || file.role == FileRole::kCameras)) {
       return InvalidInput("CAMERAS_TWICE", absl::StrCat("cameras[", file.name, "]"),
@@ -99,14 +105,14 @@ absl::Status Uploads::CheckRoom(std::string_view id, const std::vector<FileRecor
   if (count > limits().max_files) {
     return MakeError(
         absl::StatusCode::kResourceExhausted, "TOO_MANY_FILES", "images",
-        absl::StrCat("jobs/", std::string(id), " would have ", count, " files; a job may have ",
+        absl::StrCat("jobs/", job.id, " would have ", count, " files; a job may have ",
                      limits().max_files, "; upload fewer or split the capture"));
   }
   if (bytes > limits().max_job_bytes) {
     return MakeError(absl::StatusCode::kResourceExhausted, "JOB_TOO_LARGE", "images",
-                     absl::StrCat("jobs/", std::string(id), " would have ", bytes,
-                                  " bytes of files; a job may have ", limits().max_job_bytes,
-                                  "; upload fewer or smaller photos"));
+                     absl::StrCat("jobs/", job.id, " would have ", bytes,
+                                  " bytes of files, replaced ones included; a job may have ",
+                                  limits().max_job_bytes, "; upload fewer or smaller photos"));
   }
   return absl::OkStatus();
 }
@@ -134,7 +140,7 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
     auto& mutexes = area_->announce_mutexes;
     const std::lock_guard lock(mutexes[std::hash<std::string>()(job.owner) % mutexes.size()]);
     // What is there of the file itself counts with it.
-    LITAGS_RETURN_IF_ERROR(CheckRoom(id, files, file, partials().UsageOf(id, key)));
+    LITAGS_RETURN_IF_ERROR(CheckRoom(job, files, file, partials().UsageOf(id, key)));
     LITAGS_RETURN_IF_ERROR(CheckQuota(job, file));
     return partials().Announce(id, key, file.size_bytes);
   }();
@@ -148,28 +154,35 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
   return partial;
 }
 
-std::mutex& Uploads::AddMutex(std::string_view id) {
-  return area_->add_mutexes[std::hash<std::string_view>()(id) % area_->add_mutexes.size()];
-}
-
-// Under AddMutex.
+// Another server may be about to name bytes that no row names now. So nothing is removed while the
+// job takes files; what was replaced counts as the client's until Jobs::RemoveLitter() removes it.
 absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file) {
-  std::string replaced;
   const auto change = [&](JobTransaction& job) -> absl::Status {
     LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
     LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
-    LITAGS_RETURN_IF_ERROR(CheckRoom(id, files, file, {}));
+    LITAGS_RETURN_IF_ERROR(CheckRoom(job.job, files, file, {}));
     for (const FileRecord& f : files) {
-      if (SameName(f, file)) replaced = f.sha256;
+      if (Replaces(file, f)) job.job.litter_bytes += f.size_bytes;
     }
     job.job.expire_time_ms = Expiry();
     return job.PutFile(file);
   };
   const absl::Status status = store_->Update(id, change).status();
-  // What these leave behind goes with the job.
-  if (!status.ok()) RemoveUnused(id, file.sha256).IgnoreError();
-  if (status.ok() && !replaced.empty()) RemoveUnused(id, replaced).IgnoreError();
+  if (!status.ok()) NoteLitter(id);
   return status;
+}
+
+// A file was stored that the job does not have. At worst it goes with the job.
+void Uploads::NoteLitter(std::string_view id) {
+  const absl::Status status = store_
+                                  ->Update(id,
+                                           [](JobTransaction& job) {
+                                             job.job.has_litter = true;
+                                             return absl::OkStatus();
+                                           })
+                                  .status();
+  if (!absl::IsNotFound(status)) return;
+  blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id))).IgnoreError();  // Sweep() tries again
 }
 
 absl::StatusOr<std::optional<JobFile>> Uploads::FindBytes(std::string_view id,
@@ -180,9 +193,19 @@ absl::StatusOr<std::optional<JobFile>> Uploads::FindBytes(std::string_view id,
   return std::nullopt;
 }
 
-absl::Status Uploads::Add(std::string_view id, const FileRecord& file, const std::string& path) {
+// Before bytes are stored: those that are refused only then are of no job, and count for nobody.
+absl::Status Uploads::CheckAdd(std::string_view id, const FileRecord& file) {
   LITAGS_RETURN_IF_ERROR(Check(id));
-  const std::lock_guard lock(AddMutex(id));
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
+  if (IsIn(files, file)) return absl::OkStatus();
+  LITAGS_RETURN_IF_ERROR(CheckRoom(job, files, file, {}));
+  LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
+  return CheckByteQuota(usage.bytes + file.size_bytes, max_owner_bytes_);
+}
+
+absl::Status Uploads::Add(std::string_view id, const FileRecord& file, const std::string& path) {
+  LITAGS_RETURN_IF_ERROR(CheckAdd(id, file));
   const std::string key = BlobKey(id, file.sha256);
   LITAGS_ASSIGN_OR_RETURN(const auto same, FindBytes(id, file));
   if (same && blobs_->Link(BlobKey(same->job_id, file.sha256), key).ok()) {
@@ -194,8 +217,7 @@ absl::Status Uploads::Add(std::string_view id, const FileRecord& file, const std
 }
 
 absl::StatusOr<bool> Uploads::Adopt(std::string_view id, const FileRecord& file) {
-  LITAGS_RETURN_IF_ERROR(Check(id));
-  const std::lock_guard lock(AddMutex(id));
+  LITAGS_RETURN_IF_ERROR(CheckAdd(id, file));
   LITAGS_ASSIGN_OR_RETURN(const auto same, FindBytes(id, file));
   if (!same) return false;
   const absl::Status linked =
@@ -210,19 +232,7 @@ absl::StatusOr<bool> Uploads::Adopt(std::string_view id, const FileRecord& file)
 
 absl::Status Uploads::NoteArchive(std::string_view id, FileRecord archive) {
   archive.size_bytes = 0;
-  const std::lock_guard lock(AddMutex(id));
   return PutRow(id, archive);
-}
-
-absl::Status Uploads::RemoveUnused(std::string_view id, std::string_view sha256) {
-  const auto files = store_->Files(id);
-  if (absl::IsNotFound(files.status())) {
-    return blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id)));
-  }
-  LITAGS_RETURN_IF_ERROR(files.status());
-  const bool used = std::any_of(files->begin(), files->end(),
-                                [&](const FileRecord& f) { return f.sha256 == sha256; });
-  return used ? absl::OkStatus() : blobs_->Remove(BlobKey(id, sha256));
 }
 
 }  // namespace litags

@@ -45,9 +45,6 @@ struct UploadArea {
       : limits(limits), partials(std::move(partials_root), {blobs, limits.chunk_bytes}) {}
   const UploadLimits limits;
   PartialFiles partials;
-  // Files of one job are added one at a time: bytes are stored before the row that names them, and
-  // removed again if the row is refused. By a hash of the job's id.
-  std::array<std::mutex, 16> add_mutexes;
   // Files of one owner are announced one at a time, so that no two take the same room. By a hash
   // of the owner.
   std::array<std::mutex, 16> announce_mutexes;
@@ -100,13 +97,13 @@ class Uploads {
   int64_t Expiry() const { return clock_() + static_cast<int64_t>(1000 * limits().keep_seconds); }
 
  private:
-  absl::Status CheckRoom(std::string_view id, const std::vector<FileRecord>& files,
+  absl::Status CheckRoom(const JobRecord& job, const std::vector<FileRecord>& files,
                          const FileRecord& file, const PartialFiles::Usage& coming) const;
   absl::Status CheckQuota(const JobRecord& job, const FileRecord& file) const;
   absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
   absl::Status PutRow(std::string_view id, const FileRecord& file);
-  absl::Status RemoveUnused(std::string_view id, std::string_view sha256);
-  std::mutex& AddMutex(std::string_view id);
+  absl::Status CheckAdd(std::string_view id, const FileRecord& file);
+  void NoteLitter(std::string_view id);
 
   JobStore* const store_;
   BlobStore* const blobs_;

@@ -266,18 +266,47 @@ TEST_F(UploadsTest, FilesAndBytesOfAJobAreBoundedThoseOnTheirWayIncluded) {
   EXPECT_EQ(Reason(Add(id, "c.jpg", "ccc")), "TOO_MANY_FILES");
   ASSERT_TRUE(Add(id, "b.jpg", "bbbb").ok());
   EXPECT_EQ(Reason(Add(id, "c.jpg", "ccc")), "TOO_MANY_FILES");
-  EXPECT_EQ(Reason(Add(id, "b.jpg", std::string(98, 'b'))), "JOB_TOO_LARGE");
-  EXPECT_TRUE(Add(id, "b.jpg", std::string(97, 'b')).ok());
+  // What is replaced is there until the job is started.
+  EXPECT_EQ(Reason(Add(id, "b.jpg", std::string(94, 'b'))), "JOB_TOO_LARGE");
+  EXPECT_TRUE(Add(id, "b.jpg", std::string(93, 'b')).ok());
 }
 
-TEST_F(UploadsTest, ReplacedFilesLeaveNoBytesAndASecondCamerasFileIsRefused) {
+TEST_F(UploadsTest, ReplacedBytesStayWhileAnotherServerMayComeToNameThemAndGoAfter) {
   const std::string id = NewJob();
   ASSERT_TRUE(Add(id, "a.jpg", "first").ok());
   ASSERT_TRUE(Add(id, "a.jpg", "other one").ok());
+  ASSERT_TRUE(jobs_->Sweep().ok());
+  EXPECT_EQ(*blobs_->Get(BlobKey(id, Sha256::Hex("first"))), "first");
+  ASSERT_TRUE(jobs_->Cancel(id).ok());
+  ASSERT_TRUE(jobs_->Sweep().ok());
   EXPECT_EQ(BytesOnDisk(), 9);
+  EXPECT_EQ(*blobs_->Get(BlobKey(id, Sha256::Hex("other one"))), "other one");
+  EXPECT_TRUE(store_->Littered(10)->empty());
+}
+
+TEST_F(UploadsTest, ReplacedBytesCountAgainstTheOwnersUntilTheyAreGone) {
+  const auto alice = jobs_->For({.owner = "alice", .max_bytes = 1000});
+  const std::string id = alice->Create({})->id;
+  const auto add = [&](const std::string& job, char byte) -> absl::Status {
+    const FileRecord file = Photo("a.jpg", std::string(400, byte));
+    LITAGS_ASSIGN_OR_RETURN(auto partial, alice->uploads().Open(job, file, 0));
+    LITAGS_RETURN_IF_ERROR(partial->Append(std::string(400, byte)));
+    return alice->uploads().Add(job, file, partial->path());
+  };
+  ASSERT_TRUE(add(id, 'x').ok());
+  ASSERT_TRUE(add(id, 'y').ok());
+  EXPECT_EQ(Reason(add(id, 'z')), "BYTE_QUOTA_REACHED");
+  EXPECT_EQ(alice->Get(id)->bytes, 400);  // of the job's own files
+  ASSERT_TRUE(alice->Cancel(id).ok());
+  ASSERT_TRUE(jobs_->Sweep().ok());
+  EXPECT_TRUE(add(alice->Create({})->id, 'z').ok());
+}
+
+TEST_F(UploadsTest, RefusedFilesAreNotStored) {
+  const std::string id = NewJob();
   ASSERT_TRUE(Add(id, "one.json", "{}", FileRole::kCameras).ok());
   EXPECT_EQ(Reason(Add(id, "two.json", "[]", FileRole::kCameras)), "CAMERAS_TWICE");
-  EXPECT_EQ(BytesOnDisk(), 11);
+  EXPECT_EQ(BytesOnDisk(), 2);
 }
 
 TEST_F(UploadsTest, CancelDeleteAndStartEndUploadsAndLeaveNothingOfThem) {

@@ -63,6 +63,7 @@ struct JobRecord {
 
   int snapshot_iteration = -1;  // -1: no snapshot
   bool has_litter = false;      // there may be blobs of it that nothing names
+  int64_t litter_bytes = 0;     // of them, what was uploaded and replaced
 
   // JSON, opaque to the store; empty: none. See server/jobs/codec.h.
   std::string kept;  // what the engine left for later runs, the newest snapshot among it
@@ -104,7 +105,7 @@ struct EventRecord {
 // What one owner's jobs amount to.
 struct OwnerUsage {
   int64_t jobs = 0;
-  int64_t bytes = 0;  // of all their files
+  int64_t bytes = 0;  // of all their files, replaced ones that are still there included
 };
 
 // All jobs, for whoever watches over the service.
@@ -202,7 +203,7 @@ class JobStore {
   // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
   virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
 
-  // Jobs that have_litter and neither run nor wait to.
+  // Jobs that have_litter and neither take files nor run nor wait to.
   virtual absl::StatusOr<std::vector<std::string>> Littered(int limit) = 0;
 
   virtual absl::StatusOr<JobCensus> Census() = 0;

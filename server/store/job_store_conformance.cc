@@ -28,6 +28,7 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   job.snapshot_iteration = 250;
   job.kept = "{\"scene\":1}";
   job.has_litter = true;
+  job.litter_bytes = 9;
   job.options = "{\"o\":1}";
   job.progress = "{\"p\":1}";
   job.error = "{\"e\":1}";
@@ -51,6 +52,7 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   EXPECT_EQ(read->snapshot_iteration, 250);
   EXPECT_EQ(read->kept, job.kept);
   EXPECT_TRUE(read->has_litter);
+  EXPECT_EQ(read->litter_bytes, 9);
   EXPECT_EQ(read->options, job.options);
   EXPECT_EQ(read->progress, job.progress);
   EXPECT_EQ(read->error, job.error);

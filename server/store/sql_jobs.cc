@@ -39,6 +39,7 @@ void VisitColumns(Record& job, F&& f) {
   f("bytes", Column::kChanges, job.bytes);
   f("snapshot_iteration", Column::kChanges, job.snapshot_iteration);
   f("has_litter", Column::kChanges, job.has_litter);
+  f("litter_bytes", Column::kChanges, job.litter_bytes);
   f("kept", Column::kChanges, job.kept);
   f("options", Column::kChanges, job.options);
   f("policy", Column::kChanges, job.policy);
@@ -146,7 +147,7 @@ class SqlJobTransaction : public JobTransaction {
     LITAGS_RETURN_IF_ERROR(sql_.LockOwner(owner_));
     // This job's row is written at the end: its bytes are counted from here.
     LITAGS_ASSIGN_OR_RETURN(const OwnerUsage others, SelectUsage(sql_, owner_, id_));
-    return OwnerUsage{others.jobs + 1, others.bytes + bytes_};
+    return OwnerUsage{others.jobs + 1, others.bytes + bytes_ + job.litter_bytes};
   }
 
   absl::Status PutFile(const FileRecord& file) override {
@@ -287,15 +288,15 @@ absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t 
 
 absl::StatusOr<std::vector<std::string>> SelectLittered(SqlSession& sql, int limit) {
   const auto row = sql.Prepare(
-      "SELECT id FROM jobs WHERE has_litter=1 AND state NOT IN (2, 3) ORDER BY id LIMIT ?1");
+      "SELECT id FROM jobs WHERE has_litter=1 AND state NOT IN (1, 2, 3) ORDER BY id LIMIT ?1");
   row->Bind(int64_t{limit});
   return ReadAll(*row, ReadId);
 }
 
 absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
                                        std::string_view but) {
-  const auto row =
-      sql.Prepare("SELECT COUNT(*), COALESCE(SUM(bytes), 0) FROM jobs WHERE owner=?1 AND id<>?2");
+  const auto row = sql.Prepare(
+      "SELECT COUNT(*), COALESCE(SUM(bytes + litter_bytes), 0) FROM jobs WHERE owner=?1 AND id<>?2");
   row->Bind(std::string(owner)).Bind(std::string(but));
   LITAGS_RETURN_IF_ERROR(row->Step().status());
   return OwnerUsage{row->Int(0), row->Int(1)};
