@@ -12,6 +12,7 @@
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 #include "engine/core/splats.h"
+#include "engine/core/utf8.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -140,6 +141,14 @@ TEST(CounterRng, HasTheMomentsItClaims) {
   EXPECT_NEAR(var / kDraws, 1, 5 * std::sqrt(2.0 / kDraws));
   EXPECT_NEAR(uniform / kDraws, 0.5, 5 * std::sqrt(1.0 / 12 / kDraws));
   EXPECT_NE(rng.Bits(0), CounterRng(1, 3).Bits(0));
+}
+
+TEST(Utf8, PrefixesEndBetweenCharactersAndInvalidBytesAreReplaced) {
+  EXPECT_EQ(Utf8Prefix("Küche", 2), "K");
+  EXPECT_EQ(Utf8Prefix("Küche", 3), "Kü");
+  EXPECT_EQ(Utf8Prefix("Küche", 100), "Küche");
+  EXPECT_EQ(Utf8Prefix("a\xFF\xE5\x86z", 100), "a\uFFFD\uFFFD\uFFFDz");
+  EXPECT_EQ(Utf8Prefix("\xFF\xFF", 4), "\uFFFD");
 }
 
 TEST(Splats, NamesTheFirstGaussianThatIsNotFinite) {

@@ -15,6 +15,7 @@
 #include <system_error>
 #include <utility>
 
+#include "engine/core/utf8.h"
 #include "engine/io/io_error.h"
 
 namespace litags {
@@ -93,26 +94,6 @@ int WriteNewFile(const std::string& path, absl::Span<const std::string_view> par
   }
   if (::fsync(fd.get()) != 0) return errno;
   return fd.Close() ? 0 : errno;
-}
-
-// Length of the valid UTF-8 sequence at the start of `s` (no overlong forms, no surrogates), 0 if
-// there is none.
-size_t Utf8Length(std::string_view s) {
-  const auto byte = [&](size_t i) { return i < s.size() ? uint8_t(s[i]) : uint8_t{0}; };
-  const auto tail = [&](size_t i) { return (byte(i) & 0xC0) == 0x80; };
-  const uint8_t b0 = byte(0), b1 = byte(1);
-  if (b0 < 0x80) return 1;
-  if (b0 >= 0xC2 && b0 <= 0xDF) return tail(1) ? 2 : 0;
-  if (b0 >= 0xE0 && b0 <= 0xEF) {
-    const bool shortest = b0 != 0xE0 || b1 >= 0xA0;
-    const bool surrogate = b0 == 0xED && b1 >= 0xA0;
-    return tail(1) && tail(2) && shortest && !surrogate ? 3 : 0;
-  }
-  if (b0 >= 0xF0 && b0 <= 0xF4) {
-    const bool in_range = (b0 != 0xF0 || b1 >= 0x90) && (b0 != 0xF4 || b1 <= 0x8F);
-    return tail(1) && tail(2) && tail(3) && in_range ? 4 : 0;
-  }
-  return 0;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/utf8.h"
 #include "litags/v1/errors.pb.h"
 
 namespace litags {
@@ -19,22 +20,23 @@ static_assert(static_cast<int>(absl::StatusCode::kFailedPrecondition) == grpc::F
 static_assert(static_cast<int>(absl::StatusCode::kUnauthenticated) == grpc::UNAUTHENTICATED);
 
 constexpr size_t kJobIdLength = 16;
-constexpr size_t kMaxMessageBytes = 4096;  // HTTP/2 trailers are bounded by the peer
+// Of the message and of the field. Clients take trailers of 8 KiB, and these come as a message with
+// up to three bytes for one, and with the field in Base64.
+constexpr size_t kMaxTextBytes = 1024;
 
 }  // namespace
 
 grpc::Status ToGrpc(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
   const auto code = static_cast<grpc::StatusCode>(status.code());
-  std::string message(status.message());
-  if (message.size() > kMaxMessageBytes) message.resize(kMaxMessageBytes);
+  const std::string message = Utf8Prefix(std::string(status.message()), kMaxTextBytes);
   const ErrorDetail detail =
       GetErrorDetail(status).value_or(ErrorDetail{absl::StatusCodeToString(status.code()), ""});
   if (code == grpc::INTERNAL || code == grpc::UNKNOWN) spdlog::error("{}", status.ToString());
 
   v1::ErrorDetail proto_detail;
   proto_detail.set_reason(detail.reason);
-  proto_detail.set_field(detail.field);
+  proto_detail.set_field(Utf8Prefix(detail.field, kMaxTextBytes));
   v1::RpcStatus rpc;
   rpc.set_code(code);
   rpc.set_message(message);
@@ -48,7 +50,7 @@ absl::StatusOr<std::string> ParseJobName(const std::string& name) {
   const auto is_id_char = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z'); };
   if (id.empty() || id.size() > kJobIdLength || !std::all_of(id.begin(), id.end(), is_id_char)) {
     return InvalidInput("JOB_NAME_INVALID", "name",
-                        absl::StrCat("\"", name.substr(0, 100),
+                        absl::StrCat("\"", Utf8Prefix(name, 100),
                                      "\" is not a job's name; names have the form jobs/ID, with "
                                      "the ID that CreateJob returned"));
   }

@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
@@ -16,7 +15,7 @@ constexpr size_t kMaxSkipped = 100;
 std::string PathIn(const ArchiveEntry& entry) {
   std::vector<std::string> parts = entry.folders;
   parts.push_back(entry.name);
-  return absl::Utf8SafeCHexEscape(absl::StrJoin(parts, "/"));
+  return ShownName(absl::StrJoin(parts, "/"));
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/utf8.h"
 
 namespace litags {
 namespace {
@@ -42,18 +43,11 @@ class Utf8Names {
   locale_t before_ = nullptr;
 };
 
-// Names of entries are shown in messages: without control characters, and not endlessly.
-std::string Shown(std::string_view name) {
-  constexpr size_t kLongest = 200;
-  const std::string text = absl::Utf8SafeCHexEscape({name.data(), name.size()});
-  return text.size() <= kLongest ? text : absl::StrCat(text.substr(0, kLongest), "...");
-}
-
 absl::Status NotRecognized(const std::string& field, const std::string& why) {
   return InvalidInput(
       "ARCHIVE_NOT_RECOGNIZED", field,
-      absl::StrCat(field, ": not the start of a ZIP or TAR archive, plain or gzipped (", Shown(why),
-                   "); pack it anew or upload the files themselves"));
+      absl::StrCat(field, ": not the start of a ZIP or TAR archive, plain or gzipped (",
+                   ShownName(why), "); pack it anew or upload the files themselves"));
 }
 
 class Extraction {
@@ -97,10 +91,11 @@ class Extraction {
     const char* why = archive_error_string(reader_.get());
     const std::string text = why ? why : "damaged";
     if (at_start) return NotRecognized(field_, text);
-    return InvalidInput("ARCHIVE_CORRUPT", field_,
-                        absl::StrCat(field_, ": the archive cannot be read",
-                                     name_.empty() ? "" : " from the entry " + Shown(name_) + " on",
-                                     " (", Shown(text), "); pack it anew"));
+    return InvalidInput(
+        "ARCHIVE_CORRUPT", field_,
+        absl::StrCat(field_, ": the archive cannot be read",
+                     name_.empty() ? "" : " from the entry " + ShownName(name_) + " on", " (",
+                     ShownName(text), "); pack it anew"));
   }
 
   absl::Status TooMuch(const char* reason, const std::string& what) const {
@@ -111,7 +106,7 @@ class Extraction {
 
   absl::Status Unsafe(const char* why) const {
     return InvalidInput("ARCHIVE_ENTRY_UNSAFE", field_,
-                        absl::StrCat(field_, ": the entry \"", Shown(name_), "\" ", why,
+                        absl::StrCat(field_, ": the entry \"", ShownName(name_), "\" ", why,
                                      "; an archive may hold plain files and folders with relative "
                                      "names only"));
   }
@@ -129,7 +124,7 @@ class Extraction {
     if (type != AE_IFREG && type != AE_IFDIR) return Unsafe("is a device, pipe or socket");
     if (archive_entry_is_encrypted(entry)) {
       return InvalidInput("ARCHIVE_ENCRYPTED", field_,
-                          absl::StrCat(field_, ": the entry \"", Shown(name_),
+                          absl::StrCat(field_, ": the entry \"", ShownName(name_),
                                        "\" is encrypted; pack the folder without a password"));
     }
     return SplitName(type == AE_IFDIR);
@@ -182,7 +177,7 @@ class Extraction {
   absl::Status CheckSize(int64_t bytes) const {
     if (bytes >= 0 && bytes <= limits_.max_entry_bytes) return absl::OkStatus();
     return TooMuch("ARCHIVE_ENTRY_TOO_LARGE",
-                   absl::StrCat("the entry \"", Shown(name_), "\" of more than ",
+                   absl::StrCat("the entry \"", ShownName(name_), "\" of more than ",
                                 limits_.max_entry_bytes, " bytes"));
   }
 
@@ -225,6 +220,12 @@ absl::Status NotOpened(archive* reader, std::string_view field) {
 }
 
 }  // namespace
+
+std::string ShownName(std::string_view name) {
+  constexpr size_t kLongest = 200;
+  const std::string text = absl::Utf8SafeCHexEscape({name.data(), name.size()});
+  return text.size() <= kLongest ? text : absl::StrCat(Utf8Prefix(text, kLongest), "...");
+}
 
 absl::Status ExtractArchive(const std::string& path, const ArchiveLimits& limits,
                             std::string_view field, ArchiveSink* sink, const CancelToken& cancel) {

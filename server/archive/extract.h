@@ -28,6 +28,9 @@ struct ArchiveEntry {
   std::string name;                  // "0001.jpg"
 };
 
+// A name as messages show it: without control characters, and not endlessly.
+std::string ShownName(std::string_view name);
+
 // Takes the files of an archive, one after the other. An error of any call ends the extraction and
 // is its result.
 class ArchiveSink {

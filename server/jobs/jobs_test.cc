@@ -374,6 +374,8 @@ TEST(JobPolicy, ValuesOutOfRangeAreRefusedByName) {
   };
   EXPECT_EQ(field([](JobPolicy&) {}), "none");
   EXPECT_EQ(field([](JobPolicy& p) { p.priority = -101; }), "policy.priority");
+  EXPECT_EQ(field([](JobPolicy& p) { p.priority = std::numeric_limits<int>::min(); }),
+            "policy.priority");
   EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = -1; }), "policy.max_run_seconds");
   EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = std::nan(""); }),
             "policy.max_run_seconds");

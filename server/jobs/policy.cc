@@ -27,7 +27,9 @@ bool IsDuration(double seconds) {
 }  // namespace
 
 absl::Status JobPolicy::Validate() const {
-  if (std::abs(priority) > kMaxPriority) return Bad("priority", priority, "in -100..100");
+  if (priority < -kMaxPriority || priority > kMaxPriority) {
+    return Bad("priority", priority, "in -100..100");
+  }
   if (!IsDuration(max_run_seconds)) {
     return Bad("max_run_seconds", max_run_seconds, "0 (no limit) or up to 1e9");
   }

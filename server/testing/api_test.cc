@@ -7,6 +7,7 @@
 #include <set>
 
 #include "server/api/convert.h"
+#include "server/api/status.h"
 #include "server/jobs/codec.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"
@@ -18,6 +19,22 @@ namespace {
 using ::testing::HasSubstr;
 
 class JobsApi : public ApiTest {};
+
+TEST(ToGrpc, AnswersFitTheTrailersThatClientsTakeAndAreValidText) {
+  std::string text;
+  for (int i = 0; i < 100'000; ++i) text += "ü\xFF写";
+  const grpc::Status status = ToGrpc(InvalidInput("BAD_FILE_NAME", text, text));
+  v1::RpcStatus rpc;
+  ASSERT_TRUE(rpc.ParseFromString(status.error_details()));
+  v1::ErrorDetail detail;
+  ASSERT_TRUE(rpc.details(0).UnpackTo(&detail));
+  EXPECT_EQ(rpc.message(), status.error_message());
+  EXPECT_THAT(detail.field(), ::testing::StartsWith("ü\uFFFD写ü"));
+  EXPECT_TRUE(detail.field().ends_with("ü") || detail.field().ends_with("写") ||
+              detail.field().ends_with("\uFFFD"));
+  // Percent-encoded, and in Base64.
+  EXPECT_LT(3 * status.error_message().size() + 4 * status.error_details().size() / 3, 7000u);
+}
 
 TEST_F(JobsApi, DefaultsOfProtoAndEngineAreTheSame) {
   v1::Job job;

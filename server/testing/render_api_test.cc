@@ -139,7 +139,13 @@ TEST_F(RenderApi, BadSettingsAreRefusedWithTheirField) {
     return Refusal();
   };
   EXPECT_EQ(refusal_of([&] { s->set_width(-1); }), "PICTURE_SIZE_INVALID settings.width");
-  EXPECT_EQ(refusal_of([&] { s->set_width(100'000); }), "PICTURE_TOO_LARGE settings.width");
+  EXPECT_EQ(refusal_of([&] { s->set_width(30'000); }), "PICTURE_TOO_LARGE settings.width");
+  EXPECT_EQ(refusal_of([&] { s->set_width(32'767); }), "PICTURE_SIZE_INVALID settings.width");
+  EXPECT_EQ(refusal_of([&] {
+              s->set_width(1);
+              s->set_height(2'000'000'000);
+            }),
+            "PICTURE_SIZE_INVALID settings.height");
   EXPECT_EQ(refusal_of([&] { s->set_vertical_fov_deg(kNan); }),
             "FIELD_OF_VIEW_INVALID settings.vertical_fov_deg");
   EXPECT_EQ(refusal_of([&] { s->mutable_intrinsics()->set_fx(5); }),

@@ -1,0 +1,37 @@
+#include "engine/core/utf8.h"
+
+#include <cstdint>
+
+namespace litags {
+
+size_t Utf8Length(std::string_view s) {
+  const auto byte = [&](size_t i) { return i < s.size() ? uint8_t(s[i]) : uint8_t{0}; };
+  const auto tail = [&](size_t i) { return (byte(i) & 0xC0) == 0x80; };
+  const uint8_t b0 = byte(0), b1 = byte(1);
+  if (b0 < 0x80) return 1;
+  if (b0 >= 0xC2 && b0 <= 0xDF) return tail(1) ? 2 : 0;
+  if (b0 >= 0xE0 && b0 <= 0xEF) {
+    const bool shortest = b0 != 0xE0 || b1 >= 0xA0;
+    const bool surrogate = b0 == 0xED && b1 >= 0xA0;
+    return tail(1) && tail(2) && shortest && !surrogate ? 3 : 0;
+  }
+  if (b0 >= 0xF0 && b0 <= 0xF4) {
+    const bool in_range = (b0 != 0xF0 || b1 >= 0x90) && (b0 != 0xF4 || b1 <= 0x8F);
+    return tail(1) && tail(2) && tail(3) && in_range ? 4 : 0;
+  }
+  return 0;
+}
+
+std::string Utf8Prefix(std::string_view text, size_t max_bytes) {
+  std::string out;
+  while (!text.empty()) {
+    const size_t length = Utf8Length(text);
+    const std::string_view next = length > 0 ? text.substr(0, length) : "\uFFFD";
+    if (out.size() + next.size() > max_bytes) break;
+    out += next;
+    text.remove_prefix(length > 0 ? length : 1);
+  }
+  return out;
+}
+
+}  // namespace litags

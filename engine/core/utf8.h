@@ -1,0 +1,21 @@
+// Text from strangers.
+#ifndef LITAGS_ENGINE_CORE_UTF8_H_
+#define LITAGS_ENGINE_CORE_UTF8_H_
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace litags {
+
+// Length of the valid UTF-8 sequence at the start of `s` (no overlong forms, no surrogates), 0 if
+// there is none.
+size_t Utf8Length(std::string_view s);
+
+// The start of `text`, of at most `max_bytes`, as valid UTF-8: whole characters only, and U+FFFD
+// for each byte that belongs to none.
+std::string Utf8Prefix(std::string_view text, size_t max_bytes);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_CORE_UTF8_H_
