@@ -99,6 +99,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
         request->request_id(), request->display_name(), ToHex(request->content_digest()), {}, {}};
     LITAGS_ASSIGN_OR_RETURN(wanted.policy, PolicyFromProto(request->policy()));
     LITAGS_ASSIGN_OR_RETURN(wanted.options, OptionsFromProto(request->options()));
+    // Equal requests have equal bytes: the message holds no map.
+    wanted.request_digest = Sha256::Hex(request->SerializeAsString());
     const auto job = call.jobs()->Create(wanted);
     if (job.ok()) spdlog::info("job={} created", job->id);
     return Answer(*call.jobs(), job, response);

@@ -89,6 +89,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   JobRecord job;
   job.id = RandomHex(8);
   job.request_id = wanted.request_id;
+  job.request_digest = wanted.request_digest;
   job.display_name = wanted.display_name;
   job.content_digest = wanted.content_digest;
   job.options = Encode(wanted.options);
@@ -100,10 +101,15 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   LITAGS_ASSIGN_OR_RETURN(JobRecord made, store_->Create(job, [&](JobTransaction& transaction) {
     return AddStateEvent(transaction, now_ms, "created");
   }));
+  // ResumeJob changes options, and later versions have more of them: neither makes it another
+  // request. Of older jobs only what they are now is known.
+  const bool known = !made.request_digest.empty() && !job.request_digest.empty();
+  if (known && made.request_digest == job.request_digest) return made;
   const char* other = made.display_name != job.display_name       ? "another title"
                       : made.options != job.options               ? "other options"
                       : made.policy != job.policy                 ? "another policy"
                       : made.content_digest != job.content_digest ? "other files"
+                      : known                                     ? "another request"
                                                                   : nullptr;
   if (!other) return made;
   return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED", "request_id",

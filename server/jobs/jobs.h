@@ -34,6 +34,8 @@ struct NewJob {
   std::string content_digest;  // of what will be uploaded, hex; empty: not said
   ReconstructOptions options;
   JobPolicy policy;
+  // Of the request as it was sent; empty: requests are compared by what they made.
+  std::string request_digest = {};
 };
 
 // How all jobs are at the moment.
@@ -59,8 +61,7 @@ class Jobs {
   // stores.
   std::shared_ptr<Jobs> For(ClientView view) const;
 
-  // ALREADY_EXISTS (REQUEST_ID_REUSED) if the id was used for a job of another name, other options
-  // or other content.
+  // ALREADY_EXISTS (REQUEST_ID_REUSED) if the id was used for another request.
   absl::StatusOr<JobRecord> Create(const NewJob& job);
 
   absl::StatusOr<JobRecord> Get(std::string_view id) { return store_->Get(id); }

@@ -111,6 +111,27 @@ TEST_F(JobsTest, RequestIdGivesTheSameJobUnlessTheContentDiffers) {
   EXPECT_THAT(std::string(other_files.status().message()), HasSubstr("other files"));
 }
 
+TEST_F(JobsTest, RequestIdStandsForTheRequestWhateverBecameOfTheJob) {
+  const NewJob first = {"r", "title", "", {}, {}, "digest"};
+  const std::string id = jobs_.Create(first)->id;
+  ASSERT_TRUE(Add(id, "a.jpg").ok());
+  ASSERT_TRUE(Add(id, "b.jpg").ok());
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  const auto more = [](ReconstructOptions& options, JobPolicy&) {
+    options.iterations += 10;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(jobs_.Resume(id, more).ok());
+  const auto again = jobs_.Create(first);
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(again->id, id);
+  // What the job is now is not what was asked for.
+  NewJob other = {"r", "title", "", {}, {}, "other digest"};
+  other.options.iterations += 10;
+  EXPECT_EQ(Reason(jobs_.Create(other).status()), "REQUEST_ID_REUSED");
+}
+
 TEST_F(JobsTest, OnePhotoIsTooFew) {
   const std::string id = jobs_.Create({})->id;
   EXPECT_EQ(Reason(jobs_.Start(id).status()), "TOO_FEW_PHOTOS");

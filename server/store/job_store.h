@@ -36,6 +36,7 @@ struct JobRecord {
   std::string id;
   std::string owner;       // name of the client that made it; empty: made without authentication
   std::string request_id;  // empty: none; unique per owner
+  std::string request_digest;  // of the request with that id; empty: not known
   std::string display_name;
   std::string content_digest;  // what the creator said would be uploaded; empty: nothing said
   JobState state = JobState::kUploading;

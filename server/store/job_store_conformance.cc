@@ -18,6 +18,7 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   JobRecord job = MakeJob("a1", 1000, JobState::kRunning);
   job.owner = "alice";
   job.request_id = "req";
+  job.request_digest = "00ff";
   job.display_name = "my \"fox\"; DROP TABLE jobs";
   job.cancel_requested = true;
   job.attempt = 2;
@@ -39,6 +40,7 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->owner, "alice");
   EXPECT_EQ(read->request_id, job.request_id);
+  EXPECT_EQ(read->request_digest, job.request_digest);
   EXPECT_EQ(read->display_name, job.display_name);
   EXPECT_EQ(read->state, job.state);
   EXPECT_TRUE(read->cancel_requested);

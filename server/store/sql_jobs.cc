@@ -18,6 +18,7 @@ void VisitColumns(Record& job, F&& f) {
   f("id", Column::kFixed, job.id);
   f("owner", Column::kFixed, job.owner);
   f("request_id", Column::kFixed, job.request_id);
+  f("request_digest", Column::kFixed, job.request_digest);
   f("content_digest", Column::kFixed, job.content_digest);
   f("create_time_ms", Column::kFixed, job.create_time_ms);
   f("display_name", Column::kChanges, job.display_name);
