@@ -178,6 +178,7 @@ absl::StatusOr<std::vector<std::string>> Jobs::Sweep() {
     if (!absl::IsNotFound(status)) LITAGS_RETURN_IF_ERROR(status);  // else deleted meanwhile
   }
   data_.EmptyTmp(uploads_.limits().keep_seconds);
+  blobs_->RemoveTemporary();
   return removed;
 }
 

@@ -48,6 +48,10 @@ class BlobStore {
   virtual absl::Status Remove(std::string_view key) = 0;
   // Removes all blobs whose keys begin with the folder `prefix` ("jobs/ID").
   virtual absl::Status RemoveFolder(std::string_view prefix) = 0;
+
+  // Removes what killed processes left of blobs that they were writing; nothing of this day's,
+  // since another process may still be at it.
+  virtual void RemoveTemporary() {}
 };
 
 // What is inside a local folder; empty if there is no such folder.

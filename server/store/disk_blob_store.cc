@@ -21,6 +21,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kTemporaryPrefix[] = "put-";
+constexpr double kAbandonedSeconds = 24 * 3600;
+
 absl::Status ErrorOf(const char* action, const fs::path& path, int error) {
   if (error == ENOENT) {
     return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", "",
@@ -140,6 +143,17 @@ class DiskBlobStore : public BlobStore {
     return error ? ErrorOf("remove", PathOf(prefix), error.value()) : absl::OkStatus();
   }
 
+  void RemoveTemporary() override {
+    const auto entries = ListFolder(root_ / "tmp");
+    if (!entries.ok()) return;  // the next time, then
+    for (const FolderEntry& entry : *entries) {
+      if (!entry.name.starts_with(kTemporaryPrefix) || entry.quiet_seconds < kAbandonedSeconds) {
+        continue;
+      }
+      unlink((root_ / "tmp" / entry.name).c_str());  // another server may have done it just now
+    }
+  }
+
   absl::Status MakeFolder(const fs::path& folder) {
     std::error_code error;
     if (fs::create_directories(folder, error)) {
@@ -161,7 +175,9 @@ class DiskBlobStore : public BlobStore {
     return status;
   }
 
-  fs::path TemporaryPath() const { return root_ / "tmp" / absl::StrCat("put-", RandomHex(8)); }
+  fs::path TemporaryPath() const {
+    return root_ / "tmp" / absl::StrCat(kTemporaryPrefix, RandomHex(8));
+  }
 
   fs::path PathOf(std::string_view key) const {
     LITAGS_CHECK(!key.empty() && key.front() != '/' &&

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
+#include <fstream>
 
 #include "server/testing/blob_store_kind.h"
 #include "server/testing/temp_dir.h"
@@ -18,6 +20,21 @@ TEST(DiskBlobStore, NothingTemporaryIsLeft) {
   const auto blobs = MakeTestedBlobStore(dir.path());
   ASSERT_TRUE(blobs->Put("jobs/1/cc", "x").ok());
   EXPECT_TRUE(std::filesystem::is_empty(dir.path() + "/blobs/tmp"));
+}
+
+TEST(DiskBlobStore, TemporaryFilesOfYesterdayAreRemoved) {
+  TempDir dir;
+  const auto blobs = MakeTestedBlobStore(dir.path());
+  const std::filesystem::path tmp = dir.path() + "/blobs/tmp";
+  for (const char* name : {"put-old", "put-new", "strangers"}) std::ofstream(tmp / name) << "x";
+  const auto long_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(25);
+  for (const char* name : {"put-old", "strangers"}) {
+    std::filesystem::last_write_time(tmp / name, long_ago);
+  }
+  blobs->RemoveTemporary();
+  EXPECT_FALSE(std::filesystem::exists(tmp / "put-old"));
+  EXPECT_TRUE(std::filesystem::exists(tmp / "put-new"));  // another server may be writing it
+  EXPECT_TRUE(std::filesystem::exists(tmp / "strangers"));
 }
 
 }  // namespace
