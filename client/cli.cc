@@ -13,9 +13,8 @@ namespace {
 // Codes other than INVALID_ARGUMENT that are answers to what the user gave.
 bool IsAboutInput(const std::string& reason) {
   static const auto& reasons = *new std::set<std::string>{
-      "TOO_FEW_PHOTOS", "PHOTO_SIZES_DIFFER", "IMAGE_TOO_LARGE",  "FILE_TOO_LARGE",
-      "TOO_MANY_FILES", "PICTURE_TOO_LARGE",  "REQUEST_ID_REUSED",
-      "JOB_TOO_LARGE",  "COLMAP_INCOMPLETE"};
+      "TOO_FEW_PHOTOS",    "IMAGE_TOO_LARGE",   "FILE_TOO_LARGE", "TOO_MANY_FILES",
+      "PICTURE_TOO_LARGE", "REQUEST_ID_REUSED", "JOB_TOO_LARGE",  "COLMAP_INCOMPLETE"};
   return reasons.count(reason) > 0 || reason.starts_with("ARCHIVE_");
 }
 

@@ -15,18 +15,11 @@ namespace {
 
 // What a scene needs at least. The engine may still refuse photos that pass.
 absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
-  const FileRecord* first = nullptr;
-  const FileRecord* other = nullptr;  // of another size than the first
   int photos = 0;
-  bool cameras = false;
   int binary_files = 0, text_files = 0;  // of COLMAP models
   for (const FileRecord& file : files) {
-    if (file.role == FileRole::kCameras || file.role == FileRole::kColmap) cameras = true;
     if (file.role == FileRole::kColmap) ++(file.name.ends_with(".txt") ? text_files : binary_files);
-    if (file.role != FileRole::kPhoto) continue;
-    ++photos;
-    if (!first) first = &file;
-    if (!other && (file.width != first->width || file.height != first->height)) other = &file;
+    if (file.role == FileRole::kPhoto) ++photos;
   }
   if (photos < 2) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
@@ -38,15 +31,6 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
                      absl::StrCat("the job has ", std::max(binary_files, text_files),
                                   " of the 3 files of a COLMAP model; upload cameras.bin, "
                                   "images.bin and points3D.bin, or the same three as .txt"));
-  }
-  if (other && !cameras) {
-    return MakeError(
-        absl::StatusCode::kFailedPrecondition, "PHOTO_SIZES_DIFFER",
-        absl::StrCat("images[", other->name, "]"),
-        absl::StrCat(first->name, " has ", first->width, "x", first->height, " px and ",
-                     other->name, " has ", other->width, "x", other->height,
-                     " px; photos must share one size, unless cameras (transforms.json) are "
-                     "uploaded with them"));
   }
   return absl::OkStatus();
 }

@@ -79,7 +79,7 @@ class Jobs {
   // Files for jobs that are not started yet.
   Uploads& uploads() { return uploads_; }
 
-  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, PHOTO_SIZES_DIFFER, beside the state's own.
+  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, beside the state's own.
   absl::StatusOr<JobRecord> Start(std::string_view id);
   absl::StatusOr<JobRecord> Cancel(std::string_view id);
   // Errors of `change`, of ResumedOptions(), and those of Start().

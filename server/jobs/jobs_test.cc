@@ -143,16 +143,10 @@ TEST_F(JobsTest, OnePhotoIsTooFew) {
   EXPECT_EQ(State(id), JobState::kUploading);
 }
 
-TEST_F(JobsTest, TwoSizesAreRefusedByNameUnlessCamerasAreGiven) {
+TEST_F(JobsTest, PhotosMayHaveSeveralSizes) {
   const std::string id = jobs_.Create({})->id;
   ASSERT_TRUE(Add(id, "a.jpg", 64, 48).ok());
   ASSERT_TRUE(Add(id, "b.jpg", 48, 64).ok());
-  const absl::Status status = jobs_.Start(id).status();
-  EXPECT_EQ(Reason(status), "PHOTO_SIZES_DIFFER");
-  EXPECT_EQ(GetErrorDetail(status)->field, "images[b.jpg]");
-  EXPECT_THAT(std::string(status.message()), HasSubstr("a.jpg has 64x48"));
-  EXPECT_THAT(std::string(status.message()), HasSubstr("b.jpg has 48x64"));
-  ASSERT_TRUE(Add(id, "transforms.json", 0, 0, FileRole::kCameras).ok());
   EXPECT_TRUE(jobs_.Start(id).ok());
 }
 

@@ -60,14 +60,6 @@ class BadUploads(harness.ServiceTest):
         files = [("cut.png", harness.png()[:-40])]
         self.refused_upload(files, INVALID, "IMAGE_TRUNCATED", "images[cut.png]", "cut.png")
 
-    def test_photos_of_two_sizes(self):
-        files = [("a.png", harness.png(64, 48)), ("b.png", harness.png(48, 64))]
-        job = self.job()
-        self.jobs.UploadImages(self.upload(job, files))
-        self.assert_refused(lambda: self.jobs.StartJob(rpc.StartJobRequest(name=job)), PRECONDITION,
-                            "PHOTO_SIZES_DIFFER", "images[b.png]", r"a\.png.*64x48|64x48.*a\.png")
-        self.refused_submit(files, "PHOTO_SIZES_DIFFER", "images[b.png]", "48x64")
-
     def test_one_photo_only(self):
         files = [("a.png", harness.png())]
         job = self.job()
