@@ -80,6 +80,11 @@ absl::StatusOr<OwnerUsage> ClientJobStore::UsageOf(std::string_view owner) {
   return store_->UsageOf(owner);
 }
 
+absl::StatusOr<std::vector<std::string>> ClientJobStore::Uploading(std::string_view owner) {
+  if (!view_.sees_all && owner != view_.owner) return std::vector<std::string>();
+  return store_->Uploading(owner);
+}
+
 absl::StatusOr<std::vector<EventRecord>> ClientJobStore::Events(std::string_view id, int64_t after,
                                                                 int limit) {
   LITAGS_RETURN_IF_ERROR(Get(id).status());

@@ -40,6 +40,7 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
                                                   std::string_view sha256) override;
   absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override;
+  absl::StatusOr<std::vector<std::string>> Uploading(std::string_view owner) override;
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                   int limit) override;
   absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen, double seconds) override {

@@ -103,10 +103,9 @@ absl::Status Uploads::CheckRoom(const JobRecord& job, const std::vector<FileReco
     }
   }
   if (count > limits().max_files) {
-    return MakeError(
-        absl::StatusCode::kResourceExhausted, "TOO_MANY_FILES", "images",
-        absl::StrCat("jobs/", job.id, " would have ", count, " files; a job may have ",
-                     limits().max_files, "; upload fewer or split the capture"));
+    return MakeError(absl::StatusCode::kResourceExhausted, "TOO_MANY_FILES", "images",
+                     absl::StrCat("jobs/", job.id, " would have ", count, " files; a job may have ",
+                                  limits().max_files, "; upload fewer or split the capture"));
   }
   if (bytes > limits().max_job_bytes) {
     return MakeError(absl::StatusCode::kResourceExhausted, "JOB_TOO_LARGE", "images",
@@ -122,10 +121,9 @@ absl::Status Uploads::CheckQuota(const JobRecord& job, const FileRecord& file) c
   if (max_owner_bytes_ == 0) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
   int64_t bytes = usage.bytes + file.size_bytes;
-  for (const std::string& other_id : area_->partials.Jobs()) {
-    const auto other = store_->Get(other_id);
-    if (!other.ok() || other->owner != job.owner) continue;
-    bytes += area_->partials.UsageOf(other_id, other_id == job.id ? PartialKey(file) : "").bytes;
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> uploading, store_->Uploading(job.owner));
+  for (const std::string& id : uploading) {
+    bytes += area_->partials.UsageOf(id, id == job.id ? PartialKey(file) : "").bytes;
   }
   return CheckByteQuota(bytes, max_owner_bytes_);
 }
@@ -182,7 +180,8 @@ void Uploads::NoteLitter(std::string_view id) {
                                            })
                                   .status();
   if (!absl::IsNotFound(status)) return;
-  blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id))).IgnoreError();  // Sweep() tries again
+  // Of a deleted job. Sweep() tries again.
+  blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id))).IgnoreError();
 }
 
 absl::StatusOr<std::optional<JobFile>> Uploads::FindBytes(std::string_view id,

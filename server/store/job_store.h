@@ -225,6 +225,8 @@ class JobStore {
 
   // What the jobs of this owner amount to.
   virtual absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) = 0;
+  // Ids of this owner's jobs that take files.
+  virtual absl::StatusOr<std::vector<std::string>> Uploading(std::string_view owner) = 0;
 
   // Events with numbers above `after`, in order, at most `limit`.
   virtual absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,

@@ -108,6 +108,16 @@ TEST_F(JobStoreConformance, OwnersHaveRequestIdsListsAndSumsOfTheirOwn) {
   EXPECT_EQ(store_->UsageOf("bob")->bytes, 14);
   EXPECT_EQ(store_->UsageOf("alice")->bytes, 7);
   EXPECT_EQ(store_->UsageOf("carol")->jobs, 0);
+
+  ASSERT_TRUE(store_
+                  ->Update("b2",
+                           [](JobTransaction& job) {
+                             job.job.state = JobState::kCancelled;
+                             return absl::OkStatus();
+                           })
+                  .ok());
+  EXPECT_THAT(*store_->Uploading("bob"), ElementsAre("b1"));
+  EXPECT_THAT(*store_->Uploading("carol"), ElementsAre());
 }
 
 TEST_F(JobStoreConformance, UnknownJobIsNotFoundInEveryCall) {

@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <filesystem>
 #include <functional>
-#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
@@ -194,19 +193,6 @@ bool PartialFiles::InUse(std::string_view job_id) {
     if (!it->second.expired()) return true;
   }
   return false;
-}
-
-std::vector<std::string> PartialFiles::Jobs() {
-  std::set<std::string> ids;
-  std::error_code error;
-  for (fs::directory_iterator it(root_, error), end; !error && it != end; it.increment(error)) {
-    ids.insert(it->path().filename());
-  }
-  std::lock_guard lock(mutex_);
-  for (const auto& [name, slot] : slots_) {
-    if (!slot.expired()) ids.insert(name.substr(0, name.find('/')));
-  }
-  return {ids.begin(), ids.end()};
 }
 
 PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id, std::string_view but_key) {

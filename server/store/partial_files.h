@@ -7,7 +7,6 @@
 #include <mutex>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -90,9 +89,6 @@ class PartialFiles {
   // for the digest. OUT_OF_RANGE (OFFSET_INVALID) if fewer are there.
   absl::StatusOr<std::unique_ptr<PartialFile>> Open(std::string_view job_id, std::string_view key,
                                                     int64_t file_bytes, int64_t offset);
-
-  // Ids of the jobs that have files on their way, each once.
-  std::vector<std::string> Jobs();
 
   // Whether a stream has a file of the job open.
   bool InUse(std::string_view job_id);

@@ -143,6 +143,15 @@ absl::StatusOr<OwnerUsage> SqlJobStore::UsageOf(std::string_view owner) {
   return usage;
 }
 
+absl::StatusOr<std::vector<std::string>> SqlJobStore::Uploading(std::string_view owner) {
+  std::vector<std::string> ids;
+  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(ids, SelectUploading(sql, owner));
+    return absl::OkStatus();
+  }));
+  return ids;
+}
+
 absl::Status SqlJobStore::PutWorker(const WorkerRecord& worker) {
   return Write([&](SqlSession& sql) -> absl::StatusOr<bool> {
     LITAGS_RETURN_IF_ERROR(UpsertWorker(sql, worker));

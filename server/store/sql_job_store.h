@@ -37,6 +37,7 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<std::vector<std::string>> Littered(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
   absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override;
+  absl::StatusOr<std::vector<std::string>> Uploading(std::string_view owner) override;
   absl::Status PutWorker(const WorkerRecord& worker) override;
   absl::Status RemoveWorker(std::string_view name) override;
   absl::StatusOr<std::vector<WorkerRecord>> Workers(int64_t since_ms) override;

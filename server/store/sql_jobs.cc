@@ -297,10 +297,17 @@ absl::StatusOr<std::vector<std::string>> SelectLittered(SqlSession& sql, int lim
 absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
                                        std::string_view but) {
   const auto row = sql.Prepare(
-      "SELECT COUNT(*), COALESCE(SUM(bytes + litter_bytes), 0) FROM jobs WHERE owner=?1 AND id<>?2");
+      "SELECT COUNT(*), COALESCE(SUM(bytes + litter_bytes), 0) FROM jobs WHERE owner=?1 AND "
+      "id<>?2");
   row->Bind(std::string(owner)).Bind(std::string(but));
   LITAGS_RETURN_IF_ERROR(row->Step().status());
   return OwnerUsage{row->Int(0), row->Int(1)};
+}
+
+absl::StatusOr<std::vector<std::string>> SelectUploading(SqlSession& sql, std::string_view owner) {
+  const auto row = sql.Prepare("SELECT id FROM jobs WHERE owner=?1 AND state=1");
+  row->Bind(std::string(owner));
+  return ReadAll(*row, ReadId);
 }
 
 absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql) {

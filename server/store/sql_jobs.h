@@ -37,6 +37,7 @@ absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql);
 // Of all the owner's jobs but `but`.
 absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
                                        std::string_view but);
+absl::StatusOr<std::vector<std::string>> SelectUploading(SqlSession& sql, std::string_view owner);
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id);
 absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,
                                                       FileRole role, std::string_view sha256);
