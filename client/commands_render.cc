@@ -198,7 +198,9 @@ void AddPath(CLI::App& app, Session& session) {
   path->add_option("--radius-scale", args->radius_scale, "Of the orbit, times the scene's radius")
       ->needs(orbit);
   path->add_option("--elevation", args->elevation_deg, "Of the orbit, degrees")->needs(orbit);
-  path->add_option("--sweep", args->sweep_deg, "Of the orbit, degrees (360)")->needs(orbit);
+  path->add_option("--sweep", args->sweep_deg,
+                   "Of the orbit, degrees; default: as far round as there are photos")
+      ->needs(orbit);
   path->add_option("--keyframes", args->keyframes, "Through these cameras, by their photos' names")
       ->excludes(orbit);
   path->add_flag("--closed", args->closed, "From the last keyframe back to the first")

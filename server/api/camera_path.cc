@@ -16,6 +16,8 @@ using Eigen::Vector3d;
 
 constexpr int kDefaultFrames = 60, kMaxFrames = 10000;
 constexpr double kMaxElevationDeg = 89;
+// Photos with no larger gap between them surround the scene; the rest is for rounding.
+constexpr double kMaxGapDeg = 90 + 1e-6;
 
 Vector3d ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
@@ -46,16 +48,58 @@ double MeanElevation(const Scene& scene, const Vector3d& center, const Vector3d&
   return std::clamp(sum / static_cast<double>(scene.views().size()), -limit, limit);
 }
 
+// The part of a circle that the photos cover, as angles from its first axis to its second, radians:
+// all but the largest gap between two neighbours.
+struct Arc {
+  double begin = 0, sweep = 0;
+};
+
+Arc CoveredArc(const Scene& scene, const Vector3d& center, const Vector3d& first,
+               const Vector3d& second) {
+  std::vector<double> angles;
+  for (const View& view : scene.views()) {
+    const Vector3d d = ToVector(view.camera.Center()) - center;
+    angles.push_back(std::atan2(d.dot(second), d.dot(first)));
+  }
+  std::sort(angles.begin(), angles.end());
+  double largest = 0, begin = 0;  // of a gap, and where it ends
+  for (size_t i = 0; i < angles.size(); ++i) {
+    const double before = i > 0 ? angles[i - 1] : angles.back() - 2 * M_PI;
+    if (angles[i] - before <= largest) continue;
+    largest = angles[i] - before;
+    begin = angles[i];
+  }
+  return {begin, 2 * M_PI - largest};
+}
+
+// Where on its circle each frame of an orbit stands, by the axes of CoveredArc().
+std::vector<double> OrbitAngles(double sweep_deg, const Arc& covered, int frames) {
+  const bool surrounded = 2 * M_PI - covered.sweep <= kMaxGapDeg * M_PI / 180;
+  std::vector<double> angles;
+  for (int f = 0; f < frames; ++f) {
+    if (sweep_deg == 0 && !surrounded) {
+      // There and back, slowest where it turns: behind the arc nothing was seen.
+      const double part = 0.5 - 0.5 * std::cos(2 * M_PI * f / frames);
+      angles.push_back(covered.begin + part * covered.sweep);
+      continue;
+    }
+    // From the first photo on. A full turn does not show its first frame again.
+    const double turn_deg = sweep_deg == 0 ? 360 : sweep_deg;
+    const int steps = std::abs(turn_deg) >= 360 ? frames : std::max(1, frames - 1);
+    angles.push_back(f * turn_deg * M_PI / 180 / steps);
+  }
+  return angles;
+}
+
 absl::StatusOr<std::vector<Camera>> Around(const v1::Orbit& orbit, int frames, const Camera& lens,
                                            const Scene& scene) {
   const Vector3d center = ToVector(scene.center()), up = ToVector(scene.up()).normalized();
   const double scale = orbit.radius_scale() == 0 ? 1 : orbit.radius_scale();
-  const double sweep_deg = orbit.sweep_deg() == 0 ? 360 : orbit.sweep_deg();
   if (!(scale > 0 && std::isfinite(scale))) {
     return InvalidInput("ORBIT_INVALID", "orbit.radius_scale",
                         absl::StrCat("radius_scale is ", scale, "; it must be positive"));
   }
-  if (!std::isfinite(sweep_deg)) {
+  if (!std::isfinite(orbit.sweep_deg())) {
     return InvalidInput("ORBIT_INVALID", "orbit.sweep_deg", "sweep_deg must be a finite number");
   }
   double elevation = MeanElevation(scene, center, up);
@@ -67,19 +111,17 @@ absl::StatusOr<std::vector<Camera>> Around(const v1::Orbit& orbit, int frames, c
     }
     elevation = orbit.elevation_deg() * M_PI / 180;
   }
-  // The circle begins where the first photo was taken.
+  // The circle's first axis points to where the first photo was taken.
   Vector3d first = ToVector(scene.views().front().camera.Center()) - center;
   first -= first.dot(up) * up;
   if (first.norm() < 1e-9) first = up.unitOrthogonal();
   first.normalize();
   const Vector3d second = up.cross(first);
   const double radius = scale * scene.radius();
-  // A full turn does not show its first frame again.
-  const bool full = std::abs(sweep_deg) >= 360;
-  const double step = sweep_deg * M_PI / 180 / (full ? frames : std::max(1, frames - 1));
+  const Arc covered = CoveredArc(scene, center, first, second);
   std::vector<Camera> cameras;
-  for (int f = 0; f < frames; ++f) {
-    const Vector3d out = std::cos(f * step) * first + std::sin(f * step) * second;
+  for (const double angle : OrbitAngles(orbit.sweep_deg(), covered, frames)) {
+    const Vector3d out = std::cos(angle) * first + std::sin(angle) * second;
     const Vector3d eye = center + radius * (std::cos(elevation) * out + std::sin(elevation) * up);
     Camera camera = lens;
     LITAGS_RETURN_IF_ERROR(camera.LookAt({eye.x(), eye.y(), eye.z()}, scene.center(), scene.up()));

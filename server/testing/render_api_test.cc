@@ -221,6 +221,7 @@ class PathApi : public RenderApi {
 TEST_F(PathApi, OrbitStaysOnItsCircleAndComesInOrder) {
   path_.mutable_orbit()->set_radius_scale(0.5);
   path_.mutable_orbit()->set_elevation_deg(30);
+  path_.mutable_orbit()->set_sweep_deg(360);
   path_.set_frames(8);
   std::vector<v1::RenderPathResponse> frames;
   const grpc::Status status = Path(&frames);
