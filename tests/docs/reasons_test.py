@@ -1,4 +1,4 @@
-"""docs/api.md lists every reason that the code gives, and no other."""
+"""docs/api.md lists every reason that the code gives, and no other; the protos name only these."""
 
 import os
 import pathlib
@@ -26,6 +26,20 @@ class ReasonsTest(unittest.TestCase):
         listed = re.findall(r"`([A-Z][A-Z0-9]*(?:_[A-Z0-9]+)+)`", page)
         self.assertEqual(len(listed), len(set(listed)), "a reason is listed twice")
         self.assertEqual(set(listed), reasons_of_code())
+
+    def test_the_protos_name_reasons_of_the_page(self):
+        text = "".join(p.read_text() for p in SOURCE.joinpath("proto/litags/v1").glob("*.proto"))
+        page = SOURCE.joinpath("docs/api.md").read_text()
+        # In comments: after a code, in brackets or in a list.
+        comments = " ".join(re.findall(r"//(.*)", text))
+        named = set(re.findall(r"\b[A-Z]+(?:_[A-Z]+)+\b", comments))
+        values = set(re.findall(r"^\s*([A-Z][A-Z0-9_]+) = \d+;", text, re.MULTILINE))
+        codes = {"INVALID_ARGUMENT", "NOT_FOUND", "ALREADY_EXISTS", "FAILED_PRECONDITION",
+                 "RESOURCE_EXHAUSTED", "DEADLINE_EXCEEDED", "OUT_OF_RANGE", "DATA_LOSS",
+                 "PERMISSION_DENIED", "UPPER_SNAKE_CASE"}
+        unknown = {n for n in named - codes
+                   if f"`{n}`" not in page and not any(f"_{v}".endswith(f"_{n}") for v in values)}
+        self.assertEqual(unknown, set())
 
 
 if __name__ == "__main__":
