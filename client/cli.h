@@ -54,6 +54,9 @@ int ReportError(const Session& session, const absl::Status& status, const std::s
 // A line to stderr.
 void Note(std::string_view text);
 
+// Says on stderr what a job in the queue needs and no worker has, if that is so.
+void NoteWaiting(Session& session, const std::string& job);
+
 // Follows a job from event `after` on until it ends: on a terminal a progress line that is drawn
 // anew, else one line per event, to `out`; with `json` each event as a JSON object per line.
 // Returns the exit code.

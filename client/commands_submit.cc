@@ -207,6 +207,7 @@ int Submit(Session& session, const SubmitArgs& args) {
   std::printf("%s\n", job->name().c_str());
   std::fflush(stdout);
   if (args.watch) return FollowJob(session, job->name(), 0, stderr, /*json=*/false);
+  NoteWaiting(session, job->name());
   Note(absl::StrCat("follow it with: litags watch ", job->name()));
   return kExitOk;
 }

@@ -60,9 +60,16 @@ class EventPrinter {
 
 }  // namespace
 
+void NoteWaiting(Session& session, const std::string& job) {
+  const auto found = session.client().GetJob(job);
+  if (!found.ok() || found->waits_for().empty()) return;  // errors are the next call's to report
+  Note(absl::StrCat(job, " waits for ", Printable(found->waits_for())));
+}
+
 int FollowJob(Session& session, const std::string& job, int64_t after, std::FILE* out, bool json) {
   int64_t last = after;
   EventPrinter printer(out, json);
+  if (!json) NoteWaiting(session, job);
   const auto result = session.client().WatchJob(job, after, [&](const v1::JobEvent& event) {
     last = event.number();
     printer.Print(event);

@@ -98,6 +98,17 @@ class Fleet(harness.ServiceTest):
         self.assertEqual((policy.min_cores, policy.min_memory_bytes, list(policy.labels)),
                          (3, 1 << 30, ["site-b", "avx512"]))
 
+    def test_who_submits_or_watches_hears_what_the_job_waits_for(self):
+        self.start_worker("--labels", "site-b")
+        self.wait_for(lambda: self.metric("litags_workers") == 1, "the worker is there")
+        out, err = self.litags("submit", self.photos(), "--labels", "site-c")
+        self.assertRegex(err, "waits for .*label site-c")
+        job = out.strip()
+        watch = self.start_litags("watch", job)
+        watch.stdout.readline()  # the first event comes after it
+        self.litags("cancel", job)
+        self.assertRegex(watch.communicate(timeout=harness.PATIENCE_S)[1], "waits for .*label site-c")
+
     def test_labels_that_are_none_are_refused(self):
         _, err = self.litags("submit", self.photos(), "--labels", "a b", exit_code=2)
         self.assertRegex(err, "policy.labels")
