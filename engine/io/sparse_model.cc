@@ -13,31 +13,6 @@
 #include "engine/io/transforms_io.h"
 
 namespace litags {
-
-absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
-                                        int default_width, int default_height) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) return ReadColmapModel(path, field);
-  return ReadTransforms(path, field, default_width, default_height);
-}
-
-double LargestShift(const Camera& camera, const Distortion& d) {
-  constexpr int kSteps = 16;  // a side
-  double largest = 0;
-  for (int i = 0; i <= kSteps; ++i) {
-    for (int j = 0; j <= kSteps; ++j) {
-      const double x = (double(camera.width) * j / kSteps - camera.cx) / camera.fx;
-      const double y = (double(camera.height) * i / kSteps - camera.cy) / camera.fy;
-      const double r2 = x * x + y * y, radial = r2 * (d.k1 + r2 * d.k2);
-      const double dx = x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x);
-      const double dy = y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y;
-      largest =
-          std::max(largest, std::sqrt(std::pow(camera.fx * dx, 2) + std::pow(camera.fy * dy, 2)));
-    }
-  }
-  return largest;
-}
-
 namespace {
 
 // `out` of type and size of `in`: what the pinhole `camera` would have taken.
@@ -64,6 +39,30 @@ absl::Status Remap(const cv::Mat& in, const Camera& camera, const Distortion& di
 }
 
 }  // namespace
+
+absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
+                                        int default_width, int default_height) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) return ReadColmapModel(path, field);
+  return ReadTransforms(path, field, default_width, default_height);
+}
+
+double LargestShift(const Camera& camera, const Distortion& d) {
+  constexpr int kSteps = 16;  // a side
+  double largest = 0;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      const double x = (double(camera.width) * j / kSteps - camera.cx) / camera.fx;
+      const double y = (double(camera.height) * i / kSteps - camera.cy) / camera.fy;
+      const double r2 = x * x + y * y, radial = r2 * (d.k1 + r2 * d.k2);
+      const double dx = x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x);
+      const double dy = y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y;
+      largest =
+          std::max(largest, std::sqrt(std::pow(camera.fx * dx, 2) + std::pow(camera.fy * dy, 2)));
+    }
+  }
+  return largest;
+}
 
 absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,
                                   const Distortion& distortion) {

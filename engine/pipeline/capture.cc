@@ -68,8 +68,8 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
         "CAMERA_SIZE_MISMATCH", field,
         absl::StrCat(v->view.name, ": the photo is ", v->photo.width, "x", v->photo.height,
                      " but its camera says ", camera.width, "x", camera.height,
-                     "; send the photo as it was when its camera "
-                     "was found, or delete the folder cameras of this run"));
+                     "; send the photo as it was when its camera was found, or "
+                     "delete the folder cameras of this run"));
   }
   v->distortion = distortion;
   if (distortion.IsZero()) return absl::OkStatus();
@@ -231,9 +231,9 @@ absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const S
     views[i].target = std::move(targets[i].image);
     gains.push_back(targets[i].gain);
     if (!targets[i].reached) {
-      notes->push_back(absl::StrCat(views[i].view.name, " stays darker than wanted: no gain ",
-                                    "brings it there; leave it out, or mask ",
-                                    "what no light fell on"));
+      notes->push_back(absl::StrCat(views[i].view.name,
+                                    " stays darker than wanted: no gain brings ",
+                                    "it there; leave it out, or mask what no light fell on"));
     }
   }
   const auto median = gains.begin() + gains.size() / 2;

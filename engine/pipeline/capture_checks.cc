@@ -42,11 +42,12 @@ absl::Status CheckOffset(const std::vector<TrainView>& views,
     for (int k = 0; k < 3; ++k) mean[k] += center[k] / views.size();
   }
   // How far away what they see is, or how far apart they are.
-  std::vector<double> distances = {SceneExtent(views)};
+  const double extent = SceneExtent(views);
+  std::vector<double> distances = {extent};
   for (const SparsePoint& p : points) distances.push_back(Distance(p.xyz, mean));
   const auto median = distances.begin() + distances.size() / 2;
   std::nth_element(distances.begin(), median, distances.end());
-  const double size = std::max(SceneExtent(views), *median), offset = Distance(mean, {});
+  const double size = std::max(extent, *median), offset = Distance(mean, {});
   if (offset <= kMaxOffset * size) return absl::OkStatus();
   return InvalidInput(
       "SCENE_FAR_AWAY", "cameras",

@@ -20,7 +20,7 @@ namespace litags {
 namespace {
 
 constexpr double kTheta = 0.49;  // authors' release
-constexpr double kLeastOfLit = 0.45;
+constexpr double kLeastOfLit = 0.45;  // quantile, see CaptureGain. Choice
 constexpr int kClippedCode = 255;
 
 using Histogram = std::array<double, 256>;  // fraction of all samples that count

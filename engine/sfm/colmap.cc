@@ -22,17 +22,8 @@ namespace {
 constexpr double kMatchBudget = 5e9;
 constexpr int kMinFeatures = 1000, kMaxFeatures = 4000;
 
-std::string LensName(LensModel lens) {
-  switch (lens) {
-    case LensModel::kPinhole:
-      return "PINHOLE";
-    case LensModel::kSimpleRadial:
-      return "SIMPLE_RADIAL";
-    case LensModel::kOpenCv:
-      return "OPENCV";
-  }
-  return "";
-}
+// f and k1; the principal point stays at the image centre. Measured, see README.md.
+constexpr char kCameraModel[] = "SIMPLE_RADIAL";
 
 // Calls progress with the fraction of the first two numbers that `format` finds in a line.
 std::function<void(std::string_view)> CountLines(const char* format, const FractionFn& progress) {
@@ -117,7 +108,7 @@ absl::StatusOr<double> Colmap::ExtractFeatures(int num_photos, const FractionFn&
                                    "--image_path",
                                    images_dir(),
                                    "--ImageReader.camera_model",
-                                   LensName(options_.lens),
+                                   kCameraModel,
                                    "--ImageReader.single_camera_per_folder",
                                    "1",
                                    "--SiftExtraction.use_gpu",

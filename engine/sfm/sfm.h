@@ -22,19 +22,10 @@ namespace litags {
 enum class Exposure { kNormal, kLow, kOver };
 std::string_view ExposureName(Exposure exposure);  // "normal", "low", "over"
 
-// Which camera parameters COLMAP solves for. The principal point stays at the image centre.
-enum class LensModel {
-  kPinhole,       // fx fy; photos free of lens distortion
-  kSimpleRadial,  // f k1
-  kOpenCv,        // fx fy k1 k2 p1 p2; of many photos
-};
-
 struct SfmOptions {
   std::string colmap = "colmap";  // program name or path; 3.8 is what the tests run
   int threads = 0;                // bound on COLMAP's and our threads; 0: all cores
   uint64_t seed = 0;              // COLMAP's --random_seed; see FindCameras about repeatability
-  // Of each camera; photos of one size and EXIF focal length share one.
-  LensModel lens = LensModel::kSimpleRadial;
   int max_image_side = 1600;    // larger photos are matched at this longer side, px; 0: as they are
   int max_features = 0;         // SIFT features per photo; 0: 1000..4000, fewer for more photos
   int sequential_above = 200;   // with more photos, match only neighbours in name order

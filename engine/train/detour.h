@@ -44,8 +44,7 @@ class SmallestIndex {
 };
 
 // AdamUpdateBlock on state->params and its moments. Gaussians that would not stay finite keep
-// their values but become transparent, and are removed while density
-// control runs.
+// their values but become transparent; density control removes them while it runs.
 void UpdateBlockOrHide(const AdamStep& step, const float* grads, uint32_t visible, size_t block,
                        SplatState* state);
 

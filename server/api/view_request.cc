@@ -13,8 +13,6 @@ static_assert(static_cast<int>(Channel::kColor) + 1 == v1::CHANNEL_COLOR);
 static_assert(static_cast<int>(Channel::kLight) + 1 == v1::CHANNEL_LIGHT);
 static_assert(static_cast<int>(Channel::kAlpha) + 1 == v1::CHANNEL_ALPHA);
 
-constexpr int64_t kMaxSide = 32766;  // px; boxes of Gaussians have 16-bit sides
-
 std::array<double, 3> ToArray(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
 bool AllFinite(const std::array<double, 3>& v) {
@@ -64,11 +62,11 @@ absl::Status ResolveSize(const v1::RenderSettings& settings, const Camera& base,
   } else if (*height == 0) {
     *height = std::max<int64_t>(1, std::llround(double(*width) * base.height / base.width));
   }
-  if (std::max(*width, *height) > kMaxSide) {
+  if (std::max(*width, *height) > kMaxImageSide) {
     return InvalidInput(
-        "PICTURE_SIZE_INVALID", *width > kMaxSide ? "settings.width" : "settings.height",
+        "PICTURE_SIZE_INVALID", *width > kMaxImageSide ? "settings.width" : "settings.height",
         absl::StrCat("a picture of ", *width, "x", *height,
-                     " px cannot be made; no side may have more than ", kMaxSide, " px"));
+                     " px cannot be made; no side may have more than ", kMaxImageSide, " px"));
   }
   if (*width * *height > max_pixels) {
     return MakeError(absl::StatusCode::kResourceExhausted, "PICTURE_TOO_LARGE", "settings.width",

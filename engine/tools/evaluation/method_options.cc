@@ -101,7 +101,7 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   app->add_option(
          "--schedule-iterations", options->schedule_iterations,
          "lay out rates and densities for so many, the rest goes on at the last rates; with "
-         "the same -o and more --iterations, a finished scene is trained further; 0: all")
+         "the same -o and more --iterations, litags-train trains a finished scene further; 0: all")
       ->capture_default_str();
   app->add_option("--coarse-levels", options->coarse_levels,
                   "start on photos of 2^-n of their size; 0: full size throughout")

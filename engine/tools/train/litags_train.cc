@@ -118,12 +118,10 @@ absl::Status CheckPhotos(const BenchmarkScene& scene) {
 absl::StatusOr<int> CountTestPhotos(const Arguments& args, const ReconstructReport& report) {
   if (args.scene.light.empty() || args.scene.sfm) return 0;
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
+  const NameIndex test(NamesOf(views));
   return static_cast<int>(
-      std::count_if(report.dropped.begin(), report.dropped.end(), [&](const std::string& photo) {
-        return std::any_of(views.begin(), views.end(), [&](const TestView& view) {
-          return Stem(view.view.name) == Stem(photo);
-        });
-      }));
+      std::count_if(report.dropped.begin(), report.dropped.end(),
+                    [&](const std::string& photo) { return test.Find(photo).has_value(); }));
 }
 
 void PrintReport(const ReconstructReport& report, int test_photos) {
