@@ -92,7 +92,8 @@ struct ReconstructOptions {
   int sh_degree = 3;        // 0..3
   bool dense_start = true;  // points of stereo depth to start from, besides SfM's
   // The paper's progressive denoising module. Off: beside the noise filter it is worth nothing that
-  // was measured (docs/results.md), and costs a third of training and half of a picture's time.
+  // was measured (docs/experiments/denoising.md), and costs a third of training and half of a
+  // picture's time.
   bool use_pdm = false;
   int pdm_hidden = 8;  // channels inside its network, 1..64
   int pdm_every = 2;   // one iteration in so many denoises; paper: 1

@@ -19,7 +19,7 @@ constexpr int kTileSize = 16;   // px, a side
 constexpr int kBlockWidth = 4;  // px; a SIMD vector covers 4 x (lanes / 4) pixels
 
 // What hides the view between these transmittances is taken for the surface. Chosen on a capture
-// with exact depth, docs/results.md.
+// with exact depth, docs/experiments/depth.md.
 constexpr float kSurfaceFrom = 0.6f;
 constexpr float kSurfaceTo = 0.3f;
 constexpr float kSurfaceTilt = 0.1f;  // of its Z, how far from it a Gaussian may reach. As above
