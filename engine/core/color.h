@@ -1,4 +1,4 @@
-// The sRGB transfer curve, and planes of bytes.
+// The sRGB transfer curve, luma, and planes of bytes.
 #ifndef LITAGS_ENGINE_CORE_COLOR_H_
 #define LITAGS_ENGINE_CORE_COLOR_H_
 
@@ -19,6 +19,9 @@ inline double LinearFromSrgb(double srgb) {
 inline double SrgbFromLinear(double linear) {
   return linear <= 0.0031308 ? linear * 12.92 : 1.055 * std::pow(linear, 1.0 / 2.4) - 0.055;
 }
+
+// Weights of red, green and blue in luma, ITU-R BT.601, as JPEG has it.
+constexpr float kLumaRed = 0.299f, kLumaGreen = 0.587f, kLumaBlue = 0.114f;
 
 // One byte per pixel, [H, W], rows top to bottom.
 struct PlaneU8 {

@@ -27,6 +27,9 @@ enum SplatRow : int {
 
 constexpr int kMaxShDegree = 3;
 
+// Spherical harmonic of degree 0: a colour that is the same from all sides is 0.5 + kSh0 * kShDc.
+constexpr double kSh0 = 0.28209479177387814;
+
 // Rows in use when colours have SH degree 0..3: lower degrees are a prefix.
 constexpr int SplatRowsForDegree(int sh_degree) {
   return kShRest + 3 * ((sh_degree + 1) * (sh_degree + 1) - 1);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/core/check.h"
+#include "engine/core/color.h"
 #include "engine/core/parallel.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -22,7 +23,6 @@ constexpr float kPerWindow = 1.0f / (kWindow * kWindow);
 constexpr int kMaps = 4;
 constexpr int kPad = 16;           // floats on either side of a scratch row, >= a vector
 constexpr size_t kRowsATask = 16;  // of the picture
-constexpr float kRed = 0.299f, kGreen = 0.587f, kBlue = 0.114f;  // luma, ITU-R BT.601
 
 // The rows of a window's height around row y, top to bottom, of a picture or of the maps.
 struct WindowRows {
@@ -75,9 +75,8 @@ using noise_filter::Sums;
 using noise_filter::WindowRows;
 
 HWY_INLINE FloatVec Luma(FloatTag d, FloatVec r, FloatVec g, FloatVec b) {
-  const auto red = hn::Mul(hn::Set(d, noise_filter::kRed), r);
-  return hn::MulAdd(hn::Set(d, noise_filter::kBlue), b,
-                    hn::MulAdd(hn::Set(d, noise_filter::kGreen), g, red));
+  const auto red = hn::Mul(hn::Set(d, kLumaRed), r);
+  return hn::MulAdd(hn::Set(d, kLumaBlue), b, hn::MulAdd(hn::Set(d, kLumaGreen), g, red));
 }
 
 // Mean over the window from the sums over its height.

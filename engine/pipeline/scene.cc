@@ -14,8 +14,6 @@
 namespace litags {
 namespace {
 
-constexpr float kSh0 = 0.28209479f;  // SH basis 0
-
 // L^t; L is kept off zero so that negative t stays finite.
 float LightPower(float L, float t) { return std::pow(std::max(L, 1e-3f), t); }
 
@@ -56,7 +54,7 @@ Splats InLight(Splats splats, double t) {
     for (int c = 0; c < 3; ++c) {
       const float light = LightPower(splats.at(i, kIllumination + c), static_cast<float>(t));
       float& dc = splats.at(i, kShDc + c);
-      dc = (light * (0.5f + kSh0 * dc) - 0.5f) / kSh0;
+      dc = static_cast<float>((light * (0.5 + kSh0 * dc) - 0.5) / kSh0);
       for (int k = 1; k < 16; ++k) splats.at(i, kShRest + 3 * (k - 1) + c) *= light;
     }
   }

@@ -463,7 +463,6 @@ TEST(Scene, PlyInAnyLightHasTheGaussiansColorsInIt) {
   const auto normal = ReadPly(dir / "normal.ply", "ply");
   ASSERT_TRUE(normal.ok()) << normal.status();
   EXPECT_FALSE(normal->lita_attributes);
-  constexpr float kSh0 = 0.28209479f;
   for (const double t : {-1.0, 0.5, 1.0, 4.0}) {
     ASSERT_TRUE(scene->ExportPly(dir / "lit.ply", t).ok());
     const auto lit = ReadPly(dir / "lit.ply", "ply");

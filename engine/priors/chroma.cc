@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "engine/core/color.h"
 #include "engine/core/mask.h"
 #include "engine/priors/float_image.h"
 #include "engine/priors/information.h"
@@ -48,8 +49,9 @@ class CurveTable {
   std::vector<float> codes_;
 };
 
-// ITU-R BT.601, as JPEG has it.
-float Luma(const cv::Vec3f& rgb) { return 0.299f * rgb[0] + 0.587f * rgb[1] + 0.114f * rgb[2]; }
+float Luma(const cv::Vec3f& rgb) {
+  return kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
+}
 cv::Vec3f LumaChroma(const cv::Vec3f& rgb) {
   const float y = Luma(rgb);
   return {y, (rgb[2] - y) / 1.772f, (rgb[0] - y) / 1.402f};

@@ -14,11 +14,6 @@ namespace litags {
 namespace {
 constexpr size_t kBlocksPerTask = 32;  // 512 Gaussians: long enough to hide the hand-out
 
-// See ViewStats.
-float Radius(const ProjectedSplats::Box& box) {
-  return box.empty() ? 0.0f : 0.5f * (1 + std::max(box.x1 - box.x0, box.y1 - box.y0));
-}
-
 bool HasVjp(int channels) {
   return channels == kColorOnly || channels == kWithoutNoise || channels == kNumChannels;
 }
@@ -95,7 +90,7 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.detached_channels = settings.detached_channels;
 
   s.projected.Resize(splats.size(), settings.num_channels);
-  s.stats.radius_px.resize(splats.size());
+  s.stats.visible.resize(splats.size());
   const size_t blocks = splats.num_blocks();
   ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
     const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
@@ -104,7 +99,7 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
     }
     const size_t last = std::min(splats.size(), end * kSplatBlock);
     for (size_t i = task * kBlocksPerTask * kSplatBlock; i < last; ++i) {
-      s.stats.radius_px[i] = Radius(s.projected.boxes[i]);
+      s.stats.visible[i] = !s.projected.boxes[i].empty();
     }
   });
   Bin(s.projected, s.width, s.height, s.threads, &s.lists, &s.bin_scratch);

@@ -73,9 +73,9 @@ struct RenderSettings {
 };
 
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
-// of visible Gaussians (radius_px > 0) are meaningful.
+// of visible Gaussians are meaningful.
 struct ViewStats {
-  std::vector<float> radius_px;     // larger half-extent of the visible part of its box; 0: none
+  std::vector<uint8_t> visible;     // whether it reaches a pixel's alpha threshold: 0 or 1
   std::vector<float> grad_means2d;  // |dL/dmeans2d|, loss per px
   // Empty unless RenderSettings::pixel_sum asks for them.
   std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS), loss per px
@@ -115,7 +115,7 @@ class Renderer {
   void Backward(const Splats& splats, const Planes& v_image, const Planes& v_alpha,
                 BlockGradSink sink);
 
-  // Statistics of the last Forward (radius_px) and Backward (gradients).
+  // Statistics of the last Forward (visible) and Backward (gradients).
   const ViewStats& stats() const;
 
   // Intermediates of the last Forward, for tests and benchmarks.

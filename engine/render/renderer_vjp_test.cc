@@ -166,7 +166,7 @@ TEST(RendererVjp, SumsOverPixelsMatchTheReferenceOnEveryTarget) {
       EXPECT_TRUE(count.abs_grad_means2d.empty());
       double largest = 0, worst = 0, seen = 0;
       for (size_t i = 0; i < splats.size(); ++i) {
-        if (abs.radius_px[i] <= 0) continue;
+        if (!abs.visible[i]) continue;
         largest = std::max(largest, want.abs_grad[i]);
         worst = std::max(worst, std::abs(abs.abs_grad_means2d[i] - want.abs_grad[i]));
         EXPECT_LE(std::abs(count.pixels[i] - want.pixels[i]), want.doubtful[i]) << i;

@@ -15,7 +15,6 @@ namespace litags {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr float kSh0 = 0.28209479177387814f;
 constexpr float kSh1 = 0.4886025119029199f;
 constexpr float kSh2[5] = {1.0925484305920792f, -1.0925484305920792f, 0.31539156525252005f,
                            -1.0925484305920792f, 0.5462742152960396f};
@@ -30,7 +29,7 @@ constexpr int ShRow(int k, int c) { return k == 0 ? kShDc + c : kShRest + 3 * (k
 template <class D, class V, class F>
 HWY_INLINE void ForEachShBasis(D d, int degree, V x, V y, V z, F&& f) {
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
-  f(0, set(kSh0));
+  f(0, set(float{kSh0}));
   if (degree < 1) return;
   f(1, hn::Mul(set(-kSh1), y));
   f(2, hn::Mul(set(kSh1), z));

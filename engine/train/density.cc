@@ -155,7 +155,7 @@ void DensityStats::Add(PixelSum statistic, const ViewStats& view, int width, int
   const std::vector<float>& lengths =
       statistic == PixelSum::kAbsGradient ? view.abs_grad_means2d : view.grad_means2d;
   for (size_t i = 0; i < grad.size(); ++i) {
-    if (view.radius_px[i] <= 0) continue;
+    if (!view.visible[i]) continue;
     const float w = statistic == PixelSum::kCount ? view.pixels[i] : 1;
     grad[i] += w * lengths[i] * to_half_image;
     weight[i] += w;

@@ -250,10 +250,10 @@ TEST(Density, StatsCountOnlyViewsWhereAGaussianIsSeen) {
   DensityStats stats;
   stats.Reset(3);
   ViewStats view;
-  view.radius_px = {2, 0, 5};
+  view.visible = {1, 0, 1};
   view.grad_means2d = {0.5f, 99, 0.25f};
   stats.Add(PixelSum::kNone, view, 40, 20);
-  view.radius_px = {0, 0, 1};
+  view.visible = {0, 0, 1};
   stats.Add(PixelSum::kNone, view, 40, 20);
   EXPECT_EQ(stats.weight, (std::vector<float>{1, 0, 2}));
   EXPECT_EQ(stats.grad, (std::vector<float>{10, 0, 10}));
@@ -263,7 +263,7 @@ TEST(Density, StatsSumAbsoluteGradientsWhereAskedTo) {
   DensityStats stats;
   stats.Reset(2);
   ViewStats view;
-  view.radius_px = {2, 0};
+  view.visible = {1, 0};
   view.grad_means2d = {0.5f, 99};
   view.abs_grad_means2d = {2, 99};
   stats.Add(PixelSum::kAbsGradient, view, 40, 20);
@@ -275,7 +275,7 @@ TEST(Density, StatsWeighViewsByPixelsWhereAskedTo) {
   DensityStats stats;
   stats.Reset(1);
   ViewStats view;
-  view.radius_px = {2};
+  view.visible = {1};
   view.grad_means2d = {0.5f};
   view.pixels = {30};
   stats.Add(PixelSum::kCount, view, 40, 20);

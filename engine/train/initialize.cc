@@ -15,7 +15,6 @@ namespace litags {
 namespace {
 
 constexpr double kInitialOpacity = 0.1;
-constexpr double kSh0 = 0.28209479177387814;  // SH basis 0
 constexpr int kNeighbours = 3;                // that make the scale
 constexpr int kPlaneNeighbours = 12;          // that make the plane. Choice
 // Variance across the plane over the smaller one in it, at most: more is no surface. Choice

@@ -10,7 +10,6 @@
 namespace litags {
 namespace {
 
-constexpr double kSh0 = 0.28209479177387814;
 
 std::vector<SparsePoint> RandomPoints(int n) {
   const CounterRng rng(8, 0);

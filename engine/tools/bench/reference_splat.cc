@@ -14,7 +14,6 @@
 namespace litags {
 namespace {
 
-constexpr double kShC0 = 0.28209479177387814;  // Y_00: colour = kShC0 * sh_dc + 0.5
 
 Camera ReadCamera(const ReferenceCase& reference) {
   Camera camera;
@@ -79,7 +78,7 @@ Splats ReadSplats(const ReferenceCase& reference) {
   for (size_t i = 0; i < features.size(); ++i) {
     const int c = static_cast<int>(i % channels);
     splats.at(i / channels, FeatureRow(c)) =
-        c < 3 ? static_cast<float>((features[i] - 0.5) / kShC0) : features[i];
+        c < 3 ? static_cast<float>((features[i] - 0.5) / kSh0) : features[i];
   }
   return splats;
 }
@@ -196,7 +195,7 @@ void CompareFeatureGradients(const ReferenceCase& reference, const GradientCompa
   for (size_t i = 0; i < grads.size(); ++i) {
     for (int c = 0; c < channels; ++c) {
       const double g = grads.at(i, FeatureRow(c));
-      actual.push_back(static_cast<float>(c < 3 ? g / kShC0 : g));
+      actual.push_back(static_cast<float>(c < 3 ? g / kSh0 : g));
     }
   }
   compare.Compare("grad_features", actual, reference.Doubles("grad_features"));
@@ -257,7 +256,7 @@ void RunSplatBackwardCase(const ReferenceCase& reference, CaseReport* report) {
   const ViewStats& stats = renderer.stats();
   auto compare_norms = [&](const std::string& array, std::vector<float> actual) {
     for (size_t i = 0; i < actual.size(); ++i) {
-      if (!(stats.radius_px[i] > 0)) actual[i] = 0;
+      if (!stats.visible[i]) actual[i] = 0;
     }
     const std::vector<float> norms = Lengths(reference.Doubles(array));
     compare.Compare(absl::StrCat("|", array, "|"), actual, {norms.begin(), norms.end()});
