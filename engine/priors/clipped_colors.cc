@@ -99,10 +99,7 @@ Rgb EstimateLogRatio(const ScenePalette& palette, float log_exposure, const Rgb&
 
 }  // namespace
 
-float Clippedness(float code) {
-  const float x = std::clamp((code - kKnee) / (kTop - kKnee), 0.0f, 1.0f);
-  return x * x * (3 - 2 * x);
-}
+float Clippedness(float code) { return SmoothStep((code - kKnee) / (kTop - kKnee)); }
 
 ScenePalette CollectPalette(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
                             double gain, absl::Span<const PlaneU8> masks) {

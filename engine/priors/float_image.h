@@ -14,6 +14,12 @@ namespace litags {
 using FloatImage = cv::Mat_<cv::Vec3f>;
 using FloatPlane = cv::Mat_<float>;
 
+// From 0 at x <= 0 to 1 at x >= 1 without a kink.
+inline float SmoothStep(float x) {
+  x = std::clamp(x, 0.0f, 1.0f);
+  return x * x * (3 - 2 * x);
+}
+
 inline cv::Mat Blur(const cv::Mat& image, double sigma) {
   cv::Mat out;
   cv::GaussianBlur(image, out, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);

@@ -90,24 +90,33 @@ TEST(Highlights, TwoClippedChannelsTakeTheColorOfTheShade) {
   }
 }
 
-TEST(Highlights, ABlindingAreaBecomesBrightWithoutAnOutline) {
-  const auto scene = [](int x, int y) {
-    const double r = std::hypot(x - 100, y - 60);
-    const double code = r < 40 ? 0.9 : 0.3;
-    return std::array<double, 3>{code, code, code};
-  };
-  const ImageU8 filled = Fill(OverExposed(scene));
-  const double white = Curve(1), full = white + kHighlightFill * (1 - white);
-  EXPECT_NEAR(Code(filled, 100, 60, 1), full, 0.02);
-  EXPECT_NEAR(Code(filled, 20, 60, 1), 0.3, 2.0 / 255);
-  // From the rim inwards it grows.
-  double before = 0;
+// Around the middle, as bright as `code` of the distance from there.
+template <class Code>
+ImageU8 FilledDisk(const Code& code) {
+  return Fill(OverExposed([&](int x, int y) {
+    const double c = code(std::hypot(x - 100, y - 60));
+    return std::array<double, 3>{c, c, c};
+  }));
+}
+
+// The code of what is clipped, `fill` of the way to 1.
+double Filled(double fill) { return Curve(1) + fill * (1 - Curve(1)); }
+
+TEST(Highlights, ALampIsBrightUpToItsRim) {
+  const ImageU8 filled = FilledDisk([](double r) { return r < 40 ? 0.9 : 0.3; });
   for (int x = 63; x <= 100; ++x) {
-    EXPECT_GE(Code(filled, x, 60, 1), before - 1.0 / 255) << x;
-    before = Code(filled, x, 60, 1);
+    EXPECT_NEAR(Code(filled, x, 60, 1), Filled(kSurfaceFill + kLightFill), 0.05) << x;
   }
-  for (int x = 66; x < 100; ++x) {
-    EXPECT_LT(Code(filled, x + 1, 60, 1) - Code(filled, x, 60, 1), 0.04) << x;
+  EXPECT_NEAR(Code(filled, 20, 60, 1), 0.3, 2.0 / 255);
+}
+
+TEST(Highlights, ASurfaceThatGrowsBrighterIsLittleBrighterThanWhiteAtFirst) {
+  // Clipped within 40 pixels of the middle.
+  const ImageU8 filled = FilledDisk([](double r) { return Curve(1) + 0.004 * (40 - r); });
+  EXPECT_LT(Code(filled, 63, 60, 1), Filled(0.75 * kSurfaceFill));
+  EXPECT_NEAR(Code(filled, 100, 60, 1), Filled(kSurfaceFill), 0.02) << "no lamp";
+  for (int x = 20; x < 100; ++x) {
+    EXPECT_GE(Code(filled, x + 1, 60, 1), Code(filled, x, 60, 1) - 1.0 / 255) << x;
   }
 }
 
@@ -115,8 +124,9 @@ TEST(Highlights, AWhitePhotoStaysInRange) {
   ImageU8 white(kWidth, kHeight);
   std::fill(white.data.begin(), white.data.end(), 255);
   const ImageU8 filled = Fill(white);
-  const double full = Curve(1) + kHighlightFill * (1 - Curve(1));
-  for (int c = 0; c < 3; ++c) EXPECT_NEAR(Code(filled, 10, 10, c), full, 1.0 / 255);
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_NEAR(Code(filled, 10, 10, c), Filled(kSurfaceFill + kLightFill), 1.0 / 255);
+  }
 }
 
 }  // namespace
