@@ -37,7 +37,7 @@ struct SubmitArgs {
   std::optional<bool> depth_geometry, use_pdm;
   Treatment treatment;
   bool no_prior = false, prior_geometry = false, no_depth = false, no_dense_start = false,
-       no_noise_filter = false, no_antialiasing = false, information_weights = false;
+       no_noise_filter = false, no_antialiasing = false, no_information_weights = false;
 };
 
 // An option that takes one of a few words.
@@ -90,7 +90,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   if (args.coarse_until) options.set_coarse_until(*args.coarse_until);
   if (args.settle_epochs) options.set_settle_epochs(*args.settle_epochs);
   if (args.dropout) options.set_dropout(*args.dropout);
-  if (args.information_weights) options.set_information_weights(true);
+  if (args.no_information_weights) options.set_information_weights(false);
   if (args.depth_source) options.set_depth_source(*args.depth_source);
   if (args.depth_weight) options.set_depth_weight(*args.depth_weight);
   if (args.depth_geometry) options.set_depth_geometry(*args.depth_geometry);
@@ -293,8 +293,8 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                    "photos; 0: none")
       ->group(group);
   command
-      ->add_flag("--information-weights", args->information_weights,
-                 "Pixels that noise, rounding or clipping spoilt weigh less")
+      ->add_flag("--no-information-weights", args->no_information_weights,
+                 "Photos of other exposure that know a place better do not count for more")
       ->group(group);
   command
       ->add_flag("--pdm,!--no-pdm", args->use_pdm,

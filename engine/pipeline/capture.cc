@@ -31,7 +31,8 @@
 namespace litags {
 namespace {
 
-constexpr size_t kMinPhotos = 3;  // fewer do not make a scene
+constexpr size_t kMinPhotos = 3;            // fewer do not make a scene
+constexpr double kEvenExposureStops = 0.5;  // see EvenOutPhotos(). Choice
 
 ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
   ToneOptions tone;
@@ -222,13 +223,14 @@ absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const S
   const std::vector<PointSighting> sightings = Sightings(model, *loaded);
   std::vector<TrainView>& views = loaded->views;
   const PhotosTogether all(&views);
+  const std::vector<double> exposures = RelativeExposures(all.photos, sightings, all.masks);
   LITAGS_ASSIGN_OR_RETURN(
       std::vector<ToneTarget> targets,
-      MakeTargets(all.photos, RelativeExposures(all.photos, sightings, all.masks),
-                  ToneOptionsOf(options), options.threads, all.masks));
+      MakeTargets(all.photos, exposures, ToneOptionsOf(options), options.threads, all.masks));
   std::vector<double> gains;
   for (size_t i = 0; i < views.size(); ++i) {
     views[i].target = std::move(targets[i].image);
+    views[i].exposure = exposures[i];
     gains.push_back(targets[i].gain);
     if (!targets[i].reached) {
       notes->push_back(absl::StrCat(views[i].view.name,
@@ -244,12 +246,29 @@ absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const S
 void AddInformation(std::vector<TrainView>* views) {
   const PhotosTogether all(views);
   std::vector<const ImageU8*> photos, targets;
+  std::vector<double> exposures;
   for (size_t i = 0; i < views->size(); ++i) {
     photos.push_back(&all.photos[i]);
     targets.push_back(&(*views)[i].target);
+    exposures.push_back((*views)[i].exposure);
   }
-  std::vector<PlaneU8> weights = InformationWeights(photos, targets, all.masks);
-  for (size_t i = 0; i < views->size(); ++i) (*views)[i].information = std::move(weights[i]);
+  std::vector<PlaneU8> weights = InformationWeights(photos, targets, exposures, all.masks);
+  for (size_t i = 0; i < weights.size(); ++i) (*views)[i].information = std::move(weights[i]);
+}
+
+// L is one for all photos of a place: what R L is compared with is a photo as the median exposure
+// would have taken it. Photos less than half a stop from that stay as they are, since to round them
+// once more would cost more than it gains.
+void EvenOutPhotos(std::vector<TrainView>* views) {
+  for (TrainView& v : *views) {
+    if (std::abs(std::log2(v.exposure)) < kEvenExposureStops) continue;
+    std::array<uint8_t, 256> code;
+    for (int i = 0; i < 256; ++i) {
+      const double linear = std::min(1.0, LinearFromSrgb(i / 255.0) / v.exposure);
+      code[i] = static_cast<uint8_t>(std::lround(255 * SrgbFromLinear(linear)));
+    }
+    for (uint8_t& sample : v.photo.data) sample = code[sample];
+  }
 }
 
 absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& cancel,
@@ -406,6 +425,8 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   LITAGS_RETURN_IF_ERROR(AddDepthMaps(input, options, capture.points, capture.point_views, key,
                                       cancel, progress, &capture.train, report));
   LITAGS_RETURN_IF_ERROR(AddDenseStart(input, options, key, cancel, progress, &capture, report));
+  // Last, for stereo and structure want the photos as they are.
+  if (lita && options.tone == Tone::kCapture) EvenOutPhotos(&capture.train);
   capture.fingerprint =
       MakeFingerprint(options, inputs, ResolveDepthOrigin(input, options), capture.train);
   return capture;

@@ -90,8 +90,8 @@ void NoteExposures(const std::vector<TrainView>& views, std::vector<std::string>
   const double stops = std::log2(most.first / least.first);
   if (!(stops > kMixedExposureStops)) return;
   notes->push_back(absl::StrFormat(
-      "exposures differ by %.1f stops (darkest %s, brightest %s): normal light is evened out photo "
-      "by photo, the original light of a view is an average over the photos around it",
+      "exposures differ by %.1f stops (darkest %s, brightest %s): they are evened out, photos count "
+      "for most where they show most, and the original light is that of the median exposure",
       stops, least.second, most.second));
 }
 

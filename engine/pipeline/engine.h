@@ -100,12 +100,14 @@ struct ReconstructOptions {
   // Pictures are smoothed where they show no more than the rounding of the photos explains
   // (engine/denoise/noise_filter.h).
   bool noise_filter = true;
-  bool use_prior = true;             // structure prior loss
-  bool prior_geometry = false;       // it moves Gaussians (paper), else it trains the map alone
-  bool information_weights = false;  // pixels that noise, rounding or clipping spoilt weigh less
-  bool use_depth = true;             // depth loss, where depth_source has maps
-  int max_image_side = 1600;         // photos with a longer side are shrunk to it, px; 0: never
-  int holdout_every = 8;  // photos i (by name) with i % n == n / 2 are only evaluated; 0: none
+  bool use_prior = true;        // structure prior loss
+  bool prior_geometry = false;  // it moves Gaussians (paper), else it trains the map alone
+  // Where exposures differ, pixels that noise, rounding or clipping spoilt weigh less than those of
+  // photos that know better (engine/priors/information.h).
+  bool information_weights = true;
+  bool use_depth = true;      // depth loss, where depth_source has maps
+  int max_image_side = 1600;  // photos with a longer side are shrunk to it, px; 0: never
+  int holdout_every = 8;      // photos i (by name) with i % n == n / 2 are only evaluated; 0: none
   double min_registered = 0.5;  // fraction of photos that SfM must place, (0, 1]
   int checkpoint_every = 500;   // iterations
   int preview_every = 250;      // iterations between snapshots with a preview picture

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <numeric>
 
 #include "engine/core/check.h"
@@ -19,19 +20,19 @@ void AddCounts(const NoiseDifferences& from, NoiseDifferences* to) {
 }
 
 // What the targets do at the samples of one code.
-struct CodeStatistics {
+struct CodeSamples {
   int64_t samples = 0;
   double target_sum = 0;
   NoiseDifferences differences = {};
 
-  void Add(const CodeStatistics& other) {
+  void Add(const CodeSamples& other) {
     samples += other.samples;
     target_sum += other.target_sum;
     AddCounts(other.differences, &differences);
   }
 };
 
-using Statistics = std::vector<CodeStatistics>;  // [kCodes]
+using Samples = std::vector<CodeSamples>;  // [kCodes]
 
 // Calls visit(sample, code, difference) for every sample of the picture but the border's: its index
 // in the data, and the difference as NoiseDifferences counts it.
@@ -50,10 +51,9 @@ void ForEachDifference(const ImageU8& picture, const PlaneU8& mask, const Visit&
   }
 }
 
-void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask,
-              Statistics* statistics) {
+void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask, Samples* samples) {
   ForEachDifference(target, mask, [&](size_t sample, int code, int difference) {
-    CodeStatistics& s = (*statistics)[photo.data[sample]];
+    CodeSamples& s = (*samples)[photo.data[sample]];
     s.samples += 1;
     s.target_sum += code;
     s.differences[difference] += 1;
@@ -75,40 +75,76 @@ double NoiseOf(const NoiseDifferences& differences) {
   return 0;
 }
 
-// The code's statistics with those of as many neighbours as make enough samples.
-CodeStatistics Around(const Statistics& statistics, int code) {
-  CodeStatistics sum = statistics[code];
+// The code's samples with those of as many neighbours, clipped as it is or not, as make enough.
+CodeSamples Around(const Samples& samples, int code) {
+  const int begin = code < kClippedCode ? 0 : kClippedCode;
+  const int end = code < kClippedCode ? kClippedCode : kCodes;
+  CodeSamples sum = samples[code];
   for (int d = 1; d < kCodes && sum.samples < kEnoughSamples; ++d) {
-    if (code - d >= 0) sum.Add(statistics[code - d]);
-    if (code + d < kCodes) sum.Add(statistics[code + d]);
+    if (code - d >= begin) sum.Add(samples[code - d]);
+    if (code + d < end) sum.Add(samples[code + d]);
   }
   return sum;
 }
 
+int HalfStops(double exposure) { return static_cast<int>(std::lround(2 * std::log2(exposure))); }
+
+// For each photo its number among the exposures that there are, half a stop apart.
+std::vector<int> GroupsOf(absl::Span<const double> exposures) {
+  std::map<int, int> groups;
+  for (const double e : exposures) groups.emplace(HalfStops(e), groups.size());
+  std::vector<int> out;
+  for (const double e : exposures) out.push_back(groups.at(HalfStops(e)));
+  return out;
+}
+
+template <class T>
+std::vector<T> OfGroup(absl::Span<const T> all, const std::vector<int>& groups, int group) {
+  std::vector<T> out;
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (groups[i] == group) out.push_back(all[i]);
+  }
+  return out;
+}
+
+// The noise of a target of each code, by what photos of one exposure say.
+std::array<double, kCodes> NoiseOfTargets(const CodeStatistics& photos) {
+  std::array<double, kCodes> noise;
+  int code = 0;
+  for (int target = 0; target < kCodes; ++target) {
+    while (code + 1 < kCodes && photos.mean[code] < target) ++code;
+    noise[target] = photos.noise[code];
+  }
+  return noise;
+}
+
+double Squared(double x) { return x * x; }
+
 }  // namespace
 
-std::array<double, 256> TargetNoise(absl::Span<const ImageU8* const> photos,
-                                    absl::Span<const ImageU8* const> targets,
-                                    absl::Span<const PlaneU8> masks) {
+CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
+                              absl::Span<const ImageU8* const> targets,
+                              absl::Span<const PlaneU8> masks) {
   LITAGS_CHECK(photos.size() == targets.size());
-  Statistics statistics(kCodes);
+  Samples samples(kCodes);
   for (size_t i = 0; i < photos.size(); ++i) {
     LITAGS_CHECK(photos[i]->width == targets[i]->width && photos[i]->height == targets[i]->height);
-    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &statistics);
+    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &samples);
   }
-  std::array<double, 256> noise, mean;
+  CodeStatistics out;
   for (int code = 0; code < kCodes; ++code) {
-    const CodeStatistics around = Around(statistics, code);
-    noise[code] = NoiseOf(around.differences);
-    mean[code] = around.target_sum / std::max<int64_t>(1, around.samples);
+    const CodeSamples around = Around(samples, code);
+    out.noise[code] = NoiseOf(around.differences);
+    out.mean[code] = around.target_sum / std::max<int64_t>(1, around.samples);
   }
   for (int code = 0; code < kCodes; ++code) {
     const int low = std::max(0, code - 1), high = std::min(kCodes - 1, code + 1);
-    const double step = std::max(0.0, mean[high] - mean[low]) / (high - low);
-    noise[code] = std::max(noise[code], step / std::sqrt(12.0));
-    if (code >= kClippedCode) noise[code] = std::max(noise[code], kClippedNoise);
+    const double step = std::max(0.0, out.mean[high] - out.mean[low]) / (high - low);
+    double& noise = out.noise[code];
+    noise = std::max(noise, step / std::sqrt(12.0));
+    if (code >= kClippedCode) noise = std::max(noise, kClippedNoise);
   }
-  return noise;
+  return out;
 }
 
 void PictureNoise::Add(const ImageU8& picture, const PlaneU8& mask) {
@@ -123,29 +159,47 @@ double PictureNoise::Deviation() const { return NoiseOf(differences_); }
 
 std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
                                         absl::Span<const ImageU8* const> targets,
+                                        absl::Span<const double> exposures,
                                         absl::Span<const PlaneU8> masks) {
-  const std::array<double, 256> noise = TargetNoise(photos, targets, masks);
-  std::array<double, 256> weight;
-  for (int code = 0; code < kCodes; ++code) {
-    const double relative = noise[code] / kToleratedNoise;
-    weight[code] = 1 / (1 + relative * relative);
+  LITAGS_CHECK(exposures.size() == photos.size());
+  if (photos.empty()) return {};
+  const auto [least, most] = std::minmax_element(exposures.begin(), exposures.end());
+  if (*most <= kLikeExposures * *least) return {};
+
+  const std::vector<int> groups = GroupsOf(exposures);
+  std::vector<CodeStatistics> statistics;  // of each group
+  std::array<double, kCodes> best;
+  best.fill(kClippedNoise);
+  for (int g = 0; g <= *std::max_element(groups.begin(), groups.end()); ++g) {
+    statistics.push_back(MeasureTargets(OfGroup(photos, groups, g), OfGroup(targets, groups, g),
+                                        OfGroup(masks, groups, g)));
+    const std::array<double, kCodes> noise = NoiseOfTargets(statistics.back());
+    for (int code = 0; code < kCodes; ++code) best[code] = std::min(best[code], noise[code]);
   }
+  const auto weight = [&](size_t photo, size_t pixel) {
+    double sum = 0;
+    for (size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {
+      const double noise = statistics[groups[photo]].noise[photos[photo]->data[k]];
+      const double known = best[targets[photo]->data[k]];
+      sum += std::min(
+          1.0, (1 + Squared(known / kToleratedNoise)) / (1 + Squared(noise / kToleratedNoise)));
+    }
+    return sum / 3;
+  };
   double sum = 0;
-  int64_t samples = 0;
+  size_t pixels = 0;
   for (size_t i = 0; i < photos.size(); ++i) {
     ForCounted(MaskOf(masks, i), photos[i]->data.size() / 3, [&](size_t k) {
-      for (int c = 0; c < 3; ++c) sum += weight[photos[i]->data[3 * k + c]];
-      samples += 3;
+      sum += weight(i, k);
+      ++pixels;
     });
   }
-  const double scale = sum > 0 ? kInformationOne * static_cast<double>(samples) / sum : 0;
+  const double scale = sum > 0 ? kInformationOne * static_cast<double>(pixels) / sum : 0;
   std::vector<PlaneU8> planes;
-  for (const ImageU8* photo : photos) {
-    PlaneU8& plane = planes.emplace_back(photo->width, photo->height);
-    for (size_t i = 0; i < plane.data.size(); ++i) {
-      const uint8_t* codes = &photo->data[3 * i];
-      const double mean = (weight[codes[0]] + weight[codes[1]] + weight[codes[2]]) / 3;
-      plane.data[i] = static_cast<uint8_t>(std::min(255.0, std::round(scale * mean)));
+  for (size_t i = 0; i < photos.size(); ++i) {
+    PlaneU8& plane = planes.emplace_back(photos[i]->width, photos[i]->height);
+    for (size_t k = 0; k < plane.data.size(); ++k) {
+      plane.data[k] = static_cast<uint8_t>(std::min(255.0, std::round(scale * weight(i, k))));
     }
   }
   return planes;

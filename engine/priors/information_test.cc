@@ -28,26 +28,26 @@ ImageU8 TwoHalves(double left, double right, double left_noise = 0, double right
   return image;
 }
 
-TEST(TargetNoise, IsTheDeviationOfFlatAreas) {
+TEST(MeasureTargets, NoiseIsTheDeviationOfFlatAreas) {
   const ImageU8 photo = TwoHalves(20, 90), target = TwoHalves(60, 180, 12, 4);
-  const auto noise = TargetNoise({&photo}, {&target});
+  const auto noise = MeasureTargets({&photo}, {&target}).noise;
   EXPECT_NEAR(noise[20], 12, 1.2);
   EXPECT_NEAR(noise[90], 4, 0.4);
 }
 
-TEST(TargetNoise, KnowsWhatRoundingTookAway) {
+TEST(MeasureTargets, KnowsWhatRoundingTookAway) {
   // Codes 3, 4 and 5 in broad stripes; a step of one is a step of ten in the target.
   ImageU8 photo(kSize, kSize), target(kSize, kSize);
   for (size_t i = 0; i < photo.data.size(); ++i) {
     photo.data[i] = static_cast<uint8_t>(3 + (i / 3) % kSize / 40);
     target.data[i] = static_cast<uint8_t>(10 * photo.data[i]);
   }
-  EXPECT_NEAR(TargetNoise({&photo}, {&target})[4], 10 / std::sqrt(12.0), 1e-6);
+  EXPECT_NEAR(MeasureTargets({&photo}, {&target}).noise[4], 10 / std::sqrt(12.0), 1e-6);
 }
 
-TEST(TargetNoise, ClippedHighlightsAreGuesses) {
+TEST(MeasureTargets, ClippedHighlightsAreGuesses) {
   const ImageU8 photo = TwoHalves(100, 255), target = TwoHalves(50, 200);
-  const auto noise = TargetNoise({&photo}, {&target});
+  const auto noise = MeasureTargets({&photo}, {&target}).noise;
   EXPECT_LT(noise[100], 1);
   EXPECT_EQ(noise[kClippedCode], kClippedNoise);
   EXPECT_EQ(noise[255], kClippedNoise);
@@ -78,26 +78,51 @@ TEST(PictureNoise, OfSeveralPicturesIsThatOfAllTheirPixels) {
   EXPECT_LT(all.Deviation(), two.Deviation());
 }
 
-TEST(InformationWeights, FavourWhatIsKnownAndHaveAMeanOfOne) {
-  const ImageU8 clipped = TwoHalves(100, 255), clear = TwoHalves(100, 100);
-  const ImageU8 target = TwoHalves(50, 200), clear_target = TwoHalves(50, 50);
-  const auto planes = InformationWeights({&clipped, &clear}, {&target, &clear_target});
+// A bright photo that clips the right half, which a dark one of the same place, an eighth of the
+// light, sees; the dark one is noisy on the left.
+struct TwoExposures {
+  ImageU8 bright = TwoHalves(200, 255), dark = TwoHalves(60, 120);
+  ImageU8 bright_target = TwoHalves(100, 180), dark_target = TwoHalves(100, 190, 12, 2);
+  std::vector<PlaneU8> Weights(double exposure) const {
+    return InformationWeights({&bright, &dark}, {&bright_target, &dark_target}, {exposure, 1});
+  }
+};
+
+TEST(InformationWeights, PhotosThatKnowAPlaceBetterCountForMore) {
+  const TwoExposures photos;
+  const std::vector<PlaneU8> planes = photos.Weights(8);
   ASSERT_EQ(planes.size(), 2u);
+  const double bright_left = planes[0].data[5], bright_right = planes[0].data[kSize - 5],
+               dark_right = planes[1].data[kSize - 5];
+  // As bright as what the bright photo knows, in all channels.
+  const std::vector<uint8_t>& target = photos.dark_target.data;
+  size_t i = 0;
+  while (std::max({target[3 * i], target[3 * i + 1], target[3 * i + 2]}) > 100) ++i;
+  const double dark_left = planes[1].data[i];
+  // (1 + (2 / 12)^2) / (1 + (48 / 12)^2) and 1 / (1 + (12 / 12)^2), in steps of 1 / 80.
+  EXPECT_NEAR(bright_right / bright_left, 0.06, 0.02);
+  EXPECT_NEAR(dark_left / bright_left, 0.5, 0.07);
+  EXPECT_NEAR(dark_right / bright_left, 1, 0.02);
   double sum = 0;
   for (const PlaneU8& plane : planes) {
     sum += std::accumulate(plane.data.begin(), plane.data.end(), 0.0);
   }
   EXPECT_NEAR(sum / (2 * kSize * kSize) / kInformationOne, 1, 0.02);
-  // 1 / (1 + (48 / 24)^2) of the weight of a pixel without noise, in steps of 1 / 80.
-  EXPECT_NEAR(planes[0].data[kSize - 1] / double(planes[0].data[0]), 0.2, 0.01);
-  EXPECT_EQ(planes[0].data[0], planes[1].data[kSize - 1]);
 }
 
-TEST(InformationWeights, AreEqualWhereAllPixelsAre) {
-  const ImageU8 photo = TwoHalves(100, 100);
-  const std::vector<PlaneU8> planes = InformationWeights({&photo}, {&photo});
-  for (const uint8_t weight : planes[0].data) ASSERT_EQ(weight, kInformationOne);
-  EXPECT_TRUE(InformationWeights({}, {}).empty());
+TEST(InformationWeights, PhotosOfLikeExposureAreAllAlike) {
+  EXPECT_TRUE(TwoExposures().Weights(1.9).empty());
+  EXPECT_FALSE(TwoExposures().Weights(2.1).empty());
+  EXPECT_TRUE(InformationWeights({}, {}, {}).empty());
+}
+
+TEST(InformationWeights, WhatNoPhotoKnowsWeighsAsMuchAsWhatIsKnown) {
+  const ImageU8 photo = TwoHalves(100, 255), target = TwoHalves(100, 250);
+  const auto planes = InformationWeights({&photo, &photo}, {&target, &target}, {1, 4});
+  for (const PlaneU8& plane : planes) {
+    EXPECT_EQ(plane.data[5], kInformationOne);
+    EXPECT_EQ(plane.data[kSize - 5], kInformationOne);
+  }
 }
 
 }  // namespace

@@ -103,10 +103,11 @@ TEST(MaskedPhotos, InformationHasAMeanOfOneWhereItCounts) {
   const Photos photos;
   std::vector<const ImageU8*> whole;
   for (const ImageU8& photo : photos.whole) whole.push_back(&photo);
-  const auto noise = TargetNoise(whole, whole, photos.masks);
+  const auto noise = MeasureTargets(whole, whole, photos.masks).noise;
   EXPECT_LT(noise[200], 5) << "noise under the masks was measured";
-  EXPECT_GT(TargetNoise(whole, whole)[200], 10);
-  const auto weights = InformationWeights(whole, whole, photos.masks);
+  EXPECT_GT(MeasureTargets(whole, whole).noise[200], 10);
+  const auto weights = InformationWeights(whole, whole, {1, 1, 4}, photos.masks);
+  ASSERT_EQ(weights.size(), 3u);
   double sum = 0, count = 0;
   for (size_t i = 0; i < 3; ++i) {
     ForCounted(photos.masks[i], weights[i].data.size(), [&](size_t k) {

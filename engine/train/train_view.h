@@ -15,7 +15,8 @@ namespace litags {
 // their targets and structure maps are 53 MB.
 struct TrainView {
   View view;
-  ImageU8 photo;        // I_in, of the camera's size
+  ImageU8 photo;        // I_in, of the camera's size; at the median exposure if its own differs
+  double exposure = 1;  // light it gathered relative to the capture's median photo, > 0
   ImageU8 target;       // the normal-light pseudo-target (paper's modulated I_in), same size
   PlaneU8 structure;    // P, 0..255 for 0..1; empty: no structure loss
   PlaneU8 information;  // weight of each pixel, kInformationOne for 1; empty: all 1

@@ -146,8 +146,8 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
       ->capture_default_str();
   app->add_option("--pdm-every", options->pdm_every, "iterations between those that denoise")
       ->capture_default_str();
-  app->add_flag("--information-weights", options->information_weights,
-                "pixels that noise, rounding or clipping spoilt weigh less");
+  app->add_flag("!--no-information-weights", options->information_weights,
+                "photos of other exposure that know a place better do not count for more");
   app->add_flag("!--no-prior", options->use_prior, "without the structure prior");
   app->add_flag(
       "--prior-geometry", options->prior_geometry,

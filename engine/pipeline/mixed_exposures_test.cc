@@ -1,0 +1,105 @@
+// Captures of which some photos are darker than others: phones choose an exposure for each photo.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "engine/pipeline/capture.h"
+#include "engine/pipeline/capture_test_util.h"
+
+namespace litags {
+namespace {
+
+Capture Load(const RoomCapture& room, const ReconstructOptions& options) {
+  ReconstructReport report;
+  auto capture = LoadCapture(
+      room.Input("work"), options, "/nonexistent/colmap", CancelToken(),
+      [](Stage, const std::string&) {}, &report);
+  EXPECT_TRUE(capture.ok()) << capture.status();
+  return capture.ok() ? *std::move(capture) : Capture();
+}
+
+ReconstructOptions Options(const RoomCapture& room) {
+  ReconstructOptions options = room.Options(10);
+  options.holdout_every = 0;
+  return options;
+}
+
+Light LightOf(int i) {
+  return i % 3 == 0 ? Light::kLow : i % 3 == 1 ? Light::kNormal : Light::kOver;
+}
+
+double MeanCode(const ImageU8& photo) {
+  return std::accumulate(photo.data.begin(), photo.data.end(), 0.0) / photo.data.size();
+}
+
+TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
+  RoomCapture room(9);
+  room.SetLight(LightOf);
+  const Capture capture = Load(room, Options(room));
+  ASSERT_EQ(capture.train.size(), 9u);
+  for (int i = 0; i < 9; ++i) {
+    const TrainView& view = capture.train[i];
+    const ImageU8 taken = room.Photo(i, LightOf(i));
+    if (LightOf(i) == Light::kNormal) {
+      EXPECT_EQ(view.photo.data, taken.data) << "the median photo stays as it is";
+      EXPECT_NEAR(std::log2(view.exposure), 0, 0.3);
+    } else {
+      const double normal = MeanCode(room.Photo(i, Light::kNormal));
+      const auto off = [&](const ImageU8& p) { return std::abs(std::log2(MeanCode(p) / normal)); };
+      EXPECT_GT(off(taken), 0.5);
+      EXPECT_LT(off(view.photo), 0.5 * off(taken));
+    }
+  }
+}
+
+TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
+  RoomCapture room(9);
+  room.SetLight(LightOf);
+  const Capture capture = Load(room, Options(room));
+  ASSERT_EQ(capture.train.size(), 9u);
+  double clipped = 0, clipped_weight = 0, other = 0, other_weight = 0;
+  for (int i = 2; i < 9; i += 3) {
+    const ImageU8 taken = room.Photo(i, Light::kOver);
+    for (size_t k = 0; k < taken.data.size() / 3; ++k) {
+      const uint8_t* code = &taken.data[3 * k];
+      const bool white = std::min({code[0], code[1], code[2]}) == 255;
+      const bool dark = std::max({code[0], code[1], code[2]}) < 200;
+      if (white) ++clipped, clipped_weight += capture.train[i].information.data[k];
+      if (dark) ++other, other_weight += capture.train[i].information.data[k];
+    }
+  }
+  ASSERT_GT(clipped, 100);
+  ASSERT_GT(other, 100);
+  EXPECT_LT(clipped_weight / clipped, 0.7 * other_weight / other);
+
+  ReconstructOptions alike = Options(room);
+  alike.information_weights = false;
+  for (const TrainView& view : Load(room, alike).train) EXPECT_TRUE(view.information.empty());
+}
+
+TEST(MixedExposures, PhotosOfOneExposureStayAsTheyAre) {
+  const RoomCapture room(6);  // all dark
+  const Capture capture = Load(room, Options(room));
+  ASSERT_EQ(capture.train.size(), 6u);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(capture.train[i].photo.data, room.Photo(i, Light::kLow).data);
+    EXPECT_TRUE(capture.train[i].information.empty());
+  }
+}
+
+TEST(MixedExposures, ThePaperComparesWithThePhotosAsTheyAre) {
+  RoomCapture room(6);
+  room.SetLight(LightOf);
+  ReconstructOptions options = Options(room);
+  options.tone = Tone::kPaper;
+  const Capture capture = Load(room, options);
+  ASSERT_EQ(capture.train.size(), 6u);
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(capture.train[i].photo.data, room.Photo(i, LightOf(i)).data);
+  }
+}
+
+}  // namespace
+}  // namespace litags
