@@ -150,7 +150,6 @@ absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
                                   " photos have a camera and show something, at least ", kMinPhotos,
                                   " must; add photos of the place"));
   }
-  NoteExposures(out.views, &report->notes);
   return out;
 }
 
@@ -257,17 +256,12 @@ void AddInformation(std::vector<TrainView>* views) {
 }
 
 // L is one for all photos of a place: what R L is compared with is a photo as the median exposure
-// would have taken it. Photos less than half a stop from that stay as they are, since to round them
-// once more would cost more than it gains.
+// would have taken it. Less than half a stop from that it made no difference that was measured, and
+// photos stay what they are.
 void EvenOutPhotos(std::vector<TrainView>* views) {
   for (TrainView& v : *views) {
     if (std::abs(std::log2(v.exposure)) < kEvenExposureStops) continue;
-    std::array<uint8_t, 256> code;
-    for (int i = 0; i < 256; ++i) {
-      const double linear = std::min(1.0, LinearFromSrgb(i / 255.0) / v.exposure);
-      code[i] = static_cast<uint8_t>(std::lround(255 * SrgbFromLinear(linear)));
-    }
-    for (uint8_t& sample : v.photo.data) sample = code[sample];
+    v.photo = WithLinearGain(v.photo, 1 / v.exposure);
   }
 }
 
@@ -397,6 +391,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
                           AddTargets(options, model, &loaded, &report->notes));
   std::vector<TrainView>& views = loaded.views;
   NoteMasks(views, &report->notes);
+  NoteExposures(views, options.tone == Tone::kCapture, &report->notes);
   const bool lita = options.method == Method::kLitaGs;
   if (lita && options.information_weights) AddInformation(&views);
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));

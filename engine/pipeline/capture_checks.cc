@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "engine/core/color.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/render/renderer.h"
@@ -21,14 +19,6 @@ constexpr double kMaxCoordinate = 1e15;    // scene units; squares of sizes must
 // Of the origin's distance, in sizes of the scene: floats have steps of 1e-7 of it, which is a
 // tenth of a pixel there at most.
 constexpr double kMaxOffset = 2000;
-
-// Mean linear light of what counts, of 1 for white.
-double MeanLight(const ImageU8& photo, const PlaneU8& mask) {
-  const std::array<int64_t, 256> counts = CountCodes(photo, mask);
-  double sum = 0;
-  for (int code = 0; code < 256; ++code) sum += counts[code] * LinearFromSrgb(code / 255.0);
-  return sum / (3 * CountedPixels(mask, photo.data.size() / 3));
-}
 
 double Distance(const std::array<double, 3>& a, const std::array<double, 3>& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
@@ -80,19 +70,18 @@ std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo, const Plan
   return color;
 }
 
-void NoteExposures(const std::vector<TrainView>& views, std::vector<std::string>* notes) {
-  std::pair<double, std::string> least = {INFINITY, ""}, most = {0, ""};
-  for (const TrainView& v : views) {
-    const std::pair<double, std::string> light = {MeanLight(v.photo, v.mask), v.view.name};
-    least = std::min(least, light);
-    most = std::max(most, light);
-  }
-  const double stops = std::log2(most.first / least.first);
+void NoteExposures(const std::vector<TrainView>& views, bool evened_out,
+                   std::vector<std::string>* notes) {
+  const auto [least, most] = std::minmax_element(
+      views.begin(), views.end(),
+      [](const TrainView& a, const TrainView& b) { return a.exposure < b.exposure; });
+  const double stops = std::log2(most->exposure / least->exposure);
   if (!(stops > kMixedExposureStops)) return;
   notes->push_back(absl::StrFormat(
-      "exposures differ by %.1f stops (darkest %s, brightest %s): they are evened out, photos count "
-      "for most where they show most, and the original light is that of the median exposure",
-      stops, least.second, most.second));
+      "exposures differ by %.1f stops (darkest %s, brightest %s)%s", stops, least->view.name,
+      most->view.name,
+      evened_out ? ": they are evened out, and the original light is that of the median exposure"
+                 : ", and this tone does not even them out"));
 }
 
 absl::Status CheckScale(const std::vector<TrainView>& views, std::vector<SparsePoint>* points,

@@ -20,8 +20,10 @@ namespace litags {
 // its mask are looked at, of which there is one or more.
 std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo, const PlaneU8& mask = {});
 
-// Says so if the photos of a capture were exposed very differently.
-void NoteExposures(const std::vector<TrainView>& views, std::vector<std::string>* notes);
+// Says so if the photos of a capture were exposed very differently, and whether they were
+// `evened_out`.
+void NoteExposures(const std::vector<TrainView>& views, bool evened_out,
+                   std::vector<std::string>* notes);
 
 // Scene units are the user's, but what is nearer than the renderer's near plane is never drawn, and
 // floats end somewhere. Drops points that are too far, with a note. INVALID_ARGUMENT

@@ -16,6 +16,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/engine.h"
+#include "engine/pipeline/reconstruct_test_util.h"
 #include "engine/sample/capture.h"
 #include "engine/sample/exposure.h"
 #include "engine/sample/tracer.h"
@@ -132,6 +133,18 @@ class RoomCapture {
   sample::Exposures exposures_;
   TempDir dir_;
 };
+
+// Trains without COLMAP, and cancels at an iteration if one is given.
+inline absl::StatusOr<ReconstructReport> Train(const ReconstructInput& input,
+                                               const ReconstructOptions& options,
+                                               int cancel_at = -1) {
+  CancelToken cancel;
+  Recorder recorder;
+  recorder.on_progress = [&](const Progress& progress) {
+    if (cancel_at >= 0 && progress.iteration >= cancel_at) cancel.Cancel();
+  };
+  return MakeEngine(kNoColmap)->Reconstruct(input, options, cancel, &recorder);
+}
 
 }  // namespace litags
 

@@ -28,16 +28,6 @@ using ::testing::Not;
 
 constexpr int kViews = 6, kSide = 18;
 
-absl::StatusOr<ReconstructReport> Train(const ReconstructInput& input,
-                                        const ReconstructOptions& options, int cancel_at = -1) {
-  CancelToken cancel;
-  Recorder recorder;
-  recorder.on_progress = [&](const Progress& progress) {
-    if (cancel_at >= 0 && progress.iteration >= cancel_at) cancel.Cancel();
-  };
-  return MakeEngine(kNoColmap)->Reconstruct(input, options, cancel, &recorder);
-}
-
 // Paints a square over photo i, at a place of its own; returns the mask of it.
 template <class Paint>
 PlaneU8 PaintSquare(int i, const Paint& paint, ImageU8* photo) {
@@ -63,10 +53,10 @@ void WriteMask(const std::string& path, const PlaneU8& mask) {
 class MaskedRoom {
  public:
   template <class Paint>
-  explicit MaskedRoom(const Paint& paint) : room(kViews) {
+  explicit MaskedRoom(const Paint& paint, bool mixed_exposures = false) : room(kViews) {
     fs::create_directory(room.Path("masks"));
     for (int i = 0; i < kViews; ++i) {
-      ImageU8 photo = room.Photo(i, Light::kLow);
+      ImageU8 photo = room.Photo(i, mixed_exposures && i % 2 ? Light::kNormal : Light::kLow);
       SetMask(RoomCapture::Name(i) + ".png", PaintSquare(i, paint, &photo));
       room.SetPhoto(i, photo);
     }
@@ -157,21 +147,21 @@ TEST(Masks, ASquareThatMovesFromPhotoToPhotoIsNotLearnt) {
 TEST(Masks, WhatIsUnderThemChangesNoByteOfTheScene) {
   struct Case {
     const char* name;
-    bool distorted;
+    bool distorted, mixed_exposures;
     ReconstructOptions options;
   };
   const RoomCapture any(3);
-  std::vector<Case> cases(4, {"capture", false, any.Options(40)});
-  cases[1] = {"paper, weights", false, any.Options(40)};
+  std::vector<Case> cases(5, {"capture", false, false, any.Options(40)});
+  cases[1].name = "paper";
   cases[1].options.tone = Tone::kPaper;
-  cases[1].options.information_weights = true;
-  cases[2] = {"distorted, stereo", true, any.Options(40)};
+  cases[2] = {"distorted, stereo", true, false, any.Options(40)};
   cases[2].options.depth_source = DepthOrigin::kStereo;
   cases[3].name = "3dgs";
   cases[3].options.method = Method::k3dgs;
+  cases[4] = {"weights", false, true, any.Options(40)};
   for (const Case& test : cases) {
     SCOPED_TRACE(test.name);
-    MaskedRoom bright(PaintBright), noise(PaintNoise);
+    MaskedRoom bright(PaintBright, test.mixed_exposures), noise(PaintNoise, test.mixed_exposures);
     for (MaskedRoom* capture : {&bright, &noise}) {
       for (Distortion& d : capture->room.model.distortions) d.k1 = test.distorted ? 0.05 : 0;
       capture->room.Input("cameras");  // writes them
@@ -182,6 +172,9 @@ TEST(Masks, WhatIsUnderThemChangesNoByteOfTheScene) {
     const auto other = Train(b, test.options);
     ASSERT_TRUE(other.ok()) << other.status();
     EXPECT_EQ(report->notes, other->notes);
+    if (test.mixed_exposures) {
+      EXPECT_THAT(report->notes, Contains(HasSubstr("exposures differ")));
+    }
     EXPECT_TRUE(SceneBytes(a) == SceneBytes(b));
   }
 }

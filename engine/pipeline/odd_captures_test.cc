@@ -24,18 +24,6 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-class Silent : public ReconstructObserver {
- public:
-  void OnProgress(const Progress&) override {}
-  void OnSnapshot(const std::string&) override {}
-};
-
-absl::StatusOr<ReconstructReport> Train(const ReconstructInput& input,
-                                        const ReconstructOptions& options) {
-  Silent observer;
-  return MakeEngine("/nonexistent/colmap")->Reconstruct(input, options, CancelToken(), &observer);
-}
-
 // Loads the scene, which refuses numbers that are not finite, and renders every channel from the
 // first view. Its mean colour should be that of a normally lit picture, roughly.
 void ExpectGoodScene(const absl::StatusOr<ReconstructReport>& report, size_t views) {

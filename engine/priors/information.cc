@@ -52,6 +52,7 @@ void ForEachDifference(const ImageU8& picture, const PlaneU8& mask, const Visit&
 }
 
 void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask, Samples* samples) {
+  LITAGS_CHECK(photo.width == target.width && photo.height == target.height);
   ForEachDifference(target, mask, [&](size_t sample, int code, int difference) {
     CodeSamples& s = (*samples)[photo.data[sample]];
     s.samples += 1;
@@ -87,50 +88,7 @@ CodeSamples Around(const Samples& samples, int code) {
   return sum;
 }
 
-int HalfStops(double exposure) { return static_cast<int>(std::lround(2 * std::log2(exposure))); }
-
-// For each photo its number among the exposures that there are, half a stop apart.
-std::vector<int> GroupsOf(absl::Span<const double> exposures) {
-  std::map<int, int> groups;
-  for (const double e : exposures) groups.emplace(HalfStops(e), groups.size());
-  std::vector<int> out;
-  for (const double e : exposures) out.push_back(groups.at(HalfStops(e)));
-  return out;
-}
-
-template <class T>
-std::vector<T> OfGroup(absl::Span<const T> all, const std::vector<int>& groups, int group) {
-  std::vector<T> out;
-  for (size_t i = 0; i < all.size(); ++i) {
-    if (groups[i] == group) out.push_back(all[i]);
-  }
-  return out;
-}
-
-// The noise of a target of each code, by what photos of one exposure say.
-std::array<double, kCodes> NoiseOfTargets(const CodeStatistics& photos) {
-  std::array<double, kCodes> noise;
-  int code = 0;
-  for (int target = 0; target < kCodes; ++target) {
-    while (code + 1 < kCodes && photos.mean[code] < target) ++code;
-    noise[target] = photos.noise[code];
-  }
-  return noise;
-}
-
-double Squared(double x) { return x * x; }
-
-}  // namespace
-
-CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
-                              absl::Span<const ImageU8* const> targets,
-                              absl::Span<const PlaneU8> masks) {
-  LITAGS_CHECK(photos.size() == targets.size());
-  Samples samples(kCodes);
-  for (size_t i = 0; i < photos.size(); ++i) {
-    LITAGS_CHECK(photos[i]->width == targets[i]->width && photos[i]->height == targets[i]->height);
-    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &samples);
-  }
+CodeStatistics Summarize(const Samples& samples) {
   CodeStatistics out;
   for (int code = 0; code < kCodes; ++code) {
     const CodeSamples around = Around(samples, code);
@@ -147,6 +105,72 @@ CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
   return out;
 }
 
+// The noise of a target of each code, by what photos of one exposure say.
+std::array<double, kCodes> NoiseOfTargets(const CodeStatistics& photos) {
+  std::array<double, kCodes> noise;
+  int code = 0;
+  for (int target = 0; target < kCodes; ++target) {
+    while (code + 1 < kCodes && photos.mean[code] < target) ++code;
+    noise[target] = photos.noise[code];
+  }
+  return noise;
+}
+
+// Of one sample, by the codes of its photo and its target: [kCodes * photo + target].
+using WeightTable = std::vector<float>;
+
+WeightTable WeightsOf(const std::array<double, kCodes>& noise,
+                      const std::array<double, kCodes>& best) {
+  const auto spread = [](double noise) {
+    return 1 + noise * noise / (kToleratedNoise * kToleratedNoise);
+  };
+  WeightTable weights;
+  for (int code = 0; code < kCodes; ++code) {
+    for (int target = 0; target < kCodes; ++target) {
+      weights.push_back(std::min(1.0, spread(best[target]) / spread(noise[code])));
+    }
+  }
+  return weights;
+}
+
+// Photos are taken together by exposure.
+int HalfStops(double exposure) { return static_cast<int>(std::lround(2 * std::log2(exposure))); }
+
+std::map<int, WeightTable> TablesByExposure(absl::Span<const ImageU8* const> photos,
+                                            absl::Span<const ImageU8* const> targets,
+                                            absl::Span<const double> exposures,
+                                            absl::Span<const PlaneU8> masks) {
+  std::map<int, Samples> samples;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    Samples& alike = samples.try_emplace(HalfStops(exposures[i]), kCodes).first->second;
+    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &alike);
+  }
+  std::map<int, CodeStatistics> statistics;
+  std::array<double, kCodes> best;
+  best.fill(kClippedNoise);
+  for (const auto& [exposure, alike] : samples) {
+    statistics[exposure] = Summarize(alike);
+    const std::array<double, kCodes> noise = NoiseOfTargets(statistics[exposure]);
+    for (int code = 0; code < kCodes; ++code) best[code] = std::min(best[code], noise[code]);
+  }
+  std::map<int, WeightTable> tables;
+  for (const auto& [exposure, codes] : statistics) tables[exposure] = WeightsOf(codes.noise, best);
+  return tables;
+}
+
+}  // namespace
+
+CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
+                              absl::Span<const ImageU8* const> targets,
+                              absl::Span<const PlaneU8> masks) {
+  LITAGS_CHECK(photos.size() == targets.size());
+  Samples samples(kCodes);
+  for (size_t i = 0; i < photos.size(); ++i) {
+    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &samples);
+  }
+  return Summarize(samples);
+}
+
 void PictureNoise::Add(const ImageU8& picture, const PlaneU8& mask) {
   ForEachDifference(picture, mask, [&](size_t, int code, int difference) {
     if (code > 0) differences_[difference] += 1;
@@ -161,45 +185,36 @@ std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
                                         absl::Span<const ImageU8* const> targets,
                                         absl::Span<const double> exposures,
                                         absl::Span<const PlaneU8> masks) {
-  LITAGS_CHECK(exposures.size() == photos.size());
+  LITAGS_CHECK(targets.size() == photos.size() && exposures.size() == photos.size());
   if (photos.empty()) return {};
   const auto [least, most] = std::minmax_element(exposures.begin(), exposures.end());
   if (*most <= kLikeExposures * *least) return {};
 
-  const std::vector<int> groups = GroupsOf(exposures);
-  std::vector<CodeStatistics> statistics;  // of each group
-  std::array<double, kCodes> best;
-  best.fill(kClippedNoise);
-  for (int g = 0; g <= *std::max_element(groups.begin(), groups.end()); ++g) {
-    statistics.push_back(MeasureTargets(OfGroup(photos, groups, g), OfGroup(targets, groups, g),
-                                        OfGroup(masks, groups, g)));
-    const std::array<double, kCodes> noise = NoiseOfTargets(statistics.back());
-    for (int code = 0; code < kCodes; ++code) best[code] = std::min(best[code], noise[code]);
-  }
-  const auto weight = [&](size_t photo, size_t pixel) {
+  const std::map<int, WeightTable> tables = TablesByExposure(photos, targets, exposures, masks);
+  const auto weight = [&](const WeightTable& table, size_t photo, size_t pixel) {
     double sum = 0;
     for (size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {
-      const double noise = statistics[groups[photo]].noise[photos[photo]->data[k]];
-      const double known = best[targets[photo]->data[k]];
-      sum += std::min(
-          1.0, (1 + Squared(known / kToleratedNoise)) / (1 + Squared(noise / kToleratedNoise)));
+      sum += table[kCodes * photos[photo]->data[k] + targets[photo]->data[k]];
     }
     return sum / 3;
   };
   double sum = 0;
   size_t pixels = 0;
   for (size_t i = 0; i < photos.size(); ++i) {
+    const WeightTable& table = tables.at(HalfStops(exposures[i]));
     ForCounted(MaskOf(masks, i), photos[i]->data.size() / 3, [&](size_t k) {
-      sum += weight(i, k);
+      sum += weight(table, i, k);
       ++pixels;
     });
   }
   const double scale = sum > 0 ? kInformationOne * static_cast<double>(pixels) / sum : 0;
   std::vector<PlaneU8> planes;
   for (size_t i = 0; i < photos.size(); ++i) {
+    const WeightTable& table = tables.at(HalfStops(exposures[i]));
     PlaneU8& plane = planes.emplace_back(photos[i]->width, photos[i]->height);
     for (size_t k = 0; k < plane.data.size(); ++k) {
-      plane.data[k] = static_cast<uint8_t>(std::min(255.0, std::round(scale * weight(i, k))));
+      plane.data[k] =
+          static_cast<uint8_t>(std::min(255.0, std::round(scale * weight(table, i, k))));
     }
   }
   return planes;

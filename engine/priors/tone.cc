@@ -117,7 +117,7 @@ ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta,
   ToneTarget target;
   target.gain = SolveLinearGain(histogram, theta, max_gain);
   target.reached = std::abs(Mean(histogram, LinearGain(target.gain)) - theta) < 1e-6;
-  target.image = Apply(photo, LinearGain(target.gain));
+  target.image = WithLinearGain(photo, target.gain);
   return target;
 }
 
@@ -227,6 +227,10 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
   const auto contrast = [&](double c) { return AddContrast(c, options.contrast); };
   const double wanted = LinearFromSrgb(Bisect(contrast, code, 0, 1));
   return wanted / std::max(level, 1e-9);
+}
+
+ImageU8 WithLinearGain(const ImageU8& photo, double gain) {
+  return Apply(photo, LinearGain(gain));
 }
 
 NoiseCurve RoundingNoise(const ToneOptions& options, double gain) {

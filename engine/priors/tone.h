@@ -53,6 +53,9 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> ph
                                                     const ToneOptions& options, int threads,
                                                     absl::Span<const PlaneU8> masks = {});
 
+// The photo with `gain` times its linear light, clipped at white.
+ImageU8 WithLinearGain(const ImageU8& photo, double gain);
+
 // What rounding a photo to its codes does to its target: the target's step from one of the photo's
 // codes to the next / sqrt(12), for the gain of a ToneTarget. In the dark it is many codes, and
 // other photos of the place have the same, since they were rounded alike.

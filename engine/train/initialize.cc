@@ -15,8 +15,8 @@ namespace litags {
 namespace {
 
 constexpr double kInitialOpacity = 0.1;
-constexpr int kNeighbours = 3;                // that make the scale
-constexpr int kPlaneNeighbours = 12;          // that make the plane. Choice
+constexpr int kNeighbours = 3;        // that make the scale
+constexpr int kPlaneNeighbours = 12;  // that make the plane. Choice
 // Variance across the plane over the smaller one in it, at most: more is no surface. Choice
 constexpr double kPlaneThickness = 0.3;
 constexpr double kDiskThickness = 0.1;  // of a disk's other scales. Choice

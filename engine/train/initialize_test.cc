@@ -10,7 +10,6 @@
 namespace litags {
 namespace {
 
-
 std::vector<SparsePoint> RandomPoints(int n) {
   const CounterRng rng(8, 0);
   std::vector<SparsePoint> points(n);

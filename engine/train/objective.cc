@@ -12,8 +12,8 @@
 namespace litags {
 namespace {
 
-// Pixels of less weight do not enter L_exp's SSIM, whose windows would carry their doubt to what is
-// around. Choice, measured
+// Pixels of less weight have no part in L_exp: SSIM's windows would carry their doubt to what is
+// around. L_rec sees them still, for places that no other photo shows. Choice, measured
 constexpr float kDoubtful = 0.25f;
 
 // Zeros of the size of `like`, plane by plane.
@@ -82,6 +82,7 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
 
   UnpackImage(view.photo, workspace_, &input_);
   HideMasked(view.mask, R, illumination);
+  HideDoubtful(R);
   losses.exposure = options_.weight_exposure * ExposureLoss(R, v_color);
   losses.reconstruction =
       options_.weight_reconstruction *
@@ -125,19 +126,18 @@ void Objective::HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumin
   }
 }
 
-double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
-  const double ssim = options_.exposure_ssim, weight = options_.weight_exposure;
-  if (ssim == 0) return L1Loss(R, target_, weight, v_R, workspace_, information_);
-  if (information_.empty()) {
-    return ReconstructionLoss(R, target_, weight, v_R, workspace_, {.l1 = 1 - ssim, .ssim = ssim});
-  }
-  const double l1 = L1Loss(R, target_, (1 - ssim) * weight, v_R, workspace_, information_);
+void Objective::HideDoubtful(PlanesView R) {
   for (size_t i = 0; i < information_.data.size(); ++i) {
     if (information_.data[i] >= kDoubtful) continue;
     for (int c = 0; c < 3; ++c) target_.plane(c)[i] = R.plane(c)[i];
   }
-  return (1 - ssim) * l1 +
-         ReconstructionLoss(R, target_, weight, v_R, workspace_, {.l1 = 0, .ssim = ssim});
+}
+
+double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
+  const double ssim = options_.exposure_ssim, weight = options_.weight_exposure;
+  if (ssim == 0) return L1Loss(R, target_, weight, v_R, workspace_, information_);
+  return ReconstructionLoss(R, target_, weight, v_R, workspace_, {.l1 = 1 - ssim, .ssim = ssim},
+                            information_);
 }
 
 void Objective::AddStructure(const TrainView& view, const Planes& rendered, int iteration,

@@ -50,6 +50,8 @@ class Objective {
   void UnpackInformation(const PlaneU8& information);
   // Masked pixels of the photo and the pseudo-target become what is rendered there.
   void HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumination);
+  // So does the pseudo-target where other photos know better by far.
+  void HideDoubtful(PlanesView R);
   void AddStructure(const TrainView& view, const Planes& rendered, int iteration,
                     Planes* v_rendered, StepLosses* losses);
 

@@ -81,7 +81,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_settle_epochs(7.5);
   o->set_dropout(0.25);
   o->set_noise_filter(false);
-  o->set_information_weights(true);
+  o->set_information_weights(false);
   o->set_schedule_iterations(100);
   o->set_density_statistic(v1::DENSITY_STATISTIC_ABS);
   o->set_density_growth(v1::DENSITY_GROWTH_CLONE_SPLIT);

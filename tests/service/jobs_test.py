@@ -35,13 +35,14 @@ class Jobs(harness.ServiceTest):
     def test_options_reach_the_job(self):
         job = self.submit("--iterations", "12", "--method", "3dgs", "--tone", "paper", "--seed", "7",
                           "--max-gaussians", "1234", "--pdm", "--no-noise-filter",
-                          "--no-antialiasing", "--theta", "0.4")
+                          "--no-antialiasing", "--no-information-weights", "--theta", "0.4")
         options = self.jobs.GetJob(rpc.GetJobRequest(name=job)).options
         self.assertEqual(options.method, harness.job_pb2.METHOD_3DGS)
         self.assertEqual(options.tone, harness.job_pb2.TONE_PAPER)
         self.assertEqual((options.seed, options.max_gaussians, options.use_pdm,
-                          options.noise_filter, options.antialiased, options.use_prior),
-                         (7, 1234, True, False, False, True))
+                          options.noise_filter, options.antialiased,
+                          options.information_weights, options.use_prior),
+                         (7, 1234, True, False, False, False, True))
         self.assertAlmostEqual(options.theta, 0.4)
 
     def test_the_same_request_id_makes_one_job(self):

@@ -14,7 +14,6 @@
 namespace litags {
 namespace {
 
-
 Camera ReadCamera(const ReferenceCase& reference) {
   Camera camera;
   camera.width = static_cast<int>(reference.Param("width"));
