@@ -18,8 +18,8 @@ namespace {
 Capture Load(const RoomCapture& room, const ReconstructOptions& options) {
   ReconstructReport report;
   auto capture = LoadCapture(
-      room.Input("work"), options, kNoColmap, CancelToken(),
-      [](Stage, const std::string&) {}, &report);
+      room.Input("work"), options, kNoColmap, CancelToken(), [](Stage, const std::string&) {},
+      &report);
   EXPECT_TRUE(capture.ok()) << capture.status();
   return capture.ok() ? *std::move(capture) : Capture();
 }
