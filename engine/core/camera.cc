@@ -44,6 +44,12 @@ std::array<double, 3> Camera::WorldFromCam(const std::array<double, 3>& p) const
           R[2] * q[0] + R[5] * q[1] + R[8] * q[2]};
 }
 
+Camera Camera::Moved(const std::array<double, 3>& offset) const {
+  Camera out = *this;
+  out.t = CamFromWorld({-offset[0], -offset[1], -offset[2]});
+  return out;
+}
+
 Camera Camera::Scaled(int new_width, int new_height) const {
   Camera out = *this;
   const double sx = double(new_width) / width, sy = double(new_height) / height;

@@ -30,6 +30,10 @@ struct Camera {
   std::array<double, 3> CamFromWorld(const std::array<double, 3>& point) const;
   std::array<double, 3> WorldFromCam(const std::array<double, 3>& point) const;
 
+  // The camera carried by `offset`, looking the same way: it sees of a world carried with it what
+  // this one sees.
+  Camera Moved(const std::array<double, 3>& offset) const;
+
   // Same view at another image size: intrinsics scaled, pose kept.
   Camera Scaled(int new_width, int new_height) const;
 

@@ -62,6 +62,18 @@ TEST(Camera, LookAtPutsTheTargetOnTheAxisAndUpUp) {
   EXPECT_NEAR(center[2], 3, 1e-12);
 }
 
+TEST(Camera, MovedSeesAMovedWorldAlike) {
+  Camera camera;
+  ASSERT_TRUE(camera.LookAt({1, 2, -3}, {0.5, 0, 4}, {0, -1, 0.2}).ok());
+  const Camera moved = camera.Moved({10, -20, 30});
+  const std::array<double, 3> point = {0.3, 0.4, 5}, moved_point = {10.3, -19.6, 35};
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(moved.Center()[k], camera.Center()[k] + (k == 0 ? 10 : k == 1 ? -20 : 30), 1e-12);
+    EXPECT_NEAR(moved.CamFromWorld(moved_point)[k], camera.CamFromWorld(point)[k], 1e-12);
+  }
+  EXPECT_EQ(moved.R, camera.R);
+}
+
 TEST(Camera, ValidateNamesTheField) {
   Camera camera = TestCamera();
   camera.t[1] = std::numeric_limits<double>::quiet_NaN();

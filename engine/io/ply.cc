@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "engine/io/byte_reader.h"
 #include "engine/io/file_util.h"
@@ -201,13 +202,18 @@ absl::Status ReadRecords(std::string_view data, const Header& header,
 
 }  // namespace
 
-std::string EncodePly(const Splats& splats, bool lita_attributes) {
+std::string EncodePly(const Splats& splats, bool lita_attributes,
+                      const std::array<double, 3>& origin) {
   std::vector<Property> properties = BaseProperties(kMaxRest);
   if (lita_attributes) {
     for (Property& property : LitaProperties()) properties.push_back(std::move(property));
   }
-  std::string out =
-      absl::StrCat("ply\nformat binary_little_endian 1.0\nelement vertex ", splats.size(), "\n");
+  std::string out = "ply\nformat binary_little_endian 1.0\n";
+  if (origin != std::array<double, 3>{}) {
+    absl::StrAppendFormat(&out, "comment origin %.17g %.17g %.17g\n", origin[0], origin[1],
+                          origin[2]);
+  }
+  absl::StrAppend(&out, "element vertex ", splats.size(), "\n");
   for (const Property& property : properties) {
     absl::StrAppend(&out, "property float ", property.name, "\n");
   }
@@ -225,8 +231,9 @@ std::string EncodePly(const Splats& splats, bool lita_attributes) {
   return out;
 }
 
-absl::Status WritePly(const std::string& path, const Splats& splats, bool lita_attributes) {
-  return WriteFileAtomically(path, EncodePly(splats, lita_attributes));
+absl::Status WritePly(const std::string& path, const Splats& splats, bool lita_attributes,
+                      const std::array<double, 3>& origin) {
+  return WriteFileAtomically(path, EncodePly(splats, lita_attributes, origin));
 }
 
 absl::StatusOr<PlyScene> DecodePly(std::string_view bytes, std::string_view field,

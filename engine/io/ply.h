@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_IO_PLY_H_
 #define LITAGS_ENGINE_IO_PLY_H_
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -14,9 +15,12 @@ namespace litags {
 
 // Binary little-endian floats, stored (not activated) parameters: x y z nx ny nz f_dc_0..2
 // f_rest_0..44 (all red, then green, then blue) opacity scale_0..2 rot_0..3 (wxyz). Normals are 0.
-// With `lita_attributes` these follow: structure depth noise_0..2 illumination_0..2.
-std::string EncodePly(const Splats& splats, bool lita_attributes);
-absl::Status WritePly(const std::string& path, const Splats& splats, bool lita_attributes);
+// With `lita_attributes` these follow: structure depth noise_0..2 illumination_0..2. An `origin`
+// that positions count from stands in a comment, "origin X Y Z".
+std::string EncodePly(const Splats& splats, bool lita_attributes,
+                      const std::array<double, 3>& origin = {});
+absl::Status WritePly(const std::string& path, const Splats& splats, bool lita_attributes,
+                      const std::array<double, 3>& origin = {});
 
 struct PlyScene {
   Splats splats;

@@ -14,6 +14,7 @@
 #include "engine/io/image_io.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/given_cameras.h"
+#include "engine/pipeline/local_origin.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -175,11 +176,15 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
   } else {
     LITAGS_ASSIGN_OR_RETURN(model, ReadGivenCameras(input, photos, &report->notes));
     if (model.points.empty()) {
+      // COLMAP's equations, too, are worse the further away the origin is.
+      const std::array<double, 3> origin = LocalOrigin(model.views);
+      TakeAsOrigin(origin, &model);
       LITAGS_ASSIGN_OR_RETURN(
           SfmResult result,
           TriangulatePoints(input.images_dir, model, input.work_dir, sfm, cancel, on_progress));
       for (const std::string& note : result.notes) report->notes.push_back(note);
       model = std::move(result.model);
+      TakeAsOrigin({-origin[0], -origin[1], -origin[2]}, &model);
     }
     std::set<std::string> placed;
     for (const View& view : model.views) placed.insert(view.name);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -18,6 +19,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 #include "engine/io/transforms_io.h"
+#include "engine/pipeline/local_origin.h"
 #include "engine/sfm/fake_colmap.h"
 
 namespace litags {
@@ -184,6 +186,29 @@ TEST_F(CameraSource, TransformsGetTriangulatedPoints) {
   const auto kept = ObtainKept();
   ASSERT_TRUE(kept.ok()) << kept.status();
   ExpectSame(*cameras, *kept);
+}
+
+// COLMAP works near the origin, wherever the cameras are; the user's coordinates come back.
+TEST_F(CameraSource, PointsOfAMapsCoordinatesAreTriangulatedNearTheOrigin) {
+  const std::array<double, 3> offset = {5e5, 4.6e6, 100};
+  SparseModel known = Known(0.1);
+  for (View& view : known.views) view.camera = view.camera.Moved(offset);
+  input_.cameras_path = colmap_.dir() + "/transforms.json";
+  ASSERT_TRUE(WriteTransforms(input_.cameras_path, known, "high").ok());
+  const auto cameras = Obtain();
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  ASSERT_THAT(cameras->points, SizeIs(60));
+  const std::array<double, 3> origin = LocalOrigin(known.views);
+  EXPECT_NEAR(origin[0], offset[0], 5);
+  EXPECT_EQ(origin[0], std::round(origin[0]));
+  // COLMAP said (7, 0, 5).
+  EXPECT_EQ(cameras->points[7].xyz,
+            (std::array<double, 3>{origin[0] + 7, origin[1], origin[2] + 5}));
+  for (int i = 0; i < 6; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      EXPECT_NEAR(cameras->views[i].camera.Center()[k], known.views[i].camera.Center()[k], 1e-6);
+    }
+  }
 }
 
 // Landscape photos and portrait ones, each with its own lens: per-frame keys in the file.

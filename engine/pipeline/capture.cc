@@ -22,6 +22,7 @@
 #include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/shrink.h"
 #include "engine/priors/information.h"
 #include "engine/priors/photometric.h"
@@ -383,6 +384,12 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   LITAGS_ASSIGN_OR_RETURN(SparseModel model, ObtainCameras(input, options, photos, masks, colmap,
                                                            cancel, progress, report));
   LITAGS_RETURN_IF_ERROR(cancel.Check());
+  Capture capture;
+  capture.origin = LocalOrigin(model.views);
+  if (capture.origin != decltype(capture.origin){}) {
+    TakeAsOrigin(capture.origin, &model);
+    report->notes.push_back(DescribeOrigin(capture.origin));
+  }
 
   progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded,
@@ -396,7 +403,6 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   if (lita && options.information_weights) AddInformation(&views);
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
 
-  Capture capture;
   capture.noise = noise;
   LITAGS_RETURN_IF_ERROR(CheckScale(views, &model.points, &report->notes));
   const std::string inputs = FingerprintOfViews(views, model.points);

@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_PIPELINE_CAPTURE_H_
 #define LITAGS_ENGINE_PIPELINE_CAPTURE_H_
 
+#include <array>
 #include <functional>
 #include <string>
 #include <vector>
@@ -19,9 +20,10 @@ struct Capture {
   std::vector<TrainView> train;
   std::vector<TrainView> holdout;  // evaluated only
   std::vector<SparsePoint> points;
-  std::vector<int> point_views;  // model view to index in `train`, -1 if held out or left out
-  NoiseCurve noise = {};         // of pictures: RoundingNoise() at the photos' median gain
-  std::string fingerprint;       // of photos, cameras and the options that shape the result
+  std::vector<int> point_views;       // model view to index in `train`, -1 if held out or left out
+  NoiseCurve noise = {};              // of pictures: RoundingNoise() at the photos' median gain
+  std::array<double, 3> origin = {};  // of all this, in the coordinates that the cameras came in
+  std::string fingerprint;            // of photos, cameras and the options that shape the result
 };
 
 // A stage begins or goes on, with a message for the user.

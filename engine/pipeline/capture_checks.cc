@@ -8,7 +8,6 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/render/renderer.h"
-#include "engine/train/initialize.h"
 
 namespace litags {
 namespace {
@@ -16,37 +15,6 @@ namespace {
 constexpr double kNotFlat = 1e-3;          // part of a photo's pixels
 constexpr double kMixedExposureStops = 2;  // a camera on automatic stays below
 constexpr double kMaxCoordinate = 1e15;    // scene units; squares of sizes must fit into floats
-// Of the origin's distance, in sizes of the scene: floats have steps of 1e-7 of it, which is a
-// tenth of a pixel there at most.
-constexpr double kMaxOffset = 2000;
-
-double Distance(const std::array<double, 3>& a, const std::array<double, 3>& b) {
-  return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
-}
-
-absl::Status CheckOffset(const std::vector<TrainView>& views,
-                         const std::vector<SparsePoint>& points) {
-  std::array<double, 3> mean = {};  // of the camera centres
-  for (const TrainView& v : views) {
-    const std::array<double, 3> center = v.view.camera.Center();
-    for (int k = 0; k < 3; ++k) mean[k] += center[k] / views.size();
-  }
-  // How far away what they see is, or how far apart they are.
-  const double extent = SceneExtent(views);
-  std::vector<double> distances = {extent};
-  for (const SparsePoint& p : points) distances.push_back(Distance(p.xyz, mean));
-  const auto median = distances.begin() + distances.size() / 2;
-  std::nth_element(distances.begin(), median, distances.end());
-  const double size = std::max(extent, *median), offset = Distance(mean, {});
-  if (offset <= kMaxOffset * size) return absl::OkStatus();
-  return InvalidInput(
-      "SCENE_FAR_AWAY", "cameras",
-      absl::StrFormat(
-          "cameras: the scene is %.3g units large and %.3g units from the origin, where "
-          "positions are too coarse; subtract (%.0f, %.0f, %.0f) from all positions, "
-          "of cameras and points",
-          size, offset, mean[0], mean[1], mean[2]));
-}
 
 }  // namespace
 
@@ -96,7 +64,6 @@ absl::Status CheckScale(const std::vector<TrainView>& views, std::vector<SparseP
                                      " units from the origin; divide all positions, of cameras "
                                      "and points, by one number"));
   }
-  LITAGS_RETURN_IF_ERROR(CheckOffset(views, *points));
   const size_t dropped = std::erase_if(*points, [&](const SparsePoint& p) { return far(p.xyz); });
   if (dropped > 0) {
     notes->push_back(absl::StrCat(dropped, " sparse points were dropped: they are more than ",

@@ -27,8 +27,7 @@ void NoteExposures(const std::vector<TrainView>& views, bool evened_out,
 
 // Scene units are the user's, but what is nearer than the renderer's near plane is never drawn, and
 // floats end somewhere. Drops points that are too far, with a note. INVALID_ARGUMENT
-// (SCENE_TOO_LARGE, SCENE_TOO_SMALL, SCENE_FAR_AWAY; field "cameras") for scenes that cannot be
-// drawn.
+// (SCENE_TOO_LARGE, SCENE_TOO_SMALL; field "cameras") for scenes that cannot be drawn.
 absl::Status CheckScale(const std::vector<TrainView>& views, std::vector<SparsePoint>* points,
                         std::vector<std::string>* notes);
 

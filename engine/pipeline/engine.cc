@@ -220,6 +220,7 @@ class Run {
   // Saves a snapshot and reports it with a preview picture and the held-out PSNR.
   absl::Status Publish() {
     Model model = trainer_.Snapshot();
+    model.origin = capture_.origin;
     if (model.lita && options_.noise_filter) model.noise = capture_.noise;
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, views_));
     observer_->OnSnapshot(scene_path_);

@@ -234,7 +234,8 @@ class Scene {
   // Standard 3DGS .ply bytes written to a file, in the light R * L^t with t = `light`, -4..4. L is
   // applied to every Gaussian instead of every pixel, and the denoiser is left out: viewers know
   // neither. Shapes and opacities are such that what viewers draw in pictures of about the views'
-  // size is much like Render's (viewer_splats.h).
+  // size is much like Render's (viewer_splats.h). Where the cameras stand far from the origin,
+  // positions count from the point that the header names: "comment origin X Y Z".
   virtual absl::Status ExportPly(const std::string& path, double light) const = 0;
   // The Gaussians as they are, every LITA attribute as extra properties.
   virtual absl::Status ExportFullPly(const std::string& path) const = 0;

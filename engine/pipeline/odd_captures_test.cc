@@ -6,6 +6,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -15,6 +16,7 @@
 #include "engine/core/error.h"
 #include "engine/core/rng.h"
 #include "engine/io/file_util.h"
+#include "engine/io/ply.h"
 #include "engine/pipeline/capture_test_util.h"
 
 namespace litags {
@@ -162,20 +164,57 @@ TEST(OddCaptures, UnitsOfLengthAreTheUsersWithinReason) {
   EXPECT_EQ(Reason(TrainInUnits(1e30).status()), "SCENE_TOO_LARGE");
 }
 
-// In the coordinates of a map.
-TEST(OddCaptures, CamerasFarFromTheOriginAreRefusedWithWhatToSubtract) {
-  RoomCapture capture(6);
-  const std::array<double, 3> offset = {5e5, 4.6e6, 100};
-  for (View& view : capture.model.views) {
-    const std::array<double, 3> moved = view.camera.CamFromWorld({-5e5, -4.6e6, -100});
-    view.camera.t = moved;
-  }
-  for (SparsePoint& point : capture.model.points) {
+double MeanDifference(const Planes& a, const Planes& b) {
+  double sum = 0;
+  for (size_t i = 0; i < a.data.size(); ++i) sum += std::abs(a.data[i] - b.data[i]);
+  return sum / a.data.size();
+}
+
+// What is seen by views[0].camera of a scene, moved by `offset`.
+absl::StatusOr<Planes> RenderFirst(const Scene& scene, const RoomCapture& capture,
+                                   const std::array<double, 3>& offset, Channel channel) {
+  RenderRequest request;
+  request.camera = capture.model.views[0].camera.Moved(offset);
+  request.channel = channel;
+  return scene.Render(request);
+}
+
+// The same room where it is, and in the coordinates of a map.
+TEST(OddCaptures, AMapsCoordinatesGiveTheSameScene) {
+  const std::array<double, 3> offset = {5e5, 4.6e6, 100}, none = {};
+  const RoomCapture near(6);
+  RoomCapture far(6);
+  for (View& view : far.model.views) view.camera = view.camera.Moved(offset);
+  for (SparsePoint& point : far.model.points) {
     for (int k = 0; k < 3; ++k) point.xyz[k] += offset[k];
   }
-  const absl::Status status = Train(capture.Input("work"), capture.Options(20)).status();
-  EXPECT_EQ(Reason(status), "SCENE_FAR_AWAY");
-  EXPECT_THAT(std::string(status.message()), HasSubstr("subtract (500000, "));
+  const auto near_report = Train(near.Input("work"), near.Options(20));
+  const auto far_report = Train(far.Input("work"), far.Options(20));
+  ExpectGoodScene(far_report, 6);
+  ASSERT_TRUE(near_report.ok()) << near_report.status();
+  EXPECT_THAT(far_report->notes, Contains(HasSubstr("far from the origin")));
+  EXPECT_THAT(near_report->notes, Not(Contains(HasSubstr("far from the origin"))));
+
+  const auto here = MakeEngine()->LoadScene(near_report->scene_path);
+  const auto there = MakeEngine()->LoadScene(far_report->scene_path);
+  ASSERT_TRUE(here.ok() && there.ok()) << there.status();
+  for (const Channel channel : {Channel::kColor, Channel::kOriginal, Channel::kDepth}) {
+    const auto expected = RenderFirst(**here, near, none, channel);
+    const auto actual = RenderFirst(**there, near, offset, channel);
+    ASSERT_TRUE(expected.ok() && actual.ok()) << actual.status();
+    EXPECT_LT(MeanDifference(*expected, *actual), 1e-3) << static_cast<int>(channel);
+  }
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR((*there)->center()[k], (*here)->center()[k] + offset[k], 1e-6);
+    EXPECT_NEAR((*there)->views()[3].camera.Center()[k],
+                near.model.views[3].camera.Center()[k] + offset[k], 1e-6);
+  }
+  // Viewers have floats: positions count from what the file says.
+  ASSERT_TRUE((*there)->ExportPly(far.Path("a.ply"), /*light=*/0).ok());
+  const auto ply = ReadFile(far.Path("a.ply"), "", int64_t{1} << 28);
+  ASSERT_TRUE(ply.ok()) << ply.status();
+  EXPECT_THAT(*ply, HasSubstr("\ncomment origin 5000"));
+  EXPECT_TRUE(ReadPly(far.Path("a.ply"), "a.ply").ok());
 }
 
 TEST(OddCaptures, APointAtTheEndOfTheWorldIsDropped) {

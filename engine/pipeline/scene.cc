@@ -85,7 +85,11 @@ absl::Status CheckExposure(double stops, Channel channel) {
 class ModelScene : public Scene {
  public:
   ModelScene(Model model, std::vector<View> views)
-      : model_(std::move(model)), views_(std::move(views)), frame_(FrameOfViews(views_)) {}
+      : model_(std::move(model)), local_views_(std::move(views)), views_(local_views_) {
+    for (View& view : views_) view.camera = view.camera.Moved(model_.origin);
+    frame_ = FrameOfViews(local_views_);
+    for (int k = 0; k < 3; ++k) frame_.center[k] += model_.origin[k];
+  }
 
   const std::vector<View>& views() const override { return views_; }
   int64_t num_gaussians() const override { return static_cast<int64_t>(model_.splats.size()); }
@@ -98,6 +102,8 @@ class ModelScene : public Scene {
     LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
     LITAGS_RETURN_IF_ERROR(CheckLight(request.light));
     LITAGS_RETURN_IF_ERROR(CheckExposure(request.exposure_stops, request.channel));
+    const std::array<double, 3>& o = model_.origin;
+    const Camera camera = request.camera.Moved({-o[0], -o[1], -o[2]});
     if (!model_.lita && request.channel != Channel::kColor &&
         request.channel != Channel::kOriginal && request.channel != Channel::kDepth &&
         request.channel != Channel::kAlpha) {
@@ -113,18 +119,18 @@ class ModelScene : public Scene {
     }
     ModelRenderer renderer(request.threads, &request.cancel);
     if (IsColor(request.channel)) {
-      Planes color = Color(&renderer, request);
+      Planes color = Color(&renderer, request, camera);
       LITAGS_RETURN_IF_ERROR(request.cancel.Check());
       return color;
     }
     if (request.channel == Channel::kDepth) {
       Planes depth;
-      renderer.RenderDepth(model_, request.camera, &depth);
+      renderer.RenderDepth(model_, camera, &depth);
       LITAGS_RETURN_IF_ERROR(request.cancel.Check());
       return depth;
     }
     Planes channels, alpha;
-    renderer.RenderChannels(model_, request.camera, &channels, &alpha);
+    renderer.RenderChannels(model_, camera, &channels, &alpha);
     LITAGS_RETURN_IF_ERROR(request.cancel.Check());
     switch (request.channel) {
       case Channel::kStructure:
@@ -148,9 +154,9 @@ class ModelScene : public Scene {
     }
     Splats splats = light == 0 ? model_.splats : InLight(model_.splats, light);
     if (model_.pixel_filter == PixelFilter::kMip) {
-      splats = SplatsForViewers(views_, std::move(splats));
+      splats = SplatsForViewers(local_views_, std::move(splats));
     }
-    return WritePly(path, splats, /*lita_attributes=*/false);
+    return WritePly(path, splats, /*lita_attributes=*/false, model_.origin);
   }
 
   absl::Status ExportFullPly(const std::string& path) const override {
@@ -159,20 +165,20 @@ class ModelScene : public Scene {
                        "format: this scene was trained with plain 3dgs and has no LITA attributes; "
                        "export the standard .ply");
     }
-    return WritePly(path, model_.splats, /*lita_attributes=*/true);
+    return WritePly(path, model_.splats, /*lita_attributes=*/true, model_.origin);
   }
 
  private:
-  Planes Color(ModelRenderer* renderer, const RenderRequest& request) const {
+  Planes Color(ModelRenderer* renderer, const RenderRequest& request, const Camera& camera) const {
     const double light = request.channel == Channel::kOriginal ? 1
                          : request.channel == Channel::kLight  ? request.light
                                                                : 0;
     Planes color;
     if (light == 0 || !model_.lita) {
-      renderer->RenderColor(model_, request.camera, &color);
+      renderer->RenderColor(model_, camera, &color);
     } else {
       Planes channels, alpha;
-      renderer->RenderChannels(model_, request.camera, &channels, &alpha);
+      renderer->RenderChannels(model_, camera, &channels, &alpha);
       renderer->Denoise(model_, channels, &color);
       color = Relit(std::move(color), channels, light);
     }
@@ -180,8 +186,9 @@ class ModelScene : public Scene {
   }
 
   const Model model_;
-  const std::vector<View> views_;
-  const SceneFrame frame_;
+  const std::vector<View> local_views_;  // counted from the model's origin, as its Gaussians
+  std::vector<View> views_;
+  SceneFrame frame_;
 };
 
 }  // namespace

@@ -10,7 +10,7 @@
 
 namespace litags {
 
-// The Scene of a model in memory.
+// The Scene of a model in memory; the views count from model.origin.
 std::shared_ptr<const Scene> MakeScene(Model model, std::vector<View> views);
 
 }  // namespace litags

@@ -18,7 +18,9 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr char kKind[] = "scene";
-constexpr uint32_t kVersion = 2;  // 1: before pixel filters, all of them as 3DGS has it
+// 1: before pixel filters, all of them as 3DGS has it. 3: has an origin that is not 0; written only
+// then, so that older programs read what they can draw.
+constexpr uint32_t kVersion = 3, kWithoutOrigin = 2;
 
 Json ViewToJson(const View& view) {
   const Camera& c = view.camera;
@@ -145,7 +147,9 @@ absl::Status SaveScene(const std::string& path, const Model& model,
                  {"clamp_R", p.clamp_R},
                  {"nets", model.pdm.nets.size()}};
   if (model.noise.has_value()) json["noise"] = *model.noise;
-  ContainerWriter out(kKind, kVersion);
+  const bool moved = model.origin != decltype(model.origin){};
+  if (moved) json["origin"] = model.origin;
+  ContainerWriter out(kKind, moved ? kVersion : kWithoutOrigin);
   out.AddSection("meta", json.dump(-1, ' ', false, Json::error_handler_t::replace));
   out.AddSection("names", JoinNames(views));
   const AlignedFloats& data = model.splats.data();
@@ -190,6 +194,7 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
         p.at("zero_border").get<bool>() ? PdmBorder::kZero : PdmBorder::kReflect101;
     model.pdm_options.clamp_R = p.at("clamp_R").get<bool>();
     nets = p.at("nets").get<size_t>();
+    if (file.version() > kWithoutOrigin) json.at("origin").get_to(model.origin);
     if (json.contains("noise")) model.noise = json.at("noise").get<NoiseCurve>();
   } catch (const Json::exception& e) {
     return Damaged(path, e.what());

@@ -26,8 +26,8 @@ struct SceneFrame {
 // parallel, a point in front of the mean camera. Up: mean of the cameras' up directions.
 SceneFrame FrameOfViews(const std::vector<View>& views);
 
-// Container of kind "scene", written atomically. Reading: errors of Container::Read, and DATA_LOSS
-// (SCENE_CORRUPT) if the parts do not fit together.
+// Container of kind "scene", written atomically; the views count from model.origin. Reading: errors
+// of Container::Read, and DATA_LOSS (SCENE_CORRUPT) if the parts do not fit together.
 absl::Status SaveScene(const std::string& path, const Model& model, const std::vector<View>& views);
 absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& path);
 

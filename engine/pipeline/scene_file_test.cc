@@ -160,6 +160,28 @@ TEST(SceneFile, NamesThatAreNotUtf8AreKept) {
   EXPECT_EQ((*scene)->views()[0].name, "caf\xE9.png");
 }
 
+TEST(SceneFile, AnOriginComesBack) {
+  const TempDir dir;
+  Model model = SmallModel();
+  ASSERT_TRUE(SaveScene(dir / "near.litags", model, RingViews(5)).ok());
+  model.origin = {5e5, 4.6e6, 0.1};
+  ASSERT_TRUE(SaveScene(dir / "far.litags", model, RingViews(5)).ok());
+  const auto near = LoadSceneFile(dir / "near.litags"), far = LoadSceneFile(dir / "far.litags");
+  ASSERT_TRUE(near.ok() && far.ok()) << far.status();
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR((*far)->views()[2].camera.Center()[k],
+                (*near)->views()[2].camera.Center()[k] + model.origin[k], 1e-8);
+  }
+  // Programs before origins draw what has none.
+  const auto version = [&](const char* name) {
+    return Container::Read(dir / name, "scene", 3)->version();
+  };
+  EXPECT_EQ(version("near.litags"), 2);
+  EXPECT_EQ(version("far.litags"), 3);
+  EXPECT_EQ(FullPly(**far, dir / "a.ply"),
+            EncodePly(model.splats, /*lita_attributes=*/true, model.origin));
+}
+
 TEST(SceneFile, NumbersThatAreNotFiniteAreNotSaved) {
   const TempDir dir;
   for (const int row : {int{kMean}, int{kShDc}, kShRest + 44, int{kIllumination}}) {
@@ -188,7 +210,7 @@ TEST(SceneFile, ForeignAndTruncatedFilesAreRefused) {
   ASSERT_TRUE(other.Commit(dir / "other").ok());
   EXPECT_EQ(Reason(LoadSceneFile(dir / "other").status()), "WRONG_CONTAINER_KIND");
 
-  ContainerWriter newer("scene", 3);
+  ContainerWriter newer("scene", 4);
   ASSERT_TRUE(newer.Commit(dir / "newer").ok());
   EXPECT_EQ(Reason(LoadSceneFile(dir / "newer").status()), "CONTAINER_TOO_NEW");
 

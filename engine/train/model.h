@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_TRAIN_MODEL_H_
 #define LITAGS_ENGINE_TRAIN_MODEL_H_
 
+#include <array>
 #include <optional>
 
 #include "engine/core/camera.h"
@@ -15,7 +16,8 @@ namespace litags {
 
 struct Model {
   Splats splats;
-  bool lita = true;  // has the LITA attributes; else plain 3DGS
+  std::array<double, 3> origin = {};  // of their coordinates, in those of the user's cameras
+  bool lita = true;                   // has the LITA attributes; else plain 3DGS
   bool use_pdm = true;
   PdmOptions pdm_options;
   PdmWeights pdm;
