@@ -386,7 +386,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   Capture capture;
   capture.origin = LocalOrigin(model.views);
-  if (capture.origin != decltype(capture.origin){}) {
+  if (capture.origin != std::array<double, 3>{}) {
     TakeAsOrigin(capture.origin, &model);
     report->notes.push_back(DescribeOrigin(capture.origin));
   }

@@ -8,9 +8,9 @@
 namespace litags {
 namespace {
 
-// Of the origin's distance, in sizes of the scene: floats have steps of 1e-7 of it, which is a
-// tenth of a pixel there at most.
-constexpr double kMaxOffset = 2000;
+// Of the origin's distance, in distances between the cameras. Floats have steps of 1e-7 of it, and
+// what is seen may be much nearer than the cameras are far apart.
+constexpr double kMaxOffset = 100;
 
 }  // namespace
 

@@ -11,8 +11,8 @@
 
 namespace litags {
 
-// Amid the cameras, where they stand thousands of times their distances from the origin; else 0.
-// In whole units if the cameras are more than one apart.
+// Amid the cameras, where they stand a hundred times their distances from the origin; else 0. In
+// whole units if the cameras are more than one apart.
 std::array<double, 3> LocalOrigin(const std::vector<View>& views);
 
 // Cameras and points as seen from another origin.

@@ -147,7 +147,7 @@ absl::Status SaveScene(const std::string& path, const Model& model,
                  {"clamp_R", p.clamp_R},
                  {"nets", model.pdm.nets.size()}};
   if (model.noise.has_value()) json["noise"] = *model.noise;
-  const bool moved = model.origin != decltype(model.origin){};
+  const bool moved = model.origin != std::array<double, 3>{};
   if (moved) json["origin"] = model.origin;
   ContainerWriter out(kKind, moved ? kVersion : kWithoutOrigin);
   out.AddSection("meta", json.dump(-1, ' ', false, Json::error_handler_t::replace));
