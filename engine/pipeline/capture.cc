@@ -223,7 +223,8 @@ absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const S
   const std::vector<PointSighting> sightings = Sightings(model, *loaded);
   std::vector<TrainView>& views = loaded->views;
   const PhotosTogether all(&views);
-  const std::vector<double> exposures = RelativeExposures(all.photos, sightings, all.masks);
+  const std::vector<double> exposures =
+      WithoutDrift(RelativeExposures(all.photos, sightings, all.masks), sightings);
   LITAGS_ASSIGN_OR_RETURN(
       std::vector<ToneTarget> targets,
       MakeTargets(all.photos, exposures, ToneOptionsOf(options), options.threads, all.masks));

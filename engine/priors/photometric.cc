@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <optional>
 
@@ -15,6 +16,9 @@ namespace {
 constexpr int kRadius = 2;                   // px: a patch of 5x5 averages the noise
 constexpr int kMinCode = 2, kMaxCode = 250;  // of a patch's mean in every channel
 constexpr int kRounds = 50;                  // of alternating medians
+
+// Logs of half a stop and a stop, see WithoutDrift. Choices
+constexpr double kMaxOwn = 0.5 * std::numbers::ln2, kMaxDrift = std::numbers::ln2;
 
 struct Sample {
   int point, photo;
@@ -81,6 +85,48 @@ std::vector<Sample> TakeSamples(absl::Span<const ImageU8> photos,
   return samples;
 }
 
+// Calls use(begin, end) for the sightings or samples of every point.
+template <class Sorted, class Use>
+void ForEachPoint(const Sorted& sorted, const Use& use) {
+  for (auto begin = sorted.begin(), end = begin; begin != sorted.end(); begin = end) {
+    while (end != sorted.end() && end->point == begin->point) ++end;
+    use(begin, end);
+  }
+}
+
+// How alike the views of two photos are, [n, n], 0 to 1: the share of their points that both see,
+// cubed. A photo is as like itself as the most alike other is.
+std::vector<double> Likeness(size_t n, absl::Span<const PointSighting> sightings) {
+  std::vector<double> shared(n * n, 0.0);
+  ForEachPoint(sightings, [&](auto begin, auto end) {
+    for (auto a = begin; a != end; ++a) {
+      for (auto b = begin; b != end; ++b) shared[a->photo * n + b->photo] += 1;
+    }
+  });
+  std::vector<double> likeness(n * n, 0.0);
+  for (size_t i = 0; i < n; ++i) {
+    double most = 0;
+    for (size_t j = 0; j < n; ++j) {
+      const double all = std::sqrt(shared[i * n + i] * shared[j * n + j]);
+      if (j == i || all == 0) continue;
+      const double share = shared[i * n + j] / all;
+      likeness[i * n + j] = share * share * share;
+      most = std::max(most, likeness[i * n + j]);
+    }
+    likeness[i * n + i] = most;
+  }
+  return likeness;
+}
+
+// Exponentials, the median's is 1.
+std::vector<double> FromLogs(const std::vector<double>& logs) {
+  std::vector<double> sorted = logs;
+  const double shift = logs.empty() ? 0 : Median(sorted);
+  std::vector<double> out;
+  for (const double log : logs) out.push_back(std::exp(log - shift));
+  return out;
+}
+
 }  // namespace
 
 std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
@@ -99,25 +145,36 @@ std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
   std::vector<std::vector<double>> residuals(n);
   for (int round = 0; round < kRounds; ++round) {
     for (auto& r : residuals) r.clear();
-    for (size_t first = 0, end = 0; first < samples.size(); first = end) {
-      while (end < samples.size() && samples[end].point == samples[first].point) ++end;
-      if (end - first < 2) continue;
+    ForEachPoint(samples, [&](auto begin, auto end) {
+      if (end - begin < 2) return;
       values.clear();
-      for (size_t i = first; i < end; ++i)
-        values.push_back(samples[i].log_light - log_exposure[samples[i].photo]);
+      for (auto s = begin; s != end; ++s) values.push_back(s->log_light - log_exposure[s->photo]);
       const double albedo = Median(values);
-      for (size_t i = first; i < end; ++i)
-        residuals[samples[i].photo].push_back(samples[i].log_light - albedo);
-    }
+      for (auto s = begin; s != end; ++s) residuals[s->photo].push_back(s->log_light - albedo);
+    });
     for (size_t i = 0; i < n; ++i) {
       if (residuals[i].size() >= kMinSightings) log_exposure[i] = Median(residuals[i]);
     }
   }
-  sorted = log_exposure;
-  const double shift = n > 0 ? Median(sorted) : 0;
-  std::vector<double> exposures(n);
-  for (size_t i = 0; i < n; ++i) exposures[i] = std::exp(log_exposure[i] - shift);
-  return exposures;
+  return FromLogs(log_exposure);
+}
+
+std::vector<double> WithoutDrift(const std::vector<double>& exposures,
+                                 absl::Span<const PointSighting> sightings) {
+  const size_t n = exposures.size();
+  const std::vector<double> likeness = Likeness(n, sightings);
+  std::vector<double> logs(n);
+  for (size_t i = 0; i < n; ++i) {
+    double sum = 0, total = 0;
+    for (size_t j = 0; j < n; ++j) {
+      sum += likeness[i * n + j] * std::log(exposures[j]);
+      total += likeness[i * n + j];
+    }
+    logs[i] = std::log(exposures[i]) - (total > 0 ? sum / total : 0);
+    const bool chosen = std::abs(logs[i]) > kMaxOwn || std::abs(std::log(exposures[i])) > kMaxDrift;
+    if (chosen) return exposures;
+  }
+  return FromLogs(logs);
 }
 
 }  // namespace litags

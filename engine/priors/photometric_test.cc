@@ -95,5 +95,53 @@ TEST(Photometric, BlackAndWhiteSamplesAreLeftOut) {
   ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.03);
 }
 
+// Points seen by photos of a path: photo i sees points [10 i, 10 i + 60).
+std::vector<PointSighting> Path(int photos) {
+  std::vector<PointSighting> sightings;
+  for (int point = 0; point < 10 * photos + 60; ++point) {
+    for (int i = 0; i < photos; ++i) {
+      if (point >= 10 * i && point < 10 * i + 60) sightings.push_back({point, i, 0, 0});
+    }
+  }
+  return sightings;
+}
+
+TEST(Photometric, WhatPhotosBesideEachOtherAgreeOnStays) {
+  constexpr int kPhotos = 30;
+  std::vector<double> drifting, own;
+  for (int i = 0; i < kPhotos; ++i) {
+    own.push_back(1 + 0.1 * (2 * CounterRng(3, 0).Uniform(i) - 1));
+    drifting.push_back(own[i] * std::exp2(0.3 * std::sin(0.2 * i)));
+  }
+  const std::vector<double> have = WithoutDrift(drifting, Path(kPhotos));
+  const auto deviation = [&](const std::vector<double>& exposures) {
+    double sum = 0, squares = 0;
+    for (int i = 0; i < kPhotos; ++i) {
+      const double log = std::log(exposures[i] / own[i]);
+      sum += log / kPhotos, squares += log * log / kPhotos;
+    }
+    return std::sqrt(squares - sum * sum);
+  };
+  EXPECT_GT(deviation(drifting), 0.12);
+  // A photo's own part of its neighbours' mean, and theirs: a third of the 6 % they differ by.
+  EXPECT_LT(deviation(have), 0.03);
+}
+
+TEST(Photometric, ExposuresThatWereChosenPhotoByPhotoStayAsTheyAre) {
+  std::vector<double> one_differs(12, 1.0), halves(12, 1.0);
+  one_differs[5] = 1.7;
+  EXPECT_EQ(WithoutDrift(one_differs, Path(12)), one_differs);
+  // Two walks, of which only the ends see the same points.
+  for (int i = 6; i < 12; ++i) halves[i] = 2.1;
+  EXPECT_EQ(WithoutDrift(halves, Path(12)), halves);
+}
+
+TEST(Photometric, WithoutCommonPointsThereIsNoDrift) {
+  const std::vector<double> exposures = {0.9, 1, 1.1};
+  const std::vector<double> have = WithoutDrift(exposures, {});
+  ExpectRatios(have, exposures, 1e-9);
+  EXPECT_TRUE(WithoutDrift({}, {}).empty());
+}
+
 }  // namespace
 }  // namespace litags
