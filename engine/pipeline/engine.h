@@ -32,7 +32,7 @@ enum class Tone {
   kLinearGain,  // gain in linear light to mean theta, photo by photo
   kNone,        // photos as they are
   kCapture,     // one gain in linear light for the capture, to an even histogram; exposures evened
-                // out between photos, clipped areas filled in, mild contrast
+                // out among photos beside each other, clipped areas filled in, mild contrast
 };
 
 // Where depth maps for the depth loss come from.

@@ -31,12 +31,12 @@ inline constexpr int kMinSightings = 20;
 
 // Exposures without what changes smoothly with the viewpoint: of each, the mean of the photos that
 // see the same points, weighed by the cube of how many they share, is taken away (in the log
-// domain). What such photos agree on is the light as it comes from there, or the camera's own slow
-// adaptation, and colours that depend on the direction of view can say it; chained over photos that
-// share little it is also the estimate's own error. What a photo differs by from those beside it is
-// its shutter's. Choice, measured. Where a photo differs by half a stop from those beside it, or by
-// a stop from the median, exposures were chosen photo by photo, and stay as they are. `sightings`
-// as above.
+// domain); the median's is 1 again. What such photos agree on is the light as it comes from there,
+// or the camera's own slow adaptation, and colours that depend on the direction of view can say it;
+// chained over photos that share little it is also the estimate's own error. What a photo differs
+// by from those beside it is its shutter's. Choice, measured. Where a photo differs by half a stop
+// from those beside it, or by a stop from the median, exposures were chosen photo by photo, and
+// stay as they are. `sightings` as above.
 std::vector<double> WithoutDrift(const std::vector<double>& exposures,
                                  absl::Span<const PointSighting> sightings);
 
