@@ -163,18 +163,18 @@ std::vector<double> WithoutDrift(const std::vector<double>& exposures,
                                  absl::Span<const PointSighting> sightings) {
   const size_t n = exposures.size();
   const std::vector<double> likeness = Likeness(n, sightings);
-  std::vector<double> logs(n);
+  std::vector<double> logs, own;
+  for (const double exposure : exposures) logs.push_back(std::log(exposure));
   for (size_t i = 0; i < n; ++i) {
     double sum = 0, total = 0;
     for (size_t j = 0; j < n; ++j) {
-      sum += likeness[i * n + j] * std::log(exposures[j]);
+      sum += likeness[i * n + j] * logs[j];
       total += likeness[i * n + j];
     }
-    logs[i] = std::log(exposures[i]) - (total > 0 ? sum / total : 0);
-    const bool chosen = std::abs(logs[i]) > kMaxOwn || std::abs(std::log(exposures[i])) > kMaxDrift;
-    if (chosen) return exposures;
+    own.push_back(logs[i] - (total > 0 ? sum / total : 0));
+    if (std::abs(own[i]) > kMaxOwn || std::abs(logs[i]) > kMaxDrift) return exposures;
   }
-  return FromLogs(logs);
+  return FromLogs(own);
 }
 
 }  // namespace litags

@@ -123,7 +123,8 @@ TEST(Photometric, WhatPhotosBesideEachOtherAgreeOnStays) {
     return std::sqrt(squares - sum * sum);
   };
   EXPECT_GT(deviation(drifting), 0.12);
-  // A photo's own part of its neighbours' mean, and theirs: a third of the 6 % they differ by.
+  // What is left is the mean of what photos beside each other differ by themselves: of some six of
+  // them, whose deviation is 0.06.
   EXPECT_LT(deviation(have), 0.03);
 }
 
