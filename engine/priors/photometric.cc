@@ -17,8 +17,10 @@ constexpr int kRadius = 2;                   // px: a patch of 5x5 averages the 
 constexpr int kMinCode = 2, kMaxCode = 250;  // of a patch's mean in every channel
 constexpr int kRounds = 50;                  // of alternating medians
 
-// Logs of half a stop and a stop, see WithoutDrift. Choices
-constexpr double kMaxOwn = 0.5 * std::numbers::ln2, kMaxDrift = std::numbers::ln2;
+// Of WithoutDrift(), logs. Choices
+constexpr double kDrift = 0.15;                     // deviation of drift, beforehand
+constexpr double kMostDrift = std::numbers::ln2;    // a stop
+constexpr double kChosenApart = std::numbers::ln2;  // a stop from the neighbours, at least
 
 struct Sample {
   int point, photo;
@@ -95,7 +97,7 @@ void ForEachPoint(const Sorted& sorted, const Use& use) {
 }
 
 // How alike the views of two photos are, [n, n], 0 to 1: the share of their points that both see,
-// cubed. A photo is as like itself as the most alike other is.
+// cubed; 0 of a photo and itself.
 std::vector<double> Likeness(size_t n, absl::Span<const PointSighting> sightings) {
   std::vector<double> shared(n * n, 0.0);
   ForEachPoint(sightings, [&](auto begin, auto end) {
@@ -105,17 +107,60 @@ std::vector<double> Likeness(size_t n, absl::Span<const PointSighting> sightings
   });
   std::vector<double> likeness(n * n, 0.0);
   for (size_t i = 0; i < n; ++i) {
-    double most = 0;
     for (size_t j = 0; j < n; ++j) {
       const double all = std::sqrt(shared[i * n + i] * shared[j * n + j]);
-      if (j == i || all == 0) continue;
-      const double share = shared[i * n + j] / all;
-      likeness[i * n + j] = share * share * share;
-      most = std::max(most, likeness[i * n + j]);
+      if (j != i && all > 0) likeness[i * n + j] = std::pow(shared[i * n + j] / all, 3);
     }
-    likeness[i * n + i] = most;
   }
   return likeness;
+}
+
+struct WeightedMean {
+  double mean = 0;
+  double variance = 0;  // in variances of a value
+};
+
+// Of the values, once for every row of weights [n, n].
+std::vector<WeightedMean> MeansAround(const std::vector<double>& weights,
+                                      const std::vector<double>& values) {
+  const size_t n = values.size();
+  std::vector<WeightedMean> out(n);
+  for (size_t i = 0; i < n; ++i) {
+    double sum = 0, total = 0, squares = 0;
+    for (size_t j = 0; j < n; ++j) {
+      const double weight = weights[i * n + j];
+      sum += weight * values[j];
+      total += weight;
+      squares += weight * weight;
+    }
+    if (total > 0) out[i] = {sum / total, squares / (total * total)};
+  }
+  return out;
+}
+
+// Standard deviation of the values from what is around them, as the median tells it.
+double Deviation(const std::vector<double>& values, const std::vector<WeightedMean>& around) {
+  std::vector<double> sizes;
+  for (size_t i = 0; i < values.size(); ++i) sizes.push_back(std::abs(values[i] - around[i].mean));
+  return sizes.empty() ? 0 : Median(sizes) / 0.6745;  // of a normal distribution
+}
+
+// Gives every photo a say in its own mean, that of the most alike other. Those that were chosen
+// apart from their neighbours get none, and lose what they have in the others' means.
+void AddThemselves(const std::vector<double>& logs, std::vector<double>* likeness) {
+  const size_t n = logs.size();
+  const std::vector<WeightedMean> others = MeansAround(*likeness, logs);
+  const double most = std::max(kChosenApart, 3 * Deviation(logs, others));
+  std::vector<double> most_alike;
+  for (size_t i = 0; i < n; ++i) {
+    const auto row = likeness->begin() + i * n;
+    most_alike.push_back(*std::max_element(row, row + n));
+  }
+  for (size_t i = 0; i < n; ++i) {
+    const bool apart = std::abs(logs[i] - others[i].mean) > most;
+    (*likeness)[i * n + i] = apart ? 0 : most_alike[i];
+    for (size_t j = 0; j < n && apart; ++j) (*likeness)[j * n + i] = 0;
+  }
 }
 
 // Exponentials, the median's is 1.
@@ -161,20 +206,19 @@ std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
 
 std::vector<double> WithoutDrift(const std::vector<double>& exposures,
                                  absl::Span<const PointSighting> sightings) {
-  const size_t n = exposures.size();
-  const std::vector<double> likeness = Likeness(n, sightings);
-  std::vector<double> logs, own;
+  std::vector<double> logs;
   for (const double exposure : exposures) logs.push_back(std::log(exposure));
-  for (size_t i = 0; i < n; ++i) {
-    double sum = 0, total = 0;
-    for (size_t j = 0; j < n; ++j) {
-      sum += likeness[i * n + j] * logs[j];
-      total += likeness[i * n + j];
-    }
-    own.push_back(logs[i] - (total > 0 ? sum / total : 0));
-    if (std::abs(own[i]) > kMaxOwn || std::abs(logs[i]) > kMaxDrift) return exposures;
+  std::vector<double> likeness = Likeness(logs.size(), sightings);
+  AddThemselves(logs, &likeness);
+  const std::vector<WeightedMean> around = MeansAround(likeness, logs);
+  const double own = Deviation(logs, around);
+  for (size_t i = 0; i < logs.size(); ++i) {
+    const double drift = around[i].mean, variance = own * own * around[i].variance;
+    const double likely = drift * kDrift * kDrift / (kDrift * kDrift + variance);
+    const double stays = std::min(std::abs(likely), kMostDrift - std::abs(drift));
+    if (stays > 0) logs[i] -= std::copysign(stays, drift);
   }
-  return FromLogs(own);
+  return FromLogs(logs);
 }
 
 }  // namespace litags

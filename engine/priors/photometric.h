@@ -29,14 +29,18 @@ std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
 
 inline constexpr int kMinSightings = 20;
 
-// Exposures without what changes smoothly with the viewpoint: of each, the mean of the photos that
-// see the same points, weighed by the cube of how many they share, is taken away (in the log
-// domain); the median's is 1 again. What such photos agree on is the light as it comes from there,
-// or the camera's own slow adaptation, and colours that depend on the direction of view can say it;
-// chained over photos that share little it is also the estimate's own error. What a photo differs
-// by from those beside it is its shutter's. Choice, measured. Where a photo differs by half a stop
-// from those beside it, or by a stop from the median, exposures were chosen photo by photo, and
-// stay as they are. `sightings` as above.
+// Exposures without what changes smoothly with the viewpoint, the drift: of each, the mean of the
+// photos that see the same points, weighed by the cube of how many they share, is taken away (in
+// the log domain); the median's is 1 again. What such photos agree on is the light as it comes from
+// there, or the camera's own slow adaptation, and colours that depend on the direction of view can
+// say it; chained over photos that share little it is also the estimate's own error. What a photo
+// differs by from those beside it is its shutter's. Choice, measured.
+//
+// Where that is a lot, the mean d of few photos tells little of the drift, of which
+// d s^2 / (s^2 + v) is then taken: v is the mean's variance, s = 0.15 what drift deviates by. Nor
+// can it tell a choice: of a drift beyond half a stop, what it lacks of a stop is taken. Photos a
+// stop or more (and three deviations) off their neighbours have no say in the others' means.
+// `sightings` as above.
 std::vector<double> WithoutDrift(const std::vector<double>& exposures,
                                  absl::Span<const PointSighting> sightings);
 
