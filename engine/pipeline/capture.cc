@@ -28,6 +28,7 @@
 #include "engine/priors/photometric.h"
 #include "engine/priors/structure_prior.h"
 #include "engine/priors/tone.h"
+#include "engine/train/noise.h"
 
 namespace litags {
 namespace {
@@ -217,6 +218,18 @@ std::vector<PointSighting> Sightings(const SparseModel& model, const LoadedViews
   return sightings;
 }
 
+// What noise of the photos pictures still have, of that of the targets. Choice
+constexpr float kNoiseLeft = 0.25;
+
+// Noise of pictures: what rounding leaves in them, which all photos have alike, and what is left of
+// the targets' white noise, in codes of 255, which differs from photo to photo.
+NoiseCurve NoiseOfPictures(const NoiseCurve& rounding, double white) {
+  const float left = kNoiseLeft * static_cast<float>(white) / 255;
+  NoiseCurve noise;
+  for (size_t i = 0; i < noise.size(); ++i) noise[i] = std::hypot(rounding[i], left);
+  return noise;
+}
+
 // Adds the targets and returns what rounding leaves in them.
 absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const SparseModel& model,
                                       LoadedViews* loaded, std::vector<std::string>* notes) {
@@ -395,7 +408,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded,
                           LoadViews(input, options, model, masks, cancel, report));
-  LITAGS_ASSIGN_OR_RETURN(const NoiseCurve noise,
+  LITAGS_ASSIGN_OR_RETURN(const NoiseCurve rounding,
                           AddTargets(options, model, &loaded, &report->notes));
   std::vector<TrainView>& views = loaded.views;
   NoteMasks(views, &report->notes);
@@ -404,7 +417,6 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   if (lita && options.information_weights) AddInformation(&views);
   if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
 
-  capture.noise = noise;
   LITAGS_RETURN_IF_ERROR(CheckScale(views, &model.points, &report->notes));
   const std::string inputs = FingerprintOfViews(views, model.points);
   LimitPoints(options.max_gaussians, &model.points, report);
@@ -421,6 +433,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
       capture.train.push_back(std::move(views[i]));
     }
   }
+  capture.noise = NoiseOfPictures(rounding, MeasureNoise(capture.train, options.threads).white);
   // Of the training photos alone: what is held out must not help.
   const std::string key =
       absl::StrCat(inputs, " points ", capture.points.size(), " holdout ", hold_out ? every : 0);

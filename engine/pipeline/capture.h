@@ -20,8 +20,8 @@ struct Capture {
   std::vector<TrainView> train;
   std::vector<TrainView> holdout;  // evaluated only
   std::vector<SparsePoint> points;
-  std::vector<int> point_views;       // model view to index in `train`, -1 if held out or left out
-  NoiseCurve noise = {};              // of pictures: RoundingNoise() at the photos' median gain
+  std::vector<int> point_views;  // model view to index in `train`, -1 if held out or left out
+  NoiseCurve noise = {};  // of pictures: what rounding and the photos' own noise leave in them
   std::array<double, 3> origin = {};  // of all this, in the coordinates that the cameras came in
   std::string fingerprint;            // of photos, cameras and the options that shape the result
 };

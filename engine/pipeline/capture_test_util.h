@@ -15,6 +15,7 @@
 #include "engine/io/colmap_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
+#include "engine/pipeline/capture.h"
 #include "engine/pipeline/engine.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 #include "engine/sample/capture.h"
@@ -97,6 +98,15 @@ class RoomCapture {
     options.use_pdm = true;  // of everything there is
     options.pdm_hidden = 2;
     return options;
+  }
+
+  Capture Load(const ReconstructOptions& options) const {
+    ReconstructReport report;
+    auto capture = LoadCapture(
+        Input("work"), options, kNoColmap, CancelToken(), [](Stage, const std::string&) {},
+        &report);
+    EXPECT_TRUE(capture.ok()) << capture.status();
+    return capture.ok() ? *std::move(capture) : Capture();
   }
 
   SparseModel model;

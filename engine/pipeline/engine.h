@@ -66,7 +66,8 @@ struct ReconstructOptions {
   double contrast = 0.15;  // of kCapture, [0, 1]; 0: none
   // Of kCapture, [0, 100]: how far colours of neighbours are averaged, in deviations of the noise.
   double chroma_smoothing = 2;
-  double exposure_ssim = 0.2;  // share of 1 - SSIM beside L1 in L_exp, [0, 1]; paper: 0
+  // Share of 1 - SSIM beside L1 in L_exp, [0, 1], less on very noisy photos; paper: 0.
+  double exposure_ssim = 0.2;
   int iterations = 15000;      // one photo each; paper
   // Iterations that learning rates, the coarse part and density control are laid out for; those
   // beyond go on at full size, with the last rates and the Gaussians there are. A finished scene is
@@ -97,7 +98,7 @@ struct ReconstructOptions {
   bool use_pdm = false;
   int pdm_hidden = 8;  // channels inside its network, 1..64
   int pdm_every = 2;   // one iteration in so many denoises; paper: 1
-  // Pictures are smoothed where they show no more than the rounding of the photos explains
+  // Pictures are smoothed where they show no more than noise and rounding of the photos explain
   // (engine/denoise/noise_filter.h).
   bool noise_filter = true;
   bool use_prior = true;        // structure prior loss

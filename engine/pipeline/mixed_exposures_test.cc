@@ -15,15 +15,6 @@
 namespace litags {
 namespace {
 
-Capture Load(const RoomCapture& room, const ReconstructOptions& options) {
-  ReconstructReport report;
-  auto capture = LoadCapture(
-      room.Input("work"), options, kNoColmap, CancelToken(), [](Stage, const std::string&) {},
-      &report);
-  EXPECT_TRUE(capture.ok()) << capture.status();
-  return capture.ok() ? *std::move(capture) : Capture();
-}
-
 ReconstructOptions Options(const RoomCapture& room) {
   ReconstructOptions options = room.Options(10);
   options.holdout_every = 0;
@@ -41,7 +32,7 @@ double MeanCode(const ImageU8& photo) {
 TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
   RoomCapture room(9);
   room.SetLight(LightOf);
-  const Capture capture = Load(room, Options(room));
+  const Capture capture = room.Load( Options(room));
   ASSERT_EQ(capture.train.size(), 9u);
   for (int i = 0; i < 9; ++i) {
     const TrainView& view = capture.train[i];
@@ -61,7 +52,7 @@ TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
 TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
   RoomCapture room(9);
   room.SetLight(LightOf);
-  const Capture capture = Load(room, Options(room));
+  const Capture capture = room.Load( Options(room));
   ASSERT_EQ(capture.train.size(), 9u);
   double clipped = 0, clipped_weight = 0, other = 0, other_weight = 0;
   for (int i = 2; i < 9; i += 3) {
@@ -80,12 +71,12 @@ TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
 
   ReconstructOptions alike = Options(room);
   alike.information_weights = false;
-  for (const TrainView& view : Load(room, alike).train) EXPECT_TRUE(view.information.empty());
+  for (const TrainView& view : room.Load(alike).train) EXPECT_TRUE(view.information.empty());
 }
 
 TEST(MixedExposures, PhotosOfOneExposureStayAsTheyAre) {
   const RoomCapture room(6);  // all dark
-  const Capture capture = Load(room, Options(room));
+  const Capture capture = room.Load( Options(room));
   ASSERT_EQ(capture.train.size(), 6u);
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(capture.train[i].photo.data, room.Photo(i, Light::kLow).data);
@@ -98,7 +89,7 @@ TEST(MixedExposures, ThePaperComparesWithThePhotosAsTheyAre) {
   room.SetLight(LightOf);
   ReconstructOptions options = Options(room);
   options.tone = Tone::kPaper;
-  const Capture capture = Load(room, options);
+  const Capture capture = room.Load( options);
   ASSERT_EQ(capture.train.size(), 6u);
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(capture.train[i].photo.data, room.Photo(i, LightOf(i)).data);

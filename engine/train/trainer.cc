@@ -18,6 +18,7 @@
 #include "engine/priors/information.h"
 #include "engine/render/renderer.h"
 #include "engine/train/adam.h"
+#include "engine/train/noise.h"
 #include "engine/train/objective.h"
 #include "engine/train/pyramid.h"
 #include "engine/train/train_state.h"
@@ -28,7 +29,6 @@ namespace {
 constexpr uint64_t kViewOrderStream = 0x5649;  // random numbers of the photos' order
 constexpr uint64_t kDropoutStream = 0x4450;    // and of who is left out
 constexpr double kDropoutEpochs = 50;          // at full size, to half of options.dropout. Choice
-constexpr double kDropoutNoise = 2;            // codes of 255 in the targets, to half of it. Choice
 
 constexpr double kDensifyShare = 0.5;      // of the run, see options.densify_epochs. Choice
 constexpr double kMostDensifyShare = 0.7;  // of short runs
@@ -71,20 +71,6 @@ const char* NotFinite(const StepLosses& losses) {
   return nullptr;
 }
 
-// How much dropout the noise of the targets asks for, [0, 1).
-double NoiseShare(const std::vector<TrainView>& views, int threads) {
-  std::vector<PictureNoise> noises(views.size());
-  ParallelFor(threads, views.size(), [&](size_t i, int) {
-    PictureNoise noise;
-    noise.Add(views[i].target, views[i].mask);
-    noises[i] = noise;
-  });
-  PictureNoise all;
-  for (const PictureNoise& noise : noises) all.Add(noise);
-  const double squared = all.Deviation() * all.Deviation();
-  return squared / (squared + kDropoutNoise * kDropoutNoise);
-}
-
 absl::Status NotFiniteError(const std::string& field, const std::string& message) {
   return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", field, message);
 }
@@ -93,9 +79,12 @@ absl::Status NotFiniteError(const std::string& field, const std::string& message
 
 struct Trainer::Impl {
   Impl(const TrainOptions& o, const std::vector<TrainView>* v, double scene_extent)
-      : options(o), pyramid(v, o), num_views(v->size()), extent(scene_extent), objective(o) {
+      : options(SuitedTo(MeasureNoise(*v, o.threads), o)),
+        pyramid(v, o),
+        num_views(v->size()),
+        extent(scene_extent),
+        objective(options) {
     for (const TrainView& view : *v) centers.push_back(view.view.camera.Center());
-    if (options.dropout > 0) most_dropout = options.dropout * NoiseShare(*v, o.threads);
   }
 
   int ShDegree() const {
@@ -121,7 +110,7 @@ struct Trainer::Impl {
   }
 
   Dropout MakeDropout() const {
-    const double share = most_dropout * Epochs() / (Epochs() + kDropoutEpochs);
+    const double share = options.dropout * Epochs() / (Epochs() + kDropoutEpochs);
     return {share, CounterRng(options.seed, kDropoutStream + (uint64_t(state.iteration) << 16))};
   }
 
@@ -239,7 +228,6 @@ struct Trainer::Impl {
   size_t num_views;
   double extent;
   std::vector<std::array<double, 3>> centers;  // of the views' cameras
-  double most_dropout = 0;                     // after many epochs
   double clear_distance = 0;                   // of Gaussians to the cameras, least; world
   TrainState state;
   Objective objective;

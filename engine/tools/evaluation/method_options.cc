@@ -95,7 +95,8 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
                   "of --tone capture: colours are averaged over neighbours alike up to this many "
                   "deviations of the noise; 0: never")
       ->capture_default_str();
-  app->add_option("--exposure-ssim", options->exposure_ssim, "share of 1 - SSIM beside L1 in L_exp")
+  app->add_option("--exposure-ssim", options->exposure_ssim,
+                  "share of 1 - SSIM beside L1 in L_exp, less on very noisy photos")
       ->capture_default_str();
   app->add_option("--iterations", options->iterations, "one photo each")->capture_default_str();
   app->add_option(
@@ -139,9 +140,9 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
       ->capture_default_str();
   app->add_flag("--pdm,!--no-pdm", options->use_pdm,
                 "with the paper's denoising module; without by default");
-  app->add_flag(
-      "!--no-noise-filter", options->noise_filter,
-      "pictures are not smoothed where they show no more than the photos' rounding explains");
+  app->add_flag("!--no-noise-filter", options->noise_filter,
+                "pictures are not smoothed where they show no more than the photos' noise and "
+                "rounding explain");
   app->add_option("--pdm-hidden", options->pdm_hidden, "channels inside its network")
       ->capture_default_str();
   app->add_option("--pdm-every", options->pdm_every, "iterations between those that denoise")

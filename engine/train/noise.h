@@ -1,0 +1,30 @@
+// What the noise of the photos asks of training.
+#ifndef LITAGS_ENGINE_TRAIN_NOISE_H_
+#define LITAGS_ENGINE_TRAIN_NOISE_H_
+
+#include <vector>
+
+#include "engine/train/options.h"
+#include "engine/train/train_view.h"
+
+namespace litags {
+
+// Noise of all targets of a capture, standard deviations, codes of 255.
+struct TargetNoise {
+  // Of what differs from pixel to pixel (PictureNoise): noise, and fine texture all over.
+  double fine = 0;
+  // Of noise that every pixel has for itself, which is half as much in pictures of half the size,
+  // where texture is as much: sqrt(4/3 (fine^2 - the same there^2)). Less than there is where
+  // rounding hides it, or a camera has smoothed it.
+  double white = 0;
+};
+
+// threads <= 0: all cores.
+TargetNoise MeasureNoise(const std::vector<TrainView>& views, int threads);
+
+// The options with dropout and exposure_ssim as such targets want them.
+TrainOptions SuitedTo(const TargetNoise& noise, TrainOptions options);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TRAIN_NOISE_H_
