@@ -301,9 +301,9 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                  "With the paper's denoising module; without by default")
       ->group(group);
   command
-      ->add_flag(
-          "--no-noise-filter", args->no_noise_filter,
-          "Pictures are not smoothed where they show no more than the photos' rounding explains")
+      ->add_flag("--no-noise-filter", args->no_noise_filter,
+                 "Pictures are not smoothed where they show no more than the photos' noise and "
+                 "rounding explain")
       ->group(group);
   command
       ->add_flag("--no-antialiasing", args->no_antialiasing,

@@ -36,11 +36,10 @@ inline constexpr int kMinSightings = 20;
 // say it; chained over photos that share little it is also the estimate's own error. What a photo
 // differs by from those beside it is its shutter's. Choice, measured.
 //
-// Where that is a lot, the mean d of few photos tells little of the drift, of which
-// d s^2 / (s^2 + v) is then taken: v is the mean's variance, s = 0.15 what drift deviates by. Nor
-// can it tell a choice: of a drift beyond half a stop, what it lacks of a stop is taken. Photos a
-// stop or more (and three deviations) off their neighbours have no say in the others' means.
-// `sightings` as above.
+// The drift d that neighbours show counts with s^2 / (s^2 + v): v is the variance of their mean,
+// which is large where photos differ much, s = 0.15 what drift deviates by. A drift beyond half a
+// stop was chosen in part: only what it lacks of a stop counts. Photos a stop (and three
+// deviations) or more off their neighbours have no say in the others' means. `sightings` as above.
 std::vector<double> WithoutDrift(const std::vector<double>& exposures,
                                  absl::Span<const PointSighting> sightings);
 
