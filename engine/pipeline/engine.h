@@ -68,7 +68,7 @@ struct ReconstructOptions {
   double chroma_smoothing = 2;
   // Share of 1 - SSIM beside L1 in L_exp, [0, 1], less on very noisy photos; paper: 0.
   double exposure_ssim = 0.2;
-  int iterations = 15000;      // one photo each; paper
+  int iterations = 15000;  // one photo each; paper
   // Iterations that learning rates, the coarse part and density control are laid out for; those
   // beyond go on at full size, with the last rates and the Gaussians there are. A finished scene is
   // trained further by more `iterations` with this at what they were. 0: `iterations`.

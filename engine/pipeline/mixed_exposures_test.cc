@@ -32,7 +32,7 @@ double MeanCode(const ImageU8& photo) {
 TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
   RoomCapture room(9);
   room.SetLight(LightOf);
-  const Capture capture = room.Load( Options(room));
+  const Capture capture = room.Load(Options(room));
   ASSERT_EQ(capture.train.size(), 9u);
   for (int i = 0; i < 9; ++i) {
     const TrainView& view = capture.train[i];
@@ -52,7 +52,7 @@ TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
 TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
   RoomCapture room(9);
   room.SetLight(LightOf);
-  const Capture capture = room.Load( Options(room));
+  const Capture capture = room.Load(Options(room));
   ASSERT_EQ(capture.train.size(), 9u);
   double clipped = 0, clipped_weight = 0, other = 0, other_weight = 0;
   for (int i = 2; i < 9; i += 3) {
@@ -76,7 +76,7 @@ TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
 
 TEST(MixedExposures, PhotosOfOneExposureStayAsTheyAre) {
   const RoomCapture room(6);  // all dark
-  const Capture capture = room.Load( Options(room));
+  const Capture capture = room.Load(Options(room));
   ASSERT_EQ(capture.train.size(), 6u);
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(capture.train[i].photo.data, room.Photo(i, Light::kLow).data);
@@ -89,7 +89,7 @@ TEST(MixedExposures, ThePaperComparesWithThePhotosAsTheyAre) {
   room.SetLight(LightOf);
   ReconstructOptions options = Options(room);
   options.tone = Tone::kPaper;
-  const Capture capture = room.Load( options);
+  const Capture capture = room.Load(options);
   ASSERT_EQ(capture.train.size(), 6u);
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(capture.train[i].photo.data, room.Photo(i, LightOf(i)).data);
