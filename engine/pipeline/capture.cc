@@ -28,7 +28,6 @@
 #include "engine/priors/photometric.h"
 #include "engine/priors/structure_prior.h"
 #include "engine/priors/tone.h"
-#include "engine/train/noise.h"
 
 namespace litags {
 namespace {
@@ -433,7 +432,8 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
       capture.train.push_back(std::move(views[i]));
     }
   }
-  capture.noise = NoiseOfPictures(rounding, MeasureNoise(capture.train, options.threads).white);
+  capture.target_noise = MeasureNoise(capture.train, options.threads);
+  capture.noise = NoiseOfPictures(rounding, capture.target_noise.white);
   // Of the training photos alone: what is held out must not help.
   const std::string key =
       absl::StrCat(inputs, " points ", capture.points.size(), " holdout ", hold_out ? every : 0);

@@ -12,6 +12,7 @@
 #include "engine/denoise/noise_filter.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/engine.h"
+#include "engine/train/noise.h"
 #include "engine/train/train_view.h"
 
 namespace litags {
@@ -21,6 +22,7 @@ struct Capture {
   std::vector<TrainView> holdout;  // evaluated only
   std::vector<SparsePoint> points;
   std::vector<int> point_views;  // model view to index in `train`, -1 if held out or left out
+  TargetNoise target_noise;      // of `train`
   NoiseCurve noise = {};  // of pictures: what rounding and the photos' own noise leave in them
   std::array<double, 3> origin = {};  // of all this, in the coordinates that the cameras came in
   std::string fingerprint;            // of photos, cameras and the options that shape the result

@@ -60,8 +60,8 @@ class Run {
       : options_(options),
         capture_(capture),
         observer_(observer),
-        trainer_(TrainOptionsOf(options), &capture.train, std::move(initial),
-                 SceneExtent(capture.train)),
+        trainer_(SuitedTo(capture.target_noise, TrainOptionsOf(options)), &capture.train,
+                 std::move(initial), SceneExtent(capture.train)),
         renderer_(options.threads),
         scene_path_(input.work_dir + "/scene.litags"),
         checkpoint_path_(input.work_dir + "/checkpoint.litags") {

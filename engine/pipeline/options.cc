@@ -19,8 +19,6 @@ constexpr double kLrScales = 0.01;
 constexpr double kMaxScale = 0.5;
 constexpr double kClearSpace = 0.5;
 
-constexpr double kSsimNoise = 4;  // TrainOptions::ssim_noise of litags. Choice
-
 PixelSum PixelSumOf(DensityStatistic statistic) {
   switch (statistic) {
     case DensityStatistic::kMean:
@@ -53,7 +51,6 @@ TrainOptions TrainOptionsOf(const ReconstructOptions& options) {
   train.coarse_until = options.coarse_until;
   train.settle_epochs = options.settle_epochs;
   if (train.lita) {
-    train.ssim_noise = kSsimNoise;
     train.dropout = options.dropout;
     train.growth = GrowthOf(options.density_growth);
     if (options.antialiased) train.pixel_filter = PixelFilter::kMip;

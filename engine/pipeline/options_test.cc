@@ -173,7 +173,6 @@ TEST(ReconstructOptions, ReachTheTrainer) {
   EXPECT_GT(TrainOptionsOf(options).densify_epochs, 0);
   EXPECT_GT(TrainOptionsOf(options).max_scale, 0);
   EXPECT_GT(TrainOptionsOf(options).clear_space, 0);
-  EXPECT_GT(TrainOptionsOf(options).ssim_noise, 0);
   EXPECT_GT(TrainOptionsOf(options).lr_scales, TrainOptions().lr_scales);
   options.antialiased = false;
   EXPECT_EQ(TrainOptionsOf(options).pixel_filter, PixelFilter::kDilate);

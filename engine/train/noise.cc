@@ -10,7 +10,9 @@
 namespace litags {
 namespace {
 
-constexpr double kDropoutNoise = 2;  // codes of 255, to half of the dropout. Choice
+// Codes of 255. Choices
+constexpr double kDropoutNoise = 2;  // of fine noise, to half of the dropout
+constexpr double kSsimNoise = 4;     // of white noise, beyond which SSIM asks for it
 
 }  // namespace
 
@@ -31,11 +33,10 @@ TargetNoise MeasureNoise(const std::vector<TrainView>& views, int threads) {
 }
 
 TrainOptions SuitedTo(const TargetNoise& noise, TrainOptions options) {
+  if (!options.lita) return options;
   const double squared = noise.fine * noise.fine;
   options.dropout *= squared / (squared + kDropoutNoise * kDropoutNoise);
-  if (options.ssim_noise > 0 && noise.white > options.ssim_noise) {
-    options.exposure_ssim *= options.ssim_noise / noise.white;
-  }
+  options.exposure_ssim *= kSsimNoise / std::max(kSsimNoise, noise.white);
   return options;
 }
 

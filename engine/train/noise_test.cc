@@ -53,14 +53,14 @@ TEST(Noise, DropoutGrowsAndSsimFallsWithIt) {
   TrainOptions options;
   options.dropout = 0.4;
   options.exposure_ssim = 0.2;
-  options.ssim_noise = 6;
   EXPECT_EQ(SuitedTo({0, 0}, options).dropout, 0);
   EXPECT_DOUBLE_EQ(SuitedTo({2, 0}, options).dropout, 0.2);
   EXPECT_NEAR(SuitedTo({100, 0}, options).dropout, 0.4, 0.001);
-  EXPECT_EQ(SuitedTo({100, 6}, options).exposure_ssim, 0.2);
-  EXPECT_DOUBLE_EQ(SuitedTo({100, 12}, options).exposure_ssim, 0.1);
-  options.ssim_noise = 0;
-  EXPECT_EQ(SuitedTo({100, 12}, options).exposure_ssim, 0.2) << "3DGS does not care";
+  EXPECT_EQ(SuitedTo({100, 4}, options).exposure_ssim, 0.2);
+  EXPECT_DOUBLE_EQ(SuitedTo({100, 8}, options).exposure_ssim, 0.1);
+  options.lita = false;
+  EXPECT_EQ(SuitedTo({100, 8}, options).exposure_ssim, 0.2);
+  EXPECT_EQ(SuitedTo({0, 0}, options).dropout, 0.4);
 }
 
 }  // namespace

@@ -34,7 +34,6 @@ absl::Status TrainOptions::Validate() const {
     double value;
   } numbers[] = {{"weight_exposure", weight_exposure},
                  {"exposure_ssim", exposure_ssim},
-                 {"ssim_noise", ssim_noise},
                  {"weight_reconstruction", weight_reconstruction},
                  {"weight_prior", weight_prior},
                  {"weight_depth", weight_depth},

@@ -39,9 +39,6 @@ struct TrainOptions {
   // Loss weights; paper.
   double weight_exposure = 1.0;
   double exposure_ssim = 0.0;  // L_exp = (1 - s) L1 + s (1 - SSIM); paper: 0, [0, 1]
-  // Codes of white noise in the targets (noise.h) beyond which exposure_ssim falls in proportion:
-  // SSIM asks for the noise's own structure as for that of the scene. 0: it never falls. Choice
-  double ssim_noise = 0;
   double weight_reconstruction = 1.0;
   double weight_prior = 0.1;
   double weight_depth = 0.1;
@@ -63,8 +60,7 @@ struct TrainOptions {
   // 0: constant rates, as 3DGS. Choice
   double settle_epochs = 0;
   // Share of the Gaussians that an iteration leaves out: dropout e / (e + 50) after e epochs at
-  // full size, times s^2 / (s^2 + 2^2), with s codes of fine noise in the targets (noise.h). What
-  // repeats of the same photos would teach is their noise. Choice
+  // full size. What repeats of the same photos would teach is their noise (noise.h). Choice
   double dropout = 0;  // [0, 0.9]
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..

@@ -16,7 +16,6 @@
 #include "engine/core/rng.h"
 #include "engine/render/renderer.h"
 #include "engine/train/adam.h"
-#include "engine/train/noise.h"
 #include "engine/train/objective.h"
 #include "engine/train/pyramid.h"
 #include "engine/train/train_state.h"
@@ -77,11 +76,7 @@ absl::Status NotFiniteError(const std::string& field, const std::string& message
 
 struct Trainer::Impl {
   Impl(const TrainOptions& o, const std::vector<TrainView>* v, double scene_extent)
-      : options(SuitedTo(MeasureNoise(*v, o.threads), o)),
-        pyramid(v, o),
-        num_views(v->size()),
-        extent(scene_extent),
-        objective(options) {
+      : options(o), pyramid(v, o), num_views(v->size()), extent(scene_extent), objective(o) {
     for (const TrainView& view : *v) centers.push_back(view.view.camera.Center());
   }
 
