@@ -9,7 +9,6 @@
 
 #include "engine/io/container.h"
 #include "engine/io/test_util.h"
-#include "engine/priors/information.h"
 #include "engine/train/initialize.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
