@@ -24,6 +24,7 @@
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/shrink.h"
+#include "engine/priors/black_lift.h"
 #include "engine/priors/information.h"
 #include "engine/priors/photometric.h"
 #include "engine/priors/structure_prior.h"
@@ -229,9 +230,24 @@ NoiseCurve NoiseOfPictures(const NoiseCurve& rounding, double white) {
   return noise;
 }
 
-// Adds the targets and returns what rounding leaves in them.
-absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const SparseModel& model,
-                                      LoadedViews* loaded, std::vector<std::string>* notes) {
+// How pictures would be had black not cut off one half of the photos' noise.
+std::optional<CodeCurve> CurveOfPictures(const ReconstructOptions& options, double noise_at_black,
+                                         double white) {
+  // Noise is least in the dark, and the targets' curve has a slope of about 1 where most codes are.
+  const double noise = std::min(noise_at_black, white / 255);
+  if (options.tone != Tone::kCapture || noise <= 0) return std::nullopt;
+  return ChangeOfTargets(ToneOptionsOf(options),
+                         [noise](double light) { return WithoutLift(light, noise); });
+}
+
+// What is known of the targets' noise once they are made.
+struct TargetsMade {
+  NoiseCurve rounding;    // what rounding leaves in them
+  double noise_at_black;  // see NoiseAtBlack()
+};
+
+absl::StatusOr<TargetsMade> AddTargets(const ReconstructOptions& options, const SparseModel& model,
+                                       LoadedViews* loaded, std::vector<std::string>* notes) {
   const std::vector<PointSighting> sightings = Sightings(model, *loaded);
   std::vector<TrainView>& views = loaded->views;
   const PhotosTogether all(&views);
@@ -251,9 +267,12 @@ absl::StatusOr<NoiseCurve> AddTargets(const ReconstructOptions& options, const S
                                     "it there; leave it out, or mask what no light fell on"));
     }
   }
+  TargetsMade made;
+  made.noise_at_black = NoiseAtBlack(all.photos, gains, options.threads, all.masks);
   const auto median = gains.begin() + gains.size() / 2;
   std::nth_element(gains.begin(), median, gains.end());
-  return RoundingNoise(ToneOptionsOf(options), *median);
+  made.rounding = RoundingNoise(ToneOptionsOf(options), *median);
+  return made;
 }
 
 void AddInformation(std::vector<TrainView>* views) {
@@ -407,7 +426,7 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded,
                           LoadViews(input, options, model, masks, cancel, report));
-  LITAGS_ASSIGN_OR_RETURN(const NoiseCurve rounding,
+  LITAGS_ASSIGN_OR_RETURN(const TargetsMade made,
                           AddTargets(options, model, &loaded, &report->notes));
   std::vector<TrainView>& views = loaded.views;
   NoteMasks(views, &report->notes);
@@ -433,7 +452,8 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
     }
   }
   capture.target_noise = MeasureNoise(capture.train, options.threads);
-  capture.noise = NoiseOfPictures(rounding, capture.target_noise.white);
+  capture.noise = NoiseOfPictures(made.rounding, capture.target_noise.white);
+  capture.curve = CurveOfPictures(options, made.noise_at_black, capture.target_noise.white);
   // Of the training photos alone: what is held out must not help.
   const std::string key =
       absl::StrCat(inputs, " points ", capture.points.size(), " holdout ", hold_out ? every : 0);

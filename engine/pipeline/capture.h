@@ -4,11 +4,13 @@
 
 #include <array>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
+#include "engine/core/code_curve.h"
 #include "engine/denoise/noise_filter.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/engine.h"
@@ -24,6 +26,7 @@ struct Capture {
   std::vector<int> point_views;  // model view to index in `train`, -1 if held out or left out
   TargetNoise target_noise;      // of `train`
   NoiseCurve noise = {};  // of pictures: what rounding and the photos' own noise leave in them
+  std::optional<CodeCurve> curve;  // for pictures, which takes off how black brightens noisy photos
   std::array<double, 3> origin = {};  // of all this, in the coordinates that the cameras came in
   std::string fingerprint;            // of photos, cameras and the options that shape the result
 };

@@ -222,6 +222,7 @@ class Run {
     Model model = trainer_.Snapshot();
     model.origin = capture_.origin;
     if (model.lita && options_.noise_filter) model.noise = capture_.noise;
+    if (model.lita) model.curve = capture_.curve;
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, views_));
     observer_->OnSnapshot(scene_path_);
     LossWorkspace workspace(options_.threads);

@@ -48,6 +48,22 @@ Planes CopyOf(const Planes& from, int first, int count) {
   return out;
 }
 
+// Colours after the curve that pictures go through, to first order: its slope where the colour from
+// all sides is applies to what depends on the side.
+Splats ThroughCurve(Splats splats, const CodeCurve& curve) {
+  constexpr float kStep = 1.0f / 255;
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      float& dc = splats.at(i, kShDc + c);
+      const float code = static_cast<float>(0.5 + kSh0 * dc);
+      const float rise = ApplyCurve(curve, code + kStep) - ApplyCurve(curve, code - kStep);
+      dc = static_cast<float>((ApplyCurve(curve, code) - 0.5) / kSh0);
+      for (int k = 1; k < 16; ++k) splats.at(i, kShRest + 3 * (k - 1) + c) *= rise / (2 * kStep);
+    }
+  }
+  return splats;
+}
+
 // Colours times each Gaussian's light to the power of t: c l^t = 0.5 + SH'.
 Splats InLight(Splats splats, double t) {
   for (size_t i = 0; i < splats.size(); ++i) {
@@ -152,7 +168,9 @@ class ModelScene : public Scene {
       return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
                        "light: this scene was trained with plain 3dgs and has one light only");
     }
-    Splats splats = light == 0 ? model_.splats : InLight(model_.splats, light);
+    Splats splats = model_.splats;
+    if (model_.curve.has_value()) splats = ThroughCurve(std::move(splats), *model_.curve);
+    if (light != 0) splats = InLight(std::move(splats), light);
     if (model_.pixel_filter == PixelFilter::kMip) {
       splats = SplatsForViewers(local_views_, std::move(splats));
     }

@@ -147,6 +147,7 @@ absl::Status SaveScene(const std::string& path, const Model& model,
                  {"clamp_R", p.clamp_R},
                  {"nets", model.pdm.nets.size()}};
   if (model.noise.has_value()) json["noise"] = *model.noise;
+  if (model.curve.has_value()) json["curve"] = *model.curve;
   const bool moved = model.origin != std::array<double, 3>{};
   if (moved) json["origin"] = model.origin;
   ContainerWriter out(kKind, moved ? kVersion : kWithoutOrigin);
@@ -196,6 +197,7 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
     nets = p.at("nets").get<size_t>();
     if (file.version() > kWithoutOrigin) json.at("origin").get_to(model.origin);
     if (json.contains("noise")) model.noise = json.at("noise").get<NoiseCurve>();
+    if (json.contains("curve")) model.curve = json.at("curve").get<CodeCurve>();
   } catch (const Json::exception& e) {
     return Damaged(path, e.what());
   }

@@ -44,26 +44,28 @@ TEST(SceneFile, ComesBackAsItWas) {
     EXPECT_EQ(read.camera.cy, views[i].camera.cy);
   }
 
-  // Everything a picture depends on, the denoiser and the noise filter included.
+  // Everything a picture depends on, the denoiser, the noise filter and the curve included.
   const auto before = RenderChannel(*MakeScene(model, views), Channel::kColor);
   const auto after = RenderChannel(**scene, Channel::kColor);
   ASSERT_TRUE(before.ok() && after.ok());
   EXPECT_EQ(before->data, after->data);
-  Model without_pdm = model, without_filter = model, dilated = model;
+  Model without_pdm = model, without_filter = model, without_curve = model, dilated = model;
   without_pdm.use_pdm = false;
   without_filter.noise.reset();
+  without_curve.curve.reset();
   dilated.pixel_filter = PixelFilter::kDilate;
-  for (const Model& other : {without_pdm, without_filter, dilated}) {
+  for (const Model& other : {without_pdm, without_filter, without_curve, dilated}) {
     const auto picture = RenderChannel(*MakeScene(other, views), Channel::kColor);
     ASSERT_TRUE(picture.ok());
     EXPECT_NE(picture->data, after->data) << "what does nothing was not tested";
   }
 }
 
-TEST(SceneFile, ScenesWithoutANoiseCurveAreNotFiltered) {
+TEST(SceneFile, PicturesOfScenesWithoutCurvesAreAsTheyWereDrawn) {
   const TempDir dir;
   Model model = SmallModel();
   model.noise.reset();
+  model.curve.reset();
   ASSERT_TRUE(SaveScene(dir / "a.litags", model, RingViews(5)).ok());
   const auto scene = LoadSceneFile(dir / "a.litags");
   ASSERT_TRUE(scene.ok()) << scene.status();

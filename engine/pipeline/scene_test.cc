@@ -158,9 +158,30 @@ TEST(Scene, BadRequestsAreRefused) {
   EXPECT_EQ(scene->Render(request).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
+TEST(Scene, PlyHasColorsAfterThePicturesCurve) {
+  const TempDir dir;
+  const Model model = SmallModel();  // its curve: c^2
+  ASSERT_TRUE(MakeScene(model, RingViews(5))->ExportPly(dir / "a.ply", 0).ok());
+  const auto ply = ReadPly(dir / "a.ply", "ply");
+  ASSERT_TRUE(ply.ok()) << ply.status();
+  int compared = 0;
+  for (size_t i = 0; i < model.splats.size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      const double before = 0.5 + kSh0 * model.splats.at(i, kShDc + c);
+      if (before < 0.02 || before > 0.98) continue;
+      EXPECT_NEAR(0.5 + kSh0 * ply->splats.at(i, kShDc + c), before * before, 1e-4);
+      const int row = kShRest + c;
+      EXPECT_NEAR(ply->splats.at(i, row), 2 * before * model.splats.at(i, row), 0.01);
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, 50);
+}
+
 TEST(Scene, PlyInAnyLightHasTheGaussiansColorsInIt) {
   const TempDir dir;
-  const Model model = SmallModel();
+  Model model = SmallModel();
+  model.curve.reset();
   const auto scene = MakeScene(model, RingViews(5));
   ASSERT_TRUE(scene->ExportPly(dir / "normal.ply", 0).ok());
   const auto normal = ReadPly(dir / "normal.ply", "ply");

@@ -36,6 +36,8 @@ inline Model SmallModel(bool lita = true) {
   if (lita) {
     model.noise.emplace();
     for (size_t i = 0; i < model.noise->size(); ++i) (*model.noise)[i] = 0.3f / (3 + i);
+    model.curve.emplace();
+    for (size_t i = 0; i < model.curve->size(); ++i) (*model.curve)[i] = i * i / (255.0f * 255);
   }
   return model;
 }

@@ -12,6 +12,7 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/priors/bisect.h"
 #include "engine/priors/chroma.h"
 #include "engine/priors/clipped_colors.h"
 #include "engine/priors/highlights.h"
@@ -19,7 +20,7 @@
 namespace litags {
 namespace {
 
-constexpr double kTheta = 0.49;  // authors' release
+constexpr double kTheta = 0.49;       // authors' release
 constexpr double kLeastOfLit = 0.45;  // quantile, see CaptureGain. Choice
 constexpr int kClippedCode = 255;
 
@@ -73,16 +74,6 @@ double TargetCode(const ToneOptions& options, double gain, double code) {
       break;
   }
   return code;
-}
-
-// x in [low, high] with f(x) = y, for a growing f.
-template <class F>
-double Bisect(const F& f, double y, double low, double high) {
-  for (int i = 0; i < 60; ++i) {
-    const double middle = (low + high) / 2;
-    (f(middle) < y ? low : high) = middle;
-  }
-  return high;
 }
 
 // The gain in (0, max_gain] that brings the mean closest to theta; the mean grows with the gain.
@@ -229,9 +220,7 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
   return wanted / std::max(level, 1e-9);
 }
 
-ImageU8 WithLinearGain(const ImageU8& photo, double gain) {
-  return Apply(photo, LinearGain(gain));
-}
+ImageU8 WithLinearGain(const ImageU8& photo, double gain) { return Apply(photo, LinearGain(gain)); }
 
 NoiseCurve RoundingNoise(const ToneOptions& options, double gain) {
   const auto target = [&](double code) { return TargetCode(options, gain, code); };
@@ -243,6 +232,17 @@ NoiseCurve RoundingNoise(const ToneOptions& options, double gain) {
     noise[i] = static_cast<float>(step / std::sqrt(12.0));
   }
   return noise;
+}
+
+CodeCurve ChangeOfTargets(const ToneOptions& options,
+                          const std::function<double(double light)>& change) {
+  const auto contrast = [&](double c) { return AddContrast(c, options.contrast); };
+  CodeCurve curve;
+  for (int i = 0; i < 256; ++i) {
+    const double light = LinearFromSrgb(Bisect(contrast, i / 255.0, 0, 1));
+    curve[i] = static_cast<float>(contrast(SrgbFromLinear(std::clamp(change(light), 0.0, 1.0))));
+  }
+  return curve;
 }
 
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,

@@ -2,11 +2,13 @@
 #ifndef LITAGS_ENGINE_PRIORS_TONE_H_
 #define LITAGS_ENGINE_PRIORS_TONE_H_
 
+#include <functional>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "engine/core/code_curve.h"
 #include "engine/core/color.h"
 #include "engine/core/image.h"
 #include "engine/core/noise_curve.h"
@@ -61,12 +63,17 @@ ImageU8 WithLinearGain(const ImageU8& photo, double gain);
 // other photos of the place have the same, since they were rounded alike.
 NoiseCurve RoundingNoise(const ToneOptions& options, double gain);
 
+// What a change of linear light (1: white), which may not fall, does to codes of kCaptureGain's
+// targets.
+CodeCurve ChangeOfTargets(const ToneOptions& options,
+                          const std::function<double(double light)>& change);
+
 // The gain in linear light, for a photo of exposure 1, that brings the capture's histogram where
 // an even histogram of mean theta has it, at its median: quantile p of codes at p^(1/theta - 1).
 // Robust against a bright sky, unlike the mean. Clipped samples are only known to be bright, so
-// with a fraction f of them p = min(0.5, 0.8 (1 - f)). Where no light fell (code 0) there is nothing
-// to brighten: the sample that goes there is never below quantile 0.45 of what is neither black nor
-// clipped, so that a torch in the dark is exposed for what it lights.
+// with a fraction f of them p = min(0.5, 0.8 (1 - f)). Where no light fell (code 0) there is
+// nothing to brighten: the sample that goes there is never below quantile 0.45 of what is neither
+// black nor clipped, so that a torch in the dark is exposed for what it lights.
 double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
                    const ToneOptions& options, absl::Span<const PlaneU8> masks = {});
 

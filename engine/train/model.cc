@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "absl/types/span.h"
+#include "engine/core/parallel.h"
+
 namespace litags {
 namespace {
 
@@ -30,7 +33,7 @@ void ModelRenderer::RenderColor(const Model& model, const Camera& camera, Planes
   Composite(model, camera, denoise ? kColorAndNoise : kColorOnly, denoise ? &composited_ : color,
             &alpha_);
   if (denoise) ApplyPdm(model, composited_, color);
-  FilterNoise(model, color);
+  Finish(model, color);
 }
 
 void ModelRenderer::RenderDepth(const Model& model, const Camera& camera, Planes* depth) {
@@ -48,7 +51,7 @@ void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* 
   } else {
     CopyColor(channels, color);
   }
-  FilterNoise(model, color);
+  Finish(model, color);
 }
 
 void ModelRenderer::ApplyPdm(const Model& model, const Planes& channels, Planes* color) {
@@ -60,8 +63,16 @@ void ModelRenderer::ApplyPdm(const Model& model, const Planes& channels, Planes*
   pdm_->Apply(model.pdm, R0, noise, color);
 }
 
-void ModelRenderer::FilterNoise(const Model& model, Planes* color) {
-  if (model.noise.has_value() && !Cancelled()) noise_filter_.Apply(*model.noise, *color);
+void ModelRenderer::Finish(const Model& model, Planes* color) {
+  if (Cancelled()) return;
+  if (model.noise.has_value()) noise_filter_.Apply(*model.noise, *color);
+  if (!model.curve.has_value()) return;
+  const size_t row = color->width;
+  ParallelFor(threads_, color->data.size() / row, [&](size_t i, int) {
+    for (float& code : absl::MakeSpan(color->data.data() + i * row, row)) {
+      code = ApplyCurve(*model.curve, code);
+    }
+  });
 }
 
 }  // namespace litags

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "engine/core/camera.h"
+#include "engine/core/code_curve.h"
 #include "engine/core/image.h"
 #include "engine/core/splats.h"
 #include "engine/denoise/noise_filter.h"
@@ -22,6 +23,7 @@ struct Model {
   PdmOptions pdm_options;
   PdmWeights pdm;
   std::optional<NoiseCurve> noise;  // for the NoiseFilter that pictures go through; none: no filter
+  std::optional<CodeCurve> curve;   // that finished pictures go through, last; none: as they are
   PixelFilter pixel_filter = PixelFilter::kDilate;  // that it was trained with
   int sh_degree = 3;                                // in use
   int iteration = 0;
@@ -34,8 +36,8 @@ class ModelRenderer {
   explicit ModelRenderer(int threads, const CancelToken* cancel = nullptr)
       : threads_(threads), cancel_(cancel), noise_filter_(threads) {}
 
-  // R [3, H, W], after the PDM and the noise filter; not clamped. Composites what it needs and no
-  // more.
+  // R [3, H, W], after the PDM, the noise filter and the curve; not clamped. Composites what it
+  // needs and no more.
   void RenderColor(const Model& model, const Camera& camera, Planes* color);
 
   // Distance of the surfaces along the optical axis [1, H, W], scene units; 0 where nothing is.
@@ -52,7 +54,7 @@ class ModelRenderer {
   void Composite(const Model& model, const Camera& camera, int num_channels, Planes* channels,
                  Planes* alpha);
   void ApplyPdm(const Model& model, const Planes& channels, Planes* color);
-  void FilterNoise(const Model& model, Planes* color);
+  void Finish(const Model& model, Planes* color);
   bool Cancelled() const { return cancel_ != nullptr && cancel_->IsCancelled(); }
 
   int threads_;

@@ -38,6 +38,26 @@ TEST(ModelRenderer, ColourComesOutTheSameWithAndWithoutTheOtherChannels) {
   }
 }
 
+TEST(ModelRenderer, PicturesGoThroughTheCurveLast) {
+  const Camera camera = RingCamera(1, 5, 40, 30);
+  Model model = SmallModel();
+  model.noise.emplace().fill(0.05f);
+  ModelRenderer renderer(1);
+  Planes before, after;
+  renderer.RenderColor(model, camera, &before);
+  model.curve.emplace();
+  for (size_t i = 0; i < model.curve->size(); ++i) (*model.curve)[i] = 1 - 0.5f * i / 255;
+  renderer.RenderColor(model, camera, &after);
+  ASSERT_EQ(before.data.size(), after.data.size());
+  for (size_t i = 0; i < before.data.size(); ++i) {
+    EXPECT_NEAR(after.data[i], 1 - 0.5f * std::clamp(before.data[i], 0.0f, 1.0f), 1e-6f);
+  }
+  Planes channels, alpha, from_channels;
+  renderer.RenderChannels(model, camera, &channels, &alpha);
+  renderer.Denoise(model, channels, &from_channels);
+  EXPECT_EQ(from_channels.data, after.data);
+}
+
 TEST(ModelRenderer, A3dgsModelIsNotDenoisedAndHasDepth) {
   Model model = SmallModel();
   model.lita = false;
