@@ -12,7 +12,7 @@ namespace {
 
 // Codes of 255. Choices
 constexpr double kDropoutNoise = 2;  // of fine noise, to half of the dropout
-constexpr double kSsimNoise = 4;     // of white noise, beyond which SSIM asks for it
+constexpr double kWhiteNoise = 4;    // of white noise, that training begins to follow
 
 }  // namespace
 
@@ -34,9 +34,11 @@ TargetNoise MeasureNoise(const std::vector<TrainView>& views, int threads) {
 
 TrainOptions SuitedTo(const TargetNoise& noise, TrainOptions options) {
   if (!options.lita) return options;
-  const double squared = noise.fine * noise.fine;
-  options.dropout *= squared / (squared + kDropoutNoise * kDropoutNoise);
-  options.exposure_ssim *= kSsimNoise / std::max(kSsimNoise, noise.white);
+  const double fine = noise.fine * noise.fine, white = noise.white * noise.white;
+  const double more = 1 + white / (white + kWhiteNoise * kWhiteNoise);
+  const double dropout = options.dropout * more * fine / (fine + kDropoutNoise * kDropoutNoise);
+  options.dropout = std::min(dropout, kMaxDropout);
+  options.exposure_ssim *= kWhiteNoise / std::max(kWhiteNoise, noise.white);
   return options;
 }
 

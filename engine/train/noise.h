@@ -22,9 +22,10 @@ struct TargetNoise {
 // threads <= 0: all cores.
 TargetNoise MeasureNoise(const std::vector<TrainView>& views, int threads);
 
-// The options with dropout and exposure_ssim as such targets want them: times s^2 / (s^2 + 2^2)
-// with s codes of fine noise, and falling in proportion beyond 4 codes of white noise, whose
-// structure SSIM would ask for as for that of the scene. Those of 3DGS stay. Choice, measured
+// The options as targets with such noise want them. Dropout times s^2 / (s^2 + 2^2) with s codes of
+// fine noise, and times 1 + w^2 / (w^2 + 4^2) with w of white noise, at most kMaxDropout.
+// exposure_ssim falls in proportion beyond 4 codes of white noise, whose structure SSIM would ask
+// for as for that of the scene. Those of 3DGS stay. Choice, measured
 TrainOptions SuitedTo(const TargetNoise& noise, TrainOptions options);
 
 }  // namespace litags

@@ -56,11 +56,15 @@ TEST(Noise, DropoutGrowsAndSsimFallsWithIt) {
   EXPECT_EQ(SuitedTo({0, 0}, options).dropout, 0);
   EXPECT_DOUBLE_EQ(SuitedTo({2, 0}, options).dropout, 0.2);
   EXPECT_NEAR(SuitedTo({100, 0}, options).dropout, 0.4, 0.001);
+  EXPECT_NEAR(SuitedTo({100, 4}, options).dropout, 0.6, 0.001);
+  EXPECT_NEAR(SuitedTo({100, 100}, options).dropout, 0.8, 0.002);
   EXPECT_EQ(SuitedTo({100, 4}, options).exposure_ssim, 0.2);
   EXPECT_DOUBLE_EQ(SuitedTo({100, 8}, options).exposure_ssim, 0.1);
+  options.dropout = 0.6;
+  EXPECT_EQ(SuitedTo({100, 100}, options).dropout, 0.9) << "the most there is";
   options.lita = false;
   EXPECT_EQ(SuitedTo({100, 8}, options).exposure_ssim, 0.2);
-  EXPECT_EQ(SuitedTo({0, 0}, options).dropout, 0.4);
+  EXPECT_EQ(SuitedTo({100, 8}, options).dropout, 0.6);
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ absl::Status TrainOptions::Validate() const {
     if (!std::isfinite(value) || value < 0) return Bad(name, "must be a finite number, 0 or more");
   }
   if (exposure_ssim > 1) return Bad("exposure_ssim", "must be in [0, 1]");
-  if (dropout > 0.9) return Bad("dropout", "must be in [0, 0.9]");
+  if (dropout > kMaxDropout) return Bad("dropout", "must be in [0, 0.9]");
   return pdm.Validate();
 }
 

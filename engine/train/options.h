@@ -15,6 +15,8 @@ enum class Growth {
   kCloneSplit,  // 3DGS: a copy in its place if it is small, two at random places in it if large
 };
 
+inline constexpr double kMaxDropout = 0.9;
+
 // Everything that decides the result of a training run, besides the data. Defaults: the paper's
 // Sec. "Implementation Details", the authors' release where that is silent, 3DGS otherwise;
 // `Choice` is ours.
@@ -61,7 +63,7 @@ struct TrainOptions {
   double settle_epochs = 0;
   // Share of the Gaussians that an iteration leaves out: dropout e / (e + 50) after e epochs at
   // full size. What repeats of the same photos would teach is their noise (noise.h). Choice
-  double dropout = 0;  // [0, 0.9]
+  double dropout = 0;  // [0, kMaxDropout]
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..
   // 1/2 of their size, with 4^-level of max_gaussians and no denoising. 0 levels: full size
