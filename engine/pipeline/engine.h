@@ -79,7 +79,8 @@ struct ReconstructOptions {
   // E: learning rates are divided by 1 + e / E after e epochs at full size; 0: constant, as 3DGS.
   double settle_epochs = 25;
   // Share of the Gaussians that an iteration leaves out at random, [0, 0.9]; reached after many
-  // epochs at full size on noisy photos. Of LITA-GS; 0: none, as the paper.
+  // epochs at full size on noisy photos, twice as much on very noisy ones (SuitedTo()). Of LITA-GS;
+  // 0: none, as the paper.
   double dropout = 0.35;
   uint64_t seed = 0;
   int threads = 0;  // 0: all cores
