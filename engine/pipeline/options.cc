@@ -90,7 +90,8 @@ absl::Status ReconstructOptions::Validate() const {
     return Bad("coarse_until", coarse_until, "is not in (0, 1]");
   if (!(settle_epochs >= 0 && settle_epochs <= 1e6))
     return Bad("settle_epochs", settle_epochs, "is not in [0, 1000000]");
-  if (!(dropout >= 0 && dropout <= kMaxDropout)) return Bad("dropout", dropout, "is not in [0, 0.9]");
+  if (!(dropout >= 0 && dropout <= kMaxDropout))
+    return Bad("dropout", dropout, "is not in [0, 0.9]");
   if (threads < 0 || threads > 1024)
     return Bad("threads", threads, "is not in 0..1024 (0: all cores)");
   if (max_gaussians < 1000 || max_gaussians > 20'000'000) {

@@ -18,8 +18,8 @@ namespace {
 constexpr double kDarkest = 0.02;      // share of the samples. Choice
 constexpr int kWindow = 7;             // px, that brightness is the mean of. Choice
 constexpr double kMeanOfBlack = 0.45;  // of n; g(0) = 0.399 n, the darkest windows less. Choice
-// What a JPEG leaves of the noise's deviation is about the half; of what is not compressed,
-// kMeanOfBlack is the tighter bound. Choice
+// A JPEG leaves about half of the noise's deviation; of what is not compressed, kMeanOfBlack is the
+// tighter bound. Choice
 constexpr double kHidden = 1.6;
 constexpr double kBright = 20;  // deviations: what lies there is not lifted
 
@@ -39,7 +39,7 @@ double TrueMean(double mean) {
   return mean <= LiftedMean(0) ? 0 : Bisect(LiftedMean, mean, 0, kBright);
 }
 
-// Samples by their brightness, which many photos can be sorted by in little memory.
+// Samples by the root of their brightness: many photos are sorted in little memory.
 struct Level {
   int64_t samples = 0;
   double light = 0;    // sum
@@ -60,8 +60,8 @@ Levels LevelsOf(const ImageU8& photo, double gain, const PlaneU8& mask) {
           0.25f * (light(y, x - 1) + light(y, x + 1) + light(y - 1, x) + light(y + 1, x));
       for (int c = 0; c < 3; ++c) {
         const float difference = light(y, x)[c] - around[c];
-        const double code = SrgbFromLinear(std::min(1.0f, mean(y, x)[c]));
-        Level& level = levels[static_cast<int>((kLevels - 1) * code)];
+        const float root = std::sqrt(std::clamp(mean(y, x)[c], 0.0f, 1.0f));
+        Level& level = levels[static_cast<int>((kLevels - 1) * root)];
         level.samples += 1;
         level.light += mean(y, x)[c];
         level.squares += difference * difference / 1.25;  // that of a mean of four is in it
