@@ -18,18 +18,13 @@
 #include <string>
 
 #include "engine/core/error.h"
+#include "server/testing/sanitizer.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
 
 using ::testing::HasSubstr;
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kShadowMemory = true;  // sanitizers reserve terabytes of address space
-#else
-constexpr bool kShadowMemory = false;
-#endif
 
 // Exit code of a child process that was hardened and then ran `body`, or minus the signal that
 // ended it. Assertions do not reach us from there, so `body` returns what it saw.
@@ -85,7 +80,7 @@ TEST(Hardening, GivesUpPrivilegesAndCoreDumps) {
 }
 
 TEST(Hardening, LimitsHoldInProgramsThatItStarts) {
-  if (kShadowMemory) GTEST_SKIP() << "a sanitizer needs more address space";
+  if (kSanitized) GTEST_SKIP() << "a sanitizer needs more address space";
   HardeningOptions options;
   options.max_memory_bytes = int64_t{1} << 30;
   options.max_file_bytes = 1 << 20;
@@ -114,7 +109,7 @@ TEST(Hardening, FileBeyondItsLimitIsAFailedWrite) {
 }
 
 TEST(Hardening, UsedUpMemoryEndsTheProcessWithItsOwnExitCode) {
-  if (kShadowMemory) GTEST_SKIP() << "a sanitizer needs more address space";
+  if (kSanitized) GTEST_SKIP() << "a sanitizer needs more address space";
   HardeningOptions options;
   options.max_memory_bytes = int64_t{1} << 30;
   EXPECT_EQ(InHardenedChild(options,
