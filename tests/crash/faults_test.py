@@ -31,6 +31,8 @@ def may_mount():
 OWN_MOUNTS = (["unshare", "--mount"] if os.geteuid() == 0 else
               ["unshare", "--user", "--map-current-user", "--keep-caps", "--mount"])
 
+limits_memory = unittest.skipIf(harness.SLOWER > 1, "a sanitizer needs more address space")
+
 
 class FaultTest(unittest.TestCase):
 
@@ -112,7 +114,7 @@ class Colmap(FaultTest):
 
 class Memory(FaultTest):
 
-    @unittest.skipIf(harness.SLOWER > 1, "a sanitizer needs more address space")
+    @limits_memory
     def test_worker_out_of_memory_fails_the_job_and_the_next_one_works(self):
         server = self.deploy("--worker-memory", "1GiB")
         client = self.client(server)
@@ -304,6 +306,7 @@ class Store(FaultTest):
 
 class Hardening(FaultTest):
 
+    @limits_memory
     def test_workers_run_with_nothing_they_do_not_need(self):
         server = self.deploy("--worker-memory", "2GiB")
         client = self.client(server)
