@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/core/color.h"
+#include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 
 namespace litags {
@@ -61,6 +62,13 @@ TEST(Enhance, EveryEnhancerKeepsTheSizeAndBringsADarkPhotoNearerToTheNormalOne) 
     EXPECT_GT(Mean(out), Mean(dark)) << enhancer.name;
     EXPECT_LT(Rmse(out, normal), Rmse(dark, normal)) << enhancer.name;
   }
+}
+
+// Alone in its process, as CTest runs it: OpenCV's tables are not made yet.
+TEST(Enhance, ThreadsThatComeFirstMakeWhatOneMakes) {
+  std::vector<ImageU8> out(4);
+  ParallelFor(4, out.size(), [&](size_t i, int) { out[i] = EnhanceClahe(Room(0.05)); });
+  for (const ImageU8& picture : out) EXPECT_EQ(picture.data, EnhanceClahe(Room(0.05)).data);
 }
 
 TEST(Enhance, CurvesReachTheirMean) {

@@ -20,6 +20,17 @@ cv::Mat Wrap(ImageU8& image) {
   return cv::Mat(image.height, image.width, CV_8UC3, image.data.data());
 }
 
+// OpenCV makes its tables for Lab at the first conversion, twice if two threads come first.
+void MakeLabTables() {
+  static const bool made = [] {
+    cv::Mat pixel(1, 1, CV_8UC3, cv::Scalar::all(0));
+    cv::cvtColor(pixel, pixel, cv::COLOR_RGB2Lab);
+    cv::cvtColor(pixel, pixel, cv::COLOR_Lab2RGB);
+    return true;
+  }();
+  (void)made;
+}
+
 }  // namespace
 
 ImageU8 EnhanceHistogram(const ImageU8& photo) {
@@ -32,6 +43,7 @@ ImageU8 EnhanceHistogram(const ImageU8& photo) {
 }
 
 ImageU8 EnhanceClahe(const ImageU8& photo) {
+  MakeLabTables();
   ImageU8 out = photo;
   cv::Mat view = Wrap(out), lab;
   cv::cvtColor(view, lab, cv::COLOR_RGB2Lab);

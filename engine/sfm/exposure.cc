@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "engine/core/mask.h"
+#include "engine/enhance/enhance.h"
 #include "opencv2/core.hpp"
 #include "opencv2/imgproc.hpp"
 
@@ -12,10 +13,6 @@ namespace {
 
 constexpr double kTargetMean = 0.45;
 constexpr double kMaxGain = 255;  // one code of a black photo becomes white
-
-cv::Mat Wrap(ImageU8& image) {
-  return cv::Mat(image.height, image.width, CV_8UC3, image.data.data());
-}
 
 void ApplyGain(ImageU8& image, const PlaneU8& mask) {
   const double mean = MeasureLight(image, mask).mean_level;
@@ -26,17 +23,8 @@ void ApplyGain(ImageU8& image, const PlaneU8& mask) {
 }
 
 void ApplyBlur(ImageU8& image, double sigma_px) {
-  cv::Mat view = Wrap(image);
+  cv::Mat view(image.height, image.width, CV_8UC3, image.data.data());
   cv::GaussianBlur(view, view, cv::Size(), sigma_px);
-}
-
-void ApplyClahe(ImageU8& image) {
-  cv::Mat view = Wrap(image), lab, lightness;
-  cv::cvtColor(view, lab, cv::COLOR_RGB2Lab);
-  cv::extractChannel(lab, lightness, 0);
-  cv::createCLAHE(4.0, cv::Size(8, 8))->apply(lightness, lightness);
-  cv::insertChannel(lightness, lab, 0);
-  cv::cvtColor(lab, view, cv::COLOR_Lab2RGB);
 }
 
 }  // namespace
@@ -116,10 +104,10 @@ ImageU8 Prepare(const ImageU8& photo, Preparation preparation, const PlaneU8& ma
       break;
     case Preparation::kGainClahe:
       ApplyGain(image, mask);
-      ApplyClahe(image);
+      image = EnhanceClahe(image);
       break;
     case Preparation::kClahe:
-      ApplyClahe(image);
+      image = EnhanceClahe(image);
       break;
   }
   return image;
