@@ -1,5 +1,5 @@
 // Single-photo enhancers: the peers that LITA-GS is compared with. They see one photo and nothing
-// of the scene.
+// of the scene. CLAHE prepares photos for COLMAP, too.
 #ifndef LITAGS_ENGINE_ENHANCE_ENHANCE_H_
 #define LITAGS_ENGINE_ENHANCE_ENHANCE_H_
 
@@ -15,9 +15,9 @@ namespace litags {
 // Mean of all codes that the curves below bring a photo to; authors' release of LITA-GS (theta).
 inline constexpr double kEnhancedMean = 0.49;
 
-// Each takes a photo (sRGB codes, not empty) and returns one of the same size. Pure functions. An
-// all-black photo comes back as it is from all but LIME and the histogram methods, which keep it
-// dark.
+// Each takes a photo (sRGB codes, not empty) and returns one of the same size. Pure functions, for
+// any number of threads at once. An all-black photo comes back as it is from all but LIME and the
+// histogram methods, which keep it dark.
 
 // codes * theta / mean, clipped: the paper's pseudo-target.
 ImageU8 EnhanceGain(const ImageU8& photo);

@@ -97,5 +97,22 @@ TEST(PictureNoise, ScenesOfNoisyPhotosHaveTheCurve) {
   EXPECT_FALSE(curve_in_scene("3dgs", Method::k3dgs));
 }
 
+// Options that the trainer gets are those that suit the noise: beyond half of what dropout may be,
+// noisy photos have all of it.
+TEST(PictureNoise, NoisyPhotosRaiseDropoutToItsLimit) {
+  const RoomCapture room(4);
+  PhotographDark(4 * kNoise, room);
+  ReconstructOptions options = room.Options(40);
+  const auto scene = [&](const std::string& run, double dropout) {
+    options.dropout = dropout;
+    const auto report = Train(room.Input(run), options);
+    EXPECT_TRUE(report.ok()) << report.status();
+    return Bytes(report->scene_path);
+  };
+  // Not EXPECT_EQ, which would print the files.
+  EXPECT_TRUE(scene("a", 0.7) == scene("b", 0.8));
+  EXPECT_FALSE(scene("c", 0.1) == scene("d", 0.2));
+}
+
 }  // namespace
 }  // namespace litags
