@@ -1,4 +1,5 @@
-// The two image containers: photos as bytes, everything computed as float planes.
+// Image containers: interleaved samples (pictures as bytes, photos as photo.h says) and float
+// planes.
 #ifndef LITAGS_ENGINE_CORE_IMAGE_H_
 #define LITAGS_ENGINE_CORE_IMAGE_H_
 
@@ -9,19 +10,24 @@
 
 namespace litags {
 
-// 8-bit sRGB-encoded RGB photo, [H, W, 3] interleaved, rows top to bottom, no padding.
-struct ImageU8 {
+// RGB, [H, W, 3] interleaved, rows top to bottom, no padding.
+template <typename T>
+struct Image {
   int width = 0;
   int height = 0;
-  std::vector<uint8_t> data;
+  std::vector<T> data;
 
-  ImageU8() = default;
-  ImageU8(int w, int h) : width(w), height(h), data(size_t{3} * w * h) {}
+  Image() = default;
+  Image(int w, int h) : width(w), height(h), data(size_t{3} * w * h) {}
 
   bool empty() const { return data.empty(); }
-  uint8_t* pixel(int x, int y) { return data.data() + 3 * (size_t(y) * width + x); }
-  const uint8_t* pixel(int x, int y) const { return data.data() + 3 * (size_t(y) * width + x); }
+  size_t pixels() const { return size_t(width) * height; }
+  T* pixel(int x, int y) { return data.data() + 3 * (size_t(y) * width + x); }
+  const T* pixel(int x, int y) const { return data.data() + 3 * (size_t(y) * width + x); }
 };
+
+// A finished picture: 8-bit sRGB codes.
+using ImageU8 = Image<uint8_t>;
 
 // Float planes, [C, H, W], no padding: what kernels read and write, because SIMD lanes run
 // along pixels. Colour values are sRGB-encoded in [0, 1] unless a name says _linear.

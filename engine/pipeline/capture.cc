@@ -24,11 +24,11 @@
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/shrink.h"
-#include "engine/priors/black_lift.h"
-#include "engine/priors/information.h"
-#include "engine/priors/photometric.h"
-#include "engine/priors/structure_prior.h"
-#include "engine/priors/tone.h"
+#include "engine/prior/structure_prior.h"
+#include "engine/target/black_lift.h"
+#include "engine/target/information.h"
+#include "engine/target/photometric.h"
+#include "engine/target/tone.h"
 
 namespace litags {
 namespace {

@@ -8,13 +8,13 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/depth/depth_provider.h"
+#include "engine/depth/network_depth.h"
 #include "engine/io/container.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/fingerprint.h"
-#include "engine/priors/depth_provider.h"
-#include "engine/priors/network_depth.h"
 #include "engine/stereo/stereo.h"
 
 namespace litags {

@@ -105,7 +105,7 @@ struct ReconstructOptions {
   bool use_prior = true;        // structure prior loss
   bool prior_geometry = false;  // it moves Gaussians (paper), else it trains the map alone
   // Where exposures differ, pixels that noise, rounding or clipping spoilt weigh less than those of
-  // photos that know better (engine/priors/information.h).
+  // photos that know better (engine/target/information.h).
   bool information_weights = true;
   bool use_depth = true;      // depth loss, where depth_source has maps
   int max_image_side = 1600;  // photos with a longer side are shrunk to it, px; 0: never

@@ -4,7 +4,7 @@
 
 #include "absl/types/span.h"
 #include "engine/core/camera.h"
-#include "engine/priors/depth_provider.h"
+#include "engine/depth/depth_provider.h"
 #include "engine/stereo/surface.h"
 
 namespace litags {

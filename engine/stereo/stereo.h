@@ -10,8 +10,8 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "engine/core/cancel.h"
+#include "engine/depth/depth_provider.h"
 #include "engine/io/sparse_model.h"
-#include "engine/priors/depth_provider.h"
 #include "engine/stereo/agreement.h"
 #include "engine/stereo/surface.h"
 

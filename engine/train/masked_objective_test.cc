@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "engine/core/mask.h"
-#include "engine/priors/information.h"
+#include "engine/target/information.h"
 #include "engine/train/objective.h"
 #include "engine/train/objective_test_util.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/core/parallel.h"
-#include "engine/priors/information.h"
+#include "engine/target/information.h"
 #include "engine/train/pyramid.h"
 
 namespace litags {

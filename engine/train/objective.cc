@@ -5,8 +5,8 @@
 
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
-#include "engine/priors/information.h"
 #include "engine/render/renderer.h"
+#include "engine/target/information.h"
 #include "engine/train/depth_loss.h"
 
 namespace litags {

@@ -6,8 +6,8 @@
 #include "engine/core/camera.h"
 #include "engine/core/color.h"
 #include "engine/core/image.h"
+#include "engine/depth/depth_provider.h"
 #include "engine/io/sparse_model.h"
-#include "engine/priors/depth_provider.h"
 
 namespace litags {
 

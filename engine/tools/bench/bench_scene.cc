@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/core/rng.h"
-#include "engine/priors/tone.h"
+#include "engine/target/tone.h"
 #include "engine/train/density.h"
 
 namespace litags {

@@ -5,7 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/eval/metrics.h"
-#include "engine/priors/structure_prior.h"
+#include "engine/prior/structure_prior.h"
 #include "engine/tools/bench/reference_case.h"
 #include "engine/train/depth_loss.h"
 #include "engine/train/losses.h"

@@ -1,0 +1,74 @@
+// Photos and their targets, from the decoder to the losses: more precise than 8 bits, since in the
+// dark the bits below the eighth are the picture.
+#ifndef LITAGS_ENGINE_CORE_PHOTO_H_
+#define LITAGS_ENGINE_CORE_PHOTO_H_
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "engine/core/color.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+// sRGB-encoded samples in fixed point: kPhotoWhite is 1.0, a 64th of an 8-bit code is the step.
+// Samples may lie below 0 (noise around black stays symmetric) and above 1, within [-2, 2).
+using Photo = Image<int16_t>;
+
+inline constexpr int kPhotoWhite = 1 << 14;
+
+// One 8-bit code, in samples.
+inline constexpr float kPhotoCode = kPhotoWhite / 255.0f;
+
+inline float EncodedOf(int16_t sample) { return sample * (1.0f / kPhotoWhite); }
+
+// The nearest sample; NaN becomes 0.
+inline int16_t PhotoSample(float encoded) {
+  const float scaled = encoded * kPhotoWhite;
+  if (!(scaled == scaled)) return 0;
+  return static_cast<int16_t>(std::lrint(std::clamp(scaled, -32768.0f, 32767.0f)));
+}
+
+// Linear light of every sample; 1: the photo's white. Below black the curve goes on as a line.
+class LinearTable {
+ public:
+  static const LinearTable& Get() {
+    static const LinearTable table;
+    return table;
+  }
+  float operator()(int16_t sample) const { return values_[sample + 32768]; }
+
+ private:
+  LinearTable() : values_(65536) {
+    for (int i = 0; i < 65536; ++i) {
+      values_[i] = static_cast<float>(LinearFromSrgb((i - 32768.0) / kPhotoWhite));
+    }
+  }
+  std::vector<float> values_;
+};
+
+inline Photo PhotoFromU8(const ImageU8& image) {
+  Photo photo(image.width, image.height);
+  std::array<int16_t, 256> samples;
+  for (int code = 0; code < 256; ++code) samples[code] = PhotoSample(code / 255.0f);
+  std::transform(image.data.begin(), image.data.end(), photo.data.begin(),
+                 [&](uint8_t code) { return samples[code]; });
+  return photo;
+}
+
+// Rounded to 8 bits, for pictures that are shown and for programs that take nothing else.
+inline ImageU8 PhotoToU8(const Photo& photo) {
+  ImageU8 image(photo.width, photo.height);
+  std::transform(photo.data.begin(), photo.data.end(), image.data.begin(), [](int16_t sample) {
+    const int clamped = std::clamp<int>(sample, 0, kPhotoWhite);
+    return static_cast<uint8_t>((clamped * 255 + kPhotoWhite / 2) / kPhotoWhite);
+  });
+  return image;
+}
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_CORE_PHOTO_H_

@@ -1,0 +1,199 @@
+#include "engine/depth/depth_provider.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/core/parallel.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/sparse_model.h"
+
+namespace litags {
+namespace {
+
+constexpr float kEdge = 0.05f;  // of depth: neighbours that differ by more are two surfaces. Choice
+
+// Known pixels: depth as it is, confidence 1; unknown ones: 0 and 0.
+DepthMap SplitKnown(Planes depth) {
+  DepthMap map;
+  map.confidence = Planes(1, depth.height, depth.width);
+  for (size_t i = 0; i < depth.data.size(); ++i) {
+    const bool known = std::isfinite(depth.data[i]) && depth.data[i] != 0;
+    map.confidence.data[i] = known ? 1.0f : 0.0f;
+    if (!known) depth.data[i] = 0;
+  }
+  map.depth = std::move(depth);
+  return map;
+}
+
+// Error unless the known pixels hold at least two different values.
+absl::Status CheckUsable(const DepthMap& map, const std::string& field) {
+  float least = INFINITY, most = -INFINITY;
+  for (size_t i = 0; i < map.depth.data.size(); ++i) {
+    if (map.confidence.data[i] == 0) continue;
+    least = std::min(least, map.depth.data[i]);
+    most = std::max(most, map.depth.data[i]);
+  }
+  if (least > most) {
+    return InvalidInput("DEPTH_MAP_EMPTY", field,
+                        absl::StrCat(field,
+                                     ": no pixel has a depth (all are 0 or not finite); "
+                                     "remove the file or write the map again"));
+  }
+  if (least == most) {
+    return InvalidInput("DEPTH_MAP_CONSTANT", field,
+                        absl::StrCat(field, ": every pixel has depth ", least,
+                                     ", which says nothing of the scene; remove the file"));
+  }
+  return absl::OkStatus();
+}
+
+Planes Resize(const Planes& plane, int width, int height) {
+  Planes out(1, height, width);
+  const cv::Mat in(plane.height, plane.width, CV_32F, const_cast<float*>(plane.data.data()));
+  cv::Mat result(height, width, CV_32F, out.data.data());
+  const bool shrinks = width < plane.width;
+  cv::resize(in, result, result.size(), 0, 0, shrinks ? cv::INTER_AREA : cv::INTER_LINEAR);
+  return out;
+}
+
+// Mean over the known pixels under each new one; known if at least half of them are.
+DepthMap ResizeKnown(const DepthMap& map, int width, int height) {
+  DepthMap out{Resize(map.depth, width, height), Resize(map.confidence, width, height)};
+  for (size_t i = 0; i < out.depth.data.size(); ++i) {
+    float& share = out.confidence.data[i];
+    const bool known = share >= 0.5f;
+    out.depth.data[i] = known ? out.depth.data[i] / share : 0.0f;
+    share = known ? 1.0f : 0.0f;
+  }
+  return out;
+}
+
+// Between which pixels of a row or column of `from` the pixels of one of `to` lie.
+struct Between {
+  int first, second;
+  float at;  // from the first's centre, [0, 1]
+
+  int Nearest() const { return at < 0.5f ? first : second; }
+  float Mix(const float* line) const { return line[first] + at * (line[second] - line[first]); }
+};
+
+std::vector<Between> Betweens(int from, int to) {
+  std::vector<Between> out(to);
+  for (int i = 0; i < to; ++i) {
+    const float p = std::clamp((i + 0.5f) * from / to - 0.5f, 0.0f, float(from - 1));
+    const int first = static_cast<int>(p);
+    out[i] = {first, std::min(first + 1, from - 1), p - first};
+  }
+  return out;
+}
+
+class FolderDepthProvider : public DepthProvider {
+ public:
+  explicit FolderDepthProvider(std::string folder) : folder_(std::move(folder)) {}
+
+  absl::StatusOr<std::vector<std::optional<DepthMap>>> Maps(absl::Span<const PosedPhoto> photos,
+                                                            const CancelToken& cancel,
+                                                            DepthProgress progress) override {
+    std::vector<std::optional<DepthMap>> maps;
+    for (const PosedPhoto& p : photos) {
+      LITAGS_RETURN_IF_ERROR(cancel.Check());
+      LITAGS_ASSIGN_OR_RETURN(std::optional<DepthMap> map, Read(p));
+      maps.push_back(std::move(map));
+      progress(static_cast<int>(maps.size()), static_cast<int>(photos.size()));
+    }
+    return maps;
+  }
+
+ private:
+  absl::StatusOr<std::optional<DepthMap>> Read(const PosedPhoto& posed) const {
+    const ImageU8& photo = *posed.photo;
+    const std::string path = FindDepthMap(folder_, Stem(posed.view->name));
+    if (path.empty()) return std::nullopt;
+    const std::string field = absl::StrCat("depth/", BaseName(path));
+    LITAGS_ASSIGN_OR_RETURN(Planes plane, ReadDepthMap(path, field));
+    DepthMap map = SplitKnown(std::move(plane));
+    if (posed.distortion != nullptr) {
+      for (Planes* p : {&map.depth, &map.confidence}) {
+        LITAGS_ASSIGN_OR_RETURN(*p, UndistortNearest(*p, posed.view->camera, *posed.distortion));
+      }
+    }
+    LITAGS_RETURN_IF_ERROR(CheckUsable(map, field));
+    const int width = map.depth.width, height = map.depth.height;
+    if (width != photo.width || height != photo.height) {
+      const double skew = double(width) * photo.height / (double(height) * photo.width) - 1;
+      if (!(std::abs(skew) <= 0.01)) {
+        return InvalidInput(
+            "DEPTH_MAP_SIZE", field,
+            absl::StrCat(field, ": ", width, "x", height, " px does not fit the ", photo.width, "x",
+                         photo.height, " px photo; give maps of the photo's aspect ratio"));
+      }
+      try {
+        map = ResizeKnown(map, photo.width, photo.height);
+      } catch (const cv::Exception& e) {
+        return MakeError(absl::StatusCode::kInternal, "DEPTH_MAP_RESIZE", field,
+                         absl::StrCat(field, ": cannot resize: ", e.what()));
+      }
+      LITAGS_RETURN_IF_ERROR(CheckUsable(map, field));
+    }
+    const auto& confidence = map.confidence.data;
+    if (std::all_of(confidence.begin(), confidence.end(), [](float c) { return c == 1; })) {
+      map.confidence = Planes();
+    }
+    return map;
+  }
+
+  const std::string folder_;
+};
+
+}  // namespace
+
+void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthMap* out) {
+  const auto resize = [&](Planes* plane) {
+    if (plane->width != width || plane->height != height) *plane = Planes(1, height, width);
+  };
+  resize(&out->depth);
+  if (map.confidence.empty()) {
+    out->confidence = Planes();
+  } else {
+    resize(&out->confidence);
+  }
+  const std::vector<Between> columns = Betweens(map.depth.width, width);
+  const std::vector<Between> rows = Betweens(map.depth.height, height);
+  ParallelFor(threads, height, [&](size_t y, int) {
+    const auto row_of = [](const Planes& plane, size_t i) {
+      return plane.data.data() + i * plane.width;
+    };
+    const Between& row = rows[y];
+    const int nearest = row.Nearest();
+    const float *top = row_of(map.depth, row.first), *bottom = row_of(map.depth, row.second);
+    const float* known = map.confidence.empty() ? nullptr : row_of(map.confidence, nearest);
+    for (int x = 0; x < width; ++x) {
+      const Between& column = columns[x];
+      const auto [least, most] = std::minmax(
+          {top[column.first], top[column.second], bottom[column.first], bottom[column.second]});
+      const bool one_surface = least > 0 && most <= (1 + kEdge) * least;
+      out->depth.at(0, y, x) =
+          one_surface ? column.Mix(top) + row.at * (column.Mix(bottom) - column.Mix(top))
+                      : map.depth.at(0, nearest, column.Nearest());
+      if (known != nullptr) out->confidence.at(0, y, x) = known[column.Nearest()];
+    }
+  });
+}
+
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(const std::string& folder) {
+  std::error_code error;
+  if (!std::filesystem::is_directory(folder, error)) {
+    return MakeError(
+        absl::StatusCode::kNotFound, "DEPTH_FOLDER_MISSING", "depth_dir",
+        absl::StrCat("depth folder '", folder, "' does not exist; give a folder of maps or none"));
+  }
+  return std::make_unique<FolderDepthProvider>(folder);
+}
+
+}  // namespace litags

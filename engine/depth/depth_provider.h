@@ -1,0 +1,67 @@
+// Where depth maps come from. The depth loss is blind to scale and offset, so every source plugs
+// into the same interface: maps given by the user here, a network in network_depth.h, stereo in
+// engine/stereo.
+#ifndef LITAGS_ENGINE_DEPTH_DEPTH_PROVIDER_H_
+#define LITAGS_ENGINE_DEPTH_DEPTH_PROVIDER_H_
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "engine/core/camera.h"
+#include "engine/core/cancel.h"
+#include "engine/core/color.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+struct Distortion;
+
+struct DepthMap {
+  // [1, h, w], of the photo's size or, for the same view, smaller; finite; grows with distance
+  // along the optical axis, up to one scale and offset per map.
+  Planes depth;
+  // [1, h, w] in [0, 1]; 0: nothing known there (depth is 0). Empty: known everywhere.
+  Planes confidence;
+};
+
+// `map` at another size of the same view: bilinear inside a surface, the nearest pixel at its edges
+// and for the confidence. The memory of `out` is used again.
+void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthMap* out);
+
+// A photo and its camera, of the same size.
+struct PosedPhoto {
+  const View* view = nullptr;
+  const ImageU8* photo = nullptr;
+  const ImageU8* target = nullptr;  // the photo normally lit; may be null: as it is
+  // What the photo had when it was taken, and maps of it have; null: none.
+  const Distortion* distortion = nullptr;
+};
+
+// `done` of `total` photos have their map.
+using DepthProgress = absl::FunctionRef<void(int done, int total)>;
+
+class DepthProvider {
+ public:
+  virtual ~DepthProvider() = default;
+
+  // The maps of a whole capture, one entry a photo. nullopt: no map for this photo, train without.
+  // An error: a map exists and is unusable, or CANCELLED. `progress` comes from this thread.
+  virtual absl::StatusOr<std::vector<std::optional<DepthMap>>> Maps(
+      absl::Span<const PosedPhoto> photos, const CancelToken& cancel, DepthProgress progress) = 0;
+};
+
+// Maps that the user gives with the photos: <folder>/<stem of view.name>.{png,pfm,npy}, the first
+// that exists (formats: ReadDepthMap). 0 and values that are not finite mean unknown. A map of
+// another size but the photo's aspect ratio (to 1%) is resized over its known pixels: averaged
+// down, bilinear up. INVALID_ARGUMENT with field "depth/<file>" for maps that cannot be read, fit
+// or used (all unknown, or constant). NOT_FOUND here if there is no such folder.
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(const std::string& folder);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_DEPTH_DEPTH_PROVIDER_H_

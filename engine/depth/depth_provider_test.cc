@@ -1,0 +1,195 @@
+#include "engine/depth/depth_provider.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "engine/core/error.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/sparse_model.h"
+
+namespace litags {
+namespace {
+
+class FolderDepth : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = testing::TempDir() + "depth_provider_" + test->name();
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string Path(const std::string& file) const { return folder_ + "/" + file; }
+
+  absl::StatusOr<std::optional<DepthMap>> Depth(const std::string& name, int width, int height) {
+    auto provider = MakeFolderDepthProvider(folder_);
+    if (!provider.ok()) return provider.status();
+    const View view{name, {}};
+    const ImageU8 photo(width, height);
+    auto maps = (*provider)->Maps({{&view, &photo}}, CancelToken(), [](int, int) {});
+    if (!maps.ok()) return maps.status();
+    return (*maps)[0];
+  }
+
+  // depth = 1 + x + 10 y.
+  static Planes Ramp(int width, int height) {
+    Planes ramp(1, height, width);
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) ramp.at(0, y, x) = 1.0f + x + 10.0f * y;
+    }
+    return ramp;
+  }
+
+  std::string folder_;
+};
+
+TEST_F(FolderDepth, AViewWithoutAMapHasNone) {
+  const auto depth = Depth("0001.JPG", 8, 6);
+  ASSERT_TRUE(depth.ok());
+  EXPECT_FALSE(depth->has_value());
+}
+
+TEST_F(FolderDepth, AMissingFolderIsAnError) {
+  const auto provider = MakeFolderDepthProvider(folder_ + "/nowhere");
+  EXPECT_EQ(provider.status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(GetErrorDetail(provider.status())->field, "depth_dir");
+}
+
+TEST_F(FolderDepth, ReadsPfmAndNpyByThePhotosStem) {
+  const Planes ramp = Ramp(8, 6);
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), ramp).ok());
+  ASSERT_TRUE(WriteNpy(Path("b.npy"), ramp).ok());
+  for (const char* name : {"a.JPG", "sub/b.png"}) {
+    const auto depth = Depth(name, 8, 6);
+    ASSERT_TRUE(depth.ok()) << depth.status();
+    ASSERT_TRUE(depth->has_value()) << name;
+    EXPECT_EQ((*depth)->depth.data, ramp.data);
+    EXPECT_TRUE((*depth)->confidence.empty());
+  }
+}
+
+TEST_F(FolderDepth, UnknownPixelsGetNoConfidenceAndFiniteDepth) {
+  Planes ramp = Ramp(8, 6);
+  ramp.at(0, 2, 3) = NAN;
+  ramp.at(0, 4, 1) = INFINITY;
+  ramp.at(0, 5, 5) = 0;
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), ramp).ok());
+  const auto depth = Depth("a.jpg", 8, 6);
+  ASSERT_TRUE(depth.ok()) << depth.status();
+  const DepthMap& map = **depth;
+  ASSERT_FALSE(map.confidence.empty());
+  for (int y = 0; y < 6; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      const bool unknown = (y == 2 && x == 3) || (y == 4 && x == 1) || (y == 5 && x == 5);
+      EXPECT_EQ(map.confidence.at(0, y, x), unknown ? 0 : 1);
+      EXPECT_EQ(map.depth.at(0, y, x), unknown ? 0 : ramp.at(0, y, x));
+    }
+  }
+}
+
+TEST_F(FolderDepth, AMapOfTwiceTheSizeIsAveraged) {
+  Planes big = Ramp(16, 12);
+  big.at(0, 0, 0) = 0;  // one of the four pixels under (0, 0) is unknown
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), big).ok());
+  const auto depth = Depth("a.jpg", 8, 6);
+  ASSERT_TRUE(depth.ok()) << depth.status();
+  const Planes& map = (*depth)->depth;
+  ASSERT_EQ(map.width, 8);
+  EXPECT_TRUE((*depth)->confidence.empty());  // three of four are known
+  EXPECT_NEAR(map.at(0, 0, 0), (2 + 11 + 12) / 3.0, 1e-5);
+  EXPECT_NEAR(map.at(0, 2, 3), 1 + 6.5 + 10 * 4.5, 1e-4);
+}
+
+// A map of an RGB-D camera has its lens, as its photo had.
+TEST_F(FolderDepth, TheLensIsTakenOutOfTheMapAsOutOfThePhoto) {
+  View view{"a.jpg", {}};
+  Camera& camera = view.camera;
+  camera.width = 96, camera.height = 64;
+  camera.fx = camera.fy = 60, camera.cx = 48, camera.cy = 32;
+  const ImageU8 photo(96, 64);
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), Ramp(96, 64)).ok());
+  auto provider = MakeFolderDepthProvider(folder_);
+  ASSERT_TRUE(provider.ok());
+  for (const double k1 : {-0.2, 0.2}) {
+    const Distortion lens{.k1 = k1};
+    const auto maps =
+        (*provider)->Maps({{&view, &photo, nullptr, &lens}}, CancelToken(), [](int, int) {});
+    ASSERT_TRUE(maps.ok()) << maps.status();
+    const DepthMap& map = *maps->front();
+    // Pixel (80, 50): where the photo had it.
+    const double x = (80.5 - 48) / 60, y = (50.5 - 32) / 60, stretch = 1 + k1 * (x * x + y * y);
+    const double column = 60 * x * stretch + 48 - 0.5, row = 60 * y * stretch + 32 - 0.5;
+    EXPECT_NEAR(map.depth.at(0, 50, 80), 1 + std::round(column) + 10 * std::round(row), 1e-3);
+    // Outward the photo ends before its corners.
+    EXPECT_EQ(map.confidence.empty(), k1 < 0);
+    if (k1 > 0) {
+      EXPECT_EQ(map.confidence.at(0, 0, 0), 0);
+    }
+  }
+}
+
+TEST_F(FolderDepth, ASmallerMapIsInterpolated) {
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), Ramp(4, 3)).ok());
+  const auto depth = Depth("a.jpg", 8, 6);
+  ASSERT_TRUE(depth.ok()) << depth.status();
+  // Pixel centre (3.5, 2.5) of 8x6 is (1.75, 1.25) of 4x3: column 1.25, row 0.75 in samples.
+  EXPECT_NEAR((*depth)->depth.at(0, 2, 3), 1 + 1.25 + 10 * 0.75, 1e-4);
+}
+
+TEST_F(FolderDepth, MapsThatCannotBeUsedAreErrorsThatNameTheFile) {
+  ASSERT_TRUE(WritePfm(Path("empty.pfm"), Planes(1, 6, 8)).ok());
+  Planes flat(1, 6, 8);
+  for (float& d : flat.data) d = 3;
+  ASSERT_TRUE(WritePfm(Path("flat.pfm"), flat).ok());
+  ASSERT_TRUE(WritePfm(Path("tall.pfm"), Ramp(6, 8)).ok());
+  std::ofstream(Path("junk.png")) << "not an image";
+  const auto reason = [&](const std::string& stem, const std::string& file) {
+    const auto depth = Depth(stem + ".jpg", 8, 6);
+    EXPECT_EQ(depth.status().code(), absl::StatusCode::kInvalidArgument) << stem;
+    const auto detail = GetErrorDetail(depth.status());
+    if (!detail) return std::string("no detail");
+    EXPECT_EQ(detail->field, "depth/" + file);
+    return detail->reason;
+  };
+  EXPECT_EQ(reason("empty", "empty.pfm"), "DEPTH_MAP_EMPTY");
+  EXPECT_EQ(reason("flat", "flat.pfm"), "DEPTH_MAP_CONSTANT");
+  EXPECT_EQ(reason("tall", "tall.pfm"), "DEPTH_MAP_SIZE");
+  EXPECT_NE(reason("junk", "junk.png"), "no detail");
+}
+
+TEST(ResizeDepth, ASlantedSurfaceStaysFlat) {
+  DepthMap map{Planes(1, 3, 4), Planes()}, large;
+  for (int i = 0; i < 12; ++i) map.depth.data[i] = 5 + 0.1f * (i % 4) + 0.05f * (i / 4);
+  ResizeDepth(map, 8, 9, 2, &large);
+  EXPECT_TRUE(large.confidence.empty());
+  for (int y = 1; y < 8; ++y) {  // beyond the outer centres it is constant
+    for (int x = 1; x < 7; ++x) {
+      const double expected = 5 + 0.1 * ((x + 0.5) / 2 - 0.5) + 0.05 * ((y + 0.5) / 3 - 0.5);
+      EXPECT_NEAR(large.depth.at(0, y, x), expected, 1e-5) << x << " " << y;
+    }
+  }
+}
+
+TEST(ResizeDepth, KeepsEdgesAndUnknownPixels) {
+  DepthMap map{Planes(1, 2, 4), Planes(1, 2, 4)};
+  map.depth.data = {1, 1.02f, 3, 0, 1, 1.02f, 3, 0};
+  map.confidence.data = {1, 1, 0.5f, 0, 1, 1, 0.5f, 0};
+  DepthMap large;
+  ResizeDepth(map, 8, 4, 1, &large);
+  for (int y = 0; y < 4; ++y) {
+    EXPECT_EQ(large.depth.at(0, y, 7), 0);
+    EXPECT_EQ(large.confidence.at(0, y, 7), 0);
+    for (int x = 0; x < 8; ++x) {  // nothing between the two surfaces
+      const float z = large.depth.at(0, y, x);
+      EXPECT_TRUE(z == 0 || z == 3 || (z >= 1 && z <= 1.02f)) << z;
+    }
+    EXPECT_GT(large.depth.at(0, y, 2), large.depth.at(0, y, 1));
+  }
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,96 @@
+#include "engine/depth/network_depth.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+constexpr double kTail = 0.02;            // of the values, at either end, may be wild
+constexpr float kFarthestInverse = 0.1f;  // added to inverse depth in [0, 1]
+
+Planes Resize(const Planes& plane, int width, int height) {
+  Planes out(1, height, width);
+  const cv::Mat in(plane.height, plane.width, CV_32F, const_cast<float*>(plane.data.data()));
+  cv::Mat result(height, width, CV_32F, out.data.data());
+  cv::resize(in, result, result.size(), 0, 0,
+             width < plane.width ? cv::INTER_AREA : cv::INTER_LINEAR);
+  return out;
+}
+
+// Makes the network's values depth up to scale and offset; false if they are all alike.
+bool ToDepth(bool inverse, Planes* map) {
+  std::vector<float> sorted = map->data;
+  const auto percentile = [&](double share) {
+    const auto at = sorted.begin() + static_cast<ptrdiff_t>(share * (sorted.size() - 1));
+    std::nth_element(sorted.begin(), at, sorted.end());
+    return *at;
+  };
+  const float least = percentile(kTail), most = percentile(1 - kTail);
+  if (!(most > least) || !std::isfinite(most - least)) return false;
+  for (float& v : map->data) {
+    v = std::clamp((v - least) / (most - least), 0.0f, 1.0f);
+    if (inverse) v = 1 / (v + kFarthestInverse);
+  }
+  return true;
+}
+
+class NetworkDepthProvider : public DepthProvider {
+ public:
+  NetworkDepthProvider(OnnxNet net, NetworkDepthOptions options, std::string_view field)
+      : net_(std::move(net)), options_(std::move(options)), field_(field) {}
+
+  absl::StatusOr<std::vector<std::optional<DepthMap>>> Maps(absl::Span<const PosedPhoto> photos,
+                                                            const CancelToken& cancel,
+                                                            DepthProgress progress) override {
+    std::vector<std::optional<DepthMap>> maps;
+    for (const PosedPhoto& p : photos) {
+      LITAGS_RETURN_IF_ERROR(cancel.Check());
+      LITAGS_ASSIGN_OR_RETURN(Planes depth, Run(p));
+      maps.emplace_back();
+      if (!depth.empty()) maps.back() = DepthMap{std::move(depth), Planes()};
+      progress(static_cast<int>(maps.size()), static_cast<int>(photos.size()));
+    }
+    return maps;
+  }
+
+ private:
+  // Of the photo's size; empty if the network sees nothing.
+  absl::StatusOr<Planes> Run(const PosedPhoto& p) {
+    const ImageU8& photo = p.target != nullptr ? *p.target : *p.photo;
+    try {
+      LITAGS_ASSIGN_OR_RETURN(Planes map, net_.Run({{"", OnnxPhoto(photo, options_.input)}}));
+      if (map.channels != 1) {
+        return InvalidInput("DEPTH_NETWORK_OUTPUT", field_,
+                            absl::StrCat(field_, ": ", options_.path, " gives ", map.channels,
+                                         " planes; a depth network gives one"));
+      }
+      if (!ToDepth(options_.inverse, &map)) return Planes();
+      return Resize(map, photo.width, photo.height);
+    } catch (const cv::Exception& e) {
+      return MakeError(absl::StatusCode::kInternal, "DEPTH_NETWORK_RESIZE", field_,
+                       absl::StrCat(field_, ": cannot resize: ", e.what()));
+    }
+  }
+
+  OnnxNet net_;
+  const NetworkDepthOptions options_;
+  const std::string field_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeNetworkDepthProvider(
+    const NetworkDepthOptions& options, std::string_view field) {
+  LITAGS_RETURN_IF_ERROR(options.input.Validate(field));
+  LITAGS_ASSIGN_OR_RETURN(OnnxNet net, OnnxNet::Load(options.path, field));
+  return std::make_unique<NetworkDepthProvider>(std::move(net), options, field);
+}
+
+}  // namespace litags

@@ -1,0 +1,105 @@
+#include "engine/depth/network_depth.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "engine/io/file_util.h"
+#include "engine/io/test_util.h"
+#include "engine/onnx/onnx_writer.h"
+
+namespace litags {
+namespace {
+
+constexpr int kWidth = 12, kHeight = 8;
+
+// Grey that grows to the right: from 20 to 240.
+ImageU8 Ramp() {
+  ImageU8 photo(kWidth, kHeight);
+  for (size_t i = 0; i < photo.data.size(); ++i) {
+    photo.data[i] = static_cast<uint8_t>(20 + 20 * (i / 3 % kWidth));
+  }
+  return photo;
+}
+
+class NetworkDepth : public testing::Test {
+ protected:
+  // Writes a network whose `planes` outputs are `factor` times the sum of the channels, for inputs
+  // of 6x4.
+  std::string Model(int planes, float factor) {
+    OnnxWriter model;
+    model.AddInput("x", {1, 3, 4, 6});
+    model.AddConstant("w", {planes, 3, 1, 1}, std::vector<float>(3 * planes, factor));
+    model.AddConstant("b", {planes}, std::vector<float>(planes, 0.0f));
+    model.AddNode("Conv", {"x", "w", "b"}, "y", {{"kernel_shape", {1, 1}}});
+    model.AddOutput("y", {1, planes, 4, 6});
+    const std::string path = dir_ / "depth.onnx";
+    EXPECT_TRUE(WriteFileAtomically(path, model.Bytes()).ok());
+    return path;
+  }
+
+  absl::StatusOr<std::optional<DepthMap>> Depth(const ImageU8& photo, const ImageU8* target) {
+    auto provider = MakeNetworkDepthProvider(options_, "depth_model");
+    if (!provider.ok()) return provider.status();
+    const View view{"a.jpg", {}};
+    auto maps = (*provider)->Maps({{&view, &photo, target}}, CancelToken(), [](int, int) {});
+    if (!maps.ok()) return maps.status();
+    return (*maps)[0];
+  }
+
+  void SetUp() override {
+    options_.path = Model(1, 1);
+    options_.input.width = 6;
+    options_.input.height = 4;
+  }
+
+  TempDir dir_;
+  NetworkDepthOptions options_;
+};
+
+TEST_F(NetworkDepth, InverseDepthBecomesDepthOfThePhotosSize) {
+  const auto map = Depth(Ramp(), nullptr);
+  ASSERT_TRUE(map.ok()) << map.status();
+  ASSERT_TRUE(map->has_value());
+  const Planes& depth = (*map)->depth;
+  ASSERT_EQ(depth.width, kWidth);
+  ASSERT_EQ(depth.height, kHeight);
+  EXPECT_TRUE((*map)->confidence.empty());
+  // The brightest column has inverse depth 1, the darkest 0.
+  EXPECT_NEAR(depth.at(0, 3, kWidth - 1), 1 / 1.1, 1e-4);
+  EXPECT_NEAR(depth.at(0, 3, 0), 1 / 0.1, 1e-3);
+  for (int x = 1; x < kWidth; ++x) EXPECT_LE(depth.at(0, 3, x), depth.at(0, 3, x - 1)) << x;
+}
+
+TEST_F(NetworkDepth, DepthIsTakenAsItIs) {
+  options_.inverse = false;
+  const auto map = Depth(Ramp(), nullptr);
+  ASSERT_TRUE(map.ok()) << map.status();
+  EXPECT_NEAR((*map)->depth.at(0, 3, 0), 0, 1e-5);
+  EXPECT_NEAR((*map)->depth.at(0, 3, kWidth - 1), 1, 1e-5);
+}
+
+TEST_F(NetworkDepth, TheNetworkSeesTheBrightenedPhoto) {
+  ImageU8 negative = Ramp();
+  for (uint8_t& v : negative.data) v = 255 - v;
+  const auto map = Depth(Ramp(), &negative);
+  ASSERT_TRUE(map.ok()) << map.status();
+  EXPECT_GT((*map)->depth.at(0, 3, kWidth - 1), (*map)->depth.at(0, 3, 0));
+}
+
+TEST_F(NetworkDepth, APhotoWhereAllIsAlikeHasNoMap) {
+  ImageU8 flat(kWidth, kHeight);
+  const auto map = Depth(flat, nullptr);
+  ASSERT_TRUE(map.ok()) << map.status();
+  EXPECT_FALSE(map->has_value());
+}
+
+TEST_F(NetworkDepth, NetworksThatDoNotFitAreRefusedByTheOptionsName) {
+  options_.path = Model(2, 1);
+  EXPECT_EQ(Reason(Depth(Ramp(), nullptr).status()), "DEPTH_NETWORK_OUTPUT");
+  options_.path = dir_ / "none.onnx";
+  EXPECT_EQ(Reason(Depth(Ramp(), nullptr).status()), "NO_SUCH_FILE");
+  EXPECT_EQ(GetErrorDetail(Depth(Ramp(), nullptr).status())->field, "depth_model");
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,293 @@
+#include "engine/prior/structure_prior.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/core/mask.h"
+#include "engine/core/parallel.h"
+
+namespace litags {
+namespace {
+
+// [E, E_l, E_ll] = kColorModel [R, G, B] (paper; Geusebroek et al. 2001).
+constexpr float kColorModel[3][3] = {
+    {0.06f, 0.63f, 0.27f}, {0.3f, 0.04f, -0.35f}, {0.34f, -0.6f, 0.17f}};
+
+struct Kernels {
+  int radius = 0;
+  std::vector<float> smooth;      // sums to 1
+  std::vector<float> derivative;  // correlated: positive where the image grows
+};
+
+Kernels MakeKernels(double sigma, bool l1_normalize) {
+  Kernels kernels;
+  kernels.radius = static_cast<int>(std::ceil(3 * sigma + 0.5));
+  std::vector<double> g;
+  double sum = 0;
+  for (int i = -kernels.radius; i <= kernels.radius; ++i) {
+    g.push_back(std::exp(-i * i / (2 * sigma * sigma)));
+    sum += g.back();
+  }
+  double l1 = 0;
+  for (int i = -kernels.radius; i <= kernels.radius; ++i) {
+    double& v = g[i + kernels.radius];
+    v /= sum;
+    l1 += std::abs(i) / (sigma * sigma) * v;
+  }
+  const double scale = l1_normalize ? 1 / l1 : 1;
+  for (int i = -kernels.radius; i <= kernels.radius; ++i) {
+    const double v = g[i + kernels.radius];
+    kernels.smooth.push_back(static_cast<float>(v));
+    kernels.derivative.push_back(static_cast<float>(i / (sigma * sigma) * v * scale));
+  }
+  return kernels;
+}
+
+// Where sample i of n is read, -1 for "zero". |i| passes the edges by less than n.
+int BorderIndex(int i, int n, PriorBorder border) {
+  if (i >= 0 && i < n) return i;
+  switch (border) {
+    case PriorBorder::kZero:
+      return -1;
+    case PriorBorder::kReplicate:
+      return i < 0 ? 0 : n - 1;
+    case PriorBorder::kReflect101:
+      return i < 0 ? -i : 2 * (n - 1) - i;
+  }
+  return -1;
+}
+
+// Correlation along x of [1, H, W].
+Planes AlongX(const Planes& in, const std::vector<float>& kernel, PriorBorder border) {
+  const int radius = static_cast<int>(kernel.size()) / 2, width = in.width;
+  Planes out(1, in.height, width);
+  std::vector<float> padded(width + 2 * radius);
+  for (int y = 0; y < in.height; ++y) {
+    for (int x = -radius; x < width + radius; ++x) {
+      const int from = BorderIndex(x, width, border);
+      padded[x + radius] = from < 0 ? 0.0f : in.at(0, y, from);
+    }
+    float* row = &out.at(0, y, 0);
+    for (int k = 0; k <= 2 * radius; ++k) {
+      for (int x = 0; x < width; ++x) row[x] += kernel[k] * padded[x + k];
+    }
+  }
+  return out;
+}
+
+// Correlation along y of [1, H, W].
+Planes AlongY(const Planes& in, const std::vector<float>& kernel, PriorBorder border) {
+  const int radius = static_cast<int>(kernel.size()) / 2, width = in.width;
+  Planes out(1, in.height, width);
+  for (int y = 0; y < in.height; ++y) {
+    float* row = &out.at(0, y, 0);
+    for (int k = -radius; k <= radius; ++k) {
+      const int from = BorderIndex(y + k, in.height, border);
+      if (from < 0) continue;
+      const float weight = kernel[k + radius];
+      const float* source = &in.data[size_t(from) * width];
+      for (int x = 0; x < width; ++x) row[x] += weight * source[x];
+    }
+  }
+  return out;
+}
+
+Planes ColorModelRow(const Planes& rgb, int row) {
+  const float* m = kColorModel[row];
+  Planes out(1, rgb.height, rgb.width);
+  for (size_t i = 0; i < out.data.size(); ++i) {
+    out.data[i] = m[0] * rgb.plane(0)[i] + m[1] * rgb.plane(1)[i] + m[2] * rgb.plane(2)[i];
+  }
+  return out;
+}
+
+// Order-preserving 17-bit code of a value >= 0: 9 bits of its fraction are kept, 0.2%.
+constexpr int kDroppedBits = 14;
+constexpr size_t kCodes = size_t{1} << (31 - kDroppedBits);
+size_t Code(float value) { return std::bit_cast<uint32_t>(value) >> kDroppedBits; }
+float CodeValue(size_t code) {
+  return std::bit_cast<float>(static_cast<uint32_t>(code << kDroppedBits));
+}
+
+// The value below which `percentile` % of the counted values lie.
+double Percentile(const std::vector<uint64_t>& counts, double percentile) {
+  uint64_t total = 0;
+  for (const uint64_t count : counts) total += count;
+  const double wanted = percentile / 100 * total;
+  uint64_t below = 0;
+  for (size_t code = 0; code < counts.size(); ++code) {
+    below += counts[code];
+    if (below >= wanted && counts[code] > 0) return CodeValue(code);
+  }
+  return 0;
+}
+
+double Median(std::vector<float>* values) {
+  const auto middle = values->begin() + values->size() / 2;
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
+absl::Status BadOption(absl::string_view name, double value, absl::string_view rule) {
+  return InvalidInput("BAD_OPTION", absl::StrCat("prior.", name),
+                      absl::StrCat("structure prior: ", name, " = ", value, ", must be ", rule));
+}
+
+}  // namespace
+
+absl::Status StructurePriorOptions::Validate() const {
+  // Negated, so that NaN fails too.
+  if (!(sigma_px > 0 && sigma_px <= 100)) return BadOption("sigma_px", sigma_px, "in (0, 100]");
+  if (!(beta >= 0 && std::isfinite(beta))) return BadOption("beta", beta, "finite and >= 0");
+  if (!(gamma >= 0 && std::isfinite(gamma))) return BadOption("gamma", gamma, "finite and >= 0");
+  if (!(epsilon >= 0 && epsilon <= 1)) return BadOption("epsilon", epsilon, "in [0, 1]");
+  if (!(floor <= 1)) return BadOption("floor", floor, "at most 1 (negative: automatic)");
+  if (!(floor_noise_factor > 0 && floor_noise_factor <= 100)) {
+    return BadOption("floor_noise_factor", floor_noise_factor, "in (0, 100]");
+  }
+  if (!(percentile > 0 && percentile <= 100)) {
+    return BadOption("percentile", percentile, "in (0, 100]");
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOptions& options) {
+  LITAGS_RETURN_IF_ERROR(options.Validate());
+  if (options.floor < 0) return BadOption("floor", options.floor, "set for a single photo");
+  const double sigma = options.scale_sigma_to_width
+                           ? std::max(0.5, options.sigma_px * rgb.width / 500.0)
+                           : options.sigma_px;
+  const Kernels kernels = MakeKernels(sigma, options.l1_normalize);
+  if (rgb.channels != 3 || std::min(rgb.width, rgb.height) <= kernels.radius) {
+    return InvalidInput(
+        "IMAGE_TOO_SMALL", "image",
+        absl::StrCat("structure prior: a photo of ", rgb.width, "x", rgb.height, " px and ",
+                     rgb.channels, " channels, must be RGB and more than ", kernels.radius,
+                     " px each way; leave it out or lower sigma_px"));
+  }
+  const bool one_axis = options.derivative == PriorDerivative::kOneAxis;
+  const double weights[3] = {1, options.beta, options.gamma};
+  Planes prior(1, rgb.height, rgb.width), divisor;
+  for (int c = 0; c < 3; ++c) {
+    const Planes map = ColorModelRow(rgb, c);
+    Planes dx = AlongX(map, kernels.derivative, options.border), dy;
+    if (one_axis) {
+      dy = AlongY(map, kernels.derivative, options.border);
+      if (c == 0) divisor = map;
+    } else {
+      const Planes smooth = AlongX(map, kernels.smooth, options.border);
+      dx = AlongY(dx, kernels.smooth, options.border);
+      dy = AlongY(smooth, kernels.derivative, options.border);
+      if (c == 0) divisor = AlongY(smooth, kernels.smooth, options.border);
+    }
+    const float weight = static_cast<float>(weights[c]);
+    for (size_t i = 0; i < prior.data.size(); ++i) {
+      prior.data[i] += weight * (dx.data[i] * dx.data[i] + dy.data[i] * dy.data[i]);
+    }
+  }
+  const float epsilon = static_cast<float>(options.epsilon),
+              floor = static_cast<float>(options.floor);
+  for (size_t i = 0; i < prior.data.size(); ++i) {
+    const float e = std::max(divisor.data[i] + epsilon, floor);
+    prior.data[i] = e > 0 ? std::sqrt(prior.data[i]) / e : 0.0f;  // no light, no structure
+  }
+  return prior;
+}
+
+double EstimateNoise(const ImageU8& photo, const PlaneU8& mask) {
+  const float* m = kColorModel[0];
+  // Rounding a code to 8 bits has deviation 1 / (255 sqrt(12)); E mixes three of them.
+  const double rounding =
+      std::sqrt(double(m[0]) * m[0] + m[1] * m[1] + m[2] * m[2]) / (255 * std::sqrt(12.0));
+  const auto intensity = [&](int x, int y) {
+    const uint8_t* p = photo.pixel(x, y);
+    return (m[0] * p[0] + m[1] * p[1] + m[2] * p[2]) * (1.0f / 255.0f);
+  };
+  std::vector<float> means, details;
+  for (int y = 0; y + 1 < photo.height; y += 2) {
+    for (int x = 0; x + 1 < photo.width; x += 2) {
+      if (!Counts(mask, x, y) || !Counts(mask, x + 1, y) || !Counts(mask, x, y + 1) ||
+          !Counts(mask, x + 1, y + 1)) {
+        continue;
+      }
+      const float a = intensity(x, y), b = intensity(x + 1, y);
+      const float c = intensity(x, y + 1), d = intensity(x + 1, y + 1);
+      means.push_back((a + b + c + d) / 4);
+      details.push_back(std::abs(a - b - c + d) / 2);  // deviation of one sample's noise
+    }
+  }
+  if (means.empty()) return rounding;
+  std::vector<float> sorted = means;
+  const double dark = Median(&sorted);
+  std::vector<float> dark_details;
+  for (size_t i = 0; i < means.size(); ++i) {
+    if (means[i] <= dark) dark_details.push_back(details[i]);
+  }
+  return std::max(rounding, Median(&dark_details) / 0.6745);
+}
+
+double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions& options,
+                  absl::Span<const PlaneU8> masks) {
+  std::vector<float> noise;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    noise.push_back(static_cast<float>(EstimateNoise(photos[i], MaskOf(masks, i))));
+  }
+  return noise.empty() ? 0 : options.floor_noise_factor * Median(&noise);
+}
+
+absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const ImageU8> photos,
+                                                   const StructurePriorOptions& options,
+                                                   int threads, const CancelToken& cancel,
+                                                   absl::Span<const PlaneU8> masks) {
+  LITAGS_RETURN_IF_ERROR(options.Validate());
+  CapturePriors result;
+  StructurePriorOptions resolved = options;
+  if (resolved.floor < 0) resolved.floor = NoiseFloor(photos, options, masks);
+  result.floor = resolved.floor;
+  if (threads <= 0) threads = DefaultThreadCount();
+  std::vector<absl::Status> status(photos.size());
+
+  // P is computed twice, to know the scale before rounding to bytes and to hold one float map per
+  // thread only.
+  const auto for_each_prior = [&](auto&& use) {
+    ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
+      status[i] = cancel.Check();
+      if (!status[i].ok()) return;
+      const auto prior = StructurePrior(ToPlanes(photos[i]), resolved);
+      status[i] = prior.status();
+      if (prior.ok()) use(*prior, i, thread);
+    });
+    for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
+    return absl::OkStatus();
+  };
+  std::vector<std::vector<uint64_t>> counts(threads, std::vector<uint64_t>(kCodes));
+  LITAGS_RETURN_IF_ERROR(for_each_prior([&](const Planes& prior, size_t i, int thread) {
+    ForCounted(MaskOf(masks, i), prior.data.size(),
+               [&](size_t k) { ++counts[thread][Code(prior.data[k])]; });
+  }));
+  for (int t = 1; t < threads; ++t) {
+    for (size_t code = 0; code < kCodes; ++code) counts[0][code] += counts[t][code];
+  }
+  result.scale = Percentile(counts[0], options.percentile);
+  if (!(result.scale > 0)) {
+    return InvalidInput("NO_STRUCTURE", "images",
+                        "the photos show no structure at all (all of one colour); take photos with "
+                        "some light on the scene, or turn the structure prior off");
+  }
+  result.maps.resize(photos.size());
+  LITAGS_RETURN_IF_ERROR(for_each_prior([&](const Planes& prior, size_t i, int) {
+    PlaneU8 map(prior.width, prior.height);
+    const float to_byte = static_cast<float>(255 / result.scale);
+    for (size_t k = 0; k < map.data.size(); ++k) {
+      map.data[k] = static_cast<uint8_t>(std::min(prior.data[k] * to_byte, 255.0f) + 0.5f);
+    }
+    result.maps[i] = std::move(map);
+  }));
+  return result;
+}
+
+}  // namespace litags

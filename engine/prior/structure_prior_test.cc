@@ -1,0 +1,207 @@
+#include "engine/prior/structure_prior.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/core/error.h"
+#include "engine/core/rng.h"
+#include "tests/support/reference_case.h"
+
+namespace litags {
+namespace {
+
+// A photo with structure at several scales and noise of deviation `noise`, at an exposure.
+ImageU8 MakePhoto(int width, int height, double exposure, double noise, uint64_t stream) {
+  Planes image(3, height, width);
+  const CounterRng rng(11, stream);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        const double pattern = 0.5 + 0.2 * std::sin(0.3 * x + c) * std::cos(0.2 * y - c) +
+                               (((x / 16) + (y / 16)) % 2 ? 0.2 : 0.0);
+        const double v = exposure * pattern + noise * rng.Normal((size_t(y) * width + x) * 3 + c);
+        image.at(c, y, x) = static_cast<float>(v);
+      }
+    }
+  }
+  return ToImageU8(image);
+}
+
+StructurePriorOptions Plain() {
+  StructurePriorOptions options;
+  options.scale_sigma_to_width = false;
+  options.floor = 0;
+  return options;
+}
+
+struct Variant {
+  const char* array;
+  double epsilon = 0;
+  double floor = 0;  // of 1/255
+  PriorDerivative derivative = PriorDerivative::kSeparable2d;
+  PriorBorder border = PriorBorder::kReflect101;
+  bool l1 = false;
+  double exposure = 1;
+  const char* input = "rgb_u8";
+};
+
+class StructurePriorReference : public testing::TestWithParam<const char*> {};
+
+TEST_P(StructurePriorReference, EveryVariantMatches) {
+  const ReferenceCase reference(LITAGS_SOURCE_DIR, GetParam());
+  LITAGS_SKIP_IF_MISSING(reference);
+  const Variant variants[] = {
+      {.array = "P_eps0"},
+      {.array = "P_eps1em5", .epsilon = 1e-5},
+      {.array = "P_floor", .floor = 4},
+      {.array = "P_1d", .derivative = PriorDerivative::kOneAxis},
+      {.array = "P_l1_eps1em5", .epsilon = 1e-5, .l1 = true},
+      {.array = "P_l1_eps1em5_zero", .epsilon = 1e-5, .border = PriorBorder::kZero, .l1 = true},
+      {.array = "P_eps0_replicate", .border = PriorBorder::kReplicate},
+      {.array = "P_eps1em5_exp0p1", .epsilon = 1e-5, .exposure = 0.1},
+      {.array = "P_floor_exp0p1", .floor = 4, .exposure = 0.1},
+      {.array = "P_floor1_exp0p1_q8", .floor = 1, .input = "rgb_u8_exp0p1_q8"},
+  };
+  for (const Variant& variant : variants) {
+    StructurePriorOptions options = Plain();
+    options.sigma_px = reference.param("sigma");
+    options.epsilon = variant.epsilon;
+    options.floor = variant.floor / 255;
+    options.derivative = variant.derivative;
+    options.border = variant.border;
+    options.l1_normalize = variant.l1;
+    Planes rgb = ToPlanes(reference.Photo(variant.input));
+    for (float& v : rgb.data) v = static_cast<float>(v * variant.exposure);
+    const auto prior = StructurePrior(rgb, options);
+    ASSERT_TRUE(prior.ok()) << prior.status();
+    const Planes expected = reference.Map(variant.array);
+    ASSERT_EQ(prior->data.size(), expected.data.size());
+    const float largest = *std::max_element(expected.data.begin(), expected.data.end());
+    float error = 0;
+    for (size_t i = 0; i < expected.data.size(); ++i) {
+      const float difference = std::abs(prior->data[i] - expected.data[i]);
+      if (!(difference <= error)) error = difference;  // NaN is kept
+    }
+    EXPECT_LE(error, reference.tolerance("P_rel_to_max") * largest) << variant.array;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Cases, StructurePriorReference,
+                         testing::Values("prior_cat_sigma1", "prior_coffee_sigma0p5",
+                                         "prior_coffee_sigma1", "prior_coffee_sigma2"));
+
+TEST(StructurePrior, DoesNotSeeTheExposure) {
+  const Planes photo = ToPlanes(MakePhoto(60, 40, 0.9, 0, 1));
+  Planes dark = photo;
+  for (float& v : dark.data) v *= 0.07f;
+  const auto a = StructurePrior(photo, Plain()), b = StructurePrior(dark, Plain());
+  ASSERT_TRUE(a.ok() && b.ok());
+  for (size_t i = 0; i < a->data.size(); ++i) {
+    ASSERT_NEAR(a->data[i], b->data[i], 2e-5 * (1 + a->data[i]));  // single precision
+  }
+}
+
+TEST(StructurePrior, OfAFlatPhotoIsZeroAndOfABlackOneToo) {
+  for (const float level : {0.0f, 0.3f}) {
+    Planes flat(3, 20, 30);
+    std::fill(flat.data.begin(), flat.data.end(), level);
+    const auto prior = StructurePrior(flat, Plain());
+    ASSERT_TRUE(prior.ok());
+    for (const float p : prior->data) ASSERT_NEAR(p, 0, 1e-6);
+  }
+}
+
+TEST(StructurePrior, ScalesItsGaussianWithTheWidth) {
+  StructurePriorOptions scaled = Plain(), fixed = Plain();
+  scaled.scale_sigma_to_width = true;
+  scaled.sigma_px = 5;
+  fixed.sigma_px = 5 * 200 / 500.0;
+  const Planes photo = ToPlanes(MakePhoto(200, 50, 0.9, 0.02, 1));
+  EXPECT_EQ(StructurePrior(photo, scaled)->data, StructurePrior(photo, fixed)->data);
+}
+
+TEST(StructurePrior, RefusesAPhotoSmallerThanItsKernel) {
+  StructurePriorOptions options = Plain();
+  options.sigma_px = 3;  // radius 10
+  EXPECT_TRUE(StructurePrior(Planes(3, 11, 40), options).ok());
+  const auto small = StructurePrior(Planes(3, 10, 40), options);
+  ASSERT_FALSE(small.ok());
+  EXPECT_EQ(GetErrorDetail(small.status())->reason, "IMAGE_TOO_SMALL");
+}
+
+TEST(StructurePriorOptions, RejectsNumbersThatMakeNoSense) {
+  const auto invalid = [](auto change) {
+    StructurePriorOptions options;
+    change(options);
+    return options.Validate().code() == absl::StatusCode::kInvalidArgument;
+  };
+  EXPECT_TRUE(StructurePriorOptions().Validate().ok());
+  EXPECT_TRUE(invalid([](auto& o) { o.sigma_px = 0; }));
+  EXPECT_TRUE(invalid([](auto& o) { o.sigma_px = NAN; }));
+  EXPECT_TRUE(invalid([](auto& o) { o.beta = -1; }));
+  EXPECT_TRUE(invalid([](auto& o) { o.floor = NAN; }));
+  EXPECT_TRUE(invalid([](auto& o) { o.percentile = 0; }));
+  EXPECT_TRUE(invalid([](auto& o) { o.floor_noise_factor = 0; }));
+}
+
+TEST(EstimateNoise, FindsTheNoiseOfE) {
+  // E mixes three independent channels: deviation 0.688 of one channel's.
+  for (const double noise : {0.01, 0.03}) {
+    const double expected = noise * std::sqrt(0.06 * 0.06 + 0.63 * 0.63 + 0.27 * 0.27);
+    // Structure adds a little, the estimate itself scatters: 15 %.
+    EXPECT_NEAR(EstimateNoise(MakePhoto(200, 160, 0.8, noise, 3)), expected, 0.15 * expected);
+  }
+}
+
+TEST(EstimateNoise, IsNeverBelowTheRoundingOfBytes) {
+  const double rounding = 0.688 / (255 * std::sqrt(12.0));
+  EXPECT_NEAR(EstimateNoise(ImageU8(50, 40)), rounding, 0.01 * rounding);
+  EXPECT_NEAR(EstimateNoise(ImageU8(1, 1)), rounding, 0.01 * rounding);
+}
+
+TEST(CapturePriors, ShareOneScaleThatClipsOnePercent) {
+  std::vector<ImageU8> photos;
+  for (int i = 0; i < 3; ++i) photos.push_back(MakePhoto(120, 90, 0.2 + 0.3 * i, 0.005, i));
+  StructurePriorOptions options;
+  const auto priors = ComputeCapturePriors(photos, options, 2, CancelToken());
+  ASSERT_TRUE(priors.ok()) << priors.status();
+  ASSERT_EQ(priors->maps.size(), 3u);
+  EXPECT_NEAR(priors->floor, NoiseFloor(photos, options), 1e-12);
+  options.floor = priors->floor;
+  size_t above = 0, total = 0;
+  for (int i = 0; i < 3; ++i) {
+    const Planes p = *StructurePrior(ToPlanes(photos[i]), options);
+    for (size_t k = 0; k < p.data.size(); ++k, ++total) {
+      above += p.data[k] > priors->scale;
+      ASSERT_NEAR(priors->maps[i].data[k], std::min(1.0, p.data[k] / priors->scale) * 255, 0.51);
+    }
+  }
+  // 1 % above, and what the 0.2 % resolution of the scale moves.
+  EXPECT_NEAR(double(above) / total, 0.01, 0.002);
+}
+
+TEST(CapturePriors, AreTheSameBytesForAnyNumberOfThreads) {
+  std::vector<ImageU8> photos;
+  for (int i = 0; i < 5; ++i) photos.push_back(MakePhoto(70, 50, 0.5, 0.01, i));
+  const auto one = ComputeCapturePriors(photos, {}, 1, CancelToken());
+  const auto four = ComputeCapturePriors(photos, {}, 4, CancelToken());
+  ASSERT_TRUE(one.ok() && four.ok());
+  EXPECT_EQ(one->scale, four->scale);
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(one->maps[i].data, four->maps[i].data);
+}
+
+TEST(CapturePriors, StopOnRequestAndRefuseACaptureWithoutStructure) {
+  CancelToken cancel;
+  const std::vector<ImageU8> black(2, ImageU8(40, 30));
+  const auto none = ComputeCapturePriors(black, {}, 1, cancel);
+  EXPECT_EQ(GetErrorDetail(none.status())->reason, "NO_STRUCTURE");
+  cancel.Cancel();
+  const std::vector<ImageU8> photos = {MakePhoto(40, 30, 0.5, 0, 1)};
+  EXPECT_EQ(ComputeCapturePriors(photos, {}, 1, cancel).status().code(),
+            absl::StatusCode::kCancelled);
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,140 @@
+#include "engine/target/chroma.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "engine/core/color.h"
+#include "engine/core/mask.h"
+#include "engine/target/float_image.h"
+#include "engine/target/information.h"
+
+namespace litags {
+namespace {
+
+constexpr double kBlur = 1.4;    // px; of the photo that the taps look at
+constexpr int kTaps = 2;         // to either side
+constexpr int kTapSpacing = 4;   // px
+constexpr double kTapSigma = 4;  // px
+constexpr float kLeastLuma = 1e-9f;
+
+// A curve as a table: it is asked for six times a pixel, and its power functions are slow.
+class CurveTable {
+ public:
+  // Over [0, top]; what is brighter maps to the code of `top`.
+  CurveTable(const std::function<double(double)>& curve, double top)
+      : scale_(kSteps / top), codes_(kSteps + 2) {
+    for (int i = 0; i <= kSteps; ++i) {
+      codes_[i] = static_cast<float>(std::clamp(curve(i * top / kSteps), 0.0, 1.0));
+    }
+    codes_[kSteps + 1] = codes_[kSteps];
+  }
+  float operator()(float linear) const {
+    const float at = std::clamp(linear * scale_, 0.0f, float(kSteps));
+    const int i = static_cast<int>(at);
+    return codes_[i] + (at - i) * (codes_[i + 1] - codes_[i]);
+  }
+  FloatImage operator()(const FloatImage& linear) const {
+    FloatImage codes(linear.size());
+    for (int i = 0; i < linear.rows * linear.cols; ++i) {
+      for (int c = 0; c < 3; ++c) codes(i)[c] = (*this)(linear(i)[c]);
+    }
+    return codes;
+  }
+
+ private:
+  static constexpr int kSteps = 1 << 14;
+  float scale_;
+  std::vector<float> codes_;
+};
+
+float Luma(const cv::Vec3f& rgb) {
+  return kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
+}
+cv::Vec3f LumaChroma(const cv::Vec3f& rgb) {
+  const float y = Luma(rgb);
+  return {y, (rgb[2] - y) / 1.772f, (rgb[0] - y) / 1.402f};
+}
+
+// Deviation of the noise in the codes' luma. Black says nothing.
+double LumaNoise(const FloatImage& codes, const PlaneU8& mask) {
+  FloatPlane luma(codes.size());
+  for (int i = 0; i < codes.rows * codes.cols; ++i) luma(i) = Luma(codes(i));
+  std::vector<float> differences;
+  differences.reserve(codes.total());
+  for (int y = 1; y + 1 < codes.rows; ++y) {
+    for (int x = 1; x + 1 < codes.cols; ++x) {
+      if (!(Counts(mask, x, y) && Counts(mask, x - 1, y) && Counts(mask, x + 1, y) &&
+            Counts(mask, x, y - 1) && Counts(mask, x, y + 1))) {
+        continue;
+      }
+      const float around = luma(y, x - 1) + luma(y, x + 1) + luma(y - 1, x) + luma(y + 1, x);
+      if (luma(y, x) > 0) differences.push_back(std::abs(luma(y, x) - around / 4));
+    }
+  }
+  if (differences.empty()) return 0;
+  const auto quartile = differences.begin() + differences.size() / 4;
+  std::nth_element(differences.begin(), quartile, differences.end());
+  return NoiseOfDifferences(*quartile);
+}
+
+// The mean of `linear` over the taps around (x, y) whose guides are like the one there.
+cv::Vec3f BilateralMean(const FloatImage& linear, const FloatImage& guide, const PlaneU8& mask,
+                        int x, int y, float per_range) {
+  static const auto weights = [] {
+    std::array<float, 2 * kTaps + 1> w;
+    for (int i = -kTaps; i <= kTaps; ++i) {
+      w[i + kTaps] = std::exp(-0.5 * std::pow(i * kTapSpacing / kTapSigma, 2));
+    }
+    return w;
+  }();
+  cv::Vec3f sum(0, 0, 0);
+  float total = 0;
+  for (int j = -kTaps; j <= kTaps; ++j) {
+    const int v = std::clamp(y + j * kTapSpacing, 0, linear.rows - 1);
+    for (int i = -kTaps; i <= kTaps; ++i) {
+      const int u = std::clamp(x + i * kTapSpacing, 0, linear.cols - 1);
+      if (!Counts(mask, u, v) && (i != 0 || j != 0)) continue;
+      const cv::Vec3f difference = guide(v, u) - guide(y, x);
+      // (1 - d^2 / 6)^3 for exp(-d^2 / 2): alike where it matters, and exactly 0 far away.
+      const float near = std::max(0.0f, 1 - difference.dot(difference) * per_range);
+      const float w = near * near * near * weights[j + kTaps] * weights[i + kTaps];
+      sum += w * linear(v, u);
+      total += w;
+    }
+  }
+  return sum * (1 / total);  // the middle tap has a weight of 1
+}
+
+}  // namespace
+
+ImageU8 SmoothChroma(const ImageU8& photo, double gain, double strength,
+                     const std::function<double(double linear)>& curve, const PlaneU8& mask) {
+  const FloatImage linear = LinearImage(photo);
+  const CurveTable table(curve, std::min(1.0, 1 / gain));
+  FloatImage codes = table(linear);
+  const double noise = LumaNoise(codes, mask);
+  if (strength > 0 && noise > kVisibleChromaNoise) {
+    const FloatImage blurred = Blur(linear, kBlur);
+    FloatImage guide = table(blurred);
+    for (cv::Vec3f& pixel : guide) pixel = LumaChroma(pixel);
+    const auto per_range = static_cast<float>(1 / (6 * std::pow(strength * noise, 2)));
+    for (int y = 0; y < linear.rows; ++y) {
+      for (int x = 0; x < linear.cols; ++x) {
+        const cv::Vec3f color = BilateralMean(blurred, guide, mask, x, y, per_range);
+        const float scale = Luma(linear(y, x)) / std::max(Luma(color), kLeastLuma);
+        for (int c = 0; c < 3; ++c) codes(y, x)[c] = table(color[c] * scale);
+      }
+    }
+  }
+  ImageU8 out(photo.width, photo.height);
+  for (int i = 0; i < photo.height * photo.width; ++i) {
+    for (int c = 0; c < 3; ++c) {
+      out.data[3 * i + c] = static_cast<uint8_t>(std::lround(255 * codes(i)[c]));
+    }
+  }
+  return out;
+}
+
+}  // namespace litags

@@ -1,0 +1,51 @@
+// Photos as OpenCV matrices; for the sources of this folder only.
+#ifndef LITAGS_ENGINE_TARGET_FLOAT_IMAGE_H_
+#define LITAGS_ENGINE_TARGET_FLOAT_IMAGE_H_
+
+#include <algorithm>
+#include <array>
+#include <opencv2/imgproc.hpp>
+
+#include "engine/core/color.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+using FloatImage = cv::Mat_<cv::Vec3f>;
+using FloatPlane = cv::Mat_<float>;
+
+// From 0 at x <= 0 to 1 at x >= 1 without a kink.
+inline float SmoothStep(float x) {
+  x = std::clamp(x, 0.0f, 1.0f);
+  return x * x * (3 - 2 * x);
+}
+
+inline cv::Mat Blur(const cv::Mat& image, double sigma) {
+  cv::Mat out;
+  cv::GaussianBlur(image, out, cv::Size(), sigma, sigma, cv::BORDER_REPLICATE);
+  return out;
+}
+
+// The photo's codes in [0, 1], smoothed: noise and compression scatter clipped samples below 255.
+inline FloatImage SmoothCodes(const ImageU8& photo) {
+  constexpr double kSigma = 0.0015;  // of the photo's width
+  const cv::Mat codes(photo.height, photo.width, CV_8UC3, const_cast<uint8_t*>(photo.data.data()));
+  FloatImage scaled;
+  codes.convertTo(scaled, CV_32FC3, 1.0 / 255);
+  return Blur(scaled, std::max(0.5, kSigma * photo.width));
+}
+
+// Linear light, 1: the photo's white.
+inline FloatImage LinearImage(const ImageU8& photo) {
+  std::array<float, 256> lut;
+  for (int code = 0; code < 256; ++code) lut[code] = LinearFromSrgb(code / 255.0);
+  FloatImage linear(photo.height, photo.width);
+  for (int i = 0; i < photo.height * photo.width; ++i) {
+    for (int c = 0; c < 3; ++c) linear(i)[c] = lut[photo.data[3 * i + c]];
+  }
+  return linear;
+}
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TARGET_FLOAT_IMAGE_H_

@@ -1,0 +1,28 @@
+// What clipped parts of an over-exposed photo may have looked like.
+#ifndef LITAGS_ENGINE_TARGET_HIGHLIGHTS_H_
+#define LITAGS_ENGINE_TARGET_HIGHLIGHTS_H_
+
+#include <functional>
+
+#include "engine/core/image.h"
+#include "engine/target/clipped_colors.h"
+
+namespace litags {
+
+// The photo in sRGB after `curve`, which maps linear light (1: the photo's white) to a code in
+// [0, 1], grows, and reaches 1 at or after 1 / gain (gain < 1). Samples that are not clipped go
+// through the curve alone. A clipped channel beside channels that are not is estimated from those
+// and the colours of the scene (`colors`, for the photo's exposure), never below white.
+//
+// Where all channels are clipped the code goes kSurfaceFill of the way from white's to 1; less near
+// borders up to which the photo grows brighter, since a surface is little brighter there, but not
+// near sharp ones, where something else begins. Areas with few gradual borders are lamps or the
+// sky, and go up to kLightFill further: one grey would turn glare into fog.
+ImageU8 FillHighlights(const ImageU8& photo, double gain, const ClippedColors& colors,
+                       const std::function<double(double linear)>& curve);
+
+inline constexpr double kSurfaceFill = 0.6, kLightFill = 0.2;  // Choices, measured
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TARGET_HIGHLIGHTS_H_

@@ -1,0 +1,223 @@
+#include "engine/target/information.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <numeric>
+
+#include "engine/core/check.h"
+#include "engine/core/mask.h"
+
+namespace litags {
+namespace {
+
+constexpr int kCodes = 256;
+constexpr int64_t kEnoughSamples = 500;  // of one code
+
+void AddCounts(const NoiseDifferences& from, NoiseDifferences* to) {
+  for (size_t i = 0; i < from.size(); ++i) (*to)[i] += from[i];
+}
+
+// What the targets do at the samples of one code.
+struct CodeSamples {
+  int64_t samples = 0;
+  double target_sum = 0;
+  NoiseDifferences differences = {};
+
+  void Add(const CodeSamples& other) {
+    samples += other.samples;
+    target_sum += other.target_sum;
+    AddCounts(other.differences, &differences);
+  }
+};
+
+using Samples = std::vector<CodeSamples>;  // [kCodes]
+
+// Calls visit(sample, code, difference) for every sample of the picture but the border's: its index
+// in the data, and the difference as NoiseDifferences counts it.
+template <class Visit>
+void ForEachDifference(const ImageU8& picture, const PlaneU8& mask, const Visit& visit) {
+  const size_t row = 3 * size_t(picture.width);
+  for (int y = 1; y + 1 < picture.height; ++y) {
+    for (int x = 1; x + 1 < picture.width; ++x) {
+      if (!Counts(mask, x, y)) continue;
+      for (int c = 0; c < 3; ++c) {
+        const size_t sample = y * row + 3 * x + c;
+        const uint8_t* at = picture.data.data() + sample;
+        visit(sample, *at, std::abs(4 * *at - (at[-3] + at[3] + *(at - row) + at[row])));
+      }
+    }
+  }
+}
+
+void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask, Samples* samples) {
+  LITAGS_CHECK(photo.width == target.width && photo.height == target.height);
+  ForEachDifference(target, mask, [&](size_t sample, int code, int difference) {
+    CodeSamples& s = (*samples)[photo.data[sample]];
+    s.samples += 1;
+    s.target_sum += code;
+    s.differences[difference] += 1;
+  });
+}
+
+// Deviation of noise whose differences these are.
+double NoiseOf(const NoiseDifferences& differences) {
+  const int64_t samples = std::accumulate(differences.begin(), differences.end(), int64_t{0});
+  int64_t below = 0;
+  for (size_t d = 0; d < differences.size(); ++d) {
+    const int64_t next = below + differences[d];
+    if (4 * next >= samples && next > below) {
+      const double part = (0.25 * samples - below) / (next - below);  // of bin d +- 1/2
+      return NoiseOfDifferences(std::max(0.0, d - 0.5 + part) / 4);
+    }
+    below = next;
+  }
+  return 0;
+}
+
+// The code's samples with those of as many neighbours, clipped as it is or not, as make enough.
+CodeSamples Around(const Samples& samples, int code) {
+  const int begin = code < kClippedCode ? 0 : kClippedCode;
+  const int end = code < kClippedCode ? kClippedCode : kCodes;
+  CodeSamples sum = samples[code];
+  for (int d = 1; d < kCodes && sum.samples < kEnoughSamples; ++d) {
+    if (code - d >= begin) sum.Add(samples[code - d]);
+    if (code + d < end) sum.Add(samples[code + d]);
+  }
+  return sum;
+}
+
+CodeStatistics Summarize(const Samples& samples) {
+  CodeStatistics out;
+  for (int code = 0; code < kCodes; ++code) {
+    const CodeSamples around = Around(samples, code);
+    out.noise[code] = NoiseOf(around.differences);
+    out.mean[code] = around.target_sum / std::max<int64_t>(1, around.samples);
+  }
+  for (int code = 0; code < kCodes; ++code) {
+    const int low = std::max(0, code - 1), high = std::min(kCodes - 1, code + 1);
+    const double step = std::max(0.0, out.mean[high] - out.mean[low]) / (high - low);
+    double& noise = out.noise[code];
+    noise = std::max(noise, step / std::sqrt(12.0));
+    if (code >= kClippedCode) noise = std::max(noise, kClippedNoise);
+  }
+  return out;
+}
+
+// The noise of a target of each code, by what photos of one exposure say.
+std::array<double, kCodes> NoiseOfTargets(const CodeStatistics& photos) {
+  std::array<double, kCodes> noise;
+  int code = 0;
+  for (int target = 0; target < kCodes; ++target) {
+    while (code + 1 < kCodes && photos.mean[code] < target) ++code;
+    noise[target] = photos.noise[code];
+  }
+  return noise;
+}
+
+// Of one sample, by the codes of its photo and its target: [kCodes * photo + target].
+using WeightTable = std::vector<float>;
+
+WeightTable WeightsOf(const std::array<double, kCodes>& noise,
+                      const std::array<double, kCodes>& best) {
+  const auto spread = [](double noise) {
+    return 1 + noise * noise / (kToleratedNoise * kToleratedNoise);
+  };
+  WeightTable weights;
+  for (int code = 0; code < kCodes; ++code) {
+    for (int target = 0; target < kCodes; ++target) {
+      weights.push_back(std::min(1.0, spread(best[target]) / spread(noise[code])));
+    }
+  }
+  return weights;
+}
+
+// Photos are taken together by exposure.
+int HalfStops(double exposure) { return static_cast<int>(std::lround(2 * std::log2(exposure))); }
+
+std::map<int, WeightTable> TablesByExposure(absl::Span<const ImageU8* const> photos,
+                                            absl::Span<const ImageU8* const> targets,
+                                            absl::Span<const double> exposures,
+                                            absl::Span<const PlaneU8> masks) {
+  std::map<int, Samples> samples;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    Samples& alike = samples.try_emplace(HalfStops(exposures[i]), kCodes).first->second;
+    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &alike);
+  }
+  std::map<int, CodeStatistics> statistics;
+  std::array<double, kCodes> best;
+  best.fill(kClippedNoise);
+  for (const auto& [exposure, alike] : samples) {
+    statistics[exposure] = Summarize(alike);
+    const std::array<double, kCodes> noise = NoiseOfTargets(statistics[exposure]);
+    for (int code = 0; code < kCodes; ++code) best[code] = std::min(best[code], noise[code]);
+  }
+  std::map<int, WeightTable> tables;
+  for (const auto& [exposure, codes] : statistics) tables[exposure] = WeightsOf(codes.noise, best);
+  return tables;
+}
+
+}  // namespace
+
+CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
+                              absl::Span<const ImageU8* const> targets,
+                              absl::Span<const PlaneU8> masks) {
+  LITAGS_CHECK(photos.size() == targets.size());
+  Samples samples(kCodes);
+  for (size_t i = 0; i < photos.size(); ++i) {
+    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &samples);
+  }
+  return Summarize(samples);
+}
+
+void PictureNoise::Add(const ImageU8& picture, const PlaneU8& mask) {
+  ForEachDifference(picture, mask, [&](size_t, int code, int difference) {
+    if (code > 0) differences_[difference] += 1;
+  });
+}
+
+void PictureNoise::Add(const PictureNoise& other) { AddCounts(other.differences_, &differences_); }
+
+double PictureNoise::Deviation() const { return NoiseOf(differences_); }
+
+std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
+                                        absl::Span<const ImageU8* const> targets,
+                                        absl::Span<const double> exposures,
+                                        absl::Span<const PlaneU8> masks) {
+  LITAGS_CHECK(targets.size() == photos.size() && exposures.size() == photos.size());
+  if (photos.empty()) return {};
+  const auto [least, most] = std::minmax_element(exposures.begin(), exposures.end());
+  if (*most <= kLikeExposures * *least) return {};
+
+  const std::map<int, WeightTable> tables = TablesByExposure(photos, targets, exposures, masks);
+  const auto weight = [&](const WeightTable& table, size_t photo, size_t pixel) {
+    double sum = 0;
+    for (size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {
+      sum += table[kCodes * photos[photo]->data[k] + targets[photo]->data[k]];
+    }
+    return sum / 3;
+  };
+  double sum = 0;
+  size_t pixels = 0;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    const WeightTable& table = tables.at(HalfStops(exposures[i]));
+    ForCounted(MaskOf(masks, i), photos[i]->data.size() / 3, [&](size_t k) {
+      sum += weight(table, i, k);
+      ++pixels;
+    });
+  }
+  const double scale = sum > 0 ? kInformationOne * static_cast<double>(pixels) / sum : 0;
+  std::vector<PlaneU8> planes;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    const WeightTable& table = tables.at(HalfStops(exposures[i]));
+    PlaneU8& plane = planes.emplace_back(photos[i]->width, photos[i]->height);
+    for (size_t k = 0; k < plane.data.size(); ++k) {
+      plane.data[k] =
+          static_cast<uint8_t>(std::min(255.0, std::round(scale * weight(table, i, k))));
+    }
+  }
+  return planes;
+}
+
+}  // namespace litags

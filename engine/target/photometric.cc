@@ -1,0 +1,224 @@
+#include "engine/target/photometric.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <optional>
+
+#include "engine/core/color.h"
+#include "engine/core/mask.h"
+
+namespace litags {
+namespace {
+
+constexpr int kRadius = 2;                   // px: a patch of 5x5 averages the noise
+constexpr int kMinCode = 2, kMaxCode = 250;  // of a patch's mean in every channel
+constexpr int kRounds = 50;                  // of alternating medians
+
+// Of WithoutDrift(), logs. Choices
+constexpr double kDrift = 0.15;                     // deviation of drift, beforehand
+constexpr double kMostDrift = std::numbers::ln2;    // a stop
+constexpr double kChosenApart = std::numbers::ln2;  // a stop from the neighbours, at least
+
+struct Sample {
+  int point, photo;
+  double log_light;
+};
+
+double Median(std::vector<double>& values) {
+  const auto middle = values.begin() + values.size() / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+const std::array<double, 256>& LinearLut() {
+  static const std::array<double, 256> lut = [] {
+    std::array<double, 256> out;
+    for (int code = 0; code < 256; ++code) out[code] = LinearFromSrgb(code / 255.0);
+    return out;
+  }();
+  return lut;
+}
+
+// Log of the mean linear light of a patch; nothing if it is cut off, masked, black or white.
+std::optional<double> LogLight(const ImageU8& photo, const PlaneU8& mask, double x, double y) {
+  const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
+  if (px < kRadius || py < kRadius || px + kRadius >= photo.width || py + kRadius >= photo.height)
+    return std::nullopt;
+  constexpr int kPixels = (2 * kRadius + 1) * (2 * kRadius + 1);
+  std::array<int, 3> codes = {0, 0, 0};
+  double light = 0;
+  for (int v = py - kRadius; v <= py + kRadius; ++v) {
+    for (int u = px - kRadius; u <= px + kRadius; ++u) {
+      if (!Counts(mask, u, v)) return std::nullopt;
+      const uint8_t* pixel = photo.pixel(u, v);
+      for (int c = 0; c < 3; ++c) {
+        codes[c] += pixel[c];
+        light += LinearLut()[pixel[c]];
+      }
+    }
+  }
+  for (const int sum : codes) {
+    if (sum < kMinCode * kPixels || sum > kMaxCode * kPixels) return std::nullopt;
+  }
+  return std::log(light / (3 * kPixels));
+}
+
+// Log of the median linear light of a whole photo.
+double LogMedianLight(const ImageU8& photo, const PlaneU8& mask) {
+  const std::array<int64_t, 256> counts = CountCodes(photo, mask);
+  const int64_t samples = std::accumulate(counts.begin(), counts.end(), int64_t{0});
+  int64_t sum = 0;
+  int code = 0;
+  while (code < 255 && 2 * (sum += counts[code]) < samples) ++code;
+  return std::log(LinearLut()[std::max(code, 1)]);
+}
+
+std::vector<Sample> TakeSamples(absl::Span<const ImageU8> photos,
+                                absl::Span<const PointSighting> sightings,
+                                absl::Span<const PlaneU8> masks) {
+  std::vector<Sample> samples;
+  for (const PointSighting& s : sightings) {
+    const auto light = LogLight(photos[s.photo], MaskOf(masks, s.photo), s.x, s.y);
+    if (light.has_value()) samples.push_back({s.point, s.photo, *light});
+  }
+  return samples;
+}
+
+// Calls use(begin, end) for the sightings or samples of every point.
+template <class Sorted, class Use>
+void ForEachPoint(const Sorted& sorted, const Use& use) {
+  for (auto begin = sorted.begin(), end = begin; begin != sorted.end(); begin = end) {
+    while (end != sorted.end() && end->point == begin->point) ++end;
+    use(begin, end);
+  }
+}
+
+// How alike the views of two photos are, [n, n], 0 to 1: the share of their points that both see,
+// cubed; 0 of a photo and itself.
+std::vector<double> Likeness(size_t n, absl::Span<const PointSighting> sightings) {
+  std::vector<double> shared(n * n, 0.0);
+  ForEachPoint(sightings, [&](auto begin, auto end) {
+    for (auto a = begin; a != end; ++a) {
+      for (auto b = begin; b != end; ++b) shared[a->photo * n + b->photo] += 1;
+    }
+  });
+  std::vector<double> likeness(n * n, 0.0);
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t j = 0; j < n; ++j) {
+      const double all = std::sqrt(shared[i * n + i] * shared[j * n + j]);
+      if (j != i && all > 0) likeness[i * n + j] = std::pow(shared[i * n + j] / all, 3);
+    }
+  }
+  return likeness;
+}
+
+struct WeightedMean {
+  double mean = 0;
+  double variance = 0;  // in variances of a value
+};
+
+// Of the values, once for every row of weights [n, n].
+std::vector<WeightedMean> MeansAround(const std::vector<double>& weights,
+                                      const std::vector<double>& values) {
+  const size_t n = values.size();
+  std::vector<WeightedMean> out(n);
+  for (size_t i = 0; i < n; ++i) {
+    double sum = 0, total = 0, squares = 0;
+    for (size_t j = 0; j < n; ++j) {
+      const double weight = weights[i * n + j];
+      sum += weight * values[j];
+      total += weight;
+      squares += weight * weight;
+    }
+    if (total > 0) out[i] = {sum / total, squares / (total * total)};
+  }
+  return out;
+}
+
+// Standard deviation of the values from what is around them, as the median tells it.
+double Deviation(const std::vector<double>& values, const std::vector<WeightedMean>& around) {
+  std::vector<double> sizes;
+  for (size_t i = 0; i < values.size(); ++i) sizes.push_back(std::abs(values[i] - around[i].mean));
+  return sizes.empty() ? 0 : Median(sizes) / 0.6745;  // of a normal distribution
+}
+
+// Gives every photo a say in its own mean, that of the most alike other. Those that were chosen
+// apart from their neighbours get none, and lose what they have in the others' means.
+void AddThemselves(const std::vector<double>& logs, std::vector<double>* likeness) {
+  const size_t n = logs.size();
+  const std::vector<WeightedMean> others = MeansAround(*likeness, logs);
+  const double most = std::max(kChosenApart, 3 * Deviation(logs, others));
+  std::vector<double> most_alike;
+  for (size_t i = 0; i < n; ++i) {
+    const auto row = likeness->begin() + i * n;
+    most_alike.push_back(*std::max_element(row, row + n));
+  }
+  for (size_t i = 0; i < n; ++i) {
+    const bool apart = std::abs(logs[i] - others[i].mean) > most;
+    (*likeness)[i * n + i] = apart ? 0 : most_alike[i];
+    for (size_t j = 0; j < n && apart; ++j) (*likeness)[j * n + i] = 0;
+  }
+}
+
+// Exponentials, the median's is 1.
+std::vector<double> FromLogs(const std::vector<double>& logs) {
+  std::vector<double> sorted = logs;
+  const double shift = logs.empty() ? 0 : Median(sorted);
+  std::vector<double> out;
+  for (const double log : logs) out.push_back(std::exp(log - shift));
+  return out;
+}
+
+}  // namespace
+
+std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
+                                      absl::Span<const PointSighting> sightings,
+                                      absl::Span<const PlaneU8> masks) {
+  const std::vector<Sample> samples = TakeSamples(photos, sightings, masks);
+  const size_t n = photos.size();
+  std::vector<double> medians(n), log_exposure(n, 0.0);
+  for (size_t i = 0; i < n; ++i) medians[i] = LogMedianLight(photos[i], MaskOf(masks, i));
+  // A start that is right but for what the photos show; the medians of shared points refine it.
+  std::vector<double> sorted = medians;
+  const double middle = n > 0 ? Median(sorted) : 0;
+  for (size_t i = 0; i < n; ++i) log_exposure[i] = medians[i] - middle;
+
+  std::vector<double> values;
+  std::vector<std::vector<double>> residuals(n);
+  for (int round = 0; round < kRounds; ++round) {
+    for (auto& r : residuals) r.clear();
+    ForEachPoint(samples, [&](auto begin, auto end) {
+      if (end - begin < 2) return;
+      values.clear();
+      for (auto s = begin; s != end; ++s) values.push_back(s->log_light - log_exposure[s->photo]);
+      const double albedo = Median(values);
+      for (auto s = begin; s != end; ++s) residuals[s->photo].push_back(s->log_light - albedo);
+    });
+    for (size_t i = 0; i < n; ++i) {
+      if (residuals[i].size() >= kMinSightings) log_exposure[i] = Median(residuals[i]);
+    }
+  }
+  return FromLogs(log_exposure);
+}
+
+std::vector<double> WithoutDrift(const std::vector<double>& exposures,
+                                 absl::Span<const PointSighting> sightings) {
+  std::vector<double> logs;
+  for (const double exposure : exposures) logs.push_back(std::log(exposure));
+  std::vector<double> likeness = Likeness(logs.size(), sightings);
+  AddThemselves(logs, &likeness);
+  const std::vector<WeightedMean> around = MeansAround(likeness, logs);
+  const double own = Deviation(logs, around);
+  for (size_t i = 0; i < logs.size(); ++i) {
+    const double drift = around[i].mean, variance = own * own * around[i].variance;
+    const double likely = drift * kDrift * kDrift / (kDrift * kDrift + variance);
+    const double stays = std::min(std::abs(likely), kMostDrift - std::abs(drift));
+    if (stays > 0) logs[i] -= std::copysign(stays, drift);
+  }
+  return FromLogs(logs);
+}
+
+}  // namespace litags

@@ -1,0 +1,48 @@
+// How much light each photo of a capture gathered, from points that several photos saw.
+#ifndef LITAGS_ENGINE_TARGET_PHOTOMETRIC_H_
+#define LITAGS_ENGINE_TARGET_PHOTOMETRIC_H_
+
+#include <vector>
+
+#include "absl/types/span.h"
+#include "engine/core/color.h"
+#include "engine/core/image.h"
+
+namespace litags {
+
+// A point of the scene as one photo saw it.
+struct PointSighting {
+  int point = 0;
+  int photo = 0;
+  double x = 0, y = 0;  // px, centres at +0.5
+};
+
+// Exposure of every photo relative to the capture's median photo, > 0: photo i shows the scene's
+// linear light times exposure i. Medians in the log domain, so that highlights, shadows and wrong
+// matches do not matter; samples near black or white are left out. A photo that shares fewer than
+// kMinSightings usable points with the others is taken to have the same median light as they have.
+// Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its patch
+// does not count.
+std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
+                                      absl::Span<const PointSighting> sightings,
+                                      absl::Span<const PlaneU8> masks = {});
+
+inline constexpr int kMinSightings = 20;
+
+// Exposures without what changes smoothly with the viewpoint, the drift: of each, the mean of the
+// photos that see the same points, weighed by the cube of how many they share, is taken away (in
+// the log domain); the median's is 1 again. What such photos agree on is the light as it comes from
+// there, or the camera's own slow adaptation, and colours that depend on the direction of view can
+// say it; chained over photos that share little it is also the estimate's own error. What a photo
+// differs by from those beside it is its shutter's. Choice, measured.
+//
+// The drift d that neighbours show counts with s^2 / (s^2 + v): v is the variance of their mean,
+// which is large where photos differ much, s = 0.15 what drift deviates by. A drift beyond half a
+// stop was chosen in part: only what it lacks of a stop counts. Photos a stop (and three
+// deviations) or more off their neighbours have no say in the others' means. `sightings` as above.
+std::vector<double> WithoutDrift(const std::vector<double>& exposures,
+                                 absl::Span<const PointSighting> sightings);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TARGET_PHOTOMETRIC_H_

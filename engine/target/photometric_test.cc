@@ -1,0 +1,177 @@
+#include "engine/target/photometric.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/core/color.h"
+#include "engine/core/rng.h"
+
+namespace litags {
+namespace {
+
+constexpr int kSide = 80, kCell = 8, kPoints = 200;
+
+// Photo i shows points [30 i, 30 i + 80) of a long wall of grey cells, with `exposure`.
+struct Wall {
+  std::vector<ImageU8> photos;
+  std::vector<PointSighting> sightings;
+};
+
+double Albedo(int point) { return 0.02 + 0.2 * CounterRng(5, 0).Uniform(point); }
+
+Wall MakeWall(const std::vector<double>& exposures) {
+  Wall wall;
+  for (int i = 0; i < static_cast<int>(exposures.size()); ++i) {
+    ImageU8 photo(kSide, kSide);
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        const int point = 30 * i + (y / kCell) * (kSide / kCell) + x / kCell;
+        const double code = SrgbFromLinear(std::min(1.0, exposures[i] * Albedo(point)));
+        for (int c = 0; c < 3; ++c)
+          photo.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(255 * code));
+      }
+    }
+    wall.photos.push_back(std::move(photo));
+  }
+  for (int point = 0; point < kPoints; ++point) {
+    for (int i = 0; i < static_cast<int>(exposures.size()); ++i) {
+      const int cell = point - 30 * i, columns = kSide / kCell;
+      if (cell < 0 || cell >= columns * columns) continue;
+      wall.sightings.push_back(
+          {point, i, (cell % columns + 0.5) * kCell + 0.5, (cell / columns + 0.5) * kCell + 0.5});
+    }
+  }
+  return wall;
+}
+
+void ExpectRatios(const std::vector<double>& have, const std::vector<double>& want,
+                  double tolerance) {
+  ASSERT_EQ(have.size(), want.size());
+  for (size_t i = 1; i < have.size(); ++i) {
+    EXPECT_NEAR(have[i] / have[0], want[i] / want[0], tolerance * want[i] / want[0]) << i;
+  }
+}
+
+TEST(Photometric, FindsTheExposuresWhateverThePhotosShow) {
+  const std::vector<double> exposures = {1, 0.5, 2, 1.1, 0.9};
+  const Wall wall = MakeWall(exposures);
+  // Bytes of dark photos: 1%.
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.02);
+}
+
+TEST(Photometric, TheMedianPhotoHasExposureOne) {
+  const Wall wall = MakeWall({0.25, 1, 4});
+  std::vector<double> have = RelativeExposures(wall.photos, wall.sightings);
+  std::sort(have.begin(), have.end());
+  EXPECT_DOUBLE_EQ(have[1], 1);
+}
+
+TEST(Photometric, WrongMatchesDoNotMatter) {
+  const std::vector<double> exposures = {1, 0.5, 2, 1.1, 0.9};
+  Wall wall = MakeWall(exposures);
+  for (size_t i = 0; i < wall.sightings.size(); i += 5) wall.sightings[i].x = kSide - 10;
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.1);
+}
+
+TEST(Photometric, WithoutCommonPointsTheMediansOfThePhotosCount) {
+  std::vector<ImageU8> photos;
+  for (const int code : {40, 80, 160}) {
+    ImageU8 photo(8, 8);
+    std::fill(photo.data.begin(), photo.data.end(), code);
+    photos.push_back(photo);
+  }
+  std::vector<double> want;
+  for (const int code : {40, 80, 160}) want.push_back(LinearFromSrgb(code / 255.0));
+  ExpectRatios(RelativeExposures(photos, {}), want, 1e-9);
+  EXPECT_TRUE(RelativeExposures({}, {}).empty());
+}
+
+TEST(Photometric, BlackAndWhiteSamplesAreLeftOut) {
+  // The third photo is three stops over: half of it is clipped, the rest tells its exposure.
+  const std::vector<double> exposures = {1, 0.9, 8, 1.1};
+  const Wall wall = MakeWall(exposures);
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.03);
+}
+
+// Points seen by photos of a path: photo i sees points [10 i, 10 i + 60).
+std::vector<PointSighting> Path(int photos) {
+  std::vector<PointSighting> sightings;
+  for (int point = 0; point < 10 * photos + 60; ++point) {
+    for (int i = 0; i < photos; ++i) {
+      if (point >= 10 * i && point < 10 * i + 60) sightings.push_back({point, i, 0, 0});
+    }
+  }
+  return sightings;
+}
+
+// Deviation of the logs of the ratios.
+double Deviation(const std::vector<double>& have, const std::vector<double>& want) {
+  const double n = static_cast<double>(have.size());
+  double sum = 0, squares = 0;
+  for (size_t i = 0; i < have.size(); ++i) {
+    const double log = std::log(have[i] / want[i]);
+    sum += log / n, squares += log * log / n;
+  }
+  return std::sqrt(squares - sum * sum);
+}
+
+constexpr int kWalk = 30;  // photos of a path
+
+// What shutters of a walk did, up to `jitter` either way, and the same with a drift of 0.3 stops.
+struct Walk {
+  std::vector<double> own, drifting;
+};
+
+Walk MakeWalk(double jitter) {
+  Walk walk;
+  for (int i = 0; i < kWalk; ++i) {
+    walk.own.push_back(1 + jitter * (2 * CounterRng(3, 0).Uniform(i) - 1));
+    walk.drifting.push_back(walk.own[i] * std::exp2(0.3 * std::sin(0.2 * i)));
+  }
+  return walk;
+}
+
+TEST(Photometric, WhatPhotosBesideEachOtherAgreeOnStays) {
+  const Walk walk = MakeWalk(0.1);
+  EXPECT_GT(Deviation(walk.drifting, walk.own), 0.12);
+  // What is left is the mean of what photos beside each other differ by themselves: of some six of
+  // them, whose deviation is 0.06.
+  EXPECT_LT(Deviation(WithoutDrift(walk.drifting, Path(kWalk)), walk.own), 0.03);
+}
+
+TEST(Photometric, ShuttersThatDifferByAStopHideLittleOfTheDrift) {
+  const Walk walk = MakeWalk(0.35);
+  EXPECT_LT(Deviation(WithoutDrift(walk.drifting, Path(kWalk)), walk.own), 0.09);
+}
+
+TEST(Photometric, APhotoChosenApartSaysNothingOfTheDrift) {
+  const Walk walk = MakeWalk(0.1);
+  std::vector<double> drifting = walk.drifting;
+  drifting[17] *= 32;
+  std::vector<double> have = WithoutDrift(drifting, Path(kWalk));
+  have[17] /= 32;
+  EXPECT_LT(Deviation(have, walk.own), 0.04);
+}
+
+TEST(Photometric, ExposuresThatWereChosenPhotoByPhotoStay) {
+  // Up to three stops either way.
+  std::vector<double> chosen;
+  for (int i = 0; i < kWalk; ++i) chosen.push_back(std::exp2((7 * i) % 13 / 2.0 - 3));
+  EXPECT_LT(Deviation(WithoutDrift(chosen, Path(kWalk)), chosen), 0.1);
+  // Two walks of different light, of which only the ends see the same points.
+  std::vector<double> halves(kWalk, 1.0);
+  std::fill(halves.begin() + kWalk / 2, halves.end(), 2.5);
+  EXPECT_LT(Deviation(WithoutDrift(halves, Path(kWalk)), halves), 0.1);
+}
+
+TEST(Photometric, WithoutCommonPointsThereIsNoDrift) {
+  const std::vector<double> exposures = {0.9, 1, 1.1};
+  const std::vector<double> have = WithoutDrift(exposures, {});
+  ExpectRatios(have, exposures, 1e-9);
+  EXPECT_TRUE(WithoutDrift({}, {}).empty());
+}
+
+}  // namespace
+}  // namespace litags

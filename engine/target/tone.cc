@@ -1,0 +1,279 @@
+#include "engine/target/tone.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/check.h"
+#include "engine/core/color.h"
+#include "engine/core/error.h"
+#include "engine/core/mask.h"
+#include "engine/core/parallel.h"
+#include "engine/target/bisect.h"
+#include "engine/target/chroma.h"
+#include "engine/target/clipped_colors.h"
+#include "engine/target/highlights.h"
+
+namespace litags {
+namespace {
+
+constexpr double kTheta = 0.49;       // authors' release
+constexpr double kLeastOfLit = 0.45;  // quantile, see CaptureGain. Choice
+constexpr int kClippedCode = 255;
+
+using Histogram = std::array<double, 256>;  // fraction of all samples that count
+using Lut = std::array<uint8_t, 256>;
+
+Histogram SharesOfCodes(const ImageU8& photo, const PlaneU8& mask) {
+  const std::array<int64_t, 256> counts = CountCodes(photo, mask);
+  const size_t samples = 3 * CountedPixels(mask, photo.data.size() / 3);
+  Histogram histogram;
+  for (int code = 0; code < 256; ++code) histogram[code] = double(counts[code]) / samples;
+  return histogram;
+}
+
+template <class Curve>
+double Mean(const Histogram& histogram, const Curve& curve) {
+  double mean = 0;
+  for (int code = 0; code < 256; ++code) mean += histogram[code] * curve(code / 255.0);
+  return mean;
+}
+
+auto CodeGain(double gain) {
+  return [gain](double code) { return std::min(1.0, gain * code); };
+}
+
+auto LinearGain(double gain) {
+  return [gain](double code) { return SrgbFromLinear(std::min(1.0, gain * LinearFromSrgb(code))); };
+}
+
+double AddContrast(double code, double contrast) {
+  return code + contrast * code * (1 - code) * (2 * code - 1);
+}
+
+// Linear light to codes.
+auto CaptureCurve(double gain, double contrast) {
+  return [gain, contrast](double linear) {
+    return AddContrast(SrgbFromLinear(std::clamp(gain * linear, 0.0, 1.0)), contrast);
+  };
+}
+
+// What becomes of a photo's code, where nothing else than the tone acts on it.
+double TargetCode(const ToneOptions& options, double gain, double code) {
+  switch (options.rule) {
+    case ToneRule::kPaperGain:
+      return CodeGain(gain)(code);
+    case ToneRule::kLinearGain:
+      return LinearGain(gain)(code);
+    case ToneRule::kCaptureGain:
+      return CaptureCurve(gain, options.contrast)(LinearFromSrgb(code));
+    case ToneRule::kNone:
+      break;
+  }
+  return code;
+}
+
+// The gain in (0, max_gain] that brings the mean closest to theta; the mean grows with the gain.
+double SolveLinearGain(const Histogram& histogram, double theta, double max_gain) {
+  if (Mean(histogram, LinearGain(max_gain)) <= theta) return max_gain;
+  const auto mean = [&](double stops) { return Mean(histogram, LinearGain(std::exp2(stops))); };
+  return std::exp2(Bisect(mean, theta, -64, std::log2(max_gain)));  // at -64 anything is black
+}
+
+double ThetaOf(const ToneOptions& options) { return options.theta > 0 ? options.theta : kTheta; }
+
+template <class Curve>
+ImageU8 Apply(const ImageU8& photo, const Curve& curve) {
+  Lut lut;
+  for (int code = 0; code < 256; ++code) {
+    lut[code] = static_cast<uint8_t>(std::lround(255 * std::clamp(curve(code / 255.0), 0.0, 1.0)));
+  }
+  ImageU8 out(photo.width, photo.height);
+  for (size_t i = 0; i < out.data.size(); ++i) out.data[i] = lut[photo.data[i]];
+  return out;
+}
+
+ToneTarget PaperTarget(const ImageU8& photo, const PlaneU8& mask, double theta) {
+  ToneTarget target;
+  target.gain = theta / Mean(SharesOfCodes(photo, mask), CodeGain(1));
+  target.image = Apply(photo, CodeGain(target.gain));
+  return target;
+}
+
+ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta, double max_gain) {
+  const Histogram histogram = SharesOfCodes(photo, mask);
+  ToneTarget target;
+  target.gain = SolveLinearGain(histogram, theta, max_gain);
+  target.reached = std::abs(Mean(histogram, LinearGain(target.gain)) - theta) < 1e-6;
+  target.image = WithLinearGain(photo, target.gain);
+  return target;
+}
+
+// `colors`: of a photo with highlights to fill in, else null.
+ToneTarget CaptureTarget(const ImageU8& photo, const PlaneU8& mask, double gain,
+                         const ClippedColors* colors, const ToneOptions& options) {
+  ToneTarget target;
+  target.gain = std::min(gain, options.max_gain);
+  target.reached = gain <= options.max_gain;
+  gain = target.gain;
+  const auto curve = CaptureCurve(gain, options.contrast);
+  target.image = colors != nullptr
+                     ? FillHighlights(photo, gain, *colors, curve)
+                     : SmoothChroma(photo, gain, options.chroma_smoothing, curve, mask);
+  return target;
+}
+
+std::vector<ToneTarget> CaptureTargets(absl::Span<const ImageU8> photos,
+                                       absl::Span<const double> exposures,
+                                       const ToneOptions& options, int threads,
+                                       absl::Span<const PlaneU8> masks) {
+  const double gain = CaptureGain(photos, exposures, options, masks);
+  // By quarters of a stop: finer, exposures make no difference to what is clipped.
+  std::map<int, ClippedColors> tables;
+  std::vector<const ClippedColors*> colors(photos.size(), nullptr);
+  ScenePalette palette;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    const std::vector<uint8_t>& codes = photos[i].data;
+    const bool clipped = std::find(codes.begin(), codes.end(), kClippedCode) != codes.end();
+    if (gain >= exposures[i] || !clipped) continue;
+    if (tables.empty()) palette = CollectPalette(photos, exposures, gain, masks);
+    const int step = static_cast<int>(std::lround(4 * std::log2(exposures[i])));
+    colors[i] = &tables.try_emplace(step, palette, std::exp2(step / 4.0)).first->second;
+  }
+  std::vector<ToneTarget> targets(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    targets[i] =
+        CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], colors[i], options);
+  });
+  return targets;
+}
+
+absl::Status CheckPhoto(const ImageU8& photo, const ToneOptions& options) {
+  if (photo.empty()) {
+    return InvalidInput("EMPTY_IMAGE", "image", "tone: the photo is empty; leave it out");
+  }
+  const bool black =
+      std::all_of(photo.data.begin(), photo.data.end(), [](uint8_t code) { return code == 0; });
+  if (black && options.rule != ToneRule::kNone) {
+    return InvalidInput("BLACK_IMAGE", "image",
+                        "tone: every pixel of the photo is 0, no gain can brighten it; leave it "
+                        "out or expose longer");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status ToneOptions::Validate() const {
+  if (!(theta >= 0 && theta < 1)) {
+    return InvalidInput("BAD_OPTION", "tone.theta",
+                        absl::StrCat("tone: theta = ", theta, ", must be in [0, 1)"));
+  }
+  if (!(max_gain >= 1 && max_gain <= 1e6)) {
+    return InvalidInput("BAD_OPTION", "tone.max_gain",
+                        absl::StrCat("tone: max_gain = ", max_gain, ", must be in [1, 1e6]"));
+  }
+  if (!(contrast >= 0 && contrast <= 1)) {
+    return InvalidInput("BAD_OPTION", "tone.contrast",
+                        absl::StrCat("tone: contrast = ", contrast, ", must be in [0, 1]"));
+  }
+  if (!(chroma_smoothing >= 0 && chroma_smoothing <= 100)) {
+    return InvalidInput(
+        "BAD_OPTION", "tone.chroma_smoothing",
+        absl::StrCat("tone: chroma_smoothing = ", chroma_smoothing, ", must be in [0, 100]"));
+  }
+  return absl::OkStatus();
+}
+
+double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
+                   const ToneOptions& options, absl::Span<const PlaneU8> masks) {
+  // Samples as linear light at exposure 1, with their weight; clipped ones last.
+  std::vector<std::pair<double, double>> samples;
+  double total = 0, clipped = 0, black = 0;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    const Histogram histogram = SharesOfCodes(photos[i], MaskOf(masks, i));
+    for (int code = 0; code < kClippedCode; ++code) {
+      if (histogram[code] > 0)
+        samples.emplace_back(LinearFromSrgb(code / 255.0) / exposures[i], histogram[code]);
+    }
+    clipped += histogram[kClippedCode];
+    black += histogram[0];
+    total += 1;
+  }
+  if (samples.empty()) return 1;  // nothing but white
+  std::sort(samples.begin(), samples.end());
+  const double p = std::min(0.5, 0.8 * (1 - clipped / total));
+  const double rank = std::max(p * total, black + kLeastOfLit * (total - black - clipped));
+  double sum = 0, level = samples.back().first;
+  for (const auto& [light, weight] : samples) {
+    sum += weight;
+    if (sum < rank) continue;
+    level = light;
+    break;
+  }
+  const double code = std::pow(p, 1 / ThetaOf(options) - 1);
+  const auto contrast = [&](double c) { return AddContrast(c, options.contrast); };
+  const double wanted = LinearFromSrgb(Bisect(contrast, code, 0, 1));
+  return wanted / std::max(level, 1e-9);
+}
+
+ImageU8 WithLinearGain(const ImageU8& photo, double gain) { return Apply(photo, LinearGain(gain)); }
+
+NoiseCurve RoundingNoise(const ToneOptions& options, double gain) {
+  const auto target = [&](double code) { return TargetCode(options, gain, code); };
+  NoiseCurve noise;
+  for (int i = 0; i < 256; ++i) {
+    const double code = Bisect(target, i / 255.0, 0, 1);
+    const double low = std::max(0.0, code - 0.5 / 255), high = std::min(1.0, code + 0.5 / 255);
+    const double step = (target(high) - target(low)) / (255 * (high - low));
+    noise[i] = static_cast<float>(step / std::sqrt(12.0));
+  }
+  return noise;
+}
+
+CodeCurve ChangeOfTargets(const ToneOptions& options,
+                          const std::function<double(double light)>& change) {
+  const auto contrast = [&](double c) { return AddContrast(c, options.contrast); };
+  CodeCurve curve;
+  for (int i = 0; i < 256; ++i) {
+    const double light = LinearFromSrgb(Bisect(contrast, i / 255.0, 0, 1));
+    curve[i] = static_cast<float>(contrast(SrgbFromLinear(std::clamp(change(light), 0.0, 1.0))));
+  }
+  return curve;
+}
+
+absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,
+                                                    absl::Span<const double> exposures,
+                                                    const ToneOptions& options, int threads,
+                                                    absl::Span<const PlaneU8> masks) {
+  LITAGS_RETURN_IF_ERROR(options.Validate());
+  LITAGS_CHECK(photos.size() == exposures.size());
+  LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
+  for (const ImageU8& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
+  if (options.rule == ToneRule::kCaptureGain) {
+    return CaptureTargets(photos, exposures, options, threads, masks);
+  }
+  const double theta = ThetaOf(options);
+  std::vector<ToneTarget> targets(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    switch (options.rule) {
+      case ToneRule::kPaperGain:
+        targets[i] = PaperTarget(photos[i], MaskOf(masks, i), theta);
+        break;
+      case ToneRule::kLinearGain:
+        targets[i] = LinearTarget(photos[i], MaskOf(masks, i), theta, options.max_gain);
+        break;
+      case ToneRule::kNone:
+        targets[i].image = photos[i];
+        break;
+      case ToneRule::kCaptureGain:
+        break;  // CaptureTargets, above
+    }
+  });
+  return targets;
+}
+
+}  // namespace litags

@@ -1,0 +1,82 @@
+// The normal-light pseudo-target of badly lit photos (LITA-GS L_exp).
+#ifndef LITAGS_ENGINE_TARGET_TONE_H_
+#define LITAGS_ENGINE_TARGET_TONE_H_
+
+#include <functional>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "engine/core/code_curve.h"
+#include "engine/core/color.h"
+#include "engine/core/image.h"
+#include "engine/core/noise_curve.h"
+
+namespace litags {
+
+enum class ToneRule {
+  kPaperGain,    // clip(theta / mean(I) * I, 0, 1) on sRGB codes, photo by photo: the paper
+  kLinearGain,   // a gain in linear light, clipped at white, to a mean code of theta, by photo
+  kCaptureGain,  // one gain in linear light for the capture, see CaptureGain(); clipped areas are
+                 // filled in (highlights.h), colour noise is averaged (chroma.h), mild contrast
+  kNone,         // the photo as it is
+};
+
+struct ToneOptions {
+  ToneRule rule = ToneRule::kCaptureGain;
+  // Wanted mean of sRGB codes, (0, 1). 0: 0.49, the authors' release.
+  double theta = 0;
+  double max_gain = 4096;  // of linear light; >= 1. Choice: 12 stops
+  // Of kCaptureGain, [0, 1]: code c becomes c + contrast * c (1 - c) (2 c - 1). Cameras' picture
+  // styles add contrast, so an exact inverse of the sRGB curve looks flat. Choice, measured
+  double contrast = 0.15;
+  // Of kCaptureGain, [0, 100]: colours of dark photos are averaged over neighbours that are alike
+  // up to this many deviations of the noise (chroma.h); 0: never. Choice, measured
+  double chroma_smoothing = 2;
+
+  absl::Status Validate() const;
+};
+
+struct ToneTarget {
+  ImageU8 image;        // the target, sRGB
+  double gain = 1;      // on codes (kPaperGain) or in linear light
+  bool reached = true;  // false if max_gain was not enough
+};
+
+// One target per photo, in order. `exposures`: light gathered by each photo relative to the
+// others, > 0 (RelativeExposures() in photometric.h); kCaptureGain evens them out, the other rules
+// do not read them. `masks` (see MaskOf; each leaves a pixel or more): only pixels that count
+// decide gains, all of the photo is mapped. INVALID_ARGUMENT for bad options, an empty photo, or
+// one that is all black (no gain helps; leave it out). Deterministic for any `threads` (<= 0: all
+// cores).
+absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,
+                                                    absl::Span<const double> exposures,
+                                                    const ToneOptions& options, int threads,
+                                                    absl::Span<const PlaneU8> masks = {});
+
+// The photo with `gain` times its linear light, clipped at white.
+ImageU8 WithLinearGain(const ImageU8& photo, double gain);
+
+// What rounding a photo to its codes does to its target: the target's step from one of the photo's
+// codes to the next / sqrt(12), for the gain of a ToneTarget. In the dark it is many codes, and
+// other photos of the place have the same, since they were rounded alike.
+NoiseCurve RoundingNoise(const ToneOptions& options, double gain);
+
+// What a change of linear light (1: white), which may not fall, does to codes of kCaptureGain's
+// targets.
+CodeCurve ChangeOfTargets(const ToneOptions& options,
+                          const std::function<double(double light)>& change);
+
+// The gain in linear light, for a photo of exposure 1, that brings the capture's histogram where
+// an even histogram of mean theta has it, at its median: quantile p of codes at p^(1/theta - 1).
+// Robust against a bright sky, unlike the mean. Clipped samples are only known to be bright, so
+// with a fraction f of them p = min(0.5, 0.8 (1 - f)). Where no light fell (code 0) there is
+// nothing to brighten: the sample that goes there is never below quantile 0.45 of what is neither
+// black nor clipped, so that a torch in the dark is exposed for what it lights.
+double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
+                   const ToneOptions& options, absl::Span<const PlaneU8> masks = {});
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TARGET_TONE_H_

@@ -1,0 +1,261 @@
+#include "engine/target/tone.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include "engine/core/color.h"
+#include "engine/core/error.h"
+#include "engine/core/rng.h"
+
+namespace litags {
+namespace {
+
+// Codes uniform in [low, high].
+ImageU8 MakePhoto(int low, int high) {
+  ImageU8 photo(64, 48);
+  const CounterRng rng(2, low);
+  for (size_t i = 0; i < photo.data.size(); ++i) photo.data[i] = low + rng.Below(i, high - low + 1);
+  return photo;
+}
+
+double MeanCode(const ImageU8& photo) {
+  return std::accumulate(photo.data.begin(), photo.data.end(), 0.0) / (255 * photo.data.size());
+}
+
+double MedianCode(std::vector<uint8_t> codes) {
+  std::nth_element(codes.begin(), codes.begin() + codes.size() / 2, codes.end());
+  return codes[codes.size() / 2] / 255.0;
+}
+
+absl::StatusOr<ToneTarget> MakeTarget(const ImageU8& photo, const ToneOptions& options) {
+  const std::vector<ImageU8> photos = {photo};
+  const std::vector<double> exposures = {1.0};
+  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
+                          MakeTargets(photos, exposures, options, 1));
+  return std::move(targets[0]);
+}
+
+// The byte that `code` becomes: of the first sample that has it.
+int Through(const ImageU8& photo, const ImageU8& target, int code) {
+  const auto at = std::find(photo.data.begin(), photo.data.end(), code);
+  EXPECT_NE(at, photo.data.end()) << code;
+  return target.data[at - photo.data.begin()];
+}
+
+TEST(Srgb, EncodingUndoesDecoding) {
+  for (int i = 0; i <= 1000; ++i) {
+    EXPECT_NEAR(SrgbFromLinear(LinearFromSrgb(i / 1000.0)), i / 1000.0,
+                1e-7);  // the standard's own seam
+  }
+  EXPECT_NEAR(LinearFromSrgb(0.5), 0.2140411, 1e-6);
+}
+
+TEST(Tone, PaperGainScalesCodesAndClips) {
+  const ImageU8 photo = MakePhoto(2, 40);
+  const auto target = MakeTarget(photo, {.rule = ToneRule::kPaperGain});
+  ASSERT_TRUE(target.ok());
+  EXPECT_NEAR(target->gain, 0.49 / MeanCode(photo), 1e-9);  // the release's theta by default
+  for (const int code : {2, 10, 20, 40}) {
+    EXPECT_EQ(Through(photo, target->image, code),
+              std::lround(255 * std::min(1.0, target->gain * code / 255)));
+  }
+}
+
+TEST(Tone, LinearGainBringsTheMeanToTheta) {
+  for (const auto& [low, high] : {std::pair{0, 20}, {1, 90}, {150, 255}, {255, 255}}) {
+    for (const double theta : {0.2, 0.49, 0.8}) {
+      const auto target =
+          MakeTarget(MakePhoto(low, high), {.rule = ToneRule::kLinearGain, .theta = theta});
+      ASSERT_TRUE(target.ok());
+      EXPECT_TRUE(target->reached);
+      EXPECT_NEAR(MeanCode(target->image), theta, 0.5 / 255) << low << " " << theta;
+    }
+  }
+}
+
+TEST(Tone, LinearGainIsAGainOfLight) {
+  const ImageU8 photo = MakePhoto(3, 60);
+  const auto target = MakeTarget(photo, {.rule = ToneRule::kLinearGain});
+  ASSERT_TRUE(target.ok());
+  for (const int code : {3, 17, 42}) {
+    const double light = std::min(1.0, target->gain * LinearFromSrgb(code / 255.0));
+    EXPECT_EQ(Through(photo, target->image, code), std::lround(255 * SrgbFromLinear(light)));
+  }
+}
+
+TEST(Tone, CaptureGainBringsTheMedianToThatOfTheWantedHistogram) {
+  for (const auto& [low, high] : {std::pair{1, 20}, {10, 90}, {120, 250}}) {
+    for (const double contrast : {0.0, 0.25, 1.0}) {
+      const auto target = MakeTarget(MakePhoto(low, high), {.contrast = contrast});
+      ASSERT_TRUE(target.ok());
+      // One code of the photo is up to 16 of the target in the darkest.
+      EXPECT_NEAR(MedianCode(target->image.data), std::pow(0.5, 1 / 0.49 - 1), 16 / 255.0)
+          << low << " " << contrast;
+    }
+  }
+}
+
+TEST(Tone, CaptureGainIgnoresABrightSkyThatMovesTheMean) {
+  ImageU8 plain = MakePhoto(4, 20), sky = plain;
+  std::fill(sky.data.begin(), sky.data.begin() + sky.data.size() / 4, 90);
+  const ToneOptions capture, mean{.rule = ToneRule::kLinearGain};
+  const double capture_change = MakeTarget(sky, capture)->gain / MakeTarget(plain, capture)->gain;
+  const double mean_change = MakeTarget(sky, mean)->gain / MakeTarget(plain, mean)->gain;
+  EXPECT_GT(capture_change, 0.7);
+  EXPECT_LT(mean_change, 0.55);
+}
+
+TEST(Tone, CaptureGainKeepsWhatDiffersBetweenPhotos) {
+  // The same light, once with much of it in view and once with little: one gain for both.
+  const std::vector<ImageU8> photos = {MakePhoto(2, 20), MakePhoto(20, 40)};
+  const std::vector<double> same = {1, 1}, twice = {1, 2};
+  const auto targets = MakeTargets(photos, same, {}, 2);
+  ASSERT_TRUE(targets.ok());
+  EXPECT_EQ((*targets)[0].gain, (*targets)[1].gain);
+  // The second photo was exposed twice as long: half the gain.
+  const auto evened = MakeTargets(photos, twice, {}, 2);
+  ASSERT_TRUE(evened.ok());
+  EXPECT_NEAR((*evened)[0].gain / (*evened)[1].gain, 2, 1e-9);
+}
+
+TEST(Tone, ClippedSamplesOnlyCountAsBright) {
+  // An even histogram of scene light, with the upper 40% clipped away, gives the gain of the
+  // uncut one: codes of 0..153 where the scene has 0..1.
+  ImageU8 cut(256, 40);
+  for (size_t i = 0; i < cut.data.size(); ++i) {
+    const double scene = (i % 1000 + 0.5) / 1000;  // code of the normally lit scene
+    const double over = LinearFromSrgb(scene) / LinearFromSrgb(0.6);
+    cut.data[i] = static_cast<uint8_t>(std::lround(255 * SrgbFromLinear(std::min(1.0, over))));
+  }
+  const std::vector<ImageU8> photos = {cut};
+  const std::vector<double> exposures = {1.0};
+  const double gain = CaptureGain(photos, exposures, {.theta = 0.5, .contrast = 0});
+  EXPECT_NEAR(gain, LinearFromSrgb(0.6), 0.02 * LinearFromSrgb(0.6));
+}
+
+TEST(Tone, WhatATorchLightsIsExposedForHoweverLittleItIs) {
+  const ImageU8 lit = MakePhoto(10, 90);
+  const std::vector<double> exposures = {1.0};
+  const double gain = CaptureGain({lit}, exposures, {});
+  for (const double share : {0.05, 0.5, 0.6, 0.95}) {
+    ImageU8 torch = lit;
+    const CounterRng rng(3, 0);
+    for (size_t i = 0; i < torch.data.size(); ++i) {
+      if (rng.Below(i, 1000) < 1000 * share) torch.data[i] = 0;
+    }
+    EXPECT_NEAR(CaptureGain({torch}, exposures, {}) / gain, 1, 0.25) << share;
+  }
+}
+
+TEST(Tone, ClippedChannelsTakeTheColorThatAnotherPhotoShows) {
+  // Wood, on the brighter photo with red and green clipped.
+  const double light[3] = {0.8, 0.36, 0.11};
+  const auto photo_of = [&](double exposure) {
+    ImageU8 photo(64, 48);
+    for (size_t i = 0; i < photo.data.size(); ++i) {
+      photo.data[i] = std::lround(255 * SrgbFromLinear(std::min(1.0, exposure * light[i % 3])));
+    }
+    return photo;
+  };
+  const std::vector<ImageU8> photos = {photo_of(4), photo_of(1)};
+  ASSERT_EQ(photos[0].data[0], 255);
+  ASSERT_EQ(photos[0].data[1], 255);
+  const std::vector<double> exposures = {4, 1};
+  const auto together = MakeTargets(photos, exposures, {}, 1);
+  ASSERT_TRUE(together.ok());
+  const std::vector<uint8_t>&bright = (*together)[0].image.data, &dark = (*together)[1].image.data;
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(bright[c], dark[c], 4) << c;
+  EXPECT_GT(bright[0], bright[1] + 40);
+
+  const auto alone = MakeTarget(photos[0], {});
+  ASSERT_TRUE(alone.ok());
+  EXPECT_EQ(alone->image.data[0], alone->image.data[1]);
+}
+
+TEST(Tone, TargetsGrowWithThePhoto) {
+  ImageU8 ramp(86, 1);
+  for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = static_cast<uint8_t>(i);
+  for (const ToneRule rule : {ToneRule::kPaperGain, ToneRule::kLinearGain, ToneRule::kNone}) {
+    const auto target = MakeTarget(ramp, {.rule = rule});
+    ASSERT_TRUE(target.ok());
+    EXPECT_TRUE(std::is_sorted(target->image.data.begin(), target->image.data.begin() + 256));
+  }
+  // Without white there is nothing to fill in: a curve alone.
+  for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = std::min<uint8_t>(i, 254);
+  const auto target = MakeTarget(ramp, {});
+  ASSERT_TRUE(target.ok());
+  EXPECT_TRUE(std::is_sorted(target->image.data.begin(), target->image.data.begin() + 255));
+}
+
+TEST(Tone, NoneLeavesThePhotoAlone) {
+  const auto target = MakeTarget(ImageU8(4, 4), {.rule = ToneRule::kNone});
+  ASSERT_TRUE(target.ok());
+  EXPECT_EQ(target->image.data, ImageU8(4, 4).data);
+}
+
+TEST(Tone, SaysWhenTheGoalIsOutOfReach) {
+  const ImageU8 photo = MakePhoto(5, 60);
+  for (const ToneRule rule : {ToneRule::kLinearGain, ToneRule::kCaptureGain}) {
+    const auto target = MakeTarget(photo, {.rule = rule, .max_gain = 2});
+    ASSERT_TRUE(target.ok());
+    EXPECT_FALSE(target->reached);
+    EXPECT_LE(target->gain, 2);
+    EXPECT_TRUE(MakeTarget(photo, {.rule = rule})->reached);
+  }
+  ImageU8 spot(10, 10);
+  spot.data[0] = 200;  // all else black: no gain brings the mean there
+  EXPECT_FALSE(MakeTarget(spot, {.rule = ToneRule::kLinearGain})->reached);
+}
+
+TEST(Tone, RoundingNoiseIsTheStepBetweenCodes) {
+  const double root = std::sqrt(12.0);
+  // The identity steps by one code, the paper's gain by as many as it says, until it clips.
+  const auto none = RoundingNoise({.rule = ToneRule::kNone}, 1);
+  const auto paper = RoundingNoise({.rule = ToneRule::kPaperGain}, 10);
+  for (const int code : {0, 100, 200, 255}) EXPECT_NEAR(255 * none[code], 1 / root, 1e-4) << code;
+  for (const int code : {0, 100, 240}) EXPECT_NEAR(255 * paper[code], 10 / root, 1e-4) << code;
+
+  // A photo's codes 3 and 4, both in the linear foot of sRGB, after 6 stops without contrast.
+  const ToneOptions plain{.contrast = 0};
+  const auto target = [](double code) {
+    return 255 * SrgbFromLinear(64 * LinearFromSrgb(code / 255));
+  };
+  const auto dark = RoundingNoise(plain, 64);
+  EXPECT_NEAR(255 * dark[std::lround(target(3.5))], (target(4) - target(3)) / root, 0.05);
+  // Nothing is darker than code 0: there half a code is the step.
+  EXPECT_NEAR(255 * dark[0], 2 * target(0.5) / root, 0.05);
+  for (const int code : {40, 80, 120, 160}) EXPECT_LT(dark[code], dark[code - 40]) << code;
+
+  const auto glare = RoundingNoise({}, 0.25);
+  EXPECT_LT(255 * *std::max_element(glare.begin(), glare.end()), 0.5);
+}
+
+TEST(Tone, IsTheSameForAnyNumberOfThreads) {
+  const std::vector<ImageU8> photos = {MakePhoto(0, 255), MakePhoto(200, 255), MakePhoto(3, 90)};
+  const std::vector<double> exposures = {1, 2, 0.5};
+  const auto one = MakeTargets(photos, exposures, {}, 1),
+             two = MakeTargets(photos, exposures, {}, 2);
+  ASSERT_TRUE(one.ok() && two.ok());
+  for (int i = 0; i < 3; ++i) EXPECT_EQ((*one)[i].image.data, (*two)[i].image.data);
+}
+
+TEST(Tone, BlackAndEmptyPhotosAndBadOptionsAreErrors) {
+  EXPECT_EQ(GetErrorDetail(MakeTarget(ImageU8(4, 4), {}).status())->reason, "BLACK_IMAGE");
+  EXPECT_EQ(GetErrorDetail(MakeTarget(ImageU8(), {}).status())->reason, "EMPTY_IMAGE");
+  const ImageU8 photo = MakePhoto(1, 9);
+  for (const double theta : {1.0, -1.0, double(NAN)}) {
+    EXPECT_EQ(GetErrorDetail(MakeTarget(photo, {.theta = theta}).status())->field, "tone.theta");
+  }
+  for (const double contrast : {-0.1, 1.1, double(NAN)}) {
+    EXPECT_EQ(GetErrorDetail(MakeTarget(photo, {.contrast = contrast}).status())->field,
+              "tone.contrast");
+  }
+}
+
+}  // namespace
+}  // namespace litags
