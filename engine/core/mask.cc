@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <set>
 
 #include "absl/strings/str_cat.h"
@@ -11,16 +12,23 @@
 namespace litags {
 namespace {
 
+template <typename T>
 struct Level {
-  ImageU8 image;
+  Image<T> image;
   PlaneU8 known;
 };
 
+// To the nearest, halves up.
+int RoundedRatio(int sum, int count) {
+  return static_cast<int>(std::floor(sum / double(count) + 0.5));
+}
+
 // Half the size: means of the known pixels of 2x2, known if one of them is. An odd last row or
 // column stands for itself.
-Level HalfKnown(const ImageU8& image, const PlaneU8& known) {
+template <typename T>
+Level<T> HalfKnown(const Image<T>& image, const PlaneU8& known) {
   const int width = (image.width + 1) / 2, height = (image.height + 1) / 2;
-  Level half{ImageU8(width, height), PlaneU8(width, height)};
+  Level<T> half{Image<T>(width, height), PlaneU8(width, height)};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       std::array<int, 3> sum = {0, 0, 0};
@@ -35,7 +43,7 @@ Level HalfKnown(const ImageU8& image, const PlaneU8& known) {
       if (count == 0) continue;
       half.known.data[size_t(y) * width + x] = kCounts;
       for (int c = 0; c < 3; ++c) {
-        half.image.pixel(x, y)[c] = static_cast<uint8_t>((sum[c] + count / 2) / count);
+        half.image.pixel(x, y)[c] = static_cast<T>(RoundedRatio(sum[c], count));
       }
     }
   }
@@ -43,7 +51,8 @@ Level HalfKnown(const ImageU8& image, const PlaneU8& known) {
 }
 
 // Unknown pixels from the image of half the size, bilinear.
-void FillFrom(const ImageU8& half, const PlaneU8& known, ImageU8* image) {
+template <typename T>
+void FillFrom(const Image<T>& half, const PlaneU8& known, Image<T>* image) {
   for (int y = 0; y < image->height; ++y) {
     const int y0 = y / 2, y1 = std::clamp(y % 2 == 1 ? y0 + 1 : y0 - 1, 0, half.height - 1);
     for (int x = 0; x < image->width; ++x) {
@@ -52,7 +61,7 @@ void FillFrom(const ImageU8& half, const PlaneU8& known, ImageU8* image) {
       for (int c = 0; c < 3; ++c) {
         const int sum = 9 * half.pixel(x0, y0)[c] + 3 * half.pixel(x1, y0)[c] +
                         3 * half.pixel(x0, y1)[c] + half.pixel(x1, y1)[c];
-        image->pixel(x, y)[c] = static_cast<uint8_t>((sum + 8) / 16);
+        image->pixel(x, y)[c] = static_cast<T>(RoundedRatio(sum, 16));
       }
     }
   }
@@ -75,14 +84,6 @@ size_t CountedPixels(const PlaneU8& mask, size_t pixels) {
                       : pixels - std::count(mask.data.begin(), mask.data.end(), uint8_t{0});
 }
 
-std::array<int64_t, 256> CountCodes(const ImageU8& photo, const PlaneU8& mask) {
-  std::array<int64_t, 256> counts = {};
-  ForCounted(mask, photo.data.size() / 3, [&](size_t i) {
-    for (int c = 0; c < 3; ++c) ++counts[photo.data[3 * i + c]];
-  });
-  return counts;
-}
-
 absl::Status CheckMaskSize(const std::string& mask_name, int mask_width, int mask_height,
                            int photo_width, int photo_height) {
   if (mask_width == photo_width && mask_height == photo_height) return absl::OkStatus();
@@ -95,7 +96,8 @@ absl::Status CheckMaskSize(const std::string& mask_name, int mask_width, int mas
 
 // Pull and push: known colours are averaged down until all is known, and what was unknown is
 // interpolated up again.
-void FillMasked(const PlaneU8& mask, ImageU8* image) {
+template <typename T>
+void FillMasked(const PlaneU8& mask, Image<T>* image) {
   if (mask.empty()) return;
   LITAGS_CHECK(mask.width == image->width && mask.height == image->height);
   if (std::find(mask.data.begin(), mask.data.end(), uint8_t{0}) == mask.data.end()) return;
@@ -103,10 +105,13 @@ void FillMasked(const PlaneU8& mask, ImageU8* image) {
     image->data.assign(3, 0);
     return;
   }
-  Level half = HalfKnown(*image, mask);
+  Level<T> half = HalfKnown(*image, mask);
   FillMasked(half.known, &half.image);
   FillFrom(half.image, mask, image);
 }
+
+template void FillMasked(const PlaneU8&, Image<uint8_t>*);
+template void FillMasked(const PlaneU8&, Image<int16_t>*);
 
 absl::StatusOr<std::map<std::string, std::string>> MatchMasks(absl::Span<const std::string> photos,
                                                               absl::Span<const std::string> masks) {

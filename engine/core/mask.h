@@ -3,7 +3,6 @@
 #ifndef LITAGS_ENGINE_CORE_MASK_H_
 #define LITAGS_ENGINE_CORE_MASK_H_
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -32,9 +31,6 @@ inline bool Counts(const PlaneU8& mask, int x, int y) {
   return mask.empty() || mask.data[size_t(y) * mask.width + x] != 0;
 }
 
-// How often each code occurs in the pixels that count, channels alike.
-std::array<int64_t, 256> CountCodes(const ImageU8& photo, const PlaneU8& mask);
-
 // body(i) for every pixel that counts, of an image of `pixels`.
 template <class Body>
 void ForCounted(const PlaneU8& mask, size_t pixels, Body body) {
@@ -56,7 +52,9 @@ void ForMasked(const PlaneU8& mask, Body body) {
 // Gives the pixels that do not count colours from around them, smooth and without an edge, so that
 // filters which read neighbours meet nothing of what was there. Sizes agree (LITAGS_CHECK). A mask
 // without any pixel that counts makes the image black.
-void FillMasked(const PlaneU8& mask, ImageU8* image);
+// ImageU8 or Photo.
+template <typename T>
+void FillMasked(const PlaneU8& mask, Image<T>* image);
 
 // INVALID_ARGUMENT (MASK_SIZE) with field "masks[NAME]" unless both have the same size, in pixels,
 // the photo's taken upright.

@@ -50,6 +50,32 @@ class LinearTable {
   std::vector<float> values_;
 };
 
+// The sample of linear light, within 1/8 of a step of SrgbFromLinear. A table over the root of
+// light, along which the curve is smooth, for its power function is slow.
+class SampleTable {
+ public:
+  static const SampleTable& Get() {
+    static const SampleTable table;
+    return table;
+  }
+  int16_t operator()(float linear) const {
+    if (!(linear > 0)) return PhotoSample(linear * 12.92f);
+    const float at = std::sqrt(std::min(linear, kMost)) * kSteps;
+    const int i = static_cast<int>(at);
+    return PhotoSample(values_[i] + (at - i) * (values_[i + 1] - values_[i]));
+  }
+
+ private:
+  static constexpr float kMost = 4.96f;  // encoded 2, the end of the samples' range
+  static constexpr int kSteps = 4096;    // per unit of the root
+  SampleTable() {
+    for (int i = 0; i < kSteps * std::sqrt(kMost) + 2; ++i) {
+      values_.push_back(static_cast<float>(SrgbFromLinear(std::pow(i / double(kSteps), 2))));
+    }
+  }
+  std::vector<float> values_;
+};
+
 inline Photo PhotoFromU8(const ImageU8& image) {
   Photo photo(image.width, image.height);
   std::array<int16_t, 256> samples;
@@ -67,6 +93,16 @@ inline ImageU8 PhotoToU8(const Photo& photo) {
     return static_cast<uint8_t>((clamped * 255 + kPhotoWhite / 2) / kPhotoWhite);
   });
   return image;
+}
+
+// Samples to [3, H, W] floats, sRGB-encoded.
+inline Planes ToPlanes(const Photo& photo) {
+  Planes planes(3, photo.height, photo.width);
+  for (int c = 0; c < 3; ++c) {
+    float* out = planes.plane(c);
+    for (size_t i = 0; i < photo.pixels(); ++i) out[i] = EncodedOf(photo.data[3 * i + c]);
+  }
+  return planes;
 }
 
 }  // namespace litags

@@ -112,7 +112,7 @@ class FolderDepthProvider : public DepthProvider {
 
  private:
   absl::StatusOr<std::optional<DepthMap>> Read(const PosedPhoto& posed) const {
-    const ImageU8& photo = *posed.photo;
+    const Photo& photo = *posed.photo;
     const std::string path = FindDepthMap(folder_, Stem(posed.view->name));
     if (path.empty()) return std::nullopt;
     const std::string field = absl::StrCat("depth/", BaseName(path));

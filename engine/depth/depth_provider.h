@@ -15,7 +15,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/cancel.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -36,8 +36,8 @@ void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthM
 // A photo and its camera, of the same size.
 struct PosedPhoto {
   const View* view = nullptr;
-  const ImageU8* photo = nullptr;
-  const ImageU8* target = nullptr;  // the photo normally lit; may be null: as it is
+  const Photo* photo = nullptr;
+  const Photo* target = nullptr;  // the photo normally lit; may be null: as it is
   // What the photo had when it was taken, and maps of it have; null: none.
   const Distortion* distortion = nullptr;
 };

@@ -63,9 +63,10 @@ class NetworkDepthProvider : public DepthProvider {
  private:
   // Of the photo's size; empty if the network sees nothing.
   absl::StatusOr<Planes> Run(const PosedPhoto& p) {
-    const ImageU8& photo = p.target != nullptr ? *p.target : *p.photo;
+    const Photo& photo = p.target != nullptr ? *p.target : *p.photo;
     try {
-      LITAGS_ASSIGN_OR_RETURN(Planes map, net_.Run({{"", OnnxPhoto(photo, options_.input)}}));
+      LITAGS_ASSIGN_OR_RETURN(Planes map,
+                              net_.Run({{"", OnnxPhoto(PhotoToU8(photo), options_.input)}}));
       if (map.channels != 1) {
         return InvalidInput("DEPTH_NETWORK_OUTPUT", field_,
                             absl::StrCat(field_, ": ", options_.path, " gives ", map.channels,

@@ -12,8 +12,9 @@
 namespace litags {
 
 // Reads the model in folder `dir`: the binary one, or, if there is none, that in text form. Camera
-// models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV. NOT_FOUND if a file is missing; INVALID_ARGUMENT if one is truncated, holds impossible
-// counts or references, numbers that are not finite, or another camera model.
+// models SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV. NOT_FOUND if a file is missing;
+// INVALID_ARGUMENT if one is truncated, holds impossible counts or references, numbers that are not
+// finite, or another camera model.
 absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field);
 
 // The same from the three files' bytes.

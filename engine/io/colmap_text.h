@@ -18,8 +18,8 @@ struct ColmapBytes {
 // ParseColmapModel to say. At most six times as long as the text. INVALID_ARGUMENT, naming file and
 // line, if a line does not have the numbers that its kind has.
 absl::StatusOr<ColmapBytes> BinaryFromText(std::string_view cameras_txt,
-                                           std::string_view images_txt,
-                                           std::string_view points_txt, std::string_view field);
+                                           std::string_view images_txt, std::string_view points_txt,
+                                           std::string_view field);
 
 }  // namespace litags
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -62,14 +63,14 @@ ImageInfo Upright(ImageInfo info) {
 // Turns a stored picture upright. EXIF says where the stored first row and column are to appear:
 // 2 mirrored, 3 by 180 degrees, 4 flipped, 5 transposed, 6 to be turned clockwise, 7 transposed
 // across the other diagonal, 8 to be turned counter-clockwise.
-ImageU8 TurnUpright(ImageU8 stored, int orientation) {
+Photo TurnUpright(Photo stored, int orientation) {
   if (orientation == 1) return stored;
   const bool swap = orientation >= 5;
   const bool mirror_x =
       orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
   const bool mirror_y =
       orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
-  ImageU8 out(swap ? stored.height : stored.width, swap ? stored.width : stored.height);
+  Photo out(swap ? stored.height : stored.width, swap ? stored.width : stored.height);
   for (int y = 0; y < out.height; ++y) {
     for (int x = 0; x < out.width; ++x) {
       int sx = swap ? y : x, sy = swap ? x : y;
@@ -81,20 +82,33 @@ ImageU8 TurnUpright(ImageU8 stored, int orientation) {
   return out;
 }
 
-absl::StatusOr<ImageU8> DecodePngRgb(std::string_view bytes, const ImageInfo& info,
-                                     std::string_view field) {
+// Photo from samples in BGR order, of which `white` is 1.
+template <class T>
+Photo PhotoFromBgr(const cv::Mat& bgr, float white) {
+  Photo photo(bgr.cols, bgr.rows);
+  for (int y = 0; y < bgr.rows; ++y) {
+    const T* from = bgr.ptr<T>(y);
+    int16_t* to = photo.pixel(0, y);
+    for (int x = 0; x < bgr.cols; ++x, from += 3, to += 3) {
+      for (int c = 0; c < 3; ++c) to[c] = PhotoSample(from[2 - c] / white);
+    }
+  }
+  return photo;
+}
+
+absl::StatusOr<Photo> DecodePng(std::string_view bytes, const ImageInfo& info,
+                                std::string_view field) {
   LITAGS_RETURN_IF_ERROR(CheckPngComplete(bytes, field));
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
                           const_cast<char*>(bytes.data()));
-    const cv::Mat bgr = cv::imdecode(encoded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    const cv::Mat bgr = cv::imdecode(
+        encoded, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
     if (bgr.cols != info.width || bgr.rows != info.height) {
       return InvalidField("IMAGE_CORRUPT", field, "the PNG cannot be decoded; send the file again");
     }
-    ImageU8 image(info.width, info.height);
-    cv::cvtColor(bgr, cv::Mat(info.height, info.width, CV_8UC3, image.data.data()),
-                 cv::COLOR_BGR2RGB);
-    return image;
+    return bgr.depth() == CV_16U ? PhotoFromBgr<uint16_t>(bgr, 65535)
+                                 : PhotoFromBgr<uint8_t>(bgr, 255);
   } catch (const cv::Exception& e) {
     return InvalidField("IMAGE_CORRUPT", field,
                         absl::StrCat("the PNG cannot be decoded: ", e.what()));
@@ -150,20 +164,31 @@ absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view
   return Upright(info);
 }
 
-absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view field,
-                                    const ImageLimits& limits) {
+absl::StatusOr<Photo> DecodePhoto(std::string_view bytes, std::string_view field,
+                                  const ImageLimits& limits) {
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadStoredInfo(bytes, field, limits));
-  absl::StatusOr<ImageU8> stored = info.format == ImageFormat::kJpeg
-                                       ? DecodeJpegRgb(bytes, info, field)
-                                       : DecodePngRgb(bytes, info, field);
+  absl::StatusOr<Photo> stored = info.format == ImageFormat::kJpeg ? DecodeJpeg(bytes, info, field)
+                                                                   : DecodePng(bytes, info, field);
   if (!stored.ok()) return stored.status();
   return TurnUpright(*std::move(stored), info.orientation);
 }
 
+absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view field,
+                                    const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const Photo photo, DecodePhoto(bytes, field, limits));
+  return PhotoToU8(photo);
+}
+
+absl::StatusOr<Photo> ReadPhoto(const std::string& path, std::string_view field,
+                                const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
+  return DecodePhoto(bytes, field, limits);
+}
+
 absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field,
                                   const ImageLimits& limits) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
-  return DecodeImage(bytes, field, limits);
+  LITAGS_ASSIGN_OR_RETURN(const Photo photo, ReadPhoto(path, field, limits));
+  return PhotoToU8(photo);
 }
 
 absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
@@ -236,6 +261,19 @@ ImageU8 ResizeArea(const ImageU8& image, int width, int height) {
   ImageU8 out(width, height);
   cv::Mat resized(height, width, CV_8UC3, out.data.data());
   cv::resize(in, resized, resized.size(), 0, 0, cv::INTER_AREA);
+  return out;
+}
+
+Photo ResizeArea(const Photo& photo, int width, int height) {
+  LITAGS_CHECK(width > 0 && height > 0 && !photo.empty());
+  if (width == photo.width && height == photo.height) return photo;
+  cv::Mat light(photo.height, photo.width, CV_32FC3), resized;
+  std::transform(photo.data.begin(), photo.data.end(), light.ptr<float>(),
+                 std::cref(LinearTable::Get()));
+  cv::resize(light, resized, cv::Size(width, height), 0, 0, cv::INTER_AREA);
+  Photo out(width, height);
+  std::transform(resized.ptr<float>(), resized.ptr<float>() + out.data.size(), out.data.begin(),
+                 std::cref(SampleTable::Get()));
   return out;
 }
 

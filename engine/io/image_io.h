@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -41,13 +42,19 @@ struct ImageInfo {
 absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view field,
                                         const ImageLimits& limits = {});
 
-// Decodes to upright 8-bit RGB. Transparency is dropped, 16-bit samples keep their high byte, grey
-// becomes R = G = B. A file that ends early is refused (IMAGE_TRUNCATED), never padded with grey.
-// Errors as above.
+// Decodes to upright RGB with the precision that the file has: JPEG in floating point from its
+// coefficients (jpeg_decode.h), PNG of 8 or 16 bits. Transparency is dropped, grey becomes R = G =
+// B. A file that ends early is refused (IMAGE_TRUNCATED), never padded with grey. Errors as above.
+absl::StatusOr<Photo> DecodePhoto(std::string_view bytes, std::string_view field,
+                                  const ImageLimits& limits = {});
+
+// The same rounded to 8 bits.
 absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view field,
                                     const ImageLimits& limits = {});
 
 // The same from a file; NOT_FOUND if missing. ReadImageSize decodes nothing.
+absl::StatusOr<Photo> ReadPhoto(const std::string& path, std::string_view field,
+                                const ImageLimits& limits = {});
 absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field,
                                   const ImageLimits& limits = {});
 absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
@@ -75,6 +82,9 @@ absl::StatusOr<std::string> DescribeOtherPictures(const std::string& dir, std::s
 
 // Resamples by pixel area (no aliasing when shrinking; bilinear when growing). Sizes positive.
 ImageU8 ResizeArea(const ImageU8& image, int width, int height);
+
+// The same in linear light: what a coarser sensor would have measured.
+Photo ResizeArea(const Photo& photo, int width, int height);
 
 }  // namespace litags
 

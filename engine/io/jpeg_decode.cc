@@ -1,137 +1,189 @@
 #include "engine/io/jpeg_decode.h"
 
-// jpeglib.h needs FILE and size_t to be declared before it.
-#include <csetjmp>
-#include <cstddef>
-#include <cstdio>
-#include <string>
-
-#include <jerror.h>
-#include <jpeglib.h>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <vector>
 
 #include "engine/io/io_error.h"
+#include "engine/io/jpeg_coefficients.h"
 
 namespace litags {
 namespace {
 
-// Progressive photos have about ten scans. Each costs a pass over the picture, so a small file with
-// thousands of them would hold a core for hours.
-constexpr int kMaxScans = 100;
+constexpr int kSide = DCTSIZE;      // of a block, 8
+constexpr float kLevelShift = 128;  // codes; samples are stored less this
 
-enum class Damage { kNone, kTruncated, kCorrupt, kUnsupported };
+using Block = std::array<float, DCTSIZE2>;
 
-// libjpeg's handlers reach this through cinfo->err, its first member.
-struct ErrorState {
-  jpeg_error_mgr manager;
-  std::jmp_buf escape;
-  Damage damage;
-  char message[JMSG_LENGTH_MAX];
+// Orthonormal DCT-II: basis[u][x] = c(u) cos((2x + 1) u pi / 16) (ITU-T T.81, A.3.3).
+const std::array<std::array<float, kSide>, kSide>& Basis() {
+  static const auto basis = [] {
+    std::array<std::array<float, kSide>, kSide> b;
+    for (int u = 0; u < kSide; ++u) {
+      for (int x = 0; x < kSide; ++x) {
+        const double norm = u == 0 ? std::sqrt(0.125) : 0.5;
+        b[u][x] = static_cast<float>(norm * std::cos((2 * x + 1) * u * std::numbers::pi / 16));
+      }
+    }
+    return b;
+  }();
+  return basis;
+}
+
+// 8x8 samples less the level shift, codes of 255.
+void InverseDct(const JCOEF* levels, const UINT16* steps, Block* out) {
+  const auto& basis = Basis();
+  Block columns = {};  // [v][x] after the pass along u
+  for (int v = 0; v < kSide; ++v) {
+    for (int u = 0; u < kSide; ++u) {
+      const int i = v * kSide + u;
+      if (levels[i] == 0) continue;
+      const float coefficient = static_cast<float>(levels[i]) * steps[i];
+      for (int x = 0; x < kSide; ++x) columns[v * kSide + x] += coefficient * basis[u][x];
+    }
+  }
+  *out = {};
+  for (int v = 0; v < kSide; ++v) {
+    for (int y = 0; y < kSide; ++y) {
+      const float weight = basis[v][y];
+      for (int x = 0; x < kSide; ++x) (*out)[y * kSide + x] += weight * columns[v * kSide + x];
+    }
+  }
+}
+
+// One component at its own resolution, in samples of Photo; chroma about 0.
+struct ComponentPlane {
+  int width = 0, height = 0;
+  int stride = 0;
+  std::vector<int16_t> data;
+
+  const int16_t* row(int y) const { return data.data() + size_t(y) * stride; }
 };
 
-ErrorState* StateOf(j_common_ptr cinfo) { return reinterpret_cast<ErrorState*>(cinfo->err); }
-
-[[noreturn]] void Refuse(ErrorState* state, const char* why) {
-  state->damage = Damage::kUnsupported;
-  std::snprintf(state->message, sizeof(state->message), "%s", why);
-  std::longjmp(state->escape, 1);
-}
-
-[[noreturn]] void OnError(j_common_ptr cinfo) {
-  ErrorState* state = StateOf(cinfo);
-  if (state->damage == Damage::kNone) {
-    state->damage = Damage::kCorrupt;
-    cinfo->err->format_message(cinfo, state->message);
+// False if libjpeg has no such blocks.
+bool DecodeComponent(JpegCoefficients* jpeg, int c, float shift, ComponentPlane* plane) {
+  const jpeg_component_info& info = jpeg->component(c);
+  plane->width = info.downsampled_width;
+  plane->height = info.downsampled_height;
+  plane->stride = info.width_in_blocks * kSide;
+  plane->data.resize(size_t(plane->stride) * info.height_in_blocks * kSide);
+  Block block;
+  for (JDIMENSION by = 0; by < info.height_in_blocks; ++by) {
+    const JBLOCK* blocks = jpeg->BlockRow(c, static_cast<int>(by));
+    if (blocks == nullptr) return false;
+    for (JDIMENSION bx = 0; bx < info.width_in_blocks; ++bx) {
+      InverseDct(blocks[bx], info.quant_table->quantval, &block);
+      int16_t* to = plane->data.data() + size_t(by) * kSide * plane->stride + bx * kSide;
+      for (int y = 0; y < kSide; ++y, to += plane->stride) {
+        for (int x = 0; x < kSide; ++x) {
+          to[x] = PhotoSample((block[y * kSide + x] + shift) * (1 / 255.0f));
+        }
+      }
+    }
   }
-  std::longjmp(state->escape, 1);
-}
-
-// Warnings have level -1. Only those that mean lost pixels count: some cameras write harmless
-// extra bytes between segments.
-void OnMessage(j_common_ptr cinfo, int level) {
-  ErrorState* state = StateOf(cinfo);
-  if (level >= 0 || state->damage != Damage::kNone) return;
-  switch (cinfo->err->msg_code) {
-    case JWRN_JPEG_EOF:
-    case JWRN_HIT_MARKER:
-      state->damage = Damage::kTruncated;
-      break;
-    case JWRN_HUFF_BAD_CODE:
-    case JWRN_MUST_RESYNC:
-      state->damage = Damage::kCorrupt;
-      break;
-    default:
-      return;
-  }
-  cinfo->err->format_message(cinfo, state->message);
-}
-
-void OnOutputMessage(j_common_ptr) {}  // by default libjpeg prints to stderr
-
-void OnProgress(j_common_ptr cinfo) {
-  if (reinterpret_cast<j_decompress_ptr>(cinfo)->input_scan_number > kMaxScans) {
-    Refuse(StateOf(cinfo), "a progressive JPEG with very many scans; save it as a baseline JPEG");
-  }
-}
-
-// Everything between setjmp and longjmp: only plain C objects live here, as longjmp runs no
-// destructors. Returns false after an error; `rgb` holds 3 * width * height bytes.
-bool Decode(std::string_view bytes, const ImageInfo& info, ErrorState* state, uint8_t* rgb) {
-  jpeg_decompress_struct cinfo;
-  jpeg_progress_mgr progress = {};
-  cinfo.err = jpeg_std_error(&state->manager);
-  state->manager.error_exit = OnError;
-  state->manager.emit_message = OnMessage;
-  state->manager.output_message = OnOutputMessage;
-  state->damage = Damage::kNone;
-  state->message[0] = '\0';
-  progress.progress_monitor = OnProgress;
-  if (setjmp(state->escape) != 0) {
-    jpeg_destroy_decompress(&cinfo);
-    return false;
-  }
-  jpeg_create_decompress(&cinfo);
-  cinfo.progress = &progress;
-  jpeg_mem_src(&cinfo, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());
-  jpeg_read_header(&cinfo, TRUE);
-  if (cinfo.image_width != JDIMENSION(info.width) ||
-      cinfo.image_height != JDIMENSION(info.height)) {
-    ERREXIT(&cinfo, JERR_SOF_DUPLICATE);
-  }
-  if (cinfo.jpeg_color_space == JCS_CMYK || cinfo.jpeg_color_space == JCS_YCCK) {
-    Refuse(state, "a CMYK JPEG; convert it to RGB");
-  }
-  // Its decoder reads zeros past the end without a warning, so damage would pass unseen.
-  if (cinfo.arith_code) Refuse(state, "an arithmetic-coded JPEG; save it as a baseline JPEG");
-  cinfo.out_color_space = JCS_RGB;
-  jpeg_start_decompress(&cinfo);
-  while (cinfo.output_scanline < cinfo.output_height) {
-    JSAMPROW row = rgb + size_t{3} * info.width * cinfo.output_scanline;
-    jpeg_read_scanlines(&cinfo, &row, 1);
-  }
-  jpeg_finish_decompress(&cinfo);  // reads on to the end-of-image marker, so its absence shows
-  jpeg_destroy_decompress(&cinfo);
   return true;
+}
+
+// Where full-size sample i of a side lies among `n` samples, `ratio` of them to one: between two
+// neighbours.
+struct Tap {
+  int low, high;
+  float weight;  // of high
+};
+
+std::vector<Tap> TapsOf(int size, int n, double ratio) {
+  std::vector<Tap> taps(size);
+  for (int i = 0; i < size; ++i) {
+    const double at = (i + 0.5) * ratio - 0.5;
+    const int low = static_cast<int>(std::floor(at));
+    taps[i] = {std::clamp(low, 0, n - 1), std::clamp(low + 1, 0, n - 1),
+               static_cast<float>(at - low)};
+  }
+  return taps;
+}
+
+// Gives rows of a component at the photo's size.
+class Upsampler {
+ public:
+  Upsampler(const ComponentPlane& plane, double x_ratio, double y_ratio, int width, int height)
+      : plane_(plane),
+        same_width_(x_ratio == 1),
+        x_taps_(TapsOf(width, plane.width, x_ratio)),
+        y_taps_(TapsOf(height, plane.height, y_ratio)),
+        between_(plane.width) {}
+
+  void Row(int y, std::vector<float>* out) {
+    const Tap& tap = y_taps_[y];
+    const int16_t *low = plane_.row(tap.low), *high = plane_.row(tap.high);
+    for (int x = 0; x < plane_.width; ++x) {
+      between_[x] = low[x] + tap.weight * (high[x] - low[x]);
+    }
+    if (same_width_) {
+      std::copy_n(between_.begin(), out->size(), out->begin());
+      return;
+    }
+    for (size_t x = 0; x < out->size(); ++x) {
+      const Tap& t = x_taps_[x];
+      (*out)[x] = between_[t.low] + t.weight * (between_[t.high] - between_[t.low]);
+    }
+  }
+
+ private:
+  const ComponentPlane& plane_;
+  const bool same_width_;
+  const std::vector<Tap> x_taps_, y_taps_;
+  std::vector<float> between_;
+};
+
+int16_t Saturate(float sample) {
+  return static_cast<int16_t>(std::lrint(std::clamp(sample, -32768.0f, 32767.0f)));
+}
+
+// JFIF: full-range BT.601.
+void YCbCrToRgb(const std::vector<std::vector<float>>& rows, int16_t* out) {
+  const float *luma = rows[0].data(), *cb = rows[1].data(), *cr = rows[2].data();
+  for (size_t x = 0; x < rows[0].size(); ++x) {
+    out[3 * x] = Saturate(luma[x] + 1.402f * cr[x]);
+    out[3 * x + 1] = Saturate(luma[x] - 0.344136f * cb[x] - 0.714136f * cr[x]);
+    out[3 * x + 2] = Saturate(luma[x] + 1.772f * cb[x]);
+  }
+}
+
+void CopyRgb(const std::vector<std::vector<float>>& rows, int16_t* out) {
+  for (size_t x = 0; x < rows[0].size(); ++x) {
+    for (size_t c = 0; c < 3; ++c) out[3 * x + c] = Saturate(rows[rows.size() == 3 ? c : 0][x]);
+  }
 }
 
 }  // namespace
 
-absl::StatusOr<ImageU8> DecodeJpegRgb(std::string_view bytes, const ImageInfo& info,
-                                      std::string_view field) {
-  ImageU8 image(info.width, info.height);
-  ErrorState state;
-  const bool decoded = Decode(bytes, info, &state, image.data.data());
-  if (decoded && state.damage == Damage::kNone) return image;
-  const std::string detail = absl::StrCat("(", state.message, "); send the whole file again");
-  switch (state.damage) {
-    case Damage::kTruncated:
-      return InvalidField("IMAGE_TRUNCATED", field,
-                          absl::StrCat("the JPEG's data end before the picture does ", detail));
-    case Damage::kUnsupported:
-      return InvalidField("IMAGE_UNSUPPORTED", field, state.message);
-    default:
-      return InvalidField("IMAGE_CORRUPT", field,
-                          absl::StrCat("the JPEG cannot be decoded ", detail));
+absl::StatusOr<Photo> DecodeJpeg(std::string_view bytes, const ImageInfo& info,
+                                 std::string_view field) {
+  JpegCoefficients jpeg;
+  LITAGS_RETURN_IF_ERROR(jpeg.Read(bytes, info, field));
+  const int n = jpeg.components();
+  const bool ycc = n == 3 && jpeg.color_space() == JCS_YCbCr;
+  std::vector<ComponentPlane> planes(n);
+  std::vector<Upsampler> upsamplers;
+  for (int c = 0; c < n; ++c) {
+    if (!DecodeComponent(&jpeg, c, ycc && c > 0 ? 0 : kLevelShift, &planes[c])) {
+      return InvalidField("IMAGE_CORRUPT", field, "the JPEG lacks blocks; send the file again");
+    }
+    const jpeg_component_info& component = jpeg.component(c);
+    upsamplers.emplace_back(planes[c], double(component.h_samp_factor) / jpeg.max_h_samp_factor(),
+                            double(component.v_samp_factor) / jpeg.max_v_samp_factor(), info.width,
+                            info.height);
   }
+  Photo photo(info.width, info.height);
+  std::vector<std::vector<float>> rows(n, std::vector<float>(info.width));
+  for (int y = 0; y < info.height; ++y) {
+    for (int c = 0; c < n; ++c) upsamplers[c].Row(y, &rows[c]);
+    (ycc ? YCbCrToRgb : CopyRgb)(rows, photo.pixel(0, y));
+  }
+  return photo;
 }
 
 }  // namespace litags

@@ -63,18 +63,18 @@ absl::StatusOr<PlaneU8> DecodeMask(std::string_view bytes, std::string_view fiel
 
 absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string_view field,
                                             const std::string& mask_path) {
-  MaskedPhoto photo;
-  LITAGS_ASSIGN_OR_RETURN(photo.image, ReadImage(path, field));
-  if (mask_path.empty()) return photo;
+  MaskedPhoto read;
+  LITAGS_ASSIGN_OR_RETURN(read.photo, ReadPhoto(path, field));
+  if (mask_path.empty()) return read;
   const std::string mask_field = absl::StrCat("masks[", BaseName(mask_path), "]");
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
                           ReadFile(mask_path, mask_field, ImageLimits().max_bytes));
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, mask_field));
   LITAGS_RETURN_IF_ERROR(CheckMaskSize(BaseName(mask_path), info.width, info.height,
-                                       photo.image.width, photo.image.height));
-  LITAGS_ASSIGN_OR_RETURN(photo.mask, DecodeMask(bytes, mask_field));
-  FillMasked(photo.mask, &photo.image);
-  return photo;
+                                       read.photo.width, read.photo.height));
+  LITAGS_ASSIGN_OR_RETURN(read.mask, DecodeMask(bytes, mask_field));
+  FillMasked(read.mask, &read.photo);
+  return read;
 }
 
 absl::StatusOr<std::string> EncodeMask(const PlaneU8& mask) {

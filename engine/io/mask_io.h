@@ -30,11 +30,11 @@ absl::StatusOr<PlaneU8> DecodeMask(std::string_view bytes, std::string_view fiel
 
 // A photo whose masked pixels are filled in from around them.
 struct MaskedPhoto {
-  ImageU8 image;
+  Photo photo;
   PlaneU8 mask;  // empty: all pixels count
 };
 
-// Errors of ReadImage with `field`, of DecodeMask with "masks[NAME]", and MASK_SIZE if the mask is
+// Errors of ReadPhoto with `field`, of DecodeMask with "masks[NAME]", and MASK_SIZE if the mask is
 // not of the upright photo's size, which is found before it is decoded. `mask_path` may be empty.
 absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string_view field,
                                             const std::string& mask_path);

@@ -64,8 +64,9 @@ double LargestShift(const Camera& camera, const Distortion& d) {
   return largest;
 }
 
-absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,
-                                  const Distortion& distortion) {
+template <typename T>
+absl::StatusOr<Image<T>> Undistort(const Image<T>& image, const Camera& camera,
+                                   const Distortion& distortion) {
   if (image.empty() || image.width != camera.width || image.height != camera.height) {
     return InvalidField("SIZE_MISMATCH", "image",
                         absl::StrCat("the photo has ", image.width, "x", image.height,
@@ -73,13 +74,17 @@ absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,
                                      "; use the photos the cameras were made for"));
   }
   if (distortion.IsZero()) return image;
-  const cv::Mat in(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.data.data()));
-  ImageU8 out(image.width, image.height);
-  cv::Mat result(out.height, out.width, CV_8UC3, out.data.data());
+  const int type = CV_MAKETYPE(cv::DataType<T>::depth, 3);
+  const cv::Mat in(image.height, image.width, type, const_cast<T*>(image.data.data()));
+  Image<T> out(image.width, image.height);
+  cv::Mat result(out.height, out.width, type, out.data.data());
   LITAGS_RETURN_IF_ERROR(
       Remap(in, camera, distortion, cv::INTER_LINEAR, cv::BORDER_REPLICATE, &result));
   return out;
 }
+
+template absl::StatusOr<ImageU8> Undistort(const ImageU8&, const Camera&, const Distortion&);
+template absl::StatusOr<Photo> Undistort(const Photo&, const Camera&, const Distortion&);
 
 absl::StatusOr<Planes> UndistortNearest(const Planes& plane, const Camera& camera,
                                         const Distortion& distortion) {

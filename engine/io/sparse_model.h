@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -56,8 +57,10 @@ double LargestShift(const Camera& camera, const Distortion& distortion);
 // Removes lens distortion: the picture that the pinhole `camera` (same intrinsics) would have
 // taken. Where the photo has no pixels its border is repeated. INVALID_ARGUMENT if the sizes differ
 // or a coefficient is not finite.
-absl::StatusOr<ImageU8> Undistort(const ImageU8& image, const Camera& camera,
-                                  const Distortion& distortion);
+// ImageU8 or Photo.
+template <typename T>
+absl::StatusOr<Image<T>> Undistort(const Image<T>& image, const Camera& camera,
+                                   const Distortion& distortion);
 
 // The same for what belongs to the photo's pixels and must not be mixed, [1, h, w] of any size of
 // the photo's aspect ratio: nearest neighbours, 0 where the photo has no pixels.

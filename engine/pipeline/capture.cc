@@ -63,7 +63,7 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
                        const Distortion& distortion, TrainView* v) {
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
-  v->photo = std::move(read.image);
+  v->photo = std::move(read.photo);
   v->mask = std::move(read.mask);
   const Camera& camera = v->view.camera;
   if (v->photo.width != camera.width || v->photo.height != camera.height) {
@@ -77,10 +77,10 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   v->distortion = distortion;
   if (distortion.IsZero()) return absl::OkStatus();
   absl::Status status;
-  const auto undistort = [&](const ImageU8& image) {
-    absl::StatusOr<ImageU8> pinhole = Undistort(image, camera, distortion);
+  const auto undistort = [&]<class T>(const Image<T>& image) {
+    absl::StatusOr<Image<T>> pinhole = Undistort(image, camera, distortion);
     status.Update(pinhole.status());
-    return pinhole.ok() ? *std::move(pinhole) : ImageU8();
+    return pinhole.ok() ? *std::move(pinhole) : Image<T>();
   };
   v->photo = undistort(v->photo);
   if (!v->mask.empty()) v->mask = ChangeMask(v->mask, undistort);
@@ -191,7 +191,7 @@ class PhotosTogether {
   PhotosTogether(const PhotosTogether&) = delete;
   PhotosTogether& operator=(const PhotosTogether&) = delete;
 
-  std::vector<ImageU8> photos;
+  std::vector<Photo> photos;
   std::vector<PlaneU8> masks;
 
  private:
@@ -277,7 +277,7 @@ absl::StatusOr<TargetsMade> AddTargets(const ReconstructOptions& options, const 
 
 void AddInformation(std::vector<TrainView>* views) {
   const PhotosTogether all(views);
-  std::vector<const ImageU8*> photos, targets;
+  std::vector<const Photo*> photos, targets;
   std::vector<double> exposures;
   for (size_t i = 0; i < views->size(); ++i) {
     photos.push_back(&all.photos[i]);
@@ -342,8 +342,8 @@ std::string FingerprintOfViews(const std::vector<TrainView>& views,
   Fingerprint f;
   for (const TrainView& v : views) {
     f.Add(v.view.name.data(), v.view.name.size());
-    f.Add(v.photo.data.data(), v.photo.data.size());
-    f.Add(v.target.data.data(), v.target.data.size());
+    f.Add(v.photo.data.data(), v.photo.data.size() * sizeof(int16_t));
+    f.Add(v.target.data.data(), v.target.data.size() * sizeof(int16_t));
     f.Add(v.mask.data.data(), v.mask.data.size());
     f.Add(v.view.camera.Viewmat());
     for (double x : {v.view.camera.fx, v.view.camera.fy, v.view.camera.cx, v.view.camera.cy})
@@ -469,11 +469,13 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
 
 absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<ImageU8>& photos,
                                                        const ReconstructOptions& options) {
+  std::vector<Photo> precise;
+  for (const ImageU8& photo : photos) precise.push_back(PhotoFromU8(photo));
   LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
-                          MakeTargets(photos, std::vector<double>(photos.size(), 1.0),
+                          MakeTargets(precise, std::vector<double>(photos.size(), 1.0),
                                       ToneOptionsOf(options), options.threads));
   std::vector<ImageU8> images;
-  for (ToneTarget& target : targets) images.push_back(std::move(target.image));
+  for (const ToneTarget& target : targets) images.push_back(PhotoToU8(target.image));
   return images;
 }
 

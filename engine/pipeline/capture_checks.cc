@@ -12,30 +12,36 @@
 namespace litags {
 namespace {
 
-constexpr double kNotFlat = 1e-3;          // part of a photo's pixels
-constexpr double kMixedExposureStops = 2;  // a camera on automatic stays below
-constexpr double kMaxCoordinate = 1e15;    // scene units; squares of sizes must fit into floats
+constexpr double kNotFlat = 1e-3;            // part of a photo's pixels
+constexpr int kSameSample = kPhotoCode / 8;  // differences up to it are none
+constexpr double kMixedExposureStops = 2;    // a camera on automatic stays below
+constexpr double kMaxCoordinate = 1e15;      // scene units; squares of sizes must fit into floats
 
 }  // namespace
 
-std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo, const PlaneU8& mask) {
-  const size_t pixels = photo.data.size() / 3, n = CountedPixels(mask, pixels);
+std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU8& mask) {
+  const size_t n = CountedPixels(mask, photo.pixels());
   // A colour that most pixels have is the middle one of every channel.
-  std::array<uint8_t, 3> color;
+  std::array<int, 3> color;
+  std::vector<int16_t> samples;
   for (int c = 0; c < 3; ++c) {
-    std::array<size_t, 256> counts = {};
-    ForCounted(mask, pixels, [&](size_t i) { ++counts[photo.data[3 * i + c]]; });
-    size_t below = 0;
-    int code = 0;
-    while ((below += counts[code]) <= n / 2) ++code;
-    color[c] = static_cast<uint8_t>(code);
+    samples.clear();
+    ForCounted(mask, photo.pixels(), [&](size_t i) { samples.push_back(photo.data[3 * i + c]); });
+    std::nth_element(samples.begin(), samples.begin() + n / 2, samples.end());
+    color[c] = samples[n / 2];
   }
   size_t others = 0;
-  ForCounted(mask, pixels, [&](size_t i) {
-    others += !std::equal(color.begin(), color.end(), &photo.data[3 * i]);
+  ForCounted(mask, photo.pixels(), [&](size_t i) {
+    bool other = false;
+    for (int c = 0; c < 3; ++c) other |= std::abs(photo.data[3 * i + c] - color[c]) > kSameSample;
+    others += other;
   });
   if (others > kNotFlat * n) return std::nullopt;
-  return color;
+  std::array<uint8_t, 3> codes;
+  for (int c = 0; c < 3; ++c) {
+    codes[c] = static_cast<uint8_t>(std::clamp(std::lround(color[c] / kPhotoCode), 0L, 255L));
+  }
+  return codes;
 }
 
 void NoteExposures(const std::vector<TrainView>& views, bool evened_out,

@@ -9,16 +9,16 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 #include "engine/io/sparse_model.h"
 #include "engine/train/train_view.h"
 
 namespace litags {
 
-// The colour of a photo that shows nothing to learn from: black, white or one colour throughout,
-// but for a thousandth of its pixels (JPEG and dust in a black photo). Only pixels that count by
-// its mask are looked at, of which there is one or more.
-std::optional<std::array<uint8_t, 3>> FlatColor(const ImageU8& photo, const PlaneU8& mask = {});
+// The colour, in 8-bit codes, of a photo that shows nothing to learn from: black, white or one
+// colour throughout, but for a thousandth of its pixels (JPEG and dust in a black photo). Only
+// pixels that count by its mask are looked at, of which there is one or more.
+std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU8& mask = {});
 
 // Says so if the photos of a capture were exposed very differently, and whether they were
 // `evened_out`.

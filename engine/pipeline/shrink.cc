@@ -15,7 +15,7 @@ void Shrink(int max_side, TrainView* v) {
   const double scale = double(max_side) / side;
   const int width = std::max(1, static_cast<int>(std::lround(camera.width * scale)));
   const int height = std::max(1, static_cast<int>(std::lround(camera.height * scale)));
-  const auto resize = [&](const ImageU8& image) { return ResizeArea(image, width, height); };
+  const auto resize = [&](const auto& image) { return ResizeArea(image, width, height); };
   v->photo = resize(v->photo);
   if (!v->target.empty()) v->target = resize(v->target);
   if (!v->mask.empty()) v->mask = ChangeMask(v->mask, resize);

@@ -198,14 +198,14 @@ absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOpt
   return prior;
 }
 
-double EstimateNoise(const ImageU8& photo, const PlaneU8& mask) {
+double EstimateNoise(const Photo& photo, const PlaneU8& mask) {
   const float* m = kColorModel[0];
   // Rounding a code to 8 bits has deviation 1 / (255 sqrt(12)); E mixes three of them.
   const double rounding =
       std::sqrt(double(m[0]) * m[0] + m[1] * m[1] + m[2] * m[2]) / (255 * std::sqrt(12.0));
   const auto intensity = [&](int x, int y) {
-    const uint8_t* p = photo.pixel(x, y);
-    return (m[0] * p[0] + m[1] * p[1] + m[2] * p[2]) * (1.0f / 255.0f);
+    const int16_t* p = photo.pixel(x, y);
+    return (m[0] * p[0] + m[1] * p[1] + m[2] * p[2]) * (1.0f / kPhotoWhite);
   };
   std::vector<float> means, details;
   for (int y = 0; y + 1 < photo.height; y += 2) {
@@ -230,7 +230,7 @@ double EstimateNoise(const ImageU8& photo, const PlaneU8& mask) {
   return std::max(rounding, Median(&dark_details) / 0.6745);
 }
 
-double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions& options,
+double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options,
                   absl::Span<const PlaneU8> masks) {
   std::vector<float> noise;
   for (size_t i = 0; i < photos.size(); ++i) {
@@ -239,7 +239,7 @@ double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions&
   return noise.empty() ? 0 : options.floor_noise_factor * Median(&noise);
 }
 
-absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const ImageU8> photos,
+absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,
                                                    const StructurePriorOptions& options,
                                                    int threads, const CancelToken& cancel,
                                                    absl::Span<const PlaneU8> masks) {

@@ -10,7 +10,7 @@
 #include "absl/types/span.h"
 #include "engine/core/cancel.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -52,11 +52,11 @@ absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOpt
 // Standard deviation of the noise of E in one photo, codes of [0, 1]: median absolute diagonal
 // Haar coefficient / 0.6745 (Donoho and Johnstone 1994) over the darker half of the photo, never
 // below the rounding noise of 8 bits seen by E. Squares of 2x2 px with a masked one do not count.
-double EstimateNoise(const ImageU8& photo, const PlaneU8& mask = {});
+double EstimateNoise(const Photo& photo, const PlaneU8& mask = {});
 
 // Below this E a photo says nothing about structure: floor_noise_factor times the median of
 // EstimateNoise over the capture.
-double NoiseFloor(absl::Span<const ImageU8> photos, const StructurePriorOptions& options,
+double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options,
                   absl::Span<const PlaneU8> masks = {});
 
 struct CapturePriors {
@@ -69,7 +69,7 @@ struct CapturePriors {
 // the capture; `masks`: see MaskOf, only pixels that count decide the scale. Deterministic for any
 // `threads` (<= 0: all cores). CANCELLED on request, INVALID_ARGUMENT for a bad option or a capture
 // without any structure.
-absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const ImageU8> photos,
+absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,
                                                    const StructurePriorOptions& options,
                                                    int threads, const CancelToken& cancel,
                                                    absl::Span<const PlaneU8> masks = {});

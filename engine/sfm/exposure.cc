@@ -1,6 +1,7 @@
 #include "engine/sfm/exposure.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "engine/core/mask.h"
@@ -12,18 +13,19 @@ namespace litags {
 namespace {
 
 constexpr double kTargetMean = 0.45;
-constexpr double kMaxGain = 255;  // one code of a black photo becomes white
+constexpr double kMaxGain = 1024;  // two bits below an 8-bit code
+constexpr int16_t kClipped = 254.5f * kPhotoCode;
 
-void ApplyGain(ImageU8& image, const PlaneU8& mask) {
-  const double mean = MeasureLight(image, mask).mean_level;
+void ApplyGain(const PlaneU8& mask, Photo* photo) {
+  const double mean = MeasureLight(*photo, mask).mean_level;
   const double gain = std::clamp(kTargetMean / std::max(mean, 1e-6), 1.0, kMaxGain);
-  for (uint8_t& code : image.data) {
-    code = static_cast<uint8_t>(std::min(255.0, code * gain + 0.5));
+  for (int16_t& sample : photo->data) {
+    sample = static_cast<int16_t>(std::clamp<double>(std::round(sample * gain), 0, kPhotoWhite));
   }
 }
 
-void ApplyBlur(ImageU8& image, double sigma_px) {
-  cv::Mat view(image.height, image.width, CV_8UC3, image.data.data());
+void Blur(double sigma_px, Photo* photo) {
+  cv::Mat view(photo->height, photo->width, CV_16SC3, photo->data.data());
   cv::GaussianBlur(view, view, cv::Size(), sigma_px);
 }
 
@@ -41,18 +43,17 @@ std::string_view ExposureName(Exposure exposure) {
   return "";
 }
 
-LightStats MeasureLight(const ImageU8& photo, const PlaneU8& mask) {
-  const size_t pixels = photo.data.size() / 3;
-  const double n = 3.0 * CountedPixels(mask, pixels);
+LightStats MeasureLight(const Photo& photo, const PlaneU8& mask) {
+  const double n = 3.0 * CountedPixels(mask, photo.pixels());
   if (n == 0) return {};
-  uint64_t sum = 0, clipped = 0;
-  ForCounted(mask, pixels, [&](size_t i) {
+  int64_t sum = 0, clipped = 0;
+  ForCounted(mask, photo.pixels(), [&](size_t i) {
     for (int c = 0; c < 3; ++c) {
       sum += photo.data[3 * i + c];
-      clipped += photo.data[3 * i + c] == 255;
+      clipped += photo.data[3 * i + c] >= kClipped;
     }
   });
-  return {.mean_level = sum / n / 255, .clipped_fraction = clipped / n};
+  return {.mean_level = std::max(0.0, sum / n / kPhotoWhite), .clipped_fraction = clipped / n};
 }
 
 Exposure ClassifyExposure(const LightStats& stats) {
@@ -89,28 +90,26 @@ std::vector<Preparation> Ladder(Exposure exposure) {
   return {};
 }
 
-ImageU8 Prepare(const ImageU8& photo, Preparation preparation, const PlaneU8& mask) {
-  ImageU8 image = photo;
+ImageU8 Prepare(const Photo& photo, Preparation preparation, const PlaneU8& mask) {
+  Photo image = photo;
   switch (preparation) {
     case Preparation::kRaw:
       break;
     case Preparation::kGainBlur07:
-      ApplyGain(image, mask);
-      ApplyBlur(image, 0.7);
+      ApplyGain(mask, &image);
+      Blur(0.7, &image);
       break;
     case Preparation::kGainBlur12:
-      ApplyGain(image, mask);
-      ApplyBlur(image, 1.2);
+      ApplyGain(mask, &image);
+      Blur(1.2, &image);
       break;
     case Preparation::kGainClahe:
-      ApplyGain(image, mask);
-      image = EnhanceClahe(image);
-      break;
+      ApplyGain(mask, &image);
+      return EnhanceClahe(PhotoToU8(image));
     case Preparation::kClahe:
-      image = EnhanceClahe(image);
-      break;
+      return EnhanceClahe(PhotoToU8(image));
   }
-  return image;
+  return PhotoToU8(image);
 }
 
 }  // namespace litags

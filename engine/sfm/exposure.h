@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -14,10 +14,10 @@ namespace litags {
 // Means over all pixels that count, and channels, of sRGB codes.
 struct LightStats {
   double mean_level = 0;        // [0, 1]
-  double clipped_fraction = 0;  // codes at 255
+  double clipped_fraction = 0;  // samples at white
 };
 
-LightStats MeasureLight(const ImageU8& photo, const PlaneU8& mask = {});
+LightStats MeasureLight(const Photo& photo, const PlaneU8& mask = {});
 
 // Low below a mean of .25, over above .70 or with a quarter of the codes clipped.
 // Choice: the benchmark's low captures have means of about .05 and its over-exposed ones .78 and
@@ -34,7 +34,7 @@ std::vector<Preparation> Ladder(Exposure exposure);
 // The prepared copy, same size. Gain: sRGB codes times .45 / mean of this photo, clipped (never
 // darker than the photo; the mean is that of pixels that count). CLAHE: clip limit 4 on 8x8 tiles
 // of Lab lightness, colour kept.
-ImageU8 Prepare(const ImageU8& photo, Preparation preparation, const PlaneU8& mask = {});
+ImageU8 Prepare(const Photo& photo, Preparation preparation, const PlaneU8& mask = {});
 
 }  // namespace litags
 

@@ -19,9 +19,9 @@ namespace {
 // Photos decoded to tell the light of a capture.
 constexpr size_t kMeasuredPhotos = 32;
 
-std::string FieldOf(const Photo& photo) { return absl::StrCat("images[", photo.name, "]"); }
+std::string FieldOf(const PhotoFile& photo) { return absl::StrCat("images[", photo.name, "]"); }
 
-std::string PathOf(const std::string& dir, const Photo& photo) {
+std::string PathOf(const std::string& dir, const PhotoFile& photo) {
   return absl::StrCat(dir, "/", photo.name);
 }
 
@@ -61,13 +61,13 @@ absl::Status WriteScratch(const std::string& path, const std::string& bytes) {
                                 " bytes); free some room on the disk"));
 }
 
-absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side,
-                                                const MaskPaths& masks) {
+absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_dir,
+                                                    int max_image_side, const MaskPaths& masks) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(images_dir, "images"));
-  std::vector<Photo> photos;
+  std::vector<PhotoFile> photos;
   photos.reserve(names.size());
   for (const std::string& name : names) {
-    Photo photo;
+    PhotoFile photo;
     photo.name = name;
     LITAGS_ASSIGN_OR_RETURN(const ImageInfo info,
                             ReadImageSize(PathOf(images_dir, photo), FieldOf(photo)));
@@ -90,17 +90,17 @@ absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, i
 }
 
 absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,
-                                          const std::vector<Photo>& photos, int threads,
+                                          const std::vector<PhotoFile>& photos, int threads,
                                           const CancelToken& cancel) {
   const size_t n = std::min(photos.size(), kMeasuredPhotos);
   if (n == 0) return LightStats{};
   std::vector<LightStats> stats(n);
   LITAGS_RETURN_IF_ERROR(ForEach(n, threads, cancel, [&](size_t i, int) -> absl::Status {
-    const Photo& photo = photos[i * photos.size() / n];
+    const PhotoFile& photo = photos[i * photos.size() / n];
     LITAGS_ASSIGN_OR_RETURN(
         const MaskedPhoto read,
         ReadMaskedPhoto(PathOf(images_dir, photo), FieldOf(photo), photo.mask_path));
-    stats[i] = MeasureLight(read.image, read.mask);
+    stats[i] = MeasureLight(read.photo, read.mask);
     return absl::OkStatus();
   }));
   LightStats mean;
@@ -111,12 +111,12 @@ absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,
   return mean;
 }
 
-absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>& photos,
+absl::Status WriteCopies(const std::string& images_dir, const std::vector<PhotoFile>& photos,
                          Preparation preparation, const std::string& copies_dir,
                          const std::string& masks_dir, int threads, const CancelToken& cancel,
                          const std::function<void(double)>& progress) {
   std::set<std::string> folders;
-  for (const Photo& photo : photos) folders.insert(photo.camera);
+  for (const PhotoFile& photo : photos) folders.insert(photo.camera);
   for (const std::string& folder : folders) {
     for (const std::string& dir : {copies_dir, masks_dir}) {
       LITAGS_RETURN_IF_ERROR(MakeFolder(absl::StrCat(dir, "/", folder)));
@@ -124,13 +124,13 @@ absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>
   }
   std::atomic<size_t> done = 0;
   return ForEach(photos.size(), threads, cancel, [&](size_t i, int thread) -> absl::Status {
-    const Photo& photo = photos[i];
+    const PhotoFile& photo = photos[i];
     LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(PathOf(images_dir, photo),
                                                               FieldOf(photo), photo.mask_path));
-    const auto resize = [&](const ImageU8& image) {
+    const auto resize = [&](const auto& image) {
       return ResizeArea(image, photo.copy_width, photo.copy_height);
     };
-    const ImageU8 image = resize(read.image);
+    const Photo image = resize(read.photo);
     if (!read.mask.empty()) {
       read.mask = ChangeMask(read.mask, resize);
       LITAGS_ASSIGN_OR_RETURN(const std::string mask, EncodeMask(read.mask));

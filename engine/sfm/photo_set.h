@@ -14,7 +14,7 @@
 
 namespace litags {
 
-struct Photo {
+struct PhotoFile {
   std::string name;       // file name in the photos' folder
   std::string camera;     // size and EXIF focal length, "480x361_26mm": photos alike share a camera
   std::string copy_name;  // camera and number, "480x361/000003.png": COLMAP shares a camera per
@@ -28,18 +28,19 @@ struct Photo {
 // All photos of a folder in name order, sized but not decoded. Copies have a longer side of at
 // most max_image_side (0: no bound). `masks`: those of the photos that have one. Errors of
 // ListPhotos and ReadImageSize.
-absl::StatusOr<std::vector<Photo>> ListPhotoSet(const std::string& images_dir, int max_image_side,
-                                                const MaskPaths& masks = {});
+absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_dir,
+                                                    int max_image_side,
+                                                    const MaskPaths& masks = {});
 
 // Mean light of up to 32 photos spread evenly over the capture, without their masked pixels.
 absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,
-                                          const std::vector<Photo>& photos, int threads,
+                                          const std::vector<PhotoFile>& photos, int threads,
                                           const CancelToken& cancel);
 
 // Writes the prepared copies under copies_dir, and for photos with a mask that of the copy, as
 // masks_dir/<copy_name>.png: COLMAP finds no features where it is black. `progress` gets fractions,
 // in the calling thread.
-absl::Status WriteCopies(const std::string& images_dir, const std::vector<Photo>& photos,
+absl::Status WriteCopies(const std::string& images_dir, const std::vector<PhotoFile>& photos,
                          Preparation preparation, const std::string& copies_dir,
                          const std::string& masks_dir, int threads, const CancelToken& cancel,
                          const std::function<void(double)>& progress);

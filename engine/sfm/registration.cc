@@ -61,9 +61,9 @@ std::string SummarizeDrops(const std::vector<SfmPhoto>& photos) {
   return absl::StrJoin(parts, "; ");
 }
 
-std::string SummarizeCameras(const std::vector<Photo>& photos) {
+std::string SummarizeCameras(const std::vector<PhotoFile>& photos) {
   std::map<std::string, int> count;
-  for (const Photo& photo : photos) ++count[photo.camera];
+  for (const PhotoFile& photo : photos) ++count[photo.camera];
   if (count.size() < 2) return "";
   std::vector<std::string> parts;
   for (const auto& [camera, n] : count) {

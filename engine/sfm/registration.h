@@ -19,7 +19,7 @@ int NeededPhotos(int num_photos, const SfmOptions& options);
 std::string SummarizeDrops(const std::vector<SfmPhoto>& photos);
 
 // "2 cameras: 20 photos of 480x361_26mm, 10 photos of 480x361_52mm". Empty for one.
-std::string SummarizeCameras(const std::vector<Photo>& photos);
+std::string SummarizeCameras(const std::vector<PhotoFile>& photos);
 
 // OK, or FAILED_PRECONDITION SFM_NO_MODEL, SFM_SPLIT or SFM_TOO_FEW_REGISTERED.
 absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>& photos,

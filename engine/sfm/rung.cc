@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 constexpr int kFewFeatures =
     50;  // fewer cannot give the 15 matches to several photos that SfM needs
 
-std::map<std::string, int> IndexByCopyName(const std::vector<Photo>& photos) {
+std::map<std::string, int> IndexByCopyName(const std::vector<PhotoFile>& photos) {
   std::map<std::string, int> index;
   for (size_t i = 0; i < photos.size(); ++i) index[photos[i].copy_name] = static_cast<int>(i);
   return index;
@@ -87,7 +87,7 @@ absl::StatusOr<std::vector<SfmPhoto>> ReadPhotoFacts(const RungInput& in, const 
 
 // The photo of each view of a model of copies. The model's reader drops folders from names.
 absl::StatusOr<std::vector<int>> PhotoOfViews(const SparseModel& copies,
-                                              const std::vector<Photo>& photos) {
+                                              const std::vector<PhotoFile>& photos) {
   std::map<std::string, int> index;
   for (size_t i = 0; i < photos.size(); ++i) {
     index[BaseName(photos[i].copy_name)] = static_cast<int>(i);
@@ -106,19 +106,19 @@ absl::StatusOr<std::vector<int>> PhotoOfViews(const SparseModel& copies,
 }
 
 // Turns a model of copies into one of their photos: names, sizes, positions in tracks.
-absl::StatusOr<SparseModel> ToPhotos(SparseModel model, const std::vector<Photo>& photos) {
+absl::StatusOr<SparseModel> ToPhotos(SparseModel model, const std::vector<PhotoFile>& photos) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<int> photo_of, PhotoOfViews(model, photos));
   for (SparsePoint& point : model.points) {
     for (TrackElement& seen : point.track) {
       const Camera& copy = model.views[seen.view].camera;
-      const Photo& photo = photos[photo_of[seen.view]];
+      const PhotoFile& photo = photos[photo_of[seen.view]];
       seen.x *= static_cast<double>(photo.width) / copy.width;
       seen.y *= static_cast<double>(photo.height) / copy.height;
     }
   }
   // Numbered copies sort like their photos, so the views are in name order already.
   for (size_t i = 0; i < model.views.size(); ++i) {
-    const Photo& photo = photos[photo_of[i]];
+    const PhotoFile& photo = photos[photo_of[i]];
     model.views[i] = {photo.name, model.views[i].camera.Scaled(photo.width, photo.height)};
   }
   return model;
@@ -127,7 +127,7 @@ absl::StatusOr<SparseModel> ToPhotos(SparseModel model, const std::vector<Photo>
 // All models that the mapper wrote, the one to keep first: most views, then most points. The
 // reprojection error is no guide: small wrong models have the smallest.
 absl::StatusOr<std::vector<SparseModel>> ReadModels(const std::string& models_dir,
-                                                    const std::vector<Photo>& photos) {
+                                                    const std::vector<PhotoFile>& photos) {
   std::vector<SparseModel> models;
   for (int i = 0; fs::exists(absl::StrCat(models_dir, "/", i)); ++i) {
     LITAGS_ASSIGN_OR_RETURN(SparseModel copies,
@@ -182,7 +182,7 @@ absl::StatusOr<SparseModel> InDatabaseOrder(const RungInput& in, const SparseMod
   for (size_t i = 0; i < images.size(); ++i) {
     const auto found = index.find(images[i].name);
     if (found == index.end() || images[i].id != static_cast<int>(i) + 1) break;
-    const Photo& photo = in.photos[found->second];
+    const PhotoFile& photo = in.photos[found->second];
     model.views.push_back({photo.copy_name, cameras.views[found->second].camera.Scaled(
                                                 photo.copy_width, photo.copy_height)});
     model.distortions.push_back(cameras.distortions[found->second]);

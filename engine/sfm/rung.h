@@ -17,7 +17,7 @@ namespace litags {
 // What a rung works with; the references must outlive it.
 struct RungInput {
   const std::string& images_dir;
-  const std::vector<Photo>& photos;
+  const std::vector<PhotoFile>& photos;
   const SfmOptions& options;
   const CancelToken& cancel;
   Preparation preparation;

@@ -33,7 +33,7 @@ struct Capture {
   const SfmOptions& options;
   const CancelToken& cancel;
   const SfmProgressFn& progress;
-  std::vector<Photo> photos;
+  std::vector<PhotoFile> photos;
   LightStats light;
   Exposure exposure = Exposure::kNormal;
 };
@@ -159,7 +159,7 @@ void AddNotes(const SfmRung& kept, SfmResult& result) {
 
 // What the user should know of cameras and lenses. Distortion that nobody would see becomes none:
 // taking it out of the photos would cost them sharpness.
-void SettleCameras(const std::vector<Photo>& photos, SfmResult& result) {
+void SettleCameras(const std::vector<PhotoFile>& photos, SfmResult& result) {
   constexpr double kSeen = 0.5;  // px
   const std::string cameras = SummarizeCameras(photos);
   if (!cameras.empty()) result.notes.push_back(cameras);
@@ -176,11 +176,11 @@ void SettleCameras(const std::vector<Photo>& photos, SfmResult& result) {
 }
 
 // The photo of each given view, with sizes that agree.
-absl::StatusOr<std::vector<Photo>> PhotosOfViews(const std::vector<Photo>& photos,
-                                                 const SparseModel& cameras) {
-  std::map<std::string, const Photo*> by_name;
-  for (const Photo& photo : photos) by_name[photo.name] = &photo;
-  std::vector<Photo> chosen;
+absl::StatusOr<std::vector<PhotoFile>> PhotosOfViews(const std::vector<PhotoFile>& photos,
+                                                     const SparseModel& cameras) {
+  std::map<std::string, const PhotoFile*> by_name;
+  for (const PhotoFile& photo : photos) by_name[photo.name] = &photo;
+  std::vector<PhotoFile> chosen;
   for (const View& view : cameras.views) {
     const std::string field = absl::StrCat("cameras[", view.name, "]");
     if (!chosen.empty() && chosen.back().name >= view.name) {
@@ -196,7 +196,7 @@ absl::StatusOr<std::vector<Photo>> PhotosOfViews(const std::vector<Photo>& photo
                                     "\" has no photo of that name; add the photo or leave the "
                                     "camera out"));
     }
-    const Photo& photo = *found->second;
+    const PhotoFile& photo = *found->second;
     if (photo.width != view.camera.width || photo.height != view.camera.height) {
       return InvalidInput("CAMERA_SIZE_MISMATCH", field,
                           absl::StrCat("camera \"", view.name, "\" is for ", view.camera.width, "x",
@@ -209,12 +209,12 @@ absl::StatusOr<std::vector<Photo>> PhotosOfViews(const std::vector<Photo>& photo
 }
 
 // Every photo in name order again: those without a given camera were not worked on.
-std::vector<SfmPhoto> WithPhotosLeftOut(const std::vector<Photo>& all,
+std::vector<SfmPhoto> WithPhotosLeftOut(const std::vector<PhotoFile>& all,
                                         const std::vector<SfmPhoto>& used) {
   std::map<std::string, const SfmPhoto*> by_name;
   for (const SfmPhoto& photo : used) by_name[photo.name] = &photo;
   std::vector<SfmPhoto> photos;
-  for (const Photo& photo : all) {
+  for (const PhotoFile& photo : all) {
     const auto found = by_name.find(photo.name);
     if (found != by_name.end()) {
       photos.push_back(*found->second);
@@ -301,7 +301,7 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
                                      " views; at least 2 are needed, each with its distortion"));
   }
   Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<Photo> all,
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<PhotoFile> all,
                           ListPhotoSet(images_dir, options.max_image_side, options.masks));
   LITAGS_ASSIGN_OR_RETURN(capture.photos, PhotosOfViews(all, cameras));
   LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));

@@ -1,7 +1,6 @@
 #include "engine/stereo/match_image.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <vector>
@@ -18,15 +17,6 @@ namespace {
 constexpr float kBlack = 0.05f;
 
 constexpr float kLuma[3] = {0.2126f, 0.7152f, 0.0722f};  // of linear sRGB (BT.709)
-
-std::array<std::array<float, 256>, 3> LumaTables() {
-  std::array<std::array<float, 256>, 3> tables;
-  for (int code = 0; code < 256; ++code) {
-    const float linear = static_cast<float>(LinearFromSrgb(code / 255.0));
-    for (int c = 0; c < 3; ++c) tables[c][code] = kLuma[c] * linear;
-  }
-  return tables;
-}
 
 cv::Mat Wrap(Planes* plane) {
   return cv::Mat(plane->height, plane->width, CV_32F, plane->data.data());
@@ -56,14 +46,14 @@ Camera MatchCamera(const Camera& camera, int max_side) {
                        std::max(1, static_cast<int>(std::lround(camera.height * shrink))));
 }
 
-absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& camera,
+absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& camera,
                                           double blur_px) {
-  static const auto tables = LumaTables();
+  const LinearTable& linear = LinearTable::Get();
   Planes light(1, photo.height, photo.width);
   double sum = 0;
   for (size_t i = 0; i < light.data.size(); ++i) {
-    const uint8_t* p = &photo.data[3 * i];
-    light.data[i] = tables[0][p[0]] + tables[1][p[1]] + tables[2][p[2]];
+    const int16_t* p = &photo.data[3 * i];
+    light.data[i] = kLuma[0] * linear(p[0]) + kLuma[1] * linear(p[1]) + kLuma[2] * linear(p[2]);
     sum += light.data[i];
   }
   MatchImage out;
@@ -82,7 +72,7 @@ absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& ca
   const float mean = static_cast<float>(sum / light.data.size());
   const float gain = mean > 0 ? 1 / mean : 0;
   const float center = std::sqrt(1 + kBlack);
-  for (float& v : out.gray.data) v = std::sqrt(v * gain + kBlack) - center;
+  for (float& v : out.gray.data) v = std::sqrt(std::max(0.0f, v * gain + kBlack)) - center;
   out.noise = NoiseOf(out.gray);
   return out;
 }

@@ -4,7 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -21,8 +21,7 @@ Camera MatchCamera(const Camera& camera, int max_side);
 // photo's noise bearable; smoothed by a Gaussian of `blur_px` of the result; then the square root
 // of brightness over its mean, under which photon noise has one size everywhere. An all-black photo
 // gives a flat image. INTERNAL if OpenCV fails.
-absl::StatusOr<MatchImage> MakeMatchImage(const ImageU8& photo, const Camera& camera,
-                                          double blur_px);
+absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& camera, double blur_px);
 
 }  // namespace litags
 

@@ -48,7 +48,7 @@ struct Level {
 constexpr int kLevels = 1024;
 using Levels = std::vector<Level>;
 
-Levels LevelsOf(const ImageU8& photo, double gain, const PlaneU8& mask) {
+Levels LevelsOf(const Photo& photo, double gain, const PlaneU8& mask) {
   const FloatImage light = gain * LinearImage(photo);
   FloatImage mean;
   cv::blur(light, mean, cv::Size(kWindow, kWindow), cv::Point(-1, -1), cv::BORDER_REPLICATE);
@@ -90,7 +90,7 @@ Level Darkest(const Levels& levels) {
 
 }  // namespace
 
-double NoiseAtBlack(absl::Span<const ImageU8> photos, absl::Span<const double> gains, int threads,
+double NoiseAtBlack(absl::Span<const Photo> photos, absl::Span<const double> gains, int threads,
                     absl::Span<const PlaneU8> masks) {
   LITAGS_CHECK(photos.size() == gains.size());
   std::vector<Levels> of_photos(photos.size());

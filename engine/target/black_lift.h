@@ -10,7 +10,7 @@
 
 #include "absl/types/span.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -19,7 +19,7 @@ namespace litags {
 // bright they are, and how they differ from their neighbours: never more than makes darkness so
 // bright, nor much more than the differences show. Fine texture counts as noise.
 // `masks`: see MaskOf. Deterministic for any `threads` (<= 0: all cores).
-double NoiseAtBlack(absl::Span<const ImageU8> photos, absl::Span<const double> gains, int threads,
+double NoiseAtBlack(absl::Span<const Photo> photos, absl::Span<const double> gains, int threads,
                     absl::Span<const PlaneU8> masks = {});
 
 // The light >= 0 that such noise made `light` of: the inverse of g.

@@ -7,6 +7,7 @@
 
 #include "engine/core/color.h"
 #include "engine/core/mask.h"
+#include "engine/target/curve_table.h"
 #include "engine/target/float_image.h"
 #include "engine/target/information.h"
 
@@ -18,36 +19,6 @@ constexpr int kTaps = 2;         // to either side
 constexpr int kTapSpacing = 4;   // px
 constexpr double kTapSigma = 4;  // px
 constexpr float kLeastLuma = 1e-9f;
-
-// A curve as a table: it is asked for six times a pixel, and its power functions are slow.
-class CurveTable {
- public:
-  // Over [0, top]; what is brighter maps to the code of `top`.
-  CurveTable(const std::function<double(double)>& curve, double top)
-      : scale_(kSteps / top), codes_(kSteps + 2) {
-    for (int i = 0; i <= kSteps; ++i) {
-      codes_[i] = static_cast<float>(std::clamp(curve(i * top / kSteps), 0.0, 1.0));
-    }
-    codes_[kSteps + 1] = codes_[kSteps];
-  }
-  float operator()(float linear) const {
-    const float at = std::clamp(linear * scale_, 0.0f, float(kSteps));
-    const int i = static_cast<int>(at);
-    return codes_[i] + (at - i) * (codes_[i + 1] - codes_[i]);
-  }
-  FloatImage operator()(const FloatImage& linear) const {
-    FloatImage codes(linear.size());
-    for (int i = 0; i < linear.rows * linear.cols; ++i) {
-      for (int c = 0; c < 3; ++c) codes(i)[c] = (*this)(linear(i)[c]);
-    }
-    return codes;
-  }
-
- private:
-  static constexpr int kSteps = 1 << 14;
-  float scale_;
-  std::vector<float> codes_;
-};
 
 float Luma(const cv::Vec3f& rgb) {
   return kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
@@ -109,8 +80,8 @@ cv::Vec3f BilateralMean(const FloatImage& linear, const FloatImage& guide, const
 
 }  // namespace
 
-ImageU8 SmoothChroma(const ImageU8& photo, double gain, double strength,
-                     const std::function<double(double linear)>& curve, const PlaneU8& mask) {
+Photo SmoothChroma(const Photo& photo, double gain, double strength,
+                   const std::function<double(double linear)>& curve, const PlaneU8& mask) {
   const FloatImage linear = LinearImage(photo);
   const CurveTable table(curve, std::min(1.0, 1 / gain));
   FloatImage codes = table(linear);
@@ -128,13 +99,7 @@ ImageU8 SmoothChroma(const ImageU8& photo, double gain, double strength,
       }
     }
   }
-  ImageU8 out(photo.width, photo.height);
-  for (int i = 0; i < photo.height * photo.width; ++i) {
-    for (int c = 0; c < 3; ++c) {
-      out.data[3 * i + c] = static_cast<uint8_t>(std::lround(255 * codes(i)[c]));
-    }
-  }
-  return out;
+  return PhotoFromCodes(codes);
 }
 
 }  // namespace litags

@@ -5,7 +5,7 @@
 #include <functional>
 
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -22,8 +22,8 @@ namespace litags {
 // photo's own luma after the curve. What `mask` (engine/core/mask.h) leaves out says nothing about
 // the noise and about other pixels' colours. With little noise (kVisibleChromaNoise) or a strength
 // of 0 nothing is averaged.
-ImageU8 SmoothChroma(const ImageU8& photo, double gain, double strength,
-                     const std::function<double(double linear)>& curve, const PlaneU8& mask = {});
+Photo SmoothChroma(const Photo& photo, double gain, double strength,
+                   const std::function<double(double linear)>& curve, const PlaneU8& mask = {});
 
 inline constexpr double kVisibleChromaNoise = 1.5 / 255;  // deviation of codes. Choice
 

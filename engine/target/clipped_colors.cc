@@ -101,7 +101,7 @@ Rgb EstimateLogRatio(const ScenePalette& palette, float log_exposure, const Rgb&
 
 float Clippedness(float code) { return SmoothStep((code - kKnee) / (kTop - kKnee)); }
 
-ScenePalette CollectPalette(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
+ScenePalette CollectPalette(absl::Span<const Photo> photos, absl::Span<const double> exposures,
                             double gain, absl::Span<const PlaneU8> masks) {
   ScenePalette palette;
   double spread = 0;  // in [0, 1), evenly for any number of places

@@ -7,7 +7,7 @@
 
 #include "absl/types/span.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -23,7 +23,7 @@ using ScenePalette = std::vector<Rgb>;
 // Some thousand colours that the photos show unclipped. Of places where all channels are clipped
 // nothing is known; they stand among them as white, as bright as photos cannot show, up to 1 /
 // gain at exposure 1. `exposures` and `masks` as for MakeTargets (tone.h).
-ScenePalette CollectPalette(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
+ScenePalette CollectPalette(absl::Span<const Photo> photos, absl::Span<const double> exposures,
                             double gain, absl::Span<const PlaneU8> masks);
 
 // The colours of a palette as photos of one exposure clip them. A clipped pixel has the mean of

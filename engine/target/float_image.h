@@ -3,11 +3,10 @@
 #define LITAGS_ENGINE_TARGET_FLOAT_IMAGE_H_
 
 #include <algorithm>
-#include <array>
 #include <opencv2/imgproc.hpp>
 
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -27,21 +26,19 @@ inline cv::Mat Blur(const cv::Mat& image, double sigma) {
 }
 
 // The photo's codes in [0, 1], smoothed: noise and compression scatter clipped samples below 255.
-inline FloatImage SmoothCodes(const ImageU8& photo) {
+inline FloatImage SmoothCodes(const Photo& photo) {
   constexpr double kSigma = 0.0015;  // of the photo's width
-  const cv::Mat codes(photo.height, photo.width, CV_8UC3, const_cast<uint8_t*>(photo.data.data()));
+  const cv::Mat codes(photo.height, photo.width, CV_16SC3, const_cast<int16_t*>(photo.data.data()));
   FloatImage scaled;
-  codes.convertTo(scaled, CV_32FC3, 1.0 / 255);
+  codes.convertTo(scaled, CV_32FC3, 1.0 / kPhotoWhite);
   return Blur(scaled, std::max(0.5, kSigma * photo.width));
 }
 
 // Linear light, 1: the photo's white.
-inline FloatImage LinearImage(const ImageU8& photo) {
-  std::array<float, 256> lut;
-  for (int code = 0; code < 256; ++code) lut[code] = LinearFromSrgb(code / 255.0);
+inline FloatImage LinearImage(const Photo& photo) {
   FloatImage linear(photo.height, photo.width);
-  for (int i = 0; i < photo.height * photo.width; ++i) {
-    for (int c = 0; c < 3; ++c) linear(i)[c] = lut[photo.data[3 * i + c]];
+  for (size_t i = 0; i < photo.pixels(); ++i) {
+    for (int c = 0; c < 3; ++c) linear(int(i))[c] = LinearTable::Get()(photo.data[3 * i + c]);
   }
   return linear;
 }

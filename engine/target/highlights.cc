@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/target/curve_table.h"
 #include "engine/target/float_image.h"
 
 namespace litags {
@@ -91,16 +92,17 @@ Glare FindGlare(const FloatImage& codes, const FloatImage& clipped) {
 
 }  // namespace
 
-ImageU8 FillHighlights(const ImageU8& photo, double gain, const ClippedColors& colors,
-                       const std::function<double(double linear)>& curve) {
+Photo FillHighlights(const Photo& photo, double gain, const ClippedColors& colors,
+                     const std::function<double(double linear)>& curve) {
   const FloatImage codes = SmoothCodes(photo), linear = LinearImage(photo);
   const FloatImage clipped = ClippednessOf(codes), color = Colors(codes, clipped, colors);
   const Glare glare = FindGlare(codes, clipped);
-  const double headroom = 1 - curve(1);
-  ImageU8 out(photo.width, photo.height);
+  const CurveTable table(curve, 1 / gain);
+  const float headroom = 1 - table(1), white = static_cast<float>(1 / gain);
+  Photo out(photo.width, photo.height);
   for (int i = 0; i < photo.height * photo.width; ++i) {
     const float inside = glare.inside(i);
-    const double lift = headroom * inside * (kSurfaceFill + kLightFill * glare.light(i));
+    const float lift = headroom * inside * (kSurfaceFill + kLightFill * glare.light(i));
     // White towards the middle: what blinds a camera is mostly light, not colour.
     const cv::Vec3f k = cv::Vec3f(1, 1, 1) + (1 - inside) * (color(i) - cv::Vec3f(1, 1, 1));
     const cv::Vec3f &y = linear(i), &t = clipped(i);
@@ -111,9 +113,9 @@ ImageU8 FillHighlights(const ImageU8& photo, double gain, const ClippedColors& c
     }
     const float brightness = measured / of_color;
     for (int c = 0; c < 3; ++c) {
-      const double estimate = std::max<double>(y[c], std::min<double>(k[c] * brightness, 1 / gain));
-      const double code = curve(y[c] + (estimate - y[c]) * t[c]) + lift;
-      out.data[3 * i + c] = static_cast<uint8_t>(std::lround(255 * std::clamp(code, 0.0, 1.0)));
+      const float estimate = std::max(y[c], std::min(k[c] * brightness, white));
+      const float code = table(y[c] + (estimate - y[c]) * t[c]) + lift;
+      out.data[3 * i + c] = PhotoSample(std::min(code, 1.0f));
     }
   }
   return out;

@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 #include "engine/target/clipped_colors.h"
 
 namespace litags {
@@ -18,8 +18,8 @@ namespace litags {
 // borders up to which the photo grows brighter, since a surface is little brighter there, but not
 // near sharp ones, where something else begins. Areas with few gradual borders are lamps or the
 // sky, and go up to kLightFill further: one grey would turn glare into fog.
-ImageU8 FillHighlights(const ImageU8& photo, double gain, const ClippedColors& colors,
-                       const std::function<double(double linear)>& curve);
+Photo FillHighlights(const Photo& photo, double gain, const ClippedColors& colors,
+                     const std::function<double(double linear)>& curve);
 
 inline constexpr double kSurfaceFill = 0.6, kLightFill = 0.2;  // Choices, measured
 

@@ -13,7 +13,13 @@ namespace litags {
 namespace {
 
 constexpr int kCodes = 256;
+constexpr int kBins = 16;                // of NoiseDifferences to a code
 constexpr int64_t kEnoughSamples = 500;  // of one code
+
+// The 8-bit code of a sample.
+int CodeOf(int16_t sample) {
+  return std::clamp(static_cast<int>(std::lrint(sample / kPhotoCode)), 0, kCodes - 1);
+}
 
 void AddCounts(const NoiseDifferences& from, NoiseDifferences* to) {
   for (size_t i = 0; i < from.size(); ++i) (*to)[i] += from[i];
@@ -34,30 +40,33 @@ struct CodeSamples {
 
 using Samples = std::vector<CodeSamples>;  // [kCodes]
 
-// Calls visit(sample, code, difference) for every sample of the picture but the border's: its index
-// in the data, and the difference as NoiseDifferences counts it.
+// Calls visit(sample, bin) for every sample of the picture but the border's: its index in the data,
+// and its difference's index in NoiseDifferences.
 template <class Visit>
-void ForEachDifference(const ImageU8& picture, const PlaneU8& mask, const Visit& visit) {
+void ForEachDifference(const Photo& picture, const PlaneU8& mask, const Visit& visit) {
+  constexpr float kPerBin = kBins / (4 * kPhotoCode);
   const size_t row = 3 * size_t(picture.width);
   for (int y = 1; y + 1 < picture.height; ++y) {
     for (int x = 1; x + 1 < picture.width; ++x) {
       if (!Counts(mask, x, y)) continue;
       for (int c = 0; c < 3; ++c) {
         const size_t sample = y * row + 3 * x + c;
-        const uint8_t* at = picture.data.data() + sample;
-        visit(sample, *at, std::abs(4 * *at - (at[-3] + at[3] + *(at - row) + at[row])));
+        const int16_t* at = picture.data.data() + sample;
+        const int difference = std::abs(4 * *at - (at[-3] + at[3] + *(at - row) + at[row]));
+        visit(sample,
+              std::min(static_cast<int>(std::lrint(difference * kPerBin)), kBins * kCodes - 1));
       }
     }
   }
 }
 
-void AddPhoto(const ImageU8& photo, const ImageU8& target, const PlaneU8& mask, Samples* samples) {
+void AddPhoto(const Photo& photo, const Photo& target, const PlaneU8& mask, Samples* samples) {
   LITAGS_CHECK(photo.width == target.width && photo.height == target.height);
-  ForEachDifference(target, mask, [&](size_t sample, int code, int difference) {
-    CodeSamples& s = (*samples)[photo.data[sample]];
+  ForEachDifference(target, mask, [&](size_t sample, int bin) {
+    CodeSamples& s = (*samples)[CodeOf(photo.data[sample])];
     s.samples += 1;
-    s.target_sum += code;
-    s.differences[difference] += 1;
+    s.target_sum += target.data[sample] / kPhotoCode;
+    s.differences[bin] += 1;
   });
 }
 
@@ -69,7 +78,7 @@ double NoiseOf(const NoiseDifferences& differences) {
     const int64_t next = below + differences[d];
     if (4 * next >= samples && next > below) {
       const double part = (0.25 * samples - below) / (next - below);  // of bin d +- 1/2
-      return NoiseOfDifferences(std::max(0.0, d - 0.5 + part) / 4);
+      return NoiseOfDifferences(std::max(0.0, d - 0.5 + part) / kBins);
     }
     below = next;
   }
@@ -136,8 +145,8 @@ WeightTable WeightsOf(const std::array<double, kCodes>& noise,
 // Photos are taken together by exposure.
 int HalfStops(double exposure) { return static_cast<int>(std::lround(2 * std::log2(exposure))); }
 
-std::map<int, WeightTable> TablesByExposure(absl::Span<const ImageU8* const> photos,
-                                            absl::Span<const ImageU8* const> targets,
+std::map<int, WeightTable> TablesByExposure(absl::Span<const Photo* const> photos,
+                                            absl::Span<const Photo* const> targets,
                                             absl::Span<const double> exposures,
                                             absl::Span<const PlaneU8> masks) {
   std::map<int, Samples> samples;
@@ -160,8 +169,8 @@ std::map<int, WeightTable> TablesByExposure(absl::Span<const ImageU8* const> pho
 
 }  // namespace
 
-CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
-                              absl::Span<const ImageU8* const> targets,
+CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
+                              absl::Span<const Photo* const> targets,
                               absl::Span<const PlaneU8> masks) {
   LITAGS_CHECK(photos.size() == targets.size());
   Samples samples(kCodes);
@@ -171,9 +180,9 @@ CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
   return Summarize(samples);
 }
 
-void PictureNoise::Add(const ImageU8& picture, const PlaneU8& mask) {
-  ForEachDifference(picture, mask, [&](size_t, int code, int difference) {
-    if (code > 0) differences_[difference] += 1;
+void PictureNoise::Add(const Photo& picture, const PlaneU8& mask) {
+  ForEachDifference(picture, mask, [&](size_t sample, int bin) {
+    if (CodeOf(picture.data[sample]) > 0) differences_[bin] += 1;
   });
 }
 
@@ -181,8 +190,8 @@ void PictureNoise::Add(const PictureNoise& other) { AddCounts(other.differences_
 
 double PictureNoise::Deviation() const { return NoiseOf(differences_); }
 
-std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
-                                        absl::Span<const ImageU8* const> targets,
+std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
+                                        absl::Span<const Photo* const> targets,
                                         absl::Span<const double> exposures,
                                         absl::Span<const PlaneU8> masks) {
   LITAGS_CHECK(targets.size() == photos.size() && exposures.size() == photos.size());
@@ -194,7 +203,7 @@ std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
   const auto weight = [&](const WeightTable& table, size_t photo, size_t pixel) {
     double sum = 0;
     for (size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {
-      sum += table[kCodes * photos[photo]->data[k] + targets[photo]->data[k]];
+      sum += table[kCodes * CodeOf(photos[photo]->data[k]) + CodeOf(targets[photo]->data[k])];
     }
     return sum / 3;
   };

@@ -9,7 +9,7 @@
 
 #include "absl/types/span.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -27,8 +27,8 @@ inline double NoiseOfDifferences(double lower_quartile) {
   return lower_quartile / (0.3186 * std::sqrt(1.25));
 }
 
-// Counts of differences to the mean of the four neighbours, in quarters of a code.
-using NoiseDifferences = std::array<int64_t, 4 * 256>;
+// Counts of differences to the mean of the four neighbours, in sixteenths of an 8-bit code.
+using NoiseDifferences = std::array<int64_t, 16 * 256>;
 
 // Of the targets where their photos have each code; codes of 255.
 struct CodeStatistics {
@@ -42,8 +42,8 @@ struct CodeStatistics {
 
 // Codes that hardly occur take over their neighbours'. `masks`: see MaskOf; pixels that do not
 // count say nothing. Sizes must agree (LITAGS_CHECK).
-CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
-                              absl::Span<const ImageU8* const> targets,
+CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
+                              absl::Span<const Photo* const> targets,
                               absl::Span<const PlaneU8> masks = {});
 
 // Measures the noise of pictures, one figure for all that were added: as above from the lower
@@ -52,7 +52,7 @@ CodeStatistics MeasureTargets(absl::Span<const ImageU8* const> photos,
 class PictureNoise {
  public:
   // `mask` as in engine/core/mask.h.
-  void Add(const ImageU8& picture, const PlaneU8& mask);
+  void Add(const Photo& picture, const PlaneU8& mask);
   void Add(const PictureNoise& other);
 
   // Standard deviation, codes of 255; 0 if nothing was added.
@@ -69,8 +69,8 @@ class PictureNoise {
 // as bright, and T = kToleratedNoise; brought to a mean of 1 over what counts of the capture and
 // stored in steps of 1 / kInformationOne, at most 255 of them. One plane per photo. `exposures` as
 // for MakeTargets (tone.h); none, all pixels alike, where they are within kLikeExposures.
-std::vector<PlaneU8> InformationWeights(absl::Span<const ImageU8* const> photos,
-                                        absl::Span<const ImageU8* const> targets,
+std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
+                                        absl::Span<const Photo* const> targets,
                                         absl::Span<const double> exposures,
                                         absl::Span<const PlaneU8> masks = {});
 

@@ -13,9 +13,10 @@
 namespace litags {
 namespace {
 
-constexpr int kRadius = 2;                   // px: a patch of 5x5 averages the noise
-constexpr int kMinCode = 2, kMaxCode = 250;  // of a patch's mean in every channel
-constexpr int kRounds = 50;                  // of alternating medians
+constexpr int kRadius = 2;                     // px: a patch of 5x5 averages the noise
+constexpr float kMinCode = 2, kMaxCode = 250;  // 8-bit, of a patch's mean in every channel
+constexpr int16_t kLeastSample = 16;  // a quarter of a code: what a photo's median is at least
+constexpr int kRounds = 50;           // of alternating medians
 
 // Of WithoutDrift(), logs. Choices
 constexpr double kDrift = 0.15;                     // deviation of drift, beforehand
@@ -33,50 +34,43 @@ double Median(std::vector<double>& values) {
   return *middle;
 }
 
-const std::array<double, 256>& LinearLut() {
-  static const std::array<double, 256> lut = [] {
-    std::array<double, 256> out;
-    for (int code = 0; code < 256; ++code) out[code] = LinearFromSrgb(code / 255.0);
-    return out;
-  }();
-  return lut;
-}
-
 // Log of the mean linear light of a patch; nothing if it is cut off, masked, black or white.
-std::optional<double> LogLight(const ImageU8& photo, const PlaneU8& mask, double x, double y) {
+std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x, double y) {
   const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
   if (px < kRadius || py < kRadius || px + kRadius >= photo.width || py + kRadius >= photo.height)
     return std::nullopt;
   constexpr int kPixels = (2 * kRadius + 1) * (2 * kRadius + 1);
-  std::array<int, 3> codes = {0, 0, 0};
+  std::array<int, 3> samples = {0, 0, 0};
   double light = 0;
   for (int v = py - kRadius; v <= py + kRadius; ++v) {
     for (int u = px - kRadius; u <= px + kRadius; ++u) {
       if (!Counts(mask, u, v)) return std::nullopt;
-      const uint8_t* pixel = photo.pixel(u, v);
+      const int16_t* pixel = photo.pixel(u, v);
       for (int c = 0; c < 3; ++c) {
-        codes[c] += pixel[c];
-        light += LinearLut()[pixel[c]];
+        samples[c] += pixel[c];
+        light += LinearTable::Get()(pixel[c]);
       }
     }
   }
-  for (const int sum : codes) {
-    if (sum < kMinCode * kPixels || sum > kMaxCode * kPixels) return std::nullopt;
+  for (const int sum : samples) {
+    const float code = sum / (kPixels * kPhotoCode);
+    if (code < kMinCode || code > kMaxCode) return std::nullopt;
   }
   return std::log(light / (3 * kPixels));
 }
 
 // Log of the median linear light of a whole photo.
-double LogMedianLight(const ImageU8& photo, const PlaneU8& mask) {
-  const std::array<int64_t, 256> counts = CountCodes(photo, mask);
-  const int64_t samples = std::accumulate(counts.begin(), counts.end(), int64_t{0});
-  int64_t sum = 0;
-  int code = 0;
-  while (code < 255 && 2 * (sum += counts[code]) < samples) ++code;
-  return std::log(LinearLut()[std::max(code, 1)]);
+double LogMedianLight(const Photo& photo, const PlaneU8& mask) {
+  std::vector<int16_t> samples;
+  ForCounted(mask, photo.pixels(), [&](size_t i) {
+    samples.insert(samples.end(), &photo.data[3 * i], &photo.data[3 * i] + 3);
+  });
+  const auto middle = samples.begin() + samples.size() / 2;
+  std::nth_element(samples.begin(), middle, samples.end());
+  return std::log(LinearTable::Get()(std::max<int16_t>(*middle, kLeastSample)));
 }
 
-std::vector<Sample> TakeSamples(absl::Span<const ImageU8> photos,
+std::vector<Sample> TakeSamples(absl::Span<const Photo> photos,
                                 absl::Span<const PointSighting> sightings,
                                 absl::Span<const PlaneU8> masks) {
   std::vector<Sample> samples;
@@ -174,7 +168,7 @@ std::vector<double> FromLogs(const std::vector<double>& logs) {
 
 }  // namespace
 
-std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
+std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const PlaneU8> masks) {
   const std::vector<Sample> samples = TakeSamples(photos, sightings, masks);

@@ -6,7 +6,7 @@
 
 #include "absl/types/span.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -23,7 +23,7 @@ struct PointSighting {
 // kMinSightings usable points with the others is taken to have the same median light as they have.
 // Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its patch
 // does not count.
-std::vector<double> RelativeExposures(absl::Span<const ImageU8> photos,
+std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const PlaneU8> masks = {});
 

@@ -20,18 +20,19 @@
 namespace litags {
 namespace {
 
-constexpr double kTheta = 0.49;       // authors' release
-constexpr double kLeastOfLit = 0.45;  // quantile, see CaptureGain. Choice
-constexpr int kClippedCode = 255;
+constexpr double kTheta = 0.49;                    // authors' release
+constexpr double kLeastOfLit = 0.45;               // quantile, see CaptureGain. Choice
+constexpr int16_t kClipped = 254.5f * kPhotoCode;  // samples at and above it, of the photo
+constexpr int16_t kBlack = 0.25f * kPhotoCode;     // nothing of a photo above it: no light fell
 
-using Histogram = std::array<double, 256>;  // fraction of all samples that count
-using Lut = std::array<uint8_t, 256>;
+using Histogram = std::array<double, 256>;  // fraction of all samples that count, by 8-bit code
 
 Histogram SharesOfCodes(const ImageU8& photo, const PlaneU8& mask) {
-  const std::array<int64_t, 256> counts = CountCodes(photo, mask);
-  const size_t samples = 3 * CountedPixels(mask, photo.data.size() / 3);
-  Histogram histogram;
-  for (int code = 0; code < 256; ++code) histogram[code] = double(counts[code]) / samples;
+  Histogram histogram = {};
+  const double share = 1.0 / (3 * CountedPixels(mask, photo.pixels()));
+  ForCounted(mask, photo.pixels(), [&](size_t i) {
+    for (int c = 0; c < 3; ++c) histogram[photo.data[3 * i + c]] += share;
+  });
   return histogram;
 }
 
@@ -85,35 +86,38 @@ double SolveLinearGain(const Histogram& histogram, double theta, double max_gain
 
 double ThetaOf(const ToneOptions& options) { return options.theta > 0 ? options.theta : kTheta; }
 
+// The photo's 8-bit codes after the curve, as 8-bit codes.
 template <class Curve>
-ImageU8 Apply(const ImageU8& photo, const Curve& curve) {
-  Lut lut;
+Photo ApplyToCodes(const ImageU8& photo, const Curve& curve) {
+  std::array<uint8_t, 256> lut;
   for (int code = 0; code < 256; ++code) {
     lut[code] = static_cast<uint8_t>(std::lround(255 * std::clamp(curve(code / 255.0), 0.0, 1.0)));
   }
   ImageU8 out(photo.width, photo.height);
   for (size_t i = 0; i < out.data.size(); ++i) out.data[i] = lut[photo.data[i]];
-  return out;
+  return PhotoFromU8(out);
 }
 
-ToneTarget PaperTarget(const ImageU8& photo, const PlaneU8& mask, double theta) {
+ToneTarget PaperTarget(const Photo& photo, const PlaneU8& mask, double theta) {
+  const ImageU8 codes = PhotoToU8(photo);
   ToneTarget target;
-  target.gain = theta / Mean(SharesOfCodes(photo, mask), CodeGain(1));
-  target.image = Apply(photo, CodeGain(target.gain));
+  target.gain = theta / Mean(SharesOfCodes(codes, mask), CodeGain(1));
+  target.image = ApplyToCodes(codes, CodeGain(target.gain));
   return target;
 }
 
-ToneTarget LinearTarget(const ImageU8& photo, const PlaneU8& mask, double theta, double max_gain) {
-  const Histogram histogram = SharesOfCodes(photo, mask);
+ToneTarget LinearTarget(const Photo& photo, const PlaneU8& mask, double theta, double max_gain) {
+  const ImageU8 codes = PhotoToU8(photo);
+  const Histogram histogram = SharesOfCodes(codes, mask);
   ToneTarget target;
   target.gain = SolveLinearGain(histogram, theta, max_gain);
   target.reached = std::abs(Mean(histogram, LinearGain(target.gain)) - theta) < 1e-6;
-  target.image = WithLinearGain(photo, target.gain);
+  target.image = ApplyToCodes(codes, LinearGain(target.gain));
   return target;
 }
 
 // `colors`: of a photo with highlights to fill in, else null.
-ToneTarget CaptureTarget(const ImageU8& photo, const PlaneU8& mask, double gain,
+ToneTarget CaptureTarget(const Photo& photo, const PlaneU8& mask, double gain,
                          const ClippedColors* colors, const ToneOptions& options) {
   ToneTarget target;
   target.gain = std::min(gain, options.max_gain);
@@ -126,7 +130,7 @@ ToneTarget CaptureTarget(const ImageU8& photo, const PlaneU8& mask, double gain,
   return target;
 }
 
-std::vector<ToneTarget> CaptureTargets(absl::Span<const ImageU8> photos,
+std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
                                        absl::Span<const double> exposures,
                                        const ToneOptions& options, int threads,
                                        absl::Span<const PlaneU8> masks) {
@@ -136,8 +140,8 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const ImageU8> photos,
   std::vector<const ClippedColors*> colors(photos.size(), nullptr);
   ScenePalette palette;
   for (size_t i = 0; i < photos.size(); ++i) {
-    const std::vector<uint8_t>& codes = photos[i].data;
-    const bool clipped = std::find(codes.begin(), codes.end(), kClippedCode) != codes.end();
+    const bool clipped = std::any_of(photos[i].data.begin(), photos[i].data.end(),
+                                     [](int16_t sample) { return sample >= kClipped; });
     if (gain >= exposures[i] || !clipped) continue;
     if (tables.empty()) palette = CollectPalette(photos, exposures, gain, masks);
     const int step = static_cast<int>(std::lround(4 * std::log2(exposures[i])));
@@ -151,12 +155,12 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const ImageU8> photos,
   return targets;
 }
 
-absl::Status CheckPhoto(const ImageU8& photo, const ToneOptions& options) {
+absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
   if (photo.empty()) {
     return InvalidInput("EMPTY_IMAGE", "image", "tone: the photo is empty; leave it out");
   }
-  const bool black =
-      std::all_of(photo.data.begin(), photo.data.end(), [](uint8_t code) { return code == 0; });
+  const bool black = std::all_of(photo.data.begin(), photo.data.end(),
+                                 [](int16_t sample) { return sample <= kBlack; });
   if (black && options.rule != ToneRule::kNone) {
     return InvalidInput("BLACK_IMAGE", "image",
                         "tone: every pixel of the photo is 0, no gain can brighten it; leave it "
@@ -188,19 +192,26 @@ absl::Status ToneOptions::Validate() const {
   return absl::OkStatus();
 }
 
-double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
+double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures,
                    const ToneOptions& options, absl::Span<const PlaneU8> masks) {
   // Samples as linear light at exposure 1, with their weight; clipped ones last.
   std::vector<std::pair<double, double>> samples;
   double total = 0, clipped = 0, black = 0;
   for (size_t i = 0; i < photos.size(); ++i) {
-    const Histogram histogram = SharesOfCodes(photos[i], MaskOf(masks, i));
-    for (int code = 0; code < kClippedCode; ++code) {
-      if (histogram[code] > 0)
-        samples.emplace_back(LinearFromSrgb(code / 255.0) / exposures[i], histogram[code]);
+    const PlaneU8& mask = MaskOf(masks, i);
+    std::vector<int64_t> counts(kClipped + 1);  // below black: the first, clipped: the last
+    ForCounted(mask, photos[i].pixels(), [&](size_t k) {
+      for (int c = 0; c < 3; ++c)
+        ++counts[std::clamp<int16_t>(photos[i].data[3 * k + c], 0, kClipped)];
+    });
+    const double share = 1.0 / (3 * CountedPixels(mask, photos[i].pixels()));
+    for (int sample = 0; sample < kClipped; ++sample) {
+      if (counts[sample] == 0) continue;
+      const double light = LinearFromSrgb(EncodedOf(static_cast<int16_t>(sample)));
+      samples.emplace_back(light / exposures[i], share * counts[sample]);
+      if (sample <= kBlack) black += share * counts[sample];
     }
-    clipped += histogram[kClippedCode];
-    black += histogram[0];
+    clipped += share * counts[kClipped];
     total += 1;
   }
   if (samples.empty()) return 1;  // nothing but white
@@ -220,7 +231,14 @@ double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> ex
   return wanted / std::max(level, 1e-9);
 }
 
-ImageU8 WithLinearGain(const ImageU8& photo, double gain) { return Apply(photo, LinearGain(gain)); }
+Photo WithLinearGain(const Photo& photo, double gain) {
+  const float factor = static_cast<float>(gain);
+  Photo out(photo.width, photo.height);
+  std::transform(photo.data.begin(), photo.data.end(), out.data.begin(), [&](int16_t sample) {
+    return SampleTable::Get()(std::min(1.0f, factor * LinearTable::Get()(sample)));
+  });
+  return out;
+}
 
 NoiseCurve RoundingNoise(const ToneOptions& options, double gain) {
   const auto target = [&](double code) { return TargetCode(options, gain, code); };
@@ -245,14 +263,14 @@ CodeCurve ChangeOfTargets(const ToneOptions& options,
   return curve;
 }
 
-absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,
+absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
                                                     absl::Span<const double> exposures,
                                                     const ToneOptions& options, int threads,
                                                     absl::Span<const PlaneU8> masks) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_CHECK(photos.size() == exposures.size());
   LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
-  for (const ImageU8& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
+  for (const Photo& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
   if (options.rule == ToneRule::kCaptureGain) {
     return CaptureTargets(photos, exposures, options, threads, masks);
   }

@@ -10,14 +10,14 @@
 #include "absl/types/span.h"
 #include "engine/core/code_curve.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
 #include "engine/core/noise_curve.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
 enum class ToneRule {
-  kPaperGain,    // clip(theta / mean(I) * I, 0, 1) on sRGB codes, photo by photo: the paper
-  kLinearGain,   // a gain in linear light, clipped at white, to a mean code of theta, by photo
+  kPaperGain,    // clip(theta / mean(I) * I, 0, 1) on 8-bit sRGB codes, photo by photo: the paper
+  kLinearGain,   // a gain on them in linear light, clipped at white, to a mean code of theta
   kCaptureGain,  // one gain in linear light for the capture, see CaptureGain(); clipped areas are
                  // filled in (highlights.h), colour noise is averaged (chroma.h), mild contrast
   kNone,         // the photo as it is
@@ -39,7 +39,7 @@ struct ToneOptions {
 };
 
 struct ToneTarget {
-  ImageU8 image;        // the target, sRGB
+  Photo image;          // the target
   double gain = 1;      // on codes (kPaperGain) or in linear light
   bool reached = true;  // false if max_gain was not enough
 };
@@ -50,13 +50,13 @@ struct ToneTarget {
 // decide gains, all of the photo is mapped. INVALID_ARGUMENT for bad options, an empty photo, or
 // one that is all black (no gain helps; leave it out). Deterministic for any `threads` (<= 0: all
 // cores).
-absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const ImageU8> photos,
+absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
                                                     absl::Span<const double> exposures,
                                                     const ToneOptions& options, int threads,
                                                     absl::Span<const PlaneU8> masks = {});
 
 // The photo with `gain` times its linear light, clipped at white.
-ImageU8 WithLinearGain(const ImageU8& photo, double gain);
+Photo WithLinearGain(const Photo& photo, double gain);
 
 // What rounding a photo to its codes does to its target: the target's step from one of the photo's
 // codes to the next / sqrt(12), for the gain of a ToneTarget. In the dark it is many codes, and
@@ -74,7 +74,7 @@ CodeCurve ChangeOfTargets(const ToneOptions& options,
 // with a fraction f of them p = min(0.5, 0.8 (1 - f)). Where no light fell (code 0) there is
 // nothing to brighten: the sample that goes there is never below quantile 0.45 of what is neither
 // black nor clipped, so that a torch in the dark is exposed for what it lights.
-double CaptureGain(absl::Span<const ImageU8> photos, absl::Span<const double> exposures,
+double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures,
                    const ToneOptions& options, absl::Span<const PlaneU8> masks = {});
 
 }  // namespace litags

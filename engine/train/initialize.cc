@@ -91,8 +91,8 @@ std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int>
     if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
     const PlaneU8& mask = views[v].mask;
     if (!Counts(mask, x, y)) continue;
-    const uint8_t* pixel = views[v].target.pixel(x, y);
-    for (int c = 0; c < 3; ++c) sum[c] += pixel[c] / 255.0;
+    const int16_t* pixel = views[v].target.pixel(x, y);
+    for (int c = 0; c < 3; ++c) sum[c] += EncodedOf(pixel[c]);
     ++seen;
   }
   for (int c = 0; c < 3; ++c) sum[c] = seen > 0 ? sum[c] / seen : point.rgb[c] / 255.0;

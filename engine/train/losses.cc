@@ -150,15 +150,15 @@ void Reshape(Planes* planes, int channels, int height, int width) {
 
 }  // namespace
 
-void UnpackImage(const ImageU8& image, LossWorkspace& ws, Planes* planes) {
+void UnpackImage(const Photo& image, LossWorkspace& ws, Planes* planes) {
   Reshape(planes, 3, image.height, image.width);
   const size_t n = planes->plane_size();
   ParallelFor(ws.threads, (n + kTaskSamples - 1) / kTaskSamples, [&](size_t task, int) {
     const size_t first = task * kTaskSamples, end = std::min(n, first + kTaskSamples);
-    const uint8_t* in = image.data.data();
+    const int16_t* in = image.data.data();
     float* out[3] = {planes->plane(0), planes->plane(1), planes->plane(2)};
     for (size_t i = first; i < end; ++i) {
-      for (int c = 0; c < 3; ++c) out[c][i] = in[3 * i + c] * (1.0f / 255.0f);
+      for (int c = 0; c < 3; ++c) out[c][i] = EncodedOf(in[3 * i + c]);
     }
   });
 }

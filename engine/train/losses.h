@@ -12,7 +12,7 @@
 
 #include "engine/core/aligned.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -28,8 +28,8 @@ struct LossWorkspace {
   int map_channels = 0, map_height = 0, map_width = 0;  // that ssim_maps is laid out for
 };
 
-// Bytes / 255 to float planes [3, H, W]; `planes` is reused.
-void UnpackImage(const ImageU8& image, LossWorkspace& ws, Planes* planes);
+// Samples to sRGB-encoded float planes [3, H, W]; `planes` is reused.
+void UnpackImage(const Photo& image, LossWorkspace& ws, Planes* planes);
 
 // Bytes / 255 to one float plane [1, H, W]; `plane` is reused.
 void UnpackPlane(const PlaneU8& bytes, LossWorkspace& ws, Planes* plane);

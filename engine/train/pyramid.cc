@@ -11,20 +11,19 @@ namespace {
 
 constexpr int kMinSide = 64;
 
-// Means of 2x2 samples of interleaved bytes, rounded half up.
-std::vector<uint8_t> HalfBytes(const std::vector<uint8_t>& bytes, int width, int height,
-                               int channels) {
+// Means of 2x2 interleaved samples, rounded half up.
+template <class T>
+std::vector<T> HalfSamples(const std::vector<T>& samples, int width, int height, int channels) {
   const int w = width / 2, h = height / 2;
-  std::vector<uint8_t> out(size_t(w) * h * channels);
+  std::vector<T> out(size_t(w) * h * channels);
   for (int y = 0; y < h; ++y) {
-    const uint8_t* top = bytes.data() + size_t(2 * y) * width * channels;
-    const uint8_t* bottom = top + size_t(width) * channels;
-    uint8_t* to = out.data() + size_t(y) * w * channels;
+    const T* top = samples.data() + size_t(2 * y) * width * channels;
+    const T* bottom = top + size_t(width) * channels;
+    T* to = out.data() + size_t(y) * w * channels;
     for (int x = 0; x < w; ++x) {
       for (int c = 0; c < channels; ++c) {
         const int i = 2 * x * channels + c, j = i + channels;
-        to[x * channels + c] =
-            static_cast<uint8_t>((top[i] + top[j] + bottom[i] + bottom[j] + 2) / 4);
+        to[x * channels + c] = static_cast<T>((top[i] + top[j] + bottom[i] + bottom[j] + 2) >> 2);
       }
     }
   }
@@ -62,15 +61,15 @@ TrainView HalfSize(const TrainView& view) {
   camera.height /= 2;
   for (double* v : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *v /= 2;
   for (const auto& [from, to] : {std::pair{&view.photo, &out.photo}, {&view.target, &out.target}}) {
-    *to = ImageU8(camera.width, camera.height);
-    to->data = HalfBytes(from->data, from->width, from->height, 3);
+    *to = Photo(camera.width, camera.height);
+    to->data = HalfSamples(from->data, from->width, from->height, 3);
   }
   for (const auto& [from, to] : {std::pair{&view.structure, &out.structure},
                                  {&view.information, &out.information},
                                  {&view.mask, &out.mask}}) {
     if (from->empty()) continue;
     *to = PlaneU8(camera.width, camera.height);
-    to->data = HalfBytes(from->data, from->width, from->height, 1);
+    to->data = HalfSamples(from->data, from->width, from->height, 1);
   }
   for (uint8_t& counts : out.mask.data) counts = counts == kCounts ? kCounts : 0;
   if (view.depth.has_value()) {

@@ -5,19 +5,19 @@
 
 #include "engine/core/camera.h"
 #include "engine/core/color.h"
-#include "engine/core/image.h"
+#include "engine/core/photo.h"
 #include "engine/depth/depth_provider.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {
 
-// One photo with everything that training compares with. Kept as bytes: 40 photos of 500x375 with
-// their targets and structure maps are 53 MB.
+// One photo with everything that training compares with. 40 photos of 500x375 with their targets
+// and structure maps are 98 MB.
 struct TrainView {
   View view;
-  ImageU8 photo;        // I_in, of the camera's size; at the median exposure if its own differs
+  Photo photo;          // I_in, of the camera's size; at the median exposure if its own differs
   double exposure = 1;  // light it gathered relative to the capture's median photo, > 0
-  ImageU8 target;       // the normal-light pseudo-target (paper's modulated I_in), same size
+  Photo target;         // the normal-light pseudo-target (paper's modulated I_in), same size
   PlaneU8 structure;    // P, 0..255 for 0..1; empty: no structure loss
   PlaneU8 information;  // weight of each pixel, kInformationOne for 1; empty: all 1
   PlaneU8 mask;         // 0: does not count, kCounts: does (engine/core/mask.h); empty: all count

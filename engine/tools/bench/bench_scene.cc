@@ -58,18 +58,18 @@ TrainView BenchView(const Camera& camera) {
   const CounterRng rng(1, 0xBF);
   TrainView view;
   view.view = {"bench.png", camera};
-  view.photo = ImageU8(camera.width, camera.height);
+  view.photo = Photo(camera.width, camera.height);
   view.structure = PlaneU8(camera.width, camera.height);
   for (size_t i = 0; i < view.photo.data.size(); ++i) {
     const double x = double(i / 3 % camera.width) / camera.width;
-    view.photo.data[i] = static_cast<uint8_t>(
-        std::clamp(20 + 15 * std::sin(20 * x) + 3 * rng.Normal(i), 0.0, 255.0));
+    view.photo.data[i] = static_cast<int16_t>(
+        kPhotoCode * std::clamp(20 + 15 * std::sin(20 * x) + 3 * rng.Normal(i), 0.0, 255.0));
   }
   for (size_t i = 0; i < view.structure.data.size(); ++i) {
     view.structure.data[i] = static_cast<uint8_t>(rng.Below(i, 256));
   }
   view.target = view.photo;
-  for (uint8_t& v : view.target.data) v = static_cast<uint8_t>(std::min(255, 8 * v));
+  for (int16_t& v : view.target.data) v = static_cast<int16_t>(std::min(kPhotoWhite, 8 * v));
   return view;
 }
 

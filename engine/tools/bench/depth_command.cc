@@ -63,8 +63,7 @@ struct Errors {
 };
 
 // Of the photos' size.
-absl::StatusOr<Maps> Compute(const std::vector<TrainView>& views,
-                             const std::vector<ImageU8>& photos,
+absl::StatusOr<Maps> Compute(const std::vector<TrainView>& views, const std::vector<Photo>& photos,
                              const std::vector<SparsePoint>& points, const StereoOptions& options,
                              double* cpu_seconds) {
   std::vector<PosedPhoto> posed;
@@ -81,11 +80,11 @@ absl::StatusOr<Maps> Compute(const std::vector<TrainView>& views,
   return maps;
 }
 
-absl::StatusOr<std::vector<ImageU8>> ReadPhotos(const std::string& dir,
-                                                const std::vector<TrainView>& views) {
-  std::vector<ImageU8> photos;
+absl::StatusOr<std::vector<Photo>> ReadPhotos(const std::string& dir,
+                                              const std::vector<TrainView>& views) {
+  std::vector<Photo> photos;
   for (const TrainView& v : views) {
-    LITAGS_ASSIGN_OR_RETURN(ImageU8 photo, ReadImage(dir + "/" + v.view.name, v.view.name));
+    LITAGS_ASSIGN_OR_RETURN(Photo photo, ReadPhoto(dir + "/" + v.view.name, v.view.name));
     if (photo.width != v.photo.width || photo.height != v.photo.height) {
       return InvalidInput("SIZE_MISMATCH", v.view.name,
                           absl::StrCat(v.view.name, " has another size in ", dir));
@@ -108,7 +107,7 @@ absl::Status MeasureDepth(DepthArguments args) {
                                                      [](Stage, const std::string&) {}, &report));
   const std::vector<TrainView>& views = capture.train;
   const std::vector<SparsePoint> points = PointsOfTraining(capture.points, capture.point_views);
-  std::vector<ImageU8> photos;
+  std::vector<Photo> photos;
   for (const TrainView& v : views) photos.push_back(v.photo);
   double cpu = 0;
   LITAGS_ASSIGN_OR_RETURN(const Maps maps, Compute(views, photos, points, args.stereo, &cpu));

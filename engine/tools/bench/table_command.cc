@@ -105,11 +105,12 @@ absl::Status Complete(TableArguments* args) {
   LITAGS_RETURN_IF_ERROR(CheckLights(options));
   LITAGS_RETURN_IF_ERROR(CompleteMethods(args));
   options.program = OwnArguments();
-  options.heading = absl::StrCat(
-      "# Methods compared\n\nMeans over test views; ", args->base.iterations,
-      " iterations each, same cameras and program. The best is in bold; 3dgs-normal is for reference.\n\n"
-      "```\n",
-      absl::StrJoin(options.program, " "), "\n```");
+  options.heading =
+      absl::StrCat("# Methods compared\n\nMeans over test views; ", args->base.iterations,
+                   " iterations each, same cameras and program. The best is in bold; 3dgs-normal "
+                   "is for reference.\n\n"
+                   "```\n",
+                   absl::StrJoin(options.program, " "), "\n```");
   if (!options.program.empty()) options.program[0] = "/proc/self/exe";
   return absl::OkStatus();
 }
