@@ -76,6 +76,11 @@ void LightHistogram::Add(double light, double weight) {
   total_ += weight;
 }
 
+void LightHistogram::Add(const LightHistogram& other) {
+  for (int bin = 0; bin < kBins; ++bin) weights_[bin] += other.weights_[bin];
+  total_ += other.total_;
+}
+
 void LightHistogram::AddClipped(double white, double weight) {
   const double step = 1.0 / kBinsPerStop;
   const double kept = std::exp(-step);  // of the share, from one bin to the next

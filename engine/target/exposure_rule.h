@@ -27,6 +27,8 @@ class LightHistogram {
   // light above white is in general: the share falls to 1 / e per stop. Choice.
   void AddClipped(double white, double weight);
 
+  void Add(const LightHistogram& other);
+
   double total() const { return total_; }
   double weight(int bin) const { return weights_[bin]; }
 
