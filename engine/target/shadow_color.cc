@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "engine/core/mask.h"
@@ -216,54 +217,51 @@ double DarkNoise(const Photo& photo, const PlaneU8& mask) {
   return NoiseOfDifferences(*quartile);
 }
 
-// What one photo adds to the prior.
-struct PhotoColors {
-  cv::Vec3d sums;  // Cb Y, Cr Y, Y Y, weighed as in Sums
-  double noise = 0;
-};
-
-PhotoColors Measure(const Photo& photo, const PlaneU8& mask) {
-  constexpr int16_t kClipped = kPhotoWhite * 0.98;  // a clipped colour is not the light's
-  PhotoColors colors;
-  colors.sums = {0, 0, 0};
-  ForCounted(mask, photo.data.size() / 3, [&](size_t i) {
-    const int16_t* p = &photo.data[3 * i];
-    if (std::max({p[0], p[1], p[2]}) >= kClipped) return;
-    const cv::Vec4f sums = SumsOf(photo, i);
-    colors.sums += cv::Vec3d(sums[0], sums[1], sums[2]);
-  });
-  colors.noise = DarkNoise(photo, mask);
-  return colors;
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + values.size() / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 }  // namespace
 
-ColorPrior MeasureColorPrior(absl::Span<const Photo> photos, double chroma_step, int threads,
-                             absl::Span<const PlaneU8> masks) {
+ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask) {
   // A JPEG takes noise of less than its steps away, so what is measured is a lower bound. Choice
   constexpr double kLeastNoise = 0.1;
   constexpr double kChannelOfLuma = 1.5;  // a channel's noise over the luma's, if independent
+  constexpr int16_t kClipped = kPhotoWhite * 0.98;  // a clipped colour is not the light's
   ColorPrior prior;
   prior.jpeg = chroma_step > 0;
   prior.chroma_step = chroma_step;
-  prior.noise = kLeastNoise;
-  if (photos.empty()) return prior;
-  std::vector<PhotoColors> colors(photos.size());
-  ParallelFor(threads, photos.size(),
-              [&](size_t i, int) { colors[i] = Measure(photos[i], MaskOf(masks, i)); });
-  cv::Vec3d sums(0, 0, 0);
-  std::vector<double> noise;
-  for (const PhotoColors& c : colors) {
-    sums += c.sums * (1.0 / photos.size());
-    noise.push_back(kChannelOfLuma * c.noise);
+  prior.noise = std::max(kLeastNoise, kChannelOfLuma * DarkNoise(photo, mask));
+  cv::Vec3d total(0, 0, 0);  // Cb Y, Cr Y, Y Y, weighed as in Sums
+  ForCounted(mask, photo.pixels(), [&](size_t i) {
+    const int16_t* p = &photo.data[3 * i];
+    if (std::max({p[0], p[1], p[2]}) >= kClipped) return;
+    const cv::Vec4f sums = SumsOf(photo, i);
+    total += cv::Vec3d(sums[0], sums[1], sums[2]);
+  });
+  if (total[2] > 0) {
+    prior.cb = total[0] / total[2];
+    prior.cr = total[1] / total[2];
   }
-  if (sums[2] > 0) {
-    prior.cb = sums[0] / sums[2];
-    prior.cr = sums[1] / sums[2];
-  }
-  std::nth_element(noise.begin(), noise.begin() + noise.size() / 2, noise.end());
-  prior.noise = std::max(kLeastNoise, noise[noise.size() / 2]);
   return prior;
+}
+
+ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
+  if (priors.empty()) return {};
+  const auto median = [&](double ColorPrior::*field) {
+    std::vector<double> values;
+    for (const ColorPrior& prior : priors) values.push_back(prior.*field);
+    return Median(std::move(values));
+  };
+  ColorPrior out = {median(&ColorPrior::cb), median(&ColorPrior::cr), median(&ColorPrior::noise)};
+  out.jpeg = false;
+  for (const ColorPrior& prior : priors) {
+    out.jpeg |= prior.jpeg;
+    out.chroma_step = std::max(out.chroma_step, prior.chroma_step);
+  }
+  return out;
 }
 
 Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask) const {

@@ -9,12 +9,13 @@
 
 namespace litags {
 
-// What a capture's photos tell of colour as a whole: its mean colour and its noise. `chroma_step`
-// is the quantisation step of the DC coefficient of Cb and Cr, as the JPEGs' tables have it (the
-// largest of them); 0 for photos that are not JPEGs. `masks`: see MaskOf; pixels that do not count
-// say nothing. Deterministic for any `threads` (<= 0: all cores).
-ColorPrior MeasureColorPrior(absl::Span<const Photo> photos, double chroma_step, int threads,
-                             absl::Span<const PlaneU8> masks = {});
+// A photo's mean colour and its noise, as the camera wrote them. `chroma_step`: see ImageInfo; 0
+// for photos that are not JPEGs. Pixels that do not count by `mask` (engine/core/mask.h) say
+// nothing.
+ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask = {});
+
+// The median of each figure, of photos of one capture; the largest chroma step.
+ColorPrior MedianPrior(absl::Span<const ColorPrior> priors);
 
 // Infers the colours of dark pixels, photo by photo, before any gain. Photos are as a decoder
 // leaves them: samples in sRGB, with the fractions and the negative values that it found, and
