@@ -39,8 +39,8 @@ constexpr float kTiny = 1e-6f;
 // s is the light of one code. Cb / Y is the quotient of the first and the third, weighed by its
 // precision.
 using Sums = cv::Mat_<cv::Vec4f>;
-// Estimates: Cb / Y, Cr / Y, variance.
-using Estimates = cv::Mat_<cv::Vec3f>;
+// Estimates: Cb / Y, Cr / Y, their variance, and Y of the square.
+using Estimates = cv::Mat_<cv::Vec4f>;
 
 cv::Vec3f Ycc(const cv::Vec3f& rgb) {
   const float y = kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
@@ -51,31 +51,6 @@ cv::Vec3f Rgb(const cv::Vec3f& ycc) {
   return {ycc[0] + 1.402f * ycc[2], ycc[0] - 0.344136f * ycc[1] - 0.714136f * ycc[2],
           ycc[0] + 1.772f * ycc[1]};
 }
-
-// sRGB encoding by a table over the root of the light; below black a line, as LinearTable has it.
-class EncodeTable {
- public:
-  static const EncodeTable& Get() {
-    static const EncodeTable table;
-    return table;
-  }
-  float operator()(float light) const {
-    if (light <= 0.0031308f) return 12.92f * light;
-    const float at = std::min(std::sqrt(light) * kScale, float(kSteps));
-    const int i = static_cast<int>(at);
-    return codes_[i] + (at - i) * (codes_[i + 1] - codes_[i]);
-  }
-
- private:
-  static constexpr int kSteps = 1 << 14;
-  static constexpr float kScale = kSteps / 2.3f;
-  EncodeTable() : codes_(kSteps + 2) {
-    for (int i = 0; i < kSteps + 2; ++i) {
-      codes_[i] = static_cast<float>(SrgbFromLinear(double(i) / kScale * i / kScale));
-    }
-  }
-  std::vector<float> codes_;
-};
 
 // 1 / the light of one code squared, by the sample of the luma.
 class PrecisionTable {
@@ -111,28 +86,39 @@ cv::Vec3f LinearPixel(const Photo& photo, size_t i) {
   return {linear(p[0]), linear(p[1]), linear(p[2])};
 }
 
-// A pixel's share of the sums.
-cv::Vec4f SumsOf(const Photo& photo, size_t i) {
+// A pixel's sums, at level 0. Masked pixels have a luma only.
+cv::Vec4f SumsOf(const Photo& photo, const PlaneU8& mask, size_t i) {
   const cv::Vec3f ycc = Ycc(LinearPixel(photo, i));
   const float y = std::max(ycc[0], 0.0f);
+  if (!mask.empty() && mask.data[i] == 0) return {0, 0, 0, y};
   const float weighed = y * PrecisionTable::Get()(Ycc(EncodedPixel(photo, i))[0]);
   return {ycc[1] * weighed, ycc[2] * weighed, y * weighed, y};
 }
 
-// Level 0 has one square per pixel. Masked pixels have a luma only.
-std::vector<Sums> Pyramid(const Photo& photo, const PlaneU8& mask) {
-  std::vector<Sums> levels(1, Sums(photo.height, photo.width));
-  for (int i = 0; i < photo.height * photo.width; ++i) {
-    cv::Vec4f sums = SumsOf(photo, i);
-    if (!mask.empty() && mask.data[i] == 0) sums = {0, 0, 0, sums[3]};
-    levels[0](i) = sums;
+// The means of 2x2 squares, fewer at an odd edge. sums(x, y) of a picture of that size.
+template <class SumsAt>
+Sums Halved(int width, int height, const SumsAt& sums) {
+  Sums half((height + 1) / 2, (width + 1) / 2);
+  for (int y = 0; y < half.rows; ++y) {
+    const int below = std::min(2 * y + 1, height - 1);
+    for (int x = 0; x < half.cols; ++x) {
+      const int right = std::min(2 * x + 1, width - 1);
+      half(y, x) = 0.25f * (sums(2 * x, 2 * y) + sums(right, 2 * y) + sums(2 * x, below) +
+                            sums(right, below));
+    }
   }
-  while (levels.size() < kLevels && std::min(levels.back().rows, levels.back().cols) > 1) {
+  return half;
+}
+
+// Levels 1 and up. Level 0 is the photo itself.
+std::vector<Sums> Pyramid(const Photo& photo, const PlaneU8& mask) {
+  std::vector<Sums> levels;
+  levels.push_back(Halved(photo.width, photo.height, [&](int x, int y) {
+    return SumsOf(photo, mask, size_t(y) * photo.width + x);
+  }));
+  while (levels.size() + 1 < kLevels && levels.back().total() > 1) {
     const Sums& fine = levels.back();
-    Sums coarse;
-    cv::resize(fine, coarse, cv::Size((fine.cols + 1) / 2, (fine.rows + 1) / 2), 0, 0,
-               cv::INTER_AREA);
-    levels.push_back(coarse);
+    levels.push_back(Halved(fine.cols, fine.rows, [&](int x, int y) { return fine(y, x); }));
   }
   return levels;
 }
@@ -145,39 +131,55 @@ float NoiseVariance(int level, double chroma_step) {
 }
 
 // The posterior of a square from its parent's, whose variance of colour about it was added.
-cv::Vec3f Update(const cv::Vec3f& prior, const cv::Vec4f& sums, float noise) {
+cv::Vec4f Update(const cv::Vec4f& prior, const cv::Vec4f& sums, float noise) {
   // Share of the observation: v / (v + noise / power), also where there is no power at all.
   const float share = prior[2] * sums[2] / (prior[2] * sums[2] + noise);
   const float per_power = 1 / (sums[2] + kTiny);
   return {prior[0] + share * (sums[0] * per_power - prior[0]),
-          prior[1] + share * (sums[1] * per_power - prior[1]), prior[2] * (1 - share)};
+          prior[1] + share * (sums[1] * per_power - prior[1]), prior[2] * (1 - share), sums[3]};
 }
 
-// Colours of the pixels, from the largest squares to the smallest.
-Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) {
-  int level = static_cast<int>(levels.size()) - 1;
-  const float root = std::pow(kFlat[kLevels - 1], 2);
-  Estimates estimates(levels[level].size());
-  for (int i = 0; i < estimates.rows * estimates.cols; ++i) {
-    estimates(i) = Update(cv::Vec3f(prior.cb, prior.cr, root), levels[level](i),
-                          NoiseVariance(level, prior.chroma_step));
-  }
-  while (--level >= 0) {
-    const Sums& sums = levels[level];
-    const float noise = NoiseVariance(level, prior.chroma_step);
-    Estimates parents;
-    cv::resize(estimates, parents, sums.size(), 0, 0, cv::INTER_LINEAR);
-    FloatPlane coarse_luma, luma;
-    cv::extractChannel(levels[level + 1], coarse_luma, 3);
-    cv::resize(coarse_luma, luma, sums.size(), 0, 0, cv::INTER_LINEAR);
-    estimates.create(sums.size());
-    for (int i = 0; i < sums.rows * sums.cols; ++i) {
-      const float edge = std::abs(std::log((sums(i)[3] + kTiny) / (luma(i) + kTiny)));
-      const float deviation = kFlat[level] + kEdge[level] * std::min(edge, kMostEdge);
-      cv::Vec3f from = parents(i);
-      from[2] += deviation * deviation;
-      estimates(i) = Update(from, sums(i), noise);
+// The same from its parents' estimates, interpolated.
+cv::Vec4f Descend(cv::Vec4f parent, const cv::Vec4f& sums, int level, float noise) {
+  const float edge = std::abs(std::log((sums[3] + kTiny) / (parent[3] + kTiny)));
+  const float deviation = kFlat[level] + kEdge[level] * std::min(edge, kMostEdge);
+  parent[2] += deviation * deviation;
+  return Update(parent, sums, noise);
+}
+
+// body(x, y, estimate) for every square of a level of that size, with its parents' estimates
+// interpolated linearly.
+template <class Body>
+void ForInterpolated(const Estimates& parents, int width, int height, const Body& body) {
+  std::vector<cv::Vec4f> row(parents.cols);
+  for (int y = 0; y < height; ++y) {
+    const cv::Vec4f* near = parents[y / 2];
+    const cv::Vec4f* far = parents[std::clamp(y / 2 + (y % 2 != 0 ? 1 : -1), 0, parents.rows - 1)];
+    for (int x = 0; x < parents.cols; ++x) row[x] = 0.75f * near[x] + 0.25f * far[x];
+    for (int x = 0; x < width; ++x) {
+      const int beside = std::clamp(x / 2 + (x % 2 != 0 ? 1 : -1), 0, parents.cols - 1);
+      body(x, y, cv::Vec4f(0.75f * row[x / 2] + 0.25f * row[beside]));
     }
+  }
+}
+
+// Colours of squares of 2 px, from the largest squares down.
+Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) {
+  int level = static_cast<int>(levels.size());  // of levels.back()
+  const float root = std::pow(kFlat[kLevels - 1], 2);
+  const cv::Vec4f capture(prior.cb, prior.cr, root, 0);
+  Estimates estimates(levels.back().size());
+  for (int i = 0; i < estimates.rows * estimates.cols; ++i) {
+    estimates(i) = Update(capture, levels.back()(i), NoiseVariance(level, prior.chroma_step));
+  }
+  while (--level >= 1) {
+    const Sums& sums = levels[level - 1];
+    const float noise = NoiseVariance(level, prior.chroma_step);
+    Estimates finer(sums.size());
+    ForInterpolated(estimates, sums.cols, sums.rows, [&](int x, int y, const cv::Vec4f& parent) {
+      finer(y, x) = Descend(parent, sums(y, x), level, noise);
+    });
+    estimates = finer;
   }
   return estimates;
 }
@@ -185,13 +187,13 @@ Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) 
 // Step 1, see the header.
 Photo CorrectRounding(const Photo& photo, const RoundingTable& table) {
   Photo out = photo;
-  for (int i = 0; i < photo.height * photo.width; ++i) {
+  for (size_t i = 0; i < photo.pixels(); ++i) {
     const cv::Vec3f rgb = EncodedPixel(photo, i);
     const cv::Vec3f ycc = Ycc(rgb) * 255.0f;
     if (ycc[0] >= RoundingTable::kTop) continue;
     const std::array<float, 3> mean = table.Correction({ycc[0], ycc[1], ycc[2]});
     const cv::Vec3f add = Rgb({mean[0], mean[1], mean[2]}) * (1.0f / 255);
-    for (int c = 0; c < 3; ++c) out.data[3 * size_t(i) + c] = PhotoSample(rgb[c] + add[c]);
+    for (int c = 0; c < 3; ++c) out.data[3 * i + c] = PhotoSample(rgb[c] + add[c]);
   }
   return out;
 }
@@ -238,7 +240,7 @@ ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const Plane
   ForCounted(mask, photo.pixels(), [&](size_t i) {
     const int16_t* p = &photo.data[3 * i];
     if (std::max({p[0], p[1], p[2]}) >= kClipped) return;
-    const cv::Vec4f sums = SumsOf(photo, i);
+    const cv::Vec4f sums = SumsOf(photo, {}, i);
     total += cv::Vec3d(sums[0], sums[1], sums[2]);
   });
   if (total[2] > 0) {
@@ -267,20 +269,23 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
 Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask) const {
   const Photo corrected = CorrectRounding(photo, rounding_);
   const Estimates ratios = InferRatios(Pyramid(corrected, mask), prior_);
+  const float noise = NoiseVariance(0, prior_.chroma_step);
+  const SampleTable& sample = SampleTable::Get();
   Photo out = corrected;
-  for (int i = 0; i < photo.height * photo.width; ++i) {
-    const cv::Vec3f encoded = EncodedPixel(corrected, i);
-    const float code = 255 * Ycc(encoded)[0];
-    if (code >= kShadowTop) continue;
+  ForInterpolated(ratios, photo.width, photo.height, [&](int x, int y, const cv::Vec4f& parent) {
+    const size_t i = size_t(y) * photo.width + x;
+    const float code = 255 * Ycc(EncodedPixel(corrected, i))[0];
+    if (code >= kShadowTop) return;
+    const cv::Vec4f sums = SumsOf(corrected, mask, i);
+    const cv::Vec4f ratio = Descend(parent, sums, 0, noise);
+    const float luma = Ycc(LinearPixel(corrected, i))[0];
+    const cv::Vec3f inferred = Rgb({luma, sums[3] * ratio[0], sums[3] * ratio[1]});
     const float share = 1 - SmoothStep(2 * code / kShadowTop - 1);
-    const float y = Ycc(LinearPixel(corrected, i))[0];
-    const float positive = std::max(y, 0.0f);
-    const cv::Vec3f inferred = Rgb({y, positive * ratios(i)[0], positive * ratios(i)[1]});
     for (int c = 0; c < 3; ++c) {
-      const float now = EncodeTable::Get()(inferred[c]);
-      out.data[3 * size_t(i) + c] = PhotoSample(encoded[c] + share * (now - encoded[c]));
+      int16_t& value = out.data[3 * i + c];
+      value += static_cast<int16_t>(std::lrint(share * (sample(inferred[c]) - value)));
     }
-  }
+  });
   return out;
 }
 
