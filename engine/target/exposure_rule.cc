@@ -58,11 +58,11 @@ double MeanByScore(const std::vector<double>& scores, int first) {
 
 }  // namespace
 
+// litags-bench exposure photos_normal --fit; see docs/experiments/exposure.md.
 const ExposureRule& ExposureRule::Default() {
   static constexpr ExposureRule kRule = {
-      {0.419, 0.212, 0.333, 0.890, 0.694, 1.520, 0.898, 1.412, -0.079, -0.488, 0.732, -0.474},
-      -2.55,
-      0.10};
+      {0.425, 0.173, 0.367, 0.911, 0.707, 1.521, 0.951, 1.376, -0.023, -0.467, 0.603, -0.454},
+      -2.55};
   return kRule;
 }
 
@@ -144,7 +144,7 @@ double ExposureGain(const LightHistogram& light, const ExposureRule& rule) {
     for (int band = 0; band < ExposureRule::kBands; ++band) score += rule.weights[band] * row[band];
     scores.push_back(score);
   }
-  return std::exp2(MeanByScore(scores, first) + rule.offset);
+  return std::exp2(MeanByScore(scores, first));
 }
 
 }  // namespace litags
