@@ -58,17 +58,20 @@ double MeanByScore(const std::vector<double>& scores, int first) {
 
 }  // namespace
 
+// litags-bench exposure photos_normal --fit; see docs/experiments/exposure.md.
 const ExposureRule& ExposureRule::Default() {
   static constexpr ExposureRule kRule = {
-      {0.419, 0.212, 0.333, 0.890, 0.694, 1.520, 0.898, 1.412, -0.079, -0.488, 0.732, -0.474},
-      -2.55,
-      0.10};
+      {0.425, 0.173, 0.367, 0.911, 0.707, 1.521, 0.951, 1.376, -0.023, -0.467, 0.603, -0.454},
+      -2.55};
   return kRule;
 }
 
 void LightHistogram::Add(double light, double weight) {
-  const double stops = light > 0 ? std::log2(light) : kLowest;
-  // Between two bins, so that the histogram is continuous in the light.
+  AddAt(light > 0 ? std::log2(light) : kLowest, weight);
+}
+
+// Between two bins, so that the histogram is continuous in the light.
+void LightHistogram::AddAt(double stops, double weight) {
   const double place = std::clamp((stops - kLowest) * kBinsPerStop - 0.5, 0.0, kBins - 1.0);
   const int bin = std::min(static_cast<int>(place), kBins - 2);
   weights_[bin] += weight * (bin + 1 - place);
@@ -82,12 +85,22 @@ void LightHistogram::Add(const LightHistogram& other) {
 }
 
 void LightHistogram::AddClipped(double white, double weight) {
-  const double step = 1.0 / kBinsPerStop;
-  const double kept = std::exp(-step);  // of the share, from one bin to the next
-  constexpr int kSteps = 8 * kBinsPerStop;
-  const double first = weight * (1 - kept) / (1 - std::exp(-step * kSteps));
-  for (int i = 0; i < kSteps; ++i) {
-    Add(white * std::exp2((i + 0.5) * step), first * std::pow(kept, i));
+  constexpr double kStep = 1.0 / kBinsPerStop;
+  constexpr int kSteps = 8 * kBinsPerStop;       // past which 0.03 % of it would lie
+  static const double kKept = std::exp(-kStep);  // of the share, from one bin to the next
+  const double first = std::log2(white) + kStep / 2;
+  double share = weight * (1 - kKept) / (1 - std::exp(-kStep * kSteps));
+  for (int i = 0; i < kSteps; ++i, share *= kKept) AddAt(first + i * kStep, share);
+}
+
+void LightHistogram::AddPixel(double red, double green, double blue, double exposure,
+                              double weight) {
+  constexpr double kClipped = 0.97;  // JPEG and averaging leave clipped light a little below white
+  const double light = LightOfPixel(red, green, blue);
+  if (light < kClipped) {
+    Add(light / exposure, weight);
+  } else {
+    AddClipped(1 / exposure, weight);
   }
 }
 
@@ -136,7 +149,7 @@ double ExposureGain(const LightHistogram& light, const ExposureRule& rule) {
     for (int band = 0; band < ExposureRule::kBands; ++band) score += rule.weights[band] * row[band];
     scores.push_back(score);
   }
-  return std::exp2(MeanByScore(scores, first) + rule.offset);
+  return std::exp2(MeanByScore(scores, first));
 }
 
 }  // namespace litags

@@ -156,30 +156,24 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
   return targets;
 }
 
-// Adds means of squares of kSquare pixels, and apart from them what is clipped.
+// Adds means of squares of kSquare pixels.
 void AddLight(const Photo& photo, double exposure, const PlaneU8& mask, LightHistogram* light) {
   const LinearTable& linear = LinearTable::Get();
   const double share = 1.0 / CountedPixels(mask, photo.pixels());
   for (int y0 = 0; y0 < photo.height; y0 += kSquare) {
     for (int x0 = 0; x0 < photo.width; x0 += kSquare) {
-      std::array<float, 3> sum = {};
-      int measured = 0, clipped = 0;
+      std::array<double, 3> sum = {};
+      int counted = 0;
       for (int y = y0; y < std::min(y0 + kSquare, photo.height); ++y) {
         for (int x = x0; x < std::min(x0 + kSquare, photo.width); ++x) {
           if (!Counts(mask, x, y)) continue;
-          const int16_t* pixel = photo.pixel(x, y);
-          if (std::max({pixel[0], pixel[1], pixel[2]}) >= kClipped) {
-            ++clipped;
-            continue;
-          }
-          ++measured;
-          for (int c = 0; c < 3; ++c) sum[c] += linear(pixel[c]);
+          ++counted;
+          for (int c = 0; c < 3; ++c) sum[c] += linear(photo.pixel(x, y)[c]);
         }
       }
-      if (clipped > 0) light->AddClipped(1 / exposure, share * clipped);
-      if (measured == 0) continue;
-      const double per_pixel = 1 / (measured * exposure);
-      light->Add(per_pixel * LightOfPixel(sum[0], sum[1], sum[2]), share * measured);
+      if (counted == 0) continue;
+      light->AddPixel(sum[0] / counted, sum[1] / counted, sum[2] / counted, exposure,
+                      share * counted);
     }
   }
 }
