@@ -19,6 +19,7 @@ constexpr int kTaps = 2;         // to either side
 constexpr int kTapSpacing = 4;   // px
 constexpr double kTapSigma = 4;  // px
 constexpr float kLeastLuma = 1e-9f;
+constexpr float kMostScale = 4;  // of a mean colour. Choice
 
 float Luma(const cv::Vec3f& rgb) {
   return kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
@@ -94,8 +95,10 @@ Photo SmoothChroma(const Photo& photo, double gain, double strength,
     for (int y = 0; y < linear.rows; ++y) {
       for (int x = 0; x < linear.cols; ++x) {
         const cv::Vec3f color = BilateralMean(blurred, guide, mask, x, y, per_range);
-        const float scale = Luma(linear(y, x)) / std::max(Luma(color), kLeastLuma);
-        for (int c = 0; c < 3; ++c) codes(y, x)[c] = table(color[c] * scale);
+        // Around black the ratio of two lumas is noise of any size: what is left is grey.
+        const float luma = Luma(linear(y, x)), mean = Luma(color);
+        const float scale = std::clamp(luma / std::max(mean, kLeastLuma), 0.0f, kMostScale);
+        for (int c = 0; c < 3; ++c) codes(y, x)[c] = table(scale * color[c] + luma - scale * mean);
       }
     }
   }
