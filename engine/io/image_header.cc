@@ -1,5 +1,8 @@
 #include "engine/io/image_header.h"
 
+#include <algorithm>
+#include <array>
+
 #include "engine/io/byte_reader.h"
 #include "engine/io/io_error.h"
 
@@ -76,6 +79,35 @@ class TiffReader {
   const bool little_;
 };
 
+// The first step, that of a block's mean, of each of a JPEG's four quantisation tables; 0: not set.
+using FirstSteps = std::array<int, 4>;
+
+// From a DQT segment (ITU-T T.81, B.2.4.1). What is broken is left to the decoder.
+void ReadQuantTables(std::string_view segment, FirstSteps* steps) {
+  ByteReader reader(segment);
+  uint8_t kind = 0;
+  while (reader.Read(&kind)) {
+    const bool wide = kind >> 4 != 0;
+    uint8_t byte = 0;
+    uint16_t step = 0;
+    if (wide ? !reader.ReadBig(&step) : !reader.Read(&byte)) return;
+    if ((kind & 15) < 4) (*steps)[kind & 15] = wide ? step : byte;
+    if (!reader.Skip(wide ? 126 : 63)) return;
+  }
+}
+
+// What a start of frame says of the chroma tables; the reader stands after the size.
+std::array<int, 2> ChromaTables(ByteReader frame) {
+  std::array<int, 2> tables = {-1, -1};
+  uint8_t components = 0, id = 0, sampling = 0, table = 0;
+  frame.Read(&components);
+  for (int c = 0; c < components && components == 3; ++c) {
+    if (!frame.Read(&id) || !frame.Read(&sampling) || !frame.Read(&table)) break;
+    if (c > 0) tables[c - 1] = table & 3;
+  }
+  return tables;
+}
+
 struct PngChunk {
   std::string_view type, data;
 };
@@ -114,8 +146,10 @@ void ReadExif(std::string_view tiff, ImageInfo* info) {
 }
 
 absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field) {
-  constexpr uint8_t kEndOfImage = 0xD9, kStartOfScan = 0xDA, kApp1 = 0xE1;
+  constexpr uint8_t kEndOfImage = 0xD9, kStartOfScan = 0xDA, kQuantTables = 0xDB, kApp1 = 0xE1;
   ImageInfo info;
+  FirstSteps steps = {};
+  std::array<int, 2> chroma = {-1, -1};
   info.format = ImageFormat::kJpeg;
   ByteReader reader(bytes);
   reader.Skip(2);  // SOI
@@ -132,6 +166,7 @@ absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_vi
     if (marker == kApp1 && segment.starts_with(kExifPrefix)) {
       ReadExif(segment.substr(kExifPrefix.size()), &info);
     }
+    if (marker == kQuantTables) ReadQuantTables(segment, &steps);
     if (IsStartOfFrame(marker)) {
       ByteReader frame(segment);
       uint8_t depth = 0;
@@ -142,10 +177,14 @@ absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_vi
       info.bit_depth = depth;
       info.width = width;
       info.height = height;
+      chroma = ChromaTables(frame);
     }
     if (marker == kStartOfScan) break;
   }
   if (info.width == 0 || info.height == 0) return Corrupt(field, "the JPEG states no picture size");
+  for (const int table : chroma) {
+    if (table >= 0) info.chroma_step = std::max(info.chroma_step, steps[table]);
+  }
   return info;
 }
 

@@ -34,6 +34,9 @@ struct ImageInfo {
   // EXIF, mm: of a 35 mm camera that sees as much, else the lens' own; 0: not said. Tells lenses
   // of one camera and steps of a zoom apart.
   double focal_length = 0;
+  // JPEG: quantisation step of the mean of a block of Cb or Cr, the larger, as the file has it (8
+  // times 8-bit codes); 0: no such thing.
+  int chroma_step = 0;
 };
 
 // Reads the header only. Errors are INVALID_ARGUMENT, start with `field` (for photos:

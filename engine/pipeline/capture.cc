@@ -22,8 +22,8 @@
 #include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/load_views.h"
 #include "engine/pipeline/local_origin.h"
-#include "engine/pipeline/shrink.h"
 #include "engine/prior/structure_prior.h"
 #include "engine/target/black_lift.h"
 #include "engine/target/information.h"
@@ -33,7 +33,6 @@
 namespace litags {
 namespace {
 
-constexpr size_t kMinPhotos = 3;            // fewer do not make a scene
 constexpr double kEvenExposureStops = 0.5;  // see EvenOutPhotos(). Choice
 
 ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
@@ -56,103 +55,6 @@ ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
       break;
   }
   return tone;
-}
-
-// Photo and mask as their pinhole camera sees them.
-absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
-                       const Distortion& distortion, TrainView* v) {
-  const std::string field = absl::StrCat("images[", v->view.name, "]");
-  LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
-  v->photo = std::move(read.photo);
-  v->mask = std::move(read.mask);
-  const Camera& camera = v->view.camera;
-  if (v->photo.width != camera.width || v->photo.height != camera.height) {
-    return InvalidInput(
-        "CAMERA_SIZE_MISMATCH", field,
-        absl::StrCat(v->view.name, ": the photo is ", v->photo.width, "x", v->photo.height,
-                     " but its camera says ", camera.width, "x", camera.height,
-                     "; send the photo as it was when its camera was found, or "
-                     "delete the folder cameras of this run"));
-  }
-  v->distortion = distortion;
-  if (distortion.IsZero()) return absl::OkStatus();
-  absl::Status status;
-  const auto undistort = [&]<class T>(const Image<T>& image) {
-    absl::StatusOr<Image<T>> pinhole = Undistort(image, camera, distortion);
-    status.Update(pinhole.status());
-    return pinhole.ok() ? *std::move(pinhole) : Image<T>();
-  };
-  v->photo = undistort(v->photo);
-  if (!v->mask.empty()) v->mask = ChangeMask(v->mask, undistort);
-  return status;
-}
-
-// A mask may leave something of the photo as it was taken, and nothing at the size of training.
-absl::Status CheckMask(const TrainView& v, const std::string& mask_path) {
-  if (CountedPixels(v.mask, v.photo.data.size() / 3) > 0) return absl::OkStatus();
-  const std::string field = absl::StrCat("masks[", BaseName(mask_path), "]");
-  return InvalidInput("MASK_BLACK", field,
-                      absl::StrCat(field, ": at ", v.mask.width, "x", v.mask.height,
-                                   " px, the size of training, no pixel of the photo counts; "
-                                   "leave the photo out"));
-}
-
-struct LoadedViews {
-  std::vector<TrainView> views;
-  std::vector<int> model_view;  // index into the model's views, per view here
-};
-
-// Photos and cameras. Flat photos are left out, with a note.
-absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
-                                      const ReconstructOptions& options, const SparseModel& model,
-                                      const MaskPaths& masks, const CancelToken& cancel,
-                                      ReconstructReport* report) {
-  const size_t n = model.views.size();
-  std::vector<TrainView> views(n);
-  std::vector<absl::Status> status(n);
-  std::vector<std::optional<std::array<uint8_t, 3>>> flat(n);
-  ParallelFor(options.threads, n, [&](size_t i, int) {
-    status[i] = [&]() -> absl::Status {
-      LITAGS_RETURN_IF_ERROR(cancel.Check());
-      TrainView& v = views[i];
-      v.view = model.views[i];
-      const auto mask = masks.find(v.view.name);
-      const std::string mask_path = mask == masks.end() ? "" : mask->second;
-      LITAGS_RETURN_IF_ERROR(
-          LoadPhoto(input.images_dir + "/" + v.view.name, mask_path, model.distortions[i], &v));
-      LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
-      flat[i] = FlatColor(v.photo, v.mask);
-      if (flat[i].has_value()) return absl::OkStatus();
-      Shrink(options.max_image_side, &v);
-      return CheckMask(v, mask_path);
-    }();
-  });
-  for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
-  LoadedViews out;
-  int shrunk = 0;
-  for (size_t i = 0; i < n; ++i) {
-    if (flat[i].has_value()) {
-      const auto& [r, g, b] = *flat[i];
-      report->notes.push_back(absl::StrFormat("%s is left out: all its pixels are (%d, %d, %d)",
-                                              views[i].view.name, r, g, b));
-      continue;
-    }
-    shrunk += views[i].view.camera.width < model.views[i].camera.width;
-    out.model_view.push_back(static_cast<int>(i));
-    out.views.push_back(std::move(views[i]));
-  }
-  if (shrunk > 0) {
-    report->notes.push_back(absl::StrCat(shrunk, " of ", out.views.size(),
-                                         " photos were shrunk to ", options.max_image_side,
-                                         " px (max_image_side; 0 keeps their size)"));
-  }
-  if (out.views.size() < kMinPhotos) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
-                     absl::StrCat("images: ", out.views.size(), " of ", report->photos,
-                                  " photos have a camera and show something, at least ", kMinPhotos,
-                                  " must; add photos of the place"));
-  }
-  return out;
 }
 
 // At most `limit` points: those that most photos saw, in their old order.

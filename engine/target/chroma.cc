@@ -18,8 +18,6 @@ constexpr double kBlur = 1.4;    // px; of the photo that the taps look at
 constexpr int kTaps = 2;         // to either side
 constexpr int kTapSpacing = 4;   // px
 constexpr double kTapSigma = 4;  // px
-constexpr float kLeastLuma = 1e-9f;
-constexpr float kMostScale = 4;  // of a mean colour. Choice
 
 float Luma(const cv::Vec3f& rgb) {
   return kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
@@ -91,14 +89,19 @@ Photo SmoothChroma(const Photo& photo, double gain, double strength,
     const FloatImage blurred = Blur(linear, kBlur);
     FloatImage guide = table(blurred);
     for (cv::Vec3f& pixel : guide) pixel = LumaChroma(pixel);
+    const auto hidden = static_cast<float>(noise / table.SlopeAtBlack());  // light
     const auto per_range = static_cast<float>(1 / (6 * std::pow(strength * noise, 2)));
     for (int y = 0; y < linear.rows; ++y) {
       for (int x = 0; x < linear.cols; ++x) {
         const cv::Vec3f color = BilateralMean(blurred, guide, mask, x, y, per_range);
-        // Around black the ratio of two lumas is noise of any size: what is left is grey.
-        const float luma = Luma(linear(y, x)), mean = Luma(color);
-        const float scale = std::clamp(luma / std::max(mean, kLeastLuma), 0.0f, kMostScale);
-        for (int c = 0; c < 3; ++c) codes(y, x)[c] = table(scale * color[c] + luma - scale * mean);
+        // Brighter or darker than the mean: by its colour where that is known, by grey where noise
+        // hides it.
+        const float luma = Luma(color), known = std::max(luma, 0.0f) + hidden;
+        const float difference = Luma(linear(y, x)) - luma;
+        for (int c = 0; c < 3; ++c) {
+          const float share = (std::max(color[c], 0.0f) + hidden) / known;
+          codes(y, x)[c] = table(color[c] + difference * share);
+        }
       }
     }
   }

@@ -37,6 +37,7 @@ class CurveTable {
     }
     return codes;
   }
+  float SlopeAtBlack() const { return codes_[1] * scale_; }
 
  private:
   static constexpr int kSteps = 1 << 14;

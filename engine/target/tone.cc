@@ -15,13 +15,14 @@
 #include "engine/target/bisect.h"
 #include "engine/target/chroma.h"
 #include "engine/target/clipped_colors.h"
+#include "engine/target/exposure_rule.h"
 #include "engine/target/highlights.h"
 
 namespace litags {
 namespace {
 
-constexpr double kTheta = 0.49;                    // authors' release
-constexpr double kLeastOfLit = 0.45;               // quantile, see CaptureGain. Choice
+constexpr double kTheta = 0.49;  // authors' release
+constexpr int kSquare = 4;       // px, that light is averaged over for the exposure rule
 constexpr int16_t kClipped = 254.5f * kPhotoCode;  // samples at and above it, of the photo
 constexpr int16_t kBlack = 0.25f * kPhotoCode;     // nothing of a photo above it: no light fell
 
@@ -134,7 +135,7 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
                                        absl::Span<const double> exposures,
                                        const ToneOptions& options, int threads,
                                        absl::Span<const PlaneU8> masks) {
-  const double gain = CaptureGain(photos, exposures, options, masks);
+  const double gain = CaptureGain(photos, exposures, threads, masks);
   // By quarters of a stop: finer, exposures make no difference to what is clipped.
   std::map<int, ClippedColors> tables;
   std::vector<const ClippedColors*> colors(photos.size(), nullptr);
@@ -153,6 +154,34 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
         CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], colors[i], options);
   });
   return targets;
+}
+
+// Adds means of squares of kSquare pixels, and apart from them what is clipped.
+void AddLight(const Photo& photo, double exposure, const PlaneU8& mask, LightHistogram* light) {
+  const LinearTable& linear = LinearTable::Get();
+  const double share = 1.0 / CountedPixels(mask, photo.pixels());
+  for (int y0 = 0; y0 < photo.height; y0 += kSquare) {
+    for (int x0 = 0; x0 < photo.width; x0 += kSquare) {
+      std::array<float, 3> sum = {};
+      int measured = 0, clipped = 0;
+      for (int y = y0; y < std::min(y0 + kSquare, photo.height); ++y) {
+        for (int x = x0; x < std::min(x0 + kSquare, photo.width); ++x) {
+          if (!Counts(mask, x, y)) continue;
+          const int16_t* pixel = photo.pixel(x, y);
+          if (std::max({pixel[0], pixel[1], pixel[2]}) >= kClipped) {
+            ++clipped;
+            continue;
+          }
+          ++measured;
+          for (int c = 0; c < 3; ++c) sum[c] += linear(pixel[c]);
+        }
+      }
+      if (clipped > 0) light->AddClipped(1 / exposure, share * clipped);
+      if (measured == 0) continue;
+      const double per_pixel = 1 / (measured * exposure);
+      light->Add(per_pixel * LightOfPixel(sum[0], sum[1], sum[2]), share * measured);
+    }
+  }
 }
 
 absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
@@ -192,43 +221,15 @@ absl::Status ToneOptions::Validate() const {
   return absl::OkStatus();
 }
 
-double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures,
-                   const ToneOptions& options, absl::Span<const PlaneU8> masks) {
-  // Samples as linear light at exposure 1, with their weight; clipped ones last.
-  std::vector<std::pair<double, double>> samples;
-  double total = 0, clipped = 0, black = 0;
-  for (size_t i = 0; i < photos.size(); ++i) {
-    const PlaneU8& mask = MaskOf(masks, i);
-    std::vector<int64_t> counts(kClipped + 1);  // below black: the first, clipped: the last
-    ForCounted(mask, photos[i].pixels(), [&](size_t k) {
-      for (int c = 0; c < 3; ++c)
-        ++counts[std::clamp<int16_t>(photos[i].data[3 * k + c], 0, kClipped)];
-    });
-    const double share = 1.0 / (3 * CountedPixels(mask, photos[i].pixels()));
-    for (int sample = 0; sample < kClipped; ++sample) {
-      if (counts[sample] == 0) continue;
-      const double light = LinearFromSrgb(EncodedOf(static_cast<int16_t>(sample)));
-      samples.emplace_back(light / exposures[i], share * counts[sample]);
-      if (sample <= kBlack) black += share * counts[sample];
-    }
-    clipped += share * counts[kClipped];
-    total += 1;
-  }
-  if (samples.empty()) return 1;  // nothing but white
-  std::sort(samples.begin(), samples.end());
-  const double p = std::min(0.5, 0.8 * (1 - clipped / total));
-  const double rank = std::max(p * total, black + kLeastOfLit * (total - black - clipped));
-  double sum = 0, level = samples.back().first;
-  for (const auto& [light, weight] : samples) {
-    sum += weight;
-    if (sum < rank) continue;
-    level = light;
-    break;
-  }
-  const double code = std::pow(p, 1 / ThetaOf(options) - 1);
-  const auto contrast = [&](double c) { return AddContrast(c, options.contrast); };
-  const double wanted = LinearFromSrgb(Bisect(contrast, code, 0, 1));
-  return wanted / std::max(level, 1e-9);
+double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
+                   absl::Span<const PlaneU8> masks) {
+  std::vector<LightHistogram> of_photos(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    AddLight(photos[i], exposures[i], MaskOf(masks, i), &of_photos[i]);
+  });
+  LightHistogram all;
+  for (const LightHistogram& light : of_photos) all.Add(light);
+  return ExposureGain(all);
 }
 
 Photo WithLinearGain(const Photo& photo, double gain) {

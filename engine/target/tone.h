@@ -25,7 +25,8 @@ enum class ToneRule {
 
 struct ToneOptions {
   ToneRule rule = ToneRule::kCaptureGain;
-  // Wanted mean of sRGB codes, (0, 1). 0: 0.49, the authors' release.
+  // Of kPaperGain and kLinearGain: wanted mean of sRGB codes, (0, 1). 0: 0.49, the authors'
+  // release.
   double theta = 0;
   double max_gain = 4096;  // of linear light; >= 1. Choice: 12 stops
   // Of kCaptureGain, [0, 1]: code c becomes c + contrast * c (1 - c) (2 c - 1). Cameras' picture
@@ -68,14 +69,10 @@ NoiseCurve RoundingNoise(const ToneOptions& options, double gain);
 CodeCurve ChangeOfTargets(const ToneOptions& options,
                           const std::function<double(double light)>& change);
 
-// The gain in linear light, for a photo of exposure 1, that brings the capture's histogram where
-// an even histogram of mean theta has it, at its median: quantile p of codes at p^(1/theta - 1).
-// Robust against a bright sky, unlike the mean. Clipped samples are only known to be bright, so
-// with a fraction f of them p = min(0.5, 0.8 (1 - f)). Where no light fell (code 0) there is
-// nothing to brighten: the sample that goes there is never below quantile 0.45 of what is neither
-// black nor clipped, so that a torch in the dark is exposed for what it lights.
-double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures,
-                   const ToneOptions& options, absl::Span<const PlaneU8> masks = {});
+// The gain in linear light, for a photo of exposure 1, that gives the capture the exposure of a
+// well exposed photo (exposure_rule.h).
+double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
+                   absl::Span<const PlaneU8> masks = {});
 
 }  // namespace litags
 

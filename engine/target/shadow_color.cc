@@ -1,0 +1,292 @@
+#include "engine/target/shadow_color.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "engine/core/mask.h"
+#include "engine/core/parallel.h"
+#include "engine/target/float_image.h"
+#include "engine/target/information.h"
+
+namespace litags {
+namespace {
+
+// Of squares of 2^i px against their parents of 2^(i + 1), measured on 110 well exposed photos: the
+// deviation of Cb / Y and Cr / Y (linear light) is kFlat + kEdge |ln(Y / parent's Y)|. Of the
+// largest, kFlat is the deviation from the capture's mean.
+constexpr int kLevels = 9;
+constexpr std::array<float, kLevels> kFlat = {.011f, .020f, .033f, .045f, .060f,
+                                              .077f, .085f, .120f, .200f};
+constexpr std::array<float, kLevels> kEdge = {.12f, .08f, .12f, .17f, .22f, .25f, .27f, .25f, 0};
+constexpr float kMostEdge = 2;  // |ln|; beyond it colours differ no more
+
+// Variance of Cb and Cr in square codes: rounding Cb itself and R, G and B before it makes
+// (1 + 0.1687^2 + 0.3313^2 + 0.5^2) / 12 = 0.116. That is what one pixel has; the mean over a
+// square has less, see kShares, measured on photos that were darkened with a sensor model.
+constexpr float kRounding = 0.116f;
+constexpr std::array<float, kLevels> kShares = {1.55f, 1.47f, 1.12f, 0.92f, 0.78f,
+                                                0.69f, 0.56f, 0.43f, 0.43f};
+// The errors of a square and of the squares that it lies in are mostly the same, so that several
+// levels count as one observation. Choice, measured.
+constexpr float kCorrelation = 4;
+
+constexpr float kTiny = 1e-6f;
+
+// Sums over a square, as means: Cb Y / s^2, Cr Y / s^2, Y^2 / s^2 and Y, all in linear light, where
+// s is the light of one code. Cb / Y is the quotient of the first and the third, weighed by its
+// precision.
+using Sums = cv::Mat_<cv::Vec4f>;
+// Estimates: Cb / Y, Cr / Y, their variance, and Y of the square.
+using Estimates = cv::Mat_<cv::Vec4f>;
+
+cv::Vec3f Ycc(const cv::Vec3f& rgb) {
+  const float y = kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
+  return {y, (rgb[2] - y) / 1.772f, (rgb[0] - y) / 1.402f};
+}
+
+cv::Vec3f Rgb(const cv::Vec3f& ycc) {
+  return {ycc[0] + 1.402f * ycc[2], ycc[0] - 0.344136f * ycc[1] - 0.714136f * ycc[2],
+          ycc[0] + 1.772f * ycc[1]};
+}
+
+// 1 / the light of one code squared, by the sample of the luma.
+class PrecisionTable {
+ public:
+  static const PrecisionTable& Get() {
+    static const PrecisionTable table;
+    return table;
+  }
+  float operator()(float encoded) const {
+    return values_[std::lrint(std::clamp(encoded, 0.0f, 1.0f) * kPhotoWhite)];
+  }
+
+ private:
+  PrecisionTable() : values_(kPhotoWhite + 1) {
+    for (int i = 0; i <= kPhotoWhite; ++i) {
+      const double code = double(i) / kPhotoWhite;
+      const double slope =
+          code <= 0.04045 ? 1 / 12.92 : 2.4 / 1.055 * std::pow((code + 0.055) / 1.055, 1.4);
+      values_[i] = static_cast<float>(std::pow(255 / slope, 2));
+    }
+  }
+  std::vector<float> values_;
+};
+
+cv::Vec3f EncodedPixel(const Photo& photo, size_t i) {
+  const int16_t* p = &photo.data[3 * i];
+  return {EncodedOf(p[0]), EncodedOf(p[1]), EncodedOf(p[2])};
+}
+
+cv::Vec3f LinearPixel(const Photo& photo, size_t i) {
+  const LinearTable& linear = LinearTable::Get();
+  const int16_t* p = &photo.data[3 * i];
+  return {linear(p[0]), linear(p[1]), linear(p[2])};
+}
+
+// A pixel's sums, at level 0. Masked pixels have a luma only.
+cv::Vec4f SumsOf(const Photo& photo, const PlaneU8& mask, size_t i) {
+  const cv::Vec3f ycc = Ycc(LinearPixel(photo, i));
+  const float y = std::max(ycc[0], 0.0f);
+  if (!mask.empty() && mask.data[i] == 0) return {0, 0, 0, y};
+  const float weighed = y * PrecisionTable::Get()(Ycc(EncodedPixel(photo, i))[0]);
+  return {ycc[1] * weighed, ycc[2] * weighed, y * weighed, y};
+}
+
+// The means of 2x2 squares, fewer at an odd edge. sums(x, y) of a picture of that size.
+template <class SumsAt>
+Sums Halved(int width, int height, const SumsAt& sums) {
+  Sums half((height + 1) / 2, (width + 1) / 2);
+  for (int y = 0; y < half.rows; ++y) {
+    const int below = std::min(2 * y + 1, height - 1);
+    for (int x = 0; x < half.cols; ++x) {
+      const int right = std::min(2 * x + 1, width - 1);
+      half(y, x) = 0.25f * (sums(2 * x, 2 * y) + sums(right, 2 * y) + sums(2 * x, below) +
+                            sums(right, below));
+    }
+  }
+  return half;
+}
+
+// Levels 1 and up. Level 0 is the photo itself.
+std::vector<Sums> Pyramid(const Photo& photo, const PlaneU8& mask) {
+  std::vector<Sums> levels;
+  levels.push_back(Halved(photo.width, photo.height, [&](int x, int y) {
+    return SumsOf(photo, mask, size_t(y) * photo.width + x);
+  }));
+  while (levels.size() + 1 < kLevels && levels.back().total() > 1) {
+    const Sums& fine = levels.back();
+    levels.push_back(Halved(fine.cols, fine.rows, [&](int x, int y) { return fine(y, x); }));
+  }
+  return levels;
+}
+
+// Variance of Cb and Cr that a square of 2^level px has, in square codes.
+float NoiseVariance(int level, double chroma_step) {
+  // A DC coefficient is eight times the mean of 8x8 samples, of 16x16 px.
+  const double dc = std::pow(chroma_step / 8, 2) / 12 / std::exp2(2 * std::max(0, level - 4));
+  return kCorrelation * (kRounding * kShares[level] + static_cast<float>(dc));
+}
+
+// The posterior of a square from its parent's, whose variance of colour about it was added.
+cv::Vec4f Update(const cv::Vec4f& prior, const cv::Vec4f& sums, float noise) {
+  // Share of the observation: v / (v + noise / power), also where there is no power at all.
+  const float share = prior[2] * sums[2] / (prior[2] * sums[2] + noise);
+  const float per_power = 1 / (sums[2] + kTiny);
+  return {prior[0] + share * (sums[0] * per_power - prior[0]),
+          prior[1] + share * (sums[1] * per_power - prior[1]), prior[2] * (1 - share), sums[3]};
+}
+
+// The same from its parents' estimates, interpolated.
+cv::Vec4f Descend(cv::Vec4f parent, const cv::Vec4f& sums, int level, float noise) {
+  const float edge = std::abs(std::log((sums[3] + kTiny) / (parent[3] + kTiny)));
+  const float deviation = kFlat[level] + kEdge[level] * std::min(edge, kMostEdge);
+  parent[2] += deviation * deviation;
+  return Update(parent, sums, noise);
+}
+
+// body(x, y, estimate) for every square of a level of that size, with its parents' estimates
+// interpolated linearly.
+template <class Body>
+void ForInterpolated(const Estimates& parents, int width, int height, const Body& body) {
+  std::vector<cv::Vec4f> row(parents.cols);
+  for (int y = 0; y < height; ++y) {
+    const cv::Vec4f* near = parents[y / 2];
+    const cv::Vec4f* far = parents[std::clamp(y / 2 + (y % 2 != 0 ? 1 : -1), 0, parents.rows - 1)];
+    for (int x = 0; x < parents.cols; ++x) row[x] = 0.75f * near[x] + 0.25f * far[x];
+    for (int x = 0; x < width; ++x) {
+      const int beside = std::clamp(x / 2 + (x % 2 != 0 ? 1 : -1), 0, parents.cols - 1);
+      body(x, y, cv::Vec4f(0.75f * row[x / 2] + 0.25f * row[beside]));
+    }
+  }
+}
+
+// Colours of squares of 2 px, from the largest squares down.
+Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) {
+  int level = static_cast<int>(levels.size());  // of levels.back()
+  const float root = std::pow(kFlat[kLevels - 1], 2);
+  const cv::Vec4f capture(prior.cb, prior.cr, root, 0);
+  Estimates estimates(levels.back().size());
+  for (int i = 0; i < estimates.rows * estimates.cols; ++i) {
+    estimates(i) = Update(capture, levels.back()(i), NoiseVariance(level, prior.chroma_step));
+  }
+  while (--level >= 1) {
+    const Sums& sums = levels[level - 1];
+    const float noise = NoiseVariance(level, prior.chroma_step);
+    Estimates finer(sums.size());
+    ForInterpolated(estimates, sums.cols, sums.rows, [&](int x, int y, const cv::Vec4f& parent) {
+      finer(y, x) = Descend(parent, sums(y, x), level, noise);
+    });
+    estimates = finer;
+  }
+  return estimates;
+}
+
+// Step 1, see the header.
+Photo CorrectRounding(const Photo& photo, const RoundingTable& table) {
+  Photo out = photo;
+  for (size_t i = 0; i < photo.pixels(); ++i) {
+    const cv::Vec3f rgb = EncodedPixel(photo, i);
+    const cv::Vec3f ycc = Ycc(rgb) * 255.0f;
+    if (ycc[0] >= RoundingTable::kTop) continue;
+    const std::array<float, 3> mean = table.Correction({ycc[0], ycc[1], ycc[2]});
+    const cv::Vec3f add = Rgb({mean[0], mean[1], mean[2]}) * (1.0f / 255);
+    for (int c = 0; c < 3; ++c) out.data[3 * i + c] = PhotoSample(rgb[c] + add[c]);
+  }
+  return out;
+}
+
+// Deviation of a photo's luma in its dark parts, codes; flat areas set it, not edges.
+double DarkNoise(const Photo& photo, const PlaneU8& mask) {
+  constexpr float kFrom = 0.5f, kTo = 12;  // codes
+  std::vector<float> differences;
+  const auto luma = [&](int x, int y) {
+    return 255 * Ycc(EncodedPixel(photo, size_t(y) * photo.width + x))[0];
+  };
+  for (int y = 1; y + 1 < photo.height; y += 2) {
+    for (int x = 1; x + 1 < photo.width; x += 2) {
+      const float middle = luma(x, y);
+      if (middle < kFrom || middle > kTo || !Counts(mask, x, y)) continue;
+      const float around = luma(x - 1, y) + luma(x + 1, y) + luma(x, y - 1) + luma(x, y + 1);
+      differences.push_back(std::abs(middle - around / 4));
+    }
+  }
+  if (differences.empty()) return 0;
+  const auto quartile = differences.begin() + differences.size() / 4;
+  std::nth_element(differences.begin(), quartile, differences.end());
+  return NoiseOfDifferences(*quartile);
+}
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + values.size() / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask) {
+  // A JPEG takes noise of less than its steps away, so what is measured is a lower bound. Choice
+  constexpr double kLeastNoise = 0.1;
+  constexpr double kChannelOfLuma = 1.5;  // a channel's noise over the luma's, if independent
+  constexpr int16_t kClipped = kPhotoWhite * 0.98;  // a clipped colour is not the light's
+  ColorPrior prior;
+  prior.jpeg = chroma_step > 0;
+  prior.chroma_step = chroma_step;
+  prior.noise = std::max(kLeastNoise, kChannelOfLuma * DarkNoise(photo, mask));
+  cv::Vec3d total(0, 0, 0);  // Cb Y, Cr Y, Y Y, weighed as in Sums
+  ForCounted(mask, photo.pixels(), [&](size_t i) {
+    const int16_t* p = &photo.data[3 * i];
+    if (std::max({p[0], p[1], p[2]}) >= kClipped) return;
+    const cv::Vec4f sums = SumsOf(photo, {}, i);
+    total += cv::Vec3d(sums[0], sums[1], sums[2]);
+  });
+  if (total[2] > 0) {
+    prior.cb = total[0] / total[2];
+    prior.cr = total[1] / total[2];
+  }
+  return prior;
+}
+
+ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
+  if (priors.empty()) return {};
+  const auto median = [&](double ColorPrior::*field) {
+    std::vector<double> values;
+    for (const ColorPrior& prior : priors) values.push_back(prior.*field);
+    return Median(std::move(values));
+  };
+  ColorPrior out = {median(&ColorPrior::cb), median(&ColorPrior::cr), median(&ColorPrior::noise)};
+  out.jpeg = false;
+  for (const ColorPrior& prior : priors) {
+    out.jpeg |= prior.jpeg;
+    out.chroma_step = std::max(out.chroma_step, prior.chroma_step);
+  }
+  return out;
+}
+
+Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask) const {
+  const Photo corrected = CorrectRounding(photo, rounding_);
+  const Estimates ratios = InferRatios(Pyramid(corrected, mask), prior_);
+  const float noise = NoiseVariance(0, prior_.chroma_step);
+  const SampleTable& sample = SampleTable::Get();
+  Photo out = corrected;
+  ForInterpolated(ratios, photo.width, photo.height, [&](int x, int y, const cv::Vec4f& parent) {
+    const size_t i = size_t(y) * photo.width + x;
+    const float code = 255 * Ycc(EncodedPixel(corrected, i))[0];
+    if (code >= kShadowTop) return;
+    const cv::Vec4f sums = SumsOf(corrected, mask, i);
+    const cv::Vec4f ratio = Descend(parent, sums, 0, noise);
+    const float luma = Ycc(LinearPixel(corrected, i))[0];
+    const cv::Vec3f inferred = Rgb({luma, sums[3] * ratio[0], sums[3] * ratio[1]});
+    const float share = 1 - SmoothStep(2 * code / kShadowTop - 1);
+    for (int c = 0; c < 3; ++c) {
+      int16_t& value = out.data[3 * i + c];
+      value += static_cast<int16_t>(std::lrint(share * (sample(inferred[c]) - value)));
+    }
+  });
+  return out;
+}
+
+}  // namespace litags

@@ -1,0 +1,144 @@
+#include "engine/target/shadow_color.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "engine/core/mask.h"
+#include "engine/target/dark_jpeg_test_util.h"
+
+namespace litags {
+namespace {
+
+constexpr int kWidth = 128, kHeight = 96;
+
+// A photo of a scene in codes after a JPEG encoder's roundings.
+template <class Scene>
+Photo Rounded(const Scene& scene) {
+  Photo photo(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const TestColor rgb = TestRgb(TestJpeg(scene(x, y)));
+      for (int c = 0; c < 3; ++c) photo.pixel(x, y)[c] = PhotoSample(rgb[c] / 255);
+    }
+  }
+  return photo;
+}
+
+// Root of the mean square error of the colour, (Cb, Cr) / Y, over columns; darkest pixels left out.
+template <class Scene>
+double ColorError(const Photo& photo, const Scene& scene, int from = 0, int to = kWidth) {
+  double squares = 0;
+  int n = 0;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = from; x < to; ++x, n += 2) {
+      const int16_t* p = photo.pixel(x, y);
+      const TestColor seen =
+          TestYcc({255 * EncodedOf(p[0]), 255 * EncodedOf(p[1]), 255 * EncodedOf(p[2])});
+      const TestColor truth = TestYcc(scene(x, y));
+      for (int c = 1; c < 3; ++c) squares += std::pow((seen[c] - truth[c]) / truth[0], 2);
+    }
+  }
+  return std::sqrt(squares / n);
+}
+
+ColorPrior PriorOf(const Photo& photo) { return MeasureColorPrior({&photo, 1}, 2, 1); }
+
+// A warm wall that gets darker from 8 codes to 0.8, from left to right.
+TestColor Wall(int x, int y) {
+  const double light = 8 * std::pow(0.1, (x + 0.2 * y) / (kWidth + 0.2 * kHeight));
+  return {1.2 * light, light, 0.7 * light};
+}
+
+TEST(ShadowColors, DarkWallHasOneColor) {
+  const Photo photo = Rounded(Wall);
+  const Photo inferred = ShadowColors(PriorOf(photo)).Infer(photo);
+  EXPECT_GT(ColorError(photo, Wall, kWidth / 2), 0.2);
+  EXPECT_LT(ColorError(inferred, Wall, kWidth / 2), 0.45 * ColorError(photo, Wall, kWidth / 2));
+  EXPECT_LT(ColorError(inferred, Wall), 0.5 * ColorError(photo, Wall));
+}
+
+// Where codes tell colours apart, they stay apart.
+TEST(ShadowColors, ObjectsKeepTheirColors) {
+  const auto scene = [](int x, int) {
+    return x < kWidth / 2 ? TestColor{20, 12, 6} : TestColor{9, 14, 12};
+  };
+  const Photo photo = Rounded(scene);
+  const Photo inferred = ShadowColors(PriorOf(photo)).Infer(photo);
+  EXPECT_LT(ColorError(inferred, scene), 0.06);
+}
+
+TEST(ShadowColors, BrightPixelsStayAsTheyAre) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> code(kShadowTop + 1, 255);
+  const Photo photo = Rounded([&](int, int) {
+    return TestColor{code(random), code(random), code(random)};
+  });
+  const Photo inferred = ShadowColors(PriorOf(photo)).Infer(photo);
+  EXPECT_EQ(inferred.data, photo.data);
+}
+
+TEST(ShadowColors, WhatIsMaskedTellsNothing) {
+  const auto scene = [](int x, int y) { return x < kWidth / 2 ? TestColor{2, 30, 2} : Wall(x, y); };
+  const Photo photo = Rounded(scene);
+  PlaneU8 mask(kWidth, kHeight);
+  for (int i = 0; i < kWidth * kHeight; ++i) mask.data[i] = i % kWidth < kWidth / 2 ? 0 : kCounts;
+  const ColorPrior prior = MeasureColorPrior({&photo, 1}, 2, 1, {&mask, 1});
+  EXPECT_GT(prior.cr, 0);
+  const double told = ColorError(photo, Wall, kWidth / 2);
+  const ShadowColors colors(prior);
+  EXPECT_LT(ColorError(colors.Infer(photo, mask), Wall, kWidth / 2), 0.65 * told);
+  // Without the mask the bright green beside it is believed.
+  const ShadowColors unmasked(PriorOf(photo));
+  EXPECT_GT(ColorError(unmasked.Infer(photo), Wall, kWidth / 2), 0.8 * told);
+}
+
+TEST(ShadowColors, OddPhotosWork) {
+  const ShadowColors colors({.noise = 0.1, .chroma_step = 2});
+  for (const auto& [width, height] : {std::pair{1, 1}, {2, 1}, {1, 700}, {37, 3}}) {
+    for (const int16_t sample : {-3000, 0, 40, 300, 32767}) {
+      Photo photo(width, height);
+      std::fill(photo.data.begin(), photo.data.end(), sample);
+      const ColorPrior prior = PriorOf(photo);
+      EXPECT_TRUE(std::isfinite(prior.cb + prior.cr + prior.noise));
+      const Photo inferred = colors.Infer(photo);
+      // Grey of one brightness: at most two codes away from what it was.
+      for (size_t i = 0; i < photo.data.size(); ++i) {
+        EXPECT_NEAR(inferred.data[i], sample, 2 * kPhotoCode) << width << " " << sample;
+      }
+    }
+  }
+}
+
+TEST(MeasureColorPrior, TellsColorAndNoise) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal(0, 1);
+  const auto scene = [&](int, int) {
+    TestColor color = {9, 6, 4};
+    for (double& channel : color) channel += normal(random);
+    return color;
+  };
+  std::vector<Photo> photos;
+  for (int i = 0; i < 3; ++i) photos.push_back(Rounded(scene));
+  const ColorPrior prior = MeasureColorPrior(photos, 2, 1);
+  const TestColor truth = TestYcc({9, 6, 4});
+  EXPECT_NEAR(prior.cb, truth[1] / truth[0], 0.05);
+  EXPECT_NEAR(prior.cr, truth[2] / truth[0], 0.05);
+  EXPECT_NEAR(prior.noise, 1, 0.3);
+  const ColorPrior again = MeasureColorPrior(photos, 2, 3);
+  EXPECT_EQ(again.cb, prior.cb);
+  EXPECT_EQ(again.noise, prior.noise);
+}
+
+TEST(MeasureColorPrior, NothingKnownIsGrey) {
+  const ColorPrior prior = MeasureColorPrior({}, 0, 1);
+  EXPECT_EQ(prior.cb, 0);
+  EXPECT_EQ(prior.cr, 0);
+  EXPECT_FALSE(prior.jpeg);
+}
+
+}  // namespace
+}  // namespace litags
