@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "engine/core/error.h"
+#include "engine/core/photo.h"
 
 namespace litags {
 namespace {
@@ -78,10 +81,34 @@ TEST(Mask, AHoleInARampIsFilledWithoutAnEdge) {
   }
 }
 
+TEST(Mask, APhotoIsFilledAsFinelyAsItIsStored) {
+  const PlaneU8 mask = MaskWithHole(32, 16, 10, 4, 18, 12);
+  // A ramp of a tenth of a code a pixel, from below black to above: rounded to codes it is a step.
+  Photo photo(32, 16);
+  for (size_t i = 0; i < photo.data.size(); ++i) photo.data[i] = 6 * int(i / 3 % 32) - 90;
+  const Photo ramp = photo;
+  ForMasked(mask, [&](size_t i) { std::fill_n(&photo.data[3 * i], 3, kPhotoWhite); });
+  FillMasked(mask, &photo);
+  for (size_t i = 0; i < photo.data.size(); ++i) {
+    const bool counts = mask.data[i / 3] != 0;
+    // 8 px of ramp are 48 samples.
+    ASSERT_NEAR(photo.data[i], ramp.data[i], counts ? 0 : 24) << i;
+  }
+  // The mean of what surrounds a hole in noise around black is black: halves are rounded upwards on
+  // either side of it.
+  Photo noise(2, 2);
+  for (int c = 0; c < 3; ++c) noise.pixel(0, 0)[c] = -5, noise.pixel(1, 0)[c] = 4;
+  FillMasked(MaskWithHole(2, 2, 0, 1, 2, 2), &noise);
+  for (int c = 0; c < 3; ++c) EXPECT_EQ(noise.pixel(0, 1)[c], 0);
+}
+
 TEST(Mask, AnImageWithoutPixelsThatCountBecomesBlack) {
   ImageU8 image = Ramp(7, 5);
   FillMasked(PlaneU8(7, 5), &image);
   EXPECT_EQ(image.data, ImageU8(7, 5).data);
+  Photo photo = PhotoFromU8(Ramp(7, 5));
+  FillMasked(PlaneU8(7, 5), &photo);
+  EXPECT_EQ(photo.data, Photo(7, 5).data);
 }
 
 TEST(Mask, NamesAreThePhotosNameOrItsStemWithPng) {

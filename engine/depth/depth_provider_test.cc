@@ -29,7 +29,7 @@ class FolderDepth : public testing::Test {
     auto provider = MakeFolderDepthProvider(folder_);
     if (!provider.ok()) return provider.status();
     const View view{name, {}};
-    const ImageU8 photo(width, height);
+    const Photo photo(width, height);
     auto maps = (*provider)->Maps({{&view, &photo}}, CancelToken(), [](int, int) {});
     if (!maps.ok()) return maps.status();
     return (*maps)[0];
@@ -110,7 +110,7 @@ TEST_F(FolderDepth, TheLensIsTakenOutOfTheMapAsOutOfThePhoto) {
   Camera& camera = view.camera;
   camera.width = 96, camera.height = 64;
   camera.fx = camera.fy = 60, camera.cx = 48, camera.cy = 32;
-  const ImageU8 photo(96, 64);
+  const Photo photo(96, 64);
   ASSERT_TRUE(WritePfm(Path("a.pfm"), Ramp(96, 64)).ok());
   auto provider = MakeFolderDepthProvider(folder_);
   ASSERT_TRUE(provider.ok());

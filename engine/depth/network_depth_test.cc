@@ -13,12 +13,12 @@ namespace {
 constexpr int kWidth = 12, kHeight = 8;
 
 // Grey that grows to the right: from 20 to 240.
-ImageU8 Ramp() {
+Photo Ramp() {
   ImageU8 photo(kWidth, kHeight);
   for (size_t i = 0; i < photo.data.size(); ++i) {
     photo.data[i] = static_cast<uint8_t>(20 + 20 * (i / 3 % kWidth));
   }
-  return photo;
+  return PhotoFromU8(photo);
 }
 
 class NetworkDepth : public testing::Test {
@@ -37,7 +37,7 @@ class NetworkDepth : public testing::Test {
     return path;
   }
 
-  absl::StatusOr<std::optional<DepthMap>> Depth(const ImageU8& photo, const ImageU8* target) {
+  absl::StatusOr<std::optional<DepthMap>> Depth(const Photo& photo, const Photo* target) {
     auto provider = MakeNetworkDepthProvider(options_, "depth_model");
     if (!provider.ok()) return provider.status();
     const View view{"a.jpg", {}};
@@ -79,15 +79,15 @@ TEST_F(NetworkDepth, DepthIsTakenAsItIs) {
 }
 
 TEST_F(NetworkDepth, TheNetworkSeesTheBrightenedPhoto) {
-  ImageU8 negative = Ramp();
-  for (uint8_t& v : negative.data) v = 255 - v;
+  Photo negative = Ramp();
+  for (int16_t& v : negative.data) v = static_cast<int16_t>(kPhotoWhite - v);
   const auto map = Depth(Ramp(), &negative);
   ASSERT_TRUE(map.ok()) << map.status();
   EXPECT_GT((*map)->depth.at(0, 3, kWidth - 1), (*map)->depth.at(0, 3, 0));
 }
 
 TEST_F(NetworkDepth, APhotoWhereAllIsAlikeHasNoMap) {
-  ImageU8 flat(kWidth, kHeight);
+  Photo flat(kWidth, kHeight);
   const auto map = Depth(flat, nullptr);
   ASSERT_TRUE(map.ok()) << map.status();
   EXPECT_FALSE(map->has_value());

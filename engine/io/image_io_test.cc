@@ -35,6 +35,15 @@ std::string PngChunk(const std::string& type, const std::string& data) {
   return Big32(static_cast<uint32_t>(data.size())) + type + data + Big32(~crc);
 }
 
+uint32_t Adler32(const std::string& bytes) {
+  uint32_t a = 1, b = 0;
+  for (const char c : bytes) {
+    a = (a + static_cast<uint8_t>(c)) % 65521;
+    b = (b + a) % 65521;
+  }
+  return b << 16 | a;
+}
+
 constexpr size_t kPngHeaderEnd = 8 + 25;  // magic and IHDR
 
 TEST(DecodeImage, GivesBackAPngExactly) {
@@ -62,9 +71,42 @@ TEST(DecodeImage, GreyBecomesThreeEqualChannels) {
   const ImageU8 image = DecodeImage(EncodePng16(plane).value(), "f").value();
   ASSERT_EQ(image.width, 4);
   for (int i = 0; i < 20; ++i) {
-    const int expected = static_cast<int>(plane.data[i] * 65535 + 0.5) >> 8;
-    for (int c = 0; c < 3; ++c) EXPECT_NEAR(image.data[3 * i + c], expected, 1);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(image.data[3 * i + c], 255 * plane.data[i], 0.51);
   }
+}
+
+TEST(DecodePhoto, SixteenBitsAreRoundedToTheNearestSample) {
+  Planes plane(1, 64, 64);
+  for (size_t i = 0; i < plane.data.size(); ++i)
+    plane.data[i] = static_cast<float>(16 * i + i % 16);
+  const Photo photo = DecodePhoto(EncodePng16(plane, 1).value(), "f").value();
+  double sum = 0;
+  for (size_t i = 0; i < plane.data.size(); ++i) {
+    const double error = photo.data[3 * i] - plane.data[i] / 65535 * kPhotoWhite;
+    ASSERT_LE(std::abs(error), 0.501) << i;  // a sample is a 64th of a code
+    ASSERT_EQ(photo.data[3 * i], photo.data[3 * i + 2]);
+    sum += error;
+  }
+  EXPECT_NEAR(sum / plane.data.size(), 0, 0.02);  // cut off it would be -0.5
+}
+
+TEST(DecodePhoto, SixteenBitsBelowACodeStayApart) {
+  Planes plane(1, 1, 64);
+  for (int x = 0; x < 64; ++x) plane.data[x] = 4.0f * x;  // of 65535; 257 are a code
+  const Photo photo = DecodePhoto(EncodePng16(plane, 1).value(), "f").value();
+  for (int x = 1; x < 64; ++x) EXPECT_GT(photo.pixel(x, 0)[0], photo.pixel(x - 1, 0)[0]) << x;
+  EXPECT_LT(photo.pixel(63, 0)[0], kPhotoCode);
+}
+
+TEST(DecodePhoto, SixteenBitColorsComeInOrder) {
+  const std::string row("\0\x10\0\x80\0\xff\xff", 7);  // no filter; red, green, blue
+  const std::string zlib = std::string("\x78\x01\x01\x07\0\xf8\xff", 7) + row + Big32(Adler32(row));
+  const std::string ihdr = Big32(1) + Big32(1) + std::string("\x10\x02\0\0\0", 5);
+  const std::string png = EncodePng(TestImage(1, 1)).value().substr(0, 8) + PngChunk("IHDR", ihdr) +
+                          PngChunk("IDAT", zlib) + PngChunk("IEND", "");
+  const auto photo = DecodePhoto(png, "f");
+  ASSERT_TRUE(photo.ok()) << photo.status();
+  EXPECT_EQ(photo->data, (std::vector<int16_t>{1024, 8192, kPhotoWhite}));
 }
 
 TEST(DecodeImage, RefusesWhatIsNoPhoto) {
@@ -304,6 +346,36 @@ TEST(ResizeArea, AveragesWhatItShrinks) {
     }
   }
   EXPECT_EQ(ResizeArea(image, 4, 2).data, image.data);
+}
+
+TEST(ResizeArea, PhotosAreAveragedInLinearLight) {
+  Photo photo(4, 2);
+  for (size_t i = 0; i < photo.data.size(); ++i) photo.data[i] = static_cast<int16_t>(600 * i);
+  const Photo half = ResizeArea(photo, 2, 1);
+  ASSERT_EQ(half.data.size(), 6u);
+  for (int x = 0; x < 2; ++x) {
+    for (int c = 0; c < 3; ++c) {
+      double light = 0;
+      for (const auto& [u, v] : {std::pair{0, 0}, {1, 0}, {0, 1}, {1, 1}}) {
+        light += LinearFromSrgb(EncodedOf(photo.pixel(2 * x + u, v)[c])) / 4;
+      }
+      EXPECT_NEAR(half.pixel(x, 0)[c], kPhotoWhite * SrgbFromLinear(light), 0.7);
+    }
+  }
+  EXPECT_EQ(ResizeArea(photo, 4, 2).data, photo.data);
+}
+
+TEST(ResizeArea, NoiseAroundBlackAveragesOut) {
+  Photo photo(64, 64);
+  const CounterRng rng(4, 0);
+  for (size_t i = 0; i < photo.data.size(); i += 2) {
+    photo.data[i] = PhotoSample(rng.Normal(i) / 255);
+    photo.data[i + 1] = -photo.data[i];
+  }
+  for (const int16_t sample : ResizeArea(photo, 1, 1).data) EXPECT_NEAR(sample, 0, 8);
+  // Cut off at black it would be the mean of half a normal distribution: 0.4 codes.
+  for (int16_t& sample : photo.data) sample = std::max<int16_t>(sample, 0);
+  for (const int16_t sample : ResizeArea(photo, 1, 1).data) EXPECT_GT(sample, 0.3 * kPhotoCode);
 }
 
 TEST(RealPhotos, DecodeAtTheirSize) {

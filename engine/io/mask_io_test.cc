@@ -48,11 +48,11 @@ TEST_F(MaskIo, APhotoComesWithItsMaskAndWithoutWhatWasUnderIt) {
   const auto photo = ReadMaskedPhoto(photo_, "images[p.png]", mask_);
   ASSERT_TRUE(photo.ok()) << photo.status();
   EXPECT_EQ(photo->mask.data, RightHalf().data);
-  for (const uint8_t code : photo->image.data) ASSERT_EQ(code, 80);
+  for (const uint8_t code : PhotoToU8(photo->photo).data) ASSERT_EQ(code, 80);
   const auto plain = ReadMaskedPhoto(photo_, "images[p.png]", "");
   ASSERT_TRUE(plain.ok()) << plain.status();
   EXPECT_TRUE(plain->mask.empty());
-  EXPECT_EQ(plain->image.pixel(1, 0)[0], 250);
+  EXPECT_EQ(PhotoToU8(plain->photo).pixel(1, 0)[0], 250);
 }
 
 TEST_F(MaskIo, AnyChannelThatIsNotZeroCounts) {

@@ -36,16 +36,19 @@ TEST(LargestShift, IsThatOfTheFarthestCorner) {
 TEST(Undistort, FollowsTheBrownConradyModel) {
   const Camera camera = TestCamera();
   const Distortion d{.k1 = -0.2, .k2 = 0.05, .p1 = 0.01, .p2 = -0.004};
-  ImageU8 photo(camera.width, camera.height);
+  Photo photo(camera.width, camera.height);
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
       for (int c = 0; c < 3; ++c) {
-        photo.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(Pattern(x + 0.5, y + 0.5, c)));
+        photo.pixel(x, y)[c] = PhotoSample(Pattern(x + 0.5, y + 0.5, c) / 255);
       }
     }
   }
-  const auto undistorted = Undistort(photo, camera, d);
+  const auto undistorted = Undistort(PhotoToU8(photo), camera, d);
   ASSERT_TRUE(undistorted.ok()) << undistorted.status();
+  for (int16_t& sample : photo.data) sample -= kPhotoWhite / 2;  // half of them below black
+  const auto precise = Undistort(photo, camera, d);
+  ASSERT_TRUE(precise.ok()) << precise.status();
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
       // Where the lens put the ray of this pinhole pixel (OpenCV's documentation).
@@ -59,6 +62,7 @@ TEST(Undistort, FollowsTheBrownConradyModel) {
         // Two roundings and OpenCV's 1/32 px interpolation grid (slope 5 codes per px): below 1.3.
         // Half a pixel of offset would show as 2.5.
         EXPECT_NEAR(undistorted->pixel(x, y)[c], Pattern(sx, sy, c), 1.3) << x << " " << y;
+        EXPECT_NEAR(precise->pixel(x, y)[c] / kPhotoCode + 127.5, Pattern(sx, sy, c), 0.3);
       }
     }
   }
@@ -67,6 +71,7 @@ TEST(Undistort, FollowsTheBrownConradyModel) {
 TEST(Undistort, WithoutDistortionChangesNothing) {
   const ImageU8 photo = TestImage(120, 80);
   EXPECT_EQ(Undistort(photo, TestCamera(), {})->data, photo.data);
+  EXPECT_EQ(Undistort(PhotoFromU8(photo), TestCamera(), {})->data, PhotoFromU8(photo).data);
 }
 
 TEST(Undistort, RefusesOtherSizesAndNaN) {

@@ -19,9 +19,10 @@ std::vector<jpeg_scan_info> ManyScans() {
   return scans;
 }
 
-}  // namespace
-
-std::string EncodeTestJpeg(const ImageU8& image, TestJpeg kind) {
+// `configure` is called with libjpeg's defaults set. Rows are `image`'s, or 128 for CMYK.
+template <class Configure>
+std::string Encode(const ImageU8& image, int components, J_COLOR_SPACE space,
+                   const Configure& configure) {
   jpeg_compress_struct cinfo;
   jpeg_error_mgr errors;
   cinfo.err = jpeg_std_error(&errors);
@@ -29,24 +30,19 @@ std::string EncodeTestJpeg(const ImageU8& image, TestJpeg kind) {
   unsigned char* out = nullptr;
   unsigned long size = 0;
   jpeg_mem_dest(&cinfo, &out, &size);
-  const bool cmyk = kind == TestJpeg::kCmyk;
   cinfo.image_width = image.width;
   cinfo.image_height = image.height;
-  cinfo.input_components = cmyk ? 4 : 3;
-  cinfo.in_color_space = cmyk ? JCS_CMYK : JCS_RGB;
+  cinfo.input_components = components;
+  cinfo.in_color_space = space;
   jpeg_set_defaults(&cinfo);
-  const std::vector<jpeg_scan_info> scans = ManyScans();
-  if (kind == TestJpeg::kProgressive) jpeg_simple_progression(&cinfo);
-  if (kind == TestJpeg::kManyScans) {
-    cinfo.scan_info = scans.data();
-    cinfo.num_scans = static_cast<int>(scans.size());
-  }
+  configure(&cinfo);
   jpeg_start_compress(&cinfo, TRUE);
-  std::vector<JSAMPLE> row(size_t(cinfo.input_components) * image.width, 128);
+  std::vector<JSAMPLE> row(size_t(components) * image.width, 128);
   while (cinfo.next_scanline < cinfo.image_height) {
-    if (!cmyk)
-      row.assign(image.pixel(0, cinfo.next_scanline),
-                 image.pixel(0, cinfo.next_scanline) + row.size());
+    const uint8_t* from = image.pixel(0, cinfo.next_scanline);
+    for (size_t i = 0; i < row.size() && components <= 3; ++i) {
+      row[i] = from[components == 1 ? 3 * i : i];
+    }
     JSAMPROW pointer = row.data();
     jpeg_write_scanlines(&cinfo, &pointer, 1);
   }
@@ -55,6 +51,30 @@ std::string EncodeTestJpeg(const ImageU8& image, TestJpeg kind) {
   jpeg_destroy_compress(&cinfo);
   std::free(out);
   return bytes;
+}
+
+}  // namespace
+
+std::string EncodeTestJpeg(const ImageU8& image, TestJpeg kind) {
+  const std::vector<jpeg_scan_info> scans = ManyScans();
+  const bool cmyk = kind == TestJpeg::kCmyk;
+  return Encode(image, cmyk ? 4 : 3, cmyk ? JCS_CMYK : JCS_RGB, [&](j_compress_ptr cinfo) {
+    if (kind == TestJpeg::kProgressive) jpeg_simple_progression(cinfo);
+    if (kind == TestJpeg::kManyScans) {
+      cinfo->scan_info = scans.data();
+      cinfo->num_scans = static_cast<int>(scans.size());
+    }
+  });
+}
+
+std::string EncodeTestJpeg(const ImageU8& image, const JpegLayout& layout) {
+  const J_COLOR_SPACE space = layout.grey ? JCS_GRAYSCALE : JCS_RGB;
+  return Encode(image, layout.grey ? 1 : 3, space, [&](j_compress_ptr cinfo) {
+    jpeg_set_quality(cinfo, layout.quality, TRUE);
+    cinfo->comp_info[0].h_samp_factor = layout.across;
+    cinfo->comp_info[0].v_samp_factor = layout.down;
+    if (layout.progressive) jpeg_simple_progression(cinfo);
+  });
 }
 
 }  // namespace litags

@@ -16,6 +16,15 @@ enum class TestJpeg {
 
 std::string EncodeTestJpeg(const ImageU8& image, TestJpeg kind);
 
+struct JpegLayout {
+  int across = 1, down = 1;  // pixels to a sample of chroma: 1, 1 is 4:4:4, and 2, 2 is 4:2:0
+  bool grey = false;         // of the red channel
+  bool progressive = false;
+  int quality = 90;
+};
+
+std::string EncodeTestJpeg(const ImageU8& image, const JpegLayout& layout);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_IO_TESTING_JPEG_H_

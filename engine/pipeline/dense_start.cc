@@ -50,7 +50,10 @@ SparsePoint PointAt(const PhotoDepth& photo, int x, int y) {
   point.xyz = camera.WorldFromCam(
       {(x + 0.5 - camera.cx) / camera.fx * z, (y + 0.5 - camera.cy) / camera.fy * z, z});
   const auto [u, v] = PixelUnder(photo, x, y);
-  std::copy_n(photo.view->target.pixel(u, v), 3, point.rgb.begin());
+  const int16_t* pixel = photo.view->target.pixel(u, v);
+  for (int c = 0; c < 3; ++c) {
+    point.rgb[c] = static_cast<uint8_t>(std::clamp(std::lround(pixel[c] / kPhotoCode), 0L, 255L));
+  }
   return point;
 }
 

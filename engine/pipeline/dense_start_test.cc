@@ -20,6 +20,12 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
+Photo RampTarget(int width, int height) {
+  ImageU8 codes(width, height);
+  for (size_t i = 0; i < codes.data.size(); ++i) codes.data[i] = i % 251;
+  return PhotoFromU8(codes);
+}
+
 // A photo whose pixels all lie on the plane z = 2 + x / 10 of its camera.
 struct Plane {
   static constexpr int kWide = 40, kHigh = 30;
@@ -28,8 +34,7 @@ struct Plane {
 
   Plane() {
     view.view.camera = RingCamera(1, 5, kWide, kHigh);
-    view.target = ImageU8(kWide, kHigh);
-    for (size_t i = 0; i < view.target.data.size(); ++i) view.target.data[i] = i % 251;
+    view.target = RampTarget(kWide, kHigh);
     map.depth = map.confidence = Planes(1, kHigh, kWide);
     std::fill(map.confidence.data.begin(), map.confidence.data.end(), 0.9f);
     for (int y = 0; y < kHigh; ++y) {
@@ -52,17 +57,24 @@ TEST(PointsOfDepth, LieWhereThePixelsSeeThem) {
     EXPECT_NEAR(p[2], 2 + 0.1 * p[0], 1e-6);
     EXPECT_NEAR(camera.fx * p[0] / p[2] + camera.cx, i % Plane::kWide + 0.5, 1e-9);
     EXPECT_NEAR(camera.fy * p[1] / p[2] + camera.cy, i / Plane::kWide + 0.5, 1e-9);
-    EXPECT_EQ(points[i].rgb[1], plane.view.target.data[3 * i + 1]);
+    EXPECT_EQ(points[i].rgb[1], (3 * i + 1) % 251);
     EXPECT_TRUE(points[i].track.empty());
   }
+}
+
+TEST(PointsOfDepth, HaveCodesOfTargetsThatLeaveTheirRange) {
+  Plane plane;
+  const int16_t samples[] = {-40, kPhotoWhite + 200, kPhotoWhite - 1};
+  std::copy_n(samples, 3, plane.view.target.data.begin());
+  const auto points = PointsOfDepth({plane.Photo()}, Plane::kWide * Plane::kHigh);
+  EXPECT_EQ(points[0].rgb, (std::array<uint8_t, 3>{0, 255, 255}));
 }
 
 TEST(PointsOfDepth, AMapMayBeSmallerThanItsPhoto) {
   Plane plane;
   TrainView& view = plane.view;
   view.view.camera = view.view.camera.Scaled(2 * Plane::kWide, 2 * Plane::kHigh);
-  view.target = ImageU8(2 * Plane::kWide, 2 * Plane::kHigh);
-  for (size_t i = 0; i < view.target.data.size(); ++i) view.target.data[i] = i % 251;
+  view.target = RampTarget(2 * Plane::kWide, 2 * Plane::kHigh);
   view.mask = PlaneU8(2 * Plane::kWide, 2 * Plane::kHigh);
   std::fill(view.mask.data.begin(), view.mask.data.end(), kCounts);
   view.mask.data[1 * 2 * Plane::kWide + 3] = 0;  // under the map's (1, 0)
@@ -72,7 +84,7 @@ TEST(PointsOfDepth, AMapMayBeSmallerThanItsPhoto) {
   EXPECT_NEAR(p[2], plane.map.depth.at(0, 0, 2), 1e-6);
   EXPECT_NEAR(view.view.camera.fx * p[0] / p[2] + view.view.camera.cx, 5, 1e-9);
   EXPECT_NEAR(view.view.camera.fy * p[1] / p[2] + view.view.camera.cy, 1, 1e-9);
-  EXPECT_EQ(points[1].rgb[2], view.target.pixel(5, 1)[2]);
+  EXPECT_EQ(points[1].rgb[2], PhotoToU8(view.target).pixel(5, 1)[2]);
 }
 
 TEST(PointsOfDepth, AreAGridOfAtMostTheLimitOverAllPhotos) {
@@ -83,7 +95,7 @@ TEST(PointsOfDepth, AreAGridOfAtMostTheLimitOverAllPhotos) {
   // Pixels (1, 1), (4, 1) ...: 13 of 40 columns, 10 of 30 rows.
   const auto third = PointsOfDepth({a.Photo()}, 140);
   ASSERT_EQ(third.size(), 130u);
-  EXPECT_EQ(third[1].rgb[0], a.view.target.pixel(4, 1)[0]);
+  EXPECT_EQ(third[1].rgb[0], PhotoToU8(a.view.target).pixel(4, 1)[0]);
   EXPECT_TRUE(PointsOfDepth({a.Photo()}, 0).empty());
   EXPECT_TRUE(PointsOfDepth({a.Photo()}, -5).empty());
   EXPECT_TRUE(PointsOfDepth({}, 100).empty());

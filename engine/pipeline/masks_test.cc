@@ -257,7 +257,7 @@ TEST(Masks, MaskedPixelsHaveNoDepth) {
   ASSERT_TRUE(WriteFileAtomically(input.depth_dir + "/v000.pfm", EncodePfm(ramp)).ok());
   std::vector<TrainView> views(1);
   views[0].view = room.model.views[0];
-  views[0].photo = views[0].target = room.Photo(0, Light::kLow);
+  views[0].photo = views[0].target = PhotoFromU8(room.Photo(0, Light::kLow));
   views[0].mask = PlaneU8(RoomCapture::kWidth, RoomCapture::kHeight);
   std::fill(views[0].mask.data.begin() + 100, views[0].mask.data.end(), kCounts);
   ReconstructReport report;

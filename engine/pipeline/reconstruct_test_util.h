@@ -52,7 +52,7 @@ class Photographs {
     const std::vector<TrainView> views = DarkViews(splats, kPhotos, width, height);
     std::filesystem::create_directory(dir_ / "images");
     for (const TrainView& v : views) {
-      EXPECT_TRUE(WritePng(Photo(v.view.name), v.photo).ok());
+      EXPECT_TRUE(WritePng(Photo(v.view.name), PhotoToU8(v.photo)).ok());
     }
     model = ModelOf(splats, views);
     WriteModel();

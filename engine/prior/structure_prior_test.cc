@@ -13,7 +13,7 @@ namespace litags {
 namespace {
 
 // A photo with structure at several scales and noise of deviation `noise`, at an exposure.
-ImageU8 MakePhoto(int width, int height, double exposure, double noise, uint64_t stream) {
+Photo MakePhoto(int width, int height, double exposure, double noise, uint64_t stream) {
   Planes image(3, height, width);
   const CounterRng rng(11, stream);
   for (int y = 0; y < height; ++y) {
@@ -26,7 +26,7 @@ ImageU8 MakePhoto(int width, int height, double exposure, double noise, uint64_t
       }
     }
   }
-  return ToImageU8(image);
+  return PhotoFromU8(ToImageU8(image));
 }
 
 StructurePriorOptions Plain() {
@@ -157,12 +157,12 @@ TEST(EstimateNoise, FindsTheNoiseOfE) {
 
 TEST(EstimateNoise, IsNeverBelowTheRoundingOfBytes) {
   const double rounding = 0.688 / (255 * std::sqrt(12.0));
-  EXPECT_NEAR(EstimateNoise(ImageU8(50, 40)), rounding, 0.01 * rounding);
-  EXPECT_NEAR(EstimateNoise(ImageU8(1, 1)), rounding, 0.01 * rounding);
+  EXPECT_NEAR(EstimateNoise(Photo(50, 40)), rounding, 0.01 * rounding);
+  EXPECT_NEAR(EstimateNoise(Photo(1, 1)), rounding, 0.01 * rounding);
 }
 
 TEST(CapturePriors, ShareOneScaleThatClipsOnePercent) {
-  std::vector<ImageU8> photos;
+  std::vector<Photo> photos;
   for (int i = 0; i < 3; ++i) photos.push_back(MakePhoto(120, 90, 0.2 + 0.3 * i, 0.005, i));
   StructurePriorOptions options;
   const auto priors = ComputeCapturePriors(photos, options, 2, CancelToken());
@@ -183,7 +183,7 @@ TEST(CapturePriors, ShareOneScaleThatClipsOnePercent) {
 }
 
 TEST(CapturePriors, AreTheSameBytesForAnyNumberOfThreads) {
-  std::vector<ImageU8> photos;
+  std::vector<Photo> photos;
   for (int i = 0; i < 5; ++i) photos.push_back(MakePhoto(70, 50, 0.5, 0.01, i));
   const auto one = ComputeCapturePriors(photos, {}, 1, CancelToken());
   const auto four = ComputeCapturePriors(photos, {}, 4, CancelToken());
@@ -194,11 +194,11 @@ TEST(CapturePriors, AreTheSameBytesForAnyNumberOfThreads) {
 
 TEST(CapturePriors, StopOnRequestAndRefuseACaptureWithoutStructure) {
   CancelToken cancel;
-  const std::vector<ImageU8> black(2, ImageU8(40, 30));
+  const std::vector<Photo> black(2, Photo(40, 30));
   const auto none = ComputeCapturePriors(black, {}, 1, cancel);
   EXPECT_EQ(GetErrorDetail(none.status())->reason, "NO_STRUCTURE");
   cancel.Cancel();
-  const std::vector<ImageU8> photos = {MakePhoto(40, 30, 0.5, 0, 1)};
+  const std::vector<Photo> photos = {MakePhoto(40, 30, 0.5, 0, 1)};
   EXPECT_EQ(ComputeCapturePriors(photos, {}, 1, cancel).status().code(),
             absl::StatusCode::kCancelled);
 }

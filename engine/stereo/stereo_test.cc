@@ -22,7 +22,7 @@ constexpr int kStep = 9;   // px between the surface points that stand for struc
 // A small capture of the sample room with exact cameras, depth and points.
 struct Room {
   std::vector<View> views;
-  std::vector<ImageU8> photos;
+  std::vector<Photo> photos;
   std::vector<Planes> depths;
   std::vector<SparsePoint> points;
 
@@ -77,7 +77,7 @@ const Room& DarkRoom() {
     std::vector<View> all = sample::CaptureViews(options);
     for (int i = 6; i < 6 + kViews; ++i) {
       const std::string stem = Stem(all[i].name);
-      auto photo = ReadImage(dir / ("low/" + all[i].name), "photo");
+      auto photo = ReadPhoto(dir / ("low/" + all[i].name), "photo");
       auto depth = ReadDepthMap(dir / ("depth/" + stem + ".pfm"), "depth");
       EXPECT_TRUE(photo.ok() && depth.ok());
       out->views.push_back(all[i]);
@@ -158,7 +158,9 @@ TEST(StereoDepth, BytesDoNotDependOnThreads) {
 
 TEST(StereoDepth, ExposureOfAPhotoDoesNotMatter) {
   Room room = DarkRoom();
-  for (uint8_t& code : room.photos[4].data) code = static_cast<uint8_t>(std::min(255, 3 * code));
+  for (int16_t& sample : room.photos[4].data) {
+    sample = static_cast<int16_t>(std::min(kPhotoWhite, 3 * sample));
+  }
   const auto maps = Compute(room, StereoOptions());
   const auto& before = DarkMaps();
   ASSERT_TRUE(maps.ok() && before.ok());

@@ -16,15 +16,17 @@ constexpr int kWidth = 200, kHeight = 150;
 constexpr double kNoise = 0.002;  // linear light; 7 codes at black
 
 // Photos with such noise of a scene whose light is `light` of how far a pixel is to the right.
-std::vector<ImageU8> Photos(double noise, const std::function<double(double x)>& light) {
-  std::vector<ImageU8> photos(3, ImageU8(kWidth, kHeight));
+std::vector<Photo> Photos(double noise, const std::function<double(double x)>& light) {
+  std::vector<Photo> photos(3, Photo(kWidth, kHeight));
   for (size_t i = 0; i < photos.size(); ++i) {
     const CounterRng rng(7, i);
-    for (size_t k = 0; k < photos[i].data.size(); ++k) {
+    ImageU8 codes(kWidth, kHeight);
+    for (size_t k = 0; k < codes.data.size(); ++k) {
       const double sensor = light(k / 3 % kWidth / double{kWidth}) + noise * rng.Normal(k);
-      photos[i].data[k] =
+      codes.data[k] =
           static_cast<uint8_t>(std::lround(255 * SrgbFromLinear(std::clamp(sensor, 0.0, 1.0))));
     }
+    photos[i] = PhotoFromU8(codes);
   }
   return photos;
 }
@@ -73,7 +75,7 @@ TEST(BlackLift, ScenesWithoutBlackAreHardlyDarkened) {
 }
 
 TEST(BlackLift, WhatAMaskLeavesOutSaysNothing) {
-  const std::vector<ImageU8> photos = Photos(kNoise, FromBlack);
+  const std::vector<Photo> photos = Photos(kNoise, FromBlack);
   const std::vector<double> gains(3, 16.0);
   PlaneU8 mask(kWidth, kHeight);
   for (int y = 0; y < kHeight; ++y) {

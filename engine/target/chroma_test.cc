@@ -28,7 +28,7 @@ std::array<double, 3> TwoColors(int x, int) {
 // A dark photo of a scene whose codes are given, with normal noise of a deviation in codes of the
 // photo, each channel its own.
 template <class Scene>
-ImageU8 Dark(const Scene& scene, double noise) {
+Photo Dark(const Scene& scene, double noise) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal(0, 1);
   ImageU8 photo(kWidth, kHeight);
@@ -42,7 +42,7 @@ ImageU8 Dark(const Scene& scene, double noise) {
       }
     }
   }
-  return photo;
+  return PhotoFromU8(photo);
 }
 
 double Luma(const uint8_t* p) { return 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]; }
@@ -66,23 +66,23 @@ double ChromaError(const ImageU8& image, const Scene& scene, int from, int to) {
 }
 
 TEST(Chroma, NoiseOfColorsIsAveraged) {
-  const ImageU8 photo = Dark(TwoColors, 1.0);
-  const ImageU8 as_it_is = SmoothChroma(photo, kGain, 0, Curve);
-  const ImageU8 smooth = SmoothChroma(photo, kGain, kStrength, Curve);
+  const Photo photo = Dark(TwoColors, 1.0);
+  const ImageU8 as_it_is = PhotoToU8(SmoothChroma(photo, kGain, 0, Curve));
+  const ImageU8 smooth = PhotoToU8(SmoothChroma(photo, kGain, kStrength, Curve));
   const double before = ChromaError(as_it_is, TwoColors, 0, kWidth / 2 - 12);
   EXPECT_GT(before, 8);  // the test is worth something
   EXPECT_LT(ChromaError(smooth, TwoColors, 0, kWidth / 2 - 12), 0.35 * before);
 }
 
 TEST(Chroma, BrightnessStaysPixelByPixel) {
-  const ImageU8 photo = Dark(TwoColors, 1.0);
-  const ImageU8 smooth = SmoothChroma(photo, kGain, kStrength, Curve);
+  const Photo photo = Dark(TwoColors, 1.0);
+  const Photo smooth = SmoothChroma(photo, kGain, kStrength, Curve);
   for (int i = 0; i < kWidth * kHeight; ++i) {
     double before = 0, after = 0;
     const double weights[] = {0.299, 0.587, 0.114};
     for (int c = 0; c < 3; ++c) {
-      before += weights[c] * kGain * LinearFromSrgb(photo.data[3 * i + c] / 255.0);
-      after += weights[c] * LinearFromSrgb(smooth.data[3 * i + c] / 255.0);
+      before += weights[c] * kGain * LinearTable::Get()(photo.data[3 * i + c]);
+      after += weights[c] * LinearTable::Get()(smooth.data[3 * i + c]);
     }
     if (before > 0.6) continue;  // a channel may be clipped
     EXPECT_NEAR(after, before, 0.006) << i;
@@ -91,7 +91,7 @@ TEST(Chroma, BrightnessStaysPixelByPixel) {
 
 TEST(Chroma, AnEdgeOfLikeBrightnessKeepsItsColors) {
   // Half a code of noise; the two halves differ by colour alone.
-  const ImageU8 smooth = SmoothChroma(Dark(TwoColors, 0.5), kGain, kStrength, Curve);
+  const ImageU8 smooth = PhotoToU8(SmoothChroma(Dark(TwoColors, 0.5), kGain, kStrength, Curve));
   const int middle = kWidth / 2;
   // 3 px beside the edge: red less green is +51 and -54 codes.
   for (const auto& [x, sign] : {std::pair{middle - 4, 1}, {middle + 3, -1}}) {
@@ -109,10 +109,11 @@ TEST(Chroma, WhatIsMaskedGivesNoColor) {
     return x < kWidth / 2 ? std::array<double, 3>{0.50, 0.50, 0.50}
                           : std::array<double, 3>{0.56, 0.47, 0.50};
   };
-  const ImageU8 photo = Dark(scene, 1.0);
+  const Photo photo = Dark(scene, 1.0);
   PlaneU8 mask(kWidth, kHeight);
   for (int i = 0; i < kWidth * kHeight; ++i) mask.data[i] = i % kWidth < kWidth / 2 ? kCounts : 0;
-  const auto red_less_green = [&](const ImageU8& image) {
+  const auto red_less_green = [&](const Photo& photo) {
+    const ImageU8 image = PhotoToU8(photo);
     double sum = 0;
     for (int y = 0; y < kHeight; ++y) {
       for (int x = kWidth / 2 - 7; x < kWidth / 2 - 3; ++x) {
@@ -142,7 +143,33 @@ TEST(Chroma, PhotosWithLittleNoiseOnlyGoThroughTheCurve) {
   std::mt19937 random(1);
   for (uint8_t& code : photo.data) code = std::min<int>(255, code + random() % 3);
   const auto identity = [](double linear) { return SrgbFromLinear(linear); };
-  EXPECT_EQ(SmoothChroma(photo, 1, kStrength, identity).data, photo.data);
+  const Photo smooth = SmoothChroma(PhotoFromU8(photo), 1, kStrength, identity);
+  EXPECT_EQ(PhotoToU8(smooth).data, photo.data);
+}
+
+TEST(Chroma, NoiseAroundBlackStaysSymmetric) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal(0, 1);
+  Photo photo(kWidth, kHeight);
+  for (int16_t& sample : photo.data) sample = PhotoSample(normal(random) / 255);
+  for (const double strength : {0.0, kStrength}) {
+    const Photo target = SmoothChroma(photo, kGain, strength, Curve);
+    double sum = 0;
+    int most = 0;
+    for (const int16_t sample : target.data) {
+      sum += sample;
+      most = std::max(most, std::abs(sample));
+    }
+    // Four deviations and more of a code each, times the gain along the line at black; brightness
+    // bends over the curve, so above black it is less.
+    EXPECT_LT(most, 6 * kGain * kPhotoCode);
+    EXPECT_LT(std::abs(sum / target.data.size()), 16 * kPhotoCode) << strength;
+  }
+  for (int16_t& sample : photo.data) sample = static_cast<int16_t>(std::clamp<int>(sample, -3, 3));
+  const Photo target = SmoothChroma(photo, kGain, 0, Curve);
+  for (size_t i = 0; i < photo.data.size(); ++i) {
+    ASSERT_NEAR(target.data[i], kGain * photo.data[i], 2) << i;
+  }
 }
 
 TEST(Chroma, OddPhotos) {
@@ -151,7 +178,7 @@ TEST(Chroma, OddPhotos) {
       ImageU8 photo(width, height);
       std::fill(photo.data.begin(), photo.data.end(), static_cast<uint8_t>(code));
       photo.data[0] = 3;
-      const ImageU8 smooth = SmoothChroma(photo, kGain, kStrength, Curve);
+      const ImageU8 smooth = PhotoToU8(SmoothChroma(PhotoFromU8(photo), kGain, kStrength, Curve));
       EXPECT_EQ(smooth.data.size(), photo.data.size());
       EXPECT_EQ(smooth.data.back() == 0, photo.data.back() == 0) << width << " " << code;
     }

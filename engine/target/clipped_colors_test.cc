@@ -42,11 +42,11 @@ double ErrorOfRedOverGreen(const Rgb& ratio, const double (&color)[3]) {
   return ratio[0] - ratio[1] - std::log(color[0] / color[1]);
 }
 
-ImageU8 Uniform(int r, int g, int b) {
+Photo Uniform(int r, int g, int b) {
   ImageU8 photo(kWidth, kHeight);
   for (size_t i = 0; i < photo.data.size(); ++i)
     photo.data[i] = i % 3 == 0 ? r : i % 3 == 1 ? g : b;
-  return photo;
+  return PhotoFromU8(photo);
 }
 
 TEST(ClippedColors, WhatIsNotClippedKeepsItsColor) {
@@ -109,7 +109,7 @@ TEST(ClippedColors, WithoutAPaletteColorsAreTheCodes) {
 
 TEST(CollectPalette, ColorsDoNotDependOnTheExposure) {
   const double light[3] = {0.4, 0.2, 0.1};
-  std::vector<ImageU8> photos;
+  std::vector<Photo> photos;
   const std::vector<double> exposures = {1, 2};
   for (double exposure : exposures) {
     std::array<int, 3> codes;

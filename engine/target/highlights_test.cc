@@ -32,9 +32,10 @@ ImageU8 OverExposed(const Scene& scene) {
   return photo;
 }
 
-ImageU8 Fill(const ImageU8& photo) {
+ImageU8 Fill(const ImageU8& codes) {
+  const Photo photo = PhotoFromU8(codes);
   const ClippedColors colors(CollectPalette({photo}, {1.0}, kGain, {}), 1);
-  return FillHighlights(photo, kGain, colors, Curve);
+  return PhotoToU8(FillHighlights(photo, kGain, colors, Curve));
 }
 
 double Code(const ImageU8& image, int x, int y, int c) { return image.pixel(x, y)[c] / 255.0; }

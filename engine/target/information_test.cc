@@ -17,7 +17,7 @@ constexpr int kSize = 120;
 bool IsLeft(size_t sample) { return (sample / 3) % kSize < kSize / 2; }
 
 // Left half of code `left`, right half of code `right`, with normal noise of such deviations.
-ImageU8 TwoHalves(double left, double right, double left_noise = 0, double right_noise = 0) {
+Photo TwoHalves(double left, double right, double left_noise = 0, double right_noise = 0) {
   const CounterRng rng(7, 1);
   ImageU8 image(kSize, kSize);
   for (size_t i = 0; i < image.data.size(); ++i) {
@@ -25,11 +25,11 @@ ImageU8 TwoHalves(double left, double right, double left_noise = 0, double right
         IsLeft(i) ? left + left_noise * rng.Normal(i) : right + right_noise * rng.Normal(i);
     image.data[i] = static_cast<uint8_t>(std::clamp(std::round(code), 0.0, 255.0));
   }
-  return image;
+  return PhotoFromU8(image);
 }
 
 TEST(MeasureTargets, NoiseIsTheDeviationOfFlatAreas) {
-  const ImageU8 photo = TwoHalves(20, 90), target = TwoHalves(60, 180, 12, 4);
+  const Photo photo = TwoHalves(20, 90), target = TwoHalves(60, 180, 12, 4);
   const auto noise = MeasureTargets({&photo}, {&target}).noise;
   EXPECT_NEAR(noise[20], 12, 1.2);
   EXPECT_NEAR(noise[90], 4, 0.4);
@@ -37,16 +37,17 @@ TEST(MeasureTargets, NoiseIsTheDeviationOfFlatAreas) {
 
 TEST(MeasureTargets, KnowsWhatRoundingTookAway) {
   // Codes 3, 4 and 5 in broad stripes; a step of one is a step of ten in the target.
-  ImageU8 photo(kSize, kSize), target(kSize, kSize);
+  Photo photo(kSize, kSize), target(kSize, kSize);
   for (size_t i = 0; i < photo.data.size(); ++i) {
-    photo.data[i] = static_cast<uint8_t>(3 + (i / 3) % kSize / 40);
-    target.data[i] = static_cast<uint8_t>(10 * photo.data[i]);
+    photo.data[i] = PhotoSample((3 + (i / 3) % kSize / 40) / 255.0f);  // 193, 257, 321
+    target.data[i] = static_cast<int16_t>(10 * photo.data[i]);
   }
-  EXPECT_NEAR(MeasureTargets({&photo}, {&target}).noise[4], 10 / std::sqrt(12.0), 1e-6);
+  EXPECT_NEAR(MeasureTargets({&photo}, {&target}).noise[4], 640 / kPhotoCode / std::sqrt(12.0),
+              1e-5);
 }
 
 TEST(MeasureTargets, ClippedHighlightsAreGuesses) {
-  const ImageU8 photo = TwoHalves(100, 255), target = TwoHalves(50, 200);
+  const Photo photo = TwoHalves(100, 255), target = TwoHalves(50, 200);
   const auto noise = MeasureTargets({&photo}, {&target}).noise;
   EXPECT_LT(noise[100], 1);
   EXPECT_EQ(noise[kClippedCode], kClippedNoise);
@@ -54,7 +55,7 @@ TEST(MeasureTargets, ClippedHighlightsAreGuesses) {
 }
 
 TEST(PictureNoise, IsTheDeviationOfFlatAreasThatAreNotBlack) {
-  const auto of = [](const ImageU8& picture, const PlaneU8& mask = {}) {
+  const auto of = [](const Photo& picture, const PlaneU8& mask = {}) {
     PictureNoise noise;
     noise.Add(picture, mask);
     return noise.Deviation();
@@ -81,8 +82,8 @@ TEST(PictureNoise, OfSeveralPicturesIsThatOfAllTheirPixels) {
 // A bright photo that clips the right half, which a dark one of the same place, an eighth of the
 // light, sees; the dark one is noisy on the left.
 struct TwoExposures {
-  ImageU8 bright = TwoHalves(200, 255), dark = TwoHalves(60, 120);
-  ImageU8 bright_target = TwoHalves(100, 180), dark_target = TwoHalves(100, 190, 12, 2);
+  Photo bright = TwoHalves(200, 255), dark = TwoHalves(60, 120);
+  Photo bright_target = TwoHalves(100, 180), dark_target = TwoHalves(100, 190, 12, 2);
   std::vector<PlaneU8> Weights(double exposure) const {
     return InformationWeights({&bright, &dark}, {&bright_target, &dark_target}, {exposure, 1});
   }
@@ -95,9 +96,9 @@ TEST(InformationWeights, PhotosThatKnowAPlaceBetterCountForMore) {
   const double bright_left = planes[0].data[5], bright_right = planes[0].data[kSize - 5],
                dark_right = planes[1].data[kSize - 5];
   // As bright as what the bright photo knows, in all channels.
-  const std::vector<uint8_t>& target = photos.dark_target.data;
+  const std::vector<int16_t>& target = photos.dark_target.data;
   size_t i = 0;
-  while (std::max({target[3 * i], target[3 * i + 1], target[3 * i + 2]}) > 100) ++i;
+  while (std::max({target[3 * i], target[3 * i + 1], target[3 * i + 2]}) > 100 * kPhotoCode) ++i;
   const double dark_left = planes[1].data[i];
   // (1 + (2 / 12)^2) / (1 + (48 / 12)^2) and 1 / (1 + (12 / 12)^2), in steps of 1 / 80.
   EXPECT_NEAR(bright_right / bright_left, 0.06, 0.02);
@@ -117,7 +118,7 @@ TEST(InformationWeights, PhotosOfLikeExposureAreAllAlike) {
 }
 
 TEST(InformationWeights, WhatNoPhotoKnowsWeighsAsMuchAsWhatIsKnown) {
-  const ImageU8 photo = TwoHalves(100, 255), target = TwoHalves(100, 250);
+  const Photo photo = TwoHalves(100, 255), target = TwoHalves(100, 250);
   const auto planes = InformationWeights({&photo, &photo}, {&target, &target}, {1, 4});
   for (const PlaneU8& plane : planes) {
     EXPECT_EQ(plane.data[5], kInformationOne);

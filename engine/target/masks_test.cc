@@ -28,13 +28,13 @@ struct Pair {
           const uint64_t i = (uint64_t(y) * kWidth + x) * 3 + c;
           const int level = x < kCut ? low + (x / 8) * 2 : 180;
           const int noise = x < kCut ? 3 : 70;
-          whole.pixel(x, y)[c] = static_cast<uint8_t>(level + rng.Below(i, noise));
+          whole.pixel(x, y)[c] = PhotoSample((level + rng.Below(i, noise)) / 255.0f);
           if (x < kCut) cut.pixel(x, y)[c] = whole.pixel(x, y)[c];
         }
       }
     }
   }
-  ImageU8 cut, whole;
+  Photo cut, whole;
   PlaneU8 mask;
 };
 
@@ -47,7 +47,7 @@ struct Photos {
       masks.push_back(std::move(pair.mask));
     }
   }
-  std::vector<ImageU8> cut, whole;
+  std::vector<Photo> cut, whole;
   std::vector<PlaneU8> masks;
 };
 
@@ -88,7 +88,7 @@ TEST(MaskedPhotos, NoiseAndScaleOfStructureAreThoseOfWhatCounts) {
   EXPECT_DOUBLE_EQ(NoiseFloor(photos.whole, {}, photos.masks), NoiseFloor(photos.cut, {}));
   StructurePriorOptions options;
   options.scale_sigma_to_width = false;
-  std::vector<ImageU8> filled = photos.whole;
+  std::vector<Photo> filled = photos.whole;
   for (size_t i = 0; i < 3; ++i) FillMasked(photos.masks[i], &filled[i]);
   const auto cut = ComputeCapturePriors(photos.cut, options, 1, CancelToken());
   const auto masked = ComputeCapturePriors(filled, options, 1, CancelToken(), photos.masks);
@@ -101,8 +101,8 @@ TEST(MaskedPhotos, NoiseAndScaleOfStructureAreThoseOfWhatCounts) {
 
 TEST(MaskedPhotos, InformationHasAMeanOfOneWhereItCounts) {
   const Photos photos;
-  std::vector<const ImageU8*> whole;
-  for (const ImageU8& photo : photos.whole) whole.push_back(&photo);
+  std::vector<const Photo*> whole;
+  for (const Photo& photo : photos.whole) whole.push_back(&photo);
   const auto noise = MeasureTargets(whole, whole, photos.masks).noise;
   EXPECT_LT(noise[200], 5) << "noise under the masks was measured";
   EXPECT_GT(MeasureTargets(whole, whole).noise[200], 10);

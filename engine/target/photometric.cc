@@ -34,6 +34,15 @@ double Median(std::vector<double>& values) {
   return *middle;
 }
 
+// The mean of the two in the middle if there are two: alternating medians that take one of them
+// stop far from where they would go to, since a point that two photos see is then just as one of
+// them says.
+double MiddleOf(std::vector<double>& values) {
+  const double upper = Median(values);
+  if (values.size() % 2 == 1) return upper;
+  return (upper + *std::max_element(values.begin(), values.begin() + values.size() / 2)) / 2;
+}
+
 // Log of the mean linear light of a patch; nothing if it is cut off, masked, black or white.
 std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x, double y) {
   const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
@@ -188,11 +197,11 @@ std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
       if (end - begin < 2) return;
       values.clear();
       for (auto s = begin; s != end; ++s) values.push_back(s->log_light - log_exposure[s->photo]);
-      const double albedo = Median(values);
+      const double albedo = MiddleOf(values);
       for (auto s = begin; s != end; ++s) residuals[s->photo].push_back(s->log_light - albedo);
     });
     for (size_t i = 0; i < n; ++i) {
-      if (residuals[i].size() >= kMinSightings) log_exposure[i] = Median(residuals[i]);
+      if (residuals[i].size() >= kMinSightings) log_exposure[i] = MiddleOf(residuals[i]);
     }
   }
   return FromLogs(log_exposure);

@@ -45,7 +45,7 @@ double ColorError(const Photo& photo, const Scene& scene, int from = 0, int to =
   return std::sqrt(squares / n);
 }
 
-ColorPrior PriorOf(const Photo& photo) { return MeasureColorPrior({&photo, 1}, 2, 1); }
+ColorPrior PriorOf(const Photo& photo) { return MeasureColorPrior(photo, 2); }
 
 // A warm wall that gets darker from 8 codes to 0.8, from left to right.
 TestColor Wall(int x, int y) {
@@ -86,7 +86,7 @@ TEST(ShadowColors, WhatIsMaskedTellsNothing) {
   const Photo photo = Rounded(scene);
   PlaneU8 mask(kWidth, kHeight);
   for (int i = 0; i < kWidth * kHeight; ++i) mask.data[i] = i % kWidth < kWidth / 2 ? 0 : kCounts;
-  const ColorPrior prior = MeasureColorPrior({&photo, 1}, 2, 1, {&mask, 1});
+  const ColorPrior prior = MeasureColorPrior(photo, 2, mask);
   EXPECT_GT(prior.cr, 0);
   const double told = ColorError(photo, Wall, kWidth / 2);
   const ShadowColors colors(prior);
@@ -121,20 +121,27 @@ TEST(MeasureColorPrior, TellsColorAndNoise) {
     for (double& channel : color) channel += normal(random);
     return color;
   };
-  std::vector<Photo> photos;
-  for (int i = 0; i < 3; ++i) photos.push_back(Rounded(scene));
-  const ColorPrior prior = MeasureColorPrior(photos, 2, 1);
+  const ColorPrior prior = PriorOf(Rounded(scene));
   const TestColor truth = TestYcc({9, 6, 4});
   EXPECT_NEAR(prior.cb, truth[1] / truth[0], 0.05);
   EXPECT_NEAR(prior.cr, truth[2] / truth[0], 0.05);
   EXPECT_NEAR(prior.noise, 1, 0.3);
-  const ColorPrior again = MeasureColorPrior(photos, 2, 3);
-  EXPECT_EQ(again.cb, prior.cb);
-  EXPECT_EQ(again.noise, prior.noise);
+  EXPECT_TRUE(prior.jpeg);
+  EXPECT_EQ(prior.chroma_step, 2);
+}
+
+TEST(MedianPrior, IsOfEachFigureAndTheCoarsestStep) {
+  const ColorPrior a = {.cb = 1, .cr = 5, .noise = 2}, b = {.cb = 2, .cr = 4, .noise = 9},
+                   c = {.cb = 3, .cr = 6, .noise = 1};
+  const ColorPrior median = MedianPrior({a, b, c});
+  EXPECT_EQ(median.cb, 2);
+  EXPECT_EQ(median.cr, 5);
+  EXPECT_EQ(median.noise, 2);
 }
 
 TEST(MeasureColorPrior, NothingKnownIsGrey) {
-  const ColorPrior prior = MeasureColorPrior({}, 0, 1);
+  const ColorPrior prior = MeasureColorPrior(Photo(), 0);
+  EXPECT_EQ(MedianPrior({}).cb, 0);
   EXPECT_EQ(prior.cb, 0);
   EXPECT_EQ(prior.cr, 0);
   EXPECT_FALSE(prior.jpeg);

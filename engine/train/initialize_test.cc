@@ -20,20 +20,19 @@ std::vector<SparsePoint> RandomPoints(int n) {
   return points;
 }
 
-// A view whose photo is one colour and whose target has `gain` times its codes.
-TrainView Flat(int index, uint8_t code, float gain) {
+// A view whose photo is one grey and whose target has `gain` times its encoded value.
+TrainView Flat(int index, float encoded, float gain) {
   TrainView view;
   view.view.camera = RingCamera(index, 4, 32, 24);
-  view.photo = ImageU8(32, 24);
-  std::fill(view.photo.data.begin(), view.photo.data.end(), code);
-  view.target = view.photo;
-  for (uint8_t& c : view.target.data) c = static_cast<uint8_t>(gain * c);
+  view.photo = view.target = Photo(32, 24);
+  std::fill(view.photo.data.begin(), view.photo.data.end(), PhotoSample(encoded));
+  std::fill(view.target.data.begin(), view.target.data.end(), PhotoSample(gain * encoded));
   return view;
 }
 
 TEST(Initialize, ScaleIsTheRmsDistanceToThreeNeighbours) {
   const std::vector<SparsePoint> points = RandomPoints(300);
-  const std::vector<TrainView> views = {Flat(0, 50, 2)};
+  const std::vector<TrainView> views = {Flat(0, 0.2f, 2)};
   const auto splats = InitializeFromPoints(points, {}, views, StartShape::kBall);
   ASSERT_TRUE(splats.ok()) << splats.status();
   ASSERT_EQ(splats->size(), 300u);
@@ -61,7 +60,7 @@ TEST(Initialize, ColourIsTheMeanTargetOfThePhotosThatSawThePoint) {
   points[0].track = {{0, 0, 0}, {1, 0, 0}};  // model views 0 and 1
   points[1].track = {{2, 0, 0}};             // model view 2 is held out
   points[2].track = {{7, 0, 0}};             // no such view
-  const std::vector<TrainView> views = {Flat(0, 51, 1), Flat(1, 102, 2)};  // targets 0.2, 0.8
+  const std::vector<TrainView> views = {Flat(0, 0.25f, 1), Flat(1, 0.375f, 2)};
   const auto splats = InitializeFromPoints(points, {0, 1, -1}, views, StartShape::kBall);
   ASSERT_TRUE(splats.ok());
   const auto color = [&](size_t i, int c) { return 0.5 + kSh0 * splats->at(i, kShDc + c); };
@@ -75,11 +74,11 @@ TEST(Initialize, ColourIsTheMeanTargetOfThePhotosThatSawThePoint) {
 
 TEST(Initialize, AttributesStartWhereTheLossesAreFlat) {
   const std::vector<SparsePoint> points = RandomPoints(5);
-  const std::vector<TrainView> views = {Flat(0, 51, 2), Flat(1, 51, 4)};
+  const std::vector<TrainView> views = {Flat(0, 0.125f, 2), Flat(1, 0.125f, 4)};
   const auto splats = InitializeFromPoints(points, {}, views, StartShape::kBall);
   ASSERT_TRUE(splats.ok());
   for (size_t i = 0; i < 5; ++i) {
-    EXPECT_NEAR(splats->at(i, kIllumination), (0.2 + 0.2) / (0.4 + 0.8), 1e-5);
+    EXPECT_NEAR(splats->at(i, kIllumination), (0.125 + 0.125) / (0.25 + 0.5), 1e-5);
     EXPECT_EQ(splats->at(i, kNoise), 0);
     EXPECT_EQ(splats->at(i, kStructure), 0);
     const double z0 = views[0].view.camera.CamFromWorld(points[i].xyz)[2];

@@ -26,7 +26,7 @@ struct Fixture {
 
 void UnpackImage(benchmark::State& state) {
   Fixture f(state);
-  const ImageU8 photo = ToImageU8(f.x);
+  const Photo photo = PhotoFromU8(ToImageU8(f.x));
   for (auto _ : state) litags::UnpackImage(photo, f.ws, &f.y);
 }
 

@@ -309,9 +309,9 @@ TEST(Losses, AnImageAgainstItselfCostsNothing) {
 }
 
 TEST(UnpackImage, GivesEveryChannelItsPlane) {
-  ImageU8 photo(37, 29);
+  Photo photo(37, 29);
   const CounterRng rng(3, 0);
-  for (size_t i = 0; i < photo.data.size(); ++i) photo.data[i] = rng.Below(i, 256);
+  for (size_t i = 0; i < photo.data.size(); ++i) photo.data[i] = int(rng.Below(i, 65536)) - 32768;
   LossWorkspace ws(2);
   Planes planes;
   UnpackImage(photo, ws, &planes);

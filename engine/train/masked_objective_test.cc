@@ -35,8 +35,8 @@ TrainView WithOtherPixels(TrainView view, bool masked) {
   for (size_t i = 0; i < view.mask.data.size(); ++i) {
     if (Masked(i) != masked) continue;
     for (int c = 0; c < 3; ++c) {
-      view.photo.data[3 * i + c] = static_cast<uint8_t>(rng.Below(6 * i + c, 256));
-      view.target.data[3 * i + c] = static_cast<uint8_t>(rng.Below(6 * i + 3 + c, 256));
+      view.photo.data[3 * i + c] = PhotoSample(rng.Below(6 * i + c, 256) / 255.0f);
+      view.target.data[3 * i + c] = PhotoSample(rng.Below(6 * i + 3 + c, 256) / 255.0f);
     }
     view.structure.data[i] ^= 0x5a;
     if (!view.information.empty()) view.information.data[i] ^= 0x5a;

@@ -18,14 +18,14 @@ std::vector<TrainView> NoisyViews(double deviation, int side = 1) {
     TrainView& view = out[i];
     view.view.camera.width = 160;
     view.view.camera.height = 100;
-    view.photo = view.target = ImageU8(160, 100);
+    view.photo = view.target = Photo(160, 100);
     const CounterRng rng(5, i);
     for (int y = 0; y < 100; ++y) {
       for (int x = 0; x < 160; ++x) {
         const int square = (y / side) * 160 + x / side;
         for (int c = 0; c < 3; ++c) {
-          const double code = 120.5 + deviation * rng.Normal(3 * square + c);
-          view.target.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(code, 0.0, 255.0));
+          const double code = 120 + deviation * rng.Normal(3 * square + c);
+          view.target.pixel(x, y)[c] = PhotoSample(code / 255);
         }
       }
     }

@@ -172,20 +172,20 @@ TEST(Objective, DoubtfulPixelsHaveNoPartInTheWindowsAround) {
   options.exposure_ssim = 0.2;
   const Planes rendered = RandomPlanes(kWithoutNoise, kHeight, kWidth, 9);
   const size_t middle = size_t(kHeight / 2) * kWidth + kWidth / 2;
-  const auto gradient = [&](int information, uint8_t code) {
+  const auto gradient = [&](int information, int16_t sample) {
     TrainView view = SmallView();
     view.information = PlaneU8(kWidth, kHeight);
     std::fill(view.information.data.begin(), view.information.data.end(), kInformationOne);
     view.information.data[middle] = static_cast<uint8_t>(information);
-    std::fill_n(&view.target.data[3 * middle], 3, code);
+    std::fill_n(&view.target.data[3 * middle], 3, sample);
     Planes v_rendered;
     PdmWeights v_weights;
     Objective(options).Evaluate(view, rendered, {}, 0, false, &v_rendered, &v_weights);
     for (int c = 0; c < 3; ++c) v_rendered.plane(c)[middle] = 0;
     return v_rendered.data;
   };
-  EXPECT_EQ(gradient(kInformationOne / 8, 0), gradient(kInformationOne / 8, 255));
-  EXPECT_NE(gradient(kInformationOne / 2, 0), gradient(kInformationOne / 2, 255));
+  EXPECT_EQ(gradient(kInformationOne / 8, 0), gradient(kInformationOne / 8, kPhotoWhite));
+  EXPECT_NE(gradient(kInformationOne / 2, 0), gradient(kInformationOne / 2, kPhotoWhite));
 }
 
 TEST(Objective, InformationWeighsPhotoAndTarget) {

@@ -15,8 +15,8 @@ namespace litags {
 inline TrainView RandomView(int width, int height) {
   TrainView view;
   view.view.camera = RingCamera(0, 1, width, height);
-  view.photo = ToImageU8(RandomPlanes(3, height, width, 1));
-  view.target = ToImageU8(RandomPlanes(3, height, width, 5));
+  view.photo = PhotoFromU8(ToImageU8(RandomPlanes(3, height, width, 1)));
+  view.target = PhotoFromU8(ToImageU8(RandomPlanes(3, height, width, 5)));
   view.structure = PlaneU8(width, height);
   const Planes structure = RandomPlanes(1, height, width, 2);
   for (size_t i = 0; i < structure.data.size(); ++i) {

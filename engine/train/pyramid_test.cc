@@ -11,10 +11,10 @@ namespace {
 TrainView OddView() {
   TrainView view;
   view.view.camera = RingCamera(0, 4, 5, 4);
-  view.photo = ImageU8(5, 4);
+  view.photo = Photo(5, 4);
   for (size_t i = 0; i < view.photo.data.size(); ++i) view.photo.data[i] = i * 3;
   view.target = view.photo;
-  for (uint8_t& code : view.target.data) code += 50;
+  for (int16_t& sample : view.target.data) sample += 50;
   view.structure = PlaneU8(5, 4);
   for (size_t i = 0; i < view.structure.data.size(); ++i) view.structure.data[i] = i;
   view.information = view.structure;
@@ -41,6 +41,14 @@ TEST(HalfSize, AveragesPixelsAndKeepsRaysWhereTheyWere) {
   EXPECT_DOUBLE_EQ((1.0 - a.cx) / a.fx, (0.5 - b.cx) / b.fx);
   EXPECT_DOUBLE_EQ((3.0 - a.cy) / a.fy, (1.5 - b.cy) / b.fy);
   EXPECT_FALSE(half.depth.has_value());
+}
+
+TEST(HalfSize, RoundsBelowBlackAsAbove) {
+  TrainView view = OddView();
+  const Photo half = HalfSize(view).photo;
+  for (int16_t& sample : view.photo.data) sample -= 1000;
+  const Photo below = HalfSize(view).photo;
+  for (size_t i = 0; i < half.data.size(); ++i) EXPECT_EQ(below.data[i], half.data[i] - 1000);
 }
 
 TEST(HalfSize, APixelCountsIfAllFourDo) {
@@ -78,7 +86,7 @@ TEST(HalfSize, ASmallDepthMapStaysAsItIs) {
 std::vector<TrainView> OneView(int width, int height) {
   TrainView view;
   view.view.camera = RingCamera(0, 4, width, height);
-  view.photo = view.target = ImageU8(width, height);
+  view.photo = view.target = Photo(width, height);
   return {view};
 }
 

@@ -83,9 +83,11 @@ inline std::vector<TrainView> DarkViews(const Splats& splats, int count, int wid
     renderer.Forward(splats, view.view.camera, settings, &image, &alpha);
     Planes dark(3, height, width);
     for (size_t i = 0; i < dark.data.size(); ++i) dark.data[i] = image.data[i] / 3;
-    view.photo = ToImageU8(dark);
+    view.photo = PhotoFromU8(ToImageU8(dark));
     view.target = view.photo;
-    for (uint8_t& code : view.target.data) code = static_cast<uint8_t>(std::min(255, 3 * code));
+    for (int16_t& sample : view.target.data) {
+      sample = static_cast<int16_t>(std::min(kPhotoWhite, 3 * sample));
+    }
     view.structure = PlaneU8(width, height);
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
