@@ -191,15 +191,17 @@ TEST_F(TableTest, ScenesFromRealDarknessAreRenderedAndScoredWhereThereIsATruth) 
 }
 
 TEST_F(TableTest, PicturesAreOfTheSizeThatIsTrained) {
-  const Outcome outcome = Run({"--light", "low", "--methods", "3dgs", "--max-image-side", "32"});
+  WriteLomScene(out_ / "large/room", 128, 96);
+  const Outcome outcome =
+      Run({"--light", "low", "--methods", "3dgs", "--max-image-side", "64"}, out_ / "large");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
   EXPECT_TRUE(Row(outcome, "low", "3dgs")["psnr"].is_number());
   for (const char* folder : {"test", "error"}) {
     const auto picture =
         ReadImage(out_ / ("out/runs/room/low/3dgs/" + std::string(folder) + "/0003.png"), "test");
     ASSERT_TRUE(picture.ok()) << picture.status();
-    EXPECT_EQ(picture->width, 32);
-    EXPECT_EQ(picture->height, 24);
+    EXPECT_EQ(picture->width, 64);
+    EXPECT_EQ(picture->height, 48);
   }
 }
 
