@@ -2,7 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
 #include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"
 
@@ -67,6 +72,58 @@ TEST_F(OnnxEnhancerTest, AnotherInputSizeIsResizedBack) {
 
 TEST_F(OnnxEnhancerTest, ANetworkOfOneChannelIsRefused) {
   EXPECT_EQ(Reason(Run(Brightener(1, 1, 0), "", TestImage(16, 12)).status()), "BAD_ENHANCER");
+}
+
+// The part of a picture with its corner at (x0, y0).
+ImageU8 Crop(const ImageU8& image, int x0, int y0, int width, int height) {
+  ImageU8 out(width, height);
+  for (int y = 0; y < height; ++y) {
+    std::copy_n(image.pixel(x0, y0 + y), size_t(width) * 3, out.pixel(0, y));
+  }
+  return out;
+}
+
+double MeanCode(const ImageU8& image) {
+  double sum = 0;
+  for (const uint8_t code : image.data) sum += code;
+  return sum / static_cast<double>(image.data.size());
+}
+
+// They were exported at 480x270; the photos of realx3d have other sizes, odd ones too.
+TEST(PublishedEnhancers, BrightenARealDarkPhotoOfAnySize) {
+  const std::string scenes = SharedScenes();
+  if (scenes.empty()) GTEST_SKIP() << "no shared/scenes beside the source tree";
+  const std::string files = scenes + "/../enhancers/";
+  const std::string photo_path = scenes + "/realx3d/BlueHawaii/low/0001.JPG";
+  for (const char* name : {"sci-medium", "zero-dce"}) {
+    SCOPED_TRACE(name);
+    const std::string file = files + name + ".onnx";
+    if (!std::filesystem::exists(file) || !std::filesystem::exists(photo_path)) {
+      GTEST_SKIP() << "no " << file << " or no " << photo_path;
+    }
+    const auto photo = ReadImage(photo_path, "photo");
+    const auto options = ParseOnnxEnhancer(std::string(name) + "=" + file);
+    ASSERT_TRUE(photo.ok() && options.ok());
+    const auto enhancer = MakeOnnxEnhancer(*options);
+    ASSERT_TRUE(enhancer.ok()) << enhancer.status();
+    const ImageU8 small = ResizeArea(*photo, 441, 293);
+    const auto whole = enhancer->run(small);
+    ASSERT_TRUE(whole.ok()) << whole.status();
+    EXPECT_EQ(whole->width, 441);
+    EXPECT_EQ(whole->height, 293);
+    EXPECT_GT(MeanCode(*whole), 1.5 * MeanCode(small));
+    // A part of the photo, of another size, gives that part of the picture, but for the border
+    // that the convolutions see: 7 layers of 3x3 in Zero-DCE, 5 in SCI.
+    const auto part = enhancer->run(Crop(small, 101, 50, 200, 150));
+    ASSERT_TRUE(part.ok()) << part.status();
+    const ImageU8 inside = Crop(*part, 10, 10, 180, 130);
+    const ImageU8 same = Crop(*whole, 111, 60, 180, 130);
+    int largest = 0;
+    for (size_t i = 0; i < same.data.size(); ++i) {
+      largest = std::max(largest, std::abs(int{same.data[i]} - int{inside.data[i]}));
+    }
+    EXPECT_LE(largest, 1);  // rounding
+  }
 }
 
 TEST(ParseOnnxEnhancer, SettingsAreReadAndNonsenseIsNamed) {

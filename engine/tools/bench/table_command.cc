@@ -19,6 +19,7 @@
 #include "engine/io/image_io.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/method_options.h"
+#include "engine/tools/table/methods.h"
 #include "engine/tools/table/table.h"
 
 namespace litags {
@@ -140,9 +141,9 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
       ->capture_default_str();
   command
       ->add_option("--methods", args->methods,
-                   "all, or names: litags, litags-paper, litags-no-pdm, litags-no-depth, "
-                   "litags-no-prior, litags-no-pdm-depth-prior, 3dgs, 3dgs-normal, E+3dgs, 3dgs+E "
-                   "with E of gain, light-gain, gamma, histeq, clahe, lime or an --enhancer")
+                   absl::StrCat("all, or names: ", absl::StrJoin(LitaMethods(), ", "),
+                                ", 3dgs, 3dgs-normal, E+3dgs, 3dgs+E with E of gain, light-gain, "
+                                "gamma, histeq, clahe, lime or an --enhancer"))
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str();

@@ -56,8 +56,9 @@ class Recorder : public ReconstructObserver {
     LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene, engine_->LoadScene(path_));
     LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views,
                             args_.scene.TestViews(*scene, args_.out));
-    LITAGS_ASSIGN_OR_RETURN(const Scores scores, ScoreScene(*scene, views, args_.scene.TruthDir(),
-                                                            "", args_.options.threads));
+    LITAGS_ASSIGN_OR_RETURN(const Scores scores,
+                            ScoreScene(*scene, AtMost(args_.options.max_image_side, views),
+                                       args_.scene.TruthDir(), "", args_.options.threads));
     history.push_back({{"iteration", iteration_},
                        {"seconds", seconds},
                        {"gaussians", gaussians_},
@@ -122,8 +123,9 @@ absl::Status Train(TrainArguments args) {
                           engine->LoadScene(report.scene_path));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views,
                           args.scene.TestViews(*scene, args.out));
-  LITAGS_ASSIGN_OR_RETURN(const Scores scores, ScoreScene(*scene, views, args.scene.TruthDir(), "",
-                                                          args.options.threads));
+  LITAGS_ASSIGN_OR_RETURN(const Scores scores,
+                          ScoreScene(*scene, AtMost(args.options.max_image_side, views),
+                                     args.scene.TruthDir(), "", args.options.threads));
 
   LITAGS_ASSIGN_OR_RETURN(const std::optional<DepthScores> depth,
                           ScoreDepth(*scene, views, args.scene.DepthDir(), args.options.threads));

@@ -13,6 +13,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kPoses[] = "--render-poses";
+
 // For files of cameras that state no size; 0x0 without photos.
 ImageInfo SizeOfFirstPhoto(const std::string& dir) {
   const auto photos = ListPhotos(dir, "photos");
@@ -25,6 +27,7 @@ ImageInfo SizeOfFirstPhoto(const std::string& dir) {
 std::string BenchmarkScene::PhotosDir() const { return light.empty() ? dir : dir + "/" + light; }
 
 std::string BenchmarkScene::TruthDir() const {
+  if (!truth.empty()) return truth;
   const std::string high = dir + "/high";
   return fs::exists(high) ? high : std::string();
 }
@@ -37,9 +40,15 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
   input.images_dir = PhotosDir();
   input.work_dir = work_dir;
   input.cameras_path = cameras;
-  if (light.empty() || sfm) return input;
   const std::string train = dir + "/transforms_train.json";
-  if (cameras.empty() && fs::exists(train)) {
+  const bool has_train = !light.empty() && fs::exists(train);
+  if (!poses.empty() && (sfm || (cameras.empty() && !has_train))) {
+    return InvalidInput("POSES_WITHOUT_CAMERAS", kPoses,
+                        absl::StrCat(kPoses, ": the cameras of the photos must be known too, in ",
+                                     "the same world; name them with --cameras"));
+  }
+  if (sfm || (light.empty() && poses.empty())) return input;
+  if (cameras.empty() && has_train) {
     input.cameras_path = train;
     options->holdout_every = 0;
   }
@@ -47,6 +56,8 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> test, TestViews());
   if (test.empty()) return input;
   options->holdout_every = 0;
+  // Poses without truth are only rendered: they may be those of photos.
+  if (!poses.empty() && TruthDir().empty()) return input;
   const char* field = cameras.empty() ? "transforms_train.json" : "--cameras";
   const ImageInfo size = SizeOfFirstPhoto(PhotosDir());
   LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
@@ -63,11 +74,12 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
 
 absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
   std::vector<TestView> views;
-  const std::string path = dir + "/transforms_test.json";
-  if (!fs::exists(path)) return views;
+  const std::string path = poses.empty() ? dir + "/transforms_test.json" : poses;
+  if (poses.empty() && !fs::exists(path)) return views;
   const ImageInfo size = SizeOfFirstPhoto(TruthDir().empty() ? PhotosDir() : TruthDir());
-  LITAGS_ASSIGN_OR_RETURN(SparseModel given,
-                          ReadCameras(path, "transforms_test.json", size.width, size.height));
+  LITAGS_ASSIGN_OR_RETURN(
+      SparseModel given,
+      ReadCameras(path, poses.empty() ? "transforms_test.json" : kPoses, size.width, size.height));
   for (size_t i = 0; i < given.views.size(); ++i) {
     TestView view{given.views[i], given.distortions[i]};
     if (const auto truth = FindPhoto(TruthDir(), view.view.name); truth.ok()) {

@@ -14,24 +14,27 @@ namespace litags {
 
 struct BenchmarkScene {
   std::string dir;
-  std::string light;    // folder of the photos to train on; empty: they are in `dir` itself
-  std::string cameras;  // instead of transforms_train.json
-  bool sfm = false;     // COLMAP finds the cameras, of all photos
+  std::string light;       // folder of the photos to train on; empty: they are in `dir` itself
+  std::string cameras;     // instead of transforms_train.json
+  bool sfm = false;        // COLMAP finds the cameras, of all photos
+  std::string poses = {};  // test views' cameras instead of transforms_test.json
+  std::string truth = {};  // folder of normally lit photos instead of SCENE/high
 
   std::string PhotosDir() const;
-  std::string TruthDir() const;  // SCENE/high, or empty if there is none
+  std::string TruthDir() const;  // `truth`, SCENE/high, or empty if there is none
 
   std::string DepthDir() const;  // SCENE/depth; empty with `sfm`: COLMAP's world has another unit
 
   // Known cameras unless `sfm`. Nothing else is held out of transforms_train.json, nor of `cameras`
   // if the scene has test views of its own.
-  // INVALID_ARGUMENT (TEST_VIEW_IN_CAMERAS) if `cameras` have one of them: its photo would be
-  // trained on.
+  // INVALID_ARGUMENT: TEST_VIEW_IN_CAMERAS if `cameras` have one that is scored: its photo would be
+  // trained on. POSES_WITHOUT_CAMERAS if COLMAP finds the cameras: its world is not that of
+  // `poses`.
   absl::StatusOr<ReconstructInput> Input(const std::string& work_dir,
                                          ReconstructOptions* options) const;
 
-  // The cameras of transforms_test.json at the size of their truth photos, none if there is no such
-  // file.
+  // The cameras of transforms_test.json, or of `poses`, at the size of their truth photos; none if
+  // there is no such file.
   absl::StatusOr<std::vector<TestView>> TestViews() const;
   // With `sfm` they are the trained scene's own, by name: COLMAP's world is another. So are their
   // lenses, which the run in `work_dir` found.

@@ -33,6 +33,19 @@ ImageU8 Ramp(int offset) {
 // A view whose photos are taken as they are.
 TestView Named(const std::string& name) { return {.view = {name, Camera()}, .distortion = {}}; }
 
+// Writes SCENE/transforms_NAME.json with cameras of these names.
+void WriteCameras(const std::string& scene, const std::string& name,
+                  const std::vector<std::string>& photos) {
+  Camera camera;
+  camera.width = 96;
+  camera.height = 64;
+  camera.fx = camera.fy = 80;
+  SparseModel model;
+  for (const std::string& photo : photos) model.views.push_back({photo, camera});
+  model.distortions.resize(photos.size());
+  ASSERT_TRUE(WriteTransforms(scene + "/transforms_" + name + ".json", model, "high").ok());
+}
+
 class EvaluationTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -82,6 +95,56 @@ TEST_F(EvaluationTest, CamerasTakeTheSizeOfThePhotosInAFolder) {
   EXPECT_EQ(camera.fx, 25);
   EXPECT_EQ(camera.cy, 10);
   EXPECT_TRUE(absl::IsNotFound(AtSizeOfPhotos({Named("b.png")}, dir_ + "/photos").status()));
+}
+
+TEST_F(EvaluationTest, LargeTruthIsAveragedDownToTheSizeThatIsTrained) {
+  TestView view = Named("a.png");
+  view.view.camera.width = 32;
+  view.view.camera.height = 24;
+  view.view.camera.fx = view.view.camera.fy = 40;
+  view.view.camera.cx = 16;
+  EXPECT_EQ(AtMost(0, {view})[0].view.camera.width, 32);
+  EXPECT_EQ(AtMost(32, {view})[0].view.camera.width, 32);
+  const TestView half = AtMost(16, {view})[0];
+  EXPECT_EQ(half.view.camera.width, 16);
+  EXPECT_EQ(half.view.camera.height, 12);
+  EXPECT_EQ(half.view.camera.fx, 20);
+  EXPECT_EQ(half.view.camera.cx, 8);
+
+  // Pixels 40, 80 / 120, 160 again and again: their mean is 100.
+  ImageU8 truth(32, 24), mean(16, 12);
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 32; ++x) {
+      std::fill_n(truth.pixel(x, y), 3, static_cast<uint8_t>(40 + 40 * (x % 2) + 80 * (y % 2)));
+    }
+  }
+  std::fill(mean.data.begin(), mean.data.end(), 100);
+  ASSERT_TRUE(WritePng(dir_ + "/truth/a.png", truth).ok());
+  Scorer scorer(dir_ + "/truth");
+  ASSERT_TRUE(scorer.Add(half, mean).ok());
+  EXPECT_TRUE(std::isinf(scorer.Finish()->psnr));
+}
+
+TEST_F(EvaluationTest, PosesTakeTheTestViewsPlaceAndNeedKnownCameras) {
+  WriteCameras(dir_, "train", {"a.JPG", "b.JPG"});
+  WriteCameras(dir_, "mine", {"a.JPG", "x.JPG"});
+  BenchmarkScene scene{.dir = dir_ + "/photos", .light = "", .cameras = ""};
+  scene.poses = dir_ + "/transforms_mine.json";
+  ReconstructOptions options;
+  const auto reason = [&] {
+    const auto detail = GetErrorDetail(scene.Input("work", &options).status());
+    return detail.has_value() ? detail->reason : "OK";
+  };
+  EXPECT_EQ(reason(), "POSES_WITHOUT_CAMERAS");
+  scene.cameras = dir_ + "/transforms_train.json";
+  EXPECT_EQ(reason(), "OK");
+  EXPECT_EQ(options.holdout_every, 0);
+  EXPECT_EQ(scene.TestViews()->at(1).view.name, "x.JPG");
+  // What is scored must not be trained on.
+  scene.truth = dir_ + "/truth";
+  EXPECT_EQ(reason(), "TEST_VIEW_IN_CAMERAS");
+  scene.sfm = true;
+  EXPECT_EQ(reason(), "POSES_WITHOUT_CAMERAS");
 }
 
 TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
@@ -235,19 +298,6 @@ TEST(MethodOptions, AWrongWordIsAnsweredWithTheRightOnes) {
   const std::string help = app.help();
   EXPECT_THAT(help, testing::HasSubstr("--tone TEXT=capture"));
   EXPECT_THAT(help, testing::Not(testing::HasSubstr("ENUM")));
-}
-
-// Writes SCENE/transforms_NAME.json with cameras of these names.
-void WriteCameras(const std::string& scene, const std::string& name,
-                  const std::vector<std::string>& photos) {
-  Camera camera;
-  camera.width = 96;
-  camera.height = 64;
-  camera.fx = camera.fy = 80;
-  SparseModel model;
-  for (const std::string& photo : photos) model.views.push_back({photo, camera});
-  model.distortions.resize(photos.size());
-  ASSERT_TRUE(WriteTransforms(scene + "/transforms_" + name + ".json", model, "high").ok());
 }
 
 TEST_F(EvaluationTest, SceneWithTestViewsHoldsOutNothingElseAndTrainsOnNoneOfThem) {

@@ -68,6 +68,37 @@ ReconstructOptions PaperSettings(ReconstructOptions options) {
   return options;
 }
 
+ReconstructOptions WithoutPdm(ReconstructOptions options) {
+  options.use_pdm = false;
+  return options;
+}
+
+ReconstructOptions WithoutDepth(ReconstructOptions options) {
+  options.use_depth = false;
+  options.dense_start = false;
+  return options;
+}
+
+ReconstructOptions WithoutPrior(ReconstructOptions options) {
+  options.use_prior = false;
+  return options;
+}
+
+ReconstructOptions WithoutNoiseFilter(ReconstructOptions options) {
+  options.noise_filter = false;
+  return options;
+}
+
+ReconstructOptions WithPdm(ReconstructOptions options) {
+  options.use_pdm = true;
+  return options;
+}
+
+ReconstructOptions WithPriorGeometry(ReconstructOptions options) {
+  options.use_prior = options.prior_geometry = true;
+  return options;
+}
+
 void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
   // First of all, so that the options beside it change what the method sets.
   const Choices<ReconstructOptions (*)(ReconstructOptions)> methods = {

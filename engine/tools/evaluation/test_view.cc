@@ -1,5 +1,7 @@
 #include "engine/tools/evaluation/test_view.h"
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -48,6 +50,18 @@ absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views
     const TestView of_any_size = {.view = {view.view.name, Camera()}, .distortion = {}};
     LITAGS_ASSIGN_OR_RETURN(const ImageU8 photo, LoadPhoto(dir, of_any_size));
     view.view.camera = view.view.camera.Scaled(photo.width, photo.height);
+  }
+  return views;
+}
+
+std::vector<TestView> AtMost(int max_side, std::vector<TestView> views) {
+  for (TestView& view : views) {
+    Camera& camera = view.view.camera;
+    const int side = std::max(camera.width, camera.height);
+    if (max_side <= 0 || side <= max_side) continue;
+    const double scale = double(max_side) / side;
+    const auto shrunk = [&](int size) { return std::max(1, int(std::lround(size * scale))); };
+    camera = camera.Scaled(shrunk(camera.width), shrunk(camera.height));
   }
   return views;
 }

@@ -33,6 +33,10 @@ absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view);
 absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views,
                                                      const std::string& dir);
 
+// The same views with cameras of at most `max_side` px on the longer side (0: any), as training
+// shrinks larger photos: renders and scores are of the size that was trained.
+std::vector<TestView> AtMost(int max_side, std::vector<TestView> views);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_TOOLS_EVALUATION_TEST_VIEW_H_

@@ -84,6 +84,18 @@ inline void WriteLomScene(const std::string& dir, int width = 64, int height = 4
   ASSERT_TRUE(WriteColmapModel(dir + "/sparse", all).ok());
 }
 
+// Leaves of a scene what a photographer brings home from real darkness: no dark photo of the test
+// views, and in high/ no photo but theirs, or none at all (`truth` false).
+inline void LeaveInTheDark(const std::string& scene, bool truth) {
+  const auto test = ReadTransforms(scene + "/transforms_test.json", "test");
+  const auto train = ReadTransforms(scene + "/transforms_train.json", "train");
+  ASSERT_TRUE(test.ok() && train.ok());
+  for (const View& view : test->views) std::filesystem::remove(scene + "/low/" + view.name);
+  for (const View& view : train->views) std::filesystem::remove(scene + "/high/" + view.name);
+  std::filesystem::remove_all(scene + "/over_exp");
+  if (!truth) std::filesystem::remove_all(scene + "/high");
+}
+
 // Writes SCENE/sparse without the test views, cameras that need no COLMAP.
 inline void WriteTrainingCameras(const std::string& scene, const std::string& out) {
   auto model = ReadColmapModel(scene + "/sparse", "sparse");

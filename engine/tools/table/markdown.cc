@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "engine/tools/table/row.h"
 
@@ -26,8 +27,10 @@ const char* GroupName(TableMethod::Group group) {
       return "3DGS, then enhancement of its renders";
     case TableMethod::Group::kBefore:
       return "Enhancement of the photos, then 3DGS";
-    case TableMethod::Group::kAblation:
-      return "Ablations of litags (the paper's Table 3)";
+    case TableMethod::Group::kChange:
+      return "litags with one part changed";
+    case TableMethod::Group::kPaperAblation:
+      return "litags-paper without parts (the paper's Table 3)";
     case TableMethod::Group::kLita:
       return "End-to-end";
   }
@@ -68,6 +71,7 @@ struct Column {
   Value value;
   int decimals;
   bool higher_is_better;
+  bool needs_truth = false;  // scenes without truth do not count
 };
 
 std::vector<Column> ColumnsOf(const std::vector<std::string>& scenes, bool lpips) {
@@ -104,7 +108,21 @@ std::string Heading(const std::vector<Column>& columns, const std::string& last)
   return absl::StrCat(titles, "\n", rule, "\n");
 }
 
-// Quality of all methods under one light.
+// Scenes that methods rendered under this light and that have no truth to score renders against.
+std::set<std::string> ScenesWithoutTruth(const Rows& rows, const std::string& light) {
+  std::set<std::string> scenes;
+  for (const TableRow& row : rows) {
+    if (row.light == light && row.ok() && !row.scored()) scenes.insert(row.scene);
+  }
+  return scenes;
+}
+
+Rows Without(const std::set<std::string>& scenes, Rows rows) {
+  std::erase_if(rows, [&](const TableRow& row) { return scenes.count(row.scene) > 0; });
+  return rows;
+}
+
+// Quality of all methods under one light; `rows` are of scenes that have a truth.
 std::string QualityTable(const Rows& rows, const std::vector<TableMethod>& methods,
                          const std::string& light) {
   const bool lpips =
@@ -145,7 +163,8 @@ std::string QualityTable(const Rows& rows, const std::vector<TableMethod>& metho
 std::string CostTable(const Rows& rows, const std::vector<TableMethod>& methods,
                       const std::string& light) {
   std::vector<Column> columns = {
-      {"PSNR after one colour fit", "", [](const TableRow& r) { return r.psnr_affine; }, 2, true},
+      {"PSNR after one colour fit", "", [](const TableRow& r) { return r.psnr_affine; }, 2, true,
+       true},
       {"training, s", "", [](const TableRow& r) { return r.seconds; }, 1, false},
       {"training, CPU s", "", [](const TableRow& r) { return r.cpu_seconds; }, 1, false},
       {"enhancing, s", "", [](const TableRow& r) { return r.enhance_seconds; }, 1, false},
@@ -166,11 +185,12 @@ std::string CostTable(const Rows& rows, const std::vector<TableMethod>& methods,
                        scaled(100, [](const TableRow& r) { return r.path_contrast.value_or(0); }),
                        2, false});
   }
+  const Rows scored = Without(ScenesWithoutTruth(rows, light), rows);
   std::string out = Heading(columns, "");
   for (const TableMethod& method : methods) {
     absl::StrAppend(&out, "| ", method.name, " |");
     for (const Column& column : columns) {
-      const auto v = Over(rows, light, method.name, "", column.value);
+      const auto v = Over(column.needs_truth ? scored : rows, light, method.name, "", column.value);
       absl::StrAppend(&out, Cell(v, column.decimals, false), " |");
     }
     out += "\n";
@@ -184,8 +204,16 @@ std::string TableMarkdown(const Rows& rows, const std::vector<TableMethod>& meth
                           const std::string& heading) {
   std::string out = heading + "\n";
   for (const std::string& light : Distinct(rows, &TableRow::light)) {
-    absl::StrAppend(&out, "\n## ", light, "\n\n", QualityTable(rows, methods, light),
-                    "\nCost and diagnostics, means over scenes:\n\n",
+    absl::StrAppend(&out, "\n## ", light, "\n\n");
+    const std::set<std::string> unknown = ScenesWithoutTruth(rows, light);
+    const Rows scored = Without(unknown, rows);
+    if (!scored.empty()) absl::StrAppend(&out, QualityTable(scored, methods, light));
+    if (!unknown.empty()) {
+      absl::StrAppend(&out, scored.empty() ? "" : "\n",
+                      "No truth in high/, so no figures: ", absl::StrJoin(unknown, ", "),
+                      ". Renders of the test views: runs/SCENE/", light, "/METHOD/test.\n");
+    }
+    absl::StrAppend(&out, "\nCost and diagnostics, means over scenes:\n\n",
                     CostTable(rows, methods, light));
   }
   std::string failed;

@@ -13,15 +13,33 @@ namespace {
 
 using Group = TableMethod::Group;
 
-// The paper's Table 3.
-struct Ablation {
+// A method by name. What `options` does not set stays as the user has it.
+struct Preset {
   const char* name;
-  bool pdm, depth, prior;  // kept
+  Group group;
+  ReconstructOptions (*options)(ReconstructOptions base);
 };
-constexpr Ablation kAblations[] = {{"litags-no-pdm", false, true, true},
-                                   {"litags-no-depth", true, false, true},
-                                   {"litags-no-prior", true, true, false},
-                                   {"litags-no-pdm-depth-prior", false, false, false}};
+
+using Options = ReconstructOptions;
+constexpr Preset kPresets[] = {
+    {"litags-no-noise-filter", Group::kChange, WithoutNoiseFilter},
+    {"litags-no-depth", Group::kChange, WithoutDepth},
+    {"litags-no-noise-filter-depth", Group::kChange,
+     [](Options base) { return WithoutNoiseFilter(WithoutDepth(base)); }},
+    {"litags-with-pdm", Group::kChange, WithPdm},
+    {"litags-prior-geometry", Group::kChange, WithPriorGeometry},
+    // The paper's Table 3.
+    {"litags-paper-no-pdm", Group::kPaperAblation,
+     [](Options base) { return WithoutPdm(PaperSettings(base)); }},
+    {"litags-paper-no-depth", Group::kPaperAblation,
+     [](Options base) { return WithoutDepth(PaperSettings(base)); }},
+    {"litags-paper-no-prior", Group::kPaperAblation,
+     [](Options base) { return WithoutPrior(PaperSettings(base)); }},
+    {"litags-paper-none", Group::kPaperAblation,
+     [](Options base) { return WithoutPdm(WithoutDepth(WithoutPrior(PaperSettings(base)))); }},
+    {"litags-paper", Group::kLita, PaperSettings},
+    {"litags", Group::kLita, [](Options base) { return base; }},
+};
 
 // Plain 3DGS on the photos as it is given them.
 ReconstructOptions Plain(ReconstructOptions options) {
@@ -32,12 +50,17 @@ ReconstructOptions Plain(ReconstructOptions options) {
 
 }  // namespace
 
+std::vector<std::string> LitaMethods() {
+  std::vector<std::string> names;
+  for (const Preset& preset : kPresets) names.push_back(preset.name);
+  return names;
+}
+
 std::vector<std::string> AllMethods(const std::vector<std::string>& enhancers) {
   std::vector<std::string> names = {"3dgs-normal", "3dgs"};
   for (const std::string& e : enhancers) names.push_back(absl::StrCat("3dgs+", e));
   for (const std::string& e : enhancers) names.push_back(absl::StrCat(e, "+3dgs"));
-  for (const Ablation& ablation : kAblations) names.push_back(ablation.name);
-  names.insert(names.end(), {"litags-paper", "litags"});
+  for (const std::string& name : LitaMethods()) names.push_back(name);
   return names;
 }
 
@@ -47,19 +70,10 @@ absl::StatusOr<TableMethod> ParseMethod(const std::string& name, const Reconstru
   method.name = method.trained_as = name;
   method.options = base;
   method.options.method = Method::kLitaGs;
-  if (name == "litags") return method;
-  if (name == "litags-paper") {
-    method.options = PaperSettings(base);
-    return method;
-  }
-  for (const Ablation& ablation : kAblations) {
-    if (name != ablation.name) continue;
-    method.group = Group::kAblation;
-    method.options.use_pdm = base.use_pdm && ablation.pdm;
-    method.options.noise_filter = base.noise_filter && ablation.pdm;
-    method.options.use_depth = base.use_depth && ablation.depth;
-    method.options.dense_start = base.dense_start && ablation.depth;
-    method.options.use_prior = base.use_prior && ablation.prior;
+  for (const Preset& preset : kPresets) {
+    if (name != preset.name) continue;
+    method.group = preset.group;
+    method.options = preset.options(method.options);
     return method;
   }
 

@@ -11,7 +11,7 @@
 namespace litags {
 
 struct TableMethod {
-  enum class Group { kReference, kVanilla, kAfter, kBefore, kAblation, kLita };
+  enum class Group { kReference, kVanilla, kAfter, kBefore, kChange, kPaperAblation, kLita };
 
   std::string name;
   Group group = Group::kLita;
@@ -22,8 +22,11 @@ struct TableMethod {
   std::string trained_as;     // the method whose scene is rendered: itself, unless `after` is set
 };
 
-// Every method, in the order of the paper's tables: 3dgs-normal, 3dgs, 3dgs+E, E+3dgs, ablations,
-// litags-paper, litags.
+// Methods that are no 3DGS: litags with one change, the paper's Table 3, litags-paper, litags.
+std::vector<std::string> LitaMethods();
+
+// Every method, in the order of the paper's tables: 3dgs-normal, 3dgs, 3dgs+E, E+3dgs, and
+// LitaMethods().
 std::vector<std::string> AllMethods(const std::vector<std::string>& enhancers);
 
 // The method called `name`; what its name does not say is as in `base`. INVALID_ARGUMENT

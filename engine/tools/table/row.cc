@@ -18,10 +18,13 @@ Json JsonOf(const TableRow& r) {
   Json json = {{"scene", r.scene}, {"light", r.light}, {"method", r.method}};
   // What is not known is null, so that every row has the same columns.
   const auto known = [&](const auto& value) { return r.ok() ? Json(value) : Json(); };
-  json["psnr"] = known(r.psnr);
-  json["ssim"] = known(r.ssim);
-  json["lpips"] = r.lpips.has_value() ? known(*r.lpips) : Json();
-  json["psnr_affine"] = known(r.psnr_affine);
+  const auto measured = [&](const std::optional<double>& value) {
+    return value.has_value() ? known(*value) : Json();
+  };
+  json["psnr"] = measured(r.psnr);
+  json["ssim"] = measured(r.ssim);
+  json["lpips"] = measured(r.lpips);
+  json["psnr_affine"] = measured(r.psnr_affine);
   json["seconds"] = known(r.seconds);
   json["cpu_seconds"] = known(r.cpu_seconds);
   json["enhance_seconds"] = known(r.enhance_seconds);
@@ -29,9 +32,9 @@ Json JsonOf(const TableRow& r) {
   json["gaussians"] = known(r.gaussians);
   json["peak_rss_bytes"] = known(r.peak_rss_bytes);
   json["views"] = known(r.views);
-  json["flicker"] = r.flicker.has_value() ? known(*r.flicker) : Json();
-  json["flicker_share"] = r.flicker_share.has_value() ? known(*r.flicker_share) : Json();
-  json["path_contrast"] = r.path_contrast.has_value() ? known(*r.path_contrast) : Json();
+  json["flicker"] = measured(r.flicker);
+  json["flicker_share"] = measured(r.flicker_share);
+  json["path_contrast"] = measured(r.path_contrast);
   json["build"] = r.build;
   json["error"] = r.ok() ? Json() : Json(r.error);
   return json;
@@ -64,10 +67,13 @@ absl::StatusOr<TableRow> ParseTableRow(std::string_view text, std::string_view f
       row.error = json.at("error");
       return row;
     }
-    row.psnr = json.at("psnr");
-    row.ssim = json.at("ssim");
-    if (!json.at("lpips").is_null()) row.lpips = json.at("lpips").get<double>();
-    row.psnr_affine = json.at("psnr_affine");
+    const auto measured = [](const Json& value) {
+      return value.is_null() ? std::nullopt : std::optional<double>(value.get<double>());
+    };
+    row.psnr = measured(json.at("psnr"));
+    row.ssim = measured(json.at("ssim"));
+    row.lpips = measured(json.at("lpips"));
+    row.psnr_affine = measured(json.at("psnr_affine"));
     row.seconds = json.at("seconds");
     row.cpu_seconds = json.at("cpu_seconds");
     row.enhance_seconds = json.at("enhance_seconds");
@@ -75,10 +81,8 @@ absl::StatusOr<TableRow> ParseTableRow(std::string_view text, std::string_view f
     row.gaussians = json.at("gaussians");
     row.peak_rss_bytes = json.at("peak_rss_bytes");
     row.views = json.at("views");
-    const auto optional = [&](const char* key) -> std::optional<double> {
-      const auto found = json.find(key);  // rows made before there was a path have none
-      if (found == json.end() || found->is_null()) return std::nullopt;
-      return found->get<double>();
+    const auto optional = [&](const char* key) {
+      return measured(json.value(key, Json()));  // rows made before there was a path have none
     };
     row.flicker = optional("flicker");
     row.flicker_share = optional("flicker_share");

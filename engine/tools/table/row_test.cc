@@ -78,6 +78,30 @@ TEST(TableMarkdown, HasMeansOverScenesAndMarksTheBestButNotTheReference) {
   EXPECT_NE(text.find("no network given"), std::string::npos);
 }
 
+TEST(TableMarkdown, ScenesWithoutTruthAreNamedAndHaveNoFigures) {
+  TableRow blind = Row("b", "litags", 0);
+  blind.psnr = blind.ssim = blind.psnr_affine = std::nullopt;
+  blind.views = 0;
+  const auto back = ParseTableRow(blind.ToJson(), "row");
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_TRUE(back->ok());
+  EXPECT_FALSE(back->scored());
+  EXPECT_EQ(back->seconds, 2.5);
+  const auto text = [](const std::vector<TableRow>& rows) {
+    return TableMarkdown(rows, Methods({"litags"}), "# T");
+  };
+  // The mean is that of the scenes with a truth; what a method costs is that of all.
+  const std::string both = text({Row("a", "litags", 20), blind});
+  EXPECT_NE(both.find("| a PSNR↑ | a SSIM↑ | mean PSNR↑ | mean SSIM↑ |"), std::string::npos)
+      << both;
+  EXPECT_NE(both.find("| **20.00** | **0.200** | **20.00** | **0.200** |"), std::string::npos);
+  EXPECT_NE(both.find("| litags | 21.00 | 2.5 |"), std::string::npos) << both;
+  EXPECT_NE(both.find("no figures: b. "), std::string::npos) << both;
+  const std::string none = text({blind});
+  EXPECT_EQ(none.find("PSNR↑"), std::string::npos) << none;
+  EXPECT_NE(none.find("| litags | – | 2.5 |"), std::string::npos) << none;
+}
+
 TEST(TableMarkdown, ShowsFlickerWhereItWasMeasured) {
   TableRow row = Row("a", "litags", 20);
   EXPECT_EQ(TableMarkdown({row}, Methods({"litags"}), "# T").find("flicker"), std::string::npos);
@@ -131,14 +155,56 @@ TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
   EXPECT_FALSE(of("litags-paper").options.antialiased);
   EXPECT_TRUE(of("litags-paper").options.use_pdm);
   EXPECT_TRUE(of("litags").options.dense_start);
-  EXPECT_TRUE(of("litags-no-prior").options.dense_start);
-  EXPECT_FALSE(of("litags-no-depth").options.dense_start);
-  EXPECT_FALSE(of("litags-no-pdm").options.use_pdm);
-  EXPECT_FALSE(of("litags-no-pdm").options.noise_filter);
-  EXPECT_TRUE(of("litags-no-depth").options.noise_filter);
-  EXPECT_TRUE(of("litags-no-pdm").options.use_prior);
-  EXPECT_FALSE(of("litags-no-pdm-depth-prior").options.use_prior);
   EXPECT_EQ(Reason(ParseMethod("other+3dgs", base, enhancers).status()), "UNKNOWN_METHOD");
+}
+
+// What a method changes of litags or litags-paper, as words.
+std::vector<std::string> Changes(const ReconstructOptions& from, const ReconstructOptions& to) {
+  const auto flags = [](const ReconstructOptions& o) {
+    return std::vector<std::pair<std::string, bool>>{{"pdm", o.use_pdm},
+                                                     {"depth", o.use_depth},
+                                                     {"prior", o.use_prior},
+                                                     {"prior-geometry", o.prior_geometry},
+                                                     {"filter", o.noise_filter},
+                                                     {"dense-start", o.dense_start},
+                                                     {"capture-tone", o.tone == Tone::kCapture}};
+  };
+  std::vector<std::string> changes;
+  const auto before = flags(from), after = flags(to);
+  for (size_t i = 0; i < before.size(); ++i) {
+    if (before[i].second == after[i].second) continue;
+    changes.push_back((after[i].second ? "+" : "-") + after[i].first);
+  }
+  return changes;
+}
+
+TEST(ParseMethod, AnAblationChangesWhatItsNameSaysAndNothingElse) {
+  using Words = std::vector<std::string>;
+  const auto of = [](const std::string& name) {
+    return ParseMethod(name, ReconstructOptions(), {}).value().options;
+  };
+  const auto changes = [&](const std::string& name) { return Changes(of("litags"), of(name)); };
+  EXPECT_EQ(changes("litags-no-noise-filter"), Words{"-filter"});
+  EXPECT_EQ(changes("litags-no-depth"), (Words{"-depth", "-dense-start"}));
+  EXPECT_EQ(changes("litags-no-noise-filter-depth"), (Words{"-depth", "-filter", "-dense-start"}));
+  EXPECT_EQ(changes("litags-with-pdm"), Words{"+pdm"});
+  EXPECT_EQ(changes("litags-prior-geometry"), Words{"+prior-geometry"});
+
+  const auto paper = [&](const std::string& name) {
+    return Changes(of("litags-paper"), of("litags-paper" + name));
+  };
+  EXPECT_EQ(paper("-no-pdm"), Words{"-pdm"});
+  EXPECT_EQ(paper("-no-depth"), Words{"-depth"});
+  EXPECT_EQ(paper("-no-prior"), Words{"-prior"});
+  EXPECT_EQ(paper("-none"), (Words{"-pdm", "-depth", "-prior"}));
+  // The prior must be able to move the picture, or its ablation says nothing.
+  EXPECT_TRUE(of("litags-paper").prior_geometry);
+}
+
+TEST(ParseMethod, NamesThatSaidAnotherThingAreGone) {
+  for (const char* name : {"litags-no-pdm", "litags-no-prior", "litags-no-pdm-depth-prior"}) {
+    EXPECT_EQ(Reason(ParseMethod(name, ReconstructOptions(), {}).status()), "UNKNOWN_METHOD");
+  }
 }
 
 TEST(FindScenes, AFolderOfScenesIsAllOfThem) {

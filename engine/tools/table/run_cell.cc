@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -146,9 +147,11 @@ absl::Status WritePictures(const TableCell& cell, const std::vector<TestView>& v
   for (size_t i = 0; i < views.size(); ++i) {
     const std::string file = Stem(views[i].view.name) + ".png";
     LITAGS_RETURN_IF_ERROR(WritePng(cell.RunDir() + "/test/" + file, pictures[i]));
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 truth, LoadPhoto(cell.scene().TruthDir(), views[i]));
+    const absl::StatusOr<ImageU8> truth = LoadPhoto(cell.scene().TruthDir(), views[i]);
+    if (absl::IsNotFound(truth.status())) continue;
+    LITAGS_RETURN_IF_ERROR(truth.status());
     LITAGS_RETURN_IF_ERROR(
-        WritePng(cell.RunDir() + "/error/" + file, ErrorPicture(pictures[i], truth)));
+        WritePng(cell.RunDir() + "/error/" + file, ErrorPicture(pictures[i], *truth)));
   }
   return absl::OkStatus();
 }
@@ -167,38 +170,46 @@ absl::Status AddFlicker(const TableCell& cell, const Scene& scene, int frames, T
   return absl::OkStatus();
 }
 
+// Adds to the row how near the pictures come to the truth photos; nothing without any.
+absl::Status AddScores(const TableCell& cell, const std::string& lpips_path,
+                       const std::vector<TestView>& views, const std::vector<ImageU8>& pictures,
+                       TableRow* row) {
+  std::optional<Lpips> lpips;
+  if (!lpips_path.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(lpips, Lpips::Load(lpips_path));
+  }
+  Scorer scorer(cell.scene().TruthDir(), lpips.has_value() ? &*lpips : nullptr);
+  for (size_t i = 0; i < views.size(); ++i) {
+    LITAGS_RETURN_IF_ERROR(scorer.Add(views[i], pictures[i]));
+  }
+  const absl::StatusOr<Scores> scores = scorer.Finish();
+  if (absl::IsNotFound(scores.status())) return absl::OkStatus();
+  LITAGS_RETURN_IF_ERROR(scores.status());
+  row->psnr = scores->psnr;
+  row->ssim = scores->ssim;
+  row->lpips = scores->lpips;
+  row->psnr_affine = scores->psnr_affine;
+  row->views = static_cast<int>(scores->views.size());
+  return WriteFileAtomically(cell.RunDir() + "/scores.json", scores->ToJson() + "\n");
+}
+
 absl::StatusOr<TableRow> TrainAndScore(const TableOptions& options, const TableCell& cell) {
   const std::unique_ptr<Engine> engine = MakeEngine(options.colmap);
   LITAGS_ASSIGN_OR_RETURN(TableRow row, Train(cell, engine.get()));
   row.method = cell.method().name;
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(cell.TrainingDir() + "/scene.litags"));
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, cell.scene().TestViews());
+  LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> views, cell.scene().TestViews());
+  views = AtMost(cell.method().options.max_image_side, std::move(views));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> pictures,
                           Pictures(cell, *scene, views, &row.enhance_seconds));
   // Before scoring, whose network is not part of any method.
   row.peak_rss_bytes = std::max(row.peak_rss_bytes, PeakRssBytes());
   LITAGS_RETURN_IF_ERROR(WritePictures(cell, views, pictures));
-
-  std::optional<Lpips> lpips;
-  if (!options.lpips.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(lpips, Lpips::Load(options.lpips));
-  }
-  Scorer scorer(cell.scene().TruthDir(), lpips.has_value() ? &*lpips : nullptr);
-  for (size_t i = 0; i < views.size(); ++i) {
-    LITAGS_RETURN_IF_ERROR(scorer.Add(views[i], pictures[i]));
-  }
-  LITAGS_ASSIGN_OR_RETURN(const Scores scores, scorer.Finish());
-  row.psnr = scores.psnr;
-  row.ssim = scores.ssim;
-  row.lpips = scores.lpips;
-  row.psnr_affine = scores.psnr_affine;
-  row.views = static_cast<int>(scores.views.size());
+  LITAGS_RETURN_IF_ERROR(AddScores(cell, options.lpips, views, pictures, &row));
   if (options.flicker_frames > 0) {
     LITAGS_RETURN_IF_ERROR(AddFlicker(cell, *scene, options.flicker_frames, &row));
   }
-  LITAGS_RETURN_IF_ERROR(
-      WriteFileAtomically(cell.RunDir() + "/scores.json", scores.ToJson() + "\n"));
   return row;
 }
 

@@ -29,7 +29,8 @@ absl::Status WriteTexts(const TableOptions& options, const std::vector<TableRow>
 
 std::string Describe(const TableRow& row) {
   if (!row.ok()) return absl::StrCat("FAILED: ", row.error);
-  std::string text = absl::StrFormat("PSNR %.2f dB  SSIM %.4f  ", row.psnr, row.ssim);
+  std::string text = "no truth photo to score against  ";
+  if (row.scored()) text = absl::StrFormat("PSNR %.2f dB  SSIM %.4f  ", *row.psnr, *row.ssim);
   if (row.lpips.has_value()) absl::StrAppendFormat(&text, "LPIPS %.3f  ", *row.lpips);
   absl::StrAppendFormat(&text, "%.1f s  %d Gaussians  %.0f MiB", row.seconds, row.gaussians,
                         row.peak_rss_bytes / 1048576.0);
@@ -44,6 +45,7 @@ class TableRun {
     std::error_code ignored;  // writing reports what matters
     fs::create_directories(options_.out, ignored);
     ForEachCell([&](const TableCell& cell) {
+      if (LeftOut(cell)) return;
       ++total_;
       if (!options_.fresh) return;
       fs::remove_all(cell.RunDir(), ignored);
@@ -52,7 +54,13 @@ class TableRun {
     for (const TableScene& scene : options_.scenes) {
       for (const std::string& light : options_.lights) {
         for (const TableMethod& method : options_.methods) {
-          rows_.push_back(RowOf(TableCell(options_, scene, light, method)));
+          const TableCell cell(options_, scene, light, method);
+          if (LeftOut(cell)) {
+            std::printf("%s: left out, %s has no photos but those of test views\n",
+                        cell.Name().c_str(), scene.PhotosDir(cell.photos_light()).c_str());
+            continue;
+          }
+          rows_.push_back(RowOf(cell));
           std::fflush(stdout);
           LITAGS_RETURN_IF_ERROR(WriteTexts(options_, rows_));
         }
@@ -78,6 +86,11 @@ class TableRun {
         }
       }
     }
+  }
+
+  // 3dgs-normal, where real darkness left no normally lit photo to train on.
+  static bool LeftOut(const TableCell& cell) {
+    return cell.method().normal_light && !cell.scene().TrainingPhotos(cell.photos_light()).ok();
   }
 
   TableRow RowOf(const TableCell& cell) {

@@ -59,13 +59,14 @@ class TableTest : public testing::Test {
     std::string text;
     Json rows;
   };
-  Outcome Run(const std::vector<std::string>& more) {
+  Outcome Run(const std::vector<std::string>& more) { return Run(more, *lom_ / "LOM_full"); }
+  Outcome Run(const std::vector<std::string>& more, const std::string& scenes) {
     SubprocessOptions child;
     child.args = {LITAGS_BENCH, "table", "--iterations", "30",
                   "--threads",  "1",     "--sparse",     "sparse"};
     child.args.insert(child.args.end(), more.begin(), more.end());
     // Scenes may stand behind options.
-    child.args.insert(child.args.end(), {*lom_ / "LOM_full", "-o", out_ / "out"});
+    child.args.insert(child.args.end(), {scenes, "-o", out_ / "out"});
     child.tail_lines = 1000;
     const auto result = RunSubprocess(child, CancelToken());
     EXPECT_TRUE(result.ok()) << result.status();
@@ -149,6 +150,78 @@ TEST_F(TableTest, EveryMethodGetsARowAndPicturesUnderEveryLight) {
     ++kept;
   }
   EXPECT_EQ(kept, 10u) << again.text;
+}
+
+// As in scenes of realx3d: the test views have no dark photo, and few scenes a truth.
+TEST_F(TableTest, ScenesFromRealDarknessAreRenderedAndScoredWhereThereIsATruth) {
+  WriteLomScene(out_ / "dark/blind");
+  LeaveInTheDark(out_ / "dark/blind", /*truth=*/false);
+  WriteLomScene(out_ / "dark/lit");
+  LeaveInTheDark(out_ / "dark/lit", /*truth=*/true);
+  ASSERT_TRUE(WriteFileAtomically(out_ / "mine.onnx", Times3(3)).ok());
+  const std::vector<std::string> arguments = {
+      "--light",    "low",
+      "--methods",  "3dgs-normal,3dgs,3dgs+mine,mine+3dgs,litags",
+      "--enhancer", "mine=" + (out_ / "mine.onnx")};
+  const Outcome outcome = Run(arguments, out_ / "dark");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  ASSERT_EQ(outcome.rows.size(), 8u) << outcome.text;
+  EXPECT_NE(outcome.text.find("lit/low/3dgs-normal: left out"), std::string::npos) << outcome.text;
+  for (const Json& row : outcome.rows) {
+    SCOPED_TRACE(row.dump());
+    EXPECT_TRUE(row["error"].is_null());
+    EXPECT_GT(row["gaussians"].get<int>(), 100);
+    const bool lit = row["scene"] == "lit";
+    EXPECT_EQ(row["views"], lit ? 2 : 0);
+    for (const char* figure : {"psnr", "ssim", "psnr_affine"}) {
+      EXPECT_EQ(row[figure].is_number(), lit) << figure;
+    }
+    const std::string run = "runs/" + row["scene"].get<std::string>() + "/low/" +
+                            row["method"].get<std::string>() + "/";
+    for (const char* view : {"0003.png", "0007.png"}) {
+      EXPECT_TRUE(Exists(run + "test/" + view)) << run;
+      EXPECT_EQ(Exists(run + "error/" + view), lit) << run;
+    }
+  }
+  const std::string markdown = ReadFile(out_ / "out/table.md", "", 1 << 20).value();
+  EXPECT_NE(markdown.find("no figures: blind."), std::string::npos) << markdown;
+  EXPECT_TRUE(Exists("blind_low.png"));
+  const Outcome again = Run(arguments, out_ / "dark");
+  EXPECT_EQ(again.rows, outcome.rows);
+}
+
+TEST_F(TableTest, PicturesAreOfTheSizeThatIsTrained) {
+  WriteLomScene(out_ / "large/room", 128, 96);
+  const Outcome outcome =
+      Run({"--light", "low", "--methods", "3dgs", "--max-image-side", "64"}, out_ / "large");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_TRUE(Row(outcome, "low", "3dgs")["psnr"].is_number());
+  for (const char* folder : {"test", "error"}) {
+    const auto picture =
+        ReadImage(out_ / ("out/runs/room/low/3dgs/" + std::string(folder) + "/0003.png"), "test");
+    ASSERT_TRUE(picture.ok()) << picture.status();
+    EXPECT_EQ(picture->width, 64);
+    EXPECT_EQ(picture->height, 48);
+  }
+}
+
+TEST_F(TableTest, EveryAblationMovesThePicture) {
+  const std::vector<std::string> changes = {"litags-no-noise-filter", "litags-no-depth",
+                                            "litags-no-noise-filter-depth", "litags-with-pdm",
+                                            "litags-prior-geometry"};
+  const std::vector<std::string> paper = {"litags-paper-no-pdm", "litags-paper-no-depth",
+                                          "litags-paper-no-prior", "litags-paper-none"};
+  std::string methods = "litags,litags-paper";
+  for (const auto& list : {changes, paper}) {
+    for (const std::string& name : list) methods += "," + name;
+  }
+  const Outcome outcome = Run({"--light", "low", "--methods", methods});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const auto psnr = [&](const std::string& name) {
+    return Row(outcome, "low", name)["psnr"].get<double>();
+  };
+  for (const std::string& name : changes) EXPECT_NE(psnr(name), psnr("litags")) << name;
+  for (const std::string& name : paper) EXPECT_NE(psnr(name), psnr("litags-paper")) << name;
 }
 
 TEST_F(TableTest, WhatFailsIsARowThatSaysWhyAndIsTriedAgain) {

@@ -10,6 +10,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -33,7 +35,7 @@ void OnSignal(int) { g_cancel->Cancel(); }
 
 struct Arguments {
   BenchmarkScene scene;
-  std::string out, depth, masks, depth_model, truth, colmap = "colmap";
+  std::string out, depth, masks, depth_model, colmap = "colmap";
   ReconstructOptions options;
 };
 
@@ -71,13 +73,19 @@ void PrintMean(const char* what, const Scores& scores) {
       static_cast<int>(scores.views.size()), scores.psnr, scores.ssim, scores.psnr_affine);
 }
 
-// Renders every test view into OUT/test and compares with the photos of `truth`.
+// Renders every test view into OUT/test and compares with the truth photos that there are.
 absl::Status Evaluate(const Arguments& args, const Scene& scene) {
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews(scene, args.out));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> views, args.scene.TestViews(scene, args.out));
   if (views.empty()) return absl::OkStatus();
+  views = AtMost(args.options.max_image_side, std::move(views));
+  const std::string truth = args.scene.TruthDir(), pictures = args.out + "/test";
   const absl::StatusOr<Scores> renders =
-      ScoreScene(scene, views, args.truth, args.out + "/test", args.options.threads);
-  if (absl::IsNotFound(renders.status())) return absl::OkStatus();  // pictures only
+      ScoreScene(scene, views, truth, pictures, args.options.threads);
+  if (absl::IsNotFound(renders.status())) {
+    std::printf("%d test views rendered into %s; there is no truth photo to score them against\n",
+                static_cast<int>(views.size()), pictures.c_str());
+    return absl::OkStatus();
+  }
   LITAGS_RETURN_IF_ERROR(renders.status());
   for (const ViewScore& v : renders->views) {
     std::printf("%s  PSNR %.2f dB  SSIM %.4f\n", v.name.c_str(), v.psnr, v.ssim);
@@ -87,7 +95,7 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
       WriteFileAtomically(args.out + "/evaluation.json", renders->ToJson() + "\n"));
   std::vector<std::string> black;
   const absl::StatusOr<Scores> photos =
-      ScorePhotos(args.scene.PhotosDir(), views, args.truth, args.options, &black);
+      ScorePhotos(args.scene.PhotosDir(), views, truth, args.options, &black);
   for (const std::string& name : black) {
     std::fprintf(stderr, "note: %s is all black: not among the brightened photos\n", name.c_str());
   }
@@ -116,7 +124,7 @@ absl::Status CheckPhotos(const BenchmarkScene& scene) {
 
 // How many of the photos that were not placed are test views, which nothing is trained on.
 absl::StatusOr<int> CountTestPhotos(const Arguments& args, const ReconstructReport& report) {
-  if (args.scene.light.empty() || args.scene.sfm) return 0;
+  if (args.scene.sfm || (args.scene.light.empty() && args.scene.poses.empty())) return 0;
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
   const NameIndex test(NamesOf(views));
   return static_cast<int>(
@@ -144,7 +152,6 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   }
   LITAGS_ASSIGN_OR_RETURN(input.depth_network,
                           DepthNetwork::Parse(args.depth_model, "--depth-model"));
-  if (args.truth.empty()) args.truth = args.scene.TruthDir();
   std::error_code error;
   fs::create_directories(args.out, error);
   if (error) {
@@ -196,7 +203,10 @@ int Main(int argc, char** argv) {
   app.add_option("--depth-model", args.depth_model,
                  "ONNX depth network, for --depth-source network: FILE[,size=518x518]"
                  "[,mean=R:G:B][,std=R:G:B][,output=inverse|depth]");
-  app.add_option("--truth", args.truth,
+  app.add_option("--render-poses", args.scene.poses,
+                 "transforms.json or COLMAP model folder of views to render into test/, in the "
+                 "world of the photos' cameras (default, with --light: DIR/transforms_test.json)");
+  app.add_option("--truth", args.scene.truth,
                  "folder of normally lit photos to compare with (default DIR/high)");
   app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();
   AddMethodOptions(&app, &args.options);

@@ -18,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
+using testing::Not;
 
 class TrainProgramTest : public testing::Test {
  protected:
@@ -76,6 +77,47 @@ TEST_F(TrainProgramTest, ABlackTestPhotoCostsOnlyItsOwnComparison) {
   EXPECT_THAT(outcome.text, HasSubstr("brightened photos, mean of 1 test views"));
   EXPECT_THAT(outcome.text, HasSubstr("6 of 6 photos placed (given), test views: 2,"));
   EXPECT_TRUE(fs::exists(out_ + "/evaluation.json"));
+}
+
+TEST_F(TrainProgramTest, ASceneFromRealDarknessGetsRendersOfItsTestViews) {
+  LeaveInTheDark(scene_, /*truth=*/false);
+  WriteTrainingCameras(scene_, dir_ / "cameras");
+  const Outcome outcome = Run({scene_, "--light", "low", "--cameras", dir_ / "cameras"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("2 test views rendered into " + out_ + "/test; there is no"));
+  EXPECT_THAT(outcome.text, HasSubstr("6 of 6 photos placed (given), "));
+  for (const char* view : {"0003", "0007"}) {
+    const auto picture = ReadImage(out_ + "/test/" + view + ".png", view);
+    ASSERT_TRUE(picture.ok()) << picture.status();
+    EXPECT_EQ(picture->width, 64);
+  }
+  EXPECT_FALSE(fs::exists(out_ + "/evaluation.json"));
+}
+
+TEST_F(TrainProgramTest, PosesAreRenderedAndScoredWhereThereIsATruth) {
+  LeaveInTheDark(scene_, /*truth=*/true);
+  WriteTrainingCameras(scene_, dir_ / "cameras");
+  const std::string poses = scene_ + "/transforms_test.json";
+  const Outcome outcome =
+      Run({scene_ + "/low", "--cameras", dir_ / "cameras", "--render-poses", poses});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("2 test views rendered into"));
+  // Nothing is held out of six photos: the poses are what is looked at.
+  EXPECT_THAT(outcome.text, Not(HasSubstr("held-out")));
+  EXPECT_TRUE(fs::exists(out_ + "/test/0003.png"));
+
+  const Outcome scored = Run({scene_ + "/low", "--cameras", dir_ / "cameras", "--render-poses",
+                              poses, "--truth", scene_ + "/high"});
+  ASSERT_EQ(scored.exit_code, 0) << scored.text;
+  EXPECT_THAT(scored.text, HasSubstr("renders, mean of 2 test views: PSNR"));
+}
+
+TEST_F(TrainProgramTest, PosesWithoutCamerasAreRefused) {
+  const std::string poses = scene_ + "/transforms_test.json";
+  const Outcome outcome = Run({scene_ + "/low", "--render-poses", poses});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.text, HasSubstr("POSES_WITHOUT_CAMERAS"));
+  EXPECT_THAT(outcome.text, HasSubstr("--cameras"));
 }
 
 TEST_F(TrainProgramTest, BadUsageEndsWith2) {
