@@ -24,6 +24,7 @@ struct SubmitArgs {
   // Only what was given is sent; the service has the defaults.
   std::optional<v1::Method> method;
   std::optional<v1::Tone> tone;
+  std::optional<v1::WhiteBalance> white_balance;
   std::optional<v1::DepthSource> depth_source;
   std::optional<v1::DensityStatistic> density_statistic;
   std::optional<v1::DensityGrowth> density_growth;
@@ -62,6 +63,7 @@ v1::JobOptions MakeOptions(const SubmitArgs& args) {
   v1::JobOptions options;
   if (args.method) options.set_method(*args.method);
   if (args.tone) options.set_tone(*args.tone);
+  if (args.white_balance) options.set_white_balance(*args.white_balance);
   if (args.theta) options.set_theta(*args.theta);
   if (args.contrast) options.set_contrast(*args.contrast);
   if (args.chroma_smoothing) options.set_chroma_smoothing(*args.chroma_smoothing);
@@ -247,6 +249,11 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                        {"paper", v1::TONE_PAPER},
                        {"none", v1::TONE_NONE}})
       ->description("Target of the light: capture, linear-gain, paper or none")
+      ->group(group);
+  AddChoice<v1::WhiteBalance>(
+      *command, "--white-balance", args->white_balance,
+      {{"camera", v1::WHITE_BALANCE_CAMERA}, {"scene", v1::WHITE_BALANCE_SCENE}})
+      ->description("Colour of the light: scene neutralises a strong cast, camera keeps it")
       ->group(group);
   command->add_option("--theta", args->theta, "Mean level of the target, (0, 1); 0: 0.49")
       ->group(group);

@@ -21,6 +21,7 @@
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/depth_maps.h"
+#include "engine/pipeline/even_response.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/load_views.h"
 #include "engine/pipeline/local_origin.h"
@@ -152,7 +153,10 @@ absl::StatusOr<TargetsMade> AddTargets(const ReconstructOptions& options, const 
                                        LoadedViews* loaded, std::vector<std::string>* notes) {
   const std::vector<PointSighting> sightings = Sightings(model, *loaded);
   std::vector<TrainView>& views = loaded->views;
-  const PhotosTogether all(&views);
+  PhotosTogether all(&views);
+  std::vector<Camera> cameras;
+  for (const TrainView& v : views) cameras.push_back(v.view.camera);
+  EvenOutResponse(options, sightings, cameras, all.masks, &all.photos, notes);
   const std::vector<double> exposures =
       WithoutDrift(RelativeExposures(all.photos, sightings, all.masks), sightings);
   LITAGS_ASSIGN_OR_RETURN(
@@ -272,6 +276,7 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
                    o.theta,
                    o.contrast,
                    o.chroma_smoothing,
+                   double(o.white_balance),
                    o.exposure_ssim,
                    double(o.ScheduleIterations()),
                    double(o.max_gaussians),

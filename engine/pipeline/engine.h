@@ -35,6 +35,12 @@ enum class Tone {
                 // out among photos beside each other, clipped areas filled in, mild contrast
 };
 
+// What becomes of the colour of the light that the whole capture was taken in.
+enum class WhiteBalance {
+  kCamera,  // stays what the camera made of it
+  kScene,   // is neutralised if it is implausibly strong, as sodium lamps' is; else it stays
+};
+
 // Where depth maps for the depth loss come from.
 enum class DepthOrigin {
   kAuto,     // the maps given with the photos; without any, stereo on kFewViews of them
@@ -66,6 +72,7 @@ struct ReconstructOptions {
   double contrast = 0;  // of kCapture, [0, 1]; 0: none
   // Of kCapture, [0, 100]: how far colours of neighbours are averaged, in deviations of the noise.
   double chroma_smoothing = 2;
+  WhiteBalance white_balance = WhiteBalance::kScene;  // of kCapture
   // Share of 1 - SSIM beside L1 in L_exp, [0, 1], less on very noisy photos; paper: 0.
   double exposure_ssim = 0.2;
   int iterations = 15000;  // one photo each; paper

@@ -26,6 +26,8 @@ static_assert(static_cast<int>(DepthOrigin::kStereo) + 1 == v1::DEPTH_SOURCE_STE
 static_assert(static_cast<int>(DepthOrigin::kNetwork) + 1 == v1::DEPTH_SOURCE_NETWORK);
 static_assert(static_cast<int>(DepthOrigin::kNone) + 1 == v1::DEPTH_SOURCE_NONE);
 static_assert(static_cast<int>(Tone::kCapture) + 1 == v1::TONE_CAPTURE);
+static_assert(static_cast<int>(WhiteBalance::kCamera) + 1 == v1::WHITE_BALANCE_CAMERA);
+static_assert(static_cast<int>(WhiteBalance::kScene) + 1 == v1::WHITE_BALANCE_SCENE);
 static_assert(static_cast<int>(Stage::kLoading) + 1 == v1::STAGE_LOADING);
 static_assert(static_cast<int>(Stage::kSaving) + 1 == v1::STAGE_SAVING);
 static_assert(static_cast<int>(JobState::kUploading) == v1::JOB_STATE_UPLOADING);
@@ -94,6 +96,11 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
   if (proto.has_tone() && proto.tone() != v1::TONE_UNSPECIFIED) {
     if (!v1::Tone_IsValid(proto.tone())) return UnknownEnum("options.tone", proto.tone());
     options.tone = static_cast<Tone>(proto.tone() - 1);
+  }
+  if (proto.has_white_balance() && proto.white_balance() != v1::WHITE_BALANCE_UNSPECIFIED) {
+    if (!v1::WhiteBalance_IsValid(proto.white_balance()))
+      return UnknownEnum("options.white_balance", proto.white_balance());
+    options.white_balance = static_cast<WhiteBalance>(proto.white_balance() - 1);
   }
   if (proto.has_depth_source() && proto.depth_source() != v1::DEPTH_SOURCE_UNSPECIFIED) {
     if (!v1::DepthSource_IsValid(proto.depth_source()))
@@ -169,6 +176,8 @@ v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   v1::JobOptions proto;
   proto.set_method(static_cast<v1::Method>(static_cast<int>(options.method) + 1));
   proto.set_tone(static_cast<v1::Tone>(static_cast<int>(options.tone) + 1));
+  proto.set_white_balance(
+      static_cast<v1::WhiteBalance>(static_cast<int>(options.white_balance) + 1));
   proto.set_theta(options.theta);
   proto.set_iterations(options.iterations);
   proto.set_seed(options.seed);

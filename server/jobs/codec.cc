@@ -20,6 +20,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("theta", r.theta);
   visit("contrast", r.contrast);
   visit("chroma_smoothing", r.chroma_smoothing);
+  visit("white_balance", r.white_balance);
   visit("iterations", r.iterations);
   visit("seed", r.seed);
   visit("threads", r.threads);

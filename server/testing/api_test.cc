@@ -54,6 +54,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   v1::JobOptions* o = request.mutable_options();
   o->set_method(v1::METHOD_3DGS);
   o->set_tone(v1::TONE_PAPER);
+  o->set_white_balance(v1::WHITE_BALANCE_CAMERA);
   o->set_theta(0.4);
   o->set_iterations(123);
   o->set_seed(~uint64_t{0});

@@ -126,6 +126,10 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options) {
                   "of --tone capture: colours are averaged over neighbours alike up to this many "
                   "deviations of the noise; 0: never")
       ->capture_default_str();
+  AddChoice(app, "--white-balance", &options->white_balance,
+            {{"camera", WhiteBalance::kCamera}, {"scene", WhiteBalance::kScene}},
+            "of --tone capture: scene neutralises a strong cast, as of sodium lamps; camera "
+            "keeps it");
   app->add_option("--exposure-ssim", options->exposure_ssim,
                   "share of 1 - SSIM beside L1 in L_exp, less on very noisy photos")
       ->capture_default_str();

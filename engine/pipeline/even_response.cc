@@ -1,0 +1,62 @@
+#include "engine/pipeline/even_response.h"
+
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <optional>
+#include <utility>
+
+#include "engine/core/mask.h"
+#include "engine/core/parallel.h"
+#include "engine/target/response.h"
+#include "engine/target/white_balance.h"
+
+namespace litags {
+namespace {
+
+// What is common to the photos' colours once their own white balances are taken out.
+std::array<double, 3> FindCast(absl::Span<const Photo> photos, absl::Span<const PlaneU8> masks,
+                               const CaptureResponse& response, int threads) {
+  std::vector<std::optional<Chromaticity>> found(photos.size());
+  ParallelFor(threads, photos.size(),
+              [&](size_t i, int) { found[i] = ChromaticityOf(photos[i], MaskOf(masks, i)); });
+  std::vector<Chromaticity> chromaticities;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    if (!found[i].has_value()) continue;
+    const auto& gain = response.gains[i];
+    chromaticities.push_back({(*found[i])[0] - std::log(gain[0] / gain[1]),
+                              (*found[i])[1] - std::log(gain[2] / gain[1])});
+  }
+  return SceneWhiteBalance(chromaticities);
+}
+
+}  // namespace
+
+void EvenOutResponse(const ReconstructOptions& options, absl::Span<const PointSighting> sightings,
+                     absl::Span<const Camera> cameras, absl::Span<const PlaneU8> masks,
+                     std::vector<Photo>* photos, std::vector<std::string>* notes) {
+  if (options.tone != Tone::kCapture) return;
+  std::vector<RadialFrame> frames;
+  for (const Camera& c : cameras)
+    frames.push_back({c.cx, c.cy, std::hypot(c.width, c.height) / 2.0});
+  const std::vector<PointSample> samples = SamplePoints(*photos, sightings, frames, masks);
+  CaptureResponse response = EstimateResponse(photos->size(), samples);
+  const char* mode = std::getenv("RESPONSE_STUDY");
+  const std::string study = mode ? mode : "";
+  if (study != "all") response = WithoutColorDrift(response, samples);
+  if (study == "none")
+    for (auto& gain : response.gains) gain = {1, 1, 1};
+  for (std::string& note : DescribeResponse(response)) notes->push_back(std::move(note));
+  std::array<double, 3> cast = {1, 1, 1};
+  if (options.white_balance == WhiteBalance::kScene) {
+    cast = FindCast(*photos, masks, response, options.threads);
+    if (std::string note = DescribeCast(cast); !note.empty()) notes->push_back(std::move(note));
+  }
+  ParallelFor(options.threads, photos->size(), [&](size_t i, int) {
+    std::array<double, 3> gain = response.gains[i];
+    for (int c = 0; c < 3; ++c) gain[c] *= cast[c];
+    ApplyResponse(gain, response.vignette, frames[i], &(*photos)[i]);
+  });
+}
+
+}  // namespace litags
