@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <optional>
 #include <utility>
 
@@ -40,12 +39,8 @@ void EvenOutResponse(const ReconstructOptions& options, absl::Span<const PointSi
   for (const Camera& c : cameras)
     frames.push_back({c.cx, c.cy, std::hypot(c.width, c.height) / 2.0});
   const std::vector<PointSample> samples = SamplePoints(*photos, sightings, frames, masks);
-  CaptureResponse response = EstimateResponse(photos->size(), samples);
-  const char* mode = std::getenv("RESPONSE_STUDY");
-  const std::string study = mode ? mode : "";
-  if (study != "all") response = WithoutColorDrift(response, samples);
-  if (study == "none")
-    for (auto& gain : response.gains) gain = {1, 1, 1};
+  const CaptureResponse response =
+      WithoutColorDrift(EstimateResponse(photos->size(), samples), samples);
   for (std::string& note : DescribeResponse(response)) notes->push_back(std::move(note));
   std::array<double, 3> cast = {1, 1, 1};
   if (options.white_balance == WhiteBalance::kScene) {
