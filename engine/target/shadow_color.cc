@@ -7,9 +7,7 @@
 #include <vector>
 
 #include "engine/core/mask.h"
-#include "engine/core/parallel.h"
 #include "engine/target/float_image.h"
-#include "engine/target/information.h"
 
 namespace litags {
 namespace {
@@ -184,41 +182,6 @@ Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) 
   return estimates;
 }
 
-// Step 1, see the header.
-Photo CorrectRounding(const Photo& photo, const RoundingTable& table) {
-  Photo out = photo;
-  for (size_t i = 0; i < photo.pixels(); ++i) {
-    const cv::Vec3f rgb = EncodedPixel(photo, i);
-    const cv::Vec3f ycc = Ycc(rgb) * 255.0f;
-    if (ycc[0] >= RoundingTable::kTop) continue;
-    const std::array<float, 3> mean = table.Correction({ycc[0], ycc[1], ycc[2]});
-    const cv::Vec3f add = Rgb({mean[0], mean[1], mean[2]}) * (1.0f / 255);
-    for (int c = 0; c < 3; ++c) out.data[3 * i + c] = PhotoSample(rgb[c] + add[c]);
-  }
-  return out;
-}
-
-// Deviation of a photo's luma in its dark parts, codes; flat areas set it, not edges.
-double DarkNoise(const Photo& photo, const PlaneU8& mask) {
-  constexpr float kFrom = 0.5f, kTo = 12;  // codes
-  std::vector<float> differences;
-  const auto luma = [&](int x, int y) {
-    return 255 * Ycc(EncodedPixel(photo, size_t(y) * photo.width + x))[0];
-  };
-  for (int y = 1; y + 1 < photo.height; y += 2) {
-    for (int x = 1; x + 1 < photo.width; x += 2) {
-      const float middle = luma(x, y);
-      if (middle < kFrom || middle > kTo || !Counts(mask, x, y)) continue;
-      const float around = luma(x - 1, y) + luma(x + 1, y) + luma(x, y - 1) + luma(x, y + 1);
-      differences.push_back(std::abs(middle - around / 4));
-    }
-  }
-  if (differences.empty()) return 0;
-  const auto quartile = differences.begin() + differences.size() / 4;
-  std::nth_element(differences.begin(), quartile, differences.end());
-  return NoiseOfDifferences(*quartile);
-}
-
 double Median(std::vector<double> values) {
   const auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
@@ -228,14 +191,9 @@ double Median(std::vector<double> values) {
 }  // namespace
 
 ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask) {
-  // A JPEG takes noise of less than its steps away, so what is measured is a lower bound. Choice
-  constexpr double kLeastNoise = 0.1;
-  constexpr double kChannelOfLuma = 1.5;  // a channel's noise over the luma's, if independent
   constexpr int16_t kClipped = kPhotoWhite * 0.98;  // a clipped colour is not the light's
   ColorPrior prior;
-  prior.jpeg = chroma_step > 0;
   prior.chroma_step = chroma_step;
-  prior.noise = std::max(kLeastNoise, kChannelOfLuma * DarkNoise(photo, mask));
   cv::Vec3d total(0, 0, 0);  // Cb Y, Cr Y, Y Y, weighed as in Sums
   ForCounted(mask, photo.pixels(), [&](size_t i) {
     const int16_t* p = &photo.data[3 * i];
@@ -257,28 +215,25 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
     for (const ColorPrior& prior : priors) values.push_back(prior.*field);
     return Median(std::move(values));
   };
-  ColorPrior out = {median(&ColorPrior::cb), median(&ColorPrior::cr), median(&ColorPrior::noise)};
-  out.jpeg = false;
+  ColorPrior out = {.cb = median(&ColorPrior::cb), .cr = median(&ColorPrior::cr)};
   for (const ColorPrior& prior : priors) {
-    out.jpeg |= prior.jpeg;
     out.chroma_step = std::max(out.chroma_step, prior.chroma_step);
   }
   return out;
 }
 
 Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask) const {
-  const Photo corrected = CorrectRounding(photo, rounding_);
-  const Estimates ratios = InferRatios(Pyramid(corrected, mask), prior_);
+  const Estimates ratios = InferRatios(Pyramid(photo, mask), prior_);
   const float noise = NoiseVariance(0, prior_.chroma_step);
   const SampleTable& sample = SampleTable::Get();
-  Photo out = corrected;
+  Photo out = photo;
   ForInterpolated(ratios, photo.width, photo.height, [&](int x, int y, const cv::Vec4f& parent) {
     const size_t i = size_t(y) * photo.width + x;
-    const float code = 255 * Ycc(EncodedPixel(corrected, i))[0];
+    const float code = 255 * Ycc(EncodedPixel(photo, i))[0];
     if (code >= kShadowTop) return;
-    const cv::Vec4f sums = SumsOf(corrected, mask, i);
+    const cv::Vec4f sums = SumsOf(photo, mask, i);
     const cv::Vec4f ratio = Descend(parent, sums, 0, noise);
-    const float luma = Ycc(LinearPixel(corrected, i))[0];
+    const float luma = Ycc(LinearPixel(photo, i))[0];
     const cv::Vec3f inferred = Rgb({luma, sums[3] * ratio[0], sums[3] * ratio[1]});
     const float share = 1 - SmoothStep(2 * code / kShadowTop - 1);
     for (int c = 0; c < 3; ++c) {

@@ -5,45 +5,44 @@
 #include "absl/types/span.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
-#include "engine/target/rounding.h"
 
 namespace litags {
 
-// A photo's mean colour and its noise, as the camera wrote them. `chroma_step`: see ImageInfo; 0
-// for photos that are not JPEGs. Pixels that do not count by `mask` (engine/core/mask.h) say
-// nothing.
+// What is known of a capture's colours before its pixels are looked at.
+struct ColorPrior {
+  // Mean Cb / Y and Cr / Y of linear light (weights of ITU-R BT.601, Cb = (B - Y) / 1.772).
+  double cb = 0, cr = 0;
+  double chroma_step = 0;  // see ImageInfo; 0: not a JPEG
+};
+
+// A photo's mean colour. Pixels that do not count by `mask` (engine/core/mask.h) say nothing.
 ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask = {});
 
-// The median of each figure, of photos of one capture; the largest chroma step.
+// The median of the colours of a capture's photos; the largest chroma step.
 ColorPrior MedianPrior(absl::Span<const ColorPrior> priors);
 
 // Infers the colours of dark pixels, photo by photo, before any gain. Photos are as a decoder
-// leaves them: samples in sRGB, with the fractions and the negative values that it found, and
-// nothing done to them but a common gain of one. Half a second of one core for 2 megapixels.
+// leaves them. Half a second of one core for 2 megapixels.
 //
-// Two steps, each a posterior mean:
-// 1. Rounding: every pixel below RoundingTable::kTop codes gets what colours that are rounded to
-//    its code differ from it by, in the mean. Brightness changes, too, by up to half a code.
-// 2. Neighbours: the ratio of chroma to luma in linear light is estimated over squares of 1, 2, 4,
-//    ... 256 px. From large to small, the estimate m of a square moves from its parent's towards
-//    its own observed ratio, by the share variance / (variance + noise / luma^2): bright squares
-//    keep their own colour, dark ones take the colour of what is around them. The variance of a
-//    square's colour about its parent's grows with the difference of their brightness, so that
-//    edges of brightness keep colours apart; it was measured on 110 well exposed photos. The noise
-//    is that of the two roundings and of the JPEG's quantisation.
+// The ratio of chroma to luma in linear light is estimated over squares of 1, 2, 4, ... 256 px.
+// From large to small, the estimate m of a square moves from its parent's towards its own observed
+// ratio, by the share variance / (variance + noise / luma^2): bright squares keep their own colour,
+// dark ones take the colour of what is around them. The variance of a square's colour about its
+// parent's grows with the difference of their brightness, so that edges of brightness keep colours
+// apart; it was measured on 110 well exposed photos. The noise is that of rounding to 8-bit codes
+// and of the JPEG's quantisation. Luma stays.
 //
 // Pixels brighter than kShadowTop codes are returned as they are, and the change fades out from
-// half of that. Pixels that `mask` (engine/core/mask.h) leaves out take the colour of what is
-// around them if they are dark. Thread-safe; one thread each.
+// half of that. Pixels that `mask` leaves out take the colour of what is around them if they are
+// dark. Thread-safe; one thread each.
 class ShadowColors {
  public:
-  explicit ShadowColors(const ColorPrior& prior) : prior_(prior), rounding_(prior) {}
+  explicit ShadowColors(const ColorPrior& prior) : prior_(prior) {}
 
   Photo Infer(const Photo& photo, const PlaneU8& mask = {}) const;
 
  private:
   ColorPrior prior_;
-  RoundingTable rounding_;
 };
 
 inline constexpr float kShadowTop = 64;  // codes of luma. Choice

@@ -22,7 +22,10 @@ namespace litags {
 namespace {
 
 constexpr double kTheta = 0.49;  // authors' release
-constexpr int kSquare = 4;       // px, that light is averaged over for the exposure rule
+// Where no light fell there is nothing to brighten: black counts for at most this share of what is
+// lit, so that a torch in the dark is exposed for what it lights. Choice
+constexpr double kMostBlack = 0.1;
+constexpr int kSquare = 4;  // px, that light is averaged over for the exposure rule
 constexpr int16_t kClipped = 254.5f * kPhotoCode;  // samples at and above it, of the photo
 constexpr int16_t kBlack = 0.25f * kPhotoCode;     // nothing of a photo above it: no light fell
 
@@ -156,8 +159,14 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
   return targets;
 }
 
-// Adds means of squares of kSquare pixels.
-void AddLight(const Photo& photo, double exposure, const PlaneU8& mask, LightHistogram* light) {
+// Means of squares of kSquare pixels, and the share of those that no light fell on.
+struct PhotoLight {
+  LightHistogram light;
+  double black = 0;
+};
+
+PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask) {
+  PhotoLight out;
   const LinearTable& linear = LinearTable::Get();
   const double share = 1.0 / CountedPixels(mask, photo.pixels());
   for (int y0 = 0; y0 < photo.height; y0 += kSquare) {
@@ -172,10 +181,15 @@ void AddLight(const Photo& photo, double exposure, const PlaneU8& mask, LightHis
         }
       }
       if (counted == 0) continue;
-      light->AddPixel(sum[0] / counted, sum[1] / counted, sum[2] / counted, exposure,
-                      share * counted);
+      if (std::max({sum[0], sum[1], sum[2]}) <= counted * linear(kBlack)) {
+        out.black += share * counted;
+      } else {
+        out.light.AddPixel(sum[0] / counted, sum[1] / counted, sum[2] / counted, exposure,
+                           share * counted);
+      }
     }
   }
+  return out;
 }
 
 absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
@@ -217,12 +231,17 @@ absl::Status ToneOptions::Validate() const {
 
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
                    absl::Span<const PlaneU8> masks) {
-  std::vector<LightHistogram> of_photos(photos.size());
+  std::vector<PhotoLight> of_photos(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
-    AddLight(photos[i], exposures[i], MaskOf(masks, i), &of_photos[i]);
+    of_photos[i] = MeasureLight(photos[i], exposures[i], MaskOf(masks, i));
   });
   LightHistogram all;
-  for (const LightHistogram& light : of_photos) all.Add(light);
+  double black = 0;
+  for (const PhotoLight& of_photo : of_photos) {
+    all.Add(of_photo.light);
+    black += of_photo.black;
+  }
+  all.Add(0, std::min(black, kMostBlack * all.total()));
   return ExposureGain(all);
 }
 
