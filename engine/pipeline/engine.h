@@ -69,7 +69,7 @@ struct ReconstructOptions {
   Method method = Method::kLitaGs;
   Tone tone = Tone::kCapture;
   double theta = 0;        // target mean of sRGB codes, (0, 1); 0: 0.49 (paper)
-  double contrast = 0;  // of kCapture, [0, 1]; 0: none
+  double contrast = 0.15;  // of kCapture, [0, 1]; 0: none
   // Of kCapture, [0, 100]: how far colours of neighbours are averaged, in deviations of the noise.
   double chroma_smoothing = 2;
   WhiteBalance white_balance = WhiteBalance::kScene;  // of kCapture

@@ -31,7 +31,7 @@ struct ToneOptions {
   double max_gain = 4096;  // of linear light; >= 1. Choice: 12 stops
   // Of kCaptureGain, [0, 1]: code c becomes c + contrast * c (1 - c) (2 c - 1). Cameras' picture
   // styles add contrast, so an exact inverse of the sRGB curve looks flat. Choice, measured
-  double contrast = 0;
+  double contrast = 0.15;
   // Of kCaptureGain, [0, 100]: colours of dark photos are averaged over neighbours that are alike
   // up to this many deviations of the noise (chroma.h); 0: never. Choice, measured
   double chroma_smoothing = 2;
