@@ -19,6 +19,7 @@ namespace {
 
 // COLMAP numbers a pair as kMaxImages * smaller id + larger id.
 constexpr int64_t kMaxImages = 2147483647;
+constexpr int kAside = 1 << 30;             // above all numbers of images, below kMaxImages
 constexpr int64_t kMaxKeypointColumns = 6;  // x y and the shape
 
 struct CloseDatabase {
@@ -225,13 +226,13 @@ absl::Status NumberImages(const std::string& path, const std::vector<std::string
   for (const char* table : {"images", "keypoints", "descriptors"}) {
     // Out of the way first: a number is one image's at a time.
     LITAGS_RETURN_IF_ERROR(
-        db.Execute(absl::StrCat("UPDATE ", table, " SET image_id = -image_id").c_str()));
+        db.Execute(absl::StrCat("UPDATE ", table, " SET image_id = image_id + ", kAside).c_str()));
     LITAGS_ASSIGN_OR_RETURN(
         const Statement set,
         db.Prepare(absl::StrCat("UPDATE ", table, " SET image_id = ? WHERE image_id = ?")));
     for (size_t i = 0; i < images.size(); ++i) {
       sqlite3_bind_int(set.get(), 1, static_cast<int>(i) + 1);
-      sqlite3_bind_int(set.get(), 2, -images[i].id);
+      sqlite3_bind_int(set.get(), 2, kAside + images[i].id);
       LITAGS_RETURN_IF_ERROR(db.Step(set).status());
       sqlite3_reset(set.get());
     }

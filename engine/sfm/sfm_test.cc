@@ -271,7 +271,7 @@ TEST_F(SfmTest, AFailingStepShowsColmapsLastWords) {
   EXPECT_THAT(std::string(result.status().message()),
               AllOf(HasSubstr("matches_importer"), HasSubstr("database is sour"),
                     HasSubstr("exit code 3")));
-  EXPECT_TRUE(std::filesystem::exists(colmap_.dir() + "/work/sfm/0/matches_importer.log"));
+  EXPECT_TRUE(std::filesystem::exists(colmap_.dir() + "/work/sfm/0/matches_importer_0.log"));
 }
 
 TEST_F(SfmTest, ACrashOfColmapIsReportedNotSkipped) {
