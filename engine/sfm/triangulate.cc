@@ -177,7 +177,9 @@ class PointSet {
   }
 
   std::vector<TriangulatedPoint> Take() {
-    std::erase_if(points_, [](const TriangulatedPoint& p) { return p.track.empty(); });
+    std::erase_if(points_, [&](const TriangulatedPoint& p) {
+      return p.track.empty() || (p.track.size() == 2 && p.error > options_.max_pair_error_px);
+    });
     return std::move(points_);
   }
 

@@ -193,6 +193,15 @@ TEST(Triangulate, JoinsTracksThatAreOnePoint) {
   for (const TriangulatedPoint& point : points) EXPECT_THAT(point.track, SizeIs(4));
 }
 
+TEST(Triangulate, APointOfTwoPhotosNeedsASmallError) {
+  const World world(2, 100, 1.0);  // 0.56 px from each feature, on average
+  const auto points = Triangulate(world, world.Matches());
+  EXPECT_GT(points.size(), 40u);
+  EXPECT_LT(points.size(), 90u);
+  for (const TriangulatedPoint& point : points) EXPECT_LE(point.error, 0.5);
+  EXPECT_GT(Triangulate(world, world.Matches(), {.max_pair_error_px = 4}).size(), 95u);
+}
+
 TEST(Triangulate, PhotosWithFewMatchesThatFitAreNotOfOnePlace) {
   const World world(3, 14, 0);
   EXPECT_THAT(Triangulate(world, world.Matches()), IsEmpty());
