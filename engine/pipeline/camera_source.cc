@@ -64,8 +64,8 @@ std::string FingerprintOfMasks(const MaskPaths& masks) {
 }
 
 // What the cameras were found from. Kept cameras of anything else are not used.
-Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& photos,
-              const MaskPaths& masks) {
+Json SourceOf(const ReconstructInput& input, const ReconstructOptions& options,
+              const std::vector<std::string>& photos, const MaskPaths& masks) {
   Json fingerprints = Json::array();
   for (const std::string& photo : photos) {
     fingerprints.push_back({photo, FingerprintOfPhoto(input.images_dir + "/" + photo)});
@@ -74,6 +74,8 @@ Json SourceOf(const ReconstructInput& input, const std::vector<std::string>& pho
   Json source = {{"given", !input.cameras_path.empty()}, {"photos", fingerprints}};
   if (!input.cameras_path.empty()) {
     source["fingerprint"] = FingerprintOfCameras(input.cameras_path);
+  } else if (options.seed != 0) {
+    source["seed"] = options.seed;  // of COLMAP's random numbers
   }
   if (!masks.empty()) source["masks"] = FingerprintOfMasks(masks);
   return Json::parse(Dump(source));  // as it will be read back
@@ -149,7 +151,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
                                           ReconstructReport* report) {
   report->photos = static_cast<int>(photos.size());
   const std::string kept = input.work_dir + "/cameras";
-  const Json source = SourceOf(input, photos, masks);
+  const Json source = SourceOf(input, options, photos, masks);
   std::string damage;
   if (fs::exists(kept + "/registration.json")) {
     absl::StatusOr<std::optional<SparseModel>> found = LoadRegistration(kept, source, report);
@@ -176,7 +178,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
   } else {
     LITAGS_ASSIGN_OR_RETURN(model, ReadGivenCameras(input, photos, &report->notes));
     if (model.points.empty()) {
-      // COLMAP's equations, too, are worse the further away the origin is.
+      // The equations of points, too, are worse the further away the origin is.
       const std::array<double, 3> origin = LocalOrigin(model.views);
       TakeAsOrigin(origin, &model);
       LITAGS_ASSIGN_OR_RETURN(

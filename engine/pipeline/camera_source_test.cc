@@ -35,9 +35,10 @@ using ::testing::SizeIs;
 using Json = nlohmann::json;
 
 constexpr int kWidth = 128, kHeight = 96, kDark = 12;
+constexpr int kFeatures = 60;
 
-// Six dark photos p0.png .. p5.png, and a COLMAP that places them and finds 70 points, or 60 for
-// known cameras.
+// Six dark photos p0.png .. p5.png, and a COLMAP that places them with 70 points, from features
+// that are kFeatures points for known cameras.
 class CameraSource : public ::testing::Test {
  protected:
   CameraSource() {
@@ -46,9 +47,9 @@ class CameraSource : public ::testing::Test {
     fs::create_directory(input_.work_dir);
     std::vector<std::string> names;
     for (const View& view : Copies(0).views) names.push_back(view.name);
-    colmap_.SetDatabase(names, 900, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
+    colmap_.SetDatabase(names, kFeatures, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
+    colmap_.SeeWorldPoints(CamerasOf(Known(0.1)), kFeatures);
     colmap_.AddModel(0, 0, Copies(70));
-    colmap_.SetTriangulated(0, Copies(60));
     options_.threads = 1;
   }
 
@@ -65,6 +66,12 @@ class CameraSource : public ::testing::Test {
       known.views[i].camera.t[1] = y + i / 3.0;
     }
     return known;
+  }
+
+  static std::vector<Camera> CamerasOf(const SparseModel& model) {
+    std::vector<Camera> cameras;
+    for (const View& view : model.views) cameras.push_back(view.camera);
+    return cameras;
   }
 
   absl::StatusOr<SparseModel> Obtain(const std::string& colmap) {
@@ -120,6 +127,15 @@ TEST_F(CameraSource, KeptCamerasOfOtherPhotosAreNotUsed) {
 }
 
 // Such as the EXIF orientation: as many bytes as before.
+// The same photos with another seed have other cameras, kept ones or not.
+TEST_F(CameraSource, KeptCamerasOfAnotherSeedAreNotUsed) {
+  ASSERT_TRUE(Obtain().ok());
+  options_.seed = 7;
+  EXPECT_EQ(Reason(ObtainKept().status()), "COLMAP_NOT_FOUND");
+  ASSERT_TRUE(Obtain().ok());
+  EXPECT_TRUE(ObtainKept().ok());
+}
+
 TEST_F(CameraSource, KeptCamerasOfPhotosEditedInPlaceAreNotUsed) {
   const std::string path = input_.images_dir + "/p2.png";
   const std::string photo = ReadFile(path, "", 1 << 20).value();
@@ -175,7 +191,7 @@ TEST_F(CameraSource, TransformsGetTriangulatedPoints) {
   const auto cameras = Obtain();
   ASSERT_TRUE(cameras.ok()) << cameras.status();
   ASSERT_THAT(cameras->views, SizeIs(6));
-  EXPECT_THAT(cameras->points, SizeIs(60));
+  EXPECT_THAT(cameras->points, SizeIs(kFeatures));
   EXPECT_EQ(report_.sfm_preparation, "given");
   EXPECT_THAT(report_.dropped, IsEmpty());
   for (int i = 0; i < 6; ++i) {
@@ -188,7 +204,7 @@ TEST_F(CameraSource, TransformsGetTriangulatedPoints) {
   ExpectSame(*cameras, *kept);
 }
 
-// COLMAP works near the origin, wherever the cameras are; the user's coordinates come back.
+// Points are found near the origin, wherever the cameras are; the user's coordinates come back.
 TEST_F(CameraSource, PointsOfAMapsCoordinatesAreTriangulatedNearTheOrigin) {
   const std::array<double, 3> offset = {5e5, 4.6e6, 100};
   SparseModel known = Known(0.1);
@@ -197,13 +213,13 @@ TEST_F(CameraSource, PointsOfAMapsCoordinatesAreTriangulatedNearTheOrigin) {
   ASSERT_TRUE(WriteTransforms(input_.cameras_path, known, "high").ok());
   const auto cameras = Obtain();
   ASSERT_TRUE(cameras.ok()) << cameras.status();
-  ASSERT_THAT(cameras->points, SizeIs(60));
+  ASSERT_THAT(cameras->points, SizeIs(kFeatures));
   const std::array<double, 3> origin = LocalOrigin(known.views);
   EXPECT_NEAR(origin[0], offset[0], 5);
   EXPECT_EQ(origin[0], std::round(origin[0]));
-  // COLMAP said (7, 0, 5).
-  EXPECT_EQ(cameras->points[7].xyz,
-            (std::array<double, 3>{origin[0] + 7, origin[1], origin[2] + 5}));
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(cameras->points[7].xyz[k] - offset[k], FakeWorldPoint(7)[k], 0.01);
+  }
   for (int i = 0; i < 6; ++i) {
     for (int k = 0; k < 3; ++k) {
       EXPECT_NEAR(cameras->views[i].camera.Center()[k], known.views[i].camera.Center()[k], 1e-6);
@@ -214,7 +230,7 @@ TEST_F(CameraSource, PointsOfAMapsCoordinatesAreTriangulatedNearTheOrigin) {
 // Landscape photos and portrait ones, each with its own lens: per-frame keys in the file.
 TEST_F(CameraSource, TransformsMayHoldTwoCameras) {
   const ImageU8 upright = TestImage(kHeight, kWidth);
-  SparseModel known = Known(0.1), found = Copies(60);
+  SparseModel known = Known(0.1), found = Copies(0);
   for (const int i : {1, 4}) {
     ASSERT_TRUE(WritePng(absl::StrCat(input_.images_dir, "/p", i, ".png"), upright).ok());
     for (SparseModel* model : {&known, &found}) {
@@ -229,8 +245,8 @@ TEST_F(CameraSource, TransformsMayHoldTwoCameras) {
   ASSERT_TRUE(WriteTransforms(input_.cameras_path, known, "").ok());
   std::vector<std::string> names;
   for (const View& view : found.views) names.push_back(view.name);
-  colmap_.SetDatabase(names, 900, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
-  colmap_.SetTriangulated(0, found);
+  colmap_.SetDatabase(names, kFeatures, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
+  colmap_.SeeWorldPoints(CamerasOf(known), kFeatures);
   const auto cameras = Obtain();
   ASSERT_TRUE(cameras.ok()) << cameras.status();
   ASSERT_THAT(cameras->views, SizeIs(6));

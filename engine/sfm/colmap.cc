@@ -1,9 +1,12 @@
 #include "engine/sfm/colmap.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <iterator>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -24,6 +27,27 @@ constexpr int kMinFeatures = 1000, kMaxFeatures = 4000;
 
 // f and k1; the principal point stays at the image centre. Measured, see README.md.
 constexpr char kCameraModel[] = "SIMPLE_RADIAL";
+
+// COLMAP's random numbers are drawn by each thread for whatever work it gets, and Ceres adds up in
+// the order of threads. So one thread does a share of the verification, which is cut by the pairs
+// alone, and one thread maps.
+constexpr size_t kPairsPerShare = 40, kMaxShares = 16;
+
+// No display, and one thread for sums of matrices. Memory starts as zeros: VLFeat describes no
+// feature in the last row of an image, and COLMAP 3.8 then stores what the memory held before.
+// (tcache hands out memory as it is, whatever perturb says.)
+constexpr const char* kEnvironment[] = {
+    "QT_QPA_PLATFORM=offscreen", "OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1",
+    "GLIBC_TUNABLES=glibc.malloc.tcache_count=0:glibc.malloc.perturb=255"};
+
+absl::Status CopyScratch(const std::string& from, const std::string& to) {
+  std::error_code error;
+  std::filesystem::copy_file(from, to, std::filesystem::copy_options::overwrite_existing, error);
+  if (!error) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "work_dir",
+                   absl::StrCat("cannot copy to \"", to, "\": ", error.message(),
+                                "; free some room on the disk"));
+}
 
 // Calls progress with the fraction of the first two numbers that `format` finds in a line.
 std::function<void(std::string_view)> CountLines(const char* format, const FractionFn& progress) {
@@ -52,25 +76,22 @@ Colmap::Colmap(const SfmOptions& options, std::string dir, const CancelToken& ca
       threads_(options.threads > 0 ? options.threads : DefaultThreadCount()) {}
 
 absl::Status Colmap::Failed(std::string_view reason, const std::string& command,
-                            const std::string& how) const {
+                            const std::string& log_name, const std::string& how) const {
   return MakeError(
       absl::StatusCode::kInternal, reason, command,
-      absl::StrCat("colmap ", command, " failed: ", how, " (log: ", dir_, "/", command, ".log)"));
+      absl::StrCat("colmap ", command, " failed: ", how, " (log: ", dir_, "/", log_name, ".log)"));
 }
 
 absl::StatusOr<SubprocessResult> Colmap::Run(std::vector<std::string> args,
-                                             const std::function<void(std::string_view)>& on_line) {
+                                             const std::string& log_name, const OnLine& on_line) {
   const std::string command = args[0];
   SubprocessOptions child;
   child.args = std::move(args);
   child.args.insert(child.args.begin(), options_.colmap);
   child.args.insert(child.args.end(),
                     {"--random_seed", absl::StrCat(options_.seed), "--log_to_stderr", "1"});
-  // No display and no thread pool larger than asked.
-  const std::string threads = absl::StrCat(threads_);
-  child.env = {"QT_QPA_PLATFORM=offscreen", "OMP_NUM_THREADS=" + threads,
-               "OPENBLAS_NUM_THREADS=" + threads};
-  child.log_path = absl::StrCat(dir_, "/", command, ".log");
+  child.env.assign(std::begin(kEnvironment), std::end(kEnvironment));
+  child.log_path = absl::StrCat(dir_, "/", log_name, ".log");
   child.timeout_seconds = options_.step_timeout_seconds;
   child.on_line = on_line;
 
@@ -84,20 +105,20 @@ absl::StatusOr<SubprocessResult> Colmap::Run(std::vector<std::string> args,
                                   "known cameras with points"));
   }
   if (detail && detail->reason == "PROGRAM_KILLED") {
-    return Failed("COLMAP_KILLED", command, std::string(result.status().message()));
+    return Failed("COLMAP_KILLED", command, log_name, std::string(result.status().message()));
   }
   if (detail && detail->reason == "PROGRAM_CRASHED") {
-    return Failed("COLMAP_FAILED", command, std::string(result.status().message()));
+    return Failed("COLMAP_FAILED", command, log_name, std::string(result.status().message()));
   }
   return result;
 }
 
 absl::StatusOr<double> Colmap::RunChecked(std::vector<std::string> args,
-                                          const std::function<void(std::string_view)>& on_line) {
+                                          const std::string& log_name, const OnLine& on_line) {
   const std::string command = args[0];
-  LITAGS_ASSIGN_OR_RETURN(const SubprocessResult result, Run(std::move(args), on_line));
+  LITAGS_ASSIGN_OR_RETURN(const SubprocessResult result, Run(std::move(args), log_name, on_line));
   if (result.exit_code == 0) return result.seconds;
-  return Failed("COLMAP_FAILED", command,
+  return Failed("COLMAP_FAILED", command, log_name,
                 absl::StrCat("exit code ", result.exit_code, ": ", result.tail));
 }
 
@@ -121,23 +142,49 @@ absl::StatusOr<double> Colmap::ExtractFeatures(int num_photos, const FractionFn&
   if (!options_.masks.empty()) {
     args.insert(args.end(), {"--ImageReader.mask_path", masks_dir()});
   }
-  return RunChecked(std::move(args), CountLines("Processed file [%d/%d]", progress));
+  return RunChecked(std::move(args), "feature_extractor",
+                    CountLines("Processed file [%d/%d]", progress));
+}
+
+absl::Status Colmap::VerifyShare(const std::string& database, absl::Span<const NamePair> pairs,
+                                 const std::string& log_name) {
+  std::string list;
+  for (const NamePair& pair : pairs) absl::StrAppend(&list, pair.name1, " ", pair.name2, "\n");
+  const std::string list_path = database + ".pairs.txt";
+  LITAGS_RETURN_IF_ERROR(WriteScratch(list_path, list));
+  // "pairs": for a pair with stored matches COLMAP only verifies; "raw" would read the matches as
+  // text.
+  return RunChecked(
+             {"matches_importer", "--database_path", database, "--match_list_path", list_path,
+              "--match_type", "pairs", "--SiftMatching.use_gpu", "0", "--SiftMatching.num_threads",
+              "1", "--SiftMatching.min_num_inliers", absl::StrCat(kMinInliers)},
+             log_name, nullptr)
+      .status();
 }
 
 absl::StatusOr<double> Colmap::Verify(const std::vector<NamePair>& pairs,
                                       const FractionFn& progress) {
   if (pairs.empty()) return 0;
-  std::string list;
-  for (const NamePair& pair : pairs) absl::StrAppend(&list, pair.name1, " ", pair.name2, "\n");
-  const std::string list_path = dir_ + "/pairs.txt";
-  LITAGS_RETURN_IF_ERROR(WriteScratch(list_path, list));
-  // "pairs": for a pair with stored matches COLMAP only verifies, on all threads; "raw" would read
-  // the matches as text and verify on one.
-  return RunChecked(
-      {"matches_importer", "--database_path", database_path(), "--match_list_path", list_path,
-       "--match_type", "pairs", "--SiftMatching.use_gpu", "0", "--SiftMatching.num_threads",
-       absl::StrCat(threads_), "--SiftMatching.min_num_inliers", absl::StrCat(kMinInliers)},
-      CountLines("Matching block [%d/%d]", progress));
+  const auto start = std::chrono::steady_clock::now();
+  const size_t shares = std::clamp<size_t>(pairs.size() / kPairsPerShare, 1, kMaxShares);
+  const std::string common = dir_ + "/verify.db";
+  LITAGS_RETURN_IF_ERROR(CopyForVerification(database_path(), common));
+  std::vector<std::string> databases;
+  for (size_t i = 0; i < shares; ++i) databases.push_back(absl::StrCat(dir_, "/verify_", i, ".db"));
+  std::vector<absl::Status> statuses(shares);
+  std::atomic<size_t> done = 0;
+  ParallelFor(threads_, shares, [&](size_t i, int thread) {
+    const size_t begin = i * pairs.size() / shares, end = (i + 1) * pairs.size() / shares;
+    statuses[i] = CopyScratch(common, databases[i]);
+    if (!statuses[i].ok()) return;
+    statuses[i] = VerifyShare(databases[i], absl::MakeConstSpan(&pairs[begin], end - begin),
+                              absl::StrCat("matches_importer_", i));
+    ++done;
+    if (thread == 0) progress(static_cast<double>(done) / shares);
+  });
+  for (absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(std::move(status));
+  LITAGS_RETURN_IF_ERROR(TakeVerifiedPairs(databases, database_path()));
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 absl::StatusOr<double> Colmap::Map(const std::string& models_dir, int num_photos,
@@ -152,43 +199,17 @@ absl::StatusOr<double> Colmap::Map(const std::string& models_dir, int num_photos
   LITAGS_ASSIGN_OR_RETURN(
       const SubprocessResult result,
       Run({"mapper", "--database_path", database_path(), "--image_path", images_dir(),
-           "--output_path", models_dir, "--Mapper.num_threads", absl::StrCat(threads_),
+           "--output_path", models_dir, "--Mapper.num_threads", "1",
            // Small groups tell the user about photos of different places; more tell nothing.
            "--Mapper.min_model_size", "3", "--Mapper.max_num_models", "10",
            "--Mapper.ba_refine_focal_length", "1", "--Mapper.ba_refine_principal_point", "0"},
-          on_line));
+          "mapper", on_line));
   // COLMAP 3.8 ends with an error when no model came out: an answer, not a failure.
   if (result.exit_code != 0 && !absl::StrContains(result.tail, "failed to create sparse model")) {
-    return Failed("COLMAP_FAILED", "mapper",
+    return Failed("COLMAP_FAILED", "mapper", "mapper",
                   absl::StrCat("exit code ", result.exit_code, ": ", result.tail));
   }
   return result.seconds;
-}
-
-absl::StatusOr<double> Colmap::Triangulate(const std::string& input_dir,
-                                           const std::string& output_dir, int num_photos,
-                                           const FractionFn& progress) {
-  int done = 0;
-  bool nothing_to_adjust = false;
-  const auto on_line = [&](std::string_view view) {
-    const std::string line(view);
-    if (absl::StrContains(line, "Triangulating image #")) {
-      progress(std::min(1.0, static_cast<double>(++done) / num_photos));
-    }
-    if (absl::StrContains(line, "Check failed: bundle_adjuster.Solve")) nothing_to_adjust = true;
-  };
-  const auto start = std::chrono::steady_clock::now();
-  const auto seconds =
-      RunChecked({"point_triangulator", "--database_path", database_path(), "--image_path",
-                  images_dir(), "--input_path", input_dir, "--output_path", output_dir,
-                  "--Mapper.num_threads", absl::StrCat(threads_)},
-                 on_line);
-  // COLMAP 3.8 aborts where there is no point to adjust: an answer, not a failure.
-  const auto detail = GetErrorDetail(seconds.status());
-  if (nothing_to_adjust && detail && detail->reason == "COLMAP_FAILED") {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  }
-  return seconds;
 }
 
 }  // namespace litags

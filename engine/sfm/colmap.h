@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "engine/core/cancel.h"
 #include "engine/core/subprocess.h"
 #include "engine/sfm/photo_match.h"
@@ -19,13 +20,15 @@ namespace litags {
 // Fraction of the running command, 0..1, as read from its output.
 using FractionFn = std::function<void(double)>;
 
-// One database and the photos it is made of. Every command returns its wall-clock seconds.
+// One database and the photos it is made of. Every command returns its wall-clock seconds. What
+// the commands leave depends on the photos and options only, not on options.threads, the time or
+// what else runs; see README.md for how.
 // Errors: FAILED_PRECONDITION COLMAP_NOT_FOUND; INTERNAL COLMAP_FAILED with COLMAP's last lines
 // and the log's path, COLMAP_KILLED if it was ended from outside; DEADLINE_EXCEEDED
 // PROGRAM_TIMEOUT; CANCELLED.
 class Colmap {
  public:
-  // Files of `dir`: images/ and masks/ (made by the caller), database.db, pairs.txt, logs *.log.
+  // Files of `dir`: images/ and masks/ (made by the caller), database.db, logs *.log.
   // `options` and `cancel` must outlive this.
   Colmap(const SfmOptions& options, std::string dir, const CancelToken& cancel);
 
@@ -40,17 +43,20 @@ class Colmap {
   // Models appear as models_dir/0, 1, ...; none at all is not an error here.
   absl::StatusOr<double> Map(const std::string& models_dir, int num_photos,
                              const FractionFn& progress);
-  // Leaves `output_dir` empty if no point is seen by two photos.
-  absl::StatusOr<double> Triangulate(const std::string& input_dir, const std::string& output_dir,
-                                     int num_photos, const FractionFn& progress);
 
  private:
-  absl::StatusOr<SubprocessResult> Run(std::vector<std::string> args,
-                                       const std::function<void(std::string_view)>& on_line);
-  absl::StatusOr<double> RunChecked(std::vector<std::string> args,
-                                    const std::function<void(std::string_view)>& on_line);
+  using OnLine = std::function<void(std::string_view)>;
+
+  // The log is `dir`/`log_name`.log.
+  absl::StatusOr<SubprocessResult> Run(std::vector<std::string> args, const std::string& log_name,
+                                       const OnLine& on_line);
+  absl::StatusOr<double> RunChecked(std::vector<std::string> args, const std::string& log_name,
+                                    const OnLine& on_line);
   absl::Status Failed(std::string_view reason, const std::string& command,
-                      const std::string& how) const;
+                      const std::string& log_name, const std::string& how) const;
+  // One share of Verify, on a database of its own.
+  absl::Status VerifyShare(const std::string& database, absl::Span<const NamePair> pairs,
+                           const std::string& log_name);
 
   const SfmOptions& options_;
   const std::string dir_;

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
+#include <map>
 #include <memory>
 #include <string_view>
 #include <utility>
@@ -17,7 +19,8 @@ namespace {
 
 // COLMAP numbers a pair as kMaxImages * smaller id + larger id.
 constexpr int64_t kMaxImages = 2147483647;
-constexpr int kOpenCvModel = 4;  // fx fy cx cy k1 k2 p1 p2
+constexpr int kAside = 1 << 30;             // above all numbers of images, below kMaxImages
+constexpr int64_t kMaxKeypointColumns = 6;  // x y and the shape
 
 struct CloseDatabase {
   void operator()(sqlite3* db) const { sqlite3_close_v2(db); }
@@ -183,34 +186,90 @@ absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatche
   return db.Execute("COMMIT");
 }
 
-absl::Status SetKnownCameras(const std::string& path, const SparseModel& model) {
+absl::Status CopyForVerification(const std::string& from, const std::string& to) {
+  std::error_code error;
+  std::filesystem::copy_file(from, to, std::filesystem::copy_options::overwrite_existing, error);
+  Database db(to);
+  if (error) return db.Error(error.message());
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
+  return db.Execute("DELETE FROM descriptors; DELETE FROM two_view_geometries; VACUUM");
+}
+
+absl::Status TakeVerifiedPairs(const std::vector<std::string>& from, const std::string& path) {
   Database db(path);
   LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
-  LITAGS_RETURN_IF_ERROR(db.Execute("BEGIN; DELETE FROM cameras"));
-  LITAGS_ASSIGN_OR_RETURN(
-      const Statement add_camera,
-      db.Prepare("INSERT INTO cameras (camera_id, model, width, height, params, "
-                 "prior_focal_length) VALUES (?, ?, ?, ?, ?, 1)"));
-  LITAGS_ASSIGN_OR_RETURN(const Statement set_camera,
-                          db.Prepare("UPDATE images SET camera_id = ? WHERE name = ?"));
-  for (size_t i = 0; i < model.views.size(); ++i) {
-    const Camera& c = model.views[i].camera;
-    const Distortion& d = model.distortions[i];
-    const double params[] = {c.fx, c.fy, c.cx, c.cy, d.k1, d.k2, d.p1, d.p2};
-    const int camera_id = static_cast<int>(i) + 1;
-    sqlite3_bind_int(add_camera.get(), 1, camera_id);
-    sqlite3_bind_int(add_camera.get(), 2, kOpenCvModel);
-    sqlite3_bind_int(add_camera.get(), 3, c.width);
-    sqlite3_bind_int(add_camera.get(), 4, c.height);
-    sqlite3_bind_blob(add_camera.get(), 5, params, sizeof(params), SQLITE_TRANSIENT);
-    LITAGS_RETURN_IF_ERROR(db.Step(add_camera).status());
-    sqlite3_reset(add_camera.get());
-    sqlite3_bind_int(set_camera.get(), 1, camera_id);
-    sqlite3_bind_text(set_camera.get(), 2, model.views[i].name.c_str(), -1, SQLITE_TRANSIENT);
-    LITAGS_RETURN_IF_ERROR(db.Step(set_camera).status());
-    sqlite3_reset(set_camera.get());
+  for (const std::string& other : from) {
+    LITAGS_ASSIGN_OR_RETURN(const Statement attach, db.Prepare("ATTACH ? AS share"));
+    sqlite3_bind_text(attach.get(), 1, other.c_str(), -1, SQLITE_TRANSIENT);
+    LITAGS_RETURN_IF_ERROR(db.Step(attach).status());
+    LITAGS_RETURN_IF_ERROR(
+        db.Execute("INSERT OR REPLACE INTO main.two_view_geometries "
+                   "SELECT * FROM share.two_view_geometries; DETACH share"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status NumberImages(const std::string& path, const std::vector<std::string>& names) {
+  std::map<std::string, size_t> position;
+  for (size_t i = 0; i < names.size(); ++i) position.emplace(names[i], i);
+  LITAGS_ASSIGN_OR_RETURN(std::vector<DatabaseImage> images, ReadDatabaseImages(path));
+  const auto key = [&](const DatabaseImage& image) {
+    const auto found = position.find(image.name);
+    return std::pair(found == position.end() ? names.size() : found->second, image.name);
+  };
+  std::sort(images.begin(), images.end(),
+            [&](const auto& a, const auto& b) { return key(a) < key(b); });
+
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
+  LITAGS_RETURN_IF_ERROR(db.Execute("BEGIN"));
+  for (const char* table : {"images", "keypoints", "descriptors"}) {
+    // Out of the way first: a number is one image's at a time.
+    LITAGS_RETURN_IF_ERROR(
+        db.Execute(absl::StrCat("UPDATE ", table, " SET image_id = image_id + ", kAside).c_str()));
+    LITAGS_ASSIGN_OR_RETURN(
+        const Statement set,
+        db.Prepare(absl::StrCat("UPDATE ", table, " SET image_id = ? WHERE image_id = ?")));
+    for (size_t i = 0; i < images.size(); ++i) {
+      sqlite3_bind_int(set.get(), 1, static_cast<int>(i) + 1);
+      sqlite3_bind_int(set.get(), 2, kAside + images[i].id);
+      LITAGS_RETURN_IF_ERROR(db.Step(set).status());
+      sqlite3_reset(set.get());
+    }
   }
   return db.Execute("COMMIT");
+}
+
+absl::StatusOr<std::vector<std::vector<Eigen::Vector2d>>> ReadKeypoints(
+    const std::string& path, const std::vector<DatabaseImage>& images) {
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
+  LITAGS_ASSIGN_OR_RETURN(const Statement statement,
+                          db.Prepare("SELECT rows, cols, data FROM keypoints WHERE image_id = ?"));
+  std::vector<std::vector<Eigen::Vector2d>> keypoints(images.size());
+  for (size_t i = 0; i < images.size(); ++i) {
+    if (images[i].features == 0) continue;
+    sqlite3_bind_int(statement.get(), 1, images[i].id);
+    LITAGS_ASSIGN_OR_RETURN(const bool found, db.Step(statement));
+    const int64_t rows = found ? sqlite3_column_int64(statement.get(), 0) : 0;
+    const int64_t cols = found ? sqlite3_column_int64(statement.get(), 1) : 0;
+    const int64_t bytes = found ? sqlite3_column_bytes(statement.get(), 2) : 0;
+    if (rows != images[i].features || cols < 2 || cols > kMaxKeypointColumns ||
+        bytes != rows * cols * static_cast<int64_t>(sizeof(float))) {
+      return db.Error(absl::StrCat("image \"", images[i].name, "\" has ", images[i].features,
+                                   " keypoints, but ", rows, " rows of ", cols, " in ", bytes,
+                                   " bytes"));
+    }
+    std::vector<float> data(static_cast<size_t>(rows * cols));
+    std::memcpy(data.data(), sqlite3_column_blob(statement.get(), 2), static_cast<size_t>(bytes));
+    keypoints[i].reserve(static_cast<size_t>(rows));
+    for (size_t row = 0; row < static_cast<size_t>(rows); ++row) {
+      const float* xy = data.data() + row * static_cast<size_t>(cols);
+      keypoints[i].emplace_back(xy[0], xy[1]);
+    }
+    sqlite3_reset(statement.get());
+  }
+  return keypoints;
 }
 
 }  // namespace litags

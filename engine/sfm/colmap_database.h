@@ -2,14 +2,13 @@
 #ifndef LITAGS_ENGINE_SFM_COLMAP_DATABASE_H_
 #define LITAGS_ENGINE_SFM_COLMAP_DATABASE_H_
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "engine/core/camera.h"
-#include "engine/io/sparse_model.h"
 #include "engine/sfm/descriptor_match.h"
 
 namespace litags {
@@ -53,9 +52,20 @@ absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path);
 // Stores the matches of these pairs in place of all that were there.
 absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatches>& pairs);
 
-// Gives every image its known intrinsics, one database camera each, marked as known so that
-// matches are verified with them. `model.views` hold the images' names and sizes.
-absl::Status SetKnownCameras(const std::string& path, const SparseModel& model);
+// A copy without what only matching needs, and without verified pairs, in place of `to`.
+absl::Status CopyForVerification(const std::string& from, const std::string& to);
+
+// Puts the verified pairs of those databases into this one.
+absl::Status TakeVerifiedPairs(const std::vector<std::string>& from, const std::string& path);
+
+// Numbers the images 1, 2, ... in the order of `names`, then those that are not among them by name:
+// COLMAP's own numbers tell the order in which its threads were done.
+absl::Status NumberImages(const std::string& path, const std::vector<std::string>& names);
+
+// Where the features of each image lie, px from the corner of the top-left pixel; none for an image
+// without features. INTERNAL COLMAP_DATABASE if they are damaged.
+absl::StatusOr<std::vector<std::vector<Eigen::Vector2d>>> ReadKeypoints(
+    const std::string& path, const std::vector<DatabaseImage>& images);
 
 }  // namespace litags
 

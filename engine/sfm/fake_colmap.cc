@@ -41,7 +41,6 @@ if [ -f "$fake/on_$command" ]; then . "$fake/on_$command"; fi
 case $command in
   feature_extractor) cp "$fake/database.db" "$db" ;;
   mapper) if [ -d "$fake/models_$rung" ]; then cp -r "$fake/models_$rung/." "$out"; fi ;;
-  point_triangulator) cp -r "$fake/triangulated_$rung/." "$out" ;;
 esac
 )sh";
 
@@ -65,6 +64,11 @@ std::string HexDescriptors(int count) {
     }
   }
   return absl::BytesToHexString(bytes);
+}
+
+std::string HexKeypoints(const std::vector<std::array<float, 2>>& keypoints) {
+  return absl::BytesToHexString(
+      {reinterpret_cast<const char*>(keypoints.data()), keypoints.size() * 2 * sizeof(float)});
 }
 
 }  // namespace
@@ -104,7 +108,8 @@ void FakeColmap::SetDatabase(const std::vector<std::string>& names, int features
       "CREATE TABLE cameras (camera_id INTEGER PRIMARY KEY, model INTEGER, width INTEGER, height "
       "INTEGER, params BLOB, prior_focal_length INTEGER);"
       "CREATE TABLE images (image_id INTEGER PRIMARY KEY, name TEXT, camera_id INTEGER);"
-      "CREATE TABLE keypoints (image_id INTEGER PRIMARY KEY, rows INTEGER);"
+      "CREATE TABLE keypoints (image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data "
+      "BLOB);"
       "CREATE TABLE descriptors (image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data "
       "BLOB);"
       "CREATE TABLE matches (pair_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
@@ -113,13 +118,30 @@ void FakeColmap::SetDatabase(const std::vector<std::string>& names, int features
   const std::string descriptors = HexDescriptors(features);
   for (size_t i = 0; i < names.size(); ++i) {
     absl::StrAppendFormat(&sql, "INSERT INTO images VALUES (%d, '%s', 1);", i + 1, names[i]);
-    absl::StrAppendFormat(&sql, "INSERT INTO keypoints VALUES (%d, %d);", i + 1, features);
+    absl::StrAppendFormat(&sql, "INSERT INTO keypoints VALUES (%d, %d, 2, x'%s');", i + 1, features,
+                          HexKeypoints(std::vector<std::array<float, 2>>(features, {30, 20})));
     absl::StrAppendFormat(&sql, "INSERT INTO descriptors VALUES (%d, %d, 128, x'%s');", i + 1,
                           features, descriptors);
   }
   for (const auto& [a, b] : pairs) {
     const int64_t pair_id = int64_t{2147483647} * (a + 1) + (b + 1);
     absl::StrAppendFormat(&sql, "INSERT INTO two_view_geometries VALUES (%d, 100);", pair_id);
+  }
+  Execute(sql);
+}
+
+void FakeColmap::SeeWorldPoints(const std::vector<Camera>& cameras, int features) const {
+  std::string sql;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    std::vector<std::array<float, 2>> keypoints;
+    for (int k = 0; k < features; ++k) {
+      const auto p = c.CamFromWorld(FakeWorldPoint(k));
+      keypoints.push_back({static_cast<float>(c.fx * p[0] / p[2] + c.cx),
+                           static_cast<float>(c.fy * p[1] / p[2] + c.cy)});
+    }
+    absl::StrAppendFormat(&sql, "UPDATE keypoints SET data = x'%s' WHERE image_id = %d;",
+                          HexKeypoints(keypoints), i + 1);
   }
   Execute(sql);
 }
@@ -135,10 +157,6 @@ void FakeColmap::Execute(const std::string& sql) const {
 
 void FakeColmap::AddModel(int rung, int number, const SparseModel& model) const {
   WriteModel(absl::StrCat(dir_, "/models_", rung, "/", number), model);
-}
-
-void FakeColmap::SetTriangulated(int rung, const SparseModel& model) const {
-  WriteModel(absl::StrCat(dir_, "/triangulated_", rung), model);
 }
 
 std::vector<std::string> FakeColmap::Calls() const {
@@ -166,6 +184,10 @@ SparseModel CopiesModel(const std::string& folder, int width, int height,
     model.points.push_back(point);
   }
   return model;
+}
+
+std::array<double, 3> FakeWorldPoint(int i) {
+  return {2.0 * (i % 30) - 30, 2.0 * (i / 30) - 30, 90.0 + i % 7};
 }
 
 }  // namespace litags

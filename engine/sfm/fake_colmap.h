@@ -3,7 +3,9 @@
 #ifndef LITAGS_ENGINE_SFM_FAKE_COLMAP_H_
 #define LITAGS_ENGINE_SFM_FAKE_COLMAP_H_
 
+#include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/io/sparse_model.h"
@@ -26,17 +28,19 @@ class FakeColmap {
   void On(const std::string& command, const std::string& shell_code) const;
 
   // The database that feature_extractor leaves: image ids 1.. in the order of `names`, each with
-  // the same `features` (up to 1024, each unlike the others), so that feature i matches feature i;
-  // pairs (of indices into names) are verified.
+  // the same `features` (up to 1024, each unlike the others) at the same places, so that feature i
+  // matches feature i; pairs (of indices into names) are verified.
   void SetDatabase(const std::vector<std::string>& names, int features,
                    const std::vector<std::pair<int, int>>& pairs) const;
+
+  // Moves its features to where the copies' cameras, in id order, see FakeWorldPoint(0), (1), ...
+  void SeeWorldPoints(const std::vector<Camera>& cameras, int features) const;
 
   // Runs SQL statements on that database.
   void Execute(const std::string& sql) const;
 
-  // Adds a model that the mapper of rung `rung` (0..) hands out, or else the triangulator.
+  // Adds a model that the mapper of rung `rung` (0..) hands out.
   void AddModel(int rung, int number, const SparseModel& model) const;
-  void SetTriangulated(int rung, const SparseModel& model) const;
 
   // One line per call: the command and its arguments.
   std::vector<std::string> Calls() const;
@@ -49,6 +53,9 @@ class FakeColmap {
 // translation (i, 0, 0), and `points` points seen by all of them at (10, 20) px.
 SparseModel CopiesModel(const std::string& folder, int width, int height,
                         const std::vector<int>& photos, int points);
+
+// Points some 90 units in front of those cameras.
+std::array<double, 3> FakeWorldPoint(int i);
 
 }  // namespace litags
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <map>
 #include <utility>
 
 #include "absl/types/span.h"
@@ -71,25 +72,35 @@ std::vector<PhotoPair> PairsToMatch(const SfmOptions& options, int num_photos) {
   return pairs;
 }
 
-absl::StatusOr<std::vector<NamePair>> MatchPhotos(const std::string& database_path,
-                                                  const SfmOptions& options,
-                                                  const CancelToken& cancel,
-                                                  const std::function<void(double)>& progress) {
+absl::StatusOr<std::vector<ImageMatches>> ComparePhotos(
+    const std::string& database_path, const SfmOptions& options, const CancelToken& cancel,
+    const std::function<void(double)>& progress) {
   LITAGS_ASSIGN_OR_RETURN(const auto images, ReadImagesInPhotoOrder(database_path));
   LITAGS_ASSIGN_OR_RETURN(const auto descriptors, ReadDescriptors(database_path, images));
   const std::vector<PhotoPair> pairs = PairsToMatch(options, static_cast<int>(images.size()));
   auto matches = MatchPairs(descriptors, pairs, options.threads, cancel, progress);
   LITAGS_RETURN_IF_ERROR(cancel.Check());
 
-  std::vector<NamePair> names;
   std::vector<ImageMatches> kept;
   for (size_t i = 0; i < pairs.size(); ++i) {
     if (matches[i].size() < static_cast<size_t>(kMinInliers)) continue;
-    const DatabaseImage &first = images[pairs[i].first], &second = images[pairs[i].second];
-    names.push_back({first.name, second.name});
-    kept.push_back({first.id, second.id, std::move(matches[i])});
+    kept.push_back({images[pairs[i].first].id, images[pairs[i].second].id, std::move(matches[i])});
   }
-  LITAGS_RETURN_IF_ERROR(WriteMatches(database_path, kept));
+  return kept;
+}
+
+absl::StatusOr<std::vector<NamePair>> MatchPhotos(const std::string& database_path,
+                                                  const SfmOptions& options,
+                                                  const CancelToken& cancel,
+                                                  const std::function<void(double)>& progress) {
+  LITAGS_ASSIGN_OR_RETURN(const auto matches,
+                          ComparePhotos(database_path, options, cancel, progress));
+  LITAGS_RETURN_IF_ERROR(WriteMatches(database_path, matches));
+  LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(database_path));
+  std::map<int, std::string> name_of;
+  for (const DatabaseImage& image : images) name_of[image.id] = image.name;
+  std::vector<NamePair> names;
+  for (const ImageMatches& pair : matches) names.push_back({name_of[pair.id1], name_of[pair.id2]});
   return names;
 }
 

@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
+#include "engine/sfm/colmap_database.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -28,9 +29,9 @@ struct NamePair {
   std::string name1, name2;
 };
 
-// Compares the features in COLMAP's database and stores the matches there, unverified, in place of
-// what `matches` held. Pairs with fewer than kMinInliers are left out: they can never be verified.
-// Returns the pairs that are stored, ascending. The result does not depend on options.threads.
+// Compares the features in COLMAP's database. Pairs with fewer than kMinInliers matches are left
+// out: they can never be verified. Ascending by photos. The result does not depend on
+// options.threads.
 //
 // The tests are those of COLMAP's CPU matcher with its defaults (SiftMatching.max_distance 0.7,
 // max_ratio 0.8, cross_check 1), but on the true nearest features; COLMAP 3.8 looks them up in
@@ -38,6 +39,11 @@ struct NamePair {
 //
 // `progress` gets fractions, in the calling thread. Errors: INTERNAL COLMAP_DATABASE for a damaged
 // database; CANCELLED within a second.
+absl::StatusOr<std::vector<ImageMatches>> ComparePhotos(
+    const std::string& database_path, const SfmOptions& options, const CancelToken& cancel,
+    const std::function<void(double)>& progress);
+
+// ComparePhotos, stored in the database in place of what `matches` held. Returns the names.
 absl::StatusOr<std::vector<NamePair>> MatchPhotos(const std::string& database_path,
                                                   const SfmOptions& options,
                                                   const CancelToken& cancel,

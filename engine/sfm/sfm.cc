@@ -47,10 +47,11 @@ absl::Status ClearFolder(const std::string& dir) {
 // Copies and databases are large and of no further use; the logs stay.
 void DropBulk(const std::string& rung_dir) {
   std::error_code ignored;  // leftovers are cleared by the next call
-  for (const char* name : {"images", "masks", "database.db", "database.db-shm", "database.db-wal",
-                           "models", "known", "triangulated", "pairs.txt"}) {
-    fs::remove_all(absl::StrCat(rung_dir, "/", name), ignored);
+  std::vector<fs::path> bulk;
+  for (const auto& entry : fs::directory_iterator(rung_dir, ignored)) {
+    if (entry.path().extension() != ".log") bulk.push_back(entry.path());
   }
+  for (const fs::path& path : bulk) fs::remove_all(path, ignored);
 }
 
 // Lets the first report of each step through, then one per `least_seconds`.

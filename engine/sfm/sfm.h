@@ -25,7 +25,7 @@ std::string_view ExposureName(Exposure exposure);  // "normal", "low", "over"
 struct SfmOptions {
   std::string colmap = "colmap";  // program name or path; 3.8 is what the tests run
   int threads = 0;                // bound on COLMAP's and our threads; 0: all cores
-  uint64_t seed = 0;              // COLMAP's --random_seed; see FindCameras about repeatability
+  uint64_t seed = 0;              // COLMAP's --random_seed
   int max_image_side = 1600;    // larger photos are matched at this longer side, px; 0: as they are
   int max_features = 0;         // SIFT features per photo; 0: 1000..4000, fewer for more photos
   int sequential_above = 200;   // with more photos, match only neighbours in name order
@@ -109,8 +109,8 @@ struct SfmResult {
 // largest. work_dir exists or is made; the call uses and clears work_dir/sfm, and leaves COLMAP's
 // logs there.
 //
-// Not repeatable bit by bit: COLMAP's RANSAC and bundle adjustment depend on thread timing, so
-// poses differ in the last digits from run to run (less with threads = 1 and a fixed seed).
+// The result is a function of the photos and the options, bit by bit, but not of options.threads:
+// README.md says what COLMAP is kept from for that.
 //
 // Errors: INVALID_ARGUMENT for options, unreadable photos or masks, TOO_FEW_PHOTOS (one or none);
 // FAILED_PRECONDITION SFM_TOO_FEW_REGISTERED (fewer than 3 or than min_registered placed; the
@@ -124,7 +124,9 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
 
 // Points for photos whose cameras are known (`cameras.views`, `cameras.distortions`; its points are
 // ignored). Poses and intrinsics come back exactly as given; photos without a view are left out.
-// Climbs the same ladder until there are at least 10 points per view, else keeps the most points.
+// COLMAP finds the features; matches are checked against the cameras and triangulated by us
+// (triangulate.h). Climbs the same ladder until there are at least 10 points per view, else keeps
+// the most points. As repeatable as FindCameras.
 // Errors as FindCameras, and: NOT_FOUND VIEW_WITHOUT_PHOTO, INVALID_ARGUMENT for cameras that
 // do not match their photo's size, FAILED_PRECONDITION SFM_NO_POINTS.
 absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
