@@ -16,9 +16,10 @@ namespace {
 // deviation of Cb / Y and Cr / Y (linear light) is kFlat + kEdge |ln(Y / parent's Y)|. Of the
 // largest, kFlat is the deviation from the capture's mean.
 constexpr int kLevels = 9;
-constexpr std::array<float, kLevels> kFlat = {.011f, .020f, .033f, .045f, .060f,
-                                              .077f, .085f, .120f, .200f};
-constexpr std::array<float, kLevels> kEdge = {.12f, .08f, .12f, .17f, .22f, .25f, .27f, .25f, 0};
+constexpr std::array<float, kLevels> kFlat = {.007f, .013f, .021f, .029f, .039f,
+                                              .052f, .062f, .094f, .184f};
+constexpr std::array<float, kLevels> kEdge = {.105f, .070f, .090f, .115f, .130f,
+                                              .140f, .155f, .185f, 0};
 constexpr float kMostEdge = 2;  // |ln|; beyond it colours differ no more
 
 // Variance of Cb and Cr in square codes: rounding Cb itself and R, G and B before it makes
@@ -28,8 +29,8 @@ constexpr float kRounding = 0.116f;
 constexpr std::array<float, kLevels> kShares = {1.55f, 1.47f, 1.12f, 0.92f, 0.78f,
                                                 0.69f, 0.56f, 0.43f, 0.43f};
 // The errors of a square and of the squares that it lies in are mostly the same, so that several
-// levels count as one observation. Choice, measured.
-constexpr float kCorrelation = 4;
+// levels count as one observation. Choice, see docs/experiments/shadow-color.md.
+constexpr float kCorrelation = 2;
 
 constexpr float kTiny = 1e-6f;
 
