@@ -23,6 +23,9 @@ inline constexpr int kPhotoWhite = 1 << 14;
 // One 8-bit code, in samples.
 inline constexpr float kPhotoCode = kPhotoWhite / 255.0f;
 
+// Samples from here on may have been cut off at white: they round to the last 8-bit code.
+inline constexpr int16_t kClippedSample = static_cast<int16_t>(254.5f * kPhotoCode);
+
 inline float EncodedOf(int16_t sample) { return sample * (1.0f / kPhotoWhite); }
 
 // The nearest sample; NaN becomes 0.

@@ -14,7 +14,6 @@ namespace {
 
 constexpr double kTargetMean = 0.45;
 constexpr double kMaxGain = 1024;  // two bits below an 8-bit code
-constexpr int16_t kClipped = 254.5f * kPhotoCode;
 
 void ApplyGain(const PlaneU8& mask, Photo* photo) {
   const double mean = MeasureLight(*photo, mask).mean_level;
@@ -50,7 +49,7 @@ LightStats MeasureLight(const Photo& photo, const PlaneU8& mask) {
   ForCounted(mask, photo.pixels(), [&](size_t i) {
     for (int c = 0; c < 3; ++c) {
       sum += photo.data[3 * i + c];
-      clipped += photo.data[3 * i + c] >= kClipped;
+      clipped += photo.data[3 * i + c] >= kClippedSample;
     }
   });
   return {.mean_level = std::max(0.0, sum / n / kPhotoWhite), .clipped_fraction = clipped / n};

@@ -9,12 +9,13 @@
 
 #include "engine/core/color.h"
 #include "engine/core/mask.h"
+#include "engine/target/median.h"
 
 namespace litags {
 namespace {
 
-constexpr int kRadius = 2;                     // px: a patch of 5x5 averages the noise
-constexpr float kMinCode = 2, kMaxCode = 250;  // 8-bit, of a patch's mean in every channel
+constexpr int kRadius = 2;                      // px: a patch of 5x5 averages the noise
+constexpr double kMinCode = 2, kMaxCode = 250;  // 8-bit, of a patch's mean in every channel
 constexpr int16_t kLeastSample = 16;  // a quarter of a code: what a photo's median is at least
 constexpr int kRounds = 50;           // of alternating medians
 
@@ -28,44 +29,23 @@ struct Sample {
   double log_light;
 };
 
-double Median(std::vector<double>& values) {
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // The mean of the two in the middle if there are two: alternating medians that take one of them
 // stop far from where they would go to, since a point that two photos see is then just as one of
 // them says.
 double MiddleOf(std::vector<double>& values) {
-  const double upper = Median(values);
+  const double upper = MedianInPlace(values);
   if (values.size() % 2 == 1) return upper;
   return (upper + *std::max_element(values.begin(), values.begin() + values.size() / 2)) / 2;
 }
 
 // Log of the mean linear light of a patch; nothing if it is cut off, masked, black or white.
 std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x, double y) {
-  const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
-  if (px < kRadius || py < kRadius || px + kRadius >= photo.width || py + kRadius >= photo.height)
-    return std::nullopt;
-  constexpr int kPixels = (2 * kRadius + 1) * (2 * kRadius + 1);
-  std::array<int, 3> samples = {0, 0, 0};
-  double light = 0;
-  for (int v = py - kRadius; v <= py + kRadius; ++v) {
-    for (int u = px - kRadius; u <= px + kRadius; ++u) {
-      if (!Counts(mask, u, v)) return std::nullopt;
-      const int16_t* pixel = photo.pixel(u, v);
-      for (int c = 0; c < 3; ++c) {
-        samples[c] += pixel[c];
-        light += LinearTable::Get()(pixel[c]);
-      }
-    }
-  }
-  for (const int sum : samples) {
-    const float code = sum / (kPixels * kPhotoCode);
+  const std::optional<PatchLight> patch = PatchLightAt(photo, mask, x, y);
+  if (!patch.has_value()) return std::nullopt;
+  for (const double code : patch->codes) {
     if (code < kMinCode || code > kMaxCode) return std::nullopt;
   }
-  return std::log(light / (3 * kPixels));
+  return std::log((patch->light[0] + patch->light[1] + patch->light[2]) / 3);
 }
 
 // Log of the median linear light of a whole photo.
@@ -145,7 +125,7 @@ std::vector<WeightedMean> MeansAround(const std::vector<double>& weights,
 double Deviation(const std::vector<double>& values, const std::vector<WeightedMean>& around) {
   std::vector<double> sizes;
   for (size_t i = 0; i < values.size(); ++i) sizes.push_back(std::abs(values[i] - around[i].mean));
-  return sizes.empty() ? 0 : Median(sizes) / 0.6745;  // of a normal distribution
+  return sizes.empty() ? 0 : MedianInPlace(sizes) / 0.6745;  // of a normal distribution
 }
 
 // Gives every photo a say in its own mean, that of the most alike other. Those that were chosen
@@ -169,13 +149,36 @@ void AddThemselves(const std::vector<double>& logs, std::vector<double>* likenes
 // Exponentials, the median's is 1.
 std::vector<double> FromLogs(const std::vector<double>& logs) {
   std::vector<double> sorted = logs;
-  const double shift = logs.empty() ? 0 : Median(sorted);
+  const double shift = logs.empty() ? 0 : MedianInPlace(sorted);
   std::vector<double> out;
   for (const double log : logs) out.push_back(std::exp(log - shift));
   return out;
 }
 
 }  // namespace
+
+std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, double x,
+                                       double y) {
+  const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
+  if (px < kRadius || py < kRadius || px + kRadius >= photo.width || py + kRadius >= photo.height)
+    return std::nullopt;
+  constexpr double kPart = 1.0 / ((2 * kRadius + 1) * (2 * kRadius + 1));
+  const LinearTable& linear = LinearTable::Get();
+  PatchLight patch;
+  patch.brightest = *photo.pixel(px, py);
+  for (int v = py - kRadius; v <= py + kRadius; ++v) {
+    for (int u = px - kRadius; u <= px + kRadius; ++u) {
+      if (!Counts(mask, u, v)) return std::nullopt;
+      const int16_t* pixel = photo.pixel(u, v);
+      for (int c = 0; c < 3; ++c) {
+        patch.codes[c] += kPart * pixel[c] / kPhotoCode;
+        patch.light[c] += kPart * linear(pixel[c]);
+        patch.brightest = std::max(patch.brightest, pixel[c]);
+      }
+    }
+  }
+  return patch;
+}
 
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
@@ -186,7 +189,7 @@ std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
   for (size_t i = 0; i < n; ++i) medians[i] = LogMedianLight(photos[i], MaskOf(masks, i));
   // A start that is right but for what the photos show; the medians of shared points refine it.
   std::vector<double> sorted = medians;
-  const double middle = n > 0 ? Median(sorted) : 0;
+  const double middle = n > 0 ? MedianInPlace(sorted) : 0;
   for (size_t i = 0; i < n; ++i) log_exposure[i] = medians[i] - middle;
 
   std::vector<double> values;

@@ -2,6 +2,9 @@
 #ifndef LITAGS_ENGINE_TARGET_PHOTOMETRIC_H_
 #define LITAGS_ENGINE_TARGET_PHOTOMETRIC_H_
 
+#include <array>
+#include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "absl/types/span.h"
@@ -16,6 +19,16 @@ struct PointSighting {
   int photo = 0;
   double x = 0, y = 0;  // px, centres at +0.5
 };
+
+// Means over the 5x5 pixels around a place: single pixels of dark photos are mostly noise.
+struct PatchLight {
+  std::array<double, 3> codes = {};  // 8-bit codes, with fractions
+  std::array<double, 3> light = {};  // linear, 1: white
+  int16_t brightest = 0;             // sample of any channel
+};
+
+// Nothing if the patch is cut off or a pixel of it is masked. (x, y) in px, centres at +0.5.
+std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, double x, double y);
 
 // Exposure of every photo relative to the capture's median photo, > 0: photo i shows the scene's
 // linear light times exposure i. Medians in the log domain, so that highlights, shadows and wrong

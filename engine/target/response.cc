@@ -8,13 +8,13 @@
 #include "absl/strings/str_format.h"
 #include "engine/core/check.h"
 #include "engine/core/mask.h"
+#include "engine/target/median.h"
 #include "engine/target/track_fit.h"
 
 namespace litags {
 namespace {
 
-constexpr int kRadius = 2;                           // px: a patch of 5x5 averages the noise
-constexpr int kDarkest = 2 * kPhotoWhite / 255;      // of a patch's mean in every channel
+constexpr double kDarkest = 2;                       // codes, of a patch's mean in every channel
 constexpr int kBrightest = 250 * kPhotoWhite / 255;  // of a patch's samples
 constexpr double kStandardErrors = 3;                // a white balance is drawn to 1 by
 constexpr double kSure = 4;                          // standard errors of the vignette
@@ -26,47 +26,13 @@ constexpr float kNearWhite = 0.9f * kPhotoWhite;
 
 using Profile = std::array<double, kTrackColumns>;
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-// ---- Samples
-
-// Log of the mean linear light of a patch; nothing if it is cut off or masked; `told` says whether
-// the sensor's range held it.
-struct Patch {
-  bool told = true;
-  std::array<double, 3> log_light = {};
-};
-
-std::optional<Patch> PatchAt(const Photo& photo, const PlaneU8& mask, double x, double y) {
-  const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
-  if (px < kRadius || py < kRadius || px + kRadius >= photo.width || py + kRadius >= photo.height)
-    return std::nullopt;
-  constexpr int kPixels = (2 * kRadius + 1) * (2 * kRadius + 1);
-  const LinearTable& linear = LinearTable::Get();
-  Patch patch;
-  std::array<int, 3> sums = {};
-  std::array<double, 3> light = {};
-  for (int v = py - kRadius; v <= py + kRadius; ++v) {
-    for (int u = px - kRadius; u <= px + kRadius; ++u) {
-      if (!Counts(mask, u, v)) return std::nullopt;
-      const int16_t* pixel = photo.pixel(u, v);
-      for (int c = 0; c < 3; ++c) {
-        sums[c] += pixel[c];
-        light[c] += linear(pixel[c]);
-        patch.told = patch.told && pixel[c] < kBrightest;
-      }
-    }
-  }
+// Whether the sensor's range held the light of a patch, so that it tells the light.
+bool Told(const PatchLight& patch) {
+  if (patch.brightest >= kBrightest) return false;
   for (int c = 0; c < 3; ++c) {
-    patch.told = patch.told && sums[c] >= kDarkest * kPixels && light[c] > 0;
-    if (patch.told) patch.log_light[c] = std::log(light[c] / kPixels);
+    if (patch.codes[c] < kDarkest || !(patch.light[c] > 0)) return false;
   }
-  return patch;
+  return true;
 }
 
 // ---- Vignette
@@ -226,35 +192,12 @@ std::vector<std::array<double, 3>> GainsOf(const std::vector<double>& red,
 
 // ---- Application
 
-// sRGB of linear light, by a table; exact to a tenth of a sample's step.
-class EncodedTable {
- public:
-  static const EncodedTable& Get() {
-    static const EncodedTable table;
-    return table;
-  }
-  float operator()(float linear) const {
-    if (!(linear > 0)) return linear * 12.92f;
-    const float at = std::min(linear, kMost - 1) * kSteps;
-    const int cell = static_cast<int>(at);
-    return values_[cell] + (at - cell) * (values_[cell + 1] - values_[cell]);
-  }
-
- private:
-  static constexpr float kSteps = 8192, kMost = 8;  // 8: beyond what a sample holds
-  EncodedTable() {
-    for (int i = 0; i <= static_cast<int>(kSteps * kMost); ++i)
-      values_.push_back(static_cast<float>(SrgbFromLinear(i / double(kSteps))));
-  }
-  std::vector<float> values_;
-};
-
 int16_t Changed(int16_t sample, float factor) {
   if (factor < 1 && sample > kNearWhite) {
     const float near = std::min(1.0f, (sample - kNearWhite) / (kPhotoWhite - kNearWhite));
     factor += (1 - factor) * near;
   }
-  return PhotoSample(EncodedTable::Get()(LinearTable::Get()(sample) * factor));
+  return SampleTable::Get()(LinearTable::Get()(sample) * factor);
 }
 
 }  // namespace
@@ -279,12 +222,16 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
     bool told = true;
     for (; end < sightings.size() && sightings[end].point == sightings[begin].point; ++end) {
       const PointSighting& s = sightings[end];
-      const std::optional<Patch> patch = PatchAt(photos[s.photo], MaskOf(masks, s.photo), s.x, s.y);
+      const std::optional<PatchLight> patch =
+          PatchLightAt(photos[s.photo], MaskOf(masks, s.photo), s.x, s.y);
       if (!patch.has_value()) continue;
-      told = told && patch->told;
+      told = told && Told(*patch);
+      if (!told) continue;
       const RadialFrame& frame = frames[s.photo];
       const double radius = std::hypot(s.x - frame.cx, s.y - frame.cy) / frame.half_diagonal;
-      samples.push_back({s.point, s.photo, radius, patch->log_light});
+      const auto& light = patch->light;
+      samples.push_back(
+          {s.point, s.photo, radius, {std::log(light[0]), std::log(light[1]), std::log(light[2])}});
     }
     if (!told) samples.resize(before);
   }

@@ -8,6 +8,7 @@
 
 #include "engine/core/mask.h"
 #include "engine/target/float_image.h"
+#include "engine/target/median.h"
 
 namespace litags {
 namespace {
@@ -181,12 +182,6 @@ Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) 
     estimates = finer;
   }
   return estimates;
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace

@@ -3,15 +3,38 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 #include <vector>
 
 #include "engine/core/mask.h"
-#include "engine/target/dark_jpeg_test_util.h"
 
 namespace litags {
 namespace {
+
+using TestColor = std::array<double, 3>;
+
+// Y, Cb, Cr of R, G, B.
+TestColor TestYcc(const TestColor& rgb) {
+  const double y = 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2];
+  return {y, (rgb[2] - y) / 1.772, (rgb[0] - y) / 1.402};
+}
+
+TestColor TestRgb(const TestColor& ycc) {
+  return {ycc[0] + 1.402 * ycc[2], ycc[0] - (0.202008 * ycc[1] + 0.419198 * ycc[2]) / 0.587,
+          ycc[0] + 1.772 * ycc[1]};
+}
+
+// R, G and B in codes, rounded, and what libjpeg makes of them: Y, Cb and Cr rounded, halves of Cb
+// and Cr down.
+TestColor TestJpeg(const TestColor& rgb) {
+  TestColor codes;
+  for (int c = 0; c < 3; ++c) codes[c] = std::floor(std::clamp(rgb[c], 0.0, 255.0) + 0.5);
+  const TestColor ycc = TestYcc(codes);
+  constexpr double kHalf = 0.5 - 1e-4;  // in 16 bits, almost halves are halves
+  return {std::floor(ycc[0] + 0.5), std::floor(ycc[1] + kHalf), std::floor(ycc[2] + kHalf)};
+}
 
 constexpr int kWidth = 128, kHeight = 96;
 

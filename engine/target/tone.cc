@@ -26,8 +26,7 @@ constexpr double kTheta = 0.49;  // authors' release
 // lit, so that a torch in the dark is exposed for what it lights. Choice
 constexpr double kMostBlack = 0.1;
 constexpr int kSquare = 4;  // px, that light is averaged over for the exposure rule
-constexpr int16_t kClipped = 254.5f * kPhotoCode;  // samples at and above it, of the photo
-constexpr int16_t kBlack = 0.25f * kPhotoCode;     // nothing of a photo above it: no light fell
+constexpr int16_t kBlack = 0.25f * kPhotoCode;  // nothing of a photo above it: no light fell
 
 using Histogram = std::array<double, 256>;  // fraction of all samples that count, by 8-bit code
 
@@ -145,7 +144,7 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
   ScenePalette palette;
   for (size_t i = 0; i < photos.size(); ++i) {
     const bool clipped = std::any_of(photos[i].data.begin(), photos[i].data.end(),
-                                     [](int16_t sample) { return sample >= kClipped; });
+                                     [](int16_t sample) { return sample >= kClippedSample; });
     if (gain >= exposures[i] || !clipped) continue;
     if (tables.empty()) palette = CollectPalette(photos, exposures, gain, masks);
     const int step = static_cast<int>(std::lround(4 * std::log2(exposures[i])));

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "engine/core/mask.h"
+#include "engine/target/median.h"
 
 namespace litags {
 namespace {
@@ -19,12 +20,6 @@ constexpr int kClipped = 250 * kPhotoWhite / 255;
 constexpr Chromaticity kMean = {0.1048, -0.1927};
 constexpr double kRed = 0.0586, kCross = -0.0249, kBlue = 0.1064;
 constexpr double kImplausible = 5;  // deviations
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 using Light = std::array<double, 3>;
 

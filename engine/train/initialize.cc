@@ -109,7 +109,7 @@ double IlluminationLevel(absl::Span<const TrainView> views) {
       for (int c = 0; c < 3; ++c) target += view.target.data[3 * i + c];
     });
   }
-  return target > 0 ? photo / target : 1;
+  return target > 0 && photo > 0 ? photo / target : 1;  // sums of noise around black may be below
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ namespace {
 constexpr int kShrink = 4;       // px
 constexpr double kClips = -0.2;  // stops; means of 4x4 pixels above are taken for clipped
 
-Planes LinearLight(const ImageU8& photo) {
+Planes LinearLight(const Photo& photo) {
   Planes light = ToPlanes(photo);
   for (float& value : light.data) value = static_cast<float>(LinearFromSrgb(value));
   return light;
@@ -179,7 +179,7 @@ absl::Status AddTestCases(size_t photo, const Planes& light, std::vector<Exposur
     const ImageU8 dark =
         sample::Expose(light, {gain, gain, gain}, sample::SensorOptions(), CounterRng(photo, 99));
     LITAGS_ASSIGN_OR_RETURN(const std::string jpeg, EncodeJpeg(dark));
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 stored, DecodeImage(jpeg, "photo"));
+    LITAGS_ASSIGN_OR_RETURN(const Photo stored, DecodePhoto(jpeg, "photo"));
     cases->push_back({photo, absl::StrCat("dark by ", stops), false,
                       HistogramOf(Shrunk(LinearLight(stored), 1)), stops});
   }
@@ -198,7 +198,7 @@ absl::StatusOr<ExposurePopulation> MakeExposurePopulation(const std::string& fol
   population.photos = names.size();
   for (size_t i = 0; i < names.size(); ++i) {
     const std::string path = absl::StrCat(folder, "/", names[i]);
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 photo, ReadImage(path, path));
+    LITAGS_ASSIGN_OR_RETURN(const Photo photo, ReadPhoto(path, path));
     const Planes light = LinearLight(photo), small = Shrunk(light, 1);
     population.luma.push_back(LumaOf(small));
     LightHistogram plain;
