@@ -21,9 +21,7 @@ constexpr int kNewtonSteps = 10;
 // Rounds of completing and joining: hardly a point changes after the second.
 constexpr int kRounds = 3;
 
-double CosOfMinAngle(const TriangulateOptions& options) {
-  return std::cos(options.min_angle_deg * std::numbers::pi / 180);
-}
+double CosOf(double degrees) { return std::cos(degrees * std::numbers::pi / 180); }
 
 const Eigen::Vector3d& RayOf(const std::vector<PosedPhoto>& photos, const Observation& o) {
   return photos[o.photo].rays[o.feature];
@@ -125,7 +123,7 @@ void Settle(const std::vector<PosedPhoto>& photos, const TriangulateOptions& opt
     point.xyz = Refine(photos, point.track, point.xyz);
     point.track = Agreeing(photos, point.track, point.xyz, options);
   }
-  if (point.track.size() < 2 || !HasAngle(photos, point, CosOfMinAngle(options))) {
+  if (point.track.size() < 2 || !HasAngle(photos, point, CosOf(options.min_angle_deg))) {
     point.track.clear();
     return;
   }
@@ -177,8 +175,10 @@ class PointSet {
   }
 
   std::vector<TriangulatedPoint> Take() {
+    const double cos_of_min_angle = CosOf(options_.min_pair_angle_deg);
     std::erase_if(points_, [&](const TriangulatedPoint& p) {
-      return p.track.empty() || (p.track.size() == 2 && p.error > options_.max_pair_error_px);
+      return p.track.empty() || (p.track.size() == 2 && (p.error > options_.max_pair_error_px ||
+                                                         !HasAngle(photos_, p, cos_of_min_angle)));
     });
     return std::move(points_);
   }
@@ -289,7 +289,7 @@ std::vector<VerifiedPhotoPair> VerifyPairs(const std::vector<PosedPhoto>& photos
 TriangulatedPoint TriangulateTrack(const std::vector<PosedPhoto>& photos,
                                    const std::vector<Observation>& track,
                                    const TriangulateOptions& options) {
-  const double cos_of_min_angle = CosOfMinAngle(options);
+  const double cos_of_min_angle = CosOf(options.min_angle_deg);
   const double limit = options.max_error_px * options.max_error_px;
   const size_t pairs = track.size() * (track.size() - 1) / 2;
   const size_t stride = (pairs + kMaxHypotheses - 1) / kMaxHypotheses;

@@ -193,13 +193,14 @@ TEST(Triangulate, JoinsTracksThatAreOnePoint) {
   for (const TriangulatedPoint& point : points) EXPECT_THAT(point.track, SizeIs(4));
 }
 
-TEST(Triangulate, APointOfTwoPhotosNeedsASmallError) {
+TEST(Triangulate, APointOfTwoPhotosNeedsASmallErrorAndALargeAngle) {
   const World world(2, 100, 1.0);  // 0.56 px from each feature, on average
   const auto points = Triangulate(world, world.Matches());
   EXPECT_GT(points.size(), 40u);
   EXPECT_LT(points.size(), 90u);
   for (const TriangulatedPoint& point : points) EXPECT_LE(point.error, 0.5);
   EXPECT_GT(Triangulate(world, world.Matches(), {.max_pair_error_px = 4}).size(), 95u);
+  EXPECT_THAT(Triangulate(world, world.Matches(), {.min_pair_angle_deg = 20}), IsEmpty());
 }
 
 TEST(Triangulate, PhotosWithFewMatchesThatFitAreNotOfOnePlace) {
