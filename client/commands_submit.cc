@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <map>
 #include <memory>
 #include <optional>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/cli.h"
+#include "client/option_flags.h"
 #include "client/status.h"
 #include "client/text.h"
 #include "client/treatment.h"
@@ -21,85 +21,9 @@ namespace {
 struct SubmitArgs {
   std::string dir, cameras, depth_dir, masks_dir, name, request_id;
   bool watch = false;
-  // Only what was given is sent; the service has the defaults.
-  std::optional<v1::Method> method;
-  std::optional<v1::Tone> tone;
-  std::optional<v1::WhiteBalance> white_balance;
-  std::optional<v1::DepthSource> depth_source;
-  std::optional<v1::DensityStatistic> density_statistic;
-  std::optional<v1::DensityGrowth> density_growth;
-  std::optional<double> theta, contrast, chroma_smoothing, min_registered, exposure_ssim,
-      coarse_until, settle_epochs, dropout, depth_weight;
-  std::optional<int> iterations, schedule_iterations, threads, sh_degree, max_image_side,
-      holdout_every;
-  std::optional<int> checkpoint_every, preview_every, pdm_hidden, pdm_every, coarse_levels;
-  std::optional<uint64_t> seed;
-  std::optional<int64_t> max_gaussians;
-  std::optional<bool> depth_geometry, use_pdm;
-  Treatment treatment;
-  bool no_prior = false, prior_geometry = false, no_depth = false, no_dense_start = false,
-       no_noise_filter = false, no_antialiasing = false, no_information_weights = false;
-};
-
-// An option that takes one of a few words.
-template <class Value>
-CLI::Option* AddChoice(CLI::App& command, const std::string& name, std::optional<Value>& value,
-                       const std::map<std::string, Value>& choices) {
-  return command.add_option_function<std::string>(
-      name, [name, &value, choices](const std::string& word) {
-        const auto found = choices.find(word);
-        if (found != choices.end()) {
-          value = found->second;
-          return;
-        }
-        std::string words;
-        for (const auto& choice : choices) absl::StrAppend(&words, " ", choice.first);
-        throw CLI::ValidationError(
-            name, absl::StrCat("there is no \"", word, "\"; choose one of:", words));
-      });
-}
-
-v1::JobOptions MakeOptions(const SubmitArgs& args) {
   v1::JobOptions options;
-  if (args.method) options.set_method(*args.method);
-  if (args.tone) options.set_tone(*args.tone);
-  if (args.white_balance) options.set_white_balance(*args.white_balance);
-  if (args.theta) options.set_theta(*args.theta);
-  if (args.contrast) options.set_contrast(*args.contrast);
-  if (args.chroma_smoothing) options.set_chroma_smoothing(*args.chroma_smoothing);
-  if (args.iterations) options.set_iterations(*args.iterations);
-  if (args.schedule_iterations) options.set_schedule_iterations(*args.schedule_iterations);
-  if (args.seed) options.set_seed(*args.seed);
-  if (args.threads) options.set_threads(*args.threads);
-  if (args.max_gaussians) options.set_max_gaussians(*args.max_gaussians);
-  if (args.sh_degree) options.set_sh_degree(*args.sh_degree);
-  if (args.use_pdm) options.set_use_pdm(*args.use_pdm);
-  if (args.no_prior) options.set_use_prior(false);
-  if (args.prior_geometry) options.set_prior_geometry(true);
-  if (args.no_depth) options.set_use_depth(false);
-  if (args.no_noise_filter) options.set_noise_filter(false);
-  if (args.no_antialiasing) options.set_antialiased(false);
-  if (args.no_dense_start) options.set_dense_start(false);
-  if (args.max_image_side) options.set_max_image_side(*args.max_image_side);
-  if (args.holdout_every) options.set_holdout_every(*args.holdout_every);
-  if (args.min_registered) options.set_min_registered(*args.min_registered);
-  if (args.checkpoint_every) options.set_checkpoint_every(*args.checkpoint_every);
-  if (args.preview_every) options.set_preview_every(*args.preview_every);
-  if (args.exposure_ssim) options.set_exposure_ssim(*args.exposure_ssim);
-  if (args.pdm_hidden) options.set_pdm_hidden(*args.pdm_hidden);
-  if (args.pdm_every) options.set_pdm_every(*args.pdm_every);
-  if (args.coarse_levels) options.set_coarse_levels(*args.coarse_levels);
-  if (args.coarse_until) options.set_coarse_until(*args.coarse_until);
-  if (args.settle_epochs) options.set_settle_epochs(*args.settle_epochs);
-  if (args.dropout) options.set_dropout(*args.dropout);
-  if (args.no_information_weights) options.set_information_weights(false);
-  if (args.depth_source) options.set_depth_source(*args.depth_source);
-  if (args.depth_weight) options.set_depth_weight(*args.depth_weight);
-  if (args.depth_geometry) options.set_depth_geometry(*args.depth_geometry);
-  if (args.density_statistic) options.set_density_statistic(*args.density_statistic);
-  if (args.density_growth) options.set_density_growth(*args.density_growth);
-  return options;
-}
+  Treatment treatment;
+};
 
 // The first few of some names.
 std::string ShortList(std::vector<std::string> names) {
@@ -186,7 +110,7 @@ int Submit(Session& session, const SubmitArgs& args) {
   v1::CreateJobRequest request;
   request.set_display_name(args.name);
   request.set_request_id(args.request_id);
-  *request.mutable_options() = MakeOptions(args);
+  *request.mutable_options() = args.options;
   *request.mutable_policy() = ToProto(args.treatment);
   if (!args.request_id.empty()) {
     auto digest = ContentDigest(capture->files);
@@ -238,130 +162,7 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_option("--request-id", args->request_id,
                       "Your own id: the same command with the same id continues one job");
   AddTreatmentOptions(*command, args->treatment);
-  const std::string group = "Reconstruction (defaults: those of the service)";
-  AddChoice<v1::Method>(*command, "--method", args->method,
-                        {{"litags", v1::METHOD_LITA_GS}, {"3dgs", v1::METHOD_3DGS}})
-      ->description("litags or 3dgs")
-      ->group(group);
-  AddChoice<v1::Tone>(*command, "--tone", args->tone,
-                      {{"capture", v1::TONE_CAPTURE},
-                       {"linear-gain", v1::TONE_LINEAR_GAIN},
-                       {"paper", v1::TONE_PAPER},
-                       {"none", v1::TONE_NONE}})
-      ->description("Target of the light: capture, linear-gain, paper or none")
-      ->group(group);
-  AddChoice<v1::WhiteBalance>(
-      *command, "--white-balance", args->white_balance,
-      {{"camera", v1::WHITE_BALANCE_CAMERA}, {"scene", v1::WHITE_BALANCE_SCENE}})
-      ->description("Colour of the light: scene neutralises a strong cast, camera keeps it")
-      ->group(group);
-  command->add_option("--theta", args->theta, "Mean level of the target, (0, 1); 0: 0.49")
-      ->group(group);
-  command->add_option("--contrast", args->contrast, "That --tone capture adds, [0, 1]")
-      ->group(group);
-  command
-      ->add_option("--chroma-smoothing", args->chroma_smoothing,
-                   "Average colours of dark photos over neighbours alike up to so many "
-                   "deviations of the noise; 0: never")
-      ->group(group);
-  command->add_option("--iterations", args->iterations, "Training iterations")->group(group);
-  command
-      ->add_option("--schedule-iterations", args->schedule_iterations,
-                   "Lay out learning rates and densities for so many; the rest goes on at the last")
-      ->group(group);
-  command->add_option("--seed", args->seed, "Seed of every random choice")->group(group);
-  command->add_option("--threads", args->threads, "Threads; 0: all cores")->group(group);
-  command->add_option("--max-gaussians", args->max_gaussians, "Most Gaussians")->group(group);
-  AddChoice<v1::DensityStatistic>(*command, "--density-statistic", args->density_statistic,
-                                  {{"mean", v1::DENSITY_STATISTIC_MEAN},
-                                   {"abs", v1::DENSITY_STATISTIC_ABS},
-                                   {"pixel", v1::DENSITY_STATISTIC_PIXEL}})
-      ->description("Gradient that lets Gaussians split: mean, abs (AbsGS) or pixel (Pixel-GS)")
-      ->group(group);
-  AddChoice<v1::DensityGrowth>(*command, "--density-growth", args->density_growth,
-                               {{"long-axis", v1::DENSITY_GROWTH_LONG_AXIS},
-                                {"clone-split", v1::DENSITY_GROWTH_CLONE_SPLIT}})
-      ->description(
-          "Gaussians that split become: long-axis, halves side by side, or clone-split, as 3DGS "
-          "has it")
-      ->group(group);
-  command->add_option("--sh-degree", args->sh_degree, "Spherical harmonics, 0..3")->group(group);
-  command
-      ->add_flag("--no-dense-start", args->no_dense_start,
-                 "Start from the sparse points alone, not from stereo's, too")
-      ->group(group);
-  command
-      ->add_option("--settle-epochs", args->settle_epochs,
-                   "Rounds over all photos after which learning rates are half; 0: constant")
-      ->group(group);
-  command
-      ->add_option("--dropout", args->dropout,
-                   "Share of the scene that an iteration leaves out, after many rounds over noisy "
-                   "photos; 0: none")
-      ->group(group);
-  command
-      ->add_flag("--no-information-weights", args->no_information_weights,
-                 "Photos of other exposure that know a place better do not count for more")
-      ->group(group);
-  command
-      ->add_flag("--pdm,!--no-pdm", args->use_pdm,
-                 "With the paper's denoising module; without by default")
-      ->group(group);
-  command
-      ->add_flag("--no-noise-filter", args->no_noise_filter,
-                 "Pictures are not smoothed where they show no more than the photos' noise and "
-                 "rounding explain")
-      ->group(group);
-  command
-      ->add_flag("--no-antialiasing", args->no_antialiasing,
-                 "Gaussians smaller than a pixel grow, as 3DGS has it: smaller views look thicker")
-      ->group(group);
-  command->add_option("--pdm-hidden", args->pdm_hidden, "Channels inside its network")
-      ->group(group);
-  command->add_option("--pdm-every", args->pdm_every, "One iteration in so many denoises")
-      ->group(group);
-  command
-      ->add_option("--exposure-ssim", args->exposure_ssim, "Share of 1 - SSIM in the exposure loss")
-      ->group(group);
-  command
-      ->add_option("--coarse-levels", args->coarse_levels, "Start on photos of 2^-n of their size")
-      ->group(group);
-  command->add_option("--coarse-until", args->coarse_until, "Part of the run on smaller photos")
-      ->group(group);
-  command->add_flag("--no-prior", args->no_prior, "Without the structure prior")->group(group);
-  command
-      ->add_flag(
-          "--prior-geometry", args->prior_geometry,
-          "The structure prior moves Gaussians, as in the paper; else it trains its map alone")
-      ->group(group);
-  command->add_flag("--no-depth", args->no_depth, "Without the depth loss")->group(group);
-  AddChoice<v1::DepthSource>(*command, "--depth-source", args->depth_source,
-                             {{"auto", v1::DEPTH_SOURCE_AUTO},
-                              {"maps", v1::DEPTH_SOURCE_MAPS},
-                              {"stereo", v1::DEPTH_SOURCE_STEREO},
-                              {"network", v1::DEPTH_SOURCE_NETWORK},
-                              {"none", v1::DEPTH_SOURCE_NONE}})
-      ->description(
-          "Depth maps: maps (--depth), stereo of all photos, network (the service's), none, or "
-          "auto: "
-          "maps if given, else stereo of up to 32 photos")
-      ->group(group);
-  command->add_option("--depth-weight", args->depth_weight, "Of the depth loss")->group(group);
-  command
-      ->add_option("--depth-geometry", args->depth_geometry,
-                   "true: the depth loss moves Gaussians; false: it sees an attribute of theirs")
-      ->group(group);
-  command
-      ->add_option("--max-image-side", args->max_image_side,
-                   "Shrink larger photos to this, px; 0: never")
-      ->group(group);
-  command->add_option("--holdout-every", args->holdout_every, "Every n-th photo only measures")
-      ->group(group);
-  command->add_option("--min-registered", args->min_registered, "Share of photos to place, (0, 1]")
-      ->group(group);
-  command->add_option("--checkpoint-every", args->checkpoint_every, "Iterations")->group(group);
-  command->add_option("--preview-every", args->preview_every, "Iterations between snapshots")
-      ->group(group);
+  AddOptionFlags(*command, args->options, "Reconstruction (defaults: those of the service)");
   command->callback([&session, args] { session.exit_code = Submit(session, *args); });
 }
 

@@ -143,12 +143,13 @@ void FillReport(const SfmResult& result, ReconstructReport* report) {
 
 }  // namespace
 
-absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
-                                          const ReconstructOptions& options,
+absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
                                           const std::vector<std::string>& photos,
-                                          const MaskPaths& masks, const std::string& colmap,
-                                          const CancelToken& cancel, const StageReport& progress,
-                                          ReconstructReport* report) {
+                                          const MaskPaths& masks, const std::string& colmap) {
+  const ReconstructInput& input = context.input;
+  const ReconstructOptions& options = context.options;
+  const CancelToken& cancel = context.cancel;
+  ReconstructReport* const report = context.report;
   report->photos = static_cast<int>(photos.size());
   const std::string kept = input.work_dir + "/cameras";
   const Json source = SourceOf(input, options, photos, masks);
@@ -167,7 +168,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
   sfm.step_timeout_seconds = input.colmap_step_seconds;
   sfm.masks = masks;
   const auto on_progress = [&](const SfmProgress& p) {
-    progress(Stage::kFindingCameras, Describe(p));
+    context.progress(Stage::kFindingCameras, Describe(p));
   };
   SparseModel model;
   if (input.cameras_path.empty()) {

@@ -6,24 +6,19 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "engine/core/cancel.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/sparse_model.h"
-#include "engine/pipeline/capture.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/context.h"
 
 namespace litags {
 
 // Cameras and points of the photos in input.images_dir. They are kept in work_dir/cameras, and
 // taken from there if they were found from the same files, `masks` of photos among them. View names
 // are names of photos there; sizes are those of the photo files. Fills photos, registered, dropped,
-// sfm_preparation and notes of `report`.
-absl::StatusOr<SparseModel> ObtainCameras(const ReconstructInput& input,
-                                          const ReconstructOptions& options,
+// sfm_preparation and notes of the report.
+absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
                                           const std::vector<std::string>& photos,
-                                          const MaskPaths& masks, const std::string& colmap,
-                                          const CancelToken& cancel, const StageReport& progress,
-                                          ReconstructReport* report);
+                                          const MaskPaths& masks, const std::string& colmap);
 
 }  // namespace litags
 

@@ -78,9 +78,10 @@ class CameraSource : public ::testing::Test {
     report_ = ReconstructReport();
     const auto photos = ListPhotos(input_.images_dir, "images");
     if (!photos.ok()) return photos.status();
-    return ObtainCameras(
-        input_, options_, *photos, masks_, colmap, CancelToken(), [](Stage, const std::string&) {},
-        &report_);
+    const CancelToken never;
+    return ObtainCameras(Context(
+                             input_, options_, never, [](Stage, const std::string&) {}, &report_),
+                         *photos, masks_, colmap);
   }
   absl::StatusOr<SparseModel> Obtain() { return Obtain(colmap_.program()); }
   absl::StatusOr<SparseModel> ObtainKept() { return Obtain("/nonexistent/colmap"); }

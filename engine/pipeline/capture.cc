@@ -36,28 +36,6 @@ namespace {
 
 constexpr double kEvenExposureStops = 0.5;  // see EvenOutPhotos(). Choice
 
-ToneOptions ToneOptionsOf(const ReconstructOptions& options) {
-  ToneOptions tone;
-  tone.theta = options.theta;
-  tone.contrast = options.contrast;
-  tone.chroma_smoothing = options.chroma_smoothing;
-  switch (options.tone) {
-    case Tone::kPaper:
-      tone.rule = ToneRule::kPaperGain;
-      break;
-    case Tone::kLinearGain:
-      tone.rule = ToneRule::kLinearGain;
-      break;
-    case Tone::kNone:
-      tone.rule = ToneRule::kNone;
-      break;
-    case Tone::kCapture:
-      tone.rule = ToneRule::kCaptureGain;
-      break;
-  }
-  return tone;
-}
-
 // At most `limit` points: those that most photos saw, in their old order.
 void LimitPoints(int64_t limit, std::vector<SparsePoint>* points, ReconstructReport* report) {
   if (static_cast<int64_t>(points->size()) <= limit) return;
@@ -134,13 +112,12 @@ NoiseCurve NoiseOfPictures(const NoiseCurve& rounding, double white) {
 }
 
 // How pictures would be had black not cut off one half of the photos' noise.
-std::optional<CodeCurve> CurveOfPictures(const ReconstructOptions& options, double noise_at_black,
+std::optional<CodeCurve> CurveOfPictures(const ToneOptions& tone, double noise_at_black,
                                          double white) {
   // Noise is least in the dark, and the targets' curve has a slope of about 1 where most codes are.
   const double noise = std::min(noise_at_black, white / 255);
-  if (options.tone != Tone::kCapture || noise <= 0) return std::nullopt;
-  return ChangeOfTargets(ToneOptionsOf(options),
-                         [noise](double light) { return WithoutLift(light, noise); });
+  if (tone.rule != Tone::kCapture || noise <= 0) return std::nullopt;
+  return ChangeOfTargets(tone, [noise](double light) { return WithoutLift(light, noise); });
 }
 
 // What is known of the targets' noise once they are made.
@@ -149,35 +126,35 @@ struct TargetsMade {
   double noise_at_black;  // see NoiseAtBlack()
 };
 
-absl::StatusOr<TargetsMade> AddTargets(const ReconstructOptions& options, const SparseModel& model,
-                                       LoadedViews* loaded, std::vector<std::string>* notes) {
+absl::StatusOr<TargetsMade> AddTargets(const Context& context, const SparseModel& model,
+                                       LoadedViews* loaded) {
+  const ToneOptions& tone = context.recipe.tone;
+  const int threads = context.options.threads;
   const std::vector<PointSighting> sightings = Sightings(model, *loaded);
   std::vector<TrainView>& views = loaded->views;
   PhotosTogether all(&views);
   std::vector<Camera> cameras;
   for (const TrainView& v : views) cameras.push_back(v.view.camera);
-  EvenOutResponse(options, sightings, cameras, all.masks, &all.photos, notes);
+  EvenOutResponse(context, sightings, cameras, all.masks, &all.photos);
   const std::vector<double> exposures =
       WithoutDrift(RelativeExposures(all.photos, sightings, all.masks), sightings);
-  LITAGS_ASSIGN_OR_RETURN(
-      std::vector<ToneTarget> targets,
-      MakeTargets(all.photos, exposures, ToneOptionsOf(options), options.threads, all.masks));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
+                          MakeTargets(all.photos, exposures, tone, threads, all.masks));
   std::vector<double> gains;
   for (size_t i = 0; i < views.size(); ++i) {
     views[i].target = std::move(targets[i].image);
     views[i].exposure = exposures[i];
     gains.push_back(targets[i].gain);
     if (!targets[i].reached) {
-      notes->push_back(absl::StrCat(views[i].view.name,
-                                    " stays darker than wanted: no gain brings ",
-                                    "it there; leave it out, or mask what no light fell on"));
+      context.Note(absl::StrCat(views[i].view.name, " stays darker than wanted: no gain brings ",
+                                "it there; leave it out, or mask what no light fell on"));
     }
   }
   TargetsMade made;
-  made.noise_at_black = NoiseAtBlack(all.photos, gains, options.threads, all.masks);
+  made.noise_at_black = NoiseAtBlack(all.photos, gains, threads, all.masks);
   const auto median = gains.begin() + gains.size() / 2;
   std::nth_element(gains.begin(), median, gains.end());
-  made.rounding = RoundingNoise(ToneOptionsOf(options), *median);
+  made.rounding = RoundingNoise(tone, *median);
   return made;
 }
 
@@ -204,13 +181,12 @@ void EvenOutPhotos(std::vector<TrainView>* views) {
   }
 }
 
-absl::Status AddStructure(const ReconstructOptions& options, const CancelToken& cancel,
-                          std::vector<TrainView>* views) {
+absl::Status AddStructureMaps(const Context& context, std::vector<TrainView>* views) {
   // The prior's scale is one for the whole capture, so all photos go in together.
   const PhotosTogether all(views);
   LITAGS_ASSIGN_OR_RETURN(CapturePriors priors,
-                          ComputeCapturePriors(all.photos, StructurePriorOptions(), options.threads,
-                                               cancel, all.masks));
+                          ComputeCapturePriors(all.photos, StructurePriorOptions(),
+                                               context.options.threads, context.cancel, all.masks));
   for (size_t i = 0; i < views->size(); ++i) (*views)[i].structure = std::move(priors.maps[i]);
   return absl::OkStatus();
 }
@@ -261,8 +237,9 @@ std::string FingerprintOfViews(const std::vector<TrainView>& views,
 
 // Depth maps are part of it, save those of stereo: they follow from the rest, but not to the last
 // bit on every processor, and a job may be resumed on another one.
-std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inputs,
-                            DepthOrigin depth, const std::vector<TrainView>& train) {
+std::string MakeFingerprint(const Context& context, const std::string& inputs,
+                            const std::vector<TrainView>& train) {
+  const DepthOrigin depth = ResolveDepthOrigin(context);
   Fingerprint f;
   f.Add(inputs.data(), inputs.size());
   for (const TrainView& v : train) {
@@ -270,81 +247,52 @@ std::string MakeFingerprint(const ReconstructOptions& o, const std::string& inpu
     f.Add(v.depth->depth.data.data(), v.depth->depth.data.size() * sizeof(float));
     f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
   }
-  // What shapes the iterations; how many there are, threads and intervals of reports do not.
-  for (double x : {double(o.method),
-                   double(o.tone),
-                   o.theta,
-                   o.contrast,
-                   o.chroma_smoothing,
-                   double(o.white_balance),
-                   o.exposure_ssim,
-                   double(o.ScheduleIterations()),
-                   double(o.max_gaussians),
-                   double(o.sh_degree),
-                   double(o.dense_start),
-                   double(o.use_pdm),
-                   double(o.pdm_hidden),
-                   double(o.pdm_every),
-                   double(o.coarse_levels),
-                   o.coarse_until,
-                   o.settle_epochs,
-                   o.dropout,
-                   double(o.use_prior),
-                   double(o.prior_geometry),
-                   double(o.information_weights),
-                   double(depth),
-                   o.depth_weight,
-                   double(o.depth_geometry),
-                   double(o.holdout_every),
-                   double(o.density_statistic),
-                   double(o.density_growth),
-                   double(o.antialiased)}) {
-    f.Add(x);
-  }
-  f.Add(o.seed);
+  const std::string constants = absl::StrCat(
+      FieldsText(context.recipe), FieldsText(context.options, /*shaping_only=*/true),
+      "depth=", FieldText(depth), "\n", "schedule=", context.options.ScheduleIterations(), "\n");
+  f.Add(constants.data(), constants.size());
   return f.Text();
 }
 
 }  // namespace
 
-absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
-                                    const ReconstructOptions& options, const std::string& colmap,
-                                    const CancelToken& cancel, const StageReport& progress,
-                                    ReconstructReport* report) {
-  progress(Stage::kLoading, "reading photos");
+absl::StatusOr<Capture> LoadCapture(const Context& context, const std::string& colmap) {
+  const ReconstructInput& input = context.input;
+  const ReconstructOptions& options = context.options;
+  const Recipe& recipe = context.recipe;
+  std::vector<std::string>* const notes = &context.report->notes;
+  context.progress(Stage::kLoading, "reading photos");
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
                           ListPhotos(input.images_dir, "images"));
   LITAGS_ASSIGN_OR_RETURN(std::string others, DescribeOtherPictures(input.images_dir, "images"));
-  if (!others.empty()) report->notes.push_back(std::move(others));
+  if (!others.empty()) context.Note(std::move(others));
   MaskPaths masks;
   if (!input.masks_dir.empty()) {
     LITAGS_ASSIGN_OR_RETURN(masks, FindMasks(input.masks_dir, photos));
   }
-  LITAGS_ASSIGN_OR_RETURN(SparseModel model, ObtainCameras(input, options, photos, masks, colmap,
-                                                           cancel, progress, report));
-  LITAGS_RETURN_IF_ERROR(cancel.Check());
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model, ObtainCameras(context, photos, masks, colmap));
+  LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   Capture capture;
   capture.origin = LocalOrigin(model.views);
   if (capture.origin != std::array<double, 3>{}) {
     TakeAsOrigin(capture.origin, &model);
-    report->notes.push_back(DescribeOrigin(capture.origin));
+    context.Note(DescribeOrigin(capture.origin));
   }
 
-  progress(Stage::kPreparing, "pseudo-targets and structure maps");
-  LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded,
-                          LoadViews(input, options, model, masks, cancel, report));
-  LITAGS_ASSIGN_OR_RETURN(const TargetsMade made,
-                          AddTargets(options, model, &loaded, &report->notes));
+  context.progress(Stage::kPreparing, "pseudo-targets and structure maps");
+  LITAGS_ASSIGN_OR_RETURN(LoadedViews loaded, LoadViews(context, model, masks));
+  LITAGS_ASSIGN_OR_RETURN(const TargetsMade made, AddTargets(context, model, &loaded));
   std::vector<TrainView>& views = loaded.views;
-  NoteMasks(views, &report->notes);
-  NoteExposures(views, options.tone == Tone::kCapture, &report->notes);
-  const bool lita = options.method == Method::kLitaGs;
-  if (lita && options.information_weights) AddInformation(&views);
-  if (lita && options.use_prior) LITAGS_RETURN_IF_ERROR(AddStructure(options, cancel, &views));
+  NoteMasks(views, notes);
+  NoteExposures(views, recipe.tone.rule == Tone::kCapture, notes);
+  if (recipe.lita && recipe.information_weights) AddInformation(&views);
+  if (recipe.lita && recipe.use_prior) {
+    LITAGS_RETURN_IF_ERROR(AddStructureMaps(context, &views));
+  }
 
-  LITAGS_RETURN_IF_ERROR(CheckScale(views, &model.points, &report->notes));
+  LITAGS_RETURN_IF_ERROR(CheckScale(views, &model.points, notes));
   const std::string inputs = FingerprintOfViews(views, model.points);
-  LimitPoints(options.max_gaussians, &model.points, report);
+  LimitPoints(options.max_gaussians, &model.points, context.report);
   capture.points = std::move(model.points);
   capture.point_views.assign(model.views.size(), -1);
   const int every = options.holdout_every;
@@ -360,17 +308,16 @@ absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
   }
   capture.target_noise = MeasureNoise(capture.train, options.threads);
   capture.noise = NoiseOfPictures(made.rounding, capture.target_noise.white);
-  capture.curve = CurveOfPictures(options, made.noise_at_black, capture.target_noise.white);
+  capture.curve = CurveOfPictures(recipe.tone, made.noise_at_black, capture.target_noise.white);
   // Of the training photos alone: what is held out must not help.
   const std::string key =
       absl::StrCat(inputs, " points ", capture.points.size(), " holdout ", hold_out ? every : 0);
-  LITAGS_RETURN_IF_ERROR(AddDepthMaps(input, options, capture.points, capture.point_views, key,
-                                      cancel, progress, &capture.train, report));
-  LITAGS_RETURN_IF_ERROR(AddDenseStart(input, options, key, cancel, progress, &capture, report));
+  LITAGS_RETURN_IF_ERROR(
+      AddDepthMaps(context, capture.points, capture.point_views, key, &capture.train));
+  LITAGS_RETURN_IF_ERROR(AddDenseStart(context, key, &capture));
   // Last, for stereo and structure want the photos as they are.
-  if (lita && options.tone == Tone::kCapture) EvenOutPhotos(&capture.train);
-  capture.fingerprint =
-      MakeFingerprint(options, inputs, ResolveDepthOrigin(input, options), capture.train);
+  if (recipe.lita && recipe.tone.rule == Tone::kCapture) EvenOutPhotos(&capture.train);
+  capture.fingerprint = MakeFingerprint(context, inputs, capture.train);
   return capture;
 }
 
@@ -380,7 +327,7 @@ absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<ImageU8
   for (const ImageU8& photo : photos) precise.push_back(PhotoFromU8(photo));
   LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
                           MakeTargets(precise, std::vector<double>(photos.size(), 1.0),
-                                      ToneOptionsOf(options), options.threads));
+                                      options.ResolveRecipe().tone, options.threads));
   std::vector<ImageU8> images;
   for (const ToneTarget& target : targets) images.push_back(PhotoToU8(target.image));
   return images;

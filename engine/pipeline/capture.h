@@ -3,17 +3,15 @@
 #define LITAGS_ENGINE_PIPELINE_CAPTURE_H_
 
 #include <array>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "engine/core/cancel.h"
 #include "engine/core/code_curve.h"
 #include "engine/denoise/noise_filter.h"
 #include "engine/io/sparse_model.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/context.h"
 #include "engine/train/noise.h"
 #include "engine/train/train_view.h"
 
@@ -31,18 +29,12 @@ struct Capture {
   std::string fingerprint;            // of photos, cameras and the options that shape the result
 };
 
-// A stage begins or goes on, with a message for the user.
-using StageReport = std::function<void(Stage stage, const std::string& message)>;
-
 // Loads photos and cameras (running COLMAP where needed), makes pseudo-targets and structure
 // maps. Cameras that were found are kept in work_dir/cameras, so that a second call gives the same
 // capture. Photos of a single colour are left out, points beyond max_gaussians too, with a note.
-// Fills the registration part of `report`. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if fewer than 3
-// photos remain.
-absl::StatusOr<Capture> LoadCapture(const ReconstructInput& input,
-                                    const ReconstructOptions& options, const std::string& colmap,
-                                    const CancelToken& cancel, const StageReport& progress,
-                                    ReconstructReport* report);
+// Fills the registration part of the report. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if fewer than 3
+// photos remain. `colmap` is the program's name or path.
+absl::StatusOr<Capture> LoadCapture(const Context& context, const std::string& colmap);
 
 }  // namespace litags
 

@@ -95,16 +95,19 @@ class RoomCapture {
     options.iterations = iterations;
     options.threads = 1;
     options.sh_degree = 1;
-    options.use_pdm = true;  // of everything there is
-    options.pdm_hidden = 2;
+    options.recipe = WithPdm(Litags());  // of everything there is
+    options.recipe->pdm.hidden = 2;
     return options;
   }
 
   Capture Load(const ReconstructOptions& options) const {
     ReconstructReport report;
-    auto capture = LoadCapture(
-        Input("work"), options, kNoColmap, CancelToken(), [](Stage, const std::string&) {},
-        &report);
+    const ReconstructInput input = Input("work");
+    const CancelToken never;
+    auto capture =
+        LoadCapture(Context(
+                        input, options, never, [](Stage, const std::string&) {}, &report),
+                    kNoColmap);
     EXPECT_TRUE(capture.ok()) << capture.status();
     return capture.ok() ? *std::move(capture) : Capture();
   }

@@ -99,21 +99,21 @@ std::vector<SparsePoint> PointsOfLoss(const std::vector<TrainView>& views, int64
   return PointsOfDepth(photos, limit);
 }
 
-absl::StatusOr<std::vector<SparsePoint>> PointsOfStereo(const ReconstructOptions& options,
-                                                        const CancelToken& cancel,
-                                                        const StageReport& progress,
+absl::StatusOr<std::vector<SparsePoint>> PointsOfStereo(const Context& context,
                                                         const Capture& capture, int64_t limit) {
   std::vector<PosedPhoto> photos;
   for (const TrainView& v : capture.train) photos.push_back({&v.view, &v.photo, &v.target});
   StereoOptions stereo;
-  stereo.threads = options.threads;
+  stereo.threads = context.options.threads;
   const auto report = [&](int done, int total) {
-    progress(Stage::kPreparing,
-             absl::StrCat("points to start from by stereo: ", done, " of ", total, " photos"));
+    context.progress(Stage::kPreparing, absl::StrCat("points to start from by stereo: ", done,
+                                                     " of ", total, " photos"));
   };
   LITAGS_ASSIGN_OR_RETURN(
-      const auto maps, StereoDepth(photos, PointsOfFew(capture.points, capture.point_views), stereo,
-                                   cancel, report));
+      const auto maps,
+      StereoDepth(photos,
+                  PointsOfFew(capture.points, capture.point_views, context.recipe.stereo_photos),
+                  stereo, context.cancel, report));
   std::vector<PhotoDepth> known;
   for (size_t i = 0; i < maps.size(); ++i) {
     if (maps[i].has_value()) known.push_back({&capture.train[i], &*maps[i]});
@@ -139,16 +139,13 @@ std::vector<SparsePoint> PointsOfDepth(absl::Span<const PhotoDepth> photos, int6
   return points;
 }
 
-absl::Status AddDenseStart(const ReconstructInput& input, const ReconstructOptions& options,
-                           const std::string& key, const CancelToken& cancel,
-                           const StageReport& progress, Capture* capture,
-                           ReconstructReport* report) {
-  if (!StartsDense(options)) return absl::OkStatus();
+absl::Status AddDenseStart(const Context& context, const std::string& key, Capture* capture) {
+  if (!context.recipe.dense_start) return absl::OkStatus();
   const int64_t sparse = static_cast<int64_t>(capture->points.size());
-  const int64_t limit = options.max_gaussians / 16 - sparse;
+  const int64_t limit = context.options.max_gaussians / 16 - sparse;
   if (limit <= 0) return absl::OkStatus();
-  const std::string path = input.work_dir + "/start.litags";
-  const bool has_stereo = ResolveDepthOrigin(input, options) == DepthOrigin::kStereo;
+  const std::string path = context.input.work_dir + "/start.litags";
+  const bool has_stereo = ResolveDepthOrigin(context) == DepthOrigin::kStereo;
   const std::string full_key =
       absl::StrCat("at most ", limit, has_stereo ? " of the loss's depth, " : " of stereo, ", key);
   std::optional<std::vector<SparsePoint>> points = Kept(path, full_key);
@@ -156,12 +153,12 @@ absl::Status AddDenseStart(const ReconstructInput& input, const ReconstructOptio
     if (has_stereo) {
       points = PointsOfLoss(capture->train, limit);
     } else {
-      LITAGS_ASSIGN_OR_RETURN(points, PointsOfStereo(options, cancel, progress, *capture, limit));
+      LITAGS_ASSIGN_OR_RETURN(points, PointsOfStereo(context, *capture, limit));
     }
     LITAGS_RETURN_IF_ERROR(Keep(path, full_key, *points));
   }
-  report->notes.push_back(absl::StrCat("training starts from ", sparse, " sparse points and ",
-                                       points->size(), " of stereo depth"));
+  context.Note(absl::StrCat("training starts from ", sparse, " sparse points and ", points->size(),
+                            " of stereo depth"));
   capture->points.insert(capture->points.end(), std::make_move_iterator(points->begin()),
                          std::make_move_iterator(points->end()));
   return absl::OkStatus();

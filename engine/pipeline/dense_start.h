@@ -9,10 +9,9 @@
 
 #include "absl/status/status.h"
 #include "absl/types/span.h"
-#include "engine/core/cancel.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/capture.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/context.h"
 #include "engine/train/train_view.h"
 
 namespace litags {
@@ -30,20 +29,12 @@ struct PhotoDepth {
 // pixels has without exceeding `limit`. Colours are the pseudo-targets'.
 std::vector<SparsePoint> PointsOfDepth(absl::Span<const PhotoDepth> photos, int64_t limit);
 
-// Whether training starts from surfaces: stereo's points besides the sparse ones, and disks.
-inline bool StartsDense(const ReconstructOptions& options) {
-  return options.dense_start && options.method == Method::kLitaGs;
-}
-
-// Adds points of stereo depth to capture->points if StartsDense(options): with the
+// Adds points of stereo depth to capture->points if recipe.dense_start: with the
 // sparse points at most a sixteenth of max_gaussians, the budget of photos at a quarter of their
 // size. They are kept in work_dir/start.litags and taken from there if they were made from the same
 // photos, cameras and points (`key`). Errors are those of stereo and of writing that file. What is
-// found, or that nothing is, becomes a note of `report`.
-absl::Status AddDenseStart(const ReconstructInput& input, const ReconstructOptions& options,
-                           const std::string& key, const CancelToken& cancel,
-                           const StageReport& progress, Capture* capture,
-                           ReconstructReport* report);
+// found, or that nothing is, becomes a note.
+absl::Status AddDenseStart(const Context& context, const std::string& key, Capture* capture);
 
 }  // namespace litags
 

@@ -112,7 +112,7 @@ TEST(PointsOfDepth, DoubtfulAndMaskedPixelsGiveNone) {
 
 ReconstructOptions DenseOptions() {
   ReconstructOptions options = SmallOptions();
-  options.dense_start = true;
+  options.recipe->dense_start = true;
   return options;
 }
 
@@ -185,8 +185,8 @@ TEST(DenseStart, LargePhotosGivePointsInTheSamePlaces) {
 TEST(DenseStart, WithoutItAndWithPlain3dgsOnlyTheSparsePointsStart) {
   const Photographs photos;
   ReconstructOptions off = DenseOptions(), plain = DenseOptions(), full = DenseOptions();
-  off.dense_start = false;
-  plain.method = Method::k3dgs;
+  off.recipe->dense_start = false;
+  plain.recipe = Plain3dgs();
   full.max_gaussians = 150 * 16;
   int run = 0;
   for (const ReconstructOptions& options : {off, plain, full}) {
@@ -216,8 +216,8 @@ TEST(DenseStart, GaussiansStartAsDisksWithItAlone) {
   const Photographs photos;
   ReconstructOptions with = DenseOptions(), off = DenseOptions(), plain = DenseOptions();
   with.iterations = off.iterations = plain.iterations = 1;
-  off.dense_start = false;
-  plain.method = Method::k3dgs;
+  off.recipe->dense_start = false;
+  plain.recipe = Plain3dgs();
   const ReconstructInput input = photos.Input("with");
   ASSERT_TRUE(Reconstruct(input, with).ok());
   EXPECT_GT(ShareOfDisks(input), 0.2);

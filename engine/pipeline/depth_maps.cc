@@ -52,11 +52,17 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeNetwork(const DepthNetwork& n
   return MakeNetworkDepthProvider(options, "depth_model");
 }
 
-absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(DepthOrigin origin,
-                                                            const ReconstructInput& input,
-                                                            const ReconstructOptions& options,
+// Photos that stereo makes maps of, 0: all, since the user asked for stereo or the recipe has it
+// so.
+int StereoPhotos(const Context& context) {
+  return context.options.depth_source == DepthOrigin::kStereo ? 0 : context.recipe.stereo_photos;
+}
+
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(const Context& context,
+                                                            DepthOrigin origin,
                                                             absl::Span<const SparsePoint> points,
                                                             absl::Span<const int> point_views) {
+  const ReconstructInput& input = context.input;
   switch (origin) {
     case DepthOrigin::kMaps:
       if (!input.depth_dir.empty()) return MakeFolderDepthProvider(input.depth_dir);
@@ -70,10 +76,9 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(DepthOrigin origin,
                           "has none (--depth-model); choose another source");
     case DepthOrigin::kStereo: {
       StereoOptions stereo;
-      stereo.threads = options.threads;
-      const bool asked = options.depth_source == DepthOrigin::kStereo;
-      return MakeStereoDepthProvider(
-          asked ? PointsOfTraining(points, point_views) : PointsOfFew(points, point_views), stereo);
+      stereo.threads = context.options.threads;
+      return MakeStereoDepthProvider(PointsOfFew(points, point_views, StereoPhotos(context)),
+                                     stereo);
     }
     case DepthOrigin::kAuto:
     case DepthOrigin::kNone:
@@ -83,10 +88,10 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(DepthOrigin origin,
 }
 
 // What the kept maps must have been made from.
-absl::StatusOr<std::string> KeyOf(DepthOrigin origin, const DepthNetwork& network, bool asked,
+absl::StatusOr<std::string> KeyOf(DepthOrigin origin, const DepthNetwork& network, int photos,
                                   const std::string& key) {
   if (origin == DepthOrigin::kStereo)
-    return absl::StrCat(asked ? "stereo " : "stereo of few ", key);
+    return absl::StrCat(photos == 0 ? "stereo " : absl::StrCat("stereo of ", photos, " "), key);
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
                           ReadFile(network.path, "depth_model", kMaxModelBytes));
   Fingerprint f;
@@ -182,43 +187,43 @@ std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
 }
 
 std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
-                                     absl::Span<const int> point_views) {
+                                     absl::Span<const int> point_views, int most) {
+  std::vector<SparsePoint> out = PointsOfTraining(points, point_views);
+  if (most == 0) return out;
   int last = 0;
   for (const int view : point_views) last = std::max(last, view);
-  const int every = last / kFewViews + 1;
-  std::vector<SparsePoint> out = PointsOfTraining(points, point_views);
+  const int every = last / most + 1;
   for (SparsePoint& point : out) {
     std::erase_if(point.track, [&](const TrackElement& e) { return e.view % every != 0; });
   }
   return out;
 }
 
-DepthOrigin ResolveDepthOrigin(const ReconstructInput& input, const ReconstructOptions& options) {
-  if (!options.use_depth || options.method != Method::kLitaGs) return DepthOrigin::kNone;
-  if (options.depth_source != DepthOrigin::kAuto) return options.depth_source;
-  return input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
+DepthOrigin ResolveDepthOrigin(const Context& context) {
+  if (!context.recipe.use_depth || !context.recipe.lita) return DepthOrigin::kNone;
+  if (context.options.depth_source != DepthOrigin::kAuto) return context.options.depth_source;
+  return context.input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
 }
 
-absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOptions& options,
-                          absl::Span<const SparsePoint> points, absl::Span<const int> point_views,
-                          const std::string& key, const CancelToken& cancel,
-                          const StageReport& progress, std::vector<TrainView>* views,
-                          ReconstructReport* report) {
-  const DepthOrigin origin = ResolveDepthOrigin(input, options);
+absl::Status AddDepthMaps(const Context& context, absl::Span<const SparsePoint> points,
+                          absl::Span<const int> point_views, const std::string& key,
+                          std::vector<TrainView>* views) {
+  const ReconstructInput& input = context.input;
+  const DepthOrigin origin = ResolveDepthOrigin(context);
   if (origin == DepthOrigin::kNone) return absl::OkStatus();
   if (origin != DepthOrigin::kMaps && !input.depth_dir.empty()) {
-    report->notes.push_back(absl::StrCat("the depth maps given are not used: depth comes from ",
-                                         Describe(origin), " (depth_source)"));
+    context.Note(absl::StrCat("the depth maps given are not used: depth comes from ",
+                              Describe(origin), " (depth_source)"));
   }
   LITAGS_ASSIGN_OR_RETURN(const std::unique_ptr<DepthProvider> provider,
-                          MakeProvider(origin, input, options, points, point_views));
+                          MakeProvider(context, origin, points, point_views));
   const bool keep = origin != DepthOrigin::kMaps;
   const std::string path = input.work_dir + "/depth.litags";
   std::string full_key;
   std::optional<Maps> maps;
   if (keep) {
-    LITAGS_ASSIGN_OR_RETURN(full_key, KeyOf(origin, input.depth_network,
-                                            options.depth_source != DepthOrigin::kAuto, key));
+    LITAGS_ASSIGN_OR_RETURN(full_key,
+                            KeyOf(origin, input.depth_network, StereoPhotos(context), key));
     maps = Kept(path, full_key, views->size());
   }
   if (!maps.has_value()) {
@@ -226,9 +231,9 @@ absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOption
     for (const TrainView& v : *views) {
       photos.push_back({&v.view, &v.photo, &v.target, &v.distortion});
     }
-    LITAGS_ASSIGN_OR_RETURN(maps, provider->Maps(photos, cancel, [&](int done, int total) {
-      progress(Stage::kPreparing,
-               absl::StrCat("depth by ", Describe(origin), ": ", done, " of ", total, " photos"));
+    LITAGS_ASSIGN_OR_RETURN(maps, provider->Maps(photos, context.cancel, [&](int done, int total) {
+      context.progress(Stage::kPreparing, absl::StrCat("depth by ", Describe(origin), ": ", done,
+                                                       " of ", total, " photos"));
     }));
     if (keep) LITAGS_RETURN_IF_ERROR(Keep(path, full_key, *maps));
   }
@@ -239,11 +244,11 @@ absl::Status AddDepthMaps(const ReconstructInput& input, const ReconstructOption
     v.depth = std::move((*maps)[i]);
     if (v.depth.has_value()) ForgetMasked(v.mask, &*v.depth);
   }
-  report->depth_used = found > 0;
+  context.report->depth_used = found > 0;
   std::string note = absl::StrCat("depth from ", Describe(origin), ": ", found, " of ",
                                   views->size(), " training photos have a map");
   if (found < static_cast<int>(views->size())) absl::StrAppend(&note, "; the others train without");
-  report->notes.push_back(std::move(note));
+  context.Note(std::move(note));
   return absl::OkStatus();
 }
 

@@ -93,20 +93,20 @@ TEST(PointsOfFew, AreSeenByPhotosSpreadEvenly) {
     std::vector<int> point_views = {-1};  // the first photo is held out
     for (int i = 0; i <= views; ++i) point.track.push_back({i, 0, 0});
     for (int i = 0; i < views; ++i) point_views.push_back(i);
-    const auto few = PointsOfFew({point}, point_views);
+    const auto few = PointsOfFew({point}, point_views, 32);
     ASSERT_EQ(few.size(), 1u);
     const int every = views <= 32 ? 1 : views <= 64 ? 2 : 4;
     ASSERT_EQ(few[0].track_length(), (views + every - 1) / every) << views;
     for (size_t i = 0; i < few[0].track.size(); ++i) EXPECT_EQ(few[0].track[i].view, i * every);
   }
-  EXPECT_TRUE(PointsOfFew({}, {}).empty());
+  EXPECT_TRUE(PointsOfFew({}, {}, 32).empty());
 }
 
 TEST(DepthMaps, NoneAndTheDepthLossOffMakeNone) {
   const Photographs photos;
   const ReconstructInput input = photos.Input("work");
   ReconstructOptions off = WithSource(DepthOrigin::kStereo);
-  off.use_depth = false;
+  off.recipe->use_depth = false;
   for (const ReconstructOptions& options : {WithSource(DepthOrigin::kNone), off}) {
     const auto report = Reconstruct(input, options);
     ASSERT_TRUE(report.ok()) << report.status();

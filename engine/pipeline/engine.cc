@@ -7,7 +7,6 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 #include <utility>
 
@@ -22,7 +21,6 @@
 #include "engine/pipeline/capture.h"
 #include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/scene_file.h"
-#include "engine/pipeline/train_options.h"
 #include "engine/train/initialize.h"
 #include "engine/train/losses.h"
 #include "engine/train/trainer.h"
@@ -37,9 +35,9 @@ double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-absl::StatusOr<Splats> InitialSplats(const ReconstructOptions& options, const Capture& capture) {
+absl::StatusOr<Splats> InitialSplats(const Recipe& recipe, const Capture& capture) {
   return InitializeFromPoints(capture.points, capture.point_views, capture.train,
-                              StartsDense(options) ? StartShape::kDisk : StartShape::kBall);
+                              recipe.dense_start ? StartShape::kDisk : StartShape::kBall);
 }
 
 // Over the pixels that count; the others of `target` are changed.
@@ -52,25 +50,36 @@ absl::StatusOr<double> PsnrOfCounted(const PlaneU8& mask, const Planes& color, P
   return psnr - 10 * std::log10(pixels / CountedPixels(mask, color.plane_size()));
 }
 
+TrainOptions TrainOptionsOf(const Context& context, const Capture& capture) {
+  TrainOptions train;
+  train.recipe = AdaptToNoise(context.recipe, capture.target_noise);
+  train.iterations = context.options.ScheduleIterations();  // it is stepped from outside
+  train.seed = context.options.seed;
+  train.threads = context.options.threads;
+  train.sh_degree = context.options.sh_degree;
+  train.max_gaussians = context.options.max_gaussians;
+  return train;
+}
+
 // One training run: steps, reports, snapshots, checkpoints.
 class Run {
  public:
-  Run(const ReconstructInput& input, const ReconstructOptions& options, const Capture& capture,
-      Splats initial, ReconstructObserver* observer)
-      : options_(options),
+  Run(const Context& context, const Capture& capture, Splats initial, ReconstructObserver* observer)
+      : options_(context.options),
+        recipe_(context.recipe),
         capture_(capture),
         observer_(observer),
-        trainer_(SuitedTo(capture.target_noise, TrainOptionsOf(options)), &capture.train,
-                 std::move(initial), SceneExtent(capture.train)),
-        renderer_(options.threads),
-        scene_path_(input.work_dir + "/scene.litags"),
-        checkpoint_path_(input.work_dir + "/checkpoint.litags") {
+        trainer_(TrainOptionsOf(context, capture), &capture.train, std::move(initial),
+                 SceneExtent(capture.train)),
+        renderer_(context.options.threads),
+        scene_path_(context.input.work_dir + "/scene.litags"),
+        checkpoint_path_(context.input.work_dir + "/checkpoint.litags") {
     for (const TrainView& v : capture.train) views_.push_back(v.view);
     for (const TrainView& v : capture.holdout) views_.push_back(v.view);
     std::sort(views_.begin(), views_.end(),
               [](const View& a, const View& b) { return a.name < b.name; });
     progress_.stage = Stage::kTraining;
-    progress_.iterations = options.iterations;
+    progress_.iterations = options_.iterations;
     progress_.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
   }
 
@@ -142,7 +151,7 @@ class Run {
   }
 
   void Finish(ReconstructReport* report) {
-    AddDetours(&report->notes);
+    AddNanRecoveries(&report->notes);
     report->gaussians = static_cast<int64_t>(trainer_.num_gaussians());
     report->iterations = trainer_.iteration();
     report->training_seconds = step_seconds_;
@@ -166,7 +175,7 @@ class Run {
 
   // Back to the last checkpoint, or to the start, and around what went wrong.
   absl::Status RollBack(const absl::Status& fault) {
-    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(options_, capture_));
+    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(recipe_, capture_));
     LITAGS_RETURN_IF_ERROR(
         trainer_.RollBack(checkpoint_path_, capture_.fingerprint, std::move(initial)));
     Progress progress = progress_;
@@ -177,12 +186,12 @@ class Run {
     return absl::OkStatus();
   }
 
-  void AddDetours(std::vector<std::string>* notes) const {
-    const std::vector<Detour>& detours = trainer_.detours();
-    if (detours.empty()) return;
-    notes->push_back(
-        absl::StrCat("rolled back ", detours.size(), " times because a number was not finite"));
-    for (const Detour& d : detours) {
+  void AddNanRecoveries(std::vector<std::string>* notes) const {
+    const std::vector<NanRecovery>& nan_recoveries = trainer_.nan_recoveries();
+    if (nan_recoveries.empty()) return;
+    notes->push_back(absl::StrCat("rolled back ", nan_recoveries.size(),
+                                  " times because a number was not finite"));
+    for (const NanRecovery& d : nan_recoveries) {
       notes->push_back(absl::StrCat(
           "iteration ", d.iteration, ": ", d.source, "; ",
           d.gaussians ? "such Gaussians were made invisible" : "the photo's turn was skipped"));
@@ -221,7 +230,7 @@ class Run {
   absl::Status Publish() {
     Model model = trainer_.Snapshot();
     model.origin = capture_.origin;
-    if (model.lita && options_.noise_filter) model.noise = capture_.noise;
+    if (model.lita && recipe_.noise_filter) model.noise = capture_.noise;
     if (model.lita) model.curve = capture_.curve;
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, views_));
     observer_->OnSnapshot(scene_path_);
@@ -246,6 +255,7 @@ class Run {
   }
 
   const ReconstructOptions& options_;
+  const Recipe& recipe_;
   const Capture& capture_;
   ReconstructObserver* observer_;
   Trainer trainer_;
@@ -281,10 +291,10 @@ class RealEngine : public Engine {
       p.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
       observer->OnProgress(p);
     };
-    LITAGS_ASSIGN_OR_RETURN(const Capture capture,
-                            LoadCapture(input, options, colmap_, cancel, progress, &report));
-    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(options, capture));
-    Run run(input, options, capture, std::move(initial), observer);
+    const Context context(input, options, cancel, progress, &report);
+    LITAGS_ASSIGN_OR_RETURN(const Capture capture, LoadCapture(context, colmap_));
+    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(context.recipe, capture));
+    Run run(context, capture, std::move(initial), observer);
     LITAGS_RETURN_IF_ERROR(run.Resume(&report.notes));
     LITAGS_RETURN_IF_ERROR(run.Train(cancel));
     progress(Stage::kSaving, "writing the report");
@@ -303,25 +313,6 @@ class RealEngine : public Engine {
 };
 
 }  // namespace
-
-std::string ReconstructReport::ToJson() const {
-  nlohmann::json json = {{"photos", photos},
-                         {"registered", registered},
-                         {"dropped", dropped},
-                         {"sfm_preparation", sfm_preparation},
-                         {"sparse_points", sparse_points},
-                         {"gaussians", gaussians},
-                         {"iterations", iterations},
-                         {"seconds", seconds},
-                         {"training_seconds", training_seconds},
-                         {"phase_seconds", phase_seconds},
-                         {"depth_used", depth_used},
-                         {"notes", notes},
-                         {"scene_path", scene_path}};
-  json["psnr_holdout"] =
-      std::isfinite(psnr_holdout) ? nlohmann::json(psnr_holdout) : nlohmann::json();
-  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
-}
 
 std::unique_ptr<Engine> MakeEngine(std::string colmap) {
   return std::make_unique<RealEngine>(std::move(colmap));

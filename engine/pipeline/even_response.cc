@@ -31,21 +31,22 @@ std::array<double, 3> FindCast(absl::Span<const Photo> photos, absl::Span<const 
 
 }  // namespace
 
-void EvenOutResponse(const ReconstructOptions& options, absl::Span<const PointSighting> sightings,
+void EvenOutResponse(const Context& context, absl::Span<const PointSighting> sightings,
                      absl::Span<const Camera> cameras, absl::Span<const PlaneU8> masks,
-                     std::vector<Photo>* photos, std::vector<std::string>* notes) {
-  if (options.tone != Tone::kCapture) return;
+                     std::vector<Photo>* photos) {
+  if (context.recipe.tone.rule != Tone::kCapture) return;
+  const ReconstructOptions& options = context.options;
   std::vector<RadialFrame> frames;
   for (const Camera& c : cameras)
     frames.push_back({c.cx, c.cy, std::hypot(c.width, c.height) / 2.0});
   const std::vector<PointSample> samples = SamplePoints(*photos, sightings, frames, masks);
   const CaptureResponse response =
       WithoutColorDrift(EstimateResponse(photos->size(), samples), samples);
-  for (std::string& note : DescribeResponse(response)) notes->push_back(std::move(note));
+  for (std::string& note : DescribeResponse(response)) context.Note(std::move(note));
   std::array<double, 3> cast = {1, 1, 1};
   if (options.white_balance == WhiteBalance::kScene) {
     cast = FindCast(*photos, masks, response, options.threads);
-    if (std::string note = DescribeCast(cast); !note.empty()) notes->push_back(std::move(note));
+    if (std::string note = DescribeCast(cast); !note.empty()) context.Note(std::move(note));
   }
   ParallelFor(options.threads, photos->size(), [&](size_t i, int) {
     std::array<double, 3> gain = response.gains[i];

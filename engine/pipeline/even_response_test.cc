@@ -62,9 +62,13 @@ Capture MakeCapture(const std::vector<std::array<double, 3>>& light, double corn
 }
 
 std::vector<std::string> Even(const ReconstructOptions& options, Capture* capture) {
-  std::vector<std::string> notes;
-  EvenOutResponse(options, capture->sightings, capture->cameras, {}, &capture->photos, &notes);
-  return notes;
+  const ReconstructInput input;
+  const CancelToken never;
+  ReconstructReport report;
+  EvenOutResponse(Context(
+                      input, options, never, [](Stage, const std::string&) {}, &report),
+                  capture->sightings, capture->cameras, {}, &capture->photos);
+  return report.notes;
 }
 
 double WorstCode(const Capture& a, const Capture& b) {

@@ -98,23 +98,24 @@ absl::Status CheckMask(const TrainView& v, const std::string& mask_path) {
 
 }  // namespace
 
-absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
-                                      const ReconstructOptions& options, const SparseModel& model,
-                                      const MaskPaths& masks, const CancelToken& cancel,
-                                      ReconstructReport* report) {
+absl::StatusOr<LoadedViews> LoadViews(const Context& context, const SparseModel& model,
+                                      const MaskPaths& masks) {
+  const ReconstructInput& input = context.input;
+  const ReconstructOptions& options = context.options;
+  ReconstructReport* const report = context.report;
   const size_t n = model.views.size();
   std::vector<TrainView> views(n);
   std::vector<absl::Status> status(n);
   std::vector<std::optional<std::array<uint8_t, 3>>> flat(n);
   std::optional<ShadowColors> shadows;
-  if (options.tone == Tone::kCapture) {
+  if (context.recipe.tone.rule == Tone::kCapture) {
     LITAGS_ASSIGN_OR_RETURN(const ColorPrior colors,
-                            MeasureColors(input, model, masks, options.threads, cancel));
+                            MeasureColors(input, model, masks, options.threads, context.cancel));
     shadows.emplace(colors);
   }
   ParallelFor(options.threads, n, [&](size_t i, int) {
     status[i] = [&]() -> absl::Status {
-      LITAGS_RETURN_IF_ERROR(cancel.Check());
+      LITAGS_RETURN_IF_ERROR(context.cancel.Check());
       TrainView& v = views[i];
       v.view = model.views[i];
       const std::string mask_path = MaskPathOf(masks, v.view.name);

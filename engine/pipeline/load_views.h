@@ -5,10 +5,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "engine/core/cancel.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/sparse_model.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/context.h"
 #include "engine/train/train_view.h"
 
 namespace litags {
@@ -22,10 +21,8 @@ struct LoadedViews {
 // the colours of deep shadow are inferred first, on the codes as the camera wrote them
 // (shadow_color.h). Flat photos are left out, with a note. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if
 // fewer than 3 photos remain.
-absl::StatusOr<LoadedViews> LoadViews(const ReconstructInput& input,
-                                      const ReconstructOptions& options, const SparseModel& model,
-                                      const MaskPaths& masks, const CancelToken& cancel,
-                                      ReconstructReport* report);
+absl::StatusOr<LoadedViews> LoadViews(const Context& context, const SparseModel& model,
+                                      const MaskPaths& masks);
 
 }  // namespace litags
 

@@ -157,7 +157,7 @@ TEST(Masks, WhatIsUnderThemChangesNoByteOfTheScene) {
   cases[2] = {"distorted, stereo", true, false, any.Options(40)};
   cases[2].options.depth_source = DepthOrigin::kStereo;
   cases[3].name = "3dgs";
-  cases[3].options.method = Method::k3dgs;
+  cases[3].options.recipe = Plain3dgs();
   cases[4] = {"weights", false, true, any.Options(40)};
   for (const Case& test : cases) {
     SCOPED_TRACE(test.name);
@@ -261,9 +261,12 @@ TEST(Masks, MaskedPixelsHaveNoDepth) {
   views[0].mask = PlaneU8(RoomCapture::kWidth, RoomCapture::kHeight);
   std::fill(views[0].mask.data.begin() + 100, views[0].mask.data.end(), kCounts);
   ReconstructReport report;
-  const auto status = AddDepthMaps(
-      input, room.Options(1), {}, {}, "key", CancelToken(), [](Stage, const std::string&) {},
-      &views, &report);
+  const ReconstructOptions options = room.Options(1);
+  const CancelToken never;
+  const auto status =
+      AddDepthMaps(Context(
+                       input, options, never, [](Stage, const std::string&) {}, &report),
+                   {}, {}, "key", &views);
   ASSERT_TRUE(status.ok()) << status;
   ASSERT_TRUE(views[0].depth.has_value());
   const DepthMap& depth = *views[0].depth;

@@ -85,7 +85,7 @@ TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
   EXPECT_LT(clipped_weight / clipped, 0.85 * other_weight / other);
 
   ReconstructOptions alike = Options(room);
-  alike.information_weights = false;
+  alike.recipe->information_weights = false;
   for (const TrainView& view : room.Load(alike).train) EXPECT_TRUE(view.information.empty());
 }
 
@@ -121,8 +121,9 @@ Trained TrainIn(const LightOf& light_of) {
   RoomCapture room(12);
   room.SetLight(light_of);
   ReconstructOptions options = room.Options(400);
-  options.use_pdm = false;
-  options.dropout = 0;  // holds short runs on small photos back, the more the noisier they are
+  options.recipe = Litags();
+  options.recipe->dropout =
+      0;  // holds short runs on small photos back, the more the noisier they are
   const auto report = Train(room.Input("work"), options);
   EXPECT_TRUE(report.ok()) << report.status();
   if (!report.ok()) return {};

@@ -87,14 +87,14 @@ TEST(PictureNoise, ScenesOfNoisyPhotosHaveTheCurve) {
   const RoomCapture room(4);
   PhotographDark(kNoise, room);
   ReconstructOptions options = room.Options(2);
-  const auto curve_in_scene = [&](const std::string& run, Method method) {
-    options.method = method;
+  const auto curve_in_scene = [&](const std::string& run, const Recipe& recipe) {
+    options.recipe = recipe;
     const auto report = Train(room.Input(run), options);
     EXPECT_TRUE(report.ok()) << report.status();
     return Bytes(report->scene_path).find("\"curve\"") != std::string::npos;
   };
-  EXPECT_TRUE(curve_in_scene("lita", Method::kLitaGs));
-  EXPECT_FALSE(curve_in_scene("3dgs", Method::k3dgs));
+  EXPECT_TRUE(curve_in_scene("lita", Litags()));
+  EXPECT_FALSE(curve_in_scene("3dgs", Plain3dgs()));
 }
 
 // Options that the trainer gets are those that suit the noise: beyond half of what dropout may be,
@@ -104,7 +104,7 @@ TEST(PictureNoise, NoisyPhotosRaiseDropoutToItsLimit) {
   PhotographDark(4 * kNoise, room);
   ReconstructOptions options = room.Options(40);
   const auto scene = [&](const std::string& run, double dropout) {
-    options.dropout = dropout;
+    options.recipe->dropout = dropout;
     const auto report = Train(room.Input(run), options);
     EXPECT_TRUE(report.ok()) << report.status();
     return Bytes(report->scene_path);

@@ -121,7 +121,7 @@ TEST(Reconstruct, ImprovesTheHeldOutPhotos) {
 TEST(Reconstruct, TrainsPlain3dgs) {
   const Photographs photos;
   ReconstructOptions options = SmallOptions();
-  options.method = Method::k3dgs;
+  options.recipe = Plain3dgs();
   options.iterations = 10;
   const ReconstructInput input = photos.Input("work");
   const auto report = Reconstruct(input, options);
@@ -138,9 +138,10 @@ TEST(Reconstruct, TrainsPlain3dgs) {
 TEST(Reconstruct, TheNoiseFilterActsOnPicturesOnly) {
   const Photographs photos;
   ReconstructOptions options = SmallOptions();
-  const auto picture_and_ply = [&](const std::string& name, Method method, bool noise_filter) {
-    options.method = method;
-    options.noise_filter = noise_filter;
+  const auto picture_and_ply = [&](const std::string& name, const Recipe& recipe,
+                                   bool noise_filter) {
+    options.recipe = recipe;
+    options.recipe->noise_filter = noise_filter;
     const ReconstructInput input = photos.Input(name);
     const auto report = Reconstruct(input, options);
     EXPECT_TRUE(report.ok()) << report.status();
@@ -152,12 +153,12 @@ TEST(Reconstruct, TheNoiseFilterActsOnPicturesOnly) {
     EXPECT_TRUE(picture.ok() && (*scene)->ExportPly(input.work_dir + "/a.ply", 0).ok());
     return std::pair(picture->data, Bytes(input.work_dir + "/a.ply"));
   };
-  const auto on = picture_and_ply("on", Method::kLitaGs, true);
-  const auto off = picture_and_ply("off", Method::kLitaGs, false);
+  const auto on = picture_and_ply("on", *SmallOptions().recipe, true);
+  const auto off = picture_and_ply("off", *SmallOptions().recipe, false);
   EXPECT_NE(on.first, off.first);
   EXPECT_TRUE(on.second == off.second);
-  EXPECT_EQ(picture_and_ply("3dgs", Method::k3dgs, true).first,
-            picture_and_ply("3dgs off", Method::k3dgs, false).first);
+  EXPECT_EQ(picture_and_ply("3dgs", Plain3dgs(), true).first,
+            picture_and_ply("3dgs off", Plain3dgs(), false).first);
 }
 
 TEST(Reconstruct, OneThreadIsOneThread) {

@@ -90,8 +90,8 @@ inline ReconstructOptions SmallOptions() {
   options.checkpoint_every = 15;
   options.threads = 1;  // two wait for each other on a busy machine
   options.seed = 11;
-  options.use_pdm = true;       // of everything there is
-  options.dense_start = false;  // a cloud has no surfaces
+  options.recipe = WithPdm(Litags());   // of everything there is
+  options.recipe->dense_start = false;  // a cloud has no surfaces
   options.depth_source = DepthOrigin::kNone;
   return options;
 }

@@ -90,8 +90,8 @@ TEST(Resume, GoesOnFromAnOlderCheckpoint) {
 TEST(Resume, CoarseToFineGoesOnAfterACancel) {
   const Photographs photos(/*width=*/160, /*height=*/128);  // 64 px is the smallest side
   ReconstructOptions options = SmallOptions();
-  options.coarse_levels = 1;
-  options.coarse_until = 0.5;
+  options.recipe->coarse_levels = 1;
+  options.recipe->coarse_until = 0.5;
   const ReconstructInput whole = photos.Input("whole"), coarse = photos.Input("coarse"),
                          fine = photos.Input("fine"), flat = photos.Input("flat");
   ASSERT_TRUE(Reconstruct(whole, options).ok());
@@ -100,7 +100,7 @@ TEST(Resume, CoarseToFineGoesOnAfterACancel) {
     ASSERT_TRUE(Reconstruct(input, options).ok());
     EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole)) << "cancelled at " << iteration;
   }
-  options.coarse_levels = 0;
+  options.recipe->coarse_levels = 0;
   ASSERT_TRUE(Reconstruct(flat, options).ok());
   EXPECT_FALSE(SceneBytes(flat) == SceneBytes(whole)) << "there was no coarse part";
 }
@@ -133,7 +133,7 @@ TEST(Resume, GoesOnAcrossDensityControl) {
   ReconstructOptions options = SmallOptions();
   options.iterations = 1200;
   options.preview_every = 550;
-  options.pdm_hidden = 2;
+  options.recipe->pdm.hidden = 2;
   const ReconstructInput whole = photos.Input("whole"), parts = photos.Input("parts");
   const auto report = Reconstruct(whole, options);
   ASSERT_TRUE(report.ok()) << report.status();
@@ -169,7 +169,7 @@ TEST(Resume, StartsAgainFromACheckpointOfOtherOptions) {
   ReconstructOptions options = SmallOptions();
   const ReconstructInput whole = photos.Input("whole"), input = photos.Input("work");
   ASSERT_EQ(ReconstructUntil(20, input, options).code(), absl::StatusCode::kCancelled);
-  options.theta = 0.4;
+  options.recipe->tone.contrast = 0.4;
   ASSERT_TRUE(Reconstruct(whole, options).ok());
   const auto report = Reconstruct(input, options);
   ASSERT_TRUE(report.ok()) << report.status();
@@ -182,7 +182,7 @@ TEST(Resume, StartsAgainFromACheckpointOfOtherOptions) {
 TEST(Resume, AFinishedSceneIsTrainedFurther) {
   const Photographs photos(/*width=*/160, /*height=*/128);
   ReconstructOptions options = SmallOptions();
-  options.coarse_levels = 1;
+  options.recipe->coarse_levels = 1;
   const ReconstructInput ended = photos.Input("ended"), stopped = photos.Input("stopped"),
                          whole = photos.Input("whole"), stretched = photos.Input("stretched");
   ASSERT_TRUE(Reconstruct(ended, options).ok());

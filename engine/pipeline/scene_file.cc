@@ -11,7 +11,7 @@
 #include "engine/core/error.h"
 #include "engine/core/finite.h"
 #include "engine/io/container.h"
-#include "engine/pipeline/scene.h"
+#include "engine/pipeline/model_scene.h"
 
 namespace litags {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/io/file_util.h"
-#include "engine/pipeline/scene.h"
+#include "engine/pipeline/model_scene.h"
 #include "engine/train/train_test_util.h"
 
 namespace litags {

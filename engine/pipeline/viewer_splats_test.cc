@@ -9,7 +9,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/ply.h"
 #include "engine/io/test_util.h"
-#include "engine/pipeline/scene.h"
+#include "engine/pipeline/model_scene.h"
 #include "engine/render/renderer.h"
 #include "gtest/gtest.h"
 

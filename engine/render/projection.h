@@ -46,15 +46,13 @@ constexpr int kRecordDzDy = kRecordFeatures + 2;
 constexpr int RecordStride(int channels) { return (kRecordFeatures + channels + 7) / 8 * 8; }
 
 // What is summed over pixels for one Gaussian in the backward pass: with g = dL/d(ln alpha),
-// moments of g over d, two sums that PixelSum chooses, then dL/dchannel.
+// moments of g over d, two unused places that fill the vector up, then dL/dchannel.
 constexpr int kGradSum = 0;  // sum g
 constexpr int kGradX = 1;    // sum g dx
 constexpr int kGradY = 2;    // sum g dy
 constexpr int kGradXX = 3;
 constexpr int kGradXY = 4;
 constexpr int kGradYY = 5;
-// kAbsGradient: sum |dL/dmean2d of a pixel|, x and y. kCount: pixels, 0. kNone: 0, 0.
-constexpr int kGradExtra = 6;
 constexpr int kGradFeatures = 8;
 constexpr int GradStride(int channels) { return (kGradFeatures + channels + 7) / 8 * 8; }
 

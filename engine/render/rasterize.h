@@ -48,12 +48,11 @@ struct TileScratch {
 };
 
 struct TileGradients {
-  const float* v_image = nullptr;        // [C, H, W]
-  const float* v_alpha = nullptr;        // [H, W], may be null
-  const uint32_t* slots = nullptr;       // [count]
-  float* pairs = nullptr;                // [..][GradStride(channels)]
-  PixelSum pixel_sum = PixelSum::kNone;  // what kGradExtra holds
-  uint32_t detached_channels = 0;        // as in RenderSettings
+  const float* v_image = nullptr;   // [C, H, W]
+  const float* v_alpha = nullptr;   // [H, W], may be null
+  const uint32_t* slots = nullptr;  // [count]
+  float* pairs = nullptr;           // [..][GradStride(channels)]
+  uint32_t detached_channels = 0;   // as in RenderSettings
 };
 
 // Writes GradStride(channels) sums to pairs[slots[k]] for every k < count (zero where nothing

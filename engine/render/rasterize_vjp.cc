@@ -138,10 +138,10 @@ HWY_INLINE void NoteEvaluations(const float* HWY_RESTRICT records, const uint32_
 // dL/dalpha = T (q - B), and in front of this Gaussian B becomes alpha q + (1 - alpha) B.
 // Replaces every evaluation by the pixels' weights dimage/dfeature = alpha T and
 // dL/d(ln alpha) = alpha T (q - B).
-template <int C, PixelSum kSum>
+template <int C>
 HWY_INLINE void WeighEvaluations(const float* HWY_RESTRICT records, const uint32_t* entries,
-                                 size_t n, const BlockInput<C>& in, float* HWY_RESTRICT evaluations,
-                                 float* HWY_RESTRICT grads) {
+                                 size_t n, const BlockInput<C>& in,
+                                 float* HWY_RESTRICT evaluations) {
   const D d;
   V v[C];
 #pragma GCC unroll 16
@@ -166,21 +166,6 @@ HWY_INLINE void WeighEvaluations(const float* HWY_RESTRICT records, const uint32
     const V g = hn::IfThenElseZero(hn::Lt(alpha, hn::Set(d, kAlphaMax)), hn::Mul(w, excess));
     hn::Store(w, d, evaluation);
     hn::Store(g, d, evaluation + kLanes);
-    if constexpr (kSum == PixelSum::kCount) {
-      grads[entries[i] * GradStride(C) + kGradExtra] +=
-          static_cast<float>(hn::CountTrue(d, hn::Gt(alpha, hn::Zero(d))));
-    }
-    if constexpr (kSum == PixelSum::kAbsGradient) {
-      const V dx = hn::Sub(in.x, hn::Set(d, record[kRecordX]));
-      const V dy = hn::Sub(in.y, hn::Set(d, record[kRecordY]));
-      const V gx = hn::Mul(g, dx), gy = hn::Mul(g, dy), b = hn::Set(d, record[kRecordB]);
-      const V px = hn::MulAdd(hn::Set(d, 2 * record[kRecordA]), gx, hn::Mul(b, gy));
-      const V py = hn::MulAdd(hn::Set(d, 2 * record[kRecordC]), gy, hn::Mul(b, gx));
-      // Record coefficients are in units of log2.
-      float* grad = grads + entries[i] * GradStride(C) + kGradExtra;
-      grad[0] += kLn2 * hn::GetLane(hn::SumOfLanes(d, hn::Abs(px)));
-      grad[1] += kLn2 * hn::GetLane(hn::SumOfLanes(d, hn::Abs(py)));
-    }
   }
 }
 
@@ -241,8 +226,6 @@ HWY_INLINE void ShiftMoments(const float* m, float mx, float my, float* out) {
   out[kGradXX] = m[kGradXX] + mx * (mx * s - 2 * x);
   out[kGradXY] = m[kGradXY] + mx * my * s - mx * y - my * x;
   out[kGradYY] = m[kGradYY] + my * (my * s - 2 * y);
-  out[kGradExtra] = m[kGradExtra];
-  out[kGradExtra + 1] = m[kGradExtra + 1];
 }
 
 // Entries of the list that reach the block, in order.
@@ -315,7 +298,7 @@ HWY_INLINE void StorePairs(const TileJob& job, const TileGradients& gradients, s
   }
 }
 
-template <int C, PixelSum kSum>
+template <int C>
 void Backward(const TileJob& job, const TileGradients& gradients, TileScratch* scratch) {
   const PixelGrid grid(job);
   constexpr int kGrads = GradStride(C);
@@ -339,7 +322,7 @@ void Backward(const TileJob& job, const TileGradients& gradients, TileScratch* s
     in.y = grid.Y(block);
     in.Load(job, gradients, block);
     NoteEvaluations(records, entries, n, InitialProduct(job, in.x, in.y), in, evaluations);
-    WeighEvaluations<C, kSum>(records, entries, n, in, evaluations, grads);
+    WeighEvaluations<C>(records, entries, n, in, evaluations);
     std::fill_n(entries + n, kGroup, static_cast<uint32_t>(used));
     std::fill_n(evaluations + n * kEvaluation, kGroup * kEvaluation, 0.0f);
     AddPixels(entries, (n + kGroup - 1) / kGroup * kGroup, in, evaluations, grads);
@@ -347,27 +330,15 @@ void Backward(const TileJob& job, const TileGradients& gradients, TileScratch* s
   StorePairs<C>(job, gradients, used, records, grads);
 }
 
-template <int C>
-void BackwardOf(const TileJob& job, const TileGradients& gradients, TileScratch* scratch) {
-  switch (gradients.pixel_sum) {
-    case PixelSum::kNone:
-      return Backward<C, PixelSum::kNone>(job, gradients, scratch);
-    case PixelSum::kAbsGradient:
-      return Backward<C, PixelSum::kAbsGradient>(job, gradients, scratch);
-    case PixelSum::kCount:
-      return Backward<C, PixelSum::kCount>(job, gradients, scratch);
-  }
-}
-
 void RasterizeTileVjpImpl(const TileJob& job, const TileGradients& gradients,
                           TileScratch* scratch) {
   switch (job.channels) {
     case kColorOnly:
-      return BackwardOf<kColorOnly>(job, gradients, scratch);
+      return Backward<kColorOnly>(job, gradients, scratch);
     case kWithoutNoise:
-      return BackwardOf<kWithoutNoise>(job, gradients, scratch);
+      return Backward<kWithoutNoise>(job, gradients, scratch);
     default:
-      return BackwardOf<kNumChannels>(job, gradients, scratch);
+      return Backward<kNumChannels>(job, gradients, scratch);
   }
 }
 

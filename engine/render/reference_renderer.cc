@@ -215,43 +215,4 @@ ReferenceImage RenderReference(const std::vector<double>& params, const Camera& 
   return out;
 }
 
-ReferencePixelSums SumReferencePixels(const std::vector<double>& params, const Camera& camera,
-                                      const RenderSettings& settings, const Planes& v_image,
-                                      const Planes& v_alpha) {
-  const std::vector<Projected> gaussians = ProjectAll(params, camera, settings);
-  const size_t n = params.size() / kSplatRows, plane = v_alpha.plane_size();
-  std::vector<double> abs_x(n), abs_y(n);
-  ReferencePixelSums out{std::vector<double>(n), std::vector<double>(n), std::vector<double>(n)};
-  for (size_t pixel = 0; pixel < plane; ++pixel) {
-    bool fragile;
-    std::vector<Part> parts =
-        PartsOfPixel(gaussians, pixel % camera.width + 0.5, pixel / camera.width + 0.5, &fragile);
-    const auto v = [&](int c) { return double(v_image.data[c * plane + pixel]); };
-    // dL/dT of the transmittance behind the parts seen so far, back to front.
-    double behind = -v_alpha.data[pixel];
-    for (int c = 0; c < settings.num_channels; ++c) behind += v(c) * settings.background[c];
-    for (auto part = parts.rbegin(); part != parts.rend(); ++part) {
-      const Projected& g = *part->gaussian;
-      double feature = 0;
-      for (int c = 0; c < settings.num_channels; ++c) feature += v(c) * g.features[c];
-      // alpha = o exp(-sigma(pixel - mean)): dalpha/dmean = alpha conic (pixel - mean).
-      const double v_alpha_part = part->T * (feature - behind);
-      behind = part->alpha * feature + (1 - part->alpha) * behind;
-      const double v_log_alpha = part->clamped ? 0 : part->alpha * v_alpha_part;
-      abs_x[g.index] += std::abs(v_log_alpha * (g.conic_a * part->dx + g.conic_b * part->dy));
-      abs_y[g.index] += std::abs(v_log_alpha * (g.conic_b * part->dx + g.conic_c * part->dy));
-      out.pixels[g.index] += 1;
-    }
-    if (!fragile) continue;
-    // Any Gaussian that reaches such a pixel may be drawn there or not.
-    for (const Projected& g : gaussians) {
-      const double dx = pixel % camera.width + 0.5 - g.x, dy = pixel / camera.width + 0.5 - g.y;
-      const double sigma = 0.5 * (g.conic_a * dx * dx + g.conic_c * dy * dy) + g.conic_b * dx * dy;
-      if (g.opacity * std::exp(-sigma) > 0.99 / 255) out.doubtful[g.index] += 1;
-    }
-  }
-  for (size_t i = 0; i < n; ++i) out.abs_grad[i] = std::hypot(abs_x[i], abs_y[i]);
-  return out;
-}
-
 }  // namespace litags

@@ -28,18 +28,6 @@ struct ReferenceImage {
 ReferenceImage RenderReference(const std::vector<double>& params, const Camera& camera,
                                const RenderSettings& settings);
 
-// What PixelSum asks for; index = Gaussian.
-struct ReferencePixelSums {
-  std::vector<double> abs_grad;  // length of the sum over pixels of |dL/dmean2d|
-  std::vector<double> pixels;
-  std::vector<double> doubtful;  // fragile pixels among those, or nearly so
-};
-
-// For the gradient v_image [C, H, W], v_alpha [1, H, W] of the picture.
-ReferencePixelSums SumReferencePixels(const std::vector<double>& params, const Camera& camera,
-                                      const RenderSettings& settings, const Planes& v_image,
-                                      const Planes& v_alpha);
-
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_RENDER_REFERENCE_RENDERER_H_

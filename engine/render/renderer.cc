@@ -27,7 +27,6 @@ struct Renderer::Impl {
   std::array<float, kNumChannels> background = {};
   int threads = 0;
   bool count_useful = false;
-  PixelSum pixel_sum = PixelSum::kNone;
   uint32_t detached_channels = 0;
 
   ProjectedSplats projected;
@@ -86,7 +85,6 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.background = settings.background;
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
   s.count_useful = settings.count_useful;
-  s.pixel_sum = settings.pixel_sum;
   s.detached_channels = settings.detached_channels;
 
   s.projected.Resize(splats.size(), settings.num_channels);
@@ -148,14 +146,10 @@ void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGrad
   alignas(64) float grads[Splats::kBlockFloats] = {};
   alignas(64) float mean2d[2 * kSplatBlock];
   ProjectBlockVjp(splats, block, camera, projection, sums, visible, grads, mean2d);
-  const auto norm = [](float x, float y) { return std::sqrt(x * x + y * y); };
   for (size_t i = begin; i < end; ++i) {
     const int lane = static_cast<int>(i - begin);
-    stats.grad_means2d[i] = norm(mean2d[lane], mean2d[kSplatBlock + lane]);
-    const float extra0 = sums[kGradExtra * kSplatBlock + lane];
-    const float extra1 = sums[(kGradExtra + 1) * kSplatBlock + lane];
-    if (pixel_sum == PixelSum::kAbsGradient) stats.abs_grad_means2d[i] = norm(extra0, extra1);
-    if (pixel_sum == PixelSum::kCount) stats.pixels[i] = extra0;
+    const float x = mean2d[lane], y = mean2d[kSplatBlock + lane];
+    stats.grad_means2d[i] = std::sqrt(x * x + y * y);
   }
   sink(block, grads, visible);
 }
@@ -177,14 +171,11 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
     gradients.v_alpha = v_alpha.empty() ? nullptr : v_alpha.data.data();
     gradients.slots = s.lists.slots.data() + s.lists.tile_begin[tile];
     gradients.pairs = s.pair_grads.data();
-    gradients.pixel_sum = s.pixel_sum;
     gradients.detached_channels = s.detached_channels;
     RasterizeTileVjp(s.JobOf(tile), gradients, &s.tile_scratch[thread]);
   });
 
   s.stats.grad_means2d.resize(splats.size());
-  s.stats.abs_grad_means2d.resize(s.pixel_sum == PixelSum::kAbsGradient ? splats.size() : 0);
-  s.stats.pixels.resize(s.pixel_sum == PixelSum::kCount ? splats.size() : 0);
   const size_t blocks = splats.num_blocks();
   ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
     const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);

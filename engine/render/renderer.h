@@ -40,13 +40,6 @@ enum class DepthSource {
   kAttribute,  // the learned attribute d_i: the paper's D_r
 };
 
-// What Backward also sums up over the pixels of each Gaussian, for density control.
-enum class PixelSum {
-  kNone,
-  kAbsGradient,  // ViewStats::abs_grad_means2d
-  kCount,        // ViewStats::pixels
-};
-
 // How Gaussians about as small as a pixel are drawn. Both add eps to the diagonal of the 2D
 // covariance Cov.
 enum class PixelFilter {
@@ -65,8 +58,7 @@ struct RenderSettings {
   int threads = 0;                      // <= 0: all cores
   const CancelToken* cancel = nullptr;  // once raised, Forward leaves the picture unfinished
   bool count_useful = false;            // whether Forward of 11 channels fills Counters::useful
-  PixelSum pixel_sum = PixelSum::kNone;
-  Dropout dropout;  // of training
+  Dropout dropout;                      // of training
   // Bit c: Backward gives channel c's gradient to the Gaussians' values in it and to nothing else,
   // as if what they cover were given.
   uint32_t detached_channels = 0;
@@ -77,9 +69,6 @@ struct RenderSettings {
 struct ViewStats {
   std::vector<uint8_t> visible;     // whether it reaches a pixel's alpha threshold: 0 or 1
   std::vector<float> grad_means2d;  // |dL/dmeans2d|, loss per px
-  // Empty unless RenderSettings::pixel_sum asks for them.
-  std::vector<float> abs_grad_means2d;  // |sum over pixels of |contribution|| (AbsGS), loss per px
-  std::vector<float> pixels;            // pixels it has a part in (Pixel-GS)
 };
 
 // Receives the gradient of one block of 16 Gaussians, rows as in SplatRow, [kSplatRows][16]. Rows

@@ -90,7 +90,7 @@ using TryRung = absl::FunctionRef<absl::StatusOr<RungOutput>(const RungInput&)>;
 
 // A signal that ends COLMAP (the kernel short of memory, an operator) says nothing about the
 // photos: the rung starts afresh, so that it gives what it would have given undisturbed.
-absl::StatusOr<RungOutput> Survive(const RungInput& input, TryRung try_rung) {
+absl::StatusOr<RungOutput> TryUnlessKilled(const RungInput& input, TryRung try_rung) {
   constexpr int kAttempts = 3;
   for (int attempt = 1;; ++attempt) {
     LITAGS_RETURN_IF_ERROR(ClearFolder(input.dir));
@@ -122,7 +122,7 @@ absl::StatusOr<SfmResult> Climb(const Capture& capture, TryRung try_rung,
                                            .rungs = static_cast<int>(ladder.size()),
                                            .fraction = fraction});
                        }};
-    auto output = Survive(input, try_rung);
+    auto output = TryUnlessKilled(input, try_rung);
     if (!capture.options.keep_prepared) DropBulk(input.dir);
     LITAGS_RETURN_IF_ERROR(output.status());
     result.rungs.push_back(output->rung);

@@ -54,8 +54,7 @@ struct Photos {
 TEST(MaskedPhotos, GainsOfTargetsAreThoseOfWhatCounts) {
   const Photos photos;
   const std::vector<double> exposures = {1, 1.2, 2};
-  for (const ToneRule rule :
-       {ToneRule::kPaperGain, ToneRule::kLinearGain, ToneRule::kCaptureGain}) {
+  for (const Tone rule : {Tone::kPaper, Tone::kCapture}) {
     const auto cut = MakeTargets(photos.cut, exposures, {.rule = rule}, 1);
     const auto masked = MakeTargets(photos.whole, exposures, {.rule = rule}, 1, photos.masks);
     const auto whole = MakeTargets(photos.whole, exposures, {.rule = rule}, 1);

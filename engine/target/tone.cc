@@ -21,7 +21,6 @@
 namespace litags {
 namespace {
 
-constexpr double kTheta = 0.49;  // authors' release
 // Where no light fell there is nothing to brighten: black counts for at most this share of what is
 // lit, so that a torch in the dark is exposed for what it lights. Choice
 constexpr double kMostBlack = 0.1;
@@ -50,10 +49,6 @@ auto CodeGain(double gain) {
   return [gain](double code) { return std::min(1.0, gain * code); };
 }
 
-auto LinearGain(double gain) {
-  return [gain](double code) { return SrgbFromLinear(std::min(1.0, gain * LinearFromSrgb(code))); };
-}
-
 double AddContrast(double code, double contrast) {
   return code + contrast * code * (1 - code) * (2 * code - 1);
 }
@@ -68,26 +63,15 @@ auto CaptureCurve(double gain, double contrast) {
 // What becomes of a photo's code, where nothing else than the tone acts on it.
 double TargetCode(const ToneOptions& options, double gain, double code) {
   switch (options.rule) {
-    case ToneRule::kPaperGain:
+    case Tone::kPaper:
       return CodeGain(gain)(code);
-    case ToneRule::kLinearGain:
-      return LinearGain(gain)(code);
-    case ToneRule::kCaptureGain:
+    case Tone::kCapture:
       return CaptureCurve(gain, options.contrast)(LinearFromSrgb(code));
-    case ToneRule::kNone:
+    case Tone::kNone:
       break;
   }
   return code;
 }
-
-// The gain in (0, max_gain] that brings the mean closest to theta; the mean grows with the gain.
-double SolveLinearGain(const Histogram& histogram, double theta, double max_gain) {
-  if (Mean(histogram, LinearGain(max_gain)) <= theta) return max_gain;
-  const auto mean = [&](double stops) { return Mean(histogram, LinearGain(std::exp2(stops))); };
-  return std::exp2(Bisect(mean, theta, -64, std::log2(max_gain)));  // at -64 anything is black
-}
-
-double ThetaOf(const ToneOptions& options) { return options.theta > 0 ? options.theta : kTheta; }
 
 // The photo's 8-bit codes after the curve, as 8-bit codes.
 template <class Curve>
@@ -106,16 +90,6 @@ ToneTarget PaperTarget(const Photo& photo, const PlaneU8& mask, double theta) {
   ToneTarget target;
   target.gain = theta / Mean(SharesOfCodes(codes, mask), CodeGain(1));
   target.image = ApplyToCodes(codes, CodeGain(target.gain));
-  return target;
-}
-
-ToneTarget LinearTarget(const Photo& photo, const PlaneU8& mask, double theta, double max_gain) {
-  const ImageU8 codes = PhotoToU8(photo);
-  const Histogram histogram = SharesOfCodes(codes, mask);
-  ToneTarget target;
-  target.gain = SolveLinearGain(histogram, theta, max_gain);
-  target.reached = std::abs(Mean(histogram, LinearGain(target.gain)) - theta) < 1e-6;
-  target.image = ApplyToCodes(codes, LinearGain(target.gain));
   return target;
 }
 
@@ -197,7 +171,7 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
   }
   const bool black = std::all_of(photo.data.begin(), photo.data.end(),
                                  [](int16_t sample) { return sample <= kBlack; });
-  if (black && options.rule != ToneRule::kNone) {
+  if (black && options.rule != Tone::kNone) {
     return InvalidInput("BLACK_IMAGE", "image",
                         "tone: every pixel of the photo is 0, no gain can brighten it; leave it "
                         "out or expose longer");
@@ -208,9 +182,9 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
 }  // namespace
 
 absl::Status ToneOptions::Validate() const {
-  if (!(theta >= 0 && theta < 1)) {
+  if (!(theta > 0 && theta < 1)) {
     return InvalidInput("BAD_OPTION", "tone.theta",
-                        absl::StrCat("tone: theta = ", theta, ", must be in [0, 1)"));
+                        absl::StrCat("tone: theta = ", theta, ", must be in (0, 1)"));
   }
   if (!(max_gain >= 1 && max_gain <= 1e6)) {
     return InvalidInput("BAD_OPTION", "tone.max_gain",
@@ -284,23 +258,19 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
   LITAGS_CHECK(photos.size() == exposures.size());
   LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
   for (const Photo& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
-  if (options.rule == ToneRule::kCaptureGain) {
+  if (options.rule == Tone::kCapture) {
     return CaptureTargets(photos, exposures, options, threads, masks);
   }
-  const double theta = ThetaOf(options);
   std::vector<ToneTarget> targets(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     switch (options.rule) {
-      case ToneRule::kPaperGain:
-        targets[i] = PaperTarget(photos[i], MaskOf(masks, i), theta);
+      case Tone::kPaper:
+        targets[i] = PaperTarget(photos[i], MaskOf(masks, i), options.theta);
         break;
-      case ToneRule::kLinearGain:
-        targets[i] = LinearTarget(photos[i], MaskOf(masks, i), theta, options.max_gain);
-        break;
-      case ToneRule::kNone:
+      case Tone::kNone:
         targets[i].image = photos[i];
         break;
-      case ToneRule::kCaptureGain:
+      case Tone::kCapture:
         break;  // CaptureTargets, above
     }
   });

@@ -15,24 +15,22 @@
 
 namespace litags {
 
-enum class ToneRule {
-  kPaperGain,    // clip(theta / mean(I) * I, 0, 1) on 8-bit sRGB codes, photo by photo: the paper
-  kLinearGain,   // a gain on them in linear light, clipped at white, to a mean code of theta
-  kCaptureGain,  // one gain in linear light for the capture, see CaptureGain(); clipped areas are
+// How the target is made. Values are stored with jobs.
+enum class Tone {
+  kPaper = 0,    // clip(theta / mean(I) * I, 0, 1) on 8-bit sRGB codes, photo by photo: the paper
+  kNone = 2,     // the photo as it is
+  kCapture = 3,  // one gain in linear light for the capture, see CaptureGain(); clipped areas are
                  // filled in (highlights.h), colour noise is averaged (chroma.h), mild contrast
-  kNone,         // the photo as it is
 };
 
 struct ToneOptions {
-  ToneRule rule = ToneRule::kCaptureGain;
-  // Of kPaperGain and kLinearGain: wanted mean of sRGB codes, (0, 1). 0: 0.49, the authors'
-  // release.
-  double theta = 0;
+  Tone rule = Tone::kCapture;
+  double theta = 0.49;     // of kPaper: wanted mean of sRGB codes, (0, 1). Authors' release
   double max_gain = 4096;  // of linear light; >= 1. Choice: 12 stops
-  // Of kCaptureGain, [0, 1]: code c becomes c + contrast * c (1 - c) (2 c - 1). Cameras' picture
+  // Of kCapture, [0, 1]: code c becomes c + contrast * c (1 - c) (2 c - 1). Cameras' picture
   // styles add contrast, so an exact inverse of the sRGB curve looks flat. Choice, measured
   double contrast = 0.15;
-  // Of kCaptureGain, [0, 100]: colours of dark photos are averaged over neighbours that are alike
+  // Of kCapture, [0, 100]: colours of dark photos are averaged over neighbours that are alike
   // up to this many deviations of the noise (chroma.h); 0: never. Choice, measured
   double chroma_smoothing = 2;
 
@@ -41,12 +39,12 @@ struct ToneOptions {
 
 struct ToneTarget {
   Photo image;          // the target
-  double gain = 1;      // on codes (kPaperGain) or in linear light
+  double gain = 1;      // on codes (kPaper) or in linear light
   bool reached = true;  // false if max_gain was not enough
 };
 
 // One target per photo, in order. `exposures`: light gathered by each photo relative to the
-// others, > 0 (RelativeExposures() in photometric.h); kCaptureGain evens them out, the other rules
+// others, > 0 (RelativeExposures() in photometric.h); kCapture evens them out, the other rules
 // do not read them. `masks` (see MaskOf; each leaves a pixel or more): only pixels that count
 // decide gains, all of the photo is mapped. INVALID_ARGUMENT for bad options, an empty photo, or
 // one that is all black (no gain helps; leave it out). Deterministic for any `threads` (<= 0: all
@@ -64,7 +62,7 @@ Photo WithLinearGain(const Photo& photo, double gain);
 // other photos of the place have the same, since they were rounded alike.
 NoiseCurve RoundingNoise(const ToneOptions& options, double gain);
 
-// What a change of linear light (1: white), which may not fall, does to codes of kCaptureGain's
+// What a change of linear light (1: white), which may not fall, does to codes of kCapture's
 // targets.
 CodeCurve ChangeOfTargets(const ToneOptions& options,
                           const std::function<double(double light)>& change);

@@ -29,7 +29,7 @@ float MaxScale(const Splats& s, size_t i) {
 float Opacity(const Splats& s, size_t i) { return 1 / (1 + std::exp(-s.at(i, kLogitOpacity))); }
 
 // Worth keeping: opaque enough, and every parameter a number.
-bool Survives(const Splats& s, size_t i, double prune_opacity) {
+bool IsKept(const Splats& s, size_t i, double prune_opacity) {
   for (int row = 0; row < kSplatRows; ++row) {
     if (!std::isfinite(s.at(i, row))) return false;
   }
@@ -93,9 +93,9 @@ void PlaceHalf(const Splats& parent, size_t p, double side, size_t i, Splats* ou
 // The Gaussians to grow: score over the threshold, the `budget` largest of them.
 std::vector<uint32_t> ChooseGrowing(const DensityStats& stats, double threshold, size_t budget) {
   std::vector<uint32_t> chosen;
-  const auto score = [&](uint32_t i) { return stats.grad[i] / stats.weight[i]; };
+  const auto score = [&](uint32_t i) { return stats.grad[i] / stats.views[i]; };
   for (uint32_t i = 0; i < stats.grad.size(); ++i) {
-    if (stats.weight[i] > 0 && score(i) > threshold) chosen.push_back(i);
+    if (stats.views[i] > 0 && score(i) > threshold) chosen.push_back(i);
   }
   if (chosen.size() > budget) {
     const auto stronger = [&](uint32_t a, uint32_t b) {
@@ -147,34 +147,31 @@ void SplatState::ClearMoments(size_t i) {
 
 void DensityStats::Reset(size_t n) {
   grad.assign(n, 0);
-  weight.assign(n, 0);
+  views.assign(n, 0);
 }
 
-void DensityStats::Add(PixelSum statistic, const ViewStats& view, int width, int height) {
+void DensityStats::Add(const ViewStats& view, int width, int height) {
   const float to_half_image = 0.5f * std::max(width, height);
-  const std::vector<float>& lengths =
-      statistic == PixelSum::kAbsGradient ? view.abs_grad_means2d : view.grad_means2d;
   for (size_t i = 0; i < grad.size(); ++i) {
     if (!view.visible[i]) continue;
-    const float w = statistic == PixelSum::kCount ? view.pixels[i] : 1;
-    grad[i] += w * lengths[i] * to_half_image;
-    weight[i] += w;
+    grad[i] += view.grad_means2d[i] * to_half_image;
+    views[i] += 1;
   }
 }
 
-double DistanceKept(double share, absl::Span<const std::array<double, 3>> centers, int threads,
-                    const Splats& splats) {
+double DistanceQuantile(double q, absl::Span<const std::array<double, 3>> centers, int threads,
+                        const Splats& splats) {
   std::vector<double> distances(splats.size());
   ForEachGaussian(threads, splats.size(),
                   [&](size_t i) { distances[i] = ToNearest(centers, splats, i); });
-  const auto kept = distances.begin() + static_cast<ptrdiff_t>((1 - share) * distances.size());
-  if (kept == distances.end()) return 0;
-  std::nth_element(distances.begin(), kept, distances.end());
-  return *kept;
+  const auto at = distances.begin() + static_cast<ptrdiff_t>(q * distances.size());
+  if (at == distances.end()) return 0;
+  std::nth_element(distances.begin(), at, distances.end());
+  return *at;
 }
 
-void ClearSpace(double distance, absl::Span<const std::array<double, 3>> centers, int threads,
-                Splats* splats) {
+void PruneNearCameras(double distance, absl::Span<const std::array<double, 3>> centers, int threads,
+                      Splats* splats) {
   ForEachGaussian(threads, splats->size(), [&](size_t i) {
     if (ToNearest(centers, *splats, i) < distance) splats->at(i, kLogitOpacity) = kClearLogit;
   });
@@ -229,10 +226,7 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
   const size_t n = state->params.size();
   const size_t budget =
       static_cast<size_t>(std::max<int64_t>(0, options.max_gaussians - int64_t(n)));
-  const double threshold = options.density_statistic == PixelSum::kAbsGradient
-                               ? options.densify_abs_grad
-                               : options.densify_grad;
-  const std::vector<uint32_t> growing = ChooseGrowing(*stats, threshold, budget);
+  const std::vector<uint32_t> growing = ChooseGrowing(*stats, options.recipe.densify_grad, budget);
 
   // Old Gaussians first, then one new one for each that grows: a clone is a copy, splits and halves
   // move both the old and the new one.
@@ -245,8 +239,8 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
   for (size_t k = 0; k < growing.size(); ++k) {
     const uint32_t old = growing[k];
     state->ClearMoments(n + k);
-    const bool halves = options.growth == Growth::kLongAxis;
-    if (!halves && MaxScale(before, old) <= options.densify_percent * extent) {
+    const bool halves = options.recipe.growth == Growth::kLongAxis;
+    if (!halves && MaxScale(before, old) <= options.recipe.densify_percent * extent) {
       ++report.cloned;
       continue;
     }
@@ -264,8 +258,8 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
   // Prune and reorder in one pass over memory.
   std::vector<uint32_t> order = MortonOrder(state->params);
   const size_t grown = order.size();
-  std::erase_if(order,
-                [&](uint32_t i) { return !Survives(state->params, i, options.prune_opacity); });
+  std::erase_if(
+      order, [&](uint32_t i) { return !IsKept(state->params, i, options.recipe.prune_opacity); });
   if (order.empty()) order.push_back(0);  // a scene is never empty
   report.pruned = static_cast<int64_t>(grown - order.size());
   state->Rearrange(order);

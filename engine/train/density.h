@@ -1,6 +1,5 @@
 // Adaptive density control: where the picture needs more Gaussians, and which are not needed.
-// Source: 3DGS Sec. 5, with a hard budget; AbsGS (arXiv 2404.10484) Sec. 3.2 and Pixel-GS (arXiv
-// 2403.15530) Sec. 3.2 for the scores; arXiv 2411.10133 and 2508.12313 for the split along the
+// Source: 3DGS Sec. 5, with a hard budget; arXiv 2411.10133 and 2508.12313 for the split along the
 // longest axis, whose constants here are ours.
 #ifndef LITAGS_ENGINE_TRAIN_DENSITY_H_
 #define LITAGS_ENGINE_TRAIN_DENSITY_H_
@@ -29,37 +28,36 @@ struct SplatState {
 };
 
 // Sums over the views since the last density step that saw the Gaussian; index = Gaussian. Its
-// score is grad / weight.
+// score is grad / views.
 struct DensityStats {
-  std::vector<float> grad;    // weight |dL/dmean2d|, in units of half the image's larger side
-  std::vector<float> weight;  // 1 a view; of kCount: pixels
+  std::vector<float> grad;   // |dL/dmean2d|, in units of half the image's larger side
+  std::vector<float> views;  // that saw it
 
   void Reset(size_t n);
-  // `statistic` is the PixelSum that the view was rendered with.
-  void Add(PixelSum statistic, const ViewStats& view, int width, int height);
+  void Add(const ViewStats& view, int width, int height);
 };
 
 struct DensityReport {
   int64_t cloned = 0, split = 0, pruned = 0;
 };
 
-// One density step. Gaussians whose score exceeds the threshold of options.density_statistic become
-// two, as options.growth says, strongest first while the budget lasts; nearly transparent ones and
+// One density step. Gaussians whose score exceeds recipe.densify_grad become two, as recipe.growth
+// says, strongest first while the budget lasts; nearly transparent ones and
 // those with a parameter that is not finite are removed (one Gaussian always stays); then all are
 // put in Morton order, so that blocks of 16 are neighbours in space. Random numbers depend on
 // (seed, iteration, Gaussian) only. Stats are reset.
 DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
                              SplatState* state, DensityStats* stats);
 
-// Of the distances from the Gaussians' means to the nearest of the camera centres (at least one;
-// world), that which this share of them keeps; 0 if there is no Gaussian.
-double DistanceKept(double share, absl::Span<const std::array<double, 3>> centers, int threads,
-                    const Splats& splats);
+// Returns the quantile `q` of the distances from the Gaussians' means to the nearest of the camera
+// centres (at least one; world), or 0 without Gaussians.
+double DistanceQuantile(double q, absl::Span<const std::array<double, 3>> centers, int threads,
+                        const Splats& splats);
 
 // Makes Gaussians whose means are nearer than this to a camera centre invisible; ControlDensity
 // removes them.
-void ClearSpace(double distance, absl::Span<const std::array<double, 3>> centers, int threads,
-                Splats* splats);
+void PruneNearCameras(double distance, absl::Span<const std::array<double, 3>> centers, int threads,
+                      Splats* splats);
 
 // Cuts every scale to `limit` times the distance from the Gaussian's mean to the nearest of the
 // camera centres (at least one; world).

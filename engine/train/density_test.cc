@@ -40,7 +40,7 @@ DensityStats Stats(std::vector<float> mean_grads) {
   DensityStats stats;
   stats.Reset(mean_grads.size());
   for (size_t i = 0; i < mean_grads.size(); ++i) {
-    stats.weight[i] = 4;
+    stats.views[i] = 4;
     stats.grad[i] = 4 * mean_grads[i];
   }
   return stats;
@@ -62,7 +62,7 @@ TEST(Density, ClonesSmallGaussiansThatMove) {
   EXPECT_EQ(report.pruned, 0);
   EXPECT_EQ(Identities(state), (std::multiset<int>{0, 1, 1, 2, 3, 3, 4}));
   EXPECT_EQ(stats.grad, std::vector<float>(7, 0.0f));
-  EXPECT_EQ(stats.weight, std::vector<float>(7, 0.0f));
+  EXPECT_EQ(stats.views, std::vector<float>(7, 0.0f));
   // Of each pair one keeps its moments and the new one starts without.
   for (const int id : {1, 3}) {
     float sum = 0;
@@ -127,7 +127,7 @@ TEST(Density, HalvesLieSideBySideOnTheLongestAxis) {
     }
     DensityStats stats = Stats({1e-3f, 0});
     TrainOptions options;
-    options.growth = Growth::kLongAxis;
+    options.recipe.growth = Growth::kLongAxis;
     const DensityReport report = ControlDensity(options, kExtent, 600, &state, &stats);
     EXPECT_EQ(report.split, 1);
     EXPECT_EQ(report.cloned, 0);
@@ -169,7 +169,7 @@ TEST(Density, HalvesChangeThePictureLessThanCopiesAndRandomPlaces) {
     SplatState state{cloud, Splats(300), Splats(300)};
     DensityStats stats = Stats(std::vector<float>(300, 1e-3f));
     TrainOptions options;
-    options.growth = growth;
+    options.recipe.growth = growth;
     ControlDensity(options, extent, 600, &state, &stats);
     const Planes after = render(state.params);
     double sum = 0;
@@ -252,51 +252,11 @@ TEST(Density, StatsCountOnlyViewsWhereAGaussianIsSeen) {
   ViewStats view;
   view.visible = {1, 0, 1};
   view.grad_means2d = {0.5f, 99, 0.25f};
-  stats.Add(PixelSum::kNone, view, 40, 20);
+  stats.Add(view, 40, 20);
   view.visible = {0, 0, 1};
-  stats.Add(PixelSum::kNone, view, 40, 20);
-  EXPECT_EQ(stats.weight, (std::vector<float>{1, 0, 2}));
+  stats.Add(view, 40, 20);
+  EXPECT_EQ(stats.views, (std::vector<float>{1, 0, 2}));
   EXPECT_EQ(stats.grad, (std::vector<float>{10, 0, 10}));
-}
-
-TEST(Density, StatsSumAbsoluteGradientsWhereAskedTo) {
-  DensityStats stats;
-  stats.Reset(2);
-  ViewStats view;
-  view.visible = {1, 0};
-  view.grad_means2d = {0.5f, 99};
-  view.abs_grad_means2d = {2, 99};
-  stats.Add(PixelSum::kAbsGradient, view, 40, 20);
-  EXPECT_EQ(stats.weight, (std::vector<float>{1, 0}));
-  EXPECT_EQ(stats.grad, (std::vector<float>{40, 0}));
-}
-
-TEST(Density, StatsWeighViewsByPixelsWhereAskedTo) {
-  DensityStats stats;
-  stats.Reset(1);
-  ViewStats view;
-  view.visible = {1};
-  view.grad_means2d = {0.5f};
-  view.pixels = {30};
-  stats.Add(PixelSum::kCount, view, 40, 20);
-  view.grad_means2d = {0.1f};
-  view.pixels = {10};
-  stats.Add(PixelSum::kCount, view, 40, 20);
-  EXPECT_EQ(stats.weight, std::vector<float>{40});
-  EXPECT_FLOAT_EQ(stats.grad[0] / stats.weight[0], 20 * (30 * 0.5f + 10 * 0.1f) / 40);
-}
-
-TEST(Density, AbsoluteGradientsHaveAThresholdOfTheirOwn) {
-  for (const PixelSum statistic : {PixelSum::kNone, PixelSum::kAbsGradient}) {
-    SplatState state = Line(3, 0.05);
-    DensityStats stats = Stats({0.5e-3f, 1.5e-3f, 0});
-    TrainOptions options;
-    options.density_statistic = statistic;
-    options.densify_grad = 0.4e-3;
-    options.densify_abs_grad = 1e-3;
-    const DensityReport report = ControlDensity(options, kExtent, 600, &state, &stats);
-    EXPECT_EQ(report.cloned, statistic == PixelSum::kNone ? 2 : 1);
-  }
 }
 
 TEST(MortonOrder, IsAPermutationThatKeepsNeighboursTogether) {
@@ -335,7 +295,7 @@ TEST(ClearSpace, HidesWhatIsNearerAndNothingElse) {
   Splats splats = Line(40, 1).params;  // means at x = 0 .. 39
   const Splats before = splats;
   const std::array<double, 3> centers[] = {{-1, 0, 0}, {35, 0, 0}};
-  ClearSpace(1.5, centers, 2, &splats);
+  PruneNearCameras(1.5, centers, 2, &splats);
   for (int i = 0; i < 40; ++i) {
     for (int row = 0; row < kSplatRows; ++row) {
       const bool hidden = row == kLogitOpacity && (i == 0 || (i >= 34 && i <= 36));
@@ -345,13 +305,13 @@ TEST(ClearSpace, HidesWhatIsNearerAndNothingElse) {
   EXPECT_LT(splats.at(0, kLogitOpacity), std::log(kAlphaMin));
 }
 
-TEST(DistanceKept, IsThatOfAllButAFew) {
+TEST(DistanceQuantile, IsThatOfTheNearestCamera) {
   const Splats splats = Line(200, 1).params;  // means at x = 0 .. 199
   const std::array<double, 3> centers[] = {{-5, 0, 0}};
-  EXPECT_DOUBLE_EQ(DistanceKept(1, centers, 2, splats), 5);
-  EXPECT_NEAR(DistanceKept(0.99, centers, 2, splats), 7, 1.001);
-  EXPECT_DOUBLE_EQ(DistanceKept(0.5, centers, 2, splats), 105);
-  EXPECT_EQ(DistanceKept(0.99, centers, 2, Splats()), 0);
+  EXPECT_DOUBLE_EQ(DistanceQuantile(0, centers, 2, splats), 5);
+  EXPECT_NEAR(DistanceQuantile(0.01, centers, 2, splats), 7, 1.001);
+  EXPECT_DOUBLE_EQ(DistanceQuantile(0.5, centers, 2, splats), 105);
+  EXPECT_EQ(DistanceQuantile(0.01, centers, 2, Splats()), 0);
 }
 
 TEST(LimitScales, CutsWhatIsWiderThanItsDistanceAllows) {

@@ -47,17 +47,17 @@ TrainView WithOtherPixels(TrainView view, bool masked) {
 TrainOptions Options(bool pdm) {
   TrainOptions options;
   options.threads = 1;
-  options.use_pdm = pdm;
-  options.pdm.hidden = 4;
-  options.pdm_every = 1;
+  options.recipe.use_pdm = pdm;
+  options.recipe.pdm.hidden = 4;
+  options.recipe.pdm_every = 1;
   return options;
 }
 
 TrainOptions PlainOptions() {
   TrainOptions options;
   options.threads = 1;
-  options.lita = false;
-  options.use_pdm = false;
+  options.recipe.lita = false;
+  options.recipe.use_pdm = false;
   return options;
 }
 
@@ -68,10 +68,11 @@ struct Result {
 };
 
 Result Evaluate(const TrainOptions& options, const TrainView& view, const Planes& rendered) {
-  const PdmWeights weights = options.use_pdm ? PdmWeights::Initial(options.pdm, 3) : PdmWeights();
+  const PdmWeights weights =
+      options.recipe.use_pdm ? PdmWeights::Initial(options.recipe.pdm, 3) : PdmWeights();
   Objective objective(options);
   Result result;
-  result.losses = objective.Evaluate(view, rendered, weights, kIteration, options.use_pdm,
+  result.losses = objective.Evaluate(view, rendered, weights, kIteration, options.recipe.use_pdm,
                                      &result.v_rendered, &result.v_weights);
   return result;
 }
@@ -87,7 +88,7 @@ Planes Rendered(const TrainOptions& options) {
 
 TEST(MaskedObjective, WhatIsUnderTheMaskChangesNoByte) {
   for (const TrainOptions& options : {Options(false), Options(true), PlainOptions()}) {
-    SCOPED_TRACE(testing::Message() << options.lita << options.use_pdm);
+    SCOPED_TRACE(testing::Message() << options.recipe.lita << options.recipe.use_pdm);
     TrainView view = MaskedView();
     view.information = PlaneU8(kWidth, kHeight);
     std::fill(view.information.data.begin(), view.information.data.end(), kInformationOne / 2);
@@ -130,7 +131,7 @@ TEST(MaskedObjective, MaskedPixelsPassOnNoGradient) {
 TEST(MaskedObjective, WithTheDenoiserMaskedPixelsBeyondItsReachPassOnNoGradient) {
   const TrainOptions options = Options(true);
   // Each stage: three convolutions of 3x3 over what a filter of 3x3 takes from the picture.
-  const int reach = options.pdm.stages * 4;
+  const int reach = options.recipe.pdm.stages * 4;
   ASSERT_LT(kFirstMasked + reach, kWidth);
   const Result result = Evaluate(options, MaskedView(), Rendered(options));
   double near = 0;

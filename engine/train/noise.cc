@@ -32,14 +32,14 @@ TargetNoise MeasureNoise(const std::vector<TrainView>& views, int threads) {
   return {fine, std::sqrt(std::max(0.0, (fine * fine - coarse * coarse) * 4 / 3))};
 }
 
-TrainOptions SuitedTo(const TargetNoise& noise, TrainOptions options) {
-  if (!options.lita) return options;
+Recipe AdaptToNoise(Recipe recipe, const TargetNoise& noise) {
+  if (!recipe.lita) return recipe;
   const double fine = noise.fine * noise.fine, white = noise.white * noise.white;
   const double more = 1 + white / (white + kWhiteNoise * kWhiteNoise);
-  const double dropout = options.dropout * more * fine / (fine + kDropoutNoise * kDropoutNoise);
-  options.dropout = std::min(dropout, kMaxDropout);
-  options.exposure_ssim *= kWhiteNoise / std::max(kWhiteNoise, noise.white);
-  return options;
+  const double dropout = recipe.dropout * more * fine / (fine + kDropoutNoise * kDropoutNoise);
+  recipe.dropout = std::min(dropout, kMaxDropout);
+  recipe.exposure_ssim *= kWhiteNoise / std::max(kWhiteNoise, noise.white);
+  return recipe;
 }
 
 }  // namespace litags

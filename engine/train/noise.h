@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "engine/train/options.h"
+#include "engine/train/recipe.h"
 #include "engine/train/train_view.h"
 
 namespace litags {
@@ -22,11 +22,11 @@ struct TargetNoise {
 // threads <= 0: all cores.
 TargetNoise MeasureNoise(const std::vector<TrainView>& views, int threads);
 
-// The options as targets with such noise want them. Dropout times s^2 / (s^2 + 2^2) with s codes of
+// The recipe as targets with such noise want it. Dropout times s^2 / (s^2 + 2^2) with s codes of
 // fine noise, and times 1 + w^2 / (w^2 + 4^2) with w of white noise, at most kMaxDropout.
 // exposure_ssim falls in proportion beyond 4 codes of white noise, whose structure SSIM would ask
-// for as for that of the scene. Those of 3DGS stay. Choice, measured
-TrainOptions SuitedTo(const TargetNoise& noise, TrainOptions options);
+// for as for that of the scene. Plain 3DGS stays as it is. Choice, measured
+Recipe AdaptToNoise(Recipe recipe, const TargetNoise& noise);
 
 }  // namespace litags
 

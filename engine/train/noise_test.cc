@@ -50,21 +50,21 @@ TEST(Noise, WhatIsAsMuchInSmallerPicturesIsTexture) {
 }
 
 TEST(Noise, DropoutGrowsAndSsimFallsWithIt) {
-  TrainOptions options;
-  options.dropout = 0.4;
-  options.exposure_ssim = 0.2;
-  EXPECT_EQ(SuitedTo({0, 0}, options).dropout, 0);
-  EXPECT_DOUBLE_EQ(SuitedTo({2, 0}, options).dropout, 0.2);
-  EXPECT_NEAR(SuitedTo({100, 0}, options).dropout, 0.4, 0.001);
-  EXPECT_NEAR(SuitedTo({100, 4}, options).dropout, 0.6, 0.001);
-  EXPECT_NEAR(SuitedTo({100, 100}, options).dropout, 0.8, 0.002);
-  EXPECT_EQ(SuitedTo({100, 4}, options).exposure_ssim, 0.2);
-  EXPECT_DOUBLE_EQ(SuitedTo({100, 8}, options).exposure_ssim, 0.1);
-  options.dropout = 0.6;
-  EXPECT_EQ(SuitedTo({100, 100}, options).dropout, 0.9) << "the most there is";
-  options.lita = false;
-  EXPECT_EQ(SuitedTo({100, 8}, options).exposure_ssim, 0.2);
-  EXPECT_EQ(SuitedTo({100, 8}, options).dropout, 0.6);
+  Recipe recipe;
+  recipe.dropout = 0.4;
+  recipe.exposure_ssim = 0.2;
+  EXPECT_EQ(AdaptToNoise(recipe, {0, 0}).dropout, 0);
+  EXPECT_DOUBLE_EQ(AdaptToNoise(recipe, {2, 0}).dropout, 0.2);
+  EXPECT_NEAR(AdaptToNoise(recipe, {100, 0}).dropout, 0.4, 0.001);
+  EXPECT_NEAR(AdaptToNoise(recipe, {100, 4}).dropout, 0.6, 0.001);
+  EXPECT_NEAR(AdaptToNoise(recipe, {100, 100}).dropout, 0.8, 0.002);
+  EXPECT_EQ(AdaptToNoise(recipe, {100, 4}).exposure_ssim, 0.2);
+  EXPECT_DOUBLE_EQ(AdaptToNoise(recipe, {100, 8}).exposure_ssim, 0.1);
+  recipe.dropout = 0.6;
+  EXPECT_EQ(AdaptToNoise(recipe, {100, 100}).dropout, 0.9) << "the most there is";
+  recipe.lita = false;
+  EXPECT_EQ(AdaptToNoise(recipe, {100, 8}).exposure_ssim, 0.2);
+  EXPECT_EQ(AdaptToNoise(recipe, {100, 8}).dropout, 0.6);
 }
 
 }  // namespace

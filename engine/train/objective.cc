@@ -14,7 +14,7 @@ namespace {
 
 // Pixels of less weight have no part in L_exp: SSIM's windows would carry their doubt to what is
 // around. L_rec sees them still, for places that no other photo shows. Choice, measured
-constexpr float kDoubtful = 0.25f;
+constexpr float kLowWeight = 0.25f;
 
 // Zeros of the size of `like`, plane by plane.
 void ZeroLike(int threads, PlanesView like, Planes* out) {
@@ -47,7 +47,7 @@ double Seconds() {
 }  // namespace
 
 Objective::Objective(const TrainOptions& options)
-    : options_(options), workspace_(options.threads), pdm_(options.pdm, options.threads) {}
+    : options_(options), workspace_(options.threads), pdm_(options.recipe.pdm, options.threads) {}
 
 StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
                                const PdmWeights& weights, int iteration, bool denoise,
@@ -55,7 +55,7 @@ StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
   ZeroLike(options_.threads, rendered, v_rendered);
   UnpackImage(view.target, workspace_, &target_);
   UnpackInformation(view.information);
-  if (options_.lita) {
+  if (options_.recipe.lita) {
     return EvaluateLita(view, rendered, weights, iteration, denoise, v_rendered, v_weights);
   }
   StepLosses losses;
@@ -71,7 +71,7 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   StepLosses losses;
   const PlanesView R0(rendered, kChannelColor, 3);
   const PlanesView illumination(rendered, kChannelIllumination, 3);
-  const int stages = options_.pdm.stages;
+  const int stages = options_.recipe.pdm.stages;
   if (denoise) {
     const double start = Seconds();
     pdm_.Forward(weights, R0, PlanesView(rendered, kChannelNoise, 3));
@@ -82,20 +82,21 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
 
   UnpackImage(view.photo, workspace_, &input_);
   HideMasked(view.mask, R, illumination);
-  HideDoubtful(R);
-  losses.exposure = options_.weight_exposure * ExposureLoss(R, v_color);
+  HideLowWeights(R);
+  losses.exposure = options_.recipe.weight_exposure * ExposureLoss(R, v_color);
   losses.reconstruction =
-      options_.weight_reconstruction *
-      ProductReconstructionLoss(R, illumination, input_, options_.weight_reconstruction, v_color,
-                                PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_, {},
-                                information_);
+      options_.recipe.weight_reconstruction *
+      ProductReconstructionLoss(R, illumination, input_, options_.recipe.weight_reconstruction,
+                                v_color, PlanesSpan(*v_rendered, kChannelIllumination, 3),
+                                workspace_, {}, information_);
   if (denoise) {
     ZeroLike(options_.threads, R, &v_previous_);
     const PlanesView previous = stages > 1 ? PlanesView(pdm_.R(stages - 1)) : R0;
     losses.denoise =
-        options_.weight_denoise *
-            MseLoss(R, previous, options_.weight_denoise, v_color, v_previous_, workspace_) +
-        options_.weight_tv * TvLoss(R, TvNorm::kSquared, options_.weight_tv, v_color, workspace_);
+        options_.recipe.weight_denoise *
+            MseLoss(R, previous, options_.recipe.weight_denoise, v_color, v_previous_, workspace_) +
+        options_.recipe.weight_tv *
+            TvLoss(R, TvNorm::kSquared, options_.recipe.weight_tv, v_color, workspace_);
     ZeroMasked(view.mask, v_previous_);
   }
   AddStructure(view, rendered, iteration, v_rendered, &losses);
@@ -126,15 +127,15 @@ void Objective::HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumin
   }
 }
 
-void Objective::HideDoubtful(PlanesView R) {
+void Objective::HideLowWeights(PlanesView R) {
   for (size_t i = 0; i < information_.data.size(); ++i) {
-    if (information_.data[i] >= kDoubtful) continue;
+    if (information_.data[i] >= kLowWeight) continue;
     for (int c = 0; c < 3; ++c) target_.plane(c)[i] = R.plane(c)[i];
   }
 }
 
 double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
-  const double ssim = options_.exposure_ssim, weight = options_.weight_exposure;
+  const double ssim = options_.recipe.exposure_ssim, weight = options_.recipe.weight_exposure;
   if (ssim == 0) return L1Loss(R, target_, weight, v_R, workspace_, information_);
   return ReconstructionLoss(R, target_, weight, v_R, workspace_, {.l1 = 1 - ssim, .ssim = ssim},
                             information_);
@@ -142,15 +143,15 @@ double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
 
 void Objective::AddStructure(const TrainView& view, const Planes& rendered, int iteration,
                              Planes* v_rendered, StepLosses* losses) {
-  if (options_.use_prior && !view.structure.empty()) {
+  if (options_.recipe.use_prior && !view.structure.empty()) {
     UnpackPlane(view.structure, workspace_, &structure_);
     CopyMasked(view.mask, PlanesView(rendered, kChannelStructure, 1), structure_);
     losses->prior =
-        options_.weight_prior * L1Loss(PlanesView(rendered, kChannelStructure, 1), structure_,
-                                       options_.weight_prior,
-                                       PlanesSpan(*v_rendered, kChannelStructure, 1), workspace_);
+        options_.recipe.weight_prior *
+        L1Loss(PlanesView(rendered, kChannelStructure, 1), structure_, options_.recipe.weight_prior,
+               PlanesSpan(*v_rendered, kChannelStructure, 1), workspace_);
   }
-  if (options_.use_depth && view.depth.has_value()) {
+  if (options_.recipe.use_depth && view.depth.has_value()) {
     const DepthMap* map = &*view.depth;
     if (map->depth.width != rendered.width || map->depth.height != rendered.height) {
       ResizeDepth(*map, rendered.width, rendered.height, workspace_.threads, &depth_);
@@ -160,11 +161,11 @@ void Objective::AddStructure(const TrainView& view, const Planes& rendered, int 
         rendered.width, rendered.height, DepthPatchOptions(), options_.seed, iteration);
     const PlanesView confidence =
         map->confidence.empty() ? PlanesView() : PlanesView(map->confidence);
-    losses->depth =
-        options_.weight_depth * DepthLoss(PlanesView(rendered, kChannelDepth, 1), map->depth,
-                                          confidence, patches, options_.weight_depth,
-                                          PlanesSpan(*v_rendered, kChannelDepth, 1), workspace_)
-                                    .Sum();
+    losses->depth = options_.recipe.weight_depth *
+                    DepthLoss(PlanesView(rendered, kChannelDepth, 1), map->depth, confidence,
+                              patches, options_.recipe.weight_depth,
+                              PlanesSpan(*v_rendered, kChannelDepth, 1), workspace_)
+                        .Sum();
   }
 }
 

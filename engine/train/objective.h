@@ -26,8 +26,8 @@ class Objective {
 
   // Channels that it wants rendered: those without noise if the options have no PDM to read it.
   int NumChannels() const {
-    if (!options_.lita) return kColorOnly;
-    return options_.use_pdm ? int{kNumChannels} : kWithoutNoise;
+    if (!options_.recipe.lita) return kColorOnly;
+    return options_.recipe.use_pdm ? int{kNumChannels} : kWithoutNoise;
   }
 
   // Evaluates at `rendered` [NumChannels(), H, W], with R = PDM(R_0) if `denoise`, else R = R_0.
@@ -37,7 +37,8 @@ class Objective {
 
   // Whether the options want the PDM in this iteration.
   bool Denoises(int iteration) const {
-    return options_.lita && options_.use_pdm && iteration % options_.pdm_every == 0;
+    return options_.recipe.lita && options_.recipe.use_pdm &&
+           iteration % options_.recipe.pdm_every == 0;
   }
 
   double denoise_seconds() const { return denoise_seconds_; }
@@ -51,7 +52,7 @@ class Objective {
   // Masked pixels of the photo and the pseudo-target become what is rendered there.
   void HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumination);
   // So does the pseudo-target where other photos know better by far.
-  void HideDoubtful(PlanesView R);
+  void HideLowWeights(PlanesView R);
   void AddStructure(const TrainView& view, const Planes& rendered, int iteration,
                     Planes* v_rendered, StepLosses* losses);
 

@@ -80,7 +80,7 @@ void CheckAllGradients(const TrainOptions& options, const std::vector<int>& live
   Objective objective(options);
   Planes rendered = RenderedAwayFromKinks(objective.NumChannels(), kWidth, kHeight);
   PdmWeights weights;
-  if (options.lita && options.use_pdm) weights = RandomWeights(options.pdm);
+  if (options.recipe.lita && options.recipe.use_pdm) weights = RandomWeights(options.recipe.pdm);
   Planes v_rendered;
   PdmWeights v_weights;
   objective.Evaluate(view, rendered, weights, kIteration, objective.Denoises(kIteration),
@@ -122,7 +122,7 @@ void CheckAllGradients(const TrainOptions& options, const std::vector<int>& live
 TrainOptions Options() {
   TrainOptions options;
   options.threads = 1;
-  options.pdm.hidden = 4;
+  options.recipe.pdm.hidden = 4;
   return options;
 }
 
@@ -132,20 +132,20 @@ TEST(Objective, GradientOfTheWholeLossAgreesWithDifferences) {
 
 TEST(Objective, GradientAgreesWithOtherWeightsAndOwnNetworks) {
   TrainOptions options = Options();
-  options.pdm.shared = false;
-  options.pdm.stages = 2;
-  options.weight_exposure = 0.3;
-  options.weight_reconstruction = 2;
-  options.weight_prior = 0.7;
-  options.weight_depth = 1.5;
-  options.weight_denoise = 40;
-  options.weight_tv = 3;
+  options.recipe.pdm.shared = false;
+  options.recipe.pdm.stages = 2;
+  options.recipe.weight_exposure = 0.3;
+  options.recipe.weight_reconstruction = 2;
+  options.recipe.weight_prior = 0.7;
+  options.recipe.weight_depth = 1.5;
+  options.recipe.weight_denoise = 40;
+  options.recipe.weight_tv = 3;
   CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
 }
 
 TEST(Objective, GradientAgreesWithASingleStage) {
   TrainOptions options = Options();
-  options.pdm.stages = 1;
+  options.recipe.pdm.stages = 1;
   CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
 }
 
@@ -161,15 +161,15 @@ TrainView InformedView() {
 
 TEST(Objective, GradientAgreesWithInformationWeights) {
   TrainOptions options = Options();
-  options.exposure_ssim = 0.2;
+  options.recipe.exposure_ssim = 0.2;
   CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}, InformedView());
 }
 
 // A pixel that other photos know better by far must not spoil SSIM of what is around it.
 TEST(Objective, DoubtfulPixelsHaveNoPartInTheWindowsAround) {
   TrainOptions options = Options();
-  options.use_pdm = false;
-  options.exposure_ssim = 0.2;
+  options.recipe.use_pdm = false;
+  options.recipe.exposure_ssim = 0.2;
   const Planes rendered = RandomPlanes(kWithoutNoise, kHeight, kWidth, 9);
   const size_t middle = size_t(kHeight / 2) * kWidth + kWidth / 2;
   const auto gradient = [&](int information, int16_t sample) {
@@ -190,7 +190,7 @@ TEST(Objective, DoubtfulPixelsHaveNoPartInTheWindowsAround) {
 
 TEST(Objective, InformationWeighsPhotoAndTarget) {
   TrainOptions options = Options();
-  options.use_pdm = false;
+  options.recipe.use_pdm = false;
   TrainView view = SmallView();
   const Planes rendered = RandomPlanes(kWithoutNoise, kHeight, kWidth, 9);
   const auto evaluate = [&] {
@@ -213,21 +213,21 @@ TEST(Objective, InformationWeighsPhotoAndTarget) {
 
 TEST(Objective, WithoutPdmThereIsNoNoise) {
   TrainOptions options = Options();
-  options.use_pdm = false;
+  options.recipe.use_pdm = false;
   EXPECT_EQ(Objective(options).NumChannels(), int{kChannelNoise});
   CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7});
 }
 
 TEST(Objective, WithoutPriorAndDepthTheirChannelsAreFree) {
   TrainOptions options = Options();
-  options.use_prior = false;
-  options.use_depth = false;
+  options.recipe.use_prior = false;
+  options.recipe.use_depth = false;
   CheckAllGradients(options, {0, 1, 2, 5, 6, 7, 8, 9, 10});
 }
 
 TEST(Objective, Plain3dgsComparesColoursWithTheTarget) {
   TrainOptions options = Options();
-  options.lita = false;
+  options.recipe.lita = false;
   CheckAllGradients(options, {0, 1, 2});
 }
 
@@ -235,19 +235,19 @@ TEST(Objective, TermsAreWeightedAndSumToTheTotal) {
   const TrainView view = SmallView();
   const Planes rendered = RandomPlanes(kNumChannels, kHeight, kWidth, 9);
   TrainOptions options = Options();
-  const PdmWeights weights = RandomWeights(options.pdm);
+  const PdmWeights weights = RandomWeights(options.recipe.pdm);
   Planes v_rendered;
   PdmWeights v_weights;
-  const StepLosses one = Objective(options).Evaluate(view, rendered, weights, 0, options.use_pdm,
-                                                     &v_rendered, &v_weights);
+  const StepLosses one = Objective(options).Evaluate(
+      view, rendered, weights, 0, options.recipe.use_pdm, &v_rendered, &v_weights);
   for (const double term : {one.exposure, one.reconstruction, one.prior, one.depth, one.denoise}) {
     EXPECT_GT(term, 0);
   }
-  options.weight_exposure *= 2;
-  options.weight_prior *= 3;
-  options.weight_depth *= 5;
-  const StepLosses two = Objective(options).Evaluate(view, rendered, weights, 0, options.use_pdm,
-                                                     &v_rendered, &v_weights);
+  options.recipe.weight_exposure *= 2;
+  options.recipe.weight_prior *= 3;
+  options.recipe.weight_depth *= 5;
+  const StepLosses two = Objective(options).Evaluate(
+      view, rendered, weights, 0, options.recipe.use_pdm, &v_rendered, &v_weights);
   EXPECT_DOUBLE_EQ(two.exposure, 2 * one.exposure);
   EXPECT_DOUBLE_EQ(two.prior, 3 * one.prior);
   EXPECT_DOUBLE_EQ(two.depth, 5 * one.depth);
@@ -268,7 +268,7 @@ TEST(Objective, ASmallDepthMapCountsAsEnlarged) {
     losses[i] =
         Objective(Options())
             .Evaluate(i == 0 ? small : large, RandomPlanes(kNumChannels, kHeight, kWidth, 9),
-                      RandomWeights(Options().pdm), 0, true, &gradients[i], &v_weights)
+                      RandomWeights(Options().recipe.pdm), 0, true, &gradients[i], &v_weights)
             .depth;
   }
   EXPECT_GT(losses[0], 0);
@@ -283,9 +283,9 @@ TEST(Objective, AViewWithoutMapsTrainsWithoutTheirTerms) {
   const TrainOptions options = Options();
   Planes v_rendered;
   PdmWeights v_weights;
-  const StepLosses losses =
-      Objective(options).Evaluate(view, RandomPlanes(kNumChannels, kHeight, kWidth, 9),
-                                  RandomWeights(options.pdm), 0, true, &v_rendered, &v_weights);
+  const StepLosses losses = Objective(options).Evaluate(
+      view, RandomPlanes(kNumChannels, kHeight, kWidth, 9), RandomWeights(options.recipe.pdm), 0,
+      true, &v_rendered, &v_weights);
   EXPECT_EQ(losses.prior, 0);
   EXPECT_EQ(losses.depth, 0);
   EXPECT_GT(losses.denoise, 0);

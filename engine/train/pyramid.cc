@@ -80,8 +80,8 @@ TrainView HalfSize(const TrainView& view) {
 }
 
 ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options)
-    : views_(views), coarse_iterations_(options.coarse_until * options.iterations) {
-  int side = kMinSide << options.coarse_levels;
+    : views_(views), coarse_iterations_(options.recipe.coarse_until * options.iterations) {
+  int side = kMinSide << options.recipe.coarse_levels;
   for (const TrainView& v : *views) {
     side = std::min({side, v.view.camera.width, v.view.camera.height});
   }

@@ -94,8 +94,8 @@ TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
   const std::vector<TrainView> views = OneView(300, 256);
   TrainOptions options;
   options.iterations = 100;
-  options.coarse_levels = 2;
-  options.coarse_until = 0.5;
+  options.recipe.coarse_levels = 2;
+  options.recipe.coarse_until = 0.5;
   const ViewPyramid pyramid(&views, options);
   EXPECT_EQ(pyramid.LevelOf(0), 2);
   EXPECT_EQ(pyramid.LevelOf(24), 2);
@@ -115,9 +115,9 @@ TEST(ViewPyramid, SmallPhotosHaveFewerLevels) {
   const std::vector<TrainView> views = OneView(300, 200);
   TrainOptions options;
   options.iterations = 100;
-  options.coarse_levels = 4;
+  options.recipe.coarse_levels = 4;
   EXPECT_EQ(ViewPyramid(&views, options).LevelOf(0), 1);
-  options.coarse_levels = 0;
+  options.recipe.coarse_levels = 0;
   EXPECT_EQ(ViewPyramid(&views, options).LevelOf(0), 0);
   EXPECT_EQ(ViewPyramid(&views, options).CoarseEnd(), 0);
 }

@@ -53,23 +53,24 @@ absl::Status ReadNets(const Container& file, const char* name, int hidden, size_
   return absl::OkStatus();
 }
 
-void AddDetours(const std::vector<Detour>& detours, ContainerWriter* out) {
-  for (size_t k = 0; k < detours.size(); ++k) {
-    const Detour& d = detours[k];
-    out->AddSection(absl::StrCat("detour", k),
+void AddNanRecoveries(const std::vector<NanRecovery>& nan_recoveries, ContainerWriter* out) {
+  for (size_t k = 0; k < nan_recoveries.size(); ++k) {
+    const NanRecovery& d = nan_recoveries[k];
+    out->AddSection(absl::StrCat("nan_recovery", k),
                     absl::StrCat(d.iteration, d.gaussians ? " gaussians " : " photo ", d.source));
   }
 }
 
-absl::Status ReadDetours(const Container& file, size_t count, std::vector<Detour>* out) {
+absl::Status ReadNanRecoveries(const Container& file, size_t count, std::vector<NanRecovery>* out) {
   out->resize(count);
   for (size_t k = 0; k < count; ++k) {
-    LITAGS_ASSIGN_OR_RETURN(const std::string_view text, file.Section(absl::StrCat("detour", k)));
+    LITAGS_ASSIGN_OR_RETURN(const std::string_view text,
+                            file.Section(absl::StrCat("nan_recovery", k)));
     const std::vector<std::string> parts =
         absl::StrSplit(absl::string_view(text.data(), text.size()), absl::MaxSplits(' ', 2));
-    Detour& d = (*out)[k];
+    NanRecovery& d = (*out)[k];
     if (parts.size() != 3 || !absl::SimpleAtoi(parts[0], &d.iteration)) {
-      return Inconsistent("detour");
+      return Inconsistent("nan_recovery");
     }
     d.gaussians = parts[1] == "gaussians";
     d.source = parts[2];
@@ -84,7 +85,7 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
   ContainerWriter out(kKind, kCheckpointVersion);
   const std::vector<int64_t> header = {state.iteration, int64_t(state.splats.params.size()),
                                        state.pdm.hidden, int64_t(state.pdm.nets.size()),
-                                       int64_t(state.detours.size())};
+                                       int64_t(state.nan_recoveries.size())};
   out.AddSection("fingerprint", fingerprint);
   out.AddSection("simd target", SimdTarget());
   out.AddArrayView("header", header);
@@ -95,8 +96,8 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
   AddNets("pdm_moment1_", state.pdm_moment1, &out);
   AddNets("pdm_moment2_", state.pdm_moment2, &out);
   out.AddArrayView("density_grad", state.density.grad);
-  out.AddArrayView("density_weight", state.density.weight);
-  AddDetours(state.detours, &out);
+  out.AddArrayView("density_weight", state.density.views);
+  AddNanRecoveries(state.nan_recoveries, &out);
   return out.Commit(path);
 }
 
@@ -113,7 +114,7 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
   LITAGS_ASSIGN_OR_RETURN(const std::vector<int64_t> header, file.Array<int64_t>("header"));
   if (header.size() != 5 || header[0] < 0 || header[0] > INT_MAX || header[1] < 1 ||
       header[2] < 0 || header[2] > 64 || header[3] < 0 || header[3] > 8 || header[4] < 0 ||
-      header[4] > int64_t{kMaxDetours}) {
+      header[4] > int64_t{kMaxNanRecoveries}) {
     return Inconsistent("header");
   }
   TrainState state;
@@ -121,8 +122,8 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
   if (const auto target = file.Section("simd target"); target.ok()) state.saved_on = *target;
   const auto n = static_cast<size_t>(header[1]);
   LITAGS_ASSIGN_OR_RETURN(state.density.grad, file.Array<float>("density_grad"));
-  LITAGS_ASSIGN_OR_RETURN(state.density.weight, file.Array<float>("density_weight"));
-  if (state.density.grad.size() != n || state.density.weight.size() != n)
+  LITAGS_ASSIGN_OR_RETURN(state.density.views, file.Array<float>("density_weight"));
+  if (state.density.grad.size() != n || state.density.views.size() != n)
     return Inconsistent("density");
   LITAGS_RETURN_IF_ERROR(ReadSplats(file, "splats", n, &state.splats.params));
   LITAGS_RETURN_IF_ERROR(ReadSplats(file, "splats_moment1", n, &state.splats.moment1));
@@ -132,7 +133,8 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
   LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm", hidden, nets, &state.pdm));
   LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm_moment1_", hidden, nets, &state.pdm_moment1));
   LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm_moment2_", hidden, nets, &state.pdm_moment2));
-  LITAGS_RETURN_IF_ERROR(ReadDetours(file, static_cast<size_t>(header[4]), &state.detours));
+  LITAGS_RETURN_IF_ERROR(
+      ReadNanRecoveries(file, static_cast<size_t>(header[4]), &state.nan_recoveries));
   return state;
 }
 

@@ -9,7 +9,7 @@
 #include "absl/status/statusor.h"
 #include "engine/denoise/pdm.h"
 #include "engine/train/density.h"
-#include "engine/train/detour.h"
+#include "engine/train/nan_recovery.h"
 
 namespace litags {
 
@@ -20,7 +20,7 @@ struct TrainState {
   SplatState splats;
   PdmWeights pdm, pdm_moment1, pdm_moment2;
   DensityStats density;
-  std::vector<Detour> detours;  // by iteration
+  std::vector<NanRecovery> nan_recoveries;  // by iteration
   // SimdTarget() of who saved it; empty: it does not say. Not a part of what is trained.
   std::string saved_on;
 };

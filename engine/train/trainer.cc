@@ -25,9 +25,9 @@ namespace {
 
 constexpr uint64_t kViewOrderStream = 0x5649;  // random numbers of the photos' order
 constexpr uint64_t kDropoutStream = 0x4450;    // and of who is left out
-constexpr double kDropoutEpochs = 50;          // at full size, to half of options.dropout. Choice
+constexpr double kDropoutEpochs = 50;          // at full size, to half of recipe.dropout. Choice
 
-constexpr double kDensifyShare = 0.5;      // of the run, see options.densify_epochs. Choice
+constexpr double kDensifyShare = 0.5;      // of the run, see recipe.densify_epochs. Choice
 constexpr double kMostDensifyShare = 0.7;  // of short runs
 
 constexpr int kSkipsOfAPhoto = 2;  // then it is left out: it will not get better
@@ -68,6 +68,10 @@ const char* NotFinite(const StepLosses& losses) {
   return nullptr;
 }
 
+PixelFilter FilterOf(const Recipe& recipe) {
+  return recipe.antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
+}
+
 absl::Status NotFiniteError(const std::string& field, const std::string& message) {
   return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", field, message);
 }
@@ -81,15 +85,15 @@ struct Trainer::Impl {
   }
 
   int ShDegree() const {
-    const int grown = 1 + state.iteration / options.sh_interval;
+    const int grown = 1 + state.iteration / options.recipe.sh_interval;
     return std::min(options.sh_degree, grown);
   }
 
   int DensifyUntil() const {
     const double most =
-        std::clamp(options.densify_epochs * num_views, kDensifyShare * options.iterations,
+        std::clamp(options.recipe.densify_epochs * num_views, kDensifyShare * options.iterations,
                    kMostDensifyShare * options.iterations);
-    return std::min(pyramid.CoarseEnd() + options.densify_until, static_cast<int>(most));
+    return std::min(pyramid.CoarseEnd() + options.recipe.densify_until, static_cast<int>(most));
   }
 
   // At full size.
@@ -97,13 +101,13 @@ struct Trainer::Impl {
     return std::max(0, state.iteration - pyramid.CoarseEnd()) / static_cast<double>(num_views);
   }
 
-  double SettleFactor() const {
-    if (options.settle_epochs == 0) return 1;
-    return 1 / (1 + Epochs() / options.settle_epochs);
+  double RateDecay() const {
+    if (options.recipe.lr_decay_epochs == 0) return 1;
+    return 1 / (1 + Epochs() / options.recipe.lr_decay_epochs);
   }
 
   Dropout MakeDropout() const {
-    const double share = options.dropout * Epochs() / (Epochs() + kDropoutEpochs);
+    const double share = options.recipe.dropout * Epochs() / (Epochs() + kDropoutEpochs);
     return {share, CounterRng(options.seed, kDropoutStream + (uint64_t(state.iteration) << 16))};
   }
 
@@ -111,20 +115,21 @@ struct Trainer::Impl {
     AdamStep step(state.iteration + 1, AdamConstants());
     const double progress = std::min(1.0, double(state.iteration) / options.iterations);
     // Log-linear from lr_means to lr_means_final, either of which may be 0.
-    const double ratio = options.lr_means > 0 ? options.lr_means_final / options.lr_means : 0;
-    const double lr_means = options.lr_means * std::pow(ratio, progress) * extent;
+    const double ratio =
+        options.recipe.lr_means > 0 ? options.recipe.lr_means_final / options.recipe.lr_means : 0;
+    const double lr_means = options.recipe.lr_means * std::pow(ratio, progress) * extent;
     const auto set = [&](int row, int count, double lr) {
       std::fill_n(step.lr.begin() + row, count, static_cast<float>(lr));
     };
     set(kMean, 3, lr_means);
-    set(kLogScale, 3, options.lr_scales);
-    set(kRawQuat, 4, options.lr_quats);
-    set(kLogitOpacity, 1, options.lr_opacity);
-    set(kShDc, 3, options.lr_sh_dc);
-    set(kDepth, kShRest - kDepth, options.lr_attributes);
-    set(kShRest, kSplatRows - kShRest, options.lr_sh_rest);
-    const auto settle = static_cast<float>(SettleFactor());
-    for (int row = kMean + 3; row < kSplatRows; ++row) step.lr[row] *= settle;
+    set(kLogScale, 3, options.recipe.lr_scales);
+    set(kRawQuat, 4, options.recipe.lr_quats);
+    set(kLogitOpacity, 1, options.recipe.lr_opacity);
+    set(kShDc, 3, options.recipe.lr_sh_dc);
+    set(kDepth, kShRest - kDepth, options.recipe.lr_attributes);
+    set(kShRest, kSplatRows - kShRest, options.recipe.lr_sh_rest);
+    const auto decay = static_cast<float>(RateDecay());
+    for (int row = kMean + 3; row < kSplatRows; ++row) step.lr[row] *= decay;
     step.rows = SplatRowsForDegree(sh_degree);
     return step;
   }
@@ -134,7 +139,7 @@ struct Trainer::Impl {
     bool finite = true;
     for (size_t k = 0; k < state.pdm.nets.size(); ++k) {
       finite &=
-          AdamUpdate(step, static_cast<float>(options.lr_pdm), v_pdm.nets[k],
+          AdamUpdate(step, static_cast<float>(options.recipe.lr_pdm), v_pdm.nets[k],
                      absl::MakeSpan(state.pdm.nets[k]), absl::MakeSpan(state.pdm_moment1.nets[k]),
                      absl::MakeSpan(state.pdm_moment2.nets[k]));
     }
@@ -142,9 +147,9 @@ struct Trainer::Impl {
   }
 
   // The Gaussians' update from the renderer's gradients. The smallest index of those that are no
-  // longer finite, if any; none if this iteration is a detour around them.
+  // longer finite, if any; none if this iteration recovers from them.
   std::optional<size_t> UpdateSplats(const AdamStep& step) {
-    const bool hide = DetourHere(/*gaussians=*/true);
+    const bool hide = RecoversHere(/*gaussians=*/true);
     SmallestIndex lost;
     renderer.Backward(state.splats.params, v_rendered, Planes(),
                       [&](size_t block, const float* grads, uint32_t visible) {
@@ -158,23 +163,24 @@ struct Trainer::Impl {
     return lost.any() ? std::optional(lost.get()) : std::nullopt;
   }
 
-  bool DetourHere(bool gaussians) const {
-    return std::any_of(state.detours.begin(), state.detours.end(), [&](const Detour& d) {
-      return d.iteration == state.iteration && d.gaussians == gaussians;
-    });
+  bool RecoversHere(bool gaussians) const {
+    return std::any_of(state.nan_recoveries.begin(), state.nan_recoveries.end(),
+                       [&](const NanRecovery& d) {
+                         return d.iteration == state.iteration && d.gaussians == gaussians;
+                       });
   }
 
   // How often a photo's turn was skipped before `iteration`.
   int Skips(size_t photo, int iteration) const {
-    return static_cast<int>(
-        std::count_if(state.detours.begin(), state.detours.end(), [&](const Detour& d) {
+    return static_cast<int>(std::count_if(
+        state.nan_recoveries.begin(), state.nan_recoveries.end(), [&](const NanRecovery& d) {
           return !d.gaussians && d.iteration < iteration &&
                  ViewOfIteration(options.seed, d.iteration, num_views) == photo;
         }));
   }
 
   bool Skip(size_t photo) const {
-    return DetourHere(/*gaussians=*/false) || Skips(photo, state.iteration) >= kSkipsOfAPhoto;
+    return RecoversHere(/*gaussians=*/false) || Skips(photo, state.iteration) >= kSkipsOfAPhoto;
   }
 
   size_t PhotosLeftOut() const {
@@ -187,7 +193,7 @@ struct Trainer::Impl {
 
   absl::Status Fail(bool gaussians, const std::string& field, const std::string& what,
                     const std::string& photo) {
-    Detour d{state.iteration, gaussians, absl::StrCat(what, " (photo ", photo, ")")};
+    NanRecovery d{state.iteration, gaussians, absl::StrCat(what, " (photo ", photo, ")")};
     const absl::Status status =
         NotFiniteError(field, absl::StrCat(d.source, " at iteration ", d.iteration));
     fault = std::move(d);
@@ -200,10 +206,10 @@ struct Trainer::Impl {
   // At density steps: growth while it lasts, then no Gaussian nearer or wider than it may be.
   void Densify() {
     const int done = state.iteration;
-    if (done < options.densify_start || done % options.densify_every != 0) return;
+    if (done < options.recipe.densify_start || done % options.recipe.densify_every != 0) return;
     Timer timer(&phases.density);
     if (clear_distance > 0) {
-      ClearSpace(clear_distance, centers, options.threads, &state.splats.params);
+      PruneNearCameras(clear_distance, centers, options.threads, &state.splats.params);
     }
     if (done <= DensifyUntil()) {
       // Smaller photos have fewer pixels to explain; more Gaussians would only learn their noise.
@@ -211,8 +217,8 @@ struct Trainer::Impl {
       limited.max_gaussians >>= 2 * pyramid.LevelOf(done);
       ControlDensity(limited, extent, done, &state.splats, &state.density);
     }
-    if (options.max_scale > 0) {
-      LimitScales(options.max_scale, centers, options.threads, &state.splats.params);
+    if (options.recipe.max_scale > 0) {
+      LimitScales(options.recipe.max_scale, centers, options.threads, &state.splats.params);
     }
   }
 
@@ -228,12 +234,13 @@ struct Trainer::Impl {
   Planes rendered, alpha, v_rendered;
   PdmWeights v_pdm;
   PhaseSeconds phases;
-  std::optional<Detour> fault;  // what the last step met
+  std::optional<NanRecovery> fault;  // what the last step met
 };
 
 void Trainer::Impl::Start(Splats initial) {
-  if (options.clear_space > 0) {
-    clear_distance = options.clear_space * DistanceKept(0.99, centers, options.threads, initial);
+  if (options.recipe.near_camera_pruning > 0) {
+    clear_distance = options.recipe.near_camera_pruning *
+                     DistanceQuantile(0.01, centers, options.threads, initial);
   }
   state = TrainState();
   state.splats.params = std::move(initial);
@@ -241,10 +248,10 @@ void Trainer::Impl::Start(Splats initial) {
   state.splats.moment2 = Splats(state.splats.params.size());
   state.splats.Rearrange(MortonOrder(state.splats.params));
   state.density.Reset(state.splats.params.size());
-  if (options.lita && options.use_pdm) {
-    state.pdm = PdmWeights::Initial(options.pdm, options.seed);
-    state.pdm_moment1 = PdmWeights::Zeros(options.pdm);
-    state.pdm_moment2 = PdmWeights::Zeros(options.pdm);
+  if (options.recipe.lita && options.recipe.use_pdm) {
+    state.pdm = PdmWeights::Initial(options.recipe.pdm, options.seed);
+    state.pdm_moment1 = PdmWeights::Zeros(options.recipe.pdm);
+    state.pdm_moment2 = PdmWeights::Zeros(options.recipe.pdm);
   }
 }
 
@@ -259,10 +266,9 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   settings.sh_degree = ShDegree();
   settings.threads = options.threads;
   settings.dropout = MakeDropout();
-  settings.pixel_filter = options.pixel_filter;
-  if (options.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
-  if (!options.prior_geometry) settings.detached_channels = 1u << kChannelStructure;
-  if (state.iteration < DensifyUntil()) settings.pixel_sum = options.density_statistic;
+  settings.pixel_filter = FilterOf(options.recipe);
+  if (options.recipe.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
+  if (!options.recipe.prior_geometry) settings.detached_channels = 1u << kChannelStructure;
   {
     Timer timer(&phases.forward);
     renderer.Forward(state.splats.params, camera, settings, &rendered, &alpha);
@@ -295,7 +301,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
                 view.view.name);
   }
   if (state.iteration < DensifyUntil()) {
-    state.density.Add(options.density_statistic, renderer.stats(), camera.width, camera.height);
+    state.density.Add(renderer.stats(), camera.width, camera.height);
   }
   return losses;
 }
@@ -334,7 +340,7 @@ absl::Status Trainer::RollBack(const std::string& path, const std::string& finge
                                Splats initial) {
   Impl& s = *impl_;
   LITAGS_CHECK(s.fault.has_value());
-  const Detour fault = *std::exchange(s.fault, std::nullopt);
+  const NanRecovery fault = *std::exchange(s.fault, std::nullopt);
   const auto give_up = [&](const std::string& why) {
     return NotFiniteError(
         "training",
@@ -342,28 +348,30 @@ absl::Status Trainer::RollBack(const std::string& path, const std::string& finge
                      "): ", fault.source, " at iteration ", fault.iteration,
                      "; leave out that photo or its depth map, or check the cameras"));
   };
-  if (s.state.detours.size() == kMaxDetours) {
-    return give_up(absl::StrCat("after ", kMaxDetours, " roll-backs"));
+  if (s.state.nan_recoveries.size() == kMaxNanRecoveries) {
+    return give_up(absl::StrCat("after ", kMaxNanRecoveries, " roll-backs"));
   }
-  std::vector<Detour> detours = std::move(s.state.detours);
-  detours.push_back(fault);
+  std::vector<NanRecovery> nan_recoveries = std::move(s.state.nan_recoveries);
+  nan_recoveries.push_back(fault);
   if (!LoadCheckpoint(path, fingerprint, fault.iteration).ok()) s.Start(std::move(initial));
-  s.state.detours = std::move(detours);
+  s.state.nan_recoveries = std::move(nan_recoveries);
   if (2 * s.PhotosLeftOut() > s.num_views) return give_up("with half of the photos left out");
   return absl::OkStatus();
 }
 
-const std::vector<Detour>& Trainer::detours() const { return impl_->state.detours; }
+const std::vector<NanRecovery>& Trainer::nan_recoveries() const {
+  return impl_->state.nan_recoveries;
+}
 
 Model Trainer::Snapshot() const {
   const Impl& s = *impl_;
   Model model;
   model.splats = s.state.splats.params;
-  model.lita = s.options.lita;
-  model.use_pdm = s.options.lita && s.options.use_pdm;
-  model.pdm_options = s.options.pdm;
+  model.lita = s.options.recipe.lita;
+  model.use_pdm = s.options.recipe.lita && s.options.recipe.use_pdm;
+  model.pdm_options = s.options.recipe.pdm;
   model.pdm = s.state.pdm;
-  model.pixel_filter = s.options.pixel_filter;
+  model.pixel_filter = FilterOf(s.options.recipe);
   model.sh_degree = s.ShDegree();
   model.iteration = s.state.iteration;
   return model;

@@ -11,8 +11,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/splats.h"
-#include "engine/train/detour.h"
 #include "engine/train/model.h"
+#include "engine/train/nan_recovery.h"
 #include "engine/train/options.h"
 #include "engine/train/train_view.h"
 
@@ -25,7 +25,7 @@ struct StepLosses {
   double prior = 0;
   double depth = 0;
   double denoise = 0;    // MSE of the last two stages + TV
-  bool skipped = false;  // a detour: there was no photo
+  bool skipped = false;  // the photo's turn was skipped (NaN recovery)
 
   double Total() const { return exposure + reconstruction + prior + depth + denoise; }
 };
@@ -51,14 +51,14 @@ class Trainer {
   absl::StatusOr<StepLosses> Step();
 
   // After NOT_FINITE: back to the checkpoint at `path`, or to `initial` (as the constructor got it)
-  // if it is none of this run, and around what was met there: see Detour. A photo that was skipped
-  // twice is not used again. Iterations in between are repeated exactly, so the result does not
-  // depend on where the run went back to. INTERNAL (NOT_FINITE) after kMaxDetours, or when more
-  // than half of the photos would be left out.
+  // if it is none of this run, and around what was met there: see NanRecovery. A photo that was
+  // skipped twice is not used again. Iterations in between are repeated exactly, so the result does
+  // not depend on where the run went back to. INTERNAL (NOT_FINITE) after kMaxNanRecoveries, or
+  // when more than half of the photos would be left out.
   absl::Status RollBack(const std::string& path, const std::string& fingerprint, Splats initial);
 
   // What was met so far, by iteration; part of checkpoints.
-  const std::vector<Detour>& detours() const;
+  const std::vector<NanRecovery>& nan_recoveries() const;
 
   int iteration() const;  // finished iterations
   size_t num_gaussians() const;

@@ -23,15 +23,15 @@ TrainOptions Options() {
   TrainOptions options;
   options.iterations = kIterations;
   options.threads = 1;
-  options.pdm.hidden = 4;
-  options.sh_interval = 15;
-  options.densify_start = 10;
-  options.densify_every = 10;
-  options.densify_grad = 1e-5;
+  options.recipe.pdm.hidden = 4;
+  options.recipe.sh_interval = 15;
+  options.recipe.densify_start = 10;
+  options.recipe.densify_every = 10;
+  options.recipe.densify_grad = 1e-5;
   options.max_gaussians = 400;
-  options.dropout = 0.3;
+  options.recipe.dropout = 0.3;
   // Sixty iterations have to show something.
-  options.lr_sh_dc = options.lr_attributes = 0.04;
+  options.recipe.lr_sh_dc = options.recipe.lr_attributes = 0.04;
   return options;
 }
 
@@ -88,7 +88,7 @@ TEST(Trainer, LossFallsAndTheSceneGrowsWithinItsBudget) {
   for (const bool lita : {true, false}) {
     SCOPED_TRACE(lita);
     TrainOptions options = Options();
-    options.lita = lita;
+    options.recipe.lita = lita;
     Trainer trainer = MakeTrainer(options);
     const std::vector<double> losses = Train(&trainer, kIterations);
     ASSERT_EQ(losses.size(), size_t{kIterations});
@@ -113,26 +113,6 @@ TEST(Trainer, NumberOfThreadsDoesNotChangeAByte) {
     Trainer more = MakeTrainer(options);
     EXPECT_EQ(Train(&more, 35), losses);
     ExpectSame(one.Snapshot(), more.Snapshot());
-  }
-}
-
-TEST(Trainer, EveryDensityStatisticTrainsTheSameBytesOnAnyNumberOfThreads) {
-  std::vector<AlignedFloats> results;
-  for (const PixelSum statistic : {PixelSum::kNone, PixelSum::kAbsGradient, PixelSum::kCount}) {
-    TrainOptions options = Options();
-    options.density_statistic = statistic;
-    options.densify_abs_grad = 4e-5;
-    Trainer one = MakeTrainer(options);
-    Train(&one, 25);
-    EXPECT_GT(one.num_gaussians(), 300u);
-    options.threads = 3;
-    Trainer three = MakeTrainer(options);
-    Train(&three, 25);
-    ExpectSame(one.Snapshot(), three.Snapshot());
-    for (const AlignedFloats& other : results) {
-      EXPECT_FALSE(SameBytes(other, one.Snapshot().splats.data())) << "the statistic has no effect";
-    }
-    results.push_back(one.Snapshot().splats.data());
   }
 }
 
@@ -190,7 +170,7 @@ TEST(Trainer, RefusesCheckpointsItCannotContinue) {
 
   // Same fingerprint, another network: a bug of the caller, but no crash.
   TrainOptions wide = Options();
-  wide.pdm.hidden = 8;
+  wide.recipe.pdm.hidden = 8;
   Trainer wider = MakeTrainer(wide);
   EXPECT_EQ(ReasonOf(wider.LoadCheckpoint(dir / "good", "print")), "CHECKPOINT_INCONSISTENT");
 
@@ -222,9 +202,9 @@ TEST(Trainer, AblationsTrain) {
   for (int off = 0; off < 8; ++off) {
     SCOPED_TRACE(off);
     TrainOptions options = Options();
-    options.use_pdm = (off & 1) == 0;
-    options.use_prior = (off & 2) == 0;
-    options.use_depth = (off & 4) == 0;
+    options.recipe.use_pdm = (off & 1) == 0;
+    options.recipe.use_prior = (off & 2) == 0;
+    options.recipe.use_depth = (off & 4) == 0;
     Trainer trainer = MakeTrainer(options);
     double prior = 0, depth = 0, denoise = 0;
     for (int i = 0; i < 8; ++i) {  // every view once: half of them have depth
@@ -234,17 +214,17 @@ TEST(Trainer, AblationsTrain) {
       depth += step->depth;
       denoise += step->denoise;
     }
-    EXPECT_EQ(denoise > 0, options.use_pdm);
-    EXPECT_EQ(prior > 0, options.use_prior);
-    EXPECT_EQ(depth > 0, options.use_depth);
+    EXPECT_EQ(denoise > 0, options.recipe.use_pdm);
+    EXPECT_EQ(prior > 0, options.recipe.use_prior);
+    EXPECT_EQ(depth > 0, options.recipe.use_depth);
   }
 }
 
 TEST(Trainer, DensityGrowsUntilTheEpochsAreOverWithinBounds) {
   const auto last_growth = [](double epochs, int until) {
     TrainOptions options = Options();
-    options.densify_epochs = epochs;
-    options.densify_until = until;
+    options.recipe.densify_epochs = epochs;
+    options.recipe.densify_until = until;
     options.max_gaussians = 100000;
     Trainer trainer = MakeTrainer(options);
     int last = 0;
@@ -277,9 +257,9 @@ double ToNearestCamera(const Splats& splats, size_t i) {
 TEST(Trainer, NoGaussianIsWiderThanItsDistanceToTheCamerasAllows) {
   const auto widest = [](double max_scale) {
     TrainOptions options = Options();
-    options.max_scale = max_scale;
-    options.lr_scales = 0.2;     // they all grow wide soon
-    options.densify_until = 20;  // cut after growth as well
+    options.recipe.max_scale = max_scale;
+    options.recipe.lr_scales = 0.2;     // they all grow wide soon
+    options.recipe.densify_until = 20;  // cut after growth as well
     Trainer trainer = MakeTrainer(options);
     Train(&trainer, kIterations);
     const Splats splats = trainer.Snapshot().splats;
@@ -298,7 +278,7 @@ TEST(Trainer, NoGaussianIsWiderThanItsDistanceToTheCamerasAllows) {
 TEST(Trainer, TheSpaceBeforeTheCamerasIsKeptClear) {
   const auto nearest = [](double clear_space) {
     TrainOptions options = Options();
-    options.clear_space = clear_space;
+    options.recipe.near_camera_pruning = clear_space;
     Trainer trainer = MakeTrainer(options);
     Train(&trainer, kIterations);
     const Splats splats = trainer.Snapshot().splats;
@@ -317,8 +297,8 @@ TEST(Trainer, TheSpaceBeforeTheCamerasIsKeptClear) {
 TEST(Trainer, APriorThatMovesNothingTrainsItsAttributeAlone) {
   const auto train = [](bool use_prior, bool geometry) {
     TrainOptions options = Options();
-    options.use_prior = use_prior;
-    options.prior_geometry = geometry;
+    options.recipe.use_prior = use_prior;
+    options.recipe.prior_geometry = geometry;
     Trainer trainer = MakeTrainer(options);
     Train(&trainer, kIterations);
     return trainer.Snapshot().splats;
@@ -341,8 +321,8 @@ TEST(Trainer, APriorThatMovesNothingTrainsItsAttributeAlone) {
 
 TEST(Trainer, LearningRatesOfZeroFreezeTheMeans) {
   TrainOptions options = Options();
-  options.lr_means = options.lr_means_final = 0;
-  options.densify_start = kIterations;
+  options.recipe.lr_means = options.recipe.lr_means_final = 0;
+  options.recipe.densify_start = kIterations;
   Trainer trainer = MakeTrainer(options);
   const Model before = trainer.Snapshot();
   Train(&trainer, 5);
@@ -355,10 +335,10 @@ TEST(Trainer, LearningRatesOfZeroFreezeTheMeans) {
 
 TEST(Trainer, RatesFallByTheEpochsAtFullSize) {
   // The largest step of a colour: Adam's are about the learning rate.
-  const auto moved = [](double settle_epochs) {
+  const auto moved = [](double decay_epochs) {
     TrainOptions options = Options();
-    options.densify_until = 0;
-    options.settle_epochs = settle_epochs;
+    options.recipe.densify_until = 0;
+    options.recipe.lr_decay_epochs = decay_epochs;
     Trainer trainer = MakeTrainer(options);
     Train(&trainer, 32);
     const Splats before = trainer.Snapshot().splats;
@@ -371,10 +351,10 @@ TEST(Trainer, RatesFallByTheEpochsAtFullSize) {
   };
   // 32 iterations of 8 photos: 4 epochs, so 1 / (1 + 4 / 0.5) of the constant rate, more or less:
   // the two runs are at different places.
-  const double constant = moved(0), settled = moved(0.5);
+  const double constant = moved(0), decayed = moved(0.5);
   EXPECT_GT(constant, 0.02);
-  EXPECT_LT(settled, constant / 4);
-  EXPECT_GT(settled, constant / 20);
+  EXPECT_LT(decayed, constant / 4);
+  EXPECT_GT(decayed, constant / 20);
 }
 
 TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
@@ -382,8 +362,8 @@ TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
   // Gaussians that iteration `at` leaves as they were, out of 300.
   const auto left_out = [&](double dropout, int at) {
     TrainOptions options = Options();
-    options.densify_until = 0;
-    options.dropout = dropout;
+    options.recipe.densify_until = 0;
+    options.recipe.dropout = dropout;
     Trainer trainer(options, &views, Start(), SceneExtent(views));
     Train(&trainer, at);
     const Splats before = trainer.Snapshot().splats;
@@ -412,13 +392,13 @@ TEST(TrainOptions, ValidateNamesTheBrokenRule) {
   EXPECT_EQ(field_of([](TrainOptions* o) { o->iterations = 0; }), "iterations");
   EXPECT_EQ(field_of([](TrainOptions* o) { o->threads = -1; }), "threads");
   EXPECT_EQ(field_of([](TrainOptions* o) { o->sh_degree = 4; }), "sh_degree");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->sh_interval = 0; }), "sh_interval");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->recipe.sh_interval = 0; }), "sh_interval");
   EXPECT_EQ(field_of([](TrainOptions* o) { o->max_gaussians = 0; }), "max_gaussians");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->lr_means = kNan; }), "lr_means");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->weight_tv = -1; }), "weight_tv");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->dropout = 0.95; }), "dropout");
-  EXPECT_NE(field_of([](TrainOptions* o) { o->densify_every = 0; }), "valid");
-  EXPECT_NE(field_of([](TrainOptions* o) { o->pdm.stages = 0; }), "valid");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->recipe.lr_means = kNan; }), "lr_means");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->recipe.weight_tv = -1; }), "weight_tv");
+  EXPECT_EQ(field_of([](TrainOptions* o) { o->recipe.dropout = 0.95; }), "dropout");
+  EXPECT_NE(field_of([](TrainOptions* o) { o->recipe.densify_every = 0; }), "valid");
+  EXPECT_NE(field_of([](TrainOptions* o) { o->recipe.pdm.stages = 0; }), "valid");
 }
 
 }  // namespace

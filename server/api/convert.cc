@@ -1,10 +1,13 @@
 #include "server/api/convert.h"
 
+#include <google/protobuf/descriptor.h>
 #include <google/protobuf/util/time_util.h>
 
 #include <cmath>
+#include <type_traits>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/check.h"
 #include "engine/core/error.h"
 #include "litags/v1/reconstruction_service.pb.h"
 #include "server/jobs/codec.h"
@@ -14,20 +17,6 @@ namespace {
 
 using google::protobuf::util::TimeUtil;
 
-// Enumerations of engine and proto have the same order; proto has UNSPECIFIED in front.
-static_assert(static_cast<int>(Method::kLitaGs) + 1 == v1::METHOD_LITA_GS);
-static_assert(static_cast<int>(Method::k3dgs) + 1 == v1::METHOD_3DGS);
-static_assert(static_cast<int>(Tone::kPaper) + 1 == v1::TONE_PAPER);
-static_assert(static_cast<int>(Tone::kLinearGain) + 1 == v1::TONE_LINEAR_GAIN);
-static_assert(static_cast<int>(Tone::kNone) + 1 == v1::TONE_NONE);
-static_assert(static_cast<int>(DepthOrigin::kAuto) + 1 == v1::DEPTH_SOURCE_AUTO);
-static_assert(static_cast<int>(DepthOrigin::kMaps) + 1 == v1::DEPTH_SOURCE_MAPS);
-static_assert(static_cast<int>(DepthOrigin::kStereo) + 1 == v1::DEPTH_SOURCE_STEREO);
-static_assert(static_cast<int>(DepthOrigin::kNetwork) + 1 == v1::DEPTH_SOURCE_NETWORK);
-static_assert(static_cast<int>(DepthOrigin::kNone) + 1 == v1::DEPTH_SOURCE_NONE);
-static_assert(static_cast<int>(Tone::kCapture) + 1 == v1::TONE_CAPTURE);
-static_assert(static_cast<int>(WhiteBalance::kCamera) + 1 == v1::WHITE_BALANCE_CAMERA);
-static_assert(static_cast<int>(WhiteBalance::kScene) + 1 == v1::WHITE_BALANCE_SCENE);
 static_assert(static_cast<int>(Stage::kLoading) + 1 == v1::STAGE_LOADING);
 static_assert(static_cast<int>(Stage::kSaving) + 1 == v1::STAGE_SAVING);
 static_assert(static_cast<int>(JobState::kUploading) == v1::JOB_STATE_UPLOADING);
@@ -36,10 +25,64 @@ static_assert(static_cast<int>(FileRole::kPhoto) == v1::FILE_ROLE_PHOTO);
 static_assert(static_cast<int>(FileRole::kArchive) == v1::FILE_ROLE_ARCHIVE);
 static_assert(static_cast<int>(FileRole::kMask) == v1::FILE_ROLE_MASK);
 
-absl::Status UnknownEnum(const char* field, int value) {
-  return InvalidInput("OPTION_OUT_OF_RANGE", field,
-                      absl::StrCat(field, " has the value ", value,
-                                   ", which this server does not know; see job.proto"));
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Reflection;
+
+// The field of JobOptions that the engine's field is, by name.
+const FieldDescriptor* ProtoField(const char* name) {
+  const FieldDescriptor* field = v1::JobOptions::descriptor()->FindFieldByName(name);
+  LITAGS_CHECK(field != nullptr);
+  return field;
+}
+
+// Enums of the proto have the engine's values plus 1; 0 is unspecified.
+template <class T>
+absl::Status ReadField(const v1::JobOptions& proto, const char* name, T* value) {
+  const FieldDescriptor* field = ProtoField(name);
+  const Reflection& reflection = *proto.GetReflection();
+  if (!reflection.HasField(proto, field)) return absl::OkStatus();
+  if constexpr (IsOptional<T>::value) {
+    typename T::value_type known = value->value_or(typename T::value_type());
+    if (reflection.GetEnumValue(proto, field) == 0) return absl::OkStatus();
+    LITAGS_RETURN_IF_ERROR(ReadField(proto, name, &known));
+    *value = known;
+  } else if constexpr (std::is_enum_v<T>) {
+    const int number = reflection.GetEnumValue(proto, field);
+    if (field->enum_type()->FindValueByNumber(number) == nullptr) {
+      return InvalidInput("OPTION_OUT_OF_RANGE", absl::StrCat("options.", name),
+                          absl::StrCat("options.", name, " has the value ", number,
+                                       ", which this server does not know; see job.proto"));
+    }
+    if (number != 0) *value = static_cast<T>(number - 1);
+  } else if constexpr (std::is_same_v<T, double>) {
+    *value = reflection.GetDouble(proto, field);
+  } else if constexpr (std::is_same_v<T, uint64_t>) {
+    *value = reflection.GetUInt64(proto, field);
+  } else if constexpr (std::is_same_v<T, int64_t>) {
+    *value = reflection.GetInt64(proto, field);
+  } else {
+    *value = reflection.GetInt32(proto, field);
+  }
+  return absl::OkStatus();
+}
+
+template <class T>
+void WriteField(const char* name, const T& value, v1::JobOptions* proto) {
+  const FieldDescriptor* field = ProtoField(name);
+  const Reflection& reflection = *proto->GetReflection();
+  if constexpr (IsOptional<T>::value) {
+    if (value.has_value()) WriteField(name, *value, proto);
+  } else if constexpr (std::is_enum_v<T>) {
+    reflection.SetEnumValue(proto, field, static_cast<int>(value) + 1);
+  } else if constexpr (std::is_same_v<T, double>) {
+    reflection.SetDouble(proto, field, value);
+  } else if constexpr (std::is_same_v<T, uint64_t>) {
+    reflection.SetUInt64(proto, field, value);
+  } else if constexpr (std::is_same_v<T, int64_t>) {
+    reflection.SetInt64(proto, field, value);
+  } else {
+    reflection.SetInt32(proto, field, value);
+  }
 }
 
 v1::Stage StageToProto(Stage stage) { return static_cast<v1::Stage>(static_cast<int>(stage) + 1); }
@@ -89,75 +132,14 @@ void SetTime(int64_t time_ms, google::protobuf::Timestamp* proto) {
 
 absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
                                                     ReconstructOptions options) {
-  if (proto.has_method() && proto.method() != v1::METHOD_UNSPECIFIED) {
-    if (!v1::Method_IsValid(proto.method())) return UnknownEnum("options.method", proto.method());
-    options.method = static_cast<Method>(proto.method() - 1);
-  }
-  if (proto.has_tone() && proto.tone() != v1::TONE_UNSPECIFIED) {
-    if (!v1::Tone_IsValid(proto.tone())) return UnknownEnum("options.tone", proto.tone());
-    options.tone = static_cast<Tone>(proto.tone() - 1);
-  }
-  if (proto.has_white_balance() && proto.white_balance() != v1::WHITE_BALANCE_UNSPECIFIED) {
-    if (!v1::WhiteBalance_IsValid(proto.white_balance()))
-      return UnknownEnum("options.white_balance", proto.white_balance());
-    options.white_balance = static_cast<WhiteBalance>(proto.white_balance() - 1);
-  }
-  if (proto.has_depth_source() && proto.depth_source() != v1::DEPTH_SOURCE_UNSPECIFIED) {
-    if (!v1::DepthSource_IsValid(proto.depth_source()))
-      return UnknownEnum("options.depth_source", proto.depth_source());
-    options.depth_source = static_cast<DepthOrigin>(proto.depth_source() - 1);
-  }
-  if (proto.has_density_statistic() &&
-      proto.density_statistic() != v1::DENSITY_STATISTIC_UNSPECIFIED) {
-    if (!v1::DensityStatistic_IsValid(proto.density_statistic()))
-      return UnknownEnum("options.density_statistic", proto.density_statistic());
-    options.density_statistic = static_cast<DensityStatistic>(proto.density_statistic() - 1);
-  }
-  if (proto.has_density_growth() && proto.density_growth() != v1::DENSITY_GROWTH_UNSPECIFIED) {
-    if (!v1::DensityGrowth_IsValid(proto.density_growth()))
-      return UnknownEnum("options.density_growth", proto.density_growth());
-    options.density_growth = static_cast<DensityGrowth>(proto.density_growth() - 1);
-  }
-  if (proto.has_theta()) options.theta = proto.theta();
-  if (proto.has_iterations()) options.iterations = proto.iterations();
-  if (proto.has_seed()) options.seed = proto.seed();
-  if (proto.has_threads()) options.threads = proto.threads();
-  if (proto.has_max_gaussians()) options.max_gaussians = proto.max_gaussians();
-  if (proto.has_sh_degree()) options.sh_degree = proto.sh_degree();
-  if (proto.has_use_pdm()) options.use_pdm = proto.use_pdm();
-  if (proto.has_use_prior()) options.use_prior = proto.use_prior();
-  if (proto.has_prior_geometry()) options.prior_geometry = proto.prior_geometry();
-  if (proto.has_use_depth()) options.use_depth = proto.use_depth();
-  if (proto.has_max_image_side()) options.max_image_side = proto.max_image_side();
-  if (proto.has_holdout_every()) options.holdout_every = proto.holdout_every();
-  if (proto.has_min_registered()) options.min_registered = proto.min_registered();
-  if (proto.has_checkpoint_every()) options.checkpoint_every = proto.checkpoint_every();
-  if (proto.has_preview_every()) options.preview_every = proto.preview_every();
-  if (proto.has_exposure_ssim()) options.exposure_ssim = proto.exposure_ssim();
-  if (proto.has_pdm_hidden()) options.pdm_hidden = proto.pdm_hidden();
-  if (proto.has_pdm_every()) options.pdm_every = proto.pdm_every();
-  if (proto.has_coarse_levels()) options.coarse_levels = proto.coarse_levels();
-  if (proto.has_coarse_until()) options.coarse_until = proto.coarse_until();
-  if (proto.has_depth_weight()) options.depth_weight = proto.depth_weight();
-  if (proto.has_dense_start()) options.dense_start = proto.dense_start();
-  if (proto.has_depth_geometry()) options.depth_geometry = proto.depth_geometry();
-  if (proto.has_settle_epochs()) options.settle_epochs = proto.settle_epochs();
-  if (proto.has_dropout()) options.dropout = proto.dropout();
-  if (proto.has_noise_filter()) options.noise_filter = proto.noise_filter();
-  if (proto.has_antialiased()) options.antialiased = proto.antialiased();
-  if (proto.has_information_weights()) options.information_weights = proto.information_weights();
-  if (proto.has_contrast()) options.contrast = proto.contrast();
-  if (proto.has_chroma_smoothing()) options.chroma_smoothing = proto.chroma_smoothing();
-  if (proto.has_schedule_iterations()) options.schedule_iterations = proto.schedule_iterations();
-
-  const absl::Status valid = options.Validate();
-  if (valid.ok()) return options;
-  // The engine knows its fields, not where they stand in the request.
-  const ErrorDetail detail = GetErrorDetail(valid).value_or(ErrorDetail{"OPTION_OUT_OF_RANGE", ""});
-  const bool placed = detail.field.starts_with("options.");
-  return MakeError(valid.code(), detail.reason,
-                   placed ? detail.field : absl::StrCat("options.", detail.field),
-                   std::string(valid.message()));
+  absl::Status status;
+  VisitFields(FieldsOf<ReconstructOptions>(), options,
+              [&](const char* name, auto& value, const FieldRule&) {
+                if (status.ok()) status = ReadField(proto, name, &value);
+              });
+  LITAGS_RETURN_IF_ERROR(status);
+  LITAGS_RETURN_IF_ERROR(options.Validate());
+  return options;
 }
 
 absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy policy) {
@@ -174,46 +156,11 @@ absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy 
 
 v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   v1::JobOptions proto;
-  proto.set_method(static_cast<v1::Method>(static_cast<int>(options.method) + 1));
-  proto.set_tone(static_cast<v1::Tone>(static_cast<int>(options.tone) + 1));
-  proto.set_white_balance(
-      static_cast<v1::WhiteBalance>(static_cast<int>(options.white_balance) + 1));
-  proto.set_theta(options.theta);
-  proto.set_iterations(options.iterations);
-  proto.set_seed(options.seed);
-  proto.set_threads(options.threads);
-  proto.set_max_gaussians(options.max_gaussians);
-  proto.set_sh_degree(options.sh_degree);
-  proto.set_use_pdm(options.use_pdm);
-  proto.set_use_prior(options.use_prior);
-  proto.set_use_depth(options.use_depth);
-  proto.set_max_image_side(options.max_image_side);
-  proto.set_holdout_every(options.holdout_every);
-  proto.set_min_registered(options.min_registered);
-  proto.set_checkpoint_every(options.checkpoint_every);
-  proto.set_preview_every(options.preview_every);
-  proto.set_exposure_ssim(options.exposure_ssim);
-  proto.set_pdm_hidden(options.pdm_hidden);
-  proto.set_pdm_every(options.pdm_every);
-  proto.set_coarse_levels(options.coarse_levels);
-  proto.set_coarse_until(options.coarse_until);
-  proto.set_depth_source(static_cast<v1::DepthSource>(static_cast<int>(options.depth_source) + 1));
-  proto.set_depth_weight(options.depth_weight);
-  proto.set_dense_start(options.dense_start);
-  proto.set_depth_geometry(options.depth_geometry);
-  proto.set_contrast(options.contrast);
-  proto.set_chroma_smoothing(options.chroma_smoothing);
-  proto.set_settle_epochs(options.settle_epochs);
-  proto.set_dropout(options.dropout);
-  proto.set_noise_filter(options.noise_filter);
-  proto.set_antialiased(options.antialiased);
-  proto.set_information_weights(options.information_weights);
-  proto.set_schedule_iterations(options.schedule_iterations);
-  proto.set_density_statistic(
-      static_cast<v1::DensityStatistic>(static_cast<int>(options.density_statistic) + 1));
-  proto.set_density_growth(
-      static_cast<v1::DensityGrowth>(static_cast<int>(options.density_growth) + 1));
-  proto.set_prior_geometry(options.prior_geometry);
+  VisitFields(FieldsOf<ReconstructOptions>(), options,
+              [&](const char* name, const auto& value, const FieldRule&) {
+                WriteField(name, value, &proto);
+              });
+  WriteField("tone", options.ResolveRecipe().tone.rule, &proto);  // in force
   return proto;
 }
 

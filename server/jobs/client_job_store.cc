@@ -107,7 +107,9 @@ absl::StatusOr<std::vector<std::string>> ClientJobStore::LeasedTo(std::string_vi
   return ForWorkersOnly();
 }
 
-absl::StatusOr<std::vector<std::string>> ClientJobStore::Littered(int) { return ForWorkersOnly(); }
+absl::StatusOr<std::vector<std::string>> ClientJobStore::JobsWithUnreferencedBlobs(int) {
+  return ForWorkersOnly();
+}
 
 absl::StatusOr<JobCensus> ClientJobStore::Census() { return ForWorkersOnly(); }
 

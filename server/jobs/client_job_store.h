@@ -58,7 +58,7 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
                                                                    Change change) override;
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
-  absl::StatusOr<std::vector<std::string>> Littered(int limit) override;
+  absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
   absl::Status PutWorker(const WorkerRecord& worker) override;
   absl::Status RemoveWorker(std::string_view name) override;

@@ -15,43 +15,8 @@ using Json = nlohmann::json;
 
 template <typename R, typename F>
 void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, ReconstructOptions> {
-  visit("method", r.method);
-  visit("tone", r.tone);
-  visit("theta", r.theta);
-  visit("contrast", r.contrast);
-  visit("chroma_smoothing", r.chroma_smoothing);
-  visit("white_balance", r.white_balance);
-  visit("iterations", r.iterations);
-  visit("seed", r.seed);
-  visit("threads", r.threads);
-  visit("max_gaussians", r.max_gaussians);
-  visit("sh_degree", r.sh_degree);
-  visit("use_pdm", r.use_pdm);
-  visit("use_prior", r.use_prior);
-  visit("prior_geometry", r.prior_geometry);
-  visit("information_weights", r.information_weights);
-  visit("use_depth", r.use_depth);
-  visit("max_image_side", r.max_image_side);
-  visit("holdout_every", r.holdout_every);
-  visit("min_registered", r.min_registered);
-  visit("checkpoint_every", r.checkpoint_every);
-  visit("preview_every", r.preview_every);
-  visit("exposure_ssim", r.exposure_ssim);
-  visit("pdm_hidden", r.pdm_hidden);
-  visit("pdm_every", r.pdm_every);
-  visit("coarse_levels", r.coarse_levels);
-  visit("coarse_until", r.coarse_until);
-  visit("settle_epochs", r.settle_epochs);
-  visit("dropout", r.dropout);
-  visit("depth_source", r.depth_source);
-  visit("depth_weight", r.depth_weight);
-  visit("depth_geometry", r.depth_geometry);
-  visit("dense_start", r.dense_start);
-  visit("noise_filter", r.noise_filter);
-  visit("density_statistic", r.density_statistic);
-  visit("density_growth", r.density_growth);
-  visit("antialiased", r.antialiased);
-  visit("schedule_iterations", r.schedule_iterations);
+  VisitFields(FieldsOf<ReconstructOptions>(), r,
+              [&](const char* name, auto& value, const FieldRule&) { visit(name, value); });
 }
 
 template <typename R, typename F>
@@ -144,6 +109,8 @@ struct Writer {
       json[key] = static_cast<int>(value);
     } else if constexpr (std::is_same_v<T, std::optional<JobError>>) {
       if (value) json[key] = ToJson(*value);
+    } else if constexpr (std::is_same_v<T, std::optional<Tone>>) {
+      if (value) json[key] = static_cast<int>(*value);
     } else {
       json[key] = value;  // NaN becomes null
     }
@@ -160,6 +127,10 @@ struct Reader {
       value = static_cast<T>(it->template get<int>());
     } else if constexpr (std::is_same_v<T, std::optional<JobError>>) {
       FromJson(*it, value.emplace());
+    } else if constexpr (std::is_same_v<T, std::optional<Tone>>) {
+      // Jobs of before 2026-11-25 may have a tone that is gone: they take the method's.
+      const auto tone = static_cast<Tone>(it->template get<int>());
+      if (WordOf(tone) != std::string("unknown")) value = tone;
     } else if constexpr (std::is_same_v<T, double>) {
       value = it->is_null() ? std::numeric_limits<double>::quiet_NaN() : it->template get<double>();
     } else {
@@ -216,11 +187,16 @@ std::string Encode(const ReconstructReport& report) { return EncodeRecord(report
 std::string Encode(const KeptFiles& files) { return EncodeRecord(files); }
 
 std::vector<std::string> Differences(const ReconstructOptions& a, const ReconstructOptions& b) {
-  const Json before = ToJson(a), after = ToJson(b);
-  std::vector<std::string> names;
-  for (const auto& [name, value] : before.items()) {
-    if (after[name] != value) names.push_back(name);
-  }
+  std::vector<std::string> values, names;
+  VisitFields(FieldsOf<ReconstructOptions>(), a,
+              [&](const char*, const auto& value, const FieldRule&) {
+                values.push_back(FieldText(value));
+              });
+  size_t i = 0;
+  VisitFields(FieldsOf<ReconstructOptions>(), b,
+              [&](const char* name, const auto& value, const FieldRule&) {
+                if (FieldText(value) != values[i++]) names.emplace_back(name);
+              });
   return names;
 }
 

@@ -116,7 +116,7 @@ absl::StatusOr<JobsOverview> Jobs::Overview() {
   for (const auto& [needs, count] : census.queued_by_needs) {
     const bool fits = std::any_of(workers.begin(), workers.end(),
                                   [&](const Resources& has) { return Fits(needs, has); });
-    if (!fits) overview.misfits += count;
+    if (!fits) overview.unplaceable += count;
   }
   for (const std::string& json : census.running_progress) {
     if (json.empty()) continue;
@@ -180,7 +180,7 @@ absl::StatusOr<JobRecord> Jobs::Cancel(std::string_view id) {
   auto job = store_->Update(id, [&](JobTransaction& transaction) {
     // A running job only learns of the wish; its worker takes it to CANCELLED.
     transaction.job.cancel_requested = transaction.job.state == JobState::kRunning;
-    transaction.job.has_litter = true;  // files that were replaced
+    transaction.job.has_unreferenced_blobs = true;  // files that were replaced
     return ApplyAction(transaction, JobAction::kCancel, clock_(), "cancelled on request");
   });
   if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() tries again

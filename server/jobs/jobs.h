@@ -42,7 +42,7 @@ struct NewJob {
 struct JobsOverview {
   std::map<JobState, int64_t> by_state;  // every state
   double queue_age_seconds = 0;          // since the job that waits longest was queued
-  int64_t misfits = 0;                   // queued jobs that no worker that is there can take
+  int64_t unplaceable = 0;               // queued jobs that no worker that is there can take
   int64_t workers = 0;                   // that are there
   double iterations_per_second = 0;      // of all running jobs together
 };
@@ -123,7 +123,7 @@ class Jobs {
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
   absl::Status RemoveFolders(std::string_view id);
   absl::Status RemoveOrphans();
-  absl::Status RemoveLitter(const std::string& id);
+  absl::Status RemoveUnreferencedBlobs(const std::string& id);
   absl::StatusOr<std::set<std::string>> BlobsNamedBy(const JobRecord& job);
 
   JobStore* const store_;

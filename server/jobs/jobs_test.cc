@@ -187,7 +187,7 @@ TEST_F(JobsTest, ResumeChangesWhatItIsToldAndNothingOfAJobThatItRefuses) {
   const auto refused = jobs_.Resume(id, [](ReconstructOptions& o, JobPolicy& p) {
     p.priority = 9;
     o.iterations += 100;
-    o.theta = 0.3;
+    o.sh_degree = 1;
     return absl::OkStatus();
   });
   EXPECT_EQ(Reason(refused.status()), "OPTION_NOT_RESUMABLE");
@@ -459,12 +459,12 @@ TEST_F(JobsTest, BlobsThatNoRowNamesAreRemovedOnceTheJobHasEnded) {
   const auto shown = Decode<ProgressRecord>(jobs_.Get(id)->progress);
   EXPECT_TRUE(jobs_.Preview(id, shown->preview).ok());
   EXPECT_TRUE(blobs_->Get(BlobKey(id, Sha256::Hex("a.jpg"))).ok()) << "a photo";
-  EXPECT_TRUE(store_->Littered(10)->empty());
+  EXPECT_TRUE(store_->JobsWithUnreferencedBlobs(10)->empty());
   // A worker that wakes up now says so itself.
   put(lost, 'd');
   EXPECT_EQ(Reason(leases_.Keep(lost, {}, {})), "LEASE_LOST");
-  ASSERT_TRUE(leases_.LeftLitter(lost).ok());
-  EXPECT_THAT(*store_->Littered(10), ::testing::ElementsAre(id));
+  ASSERT_TRUE(leases_.NoteUnreferencedBlobs(lost).ok());
+  EXPECT_THAT(*store_->JobsWithUnreferencedBlobs(10), ::testing::ElementsAre(id));
   ASSERT_TRUE(jobs_.Sweep().ok());
   EXPECT_EQ(blobs_->List("jobs/" + id + "/" + std::to_string(lost.job.last_event))->size(), 2u);
 }
@@ -473,23 +473,34 @@ TEST(Codec, OptionsSurviveTheirJson) {
   ReconstructOptions options;
   options.method = Method::k3dgs;
   options.tone = Tone::kNone;
-  options.theta = 0.1234567890123456;
   options.seed = std::numeric_limits<uint64_t>::max();
   options.max_gaussians = int64_t{1} << 40;
-  options.use_pdm = false;
-  options.min_registered = 0.25;
+  options.min_registered = 0.1234567890123456;
   const auto read = Decode<ReconstructOptions>(Encode(options));
   ASSERT_TRUE(read.ok());
   EXPECT_EQ(Encode(*read), Encode(options));
-  EXPECT_EQ(read->theta, options.theta);
+  EXPECT_EQ(read->min_registered, options.min_registered);
+  EXPECT_EQ(read->tone, Tone::kNone);
   EXPECT_EQ(read->seed, options.seed);
   EXPECT_EQ(read->method, Method::k3dgs);
+}
+
+// As the store of version 98a1698 has it; "tone" 1 and "theta" are gone.
+TEST(Codec, OptionsOfOldStoresAreRead) {
+  const auto old = Decode<ReconstructOptions>(
+      "{\"method\":1,\"tone\":3,\"theta\":0.4,\"settle_epochs\":9.0,\"iterations\":77}");
+  ASSERT_TRUE(old.ok()) << old.status();
+  EXPECT_EQ(old->method, Method::k3dgs);
+  EXPECT_EQ(old->tone, Tone::kCapture);
+  EXPECT_EQ(old->iterations, 77);
+  EXPECT_FALSE(Decode<ReconstructOptions>("{\"tone\":1}")->tone.has_value());
 }
 
 TEST(Codec, MissingKeysTakeDefaultsAndBrokenTextIsAnError) {
   EXPECT_EQ(Decode<ReconstructOptions>("{\"unknown\": 1}")->iterations,
             ReconstructOptions().iterations);
-  EXPECT_EQ(Reason(Decode<ReconstructOptions>("{\"theta\": \"x\"}").status()), "STORE_CORRUPT");
+  EXPECT_EQ(Reason(Decode<ReconstructOptions>("{\"min_registered\": \"x\"}").status()),
+            "STORE_CORRUPT");
   EXPECT_EQ(Reason(Decode<StateChange>("").status()), "STORE_CORRUPT");
 }
 

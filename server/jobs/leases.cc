@@ -59,7 +59,7 @@ absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner,
         job, JobAction::kLease, clock_(),
         job.job.attempt > 1 ? absl::StrCat("attempt ", job.job.attempt) : std::string()));
     job.job.lease_owner = owner;
-    job.job.has_litter = true;  // should this worker die
+    job.job.has_unreferenced_blobs = true;  // should this worker die
     job.job.lease_expires_ms = clock_() + options_.duration_ms;
     return absl::OkStatus();
   };
@@ -177,11 +177,11 @@ absl::Status Leases::GiveBack(const Lease& lease) {
       .status();
 }
 
-absl::Status Leases::LeftLitter(const Lease& lease) {
+absl::Status Leases::NoteUnreferencedBlobs(const Lease& lease) {
   const absl::Status status = store_
                                   ->Update(lease.job.id,
                                            [](JobTransaction& job) {
-                                             job.job.has_litter = true;
+                                             job.job.has_unreferenced_blobs = true;
                                              return absl::OkStatus();
                                            })
                                   .status();

@@ -28,8 +28,8 @@ struct Lease {
   JobRecord job;      // as it was when leased
 };
 
-// Thread-safe. Every call with a Lease but LeftLitter() fails with ABORTED (LEASE_LOST) if the job
-// was given to another worker, ended or deleted.
+// Thread-safe. Every call with a Lease but NoteUnreferencedBlobs() fails with ABORTED (LEASE_LOST)
+// if the job was given to another worker, ended or deleted.
 class Leases {
  public:
   // The stores must outlive this. Without a clock, the store's is used.
@@ -64,7 +64,7 @@ class Leases {
 
   // The lease was lost after blobs were stored under it: they are looked for when the job has
   // ended.
-  absl::Status LeftLitter(const Lease& lease);
+  absl::Status NoteUnreferencedBlobs(const Lease& lease);
 
   // A worker is known to be dead: what it held goes back into the queue, or FAILED after too many
   // attempts, or CANCELLED if that was asked for. `why` is for humans: "killed by signal 9".

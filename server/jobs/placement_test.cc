@@ -95,17 +95,17 @@ TEST_F(PlacementOfJobs, JobThatNobodyCanTakeSaysWhatItWaitsForAndIsCounted) {
   policy.labels = {"avx512"};
   const std::string id = QueuedJob(policy);
   EXPECT_THAT(WaitsForNow(id), HasSubstr("none is there"));
-  EXPECT_EQ(jobs_.Overview()->misfits, 1);
+  EXPECT_EQ(jobs_.Overview()->unplaceable, 1);
   SayIsThere("w1", {8, kGiB, {}});
   SayIsThere("w2", {4, 2 * kGiB, {"avx512"}});
   EXPECT_EQ(WaitsForNow(id),
             "a worker with 64 cores, label avx512; of the 2 that are there none has all of it, the "
             "largest 8 cores and 2048 MiB");
   EXPECT_EQ(jobs_.Overview()->workers, 2);
-  EXPECT_EQ(jobs_.Overview()->misfits, 1);
+  EXPECT_EQ(jobs_.Overview()->unplaceable, 1);
   SayIsThere("w3", {64, kGiB, {"avx512"}});
   EXPECT_EQ(WaitsForNow(id), "");
-  EXPECT_EQ(jobs_.Overview()->misfits, 0);
+  EXPECT_EQ(jobs_.Overview()->unplaceable, 0);
   EXPECT_EQ(jobs_.Overview()->by_state[JobState::kQueued], 1);
 }
 

@@ -52,10 +52,10 @@ TEST(Resume, WhatShapesNoIterationMayChange) {
 TEST(Resume, AnyOtherOptionIsRefusedByName) {
   using O = ReconstructOptions;
   const std::pair<const char*, std::function<void(O&)>> changes[] = {
-      {"theta", [](O& o) { o.theta = 0.4; }},
+      {"tone", [](O& o) { o.tone = Tone::kNone; }},
       {"method", [](O& o) { o.method = Method::k3dgs; }},
       {"seed", [](O& o) { ++o.seed; }},
-      {"use_pdm", [](O& o) { o.use_pdm = !o.use_pdm; }},
+      {"white_balance", [](O& o) { o.white_balance = WhiteBalance::kCamera; }},
       {"max_gaussians", [](O& o) { o.max_gaussians = 5000; }},
       {"schedule_iterations", [](O& o) { o.schedule_iterations = 100; }},
   };

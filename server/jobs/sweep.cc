@@ -95,7 +95,7 @@ absl::Status Jobs::RemoveOrphans() {
 // lost its lease, there may be blobs that no row names. While a job takes no files and does not
 // run, nobody can come to name such a blob, since no lease stores under another one's keys: what is
 // not named now is of no use to anybody.
-absl::Status Jobs::RemoveLitter(const std::string& id) {
+absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
   const std::string folder = absl::StrCat("jobs/", id);
   LITAGS_ASSIGN_OR_RETURN(const auto names, blobs_->List(folder));
   std::map<std::string, std::vector<std::string>> of_leases;
@@ -136,8 +136,8 @@ absl::Status Jobs::RemoveLitter(const std::string& id) {
       ->Update(id,
                [&](JobTransaction& now) {
                  if (now.job.last_event != job.last_event) return absl::OkStatus();
-                 now.job.has_litter = false;
-                 now.job.litter_bytes = 0;
+                 now.job.has_unreferenced_blobs = false;
+                 now.job.unreferenced_bytes = 0;
                  return absl::OkStatus();
                })
       .status();
@@ -172,9 +172,10 @@ absl::StatusOr<std::vector<std::string>> Jobs::Sweep() {
     if (gone) removed.push_back(id);
   }
   LITAGS_RETURN_IF_ERROR(RemoveOrphans());
-  LITAGS_ASSIGN_OR_RETURN(const auto littered, store_->Littered(kJobsPerSweep));
-  for (const std::string& id : littered) {
-    const absl::Status status = RemoveLitter(id);
+  LITAGS_ASSIGN_OR_RETURN(const auto jobs_with_unreferenced,
+                          store_->JobsWithUnreferencedBlobs(kJobsPerSweep));
+  for (const std::string& id : jobs_with_unreferenced) {
+    const absl::Status status = RemoveUnreferencedBlobs(id);
     if (!absl::IsNotFound(status)) LITAGS_RETURN_IF_ERROR(status);  // else deleted meanwhile
   }
   data_.EmptyTmp(uploads_.limits().keep_seconds);

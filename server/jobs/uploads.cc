@@ -89,7 +89,7 @@ absl::StatusOr<std::vector<FileStatus>> Uploads::Query(std::string_view id,
 absl::Status Uploads::CheckRoom(const JobRecord& job, const std::vector<FileRecord>& files,
                                 const FileRecord& file, const PartialFiles::Usage& coming) const {
   int64_t count = 1 + coming.files;
-  int64_t bytes = file.size_bytes + coming.bytes + job.litter_bytes;
+  int64_t bytes = file.size_bytes + coming.bytes + job.unreferenced_bytes;
   for (const FileRecord& f : files) {
     if (!SameName(f, file) || Replaces(file, f)) bytes += f.size_bytes;
     if (SameName(f, file)) continue;
@@ -153,29 +153,30 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
 }
 
 // Another server may be about to name bytes that no row names now. So nothing is removed while the
-// job takes files; what was replaced counts as the client's until Jobs::RemoveLitter() removes it.
+// job takes files; what was replaced counts as the client's until Jobs::RemoveUnreferencedBlobs()
+// removes it.
 absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file) {
   const auto change = [&](JobTransaction& job) -> absl::Status {
     LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
     LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
     LITAGS_RETURN_IF_ERROR(CheckRoom(job.job, files, file, {}));
     for (const FileRecord& f : files) {
-      if (Replaces(file, f)) job.job.litter_bytes += f.size_bytes;
+      if (Replaces(file, f)) job.job.unreferenced_bytes += f.size_bytes;
     }
     job.job.expire_time_ms = Expiry();
     return job.PutFile(file);
   };
   const absl::Status status = store_->Update(id, change).status();
-  if (!status.ok()) NoteLitter(id);
+  if (!status.ok()) NoteUnreferencedBlobs(id);
   return status;
 }
 
 // A file was stored that the job does not have. At worst it goes with the job.
-void Uploads::NoteLitter(std::string_view id) {
+void Uploads::NoteUnreferencedBlobs(std::string_view id) {
   const absl::Status status = store_
                                   ->Update(id,
                                            [](JobTransaction& job) {
-                                             job.job.has_litter = true;
+                                             job.job.has_unreferenced_blobs = true;
                                              return absl::OkStatus();
                                            })
                                   .status();

@@ -103,7 +103,7 @@ class Uploads {
   absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
   absl::Status PutRow(std::string_view id, const FileRecord& file);
   absl::Status CheckAdd(std::string_view id, const FileRecord& file);
-  void NoteLitter(std::string_view id);
+  void NoteUnreferencedBlobs(std::string_view id);
 
   JobStore* const store_;
   BlobStore* const blobs_;

@@ -281,7 +281,7 @@ TEST_F(UploadsTest, ReplacedBytesStayWhileAnotherServerMayComeToNameThemAndGoAft
   ASSERT_TRUE(jobs_->Sweep().ok());
   EXPECT_EQ(BytesOnDisk(), 9);
   EXPECT_EQ(*blobs_->Get(BlobKey(id, Sha256::Hex("other one"))), "other one");
-  EXPECT_TRUE(store_->Littered(10)->empty());
+  EXPECT_TRUE(store_->JobsWithUnreferencedBlobs(10)->empty());
 }
 
 TEST_F(UploadsTest, ReplacedBytesCountAgainstTheOwnersUntilTheyAreGone) {

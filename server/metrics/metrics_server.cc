@@ -47,12 +47,12 @@ class JobsNow : public prometheus::Collectable {
     MetricFamily rate =
         Gauge("litags_iterations_per_second", "Training iterations of all running jobs together");
     Add(now->iterations_per_second, {}, &rate);
-    MetricFamily misfits = Gauge("litags_jobs_without_fitting_worker",
-                                 "Queued jobs that no worker that is there can take");
-    Add(static_cast<double>(now->misfits), {}, &misfits);
+    MetricFamily unplaceable = Gauge("litags_jobs_without_fitting_worker",
+                                     "Queued jobs that no worker that is there can take");
+    Add(static_cast<double>(now->unplaceable), {}, &unplaceable);
     MetricFamily workers = Gauge("litags_workers", "Workers that are there");
     Add(static_cast<double>(now->workers), {}, &workers);
-    return {up, jobs, age, rate, misfits, workers};
+    return {up, jobs, age, rate, unplaceable, workers};
   }
 
  private:

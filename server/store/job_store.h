@@ -62,9 +62,9 @@ struct JobRecord {
   int64_t photos = 0;      // kept by the store
   int64_t bytes = 0;       // of all files; kept by the store
 
-  int snapshot_iteration = -1;  // -1: no snapshot
-  bool has_litter = false;      // there may be blobs of it that nothing names
-  int64_t litter_bytes = 0;     // of them, what was uploaded and replaced
+  int snapshot_iteration = -1;          // -1: no snapshot
+  bool has_unreferenced_blobs = false;  // there may be blobs of it that nothing names
+  int64_t unreferenced_bytes = 0;       // of them, what was uploaded and replaced
 
   // JSON, opaque to the store; empty: none. See server/jobs/codec.h.
   std::string kept;  // what the engine left for later runs, the newest snapshot among it
@@ -204,8 +204,8 @@ class JobStore {
   // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
   virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
 
-  // Jobs that have_litter and neither take files nor run nor wait to.
-  virtual absl::StatusOr<std::vector<std::string>> Littered(int limit) = 0;
+  // Jobs that have unreferenced blobs and neither take files nor run nor wait to.
+  virtual absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) = 0;
 
   virtual absl::StatusOr<JobCensus> Census() = 0;
 

@@ -28,8 +28,8 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   job.end_time_ms = 7;
   job.snapshot_iteration = 250;
   job.kept = "{\"scene\":1}";
-  job.has_litter = true;
-  job.litter_bytes = 9;
+  job.has_unreferenced_blobs = true;
+  job.unreferenced_bytes = 9;
   job.options = "{\"o\":1}";
   job.progress = "{\"p\":1}";
   job.error = "{\"e\":1}";
@@ -53,8 +53,8 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   EXPECT_EQ(read->queue_time_ms, 1000);
   EXPECT_EQ(read->snapshot_iteration, 250);
   EXPECT_EQ(read->kept, job.kept);
-  EXPECT_TRUE(read->has_litter);
-  EXPECT_EQ(read->litter_bytes, 9);
+  EXPECT_TRUE(read->has_unreferenced_blobs);
+  EXPECT_EQ(read->unreferenced_bytes, 9);
   EXPECT_EQ(read->options, job.options);
   EXPECT_EQ(read->progress, job.progress);
   EXPECT_EQ(read->error, job.error);

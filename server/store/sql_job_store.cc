@@ -116,10 +116,10 @@ absl::StatusOr<std::vector<std::string>> SqlJobStore::Expired(int64_t now_ms, in
   return ids;
 }
 
-absl::StatusOr<std::vector<std::string>> SqlJobStore::Littered(int limit) {
+absl::StatusOr<std::vector<std::string>> SqlJobStore::JobsWithUnreferencedBlobs(int limit) {
   std::vector<std::string> ids;
   LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(ids, SelectLittered(sql, limit));
+    LITAGS_ASSIGN_OR_RETURN(ids, SelectJobsWithUnreferencedBlobs(sql, limit));
     return absl::OkStatus();
   }));
   return ids;

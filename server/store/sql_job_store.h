@@ -34,7 +34,7 @@ class SqlJobStore : public JobStore {
                                                                    Change change) override;
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
   absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
-  absl::StatusOr<std::vector<std::string>> Littered(int limit) override;
+  absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
   absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override;
   absl::StatusOr<std::vector<std::string>> Uploading(std::string_view owner) override;

@@ -39,8 +39,8 @@ void VisitColumns(Record& job, F&& f) {
   f("photos", Column::kChanges, job.photos);
   f("bytes", Column::kChanges, job.bytes);
   f("snapshot_iteration", Column::kChanges, job.snapshot_iteration);
-  f("has_litter", Column::kChanges, job.has_litter);
-  f("litter_bytes", Column::kChanges, job.litter_bytes);
+  f("has_litter", Column::kChanges, job.has_unreferenced_blobs);
+  f("litter_bytes", Column::kChanges, job.unreferenced_bytes);
   f("kept", Column::kChanges, job.kept);
   f("options", Column::kChanges, job.options);
   f("policy", Column::kChanges, job.policy);
@@ -148,7 +148,7 @@ class SqlJobTransaction : public JobTransaction {
     LITAGS_RETURN_IF_ERROR(sql_.LockOwner(owner_));
     // This job's row is written at the end: its bytes are counted from here.
     LITAGS_ASSIGN_OR_RETURN(const OwnerUsage others, SelectUsage(sql_, owner_, id_));
-    return OwnerUsage{others.jobs + 1, others.bytes + bytes_ + job.litter_bytes};
+    return OwnerUsage{others.jobs + 1, others.bytes + bytes_ + job.unreferenced_bytes};
   }
 
   absl::Status PutFile(const FileRecord& file) override {
@@ -287,7 +287,8 @@ absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t 
   return ReadAll(*row, ReadId);
 }
 
-absl::StatusOr<std::vector<std::string>> SelectLittered(SqlSession& sql, int limit) {
+absl::StatusOr<std::vector<std::string>> SelectJobsWithUnreferencedBlobs(SqlSession& sql,
+                                                                         int limit) {
   const auto row = sql.Prepare(
       "SELECT id FROM jobs WHERE has_litter=1 AND state NOT IN (1, 2, 3) ORDER BY id LIMIT ?1");
   row->Bind(int64_t{limit});

@@ -32,7 +32,8 @@ absl::StatusOr<std::optional<std::string>> SelectFirst(SqlSession& sql, FirstOf 
 
 absl::StatusOr<std::vector<std::string>> SelectLeasedTo(SqlSession& sql, std::string_view owner);
 absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t now_ms, int limit);
-absl::StatusOr<std::vector<std::string>> SelectLittered(SqlSession& sql, int limit);
+absl::StatusOr<std::vector<std::string>> SelectJobsWithUnreferencedBlobs(SqlSession& sql,
+                                                                         int limit);
 absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql);
 // Of all the owner's jobs but `but`.
 absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,

@@ -55,40 +55,18 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_method(v1::METHOD_3DGS);
   o->set_tone(v1::TONE_PAPER);
   o->set_white_balance(v1::WHITE_BALANCE_CAMERA);
-  o->set_theta(0.4);
   o->set_iterations(123);
   o->set_seed(~uint64_t{0});
   o->set_threads(3);
   o->set_max_gaussians(5000);
   o->set_sh_degree(1);
-  o->set_use_pdm(true);
-  o->set_use_prior(false);
-  o->set_use_depth(false);
   o->set_max_image_side(640);
   o->set_holdout_every(5);
   o->set_min_registered(0.75);
   o->set_checkpoint_every(11);
   o->set_preview_every(12);
-  o->set_exposure_ssim(0.25);
-  o->set_pdm_hidden(4);
-  o->set_pdm_every(3);
-  o->set_coarse_levels(1);
-  o->set_coarse_until(0.75);
   o->set_depth_source(v1::DEPTH_SOURCE_STEREO);
-  o->set_depth_weight(0.5);
-  o->set_depth_geometry(false);
-  o->set_dense_start(false);
-  o->set_contrast(0.5);
-  o->set_chroma_smoothing(2.5);
-  o->set_settle_epochs(7.5);
-  o->set_dropout(0.25);
-  o->set_noise_filter(false);
-  o->set_information_weights(false);
   o->set_schedule_iterations(100);
-  o->set_density_statistic(v1::DENSITY_STATISTIC_ABS);
-  o->set_density_growth(v1::DENSITY_GROWTH_CLONE_SPLIT);
-  o->set_prior_geometry(true);
-  o->set_antialiased(false);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();
@@ -97,12 +75,12 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
 
 TEST_F(JobsApi, OptionOutOfRangeNamesTheField) {
   v1::CreateJobRequest request;
-  request.mutable_options()->set_theta(1.5);
+  request.mutable_options()->set_min_registered(1.5);
   v1::Job job;
   grpc::Status status = client_.Create(request, &job);
   EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT);
-  EXPECT_EQ(DetailOf(status).field, "options.theta");
-  request.mutable_options()->set_theta(0.5);
+  EXPECT_EQ(DetailOf(status).field, "options.min_registered");
+  request.mutable_options()->clear_min_registered();
   request.mutable_options()->set_method(static_cast<v1::Method>(77));
   EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
                  "options.method");
@@ -110,14 +88,31 @@ TEST_F(JobsApi, OptionOutOfRangeNamesTheField) {
   request.mutable_options()->set_depth_source(static_cast<v1::DepthSource>(6));
   EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
                  "options.depth_source");
-  request.mutable_options()->clear_depth_source();
-  request.mutable_options()->set_density_statistic(static_cast<v1::DensityStatistic>(4));
-  EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
-                 "options.density_statistic");
-  request.mutable_options()->clear_density_statistic();
-  request.mutable_options()->set_density_growth(static_cast<v1::DensityGrowth>(3));
-  EXPECT_REFUSED(client_.Create(request, &job), INVALID_ARGUMENT, "OPTION_OUT_OF_RANGE",
-                 "options.density_growth");
+}
+
+// Enums of the proto have the engine's values plus 1, and the words of the command line.
+TEST(JobOptions, EnumsOfProtoAndEngineAreTheSame) {
+  const ReconstructOptions options;
+  int enums = 0;
+  const auto check = [&]<class E>(const char* name, const E&) {
+    const auto& type = *v1::JobOptions::descriptor()->FindFieldByName(name)->enum_type();
+    EXPECT_EQ(type.value_count() - 1, static_cast<int>(std::size(EnumWords<E>::kWords))) << name;
+    for (const auto& [value, word] : EnumWords<E>::kWords) {
+      const auto* known = type.FindValueByNumber(static_cast<int>(value) + 1);
+      ASSERT_NE(known, nullptr) << name << " " << word;
+      const size_t prefix = type.value(0)->name().size() - std::string("UNSPECIFIED").size();
+      std::string want = known->name().substr(prefix);
+      for (char& c : want) c = c == '_' ? '-' : static_cast<char>(std::tolower(c));
+      EXPECT_EQ(word, want);
+    }
+    ++enums;
+  };
+  VisitFields(FieldsOf<ReconstructOptions>(), options,
+              [&]<class T>(const char* name, const T& value, const FieldRule&) {
+                if constexpr (std::is_enum_v<T>) check(name, value);
+                if constexpr (IsOptional<T>::value) check(name, typename T::value_type());
+              });
+  EXPECT_EQ(enums, 4);
 }
 
 TEST_F(JobsApi, CreateIsIdempotentByRequestId) {
@@ -445,12 +440,12 @@ TEST_F(JobsApi, ASucceededJobIsTrainedFurther) {
   request.mutable_options()->set_iterations(30);
   EXPECT_REFUSED(client_.Resume(request), FAILED_PRECONDITION, "JOB_NOT_RESUMABLE", "name");
   request.mutable_options()->set_iterations(50);
-  request.mutable_options()->set_theta(0.3);
+  request.mutable_options()->set_sh_degree(1);
   EXPECT_REFUSED(client_.Resume(request), INVALID_ARGUMENT, "OPTION_NOT_RESUMABLE",
-                 "options.theta");
-  request.mutable_options()->set_theta(2);
-  EXPECT_EQ(DetailOf(client_.Resume(request)).field, "options.theta");
-  request.mutable_options()->clear_theta();
+                 "options.sh_degree");
+  request.mutable_options()->set_sh_degree(9);
+  EXPECT_EQ(DetailOf(client_.Resume(request)).field, "options.sh_degree");
+  request.mutable_options()->clear_sh_degree();
   request.mutable_policy()->set_priority(101);
   EXPECT_REFUSED(client_.Resume(request), INVALID_ARGUMENT, "POLICY_OUT_OF_RANGE",
                  "policy.priority");

@@ -159,7 +159,8 @@ void JobReporter::NoteFailure(const char* what, const absl::Status& status) {
     return;
   }
   lease_lost_ = true;
-  context_.leases->LeftLitter(lease_).IgnoreError();  // found at the latest with the job's deletion
+  context_.leases->NoteUnreferencedBlobs(lease_)
+      .IgnoreError();  // found at the latest with the job's deletion
   on_lease_lost_();
 }
 

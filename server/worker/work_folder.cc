@@ -100,7 +100,7 @@ void WorkFolder::RemoveReplaced() {
     const bool used = std::any_of(kept_.begin(), kept_.end(),
                                   [&](const auto& entry) { return entry.second.blob == blob; });
     if (used) continue;
-    // What stays is litter, removed when the job has ended.
+    // What stays is removed when the job has ended.
     const absl::Status status = blobs_->Remove(BlobKey(lease_.job.id, blob));
     if (!status.ok()) spdlog::warn("job={} {}", lease_.job.id, status.ToString());
   }

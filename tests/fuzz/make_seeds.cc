@@ -168,7 +168,7 @@ void AddContainers(const Corpus& corpus, const fs::path& scratch) {
   state.splats = {Gaussians(), Splats(2), Splats(2)};
   state.pdm = state.pdm_moment1 = state.pdm_moment2 = PdmWeights::Zeros(SmallDenoiser());
   state.density.Reset(2);
-  state.detours = {{3, true, "loss"}};
+  state.nan_recoveries = {{3, true, "loss"}};
   const std::string checkpoint = scratch / "checkpoint";
   LITAGS_CHECK(SaveTrainState(checkpoint, "fuzz", state).ok());
   corpus.Add("checkpoint", "two", Sections(checkpoint, "checkpoint", kCheckpointVersion));
@@ -190,8 +190,8 @@ void AddContainers(const Corpus& corpus, const fs::path& scratch) {
 void AddRequests(const Corpus& corpus) {
   v1::CreateJobRequest job;
   v1::JobOptions& options = *job.mutable_options();
-  options.set_method(v1::METHOD_LITA_GS);
-  options.set_theta(0.4);
+  options.set_method(v1::METHOD_LITAGS);
+  options.set_tone(v1::TONE_PAPER);
   options.set_iterations(100);
   options.set_min_registered(0.5);
   job.mutable_policy()->set_priority(3);

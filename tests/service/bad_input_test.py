@@ -100,8 +100,8 @@ class BadUploads(harness.ServiceTest):
                             "FILE_TRUNCATED", "images[a.png]", "send the rest")
 
     def test_options_out_of_range(self):
-        _, err = self.litags("submit", self.photos(), "--theta", "1.5", exit_code=2)
-        self.assertIn("field:  options.theta", err)
+        _, err = self.litags("submit", self.photos(), "--min-registered", "1.5", exit_code=2)
+        self.assertIn("field:  options.min_registered", err)
 
     def test_folders_without_photos_are_refused_on_this_side(self):
         empty = tempfile.mkdtemp(dir=self.folder)

@@ -33,17 +33,15 @@ class Jobs(harness.ServiceTest):
         self.assertIn("succeeded", err)
 
     def test_options_reach_the_job(self):
-        job = self.submit("--iterations", "12", "--method", "3dgs", "--tone", "paper", "--seed", "7",
-                          "--max-gaussians", "1234", "--pdm", "--no-noise-filter",
-                          "--no-antialiasing", "--no-information-weights", "--theta", "0.4")
+        job = self.submit("--iterations", "12", "--method", "litags-paper", "--tone", "capture",
+                          "--seed", "7", "--max-gaussians", "1234", "--white-balance", "camera",
+                          "--min-registered", "0.4")
         options = self.jobs.GetJob(rpc.GetJobRequest(name=job)).options
-        self.assertEqual(options.method, harness.job_pb2.METHOD_3DGS)
-        self.assertEqual(options.tone, harness.job_pb2.TONE_PAPER)
-        self.assertEqual((options.seed, options.max_gaussians, options.use_pdm,
-                          options.noise_filter, options.antialiased,
-                          options.information_weights, options.use_prior),
-                         (7, 1234, True, False, False, False, True))
-        self.assertAlmostEqual(options.theta, 0.4)
+        self.assertEqual(options.method, harness.job_pb2.METHOD_LITAGS_PAPER)
+        self.assertEqual(options.tone, harness.job_pb2.TONE_CAPTURE)
+        self.assertEqual(options.white_balance, harness.job_pb2.WHITE_BALANCE_CAMERA)
+        self.assertEqual((options.seed, options.max_gaussians), (7, 1234))
+        self.assertAlmostEqual(options.min_registered, 0.4)
 
     def test_the_same_request_id_makes_one_job(self):
         photos = self.photos()
@@ -68,8 +66,8 @@ class Jobs(harness.ServiceTest):
         self.assertIn("ITERATIONS_REDUCED", err)
         self.assert_refused(
             lambda: self.jobs.ResumeJob(rpc.ResumeJobRequest(
-                name=job, options=harness.job_pb2.JobOptions(iterations=50, use_pdm=True))),
-            grpc.StatusCode.INVALID_ARGUMENT, "OPTION_NOT_RESUMABLE", "options.use_pdm",
+                name=job, options=harness.job_pb2.JobOptions(iterations=50, sh_degree=1))),
+            grpc.StatusCode.INVALID_ARGUMENT, "OPTION_NOT_RESUMABLE", "options.sh_degree",
             "make a new job")
         before = self.exported(job)
         resumed = self.jobs.ResumeJob(rpc.ResumeJobRequest(

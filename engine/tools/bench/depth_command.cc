@@ -18,6 +18,8 @@
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/capture.h"
+#include "engine/pipeline/context.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/stereo/stereo.h"
 #include "engine/tools/bench/commands.h"
@@ -99,12 +101,13 @@ absl::Status MeasureDepth(DepthArguments args) {
   fs::create_directories(args.out, ignored);
   ReconstructOptions options;
   options.depth_source = DepthOrigin::kNone;
-  options.use_prior = false;
+  options.recipe = WithoutPrior(Litags());
   LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, args.scene.Input(args.out, &options));
   ReconstructReport report;
-  LITAGS_ASSIGN_OR_RETURN(const Capture capture, LoadCapture(
-                                                     input, options, "colmap", CancelToken(),
-                                                     [](Stage, const std::string&) {}, &report));
+  const CancelToken never;
+  const Context context(
+      input, options, never, [](Stage, const std::string&) {}, &report);
+  LITAGS_ASSIGN_OR_RETURN(const Capture capture, LoadCapture(context, "colmap"));
   const std::vector<TrainView>& views = capture.train;
   const std::vector<SparsePoint> points = PointsOfTraining(capture.points, capture.point_views);
   std::vector<Photo> photos;

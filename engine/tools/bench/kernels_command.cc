@@ -12,7 +12,6 @@
 #include "engine/core/parallel.h"
 #include "engine/core/simd_target.h"
 #include "engine/io/file_util.h"
-#include "engine/pipeline/train_options.h"
 #include "engine/render/binning.h"
 #include "engine/render/projection.h"
 #include "engine/render/renderer.h"
@@ -26,6 +25,7 @@
 #include "engine/train/losses.h"
 #include "engine/train/model.h"
 #include "engine/train/objective.h"
+#include "engine/train/recipe.h"
 #include "engine/train/trainer.h"
 
 namespace litags {
@@ -43,18 +43,16 @@ class KernelBench {
         camera_(BenchCamera(width, height)),
         splats_(BenchSplats(args.gaussians, camera_)),
         views_{BenchView(camera_)} {
-    ReconstructOptions product;
-    product.threads = args.threads;
-    product.use_pdm = true;
-    if (args.pdm_hidden > 0) product.pdm_hidden = args.pdm_hidden;
-    product.iterations = 1000000;  // density control stays out of the way
-    options_ = TrainOptionsOf(product);
-    options_.densify_until = 0;
+    options_.recipe = WithPdm(Litags());
+    if (args.pdm_hidden > 0) options_.recipe.pdm.hidden = args.pdm_hidden;
+    options_.threads = args.threads;
+    options_.iterations = 1000000;  // density control stays out of the way
+    options_.recipe.densify_until = 0;
     // Every step is a full one.
-    options_.coarse_levels = 0;
-    options_.pdm_every = 1;
+    options_.recipe.coarse_levels = 0;
+    options_.recipe.pdm_every = 1;
     settings_.threads = args.threads;
-    settings_.pixel_filter = options_.pixel_filter;
+    settings_.pixel_filter = PixelFilter::kMip;
   }
 
   void Run() {
@@ -154,10 +152,10 @@ class KernelBench {
            "part of forward: depth sort and tile lists");
   }
   void TimeObjective() {
-    PdmWeights weights = PdmWeights::Initial(options_.pdm, 1), v_weights;
+    PdmWeights weights = PdmWeights::Initial(options_.recipe.pdm, 1), v_weights;
     Planes v_rendered;
     TrainOptions without = options_;
-    without.use_pdm = false;
+    without.recipe.use_pdm = false;
     Objective plain(without), full(options_);
     Planes few(plain.NumChannels(), rendered_.height, rendered_.width);
     std::copy_n(rendered_.data.begin(), few.data.size(), few.data.begin());
@@ -172,14 +170,15 @@ class KernelBench {
     Report("objective", both, "losses and denoiser");
     const PlanesView color(rendered_, kChannelColor, 3), noise(rendered_, kChannelNoise, 3);
     Planes v_r0(3, rendered_.height, rendered_.width), v_noise = v_r0;
-    Pdm pdm(options_.pdm, options_.threads);
+    Pdm pdm(options_.recipe.pdm, options_.threads);
     const Timing denoiser = Measure(args_.repetitions, [&] {
       pdm.Forward(weights, color, noise);
       pdm.Backward(color, noise, v_r0, v_noise, &v_weights);
     });
     Report("pdm", denoiser, "denoiser, forward and backward");
-    ReportRoofline("pdm", denoiser,
-                   DenoiserWork(color.plane_size(), options_.pdm.hidden, options_.pdm.stages));
+    ReportRoofline(
+        "pdm", denoiser,
+        DenoiserWork(color.plane_size(), options_.recipe.pdm.hidden, options_.recipe.pdm.stages));
   }
 
   void TimeAdam() {
@@ -199,9 +198,9 @@ class KernelBench {
 
   void TimeWhole() {
     // SH degree 3 is what most iterations run at.
-    options_.sh_interval = 1;
+    options_.recipe.sh_interval = 1;
     TrainOptions without = options_;
-    without.use_pdm = false;
+    without.recipe.use_pdm = false;
     Trainer plain(without, &views_, splats_, 1.0), denoising(options_, &views_, splats_, 1.0);
     Report("iteration_8", Measure(args_.repetitions, [&] { (void)plain.Step(); }),
            "one full training step, without the denoiser and its channels");

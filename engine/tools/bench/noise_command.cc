@@ -106,7 +106,8 @@ void Print(const char* what, const Quality& q) {
 absl::Status MeasureNoise(const NoiseArguments& args) {
   LITAGS_ASSIGN_OR_RETURN(const Pictures p, ReadPictures(args));
   ReconstructOptions as_taken;  // brightened, with all of their noise
-  as_taken.chroma_smoothing = 0;
+  as_taken.recipe = Litags();
+  as_taken.recipe->tone.chroma_smoothing = 0;
   LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> targets,
                           MakePseudoTargets(p.photos, as_taken));
   LITAGS_ASSIGN_OR_RETURN(const Quality photo, Measure(targets, p.truths, args.flat));

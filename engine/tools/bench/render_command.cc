@@ -10,12 +10,12 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "engine/io/file_util.h"
-#include "engine/pipeline/train_options.h"
 #include "engine/render/renderer.h"
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
 #include "engine/train/model.h"
+#include "engine/train/recipe.h"
 
 namespace litags {
 namespace {
@@ -49,10 +49,10 @@ nlohmann::json Report(const char* name, const std::vector<double>& ms) {
 void Run(const RenderArguments& args, int* exit_status) {
   Model model;
   model.splats = BenchSplats(args.gaussians, BenchCamera(args.width, args.height));
-  model.pdm_options = TrainOptionsOf(ReconstructOptions()).pdm;
+  model.pdm_options = Litags().pdm;
   model.pdm = PdmWeights::Initial(model.pdm_options, 1);
   model.noise = BenchNoise();
-  model.pixel_filter = TrainOptionsOf(ReconstructOptions()).pixel_filter;
+  model.pixel_filter = PixelFilter::kMip;
   nlohmann::json json = {
       {"gaussians", args.gaussians}, {"width", args.width}, {"height", args.height}};
 

@@ -29,6 +29,7 @@ struct TableArguments {
   std::vector<std::string> scenes, lights = {"low", "over_exp"}, methods = {"all"}, enhancers;
   std::string sparse, cell;
   ReconstructOptions base;
+  std::vector<std::string> set;  // constants of every method's recipe
   TableOptions options;
 };
 
@@ -76,6 +77,7 @@ absl::Status CompleteMethods(TableArguments* args) {
          name == "all" ? AllMethods(enhancers) : std::vector<std::string>{name}) {
       if (Contains(names, each)) continue;
       LITAGS_ASSIGN_OR_RETURN(TableMethod method, ParseMethod(each, args->base, enhancers));
+      LITAGS_RETURN_IF_ERROR(SetConstants(args->set, &method.options));
       names.push_back(each);
       options.methods.push_back(std::move(method));
     }
@@ -167,9 +169,9 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
   command->add_option("--colmap", options.colmap, "COLMAP program")->capture_default_str();
   command->add_option("--cell", args->cell)->group("");  // hidden: one row, in a child process
   const size_t before = command->get_options().size();
-  AddMethodOptions(command, &args->base);
-  // --methods says it; the test views are those of transforms_test.json.
-  for (const char* other : {"--method", "--holdout-every"}) {
+  AddMethodOptions(command, &args->base, &args->set);
+  // --methods says them; the test views are those of transforms_test.json.
+  for (const char* other : {"--method", "--tone", "--holdout-every"}) {
     command->remove_option(command->get_option(other));
   }
   std::vector<const CLI::Option*> settings;

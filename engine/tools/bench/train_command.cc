@@ -26,6 +26,7 @@ namespace {
 struct TrainArguments {
   BenchmarkScene scene;
   ReconstructOptions options;
+  std::vector<std::string> set;  // constants of the recipe
   int evaluate_every = 0;
   std::string out, json;
   std::vector<std::string> score_also;  // folders of the truth at other sizes
@@ -102,6 +103,7 @@ absl::StatusOr<nlohmann::json> ScoreAlso(const TrainArguments& args, const Scene
 }
 
 absl::Status Train(TrainArguments args) {
+  LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(args.out, ignored);
   // From the beginning, not from a checkpoint: the seconds are those of the whole run.
@@ -196,7 +198,7 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
                    "size are like")
       ->check(CLI::ExistingDirectory);
   command->add_option("--json", args->json, "also write the figures here");
-  AddMethodOptions(command, &args->options);
+  AddMethodOptions(command, &args->options, &args->set);
   command->callback([args, exit_status] { Run(*args, exit_status); });
 }
 

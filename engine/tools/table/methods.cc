@@ -6,53 +6,41 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
-#include "engine/tools/evaluation/method_options.h"
 
 namespace litags {
 namespace {
 
 using Group = TableMethod::Group;
 
-// A method by name. What `options` does not set stays as the user has it.
-struct Preset {
+struct Named {
   const char* name;
   Group group;
-  ReconstructOptions (*options)(ReconstructOptions base);
+  Method method;
+  Recipe (*change)(Recipe);  // null: the method as it is
 };
 
-using Options = ReconstructOptions;
-constexpr Preset kPresets[] = {
-    {"litags-no-noise-filter", Group::kChange, WithoutNoiseFilter},
-    {"litags-no-depth", Group::kChange, WithoutDepth},
-    {"litags-no-noise-filter-depth", Group::kChange,
-     [](Options base) { return WithoutNoiseFilter(WithoutDepth(base)); }},
-    {"litags-with-pdm", Group::kChange, WithPdm},
-    {"litags-prior-geometry", Group::kChange, WithPriorGeometry},
+constexpr Named kNamed[] = {
+    {"litags-no-noise-filter", Group::kChange, Method::kLitags, WithoutNoiseFilter},
+    {"litags-no-depth", Group::kChange, Method::kLitags, WithoutDepth},
+    {"litags-no-noise-filter-depth", Group::kChange, Method::kLitags,
+     [](Recipe r) { return WithoutNoiseFilter(WithoutDepth(r)); }},
+    {"litags-with-pdm", Group::kChange, Method::kLitags, WithPdm},
+    {"litags-prior-geometry", Group::kChange, Method::kLitags, WithPriorGeometry},
     // The paper's Table 3.
-    {"litags-paper-no-pdm", Group::kPaperAblation,
-     [](Options base) { return WithoutPdm(PaperSettings(base)); }},
-    {"litags-paper-no-depth", Group::kPaperAblation,
-     [](Options base) { return WithoutDepth(PaperSettings(base)); }},
-    {"litags-paper-no-prior", Group::kPaperAblation,
-     [](Options base) { return WithoutPrior(PaperSettings(base)); }},
-    {"litags-paper-none", Group::kPaperAblation,
-     [](Options base) { return WithoutPdm(WithoutDepth(WithoutPrior(PaperSettings(base)))); }},
-    {"litags-paper", Group::kLita, PaperSettings},
-    {"litags", Group::kLita, [](Options base) { return base; }},
+    {"litags-paper-no-pdm", Group::kPaperAblation, Method::kLitagsPaper, WithoutPdm},
+    {"litags-paper-no-depth", Group::kPaperAblation, Method::kLitagsPaper, WithoutDepth},
+    {"litags-paper-no-prior", Group::kPaperAblation, Method::kLitagsPaper, WithoutPrior},
+    {"litags-paper-none", Group::kPaperAblation, Method::kLitagsPaper,
+     [](Recipe r) { return WithoutPdm(WithoutDepth(WithoutPrior(r))); }},
+    {"litags-paper", Group::kLita, Method::kLitagsPaper, nullptr},
+    {"litags", Group::kLita, Method::kLitags, nullptr},
 };
-
-// Plain 3DGS on the photos as it is given them.
-ReconstructOptions Plain(ReconstructOptions options) {
-  options.method = Method::k3dgs;
-  options.tone = Tone::kNone;
-  return options;
-}
 
 }  // namespace
 
 std::vector<std::string> LitaMethods() {
   std::vector<std::string> names;
-  for (const Preset& preset : kPresets) names.push_back(preset.name);
+  for (const Named& named : kNamed) names.push_back(named.name);
   return names;
 }
 
@@ -69,15 +57,15 @@ absl::StatusOr<TableMethod> ParseMethod(const std::string& name, const Reconstru
   TableMethod method;
   method.name = method.trained_as = name;
   method.options = base;
-  method.options.method = Method::kLitaGs;
-  for (const Preset& preset : kPresets) {
-    if (name != preset.name) continue;
-    method.group = preset.group;
-    method.options = preset.options(method.options);
+  for (const Named& named : kNamed) {
+    if (name != named.name) continue;
+    method.group = named.group;
+    method.options.method = named.method;
+    if (named.change != nullptr) method.options.recipe = named.change(RecipeOf(named.method));
     return method;
   }
 
-  method.options = Plain(base);
+  method.options.method = Method::k3dgs;
   method.group = Group::kVanilla;
   if (name == "3dgs") return method;
   if (name == "3dgs-normal") {

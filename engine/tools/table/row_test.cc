@@ -139,66 +139,35 @@ TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
     EXPECT_EQ(method->options.iterations, 77) << name;
   }
   const auto of = [&](const char* name) { return ParseMethod(name, base, enhancers).value(); };
-  EXPECT_EQ(of("3dgs").options.tone, Tone::kNone);
+  EXPECT_EQ(of("3dgs").options.method, Method::k3dgs);
   EXPECT_EQ(of("mine+3dgs").before, "mine");
   EXPECT_EQ(of("mine+3dgs").trained_as, "mine+3dgs");
   EXPECT_EQ(of("3dgs+mine").after, "mine");
   EXPECT_EQ(of("3dgs+mine").trained_as, "3dgs");
   EXPECT_TRUE(of("3dgs-normal").normal_light);
-  EXPECT_EQ(of("litags-paper").options.tone, Tone::kPaper);
-  EXPECT_EQ(of("litags-paper").options.exposure_ssim, 0);
-  EXPECT_FALSE(of("litags-paper").options.depth_geometry);
-  EXPECT_FALSE(of("litags-paper").options.dense_start);
-  EXPECT_FALSE(of("litags-paper").options.noise_filter);
-  EXPECT_TRUE(of("litags-paper").options.prior_geometry);
-  EXPECT_EQ(of("litags-paper").options.density_growth, DensityGrowth::kCloneSplit);
-  EXPECT_FALSE(of("litags-paper").options.antialiased);
-  EXPECT_TRUE(of("litags-paper").options.use_pdm);
-  EXPECT_TRUE(of("litags").options.dense_start);
+  EXPECT_EQ(of("litags-paper").options.method, Method::kLitagsPaper);
+  EXPECT_FALSE(of("litags-paper").options.recipe.has_value());
   EXPECT_EQ(Reason(ParseMethod("other+3dgs", base, enhancers).status()), "UNKNOWN_METHOD");
 }
 
-// What a method changes of litags or litags-paper, as words.
-std::vector<std::string> Changes(const ReconstructOptions& from, const ReconstructOptions& to) {
-  const auto flags = [](const ReconstructOptions& o) {
-    return std::vector<std::pair<std::string, bool>>{{"pdm", o.use_pdm},
-                                                     {"depth", o.use_depth},
-                                                     {"prior", o.use_prior},
-                                                     {"prior-geometry", o.prior_geometry},
-                                                     {"filter", o.noise_filter},
-                                                     {"dense-start", o.dense_start},
-                                                     {"capture-tone", o.tone == Tone::kCapture}};
+TEST(ParseMethod, AnAblationIsTheRecipeWithThatChange) {
+  const auto text = [](const std::string& name) {
+    return FieldsText(ParseMethod(name, ReconstructOptions(), {}).value().options.ResolveRecipe());
   };
-  std::vector<std::string> changes;
-  const auto before = flags(from), after = flags(to);
-  for (size_t i = 0; i < before.size(); ++i) {
-    if (before[i].second == after[i].second) continue;
-    changes.push_back((after[i].second ? "+" : "-") + after[i].first);
-  }
-  return changes;
-}
-
-TEST(ParseMethod, AnAblationChangesWhatItsNameSaysAndNothingElse) {
-  using Words = std::vector<std::string>;
-  const auto of = [](const std::string& name) {
-    return ParseMethod(name, ReconstructOptions(), {}).value().options;
-  };
-  const auto changes = [&](const std::string& name) { return Changes(of("litags"), of(name)); };
-  EXPECT_EQ(changes("litags-no-noise-filter"), Words{"-filter"});
-  EXPECT_EQ(changes("litags-no-depth"), (Words{"-depth", "-dense-start"}));
-  EXPECT_EQ(changes("litags-no-noise-filter-depth"), (Words{"-depth", "-filter", "-dense-start"}));
-  EXPECT_EQ(changes("litags-with-pdm"), Words{"+pdm"});
-  EXPECT_EQ(changes("litags-prior-geometry"), Words{"+prior-geometry"});
-
-  const auto paper = [&](const std::string& name) {
-    return Changes(of("litags-paper"), of("litags-paper" + name));
-  };
-  EXPECT_EQ(paper("-no-pdm"), Words{"-pdm"});
-  EXPECT_EQ(paper("-no-depth"), Words{"-depth"});
-  EXPECT_EQ(paper("-no-prior"), Words{"-prior"});
-  EXPECT_EQ(paper("-none"), (Words{"-pdm", "-depth", "-prior"}));
-  // The prior must be able to move the picture, or its ablation says nothing.
-  EXPECT_TRUE(of("litags-paper").prior_geometry);
+  const Recipe ours = Litags(), paper = LitagsPaper();
+  EXPECT_EQ(text("litags"), FieldsText(ours));
+  EXPECT_EQ(text("litags-no-noise-filter"), FieldsText(WithoutNoiseFilter(ours)));
+  EXPECT_EQ(text("litags-no-depth"), FieldsText(WithoutDepth(ours)));
+  EXPECT_EQ(text("litags-no-noise-filter-depth"),
+            FieldsText(WithoutNoiseFilter(WithoutDepth(ours))));
+  EXPECT_EQ(text("litags-with-pdm"), FieldsText(WithPdm(ours)));
+  EXPECT_EQ(text("litags-prior-geometry"), FieldsText(WithPriorGeometry(ours)));
+  EXPECT_EQ(text("litags-paper"), FieldsText(paper));
+  EXPECT_EQ(text("litags-paper-no-pdm"), FieldsText(WithoutPdm(paper)));
+  EXPECT_EQ(text("litags-paper-no-depth"), FieldsText(WithoutDepth(paper)));
+  EXPECT_EQ(text("litags-paper-no-prior"), FieldsText(WithoutPrior(paper)));
+  EXPECT_EQ(text("litags-paper-none"), FieldsText(WithoutPdm(WithoutDepth(WithoutPrior(paper)))));
+  EXPECT_EQ(text("3dgs"), FieldsText(Plain3dgs()));
 }
 
 TEST(ParseMethod, NamesThatSaidAnotherThingAreGone) {

@@ -11,6 +11,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/camera_source.h"
+#include "engine/pipeline/context.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
 
 namespace litags {
@@ -84,10 +85,10 @@ absl::StatusOr<std::string> TableScene::PrepareCameras(const std::string& light,
   fs::create_directories(work_dir, ignored);
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos, TrainingPhotos(light));
   ReconstructReport report;
-  const auto silent = [](Stage, const std::string&) {};
-  LITAGS_RETURN_IF_ERROR(
-      ObtainCameras(input, options, photos, MaskPaths(), colmap, CancelToken(), silent, &report)
-          .status());
+  const CancelToken never;
+  const Context context(
+      input, options, never, [](Stage, const std::string&) {}, &report);
+  LITAGS_RETURN_IF_ERROR(ObtainCameras(context, photos, MaskPaths(), colmap).status());
   return absl::StrCat(work_dir, "/cameras");
 }
 

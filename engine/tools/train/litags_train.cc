@@ -37,6 +37,7 @@ struct Arguments {
   BenchmarkScene scene;
   std::string out, depth, masks, depth_model, colmap = "colmap";
   ReconstructOptions options;
+  std::vector<std::string> set;  // constants of the recipe
 };
 
 class ConsoleObserver : public ReconstructObserver {
@@ -141,6 +142,7 @@ void PrintReport(const ReconstructReport& report, int test_photos) {
 }
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
+  LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args.scene.Input(args.out, &args.options));
   input.depth_dir = args.depth;
@@ -209,7 +211,7 @@ int Main(int argc, char** argv) {
   app.add_option("--truth", args.scene.truth,
                  "folder of normally lit photos to compare with (default DIR/high)");
   app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();
-  AddMethodOptions(&app, &args.options);
+  AddMethodOptions(&app, &args.options, &args.set);
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
 
   CancelToken cancel;

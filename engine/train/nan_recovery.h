@@ -1,6 +1,6 @@
-// Ways around numbers that are not finite: what a run met, and what its repeat does about it.
-#ifndef LITAGS_ENGINE_TRAIN_DETOUR_H_
-#define LITAGS_ENGINE_TRAIN_DETOUR_H_
+// NaN recovery: what a run that met a number that is not finite does when it repeats the iteration.
+#ifndef LITAGS_ENGINE_TRAIN_NAN_RECOVERY_H_
+#define LITAGS_ENGINE_TRAIN_NAN_RECOVERY_H_
 
 #include <atomic>
 #include <cstddef>
@@ -17,7 +17,7 @@ namespace litags {
 
 // An iteration that met a NaN or an infinity. A run that was rolled back repeats the iterations
 // before it exactly, then does this one with care; where it was rolled back to changes nothing.
-struct Detour {
+struct NanRecovery {
   int iteration = 0;
   // True: the gradient of some Gaussians was not finite; they become transparent, all others are
   // updated. False: anything else; the photo's turn is skipped.
@@ -26,7 +26,7 @@ struct Detour {
 };
 
 // More of them than this and the run gives up: what is wrong is not in single iterations.
-constexpr size_t kMaxDetours = 8;
+constexpr size_t kMaxNanRecoveries = 8;
 
 // The smallest index of those that several threads report.
 class SmallestIndex {
@@ -57,4 +57,4 @@ std::string PixelsNotFinite(const Planes& channels);
 
 }  // namespace litags
 
-#endif  // LITAGS_ENGINE_TRAIN_DETOUR_H_
+#endif  // LITAGS_ENGINE_TRAIN_NAN_RECOVERY_H_

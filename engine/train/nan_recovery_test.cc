@@ -1,5 +1,5 @@
 // A number that is not finite is caught in its iteration, and the run finds a way around it.
-#include "engine/train/detour.h"
+#include "engine/train/nan_recovery.h"
 
 #include <cmath>
 #include <limits>
@@ -58,7 +58,7 @@ TEST(Adam, ReportsAFlatArrayThatIsNoLongerFinite) {
   }
 }
 
-TEST(Detour, NamesTheFirstChannelThatIsNotFinite) {
+TEST(NanRecovery, NamesTheFirstChannelThatIsNotFinite) {
   Planes rendered(kNumChannels, 4, 6);
   EXPECT_EQ(PixelsNotFinite(rendered), "");
   rendered.at(kChannelIllumination + 1, 2, 3) = kNan;
@@ -80,11 +80,11 @@ class Training {
   Training() : views_(DarkViews(ColoredCloud(kCount, 1), 8, 48, 40)), initial_(Initial()) {
     options_.iterations = kIterations;
     options_.threads = 1;
-    options_.pdm.hidden = 2;
-    options_.sh_interval = 15;
-    options_.densify_start = 10;
-    options_.densify_every = 10;
-    options_.densify_grad = 1e-5;
+    options_.recipe.pdm.hidden = 2;
+    options_.recipe.sh_interval = 15;
+    options_.recipe.densify_start = 10;
+    options_.recipe.densify_every = 10;
+    options_.recipe.densify_grad = 1e-5;
     options_.max_gaussians = 400;
   }
 
@@ -147,16 +147,18 @@ TEST(RollBack, APhotoIsSkippedTwiceAndThenLeftOut) {
   run.SpoilPhoto(5);
   ASSERT_TRUE(run.Train(/*every=*/7).ok());
   // Forty iterations show every photo five times.
-  ASSERT_EQ(run.trainer().detours().size(), 2u);
-  for (const Detour& d : run.trainer().detours()) {
+  ASSERT_EQ(run.trainer().nan_recoveries().size(), 2u);
+  for (const NanRecovery& d : run.trainer().nan_recoveries()) {
     EXPECT_FALSE(d.gaussians);
     EXPECT_EQ(d.source,
               "the gradient of the rendered depth in 1920 px, first at (0, 0) is not finite (photo "
               "photo5.png)");
   }
-  EXPECT_LT(run.trainer().detours()[0].iteration, run.trainer().detours()[1].iteration);
-  EXPECT_THAT(std::string(run.faults()[0].message()),
-              HasSubstr("at iteration " + std::to_string(run.trainer().detours()[0].iteration)));
+  EXPECT_LT(run.trainer().nan_recoveries()[0].iteration,
+            run.trainer().nan_recoveries()[1].iteration);
+  EXPECT_THAT(
+      std::string(run.faults()[0].message()),
+      HasSubstr("at iteration " + std::to_string(run.trainer().nan_recoveries()[0].iteration)));
   ExpectFinite(run.trainer().Snapshot().splats);
 }
 
@@ -164,10 +166,11 @@ TEST(RollBack, AGaussianWithoutAFiniteGradientIsRemovedAndTheOthersLearn) {
   Training run;
   run.SpoilGaussian(17);
   ASSERT_TRUE(run.Train(/*every=*/7).ok());
-  ASSERT_EQ(run.trainer().detours().size(), 1u) << run.trainer().detours()[1].source;
-  EXPECT_TRUE(run.trainer().detours()[0].gaussians);
-  EXPECT_EQ(run.trainer().detours()[0].iteration, 0);
-  EXPECT_THAT(run.trainer().detours()[0].source, HasSubstr("the gradient of the mean of Gaussian"));
+  ASSERT_EQ(run.trainer().nan_recoveries().size(), 1u) << run.trainer().nan_recoveries()[1].source;
+  EXPECT_TRUE(run.trainer().nan_recoveries()[0].gaussians);
+  EXPECT_EQ(run.trainer().nan_recoveries()[0].iteration, 0);
+  EXPECT_THAT(run.trainer().nan_recoveries()[0].source,
+              HasSubstr("the gradient of the mean of Gaussian"));
   const Splats splats = run.trainer().Snapshot().splats;
   ExpectFinite(splats);
   EXPECT_GT(splats.size(), kCount / 2);
@@ -178,8 +181,8 @@ TEST(RollBack, AGradientOfTheLossThatIsNotFiniteCostsNoGaussians) {
   Training run;
   SpoilDepth(run.view(4));
   ASSERT_TRUE(run.Train(/*every=*/7).ok());
-  ASSERT_EQ(run.trainer().detours().size(), 2u);
-  for (const Detour& d : run.trainer().detours()) {
+  ASSERT_EQ(run.trainer().nan_recoveries().size(), 2u);
+  for (const NanRecovery& d : run.trainer().nan_recoveries()) {
     EXPECT_FALSE(d.gaussians);
     EXPECT_THAT(d.source, HasSubstr("the gradient of the rendered depth in 240 px, first at"));
     EXPECT_THAT(d.source, HasSubstr("photo4.png"));
@@ -203,7 +206,7 @@ TEST(RollBack, WhereTheRunWentBackToChangesNothing) {
   }
 }
 
-TEST(RollBack, DetoursAreKeptInCheckpoints) {
+TEST(RollBack, NanRecoveriesAreKeptInCheckpoints) {
   const TempDir dir;
   Training run;
   run.SpoilPhoto(2);
@@ -211,7 +214,8 @@ TEST(RollBack, DetoursAreKeptInCheckpoints) {
   ASSERT_TRUE(run.trainer().SaveCheckpoint(dir / "c", "print").ok());
   Trainer resumed(run.options(), &run.views(), ColoredCloud(kCount, 1), 1);
   ASSERT_TRUE(resumed.LoadCheckpoint(dir / "c", "print").ok());
-  const std::vector<Detour>&want = run.trainer().detours(), &got = resumed.detours();
+  const std::vector<NanRecovery>&want = run.trainer().nan_recoveries(),
+        &got = resumed.nan_recoveries();
   ASSERT_EQ(got.size(), want.size());
   for (size_t i = 0; i < want.size(); ++i) {
     EXPECT_EQ(got[i].iteration, want[i].iteration);
@@ -228,7 +232,7 @@ TEST(RollBack, GivesUpWhenTooManyPhotosAreSpoilt) {
   EXPECT_EQ(ReasonOf(status), "NOT_FINITE");
   EXPECT_THAT(std::string(status.message()), HasSubstr("after 8 roll-backs"));
   EXPECT_THAT(std::string(status.message()), HasSubstr("first at (0, 0) is not finite (photo"));
-  EXPECT_EQ(run.faults().size(), kMaxDetours + 1);
+  EXPECT_EQ(run.faults().size(), kMaxNanRecoveries + 1);
 }
 
 // One parameter of one Gaussian, at whatever value a float can have: the run ends with a finite

@@ -1,4 +1,4 @@
-#include "engine/pipeline/scene.h"
+#include "engine/pipeline/model_scene.h"
 
 #include <algorithm>
 #include <cmath>

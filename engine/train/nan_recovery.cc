@@ -1,4 +1,4 @@
-#include "engine/train/detour.h"
+#include "engine/train/nan_recovery.h"
 
 #include <algorithm>
 #include <cmath>

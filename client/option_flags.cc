@@ -1,0 +1,83 @@
+#include "client/option_flags.h"
+
+#include <google/protobuf/descriptor.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdint>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "litags/v1/help.pb.h"
+
+namespace litags::client {
+namespace {
+
+using google::protobuf::EnumDescriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Reflection;
+
+std::string Dashed(std::string name) {
+  std::replace(name.begin(), name.end(), '_', '-');
+  return name;
+}
+
+// METHOD_LITAGS_PAPER is "litags-paper": values begin with the enum's name, as METHOD_UNSPECIFIED
+// does, the first of them.
+std::string WordOf(const EnumDescriptor& type, const std::string& value) {
+  const size_t prefix = type.value(0)->name().size() - std::string("UNSPECIFIED").size();
+  return Dashed(absl::AsciiStrToLower(value.substr(prefix)));
+}
+
+void SetEnum(const FieldDescriptor& field, const std::string& word, v1::JobOptions& options) {
+  std::string words;
+  const EnumDescriptor& type = *field.enum_type();
+  for (int i = 1; i < type.value_count(); ++i) {  // not UNSPECIFIED
+    const std::string known = WordOf(type, type.value(i)->name());
+    if (word == known) return options.GetReflection()->SetEnum(&options, &field, type.value(i));
+    absl::StrAppend(&words, " ", known);
+  }
+  throw CLI::ValidationError(Dashed(absl::StrCat("--", field.name())),
+                             absl::StrCat("there is no \"", word, "\"; choose one of:", words));
+}
+
+CLI::Option* AddFlag(CLI::App& command, const FieldDescriptor& field, v1::JobOptions& options) {
+  const std::string flag = Dashed(absl::StrCat("--", field.name()));
+  const Reflection& reflection = *options.GetReflection();
+  switch (field.cpp_type()) {
+    case FieldDescriptor::CPPTYPE_ENUM:
+      return command.add_option_function<std::string>(
+          flag, [&](const std::string& word) { SetEnum(field, word, options); });
+    case FieldDescriptor::CPPTYPE_INT32:
+      return command.add_option_function<int32_t>(
+          flag, [&](int32_t value) { reflection.SetInt32(&options, &field, value); });
+    case FieldDescriptor::CPPTYPE_INT64:
+      return command.add_option_function<int64_t>(
+          flag, [&](int64_t value) { reflection.SetInt64(&options, &field, value); });
+    case FieldDescriptor::CPPTYPE_UINT64:
+      return command.add_option_function<uint64_t>(
+          flag, [&](uint64_t value) { reflection.SetUInt64(&options, &field, value); });
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      return command.add_option_function<double>(
+          flag, [&](double value) { reflection.SetDouble(&options, &field, value); });
+    default:
+      throw CLI::ConstructionError(absl::StrCat(flag, " has a type that is no option's"),
+                                   CLI::ExitCodes::IncorrectConstruction);
+  }
+}
+
+}  // namespace
+
+void AddOptionFlags(CLI::App& command, v1::JobOptions& options, const std::string& group,
+                    const std::set<std::string>& names) {
+  const auto& fields = *v1::JobOptions::descriptor();
+  for (int i = 0; i < fields.field_count(); ++i) {
+    const FieldDescriptor& field = *fields.field(i);
+    if (!names.empty() && !names.contains(field.name())) continue;
+    AddFlag(command, field, options)
+        ->description(field.options().GetExtension(v1::help))
+        ->group(group);
+  }
+}
+
+}  // namespace litags::client

@@ -1,0 +1,39 @@
+// What every stage of a reconstruction gets besides the result of the stage before.
+#ifndef LITAGS_ENGINE_PIPELINE_CONTEXT_H_
+#define LITAGS_ENGINE_PIPELINE_CONTEXT_H_
+
+#include <functional>
+#include <string>
+
+#include "engine/core/cancel.h"
+#include "engine/pipeline/engine.h"
+
+namespace litags {
+
+// A stage begins or goes on, with a message for the user.
+using StageReport = std::function<void(Stage stage, const std::string& message)>;
+
+// Refers to what it is made of; lives as long as one reconstruction.
+struct Context {
+  Context(const ReconstructInput& input, const ReconstructOptions& options,
+          const CancelToken& cancel, StageReport progress, ReconstructReport* report)
+      : input(input),
+        options(options),
+        recipe(options.ResolveRecipe()),
+        cancel(cancel),
+        progress(std::move(progress)),
+        report(report) {}
+
+  void Note(std::string note) const { report->notes.push_back(std::move(note)); }
+
+  const ReconstructInput& input;
+  const ReconstructOptions& options;
+  const Recipe recipe;
+  const CancelToken& cancel;
+  const StageReport progress;
+  ReconstructReport* const report;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_CONTEXT_H_

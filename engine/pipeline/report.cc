@@ -1,0 +1,43 @@
+#include "engine/pipeline/report.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace litags {
+
+std::string_view StageName(Stage stage) {
+  switch (stage) {
+    case Stage::kLoading:
+      return "loading";
+    case Stage::kFindingCameras:
+      return "finding-cameras";
+    case Stage::kPreparing:
+      return "preparing";
+    case Stage::kTraining:
+      return "training";
+    case Stage::kSaving:
+      return "saving";
+  }
+  return "unknown";
+}
+
+std::string ReconstructReport::ToJson() const {
+  nlohmann::json json = {{"photos", photos},
+                         {"registered", registered},
+                         {"dropped", dropped},
+                         {"sfm_preparation", sfm_preparation},
+                         {"sparse_points", sparse_points},
+                         {"gaussians", gaussians},
+                         {"iterations", iterations},
+                         {"seconds", seconds},
+                         {"training_seconds", training_seconds},
+                         {"phase_seconds", phase_seconds},
+                         {"depth_used", depth_used},
+                         {"notes", notes},
+                         {"scene_path", scene_path}};
+  json["psnr_holdout"] =
+      std::isfinite(psnr_holdout) ? nlohmann::json(psnr_holdout) : nlohmann::json();
+  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace litags

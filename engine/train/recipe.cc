@@ -1,0 +1,110 @@
+#include "engine/train/recipe.h"
+
+namespace litags {
+namespace {
+
+// Full size from the start costs 1.4 times the time for no quality that was measured
+// (docs/experiments/performance.md), so that plain 3DGS has it, too, where methods are compared.
+void SetCoarseToFine(Recipe* recipe) {
+  recipe->coarse_levels = 2;
+  recipe->coarse_until = 0.5;
+}
+
+}  // namespace
+
+Recipe LitagsPaper() { return Recipe(); }
+
+Recipe Litags() {
+  Recipe r;
+  // One exposure for the capture, from what well exposed photos are like (exposure_rule.h): the
+  // paper's gain on codes, photo by photo, clips and flattens.
+  r.tone.rule = Tone::kCapture;
+  r.information_weights = true;
+  // Dark photos give few sparse points; stereo's take the place of thousands of iterations.
+  r.dense_start = true;
+  r.stereo_photos = 32;  // more do not change the loss and cost time
+  // Moves Gaussians to surfaces. The paper's weight of 0.1 pulls them off the photos' edges there.
+  r.depth_geometry = true;
+  r.weight_depth = 0.01;
+  // Costs a third of training and half of a picture's time for nothing that was measured beside the
+  // noise filter (docs/experiments/denoising.md). With it, half as wide and half as often as the
+  // paper has the same quality.
+  r.use_pdm = false;
+  r.pdm.hidden = 8;
+  r.pdm_every = 2;
+  r.noise_filter = true;
+  // The map of edges helps no picture when it moves Gaussians (docs/experiments/structure-prior.md).
+  r.prior_geometry = false;
+  r.antialiased = true;
+  r.exposure_ssim = 0.2;  // 3DGS' share; L1 alone blurs
+  // Noise of single photos is averaged rather than followed (docs/experiments/long-runs.md).
+  r.lr_decay_epochs = 25;
+  r.dropout = 0.35;
+  SetCoarseToFine(&r);
+  // Halves keep the picture while they grow, which short runs need; they learn their shapes faster,
+  // grow for longer on captures of many photos, and need limits that clones had by their size
+  // (docs/experiments/start-and-growth.md).
+  r.growth = Growth::kLongAxis;
+  r.densify_epochs = 60;
+  r.lr_scales = 0.01;
+  r.max_scale = 0.5;
+  r.near_camera_pruning = 0.5;
+  return r;
+}
+
+Recipe Plain3dgs() {
+  Recipe r;
+  r.lita = false;
+  r.tone.rule = Tone::kNone;
+  r.use_pdm = r.use_prior = false;
+  r.use_depth = false;
+  r.exposure_ssim = 0.2;  // 3DGS Eq. 7
+  // As in Litags(), so that a comparison is not one of schedules.
+  r.lr_decay_epochs = 25;
+  SetCoarseToFine(&r);
+  return r;
+}
+
+Recipe RecipeOf(Method method) {
+  switch (method) {
+    case Method::kLitags:
+      break;
+    case Method::k3dgs:
+      return Plain3dgs();
+    case Method::kLitagsPaper:
+      return LitagsPaper();
+  }
+  return Litags();
+}
+
+Recipe WithoutPdm(Recipe recipe) {
+  recipe.use_pdm = false;
+  return recipe;
+}
+
+Recipe WithoutDepth(Recipe recipe) {
+  recipe.use_depth = recipe.dense_start = false;
+  return recipe;
+}
+
+Recipe WithoutPrior(Recipe recipe) {
+  recipe.use_prior = false;
+  return recipe;
+}
+
+Recipe WithoutNoiseFilter(Recipe recipe) {
+  recipe.noise_filter = false;
+  return recipe;
+}
+
+Recipe WithPdm(Recipe recipe) {
+  recipe.use_pdm = true;
+  return recipe;
+}
+
+Recipe WithPriorGeometry(Recipe recipe) {
+  recipe.use_prior = recipe.prior_geometry = true;
+  return recipe;
+}
+
+}  // namespace litags
