@@ -27,7 +27,7 @@ class ConvNet {
   // `net` as in PdmNetLayout.
   void SetWeights(const float* net);
 
-  // out [3] = base - (act->in - F(act->in)); fills act->h1, h2.
+  // LITA-GS Eq. 10: out [3] = base - (act->in - F(act->in)); fills act->h1, h2.
   void Forward(int threads, ConvNetActivations* act, const PaddedRows& base, PaddedRows* out);
 
   // VJP at `act`: v_in [3] = F^T(v_out) - v_out (the network is used as x -

@@ -81,7 +81,7 @@ void Pdm::Impl::Start(const PdmWeights& weights, PlanesView R0, PlanesView N) {
   });
 }
 
-// R_{k+1} = R_0 - (Nhat_k - F(Nhat_k)).
+// LITA-GS Eq. 10: R_{k+1} = R_0 - (Nhat_k - F(Nhat_k)).
 void Pdm::Impl::Stage(PlanesView N, int k, int slot, int from, int to) {
   stages[slot].Resize(options.hidden, height, width);
   r[to].Resize(3, height, width);
@@ -89,7 +89,7 @@ void Pdm::Impl::Stage(PlanesView N, int k, int slot, int from, int to) {
   net(k).Forward(threads, &stages[slot], r[0], &r[to]);
 }
 
-// Nhat_0 = (R_0 - C(R_0) + N) / 2; Nhat_k = R_k - C(R_k).
+// LITA-GS Eq. 9: Nhat_0 = (R_0 - C(R_0) + N) / 2; Nhat_k = R_k - C(R_k).
 void Pdm::Impl::NoiseEstimate(PlanesView N, int k, int slot, int from) {
   ForEachRow([&](int y, int c, float* row_scratch) {
     float* nhat = stages[slot].in.row(y, c);

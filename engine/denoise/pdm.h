@@ -55,6 +55,7 @@ struct PdmWeights {
   static PdmWeights Initial(const PdmOptions& options, uint64_t seed);
 };
 
+// LITA-GS Eq. 9 and Eq. 10.
 // C = Gaussian filter; Nhat_0 = (R_0 - C(R_0) + N) / 2, Nhat_k = R_k - C(R_k) for k >= 1;
 // N_{k+1} = Nhat_k - F(Nhat_k); R_{k+1} = R_0 - N_{k+1}, k = 0..K-1. F: three 3x3 convolutions
 // joined by ReLU. Keeps the activations of one forward pass and reuses its buffers. Results are the

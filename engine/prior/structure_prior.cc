@@ -13,7 +13,7 @@
 namespace litags {
 namespace {
 
-// [E, E_l, E_ll] = kColorModel [R, G, B] (paper; Geusebroek et al. 2001).
+// LITA-GS Eq. 6: [E, E_l, E_ll] = kColorModel [R, G, B] (Geusebroek et al. 2001).
 constexpr float kColorModel[3][3] = {
     {0.06f, 0.63f, 0.27f}, {0.3f, 0.04f, -0.35f}, {0.34f, -0.6f, 0.17f}};
 
@@ -23,6 +23,7 @@ struct Kernels {
   std::vector<float> derivative;  // correlated: positive where the image grows
 };
 
+// LITA-GS Eq. 7: f and its derivative.
 Kernels MakeKernels(double sigma, bool l1_normalize) {
   Kernels kernels;
   kernels.radius = static_cast<int>(std::ceil(3 * sigma + 0.5));
@@ -96,6 +97,7 @@ Planes AlongY(const Planes& in, const std::vector<float>& kernel, PriorBorder bo
   return out;
 }
 
+// LITA-GS Eq. 6, one row; E is measured as it is, so Eq. 2 and Eq. 3 need no code.
 Planes ColorModelRow(const Planes& rgb, int row) {
   const float* m = kColorModel[row];
   Planes out(1, rgb.height, rgb.width);

@@ -44,6 +44,7 @@ struct StructurePriorOptions {
   absl::Status Validate() const;
 };
 
+// LITA-GS Eq. 4 and Eq. 5; by default with 2-D derivatives in place of Eq. 7.
 // P of one photo [3, H, W] -> [1, H, W]; not normalised, not clipped. options.floor must be set
 // (>= 0); values as encoded, not linearised. INVALID_ARGUMENT if the photo is smaller than the
 // kernel's radius + 1.

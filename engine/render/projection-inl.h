@@ -97,6 +97,7 @@ HWY_INLINE V3 Direction(const V3& m, const KernelCamera& cam, V* inv_distance) {
   return Scale(v, *inv_distance);
 }
 
+// LITA-GS Eq. 1: Sigma = R S S^T R^T. Eq. 8: Sigma2D = J W Sigma W^T J^T = T T^T, T = J W R S.
 // `in` points at the lanes of one vector inside a block. Lanes at or behind the camera give
 // numbers without meaning; callers mask them.
 HWY_INLINE Lanes ProjectLanes(const float* in, const V3& p, const KernelCamera& cam,

@@ -87,6 +87,7 @@ struct ProjectionSettings {
   Dropout dropout;
 };
 
+// LITA-GS Eq. 8: mu' and Sigma2D.
 // Projects block `block` of 16 Gaussians. Thread-safe for different blocks.
 void ProjectBlock(const Splats& splats, size_t block, const KernelCamera& camera,
                   const ProjectionSettings& settings, ProjectedSplats* out);

@@ -121,6 +121,7 @@ HWY_INLINE void AddGaussian(const float* record, V x, V y, V w, const Step& step
   }
 }
 
+// LITA-GS Eq. 8: sum of p alpha G2D times the product of 1 - alpha G2D before.
 // Composites the Gaussians of `reach` over a block, front to back. Returns those that came before
 // the block was opaque, and whether it is now. Adds the pixels that they changed to *useful, if
 // that is to be counted.

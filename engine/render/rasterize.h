@@ -38,6 +38,7 @@ struct TileEvaluations {
   int64_t useful = 0;  // those that changed a pixel; 0 unless asked for
 };
 
+// LITA-GS Eq. 8: the sum over Gaussians, all channels together.
 // Writes the tile's pixels of image [C, H, W] and alpha [H, W].
 TileEvaluations RasterizeTile(const TileJob& job, float* image, float* alpha);
 

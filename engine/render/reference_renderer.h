@@ -25,6 +25,7 @@ struct ReferenceImage {
   int64_t contributions = 0;  // (pixel, Gaussian) pairs that were composited
 };
 
+// LITA-GS Eq. 1 and Eq. 8.
 ReferenceImage RenderReference(const std::vector<double>& params, const Camera& camera,
                                const RenderSettings& settings);
 

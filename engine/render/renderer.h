@@ -86,6 +86,7 @@ class Renderer {
   Renderer(Renderer&&) noexcept;
   Renderer& operator=(Renderer&&) noexcept;
 
+  // LITA-GS Eq. 8, for every channel: R0, D_r, P_r, L_r, N_GS.
   // Composites `splats` into image [num_channels, H, W] and alpha [1, H, W] = 1 - T_final.
   // Front to back by depth, alpha = min(0.99, o exp(-sigma)), skipped below 1/255, stopped before T
   // falls below 1e-4 (3DGS). No 3-sigma cut-off: extents are exact. The camera must be valid.

@@ -85,6 +85,7 @@ Photo ApplyToCodes(const ImageU8& photo, const Curve& curve) {
   return PhotoFromU8(out);
 }
 
+// LITA-GS Eq. 11: theta / mean(I_in) * I_in.
 ToneTarget PaperTarget(const Photo& photo, const PlaneU8& mask, double theta) {
   const ImageU8 codes = PhotoToU8(photo);
   ToneTarget target;

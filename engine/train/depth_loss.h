@@ -34,6 +34,7 @@ struct DepthLossTerms {
   double Sum() const { return global + local; }
 };
 
+// LITA-GS Eq. 12.
 // Loss of rendered [1, H, W] against target [1, H, W] and weight * d(global + local)/d(rendered),
 // added to v_rendered (may be empty). `confidence` [1, H, W], >= 0, weighs every pixel in all sums
 // (0 leaves it out; the target must be finite there too); empty: all ones. Where either map is

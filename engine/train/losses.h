@@ -39,12 +39,14 @@ void UnpackPlane(const PlaneU8& bytes, LossWorkspace& ws, Planes* plane);
 double L1Loss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, LossWorkspace& ws,
               PlanesView pixel_weights = {});
 
+// LITA-GS Eq. 14, first term.
 // mean (x - y)^2; gradients for both sides, either may be empty.
 double MseLoss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, PlanesSpan v_y,
                LossWorkspace& ws);
 
 enum class TvNorm { kSquared, kAbsolute };
 
+// LITA-GS Eq. 14, second term.
 // Total variation: mean of vertical differences + mean of horizontal ones, squared or absolute,
 // each over its own count ([C, H - 1, W] and [C, H, W - 1]).
 double TvLoss(PlanesView x, TvNorm norm, double weight, PlanesSpan v_x, LossWorkspace& ws);
@@ -64,6 +66,7 @@ double ReconstructionLoss(PlanesView x, PlanesView y, double weight, PlanesSpan 
                           LossWorkspace& ws, const ReconstructionWeights& weights = {},
                           PlanesView pixel_weights = {});
 
+// LITA-GS Eq. 15.
 // The same for x = reflectance * illumination (the paper's I_out = R L_r), with gradients for
 // both factors; the product is never stored.
 double ProductReconstructionLoss(PlanesView reflectance, PlanesView illumination, PlanesView y,

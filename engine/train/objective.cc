@@ -99,7 +99,7 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
             TvLoss(R, TvNorm::kSquared, options_.recipe.weight_tv, v_color, workspace_);
     ZeroMasked(view.mask, v_previous_);
   }
-  AddStructure(view, rendered, iteration, v_rendered, &losses);
+  AddStructureLosses(view, rendered, iteration, v_rendered, &losses);
   ZeroMasked(view.mask, *v_rendered);
   if (denoise) {
     const double start = Seconds();
@@ -141,7 +141,7 @@ double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
                             information_);
 }
 
-void Objective::AddStructure(const TrainView& view, const Planes& rendered, int iteration,
+void Objective::AddStructureLosses(const TrainView& view, const Planes& rendered, int iteration,
                              Planes* v_rendered, StepLosses* losses) {
   if (options_.recipe.use_prior && !view.structure.empty()) {
     UnpackPlane(view.structure, workspace_, &structure_);

@@ -14,7 +14,7 @@
 
 namespace litags {
 
-// L = L_exp + L_str + L_de + L_rec of the paper; or 3DGS' loss against the target image.
+// LITA-GS Eq. 16: L = L_exp + L_str + L_de + L_rec; or 3DGS' loss against the target image.
 //
 // Where a view's mask says that a pixel does not count, photo, pseudo-target and structure map are
 // taken to be what is rendered there, which is held fixed: the pixel's own difference is 0, windows
@@ -44,16 +44,18 @@ class Objective {
   double denoise_seconds() const { return denoise_seconds_; }
 
  private:
+  // LITA-GS Eq. 16, with the terms of Eq. 14 and Eq. 15.
   StepLosses EvaluateLita(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
                           int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
-  // L1 to the pseudo-target, mixed with 1 - SSIM if the options ask for it.
+  // LITA-GS Eq. 11: L_exp. L1 to the pseudo-target, mixed with 1 - SSIM if the options ask for it.
   double ExposureLoss(PlanesView R, PlanesSpan v_R);
   void UnpackInformation(const PlaneU8& information);
   // Masked pixels of the photo and the pseudo-target become what is rendered there.
   void HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumination);
   // So does the pseudo-target where other photos know better by far.
   void HideLowWeights(PlanesView R);
-  void AddStructure(const TrainView& view, const Planes& rendered, int iteration,
+  // LITA-GS Eq. 13: L_str = L_prior and L_depth with their weights.
+  void AddStructureLosses(const TrainView& view, const Planes& rendered, int iteration,
                     Planes* v_rendered, StepLosses* losses);
 
   TrainOptions options_;
