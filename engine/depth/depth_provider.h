@@ -40,6 +40,7 @@ struct PosedPhoto {
   const Photo* target = nullptr;  // the photo normally lit; may be null: as it is
   // What the photo had when it was taken, and maps of it have; null: none.
   const Distortion* distortion = nullptr;
+  const PlaneU8* mask = nullptr;  // pixels that do not count by it get no depth; may be null, empty
 };
 
 // `done` of `total` photos have their map.

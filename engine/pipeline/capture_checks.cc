@@ -44,29 +44,27 @@ std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU
   return codes;
 }
 
-void NoteExposures(const std::vector<TrainView>& views, bool evened_out,
-                   std::vector<std::string>* notes) {
-  const auto [least, most] = std::minmax_element(
-      views.begin(), views.end(),
-      [](const TrainView& a, const TrainView& b) { return a.exposure < b.exposure; });
-  const double stops = std::log2(most->exposure / least->exposure);
+void NoteExposures(const std::vector<View>& views, const std::vector<double>& exposures,
+                   bool evened_out, std::vector<std::string>* notes) {
+  const auto [least, most] = std::minmax_element(exposures.begin(), exposures.end());
+  const double stops = std::log2(*most / *least);
   if (!(stops > kMixedExposureStops)) return;
   notes->push_back(absl::StrFormat(
-      "exposures differ by %.1f stops (darkest %s, brightest %s)%s", stops, least->view.name,
-      most->view.name,
+      "exposures differ by %.1f stops (darkest %s, brightest %s)%s", stops,
+      views[least - exposures.begin()].name, views[most - exposures.begin()].name,
       evened_out ? ": they are evened out, and the original light is that of the median exposure"
                  : ", and this tone does not even them out"));
 }
 
-absl::Status CheckScale(const std::vector<TrainView>& views, std::vector<SparsePoint>* points,
+absl::Status CheckScale(const std::vector<View>& views, std::vector<SparsePoint>* points,
                         std::vector<std::string>* notes) {
   const auto far = [](const std::array<double, 3>& p) {
     return !(std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])}) <= kMaxCoordinate);
   };
-  for (const TrainView& v : views) {
-    if (!far(v.view.camera.Center())) continue;
+  for (const View& v : views) {
+    if (!far(v.camera.Center())) continue;
     return InvalidInput("SCENE_TOO_LARGE", "cameras",
-                        absl::StrCat("cameras: ", v.view.name, " stands more than ", kMaxCoordinate,
+                        absl::StrCat("cameras: ", v.name, " stands more than ", kMaxCoordinate,
                                      " units from the origin; divide all positions, of cameras "
                                      "and points, by one number"));
   }
@@ -77,8 +75,8 @@ absl::Status CheckScale(const std::vector<TrainView>& views, std::vector<SparseP
   }
   const float near_plane = RenderSettings().near_plane;
   const auto near = [&](const SparsePoint& p) {
-    return std::all_of(views.begin(), views.end(), [&](const TrainView& v) {
-      return v.view.camera.CamFromWorld(p.xyz)[2] <= near_plane;
+    return std::all_of(views.begin(), views.end(), [&](const View& v) {
+      return v.camera.CamFromWorld(p.xyz)[2] <= near_plane;
     });
   };
   const size_t hidden = std::count_if(points->begin(), points->end(), near);

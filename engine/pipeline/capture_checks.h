@@ -9,9 +9,10 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "engine/core/camera.h"
+#include "engine/core/color.h"
 #include "engine/core/photo.h"
 #include "engine/io/sparse_model.h"
-#include "engine/train/train_view.h"
 
 namespace litags {
 
@@ -22,13 +23,13 @@ std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU
 
 // Says so if the photos of a capture were exposed very differently, and whether they were
 // `evened_out`.
-void NoteExposures(const std::vector<TrainView>& views, bool evened_out,
-                   std::vector<std::string>* notes);
+void NoteExposures(const std::vector<View>& views, const std::vector<double>& exposures,
+                   bool evened_out, std::vector<std::string>* notes);
 
 // Scene units are the user's, but what is nearer than the renderer's near plane is never drawn, and
 // floats end somewhere. Drops points that are too far, with a note. INVALID_ARGUMENT
 // (SCENE_TOO_LARGE, SCENE_TOO_SMALL; field "cameras") for scenes that cannot be drawn.
-absl::Status CheckScale(const std::vector<TrainView>& views, std::vector<SparsePoint>* points,
+absl::Status CheckScale(const std::vector<View>& views, std::vector<SparsePoint>* points,
                         std::vector<std::string>* notes);
 
 }  // namespace litags

@@ -15,9 +15,9 @@
 #include "engine/io/colmap_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
-#include "engine/pipeline/capture.h"
 #include "engine/pipeline/engine.h"
 #include "engine/pipeline/reconstruct_test_util.h"
+#include "engine/pipeline/train_set.h"
 #include "engine/sample/capture.h"
 #include "engine/sample/exposure.h"
 #include "engine/sample/tracer.h"
@@ -100,16 +100,15 @@ class RoomCapture {
     return options;
   }
 
-  Capture Load(const ReconstructOptions& options) const {
+  TrainSet Load(const ReconstructOptions& options) const {
     ReconstructReport report;
     const ReconstructInput input = Input("work");
     const CancelToken never;
-    auto capture =
-        LoadCapture(Context(
-                        input, options, never, [](Stage, const std::string&) {}, &report),
-                    kNoColmap);
-    EXPECT_TRUE(capture.ok()) << capture.status();
-    return capture.ok() ? *std::move(capture) : Capture();
+    auto set = MakeTrainSet(Context(
+                                input, options, never, [](Stage, const std::string&) {}, &report),
+                            kNoColmap);
+    EXPECT_TRUE(set.ok()) << set.status();
+    return set.ok() ? *std::move(set) : TrainSet();
   }
 
   SparseModel model;

@@ -21,10 +21,14 @@ constexpr uint32_t kVersion = 1;
 
 // The photo's pixel under the centre of the map's.
 std::pair<int, int> PixelUnder(const PhotoDepth& photo, int x, int y) {
-  const Camera& camera = photo.view->view.camera;
+  const Camera& camera = photo.photo->view->camera;
   const Planes& depth = photo.map->depth;
   return {static_cast<int>((x + 0.5) * camera.width / depth.width),
           static_cast<int>((y + 0.5) * camera.height / depth.height)};
+}
+
+bool IsMasked(const PosedPhoto& photo, int x, int y) {
+  return photo.mask != nullptr && !Counts(*photo.mask, x, y);
 }
 
 // Calls visit(photo, x, y) for the known pixels of a grid of the map's, `step` apart.
@@ -36,7 +40,7 @@ void ForEachKnown(absl::Span<const PhotoDepth> photos, int step, const Visit& vi
       for (int x = step / 2; x < confidence.width; x += step) {
         if (confidence.at(0, y, x) < kDenseConfidence) continue;
         const auto [u, v] = PixelUnder(photo, x, y);
-        if (Counts(photo.view->mask, u, v)) visit(photo, x, y);
+        if (!IsMasked(*photo.photo, u, v)) visit(photo, x, y);
       }
     }
   }
@@ -44,13 +48,13 @@ void ForEachKnown(absl::Span<const PhotoDepth> photos, int step, const Visit& vi
 
 SparsePoint PointAt(const PhotoDepth& photo, int x, int y) {
   const Camera camera =
-      photo.view->view.camera.Scaled(photo.map->depth.width, photo.map->depth.height);
+      photo.photo->view->camera.Scaled(photo.map->depth.width, photo.map->depth.height);
   const double z = photo.map->depth.at(0, y, x);
   SparsePoint point;
   point.xyz = camera.WorldFromCam(
       {(x + 0.5 - camera.cx) / camera.fx * z, (y + 0.5 - camera.cy) / camera.fy * z, z});
   const auto [u, v] = PixelUnder(photo, x, y);
-  const int16_t* pixel = photo.view->target.pixel(u, v);
+  const int16_t* pixel = photo.photo->target->pixel(u, v);
   for (int c = 0; c < 3; ++c) {
     point.rgb[c] = static_cast<uint8_t>(std::clamp(std::lround(pixel[c] / kPhotoCode), 0L, 255L));
   }
@@ -90,35 +94,28 @@ std::optional<std::vector<SparsePoint>> Kept(const std::string& path, const std:
   return points;
 }
 
-// Of photos that have stereo depth already.
-std::vector<SparsePoint> PointsOfLoss(const std::vector<TrainView>& views, int64_t limit) {
-  std::vector<PhotoDepth> photos;
-  for (const TrainView& v : views) {
-    if (v.depth.has_value()) photos.push_back({&v, &*v.depth});
+std::vector<SparsePoint> PointsOfMaps(const std::vector<PosedPhoto>& photos, const DepthMaps& maps,
+                                      int64_t limit) {
+  std::vector<PhotoDepth> known;
+  for (size_t i = 0; i < maps.size(); ++i) {
+    if (maps[i].has_value()) known.push_back({&photos[i], &*maps[i]});
   }
-  return PointsOfDepth(photos, limit);
+  return PointsOfDepth(known, limit);
 }
 
-absl::StatusOr<std::vector<SparsePoint>> PointsOfStereo(const Context& context,
-                                                        const Capture& capture, int64_t limit) {
-  std::vector<PosedPhoto> photos;
-  for (const TrainView& v : capture.train) photos.push_back({&v.view, &v.photo, &v.target});
+absl::StatusOr<DepthMaps> StereoOfFew(const Context& context, const std::vector<PosedPhoto>& photos,
+                                      absl::Span<const SparsePoint> points,
+                                      absl::Span<const int> point_views) {
+  std::vector<PosedPhoto> undistorted;
+  for (const PosedPhoto& p : photos) undistorted.push_back({p.view, p.photo, p.target});
   StereoOptions stereo;
   stereo.threads = context.options.threads;
   const auto report = [&](int done, int total) {
     context.progress(Stage::kPreparing, absl::StrCat("points to start from by stereo: ", done,
                                                      " of ", total, " photos"));
   };
-  LITAGS_ASSIGN_OR_RETURN(
-      const auto maps,
-      StereoDepth(photos,
-                  PointsOfFew(capture.points, capture.point_views, context.recipe.stereo_photos),
-                  stereo, context.cancel, report));
-  std::vector<PhotoDepth> known;
-  for (size_t i = 0; i < maps.size(); ++i) {
-    if (maps[i].has_value()) known.push_back({&capture.train[i], &*maps[i]});
-  }
-  return PointsOfDepth(known, limit);
+  return StereoDepth(undistorted, PointsOfFew(points, point_views, context.recipe.stereo_photos),
+                     stereo, context.cancel, report);
 }
 
 }  // namespace
@@ -139,29 +136,35 @@ std::vector<SparsePoint> PointsOfDepth(absl::Span<const PhotoDepth> photos, int6
   return points;
 }
 
-absl::Status AddDenseStart(const Context& context, const std::string& key, Capture* capture) {
-  if (!context.recipe.dense_start) return absl::OkStatus();
-  const int64_t sparse = static_cast<int64_t>(capture->points.size());
+absl::StatusOr<std::vector<SparsePoint>> DenseStartPoints(const Context& context,
+                                                          const std::vector<PosedPhoto>& photos,
+                                                          const DepthMaps& depth,
+                                                          absl::Span<const SparsePoint> points,
+                                                          absl::Span<const int> point_views,
+                                                          const std::string& key) {
+  std::vector<SparsePoint> dense;
+  const int64_t sparse = static_cast<int64_t>(points.size());
   const int64_t limit = context.options.max_gaussians / 16 - sparse;
-  if (limit <= 0) return absl::OkStatus();
+  if (!context.recipe.dense_start || limit <= 0) return dense;
   const std::string path = context.input.work_dir + "/start.litags";
   const bool has_stereo = ResolveDepthOrigin(context) == DepthOrigin::kStereo;
   const std::string full_key =
       absl::StrCat("at most ", limit, has_stereo ? " of the loss's depth, " : " of stereo, ", key);
-  std::optional<std::vector<SparsePoint>> points = Kept(path, full_key);
-  if (!points.has_value()) {
+  if (std::optional<std::vector<SparsePoint>> kept = Kept(path, full_key); kept.has_value()) {
+    dense = *std::move(kept);
+  } else {
     if (has_stereo) {
-      points = PointsOfLoss(capture->train, limit);
+      dense = PointsOfMaps(photos, depth, limit);
     } else {
-      LITAGS_ASSIGN_OR_RETURN(points, PointsOfStereo(context, *capture, limit));
+      LITAGS_ASSIGN_OR_RETURN(const DepthMaps maps,
+                              StereoOfFew(context, photos, points, point_views));
+      dense = PointsOfMaps(photos, maps, limit);
     }
-    LITAGS_RETURN_IF_ERROR(Keep(path, full_key, *points));
+    LITAGS_RETURN_IF_ERROR(Keep(path, full_key, dense));
   }
-  context.Note(absl::StrCat("training starts from ", sparse, " sparse points and ", points->size(),
+  context.Note(absl::StrCat("training starts from ", sparse, " sparse points and ", dense.size(),
                             " of stereo depth"));
-  capture->points.insert(capture->points.end(), std::make_move_iterator(points->begin()),
-                         std::make_move_iterator(points->end()));
-  return absl::OkStatus();
+  return dense;
 }
 
 }  // namespace litags

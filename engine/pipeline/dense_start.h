@@ -7,12 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "engine/io/sparse_model.h"
-#include "engine/pipeline/capture.h"
 #include "engine/pipeline/context.h"
-#include "engine/train/train_view.h"
+#include "engine/pipeline/depth_maps.h"
 
 namespace litags {
 
@@ -20,7 +19,7 @@ inline constexpr double kDenseConfidence = 0.5;  // least, of depth. Choice
 
 // A photo and its depth, in the units of the cameras and with a confidence.
 struct PhotoDepth {
-  const TrainView* view;
+  const PosedPhoto* photo;
   const DepthMap* map;
 };
 
@@ -29,12 +28,17 @@ struct PhotoDepth {
 // pixels has without exceeding `limit`. Colours are the pseudo-targets'.
 std::vector<SparsePoint> PointsOfDepth(absl::Span<const PhotoDepth> photos, int64_t limit);
 
-// Adds points of stereo depth to capture->points if recipe.dense_start: with the
-// sparse points at most a sixteenth of max_gaussians, the budget of photos at a quarter of their
+// Points of stereo depth to start from besides the sparse `points`, none unless recipe.dense_start:
+// with these at most a sixteenth of max_gaussians, the budget of photos at a quarter of their
 // size. They are kept in work_dir/start.litags and taken from there if they were made from the same
 // photos, cameras and points (`key`). Errors are those of stereo and of writing that file. What is
 // found, or that nothing is, becomes a note.
-absl::Status AddDenseStart(const Context& context, const std::string& key, Capture* capture);
+absl::StatusOr<std::vector<SparsePoint>> DenseStartPoints(const Context& context,
+                                                          const std::vector<PosedPhoto>& photos,
+                                                          const DepthMaps& depth,
+                                                          absl::Span<const SparsePoint> points,
+                                                          absl::Span<const int> point_views,
+                                                          const std::string& key);
 
 }  // namespace litags
 

@@ -29,29 +29,32 @@ Photo RampTarget(int width, int height) {
 // A photo whose pixels all lie on the plane z = 2 + x / 10 of its camera.
 struct Plane {
   static constexpr int kWide = 40, kHigh = 30;
-  TrainView view;
+  View view;
+  litags::Photo target = RampTarget(kWide, kHigh);
+  PlaneU8 mask;
   DepthMap map;
+  PosedPhoto posed{&view, nullptr, &target, nullptr, &mask};
 
   Plane() {
-    view.view.camera = RingCamera(1, 5, kWide, kHigh);
-    view.target = RampTarget(kWide, kHigh);
+    view.camera = RingCamera(1, 5, kWide, kHigh);
     map.depth = map.confidence = Planes(1, kHigh, kWide);
     std::fill(map.confidence.data.begin(), map.confidence.data.end(), 0.9f);
     for (int y = 0; y < kHigh; ++y) {
       for (int x = 0; x < kWide; ++x) {
-        const Camera& c = view.view.camera;
+        const Camera& c = view.camera;
         map.depth.at(0, y, x) = static_cast<float>(2 / (1 - 0.1 * (x + 0.5 - c.cx) / c.fx));
       }
     }
   }
-  PhotoDepth Photo() const { return {&view, &map}; }
+  Plane(const Plane&) = delete;
+  PhotoDepth Photo() const { return {&posed, &map}; }
 };
 
 TEST(PointsOfDepth, LieWhereThePixelsSeeThem) {
   const Plane plane;
   const auto points = PointsOfDepth({plane.Photo()}, Plane::kWide * Plane::kHigh);
   ASSERT_EQ(points.size(), size_t{Plane::kWide * Plane::kHigh});
-  const Camera& camera = plane.view.view.camera;
+  const Camera& camera = plane.view.camera;
   for (const int i : {0, 41, 1199}) {
     const auto p = camera.CamFromWorld(points[i].xyz);
     EXPECT_NEAR(p[2], 2 + 0.1 * p[0], 1e-6);
@@ -65,26 +68,26 @@ TEST(PointsOfDepth, LieWhereThePixelsSeeThem) {
 TEST(PointsOfDepth, HaveCodesOfTargetsThatLeaveTheirRange) {
   Plane plane;
   const int16_t samples[] = {-40, kPhotoWhite + 200, kPhotoWhite - 1};
-  std::copy_n(samples, 3, plane.view.target.data.begin());
+  std::copy_n(samples, 3, plane.target.data.begin());
   const auto points = PointsOfDepth({plane.Photo()}, Plane::kWide * Plane::kHigh);
   EXPECT_EQ(points[0].rgb, (std::array<uint8_t, 3>{0, 255, 255}));
 }
 
 TEST(PointsOfDepth, AMapMayBeSmallerThanItsPhoto) {
   Plane plane;
-  TrainView& view = plane.view;
-  view.view.camera = view.view.camera.Scaled(2 * Plane::kWide, 2 * Plane::kHigh);
-  view.target = RampTarget(2 * Plane::kWide, 2 * Plane::kHigh);
-  view.mask = PlaneU8(2 * Plane::kWide, 2 * Plane::kHigh);
-  std::fill(view.mask.data.begin(), view.mask.data.end(), kCounts);
-  view.mask.data[1 * 2 * Plane::kWide + 3] = 0;  // under the map's (1, 0)
+  Camera& camera = plane.view.camera;
+  camera = camera.Scaled(2 * Plane::kWide, 2 * Plane::kHigh);
+  plane.target = RampTarget(2 * Plane::kWide, 2 * Plane::kHigh);
+  plane.mask = PlaneU8(2 * Plane::kWide, 2 * Plane::kHigh);
+  std::fill(plane.mask.data.begin(), plane.mask.data.end(), kCounts);
+  plane.mask.data[1 * 2 * Plane::kWide + 3] = 0;  // under the map's (1, 0)
   const auto points = PointsOfDepth({plane.Photo()}, 1 << 20);
   ASSERT_EQ(points.size(), 1199u);
-  const auto p = view.view.camera.CamFromWorld(points[1].xyz);  // (2, 0)
+  const auto p = camera.CamFromWorld(points[1].xyz);  // (2, 0)
   EXPECT_NEAR(p[2], plane.map.depth.at(0, 0, 2), 1e-6);
-  EXPECT_NEAR(view.view.camera.fx * p[0] / p[2] + view.view.camera.cx, 5, 1e-9);
-  EXPECT_NEAR(view.view.camera.fy * p[1] / p[2] + view.view.camera.cy, 1, 1e-9);
-  EXPECT_EQ(points[1].rgb[2], PhotoToU8(view.target).pixel(5, 1)[2]);
+  EXPECT_NEAR(camera.fx * p[0] / p[2] + camera.cx, 5, 1e-9);
+  EXPECT_NEAR(camera.fy * p[1] / p[2] + camera.cy, 1, 1e-9);
+  EXPECT_EQ(points[1].rgb[2], PhotoToU8(plane.target).pixel(5, 1)[2]);
 }
 
 TEST(PointsOfDepth, AreAGridOfAtMostTheLimitOverAllPhotos) {
@@ -95,7 +98,7 @@ TEST(PointsOfDepth, AreAGridOfAtMostTheLimitOverAllPhotos) {
   // Pixels (1, 1), (4, 1) ...: 13 of 40 columns, 10 of 30 rows.
   const auto third = PointsOfDepth({a.Photo()}, 140);
   ASSERT_EQ(third.size(), 130u);
-  EXPECT_EQ(third[1].rgb[0], PhotoToU8(a.view.target).pixel(4, 1)[0]);
+  EXPECT_EQ(third[1].rgb[0], PhotoToU8(a.target).pixel(4, 1)[0]);
   EXPECT_TRUE(PointsOfDepth({a.Photo()}, 0).empty());
   EXPECT_TRUE(PointsOfDepth({a.Photo()}, -5).empty());
   EXPECT_TRUE(PointsOfDepth({}, 100).empty());
@@ -104,9 +107,9 @@ TEST(PointsOfDepth, AreAGridOfAtMostTheLimitOverAllPhotos) {
 TEST(PointsOfDepth, DoubtfulAndMaskedPixelsGiveNone) {
   Plane plane;
   for (int x = 0; x < 10; ++x) plane.map.confidence.at(0, 3, x) = 0.49f;
-  plane.view.mask = PlaneU8(Plane::kWide, Plane::kHigh);
-  std::fill(plane.view.mask.data.begin(), plane.view.mask.data.end(), kCounts);
-  for (int x = 20; x < 25; ++x) plane.view.mask.data[7 * Plane::kWide + x] = 0;
+  plane.mask = PlaneU8(Plane::kWide, Plane::kHigh);
+  std::fill(plane.mask.data.begin(), plane.mask.data.end(), kCounts);
+  for (int x = 20; x < 25; ++x) plane.mask.data[7 * Plane::kWide + x] = 0;
   EXPECT_EQ(PointsOfDepth({plane.Photo()}, 1 << 20).size(), 1200u - 10 - 5);
 }
 

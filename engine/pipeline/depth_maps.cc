@@ -24,8 +24,6 @@ constexpr char kKind[] = "depth maps";
 constexpr uint32_t kVersion = 2;
 constexpr int64_t kMaxModelBytes = int64_t{4} << 30;
 
-using Maps = std::vector<std::optional<DepthMap>>;
-
 const char* Describe(DepthOrigin origin) {
   switch (origin) {
     case DepthOrigin::kMaps:
@@ -106,7 +104,7 @@ absl::StatusOr<std::string> KeyOf(DepthOrigin origin, const DepthNetwork& networ
   return absl::StrCat("network ", f.Text(), " ", key);
 }
 
-absl::Status Keep(const std::string& path, const std::string& key, const Maps& maps) {
+absl::Status Keep(const std::string& path, const std::string& key, const DepthMaps& maps) {
   ContainerWriter writer(kKind, kVersion);
   writer.AddSectionView("key", key);
   std::vector<int32_t> sizes(2 * maps.size());  // width and height of each; 0: none
@@ -137,7 +135,7 @@ bool ToPlane(std::vector<float> values, int width, int height, bool may_be_empty
 
 // The kept maps of `views` photos; nothing if there are none, or they are damaged or of something
 // else: they can always be made again.
-std::optional<Maps> Kept(const std::string& path, const std::string& key, size_t views) {
+std::optional<DepthMaps> Kept(const std::string& path, const std::string& key, size_t views) {
   const auto file = Container::Read(path, kKind, kVersion);
   if (!file.ok()) return std::nullopt;
   const auto kept_key = file->Section("key");
@@ -145,7 +143,7 @@ std::optional<Maps> Kept(const std::string& path, const std::string& key, size_t
   if (!kept_key.ok() || *kept_key != key || !sizes.ok() || sizes->size() != 2 * views) {
     return std::nullopt;
   }
-  Maps maps(views);
+  DepthMaps maps(views);
   for (size_t i = 0; i < views; ++i) {
     const int width = (*sizes)[2 * i], height = (*sizes)[2 * i + 1];
     if (width == 0) continue;
@@ -205,12 +203,13 @@ DepthOrigin ResolveDepthOrigin(const Context& context) {
   return context.input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
 }
 
-absl::Status AddDepthMaps(const Context& context, absl::Span<const SparsePoint> points,
-                          absl::Span<const int> point_views, const std::string& key,
-                          std::vector<TrainView>* views) {
+absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
+                                        const std::vector<PosedPhoto>& photos,
+                                        absl::Span<const SparsePoint> points,
+                                        absl::Span<const int> point_views, const std::string& key) {
   const ReconstructInput& input = context.input;
   const DepthOrigin origin = ResolveDepthOrigin(context);
-  if (origin == DepthOrigin::kNone) return absl::OkStatus();
+  if (origin == DepthOrigin::kNone) return DepthMaps();
   if (origin != DepthOrigin::kMaps && !input.depth_dir.empty()) {
     context.Note(absl::StrCat("the depth maps given are not used: depth comes from ",
                               Describe(origin), " (depth_source)"));
@@ -220,17 +219,13 @@ absl::Status AddDepthMaps(const Context& context, absl::Span<const SparsePoint> 
   const bool keep = origin != DepthOrigin::kMaps;
   const std::string path = input.work_dir + "/depth.litags";
   std::string full_key;
-  std::optional<Maps> maps;
+  std::optional<DepthMaps> maps;
   if (keep) {
     LITAGS_ASSIGN_OR_RETURN(full_key,
                             KeyOf(origin, input.depth_network, StereoPhotos(context), key));
-    maps = Kept(path, full_key, views->size());
+    maps = Kept(path, full_key, photos.size());
   }
   if (!maps.has_value()) {
-    std::vector<PosedPhoto> photos;
-    for (const TrainView& v : *views) {
-      photos.push_back({&v.view, &v.photo, &v.target, &v.distortion});
-    }
     LITAGS_ASSIGN_OR_RETURN(maps, provider->Maps(photos, context.cancel, [&](int done, int total) {
       context.progress(Stage::kPreparing, absl::StrCat("depth by ", Describe(origin), ": ", done,
                                                        " of ", total, " photos"));
@@ -238,18 +233,19 @@ absl::Status AddDepthMaps(const Context& context, absl::Span<const SparsePoint> 
     if (keep) LITAGS_RETURN_IF_ERROR(Keep(path, full_key, *maps));
   }
   int found = 0;
-  for (size_t i = 0; i < views->size(); ++i) {
-    found += (*maps)[i].has_value();
-    TrainView& v = (*views)[i];
-    v.depth = std::move((*maps)[i]);
-    if (v.depth.has_value()) ForgetMasked(v.mask, &*v.depth);
+  for (size_t i = 0; i < photos.size(); ++i) {
+    std::optional<DepthMap>& map = (*maps)[i];
+    found += map.has_value();
+    if (map.has_value() && photos[i].mask != nullptr) ForgetMasked(*photos[i].mask, &*map);
   }
   context.report->depth_used = found > 0;
   std::string note = absl::StrCat("depth from ", Describe(origin), ": ", found, " of ",
-                                  views->size(), " training photos have a map");
-  if (found < static_cast<int>(views->size())) absl::StrAppend(&note, "; the others train without");
+                                  photos.size(), " training photos have a map");
+  if (found < static_cast<int>(photos.size())) {
+    absl::StrAppend(&note, "; the others train without");
+  }
   context.Note(std::move(note));
-  return absl::OkStatus();
+  return *std::move(maps);
 }
 
 }  // namespace litags

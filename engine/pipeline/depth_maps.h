@@ -2,18 +2,19 @@
 #ifndef LITAGS_ENGINE_PIPELINE_DEPTH_MAPS_H_
 #define LITAGS_ENGINE_PIPELINE_DEPTH_MAPS_H_
 
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "engine/depth/depth_provider.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/context.h"
-#include "engine/train/train_view.h"
 
 namespace litags {
 
-// The points with the tracks of the training photos alone, as indices into Capture::train.
+// The points with the tracks of the training photos alone, as indices into TrainSet::train.
 std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
                                           absl::Span<const int> point_views);
 
@@ -26,15 +27,18 @@ std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
 // if the recipe has no depth loss.
 DepthOrigin ResolveDepthOrigin(const Context& context);
 
-// Fills TrainView::depth of `views`, and depth_used and notes of the report. `points` are of the
-// capture's model, `point_views` as in Capture. Maps of stereo and of a network are kept in
-// work_dir/depth.litags and taken from there if they were made from the same photos, cameras and
-// points (`key`), so that a resumed run has the very same. INVALID_ARGUMENT
+using DepthMaps = std::vector<std::optional<DepthMap>>;
+
+// The maps of the training photos, none at all without a source. Fills depth_used and notes of the
+// report. `points` are of the capture's model, `point_views` as in TrainSet. Maps of stereo and of
+// a network are kept in work_dir/depth.litags and taken from there if they were made from the same
+// photos, cameras and points (`key`), so that a resumed run has the very same. INVALID_ARGUMENT
 // (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING) if the source has nothing to work with; errors of the
 // source. Pixels that do not count by their photo's mask get no depth.
-absl::Status AddDepthMaps(const Context& context, absl::Span<const SparsePoint> points,
-                          absl::Span<const int> point_views, const std::string& key,
-                          std::vector<TrainView>* views);
+absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
+                                        const std::vector<PosedPhoto>& photos,
+                                        absl::Span<const SparsePoint> points,
+                                        absl::Span<const int> point_views, const std::string& key);
 
 }  // namespace litags
 

@@ -18,9 +18,8 @@
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/pipeline/capture.h"
-#include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/scene_file.h"
+#include "engine/pipeline/train_set.h"
 #include "engine/train/initialize.h"
 #include "engine/train/losses.h"
 #include "engine/train/trainer.h"
@@ -35,8 +34,8 @@ double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-absl::StatusOr<Splats> InitialSplats(const Recipe& recipe, const Capture& capture) {
-  return InitializeFromPoints(capture.points, capture.point_views, capture.train,
+absl::StatusOr<Splats> InitialSplats(const Recipe& recipe, const TrainSet& set) {
+  return InitializeFromPoints(set.points, set.point_views, set.train,
                               recipe.dense_start ? StartShape::kDisk : StartShape::kBall);
 }
 
@@ -50,9 +49,9 @@ absl::StatusOr<double> PsnrOfCounted(const PlaneU8& mask, const Planes& color, P
   return psnr - 10 * std::log10(pixels / CountedPixels(mask, color.plane_size()));
 }
 
-TrainOptions TrainOptionsOf(const Context& context, const Capture& capture) {
+TrainOptions TrainOptionsOf(const Context& context, const TrainSet& set) {
   TrainOptions train;
-  train.recipe = AdaptToNoise(context.recipe, capture.target_noise);
+  train.recipe = AdaptToNoise(context.recipe, set.target_noise);
   train.iterations = context.options.ScheduleIterations();  // it is stepped from outside
   train.seed = context.options.seed;
   train.threads = context.options.threads;
@@ -64,18 +63,18 @@ TrainOptions TrainOptionsOf(const Context& context, const Capture& capture) {
 // One training run: steps, reports, snapshots, checkpoints.
 class Run {
  public:
-  Run(const Context& context, const Capture& capture, Splats initial, ReconstructObserver* observer)
+  Run(const Context& context, const TrainSet& set, Splats initial, ReconstructObserver* observer)
       : options_(context.options),
         recipe_(context.recipe),
-        capture_(capture),
+        set_(set),
         observer_(observer),
-        trainer_(TrainOptionsOf(context, capture), &capture.train, std::move(initial),
-                 SceneExtent(capture.train)),
+        trainer_(TrainOptionsOf(context, set), &set.train, std::move(initial),
+                 SceneExtent(set.train)),
         renderer_(context.options.threads),
         scene_path_(context.input.work_dir + "/scene.litags"),
         checkpoint_path_(context.input.work_dir + "/checkpoint.litags") {
-    for (const TrainView& v : capture.train) views_.push_back(v.view);
-    for (const TrainView& v : capture.holdout) views_.push_back(v.view);
+    for (const TrainView& v : set.train) views_.push_back(v.view);
+    for (const TrainView& v : set.holdout) views_.push_back(v.view);
     std::sort(views_.begin(), views_.end(),
               [](const View& a, const View& b) { return a.name < b.name; });
     progress_.stage = Stage::kTraining;
@@ -92,7 +91,7 @@ class Run {
       return absl::OkStatus();
     }
     const absl::Status status =
-        trainer_.LoadCheckpoint(checkpoint_path_, capture_.fingerprint, options_.iterations);
+        trainer_.LoadCheckpoint(checkpoint_path_, set_.fingerprint, options_.iterations);
     const auto detail = GetErrorDetail(status);
     if (detail.has_value() && detail->reason == "CHECKPOINT_MISMATCH") {
       notes->push_back(
@@ -136,7 +135,7 @@ class Run {
       Account(*losses, leg);
       const bool last = done == options_.iterations;
       if (done % options_.checkpoint_every == 0 || last) {
-        LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, capture_.fingerprint));
+        LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, set_.fingerprint));
       }
       if (last) break;
       if (done % options_.preview_every == 0) {
@@ -175,9 +174,9 @@ class Run {
 
   // Back to the last checkpoint, or to the start, and around what went wrong.
   absl::Status RollBack(const absl::Status& fault) {
-    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(recipe_, capture_));
+    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(recipe_, set_));
     LITAGS_RETURN_IF_ERROR(
-        trainer_.RollBack(checkpoint_path_, capture_.fingerprint, std::move(initial)));
+        trainer_.RollBack(checkpoint_path_, set_.fingerprint, std::move(initial)));
     Progress progress = progress_;
     progress.iteration = trainer_.iteration();
     progress.message = absl::StrCat(fault.message(), "; going on from iteration ",
@@ -202,7 +201,7 @@ class Run {
   // the checkpoint before.
   absl::Status Cancelled(const CancelToken& cancel, bool progressed) const {
     if (progressed) {
-      trainer_.SaveCheckpoint(checkpoint_path_, capture_.fingerprint).IgnoreError();
+      trainer_.SaveCheckpoint(checkpoint_path_, set_.fingerprint).IgnoreError();
     }
     return cancel.Check();
   }
@@ -229,23 +228,23 @@ class Run {
   // Saves a snapshot and reports it with a preview picture and the held-out PSNR.
   absl::Status Publish() {
     Model model = trainer_.Snapshot();
-    model.origin = capture_.origin;
-    if (model.lita && recipe_.noise_filter) model.noise = capture_.noise;
-    if (model.lita) model.curve = capture_.curve;
+    model.origin = set_.origin;
+    if (model.lita && recipe_.noise_filter) model.noise = set_.noise;
+    if (model.lita) model.curve = set_.curve;
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, views_));
     observer_->OnSnapshot(scene_path_);
     LossWorkspace workspace(options_.threads);
     Planes color, target;
     double sum = 0;
-    for (const TrainView& v : capture_.holdout) {
+    for (const TrainView& v : set_.holdout) {
       renderer_.RenderColor(model, v.view.camera, &color);
       UnpackImage(v.target, workspace, &target);
       for (float& x : color.data) x = std::clamp(x, 0.0f, 1.0f);
       LITAGS_ASSIGN_OR_RETURN(const double psnr, PsnrOfCounted(v.mask, color, &target));
       sum += psnr;
     }
-    if (!capture_.holdout.empty()) progress_.psnr_holdout = sum / capture_.holdout.size();
-    const TrainView& shown = capture_.holdout.empty() ? capture_.train[0] : capture_.holdout[0];
+    if (!set_.holdout.empty()) progress_.psnr_holdout = sum / set_.holdout.size();
+    const TrainView& shown = set_.holdout.empty() ? set_.train[0] : set_.holdout[0];
     renderer_.RenderColor(model, shown.view.camera, &color);
     LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(ToImageU8(color)));
     Progress progress = progress_;
@@ -256,7 +255,7 @@ class Run {
 
   const ReconstructOptions& options_;
   const Recipe& recipe_;
-  const Capture& capture_;
+  const TrainSet& set_;
   ReconstructObserver* observer_;
   Trainer trainer_;
   ModelRenderer renderer_;
@@ -292,9 +291,9 @@ class RealEngine : public Engine {
       observer->OnProgress(p);
     };
     const Context context(input, options, cancel, progress, &report);
-    LITAGS_ASSIGN_OR_RETURN(const Capture capture, LoadCapture(context, colmap_));
-    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(context.recipe, capture));
-    Run run(context, capture, std::move(initial), observer);
+    LITAGS_ASSIGN_OR_RETURN(const TrainSet set, MakeTrainSet(context, colmap_));
+    LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(context.recipe, set));
+    Run run(context, set, std::move(initial), observer);
     LITAGS_RETURN_IF_ERROR(run.Resume(&report.notes));
     LITAGS_RETURN_IF_ERROR(run.Train(cancel));
     progress(Stage::kSaving, "writing the report");

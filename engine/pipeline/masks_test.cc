@@ -255,21 +255,19 @@ TEST(Masks, MaskedPixelsHaveNoDepth) {
   Planes ramp(1, RoomCapture::kHeight, RoomCapture::kWidth);
   for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = 1 + i % 7;
   ASSERT_TRUE(WriteFileAtomically(input.depth_dir + "/v000.pfm", EncodePfm(ramp)).ok());
-  std::vector<TrainView> views(1);
-  views[0].view = room.model.views[0];
-  views[0].photo = views[0].target = PhotoFromU8(room.Photo(0, Light::kLow));
-  views[0].mask = PlaneU8(RoomCapture::kWidth, RoomCapture::kHeight);
-  std::fill(views[0].mask.data.begin() + 100, views[0].mask.data.end(), kCounts);
+  const Photo photo = PhotoFromU8(room.Photo(0, Light::kLow));
+  PlaneU8 mask(RoomCapture::kWidth, RoomCapture::kHeight);
+  std::fill(mask.data.begin() + 100, mask.data.end(), kCounts);
   ReconstructReport report;
   const ReconstructOptions options = room.Options(1);
   const CancelToken never;
-  const auto status =
-      AddDepthMaps(Context(
-                       input, options, never, [](Stage, const std::string&) {}, &report),
-                   {}, {}, "key", &views);
-  ASSERT_TRUE(status.ok()) << status;
-  ASSERT_TRUE(views[0].depth.has_value());
-  const DepthMap& depth = *views[0].depth;
+  const auto silent = [](Stage, const std::string&) {};
+  const auto maps =
+      MakeDepthMaps(Context(input, options, never, silent, &report),
+                    {{&room.model.views[0], &photo, &photo, nullptr, &mask}}, {}, {}, "key");
+  ASSERT_TRUE(maps.ok()) << maps.status();
+  ASSERT_TRUE(maps->at(0).has_value());
+  const DepthMap& depth = *maps->at(0);
   for (size_t i = 0; i < ramp.data.size(); ++i) {
     ASSERT_EQ(depth.confidence.data[i], i < 100 ? 0 : 1) << i;
     ASSERT_EQ(depth.depth.data[i], i < 100 ? 0 : ramp.data[i]) << i;

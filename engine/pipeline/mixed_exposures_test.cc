@@ -10,8 +10,8 @@
 #include "absl/strings/str_join.h"
 #include "engine/core/color.h"
 #include "engine/eval/metrics.h"
-#include "engine/pipeline/capture.h"
 #include "engine/pipeline/capture_test_util.h"
+#include "engine/pipeline/train_set.h"
 
 namespace litags {
 namespace {
@@ -47,7 +47,7 @@ double LumaDifference(const Photo& photo, const ImageU8& taken) {
 TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
   RoomCapture room(9);
   room.SetLight(LightOf);
-  const Capture capture = room.Load(Options(room));
+  const TrainSet capture = room.Load(Options(room));
   ASSERT_EQ(capture.train.size(), 9u);
   for (int i = 0; i < 9; ++i) {
     const TrainView& view = capture.train[i];
@@ -67,7 +67,7 @@ TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
 TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
   RoomCapture room(9);
   room.SetLight(LightOf);
-  const Capture capture = room.Load(Options(room));
+  const TrainSet capture = room.Load(Options(room));
   ASSERT_EQ(capture.train.size(), 9u);
   double clipped = 0, clipped_weight = 0, other = 0, other_weight = 0;
   for (int i = 2; i < 9; i += 3) {
@@ -91,7 +91,7 @@ TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
 
 TEST(MixedExposures, PhotosOfOneExposureStayAsTheyAre) {
   const RoomCapture room(6);  // all dark
-  const Capture capture = room.Load(Options(room));
+  const TrainSet capture = room.Load(Options(room));
   ASSERT_EQ(capture.train.size(), 6u);
   for (int i = 0; i < 6; ++i) {
     EXPECT_LT(LumaDifference(capture.train[i].photo, room.Photo(i, Light::kLow)), 0.5);
@@ -104,7 +104,7 @@ TEST(MixedExposures, ThePaperComparesWithThePhotosAsTheyAre) {
   room.SetLight(LightOf);
   ReconstructOptions options = Options(room);
   options.tone = Tone::kPaper;
-  const Capture capture = room.Load(options);
+  const TrainSet capture = room.Load(options);
   ASSERT_EQ(capture.train.size(), 6u);
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(capture.train[i].photo.data, PhotoFromU8(room.Photo(i, LightOf(i))).data);

@@ -6,8 +6,8 @@
 #include <functional>
 
 #include "engine/core/rng.h"
-#include "engine/pipeline/capture.h"
 #include "engine/pipeline/capture_test_util.h"
+#include "engine/pipeline/train_set.h"
 
 namespace litags {
 namespace {
@@ -58,7 +58,7 @@ void PhotographDark(double noise, const RoomCapture& room) {
 TEST(PictureNoise, DarkPicturesOfNoisyPhotosLoseWhatBlackLifts) {
   const RoomCapture room(4);
   PhotographDark(kNoise, room);
-  const Capture capture = room.Load(room.Options(10));
+  const TrainSet capture = room.Load(room.Options(10));
   ASSERT_TRUE(capture.curve.has_value());
   const CodeCurve& curve = *capture.curve;
   EXPECT_EQ(curve[0], 0);

@@ -18,9 +18,9 @@
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/pipeline/capture.h"
 #include "engine/pipeline/context.h"
 #include "engine/pipeline/depth_maps.h"
+#include "engine/pipeline/train_set.h"
 #include "engine/stereo/stereo.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
@@ -107,7 +107,7 @@ absl::Status MeasureDepth(DepthArguments args) {
   const CancelToken never;
   const Context context(
       input, options, never, [](Stage, const std::string&) {}, &report);
-  LITAGS_ASSIGN_OR_RETURN(const Capture capture, LoadCapture(context, "colmap"));
+  LITAGS_ASSIGN_OR_RETURN(const TrainSet capture, MakeTrainSet(context, "colmap"));
   const std::vector<TrainView>& views = capture.train;
   const std::vector<SparsePoint> points = PointsOfTraining(capture.points, capture.point_views);
   std::vector<Photo> photos;

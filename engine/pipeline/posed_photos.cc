@@ -1,7 +1,8 @@
-#include "engine/pipeline/load_views.h"
+#include "engine/pipeline/posed_photos.h"
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -14,8 +15,10 @@
 #include "engine/core/parallel.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
+#include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
-#include "engine/pipeline/shrink.h"
+#include "engine/pipeline/local_origin.h"
 #include "engine/target/shadow_color.h"
 
 namespace litags {
@@ -56,9 +59,16 @@ absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const Sp
   return MedianPrior(priors);
 }
 
+// One photo on its way to the size of training.
+struct OnePhoto {
+  View view;
+  Photo photo;
+  PlaneU8 mask;
+};
+
 // Photo and mask as their pinhole camera sees them.
 absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
-                       const Distortion& distortion, const ShadowColors* shadows, TrainView* v) {
+                       const Distortion& distortion, const ShadowColors* shadows, OnePhoto* v) {
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
   v->photo = std::move(read.photo);
@@ -73,7 +83,6 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
                      "delete the folder cameras of this run"));
   }
   if (shadows != nullptr) v->photo = shadows->Infer(v->photo, v->mask);
-  v->distortion = distortion;
   if (distortion.IsZero()) return absl::OkStatus();
   absl::Status status;
   const auto undistort = [&]<class T>(const Image<T>& image) {
@@ -86,9 +95,22 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   return status;
 }
 
+void Shrink(int max_side, OnePhoto* v) {
+  Camera& camera = v->view.camera;
+  const int side = std::max(camera.width, camera.height);
+  if (max_side <= 0 || side <= max_side) return;
+  const double scale = double(max_side) / side;
+  const int width = std::max(1, static_cast<int>(std::lround(camera.width * scale)));
+  const int height = std::max(1, static_cast<int>(std::lround(camera.height * scale)));
+  const auto resize = [&](const auto& image) { return ResizeArea(image, width, height); };
+  v->photo = resize(v->photo);
+  if (!v->mask.empty()) v->mask = ChangeMask(v->mask, resize);
+  camera = camera.Scaled(width, height);
+}
+
 // A mask may leave something of the photo as it was taken, and nothing at the size of training.
-absl::Status CheckMask(const TrainView& v, const std::string& mask_path) {
-  if (CountedPixels(v.mask, v.photo.data.size() / 3) > 0) return absl::OkStatus();
+absl::Status CheckMask(const OnePhoto& v, const std::string& mask_path) {
+  if (CountedPixels(v.mask, v.photo.pixels()) > 0) return absl::OkStatus();
   const std::string field = absl::StrCat("masks[", BaseName(mask_path), "]");
   return InvalidInput("MASK_BLACK", field,
                       absl::StrCat(field, ": at ", v.mask.width, "x", v.mask.height,
@@ -96,15 +118,13 @@ absl::Status CheckMask(const TrainView& v, const std::string& mask_path) {
                                    "leave the photo out"));
 }
 
-}  // namespace
-
-absl::StatusOr<LoadedViews> LoadViews(const Context& context, const SparseModel& model,
-                                      const MaskPaths& masks) {
+// The photos of posed->model, into the other fields.
+absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPhotos* posed) {
   const ReconstructInput& input = context.input;
   const ReconstructOptions& options = context.options;
-  ReconstructReport* const report = context.report;
+  const SparseModel& model = posed->model;
   const size_t n = model.views.size();
-  std::vector<TrainView> views(n);
+  std::vector<OnePhoto> photos(n);
   std::vector<absl::Status> status(n);
   std::vector<std::optional<std::array<uint8_t, 3>>> flat(n);
   std::optional<ShadowColors> shadows;
@@ -116,7 +136,7 @@ absl::StatusOr<LoadedViews> LoadViews(const Context& context, const SparseModel&
   ParallelFor(options.threads, n, [&](size_t i, int) {
     status[i] = [&]() -> absl::Status {
       LITAGS_RETURN_IF_ERROR(context.cancel.Check());
-      TrainView& v = views[i];
+      OnePhoto& v = photos[i];
       v.view = model.views[i];
       const std::string mask_path = MaskPathOf(masks, v.view.name);
       LITAGS_RETURN_IF_ERROR(LoadPhoto(PathOf(input, v.view.name), mask_path, model.distortions[i],
@@ -129,31 +149,58 @@ absl::StatusOr<LoadedViews> LoadViews(const Context& context, const SparseModel&
     }();
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
-  LoadedViews out;
   int shrunk = 0;
   for (size_t i = 0; i < n; ++i) {
     if (flat[i].has_value()) {
       const auto& [r, g, b] = *flat[i];
-      report->notes.push_back(absl::StrFormat("%s is left out: all its pixels are (%d, %d, %d)",
-                                              views[i].view.name, r, g, b));
+      context.Note(absl::StrFormat("%s is left out: all its pixels are (%d, %d, %d)",
+                                   photos[i].view.name, r, g, b));
       continue;
     }
-    shrunk += views[i].view.camera.width < model.views[i].camera.width;
-    out.model_view.push_back(static_cast<int>(i));
-    out.views.push_back(std::move(views[i]));
+    shrunk += photos[i].view.camera.width < model.views[i].camera.width;
+    posed->model_view.push_back(static_cast<int>(i));
+    posed->views.push_back(std::move(photos[i].view));
+    posed->distortions.push_back(model.distortions[i]);
+    posed->photos.push_back(std::move(photos[i].photo));
+    posed->masks.push_back(std::move(photos[i].mask));
   }
   if (shrunk > 0) {
-    report->notes.push_back(absl::StrCat(shrunk, " of ", out.views.size(),
-                                         " photos were shrunk to ", options.max_image_side,
-                                         " px (max_image_side; 0 keeps their size)"));
+    context.Note(absl::StrCat(shrunk, " of ", posed->size(), " photos were shrunk to ",
+                              options.max_image_side, " px (max_image_side; 0 keeps their size)"));
   }
-  if (out.views.size() < kMinPhotos) {
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::string& colmap) {
+  const ReconstructInput& input = context.input;
+  context.progress(Stage::kLoading, "reading photos");
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names,
+                          ListPhotos(input.images_dir, "images"));
+  LITAGS_ASSIGN_OR_RETURN(std::string others, DescribeOtherPictures(input.images_dir, "images"));
+  if (!others.empty()) context.Note(std::move(others));
+  MaskPaths masks;
+  if (!input.masks_dir.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(masks, FindMasks(input.masks_dir, names));
+  }
+  PosedPhotos posed;
+  LITAGS_ASSIGN_OR_RETURN(posed.model, ObtainCameras(context, names, masks, colmap));
+  LITAGS_RETURN_IF_ERROR(context.cancel.Check());
+  posed.origin = LocalOrigin(posed.model.views);
+  if (posed.origin != std::array<double, 3>{}) {
+    TakeAsOrigin(posed.origin, &posed.model);
+    context.Note(DescribeOrigin(posed.origin));
+  }
+  context.progress(Stage::kPreparing, "pseudo-targets and structure maps");
+  LITAGS_RETURN_IF_ERROR(LoadPhotos(context, masks, &posed));
+  if (posed.size() < kMinPhotos) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
-                     absl::StrCat("images: ", out.views.size(), " of ", report->photos,
+                     absl::StrCat("images: ", posed.size(), " of ", context.report->photos,
                                   " photos have a camera and show something, at least ", kMinPhotos,
                                   " must; add photos of the place"));
   }
-  return out;
+  return posed;
 }
 
 }  // namespace litags

@@ -1,0 +1,95 @@
+#include "engine/pipeline/capture_targets.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/pipeline/even_response.h"
+#include "engine/prior/structure_prior.h"
+#include "engine/target/black_lift.h"
+#include "engine/target/information.h"
+#include "engine/target/photometric.h"
+#include "engine/target/tone.h"
+
+namespace litags {
+namespace {
+
+// Where the photos saw the model's points, sorted by point.
+std::vector<PointSighting> Sightings(const PosedPhotos& posed) {
+  const SparseModel& model = posed.model;
+  std::vector<int> photo_of(model.views.size(), -1);
+  for (size_t i = 0; i < posed.size(); ++i)
+    photo_of[posed.model_view[i]] = static_cast<int>(i);
+  std::vector<PointSighting> sightings;
+  for (size_t p = 0; p < model.points.size(); ++p) {
+    for (const TrackElement& element : model.points[p].track) {
+      const int photo = photo_of[element.view];
+      if (photo < 0) continue;
+      const Camera& camera = posed.views[photo].camera;
+      const auto xyz = camera.CamFromWorld(model.points[p].xyz);
+      if (xyz[2] <= 0) continue;
+      sightings.push_back({static_cast<int>(p), photo, camera.fx * xyz[0] / xyz[2] + camera.cx,
+                           camera.fy * xyz[1] / xyz[2] + camera.cy});
+    }
+  }
+  return sightings;
+}
+
+absl::Status AddTargets(const Context& context, const PosedPhotos& posed, CaptureTargets* out) {
+  const ToneOptions& tone = context.recipe.tone;
+  const int threads = context.options.threads;
+  LITAGS_ASSIGN_OR_RETURN(
+      std::vector<ToneTarget> targets,
+      MakeTargets(out->photos, out->exposures, tone, threads, posed.masks));
+  std::vector<double> gains;
+  for (size_t i = 0; i < targets.size(); ++i) {
+    out->targets.push_back(std::move(targets[i].image));
+    gains.push_back(targets[i].gain);
+    if (targets[i].reached) continue;
+    context.Note(absl::StrCat(posed.views[i].name, " stays darker than wanted: no gain brings ",
+                              "it there; leave it out, or mask what no light fell on"));
+  }
+  out->noise_at_black = NoiseAtBlack(out->photos, gains, threads, posed.masks);
+  const auto median = gains.begin() + gains.size() / 2;
+  std::nth_element(gains.begin(), median, gains.end());
+  out->rounding = RoundingNoise(tone, *median);
+  return absl::OkStatus();
+}
+
+std::vector<PlaneU8> Information(const CaptureTargets& made, const std::vector<PlaneU8>& masks) {
+  std::vector<const Photo*> photos, targets;
+  for (const Photo& photo : made.photos) photos.push_back(&photo);
+  for (const Photo& target : made.targets) targets.push_back(&target);
+  return InformationWeights(photos, targets, made.exposures, masks);
+}
+
+}  // namespace
+
+absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const PosedPhotos& posed,
+                                                  std::vector<Photo> photos) {
+  const Recipe& recipe = context.recipe;
+  const std::vector<PointSighting> sightings = Sightings(posed);
+  std::vector<Camera> cameras;
+  for (const View& view : posed.views) cameras.push_back(view.camera);
+  EvenOutResponse(context, sightings, cameras, posed.masks, &photos);
+  CaptureTargets made;
+  made.photos = std::move(photos);
+  made.exposures =
+      WithoutDrift(RelativeExposures(made.photos, sightings, posed.masks), sightings);
+  LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
+  if (recipe.lita && recipe.information_weights) {
+    made.information = Information(made, posed.masks);
+  }
+  if (recipe.lita && recipe.use_prior) {
+    // The prior's scale is one for the whole capture, so all photos go in together.
+    LITAGS_ASSIGN_OR_RETURN(
+        CapturePriors priors,
+        ComputeCapturePriors(made.photos, StructurePriorOptions(), context.options.threads,
+                             context.cancel, posed.masks));
+    made.structure = std::move(priors.maps);
+  }
+  return made;
+}
+
+}  // namespace litags

@@ -1,0 +1,32 @@
+// The second stage: what pictures of the scene are compared with.
+#ifndef LITAGS_ENGINE_PIPELINE_CAPTURE_TARGETS_H_
+#define LITAGS_ENGINE_PIPELINE_CAPTURE_TARGETS_H_
+
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "engine/core/color.h"
+#include "engine/core/noise_curve.h"
+#include "engine/core/photo.h"
+#include "engine/pipeline/posed_photos.h"
+
+namespace litags {
+
+// Index = photo, as in PosedPhotos.
+struct CaptureTargets {
+  std::vector<Photo> photos;     // without what their camera did to the light (even_response.h)
+  std::vector<double> exposures;  // light that they gathered relative to the median photo
+  std::vector<Photo> targets;    // normally lit
+  std::vector<PlaneU8> information;  // weights of pixels; none: the recipe has none
+  std::vector<PlaneU8> structure;    // the prior's maps; none: the recipe has none
+  NoiseCurve rounding;               // noise that rounding the photos leaves in the targets
+  double noise_at_black = 0;         // of the targets, see NoiseAtBlack()
+};
+
+// `photos` are those of `posed`, which no later stage reads.
+absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const PosedPhotos& posed,
+                                                  std::vector<Photo> photos);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_CAPTURE_TARGETS_H_

@@ -1,0 +1,232 @@
+#include "engine/pipeline/train_set.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/core/error.h"
+#include "engine/core/mask.h"
+#include "engine/pipeline/capture_checks.h"
+#include "engine/pipeline/capture_targets.h"
+#include "engine/pipeline/dense_start.h"
+#include "engine/pipeline/depth_maps.h"
+#include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/posed_photos.h"
+#include "engine/target/black_lift.h"
+
+namespace litags {
+namespace {
+
+constexpr double kEvenExposureStops = 0.5;  // see PhotoToLearn(). Choice
+
+// At most `limit` points: those that most photos saw, in their old order.
+void LimitPoints(int64_t limit, std::vector<SparsePoint>* points, ReconstructReport* report) {
+  if (static_cast<int64_t>(points->size()) <= limit) return;
+  std::vector<uint32_t> order(points->size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
+    return (*points)[a].track_length() > (*points)[b].track_length();
+  });
+  order.resize(limit);
+  std::sort(order.begin(), order.end());
+  report->notes.push_back(absl::StrCat("of ", points->size(), " sparse points the ", limit,
+                                       " seen most often were used (max_gaussians)"));
+  std::vector<SparsePoint> kept;
+  for (const uint32_t i : order) kept.push_back(std::move((*points)[i]));
+  *points = std::move(kept);
+}
+
+// What noise of the photos pictures still have, of that of the targets. Choice
+constexpr float kNoiseLeft = 0.25;
+
+// Noise of pictures: what rounding leaves in them, which all photos have alike, and what is left of
+// the targets' white noise, in codes of 255, which differs from photo to photo.
+NoiseCurve NoiseOfPictures(const NoiseCurve& rounding, double white) {
+  const float left = kNoiseLeft * static_cast<float>(white) / 255;
+  NoiseCurve noise;
+  for (size_t i = 0; i < noise.size(); ++i) noise[i] = std::hypot(rounding[i], left);
+  return noise;
+}
+
+// How pictures would be had black not cut off one half of the photos' noise.
+std::optional<CodeCurve> CurveOfPictures(const ToneOptions& tone, double noise_at_black,
+                                         double white) {
+  // Noise is least in the dark, and the targets' curve has a slope of about 1 where most codes are.
+  const double noise = std::min(noise_at_black, white / 255);
+  if (tone.rule != Tone::kCapture || noise <= 0) return std::nullopt;
+  return ChangeOfTargets(tone, [noise](double light) { return WithoutLift(light, noise); });
+}
+
+// Says what the masks do.
+void NoteMasks(const std::vector<PlaneU8>& all, std::vector<std::string>* notes) {
+  size_t masks = 0, pixels = 0, masked = 0;
+  for (const PlaneU8& mask : all) {
+    if (mask.empty()) continue;
+    ++masks;
+    pixels += mask.data.size();
+    masked += mask.data.size() - CountedPixels(mask, mask.data.size());
+  }
+  if (masks == 0) return;
+  notes->push_back(
+      absl::StrFormat("%d of %d photos have a mask; %.1f %% of their pixels do not count", masks,
+                      all.size(), 100.0 * masked / pixels));
+}
+
+void AddPoints(const std::vector<SparsePoint>& points, Fingerprint* f) {
+  for (const SparsePoint& point : points) {
+    f->Add(point.xyz);
+    f->Add(point.rgb);
+    for (const TrackElement& e : point.track) {
+      f->Add(e.view);
+      f->Add(e.x);
+      f->Add(e.y);
+    }
+  }
+}
+
+// What depth can be computed from.
+std::string FingerprintOfPhotos(const PosedPhotos& posed, const CaptureTargets& targets) {
+  Fingerprint f;
+  for (size_t i = 0; i < posed.size(); ++i) {
+    const auto& [name, camera] = posed.views[i];
+    f.Add(name.data(), name.size());
+    f.Add(targets.photos[i].data.data(), targets.photos[i].data.size() * sizeof(int16_t));
+    f.Add(targets.targets[i].data.data(), targets.targets[i].data.size() * sizeof(int16_t));
+    f.Add(posed.masks[i].data.data(), posed.masks[i].data.size());
+    f.Add(camera.Viewmat());
+    for (double x : {camera.fx, camera.fy, camera.cx, camera.cy}) f.Add(x);
+  }
+  AddPoints(posed.model.points, &f);
+  return f.Text();
+}
+
+// Depth maps are part of it, save those of stereo: they follow from the rest, but not to the last
+// bit on every processor, and a job may be resumed on another one.
+std::string MakeFingerprint(const Context& context, const std::string& inputs,
+                            const std::vector<TrainView>& train) {
+  const DepthOrigin depth = ResolveDepthOrigin(context);
+  Fingerprint f;
+  f.Add(inputs.data(), inputs.size());
+  for (const TrainView& v : train) {
+    if (!v.depth.has_value() || depth == DepthOrigin::kStereo) continue;
+    f.Add(v.depth->depth.data.data(), v.depth->depth.data.size() * sizeof(float));
+    f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
+  }
+  const std::string constants = absl::StrCat(
+      FieldsText(context.recipe), FieldsText(context.options, /*shaping_only=*/true),
+      "depth=", FieldText(depth), "\n", "schedule=", context.options.ScheduleIterations(), "\n");
+  f.Add(constants.data(), constants.size());
+  return f.Text();
+}
+
+// Which photos are trained on, and the model's views as indices of those.
+struct Split {
+  std::vector<size_t> train, holdout;
+  std::vector<int> point_views;  // -1: held out or left out
+  int every = 0;                 // one photo in so many is held out; 0: none is
+};
+
+Split SplitPhotos(int every, const PosedPhotos& posed) {
+  Split split;
+  // Too few photos to spare any.
+  if (every > 0 && static_cast<int>(posed.size()) >= 2 * every) split.every = every;
+  split.point_views.assign(posed.model.views.size(), -1);
+  for (size_t i = 0; i < posed.size(); ++i) {
+    if (split.every > 0 && static_cast<int>(i) % every == every / 2) {
+      split.holdout.push_back(i);
+    } else {
+      split.point_views[posed.model_view[i]] = static_cast<int>(split.train.size());
+      split.train.push_back(i);
+    }
+  }
+  return split;
+}
+
+// L is one for all photos of a place: what R L is compared with is a photo as the median exposure
+// would have taken it. Less than half a stop from that it made no difference that was measured, and
+// photos stay what they are.
+Photo PhotoToLearn(const Recipe& recipe, Photo photo, double exposure) {
+  const bool evened = recipe.lita && recipe.tone.rule == Tone::kCapture &&
+                      std::abs(std::log2(exposure)) >= kEvenExposureStops;
+  return evened ? WithLinearGain(photo, 1 / exposure) : std::move(photo);
+}
+
+// Takes the photo's parts out of the stages.
+TrainView ViewOf(size_t i, PosedPhotos* posed, CaptureTargets* targets) {
+  TrainView v;
+  v.view = posed->views[i];
+  v.distortion = posed->distortions[i];
+  v.mask = std::move(posed->masks[i]);
+  v.photo = std::move(targets->photos[i]);
+  v.exposure = targets->exposures[i];
+  v.target = std::move(targets->targets[i]);
+  if (!targets->information.empty()) v.information = std::move(targets->information[i]);
+  if (!targets->structure.empty()) v.structure = std::move(targets->structure[i]);
+  return v;
+}
+
+}  // namespace
+
+absl::StatusOr<TrainSet> MakeTrainSet(const Context& context, const std::string& colmap) {
+  const ReconstructOptions& options = context.options;
+  const Recipe& recipe = context.recipe;
+  std::vector<std::string>* const notes = &context.report->notes;
+  LITAGS_ASSIGN_OR_RETURN(PosedPhotos posed, LoadPosedPhotos(context, colmap));
+  LITAGS_ASSIGN_OR_RETURN(CaptureTargets targets,
+                          MakeCaptureTargets(context, posed, std::move(posed.photos)));
+  NoteMasks(posed.masks, notes);
+  NoteExposures(posed.views, targets.exposures, recipe.tone.rule == Tone::kCapture, notes);
+  LITAGS_RETURN_IF_ERROR(CheckScale(posed.views, &posed.model.points, notes));
+  const std::string inputs = FingerprintOfPhotos(posed, targets);
+
+  TrainSet set;
+  set.origin = posed.origin;
+  set.points = std::move(posed.model.points);
+  LimitPoints(options.max_gaussians, &set.points, context.report);
+  Split split = SplitPhotos(options.holdout_every, posed);
+  set.point_views = std::move(split.point_views);
+
+  // Of the training photos alone: what is held out must not help.
+  std::vector<PosedPhoto> photos;
+  for (const size_t i : split.train) {
+    photos.push_back({&posed.views[i], &targets.photos[i], &targets.targets[i],
+                      &posed.distortions[i], &posed.masks[i]});
+  }
+  const std::string key =
+      absl::StrCat(inputs, " points ", set.points.size(), " holdout ", split.every);
+  LITAGS_ASSIGN_OR_RETURN(DepthMaps depth,
+                          MakeDepthMaps(context, photos, set.points, set.point_views, key));
+  LITAGS_ASSIGN_OR_RETURN(
+      const std::vector<SparsePoint> dense,
+      DenseStartPoints(context, photos, depth, set.points, set.point_views, key));
+  set.points.insert(set.points.end(), dense.begin(), dense.end());
+
+  for (size_t k = 0; k < split.train.size(); ++k) {
+    TrainView& v = set.train.emplace_back(ViewOf(split.train[k], &posed, &targets));
+    v.photo = PhotoToLearn(recipe, std::move(v.photo), v.exposure);
+    if (!depth.empty()) v.depth = std::move(depth[k]);
+  }
+  for (const size_t i : split.holdout) set.holdout.push_back(ViewOf(i, &posed, &targets));
+  set.target_noise = MeasureNoise(set.train, options.threads);
+  set.noise = NoiseOfPictures(targets.rounding, set.target_noise.white);
+  set.curve = CurveOfPictures(recipe.tone, targets.noise_at_black, set.target_noise.white);
+  set.fingerprint = MakeFingerprint(context, inputs, set.train);
+  return set;
+}
+
+absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<ImageU8>& photos,
+                                                       const ReconstructOptions& options) {
+  std::vector<Photo> precise;
+  for (const ImageU8& photo : photos) precise.push_back(PhotoFromU8(photo));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
+                          MakeTargets(precise, std::vector<double>(photos.size(), 1.0),
+                                      options.ResolveRecipe().tone, options.threads));
+  std::vector<ImageU8> images;
+  for (const ToneTarget& target : targets) images.push_back(PhotoToU8(target.image));
+  return images;
+}
+
+}  // namespace litags
