@@ -201,7 +201,7 @@ DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView conf
     }
     const double share = i == 0 ? 1.0 : 1.0 / patches.size();
     const Correlation correlation = Correlate(s, weight * share);
-    (i == 0 ? terms.global : terms.local) += share * correlation.loss;
+    (i == 0 ? terms.global : terms.local) += weight * (share * correlation.loss);
     slopes[i] = correlation.slope;
   }
   if (v_rendered.empty()) return terms;

@@ -28,17 +28,17 @@ struct DepthPatchOptions {
 std::vector<Patch> DrawDepthPatches(int width, int height, const DepthPatchOptions& options,
                                     uint64_t seed, uint64_t iteration);
 
-struct DepthLossTerms {
-  double global = 0;  // 1 - PCC of the whole map
-  double local = 0;   // mean over patches of 1 - PCC; 0 without patches
+struct DepthLossTerms {  // both times the weight
+  double global = 0;     // 1 - PCC of the whole map
+  double local = 0;      // mean over patches of 1 - PCC; 0 without patches
   double Sum() const { return global + local; }
 };
 
 // LITA-GS Eq. 12.
-// Loss of rendered [1, H, W] against target [1, H, W] and weight * d(global + local)/d(rendered),
-// added to v_rendered (may be empty). `confidence` [1, H, W], >= 0, weighs every pixel in all sums
-// (0 leaves it out; the target must be finite there too); empty: all ones. Where either map is
-// constant there is no correlation: the term is 1 and has no gradient.
+// weight * loss of rendered [1, H, W] against target [1, H, W]; its gradient, weight * d(global +
+// local)/d(rendered), is added to v_rendered (may be empty). `confidence` [1, H, W], >= 0, weighs
+// every pixel in all sums (0 leaves it out; the target must be finite there too); empty: all ones.
+// Where either map is constant there is no correlation: the term is 1 and has no gradient.
 DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView confidence,
                          const std::vector<Patch>& patches, double weight, PlanesSpan v_rendered,
                          LossWorkspace& ws);

@@ -185,7 +185,7 @@ double L1Loss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, LossWor
       return kernel(x.data + i, y.data + i, nullptr, n, gradient,
                     v_x.empty() ? nullptr : v_x.data + i);
     });
-    return sum / x.size();
+    return weight * (sum / x.size());
   }
   LITAGS_CHECK(pixel_weights.channels == 1 && pixel_weights.plane_size() == x.plane_size());
   double sum = 0;
@@ -195,7 +195,7 @@ double L1Loss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, LossWor
                     v_x.empty() ? nullptr : v_x.plane(c) + i);
     });
   }
-  return sum / x.size();
+  return weight * (sum / x.size());
 }
 
 double MseLoss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, PlanesSpan v_y,
@@ -209,7 +209,7 @@ double MseLoss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, Planes
     return kernel(x.data + i, y.data + i, n, gradient, v_x.empty() ? nullptr : v_x.data + i,
                   v_y.empty() ? nullptr : v_y.data + i);
   });
-  return sum / x.size();
+  return weight * (sum / x.size());
 }
 
 double TvLoss(PlanesView x, TvNorm norm, double weight, PlanesSpan v_x, LossWorkspace& ws) {
@@ -240,7 +240,7 @@ double TvLoss(PlanesView x, TvNorm norm, double weight, PlanesSpan v_x, LossWork
     sum_x += ws.partials[2 * task];
     sum_y += ws.partials[2 * task + 1];
   }
-  return sum_x * per_x + sum_y * per_y;
+  return weight * (sum_x * per_x + sum_y * per_y);
 }
 
 }  // namespace litags

@@ -1,9 +1,10 @@
 // Image losses of training and their gradients (LITA-GS Sec. "Unsupervised Optimization
 // Strategy"). Depth is in depth_loss.h.
 //
-// Every function returns the unweighted loss and ADDS weight * dL/dx to the gradient planes given;
-// empty gradient planes ask for the value only. Results are the same bytes for any thread count.
-// Sizes must agree (LITAGS_CHECK). No function allocates once its workspace has seen the size.
+// Every function returns weight * L and ADDS its gradient, weight * dL/dx, to the gradient planes
+// given; empty gradient planes ask for the value only. Results are the same bytes for any thread
+// count. Sizes must agree (LITAGS_CHECK). No function allocates once its workspace has seen the
+// size.
 #ifndef LITAGS_ENGINE_TRAIN_LOSSES_H_
 #define LITAGS_ENGINE_TRAIN_LOSSES_H_
 

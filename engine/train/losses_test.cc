@@ -177,8 +177,8 @@ TEST(Losses, ValuesMatchTheScalarOracleAtOddSizes) {
   for (const Size size : kSizes) {
     const Problem p = MakeProblem(size);
     for (const Case& test : Cases()) {
-      const double value = test.loss(p, 1, {}, {}, ws);
-      const double expected = test.oracle(Doubles(p.x), Doubles(p.l), p, size);
+      const double value = test.loss(p, 0.7, {}, {}, ws);
+      const double expected = 0.7 * test.oracle(Doubles(p.x), Doubles(p.l), p, size);
       // Single precision per pixel, double sums.
       EXPECT_NEAR(value, expected, 2e-6 * std::max(1.0, expected))
           << test.name << " " << size.c << "x" << size.h << "x" << size.w;

@@ -83,20 +83,16 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   UnpackImage(view.photo, workspace_, &input_);
   HideMasked(view.mask, R, illumination);
   HideLowWeights(R);
-  losses.exposure = options_.recipe.weight_exposure * ExposureLoss(R, v_color);
-  losses.reconstruction =
-      options_.recipe.weight_reconstruction *
-      ProductReconstructionLoss(R, illumination, input_, options_.recipe.weight_reconstruction,
-                                v_color, PlanesSpan(*v_rendered, kChannelIllumination, 3),
-                                workspace_, {}, information_);
+  const Recipe& recipe = options_.recipe;
+  losses.exposure = ExposureLoss(R, v_color);
+  losses.reconstruction = ProductReconstructionLoss(
+      R, illumination, input_, recipe.weight_reconstruction, v_color,
+      PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_, {}, information_);
   if (denoise) {
     ZeroLike(options_.threads, R, &v_previous_);
     const PlanesView previous = stages > 1 ? PlanesView(pdm_.R(stages - 1)) : R0;
-    losses.denoise =
-        options_.recipe.weight_denoise *
-            MseLoss(R, previous, options_.recipe.weight_denoise, v_color, v_previous_, workspace_) +
-        options_.recipe.weight_tv *
-            TvLoss(R, TvNorm::kSquared, options_.recipe.weight_tv, v_color, workspace_);
+    losses.denoise = MseLoss(R, previous, recipe.weight_denoise, v_color, v_previous_, workspace_) +
+                     TvLoss(R, TvNorm::kSquared, recipe.weight_tv, v_color, workspace_);
     ZeroMasked(view.mask, v_previous_);
   }
   AddStructureLosses(view, rendered, iteration, v_rendered, &losses);
@@ -142,12 +138,11 @@ double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
 }
 
 void Objective::AddStructureLosses(const TrainView& view, const Planes& rendered, int iteration,
-                             Planes* v_rendered, StepLosses* losses) {
+                                   Planes* v_rendered, StepLosses* losses) {
   if (options_.recipe.use_prior && !view.structure.empty()) {
     UnpackPlane(view.structure, workspace_, &structure_);
     CopyMasked(view.mask, PlanesView(rendered, kChannelStructure, 1), structure_);
     losses->prior =
-        options_.recipe.weight_prior *
         L1Loss(PlanesView(rendered, kChannelStructure, 1), structure_, options_.recipe.weight_prior,
                PlanesSpan(*v_rendered, kChannelStructure, 1), workspace_);
   }
@@ -161,8 +156,7 @@ void Objective::AddStructureLosses(const TrainView& view, const Planes& rendered
         rendered.width, rendered.height, DepthPatchOptions(), options_.seed, iteration);
     const PlanesView confidence =
         map->confidence.empty() ? PlanesView() : PlanesView(map->confidence);
-    losses->depth = options_.recipe.weight_depth *
-                    DepthLoss(PlanesView(rendered, kChannelDepth, 1), map->depth, confidence,
+    losses->depth = DepthLoss(PlanesView(rendered, kChannelDepth, 1), map->depth, confidence,
                               patches, options_.recipe.weight_depth,
                               PlanesSpan(*v_rendered, kChannelDepth, 1), workspace_)
                         .Sum();

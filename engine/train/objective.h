@@ -56,7 +56,7 @@ class Objective {
   void HideLowWeights(PlanesView R);
   // LITA-GS Eq. 13: L_str = L_prior and L_depth with their weights.
   void AddStructureLosses(const TrainView& view, const Planes& rendered, int iteration,
-                    Planes* v_rendered, StepLosses* losses);
+                          Planes* v_rendered, StepLosses* losses);
 
   TrainOptions options_;
   LossWorkspace workspace_;

@@ -33,7 +33,8 @@ Recipe Litags() {
   r.pdm.hidden = 8;
   r.pdm_every = 2;
   r.noise_filter = true;
-  // The map of edges helps no picture when it moves Gaussians (docs/experiments/structure-prior.md).
+  // The map of edges helps no picture when it moves Gaussians
+  // (docs/experiments/structure-prior.md).
   r.prior_geometry = false;
   r.antialiased = true;
   r.exposure_ssim = 0.2;  // 3DGS' share; L1 alone blurs

@@ -34,8 +34,8 @@ enum class Growth {
 
 template <>
 struct EnumWords<Growth> {
-  static constexpr std::pair<Growth, const char*> kWords[] = {
-      {Growth::kLongAxis, "long-axis"}, {Growth::kCloneSplit, "clone-split"}};
+  static constexpr std::pair<Growth, const char*> kWords[] = {{Growth::kLongAxis, "long-axis"},
+                                                              {Growth::kCloneSplit, "clone-split"}};
 };
 
 template <>
@@ -51,8 +51,8 @@ inline constexpr double kMaxDropout = 0.9;
 struct Recipe {
   // Target: what pictures are compared with.
   ToneOptions tone = {.rule = Tone::kPaper};
-  // Where exposures differ by more than a stop, pixels that noise, rounding or clipping spoilt weigh
-  // less than those of photos that know better (engine/target/information.h). Choice
+  // Where exposures differ by more than a stop, pixels that noise, rounding or clipping spoilt
+  // weigh less than those of photos that know better (engine/target/information.h). Choice
   bool information_weights = false;
 
   // Start and depth.
@@ -101,8 +101,8 @@ struct Recipe {
   // E: all rates of Gaussians but the means' are divided by 1 + e / E after e epochs (iterations
   // over views) at full size. 0: constant rates, as 3DGS
   double lr_decay_epochs = 0;
-  // Share of the Gaussians that an iteration leaves out: dropout e / (e + 50) after e epochs at full
-  // size, changed by AdaptToNoise
+  // Share of the Gaussians that an iteration leaves out: dropout e / (e + 50) after e epochs at
+  // full size, changed by AdaptToNoise
   double dropout = 0;
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..
@@ -114,8 +114,8 @@ struct Recipe {
   // SH degree starts at min(1, sh_degree) and grows by one every sh_interval iterations; paper.
   int sh_interval = 1000;
 
-  // Density control. A Gaussian's score is the mean of |dL/dmean2d| over the views that saw it since
-  // the last step (3DGS).
+  // Density control. A Gaussian's score is the mean of |dL/dmean2d| over the views that saw it
+  // since the last step (3DGS).
   Growth growth = Growth::kCloneSplit;
   int densify_start = 500;
   int densify_every = 200;  // release; 3DGS: 100
@@ -141,7 +141,8 @@ template <class T, class Visit>
 void VisitFields(FieldsOf<Recipe>, T& r, Visit&& visit) {
   constexpr FieldRule kAny, kWeight{.least = 0}, kShare{.least = 0, .most = 1};
   visit("tone", r.tone.rule, kAny);
-  visit("theta", r.tone.theta, FieldRule{.least = 0, .most = 1, .above_least = true, .below_most = true});
+  visit("theta", r.tone.theta,
+        FieldRule{.least = 0, .most = 1, .above_least = true, .below_most = true});
   visit("max_gain", r.tone.max_gain, FieldRule{.least = 1, .most = 1e6});
   visit("contrast", r.tone.contrast, kShare);
   visit("chroma_smoothing", r.tone.chroma_smoothing, FieldRule{.least = 0, .most = 100});

@@ -417,7 +417,7 @@ double Reconstruction(const Inputs& in, double weight, const ReconstructionWeigh
                       LossWorkspace& ws) {
   const double n = static_cast<double>(in.r.size());
   const ssim::Sums sums = Run(in, weight * weights.l1 / n, -weight * weights.ssim / n, ws);
-  return weights.l1 * sums.l1 / n + weights.ssim * (1 - sums.ssim / n);
+  return weight * (weights.l1 * sums.l1 / n + weights.ssim * (1 - sums.ssim / n));
 }
 
 }  // namespace
