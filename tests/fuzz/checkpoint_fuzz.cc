@@ -10,6 +10,6 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (!state.ok()) return 0;
   const size_t n = state->splats.params.size();
   LITAGS_CHECK(n > 0 && state->splats.moment1.size() == n && state->splats.moment2.size() == n);
-  LITAGS_CHECK(state->density.grad.size() == n && state->density.weight.size() == n);
+  LITAGS_CHECK(state->density.grad.size() == n && state->density.views.size() == n);
   return 0;
 }
