@@ -61,7 +61,7 @@ double MeanByScore(const std::vector<double>& scores, int first) {
 // litags-bench exposure photos_normal --fit; see docs/experiments/exposure.md.
 const ExposureRule& ExposureRule::Default() {
   static constexpr ExposureRule kRule = {
-      {0.425, 0.173, 0.367, 0.911, 0.707, 1.521, 0.951, 1.376, -0.023, -0.467, 0.603, -0.454},
+      {0.417, 0.178, 0.358, 0.911, 0.704, 1.519, 0.949, 1.373, -0.025, -0.471, 0.601, -0.460},
       -2.55};
   return kRule;
 }

@@ -8,6 +8,7 @@
 #include "engine/core/subprocess.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
+#include "engine/target/exposure_rule.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -78,7 +79,7 @@ TEST(ExposureCommand, PrintsErrorsOfEveryKindAndConstants) {
   const size_t weights = fit.tail.find("\nweights ");
   ASSERT_NE(weights, std::string::npos) << fit.tail;
   const size_t end = fit.tail.find('\n', weights + 1);
-  EXPECT_EQ(std::count(&fit.tail[weights], &fit.tail[end], ','), 24);
+  EXPECT_EQ(std::count(&fit.tail[weights], &fit.tail[end], ','), ExposureRule::kBands);
   EXPECT_THAT(fit.tail.substr(end), HasSubstr("lightness -"));
 }
 
