@@ -36,11 +36,12 @@ enum class DepthOrigin {
 
 template <>
 struct EnumWords<DepthOrigin> {
-  static constexpr std::pair<DepthOrigin, const char*> kWords[] = {{DepthOrigin::kAuto, "auto"},
-                                                                   {DepthOrigin::kMaps, "maps"},
-                                                                   {DepthOrigin::kStereo, "stereo"},
-                                                                   {DepthOrigin::kNetwork, "network"},
-                                                                   {DepthOrigin::kNone, "none"}};
+  static constexpr std::pair<DepthOrigin, const char*> kWords[] = {
+      {DepthOrigin::kAuto, "auto"},
+      {DepthOrigin::kMaps, "maps"},
+      {DepthOrigin::kStereo, "stereo"},
+      {DepthOrigin::kNetwork, "network"},
+      {DepthOrigin::kNone, "none"}};
 };
 
 struct ReconstructOptions {
@@ -74,9 +75,10 @@ struct ReconstructOptions {
 // All but `recipe`: what the API, the command lines and the store know.
 template <class T, class Visit>
 void VisitFields(FieldsOf<ReconstructOptions>, T& o, Visit&& visit) {
-  visit("method", o.method,
-        FieldRule{.help = "litags, litags-paper (as the paper has it, but for stereo in place of its "
-                          "depth network) or 3dgs"});
+  visit(
+      "method", o.method,
+      FieldRule{.help = "litags, litags-paper (as the paper has it, but for stereo in place of its "
+                        "depth network) or 3dgs"});
   visit("tone", o.tone,
         FieldRule{.help = "target of the light: capture, paper or none; without, the method's"});
   visit("white_balance", o.white_balance,
@@ -85,27 +87,40 @@ void VisitFields(FieldsOf<ReconstructOptions>, T& o, Visit&& visit) {
         FieldRule{.help = "depth maps: maps, stereo of all photos, network, none, or auto: maps if "
                           "given, else the method's"});
   visit("iterations", o.iterations,
-        FieldRule{.least = 1, .most = 1e6, .help = "one photo each", .shapes_scene = false});
+        FieldRule{.least = 1,
+                  .most = 1e6,
+                  .help = "training iterations, one photo each",
+                  .shapes_scene = false});
   visit("schedule_iterations", o.schedule_iterations,
-        FieldRule{.least = 1, .most = 1e6, .zero = "iterations",
+        FieldRule{.least = 1,
+                  .most = 1e6,
+                  .zero = "iterations",
                   .help = "lay out rates and densities for so many; those beyond train the scene "
                           "further",
                   .shapes_scene = false});
-  visit("seed", o.seed, FieldRule{.help = "of every random choice"});
+  visit("seed", o.seed, FieldRule{.help = "seed of every random choice"});
   visit("threads", o.threads,
-        FieldRule{.least = 1, .most = 1024, .zero = "all cores", .help = "that the run may use",
+        FieldRule{.least = 1,
+                  .most = 1024,
+                  .zero = "all cores",
+                  .help = "threads that the run may use",
                   .shapes_scene = false});
   visit("max_gaussians", o.max_gaussians,
-        FieldRule{.least = 1000, .most = 2e7, .help = "bounds time and memory"});
+        FieldRule{
+            .least = 1000, .most = 2e7, .help = "most Gaussians, which bounds time and memory"});
   visit("sh_degree", o.sh_degree,
-        FieldRule{.least = 0, .most = 3, .help = "of the spherical harmonics of colour"});
+        FieldRule{
+            .least = 0, .most = 3, .help = "degree of the spherical harmonics of colour, 0..3"});
   visit("max_image_side", o.max_image_side,
         FieldRule{.least = 64, .zero = "never", .help = "shrink larger photos to this, px"});
   visit("holdout_every", o.holdout_every,
         FieldRule{.least = 2, .zero = "none", .help = "hold out every n-th photo for evaluation"});
   visit("min_registered", o.min_registered,
-        FieldRule{.least = 0, .most = 1, .above_least = true,
-                  .help = "share of the photos that must get a camera", .shapes_scene = false});
+        FieldRule{.least = 0,
+                  .most = 1,
+                  .above_least = true,
+                  .help = "share of the photos that must get a camera",
+                  .shapes_scene = false});
   visit("checkpoint_every", o.checkpoint_every,
         FieldRule{.least = 1, .help = "iterations between checkpoints", .shapes_scene = false});
   visit("preview_every", o.preview_every,
