@@ -154,7 +154,7 @@ absl::Status CheckFields(const S& s, const std::string& prefix) {
   return status;
 }
 
-// Sets the field called `name` from text. INVALID_ARGUMENT (UNKNOWN_FIELD) with the names there
+// Sets the field called `name` from text. INVALID_ARGUMENT (BAD_OPTION) with the names there
 // are, or the errors of ParseField and CheckField.
 template <class S>
 absl::Status SetField(const std::string& name, const std::string& text, S* s) {
@@ -171,7 +171,7 @@ absl::Status SetField(const std::string& name, const std::string& text, S* s) {
     if (status.ok()) value = wanted;
   });
   if (found) return status;
-  return InvalidInput("UNKNOWN_FIELD", name,
+  return InvalidInput("BAD_OPTION", name,
                       absl::StrCat("there is no \"", name, "\"; choose one of: ",
                                    absl::StrJoin(names, " ")));
 }

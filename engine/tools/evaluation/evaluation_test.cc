@@ -292,7 +292,7 @@ TEST(MethodOptions, ConstantsOfTheRecipeAreSetByName) {
   EXPECT_EQ(options.ResolveRecipe().weight_depth, LitagsPaper().weight_depth);
   ReconstructOptions unchanged;
   EXPECT_EQ(GetErrorDetail(SetConstants({"dropout"}, &unchanged))->reason, "BAD_OPTION");
-  EXPECT_EQ(GetErrorDetail(SetConstants({"drop=1"}, &unchanged))->reason, "UNKNOWN_FIELD");
+  EXPECT_EQ(GetErrorDetail(SetConstants({"drop=1"}, &unchanged))->reason, "BAD_OPTION");
   EXPECT_FALSE(unchanged.recipe.has_value());
 }
 
