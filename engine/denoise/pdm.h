@@ -8,28 +8,10 @@
 #include <memory>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "engine/core/image.h"
+#include "engine/denoise/pdm_options.h"
 
 namespace litags {
-
-// What the Gaussian filter C sees outside the image. F's convolutions always pad with zeros.
-enum class PdmBorder { kReflect101, kZero };
-
-struct PdmOptions {
-  int stages = 3;             // K, 1..8 (paper: 3)
-  int hidden = 16;            // channels inside F, 1..64. Choice: the paper gives no width
-  bool shared = true;         // one F for all stages. Choice: the paper does not say
-  int filter_size = 3;        // px, odd, 1..15: C is filter_size x filter_size
-  float filter_sigma = 0.5f;  // px, > 0. Choice: the paper gives no width
-  PdmBorder border = PdmBorder::kReflect101;
-  bool clamp_R = false;  // clamp R_1..R_K to [0, 1], as the authors' release does
-
-  // INVALID_ARGUMENT naming the field that is out of range.
-  absl::Status Validate() const;
-
-  bool operator==(const PdmOptions&) const = default;
-};
 
 // Where the six arrays of one network F lie in its flat vector:
 // w1 [hidden,3,3,3], b1 [hidden], w2 [hidden,hidden,3,3], b2 [hidden], w3 [3,hidden,3,3], b3 [3];

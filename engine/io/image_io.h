@@ -1,4 +1,4 @@
-// Photos in (JPEG, PNG, from anybody) and pictures out. Colours are sRGB-encoded throughout.
+// Photos in (JPEG, PNG, from anybody); picture_io.h is pictures out. Colours are sRGB-encoded.
 #ifndef LITAGS_ENGINE_IO_IMAGE_IO_H_
 #define LITAGS_ENGINE_IO_IMAGE_IO_H_
 
@@ -12,6 +12,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
 #include "engine/core/photo.h"
+#include "engine/io/picture_io.h"
 
 namespace litags {
 
@@ -62,17 +63,6 @@ absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view fiel
                                   const ImageLimits& limits = {});
 absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
                                         const ImageLimits& limits = {});
-
-// Encodes. `quality` in [1, 100]. INVALID_ARGUMENT for an empty image.
-absl::StatusOr<std::string> EncodePng(const ImageU8& image);
-absl::StatusOr<std::string> EncodeJpeg(const ImageU8& image, int quality = 95);
-// One channel, 16 bits: round(plane * scale), clamped to [0, 65535]; NaN becomes 0.
-absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale = 65535.0);
-
-// Encode and write atomically.
-absl::Status WritePng(const std::string& path, const ImageU8& image);
-absl::Status WriteJpeg(const std::string& path, const ImageU8& image, int quality = 95);
-absl::Status WritePng16(const std::string& path, const Planes& plane, double scale = 65535.0);
 
 // Names of the photos in a folder (.jpg .jpeg .png in any case; hidden files skipped), sorted by
 // bytes. NOT_FOUND (NO_SUCH_FOLDER), INVALID_ARGUMENT (NO_PHOTOS).

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/dnn.hpp>
 #include <utility>
@@ -11,7 +10,7 @@
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/onnx/graph.pb.h"
+#include "engine/onnx/divisors.h"
 
 namespace litags {
 
@@ -23,7 +22,7 @@ struct OnnxNet::Impl {
 namespace {
 
 constexpr int kMaxSide = 8192;
-constexpr int64_t kMaxFileBytes = int64_t{2000} << 20;  // protobuf's own limit is 2 GiB
+constexpr int64_t kMaxFileBytes = int64_t{2000} << 20;  // Protobuf's own limit is 2 GiB
 
 // OpenCV's what() spans lines and repeats the source position; one line of it is enough.
 std::string FirstLine(const cv::Exception& e) {
@@ -57,29 +56,6 @@ absl::StatusOr<Planes> ToPlanes(const cv::Mat& blob, const std::string& field,
   return planes;
 }
 
-// OpenCV 4.6 inverts the constant divisor of a Div where it lies: a constant that divides twice, as
-// the scale of LPIPS does, is inverted twice and multiplies. Gives each division its own copy.
-void UnshareDivisors(onnx::Graph* graph) {
-  std::map<std::string, onnx::Tensor> constants;
-  for (const onnx::Tensor& tensor : graph->initializer()) constants[tensor.name()] = tensor;
-  for (const onnx::Node& node : graph->node()) {
-    if (node.op_type() != "Constant" || node.output_size() != 1) continue;
-    for (const onnx::Attribute& attribute : node.attribute()) {
-      if (attribute.has_t()) constants[node.output(0)] = attribute.t();
-    }
-  }
-  int copies = 0;
-  for (onnx::Node& node : *graph->mutable_node()) {
-    if (node.op_type() != "Div" || node.input_size() != 2) continue;
-    const auto constant = constants.find(node.input(1));
-    if (constant == constants.end()) continue;
-    onnx::Tensor* copy = graph->add_initializer();
-    *copy = constant->second;
-    copy->set_name(absl::StrCat("litags_divisor_", copies++));
-    node.set_input(1, copy->name());
-  }
-}
-
 }  // namespace
 
 OnnxNet::OnnxNet(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -92,12 +68,9 @@ absl::StatusOr<OnnxNet> OnnxNet::Load(const std::string& path, std::string_view 
   impl->path = path;
   impl->field = std::string(field);
   LITAGS_ASSIGN_OR_RETURN(std::string bytes, ReadFile(path, field, kMaxFileBytes));
-  onnx::Model model;
-  if (!model.ParseFromString(bytes) || !model.has_graph()) {
+  if (!UnshareDivisors(&bytes)) {
     return Bad("ONNX_UNREADABLE", impl->field, path, "is not an ONNX file");
   }
-  UnshareDivisors(model.mutable_graph());
-  bytes = model.SerializeAsString();
   try {
     impl->net = cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
     impl->net.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);

@@ -265,6 +265,12 @@ class Run {
   double step_seconds_ = 0;
 };
 
+class SilentObserver : public ReconstructObserver {
+ public:
+  void OnProgress(const Progress&) override {}
+  void OnSnapshot(const std::string&) override {}
+};
+
 class RealEngine : public Engine {
  public:
   explicit RealEngine(std::string colmap) : colmap_(std::move(colmap)) {}
@@ -274,6 +280,8 @@ class RealEngine : public Engine {
                                                 const CancelToken& cancel,
                                                 ReconstructObserver* observer) override {
     LITAGS_RETURN_IF_ERROR(options.Validate());
+    SilentObserver silent;
+    if (observer == nullptr) observer = &silent;
     const double start = Now();
     // OpenCV has a pool of its own, as large as the machine unless it is told.
     cv::setNumThreads(options.threads > 0 ? options.threads : DefaultThreadCount());

@@ -52,7 +52,7 @@ class Engine {
   // Photos to scene. Resumes from work_dir's checkpoint if there is one made from the same photos
   // and options, save more iterations of the same schedule. CANCELLED soon after the token is
   // raised; INVALID_ARGUMENT or FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot give
-  // a scene.
+  // a scene. `observer` may be null.
   virtual absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
                                                         const ReconstructOptions& options,
                                                         const CancelToken& cancel,

@@ -7,9 +7,10 @@
 
 #include <utility>
 
+#include "absl/status/status.h"
 #include "engine/core/fields.h"
-#include "engine/denoise/pdm.h"
-#include "engine/target/tone.h"
+#include "engine/denoise/pdm_options.h"
+#include "engine/target/tone_options.h"
 
 namespace litags {
 
