@@ -31,7 +31,7 @@ function(litags_install_library component)
     COMPONENT ${component})
   install(DIRECTORY ${PROJECT_BINARY_DIR}/include/litags_${component}/
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT ${component})
-  install(FILES ${PROJECT_SOURCE_DIR}/cmake/litagsConfig.cmake
+  install(FILES ${PROJECT_SOURCE_DIR}/deploy/cmake/litagsConfig.cmake
     ${PROJECT_BINARY_DIR}/litagsConfigVersion.cmake
     DESTINATION ${package_dir} COMPONENT ${component})
 endfunction()
