@@ -16,6 +16,7 @@
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/posed_photos.h"
 #include "engine/target/black_lift.h"
+#include "engine/target/tone.h"
 
 namespace litags {
 namespace {
