@@ -32,8 +32,8 @@ struct Capture {
 // Loads photos and cameras (running COLMAP where needed), makes pseudo-targets and structure
 // maps. Cameras that were found are kept in work_dir/cameras, so that a second call gives the same
 // capture. Photos of a single colour are left out, points beyond max_gaussians too, with a note.
-// Fills the registration part of the report. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if fewer than 3
-// photos remain. `colmap` is the program's name or path.
+// Fills the registration part of the report. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if fewer than
+// kMinPhotos remain. `colmap` is the program's name or path.
 absl::StatusOr<Capture> LoadCapture(const Context& context, const std::string& colmap);
 
 }  // namespace litags

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
+#include "engine/core/limits.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/io/file_util.h"
@@ -21,7 +22,6 @@
 namespace litags {
 namespace {
 
-constexpr size_t kMinPhotos = 3;       // fewer do not make a scene
 constexpr size_t kPhotosOfColors = 8;  // that the capture's colours are measured on
 
 std::string PathOf(const ReconstructInput& input, const std::string& name) {
@@ -147,12 +147,7 @@ absl::StatusOr<LoadedViews> LoadViews(const Context& context, const SparseModel&
                                          " photos were shrunk to ", options.max_image_side,
                                          " px (max_image_side; 0 keeps their size)"));
   }
-  if (out.views.size() < kMinPhotos) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
-                     absl::StrCat("images: ", out.views.size(), " of ", report->photos,
-                                  " photos have a camera and show something, at least ", kMinPhotos,
-                                  " must; add photos of the place"));
-  }
+  LITAGS_RETURN_IF_ERROR(CheckPhotoCount(out.views.size(), report->photos));
   return out;
 }
 

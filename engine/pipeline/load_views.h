@@ -20,7 +20,7 @@ struct LoadedViews {
 // Photos and masks as their pinhole cameras see them, shrunk to max_image_side. With Tone::kCapture
 // the colours of deep shadow are inferred first, on the codes as the camera wrote them
 // (shadow_color.h). Flat photos are left out, with a note. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if
-// fewer than 3 photos remain.
+// fewer than kMinPhotos remain.
 absl::StatusOr<LoadedViews> LoadViews(const Context& context, const SparseModel& model,
                                       const MaskPaths& masks);
 
