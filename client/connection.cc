@@ -17,14 +17,13 @@
 #include "grpcpp/create_channel.h"
 #include "grpcpp/security/credentials.h"
 #include "grpcpp/support/client_interceptor.h"
+#include "proto/litags/v1/limits.h"
 
 namespace litags::client {
 namespace {
 
 namespace experimental = grpc::experimental;
 
-// Most of a message on the wire: raw floats of a 16-megapixel picture are 192 MiB.
-constexpr int kMaxMessageBytes = 256 << 20;
 constexpr int kConnectMs = 5000;
 constexpr int kReconnectMinMs = 200;
 constexpr int kReconnectMaxMs = 2000;
@@ -170,7 +169,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& 
   if (!target.ok()) return target.status();
   const bool here = std::all_of(servers.begin(), servers.end(), IsLoopback);
   grpc::ChannelArguments args;
-  args.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  args.SetMaxReceiveMessageSize(v1::kMaxAnswerBytes);
   args.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kReconnectMinMs);
   args.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kReconnectMaxMs);
   args.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);

@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/types/span.h"
 #include "client/status.h"
+#include "proto/litags/v1/limits.h"
 
 namespace litags::client {
 namespace {
@@ -24,26 +25,17 @@ namespace fs = std::filesystem;
 constexpr size_t kChunkBytes = 256 << 10;
 // One stream acknowledges at most this much (or one larger file).
 constexpr int64_t kStreamBytes = 8 << 20;
-constexpr size_t kStreamFiles = 500;  // a server answers for 1000 at a time
+constexpr size_t kStreamFiles = 500;
+static_assert(kChunkBytes <= v1::kMaxChunkBytes && kStreamFiles <= v1::kMaxQueryFiles);
 constexpr std::chrono::seconds kQueryPatience{60};
 
-const std::set<std::string>& PhotoExtensions() {
-  static const auto& extensions = *new std::set<std::string>{".jpg", ".jpeg", ".png"};
-  return extensions;
-}
+using Endings = absl::Span<const std::string_view>;
 
-const std::set<std::string>& DepthExtensions() {
-  static const auto& extensions = *new std::set<std::string>{".png", ".pfm", ".npy"};
-  return extensions;
-}
-
-const std::set<std::string>& MaskExtensions() {
-  static const auto& extensions = *new std::set<std::string>{".png"};
-  return extensions;
-}
-
-bool HasExtension(const fs::path& path, const std::set<std::string>& extensions) {
-  return extensions.count(absl::AsciiStrToLower(path.extension().string())) > 0;
+bool HasEnding(const fs::path& path, Endings endings) {
+  const std::string name = absl::AsciiStrToLower(path.filename().string());
+  return std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) {
+    return name.size() > ending.size() && std::string_view(name).ends_with(ending);
+  });
 }
 
 absl::Status Unreadable(const std::string& path, const std::string& why) {
@@ -72,18 +64,12 @@ std::string FoldersWithPhotos(const fs::path& dir) {
   for (const auto& entry : fs::directory_iterator(dir, error)) {
     if (!entry.is_directory(error)) continue;
     for (const auto& inner : fs::directory_iterator(entry.path(), error)) {
-      if (!HasExtension(inner.path(), PhotoExtensions())) continue;
+      if (!HasEnding(inner.path(), v1::kPhotoEndings)) continue;
       absl::StrAppend(&found, found.empty() ? "" : ", ", entry.path().string());
       break;
     }
   }
   return found;
-}
-
-bool IsArchiveName(const std::string& name) {
-  const std::string lower = absl::AsciiStrToLower(name);
-  return lower.ends_with(".zip") || lower.ends_with(".tar") || lower.ends_with(".tar.gz") ||
-         lower.ends_with(".tgz");
 }
 
 // The files of a COLMAP model, in text form if there is no binary one.
@@ -101,9 +87,9 @@ absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
   return absl::OkStatus();
 }
 
-// Adds the files of one folder; those with other extensions go to capture->skipped.
+// Adds the files of one folder; those with other endings go to capture->skipped.
 absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::FileRole role,
-                        const std::set<std::string>& extensions, Capture* capture) {
+                        Endings endings, Capture* capture) {
   std::error_code error;
   if (!fs::is_directory(dir, error)) {
     return BadInput(
@@ -118,7 +104,7 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
     empty = false;
     std::error_code entry_error;
     if (!entry.is_regular_file(entry_error)) continue;
-    if (!HasExtension(entry.path(), extensions)) {
+    if (!HasEnding(entry.path(), endings)) {
       capture->skipped.push_back(entry.path().filename().string());
       continue;
     }
@@ -140,7 +126,7 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
 absl::Status AddMasks(Capture* capture) {
   const size_t others = capture->files.size();
   const absl::Status status =
-      ScanFolder(capture->masks_dir, "--masks", v1::FILE_ROLE_MASK, MaskExtensions(), capture);
+      ScanFolder(capture->masks_dir, "--masks", v1::FILE_ROLE_MASK, v1::kMaskEndings, capture);
   if (!status.ok() || capture->files.size() > others) return status;
   return BadInput("NO_MASKS", "--masks",
                   absl::StrCat(capture->masks_dir,
@@ -264,13 +250,13 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   Capture capture;
   std::error_code is_no_file;
   absl::Status status;
-  if (fs::is_regular_file(photos_dir, is_no_file) && IsArchiveName(photos_dir)) {
+  if (fs::is_regular_file(photos_dir, is_no_file) && HasEnding(photos_dir, v1::kArchiveEndings)) {
     auto archive = MakeLocalFile(photos_dir, v1::FILE_ROLE_ARCHIVE);
     if (!archive.ok()) return archive.status();
     capture.bytes += archive->size_bytes;
     capture.files.push_back(*std::move(archive));
   } else {
-    status = ScanFolder(photos_dir, "DIR", v1::FILE_ROLE_PHOTO, PhotoExtensions(), &capture);
+    status = ScanFolder(photos_dir, "DIR", v1::FILE_ROLE_PHOTO, v1::kPhotoEndings, &capture);
   }
   if (!status.ok()) return status;
   if (capture.files.empty()) {
@@ -293,7 +279,7 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
     capture.files.push_back(*std::move(cameras));
   }
   if (!depth_dir.empty()) {
-    status = ScanFolder(depth_dir, "--depth", v1::FILE_ROLE_DEPTH, DepthExtensions(), &capture);
+    status = ScanFolder(depth_dir, "--depth", v1::FILE_ROLE_DEPTH, v1::kDepthEndings, &capture);
     if (!status.ok()) return status;
   }
   capture.masks_dir = masks_dir;

@@ -96,10 +96,10 @@ absl::Status CheckField(const std::string& field, const T& value, const FieldRul
         rule.most < std::numeric_limits<double>::max() ? FieldText(rule.most) : "infinity",
         rule.below_most || rule.most == std::numeric_limits<double>::max() ? ")" : "]");
     if (rule.zero != nullptr) absl::StrAppend(&range, " nor 0 (", rule.zero, ")");
-    return InvalidInput("BAD_OPTION", field,
-                        absl::StrCat(field, ": ", FieldText(value),
-                                     rule.zero != nullptr ? " is neither in " : " is not in ",
-                                     range));
+    return InvalidInput(
+        "BAD_OPTION", field,
+        absl::StrCat(field, ": ", FieldText(value),
+                     rule.zero != nullptr ? " is neither in " : " is not in ", range));
   } else if constexpr (std::is_enum_v<T>) {
     if (WordOf(value) == std::string("unknown")) {
       return InvalidInput("BAD_OPTION", field,
@@ -181,7 +181,8 @@ template <class S>
 std::string FieldsText(const S& s, bool shaping_only = false) {
   std::string text;
   VisitFields(FieldsOf<S>(), s, [&](const char* name, const auto& value, const FieldRule& rule) {
-    if (!shaping_only || rule.shapes_scene) absl::StrAppend(&text, name, "=", FieldText(value), "\n");
+    if (!shaping_only || rule.shapes_scene)
+      absl::StrAppend(&text, name, "=", FieldText(value), "\n");
   });
   return text;
 }

@@ -15,7 +15,7 @@ enum class Fruit { kApple = 4, kPear = 7 };
 template <>
 struct EnumWords<Fruit> {
   static constexpr std::pair<Fruit, const char*> kWords[] = {{Fruit::kApple, "apple"},
-                                                                  {Fruit::kPear, "pear"}};
+                                                             {Fruit::kPear, "pear"}};
 };
 
 namespace {
@@ -60,8 +60,12 @@ TEST(Fields, ChecksRanges) {
 }
 
 TEST(Fields, ReadsWhatItWrites) {
-  const Basket wanted{.count = 7, .weight = 1.0 / 3, .ripe = true, .fruit = Fruit::kPear,
-                      .other = Fruit::kPear, .threads = 2};
+  const Basket wanted{.count = 7,
+                      .weight = 1.0 / 3,
+                      .ripe = true,
+                      .fruit = Fruit::kPear,
+                      .other = Fruit::kPear,
+                      .threads = 2};
   Basket read;
   VisitFields(FieldsOf<Basket>(), wanted,
               [&](const char* name, const auto& value, const FieldRule&) {
@@ -69,15 +73,18 @@ TEST(Fields, ReadsWhatItWrites) {
               });
   EXPECT_EQ(FieldsText(read), FieldsText(wanted));
   EXPECT_EQ(read.weight, 1.0 / 3);
-  EXPECT_EQ(FieldsText(Basket()), "count=3\nweight=0.5\nripe=false\nfruit=apple\nother=\nthreads=0\n");
+  EXPECT_EQ(FieldsText(Basket()),
+            "count=3\nweight=0.5\nripe=false\nfruit=apple\nother=\nthreads=0\n");
   EXPECT_EQ(FieldsText(Basket(), true), "count=3\nweight=0.5\nripe=false\nfruit=apple\nother=\n");
 }
 
 TEST(Fields, RefusesWhatIsNoValueAndChangesNothing) {
   Basket basket;
-  EXPECT_EQ(Message(SetField("count", "seven", &basket)), "count: \"seven\" is not a whole number in range");
+  EXPECT_EQ(Message(SetField("count", "seven", &basket)),
+            "count: \"seven\" is not a whole number in range");
   EXPECT_EQ(Message(SetField("count", "0", &basket)), "count: 0 is not in [1, 9]");
-  EXPECT_EQ(Message(SetField("fruit", "plum", &basket)), "fruit: \"plum\" is not one of: apple, pear");
+  EXPECT_EQ(Message(SetField("fruit", "plum", &basket)),
+            "fruit: \"plum\" is not one of: apple, pear");
   EXPECT_EQ(Message(SetField("ripe", "maybe", &basket)), "ripe: \"maybe\" is not true or false");
   const absl::Status unknown = SetField("colour", "red", &basket);
   EXPECT_EQ(GetErrorDetail(unknown)->field, "colour");

@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
+#include "engine/core/limits.h"
 #include "engine/core/photo.h"
 #include "engine/io/picture_io.h"
 
@@ -18,7 +19,7 @@ namespace litags {
 
 // What a photo may cost us. Checked on the file's header, before anything is allocated.
 struct ImageLimits {
-  int64_t max_bytes = int64_t{256} << 20;  // encoded
+  int64_t max_bytes = kMaxImageBytes;      // encoded
   int64_t max_pixels = int64_t{64} << 20;  // decoded, "64 MP"
   int max_side = kMaxImageSide;            // px
 };

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "engine/core/limits.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/model_util.h"
@@ -16,8 +17,7 @@ namespace {
 // Not ordered_json: it copies its members when it grows, by recursion.
 using Json = nlohmann::json;
 
-constexpr int64_t kMaxFileBytes = int64_t{16} << 20;  // some 30,000 frames
-constexpr int kMaxDepth = 16;                         // of nested lists and objects; 4 are needed
+constexpr int kMaxDepth = 16;  // of nested lists and objects; 4 are needed
 
 // A value for a message; of lists and objects only the type.
 std::string Describe(const Json& value) {
@@ -273,7 +273,7 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
 
 absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
                                            int default_width, int default_height) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string json, ReadFile(path, field, kMaxFileBytes));
+  LITAGS_ASSIGN_OR_RETURN(const std::string json, ReadFile(path, field, kMaxTransformsBytes));
   return ParseTransforms(json, field, default_width, default_height);
 }
 

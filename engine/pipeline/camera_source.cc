@@ -163,7 +163,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
   SfmOptions sfm;
   sfm.colmap = colmap;
   sfm.threads = options.threads;
-  sfm.seed = options.seed;
+  sfm.seed = options.seed & kMaxSfmSeed;
   sfm.min_registered = options.min_registered;
   sfm.step_timeout_seconds = input.colmap_step_seconds;
   sfm.masks = masks;

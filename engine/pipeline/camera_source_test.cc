@@ -137,6 +137,13 @@ TEST_F(CameraSource, KeptCamerasOfAnotherSeedAreNotUsed) {
   EXPECT_TRUE(ObtainKept().ok());
 }
 
+// The API takes any seed, COLMAP 31 bits of it.
+TEST_F(CameraSource, LargeSeedsAreTaken) {
+  options_.seed = uint64_t{1} << 40;
+  const auto found = Obtain();
+  EXPECT_TRUE(found.ok()) << found.status();
+}
+
 TEST_F(CameraSource, KeptCamerasOfPhotosEditedInPlaceAreNotUsed) {
   const std::string path = input_.images_dir + "/p2.png";
   const std::string photo = ReadFile(path, "", 1 << 20).value();

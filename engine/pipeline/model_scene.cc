@@ -8,6 +8,7 @@
 #include "engine/core/color.h"
 #include "engine/core/error.h"
 #include "engine/io/ply.h"
+#include "engine/pipeline/render_rules.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/viewer_splats.h"
 
@@ -77,27 +78,6 @@ Splats InLight(Splats splats, double t) {
   return splats;
 }
 
-bool IsColor(Channel channel) {
-  return channel == Channel::kColor || channel == Channel::kOriginal || channel == Channel::kLight;
-}
-
-absl::Status CheckLight(double light) {
-  if (std::abs(light) <= kMaxLight) return absl::OkStatus();  // not NaN
-  return InvalidInput("BAD_LIGHT", "light",
-                      absl::StrCat("light: ", light, " is not in -", kMaxLight, "..", kMaxLight));
-}
-
-absl::Status CheckExposure(double stops, Channel channel) {
-  if (!(std::abs(stops) <= kMaxExposureStops)) {  // also NaN
-    return InvalidInput("BAD_EXPOSURE", "exposure_stops",
-                        absl::StrCat("exposure_stops: ", stops, " is not in -", kMaxExposureStops,
-                                     "..", kMaxExposureStops));
-  }
-  if (stops == 0 || IsColor(channel)) return absl::OkStatus();
-  return InvalidInput("BAD_EXPOSURE", "exposure_stops",
-                      "exposure_stops: only colours can be exposed; leave it 0 for this channel");
-}
-
 class ModelScene : public Scene {
  public:
   ModelScene(Model model, std::vector<View> views)
@@ -116,8 +96,11 @@ class ModelScene : public Scene {
 
   absl::StatusOr<Planes> Render(const RenderRequest& request) const override {
     LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
-    LITAGS_RETURN_IF_ERROR(CheckLight(request.light));
-    LITAGS_RETURN_IF_ERROR(CheckExposure(request.exposure_stops, request.channel));
+    LITAGS_RETURN_IF_ERROR(CheckLight(request.light, "light"));
+    LITAGS_RETURN_IF_ERROR(CheckExposure(request.exposure_stops, "exposure_stops"));
+    if (request.exposure_stops != 0) {
+      LITAGS_RETURN_IF_ERROR(CheckExposable(request.channel, "exposure_stops"));
+    }
     const std::array<double, 3>& o = model_.origin;
     const Camera camera = request.camera.Moved({-o[0], -o[1], -o[2]});
     if (!model_.lita && request.channel != Channel::kColor &&
@@ -163,7 +146,7 @@ class ModelScene : public Scene {
   }
 
   absl::Status ExportPly(const std::string& path, double light) const override {
-    LITAGS_RETURN_IF_ERROR(CheckLight(light));
+    LITAGS_RETURN_IF_ERROR(CheckLight(light, "light"));
     if (light != 0 && !model_.lita) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
                        "light: this scene was trained with plain 3dgs and has one light only");

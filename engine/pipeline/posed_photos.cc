@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
+#include "engine/core/limits.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/io/file_util.h"
@@ -24,7 +25,6 @@
 namespace litags {
 namespace {
 
-constexpr size_t kMinPhotos = 3;       // fewer do not make a scene
 constexpr size_t kPhotosOfColors = 8;  // that the capture's colours are measured on
 
 std::string PathOf(const ReconstructInput& input, const std::string& name) {
@@ -194,12 +194,7 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   }
   context.progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_RETURN_IF_ERROR(LoadPhotos(context, masks, &posed));
-  if (posed.size() < kMinPhotos) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
-                     absl::StrCat("images: ", posed.size(), " of ", context.report->photos,
-                                  " photos have a camera and show something, at least ", kMinPhotos,
-                                  " must; add photos of the place"));
-  }
+  LITAGS_RETURN_IF_ERROR(CheckPhotoCount(posed.size(), context.report->photos));
   return posed;
 }
 

@@ -33,7 +33,7 @@ struct PosedPhotos {
 // Finds cameras with COLMAP (`colmap`: the program's name or path) unless they are given or kept
 // from an earlier run; photos are shrunk to max_image_side. Photos of a single colour are left out,
 // with a note. Fills the registration part of the report. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if
-// fewer than 3 photos remain.
+// fewer than kMinPhotos remain.
 absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::string& colmap);
 
 }  // namespace litags

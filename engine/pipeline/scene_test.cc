@@ -145,13 +145,14 @@ TEST(Scene, CancelledPicturesStop) {
 TEST(Scene, BadRequestsAreRefused) {
   const auto scene = MakeScene(SmallModel(), RingViews(5));
   for (const double t : {std::nan(""), 4.01, -4.01, 1e300}) {
-    EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kLight, t).status()), "BAD_LIGHT") << t;
-    EXPECT_EQ(Reason(scene->ExportPly("/nonexistent/a.ply", t)), "BAD_LIGHT") << t;
+    EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kLight, t).status()), "LIGHT_INVALID") << t;
+    EXPECT_EQ(Reason(scene->ExportPly("/nonexistent/a.ply", t)), "LIGHT_INVALID") << t;
   }
   for (const double stops : {std::nan(""), 10.1, -10.1}) {
-    EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kColor, 0, stops).status()), "BAD_EXPOSURE");
+    EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kColor, 0, stops).status()),
+              "EXPOSURE_INVALID");
   }
-  EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kDepth, 0, 1).status()), "BAD_EXPOSURE");
+  EXPECT_EQ(Reason(RenderChannel(*scene, Channel::kDepth, 0, 1).status()), "EXPOSURE_INVALID");
   RenderRequest request;
   request.camera = RingCamera(0, 5, kWidth, kHeight);
   request.camera.fx = 0;

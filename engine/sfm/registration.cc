@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/core/limits.h"
 
 namespace litags {
 namespace {
@@ -44,7 +45,7 @@ absl::Status Refuse(std::string_view reason, const std::string& message) {
 int NeededPhotos(int num_photos, const SfmOptions& options) {
   // A hair below, so that 0.7 of 10 photos is 7 despite rounding.
   const int fraction = static_cast<int>(std::ceil(options.min_registered * num_photos - 1e-9));
-  return std::min(num_photos, std::max(3, fraction));
+  return std::min(num_photos, std::max<int>(kMinPhotos, fraction));
 }
 
 std::string SummarizeDrops(const std::vector<SfmPhoto>& photos) {

@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/core/limits.h"
 #include "engine/sfm/exposure.h"
 #include "engine/sfm/photo_set.h"
 #include "engine/sfm/registration.h"
@@ -241,7 +242,7 @@ absl::Status SfmOptions::Validate() const {
   const auto is_fraction = [](double f) { return f > 0 && f <= 1; };
   if (colmap.empty()) return OutOfRange("colmap", "is empty; name the program");
   if (threads < 0) return OutOfRange("threads", "must be 0 (all cores) or more");
-  if (seed > 0x7fffffff) return OutOfRange("seed", "must fit in 31 bits, as COLMAP's does");
+  if (seed > kMaxSfmSeed) return OutOfRange("seed", "must fit in 31 bits, as COLMAP's does");
   if (max_image_side != 0 && max_image_side < 64) {
     return OutOfRange("max_image_side", "must be 0 (as they are) or at least 64 px");
   }
@@ -267,13 +268,7 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
   LITAGS_ASSIGN_OR_RETURN(capture.photos,
                           ListPhotoSet(images_dir, options.max_image_side, options.masks));
   const int n = static_cast<int>(capture.photos.size());
-  if (n < 2) {
-    return InvalidInput("TOO_FEW_PHOTOS", "images",
-                        absl::StrCat("images: ", n,
-                                     " photo cannot tell where it was taken from; "
-                                     "send at least 3, better 20, photos of one place that "
-                                     "overlap, or bring known cameras"));
-  }
+  LITAGS_RETURN_IF_ERROR(CheckPhotoCount(n, n));
   LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
   LITAGS_RETURN_IF_ERROR(Measure(capture));
 

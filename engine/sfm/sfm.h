@@ -22,10 +22,12 @@ namespace litags {
 enum class Exposure { kNormal, kLow, kOver };
 std::string_view ExposureName(Exposure exposure);  // "normal", "low", "over"
 
+inline constexpr uint64_t kMaxSfmSeed = 0x7fffffff;  // COLMAP reads an int
+
 struct SfmOptions {
   std::string colmap = "colmap";  // program name or path; 3.8 is what the tests run
   int threads = 0;                // bound on COLMAP's and our threads; 0: all cores
-  uint64_t seed = 0;              // COLMAP's --random_seed
+  uint64_t seed = 0;              // COLMAP's --random_seed; kMaxSfmSeed at most
   int max_image_side = 1600;    // larger photos are matched at this longer side, px; 0: as they are
   int max_features = 0;         // SIFT features per photo; 0: 1000..4000, fewer for more photos
   int sequential_above = 200;   // with more photos, match only neighbours in name order
@@ -112,8 +114,8 @@ struct SfmResult {
 // The result is a function of the photos and the options, bit by bit, but not of options.threads:
 // README.md says what COLMAP is kept from for that.
 //
-// Errors: INVALID_ARGUMENT for options, unreadable photos or masks, TOO_FEW_PHOTOS (one or none);
-// FAILED_PRECONDITION SFM_TOO_FEW_REGISTERED (fewer than 3 or than min_registered placed; the
+// Errors: INVALID_ARGUMENT for options, unreadable photos or masks; FAILED_PRECONDITION
+// TOO_FEW_PHOTOS, SFM_TOO_FEW_REGISTERED (fewer than kMinPhotos or than min_registered placed; the
 // message names photos and causes), SFM_NO_MODEL (none placed), SFM_SPLIT (photos of different
 // places: a second group at least half as large as the first), COLMAP_NOT_FOUND; INTERNAL
 // COLMAP_FAILED with COLMAP's last lines, or COLMAP_KILLED if it was ended from outside at a

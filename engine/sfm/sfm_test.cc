@@ -382,12 +382,12 @@ TEST_F(SfmTest, OnlyTheLogsStay) {
   }
 }
 
-TEST_F(SfmTest, OnePhotoAndBrokenPhotosAreInvalid) {
-  const std::string photos = colmap_.MakePhotos(1, 128, 96, kDark);
+TEST_F(SfmTest, TwoPhotosAndBrokenPhotosAreRefused) {
+  const std::string photos = colmap_.MakePhotos(2, 128, 96, kDark);
   const std::string work = colmap_.dir() + "/work";
-  const absl::Status one = FindCameras(photos, work, options_, cancel_).status();
-  EXPECT_EQ(one.code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(Reason(one), "TOO_FEW_PHOTOS");
+  const absl::Status two = FindCameras(photos, work, options_, cancel_).status();
+  EXPECT_EQ(two.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Reason(two), "TOO_FEW_PHOTOS");
   std::ofstream(photos + "/broken.jpg") << "this is no picture";
   const absl::Status broken = FindCameras(photos, work, options_, cancel_).status();
   EXPECT_EQ(broken.code(), absl::StatusCode::kInvalidArgument);

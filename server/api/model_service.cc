@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/pipeline/render_rules.h"
 #include "server/api/answer_stream.h"
 #include "server/api/unary.h"
 #include "server/api/view_request.h"

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
 #include "server/api/status.h"
 #include "server/api/unary.h"
@@ -20,7 +21,6 @@ namespace {
 constexpr size_t kMaxRequestIdLength = 64;
 constexpr size_t kMaxDisplayNameBytes = 200;
 constexpr int kMaxContentDigestBytes = 64;
-constexpr int kMaxQueryFiles = 1000;
 constexpr int kDefaultPageSize = 50, kMaxPageSize = 1000;
 
 absl::Status Describe(const JobRecord& job, const Workforce& workers, v1::Job* response) {
@@ -120,11 +120,11 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
     Context* context, const v1::QueryUploadRequest* request, v1::QueryUploadResponse* response) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
-    if (request->files_size() > kMaxQueryFiles) {
+    if (request->files_size() > v1::kMaxQueryFiles) {
       return InvalidInput(
           "TOO_MANY_FILES", "files",
           absl::StrCat(request->files_size(), " files in one call; ask for at most ",
-                       kMaxQueryFiles, " at a time"));
+                       v1::kMaxQueryFiles, " at a time"));
     }
     Uploads& uploads = call.jobs()->uploads();
     std::vector<FileRecord> files;

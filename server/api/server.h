@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
+#include "proto/litags/v1/limits.h"
 #include "server/api/gate.h"
 #include "server/api/render_service.h"
 #include "server/auth/authenticator.h"
@@ -19,8 +20,8 @@ namespace litags {
 
 // What one connection may cost. Times in seconds.
 struct ConnectionLimits {
-  int max_receive_bytes = 2 << 20;  // a message: chunks have 1 MiB at most, and little else
-  int max_send_bytes = 256 << 20;   // a picture of 16 megapixels as three raw floats
+  int max_receive_bytes = 2 * v1::kMaxChunkBytes;  // a message: hardly more than a chunk
+  int max_send_bytes = v1::kMaxAnswerBytes;
   int max_header_bytes = 16 << 10;  // all headers of a call
   int max_calls = 1000;             // at the same time on one connection
   double keepalive_seconds = 30;    // a silent peer is asked this often whether it is there

@@ -2,43 +2,45 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <vector>
+#include <string_view>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "absl/types/span.h"
 #include "engine/core/error.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/transforms_io.h"
+#include "proto/litags/v1/limits.h"
 #include "server/store/digest.h"
 
 namespace litags {
 namespace {
 
 struct RoleRules {
-  const char* field;                    // "images"
-  std::vector<const char*> extensions;  // of names, lower case
+  const char* field;                              // "images"
+  absl::Span<const std::string_view> extensions;  // of names, lower case
 };
 
 RoleRules RulesOf(FileRole role) {
   switch (role) {
     case FileRole::kCameras:
-      return {"cameras", {".json"}};
+      return {"cameras", v1::kCamerasEndings};
     case FileRole::kDepth:
-      return {"depths", {".png", ".pfm", ".npy"}};
+      return {"depths", v1::kDepthEndings};
     case FileRole::kColmap:
-      return {"colmap", {".bin", ".txt"}};
+      return {"colmap", v1::kColmapEndings};
     case FileRole::kArchive:
-      return {"archives", {".zip", ".tar", ".tar.gz", ".tgz"}};
+      return {"archives", v1::kArchiveEndings};
     case FileRole::kMask:
-      return {"masks", {".png"}};
+      return {"masks", v1::kMaskEndings};
     case FileRole::kPhoto:
       break;
   }
-  return {"images", {".jpg", ".jpeg", ".png"}};
+  return {"images", v1::kPhotoEndings};
 }
 
 constexpr const char* kColmapNames[] = {"cameras.bin", "images.bin", "points3D.bin",
@@ -49,11 +51,13 @@ bool IsColmapName(const std::string& name) {
                      [&](const char* n) { return name == n; });
 }
 
+void AppendEnding(std::string* out, std::string_view ending) { out->append(ending); }
+
 bool HasExtension(const std::string& name, FileRole role) {
   const std::string lower = absl::AsciiStrToLower(name);
   // The engine finds depth maps by their lower-case names.
   const std::string& compared = role == FileRole::kDepth ? name : lower;
-  for (const std::string extension : RulesOf(role).extensions) {
+  for (const std::string_view extension : RulesOf(role).extensions) {
     if (compared.size() > extension.size() && compared.ends_with(extension)) return true;
   }
   return false;
@@ -81,7 +85,7 @@ absl::Status CheckName(const std::string& name, FileRole role, const std::string
   if (name.front() != '.' && HasExtension(name, role)) return absl::OkStatus();
   return InvalidInput("BAD_FILE_NAME", field,
                       absl::StrCat(field, ": the name must end in one of ",
-                                   absl::StrJoin(RulesOf(role).extensions, ", "),
+                                   absl::StrJoin(RulesOf(role).extensions, ", ", AppendEnding),
                                    " and not begin with a dot; rename the file"));
 }
 

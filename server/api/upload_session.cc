@@ -2,6 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
 #include "server/api/status.h"
 #include "server/api/unpack.h"
@@ -9,8 +10,6 @@
 
 namespace litags {
 namespace {
-
-constexpr size_t kMaxChunkBytes = size_t{1} << 20;
 
 // An error of the store that names no field is about this one.
 absl::Status WithField(const absl::Status& status, const std::string& field) {
@@ -72,10 +71,10 @@ absl::Status UploadSession::Begin(const v1::FileHeader& header) {
 
 absl::Status UploadSession::Append(const std::string& chunk) {
   if (!file_) return OutOfOrder("bytes came before a file's header");
-  if (chunk.empty() || chunk.size() > kMaxChunkBytes) {
+  if (chunk.empty() || chunk.size() > v1::kMaxChunkBytes) {
     return InvalidInput("CHUNK_SIZE_INVALID", file_->field,
                         absl::StrCat(file_->field, ": a chunk of ", chunk.size(),
-                                     " bytes; chunks have 1 to ", kMaxChunkBytes));
+                                     " bytes; chunks have 1 to ", v1::kMaxChunkBytes));
   }
   file_->received += static_cast<int64_t>(chunk.size());
   if (file_->received > file_->record.size_bytes) {

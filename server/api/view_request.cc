@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/pipeline/render_rules.h"
 
 namespace litags {
 namespace {
@@ -22,25 +23,6 @@ bool AllFinite(const std::array<double, 3>& v) {
 absl::Status NotFinite(const std::string& field) {
   return InvalidInput("POSE_NOT_FINITE", field,
                       absl::StrCat(field, " holds a NaN or an infinity; give finite numbers"));
-}
-
-absl::Status CheckRange(double value, double limit, const char* reason, const std::string& field) {
-  if (std::abs(value) <= limit) return absl::OkStatus();  // not NaN
-  return InvalidInput(
-      reason, field,
-      absl::StrCat(field, " is ", value, "; it must be in [-", limit, ", ", limit, "]"));
-}
-
-absl::Status CheckExposure(double stops, const std::string& field) {
-  return CheckRange(stops, kMaxExposureStops, "EXPOSURE_INVALID", field);
-}
-
-absl::Status CheckExposable(Channel channel, const std::string& field) {
-  if (channel == Channel::kColor || channel == Channel::kOriginal || channel == Channel::kLight) {
-    return absl::OkStatus();
-  }
-  return InvalidInput("EXPOSURE_INVALID", field,
-                      absl::StrCat(field, " is for COLOR, ORIGINAL and LIGHT only; leave it 0"));
 }
 
 // Picture size from the settings and the aspect ratio of `base`.
@@ -78,10 +60,6 @@ absl::Status ResolveSize(const v1::RenderSettings& settings, const Camera& base,
 
 }  // namespace
 
-absl::Status CheckLight(double light, const std::string& field) {
-  return CheckRange(light, kMaxLight, "LIGHT_INVALID", field);
-}
-
 absl::StatusOr<RenderRequest> ResolveContent(const v1::RenderSettings& settings) {
   RenderRequest request;
   if (!v1::Channel_IsValid(settings.channel())) {
@@ -103,8 +81,9 @@ absl::StatusOr<RenderRequest> ResolveContent(const v1::RenderSettings& settings)
     return InvalidInput("LIGHT_INVALID", "settings.light",
                         "light is for CHANNEL_LIGHT only; set the channel or leave it 0");
   }
-  if (request.exposure_stops != 0)
+  if (request.exposure_stops != 0) {
     LITAGS_RETURN_IF_ERROR(CheckExposable(request.channel, "settings.exposure_stops"));
+  }
   if (request.channel == Channel::kOriginal) request.light = 1;
   if (settings.jpeg_quality() < 0 || settings.jpeg_quality() > 100) {
     return InvalidInput("JPEG_QUALITY_INVALID", "settings.jpeg_quality",

@@ -11,9 +11,6 @@
 
 namespace litags {
 
-// INVALID_ARGUMENT (LIGHT_INVALID) if t is out of range.
-absl::Status CheckLight(double light, const std::string& field);
-
 // Checks channel, light, exposure, format and JPEG quality; `camera` is left alone.
 absl::StatusOr<RenderRequest> ResolveContent(const v1::RenderSettings& settings);
 

@@ -9,14 +9,15 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
+#include "engine/core/limits.h"
 
 namespace litags {
 
 // What an archive may cost, however small it is itself.
 struct ArchiveLimits {
-  int64_t max_entries = 20000;                   // files and folders
-  int64_t max_entry_bytes = int64_t{256} << 20;  // unpacked
-  int64_t max_total_bytes = int64_t{16} << 30;   // unpacked
+  int64_t max_entries = 20000;               // files and folders
+  int64_t max_entry_bytes = kMaxImageBytes;  // unpacked
+  int64_t max_total_bytes = kMaxJobBytes;    // unpacked
   // Unpacked bytes per byte of the archive, once the former are more than 64 MiB: photos hardly
   // shrink, bombs do.
   int64_t max_ratio = 100;

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/limits.h"
 #include "engine/core/mask.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/transition.h"
@@ -15,17 +16,13 @@ namespace {
 
 // What a scene needs at least. The engine may still refuse photos that pass.
 absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
-  int photos = 0;
+  size_t photos = 0;
   int binary_files = 0, text_files = 0;  // of COLMAP models
   for (const FileRecord& file : files) {
     if (file.role == FileRole::kColmap) ++(file.name.ends_with(".txt") ? text_files : binary_files);
     if (file.role == FileRole::kPhoto) ++photos;
   }
-  if (photos < 2) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "TOO_FEW_PHOTOS", "images",
-                     absl::StrCat("the job has ", photos, photos == 1 ? " photo" : " photos",
-                                  "; a scene needs at least 2, and 20 or more look good"));
-  }
+  LITAGS_RETURN_IF_ERROR(CheckPhotoCount(photos, photos));
   if (binary_files + text_files > 0 && binary_files < 3 && text_files < 3) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "COLMAP_INCOMPLETE", "colmap",
                      absl::StrCat("the job has ", std::max(binary_files, text_files),

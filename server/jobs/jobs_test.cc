@@ -44,6 +44,7 @@ class JobsTest : public ::testing::Test {
     const std::string id = jobs_.Create(wanted)->id;
     EXPECT_TRUE(Add(id, "a.jpg").ok());
     EXPECT_TRUE(Add(id, "b.jpg").ok());
+    EXPECT_TRUE(Add(id, "c.jpg").ok());
     EXPECT_TRUE(jobs_.Start(id).ok());
     return id;
   }
@@ -116,6 +117,7 @@ TEST_F(JobsTest, RequestIdStandsForTheRequestWhateverBecameOfTheJob) {
   const std::string id = jobs_.Create(first)->id;
   ASSERT_TRUE(Add(id, "a.jpg").ok());
   ASSERT_TRUE(Add(id, "b.jpg").ok());
+  ASSERT_TRUE(Add(id, "c.jpg").ok());
   ASSERT_TRUE(jobs_.Start(id).ok());
   ASSERT_TRUE(jobs_.Cancel(id).ok());
   const auto more = [](ReconstructOptions& options, JobPolicy&) {
@@ -132,14 +134,15 @@ TEST_F(JobsTest, RequestIdStandsForTheRequestWhateverBecameOfTheJob) {
   EXPECT_EQ(Reason(jobs_.Create(other).status()), "REQUEST_ID_REUSED");
 }
 
-TEST_F(JobsTest, OnePhotoIsTooFew) {
+TEST_F(JobsTest, TwoPhotosAreTooFew) {
   const std::string id = jobs_.Create({})->id;
   EXPECT_EQ(Reason(jobs_.Start(id).status()), "TOO_FEW_PHOTOS");
   ASSERT_TRUE(Add(id, "a.jpg").ok());
+  ASSERT_TRUE(Add(id, "b.jpg").ok());
   ASSERT_TRUE(Add(id, "a.png", 0, 0, FileRole::kDepth).ok());
   const absl::Status status = jobs_.Start(id).status();
   EXPECT_EQ(Reason(status), "TOO_FEW_PHOTOS");
-  EXPECT_THAT(std::string(status.message()), HasSubstr("1 photo"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("2 photos; a scene needs at least 3"));
   EXPECT_EQ(State(id), JobState::kUploading);
 }
 
@@ -147,6 +150,7 @@ TEST_F(JobsTest, PhotosMayHaveSeveralSizes) {
   const std::string id = jobs_.Create({})->id;
   ASSERT_TRUE(Add(id, "a.jpg", 64, 48).ok());
   ASSERT_TRUE(Add(id, "b.jpg", 48, 64).ok());
+  ASSERT_TRUE(Add(id, "c.jpg", 48, 64).ok());
   EXPECT_TRUE(jobs_.Start(id).ok());
 }
 

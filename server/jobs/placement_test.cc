@@ -57,7 +57,8 @@ class PlacementOfJobs : public ::testing::Test {
     EXPECT_TRUE(job.ok()) << job.status();
     const auto fill = [](JobTransaction& job) -> absl::Status {
       LITAGS_RETURN_IF_ERROR(job.PutFile({"a", FileRole::kPhoto, 1, "0", 4, 3}));
-      return job.PutFile({"b", FileRole::kPhoto, 1, "1", 4, 3});
+      LITAGS_RETURN_IF_ERROR(job.PutFile({"b", FileRole::kPhoto, 1, "1", 4, 3}));
+      return job.PutFile({"c", FileRole::kPhoto, 1, "2", 4, 3});
     };
     EXPECT_TRUE(store_->Update(job->id, fill).ok());
     EXPECT_TRUE(jobs_.Start(job->id).ok());

@@ -13,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/core/limits.h"
 #include "server/jobs/kept_files.h"
 #include "server/store/blob_store.h"
 #include "server/store/job_store.h"
@@ -22,12 +23,12 @@ namespace litags {
 
 // What an upload may cost.
 struct UploadLimits {
-  int64_t max_files = 10000;                      // per job, those on their way included
-  int64_t max_file_bytes = int64_t{256} << 20;    // photos and depth maps
-  int64_t max_cameras_bytes = int64_t{64} << 20;  // transforms.json
-  int64_t max_job_bytes = int64_t{16} << 30;      // all files of a job
-  double max_silence_seconds = 60;                // between two messages of a stream
-  double keep_seconds = 24 * 3600;                // a job that is not started and gets no files
+  int64_t max_files = 10000;                        // per job, those on their way included
+  int64_t max_file_bytes = kMaxImageBytes;          // photos, masks, depth maps, COLMAP models
+  int64_t max_cameras_bytes = kMaxTransformsBytes;  // transforms.json
+  int64_t max_job_bytes = kMaxJobBytes;             // all files of a job
+  double max_silence_seconds = 60;                  // between two messages of a stream
+  double keep_seconds = 24 * 3600;                  // a job that is not started and gets no files
   // Larger files come to the blob store in pieces of so much while they are on their way, so that
   // another server can go on with them; 0: there is no other one.
   int64_t chunk_bytes = 0;

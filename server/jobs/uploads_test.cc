@@ -314,7 +314,8 @@ TEST_F(UploadsTest, CancelDeleteAndStartEndUploadsAndLeaveNothingOfThem) {
     const std::string id = NewJob();
     ASSERT_TRUE(Add(id, "a.jpg", "a" + how).ok());
     ASSERT_TRUE(Add(id, "b.jpg", "b" + how).ok());
-    const FileRecord file = Photo("c.jpg", "0123456789");
+    ASSERT_TRUE(Add(id, "c.jpg", "c" + how).ok());
+    const FileRecord file = Photo("d.jpg", "0123456789");
     auto stream = *uploads().Open(id, file, 0);
     ASSERT_TRUE(stream->Append("0123").ok());
     const absl::Status ended = how == "cancel"   ? jobs_->Cancel(id).status()
@@ -350,6 +351,7 @@ TEST_F(UploadsTest, SignsOfLifeKeepAnUploadAndAStartedJobNeverExpires) {
   const std::string alive = NewJob(), open = NewJob(), started = NewJob();
   ASSERT_TRUE(Add(started, "a.jpg", "a").ok());
   ASSERT_TRUE(Add(started, "b.jpg", "b").ok());
+  ASSERT_TRUE(Add(started, "c.jpg", "c").ok());
   ASSERT_TRUE(jobs_->Start(started).ok());
   auto stream = *uploads().Open(open, Photo("b.jpg", "0123456789"), 0);
   for (int hour = 0; hour < 40; ++hour) {

@@ -7,7 +7,8 @@
 namespace litags {
 namespace {
 
-// The files of migrations/sqlite, in order: step n leads from version n to n + 1 (PRAGMA user_version).
+// The files of migrations/sqlite, in order: step n leads from version n to n + 1 (PRAGMA
+// user_version).
 const char* const kSteps[] = {
 #include "server/store/sqlite_steps.inc"
 };

@@ -185,7 +185,11 @@ TEST_F(JobsApi, EveryCallInEveryStateGivesTheDocumentedCode) {
   using State = v1::JobState;
   const auto job_in = [&](State state) {
     const std::string name = NewJob(), id = name.substr(5);
-    EXPECT_TRUE(client_.Upload(name, {{"a.png", TestPng(64, 48, 1)}, {"b.png", TestPng()}}).ok());
+    EXPECT_TRUE(client_
+                    .Upload(name, {{"a.png", TestPng(64, 48, 1)},
+                                   {"b.png", TestPng(64, 48, 2)},
+                                   {"c.png", TestPng()}})
+                    .ok());
     if (state == v1::JOB_STATE_UPLOADING) return name;
     EXPECT_TRUE(client_.Start(name).ok());
     if (state == v1::JOB_STATE_QUEUED) return name;
@@ -307,7 +311,7 @@ TEST_F(JobsApi, WatchFollowsAJobFromCreationToItsEnd) {
 
 TEST_F(JobsApi, WatchResumedAfterEachEventHasNoGapAndNoDouble) {
   StartWorker();
-  const std::string name = client_.StartedJob({"a", "b"});
+  const std::string name = client_.StartedJob({"a", "b", "c"});
   std::vector<v1::JobEvent> all;
   grpc::Status status;
   do {  // one event per stream while the job runs
@@ -395,7 +399,7 @@ TEST_F(JobsApi, WatchEndsWhenTheJobIsDeletedAndWhenTheServerStops) {
 
 TEST_F(JobsApi, FailureOfTheEngineArrivesWithCodeReasonAndField) {
   StartWorker();
-  const std::string name = client_.StartedJob({"fail", "b"});
+  const std::string name = client_.StartedJob({"fail", "b", "c"});
   const v1::Job job = client_.WaitFor(name, v1::JOB_STATE_FAILED);
   EXPECT_EQ(job.error().code(), grpc::FAILED_PRECONDITION);
   EXPECT_EQ(job.error().detail().reason(), "SFM_TOO_FEW_VIEWS");
@@ -404,7 +408,7 @@ TEST_F(JobsApi, FailureOfTheEngineArrivesWithCodeReasonAndField) {
 
 TEST_F(JobsApi, RunningJobIsCancelledWithinTwoSecondsAndResumesFromItsCheckpoint) {
   StartWorker();
-  const std::string name = client_.StartedJob({"slow", "b"}, 100);
+  const std::string name = client_.StartedJob({"slow", "b", "c"}, 100);
   std::vector<v1::JobEvent> events;
   do {  // until a snapshot says that a checkpoint is there too
     client_.Watch(name, static_cast<int64_t>(events.size()), &events, 1);
@@ -432,7 +436,7 @@ TEST_F(JobsApi, RunningJobIsCancelledWithinTwoSecondsAndResumesFromItsCheckpoint
 TEST_F(JobsApi, ASucceededJobIsTrainedFurther) {
   StartWorker();
   v1::ResumeJobRequest request;
-  request.set_name(client_.StartedJob({"a", "b"}, 30));
+  request.set_name(client_.StartedJob({"a", "b", "c"}, 30));
   client_.WaitFor(request.name(), v1::JOB_STATE_SUCCEEDED);
   request.mutable_options()->set_iterations(29);
   EXPECT_REFUSED(client_.Resume(request), INVALID_ARGUMENT, "ITERATIONS_REDUCED",

@@ -101,7 +101,7 @@ TEST_F(ServiceProcess, JobRunsRendersAndIsDeletedOverARealSocket) {
 }
 
 TEST_F(ServiceProcess, CrashedWorkerIsReplacedAndTheJobGoesOnFromItsCheckpoint) {
-  const std::string name = client_->StartedJob({"crash-once", "b"}, 60);
+  const std::string name = client_->StartedJob({"crash-once", "b", "c"}, 60);
   EXPECT_EQ(client_->History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
   v1::Job job;
   ASSERT_TRUE(client_->Get(name, &job).ok());
@@ -111,18 +111,18 @@ TEST_F(ServiceProcess, CrashedWorkerIsReplacedAndTheJobGoesOnFromItsCheckpoint) 
 }
 
 TEST_F(ServiceProcess, JobThatKillsEveryWorkerFailsAndTheServerLivesOn) {
-  const std::string name = client_->StartedJob({"crash", "b"}, 20);
+  const std::string name = client_->StartedJob({"crash", "b", "c"}, 20);
   const v1::Job job = client_->WaitFor(name, v1::JOB_STATE_FAILED, 30);
   EXPECT_EQ(job.error().detail().reason(), "WORKER_LOST");
   EXPECT_EQ(job.error().code(), grpc::ABORTED);
   EXPECT_EQ(client_->History(name),
             "UPLOADING QUEUED RUNNING QUEUED RUNNING QUEUED RUNNING FAILED ");
-  const std::string next = client_->StartedJob({"a", "b"});
+  const std::string next = client_->StartedJob({"a", "b", "c"});
   client_->WaitFor(next, v1::JOB_STATE_SUCCEEDED, 30);
 }
 
 TEST_F(ServiceProcess, HangingJobIsCancelledWithinTwoSeconds) {
-  const std::string name = client_->StartedJob({"hang", "b"}, 40);
+  const std::string name = client_->StartedJob({"hang", "b", "c"}, 40);
   WaitForSnapshot(name, 20);
   const auto start = SteadyClock::now();
   ASSERT_TRUE(client_->Cancel(name).ok());
@@ -131,16 +131,16 @@ TEST_F(ServiceProcess, HangingJobIsCancelledWithinTwoSeconds) {
 }
 
 TEST_F(ServiceProcess, EngineThatIgnoresCancellationIsLeftAndItsWorkerReplaced) {
-  const std::string name = client_->StartedJob({"stuck", "b"}, 40);
+  const std::string name = client_->StartedJob({"stuck", "b", "c"}, 40);
   WaitForSnapshot(name, 20);
   ASSERT_TRUE(client_->Cancel(name).ok());
   client_->WaitFor(name, v1::JOB_STATE_CANCELLED);
-  const std::string next = client_->StartedJob({"a", "b"});
+  const std::string next = client_->StartedJob({"a", "b", "c"});
   client_->WaitFor(next, v1::JOB_STATE_SUCCEEDED);
 }
 
 TEST_F(ServiceProcess, StoppedServerLeavesNoWorkerAndTheJobGoesOnAfterARestart) {
-  const std::string name = client_->StartedJob({"slow", "b"}, 200);
+  const std::string name = client_->StartedJob({"slow", "b", "c"}, 200);
   client_->WaitFor(name, v1::JOB_STATE_RUNNING);
   const std::vector<pid_t> workers = Workers();
   ASSERT_EQ(workers.size(), 1u);
@@ -154,7 +154,7 @@ TEST_F(ServiceProcess, StoppedServerLeavesNoWorkerAndTheJobGoesOnAfterARestart) 
 }
 
 TEST_F(ServiceProcess, KilledServerTakesItsWorkersAlongAndLosesNoJob) {
-  const std::string name = client_->StartedJob({"slow", "b"}, 100);
+  const std::string name = client_->StartedJob({"slow", "b", "c"}, 100);
   client_->WaitFor(name, v1::JOB_STATE_RUNNING);
   const std::vector<pid_t> workers = Workers();
   ASSERT_EQ(workers.size(), 1u);

@@ -389,7 +389,7 @@ TEST_F(RenderApi, ExportsInABadLightAreRefused) {
 }
 
 TEST_F(RenderApi, SnapshotOfARunningJobRendersAndANewerOneReplacesIt) {
-  const std::string running = client_.StartedJob({"slow", "b"}, 200);
+  const std::string running = client_.StartedJob({"slow", "b", "c"}, 200);
   request_.set_name(running);
   request_.mutable_pose()->set_camera("b.png");
   v1::RenderedView view;
@@ -422,8 +422,8 @@ class BusyRenderApi : public ApiTest {
     server_ = *StartServer(options, &jobs_, engine_.get());
     client_ = TestClient(server_->InProcessChannel());
     StartWorker();
-    heavy_.set_name(client_.StartedJob({"heavy", "b"}, 10));
-    light_.set_name(client_.StartedJob({"a", "b"}, 10));
+    heavy_.set_name(client_.StartedJob({"heavy", "b", "c"}, 10));
+    light_.set_name(client_.StartedJob({"a", "b", "c"}, 10));
     for (auto* request : {&heavy_, &light_}) {
       client_.WaitFor(request->name(), v1::JOB_STATE_SUCCEEDED);
       request->mutable_pose()->set_camera("b.png");

@@ -53,7 +53,7 @@ TEST_F(SharedStore, WhatOneServerIsToldTheOtherKnows) {
 }
 
 TEST_F(SharedStore, JobIsCancelledAtOneServerAndResumedAtTheOther) {
-  const std::string name = a_.client().StartedJob({"slow", "b"}, 200);
+  const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 200);
   a_.client().WaitFor(name, v1::JOB_STATE_RUNNING);
   ASSERT_TRUE(b_.client().Cancel(name).ok());
   a_.client().WaitFor(name, v1::JOB_STATE_CANCELLED);
@@ -66,7 +66,7 @@ TEST_F(SharedStore, JobIsCancelledAtOneServerAndResumedAtTheOther) {
 TEST_F(SharedStore, ManyJobsAreEachRunOnceAndBothServersWork) {
   std::vector<std::string> names;
   for (int i = 0; i < 6; ++i) {
-    names.push_back((i % 2 ? a_ : b_).client().StartedJob({"a", "b"}));
+    names.push_back((i % 2 ? a_ : b_).client().StartedJob({"a", "b", "c"}));
   }
   for (const std::string& name : names) {
     a_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
@@ -76,7 +76,7 @@ TEST_F(SharedStore, ManyJobsAreEachRunOnceAndBothServersWork) {
 
 TEST_F(SharedStore, JobOfAKilledServerGoesOnAtTheOtherFromItsCheckpoint) {
   // Whichever worker has it: with its server gone, the other one takes it when the lease runs out.
-  const std::string name = a_.client().StartedJob({"slow", "b"}, 300);
+  const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 300);
   v1::Job job;
   for (int i = 0; i < 2000 && job.snapshot_iteration() < 1; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -97,7 +97,7 @@ TEST_F(SharedStore, JobOfAKilledServerGoesOnAtTheOtherFromItsCheckpoint) {
 }
 
 TEST_F(SharedStore, RunningJobOutlivesARestartOfTheDatabase) {
-  const std::string name = a_.client().StartedJob({"slow", "b"}, 200);
+  const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 200);
   a_.client().WaitFor(name, v1::JOB_STATE_RUNNING);
   postgres_->Crash();
   v1::Job job;

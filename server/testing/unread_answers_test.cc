@@ -20,7 +20,7 @@ class UnreadAnswers : public ApiTest {
 
   void SetUp() override {
     StartWorker();
-    job_ = client_.StartedJob({"a", "b"}, 10);
+    job_ = client_.StartedJob({"a", "b", "c"}, 10);
     client_.WaitFor(job_, v1::JOB_STATE_SUCCEEDED);
     SetLarge(view_.mutable_settings());
     view_.set_name(job_);

@@ -6,15 +6,24 @@
 #include <atomic>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
 #include <thread>
 
+#include "engine/core/limits.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
+#include "proto/litags/v1/limits.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"
+#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 class UploadApi : public ApiTest {
@@ -58,8 +67,8 @@ TEST_F(UploadApi, MasksThatAreNoneAreRefusedByName) {
 }
 
 TEST_F(UploadApi, MasksMustFitAPhotoWhenTheJobStarts) {
-  const std::vector<TestFile> photos = {{"a.png", TestPng(64, 48, 1)},
-                                        {"b.png", TestPng(64, 48, 2)}};
+  const std::vector<TestFile> photos = {
+      {"a.png", TestPng(64, 48, 1)}, {"b.png", TestPng(64, 48, 2)}, {"d.png", TestPng(64, 48, 3)}};
   const auto start = [&](const std::string& name, const std::string& mask) {
     const std::string job = NewJob();
     // Masks may come before their photos.
@@ -362,14 +371,52 @@ TEST_F(UploadApi, FilesBeforeTheBadOneStayAndUnchangedFilesCostNothing) {
   EXPECT_EQ(response.job().photos(), 2);
 }
 
-TEST_F(UploadApi, OnePhotoIsRefusedAtTheStartAndTwoSizesAreNot) {
-  const std::string one = NewJob();
-  ASSERT_TRUE(client_.Upload(one, {{"a.png", TestPng()}}).ok());
-  EXPECT_REFUSED(client_.Start(one), FAILED_PRECONDITION, "TOO_FEW_PHOTOS", "images");
-  const std::string two = NewJob();
-  ASSERT_TRUE(client_.Upload(two, {{"a.png", TestPng(64, 48)}, {"b.png", TestPng(48, 64)}}).ok());
-  const grpc::Status started = client_.Start(two);
+TEST_F(UploadApi, TwoPhotosAreRefusedAtTheStartAndTwoSizesAreNot) {
+  const std::string job = NewJob();
+  ASSERT_TRUE(client_.Upload(job, {{"a.png", TestPng(64, 48)}, {"b.png", TestPng(48, 64)}}).ok());
+  EXPECT_REFUSED(client_.Start(job), FAILED_PRECONDITION, "TOO_FEW_PHOTOS", "images");
+  ASSERT_TRUE(client_.Upload(job, {{"c.png", TestPng(64, 48, 1)}}).ok());
+  const grpc::Status started = client_.Start(job);
   EXPECT_TRUE(started.ok()) << started.error_message();
+}
+
+// The engine reads transforms.json up to this size only.
+TEST_F(UploadApi, CamerasThatTheEngineWouldNotReadAreRefused) {
+  const TestFile file{"transforms.json", "{}", v1::FILE_ROLE_CAMERAS};
+  const auto upload = [&](int64_t bytes) {
+    std::vector<v1::UploadImagesRequest> messages = FileMessages(file, "", bytes);
+    messages.insert(messages.begin(), NameMessage(NewJob()));
+    return client_.UploadRaw(messages);
+  };
+  const std::string field = "cameras[transforms.json]";
+  EXPECT_REFUSED(upload(kMaxTransformsBytes + 1), RESOURCE_EXHAUSTED, "FILE_TOO_LARGE", field);
+  EXPECT_REFUSED(upload(kMaxTransformsBytes), INVALID_ARGUMENT, "FILE_TRUNCATED", field);
+}
+
+// The engine includes no proto and so has its own lists of endings.
+TEST_F(UploadApi, TheEngineFindsFilesOfEveryEndingThatIsTaken) {
+  const TempDir dir;
+  const auto put = [&](const std::string& folder, std::string_view ending) {
+    const std::string name = "a" + std::string(ending);
+    std::filesystem::create_directories(dir.path() + "/" + folder);
+    std::ofstream(dir.path() + "/" + folder + "/" + name) << "x";
+    return name;
+  };
+  for (const std::string_view ending : v1::kPhotoEndings) {
+    const std::string name = put("photos" + std::string(ending), ending);
+    const auto found = ListPhotos(dir.path() + "/photos" + std::string(ending), "images");
+    ASSERT_TRUE(found.ok()) << found.status();
+    EXPECT_THAT(*found, ElementsAre(name));
+  }
+  for (const std::string_view ending : v1::kDepthEndings) {
+    const std::string folder = "depths" + std::string(ending);
+    const std::string name = put(folder, ending);
+    EXPECT_EQ(FindDepthMap(dir.path() + "/" + folder, "a"), dir.path() + "/" + folder + "/" + name);
+  }
+  for (const std::string_view ending : v1::kMaskEndings) {
+    put("masks", ending);
+    EXPECT_TRUE(FindMasks(dir.path() + "/masks", {"a.jpg"}).ok());
+  }
 }
 
 }  // namespace

@@ -88,7 +88,8 @@ class Failover(unittest.TestCase):
         folder = self.photos()
         for name in os.listdir(folder):
             os.remove(os.path.join(folder, name))
-        for name, data in (("a.png", photo), ("b.png", harness.large_png(1, 3000, 2400))):
+        for name, data in (("a.png", photo), ("b.png", harness.large_png(1, 3000, 2400)),
+                           ("c.png", harness.png())):
             with open(os.path.join(folder, name), "wb") as file:
                 file.write(data)
         killed = threading.Event()

@@ -28,7 +28,7 @@ class Example(harness.ServiceTest):
 
     def test_photos_become_a_picture_though_uploads_and_watches_are_cut(self):
         photos = self.photos(())
-        for seed, name in enumerate(("slow.png", "b.png")):
+        for seed, name in enumerate(("slow.png", "b.png", "c.png")):
             with open(os.path.join(photos, name), "wb") as file:
                 file.write(harness.large_png(seed))
         proxy = harness.CuttableProxy(self.server.port, cut_every=2 << 20)

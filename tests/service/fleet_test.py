@@ -67,7 +67,7 @@ class Fleet(harness.ServiceTest):
         self.assertEqual(self.metric("litags_workers"), 0)
 
     def test_a_drained_worker_gives_its_job_back_at_no_cost(self):
-        job = self.submit("--iterations", "100000", names=("slow.png", "b.png"))
+        job = self.submit("--iterations", "100000", names=("slow.png", "b.png", "c.png"))
         worker = self.start_worker()
         self.wait_for(lambda: self.state(job) == RUNNING, "the job runs")
         code, seconds = self.end(worker)

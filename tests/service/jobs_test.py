@@ -85,7 +85,7 @@ class Jobs(harness.ServiceTest):
 
     def test_watching_over_a_cut_connection_loses_and_doubles_nothing(self):
         # 300 iterations of 20 ms: long enough to be cut several times.
-        job = self.submit("--iterations", "300", names=("slow.png", "b.png"))
+        job = self.submit("--iterations", "300", names=("slow.png", "b.png", "c.png"))
         proxy = harness.CuttableProxy(self.server.port)
         self.addCleanup(proxy.close)
         watch = self.start_litags("watch", job, "--json", server=proxy.address)
@@ -108,7 +108,7 @@ class Jobs(harness.ServiceTest):
 
     def test_watching_over_a_crash_of_the_worker_loses_and_doubles_nothing(self):
         job = self.submit("--iterations", "60", "--checkpoint-every", "10",
-                          names=("crash-once.png", "b.png"))
+                          names=("crash-once.png", "b.png", "c.png"))
         out, _ = self.litags("watch", job, "--json")
         events = [json.loads(line) for line in out.splitlines()]
         last = self.jobs.GetJob(rpc.GetJobRequest(name=job)).last_event
@@ -117,7 +117,7 @@ class Jobs(harness.ServiceTest):
         self.assertEqual(states.count("JOB_STATE_RUNNING"), 2)
 
     def test_python_resumes_a_watch_after_the_last_number(self):
-        job = self.submit("--iterations", "100", names=("slow.png", "b.png"))
+        job = self.submit("--iterations", "100", names=("slow.png", "b.png", "c.png"))
         stream = self.jobs.WatchJob(rpc.WatchJobRequest(name=job))
         numbers = [next(stream).number for _ in range(4)]
         stream.cancel()
@@ -133,7 +133,7 @@ class Jobs(harness.ServiceTest):
         self.assertEqual(event_numbers(out), [last - 1, last])
 
     def test_ctrl_c_stops_watching_and_leaves_the_job_alone(self):
-        job = self.submit("--iterations", "200", names=("slow.png", "b.png"))
+        job = self.submit("--iterations", "200", names=("slow.png", "b.png", "c.png"))
         watch = self.start_litags("watch", job)
         self.assertRegex(watch.stdout.readline(), r"^#1 ")
         watch.send_signal(signal.SIGINT)
@@ -147,7 +147,7 @@ class Jobs(harness.ServiceTest):
 
     def test_cancel_stops_a_running_job_within_two_seconds_and_resume_continues_it(self):
         job = self.submit("--iterations", "200", "--checkpoint-every", "10",
-                          names=("slow.png", "b.png"))
+                          names=("slow.png", "b.png", "c.png"))
         self.wait_for(lambda: self.jobs.GetJob(rpc.GetJobRequest(name=job)).progress.iteration > 20,
                       "iteration 20")
         begin = time.monotonic()
@@ -162,7 +162,7 @@ class Jobs(harness.ServiceTest):
 
     def test_a_job_that_runs_too_long_fails_and_resume_goes_on(self):
         job = self.submit("--iterations", "150", "--checkpoint-every", "10", "--max-run-seconds",
-                          "1.5", names=("slow.png", "b.png"))
+                          "1.5", names=("slow.png", "b.png", "c.png"))
         out, _ = self.litags("watch", job, exit_code=1)
         self.assertIn("RUN_TIME_EXCEEDED", out)
         self.assertIn("ResumeJob goes on", out)
@@ -176,7 +176,7 @@ class Jobs(harness.ServiceTest):
 
     def test_a_job_that_takes_too_much_memory_fails_and_its_worker_lives(self):
         job = self.submit("--iterations", "20", "--max-memory", "200M",
-                          names=("hungry.png", "b.png"))
+                          names=("hungry.png", "b.png", "c.png"))
         out, _ = self.litags("watch", job, exit_code=1)
         self.assertIn("MEMORY_EXCEEDED", out)
         self.assertIn("max_gaussians lower", out)
@@ -184,7 +184,7 @@ class Jobs(harness.ServiceTest):
         self.litags("watch", self.submit("--iterations", "10"))
 
     def test_urgent_jobs_overtake_waiting_ones(self):
-        first = self.submit("--iterations", "20", names=("hang.png", "b.png"))
+        first = self.submit("--iterations", "20", names=("hang.png", "b.png", "c.png"))
         waiting = self.submit("--iterations", "10")
         urgent = self.submit("--iterations", "10", "--priority", "5")
         self.litags("cancel", first)
@@ -195,7 +195,7 @@ class Jobs(harness.ServiceTest):
         self.assertLess(start[urgent], start[waiting])
 
     def test_a_job_that_fails_says_why_and_what_to_do(self):
-        job = self.submit("--iterations", "10", names=("fail.png", "b.png"))
+        job = self.submit("--iterations", "10", names=("fail.png", "b.png", "c.png"))
         out, _ = self.litags("watch", job, exit_code=1)
         self.assertRegex(out, r"failed: .*overlap more\n  field:  images\n"
                               r"  reason: SFM_TOO_FEW_VIEWS")
@@ -231,7 +231,7 @@ class Restart(unittest.TestCase):
         helper.server = harness.Server(folder)
         port = helper.server.port
         job = helper.submit("--iterations", "200", "--checkpoint-every", "10",
-                            names=("slow.png", "b.png"))
+                            names=("slow.png", "b.png", "c.png"))
         watch = helper.start_litags("watch", job, "--json")
         numbers = [int(json.loads(watch.stdout.readline())["number"]) for _ in range(4)]
         helper.server.kill()

@@ -72,7 +72,7 @@ class Metrics(harness.ServiceTest):
         self.assertEqual(after["litags_store_up"], 1)
 
     def test_the_queue_has_an_age_and_training_a_rate(self):
-        running = self.submit("--iterations", "100000", names=("slow.png", "b.png"))
+        running = self.submit("--iterations", "100000", names=("slow.png", "b.png", "c.png"))
         waiting = self.submit("--iterations", "20")
         self.wait_for(lambda: self.metric("litags_iterations_per_second") > 0, "a rate")
         now = metrics_of(self.server)
@@ -87,7 +87,7 @@ class Metrics(harness.ServiceTest):
         self.assertEqual(now["litags_iterations_per_second"], 0)
 
     def test_a_worker_that_is_killed_is_counted(self):
-        job = self.submit("--iterations", "100000", names=("slow.png", "b.png"))
+        job = self.submit("--iterations", "100000", names=("slow.png", "b.png", "c.png"))
         self.wait_for(lambda: self.state(job) == RUNNING, "the job runs")
         before = self.metric("litags_worker_restarts_total")
         children = subprocess.run(["pgrep", "-P", str(self.server.process.pid), WORKER_PROGRAM[:15]],
@@ -149,7 +149,7 @@ class Backup(harness.ServiceTest):
 
     def test_a_copy_of_the_folder_of_a_stopped_server_brings_everything_back(self):
         done = self.finished_job()
-        running = self.submit("--iterations", "100", names=("slow.png", "b.png"))
+        running = self.submit("--iterations", "100", names=("slow.png", "b.png", "c.png"))
         self.wait_for(lambda: self.state(running) == RUNNING, "the job runs")
         self.assertEqual(self.server.stop(), 0)
         elsewhere = tempfile.mkdtemp(dir=self.class_folder)

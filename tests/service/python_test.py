@@ -48,8 +48,9 @@ class Python(harness.ServiceTest):
         job = jobs.CreateJob(rpc.CreateJobRequest(
             request_id="python-" + os.path.basename(self.folder),
             options=job_pb2.JobOptions(iterations=100, preview_every=5))).name
-        photos = [("slow.png", harness.png(seed=1)), ("b.png", harness.png(seed=2))]
-        self.assertEqual(jobs.UploadImages(self.upload(job, photos)).files_stored, 2)
+        photos = [("slow.png", harness.png(seed=1)), ("b.png", harness.png(seed=2)),
+                  ("c.png", harness.png(seed=3))]
+        self.assertEqual(jobs.UploadImages(self.upload(job, photos)).files_stored, 3)
         jobs.StartJob(rpc.StartJobRequest(name=job))
 
         events = self.watch_with_cuts(jobs, job, proxy, cuts=2)

@@ -97,7 +97,7 @@ class Security(harness.ServiceTest):
         def shown():
             return ssl.get_server_certificate(("127.0.0.1", self.server.port))
 
-        out, _ = self.litags_as("alice", "submit", self.photos(("slow.png", "b.png")),
+        out, _ = self.litags_as("alice", "submit", self.photos(("slow.png", "b.png", "c.png")),
                                 "--iterations", "150")
         job, before = out.strip(), shown()
         with open(os.path.join(self.class_folder, "server.crt")) as file:

@@ -88,11 +88,11 @@ class Uploads(harness.ServiceTest):
         self.assertLess(proxy.sent - sent, job.bytes - (2 << 20))
 
     def test_the_same_photos_are_sent_once_for_several_jobs(self):
-        photos = self.large_photos((7, 8))
+        photos = self.large_photos((7, 8, 9))
         self.litags("submit", photos, "--iterations", "10")
         proxy = self.proxy()
         out, _ = self.litags("submit", photos, "--iterations", "20", server=proxy.address)
-        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 2)
+        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 3)
         self.assertLess(proxy.sent, 100_000)
 
     def test_a_request_id_with_other_photos_is_refused(self):
@@ -206,7 +206,7 @@ class Archives(harness.ServiceTest):
         self.addCleanup(proxy.close)
         path = self.zip([(f"{seed}.png", harness.large_png(seed)) for seed in (21, 22)])
         out, _ = self.litags("submit", path, "--iterations", "10", server=proxy.address)
-        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 2)
+        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 3)
         self.assertGreaterEqual(proxy.connections, 6)
 
     def refused(self, path, reason, words):

@@ -1,0 +1,26 @@
+// What the service's interface says in comments only, as constants for client and server.
+#ifndef LITAGS_PROTO_LITAGS_V1_LIMITS_H_
+#define LITAGS_PROTO_LITAGS_V1_LIMITS_H_
+
+#include <array>
+#include <cstddef>
+#include <string_view>
+
+namespace litags::v1 {
+
+inline constexpr int kMaxAnswerBytes = 256 << 20;  // raw floats of a 16-megapixel picture: 192 MiB
+inline constexpr size_t kMaxChunkBytes = size_t{1} << 20;  // of an upload
+inline constexpr int kMaxQueryFiles = 1000;                // QueryUploadRequest.files
+
+// How names of files end, lower case, by FileRole.
+inline constexpr std::array<std::string_view, 3> kPhotoEndings = {".jpg", ".jpeg", ".png"};
+inline constexpr std::array<std::string_view, 3> kDepthEndings = {".png", ".pfm", ".npy"};
+inline constexpr std::array<std::string_view, 1> kMaskEndings = {".png"};
+inline constexpr std::array<std::string_view, 1> kCamerasEndings = {".json"};
+inline constexpr std::array<std::string_view, 2> kColmapEndings = {".bin", ".txt"};
+inline constexpr std::array<std::string_view, 4> kArchiveEndings = {".zip", ".tar", ".tar.gz",
+                                                                    ".tgz"};
+
+}  // namespace litags::v1
+
+#endif  // LITAGS_PROTO_LITAGS_V1_LIMITS_H_
