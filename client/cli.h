@@ -64,7 +64,7 @@ int FollowJob(Session& session, const std::string& job, int64_t after, std::FILE
 
 void AddSubmitCommand(CLI::App& app, Session& session);
 void AddWatchCommand(CLI::App& app, Session& session);
-void AddJobCommands(CLI::App& app, Session& session);     // list, show, cancel, delete
+void AddJobCommands(CLI::App& app, Session& session);  // list, show, cancel, delete
 void AddResumeCommand(CLI::App& app, Session& session);
 void AddRenderCommands(CLI::App& app, Session& session);  // render, path, cameras
 void AddExportCommand(CLI::App& app, Session& session);

@@ -51,8 +51,7 @@ void AddDoctorCommand(CLI::App& app, Session& session) {
   const auto health_only = std::make_shared<bool>(false);
   command->add_flag("--health", *health_only,
                     "Ask the health service only, which needs no token: for probes");
-  command->callback(
-      [&session, health_only] { session.exit_code = Doctor(session, *health_only); });
+  command->callback([&session, health_only] { session.exit_code = Doctor(session, *health_only); });
 }
 
 }  // namespace litags::client

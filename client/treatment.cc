@@ -24,8 +24,7 @@ void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
                   "Main memory that its worker must have, as 8G; default: as --max-memory")
       ->transform(CLI::AsSizeValue(false))
       ->group(group);
-  command
-      .add_option("--labels", treatment.labels, "Labels its worker must have, as avx512,site-b")
+  command.add_option("--labels", treatment.labels, "Labels its worker must have, as avx512,site-b")
       ->delimiter(',')
       ->group(group);
   command

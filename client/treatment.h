@@ -19,8 +19,8 @@ struct Treatment {
   std::vector<std::string> labels;
 };
 
-// Adds --priority, --max-run-seconds, --max-memory, --min-cores and so on. `treatment` must outlive the
-// parsing.
+// Adds --priority, --max-run-seconds, --max-memory, --min-cores and so on. `treatment` must outlive
+// the parsing.
 void AddTreatmentOptions(CLI::App& command, Treatment& treatment);
 
 v1::JobPolicy ToProto(const Treatment& treatment);

@@ -171,9 +171,9 @@ absl::Status SetField(const std::string& name, const std::string& text, S* s) {
     if (status.ok()) value = wanted;
   });
   if (found) return status;
-  return InvalidInput("BAD_OPTION", name,
-                      absl::StrCat("there is no \"", name, "\"; choose one of: ",
-                                   absl::StrJoin(names, " ")));
+  return InvalidInput(
+      "BAD_OPTION", name,
+      absl::StrCat("there is no \"", name, "\"; choose one of: ", absl::StrJoin(names, " ")));
 }
 
 // "name=value", a line each; of the fields that shape the scene alone, or of all.

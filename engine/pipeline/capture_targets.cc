@@ -19,8 +19,7 @@ namespace {
 std::vector<PointSighting> Sightings(const PosedPhotos& posed) {
   const SparseModel& model = posed.model;
   std::vector<int> photo_of(model.views.size(), -1);
-  for (size_t i = 0; i < posed.size(); ++i)
-    photo_of[posed.model_view[i]] = static_cast<int>(i);
+  for (size_t i = 0; i < posed.size(); ++i) photo_of[posed.model_view[i]] = static_cast<int>(i);
   std::vector<PointSighting> sightings;
   for (size_t p = 0; p < model.points.size(); ++p) {
     for (const TrackElement& element : model.points[p].track) {
@@ -39,9 +38,8 @@ std::vector<PointSighting> Sightings(const PosedPhotos& posed) {
 absl::Status AddTargets(const Context& context, const PosedPhotos& posed, CaptureTargets* out) {
   const ToneOptions& tone = context.recipe.tone;
   const int threads = context.options.threads;
-  LITAGS_ASSIGN_OR_RETURN(
-      std::vector<ToneTarget> targets,
-      MakeTargets(out->photos, out->exposures, tone, threads, posed.masks));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
+                          MakeTargets(out->photos, out->exposures, tone, threads, posed.masks));
   std::vector<double> gains;
   for (size_t i = 0; i < targets.size(); ++i) {
     out->targets.push_back(std::move(targets[i].image));
@@ -75,8 +73,7 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   EvenOutResponse(context, sightings, cameras, posed.masks, &photos);
   CaptureTargets made;
   made.photos = std::move(photos);
-  made.exposures =
-      WithoutDrift(RelativeExposures(made.photos, sightings, posed.masks), sightings);
+  made.exposures = WithoutDrift(RelativeExposures(made.photos, sightings, posed.masks), sightings);
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
   if (recipe.lita && recipe.information_weights) {
     made.information = Information(made, posed.masks);

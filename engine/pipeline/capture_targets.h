@@ -14,9 +14,9 @@ namespace litags {
 
 // Index = photo, as in PosedPhotos.
 struct CaptureTargets {
-  std::vector<Photo> photos;     // without what their camera did to the light (even_response.h)
-  std::vector<double> exposures;  // light that they gathered relative to the median photo
-  std::vector<Photo> targets;    // normally lit
+  std::vector<Photo> photos;         // without what their camera did to the light (even_response.h)
+  std::vector<double> exposures;     // light that they gathered relative to the median photo
+  std::vector<Photo> targets;        // normally lit
   std::vector<PlaneU8> information;  // weights of pixels; none: the recipe has none
   std::vector<PlaneU8> structure;    // the prior's maps; none: the recipe has none
   NoiseCurve rounding;               // noise that rounding the photos leaves in the targets
