@@ -6,6 +6,7 @@
 #include <functional>
 #include <thread>
 
+#include "engine/core/error.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/leases.h"
 #include "server/testing/job_store_kind.h"
@@ -57,8 +58,9 @@ class FencingConformance : public StoreConformance {
                     .ok());
     ASSERT_TRUE(store_
                     ->Update("a1",
-                             [](JobTransaction& t) {
-                               return t.PutFile({"b", FileRole::kPhoto, 1, "0"});
+                             [](JobTransaction& t) -> absl::Status {
+                               LITAGS_RETURN_IF_ERROR(t.PutFile({"b", FileRole::kPhoto, 1, "0"}));
+                               return t.PutFile({"c", FileRole::kPhoto, 1, "0"});
                              })
                     .ok());
   }
