@@ -89,6 +89,10 @@ class Library(unittest.TestCase):
         first = sorted(os.listdir(self.path("out/views")))[0]
         self.assertEqual(bytes_of(self.path("view.png")), bytes_of(self.path("out/views/" + first)))
 
+    def test_the_page_shows_the_program_that_is_tested(self):
+        page = bytes_of(os.path.join(SOURCE, "docs", "library.md"))
+        self.assertIn(bytes_of(os.path.join(HERE, "engine_program", "night_to_day.cc")), page)
+
     def test_a_program_finds_the_client_and_asks_a_server(self):
         self.install("client")
         self.assertEqual(self.headers("client/"), CLIENT_HEADERS)
