@@ -181,6 +181,7 @@ class Archives(harness.ServiceTest):
     def capture(self):
         return [("night/images/a.png", harness.png(seed=1)),
                 ("night/images/b.png", harness.png(seed=2)),
+                ("night/images/c.png", harness.png(seed=3)),
                 ("night/depth/a.png", harness.depth_png()),
                 ("night/masks/a.png.png", harness.mask_png()),
                 ("night/masks/notes.txt", b"made by hand"),
@@ -192,7 +193,7 @@ class Archives(harness.ServiceTest):
                      self.tar(self.capture(), "capture.tar")):
             out, err = self.litags("submit", path, "--iterations", "10", "--watch")
             job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
-            self.assertEqual((job.state, job.photos), (harness.SUCCEEDED, 2))
+            self.assertEqual((job.state, job.photos), (harness.SUCCEEDED, 3))
             self.assertTrue(job.report.depth_used)
             self.assertIn("1 photos have a mask", job.report.notes)
             self.assertIn("not used, of what is in the archive: night/masks/notes.txt, "
@@ -204,7 +205,7 @@ class Archives(harness.ServiceTest):
             self.server.port, cut_every=1 << 20,
             progress=lambda: sum(bytes_on_disk(self.server.data).values()))
         self.addCleanup(proxy.close)
-        path = self.zip([(f"{seed}.png", harness.large_png(seed)) for seed in (21, 22)])
+        path = self.zip([(f"{seed}.png", harness.large_png(seed)) for seed in (21, 22, 23)])
         out, _ = self.litags("submit", path, "--iterations", "10", server=proxy.address)
         self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 3)
         self.assertGreaterEqual(proxy.connections, 6)
