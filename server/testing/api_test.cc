@@ -115,6 +115,20 @@ TEST(JobOptions, EnumsOfProtoAndEngineAreTheSame) {
   EXPECT_EQ(enums, 4);
 }
 
+// As `litags-train --method` and the table have it: the name alone decides the recipe.
+TEST(JobOptions, AMethodIsItsRecipe) {
+  const std::pair<v1::Method, Recipe> methods[] = {{v1::METHOD_LITAGS, Litags()},
+                                                   {v1::METHOD_LITAGS_PAPER, LitagsPaper()},
+                                                   {v1::METHOD_3DGS, Plain3dgs()}};
+  for (const auto& [method, recipe] : methods) {
+    v1::JobOptions proto;
+    proto.set_method(method);
+    const auto options = OptionsFromProto(proto);
+    ASSERT_TRUE(options.ok()) << options.status();
+    EXPECT_EQ(FieldsText(options->ResolveRecipe()), FieldsText(recipe)) << v1::Method_Name(method);
+  }
+}
+
 TEST_F(JobsApi, CreateIsIdempotentByRequestId) {
   v1::CreateJobRequest request;
   request.set_request_id("abc");
