@@ -8,7 +8,6 @@ namespace litags {
 namespace {
 
 struct Projected {
-  size_t index;
   double z, x, y, conic_a, conic_b, conic_c, opacity, dz_dx, dz_dy;
   std::array<double, kNumChannels> features;
 };
@@ -118,7 +117,6 @@ std::vector<Projected> ProjectAll(const std::vector<double>& params, const Camer
   for (size_t i = 0; i < params.size() / kSplatRows; ++i) {
     if (settings.dropout.LeftOut(i / kSplatBlock) >> i % kSplatBlock & 1) continue;
     Projected p;
-    p.index = i;
     if (ProjectOne(params.data() + i * kSplatRows, camera, settings, &p)) gaussians.push_back(p);
   }
   std::stable_sort(gaussians.begin(), gaussians.end(),
@@ -131,7 +129,6 @@ struct Part {
   const Projected* gaussian;
   double dx, dy;  // from its mean to the pixel
   double alpha, T;
-  bool clamped;
 };
 
 // Front to back. *fragile: see ReferenceImage.
@@ -149,7 +146,7 @@ std::vector<Part> PartsOfPixel(const std::vector<Projected>& gaussians, double p
     const double alpha = std::min(0.99, raw);
     if (Near(T * (1 - alpha), 1e-4)) *fragile = true;
     if (T * (1 - alpha) < 1e-4) break;
-    parts.push_back({&g, dx, dy, alpha, T, raw >= 0.99});
+    parts.push_back({&g, dx, dy, alpha, T});
     T *= 1 - alpha;
   }
   return parts;
