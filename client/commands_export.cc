@@ -1,58 +1,138 @@
 // litags export: the scene as a file.
 #include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "client/cli.h"
+#include "client/model_format.h"
 #include "client/picture_file.h"
 #include "client/status.h"
 #include "client/text.h"
+#include "client/view_args.h"
 
 namespace litags::client {
 namespace {
 
 struct ExportArgs {
-  std::string job, ply;
-  bool original_light = false, full = false;
-  double light = 0;
+  std::string job, output, ply, format, up;
+  std::vector<std::string> crop;
+  bool original_light = false, full = false, antialiased = false;
+  double light = 0, exposure = 0;
+  std::optional<double> scale;
+  int64_t max_splats = 0;
+
+  const std::string& path() const { return ply.empty() ? output : ply; }
 };
 
-int Export(Session& session, const ExportArgs& args) {
+absl::StatusOr<v1::ModelFormat> FormatOf(const ExportArgs& args) {
+  if (args.full) return v1::MODEL_FORMAT_PLY_FULL;
+  if (!args.ply.empty()) return v1::MODEL_FORMAT_PLY;
+  return args.format.empty() ? ModelFormatOf(args.output) : ParseModelFormat(args.format);
+}
+
+absl::Status ParseCorner(const std::string& text, v1::Vector3* corner) {
+  const auto numbers = ParseNumbers(text, "--crop");
+  if (!numbers.ok()) return numbers.status();
+  if (numbers->size() != 3) {
+    return BadInput("VECTOR_INVALID", "--crop",
+                    absl::StrCat("--crop: \"", text, "\" holds ", numbers->size(),
+                                 " numbers; give three for each corner, as x,y,z"));
+  }
+  corner->set_x((*numbers)[0]);
+  corner->set_y((*numbers)[1]);
+  corner->set_z((*numbers)[2]);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::ExportModelRequest> RequestOf(const ExportArgs& args) {
   v1::ExportModelRequest request;
   request.set_name(args.job);
-  request.set_format(args.full             ? v1::MODEL_FORMAT_PLY_FULL
-                     : args.original_light ? v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT
-                                           : v1::MODEL_FORMAT_PLY);
-  request.set_light(args.light);
-  OutputFile file("--ply");
+  const auto format = FormatOf(args);
+  if (!format.ok()) return format.status();
+  request.set_format(*format);
+  request.set_light(args.original_light ? 1 : args.light);
+  request.set_exposure_stops(args.exposure);
+  if (!args.up.empty()) {
+    const auto axis = ParseUpAxis(args.up);
+    if (!axis.ok()) return axis.status();
+    request.set_up(*axis);
+  }
+  if (args.scale.has_value()) request.set_scale(*args.scale);
+  if (!args.crop.empty()) {
+    absl::Status corners = ParseCorner(args.crop[0], request.mutable_crop()->mutable_min());
+    corners.Update(ParseCorner(args.crop[1], request.mutable_crop()->mutable_max()));
+    if (!corners.ok()) return corners;
+  }
+  request.set_max_splats(args.max_splats);
+  request.set_antialiased(args.antialiased);
+  return request;
+}
+
+int Export(Session& session, const ExportArgs& args) {
+  const auto request = RequestOf(args);
+  if (!request.ok()) return ReportError(session, request.status(), args.job);
+  OutputFile file(args.ply.empty() ? "-o" : "--ply");
   v1::ExportHeader header;
   absl::Status status = session.client().ExportModel(
-      request,
+      *request,
       [&](const v1::ExportHeader& announced) {
         header = announced;
-        return file.Open(args.ply);
+        return file.Open(args.path());
       },
       [&](std::string_view bytes) { return file.Write(bytes); });
   if (status.ok()) status = file.Commit();
   if (!status.ok()) return ReportError(session, status, args.job);
-  Note(absl::StrCat(args.ply, ": ", CountText(header.gaussians()), " Gaussians, iteration ",
+  Note(absl::StrCat(args.path(), ": ", CountText(header.gaussians()), " Gaussians, iteration ",
                     header.iteration(), ", ", BytesText(header.size_bytes())));
   return kExitOk;
+}
+
+void AddFileOptions(CLI::App& command, ExportArgs& args) {
+  CLI::Option* output = command.add_option(
+      "-o,--output", args.output,
+      "File to write; its ending says the format: .ply, .compressed.ply, .spz, .sog, .splat, .glb, "
+      ".usda, .zip (COLMAP's model)");
+  // The first version's name of -o.
+  CLI::Option* ply = command.add_option("--ply", args.ply, "File to write, a .ply");
+  CLI::Option_group* file = command.add_option_group("File", "One of these");
+  file->add_options(output, ply);
+  file->require_option(1);
+  CLI::Option* format = command.add_option(
+      "--format", args.format, absl::StrCat("One of ", absl::StrJoin(ModelFormatNames(), ", ")));
+  format->excludes(ply);
+  command.add_flag("--full", args.full, "A .ply with every attribute of LITA-GS, as trained")
+      ->excludes(format);
 }
 
 }  // namespace
 
 void AddExportCommand(CLI::App& app, Session& session) {
   auto args = std::make_shared<ExportArgs>();
-  CLI::App* command = app.add_subcommand("export", "The scene as a file for splat viewers");
+  CLI::App* command = app.add_subcommand("export", "The scene as a file for other programs");
   AddJobArgument(*command, args->job);
-  command->add_option("--ply", args->ply, "File to write")->required();
-  CLI::Option* original =
-      command->add_flag("--original-light", args->original_light, "In the light of the photos");
+  AddFileOptions(*command, *args);
+  CLI::Option* light = command->add_option(
+      "--light", args->light,
+      "In this light: 0 normal, 1 as photographed, and between and beyond, -4..4");
+  command->add_flag("--original-light", args->original_light, "In the light of the photos")
+      ->excludes(light);
+  command->add_option("--exposure", args->exposure, "Brighter or darker by so many stops, -10..10");
+  command->add_option("--up", args->up,
+                      "Turn the scene so that this axis of the file is up: x, y, z, --up=-y and so "
+                      "on, or keep; default: y for .spz, .glb, .usda, else keep");
+  command->add_option("--scale", args->scale, "Multiply all lengths");
   command
-      ->add_option("--light", args->light,
-                   "In this light: 0 normal, 1 as photographed, and between and beyond, -4..4")
-      ->excludes(original);
-  command->add_flag("--full", args->full, "With every attribute of LITA-GS")->excludes(original);
+      ->add_option("--crop", args->crop,
+                   "Only what is in this box, in the coordinates of the cameras: x,y,z x,y,z")
+      ->expected(2);
+  command->add_option("--max-splats", args->max_splats,
+                      "At most so many Gaussians: those that pictures need most");
+  command->add_flag("--antialiased", args->antialiased,
+                    "Small Gaussians as trained, and tell viewers so: .spz and .sog only");
   command->callback([&session, args] { session.exit_code = Export(session, *args); });
 }
 

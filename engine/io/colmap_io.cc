@@ -355,7 +355,7 @@ absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_
   return (text ? ParseColmapText : ParseColmapModel)(bytes[0], bytes[1], bytes[2], field);
 }
 
-absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model) {
+absl::StatusOr<ColmapFiles> EncodeColmapModel(const SparseModel& model) {
   std::vector<size_t> camera_of_view;
   const std::vector<Intrinsics> cameras = CollectIntrinsics(model, &camera_of_view);
   std::vector<std::vector<WrittenObservation>> observations(model.views.size());
@@ -378,10 +378,15 @@ absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model) 
       observations[element.view].push_back({element.x, element.y, id});
     }
   }
-  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(dir + "/cameras.bin", EncodeCameras(cameras)));
-  LITAGS_RETURN_IF_ERROR(
-      WriteFileAtomically(dir + "/images.bin", EncodeImages(model, camera_of_view, observations)));
-  return WriteFileAtomically(dir + "/points3D.bin", points);
+  return ColmapFiles{EncodeCameras(cameras), EncodeImages(model, camera_of_view, observations),
+                     std::move(points)};
+}
+
+absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model) {
+  LITAGS_ASSIGN_OR_RETURN(const ColmapFiles files, EncodeColmapModel(model));
+  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(dir + "/cameras.bin", files.cameras));
+  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(dir + "/images.bin", files.images));
+  return WriteFileAtomically(dir + "/points3D.bin", files.points);
 }
 
 }  // namespace litags

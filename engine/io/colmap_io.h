@@ -26,8 +26,14 @@ absl::StatusOr<SparseModel> ParseColmapText(std::string_view cameras_txt,
                                             std::string_view images_txt,
                                             std::string_view points_txt, std::string_view field);
 
-// Writes the model to folder `dir` (which exists), one camera per distinct set of intrinsics:
-// PINHOLE, or OPENCV where there is distortion. Image and point ids are index + 1.
+// The model's three files, one camera per distinct set of intrinsics: PINHOLE, or OPENCV where
+// there is distortion. Image and point ids are index + 1.
+struct ColmapFiles {
+  std::string cameras, images, points;
+};
+absl::StatusOr<ColmapFiles> EncodeColmapModel(const SparseModel& model);
+
+// Writes them to folder `dir`, which exists.
 absl::Status WriteColmapModel(const std::string& dir, const SparseModel& model);
 
 }  // namespace litags

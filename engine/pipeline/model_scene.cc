@@ -7,16 +7,16 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/export/formats.h"
+#include "engine/io/file_util.h"
 #include "engine/io/ply.h"
+#include "engine/pipeline/export_scene.h"
+#include "engine/pipeline/light_power.h"
 #include "engine/pipeline/render_rules.h"
 #include "engine/pipeline/scene_file.h"
-#include "engine/pipeline/viewer_splats.h"
 
 namespace litags {
 namespace {
-
-// L^t; L is kept off zero so that negative t stays finite.
-float LightPower(float L, float t) { return std::pow(std::max(L, 1e-3f), t); }
 
 // R L^t per pixel and channel.
 Planes Relit(Planes color, const Planes& channels, double t) {
@@ -47,35 +47,6 @@ Planes CopyOf(const Planes& from, int first, int count) {
   Planes out(count, from.height, from.width);
   std::copy_n(from.plane(first), count * from.plane_size(), out.data.data());
   return out;
-}
-
-// Colours after the curve that pictures go through, to first order: its slope where the colour from
-// all sides is applies to what depends on the side.
-Splats ThroughCurve(Splats splats, const CodeCurve& curve) {
-  constexpr float kStep = 1.0f / 255;
-  for (size_t i = 0; i < splats.size(); ++i) {
-    for (int c = 0; c < 3; ++c) {
-      float& dc = splats.at(i, kShDc + c);
-      const float code = static_cast<float>(0.5 + kSh0 * dc);
-      const float rise = ApplyCurve(curve, code + kStep) - ApplyCurve(curve, code - kStep);
-      dc = static_cast<float>((ApplyCurve(curve, code) - 0.5) / kSh0);
-      for (int k = 1; k < 16; ++k) splats.at(i, kShRest + 3 * (k - 1) + c) *= rise / (2 * kStep);
-    }
-  }
-  return splats;
-}
-
-// Colours times each Gaussian's light to the power of t: c l^t = 0.5 + SH'.
-Splats InLight(Splats splats, double t) {
-  for (size_t i = 0; i < splats.size(); ++i) {
-    for (int c = 0; c < 3; ++c) {
-      const float light = LightPower(splats.at(i, kIllumination + c), static_cast<float>(t));
-      float& dc = splats.at(i, kShDc + c);
-      dc = static_cast<float>((light * (0.5 + kSh0 * dc) - 0.5) / kSh0);
-      for (int k = 1; k < 16; ++k) splats.at(i, kShRest + 3 * (k - 1) + c) *= light;
-    }
-  }
-  return splats;
 }
 
 class ModelScene : public Scene {
@@ -145,19 +116,14 @@ class ModelScene : public Scene {
     }
   }
 
-  absl::Status ExportPly(const std::string& path, double light) const override {
-    LITAGS_RETURN_IF_ERROR(CheckLight(light, "light"));
-    if (light != 0 && !model_.lita) {
-      return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
-                       "light: this scene was trained with plain 3dgs and has one light only");
-    }
-    Splats splats = model_.splats;
-    if (model_.curve.has_value()) splats = ThroughCurve(std::move(splats), *model_.curve);
-    if (light != 0) splats = InLight(std::move(splats), light);
-    if (model_.pixel_filter == PixelFilter::kMip) {
-      splats = SplatsForViewers(local_views_, std::move(splats));
-    }
-    return WritePly(path, splats, /*lita_attributes=*/false, model_.origin);
+  absl::StatusOr<int64_t> Export(const std::string& path,
+                                 const ExportRequest& request) const override {
+    LITAGS_ASSIGN_OR_RETURN(const ViewerScene scene,
+                            MakeViewerScene(model_, local_views_, frame_.up, request));
+    LITAGS_RETURN_IF_ERROR(request.cancel.Check());
+    LITAGS_ASSIGN_OR_RETURN(const std::string bytes, InfoOf(request.format).encode(scene));
+    LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, bytes));
+    return static_cast<int64_t>(scene.splats.size());
   }
 
   absl::Status ExportFullPly(const std::string& path) const override {

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/export/formats.h"
 
 namespace litags {
 namespace {
@@ -14,6 +15,10 @@ absl::Status CheckRange(double value, double limit, const char* reason, std::str
   return InvalidInput(reason, field,
                       absl::StrCat(std::string(field), " is ", value, "; it must be in [-", limit,
                                    ", ", limit, "]"));
+}
+
+absl::Status BadOption(std::string_view field, const std::string& rule) {
+  return InvalidInput("EXPORT_OPTION_INVALID", field, absl::StrCat(std::string(field), rule));
 }
 
 }  // namespace
@@ -35,6 +40,37 @@ absl::Status CheckExposable(Channel channel, std::string_view field) {
   return InvalidInput(
       "EXPOSURE_INVALID", field,
       absl::StrCat(std::string(field), " is for COLOR, ORIGINAL and LIGHT only; leave it 0"));
+}
+
+absl::Status CheckExport(const ExportRequest& request) {
+  LITAGS_RETURN_IF_ERROR(CheckLight(request.light, "light"));
+  LITAGS_RETURN_IF_ERROR(CheckExposure(request.exposure_stops, "exposure_stops"));
+  if (!(request.scale >= kMinExportScale && request.scale <= kMaxExportScale)) {
+    return BadOption("scale", absl::StrCat(" is ", request.scale, "; it must be in [",
+                                           kMinExportScale, ", ", kMaxExportScale, "]"));
+  }
+  if (request.max_splats < 0) {
+    return BadOption("max_splats", absl::StrCat(" is ", request.max_splats,
+                                                "; it must be positive, or 0 for all"));
+  }
+  for (int k = 0; request.crop.has_value() && k < 3; ++k) {
+    if (!(request.crop->min[k] <= request.crop->max[k])) {  // NaN, too
+      return BadOption("crop", absl::StrCat(" begins at ", request.crop->min[k], " and ends at ",
+                                            request.crop->max[k],
+                                            "; give the lower corner, then the upper one"));
+    }
+  }
+  const FormatInfo& info = InfoOf(request.format);
+  if (request.antialiased && !info.has_antialiased_tag) {
+    return BadOption("antialiased",
+                     absl::StrCat(": ", info.name, " has no tag for it; spz, spz-v4 and sog have"));
+  }
+  if (request.format == SceneFormat::kUsda &&
+      (request.up == UpAxis::kX || request.up == UpAxis::kNegativeX ||
+       request.up == UpAxis::kNegativeY || request.up == UpAxis::kNegativeZ)) {
+    return BadOption("up", ": usda knows y and z; give one of these, or keep");
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace litags

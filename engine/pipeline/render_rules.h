@@ -1,4 +1,5 @@
-// Which light and exposure a picture may have: one rule for the engine and the service.
+// Which light and exposure a picture may have, and what a file: one rule for the engine and the
+// service.
 #ifndef LITAGS_ENGINE_PIPELINE_RENDER_RULES_H_
 #define LITAGS_ENGINE_PIPELINE_RENDER_RULES_H_
 
@@ -19,6 +20,10 @@ absl::Status CheckExposure(double stops, std::string_view field);
 
 // INVALID_ARGUMENT (EXPOSURE_INVALID) about `field` unless the channel is a colour.
 absl::Status CheckExposable(Channel channel, std::string_view field);
+
+// INVALID_ARGUMENT unless the request can be met for some scene: LIGHT_INVALID, EXPOSURE_INVALID,
+// EXPORT_OPTION_INVALID. One rule for the engine and the service.
+absl::Status CheckExport(const ExportRequest& request);
 
 }  // namespace litags
 

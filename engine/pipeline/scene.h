@@ -12,6 +12,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/cancel.h"
 #include "engine/core/image.h"
+#include "engine/export/export_request.h"
 
 namespace litags {
 
@@ -54,12 +55,23 @@ class Scene {
   // Float planes: 3 for colours (sRGB, clamped to [0, 1]), 1 otherwise as listed at Channel.
   // CANCELLED soon after the request's token is raised.
   virtual absl::StatusOr<Planes> Render(const RenderRequest& request) const = 0;
-  // Standard 3DGS .ply bytes written to a file, in the light R * L^t with t = `light`, -4..4. L is
-  // applied to every Gaussian instead of every pixel, and the denoiser is left out: viewers know
-  // neither. Shapes and opacities are such that what viewers draw in pictures of about the views'
-  // size is much like Render's (viewer_splats.h). Where the cameras stand far from the origin,
-  // positions count from the point that the header names: "comment origin X Y Z".
-  virtual absl::Status ExportPly(const std::string& path, double light) const = 0;
+  // The Gaussians as a file of request.format; returns how many. L is applied to every Gaussian
+  // instead of every pixel, exposure to first order, and the denoiser is left out: viewers know
+  // none of them. Shapes and opacities are such that what viewers draw in pictures of about the
+  // views' size is much like Render's (viewer_splats.h), unless request.antialiased. Where the
+  // cameras stand far from the origin, positions count from a point near them, which is in the file
+  // where the format has a place for it: .ply ("comment origin X Y Z"), .glb, .usda; COLMAP's
+  // models hold it in doubles. INVALID_ARGUMENT: EXPORT_OPTION_INVALID, LIGHT_INVALID,
+  // EXPOSURE_INVALID; FAILED_PRECONDITION: CHANNEL_UNAVAILABLE, EXPORT_EMPTY, EXPORT_OUT_OF_RANGE;
+  // CANCELLED.
+  virtual absl::StatusOr<int64_t> Export(const std::string& path,
+                                         const ExportRequest& request) const = 0;
+  // A standard .ply, in the light R * L^t with t = `light`.
+  absl::Status ExportPly(const std::string& path, double light) const {
+    ExportRequest request;
+    request.light = light;
+    return Export(path, request).status();
+  }
   // The Gaussians as they are, every LITA attribute as extra properties.
   virtual absl::Status ExportFullPly(const std::string& path) const = 0;
 };

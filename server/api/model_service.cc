@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <array>
 #include <filesystem>
 #include <fstream>
 
@@ -18,27 +19,87 @@ namespace {
 
 constexpr size_t kChunkBytes = size_t{256} << 10;
 
-absl::Status WriteModel(const Scene& scene, const v1::ExportModelRequest& request,
-                        const std::string& path) {
-  const v1::ModelFormat format = request.format();
-  LITAGS_RETURN_IF_ERROR(CheckLight(request.light(), "light"));
-  if (request.light() != 0 && format != v1::MODEL_FORMAT_UNSPECIFIED &&
-      format != v1::MODEL_FORMAT_PLY) {
-    return InvalidInput("LIGHT_INVALID", "light",
-                        "light is for format PLY only; leave it 0 for the others");
-  }
+absl::StatusOr<SceneFormat> FormatOf(v1::ModelFormat format) {
   switch (format) {
     case v1::MODEL_FORMAT_UNSPECIFIED:
     case v1::MODEL_FORMAT_PLY:
-      return scene.ExportPly(path, request.light());
     case v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT:
-      return scene.ExportPly(path, /*light=*/1);
-    case v1::MODEL_FORMAT_PLY_FULL:
-      return scene.ExportFullPly(path);
+      return SceneFormat::kPly;
+    case v1::MODEL_FORMAT_SPZ:
+      return SceneFormat::kSpz;
+    case v1::MODEL_FORMAT_SPZ_V4:
+      return SceneFormat::kSpzV4;
+    case v1::MODEL_FORMAT_COMPRESSED_PLY:
+      return SceneFormat::kCompressedPly;
+    case v1::MODEL_FORMAT_SPLAT:
+      return SceneFormat::kSplat;
+    case v1::MODEL_FORMAT_GLB:
+      return SceneFormat::kGlb;
+    case v1::MODEL_FORMAT_USDA:
+      return SceneFormat::kUsda;
+    case v1::MODEL_FORMAT_SOG:
+      return SceneFormat::kSog;
+    case v1::MODEL_FORMAT_COLMAP:
+      return SceneFormat::kColmap;
     default:
       return InvalidInput("FORMAT_UNKNOWN", "format",
                           absl::StrCat("the server does not know format ", format));
   }
+}
+
+std::array<double, 3> ArrayOf(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
+
+absl::StatusOr<ExportRequest> RequestOf(const v1::ExportModelRequest& request,
+                                        const CancelToken& cancel) {
+  ExportRequest out;
+  LITAGS_ASSIGN_OR_RETURN(out.format, FormatOf(request.format()));
+  out.light = request.light();
+  out.exposure_stops = request.exposure_stops();
+  // The engine's axes in the order of the protocol's.
+  constexpr UpAxis kAxes[] = {UpAxis::kOfFormat,  UpAxis::kKeep,     UpAxis::kX,
+                              UpAxis::kNegativeX, UpAxis::kY,        UpAxis::kNegativeY,
+                              UpAxis::kZ,         UpAxis::kNegativeZ};
+  if (!v1::UpAxis_IsValid(request.up())) {
+    return InvalidInput("EXPORT_OPTION_INVALID", "up",
+                        absl::StrCat("up: the server does not know axis ", int{request.up()}));
+  }
+  out.up = kAxes[request.up()];
+  if (request.has_scale()) out.scale = request.scale();
+  if (request.has_crop()) {
+    out.crop = Box{ArrayOf(request.crop().min()), ArrayOf(request.crop().max())};
+  }
+  out.max_splats = request.max_splats();
+  out.antialiased = request.antialiased();
+  out.cancel = cancel;
+  return out;
+}
+
+// Writes the file; returns how many Gaussians it holds.
+absl::StatusOr<int64_t> WriteModel(const Scene& scene, const v1::ExportModelRequest& request,
+                                   const CancelToken& cancel, const std::string& path) {
+  const v1::ModelFormat format = request.format();
+  if (format == v1::MODEL_FORMAT_PLY_FULL || format == v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT) {
+    LITAGS_RETURN_IF_ERROR(CheckLight(request.light(), "light"));
+    if (request.light() != 0) {
+      return InvalidInput("LIGHT_INVALID", "light",
+                          "light is not for this format; leave it 0, or take format PLY");
+    }
+  }
+  if (format == v1::MODEL_FORMAT_PLY_FULL) {
+    if (request.exposure_stops() != 0 || request.has_scale() || request.has_crop() ||
+        request.max_splats() != 0 || request.up() != v1::UP_AXIS_UNSPECIFIED ||
+        request.antialiased()) {
+      return InvalidInput("EXPORT_OPTION_INVALID", "format",
+                          "format: PLY_FULL holds the scene as it was trained; leave the other "
+                          "options out, or take format PLY");
+    }
+    LITAGS_RETURN_IF_ERROR(scene.ExportFullPly(path));
+    return scene.num_gaussians();
+  }
+  LITAGS_ASSIGN_OR_RETURN(ExportRequest wanted, RequestOf(request, cancel));
+  if (format == v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT) wanted.light = 1;
+  LITAGS_RETURN_IF_ERROR(CheckExport(wanted));
+  return scene.Export(path, wanted);
 }
 
 // One ExportModel stream: writes the file, then sends it piece by piece.
@@ -71,7 +132,7 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
 
   absl::Status Prepare(v1::ExportHeader* header) {
     LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call().jobs(), request_.name()));
-    LITAGS_RETURN_IF_ERROR(WriteModel(*scene, request_, path_));
+    LITAGS_ASSIGN_OR_RETURN(const int64_t gaussians, WriteModel(*scene, request_, cancel(), path_));
     std::error_code error;
     const auto size = std::filesystem::file_size(path_, error);
     file_.open(path_, std::ios::binary);
@@ -81,7 +142,7 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
     }
     header->set_size_bytes(static_cast<int64_t>(size));
     header->set_iteration(scene->iteration());
-    header->set_gaussians(scene->num_gaussians());
+    header->set_gaussians(gaussians);
     return absl::OkStatus();
   }
 

@@ -31,7 +31,7 @@ class CircleScene : public Scene {
   absl::StatusOr<Planes> Render(const RenderRequest&) const override {
     return absl::UnimplementedError("nothing to see");
   }
-  absl::Status ExportPly(const std::string&, double) const override {
+  absl::StatusOr<int64_t> Export(const std::string&, const ExportRequest&) const override {
     return absl::UnimplementedError("nothing to write");
   }
   absl::Status ExportFullPly(const std::string&) const override {

@@ -100,8 +100,20 @@ class FakeScene : public Scene {
     return planes;
   }
 
-  absl::Status ExportPly(const std::string& path, double light) const override {
-    return Write(path, absl::StrCat("light ", light));
+  // Says what was asked for: the light, and whatever else is not as usual.
+  absl::StatusOr<int64_t> Export(const std::string& path,
+                                 const ExportRequest& request) const override {
+    std::string kind = absl::StrCat("light ", request.light);
+    if (request.format != SceneFormat::kPly || request.max_splats != 0 || request.crop ||
+        request.scale != 1 || request.up != UpAxis::kOfFormat || request.exposure_stops != 0) {
+      absl::StrAppend(&kind, " format ", static_cast<int>(request.format), " max ",
+                      request.max_splats, " scale ", request.scale, " up ",
+                      static_cast<int>(request.up), " stops ", request.exposure_stops, " crop ",
+                      request.crop ? request.crop->max[2] : 0, " aa ", request.antialiased);
+    }
+    const absl::Status written = Write(path, kind);
+    if (!written.ok()) return written;
+    return request.max_splats > 0 ? request.max_splats : num_gaussians();
   }
   absl::Status ExportFullPly(const std::string& path) const override {
     return Write(path, absl::StrCat("full ", trained_.state));

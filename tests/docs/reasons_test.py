@@ -7,7 +7,7 @@ import unittest
 
 SOURCE = pathlib.Path(os.environ["LITAGS_SOURCE"])
 # Upper-case words of the code that are no reasons.
-OTHERS = re.compile(r"(LITAGS|AWS|SIMPLE)_")
+OTHERS = re.compile(r"(LITAGS|AWS|SIMPLE|COLOR)_")
 NOT_SHIPPED = re.compile(r"_test|conformance|/testing/|engine/(tools|sample)/")
 
 

@@ -100,6 +100,23 @@ class Pictures(harness.ServiceTest):
                 self.assertEqual(self.read("scene.ply"), data)
                 self.assertFalse(os.path.exists(self.path("scene.ply.part")))
 
+    def test_an_exports_ending_or_format_says_what_it_is(self):
+        job = self.finished_job()
+        request = model.ExportModelRequest(name=job, format=model.MODEL_FORMAT_SPZ)
+        options = model.ExportModelRequest(
+            name=job, format=model.MODEL_FORMAT_SPZ_V4, exposure_stops=-1.5,
+            up=model.UP_AXIS_NEGATIVE_Y, scale=0.5, max_splats=3, antialiased=True)
+        options.crop.min.x, options.crop.max.z = -1, 2.5
+        for flags, wanted in (
+                (("-o", self.path("scene.spz")), request),
+                (("-o", self.path("scene.spz"), "--format", "spz-v4", "--exposure", "-1.5",
+                  "--up=-y", "--scale", "0.5", "--max-splats", "3", "--antialiased",
+                  "--crop", "-1,0,0", "0,0,2.5"), options)):
+            with self.subTest(flags):
+                self.litags("export", job, *flags)
+                parts = list(self.models.ExportModel(wanted))
+                self.assertEqual(self.read("scene.spz"), b"".join(part.chunk for part in parts[1:]))
+
     def test_light_and_exposure_reach_the_picture(self):
         job = self.finished_job()
 

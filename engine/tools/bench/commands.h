@@ -23,6 +23,9 @@ void AddTableCommand(CLI::App* app, int* exit_status);
 // `litags-bench noise SCENE PICTURES`.
 void AddNoiseCommand(CLI::App* app, int* exit_status);
 
+// `litags-bench export SCENE`.
+void AddExportCommand(CLI::App* app, int* exit_status);
+
 // `litags-bench exposure PHOTOS`.
 void AddExposureCommand(CLI::App* app, int* exit_status);
 

@@ -187,7 +187,9 @@ class FlatScene : public Scene {
     std::fill(depth.data.begin(), depth.data.end(), depth_);
     return depth;
   }
-  absl::Status ExportPly(const std::string&, double) const override { return absl::OkStatus(); }
+  absl::StatusOr<int64_t> Export(const std::string&, const ExportRequest&) const override {
+    return 0;
+  }
   absl::Status ExportFullPly(const std::string&) const override { return absl::OkStatus(); }
 
  private:

@@ -1,0 +1,43 @@
+#include "client/model_format.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "client/status.h"
+
+namespace litags::client {
+namespace {
+
+TEST(ModelFormat, EveryFormatHasAName) {
+  std::set<v1::ModelFormat> formats;
+  for (const std::string& name : ModelFormatNames()) {
+    const auto format = ParseModelFormat(name);
+    ASSERT_TRUE(format.ok()) << format.status();
+    formats.insert(*format);
+  }
+  EXPECT_EQ(formats.size(), static_cast<size_t>(v1::ModelFormat_descriptor()->value_count() - 1));
+  EXPECT_EQ(ParseModelFormat("spz-v4").value(), v1::MODEL_FORMAT_SPZ_V4);
+  for (const char* name : {"", "unspecified", "obj", "model-format-ply"}) {
+    EXPECT_EQ(DetailOf(ParseModelFormat(name).status()).reason(), "MODEL_FORMAT_UNKNOWN") << name;
+  }
+}
+
+TEST(ModelFormat, EndingsSayTheFormat) {
+  EXPECT_EQ(ModelFormatOf("a/b.ply").value(), v1::MODEL_FORMAT_PLY);
+  EXPECT_EQ(ModelFormatOf("scene.compressed.ply").value(), v1::MODEL_FORMAT_COMPRESSED_PLY);
+  EXPECT_EQ(ModelFormatOf("SCENE.SPZ").value(), v1::MODEL_FORMAT_SPZ);
+  EXPECT_EQ(ModelFormatOf("x.zip").value(), v1::MODEL_FORMAT_COLMAP);
+  for (const char* path : {"", "scene", "scene.obj", "ply"}) {
+    EXPECT_EQ(DetailOf(ModelFormatOf(path).status()).reason(), "MODEL_FORMAT_UNKNOWN") << path;
+  }
+}
+
+TEST(ModelFormat, AxesByWords) {
+  EXPECT_EQ(ParseUpAxis("-y").value(), v1::UP_AXIS_NEGATIVE_Y);
+  EXPECT_EQ(ParseUpAxis("keep").value(), v1::UP_AXIS_KEEP);
+  EXPECT_EQ(DetailOf(ParseUpAxis("up").status()).reason(), "UP_AXIS_UNKNOWN");
+}
+
+}  // namespace
+}  // namespace litags::client

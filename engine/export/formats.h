@@ -1,0 +1,54 @@
+// The file formats that Gaussians are written in: one table, one source file each.
+#ifndef LITAGS_ENGINE_EXPORT_FORMATS_H_
+#define LITAGS_ENGINE_EXPORT_FORMATS_H_
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "engine/export/export_request.h"
+#include "engine/export/viewer_scene.h"
+
+namespace litags {
+
+struct FormatInfo {
+  SceneFormat format;
+  const char* name;    // on command lines
+  const char* ending;  // of a file's name
+  UpAxis up;           // what the format says of it; kKeep: nothing
+  bool has_antialiased_tag;
+  // The file's bytes. FAILED_PRECONDITION (EXPORT_OUT_OF_RANGE) if the format cannot hold them.
+  absl::StatusOr<std::string> (*encode)(const ViewerScene& scene);
+};
+
+// In the order of SceneFormat.
+absl::Span<const FormatInfo> Formats();
+const FormatInfo& InfoOf(SceneFormat format);
+
+absl::StatusOr<std::string> EncodeStandardPly(const ViewerScene& scene);
+
+// PlayCanvas: chunks of 256 Gaussians, 16 bytes each and a byte for each coefficient of colour.
+absl::StatusOr<std::string> EncodeCompressedPly(const ViewerScene& scene);
+
+// antimatter15/splat: 32 bytes each, the most visible first; one colour from all sides.
+absl::StatusOr<std::string> EncodeSplat(const ViewerScene& scene);
+
+// Niantic: attribute after attribute in 8 to 24 bits, version 3 gzip, 4 zstd.
+absl::StatusOr<std::string> EncodeSpz(const ViewerScene& scene);
+absl::StatusOr<std::string> EncodeSpzV4(const ViewerScene& scene);
+
+// PlayCanvas, version 2: lossless WebP pictures and meta.json in a ZIP file.
+absl::StatusOr<std::string> EncodeSog(const ViewerScene& scene);
+
+// glTF with KHR_gaussian_splatting, floats.
+absl::StatusOr<std::string> EncodeGlb(const ViewerScene& scene);
+
+// OpenUSD 26.03 and later: ParticleField3DGaussianSplat as text.
+absl::StatusOr<std::string> EncodeUsda(const ViewerScene& scene);
+
+// COLMAP's model of the photos' cameras with the Gaussians' centres as points, in a ZIP file.
+absl::StatusOr<std::string> EncodeColmap(const ViewerScene& scene);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_EXPORT_FORMATS_H_

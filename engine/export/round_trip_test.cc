@@ -1,0 +1,190 @@
+// What is written is what was there, as exactly as each format can.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "engine/core/error.h"
+#include "engine/export/export_test_util.h"
+#include "engine/export/formats.h"
+#include "engine/export/readers.h"
+
+namespace litags {
+namespace {
+
+constexpr size_t kCount = 700;  // no multiple of a chunk
+
+// What a format may lose at most.
+struct Limits {
+  SceneFormat format;
+  Errors errors;
+  double psnr_db;
+};
+
+// Half a step of each format's numbers, with the scene's sizes.
+const Limits kLimits[] = {
+    {SceneFormat::kPly, {0, 0, 1e-6, 0, 0, 0}, 100},
+    // 2 / 1024 in a chunk of size 2; 9 bits of sqrt 2; 8 / 256.
+    {SceneFormat::kCompressedPly, {1.1e-3, 6e-4, 8e-3, 2.1e-3, 3e-3, 0.017}, 34},
+    {SceneFormat::kSpz, {1.3e-4, 0.032, 5e-3, 2.1e-3, 4e-3, 0.064}, 26},
+    {SceneFormat::kSpzV4, {1.3e-4, 0.032, 5e-3, 2.1e-3, 4e-3, 0.064}, 26},
+    {SceneFormat::kSog, {6e-5, 0.01, 0.025, 2.1e-3, 6e-3, 0.01}, 34},
+    {SceneFormat::kGlb, {0, 1e-6, 1e-6, 1e-6, 0, 0}, 70},
+    {SceneFormat::kUsda, {0, 1e-5, 1e-5, 1e-5, 1e-5, 1e-6}, 70},
+};
+
+std::string Encoded(SceneFormat format, const ViewerScene& scene) {
+  const auto bytes = InfoOf(format).encode(scene);
+  EXPECT_TRUE(bytes.ok()) << InfoOf(format).name << ": " << bytes.status();
+  return bytes.value_or("");
+}
+
+TEST(RoundTrip, LosesNoMoreThanTheFormatMust) {
+  const ViewerScene scene = SmallScene(kCount);
+  for (const Limits& limits : kLimits) {
+    SCOPED_TRACE(InfoOf(limits.format).name);
+    const auto read = ReadExported(limits.format, Encoded(limits.format, scene));
+    ASSERT_TRUE(read.ok()) << read.status();
+    EXPECT_EQ(read->sh_degree, 3);
+    const Errors errors = ErrorsOf(scene.splats, read->splats);
+    EXPECT_LE(errors.position, limits.errors.position);
+    EXPECT_LE(errors.log_scale, limits.errors.log_scale);
+    EXPECT_LE(errors.angle, limits.errors.angle);
+    EXPECT_LE(errors.opacity, limits.errors.opacity);
+    EXPECT_LE(errors.color, limits.errors.color);
+    EXPECT_LE(errors.harmonics, limits.errors.harmonics);
+    EXPECT_GT(LeastPsnr(scene, read->splats), limits.psnr_db);
+  }
+}
+
+TEST(RoundTrip, SplatsComeMostVisibleFirstWithOneColour) {
+  ViewerScene scene = SmallScene(kCount, /*sh_degree=*/0);
+  const auto read = ReadExported(SceneFormat::kSplat, Encoded(SceneFormat::kSplat, scene));
+  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_EQ(read->splats.size(), kCount);
+  double last = 1e9;
+  for (size_t i = 0; i < kCount; ++i) {
+    double visible = std::log(Opacity(read->splats, i));
+    for (int k = 0; k < 3; ++k) visible += read->splats.at(i, kLogScale + k);
+    EXPECT_LE(visible, last + 0.02) << i;  // opacities are in bytes
+    last = visible;
+  }
+  EXPECT_GT(LeastPsnr(scene, read->splats), 30);
+}
+
+TEST(RoundTrip, LowerDegreesAreWrittenAsSuch) {
+  for (int degree = 0; degree < 3; ++degree) {
+    const ViewerScene scene = SmallScene(50, degree);
+    const ViewerScene higher = SmallScene(50);
+    for (const Limits& limits : kLimits) {
+      if (limits.format == SceneFormat::kPly) continue;  // viewers expect all of it
+      SCOPED_TRACE(InfoOf(limits.format).name);
+      const std::string bytes = Encoded(limits.format, scene);
+      const auto read = ReadExported(limits.format, bytes);
+      ASSERT_TRUE(read.ok()) << read.status();
+      EXPECT_EQ(read->sh_degree, degree);
+      EXPECT_LE(ErrorsOf(scene.splats, read->splats).harmonics, limits.errors.harmonics);
+      EXPECT_LT(bytes.size(), Encoded(limits.format, higher).size());
+    }
+  }
+}
+
+TEST(RoundTrip, TheAntialiasedTagIsKeptWhereTheFormatHasOne) {
+  ViewerScene scene = SmallScene(20);
+  for (const bool antialiased : {false, true}) {
+    scene.antialiased = antialiased;
+    for (const FormatInfo& info : Formats()) {
+      if (!info.has_antialiased_tag) continue;
+      const auto read = ReadExported(info.format, Encoded(info.format, scene));
+      ASSERT_TRUE(read.ok()) << read.status();
+      EXPECT_EQ(read->antialiased, antialiased) << info.name;
+    }
+  }
+}
+
+TEST(RoundTrip, OneGaussianAndExtremeOnesCanBeWritten) {
+  for (size_t count : {1, 300}) {
+    ViewerScene scene = SmallScene(count);
+    for (int k = 0; k < 3; ++k) {
+      scene.splats.at(0, kLogScale + k) = -60;
+      scene.splats.at(0, kShDc + k) = 400;
+      scene.splats.at(0, kShRest + k) = -30;
+    }
+    scene.splats.at(0, kLogitOpacity) = 90;
+    for (int k = 0; k < 4; ++k) scene.splats.at(0, kRawQuat + k) = 0;
+    for (const FormatInfo& info : Formats()) {
+      if (info.format == SceneFormat::kColmap) continue;
+      const auto read = ReadExported(info.format, Encoded(info.format, scene));
+      ASSERT_TRUE(read.ok()) << info.name << ": " << read.status();
+      ASSERT_EQ(read->splats.size(), count) << info.name;
+      for (size_t i = 0; i < count; ++i) {
+        for (int k = 0; k < 3; ++k) {
+          EXPECT_TRUE(std::isfinite(read->splats.at(i, kMean + k))) << info.name;
+        }
+      }
+    }
+  }
+}
+
+TEST(RoundTrip, SpzTakesFewerBitsForFarGaussiansAndRefusesWhatItCannotHold) {
+  ViewerScene scene = SmallScene(10);
+  scene.splats.at(3, kMean) = -100000;
+  const auto far = ReadExported(SceneFormat::kSpz, Encoded(SceneFormat::kSpz, scene));
+  ASSERT_TRUE(far.ok()) << far.status();
+  EXPECT_LE(ErrorsOf(scene.splats, far->splats).position, 0.5 / 64);
+  scene.splats.at(3, kMean) = 600000;
+  for (SceneFormat format : {SceneFormat::kSpz, SceneFormat::kSpzV4}) {
+    const auto refused = InfoOf(format).encode(scene);
+    EXPECT_EQ(ReasonOf(refused.status()), "EXPORT_OUT_OF_RANGE");
+  }
+}
+
+TEST(RoundTrip, ColmapHoldsCamerasAndCoordinatesOfTheUser) {
+  ViewerScene scene = SmallScene(40);
+  scene.origin = {500000, 4000000, 20};
+  const auto model = ReadExportedColmap(Encoded(SceneFormat::kColmap, scene));
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->views.size(), scene.views.size());
+  for (size_t v = 0; v < model->views.size(); ++v) {
+    EXPECT_EQ(model->views[v].name, scene.views[v].name);
+    const auto got = model->views[v].camera.Center(), want = scene.views[v].camera.Center();
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(got[k], want[k] + scene.origin[k], 1e-6);
+    EXPECT_EQ(model->views[v].camera.fx, scene.views[v].camera.fx);
+  }
+  ASSERT_EQ(model->points.size(), 40u);
+  for (size_t i = 0; i < 40; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      EXPECT_NEAR(model->points[i].xyz[k], scene.splats.at(i, kMean + k) + scene.origin[k], 1e-6);
+    }
+  }
+}
+
+TEST(RoundTrip, TheSameSceneGivesTheSameBytes) {
+  const ViewerScene scene = SmallScene(300);
+  for (const FormatInfo& info : Formats()) {
+    EXPECT_TRUE(Encoded(info.format, scene) == Encoded(info.format, scene)) << info.name;
+  }
+}
+
+TEST(RoundTrip, MapCoordinatesStandInFormatsThatHaveAPlaceForThem) {
+  ViewerScene scene = SmallScene(5);
+  scene.origin = {500000, 4000000.25, 20};
+  const auto glb = ReadExported(SceneFormat::kGlb, Encoded(SceneFormat::kGlb, scene));
+  ASSERT_TRUE(glb.ok()) << glb.status();
+  EXPECT_EQ(glb->origin, scene.origin);
+  EXPECT_NE(Encoded(SceneFormat::kUsda, scene).find("(500000, 4000000.25, 20)"), std::string::npos);
+  EXPECT_NE(Encoded(SceneFormat::kPly, scene).find("comment origin 500000 4000000.25 20\n"),
+            std::string::npos);
+}
+
+TEST(RoundTrip, BrokenFilesAreRefused) {
+  const ViewerScene scene = SmallScene(40);
+  for (const FormatInfo& info : Formats()) {
+    if (info.format == SceneFormat::kColmap) continue;
+    const std::string bytes = Encoded(info.format, scene);
+    EXPECT_FALSE(ReadExported(info.format, bytes.substr(0, bytes.size() / 2 + 3)).ok())
+        << info.name;
+  }
+}
+
+}  // namespace
+}  // namespace litags

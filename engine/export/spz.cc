@@ -1,0 +1,167 @@
+// SPZ: a header, then positions, opacities, colours, sizes, rotations and higher harmonics, each of
+// all Gaussians. Axes are right, up, back, which the scene has been turned to.
+#include <zlib.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/export/formats.h"
+#include "engine/export/quantize.h"
+#include "engine/io/byte_reader.h"
+
+namespace litags {
+namespace {
+
+constexpr uint32_t kMagic = 0x5053474e;
+constexpr uint8_t kAntialiased = 1;
+// Positions are in 24 bits with a sign. Beyond 12 bits behind the point files only grow.
+constexpr int kMostFractionalBits = 12, kLeastFractionalBits = 4;
+constexpr int kZstdLevel = 12;
+// What is left of a byte of a coefficient, as Niantic's own writer has it.
+constexpr int kBitsOfDegree1 = 5, kBitsOfHigher = 4;
+
+// Names of the parts are in the order of the file.
+struct Streams {
+  std::string positions, opacities, colors, scales, rotations, rest;
+
+  std::array<const std::string*, 6> All() const {
+    return {&positions, &opacities, &colors, &scales, &rotations, &rest};
+  }
+};
+
+absl::StatusOr<int> FractionalBits(const Splats& splats) {
+  double largest = 0;
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int k = 0; k < 3; ++k)
+      largest = std::max(largest, double{std::abs(splats.at(i, kMean + k))});
+  }
+  for (int bits = kMostFractionalBits; bits >= kLeastFractionalBits; --bits) {
+    if (std::ldexp(largest, bits) < (1 << 23) - 1) return bits;
+  }
+  return MakeError(
+      absl::StatusCode::kFailedPrecondition, "EXPORT_OUT_OF_RANGE", "format",
+      absl::StrCat("format: a Gaussian lies ", largest,
+                   " units from the origin and spz holds 524287; give a smaller scale, "
+                   "a crop, or another format"));
+}
+
+uint32_t PackQuat(const std::array<float, 4>& wxyz) {
+  const SmallestThree three = DropLargest({wxyz[1], wxyz[2], wxyz[3], wxyz[0]});
+  uint32_t word = static_cast<uint32_t>(three.largest);
+  for (float v : three.rest) {
+    const auto size = static_cast<uint32_t>(
+        std::min(511.0, std::floor(511 * std::abs(v) / std::sqrt(0.5) + 0.5)));
+    word = word << 10 | (v < 0 ? 512u : 0u) | size;
+  }
+  return word;
+}
+
+uint8_t PackCoefficient(float value, int bits) {
+  const long step = 1 << (8 - bits), code = std::lround(128.0 * value) + 128;
+  return PackByte(static_cast<double>(std::clamp((code + step / 2) / step * step, 0l, 255l)));
+}
+
+Streams Pack(const ViewerScene& scene, int fractional_bits) {
+  const Splats& splats = scene.splats;
+  Streams out;
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int k = 0; k < 3; ++k) {
+      const auto fixed = static_cast<int32_t>(
+          std::lround(std::ldexp(double{splats.at(i, kMean + k)}, fractional_bits)));
+      for (int byte = 0; byte < 3; ++byte) out.positions += static_cast<char>(fixed >> (8 * byte));
+      AppendNumber(&out.colors, PackByte(255 * (0.15 * splats.at(i, kShDc + k) + 0.5)));
+      AppendNumber(&out.scales, PackByte(16 * (splats.at(i, kLogScale + k) + 10)));
+    }
+    AppendNumber(&out.opacities, PackByte(255 * Opacity(splats, i)));
+    AppendNumber(&out.rotations, PackQuat(UnitQuat(splats, i)));
+    for (int k = 1; k < ShCount(scene.sh_degree); ++k) {
+      for (int c = 0; c < 3; ++c) {
+        AppendNumber(&out.rest, PackCoefficient(splats.at(i, ShRow(k, c)),
+                                                k < 4 ? kBitsOfDegree1 : kBitsOfHigher));
+      }
+    }
+  }
+  return out;
+}
+
+std::string Header(uint32_t version, const ViewerScene& scene, int fractional_bits, int streams) {
+  std::string out;
+  AppendNumber(&out, kMagic);
+  AppendNumber(&out, version);
+  AppendNumber(&out, static_cast<uint32_t>(scene.splats.size()));
+  AppendNumber(&out, static_cast<uint8_t>(scene.sh_degree));
+  AppendNumber(&out, static_cast<uint8_t>(fractional_bits));
+  AppendNumber(&out, scene.antialiased ? kAntialiased : uint8_t{0});
+  AppendNumber(&out, static_cast<uint8_t>(streams));
+  return out;
+}
+
+absl::StatusOr<std::string> Gzip(const std::string& bytes) {
+  z_stream stream{};
+  constexpr int kGzip = 16 + MAX_WBITS;
+  if (deflateInit2(&stream, Z_BEST_COMPRESSION, Z_DEFLATED, kGzip, 8, Z_DEFAULT_STRATEGY) != Z_OK) {
+    return absl::InternalError("zlib cannot start");
+  }
+  std::string out(deflateBound(&stream, bytes.size()), '\0');
+  // zlib counts in 32 bits at a time, so both sides go piece by piece.
+  constexpr size_t kPiece = size_t{1} << 30;
+  size_t in_at = 0, out_at = 0;
+  int result = Z_OK;
+  while (result == Z_OK) {
+    const size_t in = std::min(kPiece, bytes.size() - in_at);
+    const size_t room = std::min(kPiece, out.size() - out_at);
+    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data() + in_at));
+    stream.avail_in = static_cast<uInt>(in);
+    stream.next_out = reinterpret_cast<Bytef*>(out.data() + out_at);
+    stream.avail_out = static_cast<uInt>(room);
+    result = deflate(&stream, in_at + in == bytes.size() ? Z_FINISH : Z_NO_FLUSH);
+    in_at += in - stream.avail_in;
+    out_at += room - stream.avail_out;
+  }
+  deflateEnd(&stream);
+  if (result != Z_STREAM_END) return absl::InternalError("zlib cannot compress");
+  out.resize(out_at);
+  return out;
+}
+
+absl::StatusOr<std::string> Zstd(const std::string& bytes) {
+  std::string out(ZSTD_compressBound(bytes.size()), '\0');
+  const size_t size = ZSTD_compress(out.data(), out.size(), bytes.data(), bytes.size(), kZstdLevel);
+  if (ZSTD_isError(size)) {
+    return absl::InternalError(absl::StrCat("zstd: ", ZSTD_getErrorName(size)));
+  }
+  out.resize(size);
+  return out;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> EncodeSpz(const ViewerScene& scene) {
+  LITAGS_ASSIGN_OR_RETURN(const int bits, FractionalBits(scene.splats));
+  const Streams streams = Pack(scene, bits);
+  std::string bytes = Header(3, scene, bits, /*streams=*/0);
+  for (const std::string* stream : streams.All()) bytes += *stream;
+  return Gzip(bytes);
+}
+
+absl::StatusOr<std::string> EncodeSpzV4(const ViewerScene& scene) {
+  LITAGS_ASSIGN_OR_RETURN(const int bits, FractionalBits(scene.splats));
+  const Streams streams = Pack(scene, bits);
+  const auto all = streams.All();
+  const size_t count = scene.sh_degree > 0 ? all.size() : all.size() - 1;
+  std::string out = Header(4, scene, bits, static_cast<int>(count)), data;
+  AppendNumber(&out, uint32_t{32});  // where the table of streams begins
+  out.append(12, '\0');
+  for (size_t i = 0; i < count; ++i) {
+    LITAGS_ASSIGN_OR_RETURN(const std::string packed, Zstd(*all[i]));
+    AppendNumber(&out, uint64_t{packed.size()});
+    AppendNumber(&out, uint64_t{all[i]->size()});
+    data += packed;
+  }
+  return out + data;
+}
+
+}  // namespace litags

@@ -1,0 +1,65 @@
+// Gaussians on their way into a file: what every writer gets, and what can be done to it before.
+#ifndef LITAGS_ENGINE_EXPORT_VIEWER_SCENE_H_
+#define LITAGS_ENGINE_EXPORT_VIEWER_SCENE_H_
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "engine/core/camera.h"
+#include "engine/core/cancel.h"
+#include "engine/core/splats.h"
+#include "engine/export/export_request.h"
+
+namespace litags {
+
+using Matrix3 = std::array<double, 9>;  // row-major
+
+struct ViewerScene {
+  Splats splats;  // LITA attributes mean nothing here
+  int sh_degree = kMaxShDegree;
+  bool antialiased = false;           // to be drawn as PixelFilter::kMip does, else as kDilate
+  UpAxis up = UpAxis::kKeep;          // which axis is up now; kKeep: unknown
+  std::array<double, 3> origin = {};  // that positions and views count from
+  std::vector<View> views;            // the photos' cameras
+};
+
+// Coefficients of a colour, the one of degree 0 included.
+constexpr int ShCount(int degree) { return (degree + 1) * (degree + 1); }
+// Row of coefficient k of a colour channel.
+constexpr int ShRow(int k, int channel) {
+  return k == 0 ? kShDc + channel : kShRest + 3 * (k - 1) + channel;
+}
+
+// Activated values.
+inline float Opacity(const Splats& splats, size_t i) {
+  return 1 / (1 + std::exp(-splats.at(i, kLogitOpacity)));
+}
+std::array<float, 4> UnitQuat(const Splats& splats, size_t i);  // wxyz
+// The inverse of the sigmoid, finite for 0 and 1 too.
+float LogitOf(double opacity);
+
+// Turns the Gaussians: x becomes R x, their shapes and colours with them. Exact for every degree.
+void Rotate(const Matrix3& rotation, Splats* splats);
+
+// Turns everything so that `up`, of unit length, becomes `axis`, by the smallest angle; then
+// multiplies all lengths by `scale`.
+void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, ViewerScene* scene);
+
+// The rotation by the smallest angle that takes unit vector `from` to unit vector `to`.
+Matrix3 RotationBetween(const std::array<double, 3>& from, const std::array<double, 3>& to);
+// Unit vector of an axis; `axis` is neither kOfFormat nor kKeep.
+std::array<double, 3> DirectionOf(UpAxis axis);
+
+// Keeps the Gaussians whose centre is in the box, which does not count from the origin.
+void Crop(const Box& box, ViewerScene* scene);
+
+// Keeps the `count` Gaussians that weigh most in pictures from the scene's views, in their order:
+// sums of alpha T over all pixels. CANCELLED soon after the token is raised.
+absl::Status KeepHeaviest(int64_t count, const CancelToken& cancel, ViewerScene* scene);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_EXPORT_VIEWER_SCENE_H_

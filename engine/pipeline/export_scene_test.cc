@@ -1,0 +1,138 @@
+#include "engine/pipeline/export_scene.h"
+
+#include <cmath>
+#include <limits>
+
+#include "engine/core/color.h"
+#include "engine/export/formats.h"
+#include "engine/export/readers.h"
+#include "engine/io/test_util.h"
+#include "engine/pipeline/scene_test_util.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+absl::StatusOr<ViewerScene> Made(const Model& model, const ExportRequest& request) {
+  return MakeViewerScene(model, RingViews(5), {0, -1, 0}, request);
+}
+
+TEST(ExportScene, EveryFormatIsWrittenAndHoldsTheGaussiansWithUpWhereTheFormatHasIt) {
+  const TempDir dir;
+  const auto scene = MakeScene(SmallModel(), RingViews(5));
+  ExportRequest request;
+  const auto plain = Made(SmallModel(), request);
+  ASSERT_TRUE(plain.ok()) << plain.status();
+  const std::array<double, 3> up = scene->up();
+  for (const FormatInfo& info : Formats()) {
+    SCOPED_TRACE(info.name);
+    request.format = info.format;
+    const std::string path = dir / (std::string("a") + info.ending);
+    const auto count = scene->Export(path, request);
+    ASSERT_TRUE(count.ok()) << count.status();
+    EXPECT_EQ(*count, 37);
+    if (info.format == SceneFormat::kColmap) {
+      const auto model = ReadExportedColmap(Bytes(path));
+      ASSERT_TRUE(model.ok()) << model.status();
+      EXPECT_EQ(model->points.size(), 37u);
+      EXPECT_EQ(model->views.size(), 5u);
+      continue;
+    }
+    const auto read = ReadExported(info.format, Bytes(path));
+    ASSERT_TRUE(read.ok()) << read.status();
+    ASSERT_EQ(read->splats.size(), 37u);
+    if (info.format == SceneFormat::kSplat) continue;  // in another order
+    for (size_t i = 0; i < 37; ++i) {
+      double height = 0;
+      for (int k = 0; k < 3; ++k) height += up[k] * plain->splats.at(i, kMean + k);
+      if (info.up == UpAxis::kY) {
+        EXPECT_NEAR(read->splats.at(i, kMean + 1), height, 1e-3);
+      } else {
+        EXPECT_NEAR(read->splats.at(i, kMean), plain->splats.at(i, kMean), 2e-3);
+      }
+    }
+  }
+}
+
+TEST(ExportScene, ExposureIsBakedIntoColours) {
+  Model model = SmallModel();
+  model.curve.reset();
+  ExportRequest request;
+  const auto before = Made(model, request);
+  request.exposure_stops = -1.5;
+  const auto after = Made(model, request);
+  ASSERT_TRUE(before.ok() && after.ok());
+  for (size_t i = 0; i < 37; ++i) {
+    for (int c = 0; c < 3; ++c) {
+      const double code = 0.5 + kSh0 * before->splats.at(i, kShDc + c);
+      const double want = SrgbFromLinear(std::exp2(-1.5) * LinearFromSrgb(code));
+      EXPECT_NEAR(0.5 + kSh0 * after->splats.at(i, kShDc + c), want, 1e-5);
+    }
+  }
+}
+
+TEST(ExportScene, CropAndPruneAndScaleCanBeTogether) {
+  ExportRequest request;
+  request.crop = Box{{-1, -1, -0.5}, {1, 1, 1}};
+  const auto cropped = Made(SmallModel(), request);
+  ASSERT_TRUE(cropped.ok()) << cropped.status();
+  EXPECT_LT(cropped->splats.size(), 37u);
+  request.max_splats = 10;
+  request.scale = 100;
+  const auto pruned = Made(SmallModel(), request);
+  ASSERT_TRUE(pruned.ok()) << pruned.status();
+  ASSERT_EQ(pruned->splats.size(), 10u);
+  for (size_t i = 0; i < 10; ++i) EXPECT_GE(pruned->splats.at(i, kMean + 2), -50.001f);
+}
+
+TEST(ExportScene, AntialiasedScenesAreAsTrained) {
+  Model model = SmallModel();
+  ExportRequest request;
+  request.format = SceneFormat::kSog;
+  const auto changed = Made(model, request);
+  request.antialiased = true;
+  const auto trained = Made(model, request);
+  ASSERT_TRUE(changed.ok() && trained.ok());
+  EXPECT_TRUE(trained->antialiased);
+  EXPECT_FALSE(changed->antialiased);
+  EXPECT_EQ(trained->splats.at(3, kLogitOpacity), model.splats.at(3, kLogitOpacity));
+  EXPECT_NE(changed->splats.at(3, kLogitOpacity), model.splats.at(3, kLogitOpacity));
+  model.pixel_filter = PixelFilter::kDilate;
+  EXPECT_EQ(ReasonOf(Made(model, request).status()), "CHANNEL_UNAVAILABLE");
+}
+
+TEST(ExportScene, WhatCannotBeIsRefused) {
+  const double kNan = std::numeric_limits<double>::quiet_NaN();
+  const auto reason = [](auto change) {
+    ExportRequest request;
+    change(&request);
+    return ReasonOf(Made(SmallModel(), request).status());
+  };
+  for (double scale : {0.0, -1.0, kNan, 1e9}) {
+    EXPECT_EQ(reason([&](ExportRequest* r) { r->scale = scale; }), "EXPORT_OPTION_INVALID");
+  }
+  EXPECT_EQ(reason([](ExportRequest* r) { r->max_splats = -1; }), "EXPORT_OPTION_INVALID");
+  EXPECT_EQ(reason([&](ExportRequest* r) {
+              r->crop = Box{{0, 0, 0}, {1, kNan, 1}};
+            }),
+            "EXPORT_OPTION_INVALID");
+  EXPECT_EQ(reason([](ExportRequest* r) {
+              r->crop = Box{{0, 0, 0}, {1, -1, 1}};
+            }),
+            "EXPORT_OPTION_INVALID");
+  EXPECT_EQ(reason([](ExportRequest* r) { r->antialiased = true; }), "EXPORT_OPTION_INVALID");
+  EXPECT_EQ(reason([](ExportRequest* r) {
+              r->format = SceneFormat::kUsda;
+              r->up = UpAxis::kX;
+            }),
+            "EXPORT_OPTION_INVALID");
+  EXPECT_EQ(reason([](ExportRequest* r) {
+              r->crop = Box{{50, 50, 50}, {51, 51, 51}};
+            }),
+            "EXPORT_EMPTY");
+  EXPECT_EQ(reason([](ExportRequest* r) { r->exposure_stops = 11; }), "EXPOSURE_INVALID");
+  EXPECT_EQ(reason([](ExportRequest* r) { r->light = -5; }), "LIGHT_INVALID");
+}
+
+}  // namespace
+}  // namespace litags
