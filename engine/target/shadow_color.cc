@@ -187,13 +187,12 @@ Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) 
 }  // namespace
 
 ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask) {
-  constexpr int16_t kClipped = kPhotoWhite * 0.98;  // a clipped colour is not the light's
   ColorPrior prior;
   prior.chroma_step = chroma_step;
   cv::Vec3d total(0, 0, 0);  // Cb Y, Cr Y, Y Y, weighed as in Sums
   ForCounted(mask, photo.pixels(), [&](size_t i) {
     const int16_t* p = &photo.data[3 * i];
-    if (std::max({p[0], p[1], p[2]}) >= kClipped) return;
+    if (std::max({p[0], p[1], p[2]}) >= kTintedSample) return;
     const cv::Vec4f sums = SumsOf(photo, {}, i);
     total += cv::Vec3d(sums[0], sums[1], sums[2]);
   });
