@@ -21,7 +21,6 @@
 #include "server/jobs/janitor.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/move.h"
-#include "server/jobs/work_import.h"
 #include "server/metrics/metrics_server.h"
 #include "server/store/open_stores.h"
 #include "server/worker/log.h"
@@ -83,7 +82,6 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
-  LITAGS_RETURN_IF_ERROR(ImportWorkFolders(store.get(), blobs.get(), data));
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
   Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads);

@@ -1,3 +1,4 @@
+-- The layout that a new store starts from.
 CREATE TABLE litags_schema (version BIGINT NOT NULL);
 INSERT INTO litags_schema VALUES (0);
 
@@ -24,21 +25,28 @@ CREATE TABLE jobs (
   photos BIGINT NOT NULL,
   bytes BIGINT NOT NULL,
   snapshot_iteration BIGINT NOT NULL,
-  scene_path TEXT NOT NULL,
   options TEXT NOT NULL,
   policy TEXT NOT NULL,
   progress TEXT NOT NULL,
   error TEXT NOT NULL,
-  report TEXT NOT NULL
+  report TEXT NOT NULL,
+  kept TEXT NOT NULL DEFAULT '',
+  has_litter BIGINT NOT NULL DEFAULT 0,
+  needs TEXT COLLATE "C" NOT NULL DEFAULT '',
+  litter_bytes BIGINT NOT NULL DEFAULT 0,
+  request_digest TEXT NOT NULL DEFAULT ''
 ) WITH (fillfactor = 70);
 CREATE UNIQUE INDEX jobs_by_request ON jobs (owner, request_id) WHERE request_id <> '';
 CREATE INDEX jobs_by_time ON jobs (create_time_ms, id);
 CREATE INDEX jobs_by_owner ON jobs (owner, create_time_ms, id);
-CREATE INDEX jobs_by_queue ON jobs (priority DESC, queue_time_ms, create_time_ms, id)
+CREATE INDEX jobs_by_queue ON jobs (priority, needs, owner, queue_time_ms, create_time_ms, id)
   WHERE state = 2;
 CREATE INDEX jobs_by_lease ON jobs (lease_expires_ms) WHERE state = 3;
 CREATE INDEX jobs_by_worker ON jobs (lease_owner) WHERE state = 3;
+CREATE INDEX jobs_running ON jobs (owner) WHERE state = 3;
+CREATE INDEX jobs_at_rest ON jobs (state) WHERE state NOT IN (2, 3);
 CREATE INDEX jobs_by_expiry ON jobs (expire_time_ms) WHERE expire_time_ms > 0;
+CREATE INDEX jobs_by_litter ON jobs (id) WHERE has_litter = 1;
 
 CREATE TABLE files (
   job_id TEXT COLLATE "C" NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
@@ -59,4 +67,10 @@ CREATE TABLE events (
   kind BIGINT NOT NULL,
   payload TEXT NOT NULL,
   PRIMARY KEY (job_id, number)
+);
+
+CREATE TABLE workers (
+  name TEXT COLLATE "C" PRIMARY KEY,
+  seen_ms BIGINT NOT NULL,
+  resources TEXT NOT NULL
 );
