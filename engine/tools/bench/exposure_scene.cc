@@ -35,8 +35,10 @@ absl::Status AddPairs(const Photo& photo, const Photo& truth, const std::string&
   const LinearTable& linear = LinearTable::Get();
   for (int y = 0; y < photo.height; y += kSpacing) {
     for (int x = 0; x < photo.width; x += kSpacing) {
+      const int16_t* pixel = photo.pixel(x, y);
+      if (std::max({pixel[0], pixel[1], pixel[2]}) >= kTintedSample) continue;
       for (int c = 0; c < 3; ++c) {
-        pairs->push_back({linear(photo.pixel(x, y)[c]), EncodedOf(truth.pixel(x, y)[c])});
+        pairs->push_back({linear(pixel[c]), EncodedOf(truth.pixel(x, y)[c])});
       }
     }
   }

@@ -8,8 +8,9 @@
 
 namespace litags {
 
-// The rule's gain for the photos SCENE/`light`, all of one exposure, over the gain that brings them
-// nearest to SCENE/high in PSNR; stops. Photos count that both folders have by name.
+// The rule's gain for the photos SCENE/`light`, all of one exposure, over the gain that brings
+// their pixels, but for clipped ones, nearest to SCENE/high in PSNR; stops. Photos count that both
+// folders have by name.
 // INVALID_ARGUMENT (NO_PAIRS) if there are none; errors of ReadPhoto.
 absl::StatusOr<double> ExposureErrorOfScene(const std::string& scene, const std::string& light);
 

@@ -25,7 +25,7 @@ namespace litags {
 namespace {
 
 constexpr double kStops[] = {6, 7.5, 9};  // darker than the photo
-constexpr const char* kSteps[] = {"decoded to 8 bits", "in floating point", "+ chroma smoothing",
+constexpr const char* kSteps[] = {"8 bits", "floating point", "+ chroma smoothing",
                                   "+ shadow colours", "+ both"};
 
 // Sums over photos.
@@ -62,9 +62,8 @@ Errors Compare(const Photo& photo, const Photo& truth) {
   return {-10 * std::log10(squares / truth.data.size()), std::sqrt(chroma / dark) / kPhotoCode};
 }
 
-// Of each of kSteps, for one photo that is `stops` too dark.
-absl::Status AddErrors(const Photo& truth, double stops, uint64_t number,
-                       std::vector<Errors>* sums) {
+// What each of kSteps makes of one photo that is `stops` too dark.
+absl::StatusOr<std::vector<Photo>> MakeSteps(const Photo& truth, double stops, uint64_t number) {
   Planes light = ToPlanes(truth);
   for (float& value : light.data) value = static_cast<float>(LinearFromSrgb(value));
   const double gain = std::exp2(stops);
@@ -81,25 +80,38 @@ absl::Status AddErrors(const Photo& truth, double stops, uint64_t number,
     });
   };
   const double smoothing = ToneOptions().chroma_smoothing;
-  const Photo results[] = {brightened(bytes, 0), brightened(decoded, 0),
-                           brightened(decoded, smoothing), brightened(inferred, 0),
-                           brightened(inferred, smoothing)};
-  for (size_t i = 0; i < std::size(kSteps); ++i) {
-    const Errors errors = Compare(results[i], truth);
-    (*sums)[i].psnr += errors.psnr;
-    (*sums)[i].chroma += errors.chroma;
+  return std::vector<Photo>{brightened(bytes, 0), brightened(decoded, 0),
+                            brightened(decoded, smoothing), brightened(inferred, 0),
+                            brightened(inferred, smoothing)};
+}
+
+// FOLDER/truth.png and, by the number of their step, FOLDER/0.png ... FOLDER/4.png.
+absl::Status WritePictures(const std::string& folder, const Photo& truth,
+                           const std::vector<Photo>& steps) {
+  LITAGS_RETURN_IF_ERROR(WritePng(folder + "/truth.png", PhotoToU8(truth)));
+  for (size_t i = 0; i < steps.size(); ++i) {
+    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(folder, "/", i, ".png"), PhotoToU8(steps[i])));
   }
   return absl::OkStatus();
 }
 
-absl::Status MeasureShadows(const std::string& folder) {
+// Pictures of the first photo at the last of kStops go to `pictures`, if it is not empty.
+absl::Status MeasureShadows(const std::string& folder, const std::string& pictures) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(folder, "photos"));
   std::vector<std::vector<Errors>> sums(std::size(kStops), std::vector<Errors>(std::size(kSteps)));
   for (size_t i = 0; i < names.size(); ++i) {
     const std::string path = absl::StrCat(folder, "/", names[i]);
     LITAGS_ASSIGN_OR_RETURN(const Photo photo, ReadPhoto(path, path));
     for (size_t k = 0; k < std::size(kStops); ++k) {
-      LITAGS_RETURN_IF_ERROR(AddErrors(photo, kStops[k], i, &sums[k]));
+      LITAGS_ASSIGN_OR_RETURN(const std::vector<Photo> steps, MakeSteps(photo, kStops[k], i));
+      for (size_t step = 0; step < steps.size(); ++step) {
+        const Errors errors = Compare(steps[step], photo);
+        sums[k][step].psnr += errors.psnr;
+        sums[k][step].chroma += errors.chroma;
+      }
+      if (i == 0 && k + 1 == std::size(kStops) && !pictures.empty()) {
+        LITAGS_RETURN_IF_ERROR(WritePictures(pictures, photo, steps));
+      }
     }
   }
   std::printf("%zu photos; PSNR, dB / error of chroma in the darker half, codes\n%-20s",
@@ -120,14 +132,16 @@ absl::Status MeasureShadows(const std::string& folder) {
 }  // namespace
 
 void AddShadowsCommand(CLI::App* app, int* exit_status) {
-  auto folder = std::make_shared<std::string>();
+  auto folder = std::make_shared<std::string>(), pictures = std::make_shared<std::string>();
   CLI::App* command = app->add_subcommand(
       "shadows", "What each step before the target brings to photos darkened by a sensor model");
   command->add_option("photos", *folder, "folder of well exposed photos")
       ->required()
       ->check(CLI::ExistingDirectory);
-  command->callback([folder, exit_status] {
-    if (const absl::Status s = MeasureShadows(*folder); !s.ok()) {
+  command->add_option("--pictures", *pictures, "folder for what each step makes of the first photo")
+      ->check(CLI::ExistingDirectory);
+  command->callback([folder, pictures, exit_status] {
+    if (const absl::Status s = MeasureShadows(*folder, *pictures); !s.ok()) {
       std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
       *exit_status = 1;
     }

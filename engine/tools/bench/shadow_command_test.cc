@@ -1,4 +1,5 @@
 // Runs `litags-bench shadows` on a made-up photo.
+#include <filesystem>
 #include <sstream>
 #include <string>
 
@@ -43,16 +44,20 @@ TEST(ShadowsCommand, EveryStepBringsADarkPhotoNearerToItsTruth) {
     }
   }
   ASSERT_TRUE(WritePng(dir / "photo.png", photo).ok());
-  const SubprocessResult result = RunBench("shadows", {dir.path()});
+  std::filesystem::create_directory(dir / "out");
+  const SubprocessResult result = RunBench("shadows", {dir.path(), "--pictures", dir / "out"});
   EXPECT_EQ(result.exit_code, 0) << result.tail;
   EXPECT_THAT(result.tail, HasSubstr("1 photos"));
-  const Figures bytes = FiguresOf(result.tail, "decoded to 8 bits"),
-                fine = FiguresOf(result.tail, "in floating point"),
+  const Figures bytes = FiguresOf(result.tail, "8 bits"),
+                fine = FiguresOf(result.tail, "floating point"),
                 both = FiguresOf(result.tail, "+ both");
   EXPECT_GT(bytes.psnr, 10);
   EXPECT_GT(fine.psnr, bytes.psnr) << result.tail;
   EXPECT_GT(both.psnr, fine.psnr) << result.tail;
   EXPECT_LT(both.chroma, 0.7 * bytes.chroma) << result.tail;
+  for (const char* picture : {"truth.png", "0.png", "4.png"}) {
+    EXPECT_TRUE(ReadImage(dir / "out" + "/" + picture, picture).ok());
+  }
 }
 
 TEST(ShadowsCommand, RefusesFoldersWithoutPhotos) {
