@@ -25,6 +25,7 @@ namespace litags {
 namespace {
 
 constexpr double kStops[] = {6, 7.5, 9};  // darker than the photo
+constexpr double kPictureStops = 7.5;
 constexpr const char* kSteps[] = {"8 bits", "floating point", "+ chroma smoothing",
                                   "+ shadow colours", "+ both"};
 
@@ -63,12 +64,13 @@ Errors Compare(const Photo& photo, const Photo& truth) {
 }
 
 // What each of kSteps makes of one photo that is `stops` too dark.
-absl::StatusOr<std::vector<Photo>> MakeSteps(const Photo& truth, double stops, uint64_t number) {
+absl::StatusOr<std::vector<Photo>> MakeSteps(const Photo& truth, double stops,
+                                             const sample::SensorOptions& sensor, uint64_t number) {
   Planes light = ToPlanes(truth);
   for (float& value : light.data) value = static_cast<float>(LinearFromSrgb(value));
   const double gain = std::exp2(stops);
-  const ImageU8 dark = sample::Expose(light, {1 / gain, 1 / gain, 1 / gain},
-                                      sample::SensorOptions(), CounterRng(number, 99));
+  const ImageU8 dark =
+      sample::Expose(light, {1 / gain, 1 / gain, 1 / gain}, sensor, CounterRng(number, 99));
   LITAGS_ASSIGN_OR_RETURN(const std::string jpeg, EncodeJpeg(dark));
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(jpeg, "photo"));
   LITAGS_ASSIGN_OR_RETURN(const Photo decoded, DecodePhoto(jpeg, "photo"));
@@ -95,22 +97,29 @@ absl::Status WritePictures(const std::string& folder, const Photo& truth,
   return absl::OkStatus();
 }
 
-// Pictures of the first photo at the last of kStops go to `pictures`, if it is not empty.
-absl::Status MeasureShadows(const std::string& folder, const std::string& pictures) {
+struct ShadowArguments {
+  std::string photos;
+  std::string pictures;  // folder for those of the first photo at kPictureStops
+  sample::SensorOptions sensor;
+};
+
+absl::Status MeasureShadows(const ShadowArguments& args) {
+  const std::string& folder = args.photos;
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(folder, "photos"));
   std::vector<std::vector<Errors>> sums(std::size(kStops), std::vector<Errors>(std::size(kSteps)));
   for (size_t i = 0; i < names.size(); ++i) {
     const std::string path = absl::StrCat(folder, "/", names[i]);
     LITAGS_ASSIGN_OR_RETURN(const Photo photo, ReadPhoto(path, path));
     for (size_t k = 0; k < std::size(kStops); ++k) {
-      LITAGS_ASSIGN_OR_RETURN(const std::vector<Photo> steps, MakeSteps(photo, kStops[k], i));
+      LITAGS_ASSIGN_OR_RETURN(const std::vector<Photo> steps,
+                              MakeSteps(photo, kStops[k], args.sensor, i));
       for (size_t step = 0; step < steps.size(); ++step) {
         const Errors errors = Compare(steps[step], photo);
         sums[k][step].psnr += errors.psnr;
         sums[k][step].chroma += errors.chroma;
       }
-      if (i == 0 && k + 1 == std::size(kStops) && !pictures.empty()) {
-        LITAGS_RETURN_IF_ERROR(WritePictures(pictures, photo, steps));
+      if (i == 0 && kStops[k] == kPictureStops && !args.pictures.empty()) {
+        LITAGS_RETURN_IF_ERROR(WritePictures(args.pictures, photo, steps));
       }
     }
   }
@@ -132,16 +141,22 @@ absl::Status MeasureShadows(const std::string& folder, const std::string& pictur
 }  // namespace
 
 void AddShadowsCommand(CLI::App* app, int* exit_status) {
-  auto folder = std::make_shared<std::string>(), pictures = std::make_shared<std::string>();
+  auto args = std::make_shared<ShadowArguments>();
   CLI::App* command = app->add_subcommand(
       "shadows", "What each step before the target brings to photos darkened by a sensor model");
-  command->add_option("photos", *folder, "folder of well exposed photos")
+  command->add_option("photos", args->photos, "folder of well exposed photos")
       ->required()
       ->check(CLI::ExistingDirectory);
-  command->add_option("--pictures", *pictures, "folder for what each step makes of the first photo")
+  command
+      ->add_option("--pictures", args->pictures,
+                   "folder for what each step makes of the first photo")
       ->check(CLI::ExistingDirectory);
-  command->callback([folder, pictures, exit_status] {
-    if (const absl::Status s = MeasureShadows(*folder, *pictures); !s.ok()) {
+  sample::SensorOptions& sensor = args->sensor;
+  command->add_option("--full-well", sensor.full_well, "electrons at white")->capture_default_str();
+  command->add_option("--read-noise", sensor.read_noise, "electrons")->capture_default_str();
+  command->add_option("--adc-bits", sensor.adc_bits)->capture_default_str();
+  command->callback([args, exit_status] {
+    if (const absl::Status s = MeasureShadows(*args); !s.ok()) {
       std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
       *exit_status = 1;
     }
