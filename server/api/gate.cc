@@ -11,6 +11,8 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/status.h"
+#include "server/net/line_rate.h"
+#include "server/net/peer.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -50,12 +52,27 @@ bool IsPicture(CallKind kind) {
   return kind == CallKind::kPicture || kind == CallKind::kPictureStream;
 }
 
+// How the log names the other end: "-" in process.
+std::string PeerText(const grpc::CallbackServerContext& context) {
+  const auto peer = ParsePeer(context.peer());
+  return peer ? peer->Text() : "-";
+}
+
+std::string NetworkText(const grpc::CallbackServerContext& context) {
+  const auto peer = ParsePeer(context.peer());
+  return peer ? peer->Network() : "-";
+}
+
 double Seconds(SteadyClock::duration d) { return std::chrono::duration<double>(d).count(); }
 
 }  // namespace
 
-Call::Call(Gate* gate, CallName name, std::string request_id, Principal client)
-    : gate_(gate), name_(name), request_id_(std::move(request_id)), client_(std::move(client)) {}
+Call::Call(Gate* gate, CallName name, std::string request_id, std::string peer, Principal client)
+    : gate_(gate),
+      name_(name),
+      request_id_(std::move(request_id)),
+      peer_(std::move(peer)),
+      client_(std::move(client)) {}
 
 Call::~Call() {
   LeaveStream();
@@ -91,10 +108,15 @@ grpc::Status Call::End(const absl::Status& status) {
   LeaveStream();  // a client that hears of the end may open the next
   const double seconds = Seconds(SteadyClock::now() - start_);
   const bool quiet = status.ok() && name_.kind != CallKind::kChange;
-  spdlog::log(quiet ? spdlog::level::debug : spdlog::level::info,
-              "call={} request={} client={} code={} ms={:.1f} {}", name_.method, request_id_,
-              client_.name.empty() ? "-" : client_.name, absl::StatusCodeToString(status.code()),
-              1000 * seconds, std::string(status.message()));
+  const std::string code = absl::StatusCodeToString(status.code());
+  std::string ending;
+  if (status.ok() ||
+      CallerLines().Pass(absl::StrCat(name_.method, "/", code, "/", client_.name), &ending)) {
+    spdlog::log(quiet ? spdlog::level::debug : spdlog::level::info,
+                "call={} request={} client={} peer={} code={} ms={:.1f} {}{}", name_.method,
+                request_id_, client_.name.empty() ? "-" : client_.name, peer_, code, 1000 * seconds,
+                std::string(status.message()), ending);
+  }
   metrics().AddCall(name_.method, status.code(), IsStream(name_.kind) ? -1 : seconds);
   metrics().AddIfStoreError(status);
   return ToGrpc(status);
@@ -102,9 +124,15 @@ grpc::Status Call::End(const absl::Status& status) {
 
 Metrics& Call::metrics() const { return *gate_->metrics_; }
 
-grpc::Status Gate::Refuse(CallName name, const absl::Status& status) {
-  spdlog::info("call={} code={} {}", name.method, absl::StatusCodeToString(status.code()),
-               std::string(status.message()));
+grpc::Status Gate::Refuse(const grpc::CallbackServerContext& context, CallName name,
+                          const absl::Status& status) {
+  const std::string code = absl::StatusCodeToString(status.code());
+  std::string ending;
+  if (CallerLines().Pass(absl::StrCat(name.method, "/", code, "/", NetworkText(context)),
+                         &ending)) {
+    spdlog::info("call={} peer={} code={} {}{}", name.method, PeerText(context), code,
+                 std::string(status.message()), ending);
+  }
   metrics_->AddCall(name.method, status.code(), -1);
   return ToGrpc(status);
 }
@@ -116,7 +144,9 @@ absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* c
       wanted_id && IsRequestId(*wanted_id) ? std::string(*wanted_id) : RandomHex(8);
   context->AddInitialMetadata(kRequestIdHeader, request_id);
   LITAGS_ASSIGN_OR_RETURN(Principal client, Identify(*context));
-  std::shared_ptr<Call> call(new Call(this, name, std::move(request_id), std::move(client)));
+  connections_->Admit(context->peer());
+  std::shared_ptr<Call> call(
+      new Call(this, name, std::move(request_id), PeerText(*context), std::move(client)));
   LITAGS_RETURN_IF_ERROR(Count(call.get()));
   call->jobs_ =
       jobs_->For({call->client_.name, call->client_.admin, limits_.max_jobs, limits_.max_bytes});

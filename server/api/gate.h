@@ -15,6 +15,7 @@
 #include "server/auth/authenticator.h"
 #include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
+#include "server/net/connections.h"
 
 namespace litags {
 
@@ -76,12 +77,13 @@ class Call {
 
  private:
   friend class Gate;
-  Call(Gate* gate, CallName name, std::string request_id, Principal client);
+  Call(Gate* gate, CallName name, std::string request_id, std::string peer, Principal client);
   void LeaveStream();
 
   Gate* const gate_;
   const CallName name_;
   const std::string request_id_;
+  const std::string peer_;  // for the log
   const Principal client_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::shared_ptr<Jobs> jobs_;
@@ -93,24 +95,26 @@ class Call {
 class Gate {
  public:
   // All must outlive this and every Call.
-  Gate(Jobs* jobs, Authenticator* authenticator, Metrics* metrics, ClientLimits limits,
-       AnswerLimits answers, double max_wait_seconds)
+  Gate(Jobs* jobs, Authenticator* authenticator, Metrics* metrics, Connections* connections,
+       ClientLimits limits, AnswerLimits answers, double max_wait_seconds)
       : jobs_(jobs),
         authenticator_(authenticator),
         metrics_(metrics),
+        connections_(connections),
         limits_(limits),
         answers_(answers),
         max_wait_seconds_(max_wait_seconds) {}
 
   // Lets a call in. The answer carries the header "x-request-id": the client's own, if it sent one
-  // of up to 64 letters, digits, '.', '_' or '-', else a new one.
+  // of up to 64 letters, digits, '.', '_' or '-', else a new one. Its connection may stay.
   //
   // UNAUTHENTICATED, see Authenticator; RESOURCE_EXHAUSTED (TOO_MANY_STREAMS,
   // PICTURE_RATE_EXCEEDED).
   absl::StatusOr<std::shared_ptr<Call>> Enter(grpc::CallbackServerContext* context, CallName name);
 
   // What a call gets that Enter() did not let in: counted and logged, as Call::End() does.
-  grpc::Status Refuse(CallName name, const absl::Status& status);
+  grpc::Status Refuse(const grpc::CallbackServerContext& context, CallName name,
+                      const absl::Status& status);
 
  private:
   friend class Call;
@@ -133,6 +137,7 @@ class Gate {
   Jobs* const jobs_;
   Authenticator* const authenticator_;
   Metrics* const metrics_;
+  Connections* const connections_;
   const ClientLimits limits_;
   const AnswerLimits answers_;
   const double max_wait_seconds_;

@@ -15,6 +15,7 @@
 #include "server/auth/tls.h"
 #include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
+#include "server/net/connections.h"
 
 namespace litags {
 
@@ -23,8 +24,12 @@ struct ConnectionLimits {
   int max_receive_bytes = 2 * v1::kMaxChunkBytes;  // a message: hardly more than a chunk
   int max_send_bytes = v1::kMaxAnswerBytes;
   int max_header_bytes = 16 << 10;  // all headers of a call
-  int max_calls = 1000;             // at the same time on one connection
-  double keepalive_seconds = 30;    // a silent peer is asked this often whether it is there
+  // What gRPC should hold of requests on their way. Beyond, it cuts off whomever it meets first;
+  // it holds more all the same, see docs/adr/0005-own-listener.md.
+  size_t max_memory_bytes = size_t{256} << 20;
+  ConnectionCounts counts;
+  int max_calls = 1000;           // at the same time on one connection
+  double keepalive_seconds = 30;  // a silent peer is asked this often whether it is there
   double keepalive_timeout_seconds = 20;
   double min_ping_seconds = 10;    // a peer that asks us more often is cut off
   double max_idle_seconds = 1800;  // a connection without calls is closed
@@ -62,6 +67,8 @@ class Server {
 
   // The port it listens on; 0 if it listens on none.
   virtual int port() const = 0;
+  // HOST:PORT by which this machine reaches it; empty if it does not listen on a port.
+  virtual std::string own_address() const = 0;
   virtual std::shared_ptr<grpc::Channel> InProcessChannel() = 0;
   // What it counted so far; lives as long as the server.
   virtual Metrics* metrics() = 0;
@@ -77,6 +84,8 @@ class Server {
 // OK if those who can reach the address are meant to: anything but this machine needs TLS and
 // authentication, or `insecure`. FAILED_PRECONDITION (PLAINTEXT_NOT_ASKED_FOR, NOBODY_IS_ASKED).
 absl::Status CheckListening(const ServerOptions& options);
+// The same for --metrics-listen, which never encrypts and asks nobody who it is.
+absl::Status CheckMetricsListening(const std::string& listen, bool insecure);
 
 // Both must outlive the server. UNAVAILABLE (CANNOT_LISTEN); errors of CheckListening(), LoadTls()
 // and Authenticator::Make().

@@ -73,6 +73,13 @@ void AddConnectionFlags(CLI::App* app, ConnectionLimits* limits) {
   const auto add = [app](const char* name, auto& value, const char* help) {
     app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
   };
+  add("--max-connections", limits->counts.max_connections,
+      "Connections at the same time, as far as the limit of open files allows; one network may "
+      "have half of them");
+  add("--max-newcomers", limits->counts.max_newcomers,
+      "Connections at the same time of which no call was let in yet; beyond, the oldest goes");
+  add("--max-first-call", limits->counts.newcomer_seconds,
+      "Seconds within which a call of a new connection must be let in");
   add("--max-connection-calls", limits->max_calls, "Calls at the same time on one connection");
   add("--keepalive", limits->keepalive_seconds,
       "Seconds after which a silent client is asked whether it is there");
@@ -157,8 +164,13 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   AddRenderFlags(app, &flags->server);
   AddConnectionFlags(app, &flags->server.connections);
   app->add_option("--metrics-listen", flags->metrics_listen,
-                  "HOST:PORT for Prometheus, plain HTTP: on this machine or in a network of your "
-                  "own; none: no metrics");
+                  "HOST:PORT for Prometheus, plain HTTP; other addresses than this machine's need "
+                  "--insecure; none: no metrics");
+  app->add_option("--self-call", flags->self_call_seconds,
+                  "Seconds between calls of the server to itself: one that answers none of twelve "
+                  "ends with an error; 0: no calls")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app->add_option("--log-level", flags->log_level, "debug, info, warn or error")
       ->capture_default_str();
   app->add_option("--log-format", flags->log_format, "text, or json: one object a line")

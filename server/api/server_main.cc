@@ -1,9 +1,12 @@
 #include "server/api/server_main.h"
 
+#include <signal.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -15,6 +18,7 @@
 #include "engine/io/file_util.h"
 #include "server/api/health_monitor.h"
 #include "server/api/preflight.h"
+#include "server/api/self_call.h"
 #include "server/api/server.h"
 #include "server/api/server_flags.h"
 #include "server/auth/tokens.h"
@@ -22,6 +26,7 @@
 #include "server/jobs/leases.h"
 #include "server/jobs/move.h"
 #include "server/metrics/metrics_server.h"
+#include "server/net/descriptors.h"
 #include "server/store/open_stores.h"
 #include "server/worker/log.h"
 #include "server/worker/machine.h"
@@ -72,10 +77,30 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   return workers;
 }
 
+// A server that does not answer ends as on SIGTERM, but with an error, for a supervisor to see.
+std::unique_ptr<SelfCall> WatchListener(const ServerFlags& flags, const Server& server,
+                                        std::atomic<bool>* deaf) {
+  if (flags.self_call_seconds <= 0 || server.own_address().empty()) return nullptr;
+  // What made it deaf may also keep it from ending.
+  constexpr int kSecondsToEnd = 60;
+  SelfCallOptions options;
+  options.address = server.own_address();
+  options.tls = flags.server.tls;
+  options.every_seconds = flags.self_call_seconds;
+  return std::make_unique<SelfCall>(options, [deaf] {
+    spdlog::error("the server does not answer itself any more, and ends");
+    *deaf = true;
+    alarm(kSecondsToEnd);
+    kill(getpid(), SIGTERM);
+  });
+}
+
 absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, Engine* engine,
                    const ShutdownSignal& signal) {
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
+  LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
+  RaiseDescriptorLimit(flags.server.connections.counts.max_connections);
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp(/*quiet_seconds=*/0);
@@ -108,13 +133,19 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
     LITAGS_RETURN_IF_ERROR(
         WriteFileAtomically(flags.port_file, absl::StrCat(server->port(), "\n")));
   }
+  std::atomic<bool> deaf = false;
+  auto self_call = WatchListener(flags, *server, &deaf);
   signal.Wait();
   spdlog::info("shutting down");
+  self_call.reset();
   health.reset();
   supervisor.BeginStop();  // they need as long as the calls
   server->Shutdown();
   supervisor.Stop();
-  return absl::OkStatus();
+  if (!deaf) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kUnavailable, "SERVER_DEAF", "--listen",
+                   absl::StrCat("the server did not answer itself at ", flags.server.listen,
+                                " and ended; start it again"));
 }
 
 // litags-server move: progress to stderr, the summary to stdout.

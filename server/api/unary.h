@@ -55,7 +55,7 @@ grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* cont
   auto* reactor = new UnaryReactor(context);
   auto call = gate->Enter(context, name);
   if (!call.ok()) {
-    reactor->Finish(gate->Refuse(name, call.status()));
+    reactor->Finish(gate->Refuse(*context, name, call.status()));
     return reactor;
   }
   const absl::Status accepted =
@@ -81,7 +81,7 @@ class RefusedStream : public Reactor {
 template <typename Reactor, typename Make>
 Reactor* RunStream(Gate* gate, grpc::CallbackServerContext* context, CallName name, Make make) {
   auto call = gate->Enter(context, name);
-  if (!call.ok()) return new RefusedStream<Reactor>(gate->Refuse(name, call.status()));
+  if (!call.ok()) return new RefusedStream<Reactor>(gate->Refuse(*context, name, call.status()));
   return make(*std::move(call));
 }
 

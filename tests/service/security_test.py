@@ -213,6 +213,8 @@ class Settings(unittest.TestCase):
 
     def test_others_are_not_let_in_by_accident(self):
         for args, words in ((("--listen", "0.0.0.0:0"), "--insecure"),
+                            (("--listen", "127.0.0.1:0", "--metrics-listen", "0.0.0.0:0"),
+                             "--insecure"),
                             (("--listen", "127.0.0.1:0", "--tls-cert", "/missing"), "--tls-key"),
                             (("--listen", "127.0.0.1:0", "--tls-cert", "/missing", "--tls-key",
                               "/missing"), "/missing"),
