@@ -8,6 +8,7 @@
 #include "engine/core/error.h"
 #include "engine/core/utf8.h"
 #include "litags/v1/errors.pb.h"
+#include "server/api/scrub.h"
 
 namespace litags {
 namespace {
@@ -29,7 +30,7 @@ constexpr size_t kMaxTextBytes = 1024;
 grpc::Status ToGrpc(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
   const auto code = static_cast<grpc::StatusCode>(status.code());
-  const std::string message = Utf8Prefix(std::string(status.message()), kMaxTextBytes);
+  const std::string message = Utf8Prefix(MessageForClients(status), kMaxTextBytes);
   const ErrorDetail detail =
       GetErrorDetail(status).value_or(ErrorDetail{absl::StatusCodeToString(status.code()), ""});
   if (code == grpc::INTERNAL || code == grpc::UNKNOWN) spdlog::error("{}", status.ToString());
