@@ -56,6 +56,7 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
  private:
   void Step() {
     if (cancel_.IsCancelled()) return End(CallCancelled());
+    if (const absl::Status known = call_->CheckToken(); !known.ok()) return End(known);
     if (const absl::Status room = call_->CheckRoom(); !room.ok()) return AwaitRoom(room);
     waited_seconds_ = 0;
     const absl::StatusOr<bool> more = Next(&message_);

@@ -91,6 +91,22 @@ absl::Status Call::CheckWait() const {
                                 " s for its turn; the server is busy: try again later"));
 }
 
+absl::Status Call::CheckToken() {
+  const int64_t generation = gate_->authenticator_->Generation();
+  if (generation == generation_.load()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const Principal now, gate_->Identify(shown_));
+  if (now.name != client_.name) {
+    return MakeError(absl::StatusCode::kUnauthenticated, "TOKEN_INVALID", "authorization",
+                     "the token is another client's now; open the stream anew");
+  }
+  generation_ = generation;
+  return absl::OkStatus();
+}
+
+TokenWatch::Ticket Call::WatchToken(std::function<void()> look) {
+  return gate_->token_watch_.Add(std::move(look));
+}
+
 absl::Status Call::CheckRoom() const { return gate_->CheckRoom(client_.name); }
 
 void Call::Hold(int64_t bytes) {
@@ -143,23 +159,32 @@ absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* c
   std::string request_id =
       wanted_id && IsRequestId(*wanted_id) ? std::string(*wanted_id) : RandomHex(8);
   context->AddInitialMetadata(kRequestIdHeader, request_id);
-  LITAGS_ASSIGN_OR_RETURN(Principal client, Identify(*context));
+  const int64_t generation = authenticator_->Generation();  // before: a change meanwhile is seen
+  Call::Shown shown = ShownBy(*context);
+  LITAGS_ASSIGN_OR_RETURN(Principal client, Identify(shown));
   connections_->Admit(context->peer());
   std::shared_ptr<Call> call(
       new Call(this, name, std::move(request_id), PeerText(*context), std::move(client)));
+  call->generation_ = generation;
+  if (IsStream(name.kind)) call->shown_ = std::move(shown);
   LITAGS_RETURN_IF_ERROR(Count(call.get()));
   call->jobs_ =
       jobs_->For({call->client_.name, call->client_.admin, limits_.max_jobs, limits_.max_bytes});
   return call;
 }
 
-absl::StatusOr<Principal> Gate::Identify(const grpc::CallbackServerContext& context) const {
-  std::optional<std::string> certificate_name;
+Call::Shown Gate::ShownBy(const grpc::CallbackServerContext& context) {
+  Call::Shown shown;
+  if (const auto header = Header(context, "authorization")) shown.authorization = *header;
   if (const auto peer = context.auth_context(); peer && peer->IsPeerAuthenticated()) {
     const auto names = peer->FindPropertyValues("x509_common_name");
-    if (!names.empty()) certificate_name.emplace(names[0].data(), names[0].size());
+    if (!names.empty()) shown.certificate_name.emplace(names[0].data(), names[0].size());
   }
-  return authenticator_->Identify(Header(context, "authorization"), certificate_name);
+  return shown;
+}
+
+absl::StatusOr<Principal> Gate::Identify(const Call::Shown& shown) const {
+  return authenticator_->Identify(shown.authorization, shown.certificate_name);
 }
 
 absl::Status Gate::Count(Call* call) {

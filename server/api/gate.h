@@ -5,13 +5,17 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/status.h>
 
+#include <atomic>
 #include <chrono>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "server/api/token_watch.h"
 #include "server/auth/authenticator.h"
 #include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
@@ -64,6 +68,12 @@ class Call {
   // OK if the call may still begin. DEADLINE_EXCEEDED (WAITED_TOO_LONG).
   absl::Status CheckWait() const;
 
+  // OK while the client would be let in again. UNAUTHENTICATED (TOKEN_INVALID) once its token was
+  // taken back. For streams, between two steps; quick.
+  absl::Status CheckToken();
+  // `look` is called when tokens have changed, until the ticket ends: for steps that wait long.
+  TokenWatch::Ticket WatchToken(std::function<void()> look);
+
   // OK if there is room for another answer. RESOURCE_EXHAUSTED (RENDER_QUEUE_FULL).
   absl::Status CheckRoom() const;
   // The answer that waits for the client to read it has so many bytes; counts until the next one,
@@ -77,6 +87,10 @@ class Call {
 
  private:
   friend class Gate;
+  // What the client showed; texts that outlive the call's headers.
+  struct Shown {
+    std::optional<std::string> authorization, certificate_name;
+  };
   Call(Gate* gate, CallName name, std::string request_id, std::string peer, Principal client);
   void LeaveStream();
 
@@ -87,6 +101,8 @@ class Call {
   const Principal client_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::shared_ptr<Jobs> jobs_;
+  Shown shown_;                          // by streams
+  std::atomic<int64_t> generation_ = 0;  // of the tokens that know the client
   bool holds_stream_ = false;
   int64_t held_bytes_ = 0;
 };
@@ -103,7 +119,8 @@ class Gate {
         connections_(connections),
         limits_(limits),
         answers_(answers),
-        max_wait_seconds_(max_wait_seconds) {}
+        max_wait_seconds_(max_wait_seconds),
+        token_watch_(authenticator) {}
 
   // Lets a call in. The answer carries the header "x-request-id": the client's own, if it sent one
   // of up to 64 letters, digits, '.', '_' or '-', else a new one. Its connection may stay.
@@ -127,7 +144,8 @@ class Gate {
     std::chrono::steady_clock::time_point counted;
   };
 
-  absl::StatusOr<Principal> Identify(const grpc::CallbackServerContext& context) const;
+  static Call::Shown ShownBy(const grpc::CallbackServerContext& context);
+  absl::StatusOr<Principal> Identify(const Call::Shown& shown) const;
   absl::Status Count(Call* call);
   absl::Status CountPicture(Use& use) const;
   void Leave(const Call& call);
@@ -144,6 +162,7 @@ class Gate {
   std::mutex mutex_;
   std::map<std::string, Use> uses_;  // by client; those not in use are dropped now and then
   int64_t bytes_ = 0;                // of all clients
+  TokenWatch token_watch_;
 };
 
 }  // namespace litags

@@ -10,7 +10,12 @@
 namespace litags {
 
 // Handlers of litags.v1.ReconstructionService: validate, call Jobs, convert.
-class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackService {
+//
+// UploadImages gets its messages as bytes: of one that does not parse, gRPC tells nothing but that
+// the stream has ended, as after the last.
+class ReconstructionServiceImpl
+    : public v1::ReconstructionService::WithRawCallbackMethod_UploadImages<
+          v1::ReconstructionService::CallbackService> {
  public:
   // All must outlive this; `pool` runs what touches the job store only and is short, `blob_pool`
   // what reads and writes files.
@@ -23,8 +28,8 @@ class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackServ
                                       v1::Job* response) override;
   grpc::ServerUnaryReactor* QueryUpload(Context* context, const v1::QueryUploadRequest* request,
                                         v1::QueryUploadResponse* response) override;
-  grpc::ServerReadReactor<v1::UploadImagesRequest>* UploadImages(
-      Context* context, v1::UploadImagesResponse* response) override;
+  grpc::ServerReadReactor<grpc::ByteBuffer>* UploadImages(Context* context,
+                                                          grpc::ByteBuffer* response) override;
   grpc::ServerUnaryReactor* StartJob(Context* context, const v1::StartJobRequest* request,
                                      v1::Job* response) override;
   grpc::ServerUnaryReactor* GetJob(Context* context, const v1::GetJobRequest* request,

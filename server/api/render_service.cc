@@ -75,8 +75,9 @@ class PathStream : public AnswerStream<v1::RenderPathResponse> {
     if (request_.has_keyframes() && request_.keyframes().poses_size() > 0) {
       lens_camera = request_.keyframes().poses(0).camera();
     }
-    LITAGS_ASSIGN_OR_RETURN(const Camera lens, ResolveLens(request_.settings(), lens_camera,
-                                                           *scene_, limits_.max_pixels));
+    LITAGS_ASSIGN_OR_RETURN(const Camera lens,
+                            ResolveLens(request_.settings(), lens_camera,
+                                        "keyframes.poses[0].camera", *scene_, limits_.max_pixels));
     LITAGS_ASSIGN_OR_RETURN(cameras_, ResolvePath(request_, lens, *scene_));
     return absl::OkStatus();
   }
@@ -101,8 +102,8 @@ grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerCont
     LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call.jobs(), request->name()));
     LITAGS_ASSIGN_OR_RETURN(RenderRequest render, ResolveContent(request->settings()));
     LITAGS_ASSIGN_OR_RETURN(
-        const Camera lens,
-        ResolveLens(request->settings(), request->pose().camera(), *scene, limits_.max_pixels));
+        const Camera lens, ResolveLens(request->settings(), request->pose().camera(), "pose.camera",
+                                       *scene, limits_.max_pixels));
     LITAGS_ASSIGN_OR_RETURN(render.camera, ResolvePose(request->pose(), lens, *scene, "pose"));
     render.threads = limits_.threads;
     render.cancel = cancel;

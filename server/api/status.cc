@@ -11,6 +11,7 @@
 #include "engine/core/utf8.h"
 #include "google/rpc/error_details.pb.h"
 #include "litags/v1/errors.pb.h"
+#include "server/api/scrub.h"
 
 namespace litags {
 namespace {
@@ -81,7 +82,7 @@ void AddGoogleDetails(grpc::StatusCode code, const std::string& message, const E
 grpc::Status ToGrpc(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
   const auto code = static_cast<grpc::StatusCode>(status.code());
-  const std::string message = Utf8Prefix(std::string(status.message()), kMaxMessageBytes);
+  const std::string message = Utf8Prefix(MessageForClients(status), kMaxMessageBytes);
   ErrorDetail detail =
       GetErrorDetail(status).value_or(ErrorDetail{absl::StatusCodeToString(status.code()), ""});
   detail.field = Utf8Prefix(detail.field, kMaxDetailBytes);

@@ -10,8 +10,6 @@
 namespace litags {
 namespace {
 
-constexpr size_t kMaxSkipped = 100;
-
 std::string PathIn(const ArchiveEntry& entry) {
   std::vector<std::string> parts = entry.folders;
   parts.push_back(entry.name);
@@ -57,6 +55,8 @@ absl::Status Unpacker::NoRoom() const {
 absl::Status Unpacker::Write(std::string_view bytes) {
   sha_.Update(bytes);
   file_.size_bytes += static_cast<int64_t>(bytes.size());
+  LITAGS_RETURN_IF_ERROR(CheckSize(file_.role, file_.size_bytes, jobs_->uploads().limits(),
+                                   FieldOf(file_.role, file_.name)));
   if (out_.write(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return absl::OkStatus();
   return NoRoom();
 }

@@ -22,6 +22,8 @@ namespace litags {
 // a file is for follows from its name and folder. One at a time is on disk beside the archive.
 class Unpacker : public ArchiveSink {
  public:
+  static constexpr size_t kMaxSkipped = 100;  // names, of a stream
+
   Unpacker(Jobs* jobs, std::string job_id, std::string field);
   ~Unpacker() override;
 

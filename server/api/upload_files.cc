@@ -75,6 +75,15 @@ std::string FieldOf(FileRole role, const std::string& name) {
   return absl::StrCat(RulesOf(role).field, "[", name, "]");
 }
 
+absl::Status CheckSize(FileRole role, int64_t bytes, const UploadLimits& limits,
+                       const std::string& field) {
+  const int64_t limit = LimitOf(role, limits);
+  if (bytes <= limit) return absl::OkStatus();
+  return MakeError(
+      absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", field,
+      absl::StrCat(field, ": ", bytes, " bytes exceed ", limit, "; make the file smaller"));
+}
+
 absl::Status CheckName(const std::string& name, FileRole role, const std::string& field) {
   LITAGS_RETURN_IF_ERROR(ValidateFileName(name, field));
   if (role == FileRole::kColmap && !IsColmapName(name)) {
@@ -110,12 +119,7 @@ absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
                                      ": the file has no bytes; leave it out or copy it "
                                      "from the camera again"));
   }
-  const int64_t limit = LimitOf(file.record.role, limits);
-  if (header.size_bytes() > limit) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", file.field,
-                     absl::StrCat(file.field, ": ", header.size_bytes(), " bytes exceed ", limit,
-                                  "; make the file smaller"));
-  }
+  LITAGS_RETURN_IF_ERROR(CheckSize(file.record.role, header.size_bytes(), limits, file.field));
   if (header.sha256().size() != 32) {
     return InvalidInput("FILE_DIGEST_MISSING", file.field,
                         absl::StrCat(file.field, ": sha256 has ", header.sha256().size(),

@@ -24,6 +24,11 @@ absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
 // How errors name a file: "images[NAME]", "depths[NAME]", ...
 std::string FieldOf(FileRole role, const std::string& name);
 
+// RESOURCE_EXHAUSTED (FILE_TOO_LARGE), for a file by itself and for one in an archive alike: the
+// engine refuses larger ones.
+absl::Status CheckSize(FileRole role, int64_t bytes, const UploadLimits& limits,
+                       const std::string& field);
+
 // One plain component with an extension that the role has. INVALID_ARGUMENT (BAD_FILE_NAME).
 absl::Status CheckName(const std::string& name, FileRole role, const std::string& field);
 

@@ -1,5 +1,9 @@
 #include "server/api/upload_reactor.h"
 
+#include <grpcpp/grpcpp.h>
+
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/grpc_order.h"
@@ -7,6 +11,8 @@
 
 namespace litags {
 namespace {
+
+using Message = google::protobuf::MessageLite;
 
 absl::Status Stalled(double seconds) {
   return MakeError(absl::StatusCode::kDeadlineExceeded, "UPLOAD_STALLED", "",
@@ -16,31 +22,70 @@ absl::Status Stalled(double seconds) {
 
 }  // namespace
 
-UploadReactor::UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response,
+UploadReactor::UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response,
                              ThreadPool* pool)
     : call_(std::move(call)), response_(response), pool_(pool), session_(call_->jobs(), cancel_) {
+  ticket_ = call_->WatchToken([this] {
+    const absl::Status known = call_->CheckToken();
+    if (known.ok() || !StopWaiting()) return;  // Read() finds it out
+    pool_->Run(call_->client().name, [this, known] { Finish(call_->End(known)); });
+  });
   Read();
 }
 
 void UploadReactor::Read() {
   const double seconds = call_->jobs()->uploads().limits().max_silence_seconds;
-  timer_.Start(seconds, [this, seconds] { Finish(call_->End(Stalled(seconds))); });
-  BeforeStart(this);
-  StartRead(&request_);
+  timer_.Start(seconds, [this, seconds] {
+    if (StopWaiting()) Finish(call_->End(Stalled(seconds)));
+  });
+  std::unique_lock lock(mutex_);  // nobody may finish before the read has begun
+  const absl::Status known = call_->CheckToken();
+  if (known.ok()) {
+    waiting_ = true;
+    BeforeStart(this);
+    StartRead(&bytes_);
+    return;
+  }
+  lock.unlock();
+  Finish(call_->End(known));
+}
+
+bool UploadReactor::StopWaiting() {
+  std::lock_guard lock(mutex_);
+  return std::exchange(waiting_, false);
 }
 
 void UploadReactor::OnReadDone(bool ok) {
   AfterStart(this);
-  if (timer_.Stop()) return;  // finished
+  timer_.Stop();
+  if (!StopWaiting()) return;  // finished
   pool_->Run(call_->client().name, [this, ok] { Step(ok); });
 }
 
 void UploadReactor::Step(bool ok) {
   if (cancel_.IsCancelled()) return Finish(call_->End(CallCancelled()));
-  call_->metrics().AddUploadedBytes(static_cast<int64_t>(ok ? request_.chunk().size() : 0));
-  const absl::Status status = ok ? session_.Handle(request_) : session_.End(response_);
+  const absl::Status status = ok ? Take() : Complete();
   if (ok && status.ok()) return Read();
   Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
+}
+
+absl::Status UploadReactor::Take() {
+  if (!grpc::SerializationTraits<Message>::Deserialize(&bytes_, &request_).ok()) {
+    return InvalidInput("MESSAGE_UNREADABLE", "",
+                        "a message of the stream is not an UploadImagesRequest, or holds a text "
+                        "that is not UTF-8, such as a file's name; what came before is kept");
+  }
+  call_->metrics().AddUploadedBytes(static_cast<int64_t>(request_.chunk().size()));
+  return session_.Handle(request_);
+}
+
+absl::Status UploadReactor::Complete() {
+  v1::UploadImagesResponse response;
+  LITAGS_RETURN_IF_ERROR(session_.End(&response));
+  bool own_buffer = false;
+  const grpc::Status packed =
+      grpc::SerializationTraits<Message>::Serialize(response, response_, &own_buffer);
+  return packed.ok() ? absl::OkStatus() : absl::InternalError(packed.error_message());
 }
 
 }  // namespace litags

@@ -1,9 +1,11 @@
 #ifndef LITAGS_SERVER_API_UPLOAD_REACTOR_H_
 #define LITAGS_SERVER_API_UPLOAD_REACTOR_H_
 
+#include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/server_callback.h>
 
 #include <memory>
+#include <mutex>
 
 #include "engine/core/cancel.h"
 #include "litags/v1/reconstruction_service.grpc.pb.h"
@@ -15,10 +17,11 @@
 namespace litags {
 
 // One UploadImages stream: its steps run on the pool, one after the other, and a client that says
-// nothing for too long is sent away. Deletes itself when the call is over.
-class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
+// nothing for too long, or whose token was taken back, is sent away. Deletes itself when the call
+// is over.
+class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
  public:
-  UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response, ThreadPool* pool);
+  UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response, ThreadPool* pool);
 
   void OnReadDone(bool ok) override;
   void OnCancel() override { cancel_.Cancel(); }
@@ -27,14 +30,22 @@ class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
  private:
   void Read();
   void Step(bool ok);
+  absl::Status Take();      // the message that was read
+  absl::Status Complete();  // after the last
+  // Whether the call waits for the client; whoever gets true goes on with it, alone.
+  bool StopWaiting();
 
   const std::shared_ptr<Call> call_;
-  v1::UploadImagesResponse* const response_;
+  grpc::ByteBuffer* const response_;
   ThreadPool* const pool_;
   CancelToken cancel_;
   UploadSession session_;
+  grpc::ByteBuffer bytes_;
   v1::UploadImagesRequest request_;
   StallTimer timer_;
+  std::mutex mutex_;
+  bool waiting_ = false;
+  TokenWatch::Ticket ticket_;  // last: its end waits for what it calls
 };
 
 }  // namespace litags

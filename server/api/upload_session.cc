@@ -23,22 +23,37 @@ absl::Status OutOfOrder(const char* message) {
   return InvalidInput("UPLOAD_ORDER", "part", message);
 }
 
+// The job was there when the stream began.
+bool IsJobGone(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail && detail->reason == "JOB_NOT_FOUND";
+}
+
 }  // namespace
 
 absl::Status UploadSession::Handle(const v1::UploadImagesRequest& request) {
+  const bool is_open = !job_id_.empty();
+  const absl::Status status = Take(request);
+  return is_open && IsJobGone(status) ? UploadTakenOver() : status;
+}
+
+absl::Status UploadSession::Take(const v1::UploadImagesRequest& request) {
   if (request.part_case() == v1::UploadImagesRequest::kName) {
     if (!job_id_.empty()) return OutOfOrder("the job is named once, in the first message");
     LITAGS_ASSIGN_OR_RETURN(job_id_, ParseJobName(request.name()));
     return jobs_->uploads().Check(job_id_);
   }
   if (job_id_.empty()) return OutOfOrder("the first message must name the job");
+  if (ended_) return OutOfOrder("nothing may follow the end");
   switch (request.part_case()) {
     case v1::UploadImagesRequest::kFile:
       return Begin(request.file());
     case v1::UploadImagesRequest::kChunk:
       return Append(request.chunk());
+    case v1::UploadImagesRequest::kEnd:
+      return Conclude(request.end());
     default:
-      return OutOfOrder("a message must hold a file's header or a chunk of its bytes");
+      return OutOfOrder("a message must hold a file's header, a chunk of its bytes, or the end");
   }
 }
 
@@ -57,6 +72,7 @@ absl::Status UploadSession::Begin(const v1::FileHeader& header) {
     LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file.record));
     if (adopted) {
       ++stored_;
+      ++received_;
       return absl::OkStatus();
     }
   }
@@ -92,11 +108,15 @@ absl::Status UploadSession::Append(const std::string& chunk) {
 absl::Status UploadSession::Complete() {
   Incoming file = *std::move(file_);
   file_.reset();
+  ++received_;
   if (!file.partial) {
     ++unchanged_;
     return absl::OkStatus();
   }
   const absl::Status status = Store(file);
+  if (status.ok() || absl::IsFailedPrecondition(status)) return status;
+  // Whatever else is wrong with a file that another stream works on, this one lost it.
+  LITAGS_RETURN_IF_ERROR(WithField(file.partial->CheckHeld(), file.field));
   if (absl::IsInvalidArgument(status)) {
     file.partial->Discard();  // the same bytes would be refused again
   }
@@ -127,24 +147,41 @@ absl::Status UploadSession::Unpack(Incoming& file) {
       ExtractArchive(file.partial->path(), limits, file.field, &unpacker, cancel_);
   stored_ += unpacker.stored();
   unchanged_ += unpacker.unchanged();
-  skipped_.insert(skipped_.end(), unpacker.skipped().begin(), unpacker.skipped().end());
+  for (const std::string& name : unpacker.skipped()) {
+    if (skipped_.size() < Unpacker::kMaxSkipped) skipped_.push_back(name);
+  }
   LITAGS_RETURN_IF_ERROR(status);
   LITAGS_RETURN_IF_ERROR(jobs_->uploads().NoteArchive(job_id_, file.record));
   file.partial->Discard();
   return absl::OkStatus();
 }
 
+absl::Status UploadSession::CheckWhole() const {
+  if (!file_) return absl::OkStatus();
+  return InvalidInput("FILE_TRUNCATED", file_->field,
+                      absl::StrCat(file_->field, ": the upload ended after ", file_->received,
+                                   " of ", file_->record.size_bytes, " bytes; send the rest"));
+}
+
+absl::Status UploadSession::Conclude(const v1::UploadEnd& end) {
+  LITAGS_RETURN_IF_ERROR(CheckWhole());
+  ended_ = true;
+  if (end.files() == received_) return absl::OkStatus();
+  return InvalidInput("UPLOAD_INCOMPLETE", "end.files",
+                      absl::StrCat(end.files(), " files were sent and ", received_,
+                                   " came; ask QueryUpload and send the others"));
+}
+
 absl::Status UploadSession::End(v1::UploadImagesResponse* response) {
   if (job_id_.empty()) return OutOfOrder("the first message must name the job");
-  if (file_) {
-    return InvalidInput("FILE_TRUNCATED", file_->field,
-                        absl::StrCat(file_->field, ": the upload ended after ", file_->received,
-                                     " of ", file_->record.size_bytes, " bytes; send the rest"));
-  }
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs_->Get(job_id_));
-  LITAGS_ASSIGN_OR_RETURN(*response->mutable_job(), JobToProto(job));
+  LITAGS_RETURN_IF_ERROR(CheckWhole());
+  const absl::StatusOr<JobRecord> job = jobs_->Get(job_id_);
+  if (IsJobGone(job.status())) return UploadTakenOver();
+  LITAGS_RETURN_IF_ERROR(job.status());
+  LITAGS_ASSIGN_OR_RETURN(*response->mutable_job(), JobToProto(*job));
   response->set_files_stored(stored_);
   response->set_files_unchanged(unchanged_);
+  response->set_files_received(received_);
   for (const std::string& name : skipped_) response->add_skipped(name);
   return absl::OkStatus();
 }

@@ -35,8 +35,11 @@ class UploadSession {
     std::unique_ptr<PartialFile> partial;  // null: stored before, the bytes are only counted
   };
 
+  absl::Status Take(const v1::UploadImagesRequest& request);
   absl::Status Begin(const v1::FileHeader& header);
+  absl::Status Conclude(const v1::UploadEnd& end);
   absl::Status Append(const std::string& chunk);
+  absl::Status CheckWhole() const;
   absl::Status Complete();
   absl::Status Store(Incoming& file);
   absl::Status Unpack(Incoming& file);
@@ -45,6 +48,8 @@ class UploadSession {
   const CancelToken cancel_;
   std::string job_id_;
   std::optional<Incoming> file_;
+  bool ended_ = false;  // by the client's word
+  int received_ = 0;    // files of the stream
   int stored_ = 0, unchanged_ = 0;
   std::vector<std::string> skipped_;  // in archives
 };

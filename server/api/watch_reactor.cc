@@ -23,6 +23,7 @@ WatchReactor::WatchReactor(std::shared_ptr<Call> call, grpc::CallbackServerConte
       hub_(hub),
       pool_(pool) {
   subscription_ = hub_->Subscribe([this] { Wake(); });
+  ticket_ = call_->WatchToken([this] { Wake(); });
   pool_->Run(call_->client().name, [this] { Step(); });
 }
 
@@ -47,6 +48,7 @@ void WatchReactor::OnWriteDone(bool ok) {
 
 void WatchReactor::OnDone() {
   hub_->Unsubscribe(subscription_);
+  ticket_ = {};
   delete this;
 }
 
@@ -61,6 +63,7 @@ void WatchReactor::End(const absl::Status& status) {
 void WatchReactor::Step() {
   for (;;) {
     if (context_->IsCancelled()) return End(CallCancelled());
+    if (const absl::Status known = call_->CheckToken(); !known.ok()) return End(known);
     if (!ready_.empty()) {
       auto message = Fill(ready_.front());
       if (!message.ok()) return End(message.status());
@@ -91,7 +94,12 @@ absl::Status WatchReactor::ReadMore(bool* over) {
     LITAGS_ASSIGN_OR_RETURN(job_id_, ParseJobName(request_.name()));
     LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs_->Get(job_id_));
     last_ = request_.after_event();
-    if (last_ < 0 || last_ > job.last_event) {
+    if (last_ < 0) {
+      return InvalidInput(
+          "EVENT_NUMBER_INVALID", "after_event",
+          absl::StrCat("after_event is ", last_, "; it is the number of an event, or 0 for all"));
+    }
+    if (last_ > job.last_event) {
       return MakeError(
           absl::StatusCode::kOutOfRange, "EVENT_NOT_YET", "after_event",
           absl::StrCat("after_event is ", last_, ", but the job's events go from 1 to ",

@@ -43,6 +43,7 @@ class WatchReactor : public grpc::ServerWriteReactor<v1::JobEvent> {
   EventHub* const hub_;
   ThreadPool* const pool_;
   int64_t subscription_ = 0;
+  TokenWatch::Ticket ticket_;
 
   std::mutex mutex_;
   bool awake_ = true;     // Step() runs or is about to, or a write is in flight

@@ -76,7 +76,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   job.options = Encode(wanted.options);
   job.policy = Encode(wanted.policy);
   job.priority = wanted.policy.priority;
-  job.needs = EncodedNeedsOf(wanted.policy);
+  job.needs = EncodedNeedsOf(wanted.policy, wanted.options);
   job.create_time_ms = now_ms;
   job.expire_time_ms = uploads_.Expiry();
   LITAGS_ASSIGN_OR_RETURN(JobRecord made, store_->Create(job, [&](JobTransaction& transaction) {
@@ -138,11 +138,27 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
   LITAGS_RETURN_IF_ERROR(CheckMasks(files));
   job.job.attempt = 0;
   job.job.run_ms = 0;
-  job.job.report.clear();
   return ApplyAction(job, action, clock_(), message);
 }
 
+// That there is nobody who will ever run the job is known now only where workers are there.
+absl::Status Jobs::CheckNetwork(std::string_view id) {
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+  if (job.needs.empty()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const auto needs, Decode<Resources>(job.needs));
+  if (!HasDepthNetwork(needs)) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
+  const bool none = std::none_of(workers.begin(), workers.end(), HasDepthNetwork);
+  if (workers.empty() || !none) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MODEL_MISSING",
+                   "options.depth_source",
+                   "options.depth_source: a network was asked for, and no worker of this service "
+                   "has one; make a job with another source, or ask the operator for "
+                   "--depth-model");
+}
+
 absl::StatusOr<JobRecord> Jobs::Start(std::string_view id) {
+  LITAGS_RETURN_IF_ERROR(CheckNetwork(id));
   auto job = store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
     return Enqueue(transaction, JobAction::kStart, "started");
   });
@@ -152,6 +168,7 @@ absl::StatusOr<JobRecord> Jobs::Start(std::string_view id) {
 }
 
 absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& change) {
+  LITAGS_RETURN_IF_ERROR(CheckNetwork(id));
   return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
     if (!change) return Enqueue(job, JobAction::kResume, "resumed");
     LITAGS_ASSIGN_OR_RETURN(const auto before, Decode<ReconstructOptions>(job.job.options));
@@ -165,7 +182,7 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
     job.job.options = Encode(options);
     job.job.policy = Encode(policy);
     job.job.priority = policy.priority;
-    job.job.needs = EncodedNeedsOf(policy);
+    job.job.needs = EncodedNeedsOf(policy, options);
     const int more = options.iterations - before.iterations;
     if (more == 0) return Enqueue(job, JobAction::kResume, "resumed");
     return Enqueue(job, JobAction::kExtend,

@@ -79,7 +79,8 @@ class Jobs {
   // Files for jobs that are not started yet.
   Uploads& uploads() { return uploads_; }
 
-  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, beside the state's own.
+  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, DEPTH_MODEL_MISSING, beside the state's
+  // own.
   absl::StatusOr<JobRecord> Start(std::string_view id);
   absl::StatusOr<JobRecord> Cancel(std::string_view id);
   // Errors of `change`, of ResumedOptions(), and those of Start().
@@ -119,11 +120,14 @@ class Jobs {
         clock_(std::move(clock)),
         uploads_(store, blobs, std::move(area), clock_, max_owner_bytes) {}
 
+  absl::Status CheckNetwork(std::string_view id);
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
   absl::Status RemoveFolders(std::string_view id);
   absl::Status RemoveOrphans();
   absl::Status RemoveUnreferencedBlobs(const std::string& id);
+  absl::Status RemoveUnreferencedUploads(const std::string& id,
+                                         const std::vector<std::string>& digests);
   absl::StatusOr<std::set<std::string>> BlobsNamedBy(const JobRecord& job);
 
   JobStore* const store_;

@@ -29,10 +29,15 @@ PartialFile::~PartialFile() {
   if (size_ == 0) Discard();
 }
 
-absl::Status PartialFile::Lost() const {
+absl::Status UploadTakenOver() {
   return MakeError(absl::StatusCode::kAborted, "UPLOAD_TAKEN_OVER", "",
                    "another stream sends this file now, or the job was cancelled or deleted; "
                    "upload a file by one stream at a time");
+}
+
+absl::Status PartialFile::CheckHeld() const {
+  std::lock_guard lock(slot_->mutex);
+  return slot_->writer == writer_ ? absl::OkStatus() : UploadTakenOver();
 }
 
 absl::Status PartialFile::BringChunks(int64_t offset) {
@@ -78,7 +83,7 @@ absl::Status PartialFile::OpenAt(int64_t offset) {
 
 absl::Status PartialFile::Append(std::string_view bytes) {
   std::lock_guard lock(slot_->mutex);
-  if (slot_->writer != writer_) return Lost();
+  if (slot_->writer != writer_) return UploadTakenOver();
   sha_.Update(bytes);
   LITAGS_RETURN_IF_ERROR(Write(bytes));
   return chunks_ ? StoreChunks() : absl::OkStatus();

@@ -15,6 +15,9 @@
 
 namespace litags {
 
+// ABORTED (UPLOAD_TAKEN_OVER): another stream sends the file, or its job is gone.
+absl::Status UploadTakenOver();
+
 // Who may write a partial file: whoever opened it last. Shared by all that have it open.
 struct PartialSlot {
   std::mutex mutex;
@@ -38,6 +41,8 @@ class PartialFile {
   absl::Status Append(std::string_view bytes);
   // SHA-256 of all bytes so far, 64 hex digits. Call once; nothing may be appended after.
   std::string HexDigest() { return sha_.HexDigest(); }
+  // ABORTED (UPLOAD_TAKEN_OVER), as Append().
+  absl::Status CheckHeld() const;
   // Removes the file, unless it was taken over.
   void Discard();
 
@@ -55,7 +60,6 @@ class PartialFile {
   absl::Status BringChunks(int64_t offset);  // into a file that has fewer bytes
   absl::Status Write(std::string_view bytes);
   absl::Status StoreChunks();
-  absl::Status Lost() const;
 
   const std::shared_ptr<PartialSlot> slot_;
   const uint64_t writer_;
