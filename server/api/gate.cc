@@ -67,8 +67,9 @@ void Call::LeaveStream() {
   holds_stream_ = false;
 }
 
-absl::Status Call::CheckWait() const {
-  if (Seconds(SteadyClock::now() - start_) <= gate_->max_wait_seconds_) return absl::OkStatus();
+double Call::SecondsToWait() const { return gate_->max_wait_seconds_; }
+
+absl::Status Call::WaitedTooLong() const {
   return MakeError(absl::StatusCode::kDeadlineExceeded, "WAITED_TOO_LONG", "",
                    absl::StrCat("the call waited more than ", gate_->max_wait_seconds_,
                                 " s for its turn; the server is busy: try again later"));

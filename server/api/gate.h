@@ -60,8 +60,10 @@ class Call {
   Jobs* jobs() const { return jobs_.get(); }
   const Principal& client() const { return client_; }
   Metrics& metrics() const;
-  // OK if the call may still begin. DEADLINE_EXCEEDED (WAITED_TOO_LONG).
-  absl::Status CheckWait() const;
+  // How long a call with one answer may wait for its turn, and what it gets then: DEADLINE_EXCEEDED
+  // (WAITED_TOO_LONG).
+  double SecondsToWait() const;
+  absl::Status WaitedTooLong() const;
 
   // OK if there is room for another answer. RESOURCE_EXHAUSTED (RENDER_QUEUE_FULL).
   absl::Status CheckRoom() const;

@@ -46,6 +46,16 @@ void AddClientLimitFlags(CLI::App* app, ClientLimits* limits) {
   add("--picture-burst", limits->picture_burst, "So many calls at once after a pause");
 }
 
+void AddUploadCpuFlags(CLI::App* app, UploadCpuLimits* limits) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+  };
+  add("--upload-cpu", limits->per_second,
+      "Seconds of one core, each second, that the uploads of one client may take; beyond, they "
+      "wait; 0: no limit");
+  add("--upload-cpu-burst", limits->burst_seconds, "So many such seconds at once after a pause");
+}
+
 void AddRenderFlags(CLI::App* app, ServerOptions* server) {
   const auto add = [app](const char* name, auto& value, const char* help) {
     app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
@@ -154,6 +164,7 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   AddUploadFlags(app, flags);
   AddAccessFlags(app, &flags->server);
   AddClientLimitFlags(app, &flags->server.limits);
+  AddUploadCpuFlags(app, &flags->server.upload_cpu);
   AddRenderFlags(app, &flags->server);
   AddConnectionFlags(app, &flags->server.connections);
   app->add_option("--metrics-listen", flags->metrics_listen,

@@ -1,5 +1,7 @@
 #include "server/api/upload_reactor.h"
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/grpc_order.h"
@@ -7,6 +9,9 @@
 
 namespace litags {
 namespace {
+
+// How soon a client that hung up is noticed.
+constexpr double kMaxPauseSeconds = 1;
 
 absl::Status Stalled(double seconds) {
   return MakeError(absl::StatusCode::kDeadlineExceeded, "UPLOAD_STALLED", "",
@@ -17,8 +22,12 @@ absl::Status Stalled(double seconds) {
 }  // namespace
 
 UploadReactor::UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response,
-                             ThreadPool* pool)
-    : call_(std::move(call)), response_(response), pool_(pool), session_(call_->jobs(), cancel_) {
+                             ThreadPool* pool, CpuBudget* budget)
+    : call_(std::move(call)),
+      response_(response),
+      pool_(pool),
+      budget_(budget),
+      session_(call_->jobs(), cancel_) {
   Read();
 }
 
@@ -32,15 +41,31 @@ void UploadReactor::Read() {
 void UploadReactor::OnReadDone(bool ok) {
   AfterStart(this);
   if (timer_.Stop()) return;  // finished
+  call_->metrics().AddUploadedBytes(static_cast<int64_t>(ok ? request_.chunk().size() : 0));
+  Queue(ok);
+}
+
+void UploadReactor::Queue(bool ok) {
   pool_->Run(call_->client().name, [this, ok] { Step(ok); });
 }
 
 void UploadReactor::Step(bool ok) {
   if (cancel_.IsCancelled()) return Finish(call_->End(CallCancelled()));
-  call_->metrics().AddUploadedBytes(static_cast<int64_t>(ok ? request_.chunk().size() : 0));
-  const absl::Status status = ok ? session_.Handle(request_) : session_.End(response_);
-  if (ok && status.ok()) return Read();
-  Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
+  const std::string& client = call_->client().name;
+  if (const double pause = budget_->SecondsToWait(client); pause > 0) {
+    return timer_.Start(std::min(pause, kMaxPauseSeconds), [this, ok] { Queue(ok); });
+  }
+  const double before = ThreadCpuSeconds();
+  const absl::Status status = session_.busy() ? session_.Continue()
+                              : ok            ? session_.Handle(request_)
+                                              : session_.End(response_);
+  budget_->Spend(client, ThreadCpuSeconds() - before);
+  if (!status.ok()) {
+    return Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
+  }
+  if (session_.busy()) return Queue(ok);
+  if (ok) return Read();
+  Finish(call_->End(status));
 }
 
 }  // namespace litags

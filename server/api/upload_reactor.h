@@ -7,6 +7,7 @@
 
 #include "engine/core/cancel.h"
 #include "litags/v1/reconstruction_service.grpc.pb.h"
+#include "server/api/cpu_budget.h"
 #include "server/api/gate.h"
 #include "server/api/stall_timer.h"
 #include "server/api/thread_pool.h"
@@ -14,11 +15,13 @@
 
 namespace litags {
 
-// One UploadImages stream: its steps run on the pool, one after the other, and a client that says
-// nothing for too long is sent away. Deletes itself when the call is over.
+// One UploadImages stream: its steps run on the pool, one after the other, those of a client that
+// took more than its share of the processor later. A client that says nothing for too long is sent
+// away. Deletes itself when the call is over.
 class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
  public:
-  UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response, ThreadPool* pool);
+  UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response, ThreadPool* pool,
+                CpuBudget* budget);
 
   void OnReadDone(bool ok) override;
   void OnCancel() override { cancel_.Cancel(); }
@@ -26,11 +29,14 @@ class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
 
  private:
   void Read();
+  void Queue(bool ok);
+  // Works on the message that came, or, without `ok`, on their end; a part of it at a time.
   void Step(bool ok);
 
   const std::shared_ptr<Call> call_;
   v1::UploadImagesResponse* const response_;
   ThreadPool* const pool_;
+  CpuBudget* const budget_;
   CancelToken cancel_;
   UploadSession session_;
   v1::UploadImagesRequest request_;
