@@ -75,11 +75,16 @@ absl::Status Call::WaitedTooLong() const {
                                 " s for its turn; the server is busy: try again later"));
 }
 
-absl::Status Call::CheckRoom() const { return gate_->CheckRoom(client_.name); }
+absl::Status Call::CheckRoom() const {
+  if (gate_->unread_.IsFor(client_.name)) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
+                   "the memory for pictures that clients have not read yet is used up; read those "
+                   "asked for, and try again in a second");
+}
 
 void Call::Hold(int64_t bytes) {
   bytes *= kCopies;
-  if (bytes != held_bytes_) gate_->AddBytes(client_.name, bytes - held_bytes_);
+  if (bytes != held_bytes_) gate_->unread_.Add(client_.name, bytes - held_bytes_);
   held_bytes_ = bytes;
 }
 
@@ -140,8 +145,7 @@ absl::Status Gate::Count(Call* call) {
   std::lock_guard lock(mutex_);
   if (uses_.size() > kMaxRemembered) {
     std::erase_if(uses_, [&](const auto& entry) {
-      return entry.second.streams == 0 && entry.second.bytes == 0 &&
-             Seconds(now - entry.second.counted) > 60;
+      return entry.second.streams == 0 && Seconds(now - entry.second.counted) > 60;
     });
   }
   const auto [entry, is_new] = uses_.try_emplace(call->client_.name);
@@ -177,22 +181,6 @@ absl::Status Gate::CountPicture(Use& use) const {
 void Gate::Leave(const Call& call) {
   std::lock_guard lock(mutex_);
   --uses_[call.client_.name].streams;
-}
-
-absl::Status Gate::CheckRoom(const std::string& client) {
-  std::lock_guard lock(mutex_);
-  if (bytes_ < answers_.max_unread_bytes && uses_[client].bytes < answers_.max_unread_bytes / 2) {
-    return absl::OkStatus();
-  }
-  return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
-                   "the memory for pictures that clients have not read yet is used up; read those "
-                   "asked for, and try again in a second");
-}
-
-void Gate::AddBytes(const std::string& client, int64_t bytes) {
-  std::lock_guard lock(mutex_);
-  uses_[client].bytes += bytes;
-  bytes_ += bytes;
 }
 
 }  // namespace litags

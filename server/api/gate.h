@@ -12,6 +12,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "server/api/shared_room.h"
 #include "server/auth/authenticator.h"
 #include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
@@ -30,7 +31,10 @@ struct ClientLimits {
 // What answers may cost that clients have not read yet.
 struct AnswerLimits {
   double max_unread_seconds = 60;  // a client that reads nothing for so long is cut off
-  int64_t max_unread_bytes = int64_t{512} << 20;  // pictures and models; one client: half of it
+  // Pictures, previews and pieces of models in memory; one client: half of it.
+  int64_t max_unread_bytes = int64_t{512} << 20;
+  // Exported models on disk, each until it was read; one client: half of it.
+  int64_t max_export_bytes = int64_t{4} << 30;
 };
 
 // What a call does, for the limits above.
@@ -102,7 +106,8 @@ class Gate {
         metrics_(metrics),
         limits_(limits),
         answers_(answers),
-        max_wait_seconds_(max_wait_seconds) {}
+        max_wait_seconds_(max_wait_seconds),
+        unread_(answers.max_unread_bytes) {}
 
   // Lets a call in. The answer carries the header "x-request-id": the client's own, if it sent one
   // of up to 64 letters, digits, '.', '_' or '-', else a new one.
@@ -120,7 +125,6 @@ class Gate {
   // What a client uses now.
   struct Use {
     int streams = 0;
-    int64_t bytes = 0;    // of answers that were not read yet
     double pictures = 0;  // that it may ask for at once
     std::chrono::steady_clock::time_point counted;
   };
@@ -129,8 +133,6 @@ class Gate {
   absl::Status Count(Call* call);
   absl::Status CountPicture(Use& use) const;
   void Leave(const Call& call);
-  absl::Status CheckRoom(const std::string& client);
-  void AddBytes(const std::string& client, int64_t bytes);
 
   Jobs* const jobs_;
   Authenticator* const authenticator_;
@@ -140,7 +142,7 @@ class Gate {
   const double max_wait_seconds_;
   std::mutex mutex_;
   std::map<std::string, Use> uses_;  // by client; those not in use are dropped now and then
-  int64_t bytes_ = 0;                // of all clients
+  SharedRoom unread_;                // bytes of answers that were not read yet
 };
 
 }  // namespace litags

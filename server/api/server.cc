@@ -59,7 +59,8 @@ class GrpcServer : public Server {
         upload_cpu_(options.upload_cpu),
         reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_, &upload_cpu_),
         render_(&gate_, &scenes_, &render_pool_, options.render),
-        model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp()) {}
+        model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp(),
+               options.answers.max_export_bytes) {}
 
   ~GrpcServer() override { Shutdown(); }
 

@@ -73,6 +73,11 @@ void AddRenderFlags(CLI::App* app, ServerOptions* server) {
                   "client may have half of it")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
+  app->add_option("--max-export-bytes", server->answers.max_export_bytes,
+                  "Disk space for exported models that clients have not read yet, as 4GiB; one "
+                  "client may have half of it")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
   app->add_option("--scene-cache", server->scene_cache_bytes,
                   "Memory for scenes that were rendered last, as 1GiB; at least one stays")
       ->transform(CLI::AsSizeValue(false))
