@@ -124,8 +124,7 @@ absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* c
   LITAGS_ASSIGN_OR_RETURN(Principal client, Identify(*context));
   std::shared_ptr<Call> call(new Call(this, name, std::move(request_id), std::move(client)));
   LITAGS_RETURN_IF_ERROR(Count(call.get()));
-  call->jobs_ =
-      jobs_->For({call->client_.name, call->client_.admin, limits_.max_jobs, limits_.max_bytes});
+  call->jobs_ = jobs_->For(ViewOf(call->client_));
   return call;
 }
 
@@ -136,6 +135,14 @@ absl::StatusOr<Principal> Gate::Identify(const grpc::CallbackServerContext& cont
     if (!names.empty()) certificate_name.emplace(names[0].data(), names[0].size());
   }
   return authenticator_->Identify(Header(context, "authorization"), certificate_name);
+}
+
+ClientView Gate::ViewOf(const Principal& client) const {
+  ClientView view{client.name, client.admin, limits_.max_jobs, limits_.max_bytes, limits_.caps};
+  if (client.admin && !client.name.empty()) view.caps = JobCaps();
+  // Without names there is nobody to be unfair to.
+  if (client.name.empty()) view.caps.max_priority = kMaxJobPriority;
+  return view;
 }
 
 absl::Status Gate::Count(Call* call) {

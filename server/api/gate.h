@@ -22,10 +22,16 @@ namespace litags {
 // What one client may have; 0: no limit.
 struct ClientLimits {
   int64_t max_jobs = 1000;                 // at one time, in any state
-  int64_t max_bytes = int64_t{200} << 30;  // uploaded files of all its jobs
+  int64_t max_bytes = int64_t{200} << 30;  // of all its jobs, their results included
   int max_streams = 1000;                  // uploads, watches, paths and exports at one time
   double pictures_per_second = 100;        // RenderView, RenderPath and ExportModel calls
   double picture_burst = 200;              // that many at once after a pause
+  // Of each job, but for administrators who say who they are. Ten times what the defaults of a job
+  // ask for, about, and a day; priorities are of use among clients that cannot raise their own.
+  JobCaps caps = {.max_iterations = 100'000,
+                  .max_gaussians = 2'000'000,
+                  .max_run_seconds = 24 * 3600,
+                  .max_priority = 0};
 };
 
 // What answers may cost that clients have not read yet.
@@ -130,6 +136,8 @@ class Gate {
   };
 
   absl::StatusOr<Principal> Identify(const grpc::CallbackServerContext& context) const;
+  // As which the caller sees and changes jobs.
+  ClientView ViewOf(const Principal& client) const;
   absl::Status Count(Call* call);
   absl::Status CountPicture(Use& use) const;
   void Leave(const Call& call);

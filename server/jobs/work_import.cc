@@ -45,7 +45,7 @@ absl::Status Import(JobStore* store, BlobStore* blobs, const DataDir& data, cons
                                       data.tmp() + "/import-" + RandomHex(8), KeptFile()));
   }
   const auto change = [&](JobTransaction& transaction) {
-    transaction.job.kept = Encode(kept);
+    SetKept(&transaction.job, kept);
     return absl::OkStatus();
   };
   return store->Update(job.id, change).status();
