@@ -84,8 +84,9 @@ void Call::LeaveStream() {
   holds_stream_ = false;
 }
 
-absl::Status Call::CheckWait() const {
-  if (Seconds(SteadyClock::now() - start_) <= gate_->max_wait_seconds_) return absl::OkStatus();
+double Call::SecondsToWait() const { return gate_->max_wait_seconds_; }
+
+absl::Status Call::WaitedTooLong() const {
   return MakeError(absl::StatusCode::kDeadlineExceeded, "WAITED_TOO_LONG", "",
                    absl::StrCat("the call waited more than ", gate_->max_wait_seconds_,
                                 " s for its turn; the server is busy: try again later"));
@@ -107,11 +108,16 @@ TokenWatch::Ticket Call::WatchToken(std::function<void()> look) {
   return gate_->token_watch_.Add(std::move(look));
 }
 
-absl::Status Call::CheckRoom() const { return gate_->CheckRoom(client_.name); }
+absl::Status Call::CheckRoom() const {
+  if (gate_->unread_.IsFor(client_.name)) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
+                   "the memory for pictures that clients have not read yet is used up; read those "
+                   "asked for, and try again in a second");
+}
 
 void Call::Hold(int64_t bytes) {
   bytes *= kCopies;
-  if (bytes != held_bytes_) gate_->AddBytes(client_.name, bytes - held_bytes_);
+  if (bytes != held_bytes_) gate_->unread_.Add(client_.name, bytes - held_bytes_);
   held_bytes_ = bytes;
 }
 
@@ -168,8 +174,7 @@ absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* c
   call->generation_ = generation;
   if (IsStream(name.kind)) call->shown_ = std::move(shown);
   LITAGS_RETURN_IF_ERROR(Count(call.get()));
-  call->jobs_ =
-      jobs_->For({call->client_.name, call->client_.admin, limits_.max_jobs, limits_.max_bytes});
+  call->jobs_ = jobs_->For(ViewOf(call->client_));
   return call;
 }
 
@@ -187,6 +192,14 @@ absl::StatusOr<Principal> Gate::Identify(const Call::Shown& shown) const {
   return authenticator_->Identify(shown.authorization, shown.certificate_name);
 }
 
+ClientView Gate::ViewOf(const Principal& client) const {
+  ClientView view{client.name, client.admin, limits_.max_jobs, limits_.max_bytes, limits_.caps};
+  if (client.admin && !client.name.empty()) view.caps = JobCaps();
+  // Without names there is nobody to be unfair to.
+  if (client.name.empty()) view.caps.max_priority = kMaxJobPriority;
+  return view;
+}
+
 absl::Status Gate::Count(Call* call) {
   const CallKind kind = call->name_.kind;
   if (!IsStream(kind) && !IsPicture(kind)) return absl::OkStatus();
@@ -194,8 +207,7 @@ absl::Status Gate::Count(Call* call) {
   std::lock_guard lock(mutex_);
   if (uses_.size() > kMaxRemembered) {
     std::erase_if(uses_, [&](const auto& entry) {
-      return entry.second.streams == 0 && entry.second.bytes == 0 &&
-             Seconds(now - entry.second.counted) > 60;
+      return entry.second.streams == 0 && Seconds(now - entry.second.counted) > 60;
     });
   }
   const auto [entry, is_new] = uses_.try_emplace(call->client_.name);
@@ -231,22 +243,6 @@ absl::Status Gate::CountPicture(Use& use) const {
 void Gate::Leave(const Call& call) {
   std::lock_guard lock(mutex_);
   --uses_[call.client_.name].streams;
-}
-
-absl::Status Gate::CheckRoom(const std::string& client) {
-  std::lock_guard lock(mutex_);
-  if (bytes_ < answers_.max_unread_bytes && uses_[client].bytes < answers_.max_unread_bytes / 2) {
-    return absl::OkStatus();
-  }
-  return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
-                   "the memory for pictures that clients have not read yet is used up; read those "
-                   "asked for, and try again in a second");
-}
-
-void Gate::AddBytes(const std::string& client, int64_t bytes) {
-  std::lock_guard lock(mutex_);
-  uses_[client].bytes += bytes;
-  bytes_ += bytes;
 }
 
 }  // namespace litags

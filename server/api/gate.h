@@ -15,6 +15,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "server/api/shared_room.h"
 #include "server/api/token_watch.h"
 #include "server/auth/authenticator.h"
 #include "server/jobs/jobs.h"
@@ -26,16 +27,25 @@ namespace litags {
 // What one client may have; 0: no limit.
 struct ClientLimits {
   int64_t max_jobs = 1000;                 // at one time, in any state
-  int64_t max_bytes = int64_t{200} << 30;  // uploaded files of all its jobs
+  int64_t max_bytes = int64_t{200} << 30;  // of all its jobs, their results included
   int max_streams = 1000;                  // uploads, watches, paths and exports at one time
   double pictures_per_second = 100;        // RenderView, RenderPath and ExportModel calls
   double picture_burst = 200;              // that many at once after a pause
+  // Of each job, but for administrators who say who they are. Ten times what the defaults of a job
+  // ask for, about, and a day; priorities are of use among clients that cannot raise their own.
+  JobCaps caps = {.max_iterations = 100'000,
+                  .max_gaussians = 2'000'000,
+                  .max_run_seconds = 24 * 3600,
+                  .max_priority = 0};
 };
 
 // What answers may cost that clients have not read yet.
 struct AnswerLimits {
   double max_unread_seconds = 60;  // a client that reads nothing for so long is cut off
-  int64_t max_unread_bytes = int64_t{512} << 20;  // pictures and models; one client: half of it
+  // Pictures, previews and pieces of models in memory; one client: half of it.
+  int64_t max_unread_bytes = int64_t{512} << 20;
+  // Exported models on disk, each until it was read; one client: half of it.
+  int64_t max_export_bytes = int64_t{4} << 30;
 };
 
 // What a call does, for the limits above.
@@ -65,8 +75,10 @@ class Call {
   Jobs* jobs() const { return jobs_.get(); }
   const Principal& client() const { return client_; }
   Metrics& metrics() const;
-  // OK if the call may still begin. DEADLINE_EXCEEDED (WAITED_TOO_LONG).
-  absl::Status CheckWait() const;
+  // How long a call with one answer may wait for its turn, and what it gets then: DEADLINE_EXCEEDED
+  // (WAITED_TOO_LONG).
+  double SecondsToWait() const;
+  absl::Status WaitedTooLong() const;
 
   // OK while the client would be let in again. UNAUTHENTICATED (TOKEN_INVALID) once its token was
   // taken back. For streams, between two steps; quick.
@@ -120,6 +132,7 @@ class Gate {
         limits_(limits),
         answers_(answers),
         max_wait_seconds_(max_wait_seconds),
+        unread_(answers.max_unread_bytes),
         token_watch_(authenticator) {}
 
   // Lets a call in. The answer carries the header "x-request-id": the client's own, if it sent one
@@ -139,18 +152,17 @@ class Gate {
   // What a client uses now.
   struct Use {
     int streams = 0;
-    int64_t bytes = 0;    // of answers that were not read yet
     double pictures = 0;  // that it may ask for at once
     std::chrono::steady_clock::time_point counted;
   };
 
   static Call::Shown ShownBy(const grpc::CallbackServerContext& context);
   absl::StatusOr<Principal> Identify(const Call::Shown& shown) const;
+  // As which the caller sees and changes jobs.
+  ClientView ViewOf(const Principal& client) const;
   absl::Status Count(Call* call);
   absl::Status CountPicture(Use& use) const;
   void Leave(const Call& call);
-  absl::Status CheckRoom(const std::string& client);
-  void AddBytes(const std::string& client, int64_t bytes);
 
   Jobs* const jobs_;
   Authenticator* const authenticator_;
@@ -161,7 +173,7 @@ class Gate {
   const double max_wait_seconds_;
   std::mutex mutex_;
   std::map<std::string, Use> uses_;  // by client; those not in use are dropped now and then
-  int64_t bytes_ = 0;                // of all clients
+  SharedRoom unread_;                // bytes of answers that were not read yet
   TokenWatch token_watch_;
 };
 

@@ -2,6 +2,7 @@
 #define LITAGS_SERVER_API_RECONSTRUCTION_SERVICE_H_
 
 #include "litags/v1/reconstruction_service.grpc.pb.h"
+#include "server/api/cpu_budget.h"
 #include "server/api/event_hub.h"
 #include "server/api/gate.h"
 #include "server/api/thread_pool.h"
@@ -19,8 +20,9 @@ class ReconstructionServiceImpl
  public:
   // All must outlive this; `pool` runs what touches the job store only and is short, `blob_pool`
   // what reads and writes files.
-  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, ThreadPool* blob_pool)
-      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(blob_pool) {}
+  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, ThreadPool* blob_pool,
+                            CpuBudget* upload_cpu)
+      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(blob_pool), upload_cpu_(upload_cpu) {}
 
   using Context = grpc::CallbackServerContext;
 
@@ -56,6 +58,7 @@ class ReconstructionServiceImpl
   EventHub* const hub_;
   ThreadPool* const pool_;
   ThreadPool* const blob_pool_;
+  CpuBudget* const upload_cpu_;
 };
 
 }  // namespace litags

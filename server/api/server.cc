@@ -76,14 +76,18 @@ class GrpcServer : public Server {
         gate_(jobs, authenticator_.get(), &metrics_, &connections_, options.limits, options.answers,
               options.connections.max_wait_seconds),
         store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
-        blob_pool_(options.blob_threads, options.max_waiting_calls, ServerBusy()),
+        // What takes long for one client leaves a thread for the others.
+        blob_pool_(options.blob_threads, options.max_waiting_calls, ServerBusy(),
+                   options.blob_threads - 1),
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
         hub_(jobs),
         scenes_(engine, options.scene_cache_bytes),
-        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_),
+        upload_cpu_(options.upload_cpu),
+        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_, &upload_cpu_),
         render_(&gate_, &scenes_, &render_pool_, options.render),
-        model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp()) {}
+        model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp(),
+               options.answers.max_export_bytes) {}
 
   ~GrpcServer() override { Shutdown(); }
 
@@ -174,6 +178,7 @@ class GrpcServer : public Server {
   ThreadPool store_pool_, blob_pool_, render_pool_;
   EventHub hub_;
   SceneCache scenes_;
+  CpuBudget upload_cpu_;
   ReconstructionServiceImpl reconstruction_;
   RenderServiceImpl render_;
   ModelServiceImpl model_;

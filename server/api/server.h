@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
 #include "proto/litags/v1/limits.h"
+#include "server/api/cpu_budget.h"
 #include "server/api/gate.h"
 #include "server/api/render_service.h"
 #include "server/auth/authenticator.h"
@@ -44,6 +45,7 @@ struct ServerOptions {
   AuthOptions auth;       // client_certificates follows from tls
   ClientLimits limits;
   AnswerLimits answers;
+  UploadCpuLimits upload_cpu;
   ConnectionLimits connections;
   int store_threads = 4;   // for calls about jobs
   int blob_threads = 4;    // for what may take long: uploads, previews, removal

@@ -38,12 +38,41 @@ void AddClientLimitFlags(CLI::App* app, ClientLimits* limits) {
     app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
   };
   add("--max-jobs", limits->max_jobs, "Jobs of one client at one time; 0: no limit");
-  add("--max-bytes", limits->max_bytes, "Bytes of all files of one client; 0: no limit");
+  add("--max-bytes", limits->max_bytes,
+      "Bytes of all files and results of one client; 0: no limit");
   add("--max-streams", limits->max_streams,
       "Uploads, watches, paths and exports of one client at one time; 0: no limit");
   add("--pictures-per-second", limits->pictures_per_second,
       "Calls for pictures of one client a second; 0: no limit");
   add("--picture-burst", limits->picture_burst, "So many calls at once after a pause");
+}
+
+void AddCapFlags(CLI::App* app, JobCaps* caps) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+  };
+  add("--max-iterations", caps->max_iterations, "Iterations that a job may ask for; 0: no limit");
+  add("--max-gaussians", caps->max_gaussians, "Gaussians that a job may ask for; 0: no limit");
+  add("--max-run-seconds", caps->max_run_seconds,
+      "Seconds that a job may ask to run, and gets that asks for none; 0: no limit");
+  app->add_option("--max-priority", caps->max_priority,
+                  "Priority that clients with a name may ask for")
+      ->check(CLI::Range(-kMaxJobPriority, kMaxJobPriority))
+      ->capture_default_str();
+  app->add_option("--max-job-memory", caps->max_memory_bytes,
+                  "Memory that a job may ask for, as 6GiB; 0: no limit")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+}
+
+void AddUploadCpuFlags(CLI::App* app, UploadCpuLimits* limits) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+  };
+  add("--upload-cpu", limits->per_second,
+      "Seconds of one core, each second, that the uploads of one client may take; beyond, they "
+      "wait; 0: no limit");
+  add("--upload-cpu-burst", limits->burst_seconds, "So many such seconds at once after a pause");
 }
 
 void AddRenderFlags(CLI::App* app, ServerOptions* server) {
@@ -60,6 +89,11 @@ void AddRenderFlags(CLI::App* app, ServerOptions* server) {
       "second more for each MiB");
   app->add_option("--max-unread-bytes", server->answers.max_unread_bytes,
                   "Memory for pictures and models that clients have not read yet, as 512MiB; one "
+                  "client may have half of it")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  app->add_option("--max-export-bytes", server->answers.max_export_bytes,
+                  "Disk space for exported models that clients have not read yet, as 4GiB; one "
                   "client may have half of it")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
@@ -161,6 +195,8 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   AddUploadFlags(app, flags);
   AddAccessFlags(app, &flags->server);
   AddClientLimitFlags(app, &flags->server.limits);
+  AddCapFlags(app, &flags->server.limits.caps);
+  AddUploadCpuFlags(app, &flags->server.upload_cpu);
   AddRenderFlags(app, &flags->server);
   AddConnectionFlags(app, &flags->server.connections);
   app->add_option("--metrics-listen", flags->metrics_listen,

@@ -77,8 +77,11 @@ absl::Status Unpacker::End() {
     ++unchanged_;
     return absl::OkStatus();
   }
-  LITAGS_RETURN_IF_ERROR(CheckContent(staging_path_, field, &file_));
-  LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file_, staging_path_));
+  LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file_));
+  if (!adopted) {
+    LITAGS_RETURN_IF_ERROR(CheckContent(staging_path_, field, &file_));
+    LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file_, staging_path_));
+  }
   ++stored_;
   return absl::OkStatus();
 }

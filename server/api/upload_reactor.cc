@@ -2,6 +2,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -14,6 +15,9 @@ namespace {
 
 using Message = google::protobuf::MessageLite;
 
+// How soon a client that hung up is noticed.
+constexpr double kMaxPauseSeconds = 1;
+
 absl::Status Stalled(double seconds) {
   return MakeError(absl::StatusCode::kDeadlineExceeded, "UPLOAD_STALLED", "",
                    absl::StrCat("nothing came for ", seconds,
@@ -23,11 +27,15 @@ absl::Status Stalled(double seconds) {
 }  // namespace
 
 UploadReactor::UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response,
-                             ThreadPool* pool)
-    : call_(std::move(call)), response_(response), pool_(pool), session_(call_->jobs(), cancel_) {
+                             ThreadPool* pool, CpuBudget* budget)
+    : call_(std::move(call)),
+      response_(response),
+      pool_(pool),
+      budget_(budget),
+      session_(call_->jobs(), cancel_) {
   ticket_ = call_->WatchToken([this] {
     const absl::Status known = call_->CheckToken();
-    if (known.ok() || !StopWaiting()) return;  // Read() finds it out
+    if (known.ok() || !StopWaiting()) return;  // Step() finds it out
     pool_->Run(call_->client().name, [this, known] { Finish(call_->End(known)); });
   });
   Read();
@@ -59,14 +67,31 @@ void UploadReactor::OnReadDone(bool ok) {
   AfterStart(this);
   timer_.Stop();
   if (!StopWaiting()) return;  // finished
+  Queue(ok);
+}
+
+void UploadReactor::Queue(bool ok) {
   pool_->Run(call_->client().name, [this, ok] { Step(ok); });
 }
 
 void UploadReactor::Step(bool ok) {
   if (cancel_.IsCancelled()) return Finish(call_->End(CallCancelled()));
-  const absl::Status status = ok ? Take() : Complete();
-  if (ok && status.ok()) return Read();
-  Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
+  if (const absl::Status known = call_->CheckToken(); !known.ok()) {
+    return Finish(call_->End(known));
+  }
+  const std::string& client = call_->client().name;
+  if (const double pause = budget_->SecondsToWait(client); pause > 0) {
+    return timer_.Start(std::min(pause, kMaxPauseSeconds), [this, ok] { Queue(ok); });
+  }
+  const double before = ThreadCpuSeconds();
+  const absl::Status status = session_.busy() ? session_.Continue() : ok ? Take() : Complete();
+  budget_->Spend(client, ThreadCpuSeconds() - before);
+  if (!status.ok()) {
+    return Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
+  }
+  if (session_.busy()) return Queue(ok);
+  if (ok) return Read();
+  Finish(call_->End(status));
 }
 
 absl::Status UploadReactor::Take() {

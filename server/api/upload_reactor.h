@@ -9,6 +9,7 @@
 
 #include "engine/core/cancel.h"
 #include "litags/v1/reconstruction_service.grpc.pb.h"
+#include "server/api/cpu_budget.h"
 #include "server/api/gate.h"
 #include "server/api/stall_timer.h"
 #include "server/api/thread_pool.h"
@@ -16,12 +17,13 @@
 
 namespace litags {
 
-// One UploadImages stream: its steps run on the pool, one after the other, and a client that says
-// nothing for too long, or whose token was taken back, is sent away. Deletes itself when the call
-// is over.
+// One UploadImages stream: its steps run on the pool, one after the other, those of a client that
+// took more than its share of the processor later. A client that says nothing for too long, or
+// whose token was taken back, is sent away. Deletes itself when the call is over.
 class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
  public:
-  UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response, ThreadPool* pool);
+  UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response, ThreadPool* pool,
+                CpuBudget* budget);
 
   void OnReadDone(bool ok) override;
   void OnCancel() override { cancel_.Cancel(); }
@@ -29,6 +31,8 @@ class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
 
  private:
   void Read();
+  void Queue(bool ok);
+  // Works on the message that came, or, without `ok`, on their end; a part of it at a time.
   void Step(bool ok);
   absl::Status Take();      // the message that was read
   absl::Status Complete();  // after the last
@@ -38,6 +42,7 @@ class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
   const std::shared_ptr<Call> call_;
   grpc::ByteBuffer* const response_;
   ThreadPool* const pool_;
+  CpuBudget* const budget_;
   CancelToken cancel_;
   UploadSession session_;
   grpc::ByteBuffer bytes_;

@@ -5,11 +5,12 @@
 #include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
 #include "server/api/status.h"
-#include "server/api/unpack.h"
-#include "server/archive/extract.h"
 
 namespace litags {
 namespace {
+
+// Of a file on disk, hashed in a part of a second.
+constexpr int64_t kCatchUpBytes = int64_t{64} << 20;
 
 // An error of the store that names no field is about this one.
 absl::Status WithField(const absl::Status& status, const std::string& field) {
@@ -17,6 +18,22 @@ absl::Status WithField(const absl::Status& status, const std::string& field) {
   if (!detail || !detail->field.empty()) return status;
   return MakeError(status.code(), detail->reason, field,
                    absl::StrCat(field, ": ", std::string(status.message())));
+}
+
+// Whether the bytes are those that were announced.
+absl::Status CheckDigest(PartialFile* partial, const UploadHeader& file) {
+  const absl::StatusOr<std::string> digest = partial->HexDigest();
+  if (!digest.ok()) return WithField(digest.status(), file.field);
+  if (*digest == file.record.sha256) return absl::OkStatus();
+  return InvalidInput("FILE_DIGEST_MISMATCH", file.field,
+                      absl::StrCat(file.field,
+                                   ": the bytes do not have the announced SHA-256; "
+                                   "they were damaged on the way, send them again"));
+}
+
+// The same bytes would be refused again.
+void DiscardIfInvalid(const absl::Status& status, PartialFile& partial) {
+  if (absl::IsInvalidArgument(status)) partial.Discard();
 }
 
 absl::Status OutOfOrder(const char* message) {
@@ -82,7 +99,16 @@ absl::Status UploadSession::Begin(const v1::FileHeader& header) {
     file.partial = *std::move(partial);
   }
   file_ = std::move(file);
-  return whole ? Complete() : absl::OkStatus();
+  catching_up_ = file_->partial && header.offset() > 0;
+  return whole && !catching_up_ ? Complete() : absl::OkStatus();
+}
+
+absl::Status UploadSession::Continue() {
+  if (unpacking_) return UnpackNext();
+  const absl::StatusOr<bool> done = file_->partial->CatchUp(kCatchUpBytes);
+  if (!done.ok()) return WithField(done.status(), file_->field);
+  catching_up_ = !*done;
+  return *done && file_->received == file_->record.size_bytes ? Complete() : absl::OkStatus();
 }
 
 absl::Status UploadSession::Append(const std::string& chunk) {
@@ -113,46 +139,59 @@ absl::Status UploadSession::Complete() {
     ++unchanged_;
     return absl::OkStatus();
   }
+  if (file.record.role == FileRole::kArchive) return BeginUnpacking(std::move(file));
   const absl::Status status = Store(file);
   if (status.ok() || absl::IsFailedPrecondition(status)) return status;
   // Whatever else is wrong with a file that another stream works on, this one lost it.
   LITAGS_RETURN_IF_ERROR(WithField(file.partial->CheckHeld(), file.field));
-  if (absl::IsInvalidArgument(status)) {
-    file.partial->Discard();  // the same bytes would be refused again
-  }
+  DiscardIfInvalid(status, *file.partial);
   return status;
 }
 
 absl::Status UploadSession::Store(Incoming& file) {
-  if (file.partial->HexDigest() != file.record.sha256) {
-    return InvalidInput("FILE_DIGEST_MISMATCH", file.field,
-                        absl::StrCat(file.field,
-                                     ": the bytes do not have the announced SHA-256; "
-                                     "they were damaged on the way, send them again"));
+  LITAGS_RETURN_IF_ERROR(CheckDigest(file.partial.get(), file));
+  // What another job has was decoded before.
+  LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file.record));
+  if (!adopted) {
+    LITAGS_RETURN_IF_ERROR(CheckContent(file.partial->path(), file.field, &file.record));
+    LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
   }
-  if (file.record.role == FileRole::kArchive) return Unpack(file);
-  LITAGS_RETURN_IF_ERROR(CheckContent(file.partial->path(), file.field, &file.record));
-  LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
   file.partial->Discard();  // what of it is left
   ++stored_;
   return absl::OkStatus();
 }
 
-absl::Status UploadSession::Unpack(Incoming& file) {
-  ArchiveLimits limits;
-  limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
-  limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
-  Unpacker unpacker(jobs_, job_id_, file.field);
-  const absl::Status status =
-      ExtractArchive(file.partial->path(), limits, file.field, &unpacker, cancel_);
+absl::Status UploadSession::BeginUnpacking(Incoming file) {
+  const absl::Status status = [&]() -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(CheckDigest(file.partial.get(), file));
+    ArchiveLimits limits;
+    limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
+    limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
+    auto unpacker = std::make_unique<Unpacker>(jobs_, job_id_, file.field);
+    LITAGS_ASSIGN_OR_RETURN(auto reader, ArchiveReader::Open(file.partial->path(), limits,
+                                                             file.field, unpacker.get(), cancel_));
+    unpacking_ = std::make_unique<Unpacking>(
+        Unpacking{std::move(file), std::move(unpacker), std::move(reader)});
+    return absl::OkStatus();
+  }();
+  if (!status.ok()) DiscardIfInvalid(status, *file.partial);
+  return status;
+}
+
+absl::Status UploadSession::UnpackNext() {
+  const absl::StatusOr<bool> more = unpacking_->reader->ReadNext();
+  if (more.ok() && *more) return absl::OkStatus();
+  const std::unique_ptr<Unpacking> done = std::move(unpacking_);
+  const Unpacker& unpacker = *done->unpacker;
   stored_ += unpacker.stored();
   unchanged_ += unpacker.unchanged();
   for (const std::string& name : unpacker.skipped()) {
     if (skipped_.size() < Unpacker::kMaxSkipped) skipped_.push_back(name);
   }
-  LITAGS_RETURN_IF_ERROR(status);
-  LITAGS_RETURN_IF_ERROR(jobs_->uploads().NoteArchive(job_id_, file.record));
-  file.partial->Discard();
+  DiscardIfInvalid(more.status(), *done->file.partial);
+  LITAGS_RETURN_IF_ERROR(more.status());
+  LITAGS_RETURN_IF_ERROR(jobs_->uploads().NoteArchive(job_id_, done->file.record));
+  done->file.partial->Discard();
   return absl::OkStatus();
 }
 

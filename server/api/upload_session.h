@@ -11,7 +11,9 @@
 #include "absl/status/status.h"
 #include "engine/core/cancel.h"
 #include "litags/v1/reconstruction_service.pb.h"
+#include "server/api/unpack.h"
 #include "server/api/upload_files.h"
+#include "server/archive/extract.h"
 #include "server/jobs/jobs.h"
 
 namespace litags {
@@ -25,6 +27,10 @@ class UploadSession {
   UploadSession(Jobs* jobs, CancelToken cancel) : jobs_(jobs), cancel_(std::move(cancel)) {}
 
   absl::Status Handle(const v1::UploadImagesRequest& request);
+  // Whether the last message leaves work to do, which may take long: then Continue() is to be
+  // called until it does not, and nothing else. Each call does a part, a second or so.
+  bool busy() const { return catching_up_ || unpacking_; }
+  absl::Status Continue();
   // The stream is complete. INVALID_ARGUMENT (FILE_TRUNCATED) inside a file.
   absl::Status End(v1::UploadImagesResponse* response);
 
@@ -35,6 +41,13 @@ class UploadSession {
     std::unique_ptr<PartialFile> partial;  // null: stored before, the bytes are only counted
   };
 
+  // An archive that has come.
+  struct Unpacking {
+    Incoming file;
+    std::unique_ptr<Unpacker> unpacker;
+    std::unique_ptr<ArchiveReader> reader;  // gives its files to the unpacker
+  };
+
   absl::Status Take(const v1::UploadImagesRequest& request);
   absl::Status Begin(const v1::FileHeader& header);
   absl::Status Conclude(const v1::UploadEnd& end);
@@ -42,14 +55,17 @@ class UploadSession {
   absl::Status CheckWhole() const;
   absl::Status Complete();
   absl::Status Store(Incoming& file);
-  absl::Status Unpack(Incoming& file);
+  absl::Status BeginUnpacking(Incoming file);
+  absl::Status UnpackNext();
 
   Jobs* const jobs_;
   const CancelToken cancel_;
   std::string job_id_;
   std::optional<Incoming> file_;
-  bool ended_ = false;  // by the client's word
-  int received_ = 0;    // files of the stream
+  bool ended_ = false;        // by the client's word
+  int received_ = 0;          // files of the stream
+  bool catching_up_ = false;  // with what earlier streams sent of file_
+  std::unique_ptr<Unpacking> unpacking_;
   int stored_ = 0, unchanged_ = 0;
   std::vector<std::string> skipped_;  // in archives
 };

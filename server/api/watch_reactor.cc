@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/convert.h"
+#include "server/api/cut_off.h"
 #include "server/api/grpc_order.h"
 #include "server/api/status.h"
 #include "server/jobs/state_machine.h"
@@ -39,11 +40,11 @@ void WatchReactor::OnCancel() { Wake(); }
 
 void WatchReactor::OnWriteDone(bool ok) {
   AfterStart(this);
-  if (ok) {
-    pool_->Run(call_->client().name, [this] { Step(); });
-  } else {
-    End(CallCancelled());
-  }
+  const bool stalled = timer_.Stop();
+  call_->Hold(0);
+  if (stalled) return End(AnswerNotRead());
+  if (!ok) return End(CallCancelled());
+  pool_->Run(call_->client().name, [this] { Step(); });
 }
 
 void WatchReactor::OnDone() {
@@ -70,6 +71,8 @@ void WatchReactor::Step() {
       last_ = ready_.front().number;
       ready_.pop_front();
       message_ = *std::move(message);
+      call_->Hold(static_cast<int64_t>(message_.ByteSizeLong()));
+      timer_.Start(call_->SecondsToRead(), [this] { CutOff(context_); });
       BeforeStart(this);
       return StartWrite(&message_);
     }
@@ -120,7 +123,7 @@ absl::Status WatchReactor::ReadMore(bool* over) {
 absl::StatusOr<v1::JobEvent> WatchReactor::Fill(const EventRecord& event) {
   std::string preview;
   LITAGS_ASSIGN_OR_RETURN(v1::JobEvent message, EventToProto(event, &preview));
-  if (request_.include_previews() && !preview.empty()) {
+  if (request_.include_previews() && !preview.empty() && call_->CheckRoom().ok()) {
     LITAGS_ASSIGN_OR_RETURN(*message.mutable_progress()->mutable_preview_png(),
                             jobs_->Preview(job_id_, preview));
   }

@@ -105,6 +105,28 @@ TEST_F(ClientJobStoreTest, BytesAreCountedOverAllJobsOfAClient) {
   EXPECT_TRUE(alice_.Update("a2", PutBytes(4)).ok());
 }
 
+TEST_F(ClientJobStoreTest, ResultsCountAndAboveTheQuotaNothingIsStarted) {
+  EXPECT_TRUE(alice_.Create(MakeJob("a2"), Nothing).ok());
+  const auto start = [](JobTransaction& job) {
+    job.job.state = JobState::kQueued;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(alice_.Update("a1", start).ok());
+  // Its worker is not held up.
+  const auto leave_results = [](JobTransaction& job) {
+    job.job.kept_bytes = 8;
+    job.job.preview_bytes = 3;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(store_->Update("a1", leave_results).ok());
+  EXPECT_EQ(store_->UsageOf("alice")->bytes, 11);
+  EXPECT_EQ(Reason(alice_.Update("a2", start).status()), "BYTE_QUOTA_REACHED");
+  EXPECT_EQ(Reason(alice_.Update("a2", PutBytes(1)).status()), "BYTE_QUOTA_REACHED");
+  EXPECT_TRUE(alice_.Update("a2", Nothing).ok());
+  ASSERT_TRUE(alice_.Update("a1", [](JobTransaction& job) { return job.Remove(); }).ok());
+  EXPECT_TRUE(alice_.Update("a2", start).ok());
+}
+
 TEST_F(ClientJobStoreTest, ClientAboveALoweredQuotaMayStillDoWhatAddsNothing) {
   ClientJobStore before(store_.get(), {.owner = "alice"});
   ASSERT_TRUE(before.Update("a1", PutBytes(100)).ok());

@@ -186,6 +186,12 @@ std::string Encode(const SnapshotRecord& snapshot) { return EncodeRecord(snapsho
 std::string Encode(const ReconstructReport& report) { return EncodeRecord(report); }
 std::string Encode(const KeptFiles& files) { return EncodeRecord(files); }
 
+void SetKept(JobRecord* job, const KeptFiles& files) {
+  job->kept = Encode(files);
+  job->kept_bytes = 0;
+  for (const auto& [name, file] : files) job->kept_bytes += file.bytes;
+}
+
 std::vector<std::string> Differences(const ReconstructOptions& a, const ReconstructOptions& b) {
   std::vector<std::string> values, names;
   VisitFields(FieldsOf<ReconstructOptions>(), a,

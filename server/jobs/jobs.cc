@@ -51,6 +51,24 @@ absl::Status CheckMasks(const std::vector<FileRecord>& files) {
   return absl::OkStatus();
 }
 
+// Jobs that were made before there were policies have none.
+absl::StatusOr<JobPolicy> PolicyOf(const JobRecord& job) {
+  return job.policy.empty() ? JobPolicy() : Decode<JobPolicy>(job.policy);
+}
+
+// The caps may be others than when the job was made.
+absl::Status ApplyCaps(const JobCaps& caps, JobRecord* job) {
+  ReconstructOptions options;
+  if (!job->options.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(options, Decode<ReconstructOptions>(job->options));
+  }
+  LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(*job));
+  LITAGS_RETURN_IF_ERROR(caps.Check(options, policy));
+  caps.LimitRunTime(&policy);
+  job->policy = Encode(policy);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
@@ -59,13 +77,15 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
     Jobs jobs;
     Owned(const Jobs& all, const ClientView& view)
         : store(all.store_, view),
-          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view.max_bytes) {}
+          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view.max_bytes,
+               view.caps) {}
   };
   auto owned = std::make_shared<Owned>(*this, view);
   return {owned, &owned->jobs};
 }
 
 absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
+  LITAGS_RETURN_IF_ERROR(caps_.Check(wanted.options, wanted.policy));
   const int64_t now_ms = clock_();
   JobRecord job;
   job.id = RandomHex(8);
@@ -136,6 +156,7 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
   LITAGS_RETURN_IF_ERROR(CheckPhotos(files));
   LITAGS_RETURN_IF_ERROR(CheckMasks(files));
+  LITAGS_RETURN_IF_ERROR(ApplyCaps(caps_, &job.job));
   job.job.attempt = 0;
   job.job.run_ms = 0;
   return ApplyAction(job, action, clock_(), message);
@@ -172,10 +193,7 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
   return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
     if (!change) return Enqueue(job, JobAction::kResume, "resumed");
     LITAGS_ASSIGN_OR_RETURN(const auto before, Decode<ReconstructOptions>(job.job.options));
-    JobPolicy policy;
-    if (!job.job.policy.empty()) {
-      LITAGS_ASSIGN_OR_RETURN(policy, Decode<JobPolicy>(job.job.policy));
-    }
+    LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(job.job));
     ReconstructOptions options = before;
     LITAGS_RETURN_IF_ERROR(change(options, policy));
     LITAGS_ASSIGN_OR_RETURN(options, ResumedOptions(before, options));

@@ -475,5 +475,33 @@ TEST_F(JobsTest, BlobsThatNoRowNamesAreRemovedOnceTheJobHasEnded) {
   EXPECT_EQ(blobs_->List("jobs/" + id + "/" + std::to_string(lost.job.last_event))->size(), 2u);
 }
 
+TEST_F(JobsTest, WhatARunLeavesIsCountedAndPreviewsAreBounded) {
+  LeaseOptions options;
+  options.max_preview_bytes = 100;
+  Leases leases(store_.get(), blobs_.get(), options, clock_);
+  const std::string id = StartedJob();
+  const int64_t files = store_->UsageOf("")->bytes;
+  const Lease lease = **leases.Acquire("w1");
+  Progress progress;
+  for (int i = 0; i < 3; ++i) {
+    progress.iteration = i;
+    progress.preview_png.assign(60, static_cast<uint8_t>(i));
+    ASSERT_TRUE(leases.AddProgress(lease, progress).ok());
+  }
+  std::vector<bool> has_preview;
+  const std::vector<EventRecord> events = *jobs_.Events(id, 0, 1000);
+  for (const EventRecord& event : events) {
+    if (event.kind != EventKind::kProgress) continue;
+    has_preview.push_back(!Decode<ProgressRecord>(event.payload)->preview.empty());
+  }
+  EXPECT_EQ(has_preview, (std::vector<bool>{true, false, false}));
+  ASSERT_TRUE(leases.Keep(lease, {{"checkpoint.litags", {"1/aa", 1000}}}, 1).ok());
+  ASSERT_TRUE(leases.Keep(lease, {{"checkpoint.litags", {"1/bb", 2000}}}, 2).ok());
+  EXPECT_EQ(store_->UsageOf("")->bytes, files + 60 + 2000);
+  const KeptFiles kept = {{"checkpoint.litags", {"1/bb", 2000}}, {kSceneFile, {"1/cc", 500}}};
+  ASSERT_TRUE(leases.Succeed(lease, {}, kept).ok());
+  EXPECT_EQ(store_->UsageOf("")->bytes, files + 60 + 2500);
+}
+
 }  // namespace
 }  // namespace litags

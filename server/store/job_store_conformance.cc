@@ -30,6 +30,8 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   job.kept = "{\"scene\":1}";
   job.has_unreferenced_blobs = true;
   job.unreferenced_bytes = 9;
+  job.kept_bytes = 10;
+  job.preview_bytes = 11;
   job.options = "{\"o\":1}";
   job.progress = "{\"p\":1}";
   job.error = "{\"e\":1}";
@@ -55,6 +57,8 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   EXPECT_EQ(read->kept, job.kept);
   EXPECT_TRUE(read->has_unreferenced_blobs);
   EXPECT_EQ(read->unreferenced_bytes, 9);
+  EXPECT_EQ(read->kept_bytes, 10);
+  EXPECT_EQ(read->preview_bytes, 11);
   EXPECT_EQ(read->options, job.options);
   EXPECT_EQ(read->progress, job.progress);
   EXPECT_EQ(read->error, job.error);

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <atomic>
 #include <future>
 #include <string>
 #include <vector>
@@ -63,6 +65,26 @@ TEST(ThreadPool, ClientsTakeTurnsAndFillOnlyTheirOwnQueue) {
   EXPECT_FALSE(pool.Try("alice", "a3"));
   EXPECT_TRUE(pool.Try("bob", "b1"));
   EXPECT_THAT(pool.End(), ElementsAre("a1", "b1", "a2"));
+}
+
+TEST(ThreadPool, LongTasksOfOneClientLeaveAThreadForOthers) {
+  std::promise<void> free, others_turn;
+  const std::shared_future<void> freed = free.get_future().share();
+  std::atomic<int> hers = 0, at_once = 0;
+  {
+    ThreadPool pool(3, kMaxWaiting, absl::ResourceExhaustedError("busy"), /*max_running=*/2);
+    for (int i = 0; i < 5; ++i) {
+      pool.Run("alice", [&] {
+        at_once = std::max(at_once.load(), ++hers);
+        freed.wait();
+        --hers;
+      });
+    }
+    pool.Run("bob", [&] { others_turn.set_value(); });
+    others_turn.get_future().wait();  // for ever, if hers had all threads
+    free.set_value();
+  }
+  EXPECT_LE(at_once, 2);
 }
 
 }  // namespace
