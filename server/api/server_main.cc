@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "engine/core/arguments.h"
 #include "engine/core/error.h"
+#include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
 #include "server/api/health_monitor.h"
 #include "server/api/preflight.h"
@@ -50,8 +51,7 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   };
   pass("--data", data.root);
   // Not as arguments: the store's URL may hold a password.
-  workers.env = {"LITAGS_STORE=" + flags.places.jobs, "LITAGS_BLOBS=" + flags.places.blobs,
-                 "LITAGS_S3_ENDPOINT=" + flags.places.s3_endpoint};
+  workers.env = flags.places.Environment();
   pass("--threads", absl::StrCat(flags.threads));
   const Resources found = FoundResources();
   const int share = std::max(1, flags.workers);
@@ -75,6 +75,7 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
 
 absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, Engine* engine,
                    const ShutdownSignal& signal) {
+  HideFromOtherProcesses();
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
