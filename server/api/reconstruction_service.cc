@@ -112,7 +112,7 @@ grpc::ServerReadReactor<v1::UploadImagesRequest>* ReconstructionServiceImpl::Upl
     Context* context, v1::UploadImagesResponse* response) {
   return RunStream<grpc::ServerReadReactor<v1::UploadImagesRequest>>(
       gate_, context, {"UploadImages", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
-        return new UploadReactor(std::move(call), response, blob_pool_);
+        return new UploadReactor(std::move(call), response, blob_pool_, reader_);
       });
 }
 

@@ -6,6 +6,7 @@
 #include "server/api/gate.h"
 #include "server/api/thread_pool.h"
 #include "server/jobs/jobs.h"
+#include "server/reader/file_reader.h"
 
 namespace litags {
 
@@ -14,8 +15,9 @@ class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackServ
  public:
   // All must outlive this; `pool` runs what touches the job store only and is short, `blob_pool`
   // what reads and writes files.
-  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, ThreadPool* blob_pool)
-      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(blob_pool) {}
+  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, ThreadPool* blob_pool,
+                            FileReader* reader)
+      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(blob_pool), reader_(reader) {}
 
   using Context = grpc::CallbackServerContext;
 
@@ -51,6 +53,7 @@ class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackServ
   EventHub* const hub_;
   ThreadPool* const pool_;
   ThreadPool* const blob_pool_;
+  FileReader* const reader_;
 };
 
 }  // namespace litags

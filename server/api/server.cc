@@ -52,9 +52,11 @@ class GrpcServer : public Server {
         blob_pool_(options.blob_threads, options.max_waiting_calls, ServerBusy()),
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
+        own_reader_(options.reader ? nullptr : MakeInProcessReader()),
         hub_(jobs),
         scenes_(engine, options.scene_cache_bytes),
-        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_),
+        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_,
+                        options.reader ? options.reader : own_reader_.get()),
         render_(&gate_, &scenes_, &render_pool_, options.render),
         model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp()) {}
 
@@ -120,6 +122,7 @@ class GrpcServer : public Server {
   const std::unique_ptr<Authenticator> authenticator_;
   Gate gate_;
   ThreadPool store_pool_, blob_pool_, render_pool_;
+  const std::unique_ptr<FileReader> own_reader_;
   EventHub hub_;
   SceneCache scenes_;
   ReconstructionServiceImpl reconstruction_;

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -24,6 +25,8 @@
 #include "server/jobs/move.h"
 #include "server/jobs/work_import.h"
 #include "server/metrics/metrics_server.h"
+#include "server/reader/file_reader.h"
+#include "server/reader/read_files_main.h"
 #include "server/store/open_stores.h"
 #include "server/worker/log.h"
 #include "server/worker/machine.h"
@@ -89,7 +92,10 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
   Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads);
   Leases leases(store.get(), blobs.get());
-  LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));
+  const auto reader = MakeRemoteReader({"/proc/self/exe", kReadFilesCommand});
+  ServerOptions options = flags.server;
+  options.reader = reader.get();
+  LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(options, &jobs, engine));
   std::unique_ptr<MetricsServer> metrics;
   if (!flags.metrics_listen.empty()) {
     LITAGS_ASSIGN_OR_RETURN(metrics,
@@ -168,6 +174,7 @@ int Fail(const absl::Status& status) {
 }  // namespace
 
 int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory make_engine) {
+  if (argc == 2 && argv[1] == std::string_view(kReadFilesCommand)) return ReadFilesMain();
   ServerFlags flags;
   CLI::App app{"Reconstructs scenes from badly lit photos, as a gRPC service."};
   app.set_version_flag("--version", LITAGS_VERSION);

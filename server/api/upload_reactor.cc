@@ -17,8 +17,11 @@ absl::Status Stalled(double seconds) {
 }  // namespace
 
 UploadReactor::UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response,
-                             ThreadPool* pool)
-    : call_(std::move(call)), response_(response), pool_(pool), session_(call_->jobs(), cancel_) {
+                             ThreadPool* pool, FileReader* reader)
+    : call_(std::move(call)),
+      response_(response),
+      pool_(pool),
+      session_(call_->jobs(), reader, cancel_) {
   Read();
 }
 

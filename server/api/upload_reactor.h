@@ -18,7 +18,8 @@ namespace litags {
 // nothing for too long is sent away. Deletes itself when the call is over.
 class UploadReactor : public grpc::ServerReadReactor<v1::UploadImagesRequest> {
  public:
-  UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response, ThreadPool* pool);
+  UploadReactor(std::shared_ptr<Call> call, v1::UploadImagesResponse* response, ThreadPool* pool,
+                FileReader* reader);
 
   void OnReadDone(bool ok) override;
   void OnCancel() override { cancel_.Cancel(); }

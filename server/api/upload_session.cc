@@ -6,7 +6,6 @@
 #include "server/api/convert.h"
 #include "server/api/status.h"
 #include "server/api/unpack.h"
-#include "server/archive/extract.h"
 
 namespace litags {
 namespace {
@@ -111,7 +110,10 @@ absl::Status UploadSession::Store(Incoming& file) {
                                      "they were damaged on the way, send them again"));
   }
   if (file.record.role == FileRole::kArchive) return Unpack(file);
-  LITAGS_RETURN_IF_ERROR(CheckContent(file.partial->path(), file.field, &file.record));
+  // A model's three files make sense together only: the engine checks them when the job runs.
+  if (file.record.role != FileRole::kColmap) {
+    LITAGS_RETURN_IF_ERROR(reader_->Check(file.partial->path(), file.field, &file.record, cancel_));
+  }
   LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
   file.partial->Discard();  // what of it is left
   ++stored_;
@@ -122,9 +124,9 @@ absl::Status UploadSession::Unpack(Incoming& file) {
   ArchiveLimits limits;
   limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
   limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
-  Unpacker unpacker(jobs_, job_id_, file.field);
+  Unpacker unpacker(jobs_, reader_, job_id_, file.field, cancel_);
   const absl::Status status =
-      ExtractArchive(file.partial->path(), limits, file.field, &unpacker, cancel_);
+      reader_->Extract(file.partial->path(), limits, file.field, &unpacker, cancel_);
   stored_ += unpacker.stored();
   unchanged_ += unpacker.unchanged();
   skipped_.insert(skipped_.end(), unpacker.skipped().begin(), unpacker.skipped().end());

@@ -13,6 +13,7 @@
 #include "litags/v1/reconstruction_service.pb.h"
 #include "server/api/upload_files.h"
 #include "server/jobs/jobs.h"
+#include "server/reader/file_reader.h"
 
 namespace litags {
 
@@ -21,8 +22,9 @@ namespace litags {
 // not complete when the stream ends is kept for the next one.
 class UploadSession {
  public:
-  // An archive that is being unpacked is left when `cancel` is raised.
-  UploadSession(Jobs* jobs, CancelToken cancel) : jobs_(jobs), cancel_(std::move(cancel)) {}
+  // A file that is being read is left when `cancel` is raised. The others must outlive this.
+  UploadSession(Jobs* jobs, FileReader* reader, CancelToken cancel)
+      : jobs_(jobs), reader_(reader), cancel_(std::move(cancel)) {}
 
   absl::Status Handle(const v1::UploadImagesRequest& request);
   // The stream is complete. INVALID_ARGUMENT (FILE_TRUNCATED) inside a file.
@@ -42,6 +44,7 @@ class UploadSession {
   absl::Status Unpack(Incoming& file);
 
   Jobs* const jobs_;
+  FileReader* const reader_;
   const CancelToken cancel_;
   std::string job_id_;
   std::optional<Incoming> file_;
