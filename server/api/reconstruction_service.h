@@ -7,6 +7,7 @@
 #include "server/api/gate.h"
 #include "server/api/thread_pool.h"
 #include "server/jobs/jobs.h"
+#include "server/reader/file_reader.h"
 
 namespace litags {
 
@@ -21,8 +22,13 @@ class ReconstructionServiceImpl
   // All must outlive this; `pool` runs what touches the job store only and is short, `blob_pool`
   // what reads and writes files.
   ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, ThreadPool* blob_pool,
-                            CpuBudget* upload_cpu)
-      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(blob_pool), upload_cpu_(upload_cpu) {}
+                            FileReader* reader, CpuBudget* upload_cpu)
+      : gate_(gate),
+        hub_(hub),
+        pool_(pool),
+        blob_pool_(blob_pool),
+        reader_(reader),
+        upload_cpu_(upload_cpu) {}
 
   using Context = grpc::CallbackServerContext;
 
@@ -58,6 +64,7 @@ class ReconstructionServiceImpl
   EventHub* const hub_;
   ThreadPool* const pool_;
   ThreadPool* const blob_pool_;
+  FileReader* const reader_;
   CpuBudget* const upload_cpu_;
 };
 

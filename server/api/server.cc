@@ -81,10 +81,12 @@ class GrpcServer : public Server {
                    options.blob_threads - 1),
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
+        own_reader_(options.reader ? nullptr : MakeInProcessReader()),
         hub_(jobs),
         scenes_(engine, options.scene_cache_bytes),
         upload_cpu_(options.upload_cpu),
-        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_, &upload_cpu_),
+        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_,
+                        options.reader ? options.reader : own_reader_.get(), &upload_cpu_),
         render_(&gate_, &scenes_, &render_pool_, options.render),
         model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp(),
                options.answers.max_export_bytes) {}
@@ -176,6 +178,7 @@ class GrpcServer : public Server {
   Connections connections_;
   Gate gate_;
   ThreadPool store_pool_, blob_pool_, render_pool_;
+  const std::unique_ptr<FileReader> own_reader_;
   EventHub hub_;
   SceneCache scenes_;
   CpuBudget upload_cpu_;

@@ -17,6 +17,7 @@
 #include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
 #include "server/net/connections.h"
+#include "server/reader/file_reader.h"
 
 namespace litags {
 
@@ -54,6 +55,8 @@ struct ServerOptions {
   size_t max_waiting_pictures = 32;
   RenderLimits render;
   int64_t scene_cache_bytes = int64_t{1} << 30;
+  FileReader* reader = nullptr;  // of what clients upload; must outlive the server; null: a new one
+                                 // that reads in this process
 };
 
 // What the services need. Pictures and models need the store only.

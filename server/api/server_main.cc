@@ -10,11 +10,13 @@
 #include <cstdio>
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/arguments.h"
 #include "engine/core/error.h"
+#include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
 #include "server/api/health_monitor.h"
 #include "server/api/preflight.h"
@@ -27,6 +29,8 @@
 #include "server/jobs/move.h"
 #include "server/metrics/metrics_server.h"
 #include "server/net/descriptors.h"
+#include "server/reader/file_reader.h"
+#include "server/reader/read_files_main.h"
 #include "server/store/open_stores.h"
 #include "server/worker/log.h"
 #include "server/worker/machine.h"
@@ -54,8 +58,7 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   };
   pass("--data", data.root);
   // Not as arguments: the store's URL may hold a password.
-  workers.env = {"LITAGS_STORE=" + flags.places.jobs, "LITAGS_BLOBS=" + flags.places.blobs,
-                 "LITAGS_S3_ENDPOINT=" + flags.places.s3_endpoint};
+  workers.env = flags.places.Environment();
   pass("--threads", absl::StrCat(flags.threads));
   const Resources found = FoundResources();
   const int share = std::max(1, flags.workers);
@@ -97,6 +100,7 @@ std::unique_ptr<SelfCall> WatchListener(const ServerFlags& flags, const Server& 
 
 absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, Engine* engine,
                    const ShutdownSignal& signal) {
+  HideFromOtherProcesses();
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
   LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
@@ -111,7 +115,10 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
   Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads);
   Leases leases(store.get(), blobs.get());
-  LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));
+  const auto reader = MakeRemoteReader({"/proc/self/exe", kReadFilesCommand});
+  ServerOptions options = flags.server;
+  options.reader = reader.get();
+  LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(options, &jobs, engine));
   std::unique_ptr<MetricsServer> metrics;
   if (!flags.metrics_listen.empty()) {
     LITAGS_ASSIGN_OR_RETURN(metrics,
@@ -196,6 +203,7 @@ int Fail(const absl::Status& status) {
 }  // namespace
 
 int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory make_engine) {
+  if (argc == 2 && argv[1] == std::string_view(kReadFilesCommand)) return ReadFilesMain();
   ServerFlags flags;
   CLI::App app{"Reconstructs scenes from badly lit photos, as a gRPC service."};
   app.set_version_flag("--version", LITAGS_VERSION);

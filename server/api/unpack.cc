@@ -18,10 +18,13 @@ std::string PathIn(const ArchiveEntry& entry) {
 
 }  // namespace
 
-Unpacker::Unpacker(Jobs* jobs, std::string job_id, std::string field)
+Unpacker::Unpacker(Jobs* jobs, FileReader* reader, std::string job_id, std::string field,
+                   CancelToken cancel)
     : jobs_(jobs),
+      reader_(reader),
       job_id_(std::move(job_id)),
       field_(std::move(field)),
+      cancel_(std::move(cancel)),
       staging_path_(absl::StrCat(jobs->data().tmp(), "/unpack-", RandomHex(8))) {}
 
 Unpacker::~Unpacker() { unlink(staging_path_.c_str()); }
@@ -79,7 +82,9 @@ absl::Status Unpacker::End() {
   }
   LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file_));
   if (!adopted) {
-    LITAGS_RETURN_IF_ERROR(CheckContent(staging_path_, field, &file_));
+    if (file_.role != FileRole::kColmap) {
+      LITAGS_RETURN_IF_ERROR(reader_->Check(staging_path_, field, &file_, cancel_));
+    }
     LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file_, staging_path_));
   }
   ++stored_;

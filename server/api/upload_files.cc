@@ -9,11 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/types/span.h"
 #include "engine/core/error.h"
-#include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
-#include "engine/io/mask_io.h"
-#include "engine/io/transforms_io.h"
 #include "proto/litags/v1/limits.h"
 #include "server/store/digest.h"
 
@@ -137,34 +133,6 @@ absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
                      " lies beyond the end of the file of ", header.size_bytes(), " bytes"));
   }
   return file;
-}
-
-absl::Status CheckContent(const std::string& path, const std::string& field, FileRecord* file) {
-  // A model's three files make sense together only: the engine checks them when the job runs.
-  if (file->role == FileRole::kColmap) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, file->size_bytes));
-  switch (file->role) {
-    case FileRole::kPhoto: {
-      LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, DecodeImage(bytes, field));
-      file->width = image.width;
-      file->height = image.height;
-      return absl::OkStatus();
-    }
-    case FileRole::kCameras:
-      return ParseTransforms(bytes, field).status();
-    case FileRole::kDepth:
-      return DecodeDepthMap(bytes, field).status();
-    case FileRole::kMask: {
-      LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, DecodeMask(bytes, field));
-      file->width = mask.width;
-      file->height = mask.height;
-      return absl::OkStatus();
-    }
-    case FileRole::kColmap:
-    case FileRole::kArchive:
-      break;
-  }
-  return absl::OkStatus();
 }
 
 std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry) {

@@ -27,12 +27,12 @@ absl::Status Stalled(double seconds) {
 }  // namespace
 
 UploadReactor::UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response,
-                             ThreadPool* pool, CpuBudget* budget)
+                             ThreadPool* pool, FileReader* reader, CpuBudget* budget)
     : call_(std::move(call)),
       response_(response),
       pool_(pool),
       budget_(budget),
-      session_(call_->jobs(), cancel_) {
+      session_(call_->jobs(), reader, cancel_) {
   ticket_ = call_->WatchToken([this] {
     const absl::Status known = call_->CheckToken();
     if (known.ok() || !StopWaiting()) return;  // Step() finds it out
@@ -85,7 +85,8 @@ void UploadReactor::Step(bool ok) {
   }
   const double before = ThreadCpuSeconds();
   const absl::Status status = session_.busy() ? session_.Continue() : ok ? Take() : Complete();
-  budget_->Spend(client, ThreadCpuSeconds() - before);
+  // While another process reads a file, it takes the processor and this thread waits.
+  budget_->Spend(client, std::max(ThreadCpuSeconds() - before, session_.TakeReadingSeconds()));
   if (!status.ok()) {
     return Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
   }

@@ -23,7 +23,7 @@ namespace litags {
 class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
  public:
   UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response, ThreadPool* pool,
-                CpuBudget* budget);
+                FileReader* reader, CpuBudget* budget);
 
   void OnReadDone(bool ok) override;
   void OnCancel() override { cancel_.Cancel(); }

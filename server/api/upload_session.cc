@@ -1,16 +1,32 @@
 #include "server/api/upload_session.h"
 
+#include <chrono>
+
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
 #include "server/api/status.h"
+#include "server/api/unpack.h"
 
 namespace litags {
 namespace {
 
 // Of a file on disk, hashed in a part of a second.
 constexpr int64_t kCatchUpBytes = int64_t{64} << 20;
+
+// Adds the time until its end to a sum, seconds.
+class Timer {
+ public:
+  explicit Timer(double* sum) : sum_(sum) {}
+  ~Timer() {
+    *sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  double* const sum_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
 
 // An error of the store that names no field is about this one.
 absl::Status WithField(const absl::Status& status, const std::string& field) {
@@ -153,7 +169,12 @@ absl::Status UploadSession::Store(Incoming& file) {
   // What another job has was decoded before.
   LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file.record));
   if (!adopted) {
-    LITAGS_RETURN_IF_ERROR(CheckContent(file.partial->path(), file.field, &file.record));
+    // A model's three files make sense together only: the engine checks them when the job runs.
+    if (file.record.role != FileRole::kColmap) {
+      const Timer timer(&reading_seconds_);
+      LITAGS_RETURN_IF_ERROR(
+          reader_->Check(file.partial->path(), file.field, &file.record, cancel_));
+    }
     LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
   }
   file.partial->Discard();  // what of it is left
@@ -167,11 +188,11 @@ absl::Status UploadSession::BeginUnpacking(Incoming file) {
     ArchiveLimits limits;
     limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
     limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
-    auto unpacker = std::make_unique<Unpacker>(jobs_, job_id_, file.field);
-    LITAGS_ASSIGN_OR_RETURN(auto reader, ArchiveReader::Open(file.partial->path(), limits,
-                                                             file.field, unpacker.get(), cancel_));
+    auto unpacker = std::make_unique<Unpacker>(jobs_, reader_, job_id_, file.field, cancel_);
+    LITAGS_ASSIGN_OR_RETURN(auto archive, reader_->OpenArchive(file.partial->path(), limits,
+                                                               file.field, unpacker.get(), cancel_));
     unpacking_ = std::make_unique<Unpacking>(
-        Unpacking{std::move(file), std::move(unpacker), std::move(reader)});
+        Unpacking{std::move(file), std::move(unpacker), std::move(archive)});
     return absl::OkStatus();
   }();
   if (!status.ok()) DiscardIfInvalid(status, *file.partial);
@@ -179,7 +200,10 @@ absl::Status UploadSession::BeginUnpacking(Incoming file) {
 }
 
 absl::Status UploadSession::UnpackNext() {
-  const absl::StatusOr<bool> more = unpacking_->reader->ReadNext();
+  const absl::StatusOr<bool> more = [&] {
+    const Timer timer(&reading_seconds_);
+    return unpacking_->archive->ReadNext();
+  }();
   if (more.ok() && *more) return absl::OkStatus();
   const std::unique_ptr<Unpacking> done = std::move(unpacking_);
   const Unpacker& unpacker = *done->unpacker;

@@ -15,6 +15,7 @@
 #include "server/api/upload_files.h"
 #include "server/archive/extract.h"
 #include "server/jobs/jobs.h"
+#include "server/reader/file_reader.h"
 
 namespace litags {
 
@@ -23,14 +24,17 @@ namespace litags {
 // not complete when the stream ends is kept for the next one.
 class UploadSession {
  public:
-  // An archive that is being unpacked is left when `cancel` is raised.
-  UploadSession(Jobs* jobs, CancelToken cancel) : jobs_(jobs), cancel_(std::move(cancel)) {}
+  // A file that is being read is left when `cancel` is raised. The others must outlive this.
+  UploadSession(Jobs* jobs, FileReader* reader, CancelToken cancel)
+      : jobs_(jobs), reader_(reader), cancel_(std::move(cancel)) {}
 
   absl::Status Handle(const v1::UploadImagesRequest& request);
   // Whether the last message leaves work to do, which may take long: then Continue() is to be
   // called until it does not, and nothing else. Each call does a part, a second or so.
   bool busy() const { return catching_up_ || unpacking_; }
   absl::Status Continue();
+  // How long its files were being read since the last call.
+  double TakeReadingSeconds() { return std::exchange(reading_seconds_, 0.0); }
   // The stream is complete. INVALID_ARGUMENT (FILE_TRUNCATED) inside a file.
   absl::Status End(v1::UploadImagesResponse* response);
 
@@ -45,7 +49,7 @@ class UploadSession {
   struct Unpacking {
     Incoming file;
     std::unique_ptr<Unpacker> unpacker;
-    std::unique_ptr<ArchiveReader> reader;  // gives its files to the unpacker
+    std::unique_ptr<ArchiveReader> archive;  // gives its files to the unpacker
   };
 
   absl::Status Take(const v1::UploadImagesRequest& request);
@@ -59,6 +63,7 @@ class UploadSession {
   absl::Status UnpackNext();
 
   Jobs* const jobs_;
+  FileReader* const reader_;
   const CancelToken cancel_;
   std::string job_id_;
   std::optional<Incoming> file_;
@@ -66,6 +71,7 @@ class UploadSession {
   int received_ = 0;          // files of the stream
   bool catching_up_ = false;  // with what earlier streams sent of file_
   std::unique_ptr<Unpacking> unpacking_;
+  double reading_seconds_ = 0;
   int stored_ = 0, unchanged_ = 0;
   std::vector<std::string> skipped_;  // in archives
 };

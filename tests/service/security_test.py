@@ -233,6 +233,7 @@ class Settings(unittest.TestCase):
         self.assertRegex(out, r"(?m)^ok +store ")
         self.assertRegex(out, r"(?m)^ok +space +\d+ MiB free")
         self.assertRegex(out, r"(?m)^ok +colmap +COLMAP 3\.8")
+        self.assertRegex(out, r"(?m)^(ok|note) +confinement ")
         code, out, _ = run_server("--check", "--data", self.data, "--colmap", "/missing/colmap",
                                   "--tls-cert", "/missing", "--tls-key", "/missing")
         self.assertEqual(code, 1)
