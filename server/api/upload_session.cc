@@ -189,8 +189,9 @@ absl::Status UploadSession::BeginUnpacking(Incoming file) {
     limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
     limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
     auto unpacker = std::make_unique<Unpacker>(jobs_, reader_, job_id_, file.field, cancel_);
-    LITAGS_ASSIGN_OR_RETURN(auto archive, reader_->OpenArchive(file.partial->path(), limits,
-                                                               file.field, unpacker.get(), cancel_));
+    LITAGS_ASSIGN_OR_RETURN(
+        auto archive,
+        reader_->OpenArchive(file.partial->path(), limits, file.field, unpacker.get(), cancel_));
     unpacking_ = std::make_unique<Unpacking>(
         Unpacking{std::move(file), std::move(unpacker), std::move(archive)});
     return absl::OkStatus();

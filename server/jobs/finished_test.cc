@@ -89,6 +89,7 @@ class FinishedTest : public ::testing::Test {
     const JobRecord job = *jobs_.Get(id);
     EXPECT_EQ(job.state, state);
     EXPECT_EQ(**Jobs::SceneOf(job), finished_);
+    EXPECT_EQ(job.kept_bytes, finished_.bytes) << "counted once, whatever its names";
     EXPECT_EQ(job.snapshot_iteration, 100);
     EXPECT_EQ(Decode<ReconstructReport>(job.report)->iterations, 100);
     const auto events = *jobs_.Events(id, job.last_event - 1, 9);

@@ -28,13 +28,13 @@ absl::Status SetFinishedAside(JobRecord* job) {
   const auto scene = kept.find(kSceneFile);
   if (scene == kept.end()) return absl::OkStatus();
   kept[kFinishedScene] = scene->second;
-  job->kept = Encode(kept);
+  SetKept(job, kept);
   return absl::OkStatus();
 }
 
 absl::Status DropFinished(JobRecord* job) {
   LITAGS_ASSIGN_OR_RETURN(KeptFiles kept, KeptOf(*job));
-  if (kept.erase(kFinishedScene) > 0) job->kept = Encode(kept);
+  if (kept.erase(kFinishedScene) > 0) SetKept(job, kept);
   return absl::OkStatus();
 }
 
@@ -44,7 +44,7 @@ absl::Status BringFinishedBack(JobTransaction& job, int64_t now_ms, std::string*
   const auto finished = kept.find(kFinishedScene);
   if (finished == kept.end()) return absl::OkStatus();
   kept[kSceneFile] = finished->second;
-  job.job.kept = Encode(kept);
+  SetKept(&job.job, kept);
   job.job.has_unreferenced_blobs = true;
   ReconstructReport report;
   if (!job.job.report.empty()) {
@@ -59,6 +59,7 @@ absl::Status BringFinishedBack(JobTransaction& job, int64_t now_ms, std::string*
 // Other files will come: what was made of the old ones is of no use.
 void ForgetRuns(JobRecord* job) {
   job->kept.clear();
+  job->kept_bytes = 0;
   job->progress.clear();
   job->report.clear();
   job->snapshot_iteration = -1;
