@@ -76,7 +76,8 @@ TEST_F(WholeUpload, TheAnswerSaysHowManyFilesCame) {
 }
 
 TEST_F(WholeUpload, OfADeletedJobTheStreamIsNotTold404) {
-  UploadSession session(&jobs_, CancelToken());
+  const std::unique_ptr<FileReader> reader = MakeInProcessReader();
+  UploadSession session(&jobs_, reader.get(), CancelToken());
   for (const auto& message : Messages({a_})) ASSERT_TRUE(session.Handle(message).ok());
   ASSERT_TRUE(client_.Delete(job_).ok());
   for (const absl::Status& status : {session.Handle(FileMessages(b_)[0]), [&] {
