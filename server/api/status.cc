@@ -42,10 +42,12 @@ bool IsQuota(std::string_view reason) {
 
 // The same call may succeed later as it is.
 bool IsTransient(grpc::StatusCode code, std::string_view reason) {
-  // After this one the client looks first whether its change was made.
-  if (reason == "STORE_OUTCOME_UNKNOWN") return false;
-  return code == grpc::UNAVAILABLE || reason == "WAITED_TOO_LONG" ||
-         (code == grpc::RESOURCE_EXHAUSTED && !IsQuota(reason));
+  static const std::set<std::string_view> kReasons = {"SERVER_BUSY", "RENDER_QUEUE_FULL",
+                                                      "PICTURE_RATE_EXCEEDED", "TOO_MANY_STREAMS",
+                                                      "WAITED_TOO_LONG"};
+  // After STORE_OUTCOME_UNKNOWN the client looks first whether its change was made.
+  return kReasons.contains(reason) ||
+         (code == grpc::UNAVAILABLE && reason != "STORE_OUTCOME_UNKNOWN");
 }
 
 // The details that libraries of every language read (AIP-193).

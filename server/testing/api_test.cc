@@ -76,6 +76,7 @@ TEST(ToGrpc, ErrorsHaveTheDetailsThatEveryLanguageReads) {
             "client");
   EXPECT_FALSE(GoogleDetail<RetryInfo>(full("JOB_QUOTA_REACHED")).has_value());
   EXPECT_FALSE(GoogleDetail<BadRequest>(full("JOB_QUOTA_REACHED")).has_value());
+  EXPECT_FALSE(GoogleDetail<RetryInfo>(full("JOB_CAP_EXCEEDED")).has_value());
   EXPECT_EQ(GoogleDetail<ErrorInfo>(absl::InternalError("?"))->reason(), "INTERNAL");
 }
 
