@@ -106,9 +106,12 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   // request. Of older jobs only what they are now is known.
   const bool known = !made.request_digest.empty() && !job.request_digest.empty();
   if (known && made.request_digest == job.request_digest) return made;
+  JobPolicy started = wanted.policy;  // as Start() has it
+  caps_.LimitRunTime(&started);
+  const bool same_policy = made.policy == job.policy || made.policy == Encode(started);
   const char* other = made.display_name != job.display_name       ? "another title"
                       : made.options != job.options               ? "other options"
-                      : made.policy != job.policy                 ? "another policy"
+                      : !same_policy                              ? "another policy"
                       : made.content_digest != job.content_digest ? "other files"
                       : known                                     ? "another request"
                                                                   : nullptr;
