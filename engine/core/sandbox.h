@@ -10,8 +10,8 @@
 
 namespace litags {
 
-// Built with a sanitizer: it reserves terabytes of address space, and looks into its own process
-// as a debugger does.
+// Built with a sanitizer: it reserves terabytes of address space, keeps freed memory for a while,
+// and looks into its own process as a debugger does.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 inline constexpr bool kBuiltWithSanitizer = true;
 #else

@@ -14,7 +14,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -35,11 +35,6 @@ SubprocessOptions Shell(const std::string& script) {
 
 absl::StatusOr<SubprocessResult> Execute(const SubprocessOptions& options) {
   return RunSubprocess(options, CancelToken());
-}
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
 }
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {

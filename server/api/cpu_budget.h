@@ -9,7 +9,8 @@
 namespace litags {
 
 // What the uploads of one client may take of the processor: to unpack, to decode, to hash. Counted
-// when it is known, after each step, whatever the bytes were.
+// when it is known, after each step, whatever the bytes were. The time that another process reads
+// a file counts as if that had a core for itself.
 struct UploadCpuLimits {
   double per_second = 1;       // seconds of one core, each second; 0: no limit
   double burst_seconds = 120;  // so many at once after a pause: 500 photos of 24 megapixels

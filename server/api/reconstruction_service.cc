@@ -127,7 +127,7 @@ grpc::ServerReadReactor<grpc::ByteBuffer>* ReconstructionServiceImpl::UploadImag
     Context* context, grpc::ByteBuffer* response) {
   return RunStream<grpc::ServerReadReactor<grpc::ByteBuffer>>(
       gate_, context, {"UploadImages", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
-        return new UploadReactor(std::move(call), response, blob_pool_, reader_, upload_cpu_);
+        return new UploadReactor(std::move(call), response, uploads_);
       });
 }
 

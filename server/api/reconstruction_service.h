@@ -2,12 +2,11 @@
 #define LITAGS_SERVER_API_RECONSTRUCTION_SERVICE_H_
 
 #include "litags/v1/reconstruction_service.grpc.pb.h"
-#include "server/api/cpu_budget.h"
 #include "server/api/event_hub.h"
 #include "server/api/gate.h"
 #include "server/api/thread_pool.h"
+#include "server/api/upload_reactor.h"
 #include "server/jobs/jobs.h"
-#include "server/reader/file_reader.h"
 
 namespace litags {
 
@@ -19,16 +18,10 @@ class ReconstructionServiceImpl
     : public v1::ReconstructionService::WithRawCallbackMethod_UploadImages<
           v1::ReconstructionService::CallbackService> {
  public:
-  // All must outlive this; `pool` runs what touches the job store only and is short, `blob_pool`
-  // what reads and writes files.
-  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, ThreadPool* blob_pool,
-                            FileReader* reader, CpuBudget* upload_cpu)
-      : gate_(gate),
-        hub_(hub),
-        pool_(pool),
-        blob_pool_(blob_pool),
-        reader_(reader),
-        upload_cpu_(upload_cpu) {}
+  // All must outlive this; `pool` runs what touches the job store only and is short, that of
+  // `uploads` what reads and writes files.
+  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, UploadResources uploads)
+      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(uploads.pool), uploads_(uploads) {}
 
   using Context = grpc::CallbackServerContext;
 
@@ -64,8 +57,7 @@ class ReconstructionServiceImpl
   EventHub* const hub_;
   ThreadPool* const pool_;
   ThreadPool* const blob_pool_;
-  FileReader* const reader_;
-  CpuBudget* const upload_cpu_;
+  const UploadResources uploads_;
 };
 
 }  // namespace litags

@@ -28,6 +28,9 @@ namespace {
 
 constexpr std::chrono::seconds kShutdownGrace{1};
 
+// Archives that are unpacked at one time, also while their clients' turn is to come.
+constexpr int kMaxArchives = 16;
+
 int Ms(double seconds) { return static_cast<int>(1000 * seconds); }
 
 bool IsUnixSocket(const std::string& listen) { return listen.starts_with("unix"); }
@@ -85,8 +88,10 @@ class GrpcServer : public Server {
         hub_(jobs),
         scenes_(engine, options.scene_cache_bytes),
         upload_cpu_(options.upload_cpu),
-        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_,
-                        options.reader ? options.reader : own_reader_.get(), &upload_cpu_),
+        archives_(kMaxArchives),
+        reconstruction_(&gate_, &hub_, &store_pool_,
+                        {&blob_pool_, options.reader ? options.reader : own_reader_.get(),
+                         &upload_cpu_, &archives_}),
         render_(&gate_, &scenes_, &render_pool_, options.render),
         model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp(),
                options.answers.max_export_bytes) {}
@@ -182,6 +187,7 @@ class GrpcServer : public Server {
   EventHub hub_;
   SceneCache scenes_;
   CpuBudget upload_cpu_;
+  SharedRoom archives_;
   ReconstructionServiceImpl reconstruction_;
   RenderServiceImpl render_;
   ModelServiceImpl model_;

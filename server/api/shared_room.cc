@@ -4,16 +4,16 @@ namespace litags {
 
 bool SharedRoom::IsFor(const std::string& client) {
   std::lock_guard lock(mutex_);
-  const auto held = bytes_of_.find(client);
-  return bytes_ < max_bytes_ && (held == bytes_of_.end() || held->second < max_bytes_ / 2);
+  const auto held = held_by_.find(client);
+  return held_ < most_ && (held == held_by_.end() || held->second < most_ / 2);
 }
 
-void SharedRoom::Add(const std::string& client, int64_t bytes) {
+void SharedRoom::Add(const std::string& client, int64_t amount) {
   std::lock_guard lock(mutex_);
-  bytes_ += bytes;
-  int64_t& held = bytes_of_[client];
-  held += bytes;
-  if (held == 0) bytes_of_.erase(client);
+  held_ += amount;
+  int64_t& held = held_by_[client];
+  held += amount;
+  if (held == 0) held_by_.erase(client);
 }
 
 }  // namespace litags

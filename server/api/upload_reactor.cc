@@ -27,16 +27,15 @@ absl::Status Stalled(double seconds) {
 }  // namespace
 
 UploadReactor::UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response,
-                             ThreadPool* pool, FileReader* reader, CpuBudget* budget)
+                             const UploadResources& shared)
     : call_(std::move(call)),
       response_(response),
-      pool_(pool),
-      budget_(budget),
-      session_(call_->jobs(), reader, cancel_) {
+      shared_(shared),
+      session_(call_->jobs(), shared.reader, cancel_) {
   ticket_ = call_->WatchToken([this] {
     const absl::Status known = call_->CheckToken();
     if (known.ok() || !StopWaiting()) return;  // Step() finds it out
-    pool_->Run(call_->client().name, [this, known] { Finish(call_->End(known)); });
+    shared_.pool->Run(call_->client().name, [this, known] { Finish(call_->End(known)); });
   });
   Read();
 }
@@ -71,7 +70,7 @@ void UploadReactor::OnReadDone(bool ok) {
 }
 
 void UploadReactor::Queue(bool ok) {
-  pool_->Run(call_->client().name, [this, ok] { Step(ok); });
+  shared_.pool->Run(call_->client().name, [this, ok] { Step(ok); });
 }
 
 void UploadReactor::Step(bool ok) {
@@ -79,20 +78,33 @@ void UploadReactor::Step(bool ok) {
   if (const absl::Status known = call_->CheckToken(); !known.ok()) {
     return Finish(call_->End(known));
   }
-  const std::string& client = call_->client().name;
-  if (const double pause = budget_->SecondsToWait(client); pause > 0) {
+  if (const double pause = SecondsToWait(); pause > 0) {
     return timer_.Start(std::min(pause, kMaxPauseSeconds), [this, ok] { Queue(ok); });
   }
   const double before = ThreadCpuSeconds();
   const absl::Status status = session_.busy() ? session_.Continue() : ok ? Take() : Complete();
   // While another process reads a file, it takes the processor and this thread waits.
-  budget_->Spend(client, std::max(ThreadCpuSeconds() - before, session_.TakeReadingSeconds()));
+  shared_.cpu->Spend(call_->client().name,
+                     std::max(ThreadCpuSeconds() - before, session_.TakeReadingSeconds()));
+  CountArchive(session_.unpacks());
   if (!status.ok()) {
     return Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
   }
   if (session_.busy()) return Queue(ok);
   if (ok) return Read();
   Finish(call_->End(status));
+}
+
+double UploadReactor::SecondsToWait() const {
+  const std::string& client = call_->client().name;
+  if (session_.wants_to_unpack() && !shared_.archives->IsFor(client)) return kMaxPauseSeconds;
+  return shared_.cpu->SecondsToWait(client);
+}
+
+void UploadReactor::CountArchive(bool unpacks) {
+  if (unpacks == archive_counted_) return;
+  archive_counted_ = unpacks;
+  shared_.archives->Add(call_->client().name, unpacks ? 1 : -1);
 }
 
 absl::Status UploadReactor::Take() {

@@ -11,19 +11,29 @@
 #include "litags/v1/reconstruction_service.grpc.pb.h"
 #include "server/api/cpu_budget.h"
 #include "server/api/gate.h"
+#include "server/api/shared_room.h"
 #include "server/api/stall_timer.h"
 #include "server/api/thread_pool.h"
 #include "server/api/upload_session.h"
 
 namespace litags {
 
+// What all uploads share.
+struct UploadResources {
+  ThreadPool* pool;
+  FileReader* reader;
+  CpuBudget* cpu;
+  SharedRoom* archives;  // that are being unpacked, each in a process of its own
+};
+
 // One UploadImages stream: its steps run on the pool, one after the other, those of a client that
 // took more than its share of the processor later. A client that says nothing for too long, or
 // whose token was taken back, is sent away. Deletes itself when the call is over.
 class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
  public:
-  UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response, ThreadPool* pool,
-                FileReader* reader, CpuBudget* budget);
+  UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response,
+                const UploadResources& shared);
+  ~UploadReactor() override { CountArchive(false); }
 
   void OnReadDone(bool ok) override;
   void OnCancel() override { cancel_.Cancel(); }
@@ -36,15 +46,18 @@ class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
   void Step(bool ok);
   absl::Status Take();      // the message that was read
   absl::Status Complete();  // after the last
+  // Until the client may take another step; 0: now.
+  double SecondsToWait() const;
+  void CountArchive(bool unpacks);
   // Whether the call waits for the client; whoever gets true goes on with it, alone.
   bool StopWaiting();
 
   const std::shared_ptr<Call> call_;
   grpc::ByteBuffer* const response_;
-  ThreadPool* const pool_;
-  CpuBudget* const budget_;
+  const UploadResources shared_;
   CancelToken cancel_;
   UploadSession session_;
+  bool archive_counted_ = false;
   grpc::ByteBuffer bytes_;
   v1::UploadImagesRequest request_;
   StallTimer timer_;

@@ -120,7 +120,13 @@ absl::Status UploadSession::Begin(const v1::FileHeader& header) {
 }
 
 absl::Status UploadSession::Continue() {
-  if (unpacking_) return UnpackNext();
+  const absl::Status status = archive_     ? BeginUnpacking(*std::exchange(archive_, std::nullopt))
+                              : unpacking_ ? UnpackNext()
+                                           : CatchUp();
+  return IsJobGone(status) ? UploadTakenOver() : status;
+}
+
+absl::Status UploadSession::CatchUp() {
   const absl::StatusOr<bool> done = file_->partial->CatchUp(kCatchUpBytes);
   if (!done.ok()) return WithField(done.status(), file_->field);
   catching_up_ = !*done;
@@ -155,7 +161,10 @@ absl::Status UploadSession::Complete() {
     ++unchanged_;
     return absl::OkStatus();
   }
-  if (file.record.role == FileRole::kArchive) return BeginUnpacking(std::move(file));
+  if (file.record.role == FileRole::kArchive) {
+    archive_ = std::move(file);
+    return absl::OkStatus();
+  }
   const absl::Status status = Store(file);
   if (status.ok() || absl::IsFailedPrecondition(status)) return status;
   // Whatever else is wrong with a file that another stream works on, this one lost it.

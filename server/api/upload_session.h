@@ -31,8 +31,11 @@ class UploadSession {
   absl::Status Handle(const v1::UploadImagesRequest& request);
   // Whether the last message leaves work to do, which may take long: then Continue() is to be
   // called until it does not, and nothing else. Each call does a part, a second or so.
-  bool busy() const { return catching_up_ || unpacking_; }
+  bool busy() const { return catching_up_ || archive_ || unpacking_; }
   absl::Status Continue();
+  // Whether Continue() will begin to unpack an archive, and whether one is being unpacked.
+  bool wants_to_unpack() const { return archive_.has_value(); }
+  bool unpacks() const { return unpacking_ != nullptr; }
   // How long its files were being read since the last call.
   double TakeReadingSeconds() { return std::exchange(reading_seconds_, 0.0); }
   // The stream is complete. INVALID_ARGUMENT (FILE_TRUNCATED) inside a file.
@@ -57,6 +60,7 @@ class UploadSession {
   absl::Status Conclude(const v1::UploadEnd& end);
   absl::Status Append(const std::string& chunk);
   absl::Status CheckWhole() const;
+  absl::Status CatchUp();
   absl::Status Complete();
   absl::Status Store(Incoming& file);
   absl::Status BeginUnpacking(Incoming file);
@@ -67,9 +71,10 @@ class UploadSession {
   const CancelToken cancel_;
   std::string job_id_;
   std::optional<Incoming> file_;
-  bool ended_ = false;        // by the client's word
-  int received_ = 0;          // files of the stream
-  bool catching_up_ = false;  // with what earlier streams sent of file_
+  bool ended_ = false;               // by the client's word
+  int received_ = 0;                 // files of the stream
+  bool catching_up_ = false;         // with what earlier streams sent of file_
+  std::optional<Incoming> archive_;  // has come
   std::unique_ptr<Unpacking> unpacking_;
   double reading_seconds_ = 0;
   int stored_ = 0, unchanged_ = 0;

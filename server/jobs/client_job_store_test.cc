@@ -5,18 +5,13 @@
 
 #include <functional>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
 
 using ::testing::HasSubstr;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : status.ok() ? "" : std::string(status.message());
-}
 
 absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
 

@@ -4,15 +4,10 @@
 
 #include <limits>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 
 namespace litags {
 namespace {
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 TEST(Codec, OptionsSurviveTheirJson) {
   ReconstructOptions options;

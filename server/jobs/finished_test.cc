@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
@@ -17,11 +17,6 @@ namespace litags {
 namespace {
 
 using ::testing::HasSubstr;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 class FinishedTest : public ::testing::Test {
  protected:

@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/state_machine.h"
@@ -20,11 +20,6 @@ namespace litags {
 namespace {
 
 using ::testing::HasSubstr;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 class JobsTest : public ::testing::Test {
  protected:
@@ -384,24 +379,6 @@ TEST_F(JobsTest, JobsAreKeptAfterTheirEndAsLongAsTheirPolicySays) {
   EXPECT_THAT(*jobs_.Sweep(), ::testing::ElementsAre(brief));
   EXPECT_FALSE(std::filesystem::exists(data_.blobs() + "/jobs/" + brief));
   EXPECT_TRUE(jobs_.Get(lasting).ok());
-}
-
-TEST(JobPolicy, ValuesOutOfRangeAreRefusedByName) {
-  const auto field = [](auto change) {
-    JobPolicy policy;
-    change(policy);
-    const auto detail = GetErrorDetail(policy.Validate());
-    return detail ? detail->field : "none";
-  };
-  EXPECT_EQ(field([](JobPolicy&) {}), "none");
-  EXPECT_EQ(field([](JobPolicy& p) { p.priority = -101; }), "policy.priority");
-  EXPECT_EQ(field([](JobPolicy& p) { p.priority = std::numeric_limits<int>::min(); }),
-            "policy.priority");
-  EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = -1; }), "policy.max_run_seconds");
-  EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = std::nan(""); }),
-            "policy.max_run_seconds");
-  EXPECT_EQ(field([](JobPolicy& p) { p.max_memory_bytes = 1000; }), "policy.max_memory_bytes");
-  EXPECT_EQ(field([](JobPolicy& p) { p.retention_seconds = 1e300; }), "policy.retention_seconds");
 }
 
 TEST_F(JobsTest, LostWorkerOfAJobToBeCancelledCancelsIt) {

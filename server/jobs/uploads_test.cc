@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/store/digest.h"
@@ -20,11 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 FileRecord Photo(const std::string& name, const std::string& bytes,
                  FileRole role = FileRole::kPhoto) {

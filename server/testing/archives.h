@@ -2,9 +2,14 @@
 #define LITAGS_SERVER_TESTING_ARCHIVES_H_
 
 #include <cstdio>
+#include <functional>
+#include <map>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
+
+#include "server/archive/extract.h"
 
 namespace litags {
 
@@ -39,6 +44,34 @@ inline std::string Tar(const std::vector<std::pair<std::string, std::string>>& f
   for (const auto& [name, bytes] : files) tar += TarEntry(name, bytes);
   return tar + std::string(1024, '\0');
 }
+
+// Keeps the files of an archive by folders and name, "set|images|1.jpg", but those that are called
+// "unwanted".
+class MapSink : public ArchiveSink {
+ public:
+  absl::StatusOr<bool> Begin(const ArchiveEntry& entry) override {
+    name_.clear();
+    for (const std::string& folder : entry.folders) name_ += folder + "|";
+    name_ += entry.name;
+    if (on_begin) on_begin();
+    return entry.name != "unwanted";
+  }
+  absl::Status Write(std::string_view bytes) override {
+    files[name_] += bytes;
+    return absl::OkStatus();
+  }
+  absl::Status End() override {
+    ++ended;
+    return absl::OkStatus();
+  }
+
+  std::function<void()> on_begin;
+  std::map<std::string, std::string> files;
+  int ended = 0;
+
+ private:
+  std::string name_;
+};
 
 }  // namespace litags
 

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <fstream>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
@@ -12,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "server/api/cpu_budget.h"
+#include "server/reader/file_reader.h"
 #include "server/store/digest.h"
 #include "server/testing/access_fixture.h"
 #include "server/testing/archives.h"
@@ -96,6 +98,90 @@ TEST_F(FairTurns, UploadsBeyondTheBudgetOfTheirClientWait) {
             absl::StrCat(grpc::DEADLINE_EXCEEDED));
   EXPECT_LT(Photos("alice", hers), kPhotos);
   EXPECT_EQ(Upload("bob", his, {"b.png", TestPng()}).reason, "");
+}
+
+// Reads in this process, slowly, and knows how many archives were open at one time.
+class CountingReader : public FileReader {
+ public:
+  absl::Status Check(const std::string& path, const std::string& field, FileRecord* file,
+                     const CancelToken& cancel) override {
+    return reader_->Check(path, field, file, cancel);
+  }
+  absl::StatusOr<std::unique_ptr<ArchiveReader>> OpenArchive(const std::string& path,
+                                                             const ArchiveLimits& limits,
+                                                             const std::string& field,
+                                                             ArchiveSink* sink,
+                                                             const CancelToken& cancel) override {
+    auto archive = reader_->OpenArchive(path, limits, field, sink, cancel);
+    if (!archive.ok()) return archive.status();
+    return std::make_unique<Archive>(this, *std::move(archive));
+  }
+  int most() const { return most_; }
+
+ private:
+  class Archive : public ArchiveReader {
+   public:
+    Archive(CountingReader* counter, std::unique_ptr<ArchiveReader> archive)
+        : counter_(counter), archive_(std::move(archive)) {
+      const int open = ++counter_->open_;
+      for (int most = counter_->most_; open > most;) {
+        if (counter_->most_.compare_exchange_weak(most, open)) break;
+      }
+    }
+    ~Archive() override { --counter_->open_; }
+    absl::StatusOr<bool> ReadNext() override {
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+      return archive_->ReadNext();
+    }
+
+   private:
+    CountingReader* const counter_;
+    const std::unique_ptr<ArchiveReader> archive_;
+  };
+
+  const std::unique_ptr<FileReader> reader_ = MakeInProcessReader();
+  std::atomic<int> open_ = 0, most_ = 0;
+};
+
+TEST_F(FairTurns, OneClientUnpacksSomeArchivesAtATime) {
+  CountingReader reader;
+  options_.reader = &reader;
+  Start();
+  constexpr int kArchives = 24, kFiles = 30;
+  const std::string job = Created("alice");
+  std::vector<std::thread> uploads;
+  for (int i = 0; i < kArchives; ++i) {
+    std::vector<std::pair<std::string, std::string>> files;
+    for (int k = 0; k < kFiles; ++k) {
+      files.emplace_back(absl::StrCat(i, "-", k, ".png"), TestPng(16, 16, kFiles * i + k));
+    }
+    uploads.emplace_back([&, i, tar = Tar(files)] {
+      EXPECT_EQ(Upload("alice", job, {absl::StrCat(i, ".tar"), tar, v1::FILE_ROLE_ARCHIVE}).reason,
+                "");
+    });
+  }
+  for (std::thread& upload : uploads) upload.join();
+  EXPECT_EQ(Photos("alice", job), kArchives * kFiles);
+  EXPECT_GT(reader.most(), 3);
+  // Half of all, and those that other threads open at the same moment.
+  EXPECT_LE(reader.most(), 8 + options_.blob_threads);
+}
+
+// A process that reads for a client takes from what the client may have.
+TEST_F(FairTurns, TheTimeOfAReaderCounts) {
+  CountingReader slow;  // and takes hardly any of the thread's time
+  options_.reader = &slow;
+  options_.upload_cpu = {.per_second = 1e-9, .burst_seconds = 0.2};
+  Start();
+  std::vector<std::pair<std::string, std::string>> files;
+  for (int i = 0; i < 1000; ++i) files.emplace_back(absl::StrCat(i, ".txt"), "");
+  files.emplace_back("last.png", TestPng());
+  ClientCall call(tokens_.at("alice"));
+  call.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(6));
+  const std::string job = Created("alice");
+  EXPECT_EQ(Send(&call, job, {"a.tar", Tar(files), v1::FILE_ROLE_ARCHIVE}).reason,
+            absl::StrCat(grpc::DEADLINE_EXCEEDED));
+  EXPECT_EQ(Photos("alice", job), 0);
 }
 
 TEST(CpuBudget, IsOfEachClientAndComesBack) {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -65,11 +65,6 @@ class StoreConformance : public ::testing::Test {
     auto store = kind_->Open();
     EXPECT_TRUE(store.ok()) << store.status();
     return store.ok() ? *std::move(store) : nullptr;
-  }
-
-  static std::string Reason(const absl::Status& status) {
-    const auto detail = GetErrorDetail(status);
-    return detail ? detail->reason : "";
   }
 
   std::unique_ptr<JobStoreKind> kind_;

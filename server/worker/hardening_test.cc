@@ -1,4 +1,5 @@
 #include "server/worker/hardening.h"
+#include "engine/core/sandbox.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,7 +21,6 @@
 #include <string>
 
 #include "engine/core/error.h"
-#include "server/testing/sanitizer.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -85,7 +85,7 @@ TEST(Hardening, GivesUpPrivilegesAndCoreDumps) {
 }
 
 TEST(Hardening, LimitsHoldInProgramsThatItStarts) {
-  if (kSanitized) GTEST_SKIP() << "a sanitizer needs more address space";
+  if (kBuiltWithSanitizer) GTEST_SKIP() << "a sanitizer needs more address space";
   HardeningOptions options;
   options.max_memory_bytes = int64_t{1} << 30;
   options.max_file_bytes = 1 << 20;
@@ -114,7 +114,7 @@ TEST(Hardening, FileBeyondItsLimitIsAFailedWrite) {
 }
 
 TEST(Hardening, UsedUpMemoryEndsTheProcessWithItsOwnExitCode) {
-  if (kSanitized) GTEST_SKIP() << "a sanitizer needs more address space";
+  if (kBuiltWithSanitizer) GTEST_SKIP() << "a sanitizer needs more address space";
   HardeningOptions options;
   options.max_memory_bytes = int64_t{1} << 30;
   EXPECT_EQ(InHardenedChild(options,
@@ -141,7 +141,7 @@ TEST(Hardening, NetworkIsOutOfReachUnlessAllowed) {
 }
 
 TEST(Hardening, OtherProcessesCannotLookIntoIt) {
-  if (kSanitized) GTEST_SKIP() << "a sanitizer looks into its own process";
+  if (kBuiltWithSanitizer) GTEST_SKIP() << "a sanitizer looks into its own process";
   EXPECT_EQ(InHardenedChild({}, [] { return prctl(PR_GET_DUMPABLE); }), 0);
 }
 
