@@ -60,8 +60,8 @@ uint32_t PackQuat(const std::array<float, 4>& wxyz) {
 }
 
 uint8_t PackCoefficient(float value, int bits) {
-  const long step = 1 << (8 - bits), code = std::lround(128.0 * value) + 128;
-  return PackByte(static_cast<double>(std::clamp((code + step / 2) / step * step, 0l, 255l)));
+  const double step = 1 << (8 - bits);
+  return PackByte(step * std::round((128.0 * value + 128) / step));
 }
 
 Streams Pack(const ViewerScene& scene, int fractional_bits) {

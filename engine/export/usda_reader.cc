@@ -2,6 +2,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/export/readers.h"
 
@@ -10,7 +11,7 @@ namespace {
 
 // The numbers of "NAME = ...", up to the end of the line.
 absl::StatusOr<std::vector<float>> Numbers(std::string_view text, std::string_view name) {
-  const std::string start = " " + std::string(name) + " = ";
+  const std::string start = absl::StrCat(" ", std::string(name), " = ");
   const size_t at = text.find(start);
   if (at == std::string_view::npos) return Corrupt("a .usda without " + std::string(name));
   std::vector<float> numbers;
