@@ -98,7 +98,8 @@ absl::StatusOr<std::string> EncodeUsda(const ViewerScene& scene) {
     absl::StrAppend(&out, "    double3 xformOp:translate = (");
     for (int k = 0; k < 3; ++k) {
       char text[400];  // 1e308 in full
-      out.append(text, std::to_chars(text, text + sizeof(text), o[k], std::chars_format::fixed).ptr);
+      out.append(text,
+                 std::to_chars(text, text + sizeof(text), o[k], std::chars_format::fixed).ptr);
       out += k < 2 ? ", " : ")\n";
     }
     out += "    uniform token[] xformOpOrder = [\"xformOp:translate\"]\n";
