@@ -6,19 +6,31 @@ They come from npm, by the lock file beside this one; without npm or a registry 
 import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
 import unittest
+
+import numpy
 
 HERE = pathlib.Path(__file__).resolve().parent
 BENCH = pathlib.Path(os.environ["LITAGS_BIN"], "litags-bench")
 WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
 SKIPPED = 77
 
-# What a format's numbers lose, dB of pictures of the made-up scene; "PSNR, dB" in docs/export.md is
-# of a trained one.
-READ = ("ply", "compressed-ply", "splat", "spz", "spz-v4", "sog", "glb")
+# Largest error of positions (scene units), colours and opacities (of 1) of what others read: half a
+# step of the format's numbers in the made-up scene, which is some 10 units large.
+LIMITS = {
+    "ply": (1e-6, 1e-6, 1e-6),
+    "compressed-ply": (5e-3, 2.5e-3, 2.5e-3),
+    "splat": (1e-6, 2.5e-3, 2.5e-3),
+    "spz": (1.3e-4, 4e-3, 2.5e-3),
+    "spz-v4": (1.3e-4, 4e-3, 2.5e-3),
+    "sog": (1e-3, 1e-2, 2.5e-3),
+    "glb": (1e-6, 1e-6, 1e-5),
+}
+SH0 = 0.28209479177387814
 
 
 def install():
@@ -45,22 +57,68 @@ def install():
     return None
 
 
+def read_ply(path):
+    """Columns of a binary .ply of floats."""
+    data = path.read_bytes()
+    end = data.index(b"end_header\n") + len(b"end_header\n")
+    names = re.findall(r"property float (\w+)", data[:end].decode())
+    table = numpy.frombuffer(data[end:], "<f4").reshape(-1, len(names))
+    return {name: table[:, k].astype(float) for k, name in enumerate(names)}
+
+
+def positions(ply):
+    return numpy.stack([ply[axis] for axis in "xyz"], 1)
+
+
+def colors(ply):
+    return numpy.stack([0.5 + SH0 * ply[f"f_dc_{c}"] for c in range(3)], 1)
+
+
+def opacities(ply):
+    return 1 / (1 + numpy.exp(-ply["opacity"]))
+
+
 class ForeignTest(unittest.TestCase):
-    def test_others_read_what_we_read(self):
+    @classmethod
+    def setUpClass(cls):
         report = WORK / "report.json"
         run = subprocess.run(
             [BENCH, "export", "--gaussians", "1500", "--views", "2", "--converter",
              WORK / "convert.mjs", "--json", report, "--out", WORK / "files"],
             capture_output=True, text=True, timeout=250)
-        self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
-        rows = {row["format"]: row for row in json.loads(report.read_text())["formats"]}
-        for name in READ:
+        assert run.returncode == 0, run.stdout + run.stderr
+        cls.rows = {row["format"]: row for row in json.loads(report.read_text())["formats"]}
+        cls.wanted = read_ply(WORK / "files/ply.ply")
+
+    def test_others_find_the_same_gaussians(self):
+        for name, (far, color, opacity) in LIMITS.items():
             with self.subTest(name):
-                ours, others = rows[name]["psnr_db"], rows[name]["psnr_of_others_db"]
+                wanted, found = self.wanted, read_ply(WORK / f"files/{name}.by-others.ply")
+                at, want = positions(found), positions(wanted)
+                self.assertEqual(len(at), len(want))
+                if name == "splat":  # by visibility
+                    nearest = [numpy.argmin(((at - p) ** 2).sum(1)) for p in want]
+                    self.assertEqual(len(set(nearest)), len(want))
+                    at = at[nearest]
+                    found = {key: values[nearest] for key, values in found.items()}
+                for bound in (numpy.min, numpy.max):
+                    self.assertLessEqual(abs(bound(at, 0) - bound(want, 0)).max(), far)
+                self.assertLessEqual(abs(at - want).max(), far)
+                # Colours beyond what bytes hold are cut off; nobody sees them.
+                cut = [numpy.clip(colors(ply), 0, 1) for ply in (found, wanted)]
+                self.assertLessEqual(abs(cut[0] - cut[1]).max(), color)
+                self.assertLessEqual(abs(opacities(found) - opacities(wanted)).max(), opacity)
+
+    def test_others_draw_what_we_draw(self):
+        for name in LIMITS:
+            with self.subTest(name):
+                ours, others = self.rows[name]["psnr_db"], self.rows[name]["psnr_of_others_db"]
                 # Both above 60 dB: they differ by rounding only.
                 self.assertAlmostEqual(min(ours, 60), min(others, 60), delta=1.0)
+
+    def test_formats_without_a_reader_are_not_read(self):
         for name in ("usda", "colmap"):
-            self.assertNotIn("psnr_of_others_db", rows[name])
+            self.assertNotIn("psnr_of_others_db", self.rows[name])
 
 
 if __name__ == "__main__":

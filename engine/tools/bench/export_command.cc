@@ -178,14 +178,11 @@ class Exporter {
           absl::StrCat(args_.converter, " cannot read ", info.name, ": ", result.tail));
     }
     LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, "", kMaxBytes));
-    LITAGS_ASSIGN_OR_RETURN(ViewerScene read, ReadExported(SceneFormat::kPly, bytes));
+    LITAGS_ASSIGN_OR_RETURN(const ViewerScene read,
+                            ReadExported(SceneFormat::kPly, bytes));
     if (static_cast<int64_t>(read.splats.size()) != scene_->num_gaussians()) {
       return absl::DataLossError(absl::StrCat(args_.converter, " found ", read.splats.size(),
                                               " Gaussians in ", info.name));
-    }
-    // .ply is right, down, forward, and .spz right, up, back: converters turn between them.
-    if (info.format == SceneFormat::kSpz || info.format == SceneFormat::kSpzV4) {
-      Rotate({1, 0, 0, 0, -1, 0, 0, 0, -1}, &read.splats);
     }
     LITAGS_ASSIGN_OR_RETURN(const double psnr, MeanPsnr(wanted_, Pictures(read.splats, cameras_)));
     return psnr;
