@@ -178,8 +178,7 @@ class Exporter {
           absl::StrCat(args_.converter, " cannot read ", info.name, ": ", result.tail));
     }
     LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, "", kMaxBytes));
-    LITAGS_ASSIGN_OR_RETURN(const ViewerScene read,
-                            ReadExported(SceneFormat::kPly, bytes));
+    LITAGS_ASSIGN_OR_RETURN(const ViewerScene read, ReadExported(SceneFormat::kPly, bytes));
     if (static_cast<int64_t>(read.splats.size()) != scene_->num_gaussians()) {
       return absl::DataLossError(absl::StrCat(args_.converter, " found ", read.splats.size(),
                                               " Gaussians in ", info.name));
