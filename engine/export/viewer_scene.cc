@@ -93,13 +93,14 @@ Camera Small(const Camera& camera) {
 
 // Sums of alpha T over the pixels of the views: the derivative of the sum of a colour by the
 // coefficient of degree 0, but for a factor.
-absl::Status Weigh(const ViewerScene& scene, const CancelToken& cancel,
+absl::Status Weigh(const ViewerScene& scene, int threads, const CancelToken& cancel,
                    std::vector<double>* weights) {
   Renderer renderer;
   RenderSettings settings;
   settings.num_channels = kColorOnly;
   settings.sh_degree = 0;
   settings.pixel_filter = scene.antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
+  settings.threads = threads;
   settings.cancel = &cancel;
   Planes image, alpha;
   const size_t count = scene.views.size(), used = std::min(count, kWeighingViews);
@@ -226,11 +227,12 @@ void Crop(const Box& box, ViewerScene* scene) {
   KeepOnly(kept, &scene->splats);
 }
 
-absl::Status KeepHeaviest(int64_t count, const CancelToken& cancel, ViewerScene* scene) {
+absl::Status KeepHeaviest(int64_t count, int threads, const CancelToken& cancel,
+                          ViewerScene* scene) {
   const size_t size = scene->splats.size();
   if (count < 0 || static_cast<size_t>(count) >= size) return absl::OkStatus();
   std::vector<double> weights(size);
-  LITAGS_RETURN_IF_ERROR(Weigh(*scene, cancel, &weights));
+  LITAGS_RETURN_IF_ERROR(Weigh(*scene, threads, cancel, &weights));
   std::vector<size_t> order(size);
   std::iota(order.begin(), order.end(), size_t{0});
   std::nth_element(order.begin(), order.begin() + count, order.end(), [&](size_t a, size_t b) {

@@ -57,8 +57,10 @@ std::array<double, 3> DirectionOf(UpAxis axis);
 void Crop(const Box& box, ViewerScene* scene);
 
 // Keeps the `count` Gaussians that weigh most in pictures from the scene's views, in their order:
-// sums of alpha T over all pixels. CANCELLED soon after the token is raised.
-absl::Status KeepHeaviest(int64_t count, const CancelToken& cancel, ViewerScene* scene);
+// sums of alpha T over all pixels. `threads` <= 0: all
+// cores. CANCELLED soon after the token is raised.
+absl::Status KeepHeaviest(int64_t count, int threads, const CancelToken& cancel,
+                          ViewerScene* scene);
 
 }  // namespace litags
 

@@ -126,7 +126,7 @@ TEST(KeepHeaviest, WhatNoPictureNeedsGoesFirst) {
     }
   }
   const Splats all = scene.splats;
-  ASSERT_TRUE(KeepHeaviest(200, CancelToken(), &scene).ok());
+  ASSERT_TRUE(KeepHeaviest(200, 0, CancelToken(), &scene).ok());
   ASSERT_EQ(scene.splats.size(), 200u);
   size_t at = 0;
   for (size_t i = 0; i < all.size() && at < 200; ++i) {
@@ -139,11 +139,11 @@ TEST(KeepHeaviest, WhatNoPictureNeedsGoesFirst) {
 
 TEST(KeepHeaviest, AllStayIfThereAreFewEnoughAndCancellingEndsIt) {
   ViewerScene scene = SmallScene(30);
-  ASSERT_TRUE(KeepHeaviest(30, CancelToken(), &scene).ok());
+  ASSERT_TRUE(KeepHeaviest(30, 0, CancelToken(), &scene).ok());
   EXPECT_EQ(scene.splats.size(), 30u);
   CancelToken cancel;
   cancel.Cancel();
-  EXPECT_EQ(KeepHeaviest(10, cancel, &scene).code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(KeepHeaviest(10, 0, cancel, &scene).code(), absl::StatusCode::kCancelled);
 }
 
 }  // namespace

@@ -87,7 +87,8 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
                          : "the scene has no Gaussians");
   }
   if (request.max_splats > 0) {
-    LITAGS_RETURN_IF_ERROR(KeepHeaviest(request.max_splats, request.cancel, &scene));
+    LITAGS_RETURN_IF_ERROR(
+        KeepHeaviest(request.max_splats, request.threads, request.cancel, &scene));
   }
   const UpAxis axis = request.up == UpAxis::kOfFormat ? InfoOf(request.format).up : request.up;
   PlaceScene(up, axis, request.scale, &scene);

@@ -49,7 +49,7 @@ absl::StatusOr<SceneFormat> FormatOf(v1::ModelFormat format) {
 
 std::array<double, 3> ArrayOf(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
-absl::StatusOr<ExportRequest> RequestOf(const v1::ExportModelRequest& request,
+absl::StatusOr<ExportRequest> RequestOf(const v1::ExportModelRequest& request, int threads,
                                         const CancelToken& cancel) {
   ExportRequest out;
   LITAGS_ASSIGN_OR_RETURN(out.format, FormatOf(request.format()));
@@ -70,13 +70,15 @@ absl::StatusOr<ExportRequest> RequestOf(const v1::ExportModelRequest& request,
   }
   out.max_splats = request.max_splats();
   out.antialiased = request.antialiased();
+  out.threads = threads;
   out.cancel = cancel;
   return out;
 }
 
 // Writes the file; returns how many Gaussians it holds.
 absl::StatusOr<int64_t> WriteModel(const Scene& scene, const v1::ExportModelRequest& request,
-                                   const CancelToken& cancel, const std::string& path) {
+                                   int threads, const CancelToken& cancel,
+                                   const std::string& path) {
   const v1::ModelFormat format = request.format();
   if (format == v1::MODEL_FORMAT_PLY_FULL || format == v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT) {
     LITAGS_RETURN_IF_ERROR(CheckLight(request.light(), "light"));
@@ -96,7 +98,7 @@ absl::StatusOr<int64_t> WriteModel(const Scene& scene, const v1::ExportModelRequ
     LITAGS_RETURN_IF_ERROR(scene.ExportFullPly(path));
     return scene.num_gaussians();
   }
-  LITAGS_ASSIGN_OR_RETURN(ExportRequest wanted, RequestOf(request, cancel));
+  LITAGS_ASSIGN_OR_RETURN(ExportRequest wanted, RequestOf(request, threads, cancel));
   if (format == v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT) wanted.light = 1;
   LITAGS_RETURN_IF_ERROR(CheckExport(wanted));
   return scene.Export(path, wanted);
@@ -107,11 +109,12 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
  public:
   ExportStream(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
                const v1::ExportModelRequest& request, SceneCache* scenes, ThreadPool* pool,
-               const std::string& tmp, SharedRoom* room)
+               const std::string& tmp, int threads, SharedRoom* room)
       : AnswerStream(std::move(call), context, pool),
         request_(request),
         scenes_(scenes),
         path_(absl::StrCat(tmp, "/export-", RandomHex(8))),
+        threads_(threads),
         room_(room) {
     Begin();
   }
@@ -143,7 +146,8 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
 
   absl::Status Prepare(v1::ExportHeader* header) {
     LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call().jobs(), request_.name()));
-    LITAGS_ASSIGN_OR_RETURN(const int64_t gaussians, WriteModel(*scene, request_, cancel(), path_));
+    LITAGS_ASSIGN_OR_RETURN(const int64_t gaussians,
+                            WriteModel(*scene, request_, threads_, cancel(), path_));
     std::error_code error;
     const auto size = std::filesystem::file_size(path_, error);
     file_.open(path_, std::ios::binary);
@@ -162,6 +166,7 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
   const v1::ExportModelRequest request_;
   SceneCache* const scenes_;
   const std::string path_;
+  const int threads_;
   SharedRoom* const room_;
   std::ifstream file_;
   int64_t file_bytes_ = 0;
@@ -173,7 +178,8 @@ grpc::ServerWriteReactor<v1::ExportModelResponse>* ModelServiceImpl::ExportModel
     grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) {
   return RunStream<grpc::ServerWriteReactor<v1::ExportModelResponse>>(
       gate_, context, {"ExportModel", CallKind::kPictureStream}, [&](std::shared_ptr<Call> call) {
-        return new ExportStream(std::move(call), context, *request, scenes_, pool_, tmp_, &room_);
+        return new ExportStream(std::move(call), context, *request, scenes_, pool_, tmp_, threads_,
+                                &room_);
       });
 }
 

@@ -15,9 +15,15 @@ namespace litags {
 class ModelServiceImpl : public v1::ModelService::CallbackService {
  public:
   // All must outlive this; `tmp` is a folder for files in flight, which may hold `max_bytes`.
+  // Pictures that an export makes use `threads`.
   ModelServiceImpl(Gate* gate, SceneCache* scenes, ThreadPool* pool, std::string tmp,
-                   int64_t max_bytes)
-      : gate_(gate), scenes_(scenes), pool_(pool), tmp_(std::move(tmp)), room_(max_bytes) {}
+                   int64_t max_bytes, int threads)
+      : gate_(gate),
+        scenes_(scenes),
+        pool_(pool),
+        tmp_(std::move(tmp)),
+        threads_(threads),
+        room_(max_bytes) {}
 
   grpc::ServerWriteReactor<v1::ExportModelResponse>* ExportModel(
       grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) override;
@@ -27,6 +33,7 @@ class ModelServiceImpl : public v1::ModelService::CallbackService {
   SceneCache* const scenes_;
   ThreadPool* const pool_;
   const std::string tmp_;
+  const int threads_;
   SharedRoom room_;  // of files that are being read
 };
 

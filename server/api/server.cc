@@ -94,7 +94,7 @@ class GrpcServer : public Server {
                          &upload_cpu_, &archives_}),
         render_(&gate_, &scenes_, &render_pool_, options.render),
         model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp(),
-               options.answers.max_export_bytes) {}
+               options.answers.max_export_bytes, options.render.threads) {}
 
   ~GrpcServer() override { Shutdown(); }
 

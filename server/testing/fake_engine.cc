@@ -109,7 +109,8 @@ class FakeScene : public Scene {
       absl::StrAppend(&kind, " format ", static_cast<int>(request.format), " max ",
                       request.max_splats, " scale ", request.scale, " up ",
                       static_cast<int>(request.up), " stops ", request.exposure_stops, " crop ",
-                      request.crop ? request.crop->max[2] : 0, " aa ", request.antialiased);
+                      request.crop ? request.crop->max[2] : 0, " aa ", request.antialiased,
+                      " threads ", request.threads);
     }
     const absl::Status written = Write(path, kind);
     if (!written.ok()) return written;

@@ -416,10 +416,11 @@ TEST_F(RenderApi, ExportOptionsReachTheScene) {
   ASSERT_TRUE(reader->Read(&part));
   EXPECT_EQ(part.header().gaussians(), 12);
   ASSERT_TRUE(reader->Read(&part));
-  EXPECT_THAT(part.chunk(), ::testing::StartsWith(absl::StrCat(
-                                "ply\ncomment light 0.5 format ",
-                                static_cast<int>(SceneFormat::kSpzV4), " max 12 scale 0.25 up ",
-                                static_cast<int>(UpAxis::kNegativeZ), " stops -1 crop 7 aa 1\n")));
+  EXPECT_THAT(part.chunk(),
+              ::testing::StartsWith(absl::StrCat(
+                  "ply\ncomment light 0.5 format ", static_cast<int>(SceneFormat::kSpzV4),
+                  " max 12 scale 0.25 up ", static_cast<int>(UpAxis::kNegativeZ),
+                  " stops -1 crop 7 aa 1 threads 1\n")));
   while (reader->Read(&part)) continue;
   EXPECT_TRUE(reader->Finish().ok());
 }
