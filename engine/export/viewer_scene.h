@@ -56,9 +56,9 @@ std::array<double, 3> DirectionOf(UpAxis axis);
 // Keeps the Gaussians whose centre is in the box, which does not count from the origin.
 void Crop(const Box& box, ViewerScene* scene);
 
-// Keeps the `count` Gaussians that weigh most in pictures from the scene's views, in their order:
-// sums of alpha T over all pixels. `threads` <= 0: all
-// cores. CANCELLED soon after the token is raised.
+// Keeps the `count` Gaussians that contribute most to pictures from the scene's views, in their
+// order; the contribution is alpha T summed over all pixels. `threads` <= 0: all cores. CANCELLED
+// soon after the token is raised.
 absl::Status KeepHeaviest(int64_t count, int threads, const CancelToken& cancel,
                           ViewerScene* scene);
 
