@@ -195,7 +195,7 @@ void AddRequests(const Corpus& corpus) {
   options.set_iterations(100);
   options.set_min_registered(0.5);
   job.mutable_policy()->set_priority(3);
-  job.mutable_policy()->set_retention_seconds(60);
+  job.mutable_policy()->mutable_retention()->set_seconds(60);
   corpus.Add("request", "job", '\0' + job.SerializeAsString());
 
   v1::RenderViewRequest view;
