@@ -261,10 +261,11 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   if (!status.ok()) return status;
   if (capture.files.empty()) {
     const std::string inside = FoldersWithPhotos(photos_dir);
-    return BadInput("NO_PHOTOS", "DIR",
-                    absl::StrCat(photos_dir, ": holds no photos (.jpg .jpeg .png); ",
-                                 inside.empty() ? "give the folder that holds them"
-                                                : absl::StrCat("did you mean ", inside, "?")));
+    return BadInput(
+        "NO_PHOTOS", "DIR",
+        absl::StrCat(photos_dir, ": holds no photos (.jpg .png .heic .dng and others); ",
+                     inside.empty() ? "give the folder that holds them"
+                                    : absl::StrCat("did you mean ", inside, "?")));
   }
   if (std::error_code error; fs::is_directory(cameras_path, error)) {
     status = AddColmapModel(cameras_path, &capture);

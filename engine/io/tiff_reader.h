@@ -1,0 +1,69 @@
+// Inside this module: numbers of a TIFF block, which EXIF, TIFF and most cameras' RAW files are.
+#ifndef LITAGS_ENGINE_IO_TIFF_READER_H_
+#define LITAGS_ENGINE_IO_TIFF_READER_H_
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+#include "engine/io/byte_reader.h"
+
+namespace litags {
+
+// Reads in the block's byte order. Position 0, where no number lies, is "nowhere".
+class TiffReader {
+ public:
+  static constexpr uint16_t kShort = 3, kLong = 4, kRational = 5;
+
+  explicit TiffReader(std::string_view tiff) : tiff_(tiff), little_(tiff.starts_with("II")) {}
+
+  size_t FirstDirectory() const {
+    const bool is_tiff = (little_ || tiff_.starts_with("MM")) && Get<uint16_t>(2) == 42;
+    return is_tiff ? Get<uint32_t>(4) : 0;
+  }
+
+  // 0 beyond the end.
+  template <typename T>
+  T Get(size_t position) const {
+    T value = 0;
+    if (position == 0 || position > tiff_.size()) return value;
+    ByteReader reader(tiff_.substr(position));
+    little_ ? reader.Read(&value) : reader.ReadBig(&value);
+    return value;
+  }
+
+  // Position of a tag's entry, of any type and count.
+  size_t FindEntry(size_t directory, uint16_t tag) const {
+    constexpr size_t kSize = 12;
+    if (directory == 0) return 0;
+    const size_t first = directory + 2, end = first + kSize * Get<uint16_t>(directory);
+    for (size_t entry = first; entry < end && entry + kSize <= tiff_.size(); entry += kSize) {
+      if (Get<uint16_t>(entry) == tag) return entry;
+    }
+    return 0;
+  }
+
+  uint16_t TypeOf(size_t entry) const { return entry == 0 ? 0 : Get<uint16_t>(entry + 2); }
+  uint32_t CountOf(size_t entry) const { return entry == 0 ? 0 : Get<uint32_t>(entry + 4); }
+
+  // Position of the single value of a tag, or of where that is written.
+  size_t Find(size_t directory, uint16_t tag, uint16_t type) const {
+    const size_t entry = FindEntry(directory, tag);
+    return TypeOf(entry) == type && CountOf(entry) == 1 ? entry + 8 : 0;
+  }
+
+  // 0 if there is none, or its lower part is 0.
+  double GetRatio(size_t directory, uint16_t tag) const {
+    const size_t at = Get<uint32_t>(Find(directory, tag, kRational));
+    const uint32_t above = Get<uint32_t>(at), below = Get<uint32_t>(at + 4);
+    return at == 0 || below == 0 ? 0 : double(above) / below;
+  }
+
+ private:
+  const std::string_view tiff_;
+  const bool little_;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_TIFF_READER_H_
