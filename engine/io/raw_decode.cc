@@ -157,6 +157,12 @@ int OrientationOf(int flip) {
 }
 
 absl::StatusOr<ImageInfo> ReadRawInfo(std::string_view bytes, std::string_view field) {
+  // LibRaw takes tags behind the end for any numbers.
+  const TiffReader tiff(bytes);
+  if (const size_t main = tiff.FirstDirectory(); main != 0 && !tiff.IsWhole(main)) {
+    return InvalidField("IMAGE_TRUNCATED", field,
+                        "the RAW file ends before its tags do; send the whole file again");
+  }
   RawFile file;
   LITAGS_RETURN_IF_ERROR(file.Open(bytes, field));
   const libraw_data_t& data = file.data();

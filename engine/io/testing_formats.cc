@@ -164,7 +164,7 @@ cmsInt32Number InkToLab(const cmsUInt16Number in[], cmsUInt16Number out[], void*
   for (int c = 0; c < 3; ++c) rgb[c] = (1 - in[c] / 65535.0f) * (1 - in[3] / 65535.0f);
   cmsCIELab lab;
   cmsDoTransform(rgb_to_lab, rgb, &lab, 1);
-  cmsFloat2LabEncoded(out, &lab);
+  cmsFloat2LabEncodedV2(out, &lab);
   return TRUE;
 }
 
@@ -173,7 +173,7 @@ cmsHPROFILE CmykProfile() {
   const cmsHTRANSFORM to_lab =
       cmsCreateTransform(srgb, TYPE_RGB_FLT, lab, TYPE_Lab_DBL, INTENT_PERCEPTUAL, 0);
   const cmsHPROFILE profile = cmsCreateProfilePlaceholder(nullptr);
-  cmsSetProfileVersion(profile, 4.3);
+  cmsSetProfileVersion(profile, 2.4);  // of version 4, black would be perceptual: not 0
   cmsSetDeviceClass(profile, cmsSigOutputClass);
   cmsSetColorSpace(profile, cmsSigCmykData);
   cmsSetPCS(profile, cmsSigLabData);

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <string_view>
 
 #include "engine/io/byte_reader.h"
@@ -45,6 +46,22 @@ class TiffReader {
 
   uint16_t TypeOf(size_t entry) const { return entry == 0 ? 0 : Get<uint16_t>(entry + 2); }
   uint32_t CountOf(size_t entry) const { return entry == 0 ? 0 : Get<uint32_t>(entry + 4); }
+
+  // Whether a directory and the values of its entries lie within the block.
+  bool IsWhole(size_t directory) const {
+    constexpr size_t kSize = 12;
+    constexpr uint8_t kBytes[] = {0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4};  // by type
+    if (directory == 0 || directory + 2 > tiff_.size()) return false;
+    const size_t first = directory + 2, end = first + kSize * Get<uint16_t>(directory);
+    if (end > tiff_.size()) return false;
+    for (size_t entry = first; entry < end; entry += kSize) {
+      const uint16_t type = TypeOf(entry);
+      const uint64_t size =
+          uint64_t{CountOf(entry)} * (type < std::size(kBytes) ? kBytes[type] : 0);
+      if (size > 4 && Get<uint32_t>(entry + 8) + size > tiff_.size()) return false;
+    }
+    return true;
+  }
 
   // Position of the single value of a tag, or of where that is written.
   size_t Find(size_t directory, uint16_t tag, uint16_t type) const {
