@@ -8,8 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/camera.h"
 #include "engine/io/byte_reader.h"
 #include "engine/io/color_space.h"
+#include "engine/io/heif_codecs.h"
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 #include "engine/io/photo_format.h"
@@ -49,6 +51,11 @@ absl::Status ErrorOf(const heif_error& error, std::string_view field) {
     return InvalidField("IMAGE_TRUNCATED", field,
                         "the HEIC or AVIF file ends early; send the whole file again");
   }
+  if (error.subcode == heif_suberror_Security_limit_exceeded) {
+    return InvalidField("IMAGE_TOO_LARGE", field,
+                        absl::StrCat("the HEIC or AVIF file asks for too much memory (",
+                                     error.message, "); save it anew, or smaller"));
+  }
   const bool unsupported = error.code == heif_error_Unsupported_feature ||
                            error.code == heif_error_Unsupported_filetype ||
                            error.code == heif_error_Plugin_loading_error;
@@ -60,11 +67,14 @@ absl::Status ErrorOf(const heif_error& error, std::string_view field) {
 
 // A file's primary picture, not decoded.
 struct HeifFile {
-  Context context{heif_context_alloc()};
+  Context context;
   Handle handle;
 
   absl::Status Open(std::string_view bytes, std::string_view field) {
+    UseHeifCodecs();
+    context.reset(heif_context_alloc());
     heif_context_set_max_decoding_threads(context.get(), 0);
+    heif_context_set_maximum_image_size_limit(context.get(), kMaxImageSide);
     heif_error error = heif_context_read_from_memory_without_copy(context.get(), bytes.data(),
                                                                   bytes.size(), nullptr);
     if (error.code != heif_error_Ok) return ErrorOf(error, field);
