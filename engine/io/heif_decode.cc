@@ -176,6 +176,9 @@ absl::StatusOr<Photo> DecodeHeif(std::string_view bytes, const ImageInfo& info,
 
 }  // namespace
 
+// The others load nothing.
+void LoadPhotoDecoders() { UseHeifCodecs(); }
+
 const PhotoFormat kHeifFormat = {ImageFormat::kHeif, IsHeif, ReadHeifInfo, DecodeHeif};
 
 }  // namespace litags

@@ -92,14 +92,14 @@ void ReadExif(std::string_view tiff, ImageInfo* info) {
   constexpr uint16_t kOrientation = 0x0112, kCameraDirectory = 0x8769, kExposureTime = 0x829A,
                      kFNumber = 0x829D, kIso = 0x8827, kFocalLength = 0x920A,
                      kFocalLengthIn35mmFilm = 0xA405;
-  constexpr uint16_t kShort = TiffReader::kShort, kLong = TiffReader::kLong;
+  constexpr uint16_t kShort = TiffReader::kShort;
   const TiffReader reader(tiff);
   const size_t main = reader.FirstDirectory();
   const int orientation = reader.Get<uint16_t>(reader.Find(main, kOrientation, kShort));
   if (info->orientation == 1 && orientation >= 1 && orientation <= 8) {
     info->orientation = orientation;
   }
-  const size_t camera = reader.Get<uint32_t>(reader.Find(main, kCameraDirectory, kLong));
+  const size_t camera = reader.FindDirectory(main, kCameraDirectory);
   double focal = reader.Get<uint16_t>(reader.Find(camera, kFocalLengthIn35mmFilm, kShort));
   if (focal == 0) focal = reader.GetRatio(camera, kFocalLength);
   if (info->focal_length == 0) info->focal_length = focal;

@@ -75,6 +75,10 @@ absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view fiel
 absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
                                         const ImageLimits& limits = {});
 
+// Has decoders load and initialise what they otherwise would with the first photo: for a process
+// that then gives up opening files.
+void LoadPhotoDecoders();
+
 // How the names of photos end, lower case.
 std::span<const std::string_view> PhotoEndings();
 

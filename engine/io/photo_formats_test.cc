@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -12,6 +11,7 @@
 #include "engine/io/test_util.h"
 #include "engine/io/testing_formats.h"
 #include "engine/io/testing_jpeg.h"
+#include "engine/io/testing_photos.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -21,7 +21,7 @@ namespace {
 using testing::AnyOf;
 using testing::HasSubstr;
 
-constexpr int kWidth = 40, kHeight = 24;
+constexpr int kWidth = kRampWidth, kHeight = kRampHeight;
 
 double Mean(const Photo& photo, int channel) {
   double sum = 0;
@@ -38,93 +38,15 @@ DeepImage Flat(std::array<uint16_t, 3> codes, int width = kWidth, int height = k
   return image;
 }
 
-ImageU8 To8Bits(const DeepImage& image) {
-  ImageU8 out(image.width, image.height);
-  for (size_t i = 0; i < image.codes.size(); ++i) {
-    out.data[i] = static_cast<uint8_t>(image.codes[i] / 257);
-  }
-  return out;
-}
-
-// Smooth, from black to bright, of 16 bits.
-DeepImage Ramp(int channels = 3) {
-  DeepImage image{kWidth, kHeight, channels, {}};
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      for (int c = 0; c < channels; ++c) {
-        const int code = (x * 1500 + y * 30) >> (c == 3 ? 3 : c);
-        image.codes.push_back(static_cast<uint16_t>(code));
-      }
-    }
-  }
-  return image;
-}
-
-// A frame of a sensor under flat light.
-SensorFrame FlatFrame(std::array<int, 3> rgb, int width = kWidth, int height = kHeight) {
-  SensorFrame frame;
-  frame.width = width;
-  frame.height = height;
-  frame.black = 512;
-  frame.white = 512 + 10000;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const int channel = (y & 1) + (x & 1);
-      frame.numbers.push_back(static_cast<uint16_t>(frame.black + rgb[channel]));
-    }
-  }
-  return frame;
-}
-
-struct Format {
-  const char* name;
-  ImageFormat format;
-  std::function<std::string(const DeepImage&, const Extras&)> encode;
-  double error;  // that a sample may have, in 8-bit codes
-};
-
-void PrintTo(const Format& format, std::ostream* out) { *out << format.name; }
-
-std::string Tiff(const DeepImage& image, const Extras& extras, TiffLayout layout) {
-  layout.icc = extras.icc;
-  return EncodeTestTiff(image, layout);
-}
-
-const Format kFormats[] = {
-    {"webp", ImageFormat::kWebp,
-     [](const auto& image, const auto& extras) { return EncodeTestWebp(To8Bits(image), extras); },
-     1.01},
-    {"tiff8", ImageFormat::kTiff,
-     [](const auto& image, const auto& extras) { return Tiff(image, extras, {}); }, 1.01},
-    {"tiff16", ImageFormat::kTiff,
-     [](const auto& image, const auto& extras) { return Tiff(image, extras, {.bits = 16}); }, 0.01},
-    {"heic8", ImageFormat::kHeif,
-     [](const auto& image, const auto& extras) { return EncodeTestHeif(image, false, 8, extras); },
-     5},
-    {"heic10", ImageFormat::kHeif,
-     [](const auto& image, const auto& extras) { return EncodeTestHeif(image, false, 10, extras); },
-     4},
-    {"avif8", ImageFormat::kHeif,
-     [](const auto& image, const auto& extras) { return EncodeTestHeif(image, true, 8, extras); },
-     5},
-    {"avif12", ImageFormat::kHeif,
-     [](const auto& image, const auto& extras) { return EncodeTestHeif(image, true, 12, extras); },
-     4},
-    {"jxl8", ImageFormat::kJxl,
-     [](const auto& image, const auto& extras) { return EncodeTestJxl(image, 8, extras); }, 1.01},
-    {"jxl16", ImageFormat::kJxl,
-     [](const auto& image, const auto& extras) { return EncodeTestJxl(image, 16, extras); }, 0.01},
-};
-
-class EveryFormat : public testing::TestWithParam<Format> {
+class EveryFormat : public testing::TestWithParam<TestFormat> {
  protected:
   std::string Encode(const DeepImage& image, const Extras& extras = {}) const {
     return GetParam().encode(image, extras);
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(Formats, EveryFormat, testing::ValuesIn(kFormats),
-                         [](const auto& info) { return std::string(info.param.name); });
+INSTANTIATE_TEST_SUITE_P(Formats, EveryFormat, testing::ValuesIn(TestFormats()),
+                         [](const auto& info) { return info.param.name; });
 
 TEST_P(EveryFormat, GivesBackItsCodes) {
   const DeepImage image = Ramp();
@@ -219,7 +141,7 @@ TEST_P(EveryFormat, NeverCrashesOnCorruption) {
 
 TEST(Exif, IsReadInFormatsThatCarryIt) {
   const std::string exif = FocalBlock(26, 425, 100);
-  for (const Format& format : kFormats) {
+  for (const TestFormat& format : TestFormats()) {
     if (format.format == ImageFormat::kTiff) continue;  // it is one block of EXIF itself
     const auto info = ReadImageInfo(format.encode(Ramp(), {.exif = exif}), "f");
     ASSERT_TRUE(info.ok()) << format.name << info.status();
@@ -233,16 +155,23 @@ TEST(Exif, TellsTheExposure) {
   frame.f_number = 1.8;
   frame.iso = 3200;
   frame.focal_length_35mm = 24;
-  const std::string dng = EncodeDng(frame);
-  const std::string jpeg =
-      WithJpegExif(EncodeJpeg(TestImage(16, 8)).value(), dng.substr(0, 8) + dng.substr(8));
-  for (const std::string& bytes : {dng, jpeg}) {
+  const std::string dng = EncodeDng(frame);  // whose directories are those of EXIF
+  std::vector<std::pair<std::string, std::string>> photos = {
+      {"dng", dng},
+      {"jpeg", WithJpegExif(EncodeJpeg(TestImage(16, 8)).value(), dng)},
+      {"tiff", EncodeTestTiff(Ramp(), {.exposure_time = 0.125, .f_number = 1.8, .iso = 3200})}};
+  for (const TestFormat& format : TestFormats()) {
+    if (format.format == ImageFormat::kTiff) continue;
+    photos.emplace_back(format.name, format.encode(Ramp(), {.exif = dng}));
+  }
+  for (const auto& [name, bytes] : photos) {
     const auto info = ReadImageInfo(bytes, "f");
-    ASSERT_TRUE(info.ok()) << info.status();
-    EXPECT_NEAR(info->exposure_time, 0.125, 1e-6);
-    EXPECT_NEAR(info->f_number, 1.8, 1e-6);
-    EXPECT_EQ(info->iso, 3200);
-    EXPECT_EQ(info->focal_length, 24);
+    ASSERT_TRUE(info.ok()) << name << info.status();
+    EXPECT_NEAR(info->exposure_time, 0.125, 1e-6) << name;
+    EXPECT_NEAR(info->f_number, 1.8, 1e-6) << name;
+    EXPECT_EQ(info->iso, 3200) << name;
+    EXPECT_EQ(info->focal_length, name == "tiff" ? 0 : 24) << name;
+    EXPECT_TRUE(DecodePhoto(bytes, "f").ok()) << name;
   }
 }
 

@@ -104,6 +104,20 @@ void WriteTiffPage(TIFF* tiff, const DeepImage& image, const TiffLayout& layout,
   LITAGS_CHECK(TIFFWriteDirectory(tiff) == 1);
 }
 
+// A directory of EXIF behind the first page, which then is written anew to point there.
+void AddExposure(TIFF* tiff, const TiffLayout& layout) {
+  const auto iso = static_cast<uint16_t>(layout.iso);
+  uint64_t at = 0;
+  TIFFCreateEXIFDirectory(tiff);
+  TIFFSetField(tiff, EXIFTAG_EXPOSURETIME, layout.exposure_time);
+  TIFFSetField(tiff, EXIFTAG_FNUMBER, layout.f_number);
+  TIFFSetField(tiff, EXIFTAG_ISOSPEEDRATINGS, 1, &iso);
+  LITAGS_CHECK(TIFFWriteCustomDirectory(tiff, &at) == 1);
+  LITAGS_CHECK(TIFFSetDirectory(tiff, 0) == 1);
+  TIFFSetField(tiff, TIFFTAG_EXIFIFD, at);
+  LITAGS_CHECK(TIFFRewriteDirectory(tiff) == 1);
+}
+
 heif_error AppendBytes(heif_context*, const void* data, size_t size, void* out) {
   static_cast<std::string*>(out)->append(static_cast<const char*>(data), size);
   return {heif_error_Ok, heif_suberror_Unspecified, "ok"};
@@ -226,6 +240,7 @@ std::string EncodeTestTiff(const DeepImage& image, const TiffLayout& layout) {
   LITAGS_CHECK(file >= 0);
   TIFF* tiff = TIFFFdOpen(file, path.c_str(), layout.big ? "w8" : "w");
   for (int page = 0; page < layout.pages; ++page) WriteTiffPage(tiff, image, layout, page);
+  if (layout.exposure_time > 0) AddExposure(tiff, layout);
   TIFFClose(tiff);
   std::ifstream in(path, std::ios::binary);
   std::string bytes((std::istreambuf_iterator<char>(in)), {});

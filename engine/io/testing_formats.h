@@ -35,9 +35,11 @@ struct TiffLayout {
   bool tiled = false;
   bool planar = false;
   int orientation = 1;
-  int extra = 0;     // samples behind the colours
-  bool big = false;  // BigTIFF
-  int pages = 1;     // those after the first are black
+  int extra = 0;                           // samples behind the colours
+  bool big = false;                        // BigTIFF
+  int pages = 1;                           // those after the first are black
+  double exposure_time = 0, f_number = 0;  // EXIF, with the next; 0: none
+  int iso = 0;
   std::string icc = {};
 };
 std::string EncodeTestTiff(const DeepImage& image, const TiffLayout& layout = {});

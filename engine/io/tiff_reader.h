@@ -14,7 +14,7 @@ namespace litags {
 // Reads in the block's byte order. Position 0, where no number lies, is "nowhere".
 class TiffReader {
  public:
-  static constexpr uint16_t kShort = 3, kLong = 4, kRational = 5;
+  static constexpr uint16_t kShort = 3, kLong = 4, kRational = 5, kDirectory = 13;
 
   explicit TiffReader(std::string_view tiff) : tiff_(tiff), little_(tiff.starts_with("II")) {}
 
@@ -67,6 +67,12 @@ class TiffReader {
   size_t Find(size_t directory, uint16_t tag, uint16_t type) const {
     const size_t entry = FindEntry(directory, tag);
     return TypeOf(entry) == type && CountOf(entry) == 1 ? entry + 8 : 0;
+  }
+
+  // Position of a directory that a tag points to.
+  size_t FindDirectory(size_t directory, uint16_t tag) const {
+    const size_t usual = Find(directory, tag, kLong);
+    return Get<uint32_t>(usual != 0 ? usual : Find(directory, tag, kDirectory));
   }
 
   // 0 if there is none, or its lower part is 0.
