@@ -10,6 +10,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 namespace litags {
 
@@ -42,6 +43,12 @@ struct CodedPicture {
   bool full_range = false;
 };
 heif_error CopyPicture(const CodedPicture& picture, heif_image** out);
+
+struct CodedSize {
+  uint32_t width = 0, height = 0;
+};
+// What a sequence parameter set, a NAL unit of HEVC, says that a decoder is to allocate.
+CodedSize HevcSizeOf(std::string_view nal);
 
 // Whether the pixels of a picture may be allocated.
 bool IsCodedSizeTaken(uint64_t width, uint64_t height);

@@ -179,6 +179,7 @@ absl::StatusOr<Photo> DecodeHeif(std::string_view bytes, const ImageInfo& info,
 // The others load nothing.
 void LoadPhotoDecoders() { UseHeifCodecs(); }
 
-const PhotoFormat kHeifFormat = {ImageFormat::kHeif, IsHeif, ReadHeifInfo, DecodeHeif};
+const PhotoFormat kHeifFormat = {ImageFormat::kHeif, "HEIC, AVIF", IsHeif, ReadHeifInfo,
+                                 DecodeHeif};
 
 }  // namespace litags

@@ -55,28 +55,6 @@ std::string PayloadOf(std::string_view nal) {
   return out;
 }
 
-// A sequence parameter set (ITU-T H.265, 7.3.2.2) tells the size that libde265 allocates.
-bool IsSequenceTaken(std::string_view nal) {
-  constexpr size_t kHeadBits = 16, kProfileBits = 88, kLevelBits = 8;
-  constexpr size_t kEnough = 512;  // bytes of it, more than come before the size
-  BitReader bits(PayloadOf(nal.substr(0, kEnough)));
-  bits.Skip(kHeadBits + 4);
-  const int layers = static_cast<int>(bits.Bits(3));  // less one
-  bits.Skip(1 + kProfileBits + kLevelBits);
-  size_t more = 0;
-  for (int i = 0; i < layers; ++i) {
-    if (bits.Bits(1) == 1) more += kProfileBits;
-    if (bits.Bits(1) == 1) more += kLevelBits;
-  }
-  if (layers > 0) bits.Skip(2 * (8 - layers));
-  bits.Skip(more);
-  bits.Number();  // its identifier
-  constexpr uint32_t kFullChroma = 3;
-  if (bits.Number() == kFullChroma) bits.Skip(1);
-  const uint32_t width = bits.Number(), height = bits.Number();
-  return IsCodedSizeTaken(width, height);
-}
-
 heif_error NewDecoder(void** decoder) {
   *decoder = de265_new_decoder();  // which starts no threads unless told to
   return *decoder != nullptr ? kHeifOk : CodecError("there is no memory to decode it");
@@ -95,8 +73,9 @@ heif_error PushData(void* decoder, const void* data, size_t size) {
       return {heif_error_Decoder_plugin_error, heif_suberror_End_of_data, "its picture ends early"};
     }
     if (nal.empty()) continue;
-    if ((nal[0] >> 1 & 0x3F) == kSequenceParameters && !IsSequenceTaken(nal)) {
-      return CodecSizeError();
+    if ((nal[0] >> 1 & 0x3F) == kSequenceParameters) {
+      const CodedSize coded = HevcSizeOf(nal);
+      if (!IsCodedSizeTaken(coded.width, coded.height)) return CodecSizeError();
     }
     if (!de265_isOK(de265_push_NAL(decoder, nal.data(), static_cast<int>(length), 0, nullptr))) {
       return CodecError("its picture cannot be read");
@@ -161,6 +140,30 @@ heif_error DecodeImage(void* decoder, heif_image** out) {
 }
 
 }  // namespace
+
+// ITU-T H.265, 7.3.2.2.
+CodedSize HevcSizeOf(std::string_view nal) {
+  constexpr size_t kHeadBits = 16, kProfileBits = 88, kLevelBits = 8;
+  constexpr size_t kEnough = 512;  // bytes of it, more than come before the size
+  BitReader bits(PayloadOf(nal.substr(0, kEnough)));
+  bits.Skip(kHeadBits + 4);
+  const int layers = static_cast<int>(bits.Bits(3));  // less one
+  bits.Skip(1 + kProfileBits + kLevelBits);
+  size_t more = 0;
+  for (int i = 0; i < layers; ++i) {
+    if (bits.Bits(1) == 1) more += kProfileBits;
+    if (bits.Bits(1) == 1) more += kLevelBits;
+  }
+  if (layers > 0) bits.Skip(2 * (8 - layers));
+  bits.Skip(more);
+  bits.Number();  // its identifier
+  constexpr uint32_t kFullChroma = 3;
+  if (bits.Number() == kFullChroma) bits.Skip(1);
+  CodedSize size;
+  size.width = bits.Number();
+  size.height = bits.Number();
+  return size;
+}
 
 const heif_decoder_plugin kHevcCodec = {
     .plugin_api_version = 3,

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/check.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
@@ -44,8 +45,8 @@ absl::StatusOr<ImageInfo> ReadStoredInfo(std::string_view bytes, std::string_vie
   *format = FindPhotoFormat(bytes);
   if (*format == nullptr) {
     return InvalidField("IMAGE_NOT_RECOGNIZED", field,
-                        "not a JPEG, PNG, TIFF, WebP, HEIC, AVIF, JPEG XL or camera's RAW file; "
-                        "convert it to JPEG or PNG");
+                        absl::StrCat("it is of none of the formats that are read (",
+                                     PhotoFormatNames(), "); convert it to JPEG or PNG"));
   }
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, (*format)->read_info(bytes, field));
   LITAGS_RETURN_IF_ERROR(CheckLimits(info, field, limits));
@@ -107,6 +108,11 @@ bool EndsWithOneOf(std::span<const std::string_view> suffixes, const std::string
   return name.front() != '.' && std::ranges::any_of(suffixes, [&](std::string_view suffix) {
            return lower.size() > suffix.size() && std::string_view(lower).ends_with(suffix);
          });
+}
+
+std::string JoinedEndings() {
+  return absl::StrJoin(PhotoEndings(), " ",
+                       [](std::string* out, std::string_view ending) { out->append(ending); });
 }
 
 bool IsPhotoName(const std::string& name) { return EndsWithOneOf(PhotoEndings(), name); }
@@ -199,10 +205,9 @@ absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir,
   LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> names, ListFiles(dir, field, IsPhotoName));
   if (names.empty()) {
     LITAGS_ASSIGN_OR_RETURN(const std::string others, DescribeOtherPictures(dir, field));
-    return InvalidField(
-        "NO_PHOTOS", field,
-        absl::StrCat("the folder '", dir, "' holds no photo (.jpg, .png, .heic, .dng and others)",
-                     others.empty() ? "" : "; ", others));
+    return InvalidField("NO_PHOTOS", field,
+                        absl::StrCat("the folder '", dir, "' holds no photo (", JoinedEndings(),
+                                     ")", others.empty() ? "" : "; ", others));
   }
   return names;
 }

@@ -250,6 +250,6 @@ absl::StatusOr<Photo> DecodeJpeg(std::string_view bytes, const ImageInfo& info,
 // From the coefficients: dequantised, inverse DCT in floating point, chroma interpolated linearly
 // between its (centred) samples, YCbCr to RGB as in JFIF. Nothing is rounded to 8 bits or clipped
 // at black, as libjpeg's own output is: a dark JPEG holds more than 8 bits.
-const PhotoFormat kJpegFormat = {ImageFormat::kJpeg, IsJpeg, ParseJpegHeader, DecodeJpeg};
+const PhotoFormat kJpegFormat = {ImageFormat::kJpeg, "JPEG", IsJpeg, ParseJpegHeader, DecodeJpeg};
 
 }  // namespace litags

@@ -18,6 +18,7 @@ namespace {
 constexpr std::string_view kStream = "\xFF\x0A";
 constexpr std::string_view kContainer("\0\0\0\x0CJXL \r\n\x87\n", 12);
 constexpr size_t kMaxProfileBytes = size_t{8} << 20;
+constexpr uint32_t kMaxExtraChannels = 4;
 
 struct Destroyer {
   void operator()(JxlDecoder* decoder) const { JxlDecoderDestroy(decoder); }
@@ -70,6 +71,12 @@ absl::StatusOr<ImageInfo> ReadJxlInfo(std::string_view bytes, std::string_view f
   }
   if (basic.xsize == 0 || basic.ysize == 0 || basic.xsize > INT32_MAX || basic.ysize > INT32_MAX) {
     return InvalidField("IMAGE_CORRUPT", field, "the JPEG XL file states an impossible size");
+  }
+  // Each has the pixels of a picture.
+  if (basic.num_extra_channels > kMaxExtraChannels) {
+    return InvalidField("IMAGE_UNSUPPORTED", field,
+                        absl::StrCat("a JPEG XL file with ", basic.num_extra_channels,
+                                     " channels beside its colours; save it without them"));
   }
   ImageInfo info;
   info.format = ImageFormat::kJxl;
@@ -132,6 +139,6 @@ absl::StatusOr<Photo> DecodeJxl(std::string_view bytes, const ImageInfo& info,
 
 }  // namespace
 
-const PhotoFormat kJxlFormat = {ImageFormat::kJxl, IsJxl, ReadJxlInfo, DecodeJxl};
+const PhotoFormat kJxlFormat = {ImageFormat::kJxl, "JPEG XL", IsJxl, ReadJxlInfo, DecodeJxl};
 
 }  // namespace litags

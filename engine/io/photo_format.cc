@@ -1,5 +1,7 @@
 #include "engine/io/photo_format.h"
 
+#include "absl/strings/str_join.h"
+
 namespace litags {
 namespace {
 
@@ -15,6 +17,12 @@ constexpr std::string_view kEndings[] = {
 }  // namespace
 
 std::span<const std::string_view> PhotoEndings() { return kEndings; }
+
+std::string PhotoFormatNames() {
+  return absl::StrJoin(kFormats, ", ", [](std::string* out, const PhotoFormat* format) {
+    out->append(format->name);
+  });
+}
 
 const PhotoFormat* FindPhotoFormat(std::string_view bytes) {
   for (const PhotoFormat* format : kFormats) {

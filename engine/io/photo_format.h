@@ -3,7 +3,7 @@
 #ifndef LITAGS_ENGINE_IO_PHOTO_FORMAT_H_
 #define LITAGS_ENGINE_IO_PHOTO_FORMAT_H_
 
-#include <span>
+#include <string>
 #include <string_view>
 
 #include "absl/status/statusor.h"
@@ -14,6 +14,7 @@ namespace litags {
 
 struct PhotoFormat {
   ImageFormat format;
+  std::string_view name;  // in messages
   // By the first bytes, whatever the file is called.
   bool (*recognizes)(std::string_view bytes);
   // Size as stored, what EXIF says, bit depth. Checks no limits, and allocates no pixels.
@@ -30,6 +31,9 @@ extern const PhotoFormat kTiffFormat;  // tiff_decode.cc
 extern const PhotoFormat kWebpFormat;  // webp_decode.cc
 extern const PhotoFormat kHeifFormat;  // heif_decode.cc
 extern const PhotoFormat kJxlFormat;   // jxl_decode.cc
+
+// "JPEG, PNG, ...": the names of all.
+std::string PhotoFormatNames();
 
 // nullptr: none of them.
 const PhotoFormat* FindPhotoFormat(std::string_view bytes);

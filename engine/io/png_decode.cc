@@ -83,6 +83,6 @@ absl::StatusOr<Photo> DecodePng(std::string_view bytes, const ImageInfo& info,
 
 }  // namespace
 
-const PhotoFormat kPngFormat = {ImageFormat::kPng, IsPng, ParsePngHeader, DecodePng};
+const PhotoFormat kPngFormat = {ImageFormat::kPng, "PNG", IsPng, ParsePngHeader, DecodePng};
 
 }  // namespace litags

@@ -246,6 +246,6 @@ absl::StatusOr<Photo> DecodeRaw(std::string_view bytes, const ImageInfo& info,
 
 }  // namespace
 
-const PhotoFormat kRawFormat = {ImageFormat::kRaw, IsRaw, ReadRawInfo, DecodeRaw};
+const PhotoFormat kRawFormat = {ImageFormat::kRaw, "cameras' RAW", IsRaw, ReadRawInfo, DecodeRaw};
 
 }  // namespace litags

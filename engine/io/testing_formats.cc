@@ -273,7 +273,7 @@ std::string EncodeTestHeif(const DeepImage& image, bool av1, int bits, const Ext
   return bytes;
 }
 
-std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras) {
+std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras, int depths) {
   const std::unique_ptr<JxlEncoder, void (*)(JxlEncoder*)> encoder(JxlEncoderCreate(nullptr),
                                                                    JxlEncoderDestroy);
   JxlBasicInfo info;
@@ -283,6 +283,7 @@ std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras
   info.bits_per_sample = bits;
   info.num_color_channels = image.channels;
   info.uses_original_profile = JXL_TRUE;
+  info.num_extra_channels = depths;
   JxlEncoderUseContainer(encoder.get(), extras.exif.empty() ? JXL_FALSE : JXL_TRUE);
   if (!extras.exif.empty()) {
     JxlEncoderUseBoxes(encoder.get());
@@ -309,8 +310,19 @@ std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras
   for (const uint16_t code : image.codes) {
     deep ? AppendNumber(&pixels, code) : AppendNumber(&pixels, static_cast<uint8_t>(code / 257));
   }
+  JxlExtraChannelInfo depth;
+  JxlEncoderInitExtraChannelInfo(JXL_CHANNEL_DEPTH, &depth);
+  depth.bits_per_sample = 8;
+  const std::vector<uint8_t> black(size_t(image.width) * image.height);
+  const JxlPixelFormat plane = {1, JXL_TYPE_UINT8, JXL_NATIVE_ENDIAN, 0};
+  for (int i = 0; i < depths; ++i) {
+    JxlEncoderSetExtraChannelInfo(encoder.get(), i, &depth);
+  }
   LITAGS_CHECK(JxlEncoderAddImageFrame(settings, &format, pixels.data(), pixels.size()) ==
                JXL_ENC_SUCCESS);
+  for (int i = 0; i < depths; ++i) {
+    JxlEncoderSetExtraChannelBuffer(settings, &plane, black.data(), black.size(), i);
+  }
   JxlEncoderCloseInput(encoder.get());
   std::string out(size_t{1} << 20, '\0');
   uint8_t* next = reinterpret_cast<uint8_t*>(out.data());

@@ -48,8 +48,9 @@ std::string EncodeTestTiff(const DeepImage& image, const TiffLayout& layout = {}
 // fails at.
 std::string EncodeTestHeif(const DeepImage& image, bool av1, int bits, const Extras& extras = {});
 
-// Lossless; bits: 8 or 16.
-std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras = {});
+// Lossless; bits: 8 or 16. `depths`: channels of depth beside the colours, which are black.
+std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras = {},
+                          int depths = 0);
 
 // An ICC profile made by lcms2. kLinear, kDisplayP3, kAdobeRgb: RGB; kGreyLinear; kCmyk: paper is
 // white, each ink takes away its colour.

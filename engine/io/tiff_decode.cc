@@ -304,6 +304,6 @@ absl::StatusOr<Photo> DecodeTiff(std::string_view bytes, const ImageInfo& info,
 
 }  // namespace
 
-const PhotoFormat kTiffFormat = {ImageFormat::kTiff, IsTiff, ReadTiffInfo, DecodeTiff};
+const PhotoFormat kTiffFormat = {ImageFormat::kTiff, "TIFF", IsTiff, ReadTiffInfo, DecodeTiff};
 
 }  // namespace litags

@@ -83,6 +83,6 @@ absl::StatusOr<Photo> DecodeWebp(std::string_view bytes, const ImageInfo& info,
 
 }  // namespace
 
-const PhotoFormat kWebpFormat = {ImageFormat::kWebp, IsWebp, ReadWebpInfo, DecodeWebp};
+const PhotoFormat kWebpFormat = {ImageFormat::kWebp, "WebP", IsWebp, ReadWebpInfo, DecodeWebp};
 
 }  // namespace litags
