@@ -9,8 +9,6 @@
 namespace litags {
 namespace {
 
-constexpr size_t kMaxProfileBytes = size_t{8} << 20;  // printers' profiles have up to 3 MiB
-
 // Curves are tables over Photo's range of codes, [-2, 2], with its step.
 constexpr float kCurveStart = -2, kCurveSteps = kPhotoWhite;
 constexpr int kCurveSize = 4 * kPhotoWhite + 1;
@@ -113,12 +111,6 @@ ColorSpace ColorSpace::Srgb(int channels) {
 ColorSpace ColorSpace::Gamma(double exponent, int channels) {
   ColorSpace space(channels);
   space.curves_.fill(MakeCurve([&](double code) { return std::pow(code, exponent); }));
-  return space;
-}
-
-ColorSpace ColorSpace::Camera(const Matrix& to_srgb) {
-  ColorSpace space = Gamma(1, 3);
-  space.matrix_ = to_srgb;
   return space;
 }
 

@@ -15,14 +15,14 @@
 
 namespace litags {
 
+inline constexpr size_t kMaxProfileBytes = size_t{8} << 20;  // printers' have up to 3 MiB
+
 class ColorSpace {
  public:
   // Codes are sRGB's already. `channels`: 1 grey, 3 RGB.
   static ColorSpace Srgb(int channels);
   // Codes are light to the power 1 / `exponent` (1: light itself), with sRGB's primaries.
   static ColorSpace Gamma(double exponent, int channels);
-  // Light to light by a matrix, rows of which are sRGB's channels.
-  static ColorSpace Camera(const std::array<std::array<float, 3>, 3>& to_srgb);
   // As an ICC profile says; 4 channels are CMYK. nullopt: it is broken, or for other pixels.
   static std::optional<ColorSpace> FromIcc(std::string_view icc, int channels);
   // The same, and sRGB where there is no use in the profile.

@@ -1,10 +1,18 @@
 #include "engine/io/heif_codecs.h"
 
 #include <cstring>
+#include <utility>
 
 #include "engine/core/camera.h"
 
 namespace litags {
+namespace {
+
+thread_local uint64_t coded_pixels = 0;
+
+}  // namespace
+
+uint64_t TakeCodedPixels() { return std::exchange(coded_pixels, 0); }
 
 void UseHeifCodecs() {
   static const bool done = [] {
@@ -66,6 +74,7 @@ heif_error CopyPicture(const CodedPicture& picture, heif_image** out) {
   points->full_range_flag = picture.full_range;
   heif_image_set_nclx_color_profile(image, points);
   heif_nclx_color_profile_free(points);
+  coded_pixels += uint64_t(picture.width) * picture.height;
   *out = image;
   return kHeifOk;
 }

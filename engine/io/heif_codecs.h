@@ -44,6 +44,10 @@ struct CodedPicture {
 };
 heif_error CopyPicture(const CodedPicture& picture, heif_image** out);
 
+// Pixels that this thread has copied since it was last asked. libheif leaves what a grid's tiles do
+// not cover as memory had it.
+uint64_t TakeCodedPixels();
+
 struct CodedSize {
   uint32_t width = 0, height = 0;
 };

@@ -20,7 +20,9 @@ namespace litags {
 namespace {
 
 constexpr size_t kMaxExifBytes = size_t{1} << 20;
-constexpr size_t kMaxProfileBytes = size_t{8} << 20;
+
+// libheif counts bytes of a picture, up to 6 of a pixel, in 32 bits.
+constexpr int kMaxDecodedSide = 18'900;
 
 template <auto kFree>
 struct Freer {
@@ -74,7 +76,7 @@ struct HeifFile {
     UseHeifCodecs();
     context.reset(heif_context_alloc());
     heif_context_set_max_decoding_threads(context.get(), 0);
-    heif_context_set_maximum_image_size_limit(context.get(), kMaxImageSide);
+    heif_context_set_maximum_image_size_limit(context.get(), kMaxImageSide + 1);
     heif_error error = heif_context_read_from_memory_without_copy(context.get(), bytes.data(),
                                                                   bytes.size(), nullptr);
     if (error.code != heif_error_Ok) return ErrorOf(error, field);
@@ -82,6 +84,20 @@ struct HeifFile {
     error = heif_context_get_primary_image_handle(context.get(), &primary);
     if (error.code != heif_error_Ok) return ErrorOf(error, field);
     handle.reset(primary);
+    return LimitGrid(field);
+  }
+
+  // A grid of tiles states its size twice. libheif allocates by the one that it does not tell us,
+  // so that this is held to the sides of the other.
+  absl::Status LimitGrid(std::string_view field) {
+    const int side = std::max(heif_image_handle_get_ispe_width(handle.get()),
+                              heif_image_handle_get_ispe_height(handle.get()));
+    if (side > kMaxDecodedSide) {
+      return InvalidField("IMAGE_TOO_LARGE", field,
+                          absl::StrCat(side, " px on a side exceed ", kMaxDecodedSide,
+                                       " px, which a HEIC or AVIF file may have; resize it"));
+    }
+    heif_context_set_maximum_image_size_limit(context.get(), side + 1);
     return absl::OkStatus();
   }
 
@@ -146,12 +162,19 @@ absl::StatusOr<Photo> DecodeHeif(std::string_view bytes, const ImageInfo& info,
   const bool deep = info.bit_depth > 8;
   const Options options(heif_decoding_options_alloc());
   options->strict_decoding = 1;
+  TakeCodedPixels();
   heif_image* decoded = nullptr;
   const heif_error error = heif_decode_image(
       file.handle.get(), &decoded, heif_colorspace_RGB,
       deep ? heif_chroma_interleaved_RRGGBB_LE : heif_chroma_interleaved_RGB, options.get());
   const Picture picture(decoded);
   if (error.code != heif_error_Ok) return ErrorOf(error, field);
+  const auto stored = static_cast<uint64_t>(heif_image_handle_get_ispe_width(file.handle.get())) *
+                      static_cast<uint64_t>(heif_image_handle_get_ispe_height(file.handle.get()));
+  if (TakeCodedPixels() < stored) {
+    return InvalidField("IMAGE_CORRUPT", field,
+                        "the HEIC or AVIF file's tiles do not cover its picture; send it again");
+  }
   constexpr heif_channel kChannel = heif_channel_interleaved;
   int stride = 0;
   const uint8_t* data = heif_image_get_plane_readonly(decoded, kChannel, &stride);

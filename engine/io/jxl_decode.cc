@@ -17,7 +17,6 @@ namespace {
 
 constexpr std::string_view kStream = "\xFF\x0A";
 constexpr std::string_view kContainer("\0\0\0\x0CJXL \r\n\x87\n", 12);
-constexpr size_t kMaxProfileBytes = size_t{8} << 20;
 constexpr uint32_t kMaxExtraChannels = 4;
 
 struct Destroyer {

@@ -16,11 +16,9 @@
 namespace litags {
 namespace {
 
-constexpr size_t kMaxProfileBytes = size_t{8} << 20;  // inflated; a bomb has more
-
 std::string Inflate(std::string_view deflated) {
   std::string out;
-  // The size is not said, and most profiles are small.
+  // The size is not said, and most profiles are small. A bomb has more than any may.
   for (size_t size = size_t{64} << 10; size <= kMaxProfileBytes; size *= 2) {
     out.resize(size);
     uLongf written = size;
