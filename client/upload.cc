@@ -13,6 +13,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/types/span.h"
 #include "client/status.h"
 #include "client/text.h"
@@ -62,6 +63,11 @@ absl::StatusOr<LocalFile> MakeLocalFile(const fs::path& path, v1::FileRole role)
                                  "convmv or mv"));
   }
   return file;
+}
+
+std::string Joined(Endings endings) {
+  return absl::StrJoin(endings, " ",
+                       [](std::string* out, std::string_view ending) { out->append(ending); });
 }
 
 // Subfolders with photos in them, for a hint.
@@ -276,10 +282,11 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   if (!status.ok()) return status;
   if (capture.files.empty()) {
     const std::string inside = FoldersWithPhotos(photos_dir);
-    return BadInput("NO_PHOTOS", "DIR",
-                    absl::StrCat(photos_dir, ": holds no photos (.jpg .jpeg .png); ",
-                                 inside.empty() ? "give the folder that holds them"
-                                                : absl::StrCat("did you mean ", inside, "?")));
+    return BadInput(
+        "NO_PHOTOS", "DIR",
+        absl::StrCat(photos_dir, ": holds no photos (", Joined(v1::kPhotoEndings), "); ",
+                     inside.empty() ? "give the folder that holds them"
+                                    : absl::StrCat("did you mean ", inside, "?")));
   }
   if (std::error_code error; fs::is_directory(cameras_path, error)) {
     status = AddColmapModel(cameras_path, &capture);
