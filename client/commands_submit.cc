@@ -21,6 +21,7 @@ namespace {
 
 struct SubmitArgs {
   std::string dir, cameras, depth_dir, masks_dir, name, request_id;
+  std::string webhook, webhook_secret;
   std::vector<std::string> labels;
   bool watch = false;
   v1::JobOptions options;
@@ -115,6 +116,10 @@ int Submit(Session& session, const SubmitArgs& args) {
   if (!ParseLabels(args.labels, request.mutable_labels())) return kExitBadInput;
   *request.mutable_options() = args.options;
   *request.mutable_policy() = ToProto(args.treatment);
+  if (!args.webhook.empty()) {
+    request.mutable_webhook()->set_url(args.webhook);
+    request.mutable_webhook()->set_secret(args.webhook_secret);
+  }
   if (!args.request_id.empty()) {
     auto digest = ContentDigest(capture->files);
     if (!digest.ok()) return ReportError(session, digest.status());
@@ -163,6 +168,12 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_option("--masks", args->masks_dir,
                       "Folder with masks of photos, <photo's name>.png, 0 where a pixel is not of "
                       "the scene; default: DIR/masks, if there is one");
+  command->add_option("--webhook", args->webhook,
+                      "URL that is told when the job has ended, if the server allows it");
+  command
+      ->add_option("--webhook-secret", args->webhook_secret,
+                   "Key of its signatures, 16 to 128 bytes")
+      ->envname("LITAGS_WEBHOOK_SECRET");
   command->add_option("--request-id", args->request_id,
                       "Your own id: the same command with the same id continues one job");
   AddTreatmentOptions(*command, args->treatment);

@@ -132,6 +132,15 @@ v1::JobPolicy PolicyToProto(const JobPolicy& policy) {
   return proto;
 }
 
+v1::Webhook WebhookToProto(const Webhook& webhook) {
+  v1::Webhook proto;
+  proto.set_url(webhook.url);
+  proto.set_attempts(webhook.attempts);
+  proto.set_last_error(webhook.last_error);
+  proto.set_delivered_event(webhook.delivered_event);
+  return proto;
+}
+
 void SetTime(int64_t time_ms, google::protobuf::Timestamp* proto) {
   *proto = TimeUtil::MillisecondsToTimestamp(time_ms);
 }
@@ -145,6 +154,8 @@ google::protobuf::Duration DurationToProto(double seconds) {
 double SecondsOf(const google::protobuf::Duration& duration) {
   return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
 }
+
+Webhook WebhookFromProto(const v1::Webhook& proto) { return {proto.url(), proto.secret()}; }
 
 Labels LabelsFromProto(const google::protobuf::Map<std::string, std::string>& proto) {
   return {proto.begin(), proto.end()};
@@ -216,6 +227,8 @@ absl::StatusOr<v1::Job> JobToProto(const JobRecord& job) {
   LITAGS_ASSIGN_OR_RETURN(const Labels labels, LabelsOf(job));
   proto.mutable_labels()->insert(labels.begin(), labels.end());
   proto.set_etag(EtagOf(job));
+  LITAGS_ASSIGN_OR_RETURN(const Webhook webhook, WebhookOf(job));
+  if (!webhook.url.empty()) *proto.mutable_webhook() = WebhookToProto(webhook);
   if (job.expire_time_ms) SetTime(job.expire_time_ms, proto.mutable_expire_time());
   proto.set_attempt(job.attempt);
   proto.set_last_event(job.last_event);

@@ -22,6 +22,7 @@ absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy 
 google::protobuf::Duration DurationToProto(double seconds);
 double SecondsOf(const google::protobuf::Duration& duration);
 
+Webhook WebhookFromProto(const v1::Webhook& proto);
 Labels LabelsFromProto(const google::protobuf::Map<std::string, std::string>& proto);
 
 // Sets every field.

@@ -72,6 +72,7 @@ absl::StatusOr<NewJob> NewJobOf(const v1::CreateJobRequest& request) {
   LITAGS_ASSIGN_OR_RETURN(job.policy, PolicyFromProto(request.policy()));
   LITAGS_ASSIGN_OR_RETURN(job.options, OptionsFromProto(request.options()));
   job.labels = LabelsFromProto(request.labels());
+  job.webhook = WebhookFromProto(request.webhook());
   job.request_digest = DigestOf(request);
   return job;
 }
@@ -87,6 +88,7 @@ absl::StatusOr<NewJob> NewJobOf(const v1::CloneJobRequest& request, const JobRec
   LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(source));
   LITAGS_ASSIGN_OR_RETURN(job.policy, PolicyFromProto(request.policy(), policy));
   job.labels = LabelsFromProto(request.labels());
+  job.webhook = WebhookFromProto(request.webhook());
   job.request_digest = DigestOf(request);
   return job;
 }

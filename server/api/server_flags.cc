@@ -174,6 +174,18 @@ void AddJobFlags(CLI::App* app, ServerFlags* flags) {
                 "Leave workers in the machine's network, which they do not need");
 }
 
+void AddWebhookFlags(CLI::App* app, ServerFlags* flags) {
+  app->add_option(
+         "--webhook-hosts", flags->webhooks.hosts,
+         "Hosts that jobs may tell of their end, as hooks.example.com,*.example.org; \"*\": "
+         "all; none: no job may")
+      ->delimiter(',');
+  app->add_flag("--webhook-internal", flags->webhooks.internal,
+                "Also hosts whose addresses are not of the internet, and http");
+  app->add_option("--webhook-ca", flags->webhook_ca,
+                  "Certificates that those hosts are checked by (PEM); default: the system's");
+}
+
 void AddUploadFlags(CLI::App* app, ServerFlags* flags) {
   const auto add = [app](const char* name, auto& value, const char* help) {
     app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
@@ -193,6 +205,7 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   flags->data = DefaultDataFolder();
   AddJobFlags(app, flags);
   AddUploadFlags(app, flags);
+  AddWebhookFlags(app, flags);
   AddAccessFlags(app, &flags->server);
   AddClientLimitFlags(app, &flags->server.limits);
   AddCapFlags(app, &flags->server.limits.caps);

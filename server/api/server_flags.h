@@ -20,6 +20,8 @@ struct ServerFlags {
   std::string log_level = "info";
   std::string log_format = "text";
   std::string port_file;
+  WebhookPolicy webhooks;
+  std::string webhook_ca;         // certificates that receivers are checked by; empty: the system's
   std::string metrics_listen;     // empty: no metrics
   double self_call_seconds = 10;  // between calls to itself; 0: none
   int workers = 1;

@@ -1,5 +1,6 @@
 #include "server/api/server_main.h"
 
+#include <google/protobuf/util/json_util.h>
 #include <signal.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -18,6 +19,7 @@
 #include "engine/core/error.h"
 #include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
+#include "server/api/convert.h"
 #include "server/api/health_monitor.h"
 #include "server/api/preflight.h"
 #include "server/api/self_call.h"
@@ -32,6 +34,7 @@
 #include "server/reader/file_reader.h"
 #include "server/reader/read_files_main.h"
 #include "server/store/open_stores.h"
+#include "server/webhooks/webhook_sender.h"
 #include "server/worker/log.h"
 #include "server/worker/machine.h"
 #include "server/worker/shutdown_signal.h"
@@ -98,6 +101,25 @@ std::unique_ptr<SelfCall> WatchListener(const ServerFlags& flags, const Server& 
   });
 }
 
+// The job as GetJob has it, as JSON.
+absl::StatusOr<std::string> WebhookBody(const JobRecord& job) {
+  LITAGS_ASSIGN_OR_RETURN(const v1::Job proto, JobToProto(job));
+  std::string body;
+  if (google::protobuf::util::MessageToJsonString(proto, &body).ok()) return body;
+  return absl::InternalError("the job cannot be written as JSON");
+}
+
+std::unique_ptr<WebhookSender> SendWebhooks(const ServerFlags& flags, JobStore* store) {
+  if (flags.webhooks.hosts.empty()) return nullptr;
+  PostOptions options;
+  options.internal = flags.webhooks.internal;
+  options.ca_path = flags.webhook_ca;
+  return std::make_unique<WebhookSender>(
+      store, WebhookBody, [options](const auto& url, const auto& body, const auto& headers) {
+        return Post(url, body, headers, options);
+      });
+}
+
 absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, Engine* engine,
                    const ShutdownSignal& signal) {
   HideFromOtherProcesses();
@@ -114,6 +136,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
   Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads);
+  jobs.SetWebhookPolicy(flags.webhooks);
   Leases leases(store.get(), blobs.get());
   const auto reader = MakeRemoteReader({"/proc/self/exe", kReadFilesCommand});
   ServerOptions options = flags.server;
@@ -131,6 +154,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   auto health = std::make_unique<HealthMonitor>(
       &jobs, [&] { return supervisor.AllFailing(); }, server.get());
   const Janitor janitor(&jobs, flags.sweep_seconds);
+  const auto webhooks = SendWebhooks(flags, store.get());
 
   const std::string host = flags.server.listen.substr(0, flags.server.listen.rfind(':'));
   std::printf("litags-server listens on %s:%d and stores in %s\n", host.c_str(), server->port(),

@@ -116,6 +116,10 @@ absl::StatusOr<std::vector<std::string>> ClientJobStore::LeasedTo(std::string_vi
   return ForWorkersOnly();
 }
 
+absl::StatusOr<std::vector<std::string>> ClientJobStore::WebhooksDue(int64_t, int) {
+  return ForWorkersOnly();
+}
+
 absl::StatusOr<std::vector<std::string>> ClientJobStore::JobsWithUnreferencedBlobs(int) {
   return ForWorkersOnly();
 }

@@ -63,6 +63,7 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
                                                                    Change change) override;
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
+  absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) override;
   absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
   absl::Status PutWorker(const WorkerRecord& worker) override;

@@ -98,6 +98,15 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, KeptF
   visit("bytes", r.bytes);
 }
 
+template <typename R, typename F>
+void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Webhook> {
+  visit("url", r.url);
+  visit("secret", r.secret);
+  visit("attempts", r.attempts);
+  visit("last_error", r.last_error);
+  visit("delivered_event", r.delivered_event);
+}
+
 template <typename R>
 Json ToJson(const R& record);
 template <typename R>
@@ -201,6 +210,10 @@ std::string Encode(const Labels& labels) {
   return labels.empty() ? std::string() : EncodeRecord(labels);
 }
 
+std::string Encode(const Webhook& webhook) {
+  return webhook.url.empty() ? std::string() : EncodeRecord(webhook);
+}
+
 void SetKept(JobRecord* job, const KeptFiles& files) {
   job->kept = Encode(files);
   job->kept_bytes = 0;
@@ -246,9 +259,14 @@ template absl::StatusOr<SnapshotRecord> Decode(std::string_view);
 template absl::StatusOr<ReconstructReport> Decode(std::string_view);
 template absl::StatusOr<KeptFiles> Decode(std::string_view);
 template absl::StatusOr<Labels> Decode(std::string_view);
+template absl::StatusOr<Webhook> Decode(std::string_view);
 
 absl::StatusOr<Labels> LabelsOf(const JobRecord& job) {
   return job.labels.empty() ? Labels() : Decode<Labels>(job.labels);
+}
+
+absl::StatusOr<Webhook> WebhookOf(const JobRecord& job) {
+  return job.webhook.empty() ? Webhook() : Decode<Webhook>(job.webhook);
 }
 
 absl::StatusOr<JobPolicy> PolicyOf(const JobRecord& job) {

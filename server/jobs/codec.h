@@ -16,6 +16,7 @@
 #include "server/jobs/labels.h"
 #include "server/jobs/placement.h"
 #include "server/jobs/policy.h"
+#include "server/jobs/webhook.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -56,13 +57,15 @@ std::string Encode(const ProgressRecord& progress);
 std::string Encode(const SnapshotRecord& snapshot);
 std::string Encode(const ReconstructReport& report);
 std::string Encode(const KeptFiles& files);
-std::string Encode(const Labels& labels);  // none: empty
+std::string Encode(const Labels& labels);    // none: empty
+std::string Encode(const Webhook& webhook);  // none: empty
 
 // The job has these from now on, and their bytes count as its owner's.
 void SetKept(JobRecord* job, const KeptFiles& files);
 
 // Of a job's row. INTERNAL (STORE_CORRUPT).
 absl::StatusOr<Labels> LabelsOf(const JobRecord& job);
+absl::StatusOr<Webhook> WebhookOf(const JobRecord& job);
 // Jobs that were made before there were policies have none.
 absl::StatusOr<JobPolicy> PolicyOf(const JobRecord& job);
 

@@ -98,7 +98,7 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
     Owned(const Jobs& all, const ClientView& view)
         : store(all.store_, view),
           jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view.max_bytes,
-               view.caps) {}
+               view.caps, all.webhooks_) {}
   };
   auto owned = std::make_shared<Owned>(*this, view);
   return {owned, &owned->jobs};
@@ -106,6 +106,7 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
 
 absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   LITAGS_RETURN_IF_ERROR(CheckLabels(wanted.labels));
+  LITAGS_RETURN_IF_ERROR(CheckWebhook(wanted.webhook, webhooks_));
   LITAGS_RETURN_IF_ERROR(caps_.Check(wanted.options, wanted.policy));
   const int64_t now_ms = clock_();
   JobRecord job;
@@ -114,6 +115,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   job.request_digest = wanted.request_digest;
   job.display_name = wanted.display_name;
   job.labels = Encode(wanted.labels);
+  job.webhook = Encode(wanted.webhook);
   job.content_digest = wanted.content_digest;
   job.options = Encode(wanted.options);
   job.policy = Encode(wanted.policy);

@@ -24,6 +24,7 @@
 #include "server/jobs/resume.h"
 #include "server/jobs/state_machine.h"
 #include "server/jobs/uploads.h"
+#include "server/jobs/webhook.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
 #include "server/store/job_store.h"
@@ -40,6 +41,7 @@ struct NewJob {
   // Of the request as it was sent; empty: requests are compared by what they made.
   std::string request_digest = {};
   Labels labels = {};
+  Webhook webhook = {};
 };
 
 // What a client may change of a job in any state.
@@ -71,6 +73,9 @@ class Jobs {
        UploadLimits limits = {})
       : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
              std::make_shared<UploadArea>(data.uploads(), blobs, limits)) {}
+
+  // Where the jobs of all clients may tell of their end; before any For().
+  void SetWebhookPolicy(WebhookPolicy policy) { webhooks_ = std::move(policy); }
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
   // stores.
@@ -151,13 +156,15 @@ class Jobs {
 
  private:
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
-       std::shared_ptr<UploadArea> area, int64_t max_owner_bytes = 0, JobCaps caps = {})
+       std::shared_ptr<UploadArea> area, int64_t max_owner_bytes = 0, JobCaps caps = {},
+       WebhookPolicy webhooks = {})
       : store_(store),
         blobs_(blobs),
         data_(std::move(data)),
         clock_(std::move(clock)),
         uploads_(store, blobs, std::move(area), clock_, max_owner_bytes),
-        caps_(caps) {}
+        caps_(caps),
+        webhooks_(std::move(webhooks)) {}
 
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
@@ -174,6 +181,7 @@ class Jobs {
   const Clock clock_;
   Uploads uploads_;
   const JobCaps caps_;
+  WebhookPolicy webhooks_;
 };
 
 }  // namespace litags

@@ -91,6 +91,13 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
   if (next == JobState::kUploading) ForgetRuns(&record);
   const bool was_running = record.state == JobState::kRunning;
   record.state = next;
+  if (IsTerminal(next) && !record.webhook.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(Webhook webhook, WebhookOf(record));
+    webhook.attempts = 0;
+    webhook.last_error.clear();
+    record.webhook = Encode(webhook);
+    record.webhook_due_ms = now_ms;
+  }
   record.error = error ? Encode(*error) : "";
   record.end_time_ms = IsTerminal(next) ? now_ms : 0;
   LITAGS_ASSIGN_OR_RETURN(record.expire_time_ms, ExpiryOf(record, next, now_ms));

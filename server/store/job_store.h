@@ -60,6 +60,7 @@ struct JobRecord {
   int64_t end_time_ms = 0;
   int64_t queue_time_ms = 0;
   int64_t expire_time_ms = 0;  // from then on it may be removed; 0: never
+  int64_t webhook_due_ms = 0;  // from then on its end is to be told; 0: it is not
 
   int64_t last_event = 0;      // number of the newest event
   int64_t last_log_entry = 0;  // number of the newest entry of its log
@@ -74,7 +75,8 @@ struct JobRecord {
   int64_t preview_bytes = 0;            // of the pictures that its events name
 
   // JSON, opaque to the store; empty: none. See server/jobs/codec.h.
-  std::string kept;  // what the engine left for later runs, the newest snapshot among it
+  std::string webhook;  // who is told of its end
+  std::string kept;     // what the engine left for later runs, the newest snapshot among it
   std::string options;
   std::string policy;
   std::string progress;
@@ -243,6 +245,9 @@ class JobStore {
 
   // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
   virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
+
+  // Ids of the jobs whose webhook_due_ms has come; at most `limit`, oldest first.
+  virtual absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) = 0;
 
   // Jobs that have unreferenced blobs and neither take files nor run nor wait to.
   virtual absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) = 0;

@@ -117,6 +117,15 @@ absl::StatusOr<std::vector<std::string>> SqlJobStore::Expired(int64_t now_ms, in
   return ids;
 }
 
+absl::StatusOr<std::vector<std::string>> SqlJobStore::WebhooksDue(int64_t now_ms, int limit) {
+  std::vector<std::string> ids;
+  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(ids, SelectWebhooksDue(sql, now_ms, limit));
+    return absl::OkStatus();
+  }));
+  return ids;
+}
+
 absl::StatusOr<std::vector<std::string>> SqlJobStore::JobsWithUnreferencedBlobs(int limit) {
   std::vector<std::string> ids;
   LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {

@@ -37,6 +37,8 @@ void VisitColumns(Record& job, F&& f) {
   f("end_time_ms", Column::kChanges, job.end_time_ms);
   f("queue_time_ms", Column::kChanges, job.queue_time_ms);
   f("expire_time_ms", Column::kChanges, job.expire_time_ms);
+  f("webhook", Column::kChanges, job.webhook);
+  f("webhook_due_ms", Column::kChanges, job.webhook_due_ms);
   f("last_event", Column::kChanges, job.last_event);
   f("last_log_entry", Column::kChanges, job.last_log_entry);
   f("log_bytes", Column::kChanges, job.log_bytes);
@@ -318,6 +320,15 @@ absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t 
   const auto row = sql.Prepare(
       "SELECT id FROM jobs WHERE expire_time_ms > 0 AND expire_time_ms <= ?1 "
       "ORDER BY expire_time_ms LIMIT ?2");
+  row->Bind(now_ms).Bind(int64_t{limit});
+  return ReadAll(*row, ReadId);
+}
+
+absl::StatusOr<std::vector<std::string>> SelectWebhooksDue(SqlSession& sql, int64_t now_ms,
+                                                           int limit) {
+  const auto row = sql.Prepare(
+      "SELECT id FROM jobs WHERE webhook_due_ms > 0 AND webhook_due_ms <= ?1 "
+      "ORDER BY webhook_due_ms LIMIT ?2");
   row->Bind(now_ms).Bind(int64_t{limit});
   return ReadAll(*row, ReadId);
 }

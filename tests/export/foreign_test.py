@@ -7,17 +7,18 @@ import json
 import os
 import pathlib
 import re
-import shutil
 import subprocess
 import sys
 import unittest
 
 import numpy
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import npm_packages  # noqa: E402
+
 HERE = pathlib.Path(__file__).resolve().parent
 BENCH = pathlib.Path(os.environ["LITAGS_BIN"], "litags-bench")
 WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
-SKIPPED = 77
 
 # Largest error of positions (scene units), colours and opacities (of 1) of what others read: half a
 # step of the format's numbers in the made-up scene, which is some 10 units large.
@@ -31,30 +32,6 @@ LIMITS = {
     "glb": (1e-6, 1e-6, 1e-5),
 }
 SH0 = 0.28209479177387814
-
-
-def install():
-    """Why the readers cannot be had, or None."""
-    if not shutil.which("npm") or not shutil.which("node"):
-        return "node and npm are not installed"
-    WORK.mkdir(parents=True, exist_ok=True)
-    for name in ("package.json", "package-lock.json", "convert.mjs"):
-        shutil.copy(HERE / name, WORK)
-    done = WORK / "node_modules/.litags-lock"
-    lock = (HERE / "package-lock.json").read_text()
-    if done.exists() and done.read_text() == lock:
-        return None
-    try:
-        run = subprocess.run(
-            ["npm", "ci", "--ignore-scripts", "--no-audit", "--no-fund", "--prefer-offline",
-             "--fetch-retries=0"],
-            cwd=WORK, capture_output=True, text=True, timeout=240)
-    except subprocess.TimeoutExpired:
-        return "npm ci takes too long"
-    if run.returncode != 0:
-        return "npm ci cannot install the readers: " + run.stderr.strip()[-300:]
-    done.write_text(lock)
-    return None
 
 
 def read_ply(path):
@@ -122,8 +99,7 @@ class ForeignTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    reason = install()
-    if reason:
-        print("skipped:", reason)
-        sys.exit(SKIPPED)
+    if why := npm_packages.install(HERE, WORK, extra=("convert.mjs",)):
+        print("skipped:", why)
+        sys.exit(npm_packages.SKIPPED)
     unittest.main()

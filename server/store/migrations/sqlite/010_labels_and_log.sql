@@ -1,8 +1,12 @@
--- Labels of clients, calls that may be repeated, and each job's own log.
+-- Labels and webhooks of clients, calls that may be repeated, and each job's own log.
 ALTER TABLE jobs ADD COLUMN labels TEXT NOT NULL DEFAULT '';
 ALTER TABLE jobs ADD COLUMN start_request_id TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN webhook TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN webhook_due_ms INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN last_log_entry INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN log_bytes INTEGER NOT NULL DEFAULT 0;
+
+CREATE INDEX jobs_by_webhook ON jobs (webhook_due_ms) WHERE webhook_due_ms > 0;
 
 CREATE TABLE log_entries (
   job_id TEXT NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,

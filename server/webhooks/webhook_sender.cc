@@ -1,0 +1,111 @@
+#include "server/webhooks/webhook_sender.h"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/state_machine.h"
+#include "server/jobs/webhook.h"
+
+namespace litags {
+namespace {
+
+constexpr int kJobsPerLook = 20;
+constexpr int64_t kClaimMs = 60'000;  // longer than an attempt takes
+constexpr double kSecondsBetweenLooks = 1;
+constexpr std::chrono::milliseconds kStep{50};  // how soon the end is noticed
+
+// Changes the webhook of a job whose row is locked.
+absl::Status Change(JobTransaction& job, const std::function<void(Webhook&)>& change) {
+  LITAGS_ASSIGN_OR_RETURN(Webhook webhook, WebhookOf(job.job));
+  change(webhook);
+  job.job.webhook = Encode(webhook);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+WebhookSender::WebhookSender(JobStore* store, Body body, Send send, int threads)
+    : store_(store), body_(std::move(body)), send_(std::move(send)) {
+  for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Loop(); });
+}
+
+WebhookSender::~WebhookSender() {
+  stop_.Cancel();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void WebhookSender::Loop() {
+  while (!stop_.IsCancelled()) {
+    const auto sent = SendDue();
+    if (!sent.ok()) spdlog::warn("webhooks wait: {}", sent.status().ToString());
+    const auto next =
+        std::chrono::steady_clock::now() + std::chrono::duration<double>(kSecondsBetweenLooks);
+    while (!stop_.IsCancelled() && std::chrono::steady_clock::now() < next) {
+      std::this_thread::sleep_for(kStep);
+    }
+  }
+}
+
+absl::StatusOr<int> WebhookSender::SendDue() {
+  int sent = 0;
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids,
+                          store_->WebhooksDue(store_->NowMs(), kJobsPerLook));
+  for (const std::string& id : ids) {
+    if (stop_.IsCancelled()) break;
+    const auto mine = SendOne(id);
+    if (absl::IsNotFound(mine.status())) continue;  // deleted meanwhile
+    LITAGS_RETURN_IF_ERROR(mine.status());
+    sent += *mine;
+  }
+  return sent;
+}
+
+absl::StatusOr<bool> WebhookSender::SendOne(const std::string& id) {
+  bool mine = false;
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Update(id, [&](JobTransaction& taken) {
+    const int64_t now_ms = store_->NowMs();
+    int64_t& due_ms = taken.job.webhook_due_ms;
+    mine = due_ms > 0 && due_ms <= now_ms;
+    if (!mine) return absl::OkStatus();
+    mine = IsTerminal(taken.job.state);
+    due_ms = mine ? now_ms + kClaimMs : 0;
+    return absl::OkStatus();
+  }));
+  if (!mine) return false;
+  LITAGS_ASSIGN_OR_RETURN(const Webhook webhook, WebhookOf(job));
+  LITAGS_ASSIGN_OR_RETURN(const std::string body, body_(job));
+  const int64_t now = store_->NowMs() / 1000;
+  const absl::Status status =
+      send_(webhook.url, body,
+            {{"Content-Type", "application/json"},
+             {"Litags-Event", absl::StrCat("jobs/", id, "/", job.last_event)},
+             {"Litags-Timestamp", absl::StrCat(now)},
+             {"Litags-Signature", WebhookSignature(webhook.secret, now, body)}});
+  LITAGS_RETURN_IF_ERROR(
+      store_
+          ->Update(id,
+                   [&](JobTransaction& sent) -> absl::Status {
+                     // It went on, and ended again, while the first end was told: that waits for
+                     // its own turn.
+                     if (sent.job.last_event != job.last_event) return absl::OkStatus();
+                     int attempts = 0;
+                     LITAGS_RETURN_IF_ERROR(Change(sent, [&](Webhook& hook) {
+                       attempts = ++hook.attempts;
+                       hook.last_error = status.ok() ? "" : std::string(status.message());
+                       if (status.ok()) hook.delivered_event = job.last_event;
+                     }));
+                     const int64_t pause_ms = status.ok() ? 0 : WebhookPauseMs(attempts);
+                     sent.job.webhook_due_ms = pause_ms > 0 ? store_->NowMs() + pause_ms : 0;
+                     return absl::OkStatus();
+                   })
+          .status());
+  spdlog::info("job={} webhook {}", id, status.ok() ? "delivered" : status.ToString());
+  return true;
+}
+
+}  // namespace litags

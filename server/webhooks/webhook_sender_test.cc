@@ -1,0 +1,165 @@
+#include "server/webhooks/webhook_sender.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <map>
+
+#include "absl/strings/str_cat.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/jobs.h"
+#include "server/jobs/leases.h"
+#include "server/store/digest.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+const std::string kSecret(32, 's');
+
+class WebhookSenderTest : public ::testing::Test {
+ protected:
+  struct Sent {
+    std::string url, body;
+    std::map<std::string, std::string> headers;
+  };
+
+  WebhookSenderTest() { jobs_.SetWebhookPolicy({{"*"}}); }
+
+  std::string StartedJob() {
+    NewJob wanted;
+    wanted.webhook = {"https://example.com/hook", kSecret};
+    const std::string id = jobs_.Create(wanted)->id;
+    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) {
+      const std::string path = data_.tmp() + "/staged";
+      std::ofstream(path) << name;
+      EXPECT_TRUE(jobs_.uploads()
+                      .Add(id, {name, FileRole::kPhoto, 5, Sha256::Hex(name), 64, 48}, path)
+                      .ok());
+    }
+    EXPECT_TRUE(jobs_.Start(id).ok());
+    return id;
+  }
+
+  WebhookSender Sender() {
+    return WebhookSender(
+        store_.get(),
+        [](const JobRecord& job) -> absl::StatusOr<std::string> {
+          return absl::StrCat("{\"job\":\"", job.id, "\"}");
+        },
+        [this](const std::string& url, const std::string& body, const auto& headers) {
+          sent_.push_back({url, body, {headers.begin(), headers.end()}});
+          if (while_sending_) while_sending_();
+          return answer_;
+        },
+        /*threads=*/0);
+  }
+
+  // As if the pause before the next attempt were over.
+  void MakeDue(const std::string& id) {
+    ASSERT_TRUE(store_
+                    ->Update(id,
+                             [](JobTransaction& job) {
+                               EXPECT_GT(job.job.webhook_due_ms, SystemClockMs());
+                               job.job.webhook_due_ms = 1;
+                               return absl::OkStatus();
+                             })
+                    .ok());
+  }
+
+  TempDir dir_;
+  DataDir data_ = *DataDir::Open(dir_.path());
+  std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
+  std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
+  Jobs jobs_{store_.get(), blobs_.get(), data_};
+  absl::Status answer_;
+  std::function<void()> while_sending_;
+  std::vector<Sent> sent_;
+};
+
+TEST_F(WebhookSenderTest, AnEndIsToldOnceWithItsSignature) {
+  WebhookSender sender = Sender();
+  const std::string id = StartedJob();
+  EXPECT_EQ(*sender.SendDue(), 0);
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  EXPECT_EQ(*sender.SendDue(), 1);
+  EXPECT_EQ(*sender.SendDue(), 0);
+  ASSERT_EQ(sent_.size(), 1u);
+  EXPECT_EQ(sent_[0].url, "https://example.com/hook");
+  const int64_t event = jobs_.Get(id)->last_event;
+  EXPECT_EQ(sent_[0].headers["Litags-Event"], absl::StrCat("jobs/", id, "/", event));
+  EXPECT_EQ(
+      sent_[0].headers["Litags-Signature"],
+      WebhookSignature(kSecret, std::stoll(sent_[0].headers["Litags-Timestamp"]), sent_[0].body));
+  EXPECT_EQ(WebhookOf(*jobs_.Get(id))->delivered_event, event);
+}
+
+TEST_F(WebhookSenderTest, AFailureIsTriedAgainLaterAndKnown) {
+  WebhookSender sender = Sender();
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  answer_ = absl::UnavailableError("nobody there");
+  EXPECT_EQ(*sender.SendDue(), 1);
+  EXPECT_EQ(*sender.SendDue(), 0);
+  Webhook webhook = *WebhookOf(*jobs_.Get(id));
+  EXPECT_EQ(webhook.attempts, 1);
+  EXPECT_EQ(webhook.last_error, "nobody there");
+  EXPECT_EQ(webhook.delivered_event, 0);
+  MakeDue(id);
+  answer_ = absl::OkStatus();
+  EXPECT_EQ(*sender.SendDue(), 1);
+  EXPECT_EQ(sent_[0].headers["Litags-Event"], sent_[1].headers["Litags-Event"]);
+  webhook = *WebhookOf(*jobs_.Get(id));
+  EXPECT_EQ(webhook.attempts, 2);
+  EXPECT_EQ(webhook.last_error, "");
+  EXPECT_GT(webhook.delivered_event, 0);
+}
+
+TEST_F(WebhookSenderTest, WhatOneSenderHasTakenAnotherLeaves) {
+  WebhookSender one = Sender(), other = Sender();
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  while_sending_ = [&] {
+    while_sending_ = nullptr;
+    EXPECT_EQ(*other.SendDue(), 0);
+  };
+  EXPECT_EQ(*one.SendDue(), 1);
+  EXPECT_EQ(sent_.size(), 1u);
+}
+
+TEST_F(WebhookSenderTest, EachEndIsTold) {
+  WebhookSender sender = Sender();
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  EXPECT_EQ(*sender.SendDue(), 1);
+  ASSERT_TRUE(jobs_.Resume(id).ok());
+  EXPECT_EQ(*sender.SendDue(), 0);
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  // It goes on, and ends again, while its end is told.
+  while_sending_ = [&] {
+    while_sending_ = nullptr;
+    ASSERT_TRUE(jobs_.Resume(id).ok());
+    ASSERT_TRUE(jobs_.Cancel(id).ok());
+  };
+  EXPECT_EQ(*sender.SendDue(), 1);
+  EXPECT_EQ(*sender.SendDue(), 1);
+  EXPECT_EQ(*sender.SendDue(), 0);
+  ASSERT_EQ(sent_.size(), 3u);
+  EXPECT_NE(sent_[1].headers["Litags-Event"], sent_[2].headers["Litags-Event"]);
+}
+
+TEST_F(WebhookSenderTest, AJobThatGoesOnBeforeItsEndIsToldTellsOfItsNextEnd) {
+  WebhookSender sender = Sender();
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  ASSERT_TRUE(jobs_.Resume(id).ok());
+  EXPECT_EQ(*sender.SendDue(), 0);
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  EXPECT_EQ(*sender.SendDue(), 1);
+  ASSERT_TRUE(jobs_.Delete(id).ok());
+  EXPECT_EQ(*sender.SendDue(), 0);
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,94 @@
+"""A receiver of webhooks: told once of each end, signed, also when it was away."""
+
+import hashlib
+import hmac
+import http.server
+import json
+import threading
+import unittest
+
+import harness
+
+SECRET = "0123456789abcdef0123456789abcdef"
+
+
+class Receiver(http.server.ThreadingHTTPServer):
+    """Keeps what it is told; answers with 503 as often as `busy` says."""
+
+    def __init__(self):
+        super().__init__(("127.0.0.1", 0), Handler)
+        self.told, self.busy = [], 0
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+    @property
+    def url(self):
+        return f"http://127.0.0.1:{self.server_port}/hook"
+
+
+class Handler(http.server.BaseHTTPRequestHandler):
+
+    def do_POST(self):
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.told.append((dict(self.headers), body))
+        answer = 503 if self.server.busy > 0 else 200
+        self.server.busy -= 1
+        self.send_response(answer)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, *_):
+        pass
+
+
+class Webhooks(harness.ServiceTest):
+    @classmethod
+    def make_server(cls):
+        return harness.Server(cls.class_folder,
+                              extra=("--webhook-hosts", "127.0.0.1", "--webhook-internal"))
+
+    def setUp(self):
+        super().setUp()
+        self.receiver = Receiver()
+        self.addCleanup(self.receiver.server_close)
+        self.addCleanup(self.receiver.shutdown)
+
+    def told(self, count):
+        self.wait_for(lambda: len(self.receiver.told) >= count, f"told {count} times")
+        return self.receiver.told[count - 1]
+
+    def test_an_end_is_told_with_the_job_and_its_signature(self):
+        out, _ = self.litags("submit", self.photos(), "--iterations", "20", "--label", "site=north",
+                             "--webhook", self.receiver.url, "--webhook-secret", SECRET)
+        job = out.strip()
+        headers, body = self.told(1)
+        told = json.loads(body)
+        self.assertEqual((told["name"], told["state"]), (job, "JOB_STATE_SUCCEEDED"))
+        self.assertEqual(told["labels"], {"site": "north"})
+        self.assertNotIn(SECRET, body.decode())
+        signed = headers["Litags-Timestamp"].encode() + b"." + body
+        digest = hmac.new(SECRET.encode(), signed, hashlib.sha256).hexdigest()
+        self.assertEqual(headers["Litags-Signature"], f"sha256={digest}")
+        last = self.job(job).last_event
+        self.assertEqual(headers["Litags-Event"], f"{job}/{last}")
+        self.wait_for(lambda: self.job(job).webhook.delivered_event == last, "the server notes it")
+        self.assertEqual(self.job(job).webhook.secret, "")
+
+    def test_a_receiver_that_fails_is_known_and_told_again(self):
+        self.receiver.busy = 1
+        out, _ = self.litags("submit", self.photos(), "--iterations", "20", "--webhook",
+                             self.receiver.url, "--webhook-secret", SECRET)
+        job = out.strip()
+        self.told(1)
+        self.wait_for(lambda: "503" in self.job(job).webhook.last_error, "the failure is seen")
+        # The next attempt comes after half a minute: webhook_sender_test.
+
+    def test_other_hosts_are_refused_at_once(self):
+        _, err = self.litags("submit", self.photos(), "--webhook", "https://example.com/",
+                             "--webhook-secret", SECRET, exit_code=5)
+        self.assertRegex(err, "WEBHOOK_NOT_ALLOWED")
+        _, err = self.litags("submit", self.photos(), "--webhook", self.receiver.url, exit_code=2)
+        self.assertRegex(err, "webhook.secret")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,32 @@
+"""Programs of others from npm, as a lock file names them, for tests that are skipped without."""
+
+import pathlib
+import shutil
+import subprocess
+
+SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
+
+
+def install(source, work, extra=()):
+    """Puts package.json, its lock file and the files `extra` of the folder `source` into `work` and
+    installs what they name. Returns why that cannot be done, or None."""
+    if not shutil.which("npm") or not shutil.which("node"):
+        return "node and npm are not installed"
+    work.mkdir(parents=True, exist_ok=True)
+    for name in ("package.json", "package-lock.json", *extra):
+        shutil.copy(pathlib.Path(source, name), work)
+    done = work / "node_modules/.litags-lock"
+    lock = pathlib.Path(source, "package-lock.json").read_text()
+    if done.exists() and done.read_text() == lock:
+        return None
+    try:
+        run = subprocess.run(
+            ["npm", "ci", "--ignore-scripts", "--no-audit", "--no-fund", "--prefer-offline",
+             "--fetch-retries=0"],
+            cwd=work, capture_output=True, text=True, timeout=240)
+    except subprocess.TimeoutExpired:
+        return "npm ci takes too long"
+    if run.returncode != 0:
+        return "npm ci cannot install: " + run.stderr.strip()[-300:]
+    done.write_text(lock)
+    return None
