@@ -1,6 +1,7 @@
 #include "engine/io/transforms_io.h"
 
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -165,14 +166,16 @@ absl::StatusOr<cv::Matx34d> ReadMatrix(const Json& frame, const std::string& whe
   const auto bad = [&] {
     return InvalidField("BAD_POSE", where, "'transform_matrix' is not 4x4 finite numbers");
   };
-  if (!it->is_array() || (it->size() != 4 && it->size() != 3)) return bad();
+  if (!it->is_array() || (it->size() != 4 && it->size() != 3 && it->size() != 16)) return bad();
+  const bool flat = it->size() == 16;  // row by row
   cv::Matx34d matrix;
   for (int r = 0; r < 3; ++r) {
-    const Json& row = (*it)[r];
-    if (!row.is_array() || row.size() != 4) return bad();
+    const Json& row = flat ? *it : (*it)[r];
+    if (!flat && (!row.is_array() || row.size() != 4)) return bad();
     for (int c = 0; c < 4; ++c) {
-      if (!row[c].is_number() || !std::isfinite(row[c].get<double>())) return bad();
-      matrix(r, c) = row[c].get<double>();
+      const Json& number = row[flat ? 4 * r + c : c];
+      if (!number.is_number() || !std::isfinite(number.get<double>())) return bad();
+      matrix(r, c) = number.get<double>();
     }
   }
   return matrix;
@@ -206,7 +209,7 @@ absl::Status SetPose(const cv::Matx34d& world_from_gl, const std::string& where,
 }
 
 absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const std::string& where,
-                                     int default_width, int default_height) {
+                                     const PhotoSizes& sizes) {
   if (!frame.is_object()) return InvalidField("BAD_JSON", where, "the frame is not an object");
   const auto path = frame.find("file_path");
   if (path == frame.end() || !path->is_string()) {
@@ -214,8 +217,11 @@ absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const s
   }
   LoadedView loaded;
   loaded.view.name = BaseName(path->get<std::string>());
-  LITAGS_RETURN_IF_ERROR(ReadIntrinsics(Keys(frame, top, where), default_width, default_height,
-                                        &loaded.view.camera, &loaded.distortion));
+  const Keys keys(frame, top, where);
+  const bool sized = keys.Find("w") != nullptr && keys.Find("h") != nullptr;
+  const PhotoSize size = sized ? PhotoSize() : sizes(loaded.view.name);
+  LITAGS_RETURN_IF_ERROR(
+      ReadIntrinsics(keys, size.width, size.height, &loaded.view.camera, &loaded.distortion));
   LITAGS_ASSIGN_OR_RETURN(const cv::Matx34d matrix, ReadMatrix(frame, where));
   LITAGS_RETURN_IF_ERROR(SetPose(matrix, where, &loaded.view.camera));
   return loaded;
@@ -254,7 +260,7 @@ Json IntrinsicsJson(const Camera& camera, const Distortion& d) {
 }  // namespace
 
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
-                                            int default_width, int default_height) {
+                                            const PhotoSizes& sizes) {
   LITAGS_ASSIGN_OR_RETURN(const Json top, ParseJson(json, field));
   const auto frames = top.is_object() ? top.find("frames") : top.end();
   if (!top.is_object() || frames == top.end() || !frames->is_array()) {
@@ -262,19 +268,56 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
   }
   if (frames->empty()) return InvalidField("NO_CAMERAS", field, "'frames' is empty");
   std::vector<LoadedView> views;
+  std::map<std::string, const Json*> first;  // frame of each name
   for (size_t i = 0; i < frames->size(); ++i) {
+    const Json& frame = (*frames)[i];
     const std::string where = absl::StrCat(Absl(field), ".frames[", i, "]");
-    LITAGS_ASSIGN_OR_RETURN(LoadedView view,
-                            ReadFrame((*frames)[i], top, where, default_width, default_height));
+    LITAGS_ASSIGN_OR_RETURN(LoadedView view, ReadFrame(frame, top, where, sizes));
+    // Merged captures list frames twice.
+    const auto [known, added] = first.emplace(view.view.name, &frame);
+    if (!added && *known->second == frame) continue;
     views.push_back(std::move(view));
   }
   return FinishModel(std::move(views), field, nullptr);
 }
 
 absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
-                                           int default_width, int default_height) {
+                                           const PhotoSizes& sizes) {
   LITAGS_ASSIGN_OR_RETURN(const std::string json, ReadFile(path, field, kMaxTransformsBytes));
-  return ParseTransforms(json, field, default_width, default_height);
+  return ParseTransforms(json, field, sizes);
+}
+
+absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
+                                            int default_width, int default_height) {
+  return ParseTransforms(json, field, [&](const std::string&) {
+    return PhotoSize{default_width, default_height};
+  });
+}
+
+absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
+                                           int default_width, int default_height) {
+  return ReadTransforms(path, field, [&](const std::string&) {
+    return PhotoSize{default_width, default_height};
+  });
+}
+
+std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json) {
+  std::map<std::string, std::string> paths;
+  const auto top = ParseJson(json, "cameras");
+  if (!top.ok() || !top->is_object() || !top->contains("frames")) return paths;
+  for (const Json& frame : (*top)["frames"]) {
+    if (!frame.is_object()) continue;
+    const auto photo = frame.find("file_path"), mask = frame.find("mask_path");
+    if (photo == frame.end() || mask == frame.end()) continue;
+    if (!photo->is_string() || !mask->is_string()) continue;
+    paths[BaseName(photo->get<std::string>())] = mask->get<std::string>();
+  }
+  return paths;
+}
+
+absl::Status CheckTransforms(std::string_view json, std::string_view field) {
+  constexpr int kAnySide = 1000;
+  return ParseTransforms(json, field, kAnySide, kAnySide).status();
 }
 
 std::string FormatTransforms(const SparseModel& model, std::string_view image_folder) {

@@ -147,7 +147,7 @@ absl::Status CheckContent(const std::string& path, const std::string& field, Fil
       return absl::OkStatus();
     }
     case FileRole::kCameras:
-      return ParseTransforms(bytes, field).status();
+      return CheckTransforms(bytes, field);
     case FileRole::kDepth:
       return DecodeDepthMap(bytes, field).status();
     case FileRole::kMask: {
