@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "engine/core/camera_spread.h"
 
 namespace litags {
 namespace {
@@ -15,14 +16,13 @@ constexpr double kMaxOffset = 100;
 }  // namespace
 
 std::array<double, 3> LocalOrigin(const std::vector<View>& views) {
+  const std::vector<std::array<double, 3>> places = NearPlaces(views);
   std::array<double, 3> mean = {};
-  for (const View& v : views) {
-    const std::array<double, 3> center = v.camera.Center();
-    for (int k = 0; k < 3; ++k) mean[k] += center[k] / views.size();
+  for (const auto& center : places) {
+    for (int k = 0; k < 3; ++k) mean[k] += center[k] / places.size();
   }
   double spread = 0;
-  for (const View& v : views) {
-    const std::array<double, 3> c = v.camera.Center();
+  for (const auto& c : places) {
     spread = std::max(spread, std::hypot(c[0] - mean[0], c[1] - mean[1], c[2] - mean[2]));
   }
   if (!(std::hypot(mean[0], mean[1], mean[2]) > kMaxOffset * spread)) return {};

@@ -4,12 +4,14 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/core/camera_spread.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
@@ -19,7 +21,9 @@
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
+#include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/local_origin.h"
+#include "engine/pipeline/photo_screen.h"
 #include "engine/target/shadow_color.h"
 
 namespace litags {
@@ -127,6 +131,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
   std::vector<OnePhoto> photos(n);
   std::vector<absl::Status> status(n);
   std::vector<std::optional<std::array<uint8_t, 3>>> flat(n);
+  std::vector<std::string> pixels(n);  // fingerprints
   std::optional<ShadowColors> shadows;
   if (context.recipe.tone.rule == Tone::kCapture) {
     LITAGS_ASSIGN_OR_RETURN(const ColorPrior colors,
@@ -144,12 +149,16 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
       LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
       flat[i] = FlatColor(v.photo, v.mask);
       if (flat[i].has_value()) return absl::OkStatus();
+      Fingerprint f;
+      f.Add(v.photo.data.data(), v.photo.data.size() * sizeof(int16_t));
+      pixels[i] = f.Text();
       Shrink(options.max_image_side, &v);
       return CheckMask(v, mask_path);
     }();
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
   int shrunk = 0;
+  std::map<std::string, size_t> first;  // photo of these pixels
   for (size_t i = 0; i < n; ++i) {
     if (flat[i].has_value()) {
       const auto& [r, g, b] = *flat[i];
@@ -157,9 +166,14 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
                                    photos[i].view.name, r, g, b));
       continue;
     }
+    if (const auto [same, added] = first.emplace(pixels[i], i); !added) {
+      context.Note(absl::StrCat(photos[i].view.name, " is left out: it is the same photo as ",
+                                photos[same->second].view.name));
+      continue;
+    }
     shrunk += photos[i].view.camera.width < model.views[i].camera.width;
     posed->model_view.push_back(static_cast<int>(i));
-    posed->views.push_back(std::move(photos[i].view));
+    posed->views.push_back(photos[i].view);
     posed->distortions.push_back(model.distortions[i]);
     posed->photos.push_back(std::move(photos[i].photo));
     posed->masks.push_back(std::move(photos[i].mask));
@@ -171,21 +185,44 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
   return absl::OkStatus();
 }
 
+absl::Status CheckPhotosLeft(const PhotoScreen& screen) {
+  const absl::Status status =
+      CheckPhotoCount(screen.photos.size(), screen.photos.size() + screen.left_out.size());
+  if (status.ok() || screen.left_out.empty()) return status;
+  const PhotoLeftOut& first = screen.left_out.front();
+  return MakeError(status.code(), "TOO_FEW_PHOTOS", "images",
+                   absl::StrCat(status.message(), "; left out: ", first.name, ": ", first.why));
+}
+
+// They count for nothing but what they see (SceneExtent, FrameOfViews, LocalOrigin).
+void NoteFarCameras(const Context& context, const std::vector<View>& views) {
+  std::vector<std::array<double, 3>> places;
+  for (const View& view : views) places.push_back(view.camera.Center());
+  const std::vector<bool> far = FarPlaces(places);
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (!far[i]) continue;
+    context.Note(absl::StrCat("the camera of ", views[i].name,
+                              " stands far from all others: the scene's size and orbits do not "
+                              "count it; check it, or leave the photo out"));
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::string& colmap) {
   const ReconstructInput& input = context.input;
   context.progress(Stage::kLoading, "reading photos");
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names,
-                          ListPhotos(input.images_dir, "images"));
   LITAGS_ASSIGN_OR_RETURN(std::string others, DescribeOtherPictures(input.images_dir, "images"));
   if (!others.empty()) context.Note(std::move(others));
-  MaskPaths masks;
-  if (!input.masks_dir.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(masks, FindMasks(input.masks_dir, names));
-  }
+  LITAGS_ASSIGN_OR_RETURN(const PhotoScreen screen,
+                          ScreenPhotos(input, context.options.threads, context.cancel));
+  for (const std::string& note : screen.notes) context.Note(note);
+  LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen));
   PosedPhotos posed;
-  LITAGS_ASSIGN_OR_RETURN(posed.model, ObtainCameras(context, names, masks, colmap));
+  LITAGS_ASSIGN_OR_RETURN(posed.model,
+                          ObtainCameras(context, screen.Names(), screen.masks, colmap));
+  for (const PhotoLeftOut& photo : screen.left_out) context.report->dropped.push_back(photo.name);
+  context.report->photos += static_cast<int>(screen.left_out.size());
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   posed.origin = LocalOrigin(posed.model.views);
   if (posed.origin != std::array<double, 3>{}) {
@@ -193,8 +230,9 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
     context.Note(DescribeOrigin(posed.origin));
   }
   context.progress(Stage::kPreparing, "pseudo-targets and structure maps");
-  LITAGS_RETURN_IF_ERROR(LoadPhotos(context, masks, &posed));
+  LITAGS_RETURN_IF_ERROR(LoadPhotos(context, screen.masks, &posed));
   LITAGS_RETURN_IF_ERROR(CheckPhotoCount(posed.size(), context.report->photos));
+  NoteFarCameras(context, posed.views);
   return posed;
 }
 

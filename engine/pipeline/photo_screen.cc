@@ -1,0 +1,436 @@
+#include "engine/pipeline/photo_screen.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/core/error.h"
+#include "engine/core/limits.h"
+#include "engine/core/mask.h"
+#include "engine/core/parallel.h"
+#include "engine/io/alpha_mask.h"
+#include "engine/io/cameras_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/transforms_io.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Neighbouring blocks of white noise correlate by 0 +- 1 / sqrt(blocks); of 547 dark, bright and
+// normal photos of scenes none is below 0.48.
+constexpr double kNoStructure = 0.25;
+constexpr int kLeastBlocks = 150;  // fewer say too little: 3 standard deviations are 0.25
+// A white wall has no structure either, but it is as light as the rest of the capture.
+constexpr double kUnlit = 0.25;  // of the middle photo's light
+
+constexpr double kFlatLine = 0.3;          // 8-bit codes: noise of a sensor is more, a bar has none
+constexpr double kOutliers = 0.002;        // of a line's pixels: hot ones, a watermark's corner
+constexpr double kDarkLine = 20;           // codes: bars are black, if not always quite
+constexpr size_t kBarPhotos = kMinPhotos;  // fewer photos do not show what they have alike
+constexpr double kMostBars = 0.6;          // of a side: then it is no bar
+constexpr int kJpegBlock = 16;  // px; the one that holds a bar's edge has some of both sides
+
+struct Decoded {
+  absl::Status status;
+  ScreenedPhoto photo;
+  FlatLines flat;
+  PlaneU8 alpha;
+  bool jpeg = false, no_end_mark = false;
+};
+
+std::string FieldOf(const std::string& name) { return absl::StrCat("images[", name, "]"); }
+
+bool IsJpeg(std::string_view bytes) { return bytes.starts_with("\xFF\xD8"); }
+
+// The mark may be anywhere behind the last scan: cameras append videos and small pictures.
+bool LacksEndMark(std::string_view bytes) {
+  const size_t scan = bytes.rfind("\xFF\xDA");
+  return scan != std::string_view::npos && bytes.find("\xFF\xD9", scan) == std::string_view::npos;
+}
+
+Decoded Decode(const std::string& dir, const std::string& name) {
+  Decoded d;
+  d.photo.name = name;
+  const auto bytes = ReadFile(dir + "/" + name, FieldOf(name), ImageLimits().max_bytes);
+  d.status = bytes.status();
+  if (!bytes.ok()) return d;
+  const absl::StatusOr<Photo> photo = DecodePhoto(*bytes, FieldOf(name));
+  d.status = photo.status();
+  if (!photo.ok()) return d;
+  d.photo.width = photo->width;
+  d.photo.height = photo->height;
+  double codes = 0, light = 0;
+  for (const int16_t sample : photo->data) {
+    codes += sample;
+    light += LinearTable::Get()(sample);
+  }
+  d.photo.mean_code = codes / photo->data.size() / kPhotoCode;
+  d.photo.light = light / photo->data.size();
+  d.photo.structure = StructureOf(*photo);
+  d.flat = FindFlatLines(*photo);
+  d.jpeg = IsJpeg(*bytes);
+  d.no_end_mark = d.jpeg && LacksEndMark(*bytes);
+  if (!d.jpeg) d.alpha = AlphaMask(*bytes);
+  // A PNG that EXIF turns: its alpha is not turned with it.
+  if (d.alpha.width != photo->width || d.alpha.height != photo->height) d.alpha = PlaneU8();
+  return d;
+}
+
+// The photo that a file beside it is a mask of, by its name: 0001.jpg.png, 0001_mask.png,
+// 0001.mask.png, dynamic_mask_0001.png (of instant-ngp: what is not 0 there does not count).
+std::optional<std::string> PhotoOfMask(const std::string& name, const NameIndex& index,
+                                       absl::Span<const std::string> names) {
+  constexpr absl::string_view kDynamic = "dynamic_mask_";
+  if (!absl::EndsWithIgnoreCase(name, ".png")) return std::nullopt;
+  std::string wanted = name.substr(0, name.size() - 4);
+  if (absl::StartsWith(wanted, kDynamic)) {
+    wanted = wanted.substr(kDynamic.size());
+  } else if (absl::EndsWithIgnoreCase(wanted, "_mask") ||
+             absl::EndsWithIgnoreCase(wanted, ".mask")) {
+    wanted.resize(wanted.size() - 5);
+  } else if (std::find(names.begin(), names.end(), wanted) == names.end()) {
+    return std::nullopt;
+  }
+  const std::optional<size_t> photo = index.Find(wanted);
+  if (!photo.has_value() || names[*photo] == name) return std::nullopt;
+  return names[*photo];
+}
+
+absl::StatusOr<std::string> WriteMask(const ReconstructInput& input, const std::string& photo,
+                                      const PlaneU8& mask) {
+  const std::string dir = input.work_dir + "/masks";
+  std::error_code ignored;  // writing says what is wrong
+  fs::create_directories(dir, ignored);
+  const std::string path = absl::StrCat(dir, "/", photo, ".png");
+  LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodeMask(mask));
+  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, png));
+  return path;
+}
+
+absl::StatusOr<PlaneU8> ReadMask(const std::string& path) {
+  const std::string field = absl::StrCat("masks[", BaseName(path), "]");
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
+  return DecodeMask(bytes, field);
+}
+
+// Where a mask of the cameras' file lies: beside that file or the photos, and nowhere above.
+std::string FindMaskPath(const ReconstructInput& input, const fs::path& cameras_dir,
+                         std::string path) {
+  std::replace(path.begin(), path.end(), '\\', '/');
+  const fs::path given(path);
+  if (given.is_absolute()) return "";
+  for (const fs::path& part : given) {
+    if (part == "..") return "";
+  }
+  for (const fs::path& dir : {cameras_dir, fs::path(input.images_dir), fs::path(input.masks_dir)}) {
+    std::error_code ignored;
+    if (!dir.empty() && fs::is_regular_file(dir / given, ignored)) return dir / given;
+  }
+  return "";
+}
+
+// Masks that the cameras' file names.
+void AddMaskPaths(const ReconstructInput& input, absl::Span<const std::string> names,
+                  PhotoScreen* screen) {
+  std::error_code ignored;
+  const std::string cameras = ResolveCameras(input.cameras_path);
+  if (!fs::is_regular_file(cameras, ignored)) return;
+  const auto json = ReadFile(cameras, "cameras", kMaxTransformsBytes);
+  if (!json.ok()) return;  // the reader of cameras says so
+  const NameIndex index(names);
+  int used = 0;
+  std::vector<std::string> missing;
+  for (const auto& [view, path] : MaskPathsOfTransforms(*json)) {
+    const std::optional<size_t> photo = index.Find(view);
+    if (!photo.has_value() || screen->masks.contains(names[*photo])) continue;
+    const std::string found = FindMaskPath(input, fs::path(cameras).parent_path(), path);
+    if (found.empty()) {
+      missing.push_back(path);
+    } else {
+      screen->masks[names[*photo]] = found;
+      ++used;
+    }
+  }
+  if (used > 0) {
+    screen->notes.push_back(absl::StrCat(used, " masks are those that the cameras' file names"));
+  }
+  if (!missing.empty()) {
+    screen->notes.push_back(absl::StrCat(
+        "the cameras' file names masks of ", missing.size(), " photos that are not there, such as ",
+        missing[0], ": what they hide is learnt; give their folder with --masks"));
+  }
+}
+
+// Files among the photos that are masks of others by their names.
+absl::Status TakeMasksBeside(const ReconstructInput& input, std::vector<std::string>* names,
+                             PhotoScreen* screen) {
+  const NameIndex index(*names);
+  std::vector<std::string> photos;
+  int used = 0;
+  for (const std::string& name : *names) {
+    const std::optional<std::string> photo = PhotoOfMask(name, index, *names);
+    if (!photo.has_value()) {
+      photos.push_back(name);
+      continue;
+    }
+    screen->left_out.push_back({name, absl::StrCat("is no photo but a mask of ", *photo)});
+    if (screen->masks.contains(*photo)) continue;
+    std::string path = input.images_dir + "/" + name;
+    if (absl::StartsWith(name, "dynamic_mask_")) {
+      const absl::StatusOr<ImageU8> moving = ReadImage(path, FieldOf(name));
+      LITAGS_RETURN_IF_ERROR(moving.status());
+      PlaneU8 mask(moving->width, moving->height);
+      for (size_t i = 0; i < mask.data.size(); ++i) {
+        const uint8_t* pixel = &moving->data[3 * i];
+        mask.data[i] = pixel[0] == 0 && pixel[1] == 0 && pixel[2] == 0 ? kCounts : 0;
+      }
+      LITAGS_ASSIGN_OR_RETURN(path, WriteMask(input, *photo, mask));
+    }
+    screen->masks[*photo] = path;
+    ++used;
+  }
+  if (used > 0) {
+    screen->notes.push_back(absl::StrCat(
+        used, " files among the photos are masks of others by their names, and used as such"));
+  }
+  *names = std::move(photos);
+  return absl::OkStatus();
+}
+
+// First and last + 1 of the lines that are no bar.
+struct Inside {
+  int first = 0, last = 0;
+};
+
+// `flat`: lines that every photo has flat. A bar goes on to the end of the JPEG block that it ends
+// in.
+Inside WithoutBars(const std::vector<bool>& flat, bool jpeg) {
+  const int n = static_cast<int>(flat.size()), step = jpeg ? kJpegBlock : 1;
+  Inside inside{0, n};
+  while (inside.first < n && flat[inside.first]) ++inside.first;
+  while (inside.last > inside.first && flat[inside.last - 1]) --inside.last;
+  const int bars = inside.first + n - inside.last;
+  if (bars == 0 || bars > kMostBars * n) return {0, n};
+  if (inside.first > 0) inside.first = (inside.first + step - 1) / step * step;
+  if (inside.last < n) inside.last = inside.last / step * step;
+  return inside.first < inside.last ? inside : Inside{0, n};
+}
+
+// Rows and columns that count of photos of one size.
+struct Frame {
+  Inside rows, columns;
+};
+
+void And(const std::vector<bool>& other, std::vector<bool>* flat) {
+  for (size_t i = 0; i < flat->size(); ++i) (*flat)[i] = (*flat)[i] && other[i];
+}
+
+std::string Range(const char* what, const Inside& inside, int n) {
+  std::string text;
+  if (inside.first > 0) absl::StrAppend(&text, what, " 0 to ", inside.first - 1);
+  if (inside.last < n) {
+    absl::StrAppend(&text, text.empty() ? "" : " and ", what, " ", inside.last, " to ", n - 1);
+  }
+  return text;
+}
+
+// By size; sizes without bars have none.
+std::map<std::pair<int, int>, Frame> FindBars(const std::vector<Decoded>& used,
+                                              std::vector<std::string>* notes) {
+  std::map<std::pair<int, int>, std::vector<const Decoded*>> of_size;
+  for (const Decoded& d : used) of_size[{d.photo.width, d.photo.height}].push_back(&d);
+  std::map<std::pair<int, int>, Frame> frames;
+  for (const auto& [size, photos] : of_size) {
+    const auto [width, height] = size;
+    if (photos.size() < kBarPhotos) continue;
+    FlatLines flat = photos[0]->flat;
+    bool jpeg = false;
+    for (const Decoded* d : photos) {
+      And(d->flat.rows, &flat.rows);
+      And(d->flat.columns, &flat.columns);
+      jpeg |= d->jpeg;
+    }
+    const Frame frame = {WithoutBars(flat.rows, jpeg), WithoutBars(flat.columns, jpeg)};
+    const std::string rows = Range("rows", frame.rows, height);
+    const std::string columns = Range("columns", frame.columns, width);
+    if (rows.empty() && columns.empty()) continue;
+    frames[size] = frame;
+    notes->push_back(absl::StrCat(rows, rows.empty() || columns.empty() ? "" : ", ", columns,
+                                  " are black in all ", photos.size(), " photos of ", width, "x",
+                                  height, " px: bars, which are masked"));
+  }
+  return frames;
+}
+
+void CutTo(const Frame& frame, PlaneU8* mask) {
+  for (int y = 0; y < mask->height; ++y) {
+    for (int x = 0; x < mask->width; ++x) {
+      const bool in = y >= frame.rows.first && y < frame.rows.last && x >= frame.columns.first &&
+                      x < frame.columns.last;
+      if (!in) mask->data[size_t(y) * mask->width + x] = 0;
+    }
+  }
+}
+
+// Masks of alpha channels and of bars, joined with those that photos have.
+absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Decoded>& used,
+                           PhotoScreen* screen) {
+  const auto frames = FindBars(used, &screen->notes);
+  int transparent = 0;
+  for (const Decoded& d : used) {
+    const auto frame = frames.find({d.photo.width, d.photo.height});
+    if (d.alpha.empty() && frame == frames.end()) continue;
+    PlaneU8 mask = d.alpha;
+    transparent += !mask.empty();
+    if (mask.empty()) {
+      mask = PlaneU8(d.photo.width, d.photo.height);
+      std::fill(mask.data.begin(), mask.data.end(), kCounts);
+    }
+    if (frame != frames.end()) CutTo(frame->second, &mask);
+    if (const auto given = screen->masks.find(d.photo.name); given != screen->masks.end()) {
+      LITAGS_ASSIGN_OR_RETURN(const PlaneU8 other, ReadMask(given->second));
+      LITAGS_RETURN_IF_ERROR(CheckMaskSize(BaseName(given->second), other.width, other.height,
+                                           mask.width, mask.height));
+      for (size_t i = 0; i < mask.data.size(); ++i) mask.data[i] &= other.data[i];
+    }
+    LITAGS_ASSIGN_OR_RETURN(screen->masks[d.photo.name], WriteMask(input, d.photo.name, mask));
+  }
+  if (transparent > 0) {
+    screen->notes.push_back(
+        absl::StrCat(transparent, " photos are transparent in places: what is, does not count"));
+  }
+  return absl::OkStatus();
+}
+
+double MiddleLight(const std::vector<Decoded>& decoded) {
+  std::vector<double> light;
+  for (const Decoded& d : decoded) {
+    if (d.status.ok()) light.push_back(d.photo.light);
+  }
+  if (light.empty()) return 0;
+  std::nth_element(light.begin(), light.begin() + light.size() / 2, light.end());
+  return light[light.size() / 2];
+}
+
+}  // namespace
+
+std::vector<std::string> PhotoScreen::Names() const {
+  std::vector<std::string> names;
+  for (const ScreenedPhoto& photo : photos) names.push_back(photo.name);
+  return names;
+}
+
+double StructureOf(const Photo& photo) {
+  const int side = std::min(photo.width, photo.height);
+  const int block = side >= 256 ? 16 : side >= 128 ? 8 : 4;
+  const int columns = photo.width / block, rows = photo.height / block;
+  if (columns * rows < kLeastBlocks) return 1;
+  std::vector<double> means(size_t(columns) * rows);
+  double mean = 0;
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) {
+      double sum = 0;
+      for (int y = 0; y < block; ++y) {
+        const int16_t* row = photo.pixel(c * block, r * block + y);
+        for (int i = 0; i < 3 * block; ++i) sum += row[i];
+      }
+      means[size_t(r) * columns + c] = sum;
+      mean += sum / means.size();
+    }
+  }
+  double square = 0, product = 0;
+  int64_t pairs = 0;
+  for (int r = 0; r < rows; ++r) {
+    for (int c = 0; c < columns; ++c) {
+      const double here = means[size_t(r) * columns + c] - mean;
+      square += here * here / means.size();
+      for (const size_t next : {c + 1 < columns ? size_t(r) * columns + c + 1 : 0,
+                                r + 1 < rows ? size_t(r + 1) * columns + c : 0}) {
+        if (next == 0) continue;
+        product += here * (means[next] - mean);
+        ++pairs;
+      }
+    }
+  }
+  return square > 0 ? product / pairs / square : 1;  // of one colour: FlatColor's
+}
+
+FlatLines FindFlatLines(const Photo& photo) {
+  // Differences from the line's middle pixel, by their brightest channel.
+  const auto is_flat = [&](int n, auto pixel) {
+    const int16_t* middle = pixel(n / 2);
+    if (*std::max_element(middle, middle + 3) > kDarkLine * kPhotoCode) return false;
+    int others = 0;
+    for (int i = 0; i < n; ++i) {
+      const int16_t* p = pixel(i);
+      bool other = false;
+      for (int c = 0; c < 3; ++c) other |= std::abs(p[c] - middle[c]) > kFlatLine * kPhotoCode;
+      if (other && ++others > kOutliers * n) return false;
+    }
+    return true;
+  };
+  FlatLines flat;
+  for (int y = 0; y < photo.height; ++y) {
+    flat.rows.push_back(is_flat(photo.width, [&](int x) { return photo.pixel(x, y); }));
+  }
+  for (int x = 0; x < photo.width; ++x) {
+    flat.columns.push_back(is_flat(photo.height, [&](int y) { return photo.pixel(x, y); }));
+  }
+  return flat;
+}
+
+absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
+                                         const CancelToken& cancel) {
+  PhotoScreen screen;
+  LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> names, ListPhotos(input.images_dir, "images"));
+  if (!input.masks_dir.empty()) {
+    // Of all photos: a mask of one that is left out is no error.
+    LITAGS_ASSIGN_OR_RETURN(screen.masks, FindMasks(input.masks_dir, names));
+  }
+  AddMaskPaths(input, names, &screen);
+  LITAGS_RETURN_IF_ERROR(TakeMasksBeside(input, &names, &screen));
+  std::vector<Decoded> decoded(names.size());
+  ParallelFor(threads, names.size(), [&](size_t i, int) {
+    if (!cancel.IsCancelled()) decoded[i] = Decode(input.images_dir, names[i]);
+  });
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+  const double middle = MiddleLight(decoded);
+  std::vector<Decoded> used;
+  for (Decoded& d : decoded) {
+    if (!d.status.ok()) {
+      screen.left_out.push_back({d.photo.name, std::string(d.status.message()), true});
+    } else if (d.photo.structure < kNoStructure && d.photo.light < kUnlit * middle) {
+      screen.left_out.push_back(
+          {d.photo.name, absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "
+                                         "behind a lens cap",
+                                         d.photo.mean_code)});
+    } else {
+      if (d.no_end_mark) {
+        screen.notes.push_back(absl::StrCat(
+            d.photo.name, " ends without its end mark; all its pixels are there, and used"));
+      }
+      used.push_back(std::move(d));
+    }
+  }
+  LITAGS_RETURN_IF_ERROR(AddFoundMasks(input, used, &screen));
+  for (Decoded& d : used) screen.photos.push_back(std::move(d.photo));
+  for (const PhotoLeftOut& photo : screen.left_out) {
+    screen.masks.erase(photo.name);
+    screen.notes.push_back(photo.unreadable
+                               ? absl::StrCat(photo.name, " is left out: ", photo.why)
+                               : absl::StrCat(photo.name, " is left out: it ", photo.why));
+  }
+  return screen;
+}
+
+}  // namespace litags
