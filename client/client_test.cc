@@ -95,6 +95,23 @@ TEST_F(ClientTest, AnUploadSendsNamesWithoutFoldersAndAllBytes) {
   EXPECT_EQ(last_progress_.bytes_done, 700'005);
 }
 
+TEST_F(ClientTest, AnUploadOfWhichTheServerHasLessIsNoSuccess) {
+  Write("a.jpg", "photo");
+  Write("lost.jpg", "photo");
+  const absl::Status status = Upload();
+  EXPECT_EQ(DetailOf(status).reason(), "UPLOAD_BROKEN");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("1 of 2 files"));
+}
+
+TEST_F(ClientTest, ANameThatIsNotUtf8IsToldBeforeItIsSent) {
+  Write("a.jpg", "photo");
+  Write("caf\xE9.jpg", "photo");
+  const absl::Status status = Upload();
+  EXPECT_EQ(DetailOf(status).reason(), "BAD_FILE_NAME");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("caf?.jpg: the file's name is not UTF-8"));
+  EXPECT_EQ(service_.state()->streams, 0);
+}
+
 TEST_F(ClientTest, AnUploadOverABreakingConnectionCompletes) {
   for (int i = 0; i < 6; ++i) Write(absl::StrCat(i, ".png"), absl::StrCat("photo ", i));
   ASSERT_TRUE(client_->GetJob("jobs/1").ok());  // the server has answered once

@@ -83,14 +83,19 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
 
   grpc::Status UploadImages(grpc::ServerContext*,
                             grpc::ServerReader<v1::UploadImagesRequest>* reader,
-                            v1::UploadImagesResponse*) override {
+                            v1::UploadImagesResponse* response) override {
     const Locked now = state();
     ++now->streams;
     v1::UploadImagesRequest request;
     if (!reader->Read(&request) || request.name() != "jobs/1") return Refused("UPLOAD_ORDER", "");
     v1::FileHeader header;
     size_t files = 0;
+    int received = 0, announced = -1;
     while (reader->Read(&request)) {
+      if (request.has_end()) {
+        announced = request.end().files();
+        continue;
+      }
       if (request.has_file()) {
         header = request.file();
         if (header.name() == "bad.jpg") return Refused("IMAGE_UNSUPPORTED", "images[bad.jpg]");
@@ -98,11 +103,14 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
           --now->breaks_left;
           return Broken();
         }
+        received += header.name() != "lost.jpg";
         now->stored[header.name()].resize(static_cast<size_t>(header.offset()));
       } else {
         now->stored[header.name()] += request.chunk();
       }
     }
+    if (announced < 0) return Refused("UPLOAD_INCOMPLETE", "end.files");
+    response->set_files_received(received);
     return grpc::Status::OK;
   }
 

@@ -12,7 +12,7 @@
 namespace litags::client {
 namespace {
 
-int Doctor(Session& session, bool health_only) {
+int Doctor(Session& session, bool health_only, bool alive_only) {
   std::printf("client   litags %s, gRPC %s, protobuf %d.%d.%d\n", LITAGS_VERSION,
               grpc::Version().c_str(), GOOGLE_PROTOBUF_VERSION / 1000000,
               GOOGLE_PROTOBUF_VERSION / 1000 % 1000, GOOGLE_PROTOBUF_VERSION % 1000);
@@ -29,6 +29,7 @@ int Doctor(Session& session, bool health_only) {
   std::printf("health   %s\n", !serving.ok() ? "not offered"
                                : *serving    ? "serving"
                                              : "NOT serving");
+  if (alive_only) return serving.ok() ? kExitOk : kExitServerError;
   if (health_only) return serving.ok() && *serving ? kExitOk : kExitServerError;
 
   v1::ListJobsRequest request;
@@ -51,7 +52,13 @@ void AddDoctorCommand(CLI::App& app, Session& session) {
   const auto health_only = std::make_shared<bool>(false);
   command->add_flag("--health", *health_only,
                     "Ask the health service only, which needs no token: for probes");
-  command->callback([&session, health_only] { session.exit_code = Doctor(session, *health_only); });
+  const auto alive_only = std::make_shared<bool>(false);
+  command->add_flag("--alive", *alive_only,
+                    "The same, but it is enough that the server answers, well or not: for probes "
+                    "that restart it");
+  command->callback([&session, health_only, alive_only] {
+    session.exit_code = Doctor(session, *health_only, *alive_only);
+  });
 }
 
 }  // namespace litags::client

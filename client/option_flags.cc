@@ -35,10 +35,10 @@ void SetEnum(const FieldDescriptor& field, const std::string& word, v1::JobOptio
   for (int i = 1; i < type.value_count(); ++i) {  // not UNSPECIFIED
     const std::string known = WordOf(type, type.value(i)->name());
     if (word == known) return options.GetReflection()->SetEnum(&options, &field, type.value(i));
-    absl::StrAppend(&words, " ", known);
+    absl::StrAppend(&words, words.empty() ? "" : ", ", known);
   }
   throw CLI::ValidationError(Dashed(absl::StrCat("--", field.name())),
-                             absl::StrCat("there is no \"", word, "\"; choose one of:", words));
+                             absl::StrCat("\"", word, "\" is not one of: ", words));
 }
 
 CLI::Option* AddFlag(CLI::App& command, const FieldDescriptor& field, v1::JobOptions& options) {

@@ -1,5 +1,7 @@
 #include "client/text.h"
 
+#include <openssl/asn1.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -46,12 +48,41 @@ std::vector<std::string> Numbers(const v1::Progress& progress) {
   return numbers;
 }
 
+struct Character {
+  size_t length = 0;  // in bytes; 0: the first byte belongs to no character
+  unsigned long code = 0;
+};
+
+Character FirstCharacter(std::string_view text) {
+  Character first;
+  const int length = UTF8_getc(reinterpret_cast<const unsigned char*>(text.data()),
+                               static_cast<int>(std::min<size_t>(text.size(), 4)), &first.code);
+  const bool surrogate = first.code >= 0xD800 && first.code < 0xE000;
+  if (length > 0 && first.code <= 0x10FFFF && !surrogate)
+    first.length = static_cast<size_t>(length);
+  return first;
+}
+
+// Shows nothing, and changes how what is beside it shows: controls, line separators, and what
+// steers the direction of text.
+bool IsControl(unsigned long code) {
+  return code < 0x20 || (code >= 0x7F && code < 0xA0) || code == 0x061C || code == 0x200E ||
+         code == 0x200F || (code >= 0x2028 && code <= 0x202E) || (code >= 0x2066 && code <= 0x2069);
+}
+
 // At most `columns` bytes, not ending inside a UTF-8 character.
 std::string Cut(std::string text, size_t columns) {
   if (text.size() <= columns) return text;
   while (columns > 0 && (static_cast<unsigned char>(text[columns]) & 0xC0) == 0x80) --columns;
   text.resize(columns);
   return text;
+}
+
+// Of a job that has ended otherwise.
+std::string FinishedText(const v1::Job& job) {
+  if (!job.has_report()) return "";
+  return absl::StrCat("  the finished scene of ", job.report().iterations(),
+                      " iterations is still there\n");
 }
 
 std::string Bar(double fraction, size_t width) {
@@ -107,17 +138,25 @@ std::string TimeText(const google::protobuf::Timestamp& time) {
   return text;
 }
 
-std::string Printable(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) {
-    const auto byte = static_cast<unsigned char>(c);
-    if ((byte < 0x20 && c != '\n') || byte == 0x7F) c = '?';
+bool IsUtf8(std::string_view text) {
+  while (!text.empty()) {
+    const size_t length = FirstCharacter(text).length;
+    if (length == 0) return false;
+    text.remove_prefix(length);
   }
-  // The same characters as two bytes of UTF-8 (U+0080..U+009F).
-  for (size_t i = 0; i + 1 < result.size(); ++i) {
-    const auto first = static_cast<unsigned char>(result[i]);
-    const auto second = static_cast<unsigned char>(result[i + 1]);
-    if (first == 0xC2 && second >= 0x80 && second < 0xA0) result[i] = result[i + 1] = '?';
+  return true;
+}
+
+std::string Printable(std::string_view text) {
+  std::string result;
+  while (!text.empty()) {
+    const auto [length, code] = FirstCharacter(text);
+    if (length == 0 || (IsControl(code) && code != '\n')) {
+      result.push_back('?');
+    } else {
+      result.append(text.substr(0, length));
+    }
+    text.remove_prefix(std::max<size_t>(1, length));
   }
   return result;
 }
@@ -172,10 +211,11 @@ std::string OutcomeText(const v1::Job& job) {
     std::string text = absl::StrCat(job.name(), " failed: ", job.error().message(), "\n");
     if (!detail.field().empty()) absl::StrAppend(&text, "  field:  ", detail.field(), "\n");
     if (!detail.reason().empty()) absl::StrAppend(&text, "  reason: ", detail.reason(), "\n");
-    return Printable(text);
+    return Printable(text) + FinishedText(job);
   }
   if (job.state() != v1::JOB_STATE_SUCCEEDED) {
-    return absl::StrCat(Printable(job.name()), " is ", StateText(job.state()), "\n");
+    return absl::StrCat(Printable(job.name()), " is ", StateText(job.state()), "\n",
+                        FinishedText(job));
   }
   const auto& report = job.report();
   std::string text =

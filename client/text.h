@@ -23,8 +23,12 @@ std::string StageText(v1::Stage stage);
 // "2024-05-01 12:00:03" in UTC; "" if not set.
 std::string TimeText(const google::protobuf::Timestamp& time);
 
-// The text with control characters replaced by '?', so that names from elsewhere cannot drive the
-// terminal. Newlines stay.
+// Whether all of it is valid UTF-8, as every text of the service must be.
+bool IsUtf8(std::string_view text);
+
+// The text with control characters, those that steer the direction of text, and bytes that are not
+// UTF-8 replaced by '?', so that names from elsewhere neither drive the terminal nor show
+// themselves as others. Newlines stay.
 std::string Printable(std::string_view text);
 
 // One plain line for an event, without its newline, e.g.

@@ -66,7 +66,9 @@ TEST(Text, ControlCharactersDoNotReachTheTerminal) {
   EXPECT_EQ(Printable("a\x1b[2Jb\nc\x7f"), "a?[2Jb\nc?");
   EXPECT_EQ(Printable("\xc2\x9b"
                       "2J"),
-            "??2J");
+            "?2J");
+  EXPECT_EQ(Printable("a\xe2\x80\xaegpj.png \xe2\x80\x8f \xe2\x80\xa8 \xff\xed\xa0\x80"),
+            "a?gpj.png ? ? ????");
   EXPECT_EQ(Printable("h\xc3\xb6he"), "h\xc3\xb6he");
 }
 
@@ -81,6 +83,10 @@ TEST(Text, TheOutcomeOfAFailureNamesFieldAndReason) {
             "jobs/1 failed: cameras for 6 of 40 photos; add photos\n"
             "  field:  images\n"
             "  reason: SFM_TOO_FEW_VIEWS\n");
+  job.set_state(v1::JOB_STATE_CANCELLED);
+  job.mutable_report()->set_iterations(40);
+  EXPECT_EQ(OutcomeText(job),
+            "jobs/1 is cancelled\n  the finished scene of 40 iterations is still there\n");
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/types/span.h"
 #include "client/status.h"
+#include "client/text.h"
 #include "proto/litags/v1/limits.h"
 
 namespace litags::client {
@@ -54,6 +55,12 @@ absl::StatusOr<LocalFile> MakeLocalFile(const fs::path& path, v1::FileRole role)
   file.name = path.filename().string();
   file.role = role;
   file.size_bytes = static_cast<int64_t>(size);
+  if (!IsUtf8(file.name)) {
+    return BadInput("BAD_FILE_NAME", Printable(file.path),
+                    absl::StrCat(Printable(file.path),
+                                 ": the file's name is not UTF-8; rename it, for instance with "
+                                 "convmv or mv"));
+  }
   return file;
 }
 
@@ -271,12 +278,14 @@ class Batch {
     v1::UploadImagesRequest request;
     request.set_name(job_);
     bool open = writer->Write(request);
+    int sent = 0;
     for (size_t i = 0; i < files_.size() && open; ++i) {
       const v1::FileStatus& there = status_.files(static_cast<int>(i));
       if (there.stored()) continue;
       FillHeader(files_[i], request.mutable_file());
       request.mutable_file()->set_offset(there.offset());
       open = writer->Write(request);
+      ++sent;
       const absl::Status local = SendBytes(files_[i], there.offset(), *writer, &open);
       if (!local.ok()) {
         context.TryCancel();
@@ -284,8 +293,14 @@ class Batch {
         return local;
       }
     }
+    request.mutable_end()->set_files(sent);
+    if (open) writer->Write(request);
     writer->WritesDone();  // whether this works shows in the status
-    return FromGrpc(writer->Finish());
+    const absl::Status status = FromGrpc(writer->Finish());
+    if (!status.ok() || response_.files_received() == sent) return status;
+    return LocalError(absl::StatusCode::kInternal, "UPLOAD_BROKEN", "files",
+                      absl::StrCat("the server has ", response_.files_received(), " of ", sent,
+                                   " files that were sent; this is a defect of it"));
   }
 
   Client& client_;

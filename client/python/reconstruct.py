@@ -12,6 +12,7 @@ file, watches after the last event. Exit status: 1 if the service refused someth
 
 import argparse
 import hashlib
+import os
 import pathlib
 import sys
 import time
@@ -64,10 +65,17 @@ def upload(jobs, job, photos):
                 file.seek(status.offset)
                 while chunk := file.read(256 << 10):
                     yield rpc.UploadImagesRequest(chunk=chunk)
+        # Without its end a stream that was cut short looks whole.
+        yield rpc.UploadImagesRequest(end=rpc.UploadEnd(files=unsent(known)))
+
+    def unsent(known):
+        return sum(not status.stored for status in known)
 
     def send(_):
         known = jobs.QueryUpload(rpc.QueryUploadRequest(name=job, files=headers)).files
-        jobs.UploadImages(messages(known))
+        received = jobs.UploadImages(messages(known)).files_received
+        if received != unsent(known):
+            sys.exit(f"{job}: the server has {received} of {unsent(known)} photos that were sent")
 
     persistently(send)
 
@@ -123,6 +131,13 @@ def reconstruct(channel, photos, picture, iterations):
     print(f"{picture}: {view.width}x{view.height}, {photos[0].name} in normal light; {job}")
 
 
+def is_utf8(name):
+    try:
+        return bool(name.encode())
+    except UnicodeEncodeError:
+        return False
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("photos", type=pathlib.Path, help="folder of .jpg or .png")
@@ -134,6 +149,9 @@ def main():
                     if path.suffix.lower() in (".jpg", ".jpeg", ".png"))
     if not photos:
         parser.error(f"{args.photos} holds no .jpg or .png")
+    for photo in photos:
+        if not is_utf8(photo.name):
+            parser.error(f"{os.fsencode(photo)!r}: the file's name is not UTF-8; rename it")
     # With TLS: grpc.secure_channel(args.server, grpc.ssl_channel_credentials(...)).
     with grpc.insecure_channel(args.server) as channel:
         try:

@@ -12,6 +12,7 @@ namespace litags {
 
 // Longest side of a picture, px: boxes of Gaussians are kept in 16 bits.
 inline constexpr int kMaxImageSide = 32766;
+inline constexpr int64_t kMaxImagePixels = int64_t{64} << 20;
 
 // A pinhole camera. OpenCV axes (x right, y down, z forward); x_cam = R x_world + t; the centre
 // of the top-left pixel is at (0.5, 0.5). Photos with lens distortion are undistorted on load.
@@ -39,7 +40,7 @@ struct Camera {
 
   // INVALID_ARGUMENT naming `field` if a number is not finite, the size or a focal length is not
   // positive, the size exceeds `max_pixels` or kMaxImageSide, or R is not a rotation (to 1e-3).
-  absl::Status Validate(std::string_view field, int64_t max_pixels = int64_t{64} << 20) const;
+  absl::Status Validate(std::string_view field, int64_t max_pixels = kMaxImagePixels) const;
 
   // Row-major 4x4 cam_from_world, to and from.
   std::array<double, 16> Viewmat() const;

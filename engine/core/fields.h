@@ -9,6 +9,7 @@
 #ifndef LITAGS_ENGINE_CORE_FIELDS_H_
 #define LITAGS_ENGINE_CORE_FIELDS_H_
 
+#include <cmath>
 #include <cstdio>
 #include <limits>
 #include <optional>
@@ -34,6 +35,7 @@ struct FieldRule {
   double most = std::numeric_limits<double>::max();
   bool above_least = false;    // `least` itself is outside
   bool below_most = false;     // `most` itself is outside
+  bool odd = false;            // odd numbers only
   const char* zero = nullptr;  // 0 is allowed besides the range and means this
   const char* help = "";       // for the command line: subject and unit
   bool shapes_scene = true;    // false: the trained scene is the same bytes for any value
@@ -90,6 +92,10 @@ absl::Status CheckField(const std::string& field, const T& value, const FieldRul
     if (rule.zero != nullptr && x == 0) return absl::OkStatus();
     const bool inside = (rule.above_least ? x > rule.least : x >= rule.least) &&
                         (rule.below_most ? x < rule.most : x <= rule.most);
+    if (inside && rule.odd && std::fmod(x, 2) == 0) {
+      return InvalidInput("BAD_OPTION", field,
+                          absl::StrCat(field, ": ", FieldText(value), " is not odd"));
+    }
     if (inside) return absl::OkStatus();
     std::string range = absl::StrCat(
         rule.above_least ? "(" : "[", FieldText(rule.least), ", ",

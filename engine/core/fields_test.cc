@@ -22,6 +22,7 @@ namespace {
 
 struct Basket {
   int count = 3;
+  int size = 1;
   double weight = 0.5;
   bool ripe = false;
   Fruit fruit = Fruit::kApple;
@@ -32,6 +33,7 @@ struct Basket {
 template <class T, class Visit>
 void VisitFields(FieldsOf<Basket>, T& b, Visit&& visit) {
   visit("count", b.count, FieldRule{.least = 1, .most = 9});
+  visit("size", b.size, FieldRule{.least = 1, .most = 9, .odd = true});
   visit("weight", b.weight, FieldRule{.least = 0, .most = 1, .above_least = true});
   visit("ripe", b.ripe, FieldRule());
   visit("fruit", b.fruit, FieldRule());
@@ -42,7 +44,7 @@ void VisitFields(FieldsOf<Basket>, T& b, Visit&& visit) {
 
 std::string Message(const absl::Status& status) { return std::string(status.message()); }
 
-TEST(Fields, CountsTheMembersOfAStruct) { EXPECT_EQ(CountMembers<Basket>(), 6u); }
+TEST(Fields, CountsTheMembersOfAStruct) { EXPECT_EQ(CountMembers<Basket>(), 7u); }
 
 TEST(Fields, ChecksRanges) {
   EXPECT_TRUE(CheckFields(Basket(), "").ok());
@@ -51,6 +53,8 @@ TEST(Fields, ChecksRanges) {
   EXPECT_EQ(GetErrorDetail(CheckFields(Basket{.count = 10}, "basket."))->field, "basket.count");
   EXPECT_EQ(Message(CheckFields(Basket{.weight = 0}, "")), "weight: 0 is not in (0, 1]");
   EXPECT_TRUE(CheckFields(Basket{.weight = 1}, "").ok());
+  EXPECT_EQ(Message(CheckFields(Basket{.size = 4}, "")), "size: 4 is not odd");
+  EXPECT_EQ(Message(CheckFields(Basket{.size = 11}, "")), "size: 11 is not in [1, 9]");
   EXPECT_FALSE(CheckFields(Basket{.weight = std::nan("")}, "").ok());
   EXPECT_EQ(Message(CheckFields(Basket{.threads = 1}, "")),
             "threads: 1 is neither in [2, 8] nor 0 (all cores)");
@@ -61,6 +65,7 @@ TEST(Fields, ChecksRanges) {
 
 TEST(Fields, ReadsWhatItWrites) {
   const Basket wanted{.count = 7,
+                      .size = 5,
                       .weight = 1.0 / 3,
                       .ripe = true,
                       .fruit = Fruit::kPear,
@@ -74,8 +79,9 @@ TEST(Fields, ReadsWhatItWrites) {
   EXPECT_EQ(FieldsText(read), FieldsText(wanted));
   EXPECT_EQ(read.weight, 1.0 / 3);
   EXPECT_EQ(FieldsText(Basket()),
-            "count=3\nweight=0.5\nripe=false\nfruit=apple\nother=\nthreads=0\n");
-  EXPECT_EQ(FieldsText(Basket(), true), "count=3\nweight=0.5\nripe=false\nfruit=apple\nother=\n");
+            "count=3\nsize=1\nweight=0.5\nripe=false\nfruit=apple\nother=\nthreads=0\n");
+  EXPECT_EQ(FieldsText(Basket(), true),
+            "count=3\nsize=1\nweight=0.5\nripe=false\nfruit=apple\nother=\n");
 }
 
 TEST(Fields, RefusesWhatIsNoValueAndChangesNothing) {
@@ -88,7 +94,7 @@ TEST(Fields, RefusesWhatIsNoValueAndChangesNothing) {
   EXPECT_EQ(Message(SetField("ripe", "maybe", &basket)), "ripe: \"maybe\" is not true or false");
   const absl::Status unknown = SetField("colour", "red", &basket);
   EXPECT_EQ(GetErrorDetail(unknown)->field, "colour");
-  EXPECT_THAT(Message(unknown), testing::HasSubstr("count weight ripe fruit other threads"));
+  EXPECT_THAT(Message(unknown), testing::HasSubstr("count size weight ripe fruit other threads"));
   EXPECT_EQ(FieldsText(basket), FieldsText(Basket()));
 }
 

@@ -31,6 +31,12 @@ inline bool Counts(const PlaneU8& mask, int x, int y) {
   return mask.empty() || mask.data[size_t(y) * mask.width + x] != 0;
 }
 
+// True if the pixel and its four neighbours count.
+inline bool NeighboursCount(const PlaneU8& mask, int x, int y) {
+  return mask.empty() || (Counts(mask, x, y) && Counts(mask, x - 1, y) && Counts(mask, x + 1, y) &&
+                          Counts(mask, x, y - 1) && Counts(mask, x, y + 1));
+}
+
 // body(i) for every pixel that counts, of an image of `pixels`.
 template <class Body>
 void ForCounted(const PlaneU8& mask, size_t pixels, Body body) {

@@ -23,8 +23,12 @@ inline constexpr int kPhotoWhite = 1 << 14;
 // One 8-bit code, in samples.
 inline constexpr float kPhotoCode = kPhotoWhite / 255.0f;
 
-// Samples from here on may have been cut off at white: they round to the last 8-bit code.
-inline constexpr int16_t kClippedSample = static_cast<int16_t>(254.5f * kPhotoCode);
+// Samples from here on may be light that was cut off at white: JPEG moves white by a code.
+inline constexpr auto kClippedSample = static_cast<int16_t>(253.5f * kPhotoCode);
+
+// A pixel with a sample from here on may be partly clipped, by JPEG's blocks or a lens: its colour
+// is not that of the light.
+inline constexpr auto kTintedSample = static_cast<int16_t>(250 * kPhotoCode);
 
 inline float EncodedOf(int16_t sample) { return sample * (1.0f / kPhotoWhite); }
 

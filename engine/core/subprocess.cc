@@ -14,12 +14,15 @@
 #include <cstring>
 #include <deque>
 #include <filesystem>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
+#include "engine/core/sandbox.h"
+#include "engine/core/unique_fd.h"
 
 namespace litags {
 namespace {
@@ -32,28 +35,8 @@ constexpr size_t kMaxLineBytes = 4096;  // longer lines are cut in two
 
 double Seconds(Clock::duration d) { return std::chrono::duration<double>(d).count(); }
 
-class Fd {
- public:
-  Fd() = default;
-  explicit Fd(int fd) : fd_(fd) {}
-  Fd(Fd&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  Fd& operator=(Fd&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~Fd() { Close(); }
-  void Close() {
-    if (fd_ >= 0) close(std::exchange(fd_, -1));
-  }
-  int get() const { return fd_; }
-  bool valid() const { return fd_ >= 0; }
-
- private:
-  int fd_ = -1;
-};
-
 struct Pipe {
-  Fd read, write;
+  UniqueFd read, write;
 };
 
 absl::Status SystemError(std::string_view what, int error) {
@@ -65,21 +48,7 @@ absl::Status SystemError(std::string_view what, int error) {
 absl::StatusOr<Pipe> MakePipe() {
   int fds[2];
   if (pipe2(fds, O_CLOEXEC) != 0) return SystemError("pipe", errno);
-  return Pipe{Fd(fds[0]), Fd(fds[1])};
-}
-
-// Our environment with `changes` applied.
-std::vector<std::string> MergedEnvironment(const std::vector<std::string>& changes) {
-  const auto name_of = [](std::string_view entry) { return entry.substr(0, entry.find('=')); };
-  std::vector<std::string> merged;
-  for (char** entry = environ; *entry != nullptr; ++entry) {
-    const bool replaced = std::any_of(changes.begin(), changes.end(), [&](const std::string& c) {
-      return name_of(c) == name_of(*entry);
-    });
-    if (!replaced) merged.emplace_back(*entry);
-  }
-  merged.insert(merged.end(), changes.begin(), changes.end());
-  return merged;
+  return Pipe{UniqueFd(fds[0]), UniqueFd(fds[1])};
 }
 
 bool IsProgram(const std::string& path) {
@@ -119,6 +88,8 @@ struct ExecPlan {
   std::vector<std::string> args, env;
   std::vector<char*> argv, envp;
   std::string working_dir;
+  int input_fd;
+  std::optional<SyscallFilter> filter;
   int niceness;
   int fd_limit;
   pid_t parent;
@@ -134,11 +105,13 @@ struct ExecPlan {
 absl::StatusOr<ExecPlan> MakePlan(const SubprocessOptions& options) {
   ExecPlan plan;
   plan.args = options.args;
-  plan.env = MergedEnvironment(options.env);
+  plan.env = ChildEnvironment(options.env);
   LITAGS_ASSIGN_OR_RETURN(plan.path, ResolveProgram(options.args[0], plan.env));
   plan.argv = ExecPlan::Pointers(plan.args);
   plan.envp = ExecPlan::Pointers(plan.env);
   plan.working_dir = options.working_dir;
+  plan.input_fd = options.input_fd;
+  if (options.confined) plan.filter = SyscallFilter::ForProgram(Sockets::kNone);
   plan.niceness = options.niceness;
   plan.fd_limit = static_cast<int>(std::clamp<long>(sysconf(_SC_OPEN_MAX), 256, 65536));
   plan.parent = getpid();
@@ -171,8 +144,8 @@ void CloseOnExecFrom(int first, int fd_limit) {
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);
 
-  const int null_fd = open("/dev/null", O_RDONLY);
-  if (null_fd < 0 || dup2(null_fd, 0) < 0) fail();
+  const int input_fd = plan.input_fd >= 0 ? plan.input_fd : open("/dev/null", O_RDONLY);
+  if (input_fd < 0 || dup2(input_fd, 0) < 0) fail();
   if (dup2(output_fd, 1) < 0 || dup2(output_fd, 2) < 0) fail();
   CloseOnExecFrom(3, plan.fd_limit);
 
@@ -180,6 +153,11 @@ void CloseOnExecFrom(int first, int fd_limit) {
   if (plan.niceness > 0) {
     errno = 0;
     if (nice(plan.niceness) == -1 && errno != 0) fail();
+  }
+  if (plan.filter) {
+    // A kernel that allows neither is no reason to run nothing.
+    KeepFilePowersOnly();
+    plan.filter->Apply();
   }
   execve(plan.path.c_str(), plan.argv.data(), plan.envp.data());
   fail();
@@ -220,7 +198,8 @@ class Output {
 
   absl::Status Open() {
     if (options_.log_path.empty()) return absl::OkStatus();
-    log_ = Fd(open(options_.log_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    log_ =
+        UniqueFd(open(options_.log_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
     if (log_.valid()) return absl::OkStatus();
     return MakeError(absl::StatusCode::kFailedPrecondition, "LOG_NOT_WRITABLE", "log_path",
                      absl::StrCat("cannot write log \"", options_.log_path, "\": ", strerror(errno),
@@ -267,7 +246,7 @@ class Output {
   }
 
   const SubprocessOptions& options_;
-  Fd log_;
+  UniqueFd log_;
   int64_t logged_ = 0;
   bool log_complete_ = true;
   std::string line_;

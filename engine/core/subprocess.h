@@ -19,7 +19,8 @@ struct SubprocessOptions {
   // args[0] is the program: a path if it holds a '/', else a name searched in PATH. Passed on as
   // they are; no shell sees them.
   std::vector<std::string> args;
-  std::vector<std::string> env;      // "NAME=value"; added to, or replacing, our own environment
+  // "NAME=value"; added to, or replacing, what ChildEnvironment() leaves of our own environment.
+  std::vector<std::string> env;
   std::string working_dir;           // empty: ours
   std::string log_path;              // stdout and stderr go here, replacing the file; empty: no log
   int64_t max_log_bytes = 64 << 20;  // the log is cut after this many bytes
@@ -27,6 +28,10 @@ struct SubprocessOptions {
   double timeout_seconds = 0;        // wall clock; 0: no limit
   double grace_seconds = 0.5;        // between SIGTERM and SIGKILL when we end the child
   int niceness = 0;                  // added to ours, 0..19
+  int input_fd = -1;                 // its stdin; -1: /dev/null
+  // It works on strangers' bytes, and needs no network: SyscallFilter::ForProgram() without
+  // sockets, and KeepFilePowersOnly(), as far as the kernel allows.
+  bool confined = false;
   std::function<void(std::string_view line)> on_line;  // each output line, in the calling thread
 
   // INVALID_ARGUMENT naming the field that breaks its rule.
@@ -46,7 +51,7 @@ struct SubprocessResult {
 // Nothing outlives the call: the child leads its own process group, which is killed when the
 // program ends, times out or is cancelled; if this process or the calling thread dies first, the
 // kernel kills the child (PR_SET_PDEATHSIG). Only a grandchild that left the group can escape.
-// The child gets default signal handling, /dev/null as stdin and none of our open files.
+// The child gets default signal handling, and none of our open files but `input_fd`.
 //
 // Errors: FAILED_PRECONDITION PROGRAM_NOT_FOUND or PROGRAM_NOT_STARTED (field: args[0]);
 // DEADLINE_EXCEEDED PROGRAM_TIMEOUT; CANCELLED, within grace_seconds + 0.1 s of Cancel();

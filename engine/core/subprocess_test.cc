@@ -14,7 +14,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -35,11 +35,6 @@ SubprocessOptions Shell(const std::string& script) {
 
 absl::StatusOr<SubprocessResult> Execute(const SubprocessOptions& options) {
   return RunSubprocess(options, CancelToken());
-}
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
 }
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {
@@ -106,10 +101,10 @@ TEST_F(SubprocessTest, PassesArgumentsWithoutAShell) {
 }
 
 TEST_F(SubprocessTest, AddsAndReplacesEnvironment) {
-  setenv("LITAGS_TEST_KEPT", "kept", 1);
-  setenv("LITAGS_TEST_OLD", "old", 1);
-  SubprocessOptions options = Shell("echo $LITAGS_TEST_KEPT $LITAGS_TEST_OLD $LITAGS_TEST_NEW");
-  options.env = {"LITAGS_TEST_OLD=replaced", "LITAGS_TEST_NEW=added"};
+  setenv("LC_TEST_KEPT", "kept", 1);
+  setenv("LC_TEST_OLD", "old", 1);
+  SubprocessOptions options = Shell("echo $LC_TEST_KEPT $LC_TEST_OLD $LITAGS_TEST_NEW");
+  options.env = {"LC_TEST_OLD=replaced", "LITAGS_TEST_NEW=added"};
   const auto result = Execute(options);
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_EQ(result->tail, "kept replaced added");
@@ -262,6 +257,17 @@ TEST_F(SubprocessTest, TheChildInheritsNoOpenFile) {
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_THAT(result->tail, HasSubstr(" 2 -> "));
   EXPECT_THAT(result->tail, Not(HasSubstr(absl::StrCat(" ", leaked, " -> "))));
+}
+
+TEST_F(SubprocessTest, ReadsTheFileItIsGiven) {
+  std::ofstream(dir_ / "in") << "from the file\n";
+  const int file = open((dir_ / "in").c_str(), O_RDONLY | O_CLOEXEC);
+  SubprocessOptions options = Shell("cat");
+  options.input_fd = file;
+  const auto result = Execute(options);
+  close(file);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->tail, "from the file");
 }
 
 TEST_F(SubprocessTest, LowersPriority) {

@@ -22,6 +22,24 @@ size_t Utf8Length(std::string_view s) {
   return 0;
 }
 
+size_t ControlLength(std::string_view s) {
+  const auto byte = [&](size_t i) { return i < s.size() ? uint8_t(s[i]) : uint8_t{0}; };
+  if (s.empty()) return 0;
+  if (byte(0) < 0x20 || byte(0) == 0x7F) return 1;
+  if (byte(0) == 0xC2 && byte(1) >= 0x80 && byte(1) < 0xA0) return 2;  // U+0080..U+009F
+  if (byte(0) != 0xE2) return 0;
+  const bool breaks = byte(1) == 0x80 && byte(2) >= 0xA8 && byte(2) <= 0xAE;    // U+2028..U+202E
+  const bool isolates = byte(1) == 0x81 && byte(2) >= 0xA6 && byte(2) <= 0xA9;  // U+2066..U+2069
+  return breaks || isolates ? 3 : 0;
+}
+
+bool HoldsControl(std::string_view text) {
+  for (; !text.empty(); text.remove_prefix(1)) {
+    if (ControlLength(text) > 0) return true;
+  }
+  return false;
+}
+
 std::string Utf8Prefix(std::string_view text, size_t max_bytes) {
   std::string out;
   while (!text.empty()) {

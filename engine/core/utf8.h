@@ -12,6 +12,12 @@ namespace litags {
 // there is none.
 size_t Utf8Length(std::string_view s);
 
+// Length of the character at the start of `s` if it is one that shows nothing and changes what is
+// shown beside it, else 0: control characters, line and paragraph separators, and those that turn
+// the order of text around. Marks of direction, which names in Arabic or Hebrew hold, are none.
+size_t ControlLength(std::string_view s);
+bool HoldsControl(std::string_view text);
+
 // The start of `text`, of at most `max_bytes`, as valid UTF-8: whole characters only, and U+FFFD
 // for each byte that belongs to none.
 std::string Utf8Prefix(std::string_view text, size_t max_bytes);

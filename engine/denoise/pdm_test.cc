@@ -258,10 +258,11 @@ TEST(PdmOptions, NamesTheFieldThatIsOutOfRange) {
     change(options);
     return std::string(options.Validate().message());
   };
-  EXPECT_THAT(message([](PdmOptions& o) { o.stages = 0; }), HasSubstr("pdm.stages is 0"));
-  EXPECT_THAT(message([](PdmOptions& o) { o.hidden = 65; }), HasSubstr("pdm.hidden is 65"));
-  EXPECT_THAT(message([](PdmOptions& o) { o.filter_size = 4; }), HasSubstr("odd"));
-  EXPECT_THAT(message([](PdmOptions& o) { o.filter_size = 17; }), HasSubstr("1 to 15"));
+  EXPECT_THAT(message([](PdmOptions& o) { o.stages = 0; }),
+              HasSubstr("pdm_stages: 0 is not in [1, 8]"));
+  EXPECT_THAT(message([](PdmOptions& o) { o.hidden = 65; }), HasSubstr("pdm_hidden: 65"));
+  EXPECT_THAT(message([](PdmOptions& o) { o.filter_size = 4; }), HasSubstr("4 is not odd"));
+  EXPECT_THAT(message([](PdmOptions& o) { o.filter_size = 17; }), HasSubstr("[1, 15]"));
   EXPECT_THAT(message([](PdmOptions& o) { o.filter_sigma = NAN; }), HasSubstr("filter_sigma"));
 }
 

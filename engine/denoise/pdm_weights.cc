@@ -1,19 +1,10 @@
 #include <cmath>
-#include <string>
 
-#include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
 #include "engine/core/rng.h"
 #include "engine/denoise/pdm.h"
 
 namespace litags {
 namespace {
-
-absl::Status CheckRange(const char* field, int value, int low, int high) {
-  if (value >= low && value <= high) return absl::OkStatus();
-  return InvalidInput("PDM_OPTION_OUT_OF_RANGE", field,
-                      absl::StrCat(field, " is ", value, "; choose ", low, " to ", high));
-}
 
 void FillHeNormal(const CounterRng& rng, int fan_in, float* w, size_t count) {
   const double stddev = std::sqrt(2.0 / fan_in);
@@ -21,22 +12,6 @@ void FillHeNormal(const CounterRng& rng, int fan_in, float* w, size_t count) {
 }
 
 }  // namespace
-
-absl::Status PdmOptions::Validate() const {
-  LITAGS_RETURN_IF_ERROR(CheckRange("pdm.stages", stages, 1, 8));
-  LITAGS_RETURN_IF_ERROR(CheckRange("pdm.hidden", hidden, 1, 64));
-  LITAGS_RETURN_IF_ERROR(CheckRange("pdm.filter_size", filter_size, 1, 15));
-  if (filter_size % 2 == 0) {
-    return InvalidInput("PDM_OPTION_OUT_OF_RANGE", "pdm.filter_size",
-                        absl::StrCat("pdm.filter_size is ", filter_size, "; choose an odd size"));
-  }
-  if (!(filter_sigma > 0.0f && std::isfinite(filter_sigma))) {
-    return InvalidInput(
-        "PDM_OPTION_OUT_OF_RANGE", "pdm.filter_sigma",
-        absl::StrCat("pdm.filter_sigma is ", filter_sigma, " px; choose a positive width"));
-  }
-  return absl::OkStatus();
-}
 
 PdmNetLayout::PdmNetLayout(int hidden) {
   const size_t h = hidden;

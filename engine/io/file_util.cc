@@ -205,8 +205,9 @@ absl::Status ValidateFileName(std::string_view name, std::string_view field) {
     const size_t length = Utf8Length(name.substr(i));
     if (length == 0) return bad("the file name is not valid UTF-8");
     const uint8_t c = uint8_t(name[i]);
-    const bool c1_control = c == 0xC2 && uint8_t(name[i + 1]) < 0xA0;  // U+0080..U+009F
-    if (c < 0x20 || c == 0x7F || c1_control) return bad("the file name holds a control character");
+    if (ControlLength(name.substr(i)) > 0) {
+      return bad("the file name holds a control character, or one that turns text around");
+    }
     if (c == '/' || c == '\\') return bad("the file name holds a path separator");
     i += length;
   }

@@ -108,7 +108,7 @@ TEST(ReadFile, RefusesMissingTooLargeAndSpecialFiles) {
 
 TEST(ValidateFileName, AcceptsOrdinaryNames) {
   for (const char* name : {"0001.jpg", "IMG 1 (2).JPEG", "a..b.png", "\xC3\xA9t\xC3\xA9.jpg",
-                           "\xF0\x9F\x93\xB7.png", "-rf"}) {
+                           "\xF0\x9F\x93\xB7.png", "-rf", "\xD7\x90\xE2\x80\x8F.png"}) {
     EXPECT_TRUE(ValidateFileName(name, "f").ok()) << name;
   }
   EXPECT_TRUE(ValidateFileName(std::string(255, 'a'), "f").ok());
@@ -126,12 +126,15 @@ TEST(ValidateFileName, RefusesTricks) {
                                           std::string("a\0b", 3),
                                           "a\nb",
                                           "a\x7F",
-                                          "a\xC2\x85.jpg",      // control character NEL
-                                          "a\xFF.jpg",          // not UTF-8
-                                          "a\xC0\xAF.jpg",      // overlong '/'
-                                          "a\xED\xA0\x80.jpg",  // surrogate
-                                          "a\xE2\x82",          // cut sequence
-                                          "a\xF4\x90\x80\x80",  // past U+10FFFF
+                                          "a\xC2\x85.jpg",         // control character NEL
+                                          "a\xE2\x80\xA8.jpg",     // line separator
+                                          "a\xE2\x80\xAEgpj.png",  // right-to-left override
+                                          "a\xE2\x81\xA6.jpg",     // isolate
+                                          "a\xFF.jpg",             // not UTF-8
+                                          "a\xC0\xAF.jpg",         // overlong '/'
+                                          "a\xED\xA0\x80.jpg",     // surrogate
+                                          "a\xE2\x82",             // cut sequence
+                                          "a\xF4\x90\x80\x80",     // past U+10FFFF
                                           std::string(256, 'a')};
   for (const std::string& name : names) {
     EXPECT_EQ(Reason(ValidateFileName(name, "f")), "BAD_FILE_NAME") << name;

@@ -19,9 +19,9 @@ namespace litags {
 
 // What a photo may cost us. Checked on the file's header, before anything is allocated.
 struct ImageLimits {
-  int64_t max_bytes = kMaxImageBytes;      // encoded
-  int64_t max_pixels = int64_t{64} << 20;  // decoded, "64 MP"
-  int max_side = kMaxImageSide;            // px
+  int64_t max_bytes = kMaxImageBytes;    // encoded
+  int64_t max_pixels = kMaxImagePixels;  // decoded
+  int max_side = kMaxImageSide;          // px
 };
 
 enum class ImageFormat { kJpeg, kPng };

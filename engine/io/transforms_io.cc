@@ -1,10 +1,16 @@
 #include "engine/io/transforms_io.h"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <set>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/core/limits.h"
@@ -19,28 +25,122 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int kMaxDepth = 16;  // of nested lists and objects; 4 are needed
+// Of a frame's keys that are read, and of those beside the frames; some 40 are needed.
+constexpr int kMaxValues = 1000;
+
+// The keys that are read. Nothing else of a file takes memory.
+constexpr std::string_view kKeys[] = {"file_path",
+                                      "mask_path",
+                                      "transform_matrix",
+                                      "camera_model",
+                                      "is_fisheye",
+                                      "w",
+                                      "h",
+                                      "fl_x",
+                                      "fl_y",
+                                      "cx",
+                                      "cy",
+                                      "camera_angle_x",
+                                      "camera_angle_y",
+                                      "k1",
+                                      "k2",
+                                      "k3",
+                                      "k4",
+                                      "k5",
+                                      "k6",
+                                      "p1",
+                                      "p2"};
 
 // A value for a message; of lists and objects only the type.
 std::string Describe(const Json& value) {
   return value.is_structured() ? value.type_name() : value.dump();
 }
 
-absl::StatusOr<Json> ParseJson(std::string_view text, std::string_view field) {
-  bool too_deep = false;
-  const auto keep = [&](int depth, Json::parse_event_t, Json&) {
-    too_deep = too_deep || depth > kMaxDepth;
-    return !too_deep;  // false: the parser drops the value, so that nesting costs no memory
-  };
-  try {
-    Json json = Json::parse(text, keep);
-    if (too_deep) return InvalidField("BAD_JSON", field, "lists are nested too deeply");
-    return json;
-  } catch (const Json::exception& e) {
-    return InvalidField(
-        "BAD_JSON", field,
-        absl::StrCat("not valid JSON (NaN and Infinity are not either): ", e.what()));
+// Goes through a transforms.json without ever holding more of it than one frame: a file of 16 MiB
+// may hold millions of values, of some 100 bytes each.
+class FrameParser {
+ public:
+  // Gets each element of the list "frames".
+  using OnFrame = std::function<absl::Status(const Json& frame)>;
+
+  FrameParser(std::string_view text, std::string_view field) : text_(text), field_(field) {}
+
+  // What stands beside the frames, which go to `on_frame`, if that is not null.
+  absl::StatusOr<Json> Run(const OnFrame& on_frame) {
+    on_frame_ = on_frame;
+    frames_ = values_ = 0;
+    top_key_.clear();
+    has_list_ = is_wanted_ = false;
+    const auto keep = [this](int depth, Event event, Json& value) {
+      return Keep(depth, event, value);
+    };
+    try {
+      return Json::parse(text_, keep);
+    } catch (const Stop& stop) {
+      return stop.status;
+    } catch (const Json::exception& e) {
+      return InvalidField(
+          "BAD_JSON", field_,
+          absl::StrCat("not valid JSON (NaN and Infinity are not either): ", e.what()));
+    }
   }
-}
+
+  bool has_list() const { return has_list_; }
+  int frames() const { return frames_; }
+
+ private:
+  using Event = Json::parse_event_t;
+  struct Stop {  // thrown through the parser
+    absl::Status status;
+  };
+
+  static bool IsKnown(const Json& key) {
+    const auto& name = key.get_ref<const std::string&>();
+    return std::find(std::begin(kKeys), std::end(kKeys), name) != std::end(kKeys);
+  }
+
+  // Called by the parser for each value and each start; false: it is dropped.
+  bool Keep(int depth, Event event, Json& value) {
+    if (depth > kMaxDepth) {
+      throw Stop{InvalidField("BAD_JSON", field_, "lists are nested too deeply")};
+    }
+    if (depth == 0 && event == Event::array_start) return false;  // none of ours
+    const bool starts = event == Event::object_start || event == Event::array_start;
+    const bool ends = event == Event::object_end || event == Event::array_end;
+    if (depth == 1 && event == Event::key) {
+      top_key_ = value.get<std::string>();
+      is_wanted_ = IsKnown(value);
+      return is_wanted_ || top_key_ == "frames";
+    }
+    const bool in_frames = depth >= 1 && top_key_ == "frames";
+    if (in_frames && depth == 1) {
+      has_list_ = event == Event::array_start || event == Event::array_end;
+      return has_list_;
+    }
+    if (in_frames && !on_frame_) return false;
+    if (in_frames && depth == 2) {
+      values_ = 0;
+      is_wanted_ = true;
+      if (starts) return true;
+      if (const absl::Status status = on_frame_(value); !status.ok()) throw Stop{status};
+      ++frames_;
+      return false;
+    }
+    if (in_frames && depth == 3 && event == Event::key) return is_wanted_ = IsKnown(value);
+    if (!ends && is_wanted_ && ++values_ > kMaxValues) {
+      throw Stop{InvalidField("BAD_JSON", field_, "a frame holds far too many numbers")};
+    }
+    return true;
+  }
+
+  const std::string_view text_;
+  const std::string_view field_;
+  OnFrame on_frame_;
+  std::string top_key_;     // that is being read
+  bool has_list_ = false;   // under "frames"
+  bool is_wanted_ = false;  // what is being read
+  int frames_ = 0, values_ = 0;
+};
 
 // A JSON object with the document's top as fallback: a frame's own keys win.
 class Keys {
@@ -117,7 +217,7 @@ absl::Status CheckLens(const Keys& keys) {
     return InvalidField("UNSUPPORTED_CAMERA_MODEL", keys.where(),
                         absl::StrCat(Absl(what), " is not supported; undistort the photos first"));
   };
-  for (const char* key : {"k3", "k4"}) {
+  for (const char* key : {"k3", "k4", "k5", "k6"}) {
     LITAGS_ASSIGN_OR_RETURN(const double value, keys.NumberOr(key, 0));
     if (value != 0) return unsupported(absl::StrCat("lens distortion '", key, "'"));
   }
@@ -261,23 +361,24 @@ Json IntrinsicsJson(const Camera& camera, const Distortion& d) {
 
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             const PhotoSizes& sizes) {
-  LITAGS_ASSIGN_OR_RETURN(const Json top, ParseJson(json, field));
-  const auto frames = top.is_object() ? top.find("frames") : top.end();
-  if (!top.is_object() || frames == top.end() || !frames->is_array()) {
+  FrameParser parser(json, field);
+  // Twice, since what the frames lack may stand behind them.
+  LITAGS_ASSIGN_OR_RETURN(const Json top, parser.Run(nullptr));
+  if (!top.is_object() || !parser.has_list()) {
     return InvalidField("MISSING_KEY", field, "there is no list 'frames'; give a transforms.json");
   }
-  if (frames->empty()) return InvalidField("NO_CAMERAS", field, "'frames' is empty");
   std::vector<LoadedView> views;
-  std::map<std::string, const Json*> first;  // frame of each name
-  for (size_t i = 0; i < frames->size(); ++i) {
-    const Json& frame = (*frames)[i];
-    const std::string where = absl::StrCat(Absl(field), ".frames[", i, "]");
+  std::set<std::string> seen;  // frames as they are read
+  const auto read = [&](const Json& frame) -> absl::Status {
+    const std::string where = absl::StrCat(Absl(field), ".frames[", parser.frames(), "]");
     LITAGS_ASSIGN_OR_RETURN(LoadedView view, ReadFrame(frame, top, where, sizes));
     // Merged captures list frames twice.
-    const auto [known, added] = first.emplace(view.view.name, &frame);
-    if (!added && *known->second == frame) continue;
+    if (!seen.insert(frame.dump()).second) return absl::OkStatus();
     views.push_back(std::move(view));
-  }
+    return absl::OkStatus();
+  };
+  LITAGS_RETURN_IF_ERROR(parser.Run(read).status());
+  if (views.empty()) return InvalidField("NO_CAMERAS", field, "'frames' is empty");
   return FinishModel(std::move(views), field, nullptr);
 }
 
@@ -303,16 +404,16 @@ absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_
 
 std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json) {
   std::map<std::string, std::string> paths;
-  const auto top = ParseJson(json, "cameras");
-  if (!top.ok() || !top->is_object() || !top->contains("frames")) return paths;
-  for (const Json& frame : (*top)["frames"]) {
-    if (!frame.is_object()) continue;
+  FrameParser parser(json, "cameras");
+  const auto read = [&](const Json& frame) -> absl::Status {
+    if (!frame.is_object()) return absl::OkStatus();
     const auto photo = frame.find("file_path"), mask = frame.find("mask_path");
-    if (photo == frame.end() || mask == frame.end()) continue;
-    if (!photo->is_string() || !mask->is_string()) continue;
+    if (photo == frame.end() || mask == frame.end()) return absl::OkStatus();
+    if (!photo->is_string() || !mask->is_string()) return absl::OkStatus();
     paths[BaseName(photo->get<std::string>())] = mask->get<std::string>();
-  }
-  return paths;
+    return absl::OkStatus();
+  };
+  return parser.Run(read).ok() ? paths : std::map<std::string, std::string>();
 }
 
 absl::Status CheckTransforms(std::string_view json, std::string_view field) {

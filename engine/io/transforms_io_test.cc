@@ -186,6 +186,16 @@ TEST(ParseTransforms, SurvivesTruncationNestingAndCorruption) {
   EXPECT_EQ(Reason(ParseStatus(File("\"fl_x\": " + deep, Frame("a", kIdentity)))), "BAD_JSON");
   EXPECT_EQ(Reason(ParseStatus(File("\"fl_x\": [[7]]", Frame("a", kIdentity)), 4, 3)),
             "BAD_NUMBER");
+  std::string many = "[0";
+  for (int i = 0; i < 100'000; ++i) many += ",0";
+  many += "]";
+  const auto refusal = [](const std::string& json) { return ParseStatus(json).ToString(); };
+  EXPECT_THAT(refusal(File("\"fl_x\": " + many, Frame("a", kIdentity))), HasSubstr("far too many"));
+  EXPECT_THAT(refusal(File(kTop, Frame("a", many))), HasSubstr("far too many"));
+  // What nobody reads may be as it likes.
+  EXPECT_EQ(refusal(File(absl::StrCat(kTop, ", \"notes\": ", many),
+                         Frame("a.jpg", kIdentity, ", \"points\": [" + many + "]"))),
+            "OK");
   int refused = 0;
   ForEachCorruption(good, 3000,
                     [&](const std::string& json) { refused += !ParseStatus(json).ok(); });

@@ -189,6 +189,11 @@ absl::StatusOr<TrainSet> MakeTrainSet(const Context& context, const std::string&
   LimitPoints(options.max_gaussians, &set.points, context.report);
   Split split = SplitPhotos(options.holdout_every, posed);
   set.point_views = std::move(split.point_views);
+  if (options.holdout_every > 0 && split.every == 0) {
+    notes->push_back(absl::StrCat("none of the ", posed.size(),
+                                  " photos is held out to measure quality: with holdout_every ",
+                                  options.holdout_every, " it takes ", 2 * options.holdout_every));
+  }
 
   // Of the training photos alone: what is held out must not help.
   std::vector<PosedPhoto> photos;

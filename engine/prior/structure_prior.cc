@@ -9,6 +9,7 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/noise/noise_estimate.h"
 
 namespace litags {
 namespace {
@@ -200,43 +201,25 @@ absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOpt
   return prior;
 }
 
-double EstimateNoise(const Photo& photo, const PlaneU8& mask) {
+double IntensityNoise(const Photo& photo, const PlaneU8& mask) {
   const float* m = kColorModel[0];
   // Rounding a code to 8 bits has deviation 1 / (255 sqrt(12)); E mixes three of them.
   const double rounding =
       std::sqrt(double(m[0]) * m[0] + m[1] * m[1] + m[2] * m[2]) / (255 * std::sqrt(12.0));
-  const auto intensity = [&](int x, int y) {
-    const int16_t* p = photo.pixel(x, y);
-    return (m[0] * p[0] + m[1] * p[1] + m[2] * p[2]) * (1.0f / kPhotoWhite);
-  };
-  std::vector<float> means, details;
-  for (int y = 0; y + 1 < photo.height; y += 2) {
-    for (int x = 0; x + 1 < photo.width; x += 2) {
-      if (!Counts(mask, x, y) || !Counts(mask, x + 1, y) || !Counts(mask, x, y + 1) ||
-          !Counts(mask, x + 1, y + 1)) {
-        continue;
-      }
-      const float a = intensity(x, y), b = intensity(x + 1, y);
-      const float c = intensity(x, y + 1), d = intensity(x + 1, y + 1);
-      means.push_back((a + b + c + d) / 4);
-      details.push_back(std::abs(a - b - c + d) / 2);  // deviation of one sample's noise
-    }
-  }
-  if (means.empty()) return rounding;
-  std::vector<float> sorted = means;
-  const double dark = Median(&sorted);
-  std::vector<float> dark_details;
-  for (size_t i = 0; i < means.size(); ++i) {
-    if (means[i] <= dark) dark_details.push_back(details[i]);
-  }
-  return std::max(rounding, Median(&dark_details) / 0.6745);
+  const Planes intensity = ColorModelRow(ToPlanes(photo), 0);
+  std::vector<float> counted;
+  ForCounted(mask, photo.pixels(), [&](size_t i) { counted.push_back(intensity.data[i]); });
+  if (counted.empty()) return rounding;
+  const NoiseEstimate noise = NoiseOfChannel(intensity.data.data(), photo.width, photo.height, mask,
+                                             static_cast<float>(Median(&counted)));
+  return std::max(rounding, noise.Deviation() / 255);
 }
 
 double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options,
                   absl::Span<const PlaneU8> masks) {
   std::vector<float> noise;
   for (size_t i = 0; i < photos.size(); ++i) {
-    noise.push_back(static_cast<float>(EstimateNoise(photos[i], MaskOf(masks, i))));
+    noise.push_back(static_cast<float>(IntensityNoise(photos[i], MaskOf(masks, i))));
   }
   return noise.empty() ? 0 : options.floor_noise_factor * Median(&noise);
 }

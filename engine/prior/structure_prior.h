@@ -50,13 +50,12 @@ struct StructurePriorOptions {
 // kernel's radius + 1.
 absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOptions& options);
 
-// Standard deviation of the noise of E in one photo, codes of [0, 1]: median absolute diagonal
-// Haar coefficient / 0.6745 (Donoho and Johnstone 1994) over the darker half of the photo, never
-// below the rounding noise of 8 bits seen by E. Squares of 2x2 px with a masked one do not count.
-double EstimateNoise(const Photo& photo, const PlaneU8& mask = {});
+// Standard deviation of the noise of E in the darker half of one photo (engine/noise), codes of
+// [0, 1]; never below the rounding noise of 8 bits seen by E.
+double IntensityNoise(const Photo& photo, const PlaneU8& mask = {});
 
 // Below this E a photo says nothing about structure: floor_noise_factor times the median of
-// EstimateNoise over the capture.
+// IntensityNoise over the capture.
 double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options,
                   absl::Span<const PlaneU8> masks = {});
 

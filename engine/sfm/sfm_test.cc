@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "engine/core/mask.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/exif_test_util.h"
@@ -35,11 +35,6 @@ using ::testing::StartsWith;
 
 constexpr int kDark = 12, kWellLit = 120;  // sRGB codes
 constexpr int kFeatures = 900;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 // Six photos of 128x96 px that COLMAP gets at 64x48.
 class SfmTest : public ::testing::Test {

@@ -7,9 +7,9 @@
 
 #include "engine/core/color.h"
 #include "engine/core/mask.h"
+#include "engine/noise/noise_estimate.h"
 #include "engine/target/curve_table.h"
 #include "engine/target/float_image.h"
-#include "engine/target/information.h"
 
 namespace litags {
 namespace {
@@ -27,26 +27,11 @@ cv::Vec3f LumaChroma(const cv::Vec3f& rgb) {
   return {y, (rgb[2] - y) / 1.772f, (rgb[0] - y) / 1.402f};
 }
 
-// Deviation of the noise in the codes' luma. Black says nothing.
+// Deviation of the noise in the codes' luma.
 double LumaNoise(const FloatImage& codes, const PlaneU8& mask) {
   FloatPlane luma(codes.size());
   for (int i = 0; i < codes.rows * codes.cols; ++i) luma(i) = Luma(codes(i));
-  std::vector<float> differences;
-  differences.reserve(codes.total());
-  for (int y = 1; y + 1 < codes.rows; ++y) {
-    for (int x = 1; x + 1 < codes.cols; ++x) {
-      if (!(Counts(mask, x, y) && Counts(mask, x - 1, y) && Counts(mask, x + 1, y) &&
-            Counts(mask, x, y - 1) && Counts(mask, x, y + 1))) {
-        continue;
-      }
-      const float around = luma(y, x - 1) + luma(y, x + 1) + luma(y - 1, x) + luma(y + 1, x);
-      if (luma(y, x) > 0) differences.push_back(std::abs(luma(y, x) - around / 4));
-    }
-  }
-  if (differences.empty()) return 0;
-  const auto quartile = differences.begin() + differences.size() / 4;
-  std::nth_element(differences.begin(), quartile, differences.end());
-  return NoiseOfDifferences(*quartile);
+  return NoiseOfChannel(luma[0], luma.cols, luma.rows, mask).Deviation() / 255;
 }
 
 // The mean of `linear` over the taps around (x, y) whose guides are like the one there.

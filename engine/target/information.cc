@@ -8,12 +8,12 @@
 
 #include "engine/core/check.h"
 #include "engine/core/mask.h"
+#include "engine/noise/noise_estimate.h"
 
 namespace litags {
 namespace {
 
 constexpr int kCodes = 256;
-constexpr int kBins = 16;                // of NoiseDifferences to a code
 constexpr int64_t kEnoughSamples = 500;  // of one code
 
 // The 8-bit code of a sample.
@@ -21,68 +21,29 @@ int CodeOf(int16_t sample) {
   return std::clamp(static_cast<int>(std::lrint(sample / kPhotoCode)), 0, kCodes - 1);
 }
 
-void AddCounts(const NoiseDifferences& from, NoiseDifferences* to) {
-  for (size_t i = 0; i < from.size(); ++i) (*to)[i] += from[i];
-}
-
 // What the targets do at the samples of one code.
 struct CodeSamples {
   int64_t samples = 0;
   double target_sum = 0;
-  NoiseDifferences differences = {};
+  NoiseEstimate noise;
 
   void Add(const CodeSamples& other) {
     samples += other.samples;
     target_sum += other.target_sum;
-    AddCounts(other.differences, &differences);
+    noise.Add(other.noise);
   }
 };
 
 using Samples = std::vector<CodeSamples>;  // [kCodes]
 
-// Calls visit(sample, bin) for every sample of the picture but the border's: its index in the data,
-// and its difference's index in NoiseDifferences.
-template <class Visit>
-void ForEachDifference(const Photo& picture, const PlaneU8& mask, const Visit& visit) {
-  constexpr float kPerBin = kBins / (4 * kPhotoCode);
-  const size_t row = 3 * size_t(picture.width);
-  for (int y = 1; y + 1 < picture.height; ++y) {
-    for (int x = 1; x + 1 < picture.width; ++x) {
-      if (!Counts(mask, x, y)) continue;
-      for (int c = 0; c < 3; ++c) {
-        const size_t sample = y * row + 3 * x + c;
-        const int16_t* at = picture.data.data() + sample;
-        const int difference = std::abs(4 * *at - (at[-3] + at[3] + *(at - row) + at[row]));
-        visit(sample,
-              std::min(static_cast<int>(std::lrint(difference * kPerBin)), kBins * kCodes - 1));
-      }
-    }
-  }
-}
-
 void AddPhoto(const Photo& photo, const Photo& target, const PlaneU8& mask, Samples* samples) {
   LITAGS_CHECK(photo.width == target.width && photo.height == target.height);
-  ForEachDifference(target, mask, [&](size_t sample, int bin) {
+  ForEachDifference(target, mask, [&](size_t sample, float magnitude) {
     CodeSamples& s = (*samples)[CodeOf(photo.data[sample])];
     s.samples += 1;
     s.target_sum += target.data[sample] / kPhotoCode;
-    s.differences[bin] += 1;
+    s.noise.AddDifference(magnitude);
   });
-}
-
-// Deviation of noise whose differences these are.
-double NoiseOf(const NoiseDifferences& differences) {
-  const int64_t samples = std::accumulate(differences.begin(), differences.end(), int64_t{0});
-  int64_t below = 0;
-  for (size_t d = 0; d < differences.size(); ++d) {
-    const int64_t next = below + differences[d];
-    if (4 * next >= samples && next > below) {
-      const double part = (0.25 * samples - below) / (next - below);  // of bin d +- 1/2
-      return NoiseOfDifferences(std::max(0.0, d - 0.5 + part) / kBins);
-    }
-    below = next;
-  }
-  return 0;
 }
 
 // The code's samples with those of as many neighbours, clipped as it is or not, as make enough.
@@ -101,7 +62,7 @@ CodeStatistics Summarize(const Samples& samples) {
   CodeStatistics out;
   for (int code = 0; code < kCodes; ++code) {
     const CodeSamples around = Around(samples, code);
-    out.noise[code] = NoiseOf(around.differences);
+    out.noise[code] = around.noise.Deviation();
     out.mean[code] = around.target_sum / std::max<int64_t>(1, around.samples);
   }
   for (int code = 0; code < kCodes; ++code) {
@@ -179,16 +140,6 @@ CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
   }
   return Summarize(samples);
 }
-
-void PictureNoise::Add(const Photo& picture, const PlaneU8& mask) {
-  ForEachDifference(picture, mask, [&](size_t sample, int bin) {
-    if (CodeOf(picture.data[sample]) > 0) differences_[bin] += 1;
-  });
-}
-
-void PictureNoise::Add(const PictureNoise& other) { AddCounts(other.differences_, &differences_); }
-
-double PictureNoise::Deviation() const { return NoiseOf(differences_); }
 
 std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
                                         absl::Span<const Photo* const> targets,

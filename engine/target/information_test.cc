@@ -54,31 +54,6 @@ TEST(MeasureTargets, ClippedHighlightsAreGuesses) {
   EXPECT_EQ(noise[255], kClippedNoise);
 }
 
-TEST(PictureNoise, IsTheDeviationOfFlatAreasThatAreNotBlack) {
-  const auto of = [](const Photo& picture, const PlaneU8& mask = {}) {
-    PictureNoise noise;
-    noise.Add(picture, mask);
-    return noise.Deviation();
-  };
-  EXPECT_EQ(PictureNoise().Deviation(), 0);
-  EXPECT_NEAR(of(TwoHalves(60, 180, 8, 8)), 8, 0.8);
-  EXPECT_LT(of(TwoHalves(60, 180)), 0.5);
-  EXPECT_NEAR(of(TwoHalves(0, 180, 0, 8)), 8, 0.8);
-  PlaneU8 left(kSize, kSize);
-  for (int i = 0; i < kSize * kSize; ++i) left.data[i] = i % kSize < kSize / 2 ? kCounts : 0;
-  EXPECT_NEAR(of(TwoHalves(60, 180, 4, 20), left), 4, 0.4);
-}
-
-TEST(PictureNoise, OfSeveralPicturesIsThatOfAllTheirPixels) {
-  PictureNoise all, one, two;
-  one.Add(TwoHalves(60, 60, 4, 4), {});
-  two.Add(TwoHalves(60, 60, 8, 8), {});
-  all.Add(one);
-  all.Add(two);
-  EXPECT_GT(all.Deviation(), one.Deviation());
-  EXPECT_LT(all.Deviation(), two.Deviation());
-}
-
 // A bright photo that clips the right half, which a dark one of the same place, an eighth of the
 // light, sees; the dark one is noisy on the left.
 struct TwoExposures {

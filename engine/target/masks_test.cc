@@ -83,7 +83,7 @@ TEST(MaskedPhotos, ExposuresAreThoseOfWhatCounts) {
 
 TEST(MaskedPhotos, NoiseAndScaleOfStructureAreThoseOfWhatCounts) {
   const Photos photos;
-  EXPECT_DOUBLE_EQ(EstimateNoise(photos.whole[0], photos.masks[0]), EstimateNoise(photos.cut[0]));
+  EXPECT_DOUBLE_EQ(IntensityNoise(photos.whole[0], photos.masks[0]), IntensityNoise(photos.cut[0]));
   EXPECT_DOUBLE_EQ(NoiseFloor(photos.whole, {}, photos.masks), NoiseFloor(photos.cut, {}));
   StructurePriorOptions options;
   options.scale_sigma_to_width = false;

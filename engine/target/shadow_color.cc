@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <utility>
 #include <vector>
 
 #include "engine/core/mask.h"
+#include "engine/noise/noise_estimate.h"
 #include "engine/target/float_image.h"
 #include "engine/target/median.h"
 
@@ -25,7 +27,8 @@ constexpr float kMostEdge = 2;  // |ln|; beyond it colours differ no more
 
 // Variance of Cb and Cr in square codes: rounding Cb itself and R, G and B before it makes
 // (1 + 0.1687^2 + 0.3313^2 + 0.5^2) / 12 = 0.116. That is what one pixel has; the mean over a
-// square has less, see kShares, measured on photos that were darkened with a sensor model.
+// square has less, see kShares, measured on photos that were darkened with a sensor model without
+// noise. Noise makes rounding errors independent of each other, see NoiseVariance.
 constexpr float kRounding = 0.116f;
 constexpr std::array<float, kLevels> kShares = {1.55f, 1.47f, 1.12f, 0.92f, 0.78f,
                                                 0.69f, 0.56f, 0.43f, 0.43f};
@@ -33,11 +36,16 @@ constexpr std::array<float, kLevels> kShares = {1.55f, 1.47f, 1.12f, 0.92f, 0.78
 // levels count as one observation. Choice, see docs/experiments/shadow-color.md.
 constexpr float kCorrelation = 2;
 
+// Of independent noise in R, G and B: its variance in luma, and in Cb and Cr (the mean of 0.388 and
+// 0.432), weights of ITU-R BT.601.
+constexpr double kNoiseOfLuma = 0.447, kNoiseOfChroma = 0.41;
+
 constexpr float kTiny = 1e-6f;
 
-// Sums over a square, as means: Cb Y / s^2, Cr Y / s^2, Y^2 / s^2 and Y, all in linear light, where
-// s is the light of one code. Cb / Y is the quotient of the first and the third, weighed by its
-// precision.
+// Sums over a square, as means: Cb Z / s^2, Cr Z / s^2, Y Z / s^2 and Y, all in linear light, where
+// Z is the mean luma around the pixel and s the light of one code there. Cb / Y is the quotient of
+// the first and the third, weighed by its precision. Weights by the pixel's own luma would take its
+// noise for light, squared: dark colours would fade to grey.
 using Sums = cv::Mat_<cv::Vec4f>;
 // Estimates: Cb / Y, Cr / Y, their variance, and Y of the square.
 using Estimates = cv::Mat_<cv::Vec4f>;
@@ -86,13 +94,31 @@ cv::Vec3f LinearPixel(const Photo& photo, size_t i) {
   return {linear(p[0]), linear(p[1]), linear(p[2])};
 }
 
+constexpr int kAround = 5;  // px, the side of the square that Z is the mean of. Choice
+
+// Z / s^2 of every pixel.
+FloatPlane WeightsOf(const Photo& photo) {
+  FloatPlane luma(photo.height, photo.width);
+  for (size_t i = 0; i < photo.pixels(); ++i)
+    luma(static_cast<int>(i)) = Ycc(LinearPixel(photo, i))[0];
+  FloatPlane weights;
+  cv::blur(luma, weights, cv::Size(kAround, kAround), cv::Point(-1, -1), cv::BORDER_REPLICATE);
+  const PrecisionTable& precision = PrecisionTable::Get();
+  const SampleTable& sample = SampleTable::Get();
+  for (float& z : weights) {
+    z = std::max(z, 0.0f);
+    z *= precision(EncodedOf(sample(z)));
+  }
+  return weights;
+}
+
 // A pixel's sums, at level 0. Masked pixels have a luma only.
-cv::Vec4f SumsOf(const Photo& photo, const PlaneU8& mask, size_t i) {
+cv::Vec4f SumsOf(const Photo& photo, const FloatPlane& weights, const PlaneU8& mask, size_t i) {
   const cv::Vec3f ycc = Ycc(LinearPixel(photo, i));
   const float y = std::max(ycc[0], 0.0f);
   if (!mask.empty() && mask.data[i] == 0) return {0, 0, 0, y};
-  const float weighed = y * PrecisionTable::Get()(Ycc(EncodedPixel(photo, i))[0]);
-  return {ycc[1] * weighed, ycc[2] * weighed, y * weighed, y};
+  return weights(static_cast<int>(i)) * cv::Vec4f(ycc[1], ycc[2], ycc[0], 0) +
+         cv::Vec4f(0, 0, 0, y);
 }
 
 // The means of 2x2 squares, fewer at an odd edge. sums(x, y) of a picture of that size.
@@ -111,10 +137,10 @@ Sums Halved(int width, int height, const SumsAt& sums) {
 }
 
 // Levels 1 and up. Level 0 is the photo itself.
-std::vector<Sums> Pyramid(const Photo& photo, const PlaneU8& mask) {
+std::vector<Sums> Pyramid(const Photo& photo, const FloatPlane& weights, const PlaneU8& mask) {
   std::vector<Sums> levels;
   levels.push_back(Halved(photo.width, photo.height, [&](int x, int y) {
-    return SumsOf(photo, mask, size_t(y) * photo.width + x);
+    return SumsOf(photo, weights, mask, size_t(y) * photo.width + x);
   }));
   while (levels.size() + 1 < kLevels && levels.back().total() > 1) {
     const Sums& fine = levels.back();
@@ -124,17 +150,25 @@ std::vector<Sums> Pyramid(const Photo& photo, const PlaneU8& mask) {
 }
 
 // Variance of Cb and Cr that a square of 2^level px has, in square codes.
-float NoiseVariance(int level, double chroma_step) {
+float NoiseVariance(int level, const ColorPrior& prior) {
   // A DC coefficient is eight times the mean of 8x8 samples, of 16x16 px.
-  const double dc = std::pow(chroma_step / 8, 2) / 12 / std::exp2(2 * std::max(0, level - 4));
-  return kCorrelation * (kRounding * kShares[level] + static_cast<float>(dc));
+  const double dc = std::pow(prior.chroma_step / 8, 2) / 12 / std::exp2(2 * std::max(0, level - 4));
+  // Rounding a value with normal noise has an error whose mean varies, from value to value, with
+  // exp(-4 pi^2 sensor) of the variance that it has without noise (the first harmonic of the
+  // quantiser's error). The rest averages out over a square, as the noise itself does.
+  const double sensor = prior.luma_noise * prior.luma_noise / kNoiseOfLuma;
+  const double alike = std::exp(-4 * std::numbers::pi * std::numbers::pi * sensor);
+  const double independent = kRounding * (1 - alike) + kNoiseOfChroma * sensor;
+  return static_cast<float>(kCorrelation * (kRounding * kShares[level] * alike +
+                                            independent / std::exp2(2 * level) + dc));
 }
 
 // The posterior of a square from its parent's, whose variance of colour about it was added.
 cv::Vec4f Update(const cv::Vec4f& prior, const cv::Vec4f& sums, float noise) {
   // Share of the observation: v / (v + noise / power), also where there is no power at all.
-  const float share = prior[2] * sums[2] / (prior[2] * sums[2] + noise);
-  const float per_power = 1 / (sums[2] + kTiny);
+  const float power = std::max(sums[2], 0.0f);
+  const float share = prior[2] * power / (prior[2] * power + noise);
+  const float per_power = 1 / (power + kTiny);
   return {prior[0] + share * (sums[0] * per_power - prior[0]),
           prior[1] + share * (sums[1] * per_power - prior[1]), prior[2] * (1 - share), sums[3]};
 }
@@ -170,11 +204,11 @@ Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) 
   const cv::Vec4f capture(prior.cb, prior.cr, root, 0);
   Estimates estimates(levels.back().size());
   for (int i = 0; i < estimates.rows * estimates.cols; ++i) {
-    estimates(i) = Update(capture, levels.back()(i), NoiseVariance(level, prior.chroma_step));
+    estimates(i) = Update(capture, levels.back()(i), NoiseVariance(level, prior));
   }
   while (--level >= 1) {
     const Sums& sums = levels[level - 1];
-    const float noise = NoiseVariance(level, prior.chroma_step);
+    const float noise = NoiseVariance(level, prior);
     Estimates finer(sums.size());
     ForInterpolated(estimates, sums.cols, sums.rows, [&](int x, int y, const cv::Vec4f& parent) {
       finer(y, x) = Descend(parent, sums(y, x), level, noise);
@@ -187,14 +221,19 @@ Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) 
 }  // namespace
 
 ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask) {
-  constexpr int16_t kClipped = kPhotoWhite * 0.98;  // a clipped colour is not the light's
   ColorPrior prior;
   prior.chroma_step = chroma_step;
-  cv::Vec3d total(0, 0, 0);  // Cb Y, Cr Y, Y Y, weighed as in Sums
+  if (photo.empty()) return prior;
+  std::vector<float> luma(photo.pixels());
+  for (size_t i = 0; i < luma.size(); ++i) luma[i] = Ycc(EncodedPixel(photo, i))[0];
+  prior.luma_noise =
+      NoiseOfChannel(luma.data(), photo.width, photo.height, mask, kShadowTop / 255).Deviation();
+  const FloatPlane weights = WeightsOf(photo);
+  cv::Vec3d total(0, 0, 0);  // as in Sums
   ForCounted(mask, photo.pixels(), [&](size_t i) {
     const int16_t* p = &photo.data[3 * i];
-    if (std::max({p[0], p[1], p[2]}) >= kClipped) return;
-    const cv::Vec4f sums = SumsOf(photo, {}, i);
+    if (std::max({p[0], p[1], p[2]}) >= kTintedSample) return;
+    const cv::Vec4f sums = SumsOf(photo, weights, {}, i);
     total += cv::Vec3d(sums[0], sums[1], sums[2]);
   });
   if (total[2] > 0) {
@@ -211,7 +250,9 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
     for (const ColorPrior& prior : priors) values.push_back(prior.*field);
     return Median(std::move(values));
   };
-  ColorPrior out = {.cb = median(&ColorPrior::cb), .cr = median(&ColorPrior::cr)};
+  ColorPrior out = {.cb = median(&ColorPrior::cb),
+                    .cr = median(&ColorPrior::cr),
+                    .luma_noise = median(&ColorPrior::luma_noise)};
   for (const ColorPrior& prior : priors) {
     out.chroma_step = std::max(out.chroma_step, prior.chroma_step);
   }
@@ -219,15 +260,16 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
 }
 
 Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask) const {
-  const Estimates ratios = InferRatios(Pyramid(photo, mask), prior_);
-  const float noise = NoiseVariance(0, prior_.chroma_step);
+  const FloatPlane weights = WeightsOf(photo);
+  const Estimates ratios = InferRatios(Pyramid(photo, weights, mask), prior_);
+  const float noise = NoiseVariance(0, prior_);
   const SampleTable& sample = SampleTable::Get();
   Photo out = photo;
   ForInterpolated(ratios, photo.width, photo.height, [&](int x, int y, const cv::Vec4f& parent) {
     const size_t i = size_t(y) * photo.width + x;
     const float code = 255 * Ycc(EncodedPixel(photo, i))[0];
     if (code >= kShadowTop) return;
-    const cv::Vec4f sums = SumsOf(photo, mask, i);
+    const cv::Vec4f sums = SumsOf(photo, weights, mask, i);
     const cv::Vec4f ratio = Descend(parent, sums, 0, noise);
     const float luma = Ycc(LinearPixel(photo, i))[0];
     const cv::Vec3f inferred = Rgb({luma, sums[3] * ratio[0], sums[3] * ratio[1]});

@@ -13,12 +13,13 @@ struct ColorPrior {
   // Mean Cb / Y and Cr / Y of linear light (weights of ITU-R BT.601, Cb = (B - Y) / 1.772).
   double cb = 0, cr = 0;
   double chroma_step = 0;  // see ImageInfo; 0: not a JPEG
+  double luma_noise = 0;   // standard deviation in dark pixels (engine/noise), codes of 255
 };
 
 // A photo's mean colour. Pixels that do not count by `mask` (engine/core/mask.h) say nothing.
 ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask = {});
 
-// The median of the colours of a capture's photos; the largest chroma step.
+// The medians of a capture's photos; the largest chroma step.
 ColorPrior MedianPrior(absl::Span<const ColorPrior> priors);
 
 // Infers the colours of dark pixels, photo by photo, before any gain. Photos are as a decoder
@@ -29,8 +30,8 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors);
 // ratio, by the share variance / (variance + noise / luma^2): bright squares keep their own colour,
 // dark ones take the colour of what is around them. The variance of a square's colour about its
 // parent's grows with the difference of their brightness, so that edges of brightness keep colours
-// apart; it was measured on 110 well exposed photos. The noise is that of rounding to 8-bit codes
-// and of the JPEG's quantisation. Luma stays.
+// apart; it was measured on 110 well exposed photos. The noise is that of the sensor, of rounding
+// to 8-bit codes and of the JPEG's quantisation. Luma stays.
 //
 // Pixels brighter than kShadowTop codes are returned as they are, and the change fades out from
 // half of that. Pixels that `mask` leaves out take the colour of what is around them if they are

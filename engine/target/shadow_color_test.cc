@@ -84,6 +84,37 @@ TEST(ShadowColors, DarkWallHasOneColor) {
   EXPECT_LT(ColorError(inferred, Wall), 0.65 * ColorError(photo, Wall));
 }
 
+// A dark red that noise hides from single pixels, though not from the mean of many: a capture whose
+// mean is grey does not take it away.
+TEST(ShadowColors, NoisyDarkColorsDoNotFade) {
+  constexpr TestColor kRed = {3.2, 1.6, 1.6};
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal(0, 1);
+  const Photo photo = Rounded([&](int, int) {
+    TestColor color = kRed;
+    for (double& channel : color) channel += normal(random);
+    return color;
+  });
+  ColorPrior prior = PriorOf(photo);
+  EXPECT_GT(prior.luma_noise, 0.4);
+  prior.cb = prior.cr = 0;
+  // The mean of Cr over the mean of Y, in codes, which are linear there.
+  const auto saturation = [](const Photo& p) {
+    TestColor sum = {};
+    for (size_t i = 0; i < p.pixels(); ++i) {
+      const TestColor ycc = TestYcc(
+          {EncodedOf(p.data[3 * i]), EncodedOf(p.data[3 * i + 1]), EncodedOf(p.data[3 * i + 2])});
+      for (int c = 0; c < 3; ++c) sum[c] += ycc[c];
+    }
+    return sum[2] / sum[0];
+  };
+  const double inferred = saturation(ShadowColors(prior).Infer(photo));
+  EXPECT_GT(inferred, 0.9 * saturation(photo));
+  ColorPrior without_noise = prior;
+  without_noise.luma_noise = 0;
+  EXPECT_LT(saturation(ShadowColors(without_noise).Infer(photo)), 0.95 * inferred);
+}
+
 // Where codes tell colours apart, they stay apart.
 TEST(ShadowColors, ObjectsKeepTheirColors) {
   const auto scene = [](int x, int) {
@@ -153,12 +184,13 @@ TEST(MeasureColorPrior, TellsTheMeanColor) {
 }
 
 TEST(MedianPrior, IsOfEachFigureAndTheCoarsestStep) {
-  const ColorPrior a = {.cb = 1, .cr = 5, .chroma_step = 2},
-                   b = {.cb = 2, .cr = 4, .chroma_step = 9},
-                   c = {.cb = 3, .cr = 6, .chroma_step = 1};
+  const ColorPrior a = {.cb = 1, .cr = 5, .chroma_step = 2, .luma_noise = 0.5},
+                   b = {.cb = 2, .cr = 4, .chroma_step = 9, .luma_noise = 0.1},
+                   c = {.cb = 3, .cr = 6, .chroma_step = 1, .luma_noise = 0.2};
   const ColorPrior median = MedianPrior({a, b, c});
   EXPECT_EQ(median.cb, 2);
   EXPECT_EQ(median.cr, 5);
+  EXPECT_EQ(median.luma_noise, 0.2);
   EXPECT_EQ(median.chroma_step, 9);
 }
 

@@ -182,27 +182,6 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
 
 }  // namespace
 
-absl::Status ToneOptions::Validate() const {
-  if (!(theta > 0 && theta < 1)) {
-    return InvalidInput("BAD_OPTION", "tone.theta",
-                        absl::StrCat("tone: theta = ", theta, ", must be in (0, 1)"));
-  }
-  if (!(max_gain >= 1 && max_gain <= 1e6)) {
-    return InvalidInput("BAD_OPTION", "tone.max_gain",
-                        absl::StrCat("tone: max_gain = ", max_gain, ", must be in [1, 1e6]"));
-  }
-  if (!(contrast >= 0 && contrast <= 1)) {
-    return InvalidInput("BAD_OPTION", "tone.contrast",
-                        absl::StrCat("tone: contrast = ", contrast, ", must be in [0, 1]"));
-  }
-  if (!(chroma_smoothing >= 0 && chroma_smoothing <= 100)) {
-    return InvalidInput(
-        "BAD_OPTION", "tone.chroma_smoothing",
-        absl::StrCat("tone: chroma_smoothing = ", chroma_smoothing, ", must be in [0, 100]"));
-  }
-  return absl::OkStatus();
-}
-
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
                    absl::Span<const PlaneU8> masks) {
   std::vector<PhotoLight> of_photos(photos.size());

@@ -133,8 +133,8 @@ TEST(Tone, TargetsGrowWithThePhoto) {
     ASSERT_TRUE(target.ok());
     EXPECT_TRUE(std::is_sorted(target->image.data.begin(), target->image.data.begin() + 256));
   }
-  // Without white there is nothing to fill in: a curve alone.
-  for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = std::min<uint8_t>(i, 254);
+  // Without clipped samples there is nothing to fill in: a curve alone.
+  for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = std::min<uint8_t>(i, 253);
   const auto target = MakeTarget(ramp, {});
   ASSERT_TRUE(target.ok());
   EXPECT_TRUE(std::is_sorted(target->image.data.begin(), target->image.data.begin() + 255));
@@ -200,11 +200,11 @@ TEST(Tone, BlackAndEmptyPhotosAndBadOptionsAreErrors) {
   EXPECT_EQ(GetErrorDetail(MakeTarget(ImageU8(), {}).status())->reason, "EMPTY_IMAGE");
   const ImageU8 photo = MakePhoto(1, 9);
   for (const double theta : {1.0, -1.0, double(NAN)}) {
-    EXPECT_EQ(GetErrorDetail(MakeTarget(photo, {.theta = theta}).status())->field, "tone.theta");
+    EXPECT_EQ(GetErrorDetail(MakeTarget(photo, {.theta = theta}).status())->field, "theta");
   }
   for (const double contrast : {-0.1, 1.1, double(NAN)}) {
     EXPECT_EQ(GetErrorDetail(MakeTarget(photo, {.contrast = contrast}).status())->field,
-              "tone.contrast");
+              "contrast");
   }
 }
 

@@ -12,7 +12,6 @@ namespace litags {
 namespace {
 
 constexpr int kBlock = 4;  // px
-constexpr int kClipped = 250 * kPhotoWhite / 255;
 
 // Photos with a good white balance: median and covariance of ChromaticityOf() of 110 photos of all
 // kinds (68 of CBSD68, 24 of Kodak, 18 of McMaster). One of them lies 7.9 deviations off, all
@@ -32,7 +31,7 @@ std::optional<Light> LightOfBlock(const Photo& photo, const PlaneU8& mask, int l
       if (!Counts(mask, x, y)) return std::nullopt;
       const int16_t* pixel = photo.pixel(x, y);
       for (int c = 0; c < 3; ++c) {
-        if (pixel[c] >= kClipped) return std::nullopt;
+        if (pixel[c] >= kTintedSample) return std::nullopt;
         light[c] += linear(pixel[c]) / (kBlock * kBlock);
       }
     }

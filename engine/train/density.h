@@ -1,14 +1,11 @@
 // Adaptive density control: where the picture needs more Gaussians, and which are not needed.
-// Source: 3DGS Sec. 5, with a hard budget; arXiv 2411.10133 and 2508.12313 for the split along the
-// longest axis, whose constants here are ours.
+// Source: 3DGS Sec. 5, with a hard budget. How one Gaussian becomes two: growth.h.
 #ifndef LITAGS_ENGINE_TRAIN_DENSITY_H_
 #define LITAGS_ENGINE_TRAIN_DENSITY_H_
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
-#include "absl/types/span.h"
 #include "engine/core/splats.h"
 #include "engine/render/renderer.h"
 #include "engine/train/options.h"
@@ -42,27 +39,12 @@ struct DensityReport {
 };
 
 // One density step. Gaussians whose score exceeds recipe.densify_grad become two, as recipe.growth
-// says, strongest first while the budget lasts; nearly transparent ones and
-// those with a parameter that is not finite are removed (one Gaussian always stays); then all are
-// put in Morton order, so that blocks of 16 are neighbours in space. Random numbers depend on
-// (seed, iteration, Gaussian) only. Stats are reset.
+// says, strongest first while the budget lasts. Nearly transparent ones and those with a parameter
+// that is not finite are removed (one Gaussian always stays). All are put in Morton order, so that
+// blocks of 16 are neighbours in space. Random numbers depend on (seed, iteration, Gaussian) only.
+// Stats are reset.
 DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
                              SplatState* state, DensityStats* stats);
-
-// Returns the quantile `q` of the distances from the Gaussians' means to the nearest of the camera
-// centres (at least one; world), or 0 without Gaussians.
-double DistanceQuantile(double q, absl::Span<const std::array<double, 3>> centers, int threads,
-                        const Splats& splats);
-
-// Makes Gaussians whose means are nearer than this to a camera centre invisible; ControlDensity
-// removes them.
-void PruneNearCameras(double distance, absl::Span<const std::array<double, 3>> centers, int threads,
-                      Splats* splats);
-
-// Cuts every scale to `limit` times the distance from the Gaussian's mean to the nearest of the
-// camera centres (at least one; world).
-void LimitScales(double limit, absl::Span<const std::array<double, 3>> centers, int threads,
-                 Splats* splats);
 
 // Permutation that sorts the means along a Morton curve; ties by index.
 std::vector<uint32_t> MortonOrder(const Splats& splats);

@@ -1,13 +1,11 @@
 #include "engine/train/density.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <set>
 #include <vector>
 
-#include "engine/render/constants.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
 
@@ -289,49 +287,6 @@ TEST(MortonOrder, TiesAndOddMeansKeepTheirOrder) {
   std::sort(order.begin(), order.end());
   for (uint32_t i = 0; i < 20; ++i) EXPECT_EQ(order[i], i);
   EXPECT_TRUE(MortonOrder(Splats()).empty());
-}
-
-TEST(ClearSpace, HidesWhatIsNearerAndNothingElse) {
-  Splats splats = Line(40, 1).params;  // means at x = 0 .. 39
-  const Splats before = splats;
-  const std::array<double, 3> centers[] = {{-1, 0, 0}, {35, 0, 0}};
-  PruneNearCameras(1.5, centers, 2, &splats);
-  for (int i = 0; i < 40; ++i) {
-    for (int row = 0; row < kSplatRows; ++row) {
-      const bool hidden = row == kLogitOpacity && (i == 0 || (i >= 34 && i <= 36));
-      ASSERT_EQ(splats.at(i, row) != before.at(i, row), hidden) << i << " row " << row;
-    }
-  }
-  EXPECT_LT(splats.at(0, kLogitOpacity), std::log(kAlphaMin));
-}
-
-TEST(DistanceQuantile, IsThatOfTheNearestCamera) {
-  const Splats splats = Line(200, 1).params;  // means at x = 0 .. 199
-  const std::array<double, 3> centers[] = {{-5, 0, 0}};
-  EXPECT_DOUBLE_EQ(DistanceQuantile(0, centers, 2, splats), 5);
-  EXPECT_NEAR(DistanceQuantile(0.01, centers, 2, splats), 7, 1.001);
-  EXPECT_DOUBLE_EQ(DistanceQuantile(0.5, centers, 2, splats), 105);
-  EXPECT_EQ(DistanceQuantile(0.01, centers, 2, Splats()), 0);
-}
-
-TEST(LimitScales, CutsWhatIsWiderThanItsDistanceAllows) {
-  Splats splats = Line(40, 1).params;  // means at x = 0 .. 39
-  splats.at(3, kLogScale + 1) = std::log(7.0f);
-  const Splats before = splats;
-  const std::array<double, 3> centers[] = {{-1, 0, 0}, {35, 0, 0}};
-  LimitScales(0.5, centers, 2, &splats);
-  // Half the distance is less than 1 at x = 0 and around 35, and 2 at x = 3.
-  Splats want = before;
-  for (int k = 0; k < 3; ++k) {
-    for (const int i : {0, 34, 36}) want.at(i, kLogScale + k) = std::log(0.5f);
-    want.at(35, kLogScale + k) = std::log(0.5e-7f);
-  }
-  want.at(3, kLogScale + 1) = std::log(2.0f);
-  for (size_t i = 0; i < splats.size(); ++i) {
-    for (int row = 0; row < kSplatRows; ++row) {
-      ASSERT_NEAR(splats.at(i, row), want.at(i, row), 1e-5) << i << " row " << row;
-    }
-  }
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/core/parallel.h"
-#include "engine/target/information.h"
+#include "engine/noise/noise_estimate.h"
 #include "engine/train/pyramid.h"
 
 namespace litags {
@@ -17,15 +17,15 @@ constexpr double kWhiteNoise = 4;    // of white noise, that training begins to 
 }  // namespace
 
 TargetNoise MeasureNoise(const std::vector<TrainView>& views, int threads) {
-  std::vector<PictureNoise> full(views.size()), half(views.size());
+  std::vector<NoiseEstimate> full(views.size()), half(views.size());
   ParallelFor(threads, views.size(), [&](size_t i, int) {
-    full[i].Add(views[i].target, views[i].mask);
+    full[i] = NoiseOf(views[i].target, views[i].mask);
     const TrainView small = HalfSize(views[i]);
-    half[i].Add(small.target, small.mask);
+    half[i] = NoiseOf(small.target, small.mask);
   });
-  const auto deviation = [](const std::vector<PictureNoise>& noises) {
-    PictureNoise all;
-    for (const PictureNoise& noise : noises) all.Add(noise);
+  const auto deviation = [](const std::vector<NoiseEstimate>& noises) {
+    NoiseEstimate all;
+    for (const NoiseEstimate& noise : noises) all.Add(noise);
     return all.Deviation();
   };
   const double fine = deviation(full), coarse = deviation(half);

@@ -11,7 +11,7 @@ namespace litags {
 
 // Noise of all targets of a capture, standard deviations, codes of 255.
 struct TargetNoise {
-  // Of what differs from pixel to pixel (PictureNoise): noise, and fine texture all over.
+  // Of what differs from pixel to pixel (engine/noise): noise, and fine texture all over.
   double fine = 0;
   // Of noise that every pixel has for itself, which is half as much in pictures of half the size,
   // where texture is as much: sqrt(4/3 (fine^2 - the same there^2)). Less than there is where

@@ -10,8 +10,7 @@ absl::Status TrainOptions::Validate() const {
   LITAGS_RETURN_IF_ERROR(check("threads", threads, 0, 1024));
   LITAGS_RETURN_IF_ERROR(check("sh_degree", sh_degree, 0, 3));
   LITAGS_RETURN_IF_ERROR(check("max_gaussians", max_gaussians, 1, 2e7));
-  LITAGS_RETURN_IF_ERROR(recipe.Validate());
-  return recipe.pdm.Validate();
+  return recipe.Validate();
 }
 
 }  // namespace litags

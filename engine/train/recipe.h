@@ -39,12 +39,6 @@ struct EnumWords<Growth> {
                                                               {Growth::kCloneSplit, "clone-split"}};
 };
 
-template <>
-struct EnumWords<Tone> {
-  static constexpr std::pair<Tone, const char*> kWords[] = {
-      {Tone::kCapture, "capture"}, {Tone::kPaper, "paper"}, {Tone::kNone, "none"}};
-};
-
 inline constexpr double kMaxDropout = 0.9;
 
 // The constants of a method. The defaults are the paper's (Sec. "Implementation Details"), the
@@ -141,12 +135,7 @@ struct Recipe {
 template <class T, class Visit>
 void VisitFields(FieldsOf<Recipe>, T& r, Visit&& visit) {
   constexpr FieldRule kAny, kWeight{.least = 0}, kShare{.least = 0, .most = 1};
-  visit("tone", r.tone.rule, kAny);
-  visit("theta", r.tone.theta,
-        FieldRule{.least = 0, .most = 1, .above_least = true, .below_most = true});
-  visit("max_gain", r.tone.max_gain, FieldRule{.least = 1, .most = 1e6});
-  visit("contrast", r.tone.contrast, kShare);
-  visit("chroma_smoothing", r.tone.chroma_smoothing, FieldRule{.least = 0, .most = 100});
+  VisitFields(FieldsOf<ToneOptions>(), r.tone, visit);
   visit("information_weights", r.information_weights, kAny);
   visit("dense_start", r.dense_start, kAny);
   visit("use_depth", r.use_depth, kAny);
@@ -154,8 +143,7 @@ void VisitFields(FieldsOf<Recipe>, T& r, Visit&& visit) {
   visit("depth_geometry", r.depth_geometry, kAny);
   visit("lita", r.lita, kAny);
   visit("use_pdm", r.use_pdm, kAny);
-  visit("pdm_stages", r.pdm.stages, FieldRule{.least = 1, .most = 8});
-  visit("pdm_hidden", r.pdm.hidden, FieldRule{.least = 1, .most = 64});
+  VisitFields(FieldsOf<PdmOptions>(), r.pdm, visit);
   visit("pdm_every", r.pdm_every, FieldRule{.least = 1, .most = 1e6});
   visit("use_prior", r.use_prior, kAny);
   visit("prior_geometry", r.prior_geometry, kAny);

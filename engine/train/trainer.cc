@@ -16,6 +16,7 @@
 #include "engine/core/rng.h"
 #include "engine/render/renderer.h"
 #include "engine/train/adam.h"
+#include "engine/train/density_schedule.h"
 #include "engine/train/objective.h"
 #include "engine/train/pyramid.h"
 #include "engine/train/train_state.h"
@@ -26,9 +27,6 @@ namespace {
 constexpr uint64_t kViewOrderStream = 0x5649;  // random numbers of the photos' order
 constexpr uint64_t kDropoutStream = 0x4450;    // and of who is left out
 constexpr double kDropoutEpochs = 50;          // at full size, to half of recipe.dropout. Choice
-
-constexpr double kDensifyShare = 0.5;      // of the run, see recipe.densify_epochs. Choice
-constexpr double kMostDensifyShare = 0.7;  // of short runs
 
 constexpr int kSkipsOfAPhoto = 2;  // then it is left out: it will not get better
 
@@ -68,6 +66,12 @@ const char* NotFinite(const StepLosses& losses) {
   return nullptr;
 }
 
+std::vector<std::array<double, 3>> CentersOf(const std::vector<TrainView>& views) {
+  std::vector<std::array<double, 3>> centers;
+  for (const TrainView& view : views) centers.push_back(view.view.camera.Center());
+  return centers;
+}
+
 PixelFilter FilterOf(const Recipe& recipe) {
   return recipe.antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
 }
@@ -80,20 +84,16 @@ absl::Status NotFiniteError(const std::string& field, const std::string& message
 
 struct Trainer::Impl {
   Impl(const TrainOptions& o, const std::vector<TrainView>* v, double scene_extent)
-      : options(o), pyramid(v, o), num_views(v->size()), extent(scene_extent), objective(o) {
-    for (const TrainView& view : *v) centers.push_back(view.view.camera.Center());
-  }
+      : options(o),
+        pyramid(v, o),
+        num_views(v->size()),
+        extent(scene_extent),
+        density(o, CentersOf(*v), scene_extent, pyramid.CoarseEnd()),
+        objective(o) {}
 
   int ShDegree() const {
     const int grown = 1 + state.iteration / options.recipe.sh_interval;
     return std::min(options.sh_degree, grown);
-  }
-
-  int DensifyUntil() const {
-    const double most =
-        std::clamp(options.recipe.densify_epochs * num_views, kDensifyShare * options.iterations,
-                   kMostDensifyShare * options.iterations);
-    return std::min(pyramid.CoarseEnd() + options.recipe.densify_until, static_cast<int>(most));
   }
 
   // At full size.
@@ -203,31 +203,17 @@ struct Trainer::Impl {
   void Start(Splats initial);
   absl::StatusOr<StepLosses> Learn(size_t photo);
 
-  // At density steps: growth while it lasts, then no Gaussian nearer or wider than it may be.
-  void Densify() {
-    const int done = state.iteration;
-    if (done < options.recipe.densify_start || done % options.recipe.densify_every != 0) return;
+  void ControlDensity() {
+    if (!density.IsDue(state.iteration)) return;
     Timer timer(&phases.density);
-    if (clear_distance > 0) {
-      PruneNearCameras(clear_distance, centers, options.threads, &state.splats.params);
-    }
-    if (done <= DensifyUntil()) {
-      // Smaller photos have fewer pixels to explain; more Gaussians would only learn their noise.
-      TrainOptions limited = options;
-      limited.max_gaussians >>= 2 * pyramid.LevelOf(done);
-      ControlDensity(limited, extent, done, &state.splats, &state.density);
-    }
-    if (options.recipe.max_scale > 0) {
-      LimitScales(options.recipe.max_scale, centers, options.threads, &state.splats.params);
-    }
+    density.Step(state.iteration, pyramid.LevelOf(state.iteration), &state.splats, &state.density);
   }
 
   TrainOptions options;
   ViewPyramid pyramid;
   size_t num_views;
   double extent;
-  std::vector<std::array<double, 3>> centers;  // of the views' cameras
-  double clear_distance = 0;                   // of Gaussians to the cameras, least; world
+  DensitySchedule density;
   TrainState state;
   Objective objective;
   Renderer renderer;
@@ -238,10 +224,7 @@ struct Trainer::Impl {
 };
 
 void Trainer::Impl::Start(Splats initial) {
-  if (options.recipe.near_camera_pruning > 0) {
-    clear_distance = options.recipe.near_camera_pruning *
-                     DistanceQuantile(0.01, centers, options.threads, initial);
-  }
+  density.Start(initial);
   state = TrainState();
   state.splats.params = std::move(initial);
   state.splats.moment1 = Splats(state.splats.params.size());
@@ -300,7 +283,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
                              " is not finite"),
                 view.view.name);
   }
-  if (state.iteration < DensifyUntil()) {
+  if (state.iteration < density.GrowthEnd()) {
     state.density.Add(renderer.stats(), camera.width, camera.height);
   }
   return losses;
@@ -331,7 +314,7 @@ absl::StatusOr<StepLosses> Trainer::Step() {
     LITAGS_ASSIGN_OR_RETURN(losses, s.Learn(photo));
   }
   ++s.state.iteration;
-  s.Densify();
+  s.ControlDensity();
   s.phases.denoise = s.objective.denoise_seconds();
   return losses;
 }

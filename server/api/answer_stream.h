@@ -49,6 +49,8 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
 
   // Makes the next message; false: there is none. On the pool.
   virtual absl::StatusOr<bool> Next(Message* message) = 0;
+  // OK if there is room for what Next() makes; else it is asked again in a moment.
+  virtual absl::Status CheckRoom() { return call_->CheckRoom(); }
 
   Call& call() { return *call_; }
   const CancelToken& cancel() const { return cancel_; }
@@ -56,7 +58,8 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
  private:
   void Step() {
     if (cancel_.IsCancelled()) return End(CallCancelled());
-    if (const absl::Status room = call_->CheckRoom(); !room.ok()) return AwaitRoom(room);
+    if (const absl::Status known = call_->CheckToken(); !known.ok()) return End(known);
+    if (const absl::Status room = CheckRoom(); !room.ok()) return AwaitRoom(room);
     waited_seconds_ = 0;
     const absl::StatusOr<bool> more = Next(&message_);
     if (!more.ok() || !*more) return End(more.status());

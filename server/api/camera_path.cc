@@ -16,6 +16,8 @@ using Eigen::Vector3d;
 
 constexpr int kDefaultFrames = 60, kMaxFrames = 10000;
 constexpr double kMaxElevationDeg = 89;
+// Beyond, rounding leaves nothing of the picture.
+constexpr double kMaxRadiusScale = 1e6, kMaxSweepDeg = 36000;
 // Photos with no larger gap between them surround the scene; the rest is for rounding.
 constexpr double kMaxGapDeg = 90 + 1e-6;
 
@@ -95,12 +97,15 @@ absl::StatusOr<std::vector<Camera>> Around(const v1::Orbit& orbit, int frames, c
                                            const Scene& scene) {
   const Vector3d center = ToVector(scene.center()), up = ToVector(scene.up()).normalized();
   const double scale = orbit.radius_scale() == 0 ? 1 : orbit.radius_scale();
-  if (!(scale > 0 && std::isfinite(scale))) {
+  if (!(scale >= 1 / kMaxRadiusScale && scale <= kMaxRadiusScale)) {
     return InvalidInput("ORBIT_INVALID", "orbit.radius_scale",
-                        absl::StrCat("radius_scale is ", scale, "; it must be positive"));
+                        absl::StrCat("radius_scale is ", scale,
+                                     "; it must lie between 1e-6 and 1e6, or be 0 for 1"));
   }
-  if (!std::isfinite(orbit.sweep_deg())) {
-    return InvalidInput("ORBIT_INVALID", "orbit.sweep_deg", "sweep_deg must be a finite number");
+  if (!(std::abs(orbit.sweep_deg()) <= kMaxSweepDeg)) {
+    return InvalidInput("ORBIT_INVALID", "orbit.sweep_deg",
+                        absl::StrCat("sweep_deg is ", orbit.sweep_deg(),
+                                     "; it must lie between -36000 and 36000, a hundred turns"));
   }
   double elevation = MeanElevation(scene, center, up);
   if (orbit.has_elevation_deg()) {
@@ -124,7 +129,10 @@ absl::StatusOr<std::vector<Camera>> Around(const v1::Orbit& orbit, int frames, c
     const Vector3d out = std::cos(angle) * first + std::sin(angle) * second;
     const Vector3d eye = center + radius * (std::cos(elevation) * out + std::sin(elevation) * up);
     Camera camera = lens;
-    LITAGS_RETURN_IF_ERROR(camera.LookAt({eye.x(), eye.y(), eye.z()}, scene.center(), scene.up()));
+    if (!camera.LookAt({eye.x(), eye.y(), eye.z()}, scene.center(), scene.up()).ok()) {
+      return InvalidInput("ORBIT_INVALID", "orbit",
+                          "the scene's photos give no circle to fly; give keyframes instead");
+    }
     cameras.push_back(camera);
   }
   return cameras;

@@ -10,6 +10,7 @@
 #include "engine/core/check.h"
 #include "engine/core/error.h"
 #include "litags/v1/reconstruction_service.pb.h"
+#include "server/api/scrub.h"
 #include "server/jobs/codec.h"
 
 namespace litags {
@@ -105,7 +106,7 @@ void ProgressToProto(const Progress& progress, v1::Progress* proto) {
 
 void ErrorToProto(const JobError& error, v1::JobError* proto) {
   proto->set_code(static_cast<int>(error.code));
-  proto->set_message(error.message);
+  proto->set_message(WithoutPaths(error.message));
   proto->mutable_detail()->set_reason(error.detail.reason);
   proto->mutable_detail()->set_field(error.detail.field);
 }
@@ -121,7 +122,7 @@ void ReportToProto(const ReconstructReport& report, v1::JobReport* proto) {
   proto->set_seconds(report.seconds);
   if (std::isfinite(report.psnr_holdout)) proto->set_psnr_holdout(report.psnr_holdout);
   proto->set_depth_used(report.depth_used);
-  for (const std::string& note : report.notes) proto->add_notes(note);
+  for (const std::string& note : report.notes) proto->add_notes(WithoutPaths(note));
 }
 
 void SetTime(int64_t time_ms, google::protobuf::Timestamp* proto) {
@@ -217,7 +218,7 @@ absl::StatusOr<v1::JobEvent> EventToProto(const EventRecord& event, std::string*
     case EventKind::kState: {
       LITAGS_ASSIGN_OR_RETURN(const auto change, Decode<StateChange>(event.payload));
       proto.mutable_state_change()->set_state(static_cast<v1::JobState>(change.state));
-      proto.mutable_state_change()->set_message(change.message);
+      proto.mutable_state_change()->set_message(WithoutPaths(change.message));
       if (change.error) ErrorToProto(*change.error, proto.mutable_state_change()->mutable_error());
       return proto;
     }

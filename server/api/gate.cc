@@ -11,6 +11,8 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/status.h"
+#include "server/net/line_rate.h"
+#include "server/net/peer.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -50,12 +52,27 @@ bool IsPicture(CallKind kind) {
   return kind == CallKind::kPicture || kind == CallKind::kPictureStream;
 }
 
+// How the log names the other end: "-" in process.
+std::string PeerText(const grpc::CallbackServerContext& context) {
+  const auto peer = ParsePeer(context.peer());
+  return peer ? peer->Text() : "-";
+}
+
+std::string NetworkText(const grpc::CallbackServerContext& context) {
+  const auto peer = ParsePeer(context.peer());
+  return peer ? peer->Network() : "-";
+}
+
 double Seconds(SteadyClock::duration d) { return std::chrono::duration<double>(d).count(); }
 
 }  // namespace
 
-Call::Call(Gate* gate, CallName name, std::string request_id, Principal client)
-    : gate_(gate), name_(name), request_id_(std::move(request_id)), client_(std::move(client)) {}
+Call::Call(Gate* gate, CallName name, std::string request_id, std::string peer, Principal client)
+    : gate_(gate),
+      name_(name),
+      request_id_(std::move(request_id)),
+      peer_(std::move(peer)),
+      client_(std::move(client)) {}
 
 Call::~Call() {
   LeaveStream();
@@ -67,18 +84,40 @@ void Call::LeaveStream() {
   holds_stream_ = false;
 }
 
-absl::Status Call::CheckWait() const {
-  if (Seconds(SteadyClock::now() - start_) <= gate_->max_wait_seconds_) return absl::OkStatus();
+double Call::SecondsToWait() const { return gate_->max_wait_seconds_; }
+
+absl::Status Call::WaitedTooLong() const {
   return MakeError(absl::StatusCode::kDeadlineExceeded, "WAITED_TOO_LONG", "",
                    absl::StrCat("the call waited more than ", gate_->max_wait_seconds_,
                                 " s for its turn; the server is busy: try again later"));
 }
 
-absl::Status Call::CheckRoom() const { return gate_->CheckRoom(client_.name); }
+absl::Status Call::CheckToken() {
+  const int64_t generation = gate_->authenticator_->Generation();
+  if (generation == generation_.load()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const Principal now, gate_->Identify(shown_));
+  if (now.name != client_.name) {
+    return MakeError(absl::StatusCode::kUnauthenticated, "TOKEN_INVALID", "authorization",
+                     "the token is another client's now; open the stream anew");
+  }
+  generation_ = generation;
+  return absl::OkStatus();
+}
+
+TokenWatch::Ticket Call::WatchToken(std::function<void()> look) {
+  return gate_->token_watch_.Add(std::move(look));
+}
+
+absl::Status Call::CheckRoom() const {
+  if (gate_->unread_.IsFor(client_.name)) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
+                   "the memory for pictures that clients have not read yet is used up; read those "
+                   "asked for, and try again in a second");
+}
 
 void Call::Hold(int64_t bytes) {
   bytes *= kCopies;
-  if (bytes != held_bytes_) gate_->AddBytes(client_.name, bytes - held_bytes_);
+  if (bytes != held_bytes_) gate_->unread_.Add(client_.name, bytes - held_bytes_);
   held_bytes_ = bytes;
 }
 
@@ -91,10 +130,15 @@ grpc::Status Call::End(const absl::Status& status) {
   LeaveStream();  // a client that hears of the end may open the next
   const double seconds = Seconds(SteadyClock::now() - start_);
   const bool quiet = status.ok() && name_.kind != CallKind::kChange;
-  spdlog::log(quiet ? spdlog::level::debug : spdlog::level::info,
-              "call={} request={} client={} code={} ms={:.1f} {}", name_.method, request_id_,
-              client_.name.empty() ? "-" : client_.name, absl::StatusCodeToString(status.code()),
-              1000 * seconds, std::string(status.message()));
+  const std::string code = absl::StatusCodeToString(status.code());
+  std::string ending;
+  if (status.ok() ||
+      CallerLines().Pass(absl::StrCat(name_.method, "/", code, "/", client_.name), &ending)) {
+    spdlog::log(quiet ? spdlog::level::debug : spdlog::level::info,
+                "call={} request={} client={} peer={} code={} ms={:.1f} {}{}", name_.method,
+                request_id_, client_.name.empty() ? "-" : client_.name, peer_, code, 1000 * seconds,
+                std::string(status.message()), ending);
+  }
   metrics().AddCall(name_.method, status.code(), IsStream(name_.kind) ? -1 : seconds);
   metrics().AddIfStoreError(status);
   return ToGrpc(status);
@@ -102,9 +146,15 @@ grpc::Status Call::End(const absl::Status& status) {
 
 Metrics& Call::metrics() const { return *gate_->metrics_; }
 
-grpc::Status Gate::Refuse(CallName name, const absl::Status& status) {
-  spdlog::info("call={} code={} {}", name.method, absl::StatusCodeToString(status.code()),
-               std::string(status.message()));
+grpc::Status Gate::Refuse(const grpc::CallbackServerContext& context, CallName name,
+                          const absl::Status& status) {
+  const std::string code = absl::StatusCodeToString(status.code());
+  std::string ending;
+  if (CallerLines().Pass(absl::StrCat(name.method, "/", code, "/", NetworkText(context)),
+                         &ending)) {
+    spdlog::info("call={} peer={} code={} {}{}", name.method, PeerText(context), code,
+                 std::string(status.message()), ending);
+  }
   metrics_->AddCall(name.method, status.code(), -1);
   return ToGrpc(status);
 }
@@ -115,21 +165,39 @@ absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* c
   std::string request_id =
       wanted_id && IsRequestId(*wanted_id) ? std::string(*wanted_id) : RandomHex(8);
   context->AddInitialMetadata(kRequestIdHeader, request_id);
-  LITAGS_ASSIGN_OR_RETURN(Principal client, Identify(*context));
-  std::shared_ptr<Call> call(new Call(this, name, std::move(request_id), std::move(client)));
+  const int64_t generation = authenticator_->Generation();  // before: a change meanwhile is seen
+  Call::Shown shown = ShownBy(*context);
+  LITAGS_ASSIGN_OR_RETURN(Principal client, Identify(shown));
+  connections_->Admit(context->peer());
+  std::shared_ptr<Call> call(
+      new Call(this, name, std::move(request_id), PeerText(*context), std::move(client)));
+  call->generation_ = generation;
+  if (IsStream(name.kind)) call->shown_ = std::move(shown);
   LITAGS_RETURN_IF_ERROR(Count(call.get()));
-  call->jobs_ =
-      jobs_->For({call->client_.name, call->client_.admin, limits_.max_jobs, limits_.max_bytes});
+  call->jobs_ = jobs_->For(ViewOf(call->client_));
   return call;
 }
 
-absl::StatusOr<Principal> Gate::Identify(const grpc::CallbackServerContext& context) const {
-  std::optional<std::string> certificate_name;
+Call::Shown Gate::ShownBy(const grpc::CallbackServerContext& context) {
+  Call::Shown shown;
+  if (const auto header = Header(context, "authorization")) shown.authorization = *header;
   if (const auto peer = context.auth_context(); peer && peer->IsPeerAuthenticated()) {
     const auto names = peer->FindPropertyValues("x509_common_name");
-    if (!names.empty()) certificate_name.emplace(names[0].data(), names[0].size());
+    if (!names.empty()) shown.certificate_name.emplace(names[0].data(), names[0].size());
   }
-  return authenticator_->Identify(Header(context, "authorization"), certificate_name);
+  return shown;
+}
+
+absl::StatusOr<Principal> Gate::Identify(const Call::Shown& shown) const {
+  return authenticator_->Identify(shown.authorization, shown.certificate_name);
+}
+
+ClientView Gate::ViewOf(const Principal& client) const {
+  ClientView view{client.name, client.admin, limits_.max_jobs, limits_.max_bytes, limits_.caps};
+  if (client.admin && !client.name.empty()) view.caps = JobCaps();
+  // Without names there is nobody to be unfair to.
+  if (client.name.empty()) view.caps.max_priority = kMaxJobPriority;
+  return view;
 }
 
 absl::Status Gate::Count(Call* call) {
@@ -139,8 +207,7 @@ absl::Status Gate::Count(Call* call) {
   std::lock_guard lock(mutex_);
   if (uses_.size() > kMaxRemembered) {
     std::erase_if(uses_, [&](const auto& entry) {
-      return entry.second.streams == 0 && entry.second.bytes == 0 &&
-             Seconds(now - entry.second.counted) > 60;
+      return entry.second.streams == 0 && Seconds(now - entry.second.counted) > 60;
     });
   }
   const auto [entry, is_new] = uses_.try_emplace(call->client_.name);
@@ -176,22 +243,6 @@ absl::Status Gate::CountPicture(Use& use) const {
 void Gate::Leave(const Call& call) {
   std::lock_guard lock(mutex_);
   --uses_[call.client_.name].streams;
-}
-
-absl::Status Gate::CheckRoom(const std::string& client) {
-  std::lock_guard lock(mutex_);
-  if (bytes_ < answers_.max_unread_bytes && uses_[client].bytes < answers_.max_unread_bytes / 2) {
-    return absl::OkStatus();
-  }
-  return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
-                   "the memory for pictures that clients have not read yet is used up; read those "
-                   "asked for, and try again in a second");
-}
-
-void Gate::AddBytes(const std::string& client, int64_t bytes) {
-  std::lock_guard lock(mutex_);
-  uses_[client].bytes += bytes;
-  bytes_ += bytes;
 }
 
 }  // namespace litags

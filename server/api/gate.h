@@ -5,32 +5,47 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/status.h>
 
+#include <atomic>
 #include <chrono>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "server/api/shared_room.h"
+#include "server/api/token_watch.h"
 #include "server/auth/authenticator.h"
 #include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
+#include "server/net/connections.h"
 
 namespace litags {
 
 // What one client may have; 0: no limit.
 struct ClientLimits {
   int64_t max_jobs = 1000;                 // at one time, in any state
-  int64_t max_bytes = int64_t{200} << 30;  // uploaded files of all its jobs
+  int64_t max_bytes = int64_t{200} << 30;  // of all its jobs, their results included
   int max_streams = 1000;                  // uploads, watches, paths and exports at one time
   double pictures_per_second = 100;        // RenderView, RenderPath and ExportModel calls
   double picture_burst = 200;              // that many at once after a pause
+  // Of each job, but for administrators who say who they are. Ten times what the defaults of a job
+  // ask for, about, and a day; priorities are of use among clients that cannot raise their own.
+  JobCaps caps = {.max_iterations = 100'000,
+                  .max_gaussians = 2'000'000,
+                  .max_run_seconds = 24 * 3600,
+                  .max_priority = 0};
 };
 
 // What answers may cost that clients have not read yet.
 struct AnswerLimits {
   double max_unread_seconds = 60;  // a client that reads nothing for so long is cut off
-  int64_t max_unread_bytes = int64_t{512} << 20;  // pictures and models; one client: half of it
+  // Pictures, previews and pieces of models in memory; one client: half of it.
+  int64_t max_unread_bytes = int64_t{512} << 20;
+  // Exported models on disk, each until it was read; one client: half of it.
+  int64_t max_export_bytes = int64_t{4} << 30;
 };
 
 // What a call does, for the limits above.
@@ -60,8 +75,16 @@ class Call {
   Jobs* jobs() const { return jobs_.get(); }
   const Principal& client() const { return client_; }
   Metrics& metrics() const;
-  // OK if the call may still begin. DEADLINE_EXCEEDED (WAITED_TOO_LONG).
-  absl::Status CheckWait() const;
+  // How long a call with one answer may wait for its turn, and what it gets then: DEADLINE_EXCEEDED
+  // (WAITED_TOO_LONG).
+  double SecondsToWait() const;
+  absl::Status WaitedTooLong() const;
+
+  // OK while the client would be let in again. UNAUTHENTICATED (TOKEN_INVALID) once its token was
+  // taken back. For streams, between two steps; quick.
+  absl::Status CheckToken();
+  // `look` is called when tokens have changed, until the ticket ends: for steps that wait long.
+  TokenWatch::Ticket WatchToken(std::function<void()> look);
 
   // OK if there is room for another answer. RESOURCE_EXHAUSTED (RENDER_QUEUE_FULL).
   absl::Status CheckRoom() const;
@@ -76,15 +99,22 @@ class Call {
 
  private:
   friend class Gate;
-  Call(Gate* gate, CallName name, std::string request_id, Principal client);
+  // What the client showed; texts that outlive the call's headers.
+  struct Shown {
+    std::optional<std::string> authorization, certificate_name;
+  };
+  Call(Gate* gate, CallName name, std::string request_id, std::string peer, Principal client);
   void LeaveStream();
 
   Gate* const gate_;
   const CallName name_;
   const std::string request_id_;
+  const std::string peer_;  // for the log
   const Principal client_;
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::shared_ptr<Jobs> jobs_;
+  Shown shown_;                          // by streams
+  std::atomic<int64_t> generation_ = 0;  // of the tokens that know the client
   bool holds_stream_ = false;
   int64_t held_bytes_ = 0;
 };
@@ -93,24 +123,28 @@ class Call {
 class Gate {
  public:
   // All must outlive this and every Call.
-  Gate(Jobs* jobs, Authenticator* authenticator, Metrics* metrics, ClientLimits limits,
-       AnswerLimits answers, double max_wait_seconds)
+  Gate(Jobs* jobs, Authenticator* authenticator, Metrics* metrics, Connections* connections,
+       ClientLimits limits, AnswerLimits answers, double max_wait_seconds)
       : jobs_(jobs),
         authenticator_(authenticator),
         metrics_(metrics),
+        connections_(connections),
         limits_(limits),
         answers_(answers),
-        max_wait_seconds_(max_wait_seconds) {}
+        max_wait_seconds_(max_wait_seconds),
+        unread_(answers.max_unread_bytes),
+        token_watch_(authenticator) {}
 
   // Lets a call in. The answer carries the header "x-request-id": the client's own, if it sent one
-  // of up to 64 letters, digits, '.', '_' or '-', else a new one.
+  // of up to 64 letters, digits, '.', '_' or '-', else a new one. Its connection may stay.
   //
   // UNAUTHENTICATED, see Authenticator; RESOURCE_EXHAUSTED (TOO_MANY_STREAMS,
   // PICTURE_RATE_EXCEEDED).
   absl::StatusOr<std::shared_ptr<Call>> Enter(grpc::CallbackServerContext* context, CallName name);
 
   // What a call gets that Enter() did not let in: counted and logged, as Call::End() does.
-  grpc::Status Refuse(CallName name, const absl::Status& status);
+  grpc::Status Refuse(const grpc::CallbackServerContext& context, CallName name,
+                      const absl::Status& status);
 
  private:
   friend class Call;
@@ -118,27 +152,29 @@ class Gate {
   // What a client uses now.
   struct Use {
     int streams = 0;
-    int64_t bytes = 0;    // of answers that were not read yet
     double pictures = 0;  // that it may ask for at once
     std::chrono::steady_clock::time_point counted;
   };
 
-  absl::StatusOr<Principal> Identify(const grpc::CallbackServerContext& context) const;
+  static Call::Shown ShownBy(const grpc::CallbackServerContext& context);
+  absl::StatusOr<Principal> Identify(const Call::Shown& shown) const;
+  // As which the caller sees and changes jobs.
+  ClientView ViewOf(const Principal& client) const;
   absl::Status Count(Call* call);
   absl::Status CountPicture(Use& use) const;
   void Leave(const Call& call);
-  absl::Status CheckRoom(const std::string& client);
-  void AddBytes(const std::string& client, int64_t bytes);
 
   Jobs* const jobs_;
   Authenticator* const authenticator_;
   Metrics* const metrics_;
+  Connections* const connections_;
   const ClientLimits limits_;
   const AnswerLimits answers_;
   const double max_wait_seconds_;
   std::mutex mutex_;
   std::map<std::string, Use> uses_;  // by client; those not in use are dropped now and then
-  int64_t bytes_ = 0;                // of all clients
+  SharedRoom unread_;                // bytes of answers that were not read yet
+  TokenWatch token_watch_;
 };
 
 }  // namespace litags

@@ -46,12 +46,16 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
  public:
   ExportStream(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
                const v1::ExportModelRequest& request, SceneCache* scenes, ThreadPool* pool,
-               const std::string& tmp)
+               const std::string& tmp, SharedRoom* room)
       : AnswerStream(std::move(call), context, pool),
         request_(request),
         scenes_(scenes),
-        path_(absl::StrCat(tmp, "/export-", RandomHex(8))) {
+        path_(absl::StrCat(tmp, "/export-", RandomHex(8))),
+        room_(room) {
     Begin();
+  }
+  ~ExportStream() override {
+    if (file_bytes_ > 0) room_->Add(call().client().name, -file_bytes_);
   }
 
  private:
@@ -69,6 +73,13 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
     return !chunk->empty();
   }
 
+  absl::Status CheckRoom() override {
+    if (file_.is_open() || room_->IsFor(call().client().name)) return AnswerStream::CheckRoom();
+    return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
+                     "the disk space for models that clients have not read yet is used up; read "
+                     "those asked for, and try again in a minute");
+  }
+
   absl::Status Prepare(v1::ExportHeader* header) {
     LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call().jobs(), request_.name()));
     LITAGS_RETURN_IF_ERROR(WriteModel(*scene, request_, path_));
@@ -79,7 +90,9 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
       return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
                        "the exported file cannot be read back");
     }
-    header->set_size_bytes(static_cast<int64_t>(size));
+    file_bytes_ = static_cast<int64_t>(size);
+    room_->Add(call().client().name, file_bytes_);
+    header->set_size_bytes(file_bytes_);
     header->set_iteration(scene->iteration());
     header->set_gaussians(scene->num_gaussians());
     return absl::OkStatus();
@@ -88,7 +101,9 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
   const v1::ExportModelRequest request_;
   SceneCache* const scenes_;
   const std::string path_;
+  SharedRoom* const room_;
   std::ifstream file_;
+  int64_t file_bytes_ = 0;
 };
 
 }  // namespace
@@ -97,7 +112,7 @@ grpc::ServerWriteReactor<v1::ExportModelResponse>* ModelServiceImpl::ExportModel
     grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) {
   return RunStream<grpc::ServerWriteReactor<v1::ExportModelResponse>>(
       gate_, context, {"ExportModel", CallKind::kPictureStream}, [&](std::shared_ptr<Call> call) {
-        return new ExportStream(std::move(call), context, *request, scenes_, pool_, tmp_);
+        return new ExportStream(std::move(call), context, *request, scenes_, pool_, tmp_, &room_);
       });
 }
 

@@ -6,6 +6,7 @@
 #include "litags/v1/model_service.grpc.pb.h"
 #include "server/api/gate.h"
 #include "server/api/scene_cache.h"
+#include "server/api/shared_room.h"
 #include "server/api/thread_pool.h"
 
 namespace litags {
@@ -13,9 +14,10 @@ namespace litags {
 // Handlers of litags.v1.ModelService. Files are written by the render pool.
 class ModelServiceImpl : public v1::ModelService::CallbackService {
  public:
-  // All must outlive this; `tmp` is a folder for files in flight.
-  ModelServiceImpl(Gate* gate, SceneCache* scenes, ThreadPool* pool, std::string tmp)
-      : gate_(gate), scenes_(scenes), pool_(pool), tmp_(std::move(tmp)) {}
+  // All must outlive this; `tmp` is a folder for files in flight, which may hold `max_bytes`.
+  ModelServiceImpl(Gate* gate, SceneCache* scenes, ThreadPool* pool, std::string tmp,
+                   int64_t max_bytes)
+      : gate_(gate), scenes_(scenes), pool_(pool), tmp_(std::move(tmp)), room_(max_bytes) {}
 
   grpc::ServerWriteReactor<v1::ExportModelResponse>* ExportModel(
       grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) override;
@@ -25,6 +27,7 @@ class ModelServiceImpl : public v1::ModelService::CallbackService {
   SceneCache* const scenes_;
   ThreadPool* const pool_;
   const std::string tmp_;
+  SharedRoom room_;  // of files that are being read
 };
 
 }  // namespace litags

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/sandbox.h"
 #include "engine/core/subprocess.h"
 #include "engine/io/file_util.h"
 #include "server/auth/authenticator.h"
@@ -58,6 +59,7 @@ Finding CheckColmap(const ServerFlags& flags) {
   SubprocessOptions colmap;
   colmap.args = {flags.colmap, "help"};
   colmap.env = {"QT_QPA_PLATFORM=offscreen"};
+  colmap.confined = true;
   colmap.timeout_seconds = kColmapSeconds;
   std::string version;
   colmap.on_line = [&](std::string_view line) {
@@ -88,14 +90,29 @@ Finding CheckAuthentication(const ServerFlags& flags) {
 
 Finding CheckAddress(const ServerFlags& flags) {
   LITAGS_RETURN_IF_ERROR(CheckListening(flags.server));
+  LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
   return absl::StrCat(flags.server.listen,
                       IsLoopback(flags.server.listen) ? ", for this machine only" : "");
 }
 
+void Print(const char* word, const char* what, const std::string& text) {
+  std::printf("%-4s %-14s %s\n", word, what, text.c_str());
+}
+
 bool Report(const char* what, const Finding& finding) {
-  const std::string text = finding.ok() ? *finding : std::string(finding.status().message());
-  std::printf("%-4s %-14s %s\n", finding.ok() ? "ok" : "FAIL", what, text.c_str());
+  Print(finding.ok() ? "ok" : "FAIL", what,
+        finding.ok() ? *finding : std::string(finding.status().message()));
   return finding.ok();
+}
+
+// What a kernel lacks is for the operator to judge: nothing fails.
+void ReportConfinement() {
+  if (SyscallFilter::Supported()) {
+    return Print("ok", "confinement", "COLMAP and readers of files have no sockets (seccomp)");
+  }
+  Print("note", "confinement",
+        "this kernel or container filters no system calls (seccomp): COLMAP and readers of files "
+        "are not kept from the network; run on Linux 3.17 or later, with seccomp allowed");
 }
 
 }  // namespace
@@ -122,6 +139,7 @@ bool Preflight(const ServerFlags& flags, const std::string& worker_program) {
   well &= Report("space", CheckSpace(flags));
   well &= Report("programs", programs.ok() ? Finding(worker_program) : Finding(programs));
   well &= Report("colmap", CheckColmap(flags));
+  ReportConfinement();
   well &= Report("address", CheckAddress(flags));
   well &= Report("tls", CheckTls(flags));
   well &= Report("authentication", CheckAuthentication(flags));

@@ -2,10 +2,13 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <charconv>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/utf8.h"
 #include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
 #include "server/api/status.h"
@@ -22,6 +25,15 @@ constexpr size_t kMaxRequestIdLength = 64;
 constexpr size_t kMaxDisplayNameBytes = 200;
 constexpr int kMaxContentDigestBytes = 64;
 constexpr int kDefaultPageSize = 50, kMaxPageSize = 1000;
+
+// Lists and logs, also an administrator's, show it as it is.
+absl::Status CheckText(const std::string& text, const char* field) {
+  if (!HoldsControl(text)) return absl::OkStatus();
+  return InvalidInput("TEXT_INVALID", field,
+                      absl::StrCat(field,
+                                   " holds a control character, a line break, or a character that "
+                                   "turns text around; leave it out"));
+}
 
 absl::Status Describe(const JobRecord& job, const Workforce& workers, v1::Job* response) {
   LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(job));
@@ -53,7 +65,8 @@ absl::StatusOr<PageStart> ParsePageToken(const std::string& token) {
   if (token.empty()) return start;
   const char* end = token.data() + token.size();
   const auto [rest, error] = std::from_chars(token.data(), end, start.time_ms);
-  if (error != std::errc() || start.time_ms <= 0 || rest == end || *rest != '-') {
+  if (error != std::errc() || start.time_ms <= 0 || rest == end || *rest != '-' ||
+      !std::all_of(rest + 1, end, absl::ascii_isalnum)) {
     return InvalidInput("PAGE_TOKEN_INVALID", "page_token",
                         "page_token is not one that ListJobs returned; start with an empty one");
   }
@@ -84,6 +97,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
           absl::StrCat("request_id has ", request->request_id().size(), " characters; at most ",
                        kMaxRequestIdLength, " are allowed, a UUID has 36"));
     }
+    LITAGS_RETURN_IF_ERROR(CheckText(request->request_id(), "request_id"));
+    LITAGS_RETURN_IF_ERROR(CheckText(request->display_name(), "display_name"));
     if (request->display_name().size() > kMaxDisplayNameBytes) {
       return InvalidInput("DISPLAY_NAME_TOO_LONG", "display_name",
                           absl::StrCat("display_name has ", request->display_name().size(),
@@ -108,11 +123,11 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
   return RunUnary(gate_, context, {"CreateJob", CallKind::kChange}, pool_, work);
 }
 
-grpc::ServerReadReactor<v1::UploadImagesRequest>* ReconstructionServiceImpl::UploadImages(
-    Context* context, v1::UploadImagesResponse* response) {
-  return RunStream<grpc::ServerReadReactor<v1::UploadImagesRequest>>(
+grpc::ServerReadReactor<grpc::ByteBuffer>* ReconstructionServiceImpl::UploadImages(
+    Context* context, grpc::ByteBuffer* response) {
+  return RunStream<grpc::ServerReadReactor<grpc::ByteBuffer>>(
       gate_, context, {"UploadImages", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
-        return new UploadReactor(std::move(call), response, blob_pool_);
+        return new UploadReactor(std::move(call), response, uploads_);
       });
 }
 

@@ -5,17 +5,23 @@
 #include "server/api/event_hub.h"
 #include "server/api/gate.h"
 #include "server/api/thread_pool.h"
+#include "server/api/upload_reactor.h"
 #include "server/jobs/jobs.h"
 
 namespace litags {
 
 // Handlers of litags.v1.ReconstructionService: validate, call Jobs, convert.
-class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackService {
+//
+// UploadImages gets its messages as bytes: of one that does not parse, gRPC tells nothing but that
+// the stream has ended, as after the last.
+class ReconstructionServiceImpl
+    : public v1::ReconstructionService::WithRawCallbackMethod_UploadImages<
+          v1::ReconstructionService::CallbackService> {
  public:
-  // All must outlive this; `pool` runs what touches the job store only and is short, `blob_pool`
-  // what reads and writes files.
-  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, ThreadPool* blob_pool)
-      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(blob_pool) {}
+  // All must outlive this; `pool` runs what touches the job store only and is short, that of
+  // `uploads` what reads and writes files.
+  ReconstructionServiceImpl(Gate* gate, EventHub* hub, ThreadPool* pool, UploadResources uploads)
+      : gate_(gate), hub_(hub), pool_(pool), blob_pool_(uploads.pool), uploads_(uploads) {}
 
   using Context = grpc::CallbackServerContext;
 
@@ -23,8 +29,8 @@ class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackServ
                                       v1::Job* response) override;
   grpc::ServerUnaryReactor* QueryUpload(Context* context, const v1::QueryUploadRequest* request,
                                         v1::QueryUploadResponse* response) override;
-  grpc::ServerReadReactor<v1::UploadImagesRequest>* UploadImages(
-      Context* context, v1::UploadImagesResponse* response) override;
+  grpc::ServerReadReactor<grpc::ByteBuffer>* UploadImages(Context* context,
+                                                          grpc::ByteBuffer* response) override;
   grpc::ServerUnaryReactor* StartJob(Context* context, const v1::StartJobRequest* request,
                                      v1::Job* response) override;
   grpc::ServerUnaryReactor* GetJob(Context* context, const v1::GetJobRequest* request,
@@ -51,6 +57,7 @@ class ReconstructionServiceImpl : public v1::ReconstructionService::CallbackServ
   EventHub* const hub_;
   ThreadPool* const pool_;
   ThreadPool* const blob_pool_;
+  const UploadResources uploads_;
 };
 
 }  // namespace litags

@@ -53,7 +53,10 @@ class PathStream : public AnswerStream<v1::RenderPathResponse> {
 
  private:
   absl::StatusOr<bool> Next(v1::RenderPathResponse* message) override {
-    if (!scene_) LITAGS_RETURN_IF_ERROR(Resolve());
+    if (resolved_ && next_ == cameras_.size()) return false;
+    LITAGS_ASSIGN_OR_RETURN(const auto scene,
+                            scenes_->Get(call().jobs(), request_.name(), &snapshot_));
+    if (!resolved_) LITAGS_RETURN_IF_ERROR(Resolve(*scene));
     if (next_ == cameras_.size()) return false;
     const int frame = static_cast<int>(next_), frames = static_cast<int>(cameras_.size());
     message->Clear();
@@ -64,27 +67,29 @@ class PathStream : public AnswerStream<v1::RenderPathResponse> {
     render.threads = limits_.threads;
     render.cancel = cancel();
     LITAGS_RETURN_IF_ERROR(
-        Render(call(), *scene_, render, request_.settings(), message->mutable_view()));
+        Render(call(), *scene, render, request_.settings(), message->mutable_view()));
     return true;
   }
 
-  absl::Status Resolve() {
-    LITAGS_ASSIGN_OR_RETURN(scene_, scenes_->Get(call().jobs(), request_.name()));
+  absl::Status Resolve(const Scene& scene) {
     LITAGS_ASSIGN_OR_RETURN(content_, ResolvePathContent(request_));
     std::string lens_camera;
     if (request_.has_keyframes() && request_.keyframes().poses_size() > 0) {
       lens_camera = request_.keyframes().poses(0).camera();
     }
-    LITAGS_ASSIGN_OR_RETURN(const Camera lens, ResolveLens(request_.settings(), lens_camera,
-                                                           *scene_, limits_.max_pixels));
-    LITAGS_ASSIGN_OR_RETURN(cameras_, ResolvePath(request_, lens, *scene_));
+    LITAGS_ASSIGN_OR_RETURN(const Camera lens,
+                            ResolveLens(request_.settings(), lens_camera,
+                                        "keyframes.poses[0].camera", scene, limits_.max_pixels));
+    LITAGS_ASSIGN_OR_RETURN(cameras_, ResolvePath(request_, lens, scene));
+    resolved_ = true;
     return absl::OkStatus();
   }
 
   const v1::RenderPathRequest request_;
   SceneCache* const scenes_;
   const RenderLimits limits_;
-  std::shared_ptr<const Scene> scene_;
+  SceneCache::Snapshot snapshot_;
+  bool resolved_ = false;
   PathContent content_;
   std::vector<Camera> cameras_;
   size_t next_ = 0;
@@ -101,8 +106,8 @@ grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerCont
     LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call.jobs(), request->name()));
     LITAGS_ASSIGN_OR_RETURN(RenderRequest render, ResolveContent(request->settings()));
     LITAGS_ASSIGN_OR_RETURN(
-        const Camera lens,
-        ResolveLens(request->settings(), request->pose().camera(), *scene, limits_.max_pixels));
+        const Camera lens, ResolveLens(request->settings(), request->pose().camera(), "pose.camera",
+                                       *scene, limits_.max_pixels));
     LITAGS_ASSIGN_OR_RETURN(render.camera, ResolvePose(request->pose(), lens, *scene, "pose"));
     render.threads = limits_.threads;
     render.cancel = cancel;

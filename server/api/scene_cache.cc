@@ -17,7 +17,22 @@ constexpr int kTries = 5;
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(Jobs* jobs, const std::string& name) {
+  Snapshot none;
+  return Get(jobs, name, &none);
+}
+
+absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(Jobs* jobs, const std::string& name,
+                                                             Snapshot* snapshot) {
   LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(name));
+  if (*snapshot) {
+    if (const auto entry = Find(id, **snapshot)) return entry->scene;
+  }
+  LITAGS_ASSIGN_OR_RETURN(const Entry entry, Newest(jobs, id));
+  *snapshot = entry.snapshot;
+  return entry.scene;
+}
+
+absl::StatusOr<SceneCache::Entry> SceneCache::Newest(Jobs* jobs, const std::string& id) {
   for (int attempt = 1;; ++attempt) {
     LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs->Get(id));
     LITAGS_ASSIGN_OR_RETURN(const auto file, Jobs::SceneOf(job));
@@ -26,15 +41,16 @@ absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(Jobs* jobs, const s
                        absl::StrCat("the job is ", std::string(JobStateName(job.state)),
                                     " and has no snapshot yet; WatchJob tells when there is one"));
     }
-    if (auto scene = Find(id, *file)) return scene;
+    if (auto entry = Find(id, *file)) return *std::move(entry);
     std::lock_guard load_lock(load_mutex_);
-    if (auto scene = Find(id, *file)) return scene;
+    if (auto entry = Find(id, *file)) return *std::move(entry);
     auto scene = Load(jobs, id, *file);
     if (scene.ok()) {
-      Add({id, *file, *scene});
-      return scene;
+      Entry entry{id, std::make_shared<const KeptFile>(*file), *std::move(scene)};
+      Add(entry);
+      return entry;
     }
-    if (!absl::IsNotFound(scene.status()) || attempt == kTries) return scene;
+    if (!absl::IsNotFound(scene.status()) || attempt == kTries) return scene.status();
   }
 }
 
@@ -47,23 +63,26 @@ absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Load(Jobs* jobs, const 
   return scene;
 }
 
-std::shared_ptr<const Scene> SceneCache::Find(const std::string& job, const KeptFile& file) {
+std::optional<SceneCache::Entry> SceneCache::Find(const std::string& job, const KeptFile& file) {
   std::lock_guard lock(mutex_);
   for (auto it = entries_.begin(); it != entries_.end(); ++it) {
-    if (it->job != job || it->file != file) continue;
+    if (it->job != job || *it->snapshot != file) continue;
     entries_.splice(entries_.begin(), entries_, it);
-    return it->scene;
+    return *it;
   }
-  return nullptr;
+  return std::nullopt;
 }
 
 void SceneCache::Add(Entry added) {
   std::lock_guard lock(mutex_);
-  entries_.remove_if([&](const Entry& entry) { return entry.job == added.job; });
+  // An older snapshot that no path is on is not asked for again.
+  entries_.remove_if([&](const Entry& entry) {
+    return entry.job == added.job && entry.snapshot.use_count() == 1;
+  });
   entries_.push_front(std::move(added));
   int64_t bytes = 0;
   for (auto it = entries_.begin(); it != entries_.end();) {
-    bytes += it->file.bytes;
+    bytes += it->snapshot->bytes;
     it = bytes > max_bytes_ && it != entries_.begin() ? entries_.erase(it) : std::next(it);
   }
 }

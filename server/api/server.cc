@@ -3,32 +3,63 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/resource_quota.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/event_hub.h"
 #include "server/api/gate.h"
+#include "server/api/grpc_log.h"
 #include "server/api/model_service.h"
 #include "server/api/reconstruction_service.h"
 #include "server/api/scene_cache.h"
 #include "server/api/status.h"
 #include "server/api/thread_pool.h"
 #include "server/api/tls_credentials.h"
+#include "server/net/descriptors.h"
+#include "server/net/listener.h"
 
 namespace litags {
 namespace {
 
 constexpr std::chrono::seconds kShutdownGrace{1};
 
+// Archives that are unpacked at one time, also while their clients' turn is to come.
+constexpr int kMaxArchives = 16;
+
 int Ms(double seconds) { return static_cast<int>(1000 * seconds); }
+
+bool IsUnixSocket(const std::string& listen) { return listen.starts_with("unix"); }
+
+ConnectionCounts ThatFit(ConnectionCounts counts) {
+  const int fit = ConnectionsThatFit();
+  if (fit < counts.max_connections) {
+    spdlog::warn("the limit of open files leaves room for {} connections, not {}; raise it", fit,
+                 counts.max_connections);
+    counts.max_connections = fit;
+  }
+  counts.max_newcomers = std::clamp(counts.max_connections / 2, 1, counts.max_newcomers);
+  return counts;
+}
+
+// Compressed requests are refused, and none is unpacked before that: 1 MB may become 1 GB.
+void RefuseCompression(grpc::ServerBuilder* builder) {
+  builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
+  builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
+  builder->AddChannelArgument(GRPC_ARG_ENABLE_PER_MESSAGE_DECOMPRESSION, 0);
+}
 
 void SetLimits(const ConnectionLimits& limits, grpc::ServerBuilder* builder) {
   builder->SetMaxReceiveMessageSize(limits.max_receive_bytes);
   builder->SetMaxSendMessageSize(limits.max_send_bytes);
   builder->AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, limits.max_header_bytes);
+  builder->AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
+                              Ms(limits.counts.newcomer_seconds));
+  builder->SetResourceQuota(grpc::ResourceQuota("litags").Resize(limits.max_memory_bytes));
   builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, limits.max_calls);
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, Ms(limits.keepalive_seconds));
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, Ms(limits.keepalive_timeout_seconds));
@@ -37,8 +68,6 @@ void SetLimits(const ConnectionLimits& limits, grpc::ServerBuilder* builder) {
                               Ms(limits.min_ping_seconds));
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 2);
   builder->AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, Ms(limits.max_idle_seconds));
-  // A second server on the port is an error, not a silent share of its calls.
-  builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
 }
 
 class GrpcServer : public Server {
@@ -46,23 +75,33 @@ class GrpcServer : public Server {
   GrpcServer(const ServerOptions& options, std::unique_ptr<Authenticator> authenticator, Jobs* jobs,
              Engine* engine)
       : authenticator_(std::move(authenticator)),
-        gate_(jobs, authenticator_.get(), &metrics_, options.limits, options.answers,
+        connections_(ThatFit(options.connections.counts)),
+        gate_(jobs, authenticator_.get(), &metrics_, &connections_, options.limits, options.answers,
               options.connections.max_wait_seconds),
         store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
-        blob_pool_(options.blob_threads, options.max_waiting_calls, ServerBusy()),
+        // What takes long for one client leaves a thread for the others.
+        blob_pool_(options.blob_threads, options.max_waiting_calls, ServerBusy(),
+                   options.blob_threads - 1),
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
+        own_reader_(options.reader ? nullptr : MakeInProcessReader()),
         hub_(jobs),
         scenes_(engine, options.scene_cache_bytes),
-        reconstruction_(&gate_, &hub_, &store_pool_, &blob_pool_),
+        upload_cpu_(options.upload_cpu),
+        archives_(kMaxArchives),
+        reconstruction_(&gate_, &hub_, &store_pool_,
+                        {&blob_pool_, options.reader ? options.reader : own_reader_.get(),
+                         &upload_cpu_, &archives_}),
         render_(&gate_, &scenes_, &render_pool_, options.render),
-        model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp()) {}
+        model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp(),
+               options.answers.max_export_bytes) {}
 
   ~GrpcServer() override { Shutdown(); }
 
   absl::Status Start(const std::string& listen, const ConnectionLimits& limits,
                      std::shared_ptr<grpc::ServerCredentials> credentials) {
     credentials_ = std::move(credentials);
+    LogGrpc();
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
     grpc::ServerBuilder builder;
@@ -70,14 +109,31 @@ class GrpcServer : public Server {
     builder.RegisterService(&render_);
     builder.RegisterService(&model_);
     SetLimits(limits, &builder);
-    if (!listen.empty()) builder.AddListeningPort(listen, credentials_, &port_);
+    RefuseCompression(&builder);
+    std::shared_ptr<Acceptor> acceptor;
+    if (IsUnixSocket(listen)) {
+      builder.AddListeningPort(listen, credentials_, &port_);
+    } else if (!listen.empty()) {
+      LITAGS_ASSIGN_OR_RETURN(listener_, Listener::Open(listen, limits.keepalive_timeout_seconds));
+      port_ = listener_->port();
+      acceptor = builder.experimental().AddExternalConnectionAcceptor(
+          grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials_);
+    }
     server_ = builder.BuildAndStart();
     if (!server_ || (!listen.empty() && port_ == 0)) {
-      return MakeError(absl::StatusCode::kUnavailable, "CANNOT_LISTEN", "listen",
+      return MakeError(absl::StatusCode::kUnavailable, "CANNOT_LISTEN", "--listen",
                        absl::StrCat("cannot listen on ", listen,
                                     "; is another server running there? choose another --listen"));
     }
     SetHealth({});
+    if (listener_) {
+      listener_->Start(&connections_, [acceptor](int listener, int fd) {
+        Acceptor::NewConnectionParameters connection;
+        connection.listener_fd = listener;
+        connection.fd = fd;
+        acceptor->HandleNewConnection(&connection);
+      });
+    }
     return absl::OkStatus();
   }
 
@@ -94,6 +150,8 @@ class GrpcServer : public Server {
 
   int port() const override { return port_; }
 
+  std::string own_address() const override { return listener_ ? listener_->own_address() : ""; }
+
   std::shared_ptr<grpc::Channel> InProcessChannel() override {
     grpc::ChannelArguments arguments;
     arguments.SetMaxReceiveMessageSize(-1);
@@ -104,6 +162,8 @@ class GrpcServer : public Server {
     if (!server_) return;
     server_->GetHealthCheckService()->SetServingStatus(false);
     hub_.Stop();
+    // First: gRPC would keep, and never close, what came after its own end.
+    if (listener_) listener_->Stop();
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
     server_->Wait();
     // All calls are over, but the tasks that ended them may still be returning.
@@ -114,18 +174,25 @@ class GrpcServer : public Server {
   }
 
  private:
+  using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
+
   // Order matters: the pools go after the services, since tasks on them end calls, and the gate
   // last, which every call leaves through and is counted at.
   Metrics metrics_;
   const std::unique_ptr<Authenticator> authenticator_;
+  Connections connections_;
   Gate gate_;
   ThreadPool store_pool_, blob_pool_, render_pool_;
+  const std::unique_ptr<FileReader> own_reader_;
   EventHub hub_;
   SceneCache scenes_;
+  CpuBudget upload_cpu_;
+  SharedRoom archives_;
   ReconstructionServiceImpl reconstruction_;
   RenderServiceImpl render_;
   ModelServiceImpl model_;
   std::shared_ptr<grpc::ServerCredentials> credentials_;  // asked at every handshake
+  std::unique_ptr<Listener> listener_;
   std::unique_ptr<grpc::Server> server_;
   int port_ = 0;
 };
@@ -149,6 +216,15 @@ absl::Status CheckListening(const ServerOptions& options) {
                                   "the server; give --tokens or --tls-client-ca, or --insecure"));
   }
   return absl::OkStatus();
+}
+
+absl::Status CheckMetricsListening(const std::string& listen, bool insecure) {
+  if (insecure || listen.empty() || IsLoopback(listen)) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "PLAINTEXT_NOT_ASKED_FOR",
+                   "--metrics-listen",
+                   absl::StrCat(listen,
+                                " can be reached from other machines, and everybody could read the "
+                                "metrics; listen on 127.0.0.1, or give --insecure"));
 }
 
 absl::StatusOr<std::unique_ptr<Server>> StartServer(const ServerOptions& options, Jobs* jobs,

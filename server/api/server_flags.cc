@@ -38,12 +38,41 @@ void AddClientLimitFlags(CLI::App* app, ClientLimits* limits) {
     app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
   };
   add("--max-jobs", limits->max_jobs, "Jobs of one client at one time; 0: no limit");
-  add("--max-bytes", limits->max_bytes, "Bytes of all files of one client; 0: no limit");
+  add("--max-bytes", limits->max_bytes,
+      "Bytes of all files and results of one client; 0: no limit");
   add("--max-streams", limits->max_streams,
       "Uploads, watches, paths and exports of one client at one time; 0: no limit");
   add("--pictures-per-second", limits->pictures_per_second,
       "Calls for pictures of one client a second; 0: no limit");
   add("--picture-burst", limits->picture_burst, "So many calls at once after a pause");
+}
+
+void AddCapFlags(CLI::App* app, JobCaps* caps) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+  };
+  add("--max-iterations", caps->max_iterations, "Iterations that a job may ask for; 0: no limit");
+  add("--max-gaussians", caps->max_gaussians, "Gaussians that a job may ask for; 0: no limit");
+  add("--max-run-seconds", caps->max_run_seconds,
+      "Seconds that a job may ask to run, and gets that asks for none; 0: no limit");
+  app->add_option("--max-priority", caps->max_priority,
+                  "Priority that clients with a name may ask for")
+      ->check(CLI::Range(-kMaxJobPriority, kMaxJobPriority))
+      ->capture_default_str();
+  app->add_option("--max-job-memory", caps->max_memory_bytes,
+                  "Memory that a job may ask for, as 6GiB; 0: no limit")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+}
+
+void AddUploadCpuFlags(CLI::App* app, UploadCpuLimits* limits) {
+  const auto add = [app](const char* name, auto& value, const char* help) {
+    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+  };
+  add("--upload-cpu", limits->per_second,
+      "Seconds of one core, each second, that the uploads of one client may take; beyond, they "
+      "wait; 0: no limit");
+  add("--upload-cpu-burst", limits->burst_seconds, "So many such seconds at once after a pause");
 }
 
 void AddRenderFlags(CLI::App* app, ServerOptions* server) {
@@ -63,6 +92,11 @@ void AddRenderFlags(CLI::App* app, ServerOptions* server) {
                   "client may have half of it")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
+  app->add_option("--max-export-bytes", server->answers.max_export_bytes,
+                  "Disk space for exported models that clients have not read yet, as 4GiB; one "
+                  "client may have half of it")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
   app->add_option("--scene-cache", server->scene_cache_bytes,
                   "Memory for scenes that were rendered last, as 1GiB; at least one stays")
       ->transform(CLI::AsSizeValue(false))
@@ -73,6 +107,13 @@ void AddConnectionFlags(CLI::App* app, ConnectionLimits* limits) {
   const auto add = [app](const char* name, auto& value, const char* help) {
     app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
   };
+  add("--max-connections", limits->counts.max_connections,
+      "Connections at the same time, as far as the limit of open files allows; one network may "
+      "have half of them");
+  add("--max-newcomers", limits->counts.max_newcomers,
+      "Connections at the same time of which no call was let in yet; beyond, the oldest goes");
+  add("--max-first-call", limits->counts.newcomer_seconds,
+      "Seconds within which a call of a new connection must be let in");
   add("--max-connection-calls", limits->max_calls, "Calls at the same time on one connection");
   add("--keepalive", limits->keepalive_seconds,
       "Seconds after which a silent client is asked whether it is there");
@@ -154,11 +195,18 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   AddUploadFlags(app, flags);
   AddAccessFlags(app, &flags->server);
   AddClientLimitFlags(app, &flags->server.limits);
+  AddCapFlags(app, &flags->server.limits.caps);
+  AddUploadCpuFlags(app, &flags->server.upload_cpu);
   AddRenderFlags(app, &flags->server);
   AddConnectionFlags(app, &flags->server.connections);
   app->add_option("--metrics-listen", flags->metrics_listen,
-                  "HOST:PORT for Prometheus, plain HTTP: on this machine or in a network of your "
-                  "own; none: no metrics");
+                  "HOST:PORT for Prometheus, plain HTTP; other addresses than this machine's need "
+                  "--insecure; none: no metrics");
+  app->add_option("--self-call", flags->self_call_seconds,
+                  "Seconds between calls of the server to itself: one that answers none of twelve "
+                  "ends with an error; 0: no calls")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app->add_option("--log-level", flags->log_level, "debug, info, warn or error")
       ->capture_default_str();
   app->add_option("--log-format", flags->log_format, "text, or json: one object a line")

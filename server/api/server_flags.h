@@ -20,7 +20,8 @@ struct ServerFlags {
   std::string log_level = "info";
   std::string log_format = "text";
   std::string port_file;
-  std::string metrics_listen;  // empty: no metrics
+  std::string metrics_listen;     // empty: no metrics
+  double self_call_seconds = 10;  // between calls to itself; 0: none
   int workers = 1;
   int threads = 0;       // per job; 0: all cores
   int worker_cores = 0;  // that jobs may count on; 0: a share of those found

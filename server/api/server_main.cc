@@ -1,28 +1,36 @@
 #include "server/api/server_main.h"
 
+#include <signal.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/arguments.h"
 #include "engine/core/error.h"
+#include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
 #include "server/api/health_monitor.h"
 #include "server/api/preflight.h"
+#include "server/api/self_call.h"
 #include "server/api/server.h"
 #include "server/api/server_flags.h"
 #include "server/auth/tokens.h"
 #include "server/jobs/janitor.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/move.h"
-#include "server/jobs/work_import.h"
 #include "server/metrics/metrics_server.h"
+#include "server/net/descriptors.h"
+#include "server/reader/file_reader.h"
+#include "server/reader/read_files_main.h"
 #include "server/store/open_stores.h"
 #include "server/worker/log.h"
 #include "server/worker/machine.h"
@@ -50,8 +58,7 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   };
   pass("--data", data.root);
   // Not as arguments: the store's URL may hold a password.
-  workers.env = {"LITAGS_STORE=" + flags.places.jobs, "LITAGS_BLOBS=" + flags.places.blobs,
-                 "LITAGS_S3_ENDPOINT=" + flags.places.s3_endpoint};
+  workers.env = flags.places.Environment();
   pass("--threads", absl::StrCat(flags.threads));
   const Resources found = FoundResources();
   const int share = std::max(1, flags.workers);
@@ -73,22 +80,45 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   return workers;
 }
 
+// A server that does not answer ends as on SIGTERM, but with an error, for a supervisor to see.
+std::unique_ptr<SelfCall> WatchListener(const ServerFlags& flags, const Server& server,
+                                        std::atomic<bool>* deaf) {
+  if (flags.self_call_seconds <= 0 || server.own_address().empty()) return nullptr;
+  // What made it deaf may also keep it from ending.
+  constexpr int kSecondsToEnd = 60;
+  SelfCallOptions options;
+  options.address = server.own_address();
+  options.tls = flags.server.tls;
+  options.every_seconds = flags.self_call_seconds;
+  return std::make_unique<SelfCall>(options, [deaf] {
+    spdlog::error("the server does not answer itself any more, and ends");
+    *deaf = true;
+    alarm(kSecondsToEnd);
+    kill(getpid(), SIGTERM);
+  });
+}
+
 absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, Engine* engine,
                    const ShutdownSignal& signal) {
+  HideFromOtherProcesses();
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
+  LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
+  RaiseDescriptorLimit(flags.server.connections.counts.max_connections);
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp(/*quiet_seconds=*/0);
   LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
-  LITAGS_RETURN_IF_ERROR(ImportWorkFolders(store.get(), blobs.get(), data));
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
   Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads);
   Leases leases(store.get(), blobs.get());
-  LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(flags.server, &jobs, engine));
+  const auto reader = MakeRemoteReader({"/proc/self/exe", kReadFilesCommand});
+  ServerOptions options = flags.server;
+  options.reader = reader.get();
+  LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(options, &jobs, engine));
   std::unique_ptr<MetricsServer> metrics;
   if (!flags.metrics_listen.empty()) {
     LITAGS_ASSIGN_OR_RETURN(metrics,
@@ -110,13 +140,19 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
     LITAGS_RETURN_IF_ERROR(
         WriteFileAtomically(flags.port_file, absl::StrCat(server->port(), "\n")));
   }
+  std::atomic<bool> deaf = false;
+  auto self_call = WatchListener(flags, *server, &deaf);
   signal.Wait();
   spdlog::info("shutting down");
+  self_call.reset();
   health.reset();
   supervisor.BeginStop();  // they need as long as the calls
   server->Shutdown();
   supervisor.Stop();
-  return absl::OkStatus();
+  if (!deaf) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kUnavailable, "SERVER_DEAF", "--listen",
+                   absl::StrCat("the server did not answer itself at ", flags.server.listen,
+                                " and ended; start it again"));
 }
 
 // litags-server move: progress to stderr, the summary to stdout.
@@ -167,6 +203,7 @@ int Fail(const absl::Status& status) {
 }  // namespace
 
 int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory make_engine) {
+  if (argc == 2 && argv[1] == std::string_view(kReadFilesCommand)) return ReadFilesMain();
   ServerFlags flags;
   CLI::App app{"Reconstructs scenes from badly lit photos, as a gRPC service."};
   app.set_version_flag("--version", LITAGS_VERSION);

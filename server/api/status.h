@@ -10,8 +10,9 @@
 
 namespace litags {
 
-// The answer to a call that ended with `status`: same code, same message, and an RpcStatus with the
-// ErrorDetail as the binary details.
+// The answer to a call that ended with `status`: same code, same message, and as the binary details
+// an RpcStatus with the ErrorDetail first and then google.rpc's ErrorInfo, BadRequest, QuotaFailure
+// and RetryInfo as they fit.
 grpc::Status ToGrpc(const absl::Status& status);
 
 // The id in "jobs/{id}". INVALID_ARGUMENT (JOB_NAME_INVALID).

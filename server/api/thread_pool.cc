@@ -1,9 +1,11 @@
 #include "server/api/thread_pool.h"
 
+#include <algorithm>
+
 namespace litags {
 
-ThreadPool::ThreadPool(int threads, size_t max_waiting, absl::Status busy)
-    : max_waiting_(max_waiting), busy_(std::move(busy)) {
+ThreadPool::ThreadPool(int threads, size_t max_waiting, absl::Status busy, int max_running)
+    : max_waiting_(max_waiting), busy_(std::move(busy)), max_running_(std::max(1, max_running)) {
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Loop(); });
 }
 
@@ -42,9 +44,16 @@ void ThreadPool::Add(const std::string& client, bool is_step, std::function<void
   queue->second.push_back(std::move(task));
 }
 
-std::function<void()> ThreadPool::TakeNext() {
-  const auto queue = turns_.front();
-  turns_.pop_front();
+std::deque<ThreadPool::Queues::iterator>::iterator ThreadPool::NextTurn() {
+  return std::find_if(turns_.begin(), turns_.end(), [this](const Queues::iterator& queue) {
+    const auto running = running_.find(queue->first.first);
+    return running == running_.end() || running->second < max_running_;
+  });
+}
+
+std::function<void()> ThreadPool::Take(std::deque<Queues::iterator>::iterator turn) {
+  const Queues::iterator queue = *turn;
+  turns_.erase(turn);
   std::function<void()> task = std::move(queue->second.front());
   queue->second.pop_front();
   if (queue->second.empty()) {
@@ -56,15 +65,24 @@ std::function<void()> ThreadPool::TakeNext() {
 }
 
 void ThreadPool::Loop() {
+  std::unique_lock lock(mutex_);
   for (;;) {
-    std::function<void()> task;
-    {
-      std::unique_lock lock(mutex_);
-      wake_.wait(lock, [this] { return stop_ || !turns_.empty(); });
-      if (turns_.empty()) return;
-      task = TakeNext();
-    }
+    auto turn = turns_.end();
+    wake_.wait(lock, [&] {
+      turn = NextTurn();
+      return turn != turns_.end() || (stop_ && turns_.empty());
+    });
+    if (turn == turns_.end()) return;
+    const std::string client = (*turn)->first.first;
+    std::function<void()> task = Take(turn);
+    ++running_[client];
+    lock.unlock();
     task();
+    task = nullptr;  // what it holds may take long to let go
+    lock.lock();
+    if (--running_[client] == 0) running_.erase(client);
+    // Its client may run another one now.
+    if (!turns_.empty() || stop_) wake_.notify_all();
   }
 }
 

@@ -4,7 +4,9 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
+#include <atomic>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -21,51 +23,69 @@ namespace litags {
 // One unary call. Deletes itself when the call is over.
 class UnaryReactor : public grpc::ServerUnaryReactor {
  public:
+  // Of a call, whoever takes it first is to answer: the pool's thread, or the timer of its wait.
+  using Turn = std::shared_ptr<std::atomic<bool>>;
+
   explicit UnaryReactor(grpc::CallbackServerContext* context) : context_(context) {}
 
-  // Ends the call. A client that does not read the answer is cut off.
-  void Answer(std::shared_ptr<Call> call, const absl::Status& status) {
+  // The call is about to wait for a thread, and does not for ever.
+  Turn Await(std::shared_ptr<Call> call) {
     call_ = std::move(call);
+    const Turn turn = std::make_shared<std::atomic<bool>>(false);
+    wait_.Start(call_->SecondsToWait(), [this, turn] {
+      if (!turn->exchange(true)) Answer(call_->WaitedTooLong());
+    });
+    return turn;
+  }
+
+  // Once the turn is taken: answers with what `work` returns.
+  template <typename Work>
+  void Run(const Work& work) {
+    wait_.Stop();
+    // A call that nobody waits for any more costs nothing.
+    Answer(cancel_.IsCancelled() ? CallCancelled() : work(*call_, cancel_));
+  }
+
+  // Ends the call. A client that does not read the answer is cut off.
+  void Answer(const absl::Status& status) {
     const grpc::Status end = call_->End(status);
     timer_.Start(call_->SecondsToRead(), [context = context_] { CutOff(context); });
     BeforeStart(this);
     Finish(end);
   }
 
+  // Raised when the client gave up, hung up, or its deadline passed.
   void OnCancel() override { cancel_.Cancel(); }
   void OnDone() override {
     AfterStart(this);
     delete this;
   }
-  // Raised when the client gave up, hung up, or its deadline passed.
-  const CancelToken& cancel() const { return cancel_; }
 
  private:
   grpc::CallbackServerContext* const context_;
   CancelToken cancel_;
   std::shared_ptr<Call> call_;  // counted until the answer was read
-  StallTimer timer_;
+  StallTimer wait_, timer_;
 };
 
 // Answers a unary call with what `work(call, cancel)` returns, run on the pool; the call's request
-// and response live until then. The gate's error, or the pool's own if it is busy.
+// and response live until then. The gate's error, the pool's own if it is busy, or WAITED_TOO_LONG.
 template <typename Work>
 grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* context, CallName name,
                                    ThreadPool* pool, Work work) {
   auto* reactor = new UnaryReactor(context);
   auto call = gate->Enter(context, name);
   if (!call.ok()) {
-    reactor->Finish(gate->Refuse(name, call.status()));
+    reactor->Finish(gate->Refuse(*context, name, call.status()));
     return reactor;
   }
-  const absl::Status accepted =
-      pool->Try((*call)->client().name, [reactor, call = *call, work = std::move(work)] {
-        // A call that nobody waits for any more costs nothing.
-        absl::Status status = reactor->cancel().IsCancelled() ? CallCancelled() : call->CheckWait();
-        if (status.ok()) status = work(*call, reactor->cancel());
-        reactor->Answer(call, status);
-      });
-  if (!accepted.ok()) reactor->Answer(*call, accepted);
+  const std::string client = (*call)->client().name;
+  const UnaryReactor::Turn turn = reactor->Await(*std::move(call));
+  // A task that comes too late finds no reactor any more.
+  const absl::Status accepted = pool->Try(client, [reactor, turn, work = std::move(work)] {
+    if (!turn->exchange(true)) reactor->Run(work);
+  });
+  if (!accepted.ok() && !turn->exchange(true)) reactor->Answer(accepted);
   return reactor;
 }
 
@@ -81,7 +101,7 @@ class RefusedStream : public Reactor {
 template <typename Reactor, typename Make>
 Reactor* RunStream(Gate* gate, grpc::CallbackServerContext* context, CallName name, Make make) {
   auto call = gate->Enter(context, name);
-  if (!call.ok()) return new RefusedStream<Reactor>(gate->Refuse(name, call.status()));
+  if (!call.ok()) return new RefusedStream<Reactor>(gate->Refuse(*context, name, call.status()));
   return make(*std::move(call));
 }
 

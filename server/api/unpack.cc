@@ -10,8 +10,6 @@
 namespace litags {
 namespace {
 
-constexpr size_t kMaxSkipped = 100;
-
 std::string PathIn(const ArchiveEntry& entry) {
   std::vector<std::string> parts = entry.folders;
   parts.push_back(entry.name);
@@ -20,10 +18,13 @@ std::string PathIn(const ArchiveEntry& entry) {
 
 }  // namespace
 
-Unpacker::Unpacker(Jobs* jobs, std::string job_id, std::string field)
+Unpacker::Unpacker(Jobs* jobs, FileReader* reader, std::string job_id, std::string field,
+                   CancelToken cancel)
     : jobs_(jobs),
+      reader_(reader),
       job_id_(std::move(job_id)),
       field_(std::move(field)),
+      cancel_(std::move(cancel)),
       staging_path_(absl::StrCat(jobs->data().tmp(), "/unpack-", RandomHex(8))) {}
 
 Unpacker::~Unpacker() { unlink(staging_path_.c_str()); }
@@ -57,6 +58,8 @@ absl::Status Unpacker::NoRoom() const {
 absl::Status Unpacker::Write(std::string_view bytes) {
   sha_.Update(bytes);
   file_.size_bytes += static_cast<int64_t>(bytes.size());
+  LITAGS_RETURN_IF_ERROR(CheckSize(file_.role, file_.size_bytes, jobs_->uploads().limits(),
+                                   FieldOf(file_.role, file_.name)));
   if (out_.write(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return absl::OkStatus();
   return NoRoom();
 }
@@ -77,8 +80,13 @@ absl::Status Unpacker::End() {
     ++unchanged_;
     return absl::OkStatus();
   }
-  LITAGS_RETURN_IF_ERROR(CheckContent(staging_path_, field, &file_));
-  LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file_, staging_path_));
+  LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file_));
+  if (!adopted) {
+    if (file_.role != FileRole::kColmap) {
+      LITAGS_RETURN_IF_ERROR(reader_->Check(staging_path_, field, &file_, cancel_));
+    }
+    LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file_, staging_path_));
+  }
   ++stored_;
   return absl::OkStatus();
 }

@@ -14,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "server/archive/extract.h"
 #include "server/jobs/jobs.h"
+#include "server/reader/file_reader.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -22,7 +23,10 @@ namespace litags {
 // a file is for follows from its name and folder. One at a time is on disk beside the archive.
 class Unpacker : public ArchiveSink {
  public:
-  Unpacker(Jobs* jobs, std::string job_id, std::string field);
+  static constexpr size_t kMaxSkipped = 100;  // names, of a stream
+
+  Unpacker(Jobs* jobs, FileReader* reader, std::string job_id, std::string field,
+           CancelToken cancel);
   ~Unpacker() override;
 
   // INVALID_ARGUMENT (ARCHIVE_NAME_TWICE): two files of one role have one name.
@@ -39,8 +43,10 @@ class Unpacker : public ArchiveSink {
   absl::Status NoRoom() const;
 
   Jobs* const jobs_;
+  FileReader* const reader_;
   const std::string job_id_;
   const std::string field_;  // the archive's
+  const CancelToken cancel_;
   const std::string staging_path_;
   FileRecord file_;  // the one in hand
   Sha256 sha_;

@@ -9,11 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/types/span.h"
 #include "engine/core/error.h"
-#include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
-#include "engine/io/mask_io.h"
-#include "engine/io/transforms_io.h"
 #include "proto/litags/v1/limits.h"
 #include "server/store/digest.h"
 
@@ -75,6 +71,15 @@ std::string FieldOf(FileRole role, const std::string& name) {
   return absl::StrCat(RulesOf(role).field, "[", name, "]");
 }
 
+absl::Status CheckSize(FileRole role, int64_t bytes, const UploadLimits& limits,
+                       const std::string& field) {
+  const int64_t limit = LimitOf(role, limits);
+  if (bytes <= limit) return absl::OkStatus();
+  return MakeError(
+      absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", field,
+      absl::StrCat(field, ": ", bytes, " bytes exceed ", limit, "; make the file smaller"));
+}
+
 absl::Status CheckName(const std::string& name, FileRole role, const std::string& field) {
   LITAGS_RETURN_IF_ERROR(ValidateFileName(name, field));
   if (role == FileRole::kColmap && !IsColmapName(name)) {
@@ -110,12 +115,7 @@ absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
                                      ": the file has no bytes; leave it out or copy it "
                                      "from the camera again"));
   }
-  const int64_t limit = LimitOf(file.record.role, limits);
-  if (header.size_bytes() > limit) {
-    return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", file.field,
-                     absl::StrCat(file.field, ": ", header.size_bytes(), " bytes exceed ", limit,
-                                  "; make the file smaller"));
-  }
+  LITAGS_RETURN_IF_ERROR(CheckSize(file.record.role, header.size_bytes(), limits, file.field));
   if (header.sha256().size() != 32) {
     return InvalidInput("FILE_DIGEST_MISSING", file.field,
                         absl::StrCat(file.field, ": sha256 has ", header.sha256().size(),
@@ -133,34 +133,6 @@ absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
                      " lies beyond the end of the file of ", header.size_bytes(), " bytes"));
   }
   return file;
-}
-
-absl::Status CheckContent(const std::string& path, const std::string& field, FileRecord* file) {
-  // A model's three files make sense together only: the engine checks them when the job runs.
-  if (file->role == FileRole::kColmap) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, file->size_bytes));
-  switch (file->role) {
-    case FileRole::kPhoto: {
-      LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, DecodeImage(bytes, field));
-      file->width = image.width;
-      file->height = image.height;
-      return absl::OkStatus();
-    }
-    case FileRole::kCameras:
-      return CheckTransforms(bytes, field);
-    case FileRole::kDepth:
-      return DecodeDepthMap(bytes, field).status();
-    case FileRole::kMask: {
-      LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, DecodeMask(bytes, field));
-      file->width = mask.width;
-      file->height = mask.height;
-      return absl::OkStatus();
-    }
-    case FileRole::kColmap:
-    case FileRole::kArchive:
-      break;
-  }
-  return absl::OkStatus();
 }
 
 std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry) {

@@ -1,4 +1,4 @@
-// What an uploaded file may be: names, sizes and content by role.
+// What an uploaded file may be: names and sizes by role.
 #ifndef LITAGS_SERVER_API_UPLOAD_FILES_H_
 #define LITAGS_SERVER_API_UPLOAD_FILES_H_
 
@@ -24,11 +24,13 @@ absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
 // How errors name a file: "images[NAME]", "depths[NAME]", ...
 std::string FieldOf(FileRole role, const std::string& name);
 
+// RESOURCE_EXHAUSTED (FILE_TOO_LARGE), for a file by itself and for one in an archive alike: the
+// engine refuses larger ones.
+absl::Status CheckSize(FileRole role, int64_t bytes, const UploadLimits& limits,
+                       const std::string& field);
+
 // One plain component with an extension that the role has. INVALID_ARGUMENT (BAD_FILE_NAME).
 absl::Status CheckName(const std::string& name, FileRole role, const std::string& field);
-
-// Reads the file at `path` as what it says it is; sets a photo's or mask's size. Not for archives.
-absl::Status CheckContent(const std::string& path, const std::string& field, FileRecord* file);
 
 // What a file in an archive is for, by its name and its folder; nullopt: nothing that a job uses.
 std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry);

@@ -1,15 +1,32 @@
 #include "server/api/upload_session.h"
 
+#include <chrono>
+
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
 #include "server/api/status.h"
 #include "server/api/unpack.h"
-#include "server/archive/extract.h"
 
 namespace litags {
 namespace {
+
+// Of a file on disk, hashed in a part of a second.
+constexpr int64_t kCatchUpBytes = int64_t{64} << 20;
+
+// Adds the time until its end to a sum, seconds.
+class Timer {
+ public:
+  explicit Timer(double* sum) : sum_(sum) {}
+  ~Timer() {
+    *sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  double* const sum_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
 
 // An error of the store that names no field is about this one.
 absl::Status WithField(const absl::Status& status, const std::string& field) {
@@ -19,26 +36,57 @@ absl::Status WithField(const absl::Status& status, const std::string& field) {
                    absl::StrCat(field, ": ", std::string(status.message())));
 }
 
+// Whether the bytes are those that were announced.
+absl::Status CheckDigest(PartialFile* partial, const UploadHeader& file) {
+  const absl::StatusOr<std::string> digest = partial->HexDigest();
+  if (!digest.ok()) return WithField(digest.status(), file.field);
+  if (*digest == file.record.sha256) return absl::OkStatus();
+  return InvalidInput("FILE_DIGEST_MISMATCH", file.field,
+                      absl::StrCat(file.field,
+                                   ": the bytes do not have the announced SHA-256; "
+                                   "they were damaged on the way, send them again"));
+}
+
+// The same bytes would be refused again.
+void DiscardIfInvalid(const absl::Status& status, PartialFile& partial) {
+  if (absl::IsInvalidArgument(status)) partial.Discard();
+}
+
 absl::Status OutOfOrder(const char* message) {
   return InvalidInput("UPLOAD_ORDER", "part", message);
+}
+
+// The job was there when the stream began.
+bool IsJobGone(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail && detail->reason == "JOB_NOT_FOUND";
 }
 
 }  // namespace
 
 absl::Status UploadSession::Handle(const v1::UploadImagesRequest& request) {
+  const bool is_open = !job_id_.empty();
+  const absl::Status status = Take(request);
+  return is_open && IsJobGone(status) ? UploadTakenOver() : status;
+}
+
+absl::Status UploadSession::Take(const v1::UploadImagesRequest& request) {
   if (request.part_case() == v1::UploadImagesRequest::kName) {
     if (!job_id_.empty()) return OutOfOrder("the job is named once, in the first message");
     LITAGS_ASSIGN_OR_RETURN(job_id_, ParseJobName(request.name()));
     return jobs_->uploads().Check(job_id_);
   }
   if (job_id_.empty()) return OutOfOrder("the first message must name the job");
+  if (ended_) return OutOfOrder("nothing may follow the end");
   switch (request.part_case()) {
     case v1::UploadImagesRequest::kFile:
       return Begin(request.file());
     case v1::UploadImagesRequest::kChunk:
       return Append(request.chunk());
+    case v1::UploadImagesRequest::kEnd:
+      return Conclude(request.end());
     default:
-      return OutOfOrder("a message must hold a file's header or a chunk of its bytes");
+      return OutOfOrder("a message must hold a file's header, a chunk of its bytes, or the end");
   }
 }
 
@@ -57,6 +105,7 @@ absl::Status UploadSession::Begin(const v1::FileHeader& header) {
     LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file.record));
     if (adopted) {
       ++stored_;
+      ++received_;
       return absl::OkStatus();
     }
   }
@@ -66,7 +115,22 @@ absl::Status UploadSession::Begin(const v1::FileHeader& header) {
     file.partial = *std::move(partial);
   }
   file_ = std::move(file);
-  return whole ? Complete() : absl::OkStatus();
+  catching_up_ = file_->partial && header.offset() > 0;
+  return whole && !catching_up_ ? Complete() : absl::OkStatus();
+}
+
+absl::Status UploadSession::Continue() {
+  const absl::Status status = archive_     ? BeginUnpacking(*std::exchange(archive_, std::nullopt))
+                              : unpacking_ ? UnpackNext()
+                                           : CatchUp();
+  return IsJobGone(status) ? UploadTakenOver() : status;
+}
+
+absl::Status UploadSession::CatchUp() {
+  const absl::StatusOr<bool> done = file_->partial->CatchUp(kCatchUpBytes);
+  if (!done.ok()) return WithField(done.status(), file_->field);
+  catching_up_ = !*done;
+  return *done && file_->received == file_->record.size_bytes ? Complete() : absl::OkStatus();
 }
 
 absl::Status UploadSession::Append(const std::string& chunk) {
@@ -92,59 +156,105 @@ absl::Status UploadSession::Append(const std::string& chunk) {
 absl::Status UploadSession::Complete() {
   Incoming file = *std::move(file_);
   file_.reset();
+  ++received_;
   if (!file.partial) {
     ++unchanged_;
     return absl::OkStatus();
   }
-  const absl::Status status = Store(file);
-  if (absl::IsInvalidArgument(status)) {
-    file.partial->Discard();  // the same bytes would be refused again
+  if (file.record.role == FileRole::kArchive) {
+    archive_ = std::move(file);
+    return absl::OkStatus();
   }
+  const absl::Status status = Store(file);
+  if (status.ok() || absl::IsFailedPrecondition(status)) return status;
+  // Whatever else is wrong with a file that another stream works on, this one lost it.
+  LITAGS_RETURN_IF_ERROR(WithField(file.partial->CheckHeld(), file.field));
+  DiscardIfInvalid(status, *file.partial);
   return status;
 }
 
 absl::Status UploadSession::Store(Incoming& file) {
-  if (file.partial->HexDigest() != file.record.sha256) {
-    return InvalidInput("FILE_DIGEST_MISMATCH", file.field,
-                        absl::StrCat(file.field,
-                                     ": the bytes do not have the announced SHA-256; "
-                                     "they were damaged on the way, send them again"));
+  LITAGS_RETURN_IF_ERROR(CheckDigest(file.partial.get(), file));
+  // What another job has was decoded before.
+  LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file.record));
+  if (!adopted) {
+    // A model's three files make sense together only: the engine checks them when the job runs.
+    if (file.record.role != FileRole::kColmap) {
+      const Timer timer(&reading_seconds_);
+      LITAGS_RETURN_IF_ERROR(
+          reader_->Check(file.partial->path(), file.field, &file.record, cancel_));
+    }
+    LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
   }
-  if (file.record.role == FileRole::kArchive) return Unpack(file);
-  LITAGS_RETURN_IF_ERROR(CheckContent(file.partial->path(), file.field, &file.record));
-  LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
   file.partial->Discard();  // what of it is left
   ++stored_;
   return absl::OkStatus();
 }
 
-absl::Status UploadSession::Unpack(Incoming& file) {
-  ArchiveLimits limits;
-  limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
-  limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
-  Unpacker unpacker(jobs_, job_id_, file.field);
-  const absl::Status status =
-      ExtractArchive(file.partial->path(), limits, file.field, &unpacker, cancel_);
+absl::Status UploadSession::BeginUnpacking(Incoming file) {
+  const absl::Status status = [&]() -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(CheckDigest(file.partial.get(), file));
+    ArchiveLimits limits;
+    limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
+    limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
+    auto unpacker = std::make_unique<Unpacker>(jobs_, reader_, job_id_, file.field, cancel_);
+    LITAGS_ASSIGN_OR_RETURN(
+        auto archive,
+        reader_->OpenArchive(file.partial->path(), limits, file.field, unpacker.get(), cancel_));
+    unpacking_ = std::make_unique<Unpacking>(
+        Unpacking{std::move(file), std::move(unpacker), std::move(archive)});
+    return absl::OkStatus();
+  }();
+  if (!status.ok()) DiscardIfInvalid(status, *file.partial);
+  return status;
+}
+
+absl::Status UploadSession::UnpackNext() {
+  const absl::StatusOr<bool> more = [&] {
+    const Timer timer(&reading_seconds_);
+    return unpacking_->archive->ReadNext();
+  }();
+  if (more.ok() && *more) return absl::OkStatus();
+  const std::unique_ptr<Unpacking> done = std::move(unpacking_);
+  const Unpacker& unpacker = *done->unpacker;
   stored_ += unpacker.stored();
   unchanged_ += unpacker.unchanged();
-  skipped_.insert(skipped_.end(), unpacker.skipped().begin(), unpacker.skipped().end());
-  LITAGS_RETURN_IF_ERROR(status);
-  LITAGS_RETURN_IF_ERROR(jobs_->uploads().NoteArchive(job_id_, file.record));
-  file.partial->Discard();
+  for (const std::string& name : unpacker.skipped()) {
+    if (skipped_.size() < Unpacker::kMaxSkipped) skipped_.push_back(name);
+  }
+  DiscardIfInvalid(more.status(), *done->file.partial);
+  LITAGS_RETURN_IF_ERROR(more.status());
+  LITAGS_RETURN_IF_ERROR(jobs_->uploads().NoteArchive(job_id_, done->file.record));
+  done->file.partial->Discard();
   return absl::OkStatus();
+}
+
+absl::Status UploadSession::CheckWhole() const {
+  if (!file_) return absl::OkStatus();
+  return InvalidInput("FILE_TRUNCATED", file_->field,
+                      absl::StrCat(file_->field, ": the upload ended after ", file_->received,
+                                   " of ", file_->record.size_bytes, " bytes; send the rest"));
+}
+
+absl::Status UploadSession::Conclude(const v1::UploadEnd& end) {
+  LITAGS_RETURN_IF_ERROR(CheckWhole());
+  ended_ = true;
+  if (end.files() == received_) return absl::OkStatus();
+  return InvalidInput("UPLOAD_INCOMPLETE", "end.files",
+                      absl::StrCat(end.files(), " files were sent and ", received_,
+                                   " came; ask QueryUpload and send the others"));
 }
 
 absl::Status UploadSession::End(v1::UploadImagesResponse* response) {
   if (job_id_.empty()) return OutOfOrder("the first message must name the job");
-  if (file_) {
-    return InvalidInput("FILE_TRUNCATED", file_->field,
-                        absl::StrCat(file_->field, ": the upload ended after ", file_->received,
-                                     " of ", file_->record.size_bytes, " bytes; send the rest"));
-  }
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs_->Get(job_id_));
-  LITAGS_ASSIGN_OR_RETURN(*response->mutable_job(), JobToProto(job));
+  LITAGS_RETURN_IF_ERROR(CheckWhole());
+  const absl::StatusOr<JobRecord> job = jobs_->Get(job_id_);
+  if (IsJobGone(job.status())) return UploadTakenOver();
+  LITAGS_RETURN_IF_ERROR(job.status());
+  LITAGS_ASSIGN_OR_RETURN(*response->mutable_job(), JobToProto(*job));
   response->set_files_stored(stored_);
   response->set_files_unchanged(unchanged_);
+  response->set_files_received(received_);
   for (const std::string& name : skipped_) response->add_skipped(name);
   return absl::OkStatus();
 }

@@ -11,8 +11,11 @@
 #include "absl/status/status.h"
 #include "engine/core/cancel.h"
 #include "litags/v1/reconstruction_service.pb.h"
+#include "server/api/unpack.h"
 #include "server/api/upload_files.h"
+#include "server/archive/extract.h"
 #include "server/jobs/jobs.h"
+#include "server/reader/file_reader.h"
 
 namespace litags {
 
@@ -21,10 +24,20 @@ namespace litags {
 // not complete when the stream ends is kept for the next one.
 class UploadSession {
  public:
-  // An archive that is being unpacked is left when `cancel` is raised.
-  UploadSession(Jobs* jobs, CancelToken cancel) : jobs_(jobs), cancel_(std::move(cancel)) {}
+  // A file that is being read is left when `cancel` is raised. The others must outlive this.
+  UploadSession(Jobs* jobs, FileReader* reader, CancelToken cancel)
+      : jobs_(jobs), reader_(reader), cancel_(std::move(cancel)) {}
 
   absl::Status Handle(const v1::UploadImagesRequest& request);
+  // Whether the last message leaves work to do, which may take long: then Continue() is to be
+  // called until it does not, and nothing else. Each call does a part, a second or so.
+  bool busy() const { return catching_up_ || archive_ || unpacking_; }
+  absl::Status Continue();
+  // Whether Continue() will begin to unpack an archive, and whether one is being unpacked.
+  bool wants_to_unpack() const { return archive_.has_value(); }
+  bool unpacks() const { return unpacking_ != nullptr; }
+  // How long its files were being read since the last call.
+  double TakeReadingSeconds() { return std::exchange(reading_seconds_, 0.0); }
   // The stream is complete. INVALID_ARGUMENT (FILE_TRUNCATED) inside a file.
   absl::Status End(v1::UploadImagesResponse* response);
 
@@ -35,16 +48,35 @@ class UploadSession {
     std::unique_ptr<PartialFile> partial;  // null: stored before, the bytes are only counted
   };
 
+  // An archive that has come.
+  struct Unpacking {
+    Incoming file;
+    std::unique_ptr<Unpacker> unpacker;
+    std::unique_ptr<ArchiveReader> archive;  // gives its files to the unpacker
+  };
+
+  absl::Status Take(const v1::UploadImagesRequest& request);
   absl::Status Begin(const v1::FileHeader& header);
+  absl::Status Conclude(const v1::UploadEnd& end);
   absl::Status Append(const std::string& chunk);
+  absl::Status CheckWhole() const;
+  absl::Status CatchUp();
   absl::Status Complete();
   absl::Status Store(Incoming& file);
-  absl::Status Unpack(Incoming& file);
+  absl::Status BeginUnpacking(Incoming file);
+  absl::Status UnpackNext();
 
   Jobs* const jobs_;
+  FileReader* const reader_;
   const CancelToken cancel_;
   std::string job_id_;
   std::optional<Incoming> file_;
+  bool ended_ = false;               // by the client's word
+  int received_ = 0;                 // files of the stream
+  bool catching_up_ = false;         // with what earlier streams sent of file_
+  std::optional<Incoming> archive_;  // has come
+  std::unique_ptr<Unpacking> unpacking_;
+  double reading_seconds_ = 0;
   int stored_ = 0, unchanged_ = 0;
   std::vector<std::string> skipped_;  // in archives
 };

@@ -146,11 +146,11 @@ absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name,
 }
 
 absl::StatusOr<Camera> ResolveLens(const v1::RenderSettings& settings,
-                                   const std::string& camera_name, const Scene& scene,
-                                   int64_t max_pixels) {
+                                   const std::string& camera_name, const std::string& field,
+                                   const Scene& scene, int64_t max_pixels) {
   Camera base;
   if (!camera_name.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(base, FindCamera(scene, camera_name, "pose.camera"));
+    LITAGS_ASSIGN_OR_RETURN(base, FindCamera(scene, camera_name, field));
   } else if (!scene.views().empty()) {
     base = scene.views().front().camera;
   } else {

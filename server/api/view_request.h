@@ -26,8 +26,8 @@ absl::StatusOr<PathContent> ResolvePathContent(const v1::RenderPathRequest& requ
 // Size and lens of the pictures; the pose is that of the camera the lens was taken from, the one
 // called `camera_name` or, if that is empty, the scene's first.
 absl::StatusOr<Camera> ResolveLens(const v1::RenderSettings& settings,
-                                   const std::string& camera_name, const Scene& scene,
-                                   int64_t max_pixels);
+                                   const std::string& camera_name, const std::string& field,
+                                   const Scene& scene, int64_t max_pixels);
 
 // `lens` moved to the pose. `field` is where the pose stands in the request: "pose".
 absl::StatusOr<Camera> ResolvePose(const v1::Pose& pose, const Camera& lens, const Scene& scene,

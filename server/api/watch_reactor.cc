@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/convert.h"
+#include "server/api/cut_off.h"
 #include "server/api/grpc_order.h"
 #include "server/api/status.h"
 #include "server/jobs/state_machine.h"
@@ -23,6 +24,7 @@ WatchReactor::WatchReactor(std::shared_ptr<Call> call, grpc::CallbackServerConte
       hub_(hub),
       pool_(pool) {
   subscription_ = hub_->Subscribe([this] { Wake(); });
+  ticket_ = call_->WatchToken([this] { Wake(); });
   pool_->Run(call_->client().name, [this] { Step(); });
 }
 
@@ -38,15 +40,16 @@ void WatchReactor::OnCancel() { Wake(); }
 
 void WatchReactor::OnWriteDone(bool ok) {
   AfterStart(this);
-  if (ok) {
-    pool_->Run(call_->client().name, [this] { Step(); });
-  } else {
-    End(CallCancelled());
-  }
+  const bool stalled = timer_.Stop();
+  call_->Hold(0);
+  if (stalled) return End(AnswerNotRead());
+  if (!ok) return End(CallCancelled());
+  pool_->Run(call_->client().name, [this] { Step(); });
 }
 
 void WatchReactor::OnDone() {
   hub_->Unsubscribe(subscription_);
+  ticket_ = {};
   delete this;
 }
 
@@ -61,12 +64,15 @@ void WatchReactor::End(const absl::Status& status) {
 void WatchReactor::Step() {
   for (;;) {
     if (context_->IsCancelled()) return End(CallCancelled());
+    if (const absl::Status known = call_->CheckToken(); !known.ok()) return End(known);
     if (!ready_.empty()) {
       auto message = Fill(ready_.front());
       if (!message.ok()) return End(message.status());
       last_ = ready_.front().number;
       ready_.pop_front();
       message_ = *std::move(message);
+      call_->Hold(static_cast<int64_t>(message_.ByteSizeLong()));
+      timer_.Start(call_->SecondsToRead(), [this] { CutOff(context_); });
       BeforeStart(this);
       return StartWrite(&message_);
     }
@@ -91,7 +97,12 @@ absl::Status WatchReactor::ReadMore(bool* over) {
     LITAGS_ASSIGN_OR_RETURN(job_id_, ParseJobName(request_.name()));
     LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs_->Get(job_id_));
     last_ = request_.after_event();
-    if (last_ < 0 || last_ > job.last_event) {
+    if (last_ < 0) {
+      return InvalidInput(
+          "EVENT_NUMBER_INVALID", "after_event",
+          absl::StrCat("after_event is ", last_, "; it is the number of an event, or 0 for all"));
+    }
+    if (last_ > job.last_event) {
       return MakeError(
           absl::StatusCode::kOutOfRange, "EVENT_NOT_YET", "after_event",
           absl::StrCat("after_event is ", last_, ", but the job's events go from 1 to ",
@@ -112,7 +123,7 @@ absl::Status WatchReactor::ReadMore(bool* over) {
 absl::StatusOr<v1::JobEvent> WatchReactor::Fill(const EventRecord& event) {
   std::string preview;
   LITAGS_ASSIGN_OR_RETURN(v1::JobEvent message, EventToProto(event, &preview));
-  if (request_.include_previews() && !preview.empty()) {
+  if (request_.include_previews() && !preview.empty() && call_->CheckRoom().ok()) {
     LITAGS_ASSIGN_OR_RETURN(*message.mutable_progress()->mutable_preview_png(),
                             jobs_->Preview(job_id_, preview));
   }

@@ -11,6 +11,7 @@
 #include "litags/v1/reconstruction_service.grpc.pb.h"
 #include "server/api/event_hub.h"
 #include "server/api/gate.h"
+#include "server/api/stall_timer.h"
 #include "server/api/thread_pool.h"
 #include "server/jobs/jobs.h"
 
@@ -18,7 +19,8 @@ namespace litags {
 
 // One WatchJob stream. Reads a few events from the store whenever the last ones were sent, so a
 // slow reader costs a few events of memory, and none is lost or doubled: what to read next follows
-// from the number sent last. Deletes itself when the call is over.
+// from the number sent last. Previews are left out while clients have too much unread. A client
+// that does not take an event for too long is cut off. Deletes itself when the call is over.
 class WatchReactor : public grpc::ServerWriteReactor<v1::JobEvent> {
  public:
   WatchReactor(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
@@ -43,6 +45,7 @@ class WatchReactor : public grpc::ServerWriteReactor<v1::JobEvent> {
   EventHub* const hub_;
   ThreadPool* const pool_;
   int64_t subscription_ = 0;
+  TokenWatch::Ticket ticket_;
 
   std::mutex mutex_;
   bool awake_ = true;     // Step() runs or is about to, or a write is in flight
@@ -55,6 +58,7 @@ class WatchReactor : public grpc::ServerWriteReactor<v1::JobEvent> {
   int64_t last_ = 0;  // number of the event sent last
   std::deque<EventRecord> ready_;
   v1::JobEvent message_;
+  StallTimer timer_;
 };
 
 }  // namespace litags

@@ -27,19 +27,17 @@ using Reader = std::unique_ptr<archive, int (*)(archive*)>;
 // a character, as that of a program does that sets no locale.
 class Utf8Names {
  public:
-  Utf8Names() : locale_(newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr)) {
-    if (locale_) before_ = uselocale(locale_);
+  Utf8Names() {
+    static const locale_t kUtf8 = newlocale(LC_CTYPE_MASK, "C.UTF-8", nullptr);
+    if (kUtf8) before_ = uselocale(kUtf8);
   }
   Utf8Names(const Utf8Names&) = delete;
   Utf8Names& operator=(const Utf8Names&) = delete;
   ~Utf8Names() {
-    if (!locale_) return;
-    uselocale(before_);
-    freelocale(locale_);
+    if (before_) uselocale(before_);
   }
 
  private:
-  const locale_t locale_;
   locale_t before_ = nullptr;
 };
 
@@ -50,7 +48,7 @@ absl::Status NotRecognized(const std::string& field, const std::string& why) {
                    ShownName(why), "); pack it anew or upload the files themselves"));
 }
 
-class Extraction {
+class Extraction : public ArchiveReader {
  public:
   Extraction(Reader reader, int64_t archive_bytes, const ArchiveLimits& limits,
              std::string_view field, ArchiveSink* sink, const CancelToken& cancel)
@@ -61,25 +59,26 @@ class Extraction {
         sink_(sink),
         cancel_(cancel) {}
 
-  absl::Status Run() {
+  absl::StatusOr<bool> ReadNext() override {
     const Utf8Names utf8_names;
-    int64_t entries = 0, files = 0;
-    for (;; ++entries) {
+    for (;; ++entries_) {
       LITAGS_RETURN_IF_ERROR(cancel_.Check());
       archive_entry* entry = nullptr;
       const int result = archive_read_next_header(reader_.get(), &entry);
       if (result == ARCHIVE_EOF) break;
-      if (result != ARCHIVE_OK && result != ARCHIVE_WARN) return Corrupt(entries == 0);
-      if (entries == limits_.max_entries) {
+      if (result != ARCHIVE_OK && result != ARCHIVE_WARN) return Corrupt(entries_ == 0);
+      if (entries_ == limits_.max_entries) {
         return TooMuch("ARCHIVE_TOO_MANY_ENTRIES",
                        absl::StrCat("more than ", limits_.max_entries, " entries"));
       }
       LITAGS_RETURN_IF_ERROR(CheckEntry(entry));
       if (archive_entry_filetype(entry) == AE_IFDIR) continue;
-      ++files;
+      ++entries_;
+      has_file_ = true;
       LITAGS_RETURN_IF_ERROR(ReadFile(entry));
+      return true;
     }
-    if (files > 0) return absl::OkStatus();
+    if (has_file_) return false;
     return InvalidInput("ARCHIVE_EMPTY", field_,
                         absl::StrCat(field_,
                                      ": there is no file in the archive; pack the folder "
@@ -200,6 +199,8 @@ class Extraction {
   const std::string field_;
   ArchiveSink* const sink_;
   const CancelToken cancel_;
+  int64_t entries_ = 0;  // read
+  bool has_file_ = false;
   int64_t total_ = 0;
   std::string name_;                // of the entry in hand
   std::vector<std::string> parts_;  // of that name
@@ -227,16 +228,19 @@ std::string ShownName(std::string_view name) {
   return text.size() <= kLongest ? text : absl::StrCat(Utf8Prefix(text, kLongest), "...");
 }
 
-absl::Status ExtractArchive(const std::string& path, const ArchiveLimits& limits,
-                            std::string_view field, ArchiveSink* sink, const CancelToken& cancel) {
+absl::StatusOr<std::unique_ptr<ArchiveReader>> ArchiveReader::Open(const std::string& path,
+                                                                   const ArchiveLimits& limits,
+                                                                   std::string_view field,
+                                                                   ArchiveSink* sink,
+                                                                   const CancelToken& cancel) {
   std::error_code error;
   const auto bytes = std::filesystem::file_size(path, error);
   Reader reader = MakeReader();
   if (error || archive_read_open_filename(reader.get(), path.c_str(), kBlockBytes) != ARCHIVE_OK) {
     return NotOpened(reader.get(), field);
   }
-  return Extraction(std::move(reader), static_cast<int64_t>(bytes), limits, field, sink, cancel)
-      .Run();
+  return std::make_unique<Extraction>(std::move(reader), static_cast<int64_t>(bytes), limits, field,
+                                      sink, cancel);
 }
 
 absl::Status ExtractArchiveBytes(std::string_view bytes, const ArchiveLimits& limits,
@@ -246,9 +250,12 @@ absl::Status ExtractArchiveBytes(std::string_view bytes, const ArchiveLimits& li
   if (archive_read_open_memory(reader.get(), bytes.data(), bytes.size()) != ARCHIVE_OK) {
     return NotOpened(reader.get(), field);
   }
-  return Extraction(std::move(reader), static_cast<int64_t>(bytes.size()), limits, field, sink,
-                    cancel)
-      .Run();
+  Extraction extraction(std::move(reader), static_cast<int64_t>(bytes.size()), limits, field, sink,
+                        cancel);
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, extraction.ReadNext());
+    if (!more) return absl::OkStatus();
+  }
 }
 
 }  // namespace litags

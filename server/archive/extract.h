@@ -2,6 +2,7 @@
 #define LITAGS_SERVER_ARCHIVE_EXTRACT_H_
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -44,17 +45,28 @@ class ArchiveSink {
 };
 
 // Reads a ZIP or TAR archive (the latter plain or gzipped) of strangers, in one pass and in little
-// memory. `field` names it in errors, beside the entry at fault. Also wanted files that come before
-// an error have been given to the sink.
-// INVALID_ARGUMENT: ARCHIVE_NOT_RECOGNIZED, ARCHIVE_CORRUPT, ARCHIVE_ENCRYPTED, ARCHIVE_EMPTY (no
+// memory; file by file, so that others get their turn in between. `field` names it in errors,
+// beside the entry at fault. Also wanted files that come before an error have been given to the
+// sink. INVALID_ARGUMENT: ARCHIVE_NOT_RECOGNIZED, ARCHIVE_CORRUPT, ARCHIVE_ENCRYPTED, ARCHIVE_EMPTY
+// (no
 //   file in it), ARCHIVE_ENTRY_UNSAFE (links, devices, absolute names, "..", backslashes).
 // RESOURCE_EXHAUSTED: ARCHIVE_TOO_MANY_ENTRIES, ARCHIVE_ENTRY_TOO_LARGE, ARCHIVE_TOO_LARGE,
 //   ARCHIVE_RATIO_TOO_LARGE.
 // CANCELLED.
-absl::Status ExtractArchive(const std::string& path, const ArchiveLimits& limits,
-                            std::string_view field, ArchiveSink* sink,
-                            const CancelToken& cancel = {});
-// The same from memory.
+class ArchiveReader {
+ public:
+  // `sink` must outlive it.
+  static absl::StatusOr<std::unique_ptr<ArchiveReader>> Open(const std::string& path,
+                                                             const ArchiveLimits& limits,
+                                                             std::string_view field,
+                                                             ArchiveSink* sink,
+                                                             const CancelToken& cancel = {});
+  virtual ~ArchiveReader() = default;
+  // Gives the sink the next file. False: there was none left. Not to be called after an error.
+  virtual absl::StatusOr<bool> ReadNext() = 0;
+};
+
+// All files of an archive in memory.
 absl::Status ExtractArchiveBytes(std::string_view bytes, const ArchiveLimits& limits,
                                  std::string_view field, ArchiveSink* sink,
                                  const CancelToken& cancel = {});

@@ -8,7 +8,8 @@
 #include <clocale>
 #include <map>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
+#include "server/testing/archives.h"
 
 namespace litags {
 namespace {
@@ -16,11 +17,6 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Pair;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : status.ok() ? "" : std::string(status.message());
-}
 
 struct Entry {
   std::string name;
@@ -58,29 +54,6 @@ std::string Pack(const std::vector<Entry>& entries, const std::string& kind) {
   out.resize(used);
   return out;
 }
-
-class MapSink : public ArchiveSink {
- public:
-  absl::StatusOr<bool> Begin(const ArchiveEntry& entry) override {
-    name_.clear();
-    for (const std::string& folder : entry.folders) name_ += folder + "|";
-    name_ += entry.name;
-    return entry.name != "unwanted";
-  }
-  absl::Status Write(std::string_view bytes) override {
-    files[name_] += bytes;
-    return absl::OkStatus();
-  }
-  absl::Status End() override {
-    ++ended;
-    return absl::OkStatus();
-  }
-  std::map<std::string, std::string> files;
-  int ended = 0;
-
- private:
-  std::string name_;
-};
 
 absl::Status Extract(const std::string& bytes, ArchiveLimits limits = {}, MapSink* sink = nullptr) {
   MapSink unused;

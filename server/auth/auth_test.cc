@@ -5,7 +5,7 @@
 #include <fstream>
 #include <thread>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/auth/authenticator.h"
 #include "server/auth/tls.h"
 #include "server/auth/tokens.h"
@@ -18,11 +18,6 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 std::string Field(const absl::Status& status) {
   const auto detail = GetErrorDetail(status);

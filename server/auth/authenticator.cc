@@ -56,6 +56,7 @@ absl::Status Authenticator::Load() {
     LITAGS_RETURN_IF_ERROR(tokens->AddLines(text, path));
   }
   tokens_ = std::move(tokens);
+  ++generation_;
   return absl::OkStatus();
 }
 
@@ -73,6 +74,12 @@ std::shared_ptr<const TokenTable> Authenticator::Tokens() {
     }
   }
   return tokens_;
+}
+
+int64_t Authenticator::Generation() {
+  Tokens();
+  std::lock_guard lock(mutex_);
+  return generation_;
 }
 
 Principal Authenticator::Named(std::string name) const {

@@ -44,6 +44,10 @@ class Authenticator {
   absl::StatusOr<Principal> Identify(std::optional<std::string_view> authorization,
                                      std::optional<std::string_view> certificate_name);
 
+  // Another number once the tokens have been read anew: whom Identify() knew before, it may not
+  // know any more. Looks whether they have to be.
+  int64_t Generation();
+
  private:
   explicit Authenticator(AuthOptions options) : options_(std::move(options)) {}
   absl::Status Load();
@@ -54,6 +58,7 @@ class Authenticator {
   std::set<std::string> admins_;
   std::mutex mutex_;
   std::shared_ptr<const TokenTable> tokens_;
+  int64_t generation_ = 0;
   FileStamp file_;  // as it was when it was read
   std::chrono::steady_clock::time_point looked_;
 };

@@ -56,10 +56,12 @@ absl::StatusOr<JobRecord> ClientJobStore::Update(std::string_view id, Change cha
     if (!Sees(job.job)) return JobNotFound(id);
     if (view_.max_bytes == 0) return change(job);
     LITAGS_ASSIGN_OR_RETURN(const OwnerUsage before, job.Usage());
+    const JobState state = job.job.state;
     LITAGS_RETURN_IF_ERROR(change(job));
     LITAGS_ASSIGN_OR_RETURN(const OwnerUsage after, job.Usage());
-    // Whoever is above a quota that was lowered may still do all that adds nothing.
-    if (after.bytes <= before.bytes) return absl::OkStatus();
+    // Whoever is above the quota may still do all that adds nothing. A run adds what it will leave.
+    const bool runs = job.job.state == JobState::kQueued && state != JobState::kQueued;
+    if (after.bytes <= before.bytes && !runs) return absl::OkStatus();
     return CheckByteQuota(after.bytes, view_.max_bytes);
   });
 }

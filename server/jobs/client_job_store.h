@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "server/jobs/caps.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -14,7 +15,8 @@ struct ClientView {
   std::string owner;      // of the jobs it makes
   bool sees_all = false;  // also other owners' jobs: an administrator
   int64_t max_jobs = 0;   // of this owner at one time; 0: no limit
-  int64_t max_bytes = 0;  // of all their files; 0: no limit
+  int64_t max_bytes = 0;  // of all that they hold, see OwnerUsage; 0: no limit
+  JobCaps caps = {};      // of each job
 };
 
 // RESOURCE_EXHAUSTED (BYTE_QUOTA_REACHED) if there is a limit, and `bytes` are more.

@@ -5,18 +5,13 @@
 
 #include <functional>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
 
 using ::testing::HasSubstr;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : status.ok() ? "" : std::string(status.message());
-}
 
 absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
 
@@ -103,6 +98,28 @@ TEST_F(ClientJobStoreTest, BytesAreCountedOverAllJobsOfAClient) {
   EXPECT_THAT(std::string(more.message()), HasSubstr("would hold 11 bytes, and may hold 10"));
   EXPECT_EQ(store_->Get("a2")->bytes, 0);
   EXPECT_TRUE(alice_.Update("a2", PutBytes(4)).ok());
+}
+
+TEST_F(ClientJobStoreTest, ResultsCountAndAboveTheQuotaNothingIsStarted) {
+  EXPECT_TRUE(alice_.Create(MakeJob("a2"), Nothing).ok());
+  const auto start = [](JobTransaction& job) {
+    job.job.state = JobState::kQueued;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(alice_.Update("a1", start).ok());
+  // Its worker is not held up.
+  const auto leave_results = [](JobTransaction& job) {
+    job.job.kept_bytes = 8;
+    job.job.preview_bytes = 3;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(store_->Update("a1", leave_results).ok());
+  EXPECT_EQ(store_->UsageOf("alice")->bytes, 11);
+  EXPECT_EQ(Reason(alice_.Update("a2", start).status()), "BYTE_QUOTA_REACHED");
+  EXPECT_EQ(Reason(alice_.Update("a2", PutBytes(1)).status()), "BYTE_QUOTA_REACHED");
+  EXPECT_TRUE(alice_.Update("a2", Nothing).ok());
+  ASSERT_TRUE(alice_.Update("a1", [](JobTransaction& job) { return job.Remove(); }).ok());
+  EXPECT_TRUE(alice_.Update("a2", start).ok());
 }
 
 TEST_F(ClientJobStoreTest, ClientAboveALoweredQuotaMayStillDoWhatAddsNothing) {

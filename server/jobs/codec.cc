@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 
@@ -185,6 +187,15 @@ std::string Encode(const ProgressRecord& progress) { return EncodeRecord(progres
 std::string Encode(const SnapshotRecord& snapshot) { return EncodeRecord(snapshot); }
 std::string Encode(const ReconstructReport& report) { return EncodeRecord(report); }
 std::string Encode(const KeptFiles& files) { return EncodeRecord(files); }
+
+void SetKept(JobRecord* job, const KeptFiles& files) {
+  job->kept = Encode(files);
+  job->kept_bytes = 0;
+  std::set<std::string_view> counted;  // a finished scene may have two names
+  for (const auto& [name, file] : files) {
+    if (counted.insert(file.blob).second) job->kept_bytes += file.bytes;
+  }
+}
 
 std::vector<std::string> Differences(const ReconstructOptions& a, const ReconstructOptions& b) {
   std::vector<std::string> values, names;

@@ -56,6 +56,9 @@ std::string Encode(const SnapshotRecord& snapshot);
 std::string Encode(const ReconstructReport& report);
 std::string Encode(const KeptFiles& files);
 
+// The job has these from now on, and their bytes count as its owner's.
+void SetKept(JobRecord* job, const KeptFiles& files);
+
 // Names of the options that differ, as in JobOptions of the proto.
 std::vector<std::string> Differences(const ReconstructOptions& a, const ReconstructOptions& b);
 

@@ -51,6 +51,24 @@ absl::Status CheckMasks(const std::vector<FileRecord>& files) {
   return absl::OkStatus();
 }
 
+// Jobs that were made before there were policies have none.
+absl::StatusOr<JobPolicy> PolicyOf(const JobRecord& job) {
+  return job.policy.empty() ? JobPolicy() : Decode<JobPolicy>(job.policy);
+}
+
+// The caps may be others than when the job was made.
+absl::Status ApplyCaps(const JobCaps& caps, JobRecord* job) {
+  ReconstructOptions options;
+  if (!job->options.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(options, Decode<ReconstructOptions>(job->options));
+  }
+  LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(*job));
+  LITAGS_RETURN_IF_ERROR(caps.Check(options, policy));
+  caps.LimitRunTime(&policy);
+  job->policy = Encode(policy);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
@@ -59,13 +77,15 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
     Jobs jobs;
     Owned(const Jobs& all, const ClientView& view)
         : store(all.store_, view),
-          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view.max_bytes) {}
+          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view.max_bytes,
+               view.caps) {}
   };
   auto owned = std::make_shared<Owned>(*this, view);
   return {owned, &owned->jobs};
 }
 
 absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
+  LITAGS_RETURN_IF_ERROR(caps_.Check(wanted.options, wanted.policy));
   const int64_t now_ms = clock_();
   JobRecord job;
   job.id = RandomHex(8);
@@ -76,7 +96,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   job.options = Encode(wanted.options);
   job.policy = Encode(wanted.policy);
   job.priority = wanted.policy.priority;
-  job.needs = EncodedNeedsOf(wanted.policy);
+  job.needs = EncodedNeedsOf(wanted.policy, wanted.options);
   job.create_time_ms = now_ms;
   job.expire_time_ms = uploads_.Expiry();
   LITAGS_ASSIGN_OR_RETURN(JobRecord made, store_->Create(job, [&](JobTransaction& transaction) {
@@ -86,9 +106,12 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   // request. Of older jobs only what they are now is known.
   const bool known = !made.request_digest.empty() && !job.request_digest.empty();
   if (known && made.request_digest == job.request_digest) return made;
+  JobPolicy started = wanted.policy;  // as Start() has it
+  caps_.LimitRunTime(&started);
+  const bool same_policy = made.policy == job.policy || made.policy == Encode(started);
   const char* other = made.display_name != job.display_name       ? "another title"
                       : made.options != job.options               ? "other options"
-                      : made.policy != job.policy                 ? "another policy"
+                      : !same_policy                              ? "another policy"
                       : made.content_digest != job.content_digest ? "other files"
                       : known                                     ? "another request"
                                                                   : nullptr;
@@ -136,13 +159,30 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
   LITAGS_RETURN_IF_ERROR(CheckPhotos(files));
   LITAGS_RETURN_IF_ERROR(CheckMasks(files));
+  LITAGS_RETURN_IF_ERROR(ApplyCaps(caps_, &job.job));
   job.job.attempt = 0;
   job.job.run_ms = 0;
-  job.job.report.clear();
   return ApplyAction(job, action, clock_(), message);
 }
 
+// That there is nobody who will ever run the job is known now only where workers are there.
+absl::Status Jobs::CheckNetwork(std::string_view id) {
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+  if (job.needs.empty()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const auto needs, Decode<Resources>(job.needs));
+  if (!HasDepthNetwork(needs)) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
+  const bool none = std::none_of(workers.begin(), workers.end(), HasDepthNetwork);
+  if (workers.empty() || !none) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MODEL_MISSING",
+                   "options.depth_source",
+                   "options.depth_source: a network was asked for, and no worker of this service "
+                   "has one; make a job with another source, or ask the operator for "
+                   "--depth-model");
+}
+
 absl::StatusOr<JobRecord> Jobs::Start(std::string_view id) {
+  LITAGS_RETURN_IF_ERROR(CheckNetwork(id));
   auto job = store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
     return Enqueue(transaction, JobAction::kStart, "started");
   });
@@ -152,20 +192,18 @@ absl::StatusOr<JobRecord> Jobs::Start(std::string_view id) {
 }
 
 absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& change) {
+  LITAGS_RETURN_IF_ERROR(CheckNetwork(id));
   return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
     if (!change) return Enqueue(job, JobAction::kResume, "resumed");
     LITAGS_ASSIGN_OR_RETURN(const auto before, Decode<ReconstructOptions>(job.job.options));
-    JobPolicy policy;
-    if (!job.job.policy.empty()) {
-      LITAGS_ASSIGN_OR_RETURN(policy, Decode<JobPolicy>(job.job.policy));
-    }
+    LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(job.job));
     ReconstructOptions options = before;
     LITAGS_RETURN_IF_ERROR(change(options, policy));
     LITAGS_ASSIGN_OR_RETURN(options, ResumedOptions(before, options));
     job.job.options = Encode(options);
     job.job.policy = Encode(policy);
     job.job.priority = policy.priority;
-    job.job.needs = EncodedNeedsOf(policy);
+    job.job.needs = EncodedNeedsOf(policy, options);
     const int more = options.iterations - before.iterations;
     if (more == 0) return Enqueue(job, JobAction::kResume, "resumed");
     return Enqueue(job, JobAction::kExtend,

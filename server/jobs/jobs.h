@@ -15,6 +15,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
+#include "server/jobs/caps.h"
 #include "server/jobs/client_job_store.h"
 #include "server/jobs/placement.h"
 #include "server/jobs/policy.h"
@@ -61,7 +62,8 @@ class Jobs {
   // stores.
   std::shared_ptr<Jobs> For(ClientView view) const;
 
-  // ALREADY_EXISTS (REQUEST_ID_REUSED) if the id was used for another request.
+  // ALREADY_EXISTS (REQUEST_ID_REUSED) if the id was used for another request; errors of
+  // JobCaps::Check().
   absl::StatusOr<JobRecord> Create(const NewJob& job);
 
   absl::StatusOr<JobRecord> Get(std::string_view id) { return store_->Get(id); }
@@ -79,7 +81,8 @@ class Jobs {
   // Files for jobs that are not started yet.
   Uploads& uploads() { return uploads_; }
 
-  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, beside the state's own.
+  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, DEPTH_MODEL_MISSING, beside the state's
+  // own. Errors of JobCaps::Check().
   absl::StatusOr<JobRecord> Start(std::string_view id);
   absl::StatusOr<JobRecord> Cancel(std::string_view id);
   // Errors of `change`, of ResumedOptions(), and those of Start().
@@ -112,18 +115,22 @@ class Jobs {
 
  private:
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
-       std::shared_ptr<UploadArea> area, int64_t max_owner_bytes = 0)
+       std::shared_ptr<UploadArea> area, int64_t max_owner_bytes = 0, JobCaps caps = {})
       : store_(store),
         blobs_(blobs),
         data_(std::move(data)),
         clock_(std::move(clock)),
-        uploads_(store, blobs, std::move(area), clock_, max_owner_bytes) {}
+        uploads_(store, blobs, std::move(area), clock_, max_owner_bytes),
+        caps_(caps) {}
 
+  absl::Status CheckNetwork(std::string_view id);
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
   absl::Status RemoveFolders(std::string_view id);
   absl::Status RemoveOrphans();
   absl::Status RemoveUnreferencedBlobs(const std::string& id);
+  absl::Status RemoveUnreferencedUploads(const std::string& id,
+                                         const std::vector<std::string>& digests);
   absl::StatusOr<std::set<std::string>> BlobsNamedBy(const JobRecord& job);
 
   JobStore* const store_;
@@ -131,6 +138,7 @@ class Jobs {
   const DataDir data_;
   const Clock clock_;
   Uploads uploads_;
+  const JobCaps caps_;
 };
 
 }  // namespace litags

@@ -32,6 +32,9 @@ struct KeptFile {
 using KeptFiles = std::map<std::string, KeptFile>;
 
 inline constexpr char kSceneFile[] = "scene.litags";
+// The scene of a job that had succeeded and was resumed: what is kept of it until a better one is
+// finished. The one name that is of no file in a work folder.
+inline constexpr char kFinishedScene[] = "finished/scene.litags";
 
 // Paths of the files in a work folder that a later run wants: all that lie in it and in its
 // folders, but for the workspace of finding cameras and for files that are being written.

@@ -93,10 +93,20 @@ absl::StatusOr<bool> Leases::CancelRequested(const Lease& lease) {
   return job->cancel_requested;
 }
 
+// Whether there is a preview, and the job may keep it.
+absl::StatusOr<bool> Leases::HasRoomFor(const Lease& lease, int64_t preview_bytes) {
+  if (preview_bytes == 0) return false;
+  const absl::StatusOr<JobRecord> job = store_->Get(lease.job.id);
+  if (!job.ok()) return LostIfGone(job.status(), lease);
+  return job->preview_bytes + preview_bytes <= options_.max_preview_bytes;
+}
+
 absl::Status Leases::AddProgress(const Lease& lease, const Progress& progress) {
   ProgressRecord record{progress, ""};
   record.progress.preview_png.clear();
-  if (!progress.preview_png.empty()) {
+  const auto png_bytes = static_cast<int64_t>(progress.preview_png.size());
+  LITAGS_ASSIGN_OR_RETURN(const bool has_room, HasRoomFor(lease, png_bytes));
+  if (has_room) {
     const std::string_view png(reinterpret_cast<const char*>(progress.preview_png.data()),
                                progress.preview_png.size());
     record.preview = LeaseBlob(lease.job.last_event, Sha256::Hex(png));
@@ -108,6 +118,7 @@ absl::Status Leases::AddProgress(const Lease& lease, const Progress& progress) {
                   std::string encoded = Encode(record);
                   if (job.job.progress == encoded) return absl::OkStatus();
                   job.job.progress = std::move(encoded);
+                  if (has_room) job.job.preview_bytes += png_bytes;
                   return job.AddEvent({0, clock_(), EventKind::kProgress, job.job.progress});
                 })
       .status();
@@ -120,7 +131,7 @@ absl::Status Leases::Keep(const Lease& lease, const KeptFiles& files,
                 [&](JobTransaction& job) -> absl::Status {
                   LITAGS_RETURN_IF_ERROR(ApplyAction(job, JobAction::kReport, clock_(), ""));
                   const bool again = job.job.kept == kept;
-                  job.job.kept = kept;
+                  SetKept(&job.job, files);
                   if (!snapshot_iteration ||
                       (again && job.job.snapshot_iteration == *snapshot_iteration)) {
                     return absl::OkStatus();
@@ -138,7 +149,7 @@ absl::Status Leases::Succeed(const Lease& lease, const ReconstructReport& report
              lease,
              [&](JobTransaction& job) -> absl::Status {
                job.job.report = Encode(report);
-               job.job.kept = Encode(files);
+               SetKept(&job.job, files);
                if (job.job.snapshot_iteration != report.iterations) {
                  job.job.snapshot_iteration = report.iterations;
                  LITAGS_RETURN_IF_ERROR(job.AddEvent({0, clock_(), EventKind::kSnapshot,

@@ -20,6 +20,8 @@ namespace litags {
 struct LeaseOptions {
   int64_t duration_ms = 10000;  // without a heartbeat for this long, the job goes to another worker
   int max_attempts = 3;         // after this many lost workers the job fails
+  // Of all pictures that show a job's progress: some hundreds. Later progress comes without one.
+  int64_t max_preview_bytes = int64_t{256} << 20;
 };
 
 // A worker's hold on a job.
@@ -72,6 +74,7 @@ class Leases {
 
  private:
   absl::StatusOr<JobRecord> Update(const Lease& lease, JobStore::Change change);
+  absl::StatusOr<bool> HasRoomFor(const Lease& lease, int64_t preview_bytes);
   absl::Status Abandon(JobTransaction& job, std::string_view why);
   // No lease ends later than one taken now. Where one does, the clock was set back since, and a
   // dead worker would keep its job until the old time came again. A living one renews in time.

@@ -8,7 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/jobs/placement.h"
-#include "server/jobs/work_import.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -147,7 +146,6 @@ absl::StatusOr<MoveSummary> MoveInstallation(const StorePlaces& from, const Stor
   LITAGS_RETURN_IF_ERROR(CheckUnused(target_store.get(), "to-store"));
   LITAGS_ASSIGN_OR_RETURN(const auto source, OpenBlobStore(from, data));
   LITAGS_ASSIGN_OR_RETURN(const auto target, OpenBlobStore(to, data));
-  LITAGS_RETURN_IF_ERROR(ImportWorkFolders(store.get(), source.get(), data));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, JobIds(store.get()));
   Mover mover(source.get(), target.get(), data, note);
   for (const std::string& id : ids) LITAGS_RETURN_IF_ERROR(mover.MoveJob(id));

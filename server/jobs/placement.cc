@@ -53,14 +53,20 @@ std::vector<std::string> Sorted(std::vector<std::string> labels) {
   return labels;
 }
 
-Resources NeedsOf(const JobPolicy& policy) {
-  return {policy.min_cores,
-          policy.min_memory_bytes > 0 ? policy.min_memory_bytes : policy.max_memory_bytes,
-          Sorted(policy.labels)};
+bool HasDepthNetwork(const Resources& has) {
+  return std::binary_search(has.labels.begin(), has.labels.end(), kDepthNetworkLabel);
 }
 
-std::string EncodedNeedsOf(const JobPolicy& policy) {
-  const Resources needs = NeedsOf(policy);
+Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options) {
+  std::vector<std::string> labels = policy.labels;
+  if (options.depth_source == DepthOrigin::kNetwork) labels.emplace_back(kDepthNetworkLabel);
+  return {policy.min_cores,
+          policy.min_memory_bytes > 0 ? policy.min_memory_bytes : policy.max_memory_bytes,
+          Sorted(std::move(labels))};
+}
+
+std::string EncodedNeedsOf(const JobPolicy& policy, const ReconstructOptions& options) {
+  const Resources needs = NeedsOf(policy, options);
   return IsNothing(needs) ? "" : Encode(needs);
 }
 

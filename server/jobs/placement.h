@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/pipeline/options.h"
 #include "server/jobs/policy.h"
 #include "server/store/job_store.h"
 
@@ -27,10 +28,15 @@ struct Resources {
 absl::Status CheckLabels(const std::vector<std::string>& labels, const char* field);
 std::vector<std::string> Sorted(std::vector<std::string> labels);
 
+// The label of workers with a depth network: put there by the worker itself, and asked for by the
+// options of a job that needs one.
+inline constexpr char kDepthNetworkLabel[] = "depth-network";
+bool HasDepthNetwork(const Resources& has);
+
 // A job that does not say what memory it needs, but what it may take, needs that.
-Resources NeedsOf(const JobPolicy& policy);
+Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options);
 // The same as JobRecord::needs: equal needs are equal texts; empty: nothing.
-std::string EncodedNeedsOf(const JobPolicy& policy);
+std::string EncodedNeedsOf(const JobPolicy& policy, const ReconstructOptions& options);
 
 bool Fits(const Resources& needs, const Resources& has);
 // The same of JobRecord::needs; false for a text that cannot be read.

@@ -30,16 +30,19 @@ TEST(Placement, WorkerMustHaveAllThatAJobNeeds) {
 
 TEST(Placement, EqualNeedsAreEqualTextsAndNoneIsEmpty) {
   JobPolicy policy;
-  EXPECT_EQ(EncodedNeedsOf(policy), "");
+  EXPECT_EQ(EncodedNeedsOf(policy, {}), "");
   policy.labels = {"b", "a", "b"};
   JobPolicy other;
   other.labels = {"a", "b"};
-  EXPECT_EQ(EncodedNeedsOf(policy), EncodedNeedsOf(other));
-  EXPECT_THAT(NeedsOf(policy).labels, ElementsAre("a", "b"));
+  EXPECT_EQ(EncodedNeedsOf(policy, {}), EncodedNeedsOf(other, {}));
+  EXPECT_THAT(NeedsOf(policy, {}).labels, ElementsAre("a", "b"));
+  ReconstructOptions network;
+  network.depth_source = DepthOrigin::kNetwork;
+  EXPECT_THAT(NeedsOf(policy, network).labels, ElementsAre("a", "b", kDepthNetworkLabel));
   policy.max_memory_bytes = 4 * kGiB;
-  EXPECT_EQ(NeedsOf(policy).memory_bytes, 4 * kGiB) << "what it may take it may need";
+  EXPECT_EQ(NeedsOf(policy, {}).memory_bytes, 4 * kGiB) << "what it may take it may need";
   policy.min_memory_bytes = kGiB;
-  EXPECT_EQ(NeedsOf(policy).memory_bytes, kGiB);
+  EXPECT_EQ(NeedsOf(policy, {}).memory_bytes, kGiB);
 }
 
 TEST(Placement, LabelsThatAreNoneAreRefused) {

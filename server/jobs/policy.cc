@@ -10,7 +10,6 @@
 namespace litags {
 namespace {
 
-constexpr int kMaxPriority = 100;
 constexpr int64_t kMinMemoryBytes = int64_t{64} << 20;  // no job runs in less
 constexpr int kMaxCores = 65536;
 constexpr double kMaxSeconds = 1e9;  // 31 years: milliseconds do not overflow
@@ -27,7 +26,7 @@ bool IsDuration(double seconds) {
 }  // namespace
 
 absl::Status JobPolicy::Validate() const {
-  if (priority < -kMaxPriority || priority > kMaxPriority) {
+  if (priority < -kMaxJobPriority || priority > kMaxJobPriority) {
     return Bad("priority", priority, "in -100..100");
   }
   if (!IsDuration(max_run_seconds)) {

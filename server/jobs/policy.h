@@ -9,6 +9,8 @@
 
 namespace litags {
 
+inline constexpr int kMaxJobPriority = 100;  // and -100 the least
+
 // How a job is treated, whatever it reconstructs.
 struct JobPolicy {
   int priority = 0;              // -100..100; higher ones leave the queue first

@@ -17,6 +17,7 @@ struct Transition {
 
 constexpr Transition kTransitions[] = {
     {JobAction::kUpload, JobState::kUploading, JobState::kUploading},
+    {JobAction::kUpload, JobState::kFailed, JobState::kUploading},
 
     {JobAction::kStart, JobState::kUploading, JobState::kQueued},
 
@@ -55,7 +56,8 @@ struct Refusal {
 Refusal RefusalOf(JobAction action) {
   switch (action) {
     case JobAction::kUpload:
-      return {"JOB_NOT_UPLOADING", "files can only be added before StartJob; create a new job"};
+      return {"JOB_NOT_UPLOADING",
+              "files can only be added before StartJob, and to a FAILED job; create a new one"};
     case JobAction::kStart:
       return {"JOB_NOT_UPLOADING",
               "only a job that is UPLOADING can be started; a FAILED or CANCELLED one is resumed"};

@@ -11,7 +11,7 @@ namespace litags {
 
 // What can be done to a job: by its owner, or by the worker that runs it.
 enum class JobAction {
-  kUpload,   // store a file
+  kUpload,   // store a file; one that failed for its files takes others
   kStart,    // hand it to the workers
   kCancel,   // ask for a stop
   kResume,   // try again, or go on

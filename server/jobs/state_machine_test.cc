@@ -20,7 +20,7 @@ const std::map<JobState, std::string> kExpected = {
     {JobState::kQueued,    "..C..QR....."},
     {JobState::kRunning,   "..R....RSFCQ"},
     {JobState::kSucceeded, "....QS......"},
-    {JobState::kFailed,    "...QQF......"},
+    {JobState::kFailed,    "U..QQF......"},
     {JobState::kCancelled, "..CQQC......"},
 };
 // clang-format on

@@ -114,10 +114,7 @@ absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
     return absl::OkStatus();
   }
   LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> named, BlobsNamedBy(job));
-  for (const std::string& sha256 : uploaded) {
-    if (named.contains(sha256)) continue;
-    LITAGS_RETURN_IF_ERROR(blobs_->Remove(absl::StrCat(folder, "/", sha256)));
-  }
+  LITAGS_RETURN_IF_ERROR(RemoveUnreferencedUploads(id, uploaded));
   for (const auto& [lease, blobs] : of_leases) {
     // The copy is for clang 14, which takes no structured binding by reference.
     const auto is_named = [&named, lease = lease](const std::string& sha256) {
@@ -141,6 +138,24 @@ absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
                  return absl::OkStatus();
                })
       .status();
+}
+
+// A FAILED job may take files again, which may have the digest of an old one: whoever adds them
+// changes the state first, and so waits for this transaction.
+absl::Status Jobs::RemoveUnreferencedUploads(const std::string& id,
+                                             const std::vector<std::string>& digests) {
+  const auto change = [&](JobTransaction& job) -> absl::Status {
+    if (!IsTerminal(job.job.state)) return absl::OkStatus();
+    std::set<std::string> named;
+    LITAGS_ASSIGN_OR_RETURN(const auto files, job.Files());
+    for (const FileRecord& file : files) named.insert(file.sha256);
+    for (const std::string& sha256 : digests) {
+      if (named.contains(sha256)) continue;
+      LITAGS_RETURN_IF_ERROR(blobs_->Remove(BlobKey(id, sha256)));
+    }
+    return absl::OkStatus();
+  };
+  return store_->Update(id, change).status();
 }
 
 absl::StatusOr<std::set<std::string>> Jobs::BlobsNamedBy(const JobRecord& job) {

@@ -1,7 +1,9 @@
 #include "server/jobs/transition.h"
 
 #include <algorithm>
+#include <string>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 
 namespace litags {
@@ -14,6 +16,54 @@ absl::StatusOr<int64_t> ExpiryOf(const JobRecord& job, JobState state, int64_t n
   LITAGS_ASSIGN_OR_RETURN(const auto policy, Decode<JobPolicy>(job.policy));
   if (policy.retention_seconds == 0) return 0;
   return now_ms + static_cast<int64_t>(1000 * policy.retention_seconds);
+}
+
+absl::StatusOr<KeptFiles> KeptOf(const JobRecord& job) {
+  return job.kept.empty() ? KeptFiles() : Decode<KeptFiles>(job.kept);
+}
+
+// A finished scene goes on to be trained.
+absl::Status SetFinishedAside(JobRecord* job) {
+  LITAGS_ASSIGN_OR_RETURN(KeptFiles kept, KeptOf(*job));
+  const auto scene = kept.find(kSceneFile);
+  if (scene == kept.end()) return absl::OkStatus();
+  kept[kFinishedScene] = scene->second;
+  SetKept(job, kept);
+  return absl::OkStatus();
+}
+
+absl::Status DropFinished(JobRecord* job) {
+  LITAGS_ASSIGN_OR_RETURN(KeptFiles kept, KeptOf(*job));
+  if (kept.erase(kFinishedScene) > 0) SetKept(job, kept);
+  return absl::OkStatus();
+}
+
+// The training went no further. `note` gets what the user should know.
+absl::Status BringFinishedBack(JobTransaction& job, int64_t now_ms, std::string* note) {
+  LITAGS_ASSIGN_OR_RETURN(KeptFiles kept, KeptOf(job.job));
+  const auto finished = kept.find(kFinishedScene);
+  if (finished == kept.end()) return absl::OkStatus();
+  kept[kSceneFile] = finished->second;
+  SetKept(&job.job, kept);
+  job.job.has_unreferenced_blobs = true;
+  ReconstructReport report;
+  if (!job.job.report.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(report, Decode<ReconstructReport>(job.job.report));
+  }
+  *note = absl::StrCat("; its finished scene of ", report.iterations, " iterations stays");
+  if (job.job.snapshot_iteration == report.iterations) return absl::OkStatus();
+  job.job.snapshot_iteration = report.iterations;
+  return job.AddEvent({0, now_ms, EventKind::kSnapshot, Encode(SnapshotRecord{report.iterations})});
+}
+
+// Other files will come: what was made of the old ones is of no use.
+void ForgetRuns(JobRecord* job) {
+  job->kept.clear();
+  job->kept_bytes = 0;
+  job->progress.clear();
+  job->report.clear();
+  job->snapshot_iteration = -1;
+  job->has_unreferenced_blobs = true;
 }
 
 }  // namespace
@@ -30,6 +80,13 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
   JobRecord& record = job.job;
   LITAGS_ASSIGN_OR_RETURN(const JobState next, NextState(record.state, action));
   if (next == record.state) return absl::OkStatus();
+  std::string note;
+  if (record.state == JobState::kSucceeded) LITAGS_RETURN_IF_ERROR(SetFinishedAside(&record));
+  if (next == JobState::kSucceeded) LITAGS_RETURN_IF_ERROR(DropFinished(&record));
+  if (next == JobState::kFailed || next == JobState::kCancelled) {
+    LITAGS_RETURN_IF_ERROR(BringFinishedBack(job, now_ms, &note));
+  }
+  if (next == JobState::kUploading) ForgetRuns(&record);
   const bool was_running = record.state == JobState::kRunning;
   record.state = next;
   record.error = error ? Encode(*error) : "";
@@ -46,7 +103,7 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
     record.lease_owner.clear();
     record.cancel_requested = false;
   }
-  return AddStateEvent(job, now_ms, message, error);
+  return AddStateEvent(job, now_ms, absl::StrCat(std::string(message), note), error);
 }
 
 }  // namespace litags

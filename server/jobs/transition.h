@@ -12,6 +12,9 @@ namespace litags {
 
 // Applies an action to a job inside its transaction: checks it, sets the new state and the times
 // that belong to it, and writes an event if the state is another one. `error` is set for kFail.
+//
+// A finished scene, and its report, stay until a better one is finished: a job that was resumed for
+// more iterations, and then fails or is cancelled, has the scene again that it had before.
 absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
                          std::string_view message, const JobError* error = nullptr);
 

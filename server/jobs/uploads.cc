@@ -7,7 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/jobs/client_job_store.h"
+#include "server/jobs/codec.h"
 #include "server/jobs/state_machine.h"
+#include "server/jobs/transition.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -45,6 +47,7 @@ std::string PartialKey(const FileRecord& file) {
 absl::Status Uploads::Check(std::string_view id) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
   LITAGS_RETURN_IF_ERROR(NextState(job.state, JobAction::kUpload).status());
+  if (job.state != JobState::kUploading) return absl::OkStatus();  // expires as it did
   const int64_t step = static_cast<int64_t>(1000 * kTouchFraction * limits().keep_seconds);
   if (Expiry() - job.expire_time_ms < step) return absl::OkStatus();
   return store_
@@ -56,6 +59,24 @@ absl::Status Uploads::Check(std::string_view id) {
             return absl::OkStatus();
           })
       .status();
+}
+
+absl::Status Uploads::Reopen(std::string_view id) {
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord seen, store_->Get(id));
+  if (seen.state != JobState::kFailed) return absl::OkStatus();
+  const auto change = [&](JobTransaction& job) -> absl::Status {
+    if (job.job.state != JobState::kFailed) return absl::OkStatus();
+    if (!job.job.report.empty()) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
+                       "the job has a finished scene, which is of the files that it has; create "
+                       "a new job for others");
+    }
+    LITAGS_RETURN_IF_ERROR(
+        ApplyAction(job, JobAction::kUpload, clock_(), "takes other files, and starts afresh"));
+    job.job.expire_time_ms = Expiry();
+    return absl::OkStatus();
+  };
+  return store_->Update(id, change).status();
 }
 
 absl::StatusOr<bool> Uploads::IsStored(std::string_view id, const FileRecord& file) {
@@ -143,6 +164,7 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
     return partials().Announce(id, key, file.size_bytes);
   }();
   LITAGS_RETURN_IF_ERROR(announced.status());
+  LITAGS_RETURN_IF_ERROR(Reopen(id));
   auto partial = partials().Open(id, key, file.size_bytes, offset);
   // A job that was cancelled or deleted meanwhile has no files on their way.
   if (const absl::Status status = Check(id); !status.ok()) {
@@ -158,6 +180,10 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
 absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file) {
   const auto change = [&](JobTransaction& job) -> absl::Status {
     LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
+    if (job.job.state != JobState::kUploading) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
+                       "the job was started, and has failed, while the file came; send it again");
+    }
     LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
     LITAGS_RETURN_IF_ERROR(CheckRoom(job.job, files, file, {}));
     for (const FileRecord& f : files) {
@@ -201,7 +227,8 @@ absl::Status Uploads::CheckAdd(std::string_view id, const FileRecord& file) {
   if (IsIn(files, file)) return absl::OkStatus();
   LITAGS_RETURN_IF_ERROR(CheckRoom(job, files, file, {}));
   LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
-  return CheckByteQuota(usage.bytes + file.size_bytes, max_owner_bytes_);
+  LITAGS_RETURN_IF_ERROR(CheckByteQuota(usage.bytes + file.size_bytes, max_owner_bytes_));
+  return Reopen(id);
 }
 
 absl::Status Uploads::Add(std::string_view id, const FileRecord& file, const std::string& path) {

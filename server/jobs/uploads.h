@@ -69,7 +69,8 @@ class Uploads {
   PartialFiles& partials() { return area_->partials; }
   const std::shared_ptr<UploadArea>& area() const { return area_; }
 
-  // OK if the job takes files. Counts as a sign of life: the job expires later.
+  // OK if the job takes files, or will: see Reopen(). Counts as a sign of life: the job expires
+  // later.
   absl::Status Check(std::string_view id);
 
   // What of each file is on disk.
@@ -102,6 +103,9 @@ class Uploads {
                          const FileRecord& file, const PartialFiles::Usage& coming) const;
   absl::Status CheckQuota(const JobRecord& job, const FileRecord& file) const;
   absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
+  // A FAILED job takes files again: UPLOADING before the first byte is stored, so that no sweep
+  // takes it for waste. One with a finished scene does not, since its scene is of the files it has.
+  absl::Status Reopen(std::string_view id);
   absl::Status PutRow(std::string_view id, const FileRecord& file);
   absl::Status CheckAdd(std::string_view id, const FileRecord& file);
   void NoteUnreferencedBlobs(std::string_view id);

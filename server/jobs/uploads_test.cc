@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/store/digest.h"
@@ -20,11 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 FileRecord Photo(const std::string& name, const std::string& bytes,
                  FileRole role = FileRole::kPhoto) {
@@ -147,7 +142,7 @@ TEST_F(UploadsTest, BytesOfABrokenStreamAreContinuedAlsoAfterARestart) {
   auto rest = uploads().Open(id, file, 4);
   ASSERT_TRUE(rest.ok()) << rest.status();
   ASSERT_TRUE((*rest)->Append("456789").ok());
-  EXPECT_EQ((*rest)->HexDigest(), file.sha256);  // of all bytes, the earlier ones included
+  EXPECT_EQ(*(*rest)->HexDigest(), file.sha256);  // of all bytes, the earlier ones included
   ASSERT_TRUE(uploads().Add(id, file, (*rest)->path()).ok());
   EXPECT_TRUE((*uploads().Query(id, {file}))[0].stored);
   EXPECT_EQ(*blobs_->Get(BlobKey(id, file.sha256)), "0123456789");
@@ -163,7 +158,7 @@ TEST_F(UploadsTest, OffsetBeyondWhatIsThereIsRefusedAndASmallerOneDropsTheRest) 
   ASSERT_TRUE(again.ok());
   EXPECT_EQ((*again)->size(), 2);
   ASSERT_TRUE((*again)->Append("23456789").ok());
-  EXPECT_EQ((*again)->HexDigest(), file.sha256);
+  EXPECT_EQ(*(*again)->HexDigest(), file.sha256);
   EXPECT_EQ(Reason(uploads().Open(id, Photo("b.jpg", "b"), 1).status()), "OFFSET_INVALID");
 }
 
@@ -178,6 +173,34 @@ TEST_F(UploadsTest, NewestStreamTakesAFileOverAndTheOlderOneWritesNothingMore) {
   old_stream.reset();
   ASSERT_TRUE(new_stream->Append("456789").ok());
   EXPECT_EQ(OffsetOf(id, file), 10);
+}
+
+// A resumed upload is read for its digest in parts, and not under a lock: nothing waits for 8 GiB.
+TEST_F(UploadsTest, WhatCameOfALargeFileIsReadInPartsAndNotAfterACancel) {
+  const std::string id = NewJob();
+  const int64_t bytes = int64_t{8} << 30;
+  const FileRecord file{"a.tar", FileRole::kArchive, bytes + 1, Sha256::Hex("a"), 0, 0};
+  const std::string path = (*uploads().Open(id, file, 0))->path();
+  std::ofstream(path) << "x";
+  fs::resize_file(path, bytes);  // sparse
+  auto stream = uploads().Open(id, file, bytes);
+  ASSERT_TRUE(stream.ok()) << stream.status();
+  EXPECT_FALSE(*(*stream)->CatchUp(1 << 20));
+  EXPECT_FALSE(*(*stream)->CatchUp(1 << 20));
+  ASSERT_TRUE(jobs_->Cancel(id).ok());
+  EXPECT_EQ(Reason((*stream)->CatchUp(1 << 20).status()), "UPLOAD_TAKEN_OVER");
+}
+
+TEST_F(UploadsTest, AStreamThatLostItsFileWhileItCaughtUpSaysSo) {
+  const std::string id = NewJob();
+  const FileRecord file = Photo("a.jpg", "0123456789");
+  ASSERT_TRUE((*uploads().Open(id, file, 0))->Append("01234567").ok());
+  auto late = *uploads().Open(id, file, 8);
+  auto now = *uploads().Open(id, file, 2);  // cuts what the other one is about to read
+  EXPECT_EQ(Reason(late->CatchUp(100).status()), "UPLOAD_TAKEN_OVER");
+  EXPECT_EQ(Reason(late->Append("89")), "UPLOAD_TAKEN_OVER");
+  ASSERT_TRUE(now->Append("23456789").ok());
+  EXPECT_EQ(*now->HexDigest(), file.sha256);
 }
 
 TEST_F(UploadsTest, AnotherServerGoesOnAtTheLastChunk) {
@@ -202,7 +225,7 @@ TEST_F(UploadsTest, AnotherServerGoesOnAtTheLastChunk) {
   EXPECT_EQ(OffsetOf(id, file), 12);
   here = *uploads().Open(id, file, 12);
   ASSERT_TRUE(here->Append("cdef").ok());
-  EXPECT_EQ(here->HexDigest(), file.sha256);
+  EXPECT_EQ(*here->HexDigest(), file.sha256);
   ASSERT_TRUE(uploads().Add(id, file, here->path()).ok());
   here->Discard();
   EXPECT_TRUE(blobs_->List("uploads/" + id)->empty() ||

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/store/digest.h"
 #include "server/store/upload_chunks.h"
 #include "server/testing/blob_store_kind.h"
@@ -17,11 +17,6 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::UnorderedElementsAre;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 class BlobStoreConformance : public ::testing::Test {
  protected:

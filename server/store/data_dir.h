@@ -24,8 +24,6 @@ struct DataDir {
   std::string uploads() const { return root + "/uploads"; }
   std::string tmp() const { return root + "/tmp"; }
   std::string scratch() const { return root + "/scratch"; }
-  // Of earlier versions, see ImportWorkFolders().
-  std::string work() const { return root + "/work"; }
 
   // Makes the folders, readable by the owner only. FAILED_PRECONDITION (DATA_DIR_UNUSABLE).
   static absl::StatusOr<DataDir> Open(const std::string& root);

@@ -65,6 +65,8 @@ struct JobRecord {
   int snapshot_iteration = -1;          // -1: no snapshot
   bool has_unreferenced_blobs = false;  // there may be blobs of it that nothing names
   int64_t unreferenced_bytes = 0;       // of them, what was uploaded and replaced
+  int64_t kept_bytes = 0;               // of what `kept` names
+  int64_t preview_bytes = 0;            // of the pictures that its events name
 
   // JSON, opaque to the store; empty: none. See server/jobs/codec.h.
   std::string kept;  // what the engine left for later runs, the newest snapshot among it
@@ -106,7 +108,9 @@ struct EventRecord {
 // What one owner's jobs amount to.
 struct OwnerUsage {
   int64_t jobs = 0;
-  int64_t bytes = 0;  // of all their files, replaced ones that are still there included
+  // Of all their files, replaced ones that are still there included, and of what their runs left:
+  // checkpoints, scenes, previews.
+  int64_t bytes = 0;
 };
 
 // All jobs, for whoever watches over the service.

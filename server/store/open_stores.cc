@@ -1,6 +1,10 @@
 #include "server/store/open_stores.h"
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <cstdlib>
+#include <iterator>
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
@@ -12,6 +16,11 @@ namespace {
 
 constexpr std::string_view kSqlite = "sqlite://", kFile = "file://", kS3 = "s3://";
 constexpr char kDefaultRegion[] = "us-east-1";
+constexpr std::string_view kS3Variables[] = {
+    "AWS_REGION=",        "AWS_ACCESS_KEY_ID=", "AWS_SECRET_ACCESS_KEY=",
+    "AWS_SESSION_TOKEN=", "SSL_CERT_",          "http_proxy=",
+    "https_proxy=",       "HTTPS_PROXY=",       "all_proxy=",
+    "ALL_PROXY=",         "no_proxy=",          "NO_PROXY="};
 
 bool IsPostgres(std::string_view url) {
   return url.starts_with("postgresql://") || url.starts_with("postgres://");
@@ -107,6 +116,21 @@ bool StorePlaces::NeedNetwork() const {
   if (!IsPostgres(jobs)) return false;
   const auto host = PostgresHost(jobs);
   return !host.ok() || (!host->empty() && !host->starts_with('/'));
+}
+
+std::vector<std::string> StorePlaces::Environment() const {
+  std::vector<std::string> environment = {"LITAGS_STORE=" + jobs, "LITAGS_BLOBS=" + blobs,
+                                          "LITAGS_S3_ENDPOINT=" + s3_endpoint};
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    const std::string_view entry = *variable;
+    const auto begins = [&](std::string_view beginning) { return entry.starts_with(beginning); };
+    const bool of_s3 = std::any_of(std::begin(kS3Variables), std::end(kS3Variables), begins);
+    const bool of_postgres = begins("PG") || begins("SSL_CERT_");
+    if ((BlobsAreFar() && of_s3) || (UsesPostgres() && of_postgres)) {
+      environment.emplace_back(entry);
+    }
+  }
+  return environment;
 }
 
 absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places,

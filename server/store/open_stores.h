@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -30,6 +31,9 @@ struct StorePlaces {
   std::string SqlitePath(const DataDir& data) const;
   // Whether a process needs the network to reach them. Unix sockets do without.
   bool NeedNetwork() const;
+  // What another process must have in its environment ("NAME=value") to open the same stores: these
+  // places, and the keys and passwords that only their libraries look for.
+  std::vector<std::string> Environment() const;
   // Whether storing a blob sends its bytes over a network, rather than giving a file another name.
   bool BlobsAreFar() const;
   static constexpr double kKeepSeconds = 60;  // between checkpoints sent there, if nobody says else

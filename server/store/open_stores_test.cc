@@ -3,14 +3,19 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+
 #include "engine/core/error.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
 
+using ::testing::AllOf;
+using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::UnorderedElementsAre;
 
 TEST(OpenStores, UrlsAreCheckedAndSecretsAreNotRepeated) {
   for (const char* url : {"", "sqlite:///a/b.db", "postgresql://u:p@db/x", "postgres:///x"}) {
@@ -37,6 +42,20 @@ TEST(OpenStores, NetworkIsNeededForServersThatAreNotReachedBySocketFiles) {
   EXPECT_TRUE((StorePlaces{"postgresql://db/x", "", ""}.NeedNetwork()));
   EXPECT_TRUE((StorePlaces{"postgresql://127.0.0.1/x", "", ""}.NeedNetwork()));
   EXPECT_TRUE((StorePlaces{"", "s3://bucket", ""}.NeedNetwork()));
+}
+
+TEST(OpenStores, OtherProcessesGetTheSecretsOfTheStoresInUseOnly) {
+  setenv("AWS_SECRET_ACCESS_KEY", "key", 1);
+  setenv("PGPASSWORD", "password", 1);
+  setenv("MY_TOKEN", "token", 1);
+  EXPECT_THAT((StorePlaces{"", "", ""}.Environment()),
+              UnorderedElementsAre("LITAGS_STORE=", "LITAGS_BLOBS=", "LITAGS_S3_ENDPOINT="));
+  EXPECT_THAT((StorePlaces{"postgresql://db/x", "", ""}.Environment()),
+              AllOf(Contains("LITAGS_STORE=postgresql://db/x"), Contains("PGPASSWORD=password"),
+                    Not(Contains(HasSubstr("AWS"))), Not(Contains(HasSubstr("TOKEN")))));
+  EXPECT_THAT((StorePlaces{"", "s3://bucket", "https://s3"}.Environment()),
+              AllOf(Contains("LITAGS_S3_ENDPOINT=https://s3"), Not(Contains(HasSubstr("PG"))),
+                    Contains("AWS_SECRET_ACCESS_KEY=key")));
 }
 
 TEST(OpenStores, DefaultsAreInTheDataFolderAndPathsCanBeNamed) {

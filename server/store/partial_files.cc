@@ -29,10 +29,19 @@ PartialFile::~PartialFile() {
   if (size_ == 0) Discard();
 }
 
-absl::Status PartialFile::Lost() const {
+absl::Status UploadTakenOver() {
   return MakeError(absl::StatusCode::kAborted, "UPLOAD_TAKEN_OVER", "",
                    "another stream sends this file now, or the job was cancelled or deleted; "
                    "upload a file by one stream at a time");
+}
+
+absl::Status PartialFile::CheckWriter() const {
+  return slot_->writer == writer_ ? absl::OkStatus() : UploadTakenOver();
+}
+
+absl::Status PartialFile::CheckHeld() const {
+  std::lock_guard lock(slot_->mutex);
+  return CheckWriter();
 }
 
 absl::Status PartialFile::BringChunks(int64_t offset) {
@@ -40,47 +49,76 @@ absl::Status PartialFile::BringChunks(int64_t offset) {
   if (there < 0) return FileError("read", path_, errno);
   if (there >= offset) return absl::OkStatus();
   size_ = there;
-  LITAGS_RETURN_IF_ERROR(
-      chunks_->Read(job_id_, key_, there, [this](std::string_view bytes) { return Write(bytes); }));
-  size_ = 0;  // counted when the file is read
-  return absl::OkStatus();
+  return chunks_->Read(job_id_, key_, there, [this](std::string_view bytes) -> absl::Status {
+    std::lock_guard lock(slot_->mutex);
+    LITAGS_RETURN_IF_ERROR(CheckWriter());
+    return Write(bytes);
+  });
 }
 
 absl::Status PartialFile::OpenAt(int64_t offset) {
   fd_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (fd_ < 0) return FileError("open", path_, errno);
   if (chunks_) LITAGS_RETURN_IF_ERROR(BringChunks(offset));
-  struct stat status;
-  if (fstat(fd_, &status) != 0 || lseek(fd_, 0, SEEK_SET) != 0) {
-    return FileError("open", path_, errno);
-  }
-  if (offset < 0 || status.st_size < offset) {
-    size_ = status.st_size;
-    return MakeError(absl::StatusCode::kOutOfRange, "OFFSET_INVALID", "",
-                     absl::StrCat("offset is ", offset, ", but the server has ", status.st_size,
-                                  " bytes of this file; ask QueryUpload again"));
-  }
-  if (ftruncate(fd_, offset) != 0) return FileError("truncate", path_, errno);
-  std::string chunk(std::min<int64_t>(offset, kReadBytes), '\0');
-  while (size_ < offset) {
-    const size_t wanted = std::min<int64_t>(chunk.size(), offset - size_);
-    const ssize_t n = read(fd_, chunk.data(), wanted);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return FileError("read", path_, n < 0 ? errno : EIO);
-    sha_.Update({chunk.data(), static_cast<size_t>(n)});
-    size_ += n;
-  }
+  LITAGS_RETURN_IF_ERROR(SeekTo(offset));
   if (!chunks_) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(const int64_t stored, chunks_->Size(job_id_, key_));
   in_chunks_ = std::min(stored, size_);
   return absl::OkStatus();
 }
 
-absl::Status PartialFile::Append(std::string_view bytes) {
+absl::Status PartialFile::SeekTo(int64_t offset) {
   std::lock_guard lock(slot_->mutex);
-  if (slot_->writer != writer_) return Lost();
+  LITAGS_RETURN_IF_ERROR(CheckWriter());
+  struct stat status;
+  if (fstat(fd_, &status) != 0) return FileError("open", path_, errno);
+  size_ = status.st_size;
+  if (offset < 0 || size_ < offset) {
+    return MakeError(absl::StatusCode::kOutOfRange, "OFFSET_INVALID", "",
+                     absl::StrCat("offset is ", offset, ", but the server has ", size_,
+                                  " bytes of this file; ask QueryUpload again"));
+  }
+  if (ftruncate(fd_, offset) != 0 || lseek(fd_, offset, SEEK_SET) != offset) {
+    return FileError("truncate", path_, errno);
+  }
+  size_ = offset;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<bool> PartialFile::CatchUp(int64_t max_bytes) {
+  const int64_t end = std::min(size_, hashed_ + std::min(max_bytes, size_));
+  std::string chunk(static_cast<size_t>(std::min<int64_t>(end - hashed_, kReadBytes)), '\0');
+  int failed = 0;
+  while (hashed_ < end && failed == 0) {
+    const auto wanted = static_cast<size_t>(std::min<int64_t>(kReadBytes, end - hashed_));
+    const ssize_t n = pread(fd_, chunk.data(), wanted, hashed_);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) {
+      failed = n < 0 ? errno : EIO;
+    } else {
+      sha_.Update({chunk.data(), static_cast<size_t>(n)});
+      hashed_ += n;
+    }
+  }
+  // A stream that took the file over may have changed or cut what was read.
+  std::lock_guard lock(slot_->mutex);
+  LITAGS_RETURN_IF_ERROR(CheckWriter());
+  if (failed != 0) return FileError("read", path_, failed);
+  return hashed_ == size_;
+}
+
+absl::StatusOr<std::string> PartialFile::HexDigest() {
+  LITAGS_RETURN_IF_ERROR(CatchUp(size_).status());
+  return sha_.HexDigest();
+}
+
+absl::Status PartialFile::Append(std::string_view bytes) {
+  if (hashed_ < size_) LITAGS_RETURN_IF_ERROR(CatchUp(size_).status());
+  std::lock_guard lock(slot_->mutex);
+  LITAGS_RETURN_IF_ERROR(CheckWriter());
   sha_.Update(bytes);
   LITAGS_RETURN_IF_ERROR(Write(bytes));
+  hashed_ = size_;
   return chunks_ ? StoreChunks() : absl::OkStatus();
 }
 
@@ -175,14 +213,12 @@ absl::StatusOr<std::unique_ptr<PartialFile>> PartialFiles::Open(std::string_view
   const std::string path = absl::StrCat(folder, "/", std::string(key));
   std::unique_ptr<PartialFile> file(new PartialFile(slot, writer, std::string(job_id),
                                                     std::string(key), path, ChunksOf(file_bytes)));
-  std::lock_guard lock(slot->mutex);  // an append of the writer before is over now
-  slot->writer = writer;
-  const absl::Status opened = file->OpenAt(offset);
-  if (opened.ok()) return file;
-  // Not the destructor's task: it would lock the slot, and must not remove what others sent.
-  slot->writer = kNobody;
-  if (file->size_ == 0) unlink(path.c_str());
-  return opened;
+  {
+    std::lock_guard lock(slot->mutex);  // an append of the writer before is over now
+    slot->writer = writer;
+  }
+  LITAGS_RETURN_IF_ERROR(file->OpenAt(offset));
+  return file;
 }
 
 bool PartialFiles::InUse(std::string_view job_id) {
@@ -224,17 +260,25 @@ PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id, std::string_v
 
 absl::Status PartialFiles::RemoveJob(std::string_view job_id) {
   const std::string prefix = absl::StrCat(std::string(job_id), "/");
-  std::lock_guard lock(mutex_);
-  for (auto it = slots_.lower_bound(prefix); it != slots_.end() && it->first.starts_with(prefix);
-       it = slots_.erase(it)) {
-    if (const auto slot = it->second.lock()) {
-      std::lock_guard slot_lock(slot->mutex);
-      slot->writer = kNobody;
+  std::vector<std::shared_ptr<PartialSlot>> slots;
+  {
+    std::lock_guard lock(mutex_);
+    for (auto it = slots_.lower_bound(prefix); it != slots_.end() && it->first.starts_with(prefix);
+         it = slots_.erase(it)) {
+      if (auto slot = it->second.lock()) slots.push_back(std::move(slot));
     }
   }
-  std::error_code error;
-  fs::remove_all(Folder(job_id), error);
-  if (error) return FileError("remove", Folder(job_id), error.value());
+  // Others' files must not wait for a write to one of these.
+  for (const auto& slot : slots) {
+    std::lock_guard lock(slot->mutex);
+    slot->writer = kNobody;
+  }
+  {
+    std::lock_guard lock(mutex_);
+    std::error_code error;
+    fs::remove_all(Folder(job_id), error);
+    if (error) return FileError("remove", Folder(job_id), error.value());
+  }
   return chunks_.RemoveJob(job_id);
 }
 

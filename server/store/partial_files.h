@@ -15,9 +15,12 @@
 
 namespace litags {
 
+// ABORTED (UPLOAD_TAKEN_OVER): another stream sends the file, or its job is gone.
+absl::Status UploadTakenOver();
+
 // Who may write a partial file: whoever opened it last. Shared by all that have it open.
 struct PartialSlot {
-  std::mutex mutex;
+  std::mutex mutex;  // held for a write, never for a whole file
   uint64_t writer = 0;
   int64_t file_bytes = 0;  // that the file will have; under the mutex of PartialFiles
 };
@@ -33,11 +36,18 @@ class PartialFile {
   int64_t size() const { return size_; }
   const std::string& path() const { return path_; }
 
+  // Reads on in what came before this stream, for the digest: of a large file, a second or so for
+  // each 500 MB. Returns whether that is done; reads up to `max_bytes`. Append() and HexDigest()
+  // read what is left. ABORTED, as Append().
+  absl::StatusOr<bool> CatchUp(int64_t max_bytes);
+
   // ABORTED (UPLOAD_TAKEN_OVER) if another stream has opened the file since, or its job is gone;
   // RESOURCE_EXHAUSTED (DISK_FULL); where pieces go to the blob store, its errors.
   absl::Status Append(std::string_view bytes);
   // SHA-256 of all bytes so far, 64 hex digits. Call once; nothing may be appended after.
-  std::string HexDigest() { return sha_.HexDigest(); }
+  absl::StatusOr<std::string> HexDigest();
+  // ABORTED (UPLOAD_TAKEN_OVER), as Append().
+  absl::Status CheckHeld() const;
   // Removes the file, unless it was taken over.
   void Discard();
 
@@ -53,9 +63,11 @@ class PartialFile {
         chunks_(chunks) {}
   absl::Status OpenAt(int64_t offset);
   absl::Status BringChunks(int64_t offset);  // into a file that has fewer bytes
+  absl::Status SeekTo(int64_t offset);
   absl::Status Write(std::string_view bytes);
   absl::Status StoreChunks();
-  absl::Status Lost() const;
+  // UPLOAD_TAKEN_OVER unless this may write. Under the slot's mutex.
+  absl::Status CheckWriter() const;
 
   const std::shared_ptr<PartialSlot> slot_;
   const uint64_t writer_;
@@ -63,6 +75,7 @@ class PartialFile {
   const UploadChunks* const chunks_;  // null: the file is too small for them
   int fd_ = -1;
   int64_t size_ = 0;
+  int64_t hashed_ = 0;     // of them
   int64_t in_chunks_ = 0;  // of them
   Sha256 sha_;
 };
@@ -85,8 +98,8 @@ class PartialFiles {
   std::shared_ptr<PartialSlot> Announce(std::string_view job_id, std::string_view key,
                                         int64_t file_bytes);
 
-  // Takes the file over, from `offset` on: bytes beyond it are dropped, those before are read once
-  // for the digest. OUT_OF_RANGE (OFFSET_INVALID) if fewer are there.
+  // Takes the file over, from `offset` on: bytes beyond it are dropped, those before are read by
+  // PartialFile::CatchUp(). OUT_OF_RANGE (OFFSET_INVALID) if fewer are there.
   absl::StatusOr<std::unique_ptr<PartialFile>> Open(std::string_view job_id, std::string_view key,
                                                     int64_t file_bytes, int64_t offset);
 

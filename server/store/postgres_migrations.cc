@@ -6,9 +6,8 @@
 namespace litags {
 namespace {
 
-// The files of migrations/postgres, in order: step n leads from version n to n + 1 (table
-// litags_schema).
-const char* const kSteps[] = {
+// The files of migrations/postgres; versions are kept in the table litags_schema.
+constexpr MigrationStep kSteps[] = {
 #include "server/store/postgres_steps.inc"
 };
 

@@ -41,6 +41,8 @@ void VisitColumns(Record& job, F&& f) {
   f("snapshot_iteration", Column::kChanges, job.snapshot_iteration);
   f("has_litter", Column::kChanges, job.has_unreferenced_blobs);
   f("litter_bytes", Column::kChanges, job.unreferenced_bytes);
+  f("kept_bytes", Column::kChanges, job.kept_bytes);
+  f("preview_bytes", Column::kChanges, job.preview_bytes);
   f("kept", Column::kChanges, job.kept);
   f("options", Column::kChanges, job.options);
   f("policy", Column::kChanges, job.policy);
@@ -148,7 +150,8 @@ class SqlJobTransaction : public JobTransaction {
     LITAGS_RETURN_IF_ERROR(sql_.LockOwner(owner_));
     // This job's row is written at the end: its bytes are counted from here.
     LITAGS_ASSIGN_OR_RETURN(const OwnerUsage others, SelectUsage(sql_, owner_, id_));
-    return OwnerUsage{others.jobs + 1, others.bytes + bytes_ + job.unreferenced_bytes};
+    return OwnerUsage{others.jobs + 1, others.bytes + bytes_ + job.unreferenced_bytes +
+                                           job.kept_bytes + job.preview_bytes};
   }
 
   absl::Status PutFile(const FileRecord& file) override {
@@ -298,8 +301,8 @@ absl::StatusOr<std::vector<std::string>> SelectJobsWithUnreferencedBlobs(SqlSess
 absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
                                        std::string_view but) {
   const auto row = sql.Prepare(
-      "SELECT COUNT(*), COALESCE(SUM(bytes + litter_bytes), 0) FROM jobs WHERE owner=?1 AND "
-      "id<>?2");
+      "SELECT COUNT(*), COALESCE(SUM(bytes + litter_bytes + kept_bytes + preview_bytes), 0) "
+      "FROM jobs WHERE owner=?1 AND id<>?2");
   row->Bind(std::string(owner)).Bind(std::string(but));
   LITAGS_RETURN_IF_ERROR(row->Step().status());
   return OwnerUsage{row->Int(0), row->Int(1)};

@@ -1,15 +1,13 @@
 #include "server/store/sql_migrations.h"
 
-#include <algorithm>
-
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 
 namespace litags {
 
-absl::StatusOr<bool> MigrateOneStep(SqlSession& sql, absl::Span<const char* const> steps,
+absl::StatusOr<bool> MigrateOneStep(SqlSession& sql, absl::Span<const MigrationStep> steps,
                                     const VersionAccess& version, int64_t last) {
-  const auto newest = static_cast<int64_t>(steps.size());
+  const int64_t oldest = steps.front().version, newest = steps.back().version;
   LITAGS_ASSIGN_OR_RETURN(const int64_t found, version.get(sql));
   if (found > newest) {
     return MakeError(
@@ -17,9 +15,16 @@ absl::StatusOr<bool> MigrateOneStep(SqlSession& sql, absl::Span<const char* cons
         absl::StrCat("the job store has version ", found, ", this program knows versions up to ",
                      newest, "; use the newer program"));
   }
-  if (found >= std::min(newest, last)) return false;
-  LITAGS_RETURN_IF_ERROR(sql.Execute(steps[static_cast<size_t>(found)]));
-  LITAGS_RETURN_IF_ERROR(version.set(sql, found + 1));
+  if (found > 0 && found < oldest) {
+    return MakeError(
+        absl::StatusCode::kFailedPrecondition, "STORE_TOO_OLD", "store",
+        absl::StrCat("the job store has version ", found, ", this program knows versions from ",
+                     oldest, " on; start with another data folder"));
+  }
+  if (found == newest || found >= last) return false;
+  const MigrationStep& next = steps[static_cast<size_t>(found == 0 ? 0 : found + 1 - oldest)];
+  LITAGS_RETURN_IF_ERROR(sql.Execute(next.sql));
+  LITAGS_RETURN_IF_ERROR(version.set(sql, next.version));
   return true;
 }
 

@@ -14,16 +14,22 @@ namespace litags {
 
 inline constexpr int64_t kNewestVersion = std::numeric_limits<int64_t>::max();
 
+// Leads to `version`: from nothing if it is the first of its list, else from the one before.
+struct MigrationStep {
+  int64_t version;
+  const char* sql;
+};
+
 // How a kind of database keeps the number of its layout.
 struct VersionAccess {
   absl::FunctionRef<absl::StatusOr<int64_t>(SqlSession&)> get;  // 0: nothing is there yet
   absl::FunctionRef<absl::Status(SqlSession&, int64_t version)> set;
 };
 
-// One step of a migration, in the session's transaction, which keeps others from migrating. Step n
-// leads from version n to n + 1. False: the database has the newest version, or version `last`.
-// FAILED_PRECONDITION (STORE_TOO_NEW) if it is newer than this program.
-absl::StatusOr<bool> MigrateOneStep(SqlSession& sql, absl::Span<const char* const> steps,
+// One step of a migration, in the session's transaction, which keeps others from migrating. False:
+// the database has the newest version, or version `last`. FAILED_PRECONDITION (STORE_TOO_NEW,
+// STORE_TOO_OLD) if it is newer than this program or older than the first of `steps`.
+absl::StatusOr<bool> MigrateOneStep(SqlSession& sql, absl::Span<const MigrationStep> steps,
                                     const VersionAccess& version, int64_t last);
 
 }  // namespace litags

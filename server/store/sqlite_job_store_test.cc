@@ -4,18 +4,13 @@
 #include <filesystem>
 #include <fstream>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/store/job_store.h"
 #include "server/store/sqlite.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 class SqliteJobStoreTest : public ::testing::Test {
  protected:

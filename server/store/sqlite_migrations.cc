@@ -7,9 +7,8 @@
 namespace litags {
 namespace {
 
-// The files of migrations/sqlite, in order: step n leads from version n to n + 1 (PRAGMA
-// user_version).
-const char* const kSteps[] = {
+// The files of migrations/sqlite; versions are kept in PRAGMA user_version.
+constexpr MigrationStep kSteps[] = {
 #include "server/store/sqlite_steps.inc"
 };
 

@@ -9,8 +9,8 @@
 
 namespace litags {
 
-// Brings a database of any earlier version to the newest one, in one transaction per step, or to
-// version `last`, for tests. FAILED_PRECONDITION (STORE_TOO_NEW) if it is newer than this program.
+// Brings a database, which may be empty, to the newest version, in one transaction per step, or to
+// version `last`, for tests. Errors of MigrateOneStep.
 absl::Status MigrateSqlite(SqliteConnection* connection, int64_t last = kNewestVersion);
 
 }  // namespace litags

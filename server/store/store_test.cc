@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
 #include "server/store/digest.h"
@@ -14,11 +14,6 @@
 
 namespace litags {
 namespace {
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 TEST(Digest, KnownVectorOfSha256) {
   // FIPS 180-2, appendix B.1.

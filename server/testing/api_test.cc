@@ -6,12 +6,12 @@
 #include <map>
 #include <set>
 
+#include "engine/core/sandbox.h"
 #include "server/api/convert.h"
 #include "server/api/status.h"
 #include "server/jobs/codec.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"
-#include "server/testing/sanitizer.h"
 #include "server/worker/memory.h"
 
 namespace litags {
@@ -20,22 +20,6 @@ namespace {
 using ::testing::HasSubstr;
 
 class JobsApi : public ApiTest {};
-
-TEST(ToGrpc, AnswersFitTheTrailersThatClientsTakeAndAreValidText) {
-  std::string text;
-  for (int i = 0; i < 100'000; ++i) text += "ü\xFF写";
-  const grpc::Status status = ToGrpc(InvalidInput("BAD_FILE_NAME", text, text));
-  v1::RpcStatus rpc;
-  ASSERT_TRUE(rpc.ParseFromString(status.error_details()));
-  v1::ErrorDetail detail;
-  ASSERT_TRUE(rpc.details(0).UnpackTo(&detail));
-  EXPECT_EQ(rpc.message(), status.error_message());
-  EXPECT_THAT(detail.field(), ::testing::StartsWith("ü\uFFFD写ü"));
-  EXPECT_TRUE(detail.field().ends_with("ü") || detail.field().ends_with("写") ||
-              detail.field().ends_with("\uFFFD"));
-  // Percent-encoded, and in Base64.
-  EXPECT_LT(3 * status.error_message().size() + 4 * status.error_details().size() / 3, 7000u);
-}
 
 TEST_F(JobsApi, DefaultsOfProtoAndEngineAreTheSame) {
   v1::Job job;
@@ -234,6 +218,8 @@ TEST_F(JobsApi, EveryCallInEveryStateGivesTheDocumentedCode) {
                                                      {succeeded, closed},
                                                      {failed, closed},
                                                      {cancelled, closed}};
+  std::map<State, std::string> takes_no_files = after_upload;
+  takes_no_files.erase(failed);
   v1::Job job;
   v1::QueryUploadResponse query;
   const std::vector<Call> calls = {
@@ -242,12 +228,12 @@ TEST_F(JobsApi, EveryCallInEveryStateGivesTheDocumentedCode) {
        [&](auto& name) {
          return client_.Query(name, {{"c.png", "x"}}, &query);
        },
-       after_upload},
+       takes_no_files},
       {"UploadImages",
        [&](auto& name) {
          return client_.Upload(name, {{"c.png", TestPng(64, 48, 3)}});
        },
-       after_upload},
+       takes_no_files},
       {"StartJob", [&](auto& name) { return client_.Start(name); }, after_upload},
       {"CancelJob",
        [&](auto& name) { return client_.Cancel(name); },
@@ -344,6 +330,8 @@ TEST_F(JobsApi, WatchResumedAfterEachEventHasNoGapAndNoDouble) {
   std::vector<v1::JobEvent> none;
   EXPECT_REFUSED(client_.Watch(name, static_cast<int64_t>(all.size()) + 1, &none), OUT_OF_RANGE,
                  "EVENT_NOT_YET", "after_event");
+  EXPECT_REFUSED(client_.Watch(name, -1, &none), INVALID_ARGUMENT, "EVENT_NUMBER_INVALID",
+                 "after_event");
   EXPECT_TRUE(none.empty());
 }
 
@@ -383,7 +371,7 @@ TEST_F(JobsApi, ReadersThatDoNotReadHoldNoMemoryAndLoseNothing) {
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(500));  // time to send all it would
   // Half of what all events would take; windows of connections are some 40 MB.
-  if (!kSanitized) {
+  if (!kBuiltWithSanitizer) {
     EXPECT_LT(ResidentBytesWithChildren() - before, int64_t{kReaders} * kEvents * 4000 / 2);
   }
   v1::JobEvent event;
@@ -470,8 +458,8 @@ TEST_F(JobsApi, ASucceededJobIsTrainedFurther) {
   request.mutable_policy()->set_priority(3);
   v1::Job job;
   ASSERT_TRUE(client_.Resume(request, &job).ok());
-  EXPECT_FALSE(job.has_report());
-  EXPECT_EQ(job.snapshot_iteration(), 30);  // can be seen meanwhile
+  EXPECT_EQ(job.report().iterations(), 30);  // of the scene that is finished
+  EXPECT_EQ(job.snapshot_iteration(), 30);   // can be seen meanwhile
   job = client_.WaitFor(request.name(), v1::JOB_STATE_SUCCEEDED);
   EXPECT_EQ(job.report().iterations(), 50);
   EXPECT_EQ(job.report().notes(0), "resumed at iteration 30");
@@ -479,6 +467,43 @@ TEST_F(JobsApi, ASucceededJobIsTrainedFurther) {
   EXPECT_EQ(job.options().iterations(), 50);
   EXPECT_EQ(job.options().schedule_iterations(), 30);
   EXPECT_EQ(job.policy().priority(), 3);
+}
+
+// What a picture of the job shows: the iteration of its scene.
+int ShownIteration(TestClient& client, const std::string& job) {
+  v1::RenderViewRequest request;
+  request.set_name(job);
+  request.mutable_pose()->set_camera("a.png");
+  v1::RenderedView view;
+  const grpc::Status status = client.Render(request, &view);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  return view.iteration();
+}
+
+TEST_F(JobsApi, AFinishedSceneOutlivesAResumeThatIsCancelled) {
+  StartWorker();
+  v1::ResumeJobRequest request;
+  request.set_name(client_.StartedJob({"a", "b", "c"}, 30));
+  client_.WaitFor(request.name(), v1::JOB_STATE_SUCCEEDED);
+  request.mutable_options()->set_iterations(100'000);
+  v1::Job job;
+  ASSERT_TRUE(client_.Resume(request, &job).ok());
+  for (int i = 0; i < 2000 && job.snapshot_iteration() < 50; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    ASSERT_TRUE(client_.Get(request.name(), &job).ok());
+  }
+  EXPECT_GT(ShownIteration(client_, request.name()), 30);  // trained further, as far as it is
+  ASSERT_TRUE(client_.Cancel(request.name()).ok());
+  job = client_.WaitFor(request.name(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(job.report().iterations(), 30);
+  EXPECT_EQ(job.snapshot_iteration(), 30);
+  EXPECT_EQ(ShownIteration(client_, request.name()), 30);
+  std::vector<v1::JobEvent> events;
+  ASSERT_TRUE(client_.Watch(request.name(), job.last_event() - 2, &events).ok());
+  ASSERT_EQ(events.size(), 2u);
+  EXPECT_EQ(events[0].snapshot().iteration(), 30);
+  EXPECT_THAT(events[1].state_change().message(),
+              HasSubstr("finished scene of 30 iterations stays"));
 }
 
 }  // namespace

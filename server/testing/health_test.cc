@@ -33,6 +33,7 @@ class FailingStore : public ClientJobStore {
 class NotedServer : public Server {
  public:
   int port() const override { return 0; }
+  std::string own_address() const override { return ""; }
   std::shared_ptr<grpc::Channel> InProcessChannel() override { return nullptr; }
   Metrics* metrics() override { return &metrics_; }
   void SetHealth(const Health& health) override {

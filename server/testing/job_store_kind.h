@@ -8,7 +8,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -26,18 +26,27 @@ inline JobRecord MakeJob(const std::string& id, int64_t time_ms,
   return job;
 }
 
+// Of JobStoreKind::MakeOldest.
+inline constexpr char kInsertOldJob[] =
+    "INSERT INTO jobs (id, owner, request_id, content_digest, display_name, state, "
+    "cancel_requested, attempt, priority, lease_owner, lease_start_ms, lease_expires_ms, run_ms, "
+    "create_time_ms, start_time_ms, end_time_ms, queue_time_ms, expire_time_ms, last_event, "
+    "photos, "
+    "bytes, snapshot_iteration, options, policy, progress, error, report) VALUES "
+    "('a1', 'alice', 'req', '', 'old', 2, 0, 0, 0, '', 0, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, -1, '{}', "
+    "'', '', '', '')";
+
 // One kind of job store with a place of its own, empty at first.
 class JobStoreKind {
  public:
   virtual ~JobStoreKind() = default;
   // Each call opens it anew, as another process would.
   virtual absl::StatusOr<std::unique_ptr<JobStore>> Open() = 0;
-  // Lays the place out as the first version of the store did, with the queued job "a1" of the
-  // request "req" in it, and brings it to version `version`.
-  virtual absl::Status MakeOld(int64_t version) = 0;
-  virtual int64_t newest_version() const = 0;
-  // Claims that a later version of the program wrote it.
-  virtual absl::Status MakeTooNew() = 0;
+  // Lays the place out as the oldest version that is read did, with the queued job "a1" of the
+  // request "req" in it.
+  virtual absl::Status MakeOldest() = 0;
+  // Claims that a program of that version wrote it.
+  virtual absl::Status SetVersion(int64_t version) = 0;
 };
 
 // The kind that a test program is linked with; null if it cannot be had on this machine.
@@ -56,11 +65,6 @@ class StoreConformance : public ::testing::Test {
     auto store = kind_->Open();
     EXPECT_TRUE(store.ok()) << store.status();
     return store.ok() ? *std::move(store) : nullptr;
-  }
-
-  static std::string Reason(const absl::Status& status) {
-    const auto detail = GetErrorDetail(status);
-    return detail ? detail->reason : "";
   }
 
   std::unique_ptr<JobStoreKind> kind_;

@@ -2,11 +2,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "server/jobs/leases.h"
+#include "server/store/digest.h"
 #include "server/testing/access_fixture.h"
 #include "server/testing/photos.h"
 
@@ -132,6 +136,7 @@ TEST_F(Limits, BytesOfOneClientAreCountedBeforeTheyAreComplete) {
 
 TEST_F(Limits, OversizedMessagesAndHeadersAreRefused) {
   Start();
+  Created("alice");  // a newcomer is cut off before it has sent so much
   v1::CreateJobRequest request;
   request.set_display_name(std::string(3 << 20, 'x'));
   v1::Job job;
@@ -142,6 +147,96 @@ TEST_F(Limits, OversizedMessagesAndHeadersAreRefused) {
   const Stubs closed(Connect());  // the server may end the connection for it
   EXPECT_FALSE(closed.jobs->CreateJob(&headers, {}, &job).ok());
   Created("alice");  // and the server lives on
+}
+
+class JobCapsOfClients : public Limits {
+ protected:
+  ErrorDetail Create(const std::string& client, const v1::CreateJobRequest& request) {
+    ClientCall call(tokens_.at(client));
+    v1::Job job;
+    return DetailOf(stubs_->jobs->CreateJob(&call, request, &job));
+  }
+  static void ExpectCap(const ErrorDetail& refused, const std::string& field) {
+    EXPECT_EQ(refused.reason, "JOB_CAP_EXCEEDED");
+    EXPECT_EQ(refused.field, field);
+  }
+  // A job of alice with enough photos, made while there were no caps.
+  std::string OldJob(const ReconstructOptions& options) {
+    const auto alice = jobs_.For({.owner = "alice"});
+    NewJob wanted;
+    wanted.options = options;
+    const std::string id = alice->Create(wanted)->id;
+    for (const char* name : {"a.png", "b.png", "c.png"}) {
+      const std::string path = data_.tmp() + "/photo";
+      std::ofstream(path) << name;
+      EXPECT_TRUE(alice->uploads()
+                      .Add(id, {name, FileRole::kPhoto, 5, Sha256::Hex(name), 64, 48}, path)
+                      .ok());
+    }
+    return "jobs/" + id;
+  }
+};
+
+TEST_F(JobCapsOfClients, AreAppliedWhenAJobIsMadeAndNotToAdministrators) {
+  options_.limits.caps.max_memory_bytes = int64_t{1} << 30;
+  Start();
+  const int64_t two_gib = int64_t{2} << 30;
+  std::vector<std::pair<std::string, v1::CreateJobRequest>> refused(6);
+  refused[0].first = "options.iterations";
+  refused[0].second.mutable_options()->set_iterations(100'001);
+  refused[1].first = "options.max_gaussians";
+  refused[1].second.mutable_options()->set_max_gaussians(2'000'001);
+  refused[2].first = "policy.max_run_seconds";
+  refused[2].second.mutable_policy()->set_max_run_seconds(86'401);
+  refused[3].first = "policy.priority";
+  refused[3].second.mutable_policy()->set_priority(1);
+  refused[4].first = "policy.max_memory_bytes";
+  refused[4].second.mutable_policy()->set_max_memory_bytes(two_gib);
+  refused[5].first = "policy.min_memory_bytes";
+  refused[5].second.mutable_policy()->set_min_memory_bytes(two_gib);
+  for (const auto& [field, request] : refused) {
+    ExpectCap(Create("alice", request), field);
+    EXPECT_EQ(Create("root", request).reason, "");
+  }
+  v1::CreateJobRequest most;
+  most.mutable_options()->set_iterations(100'000);
+  most.mutable_options()->set_max_gaussians(2'000'000);
+  most.mutable_policy()->set_max_run_seconds(86'400);
+  EXPECT_EQ(Create("alice", most).reason, "");
+}
+
+TEST_F(JobCapsOfClients, AreAppliedAgainWhenAJobIsStartedAndLimitItsRun) {
+  Start();
+  ReconstructOptions options;
+  ClientCall first(tokens_.at("alice")), second(tokens_.at("alice"));
+  v1::Job job;
+  const auto start = [&](ClientCall* call, const std::string& name) {
+    return DetailOf(stubs_->jobs->StartJob(call, Named<v1::StartJobRequest>(name), &job));
+  };
+  EXPECT_EQ(start(&first, OldJob(options)).reason, "");
+  EXPECT_EQ(job.policy().max_run_seconds(), 86'400);
+  options.iterations = 200'000;
+  ExpectCap(start(&second, OldJob(options)), "options.iterations");
+}
+
+TEST_F(JobCapsOfClients, ResultsCountAsBytesOfTheClient) {
+  options_.limits.max_bytes = 1000;
+  Start();
+  const std::string old = OldJob({}), next = OldJob({});
+  const auto start = [&](const std::string& name) {
+    ClientCall call(tokens_.at("alice"));
+    v1::Job job;
+    return DetailOf(stubs_->jobs->StartJob(&call, Named<v1::StartJobRequest>(name), &job)).reason;
+  };
+  EXPECT_EQ(start(old), "");
+  Leases leases(store_.get(), blobs_.get());
+  const Lease lease = **leases.Acquire("worker");
+  ASSERT_TRUE(leases.Succeed(lease, {}, {{kSceneFile, {"1/aa", 2000}}}).ok());
+  EXPECT_EQ(start(next), "BYTE_QUOTA_REACHED");
+  ClientCall call(tokens_.at("alice"));
+  google::protobuf::Empty empty;
+  ASSERT_TRUE(stubs_->jobs->DeleteJob(&call, Named<v1::DeleteJobRequest>(old), &empty).ok());
+  EXPECT_EQ(start(next), "");
 }
 
 }  // namespace

@@ -10,7 +10,7 @@
 #include <fstream>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/kept_files.h"
 #include "server/jobs/leases.h"
@@ -26,11 +26,6 @@ namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
 constexpr int kBlobs = 5;  // of each of the two jobs that have some
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 class Move : public ::testing::Test {
  protected:

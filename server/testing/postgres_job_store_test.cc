@@ -7,7 +7,7 @@
 #include <chrono>
 #include <thread>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/jobs/leases.h"
 #include "server/store/job_store.h"
 #include "server/store/postgres.h"
@@ -20,11 +20,6 @@ namespace {
 
 using ::testing::HasSubstr;
 using SteadyClock = std::chrono::steady_clock;
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
 

@@ -40,19 +40,15 @@ class PostgresKind : public JobStoreKind {
   explicit PostgresKind(std::string url) : url_(std::move(url)) {}
   absl::StatusOr<std::unique_ptr<JobStore>> Open() override { return OpenPostgresJobStore(url_); }
 
-  absl::Status MakeOld(int64_t version) override {
+  absl::Status MakeOldest() override {
     LITAGS_ASSIGN_OR_RETURN(const auto old, PgConnection::Open(url_));
-    LITAGS_RETURN_IF_ERROR(MigratePostgres(old.get(), 1));
-    LITAGS_RETURN_IF_ERROR(
-        old->Execute("INSERT INTO jobs VALUES ('a1','','req','',1,'old',2,0,0,0,'',0,0,0,0,0,1,0,0,"
-                     "0,0,-1,'','{}','','','','')"));
-    return MigratePostgres(old.get(), version);
+    LITAGS_RETURN_IF_ERROR(MigratePostgres(old.get(), /*last=*/1));
+    return old->Execute(kInsertOldJob);
   }
-  int64_t newest_version() const override { return 4; }
 
-  absl::Status MakeTooNew() override {
+  absl::Status SetVersion(int64_t version) override {
     LITAGS_ASSIGN_OR_RETURN(const auto connection, PgConnection::Open(url_));
-    return connection->Execute("UPDATE litags_schema SET version = 99");
+    return connection->Execute(absl::StrCat("UPDATE litags_schema SET version = ", version));
   }
 
  private:

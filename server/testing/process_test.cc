@@ -60,16 +60,21 @@ class ServiceProcess : public ::testing::Test {
     return status;
   }
 
-  // Process ids of the server's children.
-  std::vector<pid_t> Workers() const {
+  // Process ids of the server's children whose command has this word.
+  std::vector<pid_t> Children(const std::string& word) const {
     const std::string pid = std::to_string(server_);
-    std::vector<pid_t> workers;
+    std::vector<pid_t> found;
     for (const auto& task : std::filesystem::directory_iterator("/proc/" + pid + "/task")) {
       std::ifstream children(task.path() / "children");
-      for (pid_t child; children >> child;) workers.push_back(child);
+      for (pid_t child; children >> child;) {
+        std::ifstream file("/proc/" + std::to_string(child) + "/cmdline");
+        const std::string command(std::istreambuf_iterator<char>(file), {});
+        if (command.find(word) != std::string::npos) found.push_back(child);
+      }
     }
-    return workers;
+    return found;
   }
+  std::vector<pid_t> Workers() const { return Children("--name"); }
 
   // Until the engine is where it misbehaves: half way, after the snapshot there.
   void WaitForSnapshot(const std::string& name, int iteration) {
@@ -170,6 +175,19 @@ TEST_F(ServiceProcess, KilledServerTakesItsWorkersAlongAndLosesNoJob) {
   Launch();
   client_->WaitFor(name, v1::JOB_STATE_SUCCEEDED, 30);
   client_->History(name);
+}
+
+TEST_F(ServiceProcess, KilledReaderOfFilesIsReplacedAndTheServerLivesOn) {
+  const std::string first = client_->StartedJob({"a", "b", "c"});
+  const std::vector<pid_t> readers = Children("read-files");
+  ASSERT_EQ(readers.size(), 1u);
+  kill(readers[0], SIGKILL);
+  // Files that are stored already are not read again.
+  const std::string second = client_->StartedJob({"a", "b", "c", "d"});
+  client_->WaitFor(first, v1::JOB_STATE_SUCCEEDED, 30);
+  client_->WaitFor(second, v1::JOB_STATE_SUCCEEDED, 30);
+  ASSERT_EQ(Children("read-files").size(), 1u);
+  EXPECT_NE(Children("read-files"), readers);
 }
 
 TEST_F(ServiceProcess, SecondServerOnTheSameDataIsRefused) {

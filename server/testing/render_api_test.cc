@@ -332,6 +332,15 @@ TEST_F(PathApi, BadPathsAreRefusedWithTheirField) {
   EXPECT_EQ(DetailOf(Path(&frames)).field, "keyframes.poses[1].look_at.eye");
   path_.mutable_orbit()->set_elevation_deg(90);
   EXPECT_EQ(DetailOf(Path(&frames)).field, "orbit.elevation_deg");
+  path_.mutable_orbit()->clear_elevation_deg();
+  path_.mutable_orbit()->set_radius_scale(1e308);
+  EXPECT_EQ(DetailOf(Path(&frames)).field, "orbit.radius_scale");
+  path_.mutable_orbit()->set_radius_scale(1);
+  path_.mutable_orbit()->set_sweep_deg(1e308);
+  EXPECT_EQ(DetailOf(Path(&frames)).field, "orbit.sweep_deg");
+  path_.mutable_keyframes()->add_poses()->set_camera("none.png");
+  EXPECT_EQ(DetailOf(Path(&frames)).field, "keyframes.poses[0].camera");
+  path_.mutable_orbit();
   path_.set_frames(-1);
   EXPECT_EQ(DetailOf(Path(&frames)).reason, "FRAMES_INVALID");
   EXPECT_TRUE(frames.empty());

@@ -8,18 +8,13 @@
 #include <chrono>
 #include <string>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/store/digest.h"
 #include "server/testing/cutting_proxy.h"
 #include "server/testing/s3_server.h"
 
 namespace litags {
 namespace {
-
-std::string Reason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  return detail ? detail->reason : "";
-}
 
 class S3BlobStoreTest : public ::testing::Test {
  protected:

@@ -1,3 +1,4 @@
+#include "absl/strings/str_cat.h"
 #include "server/store/sqlite_migrations.h"
 #include "server/testing/job_store_kind.h"
 #include "server/testing/temp_dir.h"
@@ -9,19 +10,15 @@ class SqliteKind : public JobStoreKind {
  public:
   absl::StatusOr<std::unique_ptr<JobStore>> Open() override { return OpenSqliteJobStore(path_); }
 
-  absl::Status MakeOld(int64_t version) override {
+  absl::Status MakeOldest() override {
     LITAGS_ASSIGN_OR_RETURN(const auto old, SqliteConnection::Open(path_));
-    LITAGS_RETURN_IF_ERROR(MigrateSqlite(old.get(), 1));
-    LITAGS_RETURN_IF_ERROR(
-        old->Execute("INSERT INTO jobs VALUES ('a1','req','old',2,0,0,'',0,1,0,0,1,0,0,0,-1,'',"
-                     "'{}','','','')"));
-    return MigrateSqlite(old.get(), version);
+    LITAGS_RETURN_IF_ERROR(MigrateSqlite(old.get(), /*last=*/1));
+    return old->Execute(kInsertOldJob);
   }
-  int64_t newest_version() const override { return 6; }
 
-  absl::Status MakeTooNew() override {
+  absl::Status SetVersion(int64_t version) override {
     LITAGS_ASSIGN_OR_RETURN(const auto connection, SqliteConnection::Open(path_));
-    return connection->Execute("PRAGMA user_version=99");
+    return connection->Execute(absl::StrCat("PRAGMA user_version=", version));
   }
 
  private:

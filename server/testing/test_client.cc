@@ -36,7 +36,7 @@ bool IsEnd(v1::JobState state) {
 ErrorDetail DetailOf(const grpc::Status& status) {
   v1::RpcStatus rpc;
   v1::ErrorDetail detail;
-  if (!rpc.ParseFromString(status.error_details()) || rpc.details_size() != 1 ||
+  if (!rpc.ParseFromString(status.error_details()) || rpc.details_size() < 2 ||
       rpc.code() != status.error_code() || rpc.message() != status.error_message() ||
       !rpc.details(0).UnpackTo(&detail)) {
     return {};

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
 #include <future>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace litags {
@@ -63,6 +66,28 @@ TEST(ThreadPool, ClientsTakeTurnsAndFillOnlyTheirOwnQueue) {
   EXPECT_FALSE(pool.Try("alice", "a3"));
   EXPECT_TRUE(pool.Try("bob", "b1"));
   EXPECT_THAT(pool.End(), ElementsAre("a1", "b1", "a2"));
+}
+
+TEST(ThreadPool, LongTasksOfOneClientLeaveAThreadForOthers) {
+  std::promise<void> free, others_turn;
+  const std::shared_future<void> freed = free.get_future().share();
+  std::atomic<int> hers = 0;
+  {
+    ThreadPool pool(3, kMaxWaiting, absl::ResourceExhaustedError("busy"), /*max_running=*/2);
+    for (int i = 0; i < 5; ++i) {
+      pool.Run("alice", [&] {
+        ++hers;
+        freed.wait();
+      });
+    }
+    while (hers < 2) std::this_thread::yield();
+    pool.Run("bob", [&] { others_turn.set_value(); });
+    EXPECT_EQ(others_turn.get_future().wait_for(std::chrono::seconds(10)),
+              std::future_status::ready);
+    EXPECT_EQ(hers, 2);
+    free.set_value();
+  }
+  EXPECT_EQ(hers, 5);
 }
 
 }  // namespace

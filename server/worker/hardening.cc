@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/sandbox.h"
 
 namespace litags {
 namespace {
@@ -93,7 +94,15 @@ std::vector<std::string> HardenProcess(const HardeningOptions& options) {
   if (options.max_memory_bytes > 0) {
     note(LowerLimit(RLIMIT_AS, options.max_memory_bytes), "memory limit");
   }
-  if (!options.allow_network) note(LeaveNetwork(), "no network");
+  const bool left = options.allow_network || LeaveNetwork();
+  const Sockets sockets = options.allow_network ? Sockets::kAll : Sockets::kLocal;
+  // After the line above, which it would refuse; one of the two is enough.
+  errno = SyscallFilter::ForProgram(sockets).Apply();
+  if (errno != 0) {
+    note(false, "fewer system calls, for COLMAP neither");
+    if (!left) note(false, "no network");
+  }
+  HideFromOtherProcesses();
   return refused;
 }
 

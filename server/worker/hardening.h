@@ -26,8 +26,10 @@ struct HardeningOptions {
 constexpr int kOutOfMemoryExitCode = 4;
 
 // Restricts this process and all it will start: no new privileges (set-user-ID programs gain
-// nothing), no core dumps (they would hold photos), the limits above, and no network. A process
-// whose memory is used up says so and exits with kOutOfMemoryExitCode.
+// nothing), no core dumps (they would hold photos), the limits above, system calls that no worker
+// needs (SyscallFilter::ForProgram), and the network but for Unix sockets. Other processes of this
+// user, COLMAP for one, cannot look into this one. A process whose memory is used up says so and
+// exits with kOutOfMemoryExitCode.
 //
 // Call before a second thread exists: the kernel moves single-threaded processes only. Returns in
 // words what this kernel did not allow; that is not an error.

@@ -34,6 +34,9 @@ JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
       shutdown_(std::move(shutdown)),
       engine_cancel_(std::move(engine_cancel)),
       policy_(PolicyOf(lease.job)),
+      max_memory_bytes_(policy_.max_memory_bytes > 0
+                            ? policy_.max_memory_bytes
+                            : options.has.memory_bytes - options.has.memory_bytes / 8),
       last_heartbeat_(SteadyClock::now()),
       thread_([this] { Loop(); }) {}
 
@@ -91,13 +94,12 @@ absl::Status JobMonitor::CheckLimits() const {
                                   " s, which is its limit; ResumeJob goes on from the last "
                                   "checkpoint for as long again"));
   }
-  if (policy_.max_memory_bytes == 0) return absl::OkStatus();
+  if (max_memory_bytes_ == 0) return absl::OkStatus();
   const int64_t bytes = ResidentBytesWithChildren();
-  if (bytes <= policy_.max_memory_bytes) return absl::OkStatus();
+  if (bytes <= max_memory_bytes_) return absl::OkStatus();
   return MakeError(
       absl::StatusCode::kResourceExhausted, "MEMORY_EXCEEDED", "policy.max_memory_bytes",
-      absl::StrCat("the job held ", bytes, " bytes of memory; its limit is ",
-                   policy_.max_memory_bytes,
+      absl::StrCat("the job held ", bytes, " bytes of memory; its limit is ", max_memory_bytes_,
                    "; set max_image_side or max_gaussians lower, or the limit higher"));
 }
 

@@ -60,6 +60,8 @@ class JobMonitor {
   StopReason stop_reason_ = StopReason::kNone;
   absl::Status limit_exceeded_;
   JobPolicy policy_;
+  // Of a job that sets no limit, 7/8 of what its worker has, lest the machine run out; 0: no limit.
+  int64_t max_memory_bytes_ = 0;
   const TimePoint start_ = std::chrono::steady_clock::now();
   TimePoint stop_time_{}, last_heartbeat_{};
 

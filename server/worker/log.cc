@@ -4,11 +4,14 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
 #include <ctime>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string_view>
+
+#include "engine/core/utf8.h"
 
 namespace litags {
 namespace {
@@ -40,9 +43,10 @@ class TextFormatter : public spdlog::formatter {
     Append(fmt::format("{} {} {}: ", TimeText(message.time), LevelName(message),
                        ViewOf(message.logger_name)),
            out);
-    for (const char c : ViewOf(message.payload)) {
-      const bool control = static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
-      out.push_back(control ? ' ' : c);
+    for (std::string_view text = ViewOf(message.payload); !text.empty();) {
+      const size_t control = ControlLength(text);
+      out.push_back(control > 0 ? ' ' : text.front());
+      text.remove_prefix(std::max<size_t>(1, control));
     }
     out.push_back('\n');
   }

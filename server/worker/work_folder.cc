@@ -41,6 +41,7 @@ absl::Status WorkFolder::Fetch() {
   if (lease_.job.kept.empty()) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(kept_, Decode<KeptFiles>(lease_.job.kept));
   for (const auto& [name, file] : kept_) {
+    if (name == kFinishedScene) continue;
     const fs::path path = fs::path(run()) / name;
     std::error_code error;
     fs::create_directories(path.parent_path(), error);
@@ -83,7 +84,7 @@ absl::StatusOr<bool> WorkFolder::Store(const std::vector<std::string>& but) {
   }
   for (auto it = kept_.begin(); it != kept_.end();) {
     const std::string name = it->first;
-    if (std::find(names.begin(), names.end(), name) != names.end()) {
+    if (name == kFinishedScene || std::find(names.begin(), names.end(), name) != names.end()) {
       ++it;
       continue;
     }

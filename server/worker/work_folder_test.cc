@@ -63,6 +63,22 @@ class WorkFolderTest : public ::testing::Test {
   std::vector<std::unique_ptr<Lease>> leases_;
 };
 
+TEST_F(WorkFolderTest, AFinishedSceneThatWasSetAsideStaysAndIsNotTheEngines) {
+  const auto first = Take(3);
+  Write(*first, kSceneFile, "finished");
+  EXPECT_TRUE(*first->Store());
+  KeptFiles kept = first->kept();
+  kept[kFinishedScene] = kept[kSceneFile];
+  const auto second = Take(9, kept);
+  ASSERT_TRUE(second->Fetch().ok());
+  EXPECT_FALSE(fs::exists(second->run() + "/" + kFinishedScene));
+  Write(*second, kSceneFile, "half way");
+  EXPECT_TRUE(*second->Store());
+  second->RemoveReplaced();
+  EXPECT_EQ(second->kept().at(kFinishedScene), kept[kSceneFile]);
+  EXPECT_THAT(Blobs(), ElementsAre(Blob(3, "finished"), Blob(9, "half way")));
+}
+
 TEST_F(WorkFolderTest, NextLeaseFindsWhatTheEngineLeft) {
   const auto first = Take(3);
   Write(*first, "checkpoint", "c1");

@@ -47,7 +47,8 @@ void Complete(const HardeningOptions& hardening, WorkerOptions* options) {
   if (hardening.max_memory_bytes > 0) {
     has.memory_bytes = std::min(has.memory_bytes, hardening.max_memory_bytes);
   }
-  has.labels = Sorted(has.labels);
+  if (!options->depth_network.path.empty()) has.labels.emplace_back(kDepthNetworkLabel);
+  has.labels = Sorted(std::move(has.labels));
 }
 
 absl::Status OpenAndRun(const DataDir& data, const StorePlaces& places,
@@ -147,7 +148,6 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
     spdlog::error("{}", valid.ToString());
     return 2;
   }
-  Complete(hardening, &options);
   options.keep_seconds = places.BlobsAreFar() ? keep_seconds : 0;
   if (places.NeedNetwork()) hardening.allow_network = true;
   for (const std::string& refused : HardenProcess(hardening)) {
@@ -160,6 +160,7 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
     return 2;
   }
   options.depth_network = *std::move(network);
+  Complete(hardening, &options);
   options.give_up = [] { _exit(3); };
   const std::unique_ptr<Engine> engine = make_engine(colmap);
   const ShutdownSignal signal;

@@ -38,6 +38,7 @@ class Process:
         self.marker = uuid.uuid4().hex
         self.environment = dict(os.environ, **(environment or {}), **{MARKER: self.marker})
         self.process = None
+        self.sessions = set()  # of each start; what it starts stays in them
 
     def command(self):
         return [*self.prefix, *self.arguments]
@@ -45,7 +46,8 @@ class Process:
     def start(self):
         with open(self.log_path, "ab") as log:
             self.process = subprocess.Popen(self.command(), env=self.environment, stdout=log,
-                                            stderr=log)
+                                            stderr=log, start_new_session=True)
+        self.sessions.add(self.process.pid)
         return self
 
     def log(self):
@@ -77,16 +79,21 @@ class Process:
             if not entry.isdigit():
                 continue
             with contextlib.suppress(OSError):
-                with open(f"/proc/{entry}/environ", "rb") as file:
-                    if f"{MARKER}={self.marker}".encode() not in file.read():
-                        continue
+                with open(f"/proc/{entry}/stat") as file:
+                    state, _, _, session = file.read().rsplit(")", 1)[1].split()[:4]
+                # Children of litags do not get the marker, PostgreSQL's leave the session.
+                if int(session) not in self.sessions and not self._has_marker(entry):
+                    continue
                 with open(f"/proc/{entry}/cmdline", "rb") as file:
                     command = file.read().replace(b"\0", b" ").decode(errors="replace")
-                with open(f"/proc/{entry}/stat") as file:
-                    state = file.read().rsplit(")", 1)[1].split()[0]
                 if state != "Z" and words in command:
                     found[int(entry)] = command
         return found
+
+    def _has_marker(self, pid):
+        with contextlib.suppress(OSError), open(f"/proc/{pid}/environ", "rb") as file:
+            return f"{MARKER}={self.marker}".encode() in file.read()
+        return False
 
     def workers(self):
         return [pid for pid, command in self.processes("worker").items()

@@ -176,7 +176,7 @@ class Kubernetes(unittest.TestCase):
         self.assertEqual([p["targetPort"] for p in service], ["grpc"])
         pod = named(objects, "Deployment", "litags-server")["spec"]["template"]
         self.assertEqual(int(pod["metadata"]["annotations"]["prometheus.io/port"]), ports["metrics"])
-        for probe in ("readinessProbe", "startupProbe"):
+        for probe in ("readinessProbe", "startupProbe", "livenessProbe"):
             self.assertIn(f"localhost:{ports['grpc']}", server[probe]["exec"]["command"])
         for policy in (o for o in objects if o["kind"] == "NetworkPolicy"):
             for rule in policy["spec"]["ingress"]:

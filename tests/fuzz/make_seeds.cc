@@ -278,6 +278,24 @@ void AddArchives(const Corpus& corpus) {
   corpus.Add("archive", "night.tar", Pack(Packing::kTar).substr(0, 4096));
 }
 
+// Packets of server/reader, each behind a byte of its length.
+void AddReaderAnswers(const Corpus& corpus) {
+  const auto packets = [](std::initializer_list<std::string> list) {
+    std::string bytes;
+    for (const std::string& packet : list) bytes += static_cast<char>(packet.size()) + packet;
+    return bytes;
+  };
+  const std::string nul(1, '\0');
+  const std::string good = "V0" + nul + nul + nul + nul + "64" + nul + "48";
+  corpus.Add("reader_answers", "photo", packets({good}));
+  corpus.Add("reader_answers", "refused",
+             packets({"V3" + nul + "IMAGE_CORRUPT" + nul + "images[x]" + nul + "why" + nul + "0" +
+                      nul + "0"}));
+  corpus.Add("reader_answers", "archive",
+             packets({"Elow" + nul + "1.jpg", "Bbytes", "Bmore", "F", "Eother.txt",
+                      "Emasks" + nul + "1.png", "F", good}));
+}
+
 }  // namespace
 }  // namespace litags
 
@@ -293,5 +311,6 @@ int main(int argc, char** argv) {
   litags::AddContainers(corpus, scratch);
   litags::AddRequests(corpus);
   litags::AddArchives(corpus);
+  litags::AddReaderAnswers(corpus);
   return 0;
 }

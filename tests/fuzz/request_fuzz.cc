@@ -49,8 +49,8 @@ void FuzzView(const std::string& bytes) {
   v1::RenderViewRequest request;
   if (!request.ParseFromString(bytes)) return;
   ResolveContent(request.settings()).status().IgnoreError();
-  const auto lens =
-      ResolveLens(request.settings(), request.pose().camera(), TheScene(), kMaxPixels);
+  const auto lens = ResolveLens(request.settings(), request.pose().camera(), "pose.camera",
+                                TheScene(), kMaxPixels);
   if (!lens.ok()) return;
   const auto camera = ResolvePose(request.pose(), *lens, TheScene(), "pose");
   if (camera.ok()) CheckCamera(*camera);
@@ -60,7 +60,8 @@ void FuzzPath(const std::string& bytes) {
   v1::RenderPathRequest request;
   if (!request.ParseFromString(bytes)) return;
   ResolvePathContent(request).status().IgnoreError();
-  const auto lens = ResolveLens(request.settings(), "", TheScene(), kMaxPixels);
+  const auto lens =
+      ResolveLens(request.settings(), "", "keyframes.poses[0].camera", TheScene(), kMaxPixels);
   if (!lens.ok()) return;
   const auto cameras = ResolvePath(request, *lens, TheScene());
   if (!cameras.ok()) return;

@@ -221,7 +221,8 @@ def main():
     parser.add_argument("server_flags", nargs="*", help="for litags-server, after --")
     args = parser.parse_args()
     with deployment.scratch() as folder:
-        server = deployment.Deployment(folder, "--threads", "1", *args.server_flags,
+        server = deployment.Deployment(folder, "--threads", "1", "--max-iterations", "0",
+                                       *args.server_flags,
                                        program="litags-server").start()
         client = deployment.Client(server.address)
         try:

@@ -213,6 +213,8 @@ class Settings(unittest.TestCase):
 
     def test_others_are_not_let_in_by_accident(self):
         for args, words in ((("--listen", "0.0.0.0:0"), "--insecure"),
+                            (("--listen", "127.0.0.1:0", "--metrics-listen", "0.0.0.0:0"),
+                             "--insecure"),
                             (("--listen", "127.0.0.1:0", "--tls-cert", "/missing"), "--tls-key"),
                             (("--listen", "127.0.0.1:0", "--tls-cert", "/missing", "--tls-key",
                               "/missing"), "/missing"),
@@ -231,6 +233,7 @@ class Settings(unittest.TestCase):
         self.assertRegex(out, r"(?m)^ok +store ")
         self.assertRegex(out, r"(?m)^ok +space +\d+ MiB free")
         self.assertRegex(out, r"(?m)^ok +colmap +COLMAP 3\.8")
+        self.assertRegex(out, r"(?m)^(ok|note) +confinement ")
         code, out, _ = run_server("--check", "--data", self.data, "--colmap", "/missing/colmap",
                                   "--tls-cert", "/missing", "--tls-key", "/missing")
         self.assertEqual(code, 1)

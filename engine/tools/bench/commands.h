@@ -26,6 +26,9 @@ void AddNoiseCommand(CLI::App* app, int* exit_status);
 // `litags-bench exposure PHOTOS`.
 void AddExposureCommand(CLI::App* app, int* exit_status);
 
+// `litags-bench shadows PHOTOS`.
+void AddShadowsCommand(CLI::App* app, int* exit_status);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_TOOLS_BENCH_COMMANDS_H_

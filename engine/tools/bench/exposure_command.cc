@@ -1,4 +1,4 @@
-// litags-bench exposure: how well the exposure of well exposed photos is found again.
+// litags-bench exposure: how well the exposure of well exposed photos, and of scenes, is found.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,6 +15,7 @@
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/exposure_fit.h"
 #include "engine/tools/bench/exposure_population.h"
+#include "engine/tools/bench/exposure_scene.h"
 
 namespace litags {
 namespace {
@@ -106,7 +107,21 @@ void PrintMeanCodes(const ExposurePopulation& population, const std::vector<doub
               MeanCode(population, plain));
 }
 
-absl::Status MeasureExposure(const std::string& folder, bool fit) {
+struct ExposureArguments {
+  std::string photos, light = "low";
+  std::vector<std::string> scenes;
+  bool fit = false;
+};
+
+absl::Status MeasureScenes(const ExposureArguments& args) {
+  for (const std::string& scene : args.scenes) {
+    LITAGS_ASSIGN_OR_RETURN(const double error, ExposureErrorOfScene(scene, args.light));
+    std::printf("%s %s: %+.2f stops\n", scene.c_str(), args.light.c_str(), error);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status MeasurePopulation(const std::string& folder, bool fit) {
   LITAGS_ASSIGN_OR_RETURN(const ExposurePopulation population, MakeExposurePopulation(folder));
   const std::vector<double> errors = CrossValidate(population);
   std::printf("%zu photos; errors in stops: mean, deviation, mean of sizes, 90 %% quantile\n",
@@ -127,16 +142,25 @@ absl::Status MeasureExposure(const std::string& folder, bool fit) {
 }  // namespace
 
 void AddExposureCommand(CLI::App* app, int* exit_status) {
-  auto folder = std::make_shared<std::string>();
-  auto fit = std::make_shared<bool>(false);
+  auto args = std::make_shared<ExposureArguments>();
   CLI::App* command = app->add_subcommand(
       "exposure", "Errors of the exposure rule on captures made from well exposed photos");
-  command->add_option("photos", *folder, "folder of well exposed photos, 25 or more")
-      ->required()
+  CLI::Option* photos =
+      command->add_option("photos", args->photos, "folder of well exposed photos, 25 or more")
+          ->check(CLI::ExistingDirectory);
+  command->add_flag("--fit", args->fit, "also fit the rule's constants to all of them")
+      ->needs(photos);
+  command->add_option("--scene", args->scenes, "SCENE: error against SCENE/high; several")
       ->check(CLI::ExistingDirectory);
-  command->add_flag("--fit", *fit, "also fit the rule's constants to all of them");
-  command->callback([folder, fit, exit_status] {
-    if (const absl::Status s = MeasureExposure(*folder, *fit); !s.ok()) {
+  command->add_option("--light", args->light, "folder of the scenes' photos")
+      ->capture_default_str();
+  command->callback([args, exit_status] {
+    if (args->photos.empty() && args->scenes.empty()) {
+      throw CLI::RequiredError("photos or --scene");
+    }
+    absl::Status s = MeasureScenes(*args);
+    if (s.ok() && !args->photos.empty()) s = MeasurePopulation(args->photos, args->fit);
+    if (!s.ok()) {
       std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
       *exit_status = 1;
     }

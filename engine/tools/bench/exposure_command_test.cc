@@ -1,14 +1,17 @@
 // Runs `litags-bench exposure` on made-up photos.
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "engine/core/color.h"
 #include "engine/core/rng.h"
-#include "engine/core/subprocess.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 #include "engine/target/exposure_rule.h"
+#include "engine/tools/bench/run_bench_test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -33,13 +36,7 @@ ImageU8 MakePhoto(uint64_t seed, int middle) {
 }
 
 SubprocessResult RunExposure(const std::vector<std::string>& arguments) {
-  SubprocessOptions child;
-  child.args = {LITAGS_BENCH, "exposure"};
-  child.args.insert(child.args.end(), arguments.begin(), arguments.end());
-  child.tail_lines = 100;
-  const auto result = RunSubprocess(child, CancelToken());
-  EXPECT_TRUE(result.ok()) << result.status();
-  return result.value_or(SubprocessResult());
+  return RunBench("exposure", arguments);
 }
 
 // The last four numbers of the line of a kind.
@@ -81,6 +78,35 @@ TEST(ExposureCommand, PrintsErrorsOfEveryKindAndConstants) {
   const size_t end = fit.tail.find('\n', weights + 1);
   EXPECT_EQ(std::count(&fit.tail[weights], &fit.tail[end], ','), ExposureRule::kBands);
   EXPECT_THAT(fit.tail.substr(end), HasSubstr("lightness -"));
+}
+
+TEST(ExposureCommand, ErrorsOfAScenesLightsDifferByTheirGains) {
+  TempDir dir;
+  const auto write = [&](const char* light, const char* name, double gain) {
+    ImageU8 photo = MakePhoto(3, 110);
+    for (uint8_t& code : photo.data) {
+      const double unclipped = std::min<int>(code, 235) / 255.0;
+      code = static_cast<uint8_t>(255 * SrgbFromLinear(gain * LinearFromSrgb(unclipped)) + 0.5);
+    }
+    std::filesystem::create_directories(dir / light);
+    ASSERT_TRUE(WritePng(dir / light + "/" + name, photo).ok());
+  };
+  const auto error = [&](const std::string& light) {
+    const SubprocessResult result = RunExposure({"--scene", dir.path(), "--light", light});
+    EXPECT_EQ(result.exit_code, 0) << result.tail;
+    return std::atof(result.tail.substr(result.tail.rfind(": ") + 2).c_str());
+  };
+  write("high", "a.png", 1);
+  write("high", "b.png", 0.5);
+  write("one", "a.png", 1);
+  write("half", "b.png", 0.5);
+  write("quarter", "a.png", 0.25);
+  EXPECT_NEAR(error("one"), error("quarter"), 0.05) << "darker, and brightened by as much more";
+  EXPECT_NEAR(error("half"), error("one") + 1, 0.05) << "the truth is darker";
+  write("none", "c.png", 1);
+  EXPECT_THAT(RunExposure({"--scene", dir.path(), "--light", "none"}).tail,
+              HasSubstr("has no photo of"));
+  EXPECT_NE(RunExposure({}).exit_code, 0);
 }
 
 TEST(ExposureCommand, RefusesFoldersWithoutPhotos) {

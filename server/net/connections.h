@@ -1,0 +1,95 @@
+#ifndef LITAGS_SERVER_NET_CONNECTIONS_H_
+#define LITAGS_SERVER_NET_CONNECTIONS_H_
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <cstdint>
+#include <list>
+#include <map>
+#include <mutex>
+#include <string>
+#include <string_view>
+
+#include "server/net/peer.h"
+
+namespace litags {
+
+// Newcomers are connections that no call was let in from: strangers, and clients for a moment.
+struct ConnectionCounts {
+  int max_connections = 4096;  // one network may have half of them
+  int max_newcomers = 256;     // so many handshakes and first calls at one time
+  // A first call takes milliseconds, on a bad line a few seconds.
+  double newcomer_seconds = 20;
+  // gRPC takes 64 KiB of a stream until it is let in, but the whole request of a call with one
+  // answer; the largest in use, a QueryUpload of 1,000 files, has some 300 KiB.
+  int64_t newcomer_bytes = 512 << 10;
+  // Shared evenly when there are many; 12 KiB are enough for a handshake and a small call.
+  int64_t all_newcomers_bytes = 3 << 20;
+};
+
+// The open connections of gRPC, which says nothing of them. Thread-safe.
+class Connections {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  explicit Connections(ConnectionCounts counts) : counts_(counts) {}
+  ~Connections();
+
+  enum class Added {
+    kYes,            // `fd` may be handed to gRPC
+    kNoRoom,         // and the connection is to be closed
+    kNoDescriptors,  // the same, for want of descriptors
+  };
+  // A connection that came. Makes room among the newcomers: the network with most of them loses its
+  // oldest.
+  Added Add(int fd, const Peer& peer);
+
+  // A call was let in from `grpc_peer`, as gRPC names it: the connection may stay.
+  void Admit(std::string_view grpc_peer);
+
+  // Cuts newcomers whose time or bytes are used up, and forgets connections that gRPC has closed.
+  // Returns how soon to look again.
+  std::chrono::milliseconds Look(Clock::time_point now = Clock::now());
+
+  // Cuts one newcomer, if there is any, since descriptors are short.
+  void MakeRoom();
+
+  int size() const;
+  int newcomers() const;
+
+ private:
+  enum class State { kNewcomer, kKnown, kCut };
+  struct Connection {
+    Peer peer;
+    std::string network;
+    int fd;       // gRPC's, which may have closed it
+    int own;      // the same socket, so that its number stays: to look at it and to cut it
+    ino_t inode;  // of the socket
+    Clock::time_point since;
+    State state = State::kNewcomer;
+  };
+  using List = std::list<Connection>;
+  struct OfNetwork {
+    int all = 0, newcomers = 0;
+  };
+
+  bool RoomFor(const std::string& network);
+  bool CutOldest(const std::string& network, std::string_view why);
+  std::string BusiestNetwork() const;
+  void Cut(Connection& connection, std::string_view why);
+  void SetState(Connection& connection, State state);
+  void CheckNewcomer(Connection& connection, Clock::time_point now);
+  List::iterator Forget(List::iterator connection);
+
+  const ConnectionCounts counts_;
+  mutable std::mutex mutex_;
+  List all_;  // by age
+  std::multimap<Peer, List::iterator> by_peer_;
+  std::map<std::string, OfNetwork> networks_;
+  int newcomers_ = 0, cut_ = 0;
+};
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_NET_CONNECTIONS_H_

@@ -1,0 +1,22 @@
+#ifndef LITAGS_SERVER_READER_CONTENT_H_
+#define LITAGS_SERVER_READER_CONTENT_H_
+
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "server/store/job_store.h"
+
+namespace litags {
+
+struct PictureSize {
+  int width = 0, height = 0;  // px; 0 of what is no photo and no mask
+};
+
+// Reads a file, in this process, as what it says it is. Not for archives.
+absl::StatusOr<PictureSize> CheckContent(std::string_view bytes, FileRole role,
+                                         const std::string& field);
+
+}  // namespace litags
+
+#endif  // LITAGS_SERVER_READER_CONTENT_H_

@@ -1,0 +1,258 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <thread>
+
+#include "engine/core/error_test_util.h"
+#include "engine/core/sandbox.h"
+#include "server/reader/file_reader.h"
+#include "server/testing/archives.h"
+#include "server/testing/photos.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+using ::testing::ContainsRegex;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::Pair;
+
+std::vector<pid_t> ChildrenOf(pid_t process) {
+  std::vector<pid_t> found;
+  std::error_code error;  // threads come and go
+  const std::string tasks = "/proc/" + std::to_string(process) + "/task";
+  for (std::filesystem::directory_iterator it(tasks, error), end; !error && it != end;
+       it.increment(error)) {
+    std::ifstream children(it->path() / "children");
+    for (pid_t child; children >> child;) found.push_back(child);
+  }
+  return found;
+}
+
+bool EventuallyTrue(const std::function<bool()>& what) {
+  for (int i = 0; i < 1000; ++i) {
+    if (what()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
+class RemoteReaderTest : public ::testing::Test {
+ protected:
+  std::string Write(const std::string& bytes) {
+    const std::string path = dir_.path() + "/" + std::to_string(++files_);
+    std::ofstream(path, std::ios::binary) << bytes;
+    return path;
+  }
+
+  absl::Status Check(const std::string& bytes, FileRole role = FileRole::kPhoto) {
+    FileRecord file;
+    file.role = role;
+    file.size_bytes = static_cast<int64_t>(bytes.size());
+    const absl::Status status = reader_->Check(Write(bytes), "images[x]", &file, cancel_);
+    size_ = {file.width, file.height};
+    return status;
+  }
+
+  absl::Status Extract(const std::string& bytes, ArchiveSink* sink,
+                       const ArchiveLimits& limits = {}) {
+    const auto archive = reader_->OpenArchive(Write(bytes), limits, "archives[a]", sink, cancel_);
+    if (!archive.ok()) return archive.status();
+    for (;;) {
+      const absl::StatusOr<bool> more = (*archive)->ReadNext();
+      if (!more.ok() || !*more) return more.status();
+    }
+  }
+
+  // The program that makes the processes.
+  static pid_t Program() {
+    pid_t found = 0;
+    EventuallyTrue([&] {
+      const auto children = ChildrenOf(getpid());
+      if (!children.empty()) found = children.front();
+      return found != 0;
+    });
+    return found;
+  }
+
+  // The process of the archive in hand.
+  static pid_t ReaderProcess() {
+    pid_t found = 0;
+    EventuallyTrue([&] {
+      const auto children = ChildrenOf(Program());
+      if (!children.empty()) found = children.back();
+      return found != 0;
+    });
+    return found;
+  }
+
+  static std::string ProcFile(pid_t process, const std::string& name) {
+    std::ifstream file("/proc/" + std::to_string(process) + "/" + name);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+
+  // One that nobody has waited for yet has ended, too.
+  static bool HasEnded(pid_t process) {
+    const std::string stat = ProcFile(process, "stat");
+    return stat.empty() || stat.find(") Z") != std::string::npos;
+  }
+
+  TempDir dir_;
+  CancelToken cancel_;
+  std::unique_ptr<FileReader> reader_ = MakeRemoteReader({TEST_READER});
+  std::pair<int, int> size_;
+  int files_ = 0;
+};
+
+TEST_F(RemoteReaderTest, SaysOfEachRoleWhatTheSameCodeHereSays) {
+  const auto here = MakeInProcessReader();
+  const std::string json = R"({"w": 64, "h": 48, "fl_x": 50, "frames": [)";
+  const std::vector<std::pair<FileRole, std::string>> files = {
+      {FileRole::kPhoto, TestJpeg()},
+      {FileRole::kPhoto, TestPng(7, 5)},
+      {FileRole::kPhoto, TestJpeg().substr(0, 300)},
+      {FileRole::kPhoto, "neither"},
+      {FileRole::kMask, TestPng()},
+      {FileRole::kMask, TestJpeg()},
+      {FileRole::kDepth, "Pf\n2 1\n-1.0\n12345678"},
+      {FileRole::kDepth, "\x93NUMPY"},
+      {FileRole::kCameras, json},
+      {FileRole::kCameras, json + "]}"}};
+  for (const auto& [role, bytes] : files) {
+    FileRecord file;
+    file.role = role;
+    file.size_bytes = static_cast<int64_t>(bytes.size());
+    const absl::Status expected = here->Check(Write(bytes), "images[x]", &file, {});
+    const absl::Status status = Check(bytes, role);
+    EXPECT_EQ(status, expected);
+    EXPECT_EQ(Reason(status), Reason(expected));
+    EXPECT_EQ(size_, std::pair(file.width, file.height));
+  }
+}
+
+TEST_F(RemoteReaderTest, UnpacksAnArchiveAndHandsOnItsErrors) {
+  const std::string large(300'000, 'x');
+  const std::string tar =
+      Tar({{"a/b\xC3\xBC.png", large}, {"unwanted", "1234"}, {"c.jpg", "short"}});
+  MapSink sink;
+  EXPECT_EQ(Extract(tar, &sink), absl::OkStatus());
+  EXPECT_THAT(sink.files, ElementsAre(Pair("a|b\xC3\xBC.png", large), Pair("c.jpg", "short")));
+  ArchiveLimits limits;
+  limits.max_entry_bytes = 1000;
+  EXPECT_EQ(Reason(Extract(tar, &sink, limits)), "ARCHIVE_ENTRY_TOO_LARGE");
+  EXPECT_EQ(Reason(Extract(Tar({{"../a", "x"}}), &sink)), "ARCHIVE_ENTRY_UNSAFE");
+  EXPECT_EQ(Reason(Extract("no archive", &sink)), "ARCHIVE_NOT_RECOGNIZED");
+}
+
+TEST_F(RemoteReaderTest, ManyFilesAtOnceGetTheirOwnAnswers) {
+  std::atomic<int> wrong = 0;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 8; ++i) {
+    const std::string path = Write(TestPng(10 + i, 20));
+    threads.emplace_back([&, path, i] {
+      for (int round = 0; round < 10; ++round) {
+        FileRecord file;
+        if (!reader_->Check(path, "images[x]", &file, {}).ok() || file.width != 10 + i) ++wrong;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(wrong, 0);
+}
+
+TEST_F(RemoteReaderTest, AFileThatTakesTooMuchMemoryIsRefusedAndTheNextOneIsRead) {
+  if (kBuiltWithSanitizer) GTEST_SKIP() << "a sanitizer needs more memory";
+  reader_ = MakeRemoteReader({TEST_READER}, {.memory_bytes = int64_t{64} << 20});
+  const absl::Status status = Check(TestPng(3500, 3500));
+  EXPECT_EQ(Reason(status), "FILE_CHECK_FAILED");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("images[x]: reading it takes more memory"));
+  // What libjpeg says when it gets no memory.
+  EXPECT_EQ(Reason(Check(TestJpeg(6000, 4000))), "IMAGE_CORRUPT");
+  EXPECT_EQ(Check(TestJpeg()), absl::OkStatus());
+}
+
+TEST_F(RemoteReaderTest, AFileThatTakesTooMuchTimeIsRefused) {
+  MapSink sink;
+  sink.on_begin = [] { kill(ReaderProcess(), SIGXCPU); };  // as the kernel does
+  const absl::Status status = Extract(Tar({{"a.png", "x"}}), &sink);
+  EXPECT_EQ(Reason(status), "FILE_CHECK_FAILED");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("more time"));
+}
+
+TEST_F(RemoteReaderTest, AProcessThatDiesInTheMiddleFailsItsFileAndNoOther) {
+  MapSink sink;
+  pid_t program = 0;
+  sink.on_begin = [&] {
+    program = Program();
+    kill(ReaderProcess(), SIGSEGV);
+  };
+  const std::string tar = Tar({{"a.png", std::string(1 << 20, 'x')}, {"b.png", "x"}});
+  const absl::Status status = Extract(tar, &sink);
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Reason(status), "FILE_CHECK_FAILED");
+  EXPECT_EQ(GetErrorDetail(status)->field, "archives[a]");
+  sink.on_begin = nullptr;
+  EXPECT_EQ(Extract(tar, &sink), absl::OkStatus());
+  EXPECT_EQ(Program(), program);
+}
+
+TEST_F(RemoteReaderTest, AProgramThatDiesIsStartedAgainAndTheFileIsNotToBlame) {
+  ASSERT_EQ(Check(TestPng()), absl::OkStatus());
+  const pid_t program = Program();
+  MapSink sink;
+  sink.on_begin = [&] {
+    const pid_t reader = ReaderProcess();
+    kill(program, SIGKILL);
+    EXPECT_TRUE(EventuallyTrue([&] { return HasEnded(reader); }));
+  };
+  const absl::Status status = Extract(Tar({{"a.png", std::string(1 << 20, 'x')}}), &sink);
+  EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable) << status;
+  EXPECT_EQ(Reason(status), "FILE_CHECK_UNAVAILABLE");
+  EXPECT_EQ(Check(TestPng()), absl::OkStatus());
+  EXPECT_NE(Program(), program);
+}
+
+TEST_F(RemoteReaderTest, ACancelledCallEndsItsProcess) {
+  ASSERT_EQ(Check(TestPng()), absl::OkStatus());
+  const pid_t program = Program();
+  MapSink sink;
+  sink.on_begin = [&] { cancel_.Cancel(); };
+  const std::string tar = Tar({{"a.png", std::string(1 << 20, 'x')}, {"b.png", "x"}});
+  EXPECT_EQ(Extract(tar, &sink).code(), absl::StatusCode::kCancelled);
+  EXPECT_TRUE(EventuallyTrue([&] { return ChildrenOf(program).empty(); }));
+}
+
+TEST_F(RemoteReaderTest, ProcessesHaveNoSecretsFewSystemCallsAndLimits) {
+  setenv("AWS_SECRET_ACCESS_KEY", "SECRET", 1);
+  MapSink sink;
+  std::string status, environment, limits;
+  sink.on_begin = [&] {
+    const pid_t process = ReaderProcess();
+    status = ProcFile(process, "status");
+    environment = ProcFile(process, "environ");
+    limits = ProcFile(process, "limits");
+  };
+  ASSERT_EQ(Extract(Tar({{"a.png", "x"}}), &sink), absl::OkStatus());
+  EXPECT_THAT(environment, HasSubstr("OMP_NUM_THREADS=1"));
+  EXPECT_THAT(environment, Not(HasSubstr("SECRET")));
+  EXPECT_THAT(status, HasSubstr("NoNewPrivs:\t1"));
+  EXPECT_THAT(status, HasSubstr("Seccomp:\t2"));
+  EXPECT_THAT(limits, ContainsRegex("Max cpu time +600 +602 "));
+  EXPECT_THAT(limits, ContainsRegex("Max file size +0 +0 "));
+  if (!kBuiltWithSanitizer) {
+    EXPECT_THAT(limits, ContainsRegex("Max data size +3221225472 "));
+  }
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,3 @@
+#include "server/reader/read_files_main.h"
+
+int main() { return litags::ReadFilesMain(); }

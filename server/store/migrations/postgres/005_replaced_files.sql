@@ -1,2 +1,0 @@
--- Replaced files stay until their job has all of its files, and count as the client's till then.
-ALTER TABLE jobs ADD COLUMN litter_bytes BIGINT NOT NULL DEFAULT 0;
