@@ -10,12 +10,13 @@
 
 namespace litags {
 
-// Which of these places are far from all others: a tracker that lost itself, a photo of something
-// else. The walk to a scene is not: each of its places is near the one before.
+// Which of these places are far from all others, as of a lost tracker or a photo of something else.
+// None of fewer than eight, nor of a walk, whose places are each near the one before, nor where
+// more than one in ten would be.
 std::vector<bool> FarPlaces(absl::Span<const std::array<double, 3>> places);
 
-// The places of these views' cameras but for the far ones.
-std::vector<std::array<double, 3>> NearPlaces(absl::Span<const View> views);
+// The views but for those whose cameras are far.
+std::vector<View> NearViews(absl::Span<const View> views);
 
 }  // namespace litags
 

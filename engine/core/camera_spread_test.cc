@@ -42,10 +42,32 @@ TEST(FarPlaces, AreNoneOfAWalkALineOrTwoPlaces) {
   EXPECT_EQ(Count(FarPlaces(rooms)), 0);
 }
 
+TEST(FarPlaces, AreNoneIfTheyAreManyOrTogether) {
+  Places views_from_afar = Ring(20);
+  for (int i = 0; i < 3; ++i) views_from_afar.push_back({200.0 * (i - 1), 300, 50});
+  EXPECT_EQ(Count(FarPlaces(views_from_afar)), 0);
+  views_from_afar.pop_back();
+  EXPECT_EQ(Count(FarPlaces(views_from_afar)), 2);
+  Places pair = Ring(20);
+  pair.push_back({300, 0, 0});
+  pair.push_back({301, 0, 0});
+  EXPECT_EQ(Count(FarPlaces(pair)), 0);
+}
+
 TEST(FarPlaces, AreNoneWhereThereIsNoMeasure) {
   EXPECT_EQ(Count(FarPlaces(Places{})), 0);
   EXPECT_EQ(Count(FarPlaces(Places{{0, 0, 0}, {1, 0, 0}, {100, 0, 0}})), 0);
   EXPECT_EQ(Count(FarPlaces(Places(5, {1, 2, 3}))), 0);
+}
+
+TEST(NearViews, AreThoseThatAreNotFar) {
+  std::vector<View> views(9);
+  for (int i = 0; i < 9; ++i) views[i].camera.t = {std::cos(i), std::sin(i), 0};
+  views[4].camera.t = {0, 0, 400};
+  views[4].name = "lost";
+  const std::vector<View> near = NearViews(views);
+  EXPECT_EQ(near.size(), 8u);
+  for (const View& view : near) EXPECT_NE(view.name, "lost");
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ void JpegCoefficients::Refuse(ErrorState* state, const char* why) {
 void JpegCoefficients::OnError(j_common_ptr cinfo) {
   ErrorState* state = StateOf(cinfo);
   if (state->damage == Damage::kNone) {
-    state->damage = Damage::kCorrupt;
+    state->damage = state->ended ? Damage::kTruncated : Damage::kCorrupt;
     cinfo->err->format_message(cinfo, state->message);
   }
   std::longjmp(state->escape, 1);
@@ -75,9 +75,10 @@ JpegCoefficients::JpegCoefficients() {
 
 JpegCoefficients::~JpegCoefficients() { jpeg_destroy_decompress(&cinfo_); }
 
-// Whether every coefficient came to its last bit; a picture in one scan has no table of them.
+// Whether every coefficient came to its last bit. Of a sequential JPEG there is no such table: its
+// last scan must hold all components.
 bool JpegCoefficients::HasAllScans() const {
-  if (cinfo_.coef_bits == nullptr) return true;
+  if (cinfo_.coef_bits == nullptr) return cinfo_.comps_in_scan == cinfo_.num_components;
   for (int c = 0; c < cinfo_.num_components; ++c) {
     for (int k = 0; k < DCTSIZE2; ++k) {
       if (cinfo_.coef_bits[c][k] != 0) return false;

@@ -15,14 +15,16 @@ constexpr double kMaxOffset = 100;
 
 }  // namespace
 
-std::array<double, 3> LocalOrigin(const std::vector<View>& views) {
-  const std::vector<std::array<double, 3>> places = NearPlaces(views);
+std::array<double, 3> LocalOrigin(const std::vector<View>& all) {
+  const std::vector<View> views = NearViews(all);
   std::array<double, 3> mean = {};
-  for (const auto& center : places) {
-    for (int k = 0; k < 3; ++k) mean[k] += center[k] / places.size();
+  for (const View& v : views) {
+    const std::array<double, 3> center = v.camera.Center();
+    for (int k = 0; k < 3; ++k) mean[k] += center[k] / views.size();
   }
   double spread = 0;
-  for (const auto& c : places) {
+  for (const View& v : views) {
+    const std::array<double, 3> c = v.camera.Center();
     spread = std::max(spread, std::hypot(c[0] - mean[0], c[1] - mean[1], c[2] - mean[2]));
   }
   if (!(std::hypot(mean[0], mean[1], mean[2]) > kMaxOffset * spread)) return {};

@@ -20,30 +20,22 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
+#include "engine/pipeline/black_bars.h"
+#include "engine/pipeline/photo_structure.h"
 
 namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
 
-// Neighbouring blocks of white noise correlate by 0 +- 1 / sqrt(blocks); of 547 dark, bright and
-// normal photos of scenes none is below 0.48.
-constexpr double kNoStructure = 0.25;
-constexpr int kLeastBlocks = 150;  // fewer say too little: 3 standard deviations are 0.25
-// A white wall has no structure either, but it is as light as the rest of the capture.
-constexpr double kUnlit = 0.25;  // of the middle photo's light
-
-constexpr double kFlatLine = 0.3;          // 8-bit codes: noise of a sensor is more, a bar has none
-constexpr double kOutliers = 0.002;        // of a line's pixels: hot ones, a watermark's corner
-constexpr double kDarkLine = 20;           // codes: bars are black, if not always quite
-constexpr size_t kBarPhotos = kMinPhotos;  // fewer photos do not show what they have alike
-constexpr double kMostBars = 0.6;          // of a side: then it is no bar
-constexpr int kJpegBlock = 16;  // px; the one that holds a bar's edge has some of both sides
+// Of the middle photo's light. A lens cap lets nothing through; a photo of a bare wall, which may
+// show as little, is as light as the others.
+constexpr double kUnlit = 0.5;
 
 struct Decoded {
   absl::Status status;
   ScreenedPhoto photo;
-  FlatLines flat;
+  LineKinds lines;
   PlaneU8 alpha;
   bool jpeg = false, no_end_mark = false;
 };
@@ -77,7 +69,7 @@ Decoded Decode(const std::string& dir, const std::string& name) {
   d.photo.mean_code = codes / photo->data.size() / kPhotoCode;
   d.photo.light = light / photo->data.size();
   d.photo.structure = StructureOf(*photo);
-  d.flat = FindFlatLines(*photo);
+  d.lines = KindsOfLines(*photo);
   d.jpeg = IsJpeg(*bytes);
   d.no_end_mark = d.jpeg && LacksEndMark(*bytes);
   if (!d.jpeg) d.alpha = AlphaMask(*bytes);
@@ -108,7 +100,7 @@ std::optional<std::string> PhotoOfMask(const std::string& name, const NameIndex&
 
 absl::StatusOr<std::string> WriteMask(const ReconstructInput& input, const std::string& photo,
                                       const PlaneU8& mask) {
-  const std::string dir = input.work_dir + "/masks";
+  const std::string dir = input.work_dir + "/found_masks";
   std::error_code ignored;  // writing says what is wrong
   fs::create_directories(dir, ignored);
   const std::string path = absl::StrCat(dir, "/", photo, ".png");
@@ -207,72 +199,29 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, std::vector<std::str
   return absl::OkStatus();
 }
 
-// First and last + 1 of the lines that are no bar.
-struct Inside {
-  int first = 0, last = 0;
-};
-
-// `flat`: lines that every photo has flat. A bar goes on to the end of the JPEG block that it ends
-// in.
-Inside WithoutBars(const std::vector<bool>& flat, bool jpeg) {
-  const int n = static_cast<int>(flat.size()), step = jpeg ? kJpegBlock : 1;
-  Inside inside{0, n};
-  while (inside.first < n && flat[inside.first]) ++inside.first;
-  while (inside.last > inside.first && flat[inside.last - 1]) --inside.last;
-  const int bars = inside.first + n - inside.last;
-  if (bars == 0 || bars > kMostBars * n) return {0, n};
-  if (inside.first > 0) inside.first = (inside.first + step - 1) / step * step;
-  if (inside.last < n) inside.last = inside.last / step * step;
-  return inside.first < inside.last ? inside : Inside{0, n};
-}
-
-// Rows and columns that count of photos of one size.
-struct Frame {
-  Inside rows, columns;
-};
-
-void And(const std::vector<bool>& other, std::vector<bool>* flat) {
-  for (size_t i = 0; i < flat->size(); ++i) (*flat)[i] = (*flat)[i] && other[i];
-}
-
-std::string Range(const char* what, const Inside& inside, int n) {
-  std::string text;
-  if (inside.first > 0) absl::StrAppend(&text, what, " 0 to ", inside.first - 1);
-  if (inside.last < n) {
-    absl::StrAppend(&text, text.empty() ? "" : " and ", what, " ", inside.last, " to ", n - 1);
+// Bars of photos of one size, of which there are some.
+std::map<std::pair<int, int>, BarFrame> BarsBySize(const std::vector<Decoded>& used,
+                                                   std::vector<std::string>* notes) {
+  std::map<std::pair<int, int>, std::vector<const LineKinds*>> lines;
+  std::map<std::pair<int, int>, bool> jpeg;
+  for (const Decoded& d : used) {
+    const std::pair size(d.photo.width, d.photo.height);
+    lines[size].push_back(&d.lines);
+    jpeg[size] |= d.jpeg;
   }
-  return text;
-}
-
-// By size; sizes without bars have none.
-std::map<std::pair<int, int>, Frame> FindBars(const std::vector<Decoded>& used,
-                                              std::vector<std::string>* notes) {
-  std::map<std::pair<int, int>, std::vector<const Decoded*>> of_size;
-  for (const Decoded& d : used) of_size[{d.photo.width, d.photo.height}].push_back(&d);
-  std::map<std::pair<int, int>, Frame> frames;
-  for (const auto& [size, photos] : of_size) {
-    const auto [width, height] = size;
-    if (photos.size() < kBarPhotos) continue;
-    FlatLines flat = photos[0]->flat;
-    bool jpeg = false;
-    for (const Decoded* d : photos) {
-      And(d->flat.rows, &flat.rows);
-      And(d->flat.columns, &flat.columns);
-      jpeg |= d->jpeg;
-    }
-    const Frame frame = {WithoutBars(flat.rows, jpeg), WithoutBars(flat.columns, jpeg)};
-    const std::string rows = Range("rows", frame.rows, height);
-    const std::string columns = Range("columns", frame.columns, width);
-    if (rows.empty() && columns.empty()) continue;
-    frames[size] = frame;
-    notes->push_back(absl::StrCat(rows, rows.empty() || columns.empty() ? "" : ", ", columns,
-                                  " are black in all ", photos.size(), " photos of ", width, "x",
-                                  height, " px: bars, which are masked"));
+  std::map<std::pair<int, int>, BarFrame> frames;
+  for (const auto& [size, photos] : lines) {
+    const std::optional<BarFrame> frame = FindBars(photos, jpeg[size]);
+    if (!frame.has_value()) continue;
+    frames[size] = *frame;
+    notes->push_back(absl::StrCat(DescribeBars(*frame, size.first, size.second),
+                                  " are black in all ", photos.size(), " photos of ", size.first,
+                                  "x", size.second, " px: bars, which are masked"));
   }
   return frames;
 }
 
-void CutTo(const Frame& frame, PlaneU8* mask) {
+void CutTo(const BarFrame& frame, PlaneU8* mask) {
   for (int y = 0; y < mask->height; ++y) {
     for (int x = 0; x < mask->width; ++x) {
       const bool in = y >= frame.rows.first && y < frame.rows.last && x >= frame.columns.first &&
@@ -285,7 +234,7 @@ void CutTo(const Frame& frame, PlaneU8* mask) {
 // Masks of alpha channels and of bars, joined with those that photos have.
 absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Decoded>& used,
                            PhotoScreen* screen) {
-  const auto frames = FindBars(used, &screen->notes);
+  const auto frames = BarsBySize(used, &screen->notes);
   int transparent = 0;
   for (const Decoded& d : used) {
     const auto frame = frames.find({d.photo.width, d.photo.height});
@@ -328,65 +277,6 @@ std::vector<std::string> PhotoScreen::Names() const {
   std::vector<std::string> names;
   for (const ScreenedPhoto& photo : photos) names.push_back(photo.name);
   return names;
-}
-
-double StructureOf(const Photo& photo) {
-  const int side = std::min(photo.width, photo.height);
-  const int block = side >= 256 ? 16 : side >= 128 ? 8 : 4;
-  const int columns = photo.width / block, rows = photo.height / block;
-  if (columns * rows < kLeastBlocks) return 1;
-  std::vector<double> means(size_t(columns) * rows);
-  double mean = 0;
-  for (int r = 0; r < rows; ++r) {
-    for (int c = 0; c < columns; ++c) {
-      double sum = 0;
-      for (int y = 0; y < block; ++y) {
-        const int16_t* row = photo.pixel(c * block, r * block + y);
-        for (int i = 0; i < 3 * block; ++i) sum += row[i];
-      }
-      means[size_t(r) * columns + c] = sum;
-      mean += sum / means.size();
-    }
-  }
-  double square = 0, product = 0;
-  int64_t pairs = 0;
-  for (int r = 0; r < rows; ++r) {
-    for (int c = 0; c < columns; ++c) {
-      const double here = means[size_t(r) * columns + c] - mean;
-      square += here * here / means.size();
-      for (const size_t next : {c + 1 < columns ? size_t(r) * columns + c + 1 : 0,
-                                r + 1 < rows ? size_t(r + 1) * columns + c : 0}) {
-        if (next == 0) continue;
-        product += here * (means[next] - mean);
-        ++pairs;
-      }
-    }
-  }
-  return square > 0 ? product / pairs / square : 1;  // of one colour: FlatColor's
-}
-
-FlatLines FindFlatLines(const Photo& photo) {
-  // Differences from the line's middle pixel, by their brightest channel.
-  const auto is_flat = [&](int n, auto pixel) {
-    const int16_t* middle = pixel(n / 2);
-    if (*std::max_element(middle, middle + 3) > kDarkLine * kPhotoCode) return false;
-    int others = 0;
-    for (int i = 0; i < n; ++i) {
-      const int16_t* p = pixel(i);
-      bool other = false;
-      for (int c = 0; c < 3; ++c) other |= std::abs(p[c] - middle[c]) > kFlatLine * kPhotoCode;
-      if (other && ++others > kOutliers * n) return false;
-    }
-    return true;
-  };
-  FlatLines flat;
-  for (int y = 0; y < photo.height; ++y) {
-    flat.rows.push_back(is_flat(photo.width, [&](int x) { return photo.pixel(x, y); }));
-  }
-  for (int x = 0; x < photo.width; ++x) {
-    flat.columns.push_back(is_flat(photo.height, [&](int y) { return photo.pixel(x, y); }));
-  }
-  return flat;
 }
 
 absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,

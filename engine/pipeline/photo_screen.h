@@ -8,7 +8,6 @@
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
 #include "engine/core/color.h"
-#include "engine/core/photo.h"
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/engine.h"
 
@@ -20,8 +19,7 @@ struct ScreenedPhoto {
   int width = 0, height = 0;  // px, upright
   double mean_code = 0;       // of 255, sRGB
   double light = 0;           // mean linear light, of 1
-  // Correlation of a block's mean with that of its neighbours: 0 where there is nothing but noise.
-  double structure = 0;
+  double structure = 0;       // as StructureOf has it
 };
 
 struct PhotoLeftOut {
@@ -42,18 +40,9 @@ struct PhotoScreen {
 // Leaves out, each by name: what cannot be decoded; masks among the photos; photos of nothing but
 // noise (a cap on the lens). Masks: of masks_dir, else of the cameras' mask_path, else beside the
 // photos; alpha channels and black bars that all photos of a size have are added, as new masks in
-// work_dir/masks. Errors of ListPhotos, FindMasks and ReadMaskedPhoto's of masks; CANCELLED.
+// work_dir/found_masks. Errors of ListPhotos, FindMasks and ReadMaskedPhoto's of masks; CANCELLED.
 absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
                                          const CancelToken& cancel);
-
-// How a block's mean resembles that of its neighbours, in [-1, 1].
-double StructureOf(const Photo& photo);
-
-// Which rows and columns of a photo are of one colour throughout, as bars are.
-struct FlatLines {
-  std::vector<bool> rows, columns;
-};
-FlatLines FindFlatLines(const Photo& photo);
 
 }  // namespace litags
 

@@ -17,6 +17,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/capture_test_util.h"
+#include "engine/pipeline/photo_structure.h"
 
 namespace litags {
 namespace {
@@ -59,7 +60,7 @@ TEST(PhotoScreen, LeavesAGoodCaptureAlone) {
     EXPECT_EQ(screen->photos.size(), 8u);
     EXPECT_THAT(screen->notes, IsEmpty());
     EXPECT_THAT(screen->masks, IsEmpty());
-    for (const ScreenedPhoto& photo : screen->photos) EXPECT_GT(photo.structure, 0.5);
+    for (const ScreenedPhoto& photo : screen->photos) EXPECT_GT(photo.structure, 2 * kNoStructure);
   }
 }
 
@@ -119,25 +120,22 @@ TEST(PhotoScreen, AJpegWithoutItsEndMarkIsReadWithANote) {
 
 TEST(PhotoScreen, BarsOfAllPhotosAreMasked) {
   const RoomCapture capture(5);
-  const auto with_bars = [&](int i, int top, int left) {
+  const auto with_bars = [&](int i, int bar) {
     ImageU8 photo = capture.Photo(i, Light::kLow);
     for (int y = 0; y < kH; ++y) {
-      for (int x = 0; x < kW; ++x) {
-        if (y < top || y >= kH - top || x < left) std::fill_n(photo.pixel(x, y), 3, 0);
-      }
+      if (y < bar || y >= kH - bar) std::fill_n(photo.pixel(0, y), 3 * kW, 0);
     }
     return photo;
   };
-  for (int i = 0; i < 5; ++i) capture.SetPhoto(i, with_bars(i, 7, 4));
+  for (int i = 0; i < 5; ++i) capture.SetPhoto(i, with_bars(i, 7));
   const auto screen = Screen(capture.Input("work"));
   ASSERT_TRUE(screen.ok()) << screen.status();
-  EXPECT_THAT(screen->notes,
-              ElementsAre(HasSubstr("rows 0 to 6 and rows 41 to 47, columns 0 to 3 are black")));
+  EXPECT_THAT(screen->notes, ElementsAre(HasSubstr("rows 0 to 6 and 41 to 47 are black in all 5")));
   ASSERT_EQ(screen->masks.size(), 5u);
   const auto read =
       ReadMaskedPhoto(capture.Path("images/v002.png"), "v002.png", screen->masks.at("v002.png"));
   ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_EQ(std::count(read->mask.data.begin(), read->mask.data.end(), 255), (kH - 14) * (kW - 4));
+  EXPECT_EQ(std::count(read->mask.data.begin(), read->mask.data.end(), 255), (kH - 14) * kW);
 
   // One photo without them, and they are none.
   capture.SetPhoto(3, capture.Photo(3, Light::kLow));

@@ -87,13 +87,7 @@ std::string NotFinite(const Model& model) {
 SceneFrame FrameOfViews(const std::vector<View>& all) {
   SceneFrame frame;
   if (all.empty()) return frame;
-  std::vector<std::array<double, 3>> places;
-  for (const View& view : all) places.push_back(view.camera.Center());
-  const std::vector<bool> far = FarPlaces(places);
-  std::vector<View> views;
-  for (size_t i = 0; i < all.size(); ++i) {
-    if (!far[i]) views.push_back(all[i]);
-  }
+  const std::vector<View> views = NearViews(all);
   // sum (I - d d^T) x = sum (I - d d^T) c over optical axes c + s d.
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero(), mean = Eigen::Vector3d::Zero(),

@@ -116,15 +116,16 @@ double IlluminationLevel(absl::Span<const TrainView> views) {
 }  // namespace
 
 double SceneExtent(absl::Span<const TrainView> views) {
-  std::vector<View> cameras;
-  for (const TrainView& v : views) cameras.push_back(v.view);
-  const std::vector<std::array<double, 3>> places = NearPlaces(cameras);
+  std::vector<View> all;
+  for (const TrainView& v : views) all.push_back(v.view);
+  const std::vector<View> near = NearViews(all);
   std::array<double, 3> mean = {0, 0, 0};
-  for (const auto& place : places) {
-    for (int k = 0; k < 3; ++k) mean[k] += place[k] / places.size();
+  for (const View& v : near) {
+    for (int k = 0; k < 3; ++k) mean[k] += v.camera.Center()[k] / near.size();
   }
   double radius = 0;
-  for (const auto& c : places) {
+  for (const View& v : near) {
+    const auto c = v.camera.Center();
     radius = std::max(radius, std::hypot(c[0] - mean[0], c[1] - mean[1], c[2] - mean[2]));
   }
   return std::max(1.1 * radius, 1e-6);
