@@ -21,6 +21,8 @@
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/black_bars.h"
+#include "engine/pipeline/capture_checks.h"
+#include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/photo_structure.h"
 
 namespace litags {
@@ -35,6 +37,7 @@ constexpr double kUnlit = 0.5;
 struct Decoded {
   absl::Status status;
   ScreenedPhoto photo;
+  std::string pixels;  // fingerprint; empty where all have one colour
   LineKinds lines;
   PlaneU8 alpha;
   bool jpeg = false, no_end_mark = false;
@@ -68,7 +71,14 @@ Decoded Decode(const std::string& dir, const std::string& name) {
   }
   d.photo.mean_code = codes / photo->data.size() / kPhotoCode;
   d.photo.light = light / photo->data.size();
-  d.photo.structure = StructureOf(*photo);
+  // One of a single colour is left out later, for that.
+  const bool flat = FlatColor(*photo).has_value();
+  d.photo.structure = flat ? 1 : StructureOf(*photo);
+  if (!flat) {
+    Fingerprint f;
+    f.Add(photo->data.data(), photo->data.size() * sizeof(int16_t));
+    d.pixels = f.Text();
+  }
   d.lines = KindsOfLines(*photo);
   d.jpeg = IsJpeg(*bytes);
   d.no_end_mark = d.jpeg && LacksEndMark(*bytes);
@@ -168,14 +178,16 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, std::vector<std::str
                              PhotoScreen* screen) {
   const NameIndex index(*names);
   std::vector<std::string> photos;
-  int used = 0;
+  int masks = 0;
+  std::string some;
   for (const std::string& name : *names) {
     const std::optional<std::string> photo = PhotoOfMask(name, index, *names);
     if (!photo.has_value()) {
       photos.push_back(name);
       continue;
     }
-    screen->left_out.push_back({name, absl::StrCat("is no photo but a mask of ", *photo)});
+    ++masks;
+    some = name;
     if (screen->masks.contains(*photo)) continue;
     std::string path = input.images_dir + "/" + name;
     if (absl::StartsWith(name, "dynamic_mask_")) {
@@ -189,11 +201,10 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, std::vector<std::str
       LITAGS_ASSIGN_OR_RETURN(path, WriteMask(input, *photo, mask));
     }
     screen->masks[*photo] = path;
-    ++used;
   }
-  if (used > 0) {
-    screen->notes.push_back(absl::StrCat(
-        used, " files among the photos are masks of others by their names, and used as such"));
+  if (masks > 0) {
+    screen->notes.push_back(absl::StrCat(masks, " files among the photos, such as ", some,
+                                         ", are masks of others by their names, and no photos"));
   }
   *names = std::move(photos);
   return absl::OkStatus();
@@ -296,9 +307,13 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   const double middle = MiddleLight(decoded);
   std::vector<Decoded> used;
+  std::map<std::string, std::string> first;  // photo of these pixels
   for (Decoded& d : decoded) {
+    const auto same = d.pixels.empty() ? first.end() : first.emplace(d.pixels, d.photo.name).first;
     if (!d.status.ok()) {
       screen.left_out.push_back({d.photo.name, std::string(d.status.message()), true});
+    } else if (same != first.end() && same->second != d.photo.name) {
+      screen.left_out.push_back({d.photo.name, "is the same photo as " + same->second});
     } else if (d.photo.structure < kNoStructure && d.photo.light < kUnlit * middle) {
       screen.left_out.push_back(
           {d.photo.name, absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "

@@ -37,10 +37,11 @@ struct PhotoScreen {
   std::vector<std::string> notes;  // of all this, one a line
 };
 
-// Leaves out, each by name: what cannot be decoded; masks among the photos; photos of nothing but
-// noise (a cap on the lens). Masks: of masks_dir, else of the cameras' mask_path, else beside the
-// photos; alpha channels and black bars that all photos of a size have are added, as new masks in
-// work_dir/found_masks. Errors of ListPhotos, FindMasks and ReadMaskedPhoto's of masks; CANCELLED.
+// Leaves out, each by name: what cannot be decoded; photos of nothing but noise (a cap on the
+// lens); the second of two with the same pixels. Masks among the photos are no photos. Masks: of
+// masks_dir, else of the cameras' mask_path, else beside the photos; alpha channels and black bars
+// that all photos of a size have are added, as new masks in work_dir/found_masks. Errors of
+// ListPhotos, FindMasks and ReadMaskedPhoto's of masks; CANCELLED.
 absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
                                          const CancelToken& cancel);
 

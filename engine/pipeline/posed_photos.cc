@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -21,7 +20,6 @@
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
-#include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/target/shadow_color.h"
@@ -131,7 +129,6 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
   std::vector<OnePhoto> photos(n);
   std::vector<absl::Status> status(n);
   std::vector<std::optional<std::array<uint8_t, 3>>> flat(n);
-  std::vector<std::string> pixels(n);  // fingerprints
   std::optional<ShadowColors> shadows;
   if (context.recipe.tone.rule == Tone::kCapture) {
     LITAGS_ASSIGN_OR_RETURN(const ColorPrior colors,
@@ -149,16 +146,12 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
       LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
       flat[i] = FlatColor(v.photo, v.mask);
       if (flat[i].has_value()) return absl::OkStatus();
-      Fingerprint f;
-      f.Add(v.photo.data.data(), v.photo.data.size() * sizeof(int16_t));
-      pixels[i] = f.Text();
       Shrink(options.max_image_side, &v);
       return CheckMask(v, mask_path);
     }();
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
   int shrunk = 0;
-  std::map<std::string, size_t> first;  // photo of these pixels
   for (size_t i = 0; i < n; ++i) {
     if (flat[i].has_value()) {
       const auto& [r, g, b] = *flat[i];
@@ -166,14 +159,9 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
                                    photos[i].view.name, r, g, b));
       continue;
     }
-    if (const auto [same, added] = first.emplace(pixels[i], i); !added) {
-      context.Note(absl::StrCat(photos[i].view.name, " is left out: it is the same photo as ",
-                                photos[same->second].view.name));
-      continue;
-    }
     shrunk += photos[i].view.camera.width < model.views[i].camera.width;
     posed->model_view.push_back(static_cast<int>(i));
-    posed->views.push_back(photos[i].view);
+    posed->views.push_back(std::move(photos[i].view));
     posed->distortions.push_back(model.distortions[i]);
     posed->photos.push_back(std::move(photos[i].photo));
     posed->masks.push_back(std::move(photos[i].mask));
