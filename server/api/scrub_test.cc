@@ -13,8 +13,8 @@ TEST(Scrub, LeavesOfAPathTheLastName) {
       {"'/srv/a/0012.jpg' and \"/srv/a/b c.jpg\"", "'0012.jpg' and \"b c.jpg\""},
       {"/srv/a/b/", "b/"},
       {"images[/etc/a.jpg]: no plain name", "images[/etc/a.jpg]: no plain name"},
-      {"24 it/s, 16/32 px, 1 / 2, see https://a.b/c or docs/api.md or /x",
-       "24 it/s, 16/32 px, 1 / 2, see https://a.b/c or docs/api.md or /x"},
+      {"24 it/s, 16/32 px, 1 / 2, see https://a.b/c or docs/errors.md or /x",
+       "24 it/s, 16/32 px, 1 / 2, see https://a.b/c or docs/errors.md or /x"},
       {"", ""},
       {"/", "/"},
   };

@@ -1,6 +1,6 @@
 """Strangers cannot stop the server: floods of each kind beside clients who are served all the while.
 
-LITAGS_HOSTILE=1000 and LITAGS_HOSTILE_SECONDS=30 make it the measurement of docs/reliability.md.
+LITAGS_HOSTILE=1000 and LITAGS_HOSTILE_SECONDS=10 make it the measurement of docs/load.md.
 """
 
 import contextlib
