@@ -282,6 +282,18 @@ double MiddleLight(const std::vector<Decoded>& decoded) {
   return light[light.size() / 2];
 }
 
+// The photo to keep of those with the same pixels: copies have longer names ("0001 (1).jpg"), which
+// cameras do not know.
+std::map<std::string, std::string> Originals(const std::vector<Decoded>& decoded) {
+  std::map<std::string, std::string> originals;
+  for (const Decoded& d : decoded) {
+    if (d.pixels.empty()) continue;
+    std::string& name = originals.emplace(d.pixels, d.photo.name).first->second;
+    if (d.photo.name.size() < name.size()) name = d.photo.name;
+  }
+  return originals;
+}
+
 }  // namespace
 
 std::vector<std::string> PhotoScreen::Names() const {
@@ -307,12 +319,12 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   const double middle = MiddleLight(decoded);
   std::vector<Decoded> used;
-  std::map<std::string, std::string> first;  // photo of these pixels
+  const std::map<std::string, std::string> originals = Originals(decoded);
   for (Decoded& d : decoded) {
-    const auto same = d.pixels.empty() ? first.end() : first.emplace(d.pixels, d.photo.name).first;
+    const auto same = originals.find(d.pixels);
     if (!d.status.ok()) {
       screen.left_out.push_back({d.photo.name, std::string(d.status.message()), true});
-    } else if (same != first.end() && same->second != d.photo.name) {
+    } else if (same != originals.end() && same->second != d.photo.name) {
       screen.left_out.push_back({d.photo.name, "is the same photo as " + same->second});
     } else if (d.photo.structure < kNoStructure && d.photo.light < kUnlit * middle) {
       screen.left_out.push_back(

@@ -38,10 +38,10 @@ struct PhotoScreen {
 };
 
 // Leaves out, each by name: what cannot be decoded; photos of nothing but noise (a cap on the
-// lens); the second of two with the same pixels. Masks among the photos are no photos. Masks: of
-// masks_dir, else of the cameras' mask_path, else beside the photos; alpha channels and black bars
-// that all photos of a size have are added, as new masks in work_dir/found_masks. Errors of
-// ListPhotos, FindMasks and ReadMaskedPhoto's of masks; CANCELLED.
+// lens); of photos with the same pixels all but the one with the shortest name. Masks among the
+// photos are no photos. Masks: of masks_dir, else of the cameras' mask_path, else beside the
+// photos; alpha channels and black bars that all photos of a size have are added, as new masks in
+// work_dir/found_masks. Errors of ListPhotos, FindMasks and ReadMaskedPhoto's of masks; CANCELLED.
 absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
                                          const CancelToken& cancel);
 

@@ -227,9 +227,14 @@ TEST(PhotoScreen, MasksBesideThePhotosAreNoPhotos) {
 TEST(PhotoScreen, TheSamePhotoTwiceIsLearntOnce) {
   const RoomCapture capture(6);
   capture.SetPhoto(4, capture.Photo(2, Light::kLow));
+  // Before the original by name, and without a camera.
+  fs::copy_file(capture.Path("images/v003.png"), capture.Path("images/v003 (1).png"));
   const auto report = Train(capture.Input("work"), capture.Options(10));
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_THAT(report->notes, Contains("v004.png is left out: it is the same photo as v002.png"));
+  EXPECT_THAT(report->notes,
+              Contains("v003 (1).png is left out: it is the same photo as v003.png"));
+  EXPECT_EQ(report->registered, 5);
 }
 
 TEST(PhotoScreen, AFarCameraIsNamedAndMovesNoOrbit) {
