@@ -54,6 +54,9 @@ int ReportError(const Session& session, const absl::Status& status, const std::s
 // A line to stderr.
 void Note(std::string_view text);
 
+// To stdout; in one line, or indented.
+void PrintJson(const google::protobuf::Message& message, bool pretty);
+
 // Says on stderr what a job in the queue needs and no worker has, if that is so.
 void NoteWaiting(Session& session, const std::string& job);
 
@@ -64,7 +67,8 @@ int FollowJob(Session& session, const std::string& job, int64_t after, std::FILE
 
 void AddSubmitCommand(CLI::App& app, Session& session);
 void AddWatchCommand(CLI::App& app, Session& session);
-void AddJobCommands(CLI::App& app, Session& session);  // list, show, cancel, delete
+void AddJobCommands(CLI::App& app, Session& session);     // list, show, cancel, delete
+void AddManageCommands(CLI::App& app, Session& session);  // info, files, log, update, clone
 void AddResumeCommand(CLI::App& app, Session& session);
 void AddRenderCommands(CLI::App& app, Session& session);  // render, path, cameras
 void AddExportCommand(CLI::App& app, Session& session);

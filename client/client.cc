@@ -112,19 +112,20 @@ absl::StatusOr<v1::Job> Client::CreateJob(v1::CreateJobRequest request) {
   });
 }
 
+absl::StatusOr<v1::Job> Client::CloneJob(v1::CloneJobRequest request) {
+  if (request.request_id().empty()) request.set_request_id(RandomId());
+  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
+    return reconstruction_->CloneJob(context, request, job);
+  });
+}
+
 absl::StatusOr<v1::Job> Client::StartJob(const std::string& name) {
   v1::StartJobRequest request;
   request.set_name(name);
-  int tries = 0;
-  auto job = Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
-    ++tries;
+  request.set_request_id(RandomId());
+  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
     return reconstruction_->StartJob(context, request, response);
   });
-  // The answer to an earlier try was lost, but the job was started.
-  if (!job.ok() && tries > 1 && DetailOf(job.status()).reason() == "JOB_NOT_UPLOADING") {
-    return GetJob(name);
-  }
-  return job;
 }
 
 absl::StatusOr<v1::Job> Client::GetJob(const std::string& name) {
@@ -149,56 +150,78 @@ absl::StatusOr<v1::Job> Client::CancelJob(const std::string& name) {
   });
 }
 
-absl::StatusOr<v1::Job> Client::ResumeJob(const v1::ResumeJobRequest& request) {
-  int tries = 0;
-  auto job = Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
-    ++tries;
+absl::StatusOr<v1::Job> Client::ResumeJob(v1::ResumeJobRequest request) {
+  if (request.request_id().empty()) request.set_request_id(RandomId());
+  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
     return reconstruction_->ResumeJob(context, request, response);
   });
-  if (!job.ok() && tries > 1 && DetailOf(job.status()).reason() == "JOB_NOT_RESUMABLE") {
-    return GetJob(request.name());
-  }
-  return job;
+}
+
+absl::StatusOr<v1::Job> Client::UpdateJob(const v1::UpdateJobRequest& request) {
+  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
+    return reconstruction_->UpdateJob(context, request, job);
+  });
+}
+
+absl::StatusOr<v1::ListFilesResponse> Client::ListFiles(const v1::ListFilesRequest& request) {
+  return Unary<v1::ListFilesResponse>([&](grpc::ClientContext* context, auto* response) {
+    return reconstruction_->ListFiles(context, request, response);
+  });
+}
+
+absl::StatusOr<v1::ServerInfo> Client::GetServerInfo() {
+  return Unary<v1::ServerInfo>([&](grpc::ClientContext* context, v1::ServerInfo* info) {
+    return reconstruction_->GetServerInfo(context, v1::GetServerInfoRequest(), info);
+  });
 }
 
 absl::Status Client::DeleteJob(const std::string& name) {
   v1::DeleteJobRequest request;
   request.set_name(name);
-  int tries = 0;
-  const auto empty =
-      Unary<google::protobuf::Empty>([&](grpc::ClientContext* context, auto* response) {
-        ++tries;
-        return reconstruction_->DeleteJob(context, request, response);
-      });
-  if (tries > 1 && absl::IsNotFound(empty.status())) return absl::OkStatus();
-  return empty.status();
+  return Unary<google::protobuf::Empty>([&](grpc::ClientContext* context, auto* response) {
+           const grpc::Status status = reconstruction_->DeleteJob(context, request, response);
+           // The answer of the first try may have been lost.
+           request.set_allow_missing(true);
+           return status;
+         })
+      .status();
+}
+
+template <class Record, class Open>
+absl::Status Client::Follow(Open open, const char* what, const char* reason, int64_t* after,
+                            absl::FunctionRef<void(const Record&)> on_record) {
+  return Retry([&](bool* progressed) {
+    grpc::ClientContext context;
+    Interrupt::Scope scope(interrupt_, context);
+    const auto reader = open(&context, *after);
+    Record record;
+    while (reader->Read(&record)) {
+      if (record.number() != *after + 1) {
+        context.TryCancel();
+        (void)reader->Finish();
+        return LocalError(absl::StatusCode::kInternal, reason, "number",
+                          absl::StrCat(what, " ", record.number(), " came after ", what, " ",
+                                       *after, "; this is a defect of the server"));
+      }
+      *after = record.number();
+      *progressed = true;
+      on_record(record);
+    }
+    return FromGrpc(reader->Finish());
+  });
 }
 
 absl::StatusOr<v1::Job> Client::WatchJob(const std::string& name, int64_t after,
                                          absl::FunctionRef<void(const v1::JobEvent&)> on_event) {
+  const auto open = [&](grpc::ClientContext* context, int64_t from) {
+    v1::WatchJobRequest request;
+    request.set_name(name);
+    request.set_after_event(from);
+    return reconstruction_->WatchJob(context, request);
+  };
   while (true) {
-    const absl::Status status = Retry([&](bool* progressed) {
-      grpc::ClientContext context;
-      Interrupt::Scope scope(interrupt_, context);
-      v1::WatchJobRequest request;
-      request.set_name(name);
-      request.set_after_event(after);
-      auto reader = reconstruction_->WatchJob(&context, request);
-      v1::JobEvent event;
-      while (reader->Read(&event)) {
-        if (event.number() != after + 1) {
-          context.TryCancel();
-          (void)reader->Finish();
-          return LocalError(absl::StatusCode::kInternal, "EVENTS_BROKEN", "number",
-                            absl::StrCat("event ", event.number(), " came after event ", after,
-                                         "; this is a defect of the server"));
-        }
-        after = event.number();
-        *progressed = true;
-        on_event(event);
-      }
-      return FromGrpc(reader->Finish());
-    });
+    const absl::Status status =
+        Follow<v1::JobEvent>(open, "event", "EVENTS_BROKEN", &after, on_event);
     if (!status.ok()) return status;
     auto job = GetJob(name);
     // A job that was resumed just after it had ended goes on being watched.
@@ -207,6 +230,18 @@ absl::StatusOr<v1::Job> Client::WatchJob(const std::string& name, int64_t after,
       return absl::CancelledError("interrupted");
     }
   }
+}
+
+absl::Status Client::GetLog(const std::string& name, int64_t after, bool follow,
+                            absl::FunctionRef<void(const v1::LogEntry&)> on_entry) {
+  const auto open = [&](grpc::ClientContext* context, int64_t from) {
+    v1::GetLogRequest request;
+    request.set_name(name);
+    request.set_after_entry(from);
+    request.set_follow(follow);
+    return reconstruction_->GetLog(context, request);
+  };
+  return Follow<v1::LogEntry>(open, "entry", "LOG_BROKEN", &after, on_entry);
 }
 
 absl::StatusOr<v1::RenderedView> Client::RenderView(const v1::RenderViewRequest& request) {

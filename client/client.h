@@ -49,11 +49,15 @@ class Client {
 
   // An empty request_id is replaced by a random one, so that a retry makes no second job.
   absl::StatusOr<v1::Job> CreateJob(v1::CreateJobRequest request);
+  absl::StatusOr<v1::Job> CloneJob(v1::CloneJobRequest request);
   absl::StatusOr<v1::Job> StartJob(const std::string& name);
   absl::StatusOr<v1::Job> GetJob(const std::string& name);
   absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request);
   absl::StatusOr<v1::Job> CancelJob(const std::string& name);
-  absl::StatusOr<v1::Job> ResumeJob(const v1::ResumeJobRequest& request);
+  absl::StatusOr<v1::Job> ResumeJob(v1::ResumeJobRequest request);
+  absl::StatusOr<v1::Job> UpdateJob(const v1::UpdateJobRequest& request);
+  absl::StatusOr<v1::ListFilesResponse> ListFiles(const v1::ListFilesRequest& request);
+  absl::StatusOr<v1::ServerInfo> GetServerInfo();
   absl::Status DeleteJob(const std::string& name);
 
   // Calls on_event for every event numbered above `after`, in order, each once, across broken
@@ -61,6 +65,11 @@ class Client {
   // if the server skips or repeats a number.
   absl::StatusOr<v1::Job> WatchJob(const std::string& name, int64_t after,
                                    absl::FunctionRef<void(const v1::JobEvent&)> on_event);
+
+  // The same of the job's log, until its end as it is now, or with `follow` until the job has
+  // ended.
+  absl::Status GetLog(const std::string& name, int64_t after, bool follow,
+                      absl::FunctionRef<void(const v1::LogEntry&)> on_entry);
 
   absl::StatusOr<v1::RenderedView> RenderView(const v1::RenderViewRequest& request);
   absl::StatusOr<v1::ListCamerasResponse> ListCameras(const std::string& name);
@@ -90,6 +99,11 @@ class Client {
  private:
   template <class Response, class Call>
   absl::StatusOr<Response> Unary(Call call);
+  // Reads the numbered records of the stream that `open(context, *after)` begins, across broken
+  // connections, to its end. INTERNAL with `reason` if the server skips or repeats a number.
+  template <class Record, class Open>
+  absl::Status Follow(Open open, const char* what, const char* reason, int64_t* after,
+                      absl::FunctionRef<void(const Record&)> on_record);
 
   std::shared_ptr<grpc::Channel> channel_;
   ClientOptions options_;

@@ -170,6 +170,17 @@ TEST_F(ClientTest, AGapInTheEventsIsAnError) {
   EXPECT_EQ(DetailOf(status).reason(), "EVENTS_BROKEN");
 }
 
+TEST_F(ClientTest, ALogOverABreakingConnectionLosesAndDoublesNothing) {
+  service_.state()->breaks_left = 3;
+  std::vector<int64_t> numbers;
+  const auto read = [&](const v1::LogEntry& entry) { numbers.push_back(entry.number()); };
+  const absl::Status status = client_->GetLog("jobs/1", 4, /*follow=*/true, read);
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_THAT(numbers, ElementsAre(5, 6, 7, 8, 9, 10));
+  service_.state()->skipped_event = 4;
+  EXPECT_EQ(DetailOf(client_->GetLog("jobs/1", 0, true, read)).reason(), "LOG_BROKEN");
+}
+
 TEST_F(ClientTest, ARetriedCreationKeepsItsRequestId) {
   ASSERT_TRUE(client_->CreateJob({}).ok());
   service_.state()->breaks_left = 1;

@@ -36,6 +36,7 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
   struct State {
     std::map<std::string, std::string> stored;  // name to bytes
     std::vector<std::string> request_ids;
+    std::string start_request_id;
     int breaks_left = 0;     // streams (and StartJob answers) to break
     size_t break_after = 2;  // files or events
     int64_t events = 10;
@@ -114,9 +115,13 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
     return grpc::Status::OK;
   }
 
-  grpc::Status StartJob(grpc::ServerContext*, const v1::StartJobRequest*, v1::Job* job) override {
+  grpc::Status StartJob(grpc::ServerContext*, const v1::StartJobRequest* request,
+                        v1::Job* job) override {
     const Locked now = state();
-    if (++now->starts > 1) return Refusal(grpc::FAILED_PRECONDITION, "JOB_NOT_UPLOADING", "name");
+    if (++now->starts > 1 && request->request_id() != now->start_request_id) {
+      return Refusal(grpc::FAILED_PRECONDITION, "JOB_NOT_UPLOADING", "name");
+    }
+    now->start_request_id = request->request_id();
     if (now->breaks_left > 0) {
       --now->breaks_left;
       return Broken();  // started, but nobody hears of it
@@ -135,21 +140,17 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
     return grpc::Status::OK;
   }
 
+  grpc::Status GetLog(grpc::ServerContext*, const v1::GetLogRequest* request,
+                      grpc::ServerWriter<v1::LogEntry>* writer) override {
+    const Locked now = state();
+    return Send(now, request->after_entry(), writer);
+  }
+
   grpc::Status WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                         grpc::ServerWriter<v1::JobEvent>* writer) override {
     const Locked now = state();
-    ++now->streams;
-    size_t sent = 0;
-    for (int64_t number = request->after_event() + 1; number <= now->events; ++number) {
-      if (number == now->skipped_event) continue;
-      if (now->breaks_left > 0 && sent++ == now->break_after) {
-        --now->breaks_left;
-        return Broken();
-      }
-      v1::JobEvent event;
-      event.set_number(number);
-      writer->Write(event);
-    }
+    const grpc::Status sent = Send(now, request->after_event(), writer);
+    if (!sent.ok()) return sent;
     while (now->hang && !context->IsCancelled()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
@@ -157,6 +158,24 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
   }
 
  private:
+  // The records after that one, but for those that the test wants lost.
+  template <typename Record>
+  static grpc::Status Send(const Locked& now, int64_t after, grpc::ServerWriter<Record>* writer) {
+    ++now->streams;
+    size_t sent = 0;
+    for (int64_t number = after + 1; number <= now->events; ++number) {
+      if (number == now->skipped_event) continue;
+      if (now->breaks_left > 0 && sent++ == now->break_after) {
+        --now->breaks_left;
+        return Broken();
+      }
+      Record record;
+      record.set_number(number);
+      writer->Write(record);
+    }
+    return grpc::Status::OK;
+  }
+
   static grpc::Status Refused(const std::string& reason, const std::string& field) {
     return Refusal(grpc::INVALID_ARGUMENT, reason, field);
   }

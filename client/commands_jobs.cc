@@ -5,23 +5,18 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "client/cli.h"
 #include "client/status.h"
 #include "client/text.h"
 
 namespace litags::client {
 namespace {
-
-void PrintJson(const google::protobuf::Message& message, bool pretty) {
-  google::protobuf::util::JsonPrintOptions options;
-  options.add_whitespace = pretty;
-  std::string text;
-  (void)google::protobuf::util::MessageToJsonString(message, &text, options);
-  std::printf("%s%s", text.c_str(), pretty ? "" : "\n");
-}
 
 // How far a job is, in a few words.
 std::string At(const v1::Job& job) {
@@ -35,8 +30,7 @@ std::string At(const v1::Job& job) {
   return absl::StrCat(job.progress().iteration(), "/", job.progress().iterations());
 }
 
-int List(Session& session, int limit, bool json) {
-  v1::ListJobsRequest request;
+int List(Session& session, v1::ListJobsRequest request, int limit, bool json) {
   int printed = 0;
   do {
     request.set_page_size(limit > 0 ? std::min(limit - printed, 1000) : 200);
@@ -58,8 +52,18 @@ int List(Session& session, int limit, bool json) {
     }
     request.set_page_token(page->next_page_token());
   } while (!request.page_token().empty() && (limit == 0 || printed < limit));
-  if (printed == 0 && !json) Note("no jobs yet; make one with: litags submit DIR");
+  if (printed == 0 && !json) {
+    Note(request.filter().empty() ? "no jobs yet; make one with: litags submit DIR"
+                                  : "no job passes the filter");
+  }
   return kExitOk;
+}
+
+std::string LabelsText(const v1::Job& job) {
+  std::vector<std::string> texts;
+  for (const auto& [key, value] : job.labels()) texts.push_back(absl::StrCat(key, "=", value));
+  std::sort(texts.begin(), texts.end());
+  return absl::StrJoin(texts, " ");
 }
 
 void PrintJob(const v1::Job& job) {
@@ -69,7 +73,10 @@ void PrintJob(const v1::Job& job) {
   row("job", job.name());
   row("name", job.display_name());
   row("state", StateText(job.state()) + (job.cancel_requested() ? " (cancel requested)" : ""));
+  if (job.queue_position() > 0) row("in queue", absl::StrCat("number ", job.queue_position()));
   row("waits for", job.waits_for());
+  row("owner", job.owner());
+  row("labels", LabelsText(job));
   row("photos", absl::StrCat(job.photos(), " (", BytesText(job.bytes()), ")"));
   row("created", TimeText(job.create_time()));
   row("started", TimeText(job.start_time()));
@@ -101,14 +108,23 @@ void AddListAndShow(CLI::App& app, Session& session) {
   struct Args {
     std::string job;
     int limit = 0;
-    bool json = false;
+    bool json = false, oldest_first = false;
+    v1::ListJobsRequest request;
   };
   auto args = std::make_shared<Args>();
   CLI::App* list = app.add_subcommand("list", "All jobs, newest first");
   list->add_option("--limit", args->limit, "At most this many; 0: all")
       ->check(CLI::NonNegativeNumber);
+  list->add_option("--filter", *args->request.mutable_filter(),
+                   "Only these, as 'state = FAILED AND labels.site = north' (AIP-160; fields: "
+                   "state, name, display_name, owner, priority, labels.KEY, create_time, "
+                   "start_time, end_time)");
+  list->add_flag("--oldest-first", args->oldest_first);
   list->add_flag("--json", args->json, "One JSON object per line");
-  list->callback([&session, args] { session.exit_code = List(session, args->limit, args->json); });
+  list->callback([&session, args] {
+    if (args->oldest_first) args->request.set_order_by("create_time");
+    session.exit_code = List(session, args->request, args->limit, args->json);
+  });
 
   CLI::App* show = app.add_subcommand("show", "One job: state, options, progress, outcome");
   AddJobArgument(*show, args->job);
@@ -125,7 +141,32 @@ void AddListAndShow(CLI::App& app, Session& session) {
   });
 }
 
+void AddDelete(CLI::App& app, Session& session) {
+  auto jobs = std::make_shared<std::vector<std::string>>();
+  CLI::App* command = app.add_subcommand("delete", "Remove jobs with their photos and scenes");
+  command->add_option("JOB", *jobs, "Ids of jobs, or jobs/ID")->required();
+  command->callback([&session, jobs] {
+    for (const std::string& job : *jobs) {
+      const std::string name = JobName(job);
+      const absl::Status status = session.client().DeleteJob(name);
+      if (status.ok()) {
+        Note(absl::StrCat(name, " is deleted"));
+      } else {
+        session.exit_code = ReportError(session, status, name);
+      }
+    }
+  });
+}
+
 }  // namespace
+
+void PrintJson(const google::protobuf::Message& message, bool pretty) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.add_whitespace = pretty;
+  std::string text;
+  (void)google::protobuf::util::MessageToJsonString(message, &text, options);
+  std::printf("%s%s", text.c_str(), pretty ? "" : "\n");
+}
 
 void AddJobCommands(CLI::App& app, Session& session) {
   AddListAndShow(app, session);
@@ -139,13 +180,7 @@ void AddJobCommands(CLI::App& app, Session& session) {
             "; continue it with: litags resume ", name));
         return kExitOk;
       });
-  AddSimpleCommand(app, session, "delete", "Remove a job with its photos and its scene",
-                   [&session](const std::string& name) -> int {
-                     const absl::Status status = session.client().DeleteJob(name);
-                     if (!status.ok()) return ReportError(session, status, name);
-                     Note(absl::StrCat(name, " is deleted"));
-                     return kExitOk;
-                   });
+  AddDelete(app, session);
 }
 
 }  // namespace litags::client

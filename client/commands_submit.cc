@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/cli.h"
+#include "client/labels.h"
 #include "client/option_flags.h"
 #include "client/status.h"
 #include "client/text.h"
@@ -20,6 +21,7 @@ namespace {
 
 struct SubmitArgs {
   std::string dir, cameras, depth_dir, masks_dir, name, request_id;
+  std::vector<std::string> labels;
   bool watch = false, strict = false;
   v1::JobOptions options;
   Treatment treatment;
@@ -115,6 +117,7 @@ int Submit(Session& session, const SubmitArgs& args) {
   v1::CreateJobRequest request;
   request.set_display_name(args.name);
   request.set_request_id(args.request_id);
+  if (!ParseLabels(args.labels, request.mutable_labels())) return kExitBadInput;
   *request.mutable_options() = args.options;
   *request.mutable_policy() = ToProto(args.treatment);
   if (!args.request_id.empty()) {
@@ -159,6 +162,7 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_flag("--strict", args->strict,
                     "Refuse if the service cannot read one of the photos; else it is left out");
   command->add_option("--name", args->name, "Title for humans");
+  AddLabelOption(*command, args->labels);
   command->add_option("--cameras", args->cameras,
                       "Known cameras: a transforms.json, or the folder of a COLMAP model");
   command->add_option("--depth", args->depth_dir,

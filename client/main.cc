@@ -120,6 +120,7 @@ int main(int argc, char** argv) {
   litags::client::AddSubmitCommand(app, session);
   litags::client::AddWatchCommand(app, session);
   litags::client::AddJobCommands(app, session);
+  litags::client::AddManageCommands(app, session);
   litags::client::AddResumeCommand(app, session);
   litags::client::AddRenderCommands(app, session);
   litags::client::AddExportCommand(app, session);

@@ -40,7 +40,7 @@ std::vector<std::string> Numbers(const v1::Progress& progress) {
   if (progress.iterations_per_second() > 0) {
     numbers.push_back(absl::StrFormat("%.1f it/s", progress.iterations_per_second()));
   }
-  if (progress.eta_seconds() > 0) numbers.push_back("ETA " + DurationText(progress.eta_seconds()));
+  if (progress.has_eta()) numbers.push_back("ETA " + DurationText(SecondsOf(progress.eta())));
   if (progress.has_psnr_holdout()) {
     numbers.push_back(absl::StrFormat("PSNR %.2f dB", progress.psnr_holdout()));
   }
@@ -92,6 +92,10 @@ std::string Bar(double fraction, size_t width) {
 }
 
 }  // namespace
+
+double SecondsOf(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
+}
 
 std::string DurationText(double seconds) {
   const auto total = static_cast<int64_t>(std::llround(std::clamp(seconds, 0.0, 1e9)));
@@ -218,9 +222,9 @@ std::string OutcomeText(const v1::Job& job) {
                         FinishedText(job));
   }
   const auto& report = job.report();
-  std::string text =
-      absl::StrCat(job.name(), " succeeded: ", CountText(report.gaussians()), " Gaussians after ",
-                   report.iterations(), " iterations in ", DurationText(report.seconds()));
+  std::string text = absl::StrCat(job.name(), " succeeded: ", CountText(report.gaussians()),
+                                  " Gaussians after ", report.iterations(), " iterations in ",
+                                  DurationText(SecondsOf(report.run_time())));
   if (report.has_psnr_holdout()) {
     absl::StrAppendFormat(&text, ", PSNR %.2f dB on held-out views", report.psnr_holdout());
   }

@@ -11,6 +11,7 @@
 
 namespace litags::client {
 
+double SecondsOf(const google::protobuf::Duration& duration);
 // "43s", "1m07s", "2h05m".
 std::string DurationText(double seconds);
 // "23,104".

@@ -19,7 +19,7 @@ v1::JobEvent TrainingEvent() {
   progress->set_loss(0.08123);
   progress->set_gaussians(5123);
   progress->set_iterations_per_second(41.23);
-  progress->set_eta_seconds(67);
+  progress->mutable_eta()->set_seconds(67);
   return event;
 }
 

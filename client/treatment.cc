@@ -1,8 +1,17 @@
 #include "client/treatment.h"
 
+#include <google/protobuf/util/time_util.h>
+
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace litags::client {
+
+google::protobuf::Duration DurationOf(double seconds) {
+  return google::protobuf::util::TimeUtil::MillisecondsToDuration(
+      static_cast<int64_t>(std::llround(1000 * std::clamp(seconds, -1e9, 1e12))));
+}
 
 void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
   const std::string group = "Treatment";
@@ -24,7 +33,9 @@ void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
                   "Main memory that its worker must have, as 8G; default: as --max-memory")
       ->transform(CLI::AsSizeValue(false))
       ->group(group);
-  command.add_option("--labels", treatment.labels, "Labels its worker must have, as avx512,site-b")
+  command
+      .add_option("--worker-labels", treatment.worker_labels,
+                  "Labels its worker must have, as avx512,site-b")
       ->delimiter(',')
       ->group(group);
   command
@@ -36,12 +47,17 @@ void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
 v1::JobPolicy ToProto(const Treatment& treatment) {
   v1::JobPolicy policy;
   if (treatment.priority) policy.set_priority(*treatment.priority);
-  if (treatment.max_run_seconds) policy.set_max_run_seconds(*treatment.max_run_seconds);
+  if (treatment.max_run_seconds) {
+    *policy.mutable_max_run_time() = DurationOf(*treatment.max_run_seconds);
+  }
   if (treatment.max_memory_bytes) policy.set_max_memory_bytes(*treatment.max_memory_bytes);
-  if (treatment.retention_seconds) policy.set_retention_seconds(*treatment.retention_seconds);
+  if (treatment.retention_seconds) {
+    *policy.mutable_retention() = DurationOf(*treatment.retention_seconds);
+  }
   if (treatment.min_cores) policy.set_min_cores(*treatment.min_cores);
   if (treatment.min_memory_bytes) policy.set_min_memory_bytes(*treatment.min_memory_bytes);
-  policy.mutable_labels()->Add(treatment.labels.begin(), treatment.labels.end());
+  policy.mutable_worker_labels()->Add(treatment.worker_labels.begin(),
+                                      treatment.worker_labels.end());
   return policy;
 }
 

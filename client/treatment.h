@@ -16,13 +16,14 @@ struct Treatment {
   std::optional<int> priority, min_cores;
   std::optional<double> max_run_seconds, retention_seconds;
   std::optional<int64_t> max_memory_bytes, min_memory_bytes;
-  std::vector<std::string> labels;
+  std::vector<std::string> worker_labels;
 };
 
 // Adds --priority, --max-run-seconds, --max-memory, --min-cores and so on. `treatment` must outlive
 // the parsing.
 void AddTreatmentOptions(CLI::App& command, Treatment& treatment);
 
+google::protobuf::Duration DurationOf(double seconds);
 v1::JobPolicy ToProto(const Treatment& treatment);
 
 }  // namespace litags::client

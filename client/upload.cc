@@ -13,6 +13,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/types/span.h"
 #include "client/status.h"
 #include "client/text.h"
@@ -62,6 +63,11 @@ absl::StatusOr<LocalFile> MakeLocalFile(const fs::path& path, v1::FileRole role)
                                  "convmv or mv"));
   }
   return file;
+}
+
+std::string Joined(Endings endings) {
+  return absl::StrJoin(endings, " ",
+                       [](std::string* out, std::string_view ending) { out->append(ending); });
 }
 
 // Subfolders with photos in them, for a hint.
@@ -133,9 +139,8 @@ absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
 
 // "17 pictures are of a kind that is not read, 0001.webp for one: convert them to JPEG or PNG".
 std::string DescribeOtherPictures(const std::vector<std::string>& names) {
-  constexpr std::string_view kOther[] = {
-      ".heic", ".heif", ".avif", ".webp", ".tif", ".tiff", ".bmp", ".dng", ".nef", ".cr2",
-      ".cr3",  ".arw",  ".raf",  ".orf",  ".rw2", ".jxl",  ".exr", ".gif", ".mp4", ".mov"};
+  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".jp2", ".psd",
+                                         ".crw", ".mp4", ".mov", ".avi", ".mkv"};
   std::vector<std::string> others;
   for (const std::string& name : names) {
     if (HasEnding(name, kOther)) others.push_back(name);
@@ -368,11 +373,12 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   if (capture.files.empty()) {
     const std::string inside = FoldersWithPhotos(photos_dir);
     const std::string others = DescribeOtherPictures(capture.skipped);
-    return BadInput("NO_PHOTOS", "DIR",
-                    absl::StrCat(photos_dir, ": holds no photos (.jpg .jpeg .png); ",
-                                 !others.empty()  ? others
-                                 : inside.empty() ? "give the folder that holds them"
-                                                  : absl::StrCat("did you mean ", inside, "?")));
+    return BadInput(
+        "NO_PHOTOS", "DIR",
+        absl::StrCat(photos_dir, ": holds no photos (", Joined(v1::kPhotoEndings), "); ",
+                     !others.empty()  ? others
+                     : inside.empty() ? "give the folder that holds them"
+                                      : absl::StrCat("did you mean ", inside, "?")));
   }
   const std::string resolved = ResolveCameras(cameras_path).string();
   if (resolved != cameras_path) capture.notes.push_back(absl::StrCat("cameras: ", resolved));

@@ -26,6 +26,9 @@ from litags.v1 import reconstruction_service_pb2_grpc
 from litags.v1 import render_service_pb2 as render
 from litags.v1 import render_service_pb2_grpc
 
+# As the service takes them: kPhotoEndings in proto/litags/v1/limits.h.
+PHOTO_ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".heic", ".heif", ".hif", ".avif", ".jxl", ".dng",
+                 ".nef", ".nrw", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw")
 ATTEMPTS = 60  # in a row, five seconds apart at most
 
 
@@ -140,15 +143,15 @@ def is_utf8(name):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("photos", type=pathlib.Path, help="folder of .jpg or .png")
+    parser.add_argument("photos", type=pathlib.Path, help="folder of photos")
     parser.add_argument("picture", type=pathlib.Path, help="PNG to write: the first photo's view")
     parser.add_argument("--server", default="127.0.0.1:50051", help="HOST:PORT")
     parser.add_argument("--iterations", type=int, help="default: the server's")
     args = parser.parse_args()
     photos = sorted(path for path in args.photos.iterdir()
-                    if path.suffix.lower() in (".jpg", ".jpeg", ".png"))
+                    if path.suffix.lower() in PHOTO_ENDINGS)
     if not photos:
-        parser.error(f"{args.photos} holds no .jpg or .png")
+        parser.error(f"{args.photos} holds no photo ({' '.join(PHOTO_ENDINGS)})")
     for photo in photos:
         if not is_utf8(photo.name):
             parser.error(f"{os.fsencode(photo)!r}: the file's name is not UTF-8; rename it")

@@ -125,7 +125,7 @@ absl::StatusOr<Planes> DecodeAny(std::string_view bytes, std::string_view field,
     return DecodePfm(bytes, field, limits);
   }
   if (bytes.starts_with("\x93NUMPY")) return PlanesFromNpy(bytes, field, limits);
-  if (SniffImageFormat(bytes) == ImageFormat::kPng) return DecodePngCodes(bytes, field, limits);
+  if (IsPng(bytes)) return DecodePngCodes(bytes, field, limits);
   return InvalidField("DEPTH_NOT_RECOGNIZED", field,
                       "neither a one-channel PFM nor NPY nor PNG file; convert it to one of them");
 }

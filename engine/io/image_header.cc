@@ -5,6 +5,7 @@
 
 #include "engine/io/byte_reader.h"
 #include "engine/io/io_error.h"
+#include "engine/io/tiff_reader.h"
 
 namespace litags {
 namespace {
@@ -40,44 +41,6 @@ bool ReadMarker(ByteReader* reader, uint8_t* marker) {
   } while (*marker == 0xFF);
   return true;
 }
-
-// Numbers of a TIFF block, in its byte order. Position 0, where no number lies, is "nowhere".
-class TiffReader {
- public:
-  explicit TiffReader(std::string_view tiff) : tiff_(tiff), little_(tiff.starts_with("II")) {}
-
-  size_t FirstDirectory() const {
-    const bool is_tiff = (little_ || tiff_.starts_with("MM")) && Get<uint16_t>(2) == 42;
-    return is_tiff ? Get<uint32_t>(4) : 0;
-  }
-
-  // 0 beyond the end.
-  template <typename T>
-  T Get(size_t position) const {
-    T value = 0;
-    if (position == 0 || position > tiff_.size()) return value;
-    ByteReader reader(tiff_.substr(position));
-    little_ ? reader.Read(&value) : reader.ReadBig(&value);
-    return value;
-  }
-
-  // Position of the single value of a tag, or of where that is written.
-  size_t Find(size_t directory, uint16_t tag, uint16_t type) const {
-    constexpr size_t kSize = 12;
-    const size_t first = directory + 2, end = first + kSize * Get<uint16_t>(directory);
-    for (size_t entry = first; entry < end && entry + kSize <= tiff_.size(); entry += kSize) {
-      if (Get<uint16_t>(entry) == tag && Get<uint16_t>(entry + 2) == type &&
-          Get<uint32_t>(entry + 4) == 1) {
-        return entry + 8;
-      }
-    }
-    return 0;
-  }
-
- private:
-  const std::string_view tiff_;
-  const bool little_;
-};
 
 // The first step, that of a block's mean, of each of a JPEG's four quantisation tables; 0: not set.
 using FirstSteps = std::array<int, 4>;
@@ -121,28 +84,28 @@ bool ReadChunk(ByteReader* reader, PngChunk* chunk) {
 
 }  // namespace
 
-std::optional<ImageFormat> SniffImageFormat(std::string_view bytes) {
-  if (bytes.starts_with(kJpegMagic)) return ImageFormat::kJpeg;
-  if (bytes.starts_with(kPngMagic)) return ImageFormat::kPng;
-  return std::nullopt;
-}
+bool IsJpeg(std::string_view bytes) { return bytes.starts_with(kJpegMagic); }
+
+bool IsPng(std::string_view bytes) { return bytes.starts_with(kPngMagic); }
 
 void ReadExif(std::string_view tiff, ImageInfo* info) {
-  constexpr uint16_t kShort = 3, kLong = 4, kRational = 5;
-  constexpr uint16_t kOrientation = 0x0112, kCameraDirectory = 0x8769, kFocalLength = 0x920A,
+  constexpr uint16_t kOrientation = 0x0112, kCameraDirectory = 0x8769, kExposureTime = 0x829A,
+                     kFNumber = 0x829D, kIso = 0x8827, kFocalLength = 0x920A,
                      kFocalLengthIn35mmFilm = 0xA405;
+  constexpr uint16_t kShort = TiffReader::kShort;
   const TiffReader reader(tiff);
   const size_t main = reader.FirstDirectory();
   const int orientation = reader.Get<uint16_t>(reader.Find(main, kOrientation, kShort));
   if (info->orientation == 1 && orientation >= 1 && orientation <= 8) {
     info->orientation = orientation;
   }
-  const size_t camera = reader.Get<uint32_t>(reader.Find(main, kCameraDirectory, kLong));
+  const size_t camera = reader.FindDirectory(main, kCameraDirectory);
   double focal = reader.Get<uint16_t>(reader.Find(camera, kFocalLengthIn35mmFilm, kShort));
-  const size_t ratio = reader.Get<uint32_t>(reader.Find(camera, kFocalLength, kRational));
-  const uint32_t above = reader.Get<uint32_t>(ratio), below = reader.Get<uint32_t>(ratio + 4);
-  if (focal == 0 && ratio > 0 && below > 0) focal = double(above) / below;
+  if (focal == 0) focal = reader.GetRatio(camera, kFocalLength);
   if (info->focal_length == 0) info->focal_length = focal;
+  if (info->exposure_time == 0) info->exposure_time = reader.GetRatio(camera, kExposureTime);
+  if (info->f_number == 0) info->f_number = reader.GetRatio(camera, kFNumber);
+  if (info->iso == 0) info->iso = reader.Get<uint16_t>(reader.Find(camera, kIso, kShort));
 }
 
 absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field) {
@@ -214,6 +177,52 @@ absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_vie
     if (chunk.type == "eXIf") ReadExif(chunk.data, &info);
   }
   return info;
+}
+
+std::string JpegProfile(std::string_view bytes) {
+  constexpr std::string_view kPrefix("ICC_PROFILE\0", 12);
+  constexpr uint8_t kStartOfScan = 0xDA, kApp2 = 0xE2;
+  std::array<std::string_view, 256> parts = {};  // by their number, from 1 on
+  ByteReader reader(bytes);
+  reader.Skip(2);  // SOI
+  uint8_t marker = 0, number = 0;
+  while (ReadMarker(&reader, &marker) && marker != kStartOfScan) {
+    if (IsBareMarker(marker)) continue;
+    uint16_t length = 0;
+    std::string_view segment;
+    if (!reader.ReadBig(&length) || length < 2 || !reader.ReadBytes(length - 2u, &segment)) break;
+    if (marker != kApp2 || !segment.starts_with(kPrefix)) continue;
+    ByteReader part(segment.substr(kPrefix.size()));
+    if (part.Read(&number) && part.Skip(1)) parts[number] = segment.substr(kPrefix.size() + 2);
+  }
+  std::string profile;
+  for (const std::string_view part : parts) profile += part;
+  return profile;
+}
+
+PngColors ReadPngColors(std::string_view bytes) {
+  PngColors colors;
+  ByteReader reader(bytes);
+  reader.Skip(kPngMagic.size());
+  PngChunk chunk;
+  while (ReadChunk(&reader, &chunk) && chunk.type != "IDAT") {
+    if (chunk.type == "IHDR") {
+      // Colour types: 0 grey, 4 grey with alpha.
+      colors.is_grey = chunk.data.size() > 9 && (chunk.data[9] & ~4) == 0;
+    } else if (chunk.type == "gAMA") {
+      uint32_t gamma = 0;
+      if (ByteReader(chunk.data).ReadBig(&gamma)) colors.gamma = gamma / 1e5;
+    } else if (chunk.type == "sRGB") {
+      colors.is_srgb = true;
+    } else if (chunk.type == "iCCP") {
+      // Name, zero, method, deflated profile.
+      const size_t name = chunk.data.find('\0');
+      if (name != std::string_view::npos && name + 2 <= chunk.data.size()) {
+        colors.deflated_profile = chunk.data.substr(name + 2);
+      }
+    }
+  }
+  return colors;
 }
 
 absl::Status CheckPngComplete(std::string_view bytes, std::string_view field) {

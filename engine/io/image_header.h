@@ -2,7 +2,7 @@
 #ifndef LITAGS_ENGINE_IO_IMAGE_HEADER_H_
 #define LITAGS_ENGINE_IO_IMAGE_HEADER_H_
 
-#include <optional>
+#include <string>
 #include <string_view>
 
 #include "absl/status/status.h"
@@ -11,19 +11,32 @@
 
 namespace litags {
 
-// JPEG or PNG by their first bytes; nullopt for anything else.
-std::optional<ImageFormat> SniffImageFormat(std::string_view bytes);
+// By their first bytes.
+bool IsJpeg(std::string_view bytes);
+bool IsPng(std::string_view bytes);
 
 // Size as stored (not turned upright), what EXIF says, bit depth. Checks no limits. JPEG: reads
 // up to the first scan. PNG: up to the first image data.
 absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field);
 absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_view field);
 
+// The ICC profile of a JPEG, put together from its segments; empty without one.
+std::string JpegProfile(std::string_view bytes);
+
+// What a PNG says about its colours.
+struct PngColors {
+  bool is_grey = false;
+  bool is_srgb = false;
+  double gamma = 0;                   // exponent from light to codes; 0: not said
+  std::string_view deflated_profile;  // ICC, by zlib; empty without one
+};
+PngColors ReadPngColors(std::string_view bytes);
+
 // Walks a PNG's chunks: IMAGE_TRUNCATED unless they are whole up to IEND.
 absl::Status CheckPngComplete(std::string_view bytes, std::string_view field);
 
-// Orientation and focal length of an EXIF block ("II*\0..." or "MM\0*..."), where it holds them and
-// `info` has none yet. What is broken is passed over.
+// Orientation, focal length and exposure of an EXIF block ("II*\0..." or "MM\0*..."), where it
+// holds them and `info` has none yet. What is broken is passed over.
 void ReadExif(std::string_view tiff, ImageInfo* info);
 
 }  // namespace litags

@@ -11,11 +11,11 @@
 #include <utility>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/check.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
-#include "engine/io/jpeg_decode.h"
+#include "engine/io/photo_format.h"
 
 namespace litags {
 namespace {
@@ -33,7 +33,7 @@ absl::Status CheckLimits(const ImageInfo& info, std::string_view field, const Im
 
 // Size as stored, limits checked.
 absl::StatusOr<ImageInfo> ReadStoredInfo(std::string_view bytes, std::string_view field,
-                                         const ImageLimits& limits) {
+                                         const ImageLimits& limits, const PhotoFormat** format) {
   if (bytes.empty()) {
     return InvalidField("IMAGE_EMPTY", field, "the file has zero bytes; send it again");
   }
@@ -42,14 +42,13 @@ absl::StatusOr<ImageInfo> ReadStoredInfo(std::string_view bytes, std::string_vie
                         absl::StrCat(bytes.size(), " bytes exceed the limit of ", limits.max_bytes,
                                      " bytes; resize or recompress it"));
   }
-  const std::optional<ImageFormat> format = SniffImageFormat(bytes);
-  if (!format.has_value()) {
+  *format = FindPhotoFormat(bytes);
+  if (*format == nullptr) {
     return InvalidField("IMAGE_NOT_RECOGNIZED", field,
-                        "neither a JPEG nor a PNG file; convert it to one of them");
+                        absl::StrCat("it is of none of the formats that are read (",
+                                     PhotoFormatNames(), "); convert it to JPEG or PNG"));
   }
-  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, *format == ImageFormat::kJpeg
-                                                    ? ParseJpegHeader(bytes, field)
-                                                    : ParsePngHeader(bytes, field));
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, (*format)->read_info(bytes, field));
   LITAGS_RETURN_IF_ERROR(CheckLimits(info, field, limits));
   return info;
 }
@@ -82,39 +81,6 @@ Photo TurnUpright(Photo stored, int orientation) {
   return out;
 }
 
-// Photo from samples in BGR order, of which `white` is 1.
-template <class T>
-Photo PhotoFromBgr(const cv::Mat& bgr, float white) {
-  Photo photo(bgr.cols, bgr.rows);
-  for (int y = 0; y < bgr.rows; ++y) {
-    const T* from = bgr.ptr<T>(y);
-    int16_t* to = photo.pixel(0, y);
-    for (int x = 0; x < bgr.cols; ++x, from += 3, to += 3) {
-      for (int c = 0; c < 3; ++c) to[c] = PhotoSample(from[2 - c] / white);
-    }
-  }
-  return photo;
-}
-
-absl::StatusOr<Photo> DecodePng(std::string_view bytes, const ImageInfo& info,
-                                std::string_view field) {
-  LITAGS_RETURN_IF_ERROR(CheckPngComplete(bytes, field));
-  try {
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
-                          const_cast<char*>(bytes.data()));
-    const cv::Mat bgr = cv::imdecode(
-        encoded, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
-    if (bgr.cols != info.width || bgr.rows != info.height) {
-      return InvalidField("IMAGE_CORRUPT", field, "the PNG cannot be decoded; send the file again");
-    }
-    return bgr.depth() == CV_16U ? PhotoFromBgr<uint16_t>(bgr, 65535)
-                                 : PhotoFromBgr<uint8_t>(bgr, 255);
-  } catch (const cv::Exception& e) {
-    return InvalidField("IMAGE_CORRUPT", field,
-                        absl::StrCat("the PNG cannot be decoded: ", e.what()));
-  }
-}
-
 // Encodes with OpenCV; `mat` has its channel order.
 absl::StatusOr<std::string> Encode(const char* extension, const cv::Mat& mat,
                                    const std::vector<int>& parameters) {
@@ -144,15 +110,16 @@ bool EndsWithOneOf(std::span<const std::string_view> suffixes, const std::string
          });
 }
 
-bool IsPhotoName(const std::string& name) {
-  constexpr std::string_view kRead[] = {".jpg", ".jpeg", ".png"};
-  return EndsWithOneOf(kRead, name);
+std::string JoinedEndings() {
+  return absl::StrJoin(PhotoEndings(), " ",
+                       [](std::string* out, std::string_view ending) { out->append(ending); });
 }
 
+bool IsPhotoName(const std::string& name) { return EndsWithOneOf(PhotoEndings(), name); }
+
 bool IsOtherPictureName(const std::string& name) {
-  constexpr std::string_view kOther[] = {".heic", ".heif", ".avif", ".webp", ".tif", ".tiff",
-                                         ".bmp",  ".dng",  ".nef",  ".cr2",  ".cr3", ".arw",
-                                         ".raf",  ".orf",  ".rw2",  ".jxl",  ".exr"};
+  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".psd",
+                                         ".tga", ".jp2", ".3fr", ".x3f"};
   return EndsWithOneOf(kOther, name);
 }
 
@@ -160,17 +127,17 @@ bool IsOtherPictureName(const std::string& name) {
 
 absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view field,
                                         const ImageLimits& limits) {
-  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadStoredInfo(bytes, field, limits));
+  const PhotoFormat* format = nullptr;
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadStoredInfo(bytes, field, limits, &format));
   return Upright(info);
 }
 
 absl::StatusOr<Photo> DecodePhoto(std::string_view bytes, std::string_view field,
                                   const ImageLimits& limits) {
-  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadStoredInfo(bytes, field, limits));
-  absl::StatusOr<Photo> stored = info.format == ImageFormat::kJpeg ? DecodeJpeg(bytes, info, field)
-                                                                   : DecodePng(bytes, info, field);
-  if (!stored.ok()) return stored.status();
-  return TurnUpright(*std::move(stored), info.orientation);
+  const PhotoFormat* format = nullptr;
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadStoredInfo(bytes, field, limits, &format));
+  LITAGS_ASSIGN_OR_RETURN(Photo stored, format->decode(bytes, info, field));
+  return TurnUpright(std::move(stored), info.orientation);
 }
 
 absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view field,
@@ -239,8 +206,8 @@ absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir,
   if (names.empty()) {
     LITAGS_ASSIGN_OR_RETURN(const std::string others, DescribeOtherPictures(dir, field));
     return InvalidField("NO_PHOTOS", field,
-                        absl::StrCat("the folder '", dir, "' holds no .jpg, .jpeg or .png file",
-                                     others.empty() ? "" : "; ", others));
+                        absl::StrCat("the folder '", dir, "' holds no photo (", JoinedEndings(),
+                                     ")", others.empty() ? "" : "; ", others));
   }
   return names;
 }

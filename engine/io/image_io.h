@@ -1,8 +1,10 @@
-// Photos in (JPEG, PNG, from anybody); picture_io.h is pictures out. Colours are sRGB-encoded.
+// Photos in (from anybody, of the formats in docs/inputs.md); picture_io.h is pictures out. Colours
+// are sRGB-encoded.
 #ifndef LITAGS_ENGINE_IO_IMAGE_IO_H_
 #define LITAGS_ENGINE_IO_IMAGE_IO_H_
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,7 +26,7 @@ struct ImageLimits {
   int max_side = kMaxImageSide;          // px
 };
 
-enum class ImageFormat { kJpeg, kPng };
+enum class ImageFormat { kJpeg, kPng, kRaw, kTiff, kWebp, kHeif, kJxl };
 
 // What a header says. The size is that of the upright picture: EXIF orientation applied.
 struct ImageInfo {
@@ -36,20 +38,28 @@ struct ImageInfo {
   // EXIF, mm: of a 35 mm camera that sees as much, else the lens' own; 0: not said. Tells lenses
   // of one camera and steps of a zoom apart.
   double focal_length = 0;
+  // Of the exposure: s, ISO and f-number; 0: not said. The light on the sensor times its gain is
+  // relative to exposure_time * iso / f_number^2.
+  double exposure_time = 0;
+  double iso = 0;
+  double f_number = 0;
   // JPEG: quantisation step of the mean of a block of Cb or Cr, the larger, as the file has it (8
   // times 8-bit codes); 0: no such thing.
   int chroma_step = 0;
 };
 
 // Reads the header only. Errors are INVALID_ARGUMENT, start with `field` (for photos:
-// "images[0001.jpg]") and carry one of these reasons: IMAGE_EMPTY, IMAGE_NOT_RECOGNIZED (neither
-// JPEG nor PNG), IMAGE_TRUNCATED, IMAGE_CORRUPT, IMAGE_TOO_LARGE, IMAGE_UNSUPPORTED (CMYK).
+// "images[0001.jpg]") and carry one of these reasons: IMAGE_EMPTY, IMAGE_NOT_RECOGNIZED (of
+// no format that is read), IMAGE_TRUNCATED, IMAGE_CORRUPT, IMAGE_TOO_LARGE, IMAGE_UNSUPPORTED (a
+// kind of such a format that is not read, by name).
 absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view field,
                                         const ImageLimits& limits = {});
 
 // Decodes to upright RGB with the precision that the file has: JPEG in floating point from its
-// coefficients (jpeg_decode.h), PNG of 8 or 16 bits. Transparency is dropped, grey becomes R = G =
-// B. A file that ends early is refused (IMAGE_TRUNCATED), never padded with grey. Errors as above.
+// coefficients (jpeg_decode.cc), RAW from the sensor's numbers (raw_decode.cc), others with their 8
+// to 16 bits. Colours become sRGB as the file's ICC profile says; a broken one is passed over.
+// Transparency is dropped, grey becomes R = G = B. A file that ends early is refused
+// (IMAGE_TRUNCATED), never padded with grey. Errors as above.
 absl::StatusOr<Photo> DecodePhoto(std::string_view bytes, std::string_view field,
                                   const ImageLimits& limits = {});
 
@@ -65,12 +75,19 @@ absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view fiel
 absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
                                         const ImageLimits& limits = {});
 
-// Names of the photos in a folder (.jpg .jpeg .png in any case; hidden files skipped), sorted by
+// Has decoders load and initialise what they otherwise would with the first photo: for a process
+// that then gives up opening files.
+void LoadPhotoDecoders();
+
+// How the names of photos end, lower case.
+std::span<const std::string_view> PhotoEndings();
+
+// Names of the photos in a folder (by PhotoEndings() in any case; hidden files skipped), sorted by
 // bytes. NOT_FOUND (NO_SUCH_FOLDER), INVALID_ARGUMENT (NO_PHOTOS).
 absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir, std::string_view field);
 
-// "6 pictures are of a kind that is not read, IMG_1.HEIC for one: convert to JPEG or PNG": HEIC,
-// TIFF, raw files and others of a folder, by their names; "" if there are none. NOT_FOUND
+// "6 pictures are of a kind that is not read, IMG_1.BMP for one: convert to JPEG or PNG": files of
+// a folder, by their names; "" if there are none. NOT_FOUND
 // (NO_SUCH_FOLDER).
 absl::StatusOr<std::string> DescribeOtherPictures(const std::string& dir, std::string_view field);
 

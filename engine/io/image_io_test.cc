@@ -322,12 +322,13 @@ TEST(ReadImage, ReadsWhatWasWritten) {
 
 TEST(ListPhotos, ListsPhotosSortedByName) {
   TempDir dir;
-  for (const char* name : {"b.JPG", "a.png", "c.jpeg", "notes.txt", ".hidden.jpg", ".jpg", "jpg"}) {
+  for (const char* name :
+       {"b.JPG", "a.png", "c.jpeg", "D.HEIC", "e.dng", "notes.txt", ".hidden.jpg", ".jpg", "jpg"}) {
     std::ofstream(dir / name) << "x";
   }
   std::filesystem::create_directory(dir / "folder.jpg");
   EXPECT_THAT(ListPhotos(dir.path(), "images").value(),
-              testing::ElementsAre("a.png", "b.JPG", "c.jpeg"));
+              testing::ElementsAre("D.HEIC", "a.png", "b.JPG", "c.jpeg", "e.dng"));
 }
 
 TEST(ListPhotos, RefusesMissingAndEmptyFolders) {
@@ -341,9 +342,9 @@ TEST(ListPhotos, RefusesMissingAndEmptyFolders) {
 TEST(ListPhotos, SaysWhichPicturesAreNotRead) {
   TempDir dir;
   EXPECT_EQ(DescribeOtherPictures(dir.path(), "images").value(), "");
-  for (const char* name : {"b.HEIC", "a.dng", "notes.txt"}) std::ofstream(dir / name) << "x";
+  for (const char* name : {"b.BMP", "a.exr", "notes.txt"}) std::ofstream(dir / name) << "x";
   const std::string want =
-      "2 pictures are of a kind that is not read, a.dng for one: convert to JPEG or PNG";
+      "2 pictures are of a kind that is not read, a.exr for one: convert to JPEG or PNG";
   EXPECT_EQ(DescribeOtherPictures(dir.path(), "images").value(), want);
   const absl::Status none = ListPhotos(dir.path(), "images").status();
   EXPECT_EQ(Reason(none), "NO_PHOTOS");

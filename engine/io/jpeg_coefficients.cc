@@ -99,10 +99,8 @@ bool JpegCoefficients::ReadAll(std::string_view bytes, const ImageInfo& info) {
       cinfo_.image_height != JDIMENSION(info.height)) {
     ERREXIT(&cinfo_, JERR_SOF_DUPLICATE);
   }
-  if (cinfo_.jpeg_color_space == JCS_CMYK || cinfo_.jpeg_color_space == JCS_YCCK) {
-    Refuse(&state_, "a CMYK JPEG; convert it to RGB");
-  }
-  if (cinfo_.num_components != 1 && cinfo_.num_components != 3) {
+  const bool cmyk = cinfo_.jpeg_color_space == JCS_CMYK || cinfo_.jpeg_color_space == JCS_YCCK;
+  if (cinfo_.num_components != 1 && cinfo_.num_components != 3 && !cmyk) {
     Refuse(&state_, "a JPEG that is neither grey nor colour; convert it to RGB");
   }
   // Its decoder reads zeros past the end without a warning, so damage would pass unseen.

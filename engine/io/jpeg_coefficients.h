@@ -29,9 +29,11 @@ class JpegCoefficients {
   // (and OpenCV with it) only warns and fills the rest with grey. Errors as in image_io.h.
   absl::Status Read(std::string_view bytes, const ImageInfo& info, std::string_view field);
 
-  // After Read(): 1 or 3 of them, grey, YCbCr or RGB by color_space().
+  // After Read(): 1, 3 or 4 of them, grey, YCbCr, RGB, CMYK or YCCK by color_space().
   int components() const { return cinfo_.num_components; }
   J_COLOR_SPACE color_space() const { return cinfo_.jpeg_color_space; }
+  // Adobe's programs store CMYK inverted.
+  bool adobe() const { return cinfo_.saw_Adobe_marker; }
   const jpeg_component_info& component(int c) const { return cinfo_.comp_info[c]; }
   int max_h_samp_factor() const { return cinfo_.max_h_samp_factor; }
   int max_v_samp_factor() const { return cinfo_.max_v_samp_factor; }

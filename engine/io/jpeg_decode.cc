@@ -1,14 +1,17 @@
-#include "engine/io/jpeg_decode.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <optional>
+#include <string>
 #include <vector>
 
+#include "engine/io/color_space.h"
+#include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 #include "engine/io/jpeg_coefficients.h"
+#include "engine/io/photo_format.h"
 
 namespace litags {
 namespace {
@@ -142,6 +145,21 @@ int16_t Saturate(float sample) {
   return static_cast<int16_t>(std::lrint(std::clamp(sample, -32768.0f, 32767.0f)));
 }
 
+// Ink of CMYK, 0..1. YCCK's first three are what YCbCr has for the light that C, M and Y leave.
+void ToInk(const std::vector<std::vector<float>>& rows, bool ycck, bool inverted, float* ink) {
+  constexpr float kScale = 1.0f / kPhotoWhite;
+  for (size_t x = 0; x < rows[0].size(); ++x, ink += 4) {
+    for (int c = 0; c < 4; ++c) ink[c] = rows[c][x] * kScale;
+    if (ycck) {
+      const float luma = ink[0], cb = ink[1], cr = ink[2];
+      ink[0] = 1 - (luma + 1.402f * cr);
+      ink[1] = 1 - (luma - 0.344136f * cb - 0.714136f * cr);
+      ink[2] = 1 - (luma + 1.772f * cb);
+    }
+    for (int c = 0; c < 4; ++c) ink[c] = std::clamp(inverted ? 1 - ink[c] : ink[c], 0.0f, 1.0f);
+  }
+}
+
 // JFIF: full-range BT.601.
 void YCbCrToRgb(const std::vector<std::vector<float>>& rows, int16_t* out) {
   const float *luma = rows[0].data(), *cb = rows[1].data(), *cr = rows[2].data();
@@ -158,32 +176,80 @@ void CopyRgb(const std::vector<std::vector<float>>& rows, int16_t* out) {
   }
 }
 
-}  // namespace
+// All components of a JPEG, row by row at the photo's size.
+class ComponentRows {
+ public:
+  absl::Status Decode(JpegCoefficients* jpeg, bool ycc, const ImageInfo& info,
+                      std::string_view field) {
+    const int n = jpeg->components();
+    planes_.resize(n);
+    rows_.assign(n, std::vector<float>(info.width));
+    for (int c = 0; c < n; ++c) {
+      const bool chroma = ycc && (c == 1 || c == 2);
+      if (!DecodeComponent(jpeg, c, chroma ? 0 : kLevelShift, &planes_[c])) {
+        return InvalidField("IMAGE_CORRUPT", field, "the JPEG lacks blocks; send the file again");
+      }
+      const jpeg_component_info& component = jpeg->component(c);
+      upsamplers_.emplace_back(
+          planes_[c], double(component.h_samp_factor) / jpeg->max_h_samp_factor(),
+          double(component.v_samp_factor) / jpeg->max_v_samp_factor(), info.width, info.height);
+    }
+    return absl::OkStatus();
+  }
+
+  const std::vector<std::vector<float>>& Row(int y) {
+    for (size_t c = 0; c < rows_.size(); ++c) upsamplers_[c].Row(y, &rows_[c]);
+    return rows_;
+  }
+
+ private:
+  std::vector<ComponentPlane> planes_;
+  std::vector<Upsampler> upsamplers_;
+  std::vector<std::vector<float>> rows_;
+};
+
+absl::StatusOr<Photo> DecodeCmyk(JpegCoefficients* jpeg, std::string_view icc,
+                                 const ImageInfo& info, std::string_view field) {
+  const std::optional<ColorSpace> space = ColorSpace::FromIcc(icc, 4);
+  if (!space.has_value()) {
+    return InvalidField("IMAGE_UNSUPPORTED", field,
+                        "a CMYK JPEG without a usable colour profile; convert it to RGB");
+  }
+  const bool ycck = jpeg->color_space() == JCS_YCCK;
+  ComponentRows rows;
+  LITAGS_RETURN_IF_ERROR(rows.Decode(jpeg, ycck, info, field));
+  Photo photo(info.width, info.height);
+  std::vector<float> ink(size_t{4} * info.width);
+  for (int y = 0; y < info.height; ++y) {
+    ToInk(rows.Row(y), ycck, jpeg->adobe(), ink.data());
+    space->Convert(ink.data(), info.width, photo.pixel(0, y));
+  }
+  return photo;
+}
 
 absl::StatusOr<Photo> DecodeJpeg(std::string_view bytes, const ImageInfo& info,
                                  std::string_view field) {
   JpegCoefficients jpeg;
   LITAGS_RETURN_IF_ERROR(jpeg.Read(bytes, info, field));
+  const std::string icc = JpegProfile(bytes);
   const int n = jpeg.components();
+  if (n == 4) return DecodeCmyk(&jpeg, icc, info, field);
   const bool ycc = n == 3 && jpeg.color_space() == JCS_YCbCr;
-  std::vector<ComponentPlane> planes(n);
-  std::vector<Upsampler> upsamplers;
-  for (int c = 0; c < n; ++c) {
-    if (!DecodeComponent(&jpeg, c, ycc && c > 0 ? 0 : kLevelShift, &planes[c])) {
-      return InvalidField("IMAGE_CORRUPT", field, "the JPEG lacks blocks; send the file again");
-    }
-    const jpeg_component_info& component = jpeg.component(c);
-    upsamplers.emplace_back(planes[c], double(component.h_samp_factor) / jpeg.max_h_samp_factor(),
-                            double(component.v_samp_factor) / jpeg.max_v_samp_factor(), info.width,
-                            info.height);
-  }
+  ComponentRows rows;
+  LITAGS_RETURN_IF_ERROR(rows.Decode(&jpeg, ycc, info, field));
   Photo photo(info.width, info.height);
-  std::vector<std::vector<float>> rows(n, std::vector<float>(info.width));
   for (int y = 0; y < info.height; ++y) {
-    for (int c = 0; c < n; ++c) upsamplers[c].Row(y, &rows[c]);
-    (ycc ? YCbCrToRgb : CopyRgb)(rows, photo.pixel(0, y));
+    (ycc ? YCbCrToRgb : CopyRgb)(rows.Row(y), photo.pixel(0, y));
   }
+  if (!icc.empty()) ColorSpace::FromIccOrSrgb(icc, n).Convert(&photo);
   return photo;
 }
+
+}  // namespace
+
+// From the coefficients: dequantised, inverse DCT in floating point, chroma interpolated linearly
+// between its (centred) samples, YCbCr to RGB as in JFIF. Nothing is rounded to 8 bits or clipped
+// at black, as libjpeg's own output is: a dark JPEG holds more than 8 bits.
+const PhotoFormat kJpegFormat = {ImageFormat::kJpeg, "JPEG", IsJpeg, ParseJpegHeader, DecodeJpeg};
 
 }  // namespace litags

@@ -22,7 +22,7 @@ constexpr size_t kBarPhotos = kMinPhotos;  // fewer do not show what they have a
 constexpr int kLeastBar = 4;               // px; thinner ones are rims of cut or turned pictures
 constexpr double kMostBars = 0.6;          // of a side; 21:9 within 9:16 leaves 0.24 of it
 constexpr int kSoftEdge = 48;              // of a side: a film's edges, scaled and smoothed
-constexpr int kJpegBlock = 16;  // px; the one that holds a bar's edge has some of both sides
+constexpr int kBlock = 16;  // px; the one that holds a bar's edge has some of both sides
 
 bool Differ(const int16_t* a, const int16_t* b) {
   for (int c = 0; c < 3; ++c) {
@@ -78,10 +78,10 @@ class Side {
   std::vector<int> runs_;
 };
 
-BarFrame::Inside WithoutBars(const std::vector<const std::vector<LineKind>*>& photos, bool jpeg) {
+BarFrame::Inside WithoutBars(const std::vector<const std::vector<LineKind>*>& photos, bool blocks) {
   const Side near(photos, false), far(photos, true);
   const int n = near.lines(), a = near.bar(), b = far.bar();
-  const int slack = jpeg ? kJpegBlock : std::clamp(n / kSoftEdge, 2, kJpegBlock);
+  const int slack = blocks ? kBlock : std::clamp(n / kSoftEdge, 2, kBlock);
   const BarFrame::Inside all{0, n};
   if (std::min(a, b) < kLeastBar || std::abs(a - b) > slack || a + b > kMostBars * n) {
     return all;
@@ -90,7 +90,7 @@ BarFrame::Inside WithoutBars(const std::vector<const std::vector<LineKind>*>& ph
   for (size_t i = 0; i < photos.size(); ++i)
     at_once += near.EndsAtOnce(i, slack) && far.EndsAtOnce(i, slack);
   if (2 * at_once <= photos.size()) return all;
-  const int step = jpeg ? kJpegBlock : 1;
+  const int step = blocks ? kBlock : 1;
   const BarFrame::Inside inside{(a + step - 1) / step * step, (n - b) / step * step};
   return inside.first < inside.last ? inside : all;
 }
@@ -114,14 +114,14 @@ LineKinds KindsOfLines(const Photo& photo) {
   return kinds;
 }
 
-std::optional<BarFrame> FindBars(absl::Span<const LineKinds* const> photos, bool jpeg) {
+std::optional<BarFrame> FindBars(absl::Span<const LineKinds* const> photos, bool blocks) {
   if (photos.size() < kBarPhotos) return std::nullopt;
   std::vector<const std::vector<LineKind>*> rows, columns;
   for (const LineKinds* photo : photos) {
     rows.push_back(&photo->rows);
     columns.push_back(&photo->columns);
   }
-  const BarFrame frame{WithoutBars(rows, jpeg), WithoutBars(columns, jpeg)};
+  const BarFrame frame{WithoutBars(rows, blocks), WithoutBars(columns, blocks)};
   if (frame.rows.first == 0 && frame.columns.first == 0) return std::nullopt;
   return frame;
 }

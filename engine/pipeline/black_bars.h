@@ -32,9 +32,10 @@ struct BarFrame {
 
 // The bars that all photos of one size share. A bar comes with another one of its width across the
 // picture, ends at the same line in most photos, and the picture begins there at once: a black sky
-// or floor, the rim of a torch's light and photos of mean code 2 have none of this. What a JPEG's
-// blocks mix of bar and picture is taken as bar. nullopt: there are none.
-std::optional<BarFrame> FindBars(absl::Span<const LineKinds* const> photos, bool jpeg);
+// or floor, the rim of a torch's light and photos of mean code 2 have none of this. Where the
+// format has `blocks`, as JPEG, what they mix of bar and picture is taken as bar. nullopt: there
+// are none.
+std::optional<BarFrame> FindBars(absl::Span<const LineKinds* const> photos, bool blocks);
 
 // "rows 0 to 6 and rows 41 to 47", and columns.
 std::string DescribeBars(const BarFrame& frame, int width, int height);

@@ -18,7 +18,7 @@ constexpr int kW = 200, kH = 120;
 using Scene = std::function<double(int i, int x, int y)>;
 
 std::optional<BarFrame> Find(const Scene& scene, double noise = 1, int photos = 6,
-                             bool jpeg = false) {
+                             bool blocks = false) {
   std::vector<LineKinds> lines;
   for (int i = 0; i < photos; ++i) {
     Photo photo(kW, kH);
@@ -35,7 +35,7 @@ std::optional<BarFrame> Find(const Scene& scene, double noise = 1, int photos = 
   }
   std::vector<const LineKinds*> all;
   for (const LineKinds& l : lines) all.push_back(&l);
-  return FindBars(all, jpeg);
+  return FindBars(all, blocks);
 }
 
 // A dark picture that moves, between bars.
@@ -54,11 +54,11 @@ TEST(FindBars, LetterboxAndPillarbox) {
   EXPECT_EQ(both->columns.first, 40);
   EXPECT_EQ(DescribeBars(*both, kW, kH),
             "rows 0 to 14 and 106 to 119, columns 0 to 39 and 160 to 199");
-  const auto blocks = Find(Film(15, 14, 0, 0), 1, 6, /*jpeg=*/true);
-  ASSERT_TRUE(blocks.has_value());
-  EXPECT_EQ(blocks->rows.first, 16);
-  EXPECT_EQ(blocks->rows.last, 96);
-  EXPECT_EQ(blocks->columns.last, kW);
+  const auto lossy = Find(Film(15, 14, 0, 0), 1, 6, /*blocks=*/true);
+  ASSERT_TRUE(lossy.has_value());
+  EXPECT_EQ(lossy->rows.first, 16);
+  EXPECT_EQ(lossy->rows.last, 96);
+  EXPECT_EQ(lossy->columns.last, kW);
 }
 
 TEST(FindBars, NoneWhereThePictureGoesToTheEdge) {

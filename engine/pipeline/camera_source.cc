@@ -201,6 +201,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
   sfm.seed = options.seed & kMaxSfmSeed;
   sfm.min_registered = options.min_registered;
   sfm.step_timeout_seconds = input.colmap_step_seconds;
+  sfm.on_line = context.on_line;
   sfm.masks = masks;
   const auto on_progress = [&](const SfmProgress& p) {
     context.progress(Stage::kFindingCameras, Describe(p));

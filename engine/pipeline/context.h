@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <string>
+#include <string_view>
 
 #include "engine/core/cancel.h"
 #include "engine/pipeline/engine.h"
@@ -12,17 +13,21 @@ namespace litags {
 
 // A stage begins or goes on, with a message for the user.
 using StageReport = std::function<void(Stage stage, const std::string& message)>;
+// A line of a program that a stage runs; called by any thread.
+using LineReport = std::function<void(std::string_view)>;
 
 // Refers to what it is made of; lives as long as one reconstruction.
 struct Context {
   Context(const ReconstructInput& input, const ReconstructOptions& options,
-          const CancelToken& cancel, StageReport progress, ReconstructReport* report)
+          const CancelToken& cancel, StageReport progress, ReconstructReport* report,
+          LineReport on_line = nullptr)
       : input(input),
         options(options),
         recipe(options.ResolveRecipe()),
         cancel(cancel),
         progress(std::move(progress)),
-        report(report) {}
+        report(report),
+        on_line(std::move(on_line)) {}
 
   void Note(std::string note) const { report->notes.push_back(std::move(note)); }
 
@@ -32,6 +37,7 @@ struct Context {
   const CancelToken& cancel;
   const StageReport progress;
   ReconstructReport* const report;
+  const LineReport on_line;  // may be empty
 };
 
 }  // namespace litags

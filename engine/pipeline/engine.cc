@@ -298,7 +298,8 @@ class RealEngine : public Engine {
       p.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
       observer->OnProgress(p);
     };
-    const Context context(input, options, cancel, progress, &report);
+    const Context context(input, options, cancel, progress, &report,
+                          [observer](std::string_view line) { observer->OnLine(line); });
     LITAGS_ASSIGN_OR_RETURN(const TrainSet set, MakeTrainSet(context, colmap_));
     LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(context.recipe, set));
     Run run(context, set, std::move(initial), observer);

@@ -40,12 +40,14 @@ struct Decoded {
   std::string pixels;  // fingerprint; empty where all have one colour
   LineKinds lines;
   PlaneU8 alpha;
-  bool jpeg = false, no_end_mark = false;
+  bool blocks = false, no_end_mark = false;  // blocks: the format may compress in them
 };
 
 std::string FieldOf(const std::string& name) { return absl::StrCat("images[", name, "]"); }
 
 bool IsJpeg(std::string_view bytes) { return bytes.starts_with("\xFF\xD8"); }
+
+bool IsPng(std::string_view bytes) { return bytes.starts_with("\x89PNG"); }
 
 // The mark may be anywhere behind the last scan: cameras append videos and small pictures.
 bool LacksEndMark(std::string_view bytes) {
@@ -80,9 +82,9 @@ Decoded Decode(const std::string& dir, const std::string& name) {
     d.pixels = f.Text();
   }
   d.lines = KindsOfLines(*photo);
-  d.jpeg = IsJpeg(*bytes);
-  d.no_end_mark = d.jpeg && LacksEndMark(*bytes);
-  if (!d.jpeg) d.alpha = AlphaMask(*bytes);
+  d.blocks = !IsPng(*bytes);
+  d.no_end_mark = IsJpeg(*bytes) && LacksEndMark(*bytes);
+  if (IsPng(*bytes)) d.alpha = AlphaMask(*bytes);
   // A PNG that EXIF turns: its alpha is not turned with it.
   if (d.alpha.width != photo->width || d.alpha.height != photo->height) d.alpha = PlaneU8();
   return d;
@@ -214,15 +216,15 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, std::vector<std::str
 std::map<std::pair<int, int>, BarFrame> BarsBySize(const std::vector<Decoded>& used,
                                                    std::vector<std::string>* notes) {
   std::map<std::pair<int, int>, std::vector<const LineKinds*>> lines;
-  std::map<std::pair<int, int>, bool> jpeg;
+  std::map<std::pair<int, int>, bool> blocks;
   for (const Decoded& d : used) {
     const std::pair size(d.photo.width, d.photo.height);
     lines[size].push_back(&d.lines);
-    jpeg[size] |= d.jpeg;
+    blocks[size] |= d.blocks;
   }
   std::map<std::pair<int, int>, BarFrame> frames;
   for (const auto& [size, photos] : lines) {
-    const std::optional<BarFrame> frame = FindBars(photos, jpeg[size]);
+    const std::optional<BarFrame> frame = FindBars(photos, blocks[size]);
     if (!frame.has_value()) continue;
     frames[size] = *frame;
     notes->push_back(absl::StrCat(DescribeBars(*frame, size.first, size.second),

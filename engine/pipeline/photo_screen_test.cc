@@ -90,7 +90,7 @@ TEST(PhotoScreen, UnreadablePhotosAreLeftOutWhileEnoughRemain) {
   EXPECT_EQ(report->registered, 4);
   EXPECT_THAT(report->dropped, ElementsAre("v001.png", "v003.png"));
   EXPECT_THAT(report->notes, Contains(HasSubstr("v001.png is left out")));
-  EXPECT_THAT(report->notes, Contains(HasSubstr("neither a JPEG nor a PNG")));
+  EXPECT_THAT(report->notes, Contains(HasSubstr("v003.png is left out")));
 
   write(0, "");
   write(2, "x");

@@ -35,6 +35,8 @@ class ReconstructObserver {
   virtual ~ReconstructObserver() = default;
   virtual void OnProgress(const Progress& progress) = 0;
   virtual void OnSnapshot(const std::string& scene_path) = 0;
+  // A line that a program which the engine runs (COLMAP) wrote. Called by any thread.
+  virtual void OnLine(std::string_view) {}
 };
 
 struct ReconstructReport {

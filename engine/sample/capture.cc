@@ -42,24 +42,22 @@ std::string WithExtension(const std::string& name, const char* extension) {
   return Stem(name) + extension;
 }
 
-// RGB in 16 bits, because at the levels of low/ eight would quantise more coarsely than the noise.
-absl::Status WriteRgb16(const std::string& path, const Planes& srgb) {
-  cv::Mat bgr(srgb.height, srgb.width, CV_16UC3);
-  for (int y = 0; y < srgb.height; ++y) {
-    for (int x = 0; x < srgb.width; ++x) {
-      for (int c = 0; c < 3; ++c) {
-        bgr.at<cv::Vec3w>(y, x)[2 - c] = cv::saturate_cast<uint16_t>(srgb.at(c, y, x) * 65535.0f);
-      }
+// In 16 bits, because at the levels of low/ eight would quantise more coarsely than the noise.
+std::vector<uint16_t> DeepCodesOf(const Planes& srgb) {
+  std::vector<uint16_t> codes;
+  codes.reserve(srgb.data.size());
+  for (size_t i = 0; i < srgb.plane_size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      codes.push_back(cv::saturate_cast<uint16_t>(srgb.plane(c)[i] * 65535.0f));
     }
   }
-  std::vector<uchar> bytes;
-  try {
-    cv::imencode(".png", bgr, bytes);
-  } catch (const cv::Exception& e) {
-    return MakeError(absl::StatusCode::kInternal, "CANNOT_ENCODE", path,
-                     absl::StrCat(path, ": OpenCV cannot encode the picture: ", e.what()));
-  }
-  return WriteFileAtomically(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  return codes;
+}
+
+absl::Status WriteRgb16(const std::string& path, const std::vector<uint16_t>& codes, int width,
+                        int height) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodeRgb16(codes, width, height));
+  return WriteFileAtomically(path, png);
 }
 
 bool IsTest(const CaptureOptions& options, size_t view) {
@@ -77,6 +75,19 @@ absl::Status WriteCameras(const CaptureOptions& options, const std::vector<View>
   LITAGS_RETURN_IF_ERROR(WriteTransforms(out / "transforms_train.json", train, "low"));
   LITAGS_RETURN_IF_ERROR(WriteTransforms(out / "transforms_val.json", test, "low"));
   return WriteTransforms(out / "transforms_test.json", test, "low");
+}
+
+// raw/ and deep/ become captures like that beside them.
+absl::Status WriteRawCameras(const CaptureOptions& options, const std::vector<View>& views,
+                             const fs::path& out) {
+  for (const auto& [folder, extension] : {std::pair{"raw", ".DNG"}, {"deep", ".PNG"}}) {
+    std::vector<View> renamed = views;
+    for (View& view : renamed) view.name = WithExtension(view.name, extension);
+    LITAGS_RETURN_IF_ERROR(WriteCameras(options, renamed, out / folder));
+    std::error_code exists;  // from an earlier run, or else it is missed at the evaluation
+    fs::create_directory_symlink("../high", out / folder / "high", exists);
+  }
+  return absl::OkStatus();
 }
 
 absl::Status WriteCaptureJson(const CaptureOptions& options, const std::vector<View>& views,
@@ -115,7 +126,17 @@ absl::StatusOr<Levels> WritePhotos(const CaptureOptions& options, const Exposure
   LITAGS_RETURN_IF_ERROR(WriteJpeg(out / "over_exp" / name, over, options.jpeg_quality));
   if (options.truth) {
     LITAGS_RETURN_IF_ERROR(WriteRgb16(out / "clean" / WithExtension(name, ".png"),
-                                      Develop(light, exposures.low_gain[view])));
+                                      DeepCodesOf(Develop(light, exposures.low_gain[view])),
+                                      light.width, light.height));
+  }
+  if (options.raw) {
+    const std::vector<uint16_t> numbers = LowNumbers(options, exposures, light, view);
+    LITAGS_RETURN_IF_ERROR(
+        WriteFileAtomically(out / "raw/low" / WithExtension(name, ".DNG"),
+                            DngOf(numbers, light.width, light.height, options.sensor)));
+    LITAGS_RETURN_IF_ERROR(WriteRgb16(out / "deep/low" / WithExtension(name, ".PNG"),
+                                      DeepCodes(numbers, options.sensor), light.width,
+                                      light.height));
   }
   return Levels{MeanLevel(high), MeanLevel(low), MeanLevel(over), PhotoPsnr(low, high),
                 PhotoPsnr(over, high)};
@@ -124,6 +145,7 @@ absl::StatusOr<Levels> WritePhotos(const CaptureOptions& options, const Exposure
 absl::Status MakeFolders(const CaptureOptions& options, const fs::path& out) {
   std::vector<const char*> folders = {"high", "low", "over_exp"};
   if (options.truth) folders.insert(folders.end(), {"depth", "clean"});
+  if (options.raw) folders.insert(folders.end(), {"raw/low", "deep/low"});
   for (const char* folder : folders) {
     std::error_code error;
     fs::create_directories(out / folder, error);
@@ -138,9 +160,27 @@ absl::Status MakeFolders(const CaptureOptions& options, const fs::path& out) {
 
 }  // namespace
 
+absl::StatusOr<std::string> EncodeRgb16(const std::vector<uint16_t>& codes, int width, int height) {
+  cv::Mat bgr(height, width, CV_16UC3);
+  for (size_t i = 0; i < codes.size(); ++i) bgr.ptr<uint16_t>()[i / 3 * 3 + 2 - i % 3] = codes[i];
+  std::vector<uchar> bytes;
+  try {
+    cv::imencode(".png", bgr, bytes);
+  } catch (const cv::Exception& e) {
+    return MakeError(absl::StatusCode::kInternal, "CANNOT_ENCODE", "png",
+                     absl::StrCat("OpenCV cannot encode the picture: ", e.what()));
+  }
+  return std::string(bytes.begin(), bytes.end());
+}
+
 absl::Status CaptureOptions::Validate() const {
   LITAGS_RETURN_IF_ERROR(CheckRange("width", width, 32, 8192));
   LITAGS_RETURN_IF_ERROR(CheckRange("height", height, 32, 8192));
+  if (raw && (width % 2 == 1 || height % 2 == 1)) {
+    return InvalidInput("OUT_OF_RANGE", "width",
+                        absl::StrCat("width, height: ", width, "x", height,
+                                     " px; a sensor's mosaic needs even sides"));
+  }
   LITAGS_RETURN_IF_ERROR(CheckRange("test_every", test_every, 2, 9999));
   LITAGS_RETURN_IF_ERROR(CheckRange("views", views, test_every / 2 + 1, 9999));
   LITAGS_RETURN_IF_ERROR(CheckRange("antialias", antialias, 1, 16));
@@ -223,6 +263,7 @@ absl::StatusOr<CaptureReport> WriteCapture(const CaptureOptions& options,
     (IsTest(options, i) ? report.test : report.train).push_back(views[i].name);
   }
   LITAGS_RETURN_IF_ERROR(WriteCameras(options, views, out));
+  if (options.raw) LITAGS_RETURN_IF_ERROR(WriteRawCameras(options, views, out));
   LITAGS_RETURN_IF_ERROR(WriteCaptureJson(options, views, exposures, out));
   return report;
 }

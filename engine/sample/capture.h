@@ -25,6 +25,7 @@ struct CaptureOptions {
   int threads = 0;          // <= 0: all cores; the files do not depend on it
   int antialias = 3;        // samples a pixel and axis, [1, 16]
   bool truth = false;       // also write depth/ and clean/
+  bool raw = false;         // also write raw/ and deep/; sides must be even
 
   double high_mean = 0.47;  // mean sRGB level of high/, (0, 1)
   double low_mean = 0.045;  // mean sRGB level of low/, (0, high_mean)
@@ -56,10 +57,15 @@ std::vector<View> CaptureViews(const CaptureOptions& options);
 //   capture.json            exposure of every view, noise model, seed
 //   depth/NAME.pfm          with `truth`: exact depth along the optical axis, metres
 //   clean/NAME.png          with `truth`: low/ without noise, 16-bit sRGB codes
+//   raw/ deep/              with `raw`: captures of their own, whose low/ has what the sensor gave
+//       for low/ of this one as DNG, and as 16-bit PNG; high/ is a link to this one's
 // Holds all views in memory: about 12 bytes a pixel and view.
 // INVALID_ARGUMENT for a bad option; otherwise the error of the file that cannot be written.
 absl::StatusOr<CaptureReport> WriteCapture(const CaptureOptions& options,
                                            const std::string& out_dir);
+
+// A PNG of sRGB codes [H, W, 3].
+absl::StatusOr<std::string> EncodeRgb16(const std::vector<uint16_t>& codes, int width, int height);
 
 }  // namespace litags::sample
 

@@ -86,6 +86,26 @@ class Capture : public testing::Test {
   inline static CaptureReport report_;
 };
 
+TEST_F(Capture, SensorDataAreTheSamePhotosWithMoreBits) {
+  CaptureOptions options = Small();
+  options.raw = true;
+  ASSERT_TRUE(WriteCapture(options, root_ / "sensor").ok());
+  for (const auto& [path, slack] : {std::pair{"deep/low/0003.PNG", 3}, {"raw/low/0003.DNG", 8}}) {
+    const auto photo = ReadPhoto(root_ / "sensor" / path, path);
+    ASSERT_TRUE(photo.ok()) << photo.status();
+    const ImageU8 jpeg = Photo("low", "0003.JPG");
+    double deep = 0, shallow = 0;
+    for (size_t i = 0; i < jpeg.data.size(); ++i) {
+      deep += photo->data[i] / kPhotoCode / jpeg.data.size();
+      shallow += double(jpeg.data[i]) / jpeg.data.size();
+    }
+    EXPECT_NEAR(deep, shallow, slack) << path;
+  }
+  const Json cameras = Json::parse(ReadBytes(root_ / "sensor/raw/transforms_train.json"));
+  EXPECT_EQ(cameras.at("frames")[0].at("file_path"), "low/0001.DNG");
+  EXPECT_TRUE(fs::exists(root_ / "sensor/raw/high/0001.JPG"));
+}
+
 TEST_F(Capture, HasTheBenchmarkLayout) {
   const Json train = Transforms("train");
   EXPECT_EQ(train.at("w"), 80);

@@ -122,6 +122,12 @@ ImageU8 LowPhoto(const CaptureOptions& options, const Exposures& exposures, cons
                 NoiseRng(options, kLowNoise + view));
 }
 
+std::vector<uint16_t> LowNumbers(const CaptureOptions& options, const Exposures& exposures,
+                                 const Planes& light, size_t view) {
+  return Measure(light, exposures.low_gain[view], options.sensor,
+                 NoiseRng(options, kLowNoise + view));
+}
+
 ImageU8 OverPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
                   size_t view) {
   return Expose(light, exposures.over_gain[view], options.sensor,

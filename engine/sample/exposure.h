@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "engine/core/image.h"
@@ -26,6 +27,9 @@ Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* lig
 ImageU8 NormalPhoto(const Planes& light);
 ImageU8 LowPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
                  size_t view);
+// The sensor's numbers that LowPhoto stores in 8 bits.
+std::vector<uint16_t> LowNumbers(const CaptureOptions& options, const Exposures& exposures,
+                                 const Planes& light, size_t view);
 ImageU8 OverPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
                   size_t view);
 

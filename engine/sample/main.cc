@@ -32,6 +32,8 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Threads; 0: all cores")->capture_default_str();
   app.add_flag("--truth", options.truth, "Also write depth/NAME.pfm and noise-free clean/NAME.png");
+  app.add_flag("--raw", options.raw,
+               "Also write captures raw/ and deep/: what the sensor gave, as DNG and 16-bit PNG");
   if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
   if (!ParseSize(size, &options.width, &options.height)) {
     std::cerr << "litags-sample: --size: \"" << size << "\" is not WIDTHxHEIGHT, as in 360x270\n";

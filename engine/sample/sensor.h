@@ -10,6 +10,8 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "engine/core/image.h"
 #include "engine/core/rng.h"
@@ -29,10 +31,20 @@ double LinearFromSrgb(double srgb);
 // Light times `gain` per channel, clipped at white, sRGB-encoded, without noise or quantisation.
 Planes Develop(const Planes& light_linear, const std::array<double, 3>& gain);
 
-// What the sensor stores. `gain` holds exposure, jitter and white balance. Noise is independent
-// per pixel and channel and depends on `rng` and the pixel's index only.
+// What the converter puts out, [H, W, 3]. `gain` holds exposure, jitter and white balance. Noise is
+// independent per pixel and channel and depends on `rng` and the pixel's index only.
+std::vector<uint16_t> Measure(const Planes& light_linear, const std::array<double, 3>& gain,
+                              const SensorOptions& options, const CounterRng& rng);
+
+// What the camera stores of that, in 8 bits.
 ImageU8 Expose(const Planes& light_linear, const std::array<double, 3>& gain,
                const SensorOptions& options, const CounterRng& rng);
+
+// The same numbers with all that they hold: as DNG, under a mosaic that keeps one channel of each
+// pixel (sides are even), and sRGB-encoded in 16 bits, [H, W, 3].
+std::string DngOf(const std::vector<uint16_t>& numbers, int width, int height,
+                  const SensorOptions& options);
+std::vector<uint16_t> DeepCodes(const std::vector<uint16_t>& numbers, const SensorOptions& options);
 
 }  // namespace litags::sample
 

@@ -94,7 +94,10 @@ absl::StatusOr<SubprocessResult> Colmap::Run(std::vector<std::string> args,
   child.confined = true;
   child.log_path = absl::StrCat(dir_, "/", log_name, ".log");
   child.timeout_seconds = options_.step_timeout_seconds;
-  child.on_line = on_line;
+  child.on_line = [this, &on_line](std::string_view line) {
+    if (options_.on_line) options_.on_line(line);
+    if (on_line) on_line(line);
+  };
 
   auto result = RunSubprocess(child, cancel_);
   if (result.ok()) return result;

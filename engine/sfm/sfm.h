@@ -37,6 +37,7 @@ struct SfmOptions {
   double step_timeout_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
   double report_seconds = 1;           // least time between reports of one step's progress
   bool keep_prepared = false;          // keep the prepared photos and databases in work_dir
+  std::function<void(std::string_view)> on_line;  // what COLMAP writes; called by any thread
   MaskPaths masks;  // of photos by name: no features and no say in the light where they are 0
 
   // INVALID_ARGUMENT naming the field that breaks its rule.

@@ -12,6 +12,7 @@
 #include "litags/v1/reconstruction_service.pb.h"
 #include "server/api/scrub.h"
 #include "server/jobs/codec.h"
+#include "server/jobs/jobs.h"
 
 namespace litags {
 namespace {
@@ -22,6 +23,7 @@ static_assert(static_cast<int>(Stage::kLoading) + 1 == v1::STAGE_LOADING);
 static_assert(static_cast<int>(Stage::kSaving) + 1 == v1::STAGE_SAVING);
 static_assert(static_cast<int>(JobState::kUploading) == v1::JOB_STATE_UPLOADING);
 static_assert(static_cast<int>(JobState::kCancelled) == v1::JOB_STATE_CANCELLED);
+static_assert(static_cast<int>(LogSeverity::kError) == v1::LOG_SEVERITY_ERROR);
 static_assert(static_cast<int>(FileRole::kPhoto) == v1::FILE_ROLE_PHOTO);
 static_assert(static_cast<int>(FileRole::kArchive) == v1::FILE_ROLE_ARCHIVE);
 static_assert(static_cast<int>(FileRole::kMask) == v1::FILE_ROLE_MASK);
@@ -101,14 +103,7 @@ void ProgressToProto(const Progress& progress, v1::Progress* proto) {
   if (std::isfinite(progress.psnr_holdout)) proto->set_psnr_holdout(progress.psnr_holdout);
   proto->set_gaussians(progress.gaussians);
   proto->set_iterations_per_second(progress.iterations_per_second);
-  proto->set_eta_seconds(progress.eta_seconds);
-}
-
-void ErrorToProto(const JobError& error, v1::JobError* proto) {
-  proto->set_code(static_cast<int>(error.code));
-  proto->set_message(WithoutPaths(error.message));
-  proto->mutable_detail()->set_reason(error.detail.reason);
-  proto->mutable_detail()->set_field(error.detail.field);
+  if (progress.eta_seconds > 0) *proto->mutable_eta() = DurationToProto(progress.eta_seconds);
 }
 
 void ReportToProto(const ReconstructReport& report, v1::JobReport* proto) {
@@ -119,10 +114,22 @@ void ReportToProto(const ReconstructReport& report, v1::JobReport* proto) {
   proto->set_sparse_points(report.sparse_points);
   proto->set_gaussians(report.gaussians);
   proto->set_iterations(report.iterations);
-  proto->set_seconds(report.seconds);
+  *proto->mutable_run_time() = DurationToProto(report.seconds);
   if (std::isfinite(report.psnr_holdout)) proto->set_psnr_holdout(report.psnr_holdout);
   proto->set_depth_used(report.depth_used);
   for (const std::string& note : report.notes) proto->add_notes(WithoutPaths(note));
+}
+
+v1::JobPolicy PolicyToProto(const JobPolicy& policy) {
+  v1::JobPolicy proto;
+  proto.set_priority(policy.priority);
+  *proto.mutable_max_run_time() = DurationToProto(policy.max_run_seconds);
+  proto.set_max_memory_bytes(policy.max_memory_bytes);
+  *proto.mutable_retention() = DurationToProto(policy.retention_seconds);
+  proto.set_min_cores(policy.min_cores);
+  proto.set_min_memory_bytes(policy.min_memory_bytes);
+  proto.mutable_worker_labels()->Add(policy.worker_labels.begin(), policy.worker_labels.end());
+  return proto;
 }
 
 void SetTime(int64_t time_ms, google::protobuf::Timestamp* proto) {
@@ -130,6 +137,27 @@ void SetTime(int64_t time_ms, google::protobuf::Timestamp* proto) {
 }
 
 }  // namespace
+
+google::protobuf::Duration DurationToProto(double seconds) {
+  return TimeUtil::NanosecondsToDuration(static_cast<int64_t>(std::llround(1e9 * seconds)));
+}
+
+double SecondsOf(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
+}
+
+Labels LabelsFromProto(const google::protobuf::Map<std::string, std::string>& proto) {
+  return {proto.begin(), proto.end()};
+}
+
+v1::JobError ErrorToProto(const JobError& error) {
+  v1::JobError proto;
+  proto.set_code(static_cast<int>(error.code));
+  proto.set_message(WithoutPaths(error.message));
+  proto.mutable_detail()->set_reason(error.detail.reason);
+  proto.mutable_detail()->set_field(error.detail.field);
+  return proto;
+}
 
 absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
                                                     ReconstructOptions options) {
@@ -145,12 +173,14 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
 
 absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy policy) {
   if (proto.has_priority()) policy.priority = proto.priority();
-  if (proto.has_max_run_seconds()) policy.max_run_seconds = proto.max_run_seconds();
+  if (proto.has_max_run_time()) policy.max_run_seconds = SecondsOf(proto.max_run_time());
   if (proto.has_max_memory_bytes()) policy.max_memory_bytes = proto.max_memory_bytes();
-  if (proto.has_retention_seconds()) policy.retention_seconds = proto.retention_seconds();
+  if (proto.has_retention()) policy.retention_seconds = SecondsOf(proto.retention());
   if (proto.has_min_cores()) policy.min_cores = proto.min_cores();
   if (proto.has_min_memory_bytes()) policy.min_memory_bytes = proto.min_memory_bytes();
-  if (proto.labels_size() > 0) policy.labels = {proto.labels().begin(), proto.labels().end()};
+  if (proto.worker_labels_size() > 0) {
+    policy.worker_labels = {proto.worker_labels().begin(), proto.worker_labels().end()};
+  }
   LITAGS_RETURN_IF_ERROR(policy.Validate());
   return policy;
 }
@@ -180,16 +210,12 @@ absl::StatusOr<v1::Job> JobToProto(const JobRecord& job) {
   SetTime(job.create_time_ms, proto.mutable_create_time());
   if (job.start_time_ms) SetTime(job.start_time_ms, proto.mutable_start_time());
   if (job.end_time_ms) SetTime(job.end_time_ms, proto.mutable_end_time());
-  if (!job.policy.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(const auto policy, Decode<JobPolicy>(job.policy));
-    proto.mutable_policy()->set_priority(policy.priority);
-    proto.mutable_policy()->set_max_run_seconds(policy.max_run_seconds);
-    proto.mutable_policy()->set_max_memory_bytes(policy.max_memory_bytes);
-    proto.mutable_policy()->set_retention_seconds(policy.retention_seconds);
-    proto.mutable_policy()->set_min_cores(policy.min_cores);
-    proto.mutable_policy()->set_min_memory_bytes(policy.min_memory_bytes);
-    proto.mutable_policy()->mutable_labels()->Add(policy.labels.begin(), policy.labels.end());
-  }
+  LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(job));
+  *proto.mutable_policy() = PolicyToProto(policy);
+  proto.set_owner(job.owner);
+  LITAGS_ASSIGN_OR_RETURN(const Labels labels, LabelsOf(job));
+  proto.mutable_labels()->insert(labels.begin(), labels.end());
+  proto.set_etag(EtagOf(job));
   if (job.expire_time_ms) SetTime(job.expire_time_ms, proto.mutable_expire_time());
   proto.set_attempt(job.attempt);
   proto.set_last_event(job.last_event);
@@ -200,12 +226,21 @@ absl::StatusOr<v1::Job> JobToProto(const JobRecord& job) {
   if (job.snapshot_iteration >= 0) proto.set_snapshot_iteration(job.snapshot_iteration);
   if (!job.error.empty()) {
     LITAGS_ASSIGN_OR_RETURN(const auto error, Decode<JobError>(job.error));
-    ErrorToProto(error, proto.mutable_error());
+    *proto.mutable_error() = ErrorToProto(error);
   }
   if (!job.report.empty()) {
     LITAGS_ASSIGN_OR_RETURN(const auto report, Decode<ReconstructReport>(job.report));
     ReportToProto(report, proto.mutable_report());
   }
+  return proto;
+}
+
+v1::LogEntry LogEntryToProto(const LogEntry& entry) {
+  v1::LogEntry proto;
+  proto.set_number(entry.number);
+  SetTime(entry.time_ms, proto.mutable_time());
+  proto.set_severity(static_cast<v1::LogSeverity>(entry.severity));
+  proto.set_text(WithoutPaths(entry.text));
   return proto;
 }
 
@@ -219,7 +254,8 @@ absl::StatusOr<v1::JobEvent> EventToProto(const EventRecord& event, std::string*
       LITAGS_ASSIGN_OR_RETURN(const auto change, Decode<StateChange>(event.payload));
       proto.mutable_state_change()->set_state(static_cast<v1::JobState>(change.state));
       proto.mutable_state_change()->set_message(WithoutPaths(change.message));
-      if (change.error) ErrorToProto(*change.error, proto.mutable_state_change()->mutable_error());
+      if (change.error)
+        *proto.mutable_state_change()->mutable_error() = ErrorToProto(*change.error);
       return proto;
     }
     case EventKind::kProgress: {

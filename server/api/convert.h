@@ -5,6 +5,8 @@
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
 #include "litags/v1/job.pb.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/labels.h"
 #include "server/jobs/policy.h"
 #include "server/store/job_store.h"
 
@@ -17,13 +19,21 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
 // The same; INVALID_ARGUMENT (POLICY_OUT_OF_RANGE).
 absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy policy = {});
 
+google::protobuf::Duration DurationToProto(double seconds);
+double SecondsOf(const google::protobuf::Duration& duration);
+
+Labels LabelsFromProto(const google::protobuf::Map<std::string, std::string>& proto);
+
 // Sets every field.
 v1::JobOptions OptionsToProto(const ReconstructOptions& options);
+
+v1::JobError ErrorToProto(const JobError& error);
 
 std::string JobName(std::string_view id);  // "jobs/{id}"
 
 // INTERNAL (STORE_CORRUPT) if what is stored cannot be read.
 absl::StatusOr<v1::Job> JobToProto(const JobRecord& job);
+v1::LogEntry LogEntryToProto(const LogEntry& entry);
 // `preview` gets the digest of the event's picture; empty if it has none.
 absl::StatusOr<v1::JobEvent> EventToProto(const EventRecord& event, std::string* preview);
 

@@ -144,6 +144,8 @@ grpc::Status Call::End(const absl::Status& status) {
   return ToGrpc(status);
 }
 
+const ClientLimits& Call::limits() const { return gate_->limits_; }
+
 Metrics& Call::metrics() const { return *gate_->metrics_; }
 
 grpc::Status Gate::Refuse(const grpc::CallbackServerContext& context, CallName name,

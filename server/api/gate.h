@@ -74,6 +74,7 @@ class Call {
   // The jobs of the client; an administrator's: all.
   Jobs* jobs() const { return jobs_.get(); }
   const Principal& client() const { return client_; }
+  const ClientLimits& limits() const;
   Metrics& metrics() const;
   // How long a call with one answer may wait for its turn, and what it gets then: DEADLINE_EXCEEDED
   // (WAITED_TOO_LONG).

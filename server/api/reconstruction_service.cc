@@ -2,76 +2,30 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
-#include <charconv>
-
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "engine/core/utf8.h"
 #include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
+#include "server/api/list_jobs.h"
+#include "server/api/new_job.h"
+#include "server/api/server_info.h"
 #include "server/api/status.h"
 #include "server/api/unary.h"
 #include "server/api/upload_reactor.h"
 #include "server/api/upload_session.h"
 #include "server/api/watch_reactor.h"
-#include "server/store/digest.h"
 
 namespace litags {
 namespace {
 
-constexpr size_t kMaxRequestIdLength = 64;
-constexpr size_t kMaxDisplayNameBytes = 200;
-constexpr int kMaxContentDigestBytes = 64;
-constexpr int kDefaultPageSize = 50, kMaxPageSize = 1000;
+constexpr int kMaxJobsPerBatch = 100;
 
-// Lists and logs, also an administrator's, show it as it is.
-absl::Status CheckText(const std::string& text, const char* field) {
-  if (!HoldsControl(text)) return absl::OkStatus();
-  return InvalidInput("TEXT_INVALID", field,
-                      absl::StrCat(field,
-                                   " holds a control character, a line break, or a character that "
-                                   "turns text around; leave it out"));
-}
-
-absl::Status Describe(const JobRecord& job, const Workforce& workers, v1::Job* response) {
-  LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(job));
-  response->set_waits_for(WaitsFor(job, workers));
-  return absl::OkStatus();
-}
-
-absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* response) {
-  LITAGS_RETURN_IF_ERROR(job.status());
-  Workforce workers;
-  if (job->state == JobState::kQueued) {
-    LITAGS_ASSIGN_OR_RETURN(workers, jobs.Workers());
-  }
-  return Describe(*job, workers, response);
-}
-
-// A page token is where the next page starts: creation time and id of the last job shown.
-struct PageStart {
-  int64_t time_ms = 0;
-  std::string id;
-};
-
-std::string PageToken(const JobRecord& last) {
-  return absl::StrCat(last.create_time_ms, "-", last.id);
-}
-
-absl::StatusOr<PageStart> ParsePageToken(const std::string& token) {
-  PageStart start;
-  if (token.empty()) return start;
-  const char* end = token.data() + token.size();
-  const auto [rest, error] = std::from_chars(token.data(), end, start.time_ms);
-  if (error != std::errc() || start.time_ms <= 0 || rest == end || *rest != '-' ||
-      !std::all_of(rest + 1, end, absl::ascii_isalnum)) {
-    return InvalidInput("PAGE_TOKEN_INVALID", "page_token",
-                        "page_token is not one that ListJobs returned; start with an empty one");
-  }
-  start.id.assign(rest + 1, end);
-  return start;
+absl::Status DeleteOne(Jobs& jobs, const std::string& name, bool allow_missing) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(name));
+  const absl::Status status = jobs.Delete(id);
+  if (allow_missing && absl::IsNotFound(status)) return absl::OkStatus();
+  if (status.ok()) spdlog::info("job={} deleted", id);
+  return status;
 }
 
 }  // namespace
@@ -91,36 +45,36 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
                                                                const v1::CreateJobRequest* request,
                                                                v1::Job* response) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
-    if (request->request_id().size() > kMaxRequestIdLength) {
-      return InvalidInput(
-          "REQUEST_ID_INVALID", "request_id",
-          absl::StrCat("request_id has ", request->request_id().size(), " characters; at most ",
-                       kMaxRequestIdLength, " are allowed, a UUID has 36"));
-    }
-    LITAGS_RETURN_IF_ERROR(CheckText(request->request_id(), "request_id"));
-    LITAGS_RETURN_IF_ERROR(CheckText(request->display_name(), "display_name"));
-    if (request->display_name().size() > kMaxDisplayNameBytes) {
-      return InvalidInput("DISPLAY_NAME_TOO_LONG", "display_name",
-                          absl::StrCat("display_name has ", request->display_name().size(),
-                                       " bytes; at most ", kMaxDisplayNameBytes, " are allowed"));
-    }
-    if (request->content_digest().size() > kMaxContentDigestBytes) {
-      return InvalidInput(
-          "CONTENT_DIGEST_INVALID", "content_digest",
-          absl::StrCat("content_digest has ", request->content_digest().size(), " bytes; at most ",
-                       kMaxContentDigestBytes, " are allowed, SHA-256 has 32"));
-    }
-    NewJob wanted{
-        request->request_id(), request->display_name(), ToHex(request->content_digest()), {}, {}};
-    LITAGS_ASSIGN_OR_RETURN(wanted.policy, PolicyFromProto(request->policy()));
-    LITAGS_ASSIGN_OR_RETURN(wanted.options, OptionsFromProto(request->options()));
-    // Equal requests have equal bytes: the message holds no map.
-    wanted.request_digest = Sha256::Hex(request->SerializeAsString());
+    LITAGS_ASSIGN_OR_RETURN(const NewJob wanted, NewJobOf(*request));
     const auto job = call.jobs()->Create(wanted);
     if (job.ok()) spdlog::info("job={} created", job->id);
     return Answer(*call.jobs(), job, response);
   };
   return RunUnary(gate_, context, {"CreateJob", CallKind::kChange}, pool_, work);
+}
+
+grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetServerInfo(Context* context,
+                                                                   const v1::GetServerInfoRequest*,
+                                                                   v1::ServerInfo* response) {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(*response, DescribeServer(call));
+    return absl::OkStatus();
+  };
+  return RunUnary(gate_, context, {"GetServerInfo", CallKind::kRead}, pool_, work);
+}
+
+grpc::ServerUnaryReactor* ReconstructionServiceImpl::CloneJob(Context* context,
+                                                              const v1::CloneJobRequest* request,
+                                                              v1::Job* response) {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
+    LITAGS_ASSIGN_OR_RETURN(const JobRecord source, call.jobs()->Get(id));
+    LITAGS_ASSIGN_OR_RETURN(const NewJob wanted, NewJobOf(*request, source));
+    const auto job = call.jobs()->Clone(id, wanted);
+    if (job.ok()) spdlog::info("job={} cloned from {}", job->id, id);
+    return Answer(*call.jobs(), job, response);
+  };
+  return RunUnary(gate_, context, {"CloneJob", CallKind::kChange}, blob_pool_, work);
 }
 
 grpc::ServerReadReactor<grpc::ByteBuffer>* ReconstructionServiceImpl::UploadImages(
@@ -158,10 +112,40 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
   return RunUnary(gate_, context, {"QueryUpload", CallKind::kRead}, blob_pool_, work);
 }
 
+grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListFiles(Context* context,
+                                                               const v1::ListFilesRequest* request,
+                                                               v1::ListFilesResponse* response) {
+  const auto work = [=](Call& call, const CancelToken&) {
+    return litags::ListFiles(*call.jobs(), *request, response);
+  };
+  return RunUnary(gate_, context, {"ListFiles", CallKind::kRead}, pool_, work);
+}
+
+grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteFile(
+    Context* context, const v1::DeleteFileRequest* request, google::protobuf::Empty*) {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
+    LITAGS_ASSIGN_OR_RETURN(const FileRole role, ParseFileRole(request->role(), "role"));
+    LITAGS_ASSIGN_OR_RETURN(const bool removed,
+                            call.jobs()->uploads().Remove(id, role, request->file_name()));
+    if (removed || request->allow_missing()) return absl::OkStatus();
+    return MakeError(absl::StatusCode::kNotFound, "JOB_FILE_NOT_FOUND", "file_name",
+                     absl::StrCat("jobs/", id,
+                                  " has no such file of this role; ListFiles names "
+                                  "those it has"));
+  };
+  return RunUnary(gate_, context, {"DeleteFile", CallKind::kChange}, pool_, work);
+}
+
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::StartJob(Context* context,
                                                               const v1::StartJobRequest* request,
                                                               v1::Job* response) {
-  return JobCall(context, {"StartJob", CallKind::kChange}, request, response, &Jobs::Start);
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
+    LITAGS_RETURN_IF_ERROR(CheckRequestId(request->request_id()));
+    return Answer(*call.jobs(), call.jobs()->Start(id, request->request_id()), response);
+  };
+  return RunUnary(gate_, context, {"StartJob", CallKind::kChange}, pool_, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetJob(Context* context,
@@ -174,24 +158,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListJobs(Context* context,
                                                               const v1::ListJobsRequest* request,
                                                               v1::ListJobsResponse* response) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
-    const int size = request->page_size() == 0 ? kDefaultPageSize : request->page_size();
-    if (size < 0 || size > kMaxPageSize) {
-      return InvalidInput("PAGE_SIZE_INVALID", "page_size",
-                          absl::StrCat("page_size is ", size, "; it must be in 1..", kMaxPageSize));
-    }
-    LITAGS_ASSIGN_OR_RETURN(const PageStart start, ParsePageToken(request->page_token()));
-    // One more than asked for tells whether there is a next page.
-    LITAGS_ASSIGN_OR_RETURN(std::vector<JobRecord> jobs,
-                            call.jobs()->List(start.time_ms, start.id, size + 1));
-    if (jobs.size() > static_cast<size_t>(size)) {
-      jobs.resize(size);
-      response->set_next_page_token(PageToken(jobs.back()));
-    }
-    LITAGS_ASSIGN_OR_RETURN(const Workforce workers, call.jobs()->Workers());
-    for (const JobRecord& job : jobs) {
-      LITAGS_RETURN_IF_ERROR(Describe(job, workers, response->add_jobs()));
-    }
-    return absl::OkStatus();
+    return litags::ListJobs(*call.jobs(), *request, response);
   };
   return RunUnary(gate_, context, {"ListJobs", CallKind::kRead}, pool_, work);
 }
@@ -203,6 +170,25 @@ grpc::ServerWriteReactor<v1::JobEvent>* ReconstructionServiceImpl::WatchJob(
         ThreadPool* const pool = request->include_previews() ? blob_pool_ : pool_;
         return new WatchReactor(std::move(call), context, *request, hub_, pool);
       });
+}
+
+grpc::ServerWriteReactor<v1::LogEntry>* ReconstructionServiceImpl::GetLog(
+    Context* context, const v1::GetLogRequest* request) {
+  return RunStream<grpc::ServerWriteReactor<v1::LogEntry>>(
+      gate_, context, {"GetLog", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
+        return new LogReactor(std::move(call), context, *request, hub_, pool_);
+      });
+}
+
+grpc::ServerUnaryReactor* ReconstructionServiceImpl::UpdateJob(Context* context,
+                                                               const v1::UpdateJobRequest* request,
+                                                               v1::Job* response) {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->job().name()));
+    const auto change = [&](JobDetails& details) { return ApplyUpdate(*request, &details); };
+    return Answer(*call.jobs(), call.jobs()->Update(id, request->job().etag(), change), response);
+  };
+  return RunUnary(gate_, context, {"UpdateJob", CallKind::kChange}, pool_, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CancelJob(Context* context,
@@ -221,7 +207,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ResumeJob(Context* context,
       LITAGS_ASSIGN_OR_RETURN(policy, PolicyFromProto(request->policy(), policy));
       return absl::OkStatus();
     };
-    return Answer(*call.jobs(), call.jobs()->Resume(id, change), response);
+    LITAGS_RETURN_IF_ERROR(CheckRequestId(request->request_id()));
+    return Answer(*call.jobs(), call.jobs()->Resume(id, change, request->request_id()), response);
   };
   return RunUnary(gate_, context, {"ResumeJob", CallKind::kChange}, pool_, work);
 }
@@ -230,12 +217,31 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteJob(Context* context,
                                                                const v1::DeleteJobRequest* request,
                                                                google::protobuf::Empty*) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
-    LITAGS_RETURN_IF_ERROR(call.jobs()->Delete(id));
-    spdlog::info("job={} deleted", id);
-    return absl::OkStatus();
+    return DeleteOne(*call.jobs(), request->name(), request->allow_missing());
   };
   return RunUnary(gate_, context, {"DeleteJob", CallKind::kChange}, blob_pool_, work);
+}
+
+grpc::ServerUnaryReactor* ReconstructionServiceImpl::BatchDeleteJobs(
+    Context* context, const v1::BatchDeleteJobsRequest* request,
+    v1::BatchDeleteJobsResponse* response) {
+  const auto work = [=](Call& call, const CancelToken& cancel) -> absl::Status {
+    if (request->names_size() > kMaxJobsPerBatch) {
+      return InvalidInput("TOO_MANY_JOBS", "names",
+                          absl::StrCat(request->names_size(), " jobs in one call; name at most ",
+                                       kMaxJobsPerBatch, " at a time"));
+    }
+    for (const std::string& name : request->names()) {
+      if (cancel.IsCancelled()) return CallCancelled();
+      const absl::Status status = DeleteOne(*call.jobs(), name, request->allow_missing());
+      if (status.ok()) continue;
+      v1::BatchDeleteJobsResponse::Failure* failure = response->add_failures();
+      failure->set_name(name);
+      *failure->mutable_error() = ErrorToProto(JobError::Of(status));
+    }
+    return absl::OkStatus();
+  };
+  return RunUnary(gate_, context, {"BatchDeleteJobs", CallKind::kChange}, blob_pool_, work);
 }
 
 }  // namespace litags

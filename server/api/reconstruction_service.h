@@ -27,10 +27,18 @@ class ReconstructionServiceImpl
 
   grpc::ServerUnaryReactor* CreateJob(Context* context, const v1::CreateJobRequest* request,
                                       v1::Job* response) override;
+  grpc::ServerUnaryReactor* GetServerInfo(Context* context, const v1::GetServerInfoRequest* request,
+                                          v1::ServerInfo* response) override;
+  grpc::ServerUnaryReactor* CloneJob(Context* context, const v1::CloneJobRequest* request,
+                                     v1::Job* response) override;
   grpc::ServerUnaryReactor* QueryUpload(Context* context, const v1::QueryUploadRequest* request,
                                         v1::QueryUploadResponse* response) override;
   grpc::ServerReadReactor<grpc::ByteBuffer>* UploadImages(Context* context,
                                                           grpc::ByteBuffer* response) override;
+  grpc::ServerUnaryReactor* ListFiles(Context* context, const v1::ListFilesRequest* request,
+                                      v1::ListFilesResponse* response) override;
+  grpc::ServerUnaryReactor* DeleteFile(Context* context, const v1::DeleteFileRequest* request,
+                                       google::protobuf::Empty* response) override;
   grpc::ServerUnaryReactor* StartJob(Context* context, const v1::StartJobRequest* request,
                                      v1::Job* response) override;
   grpc::ServerUnaryReactor* GetJob(Context* context, const v1::GetJobRequest* request,
@@ -39,12 +47,19 @@ class ReconstructionServiceImpl
                                      v1::ListJobsResponse* response) override;
   grpc::ServerWriteReactor<v1::JobEvent>* WatchJob(Context* context,
                                                    const v1::WatchJobRequest* request) override;
+  grpc::ServerWriteReactor<v1::LogEntry>* GetLog(Context* context,
+                                                 const v1::GetLogRequest* request) override;
+  grpc::ServerUnaryReactor* UpdateJob(Context* context, const v1::UpdateJobRequest* request,
+                                      v1::Job* response) override;
   grpc::ServerUnaryReactor* CancelJob(Context* context, const v1::CancelJobRequest* request,
                                       v1::Job* response) override;
   grpc::ServerUnaryReactor* ResumeJob(Context* context, const v1::ResumeJobRequest* request,
                                       v1::Job* response) override;
   grpc::ServerUnaryReactor* DeleteJob(Context* context, const v1::DeleteJobRequest* request,
                                       google::protobuf::Empty* response) override;
+  grpc::ServerUnaryReactor* BatchDeleteJobs(Context* context,
+                                            const v1::BatchDeleteJobsRequest* request,
+                                            v1::BatchDeleteJobsResponse* response) override;
 
  private:
   // A call that names a job and answers with it: `change` is a method of Jobs.

@@ -94,19 +94,21 @@ absl::Status CheckName(const std::string& name, FileRole role, const std::string
                                    " and not begin with a dot; rename the file"));
 }
 
+absl::StatusOr<FileRole> ParseFileRole(v1::FileRole role, const char* field) {
+  if (!v1::FileRole_IsValid(role)) {
+    return InvalidInput("FILE_ROLE_UNKNOWN", field,
+                        absl::StrCat("the server does not know file role ", role));
+  }
+  return role == v1::FILE_ROLE_UNSPECIFIED ? FileRole::kPhoto : static_cast<FileRole>(role);
+}
+
 absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
                                              const UploadLimits& limits) {
-  if (!v1::FileRole_IsValid(header.role())) {
-    return InvalidInput("FILE_ROLE_UNKNOWN", "file.role",
-                        absl::StrCat("the server does not know file role ", header.role()));
-  }
   UploadHeader file;
   file.record.name = header.name();
   file.record.size_bytes = header.size_bytes();
   file.record.sha256 = ToHex(header.sha256());
-  file.record.role = header.role() == v1::FILE_ROLE_UNSPECIFIED
-                         ? FileRole::kPhoto
-                         : static_cast<FileRole>(header.role());
+  LITAGS_ASSIGN_OR_RETURN(file.record.role, ParseFileRole(header.role(), "file.role"));
   file.field = FieldOf(file.record.role, header.name());
   LITAGS_RETURN_IF_ERROR(CheckName(header.name(), file.record.role, file.field));
   if (header.size_bytes() <= 0) {

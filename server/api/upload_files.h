@@ -18,6 +18,8 @@ struct UploadHeader {
   FileRecord record;
   std::string field;  // "images[NAME]"
 };
+// Unspecified: a photo. INVALID_ARGUMENT (FILE_ROLE_UNKNOWN).
+absl::StatusOr<FileRole> ParseFileRole(v1::FileRole role, const char* field);
 absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
                                              const UploadLimits& limits);
 

@@ -20,6 +20,9 @@ struct JobCaps {
   // RESOURCE_EXHAUSTED (JOB_CAP_EXCEEDED), naming the field and the cap.
   absl::Status Check(const ReconstructOptions& options, const JobPolicy& policy) const;
 
+  // What of it can be changed at any time.
+  absl::Status CheckPriority(int priority) const;
+
   void LimitRunTime(JobPolicy* policy) const {
     if (policy->max_run_seconds == 0) policy->max_run_seconds = max_run_seconds;
   }

@@ -43,12 +43,13 @@ absl::StatusOr<JobRecord> ClientJobStore::Get(std::string_view id) {
   return job;
 }
 
-absl::StatusOr<std::vector<JobRecord>> ClientJobStore::List(
-    int64_t after_time_ms, std::string_view after_id, int limit,
-    const std::optional<std::string>& owner) {
-  if (view_.sees_all) return store_->List(after_time_ms, after_id, limit, owner);
+absl::StatusOr<std::vector<JobRecord>> ClientJobStore::List(int64_t after_time_ms,
+                                                            std::string_view after_id, int limit,
+                                                            const std::optional<std::string>& owner,
+                                                            ListOrder order) {
+  if (view_.sees_all) return store_->List(after_time_ms, after_id, limit, owner, order);
   if (owner && *owner != view_.owner) return std::vector<JobRecord>();
-  return store_->List(after_time_ms, after_id, limit, view_.owner);
+  return store_->List(after_time_ms, after_id, limit, view_.owner, order);
 }
 
 absl::StatusOr<JobRecord> ClientJobStore::Update(std::string_view id, Change change) {
@@ -91,6 +92,12 @@ absl::StatusOr<std::vector<EventRecord>> ClientJobStore::Events(std::string_view
                                                                 int limit) {
   LITAGS_RETURN_IF_ERROR(Get(id).status());
   return store_->Events(id, after, limit);
+}
+
+absl::StatusOr<std::vector<LogEntry>> ClientJobStore::Log(std::string_view id, int64_t after,
+                                                          int limit) {
+  LITAGS_RETURN_IF_ERROR(Get(id).status());
+  return store_->Log(id, after, limit);
 }
 
 absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstQueued(Fits, Change) {

@@ -35,8 +35,8 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) override;
   absl::StatusOr<JobRecord> Get(std::string_view id) override;
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
-                                              int limit,
-                                              const std::optional<std::string>& owner) override;
+                                              int limit, const std::optional<std::string>& owner,
+                                              ListOrder order) override;
   absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override;
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
@@ -45,12 +45,15 @@ class ClientJobStore : public JobStore {
   absl::StatusOr<std::vector<std::string>> Uploading(std::string_view owner) override;
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                   int limit) override;
+  absl::StatusOr<std::vector<LogEntry>> Log(std::string_view id, int64_t after, int limit) override;
   absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen, double seconds) override {
     return store_->WaitForChange(topic, seen, seconds);
   }
   absl::StatusOr<std::vector<WorkerRecord>> Workers(int64_t since_ms) override {
     return store_->Workers(since_ms);
   }
+  // Of all clients: whoever reads it must show no client another's.
+  absl::StatusOr<JobQueue> Queue() override { return store_->Queue(); }
   int64_t NowMs() override { return store_->NowMs(); }
   int64_t ReachableSinceMs() override { return store_->ReachableSinceMs(); }
 

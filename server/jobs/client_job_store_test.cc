@@ -11,6 +11,8 @@
 namespace litags {
 namespace {
 
+constexpr ListOrder kOrder = ListOrder::kNewestFirst;
+
 using ::testing::HasSubstr;
 
 absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
@@ -49,16 +51,17 @@ TEST_F(ClientJobStoreTest, JobsBelongToTheClientThatMadeThem) {
 
 TEST_F(ClientJobStoreTest, EveryCallTreatsJobsOfOthersAsNotThere) {
   const absl::Status missing = bob_.Get("none").status();
-  for (const absl::Status& status : {bob_.Get("a1").status(), bob_.Update("a1", Nothing).status(),
-                                     bob_.Files("a1").status(), bob_.Events("a1", 0, 1).status()}) {
+  for (const absl::Status& status :
+       {bob_.Get("a1").status(), bob_.Update("a1", Nothing).status(), bob_.Files("a1").status(),
+        bob_.Events("a1", 0, 1).status(), bob_.Log("a1", 0, 1).status()}) {
     EXPECT_EQ(Reason(status), "JOB_NOT_FOUND");
     EXPECT_EQ(status.code(), missing.code());
   }
   // Nor does its message differ from that of a job that never was.
   EXPECT_EQ(bob_.Get("a1").status().message(),
             "there is no job jobs/a1; ListJobs names those there are");
-  EXPECT_EQ(bob_.List(0, "", 10, std::nullopt)->size(), 1u);
-  EXPECT_TRUE(bob_.List(0, "", 10, "alice")->empty());
+  EXPECT_EQ(bob_.List(0, "", 10, std::nullopt, kOrder)->size(), 1u);
+  EXPECT_TRUE(bob_.List(0, "", 10, "alice", kOrder)->empty());
 }
 
 TEST_F(ClientJobStoreTest, OwnersAndAdministratorsReachTheJob) {
@@ -67,9 +70,10 @@ TEST_F(ClientJobStoreTest, OwnersAndAdministratorsReachTheJob) {
     EXPECT_TRUE(client->Update("a1", Nothing).ok());
     EXPECT_TRUE(client->Files("a1").ok());
     EXPECT_TRUE(client->Events("a1", 0, 1).ok());
+    EXPECT_TRUE(client->Log("a1", 0, 1).ok());
   }
-  EXPECT_EQ(admin_.List(0, "", 10, std::nullopt)->size(), 2u);
-  EXPECT_EQ(admin_.List(0, "", 10, "bob")->at(0).id, "b1");
+  EXPECT_EQ(admin_.List(0, "", 10, std::nullopt, kOrder)->size(), 2u);
+  EXPECT_EQ(admin_.List(0, "", 10, "bob", kOrder)->at(0).id, "b1");
 }
 
 TEST_F(ClientJobStoreTest, WorkersCallsAreRefused) {

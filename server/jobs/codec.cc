@@ -29,7 +29,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, JobPo
   visit("retention_seconds", r.retention_seconds);
   visit("min_cores", r.min_cores);
   visit("min_memory_bytes", r.min_memory_bytes);
-  visit("labels", r.labels);
+  visit("labels", r.worker_labels);
 }
 
 template <typename R, typename F>
@@ -165,6 +165,16 @@ void FromJson(const Json& json, KeptFiles& files) {
   for (const auto& [name, file] : json.items()) FromJson(file, files[name]);
 }
 
+template <>
+Json ToJson(const Labels& labels) {
+  return Json(labels);
+}
+
+template <>
+void FromJson(const Json& json, Labels& labels) {
+  labels = json.get<Labels>();
+}
+
 template <typename R>
 std::string EncodeRecord(const R& record) {
   // Messages may hold bytes of other programs' output: replace what is not UTF-8.
@@ -187,6 +197,9 @@ std::string Encode(const ProgressRecord& progress) { return EncodeRecord(progres
 std::string Encode(const SnapshotRecord& snapshot) { return EncodeRecord(snapshot); }
 std::string Encode(const ReconstructReport& report) { return EncodeRecord(report); }
 std::string Encode(const KeptFiles& files) { return EncodeRecord(files); }
+std::string Encode(const Labels& labels) {
+  return labels.empty() ? std::string() : EncodeRecord(labels);
+}
 
 void SetKept(JobRecord* job, const KeptFiles& files) {
   job->kept = Encode(files);
@@ -232,5 +245,14 @@ template absl::StatusOr<ProgressRecord> Decode(std::string_view);
 template absl::StatusOr<SnapshotRecord> Decode(std::string_view);
 template absl::StatusOr<ReconstructReport> Decode(std::string_view);
 template absl::StatusOr<KeptFiles> Decode(std::string_view);
+template absl::StatusOr<Labels> Decode(std::string_view);
+
+absl::StatusOr<Labels> LabelsOf(const JobRecord& job) {
+  return job.labels.empty() ? Labels() : Decode<Labels>(job.labels);
+}
+
+absl::StatusOr<JobPolicy> PolicyOf(const JobRecord& job) {
+  return job.policy.empty() ? JobPolicy() : Decode<JobPolicy>(job.policy);
+}
 
 }  // namespace litags

@@ -13,6 +13,7 @@
 #include "engine/core/error.h"
 #include "engine/pipeline/engine.h"
 #include "server/jobs/kept_files.h"
+#include "server/jobs/labels.h"
 #include "server/jobs/placement.h"
 #include "server/jobs/policy.h"
 #include "server/store/job_store.h"
@@ -55,9 +56,15 @@ std::string Encode(const ProgressRecord& progress);
 std::string Encode(const SnapshotRecord& snapshot);
 std::string Encode(const ReconstructReport& report);
 std::string Encode(const KeptFiles& files);
+std::string Encode(const Labels& labels);  // none: empty
 
 // The job has these from now on, and their bytes count as its owner's.
 void SetKept(JobRecord* job, const KeptFiles& files);
+
+// Of a job's row. INTERNAL (STORE_CORRUPT).
+absl::StatusOr<Labels> LabelsOf(const JobRecord& job);
+// Jobs that were made before there were policies have none.
+absl::StatusOr<JobPolicy> PolicyOf(const JobRecord& job);
 
 // Names of the options that differ, as in JobOptions of the proto.
 std::vector<std::string> Differences(const ReconstructOptions& a, const ReconstructOptions& b);

@@ -58,11 +58,6 @@ absl::Status CheckMasks(const std::vector<FileRecord>& files) {
   return absl::OkStatus();
 }
 
-// Jobs that were made before there were policies have none.
-absl::StatusOr<JobPolicy> PolicyOf(const JobRecord& job) {
-  return job.policy.empty() ? JobPolicy() : Decode<JobPolicy>(job.policy);
-}
-
 // The caps may be others than when the job was made.
 absl::Status ApplyCaps(const JobCaps& caps, JobRecord* job) {
   ReconstructOptions options;
@@ -76,7 +71,32 @@ absl::Status ApplyCaps(const JobCaps& caps, JobRecord* job) {
   return absl::OkStatus();
 }
 
+// The call that queued the job last, once more: its answer was lost.
+bool IsRepeated(const JobRecord& job, const std::string& request_id) {
+  return !request_id.empty() && job.start_request_id == request_id;
+}
+
+// That there is nobody who will ever run the job is known now only where workers are there.
+absl::Status CheckNetwork(const JobRecord& job, const Workforce& workers) {
+  if (job.needs.empty()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const auto needs, Decode<Resources>(job.needs));
+  if (!HasDepthNetwork(needs)) return absl::OkStatus();
+  const bool none = std::none_of(workers.begin(), workers.end(), HasDepthNetwork);
+  if (workers.empty() || !none) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MODEL_MISSING",
+                   "options.depth_source",
+                   "options.depth_source: a network was asked for, and no worker of this service "
+                   "has one; make a job with another source, or ask the operator for "
+                   "--depth-model");
+}
+
 }  // namespace
+
+std::string EtagOf(const JobRecord& job) {
+  return Sha256::Hex(absl::StrCat(static_cast<int>(job.state), "\n", job.display_name, "\n",
+                                  job.labels, "\n", job.policy))
+      .substr(0, 16);
+}
 
 std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
   struct Owned {
@@ -92,6 +112,7 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
 }
 
 absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
+  LITAGS_RETURN_IF_ERROR(CheckLabels(wanted.labels));
   LITAGS_RETURN_IF_ERROR(caps_.Check(wanted.options, wanted.policy));
   const int64_t now_ms = clock_();
   JobRecord job;
@@ -99,6 +120,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   job.request_id = wanted.request_id;
   job.request_digest = wanted.request_digest;
   job.display_name = wanted.display_name;
+  job.labels = Encode(wanted.labels);
   job.content_digest = wanted.content_digest;
   job.options = Encode(wanted.options);
   job.policy = Encode(wanted.policy);
@@ -126,6 +148,33 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   return MakeError(absl::StatusCode::kAlreadyExists, "REQUEST_ID_REUSED", "request_id",
                    absl::StrCat("request_id \"", job.request_id, "\" made jobs/", made.id, " with ",
                                 other, "; use a new one"));
+}
+
+absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& wanted) {
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord source, store_->Get(id));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord clone, Create(wanted));
+  if (clone.owner != source.owner) {
+    store_->Update(clone.id, [](JobTransaction& job) { return job.Remove(); }).IgnoreError();
+    return MakeError(absl::StatusCode::kFailedPrecondition, "NOT_YOUR_JOB", "name",
+                     absl::StrCat("jobs/", source.id, " is the client \"", source.owner,
+                                  "\"'s; only that client can clone it"));
+  }
+  // Of a call that was repeated.
+  if (clone.state != JobState::kUploading) return clone;
+  for (const FileRecord& file : files) {
+    if (file.role == FileRole::kArchive) {
+      LITAGS_RETURN_IF_ERROR(uploads_.NoteArchive(clone.id, file));
+      continue;
+    }
+    LITAGS_ASSIGN_OR_RETURN(const bool adopted, uploads_.Adopt(clone.id, file));
+    if (adopted) continue;
+    return MakeError(absl::StatusCode::kAborted, "CLONED_FILE_GONE", "name",
+                     absl::StrCat("\"", file.name, "\" of jobs/", source.id,
+                                  " was deleted while it was cloned; delete jobs/", clone.id,
+                                  ", or upload what it lacks"));
+  }
+  return store_->Get(clone.id);
 }
 
 absl::StatusOr<JobsOverview> Jobs::Overview() {
@@ -172,25 +221,12 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
   return ApplyAction(job, action, clock_(), message);
 }
 
-// That there is nobody who will ever run the job is known now only where workers are there.
-absl::Status Jobs::CheckNetwork(std::string_view id) {
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
-  if (job.needs.empty()) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const auto needs, Decode<Resources>(job.needs));
-  if (!HasDepthNetwork(needs)) return absl::OkStatus();
+absl::StatusOr<JobRecord> Jobs::Start(std::string_view id, const std::string& request_id) {
   LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
-  const bool none = std::none_of(workers.begin(), workers.end(), HasDepthNetwork);
-  if (workers.empty() || !none) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MODEL_MISSING",
-                   "options.depth_source",
-                   "options.depth_source: a network was asked for, and no worker of this service "
-                   "has one; make a job with another source, or ask the operator for "
-                   "--depth-model");
-}
-
-absl::StatusOr<JobRecord> Jobs::Start(std::string_view id) {
-  LITAGS_RETURN_IF_ERROR(CheckNetwork(id));
   auto job = store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
+    if (IsRepeated(transaction.job, request_id)) return absl::OkStatus();
+    LITAGS_RETURN_IF_ERROR(CheckNetwork(transaction.job, workers));
+    transaction.job.start_request_id = request_id;
     return Enqueue(transaction, JobAction::kStart, "started");
   });
   // What had come of files that are not there: nobody can complete them now.
@@ -198,9 +234,13 @@ absl::StatusOr<JobRecord> Jobs::Start(std::string_view id) {
   return job;
 }
 
-absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& change) {
-  LITAGS_RETURN_IF_ERROR(CheckNetwork(id));
+absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& change,
+                                       const std::string& request_id) {
+  LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
   return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
+    if (IsRepeated(job.job, request_id)) return absl::OkStatus();
+    LITAGS_RETURN_IF_ERROR(CheckNetwork(job.job, workers));
+    job.job.start_request_id = request_id;
     if (!change) return Enqueue(job, JobAction::kResume, "resumed");
     LITAGS_ASSIGN_OR_RETURN(const auto before, Decode<ReconstructOptions>(job.job.options));
     LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(job.job));
@@ -215,6 +255,37 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
     if (more == 0) return Enqueue(job, JobAction::kResume, "resumed");
     return Enqueue(job, JobAction::kExtend,
                    absl::StrCat("resumed, for ", more, " more iterations"));
+  });
+}
+
+absl::StatusOr<JobRecord> Jobs::Update(std::string_view id, std::string_view etag,
+                                       DetailsChange change) {
+  return store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
+    JobRecord& job = transaction.job;
+    if (!etag.empty() && etag != EtagOf(job)) {
+      return MakeError(absl::StatusCode::kAborted, "ETAG_MISMATCH", "job.etag",
+                       absl::StrCat("jobs/", job.id,
+                                    " was changed since it was read; read it "
+                                    "again, and change that"));
+    }
+    LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(job));
+    JobDetails details{job.display_name, {}, policy.priority, policy.retention_seconds};
+    LITAGS_ASSIGN_OR_RETURN(details.labels, LabelsOf(job));
+    LITAGS_RETURN_IF_ERROR(change(details));
+    LITAGS_RETURN_IF_ERROR(CheckLabels(details.labels));
+    if (details.priority != policy.priority) {
+      LITAGS_RETURN_IF_ERROR(caps_.CheckPriority(details.priority));
+    }
+    policy.priority = details.priority;
+    policy.retention_seconds = details.retention_seconds;
+    LITAGS_RETURN_IF_ERROR(policy.Validate());
+    job.display_name = details.display_name;
+    job.labels = Encode(details.labels);
+    job.policy = Encode(policy);
+    job.priority = policy.priority;
+    if (!IsTerminal(job.state)) return absl::OkStatus();
+    LITAGS_ASSIGN_OR_RETURN(job.expire_time_ms, ExpiryOf(job, job.state, job.end_time_ms));
+    return absl::OkStatus();
   });
 }
 

@@ -12,11 +12,13 @@
 #include <string_view>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
 #include "server/jobs/caps.h"
 #include "server/jobs/client_job_store.h"
+#include "server/jobs/labels.h"
 #include "server/jobs/placement.h"
 #include "server/jobs/policy.h"
 #include "server/jobs/resume.h"
@@ -37,7 +39,19 @@ struct NewJob {
   JobPolicy policy;
   // Of the request as it was sent; empty: requests are compared by what they made.
   std::string request_digest = {};
+  Labels labels = {};
 };
+
+// What a client may change of a job in any state.
+struct JobDetails {
+  std::string display_name;
+  Labels labels;
+  int priority = 0;
+  double retention_seconds = 0;
+};
+
+// Of what JobDetails has and of the state: other than before once one of them is.
+std::string EtagOf(const JobRecord& job);
 
 // How all jobs are at the moment.
 struct JobsOverview {
@@ -66,11 +80,27 @@ class Jobs {
   // JobCaps::Check().
   absl::StatusOr<JobRecord> Create(const NewJob& job);
 
+  // A new job with the files of another one of the same owner. ABORTED (CLONED_FILE_GONE): one of
+  // them was deleted meanwhile; FAILED_PRECONDITION (NOT_YOUR_JOB): it is another client's, which
+  // only an administrator sees. And as Create().
+  absl::StatusOr<JobRecord> Clone(std::string_view id, const NewJob& job);
+
   absl::StatusOr<JobRecord> Get(std::string_view id) { return store_->Get(id); }
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
-                                              int limit) {
-    return store_->List(after_time_ms, after_id, limit);
+                                              int limit,
+                                              ListOrder order = ListOrder::kNewestFirst) {
+    return store_->List(after_time_ms, after_id, limit, std::nullopt, order);
   }
+  absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) { return store_->Files(id); }
+  // Of all clients: see QueuePositions().
+  absl::StatusOr<JobQueue> Queue() { return store_->Queue(); }
+  absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) { return store_->UsageOf(owner); }
+
+  // ABORTED (ETAG_MISMATCH) if `etag` is neither empty nor the job's; errors of `change`, which may
+  // be called more than once, of CheckLabels(), JobPolicy::Validate() and JobCaps.
+  using DetailsChange = absl::FunctionRef<absl::Status(JobDetails&)>;
+  absl::StatusOr<JobRecord> Update(std::string_view id, std::string_view etag,
+                                   DetailsChange change);
 
   // Not for clients.
   absl::StatusOr<JobsOverview> Overview();
@@ -83,10 +113,12 @@ class Jobs {
 
   // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, DEPTH_MODEL_MISSING, beside the state's
   // own. Errors of JobCaps::Check().
-  absl::StatusOr<JobRecord> Start(std::string_view id);
+  // With the request_id of the call that queued the job last it changes nothing, as Resume().
+  absl::StatusOr<JobRecord> Start(std::string_view id, const std::string& request_id = "");
   absl::StatusOr<JobRecord> Cancel(std::string_view id);
   // Errors of `change`, of ResumedOptions(), and those of Start().
-  absl::StatusOr<JobRecord> Resume(std::string_view id, const ResumeChange& change = nullptr);
+  absl::StatusOr<JobRecord> Resume(std::string_view id, const ResumeChange& change = nullptr,
+                                   const std::string& request_id = "");
   absl::Status Delete(std::string_view id);
 
   // Removes what nobody will come back for: jobs whose time is over, and what crashes may leave:
@@ -96,6 +128,9 @@ class Jobs {
 
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after, int limit) {
     return store_->Events(id, after, limit);
+  }
+  absl::StatusOr<std::vector<LogEntry>> Log(std::string_view id, int64_t after, int limit) {
+    return store_->Log(id, after, limit);
   }
   absl::StatusOr<std::string> Preview(std::string_view id, std::string_view blob) {
     return blobs_->Get(BlobKey(id, blob));
@@ -112,6 +147,7 @@ class Jobs {
   }
 
   const DataDir& data() const { return data_; }
+  const JobCaps& caps() const { return caps_; }
 
  private:
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
@@ -123,7 +159,6 @@ class Jobs {
         uploads_(store, blobs, std::move(area), clock_, max_owner_bytes),
         caps_(caps) {}
 
-  absl::Status CheckNetwork(std::string_view id);
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
   absl::Status RemoveFolders(std::string_view id);

@@ -124,6 +124,23 @@ absl::Status Leases::AddProgress(const Lease& lease, const Progress& progress) {
       .status();
 }
 
+absl::Status Leases::AddLog(const Lease& lease, const std::vector<LogEntry>& entries) {
+  return Update(lease,
+                [&](JobTransaction& job) -> absl::Status {
+                  for (LogEntry entry : entries) {
+                    int64_t& bytes = job.job.log_bytes;
+                    if (bytes >= options_.max_log_bytes) break;
+                    const bool fits =
+                        bytes + static_cast<int64_t>(entry.text.size()) < options_.max_log_bytes;
+                    if (!fits) entry.text = "the log is full: what comes now is not kept";
+                    LITAGS_RETURN_IF_ERROR(job.AddLog(entry));
+                    if (!fits) bytes = std::max(bytes, options_.max_log_bytes);
+                  }
+                  return absl::OkStatus();
+                })
+      .status();
+}
+
 absl::Status Leases::Keep(const Lease& lease, const KeptFiles& files,
                           std::optional<int> snapshot_iteration) {
   const std::string kept = Encode(files);
@@ -154,6 +171,9 @@ absl::Status Leases::Succeed(const Lease& lease, const ReconstructReport& report
                  job.job.snapshot_iteration = report.iterations;
                  LITAGS_RETURN_IF_ERROR(job.AddEvent({0, clock_(), EventKind::kSnapshot,
                                                       Encode(SnapshotRecord{report.iterations})}));
+               }
+               for (const std::string& note : report.notes) {
+                 LITAGS_RETURN_IF_ERROR(job.AddLog({0, clock_(), LogSeverity::kWarning, note}));
                }
                return ApplyAction(job, JobAction::kSucceed, clock_(), "");
              })

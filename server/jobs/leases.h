@@ -20,6 +20,7 @@ namespace litags {
 struct LeaseOptions {
   int64_t duration_ms = 10000;  // without a heartbeat for this long, the job goes to another worker
   int max_attempts = 3;         // after this many lost workers the job fails
+  int64_t max_log_bytes = 1 << 20;  // of what workers write into one job's log
   // Of all pictures that show a job's progress: some hundreds. Later progress comes without one.
   int64_t max_preview_bytes = int64_t{256} << 20;
 };
@@ -51,6 +52,8 @@ class Leases {
   absl::StatusOr<bool> CancelRequested(const Lease& lease);
 
   absl::Status AddProgress(const Lease& lease, const Progress& progress);
+  // Of what does not fit any more, an entry tells.
+  absl::Status AddLog(const Lease& lease, const std::vector<LogEntry>& entries);
   // The engine's files are these from now on; with an iteration, the scene among them is a new
   // snapshot. Said again, this and progress change nothing: after a commit of which nobody knows,
   // they can be.

@@ -58,7 +58,7 @@ bool HasDepthNetwork(const Resources& has) {
 }
 
 Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options) {
-  std::vector<std::string> labels = policy.labels;
+  std::vector<std::string> labels = policy.worker_labels;
   if (options.depth_source == DepthOrigin::kNetwork) labels.emplace_back(kDepthNetworkLabel);
   return {policy.min_cores,
           policy.min_memory_bytes > 0 ? policy.min_memory_bytes : policy.max_memory_bytes,

@@ -31,9 +31,9 @@ TEST(Placement, WorkerMustHaveAllThatAJobNeeds) {
 TEST(Placement, EqualNeedsAreEqualTextsAndNoneIsEmpty) {
   JobPolicy policy;
   EXPECT_EQ(EncodedNeedsOf(policy, {}), "");
-  policy.labels = {"b", "a", "b"};
+  policy.worker_labels = {"b", "a", "b"};
   JobPolicy other;
-  other.labels = {"a", "b"};
+  other.worker_labels = {"a", "b"};
   EXPECT_EQ(EncodedNeedsOf(policy, {}), EncodedNeedsOf(other, {}));
   EXPECT_THAT(NeedsOf(policy, {}).labels, ElementsAre("a", "b"));
   ReconstructOptions network;
@@ -96,7 +96,7 @@ TEST_F(PlacementOfJobs, JobGoesToAWorkerThatFitsAndOthersPassItOver) {
 TEST_F(PlacementOfJobs, JobThatNobodyCanTakeSaysWhatItWaitsForAndIsCounted) {
   JobPolicy policy;
   policy.min_cores = 64;
-  policy.labels = {"avx512"};
+  policy.worker_labels = {"avx512"};
   const std::string id = QueuedJob(policy);
   EXPECT_THAT(WaitsForNow(id), HasSubstr("none is there"));
   EXPECT_EQ(jobs_.Overview()->unplaceable, 1);

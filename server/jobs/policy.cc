@@ -30,21 +30,21 @@ absl::Status JobPolicy::Validate() const {
     return Bad("priority", priority, "in -100..100");
   }
   if (!IsDuration(max_run_seconds)) {
-    return Bad("max_run_seconds", max_run_seconds, "0 (no limit) or up to 1e9");
+    return Bad("max_run_time", max_run_seconds, "0 (no limit) or up to 1e9 s");
   }
   if (max_memory_bytes != 0 && max_memory_bytes < kMinMemoryBytes) {
     return Bad("max_memory_bytes", static_cast<double>(max_memory_bytes),
                "0 (no limit) or at least 64 MiB");
   }
   if (!IsDuration(retention_seconds)) {
-    return Bad("retention_seconds", retention_seconds, "0 (for ever) or up to 1e9");
+    return Bad("retention", retention_seconds, "0 (for ever) or up to 1e9 s");
   }
   if (min_cores < 0 || min_cores > kMaxCores) return Bad("min_cores", min_cores, "in 0..65536");
   if (min_memory_bytes < 0 || (max_memory_bytes != 0 && min_memory_bytes > max_memory_bytes)) {
     return Bad("min_memory_bytes", static_cast<double>(min_memory_bytes),
                "0 (as max_memory_bytes) or up to max_memory_bytes");
   }
-  return CheckLabels(labels, "policy.labels");
+  return CheckLabels(worker_labels, "policy.worker_labels");
 }
 
 }  // namespace litags

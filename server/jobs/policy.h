@@ -20,7 +20,7 @@ struct JobPolicy {
   // What a worker must have to take the job; see placement.h.
   int min_cores = 0;
   int64_t min_memory_bytes = 0;  // 0: max_memory_bytes
-  std::vector<std::string> labels;
+  std::vector<std::string> worker_labels;
 
   // INVALID_ARGUMENT (POLICY_OUT_OF_RANGE, LABEL_INVALID; field "policy.NAME").
   absl::Status Validate() const;

@@ -21,11 +21,10 @@ TEST(JobPolicy, ValuesOutOfRangeAreRefusedByName) {
   EXPECT_EQ(field([](JobPolicy& p) { p.priority = -101; }), "policy.priority");
   EXPECT_EQ(field([](JobPolicy& p) { p.priority = std::numeric_limits<int>::min(); }),
             "policy.priority");
-  EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = -1; }), "policy.max_run_seconds");
-  EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = std::nan(""); }),
-            "policy.max_run_seconds");
+  EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = -1; }), "policy.max_run_time");
+  EXPECT_EQ(field([](JobPolicy& p) { p.max_run_seconds = std::nan(""); }), "policy.max_run_time");
   EXPECT_EQ(field([](JobPolicy& p) { p.max_memory_bytes = 1000; }), "policy.max_memory_bytes");
-  EXPECT_EQ(field([](JobPolicy& p) { p.retention_seconds = 1e300; }), "policy.retention_seconds");
+  EXPECT_EQ(field([](JobPolicy& p) { p.retention_seconds = 1e300; }), "policy.retention");
 }
 
 }  // namespace

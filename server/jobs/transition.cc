@@ -7,16 +7,7 @@
 #include "engine/core/error.h"
 
 namespace litags {
-
 namespace {
-
-// Jobs that have ended are kept as long as their creator wanted.
-absl::StatusOr<int64_t> ExpiryOf(const JobRecord& job, JobState state, int64_t now_ms) {
-  if (!IsTerminal(state) || job.policy.empty()) return 0;
-  LITAGS_ASSIGN_OR_RETURN(const auto policy, Decode<JobPolicy>(job.policy));
-  if (policy.retention_seconds == 0) return 0;
-  return now_ms + static_cast<int64_t>(1000 * policy.retention_seconds);
-}
 
 absl::StatusOr<KeptFiles> KeptOf(const JobRecord& job) {
   return job.kept.empty() ? KeptFiles() : Decode<KeptFiles>(job.kept);
@@ -68,9 +59,20 @@ void ForgetRuns(JobRecord* job) {
 
 }  // namespace
 
+absl::StatusOr<int64_t> ExpiryOf(const JobRecord& job, JobState state, int64_t end_ms) {
+  if (!IsTerminal(state)) return 0;
+  LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(job));
+  if (policy.retention_seconds == 0) return 0;
+  return end_ms + static_cast<int64_t>(1000 * policy.retention_seconds);
+}
+
 absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view message,
                            const JobError* error) {
-  StateChange change{job.job.state, std::string(message), std::nullopt};
+  const std::string text(message);
+  LITAGS_RETURN_IF_ERROR(job.AddLog(
+      {0, now_ms, error ? LogSeverity::kError : LogSeverity::kInfo,
+       absl::StrCat(std::string(JobStateName(job.job.state)), text.empty() ? "" : ": ", text)}));
+  StateChange change{job.job.state, text, std::nullopt};
   if (error) change.error = *error;
   return job.AddEvent({0, now_ms, EventKind::kState, Encode(change)});
 }

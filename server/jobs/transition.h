@@ -18,7 +18,10 @@ namespace litags {
 absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
                          std::string_view message, const JobError* error = nullptr);
 
-// Writes the event of a state that was reached by creation.
+// When a job that is in `state` since `end_ms` is removed, as its creator wanted; 0: never.
+absl::StatusOr<int64_t> ExpiryOf(const JobRecord& job, JobState state, int64_t end_ms);
+
+// Writes the event, and the entry of the log, of a state that was reached by creation.
 absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view message,
                            const JobError* error = nullptr);
 

@@ -257,6 +257,27 @@ absl::StatusOr<bool> Uploads::Adopt(std::string_view id, const FileRecord& file)
   return true;
 }
 
+absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::string_view name) {
+  LITAGS_RETURN_IF_ERROR(Check(id));
+  LITAGS_RETURN_IF_ERROR(Reopen(id));
+  bool removed = false;
+  const auto change = [&](JobTransaction& job) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
+    const auto file = std::find_if(files.begin(), files.end(), [&](const FileRecord& f) {
+      return f.role == role && f.name == name;
+    });
+    removed = file != files.end();
+    if (!removed) return absl::OkStatus();
+    job.job.unreferenced_bytes += file->size_bytes;
+    job.job.has_unreferenced_blobs = true;
+    job.job.expire_time_ms = Expiry();
+    return job.RemoveFile(role, name);
+  };
+  LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
+  return removed;
+}
+
 absl::Status Uploads::NoteArchive(std::string_view id, FileRecord archive) {
   archive.size_bytes = 0;
   return PutRow(id, archive);

@@ -92,6 +92,9 @@ class Uploads {
   // the same owner. False if there is none.
   absl::StatusOr<bool> Adopt(std::string_view id, const FileRecord& file);
 
+  // Takes a file out of the job again. False if there is none of this role and name.
+  absl::StatusOr<bool> Remove(std::string_view id, FileRole role, std::string_view name);
+
   // Notes that an archive was unpacked, so that it need not come again; of itself nothing is kept.
   absl::Status NoteArchive(std::string_view id, FileRecord archive);
 

@@ -21,6 +21,7 @@
 #include "engine/core/error.h"
 #include "engine/core/sandbox.h"
 #include "engine/core/utf8.h"
+#include "engine/io/image_io.h"
 #include "server/archive/extract.h"
 #include "server/reader/channel.h"
 #include "server/reader/content.h"
@@ -183,6 +184,7 @@ struct Request {
 
 // Whatever libraries load when they are first used; the processes cannot.
 void LoadLibraries() {
+  LoadPhotoDecoders();
   SendingSink unused(nullptr);
   const std::string empty_tar(1024, '\0');
   ExtractArchiveBytes(empty_tar, {}, "", &unused).IgnoreError();

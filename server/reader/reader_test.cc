@@ -13,6 +13,7 @@
 
 #include "engine/core/error_test_util.h"
 #include "engine/core/sandbox.h"
+#include "engine/io/testing_photos.h"
 #include "server/reader/file_reader.h"
 #include "server/testing/archives.h"
 #include "server/testing/photos.h"
@@ -147,6 +148,29 @@ TEST_F(RemoteReaderTest, CamerasMaySayTheirAngleAlone) {
   EXPECT_EQ(Check(R"({"camera_angle_x": 0.7, "frames": [)" + frame + "]}", FileRole::kCameras),
             absl::OkStatus());
   EXPECT_EQ(Reason(Check(R"({"frames": [)" + frame + "]}", FileRole::kCameras)), "MISSING_KEY");
+}
+
+// Their decoders have to do without threads, files and whatever else the process gave up.
+TEST_F(RemoteReaderTest, SaysOfEachFormatOfPhotosWhatTheSameCodeHereSays) {
+  const auto here = MakeInProcessReader();
+  std::vector<std::pair<std::string, std::string>> photos = {
+      {"dng", EncodeDng(FlatFrame({1000, 2000, 500}, 320, 240))}};
+  for (const TestFormat& format : TestFormats()) {
+    photos.emplace_back(format.name, format.encode(Ramp(3, 320, 240), {}));
+  }
+  for (const auto& [name, whole] : photos) {
+    for (const size_t size : {whole.size(), whole.size() - 20, whole.size() / 2, size_t{40}}) {
+      const std::string bytes = whole.substr(0, size);
+      FileRecord file;
+      file.size_bytes = static_cast<int64_t>(size);
+      const absl::Status expected = here->Check(Write(bytes), "images[x]", &file, {});
+      EXPECT_EQ(expected.ok(), size == whole.size()) << name << expected;
+      const absl::Status status = Check(bytes);
+      EXPECT_EQ(status, expected) << name;
+      EXPECT_EQ(Reason(status), Reason(expected)) << name;
+      EXPECT_EQ(size_, std::pair(file.width, file.height)) << name;
+    }
+  }
 }
 
 TEST_F(RemoteReaderTest, UnpacksAnArchiveAndHandsOnItsErrors) {

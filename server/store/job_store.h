@@ -38,6 +38,9 @@ struct JobRecord {
   std::string request_id;  // empty: none; unique per owner
   std::string request_digest;  // of the request with that id; empty: not known
   std::string display_name;
+  std::string labels;  // the client's words: JSON, opaque to the store; empty: none
+  // Of the call that queued it last, so that the same call is known again; empty: none.
+  std::string start_request_id;
   std::string content_digest;  // what the creator said would be uploaded; empty: nothing said
   JobState state = JobState::kUploading;
   bool cancel_requested = false;
@@ -58,9 +61,11 @@ struct JobRecord {
   int64_t queue_time_ms = 0;
   int64_t expire_time_ms = 0;  // from then on it may be removed; 0: never
 
-  int64_t last_event = 0;  // number of the newest event
-  int64_t photos = 0;      // kept by the store
-  int64_t bytes = 0;       // of all files; kept by the store
+  int64_t last_event = 0;      // number of the newest event
+  int64_t last_log_entry = 0;  // number of the newest entry of its log
+  int64_t log_bytes = 0;       // of all its log's texts
+  int64_t photos = 0;          // kept by the store
+  int64_t bytes = 0;           // of all files; kept by the store
 
   int snapshot_iteration = -1;          // -1: no snapshot
   bool has_unreferenced_blobs = false;  // there may be blobs of it that nothing names
@@ -105,6 +110,17 @@ struct EventRecord {
   std::string payload;  // JSON, opaque to the store
 };
 
+// Stored as numbers: never change or reuse them.
+enum class LogSeverity { kInfo = 1, kWarning = 2, kError = 3 };
+
+// What happened in a job, for a human.
+struct LogEntry {
+  int64_t number = 0;  // 1, 2, 3, ... per job, without gaps
+  int64_t time_ms = 0;
+  LogSeverity severity = LogSeverity::kInfo;
+  std::string text;  // may have several lines
+};
+
 // What one owner's jobs amount to.
 struct OwnerUsage {
   int64_t jobs = 0;
@@ -112,6 +128,21 @@ struct OwnerUsage {
   // checkpoints, scenes, previews.
   int64_t bytes = 0;
 };
+
+// The jobs that wait for a worker, and how many each owner has running.
+struct JobQueue {
+  struct Job {
+    std::string id;
+    std::string owner;
+    int priority = 0;
+    int64_t queue_time_ms = 0;
+  };
+  std::vector<Job> waiting;  // by priority, then time
+  std::map<std::string, int64_t> running;
+};
+
+// Which jobs of a list come first; see JobStore::List().
+enum class ListOrder { kNewestFirst, kOldestFirst };
 
 // All jobs, for whoever watches over the service.
 struct JobCensus {
@@ -143,9 +174,13 @@ class JobTransaction {
   virtual absl::StatusOr<OwnerUsage> Usage() = 0;
   // Adds the file or replaces that of the same role and name.
   virtual absl::Status PutFile(const FileRecord& file) = 0;
+  // Nothing happens where there is no such file.
+  virtual absl::Status RemoveFile(FileRole role, std::string_view name) = 0;
   // Appends an event with the next number; `number` is ignored.
   virtual absl::Status AddEvent(const EventRecord& event) = 0;
-  // Removes the job with its files and events.
+  // Appends to the log with the next number; `number` is ignored.
+  virtual absl::Status AddLog(const LogEntry& entry) = 0;
+  // Removes the job with its files, events and log.
   virtual absl::Status Remove() = 0;
 };
 
@@ -177,11 +212,12 @@ class JobStore {
 
   virtual absl::StatusOr<JobRecord> Get(std::string_view id) = 0;
 
-  // Newest first (creation time, then id, descending). Starts after job `after_id` that was
-  // created at `after_time_ms`; 0 and "" for the first page. Only jobs of `owner`; nullopt: of all.
+  // By creation time, then id. Starts after job `after_id` that was created at `after_time_ms`; 0
+  // and "" for the first page. Only jobs of `owner`; nullopt: of all.
   virtual absl::StatusOr<std::vector<JobRecord>> List(
       int64_t after_time_ms, std::string_view after_id, int limit,
-      const std::optional<std::string>& owner = std::nullopt) = 0;
+      const std::optional<std::string>& owner = std::nullopt,
+      ListOrder order = ListOrder::kNewestFirst) = 0;
 
   // Applies `change` to a job, alone: no other change of the job happens between what the function
   // sees and what it writes. Its error is returned and leaves the job as it was. It may be called
@@ -212,6 +248,7 @@ class JobStore {
   virtual absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) = 0;
 
   virtual absl::StatusOr<JobCensus> Census() = 0;
+  virtual absl::StatusOr<JobQueue> Queue() = 0;
 
   // Workers say that they are there, and are forgotten by their names. Nobody waits for that.
   virtual absl::Status PutWorker(const WorkerRecord& worker) = 0;
@@ -235,6 +272,10 @@ class JobStore {
   // Events with numbers above `after`, in order, at most `limit`.
   virtual absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                           int limit) = 0;
+
+  // Entries of its log with numbers above `after`, in order, at most `limit`.
+  virtual absl::StatusOr<std::vector<LogEntry>> Log(std::string_view id, int64_t after,
+                                                    int limit) = 0;
 
   // Returns once there was a change since the call that returned `seen`, whichever process made it,
   // and after `seconds` at the latest. What it returns differs from `seen` if there was one; it may

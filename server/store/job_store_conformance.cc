@@ -127,7 +127,8 @@ TEST_F(JobStoreConformance, OwnersHaveRequestIdsListsAndSumsOfTheirOwn) {
 TEST_F(JobStoreConformance, UnknownJobIsNotFoundInEveryCall) {
   for (const absl::Status& status :
        {store_->Get("none").status(), store_->Update("none", Nothing).status(),
-        store_->Files("none").status(), store_->Events("none", 0, 10).status()}) {
+        store_->Files("none").status(), store_->Events("none", 0, 10).status(),
+        store_->Log("none", 0, 10).status()}) {
     EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
     EXPECT_EQ(Reason(status), "JOB_NOT_FOUND");
   }
@@ -191,18 +192,74 @@ TEST_F(JobStoreConformance, ListPagesNewestFirstWithoutGapOrRepeatAlsoAtEqualTim
            {"a", 10}, {"b", 20}, {"c", 20}, {"d", 20}, {"e", 30}}) {
     ASSERT_TRUE(store_->Create(MakeJob(id, time), Nothing).ok());
   }
-  std::vector<std::string> seen;
-  int64_t time = 0;
-  std::string id;
-  for (;;) {
-    const auto page = store_->List(time, id, 2);
-    ASSERT_TRUE(page.ok()) << page.status();
-    if (page->empty()) break;
-    for (const JobRecord& job : *page) seen.push_back(job.id);
-    time = page->back().create_time_ms;
-    id = page->back().id;
-  }
-  EXPECT_THAT(seen, ElementsAre("e", "d", "c", "b", "a"));
+  const auto seen = [&](ListOrder order) {
+    std::vector<std::string> ids;
+    for (JobRecord last;; last = *store_->Get(ids.back())) {
+      const auto page = store_->List(last.create_time_ms, last.id, 2, std::nullopt, order);
+      EXPECT_TRUE(page.ok()) << page.status();
+      if (page->empty()) return ids;
+      for (const JobRecord& job : *page) ids.push_back(job.id);
+    }
+  };
+  EXPECT_THAT(seen(ListOrder::kNewestFirst), ElementsAre("e", "d", "c", "b", "a"));
+  EXPECT_THAT(seen(ListOrder::kOldestFirst), ElementsAre("a", "b", "c", "d", "e"));
+}
+
+TEST_F(JobStoreConformance, FilesAreRemovedAndTheirBytesNotCounted) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  const auto job = store_->Update("a1", [](JobTransaction& transaction) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(transaction.PutFile({"a.jpg", FileRole::kPhoto, 7, "00", 1, 1}));
+    LITAGS_RETURN_IF_ERROR(transaction.PutFile({"b.jpg", FileRole::kPhoto, 5, "11", 1, 1}));
+    LITAGS_RETURN_IF_ERROR(transaction.RemoveFile(FileRole::kPhoto, "a.jpg"));
+    return transaction.RemoveFile(FileRole::kMask, "b.jpg");
+  });
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->photos, 1);
+  EXPECT_EQ(job->bytes, 5);
+  EXPECT_EQ(store_->Files("a1")->at(0).name, "b.jpg");
+}
+
+TEST_F(JobStoreConformance, ALogIsKeptInOrderAndCounted) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1), Nothing).ok());
+  const auto add = [](JobTransaction& job) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(job.AddLog({0, 5, LogSeverity::kWarning, "first"}));
+    return job.AddLog({0, 6, LogSeverity::kError, "two\nlines"});
+  };
+  const auto job = store_->Update("a1", add);
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->last_log_entry, 2);
+  EXPECT_EQ(job->log_bytes, 14);
+  const auto log = *store_->Log("a1", 0, 10);
+  ASSERT_EQ(log.size(), 2u);
+  EXPECT_EQ(log[0].severity, LogSeverity::kWarning);
+  EXPECT_EQ(log[1].text, "two\nlines");
+  EXPECT_EQ(log[1].time_ms, 6);
+  EXPECT_EQ(store_->Log("a1", 1, 10)->at(0).number, 2);
+  EXPECT_EQ(store_->Log("a1", 0, 1)->size(), 1u);
+  ASSERT_TRUE(store_->Update("a1", [](JobTransaction& t) { return t.Remove(); }).ok());
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 2), Nothing).ok());
+  EXPECT_TRUE(store_->Log("a1", 0, 10)->empty());
+}
+
+TEST_F(JobStoreConformance, TheQueueIsReadByPriorityThenTime) {
+  const auto add = [&](const std::string& id, JobState state, int priority) {
+    JobRecord job = MakeJob(id, 10, state);
+    job.owner = "alice";
+    job.priority = priority;
+    ASSERT_TRUE(store_->Create(job, Nothing).ok());
+  };
+  add("c", JobState::kQueued, 0);
+  add("b", JobState::kQueued, 0);
+  add("a", JobState::kQueued, -1);
+  add("d", JobState::kRunning, 0);
+  const auto queue = store_->Queue();
+  ASSERT_TRUE(queue.ok()) << queue.status();
+  std::vector<std::string> ids;
+  for (const JobQueue::Job& job : queue->waiting) ids.push_back(job.id);
+  EXPECT_THAT(ids, ElementsAre("b", "c", "a"));
+  EXPECT_EQ(queue->waiting[2].priority, -1);
+  EXPECT_EQ(queue->waiting[2].owner, "alice");
+  EXPECT_EQ(queue->running, (std::map<std::string, int64_t>{{"alice", 1}}));
 }
 
 TEST_F(JobStoreConformance, QueueIsFirstInFirstOutAndExpiryLooksAtTheLeaseOnly) {

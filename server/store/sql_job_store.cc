@@ -35,10 +35,11 @@ absl::StatusOr<JobRecord> SqlJobStore::Get(std::string_view id) {
 
 absl::StatusOr<std::vector<JobRecord>> SqlJobStore::List(int64_t after_time_ms,
                                                          std::string_view after_id, int limit,
-                                                         const std::optional<std::string>& owner) {
+                                                         const std::optional<std::string>& owner,
+                                                         ListOrder order) {
   std::vector<JobRecord> jobs;
   LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(jobs, SelectPage(sql, after_time_ms, after_id, limit, owner));
+    LITAGS_ASSIGN_OR_RETURN(jobs, SelectPage(sql, after_time_ms, after_id, limit, owner, order));
     return absl::OkStatus();
   }));
   return jobs;
@@ -134,6 +135,15 @@ absl::StatusOr<JobCensus> SqlJobStore::Census() {
   return census;
 }
 
+absl::StatusOr<JobQueue> SqlJobStore::Queue() {
+  JobQueue queue;
+  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(queue, SelectQueue(sql));
+    return absl::OkStatus();
+  }));
+  return queue;
+}
+
 absl::StatusOr<OwnerUsage> SqlJobStore::UsageOf(std::string_view owner) {
   OwnerUsage usage;
   LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
@@ -205,6 +215,17 @@ absl::StatusOr<std::vector<EventRecord>> SqlJobStore::Events(std::string_view id
     return absl::OkStatus();
   }));
   return events;
+}
+
+absl::StatusOr<std::vector<LogEntry>> SqlJobStore::Log(std::string_view id, int64_t after,
+                                                       int limit) {
+  std::vector<LogEntry> entries;
+  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(SelectJob(sql, id).status());
+    LITAGS_ASSIGN_OR_RETURN(entries, SelectLog(sql, id, after, limit));
+    return absl::OkStatus();
+  }));
+  return entries;
 }
 
 }  // namespace litags

@@ -24,8 +24,8 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) override;
   absl::StatusOr<JobRecord> Get(std::string_view id) override;
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
-                                              int limit,
-                                              const std::optional<std::string>& owner) override;
+                                              int limit, const std::optional<std::string>& owner,
+                                              ListOrder order) override;
   absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override;
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Fits fits, Change change) override;
   absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
@@ -36,6 +36,7 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
   absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
+  absl::StatusOr<JobQueue> Queue() override;
   absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override;
   absl::StatusOr<std::vector<std::string>> Uploading(std::string_view owner) override;
   absl::Status PutWorker(const WorkerRecord& worker) override;
@@ -46,6 +47,7 @@ class SqlJobStore : public JobStore {
                                                   std::string_view sha256) override;
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                   int limit) override;
+  absl::StatusOr<std::vector<LogEntry>> Log(std::string_view id, int64_t after, int limit) override;
 
  protected:
   // How a SELECT in a transaction keeps others from its row, and how it passes over rows that

@@ -22,6 +22,8 @@ void VisitColumns(Record& job, F&& f) {
   f("content_digest", Column::kFixed, job.content_digest);
   f("create_time_ms", Column::kFixed, job.create_time_ms);
   f("display_name", Column::kChanges, job.display_name);
+  f("labels", Column::kChanges, job.labels);
+  f("start_request_id", Column::kChanges, job.start_request_id);
   f("state", Column::kChanges, job.state);
   f("cancel_requested", Column::kChanges, job.cancel_requested);
   f("attempt", Column::kChanges, job.attempt);
@@ -36,6 +38,8 @@ void VisitColumns(Record& job, F&& f) {
   f("queue_time_ms", Column::kChanges, job.queue_time_ms);
   f("expire_time_ms", Column::kChanges, job.expire_time_ms);
   f("last_event", Column::kChanges, job.last_event);
+  f("last_log_entry", Column::kChanges, job.last_log_entry);
+  f("log_bytes", Column::kChanges, job.log_bytes);
   f("photos", Column::kChanges, job.photos);
   f("bytes", Column::kChanges, job.bytes);
   f("snapshot_iteration", Column::kChanges, job.snapshot_iteration);
@@ -168,14 +172,14 @@ class SqlJobTransaction : public JobTransaction {
         .Bind(int64_t{file.width})
         .Bind(int64_t{file.height});
     LITAGS_RETURN_IF_ERROR(upsert->Run().status());
-    const auto sums = sql_.Prepare(
-        "SELECT COUNT(*) FILTER (WHERE role=1), COALESCE(SUM(size_bytes), 0) FROM files "
-        "WHERE job_id=?1");
-    sums->Bind(id_);
-    LITAGS_RETURN_IF_ERROR(sums->Step().status());
-    photos_ = sums->Int(0);
-    bytes_ = sums->Int(1);
-    return absl::OkStatus();
+    return CountFiles();
+  }
+
+  absl::Status RemoveFile(FileRole role, std::string_view name) override {
+    const auto remove = sql_.Prepare("DELETE FROM files WHERE job_id=?1 AND role=?2 AND name=?3");
+    remove->Bind(id_).Bind(static_cast<int64_t>(role)).Bind(name);
+    LITAGS_RETURN_IF_ERROR(remove->Run().status());
+    return CountFiles();
   }
 
   absl::Status AddEvent(const EventRecord& event) override {
@@ -186,6 +190,19 @@ class SqlJobTransaction : public JobTransaction {
         .Bind(event.time_ms)
         .Bind(static_cast<int64_t>(event.kind))
         .Bind(event.payload);
+    return insert->Run().status();
+  }
+
+  absl::Status AddLog(const LogEntry& entry) override {
+    const auto insert = sql_.Prepare(
+        "INSERT INTO log_entries (job_id, number, time_ms, severity, text) VALUES "
+        "(?1,?2,?3,?4,?5)");
+    insert->Bind(id_)
+        .Bind(++job.last_log_entry)
+        .Bind(entry.time_ms)
+        .Bind(static_cast<int64_t>(entry.severity))
+        .Bind(entry.text);
+    job.log_bytes += static_cast<int64_t>(entry.text.size());
     return insert->Run().status();
   }
 
@@ -209,6 +226,17 @@ class SqlJobTransaction : public JobTransaction {
   }
 
  private:
+  absl::Status CountFiles() {
+    const auto sums = sql_.Prepare(
+        "SELECT COUNT(*) FILTER (WHERE role=1), COALESCE(SUM(size_bytes), 0) FROM files "
+        "WHERE job_id=?1");
+    sums->Bind(id_);
+    LITAGS_RETURN_IF_ERROR(sums->Step().status());
+    photos_ = sums->Int(0);
+    bytes_ = sums->Int(1);
+    return absl::OkStatus();
+  }
+
   SqlSession& sql_;
   const std::string id_, owner_;
   const bool was_queued_;
@@ -247,11 +275,15 @@ absl::StatusOr<std::optional<JobRecord>> SelectByRequest(SqlSession& sql, const 
 
 absl::StatusOr<std::vector<JobRecord>> SelectPage(SqlSession& sql, int64_t after_time_ms,
                                                   std::string_view after_id, int limit,
-                                                  const std::optional<std::string>& owner) {
-  // Two texts, so that each uses its index.
+                                                  const std::optional<std::string>& owner,
+                                                  ListOrder order) {
+  // A text for each case, so that each uses its index.
+  const bool newest = order == ListOrder::kNewestFirst;
+  const char* const direction = newest ? " DESC" : "";
   const auto row = sql.Prepare(absl::StrCat(
       "SELECT ", Columns(), " FROM jobs WHERE ", owner ? "owner=?4 AND " : "",
-      "(?1=0 OR (create_time_ms, id) < (?1, ?2)) ORDER BY create_time_ms DESC, id DESC LIMIT ?3"));
+      "(?1=0 OR (create_time_ms, id) ", newest ? "<" : ">", " (?1, ?2)) ORDER BY create_time_ms",
+      direction, ", id", direction, " LIMIT ?3"));
   row->Bind(after_time_ms).Bind(after_id).Bind(int64_t{limit});
   if (owner) row->Bind(*owner);
   return ReadAll(*row, ReadJob);
@@ -343,6 +375,23 @@ absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql) {
   }
 }
 
+absl::StatusOr<JobQueue> SelectQueue(SqlSession& sql) {
+  JobQueue queue;
+  const auto waiting = sql.Prepare(
+      "SELECT id, owner, priority, queue_time_ms FROM jobs WHERE state=2 "
+      "ORDER BY priority DESC, queue_time_ms, create_time_ms, id");
+  LITAGS_ASSIGN_OR_RETURN(
+      queue.waiting, ReadAll(*waiting, [](const SqlStatement& row) {
+        return JobQueue::Job{row.Text(0), row.Text(1), static_cast<int>(row.Int(2)), row.Int(3)};
+      }));
+  const auto running = sql.Prepare("SELECT owner, COUNT(*) FROM jobs WHERE state=3 GROUP BY owner");
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, running->Step());
+    if (!more) return queue;
+    queue.running[running->Text(0)] = running->Int(1);
+  }
+}
+
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id) {
   const auto row = sql.Prepare(
       absl::StrCat("SELECT ", kFileColumns, " FROM files WHERE job_id=?1 ORDER BY role, name"));
@@ -372,6 +421,18 @@ absl::StatusOr<std::vector<EventRecord>> SelectEvents(SqlSession& sql, std::stri
   return ReadAll(*row, [](const SqlStatement& event) {
     return EventRecord{event.Int(0), event.Int(1), static_cast<EventKind>(event.Int(2)),
                        event.Text(3)};
+  });
+}
+
+absl::StatusOr<std::vector<LogEntry>> SelectLog(SqlSession& sql, std::string_view id, int64_t after,
+                                                int limit) {
+  const auto row = sql.Prepare(
+      "SELECT number, time_ms, severity, text FROM log_entries WHERE job_id=?1 AND number>?2 "
+      "ORDER BY number LIMIT ?3");
+  row->Bind(id).Bind(after).Bind(int64_t{limit});
+  return ReadAll(*row, [](const SqlStatement& entry) {
+    return LogEntry{entry.Int(0), entry.Int(1), static_cast<LogSeverity>(entry.Int(2)),
+                    entry.Text(3)};
   });
 }
 

@@ -23,7 +23,8 @@ absl::StatusOr<std::optional<JobRecord>> SelectByRequest(SqlSession& sql, const 
                                                          const std::string& request_id);
 absl::StatusOr<std::vector<JobRecord>> SelectPage(SqlSession& sql, int64_t after_time_ms,
                                                   std::string_view after_id, int limit,
-                                                  const std::optional<std::string>& owner);
+                                                  const std::optional<std::string>& owner,
+                                                  ListOrder order);
 
 // Which running job of several is to be changed, by the end of its lease.
 enum class FirstOf { kExpired, kLeasedBeyond };
@@ -35,6 +36,7 @@ absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t 
 absl::StatusOr<std::vector<std::string>> SelectJobsWithUnreferencedBlobs(SqlSession& sql,
                                                                          int limit);
 absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql);
+absl::StatusOr<JobQueue> SelectQueue(SqlSession& sql);
 // Of all the owner's jobs but `but`.
 absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
                                        std::string_view but);
@@ -44,6 +46,9 @@ absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::stri
                                                       FileRole role, std::string_view sha256);
 absl::StatusOr<std::vector<EventRecord>> SelectEvents(SqlSession& sql, std::string_view id,
                                                       int64_t after, int limit);
+
+absl::StatusOr<std::vector<LogEntry>> SelectLog(SqlSession& sql, std::string_view id, int64_t after,
+                                                int limit);
 
 // False: the owner has a job of the same request_id.
 absl::StatusOr<bool> InsertJob(SqlSession& sql, const JobRecord& job);

@@ -42,6 +42,27 @@ std::map<std::string, Row> JobCalls() {
   jobs("CancelJob", &Jobs::CancelJob);
   jobs("ResumeJob", &Jobs::ResumeJob);
   jobs("DeleteJob", &Jobs::DeleteJob);
+  jobs("CloneJob", &Jobs::CloneJob);
+  jobs("ListFiles", &Jobs::ListFiles);
+  rows["litags.v1.ReconstructionService.DeleteFile"] = [](Stubs& stubs, ClientCall& call,
+                                                          const std::string& job) {
+    auto request = Named<v1::DeleteFileRequest>(job);
+    request.set_allow_missing(true);
+    google::protobuf::Empty empty;
+    return stubs.jobs->DeleteFile(&call, request, &empty);
+  };
+  rows["litags.v1.ReconstructionService.UpdateJob"] = [](Stubs& stubs, ClientCall& call,
+                                                         const std::string& job) {
+    v1::UpdateJobRequest request;
+    request.mutable_job()->set_name(job);
+    request.mutable_update_mask()->add_paths("display_name");
+    v1::Job changed;
+    return stubs.jobs->UpdateJob(&call, request, &changed);
+  };
+  rows["litags.v1.ReconstructionService.GetLog"] = [](Stubs& stubs, ClientCall& call,
+                                                      const std::string& job) {
+    return FirstOf(call, stubs.jobs->GetLog(&call, Named<v1::GetLogRequest>(job)));
+  };
   rows["litags.v1.ReconstructionService.QueryUpload"] = Unary(&Stubs::jobs, &Jobs::QueryUpload);
   rows["litags.v1.ReconstructionService.UploadImages"] = [](Stubs& stubs, ClientCall& call,
                                                             const std::string& job) {
@@ -71,9 +92,11 @@ std::map<std::string, Row> JobCalls() {
 
 TEST_F(AccessTest, EveryCallOfEveryServiceHasARow) {
   const std::map<std::string, Row> rows = JobCalls();
-  // These name no job: the next test and ListsAndRequestIdsAreTheClientsOwn.
+  // These name no job, or several: the tests after the next.
   const std::set<std::string> others = {"litags.v1.ReconstructionService.CreateJob",
-                                        "litags.v1.ReconstructionService.ListJobs"};
+                                        "litags.v1.ReconstructionService.ListJobs",
+                                        "litags.v1.ReconstructionService.GetServerInfo",
+                                        "litags.v1.ReconstructionService.BatchDeleteJobs"};
   const auto* pool = google::protobuf::DescriptorPool::generated_pool();
   for (const char* service : {"ReconstructionService", "RenderService", "ModelService"}) {
     const auto* descriptor = pool->FindServiceByName(absl::StrCat("litags.v1.", service));
@@ -132,6 +155,41 @@ TEST_F(AccessTest, ListsAndRequestIdsAreTheClientsOwn) {
   ClientCall create, list;
   EXPECT_EQ(stubs_->jobs->CreateJob(&create, {}, &job).error_code(), grpc::UNAUTHENTICATED);
   EXPECT_EQ(stubs_->jobs->ListJobs(&list, {}, &jobs).error_code(), grpc::UNAUTHENTICATED);
+}
+
+TEST_F(AccessTest, NobodyDeletesAnothersJobsAmongSeveral) {
+  Start();
+  const std::string hers = Created("alice"), his = Created("bob");
+  v1::BatchDeleteJobsRequest request;
+  request.add_names(hers);
+  request.add_names(his);
+  request.set_allow_missing(true);
+  v1::BatchDeleteJobsResponse response;
+  ClientCall stranger, bob(tokens_.at("bob"));
+  EXPECT_EQ(stubs_->jobs->BatchDeleteJobs(&stranger, request, &response).error_code(),
+            grpc::UNAUTHENTICATED);
+  EXPECT_TRUE(stubs_->jobs->BatchDeleteJobs(&bob, request, &response).ok());
+  EXPECT_EQ(Listed("root"), std::set<std::string>{hers});
+}
+
+TEST_F(AccessTest, TheServerSaysWhoItTakesTheCallerFor) {
+  Start();
+  Created("alice");
+  const auto info = [&](const std::string& client) {
+    ClientCall call(tokens_.at(client));
+    v1::ServerInfo info;
+    EXPECT_TRUE(stubs_->jobs->GetServerInfo(&call, {}, &info).ok());
+    return info.client();
+  };
+  EXPECT_EQ(info("alice").name(), "alice");
+  EXPECT_EQ(info("alice").jobs(), 1);
+  EXPECT_FALSE(info("alice").admin());
+  EXPECT_EQ(info("bob").jobs(), 0);
+  EXPECT_TRUE(info("root").admin());
+  ClientCall stranger;
+  v1::ServerInfo nothing;
+  EXPECT_EQ(stubs_->jobs->GetServerInfo(&stranger, {}, &nothing).error_code(),
+            grpc::UNAUTHENTICATED);
 }
 
 TEST_F(AccessTest, HealthIsForEverybody) {

@@ -269,12 +269,12 @@ TEST_F(JobsApi, EveryCallInEveryStateGivesTheDocumentedCode) {
 TEST_F(JobsApi, PolicyReachesTheJobAndIsChecked) {
   v1::CreateJobRequest request;
   request.mutable_policy()->set_priority(7);
-  request.mutable_policy()->set_max_run_seconds(60);
+  request.mutable_policy()->mutable_max_run_time()->set_seconds(60);
   request.mutable_policy()->set_max_memory_bytes(int64_t{1} << 30);
-  request.mutable_policy()->set_retention_seconds(3600);
+  request.mutable_policy()->mutable_retention()->set_seconds(3600);
   request.mutable_policy()->set_min_cores(4);
   request.mutable_policy()->set_min_memory_bytes(int64_t{1} << 29);
-  request.mutable_policy()->add_labels("avx512");
+  request.mutable_policy()->add_worker_labels("avx512");
   v1::Job job;
   ASSERT_TRUE(client_.Create(request, &job).ok());
   EXPECT_EQ(job.policy().SerializeAsString(), request.policy().SerializeAsString());

@@ -175,6 +175,7 @@ class FakeEngine : public Engine {
     progress.iterations = options.iterations;
     progress.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
     observer->OnProgress(progress);
+    observer->OnLine("a program says: /tmp/secret/photo.png is read");
     progress.stage = Stage::kTraining;
     progress.iterations_per_second = 1000.0 / static_cast<double>(pause.count());
     for (int i = start + 1; i <= options.iterations; ++i) {

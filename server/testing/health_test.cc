@@ -19,12 +19,12 @@ class FailingStore : public ClientJobStore {
   explicit FailingStore(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
 
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
-                                              int limit,
-                                              const std::optional<std::string>& owner) override {
+                                              int limit, const std::optional<std::string>& owner,
+                                              ListOrder order) override {
     if (fails) {
       return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "", "the disk is gone");
     }
-    return ClientJobStore::List(after_time_ms, after_id, limit, owner);
+    return ClientJobStore::List(after_time_ms, after_id, limit, owner, order);
   }
 
   std::atomic<bool> fails{false};

@@ -186,8 +186,8 @@ TEST_F(JobCapsOfClients, AreAppliedWhenAJobIsMadeAndNotToAdministrators) {
   refused[0].second.mutable_options()->set_iterations(100'001);
   refused[1].first = "options.max_gaussians";
   refused[1].second.mutable_options()->set_max_gaussians(2'000'001);
-  refused[2].first = "policy.max_run_seconds";
-  refused[2].second.mutable_policy()->set_max_run_seconds(86'401);
+  refused[2].first = "policy.max_run_time";
+  refused[2].second.mutable_policy()->mutable_max_run_time()->set_seconds(86'401);
   refused[3].first = "policy.priority";
   refused[3].second.mutable_policy()->set_priority(1);
   refused[4].first = "policy.max_memory_bytes";
@@ -201,7 +201,7 @@ TEST_F(JobCapsOfClients, AreAppliedWhenAJobIsMadeAndNotToAdministrators) {
   v1::CreateJobRequest most;
   most.mutable_options()->set_iterations(100'000);
   most.mutable_options()->set_max_gaussians(2'000'000);
-  most.mutable_policy()->set_max_run_seconds(86'400);
+  most.mutable_policy()->mutable_max_run_time()->set_seconds(86'400);
   EXPECT_EQ(Create("alice", most).reason, "");
 }
 
@@ -214,7 +214,7 @@ TEST_F(JobCapsOfClients, AreAppliedAgainWhenAJobIsStartedAndLimitItsRun) {
     return DetailOf(stubs_->jobs->StartJob(call, Named<v1::StartJobRequest>(name), &job));
   };
   EXPECT_EQ(start(&first, OldJob(options)).reason, "");
-  EXPECT_EQ(job.policy().max_run_seconds(), 86'400);
+  EXPECT_EQ(job.policy().max_run_time().seconds(), 86'400);
   options.iterations = 200'000;
   ExpectCap(start(&second, OldJob(options)), "options.iterations");
 }

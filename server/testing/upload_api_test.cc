@@ -3,6 +3,7 @@
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
@@ -379,6 +380,7 @@ TEST_F(UploadApi, TheEngineFindsFilesOfEveryEndingThatIsTaken) {
     std::ofstream(dir.path() + "/" + folder + "/" + name) << "x";
     return name;
   };
+  EXPECT_TRUE(std::ranges::equal(v1::kPhotoEndings, PhotoEndings()));
   for (const std::string_view ending : v1::kPhotoEndings) {
     const std::string name = put("photos" + std::string(ending), ending);
     const auto found = ListPhotos(dir.path() + "/photos" + std::string(ending), "images");

@@ -17,12 +17,6 @@ double SecondsSince(SteadyClock::time_point t) {
   return std::chrono::duration<double>(SteadyClock::now() - t).count();
 }
 
-// Jobs that were made before there were policies have none.
-JobPolicy PolicyOf(const JobRecord& job) {
-  const auto policy = Decode<JobPolicy>(job.policy);
-  return policy.ok() ? *policy : JobPolicy();
-}
-
 }  // namespace
 
 JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
@@ -33,7 +27,7 @@ JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
       options_(options),
       shutdown_(std::move(shutdown)),
       engine_cancel_(std::move(engine_cancel)),
-      policy_(PolicyOf(lease.job)),
+      policy_(PolicyOf(lease.job).value_or(JobPolicy())),
       max_memory_bytes_(policy_.max_memory_bytes > 0
                             ? policy_.max_memory_bytes
                             : options.has.memory_bytes - options.has.memory_bytes / 8),
@@ -89,7 +83,7 @@ absl::Status JobMonitor::CheckLimits() const {
   const double seconds = static_cast<double>(lease_.job.run_ms) / 1000 + SecondsSince(start_);
   if (policy_.max_run_seconds > 0 && seconds > policy_.max_run_seconds) {
     return MakeError(absl::StatusCode::kDeadlineExceeded, "RUN_TIME_EXCEEDED",
-                     "policy.max_run_seconds",
+                     "policy.max_run_time",
                      absl::StrCat("the job ran for ", policy_.max_run_seconds,
                                   " s, which is its limit; ResumeJob goes on from the last "
                                   "checkpoint for as long again"));

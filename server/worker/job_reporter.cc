@@ -2,9 +2,13 @@
 
 #include <spdlog/spdlog.h>
 
+#include <cctype>
+#include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 #include "server/worker/while_away.h"
 
 namespace litags {
@@ -13,6 +17,26 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr double kPauseAfterFailure = 2;  // seconds
+// Of what programs say in a run, and of one entry of the log that tells it.
+constexpr size_t kMaxLineBytes = 256 << 10, kMaxEntryBytes = 8 << 10;
+
+// "12 of 40" and "13 of 40" say the same twice.
+std::string WithoutDigits(std::string text) {
+  std::erase_if(text, [](unsigned char c) { return std::isdigit(c); });
+  return text;
+}
+
+std::string LogText(const Progress& p) {
+  std::string text(StageName(p.stage));
+  if (!p.message.empty()) absl::StrAppend(&text, ": ", p.message);
+  if (p.iteration == 0) return text;
+  absl::StrAppend(&text, ": iteration ", p.iteration, " of ", p.iterations, ", loss ",
+                  absl::SixDigits(p.loss), ", ", p.gaussians, " Gaussians");
+  if (std::isfinite(p.psnr_holdout)) {
+    absl::StrAppend(&text, ", held-out PSNR ", absl::SixDigits(p.psnr_holdout), " dB");
+  }
+  return text;
+}
 
 double SecondsSince(SteadyClock::time_point t) {
   return std::chrono::duration<double>(SteadyClock::now() - t).count();
@@ -40,6 +64,11 @@ void JobReporter::OnProgress(const Progress& progress) {
   // A picture that was not written yet goes with the newer numbers.
   if (progress_->preview_png.empty()) progress_->preview_png = std::move(preview);
   iteration_ = progress.iteration;
+  const std::string words = WithoutDigits(progress.message);
+  if (last_stage_ != progress.stage || words != last_words_ || !progress.preview_png.empty()) {
+    Log(LogSeverity::kInfo, LogText(progress));
+    last_words_ = words;
+  }
   if (last_stage_ != progress.stage || !progress_->preview_png.empty()) {
     last_stage_ = progress.stage;
     urgent_ = true;
@@ -52,6 +81,24 @@ void JobReporter::OnSnapshot(const std::string&) {
   snapshot_ = iteration_;
   urgent_ = true;
   wake_.notify_one();
+}
+
+void JobReporter::OnLine(std::string_view line) {
+  std::lock_guard lock(mutex_);
+  if (line_bytes_ >= kMaxLineBytes || line.empty()) return;
+  line_bytes_ += line.size();
+  if (lines_.size() + line.size() > kMaxEntryBytes) Log(LogSeverity::kInfo, "");
+  absl::StrAppend(&lines_, lines_.empty() ? "" : "\n", std::string(line.substr(0, kMaxEntryBytes)));
+  if (line_bytes_ >= kMaxLineBytes) lines_ += "\n(what comes now is not kept)";
+}
+
+void JobReporter::Log(LogSeverity severity, std::string text) {
+  const int64_t now_ms = SystemClockMs();
+  // In the order in which it was said.
+  if (!lines_.empty()) {
+    log_.push_back({0, now_ms, LogSeverity::kInfo, std::exchange(lines_, "")});
+  }
+  if (!text.empty()) log_.push_back({0, now_ms, severity, std::move(text)});
 }
 
 void JobReporter::End() {
@@ -69,6 +116,7 @@ absl::Status JobReporter::Finish(const CancelToken& stop) {
   const absl::Status status = lease_lost_ ? absl::AbortedError("the lease is lost")
                                           : WhileAway(stop, [&]() -> absl::Status {
                                               LITAGS_RETURN_IF_ERROR(WriteProgress());
+                                              LITAGS_RETURN_IF_ERROR(WriteLog());
                                               return KeepFiles();
                                             });
   if (absl::IsAborted(status)) NoteFailure("", status);
@@ -92,6 +140,8 @@ void JobReporter::Write() {
   if (const absl::Status status = WriteProgress(); !status.ok()) {
     NoteFailure("write its progress", status);
   }
+  if (lease_lost_) return;
+  if (const absl::Status status = WriteLog(); !status.ok()) NoteFailure("write its log", status);
   if (lease_lost_ || SteadyClock::now() < next_keep_) return;
   const int64_t stored = folder_->stored_bytes();
   const absl::Status status = KeepFiles();
@@ -124,6 +174,24 @@ absl::Status JobReporter::WriteProgress() {
   } else if (progress_->preview_png.empty()) {
     progress_->preview_png = std::move(progress->preview_png);
   }
+  return status;
+}
+
+absl::Status JobReporter::WriteLog() {
+  std::vector<LogEntry> entries;
+  {
+    std::lock_guard lock(mutex_);
+    if (!finished_ && SecondsSince(last_log_) < options_.progress_seconds) return absl::OkStatus();
+    Log(LogSeverity::kInfo, "");
+    entries.swap(log_);
+  }
+  if (entries.empty()) return absl::OkStatus();
+  last_log_ = SteadyClock::now();
+  const absl::Status status = context_.leases->AddLog(lease_, entries);
+  if (status.ok()) return status;
+  std::lock_guard lock(mutex_);
+  log_.insert(log_.begin(), std::make_move_iterator(entries.begin()),
+              std::make_move_iterator(entries.end()));
   return status;
 }
 

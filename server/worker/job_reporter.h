@@ -7,7 +7,9 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
+#include <vector>
 
 #include "engine/core/cancel.h"
 #include "engine/pipeline/engine.h"
@@ -29,6 +31,7 @@ class JobReporter : public ReconstructObserver {
 
   void OnProgress(const Progress& progress) override;
   void OnSnapshot(const std::string& scene_path) override;
+  void OnLine(std::string_view line) override;
 
   // The engine has ended: ends the thread, writes what is still to be written, and stores what the
   // folder holds now; stores that are away are waited for until `stop` is raised. ABORTED
@@ -42,6 +45,8 @@ class JobReporter : public ReconstructObserver {
   void Loop();
   void Write();  // what is due
   absl::Status WriteProgress();
+  absl::Status WriteLog();
+  void Log(LogSeverity severity, std::string text);  // holds the mutex
   absl::Status KeepFiles();
   void NoteFailure(const char* what, const absl::Status& status);
 
@@ -58,12 +63,16 @@ class JobReporter : public ReconstructObserver {
   std::optional<Progress> progress_;  // newest, not written yet
   std::optional<int> snapshot_;       // iteration of the newest, not kept yet
   std::optional<Stage> last_stage_;
+  std::string last_words_;     // of the message that was logged last
+  std::vector<LogEntry> log_;  // not written yet
+  std::string lines_;          // of programs; not written yet
+  size_t line_bytes_ = 0;      // of all lines so far
   int iteration_ = 0;
 
   // Used by the thread, and by Finish() after it.
   bool lease_lost_ = false;
   bool must_keep_ = false;  // the folder's files are not all named in the row yet
-  TimePoint last_progress_{}, next_keep_{};
+  TimePoint last_progress_{}, last_log_{}, next_keep_{};
 
   std::thread thread_;
 };

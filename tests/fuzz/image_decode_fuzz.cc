@@ -1,4 +1,4 @@
-// Whole photos and masks, through libjpeg and libpng, within limits.
+// Whole photos of every format, and masks, within limits.
 #include "engine/core/check.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"

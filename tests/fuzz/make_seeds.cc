@@ -13,9 +13,11 @@
 #include "engine/io/colmap_io.h"
 #include "engine/io/container.h"
 #include "engine/io/depth_io.h"
+#include "engine/io/dng.h"
 #include "engine/io/image_io.h"
 #include "engine/io/npy.h"
 #include "engine/io/ply.h"
+#include "engine/io/testing_formats.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/train/train_state.h"
@@ -121,6 +123,44 @@ std::string Sections(const std::string& path, std::string_view kind, uint32_t ve
   return JoinPieces(pieces);
 }
 
+// A frame of a sensor, 16x12.
+std::string Dng() {
+  SensorFrame frame;
+  frame.width = 16;
+  frame.height = 12;
+  frame.black = 64;
+  frame.white = 1023;
+  for (int i = 0; i < 16 * 12; ++i) frame.numbers.push_back(static_cast<uint16_t>(64 + 5 * i));
+  frame.neutral = {0.5, 1, 0.6};
+  frame.iso = 800;
+  return EncodeDng(frame);
+}
+
+void AddOtherFormats(const Corpus& corpus) {
+  const DeepImage deep = Deepen(Photo());
+  const std::string icc = MakeTestProfile(TestProfile::kDisplayP3);
+  const std::pair<const char*, std::string> seeds[] = {
+      {"photo.webp", EncodeTestWebp(Photo(), {.icc = icc})},
+      {"lossy.webp", EncodeTestWebp(Photo(), {}, false)},
+      {"photo.tif", EncodeTestTiff(deep, {.bits = 16, .compression = 8, .icc = icc})},
+      {"tiled.tif", EncodeTestTiff(deep, {.compression = 5, .tiled = true, .planar = true})},
+      {"float.tif", EncodeTestTiff(deep, {.bits = 32, .big = true})},
+      {"photo.heic", EncodeTestHeif(deep, false, 8, {.icc = icc})},
+      {"deep.heic", EncodeTestHeif(deep, false, 10)},
+      {"photo.avif", EncodeTestHeif(deep, true, 12)},
+      {"photo.jxl", EncodeTestJxl(deep, 16, {.icc = icc})},
+      {"photo.dng", Dng()}};
+  for (const auto& [name, bytes] : seeds) {
+    corpus.Add("image_header", name, bytes);
+    corpus.Add("image_decode", name, bytes);
+  }
+  for (const auto& [name, kind] : {std::pair{"srgb.icc", TestProfile::kSrgb},
+                                   {"adobe.icc", TestProfile::kAdobeRgb},
+                                   {"grey.icc", TestProfile::kGreyLinear}}) {
+    corpus.Add("color_profile", name, MakeTestProfile(kind));
+  }
+}
+
 void AddImages(const Corpus& corpus) {
   const std::string png = *EncodePng(Photo()), jpeg = *EncodeJpeg(Photo(), 60);
   const std::string png16 = *EncodePng16(Depth(), 1000), turned = TurnedJpeg(jpeg);
@@ -131,6 +171,7 @@ void AddImages(const Corpus& corpus) {
     corpus.Add(target, "deep.png", png16);
     corpus.Add(target, "cut.jpg", jpeg.substr(0, jpeg.size() / 2));
   }
+  AddOtherFormats(corpus);
   corpus.Add("image_header", "exif", turned.substr(12));
   corpus.Add("depth_map", "depth.png", png16);
   corpus.Add("depth_map", "depth.pfm", EncodePfm(Depth()));
@@ -195,7 +236,7 @@ void AddRequests(const Corpus& corpus) {
   options.set_iterations(100);
   options.set_min_registered(0.5);
   job.mutable_policy()->set_priority(3);
-  job.mutable_policy()->set_retention_seconds(60);
+  job.mutable_policy()->mutable_retention()->set_seconds(60);
   corpus.Add("request", "job", '\0' + job.SerializeAsString());
 
   v1::RenderViewRequest view;

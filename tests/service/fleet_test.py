@@ -81,7 +81,7 @@ class Fleet(harness.ServiceTest):
 
     def test_a_job_goes_to_a_worker_that_has_what_it_needs(self):
         job = self.submit("--iterations", "20", "--min-cores", "3", "--min-memory", "1GiB",
-                          "--labels", "site-b,avx512")
+                          "--worker-labels", "site-b,avx512")
         self.start_worker("--cores", "8", "--memory", "8GiB", "--labels", "avx512")
         self.wait_for(lambda: self.metric("litags_workers") == 1, "the first worker is there")
         easy = self.submit("--iterations", "20")
@@ -95,13 +95,13 @@ class Fleet(harness.ServiceTest):
         self.wait_for(lambda: self.state(job) == SUCCEEDED, "the second worker takes it")
         self.assertEqual(self.metric("litags_jobs_without_fitting_worker"), 0)
         policy = self.job(job).policy
-        self.assertEqual((policy.min_cores, policy.min_memory_bytes, list(policy.labels)),
+        self.assertEqual((policy.min_cores, policy.min_memory_bytes, list(policy.worker_labels)),
                          (3, 1 << 30, ["site-b", "avx512"]))
 
     def test_who_submits_or_watches_hears_what_the_job_waits_for(self):
         self.start_worker("--labels", "site-b")
         self.wait_for(lambda: self.metric("litags_workers") == 1, "the worker is there")
-        out, err = self.litags("submit", self.photos(), "--labels", "site-c")
+        out, err = self.litags("submit", self.photos(), "--worker-labels", "site-c")
         self.assertRegex(err, "waits for .*label site-c")
         job = out.strip()
         watch = self.start_litags("watch", job)
@@ -110,8 +110,8 @@ class Fleet(harness.ServiceTest):
         self.assertRegex(watch.communicate(timeout=harness.PATIENCE_S)[1], "waits for .*label site-c")
 
     def test_labels_that_are_none_are_refused(self):
-        _, err = self.litags("submit", self.photos(), "--labels", "a b", exit_code=2)
-        self.assertRegex(err, "policy.labels")
+        _, err = self.litags("submit", self.photos(), "--worker-labels", "a b", exit_code=2)
+        self.assertRegex(err, "policy.worker_labels")
         worker = self.start_worker("--labels", "a b")
         self.assertEqual(worker.wait(harness.PATIENCE_S), 2)
 

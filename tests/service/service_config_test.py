@@ -19,7 +19,8 @@ from litags.v1 import render_service_pb2_grpc
 
 # A second StartJob, ResumeJob or DeleteJob is refused although the first one arrived; an upload goes
 # on where QueryUpload says.
-NOT_REPEATED = {"StartJob", "ResumeJob", "DeleteJob", "UploadImages"}
+NOT_REPEATED = {"StartJob", "ResumeJob", "DeleteJob", "DeleteFile", "BatchDeleteJobs",
+                "UploadImages"}
 FAILURES = 2
 
 

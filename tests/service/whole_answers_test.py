@@ -8,6 +8,7 @@ import unittest
 import zipfile
 
 import grpc
+from google.protobuf import duration_pb2
 
 import harness
 from harness import CANCELLED, FAILED, SUCCEEDED, job_pb2, rpc
@@ -133,7 +134,7 @@ class Results(harness.ServiceTest):
         self.assert_finished_scene(job, CANCELLED, scene)
 
         self.jobs.ResumeJob(rpc.ResumeJobRequest(
-            name=job, policy=job_pb2.JobPolicy(max_run_seconds=1)))
+            name=job, policy=job_pb2.JobPolicy(max_run_time=duration_pb2.Duration(seconds=1))))
         self.assert_finished_scene(job, FAILED, scene)
         self.assertEqual(self.get(job).error.detail.reason, "RUN_TIME_EXCEEDED")
         self.assertIn("the finished scene of 40 iterations is still there",

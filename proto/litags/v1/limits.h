@@ -13,7 +13,9 @@ inline constexpr size_t kMaxChunkBytes = size_t{1} << 20;  // of an upload
 inline constexpr int kMaxQueryFiles = 1000;                // QueryUploadRequest.files
 
 // How names of files end, lower case, by FileRole.
-inline constexpr std::array<std::string_view, 3> kPhotoEndings = {".jpg", ".jpeg", ".png"};
+inline constexpr std::array<std::string_view, 22> kPhotoEndings = {
+    ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".heic", ".heif", ".hif", ".avif", ".jxl",
+    ".dng", ".nef",  ".nrw", ".cr2", ".cr3",  ".arw",  ".raf",  ".orf",  ".rw2", ".pef",  ".srw"};
 inline constexpr std::array<std::string_view, 3> kDepthEndings = {".png", ".pfm", ".npy"};
 inline constexpr std::array<std::string_view, 1> kMaskEndings = {".png"};
 inline constexpr std::array<std::string_view, 1> kCamerasEndings = {".json"};

@@ -1,0 +1,233 @@
+// litags info, files, log, update, clone.
+#include <cctype>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/cli.h"
+#include "client/labels.h"
+#include "client/option_flags.h"
+#include "client/status.h"
+#include "client/text.h"
+#include "client/treatment.h"
+
+namespace litags::client {
+namespace {
+
+void Row(const std::string& name, const std::string& value) {
+  std::printf("%-22s %s\n", name.c_str(), Printable(value).c_str());
+}
+
+// "3 of 1,000", or "3" where there is no limit.
+std::string UseText(const std::string& used, const std::string& limit, bool limited) {
+  return limited ? absl::StrCat(used, " of ", limit) : used;
+}
+
+std::string RangeText(const v1::OptionInfo& option) {
+  if (option.choices_size() > 0) return absl::StrJoin(option.choices(), " | ");
+  std::string text;
+  if (option.has_minimum() && option.has_maximum()) {
+    text = absl::StrFormat("%.10g..%.10g", option.minimum(), option.maximum());
+  } else if (option.has_minimum()) {
+    text = absl::StrFormat("from %.10g", option.minimum());
+  }
+  if (!option.zero_means().empty()) {
+    absl::StrAppend(&text, text.empty() ? "" : ", ", "0: ", option.zero_means());
+  }
+  return text;
+}
+
+int Info(Session& session, bool json) {
+  const auto info = session.client().GetServerInfo();
+  if (!info.ok()) return ReportError(session, info.status());
+  if (json) {
+    PrintJson(*info, /*pretty=*/true);
+    return kExitOk;
+  }
+  const v1::ClientUse& use = info->client();
+  Row("version", info->version());
+  Row("you are", absl::StrCat(use.name().empty() ? "nobody by name" : use.name(),
+                              use.admin() && !use.name().empty() ? ", an administrator" : ""));
+  Row("your jobs", UseText(CountText(use.jobs()), CountText(use.max_jobs()), use.max_jobs() > 0));
+  Row("your bytes",
+      UseText(BytesText(use.bytes()), BytesText(use.max_bytes()), use.max_bytes() > 0));
+  Row("workers",
+      absl::StrCat(info->workers(), info->depth_network() ? ", with a depth network" : ""));
+  const v1::JobLimits& limits = info->job_limits();
+  Row("a job's files", absl::StrCat("at most ", CountText(limits.max_files()), ", ",
+                                    BytesText(limits.max_job_bytes()), " together, ",
+                                    BytesText(limits.max_file_bytes()), " each"));
+  Row("its photos", absl::StrCat("at least ", limits.min_photos(), ", at most ",
+                                 CountText(limits.max_photo_pixels()), " pixels each"));
+  if (limits.max_iterations() > 0) Row("its iterations", CountText(limits.max_iterations()));
+  if (limits.max_gaussians() > 0) Row("its Gaussians", CountText(limits.max_gaussians()));
+  if (limits.has_max_run_time()) {
+    Row("its run time", DurationText(SecondsOf(limits.max_run_time())));
+  }
+  std::printf("\noptions of a job:\n");
+  for (const v1::OptionInfo& option : info->options()) {
+    std::printf("  %-20s %-28s %s\n", option.name().c_str(), RangeText(option).c_str(),
+                Printable(option.help()).c_str());
+  }
+  return kExitOk;
+}
+
+std::string RoleText(v1::FileRole role) {
+  constexpr size_t kPrefix = sizeof("FILE_ROLE_") - 1;
+  std::string name = v1::FileRole_Name(role).substr(kPrefix);
+  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return name;
+}
+
+int Files(Session& session, const std::string& job) {
+  v1::ListFilesRequest request;
+  request.set_name(job);
+  do {
+    const auto page = session.client().ListFiles(request);
+    if (!page.ok()) return ReportError(session, page.status(), job);
+    for (const v1::JobFile& file : page->files()) {
+      const std::string size =
+          file.width() > 0 ? absl::StrCat(file.width(), "x", file.height()) : "";
+      std::printf("%-8s %10s %11s  %s\n", RoleText(file.role()).c_str(),
+                  BytesText(file.size_bytes()).c_str(), size.c_str(),
+                  Printable(file.name()).c_str());
+    }
+    request.set_page_token(page->next_page_token());
+  } while (!request.page_token().empty());
+  return kExitOk;
+}
+
+int Log(Session& session, const std::string& job, int64_t after, bool follow) {
+  const absl::Status status =
+      session.client().GetLog(job, after, follow, [](const v1::LogEntry& entry) {
+        const char* mark = entry.severity() == v1::LOG_SEVERITY_ERROR     ? "ERROR "
+                           : entry.severity() == v1::LOG_SEVERITY_WARNING ? "note: "
+                                                                          : "";
+        std::printf("%s  %s%s\n", TimeText(entry.time()).c_str(), mark,
+                    Printable(entry.text()).c_str());
+        std::fflush(stdout);
+      });
+  return status.ok() ? kExitOk : ReportError(session, status, job);
+}
+
+struct UpdateArgs {
+  std::string job;
+  std::optional<std::string> name;
+  std::vector<std::string> labels, removed;
+  std::optional<int> priority;
+  std::optional<double> keep_seconds;
+};
+
+int Update(Session& session, const UpdateArgs& args) {
+  v1::UpdateJobRequest request;
+  v1::Job& job = *request.mutable_job();
+  google::protobuf::FieldMask& mask = *request.mutable_update_mask();
+  job.set_name(args.job);
+  if (args.name) {
+    job.set_display_name(*args.name);
+    mask.add_paths("display_name");
+  }
+  if (!ParseLabels(args.labels, job.mutable_labels())) return kExitBadInput;
+  for (const auto& [key, value] : job.labels()) mask.add_paths("labels." + key);
+  for (const std::string& key : args.removed) mask.add_paths("labels." + key);
+  if (args.priority) {
+    job.mutable_policy()->set_priority(*args.priority);
+    mask.add_paths("policy.priority");
+  }
+  if (args.keep_seconds) {
+    *job.mutable_policy()->mutable_retention() = DurationOf(*args.keep_seconds);
+    mask.add_paths("policy.retention");
+  }
+  if (mask.paths().empty()) {
+    Note("nothing to change; see litags update --help");
+    return kExitBadInput;
+  }
+  const auto changed = session.client().UpdateJob(request);
+  if (!changed.ok()) return ReportError(session, changed.status(), args.job);
+  Note(absl::StrCat(args.job, " is changed"));
+  return kExitOk;
+}
+
+struct CloneArgs {
+  std::string job, name;
+  std::vector<std::string> labels;
+  v1::JobOptions options;
+  Treatment treatment;
+};
+
+int Clone(Session& session, const CloneArgs& args) {
+  v1::CloneJobRequest request;
+  request.set_name(args.job);
+  request.set_display_name(args.name);
+  if (!ParseLabels(args.labels, request.mutable_labels())) return kExitBadInput;
+  *request.mutable_options() = args.options;
+  *request.mutable_policy() = ToProto(args.treatment);
+  const auto clone = session.client().CloneJob(request);
+  if (!clone.ok()) return ReportError(session, clone.status(), args.job);
+  const auto started = session.client().StartJob(clone->name());
+  if (!started.ok()) return ReportError(session, started.status(), clone->name());
+  std::printf("%s\n", clone->name().c_str());
+  std::fflush(stdout);
+  Note(absl::StrCat("follow it with: litags watch ", clone->name()));
+  return kExitOk;
+}
+
+void AddUpdate(CLI::App& app, Session& session) {
+  auto args = std::make_shared<UpdateArgs>();
+  CLI::App* command = app.add_subcommand("update", "Change a job's title, labels, priority or end");
+  AddJobArgument(*command, args->job);
+  command->add_option("--name", args->name, "Title for humans");
+  AddLabelOption(*command, args->labels);
+  command->add_option("--remove-label", args->removed, "Key of a label to take away");
+  command->add_option("--priority", args->priority, "Before jobs of less, -100..100");
+  command->add_option("--keep-seconds", args->keep_seconds,
+                      "Remove the job so long after its end; 0: never");
+  command->callback([&session, args] { session.exit_code = Update(session, *args); });
+}
+
+void AddClone(CLI::App& app, Session& session) {
+  auto args = std::make_shared<CloneArgs>();
+  CLI::App* command = app.add_subcommand(
+      "clone", "Start a new job with another one's photos and other options; prints its name");
+  AddJobArgument(*command, args->job);
+  command->add_option("--name", args->name, "Title for humans");
+  AddLabelOption(*command, args->labels);
+  AddTreatmentOptions(*command, args->treatment);
+  AddOptionFlags(*command, args->options, "Reconstruction (defaults: those of the other job)");
+  command->callback([&session, args] { session.exit_code = Clone(session, *args); });
+}
+
+}  // namespace
+
+void AddManageCommands(CLI::App& app, Session& session) {
+  struct Args {
+    std::string job;
+    int64_t after = 0;
+    bool follow = false, json = false;
+  };
+  auto args = std::make_shared<Args>();
+  CLI::App* info = app.add_subcommand("info", "What the server is and allows, and what you use");
+  info->add_flag("--json", args->json, "As JSON");
+  info->callback([&session, args] { session.exit_code = Info(session, args->json); });
+
+  CLI::App* files = app.add_subcommand("files", "The files of a job");
+  AddJobArgument(*files, args->job);
+  files->callback([&session, args] { session.exit_code = Files(session, args->job); });
+
+  CLI::App* log = app.add_subcommand("log", "A job's log: runs, COLMAP's words, notes, errors");
+  AddJobArgument(*log, args->job);
+  log->add_flag("--follow", args->follow, "Then print what comes, until the job ends");
+  log->add_option("--after", args->after, "Only entries after this number");
+  log->callback(
+      [&session, args] { session.exit_code = Log(session, args->job, args->after, args->follow); });
+  AddUpdate(app, session);
+  AddClone(app, session);
+}
+
+}  // namespace litags::client

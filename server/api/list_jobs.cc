@@ -1,0 +1,173 @@
+#include "server/api/list_jobs.h"
+
+#include <algorithm>
+#include <charconv>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "engine/core/error.h"
+#include "server/api/convert.h"
+#include "server/api/job_filter.h"
+#include "server/api/status.h"
+#include "server/jobs/queue_position.h"
+#include "server/store/digest.h"
+
+namespace litags {
+namespace {
+
+constexpr int kDefaultJobs = 50, kMaxJobs = 1000;
+constexpr int kDefaultFiles = 1000, kMaxFiles = 10000;
+constexpr int kJobsPerRead = 200;
+// Jobs that one call looks at. A filter that lets few through gives short pages then.
+constexpr int kMaxLookedAt = 5000;
+
+absl::StatusOr<int> PageSize(int asked, int usual, int most) {
+  if (asked >= 0 && asked <= most) return asked == 0 ? usual : asked;
+  return InvalidInput("PAGE_SIZE_INVALID", "page_size",
+                      absl::StrCat("page_size is ", asked, "; it must be in 1..", most));
+}
+
+absl::Status BadPageToken(std::string_view method) {
+  return InvalidInput("PAGE_TOKEN_INVALID", "page_token",
+                      absl::StrCat("page_token is not one that ", std::string(method),
+                                   " returned for this request; start with an empty one"));
+}
+
+absl::StatusOr<ListOrder> ParseOrder(const std::string& text) {
+  if (text.empty() || text == "create_time desc") return ListOrder::kNewestFirst;
+  if (text == "create_time") return ListOrder::kOldestFirst;
+  return InvalidInput("ORDER_INVALID", "order_by",
+                      "order_by must be \"create_time desc\", \"create_time\" or empty");
+}
+
+// Where a page of jobs starts: after the job of this time and id, of a list of this kind.
+struct JobPlace {
+  int64_t time_ms = 0;
+  std::string id;
+};
+
+std::string KindOf(const v1::ListJobsRequest& request) {
+  return Sha256::Hex(absl::StrCat(request.order_by(), "\n", request.filter())).substr(0, 8);
+}
+
+std::string PageToken(const JobPlace& place, const std::string& kind) {
+  return absl::StrCat(place.time_ms, "-", place.id, "-", kind);
+}
+
+absl::StatusOr<JobPlace> ParsePageToken(const std::string& token, const std::string& kind) {
+  JobPlace place;
+  if (token.empty()) return place;
+  const std::vector<std::string> parts = absl::StrSplit(token, '-');
+  if (parts.size() != 3 || !absl::SimpleAtoi(parts[0], &place.time_ms) || place.time_ms <= 0 ||
+      !std::all_of(parts[1].begin(), parts[1].end(), absl::ascii_isalnum) || parts[2] != kind) {
+    return BadPageToken("ListJobs");
+  }
+  place.id = parts[1];
+  return place;
+}
+
+// A page of files starts after this one.
+std::string PageToken(const FileRecord& file) {
+  return absl::StrCat(static_cast<int>(file.role), "-", absl::BytesToHexString(file.name));
+}
+
+}  // namespace
+
+absl::StatusOr<JobSurroundings> SurroundingsOf(Jobs& jobs) {
+  JobSurroundings around;
+  LITAGS_ASSIGN_OR_RETURN(around.workers, jobs.Workers());
+  LITAGS_ASSIGN_OR_RETURN(const JobQueue queue, jobs.Queue());
+  around.queue_positions = QueuePositions(queue);
+  return around;
+}
+
+absl::Status Describe(const JobRecord& job, const JobSurroundings& around, v1::Job* response) {
+  LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(job));
+  response->set_waits_for(WaitsFor(job, around.workers));
+  if (job.state != JobState::kQueued) return absl::OkStatus();
+  const auto position = around.queue_positions.find(job.id);
+  // Not there: a worker took it since it was read.
+  if (position != around.queue_positions.end()) response->set_queue_position(position->second);
+  return absl::OkStatus();
+}
+
+absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* response) {
+  LITAGS_RETURN_IF_ERROR(job.status());
+  JobSurroundings around;
+  if (job->state == JobState::kQueued) {
+    LITAGS_ASSIGN_OR_RETURN(around, SurroundingsOf(jobs));
+  }
+  return Describe(*job, around, response);
+}
+
+absl::Status ListJobs(Jobs& jobs, const v1::ListJobsRequest& request,
+                      v1::ListJobsResponse* response) {
+  LITAGS_ASSIGN_OR_RETURN(const int size, PageSize(request.page_size(), kDefaultJobs, kMaxJobs));
+  LITAGS_ASSIGN_OR_RETURN(const ListOrder order, ParseOrder(request.order_by()));
+  LITAGS_ASSIGN_OR_RETURN(const JobFilter filter, ParseJobFilter(request.filter()));
+  const std::string kind = KindOf(request);
+  LITAGS_ASSIGN_OR_RETURN(JobPlace place, ParsePageToken(request.page_token(), kind));
+  LITAGS_ASSIGN_OR_RETURN(const JobSurroundings around, SurroundingsOf(jobs));
+  for (int looked_at = 0;;) {
+    const int wanted = std::min(kJobsPerRead, size + 1);  // one more tells of a next page
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<JobRecord> some,
+                            jobs.List(place.time_ms, place.id, wanted, order));
+    for (const JobRecord& job : some) {
+      if (filter(job)) {
+        if (response->jobs_size() == size) {
+          response->set_next_page_token(PageToken(place, kind));
+          return absl::OkStatus();
+        }
+        LITAGS_RETURN_IF_ERROR(Describe(job, around, response->add_jobs()));
+      }
+      place = {job.create_time_ms, job.id};
+    }
+    looked_at += static_cast<int>(some.size());
+    if (some.size() < static_cast<size_t>(wanted)) return absl::OkStatus();
+    if (looked_at >= kMaxLookedAt) {
+      response->set_next_page_token(PageToken(place, kind));
+      return absl::OkStatus();
+    }
+  }
+}
+
+absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
+                       v1::ListFilesResponse* response) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
+  LITAGS_ASSIGN_OR_RETURN(const int size, PageSize(request.page_size(), kDefaultFiles, kMaxFiles));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, jobs.Files(id));
+  auto file = files.begin();
+  if (!request.page_token().empty()) {
+    const std::vector<std::string> parts = absl::StrSplit(request.page_token(), '-');
+    int role = 0;
+    if (parts.size() != 2 || !absl::SimpleAtoi(parts[0], &role) || parts[1].size() % 2 != 0 ||
+        !std::all_of(parts[1].begin(), parts[1].end(), absl::ascii_isxdigit)) {
+      return BadPageToken("ListFiles");
+    }
+    const std::pair<int, std::string> last{role, absl::HexStringToBytes(parts[1])};
+    file = std::find_if(files.begin(), files.end(), [&](const FileRecord& f) {
+      return std::pair<int, std::string>(static_cast<int>(f.role), f.name) > last;
+    });
+  }
+  for (; file != files.end(); ++file) {
+    if (response->files_size() == size) {
+      response->set_next_page_token(PageToken(*std::prev(file)));
+      break;
+    }
+    v1::JobFile* proto = response->add_files();
+    proto->set_name(file->name);
+    proto->set_role(static_cast<v1::FileRole>(file->role));
+    proto->set_size_bytes(file->size_bytes);
+    proto->set_sha256(absl::HexStringToBytes(file->sha256));
+    proto->set_width(file->width);
+    proto->set_height(file->height);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace litags

@@ -1,0 +1,227 @@
+// What a client may do with a job beside running it: describe it, clone it, take files out, repeat
+// calls, read its log.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "engine/core/error_test_util.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/jobs.h"
+#include "server/jobs/leases.h"
+#include "server/store/digest.h"
+#include "server/testing/temp_dir.h"
+
+namespace litags {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class DetailsTest : public ::testing::Test {
+ protected:
+  absl::Status Add(Jobs& jobs, const std::string& id, const std::string& name) {
+    const std::string path = data_.tmp() + "/staged";
+    std::ofstream(path) << name;
+    return jobs.uploads().Add(
+        id, {name, FileRole::kPhoto, static_cast<int64_t>(name.size()), Sha256::Hex(name), 64, 48},
+        path);
+  }
+
+  std::string UploadedJob(Jobs& jobs) {
+    const std::string id = jobs.Create({})->id;
+    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) EXPECT_TRUE(Add(jobs, id, name).ok());
+    return id;
+  }
+
+  std::vector<std::string> Names(const std::string& id) {
+    std::vector<std::string> names;
+    const std::vector<FileRecord> files = *jobs_.Files(id);
+    for (const FileRecord& file : files) names.push_back(file.name);
+    return names;
+  }
+
+  std::vector<std::string> LogTexts(const std::string& id) {
+    std::vector<std::string> texts;
+    const std::vector<LogEntry> log = *jobs_.Log(id, 0, 1000);
+    for (const LogEntry& entry : log) texts.push_back(entry.text);
+    return texts;
+  }
+
+  TempDir dir_;
+  DataDir data_ = *DataDir::Open(dir_.path());
+  std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
+  std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
+  int64_t now_ms_ = 1'000'000;
+  Clock clock_ = [this] { return now_ms_; };
+  Jobs jobs_{store_.get(), blobs_.get(), data_, clock_};
+  Leases leases_{store_.get(), blobs_.get(), {}, clock_};
+};
+
+TEST_F(DetailsTest, TitleLabelsPriorityAndRetentionChangeAtAnyTime) {
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  const int64_t ended_ms = jobs_.Get(id)->end_time_ms;
+  now_ms_ += 5000;
+  const auto job = jobs_.Update(id, "", [](JobDetails& details) {
+    details = {"a name", {{"site", "north"}}, -3, 60};
+    return absl::OkStatus();
+  });
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->display_name, "a name");
+  EXPECT_EQ(*LabelsOf(*job), (Labels{{"site", "north"}}));
+  EXPECT_EQ(job->priority, -3);
+  EXPECT_EQ(job->expire_time_ms, ended_ms + 60'000);
+  EXPECT_EQ(jobs_.Get(id)->labels, job->labels);
+}
+
+TEST_F(DetailsTest, AChangeOfWhatAnotherChangedIsRefused) {
+  const std::string id = UploadedJob(jobs_);
+  const std::string etag = EtagOf(*jobs_.Get(id));
+  const auto rename = [](JobDetails& details) {
+    details.display_name += "x";
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(jobs_.Update(id, etag, rename).ok());
+  const auto late = jobs_.Update(id, etag, rename);
+  EXPECT_EQ(late.status().code(), absl::StatusCode::kAborted);
+  EXPECT_EQ(Reason(late.status()), "ETAG_MISMATCH");
+  EXPECT_EQ(jobs_.Get(id)->display_name, "x");
+  EXPECT_TRUE(jobs_.Update(id, EtagOf(*jobs_.Get(id)), rename).ok());
+}
+
+TEST_F(DetailsTest, WhatIsWrongChangesNothing) {
+  const std::string id = UploadedJob(jobs_);
+  const auto change = [&](JobDetails wanted) {
+    return Reason(jobs_
+                      .Update(id, "",
+                              [&](JobDetails& details) {
+                                details = wanted;
+                                return absl::OkStatus();
+                              })
+                      .status());
+  };
+  EXPECT_EQ(change({"", {{"Bad", ""}}, 0, 0}), "LABELS_INVALID");
+  EXPECT_EQ(change({"", {}, 101, 0}), "POLICY_OUT_OF_RANGE");
+  EXPECT_EQ(change({"", {}, 0, -1}), "POLICY_OUT_OF_RANGE");
+  ClientView view;
+  view.caps.max_priority = 0;
+  const auto higher = jobs_.For(view)->Update(id, "", [](JobDetails& details) {
+    details.priority = 1;
+    return absl::OkStatus();
+  });
+  EXPECT_EQ(Reason(higher.status()), "JOB_CAP_EXCEEDED");
+}
+
+TEST_F(DetailsTest, ACloneHasTheFilesAndStandsAlone) {
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  NewJob wanted;
+  wanted.request_id = "once";
+  wanted.options.iterations = 77;
+  const auto clone = jobs_.Clone(id, wanted);
+  ASSERT_TRUE(clone.ok()) << clone.status();
+  EXPECT_NE(clone->id, id);
+  EXPECT_EQ(clone->state, JobState::kUploading);
+  EXPECT_EQ(clone->photos, 3);
+  EXPECT_EQ(Names(clone->id), Names(id));
+  EXPECT_EQ(jobs_.Clone(id, wanted)->id, clone->id);
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  ASSERT_TRUE(jobs_.Delete(id).ok());
+  ASSERT_TRUE(jobs_.Sweep().ok());
+  EXPECT_EQ(*blobs_->Get(BlobKey(clone->id, Sha256::Hex("a.jpg"))), "a.jpg");
+  EXPECT_TRUE(jobs_.Start(clone->id).ok());
+}
+
+TEST_F(DetailsTest, NobodyClonesAnotherClientsJob) {
+  const auto mine = jobs_.For({.owner = "me"}), other = jobs_.For({.owner = "other"});
+  const std::string id = UploadedJob(*mine);
+  EXPECT_EQ(Reason(other->Clone(id, {}).status()), "JOB_NOT_FOUND");
+  const auto admin = jobs_.For({.owner = "admin", .sees_all = true});
+  EXPECT_EQ(Reason(admin->Clone(id, {}).status()), "NOT_YOUR_JOB");
+  EXPECT_EQ(jobs_.UsageOf("admin")->jobs, 0);
+  EXPECT_TRUE(mine->Clone(id, {}).ok());
+}
+
+TEST_F(DetailsTest, AFileIsTakenOutBeforeTheStart) {
+  const std::string id = UploadedJob(jobs_);
+  EXPECT_TRUE(*jobs_.uploads().Remove(id, FileRole::kPhoto, "b.jpg"));
+  EXPECT_FALSE(*jobs_.uploads().Remove(id, FileRole::kPhoto, "b.jpg"));
+  EXPECT_FALSE(*jobs_.uploads().Remove(id, FileRole::kMask, "a.jpg"));
+  EXPECT_THAT(Names(id), ElementsAre("a.jpg", "c.jpg"));
+  EXPECT_EQ(jobs_.Get(id)->photos, 2);
+  EXPECT_EQ(Reason(jobs_.Start(id).status()), "TOO_FEW_PHOTOS");
+  ASSERT_TRUE(Add(jobs_, id, "b.jpg").ok());
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  EXPECT_EQ(Reason(jobs_.uploads().Remove(id, FileRole::kPhoto, "b.jpg").status()),
+            "JOB_NOT_UPLOADING");
+  EXPECT_EQ(jobs_.Get(id)->photos, 3);
+}
+
+TEST_F(DetailsTest, BytesOfRemovedFilesCountUntilTheyAreSwept) {
+  const std::string id = UploadedJob(jobs_);
+  const int64_t before = jobs_.UsageOf("")->bytes;
+  ASSERT_TRUE(*jobs_.uploads().Remove(id, FileRole::kPhoto, "b.jpg"));
+  EXPECT_EQ(jobs_.UsageOf("")->bytes, before);
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  ASSERT_TRUE(jobs_.Sweep().ok());
+  EXPECT_FALSE(blobs_->Get(BlobKey(id, Sha256::Hex("b.jpg"))).ok());
+  EXPECT_TRUE(blobs_->Get(BlobKey(id, Sha256::Hex("a.jpg"))).ok());
+}
+
+TEST_F(DetailsTest, StartAndResumeWithTheSameRequestIdChangeNothing) {
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id, "s1").ok());
+  const int64_t events = jobs_.Get(id)->last_event;
+  ASSERT_TRUE(jobs_.Start(id, "s1").ok());
+  EXPECT_EQ(jobs_.Get(id)->last_event, events);
+  EXPECT_EQ(Reason(jobs_.Start(id, "s2").status()), "JOB_NOT_UPLOADING");
+  EXPECT_EQ(Reason(jobs_.Start(id).status()), "JOB_NOT_UPLOADING");
+
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  ASSERT_TRUE(jobs_.Resume(id, nullptr, "r1").ok());
+  ASSERT_TRUE(jobs_.Resume(id, nullptr, "r1").ok());
+  EXPECT_EQ(Reason(jobs_.Resume(id, nullptr, "r2").status()), "JOB_NOT_RESUMABLE");
+  // A repeated StartJob of long ago queues nothing that was cancelled since.
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  EXPECT_EQ(Reason(jobs_.Start(id, "s1").status()), "JOB_NOT_UPLOADING");
+}
+
+TEST_F(DetailsTest, ALogTellsWhatHappened) {
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  const auto lease = *leases_.Acquire("w");
+  ASSERT_TRUE(leases_.AddLog(*lease, {{0, 7, LogSeverity::kInfo, "loading"}}).ok());
+  ASSERT_TRUE(leases_.Fail(*lease, absl::InternalError("it broke")).ok());
+  EXPECT_THAT(LogTexts(id), ElementsAre(HasSubstr("UPLOADING"), "QUEUED: started",
+                                        HasSubstr("RUNNING"), "loading", "FAILED: it broke"));
+  const std::vector<LogEntry> log = *jobs_.Log(id, 0, 1000);
+  EXPECT_EQ(log.back().severity, LogSeverity::kError);
+  EXPECT_EQ(log.back().number, jobs_.Get(id)->last_log_entry);
+  EXPECT_EQ(log[3].time_ms, 7);
+  EXPECT_EQ(jobs_.Log(id, 4, 1000)->size(), 1u);
+  EXPECT_EQ(leases_.AddLog(*lease, {{0, 9, LogSeverity::kInfo, "late"}}).code(),
+            absl::StatusCode::kAborted);
+}
+
+TEST_F(DetailsTest, ALogHasAnEnd) {
+  LeaseOptions options;
+  options.max_log_bytes = 1000;
+  Leases leases(store_.get(), blobs_.get(), options, clock_);
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  const auto lease = *leases.Acquire("w");
+  const std::vector<LogEntry> lines(5, {0, 7, LogSeverity::kInfo, std::string(100, 'x')});
+  for (int i = 0; i < 20; ++i) ASSERT_TRUE(leases.AddLog(*lease, lines).ok());
+  EXPECT_LE(jobs_.Get(id)->log_bytes, 1000);
+  const std::vector<std::string> texts = LogTexts(id);
+  EXPECT_LT(texts.size(), 15u);
+  EXPECT_THAT(texts.back(), HasSubstr("full"));
+  // What ends the job is told nevertheless.
+  ASSERT_TRUE(leases.Fail(*lease, absl::InternalError("it broke")).ok());
+  EXPECT_EQ(LogTexts(id).back(), "FAILED: it broke");
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,33 @@
+"""docs/inputs.md names the endings of photos that client, server and engine take, and no other."""
+
+import os
+import pathlib
+import re
+import unittest
+
+SOURCE = pathlib.Path(os.environ["LITAGS_SOURCE"])
+
+
+def endings(text):
+    return re.findall(r"[\"`](\.[a-z0-9]+)[\"`]", text)
+
+
+def list_of(path, name):
+    """Endings of the one list called `name` in a file."""
+    _, _, after = SOURCE.joinpath(path).read_text().partition(f"{name} = ")
+    return endings(re.match(r"[({][^)}]*[)}]", after).group())
+
+
+class EndingsTest(unittest.TestCase):
+    def test_the_page_has_the_endings_of_the_code(self):
+        service = list_of("proto/litags/v1/limits.h", "kPhotoEndings")
+        self.assertEqual(service, list_of("client/python/reconstruct.py", "PHOTO_ENDINGS"))
+        self.assertEqual(service, list_of("engine/io/photo_format.cc", "kEndings[]"))
+        rows = re.findall(r"^\|[^|]*\|([^|]*)\|", SOURCE.joinpath("docs/inputs.md").read_text(),
+                          re.MULTILINE)
+        listed = [ending for row in rows for ending in endings(row)]
+        self.assertEqual(sorted(listed), sorted(service))
+
+
+if __name__ == "__main__":
+    unittest.main()
