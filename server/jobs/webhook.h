@@ -14,7 +14,7 @@ namespace litags {
 struct Webhook {
   std::string url = {};     // empty: nobody
   std::string secret = {};  // key of the signature
-  int attempts = 0;    // since the job ended
+  int attempts = 0;         // since the job ended
   std::string last_error = {};
   int64_t delivered_event = 0;  // number of the event that was delivered last
 };

@@ -24,6 +24,7 @@
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
+#include "engine/tools/train/inspect.h"
 
 namespace litags {
 namespace {
@@ -36,6 +37,7 @@ void OnSignal(int) { g_cancel->Cancel(); }
 struct Arguments {
   BenchmarkScene scene;
   std::string out, depth, masks, depth_model, colmap = "colmap";
+  bool inspect = false, strict = false;
   ReconstructOptions options;
   std::vector<std::string> set;  // constants of the recipe
 };
@@ -161,6 +163,15 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
                         absl::StrCat("cannot make ", args.out, ": ", error.message()));
   }
 
+  if (args.inspect) {
+    LITAGS_ASSIGN_OR_RETURN(const std::string text,
+                            InspectFolder(input, args.options.threads, cancel));
+    std::fputs(text.c_str(), stdout);
+    return absl::OkStatus();
+  }
+  if (args.strict) {
+    LITAGS_RETURN_IF_ERROR(CheckAllReadable(input, args.options.threads, cancel));
+  }
   const std::unique_ptr<Engine> engine = MakeEngine(args.colmap);
   ConsoleObserver observer;
   LITAGS_ASSIGN_OR_RETURN(const ReconstructReport report,
@@ -198,6 +209,10 @@ int Main(int argc, char** argv) {
                  "transforms.json or COLMAP model folder; else COLMAP finds them");
   app.add_flag("--sfm", args.scene.sfm,
                "find the cameras with COLMAP even if DIR has transforms_train.json");
+  app.add_flag("--inspect", args.inspect,
+               "print what would be used of the folder and what left out, and why; train nothing");
+  app.add_flag("--strict", args.strict,
+               "refuse if a photo cannot be read; else it is left out while three remain");
   app.add_option("--depth", args.depth, "folder of depth maps <photo>.{png,pfm,npy}");
   app.add_option("--masks", args.masks,
                  "folder of masks <photo>.png, 0 where a pixel is not of the scene (default: the "

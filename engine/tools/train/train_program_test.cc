@@ -42,6 +42,25 @@ class TrainProgramTest : public testing::Test {
   const std::string scene_ = dir_ / "room", out_ = dir_ / "out";
 };
 
+TEST_F(TrainProgramTest, InspectingSaysWhatIsUsedAndStrictRefusesWhatCannotBeRead) {
+  const std::string photos = scene_ + "/low";
+  const auto names = ListPhotos(photos, "photos");
+  ASSERT_TRUE(names.ok() && names->size() > 4);
+  const std::string& bad = (*names)[1];
+  ASSERT_TRUE(WriteFileAtomically(photos + "/" + bad, "no photo").ok());
+  ASSERT_TRUE(WriteFileAtomically(photos + "/old.bmp", "x").ok());
+  const Outcome outcome = Run({photos, "--inspect", "--cameras", scene_ + "/sparse"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("7 photos would be used, 1 are left out"));
+  EXPECT_THAT(outcome.text, HasSubstr(bad + " is left out"));
+  EXPECT_THAT(outcome.text, HasSubstr("old.bmp"));
+  EXPECT_FALSE(fs::exists(out_ + "/scene.litags"));
+  const Outcome strict = Run({photos, "--strict", "--cameras", scene_ + "/sparse"});
+  EXPECT_EQ(strict.exit_code, 1);
+  EXPECT_THAT(strict.text, HasSubstr("PHOTO_UNREADABLE"));
+  EXPECT_THAT(strict.text, HasSubstr(bad));
+}
+
 TEST_F(TrainProgramTest, EveryPhotoGetsAPictureInNormalLight) {
   const Outcome outcome = Run({scene_ + "/low", "--cameras", scene_ + "/sparse"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
