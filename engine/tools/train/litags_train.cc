@@ -143,6 +143,25 @@ void PrintReport(const ReconstructReport& report, int test_photos) {
               report.scene_path.c_str());
 }
 
+// What an inspection writes, such as masks that it makes, is of no use after it.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string pattern = fs::temp_directory_path() / "litags-inspect-XXXXXX";
+    if (mkdtemp(pattern.data()) != nullptr) path_ = pattern;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
@@ -201,8 +220,7 @@ int Main(int argc, char** argv) {
       ->required();
   app.add_option("-o,--out", args.out,
                  "folder for scene.litags, scene.ply, report.json and views/PHOTO.png, the photos' "
-                 "views in normal light; with test views also test/PHOTO.png and evaluation.json")
-      ->required();
+                 "views in normal light; with test views also test/PHOTO.png and evaluation.json");
   app.add_option("--light", args.scene.light,
                  "benchmark layout: photos are in DIR/LIGHT (low, over_exp, high)");
   app.add_option("--cameras", args.scene.cameras,
@@ -227,12 +245,18 @@ int Main(int argc, char** argv) {
                  "folder of normally lit photos to compare with (default DIR/high)");
   app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();
   AddMethodOptions(&app, &args.options, &args.set);
+  app.callback([&args] {
+    if (args.out.empty() && !args.inspect) throw CLI::RequiredError("--out");
+  });
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
 
   CancelToken cancel;
   g_cancel = &cancel;
   std::signal(SIGINT, OnSignal);
   std::signal(SIGTERM, OnSignal);
+  if (!args.out.empty()) return Print(Run(args, cancel)).ok() ? 0 : 1;
+  const ScratchFolder scratch;
+  args.out = scratch.path();
   return Print(Run(args, cancel)).ok() ? 0 : 1;
 }
 

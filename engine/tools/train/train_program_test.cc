@@ -28,9 +28,13 @@ class TrainProgramTest : public testing::Test {
     int exit_code = 0;
     std::string text;
   };
-  Outcome Run(const std::vector<std::string>& arguments) {
+  Outcome Run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"-o", out_, "--iterations", "30", "--threads", "1"});
+    return RunAlone(arguments);
+  }
+  static Outcome RunAlone(const std::vector<std::string>& arguments) {
     SubprocessOptions child;
-    child.args = {LITAGS_TRAIN, "-o", out_, "--iterations", "30", "--threads", "1"};
+    child.args = {LITAGS_TRAIN};
     child.args.insert(child.args.end(), arguments.begin(), arguments.end());
     child.tail_lines = 1000;
     const auto result = RunSubprocess(child, CancelToken());
@@ -55,6 +59,12 @@ TEST_F(TrainProgramTest, InspectingSaysWhatIsUsedAndStrictRefusesWhatCannotBeRea
   EXPECT_THAT(outcome.text, HasSubstr(bad + " is left out"));
   EXPECT_THAT(outcome.text, HasSubstr("old.bmp"));
   EXPECT_FALSE(fs::exists(out_ + "/scene.litags"));
+  const Outcome without_out = RunAlone({photos, "--inspect"});
+  EXPECT_EQ(without_out.exit_code, 0) << without_out.text;
+  EXPECT_THAT(without_out.text, HasSubstr("7 photos would be used"));
+  const Outcome nowhere = RunAlone({photos});
+  EXPECT_EQ(nowhere.exit_code, 2);
+  EXPECT_THAT(nowhere.text, HasSubstr("--out is required"));
   const Outcome strict = Run({photos, "--strict", "--cameras", scene_ + "/sparse"});
   EXPECT_EQ(strict.exit_code, 1);
   EXPECT_THAT(strict.text, HasSubstr("PHOTO_UNREADABLE"));
