@@ -8,6 +8,7 @@ import threading
 import unittest
 
 import harness
+from harness import rpc
 
 SECRET = "0123456789abcdef0123456789abcdef"
 
@@ -51,6 +52,9 @@ class Webhooks(harness.ServiceTest):
         self.receiver = Receiver()
         self.addCleanup(self.receiver.server_close)
         self.addCleanup(self.receiver.shutdown)
+
+    def job(self, name):
+        return self.jobs.GetJob(rpc.GetJobRequest(name=name))
 
     def told(self, count):
         self.wait_for(lambda: len(self.receiver.told) >= count, f"told {count} times")
