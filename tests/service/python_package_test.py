@@ -97,12 +97,14 @@ class Package(harness.ServiceTest):
         cameras = pathlib.Path(self.folder, "transforms.json")
         cameras.write_text("{}")
         client = self.client()
+        before = len(self.jobs.ListJobs(harness.rpc.ListJobsRequest()).jobs)
         with self.assertRaises(litags.LitagsError) as caught:
             client.submit([folder / "a.png", folder / "b.png", folder / "c.png"], cameras=cameras)
         self.assertRegex(caught.exception.field, r"cameras\[transforms.json\]")
         with self.assertRaises(litags.LitagsError) as caught:
             client.submit([folder / "a.png"])
         self.assertEqual(caught.exception.reason, "TOO_FEW_PHOTOS")
+        self.assertEqual(len(self.jobs.ListJobs(harness.rpc.ListJobsRequest()).jobs), before)
         with self.assertRaisesRegex(ValueError, "holds no photos"):
             client.submit(tempfile.mkdtemp(dir=self.folder))
 

@@ -50,6 +50,8 @@ class _Patience:
 
     def wait(self, error: grpc.RpcError) -> None:
         """Returns when it is time for the next attempt, or raises what `error` says."""
+        if errors.details(error).details:  # a busy server's, for instance
+            self._client._answered = True
         seconds = self._client._retry_seconds if self._client._answered else 0
         if not errors.may_succeed_later(error) or time.monotonic() - self._begun > seconds:
             raise errors.of_call(error) from error
@@ -89,7 +91,7 @@ class Client:
                labels: Mapping[str, str] | None = None, cameras: Path | None = None,
                title: str = "") -> str:
         """Sends a folder or a list of photos, starts the job and returns its name. `cameras`: a
-        transforms.json or the folder of a COLMAP model."""
+        transforms.json or the folder of a COLMAP model. Removes a job whose files are refused."""
         found = files.find_photos(photos)
         if cameras is not None:
             found += files.find_cameras(cameras)
@@ -99,10 +101,17 @@ class Client:
         job = self._call(self.jobs.CreateJob, rpc.CreateJobRequest(
             request_id=str(uuid.uuid4()), display_name=title, options=options,
             labels=labels or {})).name
-        for start in range(0, len(found), _FILES_PER_STREAM):
-            self._upload(job, found[start:start + _FILES_PER_STREAM])
-        self._call(self.jobs.StartJob,
-                   rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
+        try:
+            for start in range(0, len(found), _FILES_PER_STREAM):
+                self._upload(job, found[start:start + _FILES_PER_STREAM])
+            self._call(self.jobs.StartJob,
+                       rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
+        except errors.LitagsError as error:
+            if error.code != grpc.StatusCode.UNAVAILABLE:  # refused: nobody could go on with it
+                with contextlib.suppress(errors.LitagsError):
+                    self._call(self.jobs.DeleteJob,
+                               rpc.DeleteJobRequest(name=job, allow_missing=True))
+            raise
         return job
 
     def job(self, job: str) -> job_pb2.Job:
