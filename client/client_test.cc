@@ -130,6 +130,25 @@ TEST_F(ClientTest, ARefusedFileIsNotSentAgain) {
   EXPECT_EQ(service_.state()->streams, 1);
 }
 
+TEST_F(ClientTest, AnUnreadablePhotoIsLeftOutWithItsMaskWhileEnoughRemain) {
+  for (const char* name :
+       {"a.jpg", "b.jpg", "bad.jpg", "c.jpg", "masks/a.jpg.png", "masks/bad_mask.png"}) {
+    Write(name, "x");
+  }
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_EQ(service_.state()->stored.size(), 4u);
+  EXPECT_EQ(service_.state()->stored.count("bad_mask.png"), 0u);
+  EXPECT_THAT(last_progress_.left_out, ElementsAre(HasSubstr("bad.jpg is left out: ")));
+  EXPECT_EQ(last_progress_.files_done, 4);
+  EXPECT_EQ(last_progress_.bytes, 4);
+
+  auto capture = ScanCapture(dir_.string(), "", "", "");
+  ASSERT_TRUE(capture.ok());
+  const absl::Status strict = UploadFiles(
+      *client_, "jobs/1", capture->files, [](const UploadProgress&) {}, /*strict=*/true);
+  EXPECT_EQ(DetailOf(strict).field(), "images[bad.jpg]");
+}
+
 TEST_F(ClientTest, WatchingOverABreakingConnectionLosesAndDoublesNothing) {
   service_.state()->breaks_left = 3;
   absl::Status status;
@@ -345,6 +364,27 @@ TEST_F(ClientTest, ScanningTakesMasksBesideThePhotosOrOfAFolder) {
   EXPECT_EQ(
       DetailOf(ScanCapture(dir_.string(), "", "", (dir_ / "none").string()).status()).reason(),
       "NO_MASKS");
+}
+
+TEST_F(ClientTest, ScanningTakesTheLargestModelOfAFolder) {
+  Write("a.jpg", "x");
+  for (const auto& [dir, count] : {std::pair("m/sparse/0", '\2'), std::pair("m/sparse/1", '\5')}) {
+    Write(absl::StrCat(dir, "/cameras.bin"), "x");
+    Write(absl::StrCat(dir, "/images.bin"), std::string(1, count) + std::string(7, '\0'));
+  }
+  const auto capture = ScanCapture(dir_.string(), (dir_ / "m").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  ASSERT_EQ(capture->files.size(), 3u);  // no file of points
+  EXPECT_EQ(capture->files[1].path, (dir_ / "m/sparse/1/cameras.bin").string());
+  EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("m/sparse/1")));
+}
+
+TEST_F(ClientTest, ScanningSaysWhatPicturesThereAreInstead) {
+  Write("1.bmp", "x");
+  Write("2.EXR", "x");
+  const absl::Status status = ScanCapture(dir_.string(), "", "", "").status();
+  EXPECT_EQ(DetailOf(status).reason(), "NO_PHOTOS");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("2 files are of a kind that is not read"));
 }
 
 TEST_F(ClientTest, ScanningRefusesMissingEmptyAndPhotolessFolders) {

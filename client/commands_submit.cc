@@ -23,7 +23,7 @@ struct SubmitArgs {
   std::string dir, cameras, depth_dir, masks_dir, name, request_id;
   std::string webhook, webhook_secret;
   std::vector<std::string> labels;
-  bool watch = false;
+  bool watch = false, strict = false;
   v1::JobOptions options;
   Treatment treatment;
 };
@@ -64,6 +64,9 @@ void NoteUpload(const UploadProgress& progress) {
   if (done && !progress.skipped.empty()) {
     Note(absl::StrCat("not used, of what is in the archive: ", ShortList(progress.skipped)));
   }
+  if (done) {
+    for (const std::string& why : progress.left_out) Note(why);
+  }
   if (isatty(STDERR_FILENO)) {
     std::fprintf(stderr, "\r%s\x1b[K%s", text.c_str(), done ? "\n" : "");
     std::fflush(stderr);
@@ -98,8 +101,9 @@ void CleanUp(Session& session, const SubmitArgs& args, const std::string& job,
                                    job));
 }
 
-absl::Status UploadAndStart(Session& session, const std::string& job, Capture& capture) {
-  absl::Status status = UploadFiles(session.client(), job, capture.files, NoteUpload);
+absl::Status UploadAndStart(Session& session, const std::string& job, Capture& capture,
+                            bool strict) {
+  absl::Status status = UploadFiles(session.client(), job, capture.files, NoteUpload, strict);
   if (!status.ok()) return status;
   return session.client().StartJob(job).status();
 }
@@ -109,6 +113,7 @@ int Submit(Session& session, const SubmitArgs& args) {
   if (!capture.ok()) return ReportError(session, capture.status());
   NoteSkipped(*capture);
   NoteMasks(*capture);
+  for (const std::string& note : capture->notes) Note(note);
 
   v1::CreateJobRequest request;
   request.set_display_name(args.name);
@@ -129,7 +134,7 @@ int Submit(Session& session, const SubmitArgs& args) {
   if (!job.ok()) return ReportError(session, job.status());
 
   if (job->state() == v1::JOB_STATE_UPLOADING) {
-    const absl::Status status = UploadAndStart(session, job->name(), *capture);
+    const absl::Status status = UploadAndStart(session, job->name(), *capture, args.strict);
     if (!status.ok()) {
       const int exit_code = ReportError(session, status, job->name());
       CleanUp(session, args, job->name(), status);
@@ -159,6 +164,8 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
           ".tar.gz of it")
       ->required();
   command->add_flag("--watch", args->watch, "Then follow the job until it ends");
+  command->add_flag("--strict", args->strict,
+                    "Refuse if the service cannot read one of the photos; else it is left out");
   command->add_option("--name", args->name, "Title for humans");
   AddLabelOption(*command, args->labels);
   command->add_option("--cameras", args->cameras,

@@ -85,19 +85,71 @@ std::string FoldersWithPhotos(const fs::path& dir) {
   return found;
 }
 
-// The files of a COLMAP model, in text form if there is no binary one.
+bool IsColmapModel(const fs::path& dir) {
+  std::error_code ignored;
+  return fs::exists(dir / "cameras.bin", ignored) || fs::exists(dir / "cameras.txt", ignored);
+}
+
+// How many images a COLMAP model has: the first number of images.bin, or the lines of images.txt,
+// which are two for each.
+uint64_t ImagesOf(const fs::path& dir) {
+  uint64_t count = 0;
+  std::ifstream binary(dir / "images.bin", std::ios::binary);
+  if (binary.read(reinterpret_cast<char*>(&count), sizeof(count))) return count;
+  std::ifstream text(dir / "images.txt");
+  for (std::string line; std::getline(text, line);) count += !line.starts_with('#');
+  return count / 2;
+}
+
+// What is meant by a folder: as the engine's ResolveCameras, it itself, the largest of the models
+// inside or inside its folder sparse, or its transforms.json.
+fs::path ResolveCameras(const fs::path& path) {
+  std::error_code ignored;
+  if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
+  std::vector<fs::path> models;
+  for (const fs::path& parent : {path, path / "sparse"}) {
+    for (const auto& entry : fs::directory_iterator(parent, ignored)) {
+      if (IsColmapModel(entry.path())) models.push_back(entry.path());
+    }
+  }
+  std::sort(models.begin(), models.end());
+  const auto largest = std::max_element(
+      models.begin(), models.end(),
+      [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });
+  if (largest != models.end()) return *largest;
+  const fs::path json = path / "transforms.json";
+  return fs::is_regular_file(json, ignored) ? json : path;
+}
+
+// The files of a COLMAP model, in text form if there is no binary one; it may have no points.
 absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
   std::error_code ignored;  // MakeLocalFile says what is wrong
   const bool text = !fs::exists(fs::path(dir) / "cameras.bin", ignored) &&
                     fs::exists(fs::path(dir) / "cameras.txt", ignored);
   for (const char* stem : {"cameras", "images", "points3D"}) {
-    const std::string name = absl::StrCat(stem, text ? ".txt" : ".bin");
-    auto file = MakeLocalFile(fs::path(dir) / name, v1::FILE_ROLE_COLMAP);
+    const fs::path path = fs::path(dir) / absl::StrCat(stem, text ? ".txt" : ".bin");
+    if (std::string_view(stem) == "points3D" && !fs::exists(path, ignored)) continue;
+    auto file = MakeLocalFile(path, v1::FILE_ROLE_COLMAP);
     if (!file.ok()) return file.status();
     capture->bytes += file->size_bytes;
     capture->files.push_back(*std::move(file));
   }
   return absl::OkStatus();
+}
+
+// "17 pictures are of a kind that is not read, 0001.webp for one: convert them to JPEG or PNG".
+std::string DescribeOtherPictures(const std::vector<std::string>& names) {
+  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".jp2", ".psd",
+                                         ".crw", ".mp4", ".mov", ".avi", ".mkv"};
+  std::vector<std::string> others;
+  for (const std::string& name : names) {
+    if (HasEnding(name, kOther)) others.push_back(name);
+  }
+  if (others.empty()) return "";
+  std::sort(others.begin(), others.end());
+  return absl::StrCat(others.size(), others.size() == 1 ? " file is" : " files are",
+                      " of a kind that is not read, ", others[0],
+                      others.size() == 1 ? "" : " for one", ": convert to JPEG or PNG");
 }
 
 // Adds the files of one folder; those with other endings go to capture->skipped.
@@ -264,6 +316,44 @@ class Batch {
   int64_t known_bytes_ = 0;
 };
 
+// As the service has it: two do not make a scene.
+constexpr int kMinPhotos = 3;
+
+std::string StemOf(const std::string& name) { return name.substr(0, name.rfind('.')); }
+
+bool IsMaskOf(const std::string& photo, const std::string& mask) {
+  const std::string of = StemOf(mask);
+  for (const std::string& name : {photo, StemOf(photo)}) {
+    if (of == name || of == name + "_mask" || of == name + ".mask") return true;
+  }
+  return false;
+}
+
+// If `status` says that the service cannot read one of the photos and enough others remain, takes
+// that one out of `files`, with its mask; the files are sorted by role, photos first.
+bool LeaveOutUnreadable(const absl::Status& status, std::vector<LocalFile>* files,
+                        UploadProgress* progress) {
+  if (status.ok()) return false;
+  const v1::ErrorDetail detail = DetailOf(status);
+  if (!detail.reason().starts_with("IMAGE_") && detail.reason() != "FILE_EMPTY") return false;
+  const auto is_photo = [](const LocalFile& f) { return f.role == v1::FILE_ROLE_PHOTO; };
+  const auto bad = std::find_if(files->begin(), files->end(), [&](const LocalFile& f) {
+    return is_photo(f) && detail.field() == absl::StrCat("images[", f.name, "]");
+  });
+  if (bad == files->end()) return false;
+  if (std::count_if(files->begin(), files->end(), is_photo) <= kMinPhotos) return false;
+  const std::string photo = bad->name;
+  progress->left_out.push_back(absl::StrCat(photo, " is left out: ", status.message()));
+  std::erase_if(*files, [&](const LocalFile& f) {
+    const bool gone =
+        is_photo(f) ? f.name == photo : f.role == v1::FILE_ROLE_MASK && IsMaskOf(photo, f.name);
+    if (gone) progress->bytes -= f.size_bytes;
+    return gone;
+  });
+  progress->files = static_cast<int>(files->size());
+  return true;
+}
+
 }  // namespace
 
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
@@ -282,20 +372,24 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   if (!status.ok()) return status;
   if (capture.files.empty()) {
     const std::string inside = FoldersWithPhotos(photos_dir);
+    const std::string others = DescribeOtherPictures(capture.skipped);
     return BadInput(
         "NO_PHOTOS", "DIR",
         absl::StrCat(photos_dir, ": holds no photos (", Joined(v1::kPhotoEndings), "); ",
-                     inside.empty() ? "give the folder that holds them"
-                                    : absl::StrCat("did you mean ", inside, "?")));
+                     !others.empty()  ? others
+                     : inside.empty() ? "give the folder that holds them"
+                                      : absl::StrCat("did you mean ", inside, "?")));
   }
-  if (std::error_code error; fs::is_directory(cameras_path, error)) {
-    status = AddColmapModel(cameras_path, &capture);
+  const std::string resolved = ResolveCameras(cameras_path).string();
+  if (resolved != cameras_path) capture.notes.push_back(absl::StrCat("cameras: ", resolved));
+  if (std::error_code error; fs::is_directory(resolved, error)) {
+    status = AddColmapModel(resolved, &capture);
     if (!status.ok()) return status;
-  } else if (!cameras_path.empty()) {
-    if (!fs::is_regular_file(cameras_path, error)) {
-      return Unreadable(cameras_path, error ? error.message() : "not a file");
+  } else if (!resolved.empty()) {
+    if (!fs::is_regular_file(resolved, error)) {
+      return Unreadable(resolved, error ? error.message() : "not a file");
     }
-    auto cameras = MakeLocalFile(cameras_path, v1::FILE_ROLE_CAMERAS);
+    auto cameras = MakeLocalFile(resolved, v1::FILE_ROLE_CAMERAS);
     if (!cameras.ok()) return cameras.status();
     capture.bytes += cameras->size_bytes;
     capture.files.push_back(*std::move(cameras));
@@ -337,7 +431,7 @@ absl::StatusOr<std::string> FileSha256(const std::string& path) {
 }
 
 absl::Status UploadFiles(Client& client, const std::string& job, std::vector<LocalFile>& files,
-                         absl::FunctionRef<void(const UploadProgress&)> on_progress) {
+                         absl::FunctionRef<void(const UploadProgress&)> on_progress, bool strict) {
   UploadProgress progress;
   progress.files = static_cast<int>(files.size());
   for (const LocalFile& file : files) progress.bytes += file.size_bytes;
@@ -355,6 +449,7 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     }
     const absl::Status status =
         client.Retry([&](bool* progressed) { return batch.Send(progressed); });
+    if (!strict && LeaveOutUnreadable(status, &files, &progress)) continue;
     if (!status.ok()) return status;
     progress.files_done += static_cast<int>(last - first);
     progress.bytes_done += bytes;

@@ -26,14 +26,15 @@ struct Capture {
   std::vector<LocalFile> files;      // by role, then name
   std::vector<std::string> skipped;  // names in the folders that are of no use there
   int64_t bytes = 0;                 // of all files
+  std::vector<std::string> notes;    // what the user should know of the choice
   std::string masks_dir;             // where masks come from; empty: there are none
 };
 
 // The photos of a folder (not of its subfolders; hidden files do not count) or a ZIP or TAR archive
-// of one, and, where the paths are not empty, cameras (a transforms.json or the folder of a COLMAP
-// model), a folder of depth maps and one of masks; without one, the photos' subfolder "masks", if
-// there is one. INVALID_ARGUMENT: FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS,
-// FILE_UNREADABLE.
+// of one, and, where the paths are not empty, cameras (a transforms.json, or the folder of a COLMAP
+// model or of several, of which the largest is taken), a folder of depth maps and one of masks;
+// without one, the photos' subfolder "masks", if there is one. INVALID_ARGUMENT: FOLDER_MISSING,
+// FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, FILE_UNREADABLE.
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
                                     const std::string& depth_dir, const std::string& masks_dir);
 
@@ -45,15 +46,19 @@ struct UploadProgress {
   int files = 0;
   int64_t bytes_done = 0;
   int64_t bytes = 0;
-  std::vector<std::string> skipped;  // files in archives that the service has no use for
+  std::vector<std::string> skipped;   // files in archives that the service has no use for
+  std::vector<std::string> left_out;  // why, of each photo that the service cannot read
 };
 
 // Sends the files to a job in state UPLOADING and returns when the server has acknowledged all.
 // They go in streams of a few megabytes each; before each, and after a broken one, the server is
-// asked what it has, so that no byte that arrived is sent again. INVALID_ARGUMENT
+// asked what it has, so that no byte that arrived is sent again. A photo that the service cannot
+// read is left out, and its mask, as long as three remain; with `strict` it is an error.
+// INVALID_ARGUMENT
 // (FILE_UNREADABLE, FILE_CHANGED) for trouble on this side, else the errors of UploadImages.
 absl::Status UploadFiles(Client& client, const std::string& job, std::vector<LocalFile>& files,
-                         absl::FunctionRef<void(const UploadProgress&)> on_progress);
+                         absl::FunctionRef<void(const UploadProgress&)> on_progress,
+                         bool strict = false);
 
 // A digest over roles, names and contents of all files, for CreateJobRequest.content_digest; fills
 // in their own digests. INVALID_ARGUMENT (FILE_UNREADABLE).

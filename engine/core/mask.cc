@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/error.h"
@@ -72,6 +73,14 @@ std::string FieldOf(const std::string& mask) { return absl::StrCat("masks[", mas
 // Without the part after the last dot.
 std::string WithoutExtension(const std::string& name) { return name.substr(0, name.rfind('.')); }
 
+// Other tools' names: "0001_mask", "0001.jpg.mask".
+std::string WithoutMaskWord(const std::string& name) {
+  for (const char* word : {"_mask", ".mask"}) {
+    if (absl::EndsWithIgnoreCase(name, word)) return name.substr(0, name.size() - 5);
+  }
+  return name;
+}
+
 }  // namespace
 
 const PlaneU8& MaskOf(absl::Span<const PlaneU8> masks, size_t i) {
@@ -124,21 +133,25 @@ absl::StatusOr<std::map<std::string, std::string>> MatchMasks(absl::Span<const s
   std::map<std::string, std::string> mask_of;
   for (const std::string& mask : masks) {
     const std::string wanted = WithoutExtension(mask);
-    std::string photo = wanted;
-    if (!names.contains(wanted)) {
-      const auto stem = by_stem.find(wanted);
-      if (stem == by_stem.end()) {
-        return InvalidInput(
-            "MASK_WITHOUT_PHOTO", FieldOf(mask),
-            absl::StrCat(FieldOf(mask), ": there is no photo ", wanted, " or ", wanted,
-                         ".*; name masks <photo's name>.png, as 0001.jpg.png, or leave it out"));
-      }
-      if (stem->second.empty()) {
-        return InvalidInput("MASK_AMBIGUOUS", FieldOf(mask),
-                            absl::StrCat(FieldOf(mask), ": several photos are called ", wanted,
-                                         ".*; name the mask <photo's whole name>.png"));
-      }
+    std::string photo;
+    bool several = false;
+    for (const std::string& form : {wanted, WithoutMaskWord(wanted)}) {
+      if (names.contains(form)) photo = form;
+      const auto stem = by_stem.find(form);
+      if (!photo.empty() || stem == by_stem.end()) continue;
       photo = stem->second;
+      several = photo.empty();
+    }
+    if (several) {
+      return InvalidInput("MASK_AMBIGUOUS", FieldOf(mask),
+                          absl::StrCat(FieldOf(mask), ": several photos are called ", wanted,
+                                       ".*; name the mask <photo's whole name>.png"));
+    }
+    if (photo.empty()) {
+      return InvalidInput(
+          "MASK_WITHOUT_PHOTO", FieldOf(mask),
+          absl::StrCat(FieldOf(mask), ": there is no photo ", wanted, " or ", wanted,
+                       ".*; name masks <photo's name>.png, as 0001.jpg.png, or leave it out"));
     }
     const auto [first, added] = mask_of.emplace(photo, mask);
     if (!added) {

@@ -121,6 +121,16 @@ TEST(Mask, NamesAreThePhotosNameOrItsStemWithPng) {
   EXPECT_EQ(matched->at("e.png"), "e.png.PNG");
 }
 
+TEST(Mask, NamesOfOtherToolsAreKnown) {
+  const auto matched = MatchMasks({"a.jpg", "b.jpg", "c.jpg", "d_mask.jpg"},
+                                  {"a_mask.png", "b.jpg.mask.png", "c.mask.png", "d_mask.png"});
+  ASSERT_TRUE(matched.ok()) << matched.status();
+  EXPECT_EQ(matched->at("a.jpg"), "a_mask.png");
+  EXPECT_EQ(matched->at("b.jpg"), "b.jpg.mask.png");
+  EXPECT_EQ(matched->at("c.jpg"), "c.mask.png");
+  EXPECT_EQ(matched->at("d_mask.jpg"), "d_mask.png");
+}
+
 TEST(Mask, NamesThatFitNoPhotoOrSeveralAreRefused) {
   EXPECT_EQ(ReasonOf(MatchMasks({"a.jpg"}, {"b.png"}).status()), "MASK_WITHOUT_PHOTO masks[b.png]");
   EXPECT_EQ(ReasonOf(MatchMasks({"a.jpg", "a.png"}, {"a.png"}).status()),

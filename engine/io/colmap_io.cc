@@ -349,6 +349,10 @@ absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_
   constexpr const char* kFiles[3] = {"/cameras", "/images", "/points3D"};
   for (int i = 0; i < 3; ++i) {
     const std::string name = absl::StrCat(kFiles[i], text ? ".txt" : ".bin");
+    if (i == 2 && !std::filesystem::exists(dir + name, ignored)) {  // cameras without points
+      if (!text) AppendNumber(&bytes[i], uint64_t{0});
+      continue;
+    }
     LITAGS_ASSIGN_OR_RETURN(bytes[i],
                             ReadFile(dir + name, absl::StrCat(Absl(field), name), kMaxFileBytes));
   }

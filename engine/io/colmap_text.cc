@@ -32,7 +32,13 @@ std::string_view Trimmed(std::string_view text) {
 // Lines of a file, trimmed, and where they stand.
 class LineReader {
  public:
-  LineReader(std::string_view text, std::string field) : rest_(text), field_(std::move(field)) {}
+  LineReader(std::string_view text, std::string field) : rest_(text), field_(std::move(field)) {
+    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // Windows' editors write it
+    if (rest_.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
+  }
+
+  // The next line without going to it; empty at the end.
+  std::string_view Peek() const { return Trimmed(rest_.substr(0, rest_.find('\n'))); }
 
   // The next line, whatever is in it; false at the end.
   bool Next(std::string_view* line) {
@@ -141,6 +147,20 @@ absl::StatusOr<std::string> Cameras(LineReader lines) {
   return Counted(count, records);
 }
 
+// Number, rotation, translation, camera, name. Observations are threes of numbers.
+bool IsImage(std::string_view line) {
+  Words words(line);
+  std::string ignored;
+  if (!words.Copy<uint32_t>(1, &ignored) || !words.Copy<double>(7, &ignored) ||
+      !words.Copy<uint32_t>(1, &ignored) || words.rest().empty()) {
+    return false;
+  }
+  int more = 0;
+  bool numbers = true;
+  for (double number = 0; !words.rest().empty(); ++more) numbers = words.Read(&number) && numbers;
+  return !numbers || more % 3 != 0;
+}
+
 absl::StatusOr<std::string> Images(LineReader lines) {
   std::string records;
   uint64_t count = 0;
@@ -152,10 +172,10 @@ absl::StatusOr<std::string> Images(LineReader lines) {
       return lines.Corrupt("an image has its number, rotation, translation, camera and name");
     }
     records.append(words.rest()).push_back('\0');
-    // The line that follows, empty or not, has the observations.
+    // The line that follows, empty or not, has the observations; some exporters leave it out.
     std::string observations;
     uint64_t observed = 0;
-    if (!lines.Next(&line)) line = "";
+    if (IsImage(lines.Peek()) || !lines.Next(&line)) line = "";
     for (Words seen(line); !seen.rest().empty(); ++observed) {
       if (!seen.Copy<double>(2, &observations) || !seen.Copy<int64_t>(1, &observations)) {
         return lines.Corrupt("an observation has x, y and the number of a point, or -1");

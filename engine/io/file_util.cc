@@ -15,6 +15,7 @@
 #include <system_error>
 #include <utility>
 
+#include "engine/core/name_key.h"
 #include "engine/core/utf8.h"
 #include "engine/io/io_error.h"
 
@@ -225,17 +226,24 @@ std::string Stem(std::string_view path) {
   return name;
 }
 
+// Of names that are alike the first is kept, whole names before stems.
 NameIndex::NameIndex(absl::Span<const std::string> names) {
   for (size_t i = 0; i < names.size(); ++i) {
     by_name_.emplace(names[i], i);
-    by_stem_.emplace(Stem(names[i]), i);
+    by_stem_.emplace(NameKey(names[i]), i);
   }
+  for (size_t i = 0; i < names.size(); ++i) by_stem_.emplace(NameKey(Stem(names[i])), i);
 }
 
 std::optional<size_t> NameIndex::Find(const std::string& name) const {
   if (const auto named = by_name_.find(name); named != by_name_.end()) return named->second;
-  const auto stemmed = by_stem_.find(Stem(name));
-  return stemmed == by_stem_.end() ? std::nullopt : std::optional(stemmed->second);
+  for (const std::string& form : {name, BaseName(WithoutPercent(name))}) {
+    // A name without an ending may have dots: what follows the last is no ending then.
+    for (const std::string& key : {NameKey(form), NameKey(Stem(form))}) {
+      if (const auto found = by_stem_.find(key); found != by_stem_.end()) return found->second;
+    }
+  }
+  return std::nullopt;
 }
 
 }  // namespace litags

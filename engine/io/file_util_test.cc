@@ -159,5 +159,15 @@ TEST(NameIndex, FindsByNameElseByStem) {
   EXPECT_EQ(index.Find("c.png"), std::nullopt);
 }
 
+TEST(NameIndex, FindsNamesAsOtherProgramsWriteThem) {
+  const std::vector<std::string> names = {"clip.2024.frame_1.JPG", "clip.2024.frame_2.JPG",
+                                          "Su\u0308d 1.jpg", "\u00DF (1).jpg"};
+  const NameIndex index(names);
+  EXPECT_EQ(index.Find("clip.2024.frame_2"), 1u);  // what follows the last dot is no ending
+  EXPECT_EQ(index.Find("clip.2024.frame_3"), std::nullopt);
+  EXPECT_EQ(index.Find("S\u00FCd 1.jpg"), 2u);
+  EXPECT_EQ(index.Find("%C3%9F%20(1).png"), 3u);
+}
+
 }  // namespace
 }  // namespace litags

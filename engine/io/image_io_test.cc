@@ -123,10 +123,12 @@ TEST(DecodeImage, RefusesWhatIsNoPhoto) {
 TEST(DecodeImage, RefusesEveryTruncation) {
   const ImageU8 image = TestImage(40, 24);
   for (const std::string& bytes : {EncodeJpeg(image).value(), EncodePng(image).value(),
-                                   EncodeTestJpeg(image, TestJpeg::kProgressive)}) {
+                                   EncodeTestJpeg(image, TestJpeg::kProgressive),
+                                   EncodeTestJpeg(image, TestJpeg::kScanEach)}) {
     ASSERT_TRUE(DecodeImage(bytes, "f").ok());
     std::set<std::string> reasons;
-    for (size_t n = 0; n < bytes.size(); ++n) {
+    const size_t end_mark = bytes.starts_with("\xFF\xD8") ? 2 : 0;
+    for (size_t n = 0; n < bytes.size() - end_mark; ++n) {
       const absl::StatusOr<ImageU8> result = DecodeImage(std::string_view(bytes).substr(0, n), "f");
       ASSERT_FALSE(result.ok()) << n << " of " << bytes.size();
       reasons.insert(Reason(result.status()));
@@ -134,6 +136,22 @@ TEST(DecodeImage, RefusesEveryTruncation) {
     EXPECT_THAT(reasons, testing::UnorderedElementsAre("IMAGE_EMPTY", "IMAGE_NOT_RECOGNIZED",
                                                        "IMAGE_TRUNCATED"));
   }
+}
+
+TEST(DecodeImage, AJpegMayLackItsEndMarkIfNothingElseIsMissing) {
+  const ImageU8 image = TestImage(40, 24);
+  for (const TestJpeg kind : {TestJpeg::kPlain, TestJpeg::kProgressive}) {
+    const std::string bytes = EncodeTestJpeg(image, kind);
+    for (const size_t missing : {1, 2}) {
+      const auto cut = DecodeImage(bytes.substr(0, bytes.size() - missing), "f");
+      ASSERT_TRUE(cut.ok()) << cut.status();
+      EXPECT_EQ(cut->data, DecodeImage(bytes, "f")->data);
+    }
+  }
+  // Nothing tells whether the scan that came last was the last.
+  const std::string scans = EncodeTestJpeg(image, TestJpeg::kScanEach);
+  EXPECT_EQ(Reason(DecodeImage(scans.substr(0, scans.size() - 2), "f").status()),
+            "IMAGE_TRUNCATED");
 }
 
 // libjpeg reads on at the next marker, too.

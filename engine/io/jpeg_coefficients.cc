@@ -29,7 +29,7 @@ void JpegCoefficients::Refuse(ErrorState* state, const char* why) {
 void JpegCoefficients::OnError(j_common_ptr cinfo) {
   ErrorState* state = StateOf(cinfo);
   if (state->damage == Damage::kNone) {
-    state->damage = Damage::kCorrupt;
+    state->damage = state->ended ? Damage::kTruncated : Damage::kCorrupt;
     cinfo->err->format_message(cinfo, state->message);
   }
   std::longjmp(state->escape, 1);
@@ -41,13 +41,17 @@ void JpegCoefficients::OnMessage(j_common_ptr cinfo, int level) {
   ErrorState* state = StateOf(cinfo);
   if (level >= 0 || state->damage != Damage::kNone) return;
   switch (cinfo->err->msg_code) {
+    // The end mark may be all that is missing: libjpeg puts one there. What needs data beyond it
+    // meets it too early, and scans that never came show in HasAllScans().
     case JWRN_JPEG_EOF:
+      state->ended = true;
+      return;
     case JWRN_HIT_MARKER:
       state->damage = Damage::kTruncated;
       break;
     case JWRN_HUFF_BAD_CODE:
     case JWRN_MUST_RESYNC:
-      state->damage = Damage::kCorrupt;
+      state->damage = state->ended ? Damage::kTruncated : Damage::kCorrupt;
       break;
     default:
       return;
@@ -71,6 +75,18 @@ JpegCoefficients::JpegCoefficients() {
 
 JpegCoefficients::~JpegCoefficients() { jpeg_destroy_decompress(&cinfo_); }
 
+// Whether every coefficient came to its last bit. Of a sequential JPEG there is no such table: its
+// last scan must hold all components.
+bool JpegCoefficients::HasAllScans() const {
+  if (cinfo_.coef_bits == nullptr) return cinfo_.comps_in_scan == cinfo_.num_components;
+  for (int c = 0; c < cinfo_.num_components; ++c) {
+    for (int k = 0; k < DCTSIZE2; ++k) {
+      if (cinfo_.coef_bits[c][k] != 0) return false;
+    }
+  }
+  return true;
+}
+
 // Only plain C objects live between setjmp and longjmp, as longjmp runs no destructors. Returns
 // false after an error.
 bool JpegCoefficients::ReadAll(std::string_view bytes, const ImageInfo& info) {
@@ -89,8 +105,11 @@ bool JpegCoefficients::ReadAll(std::string_view bytes, const ImageInfo& info) {
   }
   // Its decoder reads zeros past the end without a warning, so damage would pass unseen.
   if (cinfo_.arith_code) Refuse(&state_, "an arithmetic-coded JPEG; save it as a baseline JPEG");
-  // Reads on to the end-of-image marker, so its absence shows.
   arrays_ = jpeg_read_coefficients(&cinfo_);
+  if (state_.ended && !HasAllScans()) {
+    state_.damage = Damage::kTruncated;
+    std::snprintf(state_.message, sizeof(state_.message), "scans are missing");
+  }
   for (int c = 0; c < cinfo_.num_components; ++c) {
     if (cinfo_.comp_info[c].quant_table == nullptr) ERREXIT(&cinfo_, JERR_NO_QUANT_TABLE);
   }

@@ -24,9 +24,9 @@ class JpegCoefficients {
   JpegCoefficients(const JpegCoefficients&) = delete;
   JpegCoefficients& operator=(const JpegCoefficients&) = delete;
 
-  // Reads the whole file, once. `info` is the checked header; libjpeg must find the same size. A
-  // scan that ends early or cannot be decoded is an error, where libjpeg (and OpenCV with it) only
-  // warns and fills the rest with grey. Errors as in image_io.h.
+  // Reads the whole file, once. `info` is the checked header; libjpeg must find the same size. The
+  // end mark may be missing. A scan that ends early or cannot be decoded is an error, where libjpeg
+  // (and OpenCV with it) only warns and fills the rest with grey. Errors as in image_io.h.
   absl::Status Read(std::string_view bytes, const ImageInfo& info, std::string_view field);
 
   // After Read(): 1, 3 or 4 of them, grey, YCbCr, RGB, CMYK or YCCK by color_space().
@@ -49,9 +49,11 @@ class JpegCoefficients {
     jpeg_error_mgr manager;
     std::jmp_buf escape;
     Damage damage;
+    bool ended;  // the data did, without an end mark
     char message[JMSG_LENGTH_MAX];
   };
 
+  bool HasAllScans() const;
   bool ReadAll(std::string_view bytes, const ImageInfo& info);
 
   static ErrorState* StateOf(j_common_ptr cinfo);

@@ -19,6 +19,12 @@ std::vector<jpeg_scan_info> ManyScans() {
   return scans;
 }
 
+std::vector<jpeg_scan_info> ScanEach() {
+  std::vector<jpeg_scan_info> scans;
+  for (int c = 0; c < 3; ++c) scans.push_back({1, {c, 0, 0, 0}, 0, DCTSIZE2 - 1, 0, 0});
+  return scans;
+}
+
 // `configure` is called with libjpeg's defaults set. Rows are `image`'s, or 128 for CMYK.
 template <class Configure>
 std::string Encode(const ImageU8& image, int components, J_COLOR_SPACE space,
@@ -56,11 +62,11 @@ std::string Encode(const ImageU8& image, int components, J_COLOR_SPACE space,
 }  // namespace
 
 std::string EncodeTestJpeg(const ImageU8& image, TestJpeg kind) {
-  const std::vector<jpeg_scan_info> scans = ManyScans();
+  const std::vector<jpeg_scan_info> scans = kind == TestJpeg::kScanEach ? ScanEach() : ManyScans();
   const bool cmyk = kind == TestJpeg::kCmyk;
   return Encode(image, cmyk ? 4 : 3, cmyk ? JCS_CMYK : JCS_RGB, [&](j_compress_ptr cinfo) {
     if (kind == TestJpeg::kProgressive) jpeg_simple_progression(cinfo);
-    if (kind == TestJpeg::kManyScans) {
+    if (kind == TestJpeg::kManyScans || kind == TestJpeg::kScanEach) {
       cinfo->scan_info = scans.data();
       cinfo->num_scans = static_cast<int>(scans.size());
     }

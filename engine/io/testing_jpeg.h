@@ -9,8 +9,10 @@
 namespace litags {
 
 enum class TestJpeg {
+  kPlain,        // baseline, one scan
   kProgressive,  // the usual ten scans
   kManyScans,    // one coefficient of one component per scan: valid, and slow to decode
+  kScanEach,     // sequential, each component in a scan of its own
   kCmyk,
 };
 

@@ -4,9 +4,13 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <set>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/core/limits.h"
@@ -26,6 +30,7 @@ constexpr int kMaxValues = 1000;
 
 // The keys that are read. Nothing else of a file takes memory.
 constexpr std::string_view kKeys[] = {"file_path",
+                                      "mask_path",
                                       "transform_matrix",
                                       "camera_model",
                                       "is_fisheye",
@@ -41,6 +46,8 @@ constexpr std::string_view kKeys[] = {"file_path",
                                       "k2",
                                       "k3",
                                       "k4",
+                                      "k5",
+                                      "k6",
                                       "p1",
                                       "p2"};
 
@@ -210,7 +217,7 @@ absl::Status CheckLens(const Keys& keys) {
     return InvalidField("UNSUPPORTED_CAMERA_MODEL", keys.where(),
                         absl::StrCat(Absl(what), " is not supported; undistort the photos first"));
   };
-  for (const char* key : {"k3", "k4"}) {
+  for (const char* key : {"k3", "k4", "k5", "k6"}) {
     LITAGS_ASSIGN_OR_RETURN(const double value, keys.NumberOr(key, 0));
     if (value != 0) return unsupported(absl::StrCat("lens distortion '", key, "'"));
   }
@@ -259,14 +266,16 @@ absl::StatusOr<cv::Matx34d> ReadMatrix(const Json& frame, const std::string& whe
   const auto bad = [&] {
     return InvalidField("BAD_POSE", where, "'transform_matrix' is not 4x4 finite numbers");
   };
-  if (!it->is_array() || (it->size() != 4 && it->size() != 3)) return bad();
+  if (!it->is_array() || (it->size() != 4 && it->size() != 3 && it->size() != 16)) return bad();
+  const bool flat = it->size() == 16;  // row by row
   cv::Matx34d matrix;
   for (int r = 0; r < 3; ++r) {
-    const Json& row = (*it)[r];
-    if (!row.is_array() || row.size() != 4) return bad();
+    const Json& row = flat ? *it : (*it)[r];
+    if (!flat && (!row.is_array() || row.size() != 4)) return bad();
     for (int c = 0; c < 4; ++c) {
-      if (!row[c].is_number() || !std::isfinite(row[c].get<double>())) return bad();
-      matrix(r, c) = row[c].get<double>();
+      const Json& number = row[flat ? 4 * r + c : c];
+      if (!number.is_number() || !std::isfinite(number.get<double>())) return bad();
+      matrix(r, c) = number.get<double>();
     }
   }
   return matrix;
@@ -300,7 +309,7 @@ absl::Status SetPose(const cv::Matx34d& world_from_gl, const std::string& where,
 }
 
 absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const std::string& where,
-                                     int default_width, int default_height) {
+                                     const PhotoSizes& sizes) {
   if (!frame.is_object()) return InvalidField("BAD_JSON", where, "the frame is not an object");
   const auto path = frame.find("file_path");
   if (path == frame.end() || !path->is_string()) {
@@ -308,8 +317,11 @@ absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const s
   }
   LoadedView loaded;
   loaded.view.name = BaseName(path->get<std::string>());
-  LITAGS_RETURN_IF_ERROR(ReadIntrinsics(Keys(frame, top, where), default_width, default_height,
-                                        &loaded.view.camera, &loaded.distortion));
+  const Keys keys(frame, top, where);
+  const bool sized = keys.Find("w") != nullptr && keys.Find("h") != nullptr;
+  const PhotoSize size = sized ? PhotoSize() : sizes(loaded.view.name);
+  LITAGS_RETURN_IF_ERROR(
+      ReadIntrinsics(keys, size.width, size.height, &loaded.view.camera, &loaded.distortion));
   LITAGS_ASSIGN_OR_RETURN(const cv::Matx34d matrix, ReadMatrix(frame, where));
   LITAGS_RETURN_IF_ERROR(SetPose(matrix, where, &loaded.view.camera));
   return loaded;
@@ -348,7 +360,7 @@ Json IntrinsicsJson(const Camera& camera, const Distortion& d) {
 }  // namespace
 
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
-                                            int default_width, int default_height) {
+                                            const PhotoSizes& sizes) {
   FrameParser parser(json, field);
   // Twice, since what the frames lack may stand behind them.
   LITAGS_ASSIGN_OR_RETURN(const Json top, parser.Run(nullptr));
@@ -356,10 +368,12 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
     return InvalidField("MISSING_KEY", field, "there is no list 'frames'; give a transforms.json");
   }
   std::vector<LoadedView> views;
+  std::set<std::string> seen;  // frames as they are read
   const auto read = [&](const Json& frame) -> absl::Status {
     const std::string where = absl::StrCat(Absl(field), ".frames[", parser.frames(), "]");
-    LITAGS_ASSIGN_OR_RETURN(LoadedView view,
-                            ReadFrame(frame, top, where, default_width, default_height));
+    LITAGS_ASSIGN_OR_RETURN(LoadedView view, ReadFrame(frame, top, where, sizes));
+    // Merged captures list frames twice.
+    if (!seen.insert(frame.dump()).second) return absl::OkStatus();
     views.push_back(std::move(view));
     return absl::OkStatus();
   };
@@ -369,9 +383,42 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
 }
 
 absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
-                                           int default_width, int default_height) {
+                                           const PhotoSizes& sizes) {
   LITAGS_ASSIGN_OR_RETURN(const std::string json, ReadFile(path, field, kMaxTransformsBytes));
-  return ParseTransforms(json, field, default_width, default_height);
+  return ParseTransforms(json, field, sizes);
+}
+
+absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
+                                            int default_width, int default_height) {
+  return ParseTransforms(json, field, [&](const std::string&) {
+    return PhotoSize{default_width, default_height};
+  });
+}
+
+absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
+                                           int default_width, int default_height) {
+  return ReadTransforms(path, field, [&](const std::string&) {
+    return PhotoSize{default_width, default_height};
+  });
+}
+
+std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json) {
+  std::map<std::string, std::string> paths;
+  FrameParser parser(json, "cameras");
+  const auto read = [&](const Json& frame) -> absl::Status {
+    if (!frame.is_object()) return absl::OkStatus();
+    const auto photo = frame.find("file_path"), mask = frame.find("mask_path");
+    if (photo == frame.end() || mask == frame.end()) return absl::OkStatus();
+    if (!photo->is_string() || !mask->is_string()) return absl::OkStatus();
+    paths[BaseName(photo->get<std::string>())] = mask->get<std::string>();
+    return absl::OkStatus();
+  };
+  return parser.Run(read).ok() ? paths : std::map<std::string, std::string>();
+}
+
+absl::Status CheckTransforms(std::string_view json, std::string_view field) {
+  constexpr int kAnySide = 1000;
+  return ParseTransforms(json, field, kAnySide, kAnySide).status();
 }
 
 std::string FormatTransforms(const SparseModel& model, std::string_view image_folder) {

@@ -2,6 +2,8 @@
 #ifndef LITAGS_ENGINE_IO_TRANSFORMS_IO_H_
 #define LITAGS_ENGINE_IO_TRANSFORMS_IO_H_
 
+#include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -11,15 +13,32 @@
 
 namespace litags {
 
+// The size of the photo that a file calls `name`, for files that say none; 0x0: not known.
+struct PhotoSize {
+  int width = 0, height = 0;
+};
+using PhotoSizes = std::function<PhotoSize(const std::string& name)>;
+
 // Parses a transforms.json. Intrinsics fl_x fl_y cx cy w h k1 k2 p1 p2 stand at the top and may be
 // overridden per frame; without fl_x the focal length comes from camera_angle_x, without cx cy the
-// principal point is the centre, without w h the size is the given default. transform_matrix is
+// principal point is the centre, without w h the size is its photo's. transform_matrix is
 // camera-to-world, OpenGL axes (x right, y up, z backward); a uniform scale in it is divided out. A
 // view's name is file_path without its folders. INVALID_ARGUMENT naming field, frame and key.
+absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
+                                            const PhotoSizes& sizes);
+absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
+                                           const PhotoSizes& sizes);
+// The same with one size for all photos.
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             int default_width = 0, int default_height = 0);
 absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
                                            int default_width = 0, int default_height = 0);
+
+// What frames have as mask_path, by the names of their photos; empty for what is no such file.
+std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json);
+
+// Whether ParseTransforms would take it, whatever the photos' sizes are.
+absl::Status CheckTransforms(std::string_view json, std::string_view field);
 
 // The inverse; file_path is `image_folder`/name (or the name alone). Intrinsics that all views
 // share stand at the top.

@@ -85,6 +85,44 @@ TEST(ParseTransforms, TakesTheFocalLengthFromTheFieldOfView) {
   EXPECT_THAT(std::string(no_size.message()), HasSubstr("'w'"));
 }
 
+TEST(ParseTransforms, EachFrameWithoutASizeHasThatOfItsPhoto) {
+  const std::string json =
+      File("\"camera_angle_x\": 1.5707963267948966",
+           Frame("train/r.a", kIdentity) + "," + Frame("train/r.b", kIdentity));
+  const auto sizes = [](const std::string& name) {
+    return name == "r.a" ? PhotoSize{800, 600} : PhotoSize{600, 800};
+  };
+  const auto model = ParseTransforms(json, "cameras", sizes);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->views[0].camera.width, 800);
+  EXPECT_NEAR(model->views[0].camera.fx, 400, 1e-9);
+  EXPECT_EQ(model->views[1].camera.height, 800);
+  EXPECT_NEAR(model->views[1].camera.fx, 300, 1e-9);
+  EXPECT_EQ(Reason(ParseStatus(json)), "MISSING_KEY");
+  EXPECT_TRUE(CheckTransforms(json, "cameras").ok());
+  EXPECT_EQ(Reason(CheckTransforms("{}", "cameras")), "MISSING_KEY");
+}
+
+TEST(ParseTransforms, TakesSixteenNumbersAndFramesThatComeTwice) {
+  const std::string flat = "[0,0,1,1, 0,1,0,2, -1,0,0,3, 0,0,0,1]";
+  const std::string nested = "[[0,0,1,1],[0,1,0,2],[-1,0,0,3],[0,0,0,1]]";
+  const auto a =
+      ParseTransforms(File(kTop, Frame("a.jpg", flat) + "," + Frame("a.jpg", flat)), "c");
+  const auto b = ParseTransforms(File(kTop, Frame("a.jpg", nested)), "c");
+  ASSERT_TRUE(a.ok() && b.ok()) << a.status();
+  ASSERT_EQ(a->views.size(), 1u);
+  EXPECT_EQ(a->views[0].camera.Viewmat(), b->views[0].camera.Viewmat());
+}
+
+TEST(MaskPathsOfTransforms, AreThoseOfTheFrames) {
+  const auto paths = MaskPathsOfTransforms(
+      File(kTop, Frame("low/a.jpg", kIdentity, R"(, "mask_path": "m/a.png")") + "," +
+                     Frame("b.jpg", kIdentity)));
+  ASSERT_EQ(paths.size(), 1u);
+  EXPECT_EQ(paths.at("a.jpg"), "m/a.png");
+  EXPECT_TRUE(MaskPathsOfTransforms("no JSON").empty());
+}
+
 TEST(ParseTransforms, DividesOutAUniformScale) {
   const auto model = ParseTransforms(
       File(kTop, Frame("a.jpg", "[[2,0,0,1],[0,2,0,2],[0,0,2,3],[0,0,0,1]]")), "cameras");

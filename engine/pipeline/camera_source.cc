@@ -1,5 +1,6 @@
 #include "engine/pipeline/camera_source.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -141,15 +143,48 @@ void FillReport(const SfmResult& result, ReconstructReport* report) {
   report->notes.insert(report->notes.end(), result.notes.begin(), result.notes.end());
 }
 
+// The folder of these photos alone: links to them, if others lie beside them.
+absl::StatusOr<std::string> FolderOf(const ReconstructInput& input,
+                                     const std::vector<std::string>& photos) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> all,
+                          ListPhotos(input.images_dir, "images"));
+  if (all == photos) return input.images_dir;
+  const fs::path dir = fs::path(input.work_dir) / "photos";
+  std::error_code error;
+  fs::remove_all(dir, error);
+  fs::create_directories(dir, error);
+  for (const std::string& photo : photos) {
+    if (!error) fs::create_symlink(fs::absolute(input.images_dir) / photo, dir / photo, error);
+  }
+  if (!error) return dir.string();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
+                   absl::StrCat("cannot write into ", dir.string(), ": ", error.message()));
+}
+
+// Whether a point says which photos saw it. Some exporters leave that out, and what is left is a
+// cloud of any density that no photo is bound to.
+bool HasTracks(const SparseModel& model) {
+  return std::any_of(model.points.begin(), model.points.end(),
+                     [](const SparsePoint& point) { return point.track_length() >= 2; });
+}
+
 }  // namespace
 
 absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
                                           const std::vector<std::string>& photos,
                                           const MaskPaths& masks, const std::string& colmap) {
-  const ReconstructInput& input = context.input;
+  ReconstructInput input = context.input;
   const ReconstructOptions& options = context.options;
   const CancelToken& cancel = context.cancel;
   ReconstructReport* const report = context.report;
+  if (const std::string given = input.cameras_path; !given.empty()) {
+    input.cameras_path = ResolveCameras(given);
+    if (input.cameras_path != given) {
+      report->notes.push_back(absl::StrCat("the cameras are those in ",
+                                           fs::relative(input.cameras_path, given).string(),
+                                           ", the largest model of the folder"));
+    }
+  }
   report->photos = static_cast<int>(photos.size());
   const std::string kept = input.work_dir + "/cameras";
   const Json source = SourceOf(input, options, photos, masks);
@@ -172,20 +207,26 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
     context.progress(Stage::kFindingCameras, Describe(p));
   };
   SparseModel model;
+  LITAGS_ASSIGN_OR_RETURN(const std::string folder, FolderOf(input, photos));
   if (input.cameras_path.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(
-        SfmResult result, FindCameras(input.images_dir, input.work_dir, sfm, cancel, on_progress));
+    LITAGS_ASSIGN_OR_RETURN(SfmResult result,
+                            FindCameras(folder, input.work_dir, sfm, cancel, on_progress));
     FillReport(result, report);
     model = std::move(result.model);
   } else {
     LITAGS_ASSIGN_OR_RETURN(model, ReadGivenCameras(input, photos, &report->notes));
-    if (model.points.empty()) {
+    if (!HasTracks(model)) {
+      if (!model.points.empty()) {
+        report->notes.push_back(absl::StrCat("the ", model.points.size(),
+                                             " points that came with the cameras do not say which ",
+                                             "photos saw them: points are triangulated instead"));
+        model.points.clear();
+      }
       // The equations of points, too, are worse the further away the origin is.
       const std::array<double, 3> origin = LocalOrigin(model.views);
       TakeAsOrigin(origin, &model);
-      LITAGS_ASSIGN_OR_RETURN(
-          SfmResult result,
-          TriangulatePoints(input.images_dir, model, input.work_dir, sfm, cancel, on_progress));
+      LITAGS_ASSIGN_OR_RETURN(SfmResult result, TriangulatePoints(folder, model, input.work_dir,
+                                                                  sfm, cancel, on_progress));
       for (const std::string& note : result.notes) report->notes.push_back(note);
       model = std::move(result.model);
       TakeAsOrigin({-origin[0], -origin[1], -origin[2]}, &model);

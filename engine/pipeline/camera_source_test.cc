@@ -288,6 +288,32 @@ TEST_F(CameraSource, NamesMatchByStem) {
 }
 
 // ' ' and '-' sort before the '.' of an extension that the file leaves out.
+TEST_F(CameraSource, ACameraThatMayBeOfSeveralPhotosIsRefused) {
+  SparseModel known = Known(0.1);
+  for (View& view : known.views) view.name = Stem(view.name);
+  input_.cameras_path = colmap_.dir() + "/transforms.json";
+  ASSERT_TRUE(WriteTransforms(input_.cameras_path, known, "").ok());
+  fs::copy_file(input_.images_dir + "/p2.png", input_.images_dir + "/p2.jpg");
+  const absl::Status status = Obtain().status();
+  EXPECT_EQ(Reason(status), "CAMERA_AMBIGUOUS");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("'p2' may be p2.jpg or p2.png"));
+}
+
+TEST_F(CameraSource, PointsWithoutTracksAreTriangulatedAnew) {
+  SparseModel known = Known(0.1);
+  SparsePoint loose;
+  loose.xyz = {0, 0, 5};
+  known.points.assign(40, loose);
+  input_.cameras_path = colmap_.dir() + "/sparse";
+  fs::create_directories(input_.cameras_path + "/0");
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path + "/0", known).ok());
+  const auto found = Obtain();
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_THAT(report_.notes, Contains(HasSubstr("do not say which photos saw them")));
+  EXPECT_THAT(report_.notes, Contains(HasSubstr("the cameras are those in 0")));
+  for (const SparsePoint& point : found->points) EXPECT_GE(point.track_length(), 2);
+}
+
 TEST_F(CameraSource, GivenCamerasAreSortedByTheirPhotos) {
   const std::vector<std::string> stems = {"shot", "shot-2", "shot 3", "t", "u", "v"};
   SparseModel known = Known(0.1);

@@ -7,11 +7,26 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/name_key.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 
 namespace litags {
 namespace {
+
+std::string NameInMessage(const std::string& name) { return absl::StrCat("'", name, "'"); }
+
+// The photos that `name`, which is none of theirs letter by letter, may mean.
+std::vector<std::string> Meant(const std::string& name, const std::vector<std::string>& photos) {
+  std::vector<std::string> stems, whole;
+  for (const std::string& photo : photos) {
+    const std::string key = NameKey(photo), stem = NameKey(Stem(photo));
+    if (key == NameKey(name)) whole.push_back(photo);
+    if (stem == NameKey(name) || stem == NameKey(Stem(name))) stems.push_back(photo);
+  }
+  return whole.empty() ? stems : whole;
+}
 
 // Renames the views to the photos they belong to, puts them in the photos' order and drops views
 // without a photo, with their marks in tracks.
@@ -21,6 +36,14 @@ absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std
   for (size_t i = 0; i < model.views.size(); ++i) {
     const std::optional<size_t> photo = index.Find(model.views[i].name);
     if (!photo.has_value()) continue;
+    const auto meant = photos[*photo] == model.views[i].name ? std::vector<std::string>()
+                                                             : Meant(model.views[i].name, photos);
+    if (meant.size() > 1) {
+      return InvalidInput(
+          "CAMERA_AMBIGUOUS", "cameras",
+          absl::StrCat("cameras: ", NameInMessage(model.views[i].name), " may be ", meant[0],
+                       " or ", meant[1], "; name photos with their endings, or rename one"));
+    }
     if (!view_of.emplace(photos[*photo], i).second) {
       return InvalidInput(
           "DUPLICATE_CAMERA", "cameras",
@@ -136,18 +159,23 @@ absl::Status FitToPhotos(const std::string& images_dir, SparseModel* model,
 absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,
                                              std::vector<std::string>* notes) {
-  LITAGS_ASSIGN_OR_RETURN(
-      const ImageInfo first,
-      ReadImageSize(input.images_dir + "/" + photos[0], absl::StrCat("images[", photos[0], "]")));
-  LITAGS_ASSIGN_OR_RETURN(SparseModel given,
-                          ReadCameras(input.cameras_path, "cameras", first.width, first.height));
+  const NameIndex index(photos);
+  // Of a photo that is not there: any, nothing is made of it.
+  const auto size_of = [&](const std::string& name) {
+    const std::string& photo = photos[index.Find(name).value_or(0)];
+    const auto info = ReadImageSize(input.images_dir + "/" + photo, photo);
+    return info.ok() ? PhotoSize{info->width, info->height} : PhotoSize();
+  };
+  LITAGS_ASSIGN_OR_RETURN(SparseModel given, ReadCamerasOf(input.cameras_path, "cameras", size_of));
+  const std::string some_camera = given.views[0].name;
   LITAGS_ASSIGN_OR_RETURN(SparseModel model, MatchPhotos(std::move(given), photos));
   if (model.views.empty()) {
     return InvalidInput(
         "NO_MATCHING_CAMERAS", "cameras",
         absl::StrCat("cameras: none of the ", photos.size(),
                      " photos has a camera; file_path must end in the photos' names, as ",
-                     photos[0]));
+                     NameInMessage(photos[0]), ", and is ", NameInMessage(some_camera),
+                     " for one"));
   }
   LITAGS_RETURN_IF_ERROR(FitToPhotos(input.images_dir, &model, notes));
   return model;

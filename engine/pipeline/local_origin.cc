@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "engine/core/camera_spread.h"
 
 namespace litags {
 namespace {
@@ -14,7 +15,8 @@ constexpr double kMaxOffset = 100;
 
 }  // namespace
 
-std::array<double, 3> LocalOrigin(const std::vector<View>& views) {
+std::array<double, 3> LocalOrigin(const std::vector<View>& all) {
+  const std::vector<View> views = NearViews(all);
   std::array<double, 3> mean = {};
   for (const View& v : views) {
     const std::array<double, 3> center = v.camera.Center();

@@ -236,7 +236,8 @@ TEST(Masks, ShrinkWithTheirPhotos) {
   painted = photo;
   PaintSquare(0, PaintNoise, &painted);
   ASSERT_TRUE(WritePng(capture.Photo(name), painted).ok());
-  ASSERT_TRUE(Reconstruct(noise, options).ok());
+  const auto report = Reconstruct(noise, options);
+  ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_TRUE(SceneBytes(bright) == SceneBytes(noise));
 
   // Something counts in the photo as it was taken, nothing at half its size.

@@ -107,12 +107,13 @@ TEST(OddCaptures, AlmostFlatPhotosAreLeftOutAndTexturelessOnesSpoilNothing) {
   ImageU8 black(RoomCapture::kWidth, RoomCapture::kHeight), wall = black;
   black.pixel(10, 10)[1] = 1;
   capture.SetPhoto(1, black);
-  const CounterRng rng(1, 1);
-  for (size_t i = 0; i < wall.data.size(); ++i) {
-    wall.data[i] = static_cast<uint8_t>(20 + rng.Normal(i));
+  for (const int photo : {4, 7}) {
+    const CounterRng rng(photo, 1);
+    for (size_t i = 0; i < wall.data.size(); ++i) {
+      wall.data[i] = static_cast<uint8_t>(20 + rng.Normal(i));
+    }
+    capture.SetPhoto(photo, wall);
   }
-  capture.SetPhoto(4, wall);
-  capture.SetPhoto(7, wall);
   const auto report = Train(capture.Input("work"), capture.Options(60));
   ExpectGoodScene(report, 9);
   EXPECT_THAT(report->notes, Contains("v001.png is left out: all its pixels are (0, 0, 0)"));

@@ -23,6 +23,7 @@ void Photograph(const std::function<double(double x, double normal)>& code_of,
       const double code = code_of(k / 3 % photo.width / double(photo.width), rng.Normal(k));
       photo.data[k] = static_cast<uint8_t>(std::clamp(std::round(code), 0.0, 255.0));
     }
+    photo.data[i] ^= 1;  // without noise, too, no two are the same photo
     room.SetPhoto(i, photo);
   }
 }

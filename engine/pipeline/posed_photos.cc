@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/core/camera_spread.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
@@ -20,6 +21,7 @@
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/local_origin.h"
+#include "engine/pipeline/photo_screen.h"
 #include "engine/target/shadow_color.h"
 
 namespace litags {
@@ -171,21 +173,44 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
   return absl::OkStatus();
 }
 
+absl::Status CheckPhotosLeft(const PhotoScreen& screen) {
+  const absl::Status status =
+      CheckPhotoCount(screen.photos.size(), screen.photos.size() + screen.left_out.size());
+  if (status.ok() || screen.left_out.empty()) return status;
+  const PhotoLeftOut& first = screen.left_out.front();
+  return MakeError(status.code(), "TOO_FEW_PHOTOS", "images",
+                   absl::StrCat(status.message(), "; left out: ", first.name, ": ", first.why));
+}
+
+// They count for nothing but what they see (SceneExtent, FrameOfViews, LocalOrigin).
+void NoteFarCameras(const Context& context, const std::vector<View>& views) {
+  std::vector<std::array<double, 3>> places;
+  for (const View& view : views) places.push_back(view.camera.Center());
+  const std::vector<bool> far = FarPlaces(places);
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (!far[i]) continue;
+    context.Note(absl::StrCat("the camera of ", views[i].name,
+                              " stands far from all others: the scene's size and orbits do not "
+                              "count it; check it, or leave the photo out"));
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::string& colmap) {
   const ReconstructInput& input = context.input;
   context.progress(Stage::kLoading, "reading photos");
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names,
-                          ListPhotos(input.images_dir, "images"));
   LITAGS_ASSIGN_OR_RETURN(std::string others, DescribeOtherPictures(input.images_dir, "images"));
   if (!others.empty()) context.Note(std::move(others));
-  MaskPaths masks;
-  if (!input.masks_dir.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(masks, FindMasks(input.masks_dir, names));
-  }
+  LITAGS_ASSIGN_OR_RETURN(const PhotoScreen screen,
+                          ScreenPhotos(input, context.options.threads, context.cancel));
+  for (const std::string& note : screen.notes) context.Note(note);
+  LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen));
   PosedPhotos posed;
-  LITAGS_ASSIGN_OR_RETURN(posed.model, ObtainCameras(context, names, masks, colmap));
+  LITAGS_ASSIGN_OR_RETURN(posed.model,
+                          ObtainCameras(context, screen.Names(), screen.masks, colmap));
+  for (const PhotoLeftOut& photo : screen.left_out) context.report->dropped.push_back(photo.name);
+  context.report->photos += static_cast<int>(screen.left_out.size());
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   posed.origin = LocalOrigin(posed.model.views);
   if (posed.origin != std::array<double, 3>{}) {
@@ -193,8 +218,9 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
     context.Note(DescribeOrigin(posed.origin));
   }
   context.progress(Stage::kPreparing, "pseudo-targets and structure maps");
-  LITAGS_RETURN_IF_ERROR(LoadPhotos(context, masks, &posed));
+  LITAGS_RETURN_IF_ERROR(LoadPhotos(context, screen.masks, &posed));
   LITAGS_RETURN_IF_ERROR(CheckPhotoCount(posed.size(), context.report->photos));
+  NoteFarCameras(context, posed.views);
   return posed;
 }
 

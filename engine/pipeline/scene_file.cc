@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/camera_spread.h"
 #include "engine/core/error.h"
 #include "engine/core/finite.h"
 #include "engine/io/container.h"
@@ -83,9 +84,10 @@ std::string NotFinite(const Model& model) {
 
 }  // namespace
 
-SceneFrame FrameOfViews(const std::vector<View>& views) {
+SceneFrame FrameOfViews(const std::vector<View>& all) {
   SceneFrame frame;
-  if (views.empty()) return frame;
+  if (all.empty()) return frame;
+  const std::vector<View> views = NearViews(all);
   // sum (I - d d^T) x = sum (I - d d^T) c over optical axes c + s d.
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero(), mean = Eigen::Vector3d::Zero(),

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/camera_spread.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 
@@ -115,13 +116,16 @@ double IlluminationLevel(absl::Span<const TrainView> views) {
 }  // namespace
 
 double SceneExtent(absl::Span<const TrainView> views) {
+  std::vector<View> all;
+  for (const TrainView& v : views) all.push_back(v.view);
+  const std::vector<View> near = NearViews(all);
   std::array<double, 3> mean = {0, 0, 0};
-  for (const TrainView& v : views) {
-    for (int k = 0; k < 3; ++k) mean[k] += v.view.camera.Center()[k] / views.size();
+  for (const View& v : near) {
+    for (int k = 0; k < 3; ++k) mean[k] += v.camera.Center()[k] / near.size();
   }
   double radius = 0;
-  for (const TrainView& v : views) {
-    const auto c = v.view.camera.Center();
+  for (const View& v : near) {
+    const auto c = v.camera.Center();
     radius = std::max(radius, std::hypot(c[0] - mean[0], c[1] - mean[1], c[2] - mean[2]));
   }
   return std::max(1.1 * radius, 1e-6);

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
+#include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
@@ -17,17 +20,21 @@ namespace {
 // What a scene needs at least. The engine may still refuse photos that pass.
 absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
   size_t photos = 0;
-  int binary_files = 0, text_files = 0;  // of COLMAP models
+  std::set<std::string> model;  // names of COLMAP's files
   for (const FileRecord& file : files) {
-    if (file.role == FileRole::kColmap) ++(file.name.ends_with(".txt") ? text_files : binary_files);
+    if (file.role == FileRole::kColmap) model.insert(file.name);
     if (file.role == FileRole::kPhoto) ++photos;
   }
   LITAGS_RETURN_IF_ERROR(CheckPhotoCount(photos, photos));
-  if (binary_files + text_files > 0 && binary_files < 3 && text_files < 3) {
+  const auto has = [&](const char* ending) {  // the engine triangulates points that are not there
+    return model.contains(absl::StrCat("cameras", ending)) &&
+           model.contains(absl::StrCat("images", ending));
+  };
+  if (!model.empty() && !has(".bin") && !has(".txt")) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "COLMAP_INCOMPLETE", "colmap",
-                     absl::StrCat("the job has ", std::max(binary_files, text_files),
-                                  " of the 3 files of a COLMAP model; upload cameras.bin, "
-                                  "images.bin and points3D.bin, or the same three as .txt"));
+                     absl::StrCat("the job has ", absl::StrJoin(model, ", "),
+                                  " of a COLMAP model; upload cameras.bin and images.bin, and "
+                                  "points3D.bin if there is one, or the same as .txt"));
   }
   return absl::OkStatus();
 }

@@ -141,6 +141,19 @@ TEST_F(JobsTest, TwoPhotosAreTooFew) {
   EXPECT_EQ(State(id), JobState::kUploading);
 }
 
+TEST_F(JobsTest, AColmapModelNeedsCamerasAndImagesOfOneForm) {
+  const std::string id = jobs_.Create({})->id;
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(Add(id, name).ok());
+  for (const char* name : {"cameras.bin", "points3D.bin", "images.txt"}) {
+    ASSERT_TRUE(Add(id, name, 0, 0, FileRole::kColmap).ok());
+    const absl::Status status = jobs_.Start(id).status();
+    EXPECT_EQ(Reason(status), "COLMAP_INCOMPLETE");
+    EXPECT_THAT(std::string(status.message()), HasSubstr(name));
+  }
+  ASSERT_TRUE(Add(id, "cameras.txt", 0, 0, FileRole::kColmap).ok());
+  EXPECT_TRUE(jobs_.Start(id).ok());  // points3D.txt is not needed
+}
+
 TEST_F(JobsTest, PhotosMayHaveSeveralSizes) {
   const std::string id = jobs_.Create({})->id;
   ASSERT_TRUE(Add(id, "a.jpg", 64, 48).ok());

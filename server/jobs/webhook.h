@@ -12,10 +12,10 @@ namespace litags {
 
 // Who is told when a job has ended, and how that went.
 struct Webhook {
-  std::string url;     // empty: nobody
-  std::string secret;  // key of the signature
-  int attempts = 0;    // since the job ended
-  std::string last_error;
+  std::string url = {};     // empty: nobody
+  std::string secret = {};  // key of the signature
+  int attempts = 0;         // since the job ended
+  std::string last_error = {};
   int64_t delivered_event = 0;  // number of the event that was delivered last
 };
 

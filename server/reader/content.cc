@@ -20,7 +20,7 @@ absl::StatusOr<PictureSize> CheckContent(std::string_view bytes, FileRole role,
       return PictureSize{mask.width, mask.height};
     }
     case FileRole::kCameras:
-      LITAGS_RETURN_IF_ERROR(ParseTransforms(bytes, field).status());
+      LITAGS_RETURN_IF_ERROR(CheckTransforms(bytes, field));
       break;
     case FileRole::kDepth:
       LITAGS_RETURN_IF_ERROR(DecodeDepthMap(bytes, field).status());

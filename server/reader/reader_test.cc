@@ -141,6 +141,15 @@ TEST_F(RemoteReaderTest, SaysOfEachRoleWhatTheSameCodeHereSays) {
   }
 }
 
+// As the engine does: the size is that of the photo, which may come later.
+TEST_F(RemoteReaderTest, CamerasMaySayTheirAngleAlone) {
+  const std::string frame =
+      R"({"file_path": "r_0", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]})";
+  EXPECT_EQ(Check(R"({"camera_angle_x": 0.7, "frames": [)" + frame + "]}", FileRole::kCameras),
+            absl::OkStatus());
+  EXPECT_EQ(Reason(Check(R"({"frames": [)" + frame + "]}", FileRole::kCameras)), "MISSING_KEY");
+}
+
 // Their decoders have to do without threads, files and whatever else the process gave up.
 TEST_F(RemoteReaderTest, SaysOfEachFormatOfPhotosWhatTheSameCodeHereSays) {
   const auto here = MakeInProcessReader();

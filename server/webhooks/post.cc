@@ -55,8 +55,7 @@ absl::Status Post(const std::string& url, const std::string& body,
     curl_easy_setopt(curl.get(), option, value);
   };
   set(CURLOPT_URL, url.c_str());
-  set(CURLOPT_PROTOCOLS,
-      long{options.internal ? CURLPROTO_HTTPS | CURLPROTO_HTTP : CURLPROTO_HTTPS});
+  set(CURLOPT_PROTOCOLS_STR, options.internal ? "https,http" : "https");
   set(CURLOPT_FOLLOWLOCATION, 0L);
   set(CURLOPT_PROXY, "");
   set(CURLOPT_NETRC, long{CURL_NETRC_IGNORED});

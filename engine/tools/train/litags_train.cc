@@ -24,6 +24,7 @@
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
+#include "engine/tools/train/inspect.h"
 
 namespace litags {
 namespace {
@@ -36,6 +37,7 @@ void OnSignal(int) { g_cancel->Cancel(); }
 struct Arguments {
   BenchmarkScene scene;
   std::string out, depth, masks, depth_model, colmap = "colmap";
+  bool inspect = false, strict = false;
   ReconstructOptions options;
   std::vector<std::string> set;  // constants of the recipe
 };
@@ -141,6 +143,25 @@ void PrintReport(const ReconstructReport& report, int test_photos) {
               report.scene_path.c_str());
 }
 
+// What an inspection writes, such as masks that it makes, is of no use after it.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string pattern = fs::temp_directory_path() / "litags-inspect-XXXXXX";
+    if (mkdtemp(pattern.data()) != nullptr) path_ = pattern;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
@@ -161,6 +182,15 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
                         absl::StrCat("cannot make ", args.out, ": ", error.message()));
   }
 
+  if (args.inspect) {
+    LITAGS_ASSIGN_OR_RETURN(const std::string text,
+                            InspectFolder(input, args.options.threads, cancel));
+    std::fputs(text.c_str(), stdout);
+    return absl::OkStatus();
+  }
+  if (args.strict) {
+    LITAGS_RETURN_IF_ERROR(CheckAllReadable(input, args.options.threads, cancel));
+  }
   const std::unique_ptr<Engine> engine = MakeEngine(args.colmap);
   ConsoleObserver observer;
   LITAGS_ASSIGN_OR_RETURN(const ReconstructReport report,
@@ -190,14 +220,17 @@ int Main(int argc, char** argv) {
       ->required();
   app.add_option("-o,--out", args.out,
                  "folder for scene.litags, scene.ply, report.json and views/PHOTO.png, the photos' "
-                 "views in normal light; with test views also test/PHOTO.png and evaluation.json")
-      ->required();
+                 "views in normal light; with test views also test/PHOTO.png and evaluation.json");
   app.add_option("--light", args.scene.light,
                  "benchmark layout: photos are in DIR/LIGHT (low, over_exp, high)");
   app.add_option("--cameras", args.scene.cameras,
                  "transforms.json or COLMAP model folder; else COLMAP finds them");
   app.add_flag("--sfm", args.scene.sfm,
                "find the cameras with COLMAP even if DIR has transforms_train.json");
+  app.add_flag("--inspect", args.inspect,
+               "print what would be used of the folder and what left out, and why; train nothing");
+  app.add_flag("--strict", args.strict,
+               "refuse if a photo cannot be read; else it is left out while three remain");
   app.add_option("--depth", args.depth, "folder of depth maps <photo>.{png,pfm,npy}");
   app.add_option("--masks", args.masks,
                  "folder of masks <photo>.png, 0 where a pixel is not of the scene (default: the "
@@ -212,12 +245,18 @@ int Main(int argc, char** argv) {
                  "folder of normally lit photos to compare with (default DIR/high)");
   app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();
   AddMethodOptions(&app, &args.options, &args.set);
+  app.callback([&args] {
+    if (args.out.empty() && !args.inspect) throw CLI::RequiredError("--out");
+  });
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
 
   CancelToken cancel;
   g_cancel = &cancel;
   std::signal(SIGINT, OnSignal);
   std::signal(SIGTERM, OnSignal);
+  if (!args.out.empty()) return Print(Run(args, cancel)).ok() ? 0 : 1;
+  const ScratchFolder scratch;
+  args.out = scratch.path();
   return Print(Run(args, cancel)).ok() ? 0 : 1;
 }
 

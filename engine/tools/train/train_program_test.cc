@@ -28,9 +28,13 @@ class TrainProgramTest : public testing::Test {
     int exit_code = 0;
     std::string text;
   };
-  Outcome Run(const std::vector<std::string>& arguments) {
+  Outcome Run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"-o", out_, "--iterations", "30", "--threads", "1"});
+    return RunAlone(arguments);
+  }
+  static Outcome RunAlone(const std::vector<std::string>& arguments) {
     SubprocessOptions child;
-    child.args = {LITAGS_TRAIN, "-o", out_, "--iterations", "30", "--threads", "1"};
+    child.args = {LITAGS_TRAIN};
     child.args.insert(child.args.end(), arguments.begin(), arguments.end());
     child.tail_lines = 1000;
     const auto result = RunSubprocess(child, CancelToken());
@@ -41,6 +45,31 @@ class TrainProgramTest : public testing::Test {
   TempDir dir_;
   const std::string scene_ = dir_ / "room", out_ = dir_ / "out";
 };
+
+TEST_F(TrainProgramTest, InspectingSaysWhatIsUsedAndStrictRefusesWhatCannotBeRead) {
+  const std::string photos = scene_ + "/low";
+  const auto names = ListPhotos(photos, "photos");
+  ASSERT_TRUE(names.ok() && names->size() > 4);
+  const std::string& bad = (*names)[1];
+  ASSERT_TRUE(WriteFileAtomically(photos + "/" + bad, "no photo").ok());
+  ASSERT_TRUE(WriteFileAtomically(photos + "/old.bmp", "x").ok());
+  const Outcome outcome = Run({photos, "--inspect", "--cameras", scene_ + "/sparse"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("7 photos would be used, 1 are left out"));
+  EXPECT_THAT(outcome.text, HasSubstr(bad + " is left out"));
+  EXPECT_THAT(outcome.text, HasSubstr("old.bmp"));
+  EXPECT_FALSE(fs::exists(out_ + "/scene.litags"));
+  const Outcome without_out = RunAlone({photos, "--inspect"});
+  EXPECT_EQ(without_out.exit_code, 0) << without_out.text;
+  EXPECT_THAT(without_out.text, HasSubstr("7 photos would be used"));
+  const Outcome nowhere = RunAlone({photos});
+  EXPECT_EQ(nowhere.exit_code, 2);
+  EXPECT_THAT(nowhere.text, HasSubstr("--out is required"));
+  const Outcome strict = Run({photos, "--strict", "--cameras", scene_ + "/sparse"});
+  EXPECT_EQ(strict.exit_code, 1);
+  EXPECT_THAT(strict.text, HasSubstr("PHOTO_UNREADABLE"));
+  EXPECT_THAT(strict.text, HasSubstr(bad));
+}
 
 TEST_F(TrainProgramTest, EveryPhotoGetsAPictureInNormalLight) {
   const Outcome outcome = Run({scene_ + "/low", "--cameras", scene_ + "/sparse"});

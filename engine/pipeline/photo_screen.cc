@@ -1,0 +1,355 @@
+#include "engine/pipeline/photo_screen.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/core/error.h"
+#include "engine/core/limits.h"
+#include "engine/core/mask.h"
+#include "engine/core/parallel.h"
+#include "engine/io/alpha_mask.h"
+#include "engine/io/cameras_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/transforms_io.h"
+#include "engine/pipeline/black_bars.h"
+#include "engine/pipeline/capture_checks.h"
+#include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/photo_structure.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Of the middle photo's light. A lens cap lets nothing through; a photo of a bare wall, which may
+// show as little, is as light as the others.
+constexpr double kUnlit = 0.5;
+
+struct Decoded {
+  absl::Status status;
+  ScreenedPhoto photo;
+  std::string pixels;  // fingerprint; empty where all have one colour
+  LineKinds lines;
+  PlaneU8 alpha;
+  bool blocks = false, no_end_mark = false;  // blocks: the format may compress in them
+};
+
+std::string FieldOf(const std::string& name) { return absl::StrCat("images[", name, "]"); }
+
+bool IsJpeg(std::string_view bytes) { return bytes.starts_with("\xFF\xD8"); }
+
+bool IsPng(std::string_view bytes) { return bytes.starts_with("\x89PNG"); }
+
+// The mark may be anywhere behind the last scan: cameras append videos and small pictures.
+bool LacksEndMark(std::string_view bytes) {
+  const size_t scan = bytes.rfind("\xFF\xDA");
+  return scan != std::string_view::npos && bytes.find("\xFF\xD9", scan) == std::string_view::npos;
+}
+
+Decoded Decode(const std::string& dir, const std::string& name) {
+  Decoded d;
+  d.photo.name = name;
+  const auto bytes = ReadFile(dir + "/" + name, FieldOf(name), ImageLimits().max_bytes);
+  d.status = bytes.status();
+  if (!bytes.ok()) return d;
+  const absl::StatusOr<Photo> photo = DecodePhoto(*bytes, FieldOf(name));
+  d.status = photo.status();
+  if (!photo.ok()) return d;
+  d.photo.width = photo->width;
+  d.photo.height = photo->height;
+  double codes = 0, light = 0;
+  for (const int16_t sample : photo->data) {
+    codes += sample;
+    light += LinearTable::Get()(sample);
+  }
+  d.photo.mean_code = codes / photo->data.size() / kPhotoCode;
+  d.photo.light = light / photo->data.size();
+  // One of a single colour is left out later, for that.
+  const bool flat = FlatColor(*photo).has_value();
+  d.photo.structure = flat ? 1 : StructureOf(*photo);
+  if (!flat) {
+    Fingerprint f;
+    f.Add(photo->data.data(), photo->data.size() * sizeof(int16_t));
+    d.pixels = f.Text();
+  }
+  d.lines = KindsOfLines(*photo);
+  d.blocks = !IsPng(*bytes);
+  d.no_end_mark = IsJpeg(*bytes) && LacksEndMark(*bytes);
+  if (IsPng(*bytes)) d.alpha = AlphaMask(*bytes);
+  // A PNG that EXIF turns: its alpha is not turned with it.
+  if (d.alpha.width != photo->width || d.alpha.height != photo->height) d.alpha = PlaneU8();
+  return d;
+}
+
+// The photo that a file beside it is a mask of, by its name: 0001.jpg.png, 0001_mask.png,
+// 0001.mask.png, dynamic_mask_0001.png (of instant-ngp: what is not 0 there does not count).
+std::optional<std::string> PhotoOfMask(const std::string& name, const NameIndex& index,
+                                       absl::Span<const std::string> names) {
+  constexpr absl::string_view kDynamic = "dynamic_mask_";
+  if (!absl::EndsWithIgnoreCase(name, ".png")) return std::nullopt;
+  std::string wanted = name.substr(0, name.size() - 4);
+  if (absl::StartsWith(wanted, kDynamic)) {
+    wanted = wanted.substr(kDynamic.size());
+  } else if (absl::EndsWithIgnoreCase(wanted, "_mask") ||
+             absl::EndsWithIgnoreCase(wanted, ".mask")) {
+    wanted.resize(wanted.size() - 5);
+  } else if (std::find(names.begin(), names.end(), wanted) == names.end()) {
+    return std::nullopt;
+  }
+  const std::optional<size_t> photo = index.Find(wanted);
+  if (!photo.has_value() || names[*photo] == name) return std::nullopt;
+  return names[*photo];
+}
+
+absl::StatusOr<std::string> WriteMask(const ReconstructInput& input, const std::string& photo,
+                                      const PlaneU8& mask) {
+  const std::string dir = input.work_dir + "/found_masks";
+  std::error_code ignored;  // writing says what is wrong
+  fs::create_directories(dir, ignored);
+  const std::string path = absl::StrCat(dir, "/", photo, ".png");
+  LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodeMask(mask));
+  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, png));
+  return path;
+}
+
+absl::StatusOr<PlaneU8> ReadMask(const std::string& path) {
+  const std::string field = absl::StrCat("masks[", BaseName(path), "]");
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
+  return DecodeMask(bytes, field);
+}
+
+// Where a mask of the cameras' file lies: beside that file or the photos, and nowhere above.
+std::string FindMaskPath(const ReconstructInput& input, const fs::path& cameras_dir,
+                         std::string path) {
+  std::replace(path.begin(), path.end(), '\\', '/');
+  const fs::path given(path);
+  if (given.is_absolute()) return "";
+  for (const fs::path& part : given) {
+    if (part == "..") return "";
+  }
+  for (const fs::path& dir : {cameras_dir, fs::path(input.images_dir), fs::path(input.masks_dir)}) {
+    std::error_code ignored;
+    if (!dir.empty() && fs::is_regular_file(dir / given, ignored)) return dir / given;
+  }
+  return "";
+}
+
+// Masks that the cameras' file names.
+void AddMaskPaths(const ReconstructInput& input, absl::Span<const std::string> names,
+                  PhotoScreen* screen) {
+  std::error_code ignored;
+  const std::string cameras = ResolveCameras(input.cameras_path);
+  if (!fs::is_regular_file(cameras, ignored)) return;
+  const auto json = ReadFile(cameras, "cameras", kMaxTransformsBytes);
+  if (!json.ok()) return;  // the reader of cameras says so
+  const NameIndex index(names);
+  int used = 0;
+  std::vector<std::string> missing;
+  for (const auto& [view, path] : MaskPathsOfTransforms(*json)) {
+    const std::optional<size_t> photo = index.Find(view);
+    if (!photo.has_value() || screen->masks.contains(names[*photo])) continue;
+    const std::string found = FindMaskPath(input, fs::path(cameras).parent_path(), path);
+    if (found.empty()) {
+      missing.push_back(path);
+    } else {
+      screen->masks[names[*photo]] = found;
+      ++used;
+    }
+  }
+  if (used > 0) {
+    screen->notes.push_back(absl::StrCat(used, " masks are those that the cameras' file names"));
+  }
+  if (!missing.empty()) {
+    screen->notes.push_back(absl::StrCat(
+        "the cameras' file names masks of ", missing.size(), " photos that are not there, such as ",
+        missing[0], ": what they hide is learnt; give their folder with --masks"));
+  }
+}
+
+// Files among the photos that are masks of others by their names.
+absl::Status TakeMasksBeside(const ReconstructInput& input, std::vector<std::string>* names,
+                             PhotoScreen* screen) {
+  const NameIndex index(*names);
+  std::vector<std::string> photos;
+  int masks = 0;
+  std::string some;
+  for (const std::string& name : *names) {
+    const std::optional<std::string> photo = PhotoOfMask(name, index, *names);
+    if (!photo.has_value()) {
+      photos.push_back(name);
+      continue;
+    }
+    ++masks;
+    some = name;
+    if (screen->masks.contains(*photo)) continue;
+    std::string path = input.images_dir + "/" + name;
+    if (absl::StartsWith(name, "dynamic_mask_")) {
+      const absl::StatusOr<ImageU8> moving = ReadImage(path, FieldOf(name));
+      LITAGS_RETURN_IF_ERROR(moving.status());
+      PlaneU8 mask(moving->width, moving->height);
+      for (size_t i = 0; i < mask.data.size(); ++i) {
+        const uint8_t* pixel = &moving->data[3 * i];
+        mask.data[i] = pixel[0] == 0 && pixel[1] == 0 && pixel[2] == 0 ? kCounts : 0;
+      }
+      LITAGS_ASSIGN_OR_RETURN(path, WriteMask(input, *photo, mask));
+    }
+    screen->masks[*photo] = path;
+  }
+  if (masks > 0) {
+    screen->notes.push_back(absl::StrCat(masks, " files among the photos, such as ", some,
+                                         ", are masks of others by their names, and no photos"));
+  }
+  *names = std::move(photos);
+  return absl::OkStatus();
+}
+
+// Bars of photos of one size, of which there are some.
+std::map<std::pair<int, int>, BarFrame> BarsBySize(const std::vector<Decoded>& used,
+                                                   std::vector<std::string>* notes) {
+  std::map<std::pair<int, int>, std::vector<const LineKinds*>> lines;
+  std::map<std::pair<int, int>, bool> blocks;
+  for (const Decoded& d : used) {
+    const std::pair size(d.photo.width, d.photo.height);
+    lines[size].push_back(&d.lines);
+    blocks[size] |= d.blocks;
+  }
+  std::map<std::pair<int, int>, BarFrame> frames;
+  for (const auto& [size, photos] : lines) {
+    const std::optional<BarFrame> frame = FindBars(photos, blocks[size]);
+    if (!frame.has_value()) continue;
+    frames[size] = *frame;
+    notes->push_back(absl::StrCat(DescribeBars(*frame, size.first, size.second),
+                                  " are black in all ", photos.size(), " photos of ", size.first,
+                                  "x", size.second, " px: bars, which are masked"));
+  }
+  return frames;
+}
+
+void CutTo(const BarFrame& frame, PlaneU8* mask) {
+  for (int y = 0; y < mask->height; ++y) {
+    for (int x = 0; x < mask->width; ++x) {
+      const bool in = y >= frame.rows.first && y < frame.rows.last && x >= frame.columns.first &&
+                      x < frame.columns.last;
+      if (!in) mask->data[size_t(y) * mask->width + x] = 0;
+    }
+  }
+}
+
+// Masks of alpha channels and of bars, joined with those that photos have.
+absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Decoded>& used,
+                           PhotoScreen* screen) {
+  const auto frames = BarsBySize(used, &screen->notes);
+  int transparent = 0;
+  for (const Decoded& d : used) {
+    const auto frame = frames.find({d.photo.width, d.photo.height});
+    if (d.alpha.empty() && frame == frames.end()) continue;
+    PlaneU8 mask = d.alpha;
+    transparent += !mask.empty();
+    if (mask.empty()) {
+      mask = PlaneU8(d.photo.width, d.photo.height);
+      std::fill(mask.data.begin(), mask.data.end(), kCounts);
+    }
+    if (frame != frames.end()) CutTo(frame->second, &mask);
+    if (const auto given = screen->masks.find(d.photo.name); given != screen->masks.end()) {
+      LITAGS_ASSIGN_OR_RETURN(const PlaneU8 other, ReadMask(given->second));
+      LITAGS_RETURN_IF_ERROR(CheckMaskSize(BaseName(given->second), other.width, other.height,
+                                           mask.width, mask.height));
+      for (size_t i = 0; i < mask.data.size(); ++i) mask.data[i] &= other.data[i];
+    }
+    LITAGS_ASSIGN_OR_RETURN(screen->masks[d.photo.name], WriteMask(input, d.photo.name, mask));
+  }
+  if (transparent > 0) {
+    screen->notes.push_back(
+        absl::StrCat(transparent, " photos are transparent in places: what is, does not count"));
+  }
+  return absl::OkStatus();
+}
+
+double MiddleLight(const std::vector<Decoded>& decoded) {
+  std::vector<double> light;
+  for (const Decoded& d : decoded) {
+    if (d.status.ok()) light.push_back(d.photo.light);
+  }
+  if (light.empty()) return 0;
+  std::nth_element(light.begin(), light.begin() + light.size() / 2, light.end());
+  return light[light.size() / 2];
+}
+
+// The photo to keep of those with the same pixels: copies have longer names ("0001 (1).jpg"), which
+// cameras do not know.
+std::map<std::string, std::string> Originals(const std::vector<Decoded>& decoded) {
+  std::map<std::string, std::string> originals;
+  for (const Decoded& d : decoded) {
+    if (d.pixels.empty()) continue;
+    std::string& name = originals.emplace(d.pixels, d.photo.name).first->second;
+    if (d.photo.name.size() < name.size()) name = d.photo.name;
+  }
+  return originals;
+}
+
+}  // namespace
+
+std::vector<std::string> PhotoScreen::Names() const {
+  std::vector<std::string> names;
+  for (const ScreenedPhoto& photo : photos) names.push_back(photo.name);
+  return names;
+}
+
+absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
+                                         const CancelToken& cancel) {
+  PhotoScreen screen;
+  LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> names, ListPhotos(input.images_dir, "images"));
+  if (!input.masks_dir.empty()) {
+    // Of all photos: a mask of one that is left out is no error.
+    LITAGS_ASSIGN_OR_RETURN(screen.masks, FindMasks(input.masks_dir, names));
+  }
+  AddMaskPaths(input, names, &screen);
+  LITAGS_RETURN_IF_ERROR(TakeMasksBeside(input, &names, &screen));
+  std::vector<Decoded> decoded(names.size());
+  ParallelFor(threads, names.size(), [&](size_t i, int) {
+    if (!cancel.IsCancelled()) decoded[i] = Decode(input.images_dir, names[i]);
+  });
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+  const double middle = MiddleLight(decoded);
+  std::vector<Decoded> used;
+  const std::map<std::string, std::string> originals = Originals(decoded);
+  for (Decoded& d : decoded) {
+    const auto same = originals.find(d.pixels);
+    if (!d.status.ok()) {
+      screen.left_out.push_back({d.photo.name, std::string(d.status.message()), true});
+    } else if (same != originals.end() && same->second != d.photo.name) {
+      screen.left_out.push_back({d.photo.name, "is the same photo as " + same->second});
+    } else if (d.photo.structure < kNoStructure && d.photo.light < kUnlit * middle) {
+      screen.left_out.push_back(
+          {d.photo.name, absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "
+                                         "behind a lens cap",
+                                         d.photo.mean_code)});
+    } else {
+      if (d.no_end_mark) {
+        screen.notes.push_back(absl::StrCat(
+            d.photo.name, " ends without its end mark; all its pixels are there, and used"));
+      }
+      used.push_back(std::move(d));
+    }
+  }
+  LITAGS_RETURN_IF_ERROR(AddFoundMasks(input, used, &screen));
+  for (Decoded& d : used) screen.photos.push_back(std::move(d.photo));
+  for (const PhotoLeftOut& photo : screen.left_out) {
+    screen.masks.erase(photo.name);
+    screen.notes.push_back(photo.unreadable
+                               ? absl::StrCat(photo.name, " is left out: ", photo.why)
+                               : absl::StrCat(photo.name, " is left out: it ", photo.why));
+  }
+  return screen;
+}
+
+}  // namespace litags

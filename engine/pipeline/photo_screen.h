@@ -1,0 +1,50 @@
+// What of a folder of photos is of use: each is decoded once, before cameras are found.
+#ifndef LITAGS_ENGINE_PIPELINE_PHOTO_SCREEN_H_
+#define LITAGS_ENGINE_PIPELINE_PHOTO_SCREEN_H_
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+#include "engine/core/color.h"
+#include "engine/io/mask_io.h"
+#include "engine/pipeline/engine.h"
+
+namespace litags {
+
+// A photo that was decoded.
+struct ScreenedPhoto {
+  std::string name;
+  int width = 0, height = 0;  // px, upright
+  double mean_code = 0;       // of 255, sRGB
+  double light = 0;           // mean linear light, of 1
+  double structure = 0;       // as StructureOf has it
+};
+
+struct PhotoLeftOut {
+  std::string name;
+  std::string why;          // "is left out: ..."
+  bool unreadable = false;  // a damaged file, or of a kind that is not read
+};
+
+struct PhotoScreen {
+  std::vector<std::string> Names() const;
+
+  std::vector<ScreenedPhoto> photos;  // to be used, by name
+  std::vector<PhotoLeftOut> left_out;
+  MaskPaths masks;                 // given ones, those of the cameras' file, and those found
+  std::vector<std::string> notes;  // of all this, one a line
+};
+
+// Leaves out, each by name: what cannot be decoded; photos of nothing but noise (a cap on the
+// lens); of photos with the same pixels all but the one with the shortest name. Masks among the
+// photos are no photos. Masks: of masks_dir, else of the cameras' mask_path, else beside the
+// photos; alpha channels and black bars that all photos of a size have are added, as new masks in
+// work_dir/found_masks. Errors of ListPhotos, FindMasks and ReadMaskedPhoto's of masks; CANCELLED.
+absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
+                                         const CancelToken& cancel);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_PHOTO_SCREEN_H_
