@@ -1,0 +1,6 @@
+"""Client of the litags service: photos in, pictures in normal light out."""
+
+from litags.client import Client
+from litags.errors import LitagsError
+
+__all__ = ["Client", "LitagsError"]

@@ -1,0 +1,231 @@
+"""The service's calls as Python functions that go on after a broken connection."""
+
+import contextlib
+import os
+import pathlib
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Self, TypeVar
+
+import grpc
+
+from litags import errors, files
+from litags.files import Path
+from litags.v1 import job_pb2, model_service_pb2, render_service_pb2
+from litags.v1 import model_service_pb2_grpc as models_grpc
+from litags.v1 import reconstruction_service_pb2 as rpc
+from litags.v1 import reconstruction_service_pb2_grpc as jobs_grpc
+from litags.v1 import render_service_pb2_grpc as pictures_grpc
+
+Result = TypeVar("Result")
+
+_FILES_PER_STREAM = 500
+_CHANNEL_OPTIONS = [
+    ("grpc.max_receive_message_length", 256 << 20),
+    ("grpc.initial_reconnect_backoff_ms", 200),
+    ("grpc.max_reconnect_backoff_ms", 2000),
+    # A peer that died without a word is noticed.
+    ("grpc.keepalive_time_ms", 30_000),
+    ("grpc.keepalive_timeout_ms", 10_000),
+    ("grpc.http2.max_pings_without_data", 0),
+]
+
+
+class _Patience:
+    """When a call is made again: for the client's `retry_seconds` after something arrived last. A
+    server that never answered is reported at once."""
+
+    def __init__(self, client: "Client") -> None:
+        self._client = client
+        self._start()
+
+    def _start(self) -> None:
+        self._begun = time.monotonic()
+        self._pause = 0.2
+
+    def arrived(self) -> None:
+        self._client._answered = True
+        self._start()
+
+    def wait(self, error: grpc.RpcError) -> None:
+        """Returns when it is time for the next attempt, or raises what `error` says."""
+        if errors.details(error).details:  # a busy server's, for instance
+            self._client._answered = True
+        seconds = self._client._retry_seconds if self._client._answered else 0
+        if not errors.may_succeed_later(error) or time.monotonic() - self._begun > seconds:
+            raise errors.of_call(error) from error
+        time.sleep(self._pause)
+        self._pause = min(5, 2 * self._pause)
+
+
+class Client:
+    """One server. All errors of calls are LitagsError. Threads may share a client."""
+
+    def __init__(self, server: str = "127.0.0.1:50051", *, token: str | None = None,
+                 credentials: grpc.ChannelCredentials | None = None,
+                 retry_seconds: float = 300) -> None:
+        """`credentials`: grpc.ssl_channel_credentials(...) for a server with TLS. `retry_seconds`:
+        how long calls are repeated while a server that did answer does not."""
+        self.channel = (grpc.secure_channel(server, credentials, _CHANNEL_OPTIONS) if credentials
+                        else grpc.insecure_channel(server, _CHANNEL_OPTIONS))
+        # For calls without a function here: client.jobs.GetLog(request, metadata=client.metadata).
+        self.jobs = jobs_grpc.ReconstructionServiceStub(self.channel)
+        self.pictures = pictures_grpc.RenderServiceStub(self.channel)
+        self.models = models_grpc.ModelServiceStub(self.channel)
+        self.metadata = (("authorization", f"Bearer {token}"),) if token else ()
+        self._retry_seconds = retry_seconds
+        self._answered = False
+
+    def close(self) -> None:
+        self.channel.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def submit(self, photos: Path | Iterable[Path], *,
+               options: job_pb2.JobOptions | Mapping[str, Any] | None = None,
+               labels: Mapping[str, str] | None = None, cameras: Path | None = None,
+               title: str = "") -> str:
+        """Sends a folder or a list of photos, starts the job and returns its name. `cameras`: a
+        transforms.json or the folder of a COLMAP model. Removes a job whose files are refused."""
+        found = files.find_photos(photos)
+        if cameras is not None:
+            found += files.find_cameras(cameras)
+        if not isinstance(options, job_pb2.JobOptions):
+            options = job_pb2.JobOptions(**options or {})
+        # With a request_id a repeated call makes no second job, and no second start.
+        job = self._call(self.jobs.CreateJob, rpc.CreateJobRequest(
+            request_id=str(uuid.uuid4()), display_name=title, options=options,
+            labels=labels or {})).name
+        try:
+            for start in range(0, len(found), _FILES_PER_STREAM):
+                self._upload(job, found[start:start + _FILES_PER_STREAM])
+            self._call(self.jobs.StartJob,
+                       rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
+        except errors.LitagsError as error:
+            if error.code != grpc.StatusCode.UNAVAILABLE:  # refused: nobody could go on with it
+                with contextlib.suppress(errors.LitagsError):
+                    self._call(self.jobs.DeleteJob,
+                               rpc.DeleteJobRequest(name=job, allow_missing=True))
+            raise
+        return job
+
+    def job(self, job: str) -> job_pb2.Job:
+        """What the service knows of a job: state, progress, report."""
+        return self._call(self.jobs.GetJob, rpc.GetJobRequest(name=job))
+
+    def watch(self, job: str, *, after: int = 0) -> Iterator[job_pb2.JobEvent]:
+        """A job's events after number `after` until it has ended, each once."""
+        patience = _Patience(self)
+        while True:
+            events = self.jobs.WatchJob(rpc.WatchJobRequest(name=job, after_event=after),
+                                        metadata=self.metadata)
+            try:
+                for event in events:
+                    yield event
+                    after = event.number
+                    patience.arrived()
+                return
+            except grpc.RpcError as error:
+                patience.wait(error)
+            finally:
+                events.cancel()
+
+    def wait(self, job: str, *, progress: bool = True) -> job_pb2.Job:
+        """Returns the job when it has succeeded; one that failed or was cancelled is a LitagsError.
+        `progress`: a bar on stderr, if tqdm is installed."""
+        with _progress_bar(job, progress) as show:
+            for event in self.watch(job):
+                if event.HasField("progress"):
+                    show(event.progress)
+        ended = self.job(job)
+        errors.raise_unless_succeeded(ended)
+        return ended
+
+    def cameras(self, job: str) -> list[str]:
+        """Names of the photos whose cameras were found: what `render` takes."""
+        request = render_service_pb2.ListCamerasRequest(name=job)
+        return [camera.name for camera in self._call(self.pictures.ListCameras, request).cameras]
+
+    def render(self, job: str, camera: str = "", *,
+               pose: render_service_pb2.Pose | None = None, **settings: Any) -> bytes:
+        """A picture (PNG unless `format` says otherwise) from the camera of the photo of this name,
+        or from a pose. `settings`: fields of RenderSettings, as width=640 or
+        channel="CHANNEL_DEPTH"."""
+        request = render_service_pb2.RenderViewRequest(
+            name=job, pose=pose or render_service_pb2.Pose(camera=camera),
+            settings=render_service_pb2.RenderSettings(**settings))
+        return self._call(self.pictures.RenderView, request).data
+
+    def export(self, job: str, path: Path, **settings: Any) -> None:
+        """Writes the scene to a file, whole or not at all: a .ply unless `format` says otherwise.
+        `settings`: fields of ExportModelRequest, as format="MODEL_FORMAT_SPZ"."""
+        request = model_service_pb2.ExportModelRequest(name=job, **settings)
+        target = pathlib.Path(path)
+        part = target.with_name(f".{target.name}.{os.getpid()}.part")
+
+        def write(_: _Patience) -> None:
+            with part.open("wb") as file:
+                for message in self.models.ExportModel(request, metadata=self.metadata):
+                    file.write(message.chunk)
+
+        try:
+            self._persistently(write)
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def _upload(self, job: str, batch: list[files.File]) -> None:
+        query = rpc.QueryUploadRequest(name=job, files=[file.header() for file in batch])
+        most = -1
+
+        def send(patience: _Patience) -> None:
+            nonlocal most
+            known = self.jobs.QueryUpload(query, metadata=self.metadata).files
+            there = sum(file.size if status.stored else status.offset
+                        for file, status in zip(batch, known, strict=True))
+            if there > most:  # bytes arrived, though the stream broke
+                most = there
+                patience.arrived()
+            missing = [(file, status.offset) for file, status in zip(batch, known, strict=True)
+                       if not status.stored]
+            if missing:
+                messages = files.upload_messages(job, *zip(*missing))
+                self.jobs.UploadImages(messages, metadata=self.metadata)
+
+        self._persistently(send)
+
+    def _call(self, method: Callable[..., Result], request: object) -> Result:
+        return self._persistently(lambda _: method(request, metadata=self.metadata))
+
+    def _persistently(self, call: Callable[[_Patience], Result]) -> Result:
+        patience = _Patience(self)
+        while True:
+            try:
+                result = call(patience)
+                patience.arrived()
+                return result
+            except grpc.RpcError as error:
+                patience.wait(error)
+
+
+@contextlib.contextmanager
+def _progress_bar(job: str, wanted: bool) -> Iterator[Callable[[job_pb2.Progress], None]]:
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        wanted = False
+    if not wanted:
+        yield lambda _: None
+        return
+    with tqdm(desc=job, unit=" iterations") as bar:
+        def show(step: job_pb2.Progress) -> None:
+            bar.total = step.iterations or None
+            bar.set_postfix_str(step.message or job_pb2.Stage.Name(step.stage), refresh=False)
+            bar.update(step.iteration - bar.n)
+
+        yield show

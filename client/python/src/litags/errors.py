@@ -1,0 +1,52 @@
+"""What the service answers when it refuses a call, or when a job has failed."""
+
+import grpc
+
+from litags.v1 import errors_pb2, job_pb2
+
+_CODES = {code.value[0]: code for code in grpc.StatusCode}
+
+
+class LitagsError(Exception):
+    """A refused call, a failed job, or a server that does not answer."""
+
+    def __init__(self, code: grpc.StatusCode, reason: str, field: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.reason = reason  # for programs: docs/errors.md and docs/failed-jobs.md
+        self.field = field  # the input at fault, or ""
+        self.message = message  # for people: what is wrong, and what to do
+
+    def __str__(self) -> str:
+        field = f", field {self.field}" if self.field else ""
+        return f"{self.message}\n  {self.code.name} {self.reason}{field}"
+
+
+def details(error: grpc.RpcError) -> errors_pb2.RpcStatus:
+    for key, value in error.trailing_metadata() or ():
+        if key == "grpc-status-details-bin":
+            return errors_pb2.RpcStatus.FromString(value)
+    return errors_pb2.RpcStatus()
+
+
+def may_succeed_later(error: grpc.RpcError) -> bool:
+    return error.code() == grpc.StatusCode.UNAVAILABLE or any(
+        packed.type_url.endswith("/google.rpc.RetryInfo") for packed in details(error).details)
+
+
+def of_call(error: grpc.RpcError) -> LitagsError:
+    detail = errors_pb2.ErrorDetail(reason=error.code().name)
+    for packed in details(error).details:
+        if packed.Is(errors_pb2.ErrorDetail.DESCRIPTOR):
+            packed.Unpack(detail)
+    return LitagsError(error.code(), detail.reason, detail.field, error.details() or "")
+
+
+def raise_unless_succeeded(job: job_pb2.Job) -> None:
+    if job.state == job_pb2.JOB_STATE_FAILED:
+        error = job.error
+        raise LitagsError(_CODES[error.code], error.detail.reason, error.detail.field,
+                          f"{job.name}: {error.message}")
+    if job.state == job_pb2.JOB_STATE_CANCELLED:
+        raise LitagsError(grpc.StatusCode.CANCELLED, "CANCELLED", "",
+                          f"{job.name} was cancelled")

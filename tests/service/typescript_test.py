@@ -1,0 +1,29 @@
+"""client/typescript, with packages from npm, over a connection that breaks."""
+
+import os
+import pathlib
+import subprocess
+import sys
+import unittest
+
+import examples
+import harness
+
+sys.path.insert(0, str(examples.SOURCE / "tests/support"))
+import npm_packages  # noqa: E402
+
+HERE = examples.SOURCE / "client/typescript"
+WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
+
+
+class TypeScript(examples.Example, harness.ServiceTest):
+    command = ("node", WORK / "out/reconstruct.js")
+
+
+if __name__ == "__main__":
+    if why := npm_packages.install(HERE, WORK, ("tsconfig.json", "reconstruct.ts")):
+        print("skipped:", why)
+        sys.exit(npm_packages.SKIPPED)
+    subprocess.run(["npm", "run", "--silent", "build"], cwd=WORK, check=True,
+                   env=dict(os.environ, PROTO=str(examples.SOURCE / "proto")))
+    unittest.main(verbosity=2)
