@@ -108,6 +108,15 @@ class Package(harness.ServiceTest):
         with self.assertRaisesRegex(ValueError, "holds no photos"):
             client.submit(tempfile.mkdtemp(dir=self.folder))
 
+    def test_a_name_that_is_not_utf8_is_named_before_there_is_a_job(self):
+        folder = self.photos()
+        pathlib.Path(os.fsdecode(os.path.join(os.fsencode(folder), b"caf\xe9.png"))).write_bytes(
+            harness.png(seed=9))
+        before = self.litags("list", "--json")[0]
+        with self.assertRaisesRegex(ValueError, r"caf\\xe9.png': the file's name is not UTF-8"):
+            self.client().submit(folder)
+        self.assertEqual(self.litags("list", "--json")[0], before)
+
     def test_a_server_that_never_answered_is_reported_at_once(self):
         with self.assertRaises(litags.LitagsError) as caught:
             self.client("127.0.0.1:1").submit(self.photos())
