@@ -6,7 +6,7 @@ import re
 import unittest
 
 SOURCE = pathlib.Path(os.environ["LITAGS_SOURCE"])
-PAGES = ("errors", "failed-jobs", "operator-errors")
+PAGES = ("errors", "upload-errors", "failed-jobs", "operator-errors")
 # Upper-case words of the code that are no reasons.
 OTHERS = re.compile(r"(LITAGS|AWS|SIMPLE|COLOR)_")
 NOT_SHIPPED = re.compile(r"_test|conformance|/testing/|engine/(tools|sample)/")
