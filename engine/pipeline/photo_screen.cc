@@ -319,7 +319,7 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
     if (!cancel.IsCancelled()) decoded[i] = Decode(input.images_dir, names[i]);
   });
   LITAGS_RETURN_IF_ERROR(cancel.Check());
-  const double middle = MiddleLight(decoded);
+  screen.middle_light = MiddleLight(decoded);
   std::vector<Decoded> used;
   const std::map<std::string, std::string> originals = Originals(decoded);
   for (Decoded& d : decoded) {
@@ -328,7 +328,7 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
       screen.left_out.push_back({d.photo.name, std::string(d.status.message()), true});
     } else if (same != originals.end() && same->second != d.photo.name) {
       screen.left_out.push_back({d.photo.name, "is the same photo as " + same->second});
-    } else if (d.photo.structure < kNoStructure && d.photo.light < kUnlit * middle) {
+    } else if (d.photo.structure < kNoStructure && d.photo.light < kUnlit * screen.middle_light) {
       screen.left_out.push_back(
           {d.photo.name, absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "
                                          "behind a lens cap",

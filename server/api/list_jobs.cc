@@ -1,15 +1,17 @@
 #include "server/api/list_jobs.h"
 
 #include <algorithm>
-#include <charconv>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "absl/types/span.h"
 #include "engine/core/error.h"
 #include "server/api/convert.h"
 #include "server/api/job_filter.h"
@@ -71,6 +73,36 @@ absl::StatusOr<JobPlace> ParsePageToken(const std::string& token, const std::str
   return place;
 }
 
+// What of queued jobs depends on the others.
+struct JobSurroundings {
+  Workforce workers;
+  std::map<std::string, int> queue_positions;
+};
+
+// Read once for all jobs of an answer, and only if one of them is queued.
+absl::StatusOr<JobSurroundings> SurroundingsOf(Jobs& jobs, absl::Span<const JobRecord> shown) {
+  JobSurroundings around;
+  const bool queued = std::any_of(shown.begin(), shown.end(), [](const JobRecord& job) {
+    return job.state == JobState::kQueued;
+  });
+  if (!queued) return around;
+  LITAGS_ASSIGN_OR_RETURN(around.workers, jobs.Workers());
+  LITAGS_ASSIGN_OR_RETURN(const JobQueue queue, jobs.Queue());
+  around.queue_positions = QueuePositions(queue);
+  return around;
+}
+
+// As clients see it.
+absl::Status Describe(const JobRecord& job, const JobSurroundings& around, v1::Job* response) {
+  LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(job));
+  if (job.state != JobState::kQueued) return absl::OkStatus();
+  response->set_waits_for(WaitsFor(job, around.workers));
+  const auto position = around.queue_positions.find(job.id);
+  // Not there: a worker took it since it was read.
+  if (position != around.queue_positions.end()) response->set_queue_position(position->second);
+  return absl::OkStatus();
+}
+
 // A page of files starts after this one.
 std::string PageToken(const FileRecord& file) {
   return absl::StrCat(static_cast<int>(file.role), "-", absl::BytesToHexString(file.name));
@@ -78,30 +110,9 @@ std::string PageToken(const FileRecord& file) {
 
 }  // namespace
 
-absl::StatusOr<JobSurroundings> SurroundingsOf(Jobs& jobs) {
-  JobSurroundings around;
-  LITAGS_ASSIGN_OR_RETURN(around.workers, jobs.Workers());
-  LITAGS_ASSIGN_OR_RETURN(const JobQueue queue, jobs.Queue());
-  around.queue_positions = QueuePositions(queue);
-  return around;
-}
-
-absl::Status Describe(const JobRecord& job, const JobSurroundings& around, v1::Job* response) {
-  LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(job));
-  response->set_waits_for(WaitsFor(job, around.workers));
-  if (job.state != JobState::kQueued) return absl::OkStatus();
-  const auto position = around.queue_positions.find(job.id);
-  // Not there: a worker took it since it was read.
-  if (position != around.queue_positions.end()) response->set_queue_position(position->second);
-  return absl::OkStatus();
-}
-
 absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* response) {
   LITAGS_RETURN_IF_ERROR(job.status());
-  JobSurroundings around;
-  if (job->state == JobState::kQueued) {
-    LITAGS_ASSIGN_OR_RETURN(around, SurroundingsOf(jobs));
-  }
+  LITAGS_ASSIGN_OR_RETURN(const JobSurroundings around, SurroundingsOf(jobs, {&*job, 1}));
   return Describe(*job, around, response);
 }
 
@@ -112,28 +123,32 @@ absl::Status ListJobs(Jobs& jobs, const v1::ListJobsRequest& request,
   LITAGS_ASSIGN_OR_RETURN(const JobFilter filter, ParseJobFilter(request.filter()));
   const std::string kind = KindOf(request);
   LITAGS_ASSIGN_OR_RETURN(JobPlace place, ParsePageToken(request.page_token(), kind));
-  LITAGS_ASSIGN_OR_RETURN(const JobSurroundings around, SurroundingsOf(jobs));
+  std::vector<JobRecord> page;
   for (int looked_at = 0;;) {
     const int wanted = std::min(kJobsPerRead, size + 1);  // one more tells of a next page
-    LITAGS_ASSIGN_OR_RETURN(const std::vector<JobRecord> some,
+    LITAGS_ASSIGN_OR_RETURN(std::vector<JobRecord> some,
                             jobs.List(place.time_ms, place.id, wanted, order));
-    for (const JobRecord& job : some) {
-      if (filter(job)) {
-        if (response->jobs_size() == size) {
-          response->set_next_page_token(PageToken(place, kind));
-          return absl::OkStatus();
-        }
-        LITAGS_RETURN_IF_ERROR(Describe(job, around, response->add_jobs()));
-      }
+    bool full = false;
+    for (JobRecord& job : some) {
+      const bool shown = filter(job);
+      full = shown && page.size() == static_cast<size_t>(size);
+      if (full) break;
       place = {job.create_time_ms, job.id};
+      if (shown) page.push_back(std::move(job));
     }
     looked_at += static_cast<int>(some.size());
-    if (some.size() < static_cast<size_t>(wanted)) return absl::OkStatus();
-    if (looked_at >= kMaxLookedAt) {
+    const bool last = !full && some.size() < static_cast<size_t>(wanted);
+    if (last) break;
+    if (full || looked_at >= kMaxLookedAt) {
       response->set_next_page_token(PageToken(place, kind));
-      return absl::OkStatus();
+      break;
     }
   }
+  LITAGS_ASSIGN_OR_RETURN(const JobSurroundings around, SurroundingsOf(jobs, page));
+  for (const JobRecord& job : page) {
+    LITAGS_RETURN_IF_ERROR(Describe(job, around, response->add_jobs()));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,

@@ -8,15 +8,6 @@
 
 namespace litags {
 
-// What of a job depends on the others: read once for all jobs of an answer.
-struct JobSurroundings {
-  Workforce workers;
-  std::map<std::string, int> queue_positions;
-};
-absl::StatusOr<JobSurroundings> SurroundingsOf(Jobs& jobs);
-
-// As clients see it. INTERNAL (STORE_CORRUPT).
-absl::Status Describe(const JobRecord& job, const JobSurroundings& around, v1::Job* response);
 // The answer of a call that is about one job; its error if there is none.
 absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* response);
 

@@ -135,8 +135,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
-  Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads);
-  jobs.SetWebhookPolicy(flags.webhooks);
+  Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads, flags.webhooks);
   Leases leases(store.get(), blobs.get());
   const auto reader = MakeRemoteReader({"/proc/self/exe", kReadFilesCommand});
   ServerOptions options = flags.server;

@@ -104,8 +104,8 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
     Jobs jobs;
     Owned(const Jobs& all, const ClientView& view)
         : store(all.store_, view),
-          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view.max_bytes,
-               view.caps, all.webhooks_) {}
+          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view,
+               all.webhooks_) {}
   };
   auto owned = std::make_shared<Owned>(*this, view);
   return {owned, &owned->jobs};
@@ -114,7 +114,7 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
 absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   LITAGS_RETURN_IF_ERROR(CheckLabels(wanted.labels));
   LITAGS_RETURN_IF_ERROR(CheckWebhook(wanted.webhook, webhooks_));
-  LITAGS_RETURN_IF_ERROR(caps_.Check(wanted.options, wanted.policy));
+  LITAGS_RETURN_IF_ERROR(view_.caps.Check(wanted.options, wanted.policy));
   const int64_t now_ms = clock_();
   JobRecord job;
   job.id = RandomHex(8);
@@ -138,7 +138,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   const bool known = !made.request_digest.empty() && !job.request_digest.empty();
   if (known && made.request_digest == job.request_digest) return made;
   JobPolicy started = wanted.policy;  // as Start() has it
-  caps_.LimitRunTime(&started);
+  view_.caps.LimitRunTime(&started);
   const bool same_policy = made.policy == job.policy || made.policy == Encode(started);
   const char* other = made.display_name != job.display_name       ? "another title"
                       : made.options != job.options               ? "other options"
@@ -154,14 +154,13 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
 
 absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& wanted) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord source, store_->Get(id));
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord clone, Create(wanted));
-  if (clone.owner != source.owner) {
-    store_->Update(clone.id, [](JobTransaction& job) { return job.Remove(); }).IgnoreError();
+  if (source.owner != view_.owner) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "NOT_YOUR_JOB", "name",
                      absl::StrCat("jobs/", source.id, " is the client \"", source.owner,
                                   "\"'s; only that client can clone it"));
   }
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord clone, Create(wanted));
   // Of a call that was repeated.
   if (clone.state != JobState::kUploading) return clone;
   for (const FileRecord& file : files) {
@@ -217,7 +216,7 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
   LITAGS_RETURN_IF_ERROR(CheckPhotos(files));
   LITAGS_RETURN_IF_ERROR(CheckMasks(files));
-  LITAGS_RETURN_IF_ERROR(ApplyCaps(caps_, &job.job));
+  LITAGS_RETURN_IF_ERROR(ApplyCaps(view_.caps, &job.job));
   job.job.attempt = 0;
   job.job.run_ms = 0;
   return ApplyAction(job, action, clock_(), message);
@@ -276,7 +275,7 @@ absl::StatusOr<JobRecord> Jobs::Update(std::string_view id, std::string_view eta
     LITAGS_RETURN_IF_ERROR(change(details));
     LITAGS_RETURN_IF_ERROR(CheckLabels(details.labels));
     if (details.priority != policy.priority) {
-      LITAGS_RETURN_IF_ERROR(caps_.CheckPriority(details.priority));
+      LITAGS_RETURN_IF_ERROR(view_.caps.CheckPriority(details.priority));
     }
     policy.priority = details.priority;
     policy.retention_seconds = details.retention_seconds;

@@ -70,12 +70,9 @@ class Jobs {
   // The stores must outlive this. One per data folder; For() makes more of it. Without a clock, the
   // store's is used.
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = nullptr,
-       UploadLimits limits = {})
+       UploadLimits limits = {}, WebhookPolicy webhooks = {})
       : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
-             std::make_shared<UploadArea>(data.uploads(), blobs, limits)) {}
-
-  // Where the jobs of all clients may tell of their end; before any For().
-  void SetWebhookPolicy(WebhookPolicy policy) { webhooks_ = std::move(policy); }
+             std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks) {}
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
   // stores.
@@ -152,18 +149,17 @@ class Jobs {
   }
 
   const DataDir& data() const { return data_; }
-  const JobCaps& caps() const { return caps_; }
+  const JobCaps& caps() const { return view_.caps; }
 
  private:
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
-       std::shared_ptr<UploadArea> area, int64_t max_owner_bytes = 0, JobCaps caps = {},
-       WebhookPolicy webhooks = {})
+       std::shared_ptr<UploadArea> area, ClientView view, WebhookPolicy webhooks)
       : store_(store),
         blobs_(blobs),
         data_(std::move(data)),
         clock_(std::move(clock)),
-        uploads_(store, blobs, std::move(area), clock_, max_owner_bytes),
-        caps_(caps),
+        uploads_(store, blobs, std::move(area), clock_, view.max_bytes),
+        view_(std::move(view)),
         webhooks_(std::move(webhooks)) {}
 
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
@@ -180,8 +176,8 @@ class Jobs {
   const DataDir data_;
   const Clock clock_;
   Uploads uploads_;
-  const JobCaps caps_;
-  WebhookPolicy webhooks_;
+  const ClientView view_;  // of all jobs: no client's, without limits
+  const WebhookPolicy webhooks_;
 };
 
 }  // namespace litags

@@ -67,6 +67,35 @@ class ManageApi : public ApiTest {
   }
 };
 
+TEST_F(ManageApi, ListPagesThroughAllJobsNewestFirst) {
+  std::vector<std::string> made;
+  for (int i = 0; i < 5; ++i) made.push_back(NewJob());
+  std::set<std::string> seen;
+  v1::ListJobsRequest request;
+  request.set_page_size(2);
+  int pages = 0;
+  do {
+    grpc::ClientContext context;
+    v1::ListJobsResponse response;
+    ASSERT_TRUE(client_.jobs->ListJobs(&context, request, &response).ok());
+    for (const v1::Job& job : response.jobs()) EXPECT_TRUE(seen.insert(job.name()).second);
+    request.set_page_token(response.next_page_token());
+    ++pages;
+  } while (!request.page_token().empty());
+  EXPECT_EQ(pages, 3);
+  EXPECT_EQ(seen, std::set<std::string>(made.begin(), made.end()));
+
+  const auto list = [&](int size, const std::string& token) {
+    grpc::ClientContext context;
+    v1::ListJobsResponse response;
+    request.set_page_size(size);
+    request.set_page_token(token);
+    return client_.jobs->ListJobs(&context, request, &response);
+  };
+  EXPECT_REFUSED(list(2, "junk"), INVALID_ARGUMENT, "PAGE_TOKEN_INVALID", "page_token");
+  EXPECT_REFUSED(list(-1, ""), INVALID_ARGUMENT, "PAGE_SIZE_INVALID", "page_size");
+}
+
 TEST_F(ManageApi, AFilterLetsThroughWhatItNames) {
   Named("a", {{"site", "north"}});
   Named("b", {{"site", "south"}});

@@ -25,8 +25,6 @@ class WebhookSenderTest : public ::testing::Test {
     std::map<std::string, std::string> headers;
   };
 
-  WebhookSenderTest() { jobs_.SetWebhookPolicy({{"*"}}); }
-
   std::string StartedJob() {
     NewJob wanted;
     wanted.webhook = {"https://example.com/hook", kSecret};
@@ -72,7 +70,7 @@ class WebhookSenderTest : public ::testing::Test {
   DataDir data_ = *DataDir::Open(dir_.path());
   std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
   std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
-  Jobs jobs_{store_.get(), blobs_.get(), data_};
+  Jobs jobs_{store_.get(), blobs_.get(), data_, nullptr, {}, {{"*"}}};
   absl::Status answer_;
   std::function<void()> while_sending_;
   std::vector<Sent> sent_;

@@ -66,7 +66,7 @@ void JobReporter::OnProgress(const Progress& progress) {
   iteration_ = progress.iteration;
   const std::string words = WithoutDigits(progress.message);
   if (last_stage_ != progress.stage || words != last_words_ || !progress.preview_png.empty()) {
-    Log(LogSeverity::kInfo, LogText(progress));
+    Log(LogText(progress));
     last_words_ = words;
   }
   if (last_stage_ != progress.stage || !progress_->preview_png.empty()) {
@@ -87,18 +87,18 @@ void JobReporter::OnLine(std::string_view line) {
   std::lock_guard lock(mutex_);
   if (line_bytes_ >= kMaxLineBytes || line.empty()) return;
   line_bytes_ += line.size();
-  if (lines_.size() + line.size() > kMaxEntryBytes) Log(LogSeverity::kInfo, "");
+  if (lines_.size() + line.size() > kMaxEntryBytes) Log("");
   absl::StrAppend(&lines_, lines_.empty() ? "" : "\n", std::string(line.substr(0, kMaxEntryBytes)));
   if (line_bytes_ >= kMaxLineBytes) lines_ += "\n(what comes now is not kept)";
 }
 
-void JobReporter::Log(LogSeverity severity, std::string text) {
+void JobReporter::Log(std::string text) {
   const int64_t now_ms = SystemClockMs();
   // In the order in which it was said.
   if (!lines_.empty()) {
     log_.push_back({0, now_ms, LogSeverity::kInfo, std::exchange(lines_, "")});
   }
-  if (!text.empty()) log_.push_back({0, now_ms, severity, std::move(text)});
+  if (!text.empty()) log_.push_back({0, now_ms, LogSeverity::kInfo, std::move(text)});
 }
 
 void JobReporter::End() {
@@ -182,7 +182,7 @@ absl::Status JobReporter::WriteLog() {
   {
     std::lock_guard lock(mutex_);
     if (!finished_ && SecondsSince(last_log_) < options_.progress_seconds) return absl::OkStatus();
-    Log(LogSeverity::kInfo, "");
+    Log("");
     entries.swap(log_);
   }
   if (entries.empty()) return absl::OkStatus();

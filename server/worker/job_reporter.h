@@ -46,7 +46,8 @@ class JobReporter : public ReconstructObserver {
   void Write();  // what is due
   absl::Status WriteProgress();
   absl::Status WriteLog();
-  void Log(LogSeverity severity, std::string text);  // holds the mutex
+  // Adds a line to the log; empty: only what programs said. With the mutex held.
+  void Log(std::string text);
   absl::Status KeepFiles();
   void NoteFailure(const char* what, const absl::Status& status);
 

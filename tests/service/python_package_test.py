@@ -4,6 +4,7 @@ The package is installed into a scratch folder; this script runs again with the 
 """
 
 import contextlib
+import importlib.metadata
 import io
 import os
 import pathlib
@@ -57,6 +58,9 @@ class Package(harness.ServiceTest):
         self.assertIn("site-packages", folder.parts)
         self.assertTrue((folder / "py.typed").exists())
         self.assertTrue((folder / "v1/job_pb2.pyi").exists())
+        project = (SOURCE / "CMakeLists.txt").read_text()
+        self.assertEqual(importlib.metadata.version("litags"),
+                         re.search(r"project\(litags VERSION ([0-9.]+)", project)[1])
 
     def test_photos_have_the_endings_of_the_service(self):
         limits = (SOURCE / "proto/litags/v1/limits.h").read_text()

@@ -1,6 +1,5 @@
 #include "engine/tools/train/inspect.h"
 
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <set>
@@ -18,14 +17,6 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
-
-double MiddleLight(const std::vector<ScreenedPhoto>& photos) {
-  std::vector<double> light;
-  for (const ScreenedPhoto& photo : photos) light.push_back(photo.light);
-  if (light.empty()) return 0;
-  std::nth_element(light.begin(), light.begin() + light.size() / 2, light.end());
-  return light[light.size() / 2];
-}
 
 std::string Stops(double light, double middle) {
   if (!(light > 0) || !(middle > 0)) return "-";
@@ -63,14 +54,13 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given, int thr
                             ReadGivenCameras(input, screen.Names(), &screen.notes));
     for (const View& view : model.views) with_camera.insert(view.name);
   }
-  const double middle = MiddleLight(screen.photos);
   std::string text =
       absl::StrFormat("%-32s %-11s %-8s %6s %6s  %-5s%s\n", "photo", "px", "lens", "code", "stops",
                       "mask", input.cameras_path.empty() ? "" : " camera");
   for (const ScreenedPhoto& photo : screen.photos) {
     absl::StrAppendFormat(&text, "%-32s %-11s %-8s %6.1f %6s  %-5s%s\n", photo.name,
                           absl::StrCat(photo.width, "x", photo.height), Lens(input, photo.name),
-                          photo.mean_code, Stops(photo.light, middle),
+                          photo.mean_code, Stops(photo.light, screen.middle_light),
                           screen.masks.contains(photo.name) ? "yes" : "-",
                           input.cameras_path.empty()         ? ""
                           : with_camera.contains(photo.name) ? " yes"
