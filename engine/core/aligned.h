@@ -38,6 +38,17 @@ struct AlignedAllocator {
 
 using AlignedFloats = std::vector<float, AlignedAllocator<float>>;
 
+// Gives a scratch vector n elements of any value. Where it must grow it frees before it allocates:
+// resize() would hold, and copy, what nobody reads.
+template <class Vector>
+void ResizeScratch(size_t n, Vector* v) {
+  if (n > v->capacity()) {
+    Vector().swap(*v);
+    v->reserve(n + n / 8);  // views differ
+  }
+  v->resize(n);
+}
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_CORE_ALIGNED_H_

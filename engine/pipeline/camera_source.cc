@@ -215,6 +215,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
     model = std::move(result.model);
   } else {
     LITAGS_ASSIGN_OR_RETURN(model, ReadGivenCameras(input, photos, &report->notes));
+    bool says_left_out = false;
     if (!HasTracks(model)) {
       if (!model.points.empty()) {
         report->notes.push_back(absl::StrCat("the ", model.points.size(),
@@ -228,6 +229,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
       LITAGS_ASSIGN_OR_RETURN(SfmResult result, TriangulatePoints(folder, model, input.work_dir,
                                                                   sfm, cancel, on_progress));
       for (const std::string& note : result.notes) report->notes.push_back(note);
+      says_left_out = true;
       model = std::move(result.model);
       TakeAsOrigin({-origin[0], -origin[1], -origin[2]}, &model);
     }
@@ -236,7 +238,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
     for (const std::string& photo : photos) {
       if (!placed.contains(photo)) report->dropped.push_back(photo);
     }
-    if (!report->dropped.empty()) {
+    if (!report->dropped.empty() && !says_left_out) {
       report->notes.push_back(absl::StrCat(report->dropped.size(), " of ", photos.size(),
                                            " photos have no camera and are left out, such as ",
                                            report->dropped[0]));

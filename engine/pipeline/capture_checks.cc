@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kNotFlat = 1e-3;            // part of a photo's pixels
 constexpr int kSameSample = kPhotoCode / 8;  // differences up to it are none
+constexpr double kMostlyBlack = 0.5;         // of the pixels: the median one is black
 constexpr double kMixedExposureStops = 2;    // a camera on automatic stays below
 constexpr double kMaxCoordinate = 1e15;      // scene units; squares of sizes must fit into floats
 
@@ -42,6 +43,45 @@ std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU
     codes[c] = static_cast<uint8_t>(std::clamp(std::lround(color[c] / kPhotoCode), 0L, 255L));
   }
   return codes;
+}
+
+PhotoDarkness MeasureDarkness(const Photo& photo, const PlaneU8& mask, const ImageInfo& info) {
+  PhotoDarkness darkness;
+  const size_t counted = CountedPixels(mask, photo.pixels());
+  if (info.bit_depth == 8) {
+    size_t black = 0;
+    ForCounted(mask, photo.pixels(), [&](size_t i) {
+      const int16_t* rgb = &photo.data[3 * i];
+      black += kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2] < kPhotoCode;
+    });
+    darkness.black = static_cast<double>(black) / counted;
+  } else if (info.format == ImageFormat::kPng || info.format == ImageFormat::kTiff) {
+    // One 8-bit code is 257 of 65535.
+    const auto [least, most] = std::minmax_element(photo.data.begin(), photo.data.end());
+    darkness.narrow = *least < *most && *most < kPhotoCode;
+  }
+  return darkness;
+}
+
+void NoteDarkness(const std::vector<View>& views, const std::vector<PhotoDarkness>& photos,
+                  std::vector<std::string>* notes) {
+  double black = 0;
+  for (const PhotoDarkness& photo : photos) black += photo.black / photos.size();
+  if (black > kMostlyBlack) {
+    notes->push_back(absl::StrFormat(
+        "%.0f %% of the photos' pixels are below code 1 of 255: what is there can only be guessed; "
+        "longer exposures or RAW files would show it",
+        100 * black));
+  }
+  const auto narrow = [](const PhotoDarkness& photo) { return photo.narrow; };
+  const auto count = std::count_if(photos.begin(), photos.end(), narrow);
+  if (count == 0) return;
+  const auto first = std::find_if(photos.begin(), photos.end(), narrow) - photos.begin();
+  notes->push_back(absl::StrCat("all values of ", count, " photos of 16 bits, such as ",
+                                views[first].name,
+                                ", are below 256: they are taken for light far below white; if "
+                                "they are codes of 8 bits, save "
+                                "them in files of 8 bits"));
 }
 
 void NoteExposures(const std::vector<View>& views, const std::vector<double>& exposures,

@@ -12,6 +12,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
+#include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {
@@ -20,6 +21,18 @@ namespace litags {
 // colour throughout, but for a thousandth of its pixels (JPEG and dust in a black photo). Only
 // pixels that count by its mask are looked at, of which there is one or more.
 std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU8& mask = {});
+
+// What a photo's file cannot tell.
+struct PhotoDarkness {
+  double black = 0;     // share of the pixels whose luma is below code 1, in files of 8 bits
+  bool narrow = false;  // a PNG or TIFF of 16 bits whose values are all below 256
+};
+PhotoDarkness MeasureDarkness(const Photo& photo, const PlaneU8& mask, const ImageInfo& info);
+
+// Says so if most of what the photos show is black, or if files of 16 bits hold numbers of 8. Not
+// empty; in the order of `views`.
+void NoteDarkness(const std::vector<View>& views, const std::vector<PhotoDarkness>& photos,
+                  std::vector<std::string>* notes);
 
 // Says so if the photos of a capture were exposed very differently, and whether they were
 // `evened_out`.

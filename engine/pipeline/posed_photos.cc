@@ -66,6 +66,7 @@ struct OnePhoto {
   View view;
   Photo photo;
   PlaneU8 mask;
+  PhotoDarkness darkness;  // as the camera wrote it
 };
 
 // Photo and mask as their pinhole camera sees them.
@@ -75,6 +76,8 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
   v->photo = std::move(read.photo);
   v->mask = std::move(read.mask);
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(path, field));
+  v->darkness = MeasureDarkness(v->photo, v->mask, info);
   const Camera& camera = v->view.camera;
   if (v->photo.width != camera.width || v->photo.height != camera.height) {
     return InvalidInput(
@@ -152,6 +155,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
   int shrunk = 0;
+  std::vector<PhotoDarkness> darkness;
   for (size_t i = 0; i < n; ++i) {
     if (flat[i].has_value()) {
       const auto& [r, g, b] = *flat[i];
@@ -165,7 +169,9 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
     posed->distortions.push_back(model.distortions[i]);
     posed->photos.push_back(std::move(photos[i].photo));
     posed->masks.push_back(std::move(photos[i].mask));
+    darkness.push_back(photos[i].darkness);
   }
+  if (!darkness.empty()) NoteDarkness(posed->views, darkness, &context.report->notes);
   if (shrunk > 0) {
     context.Note(absl::StrCat(shrunk, " of ", posed->size(), " photos were shrunk to ",
                               options.max_image_side, " px (max_image_side; 0 keeps their size)"));

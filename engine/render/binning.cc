@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/core/aligned.h"
 #include "engine/core/parallel.h"
 #include "engine/render/constants.h"
 
@@ -135,8 +136,9 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
 
   // Distribute, then sort every tile by depth, equal depths by slot and so by Gaussian. Depths are
   // positive, so their bits sort like numbers.
-  scratch->keys.resize(total);
-  for (auto* v : {&scratch->gaussian_of_slot, &lists->gaussians, &lists->slots}) v->resize(total);
+  ResizeScratch(total, &scratch->keys);
+  for (auto* v : {&scratch->gaussian_of_slot, &lists->gaussians, &lists->slots})
+    ResizeScratch(total, v);
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
     uint32_t* offset = scratch->offsets.data() + chunk * tiles;
     const Pair* pairs = scratch->chunks[chunk].pairs.data();

@@ -251,7 +251,7 @@ KernelCamera::KernelCamera(const Camera& camera)
 
 void ProjectedSplats::Resize(size_t n, int new_channels) {
   channels = new_channels;
-  records.resize(n * RecordStride(channels));
+  ResizeScratch(n * RecordStride(channels), &records);
   depths.resize(n);
   boxes.resize(n);
   spans.resize(n);

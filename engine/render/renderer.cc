@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/core/aligned.h"
 #include "engine/core/check.h"
 #include "engine/core/parallel.h"
 #include "engine/render/binning.h"
@@ -162,7 +163,7 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
   LITAGS_CHECK(v_image.channels == s.projection.channels && v_image.width == s.width &&
                v_image.height == s.height);
   const int stride = GradStride(s.projection.channels);
-  s.pair_grads.resize(s.lists.num_pairs() * stride);
+  ResizeScratch(s.lists.num_pairs() * stride, &s.pair_grads);
   s.tile_scratch.resize(s.threads);
   const size_t tiles = s.lists.tile_begin.size() - 1;
   ParallelFor(s.threads, tiles, [&](size_t tile, int thread) {

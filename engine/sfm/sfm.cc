@@ -313,8 +313,9 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
     return MakeError(
         absl::StatusCode::kFailedPrecondition, "SFM_NO_POINTS", "cameras",
         absl::StrCat("no point of the scene is seen alike by the ", cameras.views.size(),
-                     " given cameras; check that cameras and photos belong together "
-                     "and the axes are right"));
+                     " given cameras; check that cameras and photos belong together, that "
+                     "the axes are right, and that the photos show texture: a place that is black "
+                     "but for a lamp, or a bare wall, shows none"));
   }
   result.photos = WithPhotosLeftOut(all, result.photos);
   AddNotes(KeptRung(result), result);

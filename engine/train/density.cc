@@ -117,14 +117,15 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
   std::vector<uint32_t> from(n);
   std::iota(from.begin(), from.end(), 0);
   from.insert(from.end(), growing.begin(), growing.end());
-  const Splats before = state->params;
+  Splats parents(growing.size());
+  for (size_t k = 0; k < growing.size(); ++k) parents.Copy(state->params, growing[k], k);
   state->Rearrange(from);
   const std::unique_ptr<GrowthStrategy> growth = MakeGrowth(options.recipe, extent);
   const CounterRng rng(options.seed, kGrowthStream + (uint64_t(iteration) << 16));
   for (size_t k = 0; k < growing.size(); ++k) {
     const uint32_t i = growing[k];
     state->ClearMoments(n + k);
-    if (growth->Grow(before, i, n + k, rng, &state->params) == Grown::kCloned) {
+    if (growth->Grow(parents, k, i, n + k, rng, &state->params) == Grown::kCloned) {
       ++report.cloned;
     } else {
       ++report.split;

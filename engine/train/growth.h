@@ -21,9 +21,9 @@ class GrowthStrategy {
  public:
   virtual ~GrowthStrategy() = default;
 
-  // Makes Gaussian `i` and its copy at index `twin` of `splats` what follows Gaussian i of
-  // `before`. Random numbers depend on `rng` and i only.
-  virtual Grown Grow(const Splats& before, size_t i, size_t twin, const CounterRng& rng,
+  // Makes Gaussian `i` and its copy at index `twin` of `splats` what follows Gaussian p of
+  // `parents`, which is what i was. Random numbers depend on `rng` and i only.
+  virtual Grown Grow(const Splats& parents, size_t p, size_t i, size_t twin, const CounterRng& rng,
                      Splats* splats) const = 0;
 };
 

@@ -13,13 +13,13 @@ class CloneSplit : public GrowthStrategy {
  public:
   explicit CloneSplit(double clone_scale) : clone_scale_(clone_scale) {}
 
-  Grown Grow(const Splats& before, size_t i, size_t twin, const CounterRng& rng,
+  Grown Grow(const Splats& parents, size_t p, size_t i, size_t twin, const CounterRng& rng,
              Splats* splats) const override {
     const float largest = std::exp(std::max(
-        {before.at(i, kLogScale), before.at(i, kLogScale + 1), before.at(i, kLogScale + 2)}));
+        {parents.at(p, kLogScale), parents.at(p, kLogScale + 1), parents.at(p, kLogScale + 2)}));
     if (largest <= clone_scale_) return Grown::kCloned;
-    Place(before, i, rng, kNumbers * i, i, splats);
-    Place(before, i, rng, kNumbers * i + 3, twin, splats);
+    Place(parents, p, rng, kNumbers * i, i, splats);
+    Place(parents, p, rng, kNumbers * i + 3, twin, splats);
     return Grown::kSplit;
   }
 

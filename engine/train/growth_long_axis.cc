@@ -14,10 +14,10 @@ constexpr double kOpacity = 0.8;  // where halves overlap they cover more. Choic
 
 class LongAxis : public GrowthStrategy {
  public:
-  Grown Grow(const Splats& before, size_t i, size_t twin, const CounterRng&,
+  Grown Grow(const Splats& parents, size_t p, size_t i, size_t twin, const CounterRng&,
              Splats* splats) const override {
-    Place(before, i, 1, i, splats);
-    Place(before, i, -1, twin, splats);
+    Place(parents, p, 1, i, splats);
+    Place(parents, p, -1, twin, splats);
     return Grown::kSplit;
   }
 
