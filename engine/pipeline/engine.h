@@ -42,6 +42,7 @@ struct ReconstructInput {
   std::string work_dir;  // exists; SfM workspace, checkpoint, snapshots and results go here
 
   DepthNetwork depth_network;
+  int64_t memory_bytes = 0;           // that there are; 0: not known
   double colmap_step_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
 };
 

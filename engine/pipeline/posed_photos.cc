@@ -21,6 +21,7 @@
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/local_origin.h"
+#include "engine/pipeline/memory_estimate.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/target/shadow_color.h"
 
@@ -102,12 +103,11 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
 
 void Shrink(int max_side, OnePhoto* v) {
   Camera& camera = v->view.camera;
-  const int side = std::max(camera.width, camera.height);
-  if (max_side <= 0 || side <= max_side) return;
-  const double scale = double(max_side) / side;
-  const int width = std::max(1, static_cast<int>(std::lround(camera.width * scale)));
-  const int height = std::max(1, static_cast<int>(std::lround(camera.height * scale)));
-  const auto resize = [&](const auto& image) { return ResizeArea(image, width, height); };
+  const auto [width, height] = ShrunkTo(max_side, camera.width, camera.height);
+  if (width == camera.width && height == camera.height) return;
+  const auto resize = [width = width, height = height](const auto& image) {
+    return ResizeArea(image, width, height);
+  };
   v->photo = resize(v->photo);
   if (!v->mask.empty()) v->mask = ChangeMask(v->mask, resize);
   camera = camera.Scaled(width, height);
@@ -212,6 +212,7 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
                           ScreenPhotos(input, context.options.threads, context.cancel));
   for (const std::string& note : screen.notes) context.Note(note);
   LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen));
+  LITAGS_RETURN_IF_ERROR(CheckMemory(screen.photos, context.options, input.memory_bytes));
   PosedPhotos posed;
   LITAGS_ASSIGN_OR_RETURN(posed.model,
                           ObtainCameras(context, screen.Names(), screen.masks, colmap));

@@ -30,6 +30,9 @@ class JobMonitor {
   // The engine has returned; the lease is kept for what is left to write.
   void NoteEngineEnded() { engine_ended_ = true; }
 
+  // What the job may hold, 0: any.
+  int64_t max_memory_bytes() const { return max_memory_bytes_; }
+
   // Ends the thread and says why the engine was stopped.
   StopReason Finish();
   // After Finish(): with kLimit, the error that the job ends with: DEADLINE_EXCEEDED

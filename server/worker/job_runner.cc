@@ -90,6 +90,7 @@ Outcome Reconstruct(const Lease& lease, const WorkerContext& context, const Work
   if (!input.ok()) return {input.status(), absl::OkStatus()};
   input->depth_network = options.depth_network;
   input->colmap_step_seconds = options.colmap_step_seconds;
+  input->memory_bytes = monitor->max_memory_bytes();
   JobReporter reporter(lease, context, options, folder, [monitor] { monitor->NoteLeaseLost(); });
   Outcome outcome;
   outcome.report = context.engine->Reconstruct(*input, *engine_options, cancel, &reporter);

@@ -18,6 +18,7 @@
 #include "absl/strings/str_join.h"
 #include "engine/core/arguments.h"
 #include "engine/core/error.h"
+#include "engine/core/machine_memory.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/engine.h"
@@ -166,6 +167,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args.scene.Input(args.out, &args.options));
+  input.memory_bytes = MachineMemory();
   input.depth_dir = args.depth;
   input.masks_dir = args.masks;
   const fs::path beside = fs::path(input.images_dir) / "masks";

@@ -1,0 +1,88 @@
+#include "engine/pipeline/memory_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_format.h"
+#include "engine/core/error.h"
+#include "engine/core/parallel.h"
+#include "engine/core/splats.h"
+#include "engine/render/renderer.h"
+
+namespace litags {
+namespace {
+
+// Bytes a pixel of a TrainView: photo and target of three 16-bit samples, structure, information.
+constexpr double kViewPixel = 2 * 3 * sizeof(int16_t) + 2;
+// Smaller copies have a quarter, a sixteenth, ... of the pixels.
+double WithPyramid(int levels) { return (1 - std::pow(0.25, levels + 1)) / 0.75; }
+
+// Bytes a pixel of the photo in work: rendered planes, their gradients and what they are compared
+// with, floats, and the lists of tiles with their gradients, some 100 bytes for every second pixel.
+constexpr double kTrainPixel = sizeof(float) * (2 * (kNumChannels + 1) + 8) + 50;
+// Bytes a pixel as the file has it, for every thread that decodes: coefficients, samples, and
+// colours of deep shadow at all scales.
+constexpr double kDecodePixel = 64;
+
+// Parameters and two moments, beside which density control makes one of the three anew and copies
+// those that grow; and records of a view.
+constexpr double kGaussian = sizeof(float) * (kSplatRows * 5 + 40);
+
+std::string GiB(int64_t bytes) { return absl::StrFormat("%.1f GiB", bytes / double(1 << 30)); }
+
+}  // namespace
+
+TrainingSize ShrunkTo(int max_side, int width, int height) {
+  const int side = std::max(width, height);
+  if (max_side <= 0 || side <= max_side) return {width, height};
+  const double scale = double(max_side) / side;
+  return {std::max(1, static_cast<int>(std::lround(width * scale))),
+          std::max(1, static_cast<int>(std::lround(height * scale)))};
+}
+
+MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
+                              const ReconstructOptions& options, int threads) {
+  double all = 0, largest = 0, largest_file = 0;
+  for (const ScreenedPhoto& photo : photos) {
+    const TrainingSize size = ShrunkTo(options.max_image_side, photo.width, photo.height);
+    const double pixels = double(size.width) * size.height;
+    all += pixels;
+    largest = std::max(largest, pixels);
+    largest_file = std::max(largest_file, double(photo.width) * photo.height);
+  }
+  const double decoding = kDecodePixel * largest_file * std::min<double>(threads, photos.size());
+  MemoryEstimate estimate;
+  estimate.photos =
+      static_cast<int64_t>(kViewPixel * WithPyramid(options.ResolveRecipe().coarse_levels) * all);
+  estimate.work = static_cast<int64_t>(std::max(kTrainPixel * largest, decoding));
+  estimate.gaussians = static_cast<int64_t>(kGaussian * options.max_gaussians);
+  return estimate;
+}
+
+absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
+                         int64_t bytes) {
+  const int threads = options.threads > 0 ? options.threads : DefaultThreadCount();
+  const int64_t least = EstimateMemory(photos, options, threads).Least();
+  if (bytes == 0 || least <= bytes) return absl::OkStatus();
+  constexpr int kStep = 100, kLeastSide = 300;  // px
+  ReconstructOptions smaller = options;
+  int side = 0;
+  for (const ScreenedPhoto& photo : photos) side = std::max({side, photo.width, photo.height});
+  if (options.max_image_side > 0) side = std::min(side, options.max_image_side);
+  std::string advice = "leave photos out";
+  for (side -= 1 + (side - 1) % kStep; side >= kLeastSide; side -= kStep) {
+    smaller.max_image_side = side;
+    const int64_t most = EstimateMemory(photos, smaller, threads).Most();
+    if (most > bytes) continue;
+    advice =
+        absl::StrFormat("max_image_side %d takes %s at most; or leave photos out", side, GiB(most));
+    break;
+  }
+  return MakeError(
+      absl::StatusCode::kResourceExhausted, "MEMORY_EXCEEDED", "options.max_image_side",
+      absl::StrFormat("%d photos at this size take %s of memory or more, and there are "
+                      "%s: %s",
+                      photos.size(), GiB(least), GiB(bytes), advice));
+}
+
+}  // namespace litags

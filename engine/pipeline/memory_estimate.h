@@ -1,0 +1,43 @@
+// How much main memory a reconstruction takes, known before it starts.
+#ifndef LITAGS_ENGINE_PIPELINE_MEMORY_ESTIMATE_H_
+#define LITAGS_ENGINE_PIPELINE_MEMORY_ESTIMATE_H_
+
+#include <cstdint>
+
+#include "absl/status/status.h"
+#include "absl/types/span.h"
+#include "engine/pipeline/options.h"
+#include "engine/pipeline/photo_screen.h"
+
+namespace litags {
+
+// A photo's size at training: its longer side at most `max_side` px (0: any).
+struct TrainingSize {
+  int width = 0, height = 0;  // px
+};
+TrainingSize ShrunkTo(int max_side, int width, int height);
+
+// Bytes at the peak. COLMAP's processes have ended by then.
+struct MemoryEstimate {
+  int64_t photos = 0;     // of all photos with their targets, maps and smaller copies
+  int64_t work = 0;       // on one photo at a time: decoding, or rendering and its gradients
+  int64_t gaussians = 0;  // with moments and what is made anew of them, max_gaussians of them
+
+  int64_t Least() const { return photos + work; }
+  int64_t Most() const { return photos + work + gaussians + kPrograms; }
+
+  static constexpr int64_t kPrograms = int64_t{100} << 20;  // code, libraries and small things
+};
+
+// `threads` > 0 decode photos at once.
+MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
+                              const ReconstructOptions& options, int threads);
+
+// RESOURCE_EXHAUSTED (MEMORY_EXCEEDED, field "options.max_image_side") where even the least that
+// `photos` take is more than `bytes`; says which max_image_side would do. OK where bytes is 0.
+absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
+                         int64_t bytes);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_MEMORY_ESTIMATE_H_

@@ -1,0 +1,113 @@
+#include "engine/pipeline/memory_estimate.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <vector>
+
+#include "engine/core/sandbox.h"
+#include "engine/io/image_io.h"
+#include "engine/pipeline/capture_test_util.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr int64_t kGiB = int64_t{1} << 30;
+
+std::vector<ScreenedPhoto> PhotosOf(int count, int width, int height) {
+  ScreenedPhoto photo;
+  photo.width = width;
+  photo.height = height;
+  return std::vector<ScreenedPhoto>(count, photo);
+}
+
+TEST(MemoryEstimate, TrainingSizesKeepTheShape) {
+  EXPECT_EQ(ShrunkTo(1600, 4032, 3024).width, 1600);
+  EXPECT_EQ(ShrunkTo(1600, 4032, 3024).height, 1200);
+  EXPECT_EQ(ShrunkTo(1600, 3024, 4032).height, 1600);
+  EXPECT_EQ(ShrunkTo(0, 4032, 3024).width, 4032);
+  EXPECT_EQ(ShrunkTo(1600, 800, 600).width, 800);
+  EXPECT_EQ(ShrunkTo(64, 100000, 10).height, 1);
+}
+
+TEST(MemoryEstimate, GrowsWithWhatTakesMemory) {
+  const ReconstructOptions options;
+  const MemoryEstimate few = EstimateMemory(PhotosOf(10, 1600, 1200), options, 2);
+  const MemoryEstimate many = EstimateMemory(PhotosOf(100, 1600, 1200), options, 2);
+  EXPECT_NEAR(double(many.photos) / few.photos, 10, 1e-6);
+  EXPECT_EQ(many.work, few.work);
+  // A photo of 12 megapixels is decoded whole, and kept at 1600 px.
+  const MemoryEstimate large = EstimateMemory(PhotosOf(10, 4032, 3024), options, 2);
+  EXPECT_EQ(large.photos, few.photos);
+  EXPECT_GT(large.work, few.work);
+  ReconstructOptions dense = options;
+  dense.max_gaussians *= 10;
+  EXPECT_EQ(EstimateMemory(PhotosOf(10, 1600, 1200), dense, 2).gaussians, 10 * few.gaussians);
+}
+
+TEST(MemoryEstimate, WhatCannotFitIsRefusedWithWhatWould) {
+  const std::vector<ScreenedPhoto> photos = PhotosOf(1000, 4032, 3024);
+  ReconstructOptions options;
+  options.threads = 2;
+  const absl::Status status = CheckMemory(photos, options, 8 * kGiB);
+  EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(Reason(status), "MEMORY_EXCEEDED");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("max_image_side 600 takes"));
+  options.max_image_side = 600;
+  EXPECT_TRUE(CheckMemory(photos, options, 8 * kGiB).ok());
+  EXPECT_THAT(std::string(CheckMemory(photos, options, kGiB / 2).message()),
+              HasSubstr("leave photos out"));
+  EXPECT_TRUE(CheckMemory(photos, ReconstructOptions(), 0).ok()) << "nothing is known of memory";
+}
+
+TEST(MemoryEstimate, ARunIsRefusedBeforeCamerasAreFound) {
+  const RoomCapture capture(6);
+  ReconstructInput input = capture.Input("work");
+  input.memory_bytes = 1000;
+  EXPECT_EQ(Reason(Train(input, capture.Options(10)).status()), "MEMORY_EXCEEDED");
+}
+
+// Peak of a process that trains on photos of this size, bytes.
+int64_t PeakOfTraining(const ReconstructInput& input, const ReconstructOptions& options) {
+  const pid_t child = fork();
+  if (child == 0) _exit(Train(input, options).ok() ? 0 : 1);
+  int status = 0;
+  rusage usage = {};
+  EXPECT_EQ(wait4(child, &status, 0, &usage), child);
+  EXPECT_EQ(status, 0);
+  return int64_t{usage.ru_maxrss} * 1024;
+}
+
+// What photos add to the peak, from few of them to many, is what the estimate says they add.
+TEST(MemoryEstimate, PhotosTakeWhatARunMeasures) {
+  if (kBuiltWithSanitizer) GTEST_SKIP() << "sanitizers take memory of their own";
+  constexpr int kScale = 10;  // 640x480
+  int64_t peak[2], estimate[2];
+  const int views[2] = {4, 24};
+  for (int k = 0; k < 2; ++k) {
+    RoomCapture capture(views[k]);
+    for (int i = 0; i < views[k]; ++i) {
+      capture.SetPhoto(i, ResizeArea(capture.Photo(i, Light::kLow), kScale * RoomCapture::kWidth,
+                                     kScale * RoomCapture::kHeight));
+      Camera& camera = capture.model.views[i].camera;
+      camera = camera.Scaled(kScale * RoomCapture::kWidth, kScale * RoomCapture::kHeight);
+    }
+    ReconstructOptions options = capture.Options(3);
+    options.recipe = Litags();
+    options.recipe->dense_start = options.recipe->use_depth = false;
+    peak[k] = PeakOfTraining(capture.Input("work"), options);
+    estimate[k] = EstimateMemory(PhotosOf(views[k], 640, 480), options, options.threads).photos;
+  }
+  const double ratio = double(peak[1] - peak[0]) / (estimate[1] - estimate[0]);
+  EXPECT_GT(ratio, 0.7);
+  EXPECT_LT(ratio, 1.3);
+}
+
+}  // namespace
+}  // namespace litags
