@@ -66,13 +66,21 @@ struct OnePhoto {
   View view;
   Photo photo;
   PlaneU8 mask;
+  double stated_exposure = 0;
 };
+
+double StatedExposure(const ImageInfo& info) {
+  if (!(info.exposure_time > 0 && info.iso > 0 && info.f_number > 0)) return 0;
+  return info.exposure_time * info.iso / (info.f_number * info.f_number);
+}
 
 // Photo and mask as their pinhole camera sees them.
 absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
                        const Distortion& distortion, const ShadowColors* shadows, OnePhoto* v) {
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(path, field));
+  v->stated_exposure = StatedExposure(info);
   v->photo = std::move(read.photo);
   v->mask = std::move(read.mask);
   const Camera& camera = v->view.camera;
@@ -165,6 +173,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
     posed->distortions.push_back(model.distortions[i]);
     posed->photos.push_back(std::move(photos[i].photo));
     posed->masks.push_back(std::move(photos[i].mask));
+    posed->stated_exposures.push_back(photos[i].stated_exposure);
   }
   if (shrunk > 0) {
     context.Note(absl::StrCat(shrunk, " of ", posed->size(), " photos were shrunk to ",
