@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -73,6 +74,11 @@ void AddResumeCommand(CLI::App& app, Session& session);
 void AddRenderCommands(CLI::App& app, Session& session);  // render, path, cameras
 void AddExportCommand(CLI::App& app, Session& session);
 void AddDoctorCommand(CLI::App& app, Session& session);
+void AddInspectCommand(CLI::App& app, Session& session);
+
+// For the first line of main(): `litags inspect ...` needs no server, nor what is known of one.
+// Returns only if it cannot be started.
+std::optional<int> MaybeInspect(int argc, char** argv);
 
 // Adds the positional JOB, "ID" or "jobs/ID", which is stored as "jobs/ID".
 CLI::Option* AddJobArgument(CLI::App& command, std::string& job);

@@ -130,6 +130,18 @@ TEST_F(ClientTest, ARefusedFileIsNotSentAgain) {
   EXPECT_EQ(service_.state()->streams, 1);
 }
 
+TEST_F(ClientTest, AVideoIsSentAsOneFile) {
+  Write("night.MP4", "video");
+  const auto capture = ScanCapture((dir_ / "night.MP4").string(), "", "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  ASSERT_EQ(capture->files.size(), 1u);
+  EXPECT_EQ(capture->files[0].role, v1::FILE_ROLE_VIDEO);
+  EXPECT_EQ(capture->files[0].name, "night.MP4");
+  // In a folder it is none of the photos.
+  const absl::Status folder = ScanCapture(dir_.string(), "", "", "").status();
+  EXPECT_THAT(std::string(folder.message()), HasSubstr("give the video itself: night.MP4"));
+}
+
 TEST_F(ClientTest, AnUnreadablePhotoIsLeftOutWithItsMaskWhileEnoughRemain) {
   for (const char* name :
        {"a.jpg", "b.jpg", "bad.jpg", "c.jpg", "masks/a.jpg.png", "masks/bad_mask.png"}) {

@@ -156,12 +156,13 @@ int Submit(Session& session, const SubmitArgs& args) {
 void AddSubmitCommand(CLI::App& app, Session& session) {
   auto args = std::make_shared<SubmitArgs>();
   CLI::App* command = app.add_subcommand(
-      "submit", "Send a folder of photos and start its reconstruction; prints the job's name");
+      "submit",
+      "Send a folder of photos, or a video, and start its reconstruction; prints the job's name");
   command
       ->add_option(
           "DIR", args->dir,
           "Folder with the photos (of its subfolders only masks is read), or a .zip, .tar or "
-          ".tar.gz of it")
+          ".tar.gz of it, or a video")
       ->required();
   command->add_flag("--watch", args->watch, "Then follow the job until it ends");
   command->add_flag("--strict", args->strict,

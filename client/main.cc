@@ -95,6 +95,7 @@ int NoteCommands(const CLI::App& app) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (const auto exit = litags::client::MaybeInspect(argc, argv)) return *exit;
   // Lives until the process ends: the signal thread refers to it.
   auto& session = *new litags::client::Session;
   HandleSignals(session.interrupt);
@@ -125,6 +126,7 @@ int main(int argc, char** argv) {
   litags::client::AddRenderCommands(app, session);
   litags::client::AddExportCommand(app, session);
   litags::client::AddDoctorCommand(app, session);
+  litags::client::AddInspectCommand(app, session);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -139,10 +139,10 @@ absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
 
 // "17 pictures are of a kind that is not read, 0001.webp for one: convert them to JPEG or PNG".
 std::string DescribeOtherPictures(const std::vector<std::string>& names) {
-  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".jp2", ".psd",
-                                         ".crw", ".mp4", ".mov", ".avi", ".mkv"};
+  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".jp2", ".psd", ".crw"};
   std::vector<std::string> others;
   for (const std::string& name : names) {
+    if (HasEnding(name, v1::kVideoEndings)) return absl::StrCat("give the video itself: ", name);
     if (HasEnding(name, kOther)) others.push_back(name);
   }
   if (others.empty()) return "";
@@ -361,11 +361,13 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   Capture capture;
   std::error_code is_no_file;
   absl::Status status;
-  if (fs::is_regular_file(photos_dir, is_no_file) && HasEnding(photos_dir, v1::kArchiveEndings)) {
-    auto archive = MakeLocalFile(photos_dir, v1::FILE_ROLE_ARCHIVE);
-    if (!archive.ok()) return archive.status();
-    capture.bytes += archive->size_bytes;
-    capture.files.push_back(*std::move(archive));
+  const bool archive = HasEnding(photos_dir, v1::kArchiveEndings);
+  if (fs::is_regular_file(photos_dir, is_no_file) &&
+      (archive || HasEnding(photos_dir, v1::kVideoEndings))) {
+    auto file = MakeLocalFile(photos_dir, archive ? v1::FILE_ROLE_ARCHIVE : v1::FILE_ROLE_VIDEO);
+    if (!file.ok()) return file.status();
+    capture.bytes += file->size_bytes;
+    capture.files.push_back(*std::move(file));
   } else {
     status = ScanFolder(photos_dir, "DIR", v1::FILE_ROLE_PHOTO, v1::kPhotoEndings, &capture);
   }

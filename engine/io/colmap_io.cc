@@ -20,14 +20,19 @@ constexpr int64_t kMaxFileBytes = int64_t{2} << 30;
 
 // COLMAP's camera model numbers.
 enum ColmapModel : int32_t {
-  kSimplePinhole = 0,  // f cx cy
-  kPinhole = 1,        // fx fy cx cy
-  kSimpleRadial = 2,   // f cx cy k
-  kRadial = 3,         // f cx cy k1 k2
-  kOpenCv = 4,         // fx fy cx cy k1 k2 p1 p2
+  kSimplePinhole = 0,        // f cx cy
+  kPinhole = 1,              // fx fy cx cy
+  kSimpleRadial = 2,         // f cx cy k
+  kRadial = 3,               // f cx cy k1 k2
+  kOpenCv = 4,               // fx fy cx cy k1 k2 p1 p2
+  kOpenCvFisheye = 5,        // fx fy cx cy k1 k2 k3 k4
+  kFullOpenCv = 6,           // fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6
+  kFov = 7,                  // not read, nor are the prisms beyond
+  kSimpleRadialFisheye = 8,  // f cx cy k
+  kRadialFisheye = 9,        // f cx cy k1 k2
 };
-constexpr int kNumParams[] = {3, 4, 4, 5, 8};
-constexpr int kMaxParams = 8;
+constexpr int kNumParams[] = {3, 4, 4, 5, 8, 8, 12, 0, 4, 5};
+constexpr int kMaxParams = 12;
 
 struct Intrinsics {
   Camera camera;
@@ -59,18 +64,30 @@ Intrinsics MakeIntrinsics(int32_t model, uint64_t width, uint64_t height, const 
   Camera& camera = out.camera;
   camera.width = static_cast<int>(width);
   camera.height = static_cast<int>(height);
-  const bool two_focals = model == kPinhole || model == kOpenCv;
+  const bool two_focals =
+      model == kPinhole || model == kOpenCv || model == kOpenCvFisheye || model == kFullOpenCv;
   camera.fx = p[0];
   camera.fy = two_focals ? p[1] : p[0];
   const double* rest = p + (two_focals ? 2 : 1);
   camera.cx = rest[0];
   camera.cy = rest[1];
   Distortion& d = out.distortion;
+  d.fisheye = model == kOpenCvFisheye || model == kSimpleRadialFisheye || model == kRadialFisheye;
   if (model >= kSimpleRadial) d.k1 = rest[2];
-  if (model >= kRadial) d.k2 = rest[3];
-  if (model == kOpenCv) {
+  if (model >= kRadial && model != kSimpleRadialFisheye) d.k2 = rest[3];
+  if (model == kOpenCvFisheye) {
+    d.k3 = rest[4];
+    d.k4 = rest[5];
+  }
+  if (model == kOpenCv || model == kFullOpenCv) {
     d.p1 = rest[4];
     d.p2 = rest[5];
+  }
+  if (model == kFullOpenCv) {
+    d.k3 = rest[6];
+    d.k4 = rest[7];
+    d.k5 = rest[8];
+    d.k6 = rest[9];
   }
   return out;
 }
@@ -90,11 +107,12 @@ absl::StatusOr<std::map<uint32_t, Intrinsics>> ParseCameras(std::string_view byt
         !reader.Read(&height)) {
       return Truncated(field);
     }
-    if (model < kSimplePinhole || model > kOpenCv) {
+    if (model < kSimplePinhole || model > kRadialFisheye || model == kFov) {
       return InvalidField("UNSUPPORTED_CAMERA_MODEL", field,
                           absl::StrCat("camera ", id, " has COLMAP model number ", model,
-                                       "; use SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or "
-                                       "OPENCV, or undistort the photos"));
+                                       " (FOV, a thin prism, or a newer one), which is not read; "
+                                       "undistort the photos (colmap image_undistorter), or "
+                                       "choose OPENCV, FULL_OPENCV or OPENCV_FISHEYE"));
     }
     if (width > kMaxSide || height > kMaxSide) return Corrupt(field, "a camera has an absurd size");
     double params[kMaxParams] = {};
@@ -247,12 +265,25 @@ absl::StatusOr<std::vector<SparsePoint>> ParsePoints(std::string_view bytes,
 std::vector<Intrinsics> CollectIntrinsics(const SparseModel& model,
                                           std::vector<size_t>* camera_of_view) {
   std::vector<Intrinsics> cameras;
-  std::map<std::array<double, 10>, size_t> known;
+  std::map<std::array<double, 15>, size_t> known;
   for (size_t i = 0; i < model.views.size(); ++i) {
     const Camera& c = model.views[i].camera;
     const Distortion& d = model.distortions[i];
-    const std::array<double, 10> key = {
-        double(c.width), double(c.height), c.fx, c.fy, c.cx, c.cy, d.k1, d.k2, d.p1, d.p2};
+    const std::array<double, 15> key = {double(c.width),
+                                        double(c.height),
+                                        c.fx,
+                                        c.fy,
+                                        c.cx,
+                                        c.cy,
+                                        d.k1,
+                                        d.k2,
+                                        d.p1,
+                                        d.p2,
+                                        d.k3,
+                                        d.k4,
+                                        d.k5,
+                                        d.k6,
+                                        double(d.fisheye)};
     const auto [it, added] = known.emplace(key, cameras.size());
     if (added) cameras.push_back({c, d});
     camera_of_view->push_back(it->second);
@@ -267,12 +298,24 @@ std::string EncodeCameras(const std::vector<Intrinsics>& cameras) {
     const Camera& c = cameras[i].camera;
     const Distortion& d = cameras[i].distortion;
     AppendNumber(&out, static_cast<uint32_t>(i + 1));
-    AppendNumber(&out, int32_t{d.IsZero() ? kPinhole : kOpenCv});
+    AppendNumber(&out, int32_t{d.IsZero()   ? kPinhole
+                               : d.fisheye  ? kOpenCvFisheye
+                               : d.IsFull() ? kFullOpenCv
+                                            : kOpenCv});
     AppendNumber(&out, static_cast<uint64_t>(c.width));
     AppendNumber(&out, static_cast<uint64_t>(c.height));
     for (double v : {c.fx, c.fy, c.cx, c.cy}) AppendNumber(&out, v);
     if (d.IsZero()) continue;
-    for (double v : {d.k1, d.k2, d.p1, d.p2}) AppendNumber(&out, v);
+    for (double v : {d.k1, d.k2}) AppendNumber(&out, v);
+    if (!d.fisheye) {
+      for (double v : {d.p1, d.p2}) AppendNumber(&out, v);
+    }
+    if (d.fisheye || d.IsFull()) {
+      for (double v : {d.k3, d.k4}) AppendNumber(&out, v);
+    }
+    if (!d.fisheye && d.IsFull()) {
+      for (double v : {d.k5, d.k6}) AppendNumber(&out, v);
+    }
   }
   return out;
 }

@@ -155,7 +155,8 @@ TEST(ReadColmapModel, RefusesWhatMakesNoSense) {
     WriteOneCamera(dir, model, params, name, camera);
     return Reason(ReadColmapModel(dir.path(), "cameras").status());
   };
-  EXPECT_EQ(reason(5, {50, 51, 20, 15, 0, 0, 0, 0}), "UNSUPPORTED_CAMERA_MODEL");
+  EXPECT_EQ(reason(7, {50, 51, 20, 15, 0.9}), "UNSUPPORTED_CAMERA_MODEL");
+  EXPECT_EQ(reason(10, std::vector<double>(12, 1)), "UNSUPPORTED_CAMERA_MODEL");
   EXPECT_EQ(reason(-1, {50, 51, 20, 15}), "UNSUPPORTED_CAMERA_MODEL");
   EXPECT_EQ(reason(0, {NAN, 20, 15}), "NOT_FINITE");
   EXPECT_EQ(reason(2, {50, 20, 15, NAN}), "NOT_FINITE");

@@ -15,11 +15,11 @@ struct CameraModel {
   int32_t number;
   int params;
 };
-constexpr CameraModel kCameraModels[] = {{"SIMPLE_PINHOLE", 0, 3},
-                                         {"PINHOLE", 1, 4},
-                                         {"SIMPLE_RADIAL", 2, 4},
-                                         {"RADIAL", 3, 5},
-                                         {"OPENCV", 4, 8}};
+constexpr CameraModel kCameraModels[] = {{"SIMPLE_PINHOLE", 0, 3}, {"PINHOLE", 1, 4},
+                                         {"SIMPLE_RADIAL", 2, 4},  {"RADIAL", 3, 5},
+                                         {"OPENCV", 4, 8},         {"OPENCV_FISHEYE", 5, 8},
+                                         {"FULL_OPENCV", 6, 12},   {"SIMPLE_RADIAL_FISHEYE", 8, 4},
+                                         {"RADIAL_FISHEYE", 9, 5}};
 
 bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
@@ -132,8 +132,9 @@ absl::StatusOr<std::string> Cameras(LineReader lines) {
     }
     if (!model) {
       const absl::Status status = lines.Corrupt(
-          "its camera model is not SIMPLE_PINHOLE, PINHOLE, "
-          "SIMPLE_RADIAL, RADIAL or OPENCV");
+          "its camera model is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, "
+          "FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and RADIAL_FISHEYE; undistort the "
+          "photos (colmap image_undistorter)");
       return InvalidInput("UNSUPPORTED_CAMERA_MODEL", GetErrorDetail(status)->field,
                           std::string(status.message()));
     }

@@ -185,6 +185,20 @@ absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale) {
   return Encode(".png", codes, {});
 }
 
+absl::StatusOr<std::string> EncodePng16(const Photo& photo) {
+  if (photo.empty()) return Encode(".png", cv::Mat(), {});
+  cv::Mat codes(photo.height, photo.width, CV_16UC3);
+  uint16_t* out = codes.ptr<uint16_t>();
+  for (size_t i = 0; i < photo.data.size(); i += 3) {
+    for (size_t c = 0; c < 3; ++c) {
+      const int sample = std::clamp<int>(photo.data[i + 2 - c], 0, kPhotoWhite);  // BGR
+      const int code = (sample * 4095 + kPhotoWhite / 2) / kPhotoWhite;
+      out[i + c] = static_cast<uint16_t>(code << 4 | code >> 8);
+    }
+  }
+  return Encode(".png", codes, {cv::IMWRITE_PNG_COMPRESSION, 1});
+}
+
 absl::Status WritePng(const std::string& path, const ImageU8& image) {
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes, EncodePng(image));
   return WriteFileAtomically(path, bytes);

@@ -75,6 +75,10 @@ absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view fiel
 absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
                                         const ImageLimits& limits = {});
 
+// As a PNG of 16 bits, of which the lower four repeat the upper: 12 bits of a photo are worth
+// keeping. What lies outside of [0, 1] is cut off. INVALID_ARGUMENT for an empty photo.
+absl::StatusOr<std::string> EncodePng16(const Photo& photo);
+
 // Has decoders load and initialise what they otherwise would with the first photo: for a process
 // that then gives up opening files.
 void LoadPhotoDecoders();

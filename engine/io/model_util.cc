@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/core.hpp>
 #include <string>
 #include <utility>
 
@@ -21,8 +22,7 @@ absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::stri
     const std::string where = absl::StrCat(Absl(field), "[", name, "]");
     LITAGS_RETURN_IF_ERROR(loaded.view.camera.Validate(where));
     const Distortion& d = loaded.distortion;
-    if (!std::isfinite(d.k1) || !std::isfinite(d.k2) || !std::isfinite(d.p1) ||
-        !std::isfinite(d.p2)) {
+    if (!d.IsFinite()) {
       return InvalidField("NOT_FINITE", where,
                           "a lens distortion coefficient is NaN or infinite; send finite numbers");
     }
@@ -35,6 +35,36 @@ absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::stri
     model.views.push_back(std::move(loaded.view));
   }
   return model;
+}
+
+absl::Status SetSize(double width, double height, std::string_view where, Camera* camera) {
+  constexpr double kMaxSide = 1 << 24;
+  for (const double side : {width, height}) {
+    if (!(side >= 1 && side <= kMaxSide) || side != std::floor(side)) {
+      return InvalidField("BAD_CAMERA_SIZE", where,
+                          absl::StrCat("a side of ", side, " is not a number of pixels"));
+    }
+  }
+  camera->width = static_cast<int>(width);
+  camera->height = static_cast<int>(height);
+  return absl::OkStatus();
+}
+
+absl::Status SetPlace(std::span<const double, 9> rotation, std::span<const double, 3> center,
+                      std::string_view where, Camera* camera) {
+  constexpr double kTolerance = 1e-3;
+  const cv::Matx33d given(rotation.data());
+  cv::Matx33d u, vt;
+  cv::Vec3d singular;
+  cv::SVD::compute(given, singular, u, vt);
+  const cv::Matx33d nearest = u * vt;
+  if (!(cv::norm(given - nearest) < kTolerance) || cv::determinant(nearest) < 0) {
+    return InvalidField("NOT_A_ROTATION", where, "its rotation mirrors, shears or scales");
+  }
+  const cv::Vec3d t = nearest * -cv::Vec3d(center.data());
+  for (int i = 0; i < 9; ++i) camera->R[i] = nearest.val[i];
+  for (int i = 0; i < 3; ++i) camera->t[i] = t[i];
+  return absl::OkStatus();
 }
 
 }  // namespace litags

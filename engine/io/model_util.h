@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_IO_MODEL_UTIL_H_
 #define LITAGS_ENGINE_IO_MODEL_UTIL_H_
 
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -22,6 +23,14 @@ struct LoadedView {
 // not null, receives the source ids in the order of the model's views.
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
                                         std::vector<size_t>* order);
+
+// Whole numbers of pixels. INVALID_ARGUMENT (BAD_CAMERA_SIZE).
+absl::Status SetSize(double width, double height, std::string_view where, Camera* camera);
+
+// `rotation`: cam_from_world, row by row; the nearest rotation is taken, which is near
+// (NOT_A_ROTATION). `center`: in the world.
+absl::Status SetPlace(std::span<const double, 9> rotation, std::span<const double, 3> center,
+                      std::string_view where, Camera* camera);
 
 }  // namespace litags
 

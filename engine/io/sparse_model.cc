@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <opencv2/calib3d.hpp>
+#include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -16,26 +16,43 @@ namespace litags {
 namespace {
 
 // `out` of type and size of `in`: what the pinhole `camera` would have taken.
-absl::Status Remap(const cv::Mat& in, const Camera& camera, const Distortion& distortion,
+absl::Status Remap(const cv::Mat& in, const Camera& camera, const Distortion& lens,
                    int interpolation, int border, cv::Mat* out) {
-  const double coefficients[4] = {distortion.k1, distortion.k2, distortion.p1, distortion.p2};
-  for (double k : coefficients) {
-    if (!std::isfinite(k)) {
-      return InvalidField("NOT_FINITE", "distortion",
-                          "a lens distortion coefficient is NaN or infinite; send finite numbers");
-    }
+  if (!lens.IsFinite()) {
+    return InvalidField("NOT_FINITE", "distortion",
+                        "a lens distortion coefficient is NaN or infinite; send finite numbers");
   }
   try {
     // OpenCV counts pixels from their centres, we from their corners.
-    const cv::Matx33d K(camera.fx, 0, camera.cx - 0.5, 0, camera.fy, camera.cy - 0.5, 0, 0, 1);
-    cv::Mat map_x, map_y;
-    cv::initUndistortRectifyMap(K, cv::Mat(1, 4, CV_64F, const_cast<double*>(coefficients)),
-                                cv::noArray(), K, in.size(), CV_32FC1, map_x, map_y);
+    cv::Mat map_x(in.size(), CV_32FC1), map_y(in.size(), CV_32FC1);
+    for (int v = 0; v < in.rows; ++v) {
+      float* const to_x = map_x.ptr<float>(v);
+      float* const to_y = map_y.ptr<float>(v);
+      const double y = (v + 0.5 - camera.cy) / camera.fy;
+      for (int u = 0; u < in.cols; ++u) {
+        const auto seen = Distort(lens, (u + 0.5 - camera.cx) / camera.fx, y);
+        to_x[u] = static_cast<float>(camera.fx * seen[0] + camera.cx - 0.5);
+        to_y[u] = static_cast<float>(camera.fy * seen[1] + camera.cy - 0.5);
+      }
+    }
     cv::remap(in, *out, map_x, map_y, interpolation, border);
     return absl::OkStatus();
   } catch (const cv::Exception& e) {
     return FieldError(absl::StatusCode::kInternal, "UNDISTORT_FAILED", "image", e.what());
   }
+}
+
+// The angle off the axis that a fisheye puts at `seen` from the middle: the curve rises up to
+// there.
+double FisheyeAngle(const Distortion& d, double seen) {
+  constexpr double kMost = 0.499 * std::numbers::pi;
+  double low = 0, high = kMost;
+  for (int i = 0; i < 60; ++i) {
+    const double t = 0.5 * (low + high), t2 = t * t;
+    const double at = t * (1 + t2 * (d.k1 + t2 * (d.k2 + t2 * (d.k3 + t2 * d.k4))));
+    (at < seen ? low : high) = t;
+  }
+  return 0.5 * (low + high);
 }
 
 }  // namespace
@@ -47,6 +64,44 @@ absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_vie
   return ReadTransforms(path, field, default_width, default_height);
 }
 
+bool Distortion::IsFinite() const {
+  const auto all = Coefficients();
+  return std::all_of(all.begin(), all.end(), [](double k) { return std::isfinite(k); });
+}
+
+std::array<double, 2> Distort(const Distortion& d, double x, double y) {
+  const double r2 = x * x + y * y;
+  if (d.fisheye) {
+    const double r = std::sqrt(r2), t = std::atan(r), t2 = t * t;
+    const double scale =
+        (r > 0 ? t / r : 1) * (1 + t2 * (d.k1 + t2 * (d.k2 + t2 * (d.k3 + t2 * d.k4))));
+    return {x * scale, y * scale};
+  }
+  const double radial =
+      (1 + r2 * (d.k1 + r2 * (d.k2 + r2 * d.k3))) / (1 + r2 * (d.k4 + r2 * (d.k5 + r2 * d.k6)));
+  return {x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x),
+          y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y};
+}
+
+std::array<double, 2> Undistort(const Distortion& d, double x, double y) {
+  if (d.fisheye) {
+    const double seen = std::hypot(x, y);
+    const double scale = seen > 0 ? std::tan(FisheyeAngle(d, seen)) / seen : 1;
+    return {x * scale, y * scale};
+  }
+  // The way of OpenCV and COLMAP, a fixed point: distortions of photos are small.
+  constexpr int kSteps = 50;
+  double px = x, py = y;
+  for (int i = 0; i < kSteps; ++i) {
+    const auto seen = Distort(d, px, py);
+    const double dx = x - seen[0], dy = y - seen[1];
+    px += dx;
+    py += dy;
+    if (dx * dx + dy * dy < 1e-20) break;
+  }
+  return {px, py};
+}
+
 double LargestShift(const Camera& camera, const Distortion& d) {
   constexpr int kSteps = 16;  // a side
   double largest = 0;
@@ -54,11 +109,8 @@ double LargestShift(const Camera& camera, const Distortion& d) {
     for (int j = 0; j <= kSteps; ++j) {
       const double x = (double(camera.width) * j / kSteps - camera.cx) / camera.fx;
       const double y = (double(camera.height) * i / kSteps - camera.cy) / camera.fy;
-      const double r2 = x * x + y * y, radial = r2 * (d.k1 + r2 * d.k2);
-      const double dx = x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x);
-      const double dy = y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y;
-      largest =
-          std::max(largest, std::sqrt(std::pow(camera.fx * dx, 2) + std::pow(camera.fy * dy, 2)));
+      const auto seen = Distort(d, x, y);
+      largest = std::max(largest, std::hypot(camera.fx * (seen[0] - x), camera.fy * (seen[1] - y)));
     }
   }
   return largest;

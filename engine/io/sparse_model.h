@@ -16,13 +16,30 @@
 
 namespace litags {
 
-// Brown-Conrady lens distortion, OpenCV's first four coefficients.
+// A lens, as OpenCV has it. Where a point is seen that a pinhole camera of focal length 1 sees at
+// (x, y), r from the middle:
+// - radial and tangential (Brown-Conrady): (x, y) times (1 + k1 r^2 + k2 r^4 + k3 r^6) /
+//   (1 + k4 r^2 + k5 r^4 + k6 r^6), and p1, p2;
+// - fisheye (equidistant): at t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) from the middle, where
+//   t = atan r is the angle off the axis.
 struct Distortion {
   double k1 = 0, k2 = 0;  // radial
   double p1 = 0, p2 = 0;  // tangential
+  double k3 = 0, k4 = 0, k5 = 0, k6 = 0;
+  bool fisheye = false;  // then p1, p2, k5 and k6 are 0
 
-  bool IsZero() const { return k1 == 0 && k2 == 0 && p1 == 0 && p2 == 0; }
+  std::array<double, 8> Coefficients() const { return {k1, k2, p1, p2, k3, k4, k5, k6}; }
+  bool IsZero() const { return !fisheye && Coefficients() == std::array<double, 8>{}; }
+  // Of a lens with more than k1 k2 p1 p2.
+  bool IsFull() const { return k3 != 0 || k4 != 0 || k5 != 0 || k6 != 0; }
+  bool IsFinite() const;
 };
+
+// Where the point (x, y) is seen, both for focal length 1.
+std::array<double, 2> Distort(const Distortion& lens, double x, double y);
+// Where the point lies that is seen at (x, y). A fisheye sees what lies beside it and behind it,
+// too; that is put far out.
+std::array<double, 2> Undistort(const Distortion& lens, double x, double y);
 
 // Where a point was seen: index into SparseModel::views and position in that photo, px.
 struct TrackElement {

@@ -16,7 +16,9 @@
 #include "engine/core/limits.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
+#include "engine/io/meshroom_io.h"
 #include "engine/io/model_util.h"
+#include "engine/io/openmvg_io.h"
 
 namespace litags {
 namespace {
@@ -50,6 +52,18 @@ constexpr std::string_view kKeys[] = {"file_path",
                                       "k6",
                                       "p1",
                                       "p2"};
+
+// Whose file this is that is no JSON, by its first line; empty: nobody's that is known.
+std::string_view OtherProgramOf(std::string_view text) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
+  const std::string_view line = text.substr(0, text.find('\n'));
+  if (line.starts_with("# Bundle file")) return "Bundler";
+  if (line.starts_with("NVM_V")) return "VisualSFM";
+  if (line.starts_with("#name,")) return "RealityScan (RealityCapture), as CSV,";
+  if (line.starts_with("<?xml") || line.starts_with("<document")) return "Metashape, as XML,";
+  return "";
+}
 
 // A value for a message; of lists and objects only the type.
 std::string Describe(const Json& value) {
@@ -211,31 +225,48 @@ absl::StatusOr<std::optional<double>> ReadFocal(const Keys& keys, const char* ke
   return std::optional<double>(0.5 * side / std::tan(0.5 * *angle));
 }
 
-// Lens models that Brown-Conrady's k1 k2 p1 p2 cannot express are refused, not approximated.
-absl::Status CheckLens(const Keys& keys) {
+// Lenses that Distortion cannot express are refused, not approximated. k3 is the same coefficient
+// everywhere; k4 and beyond are not: of an OPENCV lens nerfstudio has one that OpenCV does not.
+absl::Status ReadLens(const Keys& keys, Distortion* lens) {
   const auto unsupported = [&](std::string_view what) {
     return InvalidField("UNSUPPORTED_CAMERA_MODEL", keys.where(),
                         absl::StrCat(Absl(what), " is not supported; undistort the photos first"));
   };
-  for (const char* key : {"k3", "k4", "k5", "k6"}) {
-    LITAGS_ASSIGN_OR_RETURN(const double value, keys.NumberOr(key, 0));
-    if (value != 0) return unsupported(absl::StrCat("lens distortion '", key, "'"));
+  std::string model;
+  if (const Json* given = keys.Find("camera_model"); given != nullptr) {
+    constexpr std::string_view kKnown[] = {"OPENCV",       "FULL_OPENCV",    "OPENCV_FISHEYE",
+                                           "PINHOLE",      "SIMPLE_PINHOLE", "RADIAL",
+                                           "SIMPLE_RADIAL"};
+    model = given->is_string() ? given->get<std::string>() : "";
+    if (std::find(std::begin(kKnown), std::end(kKnown), model) == std::end(kKnown)) {
+      return unsupported(absl::StrCat("camera model ", Describe(*given)));
+    }
   }
   const Json* fisheye = keys.Find("is_fisheye");
-  if (fisheye != nullptr && *fisheye != Json(false) && *fisheye != Json(0)) {
-    return unsupported("a fisheye lens");
+  lens->fisheye = model == "OPENCV_FISHEYE" ||
+                  (fisheye != nullptr && *fisheye != Json(false) && *fisheye != Json(0));
+  const bool full = model == "FULL_OPENCV";
+  const struct {
+    const char* key;
+    double* value;
+    bool known;
+  } kCoefficients[] = {{"k1", &lens->k1, true},           {"k2", &lens->k2, true},
+                       {"k3", &lens->k3, true},           {"k4", &lens->k4, full || lens->fisheye},
+                       {"k5", &lens->k5, full},           {"k6", &lens->k6, full},
+                       {"p1", &lens->p1, !lens->fisheye}, {"p2", &lens->p2, !lens->fisheye}};
+  for (const auto& [key, value, known] : kCoefficients) {
+    LITAGS_ASSIGN_OR_RETURN(*value, keys.NumberOr(key, 0));
+    if (*value == 0 || known) continue;
+    return unsupported(
+        absl::StrCat("lens distortion '", key, "' of ",
+                     lens->fisheye ? "a fisheye" : "another camera_model than FULL_OPENCV"));
   }
-  const Json* model = keys.Find("camera_model");
-  if (model == nullptr) return absl::OkStatus();
-  for (const char* known : {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL"}) {
-    if (*model == known) return absl::OkStatus();
-  }
-  return unsupported(absl::StrCat("camera model ", Describe(*model)));
+  return absl::OkStatus();
 }
 
 absl::Status ReadIntrinsics(const Keys& keys, int default_width, int default_height, Camera* camera,
                             Distortion* distortion) {
-  LITAGS_RETURN_IF_ERROR(CheckLens(keys));
+  LITAGS_RETURN_IF_ERROR(ReadLens(keys, distortion));
   LITAGS_ASSIGN_OR_RETURN(camera->width, ReadSide(keys, "w", default_width));
   LITAGS_ASSIGN_OR_RETURN(camera->height, ReadSide(keys, "h", default_height));
   LITAGS_ASSIGN_OR_RETURN(const std::optional<double> fx,
@@ -250,10 +281,6 @@ absl::Status ReadIntrinsics(const Keys& keys, int default_width, int default_hei
   camera->fy = fy.value_or(*fx);  // square pixels
   LITAGS_ASSIGN_OR_RETURN(camera->cx, keys.NumberOr("cx", 0.5 * camera->width));
   LITAGS_ASSIGN_OR_RETURN(camera->cy, keys.NumberOr("cy", 0.5 * camera->height));
-  LITAGS_ASSIGN_OR_RETURN(distortion->k1, keys.NumberOr("k1", 0));
-  LITAGS_ASSIGN_OR_RETURN(distortion->k2, keys.NumberOr("k2", 0));
-  LITAGS_ASSIGN_OR_RETURN(distortion->p1, keys.NumberOr("p1", 0));
-  LITAGS_ASSIGN_OR_RETURN(distortion->p2, keys.NumberOr("p2", 0));
   return absl::OkStatus();
 }
 
@@ -343,24 +370,40 @@ Json PoseJson(const Camera& camera) {
 
 // The angles repeat what the focal lengths say, for loaders that read nothing else.
 Json IntrinsicsJson(const Camera& camera, const Distortion& d) {
-  return {{"camera_angle_x", 2 * std::atan(0.5 * camera.width / camera.fx)},
-          {"camera_angle_y", 2 * std::atan(0.5 * camera.height / camera.fy)},
-          {"fl_x", camera.fx},
-          {"fl_y", camera.fy},
-          {"cx", camera.cx},
-          {"cy", camera.cy},
-          {"w", camera.width},
-          {"h", camera.height},
-          {"k1", d.k1},
-          {"k2", d.k2},
-          {"p1", d.p1},
-          {"p2", d.p2}};
+  Json json = {{"camera_angle_x", 2 * std::atan(0.5 * camera.width / camera.fx)},
+               {"camera_angle_y", 2 * std::atan(0.5 * camera.height / camera.fy)},
+               {"fl_x", camera.fx},
+               {"fl_y", camera.fy},
+               {"cx", camera.cx},
+               {"cy", camera.cy},
+               {"w", camera.width},
+               {"h", camera.height},
+               {"k1", d.k1},
+               {"k2", d.k2},
+               {"p1", d.p1},
+               {"p2", d.p2}};
+  if (d.fisheye || d.IsFull()) {
+    json.update({{"camera_model", d.fisheye ? "OPENCV_FISHEYE" : "FULL_OPENCV"},
+                 {"k3", d.k3},
+                 {"k4", d.k4},
+                 {"k5", d.k5},
+                 {"k6", d.k6}});
+  }
+  return json;
 }
 
 }  // namespace
 
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             const PhotoSizes& sizes) {
+  if (IsOpenMvg(json)) return ParseOpenMvg(json, field);
+  if (IsMeshroom(json)) return ParseMeshroom(json, field);
+  if (const std::string_view program = OtherProgramOf(json); !program.empty()) {
+    return InvalidField("UNSUPPORTED_CAMERA_FILE", field,
+                        absl::StrCat("cameras of ", Absl(program),
+                                     " are not read; export them as a COLMAP model, or as "
+                                     "transforms.json"));
+  }
   FrameParser parser(json, field);
   // Twice, since what the frames lack may stand behind them.
   LITAGS_ASSIGN_OR_RETURN(const Json top, parser.Run(nullptr));

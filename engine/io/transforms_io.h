@@ -1,4 +1,5 @@
-// transforms.json of instant-ngp, NeRF and LOM: OpenGL cameras converted to ours, and back.
+// transforms.json of instant-ngp, NeRF and LOM: OpenGL cameras converted to ours, and back. In its
+// place the JSON files of OpenMVG and Meshroom are read.
 #ifndef LITAGS_ENGINE_IO_TRANSFORMS_IO_H_
 #define LITAGS_ENGINE_IO_TRANSFORMS_IO_H_
 
@@ -19,11 +20,14 @@ struct PhotoSize {
 };
 using PhotoSizes = std::function<PhotoSize(const std::string& name)>;
 
-// Parses a transforms.json. Intrinsics fl_x fl_y cx cy w h k1 k2 p1 p2 stand at the top and may be
-// overridden per frame; without fl_x the focal length comes from camera_angle_x, without cx cy the
-// principal point is the centre, without w h the size is its photo's. transform_matrix is
-// camera-to-world, OpenGL axes (x right, y up, z backward); a uniform scale in it is divided out. A
-// view's name is file_path without its folders. INVALID_ARGUMENT naming field, frame and key.
+// Parses a transforms.json. Intrinsics fl_x fl_y cx cy w h k1 k2 k3 p1 p2 stand at the top and may
+// be overridden per frame; so may the lens: camera_model OPENCV_FISHEYE (or is_fisheye), with k1 to
+// k4, and FULL_OPENCV, with k1 to k6; without fl_x the focal length comes from camera_angle_x,
+// without cx cy the principal point is the centre, without w h the size is its photo's.
+// transform_matrix is camera-to-world, OpenGL axes (x right, y up, z backward); a uniform scale in
+// it is divided out. A view's name is file_path without its folders. INVALID_ARGUMENT naming field,
+// frame and key; UNSUPPORTED_CAMERA_FILE for files of other programs that are known by their first
+// line.
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             const PhotoSizes& sizes);
 absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,

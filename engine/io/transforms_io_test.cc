@@ -154,9 +154,9 @@ TEST(ParseTransforms, NamesWhatIsWrong) {
   expect(changed("\"w\": 40", "\"w\": 40.5"), "BAD_CAMERA_SIZE", "40.5");
   expect(changed("\"w\": 40", "\"w\": 0"), "BAD_CAMERA_SIZE", "'w' is 0");
   expect(changed("\"w\": 40", "\"w\": 1e7"), "IMAGE_TOO_LARGE", "10000000x30");
-  expect(changed("\"w\": 40", "\"w\": 40, \"is_fisheye\": true"), "UNSUPPORTED_CAMERA_MODEL",
-         "fisheye");
-  expect(changed("\"w\": 40", "\"w\": 40, \"k3\": 0.1"), "UNSUPPORTED_CAMERA_MODEL", "k3");
+  expect(changed("\"w\": 40", "\"w\": 40, \"is_fisheye\": true, \"p2\": 0.1"),
+         "UNSUPPORTED_CAMERA_MODEL", "fisheye");
+  expect(changed("\"w\": 40", "\"w\": 40, \"k4\": 0.1"), "UNSUPPORTED_CAMERA_MODEL", "k4");
   expect(changed("\"w\": 40", "\"w\": 40, \"camera_model\": \"EQUIRECTANGULAR\""),
          "UNSUPPORTED_CAMERA_MODEL", "EQUIRECTANGULAR");
   expect(changed("\"file_path\"", "\"path\""), "MISSING_KEY", "cameras.frames[0]");

@@ -73,7 +73,8 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   EvenOutResponse(context, sightings, cameras, posed.masks, &photos);
   CaptureTargets made;
   made.photos = std::move(photos);
-  made.exposures = WithoutDrift(RelativeExposures(made.photos, sightings, posed.masks), sightings);
+  made.exposures = WithoutDrift(
+      RelativeExposures(made.photos, sightings, posed.masks, posed.stated_exposures), sightings);
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
   if (recipe.lita && recipe.information_weights) {
     made.information = Information(made, posed.masks);

@@ -20,6 +20,7 @@
 #include "engine/io/image_io.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/train_set.h"
+#include "engine/pipeline/video_frames.h"
 #include "engine/train/initialize.h"
 #include "engine/train/losses.h"
 #include "engine/train/trainer.h"
@@ -275,7 +276,7 @@ class RealEngine : public Engine {
  public:
   explicit RealEngine(std::string colmap) : colmap_(std::move(colmap)) {}
 
-  absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
+  absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& given,
                                                 const ReconstructOptions& options,
                                                 const CancelToken& cancel,
                                                 ReconstructObserver* observer) override {
@@ -286,8 +287,8 @@ class RealEngine : public Engine {
     // OpenCV has a pool of its own, as large as the machine unless it is told.
     cv::setNumThreads(options.threads > 0 ? options.threads : DefaultThreadCount());
     // Of a run that was killed while it wrote.
-    RemoveStaleTempFiles(input.work_dir);
-    RemoveStaleTempFiles(input.work_dir + "/cameras");
+    RemoveStaleTempFiles(given.work_dir);
+    RemoveStaleTempFiles(given.work_dir + "/cameras");
     ReconstructReport report;
     const auto progress = [&](Stage stage, const std::string& message) {
       Progress p;
@@ -298,6 +299,12 @@ class RealEngine : public Engine {
       p.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
       observer->OnProgress(p);
     };
+    LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, WithFramesAsPhotos(
+                                                              given, options.frames, cancel,
+                                                              [&](const std::string& message) {
+                                                                progress(Stage::kLoading, message);
+                                                              },
+                                                              &report.notes));
     const Context context(input, options, cancel, progress, &report,
                           [observer](std::string_view line) { observer->OnLine(line); });
     LITAGS_ASSIGN_OR_RETURN(const TrainSet set, MakeTrainSet(context, colmap_));

@@ -34,6 +34,7 @@ struct DepthNetwork {
 
 struct ReconstructInput {
   std::string images_dir;    // photos, flat; names are the views' names
+  std::string video_path;    // instead of images_dir: frames of it become the photos
   std::string cameras_path;  // transforms*.json or a COLMAP model folder; empty: run SfM
   std::string depth_dir;     // <photo stem>.{png,pfm,npy}; empty: none given
   // <photo name>.png or <photo stem>.png, 8 bits, of the photo's upright size: 0 where a pixel is
@@ -44,6 +45,10 @@ struct ReconstructInput {
   DepthNetwork depth_network;
   int64_t memory_bytes = 0;           // that there are; 0: not known
   double colmap_step_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
+  // How the program is called that decodes a video, in a process that may do nothing else: one
+  // whose main() begins with MaybePickFrames() (engine/video/frame_process.h). Empty: this process
+  // decodes it.
+  std::vector<std::string> frame_program;
 };
 
 class Engine {

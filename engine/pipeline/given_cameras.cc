@@ -88,8 +88,9 @@ void TurnClockwise(Camera* camera, Distortion* distortion) {
   c.t[0] = -before.t[1];
   c.t[1] = before.t[0];
   // (p2, p1) is a direction in the picture.
-  *distortion = {
-      .k1 = distortion->k1, .k2 = distortion->k2, .p1 = distortion->p2, .p2 = -distortion->p1};
+  const double p1 = distortion->p1;
+  distortion->p1 = distortion->p2;
+  distortion->p2 = -p1;
 }
 
 // Where the marks of a view's points lie after TurnClockwise of a picture of this height.

@@ -59,6 +59,7 @@ struct ReconstructOptions {
   int64_t max_gaussians = 200000;
   int sh_degree = 3;
   int max_image_side = 1600;
+  int frames = 0;         // of a video: at most so many become photos; 0: as its motion asks for
   int holdout_every = 8;  // photos i (by name) with i % n == n / 2 are only evaluated
   double min_registered = 0.5;
   int checkpoint_every = 500;
@@ -113,6 +114,11 @@ void VisitFields(FieldsOf<ReconstructOptions>, T& o, Visit&& visit) {
             .least = 0, .most = 3, .help = "degree of the spherical harmonics of colour, 0..3"});
   visit("max_image_side", o.max_image_side,
         FieldRule{.least = 64, .zero = "never", .help = "shrink larger photos to this, px"});
+  visit("frames", o.frames,
+        FieldRule{.least = 3,
+                  .most = 2000,
+                  .zero = "as many as its motion asks for, 300 at most",
+                  .help = "take at most so many frames of a video"});
   visit("holdout_every", o.holdout_every,
         FieldRule{.least = 2, .zero = "none", .help = "hold out every n-th photo for evaluation"});
   visit("min_registered", o.min_registered,

@@ -40,6 +40,8 @@ TEST(ReconstructOptions, BadFieldsAreNamed) {
       {"sh_degree", [](O* o) { o->sh_degree = 4; }},
       {"max_image_side", [](O* o) { o->max_image_side = -1; }},
       {"max_image_side", [](O* o) { o->max_image_side = 63; }},
+      {"frames", [](O* o) { o->frames = 2; }},
+      {"frames", [](O* o) { o->frames = 2001; }},
       {"holdout_every", [](O* o) { o->holdout_every = -8; }},
       {"holdout_every", [](O* o) { o->holdout_every = 1; }},
       {"min_registered", [](O* o) { o->min_registered = 0; }},

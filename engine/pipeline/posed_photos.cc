@@ -68,16 +68,23 @@ struct OnePhoto {
   Photo photo;
   PlaneU8 mask;
   PhotoDarkness darkness;  // as the camera wrote it
+  double stated_exposure = 0;
 };
+
+double StatedExposure(const ImageInfo& info) {
+  if (!(info.exposure_time > 0 && info.iso > 0 && info.f_number > 0)) return 0;
+  return info.exposure_time * info.iso / (info.f_number * info.f_number);
+}
 
 // Photo and mask as their pinhole camera sees them.
 absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
                        const Distortion& distortion, const ShadowColors* shadows, OnePhoto* v) {
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(path, field));
+  v->stated_exposure = StatedExposure(info);
   v->photo = std::move(read.photo);
   v->mask = std::move(read.mask);
-  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(path, field));
   v->darkness = MeasureDarkness(v->photo, v->mask, info);
   const Camera& camera = v->view.camera;
   if (v->photo.width != camera.width || v->photo.height != camera.height) {
@@ -170,6 +177,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
     posed->photos.push_back(std::move(photos[i].photo));
     posed->masks.push_back(std::move(photos[i].mask));
     darkness.push_back(photos[i].darkness);
+    posed->stated_exposures.push_back(photos[i].stated_exposure);
   }
   if (!darkness.empty()) NoteDarkness(posed->views, darkness, &context.report->notes);
   if (shrunk > 0) {

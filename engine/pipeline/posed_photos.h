@@ -25,9 +25,11 @@ struct PosedPhotos {
   std::vector<Distortion> distortions;  // that the photos had when they were taken
   std::vector<Photo> photos;            // as those cameras see them
   std::vector<PlaneU8> masks;           // as they do; empty: all pixels of the photo count
-  SparseModel model;                    // all cameras and points; tracks name its views
-  std::vector<int> model_view;          // index into the model's views, per photo
-  std::array<double, 3> origin = {};    // of all this, in the coordinates that the cameras came in
+  // Exposure time times ISO by the f-number squared, as EXIF says; 0: it does not say all three.
+  std::vector<double> stated_exposures;
+  SparseModel model;                  // all cameras and points; tracks name its views
+  std::vector<int> model_view;        // index into the model's views, per photo
+  std::array<double, 3> origin = {};  // of all this, in the coordinates that the cameras came in
 };
 
 // Finds cameras with COLMAP (`colmap`: the program's name or path) unless they are given or kept

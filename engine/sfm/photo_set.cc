@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <set>
 
 #include "absl/strings/str_cat.h"
@@ -40,6 +41,20 @@ absl::Status ForEach(size_t n, int threads, const CancelToken& cancel,
   return absl::OkStatus();
 }
 
+// A lens says a little another focal length from photo to photo (autofocus, rounding): each of
+// these becomes the least of those that it is near to. A zoom's steps are further apart.
+std::map<double, double> SharedFocalLengths(const std::set<double>& given) {
+  constexpr double kNearNext = 1.01, kNearAll = 1.05;
+  std::map<double, double> shared;
+  double least = 0, last = 0;
+  for (const double focal : given) {
+    if (!(focal <= kNearNext * last && focal <= kNearAll * least)) least = focal;
+    shared[focal] = least;
+    last = focal;
+  }
+  return shared;
+}
+
 }  // namespace
 
 absl::Status MakeFolder(const std::string& path) {
@@ -66,6 +81,7 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(images_dir, "images"));
   std::vector<PhotoFile> photos;
   photos.reserve(names.size());
+  std::vector<double> focal_lengths;
   for (const std::string& name : names) {
     PhotoFile photo;
     photo.name = name;
@@ -79,12 +95,18 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
       photo.copy_width = std::max(1, static_cast<int>(std::lround(scale * photo.width)));
       photo.copy_height = std::max(1, static_cast<int>(std::lround(scale * photo.height)));
     }
+    if (const auto mask = masks.find(name); mask != masks.end()) photo.mask_path = mask->second;
+    focal_lengths.push_back(info.focal_length);
+    photos.push_back(std::move(photo));
+  }
+  const auto shared = SharedFocalLengths({focal_lengths.begin(), focal_lengths.end()});
+  for (size_t i = 0; i < photos.size(); ++i) {
+    PhotoFile& photo = photos[i];
     // By the photo's own size: two sizes may shrink to one without being one camera.
     photo.camera = absl::StrFormat("%dx%d", photo.width, photo.height);
-    if (info.focal_length > 0) absl::StrAppendFormat(&photo.camera, "_%gmm", info.focal_length);
-    photo.copy_name = absl::StrFormat("%s/%06d.png", photo.camera, photos.size());
-    if (const auto mask = masks.find(name); mask != masks.end()) photo.mask_path = mask->second;
-    photos.push_back(std::move(photo));
+    const double focal = shared.at(focal_lengths[i]);
+    if (focal > 0) absl::StrAppendFormat(&photo.camera, "_%gmm", focal);
+    photo.copy_name = absl::StrFormat("%s/%06d.png", photo.camera, i);
   }
   return photos;
 }

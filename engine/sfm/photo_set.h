@@ -15,12 +15,14 @@
 namespace litags {
 
 struct PhotoFile {
-  std::string name;       // file name in the photos' folder
-  std::string camera;     // size and EXIF focal length, "480x361_26mm": photos alike share a camera
-  std::string copy_name;  // camera and number, "480x361/000003.png": COLMAP shares a camera per
-                          // folder; no name of a client's choice reaches its command line or
-                          // database
-  int width = 0, height = 0;            // px, upright
+  std::string name;  // file name in the photos' folder
+  // Size and EXIF focal length, "480x361_26mm": photos alike share a camera, also where the focal
+  // lengths of one lens differ by a percent.
+  std::string camera;
+  std::string copy_name;      // camera and number, "480x361/000003.png": COLMAP shares a camera per
+                              // folder; no name of a client's choice reaches its command line or
+                              // database
+  int width = 0, height = 0;  // px, upright
   int copy_width = 0, copy_height = 0;  // px
   std::string mask_path;                // empty: all pixels count
 };

@@ -15,13 +15,6 @@ namespace {
 // Rays this near to parallel meet nowhere in particular: which side of the cameras says nothing.
 const double kParallel = std::cos(0.25 * std::numbers::pi / 180);
 
-Eigen::Vector2d Distort(const Distortion& d, const Eigen::Vector2d& p) {
-  const double x = p.x(), y = p.y(), r2 = p.squaredNorm();
-  const double radial = 1 + r2 * (d.k1 + r2 * d.k2);
-  return {x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x),
-          y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y};
-}
-
 // Whether the rays come nearest to each other in front of both cameras.
 bool MeetInFront(const PosedPhoto& first, const PosedPhoto& second, const Eigen::Vector3d& ray1,
                  const Eigen::Vector3d& ray2) {
@@ -38,17 +31,9 @@ bool MeetInFront(const PosedPhoto& first, const PosedPhoto& second, const Eigen:
 Eigen::Vector2d UndistortPoint(const Camera& camera, const Distortion& distortion,
                                const Eigen::Vector2d& seen) {
   if (distortion.IsZero()) return seen;
-  // The way of OpenCV and COLMAP, a fixed point: distortions of photos are small.
-  constexpr int kSteps = 50;
-  const Eigen::Vector2d target((seen.x() - camera.cx) / camera.fx,
-                               (seen.y() - camera.cy) / camera.fy);
-  Eigen::Vector2d point = target;
-  for (int i = 0; i < kSteps; ++i) {
-    const Eigen::Vector2d step = target - Distort(distortion, point);
-    point += step;
-    if (step.squaredNorm() < 1e-20) break;
-  }
-  return {camera.fx * point.x() + camera.cx, camera.fy * point.y() + camera.cy};
+  const auto point =
+      Undistort(distortion, (seen.x() - camera.cx) / camera.fx, (seen.y() - camera.cy) / camera.fy);
+  return {camera.fx * point[0] + camera.cx, camera.fy * point[1] + camera.cy};
 }
 
 PosedPhoto::PosedPhoto(const Camera& camera, const Distortion& distortion,

@@ -146,6 +146,24 @@ void AddThemselves(const std::vector<double>& logs, std::vector<double>* likenes
   }
 }
 
+// Gives photos that are not `known` what they state beside those that are, if that is believed.
+void TakeStated(absl::Span<const double> stated, const std::vector<bool>& known,
+                std::vector<double>* log_exposure) {
+  if (stated.empty()) return;
+  std::vector<double> offsets, errors;
+  for (size_t i = 0; i < known.size(); ++i) {
+    if (known[i] && stated[i] > 0) offsets.push_back((*log_exposure)[i] - std::log(stated[i]));
+  }
+  if (offsets.size() < kMinStated) return;
+  errors = offsets;
+  const double middle = MedianInPlace(errors);
+  for (double& error : errors) error = std::abs(error - middle);
+  if (MedianInPlace(errors) / 0.6745 > kMostStatedError) return;
+  for (size_t i = 0; i < known.size(); ++i) {
+    if (!known[i] && stated[i] > 0) (*log_exposure)[i] = std::log(stated[i]) + middle;
+  }
+}
+
 // Exponentials, the median's is 1.
 std::vector<double> FromLogs(const std::vector<double>& logs) {
   std::vector<double> sorted = logs;
@@ -182,7 +200,8 @@ std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, 
 
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
-                                      absl::Span<const PlaneU8> masks) {
+                                      absl::Span<const PlaneU8> masks,
+                                      absl::Span<const double> stated) {
   const std::vector<Sample> samples = TakeSamples(photos, sightings, masks);
   const size_t n = photos.size();
   std::vector<double> medians(n), log_exposure(n, 0.0);
@@ -207,6 +226,9 @@ std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
       if (residuals[i].size() >= kMinSightings) log_exposure[i] = MiddleOf(residuals[i]);
     }
   }
+  std::vector<bool> known;
+  for (const auto& r : residuals) known.push_back(r.size() >= kMinSightings);
+  TakeStated(stated, known, &log_exposure);
   return FromLogs(log_exposure);
 }
 

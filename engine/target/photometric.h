@@ -33,14 +33,22 @@ std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, 
 // Exposure of every photo relative to the capture's median photo, > 0: photo i shows the scene's
 // linear light times exposure i. Medians in the log domain, so that highlights, shadows and wrong
 // matches do not matter; samples near black or white are left out. A photo that shares fewer than
-// kMinSightings usable points with the others is taken to have the same median light as they have.
-// Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its patch
-// does not count.
+// kMinSightings usable points with the others has the exposure that it states beside theirs; if it
+// states none, or what they state is not so (a changed, edited or merged photo's EXIF), it is taken
+// to have the same median light as they have. `stated`: one per photo, in any unit, 0: none; or
+// empty. Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its
+// patch does not count.
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
-                                      absl::Span<const PlaneU8> masks = {});
+                                      absl::Span<const PlaneU8> masks = {},
+                                      absl::Span<const double> stated = {});
 
 inline constexpr int kMinSightings = 20;
+
+// What photos state is believed if this many are known otherwise, and deviate from it by this at
+// most, as their median tells it: shutters and apertures are named in thirds of a stop.
+inline constexpr size_t kMinStated = 4;
+inline constexpr double kMostStatedError = 0.25;  // of the log
 
 // Exposures without what changes smoothly with the viewpoint, the drift: of each, the mean of the
 // photos that see the same points, weighed by the cube of how many they share, is taken away (in

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "engine/core/color.h"
 #include "engine/core/rng.h"
@@ -93,6 +94,50 @@ TEST(Photometric, BlackAndWhiteSamplesAreLeftOut) {
   const std::vector<double> exposures = {1, 0.9, 8, 1.1};
   const Wall wall = MakeWall(exposures);
   ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.03);
+}
+
+// Photos of which all points are nearly black share none with the others.
+TEST(Photometric, WhatPhotosStateServesWhereTheyShareTooFewPoints) {
+  double worst_without = 0, worst_with = 0;  // stops
+  for (const double dark : {1.0 / 180, 1.0 / 250, 1.0 / 400, 1.0 / 600}) {
+    const std::vector<double> exposures = {1, 0.9, 1.1, 1, 0.95, dark};
+    const Wall wall = MakeWall(exposures);
+    std::vector<double> stated;
+    for (size_t i = 0; i < exposures.size(); ++i) {
+      // To a third of a stop, in any unit.
+      stated.push_back(40 * std::exp2(std::round(3 * std::log2(exposures[i])) / 3));
+    }
+    const auto error = [&](const std::vector<double>& have) {
+      return std::abs(std::log2(have[5] / have[0] / dark));
+    };
+    const double without = error(RelativeExposures(wall.photos, wall.sightings));
+    const double with = error(RelativeExposures(wall.photos, wall.sightings, {}, stated));
+    std::printf("%.1f stops under: off by %.2f stops, as it states by %.2f\n", -std::log2(dark),
+                without, with);
+    worst_without = std::max(worst_without, without);
+    worst_with = std::max(worst_with, with);
+  }
+  EXPECT_GT(worst_without, 0.5);
+  EXPECT_LT(worst_with, 1.0 / 3);
+}
+
+TEST(Photometric, WhatPhotosStateIsOnlyBelievedIfTheOthersStateTheTruth) {
+  const std::vector<double> exposures = {1, 0.9, 1.1, 1, 0.95, 1.0 / 400};
+  const Wall wall = MakeWall(exposures);
+  const auto without = RelativeExposures(wall.photos, wall.sightings);
+  // An automatic brightness of each photo afterwards; a unit is no matter; too few that state it.
+  EXPECT_EQ(
+      RelativeExposures(wall.photos, wall.sightings, {}, std::vector<double>{1, 4, 2, 9, .3, 1}),
+      without);
+  EXPECT_EQ(
+      RelativeExposures(wall.photos, wall.sightings, {}, std::vector<double>{1, 0, 0, 1, 0, .1}),
+      without);
+  EXPECT_EQ(RelativeExposures(wall.photos, wall.sightings, {}, std::vector<double>(6, 0.0)),
+            without);
+  // Where points are shared, they count.
+  const std::vector<double> stated = {1, 0.9, 1.1, 4, 0.95, 1.0 / 400};
+  const auto with = RelativeExposures(wall.photos, wall.sightings, {}, stated);
+  EXPECT_NEAR(with[3] / with[0], 1, 0.02);
 }
 
 // Points seen by photos of a path: photo i sees points [10 i, 10 i + 60).

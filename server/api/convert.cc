@@ -27,6 +27,7 @@ static_assert(static_cast<int>(LogSeverity::kError) == v1::LOG_SEVERITY_ERROR);
 static_assert(static_cast<int>(FileRole::kPhoto) == v1::FILE_ROLE_PHOTO);
 static_assert(static_cast<int>(FileRole::kArchive) == v1::FILE_ROLE_ARCHIVE);
 static_assert(static_cast<int>(FileRole::kMask) == v1::FILE_ROLE_MASK);
+static_assert(static_cast<int>(FileRole::kVideo) == v1::FILE_ROLE_VIDEO);
 
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Reflection;

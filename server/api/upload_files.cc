@@ -33,6 +33,8 @@ RoleRules RulesOf(FileRole role) {
       return {"archives", v1::kArchiveEndings};
     case FileRole::kMask:
       return {"masks", v1::kMaskEndings};
+    case FileRole::kVideo:
+      return {"videos", v1::kVideoEndings};
     case FileRole::kPhoto:
       break;
   }
@@ -61,6 +63,7 @@ bool HasExtension(const std::string& name, FileRole role) {
 
 int64_t LimitOf(FileRole role, const UploadLimits& limits) {
   if (role == FileRole::kCameras) return limits.max_cameras_bytes;
+  if (role == FileRole::kVideo) return std::min(limits.max_video_bytes, limits.max_job_bytes);
   if (role == FileRole::kArchive) return limits.max_job_bytes;
   return limits.max_file_bytes;
 }

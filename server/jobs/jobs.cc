@@ -19,13 +19,20 @@ namespace {
 
 // What a scene needs at least. The engine may still refuse photos that pass.
 absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
-  size_t photos = 0;
+  size_t photos = 0, videos = 0;
   std::set<std::string> model;  // names of COLMAP's files
   for (const FileRecord& file : files) {
     if (file.role == FileRole::kColmap) model.insert(file.name);
     if (file.role == FileRole::kPhoto) ++photos;
+    if (file.role == FileRole::kVideo) ++videos;
   }
-  LITAGS_RETURN_IF_ERROR(CheckPhotoCount(photos, photos));
+  if (videos > 1 || (videos == 1 && photos > 0)) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "VIDEO_NOT_ALONE", "videos",
+                     absl::StrCat("the job has ", videos, " videos and ", photos,
+                                  " photos; a job takes one video, or photos: delete the others "
+                                  "with DeleteFile, or make a job for each"));
+  }
+  if (videos == 0) LITAGS_RETURN_IF_ERROR(CheckPhotoCount(photos, photos));
   const auto has = [&](const char* ending) {  // the engine triangulates points that are not there
     return model.contains(absl::StrCat("cameras", ending)) &&
            model.contains(absl::StrCat("images", ending));

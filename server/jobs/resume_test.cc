@@ -57,6 +57,7 @@ TEST(Resume, AnyOtherOptionIsRefusedByName) {
       {"seed", [](O& o) { ++o.seed; }},
       {"white_balance", [](O& o) { o.white_balance = WhiteBalance::kCamera; }},
       {"max_gaussians", [](O& o) { o.max_gaussians = 5000; }},
+      {"frames", [](O& o) { o.frames = 20; }},
       {"schedule_iterations", [](O& o) { o.schedule_iterations = 100; }},
   };
   for (const auto& [name, change] : changes) {

@@ -1,4 +1,8 @@
 #include "engine/pipeline/engine.h"
+#include "engine/video/frame_process.h"
 #include "server/worker/worker.h"
 
-int main(int argc, char** argv) { return litags::WorkerMain(argc, argv, litags::MakeEngine); }
+int main(int argc, char** argv) {
+  if (const auto exit = litags::MaybePickFrames(argc, argv)) return *exit;
+  return litags::WorkerMain(argc, argv, litags::MakeEngine);
+}

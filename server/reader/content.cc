@@ -5,6 +5,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/transforms_io.h"
+#include "engine/video/video_file.h"
 
 namespace litags {
 
@@ -25,6 +26,10 @@ absl::StatusOr<PictureSize> CheckContent(std::string_view bytes, FileRole role,
     case FileRole::kDepth:
       LITAGS_RETURN_IF_ERROR(DecodeDepthMap(bytes, field).status());
       break;
+    case FileRole::kVideo: {
+      LITAGS_ASSIGN_OR_RETURN(const VideoInfo video, CheckVideo(bytes, field));
+      return PictureSize{video.width, video.height};
+    }
     case FileRole::kColmap:   // its three files make sense together only: checked by the engine
     case FileRole::kArchive:  // has files of its own
       break;

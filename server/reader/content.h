@@ -10,7 +10,7 @@
 namespace litags {
 
 struct PictureSize {
-  int width = 0, height = 0;  // px; 0 of what is no photo and no mask
+  int width = 0, height = 0;  // px; 0 of what is no photo, mask or video
 };
 
 // Reads a file, in this process, as what it says it is. Not for archives.

@@ -44,10 +44,10 @@ std::string Verdict(const absl::Status& status, PictureSize size = {}) {
 }
 
 std::string Costly(const std::string& field, const char* what) {
-  return Verdict(InvalidInput(
-      "FILE_CHECK_FAILED", field,
-      absl::StrCat(field, ": reading it takes more ", what,
-                   " than any photo of an honest camera; leave it out, or save it anew")));
+  return Verdict(InvalidInput("FILE_CHECK_FAILED", field,
+                              absl::StrCat(field, ": reading it takes more ", what,
+                                           " than any photo, or the head of any video, of an "
+                                           "honest camera; leave it out, or save it anew")));
 }
 
 [[noreturn]] void EndWith(const std::string& answer) {

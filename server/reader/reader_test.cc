@@ -14,6 +14,7 @@
 #include "engine/core/error_test_util.h"
 #include "engine/core/sandbox.h"
 #include "engine/io/testing_photos.h"
+#include "engine/video/testing_video.h"
 #include "server/reader/file_reader.h"
 #include "server/testing/archives.h"
 #include "server/testing/photos.h"
@@ -150,6 +151,33 @@ TEST_F(RemoteReaderTest, CamerasMaySayTheirAngleAlone) {
   EXPECT_EQ(Reason(Check(R"({"frames": [)" + frame + "]}", FileRole::kCameras)), "MISSING_KEY");
 }
 
+// Of videos the head is read, and the first frames. All codecs that phones and cameras have.
+TEST_F(RemoteReaderTest, SaysOfVideosWhatTheSameCodeHereSays) {
+  const auto here = MakeInProcessReader();
+  std::vector<std::string> videos = {"no video", EncodeVideo(WalkFrames(96, 64, 1, 0), {})};
+  for (const char* codec : {"libx264", "libx265", "libsvtav1", "libvpx-vp9", "mpeg4"}) {
+    TestVideo options;
+    options.codec = codec;
+    options.container = "matroska";
+    videos.push_back(EncodeVideo(WalkFrames(96, 64, 6, 1), options));
+    EXPECT_NE(videos.back(), "") << codec;
+    videos.push_back(videos.back().substr(0, 600));
+  }
+  int good = 0;
+  for (const std::string& bytes : videos) {
+    FileRecord file;
+    file.role = FileRole::kVideo;
+    file.size_bytes = static_cast<int64_t>(bytes.size());
+    const absl::Status expected = here->Check(Write(bytes), "images[x]", &file, {});
+    const absl::Status status = Check(bytes, FileRole::kVideo);
+    EXPECT_EQ(status, expected);
+    EXPECT_EQ(Reason(status), Reason(expected));
+    EXPECT_EQ(size_, std::pair(file.width, file.height));
+    good += status.ok();
+  }
+  EXPECT_EQ(good, 5);
+}
+
 // Their decoders have to do without threads, files and whatever else the process gave up.
 TEST_F(RemoteReaderTest, SaysOfEachFormatOfPhotosWhatTheSameCodeHereSays) {
   const auto here = MakeInProcessReader();
@@ -205,7 +233,7 @@ TEST_F(RemoteReaderTest, ManyFilesAtOnceGetTheirOwnAnswers) {
 
 TEST_F(RemoteReaderTest, AFileThatTakesTooMuchMemoryIsRefusedAndTheNextOneIsRead) {
   if (kBuiltWithSanitizer) GTEST_SKIP() << "a sanitizer needs more memory";
-  reader_ = MakeRemoteReader({TEST_READER}, {.memory_bytes = int64_t{64} << 20});
+  reader_ = MakeRemoteReader({TEST_READER}, {.memory_bytes = int64_t{88} << 20});
   const absl::Status status = Check(TestPng(3500, 3500));
   EXPECT_EQ(Reason(status), "FILE_CHECK_FAILED");
   EXPECT_THAT(std::string(status.message()), HasSubstr("images[x]: reading it takes more memory"));

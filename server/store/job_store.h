@@ -85,15 +85,23 @@ struct JobRecord {
 };
 
 // Stored as numbers: never change or reuse them.
-enum class FileRole { kPhoto = 1, kCameras = 2, kDepth = 3, kColmap = 4, kArchive = 5, kMask = 6 };
+enum class FileRole {
+  kPhoto = 1,
+  kCameras = 2,
+  kDepth = 3,
+  kColmap = 4,
+  kArchive = 5,
+  kMask = 6,
+  kVideo = 7,
+};
 
 struct FileRecord {
   std::string name;
   FileRole role = FileRole::kPhoto;
   int64_t size_bytes = 0;
   std::string sha256;  // 64 hex digits
-  int width = 0;       // px; photos and masks only
-  int height = 0;      // px; photos and masks only
+  int width = 0;       // px; photos, masks and videos only
+  int height = 0;      // px; the same
 };
 
 // A file and the job it belongs to.

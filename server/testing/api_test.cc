@@ -51,6 +51,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_preview_every(12);
   o->set_depth_source(v1::DEPTH_SOURCE_STEREO);
   o->set_schedule_iterations(100);
+  o->set_frames(20);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();

@@ -16,6 +16,8 @@
 #include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
+#include "engine/video/testing_video.h"
+#include "engine/video/video_file.h"
 #include "proto/litags/v1/limits.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/archives.h"
@@ -45,6 +47,24 @@ TEST_F(UploadApi, PhotosThatAreNoneAreRefusedByName) {
   EXPECT_EQ(cameras.error_code(), grpc::INVALID_ARGUMENT);
   EXPECT_THAT(DetailOf(cameras).field, HasSubstr("cameras[d.json]"));
   EXPECT_EQ(UploadOne({"e.npy", "junk", v1::FILE_ROLE_DEPTH}).error_code(), grpc::INVALID_ARGUMENT);
+}
+
+TEST_F(UploadApi, AVideoIsACaptureByItselfAndNeedsNoPhotos) {
+  const TestFile video{"night.mov", EncodeVideo(WalkFrames(96, 64, 9, 2), {}), v1::FILE_ROLE_VIDEO};
+  const TestFile other{"day.mp4", EncodeVideo(WalkFrames(96, 64, 8, 2), {}), v1::FILE_ROLE_VIDEO};
+  EXPECT_REFUSED(UploadOne({"a.mov", "junk", v1::FILE_ROLE_VIDEO}), INVALID_ARGUMENT,
+                 "VIDEO_NOT_RECOGNIZED", "videos[a.mov]");
+  EXPECT_REFUSED(UploadOne({"a.jpg", TestJpeg(), v1::FILE_ROLE_VIDEO}), INVALID_ARGUMENT,
+                 "BAD_FILE_NAME", "videos[a.jpg]");
+  const auto start = [&](const std::vector<TestFile>& files) {
+    const std::string job = NewJob();
+    EXPECT_TRUE(client_.Upload(job, files).ok());
+    return client_.Start(job);
+  };
+  EXPECT_TRUE(start({video}).ok());
+  EXPECT_REFUSED(start({video, other}), FAILED_PRECONDITION, "VIDEO_NOT_ALONE", "videos");
+  EXPECT_REFUSED(start({video, {"a.jpg", TestJpeg()}}), FAILED_PRECONDITION, "VIDEO_NOT_ALONE",
+                 "videos");
 }
 
 // A mask whose right half counts.
@@ -387,6 +407,7 @@ TEST_F(UploadApi, TheEngineFindsFilesOfEveryEndingThatIsTaken) {
     ASSERT_TRUE(found.ok()) << found.status();
     EXPECT_THAT(*found, ElementsAre(name));
   }
+  EXPECT_TRUE(std::ranges::equal(v1::kVideoEndings, VideoEndings()));
   for (const std::string_view ending : v1::kDepthEndings) {
     const std::string folder = "depths" + std::string(ending);
     const std::string name = put(folder, ending);

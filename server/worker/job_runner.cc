@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/video/frame_process.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/store/file_error.h"
@@ -28,10 +29,10 @@ absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerCo
   LITAGS_RETURN_IF_ERROR(folder->Fetch());
   const fs::path input = folder->input();
   const fs::path photos = input / "photos", depths = input / "depths", masks = input / "masks";
-  const fs::path colmap = input / "colmap";
+  const fs::path colmap = input / "colmap", video = input / "video";
   std::error_code error;
   fs::remove_all(input, error);
-  for (const fs::path& made : {photos, depths, masks, colmap}) {
+  for (const fs::path& made : {photos, depths, masks, colmap, video}) {
     if (!error) fs::create_directories(made, error);
     if (error) return FileError("prepare", made, error.value());
   }
@@ -61,6 +62,10 @@ absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerCo
         path = colmap / file.name;
         result.cameras_path = colmap;
         break;
+      case FileRole::kVideo:
+        path = video / file.name;
+        result.video_path = path;
+        break;
       case FileRole::kArchive:
         continue;  // its files have rows of their own
     }
@@ -89,6 +94,7 @@ Outcome Reconstruct(const Lease& lease, const WorkerContext& context, const Work
   });
   if (!input.ok()) return {input.status(), absl::OkStatus()};
   input->depth_network = options.depth_network;
+  input->frame_program = OwnPickFramesProgram();
   input->colmap_step_seconds = options.colmap_step_seconds;
   input->memory_bytes = monitor->max_memory_bytes();
   JobReporter reporter(lease, context, options, folder, [monitor] { monitor->NoteLeaseLost(); });

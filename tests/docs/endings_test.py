@@ -1,4 +1,4 @@
-"""docs/inputs.md names the endings of photos that client, server and engine take, and no other."""
+"""docs/inputs.md and docs/video.md name the endings of photos and videos that client, server and engine take, and no other."""
 
 import os
 import pathlib
@@ -29,6 +29,13 @@ class EndingsTest(unittest.TestCase):
                           re.MULTILINE)
         listed = [ending for row in rows for ending in endings(row)]
         self.assertEqual(sorted(listed), sorted(service))
+
+    def test_the_page_of_videos_has_the_endings_of_the_code(self):
+        service = list_of("proto/litags/v1/limits.h", "kVideoEndings")
+        self.assertEqual(service, list_of("engine/video/video_file.cc", "kEndings[]"))
+        page = SOURCE.joinpath("docs/video.md").read_text()
+        row = re.search(r"^\| Endings \|([^|]*)\|", page, re.MULTILINE)[1]
+        self.assertEqual(sorted(endings(row)), sorted(service))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import unittest
 SOURCE = pathlib.Path(os.environ["LITAGS_SOURCE"])
 PAGES = ("errors", "upload-errors", "failed-jobs", "operator-errors")
 # Upper-case words of the code that are no reasons.
-OTHERS = re.compile(r"(LITAGS|AWS|SIMPLE|COLOR)_")
+OTHERS = re.compile(r"(LITAGS|AWS|SIMPLE|RADIAL|OPENCV|FULL|COLOR|NVM)_")
 NOT_SHIPPED = re.compile(r"_test|conformance|/testing/|engine/(tools|sample)/")
 
 

@@ -162,6 +162,39 @@ class RealEngine(harness.ServiceTest):
         _, err = self.litags("submit", folder, "--cameras", cameras, "--watch", exit_code=1)
         self.assertIn("SFM_NO_POINTS", err)
 
+    def test_a_video_of_a_phone_becomes_a_scene_by_one_command(self):
+        capture = os.path.join(self.folder, "walk")
+        subprocess.run([os.path.join(harness.BIN, "litags-sample"), capture, "--size", "200x150",
+                        "--views", "40"], check=True, stdout=subprocess.DEVNULL)
+        video = os.path.join(self.folder, "night.mov")
+        subprocess.run([os.path.join(harness.BIN, "litags-test-video"), os.path.join(capture, "high"),
+                        video], check=True)
+        out, err = self.litags("submit", video, "--frames", "20", "--iterations", "40", "--watch")
+        job = out.strip()
+        self.assertIn("choosing frames of night.mov", err)
+        # A part of the way between two of the 40 places has no frame of its own.
+        self.assertRegex(self.litags("show", job)[0], r"\b(1[5-9]|20) of the 120 frames of night.mov")
+        cameras = json.loads(self.litags("cameras", job, "--json")[0])["cameras"]
+        self.assertEqual(cameras[0]["name"], "frame_0001.png")
+        # Upright, though the sensor saw it on its side.
+        picture = os.path.join(self.folder, "view.npy")
+        self.litags("render", job, "--camera", "frame_0001.png", "-o", picture)
+        self.assertEqual(read_npy(picture)[0][:2], (150, 200))
+        # One that is none is refused while it is sent.
+        with open(video, "wb") as file:
+            file.write(b"no video")
+        _, err = self.litags("submit", video, exit_code=2)
+        self.assertIn("VIDEO_NOT_RECOGNIZED", err)
+
+    def test_a_folder_is_inspected_without_a_server(self):
+        sheet = os.path.join(self.folder, "sheet.jpg")
+        out = subprocess.run([os.path.join(harness.BIN, "litags"), "inspect",
+                              os.path.join(self.capture, "low"), "--contact-sheet", sheet],
+                             check=True, capture_output=True, text=True, env={}).stdout
+        self.assertIn(f"{VIEWS} photos would be used, 0 are left out", out)
+        with open(sheet, "rb") as file:
+            self.assertEqual(file.read(2), b"\xff\xd8")
+
     def worker_of_server(self):
         children = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(self.server.process.pid)],
                                   capture_output=True, text=True).stdout

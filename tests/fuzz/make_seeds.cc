@@ -7,6 +7,9 @@
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <string_view>
+#include <tuple>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
@@ -21,6 +24,7 @@
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/train/train_state.h"
+#include "engine/video/testing_video.h"
 #include "litags/v1/reconstruction_service.pb.h"
 #include "litags/v1/render_service.pb.h"
 #include "tests/fuzz/fuzz_support.h"
@@ -180,6 +184,42 @@ void AddImages(const Corpus& corpus) {
   corpus.Add("depth_map", "depth.npy", EncodeNpy(MakeNpyArray({3, 4}, absl::MakeSpan(values))));
 }
 
+void AddVideos(const Corpus& corpus) {
+  const std::vector<ImageU8> frames = WalkFrames(32, 32, 3, 2);
+  TestVideo options;
+  options.quarters = 1;
+  corpus.Add("video", "h264.mov", EncodeVideo(frames, options));
+  for (const auto& [container, codec, name] :
+       {std::tuple{"mp4", "mpeg4", "mpeg4.mp4"}, std::tuple{"matroska", "libx265", "hevc.mkv"},
+        std::tuple{"webm", "libvpx-vp9", "vp9.webm"}, std::tuple{"avi", "mjpeg", "mjpeg.avi"},
+        std::tuple{"mpegts", "mpeg2video", "mpeg2.ts"}}) {
+    TestVideo other;
+    other.container = container;
+    other.codec = codec;
+    other.full_range = std::string_view(codec) == "mjpeg";
+    other.pixels = other.full_range ? "yuvj420p" : "yuv420p";
+    const std::string bytes = EncodeVideo(frames, other);
+    LITAGS_CHECK(!bytes.empty());
+    corpus.Add("video", name, bytes);
+  }
+}
+
+// The cameras of other programs, as little of them as is read.
+void AddOtherCameras(const Corpus& corpus) {
+  corpus.Add("transforms", "openmvg.json", R"({"sfm_data_version": "0.3", "views": [{"key": 0,
+"value": {"ptr_wrapper": {"data": {"filename": "a.jpg", "id_intrinsic": 0, "id_pose": 0}}}}],
+"intrinsics": [{"key": 0, "value": {"polymorphic_id": 2147483649, "polymorphic_name":
+"pinhole_radial_k3", "ptr_wrapper": {"data": {"width": 64, "height": 48, "focal_length": 50.0,
+"principal_point": [32.0, 24.0], "disto_k3": [0.1, 0.02, 0.003]}}}}], "extrinsics": [{"key": 0,
+"value": {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "center": [0, 0, 0]}}]})");
+  corpus.Add("transforms", "meshroom.sfm", R"({"version": ["1", "2", "4"], "views": [{"viewId": "1",
+"poseId": "1", "intrinsicId": "2", "path": "/a.jpg"}], "intrinsics": [{"intrinsicId": "2", "width":
+"64", "height": "48", "sensorWidth": "36", "focalLength": "28", "principalPoint": ["0", "0"],
+"type": "radial3", "distortionParams": ["0.1", "0.02", "0.003"]}], "poses": [{"poseId": "1", "pose":
+{"transform": {"rotation": ["1", "0", "0", "0", "1", "0", "0", "0", "1"], "center": ["0", "0",
+"0"]}}}]})");
+}
+
 // The three files of a model as COLMAP writes them.
 std::vector<std::string> ColmapText(bool distorted) {
   return {absl::StrCat("# cameras\n1 ",
@@ -191,6 +231,10 @@ std::vector<std::string> ColmapText(bool distorted) {
 }
 
 void AddModels(const Corpus& corpus, const fs::path& scratch) {
+  SparseModel fisheye = Cameras(true);
+  for (Distortion& lens : fisheye.distortions) lens = {.k1 = 0.1, .k4 = 0.001, .fisheye = true};
+  corpus.Add("transforms", "fisheye.json", FormatTransforms(fisheye, "low"));
+  AddOtherCameras(corpus);
   for (const bool distorted : {false, true}) {
     const std::string name = distorted ? "distorted" : "plain";
     corpus.Add("transforms", name + ".json", FormatTransforms(Cameras(distorted), "low"));
@@ -348,6 +392,7 @@ int main(int argc, char** argv) {
   const litags::Corpus corpus(argv[1]);
   const std::filesystem::path scratch = std::filesystem::path(litags::ScratchPath()).parent_path();
   litags::AddImages(corpus);
+  litags::AddVideos(corpus);
   litags::AddModels(corpus, scratch);
   litags::AddContainers(corpus, scratch);
   litags::AddRequests(corpus);

@@ -25,7 +25,9 @@
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
-#include "engine/tools/train/inspect.h"
+#include "engine/tools/inspect/inspect.h"
+#include "engine/video/frame_process.h"
+#include "engine/video/video_file.h"
 
 namespace litags {
 namespace {
@@ -144,30 +146,19 @@ void PrintReport(const ReconstructReport& report, int test_photos) {
               report.scene_path.c_str());
 }
 
-// What an inspection writes, such as masks that it makes, is of no use after it.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string pattern = fs::temp_directory_path() / "litags-inspect-XXXXXX";
-    if (mkdtemp(pattern.data()) != nullptr) path_ = pattern;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
+bool IsVideoFile(const std::string& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored) && IsVideoName(path);
+}
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
-  LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
+  const bool video = IsVideoFile(args.scene.dir);
+  if (!video) LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args.scene.Input(args.out, &args.options));
   input.memory_bytes = MachineMemory();
+  if (video) input.video_path = args.scene.dir;
+  input.frame_program = OwnPickFramesProgram();
   input.depth_dir = args.depth;
   input.masks_dir = args.masks;
   const fs::path beside = fs::path(input.images_dir) / "masks";
@@ -184,9 +175,12 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
                         absl::StrCat("cannot make ", args.out, ": ", error.message()));
   }
 
+  if (args.inspect || args.strict) {
+    LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.options.frames, cancel));
+  }
   if (args.inspect) {
     LITAGS_ASSIGN_OR_RETURN(const std::string text,
-                            InspectFolder(input, args.options.threads, cancel));
+                            InspectFolder(input, args.options.threads, "", cancel));
     std::fputs(text.c_str(), stdout);
     return absl::OkStatus();
   }
@@ -218,7 +212,8 @@ int Main(int argc, char** argv) {
   Arguments args;
   CLI::App app("Trains a normally lit 3D scene from badly lit photos.", "litags-train");
   app.set_version_flag("--version", LITAGS_VERSION);
-  app.add_option("dir", args.scene.dir, "folder of photos, or a benchmark scene with --light")
+  app.add_option("dir", args.scene.dir,
+                 "folder of photos, a video, or a benchmark scene with --light")
       ->required();
   app.add_option("-o,--out", args.out,
                  "folder for scene.litags, scene.ply, report.json and views/PHOTO.png, the photos' "
@@ -265,4 +260,7 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace litags
 
-int main(int argc, char** argv) { return litags::Main(argc, argv); }
+int main(int argc, char** argv) {
+  if (const auto exit = litags::MaybePickFrames(argc, argv)) return *exit;
+  return litags::Main(argc, argv);
+}

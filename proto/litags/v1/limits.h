@@ -16,9 +16,11 @@ inline constexpr int kMaxQueryFiles = 1000;                // QueryUploadRequest
 inline constexpr std::array<std::string_view, 22> kPhotoEndings = {
     ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".heic", ".heif", ".hif", ".avif", ".jxl",
     ".dng", ".nef",  ".nrw", ".cr2", ".cr3",  ".arw",  ".raf",  ".orf",  ".rw2", ".pef",  ".srw"};
+inline constexpr std::array<std::string_view, 10> kVideoEndings = {
+    ".mp4", ".mov", ".m4v", ".3gp", ".mkv", ".webm", ".avi", ".mts", ".m2ts", ".ts"};
 inline constexpr std::array<std::string_view, 3> kDepthEndings = {".png", ".pfm", ".npy"};
 inline constexpr std::array<std::string_view, 1> kMaskEndings = {".png"};
-inline constexpr std::array<std::string_view, 1> kCamerasEndings = {".json"};
+inline constexpr std::array<std::string_view, 2> kCamerasEndings = {".json", ".sfm"};
 inline constexpr std::array<std::string_view, 2> kColmapEndings = {".bin", ".txt"};
 inline constexpr std::array<std::string_view, 4> kArchiveEndings = {".zip", ".tar", ".tar.gz",
                                                                     ".tgz"};

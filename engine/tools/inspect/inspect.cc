@@ -1,6 +1,8 @@
-#include "engine/tools/train/inspect.h"
+#include "engine/tools/inspect/inspect.h"
 
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <set>
 #include <vector>
@@ -12,6 +14,8 @@
 #include "engine/io/image_io.h"
 #include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/photo_screen.h"
+#include "engine/pipeline/video_frames.h"
+#include "engine/tools/inspect/photo_sheet.h"
 
 namespace litags {
 namespace {
@@ -23,10 +27,21 @@ std::string Stops(double light, double middle) {
   return absl::StrFormat("%+.1f", std::log2(light / middle));
 }
 
-std::string Lens(const ReconstructInput& input, const std::string& name) {
-  const auto info = ReadImageSize(input.images_dir + "/" + name, name);
-  if (!info.ok() || info->focal_length == 0) return "-";
-  return absl::StrFormat("%g mm", info->focal_length);
+std::string Lens(const ImageInfo& info) {
+  return info.focal_length == 0 ? "-" : absl::StrFormat("%g mm", info.focal_length);
+}
+
+// "1/30 s f/1.8 ISO 800", of what EXIF says.
+std::string Exposure(const ImageInfo& info) {
+  std::string text;
+  if (info.exposure_time >= 0.3) {
+    text = absl::StrFormat("%.2g s", info.exposure_time);
+  } else if (info.exposure_time > 0) {
+    text = absl::StrFormat("1/%.0f s", 1 / info.exposure_time);
+  }
+  if (info.f_number > 0) absl::StrAppendFormat(&text, " f/%g", info.f_number);
+  if (info.iso > 0) absl::StrAppendFormat(&text, " ISO %g", info.iso);
+  return text.empty() ? "-" : text;
 }
 
 // Cameras that lie in the folder or beside it, and are not used unless they are named.
@@ -42,7 +57,7 @@ std::string CamerasNearby(const ReconstructInput& input) {
 }  // namespace
 
 absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given, int threads,
-                                          const CancelToken& cancel) {
+                                          const std::string& sheet, const CancelToken& cancel) {
   ReconstructInput input = given;
   LITAGS_ASSIGN_OR_RETURN(const std::string others,
                           DescribeOtherPictures(input.images_dir, "images"));
@@ -54,13 +69,22 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given, int thr
                             ReadGivenCameras(input, screen.Names(), &screen.notes));
     for (const View& view : model.views) with_camera.insert(view.name);
   }
-  std::string text =
-      absl::StrFormat("%-32s %-11s %-8s %6s %6s  %-5s%s\n", "photo", "px", "lens", "code", "stops",
-                      "mask", input.cameras_path.empty() ? "" : " camera");
-  for (const ScreenedPhoto& photo : screen.photos) {
-    absl::StrAppendFormat(&text, "%-32s %-11s %-8s %6.1f %6s  %-5s%s\n", photo.name,
-                          absl::StrCat(photo.width, "x", photo.height), Lens(input, photo.name),
-                          photo.mean_code, Stops(photo.light, screen.middle_light),
+  const std::string thumbnails = sheet.empty() ? "" : input.work_dir + "/thumbnails";
+  std::error_code ignored;  // writing the sheet says what is wrong
+  if (!sheet.empty()) fs::create_directories(thumbnails, ignored);
+  const std::vector<double> sharpness = LookAtPhotos(input, screen, threads, thumbnails, cancel);
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+  constexpr char kLine[] = "%-32s %-11s %-8s %-22s %6s %6s %6s  %-5s%s\n";
+  std::string text = absl::StrFormat(kLine, "photo", "px", "lens", "exposure", "code", "stops",
+                                     "sharp", "mask", input.cameras_path.empty() ? "" : " camera");
+  for (size_t i = 0; i < screen.photos.size(); ++i) {
+    const ScreenedPhoto& photo = screen.photos[i];
+    const ImageInfo info =
+        ReadImageSize(input.images_dir + "/" + photo.name, photo.name).value_or(ImageInfo());
+    absl::StrAppendFormat(&text, kLine, photo.name, absl::StrCat(photo.width, "x", photo.height),
+                          Lens(info), Exposure(info), absl::StrFormat("%.1f", photo.mean_code),
+                          Stops(photo.light, screen.middle_light),
+                          absl::StrFormat("%.2f", sharpness[i]),
                           screen.masks.contains(photo.name) ? "yes" : "-",
                           input.cameras_path.empty()         ? ""
                           : with_camera.contains(photo.name) ? " yes"
@@ -78,6 +102,9 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given, int thr
       absl::StrAppend(&text, "note: there are cameras in ", nearby, "; use them with --cameras\n");
     }
   }
+  if (sheet.empty()) return text;
+  LITAGS_RETURN_IF_ERROR(WritePhotoSheet(screen, thumbnails, sheet));
+  absl::StrAppend(&text, "contact sheet: ", sheet, "\n");
   return text;
 }
 
@@ -90,6 +117,26 @@ absl::Status CheckAllReadable(const ReconstructInput& input, int threads,
                         absl::StrCat(photo.why, " (--strict; without it the photo is left out)"));
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<ReconstructInput> PickFramesNow(const ReconstructInput& input, int frames,
+                                               const CancelToken& cancel) {
+  std::vector<std::string> notes;
+  const auto say = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
+  LITAGS_ASSIGN_OR_RETURN(ReconstructInput picked,
+                          WithFramesAsPhotos(input, frames, cancel, say, &notes));
+  for (const std::string& note : notes) say("note: " + note);
+  return picked;
+}
+
+ScratchFolder::ScratchFolder() {
+  std::string pattern = fs::temp_directory_path() / "litags-inspect-XXXXXX";
+  if (mkdtemp(pattern.data()) != nullptr) path_ = pattern;
+}
+
+ScratchFolder::~ScratchFolder() {
+  std::error_code ignored;
+  if (!path_.empty()) fs::remove_all(path_, ignored);
 }
 
 }  // namespace litags

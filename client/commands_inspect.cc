@@ -1,0 +1,51 @@
+// litags inspect: what of a folder would be used. Decoders are the engine's, which this program has
+// none of: it becomes litags-inspect.
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "client/cli.h"
+
+namespace litags::client {
+namespace {
+
+constexpr char kCommand[] = "inspect", kProgram[] = "litags-inspect";
+
+// Returns only if there is no such program.
+int BecomeInspect(std::vector<std::string> arguments) {
+  std::error_code ignored;
+  const auto beside =
+      std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path() / kProgram;
+  arguments.insert(arguments.begin(), kProgram);
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  execv(beside.c_str(), argv.data());
+  execvp(kProgram, argv.data());
+  Note(absl::StrCat(kProgram, " cannot be started (", strerror(errno),
+                    "); it is installed with litags, and looked for beside it and in PATH"));
+  return kExitBadInput;
+}
+
+}  // namespace
+
+std::optional<int> MaybeInspect(int argc, char** argv) {
+  if (argc < 2 || std::string_view(argv[1]) != kCommand) return std::nullopt;
+  return BecomeInspect({argv + 2, argv + argc});
+}
+
+void AddInspectCommand(CLI::App& app, Session& session) {
+  CLI::App* command = app.add_subcommand(
+      kCommand, "Say what of a folder of photos, or of a video, would be used; needs no server");
+  command->prefix_command();
+  command->callback(
+      [&session, command] { session.exit_code = BecomeInspect(command->remaining()); });
+}
+
+}  // namespace litags::client

@@ -1,0 +1,310 @@
+// Lenses beyond k1 k2 p1 p2, and the files of OpenMVG and Meshroom. Every file is made from a
+// formula here: where a point of the world is seen, by the other program's own rules.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/io/colmap_io.h"
+#include "engine/io/image_io.h"
+#include "engine/io/sparse_model.h"
+#include "engine/io/test_util.h"
+#include "engine/io/transforms_io.h"
+
+namespace litags {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::array<double, 3> kPoint = {0.3, -0.2, 2.5};
+// cam_from_world: turned by 30 degrees about y.
+const double kC = std::cos(M_PI / 6), kS = std::sin(M_PI / 6);
+const std::array<double, 9> kRotation = {kC, 0, kS, 0, 1, 0, -kS, 0, kC};
+constexpr std::array<double, 3> kCenter = {0.1, 0.4, -0.5};
+
+Camera TestCamera() {
+  Camera camera;
+  camera.width = 160;
+  camera.height = 120;
+  camera.fx = 100;
+  camera.fy = 110;
+  camera.cx = 78;
+  camera.cy = 61;
+  return camera;
+}
+
+// The point in the camera's plane at distance 1.
+std::array<double, 2> OnPlane() {
+  std::array<double, 3> d, p;
+  for (int i = 0; i < 3; ++i) d[i] = kPoint[i] - kCenter[i];
+  for (int r = 0; r < 3; ++r) {
+    p[r] = kRotation[3 * r] * d[0] + kRotation[3 * r + 1] * d[1] + kRotation[3 * r + 2] * d[2];
+  }
+  return {p[0] / p[2], p[1] / p[2]};
+}
+
+// Where the first view of a model sees the point, px, from the picture's corner.
+std::array<double, 2> Seen(const SparseModel& model) {
+  const Camera& camera = model.views[0].camera;
+  const auto p = camera.CamFromWorld(kPoint);
+  const auto seen = Distort(model.distortions[0], p[0] / p[2], p[1] / p[2]);
+  return {camera.fx * seen[0] + camera.cx, camera.fy * seen[1] + camera.cy};
+}
+
+const Distortion kFull{.k1 = -0.1,
+                       .k2 = 0.03,
+                       .p1 = 0.002,
+                       .p2 = -0.001,
+                       .k3 = 0.004,
+                       .k4 = 0.02,
+                       .k5 = -0.01,
+                       .k6 = 0.003};
+const Distortion kFisheye{.k1 = 0.02, .k2 = -0.01, .k3 = 0.004, .k4 = -0.001, .fisheye = true};
+
+TEST(Lens, SeesWhereOpenCvsFormulasPut) {
+  const double x = 0.4, y = -0.3, r2 = 0.25;
+  const double radial = (1 - 0.1 * r2 + 0.03 * r2 * r2 + 0.004 * r2 * r2 * r2) /
+                        (1 + 0.02 * r2 - 0.01 * r2 * r2 + 0.003 * r2 * r2 * r2);
+  const auto full = Distort(kFull, x, y);
+  EXPECT_NEAR(full[0], x * radial + 2 * 0.002 * x * y - 0.001 * (r2 + 2 * x * x), 1e-15);
+  EXPECT_NEAR(full[1], y * radial + 0.002 * (r2 + 2 * y * y) - 2 * 0.001 * x * y, 1e-15);
+  const double t = std::atan(0.5);
+  const double at = t + 0.02 * std::pow(t, 3) - 0.01 * std::pow(t, 5) + 0.004 * std::pow(t, 7) -
+                    0.001 * std::pow(t, 9);
+  const auto fisheye = Distort(kFisheye, x, y);
+  EXPECT_NEAR(fisheye[0], x / 0.5 * at, 1e-15);
+  EXPECT_NEAR(fisheye[1], y / 0.5 * at, 1e-15);
+  EXPECT_EQ(Distort(kFisheye, 0, 0), (std::array<double, 2>{0, 0}));
+}
+
+TEST(Lens, UndistortIsTheInverse) {
+  for (const Distortion& lens : {kFull, kFisheye, Distortion{.fisheye = true}}) {
+    for (const double x : {-0.7, 0.0, 0.2, 0.9}) {
+      const auto seen = Distort(lens, x, 0.5 * x - 0.1);
+      const auto back = Undistort(lens, seen[0], seen[1]);
+      EXPECT_NEAR(back[0], x, 1e-9);
+      EXPECT_NEAR(back[1], 0.5 * x - 0.1, 1e-9);
+    }
+  }
+  // Behind the camera: far out, and finite.
+  const auto behind = Undistort(Distortion{.fisheye = true}, 2, 0);
+  EXPECT_GT(behind[0], 100);
+  EXPECT_TRUE(std::isfinite(behind[0]));
+}
+
+TEST(Lens, PhotosOfAFisheyeBecomeThoseOfAPinhole) {
+  const Camera camera = TestCamera();
+  const auto pattern = [](double u, double v) { return 0.5 + 0.3 * std::sin(6 * u + 4 * v); };
+  Photo photo(camera.width, camera.height);
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      // The ray that this pixel of the fisheye sees.
+      const auto ray =
+          Undistort(kFisheye, (x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy);
+      std::fill_n(photo.pixel(x, y), 3, PhotoSample(static_cast<float>(pattern(ray[0], ray[1]))));
+    }
+  }
+  const auto pinhole = Undistort(photo, camera, kFisheye);
+  ASSERT_TRUE(pinhole.ok()) << pinhole.status();
+  for (int y = 4; y < camera.height - 4; y += 3) {
+    for (int x = 4; x < camera.width - 4; x += 3) {
+      const double u = (x + 0.5 - camera.cx) / camera.fx, v = (y + 0.5 - camera.cy) / camera.fy;
+      EXPECT_NEAR(EncodedOf(pinhole->pixel(x, y)[0]), pattern(u, v), 0.004) << x << " " << y;
+    }
+  }
+}
+
+SparseModel OneView(const Distortion& lens) {
+  SparseModel model;
+  View view{"a.jpg", TestCamera()};
+  view.camera.R = kRotation;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) view.camera.t[r] -= kRotation[3 * r + c] * kCenter[c];
+  }
+  model.views = {view};
+  model.distortions = {lens};
+  return model;
+}
+
+TEST(Lens, ComesBackFromColmapsModelAndTransformsJson) {
+  for (const Distortion& lens : {kFull, kFisheye, Distortion{.k3 = 0.1}}) {
+    const SparseModel model = OneView(lens);
+    TempDir dir;
+    ASSERT_TRUE(WriteColmapModel(dir.path(), model).ok());
+    const auto colmap = ReadColmapModel(dir.path(), "cameras");
+    ASSERT_TRUE(colmap.ok()) << colmap.status();
+    const auto json = ParseTransforms(FormatTransforms(model, ""), "cameras");
+    ASSERT_TRUE(json.ok()) << json.status();
+    for (const SparseModel* read : {&*colmap, &*json}) {
+      EXPECT_EQ(read->distortions[0].Coefficients(), lens.Coefficients());
+      EXPECT_EQ(read->distortions[0].fisheye, lens.fisheye);
+      EXPECT_NEAR(Seen(*read)[0], Seen(model)[0], 1e-9);
+    }
+  }
+}
+
+TEST(Lens, ColmapsRadialFisheyesAreRead) {
+  const auto read = [](const std::string& camera) {
+    const auto model =
+        ParseColmapText("1 " + camera + "\n", "1 1 0 0 0 0 0 0 1 a.jpg\n\n", "", "cameras");
+    EXPECT_TRUE(model.ok()) << model.status();
+    return model.ok() ? model->distortions[0] : Distortion();
+  };
+  const Distortion one = read("SIMPLE_RADIAL_FISHEYE 160 120 100 80 60 0.01");
+  EXPECT_TRUE(one.fisheye && one.k1 == 0.01 && one.k2 == 0);
+  const Distortion two = read("RADIAL_FISHEYE 160 120 100 80 60 0.01 0.02");
+  EXPECT_TRUE(two.fisheye && two.k1 == 0.01 && two.k2 == 0.02);
+  const Distortion four = read("OPENCV_FISHEYE 160 120 100 101 80 60 0.01 0.02 0.03 0.04");
+  EXPECT_TRUE(four.fisheye && four.k2 == 0.02 && four.k3 == 0.03 && four.k4 == 0.04);
+  const Distortion full = read("FULL_OPENCV 160 120 100 101 80 60 1 2 3 4 5 6 7 8");
+  EXPECT_EQ(full.Coefficients(), (std::array<double, 8>{1, 2, 3, 4, 5, 6, 7, 8}));
+}
+
+// OpenMVG: x_cam = R (X - C); pixels are counted from their centres.
+std::string OpenMvg(const std::string& lens_type, const std::string& lens) {
+  return absl::StrFormat(
+      R"({"sfm_data_version": "0.3", "root_path": "/photos", "views": [
+        {"key": 0, "value": {"polymorphic_id": 1073741824, "ptr_wrapper": {"id": 2147483649,
+         "data": {"local_path": "", "filename": "low/a.jpg", "width": 160, "height": 120,
+                  "id_view": 0, "id_intrinsic": 7, "id_pose": 3}}}},
+        {"key": 1, "value": {"ptr_wrapper": {"id": 2147483650, "data": {"filename": "lost.jpg",
+         "width": 160, "height": 120, "id_view": 1, "id_intrinsic": 7, "id_pose": 9}}}}],
+       "intrinsics": [{"key": 7, "value": {"polymorphic_id": 2147483649,
+         "polymorphic_name": "%s", "ptr_wrapper": {"id": 2147483651, "data": {"width": 160,
+         "height": 120, "focal_length": 100.0, "principal_point": [77.5, 60.5]%s}}}}],
+       "extrinsics": [{"key": 3, "value": {"rotation": [[%.17g, 0, %.17g], [0, 1, 0],
+         [%.17g, 0, %.17g]], "center": [0.1, 0.4, -0.5]}}],
+       "structure": [{"key": 0, "value": {"X": [1, 2, 3], "observations": []}}],
+       "control_points": []})",
+      lens_type, lens, kC, kS, -kS, kC);
+}
+
+// Its pixel, as we count.
+std::array<double, 2> OpenMvgPixel(double x, double y) {
+  return {100 * x + 77.5 + 0.5, 100 * y + 60.5 + 0.5};
+}
+
+void ExpectSeen(const std::string& file, const std::array<double, 2>& pixel) {
+  const auto model = ParseTransforms(file, "cameras");
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->views.size(), 1u);
+  EXPECT_EQ(model->views[0].name, "a.jpg");
+  EXPECT_NEAR(Seen(*model)[0], pixel[0], 1e-9);
+  EXPECT_NEAR(Seen(*model)[1], pixel[1], 1e-9);
+}
+
+TEST(OpenMvgCameras, SeeThePointWhereOpenMvgDoes) {
+  const auto [x, y] = OnPlane();
+  const double r2 = x * x + y * y, r = std::sqrt(r2);
+  ExpectSeen(OpenMvg("pinhole", ""), OpenMvgPixel(x, y));
+  const double one = 1 + 0.1 * r2;
+  ExpectSeen(OpenMvg("pinhole_radial_k1", R"(, "disto_k1": [0.1])"),
+             OpenMvgPixel(x * one, y * one));
+  const double three = 1 - 0.1 * r2 + 0.02 * r2 * r2 + 0.3 * r2 * r2 * r2;
+  ExpectSeen(OpenMvg("pinhole_radial_k3", R"(, "disto_k3": [-0.1, 0.02, 0.3])"),
+             OpenMvgPixel(x * three, y * three));
+  // Its t1 and t2.
+  const double tx = 0.004 * (r2 + 2 * x * x) + 2 * 0.003 * x * y;
+  const double ty = 0.003 * (r2 + 2 * y * y) + 2 * 0.004 * x * y;
+  ExpectSeen(OpenMvg("pinhole_brown_t2", R"(, "disto_t2": [-0.1, 0.02, 0.3, 0.003, 0.004])"),
+             OpenMvgPixel(x * three + tx, y * three + ty));
+  const double t = std::atan(r), at = t + 0.02 * std::pow(t, 3) - 0.01 * std::pow(t, 5);
+  ExpectSeen(OpenMvg("fisheye", R"(, "fisheye": [0.02, -0.01, 0, 0])"),
+             OpenMvgPixel(x / r * at, y / r * at));
+}
+
+TEST(OpenMvgCameras, OtherLensesAreRefusedByName) {
+  const absl::Status status = ParseTransforms(OpenMvg("spherical", ""), "cameras").status();
+  EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_MODEL");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("'spherical'"));
+  EXPECT_EQ(Reason(ParseTransforms(OpenMvg("pinhole_radial_k1", ""), "cameras").status()),
+            "MISSING_KEY");
+}
+
+// AliceVision: rotations column by column, numbers as texts.
+std::string Meshroom(const std::string& version, const std::string& lens) {
+  return absl::StrFormat(
+      R"({"version": [%s], "views": [
+        {"viewId": "11", "poseId": "12", "intrinsicId": "13", "path": "/x/a.jpg", "width": "160",
+         "height": "120", "metadata": {"Make": "Some"}},
+        {"viewId": "14", "poseId": "99", "intrinsicId": "13", "path": "/x/lost.jpg"}],
+       "intrinsics": [{"intrinsicId": "13", "width": "160", "height": "120", %s}],
+       "poses": [{"poseId": "12", "pose": {"transform": {"rotation": ["%.17g", "0", "%.17g", "0",
+         "1", "0", "%.17g", "0", "%.17g"], "center": ["0.1", "0.4", "-0.5"]}, "locked": "0"}}]})",
+      version, lens, kC, -kS, kS, kC);
+}
+
+TEST(MeshroomCameras, SeeThePointWhereMeshroomDoesInEveryLayoutOfTheFile) {
+  const auto [x, y] = OnPlane();
+  const double r2 = x * x + y * y, k = 1 - 0.1 * r2 + 0.02 * r2 * r2 + 0.3 * r2 * r2 * r2;
+  const std::string radial = R"("type": "radial3", "distortionParams": ["-0.1", "0.02", "0.3"])";
+  const std::array<double, 2> square = {100 * x * k + 78, 100 * y * k + 61};
+  ExpectSeen(Meshroom(R"("1", "0", "0")", R"("pxFocalLength": "100", "principalPoint":
+                      ["77.5", "60.5"], )" + radial),
+             square);
+  ExpectSeen(Meshroom(R"("1", "2", "1")", R"("pxFocalLength": ["100", "100"], "principalPoint":
+                      ["-2.5", "0.5"], )" + radial),
+             square);
+  // 22.5 mm of 36 mm.
+  const std::string mm = R"("focalLength": "22.5", "sensorWidth": "36", "principalPoint":
+                         ["-2.5", "0.5"], )";
+  ExpectSeen(Meshroom(R"("1", "2", "2")", mm + radial), square);
+  const std::array<double, 2> tall = {100 * x * k + 78, 125 * y * k + 61};
+  ExpectSeen(Meshroom(R"("1", "2", "4")", mm + R"("pixelRatio": "0.8", )" + radial), tall);
+  ExpectSeen(Meshroom(R"("1", "2", "6")", mm + R"("pixelRatio": "1.25", )" + radial), tall);
+  ExpectSeen(Meshroom(R"("1", "2", "10")", mm + R"("type": "pinhole", "distortionType": "radialk3",
+                      "distortionParams": ["-0.1", "0.02", "0.3"])"),
+             square);
+  ExpectSeen(Meshroom(R"("1", "2", "10")", mm + R"("type": "pinhole", "distortionType": "none",
+                      "distortionParams": "")"),
+             {100 * x + 78, 100 * y + 61});
+}
+
+TEST(MeshroomCameras, OtherLensesAreRefusedByName) {
+  for (const char* type : {"fisheye4", "brown", "equidistant"}) {
+    const absl::Status status =
+        ParseTransforms(
+            Meshroom(R"("1", "2", "4")", absl::StrCat(R"("focalLength": "22.5", "sensorWidth": "36",
+                                              "principalPoint": ["0", "0"], "type": ")",
+                                                      type, "\"")),
+            "cameras")
+            .status();
+    EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_MODEL");
+    EXPECT_THAT(std::string(status.message()), HasSubstr(type));
+  }
+}
+
+TEST(OtherCameras, FilesOfOtherProgramsAreRefusedByName) {
+  for (const auto& [text, program] : std::vector<std::pair<std::string, std::string>>{
+           {"# Bundle file v0.3\n2 10\n", "Bundler"},
+           {"NVM_V3\n\n2\n", "VisualSFM"},
+           {"\xEF\xBB\xBF#name,x,y,alt,heading,pitch,roll,f,px,py\n", "RealityScan"},
+           {"<?xml version=\"1.0\"?>\n<document>", "Metashape"}}) {
+    const absl::Status status = ParseTransforms(text, "cameras").status();
+    EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_FILE") << program;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("cameras of " + program));
+  }
+}
+
+TEST(OtherCameras, BoundlessFilesAreRefused) {
+  std::string deep = R"({"sfm_data_version": "0.3", "views": )";
+  for (int i = 0; i < 100; ++i) deep += "[";
+  EXPECT_EQ(Reason(ParseTransforms(deep, "cameras").status()), "BAD_JSON");
+  std::string wide = R"({"sfm_data_version": "0.3", "views": [0)";
+  for (int i = 0; i < 1'100'000; ++i) wide += ",0";
+  EXPECT_EQ(Reason(ParseTransforms(wide + "]}", "cameras").status()), "BAD_JSON");
+  const std::string file = OpenMvg("pinhole_brown_t2", R"(, "disto_t2": [0, 0, 0, 0, 0])");
+  ForEachCorruption(file, 300,
+                    [](const std::string& bytes) { (void)ParseTransforms(bytes, "cameras").ok(); });
+  ForEachCorruption(Meshroom(R"("1", "2", "4")", R"("focalLength": "22.5", "sensorWidth": "36",
+                             "principalPoint": ["0", "0"], "type": "radial1")"),
+                    300,
+                    [](const std::string& bytes) { (void)ParseTransforms(bytes, "cameras").ok(); });
+}
+
+}  // namespace
+}  // namespace litags

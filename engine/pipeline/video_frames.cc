@@ -1,0 +1,90 @@
+#include "engine/pipeline/video_frames.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "engine/pipeline/fingerprint.h"
+#include "engine/video/frame_process.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kMaxNoteBytes = 64 << 10;
+// A video that ends this much before it should has lost its end.
+constexpr double kShareThatIsThere = 0.95;
+
+// Tells videos apart by length, head and tail: reading gigabytes twice takes longer than looking
+// at the frames of most videos.
+std::string KeyOf(const std::string& path, int frames) {
+  constexpr std::streamoff kEnds = 1 << 20;
+  Fingerprint key;
+  std::ifstream in(path, std::ios::binary);
+  in.seekg(0, std::ios::end);
+  const std::streamoff size = in.tellg();
+  key.Add(static_cast<int64_t>(size));
+  key.Add(frames);
+  std::string part(static_cast<size_t>(kEnds), '\0');
+  for (const std::streamoff from : {std::streamoff{0}, std::max<std::streamoff>(0, size - kEnds)}) {
+    in.clear();
+    in.seekg(from);
+    in.read(part.data(), kEnds);
+    key.Add(part.data(), static_cast<size_t>(in.gcount()));
+  }
+  return key.Text();
+}
+
+std::string Describe(const std::string& name, const PickedFrames& picked) {
+  std::string text = absl::StrFormat(
+      "%d of the %d frames of %s (%.1f s) are the photos: sharp ones at equal "
+      "steps of the camera's way",
+      picked.chosen, picked.frames, name, picked.seconds);
+  if (picked.seconds < kShareThatIsThere * picked.stated_seconds - 1) {
+    absl::StrAppendFormat(&text, "; the file should last %.1f s: its end is missing",
+                          picked.stated_seconds);
+  }
+  return text;
+}
+
+}  // namespace
+
+absl::StatusOr<ReconstructInput> WithFramesAsPhotos(
+    const ReconstructInput& input, int frames, const CancelToken& cancel,
+    const std::function<void(const std::string&)>& progress, std::vector<std::string>* notes) {
+  if (input.video_path.empty()) return input;
+  ReconstructInput result = input;
+  result.images_dir = input.work_dir + "/frames";
+  result.video_path.clear();
+  const std::string name = BaseName(input.video_path), field = absl::StrCat("videos[", name, "]");
+  const std::string key = KeyOf(input.video_path, frames), done = input.work_dir + "/frames.txt";
+  // The key, and the note of the run that picked them.
+  if (const auto kept = ReadFile(done, "frames", kMaxNoteBytes);
+      kept.ok() && kept->starts_with(key + "\n")) {
+    notes->push_back(kept->substr(key.size() + 1));
+    return result;
+  }
+  progress(absl::StrCat("choosing frames of ", name));
+  std::error_code error;
+  fs::remove(done, error);
+  fs::remove_all(result.images_dir, error);
+  fs::create_directories(result.images_dir, error);
+  if (error) {
+    return MakeError(absl::StatusCode::kInternal, "IO_ERROR", field,
+                     absl::StrCat("cannot make ", result.images_dir, ": ", error.message()));
+  }
+  LITAGS_ASSIGN_OR_RETURN(
+      const PickedFrames picked,
+      PickFramesInto(
+          result.images_dir, input.video_path, field, frames, input.frame_program,
+          [&](const std::string& text) { progress(absl::StrCat(name, ": ", text)); }, cancel));
+  notes->push_back(Describe(name, picked));
+  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(done, absl::StrCat(key, "\n", notes->back())));
+  return result;
+}
+
+}  // namespace litags

@@ -1,0 +1,99 @@
+#include "engine/pipeline/video_frames.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/test_util.h"
+#include "engine/video/testing_video.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class VideoFrames : public testing::Test {
+ protected:
+  void SetUp() override {
+    input_.work_dir = dir_ / "work";
+    input_.video_path = dir_ / "night.mov";
+    fs::create_directory(input_.work_dir);
+    Write(EncodeVideo(WalkFrames(160, 90, 40, 4), {}));
+  }
+
+  void Write(const std::string& bytes) {
+    ASSERT_TRUE(WriteFileAtomically(input_.video_path, bytes).ok());
+  }
+
+  absl::StatusOr<ReconstructInput> Pick(int frames = 6) {
+    notes_.clear();
+    said_.clear();
+    return WithFramesAsPhotos(
+        input_, frames, CancelToken(), [&](const std::string& text) { said_.push_back(text); },
+        &notes_);
+  }
+
+  size_t Photos() const { return ListPhotos(input_.work_dir + "/frames", "frames")->size(); }
+
+  TempDir dir_;
+  ReconstructInput input_;
+  std::vector<std::string> notes_, said_;
+};
+
+TEST_F(VideoFrames, BecomeThePhotos) {
+  const auto photos = Pick();
+  ASSERT_TRUE(photos.ok()) << photos.status();
+  EXPECT_EQ(photos->images_dir, input_.work_dir + "/frames");
+  EXPECT_EQ(photos->video_path, "");
+  EXPECT_EQ(Photos(), 6u);
+  EXPECT_THAT(notes_, ElementsAre(HasSubstr("6 of the 40 frames of night.mov (1.3 s)")));
+  EXPECT_EQ(said_.front(), "choosing frames of night.mov");
+}
+
+TEST_F(VideoFrames, AreKeptForTheSameVideoAndNumberOnly) {
+  ASSERT_TRUE(Pick().ok());
+  const auto note = notes_;
+  fs::remove(input_.work_dir + "/frames/frame_0002.png");
+  ASSERT_TRUE(Pick().ok());
+  EXPECT_EQ(Photos(), 5u);  // not looked at again
+  EXPECT_EQ(notes_, note);
+  EXPECT_TRUE(said_.empty());
+  ASSERT_TRUE(Pick(4).ok());
+  EXPECT_EQ(Photos(), 4u);
+  Write(EncodeVideo(WalkFrames(160, 90, 50, 4), {}));
+  ASSERT_TRUE(Pick(4).ok());
+  EXPECT_THAT(notes_, ElementsAre(HasSubstr("4 of the 50 frames")));
+}
+
+TEST_F(VideoFrames, AMissingEndIsNoted) {
+  TestVideo options;
+  options.container = "matroska";
+  const std::string bytes = EncodeVideo(WalkFrames(160, 90, 240, 2), options);
+  Write(bytes.substr(0, bytes.size() / 2));
+  ASSERT_TRUE(Pick().ok());
+  EXPECT_THAT(notes_, ElementsAre(HasSubstr("the file should last 8.0 s: its end is missing")));
+}
+
+TEST_F(VideoFrames, ErrorsNameTheVideo) {
+  Write("no video");
+  const absl::Status status = Pick().status();
+  EXPECT_EQ(Reason(status), "VIDEO_NOT_RECOGNIZED");
+  EXPECT_EQ(GetErrorDetail(status)->field, "videos[night.mov]");
+  input_.video_path = dir_ / "gone.mov";
+  EXPECT_TRUE(absl::IsNotFound(Pick().status()));
+}
+
+TEST_F(VideoFrames, OtherInputsComeBackAsTheyAre) {
+  input_.video_path.clear();
+  input_.images_dir = "photos";
+  EXPECT_EQ(Pick()->images_dir, "photos");
+  EXPECT_TRUE(notes_.empty());
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,83 @@
+// litags-inspect: what of a folder or a video would be used. `litags inspect` starts it.
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+#include "engine/core/arguments.h"
+#include "engine/core/error.h"
+#include "engine/core/parallel.h"
+#include "engine/tools/inspect/inspect.h"
+#include "engine/video/frame_process.h"
+#include "engine/video/video_file.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+CancelToken* g_cancel = nullptr;
+void OnSignal(int) { g_cancel->Cancel(); }
+
+struct Arguments {
+  std::string dir, cameras, masks, sheet;
+  int frames = 0, threads = 0;
+};
+
+absl::Status Run(const Arguments& args, const CancelToken& cancel) {
+  const ScratchFolder scratch;
+  ReconstructInput input;
+  input.work_dir = scratch.path();
+  input.images_dir = args.dir;
+  input.cameras_path = args.cameras;
+  input.masks_dir = args.masks;
+  input.frame_program = OwnPickFramesProgram();
+  std::error_code ignored;
+  if (const fs::path beside = fs::path(args.dir) / "masks";
+      args.masks.empty() && fs::is_directory(beside, ignored)) {
+    input.masks_dir = beside;
+  }
+  if (fs::is_regular_file(args.dir, ignored) && IsVideoName(args.dir)) input.video_path = args.dir;
+  LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.frames, cancel));
+  LITAGS_ASSIGN_OR_RETURN(const std::string text,
+                          InspectFolder(input, args.threads, args.sheet, cancel));
+  std::fputs(text.c_str(), stdout);
+  return absl::OkStatus();
+}
+
+int Main(int argc, char** argv) {
+  Arguments args;
+  CLI::App app("Says what of a folder of photos, or of a video, would be used, and why not.",
+               "litags inspect");
+  app.set_version_flag("--version", LITAGS_VERSION);
+  app.add_option("DIR", args.dir, "Folder of photos, or a video")->required();
+  app.add_option("--cameras", args.cameras,
+                 "Known cameras: a transforms.json, or the folder of a COLMAP model");
+  app.add_option("--masks", args.masks,
+                 "Folder with masks of photos; default: DIR/masks, if there is one");
+  app.add_option("--frames", args.frames, "At most so many frames of a video; 0: by its motion")
+      ->check(CLI::Range(0, 2000));
+  app.add_option("--contact-sheet", args.sheet, "Picture of all photos, brightened, .jpg or .png");
+  app.add_option("--threads", args.threads, "Threads; 0: all cores")->check(CLI::Range(0, 1024));
+  if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
+  if (args.threads == 0) args.threads = DefaultThreadCount();
+  CancelToken cancel;
+  g_cancel = &cancel;
+  std::signal(SIGINT, OnSignal);
+  std::signal(SIGTERM, OnSignal);
+  const absl::Status status = Run(args, cancel);
+  if (status.ok()) return 0;
+  const ErrorDetail detail = GetErrorDetail(status).value_or(ErrorDetail{});
+  std::fprintf(stderr, "litags inspect: %s\n  reason %s, field %s\n",
+               std::string(status.message()).c_str(), detail.reason.c_str(), detail.field.c_str());
+  return 2;  // as litags: what it was given is wrong
+}
+
+}  // namespace
+}  // namespace litags
+
+int main(int argc, char** argv) {
+  if (const auto exit = litags::MaybePickFrames(argc, argv)) return *exit;
+  return litags::Main(argc, argv);
+}

@@ -1,0 +1,100 @@
+// litags-inspect as its user sees it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/subprocess.h"
+#include "engine/io/exif_test_util.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/test_util.h"
+#include "engine/video/testing_video.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ContainsRegex;
+using testing::HasSubstr;
+
+class Inspect : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::create_directory(photos_);
+    const auto frames = WalkFrames(320, 240, 5, 6, {3});
+    for (int i = 0; i < 5; ++i) {
+      ImageU8 photo = frames[i];
+      // The second is darker.
+      for (uint8_t& code : photo.data) code = static_cast<uint8_t>(i == 1 ? code / 3 : code);
+      std::string jpeg = EncodeJpeg(photo).value();
+      if (i == 2) jpeg = WithJpegExif(jpeg, FocalBlock(28, 35, 10));
+      Write(absl::StrCat("p", i, ".jpg"), jpeg);
+    }
+    Write("bad.jpg", "no photo");
+  }
+
+  void Write(const std::string& name, const std::string& bytes) {
+    ASSERT_TRUE(WriteFileAtomically(photos_ + "/" + name, bytes).ok());
+  }
+
+  int Run(std::vector<std::string> arguments) {
+    SubprocessOptions child;
+    child.args = {LITAGS_INSPECT};
+    child.args.insert(child.args.end(), arguments.begin(), arguments.end());
+    child.tail_lines = 1000;
+    const auto result = RunSubprocess(child, CancelToken());
+    EXPECT_TRUE(result.ok()) << result.status();
+    text_ = result.ok() ? result->tail : "";
+    return result.ok() ? result->exit_code : -1;
+  }
+
+  TempDir dir_;
+  const std::string photos_ = dir_ / "photos";
+  std::string text_;
+};
+
+TEST_F(Inspect, SaysWhatWouldBeUsedAndWhatNot) {
+  ASSERT_EQ(Run({photos_}), 0) << text_;
+  EXPECT_THAT(text_, ContainsRegex("p0.jpg +320x240 +- +- +[0-9.]+ +[+-]0.0 "));
+  // A third of the codes is some 3.6 stops less light.
+  EXPECT_THAT(text_, ContainsRegex("p1.jpg +320x240 +- +- +[0-9.]+ +-[34][.][0-9] "));
+  EXPECT_THAT(text_, ContainsRegex("p2.jpg +320x240 +28 mm "));
+  // Blurred by motion.
+  EXPECT_THAT(text_, ContainsRegex("p3.jpg .* 0[.][0-8][0-9]  -"));
+  EXPECT_THAT(text_, HasSubstr("5 photos would be used, 1 are left out"));
+  EXPECT_THAT(text_, HasSubstr("bad.jpg is left out"));
+}
+
+TEST_F(Inspect, DrawsAContactSheet) {
+  for (const char* name : {"sheet.jpg", "sheet.png"}) {
+    const std::string sheet = dir_ / name;
+    ASSERT_EQ(Run({photos_, "--contact-sheet", sheet}), 0) << text_;
+    EXPECT_THAT(text_, HasSubstr("contact sheet: " + sheet));
+    const auto picture = ReadImage(sheet, name);
+    ASSERT_TRUE(picture.ok()) << picture.status();
+    EXPECT_GT(picture->width, 5 * 320);
+    EXPECT_GT(picture->height, 240);
+  }
+  EXPECT_EQ(Run({photos_, "--contact-sheet", dir_ / "nowhere/sheet.jpg"}), 2);
+}
+
+TEST_F(Inspect, AVideoIsInspectedByItsFrames) {
+  const std::string video = dir_ / "night.mov";
+  ASSERT_TRUE(WriteFileAtomically(video, EncodeVideo(WalkFrames(320, 180, 60, 4), {})).ok());
+  ASSERT_EQ(Run({video, "--frames", "8"}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("8 of the 60 frames of night.mov"));
+  EXPECT_THAT(text_, HasSubstr("8 photos would be used, 0 are left out"));
+}
+
+TEST_F(Inspect, MistakesAreOneError) {
+  EXPECT_EQ(Run({dir_ / "nowhere"}), 2);
+  EXPECT_THAT(text_, HasSubstr("reason NO_SUCH_FOLDER"));
+  EXPECT_EQ(Run({}), 2);
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,27 @@
+// Inside this module: photos as they are looked at once more, and as one picture.
+#ifndef LITAGS_ENGINE_TOOLS_INSPECT_PHOTO_SHEET_H_
+#define LITAGS_ENGINE_TOOLS_INSPECT_PHOTO_SHEET_H_
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "engine/core/cancel.h"
+#include "engine/pipeline/engine.h"
+#include "engine/pipeline/photo_screen.h"
+
+namespace litags {
+
+// How sharp each photo of the screen is, beside the middle one; small brightened pictures of them
+// go to `thumbnails`/NAME.png unless that is empty.
+std::vector<double> LookAtPhotos(const ReconstructInput& input, const PhotoScreen& screen,
+                                 int threads, const std::string& thumbnails,
+                                 const CancelToken& cancel);
+
+// Those pictures, and the names of what is left out.
+absl::Status WritePhotoSheet(const PhotoScreen& screen, const std::string& thumbnails,
+                             const std::string& path);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_TOOLS_INSPECT_PHOTO_SHEET_H_

@@ -1,0 +1,455 @@
+#include "engine/video/video_file.h"
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/display.h>
+#include <libavutil/imgutils.h>
+#include <libavutil/mem.h>
+#include <libavutil/pixdesc.h>
+#include <libswscale/swscale.h>
+}
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
+#include "engine/core/error.h"
+#include "engine/video/video_color.h"
+
+namespace litags {
+namespace {
+
+// What FFmpeg may use of itself. No playlists: they name other files and addresses.
+constexpr char kContainers[] = "mov,matroska,avi,mpegts";
+constexpr char kCodecs[] = "h264,hevc,libdav1d,vp8,vp9,libvpx-vp9,mpeg2video,mpeg4,mjpeg,prores";
+constexpr size_t kMaxOneAllocation = size_t{1} << 30;
+constexpr int kIoBytes = 64 << 10;
+constexpr int64_t kProbeBytes = 8 << 20;
+constexpr int64_t kAnalyzeMicroseconds = 5'000'000;
+// Packets without a frame, such as damaged ones, for each frame that may come.
+constexpr int64_t kPacketsAFrame = 4;
+
+struct Closer {
+  void operator()(AVIOContext* io) const {
+    av_freep(&io->buffer);
+    avio_context_free(&io);
+  }
+  void operator()(AVFormatContext* format) const { avformat_close_input(&format); }
+  void operator()(AVCodecContext* codec) const { avcodec_free_context(&codec); }
+  void operator()(AVFrame* frame) const { av_frame_free(&frame); }
+  void operator()(AVPacket* packet) const { av_packet_free(&packet); }
+  void operator()(SwsContext* scaler) const { sws_freeContext(scaler); }
+};
+template <class T>
+using Owned = std::unique_ptr<T, Closer>;
+
+struct Memory {
+  std::string_view bytes;
+  int64_t at = 0;
+};
+
+int ReadMemory(void* opaque, uint8_t* out, int wanted) {
+  auto* memory = static_cast<Memory*>(opaque);
+  const int64_t left = static_cast<int64_t>(memory->bytes.size()) - memory->at;
+  const auto n = static_cast<int>(std::min<int64_t>(wanted, left));
+  if (n <= 0) return AVERROR_EOF;
+  std::memcpy(out, memory->bytes.data() + memory->at, static_cast<size_t>(n));
+  memory->at += n;
+  return n;
+}
+
+int64_t SeekMemory(void* opaque, int64_t offset, int whence) {
+  auto* memory = static_cast<Memory*>(opaque);
+  const auto size = static_cast<int64_t>(memory->bytes.size());
+  if (whence == AVSEEK_SIZE) return size;
+  const int64_t from = whence == SEEK_CUR ? memory->at : whence == SEEK_END ? size : 0;
+  if (offset < -from || offset > size - from) return AVERROR(EINVAL);
+  return memory->at = from + offset;
+}
+
+int OpenNothing(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary**) {
+  return AVERROR(EPERM);
+}
+
+// How the picture must be turned to stand upright.
+struct Turn {
+  int quarters = 0;     // clockwise, after the mirror
+  bool mirror = false;  // left and right change places
+};
+
+Turn TurnOf(const AVStream& stream) {
+  size_t size = 0;
+  const uint8_t* data = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &size);
+  Turn turn;
+  if (data == nullptr || size < 9 * sizeof(int32_t)) return turn;
+  int32_t matrix[9];
+  std::memcpy(matrix, data, sizeof(matrix));
+  const double determinant = double(matrix[0]) * matrix[4] - double(matrix[1]) * matrix[3];
+  turn.mirror = determinant < 0;
+  if (turn.mirror) {
+    matrix[0] = -matrix[0];
+    matrix[1] = -matrix[1];
+  }
+  const double degrees = -av_display_rotation_get(matrix);
+  if (std::isfinite(degrees)) turn.quarters = static_cast<int>(std::lround(degrees / 90)) & 3;
+  return turn;
+}
+
+Photo Upright(const Photo& photo, const Turn& turn) {
+  if (turn.quarters == 0 && !turn.mirror) return photo;
+  const bool swap = turn.quarters % 2 != 0;
+  const int w = photo.width, h = photo.height;
+  Photo out(swap ? h : w, swap ? w : h);
+  for (int y = 0; y < h; ++y) {
+    for (int x = 0; x < w; ++x) {
+      const int u = turn.mirror ? w - 1 - x : x;
+      const int to_x[] = {u, h - 1 - y, w - 1 - u, y}, to_y[] = {y, u, h - 1 - y, w - 1 - u};
+      std::copy_n(photo.pixel(x, y), 3, out.pixel(to_x[turn.quarters], to_y[turn.quarters]));
+    }
+  }
+  return out;
+}
+
+bool IsOnTheList(absl::string_view codec) {
+  const std::vector<absl::string_view> codecs = absl::StrSplit(kCodecs, ',');
+  return std::find(codecs.begin(), codecs.end(), codec) != codecs.end();
+}
+
+std::string NameOf(const char* name) { return name == nullptr ? "unknown" : name; }
+
+class RealVideoFile : public VideoFile {
+ public:
+  RealVideoFile(std::string_view bytes, std::string field, const VideoLimits& limits)
+      : memory_{bytes}, field_(std::move(field)), limits_(limits) {}
+
+  absl::Status Init() {
+    LITAGS_RETURN_IF_ERROR(OpenContainer());
+    LITAGS_RETURN_IF_ERROR(ChooseStream());
+    return OpenCodec();
+  }
+
+  const VideoInfo& info() const override { return info_; }
+  double Seconds() const override { return seconds_; }
+
+  absl::StatusOr<bool> Next() override {
+    for (;;) {
+      const int got = avcodec_receive_frame(codec_.get(), frame_.get());
+      if (got == AVERROR_EOF) return End();
+      if (got == AVERROR(EAGAIN)) {
+        LITAGS_RETURN_IF_ERROR(Feed());
+        continue;
+      }
+      const bool whole = got >= 0 && frame_->decode_error_flags == 0 &&
+                         (frame_->flags & AV_FRAME_FLAG_CORRUPT) == 0;
+      if (!whole) {
+        if (++damaged_ > limits_.max_frames) return End();
+        continue;
+      }
+      LITAGS_RETURN_IF_ERROR(CheckFrame());
+      return true;
+    }
+  }
+
+  absl::StatusOr<Planes> Luma(int side) override {
+    const double scale = std::min(1.0, double(side) / std::max(frame_->width, frame_->height));
+    const int width = std::max(1, static_cast<int>(std::lround(frame_->width * scale)));
+    const int height = std::max(1, static_cast<int>(std::lround(frame_->height * scale)));
+    std::vector<uint16_t> codes(size_t(width) * height);
+    LITAGS_RETURN_IF_ERROR(
+        Scale(&luma_scaler_, width, height, AV_PIX_FMT_GRAY16LE, SWS_AREA, codes.data(), width));
+    Planes luma(1, height, width);
+    for (size_t i = 0; i < codes.size(); ++i) {
+      luma.data[i] = static_cast<float>(codes[i]) * (1.0f / 65535);
+    }
+    return luma;
+  }
+
+  absl::StatusOr<Photo> Picture() override {
+    const bool swap = turn_.quarters % 2 != 0;
+    const int width = swap ? info_.height : info_.width, height = swap ? info_.width : info_.height;
+    std::vector<uint16_t> codes(size_t{3} * width * height);
+    LITAGS_RETURN_IF_ERROR(
+        Scale(&scaler_, width, height, AV_PIX_FMT_RGB48LE,
+              SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP,
+              codes.data(), 3 * width));
+    Photo photo(width, height);
+    ToSrgb(codes, *frame_, &photo);
+    return Upright(photo, turn_);
+  }
+
+ private:
+  absl::Status Refuse(std::string_view reason, const std::string& message) const {
+    return InvalidInput(reason, field_, absl::StrCat(field_, ": ", message));
+  }
+
+  absl::Status Corrupt(std::string_view what) const {
+    return Refuse("VIDEO_CORRUPT",
+                  absl::StrCat(absl::string_view(what.data(), what.size()),
+                               "; copy it from the camera again, or save it anew with another "
+                               "program"));
+  }
+
+  absl::Status OpenContainer() {
+    if (!IsVideo(memory_.bytes)) {
+      return Refuse("VIDEO_NOT_RECOGNIZED",
+                    "is no video that is read (MP4, MOV, Matroska, WebM, AVI, MPEG-TS); convert it "
+                    "to MP4");
+    }
+    io_.reset(avio_alloc_context(static_cast<uint8_t*>(av_malloc(kIoBytes)), kIoBytes, 0, &memory_,
+                                 ReadMemory, nullptr, SeekMemory));
+    AVFormatContext* format = avformat_alloc_context();
+    if (io_ == nullptr || format == nullptr) return Corrupt("there is no memory to read it");
+    format->pb = io_.get();
+    format->flags |= AVFMT_FLAG_CUSTOM_IO;
+    format->format_whitelist = av_strdup(kContainers);
+    format->codec_whitelist = av_strdup(kCodecs);
+    format->io_open = OpenNothing;
+    format->probesize = kProbeBytes;
+    format->max_analyze_duration = kAnalyzeMicroseconds;
+    if (avformat_open_input(&format, nullptr, nullptr, nullptr) < 0) {  // frees it
+      return Corrupt("is damaged or ends early: its table of contents cannot be read");
+    }
+    format_.reset(format);
+    if (avformat_find_stream_info(format, nullptr) < 0) {
+      return Corrupt("is damaged or ends early: nothing of it can be decoded");
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status ChooseStream() {
+    const AVStream* best = nullptr;
+    const auto area = [](const AVStream& s) {
+      return int64_t{s.codecpar->width} * s.codecpar->height;
+    };
+    for (unsigned i = 0; i < format_->nb_streams; ++i) {
+      AVStream* stream = format_->streams[i];
+      stream->discard = AVDISCARD_ALL;
+      const bool pictures = stream->codecpar->codec_type == AVMEDIA_TYPE_VIDEO &&
+                            (stream->disposition & AV_DISPOSITION_ATTACHED_PIC) == 0;
+      if (pictures && (best == nullptr || area(*stream) > area(*best))) best = stream;
+    }
+    if (best == nullptr) {
+      return Refuse("VIDEO_WITHOUT_PICTURES",
+                    "has no pictures, as a recording of sound; give the video itself");
+    }
+    stream_ = format_->streams[best->index];
+    stream_->discard = AVDISCARD_DEFAULT;
+    return Measure();
+  }
+
+  // What the container says of size and length.
+  absl::Status Measure() {
+    const AVCodecParameters& params = *stream_->codecpar;
+    if (params.width <= 0 || params.height <= 0) return Corrupt("states no size of its pictures");
+    turn_ = TurnOf(*stream_);
+    const AVRational aspect = av_guess_sample_aspect_ratio(format_.get(), stream_, nullptr);
+    const double ratio = aspect.num > 0 && aspect.den > 0 ? av_q2d(aspect) : 1;
+    const double stretched_width = params.width * std::max(1.0, ratio);
+    const double stretched_height = params.height * std::max(1.0, 1 / ratio);
+    if (stretched_width > limits_.max_side || stretched_height > limits_.max_side ||
+        stretched_width * stretched_height > static_cast<double>(limits_.max_pixels)) {
+      return Refuse("VIDEO_TOO_LARGE",
+                    absl::StrFormat("frames of %dx%d px (%.3g:1) exceed %d px a side or %d "
+                                    "pixels; scale the video down",
+                                    params.width, params.height, ratio, limits_.max_side,
+                                    limits_.max_pixels));
+    }
+    info_.width = static_cast<int>(std::lround(stretched_width));
+    info_.height = static_cast<int>(std::lround(stretched_height));
+    if (turn_.quarters % 2 != 0) std::swap(info_.width, info_.height);
+    if (stream_->duration > 0) {
+      info_.seconds = double(stream_->duration) * av_q2d(stream_->time_base);
+    } else if (format_->duration > 0) {
+      info_.seconds = double(format_->duration) / AV_TIME_BASE;
+    }
+    info_.frames = stream_->nb_frames;
+    return CheckLength(info_.seconds, info_.frames);
+  }
+
+  absl::Status CheckLength(double seconds, int64_t frames) const {
+    if (seconds <= limits_.max_seconds && frames <= limits_.max_frames) return absl::OkStatus();
+    return Refuse(
+        "VIDEO_TOO_LONG",
+        absl::StrFormat("is longer than %.0f minutes or %d frames; cut out the part that "
+                        "shows the scene, as with ffmpeg -ss 0:30 -t 60 -i IN -c copy OUT",
+                        limits_.max_seconds / 60, limits_.max_frames));
+  }
+
+  absl::Status OpenCodec() {
+    const AVCodecParameters& params = *stream_->codecpar;
+    const AVCodec* decoder = params.codec_id == AV_CODEC_ID_AV1
+                                 ? avcodec_find_decoder_by_name("libdav1d")
+                                 : avcodec_find_decoder(params.codec_id);
+    if (decoder == nullptr || !IsOnTheList(decoder->name)) {
+      return Unsupported(
+          absl::StrCat("its codec, ", NameOf(avcodec_get_name(params.codec_id)), ", is not read"));
+    }
+    codec_.reset(avcodec_alloc_context3(decoder));
+    packet_.reset(av_packet_alloc());
+    frame_.reset(av_frame_alloc());
+    if (codec_ == nullptr || packet_ == nullptr || frame_ == nullptr) {
+      return Corrupt("there is no memory to read it");
+    }
+    avcodec_parameters_to_context(codec_.get(), &params);
+    codec_->thread_count = 1;
+    codec_->max_pixels = limits_.max_pixels;
+    codec_->pkt_timebase = stream_->time_base;
+    if (avcodec_open2(codec_.get(), decoder, nullptr) < 0) {
+      return Corrupt("is damaged: its pictures cannot be decoded");
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Unsupported(const std::string& what) const {
+    return Refuse("VIDEO_UNSUPPORTED", absl::StrCat(what,
+                                                    "; convert it to H.264 with 8 bits, as "
+                                                    "with ffmpeg -i IN -pix_fmt yuv420p "
+                                                    "OUT.mp4"));
+  }
+
+  // Hands the decoder the next packet, or tells it that there are no more.
+  absl::Status Feed() {
+    for (;;) {
+      const int read = av_read_frame(format_.get(), packet_.get());
+      if (read < 0) {
+        avcodec_send_packet(codec_.get(), nullptr);
+        return absl::OkStatus();
+      }
+      if (++packets_ > kPacketsAFrame * limits_.max_frames) return CheckLength(0, packets_);
+      const bool ours = packet_->stream_index == stream_->index;
+      if (ours) avcodec_send_packet(codec_.get(), packet_.get());  // a damaged one gives no frame
+      av_packet_unref(packet_.get());
+      if (ours) return absl::OkStatus();
+    }
+  }
+
+  absl::StatusOr<bool> End() const {
+    if (frames_ > 0) return false;
+    return Corrupt("is damaged: none of its frames can be decoded");
+  }
+
+  absl::Status CheckFrame() {
+    const AVFrame& frame = *frame_;
+    ++frames_;
+    const int64_t stamp = frame.best_effort_timestamp;
+    if (frames_ == 1) {
+      first_stamp_ = stamp;
+    } else if (frame.width != stored_width_ || frame.height != stored_height_) {
+      return Unsupported("its frames change their size");
+    }
+    stored_width_ = frame.width;
+    stored_height_ = frame.height;
+    if (frame.width != stream_->codecpar->width || frame.height != stream_->codecpar->height) {
+      return Corrupt(absl::StrFormat("is damaged: its frames have %dx%d px, and it states %dx%d",
+                                     frame.width, frame.height, stream_->codecpar->width,
+                                     stream_->codecpar->height));
+    }
+    if (stamp != AV_NOPTS_VALUE && first_stamp_ != AV_NOPTS_VALUE) {
+      seconds_ = double(stamp - first_stamp_) * av_q2d(stream_->time_base);
+    }
+    if (frame.interlaced_frame != 0) return Unsupported("is interlaced");
+    if (frame.color_trc == AVCOL_TRC_SMPTE2084) return Unsupported("has PQ's light (HDR10)");
+    return CheckLength(seconds_, frames_);
+  }
+
+  // The frame at another size, as another kind of pixels; `stride` in samples.
+  absl::Status Scale(Owned<SwsContext>* scaler, int width, int height, AVPixelFormat format,
+                     int flags, uint16_t* out, int stride) {
+    const auto from = static_cast<AVPixelFormat>(frame_->format);
+    scaler->reset(sws_getCachedContext(scaler->release(), frame_->width, frame_->height, from,
+                                       width, height, format, flags, nullptr, nullptr, nullptr));
+    if (*scaler == nullptr) {
+      return Unsupported(
+          absl::StrCat("its pixels, ", NameOf(av_get_pix_fmt_name(from)), ", are not read"));
+    }
+    const int* table = sws_getCoefficients(MatrixOf(*frame_));
+    sws_setColorspaceDetails(scaler->get(), table, HasFullRange(*frame_), table, 1, 0, 1 << 16,
+                             1 << 16);
+    uint8_t* planes[4] = {reinterpret_cast<uint8_t*>(out)};
+    const int strides[4] = {2 * stride};
+    if (sws_scale(scaler->get(), frame_->data, frame_->linesize, 0, frame_->height, planes,
+                  strides) != height) {
+      return Corrupt("is damaged: a frame cannot be converted");
+    }
+    return absl::OkStatus();
+  }
+
+  Memory memory_;
+  const std::string field_;
+  const VideoLimits limits_;
+  // In this order: the later ones use the earlier.
+  Owned<AVIOContext> io_;
+  Owned<AVFormatContext> format_;
+  AVStream* stream_ = nullptr;
+  Owned<AVCodecContext> codec_;
+  Owned<AVPacket> packet_;
+  Owned<AVFrame> frame_;
+  Owned<SwsContext> scaler_, luma_scaler_;
+  VideoInfo info_;
+  Turn turn_;
+  int64_t frames_ = 0, packets_ = 0, damaged_ = 0, first_stamp_ = 0;
+  int stored_width_ = 0, stored_height_ = 0;
+  double seconds_ = 0;
+};
+
+constexpr std::string_view kEndings[] = {".mp4",  ".mov", ".m4v", ".3gp",  ".mkv",
+                                         ".webm", ".avi", ".mts", ".m2ts", ".ts"};
+
+}  // namespace
+
+std::span<const std::string_view> VideoEndings() { return kEndings; }
+
+bool IsVideoName(std::string_view name) {
+  const std::string lower = absl::AsciiStrToLower({name.data(), name.size()});
+  return std::any_of(std::begin(kEndings), std::end(kEndings), [&](std::string_view ending) {
+    return std::string_view(lower).ends_with(ending) && lower.size() > ending.size();
+  });
+}
+
+bool IsVideo(std::string_view bytes) {
+  const auto at = [&](size_t i, std::string_view what) {
+    return bytes.size() > i && bytes.substr(i).starts_with(what);
+  };
+  if (at(4, "ftyp")) {
+    for (const char* photo : {"heic", "heix", "mif1", "msf1", "avif", "avis", "crx "}) {
+      if (at(8, photo)) return false;
+    }
+    return true;
+  }
+  constexpr size_t kPacket = 188, kPacketOfDisks = 192;  // MPEG-TS
+  return at(4, "moov") || at(4, "mdat") || at(4, "wide") || at(4, "free") || at(4, "skip") ||
+         at(0, "\x1A\x45\xDF\xA3") || (at(0, "RIFF") && at(8, "AVI ")) ||
+         (at(0, "G") && at(kPacket, "G") && at(2 * kPacket, "G")) ||
+         (at(4, "G") && at(4 + kPacketOfDisks, "G") && at(4 + 2 * kPacketOfDisks, "G"));
+}
+
+absl::StatusOr<std::unique_ptr<VideoFile>> VideoFile::Open(std::string_view bytes,
+                                                           const std::string& field,
+                                                           const VideoLimits& limits) {
+  av_log_set_level(AV_LOG_QUIET);
+  av_max_alloc(kMaxOneAllocation);
+  auto file = std::make_unique<RealVideoFile>(bytes, field, limits);
+  LITAGS_RETURN_IF_ERROR(file->Init());
+  return file;
+}
+
+absl::StatusOr<VideoInfo> CheckVideo(std::string_view bytes, const std::string& field) {
+  LITAGS_ASSIGN_OR_RETURN(const auto file, VideoFile::Open(bytes, field));
+  for (size_t frame = 0; frame < kMinPhotos; ++frame) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, file->Next());
+    if (more) continue;
+    return InvalidInput("TOO_FEW_FRAMES", field,
+                        absl::StrCat(field, ": has ", frame, " frames; a scene needs ", kMinPhotos,
+                                     " at least, from different places"));
+  }
+  return file->info();
+}
+
+}  // namespace litags

@@ -1,0 +1,73 @@
+// Videos (from anybody), frame by frame.
+#ifndef LITAGS_ENGINE_VIDEO_VIDEO_FILE_H_
+#define LITAGS_ENGINE_VIDEO_VIDEO_FILE_H_
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "engine/core/camera.h"
+#include "engine/core/image.h"
+#include "engine/core/limits.h"
+#include "engine/core/photo.h"
+
+namespace litags {
+
+// What a video may cost us.
+struct VideoLimits {
+  double max_seconds = 20 * 60;          // as it says, and as its frames come
+  int64_t max_frames = 20 * 60 * 60;     // 60 a second
+  int64_t max_pixels = kMaxImagePixels;  // of a frame
+  int max_side = kMaxImageSide;          // px
+};
+
+struct VideoInfo {
+  int width = 0, height = 0;  // px of a frame, upright, with square pixels
+  double seconds = 0;         // as the file says; 0: it does not
+  int64_t frames = 0;         // as the file says; 0: it does not
+};
+
+// How the names of videos end, lower case.
+std::span<const std::string_view> VideoEndings();
+
+bool IsVideoName(std::string_view name);
+
+// By its first bytes: of a container that is read. Photos of HEIC and AVIF are none.
+bool IsVideo(std::string_view bytes);
+
+// Reads MP4, MOV, Matroska, WebM, AVI and MPEG-TS with H.264, HEVC, AV1, VP8, VP9, MPEG-2, MPEG-4,
+// Motion JPEG or ProRes. Errors are INVALID_ARGUMENT, start with `field`, and carry one of
+// these reasons: VIDEO_NOT_RECOGNIZED, VIDEO_CORRUPT (ends before its table of contents, or cannot
+// be decoded), VIDEO_WITHOUT_PICTURES (sound only), VIDEO_UNSUPPORTED (codec, PQ, interlaced; by
+// name), VIDEO_TOO_LARGE (a frame), VIDEO_TOO_LONG. Not thread-safe.
+class VideoFile {
+ public:
+  // `bytes` must outlive the file.
+  static absl::StatusOr<std::unique_ptr<VideoFile>> Open(std::string_view bytes,
+                                                         const std::string& field,
+                                                         const VideoLimits& limits = {});
+  virtual ~VideoFile() = default;
+
+  virtual const VideoInfo& info() const = 0;
+
+  // Goes on to the next frame that is whole; false behind the last one.
+  virtual absl::StatusOr<bool> Next() = 0;
+
+  // Of the frame that Next() came to.
+  virtual double Seconds() const = 0;  // since the first
+  // Its luma, not turned upright, in [0, 1]; the longer side has `side` px, or what it has.
+  virtual absl::StatusOr<Planes> Luma(int side) = 0;
+  virtual absl::StatusOr<Photo> Picture() = 0;  // upright, square pixels, sRGB
+};
+
+// A look at the head: what it is, and that its first frame can be decoded. Errors as above;
+// TOO_FEW_FRAMES if it has fewer than kMinPhotos frames.
+absl::StatusOr<VideoInfo> CheckVideo(std::string_view bytes, const std::string& field);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_VIDEO_VIDEO_FILE_H_
