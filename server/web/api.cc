@@ -81,11 +81,11 @@ asio::awaitable<void> Api::Serve(Exchange& exchange) {
   if (exchange.head().path == kSessionPath) {
     co_await Session(exchange);
   } else {
-    co_await Route(exchange);
+    co_await Dispatch(exchange);
   }
 }
 
-asio::awaitable<void> Api::Route(Exchange& exchange) {
+asio::awaitable<void> Api::Dispatch(Exchange& exchange) {
   std::string methods;
   const Match match = FindRoute(exchange.head(), &methods);
   if (match.route) {
@@ -157,8 +157,7 @@ asio::awaitable<void> Api::Call(Exchange& exchange, const Match& match) {
 }
 
 // A call with one answer, which is sent as a whole.
-asio::awaitable<void> Api::Whole(Exchange& exchange, const struct Route& route,
-                                 const Message& request) {
+asio::awaitable<void> Api::Whole(Exchange& exchange, const Route& route, const Message& request) {
   const bool bytes = route.kind == AnswerKind::kBytes;
   Answer answer;
   if (bytes && !unread_->IsFor(exchange.head().network)) {

@@ -33,12 +33,12 @@ class Api {
   template <typename T>
   using Awaitable = boost::asio::awaitable<T>;
 
-  Awaitable<void> Route(Exchange& exchange);
+  Awaitable<void> Dispatch(Exchange& exchange);
   Awaitable<void> Session(Exchange& exchange);
   Awaitable<void> Call(Exchange& exchange, const Match& match);
-  Awaitable<void> Whole(Exchange& exchange, const struct Route& route, const Message& request);
-  Awaitable<void> Events(Exchange& exchange, const struct Route& route, const Message& request);
-  Awaitable<void> Download(Exchange& exchange, const struct Route& route, const Message& request);
+  Awaitable<void> Whole(Exchange& exchange, const Route& route, const Message& request);
+  Awaitable<void> Events(Exchange& exchange, const Route& route, const Message& request);
+  Awaitable<void> Download(Exchange& exchange, const Route& route, const Message& request);
   // Content-Range sends a part of a file: 202 says that more is missing.
   Awaitable<void> Upload(Exchange& exchange, const Match& match);
   Awaitable<Answer> Forward(Exchange& exchange, const v1::FileHeader& file, const std::string& job,

@@ -52,8 +52,7 @@ std::string LastEvent(const grpc::Status& status) {
 
 }  // namespace
 
-asio::awaitable<void> Api::Events(Exchange& exchange, const struct Route& route,
-                                  const Message& request) {
+asio::awaitable<void> Api::Events(Exchange& exchange, const Route& route, const Message& request) {
   const std::unique_ptr<Message> resumed = NewRequest(route);
   resumed->CopyFrom(request);
   if (!Resume(exchange.head(), route.resume_field, resumed.get())) {
@@ -97,7 +96,7 @@ asio::awaitable<void> Api::Events(Exchange& exchange, const struct Route& route,
   co_await exchange.End();
 }
 
-asio::awaitable<void> Api::Download(Exchange& exchange, const struct Route& route,
+asio::awaitable<void> Api::Download(Exchange& exchange, const Route& route,
                                     const Message& request) {
   const asio::any_io_executor executor = co_await asio::this_coro::executor;
   const std::string authorization = AuthorizationOf(exchange.head());
