@@ -15,12 +15,12 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "server/api/shared_room.h"
 #include "server/api/token_watch.h"
 #include "server/auth/authenticator.h"
 #include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
 #include "server/net/connections.h"
+#include "server/net/shared_room.h"
 
 namespace litags {
 

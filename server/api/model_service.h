@@ -6,8 +6,8 @@
 #include "litags/v1/model_service.grpc.pb.h"
 #include "server/api/gate.h"
 #include "server/api/scene_cache.h"
-#include "server/api/shared_room.h"
 #include "server/api/thread_pool.h"
+#include "server/net/shared_room.h"
 
 namespace litags {
 

@@ -11,6 +11,7 @@
 #include "engine/core/sandbox.h"
 #include "engine/core/subprocess.h"
 #include "engine/io/file_util.h"
+#include "server/api/serve_web.h"
 #include "server/auth/authenticator.h"
 #include "server/auth/tls.h"
 #include "server/store/data_dir.h"
@@ -91,6 +92,7 @@ Finding CheckAuthentication(const ServerFlags& flags) {
 Finding CheckAddress(const ServerFlags& flags) {
   LITAGS_RETURN_IF_ERROR(CheckListening(flags.server));
   LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
+  LITAGS_RETURN_IF_ERROR(CheckWebListening(flags));
   return absl::StrCat(flags.server.listen,
                       IsLoopback(flags.server.listen) ? ", for this machine only" : "");
 }

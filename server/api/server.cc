@@ -200,18 +200,21 @@ class GrpcServer : public Server {
 }  // namespace
 
 absl::Status CheckListening(const ServerOptions& options) {
-  if (options.insecure || options.listen.empty() || IsLoopback(options.listen)) {
-    return absl::OkStatus();
-  }
+  return CheckListening(options, options.listen, "--listen");
+}
+
+absl::Status CheckListening(const ServerOptions& options, const std::string& listen,
+                            std::string_view flag) {
+  if (options.insecure || listen.empty() || IsLoopback(listen)) return absl::OkStatus();
   if (!options.tls.enabled()) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "PLAINTEXT_NOT_ASKED_FOR", "--listen",
-                     absl::StrCat(options.listen,
+    return MakeError(absl::StatusCode::kFailedPrecondition, "PLAINTEXT_NOT_ASKED_FOR", flag,
+                     absl::StrCat(listen,
                                   " can be reached from other machines, and photos would travel "
                                   "unencrypted; give --tls-cert and --tls-key, or --insecure"));
   }
   if (!options.auth.enabled() && options.tls.client_ca.empty()) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "NOBODY_IS_ASKED", "--listen",
-                     absl::StrCat(options.listen,
+    return MakeError(absl::StatusCode::kFailedPrecondition, "NOBODY_IS_ASKED", flag,
+                     absl::StrCat(listen,
                                   " can be reached from other machines, and everybody could use "
                                   "the server; give --tokens or --tls-client-ca, or --insecure"));
   }

@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
@@ -89,6 +90,9 @@ class Server {
 // OK if those who can reach the address are meant to: anything but this machine needs TLS and
 // authentication, or `insecure`. FAILED_PRECONDITION (PLAINTEXT_NOT_ASKED_FOR, NOBODY_IS_ASKED).
 absl::Status CheckListening(const ServerOptions& options);
+// The same for `listen`, another address of the server, which the setting `flag` has.
+absl::Status CheckListening(const ServerOptions& options, const std::string& listen,
+                            std::string_view flag);
 // The same for --metrics-listen, which never encrypts and asks nobody who it is.
 absl::Status CheckMetricsListening(const std::string& listen, bool insecure);
 

@@ -126,6 +126,17 @@ void AddConnectionFlags(CLI::App* app, ConnectionLimits* limits) {
       "Seconds that a call with one answer may wait for its turn");
 }
 
+void AddWebFlags(CLI::App* app, ServerFlags* flags) {
+  app->add_option("--web", flags->web.listen,
+                  "HOST:PORT for the page in the browser and the services by HTTP; none: no page");
+  app->add_option("--web-port-file", flags->web_port_file,
+                  "Write the page's port to this file once it is open");
+  app->add_option("--max-web-connections", flags->web.counts.max_connections,
+                  "Connections to the page at the same time; one network may have half of them")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+}
+
 void AddJobFlags(CLI::App* app, ServerFlags* flags) {
   app->add_option("--data", flags->data, "Folder for jobs and scenes")->capture_default_str();
   app->add_option(
@@ -212,6 +223,7 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   AddUploadCpuFlags(app, &flags->server.upload_cpu);
   AddRenderFlags(app, &flags->server);
   AddConnectionFlags(app, &flags->server.connections);
+  AddWebFlags(app, flags);
   app->add_option("--metrics-listen", flags->metrics_listen,
                   "HOST:PORT for Prometheus, plain HTTP; other addresses than this machine's need "
                   "--insecure; none: no metrics");

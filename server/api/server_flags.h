@@ -6,6 +6,7 @@
 #include "server/api/server.h"
 #include "server/config/settings.h"
 #include "server/store/open_stores.h"
+#include "server/web/web_server.h"
 
 namespace litags {
 
@@ -20,6 +21,8 @@ struct ServerFlags {
   std::string log_level = "info";
   std::string log_format = "text";
   std::string port_file;
+  web::WebOptions web;        // no listen: no page; most of it follows from `server`
+  std::string web_port_file;  // as port_file
   WebhookPolicy webhooks;
   std::string webhook_ca;         // certificates that receivers are checked by; empty: the system's
   std::string metrics_listen;     // empty: no metrics

@@ -23,6 +23,7 @@
 #include "server/api/health_monitor.h"
 #include "server/api/preflight.h"
 #include "server/api/self_call.h"
+#include "server/api/serve_web.h"
 #include "server/api/server.h"
 #include "server/api/server_flags.h"
 #include "server/auth/tokens.h"
@@ -126,7 +127,9 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
   LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
-  RaiseDescriptorLimit(flags.server.connections.counts.max_connections);
+  LITAGS_RETURN_IF_ERROR(CheckWebListening(flags));
+  RaiseDescriptorLimit(flags.server.connections.counts.max_connections +
+                       (flags.web.listen.empty() ? 0 : flags.web.counts.max_connections));
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp(/*quiet_seconds=*/0);
@@ -159,6 +162,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   std::printf("litags-server listens on %s:%d and stores in %s\n", host.c_str(), server->port(),
               data.root.c_str());
   std::fflush(stdout);
+  LITAGS_ASSIGN_OR_RETURN(const auto web, ServeWeb(flags, server.get()));
   if (!flags.port_file.empty()) {
     LITAGS_RETURN_IF_ERROR(
         WriteFileAtomically(flags.port_file, absl::StrCat(server->port(), "\n")));
@@ -170,6 +174,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   self_call.reset();
   health.reset();
   supervisor.BeginStop();  // they need as long as the calls
+  if (web) web->Stop();
   server->Shutdown();
   supervisor.Stop();
   if (!deaf) return absl::OkStatus();

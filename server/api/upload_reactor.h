@@ -11,10 +11,10 @@
 #include "litags/v1/reconstruction_service.grpc.pb.h"
 #include "server/api/cpu_budget.h"
 #include "server/api/gate.h"
-#include "server/api/shared_room.h"
 #include "server/api/stall_timer.h"
 #include "server/api/thread_pool.h"
 #include "server/api/upload_session.h"
+#include "server/net/shared_room.h"
 
 namespace litags {
 

@@ -128,9 +128,12 @@ void Connections::SetState(Connection& connection, State state) {
 
 void Connections::Admit(std::string_view grpc_peer) {
   const auto peer = ParsePeer(grpc_peer);
-  if (!peer) return;  // in process
+  if (peer) Admit(*peer);  // else it calls in process
+}
+
+void Connections::Admit(const Peer& peer) {
   std::lock_guard lock(mutex_);
-  const auto [begin, end] = by_peer_.equal_range(*peer);
+  const auto [begin, end] = by_peer_.equal_range(peer);
   for (auto found = begin; found != end; ++found) {
     Connection& connection = *found->second;
     if (connection.state == State::kNewcomer) SetState(connection, State::kKnown);
@@ -172,6 +175,13 @@ Connections::List::iterator Connections::Forget(List::iterator connection) {
   if (network != networks_.end() && network->second.all == 0) networks_.erase(network);
   close(connection->own);
   return all_.erase(connection);
+}
+
+void Connections::CutAll() {
+  std::lock_guard lock(mutex_);
+  for (Connection& connection : all_) {
+    if (connection.state != State::kCut) Cut(connection, "the server ends");
+  }
 }
 
 int Connections::size() const {

@@ -47,6 +47,7 @@ class Connections {
 
   // A call was let in from `grpc_peer`, as gRPC names it: the connection may stay.
   void Admit(std::string_view grpc_peer);
+  void Admit(const Peer& peer);
 
   // Cuts newcomers whose time or bytes are used up, and forgets connections that gRPC has closed.
   // Returns how soon to look again.
@@ -54,6 +55,9 @@ class Connections {
 
   // Cuts one newcomer, if there is any, since descriptors are short.
   void MakeRoom();
+
+  // Cuts all of them.
+  void CutAll();
 
   int size() const;
   int newcomers() const;

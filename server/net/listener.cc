@@ -80,20 +80,23 @@ Peer BoundTo(int fd) {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Listener>> Listener::Open(const std::string& address,
-                                                         double unacknowledged_seconds) {
+                                                         double unacknowledged_seconds,
+                                                         std::string_view flag) {
   std::unique_ptr<Listener> listener(new Listener);
   LITAGS_RETURN_IF_ERROR(
-      listener->Listen(address, static_cast<int>(1000 * unacknowledged_seconds)));
+      listener->Listen(address, static_cast<int>(1000 * unacknowledged_seconds), flag));
   return listener;
 }
 
 Listener::~Listener() { Stop(); }
 
-absl::Status Listener::Listen(const std::string& address, int unacknowledged_ms) {
+absl::Status Listener::Listen(const std::string& address, int unacknowledged_ms,
+                              std::string_view flag) {
   const auto failed = [&](const std::string& why) {
-    return MakeError(absl::StatusCode::kUnavailable, "CANNOT_LISTEN", "--listen",
-                     absl::StrCat("cannot listen on ", address, " (", why,
-                                  "); is another server running there? choose another --listen"));
+    return MakeError(
+        absl::StatusCode::kUnavailable, "CANNOT_LISTEN", flag,
+        absl::StrCat("cannot listen on ", address, " (", why,
+                     "); is another server running there? choose another ", std::string(flag)));
   };
   auto [host, port] = Split(address);
   if (host.empty() || port.empty()) return failed("it is not of the form HOST:PORT");

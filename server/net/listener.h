@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -16,9 +17,11 @@ namespace litags {
 class Listener {
  public:
   // `address`: HOST:PORT, port 0: any free one; connections wait until Start(). A peer that
-  // acknowledges nothing for `unacknowledged_seconds` is given up. UNAVAILABLE (CANNOT_LISTEN).
+  // acknowledges nothing for `unacknowledged_seconds` is given up. UNAVAILABLE (CANNOT_LISTEN),
+  // with the setting `flag` that has the address.
   static absl::StatusOr<std::unique_ptr<Listener>> Open(const std::string& address,
-                                                        double unacknowledged_seconds);
+                                                        double unacknowledged_seconds,
+                                                        std::string_view flag = "--listen");
   ~Listener();  // Stop()
 
   int port() const { return port_; }
@@ -33,7 +36,7 @@ class Listener {
 
  private:
   Listener() = default;
-  absl::Status Listen(const std::string& address, int unacknowledged_ms);
+  absl::Status Listen(const std::string& address, int unacknowledged_ms, std::string_view flag);
   void Loop();
   bool Accept(int listener);
   void WaitForDescriptors(const char* why);

@@ -1,4 +1,4 @@
-#include "server/api/shared_room.h"
+#include "server/net/shared_room.h"
 
 namespace litags {
 

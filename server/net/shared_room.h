@@ -1,5 +1,5 @@
-#ifndef LITAGS_SERVER_API_SHARED_ROOM_H_
-#define LITAGS_SERVER_API_SHARED_ROOM_H_
+#ifndef LITAGS_SERVER_NET_SHARED_ROOM_H_
+#define LITAGS_SERVER_NET_SHARED_ROOM_H_
 
 #include <cstdint>
 #include <map>
@@ -28,4 +28,4 @@ class SharedRoom {
 
 }  // namespace litags
 
-#endif  // LITAGS_SERVER_API_SHARED_ROOM_H_
+#endif  // LITAGS_SERVER_NET_SHARED_ROOM_H_

@@ -1,0 +1,81 @@
+// What can be done with a job: buttons and downloads.
+
+import {call, post, type ApiError, type Job} from "./api.js";
+import {el, labelled, notice, select} from "./dom.js";
+import {idOf, isOver, titleOf} from "./format.js";
+
+// Formats of ExportModel, with how their files end.
+const kFormats: [format: string, text: string, ending: string][] = [
+  ["PLY", "PLY, normally lit", ".ply"], ["SPZ", "SPZ", ".spz"], ["SOG", "SOG", ".sog"],
+  ["COMPRESSED_PLY", "compressed PLY", ".compressed.ply"], ["SPLAT", "splat", ".splat"],
+  ["GLB", "glTF", ".glb"], ["USDA", "OpenUSD", ".usda"], ["SPZ_V4", "SPZ, version 4", ".spz"],
+  ["PLY_ORIGINAL_LIGHT", "PLY, original light", ".ply"], ["PLY_FULL", "PLY, all attributes", ".ply"],
+  ["COLMAP", "COLMAP model", ".zip"],
+];
+
+export interface Part { element: HTMLElement; show: (job: Job) => void }
+
+export function actions(refresh: () => void): Part {
+  let job: Job | undefined;
+  const act = async (what: () => Promise<unknown>): Promise<void> => {
+    try {
+      await what();
+      notice("");
+    } catch (error) {
+      notice((error as ApiError).message);
+    }
+    refresh();
+  };
+  const button = (text: string, what: (job: Job) => Promise<unknown>, style = ""): HTMLButtonElement =>
+      el("button", {type: "button", class: style, click: () => { if (job) void act(() => what(job!)); }}, text);
+  const start = button("Start", (j) => post(`/v1/${j.name}:start`), "primary");
+  const cancel = button("Cancel", (j) => post(`/v1/${j.name}:cancel`));
+  const resume = button("Resume", (j) => post(`/v1/${j.name}:resume`), "primary");
+  const clone = button("Clone", async (j) => {
+    const made = await post<Job>(`/v1/${j.name}:clone`, {displayName: `${titleOf(j)} (copy)`.slice(0, 190)});
+    location.hash = `#/jobs/${idOf(made.name)}`;
+  });
+  const sure = el("dialog", {"aria-labelledby": "sure"},
+                  el("p", {id: "sure"}, "Delete this job with its photos and its scene?"),
+                  el("div", {class: "row"},
+                     button("Delete", async (j) => {
+                       await call("DELETE", `/v1/${j.name}`);
+                       location.hash = "#/";
+                     }, "danger"),
+                     el("button", {type: "button", click: () => sure.close()}, "Keep")));
+  const remove = el("button", {type: "button", class: "danger", click: () => sure.showModal()}, "Delete");
+  const element = el("div", {class: "row actions"}, start, cancel, resume, clone, remove, sure);
+  return {
+    element,
+    show(next) {
+      job = next;
+      start.hidden = job.state !== "JOB_STATE_UPLOADING";
+      start.disabled = (job.photos ?? 0) < 3;
+      cancel.hidden = isOver(job);
+      cancel.disabled = job.cancelRequested === true;
+      resume.hidden = !/FAILED|CANCELLED/.test(job.state);
+      remove.disabled = job.state === "JOB_STATE_RUNNING";
+    },
+  };
+}
+
+export function downloads(): Part {
+  let job: Job | undefined;
+  const link = el("a", {class: "button"}, "Download");
+  const format = select(kFormats.map(([name, text]) => [name, text]), "PLY", {change: () => point()});
+  const point = (): void => {
+    if (!job) return;
+    link.href = `/v1/${job.name}/model?format=MODEL_FORMAT_${format.value}`;
+    link.download = titleOf(job) + kFormats.find(([name]) => name === format.value)![2];
+  };
+  const element = el("section", {"aria-label": "Download", hidden: true}, el("h2", {}, "Scene as a file"),
+                     el("div", {class: "row end"}, labelled("Format", format), link));
+  return {
+    element,
+    show(next) {
+      job = next;
+      element.hidden = job.snapshotIteration === undefined;
+      point();
+    },
+  };
+}

@@ -1,0 +1,181 @@
+// The services by HTTP, and the parts of their messages that the page uses.
+
+export interface Progress {
+  stage?: string;
+  message?: string;
+  iteration?: number;
+  iterations?: number;
+  loss?: number;
+  psnrHoldout?: number;
+  gaussians?: string;
+  iterationsPerSecond?: number;
+  eta?: string;
+}
+
+export interface Report {
+  photos?: number;
+  registered?: number;
+  dropped?: string[];
+  notes?: string[];
+  gaussians?: string;
+  iterations?: number;
+  runTime?: string;
+  psnrHoldout?: number;
+}
+
+export type Options = Record<string, string | number>;
+
+export interface Job {
+  name: string;
+  displayName?: string;
+  state: string;
+  cancelRequested?: boolean;
+  options?: Options;
+  photos?: number;
+  createTime?: string;
+  startTime?: string;
+  endTime?: string;
+  progress?: Progress;
+  snapshotIteration?: number;
+  error?: {message?: string};
+  report?: Report;
+  waitsFor?: string;
+  queuePosition?: number;
+}
+
+export interface JobEvent {
+  number: string;
+  time: string;
+  stateChange?: {state: string; message?: string};
+  progress?: Progress;
+  snapshot?: {iteration?: number};
+}
+
+export interface LogEntry {
+  time: string;
+  severity?: string;
+  text?: string;
+}
+
+export interface Vector { x?: number; y?: number; z?: number }
+
+export interface Camera {
+  width: number;
+  height: number;
+  intrinsics: {fx: number; fy: number; cx: number; cy: number};
+  viewmat: {values: number[]};
+}
+
+export interface Cameras {
+  cameras?: {name: string; camera: Camera}[];
+  center?: Vector;
+  up?: Vector;
+  radius?: number;
+  iteration?: number;
+  gaussians?: string;
+}
+
+export interface ServerInfo {
+  version: string;
+  methods: {method: string; name: string; defaults: Options}[];
+  options: {
+    name: string; help: string; minimum?: number; maximum?: number; zeroMeans?: string;
+    choices?: string[];
+  }[];
+  client?: {name?: string; jobs?: string; bytes?: string};
+}
+
+// What a call fails with. `code` 0: the server could not be reached.
+export class ApiError extends Error {
+  constructor(readonly code: number, message: string, readonly reason = "") {
+    super(message);
+  }
+}
+
+let onUnauthorized = (): void => {};
+export function whenUnauthorized(action: () => void): void { onUnauthorized = action; }
+
+export function errorOf(code: number, text: string): ApiError {
+  try {
+    const status = JSON.parse(text) as {message?: string; details?: {reason?: string}[]};
+    return new ApiError(code, status.message ?? text, status.details?.[0]?.reason);
+  } catch {
+    return new ApiError(code, `the server answered ${code}`);
+  }
+}
+
+async function request(method: string, path: string, body?: unknown,
+                       signal?: AbortSignal): Promise<Response> {
+  let response: Response;
+  try {
+    response = await fetch(path, {
+      method, signal: signal ?? null, credentials: "same-origin",
+      ...(body === undefined ? {} : {
+        body: JSON.stringify(body), headers: {"Content-Type": "application/json"},
+      }),
+    });
+  } catch (error) {
+    if (signal?.aborted) throw error;
+    throw new ApiError(0, "the server cannot be reached; trying again");
+  }
+  if (response.ok) return response;
+  if (response.status === 401 && path !== "/v1/session") onUnauthorized();
+  throw errorOf(response.status, await response.text());
+}
+
+export async function call<T>(method: string, path: string, body?: unknown): Promise<T> {
+  return await (await request(method, path, body)).json() as T;
+}
+export const get = <T>(path: string): Promise<T> => call<T>("GET", path);
+export const post = <T>(path: string, body: unknown = {}): Promise<T> =>
+    call<T>("POST", path, body);
+
+// A picture, and what the server says of it.
+export interface Picture {
+  blob: Blob;
+  about: {width: number; height: number; iteration?: number; valueMin?: number; valueMax?: number};
+}
+
+export async function renderView(job: string, view: unknown, signal?: AbortSignal):
+    Promise<Picture> {
+  const response = await request("POST", `/v1/${job}:renderView`, view, signal);
+  return {blob: await response.blob(), about: JSON.parse(response.headers.get("Litags-Answer")!)};
+}
+
+// Follows a stream of events until it ends; `stop()` ends it before. The browser opens a connection
+// that broke again by itself, after the event seen last; one that was refused is opened again here.
+export function follow<T extends {number?: string}>(
+    path: string, resumeField: string, on: {
+      event: (event: T) => void; end: () => void; trouble: (message: string) => void;
+    }): () => void {
+  let source: EventSource | undefined;
+  let last = "";
+  let timer = 0;
+  const open = (): void => {
+    const after = last ? `${path.includes("?") ? "&" : "?"}${resumeField}=${last}` : "";
+    source = new EventSource(path + after);
+    source.onopen = () => on.trouble("");
+    source.onmessage = (message) => {
+      if (message.lastEventId) last = message.lastEventId;
+      on.event(JSON.parse(message.data) as T);
+    };
+    source.addEventListener("end", () => { source?.close(); on.end(); });
+    source.addEventListener("failure", (message) => {
+      source?.close();
+      on.trouble(errorOf(0, (message as MessageEvent<string>).data).message);
+    });
+    source.onerror = () => {
+      on.trouble("the server cannot be reached; trying again");
+      if (source?.readyState === EventSource.CLOSED) timer = window.setTimeout(check, 2000);
+    };
+  };
+  // Why it was refused: a new token may be wanted, or the job is gone.
+  const check = (): void => {
+    get<unknown>(path.slice(0, path.lastIndexOf("/"))).then(open, (error: ApiError) => {
+      on.trouble(error.message);
+      if (error.code === 0 || error.code >= 429) timer = window.setTimeout(check, 2000);
+    });
+  };
+  open();
+  return () => { source?.close(); window.clearTimeout(timer); };
+}

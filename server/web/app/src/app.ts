@@ -1,0 +1,67 @@
+// The page: which view is shown, and who looks.
+
+import {call, get, whenUnauthorized, type ServerInfo} from "./api.js";
+import {el, notice} from "./dom.js";
+import {jobView} from "./job.js";
+import {jobsView} from "./jobs.js";
+import {loginView} from "./login.js";
+import {sceneView} from "./scene.js";
+import {submitView} from "./submit.js";
+import type {View} from "./view.js";
+
+const main = document.getElementById("main")!;
+let shown: View | undefined;
+
+function viewOf(hash: string): View {
+  const [page, id, part] = hash.replace(/^#\//, "").split("/");
+  if (page === "new") return submitView();
+  if (page === "jobs" && id && /^[0-9a-z]+$/.test(id)) {
+    return part === "scene" ? sceneView(id) : jobView(id);
+  }
+  return jobsView();
+}
+
+function show(view: View): void {
+  shown?.leave?.();
+  const first = shown === undefined;
+  shown = view;
+  document.title = `${view.title} - litags`;
+  main.replaceChildren(view.element);
+  for (const link of document.querySelectorAll("nav a")) {
+    if (link.getAttribute("href") === (location.hash || "#/")) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  // Where one reads on after a link; the first page leaves the focus to the browser.
+  if (!first) main.focus({preventScroll: true});
+  window.scrollTo(0, 0);
+}
+
+function route(): void {
+  notice("");
+  show(viewOf(location.hash));
+  void who();
+}
+
+// The name of the client, if the server knows names.
+async function who(): Promise<void> {
+  const place = document.getElementById("who")!;
+  const info = await get<ServerInfo>("/v1/serverInfo").catch(() => undefined);
+  const name = info?.client?.name;
+  const leave = async (): Promise<void> => {
+    await call("DELETE", "/v1/session");
+    ask();
+  };
+  place.replaceChildren(name ? el("span", {}, `${name} `) : "",
+                        name ? el("button", {type: "button", click: () => void leave()}, "Leave") : "");
+}
+
+function ask(): void {
+  if (shown?.title === "Token") return;
+  document.getElementById("who")!.replaceChildren();
+  show(loginView(route));
+  main.querySelector("input")!.focus();
+}
+
+whenUnauthorized(ask);
+window.addEventListener("hashchange", route);
+route();

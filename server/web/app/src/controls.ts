@@ -1,0 +1,86 @@
+// Mouse, touch and keys that move a camera.
+
+import type {OrbitCamera} from "./camera.js";
+
+const kTurn = 0.006;   // radians a pixel
+const kFly = 0.9;      // of the distance to what is orbited, a second
+const kKeys = new Set(["w", "a", "s", "d", "q", "e", "arrowleft", "arrowright", "arrowup", "arrowdown",
+                       "+", "-"]);
+
+// `moved` is called after each change. Returns what ends it.
+export function control(element: HTMLElement, camera: OrbitCamera, moved: () => void): () => void {
+  const pointers = new Map<number, {x: number; y: number}>();
+  const held = new Set<string>();
+  let frame = 0, last = 0;
+
+  const spread = (): number => {
+    const [a, b] = [...pointers.values()];
+    return a && b ? Math.hypot(a.x - b.x, a.y - b.y) : 0;
+  };
+  const drag = (event: PointerEvent): void => {
+    const before = pointers.get(event.pointerId);
+    if (!before) return;
+    const dx = event.clientX - before.x, dy = event.clientY - before.y;
+    const wide = spread();
+    pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
+    const height = element.clientHeight || 1;
+    if (pointers.size === 2) {  // pinch and pan; each finger moves half
+      if (wide > 0 && spread() > 0) camera.dolly(wide / spread());
+      camera.move(-dx / height / 2, -dy / height / 2, 0);
+    } else if (event.buttons === 2 || event.shiftKey) {
+      camera.move(-dx / height, -dy / height, 0);
+    } else {
+      camera.orbit(dx * kTurn, -dy * kTurn);
+    }
+    moved();
+  };
+  const down = (event: PointerEvent): void => {
+    element.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
+  };
+  const up = (event: PointerEvent): void => { pointers.delete(event.pointerId); };
+  const wheel = (event: WheelEvent): void => {
+    event.preventDefault();
+    camera.dolly(Math.exp(Math.max(-50, Math.min(50, event.deltaY)) * 0.002));
+    moved();
+  };
+
+  const fly = (now: number): void => {
+    frame = 0;
+    if (held.size === 0) return;
+    const step = kFly * Math.min(0.1, (now - last) / 1000 || 0.016);
+    last = now;
+    const axis = (plus: string, minus: string): number =>
+        step * (Number(held.has(plus)) - Number(held.has(minus)));
+    camera.move(axis("d", "a"), axis("q", "e"), axis("w", "s"));
+    camera.orbit(axis("arrowright", "arrowleft"), axis("arrowup", "arrowdown"));
+    const nearer = axis("+", "-");
+    if (nearer !== 0) camera.dolly(Math.exp(-nearer));
+    moved();
+    frame = requestAnimationFrame(fly);
+  };
+  const keyDown = (event: KeyboardEvent): void => {
+    const key = event.key.toLowerCase();
+    if (!kKeys.has(key) || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    held.add(key);
+    if (!frame) {
+      last = performance.now();
+      frame = requestAnimationFrame(fly);
+    }
+  };
+  const keyUp = (event: KeyboardEvent): void => { held.delete(event.key.toLowerCase()); };
+  const release = (): void => held.clear();
+  const noMenu = (event: Event): void => event.preventDefault();
+
+  element.addEventListener("pointerdown", down);
+  element.addEventListener("pointermove", drag);
+  element.addEventListener("pointerup", up);
+  element.addEventListener("pointercancel", up);
+  element.addEventListener("wheel", wheel, {passive: false});
+  element.addEventListener("contextmenu", noMenu);
+  element.addEventListener("keydown", keyDown);
+  element.addEventListener("keyup", keyUp);
+  element.addEventListener("blur", release);
+  return () => { held.clear(); cancelAnimationFrame(frame); };
+}

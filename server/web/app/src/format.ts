@@ -1,0 +1,57 @@
+// Numbers and words for people.
+
+import type {Job, Progress} from "./api.js";
+
+// "12.5s" of a Duration as seconds; NaN if there is none.
+export const secondsOf = (duration?: string): number => parseFloat(duration ?? "");
+
+export function timeText(seconds: number): string {
+  if (!Number.isFinite(seconds)) return "";
+  const s = Math.round(seconds);
+  if (s < 60) return `${s} s`;
+  if (s < 3600) return `${Math.floor(s / 60)} min ${s % 60} s`;
+  return `${Math.floor(s / 3600)} h ${Math.floor((s % 3600) / 60)} min`;
+}
+
+export function bytesText(bytes: number): string {
+  const units = ["B", "KiB", "MiB", "GiB"];
+  let i = 0;
+  for (; bytes >= 1024 && i < units.length - 1; ++i) bytes /= 1024;
+  return `${i ? bytes.toFixed(1) : bytes} ${units[i]}`;
+}
+
+// JOB_STATE_RUNNING and STAGE_FINDING_CAMERAS as "running" and "finding cameras".
+export const words = (name = ""): string =>
+    name.replace(/^(JOB_STATE|STAGE|CHANNEL|LOG_SEVERITY)_/, "").replaceAll("_", " ").toLowerCase();
+
+export const idOf = (name: string): string => name.slice("jobs/".length);
+export const titleOf = (job: Job): string => job.displayName || idOf(job.name);
+export const isOver = (job: Job): boolean =>
+    /SUCCEEDED|FAILED|CANCELLED/.test(job.state);
+export const isActive = (job: Job): boolean => /QUEUED|RUNNING/.test(job.state);
+
+export function shareDone(progress?: Progress): number {
+  if (!progress?.iterations) return 0;
+  return (progress.iteration ?? 0) / progress.iterations;
+}
+
+// One line on how a job stands.
+export function standing(job: Job): string {
+  const progress = job.progress;
+  if (job.state === "JOB_STATE_QUEUED") {
+    return job.waitsFor ? `waits for ${job.waitsFor}` : `number ${job.queuePosition ?? "?"} in the queue`;
+  }
+  if (job.state === "JOB_STATE_RUNNING" && progress) {
+    const eta = timeText(secondsOf(progress.eta));
+    const done = progress.iterations
+      ? `${progress.iteration ?? 0} of ${progress.iterations} iterations` : progress.message;
+    return [job.cancelRequested ? "stopping" : words(progress.stage), done, eta && `${eta} left`]
+        .filter(Boolean).join(", ");
+  }
+  if (job.state === "JOB_STATE_FAILED") return job.error?.message ?? "";
+  if (job.state === "JOB_STATE_SUCCEEDED" && job.report) {
+    return `${job.report.registered ?? 0} of ${job.report.photos ?? 0} photos placed, ` +
+        `${Number(job.report.gaussians ?? 0).toLocaleString("en")} Gaussians`;
+  }
+  return `${job.photos ?? 0} photos`;
+}

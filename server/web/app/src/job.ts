@@ -1,0 +1,156 @@
+// One job: how it stands, its pictures, curves, stages, photos and log.
+
+import {ApiError, follow, get, type Job, type JobEvent, type LogEntry} from "./api.js";
+import {actions, downloads, type Part} from "./actions.js";
+import {chart} from "./chart.js";
+import {el, notice} from "./dom.js";
+import {History} from "./history.js";
+import {isActive, isOver, secondsOf, shareDone, standing, timeText, titleOf, words} from "./format.js";
+import {pictures} from "./pictures.js";
+import {every, type View} from "./view.js";
+
+const kMostLines = 2000;  // of the log
+
+function head(refresh: () => void): Part {
+  const title = el("h1", {}), state = el("span", {class: "state"});
+  const line = el("p", {class: "standing", "aria-live": "polite"}), bar = el("progress", {max: 1, "aria-label": "Progress"});
+  const fly = el("a", {class: "button primary"}, "Fly through");
+  const buttons = actions(refresh);
+  const element = el("div", {}, el("div", {class: "heading"}, title, state), bar, line,
+                     el("div", {class: "row"}, fly, buttons.element));
+  return {
+    element,
+    show(job) {
+      title.textContent = titleOf(job);
+      document.title = `${titleOf(job)} - litags`;
+      state.textContent = words(job.state);
+      state.dataset.state = words(job.state);
+      if (line.textContent !== standing(job)) line.textContent = standing(job);
+      line.classList.toggle("error", job.state === "JOB_STATE_FAILED");
+      bar.hidden = !isActive(job);
+      bar.value = shareDone(job.progress);
+      fly.href = `#/${job.name}/scene`;
+      fly.hidden = job.snapshotIteration === undefined;
+      buttons.show(job);
+    },
+  };
+}
+
+function rows(pairs: [string, string][]): HTMLElement {
+  return el("dl", {}, ...pairs.filter(([, value]) => value).map(
+      ([name, value]) => el("div", {}, el("dt", {}, name), el("dd", {}, value))));
+}
+
+function report(): Part {
+  const element = el("section", {"aria-label": "Result", hidden: true});
+  return {
+    element,
+    show({report: r}) {
+      element.hidden = !r;
+      if (!r) return;
+      element.replaceChildren(
+          el("h2", {}, "Result"),
+          rows([["Photos placed", `${r.registered ?? 0} of ${r.photos ?? 0}`],
+                ["Left out", (r.dropped ?? []).join(", ")],
+                ["Gaussians", Number(r.gaussians ?? 0).toLocaleString("en")],
+                ["Iterations", String(r.iterations ?? 0)],
+                ["PSNR of held-out photos", r.psnrHoldout === undefined ? "" : `${r.psnrHoldout.toFixed(2)} dB`],
+                ["Time", timeText(secondsOf(r.runTime))]]),
+          (r.notes?.length ?? 0) > 0 && el("ul", {class: "notes"}, ...r.notes!.map((n) => el("li", {}, n))) || "");
+    },
+  };
+}
+
+function curves(): {element: HTMLElement; show: (history: History, job: Job) => void} {
+  const loss = chart("Loss", ""), psnr = chart("PSNR of held-out photos", "dB");
+  const stages = el("ol", {class: "stages"});
+  const element = el("section", {"aria-label": "Course", hidden: true}, el("h2", {}, "Course"),
+                     el("div", {class: "charts"}, loss.element, psnr.element), stages);
+  return {
+    element,
+    show(history, job) {
+      const times = history.stages(isOver(job) ? undefined : Date.now() / 1000);
+      element.hidden = times.length === 0;
+      loss.show(history.loss);
+      psnr.element.toggleAttribute("hidden", history.psnr.length === 0);
+      psnr.show(history.psnr);
+      stages.replaceChildren(...times.map(({stage, seconds}) =>
+        el("li", {}, words(stage), " ", el("span", {class: "time"}, timeText(Math.max(0, seconds))))));
+    },
+  };
+}
+
+// Read when it is opened.
+function log(name: string): {element: HTMLElement; leave: () => void} {
+  const lines = el("ol", {class: "log", tabindex: 0, "aria-label": "Lines of the log"});
+  let stop: (() => void) | undefined;
+  const open = (): void => {
+    if (!details.open || stop) return;
+    stop = follow<LogEntry & {number?: string}>(`/v1/${name}/log?follow=true`, "afterEntry", {
+      event: (entry) => {
+        const time = new Date(entry.time).toLocaleTimeString();
+        lines.append(el("li", {class: words(entry.severity)}, el("time", {}, time), " ", entry.text ?? ""));
+        if (lines.children.length > kMostLines) lines.firstElementChild!.remove();
+        lines.scrollTop = lines.scrollHeight;
+      },
+      end: () => {}, trouble: () => {},
+    });
+  };
+  const details = el("details", {toggle: open}, el("summary", {}, "Log"), lines);
+  return {element: details, leave: () => stop?.()};
+}
+
+function photos(name: string): Part {
+  const list = el("ul", {class: "photos"});
+  let job: Job | undefined, names: string[] | undefined;
+  const draw = (): void => {
+    const dropped = new Set(job?.report?.dropped ?? []);
+    list.replaceChildren(...(names ?? []).map((photo) => el(
+        "li", dropped.has(photo) ? {class: "dropped"} : {}, photo, dropped.has(photo) && " (left out)")));
+  };
+  const load = async (): Promise<void> => {
+    if (!details.open || names) return;
+    try {
+      const files = await get<{files?: {name: string; role?: string}[]}>(`/v1/${name}/files?pageSize=10000`);
+      names = (files.files ?? []).filter((f) => f.role === "FILE_ROLE_PHOTO").map((f) => f.name);
+      draw();
+    } catch (error) {
+      notice((error as ApiError).message);
+    }
+  };
+  const details = el("details", {toggle: () => void load()}, el("summary", {}, "Photos"), list);
+  return {element: details, show(next) { job = next; draw(); }};
+}
+
+export function jobView(id: string): View {
+  const name = `jobs/${id}`;
+  const history = new History();
+  const refresh = async (): Promise<void> => {
+    try {
+      const job = await get<Job>(`/v1/${name}`);
+      parts.forEach((part) => part.show(job));
+      course.show(history, job);
+      element.hidden = false;
+      if (trouble) notice(trouble);
+      else notice("");
+    } catch (error) {
+      notice((error as ApiError).message);
+    }
+  };
+  let trouble = "";
+  const top = head(() => void refresh()), course = curves(), lines = log(name);
+  const parts: Part[] = [top, pictures(), report(), downloads(), photos(name)];
+  const element = el("div", {class: "job"}, top.element, parts[1]!.element, course.element,
+                     parts[2]!.element, parts[3]!.element, parts[4]!.element, lines.element);
+  element.hidden = true;
+  const stopEvents = follow<JobEvent>(`/v1/${name}/events`, "afterEvent", {
+    event: (event) => {
+      history.add(event);
+      if (event.stateChange) void refresh();
+    },
+    end: () => void refresh(),
+    trouble: (message) => { trouble = message; if (message) notice(message); },
+  });
+  const stopLooking = every(2, refresh);
+  return {title: "Job", element, leave: () => { stopEvents(); stopLooking(); lines.leave(); }};
+}

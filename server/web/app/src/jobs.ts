@@ -1,0 +1,86 @@
+// All jobs, newest first.
+
+import {get, type ApiError, type Job} from "./api.js";
+import {el, labelled, notice, select} from "./dom.js";
+import {idOf, isActive, shareDone, standing, titleOf, words} from "./format.js";
+import {thumbnail} from "./thumbnail.js";
+import {every, type View} from "./view.js";
+
+const kStates: [string, string][] = [
+  ["", "all"], ["RUNNING", "running"], ["QUEUED", "queued"], ["UPLOADING", "uploading"],
+  ["SUCCEEDED", "succeeded"], ["FAILED", "failed"], ["CANCELLED", "cancelled"],
+];
+
+// The services' filter; quotes and backslashes would end its text.
+export function filterOf(state: string, title: string): string {
+  const text = title.trim().replace(/["\\]/g, "");
+  return [state && `state = ${state}`, text && `display_name : "${text}"`].filter(Boolean)
+      .join(" AND ");
+}
+
+function card(): {element: HTMLElement; show: (job: Job) => void} {
+  const picture = thumbnail();
+  const link = el("a", {});
+  const state = el("span", {class: "state"});
+  const line = el("p", {class: "standing"});
+  const bar = el("progress", {max: 1});
+  const element = el("li", {class: "card"}, picture.element,
+                     el("div", {}, el("h2", {}, link), state, bar, line));
+  return {
+    element,
+    show(job) {
+      link.href = `#/jobs/${idOf(job.name)}`;
+      link.textContent = titleOf(job);
+      state.textContent = words(job.state);
+      state.dataset.state = words(job.state);
+      line.textContent = standing(job);
+      bar.hidden = !isActive(job);
+      bar.value = shareDone(job.progress);
+      bar.setAttribute("aria-label", `Progress of ${titleOf(job)}`);
+      picture.show(job);
+    },
+  };
+}
+
+export function jobsView(): View {
+  const cards = new Map<string, ReturnType<typeof card>>();
+  const list = el("ul", {class: "cards", "aria-label": "Jobs"});
+  const empty = el("p", {class: "empty", hidden: true});
+  const more = el("button", {type: "button", hidden: true, click: () => { size += 50; void refresh(); }},
+                  "Show more");
+  let size = 50;
+  const state = select(kStates, "", {change: () => void refresh()});
+  const title = el("input", {type: "search", input: () => void refresh()});
+
+  const refresh = async (): Promise<void> => {
+    const filter = filterOf(state.value, title.value);
+    const query = new URLSearchParams({pageSize: String(size), filter});
+    try {
+      const found = await get<{jobs?: Job[]; nextPageToken?: string}>(`/v1/jobs?${query}`);
+      if (filter !== filterOf(state.value, title.value)) return;  // another answer is on its way
+      const jobs = found.jobs ?? [];
+      for (const job of jobs) {
+        if (!cards.has(job.name)) cards.set(job.name, card());
+        cards.get(job.name)!.show(job);
+      }
+      const shown = jobs.map((job) => cards.get(job.name)!.element);
+      if (shown.length !== list.children.length || shown.some((c, i) => c !== list.children[i])) {
+        list.replaceChildren(...shown);
+      }
+      empty.hidden = jobs.length > 0;
+      empty.replaceChildren(filter ? "No job is like this." : "There are no jobs yet. ",
+                            filter ? "" : el("a", {href: "#/new"}, "Make one of your photos."));
+      more.hidden = !found.nextPageToken;
+      notice("");
+    } catch (error) {
+      notice((error as ApiError).message);
+    }
+  };
+  const element = el("div", {},
+                     el("div", {class: "heading"}, el("h1", {}, "Jobs"),
+                        el("a", {class: "button primary", href: "#/new"}, "New job")),
+                     el("form", {class: "filters", role: "search", submit: (e) => e.preventDefault()},
+                        labelled("State", state), labelled("Title contains", title)),
+                     list, empty, more);
+  return {title: "Jobs", element, leave: every(3, refresh)};
+}

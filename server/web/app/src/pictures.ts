@@ -1,0 +1,60 @@
+// A job's pictures from its photos' places: before and after.
+
+import {get, type Cameras, type Job} from "./api.js";
+import {compare} from "./compare.js";
+import {el, labelled, select} from "./dom.js";
+import {titleOf} from "./format.js";
+import type {Part} from "./actions.js";
+
+const kRefreshMs = 5000;
+
+export function pictures(): Part {
+  const slide = compare("As photographed", "Normally lit");
+  const camera = select([], "", {change: () => void draw()});
+  const about = el("p", {class: "hint"});
+  const element = el("section", {"aria-label": "Pictures", hidden: true}, el("h2", {}, "Before and after"),
+                     slide.element, labelled("From the place of photo", camera), about);
+  let job: Job | undefined, drawn = -1, time = 0, busy = false;
+
+  const url = async (channel: string): Promise<string> => {
+    const query = new URLSearchParams({
+      "pose.camera": camera.value, "settings.channel": channel, "settings.format": "PICTURE_FORMAT_JPEG",
+    });
+    const response = await fetch(`/v1/${job!.name}/view?${query}`);
+    if (!response.ok) throw new Error();
+    return URL.createObjectURL(await response.blob());
+  };
+  let urls: string[] = [];
+  const draw = async (): Promise<void> => {
+    if (!job || busy) return;
+    busy = true;
+    const iteration = job.snapshotIteration!;
+    try {
+      if (camera.options.length === 0) {
+        const cameras = await get<Cameras>(`/v1/${job.name}/cameras`);
+        camera.append(...(cameras.cameras ?? []).map(({name}) => el("option", {value: name}, name)));
+      }
+      const next = [await url("CHANNEL_ORIGINAL"), await url("CHANNEL_COLOR")];
+      slide.show(next[0]!, next[1]!);
+      urls.forEach((old) => URL.revokeObjectURL(old));
+      urls = next;
+      drawn = iteration;
+      time = Date.now();
+      about.textContent = `Both are drawn from the scene of ${titleOf(job)}, iteration ${iteration}.`;
+      element.hidden = false;
+    } catch {
+      // The next change of the job tries again.
+    } finally {
+      busy = false;
+    }
+  };
+  return {
+    element,
+    show(next) {
+      job = next;
+      const iteration = job.snapshotIteration;
+      if (iteration === undefined || iteration === drawn) return;
+      if (job.state !== "JOB_STATE_RUNNING" || Date.now() - time > kRefreshMs) void draw();
+    },
+  };
+}

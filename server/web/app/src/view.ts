@@ -1,0 +1,19 @@
+// What a page of the app is.
+
+export interface View {
+  title: string;
+  element: HTMLElement;
+  // Called when another page takes its place: timers, streams and listeners end.
+  leave?: () => void;
+}
+
+// Calls `step` now and every so many seconds, never twice at a time, while the page is seen.
+export function every(seconds: number, step: () => Promise<void>): () => void {
+  let timer = 0, stopped = false;
+  const run = async (): Promise<void> => {
+    if (!document.hidden) await step().catch(() => {});
+    if (!stopped) timer = window.setTimeout(run, 1000 * seconds);
+  };
+  void run();
+  return () => { stopped = true; window.clearTimeout(timer); };
+}

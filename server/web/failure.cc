@@ -1,0 +1,110 @@
+#include "server/web/failure.h"
+
+#include <google/protobuf/util/json_util.h>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "google/rpc/error_details.pb.h"
+#include "litags/v1/errors.pb.h"
+
+namespace litags::web {
+namespace {
+
+// Clients wait so long at least before they call again.
+constexpr char kRetrySeconds[] = "1";
+
+bool MayComeAgain(int http_code) { return http_code == 429 || http_code == 503; }
+
+}  // namespace
+
+int HttpCode(grpc::StatusCode code) {
+  switch (code) {
+    case grpc::OK:
+      return 200;
+    case grpc::INVALID_ARGUMENT:
+    case grpc::FAILED_PRECONDITION:
+    case grpc::OUT_OF_RANGE:
+      return 400;
+    case grpc::UNAUTHENTICATED:
+      return 401;
+    case grpc::PERMISSION_DENIED:
+      return 403;
+    case grpc::NOT_FOUND:
+      return 404;
+    case grpc::ALREADY_EXISTS:
+    case grpc::ABORTED:
+      return 409;
+    case grpc::RESOURCE_EXHAUSTED:
+      return 429;
+    case grpc::CANCELLED:
+      return 499;
+    case grpc::UNIMPLEMENTED:
+      return 501;
+    case grpc::UNAVAILABLE:
+      return 503;
+    case grpc::DEADLINE_EXCEEDED:
+      return 504;
+    default:
+      return 500;
+  }
+}
+
+std::string FailureJson(const grpc::Status& status) {
+  v1::RpcStatus rpc;
+  if (!rpc.ParseFromString(status.error_details())) rpc.Clear();
+  rpc.set_code(status.error_code());
+  rpc.set_message(status.error_message());
+  std::string json;
+  if (google::protobuf::util::MessageToJsonString(rpc, &json).ok()) return json;
+  // A detail of a kind that this program does not know, or a text that is not UTF-8.
+  rpc.clear_details();
+  rpc.clear_message();
+  json.clear();
+  if (!google::protobuf::util::MessageToJsonString(rpc, &json).ok()) return "{}";
+  return json;
+}
+
+Answer Failure(const grpc::Status& status) {
+  Answer answer;
+  answer.code = HttpCode(status.error_code());
+  answer.type = "application/json";
+  answer.body = FailureJson(status);
+  if (MayComeAgain(answer.code)) answer.headers.emplace_back("Retry-After", kRetrySeconds);
+  if (answer.code == 401) answer.headers.emplace_back("WWW-Authenticate", "Bearer");
+  return answer;
+}
+
+Answer Failure(const absl::Status& status, int http_code) {
+  Answer answer = Failure(ToGrpcStatus(status));
+  if (http_code != 0) answer.code = http_code;
+  return answer;
+}
+
+Answer WrongMethod(const std::string& allowed) {
+  Answer answer = Failure(MakeError(absl::StatusCode::kUnimplemented, "METHOD_UNKNOWN", "method",
+                                    absl::StrCat("this address takes ", allowed)),
+                          405);
+  answer.headers.emplace_back("Allow", allowed);
+  return answer;
+}
+
+grpc::Status ToGrpcStatus(const absl::Status& status) {
+  const auto code = static_cast<grpc::StatusCode>(status.code());
+  const std::string message(status.message());
+  const ErrorDetail detail =
+      GetErrorDetail(status).value_or(ErrorDetail{absl::StatusCodeToString(status.code()), ""});
+  v1::ErrorDetail ours;
+  ours.set_reason(detail.reason);
+  ours.set_field(detail.field);
+  google::rpc::ErrorInfo info;
+  info.set_reason(detail.reason);
+  info.set_domain("litags");
+  v1::RpcStatus rpc;
+  rpc.set_code(code);
+  rpc.set_message(message);
+  rpc.add_details()->PackFrom(ours);
+  rpc.add_details()->PackFrom(info);
+  return grpc::Status(code, message, rpc.SerializeAsString());
+}
+
+}  // namespace litags::web

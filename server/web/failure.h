@@ -1,0 +1,32 @@
+#ifndef LITAGS_SERVER_WEB_FAILURE_H_
+#define LITAGS_SERVER_WEB_FAILURE_H_
+
+#include <grpcpp/support/status.h>
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "server/web/http.h"
+
+namespace litags::web {
+
+// The HTTP code of a gRPC code, as google.rpc.Code names it.
+int HttpCode(grpc::StatusCode code);
+
+// google.rpc.Status as JSON, with the details that the call's status carries.
+std::string FailureJson(const grpc::Status& status);
+
+// A call that ended with an error.
+Answer Failure(const grpc::Status& status);
+// An error of the gateway itself. `http_code` 0: that of the status.
+Answer Failure(const absl::Status& status, int http_code = 0);
+
+// The address takes other methods: `allowed`, as "GET, PUT".
+Answer WrongMethod(const std::string& allowed);
+
+// As the services say it: with ErrorDetail and google.rpc.ErrorInfo.
+grpc::Status ToGrpcStatus(const absl::Status& status);
+
+}  // namespace litags::web
+
+#endif  // LITAGS_SERVER_WEB_FAILURE_H_

@@ -1,0 +1,94 @@
+#include "server/web/guard.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/core/utf8.h"
+#include "server/auth/tls.h"
+
+namespace litags::web {
+namespace {
+
+constexpr char kCookie[] = "litags_token";
+constexpr size_t kMaxCookieValue = 1024;
+
+// Pictures of the app are made in the page (blob:), and that is all that does not come from here.
+constexpr char kPolicy[] =
+    "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; "
+    "form-action 'self'; frame-ancestors 'none'";
+
+bool SameHost(std::string_view origin, const Head& head) {
+  const std::string_view scheme = head.tls ? "https://" : "http://";
+  // A proxy that ends TLS passes on the browser's https.
+  const std::string_view other = "https://";
+  for (const std::string_view start : {scheme, other}) {
+    if (origin.starts_with(start) && origin.substr(start.size()) == head.Header("host"))
+      return true;
+  }
+  return false;
+}
+
+absl::Status Refused(std::string_view reason, std::string_view field, const std::string& message) {
+  return MakeError(absl::StatusCode::kPermissionDenied, reason, field, message);
+}
+
+std::string Cookie(std::string_view value, bool tls, std::string_view more) {
+  return absl::StrCat(kCookie, "=", std::string(value), "; Path=/; HttpOnly; SameSite=Strict",
+                      tls ? "; Secure" : "", std::string(more));
+}
+
+}  // namespace
+
+absl::Status CheckSite(const Head& head) {
+  const std::string_view site = head.Header("sec-fetch-site");
+  const std::string_view origin = head.Header("origin");
+  const bool other_site = !site.empty() && site != "same-origin" && site != "none";
+  const bool other_origin = !origin.empty() && !SameHost(origin, head);
+  if (!other_site && !other_origin) return absl::OkStatus();
+  return Refused("CROSS_SITE_REFUSED", other_origin ? "Origin" : "Sec-Fetch-Site",
+                 absl::StrCat("a page of ", other_origin ? Utf8Prefix(origin, 200) : "another site",
+                              " made the browser send this; open the server's own page"));
+}
+
+absl::Status CheckLocalHost(const Head& head) {
+  const std::string_view host = head.Header("host");
+  // Without a port, too: IsLoopback() takes HOST:PORT.
+  if (IsLoopback(host) || IsLoopback(absl::StrCat(std::string(host), ":80"))) {
+    return absl::OkStatus();
+  }
+  return Refused("HOST_NOT_LOCAL", "Host",
+                 absl::StrCat("\"", Utf8Prefix(host, 200),
+                              "\" is no name of this machine for itself; use 127.0.0.1 or "
+                              "localhost, or let the operator give the server tokens"));
+}
+
+std::string AuthorizationOf(const Head& head) {
+  if (const auto header = head.Header("authorization"); !header.empty()) return std::string(header);
+  const std::string_view token = CookieOf(head, kCookie);
+  return token.empty() ? "" : absl::StrCat("Bearer ", std::string(token));
+}
+
+std::string SessionCookie(std::string_view token, bool tls) { return Cookie(token, tls, ""); }
+
+std::string NoSessionCookie(bool tls) { return Cookie("", tls, "; Max-Age=0"); }
+
+bool IsCookieValue(std::string_view text) {
+  return !text.empty() && text.size() <= kMaxCookieValue &&
+         std::all_of(text.begin(), text.end(), [](unsigned char c) {
+           return c > 0x20 && c < 0x7f && c != '"' && c != ',' && c != ';' && c != '\\';
+         });
+}
+
+void AddSecurityHeaders(Answer* answer) {
+  for (const auto& [name, value] :
+       {std::pair{"X-Content-Type-Options", "nosniff"},
+        std::pair{"Content-Security-Policy", kPolicy}, std::pair{"X-Frame-Options", "DENY"},
+        std::pair{"Referrer-Policy", "no-referrer"},
+        std::pair{"Cross-Origin-Resource-Policy", "same-origin"},
+        std::pair{"Cross-Origin-Opener-Policy", "same-origin"}}) {
+    answer->headers.emplace_back(name, value);
+  }
+}
+
+}  // namespace litags::web

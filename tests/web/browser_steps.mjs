@@ -1,0 +1,228 @@
+// What a user does on the page, one step after the other; browser_test.py starts it.
+
+import assert from "node:assert/strict";
+import {readFileSync, readdirSync} from "node:fs";
+import {createRequire} from "node:module";
+import {basename, join} from "node:path";
+import {createInterface} from "node:readline";
+import {chromium} from "playwright-core";
+
+const {URL: url, TOKEN: token, SCREENSHOTS: folder, PATIENCE_MS: patience} = process.env;
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const answers = createInterface({input: process.stdin})[Symbol.asyncIterator]();
+
+const browser = await chromium.launch({
+  executablePath: process.env.CHROMIUM, args: ["--no-sandbox", "--disable-dev-shm-usage"],
+});
+const context = await browser.newContext({viewport: {width: 1280, height: 800}, bypassCSP: false});
+const page = await context.newPage();
+page.setDefaultTimeout(Number(patience));
+
+// Nothing comes from elsewhere, nothing breaks the page's own rules.
+const complaints = [];
+let away = false;  // the server is restarting: failed requests are its own
+page.on("request", (request) => {
+  if (!/^(http:\/\/127\.0\.0\.1:|blob:|data:)/.test(request.url())) complaints.push(request.url());
+});
+page.on("pageerror", (error) => complaints.push(String(error)));
+page.on("console", (message) => {
+  // Answers that are errors are said to the user; the console repeats them.
+  const known = /Failed to load resource|net::ERR/.test(message.text());
+  if (message.type() === "error" && !known && !away) complaints.push(message.text());
+});
+
+async function check(name) {
+  await page.screenshot({path: join(folder, `${name}.png`), fullPage: true});
+  // Through the debugger, not as the page's script: its policy lets in no other.
+  const session = await context.newCDPSession(page);
+  const run = async (expression) => {
+    const {result, exceptionDetails} = await session.send(
+        "Runtime.evaluate", {expression, awaitPromise: true, returnByValue: true});
+    assert.equal(exceptionDetails, undefined);
+    return result.value;
+  };
+  await run(axe + "; undefined");
+  const violations = JSON.parse(await run(
+      "axe.run().then((r) => JSON.stringify(r.violations.map((v) => [v.id, v.nodes.map((n) => n.html)])))"));
+  assert.deepEqual(violations, [], `axe finds violations on ${name}`);
+  await session.detach();
+}
+
+async function step(name, what) {
+  console.log(name);
+  await what();
+  assert.deepEqual(complaints, []);
+}
+
+// As if the files were dropped: the page reads them from the event.
+async function drop(path) {
+  const files = readdirSync(path).map((name) => ({
+    name: basename(name), bytes: [...readFileSync(join(path, name))],
+  }));
+  const transfer = await page.evaluateHandle((list) => {
+    const data = new DataTransfer();
+    for (const {name, bytes} of list) {
+      data.items.add(new File([new Uint8Array(bytes)], name, {type: "image/png"}));
+    }
+    return data;
+  }, files);
+  await page.locator(".drop").dispatchEvent("drop", {dataTransfer: transfer});
+}
+
+const state = (text) => page.locator(".heading .state", {hasText: text}).waitFor();
+const drawn = () => page.locator("canvas").evaluate((c) => Number(c.dataset.drawn ?? 0));
+const full = () => page.locator("canvas[data-full=true]").waitFor();
+
+async function redrawn(action) {
+  await full();
+  const before = await drawn();
+  await action();
+  await page.waitForFunction(
+      (n) => Number(document.querySelector("canvas").dataset.drawn) > n, before);
+  await full();
+}
+
+await step("a wrong token", async () => {
+  await page.goto(url);
+  await page.getByLabel("Token").fill("wrong");
+  await page.getByRole("button", {name: "Enter"}).click();
+  await page.getByText("does not know this token").waitFor();
+  await check("1-wrong-token");
+});
+
+await step("the right token", async () => {
+  await page.getByLabel("Token").fill(token);
+  await page.getByRole("button", {name: "Enter"}).click();
+  await page.getByText("There are no jobs yet").waitFor();
+  await page.getByText("alice").waitFor();
+  assert.equal(await page.evaluate(() => document.cookie), "", "scripts can read the token");
+  await check("2-no-jobs");
+});
+
+await step("photos dropped", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await page.getByLabel("Iterations", {exact: true}).fill("200");
+  await drop(process.env.PHOTOS);
+  await page.getByText("3 photos").waitFor();
+  await page.getByLabel("Title", {exact: true}).fill("By the browser");
+  await page.getByText("All options").click();
+  await page.getByLabel("Preview every").fill("20");
+  await check("3-new-job");
+  await page.getByRole("button", {name: "Upload and start"}).click();
+  await page.getByRole("heading", {name: "By the browser"}).waitFor();
+});
+
+await step("its end", async () => {
+  await state("succeeded");
+  await page.locator(".compare:visible").waitFor();
+  await page.getByText("3 of 3", {exact: true}).waitFor();
+  await page.getByText("Log", {exact: true}).click();
+  await page.getByText("a program says").first().waitFor();
+  await page.getByText("Photos", {exact: true}).click();
+  await page.locator(".photos").getByText("a.png").waitFor();
+  await page.getByRole("slider").press("ArrowRight");
+  await page.locator(".chart .curve").first().waitFor();
+  await check("4-job");
+});
+
+await step("a file to take along", async () => {
+  await page.getByLabel("Format").selectOption("SPZ");
+  const [download] = await Promise.all([
+    page.waitForEvent("download"), page.getByRole("link", {name: "Download"}).click()]);
+  assert.equal(download.suggestedFilename(), "By the browser.spz");
+  assert.ok(readFileSync(await download.path()).length > 600000);
+});
+
+await step("through the scene", async () => {
+  await page.getByRole("link", {name: "Fly through"}).click();
+  await full();
+  await redrawn(() => page.getByLabel(/^Light/).fill("0.5"));
+  await redrawn(() => page.getByLabel(/^Exposure/).fill("1"));
+  await redrawn(() => page.getByRole("combobox", {name: "Show", exact: true}).selectOption("CHANNEL_DEPTH"));
+  assert.ok(await page.getByLabel(/^Light/).isDisabled());
+  await redrawn(() => page.getByRole("combobox", {name: "Show", exact: true}).selectOption("CHANNEL_LIGHT"));
+  await redrawn(() => page.getByRole("button", {name: "Next photo"}).click());
+  assert.equal(await page.getByLabel("Photo's place").inputValue(), "b.png");
+  await redrawn(async () => {
+    await page.locator("canvas").focus();
+    await page.keyboard.down("w");
+    await page.waitForTimeout(200);
+    await page.keyboard.up("w");
+  });
+  assert.equal(await page.getByLabel("Photo's place").inputValue(), "");
+  await redrawn(async () => {
+    const box = await page.locator("canvas").boundingBox();
+    await page.mouse.move(box.x + 100, box.y + 100);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 200, box.y + 120, {steps: 5});
+    await page.mouse.up();
+    await page.mouse.wheel(0, 300);
+  });
+  await redrawn(() => page.getByLabel("Show where photos").check());
+  await page.locator(".outlines path").first().waitFor();
+  await check("5-scene");
+});
+
+await step("a server that ends in the middle", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await page.getByLabel("Iterations", {exact: true}).fill("20000");
+  await page.getByText("All options").click();
+  await page.getByLabel("Checkpoint every").fill("20");
+  await drop(process.env.SLOW);
+  await page.getByLabel("Title", {exact: true}).fill("Slow");
+  await page.getByRole("button", {name: "Upload and start"}).click();
+  await state("running");
+  away = true;
+  console.log("RESTART");
+  await answers.next();
+  await state("running");
+  await page.waitForFunction(() => document.getElementById("notice").textContent === "");
+  away = false;
+  const value = () => page.locator(".job progress").first().evaluate((p) => p.value);
+  const before = await value();
+  await page.waitForFunction((v) => document.querySelector(".job progress").value > v, before);
+  await check("6-running");
+});
+
+await step("cancel", async () => {
+  await page.getByRole("button", {name: "Cancel"}).click();
+  await state("cancelled");
+  await page.getByRole("button", {name: "Resume"}).waitFor();
+});
+
+await step("the list, on a phone", async () => {
+  await page.setViewportSize({width: 360, height: 740});
+  await page.getByRole("link", {name: "Jobs"}).first().click();
+  await page.locator(".card").nth(1).waitFor();
+  await page.locator(".thumbnail img:visible").first().waitFor();
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+  assert.ok(wide <= 360, `the page is ${wide} px wide`);
+  await check("7-phone-list");
+  await page.getByLabel("Title contains").fill("browser");
+  await page.waitForFunction(() => document.querySelectorAll(".card").length === 1);
+  await page.getByRole("link", {name: "By the browser"}).click();
+  await page.locator(".compare:visible").waitFor();
+  await check("8-phone-job");
+  await page.getByRole("link", {name: "Fly through"}).click();
+  await full();
+  await check("9-phone-scene");
+});
+
+await step("a job deleted while it is looked at", async () => {
+  await page.getByRole("link", {name: "Job", exact: true}).click();
+  await page.getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("dialog").getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("heading", {name: "Jobs"}).waitFor();
+  await page.getByRole("link", {name: "Slow"}).waitFor();
+  assert.equal(await page.getByRole("link", {name: "By the browser"}).count(), 0);
+});
+
+await step("leave", async () => {
+  await page.getByRole("button", {name: "Leave"}).click();
+  await page.getByLabel("Token").waitFor();
+  await page.reload();
+  await page.getByLabel("Token").waitFor();
+});
+
+await browser.close();
+process.exit(0);

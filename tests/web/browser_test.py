@@ -1,0 +1,90 @@
+"""The page in Debian's Chromium: what a user does, step by step, in browser_steps.mjs.
+
+Skipped, and says so, without Chromium, without npm, or where the server was built without the page.
+Pictures of the steps go to the folder LITAGS_SCREENSHOTS.
+"""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import gateway
+import harness
+
+SOURCE = pathlib.Path(os.environ["LITAGS_SOURCE"])
+HERE = SOURCE / "tests/web"
+WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
+sys.path.insert(0, str(SOURCE / "tests/support"))
+import npm_packages  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+class Browser(unittest.TestCase):
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="litags-browser-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        made = subprocess.run([f"{harness.BIN}/{harness.SERVER_PROGRAM}", "token", "alice"],
+                              capture_output=True, text=True, check=True)
+        self.token = made.stdout.strip()
+        self.extra = ("--token", made.stderr.split("--token ")[1].strip())
+        self.server = gateway.WebServer(str(self.folder), extra=self.extra)
+        self.addCleanup(lambda: self.server.stop())
+
+    def restart(self):
+        """The same server again, at the same addresses."""
+        self.server.kill()
+        self.server = gateway.WebServer(str(self.folder), self.server.web_port,
+                                        port=self.server.port, extra=self.extra)
+
+    def photos(self, *stems):
+        """A folder of photos; their names tell the fake engine what to do."""
+        folder = self.folder / "-".join(stems)
+        folder.mkdir()
+        for seed, stem in enumerate(stems):
+            (folder / f"{stem}.png").write_bytes(harness.png(96, 72, seed))
+        return folder
+
+    def test_the_steps(self):
+        screenshots = pathlib.Path(os.environ.get("LITAGS_SCREENSHOTS", self.folder / "screenshots"))
+        screenshots.mkdir(parents=True, exist_ok=True)
+        page = gateway.Client(self.server.web_port)
+        self.addCleanup(page.connection.close)
+        if b"app.js" not in page.get("/").body:
+            self.skipTest("the server was built without the page")
+        environment = dict(
+            os.environ, URL=f"http://127.0.0.1:{self.server.web_port}", TOKEN=self.token,
+            CHROMIUM=CHROMIUM, SCREENSHOTS=str(screenshots), PHOTOS=str(self.photos("a", "b", "c")),
+            SLOW=str(self.photos("slow", "b", "c")), HOME=str(self.folder),
+            PATIENCE_MS=str(1000 * harness.PATIENCE_S))
+        steps = subprocess.Popen(["node", WORK / "browser_steps.mjs"], env=environment, text=True,
+                                 stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        try:
+            for line in steps.stdout:
+                print(line, end="", flush=True)
+                if line.startswith("RESTART"):
+                    self.restart()
+                    steps.stdin.write("done\n")
+                    steps.stdin.flush()
+            self.assertEqual(steps.wait(harness.PATIENCE_S), 0, "a step failed; see above")
+        finally:
+            steps.kill()
+            steps.wait()
+            steps.stdin.close()
+            steps.stdout.close()
+
+
+if __name__ == "__main__":
+    why = None if CHROMIUM else "chromium is not installed"
+    why = why or npm_packages.install(HERE, WORK)
+    if why:
+        print("skipped:", why)
+        sys.exit(npm_packages.SKIPPED)
+    shutil.copy(HERE / "browser_steps.mjs", WORK)
+    result = unittest.main(verbosity=2, exit=False).result
+    sys.exit(npm_packages.SKIPPED if result.skipped else not result.wasSuccessful())

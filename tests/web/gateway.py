@@ -1,0 +1,95 @@
+"""A server with its page's port, and HTTP calls to it, for the tests of server/web."""
+
+import base64
+import hashlib
+import http.client
+import json
+import os
+import pathlib
+import sys
+import urllib.parse
+
+sys.path.insert(0, str(pathlib.Path(os.environ["LITAGS_SOURCE"], "tests/service")))
+import harness  # noqa: E402
+
+JSON = {"Content-Type": "application/json"}
+
+
+class WebServer(harness.Server):
+    """harness.Server with --web; `web_port` 0: any free one."""
+
+    def __init__(self, folder, web_port=0, host="127.0.0.1", extra=(), **more):
+        port_file = pathlib.Path(folder, "web-port")
+        port_file.unlink(missing_ok=True)
+        super().__init__(folder, extra=("--web", f"{host}:{web_port}", "--web-port-file",
+                                        str(port_file), *extra), **more)
+        self.web_port = int(port_file.read_text())
+
+
+class Reply:
+    """Code, headers and body of an answer."""
+
+    def __init__(self, response):
+        self.code = response.status
+        self.headers = response.headers
+        self.body = response.read()
+
+    def json(self):
+        return json.loads(self.body)
+
+    def reason(self):
+        """The reason in a google.rpc.Status."""
+        for detail in self.json()["details"]:
+            if detail["@type"].endswith("litags.v1.ErrorDetail"):
+                return detail["reason"]
+        return None
+
+
+class Client:
+    """Calls over one connection that is kept."""
+
+    def __init__(self, port, headers=None, context=None, host="127.0.0.1"):
+        self.headers = headers or {}
+        self.connection = (
+            http.client.HTTPSConnection(host, port, timeout=harness.PATIENCE_S, context=context)
+            if context else http.client.HTTPConnection(host, port, timeout=harness.PATIENCE_S))
+
+    def call(self, method, path, body=None, headers=None):
+        if isinstance(body, dict):
+            body = json.dumps(body)
+        self.connection.request(method, path, body, {**self.headers, **(headers or {})})
+        return Reply(self.connection.getresponse())
+
+    def get(self, path, **more):
+        return self.call("GET", path, **more)
+
+    def post(self, path, body=None, **more):
+        return self.call("POST", path, {} if body is None else body, **more)
+
+    def put_file(self, job, name, data, first=0, end=None, role=None):
+        """Sends bytes first..end of a file."""
+        end = len(data) if end is None else end
+        digest = base64.b64encode(hashlib.sha256(data).digest()).decode()
+        headers = {"Repr-Digest": f"sha-256=:{digest}:"}
+        if (first, end) != (0, len(data)):
+            headers["Content-Range"] = f"bytes {first}-{end - 1}/{len(data)}"
+        path = f"/v1/{job}/files/{urllib.parse.quote(name, safe='')}"
+        return self.call("PUT", path + (f"?role={role}" if role else ""), data[first:end], headers)
+
+    def events(self, path, headers=None):
+        """The server-sent events of a stream until its end, as (name, id, data)."""
+        self.connection.request("GET", path, headers={**self.headers, **(headers or {})})
+        response = self.connection.getresponse()
+        assert response.status == 200, response.read()
+        name, number, data = "message", None, ""
+        for line in response:
+            key, _, value = line.decode().rstrip("\n").partition(": ")
+            if key == "event":
+                name = value
+            elif key == "id":
+                number = int(value)
+            elif key == "data":
+                data = value
+            elif not line.strip() and data:
+                yield name, number, json.loads(data)
+                name, number, data = "message", None, ""
