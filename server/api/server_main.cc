@@ -125,7 +125,8 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   HideFromOtherProcesses();
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
-  LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
+  LITAGS_RETURN_IF_ERROR(
+      CheckMetricsListening(flags.metrics_listen, flags.metrics_for_all || flags.server.insecure));
   RaiseDescriptorLimit(flags.server.connections.counts.max_connections);
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
