@@ -230,13 +230,18 @@ TEST_F(ListenerTest, WhoOwesTheRestOfARequestForTooLongIsCut) {
   ConnectionCounts counts;
   counts.calls.unfinished_seconds = 0.5;
   Start(counts);
-  Socket owes(port()), whole(port());
-  WaitFor([&] { return connections_->size() == 2; });
+  Socket owes(port()), whole(port()), refused(port());
+  WaitFor([&] { return connections_->size() == 3; });
   Known(owes, 1, "alice");
   Known(whole, 2, "alice");
+  Known(refused, 3, "alice");
   EXPECT_TRUE(connections_->OpenCall(1, "alice"));
+  EXPECT_TRUE(connections_->OpenCall(3, "alice"));
+  owes.Send(20'000);
+  refused.Send(1000);
   EXPECT_TRUE(owes.Closed(kSoon));
   EXPECT_FALSE(whole.Closed(kAWhile));
+  EXPECT_FALSE(refused.Closed(kAWhile));
 }
 
 TEST_F(ListenerTest, TheClientThatOwesMostIsCutWhenTheRoomIsUsedUp) {

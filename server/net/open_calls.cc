@@ -66,7 +66,7 @@ void OpenCalls::AddOpen(OfConnection& calls, int count) {
 void OpenCalls::Whole(uint64_t connection, bool upload) {
   const auto found = all_.find(connection);
   if (found == all_.end()) return;
-  --found->second.unfinished;
+  if (found->second.unfinished > 0) --found->second.unfinished;
   if (upload) ++found->second.uploads;
 }
 
