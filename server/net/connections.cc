@@ -10,7 +10,6 @@
 #include <iterator>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "server/net/line_rate.h"
