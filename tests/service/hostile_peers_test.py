@@ -25,7 +25,7 @@ CONNECTIONS = int(os.environ.get("LITAGS_HOSTILE", "40"))
 SECONDS = float(os.environ.get("LITAGS_HOSTILE_SECONDS", "4"))
 MEASURING = "LITAGS_HOSTILE" in os.environ
 # Of the fake server, which has some 40 MiB without them.
-MAX_MIB = 512 if MEASURING else 256
+MAX_MIB = 512 if MEASURING else 384
 HOSTILE = os.path.join(os.path.dirname(__file__), "hostile.py")
 
 
