@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/api/call_door.h"
 #include "server/api/status.h"
 #include "server/net/line_rate.h"
 #include "server/net/peer.h"
@@ -115,6 +116,8 @@ absl::Status Call::CheckRoom() const {
                    "asked for, and try again in a second");
 }
 
+void Call::CountRead(int64_t bytes) { gate_->connections_->ReadOfCall(connection_, bytes); }
+
 void Call::Hold(int64_t bytes) {
   bytes *= kCopies;
   if (bytes != held_bytes_) gate_->unread_.Add(client_.name, bytes - held_bytes_);
@@ -174,6 +177,7 @@ absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* c
   std::shared_ptr<Call> call(
       new Call(this, name, std::move(request_id), PeerText(*context), std::move(client)));
   call->generation_ = generation;
+  call->connection_ = ConnectionNumber(*context);
   if (IsStream(name.kind)) call->shown_ = std::move(shown);
   LITAGS_RETURN_IF_ERROR(Count(call.get()));
   call->jobs_ = jobs_->For(ViewOf(call->client_));

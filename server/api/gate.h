@@ -89,6 +89,8 @@ class Call {
 
   // OK if there is room for another answer. RESOURCE_EXHAUSTED (RENDER_QUEUE_FULL).
   absl::Status CheckRoom() const;
+  // So many bytes of an upload were read.
+  void CountRead(int64_t bytes);
   // The answer that waits for the client to read it has so many bytes; counts until the next one,
   // or until the call is gone.
   void Hold(int64_t bytes);
@@ -116,6 +118,7 @@ class Call {
   std::shared_ptr<Jobs> jobs_;
   Shown shown_;                          // by streams
   std::atomic<int64_t> generation_ = 0;  // of the tokens that know the client
+  uint64_t connection_ = 0;
   bool holds_stream_ = false;
   int64_t held_bytes_ = 0;
 };

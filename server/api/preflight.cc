@@ -91,7 +91,8 @@ Finding CheckAuthentication(const ServerFlags& flags) {
 
 Finding CheckAddress(const ServerFlags& flags) {
   LITAGS_RETURN_IF_ERROR(CheckListening(flags.server));
-  LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
+  LITAGS_RETURN_IF_ERROR(
+      CheckMetricsListening(flags.metrics_listen, flags.metrics_for_all || flags.server.insecure));
   LITAGS_RETURN_IF_ERROR(CheckWebListening(flags));
   return absl::StrCat(flags.server.listen,
                       IsLoopback(flags.server.listen) ? ", for this machine only" : "");

@@ -11,6 +11,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/api/call_door.h"
+#include "server/api/credentials.h"
 #include "server/api/event_hub.h"
 #include "server/api/gate.h"
 #include "server/api/grpc_log.h"
@@ -19,7 +21,6 @@
 #include "server/api/scene_cache.h"
 #include "server/api/status.h"
 #include "server/api/thread_pool.h"
-#include "server/api/tls_credentials.h"
 #include "server/net/descriptors.h"
 #include "server/net/listener.h"
 
@@ -35,7 +36,9 @@ int Ms(double seconds) { return static_cast<int>(1000 * seconds); }
 
 bool IsUnixSocket(const std::string& listen) { return listen.starts_with("unix"); }
 
-ConnectionCounts ThatFit(ConnectionCounts counts) {
+ConnectionCounts ThatFit(const ConnectionLimits& limits) {
+  ConnectionCounts counts = limits.counts;
+  counts.calls.of_connection = limits.max_calls;
   const int fit = ConnectionsThatFit();
   if (fit < counts.max_connections) {
     spdlog::warn("the limit of open files leaves room for {} connections, not {}; raise it", fit,
@@ -75,7 +78,8 @@ class GrpcServer : public Server {
   GrpcServer(const ServerOptions& options, std::unique_ptr<Authenticator> authenticator, Jobs* jobs,
              Engine* engine)
       : authenticator_(std::move(authenticator)),
-        connections_(ThatFit(options.connections.counts)),
+        connections_(ThatFit(options.connections)),
+        door_(authenticator_.get(), &connections_),
         gate_(jobs, authenticator_.get(), &metrics_, &connections_, options.limits, options.answers,
               options.connections.max_wait_seconds),
         store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
@@ -98,9 +102,11 @@ class GrpcServer : public Server {
 
   ~GrpcServer() override { Shutdown(); }
 
+  // `tls`: null: plaintext.
   absl::Status Start(const std::string& listen, const ConnectionLimits& limits,
-                     std::shared_ptr<grpc::ServerCredentials> credentials) {
-    credentials_ = std::move(credentials);
+                     std::unique_ptr<TlsFiles> tls) {
+    credentials_ = tls ? TlsCredentials(std::move(tls), door_.AtHeaders())
+                       : PlainCredentials(door_.AtHeaders());
     LogGrpc();
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -108,6 +114,9 @@ class GrpcServer : public Server {
     builder.RegisterService(&reconstruction_);
     builder.RegisterService(&render_);
     builder.RegisterService(&model_);
+    std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> whole;
+    whole.push_back(door_.WhenWhole());
+    builder.experimental().SetInterceptorCreators(std::move(whole));
     SetLimits(limits, &builder);
     RefuseCompression(&builder);
     std::shared_ptr<Acceptor> acceptor;
@@ -181,6 +190,7 @@ class GrpcServer : public Server {
   Metrics metrics_;
   const std::unique_ptr<Authenticator> authenticator_;
   Connections connections_;
+  CallDoor door_;
   Gate gate_;
   ThreadPool store_pool_, blob_pool_, render_pool_;
   const std::unique_ptr<FileReader> own_reader_;
@@ -227,22 +237,21 @@ absl::Status CheckMetricsListening(const std::string& listen, bool insecure) {
                    "--metrics-listen",
                    absl::StrCat(listen,
                                 " can be reached from other machines, and everybody could read the "
-                                "metrics; listen on 127.0.0.1, or give --insecure"));
+                                "metrics; listen on 127.0.0.1, or give --metrics-for-all"));
 }
 
 absl::StatusOr<std::unique_ptr<Server>> StartServer(const ServerOptions& options, Jobs* jobs,
                                                     Engine* engine) {
   LITAGS_RETURN_IF_ERROR(CheckListening(options));
-  std::shared_ptr<grpc::ServerCredentials> credentials = grpc::InsecureServerCredentials();
+  std::unique_ptr<TlsFiles> tls;
   if (options.tls.enabled()) {
-    LITAGS_ASSIGN_OR_RETURN(auto files, TlsFiles::Open(options.tls));
-    credentials = TlsCredentials(std::move(files));
+    LITAGS_ASSIGN_OR_RETURN(tls, TlsFiles::Open(options.tls));
   }
   AuthOptions auth = options.auth;
   auth.client_certificates = !options.tls.client_ca.empty();
   LITAGS_ASSIGN_OR_RETURN(auto authenticator, Authenticator::Make(std::move(auth)));
   auto server = std::make_unique<GrpcServer>(options, std::move(authenticator), jobs, engine);
-  LITAGS_RETURN_IF_ERROR(server->Start(options.listen, options.connections, credentials));
+  LITAGS_RETURN_IF_ERROR(server->Start(options.listen, options.connections, std::move(tls)));
   return std::unique_ptr<Server>(std::move(server));
 }
 

@@ -226,7 +226,9 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   AddWebFlags(app, flags);
   app->add_option("--metrics-listen", flags->metrics_listen,
                   "HOST:PORT for Prometheus, plain HTTP; other addresses than this machine's need "
-                  "--insecure; none: no metrics");
+                  "--metrics-for-all; none: no metrics");
+  app->add_flag("--metrics-for-all", flags->metrics_for_all,
+                "Whoever reaches --metrics-listen may read the metrics; calls stay as they are");
   app->add_option("--self-call", flags->self_call_seconds,
                   "Seconds between calls of the server to itself: one that answers none of twelve "
                   "ends with an error; 0: no calls")

@@ -26,6 +26,7 @@ struct ServerFlags {
   WebhookPolicy webhooks;
   std::string webhook_ca;         // certificates that receivers are checked by; empty: the system's
   std::string metrics_listen;     // empty: no metrics
+  bool metrics_for_all = false;   // others than this machine may read them
   double self_call_seconds = 10;  // between calls to itself; 0: none
   int workers = 1;
   int threads = 0;       // per job; 0: all cores

@@ -126,7 +126,8 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   HideFromOtherProcesses();
   // Found out now, not by jobs that wait for ever.
   LITAGS_RETURN_IF_ERROR(CheckPrograms(flags, worker_program));
-  LITAGS_RETURN_IF_ERROR(CheckMetricsListening(flags.metrics_listen, flags.server.insecure));
+  LITAGS_RETURN_IF_ERROR(
+      CheckMetricsListening(flags.metrics_listen, flags.metrics_for_all || flags.server.insecure));
   LITAGS_RETURN_IF_ERROR(CheckWebListening(flags));
   RaiseDescriptorLimit(flags.server.connections.counts.max_connections +
                        (flags.web.listen.empty() ? 0 : flags.web.counts.max_connections));

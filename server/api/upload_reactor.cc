@@ -66,6 +66,7 @@ void UploadReactor::OnReadDone(bool ok) {
   AfterStart(this);
   timer_.Stop();
   if (!StopWaiting()) return;  // finished
+  if (ok) call_->CountRead(static_cast<int64_t>(bytes_.Length()));
   Queue(ok);
 }
 

@@ -1,7 +1,6 @@
 #include "server/net/connections.h"
 
 #include <fcntl.h>
-#include <linux/tcp.h>
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -10,6 +9,7 @@
 #include <algorithm>
 #include <iterator>
 #include <thread>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "server/net/line_rate.h"
@@ -19,23 +19,22 @@ namespace {
 
 // By what comes in this time newcomers exceed their bytes.
 constexpr std::chrono::milliseconds kWithNewcomers{20};
-constexpr std::chrono::milliseconds kQuiet{1000};
+constexpr std::chrono::milliseconds kQuiet{100};
 // gRPC closes what was cut a moment later. While it is behind by so large a part of all
 // connections, the next ones wait in the kernel's queue.
 constexpr int kPartBehind = 8;
 constexpr std::chrono::milliseconds kWhileBehind{5};
 constexpr int kMostWaits = 200;
+constexpr size_t kMostDiscarded = 1 << 20;
+// Of requests that gRPC refused, as compressed ones, nobody hears an end. With so few bytes those
+// that have not ended are taken for such: their connection may stay, and they count as open calls.
+constexpr int64_t kLostBytes = 16 << 10;
+// Between two looks at a crowd of strangers.
+constexpr std::chrono::milliseconds kBetweenCuts{1};
 
 ino_t InodeOf(int fd) {
   struct stat info = {};
   return fstat(fd, &info) == 0 ? info.st_ino : 0;
-}
-
-int64_t BytesReceived(int fd) {
-  tcp_info info = {};
-  socklen_t size = sizeof(info);
-  if (getsockopt(fd, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return 0;
-  return static_cast<int64_t>(info.tcpi_bytes_received);
 }
 
 }  // namespace
@@ -110,6 +109,9 @@ void Connections::Cut(Connection& connection, std::string_view why) {
     spdlog::info("peer={} connection cut: {}{}", connection.peer.Text(), why, ending);
   }
   shutdown(connection.own, SHUT_RDWR);  // gRPC reads its end, and closes it
+  // What has come and gRPC has not read yet costs nothing more.
+  while (recv(connection.own, nullptr, kMostDiscarded, MSG_DONTWAIT | MSG_TRUNC) > 0) {
+  }
   SetState(connection, State::kCut);
 }
 
@@ -126,6 +128,18 @@ void Connections::SetState(Connection& connection, State state) {
   connection.state = state;
 }
 
+Connections::Connection* Connections::Find(std::string_view grpc_peer) {
+  const auto peer = ParsePeer(grpc_peer);
+  return peer ? Find(*peer) : nullptr;  // else it calls in process
+}
+
+Connections::Connection* Connections::Find(const Peer& peer) {
+  const auto [begin, end] = by_peer_.equal_range(peer);
+  const auto found = std::find_if(
+      begin, end, [](const auto& entry) { return entry.second->state != State::kCut; });
+  return found == end ? nullptr : &*found->second;
+}
+
 void Connections::Admit(std::string_view grpc_peer) {
   const auto peer = ParsePeer(grpc_peer);
   if (peer) Admit(*peer);  // else it calls in process
@@ -133,11 +147,36 @@ void Connections::Admit(std::string_view grpc_peer) {
 
 void Connections::Admit(const Peer& peer) {
   std::lock_guard lock(mutex_);
-  const auto [begin, end] = by_peer_.equal_range(peer);
-  for (auto found = begin; found != end; ++found) {
-    Connection& connection = *found->second;
-    if (connection.state == State::kNewcomer) SetState(connection, State::kKnown);
-  }
+  Connection* const connection = Find(peer);
+  if (connection && connection->state == State::kNewcomer) SetState(*connection, State::kKnown);
+}
+
+bool Connections::OpenCall(uint64_t connection, const std::optional<std::string>& client) {
+  const auto now = Clock::now();
+  std::lock_guard lock(mutex_);
+  if (!client) CountStranger(now);
+  return calls_.Open(connection, client, now);
+}
+
+void Connections::WholeCall(uint64_t number, std::string_view grpc_peer, bool upload) {
+  std::lock_guard lock(mutex_);
+  calls_.Whole(number, upload);
+  const OpenCalls::OfConnection* const calls = calls_.Find(number);
+  if (!calls || calls->socket >= 0) return;
+  Connection* const connection = Find(grpc_peer);
+  if (!connection) return;
+  connection->number = number;
+  calls_.SetSocket(number, connection->own);
+}
+
+void Connections::ReadOfCall(uint64_t connection, int64_t bytes) {
+  std::lock_guard lock(mutex_);
+  calls_.Read(connection, bytes);
+}
+
+void Connections::EndCall(uint64_t connection, bool upload) {
+  std::lock_guard lock(mutex_);
+  calls_.End(connection, upload);
 }
 
 std::chrono::milliseconds Connections::Look(Clock::time_point now) {
@@ -149,9 +188,81 @@ std::chrono::milliseconds Connections::Look(Clock::time_point now) {
       continue;
     }
     if (connection->state == State::kNewcomer) CheckNewcomer(*connection, now);
+    if (connection->state == State::kKnown) CheckUnfinished(*connection, now);
     ++connection;
   }
-  return newcomers_ + cut_ > 0 ? kWithNewcomers : kQuiet;
+  calls_.ForgetUnknown(now - std::chrono::duration_cast<Clock::duration>(
+                                 std::chrono::duration<double>(2 * counts_.newcomer_seconds)));
+  const bool unfinished = CheckUnfinishedBytes();
+  return newcomers_ + cut_ > 0 || unfinished ? kWithNewcomers : kQuiet;
+}
+
+void Connections::CheckUnfinished(Connection& connection, Clock::time_point now) {
+  const auto* const calls = connection.number ? calls_.Find(*connection.number) : nullptr;
+  if (!calls || calls->unfinished == 0) return;
+  const std::chrono::duration<double> age = now - calls->unfinished_since;
+  if (age.count() <= counts_.calls.unfinished_seconds) return;
+  if (calls->HeldBytes() <= kLostBytes) {
+    for (int lost = calls->unfinished; lost > 0; --lost) calls_.Whole(*connection.number, false);
+    return;
+  }
+  Cut(connection,
+      absl::StrCat("a request did not end for ", counts_.calls.unfinished_seconds, " s"));
+}
+
+void Connections::Sent::Add(int64_t sent, Connection* connection) {
+  bytes += sent;
+  connections.emplace(sent, connection);
+}
+
+bool Connections::CheckUnfinishedBytes() {
+  SentBy sent;
+  for (Connection& connection : all_) {
+    if (connection.state != State::kKnown || !connection.number) continue;
+    const auto* const calls = calls_.Find(*connection.number);
+    const int64_t bytes = calls ? calls->HeldBytes() : 0;
+    if (bytes == 0) continue;
+    const bool named = calls->client && !calls->client->empty();
+    sent[named ? *calls->client : connection.network].Add(bytes, &connection);
+  }
+  const bool any = !sent.empty();
+  CutMost(std::move(sent), counts_.calls.unfinished_bytes, counts_.calls.unfinished_bytes / 2,
+          "of requests that have not ended, and their room is used up");
+  return any;
+}
+
+void Connections::CountStranger(Clock::time_point now) {
+  const std::chrono::duration<double> since = now - strangers_counted_;
+  strangers_counted_ = now;
+  strangers_calls_ = 1 + std::max(0.0, strangers_calls_ - since.count() * counts_.crowd_calls);
+  if (strangers_calls_ <= counts_.crowd_calls || now - crowd_cut_ < kBetweenCuts) return;
+  crowd_cut_ = now;
+  SentBy sent;
+  for (Connection& connection : all_) {
+    if (connection.state != State::kNewcomer) continue;
+    sent[connection.network].Add(BytesReceived(connection.own), &connection);
+  }
+  CutMost(std::move(sent), counts_.crowd_bytes, counts_.crowd_bytes,
+          "while strangers opened very many calls");
+}
+
+void Connections::CutMost(SentBy sent, int64_t most_of_all, int64_t most_of_one, const char* why) {
+  int64_t all = 0;
+  for (const auto& [who, of_one] : sent) all += of_one.bytes;
+  while (!sent.empty()) {
+    const auto worst = std::max_element(sent.begin(), sent.end(), [](const auto& a, const auto& b) {
+      return a.second.bytes < b.second.bytes;
+    });
+    Sent& of_one = worst->second;
+    if (all <= most_of_all && of_one.bytes <= most_of_one) return;
+    const auto most = std::prev(of_one.connections.end());
+    const auto [bytes, connection] = *most;
+    Cut(*connection, absl::StrCat("it sent ", bytes >> 10, " KiB ", why));
+    of_one.connections.erase(most);
+    of_one.bytes -= bytes;
+    all -= bytes;
+    if (of_one.connections.empty()) sent.erase(worst);
+  }
 }
 
 void Connections::CheckNewcomer(Connection& connection, Clock::time_point now) {
@@ -171,6 +282,7 @@ Connections::List::iterator Connections::Forget(List::iterator connection) {
   --cut_;
   const auto [begin, end] = by_peer_.equal_range(connection->peer);
   by_peer_.erase(std::find_if(begin, end, [&](const auto& e) { return e.second == connection; }));
+  if (connection->number) calls_.Forget(*connection->number);
   const auto network = networks_.find(connection->network);
   if (network != networks_.end() && network->second.all == 0) networks_.erase(network);
   close(connection->own);

@@ -8,9 +8,11 @@
 #include <list>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 
+#include "server/net/open_calls.h"
 #include "server/net/peer.h"
 
 namespace litags {
@@ -26,6 +28,12 @@ struct ConnectionCounts {
   int64_t newcomer_bytes = 512 << 10;
   // Shared evenly when there are many; 12 KiB are enough for a handshake and a small call.
   int64_t all_newcomers_bytes = 3 << 20;
+  // While strangers open more calls a second than this, gRPC may hold far more for a byte: some 10
+  // KiB for 15. Those who sent most go, of the network that sent most, until the rest is within
+  // this.
+  int crowd_calls = 500;
+  int64_t crowd_bytes = 128 << 10;
+  CallCounts calls = {};
 };
 
 // The open connections of gRPC, which says nothing of them. Thread-safe.
@@ -33,7 +41,7 @@ class Connections {
  public:
   using Clock = std::chrono::steady_clock;
 
-  explicit Connections(ConnectionCounts counts) : counts_(counts) {}
+  explicit Connections(ConnectionCounts counts) : counts_(counts), calls_(counts.calls) {}
   ~Connections();
 
   enum class Added {
@@ -49,7 +57,14 @@ class Connections {
   void Admit(std::string_view grpc_peer);
   void Admit(const Peer& peer);
 
-  // Cuts newcomers whose time or bytes are used up, and forgets connections that gRPC has closed.
+  // Of the calls on `connection`, a number that stays as long as it: see OpenCalls.
+  bool OpenCall(uint64_t connection, const std::optional<std::string>& client);
+  void WholeCall(uint64_t connection, std::string_view grpc_peer, bool upload);
+  void ReadOfCall(uint64_t connection, int64_t bytes);
+  void EndCall(uint64_t connection, bool upload);
+
+  // Cuts newcomers whose time or bytes are used up, and others that owe the rest of their requests
+  // for too long or of too many; forgets connections that gRPC has closed.
   // Returns how soon to look again.
   std::chrono::milliseconds Look(Clock::time_point now = Clock::now());
 
@@ -72,18 +87,34 @@ class Connections {
     ino_t inode;  // of the socket
     Clock::time_point since;
     State state = State::kNewcomer;
+    std::optional<uint64_t> number = {};  // once a call of it came whole
   };
   using List = std::list<Connection>;
   struct OfNetwork {
     int all = 0, newcomers = 0;
   };
+  // What connections of one client or network have sent.
+  struct Sent {
+    int64_t bytes = 0;
+    std::multimap<int64_t, Connection*> connections;  // by their bytes
+    void Add(int64_t bytes, Connection* connection);
+  };
+  using SentBy = std::map<std::string, Sent>;
 
   bool RoomFor(const std::string& network);
   bool CutOldest(const std::string& network, std::string_view why);
   std::string BusiestNetwork() const;
   void Cut(Connection& connection, std::string_view why);
   void SetState(Connection& connection, State state);
+  Connection* Find(std::string_view grpc_peer);
+  Connection* Find(const Peer& peer);
   void CheckNewcomer(Connection& connection, Clock::time_point now);
+  void CheckUnfinished(Connection& connection, Clock::time_point now);
+  // Whether there are unfinished requests.
+  bool CheckUnfinishedBytes();
+  void CountStranger(Clock::time_point now);
+  // Cuts whoever sent most of those who sent most, until the rest is within the limits.
+  void CutMost(SentBy sent, int64_t most_of_all, int64_t most_of_one, const char* why);
   List::iterator Forget(List::iterator connection);
 
   const ConnectionCounts counts_;
@@ -92,6 +123,9 @@ class Connections {
   std::multimap<Peer, List::iterator> by_peer_;
   std::map<std::string, OfNetwork> networks_;
   int newcomers_ = 0, cut_ = 0;
+  double strangers_calls_ = 0;  // falls by `crowd_calls` a second
+  Clock::time_point strangers_counted_, crowd_cut_;
+  OpenCalls calls_;
 };
 
 }  // namespace litags

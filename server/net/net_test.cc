@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -17,6 +18,7 @@
 #include "server/net/descriptors.h"
 #include "server/net/line_rate.h"
 #include "server/net/listener.h"
+#include "server/net/open_calls.h"
 #include "server/net/peer.h"
 
 namespace litags {
@@ -92,6 +94,13 @@ class ListenerTest : public ::testing::Test {
   void WaitFor(const std::function<bool()>& condition) {
     for (int i = 0; i < 1000 && !condition(); ++i) std::this_thread::sleep_for(milliseconds(10));
     EXPECT_TRUE(condition());
+  }
+  // A client whose first call came whole and has ended.
+  void Known(const Socket& socket, uint64_t number, const std::string& client) {
+    EXPECT_TRUE(connections_->OpenCall(number, client));
+    connections_->WholeCall(number, socket.name(), false);
+    connections_->Admit(socket.name());
+    connections_->EndCall(number, false);
   }
   // As gRPC does with what it has read to its end.
   void CloseTaken() {
@@ -215,6 +224,106 @@ TEST_F(ListenerTest, ItIsNotDeafAfterDescriptorsWereShort) {
   const int known = connections_->size();
   Socket after(port());
   WaitFor([&] { return connections_->size() > known; });
+}
+
+TEST_F(ListenerTest, WhoOwesTheRestOfARequestForTooLongIsCut) {
+  ConnectionCounts counts;
+  counts.calls.unfinished_seconds = 0.5;
+  Start(counts);
+  Socket owes(port()), whole(port()), refused(port());
+  WaitFor([&] { return connections_->size() == 3; });
+  Known(owes, 1, "alice");
+  Known(whole, 2, "alice");
+  Known(refused, 3, "alice");
+  EXPECT_TRUE(connections_->OpenCall(1, "alice"));
+  EXPECT_TRUE(connections_->OpenCall(3, "alice"));
+  owes.Send(20'000);
+  refused.Send(1000);
+  EXPECT_TRUE(owes.Closed(kSoon));
+  EXPECT_FALSE(whole.Closed(kAWhile));
+  EXPECT_FALSE(refused.Closed(kAWhile));
+}
+
+TEST_F(ListenerTest, TheClientThatOwesMostIsCutWhenTheRoomIsUsedUp) {
+  ConnectionCounts counts;
+  counts.calls.unfinished_bytes = 10'000;
+  Start(counts);
+  Socket large(port()), small(port()), other(port()), uploads(port());
+  WaitFor([&] { return connections_->size() == 4; });
+  Known(large, 1, "alice");
+  Known(small, 2, "alice");
+  Known(other, 3, "bob");
+  Known(uploads, 4, "carol");
+  for (const uint64_t number : {1, 2, 3, 4}) EXPECT_TRUE(connections_->OpenCall(number, "alice"));
+  connections_->WholeCall(4, uploads.name(), true);
+  for (int i = 0; i < 10; ++i) {
+    uploads.Send(1000);
+    connections_->ReadOfCall(4, 1000);
+  }
+  small.Send(2000);
+  other.Send(4000);
+  large.Send(2500);
+  EXPECT_FALSE(large.Closed(kAWhile));
+  large.Send(1000);  // alice has more than half
+  EXPECT_TRUE(large.Closed(kSoon));
+  EXPECT_FALSE(small.Closed(kAWhile));
+  EXPECT_FALSE(other.Closed(milliseconds(0)));
+  EXPECT_FALSE(uploads.Closed(milliseconds(0)));
+}
+
+TEST_F(ListenerTest, OfACrowdOfStrangersThoseWhoSentMostAreCut) {
+  Start({.newcomer_seconds = 60, .crowd_calls = 10, .crowd_bytes = 5000});
+  Socket hostile(port(), "127.0.0.2"), same(port(), "127.0.0.2"), honest(port(), "127.0.0.9");
+  WaitFor([&] { return connections_->size() == 3; });
+  hostile.Send(4000);
+  same.Send(2000);
+  honest.Send(2500);
+  std::this_thread::sleep_for(kAWhile);
+  for (int i = 0; i < 9; ++i) connections_->OpenCall(7, std::nullopt);
+  EXPECT_FALSE(hostile.Closed(kAWhile));
+  for (int i = 0; i < 20; ++i) connections_->OpenCall(7, std::nullopt);
+  EXPECT_TRUE(hostile.Closed(kSoon));
+  EXPECT_FALSE(same.Closed(kAWhile));
+  EXPECT_FALSE(honest.Closed(milliseconds(0)));
+}
+
+class OpenCallsTest : public ::testing::Test {
+ protected:
+  bool Open(uint64_t connection, const std::optional<std::string>& client) {
+    return calls_.Open(connection, client, now_);
+  }
+  int Opened(uint64_t connection, const std::optional<std::string>& client) {
+    int count = 0;
+    while (Open(connection, client)) ++count;
+    return count;
+  }
+
+  const OpenCalls::Clock::time_point now_ = OpenCalls::Clock::now();
+  OpenCalls calls_{{.of_stranger = 3, .of_connection = 5, .of_client = 7}};
+};
+
+TEST_F(OpenCallsTest, AStrangerAConnectionAndAClientHaveSoMany) {
+  EXPECT_EQ(Opened(1, std::nullopt), 3);
+  EXPECT_EQ(Opened(2, "alice"), 5);
+  EXPECT_EQ(Opened(3, "alice"), 2);
+  EXPECT_EQ(Opened(4, "bob"), 5);
+  EXPECT_EQ(Opened(1, "alice"), 0) << "the three belong to whoever is known afterwards";
+  EXPECT_EQ(Opened(5, ""), 5);
+  EXPECT_EQ(Opened(6, ""), 5) << "without names there are no clients";
+}
+
+TEST_F(OpenCallsTest, WhatEndsOrIsForgottenCountsNoMore) {
+  EXPECT_EQ(Opened(1, "alice"), 5);
+  EXPECT_EQ(Opened(2, "alice"), 2);
+  calls_.Whole(1, false);
+  EXPECT_FALSE(Open(1, "alice"));
+  calls_.End(1, false);
+  EXPECT_TRUE(Open(1, "alice"));
+  calls_.Forget(1);
+  calls_.End(1, false);  // of a connection that is gone
+  EXPECT_EQ(Opened(2, "alice"), 3);
+  calls_.ForgetUnknown(now_ + std::chrono::seconds(1));
+  EXPECT_EQ(Opened(2, "alice"), 5);
 }
 
 TEST_F(ListenerTest, AnAddressInUseIsRefused) {

@@ -25,7 +25,7 @@ CONNECTIONS = int(os.environ.get("LITAGS_HOSTILE", "40"))
 SECONDS = float(os.environ.get("LITAGS_HOSTILE_SECONDS", "4"))
 MEASURING = "LITAGS_HOSTILE" in os.environ
 # Of the fake server, which has some 40 MiB without them.
-MAX_MIB = 512 if MEASURING else 256
+MAX_MIB = 512 if MEASURING else 384
 HOSTILE = os.path.join(os.path.dirname(__file__), "hostile.py")
 
 
@@ -87,13 +87,17 @@ class Flooded(harness.ServiceTest):
     @classmethod
     def make_server(cls):
         tokens = os.path.join(cls.class_folder, "tokens")
-        code, out, err = run_server("token", "alice", "--tokens", tokens)
-        assert code == 0, err
-        cls.token = out.strip()
+        cls.token, cls.hostile_token = (cls.new_token(name, tokens) for name in ("alice", "mallory"))
         return harness.Server(cls.class_folder, program=cls.program(), extra=(
             "--workers", "0", "--tokens", tokens, *cls.extra))
 
     extra = ()
+
+    @staticmethod
+    def new_token(name, tokens):
+        code, out, err = run_server("token", name, "--tokens", tokens)
+        assert code == 0, err
+        return out.strip()
 
     @classmethod
     def program(cls):
@@ -115,7 +119,7 @@ class Flooded(harness.ServiceTest):
         with Honest(self.server.address, self.token, self.credentials) as honest:
             attackers = [subprocess.Popen(
                 [sys.executable, "-B", HOSTILE, kind, str(self.server.port), "--connections",
-                 str(connections), "--seconds", str(SECONDS), "--token", self.token],
+                 str(connections), "--seconds", str(SECONDS), "--token", self.hostile_token],
                 stdout=subprocess.PIPE, text=True) for kind in kinds]
             said = [attacker.communicate()[0].strip() for attacker in attackers]
             self.assertEqual([a.returncode for a in attackers], [0] * len(kinds))
@@ -140,6 +144,12 @@ class OfPlaintext(Flooded):
 
     def test_requests_that_never_end(self):
         self.flood("unended")
+
+    def test_calls_that_are_opened_by_thousands(self):
+        self.flood("opened")
+
+    def test_requests_that_never_end_by_a_client_with_a_token(self):
+        self.flood("client")
 
     def test_compressed_requests(self):
         self.flood("gzip")
@@ -204,6 +214,28 @@ class WithFewDescriptors(Flooded):
         self.assertEqual(self.server.process.wait(harness.PATIENCE_S), 1)
         self.assertIn("cannot take a connection", self.log())
         self.assertIn("did not answer itself", self.log())
+
+
+class Counted(Flooded):
+    """Calls that come to nothing leave no trace in what their client may have."""
+
+    CALLS = 3000  # more than a connection may have at a time
+
+    def test_calls_that_are_cancelled_at_once(self):
+        with grpc.insecure_channel(self.server.address) as channel:
+            stub = harness.reconstruction_service_pb2_grpc.ReconstructionServiceStub(channel)
+            metadata = [("authorization", f"Bearer {self.token}")]
+            for _ in range(self.CALLS):
+                stub.ListJobs.future(rpc.ListJobsRequest(), metadata=metadata).cancel()
+            stub.ListJobs(rpc.ListJobsRequest(), metadata=metadata, timeout=harness.PATIENCE_S)
+
+    def test_calls_without_a_token_and_of_no_method(self):
+        with grpc.insecure_channel(self.server.address) as channel:
+            call = channel.unary_unary("/litags.v1.ReconstructionService/NoSuchCall")
+            for _ in range(50):
+                with self.assertRaises(grpc.RpcError) as caught:
+                    call(b"")
+                self.assertEqual(caught.exception.code(), grpc.StatusCode.UNIMPLEMENTED)
 
 
 class Lines(Flooded):

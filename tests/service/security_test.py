@@ -214,7 +214,8 @@ class Settings(unittest.TestCase):
     def test_others_are_not_let_in_by_accident(self):
         for args, words in ((("--listen", "0.0.0.0:0"), "--insecure"),
                             (("--listen", "127.0.0.1:0", "--metrics-listen", "0.0.0.0:0"),
-                             "--insecure"),
+                             "--metrics-for-all"),
+                            (("--listen", "0.0.0.0:0", "--metrics-for-all"), "--insecure"),
                             (("--listen", "127.0.0.1:0", "--tls-cert", "/missing"), "--tls-key"),
                             (("--listen", "127.0.0.1:0", "--tls-cert", "/missing", "--tls-key",
                               "/missing"), "/missing"),
