@@ -59,28 +59,6 @@ ImageInfo Upright(ImageInfo info) {
   return info;
 }
 
-// Turns a stored picture upright. EXIF says where the stored first row and column are to appear:
-// 2 mirrored, 3 by 180 degrees, 4 flipped, 5 transposed, 6 to be turned clockwise, 7 transposed
-// across the other diagonal, 8 to be turned counter-clockwise.
-Photo TurnUpright(Photo stored, int orientation) {
-  if (orientation == 1) return stored;
-  const bool swap = orientation >= 5;
-  const bool mirror_x =
-      orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
-  const bool mirror_y =
-      orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
-  Photo out(swap ? stored.height : stored.width, swap ? stored.width : stored.height);
-  for (int y = 0; y < out.height; ++y) {
-    for (int x = 0; x < out.width; ++x) {
-      int sx = swap ? y : x, sy = swap ? x : y;
-      if (mirror_x) sx = stored.width - 1 - sx;
-      if (mirror_y) sy = stored.height - 1 - sy;
-      std::copy_n(stored.pixel(sx, sy), 3, out.pixel(x, y));
-    }
-  }
-  return out;
-}
-
 // Encodes with OpenCV; `mat` has its channel order.
 absl::StatusOr<std::string> Encode(const char* extension, const cv::Mat& mat,
                                    const std::vector<int>& parameters) {
@@ -130,6 +108,25 @@ absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view
   const PhotoFormat* format = nullptr;
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadStoredInfo(bytes, field, limits, &format));
   return Upright(info);
+}
+
+Photo TurnUpright(Photo stored, int orientation) {
+  if (orientation == 1) return stored;
+  const bool swap = orientation >= 5;
+  const bool mirror_x =
+      orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
+  const bool mirror_y =
+      orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
+  Photo out(swap ? stored.height : stored.width, swap ? stored.width : stored.height);
+  for (int y = 0; y < out.height; ++y) {
+    for (int x = 0; x < out.width; ++x) {
+      int sx = swap ? y : x, sy = swap ? x : y;
+      if (mirror_x) sx = stored.width - 1 - sx;
+      if (mirror_y) sy = stored.height - 1 - sy;
+      std::copy_n(stored.pixel(sx, sy), 3, out.pixel(x, y));
+    }
+  }
+  return out;
 }
 
 absl::StatusOr<Photo> DecodePhoto(std::string_view bytes, std::string_view field,

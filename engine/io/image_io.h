@@ -79,6 +79,11 @@ absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_vie
 // keeping. What lies outside of [0, 1] is cut off. INVALID_ARGUMENT for an empty photo.
 absl::StatusOr<std::string> EncodePng16(const Photo& photo);
 
+// Turns a stored picture upright. EXIF says where the stored first row and column are to appear:
+// 2 mirrored, 3 by 180 degrees, 4 flipped, 5 transposed, 6 to be turned clockwise, 7 transposed
+// across the other diagonal, 8 to be turned counter-clockwise.
+Photo TurnUpright(Photo stored, int orientation);
+
 // Has decoders load and initialise what they otherwise would with the first photo: for a process
 // that then gives up opening files.
 void LoadPhotoDecoders();

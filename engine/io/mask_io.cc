@@ -64,7 +64,9 @@ absl::StatusOr<PlaneU8> DecodeMask(std::string_view bytes, std::string_view fiel
 absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string_view field,
                                             const std::string& mask_path) {
   MaskedPhoto read;
-  LITAGS_ASSIGN_OR_RETURN(read.photo, ReadPhoto(path, field));
+  LITAGS_ASSIGN_OR_RETURN(const std::string photo, ReadFile(path, field, ImageLimits().max_bytes));
+  LITAGS_ASSIGN_OR_RETURN(read.info, ReadImageInfo(photo, field));
+  LITAGS_ASSIGN_OR_RETURN(read.photo, DecodePhoto(photo, field));
   if (mask_path.empty()) return read;
   const std::string mask_field = absl::StrCat("masks[", BaseName(mask_path), "]");
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes,

@@ -31,6 +31,7 @@ absl::StatusOr<PlaneU8> DecodeMask(std::string_view bytes, std::string_view fiel
 // A photo whose masked pixels are filled in from around them.
 struct MaskedPhoto {
   Photo photo;
+  ImageInfo info;
   PlaneU8 mask;  // empty: all pixels count
 };
 

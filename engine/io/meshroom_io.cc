@@ -22,11 +22,6 @@ constexpr std::string_view kDropped[] = {"structure", "metadata", "featuresFolde
 // Of the file's layout.
 using Version = std::array<double, 3>;
 
-struct Lens {
-  Camera camera;
-  Distortion distortion;
-};
-
 absl::Status Bad(std::string_view where, std::string_view what) {
   return InvalidField("MISSING_KEY", where,
                       absl::StrCat(Absl(what), "; write the file again with Meshroom"));
@@ -90,20 +85,22 @@ absl::Status ReadDistortion(const Json& lens, std::string_view where, Distortion
   return absl::OkStatus();
 }
 
-absl::StatusOr<Lens> ReadLens(const Json& entry, const Version& version, std::string_view where) {
-  Lens lens;
+absl::StatusOr<LoadedView> ReadLens(const Json& entry, const Version& version,
+                                    std::string_view where) {
+  LoadedView lens;
   double width = 0, height = 0, center[2] = {};
   if (!ReadNumber(Member(entry, "width"), &width) ||
       !ReadNumber(Member(entry, "height"), &height) ||
       !ReadNumbers(Member(entry, "principalPoint"), center)) {
     return Bad(where, "it lacks width, height or principalPoint");
   }
-  LITAGS_RETURN_IF_ERROR(SetSize(width, height, where, &lens.camera));
-  if (!ReadFocals(entry, version, &lens.camera)) return Bad(where, "it lacks its focal length");
+  LITAGS_RETURN_IF_ERROR(SetSize(width, height, where, &lens.view.camera));
+  if (!ReadFocals(entry, version, &lens.view.camera))
+    return Bad(where, "it lacks its focal length");
   // Since 1.2.1 it counts from the middle.
   const bool from_corner = version < Version{1, 2, 1};
-  lens.camera.cx = center[0] + (from_corner ? 0 : 0.5 * width) + 0.5;
-  lens.camera.cy = center[1] + (from_corner ? 0 : 0.5 * height) + 0.5;
+  lens.view.camera.cx = center[0] + (from_corner ? 0 : 0.5 * width) + 0.5;
+  lens.view.camera.cy = center[1] + (from_corner ? 0 : 0.5 * height) + 0.5;
   LITAGS_RETURN_IF_ERROR(ReadDistortion(entry, where, &lens.distortion));
   return lens;
 }
@@ -136,7 +133,7 @@ absl::StatusOr<SparseModel> ParseMeshroom(std::string_view json, std::string_vie
   if (!ReadNumbers(Member(top, "version"), version)) {
     return Bad(field, "it lacks its version");
   }
-  std::map<std::string, Lens> lenses;
+  std::map<std::string, LoadedView> lenses;
   for (const Json& entry : Member(top, "intrinsics")) {
     const std::string id = TextOf(Member(entry, "intrinsicId"));
     LITAGS_ASSIGN_OR_RETURN(
@@ -148,14 +145,13 @@ absl::StatusOr<SparseModel> ParseMeshroom(std::string_view json, std::string_vie
   for (const Json& entry : Member(top, "views")) {
     const auto pose = poses.find(TextOf(Member(entry, "poseId")));
     if (pose == poses.end()) continue;  // Meshroom could not place it
-    LoadedView loaded;
-    loaded.view.name = BaseName(TextOf(Member(entry, "path")));
-    const std::string where = absl::StrCat(Absl(field), ".views[", loaded.view.name, "]");
+    const std::string name = BaseName(TextOf(Member(entry, "path")));
+    const std::string where = absl::StrCat(Absl(field), ".views[", name, "]");
     if (!Member(entry, "rigId").is_null()) return Unsupported(where, "rig of several cameras");
     const auto lens = lenses.find(TextOf(Member(entry, "intrinsicId")));
     if (lens == lenses.end()) return Bad(where, "its intrinsicId names no lens");
-    loaded.view.camera = lens->second.camera;
-    loaded.distortion = lens->second.distortion;
+    LoadedView loaded = lens->second;
+    loaded.view.name = name;
     LITAGS_RETURN_IF_ERROR(ReadPose(*pose->second, where, &loaded.view.camera));
     views.push_back(std::move(loaded));
   }

@@ -18,11 +18,6 @@ using Json = nlohmann::json;
 
 constexpr std::string_view kDropped[] = {"structure", "control_points"};
 
-struct Lens {
-  Camera camera;
-  Distortion distortion;
-};
-
 absl::Status Bad(std::string_view where, std::string_view what) {
   return InvalidField("MISSING_KEY", where,
                       absl::StrCat(Absl(what), "; write the file again with OpenMVG"));
@@ -63,9 +58,10 @@ absl::Status ReadDistortion(const std::string& type, const Json& data, std::stri
 }
 
 // By key. Only the first lens of a type names it; the others have its number.
-absl::StatusOr<std::map<std::string, Lens>> ReadLenses(const Json& list, std::string_view field) {
+absl::StatusOr<std::map<std::string, LoadedView>> ReadLenses(const Json& list,
+                                                             std::string_view field) {
   constexpr uint32_t kFirst = 0x80000000;
-  std::map<std::string, Lens> lenses;
+  std::map<std::string, LoadedView> lenses;
   std::map<uint32_t, std::string> types;
   for (const Json& entry : list) {
     const std::string key = TextOf(Member(entry, "key"));
@@ -77,18 +73,18 @@ absl::StatusOr<std::map<std::string, Lens>> ReadLenses(const Json& list, std::st
       types[number] = name.get<std::string>();
     }
     const Json& data = DataOf(entry);
-    Lens lens;
+    LoadedView lens;
     double width = 0, height = 0, center[2] = {};
     if (!ReadNumber(Member(data, "width"), &width) ||
         !ReadNumber(Member(data, "height"), &height) ||
-        !ReadNumber(Member(data, "focal_length"), &lens.camera.fx) ||
+        !ReadNumber(Member(data, "focal_length"), &lens.view.camera.fx) ||
         !ReadNumbers(Member(data, "principal_point"), center) || !types.contains(number)) {
       return Bad(where, "it lacks its type, width, height, focal_length or principal_point");
     }
-    LITAGS_RETURN_IF_ERROR(SetSize(width, height, where, &lens.camera));
-    lens.camera.fy = lens.camera.fx;
-    lens.camera.cx = center[0] + 0.5;
-    lens.camera.cy = center[1] + 0.5;
+    LITAGS_RETURN_IF_ERROR(SetSize(width, height, where, &lens.view.camera));
+    lens.view.camera.fy = lens.view.camera.fx;
+    lens.view.camera.cx = center[0] + 0.5;
+    lens.view.camera.cy = center[1] + 0.5;
     LITAGS_RETURN_IF_ERROR(ReadDistortion(types[number], data, where, &lens.distortion));
     lenses[key] = lens;
   }
@@ -113,13 +109,12 @@ absl::StatusOr<SparseModel> ParseOpenMvg(std::string_view json, std::string_view
     const Json& data = DataOf(entry);
     const auto pose = poses.find(TextOf(Member(data, "id_pose")));
     if (pose == poses.end()) continue;  // OpenMVG could not place it
-    LoadedView loaded;
-    loaded.view.name = BaseName(TextOf(Member(data, "filename")));
-    const std::string where = absl::StrCat(Absl(field), ".views[", loaded.view.name, "]");
+    const std::string name = BaseName(TextOf(Member(data, "filename")));
+    const std::string where = absl::StrCat(Absl(field), ".views[", name, "]");
     const auto lens = lenses.find(TextOf(Member(data, "id_intrinsic")));
     if (lens == lenses.end()) return Bad(where, "its id_intrinsic names no lens");
-    loaded.view.camera = lens->second.camera;
-    loaded.distortion = lens->second.distortion;
+    LoadedView loaded = lens->second;
+    loaded.view.name = name;
     double rows[9], center[3];
     const Json& rotation = Member(*pose->second, "rotation");
     bool good = rotation.is_array() && rotation.size() == 3 &&

@@ -51,10 +51,9 @@ absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const Sp
       LITAGS_RETURN_IF_ERROR(cancel.Check());
       const std::string& name = model.views[i * all / n].name;
       const std::string path = PathOf(input, name), field = absl::StrCat("images[", name, "]");
-      LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(path, field));
       LITAGS_ASSIGN_OR_RETURN(const MaskedPhoto read,
                               ReadMaskedPhoto(path, field, MaskPathOf(masks, name)));
-      priors[i] = MeasureColorPrior(read.photo, info.chroma_step, read.mask);
+      priors[i] = MeasureColorPrior(read.photo, read.info.chroma_step, read.mask);
       return absl::OkStatus();
     }();
   });
@@ -67,10 +66,11 @@ struct OnePhoto {
   View view;
   Photo photo;
   PlaneU8 mask;
-  PhotoDarkness darkness;  // as the camera wrote it
-  double stated_exposure = 0;
+  PhotoDarkness darkness;      // as the camera wrote it
+  double stated_exposure = 0;  // as StatedExposure has it
 };
 
+// By EXIF, in a unit of its own; 0: not said.
 double StatedExposure(const ImageInfo& info) {
   if (!(info.exposure_time > 0 && info.iso > 0 && info.f_number > 0)) return 0;
   return info.exposure_time * info.iso / (info.f_number * info.f_number);
@@ -81,11 +81,10 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
                        const Distortion& distortion, const ShadowColors* shadows, OnePhoto* v) {
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
-  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(path, field));
-  v->stated_exposure = StatedExposure(info);
+  v->stated_exposure = StatedExposure(read.info);
   v->photo = std::move(read.photo);
   v->mask = std::move(read.mask);
-  v->darkness = MeasureDarkness(v->photo, v->mask, info);
+  v->darkness = MeasureDarkness(v->photo, v->mask, read.info);
   const Camera& camera = v->view.camera;
   if (v->photo.width != camera.width || v->photo.height != camera.height) {
     return InvalidInput(

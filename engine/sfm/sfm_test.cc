@@ -19,7 +19,6 @@
 #include "engine/io/mask_io.h"
 #include "engine/io/transforms_io.h"
 #include "engine/sfm/fake_colmap.h"
-#include "engine/sfm/photo_set.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -122,27 +121,6 @@ TEST_F(SfmTest, PhotosOfOneSizeAndFocalLengthShareACamera) {
   const std::string images = colmap_.dir() + "/work/sfm/0/images";
   EXPECT_TRUE(std::filesystem::exists(images + "/128x96/000002.png"));
   EXPECT_TRUE(std::filesystem::exists(images + "/128x96_52mm/000003.png"));
-}
-
-TEST_F(SfmTest, FocalLengthsThatDifferByLessThanAPercentAreOneLens) {
-  const std::string images = colmap_.MakePhotos(6, 128, 96, kDark);
-  const auto names = ListPhotos(images, "images");
-  ASSERT_TRUE(names.ok()) << names.status();
-  const int hundredths[] = {421, 420, 423,
-                            422, 424, 430};  // mm; the last is a percent and more off
-  for (size_t i = 0; i < 6; ++i) {
-    const std::string path = images + "/" + (*names)[i];
-    const std::string jpeg = EncodeJpeg(*ReadImage(path, "photo")).value();
-    std::filesystem::remove(path);
-    ASSERT_TRUE(WriteFileAtomically(images + "/" + Stem((*names)[i]) + ".jpg",
-                                    WithJpegExif(jpeg, FocalBlock(0, hundredths[i], 100)))
-                    .ok());
-  }
-  const auto photos = ListPhotoSet(images, 0);
-  ASSERT_TRUE(photos.ok()) << photos.status();
-  for (size_t i = 0; i < 6; ++i) {
-    EXPECT_EQ((*photos)[i].camera, i < 5 ? "128x96_4.2mm" : "128x96_4.3mm") << i;
-  }
 }
 
 TEST_F(SfmTest, LensDistortionIsKeptWhereItShows) {

@@ -31,6 +31,15 @@ double LinearFromHlg(double code) {
   return code <= 0.5 ? code * code / 3 : (std::exp((code - kC) / kA) + kB) / 12;
 }
 
+// Linear light of every code of 16 bits.
+std::vector<float> Tabulate(double (*linear)(double code)) {
+  std::vector<float> table(65536);
+  for (size_t i = 0; i < table.size(); ++i) {
+    table[i] = static_cast<float>(linear(double(i) / 65535));
+  }
+  return table;
+}
+
 }  // namespace
 
 int MatrixOf(const AVFrame& frame) {
@@ -65,11 +74,9 @@ void ToSrgb(std::span<const uint16_t> codes, const AVFrame& frame, Photo* photo)
     }
     return;
   }
-  std::vector<float> linear(65536);
-  for (size_t i = 0; i < linear.size(); ++i) {
-    const double code = double(i) / 65535;
-    linear[i] = static_cast<float>(hlg ? LinearFromHlg(code) : LinearFromSrgb(code));
-  }
+  static const std::vector<float> from_hlg = Tabulate(LinearFromHlg),
+                                  from_srgb = Tabulate(LinearFromSrgb);
+  const std::vector<float>& linear = hlg ? from_hlg : from_srgb;
   constexpr Matrix kSame = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
   const Matrix& m = matrix == nullptr ? kSame : *matrix;
   const SampleTable& sample = SampleTable::Get();

@@ -21,6 +21,7 @@ extern "C" {
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
+#include "engine/io/image_io.h"
 #include "engine/video/video_color.h"
 
 namespace litags {
@@ -78,43 +79,24 @@ int OpenNothing(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary*
   return AVERROR(EPERM);
 }
 
-// How the picture must be turned to stand upright.
-struct Turn {
-  int quarters = 0;     // clockwise, after the mirror
-  bool mirror = false;  // left and right change places
-};
-
-Turn TurnOf(const AVStream& stream) {
+// How the picture must be turned to stand upright, as EXIF numbers it.
+int OrientationOf(const AVStream& stream) {
   size_t size = 0;
   const uint8_t* data = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &size);
-  Turn turn;
-  if (data == nullptr || size < 9 * sizeof(int32_t)) return turn;
+  if (data == nullptr || size < 9 * sizeof(int32_t)) return 1;
   int32_t matrix[9];
   std::memcpy(matrix, data, sizeof(matrix));
   const double determinant = double(matrix[0]) * matrix[4] - double(matrix[1]) * matrix[3];
-  turn.mirror = determinant < 0;
-  if (turn.mirror) {
+  const bool mirror = determinant < 0;  // left and right change places before it is turned
+  if (mirror) {
     matrix[0] = -matrix[0];
     matrix[1] = -matrix[1];
   }
   const double degrees = -av_display_rotation_get(matrix);
-  if (std::isfinite(degrees)) turn.quarters = static_cast<int>(std::lround(degrees / 90)) & 3;
-  return turn;
-}
-
-Photo Upright(const Photo& photo, const Turn& turn) {
-  if (turn.quarters == 0 && !turn.mirror) return photo;
-  const bool swap = turn.quarters % 2 != 0;
-  const int w = photo.width, h = photo.height;
-  Photo out(swap ? h : w, swap ? w : h);
-  for (int y = 0; y < h; ++y) {
-    for (int x = 0; x < w; ++x) {
-      const int u = turn.mirror ? w - 1 - x : x;
-      const int to_x[] = {u, h - 1 - y, w - 1 - u, y}, to_y[] = {y, u, h - 1 - y, w - 1 - u};
-      std::copy_n(photo.pixel(x, y), 3, out.pixel(to_x[turn.quarters], to_y[turn.quarters]));
-    }
-  }
-  return out;
+  const auto quarters =
+      std::isfinite(degrees) ? static_cast<int>(std::lround(degrees / 90)) & 3 : 0;
+  constexpr int kTurned[] = {1, 6, 3, 8}, kMirrored[] = {2, 7, 4, 5};  // clockwise
+  return mirror ? kMirrored[quarters] : kTurned[quarters];
 }
 
 bool IsOnTheList(absl::string_view codec) {
@@ -172,7 +154,7 @@ class RealVideoFile : public VideoFile {
   }
 
   absl::StatusOr<Photo> Picture() override {
-    const bool swap = turn_.quarters % 2 != 0;
+    const bool swap = SwapsSides();
     const int width = swap ? info_.height : info_.width, height = swap ? info_.width : info_.height;
     std::vector<uint16_t> codes(size_t{3} * width * height);
     LITAGS_RETURN_IF_ERROR(
@@ -181,10 +163,12 @@ class RealVideoFile : public VideoFile {
               codes.data(), 3 * width));
     Photo photo(width, height);
     ToSrgb(codes, *frame_, &photo);
-    return Upright(photo, turn_);
+    return TurnUpright(std::move(photo), orientation_);
   }
 
  private:
+  bool SwapsSides() const { return orientation_ >= 5; }
+
   absl::Status Refuse(std::string_view reason, const std::string& message) const {
     return InvalidInput(reason, field_, absl::StrCat(field_, ": ", message));
   }
@@ -248,7 +232,7 @@ class RealVideoFile : public VideoFile {
   absl::Status Measure() {
     const AVCodecParameters& params = *stream_->codecpar;
     if (params.width <= 0 || params.height <= 0) return Corrupt("states no size of its pictures");
-    turn_ = TurnOf(*stream_);
+    orientation_ = OrientationOf(*stream_);
     const AVRational aspect = av_guess_sample_aspect_ratio(format_.get(), stream_, nullptr);
     const double ratio = aspect.num > 0 && aspect.den > 0 ? av_q2d(aspect) : 1;
     const double stretched_width = params.width * std::max(1.0, ratio);
@@ -263,7 +247,7 @@ class RealVideoFile : public VideoFile {
     }
     info_.width = static_cast<int>(std::lround(stretched_width));
     info_.height = static_cast<int>(std::lround(stretched_height));
-    if (turn_.quarters % 2 != 0) std::swap(info_.width, info_.height);
+    if (SwapsSides()) std::swap(info_.width, info_.height);
     if (stream_->duration > 0) {
       info_.seconds = double(stream_->duration) * av_q2d(stream_->time_base);
     } else if (format_->duration > 0) {
@@ -393,7 +377,7 @@ class RealVideoFile : public VideoFile {
   Owned<AVFrame> frame_;
   Owned<SwsContext> scaler_, luma_scaler_;
   VideoInfo info_;
-  Turn turn_;
+  int orientation_ = 1;
   int64_t frames_ = 0, packets_ = 0, damaged_ = 0, first_stamp_ = 0;
   int stored_width_ = 0, stored_height_ = 0;
   double seconds_ = 0;

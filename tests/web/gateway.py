@@ -12,7 +12,7 @@ import urllib.parse
 sys.path.insert(0, str(pathlib.Path(os.environ["LITAGS_SOURCE"], "tests/service")))
 import harness  # noqa: E402
 
-JSON = {"Content-Type": "application/json"}
+PHOTOS = ("a.png", "b.png", "c.png")
 
 
 class WebServer(harness.Server):
@@ -93,3 +93,47 @@ class Client:
             elif not line.strip() and data:
                 yield name, number, json.loads(data)
                 name, number, data = "message", None, ""
+
+
+class GatewayTest(harness.ServiceTest):
+    """One server without tokens."""
+
+    extra = ()
+
+    @classmethod
+    def make_server(cls):
+        return WebServer(cls.class_folder, extra=cls.extra)
+
+    def setUp(self):
+        super().setUp()
+        self.web = self.client()
+
+    def client(self, **more):
+        """One more connection."""
+        client = Client(self.server.web_port, **more)
+        self.addCleanup(client.connection.close)
+        return client
+
+    def new_job(self, names=PHOTOS, options=None, start=True):
+        """A job made by HTTP alone."""
+        job = self.web.post("/v1/jobs", {"displayName": "by HTTP", "options": options or {}}).json()
+        for seed, name in enumerate(names):
+            reply = self.web.put_file(job["name"], name, harness.png(seed=seed))
+            self.assertEqual(reply.code, 200, reply.body)
+        if start:
+            self.assertEqual(self.web.post(f"/v1/{job['name']}:start").json()["state"],
+                             "JOB_STATE_QUEUED")
+        return job["name"]
+
+    def web_job(self):
+        """A finished job; the same for a whole class."""
+        cls = type(self)
+        if not hasattr(cls, "done"):
+            cls.done = self.new_job(options={"iterations": 40, "previewEvery": 10})
+            self.wait_for(lambda: self.state(cls.done) == harness.SUCCEEDED, "the job's end")
+        return cls.done
+
+    def assert_fails(self, reply, code, reason, words="."):
+        self.assertEqual(reply.code, code, reply.body)
+        self.assertEqual(reply.reason(), reason)
+        self.assertRegex(reply.json()["message"], words)

@@ -1,0 +1,270 @@
+"""Who may call the page's gateway, and what it takes from those who may not."""
+
+import concurrent.futures
+import contextlib
+import json
+import pathlib
+import socket
+import ssl
+import subprocess
+import tempfile
+import time
+import unittest
+
+import gateway
+import harness
+from gateway import GatewayTest, PHOTOS
+
+
+class Browsers(GatewayTest):
+    """What pages of other sites may do: nothing."""
+
+    def test_the_page_and_its_headers(self):
+        for path in ("/", "/app.js", "/v1/jobs", "/nothing"):
+            headers = self.web.get(path).headers
+            self.assertEqual(headers["X-Content-Type-Options"], "nosniff")
+            self.assertIn("default-src 'self'", headers["Content-Security-Policy"])
+            self.assertIn("frame-ancestors 'none'", headers["Content-Security-Policy"])
+            self.assertNotIn("Access-Control-Allow-Origin", headers)
+        page = self.web.get("/")
+        again = self.web.get("/", headers={"If-None-Match": page.headers["ETag"]})
+        self.assertEqual((again.code, again.body), (304, b""))
+        self.assertEqual(self.web.call("HEAD", "/").headers["Content-Length"], str(len(page.body)))
+        self.assert_fails(self.web.post("/"), 405, "METHOD_UNKNOWN")
+
+    def test_requests_of_other_sites(self):
+        host = f"127.0.0.1:{self.server.web_port}"
+        for headers in ({"Origin": "https://evil.example"}, {"Origin": "null"},
+                        {"Origin": f"http://{host}.evil.example"},
+                        {"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "same-site"}):
+            for method, path in (("POST", "/v1/jobs"), ("GET", "/v1/jobs"), ("POST", "/v1/session")):
+                self.assert_fails(self.web.call(method, path, "{}", headers), 403,
+                                  "CROSS_SITE_REFUSED")
+        own = {"Origin": f"http://{host}", "Sec-Fetch-Site": "same-origin"}
+        self.assertEqual(self.web.post("/v1/jobs", {}, headers=own).code, 200)
+
+    def test_names_that_were_made_to_mean_this_machine(self):
+        for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", ""):
+            self.assert_fails(self.web.get("/v1/jobs", headers={"Host": host}), 403,
+                              "HOST_NOT_LOCAL")
+        for host in ("localhost", "localhost:8080", "127.0.0.1", "[::1]:80"):
+            self.assertEqual(self.web.get("/v1/jobs", headers={"Host": host}).code, 200)
+
+
+class Tokens(GatewayTest):
+    """The clients alice and bob, on plaintext of this machine."""
+
+    @classmethod
+    def make_server(cls):
+        cls.tokens = {}
+        entries = []
+        for name in ("alice", "bob"):
+            made = subprocess.run([f"{harness.BIN}/{harness.SERVER_PROGRAM}", "token", name],
+                                  capture_output=True, text=True, check=True)
+            cls.tokens[name] = made.stdout.strip()
+            entries.append(made.stderr.split("--token ")[1].strip())
+        return gateway.WebServer(cls.class_folder, extra=("--token", ",".join(entries)))
+
+    def log_in(self, name):
+        """The cookie, as a browser would send it."""
+        reply = self.web.post("/v1/session", {"token": self.tokens[name]})
+        self.assertEqual(reply.code, 200, reply.body)
+        cookie = reply.headers["Set-Cookie"]
+        self.assertIn("HttpOnly", cookie)
+        self.assertIn("SameSite=Strict", cookie)
+        return {"Cookie": "theme=dark; " + cookie.split(";")[0]}
+
+    def test_wrong_and_missing_tokens(self):
+        for headers in ({}, {"Authorization": "Bearer wrong"}, {"Cookie": "litags_token=wrong"},
+                        {"Cookie": "litags_token="}, {"Cookie": "=;;litags_token"}):
+            reply = self.web.get("/v1/jobs", headers=headers)
+            self.assert_fails(reply, 401, "TOKEN_MISSING|TOKEN_INVALID")
+        for body in ({"token": "wrong"}, {"token": ""}, {"token": 3}, {"token": "a\r\nSet-Cookie: x"},
+                     {}, "no json"):
+            reply = self.web.call("POST", "/v1/session", body if isinstance(body, str)
+                                  else json.dumps(body))
+            self.assertEqual(reply.code, 401, reply.body)
+            self.assertNotIn("Set-Cookie", reply.headers)
+
+    def assert_fails(self, reply, code, reason, words="."):
+        self.assertEqual(reply.code, code, reply.body)
+        self.assertRegex(reply.reason(), reason)
+
+    def test_a_session(self):
+        alice = self.log_in("alice")
+        job = self.web.post("/v1/jobs", {}, headers=alice).json()
+        self.assertEqual(job["owner"], "alice")
+        self.assertEqual(self.web.get("/v1/serverInfo", headers=alice).json()["client"]["name"],
+                         "alice")
+        gone = self.web.call("DELETE", "/v1/session")
+        self.assertIn("Max-Age=0", gone.headers["Set-Cookie"])
+        # Any other client is told that there is no such job, by every way.
+        bob = self.log_in("bob")
+        bearer = {"Authorization": f"Bearer {self.tokens['bob']}"}
+        for headers in (bob, bearer, {**alice, **bearer}):
+            self.assert_fails(self.web.get(f"/v1/{job['name']}", headers=headers), 404,
+                              "JOB_NOT_FOUND")
+            self.assertEqual(self.web.get("/v1/jobs", headers=headers).json().get("jobs", []), [])
+
+    def test_tokens_free_the_name_of_the_machine(self):
+        alice = {**self.log_in("alice"), "Host": "photos.example"}
+        self.assertEqual(self.web.get("/v1/jobs", headers=alice).code, 200)
+
+    def test_strangers_bytes_are_not_taken(self):
+        self.assert_fails(self.web.put_file("jobs/0none", "x.png", bytes(1 << 20)), 401, "TOKEN_MISSING")
+
+
+class Hostile(GatewayTest):
+    """Connections that cost, on a server with little room."""
+
+    extra = ("--max-web-connections", "40", "--max-unread", "2", "--max-upload-silence", "2")
+
+    def raw(self, text):
+        connection = socket.create_connection(("127.0.0.1", self.server.web_port))
+        self.addCleanup(connection.close)
+        connection.settimeout(harness.PATIENCE_S)
+        connection.sendall(text)
+        return connection
+
+    def answer(self, text):
+        connection = self.raw(text)
+        data = b""
+        with contextlib.suppress(ConnectionResetError):
+            while piece := connection.recv(65536):
+                data += piece
+        return data
+
+    def test_what_is_no_request(self):
+        for text in (b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", b"GET\r\n\r\n",
+                     b"GET  / HTTP/1.1\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n",
+                     b"GET / HTTP/1.1\r\nno colon\r\n\r\n", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+                     b"GET nopath HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
+                     b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: x\r\n\r\n",
+                     b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 5\r\n"
+                     b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n"):
+            said = self.answer(text)
+            self.assertTrue(said.startswith(b"HTTP/1.1 4") or not said, (text, said[:200]))
+        said = self.answer(b"GET / HTTP/1.1\r\nX: " + b"y" * 20000 + b"\r\n\r\n")
+        self.assertTrue(said.startswith(b"HTTP/1.1 431"), said[:200])
+        self.assertEqual(self.web.get("/v1/jobs").code, 200)
+
+    def test_a_body_that_stops(self):
+        said = self.answer(b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 50\r\n\r\n{")
+        self.assertTrue(said.startswith(b"HTTP/1.1 504") or not said, said[:200])
+
+    def test_expect_continue(self):
+        connection = self.raw(b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 2\r\n"
+                              b"Expect: 100-continue\r\nConnection: close\r\n\r\n")
+        self.assertTrue(connection.recv(100).startswith(b"HTTP/1.1 100 "))
+        connection.sendall(b"{}")
+        self.assertTrue(connection.recv(100).startswith(b"HTTP/1.1 200 "))
+
+    def test_requests_one_after_the_other(self):
+        one = b"GET /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\n%s\r\n"
+        said = self.answer(one % b"" * 3 + one % b"Connection: close\r\n")
+        self.assertEqual(said.count(b"HTTP/1.1 200 OK"), 4)
+
+    def test_clients_that_do_not_read_lose_their_connection(self):
+        job = self.web_job()
+        url = f"/v1/{job}/view?pose.camera=a.png&settings.width=1600&settings.format=PICTURE_FORMAT_RAW_FLOAT"
+        request = f"GET {url} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode()
+        lazy = []
+        for _ in range(8):
+            connection = socket.socket()
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            connection.connect(("127.0.0.1", self.server.web_port))
+            connection.sendall(request)
+            lazy.append(connection)
+            self.addCleanup(connection.close)
+        # They hold no thread: others are served.
+        self.assertEqual(self.web.get("/v1/jobs").code, 200)
+
+        def cut():
+            log = pathlib.Path(self.server.log_path).read_text()
+            return "does not read its answer" in log
+        self.wait_for(cut, "an end of their connections")
+
+    def test_ten_thousand_requests(self):
+        def some(_):
+            web = self.client()
+            return [web.get("/v1/jobs").code for _ in range(500)]
+        with concurrent.futures.ThreadPoolExecutor(20) as pool:
+            codes = [code for codes in pool.map(some, range(20)) for code in codes]
+        self.assertEqual((len(codes), set(codes)), (10000, {200}))
+
+    def test_more_connections_than_there_is_room_for(self):
+        for _ in range(60):
+            self.raw(b"GET /")
+        self.assertEqual(self.client().get("/v1/jobs").code, 200)
+
+
+class Tls(GatewayTest):
+
+    @classmethod
+    def make_server(cls):
+        cert, key = f"{cls.class_folder}/cert.pem", f"{cls.class_folder}/key.pem"
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2",
+                        "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1",
+                        "-keyout", key, "-out", cert], check=True, capture_output=True)
+        cls.context = ssl.create_default_context(cafile=cert)
+        return gateway.WebServer(cls.class_folder, extra=("--tls-cert", cert, "--tls-key", key))
+
+    def setUp(self):
+        super().setUp()
+        self.web = self.client(context=self.context)
+
+    def test_calls_and_events(self):
+        job = self.web.post("/v1/jobs").json()["name"]
+        for seed, name in enumerate(PHOTOS):
+            self.assertEqual(self.web.put_file(job, name, harness.large_png(seed, 300, 200)).code, 200)
+        self.web.post(f"/v1/{job}:start")
+        self.web.post(f"/v1/{job}:cancel")
+        self.assertEqual(list(self.web.events(f"/v1/{job}/events"))[-1][0], "end")
+        cookie = self.web.call("DELETE", "/v1/session").headers["Set-Cookie"]
+        self.assertIn("; Secure", cookie)
+
+    def test_plaintext_is_no_request(self):
+        with contextlib.suppress(ConnectionResetError, gateway.http.client.HTTPException):
+            gateway.Client(self.server.web_port).get("/")
+            self.fail("plaintext was answered")
+        self.assertEqual(self.web.get("/").code, 200)
+
+
+class Starting(unittest.TestCase):
+
+    def refused(self, *flags):
+        with tempfile.TemporaryDirectory() as folder:
+            run = subprocess.run(
+                [f"{harness.BIN}/{harness.SERVER_PROGRAM}", "--listen", "127.0.0.1:0", "--data",
+                 folder, *flags], capture_output=True, text=True, timeout=harness.PATIENCE_S)
+            self.assertEqual(run.returncode, 1)
+            return run.stderr
+
+    def test_addresses_that_others_reach(self):
+        self.assertIn("unencrypted", self.refused("--web", "0.0.0.0:0"))
+
+    def test_an_address_that_is_taken(self):
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            said = self.refused("--web", "127.0.0.1:%d" % taken.getsockname()[1])
+            self.assertIn("choose another --web", said)
+
+    def test_it_ends_while_clients_are_there(self):
+        with tempfile.TemporaryDirectory() as folder:
+            server = gateway.WebServer(folder)
+            web = gateway.Client(server.web_port)
+            self.addCleanup(web.connection.close)
+            job = web.post("/v1/jobs").json()["name"]
+            events = web.events(f"/v1/{job}/events")
+            next(events)
+            idle = gateway.Client(server.web_port)
+            self.addCleanup(idle.connection.close)
+            idle.get("/")
+            began = time.monotonic()
+            self.assertEqual(server.stop(), 0)
+            self.assertLess(time.monotonic() - began, 20)
+            with contextlib.suppress(gateway.http.client.HTTPException, ConnectionError):
+                list(events)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
