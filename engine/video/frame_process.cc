@@ -62,11 +62,16 @@ absl::Status TooCostly(const std::string& field, const char* what) {
                                    " than a video may; make it shorter or smaller"));
 }
 
-// For handlers that may not allocate.
-std::string no_memory_line, no_time_line;
-
 [[noreturn]] void EndWith(const std::string& line) {
   Say(line);
+  _exit(0);
+}
+
+// What handlers say, which may not allocate.
+std::string no_memory_line, no_time_line;
+
+[[noreturn]] void EndFromHandler(const std::string& line) {
+  [[maybe_unused]] const ssize_t n = write(STDOUT_FILENO, line.data(), line.size());
   _exit(0);
 }
 
@@ -139,10 +144,10 @@ int PickFramesMain(const std::string& path, const std::string& field, int most) 
   const auto file = MappedFile::Open(path, field);
   if (!file.ok()) EndWith(ErrorLine(file.status()));
   cv::setNumThreads(1);
-  no_memory_line = ErrorLine(TooCostly(field, "memory"));
-  no_time_line = ErrorLine(TooCostly(field, "time"));
-  std::set_new_handler([] { EndWith(no_memory_line); });
-  signal(SIGXCPU, [](int) { EndWith(no_time_line); });
+  no_memory_line = ErrorLine(TooCostly(field, "memory")) + "\n";
+  no_time_line = ErrorLine(TooCostly(field, "time")) + "\n";
+  std::set_new_handler([] { EndFromHandler(no_memory_line); });
+  signal(SIGXCPU, [](int) { EndFromHandler(no_time_line); });
   signal(SIGXFSZ, SIG_IGN);  // write() says so
   // What decoders say about a file could fill the log.
   const int null_fd = open("/dev/null", O_WRONLY);

@@ -90,6 +90,19 @@ TEST_F(FrameProcess, OneThatSaysNothingOrLiesGivesAnError) {
   }
 }
 
+// As the kernel tells a process whose processor time is used up.
+TEST_F(FrameProcess, OneThatTakesTooLongSaysSo) {
+  const std::string video = EncodeVideo(WalkFrames(320, 180, 200, 3), {});
+  // Once it catches the signal, number 24.
+  const char* script =
+      "(until grep -q 'SigCgt:.*[89a-f].....$' /proc/$$/status; do sleep 0.01; done; "
+      "sleep 0.05; kill -XCPU $$) & "
+      "exec \"$@\"";
+  const auto picked = Pick(video, {"/bin/sh", "-c", script, "sh", program_[0], program_[1]});
+  EXPECT_EQ(Reason(picked.status()), "VIDEO_TOO_COSTLY");
+  EXPECT_THAT(std::string(picked.status().message()), HasSubstr("more time than a video may"));
+}
+
 TEST_F(FrameProcess, IsEndedByCancelling) {
   std::thread canceller([&] {
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
