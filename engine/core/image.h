@@ -26,6 +26,14 @@ struct Image {
   const T* pixel(int x, int y) const { return data.data() + 3 * (size_t(y) * width + x); }
 };
 
+// A rectangle of an image's pixels.
+struct PixelRect {
+  int x = 0, y = 0;           // top-left pixel
+  int width = 0, height = 0;  // px
+
+  bool empty() const { return width <= 0 || height <= 0; }
+};
+
 // A finished picture: 8-bit sRGB codes.
 using ImageU8 = Image<uint8_t>;
 

@@ -153,9 +153,11 @@ class FolderDepthProvider : public DepthProvider {
 
 }  // namespace
 
-void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthMap* out) {
+void ResizeDepth(const DepthMap& map, int width, int height, const PixelRect& crop, int threads,
+                 DepthMap* out) {
   const auto resize = [&](Planes* plane) {
-    if (plane->width != width || plane->height != height) *plane = Planes(1, height, width);
+    if (plane->width == crop.width && plane->height == crop.height) return;
+    *plane = Planes(1, crop.height, crop.width);
   };
   resize(&out->depth);
   if (map.confidence.empty()) {
@@ -165,16 +167,16 @@ void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthM
   }
   const std::vector<Between> columns = Betweens(map.depth.width, width);
   const std::vector<Between> rows = Betweens(map.depth.height, height);
-  ParallelFor(threads, height, [&](size_t y, int) {
+  ParallelFor(threads, crop.height, [&](size_t y, int) {
     const auto row_of = [](const Planes& plane, size_t i) {
       return plane.data.data() + i * plane.width;
     };
-    const Between& row = rows[y];
+    const Between& row = rows[crop.y + y];
     const int nearest = row.Nearest();
     const float *top = row_of(map.depth, row.first), *bottom = row_of(map.depth, row.second);
     const float* known = map.confidence.empty() ? nullptr : row_of(map.confidence, nearest);
-    for (int x = 0; x < width; ++x) {
-      const Between& column = columns[x];
+    for (int x = 0; x < crop.width; ++x) {
+      const Between& column = columns[crop.x + x];
       const auto [least, most] = std::minmax(
           {top[column.first], top[column.second], bottom[column.first], bottom[column.second]});
       const bool one_surface = least > 0 && most <= (1 + kEdge) * least;

@@ -29,9 +29,13 @@ struct DepthMap {
   Planes confidence;
 };
 
-// `map` at another size of the same view: bilinear inside a surface, the nearest pixel at its edges
-// and for the confidence. The memory of `out` is used again.
-void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthMap* out);
+// `map` at another size of the same view, or the `crop` of that: bilinear inside a surface, the
+// nearest pixel at its edges and for the confidence. The memory of `out` is used again.
+void ResizeDepth(const DepthMap& map, int width, int height, const PixelRect& crop, int threads,
+                 DepthMap* out);
+inline void ResizeDepth(const DepthMap& map, int width, int height, int threads, DepthMap* out) {
+  ResizeDepth(map, width, height, {0, 0, width, height}, threads, out);
+}
 
 // A photo and its camera, of the same size.
 struct PosedPhoto {

@@ -92,6 +92,7 @@ TEST(Resume, CoarseToFineGoesOnAfterACancel) {
   ReconstructOptions options = SmallOptions();
   options.recipe->coarse_levels = 1;
   options.recipe->coarse_until = 0.5;
+  options.recipe->crop_pixels = 8000;  // two crops at full size
   const ReconstructInput whole = photos.Input("whole"), coarse = photos.Input("coarse"),
                          fine = photos.Input("fine"), flat = photos.Input("flat");
   ASSERT_TRUE(Reconstruct(whole, options).ok());

@@ -249,6 +249,13 @@ KernelCamera::KernelCamera(const Camera& camera)
   max_v = (height - cy) / fy + kJacobianMargin * height / fy;
 }
 
+void KernelCamera::CropTo(const PixelRect& crop) {
+  width = crop.width;
+  height = crop.height;
+  cx -= crop.x;
+  cy -= crop.y;
+}
+
 void ProjectedSplats::Resize(size_t n, int new_channels) {
   channels = new_channels;
   ResizeScratch(n * RecordStride(channels), &records);

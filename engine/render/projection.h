@@ -19,6 +19,9 @@ struct KernelCamera {
   KernelCamera() = default;
   explicit KernelCamera(const Camera& camera);
 
+  // Sees these pixels of its image. Limits stay those of the whole, so that the pixels do.
+  void CropTo(const PixelRect& crop);
+
   float width = 0, height = 0, fx = 0, fy = 0, cx = 0, cy = 0;
   float R[9] = {}, t[3] = {}, center[3] = {};
   float min_u = 0, max_u = 0, min_v = 0, max_v = 0;

@@ -74,9 +74,11 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   const int C = settings.num_channels;
   LITAGS_CHECK(C == kDepthOnly || C == kColorAndNoise || HasVjp(C));
   Impl& s = *impl_;
+  const PixelRect& crop = settings.crop;
   s.camera = KernelCamera(camera);
-  s.width = camera.width;
-  s.height = camera.height;
+  if (!crop.empty()) s.camera.CropTo(crop);
+  s.width = crop.empty() ? camera.width : crop.width;
+  s.height = crop.empty() ? camera.height : crop.height;
   s.projection = {settings.num_channels,
                   std::clamp(settings.sh_degree, 0, kMaxShDegree),
                   settings.depth_source == DepthSource::kCameraZ,

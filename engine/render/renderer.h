@@ -53,6 +53,7 @@ struct RenderSettings {
   int sh_degree = kMaxShDegree;     // 0..3
   DepthSource depth_source = DepthSource::kAttribute;
   std::array<float, kNumChannels> background = {};
+  PixelRect crop;  // the part of the camera's image to draw, inside it; empty: all
   PixelFilter pixel_filter = PixelFilter::kDilate;  // as the scene was trained with
   float near_plane = 0.2f;              // scene units; Gaussians at or before it are dropped (3DGS)
   int threads = 0;                      // <= 0: all cores
@@ -87,7 +88,8 @@ class Renderer {
   Renderer& operator=(Renderer&&) noexcept;
 
   // LITA-GS Eq. 8, for every channel: R0, D_r, P_r, L_r, N_GS.
-  // Composites `splats` into image [num_channels, H, W] and alpha [1, H, W] = 1 - T_final.
+  // Composites `splats` into image [num_channels, H, W] and alpha [1, H, W] = 1 - T_final, with H
+  // and W of the crop.
   // Front to back by depth, alpha = min(0.99, o exp(-sigma)), skipped below 1/255, stopped before T
   // falls below 1e-4 (3DGS). No 3-sigma cut-off: extents are exact. The camera must be valid.
   // With kDepthOnly the image is a distance along the optical axis, without background: the mean

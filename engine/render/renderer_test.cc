@@ -61,6 +61,33 @@ TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
   });
 }
 
+TEST(Renderer, ACropHasThePixelsOfTheWholeImage) {
+  const Splats splats = MakeSplats(200, 5);
+  const Camera camera = MakeCamera(90, 70);
+  RenderSettings settings;
+  Renderer renderer;
+  Planes whole, part, alpha;
+  renderer.Forward(splats, camera, settings, &whole, &alpha);
+  for (const PixelRect crop : {PixelRect{0, 0, 90, 70}, {37, 21, 40, 33}, {80, 60, 10, 10}}) {
+    settings.crop = crop;
+    renderer.Forward(splats, camera, settings, &part, &alpha);
+    ASSERT_EQ(part.width, crop.width);
+    ASSERT_EQ(part.height, crop.height);
+    double sum = 0;
+    for (int c = 0; c < kNumChannels; ++c) {
+      for (int y = 0; y < crop.height; ++y) {
+        for (int x = 0; x < crop.width; ++x) {
+          const float want = whole.at(c, crop.y + y, crop.x + x);
+          // A pixel at a Gaussian's edge of 1/255 may round to its other side.
+          ASSERT_NEAR(part.at(c, y, x), want, 0.02) << c << " " << x << " " << y;
+          sum += std::abs(part.at(c, y, x) - want);
+        }
+      }
+    }
+    EXPECT_LT(sum / (kNumChannels * crop.width * crop.height), 2e-5);
+  }
+}
+
 // The same splats with every scale times `factor`.
 Splats Resized(Splats splats, double factor) {
   for (size_t i = 0; i < splats.size(); ++i) {

@@ -27,7 +27,7 @@ struct SplatState {
 // Sums over the views since the last density step that saw the Gaussian; index = Gaussian. Its
 // score is grad / views.
 struct DensityStats {
-  std::vector<float> grad;   // |dL/dmean2d|, in units of half the image's larger side
+  std::vector<float> grad;   // |dL/dmean2d|, in units of half the larger side of image or crop
   std::vector<float> views;  // that saw it
 
   void Reset(size_t n);

@@ -42,14 +42,14 @@ bool DensitySchedule::IsDue(int done) const {
   return done >= options_.recipe.densify_start && done % options_.recipe.densify_every == 0;
 }
 
-void DensitySchedule::Step(int done, int level, SplatState* splats, DensityStats* stats) const {
+void DensitySchedule::Step(int done, int64_t most_gaussians, SplatState* splats,
+                           DensityStats* stats) const {
   if (least_distance_ > 0) {
     PruneNearCameras(least_distance_, centers_, options_.threads, &splats->params);
   }
   if (done <= growth_end_) {
-    // Smaller photos have fewer pixels to explain; more Gaussians would only learn their noise.
     TrainOptions limited = options_;
-    limited.max_gaussians >>= 2 * level;
+    limited.max_gaussians = most_gaussians;
     ControlDensity(limited, extent_, done, splats, stats);
   }
   if (options_.recipe.max_scale > 0) {

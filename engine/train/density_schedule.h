@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_TRAIN_DENSITY_SCHEDULE_H_
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "engine/core/splats.h"
@@ -28,8 +29,8 @@ class DensitySchedule {
   // True: Step is due after `done` iterations.
   bool IsDue(int done) const;
 
-  // One density step, whose photos had 2^-level of their size.
-  void Step(int done, int level, SplatState* splats, DensityStats* stats) const;
+  // One density step, after which a scene that grows has at most most_gaussians.
+  void Step(int done, int64_t most_gaussians, SplatState* splats, DensityStats* stats) const;
 
  private:
   TrainOptions options_;

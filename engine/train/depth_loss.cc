@@ -135,8 +135,8 @@ void Add(const double* from, depth::Sums* to) {
 
 }  // namespace
 
-std::vector<Patch> DrawDepthPatches(int width, int height, const DepthPatchOptions& options,
-                                    uint64_t seed, uint64_t iteration) {
+std::vector<PixelRect> DrawDepthPatches(int width, int height, const DepthPatchOptions& options,
+                                        uint64_t seed, uint64_t iteration) {
   LITAGS_CHECK(width > 0 && height > 0 && options.size > 0 && options.fraction >= 0);
   const int w = std::min(options.size, width), h = std::min(options.size, height);
   const int cells = (width / w) * (height / h);
@@ -144,7 +144,7 @@ std::vector<Patch> DrawDepthPatches(int width, int height, const DepthPatchOptio
   constexpr uint64_t kStream =
       0x64657074686c6f73;  // "depthlos": apart from other users of the seed
   const CounterRng rng(seed, kStream ^ iteration);
-  std::vector<Patch> patches(count);
+  std::vector<PixelRect> patches(count);
   for (int i = 0; i < count; ++i) {
     patches[i] = {static_cast<int>(rng.Below(2 * i, width - w + 1)),
                   static_cast<int>(rng.Below(2 * i + 1, height - h + 1)), w, h};
@@ -153,8 +153,8 @@ std::vector<Patch> DrawDepthPatches(int width, int height, const DepthPatchOptio
 }
 
 DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView confidence,
-                         const std::vector<Patch>& patches, double weight, PlanesSpan v_rendered,
-                         LossWorkspace& ws) {
+                         const std::vector<PixelRect>& patches, double weight,
+                         PlanesSpan v_rendered, LossWorkspace& ws) {
   const int width = rendered.width, height = rendered.height;
   const auto is_map = [&](const auto& view) {
     return view.channels == 1 && view.width == width && view.height == height;
@@ -162,7 +162,7 @@ DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView conf
   LITAGS_CHECK(rendered.size() > 0 && is_map(rendered) && is_map(target));
   LITAGS_CHECK(confidence.empty() || is_map(confidence));
   LITAGS_CHECK(v_rendered.empty() || is_map(v_rendered));
-  for (const Patch& p : patches) {
+  for (const PixelRect& p : patches) {
     LITAGS_CHECK(p.x >= 0 && p.y >= 0 && p.width > 0 && p.height > 0);
     LITAGS_CHECK(p.x <= width - p.width && p.y <= height - p.height);
   }
@@ -170,7 +170,7 @@ DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView conf
   // Region 0 is the whole map; a region's rows are summed in strips, in order.
   const size_t regions = patches.size() + 1;
   const auto region = [&](size_t i) {
-    return i == 0 ? Patch{0, 0, width, height} : patches[i - 1];
+    return i == 0 ? PixelRect{0, 0, width, height} : patches[i - 1];
   };
   const size_t strips = (height + kStripRows - 1) / kStripRows;
   constexpr size_t kSums = 6;
@@ -180,7 +180,7 @@ DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView conf
     const int first = static_cast<int>(strip) * kStripRows;
     const int last = std::min(height, first + kStripRows);
     for (size_t i = 0; i < regions; ++i) {
-      const Patch r = region(i);
+      const PixelRect r = region(i);
       depth::Sums s;
       for (int y = std::max(first, r.y); y < std::min(last, r.y + r.height); ++y) {
         const size_t at = size_t(y) * width + r.x;
@@ -211,7 +211,7 @@ DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView conf
     const int first = static_cast<int>(strip) * kStripRows;
     for (int y = first; y < std::min(height, first + kStripRows); ++y) {
       for (size_t i = 0; i < regions; ++i) {
-        const Patch r = region(i);
+        const PixelRect r = region(i);
         if (y < r.y || y >= r.y + r.height) continue;
         const size_t at = size_t(y) * width + r.x;
         add_slope(rendered.data + at, target.data + at,

@@ -10,12 +10,6 @@
 
 namespace litags {
 
-// A rectangle of pixels.
-struct Patch {
-  int x = 0, y = 0;           // top-left pixel
-  int width = 0, height = 0;  // px
-};
-
 struct DepthPatchOptions {
   int size = 128;         // side, px; paper. Clipped to the image
   double fraction = 0.5;  // number of patches, of floor(H / size) * floor(W / size); paper
@@ -25,8 +19,8 @@ struct DepthPatchOptions {
 // over the image. A pure function of its arguments.
 // Choice: the paper says "50% of the patches drawn anew"; they are placed freely, not on the
 // grid, so that no pixel row is a patch border in every iteration.
-std::vector<Patch> DrawDepthPatches(int width, int height, const DepthPatchOptions& options,
-                                    uint64_t seed, uint64_t iteration);
+std::vector<PixelRect> DrawDepthPatches(int width, int height, const DepthPatchOptions& options,
+                                        uint64_t seed, uint64_t iteration);
 
 struct DepthLossTerms {  // both times the weight
   double global = 0;     // 1 - PCC of the whole map
@@ -40,8 +34,8 @@ struct DepthLossTerms {  // both times the weight
 // every pixel in all sums (0 leaves it out; the target must be finite there too); empty: all ones.
 // Where either map is constant there is no correlation: the term is 1 and has no gradient.
 DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView confidence,
-                         const std::vector<Patch>& patches, double weight, PlanesSpan v_rendered,
-                         LossWorkspace& ws);
+                         const std::vector<PixelRect>& patches, double weight,
+                         PlanesSpan v_rendered, LossWorkspace& ws);
 
 }  // namespace litags
 

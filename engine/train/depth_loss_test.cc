@@ -13,7 +13,7 @@ namespace litags {
 namespace {
 
 // 1 - PCC of one region by its definition, in two passes.
-double Oracle(const std::vector<double>& a, const Planes& b, const Planes& w, const Patch& p) {
+double Oracle(const std::vector<double>& a, const Planes& b, const Planes& w, const PixelRect& p) {
   const auto weight = [&](size_t i) { return w.empty() ? 1.0 : double(w.data[i]); };
   std::vector<size_t> pixels;
   for (int y = p.y; y < p.y + p.height; ++y) {
@@ -30,13 +30,13 @@ double Oracle(const std::vector<double>& a, const Planes& b, const Planes& w, co
 }
 
 double OracleSum(const std::vector<double>& a, const Planes& b, const Planes& w,
-                 const std::vector<Patch>& patches) {
+                 const std::vector<PixelRect>& patches) {
   double loss = Oracle(a, b, w, {0, 0, b.width, b.height});
-  for (const Patch& p : patches) loss += Oracle(a, b, w, p) / patches.size();
+  for (const PixelRect& p : patches) loss += Oracle(a, b, w, p) / patches.size();
   return loss;
 }
 
-const std::vector<Patch> kPatches = {{0, 0, 7, 9}, {3, 2, 7, 9}, {9, 12, 8, 5}};
+const std::vector<PixelRect> kPatches = {{0, 0, 7, 9}, {3, 2, 7, 9}, {9, 12, 8, 5}};
 
 TEST(DepthLoss, GradientsMatchFiniteDifferencesOfTheOracle) {
   const Planes a = RandomPlanes(1, 17, 19, 1), b = RandomPlanes(1, 17, 19, 2);
@@ -113,11 +113,11 @@ TEST(DepthLoss, ResultsAreTheSameBytesForAnyNumberOfThreads) {
 
 TEST(DrawDepthPatches, AreHalfTheGridInsideTheImageAndNewEveryIteration) {
   bool moved = false;
-  Patch first;
+  PixelRect first;
   for (int iteration = 0; iteration < 200; ++iteration) {
     const auto patches = DrawDepthPatches(500, 375, {}, 9, iteration);
     ASSERT_EQ(patches.size(), 3u);  // half of floor(500 / 128) * floor(375 / 128) = 6
-    for (const Patch& p : patches) {
+    for (const PixelRect& p : patches) {
       ASSERT_GE(p.x, 0);
       ASSERT_GE(p.y, 0);
       ASSERT_LE(p.x + p.width, 500);
@@ -143,7 +143,7 @@ TEST(DepthLoss, MatchesTheReference) {
   const ReferenceCase reference(LITAGS_SOURCE_DIR, "losses_depth_a");
   LITAGS_SKIP_IF_MISSING(reference);
   const Planes rendered = reference.Map("rendered"), target = reference.Map("target");
-  std::vector<Patch> patches;
+  std::vector<PixelRect> patches;
   for (const auto& origin : reference.json()["params"]["patches_y0_x0"]) {
     patches.push_back({origin[1], origin[0], 128, 128});
   }

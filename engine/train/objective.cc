@@ -152,7 +152,7 @@ void Objective::AddStructureLosses(const TrainView& view, const Planes& rendered
       ResizeDepth(*map, rendered.width, rendered.height, workspace_.threads, &depth_);
       map = &depth_;
     }
-    const std::vector<Patch> patches = DrawDepthPatches(
+    const std::vector<PixelRect> patches = DrawDepthPatches(
         rendered.width, rendered.height, DepthPatchOptions(), options_.seed, iteration);
     const PlanesView confidence =
         map->confidence.empty() ? PlanesView() : PlanesView(map->confidence);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/core/mask.h"
+#include "engine/train/crop.h"
 
 namespace litags {
 namespace {
@@ -92,6 +93,23 @@ ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions
     }
     smaller_.push_back(std::move(level));
   }
+  for (int level = 0; level <= static_cast<int>(smaller_.size()); ++level) {
+    compared_.push_back(MeanPixels(level, options.recipe.crop_pixels));
+    const double pixels = MeanPixels(level, 0) * options.recipe.coarse_gaussians;
+    most_gaussians_.push_back(level == 0
+                                  ? options.max_gaussians
+                                  : std::min(options.max_gaussians, static_cast<int64_t>(pixels)));
+  }
+}
+
+double ViewPyramid::MeanPixels(int level, int64_t crop_pixels) const {
+  double sum = 0;
+  for (size_t i = 0; i < views_->size(); ++i) {
+    const Photo& photo = View(level, i).photo;
+    sum += static_cast<double>(photo.pixels()) /
+           CropGrid(photo.width, photo.height, crop_pixels).cells();
+  }
+  return sum / static_cast<double>(views_->size());
 }
 
 int ViewPyramid::LevelOf(int iteration) const {
@@ -108,10 +126,12 @@ double ViewPyramid::WorkBefore(int iteration) const {
   const int levels = static_cast<int>(smaller_.size());
   const double share = levels > 0 ? coarse_iterations_ / levels : 0;
   double work = 0;
-  for (int i = 0; i < levels; ++i) {  // level n - i
-    work += std::clamp(iteration - i * share, 0.0, share) * std::pow(0.25, levels - i);
+  for (int i = 0; i < levels; ++i) {
+    work += std::clamp(iteration - i * share, 0.0, share) * compared_[levels - i];
   }
-  return work + std::max(0.0, iteration - levels * share);
+  return work + std::max(0.0, iteration - levels * share) * compared_[0];
 }
+
+int64_t ViewPyramid::MostGaussians(int level) const { return most_gaussians_[level]; }
 
 }  // namespace litags

@@ -4,6 +4,7 @@
 #ifndef LITAGS_ENGINE_TRAIN_PYRAMID_H_
 #define LITAGS_ENGINE_TRAIN_PYRAMID_H_
 
+#include <cstdint>
 #include <vector>
 
 #include "engine/train/options.h"
@@ -30,18 +31,26 @@ class ViewPyramid {
   // First iteration at full size.
   int CoarseEnd() const;
 
-  // Pixels that the iterations before this one compare, in photos of full size: the time of a run
-  // grows about like this.
+  // Pixels that the iterations before this one compare: the time of a run grows about like this.
   double WorkBefore(int iteration) const;
+
+  // Most Gaussians of a scene while photos of this level are learnt. Smaller photos have fewer
+  // pixels to explain; more Gaussians would only learn their noise.
+  int64_t MostGaussians(int level) const;
 
   const TrainView& View(int level, size_t index) const {
     return level == 0 ? (*views_)[index] : smaller_[level - 1][index];
   }
 
  private:
+  // Pixels of a photo or, if they come in crops, of one; the mean over the views.
+  double MeanPixels(int level, int64_t crop_pixels) const;
+
   const std::vector<TrainView>* views_;
   std::vector<std::vector<TrainView>> smaller_;
   double coarse_iterations_;
+  std::vector<double> compared_;         // pixels of an iteration, by level
+  std::vector<int64_t> most_gaussians_;  // by level
 };
 
 }  // namespace litags

@@ -104,11 +104,36 @@ TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
   EXPECT_EQ(pyramid.LevelOf(50), 0);
   EXPECT_EQ(pyramid.LevelOf(99), 0);
   EXPECT_EQ(pyramid.CoarseEnd(), 50);
+  constexpr double kPixels = 300 * 256;
   EXPECT_DOUBLE_EQ(pyramid.WorkBefore(0), 0);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(26), 25.0 / 16 + 1.0 / 4);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(100), 25.0 / 16 + 25.0 / 4 + 50);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(26), (25.0 / 16 + 1.0 / 4) * kPixels);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(100), (25.0 / 16 + 25.0 / 4 + 50) * kPixels);
   EXPECT_EQ(pyramid.View(2, 0).photo.width, 75);
   EXPECT_EQ(pyramid.View(0, 0).photo.width, 300);
+}
+
+TEST(ViewPyramid, CropsBoundTheWorkOfAnIteration) {
+  const std::vector<TrainView> views = OneView(600, 400);
+  TrainOptions options;
+  options.iterations = 100;
+  options.recipe.coarse_levels = 1;
+  options.recipe.crop_pixels = 40'000;  // 3 x 2 cells; at half size 2 x 1
+  const ViewPyramid pyramid(&views, options);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(50), 50 * 300 * 200 / 2);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(51) - pyramid.WorkBefore(50), 600 * 400 / 6);
+}
+
+TEST(ViewPyramid, SmallPhotosAllowFewerGaussians) {
+  const std::vector<TrainView> views = OneView(600, 400);
+  TrainOptions options;
+  options.recipe.coarse_levels = 2;
+  options.recipe.coarse_gaussians = 1.5;
+  const ViewPyramid pyramid(&views, options);
+  EXPECT_EQ(pyramid.MostGaussians(0), options.max_gaussians);
+  EXPECT_EQ(pyramid.MostGaussians(1), 300 * 200 * 3 / 2);
+  EXPECT_EQ(pyramid.MostGaussians(2), 150 * 100 * 3 / 2);
+  options.max_gaussians = 30'000;
+  EXPECT_EQ(ViewPyramid(&views, options).MostGaussians(1), 30'000);
 }
 
 TEST(ViewPyramid, SmallPhotosHaveFewerLevels) {

@@ -3,11 +3,13 @@
 namespace litags {
 namespace {
 
-// Full size from the start costs 1.4 times the time for no quality that was measured
-// (docs/experiments/performance.md), so that plain 3DGS has it, too, where methods are compared.
-void SetCoarseToFine(Recipe* recipe) {
-  recipe->coarse_levels = 2;
+// Full size from the start, and whole photos where they are large, cost a multiple of the time for
+// no quality that was measured (docs/experiments/performance.md). Plain 3DGS has it, too, where
+// methods are compared.
+void SetPixelsOfIterations(Recipe* recipe) {
+  recipe->coarse_levels = 4;  // of photos of 1600 px; smaller ones have fewer
   recipe->coarse_until = 0.5;
+  recipe->crop_pixels = 200'000;
 }
 
 }  // namespace
@@ -41,7 +43,7 @@ Recipe Litags() {
   // Noise of single photos is averaged rather than followed (docs/experiments/long-runs.md).
   r.lr_decay_epochs = 25;
   r.dropout = 0.35;
-  SetCoarseToFine(&r);
+  SetPixelsOfIterations(&r);
   // Halves keep the picture while they grow, which short runs need; they learn their shapes faster,
   // grow for longer on captures of many photos, and need limits that clones had by their size
   // (docs/experiments/start-and-growth.md).
@@ -62,7 +64,7 @@ Recipe Plain3dgs() {
   r.exposure_ssim = 0.2;  // 3DGS Eq. 7
   // As in Litags(), so that a comparison is not one of schedules.
   r.lr_decay_epochs = 25;
-  SetCoarseToFine(&r);
+  SetPixelsOfIterations(&r);
   return r;
 }
 

@@ -101,10 +101,14 @@ struct Recipe {
   double dropout = 0;
 
   // Coarse to fine: the first coarse_until of the run is shared by photos of 2^-coarse_levels ..
-  // 1/2 of their size, with 4^-level of max_gaussians and no denoising. 0 levels: full size
-  // throughout, as the paper.
+  // 1/2 of their size, with at most coarse_gaussians for each of their pixels and no denoising. 0
+  // levels: full size throughout, as the paper.
   int coarse_levels = 0;
   double coarse_until = 0.5;
+  double coarse_gaussians = 1.5;
+  // An iteration compares a crop of about so many pixels of larger photos (engine/train/crop.h); 0:
+  // whole photos, as the paper.
+  int crop_pixels = 0;
 
   // SH degree starts at min(1, sh_degree) and grows by one every sh_interval iterations; paper.
   int sh_interval = 1000;
@@ -118,7 +122,7 @@ struct Recipe {
   // every photo was seen densify_epochs times if that is later, at most until 0.7 of the run.
   int densify_until = 5000;
   double densify_epochs = 0;
-  double densify_grad = 2e-4;     // least score to grow, in units of half the image; 3DGS
+  double densify_grad = 2e-4;     // least score to grow, in units of half the image or crop; 3DGS
   double densify_percent = 0.01;  // of the extent: larger Gaussians are split, smaller cloned; 3DGS
   double prune_opacity = 0.005;   // 3DGS
   // Largest scale, in distances from the mean to the nearest camera; larger ones are cut to it at
@@ -169,6 +173,9 @@ void VisitFields(FieldsOf<Recipe>, T& r, Visit&& visit) {
   visit("dropout", r.dropout, FieldRule{.least = 0, .most = kMaxDropout});
   visit("coarse_levels", r.coarse_levels, FieldRule{.least = 0, .most = 4});
   visit("coarse_until", r.coarse_until, FieldRule{.least = 0, .most = 1, .above_least = true});
+  visit("coarse_gaussians", r.coarse_gaussians, FieldRule{.least = 0, .above_least = true});
+  visit("crop_pixels", r.crop_pixels,
+        FieldRule{.least = 4096, .most = 1e9, .zero = "whole photos"});
   visit("sh_interval", r.sh_interval, FieldRule{.least = 1});
   visit("growth", r.growth, kAny);
   visit("densify_start", r.densify_start, kWeight);

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -16,6 +15,7 @@
 #include "engine/core/rng.h"
 #include "engine/render/renderer.h"
 #include "engine/train/adam.h"
+#include "engine/train/crop.h"
 #include "engine/train/density_schedule.h"
 #include "engine/train/objective.h"
 #include "engine/train/pyramid.h"
@@ -43,14 +43,10 @@ class Timer {
   std::chrono::steady_clock::time_point start_;
 };
 
-// Photos in a new random order every epoch: a Fisher-Yates shuffle keyed by the epoch.
+// Photos in a new random order every epoch.
 size_t ViewOfIteration(uint64_t seed, int iteration, size_t views) {
   const uint64_t epoch = iteration / views;
-  const CounterRng rng(seed, kViewOrderStream + (epoch << 16));
-  std::vector<uint32_t> order(views);
-  std::iota(order.begin(), order.end(), 0);
-  for (size_t i = views - 1; i > 0; --i) std::swap(order[i], order[rng.Below(i, i + 1)]);
-  return order[iteration % views];
+  return Shuffled(seed, kViewOrderStream + (epoch << 16), views, iteration % views);
 }
 
 // The first loss that is not finite, or null.
@@ -200,13 +196,17 @@ struct Trainer::Impl {
     return status;
   }
 
+  // What this iteration compares with of a photo, and where in the photo that is.
+  const TrainView& Compared(size_t photo, PixelRect* crop);
+
   void Start(Splats initial);
   absl::StatusOr<StepLosses> Learn(size_t photo);
 
   void ControlDensity() {
     if (!density.IsDue(state.iteration)) return;
     Timer timer(&phases.density);
-    density.Step(state.iteration, pyramid.LevelOf(state.iteration), &state.splats, &state.density);
+    density.Step(state.iteration, pyramid.MostGaussians(pyramid.LevelOf(state.iteration)),
+                 &state.splats, &state.density);
   }
 
   TrainOptions options;
@@ -218,6 +218,7 @@ struct Trainer::Impl {
   Objective objective;
   Renderer renderer;
   Planes rendered, alpha, v_rendered;
+  TrainView cropped;
   PdmWeights v_pdm;
   PhaseSeconds phases;
   std::optional<NanRecovery> fault;  // what the last step met
@@ -238,13 +239,22 @@ void Trainer::Impl::Start(Splats initial) {
   }
 }
 
+const TrainView& Trainer::Impl::Compared(size_t photo, PixelRect* crop) {
+  const TrainView& view = pyramid.View(pyramid.LevelOf(state.iteration), photo);
+  const CropGrid grid(view.photo.width, view.photo.height, options.recipe.crop_pixels);
+  *crop = DrawCrop(grid, options.seed, photo, state.iteration / num_views);
+  if (grid.cells() == 1) return view;
+  CropView(view, *crop, options.threads, &cropped);
+  return cropped;
+}
+
 // One step of gradient descent on a photo.
 absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
-  const int level = pyramid.LevelOf(state.iteration);
-  const TrainView& view = pyramid.View(level, photo);
-  const bool denoise = level == 0 && objective.Denoises(state.iteration);
-  const Camera& camera = view.view.camera;
+  PixelRect crop;
+  const TrainView& view = Compared(photo, &crop);
+  const bool denoise = pyramid.LevelOf(state.iteration) == 0 && objective.Denoises(state.iteration);
   RenderSettings settings;
+  settings.crop = crop;
   settings.num_channels = objective.NumChannels();
   settings.sh_degree = ShDegree();
   settings.threads = options.threads;
@@ -254,7 +264,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   if (!options.recipe.prior_geometry) settings.detached_channels = 1u << kChannelStructure;
   {
     Timer timer(&phases.forward);
-    renderer.Forward(state.splats.params, camera, settings, &rendered, &alpha);
+    renderer.Forward(state.splats.params, view.view.camera, settings, &rendered, &alpha);
   }
   StepLosses losses;
   {
@@ -284,7 +294,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
                 view.view.name);
   }
   if (state.iteration < density.GrowthEnd()) {
-    state.density.Add(renderer.stats(), camera.width, camera.height);
+    state.density.Add(renderer.stats(), crop.width, crop.height);
   }
   return losses;
 }

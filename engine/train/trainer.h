@@ -1,5 +1,5 @@
 // The optimisation loop (LITA-GS Sec. "Unsupervised Optimization Strategy"), one photo an
-// iteration.
+// iteration, or a crop of one (recipe.crop_pixels).
 #ifndef LITAGS_ENGINE_TRAIN_TRAINER_H_
 #define LITAGS_ENGINE_TRAIN_TRAINER_H_
 
@@ -64,7 +64,7 @@ class Trainer {
   size_t num_gaussians() const;
   const PhaseSeconds& phases() const;
 
-  // Work of the iterations before this one, relative to one at full size; for estimates of time.
+  // Work of the iterations before this one, in no unit; for estimates of time.
   double WorkBefore(int iteration) const;
 
   // A copy of the scene as it is.

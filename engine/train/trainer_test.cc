@@ -116,6 +116,39 @@ TEST(Trainer, NumberOfThreadsDoesNotChangeAByte) {
   }
 }
 
+// Mean |picture - target| over all views.
+double ErrorOf(const Model& model, const std::vector<TrainView>& views) {
+  double sum = 0;
+  size_t samples = 0;
+  Renderer renderer;
+  Planes image, alpha;
+  RenderSettings settings;
+  settings.num_channels = kColorOnly;
+  for (const TrainView& view : views) {
+    renderer.Forward(model.splats, view.view.camera, settings, &image, &alpha);
+    for (size_t i = 0; i < image.plane_size(); ++i) {
+      for (int c = 0; c < 3; ++c) {
+        sum += std::abs(image.plane(c)[i] - EncodedOf(view.target.data[3 * i + c]));
+        ++samples;
+      }
+    }
+  }
+  return sum / samples;
+}
+
+TEST(Trainer, CropsTeachTheWholePhotos) {
+  TrainOptions options = Options();
+  const double before = ErrorOf(MakeTrainer(options).Snapshot(), Views());
+  Trainer whole = MakeTrainer(options);
+  Train(&whole, 120);
+  options.recipe.crop_pixels = 400;  // 2 x 2 of 48 x 36
+  Trainer crops = MakeTrainer(options);
+  Train(&crops, 120);
+  const double by_whole = ErrorOf(whole.Snapshot(), Views());
+  const double by_crops = ErrorOf(crops.Snapshot(), Views());
+  EXPECT_GT(before - by_crops, 0.4 * (before - by_whole)) << "with a quarter of the pixels";
+}
+
 TEST(Trainer, SeedChangesTheRun) {
   TrainOptions options = Options();
   Trainer a = MakeTrainer(options);

@@ -119,7 +119,7 @@ void RunDepthLosses(const ReferenceCase& reference, CaseReport* report) {
   const Planes rendered = reference.ReadPlanes("rendered"), target = reference.ReadPlanes("target");
   const int size = static_cast<int>(reference.Param("patch"));
   const std::vector<double> corners = reference.ParamList("patches_y0_x0");
-  std::vector<Patch> patches;
+  std::vector<PixelRect> patches;
   for (size_t i = 0; i + 1 < corners.size(); i += 2) {
     patches.push_back({static_cast<int>(corners[i + 1]), static_cast<int>(corners[i]), size, size});
   }

@@ -57,8 +57,8 @@ absl::Status Scorer::Add(const TestView& view, const ImageU8& picture) {
 absl::StatusOr<Scores> Scorer::Finish() const {
   if (views_.empty()) {
     return MakeError(absl::StatusCode::kNotFound, "NO_TRUTH", "truth",
-                     absl::StrCat("truth: ", truth_dir_.empty() ? "no folder" : truth_dir_,
-                                  " has no photo named as a test view"));
+                     absl::StrCat("truth: no test view has a photo of its name",
+                                  truth_dir_.empty() ? "" : absl::StrCat(" in ", truth_dir_)));
   }
   Scores scores;
   scores.views = views_;
