@@ -30,6 +30,10 @@ constexpr double kDecodePixel = 50;
 // those that grow; and records of a view.
 constexpr double kGaussian = sizeof(float) * (kSplatRows * 5 + 40);
 
+int ThreadsOf(const ReconstructOptions& options) {
+  return options.threads > 0 ? options.threads : DefaultThreadCount();
+}
+
 std::string GiB(int64_t bytes) { return absl::StrFormat("%.1f GiB", bytes / double(1 << 30)); }
 
 }  // namespace
@@ -63,7 +67,7 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
 
 absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
                          int64_t bytes) {
-  const int threads = options.threads > 0 ? options.threads : DefaultThreadCount();
+  const int threads = ThreadsOf(options);
   const int64_t least = EstimateMemory(photos, options, threads).Least();
   if (bytes == 0 || least <= bytes) return absl::OkStatus();
   constexpr int kStep = 100, kLeastSide = 300;  // px
@@ -85,6 +89,16 @@ absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const Reconstru
       absl::StrFormat("%d photos at this size take %s of memory or more, and there are "
                       "%s: %s",
                       photos.size(), GiB(least), GiB(bytes), advice));
+}
+
+std::string DescribeMemory(absl::Span<const ScreenedPhoto> photos,
+                           const ReconstructOptions& options, int64_t bytes) {
+  const absl::Status status = CheckMemory(photos, options, bytes);
+  if (!status.ok()) return std::string(status.message());
+  const MemoryEstimate estimate = EstimateMemory(photos, options, ThreadsOf(options));
+  return absl::StrFormat("a run would take %s to %s of memory%s", GiB(estimate.Least()),
+                         GiB(estimate.Most()),
+                         bytes == 0 ? "" : absl::StrFormat("; there are %s", GiB(bytes)));
 }
 
 }  // namespace litags

@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_PIPELINE_MEMORY_ESTIMATE_H_
 
 #include <cstdint>
+#include <string>
 
 #include "absl/status/status.h"
 #include "absl/types/span.h"
@@ -37,6 +38,10 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
 // `photos` take is more than `bytes`; says which max_image_side would do. OK where bytes is 0.
 absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
                          int64_t bytes);
+
+// A sentence for people: what a run takes, and what there is; where it cannot fit, CheckMemory's.
+std::string DescribeMemory(absl::Span<const ScreenedPhoto> photos,
+                           const ReconstructOptions& options, int64_t bytes);
 
 }  // namespace litags
 

@@ -74,6 +74,18 @@ TEST(MemoryEstimate, WhatCannotFitIsRefusedWithWhatWould) {
   EXPECT_TRUE(CheckMemory(photos, ReconstructOptions(), 0).ok()) << "nothing is known of memory";
 }
 
+TEST(MemoryEstimate, IsSaidToPeople) {
+  const std::vector<ScreenedPhoto> photos = PhotosOf(30, 1600, 1200);
+  ReconstructOptions options;
+  options.threads = 2;
+  EXPECT_THAT(DescribeMemory(photos, options, 8 * kGiB),
+              testing::MatchesRegex(
+                  "a run would take 1.[0-9] GiB to 1.[0-9] GiB of memory; there are 8.0 GiB"));
+  EXPECT_THAT(DescribeMemory(photos, options, 0), testing::EndsWith("of memory"));
+  EXPECT_EQ(DescribeMemory(photos, options, kGiB / 2),
+            CheckMemory(photos, options, kGiB / 2).message());
+}
+
 TEST(MemoryEstimate, ARunIsRefusedBeforeCamerasAreFound) {
   const RoomCapture capture(6);
   ReconstructInput input = capture.Input("work");

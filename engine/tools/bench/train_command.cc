@@ -11,6 +11,7 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "engine/tools/bench/commands.h"
@@ -104,6 +105,12 @@ absl::StatusOr<nlohmann::json> ScoreAlso(const TrainArguments& args, const Scene
 
 absl::Status Train(TrainArguments args) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
+  if (args.scene.TruthDir().empty()) {
+    return MakeError(
+        absl::StatusCode::kNotFound, "NO_TRUTH", "scene",
+        absl::StrCat(args.scene.dir, " has no folder high of photos to score against; ",
+                     "litags-train renders such scenes"));
+  }
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(args.out, ignored);
   // From the beginning, not from a checkpoint: the seconds are those of the whole run.

@@ -10,9 +10,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
+#include "engine/core/machine_memory.h"
+#include "engine/core/parallel.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/given_cameras.h"
+#include "engine/pipeline/memory_estimate.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/video_frames.h"
 #include "engine/tools/inspect/photo_sheet.h"
@@ -56,9 +59,11 @@ std::string CamerasNearby(const ReconstructInput& input) {
 
 }  // namespace
 
-absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given, int threads,
+absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given,
+                                          const ReconstructOptions& options,
                                           const std::string& sheet, const CancelToken& cancel) {
   ReconstructInput input = given;
+  const int threads = options.threads > 0 ? options.threads : DefaultThreadCount();
   LITAGS_ASSIGN_OR_RETURN(const std::string others,
                           DescribeOtherPictures(input.images_dir, "images"));
   LITAGS_ASSIGN_OR_RETURN(PhotoScreen screen, ScreenPhotos(input, threads, cancel));
@@ -94,7 +99,7 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given, int thr
                   " are left out; ",
                   input.cameras_path.empty() ? "cameras would be searched for"
                                              : absl::StrCat("cameras: ", input.cameras_path),
-                  "\n");
+                  "\n", DescribeMemory(screen.photos, options, MachineMemory()), "\n");
   for (const std::string& note : screen.notes) absl::StrAppend(&text, "note: ", note, "\n");
   if (!others.empty()) absl::StrAppend(&text, "note: ", others, "\n");
   if (input.cameras_path.empty()) {

@@ -13,10 +13,11 @@ namespace litags {
 
 // Plain text: a line for each photo that would be used (size, lens, exposure, light in stops from
 // the middle photo, sharpness beside the middle photo's, mask, camera), those left out and why, and
-// what else there is to know. Writes found masks under work_dir, and, if `sheet` is not empty, a
-// picture of all photos there (PNG, or JPEG by its ending). Errors of ScreenPhotos and
-// ReadGivenCameras.
-absl::StatusOr<std::string> InspectFolder(const ReconstructInput& input, int threads,
+// what else there is to know, as the memory that a run with `options` takes. Writes found masks
+// under work_dir, and, if `sheet` is not empty, a picture of all photos there (PNG, or JPEG by its
+// ending). Errors of ScreenPhotos and ReadGivenCameras.
+absl::StatusOr<std::string> InspectFolder(const ReconstructInput& input,
+                                          const ReconstructOptions& options,
                                           const std::string& sheet, const CancelToken& cancel);
 
 // The photos of a video, in work_dir; says on stderr how far it is. Other inputs as they are.

@@ -7,7 +7,6 @@
 
 #include "engine/core/arguments.h"
 #include "engine/core/error.h"
-#include "engine/core/parallel.h"
 #include "engine/tools/inspect/inspect.h"
 #include "engine/video/frame_process.h"
 #include "engine/video/video_file.h"
@@ -22,7 +21,8 @@ void OnSignal(int) { g_cancel->Cancel(); }
 
 struct Arguments {
   std::string dir, cameras, masks, sheet;
-  int frames = 0, threads = 0;
+  int frames = 0;
+  ReconstructOptions options;  // that a run would have
 };
 
 absl::Status Run(const Arguments& args, const CancelToken& cancel) {
@@ -41,7 +41,7 @@ absl::Status Run(const Arguments& args, const CancelToken& cancel) {
   if (fs::is_regular_file(args.dir, ignored) && IsVideoName(args.dir)) input.video_path = args.dir;
   LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.frames, cancel));
   LITAGS_ASSIGN_OR_RETURN(const std::string text,
-                          InspectFolder(input, args.threads, args.sheet, cancel));
+                          InspectFolder(input, args.options, args.sheet, cancel));
   std::fputs(text.c_str(), stdout);
   return absl::OkStatus();
 }
@@ -59,9 +59,9 @@ int Main(int argc, char** argv) {
   app.add_option("--frames", args.frames, "At most so many frames of a video; 0: by its motion")
       ->check(CLI::Range(0, 2000));
   app.add_option("--contact-sheet", args.sheet, "Picture of all photos, brightened, .jpg or .png");
-  app.add_option("--threads", args.threads, "Threads; 0: all cores")->check(CLI::Range(0, 1024));
+  app.add_option("--threads", args.options.threads, "Threads; 0: all cores")
+      ->check(CLI::Range(0, 1024));
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
-  if (args.threads == 0) args.threads = DefaultThreadCount();
   CancelToken cancel;
   g_cancel = &cancel;
   std::signal(SIGINT, OnSignal);

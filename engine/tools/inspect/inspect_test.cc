@@ -67,6 +67,8 @@ TEST_F(Inspect, SaysWhatWouldBeUsedAndWhatNot) {
   EXPECT_THAT(text_, ContainsRegex("p3.jpg .* 0[.][0-8][0-9]  -"));
   EXPECT_THAT(text_, HasSubstr("5 photos would be used, 1 are left out"));
   EXPECT_THAT(text_, HasSubstr("bad.jpg is left out"));
+  EXPECT_THAT(text_, ContainsRegex("a run would take 0.[0-9] GiB to 0.[0-9] GiB of memory; there "
+                                   "are [0-9.]+ GiB"));
 }
 
 TEST_F(Inspect, DrawsAContactSheet) {

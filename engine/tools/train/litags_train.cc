@@ -179,8 +179,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
     LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.options.frames, cancel));
   }
   if (args.inspect) {
-    LITAGS_ASSIGN_OR_RETURN(const std::string text,
-                            InspectFolder(input, args.options.threads, "", cancel));
+    LITAGS_ASSIGN_OR_RETURN(const std::string text, InspectFolder(input, args.options, "", cancel));
     std::fputs(text.c_str(), stdout);
     return absl::OkStatus();
   }
