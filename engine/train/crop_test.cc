@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -32,12 +31,12 @@ TEST(DrawCrop, EveryCellComesOnceBeforeAnyComesAgain) {
     std::vector<int> seen(grid.cells());
     for (int i = 0; i < grid.cells(); ++i) {
       const PixelRect crop = DrawCrop(grid, /*seed=*/7, /*photo=*/3, round * grid.cells() + i);
-      // A cell's middle moves by half a cell at most; a crop at the edge keeps its outer line.
-      const int column = std::lround((crop.x + crop.width / 2.0) / 30 - 0.5);
-      const int row = std::lround((crop.y + crop.height / 2.0) / 30 - 0.5);
-      ++seen[std::clamp(row, 0, 1) * 4 + std::clamp(column, 0, 3)];
+      // Outer cells keep their outer line; the second column begins at 15 to 45, the third after.
+      const int inner = crop.x < 45 ? 1 : 2;
+      const int column = crop.x == 0 ? 0 : crop.x + crop.width == 120 ? 3 : inner;
+      ++seen[(crop.y == 0 ? 0 : 4) + column];
     }
-    EXPECT_LE(*std::max_element(seen.begin(), seen.end()), 2) << "neighbours may round to one cell";
+    EXPECT_EQ(seen, std::vector<int>(grid.cells(), 1));
   }
 }
 

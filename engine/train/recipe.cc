@@ -9,7 +9,7 @@ namespace {
 void SetPixelsOfIterations(Recipe* recipe) {
   recipe->coarse_levels = 4;  // of photos of 1600 px; smaller ones have fewer
   recipe->coarse_until = 0.5;
-  recipe->crop_pixels = 200'000;
+  recipe->crop_pixels = 200'000;  // about the photos that the paper trains on. Choice
 }
 
 }  // namespace
