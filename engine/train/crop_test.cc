@@ -25,15 +25,16 @@ TEST(CropGrid, CutsLargePhotosAloneIntoAboutSquareCells) {
 }
 
 TEST(DrawCrop, EveryCellComesOnceBeforeAnyComesAgain) {
-  const CropGrid grid(120, 60, 900);  // 4 x 2
+  const CropGrid grid(12000, 6000, 9000000);  // 4 x 2
   ASSERT_EQ(grid.cells(), 8);
   for (int round = 0; round < 20; ++round) {
     std::vector<int> seen(grid.cells());
     for (int i = 0; i < grid.cells(); ++i) {
       const PixelRect crop = DrawCrop(grid, /*seed=*/7, /*photo=*/3, round * grid.cells() + i);
-      // Outer cells keep their outer line; the second column begins at 15 to 45, the third after.
-      const int inner = crop.x < 45 ? 1 : 2;
-      const int column = crop.x == 0 ? 0 : crop.x + crop.width == 120 ? 3 : inner;
+      // Outer cells keep their outer line; the second column begins at 1500 to 4500, the third
+      // after.
+      const int inner = crop.x < 4500 ? 1 : 2;
+      const int column = crop.x == 0 ? 0 : crop.x + crop.width == 12000 ? 3 : inner;
       ++seen[(crop.y == 0 ? 0 : 4) + column];
     }
     EXPECT_EQ(seen, std::vector<int>(grid.cells(), 1));
