@@ -72,6 +72,7 @@ void AddJobCommands(CLI::App& app, Session& session);     // list, show, cancel,
 void AddManageCommands(CLI::App& app, Session& session);  // info, files, log, update, clone
 void AddResumeCommand(CLI::App& app, Session& session);
 void AddRenderCommands(CLI::App& app, Session& session);  // render, path, cameras
+void AddReportCommand(CLI::App& app, Session& session);
 void AddExportCommand(CLI::App& app, Session& session);
 void AddDoctorCommand(CLI::App& app, Session& session);
 void AddInspectCommand(CLI::App& app, Session& session);

@@ -39,6 +39,9 @@ double RandomFactor() {
   return std::uniform_real_distribution<double>(0.8, 1.2)(generator);
 }
 
+// Of Follow(): to the end of the stream.
+constexpr int64_t kNoLast = 0;
+
 bool HasEnded(v1::JobState state) {
   return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
          state == v1::JOB_STATE_CANCELLED;
@@ -189,7 +192,7 @@ absl::Status Client::DeleteJob(const std::string& name) {
 
 template <class Record, class Open>
 absl::Status Client::Follow(Open open, const char* what, const char* reason, int64_t* after,
-                            absl::FunctionRef<void(const Record&)> on_record) {
+                            int64_t last, absl::FunctionRef<void(const Record&)> on_record) {
   return Retry([&](bool* progressed) {
     grpc::ClientContext context;
     Interrupt::Scope scope(interrupt_, context);
@@ -206,22 +209,37 @@ absl::Status Client::Follow(Open open, const char* what, const char* reason, int
       *after = record.number();
       *progressed = true;
       on_record(record);
+      if (*after == last) {
+        context.TryCancel();
+        (void)reader->Finish();
+        return absl::OkStatus();
+      }
     }
     return FromGrpc(reader->Finish());
   });
 }
 
-absl::StatusOr<v1::Job> Client::WatchJob(const std::string& name, int64_t after,
-                                         absl::FunctionRef<void(const v1::JobEvent&)> on_event) {
+absl::Status Client::FollowEvents(const std::string& name, int64_t* after, int64_t last,
+                                  absl::FunctionRef<void(const v1::JobEvent&)> on_event) {
   const auto open = [&](grpc::ClientContext* context, int64_t from) {
     v1::WatchJobRequest request;
     request.set_name(name);
     request.set_after_event(from);
     return reconstruction_->WatchJob(context, request);
   };
+  return Follow<v1::JobEvent>(open, "event", "EVENTS_BROKEN", after, last, on_event);
+}
+
+absl::Status Client::ListEvents(const std::string& name, int64_t last,
+                                absl::FunctionRef<void(const v1::JobEvent&)> on_event) {
+  int64_t after = 0;
+  return last > 0 ? FollowEvents(name, &after, last, on_event) : absl::OkStatus();
+}
+
+absl::StatusOr<v1::Job> Client::WatchJob(const std::string& name, int64_t after,
+                                         absl::FunctionRef<void(const v1::JobEvent&)> on_event) {
   while (true) {
-    const absl::Status status =
-        Follow<v1::JobEvent>(open, "event", "EVENTS_BROKEN", &after, on_event);
+    const absl::Status status = FollowEvents(name, &after, kNoLast, on_event);
     if (!status.ok()) return status;
     auto job = GetJob(name);
     // A job that was resumed just after it had ended goes on being watched.
@@ -241,7 +259,7 @@ absl::Status Client::GetLog(const std::string& name, int64_t after, bool follow,
     request.set_follow(follow);
     return reconstruction_->GetLog(context, request);
   };
-  return Follow<v1::LogEntry>(open, "entry", "LOG_BROKEN", &after, on_entry);
+  return Follow<v1::LogEntry>(open, "entry", "LOG_BROKEN", &after, kNoLast, on_entry);
 }
 
 absl::StatusOr<v1::RenderedView> Client::RenderView(const v1::RenderViewRequest& request) {

@@ -66,8 +66,12 @@ class Client {
   absl::StatusOr<v1::Job> WatchJob(const std::string& name, int64_t after,
                                    absl::FunctionRef<void(const v1::JobEvent&)> on_event);
 
-  // The same of the job's log, until its end as it is now, or with `follow` until the job has
-  // ended.
+  // Events 1 to `last`, which must have been written, as Job.last_event is.
+  absl::Status ListEvents(const std::string& name, int64_t last,
+                          absl::FunctionRef<void(const v1::JobEvent&)> on_event);
+
+  // The same as WatchJob of the job's log, until its end as it is now, or with `follow` until the
+  // job has ended.
   absl::Status GetLog(const std::string& name, int64_t after, bool follow,
                       absl::FunctionRef<void(const v1::LogEntry&)> on_entry);
 
@@ -100,10 +104,14 @@ class Client {
   template <class Response, class Call>
   absl::StatusOr<Response> Unary(Call call);
   // Reads the numbered records of the stream that `open(context, *after)` begins, across broken
-  // connections, to its end. INTERNAL with `reason` if the server skips or repeats a number.
+  // connections, to its end or to number `last`. INTERNAL with `reason` if the server skips or
+  // repeats a number.
   template <class Record, class Open>
-  absl::Status Follow(Open open, const char* what, const char* reason, int64_t* after,
+  absl::Status Follow(Open open, const char* what, const char* reason, int64_t* after, int64_t last,
                       absl::FunctionRef<void(const Record&)> on_record);
+  // WatchJob's stream of events after *after, as Follow() reads it.
+  absl::Status FollowEvents(const std::string& name, int64_t* after, int64_t last,
+                            absl::FunctionRef<void(const v1::JobEvent&)> on_event);
 
   std::shared_ptr<grpc::Channel> channel_;
   ClientOptions options_;

@@ -175,6 +175,17 @@ TEST_F(ClientTest, WatchingStartsAfterAGivenEvent) {
   EXPECT_TRUE(status.ok()) << status;
 }
 
+TEST_F(ClientTest, EventsUpToANumberDoNotWaitForTheEndOfTheJob) {
+  service_.state()->breaks_left = 1;
+  service_.state()->hang = true;
+  std::vector<int64_t> numbers;
+  const auto add = [&](const v1::JobEvent& event) { numbers.push_back(event.number()); };
+  ASSERT_TRUE(client_->ListEvents("jobs/1", 5, add).ok());
+  EXPECT_THAT(numbers, ElementsAre(1, 2, 3, 4, 5));
+  ASSERT_TRUE(client_->ListEvents("jobs/1", 0, add).ok());
+  EXPECT_EQ(numbers.size(), 5u);
+}
+
 TEST_F(ClientTest, AGapInTheEventsIsAnError) {
   service_.state()->skipped_event = 4;
   absl::Status status;

@@ -26,7 +26,8 @@ Exit codes: 0 ok; 1 the job failed or was cancelled; 2 bad usage or input; 3 no 
   litags submit photos/ --watch
   litags render JOB --camera 0012.jpg -o view.png
   litags path JOB --orbit --frames 60 -o frames/
-  litags export JOB --ply scene.ply)";
+  litags export JOB --ply scene.ply
+  litags report JOB -o report.html)";
 
 // Turns Ctrl-C into interrupt.Raise(); a second one ends the program at once. Must be called
 // before any other thread exists, so that all inherit the mask. Signals that the parent ignores
@@ -125,6 +126,7 @@ int main(int argc, char** argv) {
   litags::client::AddResumeCommand(app, session);
   litags::client::AddRenderCommands(app, session);
   litags::client::AddExportCommand(app, session);
+  litags::client::AddReportCommand(app, session);
   litags::client::AddDoctorCommand(app, session);
   litags::client::AddInspectCommand(app, session);
   try {

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "litags/v1/help.pb.h"
+#include "report/text.h"
 
 namespace litags::client {
 namespace {
@@ -22,18 +22,11 @@ std::string Dashed(std::string name) {
   return name;
 }
 
-// METHOD_LITAGS_PAPER is "litags-paper": values begin with the enum's name, as METHOD_UNSPECIFIED
-// does, the first of them.
-std::string WordOf(const EnumDescriptor& type, const std::string& value) {
-  const size_t prefix = type.value(0)->name().size() - std::string("UNSPECIFIED").size();
-  return Dashed(absl::AsciiStrToLower(value.substr(prefix)));
-}
-
 void SetEnum(const FieldDescriptor& field, const std::string& word, v1::JobOptions& options) {
   std::string words;
   const EnumDescriptor& type = *field.enum_type();
   for (int i = 1; i < type.value_count(); ++i) {  // not UNSPECIFIED
-    const std::string known = WordOf(type, type.value(i)->name());
+    const std::string known = report::EnumWord(*type.value(i));
     if (word == known) return options.GetReflection()->SetEnum(&options, &field, type.value(i));
     absl::StrAppend(&words, words.empty() ? "" : ", ", known);
   }

@@ -107,14 +107,18 @@ absl::StatusOr<std::string> PictureFileBytes(const std::string& path,
   return NpyHeader(view.height(), view.width(), view.planes()) + view.data();
 }
 
+absl::Status WriteWhole(const std::string& path, std::string_view bytes) {
+  OutputFile file;
+  absl::Status status = file.Open(path);
+  if (status.ok()) status = file.Write(bytes);
+  if (status.ok()) status = file.Commit();
+  return status;
+}
+
 absl::Status WritePicture(const std::string& path, const v1::RenderedView& view) {
   const auto bytes = PictureFileBytes(path, view);
   if (!bytes.ok()) return bytes.status();
-  OutputFile file;
-  absl::Status status = file.Open(path);
-  if (status.ok()) status = file.Write(*bytes);
-  if (status.ok()) status = file.Commit();
-  return status;
+  return WriteWhole(path, *bytes);
 }
 
 }  // namespace litags::client

@@ -43,6 +43,9 @@ absl::StatusOr<v1::PictureFormat> PictureFormatOf(const std::string& path);
 // The file's content: the bytes of the view, with an NPY header where `path` ends with .npy.
 absl::StatusOr<std::string> PictureFileBytes(const std::string& path, const v1::RenderedView& view);
 
+// Writes a file with this content, whole or not at all.
+absl::Status WriteWhole(const std::string& path, std::string_view bytes);
+
 // Writes a picture in the format its name says.
 absl::Status WritePicture(const std::string& path, const v1::RenderedView& view);
 

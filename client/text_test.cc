@@ -23,18 +23,6 @@ v1::JobEvent TrainingEvent() {
   return event;
 }
 
-TEST(Text, NumbersReadWell) {
-  EXPECT_EQ(DurationText(0.4), "0s");
-  EXPECT_EQ(DurationText(67), "1m07s");
-  EXPECT_EQ(DurationText(7500), "2h05m");
-  EXPECT_EQ(CountText(0), "0");
-  EXPECT_EQ(CountText(999), "999");
-  EXPECT_EQ(CountText(1000), "1,000");
-  EXPECT_EQ(CountText(-1234567), "-1,234,567");
-  EXPECT_EQ(BytesText(999), "999 B");
-  EXPECT_EQ(BytesText(3'400'000), "3.4 MB");
-}
-
 TEST(Text, AnEventIsOnePlainLine) {
   EXPECT_EQ(EventLine(TrainingEvent()),
             "#12 training  250/1000  loss 0.0812  5,123 Gaussians  41.2 it/s  ETA 1m07s");
@@ -60,16 +48,6 @@ TEST(Text, TheBarIsFilledAsFarAsTheJobIs) {
   EXPECT_THAT(wide, HasSubstr("[=======                       ]"));  // 7 of 30
   EXPECT_THAT(wide, HasSubstr("ETA 1m07s"));
   EXPECT_THAT(ProgressLine(TrainingEvent().progress(), 40), Not(HasSubstr("[")));
-}
-
-TEST(Text, ControlCharactersDoNotReachTheTerminal) {
-  EXPECT_EQ(Printable("a\x1b[2Jb\nc\x7f"), "a?[2Jb\nc?");
-  EXPECT_EQ(Printable("\xc2\x9b"
-                      "2J"),
-            "?2J");
-  EXPECT_EQ(Printable("a\xe2\x80\xaegpj.png \xe2\x80\x8f \xe2\x80\xa8 \xff\xed\xa0\x80"),
-            "a?gpj.png ? ? ????");
-  EXPECT_EQ(Printable("h\xc3\xb6he"), "h\xc3\xb6he");
 }
 
 TEST(Text, TheOutcomeOfAFailureNamesFieldAndReason) {

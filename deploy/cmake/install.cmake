@@ -49,7 +49,7 @@ function(litags_install_library component)
 endfunction()
 litags_install_library(engine litags_engine)
 if(TARGET litags_client)
-  litags_install_library(client litags_client litags_proto)
+  litags_install_library(client litags_client litags_report litags_proto)
   install(DIRECTORY ${PROJECT_BINARY_DIR}/proto/litags
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT client FILES_MATCHING PATTERN "*.pb.h")
 endif()

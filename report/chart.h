@@ -1,0 +1,21 @@
+#ifndef LITAGS_REPORT_CHART_H_
+#define LITAGS_REPORT_CHART_H_
+
+#include <string>
+#include <vector>
+
+#include "report/course.h"
+#include "report/html.h"
+
+namespace litags::report {
+
+// Round numbers from low to high, about `count` of them.
+std::vector<double> Ticks(double low, double high, int count);
+
+// A curve as SVG: values upwards, iterations to the right, with the time at each mark below it. Its
+// colours are the page's. Empty without a point.
+Html Chart(const std::string& name, const std::string& unit, const std::vector<CurvePoint>& curve);
+
+}  // namespace litags::report
+
+#endif  // LITAGS_REPORT_CHART_H_

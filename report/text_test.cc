@@ -1,0 +1,40 @@
+#include "report/text.h"
+
+#include <gtest/gtest.h>
+
+namespace litags::report {
+namespace {
+
+TEST(Text, NumbersReadWell) {
+  EXPECT_EQ(DurationText(0.4), "0s");
+  EXPECT_EQ(DurationText(67), "1m07s");
+  EXPECT_EQ(DurationText(7500), "2h05m");
+  EXPECT_EQ(CountText(0), "0");
+  EXPECT_EQ(CountText(999), "999");
+  EXPECT_EQ(CountText(1000), "1,000");
+  EXPECT_EQ(CountText(-1234567), "-1,234,567");
+  EXPECT_EQ(BytesText(999), "999 B");
+  EXPECT_EQ(BytesText(3'400'000), "3.4 MB");
+}
+
+TEST(Text, ControlCharactersDoNotReachTheTerminal) {
+  EXPECT_EQ(Printable("a\x1b[2Jb\nc\x7f"), "a?[2Jb\nc?");
+  EXPECT_EQ(Printable("\xc2\x9b"
+                      "2J"),
+            "?2J");
+  EXPECT_EQ(Printable("a\xe2\x80\xaegpj.png \xe2\x80\x8f \xe2\x80\xa8 \xff\xed\xa0\x80"),
+            "a?gpj.png ? ? ????");
+  EXPECT_EQ(Printable("h\xc3\xb6he"), "h\xc3\xb6he");
+}
+
+TEST(Text, WordsOfEnumsAreThoseOfTheCommandLine) {
+  EXPECT_EQ(StateText(v1::JOB_STATE_RUNNING), "running");
+  EXPECT_EQ(StageText(v1::STAGE_FINDING_CAMERAS), "finding-cameras");
+  EXPECT_EQ(EnumWord(*v1::Method_descriptor()->FindValueByNumber(v1::METHOD_LITAGS_PAPER)),
+            "litags-paper");
+  EXPECT_EQ(EnumWord(*v1::WhiteBalance_descriptor()->FindValueByNumber(1)), "camera");
+  EXPECT_EQ(StateText(static_cast<v1::JobState>(99)), "99");
+}
+
+}  // namespace
+}  // namespace litags::report
