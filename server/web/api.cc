@@ -25,7 +25,6 @@ namespace asio = boost::asio;
 constexpr size_t kMaxBodyBytes = 2 << 20;
 constexpr size_t kMaxTokenBody = 4 << 10;
 constexpr char kSessionPath[] = "/v1/session";
-constexpr char kInfoRpc[] = "ReconstructionService/GetServerInfo";
 
 Answer Json(std::string body) { return {200, "application/json", std::move(body), {}}; }
 
@@ -148,6 +147,9 @@ asio::awaitable<void> Api::Call(Exchange& exchange, const Match& match) {
     case AnswerKind::kEvents:
       co_await Events(exchange, *match.route, **request);
       break;
+    case AnswerKind::kReport:
+      co_await Report(exchange, *match.route, **request);
+      break;
     case AnswerKind::kDownload:
       co_await Download(exchange, *match.route, **request);
       break;
@@ -161,9 +163,7 @@ asio::awaitable<void> Api::Whole(Exchange& exchange, const Route& route, const M
   const bool bytes = route.kind == AnswerKind::kBytes;
   Answer answer;
   if (bytes && !unread_->IsFor(exchange.head().network)) {
-    answer = Failure(MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
-                               "pictures that were not read yet fill the memory for them; read "
-                               "them, and try again in a second"));
+    answer = NoRoom();
     co_await exchange.Send(std::move(answer));
     co_return;
   }
@@ -181,6 +181,12 @@ asio::awaitable<void> Api::Whole(Exchange& exchange, const Route& route, const M
   }
   answer.headers.emplace_back("Cache-Control", "no-store");
   co_await exchange.Send(std::move(answer));
+}
+
+Answer Api::NoRoom() {
+  return Failure(MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
+                           "pictures that were not read yet fill the memory for them; read "
+                           "them, and try again in a second"));
 }
 
 std::unique_ptr<RpcCall> Api::Begin(Exchange& exchange, std::string_view rpc,

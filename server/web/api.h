@@ -10,6 +10,7 @@
 #include <string>
 
 #include "litags/v1/reconstruction_service.pb.h"
+#include "report/report.h"
 #include "server/net/shared_room.h"
 #include "server/web/exchange.h"
 #include "server/web/routes.h"
@@ -29,6 +30,7 @@ class Api {
   boost::asio::awaitable<void> Serve(Exchange& exchange);
 
  private:
+  static constexpr char kInfoRpc[] = "ReconstructionService/GetServerInfo";
   using Message = google::protobuf::Message;
   template <typename T>
   using Awaitable = boost::asio::awaitable<T>;
@@ -39,6 +41,12 @@ class Api {
   Awaitable<void> Whole(Exchange& exchange, const Route& route, const Message& request);
   Awaitable<void> Events(Exchange& exchange, const Route& route, const Message& request);
   Awaitable<void> Download(Exchange& exchange, const Route& route, const Message& request);
+  Awaitable<void> Report(Exchange& exchange, const Route& route, const Message& request);
+  Awaitable<grpc::Status> Gather(Exchange& exchange, const Route& route, const Message& request,
+                                 report::ReportData* data);
+  Awaitable<grpc::Status> ReadCourse(Exchange& exchange, const v1::Job& job,
+                                     report::Course* course);
+  Awaitable<grpc::Status> ReadScene(Exchange& exchange, report::ReportData* data);
   // Content-Range sends a part of a file: 202 says that more is missing.
   Awaitable<void> Upload(Exchange& exchange, const Match& match);
   Awaitable<Answer> Forward(Exchange& exchange, const v1::FileHeader& file, const std::string& job,
@@ -47,6 +55,8 @@ class Api {
   std::unique_ptr<RpcCall> Begin(Exchange& exchange, std::string_view rpc,
                                  boost::asio::any_io_executor executor,
                                  const std::string& authorization);
+  // Of a client that does not read its pictures.
+  static Answer NoRoom();
   // A call with one answer.
   Awaitable<grpc::Status> Unary(Exchange& exchange, std::string_view rpc,
                                 const std::string& authorization, const Message& request,

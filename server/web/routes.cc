@@ -30,6 +30,7 @@ constexpr Route kRoutes[] = {
     {"PUT", "/v1/{name=jobs/*}/files/{file_name}", "ReconstructionService/UploadImages", "",
      AnswerKind::kUpload},
     {"DELETE", "/v1/{name=jobs/*}/files/{file_name}", "ReconstructionService/DeleteFile"},
+    {"GET", "/v1/{name=jobs/*}/report", "ReconstructionService/GetJob", "", AnswerKind::kReport},
     {"GET", "/v1/{name=jobs/*}/cameras", "RenderService/ListCameras"},
     {"GET", "/v1/{name=jobs/*}/view", "RenderService/RenderView", "", AnswerKind::kBytes},
     {"POST", "/v1/{name=jobs/*}:renderView", "RenderService/RenderView", "*", AnswerKind::kBytes},

@@ -17,6 +17,7 @@ enum class AnswerKind {
   kBytes,     // its field `data` is the body; the rest is JSON in the header Litags-Answer
   kEvents,    // a stream of messages, as server-sent events
   kDownload,  // ExportModel: the header gives the length, the chunks are the body
+  kReport,    // GetJob and what else a report is made of, as one HTML file
   kUpload,    // UploadImages: the body of the request is one file
 };
 

@@ -31,10 +31,10 @@ page.on("console", (message) => {
   if (message.type() === "error" && !known && !away) complaints.push(message.text());
 });
 
-async function check(name) {
-  await page.screenshot({path: join(folder, `${name}.png`), fullPage: true});
+async function check(name, sheet = page) {
+  await sheet.screenshot({path: join(folder, `${name}.png`), fullPage: true});
   // Through the debugger, not as the page's script: its policy lets in no other.
-  const session = await context.newCDPSession(page);
+  const session = await sheet.context().newCDPSession(sheet);
   const run = async (expression) => {
     const {result, exceptionDetails} = await session.send(
         "Runtime.evaluate", {expression, awaitPromise: true, returnByValue: true});
@@ -46,6 +46,27 @@ async function check(name) {
       "axe.run().then((r) => JSON.stringify(r.violations.map((v) => [v.id, v.nodes.map((n) => n.html)])))"));
   assert.deepEqual(violations, [], `axe finds violations on ${name}`);
   await session.detach();
+}
+
+// As a reader has it: from a disk, on a screen of either kind, and narrow.
+async function checkReport(path) {
+  for (const [name, width, colorScheme] of [["light", 1280, "light"], ["dark", 1280, "dark"],
+                                            ["narrow", 360, "light"]]) {
+    const reader = await browser.newContext({viewport: {width, height: 800}, colorScheme});
+    const sheet = await reader.newPage();
+    const asked = [];
+    sheet.on("request", (request) => asked.push(request.url().slice(0, 15)));
+    sheet.on("console", (message) => complaints.push(message.text()));
+    await sheet.goto(`file://${path}`);
+    assert.ok(asked.every((address) => /^(file:|data:image\/)/.test(address)), `${asked}`);
+    const {wide, broken} = await sheet.evaluate(() => ({
+      wide: document.documentElement.scrollWidth > innerWidth,
+      broken: [...document.images].filter((image) => image.naturalWidth === 0).length,
+    }));
+    assert.deepEqual([wide, broken], [false, 0], name);
+    await check(`report-${name}`, sheet);
+    await reader.close();
+  }
 }
 
 async function step(name, what) {
@@ -131,6 +152,15 @@ await step("a file to take along", async () => {
     page.waitForEvent("download"), page.getByRole("link", {name: "Download"}).click()]);
   assert.equal(download.suggestedFilename(), "By the browser.spz");
   assert.ok(readFileSync(await download.path()).length > 600000);
+});
+
+await step("a report to file", async () => {
+  const [download] = await Promise.all([
+    page.waitForEvent("download"), page.getByRole("link", {name: "Report"}).click()]);
+  assert.equal(download.suggestedFilename(), "By the browser.html");
+  const report = join(folder, "report.html");
+  await download.saveAs(report);
+  await checkReport(report);
 });
 
 await step("through the scene", async () => {

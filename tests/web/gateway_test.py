@@ -238,6 +238,32 @@ class Pictures(GatewayTest):
         self.assertEqual(reply.headers["Content-Disposition"], "attachment")
         self.assert_fails(self.web.get(f"/v1/{job}/model?light=99"), 400, "LIGHT_INVALID")
 
+    def test_a_report_is_the_one_that_the_client_writes(self):
+        job = self.web_job()
+        reply = self.web.get(f"/v1/{job}/report")
+        self.assertEqual((reply.code, reply.headers["Content-Type"]), (200, "text/html; charset=utf-8"))
+        self.assertEqual(reply.headers["Content-Disposition"], "attachment")
+        path = pathlib.Path(self.folder, "report.html")
+        self.litags("report", job, "-o", str(path))
+
+        def but_when_it_was_written(page):
+            return re.sub(r"(Report written</dt><dd>)[^<]*", r"\1", page)
+        self.assertEqual(but_when_it_was_written(reply.body.decode()),
+                         but_when_it_was_written(path.read_text()))
+
+    def test_reports_that_are_refused(self):
+        self.assert_fails(self.web.get("/v1/jobs/0none/report"), 404, "JOB_NOT_FOUND")
+        self.assert_fails(self.web.get(f"/v1/{self.web_job()}/report?nosuch=1"), 400,
+                          "REQUEST_FIELD_INVALID")
+
+    def test_a_report_of_a_job_that_runs(self):
+        job = self.new_job(("slow.png", "b.png", "c.png"), {"iterations": 1000, "previewEvery": 5})
+        self.wait_for(lambda: "snapshotIteration" in self.web.get(f"/v1/{job}").json(), "a snapshot")
+        reply = self.web.get(f"/v1/{job}/report")
+        self.assertIn(b"had not ended", reply.body)
+        self.assertEqual(reply.body.count(b"<img"), 6)
+        self.web.post(f"/v1/{job}:cancel")
+
     def test_a_picture_that_nobody_waits_for_is_given_up(self):
         job = self.new_job(("heavy.png", "b.png", "c.png"), {"iterations": 20})
         self.wait_for(lambda: self.state(job) == harness.SUCCEEDED, "the job")

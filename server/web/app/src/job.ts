@@ -15,9 +15,10 @@ function head(refresh: () => void): Part {
   const title = el("h1", {}), state = el("span", {class: "state"});
   const line = el("p", {class: "standing", "aria-live": "polite"}), bar = el("progress", {max: 1, "aria-label": "Progress"});
   const fly = el("a", {class: "button primary"}, "Fly through");
+  const paper = el("a", {class: "button"}, "Report");
   const buttons = actions(refresh);
   const element = el("div", {}, el("div", {class: "heading"}, title, state), bar, line,
-                     el("div", {class: "row"}, fly, buttons.element));
+                     el("div", {class: "row"}, fly, paper, buttons.element));
   return {
     element,
     show(job) {
@@ -31,6 +32,9 @@ function head(refresh: () => void): Part {
       bar.value = shareDone(job.progress);
       fly.href = `#/${job.name}/scene`;
       fly.hidden = job.snapshotIteration === undefined;
+      paper.href = `/v1/${job.name}/report`;
+      paper.download = `${titleOf(job)}.html`;
+      paper.hidden = job.state === "JOB_STATE_UPLOADING";
       buttons.show(job);
     },
   };
