@@ -14,7 +14,7 @@ namespace litags::report {
 namespace {
 
 // In units of the drawing, which are px where the page is as wide as that.
-constexpr double kWidth = 420, kHeight = 215, kLeft = 52, kRight = 18, kTop = 26, kBottom = 44;
+constexpr double kWidth = 420, kHeight = 215, kLeft = 52, kRight = 24, kTop = 26, kBottom = 44;
 constexpr size_t kMostPoints = 400;  // nearly one a px
 // A few first values are far off; the end of the curve is what is looked at.
 constexpr double kShownShare = 0.98;

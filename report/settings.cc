@@ -86,7 +86,9 @@ Html SettingsSection(const v1::JobOptions& options, const v1::ServerInfo& server
   return El(
       "section", {},
       {El("h2", {}, {"Settings"}),
-       El("p", {}, {"The same photos, options and seed give the same scene: "}),
+       El("p", {},
+          {"The same files (photos, and cameras, masks and depth maps if there were any), "
+           "options and seed give the same scene:"}),
        El("pre", {}, {command}),
        El("table", {{"class", "settings"}}, {El("thead", {}, {head}), El("tbody", {}, {rows})})});
 }
