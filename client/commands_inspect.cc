@@ -3,14 +3,12 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
-#include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "client/cli.h"
+#include "client/sibling.h"
 
 namespace litags::client {
 namespace {
@@ -19,17 +17,12 @@ constexpr char kCommand[] = "inspect", kProgram[] = "litags-inspect";
 
 // Returns only if there is no such program.
 int BecomeInspect(std::vector<std::string> arguments) {
-  std::error_code ignored;
-  const auto beside =
-      std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path() / kProgram;
   arguments.insert(arguments.begin(), kProgram);
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);
-  execv(beside.c_str(), argv.data());
-  execvp(kProgram, argv.data());
-  Note(absl::StrCat(kProgram, " cannot be started (", strerror(errno),
-                    "); it is installed with litags, and looked for beside it and in PATH"));
+  execvp(SiblingProgram(kProgram).c_str(), argv.data());
+  Note(SiblingMissing(kProgram, errno));
   return kExitBadInput;
 }
 

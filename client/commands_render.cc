@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/cli.h"
+#include "client/film.h"
 #include "client/picture_file.h"
 #include "client/status.h"
 #include "client/text.h"
@@ -25,7 +26,8 @@ struct RenderArgs {
 };
 
 struct PathArgs {
-  std::string job, output, format = "png";
+  std::string job, output, format = "png", video;
+  int frames_per_second = 30;
   bool orbit = false, closed = false;
   std::vector<std::string> keyframes;
   double radius_scale = 0, sweep_deg = 0;
@@ -125,22 +127,58 @@ absl::Status MakeFolder(const std::string& path) {
                                "); choose another one"));
 }
 
+// What there is to make of a path's pictures: a folder of files, a video, or both.
+absl::Status CheckOutputs(const PathArgs& args) {
+  if (args.output.empty() && args.video.empty()) {
+    return BadInput("OUTPUT_MISSING", "-o",
+                    "say where the pictures go: -o FOLDER, --video FILE, or both");
+  }
+  if (!args.video.empty() && args.format != "png" && args.format != "jpg") {
+    return BadInput("PICTURE_FORMAT_UNKNOWN", "--format",
+                    absl::StrCat("--format: a video is made of png or jpg pictures, not of ",
+                                 args.format, "; leave it out, or write files in another call"));
+  }
+  return absl::OkStatus();
+}
+
+// Passes the pictures on as they arrive; returns how many there were.
+absl::StatusOr<int> WritePath(Session& session, const v1::RenderPathRequest& request,
+                              const PathArgs& args, Film* film) {
+  const bool terminal = isatty(STDERR_FILENO) != 0;
+  int frames = 0;
+  const absl::Status status =
+      session.client().RenderPath(request, [&](const v1::RenderPathResponse& response) {
+        const std::string name = absl::StrFormat("frame_%04d.%s", response.frame(), args.format);
+        frames = response.frame() + 1;
+        if (terminal) std::fprintf(stderr, "\rframe %d/%d\x1b[K", frames, response.frames());
+        absl::Status written;
+        if (!args.output.empty()) {
+          written =
+              WritePicture((std::filesystem::path(args.output) / name).string(), response.view());
+        }
+        if (written.ok() && !args.video.empty()) written = film->Add(response.view().data());
+        return written;
+      });
+  if (terminal && frames > 0) std::fputc('\n', stderr);
+  if (!status.ok()) return status;
+  return frames;
+}
+
 int Path(Session& session, const PathArgs& args) {
   const auto request = MakePathRequest(args);
   if (!request.ok()) return ReportError(session, request.status());
-  absl::Status status = MakeFolder(args.output);
+  absl::Status status = CheckOutputs(args);
+  Film film;
+  if (status.ok() && !args.video.empty()) status = film.Start(args.video, args.frames_per_second);
+  if (status.ok() && !args.output.empty()) status = MakeFolder(args.output);
   if (!status.ok()) return ReportError(session, status);
-  const bool terminal = isatty(STDERR_FILENO) != 0;
-  int frames = 0;
-  status = session.client().RenderPath(*request, [&](const v1::RenderPathResponse& response) {
-    const std::string name = absl::StrFormat("frame_%04d.%s", response.frame(), args.format);
-    frames = response.frame() + 1;
-    if (terminal) std::fprintf(stderr, "\rframe %d/%d\x1b[K", frames, response.frames());
-    return WritePicture((std::filesystem::path(args.output) / name).string(), response.view());
-  });
-  if (terminal && frames > 0) std::fputc('\n', stderr);
+  const auto frames = WritePath(session, *request, args, &film);
+  if (!frames.ok()) return ReportError(session, frames.status(), args.job);
+  if (!args.output.empty()) Note(absl::StrCat(args.output, ": ", *frames, " frames"));
+  if (args.video.empty()) return kExitOk;
+  status = film.Finish();
   if (!status.ok()) return ReportError(session, status, args.job);
-  Note(absl::StrCat(args.output, ": ", frames, " frames"));
+  Note(absl::StrCat(args.video, ": ", *frames, " frames, ", args.frames_per_second, " a second"));
   return kExitOk;
 }
 
@@ -210,7 +248,13 @@ void AddPath(CLI::App& app, Session& session) {
   AddSettings(*path, args->settings);
   AddRamp(*path, "light", args->light_from, args->light_to);
   AddRamp(*path, "exposure", args->exposure_from, args->exposure_to);
-  path->add_option("-o,--output", args->output, "Folder for frame_0000.png and so on")->required();
+  path->add_option("-o,--output", args->output, "Folder for frame_0000.png and so on");
+  CLI::Option* video = path->add_option(
+      "--video", args->video, "Video file: .webm (VP9) or .mp4 (H.264); instead of -o, or as well");
+  path->add_option("--fps", args->frames_per_second, "Of the video, pictures a second")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 120))
+      ->needs(video);
   path->callback([&session, args] { session.exit_code = Path(session, *args); });
 }
 

@@ -3,7 +3,7 @@
 include(CMakePackageConfigHelpers)
 
 # The programs, and a man page of each from what it says to --help.
-set(programs litags litags-server litags-worker litags-train litags-inspect litags-bench litags-sample litags-sheet)
+set(programs litags litags-server litags-worker litags-train litags-inspect litags-film litags-bench litags-sample litags-sheet)
 foreach(program ${programs})
   if(NOT TARGET ${program})
     continue()

@@ -1,13 +1,9 @@
 #include "engine/video/video_file.h"
 
 extern "C" {
-#include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
 #include <libavutil/display.h>
 #include <libavutil/imgutils.h>
-#include <libavutil/mem.h>
 #include <libavutil/pixdesc.h>
-#include <libswscale/swscale.h>
 }
 
 #include <algorithm>
@@ -22,6 +18,7 @@ extern "C" {
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/io/image_io.h"
+#include "engine/video/ffmpeg.h"
 #include "engine/video/video_color.h"
 
 namespace litags {
@@ -36,20 +33,6 @@ constexpr int64_t kProbeBytes = 8 << 20;
 constexpr int64_t kAnalyzeMicroseconds = 5'000'000;
 // Packets without a frame, such as damaged ones, for each frame that may come.
 constexpr int64_t kPacketsAFrame = 4;
-
-struct Closer {
-  void operator()(AVIOContext* io) const {
-    av_freep(&io->buffer);
-    avio_context_free(&io);
-  }
-  void operator()(AVFormatContext* format) const { avformat_close_input(&format); }
-  void operator()(AVCodecContext* codec) const { avcodec_free_context(&codec); }
-  void operator()(AVFrame* frame) const { av_frame_free(&frame); }
-  void operator()(AVPacket* packet) const { av_packet_free(&packet); }
-  void operator()(SwsContext* scaler) const { sws_freeContext(scaler); }
-};
-template <class T>
-using Owned = std::unique_ptr<T, Closer>;
 
 struct Memory {
   std::string_view bytes;
@@ -344,7 +327,7 @@ class RealVideoFile : public VideoFile {
   }
 
   // The frame at another size, as another kind of pixels; `stride` in samples.
-  absl::Status Scale(Owned<SwsContext>* scaler, int width, int height, AVPixelFormat format,
+  absl::Status Scale(AvOwned<SwsContext>* scaler, int width, int height, AVPixelFormat format,
                      int flags, uint16_t* out, int stride) {
     const auto from = static_cast<AVPixelFormat>(frame_->format);
     scaler->reset(sws_getCachedContext(scaler->release(), frame_->width, frame_->height, from,
@@ -369,13 +352,13 @@ class RealVideoFile : public VideoFile {
   const std::string field_;
   const VideoLimits limits_;
   // In this order: the later ones use the earlier.
-  Owned<AVIOContext> io_;
-  Owned<AVFormatContext> format_;
+  AvOwned<AVIOContext> io_;
+  AvOwned<AVFormatContext> format_;
   AVStream* stream_ = nullptr;
-  Owned<AVCodecContext> codec_;
-  Owned<AVPacket> packet_;
-  Owned<AVFrame> frame_;
-  Owned<SwsContext> scaler_, luma_scaler_;
+  AvOwned<AVCodecContext> codec_;
+  AvOwned<AVPacket> packet_;
+  AvOwned<AVFrame> frame_;
+  AvOwned<SwsContext> scaler_, luma_scaler_;
   VideoInfo info_;
   int orientation_ = 1;
   int64_t frames_ = 0, packets_ = 0, damaged_ = 0, first_stamp_ = 0;

@@ -11,7 +11,7 @@ import tempfile
 import unittest
 
 BUILD = os.environ["LITAGS_BUILD"]
-PROGRAMS = """litags litags-bench litags-inspect litags-sample litags-server litags-sheet litags-train
+PROGRAMS = """litags litags-bench litags-film litags-inspect litags-sample litags-server litags-sheet litags-train
     litags-worker""".split()
 
 

@@ -2,7 +2,9 @@
 
 import json
 import os
+import signal
 import struct
+import tempfile
 import unittest
 
 import harness
@@ -65,6 +67,54 @@ class Pictures(harness.ServiceTest):
         self.assertEqual(sorted(os.listdir(self.path("frames"))),
                          [f"frame_{i:04d}.png" for i in range(7)])
         self.assertEqual(harness.png_size(self.read("frames/frame_0006.png")), (16, 12))
+
+    def new_folder(self):
+        """With nothing in it."""
+        return tempfile.mkdtemp(dir=self.folder)
+
+    def test_a_path_as_a_video(self):
+        self.finished_job()
+        self.folder = self.new_folder()
+        for name, head in (("v.webm", b"\x1a\x45\xdf\xa3"), ("v.mp4", b"ftyp")):
+            _, err = self.litags("path", self.finished_job(), "--orbit", "--frames", "7", "--size",
+                                 "32x24", "--video", self.path(name), "--fps", "20")
+            self.assertIn("7 frames, 20 a second", err)
+            self.assertIn(head, self.read(name)[:12])
+        self.assertEqual(sorted(os.listdir(self.folder)), ["v.mp4", "v.webm"])
+
+    def test_a_path_as_a_video_and_files(self):
+        self.litags("path", self.finished_job(), "--orbit", "--frames", "3", "--size", "32x24",
+                    "--format", "jpg", "--video", self.path("v.webm"), "-o", self.path("frames"))
+        self.assertEqual(sorted(os.listdir(self.path("frames"))),
+                         [f"frame_{i:04d}.jpg" for i in range(3)])
+        self.assertGreater(len(self.read("v.webm")), 100)
+
+    def test_videos_that_cannot_be_written(self):
+        orbit = ("path", self.finished_job(), "--orbit", "--frames", "3")
+        self.folder = self.new_folder()
+        for flags, reason in (((), "OUTPUT_MISSING"),
+                              (("--video", "v.avi"), "VIDEO_FORMAT_UNKNOWN"),
+                              (("--video", "none/v.webm"), "OUTPUT_NOT_WRITABLE"),
+                              (("--video", "v.webm", "--format", "npy"), "PICTURE_FORMAT_UNKNOWN"),
+                              (("--video", "v.webm", "--size", "1x1"), "VIDEO_SIZE_INVALID"),
+                              (("--video", "v.webm", "--fps", "0"), "1 to 120"),
+                              (("--fps", "5", "-o", "frames"), "--video")):
+            with self.subTest(flags):
+                at = [self.path(flag) if "v." in flag or flag == "frames" else flag for flag in flags]
+                _, err = self.litags(*orbit, *at, exit_code=2)
+                self.assertIn(reason, err)
+        self.assertEqual(os.listdir(self.folder), [])
+
+    def test_a_video_of_a_path_that_is_broken_off_is_not_left(self):
+        job = self.finished_job()
+        self.folder = self.new_folder()
+        process = self.start_litags("path", job, "--orbit", "--frames", "5000", "--size",
+                                    "64x48", "--video", self.path("v.webm"))
+        self.wait_for(lambda: os.listdir(self.folder), "a beginning")
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=harness.PATIENCE_S)
+        self.assertEqual((process.returncode, err), (130, "interrupted\n"))
+        self.assertEqual(os.listdir(self.folder), [])
 
     def test_a_path_through_cameras_begins_and_ends_at_them(self):
         job = self.finished_job()

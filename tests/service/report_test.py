@@ -2,6 +2,7 @@
 
 import html.parser
 import os
+import tempfile
 import unittest
 
 import harness
@@ -81,11 +82,13 @@ class Reports(harness.ServiceTest):
         self.litags("cancel", job)
 
     def test_what_is_refused(self):
-        path = os.path.join(self.folder, "none", "report.html")
-        _, err = self.litags("report", self.finished_job(), "-o", path, exit_code=2)
+        job = self.finished_job()
+        folder = tempfile.mkdtemp(dir=self.folder)
+        path = os.path.join(folder, "none", "report.html")
+        _, err = self.litags("report", job, "-o", path, exit_code=2)
         self.assertIn("OUTPUT_NOT_WRITABLE", err)
-        self.litags("report", "0nosuchjob", "-o", os.path.join(self.folder, "r.html"), exit_code=4)
-        self.assertEqual(os.listdir(self.folder), [])
+        self.litags("report", "0nosuchjob", "-o", os.path.join(folder, "r.html"), exit_code=4)
+        self.assertEqual(os.listdir(folder), [])
 
 
 if __name__ == "__main__":
