@@ -102,8 +102,9 @@ class Tokens(GatewayTest):
         bob = self.log_in("bob")
         bearer = {"Authorization": f"Bearer {self.tokens['bob']}"}
         for headers in (bob, bearer, {**alice, **bearer}):
-            self.assert_fails(self.web.get(f"/v1/{job['name']}", headers=headers), 404,
-                              "JOB_NOT_FOUND")
+            for path in (job["name"], f"{job['name']}/report"):
+                self.assert_fails(self.web.get(f"/v1/{path}", headers=headers), 404,
+                                  "JOB_NOT_FOUND")
             self.assertEqual(self.web.get("/v1/jobs", headers=headers).json().get("jobs", []), [])
 
     def test_tokens_free_the_name_of_the_machine(self):
