@@ -34,6 +34,7 @@ figure { margin: 0 0 1rem; break-inside: avoid; }
 .pair p { margin: 0; font-size: .875rem; color: var(--quiet); }
 .charts { display: grid; gap: 1rem 2rem; grid-template-columns: repeat(auto-fit, minmax(min(24rem, 100%), 1fr)); }
 svg { width: 100%; height: auto; display: block; }
+.chart { max-width: 34rem; }
 svg text { font-size: 12px; fill: var(--quiet); }
 svg .name, svg .value { font-size: 13px; fill: var(--text); }
 svg .value { font-weight: 600; }
@@ -71,7 +72,7 @@ pre { background: var(--raised); border-radius: .4rem; padding: .6rem .8rem; mar
   :root { color-scheme: light; --ground: #fff; --raised: #f4f5f7; --line: #d3d8de; --text: #000; --quiet: #444;
     --light: #6b4600; --curve: #b36f00; --good: #145c33; --bad: #9c1f18; }
   body { max-width: none; padding: 0; font-size: 10pt; }
-  .pair { grid-template-columns: repeat(2, 1fr); }
+  .pair, .charts { grid-template-columns: repeat(2, 1fr); }
 }
 )css";
 
