@@ -4,9 +4,9 @@
 #include "absl/strings/str_cat.h"
 #include "client/cli.h"
 #include "client/picture_file.h"
+#include "client/report/report.h"
 #include "client/text.h"
 #include "google/protobuf/util/time_util.h"
-#include "report/report.h"
 
 namespace litags::client {
 namespace {

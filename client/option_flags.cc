@@ -7,8 +7,8 @@
 #include <cstdint>
 
 #include "absl/strings/str_cat.h"
+#include "client/report/text.h"
 #include "litags/v1/help.pb.h"
-#include "report/text.h"
 
 namespace litags::client {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <string>
 
+#include "client/report/text.h"
 #include "litags/v1/job.pb.h"
-#include "report/text.h"
 
 namespace litags::client {
 

@@ -9,8 +9,8 @@
 #include <memory>
 #include <string>
 
+#include "client/report/report.h"
 #include "litags/v1/reconstruction_service.pb.h"
-#include "report/report.h"
 #include "server/net/shared_room.h"
 #include "server/web/exchange.h"
 #include "server/web/routes.h"

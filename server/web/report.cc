@@ -1,6 +1,6 @@
 // A job's report as a download: its answers are gathered from the services, as `litags report`
 // does.
-#include "report/report.h"
+#include "client/report/report.h"
 
 #include <google/protobuf/util/time_util.h>
 

@@ -66,7 +66,7 @@ class Arrows:
         if header.startswith("litags/"):
             inside = "proto/" if header.startswith("litags/v1/") else "engine/include/"
             return self.folder_of(inside + header)
-        if header.split("/")[0] in ("engine", "server", "client", "report", "tests", "proto"):
+        if header.split("/")[0] in ("engine", "server", "client", "tests", "proto"):
             return self.folder_of(header)
         return ""
 

@@ -3,7 +3,7 @@
 import pathlib
 import subprocess
 
-FOLDERS = ("engine", "server", "client", "report", "proto", "tests")
+FOLDERS = ("engine", "server", "client", "proto", "tests")
 
 
 def cpp_files(source):

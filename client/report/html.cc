@@ -1,11 +1,11 @@
-#include "report/html.h"
+#include "client/report/html.h"
 
 #include <algorithm>
 #include <array>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
-#include "report/text.h"
+#include "client/report/text.h"
 
 namespace litags::report {
 namespace {

@@ -1,4 +1,4 @@
-#include "report/chart.h"
+#include "client/report/chart.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "report/text.h"
+#include "client/report/text.h"
 
 namespace litags::report {
 namespace {

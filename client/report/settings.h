@@ -1,10 +1,10 @@
-#ifndef LITAGS_REPORT_SETTINGS_H_
-#define LITAGS_REPORT_SETTINGS_H_
+#ifndef LITAGS_CLIENT_REPORT_SETTINGS_H_
+#define LITAGS_CLIENT_REPORT_SETTINGS_H_
 
 #include <string>
 
+#include "client/report/html.h"
 #include "litags/v1/reconstruction_service.pb.h"
-#include "report/html.h"
 
 namespace litags::report {
 
@@ -17,4 +17,4 @@ Html SettingsSection(const v1::JobOptions& options, const v1::ServerInfo& server
 
 }  // namespace litags::report
 
-#endif  // LITAGS_REPORT_SETTINGS_H_
+#endif  // LITAGS_CLIENT_REPORT_SETTINGS_H_

@@ -1,4 +1,4 @@
-#include "report/report.h"
+#include "client/report/report.h"
 
 #include <algorithm>
 
@@ -6,12 +6,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "report/cameras.h"
-#include "report/chart.h"
-#include "report/html.h"
-#include "report/settings.h"
-#include "report/style.h"
-#include "report/text.h"
+#include "client/report/cameras.h"
+#include "client/report/chart.h"
+#include "client/report/html.h"
+#include "client/report/settings.h"
+#include "client/report/style.h"
+#include "client/report/text.h"
 
 namespace litags::report {
 namespace {

@@ -1,11 +1,11 @@
-#ifndef LITAGS_REPORT_CHART_H_
-#define LITAGS_REPORT_CHART_H_
+#ifndef LITAGS_CLIENT_REPORT_CHART_H_
+#define LITAGS_CLIENT_REPORT_CHART_H_
 
 #include <string>
 #include <vector>
 
-#include "report/course.h"
-#include "report/html.h"
+#include "client/report/course.h"
+#include "client/report/html.h"
 
 namespace litags::report {
 
@@ -18,4 +18,4 @@ Html Chart(const std::string& name, const std::string& unit, const std::vector<C
 
 }  // namespace litags::report
 
-#endif  // LITAGS_REPORT_CHART_H_
+#endif  // LITAGS_CLIENT_REPORT_CHART_H_

@@ -1,4 +1,4 @@
-#include "report/chart.h"
+#include "client/report/chart.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

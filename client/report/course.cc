@@ -1,8 +1,8 @@
-#include "report/course.h"
+#include "client/report/course.h"
 
 #include <algorithm>
 
-#include "report/text.h"
+#include "client/report/text.h"
 
 namespace litags::report {
 namespace {

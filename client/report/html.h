@@ -1,6 +1,6 @@
 // HTML that cannot be broken by what is put into it: text is escaped where it becomes HTML.
-#ifndef LITAGS_REPORT_HTML_H_
-#define LITAGS_REPORT_HTML_H_
+#ifndef LITAGS_CLIENT_REPORT_HTML_H_
+#define LITAGS_CLIENT_REPORT_HTML_H_
 
 #include <string>
 #include <string_view>
@@ -45,4 +45,4 @@ Html El(std::string_view tag, const std::vector<Attribute>& attributes = {},
 
 }  // namespace litags::report
 
-#endif  // LITAGS_REPORT_HTML_H_
+#endif  // LITAGS_CLIENT_REPORT_HTML_H_

@@ -1,13 +1,13 @@
 // A job's report: one HTML file that needs nothing else, for those who file and compare results.
-#ifndef LITAGS_REPORT_REPORT_H_
-#define LITAGS_REPORT_REPORT_H_
+#ifndef LITAGS_CLIENT_REPORT_REPORT_H_
+#define LITAGS_CLIENT_REPORT_REPORT_H_
 
 #include <string>
 #include <vector>
 
+#include "client/report/course.h"
 #include "litags/v1/reconstruction_service.pb.h"
 #include "litags/v1/render_service.pb.h"
-#include "report/course.h"
 
 namespace litags::report {
 
@@ -40,4 +40,4 @@ std::string ReportHtml(const ReportData& data);
 
 }  // namespace litags::report
 
-#endif  // LITAGS_REPORT_REPORT_H_
+#endif  // LITAGS_CLIENT_REPORT_REPORT_H_

@@ -1,4 +1,4 @@
-#include "report/html.h"
+#include "client/report/html.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "report/report.h"
+#include "client/report/report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

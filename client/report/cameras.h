@@ -1,12 +1,12 @@
-#ifndef LITAGS_REPORT_CAMERAS_H_
-#define LITAGS_REPORT_CAMERAS_H_
+#ifndef LITAGS_CLIENT_REPORT_CAMERAS_H_
+#define LITAGS_CLIENT_REPORT_CAMERAS_H_
 
 #include <string>
 #include <vector>
 
+#include "client/report/html.h"
 #include "litags/v1/reconstruction_service.pb.h"
 #include "litags/v1/render_service.pb.h"
-#include "report/html.h"
 
 namespace litags::report {
 
@@ -26,4 +26,4 @@ Html CamerasSection(const v1::JobReport& report, const std::vector<LeftOut>& lef
 
 }  // namespace litags::report
 
-#endif  // LITAGS_REPORT_CAMERAS_H_
+#endif  // LITAGS_CLIENT_REPORT_CAMERAS_H_

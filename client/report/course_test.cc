@@ -1,4 +1,4 @@
-#include "report/course.h"
+#include "client/report/course.h"
 
 #include <gtest/gtest.h>
 

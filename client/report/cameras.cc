@@ -1,4 +1,4 @@
-#include "report/cameras.h"
+#include "client/report/cameras.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
-#include "report/text.h"
+#include "client/report/text.h"
 
 namespace litags::report {
 namespace {

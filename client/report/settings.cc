@@ -1,4 +1,4 @@
-#include "report/settings.h"
+#include "client/report/settings.h"
 
 #include <google/protobuf/descriptor.h>
 
@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/report/text.h"
 #include "litags/v1/help.pb.h"
-#include "report/text.h"
 
 namespace litags::report {
 namespace {

@@ -1,5 +1,5 @@
-#ifndef LITAGS_REPORT_STYLE_H_
-#define LITAGS_REPORT_STYLE_H_
+#ifndef LITAGS_CLIENT_REPORT_STYLE_H_
+#define LITAGS_CLIENT_REPORT_STYLE_H_
 
 namespace litags::report {
 
@@ -78,4 +78,4 @@ pre { background: var(--raised); border-radius: .4rem; padding: .6rem .8rem; mar
 
 }  // namespace litags::report
 
-#endif  // LITAGS_REPORT_STYLE_H_
+#endif  // LITAGS_CLIENT_REPORT_STYLE_H_

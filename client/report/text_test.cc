@@ -1,4 +1,4 @@
-#include "report/text.h"
+#include "client/report/text.h"
 
 #include <gtest/gtest.h>
 

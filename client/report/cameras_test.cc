@@ -1,4 +1,4 @@
-#include "report/cameras.h"
+#include "client/report/cameras.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 // What a job's events say over time: curves and stages.
-#ifndef LITAGS_REPORT_COURSE_H_
-#define LITAGS_REPORT_COURSE_H_
+#ifndef LITAGS_CLIENT_REPORT_COURSE_H_
+#define LITAGS_CLIENT_REPORT_COURSE_H_
 
 #include <string>
 #include <vector>
@@ -51,4 +51,4 @@ class Course {
 
 }  // namespace litags::report
 
-#endif  // LITAGS_REPORT_COURSE_H_
+#endif  // LITAGS_CLIENT_REPORT_COURSE_H_

@@ -1,4 +1,4 @@
-#include "report/text.h"
+#include "client/report/text.h"
 
 #include <openssl/asn1.h>
 

@@ -1,6 +1,6 @@
 // Words and numbers for people: durations, states, texts of strangers.
-#ifndef LITAGS_REPORT_TEXT_H_
-#define LITAGS_REPORT_TEXT_H_
+#ifndef LITAGS_CLIENT_REPORT_TEXT_H_
+#define LITAGS_CLIENT_REPORT_TEXT_H_
 
 #include <google/protobuf/descriptor.h>
 
@@ -37,4 +37,4 @@ std::string Printable(std::string_view text);
 
 }  // namespace litags::report
 
-#endif  // LITAGS_REPORT_TEXT_H_
+#endif  // LITAGS_CLIENT_REPORT_TEXT_H_
