@@ -32,12 +32,16 @@ inline constexpr auto kTintedSample = static_cast<int16_t>(250 * kPhotoCode);
 
 inline float EncodedOf(int16_t sample) { return sample * (1.0f / kPhotoWhite); }
 
-// The nearest sample; NaN becomes 0.
-inline int16_t PhotoSample(float encoded) {
-  const float scaled = encoded * kPhotoWhite;
-  if (!(scaled == scaled)) return 0;
-  return static_cast<int16_t>(std::lrint(std::clamp(scaled, -32768.0f, 32767.0f)));
+// The nearest int16, halves to even; NaN becomes 0. As lrint, which compilers call one by one.
+inline int16_t NearestSample(float value) {
+  constexpr float kWhole = 12582912;  // 1.5 * 2^23: floats from here are whole numbers
+  const float number = value == value ? value : 0;
+  const float inside = std::min(std::max(number, -32768.0f), 32767.0f);
+  return static_cast<int16_t>(static_cast<int32_t>((inside + kWhole) - kWhole));
 }
+
+// The nearest sample; NaN becomes 0.
+inline int16_t PhotoSample(float encoded) { return NearestSample(encoded * kPhotoWhite); }
 
 // Linear light of every sample; 1: the photo's white. Below black the curve goes on as a line.
 class LinearTable {

@@ -141,10 +141,6 @@ class Upsampler {
   std::vector<float> between_;
 };
 
-int16_t Saturate(float sample) {
-  return static_cast<int16_t>(std::lrint(std::clamp(sample, -32768.0f, 32767.0f)));
-}
-
 // Ink of CMYK, 0..1. YCCK's first three are what YCbCr has for the light that C, M and Y leave.
 void ToInk(const std::vector<std::vector<float>>& rows, bool ycck, bool inverted, float* ink) {
   constexpr float kScale = 1.0f / kPhotoWhite;
@@ -164,15 +160,16 @@ void ToInk(const std::vector<std::vector<float>>& rows, bool ycck, bool inverted
 void YCbCrToRgb(const std::vector<std::vector<float>>& rows, int16_t* out) {
   const float *luma = rows[0].data(), *cb = rows[1].data(), *cr = rows[2].data();
   for (size_t x = 0; x < rows[0].size(); ++x) {
-    out[3 * x] = Saturate(luma[x] + 1.402f * cr[x]);
-    out[3 * x + 1] = Saturate(luma[x] - 0.344136f * cb[x] - 0.714136f * cr[x]);
-    out[3 * x + 2] = Saturate(luma[x] + 1.772f * cb[x]);
+    out[3 * x] = NearestSample(luma[x] + 1.402f * cr[x]);
+    out[3 * x + 1] = NearestSample(luma[x] - 0.344136f * cb[x] - 0.714136f * cr[x]);
+    out[3 * x + 2] = NearestSample(luma[x] + 1.772f * cb[x]);
   }
 }
 
 void CopyRgb(const std::vector<std::vector<float>>& rows, int16_t* out) {
   for (size_t x = 0; x < rows[0].size(); ++x) {
-    for (size_t c = 0; c < 3; ++c) out[3 * x + c] = Saturate(rows[rows.size() == 3 ? c : 0][x]);
+    for (size_t c = 0; c < 3; ++c)
+      out[3 * x + c] = NearestSample(rows[rows.size() == 3 ? c : 0][x]);
   }
 }
 

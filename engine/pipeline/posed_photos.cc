@@ -78,7 +78,7 @@ double StatedExposure(const ImageInfo& info) {
 
 // Photo and mask as their pinhole camera sees them.
 absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
-                       const Distortion& distortion, const ShadowColors* shadows, OnePhoto* v) {
+                       const Distortion& distortion, OnePhoto* v) {
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
   v->stated_exposure = StatedExposure(read.info);
@@ -94,7 +94,6 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
                      "; send the photo as it was when its camera was found, or "
                      "delete the folder cameras of this run"));
   }
-  if (shadows != nullptr) v->photo = shadows->Infer(v->photo, v->mask);
   if (distortion.IsZero()) return absl::OkStatus();
   absl::Status status;
   const auto undistort = [&]<class T>(const Image<T>& image) {
@@ -107,16 +106,19 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   return status;
 }
 
-void Shrink(int max_side, OnePhoto* v) {
+// To the size of training. How many of the camera's pixels one is wide then.
+double Shrink(int max_side, OnePhoto* v) {
   Camera& camera = v->view.camera;
   const auto [width, height] = ShrunkTo(max_side, camera.width, camera.height);
-  if (width == camera.width && height == camera.height) return;
+  if (width == camera.width && height == camera.height) return 1;
+  const double shrunk = static_cast<double>(camera.width) / width;
   const auto resize = [width = width, height = height](const auto& image) {
     return ResizeArea(image, width, height);
   };
   v->photo = resize(v->photo);
   if (!v->mask.empty()) v->mask = ChangeMask(v->mask, resize);
   camera = camera.Scaled(width, height);
+  return shrunk;
 }
 
 // A mask may leave something of the photo as it was taken, and nothing at the size of training.
@@ -150,12 +152,13 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
       OnePhoto& v = photos[i];
       v.view = model.views[i];
       const std::string mask_path = MaskPathOf(masks, v.view.name);
-      LITAGS_RETURN_IF_ERROR(LoadPhoto(PathOf(input, v.view.name), mask_path, model.distortions[i],
-                                       shadows ? &*shadows : nullptr, &v));
+      LITAGS_RETURN_IF_ERROR(
+          LoadPhoto(PathOf(input, v.view.name), mask_path, model.distortions[i], &v));
       LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
       flat[i] = FlatColor(v.photo, v.mask);
       if (flat[i].has_value()) return absl::OkStatus();
-      Shrink(options.max_image_side, &v);
+      const double shrunk = Shrink(options.max_image_side, &v);
+      if (shadows.has_value()) v.photo = shadows->Infer(v.photo, v.mask, shrunk);
       return CheckMask(v, mask_path);
     }();
   });

@@ -13,6 +13,7 @@
 #include "engine/core/cancel.h"
 #include "engine/core/subprocess.h"
 #include "engine/sfm/photo_match.h"
+#include "engine/sfm/photo_set.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -36,7 +37,10 @@ class Colmap {
   std::string masks_dir() const { return dir_ + "/masks"; }
   std::string database_path() const { return dir_ + "/database.db"; }
 
-  absl::StatusOr<double> ExtractFeatures(int num_photos, const FractionFn& progress);
+  // SIFT features of the copies of `photos`. Only those that miss their budget without them have
+  // features of the finest scale, which are found at twice the photo's size.
+  absl::StatusOr<double> ExtractFeatures(const std::vector<PhotoFile>& photos,
+                                         const FractionFn& progress);
   // Checks the stored matches of these pairs against one relative pose each. Nothing to do for no
   // pairs.
   absl::StatusOr<double> Verify(const std::vector<NamePair>& pairs, const FractionFn& progress);
@@ -52,6 +56,10 @@ class Colmap {
                                        const OnLine& on_line);
   absl::StatusOr<double> RunChecked(std::vector<std::string> args, const std::string& log_name,
                                     const OnLine& on_line);
+  // `first_octave`: -1 doubles the photos' size, 0 takes them as they are.
+  absl::StatusOr<double> ExtractPass(const std::vector<std::string>& copies, int budget,
+                                     int first_octave, const std::string& log_name,
+                                     const FractionFn& progress);
   absl::Status Failed(std::string_view reason, const std::string& command,
                       const std::string& log_name, const std::string& how) const;
   // One share of Verify, on a database of its own.

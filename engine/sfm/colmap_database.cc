@@ -240,6 +240,22 @@ absl::Status NumberImages(const std::string& path, const std::vector<std::string
   return db.Execute("COMMIT");
 }
 
+absl::StatusOr<std::vector<std::string>> TakeFewFeaturesOut(const std::string& path, int least) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<DatabaseImage> images, ReadDatabaseImages(path));
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
+  std::vector<std::string> names;
+  for (const DatabaseImage& image : images) {
+    if (image.features >= least) continue;
+    names.push_back(image.name);
+    for (const char* table : {"keypoints", "descriptors"}) {
+      LITAGS_RETURN_IF_ERROR(
+          db.Execute(absl::StrCat("DELETE FROM ", table, " WHERE image_id = ", image.id).c_str()));
+    }
+  }
+  return names;
+}
+
 absl::StatusOr<std::vector<std::vector<Eigen::Vector2d>>> ReadKeypoints(
     const std::string& path, const std::vector<DatabaseImage>& images) {
   Database db(path);

@@ -62,6 +62,10 @@ absl::Status TakeVerifiedPairs(const std::vector<std::string>& from, const std::
 // COLMAP's own numbers tell the order in which its threads were done.
 absl::Status NumberImages(const std::string& path, const std::vector<std::string>& names);
 
+// Takes the features of each image that has fewer than `least` out, so that COLMAP looks for them
+// again. The images' names.
+absl::StatusOr<std::vector<std::string>> TakeFewFeaturesOut(const std::string& path, int least);
+
 // Where the features of each image lie, px from the corner of the top-left pixel; none for an image
 // without features. INTERNAL COLMAP_DATABASE if they are damaged.
 absl::StatusOr<std::vector<std::vector<Eigen::Vector2d>>> ReadKeypoints(

@@ -31,6 +31,7 @@ while [ $# -gt 1 ]; do
   case $1 in
     --database_path) db=$2 ;;
     --image_path) images=$2 ;;
+    --image_list_path) list=$2 ;;
     --input_path) in=$2 ;;
     --output_path) out=$2 ;;
   esac

@@ -24,7 +24,8 @@ class FakeColmap {
   // Photos dir()/photos/p0.png, p1.png ... of one sRGB level with some texture.
   std::string MakePhotos(int count, int width, int height, int level) const;
 
-  // Shell code run at the start of `command` ("mapper"); $rung, $db, $out, $images, $in are set.
+  // Shell code run at the start of `command` ("mapper"); $rung, $db, $out, $images, $list,
+  // $in are set.
   void On(const std::string& command, const std::string& shell_code) const;
 
   // The database that feature_extractor leaves: image ids 1.. in the order of `names`, each with

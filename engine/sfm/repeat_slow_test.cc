@@ -115,6 +115,7 @@ TEST_F(Repeat, FeaturesAtTheBorderHaveTheSameDescriptors) {
     Colmap colmap(options, rung, cancel_);
     fs::create_directories(colmap.images_dir() + "/a");
     std::vector<std::string> names;
+    std::vector<PhotoFile> photos;
     for (int p = 0; p < kPhotos; ++p) {
       const CounterRng noise(1, static_cast<uint64_t>(p));
       ImageU8 image(kWidth, kHeight);
@@ -128,8 +129,9 @@ TEST_F(Repeat, FeaturesAtTheBorderHaveTheSameDescriptors) {
       }
       names.push_back("a/" + std::to_string(p) + ".png");
       ASSERT_TRUE(WritePng(colmap.images_dir() + "/" + names.back(), image).ok());
+      photos.push_back({.copy_name = names.back(), .copy_width = kWidth, .copy_height = kHeight});
     }
-    const auto extracted = colmap.ExtractFeatures(kPhotos, [](double) {});
+    const auto extracted = colmap.ExtractFeatures(photos, [](double) {});
     ASSERT_TRUE(extracted.ok()) << extracted.status();
     ASSERT_TRUE(NumberImages(colmap.database_path(), names).ok());
     const auto images = ReadDatabaseImages(colmap.database_path());

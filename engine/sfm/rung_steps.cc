@@ -21,9 +21,9 @@ absl::Status PrepareAndExtract(const RungInput& in, Colmap& colmap, SfmRung& run
                                      [&](double f) { in.report("prepare", f); }));
   rung.prepare_seconds = SecondsSince(start);
   in.report("features", 0);
-  LITAGS_ASSIGN_OR_RETURN(rung.feature_seconds,
-                          colmap.ExtractFeatures(static_cast<int>(in.photos.size()),
-                                                 [&](double f) { in.report("features", f); }));
+  LITAGS_ASSIGN_OR_RETURN(rung.feature_seconds, colmap.ExtractFeatures(in.photos, [&](double f) {
+    in.report("features", f);
+  }));
   std::vector<std::string> names;
   for (const PhotoFile& photo : in.photos) names.push_back(photo.copy_name);
   return NumberImages(colmap.database_path(), names);

@@ -149,19 +149,38 @@ std::vector<Sums> Pyramid(const Photo& photo, const FloatPlane& weights, const P
   return levels;
 }
 
-// Variance of Cb and Cr that a square of 2^level px has, in square codes.
-float NoiseVariance(int level, const ColorPrior& prior) {
+// What a table has between two of its levels; beyond `last`, what that has.
+float AtLevel(const std::array<float, kLevels>& table, double level, int last) {
+  const int low = std::min(static_cast<int>(level), last), high = std::min(low + 1, last);
+  return static_cast<float>(table[low] + (level - low) * (table[high] - table[low]));
+}
+
+// Variance of Cb and Cr that a square of 2^level of the camera's pixels has, in square codes.
+float NoiseVariance(double level, const ColorPrior& prior) {
   // A DC coefficient is eight times the mean of 8x8 samples, of 16x16 px.
-  const double dc = std::pow(prior.chroma_step / 8, 2) / 12 / std::exp2(2 * std::max(0, level - 4));
+  const double dc =
+      std::pow(prior.chroma_step / 8, 2) / 12 / std::exp2(2 * std::max(0.0, level - 4));
   // Rounding a value with normal noise has an error whose mean varies, from value to value, with
   // exp(-4 pi^2 sensor) of the variance that it has without noise (the first harmonic of the
   // quantiser's error). The rest averages out over a square, as the noise itself does.
   const double sensor = prior.luma_noise * prior.luma_noise / kNoiseOfLuma;
   const double alike = std::exp(-4 * std::numbers::pi * std::numbers::pi * sensor);
   const double independent = kRounding * (1 - alike) + kNoiseOfChroma * sensor;
-  return static_cast<float>(kCorrelation * (kRounding * kShares[level] * alike +
-                                            independent / std::exp2(2 * level) + dc));
+  return static_cast<float>(kCorrelation *
+                            (kRounding * AtLevel(kShares, level, kLevels - 1) * alike +
+                             independent / std::exp2(2 * level) + dc));
 }
+
+// What is known of the squares of a level before they are looked at: how their colours deviate from
+// their parents', and the noise of their own.
+struct Level {
+  Level(double level, const ColorPrior& prior)
+      : flat(AtLevel(kFlat, level, kLevels - 2)),
+        edge(AtLevel(kEdge, level, kLevels - 2)),
+        noise(NoiseVariance(level, prior)) {}
+
+  float flat, edge, noise;
+};
 
 // The posterior of a square from its parent's, whose variance of colour about it was added.
 cv::Vec4f Update(const cv::Vec4f& prior, const cv::Vec4f& sums, float noise) {
@@ -174,11 +193,11 @@ cv::Vec4f Update(const cv::Vec4f& prior, const cv::Vec4f& sums, float noise) {
 }
 
 // The same from its parents' estimates, interpolated.
-cv::Vec4f Descend(cv::Vec4f parent, const cv::Vec4f& sums, int level, float noise) {
+cv::Vec4f Descend(cv::Vec4f parent, const cv::Vec4f& sums, const Level& level) {
   const float edge = std::abs(std::log((sums[3] + kTiny) / (parent[3] + kTiny)));
-  const float deviation = kFlat[level] + kEdge[level] * std::min(edge, kMostEdge);
+  const float deviation = level.flat + level.edge * std::min(edge, kMostEdge);
   parent[2] += deviation * deviation;
-  return Update(parent, sums, noise);
+  return Update(parent, sums, level.noise);
 }
 
 // body(x, y, estimate) for every square of a level of that size, with its parents' estimates
@@ -197,21 +216,23 @@ void ForInterpolated(const Estimates& parents, int width, int height, const Body
   }
 }
 
-// Colours of squares of 2 px, from the largest squares down.
-Estimates InferRatios(const std::vector<Sums>& levels, const ColorPrior& prior) {
+// Colours of squares of 2 px, from the largest squares down. A pixel is 2^finest of the camera's
+// wide.
+Estimates InferRatios(const std::vector<Sums>& levels, double finest, const ColorPrior& prior) {
   int level = static_cast<int>(levels.size());  // of levels.back()
   const float root = std::pow(kFlat[kLevels - 1], 2);
   const cv::Vec4f capture(prior.cb, prior.cr, root, 0);
   Estimates estimates(levels.back().size());
+  const float most_noise = NoiseVariance(finest + level, prior);
   for (int i = 0; i < estimates.rows * estimates.cols; ++i) {
-    estimates(i) = Update(capture, levels.back()(i), NoiseVariance(level, prior));
+    estimates(i) = Update(capture, levels.back()(i), most_noise);
   }
   while (--level >= 1) {
     const Sums& sums = levels[level - 1];
-    const float noise = NoiseVariance(level, prior);
+    const Level facts(finest + level, prior);
     Estimates finer(sums.size());
     ForInterpolated(estimates, sums.cols, sums.rows, [&](int x, int y, const cv::Vec4f& parent) {
-      finer(y, x) = Descend(parent, sums(y, x), level, noise);
+      finer(y, x) = Descend(parent, sums(y, x), facts);
     });
     estimates = finer;
   }
@@ -259,10 +280,11 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
   return out;
 }
 
-Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask) const {
+Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask, double shrunk) const {
+  const double finest = std::log2(std::max(shrunk, 1.0));
   const FloatPlane weights = WeightsOf(photo);
-  const Estimates ratios = InferRatios(Pyramid(photo, weights, mask), prior_);
-  const float noise = NoiseVariance(0, prior_);
+  const Estimates ratios = InferRatios(Pyramid(photo, weights, mask), finest, prior_);
+  const Level facts(finest, prior_);
   const SampleTable& sample = SampleTable::Get();
   Photo out = photo;
   ForInterpolated(ratios, photo.width, photo.height, [&](int x, int y, const cv::Vec4f& parent) {
@@ -270,7 +292,7 @@ Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask) const {
     const float code = 255 * Ycc(EncodedPixel(photo, i))[0];
     if (code >= kShadowTop) return;
     const cv::Vec4f sums = SumsOf(photo, weights, mask, i);
-    const cv::Vec4f ratio = Descend(parent, sums, 0, noise);
+    const cv::Vec4f ratio = Descend(parent, sums, facts);
     const float luma = Ycc(LinearPixel(photo, i))[0];
     const cv::Vec3f inferred = Rgb({luma, sums[3] * ratio[0], sums[3] * ratio[1]});
     const float share = 1 - SmoothStep(2 * code / kShadowTop - 1);

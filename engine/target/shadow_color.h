@@ -22,8 +22,8 @@ ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const Plane
 // The medians of a capture's photos; the largest chroma step.
 ColorPrior MedianPrior(absl::Span<const ColorPrior> priors);
 
-// Infers the colours of dark pixels, photo by photo, before any gain. Photos are as a decoder
-// leaves them. Half a second of one core for 2 megapixels.
+// Infers the colours of dark pixels, photo by photo, before any gain. Half a second of one core for
+// 2 megapixels.
 //
 // The ratio of chroma to luma in linear light is estimated over squares of 1, 2, 4, ... 256 px.
 // From large to small, the estimate m of a square moves from its parent's towards its own observed
@@ -40,7 +40,9 @@ class ShadowColors {
  public:
   explicit ShadowColors(const ColorPrior& prior) : prior_(prior) {}
 
-  Photo Infer(const Photo& photo, const PlaneU8& mask = {}) const;
+  // `shrunk`: how many of the camera's pixels one of the photo's is wide, 1 as a decoder leaves it.
+  // A shrunk photo has less noise and as much to infer for its size.
+  Photo Infer(const Photo& photo, const PlaneU8& mask = {}, double shrunk = 1) const;
 
  private:
   ColorPrior prior_;

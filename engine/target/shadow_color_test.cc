@@ -56,8 +56,8 @@ template <class Scene>
 double ColorError(const Photo& photo, const Scene& scene, int from = 0, int to = kWidth) {
   double squares = 0;
   int n = 0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = from; x < to; ++x, n += 2) {
+  for (int y = 0; y < photo.height; ++y) {
+    for (int x = from; x < std::min(to, photo.width); ++x, n += 2) {
       const int16_t* p = photo.pixel(x, y);
       const TestColor seen =
           TestYcc({255 * EncodedOf(p[0]), 255 * EncodedOf(p[1]), 255 * EncodedOf(p[2])});
@@ -82,6 +82,34 @@ TEST(ShadowColors, DarkWallHasOneColor) {
   EXPECT_GT(ColorError(photo, Wall, kWidth / 2), 0.2);
   EXPECT_LT(ColorError(inferred, Wall, kWidth / 2), 0.65 * ColorError(photo, Wall, kWidth / 2));
   EXPECT_LT(ColorError(inferred, Wall), 0.65 * ColorError(photo, Wall));
+}
+
+// Means of 2x2 pixels in linear light.
+Photo Half(const Photo& photo) {
+  Photo half(photo.width / 2, photo.height / 2);
+  for (int y = 0; y < half.height; ++y) {
+    for (int x = 0; x < half.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        float sum = 0;
+        for (int i = 0; i < 4; ++i) {
+          sum += LinearTable::Get()(photo.pixel(2 * x + i % 2, 2 * y + i / 2)[c]);
+        }
+        half.pixel(x, y)[c] = SampleTable::Get()(sum / 4);
+      }
+    }
+  }
+  return half;
+}
+
+// What is inferred of a shrunk photo is as good as what is inferred before it is shrunk.
+TEST(ShadowColors, ShrunkPhotosAreInferredAsWholeOnes) {
+  const Photo photo = Rounded(Wall);
+  const ShadowColors shadows(PriorOf(photo));
+  const auto wall = [](int x, int y) { return Wall(2 * x, 2 * y); };
+  const double before = ColorError(Half(shadows.Infer(photo)), wall);
+  const double after = ColorError(shadows.Infer(Half(photo), {}, 2), wall);
+  EXPECT_LT(after, 1.02 * before);
+  EXPECT_LT(after, 0.65 * ColorError(Half(photo), wall));
 }
 
 // A dark red that noise hides from single pixels, though not from the mean of many: a capture whose

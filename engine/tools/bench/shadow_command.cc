@@ -29,6 +29,13 @@ constexpr double kPictureStops = 7.5;
 constexpr const char* kSteps[] = {"8 bits", "floating point", "+ chroma smoothing",
                                   "+ shadow colours", "+ both"};
 
+struct ShadowArguments {
+  std::string photos;
+  std::string pictures;  // folder for those of the first photo at kPictureStops
+  sample::SensorOptions sensor;
+  double shrink = 1;  // pixels of the camera to one of training
+};
+
 // Sums over photos.
 struct Errors {
   double psnr = 0;
@@ -63,19 +70,26 @@ Errors Compare(const Photo& photo, const Photo& truth) {
   return {-10 * std::log10(squares / truth.data.size()), std::sqrt(chroma / dark) / kPhotoCode};
 }
 
+Photo Shrunk(const Photo& photo, double shrink) {
+  return ResizeArea(photo, static_cast<int>(std::lround(photo.width / shrink)),
+                    static_cast<int>(std::lround(photo.height / shrink)));
+}
+
 // What each of kSteps makes of one photo that is `stops` too dark.
 absl::StatusOr<std::vector<Photo>> MakeSteps(const Photo& truth, double stops,
-                                             const sample::SensorOptions& sensor, uint64_t number) {
+                                             const ShadowArguments& args, uint64_t number) {
   Planes light = ToPlanes(truth);
   for (float& value : light.data) value = static_cast<float>(LinearFromSrgb(value));
   const double gain = std::exp2(stops);
   const ImageU8 dark =
-      sample::Expose(light, {1 / gain, 1 / gain, 1 / gain}, sensor, CounterRng(number, 99));
+      sample::Expose(light, {1 / gain, 1 / gain, 1 / gain}, args.sensor, CounterRng(number, 99));
   LITAGS_ASSIGN_OR_RETURN(const std::string jpeg, EncodeJpeg(dark));
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(jpeg, "photo"));
-  LITAGS_ASSIGN_OR_RETURN(const Photo decoded, DecodePhoto(jpeg, "photo"));
-  const Photo bytes = PhotoFromU8(PhotoToU8(decoded));
-  const Photo inferred = ShadowColors(MeasureColorPrior(decoded, info.chroma_step)).Infer(decoded);
+  LITAGS_ASSIGN_OR_RETURN(const Photo camera, DecodePhoto(jpeg, "photo"));
+  const Photo decoded = Shrunk(camera, args.shrink);
+  const Photo bytes = Shrunk(PhotoFromU8(PhotoToU8(camera)), args.shrink);
+  const Photo inferred =
+      ShadowColors(MeasureColorPrior(camera, info.chroma_step)).Infer(decoded, {}, args.shrink);
   const auto brightened = [&](const Photo& photo, double smoothing) {
     return SmoothChroma(photo, gain, smoothing, [gain](double linear) {
       return SrgbFromLinear(std::clamp(gain * linear, 0.0, 1.0));
@@ -97,12 +111,6 @@ absl::Status WritePictures(const std::string& folder, const Photo& truth,
   return absl::OkStatus();
 }
 
-struct ShadowArguments {
-  std::string photos;
-  std::string pictures;  // folder for those of the first photo at kPictureStops
-  sample::SensorOptions sensor;
-};
-
 absl::Status MeasureShadows(const ShadowArguments& args) {
   const std::string& folder = args.photos;
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(folder, "photos"));
@@ -110,16 +118,16 @@ absl::Status MeasureShadows(const ShadowArguments& args) {
   for (size_t i = 0; i < names.size(); ++i) {
     const std::string path = absl::StrCat(folder, "/", names[i]);
     LITAGS_ASSIGN_OR_RETURN(const Photo photo, ReadPhoto(path, path));
+    const Photo truth = Shrunk(photo, args.shrink);
     for (size_t k = 0; k < std::size(kStops); ++k) {
-      LITAGS_ASSIGN_OR_RETURN(const std::vector<Photo> steps,
-                              MakeSteps(photo, kStops[k], args.sensor, i));
+      LITAGS_ASSIGN_OR_RETURN(const std::vector<Photo> steps, MakeSteps(photo, kStops[k], args, i));
       for (size_t step = 0; step < steps.size(); ++step) {
-        const Errors errors = Compare(steps[step], photo);
+        const Errors errors = Compare(steps[step], truth);
         sums[k][step].psnr += errors.psnr;
         sums[k][step].chroma += errors.chroma;
       }
       if (i == 0 && kStops[k] == kPictureStops && !args.pictures.empty()) {
-        LITAGS_RETURN_IF_ERROR(WritePictures(args.pictures, photo, steps));
+        LITAGS_RETURN_IF_ERROR(WritePictures(args.pictures, truth, steps));
       }
     }
   }
@@ -155,6 +163,11 @@ void AddShadowsCommand(CLI::App* app, int* exit_status) {
   command->add_option("--full-well", sensor.full_well, "electrons at white")->capture_default_str();
   command->add_option("--read-noise", sensor.read_noise, "electrons")->capture_default_str();
   command->add_option("--adc-bits", sensor.adc_bits)->capture_default_str();
+  command
+      ->add_option("--shrink", args->shrink,
+                   "photos are shrunk as many times as for training before colours are inferred")
+      ->check(CLI::Range(1.0, 8.0))
+      ->capture_default_str();
   command->callback([args, exit_status] {
     if (const absl::Status s = MeasureShadows(*args); !s.ok()) {
       std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
