@@ -46,7 +46,7 @@ class MatchingBesideColmap : public ::testing::Test {
         WriteCopies(photos_dir, *photos, Preparation::kRaw, colmap_.images_dir(),
                     colmap_.masks_dir(), 0, cancel_, IgnoreProgress);
     ASSERT_TRUE(copied.ok()) << copied;
-    const auto seconds = colmap_.ExtractFeatures(kViews, IgnoreProgress);
+    const auto seconds = colmap_.ExtractFeatures(*photos, IgnoreProgress);
     ASSERT_TRUE(seconds.ok()) << seconds.status();
   }
   void TearDown() override { fs::remove_all(dir_); }
