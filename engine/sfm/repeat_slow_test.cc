@@ -129,7 +129,10 @@ TEST_F(Repeat, FeaturesAtTheBorderHaveTheSameDescriptors) {
       }
       names.push_back("a/" + std::to_string(p) + ".png");
       ASSERT_TRUE(WritePng(colmap.images_dir() + "/" + names.back(), image).ok());
-      photos.push_back({.copy_name = names.back(), .copy_width = kWidth, .copy_height = kHeight});
+      PhotoFile& photo = photos.emplace_back();
+      photo.copy_name = names.back();
+      photo.copy_width = kWidth;
+      photo.copy_height = kHeight;
     }
     const auto extracted = colmap.ExtractFeatures(photos, [](double) {});
     ASSERT_TRUE(extracted.ok()) << extracted.status();
