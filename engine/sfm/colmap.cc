@@ -14,6 +14,7 @@
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/sfm/colmap_database.h"
+#include "engine/sfm/pair_choice.h"
 #include "engine/sfm/photo_set.h"
 
 namespace litags {
@@ -63,8 +64,7 @@ std::function<void(std::string_view)> CountLines(const char* format, const Fract
 
 int FeatureBudget(const SfmOptions& options, int num_photos) {
   if (options.max_features > 0) return options.max_features;
-  const double pairs =
-      static_cast<double>(std::max<size_t>(1, PairsToMatch(options, num_photos).size()));
+  const double pairs = std::max(1.0, NumPairsToMatch(options, num_photos));
   return static_cast<int>(
       std::clamp<double>(std::sqrt(kMatchBudget / pairs), kMinFeatures, kMaxFeatures));
 }
