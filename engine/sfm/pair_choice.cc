@@ -111,10 +111,4 @@ std::vector<PhotoPair> PairsToMatch(const SfmOptions& options,
   return pairs;
 }
 
-double NumPairsToMatch(const SfmOptions& options, int num_photos) {
-  const double all = 0.5 * num_photos * (num_photos - 1);
-  if (num_photos <= options.match_all_up_to) return all;
-  return std::min(all, static_cast<double>(num_photos) * options.similar_photos);
-}
-
 }  // namespace litags

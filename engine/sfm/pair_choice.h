@@ -48,9 +48,6 @@ std::vector<PhotoPair> PairsToMatch(const SfmOptions& options,
                                     absl::Span<const std::vector<uint8_t>> descriptors,
                                     const CancelToken& cancel);
 
-// About how many pairs that is.
-double NumPairsToMatch(const SfmOptions& options, int num_photos);
-
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_SFM_PAIR_CHOICE_H_

@@ -109,12 +109,6 @@ TEST(PairsToMatch, HaveEachPhotosNeighboursByName) {
   EXPECT_THAT(pairs, IsSupersetOf({PhotoPair{3, 5}, PhotoPair{4, 5}, PhotoPair{5, 6}}));
 }
 
-TEST(PairsToMatch, AreAFewPerPhoto) {
-  const SfmOptions options;
-  EXPECT_EQ(NumPairsToMatch(options, 200), 200 * 199 / 2);
-  EXPECT_EQ(NumPairsToMatch(options, 500), 500 * options.similar_photos);
-}
-
 TEST(SimilarPairs, AreTheNearestAndSomeFartherOnes) {
   std::vector<int> of_first;
   for (const PhotoPair& pair : SimilarPairs(Line(40, 30), 3)) {

@@ -195,6 +195,16 @@ TEST_F(SfmTest, OfManyPhotosTheMostSimilarAreMatched) {
   EXPECT_GE(lines, 5 + 4);
 }
 
+TEST_F(SfmTest, OnlyOfManyPhotosAllCamerasAreAdjustedSeldom) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  ASSERT_TRUE(Find().ok());
+  EXPECT_THAT(colmap_.Calls(), Not(Contains(HasSubstr("ba_global_images_ratio"))));
+  options_.match_all_up_to = 5;
+  ASSERT_TRUE(Find().ok());
+  EXPECT_THAT(colmap_.Calls(),
+              Contains(AllOf(StartsWith("mapper"), HasSubstr("ba_global_images_ratio 1.5"))));
+}
+
 TEST_F(SfmTest, ClimbsTheLadderAndKeepsTheModelWithMostPhotos) {
   colmap_.AddModel(0, 0, Model({0, 1, 2}, 90));
   colmap_.AddModel(1, 0, Model({0, 1, 2, 3, 4}, 5));  // most photos, though fewest points
