@@ -11,7 +11,8 @@
 
 namespace litags {
 
-// Features of a photo that CompareCoarseFeatures() compares.
+// Features of a photo that CompareCoarseFeatures() compares. Half as many choose worse, twice as
+// many take three times as long (docs/experiments/cameras.md).
 inline constexpr size_t kCoarseFeatures = 128;
 
 // A number per pair of photos, the larger, the more alike. Symmetric, [photos, photos].
