@@ -73,7 +73,8 @@ class Colmap {
 };
 
 // SIFT features per photo: options.max_features, or as many of 1000..4000 as keep the matching of
-// up to 100 photos near 40 CPU seconds (it grows with pairs times features squared).
+// up to 100 photos near 40 CPU seconds (it grows with pairs times features squared). Above
+// options.match_all_up_to photos 200,000 for all photos together, but 500 a photo at least.
 int FeatureBudget(const SfmOptions& options, int num_photos);
 
 }  // namespace litags

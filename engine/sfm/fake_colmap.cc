@@ -15,6 +15,7 @@
 #include "engine/core/image.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/image_io.h"
+#include "engine/sfm/walk_test_util.h"
 
 namespace litags {
 namespace {
@@ -55,16 +56,10 @@ void WriteModel(const fs::path& dir, const SparseModel& model) {
   LITAGS_CHECK(WriteColmapModel(dir, model).ok());
 }
 
-// SIFT descriptors that match only themselves: of four large entries any two share at most two.
 std::string HexDescriptors(int count) {
-  std::string bytes(static_cast<size_t>(count) * 128, '\0');
-  for (int i = 0; i < count; ++i) {
-    const int low = i % 32, high = i / 32 % 32;
-    for (const int entry : {low, 32 + high, 64 + (low + high) % 32, 96 + (low + 2 * high) % 32}) {
-      bytes[static_cast<size_t>(128 * i + entry)] = '\xff';
-    }
-  }
-  return absl::BytesToHexString(bytes);
+  const std::vector<uint8_t> descriptors = PhotoOfFeatures(0, count);
+  return absl::BytesToHexString(
+      {reinterpret_cast<const char*>(descriptors.data()), descriptors.size()});
 }
 
 std::string HexKeypoints(const std::vector<std::array<float, 2>>& keypoints) {

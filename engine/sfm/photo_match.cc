@@ -11,6 +11,7 @@
 #include "engine/io/file_util.h"
 #include "engine/sfm/colmap_database.h"
 #include "engine/sfm/descriptor_match.h"
+#include "engine/sfm/pair_choice.h"
 
 namespace litags {
 namespace {
@@ -57,27 +58,13 @@ std::vector<std::vector<FeatureMatch>> MatchPairs(
 
 }  // namespace
 
-std::vector<PhotoPair> PairsToMatch(const SfmOptions& options, int num_photos) {
-  const bool all = num_photos <= options.sequential_above;
-  const auto is_power_of_two = [](int i) { return (i & (i - 1)) == 0; };
-  std::vector<PhotoPair> pairs;
-  for (int i = 0; i < num_photos; ++i) {
-    for (int j = i + 1; j < num_photos; ++j) {
-      const int apart = j - i;
-      if (all || apart <= options.sequential_overlap || is_power_of_two(apart)) {
-        pairs.push_back({i, j});
-      }
-    }
-  }
-  return pairs;
-}
-
 absl::StatusOr<std::vector<ImageMatches>> ComparePhotos(
     const std::string& database_path, const SfmOptions& options, const CancelToken& cancel,
     const std::function<void(double)>& progress) {
   LITAGS_ASSIGN_OR_RETURN(const auto images, ReadImagesInPhotoOrder(database_path));
   LITAGS_ASSIGN_OR_RETURN(const auto descriptors, ReadDescriptors(database_path, images));
-  const std::vector<PhotoPair> pairs = PairsToMatch(options, static_cast<int>(images.size()));
+  const std::vector<PhotoPair> pairs = PairsToMatch(options, descriptors, cancel);
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
   auto matches = MatchPairs(descriptors, pairs, options.threads, cancel, progress);
   LITAGS_RETURN_IF_ERROR(cancel.Check());
 

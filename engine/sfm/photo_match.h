@@ -1,4 +1,4 @@
-// Raw matches of a capture: which photos are compared, and our matcher in place of COLMAP's.
+// Raw matches of a capture: our matcher in place of COLMAP's.
 #ifndef LITAGS_ENGINE_SFM_PHOTO_MATCH_H_
 #define LITAGS_ENGINE_SFM_PHOTO_MATCH_H_
 
@@ -12,17 +12,6 @@
 #include "engine/sfm/sfm.h"
 
 namespace litags {
-
-// Two photos, by their position in name order; first < second.
-struct PhotoPair {
-  int first = 0, second = 0;
-
-  friend bool operator==(const PhotoPair&, const PhotoPair&) = default;
-};
-
-// The pairs to compare, ascending: all, or for more than options.sequential_above photos those up
-// to options.sequential_overlap apart and those a power of two apart (COLMAP's sequential_matcher).
-std::vector<PhotoPair> PairsToMatch(const SfmOptions& options, int num_photos);
 
 // Two images of the database, by name, that may see the same things.
 struct NamePair {

@@ -17,25 +17,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-TEST(PairsToMatch, AreAllPairsOfASmallCapture) {
-  EXPECT_THAT(PairsToMatch({}, 0), IsEmpty());
-  EXPECT_THAT(PairsToMatch({}, 1), IsEmpty());
-  EXPECT_THAT(PairsToMatch({}, 3), ElementsAre(PhotoPair{0, 1}, PhotoPair{0, 2}, PhotoPair{1, 2}));
-  EXPECT_THAT(PairsToMatch({}, 200), SizeIs(200 * 199 / 2));
-}
-
-TEST(PairsToMatch, AreNeighboursAndPowersOfTwoOfALargeOne) {
-  SfmOptions options;
-  options.sequential_above = 9;
-  options.sequential_overlap = 3;
-  std::vector<int> of_first;
-  for (const PhotoPair& pair : PairsToMatch(options, 20)) {
-    EXPECT_LT(pair.first, pair.second);
-    if (pair.first == 0) of_first.push_back(pair.second);
-  }
-  EXPECT_THAT(of_first, ElementsAre(1, 2, 3, 4, 8, 16));
-}
-
 class MatchPhotosTest : public ::testing::Test {
  protected:
   MatchPhotosTest() {

@@ -249,8 +249,8 @@ absl::Status SfmOptions::Validate() const {
   if (max_features != 0 && (max_features < 100 || max_features > 32768)) {
     return OutOfRange("max_features", "must be 0 (automatic) or in 100..32768");
   }
-  if (sequential_above < 2) return OutOfRange("sequential_above", "must be 2 or more");
-  if (sequential_overlap < 1) return OutOfRange("sequential_overlap", "must be 1 or more");
+  if (match_all_up_to < 2) return OutOfRange("match_all_up_to", "must be 2 or more");
+  if (similar_photos < 1) return OutOfRange("similar_photos", "must be 1 or more");
   if (!is_fraction(min_registered)) return OutOfRange("min_registered", "must be in (0, 1]");
   if (!is_fraction(enough_registered)) return OutOfRange("enough_registered", "must be in (0, 1]");
   if (!(step_timeout_seconds >= 0)) return OutOfRange("step_timeout_seconds", "must be 0 or more");

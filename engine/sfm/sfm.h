@@ -29,9 +29,9 @@ struct SfmOptions {
   int threads = 0;                // bound on COLMAP's and our threads; 0: all cores
   uint64_t seed = 0;              // COLMAP's --random_seed; kMaxSfmSeed at most
   int max_image_side = 1600;    // larger photos are matched at this longer side, px; 0: as they are
-  int max_features = 0;         // SIFT features per photo; 0: 1000..4000, fewer for more photos
-  int sequential_above = 200;   // with more photos, match only neighbours in name order
-  int sequential_overlap = 20;  // neighbours on each side then
+  int max_features = 0;         // SIFT features per photo; 0: 500..4000, fewer for more photos
+  int match_all_up_to = 200;    // photos; of more, each is matched with its most similar ones only
+  int similar_photos = 20;      // how many of them
   double min_registered = 0.5;  // fraction of photos that must be placed, else an error, (0, 1]
   double enough_registered = 0.95;     // a rung that places this fraction ends the climb, (0, 1]
   double step_timeout_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
