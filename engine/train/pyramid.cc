@@ -129,7 +129,8 @@ double ViewPyramid::WorkBefore(int iteration) const {
   for (int i = 0; i < levels; ++i) {
     work += std::clamp(iteration - i * share, 0.0, share) * compared_[levels - i];
   }
-  return work + std::max(0.0, iteration - levels * share) * compared_[0];
+  return work + std::max(0.0, iteration - levels * share) * compared_[0] +
+         iteration * kPixelsBeside;
 }
 
 int64_t ViewPyramid::MostGaussians(int level) const { return most_gaussians_[level]; }

@@ -106,8 +106,9 @@ TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
   EXPECT_EQ(pyramid.CoarseEnd(), 50);
   constexpr double kPixels = 300 * 256;
   EXPECT_DOUBLE_EQ(pyramid.WorkBefore(0), 0);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(26), (25.0 / 16 + 1.0 / 4) * kPixels);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(100), (25.0 / 16 + 25.0 / 4 + 50) * kPixels);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(26), (25.0 / 16 + 1.0 / 4) * kPixels + 26 * kPixelsBeside);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(100),
+                   (25.0 / 16 + 25.0 / 4 + 50) * kPixels + 100 * kPixelsBeside);
   EXPECT_EQ(pyramid.View(2, 0).photo.width, 75);
   EXPECT_EQ(pyramid.View(0, 0).photo.width, 300);
 }
@@ -119,8 +120,8 @@ TEST(ViewPyramid, CropsBoundTheWorkOfAnIteration) {
   options.recipe.coarse_levels = 1;
   options.recipe.crop_pixels = 40'000;  // 3 x 2 cells; at half size 2 x 1
   const ViewPyramid pyramid(&views, options);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(50), 50 * 300 * 200 / 2);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(51) - pyramid.WorkBefore(50), 600 * 400 / 6);
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(50), 50 * (300 * 200 / 2 + kPixelsBeside));
+  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(51) - pyramid.WorkBefore(50), 600 * 400 / 6 + kPixelsBeside);
 }
 
 TEST(ViewPyramid, SmallPhotosAllowFewerGaussians) {
