@@ -9,6 +9,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "client/report/report.h"
 #include "client/status.h"
 #include "grpcpp/generic/generic_stub.h"
 
@@ -41,11 +42,6 @@ double RandomFactor() {
 
 // Of Follow(): to the end of the stream.
 constexpr int64_t kNoLast = 0;
-
-bool HasEnded(v1::JobState state) {
-  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
-         state == v1::JOB_STATE_CANCELLED;
-}
 
 }  // namespace
 
@@ -243,7 +239,7 @@ absl::StatusOr<v1::Job> Client::WatchJob(const std::string& name, int64_t after,
     if (!status.ok()) return status;
     auto job = GetJob(name);
     // A job that was resumed just after it had ended goes on being watched.
-    if (!job.ok() || HasEnded(job->state())) return job;
+    if (!job.ok() || report::HasEnded(job->state())) return job;
     if (!interrupt_.Sleep(std::chrono::milliseconds(200))) {
       return absl::CancelledError("interrupted");
     }

@@ -24,11 +24,6 @@ constexpr int kJpegQuality = 85;
 
 bool HasOneLight(const v1::Job& job) { return job.options().method() == v1::METHOD_3DGS; }
 
-bool IsOver(const v1::Job& job) {
-  return job.state() == v1::JOB_STATE_SUCCEEDED || job.state() == v1::JOB_STATE_FAILED ||
-         job.state() == v1::JOB_STATE_CANCELLED;
-}
-
 std::string TitleOf(const v1::Job& job) {
   return job.display_name().empty() ? job.name() : job.display_name();
 }
@@ -55,7 +50,7 @@ Html Heading(const v1::Job& job) {
     head += El("p", {{"class", "error"}},
                {job.error().message(), " (", job.error().detail().reason(), ")"});
   }
-  if (!IsOver(job)) {
+  if (!HasEnded(job.state())) {
     head += El("p", {}, {"The job had not ended when this report was made."});
   }
   return head;
@@ -202,6 +197,11 @@ Html Head(const std::string& title) {
 }
 
 }  // namespace
+
+bool HasEnded(v1::JobState state) {
+  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
+         state == v1::JOB_STATE_CANCELLED;
+}
 
 bool HasScene(const v1::Job& job) { return job.has_snapshot_iteration(); }
 

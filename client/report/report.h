@@ -28,6 +28,9 @@ struct ReportData {
   google::protobuf::Timestamp made;
 };
 
+// Whether the job has ended, well or not.
+bool HasEnded(v1::JobState state);
+
 // Whether there is something to see.
 bool HasScene(const v1::Job& job);
 
