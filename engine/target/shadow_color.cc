@@ -10,6 +10,7 @@
 #include "engine/core/mask.h"
 #include "engine/noise/noise_estimate.h"
 #include "engine/target/float_image.h"
+#include "engine/target/jpeg_chroma.h"
 #include "engine/target/median.h"
 
 namespace litags {
@@ -96,29 +97,61 @@ cv::Vec3f LinearPixel(const Photo& photo, size_t i) {
 
 constexpr int kAround = 5;  // px, the side of the square that Z is the mean of. Choice
 
-// Z / s^2 of every pixel.
-FloatPlane WeightsOf(const Photo& photo) {
+// Of R, G and B, in square codes.
+double SensorVariance(const ColorPrior& prior) {
+  return prior.luma_noise * prior.luma_noise / kNoiseOfLuma;
+}
+
+// How much of the errors of rounding is the same from pixel to pixel: rounding a value with normal
+// noise has an error whose mean varies, from value to value, with exp(-4 pi^2 variance) of the
+// variance that it has without noise (the first harmonic of the quantiser's error).
+double AlikeRounding(const ColorPrior& prior) {
+  return std::exp(-4 * std::numbers::pi * std::numbers::pi * SensorVariance(prior));
+}
+
+// What a pixel's sums need of the pixels around it.
+struct Weights {
+  FloatPlane power;          // Z / s^2
+  cv::Mat_<cv::Vec2f> lost;  // by JPEG (JpegChroma), of Cb Z / s^2 and Cr Z / s^2
+};
+
+cv::Mat Around(const cv::Mat& image) {
+  cv::Mat out;
+  cv::blur(image, out, cv::Size(kAround, kAround), cv::Point(-1, -1), cv::BORDER_REPLICATE);
+  return out;
+}
+
+Weights WeightsOf(const Photo& photo, const ColorPrior& prior, const JpegChroma& chroma) {
   FloatPlane luma(photo.height, photo.width);
-  for (size_t i = 0; i < photo.pixels(); ++i)
+  FloatImage codes(photo.height, photo.width);
+  for (size_t i = 0; i < photo.pixels(); ++i) {
     luma(static_cast<int>(i)) = Ycc(LinearPixel(photo, i))[0];
-  FloatPlane weights;
-  cv::blur(luma, weights, cv::Size(kAround, kAround), cv::Point(-1, -1), cv::BORDER_REPLICATE);
+    codes(static_cast<int>(i)) = 255 * Ycc(EncodedPixel(photo, i));
+  }
+  Weights out = {.power = Around(luma),
+                 .lost = cv::Mat_<cv::Vec2f>(photo.height, photo.width, cv::Vec2f(0, 0))};
+  codes = Around(codes);
+  const float alike = prior.chroma_step > 0 ? static_cast<float>(AlikeRounding(prior)) : 0;
   const PrecisionTable& precision = PrecisionTable::Get();
   const SampleTable& sample = SampleTable::Get();
-  for (float& z : weights) {
+  for (int i = 0; i < static_cast<int>(photo.pixels()); ++i) {
+    float& z = out.power(i);
     z = std::max(z, 0.0f);
-    z *= precision(EncodedOf(sample(z)));
+    const float per_code = precision(EncodedOf(sample(z)));
+    if (alike > 0) out.lost(i) = alike * z * std::sqrt(per_code) * chroma.Lost(codes(i));
+    z *= per_code;
   }
-  return weights;
+  return out;
 }
 
 // A pixel's sums, at level 0. Masked pixels have a luma only.
-cv::Vec4f SumsOf(const Photo& photo, const FloatPlane& weights, const PlaneU8& mask, size_t i) {
+cv::Vec4f SumsOf(const Photo& photo, const Weights& weights, const PlaneU8& mask, size_t i) {
   const cv::Vec3f ycc = Ycc(LinearPixel(photo, i));
   const float y = std::max(ycc[0], 0.0f);
   if (!mask.empty() && mask.data[i] == 0) return {0, 0, 0, y};
-  return weights(static_cast<int>(i)) * cv::Vec4f(ycc[1], ycc[2], ycc[0], 0) +
-         cv::Vec4f(0, 0, 0, y);
+  const float power = weights.power(static_cast<int>(i));
+  const cv::Vec2f lost = weights.lost(static_cast<int>(i));
+  return {power * ycc[1] + lost[0], power * ycc[2] + lost[1], power * ycc[0], y};
 }
 
 // The means of 2x2 squares, fewer at an odd edge. sums(x, y) of a picture of that size.
@@ -137,7 +170,7 @@ Sums Halved(int width, int height, const SumsAt& sums) {
 }
 
 // Levels 1 and up. Level 0 is the photo itself.
-std::vector<Sums> Pyramid(const Photo& photo, const FloatPlane& weights, const PlaneU8& mask) {
+std::vector<Sums> Pyramid(const Photo& photo, const Weights& weights, const PlaneU8& mask) {
   std::vector<Sums> levels;
   levels.push_back(Halved(photo.width, photo.height, [&](int x, int y) {
     return SumsOf(photo, weights, mask, size_t(y) * photo.width + x);
@@ -160,11 +193,8 @@ float NoiseVariance(double level, const ColorPrior& prior) {
   // A DC coefficient is eight times the mean of 8x8 samples, of 16x16 px.
   const double dc =
       std::pow(prior.chroma_step / 8, 2) / 12 / std::exp2(2 * std::max(0.0, level - 4));
-  // Rounding a value with normal noise has an error whose mean varies, from value to value, with
-  // exp(-4 pi^2 sensor) of the variance that it has without noise (the first harmonic of the
-  // quantiser's error). The rest averages out over a square, as the noise itself does.
-  const double sensor = prior.luma_noise * prior.luma_noise / kNoiseOfLuma;
-  const double alike = std::exp(-4 * std::numbers::pi * std::numbers::pi * sensor);
+  // What is not alike averages out over a square, as the noise itself does.
+  const double sensor = SensorVariance(prior), alike = AlikeRounding(prior);
   const double independent = kRounding * (1 - alike) + kNoiseOfChroma * sensor;
   return static_cast<float>(kCorrelation *
                             (kRounding * AtLevel(kShares, level, kLevels - 1) * alike +
@@ -249,7 +279,8 @@ ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const Plane
   for (size_t i = 0; i < luma.size(); ++i) luma[i] = Ycc(EncodedPixel(photo, i))[0];
   prior.luma_noise =
       NoiseOfChannel(luma.data(), photo.width, photo.height, mask, kShadowTop / 255).Deviation();
-  const FloatPlane weights = WeightsOf(photo);
+  static const JpegChroma grey(cv::Vec2f(0, 0));
+  const Weights weights = WeightsOf(photo, prior, grey);
   cv::Vec3d total(0, 0, 0);  // as in Sums
   ForCounted(mask, photo.pixels(), [&](size_t i) {
     const int16_t* p = &photo.data[3 * i];
@@ -280,9 +311,14 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
   return out;
 }
 
+ShadowColors::ShadowColors(const ColorPrior& prior)
+    : prior_(prior),
+      chroma_(std::make_shared<const JpegChroma>(
+          cv::Vec2f(static_cast<float>(prior.cb), static_cast<float>(prior.cr)))) {}
+
 Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask, double shrunk) const {
   const double finest = std::log2(std::max(shrunk, 1.0));
-  const FloatPlane weights = WeightsOf(photo);
+  const Weights weights = WeightsOf(photo, prior_, *chroma_);
   const Estimates ratios = InferRatios(Pyramid(photo, weights, mask), finest, prior_);
   const Level facts(finest, prior_);
   const SampleTable& sample = SampleTable::Get();

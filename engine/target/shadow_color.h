@@ -2,11 +2,15 @@
 #ifndef LITAGS_ENGINE_TARGET_SHADOW_COLOR_H_
 #define LITAGS_ENGINE_TARGET_SHADOW_COLOR_H_
 
+#include <memory>
+
 #include "absl/types/span.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
 
 namespace litags {
+
+class JpegChroma;
 
 // What is known of a capture's colours before its pixels are looked at.
 struct ColorPrior {
@@ -31,14 +35,15 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors);
 // dark ones take the colour of what is around them. The variance of a square's colour about its
 // parent's grows with the difference of their brightness, so that edges of brightness keep colours
 // apart; it was measured on 110 well exposed photos. The noise is that of the sensor, of rounding
-// to 8-bit codes and of the JPEG's quantisation. Luma stays.
+// to 8-bit codes and of the JPEG's quantisation; what JPEG's roundings hide of a square's own ratio
+// is added first (JpegChroma). Luma stays.
 //
 // Pixels brighter than kShadowTop codes are returned as they are, and the change fades out from
 // half of that. Pixels that `mask` leaves out take the colour of what is around them if they are
 // dark. Thread-safe; one thread each.
 class ShadowColors {
  public:
-  explicit ShadowColors(const ColorPrior& prior) : prior_(prior) {}
+  explicit ShadowColors(const ColorPrior& prior);
 
   // `shrunk`: how many of the camera's pixels one of the photo's is wide, 1 as a decoder leaves it.
   // A shrunk photo has less noise and as much to infer for its size.
@@ -46,6 +51,7 @@ class ShadowColors {
 
  private:
   ColorPrior prior_;
+  std::shared_ptr<const JpegChroma> chroma_;
 };
 
 inline constexpr float kShadowTop = 64;  // codes of luma. Choice
