@@ -163,6 +163,28 @@ await step("a report to file", async () => {
   await checkReport(report);
 });
 
+// By the mouse and by a key; the length of one distance gives that of the next.
+async function measured() {
+  const units = () => page.locator("output").textContent();
+  await page.getByLabel("Measure a distance").check();
+  const box = await page.locator("canvas").boundingBox();
+  await page.mouse.click(box.x + 0.45 * box.width, box.y + 0.5 * box.height);
+  await page.getByText("Click the second point").waitFor();
+  await page.locator("canvas").press("m");
+  await page.getByText("units of the scene", {exact: false}).first().waitFor();
+  assert.ok(Number.parseFloat(await units()) > 0, await units());
+  await page.locator(".measure circle").nth(1).waitFor();
+  const marks = await page.locator(".measure circle").evaluateAll(
+      (circles) => circles.map((c) => [c.cx.baseVal.value, c.cy.baseVal.value]));
+  for (const [i, share] of [0.45, 0.5].entries()) {  // where they were marked
+    assert.ok(Math.abs(marks[i][0] - share * box.width) < 1, `${marks} of ${box.width}`);
+    assert.ok(Math.abs(marks[i][1] - 0.5 * box.height) < 1, `${marks} of ${box.height}`);
+  }
+  await page.getByLabel("Its length").fill("2");
+  await page.getByLabel("Its length").press("Tab");
+  await page.getByText("2.000 m", {exact: true}).waitFor();
+}
+
 await step("through the scene", async () => {
   await page.getByRole("link", {name: "Fly through"}).click();
   await full();
@@ -188,6 +210,7 @@ await step("through the scene", async () => {
     await page.mouse.up();
     await page.mouse.wheel(0, 300);
   });
+  await measured();
   await redrawn(() => page.getByLabel("Show where photos").check());
   await page.locator(".outlines path").first().waitFor();
   await check("5-scene");

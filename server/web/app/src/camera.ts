@@ -31,6 +31,12 @@ export function frameOf(camera: Camera): Frame {
   return {eye, right, down, forward};
 }
 
+// The world-to-camera matrix of a frame, 4x4, row-major.
+export function viewmatOf(f: Frame): number[] {
+  return [f.right, f.down, f.forward].flatMap((axis) => [...axis, -dot(axis, f.eye)])
+      .concat([0, 0, 0, 1]);
+}
+
 export class OrbitCamera {
   eye: V3 = [0, 0, 0];
   forward: V3 = [0, 0, 1];
@@ -57,16 +63,13 @@ export class OrbitCamera {
     this.fovDeg = 2 * Math.atan(camera.height / 2 / camera.intrinsics.fy) * 180 / Math.PI;
   }
 
-  frame(): Frame {
-    const right = unit(cross(this.forward, this.up));
-    return {eye: this.eye, right, down: cross(this.forward, right), forward: this.forward};
+  // Of a camera here that looks along `forward`, of unit length.
+  frame(forward = this.forward): Frame {
+    const right = unit(cross(forward, this.up));
+    return {eye: this.eye, right, down: cross(forward, right), forward};
   }
 
-  viewmat(): number[] {
-    const f = this.frame();
-    return [f.right, f.down, f.forward].flatMap((axis) => [...axis, -dot(axis, f.eye)])
-        .concat([0, 0, 0, 1]);
-  }
+  viewmat(): number[] { return viewmatOf(this.frame()); }
 
   // Around the point in front, by angles in radians.
   orbit(yaw: number, pitch: number): void {
@@ -100,7 +103,15 @@ export class OrbitCamera {
     const f = this.frame(), to = add(point, f.eye, -1);
     const z = dot(to, f.forward);
     if (z < 1e-3 * this.radius) return null;
-    const focal = height / 2 / Math.tan(this.fovDeg * Math.PI / 360);
+    const focal = this.focal(height);
     return [width / 2 + focal * dot(to, f.right) / z, height / 2 + focal * dot(to, f.down) / z];
   }
+
+  // The direction, of unit length, of what a picture of this size shows at x, y.
+  ray(x: number, y: number, width: number, height: number): V3 {
+    const f = this.frame(), focal = this.focal(height);
+    return unit(add(add(f.forward, f.right, (x - width / 2) / focal), f.down, (y - height / 2) / focal));
+  }
+
+  private focal(height: number): number { return height / 2 / Math.tan(this.fovDeg * Math.PI / 360); }
 }

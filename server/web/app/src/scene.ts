@@ -6,6 +6,7 @@ import {control} from "./controls.js";
 import {el, labelled, notice, select, svg} from "./dom.js";
 import {Drawing} from "./drawing.js";
 import {titleOf} from "./format.js";
+import {measuring} from "./measure.js";
 import type {View} from "./view.js";
 
 const kChannels: [string, string][] = [
@@ -82,6 +83,7 @@ function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => 
     go(names[(at + step + names.length) % names.length]!);
   };
   const over = outlines(cameras, camera, go);
+  const measure = measuring(job.name, canvas, camera);
   const drawing = new Drawing(job.name, canvas, () => {
     const colour = channel.value === "CHANNEL_LIGHT" || channel.value === "CHANNEL_ORIGINAL";
     return {
@@ -109,21 +111,28 @@ function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => 
     exposure.input.disabled = !/LIGHT|ORIGINAL/.test(channel.value);
     over.element.toggleAttribute("hidden", !shown.checked);
     if (shown.checked) over.draw(canvas.clientWidth, canvas.clientHeight);
+    measure.draw();
     drawing.ask();
   };
   const uncontrol = control(canvas, camera, () => { jumps.value = ""; changed(); });
   const resized = new ResizeObserver(changed);
   resized.observe(canvas);
   const element = el(
-      "div", {class: "scene"}, el("div", {class: "frame"}, canvas, over.element), status,
+      "div", {class: "scene"}, el("div", {class: "frame"}, canvas, over.element, measure.overlay), status,
       el("div", {class: "controls"},
          labelled("Show", channel), light.element, exposure.element,
          el("div", {class: "field"}, labelled("Photo's place", jumps),
             el("div", {class: "row"},
                el("button", {type: "button", click: () => beside(-1)}, "Previous photo"),
                el("button", {type: "button", click: () => beside(1)}, "Next photo"))),
-         el("label", {class: "check"}, shown, "Show where photos were taken"), save));
-  return {element, leave: () => { drawing.stop(); uncontrol(); resized.disconnect(); }};
+         el("label", {class: "check"}, shown, "Show where photos were taken"), measure.controls,
+         save));
+  return {element, leave: () => {
+    drawing.stop();
+    measure.leave();
+    uncontrol();
+    resized.disconnect();
+  }};
 }
 
 export function sceneView(id: string): View {
