@@ -20,6 +20,7 @@ std::string Word(const std::string& value) {
 
 constexpr std::pair<const char*, v1::ModelFormat> kEndings[] = {
     {".compressed.ply", v1::MODEL_FORMAT_COMPRESSED_PLY},
+    {".points.ply", v1::MODEL_FORMAT_POINTS},
     {".ply", v1::MODEL_FORMAT_PLY},
     {".spz", v1::MODEL_FORMAT_SPZ},
     {".sog", v1::MODEL_FORMAT_SOG},
@@ -27,6 +28,7 @@ constexpr std::pair<const char*, v1::ModelFormat> kEndings[] = {
     {".glb", v1::MODEL_FORMAT_GLB},
     {".usda", v1::MODEL_FORMAT_USDA},
     {".zip", v1::MODEL_FORMAT_COLMAP},
+    {".las", v1::MODEL_FORMAT_LAS},
 };
 
 constexpr std::pair<const char*, v1::UpAxis> kAxes[] = {

@@ -25,6 +25,8 @@ TEST(ModelFormat, EveryFormatHasAName) {
 
 TEST(ModelFormat, EndingsSayTheFormat) {
   EXPECT_EQ(ModelFormatOf("a/b.ply").value(), v1::MODEL_FORMAT_PLY);
+  EXPECT_EQ(ModelFormatOf("a/b.points.ply").value(), v1::MODEL_FORMAT_POINTS);
+  EXPECT_EQ(ModelFormatOf("b.LAS").value(), v1::MODEL_FORMAT_LAS);
   EXPECT_EQ(ModelFormatOf("scene.compressed.ply").value(), v1::MODEL_FORMAT_COMPRESSED_PLY);
   EXPECT_EQ(ModelFormatOf("SCENE.SPZ").value(), v1::MODEL_FORMAT_SPZ);
   EXPECT_EQ(ModelFormatOf("x.zip").value(), v1::MODEL_FORMAT_COLMAP);

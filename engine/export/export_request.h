@@ -10,8 +10,21 @@
 
 namespace litags {
 
-// File formats of Gaussians; formats.h has a row of each.
-enum class SceneFormat { kPly, kCompressedPly, kSplat, kSpz, kSpzV4, kSog, kGlb, kUsda, kColmap };
+// File formats; formats.h has a row of each. The last two hold points of surfaces, the others
+// Gaussians.
+enum class SceneFormat {
+  kPly,
+  kCompressedPly,
+  kSplat,
+  kSpz,
+  kSpzV4,
+  kSog,
+  kGlb,
+  kUsda,
+  kColmap,
+  kPoints,
+  kLas
+};
 
 // Which axis of the file the scene's up direction becomes.
 enum class UpAxis {
@@ -38,7 +51,7 @@ struct ExportRequest {
   double exposure_stops = 0;  // linear light times 2^stops, -10..10
   UpAxis up = UpAxis::kOfFormat;
   double scale = 1;         // units of the file in one of the scene
-  std::optional<Box> crop;  // only Gaussians whose centre is inside
+  std::optional<Box> crop;  // only Gaussians whose centre is inside, or points
   int64_t max_splats = 0;   // of those, the ones that pictures need most; 0: all
   // Small Gaussians as they were trained, and the format's tag that viewers are to draw them
   // antialiased. Else they are such that viewers without that draw them much as we do.

@@ -17,11 +17,15 @@ constexpr FormatInfo kFormats[] = {
     {SceneFormat::kGlb, "glb", ".glb", UpAxis::kY, false, EncodeGlb},
     {SceneFormat::kUsda, "usda", ".usda", UpAxis::kY, false, EncodeUsda},
     {SceneFormat::kColmap, "colmap", ".zip", UpAxis::kKeep, false, EncodeColmap},
+    {SceneFormat::kPoints, "points", ".points.ply", UpAxis::kKeep, false, nullptr, EncodePointsPly},
+    {SceneFormat::kLas, "las", ".las", UpAxis::kKeep, false, nullptr, EncodeLas},
 };
 
 }  // namespace
 
-absl::Span<const FormatInfo> Formats() { return kFormats; }
+absl::Span<const FormatInfo> Formats() {
+  return absl::MakeConstSpan(kFormats).first(static_cast<size_t>(SceneFormat::kPoints));
+}
 
 const FormatInfo& InfoOf(SceneFormat format) {
   const FormatInfo& info = kFormats[static_cast<size_t>(format)];

@@ -1,4 +1,4 @@
-// The file formats that Gaussians are written in: one table, one source file each.
+// The file formats of scenes: one table, one source file each.
 #ifndef LITAGS_ENGINE_EXPORT_FORMATS_H_
 #define LITAGS_ENGINE_EXPORT_FORMATS_H_
 
@@ -7,6 +7,7 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "engine/export/export_request.h"
+#include "engine/export/point_cloud.h"
 #include "engine/export/viewer_scene.h"
 
 namespace litags {
@@ -18,10 +19,11 @@ struct FormatInfo {
   UpAxis up;           // what the format says of it; kKeep: nothing
   bool has_antialiased_tag;
   // The file's bytes. FAILED_PRECONDITION (EXPORT_OUT_OF_RANGE) if the format cannot hold them.
-  absl::StatusOr<std::string> (*encode)(const ViewerScene& scene);
+  absl::StatusOr<std::string> (*encode)(const ViewerScene& scene);   // null: of points
+  std::string (*encode_points)(const PointCloud& points) = nullptr;  // null: of Gaussians
 };
 
-// In the order of SceneFormat.
+// Those of Gaussians, in the order of SceneFormat.
 absl::Span<const FormatInfo> Formats();
 const FormatInfo& InfoOf(SceneFormat format);
 

@@ -85,9 +85,11 @@ absl::StatusOr<ViewerScene> ReadExported(SceneFormat format, const std::string& 
     case SceneFormat::kUsda:
       return DecodeUsda(bytes);
     case SceneFormat::kColmap:
+    case SceneFormat::kPoints:
+    case SceneFormat::kLas:
       break;
   }
-  return Corrupt("COLMAP's models hold points, not Gaussians");
+  return Corrupt("the file holds points, not Gaussians");
 }
 
 absl::StatusOr<SparseModel> ReadExportedColmap(const std::string& bytes) {

@@ -14,6 +14,7 @@
 #include "engine/pipeline/light_power.h"
 #include "engine/pipeline/render_rules.h"
 #include "engine/pipeline/scene_file.h"
+#include "engine/pipeline/surface_points.h"
 
 namespace litags {
 namespace {
@@ -118,6 +119,12 @@ class ModelScene : public Scene {
 
   absl::StatusOr<int64_t> Export(const std::string& path,
                                  const ExportRequest& request) const override {
+    LITAGS_RETURN_IF_ERROR(CheckExport(request));
+    if (const auto encode = InfoOf(request.format).encode_points) {
+      LITAGS_ASSIGN_OR_RETURN(const PointCloud points, SurfacePoints(*this, request));
+      LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, encode(points)));
+      return static_cast<int64_t>(points.size());
+    }
     LITAGS_ASSIGN_OR_RETURN(const ViewerScene scene,
                             MakeViewerScene(model_, local_views_, frame_.up, request));
     LITAGS_RETURN_IF_ERROR(request.cancel.Check());

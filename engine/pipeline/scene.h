@@ -55,7 +55,8 @@ class Scene {
   // Float planes: 3 for colours (sRGB, clamped to [0, 1]), 1 otherwise as listed at Channel.
   // CANCELLED soon after the request's token is raised.
   virtual absl::StatusOr<Planes> Render(const RenderRequest& request) const = 0;
-  // The Gaussians as a file of request.format; returns how many. L is applied to every Gaussian
+  // The scene as a file of request.format; returns how many Gaussians or points (SurfacePoints) it
+  // holds. Gaussians: L is applied to every Gaussian
   // instead of every pixel, exposure to first order, and the denoiser is left out: viewers know
   // none of them. Shapes and opacities are such that what viewers draw in pictures of about the
   // views' size is much like Render's (viewer_splats.h), unless request.antialiased. Where the

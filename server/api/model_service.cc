@@ -41,6 +41,10 @@ absl::StatusOr<SceneFormat> FormatOf(v1::ModelFormat format) {
       return SceneFormat::kSog;
     case v1::MODEL_FORMAT_COLMAP:
       return SceneFormat::kColmap;
+    case v1::MODEL_FORMAT_POINTS:
+      return SceneFormat::kPoints;
+    case v1::MODEL_FORMAT_LAS:
+      return SceneFormat::kLas;
     default:
       return InvalidInput("FORMAT_UNKNOWN", "format",
                           absl::StrCat("the server does not know format ", format));

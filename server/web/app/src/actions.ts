@@ -10,7 +10,7 @@ const kFormats: [format: string, text: string, ending: string][] = [
   ["COMPRESSED_PLY", "compressed PLY", ".compressed.ply"], ["SPLAT", "splat", ".splat"],
   ["GLB", "glTF", ".glb"], ["USDA", "OpenUSD", ".usda"], ["SPZ_V4", "SPZ, version 4", ".spz"],
   ["PLY_ORIGINAL_LIGHT", "PLY, original light", ".ply"], ["PLY_FULL", "PLY, all attributes", ".ply"],
-  ["COLMAP", "COLMAP model", ".zip"],
+  ["COLMAP", "COLMAP model", ".zip"], ["POINTS", "points, PLY", ".points.ply"], ["LAS", "points, LAS", ".las"],
 ];
 
 export interface Part { element: HTMLElement; show: (job: Job) => void }

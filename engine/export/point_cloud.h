@@ -1,0 +1,27 @@
+// Points of surfaces with their colours, and the files that hold them.
+#ifndef LITAGS_ENGINE_EXPORT_POINT_CLOUD_H_
+#define LITAGS_ENGINE_EXPORT_POINT_CLOUD_H_
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace litags {
+
+struct ColoredPoint {
+  std::array<double, 3> xyz;
+  std::array<uint8_t, 3> rgb;  // sRGB
+};
+using PointCloud = std::vector<ColoredPoint>;
+
+// .ply: coordinates in doubles, colours in bytes.
+std::string EncodePointsPly(const PointCloud& points);
+
+// ASPRS LAS 1.2, point format 2: coordinates in 32 bits of a power of ten that is at most a 2^30th
+// of the largest side, colours in 16 bits. Not empty.
+std::string EncodeLas(const PointCloud& points);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_EXPORT_POINT_CLOUD_H_
