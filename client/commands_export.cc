@@ -86,7 +86,8 @@ int Export(Session& session, const ExportArgs& args) {
       [&](std::string_view bytes) { return file.Write(bytes); });
   if (status.ok()) status = file.Commit();
   if (!status.ok()) return ReportError(session, status, args.job);
-  Note(absl::StrCat(args.path(), ": ", CountText(header.gaussians()), " Gaussians, iteration ",
+  Note(absl::StrCat(args.path(), ": ", CountText(header.gaussians()),
+                    HoldsPoints(request->format()) ? " points" : " Gaussians", ", iteration ",
                     header.iteration(), ", ", BytesText(header.size_bytes())));
   return kExitOk;
 }
@@ -95,7 +96,7 @@ void AddFileOptions(CLI::App& command, ExportArgs& args) {
   CLI::Option* output = command.add_option(
       "-o,--output", args.output,
       "File to write; its ending says the format: .ply, .compressed.ply, .spz, .sog, .splat, .glb, "
-      ".usda, .zip (COLMAP's model)");
+      ".usda, .zip (COLMAP's model), .points.ply and .las (points of surfaces)");
   // The first version's name of -o.
   CLI::Option* ply = command.add_option("--ply", args.ply, "File to write, a .ply");
   CLI::Option_group* file = command.add_option_group("File", "One of these");
@@ -130,7 +131,7 @@ void AddExportCommand(CLI::App& app, Session& session) {
                    "Only what is in this box, in the coordinates of the cameras: x,y,z x,y,z")
       ->expected(2);
   command->add_option("--max-splats", args->max_splats,
-                      "At most so many Gaussians: those that pictures need most");
+                      "At most so many Gaussians or points: those that pictures need most");
   command->add_flag("--antialiased", args->antialiased,
                     "Small Gaussians as trained, and tell viewers so: .spz and .sog only");
   command->callback([&session, args] { session.exit_code = Export(session, *args); });

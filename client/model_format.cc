@@ -73,6 +73,10 @@ absl::StatusOr<v1::ModelFormat> ModelFormatOf(const std::string& path) {
                                "; rename it, or give --format"));
 }
 
+bool HoldsPoints(v1::ModelFormat format) {
+  return format == v1::MODEL_FORMAT_POINTS || format == v1::MODEL_FORMAT_LAS;
+}
+
 absl::StatusOr<v1::UpAxis> ParseUpAxis(const std::string& name) {
   for (const auto& [word, axis] : kAxes) {
     if (name == word) return axis;
