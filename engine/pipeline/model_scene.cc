@@ -119,7 +119,6 @@ class ModelScene : public Scene {
 
   absl::StatusOr<int64_t> Export(const std::string& path,
                                  const ExportRequest& request) const override {
-    LITAGS_RETURN_IF_ERROR(CheckExport(request));
     if (const auto encode = InfoOf(request.format).encode_points) {
       LITAGS_ASSIGN_OR_RETURN(const PointCloud points, SurfacePoints(*this, request));
       LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, encode(points)));

@@ -9,6 +9,7 @@
 #include "engine/export/formats.h"
 #include "engine/export/quantize.h"
 #include "engine/export/viewer_scene.h"
+#include "engine/pipeline/render_rules.h"
 
 namespace litags {
 namespace {
@@ -23,7 +24,7 @@ constexpr float kEdge = 0.05f;            // of the depth, between neighbours
 constexpr double kCubePixels = 1.5;       // side of a cube, in widths of a pixel, their median
 constexpr int64_t kCubesAside = 1 << 20;  // of the centre: a cube's number has 21 bits an axis
 
-// What a pixel shows. 24 bytes: there are millions.
+// What a pixel shows. 20 bytes: there are millions.
 struct Sample {
   std::array<float, 3> from_center;
   float width;  // of the pixel there
@@ -177,6 +178,7 @@ void Place(const Point& up, UpAxis axis, double scale, PointCloud* points) {
 }  // namespace
 
 absl::StatusOr<PointCloud> SurfacePoints(const Scene& scene, const ExportRequest& request) {
+  LITAGS_RETURN_IF_ERROR(CheckExport(request));
   const std::vector<View>& views = scene.views();
   const size_t cameras = std::min(views.size(), kMostCameras);
   std::vector<Sample> samples;

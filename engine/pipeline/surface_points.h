@@ -12,7 +12,8 @@ namespace litags {
 // opaque and no edge is near; those of a small cube are one point, their mean, which at least two
 // cameras must see. At most request.max_splats points, those that most pixels show. Light,
 // exposure, crop, up and scale are those of the request. The same scene makes the same points.
-// FAILED_PRECONDITION (EXPORT_EMPTY) if there are none; CANCELLED.
+// Errors: those of CheckExport and Scene::Render; FAILED_PRECONDITION (EXPORT_EMPTY) if there are
+// none.
 absl::StatusOr<PointCloud> SurfacePoints(const Scene& scene, const ExportRequest& request);
 
 }  // namespace litags

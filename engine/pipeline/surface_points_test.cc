@@ -93,6 +93,9 @@ TEST(SurfacePoints, OptionsChooseAndPlaceThem) {
     EXPECT_NEAR(std::abs(point.xyz[1]), 100 * kWallDepth, 2);
     EXPECT_LT(std::abs(point.xyz[2]), 51);
   }
+  request.antialiased = true;
+  EXPECT_EQ(ReasonOf(SurfacePoints(*scene, request).status()), "EXPORT_OPTION_INVALID");
+  request.antialiased = false;
   request.crop = Box{{50, 50, 50}, {51, 51, 51}};
   EXPECT_EQ(ReasonOf(SurfacePoints(*scene, request).status()), "EXPORT_EMPTY");
 }

@@ -10,7 +10,7 @@ namespace litags {
 // An encoder rounds R, G and B to codes, then Y, Cb and Cr of these, halves of Cb and Cr down
 // (libjpeg's jccolor.c). In dark pixels many colours become one code, and they do not lie around
 // it: what reads Y = 3, Cb = -1, Cr = 0 was R = G = 3, B = 2 or so, whose Cb is -0.5. This is the
-// mean of all colours that become a code, those near the capture's likelier.
+// mean of all colours that become a code, those near the capture's mean likelier.
 class JpegChroma {
  public:
   // The mean Cb / Y and Cr / Y of a capture's colours.
