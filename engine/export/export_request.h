@@ -39,6 +39,12 @@ enum class UpAxis {
 };
 
 struct Box {
+  bool Holds(const std::array<double, 3>& point) const {
+    bool inside = true;
+    for (int k = 0; k < 3; ++k) inside = inside && point[k] >= min[k] && point[k] <= max[k];
+    return inside;
+  }
+
   std::array<double, 3> min = {}, max = {};  // in the scene's coordinates
 };
 

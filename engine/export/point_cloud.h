@@ -18,8 +18,8 @@ using PointCloud = std::vector<ColoredPoint>;
 // .ply: coordinates in doubles, colours in bytes.
 std::string EncodePointsPly(const PointCloud& points);
 
-// ASPRS LAS 1.2, point format 2: coordinates in 32 bits of a power of ten that is at most a 2^30th
-// of the largest side, colours in 16 bits. Not empty.
+// ASPRS LAS 1.2, point format 2: coordinates in 32 bits, in units of the least power of ten from a
+// 2^30th of the largest side on; colours in 16 bits. Not empty.
 std::string EncodeLas(const PointCloud& points);
 
 }  // namespace litags

@@ -192,12 +192,14 @@ Matrix3 RotationBetween(const std::array<double, 3>& from, const std::array<doub
   return out;
 }
 
+Matrix3 RotationTo(const std::array<double, 3>& up, UpAxis axis) {
+  if (axis == UpAxis::kKeep) return {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  return RotationBetween(up, DirectionOf(axis));
+}
+
 void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, ViewerScene* scene) {
-  Matrix3 rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  if (axis != UpAxis::kKeep) {
-    rotation = RotationBetween(up, DirectionOf(axis));
-    Rotate(rotation, &scene->splats);
-  }
+  const Matrix3 rotation = RotationTo(up, axis);
+  if (axis != UpAxis::kKeep) Rotate(rotation, &scene->splats);
   scene->up = axis;
   const RotationMatrix turn = Eigen::Map<const RotationMatrix>(rotation.data());
   const Eigen::Vector3d origin = scale * (turn * Eigen::Vector3d(scene->origin.data()));
@@ -217,12 +219,9 @@ void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, View
 void Crop(const Box& box, ViewerScene* scene) {
   std::vector<size_t> kept;
   for (size_t i = 0; i < scene->splats.size(); ++i) {
-    bool inside = true;
-    for (int k = 0; k < 3; ++k) {
-      const double at = scene->splats.at(i, kMean + k) + scene->origin[k];
-      inside = inside && at >= box.min[k] && at <= box.max[k];
-    }
-    if (inside) kept.push_back(i);
+    std::array<double, 3> mean;
+    for (int k = 0; k < 3; ++k) mean[k] = scene->splats.at(i, kMean + k) + scene->origin[k];
+    if (box.Holds(mean)) kept.push_back(i);
   }
   KeepOnly(kept, &scene->splats);
 }

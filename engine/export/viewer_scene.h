@@ -50,6 +50,8 @@ void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, View
 
 // The rotation by the smallest angle that takes unit vector `from` to unit vector `to`.
 Matrix3 RotationBetween(const std::array<double, 3>& from, const std::array<double, 3>& to);
+// The one that makes `up` the axis; none for kKeep.
+Matrix3 RotationTo(const std::array<double, 3>& up, UpAxis axis);
 // Unit vector of an axis; `axis` is neither kOfFormat nor kKeep.
 std::array<double, 3> DirectionOf(UpAxis axis);
 

@@ -10,6 +10,7 @@
 #include "engine/export/quantize.h"
 #include "engine/export/viewer_scene.h"
 #include "engine/pipeline/render_rules.h"
+#include "engine/target/median.h"
 
 namespace litags {
 namespace {
@@ -72,13 +73,6 @@ bool IsSurface(const Pictures& pictures, int x, int y) {
   return true;
 }
 
-bool Inside(const Box& box, const Point& p) {
-  for (int k = 0; k < 3; ++k) {
-    if (p[k] < box.min[k] || p[k] > box.max[k]) return false;
-  }
-  return true;
-}
-
 void AddSamples(const Camera& camera, const Pictures& pictures, const ExportRequest& request,
                 const Point& center, uint8_t number, std::vector<Sample>* samples) {
   for (int y = 1; y + 1 < camera.height; ++y) {
@@ -87,7 +81,7 @@ void AddSamples(const Camera& camera, const Pictures& pictures, const ExportRequ
       const double z = pictures.depth.at(0, y, x);
       const Point p = camera.WorldFromCam(
           {(x + 0.5 - camera.cx) / camera.fx * z, (y + 0.5 - camera.cy) / camera.fy * z, z});
-      if (request.crop.has_value() && !Inside(*request.crop, p)) continue;
+      if (request.crop.has_value() && !request.crop->Holds(p)) continue;
       Sample& sample = samples->emplace_back();
       for (int k = 0; k < 3; ++k) {
         sample.from_center[k] = static_cast<float>(p[k] - center[k]);
@@ -100,11 +94,9 @@ void AddSamples(const Camera& camera, const Pictures& pictures, const ExportRequ
 }
 
 double MedianWidth(const std::vector<Sample>& samples) {
-  std::vector<float> widths;
+  std::vector<double> widths;
   for (const Sample& sample : samples) widths.push_back(sample.width);
-  const auto middle = widths.begin() + widths.size() / 2;
-  std::nth_element(widths.begin(), middle, widths.end());
-  return *middle;
+  return MedianInPlace(widths);
 }
 
 // The samples of one cube.
@@ -163,15 +155,12 @@ void KeepMostSeen(int64_t count, std::vector<Cube>* cubes) {
 
 // As PlaceScene does with Gaussians.
 void Place(const Point& up, UpAxis axis, double scale, PointCloud* points) {
-  const bool turn = axis != UpAxis::kKeep;
-  const Matrix3 r = turn ? RotationBetween(up, DirectionOf(axis)) : Matrix3();
+  const Matrix3 r = RotationTo(up, axis);
   for (ColoredPoint& point : *points) {
-    Point& p = point.xyz;
-    if (turn) {
-      p = {r[0] * p[0] + r[1] * p[1] + r[2] * p[2], r[3] * p[0] + r[4] * p[1] + r[5] * p[2],
-           r[6] * p[0] + r[7] * p[1] + r[8] * p[2]};
+    const Point p = point.xyz;
+    for (int k = 0; k < 3; ++k) {
+      point.xyz[k] = scale * (r[3 * k] * p[0] + r[3 * k + 1] * p[1] + r[3 * k + 2] * p[2]);
     }
-    for (double& x : p) x *= scale;
   }
 }
 

@@ -122,16 +122,17 @@ cv::Mat Around(const cv::Mat& image) {
 }
 
 Weights WeightsOf(const Photo& photo, const ColorPrior& prior, const JpegChroma& chroma) {
+  const float alike = prior.chroma_step > 0 ? static_cast<float>(AlikeRounding(prior)) : 0;
   FloatPlane luma(photo.height, photo.width);
-  FloatImage codes(photo.height, photo.width);
+  FloatImage codes;
+  if (alike > 0) codes.create(photo.height, photo.width);
   for (size_t i = 0; i < photo.pixels(); ++i) {
     luma(static_cast<int>(i)) = Ycc(LinearPixel(photo, i))[0];
-    codes(static_cast<int>(i)) = 255 * Ycc(EncodedPixel(photo, i));
+    if (alike > 0) codes(static_cast<int>(i)) = 255 * Ycc(EncodedPixel(photo, i));
   }
   Weights out = {.power = Around(luma),
                  .lost = cv::Mat_<cv::Vec2f>(photo.height, photo.width, cv::Vec2f(0, 0))};
-  codes = Around(codes);
-  const float alike = prior.chroma_step > 0 ? static_cast<float>(AlikeRounding(prior)) : 0;
+  if (alike > 0) codes = Around(codes);
   const PrecisionTable& precision = PrecisionTable::Get();
   const SampleTable& sample = SampleTable::Get();
   for (int i = 0; i < static_cast<int>(photo.pixels()); ++i) {

@@ -83,7 +83,7 @@ export function measuring(job: string, canvas: HTMLCanvasElement, camera: OrbitC
     if (moved < kClickPixels) void mark(event.offsetX, event.offsetY);
   };
   const key = (event: KeyboardEvent): void => {
-    if (!on.checked || event.key.toLowerCase() !== "m") return;
+    if (!on.checked || event.repeat || event.key.toLowerCase() !== "m") return;
     void mark(canvas.clientWidth / 2, canvas.clientHeight / 2);
   };
   canvas.addEventListener("pointerdown", down);
