@@ -9,6 +9,7 @@ import io
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -62,10 +63,13 @@ class Package(harness.ServiceTest):
         self.assertEqual(importlib.metadata.version("litags"),
                          re.search(r"project\(litags VERSION ([0-9.]+)", project)[1])
 
-    def test_photos_have_the_endings_of_the_service(self):
+    def test_files_have_the_endings_of_the_service(self):
         limits = (SOURCE / "proto/litags/v1/limits.h").read_text()
-        endings = re.search(r"kPhotoEndings = \{(.*?)\}", limits, re.DOTALL)[1]
-        self.assertEqual(litags.files.PHOTO_ENDINGS, set(re.findall(r'"(.*?)"', endings)))
+        for name, known in (("kPhotoEndings", litags.files.PHOTO_ENDINGS),
+                            ("kVideoEndings", litags.files.VIDEO_ENDINGS),
+                            ("kArchiveEndings", litags.files.ARCHIVE_ENDINGS)):
+            endings = re.search(name + r" = \{(.*?)\}", limits, re.DOTALL)[1]
+            self.assertEqual(set(known), set(re.findall(r'"(.*?)"', endings)), name)
 
     def test_submit_watch_over_cuts_render_and_export(self):
         proxy = self.proxy()
@@ -111,6 +115,30 @@ class Package(harness.ServiceTest):
         self.assertEqual(len(self.jobs.ListJobs(harness.rpc.ListJobsRequest()).jobs), before)
         with self.assertRaisesRegex(ValueError, "holds no photos"):
             client.submit(tempfile.mkdtemp(dir=self.folder))
+
+    def test_an_archive_with_masks_and_a_video(self):
+        folder = self.photos()
+        masks = pathlib.Path(self.folder, "covers")
+        masks.mkdir()
+        (masks / "a.png").write_bytes(harness.png(seed=4))
+        archive = shutil.make_archive(os.path.join(self.folder, "night"), "zip", folder)
+        client = self.client()
+        job = client.submit(archive, masks=masks, options={"iterations": 5})
+        client.wait(job, progress=False)
+        self.assertEqual(self.roles(job), {
+            "ARCHIVE": ["night.zip"], "PHOTO": ["a.png", "b.png", "c.png"], "MASK": ["a.png"]})
+        video = os.path.join(self.folder, "walk.MP4")
+        self.litags("path", job, "--orbit", "--frames", "12", "--size", "64x48", "--video", video)
+        job = client.submit(video, options={"frames": 8, "iterations": 5})
+        self.assertEqual(self.roles(job), {"VIDEO": ["walk.MP4"]})
+
+    def roles(self, job):
+        """Names of the job's files by what they are for."""
+        names = {}
+        for file in self.jobs.ListFiles(harness.rpc.ListFilesRequest(name=job)).files:
+            role = harness.rpc.FileRole.Name(file.role).removeprefix("FILE_ROLE_")
+            names.setdefault(role, []).append(file.name)
+        return {role: sorted(found) for role, found in names.items()}
 
     def test_a_name_that_is_not_utf8_is_named_before_there_is_a_job(self):
         folder = self.photos()

@@ -89,12 +89,15 @@ class Client:
     def submit(self, photos: Path | Iterable[Path], *,
                options: job_pb2.JobOptions | Mapping[str, Any] | None = None,
                labels: Mapping[str, str] | None = None, cameras: Path | None = None,
-               title: str = "") -> str:
-        """Sends a folder or a list of photos, starts the job and returns its name. `cameras`: a
-        transforms.json or the folder of a COLMAP model. Removes a job whose files are refused."""
+               masks: Path | None = None, title: str = "") -> str:
+        """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
+        or an archive of a folder. `cameras`: a transforms.json or the folder of a COLMAP model.
+        `masks`: a folder. Removes a job whose files are refused."""
         found = files.find_photos(photos)
         if cameras is not None:
             found += files.find_cameras(cameras)
+        if masks is not None:
+            found += files.find_masks(masks)
         if not isinstance(options, job_pb2.JobOptions):
             options = job_pb2.JobOptions(**options or {})
         # With a request_id a repeated call makes no second job, and no second start.

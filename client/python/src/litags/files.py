@@ -3,7 +3,7 @@
 import hashlib
 import os
 import pathlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from litags.v1 import reconstruction_service_pb2 as rpc
@@ -13,6 +13,8 @@ Path = str | os.PathLike[str]
 PHOTO_ENDINGS = frozenset(
     ".jpg .jpeg .png .tif .tiff .webp .heic .heif .hif .avif .jxl .dng .nef .nrw .cr2 .cr3 .arw "
     ".raf .orf .rw2 .pef .srw".split())
+VIDEO_ENDINGS = frozenset(".mp4 .mov .m4v .3gp .mkv .webm .avi .mts .m2ts .ts".split())
+ARCHIVE_ENDINGS = (".zip", ".tar", ".tar.gz", ".tgz")
 CHUNK_BYTES = 256 << 10
 
 
@@ -40,16 +42,24 @@ class File:
 
 
 def find_photos(photos: Path | Iterable[Path]) -> list[File]:
-    """All photos of a folder, or those of a list."""
-    if isinstance(photos, (str, os.PathLike)):
-        folder = pathlib.Path(photos)
-        paths = sorted(path for path in folder.iterdir()
-                       if path.suffix.lower() in PHOTO_ENDINGS and path.name[0] != ".")
-        if not paths:
-            raise ValueError(f"{folder} holds no photos")
-    else:
-        paths = [pathlib.Path(photo) for photo in photos]
-    return [File.read(path, rpc.FILE_ROLE_PHOTO) for path in paths]
+    """All photos of a folder, those of a list, a video, or an archive of a folder."""
+    if not isinstance(photos, (str, os.PathLike)):
+        return [File.read(pathlib.Path(photo), rpc.FILE_ROLE_PHOTO) for photo in photos]
+    path = pathlib.Path(photos)
+    if path.suffix.lower() in VIDEO_ENDINGS:
+        return [File.read(path, rpc.FILE_ROLE_VIDEO)]
+    if path.name.lower().endswith(ARCHIVE_ENDINGS):
+        return [File.read(path, rpc.FILE_ROLE_ARCHIVE)]
+    paths = _files_of(path, PHOTO_ENDINGS)
+    if not paths:
+        raise ValueError(f"{path} holds no photos")
+    return [File.read(photo, rpc.FILE_ROLE_PHOTO) for photo in paths]
+
+
+def find_masks(folder: Path) -> list[File]:
+    """All masks of a folder, each named after its photo."""
+    return [File.read(mask, rpc.FILE_ROLE_MASK)
+            for mask in _files_of(pathlib.Path(folder), {".png"})]
 
 
 def find_cameras(cameras: Path) -> list[File]:
@@ -60,6 +70,11 @@ def find_cameras(cameras: Path) -> list[File]:
     ending = ".bin" if (path / "cameras.bin").exists() else ".txt"
     return [File.read(path / f"{stem}{ending}", rpc.FILE_ROLE_COLMAP)
             for stem in ("cameras", "images", "points3D")]
+
+
+def _files_of(folder: pathlib.Path, endings: Container[str]) -> list[pathlib.Path]:
+    return sorted(path for path in folder.iterdir()
+                  if path.suffix.lower() in endings and path.name[0] != ".")
 
 
 def upload_messages(job: str, files: Sequence[File],
