@@ -3,6 +3,7 @@
 #ifndef LITAGS_ENGINE_CORE_IMAGE_H_
 #define LITAGS_ENGINE_CORE_IMAGE_H_
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
@@ -33,6 +34,16 @@ struct PixelRect {
 
   bool empty() const { return width <= 0 || height <= 0; }
 };
+
+// The pixels of a rectangle inside the image.
+template <typename T>
+Image<T> Cut(const Image<T>& image, const PixelRect& rect) {
+  Image<T> out(rect.width, rect.height);
+  for (int y = 0; y < rect.height; ++y) {
+    std::copy_n(image.pixel(rect.x, rect.y + y), size_t{3} * rect.width, out.pixel(0, y));
+  }
+  return out;
+}
 
 // A finished picture: 8-bit sRGB codes.
 using ImageU8 = Image<uint8_t>;

@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/color.h"
 #include "engine/core/limits.h"
 
 namespace litags {
@@ -22,7 +23,8 @@ constexpr size_t kBarPhotos = kMinPhotos;  // fewer do not show what they have a
 constexpr int kLeastBar = 4;               // px; thinner ones are rims of cut or turned pictures
 constexpr double kMostBars = 0.6;          // of a side; 21:9 within 9:16 leaves 0.24 of it
 constexpr int kSoftEdge = 48;              // of a side: a film's edges, scaled and smoothed
-constexpr int kBlock = 16;  // px; the one that holds a bar's edge has some of both sides
+constexpr int kBlock = 16;          // px; the one that holds a bar's edge has some of both sides
+constexpr float kOfPicture = 0.5F;  // of the level inside: a line of the picture, not of a bar
 
 bool Differ(const int16_t* a, const int16_t* b) {
   for (int c = 0; c < 3; ++c) {
@@ -31,28 +33,39 @@ bool Differ(const int16_t* a, const int16_t* b) {
   return false;
 }
 
+double Luma(const int16_t* pixel) {
+  return (kLumaRed * pixel[0] + kLumaGreen * pixel[1] + kLumaBlue * pixel[2]) / kPhotoCode;
+}
+
 // `corner`: of the photo, which is of the bar if there is one.
 template <class Pixel>
-LineKind KindOf(int n, const int16_t* corner, const Pixel& pixel) {
+Line LineOf(int n, const int16_t* corner, const Pixel& pixel) {
   const int16_t* middle = pixel(n / 2);
   int uneven = 0, picture = 0;
+  double level = 0;
   for (int i = 0; i < n; ++i) {
     uneven += Differ(pixel(i), middle);
     picture += Differ(pixel(i), corner);
+    level += std::abs(Luma(pixel(i)) - Luma(corner)) / n;
   }
-  if (picture > kPicture * n) return LineKind::kPicture;
+  Line line{.kind = LineKind::kOther, .level = static_cast<float>(level)};
   const bool dark = *std::max_element(middle, middle + 3) <= kDarkLine * kPhotoCode;
-  return dark && uneven <= kOutliers * n ? LineKind::kFlat : LineKind::kOther;
+  if (picture > kPicture * n) {
+    line.kind = LineKind::kPicture;
+  } else if (dark && uneven <= kOutliers * n) {
+    line.kind = LineKind::kFlat;
+  }
+  return line;
 }
 
 // One side of the lines of each photo, from the picture's edge inwards.
 class Side {
  public:
-  Side(std::vector<const std::vector<LineKind>*> photos, bool from_end)
+  Side(std::vector<const std::vector<Line>*> photos, bool from_end)
       : photos_(std::move(photos)), from_end_(from_end) {
     for (size_t i = 0; i < photos_.size(); ++i) {
       int run = 0;
-      while (run < lines() && At(i, run) == LineKind::kFlat) ++run;
+      while (run < lines() && At(i, run).kind == LineKind::kFlat) ++run;
       runs_.push_back(run);
     }
   }
@@ -65,20 +78,35 @@ class Side {
   bool EndsAtOnce(size_t i, int slack) const {
     if (runs_[i] > bar() + slack) return false;
     for (int k = runs_[i]; k < std::min(lines(), runs_[i] + slack); ++k) {
-      if (At(i, k) == LineKind::kPicture) return true;
+      if (At(i, k).kind == LineKind::kPicture) return true;
     }
     return false;
   }
 
- private:
-  LineKind At(size_t i, int k) const { return (*photos_[i])[from_end_ ? lines() - 1 - k : k]; }
+  // The first line of the picture in most photos. Blocks and the interpolation of chroma colour
+  // lines of the bar before it, but leave them dark.
+  int Picture() const {
+    const int inside = bar() + 2 * kBlock;
+    if (inside >= lines()) return bar();
+    for (int k = bar(); k <= bar() + kBlock; ++k) {
+      size_t of_picture = 0;
+      for (size_t i = 0; i < photos_.size(); ++i) {
+        of_picture += At(i, k).level >= kOfPicture * At(i, inside).level;
+      }
+      if (2 * of_picture >= photos_.size()) return k;
+    }
+    return bar();
+  }
 
-  const std::vector<const std::vector<LineKind>*> photos_;
+ private:
+  const Line& At(size_t i, int k) const { return (*photos_[i])[from_end_ ? lines() - 1 - k : k]; }
+
+  const std::vector<const std::vector<Line>*> photos_;
   const bool from_end_;
   std::vector<int> runs_;
 };
 
-BarFrame::Inside WithoutBars(const std::vector<const std::vector<LineKind>*>& photos, bool blocks) {
+BarFrame::Inside WithoutBars(const std::vector<const std::vector<Line>*>& photos, bool blocks) {
   const Side near(photos, false), far(photos, true);
   const int n = near.lines(), a = near.bar(), b = far.bar();
   const int slack = blocks ? kBlock : std::clamp(n / kSoftEdge, 2, kBlock);
@@ -90,8 +118,11 @@ BarFrame::Inside WithoutBars(const std::vector<const std::vector<LineKind>*>& ph
   for (size_t i = 0; i < photos.size(); ++i)
     at_once += near.EndsAtOnce(i, slack) && far.EndsAtOnce(i, slack);
   if (2 * at_once <= photos.size()) return all;
-  const int step = blocks ? kBlock : 1;
-  const BarFrame::Inside inside{(a + step - 1) / step * step, (n - b) / step * step};
+  BarFrame::Inside inside{a, n - b};
+  if (blocks) {  // to the grid of blocks
+    inside = {(near.Picture() + kBlock - 1) / kBlock * kBlock,
+              (n - far.Picture()) / kBlock * kBlock};
+  }
   return inside.first < inside.last ? inside : all;
 }
 
@@ -106,17 +137,17 @@ LineKinds KindsOfLines(const Photo& photo) {
   LineKinds kinds;
   const int16_t* corner = photo.pixel(0, 0);
   for (int y = 0; y < photo.height; ++y) {
-    kinds.rows.push_back(KindOf(photo.width, corner, [&](int x) { return photo.pixel(x, y); }));
+    kinds.rows.push_back(LineOf(photo.width, corner, [&](int x) { return photo.pixel(x, y); }));
   }
   for (int x = 0; x < photo.width; ++x) {
-    kinds.columns.push_back(KindOf(photo.height, corner, [&](int y) { return photo.pixel(x, y); }));
+    kinds.columns.push_back(LineOf(photo.height, corner, [&](int y) { return photo.pixel(x, y); }));
   }
   return kinds;
 }
 
 std::optional<BarFrame> FindBars(absl::Span<const LineKinds* const> photos, bool blocks) {
   if (photos.size() < kBarPhotos) return std::nullopt;
-  std::vector<const std::vector<LineKind>*> rows, columns;
+  std::vector<const std::vector<Line>*> rows, columns;
   for (const LineKinds* photo : photos) {
     rows.push_back(&photo->rows);
     columns.push_back(&photo->columns);

@@ -17,8 +17,12 @@ enum class LineKind : char {
   kFlat,     // dark and of one colour from end to end, as a bar's
   kPicture,  // most pixels have another colour than the photo's corner
 };
+struct Line {
+  LineKind kind = LineKind::kOther;
+  float level = 0;  // mean distance of its luma from the corner's, codes
+};
 struct LineKinds {
-  std::vector<LineKind> rows, columns;
+  std::vector<Line> rows, columns;
 };
 LineKinds KindsOfLines(const Photo& photo);
 

@@ -7,7 +7,9 @@
 #include <functional>
 #include <vector>
 
+#include "engine/core/image.h"
 #include "engine/core/rng.h"
+#include "engine/io/image_io.h"
 
 namespace litags {
 namespace {
@@ -59,6 +61,33 @@ TEST(FindBars, LetterboxAndPillarbox) {
   EXPECT_EQ(lossy->rows.first, 16);
   EXPECT_EQ(lossy->rows.last, 96);
   EXPECT_EQ(lossy->columns.last, kW);
+}
+
+// A photo as JPEG's decoder gives it: blocks have mixed the colours of bar and picture.
+TEST(FindBars, BarsThatEndInsideABlockAreTakenWhole) {
+  for (const int bar : {25, 33, 41, 48}) {
+    std::vector<LineKinds> lines;
+    for (int i = 0; i < 4; ++i) {
+      ImageU8 photo(kW, 160);
+      const CounterRng rng(i, 1);
+      for (int y = bar; y < 160 - bar; ++y) {
+        for (int x = 0; x < kW; ++x) {
+          const auto bits = rng.Bits(size_t(y) * kW + x);
+          for (int c = 0; c < 3; ++c) photo.pixel(x, y)[c] = 8 - 2 * c + (bits >> c) % 4;
+        }
+      }
+      const auto decoded = DecodePhoto(EncodeJpeg(photo, 95).value(), "photo");
+      ASSERT_TRUE(decoded.ok()) << decoded.status();
+      lines.push_back(KindsOfLines(*decoded));
+    }
+    std::vector<const LineKinds*> all;
+    for (const LineKinds& l : lines) all.push_back(&l);
+    const auto bars = FindBars(all, /*blocks=*/true);
+    ASSERT_TRUE(bars.has_value()) << bar;
+    const int grid = (bar + 15) / 16 * 16;
+    EXPECT_EQ(bars->rows.first, grid) << bar;
+    EXPECT_EQ(bars->rows.last, 160 - grid) << bar;
+  }
 }
 
 TEST(FindBars, NoneWhereThePictureGoesToTheEdge) {

@@ -21,6 +21,8 @@ namespace {
 constexpr int64_t kMaxImages = 2147483647;
 constexpr int kAside = 1 << 30;             // above all numbers of images, below kMaxImages
 constexpr int64_t kMaxKeypointColumns = 6;  // x y and the shape
+// COLMAP's TwoViewGeometry: planar, panoramic, one of the two.
+constexpr int kFirstFlat = 4, kLastFlat = 6;
 
 struct CloseDatabase {
   void operator()(sqlite3* db) const { sqlite3_close_v2(db); }
@@ -103,16 +105,18 @@ absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& p
   LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
   LITAGS_ASSIGN_OR_RETURN(
       const Statement statement,
-      db.Prepare("SELECT pair_id, rows FROM two_view_geometries WHERE rows >= ?"));
+      db.Prepare("SELECT pair_id, rows, config FROM two_view_geometries WHERE rows >= ?"));
   sqlite3_bind_int(statement.get(), 1, min_inliers);
   std::vector<VerifiedPair> pairs;
   while (true) {
     LITAGS_ASSIGN_OR_RETURN(const bool row, db.Step(statement));
     if (!row) return pairs;
     const int64_t pair = sqlite3_column_int64(statement.get(), 0);
+    const int config = sqlite3_column_int(statement.get(), 2);
     pairs.push_back({.id1 = static_cast<int>(pair / kMaxImages),
                      .id2 = static_cast<int>(pair % kMaxImages),
-                     .inliers = sqlite3_column_int(statement.get(), 1)});
+                     .inliers = sqlite3_column_int(statement.get(), 1),
+                     .flat = config >= kFirstFlat && config <= kLastFlat});
   }
 }
 
@@ -142,12 +146,14 @@ absl::StatusOr<std::vector<std::vector<uint8_t>>> ReadDescriptors(
   return descriptors;
 }
 
-absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path) {
+namespace {
+
+// `query` gives numbers of pairs and their matches.
+absl::StatusOr<std::vector<ImageMatches>> SelectMatches(const std::string& path,
+                                                        std::string_view query) {
   Database db(path);
   LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
-  LITAGS_ASSIGN_OR_RETURN(
-      const Statement statement,
-      db.Prepare("SELECT pair_id, data FROM matches WHERE rows > 0 ORDER BY pair_id"));
+  LITAGS_ASSIGN_OR_RETURN(const Statement statement, db.Prepare(query));
   std::vector<ImageMatches> pairs;
   while (true) {
     LITAGS_ASSIGN_OR_RETURN(const bool row, db.Step(statement));
@@ -161,6 +167,19 @@ absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path) {
     std::memcpy(matches.matches.data(), sqlite3_column_blob(statement.get(), 1),
                 matches.matches.size() * sizeof(FeatureMatch));
   }
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path) {
+  return SelectMatches(path, "SELECT pair_id, data FROM matches WHERE rows > 0 ORDER BY pair_id");
+}
+
+absl::StatusOr<std::vector<ImageMatches>> ReadVerifiedMatches(const std::string& path,
+                                                              int min_inliers) {
+  return SelectMatches(path, absl::StrCat("SELECT pair_id, data FROM two_view_geometries WHERE "
+                                          "rows >= ",
+                                          min_inliers, " ORDER BY pair_id"));
 }
 
 absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatches>& pairs) {

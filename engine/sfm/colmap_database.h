@@ -26,6 +26,8 @@ struct DatabaseImage {
 struct VerifiedPair {
   int id1 = 0, id2 = 0;
   int inliers = 0;
+  // A homography explains them, too: the camera turned in place, or what both see is flat.
+  bool flat = false;
 };
 
 // Unverified matches of two images, by id, in either order.
@@ -48,6 +50,10 @@ absl::StatusOr<std::vector<std::vector<uint8_t>>> ReadDescriptors(
 
 // All stored matches that are not empty, by ascending ids, id1 < id2.
 absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path);
+
+// Of pairs with at least `min_inliers` verified matches, these; otherwise as ReadMatches.
+absl::StatusOr<std::vector<ImageMatches>> ReadVerifiedMatches(const std::string& path,
+                                                              int min_inliers);
 
 // Stores the matches of these pairs in place of all that were there.
 absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatches>& pairs);

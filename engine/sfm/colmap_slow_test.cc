@@ -1,22 +1,32 @@
-// The real COLMAP on a real dark capture, compared with cameras found in normal light.
+// The real COLMAP on a real dark capture, compared with cameras found in normal light, and on odd
+// captures made of the sample.
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
 #include <string>
 
 #include "engine/core/camera.h"
+#include "engine/core/error.h"
+#include "engine/core/image.h"
 #include "engine/core/mask.h"
+#include "engine/core/rng.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/sparse_model.h"
+#include "engine/sample/capture.h"
 #include "engine/sfm/sfm.h"
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
 namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::Contains;
+using ::testing::HasSubstr;
 
 // Root mean square distance of camera centres after the best similarity, as a fraction of the
 // truth's radius.
@@ -108,6 +118,82 @@ TEST_F(ColmapOnCastle, FindsNothingUnderMasks) {
     // A keypoint lies between pixels.
     for (const TrackElement& element : point.track) ASSERT_GT(element.x, width / 2 - 1);
   }
+}
+
+class ColmapOnTheSample : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "litags_sample_XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    work_ = name;
+    capture_.views = 12;
+    capture_.antialias = 2;
+    const auto written = sample::WriteCapture(capture_, work_);
+    ASSERT_TRUE(written.ok()) << written.status();
+    photos_ = work_ / "photos";
+    fs::create_directory(photos_);
+    options_.max_features = 2000;
+  }
+  void TearDown() override { fs::remove_all(work_); }
+
+  sample::CaptureOptions capture_;
+  fs::path work_, photos_;
+  SfmOptions options_;
+};
+
+TEST_F(ColmapOnTheSample, PhotosCutByAFewPixelsShareALens) {
+  const std::vector<View> truth = sample::CaptureViews(capture_);
+  for (size_t i = 0; i < truth.size(); ++i) {
+    const auto photo = ReadImage(work_ / "low" / truth[i].name, "photo");
+    ASSERT_TRUE(photo.ok()) << photo.status();
+    const CounterRng cut(1, i);
+    const int left = cut.Below(0, 4), top = cut.Below(1, 4);
+    const ImageU8 rest = Cut(*photo, {left, top, photo->width - left - int(cut.Below(2, 4)),
+                                      photo->height - top - int(cut.Below(3, 4))});
+    ASSERT_TRUE(WritePng(photos_ / (Stem(truth[i].name) + ".png"), rest).ok());
+  }
+  const auto result = FindCameras(photos_, work_ / "work", options_, CancelToken());
+  ASSERT_TRUE(result.ok()) << result.status();
+  ASSERT_EQ(result->model.views.size(), truth.size());
+  std::vector<View> found = result->model.views;
+  for (size_t i = 0; i < found.size(); ++i) {
+    found[i].name = truth[i].name;
+    EXPECT_EQ(found[i].camera.fx, found[0].camera.fx);
+  }
+  EXPECT_LT(PositionError(found, truth), 0.03);
+  EXPECT_THAT(result->notes, Contains(HasSubstr("share a lens")));
+}
+
+// What a camera sees that turns by `angle` about its vertical axis, radians, by the middle half of
+// a photo that it took before.
+ImageU8 Turned(const ImageU8& photo, double angle) {
+  const double focal = photo.width, c = std::cos(angle), s = std::sin(angle);
+  ImageU8 out(photo.width / 2, photo.height / 2);
+  for (int y = 0; y < out.height; ++y) {
+    for (int x = 0; x < out.width; ++x) {
+      const double u = (x + 0.5 - out.width / 2.0) / focal,
+                   v = (y + 0.5 - out.height / 2.0) / focal;
+      const double depth = c - s * u;
+      const int from_x = static_cast<int>((s + c * u) / depth * focal + photo.width / 2.0);
+      const int from_y = static_cast<int>(v / depth * focal + photo.height / 2.0);
+      std::copy_n(photo.pixel(std::clamp(from_x, 0, photo.width - 1),
+                              std::clamp(from_y, 0, photo.height - 1)),
+                  3, out.pixel(x, y));
+    }
+  }
+  return out;
+}
+
+TEST_F(ColmapOnTheSample, ACameraThatTurnsInPlaceIsToldSo) {
+  const auto photo = ReadImage(work_ / "high/0005.JPG", "photo");
+  ASSERT_TRUE(photo.ok()) << photo.status();
+  for (int i = 0; i < 10; ++i) {
+    const ImageU8 view = Turned(*photo, 0.04 * (i - 4.5));
+    ASSERT_TRUE(WritePng(photos_ / (std::to_string(i) + ".png"), view).ok());
+  }
+  const auto result = FindCameras(photos_, work_ / "work", options_, CancelToken());
+  ASSERT_FALSE(result.ok());
+  EXPECT_EQ(GetErrorDetail(result.status())->reason, "SFM_NO_PARALLAX") << result.status();
 }
 
 }  // namespace

@@ -109,7 +109,8 @@ void FakeColmap::SetDatabase(const std::vector<std::string>& names, int features
       "CREATE TABLE descriptors (image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data "
       "BLOB);"
       "CREATE TABLE matches (pair_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
-      "CREATE TABLE two_view_geometries (pair_id INTEGER PRIMARY KEY, rows INTEGER);"
+      "CREATE TABLE two_view_geometries (pair_id INTEGER PRIMARY KEY, rows INTEGER, config "
+      "INTEGER);"
       "INSERT INTO cameras VALUES (1, 1, 64, 48, NULL, 0);";
   const std::string descriptors = HexDescriptors(features);
   for (size_t i = 0; i < names.size(); ++i) {
@@ -121,7 +122,7 @@ void FakeColmap::SetDatabase(const std::vector<std::string>& names, int features
   }
   for (const auto& [a, b] : pairs) {
     const int64_t pair_id = int64_t{2147483647} * (a + 1) + (b + 1);
-    absl::StrAppendFormat(&sql, "INSERT INTO two_view_geometries VALUES (%d, 100);", pair_id);
+    absl::StrAppendFormat(&sql, "INSERT INTO two_view_geometries VALUES (%d, 100, 2);", pair_id);
   }
   Execute(sql);
 }

@@ -35,8 +35,7 @@ SparseModel CamerasOfCopies(const RungInput& in, const SparseModel& cameras) {
   SparseModel copies;
   for (size_t i = 0; i < in.photos.size(); ++i) {
     const PhotoFile& photo = in.photos[i];
-    copies.views.push_back(
-        {photo.copy_name, cameras.views[i].camera.Scaled(photo.copy_width, photo.copy_height)});
+    copies.views.push_back({photo.copy_name, CameraOfCopy(cameras.views[i].camera, photo)});
   }
   copies.distortions = cameras.distortions;
   return copies;

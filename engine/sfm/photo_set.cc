@@ -55,7 +55,58 @@ std::map<double, double> SharedFocalLengths(const std::set<double>& given) {
   return shared;
 }
 
+// Sizes that differ by this at most, px, are of one lens: cut by hand, rounded by a program that
+// changed their size, or to multiples of 8 by a codec. Choice
+constexpr int kNearSize = 8;
+
+bool AreNear(const PhotoFile& a, const PhotoFile& b) {
+  return std::abs(a.width - b.width) <= kNearSize && std::abs(a.height - b.height) <= kNearSize;
+}
+
+// Sets what copies show: of photos near in size to the smallest of them, the part in the middle
+// that all have.
+void ShareSizes(std::vector<PhotoFile>& photos) {
+  std::vector<PhotoFile*> by_size;
+  for (PhotoFile& photo : photos) by_size.push_back(&photo);
+  std::stable_sort(by_size.begin(), by_size.end(), [](const PhotoFile* a, const PhotoFile* b) {
+    return std::pair(a->width, a->height) < std::pair(b->width, b->height);
+  });
+  while (!by_size.empty()) {
+    const PhotoFile first = *by_size.front();
+    const auto others = std::stable_partition(by_size.begin(), by_size.end(),
+                                              [&](PhotoFile* p) { return AreNear(first, *p); });
+    int least_height = first.height;
+    for (auto it = by_size.begin(); it != others; ++it) {
+      least_height = std::min(least_height, (*it)->height);
+    }
+    for (auto it = by_size.begin(); it != others; ++it) {
+      PhotoFile& photo = **it;
+      photo.shown = {(photo.width - first.width) / 2, (photo.height - least_height) / 2,
+                     first.width, least_height};
+    }
+    by_size.erase(by_size.begin(), others);
+  }
+}
+
 }  // namespace
+
+Camera CameraOfCopy(const Camera& of_photo, const PhotoFile& photo) {
+  Camera shown = of_photo;
+  shown.cx -= photo.shown.x;
+  shown.cy -= photo.shown.y;
+  shown.width = photo.shown.width;
+  shown.height = photo.shown.height;
+  return shown.Scaled(photo.copy_width, photo.copy_height);
+}
+
+Camera CameraOfPhoto(const Camera& of_copy, const PhotoFile& photo) {
+  Camera camera = of_copy.Scaled(photo.shown.width, photo.shown.height);
+  camera.cx += photo.shown.x;
+  camera.cy += photo.shown.y;
+  camera.width = photo.width;
+  camera.height = photo.height;
+  return camera;
+}
 
 absl::Status MakeFolder(const std::string& path) {
   std::error_code error;
@@ -87,23 +138,23 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
     photo.name = name;
     LITAGS_ASSIGN_OR_RETURN(const ImageInfo info,
                             ReadImageSize(PathOf(images_dir, photo), FieldOf(photo)));
-    photo.width = photo.copy_width = info.width;
-    photo.height = photo.copy_height = info.height;
-    const int longer = std::max(photo.width, photo.height);
-    if (max_image_side > 0 && longer > max_image_side) {
-      const double scale = static_cast<double>(max_image_side) / longer;
-      photo.copy_width = std::max(1, static_cast<int>(std::lround(scale * photo.width)));
-      photo.copy_height = std::max(1, static_cast<int>(std::lround(scale * photo.height)));
-    }
+    photo.width = info.width;
+    photo.height = info.height;
     if (const auto mask = masks.find(name); mask != masks.end()) photo.mask_path = mask->second;
     focal_lengths.push_back(info.focal_length);
     photos.push_back(std::move(photo));
   }
+  ShareSizes(photos);
   const auto shared = SharedFocalLengths({focal_lengths.begin(), focal_lengths.end()});
   for (size_t i = 0; i < photos.size(); ++i) {
     PhotoFile& photo = photos[i];
-    // By the photo's own size: two sizes may shrink to one without being one camera.
-    photo.camera = absl::StrFormat("%dx%d", photo.width, photo.height);
+    const int longer = std::max(photo.shown.width, photo.shown.height);
+    const double scale =
+        max_image_side > 0 ? std::min(1.0, static_cast<double>(max_image_side) / longer) : 1;
+    photo.copy_width = std::max(1, static_cast<int>(std::lround(scale * photo.shown.width)));
+    photo.copy_height = std::max(1, static_cast<int>(std::lround(scale * photo.shown.height)));
+    // By the size before shrinking: two sizes may shrink to one without being one camera.
+    photo.camera = absl::StrFormat("%dx%d", photo.shown.width, photo.shown.height);
     const double focal = shared.at(focal_lengths[i]);
     if (focal > 0) absl::StrAppendFormat(&photo.camera, "_%gmm", focal);
     photo.copy_name = absl::StrFormat("%s/%06d.png", photo.camera, i);
@@ -149,12 +200,14 @@ absl::Status WriteCopies(const std::string& images_dir, const std::vector<PhotoF
     const PhotoFile& photo = photos[i];
     LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(PathOf(images_dir, photo),
                                                               FieldOf(photo), photo.mask_path));
-    const auto resize = [&](const auto& image) {
-      return ResizeArea(image, photo.copy_width, photo.copy_height);
+    const auto copy = [&](const auto& image) {
+      const bool whole = photo.shown.width == image.width && photo.shown.height == image.height;
+      return ResizeArea(whole ? image : Cut(image, photo.shown), photo.copy_width,
+                        photo.copy_height);
     };
-    const Photo image = resize(read.photo);
+    const Photo image = copy(read.photo);
     if (!read.mask.empty()) {
-      read.mask = ChangeMask(read.mask, resize);
+      read.mask = ChangeMask(read.mask, copy);
       LITAGS_ASSIGN_OR_RETURN(const std::string mask, EncodeMask(read.mask));
       LITAGS_RETURN_IF_ERROR(
           WriteScratch(absl::StrCat(masks_dir, "/", photo.copy_name, ".png"), mask));

@@ -8,7 +8,9 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/core/camera.h"
 #include "engine/core/cancel.h"
+#include "engine/core/image.h"
 #include "engine/io/mask_io.h"
 #include "engine/sfm/exposure.h"
 
@@ -16,16 +18,23 @@ namespace litags {
 
 struct PhotoFile {
   std::string name;  // file name in the photos' folder
-  // Size and EXIF focal length, "480x361_26mm": photos alike share a camera, also where the focal
-  // lengths of one lens differ by a percent.
+  // Shown size and EXIF focal length, "480x361_26mm": photos alike share a camera, also where the
+  // focal lengths of one lens differ by a percent.
   std::string camera;
   std::string copy_name;      // camera and number, "480x361/000003.png": COLMAP shares a camera per
                               // folder; no name of a client's choice reaches its command line or
                               // database
   int width = 0, height = 0;  // px, upright
+  // The part that the copy shows, in the middle: less than all where photos of one lens differ in
+  // size by a few px, so that their copies have one size.
+  PixelRect shown;
   int copy_width = 0, copy_height = 0;  // px
   std::string mask_path;                // empty: all pixels count
 };
+
+// The camera of a photo's copy, and of a photo by that of its copy.
+Camera CameraOfCopy(const Camera& of_photo, const PhotoFile& photo);
+Camera CameraOfPhoto(const Camera& of_copy, const PhotoFile& photo);
 
 // All photos of a folder in name order, sized but not decoded. Copies have a longer side of at
 // most max_image_side (0: no bound). `masks`: those of the photos that have one. Errors of

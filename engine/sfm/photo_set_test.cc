@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
 
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
@@ -33,6 +34,33 @@ TEST(PhotoSet, FocalLengthsThatDifferByLessThanAPercentAreOneLens) {
   for (size_t i = 0; i < 6; ++i) {
     EXPECT_EQ((*photos)[i].camera, i < 5 ? "128x96_4.2mm" : "128x96_4.3mm") << i;
   }
+}
+
+TEST(PhotoSet, SizesThatDifferByAFewPixelsAreOneLens) {
+  FakeColmap colmap;
+  const std::string images = colmap.MakePhotos(1, 128, 96, /*level=*/12);
+  ASSERT_TRUE(WritePng(images + "/p1.png", ImageU8(131, 93)).ok());
+  ASSERT_TRUE(WritePng(images + "/p2.png", ImageU8(136, 100)).ok());
+  ASSERT_TRUE(WritePng(images + "/p3.png", ImageU8(137, 96)).ok());  // 9 px off
+  ASSERT_TRUE(WritePng(images + "/p4.png", ImageU8(96, 128)).ok());
+  const auto photos = ListPhotoSet(images, 64);
+  ASSERT_TRUE(photos.ok()) << photos.status();
+  const char* cameras[] = {"128x93", "128x93", "128x93", "137x96", "96x128"};
+  for (size_t i = 0; i < 5; ++i) EXPECT_EQ((*photos)[i].camera, cameras[i]) << i;
+  const PhotoFile& middle = (*photos)[2];
+  EXPECT_EQ(std::pair(middle.copy_width, middle.copy_height), std::pair(64, 47));
+  EXPECT_EQ(std::pair(middle.shown.x, middle.shown.y), std::pair(4, 3));
+
+  // The middle of what is shown is the middle of the copy, there and back.
+  const Camera copy = {.width = 64, .height = 47, .fx = 50, .fy = 50, .cx = 32, .cy = 23.5};
+  const Camera camera = CameraOfPhoto(copy, middle);
+  EXPECT_EQ(std::pair(camera.width, camera.height), std::pair(136, 100));
+  EXPECT_EQ(camera.fx, 100);
+  EXPECT_EQ(std::pair(camera.cx, camera.cy), std::pair(68.0, 49.5));
+  const Camera back = CameraOfCopy(camera, middle);
+  EXPECT_NEAR(back.cx, copy.cx, 1e-12);
+  EXPECT_NEAR(back.cy, copy.cy, 1e-12);
+  EXPECT_NEAR(back.fx, copy.fx, 1e-12);
 }
 
 }  // namespace

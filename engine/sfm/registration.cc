@@ -73,24 +73,50 @@ std::string SummarizeCameras(const std::vector<PhotoFile>& photos) {
   return absl::StrCat(count.size(), " cameras: ", ShortList(parts));
 }
 
+std::string SummarizeSharedSizes(const std::vector<PhotoFile>& photos) {
+  std::map<std::string, std::pair<PhotoFile, PhotoFile>> ends;  // smallest, largest by camera
+  const auto size = [](const PhotoFile& photo) { return std::pair(photo.width, photo.height); };
+  for (const PhotoFile& photo : photos) {
+    auto& [least, most] = ends.emplace(photo.camera, std::pair(photo, photo)).first->second;
+    if (size(photo) < size(least)) least = photo;
+    if (size(photo) > size(most)) most = photo;
+  }
+  std::vector<std::string> parts;
+  for (const auto& [camera, pair] : ends) {
+    const auto& [least, most] = pair;
+    if (size(least) == size(most)) continue;
+    parts.push_back(
+        absl::StrCat(least.width, "x", least.height, " to ", most.width, "x", most.height));
+  }
+  if (parts.empty()) return "";
+  return absl::StrCat("photos of ", absl::StrJoin(parts, ", of "),
+                      " px, which differ by little, share a lens");
+}
+
 absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>& photos,
                                const SfmOptions& options) {
   const int n = static_cast<int>(photos.size());
   const int needed = NeededPhotos(n, options);
   const std::string drops = SummarizeDrops(photos);
+  const bool split = rung.groups.size() > 1 && 2 * rung.groups[1] >= rung.groups[0];
+  if (rung.turned) {
+    return Refuse(
+        "SFM_NO_PARALLAX",
+        "the photos match each other but show no parallax: the camera turned in place, as "
+        "for a panorama; take a step to the side between photos");
+  }
   if (rung.registered == 0) {
     return Refuse("SFM_NO_MODEL",
                   absl::StrCat("none of ", n, " photos could be placed: ", drops,
                                "; try photos of one place that overlap by half or more, sharper or "
                                "less extremely exposed ones, or bring known cameras"));
   }
-  if (rung.groups.size() > 1 && 2 * rung.groups[1] >= rung.groups[0]) {
-    std::vector<int> sizes = rung.groups;
-    return Refuse(
-        "SFM_SPLIT",
-        absl::StrCat("the ", n, " photos fall into ", sizes.size(), " groups that share nothing (",
-                     absl::StrJoin(sizes, ", "), " photos): ", drops,
-                     "; send one place per job, or add photos that link the groups"));
+  if (split) {
+    return Refuse("SFM_SPLIT",
+                  absl::StrCat("the ", n, " photos fall into ", rung.groups.size(),
+                               " groups that share nothing (", absl::StrJoin(rung.groups, ", "),
+                               " photos): ", drops,
+                               "; send one place per job, or add photos that link the groups"));
   }
   if (rung.registered < needed) {
     return Refuse("SFM_TOO_FEW_REGISTERED",

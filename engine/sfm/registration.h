@@ -21,7 +21,11 @@ std::string SummarizeDrops(const std::vector<SfmPhoto>& photos);
 // "2 cameras: 20 photos of 480x361_26mm, 10 photos of 480x361_52mm". Empty for one.
 std::string SummarizeCameras(const std::vector<PhotoFile>& photos);
 
-// OK, or FAILED_PRECONDITION SFM_NO_MODEL, SFM_SPLIT or SFM_TOO_FEW_REGISTERED.
+// "photos of 265x475 to 270x480 px, which differ by little, share a lens", for each such lens.
+// Empty if there is none.
+std::string SummarizeSharedSizes(const std::vector<PhotoFile>& photos);
+
+// OK, or FAILED_PRECONDITION SFM_NO_PARALLAX, SFM_NO_MODEL, SFM_SPLIT or SFM_TOO_FEW_REGISTERED.
 absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>& photos,
                                const SfmOptions& options);
 

@@ -14,6 +14,7 @@
 #include "engine/sfm/colmap_database.h"
 #include "engine/sfm/photo_match.h"
 #include "engine/sfm/rung_steps.h"
+#include "engine/sfm/turning.h"
 
 namespace litags {
 namespace {
@@ -63,7 +64,7 @@ absl::StatusOr<SparseModel> ToPhotos(SparseModel model, const std::vector<PhotoF
   // Numbered copies sort like their photos, so the views are in name order already.
   for (size_t i = 0; i < model.views.size(); ++i) {
     const PhotoFile& photo = photos[photo_of[i]];
-    model.views[i] = {photo.name, model.views[i].camera.Scaled(photo.width, photo.height)};
+    model.views[i] = {photo.name, CameraOfPhoto(model.views[i].camera, photo)};
   }
   return model;
 }
@@ -117,6 +118,39 @@ void ExplainDrop(SfmPhoto& photo, int group, const std::vector<int>& group_sizes
   }
 }
 
+// Where a photo shows a feature, px of its copy from the middle.
+Eigen::Vector2d FromMiddle(const PhotoFile& photo, const Eigen::Vector2d& keypoint) {
+  return keypoint - Eigen::Vector2d(photo.copy_width, photo.copy_height) / 2;
+}
+
+// Whether the photos show no parallax. Images are numbered from 1 in the order of the photos.
+absl::StatusOr<bool> CameraTurned(const std::string& database, const std::vector<PhotoFile>& photos,
+                                  const std::vector<DatabaseImage>& images,
+                                  const std::vector<VerifiedPair>& pairs) {
+  // COLMAP calls nearly all pairs of a camera that turns flat, 60 % of those of a good walk. Choice
+  constexpr double kFlat = 0.95;
+  const auto flat =
+      std::count_if(pairs.begin(), pairs.end(), [](const VerifiedPair& p) { return p.flat; });
+  const double all = static_cast<double>(pairs.size());
+  if (pairs.empty() || static_cast<double>(flat) < kFlat * all) return false;
+  LITAGS_ASSIGN_OR_RETURN(const auto matches, ReadVerifiedMatches(database, kMinInliers));
+  LITAGS_ASSIGN_OR_RETURN(const auto keypoints, ReadKeypoints(database, images));
+  int longer_side = 0;
+  for (const PhotoFile& photo : photos) {
+    longer_side = std::max({longer_side, photo.copy_width, photo.copy_height});
+  }
+  std::vector<SeenTwice> seen;
+  for (const ImageMatches& pair : matches) {
+    const int first = pair.id1 - 1, second = pair.id2 - 1;
+    SeenTwice& both = seen.emplace_back();
+    for (const FeatureMatch& match : pair.matches) {
+      both.first.push_back(FromMiddle(photos[first], keypoints[first][match.index1]));
+      both.second.push_back(FromMiddle(photos[second], keypoints[second][match.index2]));
+    }
+  }
+  return TurnedInPlace(seen, longer_side);
+}
+
 }  // namespace
 
 absl::StatusOr<RungOutput> MapPhotos(const RungInput& in) {
@@ -140,6 +174,8 @@ absl::StatusOr<RungOutput> MapPhotos(const RungInput& in) {
     const auto found = group_of.find(photo.name);
     ExplainDrop(photo, found == group_of.end() ? -1 : found->second, out.rung.groups);
   }
+  LITAGS_ASSIGN_OR_RETURN(out.rung.turned,
+                          CameraTurned(colmap.database_path(), in.photos, images, pairs));
   if (!models.empty()) out.model = std::move(models[0]);
   out.rung.registered = static_cast<int>(out.model.views.size());
   out.rung.points = static_cast<int64_t>(out.model.points.size());

@@ -58,10 +58,9 @@ void ScaleTracks(const std::vector<PhotoFile>& photos, const std::vector<int>& p
                  SparseModel& model) {
   for (SparsePoint& point : model.points) {
     for (TrackElement& seen : point.track) {
-      const Camera& copy = model.views[seen.view].camera;
       const PhotoFile& photo = photos[photo_of[seen.view]];
-      seen.x *= static_cast<double>(photo.width) / copy.width;
-      seen.y *= static_cast<double>(photo.height) / copy.height;
+      seen.x = seen.x * photo.shown.width / photo.copy_width + photo.shown.x;
+      seen.y = seen.y * photo.shown.height / photo.copy_height + photo.shown.y;
     }
   }
 }

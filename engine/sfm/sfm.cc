@@ -163,8 +163,9 @@ void AddNotes(const SfmRung& kept, SfmResult& result) {
 // taking it out of the photos would cost them sharpness.
 void SettleCameras(const std::vector<PhotoFile>& photos, SfmResult& result) {
   constexpr double kSeen = 0.5;  // px
-  const std::string cameras = SummarizeCameras(photos);
-  if (!cameras.empty()) result.notes.push_back(cameras);
+  for (const std::string& note : {SummarizeCameras(photos), SummarizeSharedSizes(photos)}) {
+    if (!note.empty()) result.notes.push_back(note);
+  }
   double largest = 0;
   for (size_t i = 0; i < result.model.views.size(); ++i) {
     Distortion& distortion = result.model.distortions[i];

@@ -82,6 +82,7 @@ struct SfmRung {
   int64_t points = 0;       // in the largest model
   std::vector<int> groups;  // photos per separate model, largest first; of later ones, those in
                             // no earlier model: more than one is a split capture
+  bool turned = false;      // the camera turned in place: no parallax
   double prepare_seconds = 0, feature_seconds = 0, match_seconds = 0, verify_seconds = 0,
          map_seconds = 0;
 };
@@ -118,9 +119,10 @@ struct SfmResult {
 // Errors: INVALID_ARGUMENT for options, unreadable photos or masks; FAILED_PRECONDITION
 // TOO_FEW_PHOTOS, SFM_TOO_FEW_REGISTERED (fewer than kMinPhotos or than min_registered placed; the
 // message names photos and causes), SFM_NO_MODEL (none placed), SFM_SPLIT (photos of different
-// places: a second group at least half as large as the first), COLMAP_NOT_FOUND; INTERNAL
-// COLMAP_FAILED with COLMAP's last lines, or COLMAP_KILLED if it was ended from outside at a
-// preparation's three attempts; DEADLINE_EXCEEDED; CANCELLED within a second.
+// places: a second group at least half as large as the first), SFM_NO_PARALLAX (the camera turned
+// in place), COLMAP_NOT_FOUND;
+// INTERNAL COLMAP_FAILED with COLMAP's last lines, or COLMAP_KILLED if it was ended from outside at
+// a preparation's three attempts; DEADLINE_EXCEEDED; CANCELLED within a second.
 absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::string& work_dir,
                                       const SfmOptions& options, const CancelToken& cancel,
                                       const SfmProgressFn& progress = nullptr);
