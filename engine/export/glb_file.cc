@@ -16,9 +16,9 @@ void AppendChunk(const char* type, std::string content, char fill, std::string* 
 
 }  // namespace
 
-absl::StatusOr<std::string> EncodeGlbFile(GlbBuffer buffer, nlohmann::json primitive,
+absl::StatusOr<std::string> EncodeGlbFile(GlbBuffer buffer, const nlohmann::json& primitive,
                                           const std::array<double, 3>& translation,
-                                          nlohmann::json more) {
+                                          const nlohmann::json& more) {
   if (buffer.bytes_.size() > 0xf0000000) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "EXPORT_OUT_OF_RANGE", "format",
                      "format: the file would have more than 4 GiB; give a smaller max_splats, or "

@@ -61,9 +61,10 @@ class GlbBuffer {
   size_t num_accessors() const { return accessors_.size(); }
 
  private:
-  friend absl::StatusOr<std::string> EncodeGlbFile(GlbBuffer buffer, nlohmann::json primitive,
+  friend absl::StatusOr<std::string> EncodeGlbFile(GlbBuffer buffer,
+                                                   const nlohmann::json& primitive,
                                                    const std::array<double, 3>& translation,
-                                                   nlohmann::json more);
+                                                   const nlohmann::json& more);
 
   template <typename T>
   static constexpr int ComponentType() {
@@ -80,9 +81,9 @@ class GlbBuffer {
 
 // A file with one node of one primitive, whose positions count from `translation`; `more` is added
 // to the JSON. FAILED_PRECONDITION (EXPORT_OUT_OF_RANGE) beyond 4 GiB.
-absl::StatusOr<std::string> EncodeGlbFile(GlbBuffer buffer, nlohmann::json primitive,
+absl::StatusOr<std::string> EncodeGlbFile(GlbBuffer buffer, const nlohmann::json& primitive,
                                           const std::array<double, 3>& translation,
-                                          nlohmann::json more);
+                                          const nlohmann::json& more);
 
 }  // namespace litags
 

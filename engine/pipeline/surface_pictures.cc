@@ -102,7 +102,7 @@ void PlacePoints(const Scene& scene, const ExportRequest& request, PointCloud* p
   const Matrix3 r = RotationTo(scene.up(), axis);
   for (ColoredPoint& point : *points) {
     const std::array<double, 3> p = point.xyz;
-    for (int k = 0; k < 3; ++k) {
+    for (size_t k = 0; k < 3; ++k) {
       point.xyz[k] = request.scale * (r[3 * k] * p[0] + r[3 * k + 1] * p[1] + r[3 * k + 2] * p[2]);
     }
   }

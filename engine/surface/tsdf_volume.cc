@@ -154,7 +154,7 @@ void TsdfVolume::Add(const Input& input, size_t b) {
   // Voxel (x, y, z) of the block, in the camera's frame.
   const auto at = [&](double x, double y, double z) {
     Point p = corner;
-    for (int row = 0; row < 3; ++row) {
+    for (size_t row = 0; row < 3; ++row) {
       const double* r = &camera.R[3 * row];
       p[row] += side_ * (x * r[0] + y * r[1] + z * r[2]);
     }
@@ -164,7 +164,8 @@ void TsdfVolume::Add(const Input& input, size_t b) {
   if (!MaySee(camera, at(kHalf, kHalf, kHalf), std::sqrt(3.0) * kHalf * side_)) return;
   Voxel* voxel = &voxels_[b * kVoxels];
   for (int i = 0; i < kVoxels; ++i, ++voxel) {
-    Observe(input, at(i % kSide, i / kSide % kSide, i / (kSide * kSide)), voxel);
+    const int y = i / kSide % kSide, z = i / (kSide * kSide);
+    Observe(input, at(i % kSide, y, z), voxel);
   }
 }
 
@@ -178,6 +179,7 @@ absl::Status TsdfVolume::Fuse(const std::vector<SurfacePicture>& pictures,
   side_ = options.voxel_pixels * median_.width;
   if (!(side_ > 0)) return absl::OkStatus();
   std::vector<Input> inputs;
+  inputs.reserve(pictures.size());
   for (const SurfacePicture& picture : pictures) inputs.push_back({&picture, FacingOf(picture)});
   LITAGS_RETURN_IF_ERROR(FindBlocks(inputs));
   voxels_.resize(blocks_.size() * kVoxels);
