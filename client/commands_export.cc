@@ -86,9 +86,9 @@ int Export(Session& session, const ExportArgs& args) {
       [&](std::string_view bytes) { return file.Write(bytes); });
   if (status.ok()) status = file.Commit();
   if (!status.ok()) return ReportError(session, status, args.job);
-  Note(absl::StrCat(args.path(), ": ", CountText(header.gaussians()),
-                    HoldsPoints(request->format()) ? " points" : " Gaussians", ", iteration ",
-                    header.iteration(), ", ", BytesText(header.size_bytes())));
+  Note(absl::StrCat(args.path(), ": ", CountText(header.gaussians()), " ",
+                    ContentOf(request->format()), ", iteration ", header.iteration(), ", ",
+                    BytesText(header.size_bytes())));
   return kExitOk;
 }
 
@@ -96,7 +96,8 @@ void AddFileOptions(CLI::App& command, ExportArgs& args) {
   CLI::Option* output = command.add_option(
       "-o,--output", args.output,
       "File to write; its ending says the format: .ply, .compressed.ply, .spz, .sog, .splat, .glb, "
-      ".usda, .zip (COLMAP's model), .points.ply and .las (points of surfaces)");
+      ".usda, .zip (COLMAP's model), .points.ply and .las (points of surfaces), .mesh.ply and "
+      ".mesh.glb (surfaces as triangles)");
   // The first version's name of -o.
   CLI::Option* ply = command.add_option("--ply", args.ply, "File to write, a .ply");
   CLI::Option_group* file = command.add_option_group("File", "One of these");
@@ -124,14 +125,15 @@ void AddExportCommand(CLI::App& app, Session& session) {
   command->add_option("--exposure", args->exposure, "Brighter or darker by so many stops, -10..10");
   command->add_option("--up", args->up,
                       "Turn the scene so that this axis of the file is up: x, y, z, --up=-y and so "
-                      "on, or keep; default: y for .spz, .glb, .usda, else keep");
+                      "on, or keep; default: y for .spz, .glb, .mesh.glb, .usda, else keep");
   command->add_option("--scale", args->scale, "Multiply all lengths");
   command
       ->add_option("--crop", args->crop,
                    "Only what is in this box, in the coordinates of the cameras: x,y,z x,y,z")
       ->expected(2);
-  command->add_option("--max-splats", args->max_splats,
-                      "At most so many Gaussians or points: those that pictures need most");
+  command->add_option(
+      "--max-splats", args->max_splats,
+      "At most so many Gaussians or points: those that pictures need most; not for meshes");
   command->add_flag("--antialiased", args->antialiased,
                     "Small Gaussians as trained, and tell viewers so: .spz and .sog only");
   command->callback([&session, args] { session.exit_code = Export(session, *args); });

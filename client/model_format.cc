@@ -21,6 +21,8 @@ std::string Word(const std::string& value) {
 constexpr std::pair<const char*, v1::ModelFormat> kEndings[] = {
     {".compressed.ply", v1::MODEL_FORMAT_COMPRESSED_PLY},
     {".points.ply", v1::MODEL_FORMAT_POINTS},
+    {".mesh.ply", v1::MODEL_FORMAT_MESH_PLY},
+    {".mesh.glb", v1::MODEL_FORMAT_MESH_GLB},
     {".ply", v1::MODEL_FORMAT_PLY},
     {".spz", v1::MODEL_FORMAT_SPZ},
     {".sog", v1::MODEL_FORMAT_SOG},
@@ -73,8 +75,17 @@ absl::StatusOr<v1::ModelFormat> ModelFormatOf(const std::string& path) {
                                "; rename it, or give --format"));
 }
 
-bool HoldsPoints(v1::ModelFormat format) {
-  return format == v1::MODEL_FORMAT_POINTS || format == v1::MODEL_FORMAT_LAS;
+const char* ContentOf(v1::ModelFormat format) {
+  switch (format) {
+    case v1::MODEL_FORMAT_POINTS:
+    case v1::MODEL_FORMAT_LAS:
+      return "points";
+    case v1::MODEL_FORMAT_MESH_PLY:
+    case v1::MODEL_FORMAT_MESH_GLB:
+      return "triangles";
+    default:
+      return "Gaussians";
+  }
 }
 
 absl::StatusOr<v1::UpAxis> ParseUpAxis(const std::string& name) {

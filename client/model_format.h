@@ -17,11 +17,12 @@ std::vector<std::string> ModelFormatNames();
 absl::StatusOr<v1::ModelFormat> ParseModelFormat(const std::string& name);
 
 // How a file of the format is named: .ply, .compressed.ply, .spz, .sog, .splat, .glb, .usda, .zip
-// for COLMAP, .points.ply, .las. INVALID_ARGUMENT (MODEL_FORMAT_UNKNOWN) for others.
+// for COLMAP, .points.ply, .las, .mesh.ply, .mesh.glb. INVALID_ARGUMENT (MODEL_FORMAT_UNKNOWN) for
+// others.
 absl::StatusOr<v1::ModelFormat> ModelFormatOf(const std::string& path);
 
-// Whether files of the format hold points of surfaces, not Gaussians.
-bool HoldsPoints(v1::ModelFormat format);
+// What ExportHeader counts of the format: "Gaussians", "points" or "triangles".
+const char* ContentOf(v1::ModelFormat format);
 
 // "x", "-x", ..., "keep". INVALID_ARGUMENT (UP_AXIS_UNKNOWN) for other words.
 absl::StatusOr<v1::UpAxis> ParseUpAxis(const std::string& name);

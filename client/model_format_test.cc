@@ -27,12 +27,21 @@ TEST(ModelFormat, EndingsSayTheFormat) {
   EXPECT_EQ(ModelFormatOf("a/b.ply").value(), v1::MODEL_FORMAT_PLY);
   EXPECT_EQ(ModelFormatOf("a/b.points.ply").value(), v1::MODEL_FORMAT_POINTS);
   EXPECT_EQ(ModelFormatOf("b.LAS").value(), v1::MODEL_FORMAT_LAS);
+  EXPECT_EQ(ModelFormatOf("site.mesh.ply").value(), v1::MODEL_FORMAT_MESH_PLY);
+  EXPECT_EQ(ModelFormatOf("site.mesh.glb").value(), v1::MODEL_FORMAT_MESH_GLB);
+  EXPECT_EQ(ModelFormatOf("site.glb").value(), v1::MODEL_FORMAT_GLB);
   EXPECT_EQ(ModelFormatOf("scene.compressed.ply").value(), v1::MODEL_FORMAT_COMPRESSED_PLY);
   EXPECT_EQ(ModelFormatOf("SCENE.SPZ").value(), v1::MODEL_FORMAT_SPZ);
   EXPECT_EQ(ModelFormatOf("x.zip").value(), v1::MODEL_FORMAT_COLMAP);
   for (const char* path : {"", "scene", "scene.obj", "ply"}) {
     EXPECT_EQ(DetailOf(ModelFormatOf(path).status()).reason(), "MODEL_FORMAT_UNKNOWN") << path;
   }
+}
+
+TEST(ModelFormat, SaysWhatIsCounted) {
+  EXPECT_STREQ(ContentOf(v1::MODEL_FORMAT_GLB), "Gaussians");
+  EXPECT_STREQ(ContentOf(v1::MODEL_FORMAT_LAS), "points");
+  EXPECT_STREQ(ContentOf(v1::MODEL_FORMAT_MESH_GLB), "triangles");
 }
 
 TEST(ModelFormat, AxesByWords) {

@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_EXPORT_EXPORT_REQUEST_H_
 #define LITAGS_ENGINE_EXPORT_EXPORT_REQUEST_H_
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -10,8 +11,8 @@
 
 namespace litags {
 
-// File formats; formats.h has a row of each. The last two hold points of surfaces, the others
-// Gaussians.
+// File formats; formats.h has a row of each. Those from kPoints on hold points of surfaces, those
+// from kMeshPly on triangles, the others Gaussians.
 enum class SceneFormat {
   kPly,
   kCompressedPly,
@@ -23,7 +24,9 @@ enum class SceneFormat {
   kUsda,
   kColmap,
   kPoints,
-  kLas
+  kLas,
+  kMeshPly,
+  kMeshGlb
 };
 
 // Which axis of the file the scene's up direction becomes.
@@ -44,6 +47,9 @@ struct Box {
     for (int k = 0; k < 3; ++k) inside = inside && point[k] >= min[k] && point[k] <= max[k];
     return inside;
   }
+  double LongestSide() const {
+    return std::max({max[0] - min[0], max[1] - min[1], max[2] - min[2]});
+  }
 
   std::array<double, 3> min = {}, max = {};  // in the scene's coordinates
 };
@@ -57,8 +63,8 @@ struct ExportRequest {
   double exposure_stops = 0;  // linear light times 2^stops, -10..10
   UpAxis up = UpAxis::kOfFormat;
   double scale = 1;         // units of the file in one of the scene
-  std::optional<Box> crop;  // only Gaussians whose centre is inside, or points
-  int64_t max_splats = 0;   // of those, the ones that pictures need most; 0: all
+  std::optional<Box> crop;  // only Gaussians whose centre is inside, or surfaces
+  int64_t max_splats = 0;   // of those, the ones that pictures need most; 0: all; not of meshes
   // Small Gaussians as they were trained, and the format's tag that viewers are to draw them
   // antialiased. Else they are such that viewers without that draw them much as we do.
   bool antialiased = false;

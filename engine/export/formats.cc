@@ -19,6 +19,10 @@ constexpr FormatInfo kFormats[] = {
     {SceneFormat::kColmap, "colmap", ".zip", UpAxis::kKeep, false, EncodeColmap},
     {SceneFormat::kPoints, "points", ".points.ply", UpAxis::kKeep, false, nullptr, EncodePointsPly},
     {SceneFormat::kLas, "las", ".las", UpAxis::kKeep, false, nullptr, EncodeLas},
+    {SceneFormat::kMeshPly, "mesh-ply", ".mesh.ply", UpAxis::kKeep, false, nullptr, nullptr,
+     EncodeMeshPly},
+    {SceneFormat::kMeshGlb, "mesh-glb", ".mesh.glb", UpAxis::kY, false, nullptr, nullptr,
+     EncodeMeshGlb},
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "absl/types/span.h"
 #include "engine/export/export_request.h"
 #include "engine/export/point_cloud.h"
+#include "engine/export/triangle_mesh.h"
 #include "engine/export/viewer_scene.h"
 
 namespace litags {
@@ -19,8 +20,10 @@ struct FormatInfo {
   UpAxis up;           // what the format says of it; kKeep: nothing
   bool has_antialiased_tag;
   // The file's bytes. FAILED_PRECONDITION (EXPORT_OUT_OF_RANGE) if the format cannot hold them.
-  absl::StatusOr<std::string> (*encode)(const ViewerScene& scene);   // null: of points
-  std::string (*encode_points)(const PointCloud& points) = nullptr;  // null: of Gaussians
+  // Of these three functions, two are null.
+  absl::StatusOr<std::string> (*encode)(const ViewerScene& scene);
+  std::string (*encode_points)(const PointCloud& points) = nullptr;
+  absl::StatusOr<std::string> (*encode_mesh)(const TriangleMesh& mesh) = nullptr;
 };
 
 // Those of Gaussians, in the order of SceneFormat.

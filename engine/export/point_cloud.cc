@@ -13,30 +13,13 @@ namespace {
 constexpr uint16_t kLasHeader = 227, kLasPoint = 26;
 constexpr uint8_t kOnlyReturn = 0x09;  // the first of one
 
-struct Bounds {
-  explicit Bounds(const PointCloud& points) : min(points[0].xyz), max(points[0].xyz) {
-    for (const ColoredPoint& point : points) {
-      for (int k = 0; k < 3; ++k) {
-        min[k] = std::min(min[k], point.xyz[k]);
-        max[k] = std::max(max[k], point.xyz[k]);
-      }
-    }
-  }
-
-  double LargestSide() const {
-    return std::max({max[0] - min[0], max[1] - min[1], max[2] - min[2]});
-  }
-
-  std::array<double, 3> min, max;
-};
-
 // Padded with zeros.
 void AppendText(std::string* out, std::string text, size_t size) {
   text.resize(size);
   *out += text;
 }
 
-std::string LasHeader(const Bounds& bounds, double scale, uint32_t points) {
+std::string LasHeader(const Box& bounds, double scale, uint32_t points) {
   std::string out = "LASF";
   out.append(20, '\0');  // source, encoding, project
   AppendNumber<uint8_t>(&out, 1);
@@ -62,21 +45,39 @@ std::string LasHeader(const Bounds& bounds, double scale, uint32_t points) {
 
 }  // namespace
 
-std::string EncodePointsPly(const PointCloud& points) {
-  std::string out =
-      absl::StrCat("ply\nformat binary_little_endian 1.0\nelement vertex ", points.size(),
-                   "\nproperty double x\nproperty double y\nproperty double z\nproperty uchar red\n"
-                   "property uchar green\nproperty uchar blue\nend_header\n");
+Box BoundsOf(const PointCloud& points) {
+  Box box = {points[0].xyz, points[0].xyz};
   for (const ColoredPoint& point : points) {
-    for (const double x : point.xyz) AppendNumber(&out, x);
-    for (const uint8_t code : point.rgb) AppendNumber(&out, code);
+    for (int k = 0; k < 3; ++k) {
+      box.min[k] = std::min(box.min[k], point.xyz[k]);
+      box.max[k] = std::max(box.max[k], point.xyz[k]);
+    }
   }
+  return box;
+}
+
+std::string PlyVertexHeader(size_t count) {
+  return absl::StrCat("ply\nformat binary_little_endian 1.0\nelement vertex ", count,
+                      "\nproperty double x\nproperty double y\nproperty double z\n"
+                      "property uchar red\nproperty uchar green\nproperty uchar blue\n");
+}
+
+void AppendPlyVertices(const PointCloud& points, std::string* out) {
+  for (const ColoredPoint& point : points) {
+    for (const double x : point.xyz) AppendNumber(out, x);
+    for (const uint8_t code : point.rgb) AppendNumber(out, code);
+  }
+}
+
+std::string EncodePointsPly(const PointCloud& points) {
+  std::string out = PlyVertexHeader(points.size()) + "end_header\n";
+  AppendPlyVertices(points, &out);
   return out;
 }
 
 std::string EncodeLas(const PointCloud& points) {
-  const Bounds bounds(points);
-  const double side = std::max(bounds.LargestSide(), 1e-30);
+  const Box bounds = BoundsOf(points);
+  const double side = std::max(bounds.LongestSide(), 1e-30);
   const double scale = std::pow(10.0, std::ceil(std::log10(std::ldexp(side, -30))));
   std::string out = LasHeader(bounds, scale, static_cast<uint32_t>(points.size()));
   for (const ColoredPoint& point : points) {

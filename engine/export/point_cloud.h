@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "engine/export/export_request.h"
+
 namespace litags {
 
 struct ColoredPoint {
@@ -14,6 +16,13 @@ struct ColoredPoint {
   std::array<uint8_t, 3> rgb;  // sRGB
 };
 using PointCloud = std::vector<ColoredPoint>;
+
+// The smallest box that holds the points. Not empty.
+Box BoundsOf(const PointCloud& points);
+
+// The header of a binary .ply up to its vertices, without "end_header", and their bytes.
+std::string PlyVertexHeader(size_t count);
+void AppendPlyVertices(const PointCloud& points, std::string* out);
 
 // .ply: coordinates in doubles, colours in bytes.
 std::string EncodePointsPly(const PointCloud& points);

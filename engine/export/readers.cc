@@ -87,9 +87,11 @@ absl::StatusOr<ViewerScene> ReadExported(SceneFormat format, const std::string& 
     case SceneFormat::kColmap:
     case SceneFormat::kPoints:
     case SceneFormat::kLas:
+    case SceneFormat::kMeshPly:
+    case SceneFormat::kMeshGlb:
       break;
   }
-  return Corrupt("the file holds points, not Gaussians");
+  return Corrupt("the file holds no Gaussians");
 }
 
 absl::StatusOr<SparseModel> ReadExportedColmap(const std::string& bytes) {

@@ -14,6 +14,7 @@
 #include "engine/pipeline/light_power.h"
 #include "engine/pipeline/render_rules.h"
 #include "engine/pipeline/scene_file.h"
+#include "engine/pipeline/surface_mesh.h"
 #include "engine/pipeline/surface_points.h"
 
 namespace litags {
@@ -123,6 +124,12 @@ class ModelScene : public Scene {
       LITAGS_ASSIGN_OR_RETURN(const PointCloud points, SurfacePoints(*this, request));
       LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, encode(points)));
       return static_cast<int64_t>(points.size());
+    }
+    if (const auto encode = InfoOf(request.format).encode_mesh) {
+      LITAGS_ASSIGN_OR_RETURN(const TriangleMesh mesh, SurfaceMesh(*this, request));
+      LITAGS_ASSIGN_OR_RETURN(const std::string bytes, encode(mesh));
+      LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, bytes));
+      return static_cast<int64_t>(mesh.triangles.size());
     }
     LITAGS_ASSIGN_OR_RETURN(const ViewerScene scene,
                             MakeViewerScene(model_, local_views_, frame_.up, request));

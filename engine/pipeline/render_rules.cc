@@ -65,6 +65,10 @@ absl::Status CheckExport(const ExportRequest& request) {
     return BadOption("antialiased",
                      absl::StrCat(": ", info.name, " has no tag for it; spz, spz-v4 and sog have"));
   }
+  if (request.max_splats > 0 && info.encode_mesh != nullptr) {
+    return BadOption("max_splats",
+                     absl::StrCat(": ", info.name, " holds triangles; leave it 0, or give a crop"));
+  }
   if (request.format == SceneFormat::kUsda &&
       (request.up == UpAxis::kX || request.up == UpAxis::kNegativeX ||
        request.up == UpAxis::kNegativeY || request.up == UpAxis::kNegativeZ)) {

@@ -55,16 +55,15 @@ class Scene {
   // Float planes: 3 for colours (sRGB, clamped to [0, 1]), 1 otherwise as listed at Channel.
   // CANCELLED soon after the request's token is raised.
   virtual absl::StatusOr<Planes> Render(const RenderRequest& request) const = 0;
-  // The scene as a file of request.format; returns how many Gaussians or points (SurfacePoints) it
-  // holds. Gaussians: L is applied to every Gaussian
-  // instead of every pixel, exposure to first order, and the denoiser is left out: viewers know
-  // none of them. Shapes and opacities are such that what viewers draw in pictures of about the
-  // views' size is much like Render's (viewer_splats.h), unless request.antialiased. Where the
-  // cameras stand far from the origin, positions count from a point near them, which is in the file
-  // where the format has a place for it: .ply ("comment origin X Y Z"), .glb, .usda; COLMAP's
-  // models hold it in doubles. INVALID_ARGUMENT: EXPORT_OPTION_INVALID, LIGHT_INVALID,
-  // EXPOSURE_INVALID; FAILED_PRECONDITION: CHANNEL_UNAVAILABLE, EXPORT_EMPTY, EXPORT_OUT_OF_RANGE;
-  // CANCELLED.
+  // The scene as a file of request.format; returns how many Gaussians, points (SurfacePoints) or
+  // triangles (SurfaceMesh) it holds. Gaussians: L is applied to every Gaussian instead of every
+  // pixel, exposure to first order, and the denoiser is left out: viewers know none of them. Shapes
+  // and opacities are such that what viewers draw in pictures of about the views' size is much like
+  // Render's (viewer_splats.h), unless request.antialiased. Where the cameras stand far from the
+  // origin, positions count from a point near them, which is in the file where the format has a
+  // place for it: .ply ("comment origin X Y Z"), .glb, .usda; COLMAP's models hold it in doubles.
+  // INVALID_ARGUMENT: EXPORT_OPTION_INVALID, LIGHT_INVALID, EXPOSURE_INVALID; FAILED_PRECONDITION:
+  // CHANNEL_UNAVAILABLE, EXPORT_EMPTY, EXPORT_OUT_OF_RANGE; CANCELLED.
   virtual absl::StatusOr<int64_t> Export(const std::string& path,
                                          const ExportRequest& request) const = 0;
   // A standard .ply, in the light R * L^t with t = `light`.

@@ -8,12 +8,10 @@
 
 namespace litags {
 
-// Points of the depth that is rendered from up to 64 of the photos' cameras, where pixels are
-// opaque and no edge is near; those of a small cube are one point, their mean, which at least two
+// Points of SurfacePictures; those of a small cube are one point, their mean, which at least two
 // cameras must see. At most request.max_splats points, those that most pixels show. Light,
 // exposure, crop, up and scale are those of the request. The same scene makes the same points.
-// Errors: those of CheckExport and Scene::Render; FAILED_PRECONDITION (EXPORT_EMPTY) if there are
-// none.
+// Errors: those of SurfacePictures; FAILED_PRECONDITION (EXPORT_EMPTY) if there are none.
 absl::StatusOr<PointCloud> SurfacePoints(const Scene& scene, const ExportRequest& request);
 
 }  // namespace litags

@@ -45,6 +45,10 @@ absl::StatusOr<SceneFormat> FormatOf(v1::ModelFormat format) {
       return SceneFormat::kPoints;
     case v1::MODEL_FORMAT_LAS:
       return SceneFormat::kLas;
+    case v1::MODEL_FORMAT_MESH_PLY:
+      return SceneFormat::kMeshPly;
+    case v1::MODEL_FORMAT_MESH_GLB:
+      return SceneFormat::kMeshGlb;
     default:
       return InvalidInput("FORMAT_UNKNOWN", "format",
                           absl::StrCat("the server does not know format ", format));

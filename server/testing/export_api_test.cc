@@ -121,6 +121,11 @@ TEST_F(ExportApi, ExportsThatCannotBeAreRefused) {
             "EXPORT_OPTION_INVALID up");
   EXPECT_EQ(detail([](Request* r) { r->set_scale(0); }), "EXPORT_OPTION_INVALID scale");
   EXPECT_EQ(detail([](Request* r) { r->set_max_splats(-5); }), "EXPORT_OPTION_INVALID max_splats");
+  EXPECT_EQ(detail([](Request* r) {
+              r->set_format(v1::MODEL_FORMAT_MESH_GLB);
+              r->set_max_splats(5);
+            }),
+            "EXPORT_OPTION_INVALID max_splats");
   EXPECT_EQ(detail([](Request* r) { r->mutable_crop()->mutable_min()->set_x(kNan); }),
             "EXPORT_OPTION_INVALID crop");
   EXPECT_EQ(detail([](Request* r) { r->set_antialiased(true); }),

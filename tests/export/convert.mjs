@@ -1,5 +1,6 @@
 #!/usr/bin/env node
-// Reads a file of Gaussians with programs of others and writes what they found as a .ply.
+// Reads a file of Gaussians, or a .glb of triangles, with programs of others and writes what they
+// found as a .ply.
 // convert.mjs FILE OUT.ply; exit code 3: none of them knows the format.
 import { spawnSync } from 'node:child_process';
 import { createRequire } from 'node:module';
@@ -15,11 +16,36 @@ function bySplatTransform(file, out) {
   return run.status ?? 1;
 }
 
-// glTF's values are activated, those of a .ply are not.
 async function byGltfTransform(file, out) {
   const { NodeIO } = await import('@gltf-transform/core');
   const document = await new NodeIO().readBinary(new Uint8Array(readFileSync(file)));
   const primitive = document.getRoot().listMeshes()[0].listPrimitives()[0];
+  return primitive.getIndices() ? writeTriangles(primitive, out) : writeGaussians(primitive, out);
+}
+
+// Colours stay in linear light, as floats.
+function writeTriangles(primitive, out) {
+  const position = primitive.getAttribute('POSITION'), color = primitive.getAttribute('COLOR_0');
+  const count = position.getCount(), indices = primitive.getIndices().getArray();
+  const names = ['x', 'y', 'z', 'red', 'green', 'blue'];
+  const header = `ply\nformat binary_little_endian 1.0\nelement vertex ${count}\n` +
+      names.map((name) => `property float ${name}\n`).join('') +
+      `element face ${indices.length / 3}\nproperty list uchar int vertex_indices\nend_header\n`;
+  const vertices = new Float32Array(6 * count);
+  for (let i = 0; i < count; i++) {
+    vertices.set([...position.getElement(i, []), ...color.getElement(i, []).slice(0, 3)], 6 * i);
+  }
+  const faces = Buffer.alloc(13 * indices.length / 3);
+  for (let i = 0; i < indices.length; i++) {
+    if (i % 3 === 0) faces.writeUInt8(3, 13 * i / 3);
+    faces.writeInt32LE(indices[i], 13 * Math.floor(i / 3) + 1 + 4 * (i % 3));
+  }
+  writeFileSync(out, Buffer.concat([Buffer.from(header), Buffer.from(vertices.buffer), faces]));
+  return 0;
+}
+
+// glTF's values are activated, those of a .ply are not.
+function writeGaussians(primitive, out) {
   const array = (name) => primitive.getAttribute(name).getArray();
   const splat = (name) => array(`KHR_gaussian_splatting:${name}`);
   const count = primitive.getAttribute('POSITION').getCount();

@@ -9,6 +9,7 @@ import pathlib
 import re
 import subprocess
 import sys
+import tempfile
 import unittest
 
 import numpy
@@ -17,7 +18,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import npm_packages  # noqa: E402
 
 HERE = pathlib.Path(__file__).resolve().parent
-BENCH = pathlib.Path(os.environ["LITAGS_BIN"], "litags-bench")
+BIN = pathlib.Path(os.environ["LITAGS_BIN"])
+BENCH, SAMPLE, TRAIN = (BIN / f"litags-{name}" for name in ("bench", "sample", "train"))
 WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
 
 # Largest error of positions (scene units), colours and opacities (of 1) of what others read: half a
@@ -41,6 +43,22 @@ def read_ply(path):
     names = re.findall(r"property float (\w+)", data[:end].decode())
     table = numpy.frombuffer(data[end:], "<f4").reshape(-1, len(names))
     return {name: table[:, k].astype(float) for k, name in enumerate(names)}
+
+
+def read_mesh(path, vertex):
+    """Vertices of this type and triangles of a binary .ply."""
+    data = path.read_bytes()
+    end = data.index(b"end_header\n") + len(b"end_header\n")
+    vertices, faces = map(int, re.findall(r"element \w+ (\d+)", data[:end].decode()))
+    table = numpy.frombuffer(data, vertex, vertices, end)
+    corners = numpy.dtype([("count", "u1"), ("corners", "<i4", 3)])
+    return table, numpy.frombuffer(data, corners, faces, end + table.nbytes)["corners"]
+
+
+def linear(code):
+    """Linear light of sRGB codes."""
+    value = code / 255
+    return numpy.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
 def positions(ply):
@@ -96,6 +114,28 @@ class ForeignTest(unittest.TestCase):
     def test_formats_without_a_reader_are_not_read(self):
         for name in ("usda", "colmap"):
             self.assertNotIn("psnr_of_others_db", self.rows[name])
+
+
+class MeshTest(unittest.TestCase):
+
+    def test_others_find_the_same_triangles(self):
+        with tempfile.TemporaryDirectory() as folder:
+            room, files = pathlib.Path(folder, "room"), pathlib.Path(folder, "files")
+            for command in (
+                    [SAMPLE, room, "--size", "180x136", "--views", "12", "--truth"],
+                    [TRAIN, room, "--light", "high", "--iterations", "200", "-o", room / "run"],
+                    [BENCH, "geometry", room / "run/scene.litags", room / "depth", "--out", files],
+                    [WORK / "convert.mjs", files / "scene.mesh.glb", files / "by-others.ply"]):
+                run = subprocess.run(command, capture_output=True, text=True, timeout=250)
+                self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
+            ours, triangles = read_mesh(
+                files / "scene.mesh.ply", numpy.dtype([("xyz", "<f8", 3), ("rgb", "u1", 3)]))
+            found, found_triangles = read_mesh(
+                files / "by-others.ply", numpy.dtype([("xyz", "<f4", 3), ("rgb", "<f4", 3)]))
+        self.assertGreater(len(triangles), 1000)
+        self.assertEqual(triangles.tolist(), found_triangles.tolist())
+        self.assertLess(abs(ours["xyz"] - found["xyz"]).max(), 1e-5)
+        self.assertLess(abs(linear(ours["rgb"].astype(float)) - found["rgb"]).max(), 1e-4)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,9 @@ void AddNoiseCommand(CLI::App* app, int* exit_status);
 // `litags-bench export SCENE`.
 void AddExportCommand(CLI::App* app, int* exit_status);
 
+// `litags-bench geometry SCENE TRUTH`.
+void AddGeometryCommand(CLI::App* app, int* exit_status);
+
 // `litags-bench exposure PHOTOS`.
 void AddExposureCommand(CLI::App* app, int* exit_status);
 

@@ -28,6 +28,7 @@ int main(int argc, char** argv) {
   litags::AddTableCommand(&app, &exit_status);
   litags::AddNoiseCommand(&app, &exit_status);
   litags::AddExportCommand(&app, &exit_status);
+  litags::AddGeometryCommand(&app, &exit_status);
   litags::AddExposureCommand(&app, &exit_status);
   litags::AddShadowsCommand(&app, &exit_status);
   if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;

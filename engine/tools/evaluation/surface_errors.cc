@@ -1,0 +1,120 @@
+#include "engine/tools/evaluation/surface_errors.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/core/image.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
+#include "engine/tools/evaluation/surface_distance.h"
+
+namespace litags {
+namespace {
+
+constexpr float kEdge = 0.05f;  // of the depth. Choice: as of the pictures that meshes are made of
+
+absl::StatusOr<Planes> ReadTruth(const View& view, const std::string& dir) {
+  const std::string stem = Stem(view.name), path = FindDepthMap(dir, stem);
+  if (path.empty()) {
+    return InvalidInput("NO_TRUTH", "truth",
+                        absl::StrCat(dir, " has no depth map of ", stem,
+                                     "; give the folder depth/ of litags-sample --truth"));
+  }
+  LITAGS_ASSIGN_OR_RETURN(Planes depth, ReadDepthMap(path, stem));
+  if (depth.width != view.camera.width || depth.height != view.camera.height) {
+    return InvalidInput(
+        "SIZE_MISMATCH", "truth",
+        absl::StrCat(path, " is ", depth.width, "x", depth.height, ", the scene's view ",
+                     view.camera.width, "x", view.camera.height, "; train at the maps' size"));
+  }
+  return depth;
+}
+
+void AddMap(const Camera& camera, const Planes& depth, TrueSurface* truth) {
+  constexpr uint32_t kNone = ~0u;
+  TriangleMesh& mesh = truth->mesh;
+  std::vector<uint32_t> number(depth.plane_size(), kNone);
+  const auto at = [&](int x, int y) { return size_t(y) * depth.width + x; };
+  for (int y = 0; y < depth.height; ++y) {
+    for (int x = 0; x < depth.width; ++x) {
+      const double z = depth.at(0, y, x);
+      if (!(z > 0)) continue;
+      number[at(x, y)] = static_cast<uint32_t>(mesh.vertices.size());
+      mesh.vertices.push_back({camera.WorldFromCam({(x + 0.5 - camera.cx) / camera.fx * z,
+                                                    (y + 0.5 - camera.cy) / camera.fy * z, z}),
+                               {}});
+      truth->depth.push_back(z);
+    }
+  }
+  for (int y = 0; y + 1 < depth.height; ++y) {
+    for (int x = 0; x + 1 < depth.width; ++x) {
+      const size_t pixels[4] = {at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)};
+      float least = depth.data[pixels[0]], most = least;
+      bool known = true;
+      for (const size_t pixel : pixels) {
+        known = known && number[pixel] != kNone;
+        least = std::min(least, depth.data[pixel]);
+        most = std::max(most, depth.data[pixel]);
+      }
+      if (!known || most > (1 + kEdge) * least) continue;
+      const uint32_t corner[4] = {number[pixels[0]], number[pixels[1]], number[pixels[2]],
+                                  number[pixels[3]]};
+      mesh.triangles.push_back({corner[0], corner[2], corner[1]});
+      mesh.triangles.push_back({corner[1], corner[2], corner[3]});
+    }
+  }
+}
+
+double Quantile(std::vector<double> values, double share) {
+  const auto at = values.begin() + static_cast<ptrdiff_t>(share * (values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+DistanceQuantiles QuantilesOf(const std::vector<double>& distances,
+                              const std::vector<double>& of_depth) {
+  return {Quantile(distances, 0.5), Quantile(distances, 0.9), Quantile(of_depth, 0.5),
+          Quantile(of_depth, 0.9)};
+}
+
+}  // namespace
+
+absl::StatusOr<TrueSurface> ReadTrueSurface(const std::vector<View>& views,
+                                            const std::string& dir) {
+  TrueSurface truth;
+  for (const View& view : views) {
+    LITAGS_ASSIGN_OR_RETURN(const Planes depth, ReadTruth(view, dir));
+    AddMap(view.camera, depth, &truth);
+  }
+  return truth;
+}
+
+SurfaceErrors MeasureSurface(const TriangleMesh& ours, const TrueSurface& truth, size_t step) {
+  SurfaceErrors errors;
+  std::vector<double> distances, of_depth;
+  for (const NearestSurface& nearest : NearestOf(ours.vertices, truth.mesh)) {
+    distances.push_back(nearest.distance);
+    of_depth.push_back(nearest.distance / truth.depth[nearest.vertex]);
+  }
+  errors.accuracy = QuantilesOf(distances, of_depth);
+  PointCloud queries;
+  std::vector<double> depths;
+  for (size_t i = 0; i < truth.mesh.vertices.size(); i += step) {
+    queries.push_back(truth.mesh.vertices[i]);
+    depths.push_back(truth.depth[i]);
+  }
+  const std::vector<NearestSurface> found = NearestOf(queries, ours);
+  distances.clear();
+  of_depth.clear();
+  for (size_t i = 0; i < found.size(); ++i) {
+    distances.push_back(found[i].distance);
+    of_depth.push_back(found[i].distance / depths[i]);
+  }
+  errors.completeness = QuantilesOf(distances, of_depth);
+  return errors;
+}
+
+}  // namespace litags
