@@ -28,6 +28,7 @@
 #include "litags/v1/reconstruction_service.pb.h"
 #include "litags/v1/render_service.pb.h"
 #include "tests/fuzz/fuzz_support.h"
+#include "tests/fuzz/http_seeds.h"
 
 namespace litags {
 namespace {
@@ -398,5 +399,6 @@ int main(int argc, char** argv) {
   litags::AddRequests(corpus);
   litags::AddArchives(corpus);
   litags::AddReaderAnswers(corpus);
+  for (const auto& [name, bytes] : litags::HttpSeeds()) corpus.Add("http", name, bytes);
   return 0;
 }
