@@ -216,6 +216,29 @@ await step("through the scene", async () => {
   await check("5-scene");
 });
 
+await step("a video dropped", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await drop(process.env.PHOTOS);
+  await page.getByText("3 photos").waitFor();
+  assert.equal(await page.getByLabel("Frames").isVisible(), false);
+  await drop(process.env.VIDEO);
+  await page.getByText("A job takes one video, or photos").waitFor();
+  assert.ok(await page.getByRole("button", {name: "Upload and start"}).isDisabled());
+  await page.getByRole("button", {name: "Remove the files"}).click();
+  await drop(process.env.VIDEO);
+  await page.getByText("1 video,").waitFor();
+  await page.getByLabel("Frames").fill("7");
+  await page.getByLabel("Iterations", {exact: true}).fill("50");
+  await page.getByLabel("Title", {exact: true}).fill("A video");
+  await check("5b-new-video");
+  await page.getByRole("button", {name: "Upload and start"}).click();
+  await state("succeeded");
+  await page.getByText("7 of 7", {exact: true}).waitFor();
+  await page.getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("dialog").getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("heading", {name: "Jobs"}).waitFor();
+});
+
 await step("a server that ends in the middle", async () => {
   await page.getByRole("link", {name: "New job", exact: true}).first().click();
   await page.getByLabel("Iterations", {exact: true}).fill("20000");

@@ -50,6 +50,13 @@ class Browser(unittest.TestCase):
             (folder / f"{stem}.png").write_bytes(harness.png(96, 72, seed))
         return folder
 
+    def video(self):
+        """A folder with a short clip."""
+        photos, folder = self.photos("v1", "v2", "v3"), self.folder / "video"
+        folder.mkdir()
+        subprocess.run([f"{harness.BIN}/litags-test-video", photos, folder / "night.mov"], check=True)
+        return folder
+
     def test_the_steps(self):
         screenshots = pathlib.Path(os.environ.get("LITAGS_SCREENSHOTS", self.folder / "screenshots"))
         screenshots.mkdir(parents=True, exist_ok=True)
@@ -60,7 +67,7 @@ class Browser(unittest.TestCase):
         environment = dict(
             os.environ, URL=f"http://127.0.0.1:{self.server.web_port}", TOKEN=self.token,
             CHROMIUM=CHROMIUM, SCREENSHOTS=str(screenshots), PHOTOS=str(self.photos("a", "b", "c")),
-            SLOW=str(self.photos("slow", "b", "c")), HOME=str(self.folder),
+            SLOW=str(self.photos("slow", "b", "c")), VIDEO=str(self.video()), HOME=str(self.folder),
             PATIENCE_MS=str(1000 * harness.PATIENCE_S))
         steps = subprocess.Popen(["node", WORK / "browser_steps.mjs"], env=environment, text=True,
                                  stdin=subprocess.PIPE, stdout=subprocess.PIPE)
