@@ -216,6 +216,24 @@ await step("through the scene", async () => {
   await check("5-scene");
 });
 
+await step("what is found before the start", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await drop(process.env.DOUBTFUL);
+  await page.getByLabel("Title", {exact: true}).fill("Looked at first");
+  await page.getByLabel("Iterations", {exact: true}).fill("50");
+  await page.getByRole("button", {name: "Upload and look first"}).click();
+  await page.getByText("3 photos are of use, 1 left out; 96\u00d772 px; 35 mm").waitFor();
+  const row = (name) => page.getByRole("row", {name}).innerText();
+  assert.match(await row("d.png"), /35 mm\s+1\/30 s, f\/1.8, ISO 800\s+[+\u2212]?\d\.\d\s+used/);
+  assert.match(await row("f copy.png"), /left out: it is the same photo as f\.png/);
+  await check("5a-found");
+  await page.getByRole("button", {name: "Start"}).click();
+  await state("succeeded");
+  await page.getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("dialog").getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("heading", {name: "Jobs"}).waitFor();
+});
+
 await step("a video dropped", async () => {
   await page.getByRole("link", {name: "New job", exact: true}).first().click();
   await drop(process.env.PHOTOS);

@@ -43,6 +43,23 @@ export interface Job {
   queuePosition?: number;
 }
 
+export interface PhotoFindings {
+  focalLengthMm?: number;
+  exposureSeconds?: number;
+  iso?: number;
+  fNumber?: number;
+  stops?: number;
+  leftOut?: string;
+}
+
+export interface JobFile {
+  name: string;
+  role?: string;
+  width?: number;
+  height?: number;
+  found?: PhotoFindings;
+}
+
 export interface JobEvent {
   number: string;
   time: string;
