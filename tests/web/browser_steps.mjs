@@ -216,6 +216,32 @@ await step("through the scene", async () => {
   await check("5-scene");
 });
 
+await step("a video of a way through the scene", async () => {
+  await page.getByText("A video of a way").click();
+  await page.getByRole("button", {name: "Add this place"}).click();
+  assert.ok(await page.getByRole("button", {name: "Make a video"}).isDisabled());
+  await redrawn(() => page.getByRole("button", {name: "Next photo"}).click());
+  await page.getByRole("button", {name: "Add this place"}).click();
+  await page.getByText("2 places").waitFor();
+  await page.getByLabel("Seconds").fill("3");
+  await page.getByRole("button", {name: "Make a video"}).click();
+  const [download] = await Promise.all([
+    page.waitForEvent("download"), page.getByRole("link", {name: "Save the video"}).click()]);
+  assert.equal(download.suggestedFilename(), "By the browser.webm");
+  await check("5-tour");
+  const player = await browser.newPage();
+  const played = await player.evaluate(async (source) => {
+    const video = document.createElement("video");
+    video.src = source;
+    await new Promise((ok, no) => { video.onloadeddata = ok; video.onerror = () => no(video.error); });
+    video.currentTime = 2.5;  // behind the second key picture
+    await new Promise((ok) => { video.onseeked = ok; });
+    return [video.videoWidth, video.videoHeight, video.duration];
+  }, `data:video/webm;base64,${readFileSync(await download.path(), "base64")}`);
+  await player.close();
+  assert.deepEqual(played, [1280, 720, 3]);
+});
+
 await step("what is found before the start", async () => {
   await page.getByRole("link", {name: "New job", exact: true}).first().click();
   await drop(process.env.DOUBTFUL);

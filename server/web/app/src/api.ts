@@ -159,6 +159,25 @@ export async function renderView(job: string, view: unknown, signal?: AbortSigna
   return {blob: await response.blob(), about: JSON.parse(response.headers.get("Litags-Answer")!)};
 }
 
+// The events of a call, which is not made again when the connection breaks.
+export async function* postEvents<T>(path: string, body: unknown, signal: AbortSignal): AsyncGenerator<T> {
+  const response = await request("POST", path, body, signal);
+  const reader = response.body!.pipeThrough(new TextDecoderStream()).getReader();
+  let text = "", ended = false;
+  for (let got = await reader.read(); !got.done; got = await reader.read()) {
+    const parts = (text + got.value).split("\n\n");
+    text = parts.pop()!;
+    for (const part of parts) {
+      const data = /^data: (.*)$/m.exec(part)?.[1];
+      const name = /^event: (.*)$/m.exec(part)?.[1];
+      if (name === "failure") throw errorOf(0, data ?? "");
+      ended = name === "end";
+      if (data && !ended) yield JSON.parse(data) as T;
+    }
+  }
+  if (!ended) throw new ApiError(0, "the connection broke");
+}
+
 // Follows a stream of events until it ends; `stop()` ends it before. The browser opens a connection
 // that broke again by itself, after the event seen last; one that was refused is opened again here.
 export function follow<T extends {number?: string}>(
