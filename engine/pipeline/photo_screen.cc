@@ -1,7 +1,6 @@
 #include "engine/pipeline/photo_screen.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -10,7 +9,6 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
@@ -21,23 +19,15 @@
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/black_bars.h"
-#include "engine/pipeline/capture_checks.h"
-#include "engine/pipeline/fingerprint.h"
-#include "engine/pipeline/photo_structure.h"
 
 namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
 
-// Of the middle photo's light. A lens cap lets nothing through; a photo of a bare wall, which may
-// show as little, is as light as the others.
-constexpr double kUnlit = 0.5;
-
 struct Decoded {
   absl::Status status;
   ScreenedPhoto photo;
-  std::string pixels;  // fingerprint; empty where all have one colour
   LineKinds lines;
   PlaneU8 alpha;
   bool blocks = false, no_end_mark = false;  // blocks: the format may compress in them
@@ -64,23 +54,7 @@ Decoded Decode(const std::string& dir, const std::string& name) {
   const absl::StatusOr<Photo> photo = DecodePhoto(*bytes, FieldOf(name));
   d.status = photo.status();
   if (!photo.ok()) return d;
-  d.photo.width = photo->width;
-  d.photo.height = photo->height;
-  double codes = 0, light = 0;
-  for (const int16_t sample : photo->data) {
-    codes += sample;
-    light += LinearTable::Get()(sample);
-  }
-  d.photo.mean_code = codes / photo->data.size() / kPhotoCode;
-  d.photo.light = light / photo->data.size();
-  // One of a single colour is left out later, for that.
-  const bool flat = FlatColor(*photo).has_value();
-  d.photo.structure = flat ? 1 : StructureOf(*photo);
-  if (!flat) {
-    Fingerprint f;
-    f.Add(photo->data.data(), photo->data.size() * sizeof(int16_t));
-    d.pixels = f.Text();
-  }
+  d.photo = LookAt(name, *photo);
   d.lines = KindsOfLines(*photo);
   d.blocks = !IsPng(*bytes);
   d.no_end_mark = IsJpeg(*bytes) && LacksEndMark(*bytes);
@@ -274,28 +248,6 @@ absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Deco
   return absl::OkStatus();
 }
 
-double MiddleLight(const std::vector<Decoded>& decoded) {
-  std::vector<double> light;
-  for (const Decoded& d : decoded) {
-    if (d.status.ok()) light.push_back(d.photo.light);
-  }
-  if (light.empty()) return 0;
-  std::nth_element(light.begin(), light.begin() + light.size() / 2, light.end());
-  return light[light.size() / 2];
-}
-
-// The photo to keep of those with the same pixels: copies have longer names ("0001 (1).jpg"), which
-// cameras do not know.
-std::map<std::string, std::string> Originals(const std::vector<Decoded>& decoded) {
-  std::map<std::string, std::string> originals;
-  for (const Decoded& d : decoded) {
-    if (d.pixels.empty()) continue;
-    std::string& name = originals.emplace(d.pixels, d.photo.name).first->second;
-    if (d.photo.name.size() < name.size()) name = d.photo.name;
-  }
-  return originals;
-}
-
 }  // namespace
 
 std::vector<std::string> PhotoScreen::Names() const {
@@ -319,20 +271,19 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
     if (!cancel.IsCancelled()) decoded[i] = Decode(input.images_dir, names[i]);
   });
   LITAGS_RETURN_IF_ERROR(cancel.Check());
-  screen.middle_light = MiddleLight(decoded);
+  std::vector<ScreenedPhoto> readable;
+  for (const Decoded& d : decoded) {
+    if (d.status.ok()) readable.push_back(d.photo);
+  }
+  screen.middle_light = MiddleLight(readable);
+  const std::vector<std::string> why = WhyLeftOut(readable);
   std::vector<Decoded> used;
-  const std::map<std::string, std::string> originals = Originals(decoded);
+  size_t next = 0;  // of those
   for (Decoded& d : decoded) {
-    const auto same = originals.find(d.pixels);
     if (!d.status.ok()) {
       screen.left_out.push_back({d.photo.name, std::string(d.status.message()), true});
-    } else if (same != originals.end() && same->second != d.photo.name) {
-      screen.left_out.push_back({d.photo.name, "is the same photo as " + same->second});
-    } else if (d.photo.structure < kNoStructure && d.photo.light < kUnlit * screen.middle_light) {
-      screen.left_out.push_back(
-          {d.photo.name, absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "
-                                         "behind a lens cap",
-                                         d.photo.mean_code)});
+    } else if (const std::string& reason = why[next++]; !reason.empty()) {
+      screen.left_out.push_back({d.photo.name, reason});
     } else {
       if (d.no_end_mark) {
         screen.notes.push_back(absl::StrCat(

@@ -10,17 +10,9 @@
 #include "engine/core/color.h"
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/engine.h"
+#include "engine/pipeline/photo_look.h"
 
 namespace litags {
-
-// A photo that was decoded.
-struct ScreenedPhoto {
-  std::string name;
-  int width = 0, height = 0;  // px, upright
-  double mean_code = 0;       // of 255, sRGB
-  double light = 0;           // mean linear light, of 1
-  double structure = 0;       // as StructureOf has it
-};
 
 struct PhotoLeftOut {
   std::string name;

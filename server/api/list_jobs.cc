@@ -4,6 +4,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
@@ -14,6 +15,7 @@
 #include "absl/types/span.h"
 #include "engine/core/error.h"
 #include "server/api/convert.h"
+#include "server/api/findings.h"
 #include "server/api/job_filter.h"
 #include "server/api/status.h"
 #include "server/jobs/queue_position.h"
@@ -169,6 +171,7 @@ absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
       return std::pair<int, std::string>(static_cast<int>(f.role), f.name) > last;
     });
   }
+  std::map<std::string, v1::PhotoFindings> findings = FindingsOf(files);
   for (; file != files.end(); ++file) {
     if (response->files_size() == size) {
       response->set_next_page_token(PageToken(*std::prev(file)));
@@ -181,6 +184,10 @@ absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
     proto->set_sha256(absl::HexStringToBytes(file->sha256));
     proto->set_width(file->width);
     proto->set_height(file->height);
+    const auto found = findings.find(file->name);
+    if (file->role == FileRole::kPhoto && found != findings.end()) {
+      *proto->mutable_found() = std::move(found->second);
+    }
   }
   return absl::OkStatus();
 }

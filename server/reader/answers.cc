@@ -5,6 +5,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/error.h"
 #include "server/reader/channel.h"
+#include "server/reader/photo_findings.h"
 
 namespace litags {
 
@@ -17,15 +18,16 @@ absl::Status CheckFailed(const std::string& field, const std::string& how) {
 absl::Status ParseVerdict(std::string_view packet, const std::string& field, FileRecord* file) {
   const std::vector<std::string> texts = TextsOf(packet);
   int code = 0, width = 0, height = 0;
-  if (packet.substr(0, 1) != std::string_view(&packet::kVerdict, 1) || texts.size() != 6 ||
+  if (packet.substr(0, 1) != std::string_view(&packet::kVerdict, 1) || texts.size() != 7 ||
       !absl::SimpleAtoi(texts[0], &code) || !absl::SimpleAtoi(texts[4], &width) ||
       !absl::SimpleAtoi(texts[5], &height) || width < 0 || width > kMaxImageSide || height < 0 ||
-      height > kMaxImageSide) {
+      height > kMaxImageSide || (!texts[6].empty() && !ParseFindings(texts[6]))) {
     return CheckFailed(field, "gave no answer");
   }
   if (code == 0) {
     file->width = width;
     file->height = height;
+    file->about = texts[6];
     return absl::OkStatus();
   }
   const bool full = code == static_cast<int>(absl::StatusCode::kResourceExhausted);

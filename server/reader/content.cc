@@ -5,20 +5,33 @@
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/transforms_io.h"
+#include "engine/pipeline/photo_look.h"
 #include "engine/video/video_file.h"
+#include "server/reader/photo_findings.h"
 
 namespace litags {
 
-absl::StatusOr<PictureSize> CheckContent(std::string_view bytes, FileRole role,
-                                         const std::string& field) {
+namespace {
+
+absl::StatusOr<Content> CheckPhoto(std::string_view bytes, const std::string& field) {
+  LITAGS_ASSIGN_OR_RETURN(const Photo photo, DecodePhoto(bytes, field));
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field));
+  const ScreenedPhoto look = LookAt("", photo);
+  const PhotoFindings findings{info.focal_length, info.exposure_time, info.iso,       info.f_number,
+                               look.mean_code,    look.light,         look.structure, look.pixels};
+  return Content{photo.width, photo.height, Encode(findings)};
+}
+
+}  // namespace
+
+absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role,
+                                     const std::string& field) {
   switch (role) {
-    case FileRole::kPhoto: {
-      LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, DecodeImage(bytes, field));
-      return PictureSize{image.width, image.height};
-    }
+    case FileRole::kPhoto:
+      return CheckPhoto(bytes, field);
     case FileRole::kMask: {
       LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, DecodeMask(bytes, field));
-      return PictureSize{mask.width, mask.height};
+      return Content{mask.width, mask.height, ""};
     }
     case FileRole::kCameras:
       LITAGS_RETURN_IF_ERROR(CheckTransforms(bytes, field));
@@ -28,13 +41,13 @@ absl::StatusOr<PictureSize> CheckContent(std::string_view bytes, FileRole role,
       break;
     case FileRole::kVideo: {
       LITAGS_ASSIGN_OR_RETURN(const VideoInfo video, CheckVideo(bytes, field));
-      return PictureSize{video.width, video.height};
+      return Content{video.width, video.height, ""};
     }
     case FileRole::kColmap:   // its three files make sense together only: checked by the engine
     case FileRole::kArchive:  // has files of its own
       break;
   }
-  return PictureSize{};
+  return Content{};
 }
 
 }  // namespace litags

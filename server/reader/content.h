@@ -9,13 +9,15 @@
 
 namespace litags {
 
-struct PictureSize {
+// What a file holds.
+struct Content {
   int width = 0, height = 0;  // px; 0 of what is no photo, mask or video
+  std::string about;          // of a photo: its PhotoFindings
 };
 
 // Reads a file, in this process, as what it says it is. Not for archives.
-absl::StatusOr<PictureSize> CheckContent(std::string_view bytes, FileRole role,
-                                         const std::string& field);
+absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role,
+                                     const std::string& field);
 
 }  // namespace litags
 

@@ -1,3 +1,5 @@
+#include <utility>
+
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "server/reader/content.h"
@@ -11,9 +13,10 @@ class InProcessReader : public FileReader {
   absl::Status Check(const std::string& path, const std::string& field, FileRecord* file,
                      const CancelToken&) override {
     LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, file->size_bytes));
-    LITAGS_ASSIGN_OR_RETURN(const PictureSize size, CheckContent(bytes, file->role, field));
-    file->width = size.width;
-    file->height = size.height;
+    LITAGS_ASSIGN_OR_RETURN(Content content, CheckContent(bytes, file->role, field));
+    file->width = content.width;
+    file->height = content.height;
+    file->about = std::move(content.about);
     return absl::OkStatus();
   }
 

@@ -35,12 +35,13 @@ constexpr size_t kMaxMessageBytes = 4096;
 int answer_fd = -1;
 std::string no_memory_answer, no_time_answer;
 
-std::string Verdict(const absl::Status& status, PictureSize size = {}) {
+std::string Verdict(const absl::Status& status, const Content& content = {}) {
   const ErrorDetail detail = GetErrorDetail(status).value_or(ErrorDetail{});
-  return MakePacket(packet::kVerdict, {absl::StrCat(status.raw_code()), detail.reason,
-                                       Utf8Prefix(detail.field, kMaxMessageBytes),
-                                       Utf8Prefix(std::string(status.message()), kMaxMessageBytes),
-                                       absl::StrCat(size.width), absl::StrCat(size.height)});
+  return MakePacket(
+      packet::kVerdict,
+      {absl::StrCat(status.raw_code()), detail.reason, Utf8Prefix(detail.field, kMaxMessageBytes),
+       Utf8Prefix(std::string(status.message()), kMaxMessageBytes), absl::StrCat(content.width),
+       absl::StrCat(content.height), content.about});
 }
 
 std::string Costly(const std::string& field, const char* what) {
@@ -179,7 +180,7 @@ struct Request {
   }
   const auto found =
       CheckContent(content, static_cast<FileRole>(request.numbers[0]), request.field);
-  EndWith(Verdict(found.status(), found.value_or(PictureSize{})));
+  EndWith(Verdict(found.status(), found.value_or(Content{})));
 }
 
 // Whatever libraries load when they are first used; the processes cannot.

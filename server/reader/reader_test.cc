@@ -16,6 +16,7 @@
 #include "engine/io/testing_photos.h"
 #include "engine/video/testing_video.h"
 #include "server/reader/file_reader.h"
+#include "server/reader/photo_findings.h"
 #include "server/testing/archives.h"
 #include "server/testing/photos.h"
 #include "server/testing/temp_dir.h"
@@ -63,6 +64,7 @@ class RemoteReaderTest : public ::testing::Test {
     file.size_bytes = static_cast<int64_t>(bytes.size());
     const absl::Status status = reader_->Check(Write(bytes), "images[x]", &file, cancel_);
     size_ = {file.width, file.height};
+    about_ = file.about;
     return status;
   }
 
@@ -113,8 +115,30 @@ class RemoteReaderTest : public ::testing::Test {
   CancelToken cancel_;
   std::unique_ptr<FileReader> reader_ = MakeRemoteReader({TEST_READER});
   std::pair<int, int> size_;
+  std::string about_;
   int files_ = 0;
 };
+
+TEST(PhotoFindings, ComeBackAsTheyWereWritten) {
+  const PhotoFindings wrote{35, 1 / 30.0, 800, 1.8, 12.25, -0.001, 0.5, "0123456789abcdef"};
+  const auto read = ParseFindings(Encode(wrote));
+  ASSERT_TRUE(read.has_value());
+  EXPECT_EQ(Encode(*read), Encode(wrote));
+  EXPECT_EQ(read->focal_length, 35);
+  EXPECT_EQ(read->light, -0.001);
+  EXPECT_EQ(ParseFindings(Encode(PhotoFindings{}))->pixels, "");
+}
+
+TEST(PhotoFindings, OfAProcessThatWasTakenOverAreChecked) {
+  const std::string good = "1 35 0.03 800 1.8 12 0.004 0.5 0123456789abcdef";
+  EXPECT_TRUE(ParseFindings(good).has_value());
+  for (const char* bad : {"", "1", "2 35 0.03 800 1.8 12 0.004 0.5 0123456789abcdef",
+                          "1 nan 0.03 800 1.8 12 0.004 0.5 -", "1 1e99 0.03 800 1.8 12 0.004 0.5 -",
+                          "1 x 0.03 800 1.8 12 0.004 0.5 -", "1 35 0.03 800 1.8 12 0.004 0.5 <b>",
+                          "1 35 0.03 800 1.8 12 0.004 0.5 - -"}) {
+    EXPECT_FALSE(ParseFindings(bad).has_value()) << bad;
+  }
+}
 
 TEST_F(RemoteReaderTest, SaysOfEachRoleWhatTheSameCodeHereSays) {
   const auto here = MakeInProcessReader();
@@ -138,6 +162,7 @@ TEST_F(RemoteReaderTest, SaysOfEachRoleWhatTheSameCodeHereSays) {
     const absl::Status status = Check(bytes, role);
     EXPECT_EQ(status, expected);
     EXPECT_EQ(Reason(status), Reason(expected));
+    EXPECT_EQ(about_, file.about);
     EXPECT_EQ(size_, std::pair(file.width, file.height));
   }
 }

@@ -99,9 +99,10 @@ struct FileRecord {
   std::string name;
   FileRole role = FileRole::kPhoto;
   int64_t size_bytes = 0;
-  std::string sha256;  // 64 hex digits
-  int width = 0;       // px; photos, masks and videos only
-  int height = 0;      // px; the same
+  std::string sha256;      // 64 hex digits
+  int width = 0;           // px; photos, masks and videos only
+  int height = 0;          // px; the same
+  std::string about = {};  // what was found in it, for those who wrote it; opaque to the store
 };
 
 // A file and the job it belongs to.

@@ -157,7 +157,7 @@ TEST_F(JobStoreConformance, FilesAreReplacedByNameAndCounted) {
   ASSERT_TRUE(put({"b.jpg", FileRole::kPhoto, 10, "00", 4, 3}).ok());
   ASSERT_TRUE(put({"a.jpg", FileRole::kPhoto, 20, "11", 4, 3}).ok());
   ASSERT_TRUE(put({"a.jpg", FileRole::kDepth, 100, "22", 0, 0}).ok());
-  const auto job = put({"b.jpg", FileRole::kPhoto, 30, "33", 4, 3});
+  const auto job = put({"b.jpg", FileRole::kPhoto, 30, "33", 4, 3, "is dark"});
   ASSERT_TRUE(job.ok());
   EXPECT_EQ(job->photos, 2);
   EXPECT_EQ(job->bytes, 150);
@@ -167,6 +167,7 @@ TEST_F(JobStoreConformance, FilesAreReplacedByNameAndCounted) {
   EXPECT_EQ((*files)[0].name, "a.jpg");
   EXPECT_EQ((*files)[1].sha256, "33");
   EXPECT_EQ((*files)[1].width, 4);
+  EXPECT_EQ((*files)[1].about, "is dark");
   EXPECT_EQ((*files)[2].role, FileRole::kDepth);
 }
 

@@ -123,7 +123,7 @@ auto ReadAll(SqlStatement& row, Read read) -> absl::StatusOr<std::vector<decltyp
 
 std::string ReadId(const SqlStatement& row) { return row.Text(0); }
 
-constexpr char kFileColumns[] = "role, name, size_bytes, sha256, width, height";
+constexpr char kFileColumns[] = "role, name, size_bytes, sha256, width, height, about";
 
 // Order as kFileColumns.
 FileRecord ReadFile(const SqlStatement& row) {
@@ -135,6 +135,7 @@ FileRecord ReadFile(const SqlStatement& row) {
   file.sha256 = row.Text(c++);
   file.width = static_cast<int>(row.Int(c++));
   file.height = static_cast<int>(row.Int(c++));
+  file.about = row.Text(c++);
   return file;
 }
 
@@ -162,17 +163,18 @@ class SqlJobTransaction : public JobTransaction {
 
   absl::Status PutFile(const FileRecord& file) override {
     const auto upsert = sql_.Prepare(
-        "INSERT INTO files (job_id, role, name, size_bytes, sha256, width, height) "
-        "VALUES (?1,?2,?3,?4,?5,?6,?7) ON CONFLICT (job_id, role, name) DO UPDATE SET "
+        "INSERT INTO files (job_id, role, name, size_bytes, sha256, width, height, "
+        "about) VALUES (?1,?2,?3,?4,?5,?6,?7,?8) ON CONFLICT (job_id, role, name) DO UPDATE SET "
         "size_bytes=excluded.size_bytes, sha256=excluded.sha256, width=excluded.width, "
-        "height=excluded.height");
+        "height=excluded.height, about=excluded.about");
     upsert->Bind(id_)
         .Bind(static_cast<int64_t>(file.role))
         .Bind(file.name)
         .Bind(file.size_bytes)
         .Bind(file.sha256)
         .Bind(int64_t{file.width})
-        .Bind(int64_t{file.height});
+        .Bind(int64_t{file.height})
+        .Bind(file.about);
     LITAGS_RETURN_IF_ERROR(upsert->Run().status());
     return CountFiles();
   }
@@ -420,7 +422,7 @@ absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::stri
   row->Bind(sha256).Bind(static_cast<int64_t>(role)).Bind(id);
   LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
   if (!found) return std::nullopt;
-  return JobFile{row->Text(6), ReadFile(*row)};
+  return JobFile{row->Text(7), ReadFile(*row)};
 }
 
 absl::StatusOr<std::vector<EventRecord>> SelectEvents(SqlSession& sql, std::string_view id,

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 
 namespace litags {
@@ -21,6 +22,8 @@ namespace {
 namespace fs = std::filesystem;
 
 // The smallest PNG there is: 1x1, grey.
+constexpr int kFrames = 12;  // of a video
+
 constexpr uint8_t kTinyPng[] = {0x89, 'P', 'N',  'G',  0x0d, 0x0a, 0x1a, 0x0a, 0,    0, 0, 13,
                                 'I',  'H', 'D',  'R',  0,    0,    0,    1,    0,    0, 0, 1,
                                 8,    0,   0,    0,    0,    0x3a, 0x7e, 0x9b, 0x55, 0, 0, 0,
@@ -158,6 +161,10 @@ class FakeEngine : public Engine {
     std::set<std::string> names;
     for (const auto& entry : fs::directory_iterator(input.images_dir)) {
       names.insert(entry.path().filename());
+    }
+    if (!input.video_path.empty()) {
+      const int frames = options.frames > 0 ? options.frames : kFrames;
+      for (int i = 1; i <= frames; ++i) names.insert(absl::StrFormat("frame_%04d.png", i));
     }
     if (Has(names, "fail")) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "SFM_TOO_FEW_VIEWS", "images",

@@ -12,6 +12,8 @@ namespace litags {
 // options.iterations, 1 ms each, with checkpoints, snapshots and previews as the options say. A
 // scene renders as a picture whose pixels follow from camera, channel and iteration.
 //
+// A video is not looked at: options.frames photos come of it, or 12.
+//
 // A photo with one of these names (and any extension) changes what happens:
 //   fail        Reconstruct returns FAILED_PRECONDITION (SFM_TOO_FEW_VIEWS)
 //   crash-once  the process dies half way, at the first attempt only

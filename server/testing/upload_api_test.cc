@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <string_view>
 #include <thread>
 
@@ -72,6 +73,37 @@ std::string TestMask(int width = 64, int height = 48) {
   PlaneU8 mask(width, height);
   for (size_t i = 0; i < mask.data.size(); ++i) mask.data[i] = int(i) % width < width / 2 ? 0 : 255;
   return EncodeMask(mask).value();
+}
+
+TEST_F(UploadApi, FilesTellWhatWasFoundInPhotosAndWhichAreLeftOut) {
+  ImageU8 light = TestPhoto(), grey(64, 48);
+  for (uint8_t& sample : light.data) sample *= 4;
+  std::fill(grey.data.begin(), grey.data.end(), uint8_t{20});
+  const std::string job = NewJob();
+  ASSERT_TRUE(client_
+                  .Upload(job, {{"a.png", TestPng()},
+                                {"a copy.png", TestPng()},
+                                {"b.png", TestPng(64, 48, 1)},
+                                {"c.png", *EncodePng(light)},
+                                {"d.png", *EncodePng(grey)},
+                                {"a.png", TestMask(), v1::FILE_ROLE_MASK}})
+                  .ok());
+  v1::ListFilesRequest request;
+  request.set_name(job);
+  v1::ListFilesResponse files;
+  grpc::ClientContext context;
+  ASSERT_TRUE(client_.jobs->ListFiles(&context, request, &files).ok());
+  std::map<std::string, v1::PhotoFindings> found;
+  for (const v1::JobFile& file : files.files()) {
+    EXPECT_EQ(file.has_found(), file.role() == v1::FILE_ROLE_PHOTO);
+    if (file.has_found()) found[file.name()] = file.found();
+  }
+  EXPECT_EQ(found["a copy.png"].left_out(), "is the same photo as a.png");
+  EXPECT_EQ(found["a.png"].left_out(), "");
+  EXPECT_THAT(found["d.png"].left_out(), HasSubstr("one colour"));
+  EXPECT_GT(found["c.png"].stops(), 2);
+  EXPECT_NEAR(found["d.png"].mean_code(), 20, 0.1);
+  EXPECT_EQ(found["a.png"].focal_length_mm(), 0);
 }
 
 TEST_F(UploadApi, MasksThatAreNoneAreRefusedByName) {

@@ -54,7 +54,7 @@ absl::StatusOr<Range> RangeOf(const Head& head) {
   };
   if (!number(text.substr(kUnit.size(), dash - kUnit.size()), &range.first) ||
       !number(text.substr(dash + 1, slash - dash - 1), &last) ||
-      !number(text.substr(slash + 1), &range.size) || last >= range.size ||
+      !number(text.substr(slash + 1), &range.size) || last >= range.size || last < range.first ||
       last - range.first + 1 != length) {
     return RangeInvalid();
   }

@@ -28,6 +28,7 @@
 #include "litags/v1/reconstruction_service.pb.h"
 #include "litags/v1/render_service.pb.h"
 #include "tests/fuzz/fuzz_support.h"
+#include "tests/fuzz/http_seeds.h"
 
 namespace litags {
 namespace {
@@ -371,11 +372,12 @@ void AddReaderAnswers(const Corpus& corpus) {
     return bytes;
   };
   const std::string nul(1, '\0');
-  const std::string good = "V0" + nul + nul + nul + nul + "64" + nul + "48";
+  const std::string good = "V0" + nul + nul + nul + nul + "64" + nul + "48" + nul +
+                           "1 35 0.0333333 800 1.8 12.25 0.0041 0.93 0123456789abcdef";
   corpus.Add("reader_answers", "photo", packets({good}));
   corpus.Add("reader_answers", "refused",
              packets({"V3" + nul + "IMAGE_CORRUPT" + nul + "images[x]" + nul + "why" + nul + "0" +
-                      nul + "0"}));
+                      nul + "0" + nul}));
   corpus.Add("reader_answers", "archive",
              packets({"Elow" + nul + "1.jpg", "Bbytes", "Bmore", "F", "Eother.txt",
                       "Emasks" + nul + "1.png", "F", good}));
@@ -398,5 +400,6 @@ int main(int argc, char** argv) {
   litags::AddRequests(corpus);
   litags::AddArchives(corpus);
   litags::AddReaderAnswers(corpus);
+  for (const auto& [name, bytes] : litags::HttpSeeds()) corpus.Add("http", name, bytes);
   return 0;
 }

@@ -216,6 +216,73 @@ await step("through the scene", async () => {
   await check("5-scene");
 });
 
+await step("a video of a way through the scene", async () => {
+  await page.getByText("A video of a way").click();
+  await page.getByRole("button", {name: "Add this place"}).click();
+  assert.ok(await page.getByRole("button", {name: "Make a video"}).isDisabled());
+  await redrawn(() => page.getByRole("button", {name: "Next photo"}).click());
+  await page.getByRole("button", {name: "Add this place"}).click();
+  await page.getByText("2 places").waitFor();
+  await page.getByLabel("Seconds").fill("3");
+  await page.getByRole("button", {name: "Make a video"}).click();
+  const [download] = await Promise.all([
+    page.waitForEvent("download"), page.getByRole("link", {name: "Save the video"}).click()]);
+  assert.equal(download.suggestedFilename(), "By the browser.webm");
+  await check("5-tour");
+  const player = await browser.newPage();
+  const played = await player.evaluate(async (source) => {
+    const video = document.createElement("video");
+    video.src = source;
+    await new Promise((ok, no) => { video.onloadeddata = ok; video.onerror = () => no(video.error); });
+    video.currentTime = 2.5;  // behind the second key picture
+    await new Promise((ok) => { video.onseeked = ok; });
+    return [video.videoWidth, video.videoHeight, video.duration];
+  }, `data:video/webm;base64,${readFileSync(await download.path(), "base64")}`);
+  await player.close();
+  assert.deepEqual(played, [1280, 720, 3]);
+});
+
+await step("what is found before the start", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await drop(process.env.DOUBTFUL);
+  await page.getByLabel("Title", {exact: true}).fill("Looked at first");
+  await page.getByLabel("Iterations", {exact: true}).fill("50");
+  await page.getByRole("button", {name: "Upload and look first"}).click();
+  await page.getByText("3 photos are of use, 1 left out; 96\u00d772 px; 35 mm").waitFor();
+  const row = (name) => page.getByRole("row", {name}).innerText();
+  assert.match(await row("d.png"), /35 mm\s+1\/30 s, f\/1.8, ISO 800\s+[+\u2212]?\d\.\d\s+used/);
+  assert.match(await row("f copy.png"), /left out: it is the same photo as f\.png/);
+  await check("5a-found");
+  await page.getByRole("button", {name: "Start"}).click();
+  await state("succeeded");
+  await page.getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("dialog").getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("heading", {name: "Jobs"}).waitFor();
+});
+
+await step("a video dropped", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await drop(process.env.PHOTOS);
+  await page.getByText("3 photos").waitFor();
+  assert.equal(await page.getByLabel("Frames").isVisible(), false);
+  await drop(process.env.VIDEO);
+  await page.getByText("A job takes one video, or photos").waitFor();
+  assert.ok(await page.getByRole("button", {name: "Upload and start"}).isDisabled());
+  await page.getByRole("button", {name: "Remove the files"}).click();
+  await drop(process.env.VIDEO);
+  await page.getByText("1 video,").waitFor();
+  await page.getByLabel("Frames").fill("7");
+  await page.getByLabel("Iterations", {exact: true}).fill("50");
+  await page.getByLabel("Title", {exact: true}).fill("A video");
+  await check("5b-new-video");
+  await page.getByRole("button", {name: "Upload and start"}).click();
+  await state("succeeded");
+  await page.getByText("7 of 7", {exact: true}).waitFor();
+  await page.getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("dialog").getByRole("button", {name: "Delete"}).click();
+  await page.getByRole("heading", {name: "Jobs"}).waitFor();
+});
+
 await step("a server that ends in the middle", async () => {
   await page.getByRole("link", {name: "New job", exact: true}).first().click();
   await page.getByLabel("Iterations", {exact: true}).fill("20000");

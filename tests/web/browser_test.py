@@ -7,10 +7,12 @@ Pictures of the steps go to the folder LITAGS_SCREENSHOTS.
 import os
 import pathlib
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
 import unittest
+import zlib
 
 import gateway
 import harness
@@ -22,6 +24,19 @@ sys.path.insert(0, str(SOURCE / "tests/support"))
 import npm_packages  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+def with_exif(png):
+    """The PNG of a photo of 1/30 s at f/1.8 and ISO 800, by a lens of 35 mm."""
+    values = struct.pack("<6I", 1, 30, 18, 10, 35, 1)
+    at = 26 + 54  # behind a directory with one entry, and one with four
+    tags = ((0x829a, 5, at), (0x829d, 5, at + 8), (0x8827, 3, 800), (0x920a, 5, at + 16))
+    exif = (b"II*\0" + struct.pack("<IHHHIII", 8, 1, 0x8769, 4, 1, 26, 0) + struct.pack("<H", 4)
+            + b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in tags)
+            + struct.pack("<I", 0) + values)
+    body = b"eXIf" + exif
+    chunk = struct.pack(">I", len(exif)) + body + struct.pack(">I", zlib.crc32(body))
+    return png[:33] + chunk + png[33:]  # behind the header
 
 
 class Browser(unittest.TestCase):
@@ -50,6 +65,20 @@ class Browser(unittest.TestCase):
             (folder / f"{stem}.png").write_bytes(harness.png(96, 72, seed))
         return folder
 
+    def doubtful_photos(self):
+        """Photos of which one says how it was taken, and one is a copy."""
+        folder = self.photos("d", "e", "f")
+        (folder / "d.png").write_bytes(with_exif(harness.png(96, 72, 0)))
+        shutil.copy(folder / "f.png", folder / "f copy.png")
+        return folder
+
+    def video(self):
+        """A folder with a short clip."""
+        photos, folder = self.photos("v1", "v2", "v3"), self.folder / "video"
+        folder.mkdir()
+        subprocess.run([f"{harness.BIN}/litags-test-video", photos, folder / "night.mov"], check=True)
+        return folder
+
     def test_the_steps(self):
         screenshots = pathlib.Path(os.environ.get("LITAGS_SCREENSHOTS", self.folder / "screenshots"))
         screenshots.mkdir(parents=True, exist_ok=True)
@@ -60,7 +89,8 @@ class Browser(unittest.TestCase):
         environment = dict(
             os.environ, URL=f"http://127.0.0.1:{self.server.web_port}", TOKEN=self.token,
             CHROMIUM=CHROMIUM, SCREENSHOTS=str(screenshots), PHOTOS=str(self.photos("a", "b", "c")),
-            SLOW=str(self.photos("slow", "b", "c")), HOME=str(self.folder),
+            SLOW=str(self.photos("slow", "b", "c")), VIDEO=str(self.video()),
+            DOUBTFUL=str(self.doubtful_photos()), HOME=str(self.folder),
             PATIENCE_MS=str(1000 * harness.PATIENCE_S))
         steps = subprocess.Popen(["node", WORK / "browser_steps.mjs"], env=environment, text=True,
                                  stdin=subprocess.PIPE, stdout=subprocess.PIPE)

@@ -184,6 +184,8 @@ class Files(GatewayTest):
         for value in ("bytes 0-1/", "bytes 1-0/9", "x", "bytes -1-5/9", f"bytes 0-{len(data)}/9"):
             self.assert_fails(self.web.call("PUT", path, data, {"Content-Range": value}), 400,
                               "CONTENT_RANGE_INVALID")
+        self.assert_fails(self.web.call("PUT", path, b"", {"Content-Range": "bytes 1-0/9"}), 400,
+                          "CONTENT_RANGE_INVALID")
         self.assert_fails(self.client().call("PUT", path, iter([data])), 411, "LENGTH_MISSING")
         # A body of one that is refused does not harm the next request.
         self.assertEqual(self.web.put_file(job, "x.png", data).code, 200)

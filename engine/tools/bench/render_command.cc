@@ -9,7 +9,9 @@
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
+#include "absl/strings/str_cat.h"
 #include "engine/io/file_util.h"
+#include "engine/pipeline/scene_file.h"
 #include "engine/render/renderer.h"
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
@@ -22,8 +24,20 @@ namespace {
 
 struct RenderArguments {
   int gaussians = 100000, frames = 60, threads = 0, width = 500, height = 375;
-  std::string json;
+  std::string json, save;
 };
+
+// A row of cameras, as of photos taken on a step aside.
+std::vector<View> BenchViews(const RenderArguments& args) {
+  std::vector<View> views;
+  for (int i = 0; i < 9; ++i) {
+    View& view = views.emplace_back();
+    view.name = absl::StrCat("view", i, ".png");
+    view.camera = BenchCamera(args.width, args.height);
+    view.camera.t[0] = 0.1 * (i - 4);
+  }
+  return views;
+}
 
 // Milliseconds of each frame, sorted. The camera moves, as along a path.
 template <class Body>
@@ -78,8 +92,11 @@ void Run(const RenderArguments& args, int* exit_status) {
           finished.RenderColor(model, camera, &color);
         }));
   }
-  if (args.json.empty()) return;
-  if (const absl::Status s = WriteFileAtomically(args.json, json.dump(2) + "\n"); !s.ok()) {
+  model.use_pdm = false;
+  absl::Status s;
+  if (!args.save.empty()) s = SaveScene(args.save, model, BenchViews(args));
+  if (s.ok() && !args.json.empty()) s = WriteFileAtomically(args.json, json.dump(2) + "\n");
+  if (!s.ok()) {
     std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
     *exit_status = 1;
   }
@@ -101,6 +118,7 @@ void AddRenderCommand(CLI::App* app, int* exit_status) {
       ->check(CLI::Range(1, 100000));
   command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
   command->add_option("--json", args->json, "also write the figures here");
+  command->add_option("--save", args->save, "also write the scene here, as a job has it");
   command->callback([args, exit_status] { Run(*args, exit_status); });
 }
 

@@ -20,8 +20,8 @@ export function actions(refresh: () => void): Part {
   let job: Job | undefined;
   const act = async (what: () => Promise<unknown>): Promise<void> => {
     try {
-      await what();
       notice("");
+      await what();
     } catch (error) {
       notice((error as ApiError).message);
     }
@@ -51,7 +51,6 @@ export function actions(refresh: () => void): Part {
     show(next) {
       job = next;
       start.hidden = job.state !== "JOB_STATE_UPLOADING";
-      start.disabled = (job.photos ?? 0) < 3;
       cancel.hidden = isOver(job);
       cancel.disabled = job.cancelRequested === true;
       resume.hidden = !/FAILED|CANCELLED/.test(job.state);

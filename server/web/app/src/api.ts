@@ -43,6 +43,23 @@ export interface Job {
   queuePosition?: number;
 }
 
+export interface PhotoFindings {
+  focalLengthMm?: number;
+  exposureSeconds?: number;
+  iso?: number;
+  fNumber?: number;
+  stops?: number;
+  leftOut?: string;
+}
+
+export interface JobFile {
+  name: string;
+  role?: string;
+  width?: number;
+  height?: number;
+  found?: PhotoFindings;
+}
+
 export interface JobEvent {
   number: string;
   time: string;
@@ -140,6 +157,25 @@ export async function renderView(job: string, view: unknown, signal?: AbortSigna
     Promise<Picture> {
   const response = await request("POST", `/v1/${job}:renderView`, view, signal);
   return {blob: await response.blob(), about: JSON.parse(response.headers.get("Litags-Answer")!)};
+}
+
+// The events of a call, which is not made again when the connection breaks.
+export async function* postEvents<T>(path: string, body: unknown, signal: AbortSignal): AsyncGenerator<T> {
+  const response = await request("POST", path, body, signal);
+  const reader = response.body!.pipeThrough(new TextDecoderStream()).getReader();
+  let text = "", ended = false;
+  for (let got = await reader.read(); !got.done; got = await reader.read()) {
+    const parts = (text + got.value).split("\n\n");
+    text = parts.pop()!;
+    for (const part of parts) {
+      const data = /^data: (.*)$/m.exec(part)?.[1];
+      const name = /^event: (.*)$/m.exec(part)?.[1];
+      if (name === "failure") throw errorOf(0, data ?? "");
+      ended = name === "end";
+      if (data && !ended) yield JSON.parse(data) as T;
+    }
+  }
+  if (!ended) throw new ApiError(0, "the connection broke");
 }
 
 // Follows a stream of events until it ends; `stop()` ends it before. The browser opens a connection

@@ -53,5 +53,5 @@ export function standing(job: Job): string {
     return `${job.report.registered ?? 0} of ${job.report.photos ?? 0} photos placed, ` +
         `${Number(job.report.gaussians ?? 0).toLocaleString("en")} Gaussians`;
   }
-  return `${job.photos ?? 0} photos`;
+  return job.photos ? `${job.photos} photos` : "";  // of a video there are none yet
 }

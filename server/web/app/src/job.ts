@@ -4,6 +4,7 @@ import {ApiError, follow, get, type Job, type JobEvent, type LogEntry} from "./a
 import {actions, downloads, type Part} from "./actions.js";
 import {chart} from "./chart.js";
 import {el, notice} from "./dom.js";
+import {findings} from "./findings.js";
 import {History} from "./history.js";
 import {isActive, isOver, secondsOf, shareDone, standing, timeText, titleOf, words} from "./format.js";
 import {pictures} from "./pictures.js";
@@ -104,28 +105,6 @@ function log(name: string): {element: HTMLElement; leave: () => void} {
   return {element: details, leave: () => stop?.()};
 }
 
-function photos(name: string): Part {
-  const list = el("ul", {class: "photos"});
-  let job: Job | undefined, names: string[] | undefined;
-  const draw = (): void => {
-    const dropped = new Set(job?.report?.dropped ?? []);
-    list.replaceChildren(...(names ?? []).map((photo) => el(
-        "li", dropped.has(photo) ? {class: "dropped"} : {}, photo, dropped.has(photo) && " (left out)")));
-  };
-  const load = async (): Promise<void> => {
-    if (!details.open || names) return;
-    try {
-      const files = await get<{files?: {name: string; role?: string}[]}>(`/v1/${name}/files?pageSize=10000`);
-      names = (files.files ?? []).filter((f) => f.role === "FILE_ROLE_PHOTO").map((f) => f.name);
-      draw();
-    } catch (error) {
-      notice((error as ApiError).message);
-    }
-  };
-  const details = el("details", {toggle: () => void load()}, el("summary", {}, "Photos"), list);
-  return {element: details, show(next) { job = next; draw(); }};
-}
-
 export function jobView(id: string): View {
   const name = `jobs/${id}`;
   const history = new History();
@@ -135,15 +114,16 @@ export function jobView(id: string): View {
       parts.forEach((part) => part.show(job));
       course.show(history, job);
       element.hidden = false;
-      if (trouble) notice(trouble);
-      else notice("");
+      if (failed) notice("");
+      failed = false;
     } catch (error) {
+      failed = true;
       notice((error as ApiError).message);
     }
   };
-  let trouble = "";
+  let failed = false;
   const top = head(() => void refresh()), course = curves(), lines = log(name);
-  const parts: Part[] = [top, pictures(), report(), downloads(), photos(name)];
+  const parts: Part[] = [top, pictures(), report(), downloads(), findings(name)];
   const element = el("div", {class: "job"}, top.element, parts[1]!.element, course.element,
                      parts[2]!.element, parts[3]!.element, parts[4]!.element, lines.element);
   element.hidden = true;
@@ -153,7 +133,7 @@ export function jobView(id: string): View {
       if (event.stateChange) void refresh();
     },
     end: () => void refresh(),
-    trouble: (message) => { trouble = message; if (message) notice(message); },
+    trouble: notice,
   });
   const stopLooking = every(2, refresh);
   return {title: "Job", element, leave: () => { stopEvents(); stopLooking(); lines.leave(); }};

@@ -7,6 +7,7 @@ import {el, labelled, notice, select, svg} from "./dom.js";
 import {Drawing} from "./drawing.js";
 import {titleOf} from "./format.js";
 import {measuring} from "./measure.js";
+import {touring} from "./tour.js";
 import type {View} from "./view.js";
 
 const kChannels: [string, string][] = [
@@ -84,17 +85,18 @@ function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => 
   };
   const over = outlines(cameras, camera, go);
   const measure = measuring(job.name, canvas, camera);
-  const drawing = new Drawing(job.name, canvas, () => {
+  const look = (): Record<string, unknown> => {
     const colour = channel.value === "CHANNEL_LIGHT" || channel.value === "CHANNEL_ORIGINAL";
     return {
-      pose: {viewmat: {values: camera.viewmat()}},
-      settings: {
-        channel: channel.value, verticalFovDeg: camera.fovDeg,
-        ...(channel.value === "CHANNEL_LIGHT" && {light: Number(light.input.value)}),
-        ...(colour && {exposureStops: Number(exposure.input.value)}),
-      },
+      channel: channel.value, verticalFovDeg: camera.fovDeg,
+      ...(channel.value === "CHANNEL_LIGHT" && {light: Number(light.input.value)}),
+      ...(colour && {exposureStops: Number(exposure.input.value)}),
     };
-  }, ({blob, about}, ms, full) => {
+  };
+  const pose = (): unknown => ({viewmat: {values: camera.viewmat()}});
+  const tour = touring(job.name, titleOf(job), pose, look);
+  const drawing = new Drawing(job.name, canvas, () => ({pose: pose(), settings: look()}),
+                              ({blob, about}, ms, full) => {
     canvas.dataset.full = String(full);
     canvas.dataset.drawn = String(Number(canvas.dataset.drawn ?? 0) + 1);
     status.textContent = `${about.width} x ${about.height}, ${Math.round(ms)} ms, ` +
@@ -126,10 +128,11 @@ function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => 
                el("button", {type: "button", click: () => beside(-1)}, "Previous photo"),
                el("button", {type: "button", click: () => beside(1)}, "Next photo"))),
          el("label", {class: "check"}, shown, "Show where photos were taken"), measure.controls,
-         save));
+         save), tour.element);
   return {element, leave: () => {
     drawing.stop();
     measure.leave();
+    tour.leave();
     uncontrol();
     resized.disconnect();
   }};

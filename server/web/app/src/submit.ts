@@ -1,4 +1,4 @@
-// A new job: photos, options, upload, start.
+// A new job: photos or a video, options, upload, start.
 
 import {ApiError, get, post, type Job, type Options, type ServerInfo} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
@@ -8,16 +8,17 @@ import type {View} from "./view.js";
 
 // Beside the method, what most users would set. The rest is folded.
 const kMain = ["iterations", "max_image_side"];
+const kOfVideos = ["frames"];
 
 const camel = (name: string): string => name.replace(/_(\w)/g, (_, c: string) => c.toUpperCase());
 const text = (name: string): string => name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
 
 // The fields of JobOptions, made of what the server says of itself.
 function optionFields(info: ServerInfo): {main: HTMLElement[]; rest: HTMLElement[];
-                                          read: () => Options} {
+                                          ofVideos: HTMLElement[]; read: () => Options} {
   const method = select(info.methods.map((m) => [m.method, m.name]), info.methods[0]!.method);
   const controls = new Map<string, HTMLInputElement | HTMLSelectElement>();
-  const main = [labelled("Method", method)], rest: HTMLElement[] = [];
+  const main = [labelled("Method", method)], rest: HTMLElement[] = [], ofVideos: HTMLElement[] = [];
   for (const option of info.options) {
     if (option.name === "method") continue;
     const key = camel(option.name);
@@ -31,7 +32,8 @@ function optionFields(info: ServerInfo): {main: HTMLElement[]; rest: HTMLElement
                              max: option.maximum});
     }
     controls.set(key, control);
-    (kMain.includes(option.name) ? main : rest).push(labelled(text(option.name), control, option.help));
+    const place = kMain.includes(option.name) ? main : kOfVideos.includes(option.name) ? ofVideos : rest;
+    place.push(labelled(text(option.name), control, option.help));
   }
   const showDefaults = (): void => {
     const defaults = info.methods.find((m) => m.method === method.value)?.defaults ?? {};
@@ -42,7 +44,7 @@ function optionFields(info: ServerInfo): {main: HTMLElement[]; rest: HTMLElement
   method.addEventListener("change", showDefaults);
   showDefaults();
   return {
-    main, rest,
+    main, rest, ofVideos,
     read: () => ({
       method: method.value,
       ...Object.fromEntries([...controls].filter(([, c]) => c.value !== "").map(([k, c]) => [k, c.value])),
@@ -60,8 +62,8 @@ function dropZone(take: (files: {file: File; path: string}[]) => void): HTMLElem
                                                change: () => picked(files)});
   const folder: HTMLInputElement = el("input", {type: "file", webkitdirectory: true, id: "folder",
                                                 change: () => picked(folder)});
-  const zone = el("div", {class: "drop", role: "group", "aria-label": "Photos"},
-                  el("p", {}, "Drop photos, a folder or a ZIP file here"),
+  const zone = el("div", {class: "drop", role: "group", "aria-label": "Photos or a video"},
+                  el("p", {}, "Drop photos, a folder, a ZIP file or a video here"),
                   el("div", {class: "row"},
                      el("label", {class: "button"}, "Choose files", files),
                      el("label", {class: "button"}, "Choose a folder", folder)));
@@ -75,26 +77,40 @@ function dropZone(take: (files: {file: File; path: string}[]) => void): HTMLElem
   return zone;
 }
 
-export function submitView(): View {
-  let chosen: Chosen[] = [];
-  let options: ReturnType<typeof optionFields> | undefined;
-  let running: AbortController | undefined;
-  const summary = el("p", {class: "chosen", "aria-live": "polite"}, "No files yet.");
-  const title = el("input", {type: "text", maxlength: 200, autocomplete: "off"});
-  const main = el("div", {class: "fields"}), rest = el("div", {class: "fields"});
-  const bar = el("progress", {max: 1, value: 0, hidden: true, "aria-label": "Upload"});
-  const result = el("div", {class: "result", "aria-live": "polite"});
-  const go = el("button", {type: "submit", class: "primary", disabled: true}, "Upload and start");
+// What cannot be, whatever is in the files: the server would say so after the upload.
+function troubleOf(chosen: Chosen[]): string {
+  const videos = chosen.filter((c) => c.role === "FILE_ROLE_VIDEO").length;
+  const photos = chosen.some((c) => /PHOTO|ARCHIVE/.test(c.role));
+  return videos > 1 || (videos === 1 && photos)
+    ? "A job takes one video, or photos: remove the files and choose again." : "";
+}
 
-  const describe = (left = 0): void => {
+// "3 photos, 1 mask".
+function countsOf(chosen: Chosen[]): string {
+  const kinds: [roles: RegExp, one: string, more: string][] = [
+    [/PHOTO/, "photo", "photos"], [/VIDEO/, "video", "videos"], [/ARCHIVE/, "archive", "archives"],
+    [/MASK/, "mask", "masks"], [/DEPTH/, "depth map", "depth maps"],
+    [/CAMERAS|COLMAP/, "file of cameras", "files of cameras"]];
+  return kinds.flatMap(([roles, one, more]) => {
+    const count = chosen.filter((c) => roles.test(c.role)).length;
+    return count ? [`${count} ${count === 1 ? one : more}`] : [];
+  }).join(", ");
+}
+
+// The files of a new job: chosen, dropped, removed. `change` is called after each.
+function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () => Chosen[];
+                                           trouble: () => string} {
+  let chosen: Chosen[] = [];
+  const summary = el("p", {class: "chosen", "aria-live": "polite"});
+  const trouble = el("p", {class: "error", "aria-live": "polite"});
+  const clear = el("button", {type: "button", click: () => { chosen = []; describe(0); }}, "Remove the files");
+  const describe = (left: number): void => {
     const bytes = chosen.reduce((sum, c) => sum + c.file.size, 0);
-    const count = (role: string): number => chosen.filter((c) => c.role === `FILE_ROLE_${role}`).length;
-    const parts = [[count("PHOTO"), "photos"], [count("ARCHIVE"), "archives"], [count("MASK"), "masks"],
-                   [count("DEPTH"), "depth maps"], [count("CAMERAS") + count("COLMAP"), "files of cameras"]];
-    summary.textContent = chosen.length === 0 ? "No files yet."
-      : parts.filter(([n]) => n).map(([n, what]) => `${n} ${what}`).join(", ") +
-        `, ${bytesText(bytes)}` + (left ? `; ${left} other files are left out` : "");
-    go.disabled = chosen.length === 0 || running !== undefined;
+    summary.textContent = (chosen.length === 0 ? "No files yet" : `${countsOf(chosen)}, ${bytesText(bytes)}`) +
+        (left ? `; ${left} other files are left out` : "");
+    trouble.textContent = troubleOf(chosen);
+    clear.hidden = chosen.length === 0;
+    change();
   };
   const zone = dropZone((files) => {
     const more = choose(files);
@@ -102,12 +118,40 @@ export function submitView(): View {
     chosen = [...chosen.filter((c) => !names.has(c.role + c.name)), ...more];
     describe(files.length - more.length);
   });
+  summary.textContent = "No files yet";
+  clear.hidden = true;
+  return {elements: [zone, el("div", {class: "row"}, summary, clear), trouble], chosen: () => chosen,
+          trouble: () => troubleOf(chosen)};
+}
 
-  const submit = async (): Promise<void> => {
+export function submitView(): View {
+  let options: ReturnType<typeof optionFields> | undefined;
+  let running: AbortController | undefined;
+  const title = el("input", {type: "text", maxlength: 200, autocomplete: "off"});
+  const main = el("div", {class: "fields"}), rest = el("div", {class: "fields"});
+  const ofVideos = el("div", {class: "fields", hidden: true});
+  const bar = el("progress", {max: 1, value: 0, hidden: true, "aria-label": "Upload"});
+  const result = el("div", {class: "result", "aria-live": "polite"});
+  const go = el("button", {type: "submit", class: "primary", disabled: true}, "Upload and start");
+  const look = el("button", {type: "button", disabled: true, click: () => void submit(false)}, "Upload and look first");
+  const files = fileChooser(() => show());
+  const show = (): void => {
+    const chosen = files.chosen();
+    go.disabled = look.disabled = chosen.length === 0 || files.trouble() !== "" || running !== undefined;
+    ofVideos.hidden = !chosen.some((c) => c.role === "FILE_ROLE_VIDEO");
+  };
+  const open = async (job: Job, start: boolean): Promise<void> => {
+    if (start) await post(`/v1/${job.name}:start`);
+    location.hash = `#/jobs/${idOf(job.name)}`;
+  };
+
+  // `start` false: the job waits for its owner, who sees what the server found in the files.
+  const submit = async (start: boolean): Promise<void> => {
+    const chosen = files.chosen();
     running = new AbortController();
     bar.hidden = false;
     result.replaceChildren();
-    describe();
+    show();
     const bytes = chosen.reduce((sum, c) => sum + c.file.size, 0);
     try {
       const job = await post<Job>("/v1/jobs", {
@@ -115,42 +159,39 @@ export function submitView(): View {
         requestId: [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16)).join(""),
       });
       const refused = await send(job.name, chosen, (sent) => { bar.value = sent / bytes; }, running.signal);
-      if (refused.size > 0) return offer(job, refused);
-      await post(`/v1/${job.name}:start`);
-      location.hash = `#/jobs/${idOf(job.name)}`;
+      if (refused.size > 0) offer(job, refused, chosen.length);
+      else await open(job, start);
     } catch (error) {
       if (!running.signal.aborted) result.replaceChildren(el("p", {class: "error"}, (error as ApiError).message));
     } finally {
       running = undefined;
       bar.hidden = true;
-      describe();
+      show();
     }
   };
   // Some files were refused: the others may do.
-  const offer = (job: Job, refused: Map<string, string>): void => {
-    const start = async (): Promise<void> => {
-      try {
-        await post(`/v1/${job.name}:start`);
-        location.hash = `#/jobs/${idOf(job.name)}`;
-      } catch (error) {
-        notice((error as ApiError).message);
-      }
+  const offer = (job: Job, refused: Map<string, string>, sent: number): void => {
+    const go = (start: boolean): void => {
+      open(job, start).catch((error: ApiError) => notice(error.message));
     };
     result.replaceChildren(
-        el("p", {class: "error"}, `${refused.size} of ${chosen.length} files were refused:`),
+        el("p", {class: "error"}, `${refused.size} of ${sent} files were refused:`),
         el("ul", {}, ...[...refused].map(([, why]) => el("li", {}, why))),
-        el("button", {type: "button", class: "primary", click: () => void start()}, "Start without them"));
+        el("div", {class: "row"},
+           el("button", {type: "button", class: "primary", click: () => go(true)}, "Start without them"),
+           el("button", {type: "button", click: () => go(false)}, "Look at the others first")));
   };
 
   get<ServerInfo>("/v1/serverInfo").then((info) => {
     options = optionFields(info);
     main.replaceChildren(...options.main);
     rest.replaceChildren(...options.rest);
+    ofVideos.replaceChildren(...options.ofVideos);
   }, (error: ApiError) => notice(error.message));
-  const element = el("form", {class: "submit", submit: (event) => { event.preventDefault(); void submit(); }},
-                     el("h1", {}, "New job"), zone, summary,
+  const element = el("form", {class: "submit", submit: (event) => { event.preventDefault(); void submit(true); }},
+                     el("h1", {}, "New job"), ...files.elements, ofVideos,
                      el("div", {class: "fields"}, labelled("Title", title)), main,
                      el("details", {}, el("summary", {}, "All options"), rest), bar,
-                     el("div", {class: "row"}, go), result);
+                     el("div", {class: "row"}, go, look), result);
   return {title: "New job", element, leave: () => running?.abort()};
 }

@@ -1,4 +1,4 @@
-// Photos from this machine to a job.
+// Photos, or a video, from this machine to a job.
 
 import {ApiError, errorOf, post} from "./api.js";
 import {digestOf} from "./sha256.js";
@@ -10,6 +10,7 @@ export interface Chosen {
 }
 
 const kPhoto = /\.(jpe?g|png|tiff?|webp|heic|heif|hif|avif|jxl|dng|nef|nrw|cr2|cr3|arw|raf|orf|rw2|pef|srw)$/i;
+const kVideo = /\.(mp4|mov|m4v|3gp|mkv|webm|avi|mts|m2ts|ts)$/i;
 const kArchive = /\.(zip|tar|tar\.gz|tgz)$/i;
 
 // What a file is for, by its path; null: no job has a use for it.
@@ -24,6 +25,7 @@ export function roleOf(path: string): string | null {
     return "FILE_ROLE_MASK";
   }
   if (kPhoto.test(name)) return "FILE_ROLE_PHOTO";
+  if (kVideo.test(name)) return "FILE_ROLE_VIDEO";
   if (kArchive.test(name)) return "FILE_ROLE_ARCHIVE";
   if (/^transforms.*\.json$/.test(name)) return "FILE_ROLE_CAMERAS";
   if (/^(cameras|images|points3d)\.(bin|txt)$/.test(name)) return "FILE_ROLE_COLMAP";

@@ -1,0 +1,84 @@
+#include "engine/pipeline/photo_look.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "engine/pipeline/capture_checks.h"
+#include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/photo_structure.h"
+
+namespace litags {
+namespace {
+
+// Of the middle photo's light. A lens cap lets nothing through; a photo of a bare wall, which may
+// show as little, is as light as the others.
+constexpr double kUnlit = 0.5;
+
+// The photo to keep of those with the same pixels: copies have longer names ("0001 (1).jpg"), which
+// cameras do not know.
+std::map<std::string, std::string> Originals(absl::Span<const ScreenedPhoto> photos) {
+  std::map<std::string, std::string> originals;
+  for (const ScreenedPhoto& photo : photos) {
+    if (photo.pixels.empty()) continue;
+    std::string& name = originals.emplace(photo.pixels, photo.name).first->second;
+    if (photo.name.size() < name.size()) name = photo.name;
+  }
+  return originals;
+}
+
+}  // namespace
+
+ScreenedPhoto LookAt(std::string name, const Photo& photo) {
+  ScreenedPhoto look;
+  look.name = std::move(name);
+  look.width = photo.width;
+  look.height = photo.height;
+  double codes = 0, light = 0;
+  for (const int16_t sample : photo.data) {
+    codes += sample;
+    light += LinearTable::Get()(sample);
+  }
+  look.mean_code = codes / photo.data.size() / kPhotoCode;
+  look.light = light / photo.data.size();
+  // One of a single colour is left out later, for that.
+  const bool flat = FlatColor(photo).has_value();
+  look.structure = flat ? 1 : StructureOf(photo);
+  if (!flat) {
+    Fingerprint f;
+    f.Add(photo.data.data(), photo.data.size() * sizeof(int16_t));
+    look.pixels = f.Text();
+  }
+  return look;
+}
+
+double MiddleLight(absl::Span<const ScreenedPhoto> photos) {
+  std::vector<double> light;
+  for (const ScreenedPhoto& photo : photos) light.push_back(photo.light);
+  if (light.empty()) return 0;
+  std::nth_element(light.begin(), light.begin() + light.size() / 2, light.end());
+  return light[light.size() / 2];
+}
+
+std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {
+  const double middle_light = MiddleLight(photos);
+  const std::map<std::string, std::string> originals = Originals(photos);
+  std::vector<std::string> why;
+  for (const ScreenedPhoto& photo : photos) {
+    const auto same = originals.find(photo.pixels);
+    if (same != originals.end() && same->second != photo.name) {
+      why.push_back("is the same photo as " + same->second);
+    } else if (photo.structure < kNoStructure && photo.light < kUnlit * middle_light) {
+      why.push_back(
+          absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "
+                          "behind a lens cap",
+                          photo.mean_code));
+    } else {
+      why.push_back("");
+    }
+  }
+  return why;
+}
+
+}  // namespace litags

@@ -1,0 +1,35 @@
+// What is seen of a photo by itself, and which of several are of no use.
+#ifndef LITAGS_ENGINE_PIPELINE_PHOTO_LOOK_H_
+#define LITAGS_ENGINE_PIPELINE_PHOTO_LOOK_H_
+
+#include <string>
+#include <vector>
+
+#include "absl/types/span.h"
+#include "engine/core/photo.h"
+
+namespace litags {
+
+// A photo that was decoded.
+struct ScreenedPhoto {
+  std::string name;
+  int width = 0, height = 0;  // px, upright
+  double mean_code = 0;       // of 255, sRGB
+  double light = 0;           // mean linear light, of 1
+  double structure = 0;       // as StructureOf has it; 1 of one colour
+  std::string pixels;         // fingerprint; empty where all have one colour
+};
+
+ScreenedPhoto LookAt(std::string name, const Photo& photo);
+
+// Median of ScreenedPhoto::light; 0 without photos.
+double MiddleLight(absl::Span<const ScreenedPhoto> photos);
+
+// Why each photo is left out ("is the same photo as a.jpg"); empty: it is used. Left out are photos
+// of nothing but noise (a cap on the lens), and of photos with the same pixels all but the one with
+// the shortest name.
+std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos);
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_PIPELINE_PHOTO_LOOK_H_

@@ -1,0 +1,53 @@
+#include "server/api/findings.h"
+
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "engine/pipeline/photo_look.h"
+#include "server/reader/photo_findings.h"
+
+namespace litags {
+namespace {
+
+v1::PhotoFindings ToProto(const PhotoFindings& findings) {
+  v1::PhotoFindings proto;
+  proto.set_focal_length_mm(findings.focal_length);
+  proto.set_exposure_seconds(findings.exposure_time);
+  proto.set_iso(findings.iso);
+  proto.set_f_number(findings.f_number);
+  proto.set_mean_code(findings.mean_code);
+  return proto;
+}
+
+ScreenedPhoto LookOf(const FileRecord& file, const PhotoFindings& findings) {
+  return {file.name,      file.width,         file.height,    findings.mean_code,
+          findings.light, findings.structure, findings.pixels};
+}
+
+}  // namespace
+
+std::map<std::string, v1::PhotoFindings> FindingsOf(absl::Span<const FileRecord> files) {
+  std::map<std::string, v1::PhotoFindings> found;
+  std::vector<ScreenedPhoto> photos;
+  for (const FileRecord& file : files) {
+    if (file.role != FileRole::kPhoto) continue;
+    const std::optional<PhotoFindings> findings = ParseFindings(file.about);
+    if (!findings) continue;
+    found[file.name] = ToProto(*findings);
+    photos.push_back(LookOf(file, *findings));
+  }
+  const double middle = MiddleLight(photos);
+  std::vector<std::string> why = WhyLeftOut(photos);
+  for (size_t i = 0; i < photos.size(); ++i) {
+    v1::PhotoFindings& proto = found[photos[i].name];
+    if (photos[i].light > 0 && middle > 0) proto.set_stops(std::log2(photos[i].light / middle));
+    // The engine leaves these out when it has cameras.
+    if (why[i].empty() && photos[i].pixels.empty()) why[i] = "has pixels of one colour only";
+    proto.set_left_out(std::move(why[i]));
+  }
+  return found;
+}
+
+}  // namespace litags

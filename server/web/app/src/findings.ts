@@ -1,0 +1,97 @@
+// The files of a job: what the server found in them, and what is left out and why.
+
+import {get, type ApiError, type Job, type JobFile, type PhotoFindings} from "./api.js";
+import type {Part} from "./actions.js";
+import {el, notice} from "./dom.js";
+
+// "1/30 s, f/1.8, ISO 800", of what EXIF says.
+function exposureText(found: PhotoFindings): string {
+  const {exposureSeconds: s, fNumber, iso} = found;
+  return [s && (s < 0.3 ? `1/${Math.round(1 / s)} s` : `${Number(s.toPrecision(2))} s`),
+          fNumber && `f/${fNumber}`, iso && `ISO ${iso}`].filter(Boolean).join(", ");
+}
+
+function stopsText(stops: number): string {
+  const text = Math.abs(stops).toFixed(1);
+  return text === "0.0" ? text : `${stops < 0 ? "\u2212" : "+"}${text}`;
+}
+const lensText = (found: PhotoFindings): string =>
+    found.focalLengthMm ? `${Number(found.focalLengthMm.toFixed(1))} mm` : "";
+
+// From the smallest to the largest; one text where they are the same.
+function range(numbers: number[], text: (n: number) => string): string {
+  const low = text(Math.min(...numbers)), high = text(Math.max(...numbers));
+  return low === high ? low : `${low} to ${high}`;
+}
+
+// "35 mm, 50 mm", or how many there are if that would be long.
+function distinct(texts: string[], what: string): string {
+  const all = [...new Set(texts.filter(Boolean))];
+  return all.length <= 3 ? all.join(", ") : `${all.length} ${what}`;
+}
+
+// One line on all photos.
+function summaryOf(photos: JobFile[], why: Map<string, string>): string {
+  const out = photos.filter((p) => why.has(p.name)).length, used = photos.length - out;
+  const sizes = distinct(photos.map((p) => `${p.width}\u00d7${p.height} px`), "sizes");
+  const lenses = distinct(photos.map((p) => lensText(p.found ?? {})), "focal lengths");
+  const stops = photos.flatMap((p) => p.found?.stops === undefined ? [] : [p.found.stops]);
+  return [`${used} ${used === 1 ? "photo is" : "photos are"} of use` + (out ? `, ${out} left out` : ""),
+          sizes, lenses,
+          stops.length > 0 && `light: ${range(stops, stopsText)} stops from the middle photo`]
+      .filter(Boolean).join("; ");
+}
+
+function row(photo: JobFile, why: string | undefined): HTMLElement {
+  const found = photo.found ?? {};
+  const cells = [`${photo.width}\u00d7${photo.height}`, lensText(found), exposureText(found),
+                 found.stops === undefined ? "" : stopsText(found.stops)];
+  return el("tr", why ? {class: "dropped"} : {}, el("th", {scope: "row"}, photo.name),
+            ...cells.map((text) => el("td", {}, text)), el("td", {}, why ? `left out: ${why}` : "used"));
+}
+
+function table(photos: JobFile[], why: Map<string, string>): HTMLElement {
+  const head = ["Photo", "Size, px", "Lens", "Exposure", "Light, stops", "Use"].map(
+      (text) => el("th", {scope: "col"}, text));
+  return el("div", {class: "wide", tabindex: 0, role: "group", "aria-label": "Table of the photos"},
+            el("table", {class: "photos"}, el("thead", {}, el("tr", {}, ...head)),
+               el("tbody", {}, ...photos.map((p) => row(p, why.get(p.name))))));
+}
+
+// Read when it is opened, and open while the job waits to be started.
+export function findings(name: string): Part {
+  const body = el("div", {}), summary = el("p", {class: "findings"});
+  let job: Job | undefined, files: JobFile[] | undefined, readAt = -1;
+  const draw = (): void => {
+    const photos = (files ?? []).filter((f) => f.role === "FILE_ROLE_PHOTO");
+    const video = files?.find((f) => f.role === "FILE_ROLE_VIDEO");
+    const why = new Map((job?.report?.dropped ?? []).map((photo) => [photo, "see the notes"]));
+    for (const photo of photos) if (photo.found?.leftOut) why.set(photo.name, `it ${photo.found.leftOut}`);
+    summary.textContent = video ? `A video of ${video.width}\u00d7${video.height} px: its frames become photos.`
+      : photos.length ? `${summaryOf(photos, why)}.` : files ? "There are no photos." : "";
+    body.replaceChildren(photos.length ? table(photos, why) : "");
+  };
+  const load = async (): Promise<void> => {
+    if (!details.open || !job || readAt === (job.photos ?? 0)) return;
+    readAt = job.photos ?? 0;
+    try {
+      files = (await get<{files?: JobFile[]}>(`/v1/${name}/files?pageSize=10000`)).files ?? [];
+      draw();
+    } catch (error) {
+      readAt = -1;
+      notice((error as ApiError).message);
+    }
+  };
+  const details = el("details", {toggle: () => void load()}, el("summary", {}, "Photos"), summary, body);
+  return {
+    element: details,
+    show(next) {
+      const first = job === undefined;
+      const changed = JSON.stringify(next.report?.dropped) !== JSON.stringify(job?.report?.dropped);
+      job = next;
+      if (first) details.open = job.state === "JOB_STATE_UPLOADING";
+      if (changed) draw();
+      void load();
+    },
+  };
+}
