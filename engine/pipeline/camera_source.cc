@@ -203,6 +203,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
   sfm.step_timeout_seconds = input.colmap_step_seconds;
   sfm.on_line = context.on_line;
   sfm.masks = masks;
+  sfm.rig_views = input.rig_views;
   const auto on_progress = [&](const SfmProgress& p) {
     context.progress(Stage::kFindingCameras, Describe(p));
   };
@@ -213,6 +214,12 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
                             FindCameras(folder, input.work_dir, sfm, cancel, on_progress));
     FillReport(result, report);
     model = std::move(result.model);
+    if (!input.rig_views.empty()) {
+      // Those that only their rig placed have no points yet.
+      LITAGS_ASSIGN_OR_RETURN(SfmResult again, TriangulatePoints(folder, model, input.work_dir, sfm,
+                                                                 cancel, on_progress));
+      model = std::move(again.model);
+    }
   } else {
     LITAGS_ASSIGN_OR_RETURN(model, ReadGivenCameras(input, photos, &report->notes));
     bool says_left_out = false;

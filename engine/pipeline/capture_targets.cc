@@ -1,6 +1,9 @@
 #include "engine/pipeline/capture_targets.h"
 
 #include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -62,6 +65,31 @@ std::vector<PlaneU8> Information(const CaptureTargets& made, const std::vector<P
   return InformationWeights(photos, targets, made.exposures, masks);
 }
 
+// Photos of a rig were exposed at once: each gets the mean of theirs (in the log domain) by how
+// many points they saw. Those of a rig that saw none stay as they are.
+void ShareExposures(const RigViews& rigs, const std::vector<View>& views,
+                    const std::vector<PointSighting>& sightings, std::vector<double>* exposures) {
+  std::vector<double> points(views.size(), 0);
+  for (const PointSighting& seen : sightings) ++points[seen.photo];
+  struct Sum {
+    double logs = 0, weight = 0;
+  };
+  std::map<std::string, Sum> sums;
+  for (size_t i = 0; i < views.size(); ++i) {
+    const auto view = rigs.find(views[i].name);
+    if (view == rigs.end()) continue;
+    Sum& sum = sums[view->second.rig];
+    sum.logs += points[i] * std::log((*exposures)[i]);
+    sum.weight += points[i];
+  }
+  for (size_t i = 0; i < views.size(); ++i) {
+    const auto view = rigs.find(views[i].name);
+    if (view == rigs.end()) continue;
+    const Sum& sum = sums[view->second.rig];
+    if (sum.weight > 0) (*exposures)[i] = std::exp(sum.logs / sum.weight);
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const PosedPhotos& posed,
@@ -75,6 +103,7 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   made.photos = std::move(photos);
   made.exposures = WithoutDrift(
       RelativeExposures(made.photos, sightings, posed.masks, posed.stated_exposures), sightings);
+  ShareExposures(context.input.rig_views, posed.views, sightings, &made.exposures);
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
   if (recipe.lita && recipe.information_weights) {
     made.information = Information(made, posed.masks);

@@ -18,6 +18,7 @@
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/panorama_views.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/train_set.h"
 #include "engine/pipeline/video_frames.h"
@@ -299,12 +300,13 @@ class RealEngine : public Engine {
       p.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
       observer->OnProgress(p);
     };
-    LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, WithFramesAsPhotos(
-                                                              given, options.frames, cancel,
-                                                              [&](const std::string& message) {
-                                                                progress(Stage::kLoading, message);
-                                                              },
-                                                              &report.notes));
+    const auto loading = [&](const std::string& message) { progress(Stage::kLoading, message); };
+    LITAGS_ASSIGN_OR_RETURN(
+        const ReconstructInput photos,
+        WithFramesAsPhotos(given, options.frames, cancel, loading, &report.notes));
+    LITAGS_ASSIGN_OR_RETURN(
+        const ReconstructInput input,
+        WithViewsOfPanoramas(photos, options.threads, cancel, loading, &report.notes));
     const Context context(input, options, cancel, progress, &report,
                           [observer](std::string_view line) { observer->OnLine(line); });
     LITAGS_ASSIGN_OR_RETURN(const TrainSet set, MakeTrainSet(context, colmap_));

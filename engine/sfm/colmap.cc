@@ -249,8 +249,14 @@ absl::StatusOr<double> Colmap::Verify(const std::vector<NamePair>& pairs,
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-absl::StatusOr<double> Colmap::Map(const std::string& models_dir, int num_photos,
+absl::StatusOr<double> Colmap::Map(const std::string& models_dir,
+                                   const std::vector<PhotoFile>& photos,
                                    const FractionFn& progress) {
+  const int num_photos = static_cast<int>(photos.size());
+  const bool known = std::all_of(photos.begin(), photos.end(), [](const PhotoFile& photo) {
+    return photo.copy_focal_length > 0;
+  });
+  const char* const refine = known ? "0" : "1";
   const auto on_line = [&](std::string_view line) {
     int image = 0, registered = 0;
     if (std::sscanf(std::string(line).c_str(), "Registering image #%d (%d)", &image, &registered) ==
@@ -263,7 +269,8 @@ absl::StatusOr<double> Colmap::Map(const std::string& models_dir, int num_photos
       models_dir, "--Mapper.num_threads", "1",
       // Small groups tell the user about photos of different places; more tell nothing.
       "--Mapper.min_model_size", "3", "--Mapper.max_num_models", "10",
-      "--Mapper.ba_refine_focal_length", "1", "--Mapper.ba_refine_principal_point", "0"};
+      "--Mapper.ba_refine_focal_length", refine, "--Mapper.ba_refine_extra_params", refine,
+      "--Mapper.ba_refine_principal_point", "0"};
   if (num_photos > options_.match_all_up_to) {
     args.insert(args.end(), std::begin(kFewAdjustments), std::end(kFewAdjustments));
   }

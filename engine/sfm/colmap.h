@@ -45,7 +45,8 @@ class Colmap {
   // pairs.
   absl::StatusOr<double> Verify(const std::vector<NamePair>& pairs, const FractionFn& progress);
   // Models appear as models_dir/0, 1, ...; none at all is not an error here.
-  absl::StatusOr<double> Map(const std::string& models_dir, int num_photos,
+  // Lenses stay as they are if those of all photos are known.
+  absl::StatusOr<double> Map(const std::string& models_dir, const std::vector<PhotoFile>& photos,
                              const FractionFn& progress);
 
  private:

@@ -3,6 +3,7 @@
 #include <sqlite3.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
@@ -226,6 +227,34 @@ absl::Status TakeVerifiedPairs(const std::vector<std::string>& from, const std::
                    "SELECT * FROM share.two_view_geometries; DETACH share"));
   }
   return absl::OkStatus();
+}
+
+absl::Status SetFocalLengths(const std::string& path,
+                             const std::vector<std::pair<std::string, double>>& focal_lengths) {
+  if (focal_lengths.empty()) return absl::OkStatus();
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
+  LITAGS_RETURN_IF_ERROR(db.Execute("BEGIN"));
+  const char kWhere[] = "WHERE camera_id = (SELECT camera_id FROM images WHERE name = ?1)";
+  LITAGS_ASSIGN_OR_RETURN(const Statement size,
+                          db.Prepare(absl::StrCat("SELECT width, height FROM cameras ", kWhere)));
+  LITAGS_ASSIGN_OR_RETURN(
+      const Statement set,
+      db.Prepare(absl::StrCat("UPDATE cameras SET params = ?2, prior_focal_length = 1 ", kWhere)));
+  for (const auto& [name, focal_length] : focal_lengths) {
+    sqlite3_bind_text(size.get(), 1, name.c_str(), -1, SQLITE_TRANSIENT);
+    LITAGS_ASSIGN_OR_RETURN(const bool found, db.Step(size));
+    if (found) {
+      const std::array<double, 4> params = {focal_length, sqlite3_column_int(size.get(), 0) / 2.0,
+                                            sqlite3_column_int(size.get(), 1) / 2.0, 0};
+      sqlite3_bind_text(set.get(), 1, name.c_str(), -1, SQLITE_TRANSIENT);
+      sqlite3_bind_blob(set.get(), 2, params.data(), sizeof(params), SQLITE_TRANSIENT);
+      LITAGS_RETURN_IF_ERROR(db.Step(set).status());
+      sqlite3_reset(set.get());
+    }
+    sqlite3_reset(size.get());
+  }
+  return db.Execute("COMMIT");
 }
 
 absl::Status NumberImages(const std::string& path, const std::vector<std::string>& names) {

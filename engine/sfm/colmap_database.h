@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -67,6 +68,11 @@ absl::Status TakeVerifiedPairs(const std::vector<std::string>& from, const std::
 // Numbers the images 1, 2, ... in the order of `names`, then those that are not among them by name:
 // COLMAP's own numbers tell the order in which its threads were done.
 absl::Status NumberImages(const std::string& path, const std::vector<std::string>& names);
+
+// Gives the camera of each named image this focal length, px of the image, without distortion, as
+// one that is known. Cameras are SIMPLE_RADIAL.
+absl::Status SetFocalLengths(const std::string& path,
+                             const std::vector<std::pair<std::string, double>>& focal_lengths);
 
 // Takes the features of each image that has fewer than `least` out, so that COLMAP looks for them
 // again. The images' names.

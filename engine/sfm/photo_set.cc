@@ -128,7 +128,8 @@ absl::Status WriteScratch(const std::string& path, const std::string& bytes) {
 }
 
 absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_dir,
-                                                    int max_image_side, const MaskPaths& masks) {
+                                                    int max_image_side, const MaskPaths& masks,
+                                                    const RigViews& rigs) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(images_dir, "images"));
   std::vector<PhotoFile> photos;
   photos.reserve(names.size());
@@ -157,6 +158,11 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
     photo.camera = absl::StrFormat("%dx%d", photo.shown.width, photo.shown.height);
     const double focal = shared.at(focal_lengths[i]);
     if (focal > 0) absl::StrAppendFormat(&photo.camera, "_%gmm", focal);
+    if (const auto found = rigs.find(photo.name); found != rigs.end()) {
+      const double known = found->second.focal_length;
+      absl::StrAppendFormat(&photo.camera, "_%gpx", known);
+      photo.copy_focal_length = known * photo.copy_width / photo.shown.width;
+    }
     photo.copy_name = absl::StrFormat("%s/%06d.png", photo.camera, i);
   }
   return photos;

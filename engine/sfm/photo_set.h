@@ -12,6 +12,7 @@
 #include "engine/core/cancel.h"
 #include "engine/core/image.h"
 #include "engine/io/mask_io.h"
+#include "engine/io/rig.h"
 #include "engine/sfm/exposure.h"
 
 namespace litags {
@@ -29,6 +30,7 @@ struct PhotoFile {
   // size by a few px, so that their copies have one size.
   PixelRect shown;
   int copy_width = 0, copy_height = 0;  // px
+  double copy_focal_length = 0;         // px, if it is known, else 0
   std::string mask_path;                // empty: all pixels count
 };
 
@@ -39,9 +41,10 @@ Camera CameraOfPhoto(const Camera& of_copy, const PhotoFile& photo);
 // All photos of a folder in name order, sized but not decoded. Copies have a longer side of at
 // most max_image_side (0: no bound). `masks`: those of the photos that have one. Errors of
 // ListPhotos and ReadImageSize.
+// `rigs`: photos whose lens is known.
 absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_dir,
-                                                    int max_image_side,
-                                                    const MaskPaths& masks = {});
+                                                    int max_image_side, const MaskPaths& masks = {},
+                                                    const RigViews& rigs = {});
 
 // Mean light of up to 32 photos spread evenly over the capture, without their masked pixels.
 absl::StatusOr<LightStats> MeasureCapture(const std::string& images_dir,

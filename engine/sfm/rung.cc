@@ -13,6 +13,7 @@
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
 #include "engine/sfm/photo_match.h"
+#include "engine/sfm/rigs.h"
 #include "engine/sfm/rung_steps.h"
 #include "engine/sfm/turning.h"
 
@@ -72,12 +73,14 @@ absl::StatusOr<SparseModel> ToPhotos(SparseModel model, const std::vector<PhotoF
 // All models that the mapper wrote, the one to keep first: most views, then most points. The
 // reprojection error is no guide: small wrong models have the smallest.
 absl::StatusOr<std::vector<SparseModel>> ReadModels(const std::string& models_dir,
-                                                    const std::vector<PhotoFile>& photos) {
+                                                    const std::vector<PhotoFile>& photos,
+                                                    const RigViews& rigs) {
   std::vector<SparseModel> models;
   for (int i = 0; fs::exists(absl::StrCat(models_dir, "/", i)); ++i) {
     LITAGS_ASSIGN_OR_RETURN(SparseModel copies,
                             ReadColmapModel(absl::StrCat(models_dir, "/", i), "colmap model"));
     LITAGS_ASSIGN_OR_RETURN(SparseModel model, ToPhotos(std::move(copies), photos));
+    PlaceRigViews(rigs, photos, &model);
     models.push_back(std::move(model));
   }
   std::stable_sort(models.begin(), models.end(), [](const SparseModel& a, const SparseModel& b) {
@@ -161,11 +164,11 @@ absl::StatusOr<RungOutput> MapPhotos(const RungInput& in) {
   LITAGS_RETURN_IF_ERROR(PrepareAndExtract(in, colmap, out.rung));
   LITAGS_RETURN_IF_ERROR(Match(in, colmap, out.rung));
   in.report("map", 0);
-  LITAGS_ASSIGN_OR_RETURN(out.rung.map_seconds,
-                          colmap.Map(models_dir, static_cast<int>(in.photos.size()),
-                                     [&](double f) { in.report("map", f); }));
+  LITAGS_ASSIGN_OR_RETURN(out.rung.map_seconds, colmap.Map(models_dir, in.photos,
+                                                           [&](double f) { in.report("map", f); }));
 
-  LITAGS_ASSIGN_OR_RETURN(std::vector<SparseModel> models, ReadModels(models_dir, in.photos));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<SparseModel> models,
+                          ReadModels(models_dir, in.photos, in.options.rig_views));
   LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(colmap.database_path()));
   LITAGS_ASSIGN_OR_RETURN(const auto pairs, ReadVerifiedPairs(colmap.database_path(), kMinInliers));
   LITAGS_ASSIGN_OR_RETURN(out.photos, PhotoFacts(in, images, pairs));

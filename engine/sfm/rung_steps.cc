@@ -25,8 +25,13 @@ absl::Status PrepareAndExtract(const RungInput& in, Colmap& colmap, SfmRung& run
     in.report("features", f);
   }));
   std::vector<std::string> names;
-  for (const PhotoFile& photo : in.photos) names.push_back(photo.copy_name);
-  return NumberImages(colmap.database_path(), names);
+  std::vector<std::pair<std::string, double>> known;
+  for (const PhotoFile& photo : in.photos) {
+    names.push_back(photo.copy_name);
+    if (photo.copy_focal_length > 0) known.emplace_back(names.back(), photo.copy_focal_length);
+  }
+  LITAGS_RETURN_IF_ERROR(NumberImages(colmap.database_path(), names));
+  return SetFocalLengths(colmap.database_path(), known);
 }
 
 absl::StatusOr<std::vector<SfmPhoto>> PhotoFacts(const RungInput& in,

@@ -266,8 +266,8 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
-  LITAGS_ASSIGN_OR_RETURN(capture.photos,
-                          ListPhotoSet(images_dir, options.max_image_side, options.masks));
+  LITAGS_ASSIGN_OR_RETURN(capture.photos, ListPhotoSet(images_dir, options.max_image_side,
+                                                       options.masks, options.rig_views));
   const int n = static_cast<int>(capture.photos.size());
   LITAGS_RETURN_IF_ERROR(CheckPhotoCount(n, n));
   LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
@@ -298,8 +298,9 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
                                      " views; at least 2 are needed, each with its distortion"));
   }
   Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<PhotoFile> all,
-                          ListPhotoSet(images_dir, options.max_image_side, options.masks));
+  LITAGS_ASSIGN_OR_RETURN(
+      const std::vector<PhotoFile> all,
+      ListPhotoSet(images_dir, options.max_image_side, options.masks, options.rig_views));
   LITAGS_ASSIGN_OR_RETURN(capture.photos, PhotosOfViews(all, cameras));
   LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
   LITAGS_RETURN_IF_ERROR(Measure(capture));

@@ -14,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
 #include "engine/io/mask_io.h"
+#include "engine/io/rig.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {
@@ -38,7 +39,8 @@ struct SfmOptions {
   double report_seconds = 1;           // least time between reports of one step's progress
   bool keep_prepared = false;          // keep the prepared photos and databases in work_dir
   std::function<void(std::string_view)> on_line;  // what COLMAP writes; called by any thread
-  MaskPaths masks;  // of photos by name: no features and no say in the light where they are 0
+  RigViews rig_views;  // photos of rigs: the lens is a start, and one that is placed places all
+  MaskPaths masks;     // of photos by name: no features and no say in the light where they are 0
 
   // INVALID_ARGUMENT naming the field that breaks its rule.
   absl::Status Validate() const;

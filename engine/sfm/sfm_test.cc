@@ -175,10 +175,22 @@ TEST_F(SfmTest, ColmapIsCalledOnTheCpuWithinItsBounds) {
                     HasSubstr("num_threads 3"), HasSubstr("--random_seed 11")));
   EXPECT_THAT(calls[1], AllOf(StartsWith("matches_importer"), HasSubstr("match_type pairs"),
                               HasSubstr("use_gpu 0"), HasSubstr("num_threads 1")));
-  EXPECT_THAT(calls[2], AllOf(StartsWith("mapper"), HasSubstr("Mapper.num_threads 1"),
-                              HasSubstr("ba_refine_focal_length 1"),
-                              HasSubstr("ba_refine_principal_point 0")));
+  EXPECT_THAT(calls[2],
+              AllOf(StartsWith("mapper"), HasSubstr("Mapper.num_threads 1"),
+                    HasSubstr("ba_refine_focal_length 1"), HasSubstr("ba_refine_extra_params 1"),
+                    HasSubstr("ba_refine_principal_point 0")));
   EXPECT_EQ(calls[3], "offscreen 1");
+}
+
+TEST_F(SfmTest, KnownLensesStayAsTheyAre) {
+  for (int i = 0; i < 6; ++i) {
+    options_.rig_views[absl::StrCat("p", i, ".png")] = {.rig = "r", .focal_length = 32};
+  }
+  colmap_.SetDatabase({"64x48_32px/000000.png", "64x48_32px/000001.png"}, 0, {});
+  EXPECT_FALSE(Find().ok());  // no model
+  const std::vector<std::string> calls = colmap_.Calls();
+  EXPECT_THAT(calls, Contains(AllOf(StartsWith("mapper"), HasSubstr("ba_refine_focal_length 0"),
+                                    HasSubstr("ba_refine_extra_params 0"))));
 }
 
 TEST_F(SfmTest, OfManyPhotosTheMostSimilarAreMatched) {

@@ -45,7 +45,7 @@ MedianPixel MedianPixelOf(const std::vector<SurfacePicture>& pictures,
 double DepthAgreement(const std::vector<SurfacePicture>& pictures);
 
 // Choice: as between the pixels of one surface.
-constexpr double kOtherSurface = 0.05;
+inline constexpr double kOtherSurface = 0.05;
 
 }  // namespace litags
 

@@ -1,0 +1,23 @@
+// Photos that were taken from one place at once, as the views of a panorama.
+#ifndef LITAGS_ENGINE_IO_RIG_H_
+#define LITAGS_ENGINE_IO_RIG_H_
+
+#include <array>
+#include <map>
+#include <string>
+
+namespace litags {
+
+// A photo of a rig. All of a rig have one camera centre and one exposure; their lenses are known.
+struct RigView {
+  std::string rig;
+  std::array<double, 9> R = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // rig from camera, row-major
+  double focal_length = 0;                                // px of the photo; pinhole
+};
+
+// By the photo's name.
+using RigViews = std::map<std::string, RigView>;
+
+}  // namespace litags
+
+#endif  // LITAGS_ENGINE_IO_RIG_H_
