@@ -89,26 +89,35 @@ absl::Status Link(const fs::path& target, const fs::path& link) {
                    absl::StrCat("cannot write ", link.string(), ": ", error.message()));
 }
 
-std::string NameOfView(const std::string& panorama, const PanoramaView& view) {
-  return absl::StrCat(Stem(panorama), "_", view.name, ".png");
+std::string NameOfView(const std::string& base, const PanoramaView& view) {
+  return absl::StrCat(base, "_", view.name, ".png");
+}
+
+// What the names of a panorama's views begin with: its own without the ending, or all of it where
+// another photo differs in the ending only.
+std::string BaseOf(const std::string& panorama, const std::vector<std::string>& names) {
+  const std::string stem = Stem(panorama);
+  const auto alike =
+      std::count_if(names.begin(), names.end(), [&](const auto& n) { return Stem(n) == stem; });
+  return alike > 1 ? panorama : stem;
 }
 
 // One file for each view, all at once.
 absl::Status WriteViews(
-    const fs::path& dir, const std::string& name, int threads,
+    const fs::path& dir, const std::string& base, int threads,
     const std::function<absl::StatusOr<std::string>(const PanoramaView&)>& png) {
   std::vector<absl::Status> statuses(kPanoramaViews.size());
   ParallelFor(threads, kPanoramaViews.size(), [&](size_t i, int) {
     const PanoramaView& view = kPanoramaViews[i];
     const auto bytes = png(view);
     statuses[i] =
-        bytes.ok() ? WriteFileAtomically(dir / NameOfView(name, view), *bytes) : bytes.status();
+        bytes.ok() ? WriteFileAtomically(dir / NameOfView(base, view), *bytes) : bytes.status();
   });
   for (absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(std::move(status));
   return absl::OkStatus();
 }
 
-absl::Status WriteMaskViews(const fs::path& dir, const std::string& name,
+absl::Status WriteMaskViews(const fs::path& dir, const std::string& base,
                             const std::string& mask_path, int threads) {
   const std::string field = absl::StrCat("masks[", BaseName(mask_path), "]");
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
@@ -117,22 +126,23 @@ absl::Status WriteMaskViews(const fs::path& dir, const std::string& name,
   if (mask.width != 2 * mask.height) {
     return MakeError(absl::StatusCode::kInvalidArgument, "MASK_SIZE", field,
                      absl::StrCat(BaseName(mask_path), " has ", mask.width, "x", mask.height,
-                                  " px; give it the size of its panorama, ", name));
+                                  " px; give it the size of its panorama"));
   }
-  return WriteViews(dir, name, threads, [&](const PanoramaView& view) {
+  return WriteViews(dir, base, threads, [&](const PanoramaView& view) {
     return EncodeMask(CutPanoramaView(mask, view));
   });
 }
 
 absl::Status CutPanorama(const ReconstructInput& input, const std::string& name,
-                         const fs::path& dir, int threads, RigViews* rig_views) {
+                         const std::string& base, const fs::path& dir, int threads,
+                         RigViews* rig_views) {
   LITAGS_ASSIGN_OR_RETURN(const Photo panorama, ReadPhoto(PathOf(input, name), FieldOf(name)));
-  LITAGS_RETURN_IF_ERROR(WriteViews(dir, name, threads, [&](const PanoramaView& view) {
+  LITAGS_RETURN_IF_ERROR(WriteViews(dir, base, threads, [&](const PanoramaView& view) {
     return EncodePng16(CutPanoramaView(panorama, view));
   }));
   const double focal_length = PanoramaViewSide(panorama.width) / 2.0;
   for (const PanoramaView& view : kPanoramaViews) {
-    (*rig_views)[NameOfView(name, view)] = {name, view.R, focal_length};
+    (*rig_views)[NameOfView(base, view)] = {name, view.R, focal_length};
   }
   return absl::OkStatus();
 }
@@ -161,9 +171,10 @@ absl::StatusOr<ReconstructInput> WithViewsOfPanoramas(
     const auto mask = given.find(name);
     if (std::binary_search(panoramas.begin(), panoramas.end(), name)) {
       progress(absl::StrCat("views of panoramas: ", name));
-      LITAGS_RETURN_IF_ERROR(CutPanorama(input, name, views, threads, &result.rig_views));
+      const std::string base = BaseOf(name, *names);
+      LITAGS_RETURN_IF_ERROR(CutPanorama(input, name, base, views, threads, &result.rig_views));
       if (mask == given.end()) continue;
-      LITAGS_RETURN_IF_ERROR(WriteMaskViews(masks, name, mask->second, threads));
+      LITAGS_RETURN_IF_ERROR(WriteMaskViews(masks, base, mask->second, threads));
     } else {
       LITAGS_RETURN_IF_ERROR(Link(PathOf(input, name), views / name));
       if (mask == given.end()) continue;

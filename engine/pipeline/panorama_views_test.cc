@@ -20,6 +20,7 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsSupersetOf;
@@ -105,7 +106,18 @@ TEST_F(PanoramaViews, MasksGoWithThem) {
 
   Write("covers/a.png", all);
   const auto wrong = Cut();
-  EXPECT_THAT(std::string(wrong.status().message()), HasSubstr("size of its panorama, a.png"));
+  EXPECT_THAT(std::string(wrong.status().message()),
+              AllOf(HasSubstr("a.png has 200x150"), HasSubstr("size of its panorama")));
+}
+
+TEST_F(PanoramaViews, OfPhotosOfOneStemHaveNamesOfTheirOwn) {
+  Write("photos/a.PNG", Around(256));
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_EQ(cut->rig_views.size(), 4u * 6);
+  EXPECT_TRUE(cut->rig_views.contains("a.png_up.png"));
+  EXPECT_TRUE(cut->rig_views.contains("a.PNG_up.png"));
+  EXPECT_TRUE(cut->rig_views.contains("d_up.png"));
 }
 
 TEST_F(PanoramaViews, AreNotMadeOfOtherPhotosOrWithGivenCameras) {

@@ -207,9 +207,10 @@ absl::Status WriteCopies(const std::string& images_dir, const std::vector<PhotoF
     LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(PathOf(images_dir, photo),
                                                               FieldOf(photo), photo.mask_path));
     const auto copy = [&](const auto& image) {
+      const int width = photo.copy_width, height = photo.copy_height;
       const bool whole = photo.shown.width == image.width && photo.shown.height == image.height;
-      return ResizeArea(whole ? image : Cut(image, photo.shown), photo.copy_width,
-                        photo.copy_height);
+      if (whole) return ResizeArea(image, width, height);
+      return ResizeArea(Cut(image, photo.shown), width, height);
     };
     const Photo image = copy(read.photo);
     if (!read.mask.empty()) {
