@@ -117,25 +117,24 @@ absl::Status WriteViews(
   return absl::OkStatus();
 }
 
+// `width`: of the panorama, px.
 absl::Status WriteMaskViews(const fs::path& dir, const std::string& base,
-                            const std::string& mask_path, int threads) {
+                            const std::string& mask_path, int width, int threads) {
   const std::string field = absl::StrCat("masks[", BaseName(mask_path), "]");
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
                           ReadFile(mask_path, field, ImageLimits().max_bytes));
   LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, DecodeMask(bytes, field));
-  if (mask.width != 2 * mask.height) {
-    return MakeError(absl::StatusCode::kInvalidArgument, "MASK_SIZE", field,
-                     absl::StrCat(BaseName(mask_path), " has ", mask.width, "x", mask.height,
-                                  " px; give it the size of its panorama"));
-  }
+  LITAGS_RETURN_IF_ERROR(
+      CheckMaskSize(BaseName(mask_path), mask.width, mask.height, width, width / 2));
   return WriteViews(dir, base, threads, [&](const PanoramaView& view) {
     return EncodeMask(CutPanoramaView(mask, view));
   });
 }
 
-absl::Status CutPanorama(const ReconstructInput& input, const std::string& name,
-                         const std::string& base, const fs::path& dir, int threads,
-                         RigViews* rig_views) {
+// The panorama's width, px.
+absl::StatusOr<int> CutPanorama(const ReconstructInput& input, const std::string& name,
+                                const std::string& base, const fs::path& dir, int threads,
+                                RigViews* rig_views) {
   LITAGS_ASSIGN_OR_RETURN(const Photo panorama, ReadPhoto(PathOf(input, name), FieldOf(name)));
   LITAGS_RETURN_IF_ERROR(WriteViews(dir, base, threads, [&](const PanoramaView& view) {
     return EncodePng16(CutPanoramaView(panorama, view));
@@ -144,7 +143,7 @@ absl::Status CutPanorama(const ReconstructInput& input, const std::string& name,
   for (const PanoramaView& view : kPanoramaViews) {
     (*rig_views)[NameOfView(base, view)] = {name, view.R, focal_length};
   }
-  return absl::OkStatus();
+  return panorama.width;
 }
 
 }  // namespace
@@ -172,9 +171,10 @@ absl::StatusOr<ReconstructInput> WithViewsOfPanoramas(
     if (std::binary_search(panoramas.begin(), panoramas.end(), name)) {
       progress(absl::StrCat("views of panoramas: ", name));
       const std::string base = BaseOf(name, *names);
-      LITAGS_RETURN_IF_ERROR(CutPanorama(input, name, base, views, threads, &result.rig_views));
+      LITAGS_ASSIGN_OR_RETURN(const int width,
+                              CutPanorama(input, name, base, views, threads, &result.rig_views));
       if (mask == given.end()) continue;
-      LITAGS_RETURN_IF_ERROR(WriteMaskViews(masks, base, mask->second, threads));
+      LITAGS_RETURN_IF_ERROR(WriteMaskViews(masks, base, mask->second, width, threads));
     } else {
       LITAGS_RETURN_IF_ERROR(Link(PathOf(input, name), views / name));
       if (mask == given.end()) continue;

@@ -18,7 +18,8 @@ namespace litags {
 // 0001.png, too) and the other views of
 // engine/io/panorama.h, 16 bits. Masks of panoramas are cut likewise. Otherwise `input` as it is.
 // Files that cannot be read are left to those who read photos. `progress` gets what is done, a line
-// each time. Errors of FindMasks and DecodeMask; those of files that cannot be written; CANCELLED.
+// each time. Errors of FindMasks, DecodeMask and CheckMaskSize; those of files that cannot be
+// written; CANCELLED.
 absl::StatusOr<ReconstructInput> WithViewsOfPanoramas(
     const ReconstructInput& input, int threads, const CancelToken& cancel,
     const std::function<void(const std::string&)>& progress, std::vector<std::string>* notes);
