@@ -73,9 +73,11 @@ std::optional<std::string> Channel::Receive(std::vector<UniqueFd>* files) const 
     message.msg_controllen = sizeof(room);
   }
   ssize_t received;
+  // An end that closes before it has read everything resets the connection; the packets that it
+  // sent come after that error.
   do {
     received = recvmsg(fd_.get(), &message, MSG_CMSG_CLOEXEC);
-  } while (received < 0 && errno == EINTR);
+  } while (received < 0 && (errno == EINTR || errno == ECONNRESET));
   if (received <= 0) return std::nullopt;
   for (cmsghdr* header = files ? CMSG_FIRSTHDR(&message) : nullptr; header != nullptr;
        header = CMSG_NXTHDR(&message, header)) {

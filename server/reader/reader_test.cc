@@ -15,6 +15,7 @@
 #include "engine/core/sandbox.h"
 #include "engine/io/testing_photos.h"
 #include "engine/video/testing_video.h"
+#include "server/reader/channel.h"
 #include "server/reader/file_reader.h"
 #include "server/reader/photo_findings.h"
 #include "server/testing/archives.h"
@@ -118,6 +119,16 @@ class RemoteReaderTest : public ::testing::Test {
   std::string about_;
   int files_ = 0;
 };
+
+TEST(Channel, TheLastWordsOfAnEndThatClosesBeforeItHasReadAllAreReceived) {
+  auto ends = Channel::MakePair();
+  ASSERT_TRUE(ends.ok()) << ends.status();
+  ASSERT_TRUE(ends->first.Send("unread"));
+  ASSERT_TRUE(ends->second.Send("last words"));
+  ends->second = Channel();
+  EXPECT_EQ(ends->first.Receive(), "last words");
+  EXPECT_EQ(ends->first.Receive(), std::nullopt);
+}
 
 TEST(PhotoFindings, ComeBackAsTheyWereWritten) {
   const PhotoFindings wrote{35, 1 / 30.0, 800, 1.8, 12.25, -0.001, 0.5, "0123456789abcdef"};
