@@ -49,7 +49,7 @@ struct ReconstructOptions {
   std::optional<Tone> tone;  // unset: the method's
   WhiteBalance white_balance = WhiteBalance::kScene;
   DepthOrigin depth_source = DepthOrigin::kAuto;
-  int iterations = 15000;
+  int iterations = 10000;  // docs/experiments/long-runs.md
   // Iterations that learning rates, the coarse part and density control are laid out for; those
   // beyond go on at full size, with the last rates and the Gaussians there are. A finished scene is
   // trained further by more `iterations` with this at what they were. 0: `iterations`.
