@@ -62,11 +62,13 @@ class Team {
     }
     const Loop loop{threads, body};
     loop_ = &loop;
-    working_.store(threads - 1, std::memory_order_relaxed);
+    gate_.store(0, std::memory_order_release);
     Announce(threads - 1);
     Work(0);
-    for (uint32_t left = working_.load(std::memory_order_acquire); left != 0;) {
-      left = AwaitChange(working_, left);
+    // Whoever has not come by now, as its core has other work, is not waited for.
+    gate_.fetch_or(kClosed, std::memory_order_acq_rel);
+    for (uint32_t gate = gate_.load(std::memory_order_acquire); gate != kClosed;) {
+      gate = AwaitChange(gate_, gate);
     }
   }
 
@@ -108,6 +110,7 @@ class Team {
 
   // The low bits of a round say how many helpers take part. The others touch nothing.
   static constexpr uint32_t kCountMask = 0xFFF, kStop = kCountMask;
+  static constexpr uint32_t kClosed = uint32_t{1} << 31;
 
   void Announce(uint32_t count) {
     const uint32_t round = round_.load(std::memory_order_relaxed);
@@ -117,21 +120,36 @@ class Team {
     round_.notify_all();
   }
 
+  // False if the loop has no tasks left. It may be a later one than that which woke the helper.
+  bool Enter() {
+    uint32_t gate = gate_.load(std::memory_order_acquire);
+    while ((gate & kClosed) == 0) {
+      if (gate_.compare_exchange_weak(gate, gate + 1, std::memory_order_acq_rel)) return true;
+    }
+    return false;
+  }
+
+  void Leave() {
+    // The last one wakes Run(). Sequentially consistent as in Announce().
+    if (gate_.fetch_sub(1, std::memory_order_seq_cst) == kClosed + 1) gate_.notify_one();
+  }
+
   void Help(size_t index, uint32_t seen) {
     for (;;) {
       seen = AwaitChange(round_, seen);
       const uint32_t count = seen & kCountMask;
       if (count == kStop) return;
-      if (index >= count) continue;
-      Work(static_cast<int>(index) + 1);
-      if (working_.fetch_sub(1, std::memory_order_seq_cst) == 1) working_.notify_one();
+      if (index >= count || !Enter()) continue;
+      const int thread = static_cast<int>(index) + 1;
+      if (thread < loop_->threads) Work(thread);
+      Leave();
     }
   }
 
   std::vector<std::thread> helpers_;
   std::atomic<uint32_t> round_{0};
-  std::atomic<uint32_t> working_{0};
-  std::vector<Share> shares_;  // by thread
+  std::atomic<uint32_t> gate_{kClosed};  // helpers at work; kClosed: no more may come
+  std::vector<Share> shares_;            // by thread
   const Loop* loop_ = nullptr;
 };
 

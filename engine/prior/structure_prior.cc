@@ -215,12 +215,12 @@ double IntensityNoise(const Photo& photo, const PlaneU8& mask) {
   return std::max(rounding, noise.Deviation() / 255);
 }
 
-double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options,
+double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options, int threads,
                   absl::Span<const PlaneU8> masks) {
-  std::vector<float> noise;
-  for (size_t i = 0; i < photos.size(); ++i) {
-    noise.push_back(static_cast<float>(IntensityNoise(photos[i], MaskOf(masks, i))));
-  }
+  std::vector<float> noise(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    noise[i] = static_cast<float>(IntensityNoise(photos[i], MaskOf(masks, i)));
+  });
   return noise.empty() ? 0 : options.floor_noise_factor * Median(&noise);
 }
 
@@ -231,7 +231,7 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
   LITAGS_RETURN_IF_ERROR(options.Validate());
   CapturePriors result;
   StructurePriorOptions resolved = options;
-  if (resolved.floor < 0) resolved.floor = NoiseFloor(photos, options, masks);
+  if (resolved.floor < 0) resolved.floor = NoiseFloor(photos, options, threads, masks);
   result.floor = resolved.floor;
   if (threads <= 0) threads = DefaultThreadCount();
   std::vector<absl::Status> status(photos.size());

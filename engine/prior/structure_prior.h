@@ -56,7 +56,7 @@ double IntensityNoise(const Photo& photo, const PlaneU8& mask = {});
 
 // Below this E a photo says nothing about structure: floor_noise_factor times the median of
 // IntensityNoise over the capture.
-double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options,
+double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options, int threads,
                   absl::Span<const PlaneU8> masks = {});
 
 struct CapturePriors {

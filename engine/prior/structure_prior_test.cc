@@ -169,7 +169,7 @@ TEST(CapturePriors, ShareOneScaleThatClipsOnePercent) {
   const auto priors = ComputeCapturePriors(photos, options, 2, CancelToken());
   ASSERT_TRUE(priors.ok()) << priors.status();
   ASSERT_EQ(priors->maps.size(), 3u);
-  EXPECT_NEAR(priors->floor, NoiseFloor(photos, options), 1e-12);
+  EXPECT_NEAR(priors->floor, NoiseFloor(photos, options, 1), 1e-12);
   options.floor = priors->floor;
   size_t above = 0, total = 0;
   for (int i = 0; i < 3; ++i) {

@@ -84,7 +84,7 @@ TEST(MaskedPhotos, ExposuresAreThoseOfWhatCounts) {
 TEST(MaskedPhotos, NoiseAndScaleOfStructureAreThoseOfWhatCounts) {
   const Photos photos;
   EXPECT_DOUBLE_EQ(IntensityNoise(photos.whole[0], photos.masks[0]), IntensityNoise(photos.cut[0]));
-  EXPECT_DOUBLE_EQ(NoiseFloor(photos.whole, {}, photos.masks), NoiseFloor(photos.cut, {}));
+  EXPECT_DOUBLE_EQ(NoiseFloor(photos.whole, {}, 1, photos.masks), NoiseFloor(photos.cut, {}, 1));
   StructurePriorOptions options;
   options.scale_sigma_to_width = false;
   std::vector<Photo> filled = photos.whole;

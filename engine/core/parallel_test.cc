@@ -1,0 +1,77 @@
+#include "engine/core/parallel.h"
+
+#include <gtest/gtest.h>
+#include <pthread.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <future>
+#include <thread>
+#include <vector>
+
+namespace litags {
+namespace {
+
+// Which write and read ends of pipes the handler uses.
+int stopped[2], go_on[2];
+
+void Stop(int) {
+  char byte = 0;
+  if (write(stopped[1], &byte, 1) != 1 || read(go_on[0], &byte, 1) != 1) _exit(1);
+}
+
+// A loop's helper thread: both threads take one of two tasks.
+pthread_t HelperOfThisThread() {
+  std::atomic<int> at_work = 0;
+  pthread_t helper = pthread_self();
+  ParallelFor(2, 2, [&](size_t, int thread) {
+    if (thread == 1) helper = pthread_self();
+    ++at_work;
+    while (at_work < 2) std::this_thread::yield();
+  });
+  return helper;
+}
+
+TEST(ParallelFor, DoesNotWaitForAThreadThatDoesNotCome) {
+  ASSERT_EQ(pipe(stopped), 0);
+  ASSERT_EQ(pipe(go_on), 0);
+  struct sigaction action = {};
+  action.sa_handler = Stop;
+  ASSERT_EQ(sigaction(SIGUSR1, &action, nullptr), 0);
+  std::promise<std::vector<int>> done;
+  std::future<std::vector<int>> threads_of_tasks = done.get_future();
+  std::thread caller([&] {
+    const pthread_t helper = HelperOfThisThread();
+    char byte = 0;
+    // A core that has other work.
+    EXPECT_EQ(pthread_kill(helper, SIGUSR1), 0);
+    EXPECT_EQ(read(stopped[0], &byte, 1), 1);
+    std::vector<int> threads(100, -1);
+    ParallelFor(2, threads.size(), [&](size_t task, int thread) { threads[task] = thread; });
+    done.set_value(threads);
+  });
+  const bool ended =
+      threads_of_tasks.wait_for(std::chrono::seconds(60)) == std::future_status::ready;
+  char byte = 0;
+  EXPECT_EQ(write(go_on[1], &byte, 1), 1);
+  caller.join();
+  EXPECT_TRUE(ended) << "the loop waited for its second thread";
+  EXPECT_EQ(threads_of_tasks.get(), std::vector<int>(100, 0));
+}
+
+TEST(ParallelFor, LoopsInQuickSuccessionDoEveryTaskOnce) {
+  for (int loop = 0; loop < 20'000; ++loop) {
+    const int threads = 2 + loop % 3, tasks = 1 + loop % 17;
+    std::vector<std::atomic<int>> times(tasks);
+    ParallelFor(threads, tasks, [&](size_t task, int thread) {
+      ASSERT_LT(thread, threads);
+      ++times[task];
+    });
+    for (const std::atomic<int>& n : times) ASSERT_EQ(n, 1) << loop;
+  }
+}
+
+}  // namespace
+}  // namespace litags
