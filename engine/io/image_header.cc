@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <iterator>
 
 #include "engine/io/byte_reader.h"
 #include "engine/io/io_error.h"
@@ -82,6 +84,30 @@ bool ReadChunk(ByteReader* reader, PngChunk* chunk) {
          reader->ReadBytes(size, &chunk->data) && reader->Skip(4);
 }
 
+// Of the directory that EXIF's tags of the exposure are in.
+ExifLens ReadExifLens(const TiffReader& reader, size_t directory) {
+  constexpr uint16_t kFocalLength = 0x920A, kFocalLengthIn35mmFilm = 0xA405, kWidth = 0xA002,
+                     kHeight = 0xA003, kPlaneResolution = 0xA20E, kPlaneUnit = 0xA210;
+  constexpr uint16_t kShort = TiffReader::kShort, kLong = TiffReader::kLong;
+  const auto side = [&](uint16_t tag) {
+    const size_t at = reader.Find(directory, tag, kLong);
+    const uint32_t pixels = at != 0 ? reader.Get<uint32_t>(at)
+                                    : reader.Get<uint16_t>(reader.Find(directory, tag, kShort));
+    return pixels <= kMaxImageSide ? static_cast<int>(pixels) : 0;
+  };
+  const auto unit = reader.Get<uint16_t>(reader.Find(directory, kPlaneUnit, kShort));
+  constexpr double kMmOfUnit[] = {25.4, 25.4, 25.4, 10, 1, 0.001};  // 2: inch, the default
+  ExifLens lens;
+  lens.in_35mm = reader.Get<uint16_t>(reader.Find(directory, kFocalLengthIn35mmFilm, kShort));
+  lens.mm = reader.GetRatio(directory, kFocalLength);
+  if (unit < std::size(kMmOfUnit)) {
+    lens.pixels_per_mm = reader.GetRatio(directory, kPlaneResolution) / kMmOfUnit[unit];
+  }
+  lens.width = side(kWidth);
+  lens.height = side(kHeight);
+  return lens;
+}
+
 }  // namespace
 
 bool IsJpeg(std::string_view bytes) { return bytes.starts_with(kJpegMagic); }
@@ -90,8 +116,7 @@ bool IsPng(std::string_view bytes) { return bytes.starts_with(kPngMagic); }
 
 void ReadExif(std::string_view tiff, ImageInfo* info) {
   constexpr uint16_t kOrientation = 0x0112, kCameraDirectory = 0x8769, kExposureTime = 0x829A,
-                     kFNumber = 0x829D, kIso = 0x8827, kFocalLength = 0x920A,
-                     kFocalLengthIn35mmFilm = 0xA405;
+                     kFNumber = 0x829D, kIso = 0x8827;
   constexpr uint16_t kShort = TiffReader::kShort;
   const TiffReader reader(tiff);
   const size_t main = reader.FirstDirectory();
@@ -100,12 +125,37 @@ void ReadExif(std::string_view tiff, ImageInfo* info) {
     info->orientation = orientation;
   }
   const size_t camera = reader.FindDirectory(main, kCameraDirectory);
-  double focal = reader.Get<uint16_t>(reader.Find(camera, kFocalLengthIn35mmFilm, kShort));
-  if (focal == 0) focal = reader.GetRatio(camera, kFocalLength);
-  if (info->focal_length == 0) info->focal_length = focal;
+  if (info->focal_length == 0) {
+    info->lens = ReadExifLens(reader, camera);
+    info->focal_length = info->lens.in_35mm > 0 ? info->lens.in_35mm : info->lens.mm;
+  }
   if (info->exposure_time == 0) info->exposure_time = reader.GetRatio(camera, kExposureTime);
   if (info->f_number == 0) info->f_number = reader.GetRatio(camera, kFNumber);
   if (info->iso == 0) info->iso = reader.Get<uint16_t>(reader.Find(camera, kIso, kShort));
+}
+
+double ExifFocalLength(const ImageInfo& info) {
+  constexpr double kFilmDiagonal = 43.267;                 // mm, of 36 x 24
+  constexpr double kLeastSensor = 2, kLargestSensor = 60;  // mm: of phones, medium format
+  constexpr double kLeast = 0.25, kMost = 10;              // of the longer side: 127 to 6 degrees
+  constexpr double kSameShape = 0.02;                      // rounded sides, margins of RAW
+  const ExifLens& lens = info.lens;
+  const auto [shorter, longer] = std::minmax(info.width, info.height);
+  const auto [wrote_shorter, wrote_longer] = std::minmax(lens.width, lens.height);
+  if (longer == 0) return 0;
+  if (wrote_shorter > 0 &&
+      std::abs(double(shorter) * wrote_longer / (double(longer) * wrote_shorter) - 1) >
+          kSameShape) {
+    return 0;
+  }
+  double focal = 0;
+  if (lens.in_35mm > 0) {
+    focal = lens.in_35mm / kFilmDiagonal * std::hypot(shorter, longer);
+  } else if (lens.mm > 0 && lens.pixels_per_mm > 0 && wrote_longer > 0) {
+    const double sensor = wrote_longer / lens.pixels_per_mm;
+    if (sensor >= kLeastSensor && sensor <= kLargestSensor) focal = lens.mm / sensor * longer;
+  }
+  return focal >= kLeast * longer && focal <= kMost * longer ? focal : 0;
 }
 
 absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field) {

@@ -28,6 +28,14 @@ struct ImageLimits {
 
 enum class ImageFormat { kJpeg, kPng, kRaw, kTiff, kWebp, kHeif, kJxl };
 
+// What EXIF says of the lens; 0: not said.
+struct ExifLens {
+  double in_35mm = 0;         // focal length of a 35 mm camera that sees as much, mm
+  double mm = 0;              // the lens' own
+  double pixels_per_mm = 0;   // of the sensor
+  int width = 0, height = 0;  // of the picture that the camera wrote, px
+};
+
 // What a header says. The size is that of the upright picture: EXIF orientation applied.
 struct ImageInfo {
   ImageFormat format = ImageFormat::kJpeg;
@@ -38,6 +46,7 @@ struct ImageInfo {
   // EXIF, mm: of a 35 mm camera that sees as much, else the lens' own; 0: not said. Tells lenses
   // of one camera and steps of a zoom apart.
   double focal_length = 0;
+  ExifLens lens;
   // Of the exposure: s, ISO and f-number; 0: not said. The light on the sensor times its gain is
   // relative to exposure_time * iso / f_number^2.
   double exposure_time = 0;
@@ -54,6 +63,11 @@ struct ImageInfo {
 // kind of such a format that is not read, by name).
 absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view field,
                                         const ImageLimits& limits = {});
+
+// Focal length that EXIF gives for a picture of this size, px; 0 if it says none, or none that a
+// lens without fisheye can have, or if the camera wrote a picture of another shape: one that was
+// cut since.
+double ExifFocalLength(const ImageInfo& info);
 
 // Decodes to upright RGB with the precision that the file has: JPEG in floating point from its
 // coefficients (jpeg_decode.cc), RAW from the sensor's numbers (raw_decode.cc), others with their 8

@@ -291,6 +291,32 @@ TEST(ReadImageInfo, KnowsTheFocalLengthOfExif) {
   for (size_t n = 0; n < whole.size(); ++n) EXPECT_EQ(focal(whole.substr(0, n)), 0) << n;
 }
 
+TEST(ExifFocalLength, IsThatOfThePicturesSize) {
+  const std::string jpeg = EncodeJpeg(TestImage(360, 240)).value();
+  const auto focal = [&](const std::string& tiff) {
+    return ExifFocalLength(ReadImageInfo(WithJpegExif(jpeg, tiff), "f").value());
+  };
+  EXPECT_NEAR(focal(FocalBlock(36, 425, 100)), 360, 0.1);  // of film of 36 mm
+  EXPECT_EQ(focal(FocalBlock(0, 425, 100)), 0);            // of a sensor of any size
+  // 24 mm wide with 6000 px, of which 360 are left.
+  EXPECT_NEAR(focal(LensBlock(0, 24, 6350, 6000, 4000)), 360, 0.1);
+  EXPECT_NEAR(focal(LensBlock(36, 50, 6350, 6000, 4000)), 360, 0.1);
+  EXPECT_NEAR(focal(LensBlock(36, 50, 6350, 4000, 6000)), 360, 0.1);  // upright since
+}
+
+TEST(ExifFocalLength, NonsenseIsNone) {
+  const std::string jpeg = EncodeJpeg(TestImage(360, 240)).value();
+  const auto focal = [&](const std::string& tiff) {
+    return ExifFocalLength(ReadImageInfo(WithJpegExif(jpeg, tiff), "f").value());
+  };
+  EXPECT_EQ(focal(LensBlock(36, 24, 6350, 6000, 3000)), 0);  // cut since
+  EXPECT_EQ(focal(LensBlock(0, 24, 6350, 360, 240)), 0);     // a sensor of 1.4 mm: shrunk since
+  EXPECT_EQ(focal(LensBlock(0, 24, 0, 6000, 4000)), 0);
+  EXPECT_EQ(focal(FocalBlock(8, 425, 100)), 0);     // 132 degrees
+  EXPECT_EQ(focal(FocalBlock(4000, 425, 100)), 0);  // half a degree
+  EXPECT_EQ(focal(ExifBlock(6, true)), 0);
+}
+
 TEST(DecodeImage, IgnoresBrokenExif) {
   const std::string jpeg = EncodeJpeg(TestImage(16, 8)).value();
   for (int orientation : {0, 9, 65535}) {

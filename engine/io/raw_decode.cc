@@ -181,8 +181,9 @@ absl::StatusOr<ImageInfo> ReadRawInfo(std::string_view bytes, std::string_view f
   info.exposure_time = data.other.shutter;
   info.iso = data.other.iso_speed;
   info.f_number = data.other.aperture;
-  info.focal_length = data.lens.FocalLengthIn35mmFormat > 0 ? data.lens.FocalLengthIn35mmFormat
-                                                            : data.other.focal_len;
+  info.lens.in_35mm = data.lens.FocalLengthIn35mmFormat;
+  info.lens.mm = data.other.focal_len;
+  info.focal_length = info.lens.in_35mm > 0 ? info.lens.in_35mm : info.lens.mm;
   return info;
 }
 

@@ -206,6 +206,12 @@ absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatche
   return db.Execute("COMMIT");
 }
 
+absl::Status ForgetVerifiedPairs(const std::string& path) {
+  Database db(path);
+  LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
+  return db.Execute("DELETE FROM two_view_geometries");
+}
+
 absl::Status CopyForVerification(const std::string& from, const std::string& to) {
   std::error_code error;
   std::filesystem::copy_file(from, to, std::filesystem::copy_options::overwrite_existing, error);

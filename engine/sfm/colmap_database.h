@@ -59,6 +59,9 @@ absl::StatusOr<std::vector<ImageMatches>> ReadVerifiedMatches(const std::string&
 // Stores the matches of these pairs in place of all that were there.
 absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatches>& pairs);
 
+// Takes out the verified pairs.
+absl::Status ForgetVerifiedPairs(const std::string& path);
+
 // A copy without what only matching needs, and without verified pairs, in place of `to`.
 absl::Status CopyForVerification(const std::string& from, const std::string& to);
 

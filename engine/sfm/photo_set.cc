@@ -133,7 +133,7 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(images_dir, "images"));
   std::vector<PhotoFile> photos;
   photos.reserve(names.size());
-  std::vector<double> focal_lengths;
+  std::vector<double> focal_lengths, exif_focal_lengths;  // mm, px
   for (const std::string& name : names) {
     PhotoFile photo;
     photo.name = name;
@@ -143,6 +143,7 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
     photo.height = info.height;
     if (const auto mask = masks.find(name); mask != masks.end()) photo.mask_path = mask->second;
     focal_lengths.push_back(info.focal_length);
+    exif_focal_lengths.push_back(ExifFocalLength(info));
     photos.push_back(std::move(photo));
   }
   ShareSizes(photos);
@@ -162,6 +163,8 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
       const double known = found->second.focal_length;
       absl::StrAppendFormat(&photo.camera, "_%gpx", known);
       photo.copy_focal_length = known * photo.copy_width / photo.shown.width;
+    } else {
+      photo.copy_exif_focal_length = exif_focal_lengths[i] * photo.copy_width / photo.shown.width;
     }
     photo.copy_name = absl::StrFormat("%s/%06d.png", photo.camera, i);
   }

@@ -31,6 +31,7 @@ struct PhotoFile {
   PixelRect shown;
   int copy_width = 0, copy_height = 0;  // px
   double copy_focal_length = 0;         // px, if it is known, else 0
+  double copy_exif_focal_length = 0;    // px, as EXIF has it, which may be wrong; else 0
   std::string mask_path;                // empty: all pixels count
 };
 

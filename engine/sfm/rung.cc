@@ -25,18 +25,28 @@ namespace fs = std::filesystem;
 constexpr int kFewFeatures =
     50;  // fewer cannot give the 15 matches to several photos that SfM needs
 
-absl::Status Match(const RungInput& in, Colmap& colmap, SfmRung& rung) {
-  const auto start = std::chrono::steady_clock::now();
-  in.report("match", 0);
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<NamePair> pairs,
-                          MatchPhotos(colmap.database_path(), in.options, in.cancel,
-                                      [&](double f) { in.report("match", f); }));
-  rung.match_seconds = SecondsSince(start);
-  in.report("verify", 0);
-  LITAGS_ASSIGN_OR_RETURN(rung.verify_seconds,
-                          colmap.Verify(pairs, [&](double f) { in.report("verify", f); }));
-  return absl::OkStatus();
-}
+// What verified pairs and the mapper make of the matches.
+struct Mapping {
+  std::vector<SparseModel> models;  // the one to keep first
+  std::vector<VerifiedPair> pairs;
+  bool turned = false;
+
+  size_t placed() const { return models.empty() ? 0 : models[0].views.size(); }
+  // Of points by photos.
+  int64_t sightings() const {
+    int64_t sum = 0;
+    if (models.empty()) return sum;
+    for (const SparsePoint& point : models[0].points) sum += point.track_length();
+    return sum;
+  }
+  // Mean over those, px.
+  double error() const {
+    double sum = 0;
+    if (models.empty()) return sum;
+    for (const SparsePoint& point : models[0].points) sum += point.error * point.track_length();
+    return sum / static_cast<double>(std::max<int64_t>(sightings(), 1));
+  }
+};
 
 // The photo of each view of a model of copies. The model's reader drops folders from names.
 absl::StatusOr<std::vector<int>> PhotoOfViews(const SparseModel& copies,
@@ -154,32 +164,100 @@ absl::StatusOr<bool> CameraTurned(const std::string& database, const std::vector
   return TurnedInPlace(seen, longer_side);
 }
 
+absl::StatusOr<Mapping> VerifyAndMap(const RungInput& in, const std::vector<NamePair>& pairs,
+                                     const char* models, Colmap& colmap, SfmRung& rung) {
+  const std::string models_dir = absl::StrCat(in.dir, "/", models);
+  LITAGS_RETURN_IF_ERROR(MakeFolder(models_dir));
+  in.report("verify", 0);
+  LITAGS_ASSIGN_OR_RETURN(const double verify_seconds,
+                          colmap.Verify(pairs, [&](double f) { in.report("verify", f); }));
+  in.report("map", 0);
+  LITAGS_ASSIGN_OR_RETURN(
+      const double map_seconds,
+      colmap.Map(models_dir, in.photos, [&](double f) { in.report("map", f); }));
+  rung.verify_seconds += verify_seconds;
+  rung.map_seconds += map_seconds;
+  Mapping mapping;
+  LITAGS_ASSIGN_OR_RETURN(mapping.models, ReadModels(models_dir, in.photos, in.options.rig_views));
+  LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(colmap.database_path()));
+  LITAGS_ASSIGN_OR_RETURN(mapping.pairs, ReadVerifiedPairs(colmap.database_path(), kMinInliers));
+  LITAGS_ASSIGN_OR_RETURN(mapping.turned,
+                          CameraTurned(colmap.database_path(), in.photos, images, mapping.pairs));
+  return mapping;
+}
+
+// Whether EXIF says focal lengths, and the photos are not all placed with such ones.
+bool ExifMayHelp(const RungInput& in, const Mapping& mapping) {
+  // EXIF rounds to mm, of the diagonal or the width. Choice
+  constexpr double kAgree = 1.15;
+  std::map<std::string, double> said;
+  for (const PhotoFile& photo : in.photos) {
+    if (photo.copy_exif_focal_length <= 0) continue;
+    said[photo.name] = photo.copy_exif_focal_length * photo.shown.width / photo.copy_width;
+  }
+  if (said.empty()) return false;
+  const double enough = in.options.enough_registered * static_cast<double>(in.photos.size());
+  if (static_cast<double>(mapping.placed()) < enough - 1e-9) return true;
+  return std::any_of(mapping.models[0].views.begin(), mapping.models[0].views.end(),
+                     [&](const View& view) {
+                       const auto found = said.find(view.name);
+                       if (found == said.end()) return false;
+                       const double ratio = view.camera.fx / found->second;
+                       return ratio > kAgree || ratio < 1 / kAgree;
+                     });
+}
+
+// More photos; else as many, in whatever way one looks at it: a model with a wrong focal length may
+// have more points in shorter tracks, or as many that fit worse.
+bool IsBetter(const Mapping& a, const Mapping& b) {
+  if (a.placed() != b.placed()) return a.placed() > b.placed();
+  return a.sightings() > b.sightings() && a.error() <= b.error();
+}
+
+// Starts from EXIF's focal lengths what COLMAP's first guess did not bring to an end.
+absl::Status TryExif(const RungInput& in, const std::vector<NamePair>& pairs, Colmap& colmap,
+                     RungOutput& out, Mapping& mapping) {
+  std::vector<std::pair<std::string, double>> said;
+  for (const PhotoFile& photo : in.photos) {
+    if (photo.copy_exif_focal_length <= 0) continue;
+    said.emplace_back(photo.copy_name, photo.copy_exif_focal_length);
+  }
+  LITAGS_RETURN_IF_ERROR(SetFocalLengths(colmap.database_path(), said));
+  LITAGS_RETURN_IF_ERROR(ForgetVerifiedPairs(colmap.database_path()));
+  LITAGS_ASSIGN_OR_RETURN(Mapping other, VerifyAndMap(in, pairs, "models_exif", colmap, out.rung));
+  if (!IsBetter(other, mapping)) return absl::OkStatus();
+  out.note = absl::StrCat("the focal length that EXIF says was the start: ", other.placed(),
+                          " photos were placed, which see points ", other.sightings(),
+                          " times; without it ", mapping.placed(), ", and ", mapping.sightings());
+  mapping = std::move(other);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<RungOutput> MapPhotos(const RungInput& in) {
-  const std::string models_dir = in.dir + "/models";
-  LITAGS_RETURN_IF_ERROR(MakeFolder(models_dir));
   Colmap colmap(in.options, in.dir, in.cancel);
   RungOutput out;
   LITAGS_RETURN_IF_ERROR(PrepareAndExtract(in, colmap, out.rung));
-  LITAGS_RETURN_IF_ERROR(Match(in, colmap, out.rung));
-  in.report("map", 0);
-  LITAGS_ASSIGN_OR_RETURN(out.rung.map_seconds, colmap.Map(models_dir, in.photos,
-                                                           [&](double f) { in.report("map", f); }));
-
-  LITAGS_ASSIGN_OR_RETURN(std::vector<SparseModel> models,
-                          ReadModels(models_dir, in.photos, in.options.rig_views));
+  const auto start = std::chrono::steady_clock::now();
+  in.report("match", 0);
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<NamePair> pairs,
+                          MatchPhotos(colmap.database_path(), in.options, in.cancel,
+                                      [&](double f) { in.report("match", f); }));
+  out.rung.match_seconds = SecondsSince(start);
+  LITAGS_ASSIGN_OR_RETURN(Mapping mapping, VerifyAndMap(in, pairs, "models", colmap, out.rung));
+  if (ExifMayHelp(in, mapping)) {
+    LITAGS_RETURN_IF_ERROR(TryExif(in, pairs, colmap, out, mapping));
+  }
   LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(colmap.database_path()));
-  LITAGS_ASSIGN_OR_RETURN(const auto pairs, ReadVerifiedPairs(colmap.database_path(), kMinInliers));
-  LITAGS_ASSIGN_OR_RETURN(out.photos, PhotoFacts(in, images, pairs));
-  const std::map<std::string, int> group_of = GroupPhotos(models, out.rung.groups);
+  LITAGS_ASSIGN_OR_RETURN(out.photos, PhotoFacts(in, images, mapping.pairs));
+  const std::map<std::string, int> group_of = GroupPhotos(mapping.models, out.rung.groups);
   for (SfmPhoto& photo : out.photos) {
     const auto found = group_of.find(photo.name);
     ExplainDrop(photo, found == group_of.end() ? -1 : found->second, out.rung.groups);
   }
-  LITAGS_ASSIGN_OR_RETURN(out.rung.turned,
-                          CameraTurned(colmap.database_path(), in.photos, images, pairs));
-  if (!models.empty()) out.model = std::move(models[0]);
+  out.rung.turned = mapping.turned;
+  if (!mapping.models.empty()) out.model = std::move(mapping.models[0]);
   out.rung.registered = static_cast<int>(out.model.views.size());
   out.rung.points = static_cast<int64_t>(out.model.points.size());
   return out;

@@ -132,6 +132,7 @@ absl::StatusOr<SfmResult> Climb(const Capture& capture, TryRung try_rung,
   }
   result.model = std::move(best->model);
   result.photos = std::move(best->photos);
+  if (!best->note.empty()) result.notes.push_back(std::move(best->note));
   result.preparation = best->rung.preparation;
   result.exposure = capture.exposure;
   result.mean_level = capture.light.mean_level;
