@@ -49,10 +49,10 @@ std::string ResolveCameras(const std::string& path) {
 }
 
 absl::StatusOr<SparseModel> ReadCamerasOf(const std::string& resolved, std::string_view field,
-                                          const PhotoSizes& sizes) {
+                                          const PhotoSizes& sizes, PanoramaNames* panoramas) {
   std::error_code ignored;
   if (fs::is_directory(resolved, ignored)) return ReadColmapModel(resolved, field);
-  return ReadTransforms(resolved, field, sizes);
+  return ReadTransforms(resolved, field, sizes, panoramas);
 }
 
 }  // namespace litags

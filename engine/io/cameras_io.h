@@ -16,9 +16,10 @@ namespace litags {
 std::string ResolveCameras(const std::string& path);
 
 // As ReadCameras of a resolved path. A JSON file that needs a size which `sizes` does not know is
-// an error.
+// an error. `panoramas`: as PanoramaNames has it.
 absl::StatusOr<SparseModel> ReadCamerasOf(const std::string& resolved, std::string_view field,
-                                          const PhotoSizes& sizes);
+                                          const PhotoSizes& sizes,
+                                          PanoramaNames* panoramas = nullptr);
 
 }  // namespace litags
 

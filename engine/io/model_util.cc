@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <opencv2/core.hpp>
 #include <string>
 #include <utility>
@@ -12,7 +13,8 @@
 namespace litags {
 
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
-                                        std::vector<size_t>* order) {
+                                        std::vector<size_t>* order,
+                                        std::set<std::string>* panoramas) {
   std::sort(views.begin(), views.end(),
             [](const LoadedView& a, const LoadedView& b) { return a.view.name < b.view.name; });
   SparseModel model;
@@ -30,6 +32,12 @@ absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::stri
       return InvalidField("DUPLICATE_NAME", where,
                           "two cameras have this file name; give every photo its own");
     }
+    if (loaded.panorama && panoramas == nullptr) {
+      return InvalidField("UNSUPPORTED_CAMERA_MODEL", where,
+                          "panoramas (EQUIRECTANGULAR, spherical) are not supported here; "
+                          "cut views out of them first");
+    }
+    if (loaded.panorama) panoramas->insert(name);
     if (order != nullptr) order->push_back(loaded.source_id);
     model.distortions.push_back(d);
     model.views.push_back(std::move(loaded.view));
@@ -48,6 +56,12 @@ absl::Status SetSize(double width, double height, std::string_view where, Camera
   camera->width = static_cast<int>(width);
   camera->height = static_cast<int>(height);
   return absl::OkStatus();
+}
+
+void SetPanorama(Camera* camera) {
+  camera->fx = camera->fy = camera->width / (2 * std::numbers::pi);
+  camera->cx = camera->width / 2.0;
+  camera->cy = camera->height / 2.0;
 }
 
 absl::Status SetPlace(std::span<const double, 9> rotation, std::span<const double, 3> center,

@@ -2,7 +2,9 @@
 #ifndef LITAGS_ENGINE_IO_MODEL_UTIL_H_
 #define LITAGS_ENGINE_IO_MODEL_UTIL_H_
 
+#include <set>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -17,15 +19,22 @@ struct LoadedView {
   View view;
   Distortion distortion;
   size_t source_id = 0;
+  bool panorama = false;
 };
 
 // Checks every camera, name and coefficient, sorts by name and refuses double names. `order`, if
-// not null, receives the source ids in the order of the model's views.
+// not null, receives the source ids in the order of the model's views; `panoramas`, if not null,
+// the names of panoramas, which are refused otherwise.
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
-                                        std::vector<size_t>* order);
+                                        std::vector<size_t>* order,
+                                        std::set<std::string>* panoramas = nullptr);
 
 // Whole numbers of pixels. INVALID_ARGUMENT (BAD_CAMERA_SIZE).
 absl::Status SetSize(double width, double height, std::string_view where, Camera* camera);
+
+// What the camera of a panorama of its size has for numbers that it has not: px a radian as focal
+// length, and the middle.
+void SetPanorama(Camera* camera);
 
 // `rotation`: cam_from_world, row by row; the nearest rotation is taken, which is near
 // (NOT_A_ROTATION). `center`: in the world.

@@ -57,6 +57,19 @@ absl::Status ReadDistortion(const std::string& type, const Json& data, std::stri
   return good ? absl::OkStatus() : Bad(where, absl::StrCat("the lens '", type, "' lacks numbers"));
 }
 
+// It has a size and nothing else, as a member of its base class.
+absl::Status ReadSphere(const Json& data, std::string_view where, Camera* camera) {
+  const Json& base = Member(data, "value0");
+  const Json& size = base.is_object() ? base : data;
+  double width = 0, height = 0;
+  if (!ReadNumber(Member(size, "width"), &width) || !ReadNumber(Member(size, "height"), &height)) {
+    return Bad(where, "it lacks width or height");
+  }
+  LITAGS_RETURN_IF_ERROR(SetSize(width, height, where, camera));
+  SetPanorama(camera);
+  return absl::OkStatus();
+}
+
 // By key. Only the first lens of a type names it; the others have its number.
 absl::StatusOr<std::map<std::string, LoadedView>> ReadLenses(const Json& list,
                                                              std::string_view field) {
@@ -74,6 +87,12 @@ absl::StatusOr<std::map<std::string, LoadedView>> ReadLenses(const Json& list,
     }
     const Json& data = DataOf(entry);
     LoadedView lens;
+    lens.panorama = types.contains(number) && types[number] == "spherical";
+    if (lens.panorama) {
+      LITAGS_RETURN_IF_ERROR(ReadSphere(data, where, &lens.view.camera));
+      lenses[key] = lens;
+      continue;
+    }
     double width = 0, height = 0, center[2] = {};
     if (!ReadNumber(Member(data, "width"), &width) ||
         !ReadNumber(Member(data, "height"), &height) ||
@@ -97,7 +116,8 @@ bool IsOpenMvg(std::string_view json) {
   return json.find("\"sfm_data_version\"") != std::string_view::npos;
 }
 
-absl::StatusOr<SparseModel> ParseOpenMvg(std::string_view json, std::string_view field) {
+absl::StatusOr<SparseModel> ParseOpenMvg(std::string_view json, std::string_view field,
+                                         std::set<std::string>* panoramas) {
   LITAGS_ASSIGN_OR_RETURN(const Json top, ParseBoundedJson(json, field, kDropped));
   LITAGS_ASSIGN_OR_RETURN(const auto lenses, ReadLenses(Member(top, "intrinsics"), field));
   std::map<std::string, const Json*> poses;
@@ -130,7 +150,7 @@ absl::StatusOr<SparseModel> ParseOpenMvg(std::string_view json, std::string_view
     return InvalidField("NO_CAMERAS", field,
                         "no view has a pose; give the file that OpenMVG's reconstruction wrote");
   }
-  return FinishModel(std::move(views), field, nullptr);
+  return FinishModel(std::move(views), field, nullptr, panoramas);
 }
 
 }  // namespace litags

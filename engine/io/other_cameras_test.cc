@@ -218,11 +218,29 @@ TEST(OpenMvgCameras, SeeThePointWhereOpenMvgDoes) {
 }
 
 TEST(OpenMvgCameras, OtherLensesAreRefusedByName) {
-  const absl::Status status = ParseTransforms(OpenMvg("spherical", ""), "cameras").status();
+  const absl::Status status = ParseTransforms(OpenMvg("pinhole_x", ""), "cameras").status();
   EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_MODEL");
-  EXPECT_THAT(std::string(status.message()), HasSubstr("'spherical'"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("'pinhole_x'"));
   EXPECT_EQ(Reason(ParseTransforms(OpenMvg("pinhole_radial_k1", ""), "cameras").status()),
             "MISSING_KEY");
+}
+
+TEST(OpenMvgCameras, PanoramasAreForThoseWhoCutThem) {
+  std::string file = OpenMvg("spherical", "");
+  const std::string size = R"("width": 160,
+         "height": 120, "focal_length": 100.0, "principal_point": [77.5, 60.5])";
+  const size_t at = file.find(size);
+  ASSERT_NE(at, std::string::npos);
+  file.replace(at, size.size(), R"("value0": {"width": 160, "height": 80})");
+  EXPECT_EQ(Reason(ParseTransforms(file, "cameras").status()), "UNSUPPORTED_CAMERA_MODEL");
+  EXPECT_TRUE(CheckTransforms(file, "cameras").ok());
+  PanoramaNames panoramas;
+  const auto model = ParseTransforms(
+      file, "cameras", [](const std::string&) { return PhotoSize(); }, &panoramas);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(panoramas, PanoramaNames({"a.jpg"}));
+  EXPECT_EQ(model->views[0].camera.height, 80);
+  EXPECT_NEAR(model->views[0].camera.Center()[1], 0.4, 1e-12);
 }
 
 // AliceVision: rotations column by column, numbers as texts.

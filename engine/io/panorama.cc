@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
-#include "engine/core/check.h"
+#include "absl/strings/numbers.h"
+#include "engine/io/io_error.h"
 
 namespace litags {
 namespace {
@@ -13,18 +13,20 @@ namespace {
 constexpr size_t kMetadataBytes = 512 << 10;  // of the head of a file, where XMP lies
 constexpr size_t kValueBytes = 32;            // after the name of a property
 
-// Where a pixel of a view lies in the panorama, px, pixel centres at +0.5.
-struct Place {
-  double x, y;
-};
-Place PlaceOf(const PanoramaView& view, int side, int x, int y, int width) {
-  const double u = (x + 0.5) / side * 2 - 1, v = (y + 0.5) / side * 2 - 1;  // tangents
-  const auto& R = view.R;
-  const double dx = R[0] * u + R[1] * v + R[2], dy = R[3] * u + R[4] * v + R[5],
-               dz = R[6] * u + R[7] * v + R[8];
-  const double longitude = std::atan2(dx, dz), down = std::atan2(dy, std::hypot(dx, dz));
-  const double pixels = width / (2 * std::numbers::pi);  // a radian
-  return {width / 2.0 + pixels * longitude, width / 4.0 + pixels * down};
+// The number that a property of the namespace GPano has, as an attribute or an element; 0: none.
+double Number(std::string_view bytes, std::string_view property) {
+  const size_t at = bytes.find(property);
+  if (at == std::string_view::npos) return 0;
+  const std::string_view rest = bytes.substr(at + property.size(), kValueBytes);
+  const size_t digits = rest.find_first_of("0123456789");
+  double value = 0;
+  if (digits == std::string_view::npos || digits > 2 ||  // =" or >
+      !absl::SimpleAtod(
+          Absl(rest.substr(digits, rest.find_first_not_of("0123456789.", digits) - digits)),
+          &value)) {
+    return 0;
+  }
+  return value;
 }
 
 // Means of a strip of columns in `bands` of its rows, all channels.
@@ -52,17 +54,35 @@ double MeanDifference(const std::vector<double>& a, const std::vector<double>& b
 
 }  // namespace
 
-int PanoramaViewSide(int panorama_width) {
-  return std::max(2, 2 * static_cast<int>(std::lround(panorama_width / (2 * std::numbers::pi))));
+PanoramaPart WholePanorama(int width, int height) {
+  return {static_cast<double>(width), static_cast<double>(height), 0, 0};
 }
 
-bool SaysPanorama(std::string_view bytes) {
+std::optional<PanoramaPart> StatedPanorama(std::string_view bytes, int width, int height) {
   bytes = bytes.substr(0, kMetadataBytes);
   constexpr std::string_view kName = "GPano:ProjectionType";
   const size_t at = bytes.find(kName);
-  if (at == std::string_view::npos) return false;
-  return bytes.substr(at + kName.size(), kValueBytes).find("equirectangular") !=
-         std::string_view::npos;
+  if (at == std::string_view::npos ||
+      bytes.substr(at + kName.size(), kValueBytes).find("equirectangular") ==
+          std::string_view::npos) {
+    return std::nullopt;
+  }
+  const double cut_width = Number(bytes, "GPano:CroppedAreaImageWidthPixels");
+  const double cut_height = Number(bytes, "GPano:CroppedAreaImageHeightPixels");
+  const double whole_width = Number(bytes, "GPano:FullPanoWidthPixels");
+  const double whole_height = Number(bytes, "GPano:FullPanoHeightPixels");
+  const bool stated =
+      cut_width > 0 && cut_height > 0 && whole_width >= cut_width && whole_height >= cut_height;
+  if (!stated) {
+    if (width != 2 * height) return std::nullopt;
+    return WholePanorama(width, height);
+  }
+  // The photo may have been made smaller since.
+  const double scale = width / cut_width;
+  if (std::abs(scale * cut_height / height - 1) > 0.02) return std::nullopt;  // or cut
+  return PanoramaPart{scale * whole_width, scale * whole_height,
+                      scale * Number(bytes, "GPano:CroppedAreaLeftPixels"),
+                      scale * Number(bytes, "GPano:CroppedAreaTopPixels")};
 }
 
 bool IsClosedAround(const Photo& photo) {
@@ -82,45 +102,6 @@ bool IsClosedAround(const Photo& photo) {
     elsewhere += MeanDifference(first, strip(quarter * photo.width / 4)) / 3;
   }
   return around <= kLike * beside + kRounding && elsewhere >= kUnlike * (around + kRounding);
-}
-
-Photo CutPanoramaView(const Photo& panorama, const PanoramaView& view) {
-  LITAGS_CHECK(!panorama.empty());
-  const int width = panorama.width, side = PanoramaViewSide(width);
-  Photo out(side, side);
-  for (int y = 0; y < side; ++y) {
-    for (int x = 0; x < side; ++x) {
-      const Place place = PlaceOf(view, side, x, y, width);
-      const double left = std::floor(place.x - 0.5), top = std::floor(place.y - 0.5);
-      const auto wx = static_cast<float>(place.x - 0.5 - left);
-      const auto wy = static_cast<float>(place.y - 0.5 - top);
-      // Around the sphere, and up to its poles.
-      const int x0 = (static_cast<int>(left) + width) % width, x1 = (x0 + 1) % width;
-      const int y0 = std::clamp(static_cast<int>(top), 0, panorama.height - 1);
-      const int y1 = std::clamp(static_cast<int>(top) + 1, 0, panorama.height - 1);
-      for (int c = 0; c < 3; ++c) {
-        const float above = panorama.pixel(x0, y0)[c] * (1 - wx) + panorama.pixel(x1, y0)[c] * wx;
-        const float below = panorama.pixel(x0, y1)[c] * (1 - wx) + panorama.pixel(x1, y1)[c] * wx;
-        out.pixel(x, y)[c] = NearestSample(above * (1 - wy) + below * wy);
-      }
-    }
-  }
-  return out;
-}
-
-PlaneU8 CutPanoramaView(const PlaneU8& mask, const PanoramaView& view) {
-  const int side = PanoramaViewSide(mask.width);
-  PlaneU8 out(side, side);
-  for (int y = 0; y < side; ++y) {
-    for (int x = 0; x < side; ++x) {
-      const Place place = PlaceOf(view, side, x, y, mask.width);
-      const int from_x = std::clamp(static_cast<int>(place.x), 0, mask.width - 1);
-      const int from_y = std::clamp(static_cast<int>(place.y), 0, mask.height - 1);
-      out.data[static_cast<size_t>(y) * side + x] =
-          mask.data[static_cast<size_t>(from_y) * mask.width + from_x];
-    }
-  }
-  return out;
 }
 
 }  // namespace litags

@@ -38,10 +38,11 @@ double Waves(double x, double y, double z) {
 
 TEST(Panorama, ViewsShowWhatLiesInTheirDirection) {
   const Photo panorama = PanoramaOf(512, Waves);
-  const int side = PanoramaViewSide(512);
+  const WideLens lens = PanoramaLens(512, 256, WholePanorama(512, 256));
+  const int side = lens.view_side;
   EXPECT_EQ(side, 162);  // 512 / pi
-  for (const PanoramaView& view : kPanoramaViews) {
-    const Photo cut = CutPanoramaView(panorama, view);
+  for (const CubeView& view : kCubeViews) {
+    const Photo cut = CutView(panorama, lens, view);
     ASSERT_EQ(cut.width, side);
     for (const int y : {0, 3, 81, 130, 161}) {
       for (const int x : {0, 40, 80, 161}) {
@@ -59,9 +60,10 @@ TEST(Panorama, ViewsShowWhatLiesInTheirDirection) {
 
 TEST(Panorama, NeighbouringViewsMeet) {
   const Photo panorama = PanoramaOf(512, Waves);
-  const Photo front = CutPanoramaView(panorama, kPanoramaViews[0]);
-  const Photo right = CutPanoramaView(panorama, kPanoramaViews[1]);
-  const Photo up = CutPanoramaView(panorama, kPanoramaViews[4]);
+  const WideLens lens = PanoramaLens(512, 256, WholePanorama(512, 256));
+  const Photo front = CutView(panorama, lens, kCubeViews[0]);
+  const Photo right = CutView(panorama, lens, kCubeViews[1]);
+  const Photo up = CutView(panorama, lens, kCubeViews[4]);
   const int last = front.width - 1;
   for (const int i : {5, 80, 150}) {
     EXPECT_NEAR(front.pixel(last, i)[0], right.pixel(0, i)[0], kPhotoCode);
@@ -72,8 +74,9 @@ TEST(Panorama, NeighbouringViewsMeet) {
 TEST(Panorama, MasksAreCutAlike) {
   PlaneU8 mask(64, 32);
   for (int y = 0; y < 32; ++y) std::fill_n(&mask.data[size_t(y) * 64], 64, y < 26 ? 255 : 0);
-  const PlaneU8 front = CutPanoramaView(mask, kPanoramaViews[0]);
-  const PlaneU8 down = CutPanoramaView(mask, kPanoramaViews[5]);
+  const WideLens lens = PanoramaLens(64, 32, WholePanorama(64, 32));
+  const PlaneU8 front = CutMask(mask, lens, kCubeViews[0]);
+  const PlaneU8 down = CutMask(mask, lens, kCubeViews[5]);
   EXPECT_EQ(std::count(front.data.begin(), front.data.end(), 0), 0);
   const int middle = down.width / 2;
   EXPECT_EQ(down.data[static_cast<size_t>(middle) * down.width + middle], 0);
@@ -94,11 +97,39 @@ TEST(Panorama, EdgesThatMeetTellOneFromAPhoto) {
 
 TEST(Panorama, MetadataSaysSo) {
   const std::string head = "\xFF\xD8\xFF\xE1..http://ns.adobe.com/xap/1.0/<x:xmpmeta ";
-  EXPECT_TRUE(SaysPanorama(head + "GPano:ProjectionType=\"equirectangular\""));
-  EXPECT_TRUE(SaysPanorama(head + "<GPano:ProjectionType>equirectangular</GPano:ProjectionType>"));
-  EXPECT_FALSE(SaysPanorama(head + "GPano:ProjectionType=\"cylindrical\""));
-  EXPECT_FALSE(SaysPanorama(head + "equirectangular"));
-  EXPECT_FALSE(SaysPanorama("GPano:ProjectionType"));
+  const std::string sphere = head + "GPano:ProjectionType=\"equirectangular\" ";
+  EXPECT_TRUE(StatedPanorama(sphere, 512, 256));
+  EXPECT_FALSE(StatedPanorama(sphere, 512, 200));  // of what part?
+  EXPECT_TRUE(StatedPanorama(head + "<GPano:ProjectionType>equirectangular</GPano:ProjectionType>",
+                             512, 256));
+  EXPECT_FALSE(StatedPanorama(head + "GPano:ProjectionType=\"cylindrical\"", 512, 256));
+  EXPECT_FALSE(StatedPanorama(head + "equirectangular", 512, 256));
+  EXPECT_FALSE(StatedPanorama("GPano:ProjectionType", 512, 256));
+}
+
+TEST(Panorama, MetadataTellItsPart) {
+  const std::string part =
+      "GPano:ProjectionType=\"equirectangular\" GPano:FullPanoWidthPixels=\"1000\" "
+      "GPano:FullPanoHeightPixels=\"500\" GPano:CroppedAreaImageWidthPixels=\"600\" "
+      "<GPano:CroppedAreaImageHeightPixels>200</GPano:CroppedAreaImageHeightPixels>"
+      "<GPano:CroppedAreaLeftPixels>100</GPano:CroppedAreaLeftPixels>"
+      "GPano:CroppedAreaTopPixels=\"150\"";
+  const auto half = StatedPanorama(part, 300, 100);  // made smaller since
+  ASSERT_TRUE(half);
+  EXPECT_EQ(half->whole_width, 500);
+  EXPECT_EQ(half->whole_height, 250);
+  EXPECT_EQ(half->left, 50);
+  EXPECT_EQ(half->top, 75);
+  EXPECT_FALSE(StatedPanorama(part, 300, 90));  // cut since
+  // The middle of the sphere is 200 px from its left and 50 from its top.
+  const WideLens lens = PanoramaLens(300, 100, *half);
+  const auto ahead = lens.seen({0, 0, 1});
+  ASSERT_TRUE(ahead);
+  EXPECT_NEAR((*ahead)[0], 200, 1e-9);
+  EXPECT_NEAR((*ahead)[1], 50, 1e-9);
+  EXPECT_FALSE(lens.seen({0, -1, 0.1}));
+  EXPECT_FALSE(lens.seen({0, 0, -1}));
+  EXPECT_EQ(PanoramaLens(300, 100, {1e30, 1e30, 0, 0}).view_side, 4096);
 }
 
 }  // namespace

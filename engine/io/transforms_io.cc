@@ -264,11 +264,20 @@ absl::Status ReadLens(const Keys& keys, Distortion* lens) {
   return absl::OkStatus();
 }
 
+bool IsPanorama(const Keys& keys) {
+  const Json* model = keys.Find("camera_model");
+  return model != nullptr && *model == Json("EQUIRECTANGULAR");
+}
+
 absl::Status ReadIntrinsics(const Keys& keys, int default_width, int default_height, Camera* camera,
                             Distortion* distortion) {
-  LITAGS_RETURN_IF_ERROR(ReadLens(keys, distortion));
   LITAGS_ASSIGN_OR_RETURN(camera->width, ReadSide(keys, "w", default_width));
   LITAGS_ASSIGN_OR_RETURN(camera->height, ReadSide(keys, "h", default_height));
+  if (IsPanorama(keys)) {
+    SetPanorama(camera);
+    return absl::OkStatus();
+  }
+  LITAGS_RETURN_IF_ERROR(ReadLens(keys, distortion));
   LITAGS_ASSIGN_OR_RETURN(const std::optional<double> fx,
                           ReadFocal(keys, "fl_x", "camera_angle_x", camera->width));
   LITAGS_ASSIGN_OR_RETURN(const std::optional<double> fy,
@@ -345,6 +354,7 @@ absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const s
   LoadedView loaded;
   loaded.view.name = BaseName(path->get<std::string>());
   const Keys keys(frame, top, where);
+  loaded.panorama = IsPanorama(keys);
   const bool sized = keys.Find("w") != nullptr && keys.Find("h") != nullptr;
   const PhotoSize size = sized ? PhotoSize() : sizes(loaded.view.name);
   LITAGS_RETURN_IF_ERROR(
@@ -395,8 +405,8 @@ Json IntrinsicsJson(const Camera& camera, const Distortion& d) {
 }  // namespace
 
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
-                                            const PhotoSizes& sizes) {
-  if (IsOpenMvg(json)) return ParseOpenMvg(json, field);
+                                            const PhotoSizes& sizes, PanoramaNames* panoramas) {
+  if (IsOpenMvg(json)) return ParseOpenMvg(json, field, panoramas);
   if (IsMeshroom(json)) return ParseMeshroom(json, field);
   if (const std::string_view program = OtherProgramOf(json); !program.empty()) {
     return InvalidField("UNSUPPORTED_CAMERA_FILE", field,
@@ -422,13 +432,13 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
   };
   LITAGS_RETURN_IF_ERROR(parser.Run(read).status());
   if (views.empty()) return InvalidField("NO_CAMERAS", field, "'frames' is empty");
-  return FinishModel(std::move(views), field, nullptr);
+  return FinishModel(std::move(views), field, nullptr, panoramas);
 }
 
 absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
-                                           const PhotoSizes& sizes) {
+                                           const PhotoSizes& sizes, PanoramaNames* panoramas) {
   LITAGS_ASSIGN_OR_RETURN(const std::string json, ReadFile(path, field, kMaxTransformsBytes));
-  return ParseTransforms(json, field, sizes);
+  return ParseTransforms(json, field, sizes, panoramas);
 }
 
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
@@ -460,8 +470,11 @@ std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json) 
 }
 
 absl::Status CheckTransforms(std::string_view json, std::string_view field) {
-  constexpr int kAnySide = 1000;
-  return ParseTransforms(json, field, kAnySide, kAnySide).status();
+  constexpr PhotoSize kAny = {1000, 1000};
+  PanoramaNames panoramas;
+  return ParseTransforms(
+             json, field, [&](const std::string&) { return kAny; }, &panoramas)
+      .status();
 }
 
 std::string FormatTransforms(const SparseModel& model, std::string_view image_folder) {

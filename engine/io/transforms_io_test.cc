@@ -254,5 +254,19 @@ TEST(ReadTransforms, ReadsTheRealFiles) {
   }
 }
 
+TEST(ParseTransforms, PanoramasAreForThoseWhoCutThem) {
+  const char json[] = R"({"camera_model": "EQUIRECTANGULAR", "w": 400, "h": 200, "fl_x": 200,
+      "frames": [{"file_path": "a.jpg",
+                  "transform_matrix": [[1,0,0,5],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})";
+  EXPECT_EQ(Reason(ParseTransforms(json, "cameras").status()), "UNSUPPORTED_CAMERA_MODEL");
+  EXPECT_TRUE(CheckTransforms(json, "cameras").ok());
+  PanoramaNames panoramas;
+  const auto model = ParseTransforms(
+      json, "cameras", [](const std::string&) { return PhotoSize(); }, &panoramas);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(panoramas, PanoramaNames({"a.jpg"}));
+  EXPECT_EQ(model->views[0].camera.Center()[0], 5);
+}
+
 }  // namespace
 }  // namespace litags

@@ -18,10 +18,10 @@
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/pipeline/panorama_views.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/train_set.h"
 #include "engine/pipeline/video_frames.h"
+#include "engine/pipeline/wide_views.h"
 #include "engine/train/initialize.h"
 #include "engine/train/losses.h"
 #include "engine/train/trainer.h"
@@ -306,7 +306,7 @@ class RealEngine : public Engine {
         WithFramesAsPhotos(given, options.frames, cancel, loading, &report.notes));
     LITAGS_ASSIGN_OR_RETURN(
         const ReconstructInput input,
-        WithViewsOfPanoramas(photos, options.threads, cancel, loading, &report.notes));
+        WithViewsOfWidePhotos(photos, options.threads, cancel, loading, &report.notes));
     const Context context(input, options, cancel, progress, &report,
                           [observer](std::string_view line) { observer->OnLine(line); });
     LITAGS_ASSIGN_OR_RETURN(const TrainSet set, MakeTrainSet(context, colmap_));

@@ -66,6 +66,15 @@ absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std
   return out;
 }
 
+PanoramaNames PhotosOf(const PanoramaNames& views, const NameIndex& index,
+                       const std::vector<std::string>& photos) {
+  PanoramaNames names;
+  for (const std::string& view : views) {
+    if (const auto photo = index.Find(view)) names.insert(photos[*photo]);
+  }
+  return names;
+}
+
 bool SameShape(const Camera& camera, int width, int height) {
   return std::abs(double(width) * camera.height / (double(height) * camera.width) - 1) <= 0.02;
 }
@@ -159,7 +168,8 @@ absl::Status FitToPhotos(const std::string& images_dir, SparseModel* model,
 
 absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,
-                                             std::vector<std::string>* notes) {
+                                             std::vector<std::string>* notes,
+                                             PanoramaNames* panoramas) {
   const NameIndex index(photos);
   // Of a photo that is not there: any, nothing is made of it.
   const auto size_of = [&](const std::string& name) {
@@ -167,7 +177,9 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
     const auto info = ReadImageSize(input.images_dir + "/" + photo, photo);
     return info.ok() ? PhotoSize{info->width, info->height} : PhotoSize();
   };
-  LITAGS_ASSIGN_OR_RETURN(SparseModel given, ReadCamerasOf(input.cameras_path, "cameras", size_of));
+  LITAGS_ASSIGN_OR_RETURN(SparseModel given,
+                          ReadCamerasOf(input.cameras_path, "cameras", size_of, panoramas));
+  if (panoramas != nullptr) *panoramas = PhotosOf(*panoramas, index, photos);
   const std::string some_camera = given.views[0].name;
   LITAGS_ASSIGN_OR_RETURN(SparseModel model, MatchPhotos(std::move(given), photos));
   if (model.views.empty()) {

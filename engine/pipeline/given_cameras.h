@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/io/sparse_model.h"
+#include "engine/io/transforms_io.h"
 #include "engine/pipeline/engine.h"
 
 namespace litags {
@@ -17,9 +18,11 @@ namespace litags {
 // (ResolveCameras). INVALID_ARGUMENT: NO_MATCHING_CAMERAS, CAMERA_AMBIGUOUS (its photo is one of
 // several), DUPLICATE_CAMERA (of one photo), CAMERA_SIZE_MISMATCH, ORIENTATION_AMBIGUOUS (the sizes
 // do not tell whether a camera is of the photo as stored); errors of ReadCameras and ReadImageSize.
+// `panoramas`: as PanoramaNames has it, by the photos' names.
 absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,
-                                             std::vector<std::string>* notes);
+                                             std::vector<std::string>* notes,
+                                             PanoramaNames* panoramas = nullptr);
 
 }  // namespace litags
 

@@ -1,4 +1,5 @@
-// Panoramas of the sample room through the real COLMAP.
+// Panoramas and fisheyes of the sample room through the real COLMAP.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -11,9 +12,14 @@
 
 #include "engine/core/color.h"
 #include "engine/io/image_io.h"
-#include "engine/io/panorama.h"
+#include "engine/io/mask_io.h"
+#include "engine/io/sparse_model.h"
 #include "engine/io/test_util.h"
-#include "engine/pipeline/panorama_views.h"
+#include "engine/io/transforms_io.h"
+#include "engine/io/wide_lens.h"
+#include "engine/pipeline/engine.h"
+#include "engine/pipeline/turned_view.h"
+#include "engine/pipeline/wide_views.h"
 #include "engine/sample/tracer.h"
 #include "engine/sample/world.h"
 #include "engine/sfm/sfm.h"
@@ -25,49 +31,35 @@ namespace fs = std::filesystem;
 
 constexpr int kWidth = 1400, kSide = 446, kPlaces = 5;  // px, of the panoramas and their views
 
-// A camera that looks level along an axis of the room, whose up is z, turned by `view`.
-Camera CameraAt(const Eigen::Vector3d& eye, const PanoramaView& view) {
-  Eigen::Matrix3d level;  // panorama from world
+using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+// A camera that looks level along an axis of the room, whose up is z.
+Camera LevelCamera(const Eigen::Vector3d& eye, int width, int height, double focal_length) {
+  Camera camera = {.width = width,
+                   .height = height,
+                   .fx = focal_length,
+                   .fy = focal_length,
+                   .cx = width / 2.0,
+                   .cy = height / 2.0};
+  Rotation level;  // camera from world
   level << 1, 0, 0, 0, 0, -1, 0, 1, 0;
-  const Eigen::Matrix3d R =
-      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(view.R.data()).transpose() *
-      level;
-  const Eigen::Vector3d t = -R * eye;
-  Camera camera = {.width = kSide,
-                   .height = kSide,
-                   .fx = kSide / 2.0,
-                   .fy = kSide / 2.0,
-                   .cx = kSide / 2.0,
-                   .cy = kSide / 2.0};
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) camera.R[3 * i + j] = R(i, j);
-    camera.t[i] = t[i];
-  }
+  Eigen::Map<Rotation>(camera.R.data()) = level;
+  Eigen::Map<Eigen::Vector3d>(camera.t.data()) = -level * eye;
   return camera;
 }
 
-// What a camera for 360 degrees writes, from the six views: each pixel from the view that sees it.
-ImageU8 Panorama(const std::vector<Planes>& views) {
-  ImageU8 out(kWidth, kWidth / 2);
+Eigen::Vector3d Place(int i) {
+  return {1.2 * std::sin(0.5 * (i - 2)), -1.4 * std::cos(0.5 * (i - 2)), 1.3 + 0.1 * (i % 2)};
+}
+
+// At a normal exposure.
+ImageU8 Exposed(const Planes& light) {
+  ImageU8 out(light.width, light.height);
   for (int y = 0; y < out.height; ++y) {
-    const double down = ((y + 0.5) / out.height - 0.5) * std::numbers::pi;
-    for (int x = 0; x < kWidth; ++x) {
-      const double right = ((x + 0.5) / kWidth * 2 - 1) * std::numbers::pi;
-      const Eigen::Vector3d ray(std::cos(down) * std::sin(right), std::sin(down),
-                                std::cos(down) * std::cos(right));
-      for (size_t v = 0; v < views.size(); ++v) {
-        const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(
-            kPanoramaViews[v].R.data());
-        const Eigen::Vector3d seen = R.transpose() * ray;
-        if (seen.z() < 0.999 * seen.cwiseAbs().maxCoeff()) continue;
-        const auto pixel = [](double tangent) {
-          return std::clamp(static_cast<int>((tangent + 1) / 2 * kSide), 0, kSide - 1);
-        };
-        const int from_x = pixel(seen.x() / seen.z()), from_y = pixel(seen.y() / seen.z());
-        for (int c = 0; c < 3; ++c) {
-          const double code = 255 * SrgbFromLinear(0.5 * views[v].at(c, from_y, from_x));
-          out.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(std::lround(code), 0L, 255L));
-        }
+    for (int x = 0; x < out.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        const double code = 255 * SrgbFromLinear(0.5 * light.at(c, y, x));
+        out.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(std::lround(code), 0L, 255L));
       }
     }
   }
@@ -82,19 +74,14 @@ TEST(Panoramas, OfAWalkGiveTheCamerasOfTheirViews) {
   fs::create_directory(input.images_dir);
   fs::create_directory(input.work_dir);
   const sample::World world = sample::MakeRoom(0);
-  std::vector<Eigen::Vector3d> eyes;
   for (int i = 0; i < kPlaces; ++i) {
-    eyes.emplace_back(1.2 * std::sin(0.5 * (i - 2)), -1.4 * std::cos(0.5 * (i - 2)),
-                      1.3 + 0.1 * (i % 2));
-    std::vector<Planes> views;
-    for (const PanoramaView& view : kPanoramaViews) {
-      views.push_back(
-          sample::TraceRadiance(world, CameraAt(eyes.back(), view), {.grid = 2, .seed = 1}));
-    }
-    ASSERT_TRUE(WritePng(dir / ("photos/" + std::to_string(i) + ".png"), Panorama(views)).ok());
+    const Camera camera = LevelCamera(Place(i), kWidth, kWidth / 2, kWidth);
+    const Planes light =
+        sample::TraceRadiance(world, camera, sample::WithPanorama({.grid = 2, .seed = 1}, camera));
+    ASSERT_TRUE(WritePng(dir / ("photos/" + std::to_string(i) + ".png"), Exposed(light)).ok());
   }
   std::vector<std::string> notes;
-  const auto cut = WithViewsOfPanoramas(
+  const auto cut = WithViewsOfWidePhotos(
       input, 0, CancelToken(), [](const std::string&) {}, &notes);
   ASSERT_TRUE(cut.ok()) << cut.status();
   SfmOptions options;
@@ -107,12 +94,115 @@ TEST(Panoramas, OfAWalkGiveTheCamerasOfTheirViews) {
   for (Eigen::Index i = 0; i < from.cols(); ++i) {
     const View& view = found->model.views[static_cast<size_t>(i)];
     from.col(i) = Eigen::Vector3d(view.camera.Center().data());
-    to.col(i) = eyes[static_cast<size_t>(view.name[0] - '0')];
+    to.col(i) = Place(view.name[0] - '0');
     EXPECT_NEAR(view.camera.fx / (kSide / 2.0), 1, 0.01);
   }
   const Eigen::Matrix4d similarity = Eigen::umeyama(from, to);
   const Eigen::Matrix3Xd off = (similarity * from.colwise().homogeneous()).topRows(3) - to;
   EXPECT_LT(off.colwise().norm().maxCoeff(), 0.05);  // m
+}
+
+// Eight fisheyes of 180 degrees on the way, with their cameras.
+class Fisheyes : public ::testing::Test {
+ protected:
+  static constexpr int kFisheyes = 8, kRound = 300;  // px
+
+  void SetUp() override {
+    input_.images_dir = dir_ / "photos";
+    input_.work_dir = dir_ / "work";
+    input_.cameras_path = dir_ / "transforms.json";
+    fs::create_directory(input_.images_dir);
+    fs::create_directory(input_.work_dir);
+    SparseModel model;
+    for (int i = 0; i < kFisheyes; ++i) {
+      const Camera camera = LevelCamera(Place(i - 2), kRound, kRound, kRound / std::numbers::pi);
+      const Planes light = sample::TraceRadiance(
+          world_, camera, sample::WithFisheye({.grid = 2, .seed = 1}, camera));
+      model.views.push_back({std::to_string(i) + ".png", camera});
+      model.distortions.push_back({.fisheye = true});
+      ASSERT_TRUE(WritePng(input_.images_dir + "/" + model.views.back().name, Exposed(light)).ok());
+    }
+    ASSERT_TRUE(WriteTransforms(input_.cameras_path, model, "").ok());
+  }
+
+  // What a pinhole camera sees that looks to the side from between two of the places.
+  Camera ToTheSide() const {
+    return TurnedView(LevelCamera(0.5 * (Place(1) + Place(2)), 96, 96, 48), kCubeViews[1], 96);
+  }
+
+  // Whether a fisheye there shows its pixel at the rim, 62 to 88 degrees off the axis.
+  static bool AtTheRim(int x, int y) {
+    const double u = (x + 0.5) / 48 - 1, v = (y + 0.5) / 48 - 1;
+    const double cosine = -u / std::hypot(u, v, 1);
+    return cosine > std::cos(88 * std::numbers::pi / 180) &&
+           cosine < std::cos(62 * std::numbers::pi / 180);
+  }
+
+  const TempDir dir_;
+  const sample::World world_ = sample::MakeRoom(0);
+  ReconstructInput input_;
+};
+
+TEST_F(Fisheyes, ViewsAreWhatPinholeCamerasSee) {
+  std::vector<std::string> notes;
+  const auto cut = WithViewsOfWidePhotos(
+      input_, 0, CancelToken(), [](const std::string&) {}, &notes);
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_THAT(notes, testing::Contains("8 photos are fisheyes, such as 0.png: 5 views of each are "
+                                       "the photos"));
+  const auto cameras = ReadCameras(cut->cameras_path, "cameras");
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  ASSERT_EQ(cameras->views.size(), 5u * kFisheyes);
+  for (const size_t i : {0, 1, 2, 3, 4}) {  // of one place
+    const View& view = cameras->views[i];
+    const ImageU8 truth =
+        Exposed(sample::TraceRadiance(world_, view.camera, {.grid = 2, .seed = 2}));
+    const auto photo =
+        ReadMaskedPhoto(cut->images_dir + "/" + view.name, view.name,
+                        view.name == "0_front.png" ? "" : cut->masks_dir + "/" + view.name);
+    ASSERT_TRUE(photo.ok()) << photo.status();
+    double error = 0;
+    double counted = 0;
+    for (size_t p = 0; p < truth.data.size(); ++p) {
+      if (!photo->mask.empty() && photo->mask.data[p / 3] == 0) continue;
+      error += std::pow(truth.data[p] - photo->photo.data[p] / double{kPhotoCode}, 2);
+      ++counted;
+    }
+    EXPECT_GT(counted, 0.48 * static_cast<double>(truth.data.size())) << view.name;
+    // Two drawings of the same noise and a resampling; a camera turned by a degree has 23 dB.
+    EXPECT_GT(10 * std::log10(255.0 * 255 * counted / error), 27) << view.name;
+  }
+}
+
+TEST_F(Fisheyes, AreLearntToTheirRim) {
+  ReconstructOptions options;
+  options.iterations = 600;
+  options.recipe = Litags();
+  options.recipe->dense_start = false;  // a minute
+  const auto engine = MakeEngine();
+  const auto report = engine->Reconstruct(input_, options, CancelToken(), nullptr);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_EQ(report->registered, 5 * kFisheyes);
+  const auto scene = engine->LoadScene(input_.work_dir + "/scene.litags");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  RenderRequest request;
+  request.camera = ToTheSide();
+  request.channel = Channel::kOriginal;
+  const auto picture = (*scene)->Render(request);
+  ASSERT_TRUE(picture.ok()) << picture.status();
+  const ImageU8 truth =
+      Exposed(sample::TraceRadiance(world_, request.camera, {.grid = 3, .seed = 2}));
+  double error = 0, counted = 0;
+  for (int y = 0; y < truth.height; ++y) {
+    for (int x = 0; x < truth.width; ++x) {
+      if (!AtTheRim(x, y)) continue;
+      for (int c = 0; c < 3; ++c) {
+        error += std::pow(truth.pixel(x, y)[c] / 255.0 - picture->at(c, y, x), 2);
+        ++counted;
+      }
+    }
+  }
+  EXPECT_GT(-10 * std::log10(error / counted), 18.5);  // dB
 }
 
 }  // namespace

@@ -28,6 +28,14 @@ std::map<std::string, std::string> Originals(absl::Span<const ScreenedPhoto> pho
   return originals;
 }
 
+// Of a shape that no camera writes but as a panorama: a cylinder, of which a pinhole picture cannot
+// be told without its angle. Choice
+constexpr int kStrip = 3;  // sides
+
+bool IsStrip(const ScreenedPhoto& photo) {
+  return photo.width >= kStrip * photo.height || photo.height >= kStrip * photo.width;
+}
+
 }  // namespace
 
 ScreenedPhoto LookAt(std::string name, const Photo& photo) {
@@ -64,6 +72,9 @@ double MiddleLight(absl::Span<const ScreenedPhoto> photos) {
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {
   const double middle_light = MiddleLight(photos);
   const std::map<std::string, std::string> originals = Originals(photos);
+  // Where most photos are strips, they were cut so: that changes no camera.
+  const bool cut = 2 * std::count_if(photos.begin(), photos.end(), IsStrip) >
+                   static_cast<std::ptrdiff_t>(photos.size());
   std::vector<std::string> why;
   for (const ScreenedPhoto& photo : photos) {
     const auto same = originals.find(photo.pixels);
@@ -74,6 +85,11 @@ std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {
           absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "
                           "behind a lens cap",
                           photo.mean_code));
+    } else if (IsStrip(photo) && !cut) {
+      why.push_back(absl::StrFormat(
+          "is a strip of %dx%d px, as a panorama whose angles are not known: send the photos that "
+          "it was made of, or one whose metadata (GPano) tell its part of the sphere",
+          photo.width, photo.height));
     } else {
       why.push_back("");
     }

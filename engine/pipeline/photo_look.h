@@ -26,8 +26,8 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo);
 double MiddleLight(absl::Span<const ScreenedPhoto> photos);
 
 // Why each photo is left out ("is the same photo as a.jpg"); empty: it is used. Left out are photos
-// of nothing but noise (a cap on the lens), and of photos with the same pixels all but the one with
-// the shortest name.
+// of nothing but noise (a cap on the lens), of photos with the same pixels all but the one with the
+// shortest name, and strips among photos that are none.
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos);
 
 }  // namespace litags

@@ -118,8 +118,8 @@ std::string FindMaskPath(const ReconstructInput& input, const fs::path& cameras_
 }
 
 // Masks that the cameras' file names.
-void AddMaskPaths(const ReconstructInput& input, absl::Span<const std::string> names,
-                  PhotoScreen* screen) {
+void AddMaskPaths(const ReconstructInput& input, PhotoList* list) {
+  const std::vector<std::string>& names = list->names;
   std::error_code ignored;
   const std::string cameras = ResolveCameras(input.cameras_path);
   if (!fs::is_regular_file(cameras, ignored)) return;
@@ -130,41 +130,40 @@ void AddMaskPaths(const ReconstructInput& input, absl::Span<const std::string> n
   std::vector<std::string> missing;
   for (const auto& [view, path] : MaskPathsOfTransforms(*json)) {
     const std::optional<size_t> photo = index.Find(view);
-    if (!photo.has_value() || screen->masks.contains(names[*photo])) continue;
+    if (!photo.has_value() || list->masks.contains(names[*photo])) continue;
     const std::string found = FindMaskPath(input, fs::path(cameras).parent_path(), path);
     if (found.empty()) {
       missing.push_back(path);
     } else {
-      screen->masks[names[*photo]] = found;
+      list->masks[names[*photo]] = found;
       ++used;
     }
   }
   if (used > 0) {
-    screen->notes.push_back(absl::StrCat(used, " masks are those that the cameras' file names"));
+    list->notes.push_back(absl::StrCat(used, " masks are those that the cameras' file names"));
   }
   if (!missing.empty()) {
-    screen->notes.push_back(absl::StrCat(
+    list->notes.push_back(absl::StrCat(
         "the cameras' file names masks of ", missing.size(), " photos that are not there, such as ",
         missing[0], ": what they hide is learnt; give their folder with --masks"));
   }
 }
 
 // Files among the photos that are masks of others by their names.
-absl::Status TakeMasksBeside(const ReconstructInput& input, std::vector<std::string>* names,
-                             PhotoScreen* screen) {
-  const NameIndex index(*names);
+absl::Status TakeMasksBeside(const ReconstructInput& input, PhotoList* list) {
+  const NameIndex index(list->names);
   std::vector<std::string> photos;
   int masks = 0;
   std::string some;
-  for (const std::string& name : *names) {
-    const std::optional<std::string> photo = PhotoOfMask(name, index, *names);
+  for (const std::string& name : list->names) {
+    const std::optional<std::string> photo = PhotoOfMask(name, index, list->names);
     if (!photo.has_value()) {
       photos.push_back(name);
       continue;
     }
     ++masks;
     some = name;
-    if (screen->masks.contains(*photo)) continue;
+    if (list->masks.contains(*photo)) continue;
     std::string path = input.images_dir + "/" + name;
     if (absl::StartsWith(name, "dynamic_mask_")) {
       const absl::StatusOr<ImageU8> moving = ReadImage(path, FieldOf(name));
@@ -176,13 +175,13 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, std::vector<std::str
       }
       LITAGS_ASSIGN_OR_RETURN(path, WriteMask(input, *photo, mask));
     }
-    screen->masks[*photo] = path;
+    list->masks[*photo] = path;
   }
   if (masks > 0) {
-    screen->notes.push_back(absl::StrCat(masks, " files among the photos, such as ", some,
-                                         ", are masks of others by their names, and no photos"));
+    list->notes.push_back(absl::StrCat(masks, " files among the photos, such as ", some,
+                                       ", are masks of others by their names, and no photos"));
   }
-  *names = std::move(photos);
+  list->names = std::move(photos);
   return absl::OkStatus();
 }
 
@@ -256,16 +255,25 @@ std::vector<std::string> PhotoScreen::Names() const {
   return names;
 }
 
-absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
-                                         const CancelToken& cancel) {
-  PhotoScreen screen;
-  LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> names, ListPhotos(input.images_dir, "images"));
+absl::StatusOr<PhotoList> ListPhotosAndMasks(const ReconstructInput& input) {
+  PhotoList list;
+  LITAGS_ASSIGN_OR_RETURN(list.names, ListPhotos(input.images_dir, "images"));
   if (!input.masks_dir.empty()) {
     // Of all photos: a mask of one that is left out is no error.
-    LITAGS_ASSIGN_OR_RETURN(screen.masks, FindMasks(input.masks_dir, names));
+    LITAGS_ASSIGN_OR_RETURN(list.masks, FindMasks(input.masks_dir, list.names));
   }
-  AddMaskPaths(input, names, &screen);
-  LITAGS_RETURN_IF_ERROR(TakeMasksBeside(input, &names, &screen));
+  AddMaskPaths(input, &list);
+  LITAGS_RETURN_IF_ERROR(TakeMasksBeside(input, &list));
+  return list;
+}
+
+absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
+                                         const CancelToken& cancel) {
+  LITAGS_ASSIGN_OR_RETURN(PhotoList list, ListPhotosAndMasks(input));
+  const std::vector<std::string>& names = list.names;
+  PhotoScreen screen;
+  screen.masks = std::move(list.masks);
+  screen.notes = std::move(list.notes);
   std::vector<Decoded> decoded(names.size());
   ParallelFor(threads, names.size(), [&](size_t i, int) {
     if (!cancel.IsCancelled()) decoded[i] = Decode(input.images_dir, names[i]);

@@ -14,6 +14,16 @@
 
 namespace litags {
 
+// The photos of a folder, by name, without the masks among them, and the masks that are given:
+// those of masks_dir, else of the cameras' mask_path, else beside the photos.
+struct PhotoList {
+  std::vector<std::string> names;
+  MaskPaths masks;
+  std::vector<std::string> notes;
+};
+// Errors of ListPhotos, FindMasks and ReadImage of a mask.
+absl::StatusOr<PhotoList> ListPhotosAndMasks(const ReconstructInput& input);
+
 struct PhotoLeftOut {
   std::string name;
   std::string why;          // "is left out: ..."
@@ -31,10 +41,10 @@ struct PhotoScreen {
 };
 
 // Leaves out, each by name: what cannot be decoded; photos of nothing but noise (a cap on the
-// lens); of photos with the same pixels all but the one with the shortest name. Masks among the
-// photos are no photos. Masks: of masks_dir, else of the cameras' mask_path, else beside the
-// photos; alpha channels and black bars that all photos of a size have are added, as new masks in
-// work_dir/found_masks. Errors of ListPhotos, FindMasks and ReadMaskedPhoto's of masks; CANCELLED.
+// lens); of photos with the same pixels all but the one with the shortest name; strips. Masks:
+// those of ListPhotosAndMasks, whose errors it has; alpha channels and black bars that all photos
+// of a size have are added, as new masks in work_dir/found_masks. Errors of ReadMaskedPhoto's of
+// masks; CANCELLED.
 absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
                                          const CancelToken& cancel);
 

@@ -1,6 +1,8 @@
 #include "engine/sample/tracer.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <numbers>
 #include <utility>
 
@@ -143,16 +145,42 @@ Vec3 Radiance(const World& world, const Ray& ray, bool reflected, SampleSequence
   return radiance;
 }
 
+// The ray along a direction of the camera frame, as long as that.
+Ray CameraRay(const Camera& camera, const std::array<double, 3>& d) {
+  const auto& R = camera.R;
+  return {ToVec3(camera.Center()),
+          {R[0] * d[0] + R[3] * d[1] + R[6] * d[2], R[1] * d[0] + R[4] * d[1] + R[7] * d[2],
+           R[2] * d[0] + R[5] * d[1] + R[8] * d[2]}};
+}
+
 // The ray through the image point (x, y), px, with direction of z length 1 in the camera frame.
 Ray PixelRay(const Camera& camera, double x, double y) {
-  const auto& R = camera.R;
-  const double dx = (x - camera.cx) / camera.fx, dy = (y - camera.cy) / camera.fy;
-  return {
-      ToVec3(camera.Center()),
-      {R[0] * dx + R[3] * dy + R[6], R[1] * dx + R[4] * dy + R[7], R[2] * dx + R[5] * dy + R[8]}};
+  return CameraRay(camera, {(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1});
 }
 
 }  // namespace
+
+TraceOptions WithFisheye(TraceOptions options, const Camera& camera) {
+  const double radius = 0.5 * std::min(camera.width, camera.height);
+  const double x0 = camera.cx, y0 = camera.cy;
+  options.lens = [radius, x0, y0](double x, double y) -> std::optional<std::array<double, 3>> {
+    const double r = std::hypot(x - x0, y - y0), angle = 0.5 * kPi * r / radius;
+    if (r > radius) return std::nullopt;
+    const double scale = r > 0 ? std::sin(angle) / r : 0;
+    return std::array{scale * (x - x0), scale * (y - y0), std::cos(angle)};
+  };
+  return options;
+}
+
+TraceOptions WithPanorama(TraceOptions options, const Camera& camera) {
+  const double width = camera.width, height = camera.height;
+  options.lens = [width, height](double x, double y) -> std::optional<std::array<double, 3>> {
+    const double right = 2 * kPi * (x / width - 0.5), down = kPi * (y / height - 0.5);
+    return std::array{std::cos(down) * std::sin(right), std::sin(down),
+                      std::cos(down) * std::cos(right)};
+  };
+  return options;
+}
 
 Planes TraceRadiance(const World& world, const Camera& camera, const TraceOptions& options) {
   Planes out(3, camera.height, camera.width);
@@ -165,7 +193,15 @@ Planes TraceRadiance(const World& world, const Camera& camera, const TraceOption
       for (int s = 0; s < grid * grid; ++s) {
         SampleSequence samples(noise, s);
         const auto [jx, jy] = samples.Next();
-        Ray ray = PixelRay(camera, x + (s % grid + jx) / grid, y + (s / grid + jy) / grid);
+        const double px = x + (s % grid + jx) / grid, py = double(y) + (s / grid + jy) / grid;
+        Ray ray;
+        if (options.lens) {
+          const auto direction = options.lens(px, py);
+          if (!direction.has_value()) continue;
+          ray = CameraRay(camera, *direction);
+        } else {
+          ray = PixelRay(camera, px, py);
+        }
         ray.direction = Normalized(ray.direction);
         sum += Radiance(world, ray, false, &samples);
       }

@@ -2,7 +2,10 @@
 #ifndef LITAGS_ENGINE_SAMPLE_TRACER_H_
 #define LITAGS_ENGINE_SAMPLE_TRACER_H_
 
+#include <array>
 #include <cstdint>
+#include <functional>
+#include <optional>
 
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
@@ -14,7 +17,15 @@ struct TraceOptions {
   int grid = 3;  // grid x grid stratified samples a pixel
   uint64_t seed = 0;
   int threads = 0;  // <= 0: all cores; the result does not depend on it
+  // Direction that the image point (x, y), px, looks along, in the camera frame; nullopt: it is
+  // black. Without it the camera is a pinhole.
+  std::function<std::optional<std::array<double, 3>>(double x, double y)> lens = nullptr;
 };
+
+// A fisheye of 180 degrees whose circle, equidistant, fills the shorter side of the camera's
+// picture, and a panorama of the whole sphere, equirectangular.
+TraceOptions WithFisheye(TraceOptions options, const Camera& camera);
+TraceOptions WithPanorama(TraceOptions options, const Camera& camera);
 
 // Radiance, linear light, [3, H, W]. Direct light with soft shadows, occluded ambient light, one
 // Fresnel reflection. Box-filtered over each pixel.

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 #include <set>
 #include <vector>
 
@@ -18,6 +19,7 @@
 #include "engine/pipeline/memory_estimate.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/video_frames.h"
+#include "engine/pipeline/wide_photos.h"
 #include "engine/tools/inspect/photo_sheet.h"
 
 namespace litags {
@@ -30,7 +32,9 @@ std::string Stops(double light, double middle) {
   return absl::StrFormat("%+.1f", std::log2(light / middle));
 }
 
-std::string Lens(const ImageInfo& info) {
+// "28 mm", or what the photo is and of how many views: "panorama: 6 views".
+std::string Lens(const ImageInfo& info, const WidePhoto* wide) {
+  if (wide != nullptr) return absl::StrCat(wide->kind, ": ", wide->views.size(), " views");
   return info.focal_length == 0 ? "-" : absl::StrFormat("%g mm", info.focal_length);
 }
 
@@ -45,6 +49,27 @@ std::string Exposure(const ImageInfo& info) {
   if (info.f_number > 0) absl::StrAppendFormat(&text, " f/%g", info.f_number);
   if (info.iso > 0) absl::StrAppendFormat(&text, " ISO %g", info.iso);
   return text.empty() ? "-" : text;
+}
+
+std::map<std::string, const WidePhoto*> ByName(const WidePhotos& wide) {
+  std::map<std::string, const WidePhoto*> by_name;
+  for (const WidePhoto& photo : wide.photos) by_name[photo.name] = &photo;
+  return by_name;
+}
+
+// The photos that a run would train on.
+std::vector<ScreenedPhoto> WithViews(const std::vector<ScreenedPhoto>& photos,
+                                     const std::map<std::string, const WidePhoto*>& wide) {
+  std::vector<ScreenedPhoto> views;
+  for (const ScreenedPhoto& photo : photos) {
+    const auto found = wide.find(photo.name);
+    views.push_back(photo);
+    if (found == wide.end()) continue;
+    views.back().width = views.back().height = found->second->lens.view_side;
+    const ScreenedPhoto view = views.back();
+    views.insert(views.end(), found->second->views.size() - 1, view);
+  }
+  return views;
 }
 
 // Cameras that lie in the folder or beside it, and are not used unless they are named.
@@ -67,11 +92,16 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given,
   LITAGS_ASSIGN_OR_RETURN(const std::string others,
                           DescribeOtherPictures(input.images_dir, "images"));
   LITAGS_ASSIGN_OR_RETURN(PhotoScreen screen, ScreenPhotos(input, threads, cancel));
+  LITAGS_ASSIGN_OR_RETURN(const WidePhotos wide,
+                          FindWidePhotos(input, screen.Names(), threads, cancel));
+  const std::map<std::string, const WidePhoto*> wide_by_name = ByName(wide);
+  const std::vector<ScreenedPhoto> views = WithViews(screen.photos, wide_by_name);
   std::set<std::string> with_camera;
   if (!input.cameras_path.empty() && !screen.photos.empty()) {
     input.cameras_path = ResolveCameras(input.cameras_path);
+    PanoramaNames panoramas;
     LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
-                            ReadGivenCameras(input, screen.Names(), &screen.notes));
+                            ReadGivenCameras(input, screen.Names(), &screen.notes, &panoramas));
     for (const View& view : model.views) with_camera.insert(view.name);
   }
   const std::string thumbnails = sheet.empty() ? "" : input.work_dir + "/thumbnails";
@@ -79,28 +109,33 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given,
   if (!sheet.empty()) fs::create_directories(thumbnails, ignored);
   const std::vector<double> sharpness = LookAtPhotos(input, screen, threads, thumbnails, cancel);
   LITAGS_RETURN_IF_ERROR(cancel.Check());
-  constexpr char kLine[] = "%-32s %-11s %-8s %-22s %6s %6s %6s  %-5s%s\n";
+  constexpr char kLine[] = "%-32s %-11s %-17s %-22s %6s %6s %6s  %-5s%s\n";
   std::string text = absl::StrFormat(kLine, "photo", "px", "lens", "exposure", "code", "stops",
                                      "sharp", "mask", input.cameras_path.empty() ? "" : " camera");
   for (size_t i = 0; i < screen.photos.size(); ++i) {
     const ScreenedPhoto& photo = screen.photos[i];
     const ImageInfo info =
         ReadImageSize(input.images_dir + "/" + photo.name, photo.name).value_or(ImageInfo());
-    absl::StrAppendFormat(&text, kLine, photo.name, absl::StrCat(photo.width, "x", photo.height),
-                          Lens(info), Exposure(info), absl::StrFormat("%.1f", photo.mean_code),
-                          Stops(photo.light, screen.middle_light),
-                          absl::StrFormat("%.2f", sharpness[i]),
-                          screen.masks.contains(photo.name) ? "yes" : "-",
-                          input.cameras_path.empty()         ? ""
-                          : with_camera.contains(photo.name) ? " yes"
-                                                             : " none: left out");
+    const auto found = wide_by_name.find(photo.name);
+    absl::StrAppendFormat(
+        &text, kLine, photo.name, absl::StrCat(photo.width, "x", photo.height),
+        Lens(info, found == wide_by_name.end() ? nullptr : found->second), Exposure(info),
+        absl::StrFormat("%.1f", photo.mean_code), Stops(photo.light, screen.middle_light),
+        absl::StrFormat("%.2f", sharpness[i]), screen.masks.contains(photo.name) ? "yes" : "-",
+        input.cameras_path.empty()         ? ""
+        : with_camera.contains(photo.name) ? " yes"
+                                           : " none: left out");
   }
-  absl::StrAppend(&text, screen.photos.size(), " photos would be used, ", screen.left_out.size(),
-                  " are left out; ",
+  const std::string as_views =
+      wide.photos.empty() ? "" : absl::StrCat(", as ", views.size(), " views");
+  absl::StrAppend(&text, screen.photos.size(), " photos would be used", as_views, ", ",
+                  screen.left_out.size(), " are left out; ",
                   input.cameras_path.empty() ? "cameras would be searched for"
                                              : absl::StrCat("cameras: ", input.cameras_path),
-                  "\n", DescribeMemory(screen.photos, options, MachineMemory()), "\n");
-  for (const std::string& note : screen.notes) absl::StrAppend(&text, "note: ", note, "\n");
+                  "\n", DescribeMemory(views, options, MachineMemory()), "\n");
+  for (const auto& notes : {screen.notes, DescribeWidePhotos(wide.photos)}) {
+    for (const std::string& note : notes) absl::StrAppend(&text, "note: ", note, "\n");
+  }
   if (!others.empty()) absl::StrAppend(&text, "note: ", others, "\n");
   if (input.cameras_path.empty()) {
     if (const std::string nearby = CamerasNearby(input); !nearby.empty()) {

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -69,6 +70,40 @@ TEST_F(Inspect, SaysWhatWouldBeUsedAndWhatNot) {
   EXPECT_THAT(text_, HasSubstr("bad.jpg is left out"));
   EXPECT_THAT(text_, ContainsRegex("a run would take 0.[0-9] GiB to 0.[0-9] GiB of memory; there "
                                    "are [0-9.]+ GiB"));
+}
+
+TEST_F(Inspect, NamesPanoramasAndTheirViews) {
+  ImageU8 sky(128, 64);
+  for (int x = 0; x < 128; ++x) {
+    for (int y = 0; y < 64; ++y) {
+      sky.pixel(x, y)[0] = static_cast<uint8_t>(90 + 60 * std::cos(2 * M_PI * x / 128));
+    }
+  }
+  for (const char* name : {"s0.png", "s1.png", "s2.png"}) {
+    sky.pixel(5, 5)[2] = static_cast<uint8_t>(name[1]);  // not the same photo
+    Write(name, EncodePng(sky).value());
+  }
+  ASSERT_EQ(Run({photos_}), 0) << text_;
+  EXPECT_THAT(text_, ContainsRegex("s1.png +128x64 +panorama: 6 views"));
+  EXPECT_THAT(text_, HasSubstr("8 photos would be used, as 23 views"));
+  EXPECT_THAT(text_, HasSubstr("note: 3 photos are panoramas of the whole sphere, such as s0.png"));
+}
+
+TEST_F(Inspect, NamesFisheyesOfGivenCameras) {
+  const std::string cameras = dir_ / "transforms.json";
+  std::string frames;
+  for (int i = 0; i < 5; ++i) {
+    absl::StrAppend(&frames, i > 0 ? "," : "", R"({"file_path": "p)", i,
+                    R"(.jpg", "transform_matrix": [[1,0,0,)", i,
+                    "],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}");
+  }
+  ASSERT_TRUE(
+      WriteFileAtomically(
+          cameras, absl::StrCat(R"({"camera_model": "OPENCV_FISHEYE", "fl_x": 100, "frames": [)",
+                                frames, "]}"))
+          .ok());
+  ASSERT_EQ(Run({photos_, "--cameras", cameras}), 0) << text_;
+  EXPECT_THAT(text_, ContainsRegex("p1.jpg +320x240 +fisheye: 5 views .* yes"));
 }
 
 TEST_F(Inspect, DrawsAContactSheet) {

@@ -1,0 +1,186 @@
+#include "engine/pipeline/wide_views.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/core/limits.h"
+#include "engine/core/parallel.h"
+#include "engine/io/colmap_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
+#include "engine/pipeline/photo_screen.h"
+#include "engine/pipeline/turned_view.h"
+#include "engine/pipeline/wide_photos.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Of a view's pixels, that must count.
+constexpr double kLeastLeft = 0.05;
+
+std::string FieldOf(const std::string& name) { return absl::StrCat("images[", name, "]"); }
+
+std::string PathOf(const ReconstructInput& input, const std::string& name) {
+  return absl::StrCat(input.images_dir, "/", name);
+}
+
+absl::Status NotWritable(const fs::path& path, const std::error_code& error) {
+  return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
+                   absl::StrCat("cannot write ", path.string(), ": ", error.message()));
+}
+
+absl::Status MakeEmptyFolder(const fs::path& dir) {
+  std::error_code error;
+  fs::remove_all(dir, error);
+  fs::create_directories(dir, error);
+  return error ? NotWritable(dir, error) : absl::OkStatus();
+}
+
+absl::Status Link(const fs::path& target, const fs::path& link) {
+  std::error_code error;
+  fs::create_symlink(fs::absolute(target), link, error);
+  return error ? NotWritable(link, error) : absl::OkStatus();
+}
+
+// What the names of a photo's views begin with: its own without the ending, or all of it where
+// another photo differs in the ending only.
+std::string BaseOf(const std::string& photo, const std::vector<std::string>& names) {
+  const std::string stem = Stem(photo);
+  const auto alike =
+      std::count_if(names.begin(), names.end(), [&](const auto& n) { return Stem(n) == stem; });
+  return alike > 1 ? photo : stem;
+}
+
+// Empty without a path; of the photo's size.
+absl::StatusOr<PlaneU8> ReadMask(const std::string& path, const WideLens& lens) {
+  if (path.empty()) return PlaneU8();
+  const std::string field = absl::StrCat("masks[", BaseName(path), "]");
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
+  LITAGS_ASSIGN_OR_RETURN(PlaneU8 mask, DecodeMask(bytes, field));
+  LITAGS_RETURN_IF_ERROR(
+      CheckMaskSize(BaseName(path), mask.width, mask.height, lens.width, lens.height));
+  return mask;
+}
+
+// Where the views and their masks go, and what they are.
+struct Output {
+  fs::path dir, masks;
+  RigViews rig_views;
+  std::vector<ViewOfPhoto> views;  // if cameras are given
+};
+
+// Writes the views of one photo. Their names by that of the cube's view.
+absl::StatusOr<std::map<std::string, std::string>> WriteViews(const ReconstructInput& input,
+                                                              const WidePhoto& wide,
+                                                              const std::string& base,
+                                                              const std::string& mask_path,
+                                                              int threads, const Output& out) {
+  LITAGS_ASSIGN_OR_RETURN(const Photo photo,
+                          ReadPhoto(PathOf(input, wide.name), FieldOf(wide.name)));
+  LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, ReadMask(mask_path, wide.lens));
+  std::vector<absl::Status> statuses(wide.views.size());
+  std::vector<std::string> names(wide.views.size());
+  ParallelFor(threads, wide.views.size(), [&](size_t i, int) {
+    statuses[i] = [&]() -> absl::Status {
+      const CubeView& view = wide.views[i];
+      const PlaneU8 shown = CutMask(mask, wide.lens, view);
+      const auto all = static_cast<double>(shown.data.size());
+      const auto hidden = static_cast<double>(std::count(shown.data.begin(), shown.data.end(), 0));
+      if (all - hidden < kLeastLeft * all) return absl::OkStatus();
+      names[i] = absl::StrCat(base, "_", view.name, ".png");
+      LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng16(CutView(photo, wide.lens, view)));
+      LITAGS_RETURN_IF_ERROR(WriteFileAtomically(out.dir / names[i], png));
+      if (hidden == 0) return absl::OkStatus();
+      LITAGS_ASSIGN_OR_RETURN(const std::string cut, EncodeMask(shown));
+      return WriteFileAtomically(out.masks / names[i], cut);
+    }();
+  });
+  for (absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(std::move(status));
+  std::map<std::string, std::string> written;
+  for (size_t i = 0; i < names.size(); ++i) {
+    if (!names[i].empty()) written[wide.views[i].name] = names[i];
+  }
+  return written;
+}
+
+absl::Status CutPhoto(const ReconstructInput& input, const WidePhotos& wide, const WidePhoto& photo,
+                      const std::string& base, const std::string& mask_path, int threads,
+                      Output* out) {
+  LITAGS_ASSIGN_OR_RETURN(const auto written,
+                          WriteViews(input, photo, base, mask_path, threads, *out));
+  const int side = photo.lens.view_side;
+  for (const CubeView& view : photo.views) {
+    const auto name = written.find(view.name);
+    if (name == written.end()) continue;
+    out->rig_views[name->second] = {photo.name, view.R, side / 2.0};
+    if (photo.camera < 0) continue;
+    const Camera& camera = wide.cameras.views[photo.camera].camera;
+    out->views.push_back({{name->second, TurnedView(camera, view, side)}, photo.camera});
+  }
+  return absl::OkStatus();
+}
+
+// The photos that stay, the views in place of the others, and all masks.
+absl::Status WriteAll(const ReconstructInput& input, const PhotoList& list, const WidePhotos& wide,
+                      int threads, const CancelToken& cancel,
+                      const std::function<void(const std::string&)>& progress, Output* out) {
+  std::map<std::string, const WidePhoto*> by_name;
+  for (const WidePhoto& photo : wide.photos) by_name[photo.name] = &photo;
+  for (const std::string& name : list.names) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
+    const auto mask = list.masks.find(name);
+    const std::string mask_path = mask == list.masks.end() ? "" : mask->second;
+    if (const auto cut = by_name.find(name); cut != by_name.end()) {
+      progress(absl::StrCat("views of wide photos: ", name));
+      LITAGS_RETURN_IF_ERROR(
+          CutPhoto(input, wide, *cut->second, BaseOf(name, list.names), mask_path, threads, out));
+    } else {
+      LITAGS_RETURN_IF_ERROR(Link(PathOf(input, name), out->dir / name));
+      if (mask_path.empty()) continue;
+      LITAGS_RETURN_IF_ERROR(Link(mask_path, out->masks / absl::StrCat(name, ".png")));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<ReconstructInput> WithViewsOfWidePhotos(
+    const ReconstructInput& input, int threads, const CancelToken& cancel,
+    const std::function<void(const std::string&)>& progress, std::vector<std::string>* notes) {
+  const auto all = ListPhotos(input.images_dir, "images");
+  if (!all.ok()) return input;  // the screen of photos says why
+  LITAGS_ASSIGN_OR_RETURN(const WidePhotos wide, FindWidePhotos(input, *all, threads, cancel));
+  if (wide.photos.empty()) return input;
+  LITAGS_ASSIGN_OR_RETURN(const PhotoList list, ListPhotosAndMasks(input));
+  const fs::path dir = fs::path(input.work_dir) / "wide_views";
+  Output out;
+  out.dir = dir;
+  out.masks = dir / "masks";
+  LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(out.dir));
+  LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(out.masks));
+  LITAGS_RETURN_IF_ERROR(WriteAll(input, list, wide, threads, cancel, progress, &out));
+  ReconstructInput result = input;
+  result.images_dir = out.dir;
+  result.rig_views = std::move(out.rig_views);
+  result.masks_dir = fs::is_empty(out.masks) ? "" : out.masks.string();
+  if (!input.cameras_path.empty()) {
+    const fs::path cameras = dir / "cameras";
+    LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(cameras));
+    LITAGS_RETURN_IF_ERROR(WriteColmapModel(cameras, CamerasOfViews(wide, out.views)));
+    result.cameras_path = cameras;
+  }
+  for (const auto& lines : {list.notes, wide.notes, DescribeWidePhotos(wide.photos)}) {
+    notes->insert(notes->end(), lines.begin(), lines.end());
+  }
+  return result;
+}
+
+}  // namespace litags

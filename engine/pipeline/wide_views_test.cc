@@ -1,0 +1,283 @@
+#include "engine/pipeline/wide_views.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
+#include "engine/io/sparse_model.h"
+#include "engine/io/test_util.h"
+#include "engine/pipeline/photo_look.h"
+#include "engine/pipeline/wide_photos.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsSupersetOf;
+
+// A panorama in colours of all directions.
+ImageU8 Around(int width) {
+  ImageU8 image(width, width / 2);
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const double right = 2 * std::numbers::pi * x / width;
+      image.pixel(x, y)[0] = static_cast<uint8_t>(60 + 50 * std::sin(right) + y / 8);
+      image.pixel(x, y)[1] = static_cast<uint8_t>(60 + 50 * std::cos(right));
+      image.pixel(x, y)[2] = static_cast<uint8_t>(60 + 50 * std::sin(2 * right) - y / 8);
+    }
+  }
+  return image;
+}
+
+class WideViews : public ::testing::Test {
+ protected:
+  WideViews() {
+    for (const char* name : {"photos", "covers", "work"}) fs::create_directory(dir_ / name);
+    input_.images_dir = dir_ / "photos";
+    input_.work_dir = dir_ / "work";
+    for (const char* name : {"a", "d", "e"}) {
+      Write(absl::StrCat("photos/", name, ".png"), Around(256));
+    }
+    Write("photos/b.png", ImageU8(300, 150));  // of their shape
+    Write("photos/c.png", ImageU8(200, 150));
+  }
+
+  void Write(const std::string& name, const ImageU8& image) {
+    ASSERT_TRUE(WritePng(dir_ / name, image).ok());
+  }
+
+  absl::StatusOr<ReconstructInput> Cut() {
+    return WithViewsOfWidePhotos(
+        input_, 2, CancelToken(), [](const std::string&) {}, &notes_);
+  }
+
+  const TempDir dir_;
+  ReconstructInput input_;
+  std::vector<std::string> notes_;
+};
+
+TEST_F(WideViews, StandForThePanoramaBesideOtherPhotos) {
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  const auto names = ListPhotos(cut->images_dir, "images");
+  ASSERT_TRUE(names.ok()) << names.status();
+  EXPECT_EQ(names->size(), 3u * 6 + 2);
+  EXPECT_THAT(*names, IsSupersetOf({"a_back.png", "a_down.png", "a_front.png", "a_left.png",
+                                    "a_right.png", "a_up.png", "b.png", "c.png", "e_up.png"}));
+  EXPECT_THAT(notes_, ElementsAre(HasSubstr("a.png: 6 views")));
+  EXPECT_EQ(cut->rig_views.size(), 18u);
+  EXPECT_EQ(cut->rig_views.at("a_up.png").focal_length, 41);
+  EXPECT_EQ(cut->rig_views.at("a_up.png").rig, "a.png");
+  const auto left = ReadPhoto(cut->images_dir + "/a_left.png", "photo");
+  ASSERT_TRUE(left.ok()) << left.status();
+  EXPECT_NEAR(left->pixel(41, 41)[1] / kPhotoCode, 60, 2);  // a quarter from the left edge
+  EXPECT_NEAR(left->pixel(41, 41)[0] / kPhotoCode, 60 + 50 + 8, 2);
+}
+
+TEST_F(WideViews, MasksGoWithThem) {
+  ImageU8 tripod(256, 128), all(200, 150);
+  std::fill_n(tripod.data.begin(), size_t{3} * 256 * 100, 255);
+  std::fill(all.data.begin(), all.data.end(), 255);
+  Write("covers/a.png", tripod);
+  Write("covers/c.png.png", all);
+  input_.masks_dir = dir_ / "covers";
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  const auto names = ListPhotos(cut->images_dir, "images");
+  ASSERT_TRUE(names.ok()) << names.status();
+  const auto masks = FindMasks(cut->masks_dir, *names);
+  ASSERT_TRUE(masks.ok()) << masks.status();
+  EXPECT_EQ(masks->size(), 2u);  // none where all of a view counts
+  const auto down = ReadImage(masks->at("a_down.png"), "mask");
+  ASSERT_TRUE(down.ok()) << down.status();
+  EXPECT_EQ(down->pixel(41, 41)[0], 0);
+  EXPECT_EQ(down->pixel(0, 0)[0], 255);
+  EXPECT_TRUE(masks->contains("c.png"));
+
+  ImageU8 half(128, 64);  // of the panorama's shape
+  std::fill(half.data.begin(), half.data.end(), 255);
+  Write("covers/a.png", half);
+  EXPECT_EQ(GetErrorDetail(Cut().status())->reason, "MASK_SIZE");
+}
+
+TEST_F(WideViews, OfPhotosOfOneStemHaveNamesOfTheirOwn) {
+  Write("photos/a.PNG", Around(256));
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_EQ(cut->rig_views.size(), 4u * 6);
+  EXPECT_TRUE(cut->rig_views.contains("a.png_up.png"));
+  EXPECT_TRUE(cut->rig_views.contains("a.PNG_up.png"));
+  EXPECT_TRUE(cut->rig_views.contains("d_up.png"));
+}
+
+TEST_F(WideViews, AreNotMadeOfOtherPhotos) {
+  // Two of which the edges meet may be chance.
+  fs::remove(dir_ / "photos/a.png");
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_EQ(cut->images_dir, input_.images_dir);
+  EXPECT_TRUE(notes_.empty());
+  EXPECT_FALSE(fs::exists(dir_ / "work/wide_views"));
+}
+
+TEST_F(WideViews, MasksBesideAPanoramaAreNoPhotos) {
+  ImageU8 tripod(256, 128);
+  std::fill_n(tripod.data.begin(), size_t{3} * 256 * 100, 255);
+  Write("photos/a_mask.png", tripod);
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_EQ(ListPhotos(cut->images_dir, "images")->size(), 3u * 6 + 2);
+  EXPECT_TRUE(fs::exists(cut->masks_dir + "/a_down.png"));
+}
+
+TEST_F(WideViews, OfWhichAMaskLeavesNothingAreNotMade) {
+  ImageU8 upper(256, 128);
+  std::fill_n(upper.data.begin(), size_t{3} * 256 * 60, 255);
+  Write("photos/a_mask.png", upper);
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_FALSE(cut->rig_views.contains("a_down.png"));
+  EXPECT_TRUE(cut->rig_views.contains("a_front.png"));
+}
+
+// What phones write of a strip around the horizon.
+std::string WithMetadata(const std::string& jpeg, const std::string& text) {
+  const std::string payload = std::string("http://ns.adobe.com/xap/1.0/\0", 29) + text;
+  const size_t length = payload.size() + 2;
+  return jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
+         static_cast<char>(length & 0xFF) + payload + jpeg.substr(2);
+}
+
+TEST_F(WideViews, OfAPartOfAPanoramaHideWhatItDoesNotShow) {
+  const ImageU8 all = Around(256);
+  ImageU8 strip(256, 32);
+  std::copy_n(all.pixel(0, 48), strip.data.size(), strip.data.begin());
+  const std::string part =
+      "GPano:ProjectionType=\"equirectangular\" GPano:FullPanoWidthPixels=\"256\" "
+      "GPano:FullPanoHeightPixels=\"128\" GPano:CroppedAreaImageWidthPixels=\"256\" "
+      "GPano:CroppedAreaImageHeightPixels=\"32\" GPano:CroppedAreaLeftPixels=\"0\" "
+      "GPano:CroppedAreaTopPixels=\"48\"";
+  const std::string jpeg = WithMetadata(EncodeJpeg(strip).value(), part);
+  ASSERT_TRUE(WriteFileAtomically(dir_ / "photos/s.jpg", jpeg).ok());
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_THAT(notes_, Contains(HasSubstr("s.jpg: 4 views")));
+  EXPECT_FALSE(cut->rig_views.contains("s_up.png"));
+  const auto mask = ReadImage(cut->masks_dir + "/s_left.png", "mask");
+  ASSERT_TRUE(mask.ok()) << mask.status();
+  EXPECT_EQ(mask->pixel(41, 41)[0], 255);
+  EXPECT_EQ(mask->pixel(41, 20)[0], 0);  // 22.5 degrees is a tangent of 0.41
+  EXPECT_EQ(mask->pixel(41, 26)[0], 255);
+  const auto left = ReadPhoto(cut->images_dir + "/s_left.png", "photo");
+  EXPECT_NEAR(left->pixel(41, 41)[1] / kPhotoCode, 60, 4);
+}
+
+// Cameras of all photos of the fixture, those that are panoramas at places of their own.
+std::string GivenPanoramas() {
+  std::string frames;
+  for (const char* name : {"a", "d", "e"}) {
+    // Turned by 90 degrees about the vertical axis: it looks along -x.
+    absl::StrAppend(&frames, frames.empty() ? "" : ",", R"({"file_path": ")", name,
+                    R"(.png", "camera_model": "EQUIRECTANGULAR", "fl_x": 128, "fl_y": 128,
+                    "transform_matrix": [[0,0,1,)",
+                    name[0] - 'a', R"(],[0,1,0,2],[-1,0,0,3],[0,0,0,1]]})");
+  }
+  return absl::StrCat(R"({"frames": [)", frames, R"(, {"file_path": "c.png", "fl_x": 100,
+                      "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})");
+}
+
+TEST_F(WideViews, HaveTheGivenPlacesOfTheirPanoramas) {
+  input_.cameras_path = dir_ / "transforms.json";
+  ASSERT_TRUE(WriteFileAtomically(input_.cameras_path, GivenPanoramas()).ok());
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  const auto cameras = ReadCameras(cut->cameras_path, "cameras");
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  ASSERT_EQ(cameras->views.size(), 3u * 6 + 1);
+  for (const View& view : cameras->views) {
+    if (view.name[0] == 'c') continue;
+    EXPECT_EQ(view.camera.fx, 41) << view.name;
+    const auto center = view.camera.Center();
+    EXPECT_NEAR(center[0], view.name[0] - 'a', 1e-9) << view.name;
+    EXPECT_NEAR(center[1], 2, 1e-9) << view.name;
+    EXPECT_NEAR(center[2], 3, 1e-9) << view.name;
+  }
+  const auto axis = [&](const std::string& name, size_t i) {  // the view's direction
+    const auto view = std::find_if(cameras->views.begin(), cameras->views.end(),
+                                   [&](const View& v) { return v.name == name; });
+    return view == cameras->views.end() ? 0 : view->camera.R[6 + i];
+  };
+  EXPECT_NEAR(axis("d_front.png", 0), -1, 1e-9);
+  EXPECT_NEAR(axis("d_up.png", 1), 1, 1e-9);
+  EXPECT_NEAR(axis("d_right.png", 2), -1, 1e-9);
+}
+
+TEST_F(WideViews, APanoramaOfOtherSidesIsNoneOfTheWholeSphere) {
+  Write("photos/a.png", litags::Cut(Around(256), {0, 0, 256, 100}));
+  input_.cameras_path = dir_ / "transforms.json";
+  ASSERT_TRUE(WriteFileAtomically(input_.cameras_path, GivenPanoramas()).ok());
+  const auto cut = Cut();
+  ASSERT_FALSE(cut.ok());
+  EXPECT_EQ(GetErrorDetail(cut.status())->reason, "CAMERA_SIZE_MISMATCH");
+}
+
+// A fisheye of 180 degrees across 200 px, which sees grey; black around.
+Photo Round(int noise) {
+  Photo photo(240, 200);
+  for (int y = 0; y < 200; ++y) {
+    for (int x = 0; x < 240; ++x) {
+      const bool in = std::hypot(x + 0.5 - 120, y + 0.5 - 100) < 90;
+      for (int c = 0; c < 3; ++c) {
+        photo.pixel(x, y)[c] = static_cast<int16_t>(
+            kPhotoCode * (1 + (in ? 9 + noise * ((x * 7 + y * 13) % 5) : (x + y) % 2)));
+      }
+    }
+  }
+  return photo;
+}
+
+TEST(FindCircle, IsWhereThePictureOfADarkFisheyeEnds) {
+  const Camera camera = {.width = 240, .height = 200, .fx = 64, .fy = 64, .cx = 120, .cy = 100};
+  EXPECT_NEAR(FindCircle({Round(0), Round(3)}, camera), 90, 2);
+  EXPECT_TRUE(std::isinf(FindCircle({}, camera)));
+  Photo lit = Round(0);
+  for (int16_t& sample : lit.data) sample = static_cast<int16_t>(sample + 60 * kPhotoCode);
+  EXPECT_TRUE(std::isinf(FindCircle({lit}, camera)));  // no black
+  Photo whole(240, 200);
+  for (size_t i = 0; i < whole.data.size(); ++i) {
+    whole.data[i] = static_cast<int16_t>(i / 3 * 31 % 9 * kPhotoCode);
+  }
+  EXPECT_TRUE(std::isinf(FindCircle({whole}, camera)));  // a picture up to its corners
+}
+
+TEST(WhyLeftOut, AStripAmongPhotosIsNamed) {
+  std::vector<ScreenedPhoto> photos(3);
+  for (size_t i = 0; i < 3; ++i) {
+    photos[i].name = absl::StrCat(i);
+    photos[i].width = 400;
+    photos[i].height = 300;
+    photos[i].light = photos[i].structure = 1;
+  }
+  photos[1].width = 900;
+  EXPECT_THAT(WhyLeftOut(photos), ElementsAre("", HasSubstr("strip of 900x300"), ""));
+  // A capture of nothing else was cut so.
+  for (ScreenedPhoto& photo : photos) photo.width = 900;
+  EXPECT_THAT(WhyLeftOut(photos), ElementsAre("", "", ""));
+}
+
+}  // namespace
+}  // namespace litags
