@@ -134,20 +134,23 @@ class Run {
         continue;
       }
       const int done = trainer_.iteration();
-      Account(*losses, leg);
+      Account(*losses, &leg);
       const bool last = done == options_.iterations;
       if (done % options_.checkpoint_every == 0 || last) {
         LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, set_.fingerprint));
       }
       if (last) break;
-      if (done % options_.preview_every == 0) {
+      const bool preview = done % options_.preview_every == 0;
+      if (!preview && Now() - last_report <= kReportSeconds) continue;
+      progress_.eta_seconds = SecondsLeft(leg);
+      if (preview) {
         LITAGS_RETURN_IF_ERROR(Publish());
-        last_report = Now();
-      } else if (Now() - last_report > kReportSeconds) {
+      } else {
         observer_->OnProgress(progress_);
-        last_report = Now();
       }
+      last_report = Now();
     }
+    progress_.eta_seconds = 0;
     return Publish();
   }
 
@@ -169,10 +172,16 @@ class Run {
  private:
   // Iterations without a roll-back between them; rates are those of one leg.
   struct Leg {
-    double start;  // seconds
-    int first;     // iteration
+    double start;     // seconds
+    int first;        // iteration
+    double work = 0;  // Trainer::LastWork() of its iterations
   };
   Leg NewLeg() const { return {Now(), trainer_.iteration()}; }
+
+  // With previews and checkpoints.
+  double SecondsLeft(const Leg& leg) const {
+    return (Now() - leg.start) / leg.work * trainer_.WorkUntil(options_.iterations);
+  }
 
   // Back to the last checkpoint, or to the start, and around what went wrong.
   absl::Status RollBack(const absl::Status& fault) {
@@ -208,15 +217,13 @@ class Run {
     return cancel.Check();
   }
 
-  void Account(const StepLosses& losses, const Leg& leg) {
-    const int done = trainer_.iteration(), steps = done - leg.first;
-    const double seconds = Now() - leg.start;
+  void Account(const StepLosses& losses, Leg* leg) {
+    const int done = trainer_.iteration(), steps = done - leg->first;
+    const double seconds = Now() - leg->start;
     progress_.iteration = done;
     progress_.gaussians = static_cast<int64_t>(trainer_.num_gaussians());
     progress_.iterations_per_second = steps / std::max(seconds, 1e-9);
-    const double before = trainer_.WorkBefore(done);
-    progress_.eta_seconds = seconds * (trainer_.WorkBefore(options_.iterations) - before) /
-                            (before - trainer_.WorkBefore(leg.first));
+    leg->work += trainer_.LastWork();
     if (losses.skipped) return;
     const double keep = progress_.loss == 0 ? 0.0 : kLossMemory;
     const auto mix = [&](double* mean, double value) { *mean = keep * *mean + (1 - keep) * value; };
@@ -236,19 +243,19 @@ class Run {
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, views_));
     observer_->OnSnapshot(scene_path_);
     LossWorkspace workspace(options_.threads);
+    const TrainView& shown = set_.holdout.empty() ? set_.train[0] : set_.holdout[0];
     Planes color, target;
+    renderer_.RenderColor(model, shown.view.camera, &color);
+    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(ToImageU8(color)));
     double sum = 0;
     for (const TrainView& v : set_.holdout) {
-      renderer_.RenderColor(model, v.view.camera, &color);
+      if (&v != &shown) renderer_.RenderColor(model, v.view.camera, &color);
       UnpackImage(v.target, workspace, &target);
       for (float& x : color.data) x = std::clamp(x, 0.0f, 1.0f);
       LITAGS_ASSIGN_OR_RETURN(const double psnr, PsnrOfCounted(v.mask, color, &target));
       sum += psnr;
     }
     if (!set_.holdout.empty()) progress_.psnr_holdout = sum / set_.holdout.size();
-    const TrainView& shown = set_.holdout.empty() ? set_.train[0] : set_.holdout[0];
-    renderer_.RenderColor(model, shown.view.camera, &color);
-    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(ToImageU8(color)));
     Progress progress = progress_;
     progress.preview_png.assign(png.begin(), png.end());
     observer_->OnProgress(progress);

@@ -94,8 +94,10 @@ ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions
     smaller_.push_back(std::move(level));
   }
   for (int level = 0; level <= static_cast<int>(smaller_.size()); ++level) {
+    const double whole = MeanPixels(level, 0);
     compared_.push_back(MeanPixels(level, options.recipe.crop_pixels));
-    const double pixels = MeanPixels(level, 0) * options.recipe.coarse_gaussians;
+    compared_share_.push_back(compared_.back() / whole);
+    const double pixels = whole * options.recipe.coarse_gaussians;
     most_gaussians_.push_back(level == 0
                                   ? options.max_gaussians
                                   : std::min(options.max_gaussians, static_cast<int64_t>(pixels)));
@@ -122,15 +124,9 @@ int ViewPyramid::CoarseEnd() const {
   return smaller_.empty() ? 0 : static_cast<int>(std::ceil(coarse_iterations_));
 }
 
-double ViewPyramid::WorkBefore(int iteration) const {
-  const int levels = static_cast<int>(smaller_.size());
-  const double share = levels > 0 ? coarse_iterations_ / levels : 0;
-  double work = 0;
-  for (int i = 0; i < levels; ++i) {
-    work += std::clamp(iteration - i * share, 0.0, share) * compared_[levels - i];
-  }
-  return work + std::max(0.0, iteration - levels * share) * compared_[0] +
-         iteration * kPixelsBeside;
+double ViewPyramid::WorkOf(int iteration, double gaussians) const {
+  const int level = LevelOf(iteration);
+  return compared_[level] + kPixelsBeside + kPixelsOfGaussian * gaussians * compared_share_[level];
 }
 
 int64_t ViewPyramid::MostGaussians(int level) const { return most_gaussians_[level]; }

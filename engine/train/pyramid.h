@@ -17,9 +17,11 @@ namespace litags {
 // four do (ChangeMask says why).
 TrainView HalfSize(const TrainView& view);
 
-// What an iteration takes beside its pixels, in pixels: 1.3 ms where a million pixels take 250
-// (photos of 1600x1063 and their halves, two cores).
-inline constexpr double kPixelsBeside = 5000;
+// What an iteration takes beside its pixels, in pixels, with its share of previews and checkpoints;
+// and what a Gaussian in view takes. Measured on photos of 1600x1063 and 1600x1200 and their
+// halves, two cores (docs/experiments/performance.md).
+inline constexpr double kPixelsBeside = 8000;
+inline constexpr double kPixelsOfGaussian = 0.9;
 
 // Level 0 is the given views; level k has 2^-k of their size.
 class ViewPyramid {
@@ -35,9 +37,9 @@ class ViewPyramid {
   // First iteration at full size.
   int CoarseEnd() const;
 
-  // Pixels that the iterations before this one compare, and kPixelsBeside each: the time of a run
-  // grows about like this.
-  double WorkBefore(int iteration) const;
+  // The time of an iteration with so many Gaussians grows about like this: the pixels that it
+  // compares, kPixelsBeside, and kPixelsOfGaussian for each Gaussian of its crop.
+  double WorkOf(int iteration, double gaussians) const;
 
   // Most Gaussians of a scene while photos of this level are learnt. Smaller photos have fewer
   // pixels to explain; more Gaussians would only learn their noise.
@@ -55,6 +57,7 @@ class ViewPyramid {
   std::vector<std::vector<TrainView>> smaller_;
   double coarse_iterations_;
   std::vector<double> compared_;         // pixels of an iteration, by level
+  std::vector<double> compared_share_;   // of a photo's pixels, by level
   std::vector<int64_t> most_gaussians_;  // by level
 };
 

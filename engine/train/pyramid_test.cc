@@ -104,11 +104,11 @@ TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
   EXPECT_EQ(pyramid.LevelOf(50), 0);
   EXPECT_EQ(pyramid.LevelOf(99), 0);
   EXPECT_EQ(pyramid.CoarseEnd(), 50);
-  constexpr double kPixels = 300 * 256;
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(0), 0);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(26), (25.0 / 16 + 1.0 / 4) * kPixels + 26 * kPixelsBeside);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(100),
-                   (25.0 / 16 + 25.0 / 4 + 50) * kPixels + 100 * kPixelsBeside);
+  constexpr double kPixels = 300 * 256, kGaussians = 1000;
+  constexpr double kBeside = kPixelsBeside + kPixelsOfGaussian * kGaussians;
+  EXPECT_DOUBLE_EQ(pyramid.WorkOf(0, kGaussians), kPixels / 16 + kBeside);
+  EXPECT_DOUBLE_EQ(pyramid.WorkOf(49, kGaussians), kPixels / 4 + kBeside);
+  EXPECT_DOUBLE_EQ(pyramid.WorkOf(50, kGaussians), kPixels + kBeside);
   EXPECT_EQ(pyramid.View(2, 0).photo.width, 75);
   EXPECT_EQ(pyramid.View(0, 0).photo.width, 300);
 }
@@ -120,8 +120,10 @@ TEST(ViewPyramid, CropsBoundTheWorkOfAnIteration) {
   options.recipe.coarse_levels = 1;
   options.recipe.crop_pixels = 40'000;  // 3 x 2 cells; at half size 2 x 1
   const ViewPyramid pyramid(&views, options);
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(50), 50 * (300 * 200 / 2 + kPixelsBeside));
-  EXPECT_DOUBLE_EQ(pyramid.WorkBefore(51) - pyramid.WorkBefore(50), 600 * 400 / 6 + kPixelsBeside);
+  constexpr double kGaussians = 1200;
+  constexpr double kWhole = kPixelsOfGaussian * kGaussians;
+  EXPECT_DOUBLE_EQ(pyramid.WorkOf(49, kGaussians), (300 * 200 + kWhole) / 2 + kPixelsBeside);
+  EXPECT_DOUBLE_EQ(pyramid.WorkOf(50, kGaussians), (600 * 400 + kWhole) / 6 + kPixelsBeside);
 }
 
 TEST(ViewPyramid, SmallPhotosAllowFewerGaussians) {

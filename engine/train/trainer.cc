@@ -20,6 +20,7 @@
 #include "engine/train/objective.h"
 #include "engine/train/pyramid.h"
 #include "engine/train/train_state.h"
+#include "engine/train/work_forecast.h"
 
 namespace litags {
 namespace {
@@ -312,7 +313,14 @@ int Trainer::iteration() const { return impl_->state.iteration; }
 size_t Trainer::num_gaussians() const { return impl_->state.splats.params.size(); }
 const PhaseSeconds& Trainer::phases() const { return impl_->phases; }
 
-double Trainer::WorkBefore(int iteration) const { return impl_->pyramid.WorkBefore(iteration); }
+double Trainer::LastWork() const {
+  return impl_->pyramid.WorkOf(std::max(0, iteration() - 1), static_cast<double>(num_gaussians()));
+}
+
+double Trainer::WorkUntil(int end) const {
+  return ForecastWork(impl_->pyramid, impl_->density, iteration(), end,
+                      static_cast<double>(num_gaussians()));
+}
 
 absl::StatusOr<StepLosses> Trainer::Step() {
   Impl& s = *impl_;

@@ -64,8 +64,10 @@ class Trainer {
   size_t num_gaussians() const;
   const PhaseSeconds& phases() const;
 
-  // Work of the iterations before this one, in no unit; for estimates of time.
-  double WorkBefore(int iteration) const;
+  // For estimates of time, in no unit: the work of the iteration done last, and of those from here
+  // to `end` as far as the growth of the scene can be foretold.
+  double LastWork() const;
+  double WorkUntil(int end) const;
 
   // A copy of the scene as it is.
   Model Snapshot() const;
