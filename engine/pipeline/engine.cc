@@ -127,7 +127,9 @@ class Run {
       if (cancel.IsCancelled()) return Cancelled(cancel, trainer_.iteration() > leg.first);
       const double step_start = Now();
       const absl::StatusOr<StepLosses> losses = trainer_.Step();
-      step_seconds_ += Now() - step_start;
+      const double step_seconds = Now() - step_start;
+      step_seconds_ += step_seconds;
+      leg.step_seconds += step_seconds;
       if (!losses.ok()) {
         LITAGS_RETURN_IF_ERROR(RollBack(losses.status()));
         leg = NewLeg();
@@ -175,12 +177,16 @@ class Run {
     double start;     // seconds
     int first;        // iteration
     double work = 0;  // Trainer::LastWork() of its iterations
+    double step_seconds = 0;
   };
   Leg NewLeg() const { return {Now(), trainer_.iteration()}; }
 
-  // With previews and checkpoints.
+  // Iterations by their work; previews and checkpoints as often and as long as so far.
   double SecondsLeft(const Leg& leg) const {
-    return (Now() - leg.start) / leg.work * trainer_.WorkUntil(options_.iterations);
+    const int done = trainer_.iteration();
+    const double beside = (Now() - leg.start - leg.step_seconds) / (done - leg.first);
+    return leg.step_seconds / leg.work * trainer_.WorkUntil(options_.iterations) +
+           beside * (options_.iterations - done);
   }
 
   // Back to the last checkpoint, or to the start, and around what went wrong.

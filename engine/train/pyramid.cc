@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/core/mask.h"
+#include "engine/core/splats.h"
 #include "engine/train/crop.h"
 
 namespace litags {
@@ -80,8 +81,14 @@ TrainView HalfSize(const TrainView& view) {
   return out;
 }
 
+int ShDegreeAt(const TrainOptions& options, int iteration) {
+  return std::min(options.sh_degree, 1 + iteration / options.recipe.sh_interval);
+}
+
 ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options)
-    : views_(views), coarse_iterations_(options.recipe.coarse_until * options.iterations) {
+    : views_(views),
+      options_(options),
+      coarse_iterations_(options.recipe.coarse_until * options.iterations) {
   int side = kMinSide << options.recipe.coarse_levels;
   for (const TrainView& v : *views) {
     side = std::min({side, v.view.camera.width, v.view.camera.height});
@@ -126,7 +133,9 @@ int ViewPyramid::CoarseEnd() const {
 
 double ViewPyramid::WorkOf(int iteration, double gaussians) const {
   const int level = LevelOf(iteration);
-  return compared_[level] + kPixelsBeside + kPixelsOfGaussian * gaussians * compared_share_[level];
+  const double rows = SplatRowsForDegree(ShDegreeAt(options_, iteration));
+  return compared_[level] + kPixelsBeside +
+         kPixelsOfGaussian * gaussians * compared_share_[level] * rows / double{kSplatRows};
 }
 
 int64_t ViewPyramid::MostGaussians(int level) const { return most_gaussians_[level]; }

@@ -23,6 +23,9 @@ TrainView HalfSize(const TrainView& view);
 inline constexpr double kPixelsBeside = 8000;
 inline constexpr double kPixelsOfGaussian = 0.9;
 
+// Of an iteration: it starts at min(1, options.sh_degree) and grows.
+int ShDegreeAt(const TrainOptions& options, int iteration);
+
 // Level 0 is the given views; level k has 2^-k of their size.
 class ViewPyramid {
  public:
@@ -38,7 +41,8 @@ class ViewPyramid {
   int CoarseEnd() const;
 
   // The time of an iteration with so many Gaussians grows about like this: the pixels that it
-  // compares, kPixelsBeside, and kPixelsOfGaussian for each Gaussian of its crop.
+  // compares, kPixelsBeside, and kPixelsOfGaussian for each Gaussian of its crop, by the share of
+  // rows that its SH degree has.
   double WorkOf(int iteration, double gaussians) const;
 
   // Most Gaussians of a scene while photos of this level are learnt. Smaller photos have fewer
@@ -54,6 +58,7 @@ class ViewPyramid {
   double MeanPixels(int level, int64_t crop_pixels) const;
 
   const std::vector<TrainView>* views_;
+  TrainOptions options_;
   std::vector<std::vector<TrainView>> smaller_;
   double coarse_iterations_;
   std::vector<double> compared_;         // pixels of an iteration, by level

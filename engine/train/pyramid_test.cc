@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/core/mask.h"
+#include "engine/core/splats.h"
 #include "engine/train/train_test_util.h"
 
 namespace litags {
@@ -83,6 +84,9 @@ TEST(HalfSize, ASmallDepthMapStaysAsItIs) {
   EXPECT_EQ(HalfSize(view).depth->depth.width, 3);
 }
 
+// Of the first iterations, which have SH of degree 1.
+const double kOfGaussian = kPixelsOfGaussian * SplatRowsForDegree(1) / double{kSplatRows};
+
 std::vector<TrainView> OneView(int width, int height) {
   TrainView view;
   view.view.camera = RingCamera(0, 4, width, height);
@@ -105,7 +109,7 @@ TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
   EXPECT_EQ(pyramid.LevelOf(99), 0);
   EXPECT_EQ(pyramid.CoarseEnd(), 50);
   constexpr double kPixels = 300 * 256, kGaussians = 1000;
-  constexpr double kBeside = kPixelsBeside + kPixelsOfGaussian * kGaussians;
+  const double kBeside = kPixelsBeside + kOfGaussian * kGaussians;
   EXPECT_DOUBLE_EQ(pyramid.WorkOf(0, kGaussians), kPixels / 16 + kBeside);
   EXPECT_DOUBLE_EQ(pyramid.WorkOf(49, kGaussians), kPixels / 4 + kBeside);
   EXPECT_DOUBLE_EQ(pyramid.WorkOf(50, kGaussians), kPixels + kBeside);
@@ -121,9 +125,18 @@ TEST(ViewPyramid, CropsBoundTheWorkOfAnIteration) {
   options.recipe.crop_pixels = 40'000;  // 3 x 2 cells; at half size 2 x 1
   const ViewPyramid pyramid(&views, options);
   constexpr double kGaussians = 1200;
-  constexpr double kWhole = kPixelsOfGaussian * kGaussians;
+  const double kWhole = kOfGaussian * kGaussians;
   EXPECT_DOUBLE_EQ(pyramid.WorkOf(49, kGaussians), (300 * 200 + kWhole) / 2 + kPixelsBeside);
   EXPECT_DOUBLE_EQ(pyramid.WorkOf(50, kGaussians), (600 * 400 + kWhole) / 6 + kPixelsBeside);
+}
+
+TEST(ViewPyramid, GaussiansTakeMoreWorkWithMoreSphericalHarmonics) {
+  const std::vector<TrainView> views = OneView(600, 400);
+  TrainOptions options;
+  options.recipe.sh_interval = 1000;
+  const ViewPyramid pyramid(&views, options);
+  EXPECT_DOUBLE_EQ(pyramid.WorkOf(999, 1e6) - pyramid.WorkOf(999, 0), kOfGaussian * 1e6);
+  EXPECT_DOUBLE_EQ(pyramid.WorkOf(2000, 1e6) - pyramid.WorkOf(2000, 0), kPixelsOfGaussian * 1e6);
 }
 
 TEST(ViewPyramid, SmallPhotosAllowFewerGaussians) {

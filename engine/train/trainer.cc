@@ -88,11 +88,6 @@ struct Trainer::Impl {
         density(o, CentersOf(*v), scene_extent, pyramid.CoarseEnd()),
         objective(o) {}
 
-  int ShDegree() const {
-    const int grown = 1 + state.iteration / options.recipe.sh_interval;
-    return std::min(options.sh_degree, grown);
-  }
-
   // At full size.
   double Epochs() const {
     return std::max(0, state.iteration - pyramid.CoarseEnd()) / static_cast<double>(num_views);
@@ -257,7 +252,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   RenderSettings settings;
   settings.crop = crop;
   settings.num_channels = objective.NumChannels();
-  settings.sh_degree = ShDegree();
+  settings.sh_degree = ShDegreeAt(options, state.iteration);
   settings.threads = options.threads;
   settings.dropout = MakeDropout();
   settings.pixel_filter = FilterOf(options.recipe);
@@ -373,7 +368,7 @@ Model Trainer::Snapshot() const {
   model.pdm_options = s.options.recipe.pdm;
   model.pdm = s.state.pdm;
   model.pixel_filter = FilterOf(s.options.recipe);
-  model.sh_degree = s.ShDegree();
+  model.sh_degree = ShDegreeAt(s.options, s.state.iteration);
   model.iteration = s.state.iteration;
   return model;
 }
