@@ -20,7 +20,7 @@ namespace {
 struct ExportArgs {
   std::string job, output, ply, format, up;
   std::vector<std::string> crop;
-  bool original_light = false, full = false, antialiased = false;
+  bool original_light = false, full = false, antialiased = false, html = false;
   double light = 0, exposure = 0;
   std::optional<double> scale;
   int64_t max_splats = 0;
@@ -30,6 +30,7 @@ struct ExportArgs {
 
 absl::StatusOr<v1::ModelFormat> FormatOf(const ExportArgs& args) {
   if (args.full) return v1::MODEL_FORMAT_PLY_FULL;
+  if (args.html) return v1::MODEL_FORMAT_HTML;
   if (!args.ply.empty()) return v1::MODEL_FORMAT_PLY;
   return args.format.empty() ? ModelFormatOf(args.output) : ParseModelFormat(args.format);
 }
@@ -96,8 +97,8 @@ void AddFileOptions(CLI::App& command, ExportArgs& args) {
   CLI::Option* output = command.add_option(
       "-o,--output", args.output,
       "File to write; its ending says the format: .ply, .compressed.ply, .spz, .sog, .splat, .glb, "
-      ".usda, .zip (COLMAP's model), .points.ply and .las (points of surfaces), .mesh.ply and "
-      ".mesh.glb (surfaces as triangles)");
+      ".usda, .html (a page that shows it), .zip (COLMAP's model), .points.ply and .las (points of "
+      "surfaces), .mesh.ply and .mesh.glb (surfaces as triangles)");
   // The first version's name of -o.
   CLI::Option* ply = command.add_option("--ply", args.ply, "File to write, a .ply");
   CLI::Option_group* file = command.add_option_group("File", "One of these");
@@ -106,8 +107,12 @@ void AddFileOptions(CLI::App& command, ExportArgs& args) {
   CLI::Option* format = command.add_option(
       "--format", args.format, absl::StrCat("One of ", absl::StrJoin(ModelFormatNames(), ", ")));
   format->excludes(ply);
-  command.add_flag("--full", args.full, "A .ply with every attribute of LITA-GS, as trained")
-      ->excludes(format);
+  CLI::Option* full =
+      command.add_flag("--full", args.full, "A .ply with every attribute of LITA-GS, as trained");
+  full->excludes(format);
+  CLI::Option* html =
+      command.add_flag("--html", args.html, "A page that shows the scene and needs nothing else");
+  for (CLI::Option* other : {format, ply, full}) html->excludes(other);
 }
 
 }  // namespace

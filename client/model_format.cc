@@ -30,6 +30,7 @@ constexpr std::pair<const char*, v1::ModelFormat> kEndings[] = {
     {".glb", v1::MODEL_FORMAT_GLB},
     {".usda", v1::MODEL_FORMAT_USDA},
     {".zip", v1::MODEL_FORMAT_COLMAP},
+    {".html", v1::MODEL_FORMAT_HTML},
     {".las", v1::MODEL_FORMAT_LAS},
 };
 

@@ -29,6 +29,7 @@ TEST(ModelFormat, EndingsSayTheFormat) {
   EXPECT_EQ(ModelFormatOf("b.LAS").value(), v1::MODEL_FORMAT_LAS);
   EXPECT_EQ(ModelFormatOf("site.mesh.ply").value(), v1::MODEL_FORMAT_MESH_PLY);
   EXPECT_EQ(ModelFormatOf("site.mesh.glb").value(), v1::MODEL_FORMAT_MESH_GLB);
+  EXPECT_EQ(ModelFormatOf("site.html").value(), v1::MODEL_FORMAT_HTML);
   EXPECT_EQ(ModelFormatOf("site.glb").value(), v1::MODEL_FORMAT_GLB);
   EXPECT_EQ(ModelFormatOf("scene.compressed.ply").value(), v1::MODEL_FORMAT_COMPRESSED_PLY);
   EXPECT_EQ(ModelFormatOf("SCENE.SPZ").value(), v1::MODEL_FORMAT_SPZ);

@@ -23,6 +23,7 @@ enum class SceneFormat {
   kGlb,
   kUsda,
   kColmap,
+  kHtml,
   kPoints,
   kLas,
   kMeshPly,

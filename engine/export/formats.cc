@@ -17,6 +17,7 @@ constexpr FormatInfo kFormats[] = {
     {SceneFormat::kGlb, "glb", ".glb", UpAxis::kY, false, EncodeGlb},
     {SceneFormat::kUsda, "usda", ".usda", UpAxis::kY, false, EncodeUsda},
     {SceneFormat::kColmap, "colmap", ".zip", UpAxis::kKeep, false, EncodeColmap},
+    {SceneFormat::kHtml, "html", ".html", UpAxis::kKeep, false, EncodeHtml},
     {SceneFormat::kPoints, "points", ".points.ply", UpAxis::kKeep, false, nullptr, EncodePointsPly},
     {SceneFormat::kLas, "las", ".las", UpAxis::kKeep, false, nullptr, EncodeLas},
     {SceneFormat::kMeshPly, "mesh-ply", ".mesh.ply", UpAxis::kKeep, false, nullptr, nullptr,

@@ -54,6 +54,10 @@ absl::StatusOr<std::string> EncodeUsda(const ViewerScene& scene);
 // COLMAP's model of the photos' cameras with the Gaussians' centres as points, in a ZIP file.
 absl::StatusOr<std::string> EncodeColmap(const ViewerScene& scene);
 
+// A page that shows the scene by WebGL and loads nothing. FAILED_PRECONDITION (EXPORT_NOT_BUILT)
+// where the program was built without the viewer.
+absl::StatusOr<std::string> EncodeHtml(const ViewerScene& scene);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_EXPORT_FORMATS_H_

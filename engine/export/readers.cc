@@ -84,6 +84,8 @@ absl::StatusOr<ViewerScene> ReadExported(SceneFormat format, const std::string& 
       return DecodeGlb(bytes);
     case SceneFormat::kUsda:
       return DecodeUsda(bytes);
+    case SceneFormat::kHtml:
+      return DecodeHtml(bytes);
     case SceneFormat::kColmap:
     case SceneFormat::kPoints:
     case SceneFormat::kLas:

@@ -25,6 +25,7 @@ absl::StatusOr<ViewerScene> DecodeSpz(std::string_view bytes);  // version 3 or 
 absl::StatusOr<ViewerScene> DecodeSog(std::string_view bytes);
 absl::StatusOr<ViewerScene> DecodeGlb(std::string_view bytes);
 absl::StatusOr<ViewerScene> DecodeUsda(std::string_view bytes);
+absl::StatusOr<ViewerScene> DecodeHtml(std::string_view bytes);
 
 // A stored file of a ZIP file; empty if there is none of this name.
 std::string_view StoredFile(std::string_view zip, std::string_view name);

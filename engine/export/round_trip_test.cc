@@ -2,11 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
+#include <string>
 
 #include "engine/core/error.h"
 #include "engine/export/export_test_util.h"
 #include "engine/export/formats.h"
 #include "engine/export/readers.h"
+#include "engine/viewer/viewer.h"
 
 namespace litags {
 namespace {
@@ -54,6 +57,39 @@ TEST(RoundTrip, LosesNoMoreThanTheFormatMust) {
     EXPECT_LE(errors.harmonics, limits.errors.harmonics);
     EXPECT_GT(LeastPsnr(scene, read->splats), limits.psnr_db);
   }
+}
+
+TEST(RoundTrip, APageHoldsTheCompressedPlyAndTheCameras) {
+  ViewerScene scene = SmallScene(kCount);
+  scene.views[0].name = "</script><b>\xff.png";
+  scene.radius = 2.5;
+  const auto page = InfoOf(SceneFormat::kHtml).encode(scene);
+  if (ViewerModule().empty()) {
+    EXPECT_EQ(ReasonOf(page.status()), "EXPORT_NOT_BUILT");
+    GTEST_SKIP() << "built without the viewer";
+  }
+  ASSERT_TRUE(page.ok()) << page.status();
+  const auto read = ReadExported(SceneFormat::kHtml, *page);
+  ASSERT_TRUE(read.ok()) << read.status();
+  const auto ply =
+      ReadExported(SceneFormat::kCompressedPly, Encoded(SceneFormat::kCompressedPly, scene));
+  ASSERT_TRUE(ply.ok()) << ply.status();
+  EXPECT_TRUE(read->splats.data() == ply->splats.data());
+  // Three scripts, which no name ends; the cameras as the page reads them.
+  size_t ends = 0;
+  for (size_t at = page->find("</script>"); at != page->npos;
+       at = page->find("</script>", at + 1)) {
+    ++ends;
+  }
+  EXPECT_EQ(ends, 3u);
+  const std::string start = "id=\"cameras\">";
+  const size_t from = page->find(start) + start.size();
+  const auto cameras =
+      nlohmann::json::parse(page->substr(from, page->find("</script>", from) - from));
+  EXPECT_EQ(cameras["radius"], 2.5);
+  ASSERT_EQ(cameras["cameras"].size(), scene.views.size());
+  EXPECT_EQ(cameras["cameras"][1]["camera"]["viewmat"]["values"],
+            nlohmann::json(scene.views[1].camera.Viewmat()));
 }
 
 TEST(RoundTrip, SplatsComeMostVisibleFirstWithOneColour) {

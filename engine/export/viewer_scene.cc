@@ -204,6 +204,11 @@ void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, View
   const RotationMatrix turn = Eigen::Map<const RotationMatrix>(rotation.data());
   const Eigen::Vector3d origin = scale * (turn * Eigen::Vector3d(scene->origin.data()));
   std::copy_n(origin.data(), 3, scene->origin.data());
+  const Eigen::Vector3d center = scale * (turn * Eigen::Vector3d(scene->center.data()));
+  std::copy_n(center.data(), 3, scene->center.data());
+  const Eigen::Vector3d turned_up = turn * Eigen::Vector3d(scene->up_direction.data());
+  std::copy_n(turned_up.data(), 3, scene->up_direction.data());
+  scene->radius *= scale;
   for (View& view : scene->views) TurnView(turn, scale, &view.camera);
   if (scale == 1) return;
   const float log_scale = static_cast<float>(std::log(scale));

@@ -24,6 +24,10 @@ struct ViewerScene {
   UpAxis up = UpAxis::kKeep;          // which axis is up now; kKeep: unknown
   std::array<double, 3> origin = {};  // that positions and views count from
   std::vector<View> views;            // the photos' cameras
+  // What they look at, counted from the origin: the middle, the mean distance from there, and which
+  // direction, of unit length, is up.
+  std::array<double, 3> center = {}, up_direction = {0, -1, 0};
+  double radius = 1;
 };
 
 // Coefficients of a colour, the one of degree 0 included.

@@ -90,6 +90,16 @@ TEST(PlaceScene, UpBecomesTheAxisAndTheCamerasGoWithIt) {
   }
 }
 
+TEST(PlaceScene, WhatTheCamerasLookAtGoesWithThem) {
+  ViewerScene scene = SmallScene(5);
+  scene.center = {0, 2, 0};
+  scene.radius = 3;
+  PlaceScene({0, -1, 0}, UpAxis::kZ, /*scale=*/10, &scene);
+  EXPECT_NEAR(scene.center[2], -20, 1e-9);
+  EXPECT_NEAR(scene.up_direction[2], 1, 1e-9);
+  EXPECT_NEAR(scene.radius, 30, 1e-9);
+}
+
 TEST(PlaceScene, KeptAndUnscaledItIsAsItWas) {
   const ViewerScene scene = SmallScene(20);
   ViewerScene placed = scene;

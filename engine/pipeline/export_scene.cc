@@ -10,6 +10,7 @@
 #include "engine/export/formats.h"
 #include "engine/pipeline/light_power.h"
 #include "engine/pipeline/render_rules.h"
+#include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/viewer_splats.h"
 
 namespace litags {
@@ -76,6 +77,10 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
         &scene.splats);
   }
   if (mip && !request.antialiased) scene.splats = SplatsForViewers(views, std::move(scene.splats));
+  const SceneFrame frame = FrameOfViews(views);
+  scene.center = frame.center;
+  scene.up_direction = up;
+  scene.radius = frame.radius;
   scene.views = std::move(views);
   if (request.crop.has_value()) Crop(*request.crop, &scene);
   if (scene.splats.size() == 0) {

@@ -41,6 +41,8 @@ absl::StatusOr<SceneFormat> FormatOf(v1::ModelFormat format) {
       return SceneFormat::kSog;
     case v1::MODEL_FORMAT_COLMAP:
       return SceneFormat::kColmap;
+    case v1::MODEL_FORMAT_HTML:
+      return SceneFormat::kHtml;
     case v1::MODEL_FORMAT_POINTS:
       return SceneFormat::kPoints;
     case v1::MODEL_FORMAT_LAS:

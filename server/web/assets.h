@@ -6,7 +6,7 @@
 
 namespace litags::web {
 
-// A file of the page. The build makes them of server/web/app.
+// A file of the page. The build makes them of server/web/app and engine/viewer.
 struct Asset {
   std::string_view path;  // "/app.js"
   std::string_view type;
@@ -14,7 +14,10 @@ struct Asset {
   std::string_view bytes;
 };
 
+// Those of the page, and the viewer's if there is one.
 std::span<const Asset> Assets();
+// Those of the page alone.
+std::span<const Asset> PageAssets();
 
 }  // namespace litags::web
 

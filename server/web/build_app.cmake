@@ -1,27 +1,16 @@
-# Builds the page in the folder WORK from SOURCE with NPM and NODE, and writes it as C++ to OUT. Where
-# that cannot be done, a page that says so takes its place.
+# Builds the page in the folder WORK from SOURCE, and from files of VIEWER that the two share, with NPM
+# and NODE, and writes it as C++ to OUT. Where that cannot be done, a page that says so takes its place.
+include(${CMAKE_CURRENT_LIST_DIR}/../../deploy/cmake/npm.cmake)
 
 # The page in WORK/dist; `why` there is none, or empty.
 function(build_page why)
-  if(NOT NPM OR NOT NODE)
-    set(${why} "node and npm were not installed when litags-server was built" PARENT_SCOPE)
+  npm_install(${SOURCE} ${WORK} missing)
+  if(missing)
+    set(${why} "${missing} when litags-server was built" PARENT_SCOPE)
     return()
   endif()
-  file(COPY ${SOURCE}/ DESTINATION ${WORK} PATTERN node_modules EXCLUDE)
-  file(SHA256 ${SOURCE}/package-lock.json lock)
-  if(NOT EXISTS ${WORK}/node_modules/.installed-${lock})
-    execute_process(
-      COMMAND ${NPM} ci --ignore-scripts --no-audit --no-fund --prefer-offline --fetch-retries=0
-      WORKING_DIRECTORY ${WORK} RESULT_VARIABLE failed OUTPUT_VARIABLE told ERROR_VARIABLE told
-      TIMEOUT 300)
-    if(failed)
-      message(STATUS "${told}")
-      set(${why} "npm could not install TypeScript when litags-server was built" PARENT_SCOPE)
-      return()
-    endif()
-    file(TOUCH ${WORK}/node_modules/.installed-${lock})
-  endif()
   # From here on a failure is a defect of the page.
+  file(COPY ${VIEWER}/camera.ts ${VIEWER}/contract.ts ${VIEWER}/controls.ts DESTINATION ${WORK}/src)
   file(REMOVE_RECURSE ${WORK}/dist)
   execute_process(COMMAND ${NODE} node_modules/typescript/bin/tsc WORKING_DIRECTORY ${WORK}
     COMMAND_ERROR_IS_FATAL ANY)
@@ -39,15 +28,11 @@ function(embed file)
   cmake_path(GET file FILENAME name)
   cmake_path(GET file EXTENSION LAST_ONLY extension)
   string(MAKE_C_IDENTIFIER "${name}" array)
-  file(READ ${file} hex HEX)
-  string(REGEX REPLACE "([0-9a-f][0-9a-f])" "\\\\x\\1" bytes "${hex}")
-  string(SHA256 digest "${hex}")
-  string(SUBSTRING ${digest} 0 16 etag)
   set(path "/${name}")
   if(name STREQUAL "index.html")
     set(path "/")
   endif()
-  file(APPEND ${OUT}.new "constexpr char k_${array}[] = \"${bytes}\";\n")
+  embed_bytes(${OUT}.new k_${array} ${file} etag)
   set(rows "${rows}    {\"${path}\", \"${type_${extension}}\", \"\\\"${etag}\\\"\",
      {k_${array}, sizeof(k_${array}) - 1}},\n" PARENT_SCOPE)
 endfunction()
@@ -66,5 +51,5 @@ foreach(file ${files})
   embed(${file})
 endforeach()
 file(APPEND ${OUT}.new "\nconstexpr Asset kAssets[] = {\n${rows}};\n\n}  // namespace\n\n"
-  "std::span<const Asset> Assets() { return kAssets; }\n\n}  // namespace litags::web\n")
+  "std::span<const Asset> PageAssets() { return kAssets; }\n\n}  // namespace litags::web\n")
 file(RENAME ${OUT}.new ${OUT})

@@ -13,9 +13,12 @@ namespace {
 constexpr char kCookie[] = "litags_token";
 constexpr size_t kMaxCookieValue = 1024;
 
-// Pictures of the app are made in the page (blob:), and that is all that does not come from here.
+// Pictures of the app are made in the page (blob:). So is the worker in which its viewer sorts
+// Gaussians: PlayCanvas has its text as a string, and the worker inherits this policy. All else
+// comes from here.
 constexpr char kPolicy[] =
-    "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; "
+    "default-src 'self'; img-src 'self' blob: data:; worker-src blob:; object-src 'none'; base-uri "
+    "'none'; "
     "form-action 'self'; frame-ancestors 'none'";
 
 bool SameHost(std::string_view origin, const Head& head) {

@@ -91,15 +91,15 @@ async function drop(path) {
 }
 
 const state = (text) => page.locator(".heading .state", {hasText: text}).waitFor();
-const drawn = () => page.locator("canvas").evaluate((c) => Number(c.dataset.drawn ?? 0));
-const full = () => page.locator("canvas[data-full=true]").waitFor();
+const drawn = () => page.locator("canvas.stage").evaluate((c) => Number(c.dataset.drawn ?? 0));
+const full = () => page.locator("canvas.stage[data-full=true]").waitFor();
 
 async function redrawn(action) {
   await full();
   const before = await drawn();
   await action();
   await page.waitForFunction(
-      (n) => Number(document.querySelector("canvas").dataset.drawn) > n, before);
+      (n) => Number(document.querySelector("canvas.stage").dataset.drawn) > n, before);
   await full();
 }
 
@@ -167,10 +167,10 @@ await step("a report to file", async () => {
 async function measured() {
   const units = () => page.locator("output").textContent();
   await page.getByLabel("Measure a distance").check();
-  const box = await page.locator("canvas").boundingBox();
+  const box = await page.locator("canvas.stage").boundingBox();
   await page.mouse.click(box.x + 0.45 * box.width, box.y + 0.5 * box.height);
   await page.getByText("Click the second point").waitFor();
-  await page.locator("canvas").press("m");
+  await page.locator("canvas.stage").press("m");
   await page.getByText("units of the scene", {exact: false}).first().waitFor();
   assert.ok(Number.parseFloat(await units()) > 0, await units());
   await page.locator(".measure circle").nth(1).waitFor();
@@ -196,14 +196,14 @@ await step("through the scene", async () => {
   await redrawn(() => page.getByRole("button", {name: "Next photo"}).click());
   assert.equal(await page.getByLabel("Photo's place").inputValue(), "b.png");
   await redrawn(async () => {
-    await page.locator("canvas").focus();
+    await page.locator("canvas.stage").focus();
     await page.keyboard.down("w");
     await page.waitForTimeout(200);
     await page.keyboard.up("w");
   });
   assert.equal(await page.getByLabel("Photo's place").inputValue(), "");
   await redrawn(async () => {
-    const box = await page.locator("canvas").boundingBox();
+    const box = await page.locator("canvas.stage").boundingBox();
     await page.mouse.move(box.x + 100, box.y + 100);
     await page.mouse.down();
     await page.mouse.move(box.x + 200, box.y + 120, {steps: 5});

@@ -44,11 +44,15 @@ class Server:
         self.address = f"127.0.0.1:{int(files[0].read_text())}"
         self.url = f"http://127.0.0.1:{int(files[1].read_text())}"
 
-    def trained_job(self, capture):
-        """A job of a few iterations; its name."""
+    def stop(self):
+        self.process.terminate()
+        self.process.wait()
+
+    def trained_job(self, capture, iterations=10):
+        """A job of so many iterations; its name."""
         out = subprocess.run(
             [self.bin / "litags", "--server", self.address, "submit", capture / "high", "--cameras",
-             capture / "transforms_train.json", "--iterations", "10", "--holdout-every", "0", "--watch"],
+             capture / "transforms_train.json", "--iterations", str(iterations), "--holdout-every", "0", "--watch"],
             check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
         return out.split()[0]
 
@@ -97,8 +101,7 @@ def main():
                 env=dict(os.environ, URL=f"{server.url}/#/{job}/scene", CHROMIUM=chromium,
                          SECONDS=str(args.seconds), PATIENCE_MS=str(1000 * PATIENCE_S)))
         finally:
-            server.process.terminate()
-            server.process.wait()
+            server.stop()
 
 
 if __name__ == "__main__":

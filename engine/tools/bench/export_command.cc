@@ -28,6 +28,7 @@
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
+#include "engine/viewer/viewer.h"
 
 namespace litags {
 namespace {
@@ -118,6 +119,7 @@ class Exporter {
         "|---|---|---|---|---|---|---|\n");
     nlohmann::json rows = nlohmann::json::array();
     for (const FormatInfo& info : Formats()) {
+      if (info.format == SceneFormat::kHtml && ViewerModule().empty()) continue;
       LITAGS_ASSIGN_OR_RETURN(nlohmann::json row, Row(info, bytes.size()));
       rows.push_back(std::move(row));
     }

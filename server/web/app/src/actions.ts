@@ -10,7 +10,7 @@ const kFormats: [format: string, text: string, ending: string][] = [
   ["COMPRESSED_PLY", "compressed PLY", ".compressed.ply"], ["SPLAT", "splat", ".splat"],
   ["GLB", "glTF", ".glb"], ["USDA", "OpenUSD", ".usda"], ["SPZ_V4", "SPZ, version 4", ".spz"],
   ["PLY_ORIGINAL_LIGHT", "PLY, original light", ".ply"], ["PLY_FULL", "PLY, all attributes", ".ply"],
-  ["COLMAP", "COLMAP model", ".zip"], ["POINTS", "points, PLY", ".points.ply"], ["LAS", "points, LAS", ".las"],
+  ["HTML", "a page that shows it", ".html"], ["COLMAP", "COLMAP model", ".zip"], ["POINTS", "points, PLY", ".points.ply"], ["LAS", "points, LAS", ".las"],
   ["MESH_GLB", "mesh, glTF", ".mesh.glb"], ["MESH_PLY", "mesh, PLY", ".mesh.ply"],
 ];
 

@@ -1,5 +1,7 @@
 // The services by HTTP, and the parts of their messages that the page uses.
 
+export type {Camera, Cameras, Vector} from "./camera.js";
+
 export interface Progress {
   stage?: string;
   message?: string;
@@ -74,24 +76,6 @@ export interface LogEntry {
   text?: string;
 }
 
-export interface Vector { x?: number; y?: number; z?: number }
-
-export interface Camera {
-  width: number;
-  height: number;
-  intrinsics: {fx: number; fy: number; cx: number; cy: number};
-  viewmat: {values: number[]};
-}
-
-export interface Cameras {
-  cameras?: {name: string; camera: Camera}[];
-  center?: Vector;
-  up?: Vector;
-  radius?: number;
-  iteration?: number;
-  gaussians?: string;
-}
-
 export interface ServerInfo {
   version: string;
   methods: {method: string; name: string; defaults: Options}[];
@@ -146,6 +130,10 @@ export async function call<T>(method: string, path: string, body?: unknown): Pro
 export const get = <T>(path: string): Promise<T> => call<T>("GET", path);
 export const post = <T>(path: string, body: unknown = {}): Promise<T> =>
     call<T>("POST", path, body);
+
+export async function getBytes(path: string): Promise<Uint8Array<ArrayBuffer>> {
+  return new Uint8Array(await (await request("GET", path)).arrayBuffer());
+}
 
 // A picture, and what the server says of it.
 export interface Picture {

@@ -1,11 +1,13 @@
-// Through a scene: pictures drawn by the server from wherever one goes.
+// Through a scene: pictures from wherever one goes, drawn by the server or in the browser.
 
 import {get, type ApiError, type Cameras, type Job} from "./api.js";
 import {add, frameOf, OrbitCamera, type V3} from "./camera.js";
+import {hasWebGl} from "./contract.js";
 import {control} from "./controls.js";
 import {el, labelled, notice, select, svg} from "./dom.js";
 import {Drawing} from "./drawing.js";
 import {titleOf} from "./format.js";
+import {Here} from "./here.js";
 import {measuring} from "./measure.js";
 import {touring} from "./tour.js";
 import type {View} from "./view.js";
@@ -72,6 +74,10 @@ function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => 
                        names[0] ?? "", {change: () => jumps.value && go(jumps.value)});
   const save = el("a", {class: "button", hidden: true}, "Save picture");
 
+  const count = (full: boolean): void => {
+    canvas.dataset.full = String(full);
+    canvas.dataset.drawn = String(Number(canvas.dataset.drawn ?? 0) + 1);
+  };
   const go = (name: string): void => {
     const photo = cameras.cameras?.find((c) => c.name === name);
     if (!photo) return;
@@ -97,8 +103,8 @@ function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => 
   const tour = touring(job.name, titleOf(job), pose, look);
   const drawing = new Drawing(job.name, canvas, () => ({pose: pose(), settings: look()}),
                               ({blob, about}, ms, full) => {
-    canvas.dataset.full = String(full);
-    canvas.dataset.drawn = String(Number(canvas.dataset.drawn ?? 0) + 1);
+    if (here.on) return;
+    count(full);
     status.textContent = `${about.width} x ${about.height}, ${Math.round(ms)} ms, ` +
         `iteration ${about.iteration ?? 0}`;
     if (!full) return;
@@ -108,21 +114,46 @@ function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => 
     save.hidden = false;
     notice("");
   }, (error) => notice(error.message));
+  const here = new Here(job, camera, (size, final) => {
+    if (final) canvas.dataset.full = "true";
+    else count(false);
+    status.textContent = `${size}, drawn here`;
+  }, (error) => { by.value = "server"; switched(); notice(error.message); });
+  const by = select([["server", "by the server"], ["here", "here, by WebGL"]], "server",
+                    {change: () => { notice(""); switched(); }});
+  if (!hasWebGl()) {
+    by.disabled = true;
+    by.title = "This browser has no WebGL 2";
+  }
+  const switched = (): void => {
+    canvas.classList.toggle("clear", by.value === "here");
+    canvas.dataset.full = "false";
+    save.hidden = true;
+    status.textContent = "Loading";
+    here.show(by.value === "here");
+    changed();
+  };
   const changed = (): void => {
-    light.input.disabled = channel.value !== "CHANNEL_LIGHT";
-    exposure.input.disabled = !/LIGHT|ORIGINAL/.test(channel.value);
+    channel.disabled = here.on;
+    light.input.disabled = here.on || channel.value !== "CHANNEL_LIGHT";
+    exposure.input.disabled = here.on || !/LIGHT|ORIGINAL/.test(channel.value);
     over.element.toggleAttribute("hidden", !shown.checked);
     if (shown.checked) over.draw(canvas.clientWidth, canvas.clientHeight);
     measure.draw();
-    drawing.ask();
+    if (here.on) {
+      canvas.dataset.full = "false";
+      here.draw();
+    } else {
+      drawing.ask();
+    }
   };
   const uncontrol = control(canvas, camera, () => { jumps.value = ""; changed(); });
   const resized = new ResizeObserver(changed);
   resized.observe(canvas);
   const element = el(
-      "div", {class: "scene"}, el("div", {class: "frame"}, canvas, over.element, measure.overlay), status,
+      "div", {class: "scene"}, el("div", {class: "frame"}, canvas, here.canvas, over.element, measure.overlay), status,
       el("div", {class: "controls"},
-         labelled("Show", channel), light.element, exposure.element,
+         labelled("Drawn", by), labelled("Show", channel), light.element, exposure.element,
          el("div", {class: "field"}, labelled("Photo's place", jumps),
             el("div", {class: "row"},
                el("button", {type: "button", click: () => beside(-1)}, "Previous photo"),
@@ -131,6 +162,7 @@ function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => 
          save), tour.element);
   return {element, leave: () => {
     drawing.stop();
+    here.leave();
     measure.leave();
     tour.leave();
     uncontrol();

@@ -1,6 +1,23 @@
 // A camera that orbits a point and flies. Axes as in OpenCV: x right, y down, z forward.
 
-import type {Camera, Cameras, Vector} from "./api.js";
+export interface Vector { x?: number; y?: number; z?: number }
+
+export interface Camera {
+  width: number;
+  height: number;
+  intrinsics: {fx: number; fy: number; cx: number; cy: number};
+  viewmat: {values: number[]};
+}
+
+// Of the photos, and what they look at.
+export interface Cameras {
+  cameras?: {name: string; camera: Camera}[];
+  center?: Vector;
+  up?: Vector;
+  radius?: number;
+  iteration?: number;
+  gaussians?: string;
+}
 
 export type V3 = readonly [number, number, number];
 

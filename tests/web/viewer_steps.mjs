@@ -1,0 +1,139 @@
+// The scene drawn in the browser, on the page and as a page of its own, against the server's picture of
+// the same place; viewer_test.py starts it.
+
+import assert from "node:assert/strict";
+import {join} from "node:path";
+import {chromium} from "playwright-core";
+
+const {URL: url, HTML: html, CHROMIUM: executablePath, SCREENSHOTS: folder, PATIENCE_MS: patience} = process.env;
+// The viewer draws 8 bits of the compressed file, blends in 8 bits, and grows small Gaussians by 0.3 px where the
+// scene is drawn by the 2D Mip filter. Any wrong axis, order or colour is below 20 dB.
+const kLeastPsnr = 30;
+
+const browser = await chromium.launch({
+  executablePath,
+  args: ["--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+});
+const viewport = {width: 640, height: 480};
+
+async function sheetOf(options) {
+  const context = await browser.newContext({viewport, ...options});
+  const sheet = await context.newPage();
+  sheet.setDefaultTimeout(Number(patience));
+  const asked = [], complaints = [];
+  sheet.on("request", (request) => asked.push(request.url()));
+  sheet.on("pageerror", (error) => complaints.push(String(error)));
+  sheet.on("console", (message) => { if (message.type() === "error") complaints.push(message.text()); });
+  return {sheet, asked, complaints};
+}
+
+const {sheet: scale} = await sheetOf({});  // where pictures are compared
+async function psnr(a, b) {
+  return scale.evaluate(async (pictures) => {
+    const [p, q] = await Promise.all(pictures.map(async (base64) => {
+      const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+      const bitmap = await createImageBitmap(new Blob([bytes], {type: "image/png"}));
+      const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d");
+      context.drawImage(bitmap, 0, 0);
+      return context.getImageData(0, 0, bitmap.width, bitmap.height);
+    }));
+    if (p.width !== q.width || p.height !== q.height) throw new Error(`${p.width} ${q.width} ${p.height} ${q.height}`);
+    let sum = 0, bright = 0;
+    for (let i = 0; i < p.data.length; ++i) {
+      if (i % 4 === 3) continue;
+      sum += (p.data[i] - q.data[i]) ** 2;
+      bright += p.data[i];
+    }
+    const count = 0.75 * p.data.length;
+    if (bright / count < 20) throw new Error("the picture is black");
+    return 10 * Math.log10(255 ** 2 / (sum / count));
+  }, [a, b].map((png) => png.toString("base64")));
+}
+
+async function same(name, ours, theirs, least = kLeastPsnr) {
+  const db = await psnr(ours, theirs);
+  console.log(`${name}: ${db.toFixed(1)} dB`);
+  assert.ok(db >= least, `${name}: ${db}`);
+}
+
+const {sheet: page, asked, complaints} = await sheetOf({});
+await page.goto(url);
+const stage = page.locator("canvas.stage");
+const full = () => page.locator("canvas.stage[data-full=true]").waitFor();
+// Whole pixels, so that the page of its own has the same ones.
+async function picture(name) {
+  const {x, y, width, height} = await stage.boundingBox();
+  const clip = Object.fromEntries(Object.entries({x, y, width, height}).map(([k, v]) => [k, Math.round(v)]));
+  return page.screenshot({path: join(folder, `viewer-${name}.png`), clip});
+}
+// Not what was there before the last change.
+const settled = async () => { await page.waitForTimeout(500); await full(); };
+
+await full();
+const first = await picture("server");
+assert.ok(!asked.some((address) => address.includes("viewer.js")), "the viewer is loaded before it is wanted");
+
+const drawn = page.getByRole("combobox", {name: "Drawn", exact: true});
+await drawn.selectOption("here");
+await page.getByText("drawn here").waitFor();
+await settled();
+assert.ok(await page.getByLabel(/^Light/).isDisabled());
+await page.screenshot({path: join(folder, "viewer-page.png")});
+await same("at a photo's place", first, await picture("here"));
+
+// The same keys, and the same camera when the server draws again.
+await stage.focus();
+for (const key of ["ArrowRight", "w"]) {
+  await page.keyboard.down(key);
+  await page.waitForTimeout(400);
+  await page.keyboard.up(key);
+}
+await settled();
+const moved = await picture("here-moved");
+assert.ok(await psnr(first, moved) < 25, "nothing has moved");
+await drawn.selectOption("server");
+await settled();
+await same("elsewhere", await picture("server-moved"), moved);
+assert.ok(await page.getByLabel(/^Light/).isEnabled());
+await drawn.selectOption("here");
+await page.getByText("drawn here").waitFor();
+await settled();
+await same("there again", await picture("here-again"), moved);
+
+const origin = new URL(url).origin;
+assert.deepEqual(asked.filter((address) => !address.startsWith(origin) && !address.startsWith(`blob:${origin}`)), []);
+assert.deepEqual(complaints, []);
+
+// The page of its own, from a disk, without a network, as large as the stage.
+const box = await stage.boundingBox();
+const alone = await sheetOf({
+  offline: true, viewport: {width: Math.round(box.width), height: Math.round(box.height)}});
+await alone.sheet.goto(`file://${html}`);
+await alone.sheet.locator("canvas[data-full=true]").waitFor();
+await alone.sheet.locator("canvas").evaluate((canvas) => canvas.blur());
+await alone.sheet.getByLabel("Photo's place").evaluate((select) => { select.hidden = true; });
+await alone.sheet.locator("canvas[data-full=true]").waitFor();
+await same("the page of its own", first,
+           await alone.sheet.screenshot({path: join(folder, "viewer-alone.png")}));
+await alone.sheet.getByLabel("Photo's place").evaluate((select) => { select.hidden = false; });
+await alone.sheet.getByLabel("Photo's place").selectOption({index: 2});
+await alone.sheet.locator("canvas[data-full=true]").waitFor();
+assert.ok(await psnr(first, await alone.sheet.screenshot()) < 25, "the page of its own does not move");
+assert.deepEqual(alone.asked.filter((address) => !/^(file|blob):/.test(address)), []);
+assert.deepEqual(alone.complaints, []);
+
+// A browser without WebGL.
+const without = await sheetOf({});
+await without.sheet.addInitScript(() => {
+  const before = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function(kind, ...more) {
+    return kind === "webgl2" ? null : before.call(this, kind, ...more);
+  };
+});
+await without.sheet.goto(url);
+await without.sheet.locator("canvas.stage[data-full=true]").waitFor();
+assert.ok(await without.sheet.getByRole("combobox", {name: "Drawn", exact: true}).isDisabled());
+await without.sheet.goto(`file://${html}`);
+await without.sheet.getByText("WebGL", {exact: false}).first().waitFor();
+await browser.close();
+process.exit(0);
