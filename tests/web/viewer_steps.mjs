@@ -7,7 +7,7 @@ import {chromium} from "playwright-core";
 
 const {URL: url, HTML: html, CHROMIUM: executablePath, SCREENSHOTS: folder, PATIENCE_MS: patience} = process.env;
 // The viewer draws 8 bits of the compressed file, blends in 8 bits, and grows small Gaussians by 0.3 px where the
-// scene is drawn by the 2D Mip filter. Any wrong axis, order or colour is below 20 dB.
+// scene is drawn by the 2D Mip filter. The pictures of two places are below 25 dB.
 const kLeastPsnr = 30;
 
 const browser = await chromium.launch({
@@ -81,7 +81,7 @@ assert.ok(await page.getByLabel(/^Light/).isDisabled());
 await page.screenshot({path: join(folder, "viewer-page.png")});
 await same("at a photo's place", first, await picture("here"));
 
-// The same keys, and the same camera when the server draws again.
+// The same keys and jumps, and the same camera when the server draws again.
 await stage.focus();
 for (const key of ["ArrowRight", "w"]) {
   await page.keyboard.down(key);
@@ -89,16 +89,21 @@ for (const key of ["ArrowRight", "w"]) {
   await page.keyboard.up(key);
 }
 await settled();
-const moved = await picture("here-moved");
-assert.ok(await psnr(first, moved) < 25, "nothing has moved");
+assert.ok(await psnr(first, await picture("here-moved")) < 25, "nothing has moved");
+// At a photo's place: how far keys lead hangs on the machine's load, and the viewer cuts Gaussians that are larger
+// than the picture, as some are among the photos.
+await page.getByLabel("Photo's place").selectOption({index: 3});
+await settled();
+const other = await picture("here-other");
+assert.ok(await psnr(first, other) < 25, "the other photo's place is the same");
 await drawn.selectOption("server");
 await settled();
-await same("elsewhere", await picture("server-moved"), moved);
+await same("at another photo's place", await picture("server-other"), other);
 assert.ok(await page.getByLabel(/^Light/).isEnabled());
 await drawn.selectOption("here");
 await page.getByText("drawn here").waitFor();
 await settled();
-await same("there again", await picture("here-again"), moved);
+await same("there again", await picture("here-again"), other);
 
 const origin = new URL(url).origin;
 assert.deepEqual(asked.filter((address) => !address.startsWith(origin) && !address.startsWith(`blob:${origin}`)), []);

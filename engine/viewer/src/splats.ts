@@ -96,6 +96,7 @@ export async function openSplats(canvas: HTMLCanvasElement, bytes: Uint8Array<Ar
       eye.camera!.fov = camera.fovDeg;
       eye.camera!.nearClip = kNear * camera.radius;
       eye.camera!.farClip = kFar * camera.radius;
+      window.clearTimeout(timer);  // what is shown is of another place
       app.renderNextFrame = true;
     },
     onFailure(action) { failure = action; },
