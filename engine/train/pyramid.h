@@ -17,9 +17,9 @@ namespace litags {
 // four do (ChangeMask says why).
 TrainView HalfSize(const TrainView& view);
 
-// What an iteration takes beside its pixels, in pixels, with its share of previews and checkpoints;
-// and what a Gaussian in view takes. Measured on photos of 1600x1063 and 1600x1200 and their
-// halves, two cores (docs/experiments/performance.md).
+// What an iteration takes beside its pixels, in pixels, and what a Gaussian in view takes. Measured
+// on photos of 1600x1063 and 1600x1200 and their halves, two cores
+// (docs/experiments/performance.md).
 inline constexpr double kPixelsBeside = 8000;
 inline constexpr double kPixelsOfGaussian = 0.9;
 
