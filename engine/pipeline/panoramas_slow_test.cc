@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "engine/core/color.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/sparse_model.h"
@@ -20,6 +19,7 @@
 #include "engine/pipeline/engine.h"
 #include "engine/pipeline/turned_view.h"
 #include "engine/pipeline/wide_views.h"
+#include "engine/sample/exposure.h"
 #include "engine/sample/tracer.h"
 #include "engine/sample/world.h"
 #include "engine/sfm/sfm.h"
@@ -52,19 +52,8 @@ Eigen::Vector3d Place(int i) {
   return {1.2 * std::sin(0.5 * (i - 2)), -1.4 * std::cos(0.5 * (i - 2)), 1.3 + 0.1 * (i % 2)};
 }
 
-// At a normal exposure.
-ImageU8 Exposed(const Planes& light) {
-  ImageU8 out(light.width, light.height);
-  for (int y = 0; y < out.height; ++y) {
-    for (int x = 0; x < out.width; ++x) {
-      for (int c = 0; c < 3; ++c) {
-        const double code = 255 * SrgbFromLinear(0.5 * light.at(c, y, x));
-        out.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(std::lround(code), 0L, 255L));
-      }
-    }
-  }
-  return out;
-}
+// Of the room's radiance, that is white in its photos.
+constexpr double kWhite = 2;
 
 TEST(Panoramas, OfAWalkGiveTheCamerasOfTheirViews) {
   const TempDir dir;
@@ -78,7 +67,9 @@ TEST(Panoramas, OfAWalkGiveTheCamerasOfTheirViews) {
     const Camera camera = LevelCamera(Place(i), kWidth, kWidth / 2, kWidth);
     const Planes light =
         sample::TraceRadiance(world, camera, sample::WithPanorama({.grid = 2, .seed = 1}, camera));
-    ASSERT_TRUE(WritePng(dir / ("photos/" + std::to_string(i) + ".png"), Exposed(light)).ok());
+    ASSERT_TRUE(
+        WritePng(dir / ("photos/" + std::to_string(i) + ".png"), sample::NormalPhoto(light, kWhite))
+            .ok());
   }
   std::vector<std::string> notes;
   const auto cut = WithViewsOfWidePhotos(
@@ -120,7 +111,9 @@ class Fisheyes : public ::testing::Test {
           world_, camera, sample::WithFisheye({.grid = 2, .seed = 1}, camera));
       model.views.push_back({std::to_string(i) + ".png", camera});
       model.distortions.push_back({.fisheye = true});
-      ASSERT_TRUE(WritePng(input_.images_dir + "/" + model.views.back().name, Exposed(light)).ok());
+      ASSERT_TRUE(WritePng(input_.images_dir + "/" + model.views.back().name,
+                           sample::NormalPhoto(light, kWhite))
+                      .ok());
     }
     ASSERT_TRUE(WriteTransforms(input_.cameras_path, model, "").ok());
   }
@@ -155,8 +148,8 @@ TEST_F(Fisheyes, ViewsAreWhatPinholeCamerasSee) {
   ASSERT_EQ(cameras->views.size(), 5u * kFisheyes);
   for (const size_t i : {0, 1, 2, 3, 4}) {  // of one place
     const View& view = cameras->views[i];
-    const ImageU8 truth =
-        Exposed(sample::TraceRadiance(world_, view.camera, {.grid = 2, .seed = 2}));
+    const ImageU8 truth = sample::NormalPhoto(
+        sample::TraceRadiance(world_, view.camera, {.grid = 2, .seed = 2}), kWhite);
     const auto photo =
         ReadMaskedPhoto(cut->images_dir + "/" + view.name, view.name,
                         view.name == "0_front.png" ? "" : cut->masks_dir + "/" + view.name);
@@ -190,8 +183,8 @@ TEST_F(Fisheyes, AreLearntToTheirRim) {
   request.channel = Channel::kOriginal;
   const auto picture = (*scene)->Render(request);
   ASSERT_TRUE(picture.ok()) << picture.status();
-  const ImageU8 truth =
-      Exposed(sample::TraceRadiance(world_, request.camera, {.grid = 3, .seed = 2}));
+  const ImageU8 truth = sample::NormalPhoto(
+      sample::TraceRadiance(world_, request.camera, {.grid = 3, .seed = 2}), kWhite);
   double error = 0, counted = 0;
   for (int y = 0; y < truth.height; ++y) {
     for (int x = 0; x < truth.width; ++x) {

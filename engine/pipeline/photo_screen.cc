@@ -19,6 +19,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/black_bars.h"
+#include "engine/pipeline/photo_place.h"
 
 namespace litags {
 namespace {
@@ -33,8 +34,6 @@ struct Decoded {
   bool blocks = false, no_end_mark = false;  // blocks: the format may compress in them
 };
 
-std::string FieldOf(const std::string& name) { return absl::StrCat("images[", name, "]"); }
-
 bool IsJpeg(std::string_view bytes) { return bytes.starts_with("\xFF\xD8"); }
 
 bool IsPng(std::string_view bytes) { return bytes.starts_with("\x89PNG"); }
@@ -48,10 +47,10 @@ bool LacksEndMark(std::string_view bytes) {
 Decoded Decode(const std::string& dir, const std::string& name) {
   Decoded d;
   d.photo.name = name;
-  const auto bytes = ReadFile(dir + "/" + name, FieldOf(name), ImageLimits().max_bytes);
+  const auto bytes = ReadFile(dir + "/" + name, PhotoField(name), ImageLimits().max_bytes);
   d.status = bytes.status();
   if (!bytes.ok()) return d;
-  const absl::StatusOr<Photo> photo = DecodePhoto(*bytes, FieldOf(name));
+  const absl::StatusOr<Photo> photo = DecodePhoto(*bytes, PhotoField(name));
   d.status = photo.status();
   if (!photo.ok()) return d;
   d.photo = LookAt(name, *photo);
@@ -166,7 +165,7 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, PhotoList* list) {
     if (list->masks.contains(*photo)) continue;
     std::string path = input.images_dir + "/" + name;
     if (absl::StartsWith(name, "dynamic_mask_")) {
-      const absl::StatusOr<ImageU8> moving = ReadImage(path, FieldOf(name));
+      const absl::StatusOr<ImageU8> moving = ReadImage(path, PhotoField(name));
       LITAGS_RETURN_IF_ERROR(moving.status());
       PlaneU8 mask(moving->width, moving->height);
       for (size_t i = 0; i < mask.data.size(); ++i) {

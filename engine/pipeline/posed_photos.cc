@@ -22,6 +22,7 @@
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/memory_estimate.h"
+#include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/target/shadow_color.h"
 
@@ -29,10 +30,6 @@ namespace litags {
 namespace {
 
 constexpr size_t kPhotosOfColors = 8;  // that the capture's colours are measured on
-
-std::string PathOf(const ReconstructInput& input, const std::string& name) {
-  return absl::StrCat(input.images_dir, "/", name);
-}
 
 std::string MaskPathOf(const MaskPaths& masks, const std::string& name) {
   const auto mask = masks.find(name);
@@ -50,7 +47,7 @@ absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const Sp
     status[i] = [&]() -> absl::Status {
       LITAGS_RETURN_IF_ERROR(cancel.Check());
       const std::string& name = model.views[i * all / n].name;
-      const std::string path = PathOf(input, name), field = absl::StrCat("images[", name, "]");
+      const std::string path = PhotoPath(input, name), field = PhotoField(name);
       LITAGS_ASSIGN_OR_RETURN(const MaskedPhoto read,
                               ReadMaskedPhoto(path, field, MaskPathOf(masks, name)));
       priors[i] = MeasureColorPrior(read.photo, read.info.chroma_step, read.mask);
@@ -153,7 +150,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
       v.view = model.views[i];
       const std::string mask_path = MaskPathOf(masks, v.view.name);
       LITAGS_RETURN_IF_ERROR(
-          LoadPhoto(PathOf(input, v.view.name), mask_path, model.distortions[i], &v));
+          LoadPhoto(PhotoPath(input, v.view.name), mask_path, model.distortions[i], &v));
       LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
       flat[i] = FlatColor(v.photo, v.mask);
       if (flat[i].has_value()) return absl::OkStatus();

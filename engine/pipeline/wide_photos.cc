@@ -16,18 +16,13 @@
 #include "engine/io/image_io.h"
 #include "engine/io/panorama.h"
 #include "engine/pipeline/given_cameras.h"
+#include "engine/pipeline/photo_place.h"
 
 namespace litags {
 namespace {
 
 // Of a view, that the photo must show: of less there is nothing to learn.
 constexpr double kLeastShared = 0.05;
-
-std::string FieldOf(const std::string& name) { return absl::StrCat("images[", name, "]"); }
-
-std::string PathOf(const ReconstructInput& input, const std::string& name) {
-  return absl::StrCat(input.images_dir, "/", name);
-}
 
 std::vector<CubeView> ViewsShown(const WideLens& lens) {
   std::vector<CubeView> shown;
@@ -54,8 +49,8 @@ struct Candidate {
 };
 
 void Look(const ReconstructInput& input, Candidate* candidate) {
-  const std::string field = FieldOf(candidate->name);
-  const auto bytes = ReadFile(PathOf(input, candidate->name), field, ImageLimits().max_bytes);
+  const std::string field = PhotoField(candidate->name);
+  const auto bytes = ReadFile(PhotoPath(input, candidate->name), field, ImageLimits().max_bytes);
   if (!bytes.ok()) return;
   candidate->stated = StatedPanorama(*bytes, candidate->width, candidate->height);
   if (candidate->stated || candidate->width != 2 * candidate->height) return;
@@ -73,7 +68,7 @@ absl::StatusOr<std::vector<WidePhoto>> FindPanoramas(const ReconstructInput& inp
   constexpr double kShareClosed = 0.75;
   std::vector<Candidate> candidates;
   for (const std::string& name : names) {
-    const auto size = ReadImageSize(PathOf(input, name), FieldOf(name));
+    const auto size = ReadImageSize(PhotoPath(input, name), PhotoField(name));
     if (size.ok()) candidates.push_back({name, size->width, size->height});
   }
   ParallelFor(threads, candidates.size(), [&](size_t i, int) {
@@ -129,7 +124,7 @@ double CircleOf(const ReconstructInput& input, const SparseModel& cameras, const
   const size_t n = std::min(kLooked, lens.views.size());
   for (size_t i = 0; i < n; ++i) {
     const std::string& name = cameras.views[lens.views[i * lens.views.size() / n]].name;
-    auto photo = ReadPhoto(PathOf(input, name), FieldOf(name));
+    auto photo = ReadPhoto(PhotoPath(input, name), PhotoField(name));
     if (photo.ok()) photos.push_back(*std::move(photo));
   }
   return FindCircle(photos, lens.camera);
@@ -141,7 +136,7 @@ absl::StatusOr<WidePhotos> FindGiven(const ReconstructInput& input,
   WidePhotos wide;
   std::vector<std::string> readable;
   for (const std::string& name : names) {
-    if (ReadImageSize(PathOf(input, name), FieldOf(name)).ok()) readable.push_back(name);
+    if (ReadImageSize(PhotoPath(input, name), PhotoField(name)).ok()) readable.push_back(name);
   }
   if (readable.empty()) return wide;
   PanoramaNames panoramas;
@@ -158,7 +153,7 @@ absl::StatusOr<WidePhotos> FindGiven(const ReconstructInput& input,
     if (!panoramas.contains(name)) continue;
     if (camera.width != 2 * camera.height) {
       return InvalidInput(
-          "CAMERA_SIZE_MISMATCH", FieldOf(name),
+          "CAMERA_SIZE_MISMATCH", PhotoField(name),
           absl::StrCat(name, ": its camera is that of a panorama, but the photo is ", camera.width,
                        "x", camera.height, " px; give all of the sphere, twice as wide as high"));
     }

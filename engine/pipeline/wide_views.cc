@@ -13,6 +13,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
+#include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/turned_view.h"
 #include "engine/pipeline/wide_photos.h"
@@ -24,12 +25,6 @@ namespace fs = std::filesystem;
 
 // Of a view's pixels, that must count.
 constexpr double kLeastLeft = 0.05;
-
-std::string FieldOf(const std::string& name) { return absl::StrCat("images[", name, "]"); }
-
-std::string PathOf(const ReconstructInput& input, const std::string& name) {
-  return absl::StrCat(input.images_dir, "/", name);
-}
 
 absl::Status NotWritable(const fs::path& path, const std::error_code& error) {
   return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
@@ -83,7 +78,7 @@ absl::StatusOr<std::map<std::string, std::string>> WriteViews(const ReconstructI
                                                               const std::string& mask_path,
                                                               int threads, const Output& out) {
   LITAGS_ASSIGN_OR_RETURN(const Photo photo,
-                          ReadPhoto(PathOf(input, wide.name), FieldOf(wide.name)));
+                          ReadPhoto(PhotoPath(input, wide.name), PhotoField(wide.name)));
   LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, ReadMask(mask_path, wide.lens));
   std::vector<absl::Status> statuses(wide.views.size());
   std::vector<std::string> names(wide.views.size());
@@ -142,7 +137,7 @@ absl::Status WriteAll(const ReconstructInput& input, const PhotoList& list, cons
       LITAGS_RETURN_IF_ERROR(
           CutPhoto(input, wide, *cut->second, BaseOf(name, list.names), mask_path, threads, out));
     } else {
-      LITAGS_RETURN_IF_ERROR(Link(PathOf(input, name), out->dir / name));
+      LITAGS_RETURN_IF_ERROR(Link(PhotoPath(input, name), out->dir / name));
       if (mask_path.empty()) continue;
       LITAGS_RETURN_IF_ERROR(Link(mask_path, out->masks / absl::StrCat(name, ".png")));
     }

@@ -114,7 +114,9 @@ Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* lig
   return out;
 }
 
-ImageU8 NormalPhoto(const Planes& light) { return ToImageU8(Develop(light, {1, 1, 1})); }
+ImageU8 NormalPhoto(const Planes& light, double white) {
+  return ToImageU8(Develop(light, {1 / white, 1 / white, 1 / white}));
+}
 
 ImageU8 LowPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
                  size_t view) {

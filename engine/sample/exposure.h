@@ -23,8 +23,9 @@ struct Exposures {
 // options.over_psnr.
 Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* light);
 
-// The photos of one view whose light is scaled as above.
-ImageU8 NormalPhoto(const Planes& light);
+// The photos of one view whose light is scaled as above; `white`: what is white of light that is
+// not.
+ImageU8 NormalPhoto(const Planes& light, double white = 1);
 ImageU8 LowPhoto(const CaptureOptions& options, const Exposures& exposures, const Planes& light,
                  size_t view);
 // The sensor's numbers that LowPhoto stores in 8 bits.

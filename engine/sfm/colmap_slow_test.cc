@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "engine/core/camera.h"
-#include "engine/core/color.h"
 #include "engine/core/error.h"
 #include "engine/core/image.h"
 #include "engine/core/mask.h"
@@ -22,6 +21,7 @@
 #include "engine/io/sparse_model.h"
 #include "engine/io/test_util.h"
 #include "engine/sample/capture.h"
+#include "engine/sample/exposure.h"
 #include "engine/sample/tracer.h"
 #include "engine/sample/world.h"
 #include "engine/sfm/sfm.h"
@@ -218,15 +218,7 @@ class ColmapWithExif : public ::testing::Test {
     camera.cy = kHeight / 2.0;
     ASSERT_TRUE(camera.LookAt(eye, {0, 0.12, 0.92}, {0, 0, 1}).ok());
     const Planes light = sample::TraceRadiance(world_, camera, {.grid = 2, .seed = 1});
-    ImageU8 photo(kWidth, kHeight);
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
-        for (int c = 0; c < 3; ++c) {
-          const double code = 255 * SrgbFromLinear(0.5 * light.at(c, y, x));
-          photo.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(std::lround(code), 0L, 255L));
-        }
-      }
-    }
+    const ImageU8 photo = sample::NormalPhoto(light, /*white=*/2);
     const std::string name = std::to_string(i) + ".jpg";
     const std::string jpeg = WithJpegExif(EncodeJpeg(photo).value(), FocalBlock(in_35mm, 425, 100));
     ASSERT_TRUE(WriteFileAtomically(dir_ / ("photos/" + name), jpeg).ok());

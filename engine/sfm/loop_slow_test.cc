@@ -11,10 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "engine/core/color.h"
 #include "engine/core/parallel.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
+#include "engine/sample/exposure.h"
 #include "engine/sample/tracer.h"
 #include "engine/sample/world.h"
 #include "engine/sfm/sfm.h"
@@ -57,15 +57,7 @@ TEST(Loop, OfAWalkThatComesBackIsClosed) {
     const Camera camera = OnTheWay(i, photos);
     place[static_cast<size_t>(i)] = camera.Center();
     const Planes light = sample::TraceRadiance(world, camera, {.grid = 2, .seed = 1});
-    ImageU8 photo(kWidth, kHeight);
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
-        for (int c = 0; c < 3; ++c) {
-          const double code = 255 * SrgbFromLinear(0.5 * light.at(c, y, x));
-          photo.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(std::lround(code), 0L, 255L));
-        }
-      }
-    }
+    const ImageU8 photo = sample::NormalPhoto(light, /*white=*/2);
     ASSERT_TRUE(WritePng(dir / ("photos/" + NameOf(i, photos)), photo).ok());
   }
   SfmOptions options;

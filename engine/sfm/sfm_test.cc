@@ -18,7 +18,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/transforms_io.h"
-#include "engine/sfm/fake_colmap.h"
+#include "engine/sfm/sfm_test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -32,56 +32,6 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
-
-constexpr int kDark = 12, kWellLit = 120;  // sRGB codes
-constexpr int kFeatures = 900;
-
-// Six photos of 128x96 px that COLMAP gets at 64x48.
-class SfmTest : public ::testing::Test {
- protected:
-  SfmTest() {
-    options_.colmap = colmap_.program();
-    options_.max_image_side = 64;
-    options_.threads = 1;
-    colmap_.SetDatabase(CopyNames({0, 1, 2, 3, 4, 5}), kFeatures, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
-  }
-
-  static std::vector<std::string> CopyNames(const std::vector<int>& photos) {
-    std::vector<std::string> names;
-    for (const View& view : Model(photos, 0).views) names.push_back(view.name);
-    return names;
-  }
-  static SparseModel Model(const std::vector<int>& photos, int points) {
-    return CopiesModel("128x96", 64, 48, photos, points);
-  }
-
-  absl::StatusOr<SfmResult> Find(int level = kDark) {
-    const std::string photos = colmap_.MakePhotos(6, 128, 96, level);
-    return FindCameras(photos, colmap_.dir() + "/work", options_, cancel_);
-  }
-
-  // What a caller would pass: cameras of p0..p5 at the photos' own size.
-  static SparseModel KnownCameras() {
-    SparseModel known = Model({0, 1, 2, 3, 4, 5}, 0);
-    for (int i = 0; i < 6; ++i) {
-      known.views[i].name = absl::StrCat("p", i, ".png");
-      known.views[i].camera = known.views[i].camera.Scaled(128, 96);
-      known.views[i].camera.t[1] = 0.1 + i / 3.0;  // digits that a text file would lose
-    }
-    return known;
-  }
-
-  // COLMAP's features are where the known cameras of these photos, in id order, see points.
-  void SeeWorldPoints(const SparseModel& known, const std::vector<int>& photos) const {
-    std::vector<Camera> copies;
-    for (const int photo : photos) copies.push_back(known.views[photo].camera.Scaled(64, 48));
-    colmap_.SeeWorldPoints(copies, kFeatures);
-  }
-
-  FakeColmap colmap_;
-  SfmOptions options_;
-  CancelToken cancel_;
-};
 
 TEST_F(SfmTest, ViewsAndTracksAreThoseOfThePhotosNotOfTheirCopies) {
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
@@ -121,100 +71,6 @@ TEST_F(SfmTest, PhotosOfOneSizeAndFocalLengthShareACamera) {
   const std::string images = colmap_.dir() + "/work/sfm/0/images";
   EXPECT_TRUE(std::filesystem::exists(images + "/128x96/000002.png"));
   EXPECT_TRUE(std::filesystem::exists(images + "/128x96_52mm/000003.png"));
-}
-
-// Photos whose EXIF says a focal length, and mappings that start from it and do not.
-class SfmWithExif : public SfmTest {
- protected:
-  SfmWithExif() {
-    colmap_.SetDatabase(CopyNamesOf26mm(), kFeatures, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
-    colmap_.On("mapper", "case $out in *models_exif) rung=9 ;; esac");
-  }
-
-  static SparseModel ModelOf26mm(const std::vector<int>& photos, int points) {
-    return CopiesModel("128x96_26mm", 64, 48, photos, points);
-  }
-  static std::vector<std::string> CopyNamesOf26mm() {
-    std::vector<std::string> names;
-    for (const View& view : ModelOf26mm({0, 1, 2, 3, 4, 5}, 0).views) names.push_back(view.name);
-    return names;
-  }
-
-  // 26 mm is 48 px of a copy, and its cameras have 50.
-  absl::StatusOr<SfmResult> FindWith(int in_35mm) {
-    const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
-    for (int i = 0; i < 6; ++i) {
-      const std::string path = absl::StrCat(photos, "/p", i, ".png");
-      const std::string jpeg = EncodeJpeg(ReadImage(path, "").value()).value();
-      EXPECT_TRUE(WriteFileAtomically(path, WithJpegExif(jpeg, FocalBlock(in_35mm, 4, 1))).ok());
-    }
-    return FindCameras(photos, colmap_.dir() + "/work", options_, cancel_);
-  }
-
-  int Mappings() const {
-    int mappings = 0;
-    for (const std::string& call : colmap_.Calls()) mappings += call.starts_with("mapper");
-    return mappings;
-  }
-};
-
-TEST_F(SfmWithExif, ItsFocalLengthIsTheStartWherePhotosAreLeftOut) {
-  colmap_.AddModel(0, 0, ModelOf26mm({0, 1, 2}, 7));
-  colmap_.AddModel(9, 0, ModelOf26mm({0, 1, 2, 3, 4, 5}, 7));
-  const auto result = FindWith(26);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_THAT(result->model.views, SizeIs(6));
-  EXPECT_THAT(result->rungs, SizeIs(1));
-  EXPECT_THAT(result->notes, Contains(HasSubstr("focal length that EXIF says")));
-  EXPECT_EQ(Mappings(), 2);
-}
-
-TEST_F(SfmWithExif, ThatIsWrongMakesNothingWorse) {
-  options_.min_registered = 0.5;
-  colmap_.AddModel(0, 0, ModelOf26mm({0, 1, 2, 3}, 7));
-  colmap_.AddModel(9, 0, ModelOf26mm({0, 1, 2}, 70));
-  for (const int rung : {1, 2}) colmap_.AddModel(rung, 0, ModelOf26mm({0, 1, 2, 3}, 6));
-  const auto result = FindWith(26);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_THAT(result->model.views, SizeIs(4));
-  EXPECT_THAT(result->notes, Not(Contains(HasSubstr("EXIF"))));
-}
-
-// As of a camera that goes straight ahead: COLMAP's guess ends in points that few photos see.
-TEST_F(SfmWithExif, DecidesWhereAnotherFocalLengthIsFoundAndPointsAreSeenLessOften) {
-  SparseModel guess = ModelOf26mm({0, 1, 2, 3, 4, 5}, 9);
-  for (SparsePoint& point : guess.points) point.track.resize(2);
-  for (View& view : guess.views) view.camera.fx = view.camera.fy = 20;
-  colmap_.AddModel(0, 0, guess);
-  colmap_.AddModel(9, 0, ModelOf26mm({0, 1, 2, 3, 4, 5}, 7));
-  const auto result = FindWith(26);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_THAT(result->model.points, SizeIs(7));
-  EXPECT_EQ(Mappings(), 2);
-}
-
-// As of a wall: half of the focal length fits more points, but worse.
-TEST_F(SfmWithExif, DoesNotDecideWherePointsFitItWorse) {
-  SparseModel guess = ModelOf26mm({0, 1, 2, 3, 4, 5}, 7);
-  for (View& view : guess.views) view.camera.fx = view.camera.fy = 20;
-  SparseModel exif = ModelOf26mm({0, 1, 2, 3, 4, 5}, 9);
-  for (SparsePoint& point : guess.points) point.error = 0.2;
-  for (SparsePoint& point : exif.points) point.error = 0.3;
-  colmap_.AddModel(0, 0, guess);
-  colmap_.AddModel(9, 0, exif);
-  const auto result = FindWith(26);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_THAT(result->model.points, SizeIs(7));
-  EXPECT_EQ(Mappings(), 2);
-}
-
-TEST_F(SfmWithExif, IsNotTriedWhereAllIsPlacedAsItSays) {
-  colmap_.AddModel(0, 0, ModelOf26mm({0, 1, 2, 3, 4, 5}, 7));
-  colmap_.AddModel(9, 0, ModelOf26mm({0, 1, 2, 3, 4, 5}, 70));
-  const auto result = FindWith(26);
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_THAT(result->model.points, SizeIs(7));
-  EXPECT_EQ(Mappings(), 1);
 }
 
 TEST_F(SfmTest, LensDistortionIsKeptWhereItShows) {

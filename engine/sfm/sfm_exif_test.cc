@@ -1,0 +1,117 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/io/exif_test_util.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/sfm/sfm.h"
+#include "engine/sfm/sfm_test_util.h"
+
+namespace litags {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::SizeIs;
+
+// Photos whose EXIF says a focal length, and mappings that start from it and do not.
+class SfmWithExif : public SfmTest {
+ protected:
+  SfmWithExif() {
+    colmap_.SetDatabase(CopyNamesOf26mm(), kFeatures, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
+    colmap_.On("mapper", "case $out in *models_exif) rung=9 ;; esac");
+  }
+
+  static SparseModel ModelOf26mm(const std::vector<int>& photos, int points) {
+    return CopiesModel("128x96_26mm", 64, 48, photos, points);
+  }
+  static std::vector<std::string> CopyNamesOf26mm() {
+    std::vector<std::string> names;
+    for (const View& view : ModelOf26mm({0, 1, 2, 3, 4, 5}, 0).views) names.push_back(view.name);
+    return names;
+  }
+
+  // 26 mm is 48 px of a copy, and its cameras have 50.
+  absl::StatusOr<SfmResult> FindWith(int in_35mm) {
+    const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+    for (int i = 0; i < 6; ++i) {
+      const std::string path = absl::StrCat(photos, "/p", i, ".png");
+      const std::string jpeg = EncodeJpeg(ReadImage(path, "").value()).value();
+      EXPECT_TRUE(WriteFileAtomically(path, WithJpegExif(jpeg, FocalBlock(in_35mm, 4, 1))).ok());
+    }
+    return FindCameras(photos, colmap_.dir() + "/work", options_, cancel_);
+  }
+
+  int Mappings() const {
+    int mappings = 0;
+    for (const std::string& call : colmap_.Calls()) mappings += call.starts_with("mapper");
+    return mappings;
+  }
+};
+
+TEST_F(SfmWithExif, ItsFocalLengthIsTheStartWherePhotosAreLeftOut) {
+  colmap_.AddModel(0, 0, ModelOf26mm({0, 1, 2}, 7));
+  colmap_.AddModel(9, 0, ModelOf26mm({0, 1, 2, 3, 4, 5}, 7));
+  const auto result = FindWith(26);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.views, SizeIs(6));
+  EXPECT_THAT(result->rungs, SizeIs(1));
+  EXPECT_THAT(result->notes, Contains(HasSubstr("focal length that EXIF says")));
+  EXPECT_EQ(Mappings(), 2);
+}
+
+TEST_F(SfmWithExif, ThatIsWrongMakesNothingWorse) {
+  options_.min_registered = 0.5;
+  colmap_.AddModel(0, 0, ModelOf26mm({0, 1, 2, 3}, 7));
+  colmap_.AddModel(9, 0, ModelOf26mm({0, 1, 2}, 70));
+  for (const int rung : {1, 2}) colmap_.AddModel(rung, 0, ModelOf26mm({0, 1, 2, 3}, 6));
+  const auto result = FindWith(26);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.views, SizeIs(4));
+  EXPECT_THAT(result->notes, Not(Contains(HasSubstr("EXIF"))));
+}
+
+// As of a camera that goes straight ahead: COLMAP's guess ends in points that few photos see.
+TEST_F(SfmWithExif, DecidesWhereAnotherFocalLengthIsFoundAndPointsAreSeenLessOften) {
+  SparseModel guess = ModelOf26mm({0, 1, 2, 3, 4, 5}, 9);
+  for (SparsePoint& point : guess.points) point.track.resize(2);
+  for (View& view : guess.views) view.camera.fx = view.camera.fy = 20;
+  colmap_.AddModel(0, 0, guess);
+  colmap_.AddModel(9, 0, ModelOf26mm({0, 1, 2, 3, 4, 5}, 7));
+  const auto result = FindWith(26);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.points, SizeIs(7));
+  EXPECT_EQ(Mappings(), 2);
+}
+
+// As of a wall: half of the focal length fits more points, but worse.
+TEST_F(SfmWithExif, DoesNotDecideWherePointsFitItWorse) {
+  SparseModel guess = ModelOf26mm({0, 1, 2, 3, 4, 5}, 7);
+  for (View& view : guess.views) view.camera.fx = view.camera.fy = 20;
+  SparseModel exif = ModelOf26mm({0, 1, 2, 3, 4, 5}, 9);
+  for (SparsePoint& point : guess.points) point.error = 0.2;
+  for (SparsePoint& point : exif.points) point.error = 0.3;
+  colmap_.AddModel(0, 0, guess);
+  colmap_.AddModel(9, 0, exif);
+  const auto result = FindWith(26);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.points, SizeIs(7));
+  EXPECT_EQ(Mappings(), 2);
+}
+
+TEST_F(SfmWithExif, IsNotTriedWhereAllIsPlacedAsItSays) {
+  colmap_.AddModel(0, 0, ModelOf26mm({0, 1, 2, 3, 4, 5}, 7));
+  colmap_.AddModel(9, 0, ModelOf26mm({0, 1, 2, 3, 4, 5}, 70));
+  const auto result = FindWith(26);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.points, SizeIs(7));
+  EXPECT_EQ(Mappings(), 1);
+}
+
+}  // namespace
+}  // namespace litags
