@@ -32,6 +32,7 @@ LIMITS = {
     "spz-v4": (1.3e-4, 4e-3, 2.5e-3),
     "sog": (1e-3, 1e-2, 2.5e-3),
     "glb": (1e-6, 1e-6, 1e-5),
+    "usda": (1e-6, 1e-5, 1e-5),
 }
 SH0 = 0.28209479177387814
 
@@ -45,14 +46,26 @@ def read_ply(path):
     return {name: table[:, k].astype(float) for k, name in enumerate(names)}
 
 
-def read_mesh(path, vertex):
-    """Vertices of this type and triangles of a binary .ply."""
+XYZ, RGB = ("x", "y", "z"), ("red", "green", "blue")
+
+
+def read_surface(path):
+    """Vertices and triangles, if any, of a binary .ply of these."""
     data = path.read_bytes()
     end = data.index(b"end_header\n") + len(b"end_header\n")
-    vertices, faces = map(int, re.findall(r"element \w+ (\d+)", data[:end].decode()))
-    table = numpy.frombuffer(data, vertex, vertices, end)
+    header = data[:end].decode()
+    counts = [int(count) for count in re.findall(r"element \w+ (\d+)", header)]
+    types = {"float": "<f4", "double": "<f8", "uchar": "u1"}
+    vertex = numpy.dtype([(name, types[kind]) for kind, name in
+                          re.findall(r"property (\w+) (\w+)\n", header)])
+    table = numpy.frombuffer(data, vertex, counts[0], end)
     corners = numpy.dtype([("count", "u1"), ("corners", "<i4", 3)])
-    return table, numpy.frombuffer(data, corners, faces, end + table.nbytes)["corners"]
+    faces = numpy.frombuffer(data, corners, *counts[1:], end + table.nbytes) if counts[1:] else None
+    return table, None if faces is None else faces["corners"].tolist()
+
+
+def columns(table, names):
+    return numpy.stack([table[name].astype(float) for name in names], 1)
 
 
 def linear(code):
@@ -112,34 +125,55 @@ class ForeignTest(unittest.TestCase):
                 self.assertAlmostEqual(min(ours, 60), min(others, 60), delta=1.0)
 
     def test_formats_without_a_reader_are_not_read(self):
-        for name in ("usda", "colmap"):
-            self.assertNotIn("psnr_of_others_db", self.rows[name])
+        self.assertNotIn("psnr_of_others_db", self.rows["colmap"])
 
 
-class MeshTest(unittest.TestCase):
+class SurfaceTest(unittest.TestCase):
+    """Points and triangles of a sample capture."""
 
-    def test_others_find_the_same_triangles(self):
+    @classmethod
+    def setUpClass(cls):
         with tempfile.TemporaryDirectory() as folder:
             room, files = pathlib.Path(folder, "room"), pathlib.Path(folder, "files")
-            for command in (
-                    [SAMPLE, room, "--size", "180x136", "--views", "12", "--truth"],
-                    [TRAIN, room, "--light", "high", "--iterations", "200", "-o", room / "run"],
-                    [BENCH, "geometry", room / "run/scene.litags", room / "depth", "--out", files],
-                    [WORK / "convert.mjs", files / "scene.mesh.glb", files / "by-others.ply"]):
-                run = subprocess.run(command, capture_output=True, text=True, timeout=250)
-                self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
-            ours, triangles = read_mesh(
-                files / "scene.mesh.ply", numpy.dtype([("xyz", "<f8", 3), ("rgb", "u1", 3)]))
-            found, found_triangles = read_mesh(
-                files / "by-others.ply", numpy.dtype([("xyz", "<f4", 3), ("rgb", "<f4", 3)]))
-        self.assertGreater(len(triangles), 1000)
-        self.assertEqual(triangles.tolist(), found_triangles.tolist())
-        self.assertLess(abs(ours["xyz"] - found["xyz"]).max(), 1e-5)
-        self.assertLess(abs(linear(ours["rgb"].astype(float)) - found["rgb"]).max(), 1e-4)
+            cls.run_(SAMPLE, room, "--size", "180x136", "--views", "12", "--truth")
+            cls.run_(TRAIN, room, "--light", "high", "--iterations", "200", "-o", room / "run")
+            cls.run_(BENCH, "geometry", room / "run/scene.litags", room / "depth", "--out", files)
+            cls.ours = {kind: read_surface(files / f"scene.{kind}.ply")
+                        for kind in ("points", "mesh")}
+            cls.found = {}
+            for name in ("scene.points.ply", "scene.las", "scene.mesh.ply", "scene.mesh.glb"):
+                cls.run_(WORK / "convert.mjs", files / name, files / "by-others.ply")
+                cls.found[name] = read_surface(files / "by-others.ply")
+
+    @staticmethod
+    def run_(*command):
+        run = subprocess.run(command, capture_output=True, text=True, timeout=250)
+        assert run.returncode == 0, run.stdout + run.stderr
+
+    def compare(self, name, far, of_codes, color):
+        """Others find our vertices within `far`, colours within `color` of `of_codes` of ours."""
+        ours, triangles = self.ours["mesh" if "mesh" in name else "points"]
+        found, found_triangles = self.found[name]
+        self.assertGreater(len(ours), 1000)
+        self.assertEqual(found_triangles, triangles)
+        self.assertLess(abs(columns(ours, XYZ) - columns(found, XYZ)).max(), far)
+        wanted = of_codes(columns(ours, RGB))
+        self.assertLess(abs(wanted - columns(found, RGB)).max(), color)
+        self.assertGreater(wanted.std(), 10 * color)  # colours there are
+
+    def test_three_js_reads_points_and_meshes(self):
+        self.compare("scene.points.ply", 1e-5, linear, 1 / 255)
+        self.compare("scene.mesh.ply", 1e-5, linear, 1 / 255)
+
+    def test_loaders_gl_reads_las(self):
+        self.compare("scene.las", 1e-7, lambda codes: codes, 0.5)
+
+    def test_gltf_transform_reads_meshes(self):
+        self.compare("scene.mesh.glb", 1e-5, linear, 1e-4)
 
 
 if __name__ == "__main__":
-    if why := npm_packages.install(HERE, WORK, extra=("convert.mjs",)):
+    if why := npm_packages.install(HERE, WORK, extra=[path.name for path in HERE.glob("*.mjs")]):
         print("skipped:", why)
         sys.exit(npm_packages.SKIPPED)
     unittest.main()

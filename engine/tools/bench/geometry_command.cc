@@ -59,6 +59,7 @@ absl::Status WriteFiles(const std::string& dir, const TriangleMesh& points,
   std::filesystem::create_directories(dir, ignored);
   LITAGS_RETURN_IF_ERROR(
       WriteFileAtomically(dir + "/scene.points.ply", EncodePointsPly(points.vertices)));
+  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(dir + "/scene.las", EncodeLas(points.vertices)));
   LITAGS_ASSIGN_OR_RETURN(const std::string ply, EncodeMeshPly(mesh));
   LITAGS_RETURN_IF_ERROR(WriteFileAtomically(dir + "/scene.mesh.ply", ply));
   LITAGS_ASSIGN_OR_RETURN(const std::string glb, EncodeMeshGlb(mesh));
@@ -125,7 +126,8 @@ void AddGeometryCommand(CLI::App* app, int* exit_status) {
       ->add_option("truth", args->truth, "folder of exact depth maps, as of litags-sample --truth")
       ->required()
       ->check(CLI::ExistingDirectory);
-  command->add_option("--out", args->out, "also write scene.{points.ply,mesh.ply,mesh.glb} here");
+  command->add_option("--out", args->out,
+                      "also write scene.{points.ply,las,mesh.ply,mesh.glb} here");
   command->add_option("--json", args->json, "also write the figures here");
   command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
   command->callback([args, exit_status] {

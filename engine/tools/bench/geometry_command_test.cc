@@ -44,7 +44,7 @@ TEST(GeometryCommand, FindsHowFarTheWallIsOff) {
           << surface;
       EXPECT_GT(found["completeness"]["ninety"].get<double>(), off - 0.01) << surface;
     }
-    for (const char* file : {"scene.points.ply", "scene.mesh.ply", "scene.mesh.glb"}) {
+    for (const char* file : {"scene.points.ply", "scene.las", "scene.mesh.ply", "scene.mesh.glb"}) {
       EXPECT_GT(Bytes(dir / ("files/" + std::string(file))).size(), 1000u) << file;
     }
   }
