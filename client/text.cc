@@ -119,7 +119,11 @@ std::string OutcomeText(const v1::Job& job) {
                                   " Gaussians after ", report.iterations(), " iterations in ",
                                   DurationText(SecondsOf(report.run_time())));
   if (report.has_psnr_holdout()) {
-    absl::StrAppendFormat(&text, ", PSNR %.2f dB on held-out views", report.psnr_holdout());
+    absl::StrAppendFormat(&text, ", PSNR %.2f dB", report.psnr_holdout());
+    if (report.has_ssim_holdout()) {
+      absl::StrAppendFormat(&text, ", SSIM %.4f", report.ssim_holdout());
+    }
+    absl::StrAppend(&text, " on held-out views");
   }
   absl::StrAppend(&text, "\n  cameras found for ", report.registered(), " of ", report.photos(),
                   " photos (", report.sfm_preparation(), ")\n");

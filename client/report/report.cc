@@ -65,15 +65,18 @@ Html KeyFacts(const v1::Job& job) {
   if (done ? report.has_psnr_holdout() : progress.has_psnr_holdout()) {
     psnr = DecibelText(done ? report.psnr_holdout() : progress.psnr_holdout());
   }
+  const std::string ssim =
+      report.has_ssim_holdout() ? absl::StrFormat("%.4f", report.ssim_holdout()) : "";
   const std::string placed = done ? absl::StrCat(report.registered(), " of ", report.photos()) : "";
   const int64_t gaussians = done ? report.gaussians() : progress.gaussians();
-  return El("dl", {{"class", "facts"}},
-            {Fact("PSNR of held-out photos", psnr), Fact("Photos placed", placed),
-             Fact("Gaussians", gaussians > 0 ? CountText(gaussians) : ""),
-             Fact("Iterations", CountText(done ? report.iterations() : progress.iteration())),
-             Fact("Time of the run", done ? DurationText(SecondsOf(report.run_time())) : ""),
-             Fact("Method", OptionText(job.options(), "method")),
-             Fact("Seed", OptionText(job.options(), "seed"))});
+  return El(
+      "dl", {{"class", "facts"}},
+      {Fact("PSNR of held-out photos", psnr), Fact("SSIM of held-out photos", ssim),
+       Fact("Photos placed", placed), Fact("Gaussians", gaussians > 0 ? CountText(gaussians) : ""),
+       Fact("Iterations", CountText(done ? report.iterations() : progress.iteration())),
+       Fact("Time of the run", done ? DurationText(SecondsOf(report.run_time())) : ""),
+       Fact("Method", OptionText(job.options(), "method")),
+       Fact("Seed", OptionText(job.options(), "seed"))});
 }
 
 std::string DataUrl(const std::string& jpeg) {

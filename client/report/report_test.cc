@@ -42,6 +42,7 @@ ReportData Finished() {
   report->set_registered(8);
   report->set_gaussians(12345);
   report->set_psnr_holdout(21.5);
+  report->set_ssim_holdout(0.8125);
   v1::MethodInfo* method = data.server.add_methods();
   method->set_method(v1::METHOD_LITAGS);
   *method->mutable_defaults() = data.job.options();
@@ -87,7 +88,7 @@ TEST(Report, NamesOfUsersStayText) {
 TEST(Report, ItSaysWhatAResultIsComparedBy) {
   const std::string html = ReportHtml(Finished());
   for (const char* part :
-       {"Hall", "21.50 dB", "8 of 9", "12,345", "litags 1.2.3", "succeeded",
+       {"Hall", "21.50 dB", "0.8125", "8 of 9", "12,345", "litags 1.2.3", "succeeded",
         "--method litags --iterations 40 --seed 7",
         "data:image/jpeg;base64,/9j/IGpwZWc=", "the service hands out no photos"}) {
     EXPECT_THAT(html, HasSubstr(part));

@@ -41,14 +41,14 @@ absl::StatusOr<Splats> InitialSplats(const Recipe& recipe, const TrainSet& set) 
                               recipe.dense_start ? StartShape::kDisk : StartShape::kBall);
 }
 
-// Over the pixels that count; the others of `target` are changed.
-absl::StatusOr<double> PsnrOfCounted(const PlaneU8& mask, const Planes& color, Planes* target) {
+constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
+
+// Makes pixels that do not count equal, and returns how many there are for each that counts.
+double FillUncounted(const PlaneU8& mask, const Planes& color, Planes* target) {
   for (int c = 0; c < target->channels; ++c) {
     ForMasked(mask, [&](size_t i) { target->plane(c)[i] = color.plane(c)[i]; });
   }
-  LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, *target));
-  const double pixels = static_cast<double>(color.plane_size());
-  return psnr - 10 * std::log10(pixels / CountedPixels(mask, color.plane_size()));
+  return static_cast<double>(color.plane_size()) / CountedPixels(mask, color.plane_size());
 }
 
 TrainOptions TrainOptionsOf(const Context& context, const TrainSet& set) {
@@ -81,7 +81,7 @@ class Run {
               [](const View& a, const View& b) { return a.name < b.name; });
     progress_.stage = Stage::kTraining;
     progress_.iterations = options_.iterations;
-    progress_.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
+    progress_.psnr_holdout = kNotMeasured;
   }
 
   // Goes on from the checkpoint if there is one of this capture and these options.
@@ -168,6 +168,7 @@ class Run {
                              {"backward", phases.backward},
                              {"density", phases.density}};
     report->psnr_holdout = progress_.psnr_holdout;
+    report->ssim_holdout = ssim_holdout_;
     report->scene_path = scene_path_;
   }
 
@@ -253,15 +254,22 @@ class Run {
     Planes color, target;
     renderer_.RenderColor(model, shown.view.camera, &color);
     LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(ToImageU8(color)));
-    double sum = 0;
+    const bool last = trainer_.iteration() >= options_.iterations;  // SSIM takes long
+    double psnr_sum = 0, ssim_sum = 0;
     for (const TrainView& v : set_.holdout) {
       if (&v != &shown) renderer_.RenderColor(model, v.view.camera, &color);
       UnpackImage(v.target, workspace, &target);
       for (float& x : color.data) x = std::clamp(x, 0.0f, 1.0f);
-      LITAGS_ASSIGN_OR_RETURN(const double psnr, PsnrOfCounted(v.mask, color, &target));
-      sum += psnr;
+      const double dilution = FillUncounted(v.mask, color, &target);
+      LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, target));
+      psnr_sum += psnr - 10 * std::log10(dilution);
+      if (!last) continue;
+      const absl::StatusOr<double> ssim = Ssim(color, target);  // not of photos below 11 px
+      ssim_sum += ssim.ok() ? 1 - (1 - *ssim) * dilution : kNotMeasured;
     }
-    if (!set_.holdout.empty()) progress_.psnr_holdout = sum / set_.holdout.size();
+    const auto held_out = static_cast<double>(set_.holdout.size());
+    if (held_out > 0) progress_.psnr_holdout = psnr_sum / held_out;
+    if (held_out > 0 && last) ssim_holdout_ = ssim_sum / held_out;
     Progress progress = progress_;
     progress.preview_png.assign(png.begin(), png.end());
     observer_->OnProgress(progress);
@@ -278,6 +286,7 @@ class Run {
   std::vector<View> views_;
   Progress progress_;
   double step_seconds_ = 0;
+  double ssim_holdout_ = kNotMeasured;
 };
 
 class SilentObserver : public ReconstructObserver {
@@ -310,7 +319,7 @@ class RealEngine : public Engine {
       p.message = message;
       p.iterations = options.iterations;
       if (stage == Stage::kSaving) p.iteration = options.iterations;
-      p.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
+      p.psnr_holdout = kNotMeasured;
       observer->OnProgress(p);
     };
     const auto loading = [&](const std::string& message) { progress(Stage::kLoading, message); };

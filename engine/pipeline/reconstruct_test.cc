@@ -45,6 +45,8 @@ TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
     EXPECT_GT(report->phase_seconds.at(phase), 0) << phase;
   }
   EXPECT_TRUE(std::isfinite(report->psnr_holdout));
+  EXPECT_GT(report->ssim_holdout, 0);
+  EXPECT_LE(report->ssim_holdout, 1);
   EXPECT_FALSE(report->depth_used);
   EXPECT_EQ(report->scene_path, input.work_dir + "/scene.litags");
   EXPECT_TRUE(fs::exists(input.work_dir + "/checkpoint.litags"));  // to train it further
@@ -52,6 +54,7 @@ TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
   const auto json = nlohmann::json::parse(Bytes(input.work_dir + "/report.json"));
   EXPECT_EQ(json["photos"], kPhotos);
   EXPECT_EQ(json["psnr_holdout"], report->psnr_holdout);
+  EXPECT_EQ(json["ssim_holdout"], report->ssim_holdout);
 
   const auto scene = engine->LoadScene(report->scene_path);
   ASSERT_TRUE(scene.ok()) << scene.status();

@@ -1,6 +1,5 @@
 #include "engine/pipeline/report.h"
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace litags {
@@ -22,21 +21,21 @@ std::string_view StageName(Stage stage) {
 }
 
 std::string ReconstructReport::ToJson() const {
-  nlohmann::json json = {{"photos", photos},
-                         {"registered", registered},
-                         {"dropped", dropped},
-                         {"sfm_preparation", sfm_preparation},
-                         {"sparse_points", sparse_points},
-                         {"gaussians", gaussians},
-                         {"iterations", iterations},
-                         {"seconds", seconds},
-                         {"training_seconds", training_seconds},
-                         {"phase_seconds", phase_seconds},
-                         {"depth_used", depth_used},
-                         {"notes", notes},
-                         {"scene_path", scene_path}};
-  json["psnr_holdout"] =
-      std::isfinite(psnr_holdout) ? nlohmann::json(psnr_holdout) : nlohmann::json();
+  const nlohmann::json json = {{"photos", photos},
+                               {"registered", registered},
+                               {"dropped", dropped},
+                               {"sfm_preparation", sfm_preparation},
+                               {"sparse_points", sparse_points},
+                               {"gaussians", gaussians},
+                               {"iterations", iterations},
+                               {"seconds", seconds},
+                               {"training_seconds", training_seconds},
+                               {"phase_seconds", phase_seconds},
+                               {"psnr_holdout", psnr_holdout},  // NaN becomes null
+                               {"ssim_holdout", ssim_holdout},
+                               {"depth_used", depth_used},
+                               {"notes", notes},
+                               {"scene_path", scene_path}};
   return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

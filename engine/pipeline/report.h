@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_PIPELINE_REPORT_H_
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <string>
 #include <string_view>
@@ -51,7 +52,8 @@ struct ReconstructReport {
   double training_seconds = 0;  // of them in iterations
   // Where those went: "forward", "losses", "denoise", "backward", "density".
   std::map<std::string, double> phase_seconds;
-  double psnr_holdout = 0;  // as in Progress
+  double psnr_holdout = 0;                                         // as in Progress
+  double ssim_holdout = std::numeric_limits<double>::quiet_NaN();  // of the same, at the end
   bool depth_used = false;
   std::vector<std::string> notes;  // what the user should know: "photo.jpg is left out: ..."
   std::string scene_path;          // work_dir/scene.litags

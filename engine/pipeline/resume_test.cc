@@ -214,6 +214,7 @@ TEST(Resume, AFinishedSceneIsMadeAgainFromItsCheckpoint) {
   ASSERT_TRUE(again.ok()) << again.status();
   EXPECT_THAT(again->notes, Contains("resumed at iteration 40"));
   EXPECT_EQ(again->psnr_holdout, first->psnr_holdout);
+  EXPECT_EQ(again->ssim_holdout, first->ssim_holdout);
   EXPECT_EQ(again->gaussians, first->gaussians);
   EXPECT_TRUE(SceneBytes(input) == scene);
 }

@@ -117,6 +117,7 @@ void ReportToProto(const ReconstructReport& report, v1::JobReport* proto) {
   proto->set_iterations(report.iterations);
   *proto->mutable_run_time() = DurationToProto(report.seconds);
   if (std::isfinite(report.psnr_holdout)) proto->set_psnr_holdout(report.psnr_holdout);
+  if (std::isfinite(report.ssim_holdout)) proto->set_ssim_holdout(report.ssim_holdout);
   proto->set_depth_used(report.depth_used);
   for (const std::string& note : report.notes) proto->add_notes(WithoutPaths(note));
 }

@@ -88,6 +88,7 @@ void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, Recon
   visit("iterations", r.iterations);
   visit("seconds", r.seconds);
   visit("psnr_holdout", r.psnr_holdout);
+  visit("ssim_holdout", r.ssim_holdout);
   visit("depth_used", r.depth_used);
   visit("notes", r.notes);
 }

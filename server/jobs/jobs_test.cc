@@ -81,6 +81,7 @@ TEST_F(JobsTest, JobGoesFromUploadToSuccessWithAGaplessHistory) {
   ASSERT_TRUE(leases_.Keep(**lease, first, 7).ok());
   ReconstructReport report;
   report.iterations = 9;
+  report.ssim_holdout = 0.75;
   ASSERT_TRUE(leases_.Succeed(**lease, report, last).ok());
 
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING SUCCEEDED ");
@@ -88,6 +89,7 @@ TEST_F(JobsTest, JobGoesFromUploadToSuccessWithAGaplessHistory) {
   EXPECT_EQ(job.snapshot_iteration, 9);
   EXPECT_EQ(**Jobs::SceneOf(job), last.at(kSceneFile));
   EXPECT_EQ(Decode<ReconstructReport>(job.report)->iterations, 9);
+  EXPECT_EQ(Decode<ReconstructReport>(job.report)->ssim_holdout, 0.75);
   const auto stored = Decode<ProgressRecord>(job.progress);
   EXPECT_TRUE(std::isnan(stored->progress.psnr_holdout));
   EXPECT_EQ(*jobs_.Preview(id, stored->preview), std::string("\1\2\3"));

@@ -278,6 +278,7 @@ TEST_F(JobsApi, WatchFollowsAJobFromCreationToItsEnd) {
   EXPECT_EQ(job.last_event(), static_cast<int64_t>(events.size()));
   EXPECT_EQ(job.report().photos(), 3);
   EXPECT_FALSE(job.report().has_psnr_holdout());
+  EXPECT_FALSE(job.report().has_ssim_holdout());
   EXPECT_EQ(job.snapshot_iteration(), 40);
 }
 

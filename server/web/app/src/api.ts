@@ -23,6 +23,7 @@ export interface Report {
   iterations?: number;
   runTime?: string;
   psnrHoldout?: number;
+  ssimHoldout?: number;
 }
 
 export type Options = Record<string, string | number>;

@@ -60,6 +60,7 @@ function report(): Part {
                 ["Gaussians", Number(r.gaussians ?? 0).toLocaleString("en")],
                 ["Iterations", String(r.iterations ?? 0)],
                 ["PSNR of held-out photos", r.psnrHoldout === undefined ? "" : `${r.psnrHoldout.toFixed(2)} dB`],
+                ["SSIM of held-out photos", r.ssimHoldout === undefined ? "" : r.ssimHoldout.toFixed(4)],
                 ["Time", timeText(secondsOf(r.runTime))]]),
           (r.notes?.length ?? 0) > 0 && el("ul", {class: "notes"}, ...r.notes!.map((n) => el("li", {}, n))) || "");
     },
