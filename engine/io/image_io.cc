@@ -255,4 +255,10 @@ Photo ResizeArea(const Photo& photo, int width, int height) {
   return out;
 }
 
+Photo ShrinkToFit(const Photo& photo, int side) {
+  const double scale = std::min(1.0, double(side) / std::max(photo.width, photo.height));
+  return ResizeArea(photo, std::max(1, static_cast<int>(std::lround(photo.width * scale))),
+                    std::max(1, static_cast<int>(std::lround(photo.height * scale))));
+}
+
 }  // namespace litags

@@ -119,6 +119,8 @@ ImageU8 ResizeArea(const ImageU8& image, int width, int height);
 
 // The same in linear light: what a coarser sensor would have measured.
 Photo ResizeArea(const Photo& photo, int width, int height);
+// The same with the longer side `side` px, unless it is shorter.
+Photo ShrinkToFit(const Photo& photo, int side);
 
 }  // namespace litags
 

@@ -9,6 +9,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
@@ -141,6 +143,23 @@ void FillReport(const SfmResult& result, ReconstructReport* report) {
     report->notes.push_back(absl::StrCat(photo.name, " is left out: ", photo.reason));
   }
   report->notes.insert(report->notes.end(), result.notes.begin(), result.notes.end());
+  for (const SfmRung& rung : result.rungs) {
+    for (const auto& [step, seconds] :
+         {std::pair("prepare", rung.prepare_seconds), std::pair("features", rung.feature_seconds),
+          std::pair("match", rung.match_seconds), std::pair("verify", rung.verify_seconds),
+          std::pair("map", rung.map_seconds)}) {
+      report->camera_seconds[step] += seconds;
+    }
+  }
+}
+
+// "cameras were found in 61 s: features 10 s, ..."
+std::string DescribeSeconds(const SfmResult& result, const ReconstructReport& report) {
+  const auto step = [](std::string* out, const auto& of) {
+    absl::StrAppendFormat(out, "%s %.0f s", of.first, of.second);
+  };
+  return absl::StrFormat("cameras were found in %.0f s: ", result.seconds) +
+         absl::StrJoin(report.camera_seconds, ", ", step);
 }
 
 // The folder of these photos alone: links to them, if others lie beside them.
@@ -213,6 +232,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
     LITAGS_ASSIGN_OR_RETURN(SfmResult result,
                             FindCameras(folder, input.work_dir, sfm, cancel, on_progress));
     FillReport(result, report);
+    if (context.on_line) context.on_line(DescribeSeconds(result, *report));
     model = std::move(result.model);
     if (!input.rig_views.empty()) {
       // Those that only their rig placed have no points yet.

@@ -5,9 +5,12 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "engine/core/color.h"
+#include "engine/io/image_io.h"
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/photo_structure.h"
+#include "engine/video/frame_choice.h"
 
 namespace litags {
 namespace {
@@ -36,6 +39,17 @@ bool IsStrip(const ScreenedPhoto& photo) {
   return photo.width >= kStrip * photo.height || photo.height >= kStrip * photo.width;
 }
 
+double SharpnessOfPhoto(const Photo& photo) {
+  const Photo small = ShrinkToFit(photo, kMeasuredSide);
+  Planes luma(1, small.height, small.width);
+  for (size_t i = 0; i < small.pixels(); ++i) {
+    const int16_t* p = &small.data[3 * i];
+    luma.data[i] =
+        kLumaRed * EncodedOf(p[0]) + kLumaGreen * EncodedOf(p[1]) + kLumaBlue * EncodedOf(p[2]);
+  }
+  return SharpnessOf(luma);
+}
+
 }  // namespace
 
 ScreenedPhoto LookAt(std::string name, const Photo& photo) {
@@ -52,6 +66,7 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo) {
   look.light = light / photo.data.size();
   // One of a single colour is left out later, for that.
   const bool flat = FlatColor(photo).has_value();
+  look.sharpness = SharpnessOfPhoto(photo);
   look.structure = flat ? 1 : StructureOf(photo);
   if (!flat) {
     Fingerprint f;
@@ -61,16 +76,16 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo) {
   return look;
 }
 
-double MiddleLight(absl::Span<const ScreenedPhoto> photos) {
-  std::vector<double> light;
-  for (const ScreenedPhoto& photo : photos) light.push_back(photo.light);
-  if (light.empty()) return 0;
-  std::nth_element(light.begin(), light.begin() + light.size() / 2, light.end());
-  return light[light.size() / 2];
+double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*member) {
+  std::vector<double> values;
+  for (const ScreenedPhoto& photo : photos) values.push_back(photo.*member);
+  if (values.empty()) return 0;
+  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+  return values[values.size() / 2];
 }
 
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {
-  const double middle_light = MiddleLight(photos);
+  const double middle_light = MiddleOf(photos, &ScreenedPhoto::light);
   const std::map<std::string, std::string> originals = Originals(photos);
   // Where most photos are strips, they were cut so: that changes no camera.
   const bool cut = 2 * std::count_if(photos.begin(), photos.end(), IsStrip) >

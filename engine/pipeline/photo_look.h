@@ -17,13 +17,14 @@ struct ScreenedPhoto {
   double mean_code = 0;       // of 255, sRGB
   double light = 0;           // mean linear light, of 1
   double structure = 0;       // as StructureOf has it; 1 of one colour
+  double sharpness = 0;       // as FrameFacts::sharpness
   std::string pixels;         // fingerprint; empty where all have one colour
 };
 
 ScreenedPhoto LookAt(std::string name, const Photo& photo);
 
-// Median of ScreenedPhoto::light; 0 without photos.
-double MiddleLight(absl::Span<const ScreenedPhoto> photos);
+// Median of this member of the photos; 0 without photos.
+double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*member);
 
 // Why each photo is left out ("is the same photo as a.jpg"); empty: it is used. Left out are photos
 // of nothing but noise (a cap on the lens), of photos with the same pixels all but the one with the

@@ -282,7 +282,7 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
   for (const Decoded& d : decoded) {
     if (d.status.ok()) readable.push_back(d.photo);
   }
-  screen.middle_light = MiddleLight(readable);
+  screen.middle_light = MiddleOf(readable, &ScreenedPhoto::light);
   const std::vector<std::string> why = WhyLeftOut(readable);
   std::vector<Decoded> used;
   size_t next = 0;  // of those

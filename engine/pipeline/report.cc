@@ -30,6 +30,7 @@ std::string ReconstructReport::ToJson() const {
                                {"iterations", iterations},
                                {"seconds", seconds},
                                {"training_seconds", training_seconds},
+                               {"camera_seconds", camera_seconds},
                                {"phase_seconds", phase_seconds},
                                {"psnr_holdout", psnr_holdout},  // NaN becomes null
                                {"ssim_holdout", ssim_holdout},

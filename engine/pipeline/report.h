@@ -50,7 +50,10 @@ struct ReconstructReport {
   int iterations = 0;
   double seconds = 0;           // from the first photo to the report
   double training_seconds = 0;  // of them in iterations
-  // Where those went: "forward", "losses", "denoise", "backward", "density".
+  // Of finding cameras, all preparations together: "prepare", "features", "match", "verify", "map".
+  // Empty where they were not searched for.
+  std::map<std::string, double> camera_seconds;
+  // Where training_seconds went: "forward", "losses", "denoise", "backward", "density".
   std::map<std::string, double> phase_seconds;
   double psnr_holdout = 0;                                         // as in Progress
   double ssim_holdout = std::numeric_limits<double>::quiet_NaN();  // of the same, at the end

@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "engine/pipeline/photo_look.h"
-#include "server/reader/photo_findings.h"
+#include "server/api/convert.h"
+#include "server/reader/file_findings.h"
 
 namespace litags {
 namespace {
@@ -22,8 +23,8 @@ v1::PhotoFindings ToProto(const PhotoFindings& findings) {
 }
 
 ScreenedPhoto LookOf(const FileRecord& file, const PhotoFindings& findings) {
-  return {file.name,      file.width,         file.height,    findings.mean_code,
-          findings.light, findings.structure, findings.pixels};
+  return {file.name,      file.width,         file.height,        findings.mean_code,
+          findings.light, findings.structure, findings.sharpness, findings.pixels};
 }
 
 }  // namespace
@@ -33,21 +34,33 @@ std::map<std::string, v1::PhotoFindings> FindingsOf(absl::Span<const FileRecord>
   std::vector<ScreenedPhoto> photos;
   for (const FileRecord& file : files) {
     if (file.role != FileRole::kPhoto) continue;
-    const std::optional<PhotoFindings> findings = ParseFindings(file.about);
+    const std::optional<PhotoFindings> findings = ParsePhotoFindings(file.about);
     if (!findings) continue;
     found[file.name] = ToProto(*findings);
     photos.push_back(LookOf(file, *findings));
   }
-  const double middle = MiddleLight(photos);
+  const double middle = MiddleOf(photos, &ScreenedPhoto::light);
+  const double middle_sharpness = MiddleOf(photos, &ScreenedPhoto::sharpness);
   std::vector<std::string> why = WhyLeftOut(photos);
   for (size_t i = 0; i < photos.size(); ++i) {
     v1::PhotoFindings& proto = found[photos[i].name];
     if (photos[i].light > 0 && middle > 0) proto.set_stops(std::log2(photos[i].light / middle));
+    if (middle_sharpness > 0) proto.set_sharpness(photos[i].sharpness / middle_sharpness);
     // The engine leaves these out when it has cameras.
     if (why[i].empty() && photos[i].pixels.empty()) why[i] = "has pixels of one colour only";
     proto.set_left_out(std::move(why[i]));
   }
   return found;
+}
+
+std::optional<v1::VideoFindings> FoundInVideo(const FileRecord& file) {
+  if (file.role != FileRole::kVideo) return std::nullopt;
+  const std::optional<VideoFindings> findings = ParseVideoFindings(file.about);
+  if (!findings) return std::nullopt;
+  v1::VideoFindings proto;
+  if (findings->seconds > 0) *proto.mutable_duration() = DurationToProto(findings->seconds);
+  proto.set_frames(std::llround(findings->frames));
+  return proto;
 }
 
 }  // namespace litags

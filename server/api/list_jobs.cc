@@ -188,6 +188,7 @@ absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
     if (file->role == FileRole::kPhoto && found != findings.end()) {
       *proto->mutable_found() = std::move(found->second);
     }
+    if (const auto video = FoundInVideo(*file)) *proto->mutable_found_in_video() = *video;
   }
   return absl::OkStatus();
 }

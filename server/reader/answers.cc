@@ -5,7 +5,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/error.h"
 #include "server/reader/channel.h"
-#include "server/reader/photo_findings.h"
+#include "server/reader/file_findings.h"
 
 namespace litags {
 
@@ -21,7 +21,8 @@ absl::Status ParseVerdict(std::string_view packet, const std::string& field, Fil
   if (packet.substr(0, 1) != std::string_view(&packet::kVerdict, 1) || texts.size() != 7 ||
       !absl::SimpleAtoi(texts[0], &code) || !absl::SimpleAtoi(texts[4], &width) ||
       !absl::SimpleAtoi(texts[5], &height) || width < 0 || width > kMaxImageSide || height < 0 ||
-      height > kMaxImageSide || (!texts[6].empty() && !ParseFindings(texts[6]))) {
+      height > kMaxImageSide ||
+      (!texts[6].empty() && !ParsePhotoFindings(texts[6]) && !ParseVideoFindings(texts[6]))) {
     return CheckFailed(field, "gave no answer");
   }
   if (code == 0) {

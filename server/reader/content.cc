@@ -7,7 +7,7 @@
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/photo_look.h"
 #include "engine/video/video_file.h"
-#include "server/reader/photo_findings.h"
+#include "server/reader/file_findings.h"
 
 namespace litags {
 
@@ -17,8 +17,9 @@ absl::StatusOr<Content> CheckPhoto(std::string_view bytes, const std::string& fi
   LITAGS_ASSIGN_OR_RETURN(const Photo photo, DecodePhoto(bytes, field));
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field));
   const ScreenedPhoto look = LookAt("", photo);
-  const PhotoFindings findings{info.focal_length, info.exposure_time, info.iso,       info.f_number,
-                               look.mean_code,    look.light,         look.structure, look.pixels};
+  const PhotoFindings findings{info.focal_length, info.exposure_time, info.iso,
+                               info.f_number,     look.mean_code,     look.light,
+                               look.structure,    look.sharpness,     look.pixels};
   return Content{photo.width, photo.height, Encode(findings)};
 }
 
@@ -41,7 +42,8 @@ absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role,
       break;
     case FileRole::kVideo: {
       LITAGS_ASSIGN_OR_RETURN(const VideoInfo video, CheckVideo(bytes, field));
-      return Content{video.width, video.height, ""};
+      const VideoFindings findings{video.seconds, static_cast<double>(video.frames)};
+      return Content{video.width, video.height, Encode(findings)};
     }
     case FileRole::kColmap:   // its three files make sense together only: checked by the engine
     case FileRole::kArchive:  // has files of its own

@@ -12,7 +12,7 @@ namespace litags {
 // What a file holds.
 struct Content {
   int width = 0, height = 0;  // px; 0 of what is no photo, mask or video
-  std::string about;          // of a photo: its PhotoFindings
+  std::string about;          // of a photo or a video: its findings (file_findings.h)
 };
 
 // Reads a file, in this process, as what it says it is. Not for archives.

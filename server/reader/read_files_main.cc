@@ -15,6 +15,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <new>
+#include <opencv2/core/utility.hpp>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -185,6 +186,7 @@ struct Request {
 
 // Whatever libraries load when they are first used; the processes cannot.
 void LoadLibraries() {
+  cv::setNumThreads(1);  // they cannot start threads either
   LoadPhotoDecoders();
   SendingSink unused(nullptr);
   const std::string empty_tar(1024, '\0');

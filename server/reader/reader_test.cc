@@ -16,8 +16,8 @@
 #include "engine/io/testing_photos.h"
 #include "engine/video/testing_video.h"
 #include "server/reader/channel.h"
+#include "server/reader/file_findings.h"
 #include "server/reader/file_reader.h"
-#include "server/reader/photo_findings.h"
 #include "server/testing/archives.h"
 #include "server/testing/photos.h"
 #include "server/testing/temp_dir.h"
@@ -131,23 +131,35 @@ TEST(Channel, TheLastWordsOfAnEndThatClosesBeforeItHasReadAllAreReceived) {
 }
 
 TEST(PhotoFindings, ComeBackAsTheyWereWritten) {
-  const PhotoFindings wrote{35, 1 / 30.0, 800, 1.8, 12.25, -0.001, 0.5, "0123456789abcdef"};
-  const auto read = ParseFindings(Encode(wrote));
+  const PhotoFindings wrote{35, 1 / 30.0, 800, 1.8, 12.25, -0.001, 0.5, 0.25, "0123456789abcdef"};
+  const auto read = ParsePhotoFindings(Encode(wrote));
   ASSERT_TRUE(read.has_value());
   EXPECT_EQ(Encode(*read), Encode(wrote));
   EXPECT_EQ(read->focal_length, 35);
   EXPECT_EQ(read->light, -0.001);
-  EXPECT_EQ(ParseFindings(Encode(PhotoFindings{}))->pixels, "");
+  EXPECT_EQ(ParsePhotoFindings(Encode(PhotoFindings{}))->pixels, "");
 }
 
 TEST(PhotoFindings, OfAProcessThatWasTakenOverAreChecked) {
-  const std::string good = "1 35 0.03 800 1.8 12 0.004 0.5 0123456789abcdef";
-  EXPECT_TRUE(ParseFindings(good).has_value());
-  for (const char* bad : {"", "1", "2 35 0.03 800 1.8 12 0.004 0.5 0123456789abcdef",
-                          "1 nan 0.03 800 1.8 12 0.004 0.5 -", "1 1e99 0.03 800 1.8 12 0.004 0.5 -",
-                          "1 x 0.03 800 1.8 12 0.004 0.5 -", "1 35 0.03 800 1.8 12 0.004 0.5 <b>",
-                          "1 35 0.03 800 1.8 12 0.004 0.5 - -"}) {
-    EXPECT_FALSE(ParseFindings(bad).has_value()) << bad;
+  const std::string good = "2 35 0.03 800 1.8 12 0.004 0.5 0.2 0123456789abcdef";
+  EXPECT_TRUE(ParsePhotoFindings(good).has_value());
+  for (const char* bad :
+       {"", "2", "1 35 0.03 800 1.8 12 0.004 0.5 0.2 0123456789abcdef",
+        "2 nan 0.03 800 1.8 12 0.004 0.5 0.2 -", "2 1e99 0.03 800 1.8 12 0.004 0.5 0.2 -",
+        "2 x 0.03 800 1.8 12 0.004 0.5 0.2 -", "2 35 0.03 800 1.8 12 0.004 0.5 0.2 <b>",
+        "2 35 0.03 800 1.8 12 0.004 0.5 0.2 - -", "2 35 0.03 800 1.8 12 0.004 0.5 0.2"}) {
+    EXPECT_FALSE(ParsePhotoFindings(bad).has_value()) << bad;
+  }
+}
+
+TEST(VideoFindings, ComeBackAsTheyWereWrittenAndAreChecked) {
+  const auto read = ParseVideoFindings(Encode(VideoFindings{12.5, 375}));
+  ASSERT_TRUE(read.has_value());
+  EXPECT_EQ(read->seconds, 12.5);
+  EXPECT_EQ(read->frames, 375);
+  for (const char* bad : {"", "video1", "video1 1", "video1 -1 2", "video1 1 nan", "video1 1 2 3",
+                          "video2 1 2", "2 35 0.03 800 1.8 12 0.004 0.5 0.2 -"}) {
+    EXPECT_FALSE(ParseVideoFindings(bad).has_value()) << bad;
   }
 }
 
@@ -157,6 +169,7 @@ TEST_F(RemoteReaderTest, SaysOfEachRoleWhatTheSameCodeHereSays) {
   const std::vector<std::pair<FileRole, std::string>> files = {
       {FileRole::kPhoto, TestJpeg()},
       {FileRole::kPhoto, TestPng(7, 5)},
+      {FileRole::kPhoto, TestPng(1600, 1200)},  // which OpenCV shrinks by threads
       {FileRole::kPhoto, TestJpeg().substr(0, 300)},
       {FileRole::kPhoto, "neither"},
       {FileRole::kMask, TestPng()},

@@ -104,6 +104,8 @@ TEST_F(UploadApi, FilesTellWhatWasFoundInPhotosAndWhichAreLeftOut) {
   EXPECT_GT(found["c.png"].stops(), 2);
   EXPECT_NEAR(found["d.png"].mean_code(), 20, 0.1);
   EXPECT_EQ(found["a.png"].focal_length_mm(), 0);
+  EXPECT_GT(found["a.png"].sharpness(), 0);
+  EXPECT_EQ(found["d.png"].sharpness(), 0);
 }
 
 TEST_F(UploadApi, MasksThatAreNoneAreRefusedByName) {

@@ -250,7 +250,7 @@ await step("what is found before the start", async () => {
   await page.getByRole("button", {name: "Upload and look first"}).click();
   await page.getByText("3 photos are of use, 1 left out; 96\u00d772 px; 35 mm").waitFor();
   const row = (name) => page.getByRole("row", {name}).innerText();
-  assert.match(await row("d.png"), /35 mm\s+1\/30 s, f\/1.8, ISO 800\s+[+\u2212]?\d\.\d\s+used/);
+  assert.match(await row("d.png"), /35 mm\s+1\/30 s, f\/1.8, ISO 800\s+[+\u2212]?\d\.\d\s+\d\.\d\d\s+used/);
   assert.match(await row("f copy.png"), /left out: it is the same photo as f\.png/);
   await check("5a-found");
   await page.getByRole("button", {name: "Start"}).click();
@@ -275,7 +275,9 @@ await step("a video dropped", async () => {
   await page.getByLabel("Iterations", {exact: true}).fill("50");
   await page.getByLabel("Title", {exact: true}).fill("A video");
   await check("5b-new-video");
-  await page.getByRole("button", {name: "Upload and start"}).click();
+  await page.getByRole("button", {name: "Upload and look first"}).click();
+  await page.getByText(/A video of 96\u00d772 px, .*9 frames: its sharpest frames/).waitFor();
+  await page.getByRole("button", {name: "Start"}).click();
   await state("succeeded");
   await page.getByText("7 of 7", {exact: true}).waitFor();
   await page.getByRole("button", {name: "Delete"}).click();

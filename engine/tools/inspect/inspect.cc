@@ -106,14 +106,16 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given,
   }
   const std::string thumbnails = sheet.empty() ? "" : input.work_dir + "/thumbnails";
   std::error_code ignored;  // writing the sheet says what is wrong
-  if (!sheet.empty()) fs::create_directories(thumbnails, ignored);
-  const std::vector<double> sharpness = LookAtPhotos(input, screen, threads, thumbnails, cancel);
+  if (!sheet.empty()) {
+    fs::create_directories(thumbnails, ignored);
+    WriteThumbnails(input, screen, threads, thumbnails, cancel);
+  }
+  const double middle_sharpness = MiddleOf(screen.photos, &ScreenedPhoto::sharpness);
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   constexpr char kLine[] = "%-32s %-11s %-17s %-22s %6s %6s %6s  %-5s%s\n";
   std::string text = absl::StrFormat(kLine, "photo", "px", "lens", "exposure", "code", "stops",
                                      "sharp", "mask", input.cameras_path.empty() ? "" : " camera");
-  for (size_t i = 0; i < screen.photos.size(); ++i) {
-    const ScreenedPhoto& photo = screen.photos[i];
+  for (const ScreenedPhoto& photo : screen.photos) {
     const ImageInfo info =
         ReadImageSize(input.images_dir + "/" + photo.name, photo.name).value_or(ImageInfo());
     const auto found = wide_by_name.find(photo.name);
@@ -121,7 +123,8 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given,
         &text, kLine, photo.name, absl::StrCat(photo.width, "x", photo.height),
         Lens(info, found == wide_by_name.end() ? nullptr : found->second), Exposure(info),
         absl::StrFormat("%.1f", photo.mean_code), Stops(photo.light, screen.middle_light),
-        absl::StrFormat("%.2f", sharpness[i]), screen.masks.contains(photo.name) ? "yes" : "-",
+        absl::StrFormat("%.2f", middle_sharpness > 0 ? photo.sharpness / middle_sharpness : 0),
+        screen.masks.contains(photo.name) ? "yes" : "-",
         input.cameras_path.empty()         ? ""
         : with_camera.contains(photo.name) ? " yes"
                                            : " none: left out");

@@ -8,7 +8,6 @@
 #include "engine/core/parallel.h"
 #include "engine/io/image_io.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
-#include "engine/video/frame_choice.h"
 
 namespace litags {
 namespace {
@@ -18,25 +17,8 @@ constexpr size_t kColumns = 6;
 constexpr double kWantedLight = 0.2;  // mean, linear, of a thumbnail
 constexpr double kMostGain = 4096;
 
-Photo Shrunk(const Photo& photo, int side) {
-  const double scale = std::min(1.0, double(side) / std::max(photo.width, photo.height));
-  return ResizeArea(photo, std::max(1, static_cast<int>(std::lround(photo.width * scale))),
-                    std::max(1, static_cast<int>(std::lround(photo.height * scale))));
-}
-
-double SharpnessOfPhoto(const Photo& photo) {
-  const Photo small = Shrunk(photo, kMeasuredSide);
-  Planes luma(1, small.height, small.width);
-  for (size_t i = 0; i < small.pixels(); ++i) {
-    const int16_t* p = &small.data[3 * i];
-    luma.data[i] =
-        kLumaRed * EncodedOf(p[0]) + kLumaGreen * EncodedOf(p[1]) + kLumaBlue * EncodedOf(p[2]);
-  }
-  return SharpnessOf(luma);
-}
-
 ImageU8 Thumbnail(const Photo& photo, double light) {
-  Photo small = Shrunk(photo, kThumbnail);
+  Photo small = ShrinkToFit(photo, kThumbnail);
   const auto gain = static_cast<float>(light > 0 ? std::min(kMostGain, kWantedLight / light) : 1);
   const LinearTable& linear = LinearTable::Get();
   const SampleTable& sample = SampleTable::Get();
@@ -46,28 +28,17 @@ ImageU8 Thumbnail(const Photo& photo, double light) {
 
 }  // namespace
 
-std::vector<double> LookAtPhotos(const ReconstructInput& input, const PhotoScreen& screen,
-                                 int threads, const std::string& thumbnails,
-                                 const CancelToken& cancel) {
-  std::vector<double> sharpness(screen.photos.size(), 0.0);
+void WriteThumbnails(const ReconstructInput& input, const PhotoScreen& screen, int threads,
+                     const std::string& dir, const CancelToken& cancel) {
   ParallelFor(threads, screen.photos.size(), [&](size_t i, int) {
     if (cancel.IsCancelled()) return;
     const ScreenedPhoto& screened = screen.photos[i];
     const auto photo = ReadPhoto(input.images_dir + "/" + screened.name, screened.name);
     if (!photo.ok()) return;  // it was read a moment ago
-    sharpness[i] = SharpnessOfPhoto(*photo);
-    if (thumbnails.empty()) return;
     // A sheet without one of them says so.
-    WritePng(absl::StrCat(thumbnails, "/", screened.name, ".png"),
-             Thumbnail(*photo, screened.light))
+    WritePng(absl::StrCat(dir, "/", screened.name, ".png"), Thumbnail(*photo, screened.light))
         .IgnoreError();
   });
-  std::vector<double> sorted = sharpness;
-  if (sorted.empty()) return sharpness;
-  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-  const double middle = sorted[sorted.size() / 2];
-  for (double& s : sharpness) s = middle > 0 ? s / middle : 0;
-  return sharpness;
 }
 
 absl::Status WritePhotoSheet(const PhotoScreen& screen, const std::string& thumbnails,

@@ -12,11 +12,9 @@
 
 namespace litags {
 
-// How sharp each photo of the screen is, beside the middle one; small brightened pictures of them
-// go to `thumbnails`/NAME.png unless that is empty.
-std::vector<double> LookAtPhotos(const ReconstructInput& input, const PhotoScreen& screen,
-                                 int threads, const std::string& thumbnails,
-                                 const CancelToken& cancel);
+// Small brightened pictures of the screen's photos: `dir`/NAME.png.
+void WriteThumbnails(const ReconstructInput& input, const PhotoScreen& screen, int threads,
+                     const std::string& dir, const CancelToken& cancel);
 
 // Those pictures, and the names of what is left out.
 absl::Status WritePhotoSheet(const PhotoScreen& screen, const std::string& thumbnails,

@@ -53,6 +53,7 @@ export interface PhotoFindings {
   fNumber?: number;
   stops?: number;
   leftOut?: string;
+  sharpness?: number;
 }
 
 export interface JobFile {
@@ -61,6 +62,7 @@ export interface JobFile {
   width?: number;
   height?: number;
   found?: PhotoFindings;
+  foundInVideo?: {duration?: string; frames?: string};
 }
 
 export interface JobEvent {

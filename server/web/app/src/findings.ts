@@ -3,6 +3,7 @@
 import {get, type ApiError, type Job, type JobFile, type PhotoFindings} from "./api.js";
 import type {Part} from "./actions.js";
 import {el, notice} from "./dom.js";
+import {secondsOf, timeText} from "./format.js";
 
 // "1/30 s, f/1.8, ISO 800", of what EXIF says.
 function exposureText(found: PhotoFindings): string {
@@ -42,16 +43,24 @@ function summaryOf(photos: JobFile[], why: Map<string, string>): string {
       .filter(Boolean).join("; ");
 }
 
+// "A video of 640×480 px, 12 s, 360 frames: its sharpest frames become photos."
+function videoText({width, height, foundInVideo: found}: JobFile): string {
+  const facts = [`${width}\u00d7${height} px`, found?.duration && timeText(secondsOf(found.duration)),
+                 Number(found?.frames ?? 0) > 0 && `${found!.frames} frames`];
+  return `A video of ${facts.filter(Boolean).join(", ")}: its sharpest frames become photos.`;
+}
+
 function row(photo: JobFile, why: string | undefined): HTMLElement {
   const found = photo.found ?? {};
   const cells = [`${photo.width}\u00d7${photo.height}`, lensText(found), exposureText(found),
-                 found.stops === undefined ? "" : stopsText(found.stops)];
+                 found.stops === undefined ? "" : stopsText(found.stops),
+                 found.sharpness ? found.sharpness.toFixed(2) : ""];
   return el("tr", why ? {class: "dropped"} : {}, el("th", {scope: "row"}, photo.name),
             ...cells.map((text) => el("td", {}, text)), el("td", {}, why ? `left out: ${why}` : "used"));
 }
 
 function table(photos: JobFile[], why: Map<string, string>): HTMLElement {
-  const head = ["Photo", "Size, px", "Lens", "Exposure", "Light, stops", "Use"].map(
+  const head = ["Photo", "Size, px", "Lens", "Exposure", "Light, stops", "Sharpness", "Use"].map(
       (text) => el("th", {scope: "col"}, text));
   return el("div", {class: "wide", tabindex: 0, role: "group", "aria-label": "Table of the photos"},
             el("table", {class: "photos"}, el("thead", {}, el("tr", {}, ...head)),
@@ -67,7 +76,7 @@ export function findings(name: string): Part {
     const video = files?.find((f) => f.role === "FILE_ROLE_VIDEO");
     const why = new Map((job?.report?.dropped ?? []).map((photo) => [photo, "see the notes"]));
     for (const photo of photos) if (photo.found?.leftOut) why.set(photo.name, `it ${photo.found.leftOut}`);
-    summary.textContent = video ? `A video of ${video.width}\u00d7${video.height} px: its frames become photos.`
+    summary.textContent = video ? videoText(video)
       : photos.length ? `${summaryOf(photos, why)}.` : files ? "There are no photos." : "";
     body.replaceChildren(photos.length ? table(photos, why) : "");
   };
