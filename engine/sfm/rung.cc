@@ -4,6 +4,7 @@
 #include <chrono>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -186,25 +187,50 @@ absl::StatusOr<Mapping> VerifyAndMap(const RungInput& in, const std::vector<Name
   return mapping;
 }
 
-// Whether EXIF says focal lengths, and the photos are not all placed with such ones.
-bool ExifMayHelp(const RungInput& in, const Mapping& mapping) {
-  // EXIF rounds to mm, of the diagonal or the width. Choice
-  constexpr double kAgree = 1.15;
-  std::map<std::string, double> said;
-  for (const PhotoFile& photo : in.photos) {
-    if (photo.copy_exif_focal_length <= 0) continue;
-    said[photo.name] = photo.copy_exif_focal_length * photo.shown.width / photo.copy_width;
+// Focal lengths to start from instead of COLMAP's guess, px of the copies, by the copies' names.
+struct Start {
+  std::string source;
+  std::vector<std::pair<std::string, double>> focal_lengths;
+};
+
+// By how much focal lengths may differ to be the same: EXIF rounds to mm, of the diagonal or the
+// width. Choice
+constexpr double kAgree = 1.15;
+
+bool Agree(double a, double b) { return a < kAgree * b && b < kAgree * a; }
+
+// EXIF's, unless the photos are all placed with such ones; without EXIF those of the photos that
+// were placed, unless these are all or agree with the guess: from a guess that is far off COLMAP
+// makes many small models of a long walk.
+std::optional<Start> SecondStart(const RungInput& in, const Mapping& mapping) {
+  constexpr double kGuess = 1.2;  // COLMAP's, of the longer side
+  std::map<std::string, double> found;
+  if (!mapping.models.empty()) {
+    for (const View& view : mapping.models[0].views) found[view.name] = view.camera.fx;
   }
-  if (said.empty()) return false;
+  Start exif{"that EXIF says", {}}, own{"of the photos that were placed", {}};
+  bool exif_differs = false, own_differs = false;
+  for (const PhotoFile& photo : in.photos) {
+    const auto view = found.find(photo.name);
+    const double own_focal_length =
+        view == found.end() ? 0 : view->second * photo.copy_width / photo.shown.width;
+    if (own_focal_length > 0) {
+      own.focal_lengths.emplace_back(photo.copy_name, own_focal_length);
+      own_differs |=
+          !Agree(own_focal_length, kGuess * std::max(photo.copy_width, photo.copy_height));
+    }
+    if (photo.copy_exif_focal_length > 0) {
+      exif.focal_lengths.emplace_back(photo.copy_name, photo.copy_exif_focal_length);
+      exif_differs |=
+          own_focal_length > 0 && !Agree(own_focal_length, photo.copy_exif_focal_length);
+    }
+  }
   const double enough = in.options.enough_registered * static_cast<double>(in.photos.size());
-  if (static_cast<double>(mapping.placed()) < enough - 1e-9) return true;
-  return std::any_of(mapping.models[0].views.begin(), mapping.models[0].views.end(),
-                     [&](const View& view) {
-                       const auto found = said.find(view.name);
-                       if (found == said.end()) return false;
-                       const double ratio = view.camera.fx / found->second;
-                       return ratio > kAgree || ratio < 1 / kAgree;
-                     });
+  const bool missing = static_cast<double>(mapping.placed()) < enough - 1e-9;
+  if (!exif.focal_lengths.empty()) {
+    return missing || exif_differs ? std::optional(exif) : std::nullopt;
+  }
+  return missing && own_differs ? std::optional(own) : std::nullopt;
 }
 
 // More photos; else as many, in whatever way one looks at it: a model with a wrong focal length may
@@ -214,19 +240,13 @@ bool IsBetter(const Mapping& a, const Mapping& b) {
   return a.sightings() > b.sightings() && a.error() <= b.error();
 }
 
-// Starts from EXIF's focal lengths what COLMAP's first guess did not bring to an end.
-absl::Status TryExif(const RungInput& in, const std::vector<NamePair>& pairs, Colmap& colmap,
-                     RungOutput& out, Mapping& mapping) {
-  std::vector<std::pair<std::string, double>> said;
-  for (const PhotoFile& photo : in.photos) {
-    if (photo.copy_exif_focal_length <= 0) continue;
-    said.emplace_back(photo.copy_name, photo.copy_exif_focal_length);
-  }
-  LITAGS_RETURN_IF_ERROR(SetFocalLengths(colmap.database_path(), said));
+absl::Status TryStart(const RungInput& in, const std::vector<NamePair>& pairs, const Start& start,
+                      Colmap& colmap, RungOutput& out, Mapping& mapping) {
+  LITAGS_RETURN_IF_ERROR(SetFocalLengths(colmap.database_path(), start.focal_lengths));
   LITAGS_RETURN_IF_ERROR(ForgetVerifiedPairs(colmap.database_path()));
-  LITAGS_ASSIGN_OR_RETURN(Mapping other, VerifyAndMap(in, pairs, "models_exif", colmap, out.rung));
+  LITAGS_ASSIGN_OR_RETURN(Mapping other, VerifyAndMap(in, pairs, "models_again", colmap, out.rung));
   if (!IsBetter(other, mapping)) return absl::OkStatus();
-  out.note = absl::StrCat("the focal length that EXIF says was the start: ", other.placed(),
+  out.note = absl::StrCat("the focal length ", start.source, " was the start: ", other.placed(),
                           " photos were placed, which see points ", other.sightings(),
                           " times; without it ", mapping.placed(), ", and ", mapping.sightings());
   mapping = std::move(other);
@@ -246,8 +266,8 @@ absl::StatusOr<RungOutput> MapPhotos(const RungInput& in) {
                                       [&](double f) { in.report("match", f); }));
   out.rung.match_seconds = SecondsSince(start);
   LITAGS_ASSIGN_OR_RETURN(Mapping mapping, VerifyAndMap(in, pairs, "models", colmap, out.rung));
-  if (ExifMayHelp(in, mapping)) {
-    LITAGS_RETURN_IF_ERROR(TryExif(in, pairs, colmap, out, mapping));
+  if (const std::optional<Start> start = SecondStart(in, mapping)) {
+    LITAGS_RETURN_IF_ERROR(TryStart(in, pairs, *start, colmap, out, mapping));
   }
   LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(colmap.database_path()));
   LITAGS_ASSIGN_OR_RETURN(out.photos, PhotoFacts(in, images, mapping.pairs));

@@ -1,3 +1,4 @@
+// What is found from another focal length than COLMAP's guess.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,12 +20,57 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::SizeIs;
 
-// Photos whose EXIF says a focal length, and mappings that start from it and do not.
-class SfmWithExif : public SfmTest {
+// Mappings that start from COLMAP's guess and from another focal length: models 0 and 9.
+class SfmSecondStart : public SfmTest {
+ protected:
+  SfmSecondStart() { colmap_.On("mapper", "case $out in *models_again) rung=9 ;; esac"); }
+
+  int Mappings() const {
+    int mappings = 0;
+    for (const std::string& call : colmap_.Calls()) mappings += call.starts_with("mapper");
+    return mappings;
+  }
+};
+
+// Without EXIF. COLMAP's guess is 77 px of a copy, the models have 50.
+TEST_F(SfmSecondStart, IsFromTheLargestModelWhereOthersAreLeft) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3}, 7));
+  colmap_.AddModel(0, 1, Model({4, 5}, 7));
+  colmap_.AddModel(9, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.views, SizeIs(6));
+  EXPECT_THAT(result->rungs, SizeIs(1));
+  EXPECT_THAT(result->notes, Contains(HasSubstr("focal length of the photos that were placed")));
+  EXPECT_EQ(Mappings(), 2);
+}
+
+TEST_F(SfmSecondStart, IsNoneWhereTheGuessWasNear) {
+  options_.min_registered = 0.5;
+  SparseModel model = Model({0, 1, 2, 3}, 7);
+  for (View& view : model.views) view.camera.fx = view.camera.fy = 70;
+  for (const int rung : {0, 1, 2}) colmap_.AddModel(rung, 0, model);
+  colmap_.AddModel(9, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.views, SizeIs(4));
+  EXPECT_EQ(Mappings(), static_cast<int>(result->rungs.size()));
+}
+
+TEST_F(SfmSecondStart, IsNoneWhereAllIsPlaced) {
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  colmap_.AddModel(9, 0, Model({0, 1, 2, 3, 4, 5}, 70));
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_THAT(result->model.points, SizeIs(7));
+  EXPECT_EQ(Mappings(), 1);
+}
+
+// Photos whose EXIF says a focal length.
+class SfmWithExif : public SfmSecondStart {
  protected:
   SfmWithExif() {
     colmap_.SetDatabase(CopyNamesOf26mm(), kFeatures, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});
-    colmap_.On("mapper", "case $out in *models_exif) rung=9 ;; esac");
   }
 
   static SparseModel ModelOf26mm(const std::vector<int>& photos, int points) {
@@ -45,12 +91,6 @@ class SfmWithExif : public SfmTest {
       EXPECT_TRUE(WriteFileAtomically(path, WithJpegExif(jpeg, FocalBlock(in_35mm, 4, 1))).ok());
     }
     return FindCameras(photos, colmap_.dir() + "/work", options_, cancel_);
-  }
-
-  int Mappings() const {
-    int mappings = 0;
-    for (const std::string& call : colmap_.Calls()) mappings += call.starts_with("mapper");
-    return mappings;
   }
 };
 
