@@ -240,6 +240,7 @@ bool IsBetter(const Mapping& a, const Mapping& b) {
   return a.sightings() > b.sightings() && a.error() <= b.error();
 }
 
+// Maps again from there, and keeps the better result.
 absl::Status TryStart(const RungInput& in, const std::vector<NamePair>& pairs, const Start& start,
                       Colmap& colmap, RungOutput& out, Mapping& mapping) {
   LITAGS_RETURN_IF_ERROR(SetFocalLengths(colmap.database_path(), start.focal_lengths));

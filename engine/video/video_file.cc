@@ -236,7 +236,7 @@ class RealVideoFile : public VideoFile {
     } else if (format_->duration > 0) {
       info_.seconds = double(format_->duration) / AV_TIME_BASE;
     }
-    info_.frames = stream_->nb_frames;
+    info_.frames = std::max<int64_t>(0, stream_->nb_frames);
     return CheckLength(info_.seconds, info_.frames);
   }
 
