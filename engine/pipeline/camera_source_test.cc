@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -26,6 +27,7 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -79,9 +81,10 @@ class CameraSource : public ::testing::Test {
     const auto photos = ListPhotos(input_.images_dir, "images");
     if (!photos.ok()) return photos.status();
     const CancelToken never;
-    return ObtainCameras(Context(
-                             input_, options_, never, [](Stage, const std::string&) {}, &report_),
-                         *photos, masks_, colmap);
+    const Context context(
+        input_, options_, never, [](Stage, const std::string&) {}, &report_,
+        [this](std::string_view line) { last_line_ = line; });
+    return ObtainCameras(context, *photos, masks_, colmap);
   }
   absl::StatusOr<SparseModel> Obtain() { return Obtain(colmap_.program()); }
   absl::StatusOr<SparseModel> ObtainKept() { return Obtain("/nonexistent/colmap"); }
@@ -92,6 +95,7 @@ class CameraSource : public ::testing::Test {
   MaskPaths masks_;
   ReconstructInput input_;
   ReconstructOptions options_;
+  std::string last_line_;
   ReconstructReport report_;
 };
 
@@ -114,6 +118,7 @@ TEST_F(CameraSource, CamerasThatColmapFoundAreKept) {
   EXPECT_EQ(report_.registered, 6);
   EXPECT_EQ(report_.sfm_preparation, "gain + Gaussian 0.7 px");
   EXPECT_THAT(report_.camera_seconds, SizeIs(5));
+  EXPECT_THAT(last_line_, AllOf(HasSubstr("cameras were found in "), HasSubstr("features ")));
   ReconstructReport first = report_;
   first.camera_seconds.clear();
 

@@ -10,6 +10,7 @@
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/photo_structure.h"
+#include "engine/target/median.h"
 #include "engine/video/frame_choice.h"
 
 namespace litags {
@@ -79,9 +80,7 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo) {
 double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*member) {
   std::vector<double> values;
   for (const ScreenedPhoto& photo : photos) values.push_back(photo.*member);
-  if (values.empty()) return 0;
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
+  return MedianInPlace(values);
 }
 
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {

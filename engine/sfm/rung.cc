@@ -203,7 +203,7 @@ bool Agree(double a, double b) { return a < kAgree * b && b < kAgree * a; }
 // were placed, unless these are all or agree with the guess: from a guess that is far off COLMAP
 // makes many small models of a long walk.
 std::optional<Start> SecondStart(const RungInput& in, const Mapping& mapping) {
-  constexpr double kGuess = 1.2;  // COLMAP's, of the longer side
+  constexpr double kGuess = 1.2;  // of the longer side: COLMAP's default_focal_length_factor
   std::map<std::string, double> found;
   if (!mapping.models.empty()) {
     for (const View& view : mapping.models[0].views) found[view.name] = view.camera.fx;
