@@ -41,6 +41,9 @@ CLI::Option* AddFlag(CLI::App& command, const FieldDescriptor& field, v1::JobOpt
     case FieldDescriptor::CPPTYPE_ENUM:
       return command.add_option_function<std::string>(
           flag, [&](const std::string& word) { SetEnum(field, word, options); });
+    case FieldDescriptor::CPPTYPE_BOOL:
+      return command.add_flag_function(
+          flag, [&](int64_t said) { reflection.SetBool(&options, &field, said > 0); });
     case FieldDescriptor::CPPTYPE_INT32:
       return command.add_option_function<int32_t>(
           flag, [&](int32_t value) { reflection.SetInt32(&options, &field, value); });

@@ -28,6 +28,8 @@ std::string ValueOf(const v1::JobOptions& options, const FieldDescriptor& field)
   switch (field.cpp_type()) {
     case FieldDescriptor::CPPTYPE_ENUM:
       return EnumWord(*reflection.GetEnum(options, &field));
+    case FieldDescriptor::CPPTYPE_BOOL:
+      return reflection.GetBool(options, &field) ? "true" : "false";
     case FieldDescriptor::CPPTYPE_INT32:
       return absl::StrCat(reflection.GetInt32(options, &field));
     case FieldDescriptor::CPPTYPE_INT64:

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
@@ -22,6 +23,8 @@
 #include "engine/pipeline/train_set.h"
 #include "engine/pipeline/video_frames.h"
 #include "engine/pipeline/wide_views.h"
+#include "engine/train/camera_pose.h"
+#include "engine/train/fit_camera.h"
 #include "engine/train/initialize.h"
 #include "engine/train/losses.h"
 #include "engine/train/trainer.h"
@@ -59,6 +62,7 @@ TrainOptions TrainOptionsOf(const Context& context, const TrainSet& set) {
   train.threads = context.options.threads;
   train.sh_degree = context.options.sh_degree;
   train.max_gaussians = context.options.max_gaussians;
+  train.refine_cameras = context.options.refine_cameras;
   return train;
 }
 
@@ -70,15 +74,13 @@ class Run {
         recipe_(context.recipe),
         set_(set),
         observer_(observer),
-        trainer_(TrainOptionsOf(context, set), &set.train, std::move(initial),
-                 SceneExtent(set.train)),
+        train_options_(TrainOptionsOf(context, set)),
+        extent_(SceneExtent(set.train)),
+        trainer_(train_options_, &set.train, std::move(initial), extent_),
         renderer_(context.options.threads),
         scene_path_(context.input.work_dir + "/scene.litags"),
         checkpoint_path_(context.input.work_dir + "/checkpoint.litags") {
-    for (const TrainView& v : set.train) views_.push_back(v.view);
-    for (const TrainView& v : set.holdout) views_.push_back(v.view);
-    std::sort(views_.begin(), views_.end(),
-              [](const View& a, const View& b) { return a.name < b.name; });
+    for (const TrainView& v : set.holdout) held_out_.push_back(v.view);
     progress_.stage = Stage::kTraining;
     progress_.iterations = options_.iterations;
     progress_.psnr_holdout = kNotMeasured;
@@ -158,6 +160,7 @@ class Run {
 
   void Finish(ReconstructReport* report) {
     AddNanRecoveries(&report->notes);
+    if (options_.refine_cameras) report->notes.push_back(DescribeRefinement());
     report->gaussians = static_cast<int64_t>(trainer_.num_gaussians());
     report->iterations = trainer_.iteration();
     report->training_seconds = step_seconds_;
@@ -215,6 +218,24 @@ class Run {
     }
   }
 
+  // How far the cameras of the learnt photos are from the given ones.
+  std::string DescribeRefinement() const {
+    double turn_sum = 0, shift_sum = 0, most = 0;
+    size_t farthest = 0;
+    for (size_t i = 0; i < set_.train.size(); ++i) {
+      const PoseDifference d = DifferenceOf(set_.train[i].view.camera, trainer_.CameraOf(i));
+      turn_sum += d.degrees;
+      shift_sum += d.distance;
+      if (d.distance > most) farthest = i;
+      most = std::max(most, d.distance);
+    }
+    const auto n = static_cast<double>(set_.train.size());
+    return absl::StrFormat(
+        "cameras were refined: turned by %.3f degrees and moved by %.4g in the mean, the farthest "
+        "by %.4g (%s), in the unit of the cameras, which stand on a circle of %.4g",
+        turn_sum / n, shift_sum / n, most, set_.train[farthest].view.name, extent_);
+  }
+
   // Keeps what was done, so that a resumed job goes on from here. Where that fails it goes on from
   // the checkpoint before.
   absl::Status Cancelled(const CancelToken& cancel, bool progressed) const {
@@ -247,17 +268,49 @@ class Run {
     model.origin = set_.origin;
     if (model.lita && recipe_.noise_filter) model.noise = set_.noise;
     if (model.lita) model.curve = set_.curve;
-    LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, views_));
+    const bool last = trainer_.iteration() >= options_.iterations;
+    if (options_.refine_cameras && last) FitHeldOut(model);
+    LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, Views()));
     observer_->OnSnapshot(scene_path_);
-    LossWorkspace workspace(options_.threads);
-    const TrainView& shown = set_.holdout.empty() ? set_.train[0] : set_.holdout[0];
+    LITAGS_ASSIGN_OR_RETURN(const std::string png, ScoreHeldOut(model, last));
+    Progress progress = progress_;
+    progress.preview_png.assign(png.begin(), png.end());
+    observer_->OnProgress(progress);
+    return absl::OkStatus();
+  }
+
+  // All photos' cameras as they are known now, by name.
+  std::vector<View> Views() const {
+    std::vector<View> views = held_out_;
+    for (size_t i = 0; i < set_.train.size(); ++i) {
+      views.push_back({set_.train[i].view.name, trainer_.CameraOf(i)});
+    }
+    std::sort(views.begin(), views.end(),
+              [](const View& a, const View& b) { return a.name < b.name; });
+    return views;
+  }
+
+  // Photos that are not learnt do not move their cameras while the others move theirs.
+  void FitHeldOut(const Model& model) {
+    for (size_t i = 0; i < held_out_.size(); ++i) {
+      held_out_[i].camera = FitCamera(train_options_, model, set_.holdout[i], extent_);
+    }
+  }
+
+  // Compares the held-out photos with pictures; SSIM, which takes long, only of the last. Returns
+  // the picture of the first one, as PNG, or of another photo where none is held out.
+  absl::StatusOr<std::string> ScoreHeldOut(const Model& model, bool last) {
     Planes color, target;
-    renderer_.RenderColor(model, shown.view.camera, &color);
-    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng(ToImageU8(color)));
-    const bool last = trainer_.iteration() >= options_.iterations;  // SSIM takes long
+    const Camera shown = held_out_.empty() ? trainer_.CameraOf(0) : held_out_[0].camera;
+    renderer_.RenderColor(model, shown, &color);
+    LITAGS_ASSIGN_OR_RETURN(std::string png, EncodePng(ToImageU8(color)));
+    // Where cameras are refined, those of held-out photos only tell at the end what pictures are.
+    if (held_out_.empty() || (options_.refine_cameras && !last)) return png;
+    LossWorkspace workspace(options_.threads);
     double psnr_sum = 0, ssim_sum = 0;
-    for (const TrainView& v : set_.holdout) {
-      if (&v != &shown) renderer_.RenderColor(model, v.view.camera, &color);
+    for (size_t i = 0; i < held_out_.size(); ++i) {
+      const TrainView& v = set_.holdout[i];
+      if (i > 0) renderer_.RenderColor(model, held_out_[i].camera, &color);
       UnpackImage(v.target, workspace, &target);
       for (float& x : color.data) x = std::clamp(x, 0.0f, 1.0f);
       const double dilution = FillUncounted(v.mask, color, &target);
@@ -267,23 +320,22 @@ class Run {
       const absl::StatusOr<double> ssim = Ssim(color, target);  // not of photos below 11 px
       ssim_sum += ssim.ok() ? 1 - (1 - *ssim) * dilution : kNotMeasured;
     }
-    const auto held_out = static_cast<double>(set_.holdout.size());
-    if (held_out > 0) progress_.psnr_holdout = psnr_sum / held_out;
-    if (held_out > 0 && last) ssim_holdout_ = ssim_sum / held_out;
-    Progress progress = progress_;
-    progress.preview_png.assign(png.begin(), png.end());
-    observer_->OnProgress(progress);
-    return absl::OkStatus();
+    const auto count = static_cast<double>(held_out_.size());
+    progress_.psnr_holdout = psnr_sum / count;
+    if (last) ssim_holdout_ = ssim_sum / count;
+    return png;
   }
 
   const ReconstructOptions& options_;
   const Recipe& recipe_;
   const TrainSet& set_;
   ReconstructObserver* observer_;
+  TrainOptions train_options_;
+  double extent_;
   Trainer trainer_;
   ModelRenderer renderer_;
   std::string scene_path_, checkpoint_path_;
-  std::vector<View> views_;
+  std::vector<View> held_out_;  // with cameras that are fitted at the end if others are refined
   Progress progress_;
   double step_seconds_ = 0;
   double ssim_holdout_ = kNotMeasured;

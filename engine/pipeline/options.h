@@ -61,6 +61,7 @@ struct ReconstructOptions {
   int max_image_side = 1600;
   int frames = 0;         // of a video: at most so many become photos; 0: as its motion asks for
   int holdout_every = 8;  // photos i (by name) with i % n == n / 2 are only evaluated
+  bool refine_cameras = false;
   double min_registered = 0.5;
   int checkpoint_every = 500;
   int preview_every = 250;
@@ -121,6 +122,10 @@ void VisitFields(FieldsOf<ReconstructOptions>, T& o, Visit&& visit) {
                   .help = "take at most so many frames of a video"});
   visit("holdout_every", o.holdout_every,
         FieldRule{.least = 2, .zero = "none", .help = "hold out every n-th photo for evaluation"});
+  visit(
+      "refine_cameras", o.refine_cameras,
+      FieldRule{.help = "learn the cameras' poses with the scene: for given cameras that are off, "
+                        "as of a phone's tracker"});
   visit("min_registered", o.min_registered,
         FieldRule{.least = 0,
                   .most = 1,

@@ -96,11 +96,12 @@ void ProjectBlock(const Splats& splats, size_t block, const KernelCamera& camera
                   const ProjectionSettings& settings, ProjectedSplats* out);
 
 // VJP of ProjectBlock. `sums` [GradStride][16] are the pixel sums per Gaussian, zero for lanes not
-// in `visible`; writes grads [kSplatRows][16] (rows past the SH degree are left alone) and
-// mean2d_grad [2][16], loss per px.
+// in `visible`; writes grads [kSplatRows][16] (rows past the SH degree are left alone),
+// mean2d_grad [2][16], loss per px, and, unless it is null, the block's part of
+// Renderer::pose_grad().
 void ProjectBlockVjp(const Splats& splats, size_t block, const KernelCamera& camera,
                      const ProjectionSettings& settings, const float* sums, uint32_t visible,
-                     float* grads, float* mean2d_grad);
+                     float* grads, float* mean2d_grad, PoseVector* pose_grad);
 
 }  // namespace litags
 

@@ -55,6 +55,13 @@ HWY_INLINE V ToWorld(int axis, const V3& v, const KernelCamera& cam) {
   return hn::MulAdd(r(0), v.x, hn::MulAdd(r(1), v.y, hn::Mul(r(2), v.z)));
 }
 
+// Component `row` of a world vector in the camera's axes: R v.
+HWY_INLINE V ToCameraAxes(int row, const V3& v, const KernelCamera& cam) {
+  const D d;
+  const auto r = [&](int axis) HWY_ATTR { return hn::Set(d, cam.R[3 * row + axis]); };
+  return hn::MulAdd(r(0), v.x, hn::MulAdd(r(1), v.y, hn::Mul(r(2), v.z)));
+}
+
 // dL/d(2D covariance), as the full symmetric matrix [a, b; b, c], from the moments of g.
 // With X the conic: V = dL/dX = [-Sxx/2, -Sxy/2; ., -Syy/2] and dL/dCov = -X V X.
 HWY_INLINE void CovarianceVjp(V A, V B, V C, V sxx, V sxy, V syy, V* a, V* b, V* c) {
@@ -147,8 +154,28 @@ HWY_INLINE void ShapeVjp(const VjpRows& rows, const Lanes& o, const KernelCamera
   for (int j = 0; j < 4; ++j) rows.Put(kRawQuat + j, v_quat[j]);
 }
 
+// Adds a vector of Gaussians' part of dL/dpose. A turn of the camera about its centre leaves the
+// directions of view as they are; a shift changes them as one of the mean does, the other way.
+HWY_INLINE void AddPoseVjp(const VjpRows& rows, const Lanes& o, const V3& v_p, const V3 (&v_u)[3],
+                           const V3& by_color, const KernelCamera& cam, PoseVector* pose_grad) {
+  const D d;
+  // p x v_p, and the same of the columns of U.
+  const auto cross = [](V a, V v_b, V b, V v_a)
+                         HWY_ATTR { return hn::MulSub(a, v_b, hn::Mul(b, v_a)); };
+  const V parts[6] = {
+      hn::Add(cross(o.p.y, v_p.z, o.p.z, v_p.y), hn::Sub(Dot(o.U1, v_u[2]), Dot(o.U2, v_u[1]))),
+      hn::Add(cross(o.p.z, v_p.x, o.p.x, v_p.z), hn::Sub(Dot(o.U2, v_u[0]), Dot(o.U0, v_u[2]))),
+      hn::Add(cross(o.p.x, v_p.y, o.p.y, v_p.x), hn::Sub(Dot(o.U0, v_u[1]), Dot(o.U1, v_u[0]))),
+      hn::Add(v_p.x, ToCameraAxes(0, by_color, cam)),
+      hn::Add(v_p.y, ToCameraAxes(1, by_color, cam)),
+      hn::Add(v_p.z, ToCameraAxes(2, by_color, cam))};
+  for (int k = 0; k < 6; ++k) {
+    (*pose_grad)[k] += hn::GetLane(hn::SumOfLanes(d, hn::IfThenElseZero(rows.visible, parts[k])));
+  }
+}
+
 void VjpVector(const VjpRows& rows, const KernelCamera& cam, const ProjectionSettings& settings,
-               float* mean2d_grad) {
+               float* mean2d_grad, PoseVector* pose_grad) {
   const D d;
   const V3 mean = LoadMean(rows.in);
   const V3 p = ToCamera(mean, cam);
@@ -190,8 +217,10 @@ void VjpVector(const VjpRows& rows, const KernelCamera& cam, const ProjectionSet
   const V v_pz = hn::Sub(AttributesVjp(rows, settings), hn::Mul(v_ln_z, o.inv_z));
 
   const V3 v_p = {hn::Mul(v_u, o.inv_z), hn::Mul(v_v, o.inv_z), v_pz};
-  ShapeVjp(rows, o, cam, {v_u0, v_u1, v_u2});
+  const V3 v_rows[3] = {v_u0, v_u1, v_u2};
+  ShapeVjp(rows, o, cam, v_rows);
   const V3 by_color = ColorVjp(rows, mean, cam, settings);
+  if (pose_grad != nullptr) AddPoseVjp(rows, o, v_p, v_rows, by_color, cam, pose_grad);
   rows.Put(kMean, hn::Add(ToWorld(0, v_p, cam), by_color.x));
   rows.Put(kMean + 1, hn::Add(ToWorld(1, v_p, cam), by_color.y));
   rows.Put(kMean + 2, hn::Add(ToWorld(2, v_p, cam), by_color.z));
@@ -199,7 +228,7 @@ void VjpVector(const VjpRows& rows, const KernelCamera& cam, const ProjectionSet
 
 void ProjectBlockVjpImpl(const Splats& splats, size_t block, const KernelCamera& camera,
                          const ProjectionSettings& settings, const float* sums, uint32_t visible,
-                         float* grads, float* mean2d_grad) {
+                         float* grads, float* mean2d_grad, PoseVector* pose_grad) {
   const D d;
   const hn::RebindToSigned<D> di;
   const size_t lanes = hn::Lanes(d);
@@ -208,7 +237,7 @@ void ProjectBlockVjpImpl(const Splats& splats, size_t block, const KernelCamera&
   for (size_t i = 0; i < kSplatBlock; i += lanes) {
     const M mask = hn::RebindMask(d, hn::MaskFromVec(hn::Load(di, bits + i)));
     VjpVector({splats.block(block) + i, sums + i, mask, grads + i}, camera, settings,
-              mean2d_grad + i);
+              mean2d_grad + i, pose_grad);
   }
 }
 
@@ -223,9 +252,9 @@ HWY_EXPORT(ProjectBlockVjpImpl);
 
 void ProjectBlockVjp(const Splats& splats, size_t block, const KernelCamera& camera,
                      const ProjectionSettings& settings, const float* sums, uint32_t visible,
-                     float* grads, float* mean2d_grad) {
+                     float* grads, float* mean2d_grad, PoseVector* pose_grad) {
   HWY_DYNAMIC_DISPATCH(ProjectBlockVjpImpl)
-  (splats, block, camera, settings, sums, visible, grads, mean2d_grad);
+  (splats, block, camera, settings, sums, visible, grads, mean2d_grad, pose_grad);
 }
 
 }  // namespace litags

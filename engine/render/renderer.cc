@@ -29,6 +29,7 @@ struct Renderer::Impl {
   int threads = 0;
   bool count_useful = false;
   uint32_t detached_channels = 0;
+  bool wants_pose_grad = false;
 
   ProjectedSplats projected;
   TileLists lists;
@@ -38,6 +39,8 @@ struct Renderer::Impl {
   std::vector<TileScratch> tile_scratch;
   std::vector<TileEvaluations> tile_evaluations;
   ViewStats stats;
+  std::vector<PoseVector> block_pose_grads;  // if wanted
+  PoseVector pose_grad = {};
   Counters counters;
 
   TileJob JobOf(size_t tile) {
@@ -67,6 +70,7 @@ Renderer::Renderer(Renderer&&) noexcept = default;
 Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 
 const ViewStats& Renderer::stats() const { return impl_->stats; }
+const PoseVector& Renderer::pose_grad() const { return impl_->pose_grad; }
 Renderer::Counters Renderer::counters() const { return impl_->counters; }
 
 void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
@@ -89,6 +93,7 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
   s.count_useful = settings.count_useful;
   s.detached_channels = settings.detached_channels;
+  s.wants_pose_grad = settings.pose_grad;
 
   s.projected.Resize(splats.size(), settings.num_channels);
   s.stats.visible.resize(splats.size());
@@ -148,7 +153,8 @@ void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGrad
   if (visible == 0) return;
   alignas(64) float grads[Splats::kBlockFloats] = {};
   alignas(64) float mean2d[2 * kSplatBlock];
-  ProjectBlockVjp(splats, block, camera, projection, sums, visible, grads, mean2d);
+  ProjectBlockVjp(splats, block, camera, projection, sums, visible, grads, mean2d,
+                  wants_pose_grad ? &block_pose_grads[block] : nullptr);
   for (size_t i = begin; i < end; ++i) {
     const int lane = static_cast<int>(i - begin);
     const float x = mean2d[lane], y = mean2d[kSplatBlock + lane];
@@ -180,10 +186,15 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
 
   s.stats.grad_means2d.resize(splats.size());
   const size_t blocks = splats.num_blocks();
+  s.block_pose_grads.assign(s.wants_pose_grad ? blocks : 0, PoseVector());
   ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
     const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
     for (size_t b = task * kBlocksPerTask; b < end; ++b) s.BackwardBlock(splats, b, sink);
   });
+  s.pose_grad = {};
+  for (const PoseVector& part : s.block_pose_grads) {
+    for (int k = 0; k < 6; ++k) s.pose_grad[k] += part[k];
+  }
 }
 
 }  // namespace litags

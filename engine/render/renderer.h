@@ -60,10 +60,15 @@ struct RenderSettings {
   const CancelToken* cancel = nullptr;  // once raised, Forward leaves the picture unfinished
   bool count_useful = false;            // whether Forward of 11 channels fills Counters::useful
   Dropout dropout;                      // of training
+  bool pose_grad = false;               // whether Backward fills pose_grad()
   // Bit c: Backward gives channel c's gradient to the Gaussians' values in it and to nothing else,
   // as if what they cover were given.
   uint32_t detached_channels = 0;
 };
+
+// A change of a camera's pose, in its own axes: the first three turn it, the others shift it,
+// x_cam' = exp([w]) x_cam + v; radians and scene units. And the gradient with respect to one.
+using PoseVector = std::array<double, 6>;
 
 // Per-Gaussian statistics of one view that density control uses; index = Gaussian. Only entries
 // of visible Gaussians are meaningful.
@@ -109,6 +114,9 @@ class Renderer {
 
   // Statistics of the last Forward (visible) and Backward (gradients).
   const ViewStats& stats() const;
+
+  // Of the last Backward, if asked for: dL/d(w, v) at the camera's pose.
+  const PoseVector& pose_grad() const;
 
   // Intermediates of the last Forward, for tests and benchmarks.
   struct Counters {

@@ -93,6 +93,61 @@ TEST(RendererVjp, GradientsMatchFiniteDifferencesOnEveryTarget) {
   }
 }
 
+// The camera after x_cam' = x_cam + w x x_cam + v, which is a turn and a shift to first order.
+Camera Moved(Camera camera, int k, double by) {
+  if (k >= 3) {
+    camera.t[k - 3] += by;
+    return camera;
+  }
+  const int i = (k + 1) % 3, j = (k + 2) % 3;
+  const Camera kept = camera;
+  for (int c = 0; c < 3; ++c) {
+    camera.R[3 * i + c] -= by * kept.R[3 * j + c];
+    camera.R[3 * j + c] += by * kept.R[3 * i + c];
+  }
+  camera.t[i] -= by * kept.t[j];
+  camera.t[j] += by * kept.t[i];
+  return camera;
+}
+
+TEST(RendererVjp, PoseGradientsMatchFiniteDifferencesOnEveryTarget) {
+  const Camera camera = MakeCamera(27, 21);
+  const Splats splats = MakeSplats(40, 11);  // two blocks and a half
+  for (const auto& [source, channels, filter] :
+       {std::tuple(DepthSource::kAttribute, int{kColorOnly}, PixelFilter::kDilate),
+        std::tuple(DepthSource::kCameraZ, int{kNumChannels}, PixelFilter::kMip)}) {
+    RenderSettings settings;
+    settings.num_channels = channels;
+    settings.depth_source = source;
+    settings.pixel_filter = filter;
+    settings.pose_grad = true;
+    const Loss loss = MakeLoss(splats, camera, settings);
+    const std::vector<double> params = ToDoubles(splats);
+    PoseVector want;
+    double scale = 0;
+    for (int k = 0; k < 6; ++k) {
+      const double h = 1e-5;
+      want[k] = (loss.Of(RenderReference(params, Moved(camera, k, h), settings)) -
+                 loss.Of(RenderReference(params, Moved(camera, k, -h), settings))) /
+                (2 * h);
+      scale = std::max(scale, std::abs(want[k]));
+    }
+    ForEachTarget([&] {
+      for (const int threads : {1, 3}) {
+        settings.threads = threads;
+        Renderer renderer;
+        Planes image, alpha;
+        renderer.Forward(splats, camera, settings, &image, &alpha);
+        renderer.Backward(splats, loss.v_image, loss.v_alpha,
+                          [](size_t, const float*, uint32_t) {});
+        for (int k = 0; k < 6; ++k) {
+          EXPECT_NEAR(renderer.pose_grad()[k], want[k], 2e-4 * scale) << "number " << k;
+        }
+      }
+    });
+  }
+}
+
 TEST(RendererVjp, DetachedChannelsReachTheirOwnValuesOnly) {
   const Camera camera = MakeCamera(61, 43);
   const Splats splats = MakeSplats(90, 21);

@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_TRAIN_ADAM_H_
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -27,6 +28,11 @@ struct AdamStep {
   std::array<float, kSplatRows> lr = {};
   int rows = kSplatRows;  // rows [0, rows) are updated
 };
+
+// A rate's value at `progress`, 0..1: log-linear from `first` to `last`, either of which may be 0.
+inline double FallingRate(double first, double last, double progress) {
+  return first > 0 ? first * std::pow(last / first, progress) : 0;
+}
 
 // Updates block `block`: only lanes with their bit in `visible`; the others keep value and moments
 // (as gsplat's selective Adam; most Gaussians are out of view most of the time). Thread-safe for

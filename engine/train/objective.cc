@@ -49,6 +49,16 @@ double Seconds() {
 Objective::Objective(const TrainOptions& options)
     : options_(options), workspace_(options.threads), pdm_(options.recipe.pdm, options.threads) {}
 
+RenderSettings Objective::Settings() const {
+  RenderSettings settings;
+  settings.num_channels = NumChannels();
+  settings.threads = options_.threads;
+  settings.pixel_filter = options_.recipe.antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
+  if (options_.recipe.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
+  if (!options_.recipe.prior_geometry) settings.detached_channels = 1u << kChannelStructure;
+  return settings;
+}
+
 StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
                                const PdmWeights& weights, int iteration, bool denoise,
                                Planes* v_rendered, PdmWeights* v_weights) {

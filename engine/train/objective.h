@@ -30,6 +30,9 @@ class Objective {
     return options_.recipe.use_pdm ? int{kNumChannels} : kWithoutNoise;
   }
 
+  // How what it compares is rendered, at the highest SH degree.
+  RenderSettings Settings() const;
+
   // Evaluates at `rendered` [NumChannels(), H, W], with R = PDM(R_0) if `denoise`, else R = R_0.
   // Writes v_rendered (same shape) and, if `denoise`, v_weights.
   StepLosses Evaluate(const TrainView& view, const Planes& rendered, const PdmWeights& weights,

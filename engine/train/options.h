@@ -16,6 +16,7 @@ struct TrainOptions {
   int threads = 0;    // 0: all cores; never changes the result
   int sh_degree = 3;  // 0..3
   int64_t max_gaussians = 200000;
+  bool refine_cameras = false;  // poses are learnt, too; else they stay as given
 
   // INVALID_ARGUMENT (BAD_OPTION) naming the field that breaks its rule.
   absl::Status Validate() const;

@@ -93,6 +93,10 @@ struct Recipe {
   double lr_quats = 1e-3;
   double lr_attributes = 2.5e-3;  // structure, illumination, depth, noise. Choice
   double lr_pdm = 5e-5;           // release
+  // Of cameras, if they are refined; falls log-linearly as that of means. Radians, and for shifts
+  // times the scene's extent. Choice, measured (docs/experiments/refined-cameras.md)
+  double lr_cameras = 1e-3;
+  double lr_cameras_final = 1e-5;
   // E: all rates of Gaussians but the means' are divided by 1 + e / E after e epochs (iterations
   // over views) at full size. 0: constant rates, as 3DGS
   double lr_decay_epochs = 0;
@@ -169,6 +173,8 @@ void VisitFields(FieldsOf<Recipe>, T& r, Visit&& visit) {
   visit("lr_quats", r.lr_quats, kWeight);
   visit("lr_attributes", r.lr_attributes, kWeight);
   visit("lr_pdm", r.lr_pdm, kWeight);
+  visit("lr_cameras", r.lr_cameras, kWeight);
+  visit("lr_cameras_final", r.lr_cameras_final, kWeight);
   visit("lr_decay_epochs", r.lr_decay_epochs, kWeight);
   visit("dropout", r.dropout, FieldRule{.least = 0, .most = kMaxDropout});
   visit("coarse_levels", r.coarse_levels, FieldRule{.least = 0, .most = 4});

@@ -1,6 +1,8 @@
 #include "engine/train/train_state.h"
 
+#include <algorithm>
 #include <climits>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -78,6 +80,18 @@ absl::Status ReadNanRecoveries(const Container& file, size_t count, std::vector<
   return absl::OkStatus();
 }
 
+absl::Status ReadPoses(const Container& file, std::vector<CameraPose>* out) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<double> numbers, file.Array<double>("cameras"));
+  constexpr size_t kNumbers = sizeof(CameraPose) / sizeof(double);
+  if (numbers.size() % kNumbers != 0) return Inconsistent("cameras");
+  if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); })) {
+    return Inconsistent("a NaN or infinity in cameras");
+  }
+  out->resize(numbers.size() / kNumbers);
+  std::memcpy(static_cast<void*>(out->data()), numbers.data(), numbers.size() * sizeof(double));
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,
@@ -95,6 +109,10 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
   AddNets("pdm", state.pdm, &out);
   AddNets("pdm_moment1_", state.pdm_moment1, &out);
   AddNets("pdm_moment2_", state.pdm_moment2, &out);
+  if (!state.poses.empty()) {
+    out.AddSectionView("cameras", {reinterpret_cast<const char*>(state.poses.data()),
+                                   state.poses.size() * sizeof(CameraPose)});
+  }
   out.AddArrayView("density_grad", state.density.grad);
   out.AddArrayView("density_weight", state.density.views);
   AddNanRecoveries(state.nan_recoveries, &out);
@@ -135,6 +153,7 @@ absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::st
   LITAGS_RETURN_IF_ERROR(ReadNets(file, "pdm_moment2_", hidden, nets, &state.pdm_moment2));
   LITAGS_RETURN_IF_ERROR(
       ReadNanRecoveries(file, static_cast<size_t>(header[4]), &state.nan_recoveries));
+  if (file.Section("cameras").ok()) LITAGS_RETURN_IF_ERROR(ReadPoses(file, &state.poses));
   return state;
 }
 

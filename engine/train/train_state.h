@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/denoise/pdm.h"
+#include "engine/train/camera_pose.h"
 #include "engine/train/density.h"
 #include "engine/train/nan_recovery.h"
 
@@ -20,6 +21,7 @@ struct TrainState {
   SplatState splats;
   PdmWeights pdm, pdm_moment1, pdm_moment2;
   DensityStats density;
+  std::vector<CameraPose> poses;            // of the views; empty: cameras are not refined
   std::vector<NanRecovery> nan_recoveries;  // by iteration
   // SimdTarget() of who saved it; empty: it does not say. Not a part of what is trained.
   std::string saved_on;

@@ -69,10 +69,6 @@ std::vector<std::array<double, 3>> CentersOf(const std::vector<TrainView>& views
   return centers;
 }
 
-PixelFilter FilterOf(const Recipe& recipe) {
-  return recipe.antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
-}
-
 absl::Status NotFiniteError(const std::string& field, const std::string& message) {
   return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", field, message);
 }
@@ -86,7 +82,9 @@ struct Trainer::Impl {
         num_views(v->size()),
         extent(scene_extent),
         density(o, CentersOf(*v), scene_extent, pyramid.CoarseEnd()),
-        objective(o) {}
+        objective(o) {
+    for (const TrainView& view : *v) given_poses.emplace_back(view.view.camera);
+  }
 
   // At full size.
   double Epochs() const {
@@ -98,6 +96,11 @@ struct Trainer::Impl {
     return 1 / (1 + Epochs() / options.recipe.lr_decay_epochs);
   }
 
+  // A rate that falls over the run.
+  double Falling(double first, double last) const {
+    return FallingRate(first, last, std::min(1.0, double(state.iteration) / options.iterations));
+  }
+
   Dropout MakeDropout() const {
     const double share = options.recipe.dropout * Epochs() / (Epochs() + kDropoutEpochs);
     return {share, CounterRng(options.seed, kDropoutStream + (uint64_t(state.iteration) << 16))};
@@ -105,11 +108,8 @@ struct Trainer::Impl {
 
   AdamStep MakeAdamStep(int sh_degree) const {
     AdamStep step(state.iteration + 1, AdamConstants());
-    const double progress = std::min(1.0, double(state.iteration) / options.iterations);
-    // Log-linear from lr_means to lr_means_final, either of which may be 0.
-    const double ratio =
-        options.recipe.lr_means > 0 ? options.recipe.lr_means_final / options.recipe.lr_means : 0;
-    const double lr_means = options.recipe.lr_means * std::pow(ratio, progress) * extent;
+    const double lr_means =
+        Falling(options.recipe.lr_means, options.recipe.lr_means_final) * extent;
     const auto set = [&](int row, int count, double lr) {
       std::fill_n(step.lr.begin() + row, count, static_cast<float>(lr));
     };
@@ -198,6 +198,19 @@ struct Trainer::Impl {
   void Start(Splats initial);
   absl::StatusOr<StepLosses> Learn(size_t photo);
 
+  // `camera` of a photo, of any size, from where that photo was taken as far as is known.
+  Camera Refined(size_t photo, const Camera& camera) const {
+    return state.poses.empty() ? camera : state.poses[photo].Apply(camera);
+  }
+
+  // No photo tells where the world is, how large, nor which way it is turned: refined cameras would
+  // drift from the given ones, all alike and the scene with them.
+  void HoldWorld() {
+    if (state.poses.empty() || state.iteration % num_views != 0) return;
+    MoveWorld(AlignPoses(state.poses, given_poses, extent), &state.splats.params,
+              absl::MakeSpan(state.poses));
+  }
+
   void ControlDensity() {
     if (!density.IsDue(state.iteration)) return;
     Timer timer(&phases.density);
@@ -208,6 +221,7 @@ struct Trainer::Impl {
   TrainOptions options;
   ViewPyramid pyramid;
   size_t num_views;
+  std::vector<CameraPose> given_poses;
   double extent;
   DensitySchedule density;
   TrainState state;
@@ -228,6 +242,7 @@ void Trainer::Impl::Start(Splats initial) {
   state.splats.moment2 = Splats(state.splats.params.size());
   state.splats.Rearrange(MortonOrder(state.splats.params));
   state.density.Reset(state.splats.params.size());
+  if (options.refine_cameras) state.poses = given_poses;
   if (options.recipe.lita && options.recipe.use_pdm) {
     state.pdm = PdmWeights::Initial(options.recipe.pdm, options.seed);
     state.pdm_moment1 = PdmWeights::Zeros(options.recipe.pdm);
@@ -249,18 +264,15 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   PixelRect crop;
   const TrainView& view = Compared(photo, &crop);
   const bool denoise = pyramid.LevelOf(state.iteration) == 0 && objective.Denoises(state.iteration);
-  RenderSettings settings;
+  RenderSettings settings = objective.Settings();
   settings.crop = crop;
-  settings.num_channels = objective.NumChannels();
   settings.sh_degree = ShDegreeAt(options, state.iteration);
-  settings.threads = options.threads;
   settings.dropout = MakeDropout();
-  settings.pixel_filter = FilterOf(options.recipe);
-  if (options.recipe.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
-  if (!options.recipe.prior_geometry) settings.detached_channels = 1u << kChannelStructure;
+  settings.pose_grad = options.refine_cameras;
   {
     Timer timer(&phases.forward);
-    renderer.Forward(state.splats.params, view.view.camera, settings, &rendered, &alpha);
+    renderer.Forward(state.splats.params, Refined(photo, view.view.camera), settings, &rendered,
+                     &alpha);
   }
   StepLosses losses;
   {
@@ -288,6 +300,13 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
                              pixels.empty() ? NameOfNotFinite(state.splats, *lost) : pixels,
                              " is not finite"),
                 view.view.name);
+  }
+  if (settings.pose_grad) {
+    const int turn = state.iteration / static_cast<int>(num_views) + 1;
+    const double lr = Falling(options.recipe.lr_cameras, options.recipe.lr_cameras_final);
+    if (!StepPose(renderer.pose_grad(), turn, lr, extent, AdamConstants(), &state.poses[photo])) {
+      return Fail(false, "camera", "the gradient of the camera is not finite", view.view.name);
+    }
   }
   if (state.iteration < density.GrowthEnd()) {
     state.density.Add(renderer.stats(), crop.width, crop.height);
@@ -327,6 +346,7 @@ absl::StatusOr<StepLosses> Trainer::Step() {
     LITAGS_ASSIGN_OR_RETURN(losses, s.Learn(photo));
   }
   ++s.state.iteration;
+  s.HoldWorld();
   s.ControlDensity();
   s.phases.denoise = s.objective.denoise_seconds();
   return losses;
@@ -367,10 +387,14 @@ Model Trainer::Snapshot() const {
   model.use_pdm = s.options.recipe.lita && s.options.recipe.use_pdm;
   model.pdm_options = s.options.recipe.pdm;
   model.pdm = s.state.pdm;
-  model.pixel_filter = FilterOf(s.options.recipe);
+  model.pixel_filter = s.objective.Settings().pixel_filter;
   model.sh_degree = ShDegreeAt(s.options, s.state.iteration);
   model.iteration = s.state.iteration;
   return model;
+}
+
+Camera Trainer::CameraOf(size_t i) const {
+  return impl_->Refined(i, impl_->pyramid.View(0, i).view.camera);
 }
 
 const std::string& Trainer::checkpoint_target() const { return impl_->state.saved_on; }
@@ -393,6 +417,11 @@ absl::Status Trainer::LoadCheckpoint(const std::string& path, const std::string&
     return MakeError(
         absl::StatusCode::kDataLoss, "CHECKPOINT_INCONSISTENT", "checkpoint",
         "checkpoint: the denoiser has another shape; delete the checkpoint to start again");
+  }
+  if (state.poses.size() != impl_->state.poses.size()) {
+    return MakeError(absl::StatusCode::kDataLoss, "CHECKPOINT_INCONSISTENT", "checkpoint",
+                     absl::StrCat("checkpoint: it has ", state.poses.size(), " cameras instead of ",
+                                  impl_->state.poses.size(), "; delete it to start again"));
   }
   impl_->state = std::move(state);
   impl_->fault.reset();

@@ -69,6 +69,10 @@ class Trainer {
   double LastWork() const;
   double WorkUntil(int end) const;
 
+  // The camera of view `i`: as given, or as refined so far if the options want that. On average
+  // refined cameras stay where the given ones were, so that world and unit stay, too.
+  Camera CameraOf(size_t i) const;
+
   // A copy of the scene as it is.
   Model Snapshot() const;
 

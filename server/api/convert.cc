@@ -58,6 +58,8 @@ absl::Status ReadField(const v1::JobOptions& proto, const char* name, T* value) 
                                        ", which this server does not know; see job.proto"));
     }
     if (number != 0) *value = static_cast<T>(number - 1);
+  } else if constexpr (std::is_same_v<T, bool>) {
+    *value = reflection.GetBool(proto, field);
   } else if constexpr (std::is_same_v<T, double>) {
     *value = reflection.GetDouble(proto, field);
   } else if constexpr (std::is_same_v<T, uint64_t>) {
@@ -78,6 +80,8 @@ void WriteField(const char* name, const T& value, v1::JobOptions* proto) {
     if (value.has_value()) WriteField(name, *value, proto);
   } else if constexpr (std::is_enum_v<T>) {
     reflection.SetEnumValue(proto, field, static_cast<int>(value) + 1);
+  } else if constexpr (std::is_same_v<T, bool>) {
+    reflection.SetBool(proto, field, value);
   } else if constexpr (std::is_same_v<T, double>) {
     reflection.SetDouble(proto, field, value);
   } else if constexpr (std::is_same_v<T, uint64_t>) {

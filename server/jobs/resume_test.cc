@@ -58,6 +58,7 @@ TEST(Resume, AnyOtherOptionIsRefusedByName) {
       {"white_balance", [](O& o) { o.white_balance = WhiteBalance::kCamera; }},
       {"max_gaussians", [](O& o) { o.max_gaussians = 5000; }},
       {"frames", [](O& o) { o.frames = 20; }},
+      {"refine_cameras", [](O& o) { o.refine_cameras = true; }},
       {"schedule_iterations", [](O& o) { o.schedule_iterations = 100; }},
   };
   for (const auto& [name, change] : changes) {

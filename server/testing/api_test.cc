@@ -52,6 +52,7 @@ TEST_F(JobsApi, EveryOptionReachesTheEngineAndComesBack) {
   o->set_depth_source(v1::DEPTH_SOURCE_STEREO);
   o->set_schedule_iterations(100);
   o->set_frames(20);
+  o->set_refine_cameras(true);
   v1::Job job;
   const grpc::Status status = client_.Create(request, &job);
   ASSERT_TRUE(status.ok()) << status.error_message();

@@ -18,7 +18,9 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options, std::vector<st
                 std::string help = rule.help;
                 if (rule.zero != nullptr) absl::StrAppend(&help, "; 0: ", rule.zero);
                 using T = std::remove_reference_t<decltype(value)>;
-                if constexpr (std::is_arithmetic_v<T>) {
+                if constexpr (std::is_same_v<T, bool>) {
+                  app->add_flag(flag, value, help);
+                } else if constexpr (std::is_arithmetic_v<T>) {
                   app->add_option(flag, value, help)->capture_default_str();
                 } else {
                   app->add_option_function<std::string>(

@@ -26,7 +26,7 @@ export interface Report {
   ssimHoldout?: number;
 }
 
-export type Options = Record<string, string | number>;
+export type Options = Record<string, string | number | boolean>;
 
 export interface Job {
   name: string;

@@ -23,7 +23,10 @@ function optionFields(info: ServerInfo): {main: HTMLElement[]; rest: HTMLElement
     if (option.name === "method") continue;
     const key = camel(option.name);
     let control: HTMLInputElement | HTMLSelectElement;
-    if (option.choices?.length) {
+    const usual = info.methods[0]!.defaults[key];
+    if (typeof usual === "boolean") {
+      control = el("input", {type: "checkbox", checked: usual});
+    } else if (option.choices?.length) {
       const prefix = option.name.toUpperCase() + "_";
       control = select([["", "default"], ...option.choices.map(
           (word): [string, string] => [prefix + word.toUpperCase().replaceAll("-", "_"), word])], "");
@@ -45,10 +48,14 @@ function optionFields(info: ServerInfo): {main: HTMLElement[]; rest: HTMLElement
   showDefaults();
   return {
     main, rest, ofVideos,
-    read: () => ({
-      method: method.value,
-      ...Object.fromEntries([...controls].filter(([, c]) => c.value !== "").map(([k, c]) => [k, c.value])),
-    }),
+    read: () => {
+      const values: Options = {method: method.value};
+      for (const [key, control] of controls) {
+        if (control instanceof HTMLInputElement && control.type === "checkbox") values[key] = control.checked;
+        else if (control.value !== "") values[key] = control.value;
+      }
+      return values;
+    },
   };
 }
 

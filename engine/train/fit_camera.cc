@@ -1,0 +1,47 @@
+#include "engine/train/fit_camera.h"
+
+#include <vector>
+
+#include "engine/render/renderer.h"
+#include "engine/train/camera_pose.h"
+#include "engine/train/objective.h"
+#include "engine/train/pyramid.h"
+
+namespace litags {
+namespace {
+
+constexpr int kSteps = 150;  // what a photo gets in 10,000 iterations of 67 photos. Choice
+
+}  // namespace
+
+Camera FitCamera(const TrainOptions& training, const Model& model, const TrainView& view,
+                 double extent) {
+  TrainOptions options = training;
+  options.iterations = kSteps;
+  options.recipe.use_pdm = false;  // R = R_0, as in the iterations that do not denoise
+  const std::vector<TrainView> views = {view};
+  const ViewPyramid pyramid(&views, options);
+  const Recipe& recipe = options.recipe;
+  Objective objective(options);
+  Renderer renderer;
+  RenderSettings settings = objective.Settings();
+  settings.sh_degree = model.sh_degree;
+  settings.pose_grad = true;
+  Planes rendered, alpha, v_rendered;
+  CameraPose pose(view.view.camera);
+  for (int step = 0; step < kSteps; ++step) {
+    const TrainView& compared = pyramid.View(pyramid.LevelOf(step), 0);
+    renderer.Forward(model.splats, pose.Apply(compared.view.camera), settings, &rendered, &alpha);
+    objective.Evaluate(compared, rendered, PdmWeights(), step, /*denoise=*/false, &v_rendered,
+                       nullptr);
+    renderer.Backward(model.splats, v_rendered, Planes(), [](size_t, const float*, uint32_t) {});
+    const double lr =
+        FallingRate(recipe.lr_cameras, recipe.lr_cameras_final, double(step) / kSteps);
+    if (!StepPose(renderer.pose_grad(), step + 1, lr, extent, AdamConstants(), &pose)) {
+      return view.view.camera;
+    }
+  }
+  return pose.Apply(view.view.camera);
+}
+
+}  // namespace litags
