@@ -10,7 +10,7 @@
 namespace litags {
 namespace {
 
-constexpr int kSteps = 150;  // what a photo gets in 10,000 iterations of 67 photos. Choice
+constexpr int kSteps = 150;  // as many as each of 67 photos has in 10,000 iterations. Choice
 
 }  // namespace
 
@@ -28,9 +28,10 @@ Camera FitCamera(const TrainOptions& training, const Model& model, const TrainVi
   settings.sh_degree = model.sh_degree;
   settings.pose_grad = true;
   Planes rendered, alpha, v_rendered;
+  TrainView cropped;
   CameraPose pose(view.view.camera);
   for (int step = 0; step < kSteps; ++step) {
-    const TrainView& compared = pyramid.View(pyramid.LevelOf(step), 0);
+    const TrainView& compared = pyramid.Compared(step, 0, step, &cropped, &settings.crop);
     renderer.Forward(model.splats, pose.Apply(compared.view.camera), settings, &rendered, &alpha);
     objective.Evaluate(compared, rendered, PdmWeights(), step, /*denoise=*/false, &v_rendered,
                        nullptr);

@@ -127,6 +127,16 @@ int ViewPyramid::LevelOf(int iteration) const {
   return levels - static_cast<int>(iteration / coarse_iterations_ * levels);
 }
 
+const TrainView& ViewPyramid::Compared(int iteration, size_t index, uint64_t visit,
+                                       TrainView* cropped, PixelRect* crop) const {
+  const TrainView& view = View(LevelOf(iteration), index);
+  const CropGrid grid(view.photo.width, view.photo.height, options_.recipe.crop_pixels);
+  *crop = DrawCrop(grid, options_.seed, index, visit);
+  if (grid.cells() == 1) return view;
+  CropView(view, *crop, options_.threads, cropped);
+  return *cropped;
+}
+
 int ViewPyramid::CoarseEnd() const {
   return smaller_.empty() ? 0 : static_cast<int>(std::ceil(coarse_iterations_));
 }

@@ -49,6 +49,11 @@ class ViewPyramid {
   // pixels to explain; more Gaussians would only learn their noise.
   int64_t MostGaussians(int level) const;
 
+  // What `iteration` compares of photo `index`, on the photo's visit number `visit`: all of it at
+  // the iteration's level, or a crop, cut to `cropped`. `crop`: where that is.
+  const TrainView& Compared(int iteration, size_t index, uint64_t visit, TrainView* cropped,
+                            PixelRect* crop) const;
+
   const TrainView& View(int level, size_t index) const {
     return level == 0 ? (*views_)[index] : smaller_[level - 1][index];
   }

@@ -192,9 +192,6 @@ struct Trainer::Impl {
     return status;
   }
 
-  // What this iteration compares with of a photo, and where in the photo that is.
-  const TrainView& Compared(size_t photo, PixelRect* crop);
-
   void Start(Splats initial);
   absl::StatusOr<StepLosses> Learn(size_t photo);
 
@@ -250,19 +247,11 @@ void Trainer::Impl::Start(Splats initial) {
   }
 }
 
-const TrainView& Trainer::Impl::Compared(size_t photo, PixelRect* crop) {
-  const TrainView& view = pyramid.View(pyramid.LevelOf(state.iteration), photo);
-  const CropGrid grid(view.photo.width, view.photo.height, options.recipe.crop_pixels);
-  *crop = DrawCrop(grid, options.seed, photo, state.iteration / num_views);
-  if (grid.cells() == 1) return view;
-  CropView(view, *crop, options.threads, &cropped);
-  return cropped;
-}
-
 // One step of gradient descent on a photo.
 absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   PixelRect crop;
-  const TrainView& view = Compared(photo, &crop);
+  const TrainView& view =
+      pyramid.Compared(state.iteration, photo, state.iteration / num_views, &cropped, &crop);
   const bool denoise = pyramid.LevelOf(state.iteration) == 0 && objective.Denoises(state.iteration);
   RenderSettings settings = objective.Settings();
   settings.crop = crop;
