@@ -141,7 +141,7 @@ class Run {
       Account(*losses, &leg);
       const bool last = done == options_.iterations;
       if (done % options_.checkpoint_every == 0 || last) {
-        LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, set_.fingerprint));
+        LITAGS_RETURN_IF_ERROR(SaveCheckpoint(&leg));
       }
       if (last) break;
       const bool preview = done % options_.preview_every == 0;
@@ -182,15 +182,31 @@ class Run {
     int first;        // iteration
     double work = 0;  // Trainer::LastWork() of its iterations
     double step_seconds = 0;
+    double checkpoint_seconds = 0, checkpoint_gaussians = 0;  // sums over its checkpoints
   };
   Leg NewLeg() const { return {Now(), trainer_.iteration()}; }
 
-  // Iterations by their work; previews and checkpoints as often and as long as so far.
+  // Iterations by their work, checkpoints by their Gaussians, previews as long as so far: of these
+  // Gaussians are the smaller part.
   double SecondsLeft(const Leg& leg) const {
     const int done = trainer_.iteration();
-    const double beside = (Now() - leg.start - leg.step_seconds) / (done - leg.first);
-    return leg.step_seconds / leg.work * trainer_.WorkUntil(options_.iterations) +
-           beside * (options_.iterations - done);
+    const WorkForecast forecast = trainer_.Forecast(options_.iterations);
+    double seconds = leg.step_seconds / leg.work * forecast.work;
+    const double beside = Now() - leg.start - leg.step_seconds - leg.checkpoint_seconds;
+    seconds += beside / (done - leg.first) * (options_.iterations - done);
+    if (leg.checkpoint_gaussians > 0) {
+      seconds += leg.checkpoint_seconds / leg.checkpoint_gaussians * forecast.gaussians /
+                 options_.checkpoint_every;
+    }
+    return seconds;
+  }
+
+  absl::Status SaveCheckpoint(Leg* leg) {
+    const double start = Now();
+    LITAGS_RETURN_IF_ERROR(trainer_.SaveCheckpoint(checkpoint_path_, set_.fingerprint));
+    leg->checkpoint_seconds += Now() - start;
+    leg->checkpoint_gaussians += static_cast<double>(trainer_.num_gaussians());
+    return absl::OkStatus();
   }
 
   // Back to the last checkpoint, or to the start, and around what went wrong.
@@ -232,7 +248,7 @@ class Run {
     const auto n = static_cast<double>(set_.train.size());
     return absl::StrFormat(
         "cameras were refined: turned by %.3f degrees and moved by %.4g in the mean, the farthest "
-        "by %.4g (%s), in the unit of the cameras, which stand on a circle of %.4g",
+        "by %.4g (%s), in the unit of the given cameras; the scene's extent is %.4g",
         turn_sum / n, shift_sum / n, most, set_.train[farthest].view.name, extent_);
   }
 

@@ -20,7 +20,6 @@
 #include "engine/train/objective.h"
 #include "engine/train/pyramid.h"
 #include "engine/train/train_state.h"
-#include "engine/train/work_forecast.h"
 
 namespace litags {
 namespace {
@@ -320,7 +319,7 @@ double Trainer::LastWork() const {
   return impl_->pyramid.WorkOf(std::max(0, iteration() - 1), static_cast<double>(num_gaussians()));
 }
 
-double Trainer::WorkUntil(int end) const {
+WorkForecast Trainer::Forecast(int end) const {
   return ForecastWork(impl_->pyramid, impl_->density, iteration(), end,
                       static_cast<double>(num_gaussians()));
 }

@@ -15,6 +15,7 @@
 #include "engine/train/nan_recovery.h"
 #include "engine/train/options.h"
 #include "engine/train/train_view.h"
+#include "engine/train/work_forecast.h"
 
 namespace litags {
 
@@ -64,10 +65,10 @@ class Trainer {
   size_t num_gaussians() const;
   const PhaseSeconds& phases() const;
 
-  // For estimates of time, in no unit: the work of the iteration done last, and of those from here
-  // to `end` as far as the growth of the scene can be foretold.
+  // For estimates of time, in no unit: the work of the iteration done last, and that of those from
+  // here to `end` as far as the growth of the scene can be foretold.
   double LastWork() const;
-  double WorkUntil(int end) const;
+  WorkForecast Forecast(int end) const;
 
   // The camera of view `i`: as given, or as refined so far if the options want that. On average
   // refined cameras stay where the given ones were, so that world and unit stay, too.

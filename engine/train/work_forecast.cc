@@ -4,17 +4,18 @@
 
 namespace litags {
 
-double ForecastWork(const ViewPyramid& pyramid, const DensitySchedule& density, int from, int to,
-                    double gaussians) {
-  double work = 0;
+WorkForecast ForecastWork(const ViewPyramid& pyramid, const DensitySchedule& density, int from,
+                          int to, double gaussians) {
+  WorkForecast sum;
   for (int i = from; i < to; ++i) {
-    work += pyramid.WorkOf(i, gaussians);
+    sum.work += pyramid.WorkOf(i, gaussians);
+    sum.gaussians += gaussians;
     const int done = i + 1;
     if (!density.IsDue(done) || done > density.GrowthEnd()) continue;
     const auto most = static_cast<double>(pyramid.MostGaussians(pyramid.LevelOf(done)));
     gaussians = std::max(gaussians, std::min(most, kGrowthOfStep * gaussians));
   }
-  return work;
+  return sum;
 }
 
 }  // namespace litags

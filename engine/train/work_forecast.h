@@ -11,10 +11,16 @@ namespace litags {
 // photos of 1600 px grew by 1.05 to 1.5.
 inline constexpr double kGrowthOfStep = 1.25;
 
-// ViewPyramid::WorkOf of the iterations [from, to) of a scene that has `gaussians` now and grows at
-// density steps, as far as the level's photos allow, until growth ends.
-double ForecastWork(const ViewPyramid& pyramid, const DensitySchedule& density, int from, int to,
-                    double gaussians);
+// Sums over iterations to come.
+struct WorkForecast {
+  double work = 0;       // ViewPyramid::WorkOf
+  double gaussians = 0;  // of the scene
+};
+
+// Of the iterations [from, to) of a scene that has `gaussians` now and grows at density steps, as
+// far as the level's photos allow, until growth ends.
+WorkForecast ForecastWork(const ViewPyramid& pyramid, const DensitySchedule& density, int from,
+                          int to, double gaussians);
 
 }  // namespace litags
 

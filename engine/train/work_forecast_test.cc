@@ -28,11 +28,15 @@ TrainOptions Options() {
   return options;
 }
 
-double Forecast(const TrainOptions& options, int from, int to, double gaussians) {
+WorkForecast ForecastOf(const TrainOptions& options, int from, int to, double gaussians) {
   const std::vector<TrainView> views = OneView();
   const ViewPyramid pyramid(&views, options);
   const DensitySchedule density(options, {{0, 0, 0}}, 1, pyramid.CoarseEnd());
   return ForecastWork(pyramid, density, from, to, gaussians);
+}
+
+double Forecast(const TrainOptions& options, int from, int to, double gaussians) {
+  return ForecastOf(options, from, to, gaussians).work;
 }
 
 double Work(double pixels, double gaussians) {
@@ -62,6 +66,11 @@ TEST(ForecastWork, GrowthEnds) {
 
 TEST(ForecastWork, LosesNoGaussiansAboveTheLimit) {
   EXPECT_DOUBLE_EQ(Forecast(Options(), 0, 20, 20'000), 20 * Work(128 * 64, 20'000));
+}
+
+TEST(ForecastWork, SumsTheGaussiansOfTheIterations) {
+  EXPECT_DOUBLE_EQ(ForecastOf(Options(), 0, 20, 1000).gaussians,
+                   10 * 1000 + 10 * kGrowthOfStep * 1000);
 }
 
 TEST(ForecastWork, IsNothingAtTheEnd) { EXPECT_EQ(Forecast(Options(), 100, 100, 1000), 0); }
