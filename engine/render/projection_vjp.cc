@@ -155,7 +155,7 @@ HWY_INLINE void ShapeVjp(const VjpRows& rows, const Lanes& o, const KernelCamera
 }
 
 // Adds a vector of Gaussians' part of dL/dpose. A turn of the camera about its centre leaves the
-// directions of view as they are; a shift changes them as one of the mean does, the other way.
+// directions of view as they are; a shift by v changes them as one of the mean by R^T v does.
 HWY_INLINE void AddPoseVjp(const VjpRows& rows, const Lanes& o, const V3& v_p, const V3 (&v_u)[3],
                            const V3& by_color, const KernelCamera& cam, PoseVector* pose_grad) {
   const D d;

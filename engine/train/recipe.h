@@ -94,7 +94,7 @@ struct Recipe {
   double lr_attributes = 2.5e-3;  // structure, illumination, depth, noise. Choice
   double lr_pdm = 5e-5;           // release
   // Of cameras, if they are refined; falls log-linearly as that of means. Radians, and for shifts
-  // times the scene's extent. Choice, measured (docs/experiments/refined-cameras.md)
+  // times the scene's extent. Choice, measured (docs/experiments/cameras.md)
   double lr_cameras = 1e-3;
   double lr_cameras_final = 1e-5;
   // E: all rates of Gaussians but the means' are divided by 1 + e / E after e epochs (iterations
