@@ -35,13 +35,18 @@ class Jobs(harness.ServiceTest):
     def test_options_reach_the_job(self):
         job = self.submit("--iterations", "12", "--method", "litags-paper", "--tone", "capture",
                           "--seed", "7", "--max-gaussians", "1234", "--white-balance", "camera",
-                          "--min-registered", "0.4")
+                          "--min-registered", "0.4", "--refine-cameras")
         options = self.jobs.GetJob(rpc.GetJobRequest(name=job)).options
         self.assertEqual(options.method, harness.job_pb2.METHOD_LITAGS_PAPER)
         self.assertEqual(options.tone, harness.job_pb2.TONE_CAPTURE)
         self.assertEqual(options.white_balance, harness.job_pb2.WHITE_BALANCE_CAMERA)
         self.assertEqual((options.seed, options.max_gaussians), (7, 1234))
         self.assertAlmostEqual(options.min_registered, 0.4)
+        self.assertTrue(options.refine_cameras)
+        html = os.path.join(self.folder, "report.html")
+        self.litags("report", job, "-o", html)
+        with open(html, encoding="utf-8") as file:
+            self.assertRegex(file.read(), r"refine-cameras(<[^>]*>|\s)*true")
 
     def test_the_same_request_id_makes_one_job(self):
         photos = self.photos()
