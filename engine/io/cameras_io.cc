@@ -4,7 +4,14 @@
 #include <filesystem>
 #include <vector>
 
+#include "engine/core/limits.h"
 #include "engine/io/colmap_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/io_error.h"
+#include "engine/io/meshroom_io.h"
+#include "engine/io/metashape_io.h"
+#include "engine/io/openmvg_io.h"
+#include "engine/io/transforms_io.h"
 
 namespace litags {
 namespace {
@@ -29,6 +36,21 @@ std::vector<fs::path> ModelsIn(const fs::path& dir) {
   return found;
 }
 
+// Whose file this is that is not read, by its first line; empty: nobody's that is known.
+std::string_view OtherProgramOf(std::string_view text) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
+  const std::string_view line = text.substr(0, text.find('\n'));
+  if (line.starts_with("# Bundle file")) return "Bundler";
+  if (line.starts_with("NVM_V")) return "VisualSFM";
+  if (line.starts_with("#name,")) return "RealityScan (RealityCapture), as CSV,";
+  return "";
+}
+
+PhotoSizes OneSize(int width, int height) {
+  return [=](const std::string&) { return PhotoSize{width, height}; };
+}
+
 }  // namespace
 
 std::string ResolveCameras(const std::string& path) {
@@ -48,11 +70,36 @@ std::string ResolveCameras(const std::string& path) {
   return fs::is_regular_file(json, ignored) ? json.string() : path;
 }
 
-absl::StatusOr<SparseModel> ReadCamerasOf(const std::string& resolved, std::string_view field,
-                                          const PhotoSizes& sizes, PanoramaNames* panoramas) {
+absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view field,
+                                         const PhotoSizes& sizes, PanoramaNames* panoramas) {
+  if (const std::string_view program = OtherProgramOf(text); !program.empty()) {
+    return InvalidField("UNSUPPORTED_CAMERA_FILE", field,
+                        absl::StrCat("cameras of ", Absl(program),
+                                     " are not read; export them as a COLMAP model, or as "
+                                     "transforms.json"));
+  }
+  if (IsXml(text)) return ParseMetashape(text, field, panoramas);
+  if (IsOpenMvg(text)) return ParseOpenMvg(text, field, panoramas);
+  if (IsMeshroom(text)) return ParseMeshroom(text, field);
+  return ParseTransforms(text, field, sizes, panoramas);
+}
+
+absl::Status CheckCameras(std::string_view text, std::string_view field) {
+  PanoramaNames panoramas;
+  return ParseCameras(text, field, OneSize(1000, 1000), &panoramas).status();
+}
+
+absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
+                                        const PhotoSizes& sizes, PanoramaNames* panoramas) {
   std::error_code ignored;
-  if (fs::is_directory(resolved, ignored)) return ReadColmapModel(resolved, field);
-  return ReadTransforms(resolved, field, sizes, panoramas);
+  if (fs::is_directory(path, ignored)) return ReadColmapModel(path, field);
+  LITAGS_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, field, kMaxCamerasBytes));
+  return ParseCameras(text, field, sizes, panoramas);
+}
+
+absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
+                                        int default_width, int default_height) {
+  return ReadCameras(path, field, OneSize(default_width, default_height));
 }
 
 }  // namespace litags

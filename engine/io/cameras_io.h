@@ -5,9 +5,9 @@
 #include <string>
 #include <string_view>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/io/sparse_model.h"
-#include "engine/io/transforms_io.h"
 
 namespace litags {
 
@@ -15,11 +15,22 @@ namespace litags {
 // inside its folder sparse, which has most images, else its transforms.json; else `path` itself.
 std::string ResolveCameras(const std::string& path);
 
-// As ReadCameras of a resolved path. A JSON file that needs a size which `sizes` does not know is
-// an error. `panoramas`: as PanoramaNames has it.
-absl::StatusOr<SparseModel> ReadCamerasOf(const std::string& resolved, std::string_view field,
-                                          const PhotoSizes& sizes,
-                                          PanoramaNames* panoramas = nullptr);
+// Cameras of any program that is known, told by the text: transforms.json, OpenMVG's, Meshroom's
+// and Metashape's. UNSUPPORTED_CAMERA_FILE names other programs; else the errors of those readers.
+absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view field,
+                                         const PhotoSizes& sizes,
+                                         PanoramaNames* panoramas = nullptr);
+
+// Whether ParseCameras would take it, with panoramas, whatever the photos' sizes are.
+absl::Status CheckCameras(std::string_view text, std::string_view field);
+
+// A file for ParseCameras or the folder of a COLMAP model, whichever `path` is.
+absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
+                                        const PhotoSizes& sizes,
+                                        PanoramaNames* panoramas = nullptr);
+// The same with one size for all photos, if files give none.
+absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
+                                        int default_width = 0, int default_height = 0);
 
 }  // namespace litags
 

@@ -13,8 +13,7 @@
 namespace litags {
 
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
-                                        std::vector<size_t>* order,
-                                        std::set<std::string>* panoramas) {
+                                        std::vector<size_t>* order, PanoramaNames* panoramas) {
   std::sort(views.begin(), views.end(),
             [](const LoadedView& a, const LoadedView& b) { return a.view.name < b.view.name; });
   SparseModel model;

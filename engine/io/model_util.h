@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_IO_MODEL_UTIL_H_
 #define LITAGS_ENGINE_IO_MODEL_UTIL_H_
 
-#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -27,7 +26,7 @@ struct LoadedView {
 // the names of panoramas, which are refused otherwise.
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
                                         std::vector<size_t>* order,
-                                        std::set<std::string>* panoramas = nullptr);
+                                        PanoramaNames* panoramas = nullptr);
 
 // Whole numbers of pixels. INVALID_ARGUMENT (BAD_CAMERA_SIZE).
 absl::Status SetSize(double width, double height, std::string_view where, Camera* camera);

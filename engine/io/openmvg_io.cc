@@ -117,7 +117,7 @@ bool IsOpenMvg(std::string_view json) {
 }
 
 absl::StatusOr<SparseModel> ParseOpenMvg(std::string_view json, std::string_view field,
-                                         std::set<std::string>* panoramas) {
+                                         PanoramaNames* panoramas) {
   LITAGS_ASSIGN_OR_RETURN(const Json top, ParseBoundedJson(json, field, kDropped));
   LITAGS_ASSIGN_OR_RETURN(const auto lenses, ReadLenses(Member(top, "intrinsics"), field));
   std::map<std::string, const Json*> poses;

@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_IO_OPENMVG_IO_H_
 #define LITAGS_ENGINE_IO_OPENMVG_IO_H_
 
-#include <set>
 #include <string>
 #include <string_view>
 
@@ -18,7 +17,7 @@ bool IsOpenMvg(std::string_view json);
 // (UNSUPPORTED_CAMERA_MODEL). OpenMVG counts pixels from their
 // centres. INVALID_ARGUMENT naming field and view.
 absl::StatusOr<SparseModel> ParseOpenMvg(std::string_view json, std::string_view field,
-                                         std::set<std::string>* panoramas = nullptr);
+                                         PanoramaNames* panoramas = nullptr);
 
 }  // namespace litags
 

@@ -1,5 +1,5 @@
-// Lenses beyond k1 k2 p1 p2, and the files of OpenMVG and Meshroom. Every file is made from a
-// formula here: where a point of the world is seen, by the other program's own rules.
+// Lenses beyond k1 k2 p1 p2, and the files of OpenMVG, Meshroom and Metashape. Every file is made
+// from a formula here: where a point of the world is seen, by the other program's own rules.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
@@ -164,6 +165,11 @@ TEST(Lens, ColmapsRadialFisheyesAreRead) {
   EXPECT_EQ(full.Coefficients(), (std::array<double, 8>{1, 2, 3, 4, 5, 6, 7, 8}));
 }
 
+absl::StatusOr<SparseModel> Parse(const std::string& file, PanoramaNames* panoramas = nullptr) {
+  return ParseCameras(
+      file, "cameras", [](const std::string&) { return PhotoSize(); }, panoramas);
+}
+
 // OpenMVG: x_cam = R (X - C); pixels are counted from their centres.
 std::string OpenMvg(const std::string& lens_type, const std::string& lens) {
   return absl::StrFormat(
@@ -189,7 +195,7 @@ std::array<double, 2> OpenMvgPixel(double x, double y) {
 }
 
 void ExpectSeen(const std::string& file, const std::array<double, 2>& pixel) {
-  const auto model = ParseTransforms(file, "cameras");
+  const auto model = Parse(file);
   ASSERT_TRUE(model.ok()) << model.status();
   ASSERT_EQ(model->views.size(), 1u);
   EXPECT_EQ(model->views[0].name, "a.jpg");
@@ -218,11 +224,10 @@ TEST(OpenMvgCameras, SeeThePointWhereOpenMvgDoes) {
 }
 
 TEST(OpenMvgCameras, OtherLensesAreRefusedByName) {
-  const absl::Status status = ParseTransforms(OpenMvg("pinhole_x", ""), "cameras").status();
+  const absl::Status status = Parse(OpenMvg("pinhole_x", "")).status();
   EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_MODEL");
   EXPECT_THAT(std::string(status.message()), HasSubstr("'pinhole_x'"));
-  EXPECT_EQ(Reason(ParseTransforms(OpenMvg("pinhole_radial_k1", ""), "cameras").status()),
-            "MISSING_KEY");
+  EXPECT_EQ(Reason(Parse(OpenMvg("pinhole_radial_k1", "")).status()), "MISSING_KEY");
 }
 
 TEST(OpenMvgCameras, PanoramasAreForThoseWhoCutThem) {
@@ -232,11 +237,10 @@ TEST(OpenMvgCameras, PanoramasAreForThoseWhoCutThem) {
   const size_t at = file.find(size);
   ASSERT_NE(at, std::string::npos);
   file.replace(at, size.size(), R"("value0": {"width": 160, "height": 80})");
-  EXPECT_EQ(Reason(ParseTransforms(file, "cameras").status()), "UNSUPPORTED_CAMERA_MODEL");
-  EXPECT_TRUE(CheckTransforms(file, "cameras").ok());
+  EXPECT_EQ(Reason(Parse(file).status()), "UNSUPPORTED_CAMERA_MODEL");
+  EXPECT_TRUE(CheckCameras(file, "cameras").ok());
   PanoramaNames panoramas;
-  const auto model = ParseTransforms(
-      file, "cameras", [](const std::string&) { return PhotoSize(); }, &panoramas);
+  const auto model = Parse(file, &panoramas);
   ASSERT_TRUE(model.ok()) << model.status();
   EXPECT_EQ(panoramas, PanoramaNames({"a.jpg"}));
   EXPECT_EQ(model->views[0].camera.height, 80);
@@ -285,24 +289,138 @@ TEST(MeshroomCameras, SeeThePointWhereMeshroomDoesInEveryLayoutOfTheFile) {
 TEST(MeshroomCameras, OtherLensesAreRefusedByName) {
   for (const char* type : {"fisheye4", "brown", "equidistant"}) {
     const absl::Status status =
-        ParseTransforms(
+        Parse(
             Meshroom(R"("1", "2", "4")", absl::StrCat(R"("focalLength": "22.5", "sensorWidth": "36",
-                                              "principalPoint": ["0", "0"], "type": ")",
-                                                      type, "\"")),
-            "cameras")
+                                       "principalPoint": ["0", "0"], "type": ")",
+                                                      type, "\"")))
             .status();
     EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_MODEL");
     EXPECT_THAT(std::string(status.message()), HasSubstr(type));
   }
 }
 
+// Metashape: world_from_cam row by row, our axes; pixels are counted from the picture's corner, the
+// principal point from its middle. `camera`: attributes of the camera that has a pose.
+std::string Metashape(const std::string& type, const std::string& lens,
+                      const std::string& camera = R"(id="0" sensor_id="2" component_id="0")") {
+  const std::string pose =
+      absl::StrFormat("%.17g 0 %.17g 0.1 0 1 0 0.4 %.17g 0 %.17g -0.5 0 0 0 1", kC, -kS, kS, kC);
+  return absl::StrFormat(
+      R"(<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.0.0"><chunk label="Chunk 1" enabled="true">
+ <sensors next_id="3">
+  <sensor id="2" label="X, 20mm" type="%s"><resolution width="160" height="120"/>
+   <property name="pixel_width" value="0.005"/><bands><band label="Red"/></bands>
+   <calibration type="%s" class="initial"><resolution width="160" height="120"/><f>90</f>
+    <k4>7</k4></calibration>
+   <calibration type="%s" class="adjusted"><resolution width="160" height="120"/>%s</calibration>
+   <covariance><params>f cx</params><coeffs>1 0 0 1</coeffs></covariance>
+  </sensor>
+ </sensors>
+ <components next_id="1"><component id="0"><transform><rotation locked="false">1 0 0 0 1 0 0 0
+  1</rotation><scale locked="true">2</scale></transform></component></components>
+ <cameras next_id="4" next_group_id="1">
+  <camera id="9" sensor_id="2" label="lost.jpg"><orientation>1</orientation></camera>
+  <camera id="8" sensor_id="2" enabled="false" label="off.jpg"><transform>%s</transform></camera>
+  <camera id="7" sensor_id="2" component_id="1" label="far.jpg"><transform>%s</transform></camera>
+  <group id="0" label="G"><camera %s label="a.jpg"><transform>
+   %s</transform><rotation_covariance>1 0 0 0 1 0 0 0 1</rotation_covariance></camera>
+  <camera id="5" sensor_id="2" component_id="0" label="b"><transform>%s</transform></camera></group>
+ </cameras>
+ <transform><rotation locked="true">0 1 0 1 0 0 0 0 -1</rotation></transform>
+</chunk></document>)",
+      type, type, type, lens, pose, pose, camera, pose, pose);
+}
+
+TEST(MetashapeCameras, SeeThePointWhereMetashapeDoes) {
+  const auto [x, y] = OnPlane();
+  const double r2 = x * x + y * y, r = std::sqrt(r2);
+  const auto seen = [&](const std::string& type, const std::string& lens) {
+    const auto model = Parse(Metashape(type, lens));
+    EXPECT_TRUE(model.ok()) << model.status();
+    if (!model.ok()) return std::array<double, 2>{};
+    // What is not aligned, not enabled or of a smaller component is left out.
+    EXPECT_EQ(model->views.size(), 2u);
+    EXPECT_EQ(model->views[0].name, "a.jpg");
+    EXPECT_EQ(model->views[1].name, "b");
+    return Seen(*model);
+  };
+  const auto plain = seen("frame", "<f>100</f><cx>-2</cx><cy>1</cy>");
+  EXPECT_NEAR(plain[0], 80 - 2 + 100 * x, 1e-9);
+  EXPECT_NEAR(plain[1], 60 + 1 + 100 * y, 1e-9);
+
+  const double radial = 1 - 0.1 * r2 + 0.02 * r2 * r2 + 0.3 * r2 * r2 * r2;
+  const double px = x * radial + 0.004 * (r2 + 2 * x * x) + 2 * 0.003 * x * y;
+  const double py = y * radial + 0.003 * (r2 + 2 * y * y) + 2 * 0.004 * x * y;
+  const auto frame = seen("frame",
+                          "<f>100</f><cx>-2</cx><cy>1</cy><b1>5</b1><k1>-0.1</k1><k2>0.02</k2>"
+                          "<k3>0.3</k3><p1>0.004</p1><p2>0.003</p2>");
+  EXPECT_NEAR(frame[0], 80 - 2 + px * 100 + px * 5, 1e-9);
+  EXPECT_NEAR(frame[1], 60 + 1 + py * 100, 1e-9);
+
+  const double t = std::atan(r), t2 = t * t;
+  const double at = t * (1 + 0.02 * t2 - 0.01 * t2 * t2 + 0.5 * t2 * t2 * t2 * t2);
+  for (const char* type : {"fisheye", "equidistant_fisheye"}) {
+    const auto fisheye =
+        seen(type, "<f>100</f><k1>0.02</k1><k2>-0.01</k2><k4>0.5</k4><cx>3</cx><cy>0</cy>");
+    EXPECT_NEAR(fisheye[0], 80 + 3 + x / r * at * 100, 1e-9);
+    EXPECT_NEAR(fisheye[1], 60 + y / r * at * 100, 1e-9);
+  }
+}
+
+TEST(MetashapeCameras, PanoramasAreForThoseWhoCutThem) {
+  const std::string file = Metashape("spherical", "");
+  EXPECT_EQ(Reason(Parse(file).status()), "UNSUPPORTED_CAMERA_MODEL");
+  EXPECT_TRUE(CheckCameras(file, "cameras").ok());
+  PanoramaNames panoramas;
+  const auto model = Parse(file, &panoramas);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(panoramas, PanoramaNames({"a.jpg", "b"}));
+  EXPECT_NEAR(model->views[0].camera.Center()[1], 0.4, 1e-12);
+}
+
+TEST(MetashapeCameras, WhatCannotBeReadIsRefusedByName) {
+  const auto expect = [](const std::string& file, const char* reason, const char* word) {
+    const absl::Status status = Parse(file).status();
+    EXPECT_EQ(Reason(status), reason) << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr(word));
+  };
+  const char* const kModel = "UNSUPPORTED_CAMERA_MODEL";
+  expect(Metashape("frame", "<f>100</f><k4>0.1</k4>"), kModel, "k4");
+  expect(Metashape("frame", "<f>100</f><b2>0.1</b2>"), kModel, "b2");
+  expect(Metashape("fisheye", "<f>100</f><p1>0.1</p1>"), kModel, "p1");
+  expect(Metashape("cylindrical", "<f>100</f>"), kModel, "'cylindrical'");
+  expect(Metashape("frame", ""), "MISSING_KEY", "cameras.cameras[a.jpg]");
+  expect(Metashape("frame", "<f>100</f>", R"(id="0" sensor_id="3" component_id="0")"),
+         "MISSING_KEY", "sensor_id");
+  std::string system = Metashape("frame", "<f>100</f>");
+  system.replace(system.find("<sensor id=\"2\""), 14, "<sensor master_id=\"0\" id=\"2\"");
+  expect(system, kModel, "system of several cameras");
+
+  std::string file = Metashape("frame", "<f>100</f>");
+  expect(file.substr(0, file.size() / 2), "BAD_XML", "line ");
+  expect("<html><body/></html>", "NO_CAMERAS", "0 chunks");
+  expect("<!DOCTYPE document [<!ENTITY a 'b'>]>" + file.substr(file.find("<document")), "BAD_XML",
+         "DOCTYPE");
+  // The first pose is of a camera that is not enabled, and is not read.
+  file.replace(file.find("-0.5 0 0 0 1", file.find("far.jpg")), 4, "nan ");
+  expect(file, "BAD_NUMBER", "'far.jpg'");
+  std::string deep = "<document>";
+  for (int i = 0; i < 100; ++i) deep += "<chunk>";
+  expect(deep, "BAD_XML", "nested");
+  std::string many = "<document><chunk><sensors>";
+  for (int i = 0; i < 200'000; ++i) absl::StrAppend(&many, "<sensor id=\"", i, "\"/>");
+  expect(many, "BAD_XML", "too many");
+  ForEachCorruption(Metashape("frame", "<f>100</f><k1>0.1</k1>"), 300,
+                    [](const std::string& bytes) { (void)Parse(bytes).ok(); });
+}
+
 TEST(OtherCameras, FilesOfOtherProgramsAreRefusedByName) {
   for (const auto& [text, program] : std::vector<std::pair<std::string, std::string>>{
            {"# Bundle file v0.3\n2 10\n", "Bundler"},
            {"NVM_V3\n\n2\n", "VisualSFM"},
-           {"\xEF\xBB\xBF#name,x,y,alt,heading,pitch,roll,f,px,py\n", "RealityScan"},
-           {"<?xml version=\"1.0\"?>\n<document>", "Metashape"}}) {
-    const absl::Status status = ParseTransforms(text, "cameras").status();
+           {"\xEF\xBB\xBF#name,x,y,alt,heading,pitch,roll,f,px,py\n", "RealityScan"}}) {
+    const absl::Status status = Parse(text).status();
     EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_FILE") << program;
     EXPECT_THAT(std::string(status.message()), HasSubstr("cameras of " + program));
   }
@@ -311,17 +429,15 @@ TEST(OtherCameras, FilesOfOtherProgramsAreRefusedByName) {
 TEST(OtherCameras, BoundlessFilesAreRefused) {
   std::string deep = R"({"sfm_data_version": "0.3", "views": )";
   for (int i = 0; i < 100; ++i) deep += "[";
-  EXPECT_EQ(Reason(ParseTransforms(deep, "cameras").status()), "BAD_JSON");
+  EXPECT_EQ(Reason(Parse(deep).status()), "BAD_JSON");
   std::string wide = R"({"sfm_data_version": "0.3", "views": [0)";
   for (int i = 0; i < 1'100'000; ++i) wide += ",0";
-  EXPECT_EQ(Reason(ParseTransforms(wide + "]}", "cameras").status()), "BAD_JSON");
+  EXPECT_EQ(Reason(Parse(wide + "]}").status()), "BAD_JSON");
   const std::string file = OpenMvg("pinhole_brown_t2", R"(, "disto_t2": [0, 0, 0, 0, 0])");
-  ForEachCorruption(file, 300,
-                    [](const std::string& bytes) { (void)ParseTransforms(bytes, "cameras").ok(); });
+  ForEachCorruption(file, 300, [](const std::string& bytes) { (void)Parse(bytes).ok(); });
   ForEachCorruption(Meshroom(R"("1", "2", "4")", R"("focalLength": "22.5", "sensorWidth": "36",
                              "principalPoint": ["0", "0"], "type": "radial1")"),
-                    300,
-                    [](const std::string& bytes) { (void)ParseTransforms(bytes, "cameras").ok(); });
+                    300, [](const std::string& bytes) { (void)Parse(bytes).ok(); });
 }
 
 }  // namespace

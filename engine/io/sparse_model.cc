@@ -57,13 +57,6 @@ double FisheyeAngle(const Distortion& d, double seen) {
 
 }  // namespace
 
-absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
-                                        int default_width, int default_height) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) return ReadColmapModel(path, field);
-  return ReadTransforms(path, field, default_width, default_height);
-}
-
 bool Distortion::IsFinite() const {
   const auto all = Coefficients();
   return std::all_of(all.begin(), all.end(), [](double k) { return std::isfinite(k); });

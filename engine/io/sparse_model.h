@@ -4,6 +4,8 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -62,11 +64,16 @@ struct SparseModel {
   std::vector<SparsePoint> points;      // empty for transforms.json
 };
 
-// Reads a transforms*.json file or a COLMAP binary model folder, whichever `path` is. Errors start
-// with `field`. `default_width/height`: photo size for JSON files that give none (0: then an
-// error).
-absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
-                                        int default_width = 0, int default_height = 0);
+// The size of the photo that a file of cameras calls `name`, for files that say none; 0x0: not
+// known.
+struct PhotoSize {
+  int width = 0, height = 0;
+};
+using PhotoSizes = std::function<PhotoSize(const std::string& name)>;
+
+// Names of views that are panoramas of the whole sphere: their cameras have a size and a place, and
+// look along the panorama's middle. Readers that get none of these refuse panoramas.
+using PanoramaNames = std::set<std::string>;
 
 // How far the distortion moves a pixel of the camera's picture at most, px.
 double LargestShift(const Camera& camera, const Distortion& distortion);

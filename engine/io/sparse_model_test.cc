@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "engine/io/cameras_io.h"
 #include "engine/io/test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

@@ -13,12 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include "engine/core/limits.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
-#include "engine/io/meshroom_io.h"
 #include "engine/io/model_util.h"
-#include "engine/io/openmvg_io.h"
 
 namespace litags {
 namespace {
@@ -52,18 +49,6 @@ constexpr std::string_view kKeys[] = {"file_path",
                                       "k6",
                                       "p1",
                                       "p2"};
-
-// Whose file this is that is no JSON, by its first line; empty: nobody's that is known.
-std::string_view OtherProgramOf(std::string_view text) {
-  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
-  const std::string_view line = text.substr(0, text.find('\n'));
-  if (line.starts_with("# Bundle file")) return "Bundler";
-  if (line.starts_with("NVM_V")) return "VisualSFM";
-  if (line.starts_with("#name,")) return "RealityScan (RealityCapture), as CSV,";
-  if (line.starts_with("<?xml") || line.starts_with("<document")) return "Metashape, as XML,";
-  return "";
-}
 
 // A value for a message; of lists and objects only the type.
 std::string Describe(const Json& value) {
@@ -368,14 +353,6 @@ absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const s
 
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             const PhotoSizes& sizes, PanoramaNames* panoramas) {
-  if (IsOpenMvg(json)) return ParseOpenMvg(json, field, panoramas);
-  if (IsMeshroom(json)) return ParseMeshroom(json, field);
-  if (const std::string_view program = OtherProgramOf(json); !program.empty()) {
-    return InvalidField("UNSUPPORTED_CAMERA_FILE", field,
-                        absl::StrCat("cameras of ", Absl(program),
-                                     " are not read; export them as a COLMAP model, or as "
-                                     "transforms.json"));
-  }
   FrameParser parser(json, field);
   // Twice, since what the frames lack may stand behind them.
   LITAGS_ASSIGN_OR_RETURN(const Json top, parser.Run(nullptr));
@@ -397,22 +374,9 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
   return FinishModel(std::move(views), field, nullptr, panoramas);
 }
 
-absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
-                                           const PhotoSizes& sizes, PanoramaNames* panoramas) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string json, ReadFile(path, field, kMaxTransformsBytes));
-  return ParseTransforms(json, field, sizes, panoramas);
-}
-
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             int default_width, int default_height) {
   return ParseTransforms(json, field, [&](const std::string&) {
-    return PhotoSize{default_width, default_height};
-  });
-}
-
-absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
-                                           int default_width, int default_height) {
-  return ReadTransforms(path, field, [&](const std::string&) {
     return PhotoSize{default_width, default_height};
   });
 }
@@ -429,14 +393,6 @@ std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json) 
     return absl::OkStatus();
   };
   return parser.Run(read).ok() ? paths : std::map<std::string, std::string>();
-}
-
-absl::Status CheckTransforms(std::string_view json, std::string_view field) {
-  constexpr PhotoSize kAny = {1000, 1000};
-  PanoramaNames panoramas;
-  return ParseTransforms(
-             json, field, [&](const std::string&) { return kAny; }, &panoramas)
-      .status();
 }
 
 }  // namespace litags

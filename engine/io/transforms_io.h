@@ -1,11 +1,8 @@
-// transforms.json of instant-ngp, NeRF and LOM: OpenGL cameras converted to ours, and back. In its
-// place the JSON files of OpenMVG and Meshroom are read.
+// transforms.json of instant-ngp, NeRF and LOM: OpenGL cameras converted to ours, and back.
 #ifndef LITAGS_ENGINE_IO_TRANSFORMS_IO_H_
 #define LITAGS_ENGINE_IO_TRANSFORMS_IO_H_
 
-#include <functional>
 #include <map>
-#include <set>
 #include <string>
 #include <string_view>
 
@@ -15,41 +12,23 @@
 
 namespace litags {
 
-// The size of the photo that a file calls `name`, for files that say none; 0x0: not known.
-struct PhotoSize {
-  int width = 0, height = 0;
-};
-using PhotoSizes = std::function<PhotoSize(const std::string& name)>;
-
-// Names of views that are panoramas of the whole sphere: their cameras have a size and a place, and
-// look along the panorama's middle. Readers that get none of these refuse panoramas.
-using PanoramaNames = std::set<std::string>;
-
 // Parses a transforms.json. Intrinsics fl_x fl_y cx cy w h k1 k2 k3 p1 p2 stand at the top and may
 // be overridden per frame; so may the lens: camera_model OPENCV_FISHEYE (or is_fisheye), with k1 to
 // k4, FULL_OPENCV, with k1 to k6, and EQUIRECTANGULAR; without fl_x the focal length comes from
 // camera_angle_x, without cx cy the principal point is the centre, without w h the size is its
 // photo's. transform_matrix is camera-to-world, OpenGL axes (x right, y up, z backward); a uniform
 // scale in it is divided out. A view's name is file_path without its folders. INVALID_ARGUMENT
-// naming field, frame and key; UNSUPPORTED_CAMERA_FILE for files of other programs that are known
-// by their first line.
+// naming field, frame and key.
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             const PhotoSizes& sizes,
                                             PanoramaNames* panoramas = nullptr);
-absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
-                                           const PhotoSizes& sizes,
-                                           PanoramaNames* panoramas = nullptr);
+
 // The same with one size for all photos.
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             int default_width = 0, int default_height = 0);
-absl::StatusOr<SparseModel> ReadTransforms(const std::string& path, std::string_view field,
-                                           int default_width = 0, int default_height = 0);
 
 // What frames have as mask_path, by the names of their photos; empty for what is no such file.
 std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json);
-
-// Whether ParseTransforms would take it, with panoramas, whatever the photos' sizes are.
-absl::Status CheckTransforms(std::string_view json, std::string_view field);
 
 // The inverse; file_path is `image_folder`/name (or the name alone). Intrinsics that all views
 // share stand at the top.

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -99,8 +100,8 @@ TEST(ParseTransforms, EachFrameWithoutASizeHasThatOfItsPhoto) {
   EXPECT_EQ(model->views[1].camera.height, 800);
   EXPECT_NEAR(model->views[1].camera.fx, 300, 1e-9);
   EXPECT_EQ(Reason(ParseStatus(json)), "MISSING_KEY");
-  EXPECT_TRUE(CheckTransforms(json, "cameras").ok());
-  EXPECT_EQ(Reason(CheckTransforms("{}", "cameras")), "MISSING_KEY");
+  EXPECT_TRUE(CheckCameras(json, "cameras").ok());
+  EXPECT_EQ(Reason(CheckCameras("{}", "cameras")), "MISSING_KEY");
 }
 
 TEST(ParseTransforms, TakesSixteenNumbersAndFramesThatComeTwice) {
@@ -242,11 +243,11 @@ TEST(FormatTransforms, IsReadBackTheSame) {
   }
 }
 
-TEST(ReadTransforms, ReadsTheRealFiles) {
+TEST(ReadCameras, ReadsRealTransforms) {
   const std::string scenes = SharedScenes();
   if (scenes.empty()) GTEST_SKIP() << "no shared/scenes beside the source tree";
   for (const char* split : {"train", "test", "val"}) {
-    const auto model = ReadTransforms(scenes + "/castle/transforms_" + split + ".json", "cameras");
+    const auto model = ReadCameras(scenes + "/castle/transforms_" + split + ".json", "cameras");
     ASSERT_TRUE(model.ok()) << model.status();
     EXPECT_EQ(model->views.size(), std::string(split) == "train" ? 9u : 2u);
     EXPECT_EQ(model->views[0].camera.width, 480);
@@ -259,7 +260,7 @@ TEST(ParseTransforms, PanoramasAreForThoseWhoCutThem) {
       "frames": [{"file_path": "a.jpg",
                   "transform_matrix": [[1,0,0,5],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})";
   EXPECT_EQ(Reason(ParseTransforms(json, "cameras").status()), "UNSUPPORTED_CAMERA_MODEL");
-  EXPECT_TRUE(CheckTransforms(json, "cameras").ok());
+  EXPECT_TRUE(CheckCameras(json, "cameras").ok());
   PanoramaNames panoramas;
   const auto model = ParseTransforms(
       json, "cameras", [](const std::string&) { return PhotoSize(); }, &panoramas);

@@ -178,7 +178,7 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
     return info.ok() ? PhotoSize{info->width, info->height} : PhotoSize();
   };
   LITAGS_ASSIGN_OR_RETURN(SparseModel given,
-                          ReadCamerasOf(input.cameras_path, "cameras", size_of, panoramas));
+                          ReadCameras(input.cameras_path, "cameras", size_of, panoramas));
   if (panoramas != nullptr) *panoramas = PhotosOf(*panoramas, index, photos);
   const std::string some_camera = given.views[0].name;
   LITAGS_ASSIGN_OR_RETURN(SparseModel model, MatchPhotos(std::move(given), photos));

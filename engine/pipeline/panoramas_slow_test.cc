@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/io/cameras_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/sparse_model.h"

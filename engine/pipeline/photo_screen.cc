@@ -122,7 +122,7 @@ void AddMaskPaths(const ReconstructInput& input, PhotoList* list) {
   std::error_code ignored;
   const std::string cameras = ResolveCameras(input.cameras_path);
   if (!fs::is_regular_file(cameras, ignored)) return;
-  const auto json = ReadFile(cameras, "cameras", kMaxTransformsBytes);
+  const auto json = ReadFile(cameras, "cameras", kMaxCamerasBytes);
   if (!json.ok()) return;  // the reader of cameras says so
   const NameIndex index(names);
   int used = 0;

@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"

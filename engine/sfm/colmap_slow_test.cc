@@ -14,6 +14,7 @@
 #include "engine/core/image.h"
 #include "engine/core/mask.h"
 #include "engine/core/rng.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"

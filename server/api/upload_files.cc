@@ -49,6 +49,14 @@ bool IsColmapName(const std::string& name) {
                      [&](const char* n) { return name == n; });
 }
 
+// As their programs name them: transforms_train.json, sfm_data.json, cameras.sfm, cameras.xml.
+// Other files of these endings may be anything.
+bool HasNameOfCameras(const std::string& name) {
+  const bool json = name.ends_with(".json");
+  if (name.starts_with("transforms") || name.starts_with("sfm_data")) return json;
+  return name.starts_with("cameras") && (name.ends_with(".sfm") || name.ends_with(".xml"));
+}
+
 void AppendEnding(std::string* out, std::string_view ending) { out->append(ending); }
 
 bool HasExtension(const std::string& name, FileRole role) {
@@ -165,9 +173,7 @@ std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry) {
        std::any_of(entry.folders.begin(), entry.folders.end(), is_colmap_folder))) {
     return FileRole::kColmap;
   }
-  if (entry.name.starts_with("transforms") && HasExtension(entry.name, FileRole::kCameras)) {
-    return FileRole::kCameras;
-  }
+  if (HasNameOfCameras(entry.name)) return FileRole::kCameras;
   if (HasExtension(entry.name, FileRole::kPhoto)) return FileRole::kPhoto;
   return std::nullopt;
 }

@@ -26,10 +26,10 @@ struct UploadLimits {
   int64_t max_files = 10000;                // per job, those on their way included
   int64_t max_file_bytes = kMaxImageBytes;  // photos, masks, depth maps, COLMAP models
   int64_t max_video_bytes = kMaxVideoBytes;
-  int64_t max_cameras_bytes = kMaxTransformsBytes;  // transforms.json
-  int64_t max_job_bytes = kMaxJobBytes;             // all files of a job
-  double max_silence_seconds = 60;                  // between two messages of a stream
-  double keep_seconds = 24 * 3600;                  // a job that is not started and gets no files
+  int64_t max_cameras_bytes = kMaxCamerasBytes;  // transforms.json
+  int64_t max_job_bytes = kMaxJobBytes;          // all files of a job
+  double max_silence_seconds = 60;               // between two messages of a stream
+  double keep_seconds = 24 * 3600;               // a job that is not started and gets no files
   // Larger files come to the blob store in pieces of so much while they are on their way, so that
   // another server can go on with them; 0: there is no other one.
   int64_t chunk_bytes = 0;

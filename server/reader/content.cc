@@ -1,10 +1,10 @@
 #include "server/reader/content.h"
 
 #include "engine/core/error.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
-#include "engine/io/transforms_io.h"
 #include "engine/pipeline/photo_look.h"
 #include "engine/video/video_file.h"
 #include "server/reader/file_findings.h"
@@ -35,7 +35,7 @@ absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role,
       return Content{mask.width, mask.height, ""};
     }
     case FileRole::kCameras:
-      LITAGS_RETURN_IF_ERROR(CheckTransforms(bytes, field));
+      LITAGS_RETURN_IF_ERROR(CheckCameras(bytes, field));
       break;
     case FileRole::kDepth:
       LITAGS_RETURN_IF_ERROR(DecodeDepthMap(bytes, field).status());

@@ -421,8 +421,8 @@ TEST_F(UploadApi, CamerasThatTheEngineWouldNotReadAreRefused) {
     return client_.UploadRaw(messages);
   };
   const std::string field = "cameras[transforms.json]";
-  EXPECT_REFUSED(upload(kMaxTransformsBytes + 1), RESOURCE_EXHAUSTED, "FILE_TOO_LARGE", field);
-  EXPECT_REFUSED(upload(kMaxTransformsBytes), INVALID_ARGUMENT, "FILE_TRUNCATED", field);
+  EXPECT_REFUSED(upload(kMaxCamerasBytes + 1), RESOURCE_EXHAUSTED, "FILE_TOO_LARGE", field);
+  EXPECT_REFUSED(upload(kMaxCamerasBytes), INVALID_ARGUMENT, "FILE_TRUNCATED", field);
 }
 
 // The engine includes no proto and so has its own lists of endings.

@@ -219,6 +219,11 @@ void AddOtherCameras(const Corpus& corpus) {
 "type": "radial3", "distortionParams": ["0.1", "0.02", "0.003"]}], "poses": [{"poseId": "1", "pose":
 {"transform": {"rotation": ["1", "0", "0", "0", "1", "0", "0", "0", "1"], "center": ["0", "0",
 "0"]}}}]})");
+  corpus.Add("transforms", "metashape.xml", R"(<?xml version="1.0"?><document><chunk><sensors>
+<sensor id="0" type="frame"><calibration type="frame" class="adjusted"><resolution width="64"
+height="48"/><f>50</f><cx>1</cx><cy>2</cy><k1>0.1</k1><p1>0.01</p1></calibration></sensor></sensors>
+<cameras><camera id="0" sensor_id="0" component_id="0" label="a.jpg"><transform>1 0 0 0 0 1 0 0 0 0 1
+0 0 0 0 1</transform></camera></cameras></chunk></document>)");
 }
 
 // The three files of a model as COLMAP writes them.

@@ -1,13 +1,16 @@
-// transforms.json; what is read is written and read again.
-#include <algorithm>
+// transforms.json and files of cameras in its place; what is read is written and read again.
+#include <string>
 
 #include "engine/core/check.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/transforms_io.h"
 #include "tests/fuzz/fuzz_support.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace litags;
-  const auto model = ParseTransforms(AsText(data, size), "cameras", 64, 48);
+  const auto model = ParseCameras(AsText(data, size), "cameras", [](const std::string&) {
+    return PhotoSize{64, 48};
+  });
   if (!model.ok()) return 0;
   LITAGS_CHECK(model->distortions.size() == model->views.size());
   for (const View& view : model->views) LITAGS_CHECK(view.camera.Validate("camera").ok());

@@ -33,6 +33,14 @@ def bytes_on_disk(data_folder):
     return files
 
 
+# One camera, as Metashape exports it.
+METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.0.0"><chunk><sensors><sensor id="0" type="frame"><calibration type="frame">
+<resolution width="64" height="48"/><f>60</f></calibration></sensor></sensors>
+<cameras><camera id="0" sensor_id="0" label="{label}"><transform>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1
+</transform></camera></cameras></chunk></document>"""
+
+
 class Uploads(harness.ServiceTest):
 
     def large_photos(self, seeds):
@@ -255,6 +263,21 @@ class Archives(harness.ServiceTest):
             os.remove(os.path.join(model, f"images.{form}"))
             _, err = self.litags("submit", self.photos(), "--cameras", model, exit_code=2)
             self.assertIn(f"images.{form}", err)
+
+    def test_known_cameras_may_be_metashapes(self):
+        cameras = METASHAPE.format(label="photo_00")
+        path = os.path.join(self.folder, "cameras.xml")
+        with open(path, "w") as file:
+            file.write(cameras)
+        in_archive = self.zip(self.capture() + [("site/cameras.xml", cameras.encode())])
+        for arguments in ((self.photos(), "--cameras", path), (in_archive,)):
+            out, _ = self.litags("submit", *arguments, "--iterations", "10", "--watch")
+            job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
+            self.assertEqual(job.report.sfm_preparation, "given")
+        with open(path, "w") as file:
+            file.write(cameras[:-10])
+        _, err = self.litags("submit", self.photos(), "--cameras", path, exit_code=2)
+        self.assertRegex(err, r"cameras\[cameras.xml\]: line 5: (?s:.*)BAD_XML")
 
     def test_text_models_in_archives_are_known_by_their_folder(self):
         model = [(f"night/sparse/0/{name}.txt", b"as COLMAP wrote it")

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
@@ -49,7 +50,7 @@ inline void WriteLomScene(const std::string& dir, int width = 64, int height = 4
   SparseModel all;
   for (const char* part : {"train", "test"}) {
     const std::string path = dir + "/transforms_" + part + ".json";
-    auto model = ReadTransforms(path, part);
+    auto model = ReadCameras(path, part);
     ASSERT_TRUE(model.ok()) << model.status();
     for (size_t i = 0; i < model->views.size(); ++i) {
       model->distortions[i] = lens;
@@ -87,8 +88,8 @@ inline void WriteLomScene(const std::string& dir, int width = 64, int height = 4
 // Leaves of a scene what a photographer brings home from real darkness: no dark photo of the test
 // views, and in high/ no photo but theirs, or none at all (`truth` false).
 inline void LeaveInTheDark(const std::string& scene, bool truth) {
-  const auto test = ReadTransforms(scene + "/transforms_test.json", "test");
-  const auto train = ReadTransforms(scene + "/transforms_train.json", "train");
+  const auto test = ReadCameras(scene + "/transforms_test.json", "test");
+  const auto train = ReadCameras(scene + "/transforms_train.json", "train");
   ASSERT_TRUE(test.ok() && train.ok());
   for (const View& view : test->views) std::filesystem::remove(scene + "/low/" + view.name);
   for (const View& view : train->views) std::filesystem::remove(scene + "/high/" + view.name);
@@ -100,7 +101,7 @@ inline void LeaveInTheDark(const std::string& scene, bool truth) {
 inline void WriteTrainingCameras(const std::string& scene, const std::string& out) {
   auto model = ReadColmapModel(scene + "/sparse", "sparse");
   ASSERT_TRUE(model.ok()) << model.status();
-  const auto test = ReadTransforms(scene + "/transforms_test.json", "test");
+  const auto test = ReadCameras(scene + "/transforms_test.json", "test");
   ASSERT_TRUE(test.ok()) << test.status();
   std::vector<int> to(model->views.size(), -1);
   SparseModel kept;

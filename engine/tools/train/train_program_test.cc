@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "engine/core/subprocess.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
-#include "engine/io/transforms_io.h"
 #include "engine/tools/table/lom_test_util.h"
 
 namespace litags {
@@ -95,7 +95,7 @@ TEST_F(TrainProgramTest, EveryPhotoGetsAPictureInNormalLight) {
 TEST_F(TrainProgramTest, ABlackTestPhotoCostsOnlyItsOwnComparison) {
   const std::string cameras = dir_ / "cameras";
   WriteTrainingCameras(scene_, cameras);
-  const auto test = ReadTransforms(scene_ + "/transforms_test.json", "test");
+  const auto test = ReadCameras(scene_ + "/transforms_test.json", "test");
   ASSERT_TRUE(test.ok()) << test.status();
   const std::string black = test->views[0].name;
   ASSERT_TRUE(WriteJpeg(scene_ + "/low/" + black, ImageU8(64, 48)).ok());

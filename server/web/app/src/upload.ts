@@ -27,7 +27,7 @@ export function roleOf(path: string): string | null {
   if (kPhoto.test(name)) return "FILE_ROLE_PHOTO";
   if (kVideo.test(name)) return "FILE_ROLE_VIDEO";
   if (kArchive.test(name)) return "FILE_ROLE_ARCHIVE";
-  if (/^transforms.*\.json$/.test(name)) return "FILE_ROLE_CAMERAS";
+  if (/^(transforms|sfm_data).*\.json$|^cameras.*\.(sfm|xml)$/.test(name)) return "FILE_ROLE_CAMERAS";
   if (/^(cameras|images|points3d)\.(bin|txt)$/.test(name)) return "FILE_ROLE_COLMAP";
   return null;
 }

@@ -1,0 +1,336 @@
+#include "engine/io/metashape_io.h"
+
+#include <expat.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_split.h"
+#include "engine/io/file_util.h"
+#include "engine/io/io_error.h"
+#include "engine/io/model_util.h"
+
+namespace litags {
+namespace {
+
+constexpr size_t kMaxDepth = 32;     // of elements; 8 are needed
+constexpr size_t kMaxText = 2000;    // of an element that is read; a pose takes some 400
+constexpr size_t kMaxEntries = 1e5;  // sensors and cameras
+constexpr size_t kMaxNumbers = 50;   // of a lens; 12 are needed
+constexpr size_t kPoseNumbers = 16;  // row by row
+
+// Of an element, as the parser has them: names and values in turn, to the first null.
+class Attributes {
+ public:
+  explicit Attributes(const char* const* pairs) : pairs_(pairs) {}
+  // Null if there is none.
+  const char* Find(std::string_view name) const {
+    for (const char* const* pair = pairs_; *pair != nullptr; pair += 2) {
+      if (name == *pair) return pair[1];
+    }
+    return nullptr;
+  }
+  std::string Get(std::string_view name) const {
+    const char* value = Find(name);
+    return value == nullptr ? "" : value;
+  }
+
+ private:
+  const char* const* pairs_;
+};
+
+struct Sensor {
+  std::string type;
+  double width = 0, height = 0;
+  bool of_a_system = false;
+  std::map<std::string, double> lens;  // f, cx, k1 ...
+};
+
+struct PlacedCamera {
+  std::string label, sensor, component;
+  std::array<double, kPoseNumbers> world_from_cam = {};
+};
+
+struct Document {
+  int chunks = 0;
+  std::map<std::string, Sensor> sensors;  // by id
+  std::vector<PlacedCamera> cameras;
+};
+
+// Finite numbers with blanks between them.
+bool ReadNumbers(std::string_view text, std::vector<double>* out) {
+  out->clear();
+  for (const absl::string_view word : absl::StrSplit(Absl(text), ' ', absl::SkipWhitespace())) {
+    double value = 0;
+    if (!absl::SimpleAtod(word, &value) || !std::isfinite(value)) return false;
+    out->push_back(value);
+  }
+  return true;
+}
+
+// Takes the document element by element, and keeps of it what is needed.
+class Reader {
+ public:
+  explicit Reader(std::string_view field) : field_(field) {}
+
+  void Start(const std::string& name, const Attributes& attributes) {
+    const std::string parent = path_.empty() ? "" : path_.back();
+    path_.push_back(name);
+    text_.clear();
+    if (path_.size() > kMaxDepth) return Fail("BAD_XML", "elements are nested too deeply");
+    if (document_.sensors.size() + document_.cameras.size() > kMaxEntries) {
+      return Fail("BAD_XML", "it has too many cameras");
+    }
+    if (name == "chunk") ++document_.chunks;
+    if (name == "sensor" && parent == "sensors") {
+      sensor_.emplace();
+      sensor_->type = attributes.Get("type");
+      sensor_->of_a_system = attributes.Find("master_id") != nullptr;
+      id_ = attributes.Get("id");
+    } else if (name == "calibration" && sensor_.has_value()) {
+      // The adjusted one stands behind the initial one, or alone.
+      sensor_->lens.clear();
+      if (attributes.Find("type") != nullptr) sensor_->type = attributes.Get("type");
+    } else if (name == "resolution" && sensor_.has_value()) {
+      // Missing sides stay 0, which are refused.
+      (void)absl::SimpleAtod(attributes.Get("width"), &sensor_->width);
+      (void)absl::SimpleAtod(attributes.Get("height"), &sensor_->height);
+    } else if (name == "camera" && (parent == "cameras" || parent == "group")) {
+      StartCamera(attributes);
+    }
+  }
+
+  void Text(std::string_view text) {
+    if (text_.size() + text.size() <= kMaxText) return void(text_.append(text));
+    if (sensor_.has_value() || camera_.has_value()) Fail("BAD_XML", "a value is far too long");
+  }
+
+  void End(const std::string& name) {
+    path_.pop_back();
+    const std::string parent = path_.empty() ? "" : path_.back();
+    if (name == "sensor" && sensor_.has_value()) {
+      document_.sensors[id_] = *std::exchange(sensor_, std::nullopt);
+    } else if (name == "camera" && camera_.has_value()) {
+      if (posed_) document_.cameras.push_back(*std::move(camera_));
+      camera_.reset();
+    } else if (parent == "calibration" && sensor_.has_value()) {
+      EndLensNumber(name);
+    } else if (name == "transform" && parent == "camera" && camera_.has_value()) {
+      EndPose();
+    }
+    text_.clear();
+  }
+
+  const absl::Status& status() const { return status_; }
+  Document Take() { return std::move(document_); }
+
+  void Fail(std::string_view reason, std::string_view message) {
+    if (status_.ok()) status_ = InvalidField(reason, field_, message);
+  }
+
+ private:
+  void StartCamera(const Attributes& attributes) {
+    posed_ = false;
+    const std::string enabled = attributes.Get("enabled");
+    if (enabled == "false" || enabled == "0") return;
+    camera_.emplace();
+    camera_->label = attributes.Get("label");
+    camera_->sensor = attributes.Get("sensor_id");
+    camera_->component = attributes.Get("component_id");
+  }
+
+  void EndLensNumber(const std::string& name) {
+    std::vector<double> numbers;
+    if (!ReadNumbers(text_, &numbers) || numbers.size() != 1) return;  // "resolution", say
+    if (sensor_->lens.size() >= kMaxNumbers) return Fail("BAD_XML", "a lens has too many numbers");
+    sensor_->lens[name] = numbers[0];
+  }
+
+  void EndPose() {
+    std::vector<double> numbers;
+    if (!ReadNumbers(text_, &numbers) || numbers.size() != kPoseNumbers) {
+      return Fail("BAD_NUMBER", absl::StrCat("the transform of camera '", camera_->label,
+                                             "' does not have 16 finite numbers"));
+    }
+    std::copy_n(numbers.begin(), kPoseNumbers, camera_->world_from_cam.begin());
+    posed_ = true;
+  }
+
+  const std::string_view field_;
+  absl::Status status_;
+  Document document_;
+  std::vector<std::string> path_;  // of open elements
+  std::string text_;               // of the innermost one
+  std::string id_;                 // of sensor_
+  std::optional<Sensor> sensor_;
+  std::optional<PlacedCamera> camera_;
+  bool posed_ = false;  // camera_ has its pose
+};
+
+absl::StatusOr<Document> ReadDocument(std::string_view xml, std::string_view field) {
+  struct Context {
+    Reader reader;
+    XML_Parser parser;
+    void StopIfFailed() {
+      if (!reader.status().ok()) XML_StopParser(parser, XML_FALSE);
+    }
+  };
+  const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser(
+      XML_ParserCreate(nullptr), &XML_ParserFree);
+  Context context{Reader(field), parser.get()};
+  XML_SetUserData(parser.get(), &context);
+  XML_SetElementHandler(
+      parser.get(),
+      [](void* user, const char* name, const char** pairs) {
+        auto* to = static_cast<Context*>(user);
+        to->reader.Start(name, Attributes(pairs));
+        to->StopIfFailed();
+      },
+      [](void* user, const char* name) {
+        auto* to = static_cast<Context*>(user);
+        to->reader.End(name);
+        to->StopIfFailed();
+      });
+  XML_SetCharacterDataHandler(parser.get(), [](void* user, const char* text, int length) {
+    auto* to = static_cast<Context*>(user);
+    to->reader.Text({text, static_cast<size_t>(length)});
+    to->StopIfFailed();
+  });
+  // Entities come with one; Metashape writes none.
+  XML_SetStartDoctypeDeclHandler(
+      parser.get(), [](void* user, const char*, const char*, const char*, int) {
+        auto* to = static_cast<Context*>(user);
+        to->reader.Fail("BAD_XML", "it has a DOCTYPE, which Metashape's files have not");
+        to->StopIfFailed();
+      });
+  const XML_Status parsed =
+      XML_Parse(parser.get(), xml.data(), static_cast<int>(xml.size()), /*isFinal=*/1);
+  LITAGS_RETURN_IF_ERROR(context.reader.status());
+  if (parsed != XML_STATUS_OK) {
+    return InvalidField("BAD_XML", field,
+                        absl::StrCat("line ", XML_GetCurrentLineNumber(parser.get()), ": ",
+                                     XML_ErrorString(XML_GetErrorCode(parser.get())),
+                                     "; the file is damaged, export the cameras again"));
+  }
+  return context.reader.Take();
+}
+
+absl::Status Unsupported(std::string_view where, std::string_view what) {
+  return InvalidField("UNSUPPORTED_CAMERA_MODEL", where,
+                      absl::StrCat("Metashape's ", Absl(what),
+                                   " is not read; export undistorted photos and their cameras"));
+}
+
+// Metashape's P1 and P2 are OpenCV's p2 and p1. Pixels are counted from their corners.
+absl::Status ReadLens(const Sensor& sensor, std::string_view where, LoadedView* out) {
+  Camera* camera = &out->view.camera;
+  LITAGS_RETURN_IF_ERROR(SetSize(sensor.width, sensor.height, where, camera));
+  if (sensor.of_a_system) return Unsupported(where, "system of several cameras");
+  out->panorama = sensor.type == "spherical";
+  if (out->panorama) {
+    SetPanorama(camera);
+    return absl::OkStatus();
+  }
+  const bool fisheye = sensor.type == "fisheye" || sensor.type == "equidistant_fisheye";
+  if (!fisheye && sensor.type != "frame") {
+    return Unsupported(where, absl::StrCat("camera type '", sensor.type, "'"));
+  }
+  const auto number = [&](const char* name) {
+    const auto found = sensor.lens.find(name);
+    return found == sensor.lens.end() ? 0 : found->second;
+  };
+  if (!sensor.lens.contains("f")) {
+    return InvalidField("MISSING_KEY", where,
+                        "its sensor has no calibration with a focal length 'f'; export the "
+                        "cameras after Align Photos, with Metashape 1.2 or later");
+  }
+  for (const char* name : {"b2", "p3", "p4"}) {
+    if (number(name) != 0) return Unsupported(where, absl::StrCat("lens coefficient ", name));
+  }
+  camera->fx = number("f") + number("b1");
+  camera->fy = number("f");
+  camera->cx = 0.5 * camera->width + number("cx");
+  camera->cy = 0.5 * camera->height + number("cy");
+  Distortion* lens = &out->distortion;
+  *lens = {.k1 = number("k1"),
+           .k2 = number("k2"),
+           .p1 = number("p2"),
+           .p2 = number("p1"),
+           .k3 = number("k3"),
+           .fisheye = fisheye};
+  if (fisheye) lens->k4 = number("k4");
+  if (!fisheye && number("k4") != 0) return Unsupported(where, "lens coefficient k4 of a frame");
+  if (fisheye && (lens->p1 != 0 || lens->p2 != 0)) {
+    return Unsupported(where, "lens coefficient p1 or p2 of a fisheye");
+  }
+  return absl::OkStatus();
+}
+
+// The pose is world_from_cam, with our axes.
+absl::Status ReadPose(const PlacedCamera& from, std::string_view where, Camera* camera) {
+  const auto& m = from.world_from_cam;
+  const std::array<double, 9> cam_from_world = {m[0], m[4], m[8], m[1], m[5],
+                                                m[9], m[2], m[6], m[10]};
+  const std::array<double, 3> center = {m[3], m[7], m[11]};
+  return SetPlace(cam_from_world, center, where, camera);
+}
+
+// Components share no frame.
+std::string LargestComponent(const std::vector<PlacedCamera>& cameras) {
+  std::map<std::string, size_t> counts;
+  for (const PlacedCamera& camera : cameras) ++counts[camera.component];
+  const auto largest =
+      std::max_element(counts.begin(), counts.end(),
+                       [](const auto& a, const auto& b) { return a.second < b.second; });
+  return largest == counts.end() ? "" : largest->first;
+}
+
+}  // namespace
+
+bool IsXml(std::string_view text) {
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  const size_t at = text.find_first_not_of(" \t\r\n");
+  return at != std::string_view::npos && text[at] == '<';
+}
+
+absl::StatusOr<SparseModel> ParseMetashape(std::string_view xml, std::string_view field,
+                                           PanoramaNames* panoramas) {
+  LITAGS_ASSIGN_OR_RETURN(const Document document, ReadDocument(xml, field));
+  if (document.chunks != 1) {
+    return InvalidField("NO_CAMERAS", field,
+                        absl::StrCat("it has ", document.chunks,
+                                     " chunks, where Metashape's exported cameras have one; use "
+                                     "File > Export > Export Cameras, Agisoft XML"));
+  }
+  const std::string component = LargestComponent(document.cameras);
+  std::vector<LoadedView> views;
+  for (const PlacedCamera& from : document.cameras) {
+    if (from.component != component) continue;
+    const std::string where = absl::StrCat(Absl(field), ".cameras[", from.label, "]");
+    const auto sensor = document.sensors.find(from.sensor);
+    if (sensor == document.sensors.end()) {
+      return InvalidField("MISSING_KEY", where, "its sensor_id names no sensor");
+    }
+    LoadedView loaded;
+    loaded.view.name = BaseName(from.label);
+    LITAGS_RETURN_IF_ERROR(ReadLens(sensor->second, where, &loaded));
+    LITAGS_RETURN_IF_ERROR(ReadPose(from, where, &loaded.view.camera));
+    views.push_back(std::move(loaded));
+  }
+  if (views.empty()) {
+    return InvalidField("NO_CAMERAS", field,
+                        "no camera has a pose; align the photos, then export the cameras");
+  }
+  return FinishModel(std::move(views), field, nullptr, panoramas);
+}
+
+}  // namespace litags
