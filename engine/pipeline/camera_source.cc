@@ -19,6 +19,7 @@
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/local_origin.h"
+#include "engine/pipeline/wide_photos.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -205,11 +206,11 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
     }
   }
   report->photos = static_cast<int>(photos.size());
-  const std::string kept = input.work_dir + "/cameras";
   const Json source = SourceOf(input, options, photos, masks);
-  std::string damage;
-  if (fs::exists(kept + "/registration.json")) {
-    absl::StatusOr<std::optional<SparseModel>> found = LoadRegistration(kept, source, report);
+  std::string kept = input.work_dir + "/cameras", damage;
+  for (const std::string& dir : {SolvedFisheyes(input), kept}) {
+    if (!fs::exists(dir + "/registration.json")) continue;
+    absl::StatusOr<std::optional<SparseModel>> found = LoadRegistration(dir, source, report);
     if (found.ok() && found->has_value()) return **std::move(found);
     if (!found.ok()) damage = std::string(found.status().message());
   }
@@ -234,6 +235,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
     FillReport(result, report);
     if (context.on_line) context.on_line(DescribeSeconds(result, *report));
     model = std::move(result.model);
+    if (HasWideFisheye(model)) kept = SolvedFisheyes(input);
     if (!input.rig_views.empty()) {
       // Those that only their rig placed have no points yet.
       LITAGS_ASSIGN_OR_RETURN(SfmResult again, TriangulatePoints(folder, model, input.work_dir, sfm,
@@ -282,6 +284,10 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
                                          damage, "); they were found again"));
   }
   return *std::move(read_back);
+}
+
+std::string SolvedFisheyes(const ReconstructInput& input) {
+  return input.work_dir + "/solved_fisheyes";
 }
 
 }  // namespace litags

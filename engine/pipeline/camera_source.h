@@ -12,13 +12,17 @@
 
 namespace litags {
 
-// Cameras and points of the photos in input.images_dir. They are kept in work_dir/cameras, and
-// taken from there if they were found from the same files, `masks` of photos among them. View names
+// Cameras and points of the photos in input.images_dir. They are kept in work_dir/cameras, found
+// ones with a wide fisheye in SolvedFisheyes(), and taken from there if they were found from the
+// same files, `masks` of photos among them. View names
 // are names of photos there; sizes are those of the photo files. Fills photos, registered, dropped,
 // sfm_preparation and notes of the report.
 absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
                                           const std::vector<std::string>& photos,
                                           const MaskPaths& masks, const std::string& colmap);
+
+// A folder in work_dir; a COLMAP model.
+std::string SolvedFisheyes(const ReconstructInput& input);
 
 }  // namespace litags
 

@@ -103,7 +103,7 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   made.photos = std::move(photos);
   made.exposures = WithoutDrift(
       RelativeExposures(made.photos, sightings, posed.masks, posed.stated_exposures), sightings);
-  ShareExposures(context.input.rig_views, posed.views, sightings, &made.exposures);
+  ShareExposures(posed.rig_views, posed.views, sightings, &made.exposures);
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
   if (recipe.lita && recipe.information_weights) {
     made.information = Information(made, posed.masks);

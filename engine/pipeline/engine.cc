@@ -19,6 +19,7 @@
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/train_set.h"
 #include "engine/pipeline/video_frames.h"
@@ -380,6 +381,7 @@ class RealEngine : public Engine {
     // Of a run that was killed while it wrote.
     RemoveStaleTempFiles(given.work_dir);
     RemoveStaleTempFiles(given.work_dir + "/cameras");
+    RemoveStaleTempFiles(SolvedFisheyes(given));
     ReconstructReport report;
     const auto progress = [&](Stage stage, const std::string& message) {
       Progress p;

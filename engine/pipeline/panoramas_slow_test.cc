@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_format.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
@@ -197,6 +198,74 @@ TEST_F(Fisheyes, AreLearntToTheirRim) {
     }
   }
   EXPECT_GT(-10 * std::log10(error / counted), 18.5);  // dB
+}
+
+// Around the table, up and down, as one holds a camera: level photos on a line tell no focal
+// length.
+Camera HandHeld(int i, int count, int size) {
+  const double a = 1.6 * std::numbers::pi * i / count;
+  const double yaw = a + 0.9 + 0.3 * std::sin(2 * a), pitch = 0.15 * std::sin(4 * a) - 0.1;
+  const Eigen::Vector3d eye(1.3 * std::sin(a), -1.3 * std::cos(a), 1.3 + 0.25 * std::sin(3 * a));
+  const Eigen::Vector3d forward(std::cos(pitch) * std::cos(yaw), std::cos(pitch) * std::sin(yaw),
+                                std::sin(pitch));
+  const Eigen::Vector3d right = forward.cross(Eigen::Vector3d::UnitZ()).normalized();
+  Camera camera = LevelCamera(eye, size, size, size / std::numbers::pi);
+  Rotation turned;
+  turned << right.transpose(), forward.cross(right).transpose(), forward.transpose();
+  Eigen::Map<Rotation>(camera.R.data()) = turned;
+  Eigen::Map<Eigen::Vector3d>(camera.t.data()) = -turned * eye;
+  return camera;
+}
+
+TEST(Fisheye, IsSolvedWithoutCameras) {
+  constexpr int kCount = 16, kSize = 400;  // px
+  const TempDir dir;
+  ReconstructInput input;
+  input.images_dir = dir / "photos";
+  input.work_dir = dir / "work";
+  fs::create_directory(input.images_dir);
+  fs::create_directory(input.work_dir);
+  const sample::World world = sample::MakeRoom(0);
+  Eigen::Matrix3Xd places(3, kCount);
+  for (int i = 0; i < kCount; ++i) {
+    const Camera camera = HandHeld(i, kCount, kSize);
+    places.col(i) = Eigen::Vector3d(camera.Center().data());
+    const Planes light =
+        sample::TraceRadiance(world, camera, sample::WithFisheye({.grid = 2, .seed = 1}, camera));
+    ASSERT_TRUE(WritePng(absl::StrFormat("%s/%02d.png", input.images_dir, i),
+                         sample::NormalPhoto(light, kWhite))
+                    .ok());
+  }
+  ReconstructOptions options;
+  options.iterations = 2;
+  options.recipe = Litags();
+  options.recipe->dense_start = false;  // a minute
+  const auto report = MakeEngine()->Reconstruct(input, options, CancelToken(), nullptr);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_EQ(report->registered, 5 * kCount);
+  EXPECT_EQ(report->dropped, std::vector<std::string>());
+  EXPECT_THAT(report->notes, testing::Contains(testing::HasSubstr("the lens is a fisheye")));
+  EXPECT_NE(report->sfm_preparation, "given");
+
+  const auto found = ReadCameras(input.work_dir + "/solved_fisheyes", "cameras");
+  ASSERT_TRUE(found.ok()) << found.status();
+  ASSERT_EQ(found->views.size(), size_t{kCount});
+  Eigen::Matrix3Xd centers(3, kCount);
+  for (int i = 0; i < kCount; ++i) {
+    const Camera& camera = found->views[static_cast<size_t>(i)].camera;
+    centers.col(i) = Eigen::Vector3d(camera.Center().data());
+    EXPECT_NEAR(camera.fx / (kSize / std::numbers::pi), 1, 0.01);
+  }
+  const Eigen::Matrix4d similarity = Eigen::umeyama(centers, places);
+  const Eigen::Matrix3Xd off = (similarity * centers.colwise().homogeneous()).topRows(3) - places;
+  EXPECT_LT(off.colwise().norm().maxCoeff(), 0.02);  // m
+
+  // Kept: a run that goes on needs no COLMAP.
+  options.iterations = 3;
+  const auto again = MakeEngine("/no/colmap")->Reconstruct(input, options, CancelToken(), nullptr);
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(again->registered, 5 * kCount);
+  EXPECT_EQ(again->sfm_preparation, report->sfm_preparation);
 }
 
 }  // namespace

@@ -24,6 +24,8 @@
 #include "engine/pipeline/memory_estimate.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_screen.h"
+#include "engine/pipeline/wide_photos.h"
+#include "engine/pipeline/wide_views.h"
 #include "engine/target/shadow_color.h"
 
 namespace litags {
@@ -208,6 +210,26 @@ void NoteFarCameras(const Context& context, const std::vector<View>& views) {
   }
 }
 
+// Of photos whose cameras were found and kept: as if these had been given.
+absl::StatusOr<PosedPhotos> LoadViewsOfFisheyes(const Context& context, const std::string& colmap) {
+  ReconstructReport* const report = context.report;
+  const std::string preparation = report->sfm_preparation;
+  report->dropped.clear();  // those without a camera will be found without one again
+  ReconstructInput solved = context.input;
+  solved.cameras_path = SolvedFisheyes(solved);
+  LITAGS_ASSIGN_OR_RETURN(
+      const ReconstructInput cut,
+      WithViewsOfWidePhotos(
+          solved, context.options.threads, context.cancel,
+          [&](const std::string& line) { context.progress(Stage::kFindingCameras, line); },
+          &report->notes));
+  const Context of_views(cut, context.options, context.cancel, context.progress, report,
+                         context.on_line);
+  auto posed = LoadPosedPhotos(of_views, colmap);
+  report->sfm_preparation = preparation;
+  return posed;
+}
+
 }  // namespace
 
 absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::string& colmap) {
@@ -226,6 +248,10 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   for (const PhotoLeftOut& photo : screen.left_out) context.report->dropped.push_back(photo.name);
   context.report->photos += static_cast<int>(screen.left_out.size());
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
+  if (input.cameras_path.empty() && HasWideFisheye(posed.model)) {
+    return LoadViewsOfFisheyes(context, colmap);
+  }
+  posed.rig_views = input.rig_views;
   posed.origin = LocalOrigin(posed.model.views);
   if (posed.origin != std::array<double, 3>{}) {
     TakeAsOrigin(posed.origin, &posed.model);

@@ -10,6 +10,7 @@
 #include "engine/core/camera.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
+#include "engine/io/rig.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/context.h"
 
@@ -29,13 +30,15 @@ struct PosedPhotos {
   std::vector<double> stated_exposures;
   SparseModel model;                  // all cameras and points; tracks name its views
   std::vector<int> model_view;        // index into the model's views, per photo
+  RigViews rig_views;                 // photos among them that were taken from one place at once
   std::array<double, 3> origin = {};  // of all this, in the coordinates that the cameras came in
 };
 
 // Finds cameras with COLMAP (`colmap`: the program's name or path) unless they are given or kept
-// from an earlier run; photos are shrunk to max_image_side. Photos of a single colour are left out,
-// with a note. Fills the registration part of the report. FAILED_PRECONDITION (TOO_FEW_PHOTOS) if
-// fewer than kMinPhotos remain.
+// from an earlier run; photos of a wide fisheye that COLMAP solved become the views that
+// WithViewsOfWidePhotos makes of them; photos are shrunk to max_image_side. Photos of a single
+// colour are left out, with a note. Fills the registration part of the report. FAILED_PRECONDITION
+// (TOO_FEW_PHOTOS) if fewer than kMinPhotos remain.
 absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::string& colmap);
 
 }  // namespace litags

@@ -101,13 +101,17 @@ struct LensPhotos {
   std::vector<int> views;
 };
 
+bool IsWideFisheye(const Camera& camera, const Distortion& lens) {
+  return lens.fisheye && FisheyeReach(camera, lens) > kWidestPinhole;
+}
+
 std::vector<LensPhotos> PhotosByFisheye(const SparseModel& cameras) {
   std::vector<LensPhotos> lenses;
   std::map<std::vector<double>, size_t> index;
   for (size_t i = 0; i < cameras.views.size(); ++i) {
     const Camera& c = cameras.views[i].camera;
     const Distortion& d = cameras.distortions[i];
-    if (!d.fisheye || FisheyeReach(c, d) <= kWidestPinhole) continue;
+    if (!IsWideFisheye(c, d)) continue;
     const std::vector<double> key = {
         double(c.width), double(c.height), c.fx, c.fy, c.cx, c.cy, d.k1, d.k2, d.k3, d.k4};
     const auto [found, is_new] = index.emplace(key, lenses.size());
@@ -186,6 +190,13 @@ absl::StatusOr<WidePhotos> FindWidePhotos(const ReconstructInput& input,
   WidePhotos wide;
   LITAGS_ASSIGN_OR_RETURN(wide.photos, FindPanoramas(input, names, threads, cancel));
   return wide;
+}
+
+bool HasWideFisheye(const SparseModel& cameras) {
+  for (size_t i = 0; i < cameras.views.size(); ++i) {
+    if (IsWideFisheye(cameras.views[i].camera, cameras.distortions[i])) return true;
+  }
+  return false;
 }
 
 std::vector<std::string> DescribeWidePhotos(const std::vector<WidePhoto>& photos) {

@@ -1,4 +1,5 @@
-// Photos that see more than one pinhole picture can show: panoramas, and fisheyes of given cameras.
+// Photos that see more than one pinhole picture can show: panoramas, and fisheyes whose cameras are
+// known.
 #ifndef LITAGS_ENGINE_PIPELINE_WIDE_PHOTOS_H_
 #define LITAGS_ENGINE_PIPELINE_WIDE_PHOTOS_H_
 
@@ -36,6 +37,9 @@ struct WidePhotos {
 absl::StatusOr<WidePhotos> FindWidePhotos(const ReconstructInput& input,
                                           const std::vector<std::string>& names, int threads,
                                           const CancelToken& cancel);
+
+// Whether a fisheye among them sees farther than kWidestPinhole.
+bool HasWideFisheye(const SparseModel& cameras);
 
 // "2 photos are fisheyes, such as a.jpg: 5 views of each are the photos", a line for each kind.
 std::vector<std::string> DescribeWidePhotos(const std::vector<WidePhoto>& photos);

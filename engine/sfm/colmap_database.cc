@@ -235,8 +235,18 @@ absl::Status TakeVerifiedPairs(const std::vector<std::string>& from, const std::
   return absl::OkStatus();
 }
 
-absl::Status SetFocalLengths(const std::string& path,
-                             const std::vector<std::pair<std::string, double>>& focal_lengths) {
+namespace {
+
+// COLMAP's camera models. Parameters: focal length, principal point, then `coefficients`, 0 here.
+struct CameraModel {
+  int id;
+  size_t coefficients;
+};
+constexpr CameraModel kSimpleRadial = {2, 1}, kRadialFisheye = {9, 2};
+
+// `known`: not a guess, which COLMAP verifies matches by.
+absl::Status SetCameras(const std::string& path, const FocalLengths& focal_lengths,
+                        const CameraModel& model, bool known) {
   if (focal_lengths.empty()) return absl::OkStatus();
   Database db(path);
   LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READWRITE));
@@ -246,21 +256,36 @@ absl::Status SetFocalLengths(const std::string& path,
                           db.Prepare(absl::StrCat("SELECT width, height FROM cameras ", kWhere)));
   LITAGS_ASSIGN_OR_RETURN(
       const Statement set,
-      db.Prepare(absl::StrCat("UPDATE cameras SET params = ?2, prior_focal_length = 1 ", kWhere)));
+      db.Prepare(absl::StrCat(
+          "UPDATE cameras SET model = ?2, params = ?3, prior_focal_length = ?4 ", kWhere)));
   for (const auto& [name, focal_length] : focal_lengths) {
     sqlite3_bind_text(size.get(), 1, name.c_str(), -1, SQLITE_TRANSIENT);
     LITAGS_ASSIGN_OR_RETURN(const bool found, db.Step(size));
     if (found) {
-      const std::array<double, 4> params = {focal_length, sqlite3_column_int(size.get(), 0) / 2.0,
-                                            sqlite3_column_int(size.get(), 1) / 2.0, 0};
+      std::vector<double> params = {focal_length, sqlite3_column_int(size.get(), 0) / 2.0,
+                                    sqlite3_column_int(size.get(), 1) / 2.0};
+      params.resize(params.size() + model.coefficients);
       sqlite3_bind_text(set.get(), 1, name.c_str(), -1, SQLITE_TRANSIENT);
-      sqlite3_bind_blob(set.get(), 2, params.data(), sizeof(params), SQLITE_TRANSIENT);
+      sqlite3_bind_int(set.get(), 2, model.id);
+      sqlite3_bind_blob(set.get(), 3, params.data(),
+                        static_cast<int>(params.size() * sizeof(double)), SQLITE_TRANSIENT);
+      sqlite3_bind_int(set.get(), 4, known);
       LITAGS_RETURN_IF_ERROR(db.Step(set).status());
       sqlite3_reset(set.get());
     }
     sqlite3_reset(size.get());
   }
   return db.Execute("COMMIT");
+}
+
+}  // namespace
+
+absl::Status SetFocalLengths(const std::string& path, const FocalLengths& focal_lengths) {
+  return SetCameras(path, focal_lengths, kSimpleRadial, /*known=*/true);
+}
+
+absl::Status SetFisheyes(const std::string& path, const FocalLengths& focal_lengths) {
+  return SetCameras(path, focal_lengths, kRadialFisheye, /*known=*/false);
 }
 
 absl::Status NumberImages(const std::string& path, const std::vector<std::string>& names) {

@@ -72,10 +72,15 @@ absl::Status TakeVerifiedPairs(const std::vector<std::string>& from, const std::
 // COLMAP's own numbers tell the order in which its threads were done.
 absl::Status NumberImages(const std::string& path, const std::vector<std::string>& names);
 
-// Gives the camera of each named image this focal length, px of the image, without distortion, as
-// one that is known. Cameras are SIMPLE_RADIAL.
-absl::Status SetFocalLengths(const std::string& path,
-                             const std::vector<std::pair<std::string, double>>& focal_lengths);
+// Focal lengths of images by name, px of the image.
+using FocalLengths = std::vector<std::pair<std::string, double>>;
+
+// Gives the camera of each image this focal length, without distortion, as one that is known.
+// Cameras are SIMPLE_RADIAL.
+absl::Status SetFocalLengths(const std::string& path, const FocalLengths& focal_lengths);
+
+// Makes the camera of each image a RADIAL_FISHEYE, equidistant, of this focal length, as a guess.
+absl::Status SetFisheyes(const std::string& path, const FocalLengths& focal_lengths);
 
 // Takes the features of each image that has fewer than `least` out, so that COLMAP looks for them
 // again. The images' names.

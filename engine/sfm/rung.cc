@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
@@ -187,10 +188,10 @@ absl::StatusOr<Mapping> VerifyAndMap(const RungInput& in, const std::vector<Name
   return mapping;
 }
 
-// Focal lengths to start from instead of COLMAP's guess, px of the copies, by the copies' names.
+// Focal lengths of copies to start from instead of COLMAP's guess.
 struct Start {
   std::string source;
-  std::vector<std::pair<std::string, double>> focal_lengths;
+  FocalLengths focal_lengths;
 };
 
 // By how much focal lengths may differ to be the same: EXIF rounds to mm, of the diagonal or the
@@ -240,17 +241,70 @@ bool IsBetter(const Mapping& a, const Mapping& b) {
   return a.sightings() > b.sightings() && a.error() <= b.error();
 }
 
-// Maps again from there, and keeps the better result.
+// Maps again from what the database has now. Null if that is not better.
+absl::StatusOr<std::optional<Mapping>> MapAgain(const RungInput& in,
+                                                const std::vector<NamePair>& pairs,
+                                                const char* models, const Mapping& mapping,
+                                                Colmap& colmap, SfmRung& rung) {
+  LITAGS_RETURN_IF_ERROR(ForgetVerifiedPairs(colmap.database_path()));
+  LITAGS_ASSIGN_OR_RETURN(Mapping other, VerifyAndMap(in, pairs, models, colmap, rung));
+  if (!IsBetter(other, mapping)) return std::nullopt;
+  return other;
+}
+
 absl::Status TryStart(const RungInput& in, const std::vector<NamePair>& pairs, const Start& start,
                       Colmap& colmap, RungOutput& out, Mapping& mapping) {
   LITAGS_RETURN_IF_ERROR(SetFocalLengths(colmap.database_path(), start.focal_lengths));
-  LITAGS_RETURN_IF_ERROR(ForgetVerifiedPairs(colmap.database_path()));
-  LITAGS_ASSIGN_OR_RETURN(Mapping other, VerifyAndMap(in, pairs, "models_again", colmap, out.rung));
-  if (!IsBetter(other, mapping)) return absl::OkStatus();
-  out.note = absl::StrCat("the focal length ", start.source, " was the start: ", other.placed(),
-                          " photos were placed, which see points ", other.sightings(),
-                          " times; without it ", mapping.placed(), ", and ", mapping.sightings());
-  mapping = std::move(other);
+  LITAGS_ASSIGN_OR_RETURN(std::optional<Mapping> other,
+                          MapAgain(in, pairs, "models_again", mapping, colmap, out.rung));
+  if (!other.has_value()) return absl::OkStatus();
+  out.notes.push_back(
+      absl::StrCat("the focal length ", start.source, " was the start: ", other->placed(),
+                   " photos were placed, which see points ", other->sightings(),
+                   " times; without it ", mapping.placed(), ", and ", mapping.sightings()));
+  mapping = *std::move(other);
+  return absl::OkStatus();
+}
+
+// How much nearer to the middle than without distortion a lens shows the corners of a photo, to
+// first order.
+double DrawnIn(const Camera& camera, const Distortion& lens) {
+  const double x = 0.5 * camera.width / camera.fx, y = 0.5 * camera.height / camera.fy;
+  return -lens.k1 * (x * x + y * y);
+}
+
+// Focal lengths of copies whose lens may be a fisheye. Handbooks give plain lenses up to 5 % of
+// distortion; an equidistant fisheye of 60 degrees from corner to corner has 9 %, one of 90
+// degrees 21 %.
+FocalLengths LikelyFisheyes(const RungInput& in, const Mapping& mapping) {
+  constexpr double kFisheye = 0.1;
+  FocalLengths likely;
+  if (mapping.models.empty()) return likely;
+  const SparseModel& model = mapping.models[0];
+  std::map<std::string, size_t> view_of;
+  for (size_t i = 0; i < model.views.size(); ++i) view_of[model.views[i].name] = i;
+  for (const PhotoFile& photo : in.photos) {
+    const auto view = view_of.find(photo.name);
+    if (view == view_of.end() || photo.copy_focal_length > 0) continue;
+    const Camera& camera = model.views[view->second].camera;
+    if (DrawnIn(camera, model.distortions[view->second]) < kFisheye) continue;
+    likely.emplace_back(photo.copy_name, camera.fx * photo.copy_width / photo.shown.width);
+  }
+  return likely;
+}
+
+absl::Status TryFisheyes(const RungInput& in, const std::vector<NamePair>& pairs,
+                         const FocalLengths& likely, Colmap& colmap, RungOutput& out,
+                         Mapping& mapping) {
+  LITAGS_RETURN_IF_ERROR(SetFisheyes(colmap.database_path(), likely));
+  LITAGS_ASSIGN_OR_RETURN(std::optional<Mapping> other,
+                          MapAgain(in, pairs, "models_fisheye", mapping, colmap, out.rung));
+  if (!other.has_value()) return absl::OkStatus();
+  out.notes.push_back(absl::StrFormat(
+      "the lens is a fisheye: %d photos were placed, which see points within %.2f px; as those of "
+      "a plain lens %d, and within %.2f px",
+      other->placed(), other->error(), mapping.placed(), mapping.error()));
+  mapping = *std::move(other);
   return absl::OkStatus();
 }
 
@@ -269,6 +323,9 @@ absl::StatusOr<RungOutput> MapPhotos(const RungInput& in) {
   LITAGS_ASSIGN_OR_RETURN(Mapping mapping, VerifyAndMap(in, pairs, "models", colmap, out.rung));
   if (const std::optional<Start> start = SecondStart(in, mapping)) {
     LITAGS_RETURN_IF_ERROR(TryStart(in, pairs, *start, colmap, out, mapping));
+  }
+  if (const FocalLengths likely = LikelyFisheyes(in, mapping); !likely.empty()) {
+    LITAGS_RETURN_IF_ERROR(TryFisheyes(in, pairs, likely, colmap, out, mapping));
   }
   LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(colmap.database_path()));
   LITAGS_ASSIGN_OR_RETURN(out.photos, PhotoFacts(in, images, mapping.pairs));

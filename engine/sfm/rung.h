@@ -27,14 +27,15 @@ struct RungInput {
 
 struct RungOutput {
   SfmRung rung;
-  SparseModel model;             // of the photos, not of the copies; no views if none came out
-  std::vector<SfmPhoto> photos;  // every photo, in the order of RungInput::photos
-  std::string note;              // what the user should know; or empty
+  SparseModel model;               // of the photos, not of the copies; no views if none came out
+  std::vector<SfmPhoto> photos;    // every photo, in the order of RungInput::photos
+  std::vector<std::string> notes;  // what the user should know
 };
 
 // Cameras and points from nothing. Where that leaves photos out, or finds another focal length than
-// EXIF says, it starts a second time from EXIF's, and keeps what has more photos, else what
-// has more sightings of points and no larger error.
+// EXIF says, it starts a second time from EXIF's; where a lens draws the photos' corners in as
+// fisheyes do, it starts again with a fisheye. Kept is what has more photos, else what has more
+// sightings of points and no larger error.
 absl::StatusOr<RungOutput> MapPhotos(const RungInput& input);
 
 // Points for known cameras. `cameras.views[i]` is the camera of input.photos[i].

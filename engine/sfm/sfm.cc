@@ -132,7 +132,7 @@ absl::StatusOr<SfmResult> Climb(const Capture& capture, TryRung try_rung,
   }
   result.model = std::move(best->model);
   result.photos = std::move(best->photos);
-  if (!best->note.empty()) result.notes.push_back(std::move(best->note));
+  result.notes = std::move(best->notes);
   result.preparation = best->rung.preparation;
   result.exposure = capture.exposure;
   result.mean_level = capture.light.mean_level;
@@ -172,7 +172,7 @@ void SettleCameras(const std::vector<PhotoFile>& photos, SfmResult& result) {
     Distortion& distortion = result.model.distortions[i];
     const double shift = LargestShift(result.model.views[i].camera, distortion);
     if (shift <= kSeen) distortion = Distortion();
-    if (shift > kSeen) largest = std::max(largest, shift);
+    if (!distortion.IsZero() && !distortion.fisheye) largest = std::max(largest, shift);
   }
   if (largest == 0) return;
   result.notes.push_back(absl::StrFormat(

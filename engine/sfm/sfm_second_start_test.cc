@@ -1,4 +1,4 @@
-// What is found from another focal length than COLMAP's guess.
+// What is found from another focal length than COLMAP's guess, and with another lens.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -63,6 +63,52 @@ TEST_F(SfmSecondStart, IsNoneWhereAllIsPlaced) {
   const auto result = Find();
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_THAT(result->model.points, SizeIs(7));
+  EXPECT_EQ(Mappings(), 1);
+}
+
+// Mappings of a plain lens and of a fisheye: models 0 and 8.
+class SfmFisheye : public SfmSecondStart {
+ protected:
+  SfmFisheye() { colmap_.On("mapper", "case $out in *models_fisheye) rung=8 ;; esac"); }
+
+  // Copies of 64x48 px at 50 px: corners are 0.8 from the middle.
+  static SparseModel WithLens(const Distortion& lens, int points, double error) {
+    SparseModel model = Model({0, 1, 2, 3, 4, 5}, points);
+    for (Distortion& d : model.distortions) d = lens;
+    for (SparsePoint& point : model.points) point.error = error;
+    return model;
+  }
+};
+
+TEST_F(SfmFisheye, IsTriedWhereCornersAreDrawnIn) {
+  colmap_.AddModel(0, 0, WithLens({.k1 = -0.2}, 7, 1.1));
+  colmap_.AddModel(8, 0, WithLens({.k1 = -0.03, .fisheye = true}, 8, 0.2));
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_TRUE(result->model.distortions[0].fisheye);
+  EXPECT_THAT(result->notes, Contains("the lens is a fisheye: 6 photos were placed, which see "
+                                      "points within 0.20 px; as those of a plain lens 6, and "
+                                      "within 1.10 px"));
+  EXPECT_THAT(result->notes, Not(Contains(HasSubstr("is taken out"))));
+  EXPECT_EQ(Mappings(), 2);
+}
+
+TEST_F(SfmFisheye, IsNotTakenWherePointsFitItWorse) {
+  colmap_.AddModel(0, 0, WithLens({.k1 = -0.2}, 7, 0.2));
+  colmap_.AddModel(8, 0, WithLens({.k1 = -0.03, .fisheye = true}, 8, 0.3));
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_FALSE(result->model.distortions[0].fisheye);
+  EXPECT_THAT(result->notes, Contains(HasSubstr("is taken out")));
+  EXPECT_EQ(Mappings(), 2);
+}
+
+TEST_F(SfmFisheye, IsNotTriedWithAPlainLens) {
+  colmap_.AddModel(0, 0, WithLens({.k1 = -0.1}, 7, 0.5));
+  colmap_.AddModel(8, 0, WithLens({.fisheye = true}, 8, 0.2));
+  const auto result = Find();
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_FALSE(result->model.distortions[0].fisheye);
   EXPECT_EQ(Mappings(), 1);
 }
 
