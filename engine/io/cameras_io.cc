@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/core/limits.h"
+#include "engine/io/bundler_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
@@ -41,7 +42,6 @@ std::string_view OtherProgramOf(std::string_view text) {
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
   if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
   const std::string_view line = text.substr(0, text.find('\n'));
-  if (line.starts_with("# Bundle file")) return "Bundler";
   if (line.starts_with("NVM_V")) return "VisualSFM";
   if (line.starts_with("#name,")) return "RealityScan (RealityCapture), as CSV,";
   return "";
@@ -78,6 +78,7 @@ absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view
                                      " are not read; export them as a COLMAP model, or as "
                                      "transforms.json"));
   }
+  if (IsBundler(text)) return ParseBundler(text, field, sizes);
   if (IsXml(text)) return ParseMetashape(text, field, panoramas);
   if (IsOpenMvg(text)) return ParseOpenMvg(text, field, panoramas);
   if (IsMeshroom(text)) return ParseMeshroom(text, field);
@@ -93,7 +94,13 @@ absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_vie
                                         const PhotoSizes& sizes, PanoramaNames* panoramas) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored)) return ReadColmapModel(path, field);
-  LITAGS_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, field, kMaxCamerasBytes));
+  LITAGS_ASSIGN_OR_RETURN(std::string text, ReadFile(path, field, kMaxCamerasBytes));
+  if (IsBundler(text)) {
+    if (const std::string list = BundlerListOf(path); !list.empty()) {
+      LITAGS_ASSIGN_OR_RETURN(const std::string names, ReadFile(list, field, kMaxCamerasBytes));
+      absl::StrAppend(&text, "\n", names);
+    }
+  }
   return ParseCameras(text, field, sizes, panoramas);
 }
 

@@ -15,8 +15,9 @@ namespace litags {
 // inside its folder sparse, which has most images, else its transforms.json; else `path` itself.
 std::string ResolveCameras(const std::string& path);
 
-// Cameras of any program that is known, told by the text: transforms.json, OpenMVG's, Meshroom's
-// and Metashape's. UNSUPPORTED_CAMERA_FILE names other programs; else the errors of those readers.
+// Cameras of any program that is known, told by the text: transforms.json, OpenMVG's, Meshroom's,
+// Metashape's and Bundler's with its list of photos. UNSUPPORTED_CAMERA_FILE names other programs;
+// else the errors of those readers.
 absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view field,
                                          const PhotoSizes& sizes,
                                          PanoramaNames* panoramas = nullptr);
@@ -24,7 +25,8 @@ absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view
 // Whether ParseCameras would take it, with panoramas, whatever the photos' sizes are.
 absl::Status CheckCameras(std::string_view text, std::string_view field);
 
-// A file for ParseCameras or the folder of a COLMAP model, whichever `path` is.
+// A file for ParseCameras or the folder of a COLMAP model, whichever `path` is. Bundler's list of
+// photos is read from beside it.
 absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
                                         const PhotoSizes& sizes,
                                         PanoramaNames* panoramas = nullptr);

@@ -219,6 +219,9 @@ void AddOtherCameras(const Corpus& corpus) {
 "type": "radial3", "distortionParams": ["0.1", "0.02", "0.003"]}], "poses": [{"poseId": "1", "pose":
 {"transform": {"rotation": ["1", "0", "0", "0", "1", "0", "0", "0", "1"], "center": ["0", "0",
 "0"]}}}]})");
+  corpus.Add("transforms", "bundle.out",
+             "# Bundle file v0.3\n1 1\n50 -0.1 0\n1 0 0\n0 -1 0\n0 0 -1\n0 0 0\n1 2 3\n9 9 9\n"
+             "1 0 7 1.5 -2\n\na.jpg\n");
   corpus.Add("transforms", "metashape.xml", R"(<?xml version="1.0"?><document><chunk><sensors>
 <sensor id="0" type="frame"><calibration type="frame" class="adjusted"><resolution width="64"
 height="48"/><f>50</f><cx>1</cx><cy>2</cy><k1>0.1</k1><p1>0.01</p1></calibration></sensor></sensors>

@@ -116,6 +116,20 @@ class Package(harness.ServiceTest):
         with self.assertRaisesRegex(ValueError, "holds no photos"):
             client.submit(tempfile.mkdtemp(dir=self.folder))
 
+    def test_bundlers_cameras_take_their_list_of_photos_along(self):
+        folder = pathlib.Path(self.photos())
+        cameras = pathlib.Path(self.folder, "bundle.out")
+        cameras.write_text("# Bundle file v0.3\n1 0\n60 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n")
+        client = self.client()
+        with self.assertRaises(litags.LitagsError) as caught:
+            client.submit(folder, cameras=cameras)
+        self.assertEqual(caught.exception.reason, "BAD_BUNDLE")
+        cameras.with_name("list.txt").write_text("a.png\n")
+        job = client.submit(folder, cameras=cameras, options={"iterations": 10})
+        sizes = {file.name: file.size_bytes for file in self.jobs.ListFiles(
+            harness.rpc.ListFilesRequest(name=job)).files}
+        self.assertEqual(sizes["bundle.out"], cameras.stat().st_size + len("\na.png\n"))
+
     def test_an_archive_with_masks_and_a_video(self):
         folder = self.photos()
         masks = pathlib.Path(self.folder, "covers")

@@ -279,6 +279,19 @@ class Archives(harness.ServiceTest):
         _, err = self.litags("submit", self.photos(), "--cameras", path, exit_code=2)
         self.assertRegex(err, r"cameras\[cameras.xml\]: line 5: (?s:.*)BAD_XML")
 
+    def test_known_cameras_may_be_bundlers_with_its_list_of_photos(self):
+        path = os.path.join(self.folder, "room.bundle.out")
+        with open(path, "w") as file:
+            file.write("# Bundle file v0.3\n1 0\n60 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n")
+        _, err = self.litags("submit", self.photos(), "--cameras", path, exit_code=2)
+        self.assertRegex(err, "BAD_BUNDLE")
+        with open(os.path.join(self.folder, "room.list.txt"), "w") as file:
+            file.write("photo_00.png\n")
+        out, _ = self.litags("submit", self.photos(), "--cameras", path, "--iterations", "10",
+                             "--watch")
+        job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
+        self.assertEqual(job.report.sfm_preparation, "given")
+
     def test_text_models_in_archives_are_known_by_their_folder(self):
         model = [(f"night/sparse/0/{name}.txt", b"as COLMAP wrote it")
                  for name in ("cameras", "images", "points3D")]

@@ -20,7 +20,8 @@ inline constexpr std::array<std::string_view, 10> kVideoEndings = {
     ".mp4", ".mov", ".m4v", ".3gp", ".mkv", ".webm", ".avi", ".mts", ".m2ts", ".ts"};
 inline constexpr std::array<std::string_view, 3> kDepthEndings = {".png", ".pfm", ".npy"};
 inline constexpr std::array<std::string_view, 1> kMaskEndings = {".png"};
-inline constexpr std::array<std::string_view, 3> kCamerasEndings = {".json", ".sfm", ".xml"};
+inline constexpr std::array<std::string_view, 4> kCamerasEndings = {".json", ".sfm", ".xml",
+                                                                    ".out"};
 inline constexpr std::array<std::string_view, 2> kColmapEndings = {".bin", ".txt"};
 inline constexpr std::array<std::string_view, 4> kArchiveEndings = {".zip", ".tar", ".tar.gz",
                                                                     ".tgz"};

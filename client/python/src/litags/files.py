@@ -24,17 +24,19 @@ class File:
     role: rpc.FileRole
     size: int
     sha256: bytes
+    tail: bytes = b""  # goes up after the bytes at path
 
     @classmethod
-    def read(cls, path: pathlib.Path, role: rpc.FileRole) -> "File":
+    def read(cls, path: pathlib.Path, role: rpc.FileRole, tail: bytes = b"") -> "File":
         try:
             path.name.encode()
         except UnicodeEncodeError:
             raise ValueError(f"{os.fsencode(path)!r}: the file's name is not UTF-8; "
                              "rename it") from None
         with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").digest()
-        return cls(path, role, path.stat().st_size, digest)
+            digest = hashlib.file_digest(file, "sha256")
+        digest.update(tail)
+        return cls(path, role, path.stat().st_size + len(tail), digest.digest(), tail)
 
     def header(self, offset: int = 0) -> rpc.FileHeader:
         return rpc.FileHeader(name=self.path.name, role=self.role, size_bytes=self.size,
@@ -66,10 +68,22 @@ def find_cameras(cameras: Path) -> list[File]:
     """A transforms.json, or the three files of a COLMAP model in a folder."""
     path = pathlib.Path(cameras)
     if not path.is_dir():
-        return [File.read(path, rpc.FILE_ROLE_CAMERAS)]
+        return [File.read(path, rpc.FILE_ROLE_CAMERAS, _bundler_list(path))]
     ending = ".bin" if (path / "cameras.bin").exists() else ".txt"
     return [File.read(path / f"{stem}{ending}", rpc.FILE_ROLE_COLMAP)
             for stem in ("cameras", "images", "points3D")]
+
+
+def _bundler_list(cameras: pathlib.Path) -> bytes:
+    """The photos' names, which Bundler keeps beside bundle.out: the service takes both as one."""
+    with cameras.open("rb") as file:
+        if b"# Bundle file" not in file.readline(100):
+            return b""
+    stem = cameras.name.removesuffix(".out").removesuffix(".bundle")
+    for path in (cameras.with_name(f"{stem}.list.txt"), cameras.with_name("list.txt")):
+        if path.is_file():
+            return b"\n" + path.read_bytes()
+    return b""
 
 
 def _files_of(folder: pathlib.Path, endings: Container[str]) -> list[pathlib.Path]:
@@ -83,9 +97,12 @@ def upload_messages(job: str, files: Sequence[File],
     yield rpc.UploadImagesRequest(name=job)
     for file, offset in zip(files, offsets, strict=True):
         yield rpc.UploadImagesRequest(file=file.header(offset))
+        on_disk = file.size - len(file.tail)
         with file.path.open("rb") as source:
             source.seek(offset)
             while chunk := source.read(CHUNK_BYTES):
                 yield rpc.UploadImagesRequest(chunk=chunk)
+        if tail := file.tail[max(0, offset - on_disk):]:
+            yield rpc.UploadImagesRequest(chunk=tail)
     # Without its end a stream that was cut short looks whole.
     yield rpc.UploadImagesRequest(end=rpc.UploadEnd(files=len(files)))

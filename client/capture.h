@@ -1,0 +1,46 @@
+// A capture on this machine: which files there are, and what each is for.
+#ifndef LITAGS_CLIENT_CAPTURE_H_
+#define LITAGS_CLIENT_CAPTURE_H_
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "client/client.h"
+
+namespace litags::client {
+
+// A file to send. Only its name, never its folder, goes over the wire.
+struct LocalFile {
+  std::string path;
+  std::string name;  // last component of path
+  v1::FileRole role = v1::FILE_ROLE_PHOTO;
+  std::string tail;        // bytes that go up after those at path
+  int64_t size_bytes = 0;  // of both
+  std::string sha256;      // 32 bytes; empty until computed
+};
+
+struct Capture {
+  std::vector<LocalFile> files;      // by role, then name
+  std::vector<std::string> skipped;  // names in the folders that are of no use there
+  int64_t bytes = 0;                 // of all files
+  std::vector<std::string> notes;    // what the user should know of the choice
+  std::string masks_dir;             // where masks come from; empty: there are none
+};
+
+// The photos of a folder (not of its subfolders; hidden files do not count) or a ZIP or TAR archive
+// of one, or a video, and, where the paths are not empty, cameras (a file, a bundle.out with its
+// list of photos, or the folder of a COLMAP model or of several, of which the largest is taken), a
+// folder of depth maps and one of masks; without one, the photos' subfolder "masks", if there is
+// one. INVALID_ARGUMENT: FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, FILE_UNREADABLE.
+absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
+                                    const std::string& depth_dir, const std::string& masks_dir);
+
+// SHA-256 of a file and what goes up behind it, 32 bytes. INVALID_ARGUMENT (FILE_UNREADABLE).
+absl::StatusOr<std::string> FileSha256(const std::string& path, absl::string_view tail = "");
+
+}  // namespace litags::client
+
+#endif  // LITAGS_CLIENT_CAPTURE_H_
