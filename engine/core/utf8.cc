@@ -40,6 +40,12 @@ bool HoldsControl(std::string_view text) {
   return false;
 }
 
+std::string_view WithoutByteOrderMark(std::string_view text) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (text.starts_with(kMark)) text.remove_prefix(kMark.size());
+  return text;
+}
+
 std::string Utf8Prefix(std::string_view text, size_t max_bytes) {
   std::string out;
   while (!text.empty()) {

@@ -18,6 +18,9 @@ size_t Utf8Length(std::string_view s);
 size_t ControlLength(std::string_view s);
 bool HoldsControl(std::string_view text);
 
+// Without the byte order mark that Windows' editors write first.
+std::string_view WithoutByteOrderMark(std::string_view text);
+
 // The start of `text`, of at most `max_bytes`, as valid UTF-8: whole characters only, and U+FFFD
 // for each byte that belongs to none.
 std::string Utf8Prefix(std::string_view text, size_t max_bytes);

@@ -10,6 +10,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "engine/core/utf8.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/model_util.h"
@@ -21,11 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kFirstLine = "# Bundle file";
 constexpr double kMostCameras = 1e6, kMostPoints = 1e9;  // of a file of 16 MiB there are fewer
-
-std::string_view WithoutMark(std::string_view text) {
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  return text;
-}
 
 // Numbers with blanks and line breaks between them.
 class NumberReader {
@@ -110,7 +106,7 @@ absl::StatusOr<LoadedView> ToView(const BundleCamera& from, const std::string& n
 
 }  // namespace
 
-bool IsBundler(std::string_view text) { return WithoutMark(text).starts_with(kFirstLine); }
+bool IsBundler(std::string_view text) { return WithoutByteOrderMark(text).starts_with(kFirstLine); }
 
 absl::StatusOr<SparseModel> ParseBundler(std::string_view text, std::string_view field,
                                          const PhotoSizes& sizes) {
@@ -118,7 +114,7 @@ absl::StatusOr<SparseModel> ParseBundler(std::string_view text, std::string_view
     return InvalidField("BAD_BUNDLE", field,
                         absl::StrCat("it is no whole bundle.out: ", Absl(what)));
   };
-  text = WithoutMark(text);
+  text = WithoutByteOrderMark(text);
   NumberReader numbers(text.substr(std::min(text.find('\n'), text.size())));
   std::array<double, 2> counts = {};  // of cameras and points
   if (!numbers.Read(counts) || !(counts[0] >= 0 && counts[0] <= kMostCameras) ||

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/core/limits.h"
+#include "engine/core/utf8.h"
 #include "engine/io/bundler_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
@@ -39,8 +40,7 @@ std::vector<fs::path> ModelsIn(const fs::path& dir) {
 
 // Whose file this is that is not read, by its first line; empty: nobody's that is known.
 std::string_view OtherProgramOf(std::string_view text) {
-  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
+  text = WithoutByteOrderMark(text);
   const std::string_view line = text.substr(0, text.find('\n'));
   if (line.starts_with("NVM_V")) return "VisualSFM";
   if (line.starts_with("#name,")) return "RealityScan (RealityCapture), as CSV,";

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <system_error>
 
+#include "engine/core/utf8.h"
 #include "engine/io/byte_reader.h"
 #include "engine/io/io_error.h"
 
@@ -32,10 +33,8 @@ std::string_view Trimmed(std::string_view text) {
 // Lines of a file, trimmed, and where they stand.
 class LineReader {
  public:
-  LineReader(std::string_view text, std::string field) : rest_(text), field_(std::move(field)) {
-    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";  // Windows' editors write it
-    if (rest_.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
-  }
+  LineReader(std::string_view text, std::string field)
+      : rest_(WithoutByteOrderMark(text)), field_(std::move(field)) {}
 
   // The next line without going to it; empty at the end.
   std::string_view Peek() const { return Trimmed(rest_.substr(0, rest_.find('\n'))); }

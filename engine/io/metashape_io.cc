@@ -15,6 +15,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_split.h"
+#include "engine/core/utf8.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/model_util.h"
@@ -297,7 +298,7 @@ std::string LargestComponent(const std::vector<PlacedCamera>& cameras) {
 }  // namespace
 
 bool IsXml(std::string_view text) {
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  text = WithoutByteOrderMark(text);
   const size_t at = text.find_first_not_of(" \t\r\n");
   return at != std::string_view::npos && text[at] == '<';
 }
