@@ -154,7 +154,8 @@ void AppendBundlerList(LocalFile* cameras) {
 
 // "17 pictures are of a kind that is not read, 0001.webp for one: convert them to JPEG or PNG".
 std::string DescribeOtherPictures(const std::vector<std::string>& names) {
-  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".jp2", ".psd", ".crw"};
+  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".jp2", ".pgm",
+                                         ".ppm", ".psd", ".tga", ".crw", ".3fr", ".x3f"};
   std::vector<std::string> others;
   for (const std::string& name : names) {
     if (HasEnding(name, v1::kVideoEndings)) return absl::StrCat("give the video itself: ", name);

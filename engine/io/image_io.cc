@@ -96,8 +96,8 @@ std::string JoinedEndings() {
 bool IsPhotoName(const std::string& name) { return EndsWithOneOf(PhotoEndings(), name); }
 
 bool IsOtherPictureName(const std::string& name) {
-  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".psd",
-                                         ".tga", ".jp2", ".3fr", ".x3f"};
+  constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".jp2", ".pgm",
+                                         ".ppm", ".psd", ".tga", ".crw", ".3fr", ".x3f"};
   return EndsWithOneOf(kOther, name);
 }
 

@@ -10,9 +10,10 @@ constexpr const PhotoFormat* kFormats[] = {&kJpegFormat, &kPngFormat,  &kRawForm
                                            &kWebpFormat, &kHeifFormat, &kJxlFormat};
 
 // How names end, lower case.
-constexpr std::string_view kEndings[] = {
-    ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".heic", ".heif", ".hif", ".avif", ".jxl",
-    ".dng", ".nef",  ".nrw", ".cr2", ".cr3",  ".arw",  ".raf",  ".orf",  ".rw2", ".pef",  ".srw"};
+constexpr std::string_view kEndings[] = {".jpg",  ".jpeg", ".jpe",  ".jfif", ".png", ".tif",
+                                         ".tiff", ".webp", ".heic", ".heif", ".hif", ".avif",
+                                         ".jxl",  ".dng",  ".nef",  ".nrw",  ".cr2", ".cr3",
+                                         ".arw",  ".raf",  ".orf",  ".rw2",  ".pef", ".srw"};
 
 }  // namespace
 

@@ -2,8 +2,10 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <iterator>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -15,9 +17,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// See engine/pipeline/README.md: what finding cameras works with, and the end of a file's name
-// while it is written.
-constexpr char kWorkspace[] = "sfm";
+// See engine/pipeline/README.md: what finding cameras works with, what is cut out of wide photos
+// anew by every run, and the end of a file's name while it is written.
+constexpr std::string_view kPassing[] = {"sfm", "wide_views"};
 constexpr std::string_view kUnfinished = "tmp";
 
 void AddFiles(const fs::path& folder, const std::string& prefix, std::vector<std::string>* files) {
@@ -26,7 +28,8 @@ void AddFiles(const fs::path& folder, const std::string& prefix, std::vector<std
     const std::string name = it->path().filename();
     std::error_code gone;
     if (it->is_directory(gone)) {
-      if (prefix.empty() && name != kWorkspace) AddFiles(it->path(), name + "/", files);
+      const bool passing = std::ranges::find(kPassing, name) != std::end(kPassing);
+      if (prefix.empty() && !passing) AddFiles(it->path(), name + "/", files);
     } else if (!name.ends_with(kUnfinished) && it->is_regular_file(gone)) {
       files->push_back(prefix + name);
     }

@@ -37,7 +37,8 @@ inline constexpr char kSceneFile[] = "scene.litags";
 inline constexpr char kFinishedScene[] = "finished/scene.litags";
 
 // Paths of the files in a work folder that a later run wants: all that lie in it and in its
-// folders, but for the workspace of finding cameras and for files that are being written.
+// folders, but for the workspace of finding cameras, views cut out of wide photos, and files that
+// are being written.
 std::vector<std::string> FilesWorthKeeping(const std::string& work_folder);
 
 // Stores the file at `path`, which may be replaced meanwhile, but not written to: as it was at one

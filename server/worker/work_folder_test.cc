@@ -84,6 +84,7 @@ TEST_F(WorkFolderTest, NextLeaseFindsWhatTheEngineLeft) {
   Write(*first, "checkpoint", "c1");
   Write(*first, "cameras/images.bin", "i");
   Write(*first, "sfm/database.db", "of no use later");
+  Write(*first, "wide_views/0_front.png", "cut anew by every run");
   Write(*first, "half.litags-tmp", "being written");
   EXPECT_TRUE(*first->Store());
   EXPECT_FALSE(*first->Store());

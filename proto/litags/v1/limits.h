@@ -13,9 +13,10 @@ inline constexpr size_t kMaxChunkBytes = size_t{1} << 20;  // of an upload
 inline constexpr int kMaxQueryFiles = 1000;                // QueryUploadRequest.files
 
 // How names of files end, lower case, by FileRole.
-inline constexpr std::array<std::string_view, 22> kPhotoEndings = {
-    ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".heic", ".heif", ".hif", ".avif", ".jxl",
-    ".dng", ".nef",  ".nrw", ".cr2", ".cr3",  ".arw",  ".raf",  ".orf",  ".rw2", ".pef",  ".srw"};
+inline constexpr std::array<std::string_view, 24> kPhotoEndings = {
+    ".jpg",  ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff", ".webp",
+    ".heic", ".heif", ".hif", ".avif", ".jxl", ".dng", ".nef",  ".nrw",
+    ".cr2",  ".cr3",  ".arw", ".raf",  ".orf", ".rw2", ".pef",  ".srw"};
 inline constexpr std::array<std::string_view, 10> kVideoEndings = {
     ".mp4", ".mov", ".m4v", ".3gp", ".mkv", ".webm", ".avi", ".mts", ".m2ts", ".ts"};
 inline constexpr std::array<std::string_view, 3> kDepthEndings = {".png", ".pfm", ".npy"};

@@ -11,7 +11,7 @@ from litags.v1 import reconstruction_service_pb2 as rpc
 Path = str | os.PathLike[str]
 
 PHOTO_ENDINGS = frozenset(
-    ".jpg .jpeg .png .tif .tiff .webp .heic .heif .hif .avif .jxl .dng .nef .nrw .cr2 .cr3 .arw "
+    ".jpg .jpeg .jpe .jfif .png .tif .tiff .webp .heic .heif .hif .avif .jxl .dng .nef .nrw .cr2 .cr3 .arw "
     ".raf .orf .rw2 .pef .srw".split())
 VIDEO_ENDINGS = frozenset(".mp4 .mov .m4v .3gp .mkv .webm .avi .mts .m2ts .ts".split())
 ARCHIVE_ENDINGS = (".zip", ".tar", ".tar.gz", ".tgz")

@@ -9,7 +9,7 @@ export interface Chosen {
   role: string;
 }
 
-const kPhoto = /\.(jpe?g|png|tiff?|webp|heic|heif|hif|avif|jxl|dng|nef|nrw|cr2|cr3|arw|raf|orf|rw2|pef|srw)$/i;
+const kPhoto = /\.(jpe?g|jpe|jfif|png|tiff?|webp|heic|heif|hif|avif|jxl|dng|nef|nrw|cr2|cr3|arw|raf|orf|rw2|pef|srw)$/i;
 const kVideo = /\.(mp4|mov|m4v|3gp|mkv|webm|avi|mts|m2ts|ts)$/i;
 const kArchive = /\.(zip|tar|tar\.gz|tgz)$/i;
 
