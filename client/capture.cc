@@ -98,7 +98,7 @@ uint64_t ImagesOf(const fs::path& dir) {
 }
 
 // What is meant by a folder: as the engine's ResolveCameras, it itself, the largest of the models
-// inside or inside its folder sparse, or its transforms.json.
+// inside or inside its folder sparse, or a file of cameras.
 fs::path ResolveCameras(const fs::path& path) {
   std::error_code ignored;
   if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
@@ -113,8 +113,11 @@ fs::path ResolveCameras(const fs::path& path) {
       models.begin(), models.end(),
       [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });
   if (largest != models.end()) return *largest;
-  const fs::path json = path / "transforms.json";
-  return fs::is_regular_file(json, ignored) ? json : path;
+  for (const char* name :
+       {"transforms.json", "sfm_data.json", "cameras.sfm", "cameras.xml", "bundle.out"}) {
+    if (fs::is_regular_file(path / name, ignored)) return path / name;
+  }
+  return path;
 }
 
 // The files of a COLMAP model, in text form if there is no binary one; it may have no points.

@@ -402,6 +402,20 @@ TEST_F(ClientTest, ScanningTakesTheLargestModelOfAFolder) {
   EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("m/sparse/1")));
 }
 
+TEST_F(ClientTest, ScanningTakesTheListOfABundlerFileAlong) {
+  Write("a.jpg", "x");
+  Write("b/bundle.out", "# Bundle file v0.3\n1 0\n");
+  Write("b/list.txt", "a.jpg\n");
+  for (const char* cameras : {"b", "b/bundle.out"}) {
+    const auto capture = ScanCapture(dir_.string(), (dir_ / cameras).string(), "", "");
+    ASSERT_TRUE(capture.ok()) << capture.status();
+    ASSERT_EQ(capture->files.size(), 2u);
+    EXPECT_EQ(capture->files[1].name, "bundle.out");
+    EXPECT_EQ(capture->files[1].tail, "\na.jpg\n");
+    EXPECT_EQ(capture->files[1].size_bytes, 23 + 7);
+  }
+}
+
 TEST_F(ClientTest, ScanningSaysWhatPicturesThereAreInstead) {
   Write("1.bmp", "x");
   Write("2.EXR", "x");

@@ -66,8 +66,13 @@ std::string ResolveCameras(const std::string& path) {
     most = views;
   }
   if (!best.empty()) return best;
-  const fs::path json = fs::path(path) / "transforms.json";
-  return fs::is_regular_file(json, ignored) ? json.string() : path;
+  // As their programs name them.
+  for (const char* name :
+       {"transforms.json", "sfm_data.json", "cameras.sfm", "cameras.xml", "bundle.out"}) {
+    const fs::path file = fs::path(path) / name;
+    if (fs::is_regular_file(file, ignored)) return file;
+  }
+  return path;
 }
 
 absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view field,

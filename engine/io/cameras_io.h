@@ -12,7 +12,8 @@
 namespace litags {
 
 // What to read for `path`. For a folder without a COLMAP model: that of the models inside, or
-// inside its folder sparse, which has most images, else its transforms.json; else `path` itself.
+// inside its folder sparse, which has most images, else its transforms.json, or the file of another
+// program by the name that this gives it; else `path` itself.
 std::string ResolveCameras(const std::string& path);
 
 // Cameras of any program that is known, told by the text: transforms.json, OpenMVG's, Meshroom's,

@@ -46,12 +46,15 @@ TEST(ResolveCameras, TakesTheLargestModelOfAFolder) {
   EXPECT_EQ(ResolveCameras(root / "sparse" / "2"), (root / "sparse" / "2").string());
 }
 
-TEST(ResolveCameras, TakesTheTransformsOfADataset) {
+TEST(ResolveCameras, TakesTheFileOfADataset) {
   TempDir dir;
   fs::create_directory(dir / "data");
   EXPECT_EQ(ResolveCameras(dir / "data"), dir / "data");
-  ASSERT_TRUE(WriteFileAtomically(dir / "data/transforms.json", "{}").ok());
-  EXPECT_EQ(ResolveCameras(dir / "data"), dir / "data/transforms.json");
+  for (const char* name : {"bundle.out", "cameras.xml", "transforms.json"}) {  // later ones first
+    const std::string path = dir / "data/" + name;
+    ASSERT_TRUE(WriteFileAtomically(path, "{}").ok());
+    EXPECT_EQ(ResolveCameras(dir / "data"), path);
+  }
 }
 
 TEST(ReadColmapModel, NeedsNoFileOfPoints) {
