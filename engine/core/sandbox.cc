@@ -105,8 +105,10 @@ constexpr int kEnoughToCompute[] = {
     SYS_munmap,  SYS_mremap,        SYS_mprotect,     SYS_madvise,     SYS_brk,
     SYS_futex,   SYS_clock_gettime, SYS_getrandom,    SYS_sched_yield, SYS_sched_getaffinity,
     SYS_getpid,  SYS_gettid,        SYS_rt_sigreturn, SYS_exit,        SYS_exit_group};
-// A sanitizer besides: when a thread ends, and to see whether memory is there.
-constexpr int kEnoughToSanitize[] = {SYS_sigaltstack, SYS_pipe2};
+// A sanitizer besides: when a thread begins or ends, to see whether memory is there, and in the
+// thread that TSan keeps.
+constexpr int kEnoughToSanitize[] = {SYS_sigaltstack,     SYS_pipe2,          SYS_rseq,
+                                     SYS_set_robust_list, SYS_rt_sigprocmask, SYS_clock_nanosleep};
 
 constexpr sock_filter Statement(int code, uint32_t value) {
   return BPF_STMT(static_cast<uint16_t>(code), value);
