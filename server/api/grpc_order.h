@@ -4,7 +4,7 @@
 #ifndef LITAGS_SERVER_API_GRPC_ORDER_H_
 #define LITAGS_SERVER_API_GRPC_ORDER_H_
 
-#ifdef __SANITIZE_THREAD__
+#ifdef LITAGS_TSAN
 #include <sanitizer/tsan_interface.h>
 #endif
 
@@ -12,14 +12,14 @@ namespace litags {
 
 // To be called by a reactor right before StartRead() or StartWrite().
 inline void BeforeStart([[maybe_unused]] void* reactor) {
-#ifdef __SANITIZE_THREAD__
+#ifdef LITAGS_TSAN
   __tsan_release(reactor);
 #endif
 }
 
 // To be called first in OnReadDone() or OnWriteDone().
 inline void AfterStart([[maybe_unused]] void* reactor) {
-#ifdef __SANITIZE_THREAD__
+#ifdef LITAGS_TSAN
   __tsan_acquire(reactor);
 #endif
 }

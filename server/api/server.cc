@@ -82,6 +82,8 @@ class GrpcServer : public Server {
         door_(authenticator_.get(), &connections_),
         gate_(jobs, authenticator_.get(), &metrics_, &connections_, options.limits, options.answers,
               options.connections.max_wait_seconds),
+        upload_cpu_(options.upload_cpu),
+        archives_(kMaxArchives),
         store_pool_(options.store_threads, options.max_waiting_calls, ServerBusy()),
         // What takes long for one client leaves a thread for the others.
         blob_pool_(options.blob_threads, options.max_waiting_calls, ServerBusy(),
@@ -91,8 +93,6 @@ class GrpcServer : public Server {
         own_reader_(options.reader ? nullptr : MakeInProcessReader()),
         hub_(jobs),
         scenes_(engine, options.scene_cache_bytes),
-        upload_cpu_(options.upload_cpu),
-        archives_(kMaxArchives),
         reconstruction_(&gate_, &hub_, &store_pool_,
                         {&blob_pool_, options.reader ? options.reader : own_reader_.get(),
                          &upload_cpu_, &archives_}),
@@ -192,12 +192,12 @@ class GrpcServer : public Server {
   Connections connections_;
   CallDoor door_;
   Gate gate_;
+  CpuBudget upload_cpu_;  // before the threads that spend it
+  SharedRoom archives_;
   ThreadPool store_pool_, blob_pool_, render_pool_;
   const std::unique_ptr<FileReader> own_reader_;
   EventHub hub_;
   SceneCache scenes_;
-  CpuBudget upload_cpu_;
-  SharedRoom archives_;
   ReconstructionServiceImpl reconstruction_;
   RenderServiceImpl render_;
   ModelServiceImpl model_;
