@@ -104,7 +104,7 @@ TEST(Content, ThatIsNoPhotoIsToldByTheNameAndAllFormats) {
 TEST(Content, OfAFolderWithoutPhotosIsToldWithAllEndings) {
   const TempDir dir;
   const absl::Status status = ListPhotos(dir.path(), "images").status();
-  EXPECT_THAT(std::string(status.message()), HasSubstr(".jpg .jpeg .png .tif"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr(".jpg .jpeg .jpe .jfif .png .tif"));
   EXPECT_THAT(std::string(status.message()), HasSubstr(".srw)"));
 }
 
