@@ -1,9 +1,11 @@
 #include "engine/io/bundler_io.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <filesystem>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -224,6 +226,25 @@ TEST(MetashapeCameras, SeeThePointWhereMetashapeDoes) {
     EXPECT_NEAR(fisheye[0], 80 + 3 + x / r * at * 100, 1e-9);
     EXPECT_NEAR(fisheye[1], 60 + y / r * at * 100, 1e-9);
   }
+}
+
+TEST(MetashapeCameras, ValuesMayBeLongAndStandOnLinesOfTheirOwn) {
+  std::string file = Metashape("frame", "<f>\n 100\n</f><cx>-2</cx><cy>1</cy>");
+  const std::string coefficients = "1 0 0 1";
+  std::string long_ones;
+  for (int i = 0; i < 1000; ++i) long_ones += "-1.2345678901234567e-05 ";
+  file.replace(file.find(coefficients + "</coeffs>"), coefficients.size(), long_ones);
+  for (size_t at = file.find("<transform>"); at != std::string::npos;
+       at = file.find("<transform>", at + 1)) {
+    const size_t end = file.find("</transform>", at);
+    if (file.compare(at, 22, "<transform><rotation l") == 0) continue;
+    std::replace(file.begin() + static_cast<ptrdiff_t>(at),
+                 file.begin() + static_cast<ptrdiff_t>(end), ' ', '\n');
+  }
+  const auto model = Parse(file);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->views.size(), 2u);
+  EXPECT_EQ(model->views[0].camera.cx, 78);
 }
 
 TEST(MetashapeCameras, PanoramasAreForThoseWhoCutThem) {
