@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/io/bundler_io.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
@@ -50,6 +51,7 @@ std::string FingerprintOfCameras(const std::string& path) {
     std::error_code ignored;
     if (fs::is_regular_file(path + name, ignored)) AddFile(path + name, kMaxCameraFile, &f);
   }
+  if (path.ends_with(".out")) AddFile(BundlerListOf(path), kMaxCameraFile, &f);
   return f.Text();
 }
 

@@ -368,6 +368,26 @@ TEST_F(CameraSource, EditedTransformsReplaceKeptCameras) {
   }
 }
 
+TEST_F(CameraSource, AnEditedListOfBundlersPhotosReplacesKeptCameras) {
+  input_.cameras_path = colmap_.dir() + "/bundle.out";
+  std::string bundle = "# Bundle file v0.3\n6 0\n";
+  for (const View& view : Known(0.1).views) {
+    const auto& t = view.camera.t;
+    absl::StrAppend(&bundle, view.camera.fx, " 0 0\n1 0 0\n0 -1 0\n0 0 -1\n", t[0], " ", -t[1], " ",
+                    -t[2], "\n");
+  }
+  ASSERT_TRUE(WriteFileAtomically(input_.cameras_path, bundle).ok());
+  for (const auto& [list, place] :
+       {std::pair("p0.png\np1.png\np2.png\np3.png\np4.png\np5.png\n", 4),
+        std::pair("p0.png\np1.png\np2.png\np3.png\np5.png\np4.png\n", 5)}) {
+    ASSERT_TRUE(WriteFileAtomically(colmap_.dir() + "/list.txt", list).ok());
+    const auto cameras = Obtain();
+    ASSERT_TRUE(cameras.ok()) << cameras.status();
+    ASSERT_EQ(cameras->views[4].name, "p4.png");
+    EXPECT_NEAR(cameras->views[4].camera.t[1], 0.1 + place / 3.0, 1e-4);
+  }
+}
+
 // Photos that EXIF turns, with cameras of what is stored: COLMAP's.
 class StoredCameras : public CameraSource {
  protected:
