@@ -4,12 +4,15 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <limits>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "engine/core/check.h"
+#include "engine/core/loop_trace.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -153,6 +156,37 @@ class Team {
   const Loop* loop_ = nullptr;
 };
 
+class LoopTracer {
+ public:
+  void Run(size_t num_tasks, absl::FunctionRef<void(size_t, int)> body,
+           const std::source_location& where) {
+    trace_.loops.push_back({where, Lap(), {}});
+    LoopTrace& loop = trace_.loops.back();
+    loop.tasks_ms.reserve(num_tasks);
+    for (size_t i = 0; i < num_tasks; ++i) {
+      body(i, 0);
+      loop.tasks_ms.push_back(Lap());
+    }
+  }
+
+  Trace End() {
+    trace_.after_ms = Lap();
+    return std::move(trace_);
+  }
+
+ private:
+  // Milliseconds since the last call.
+  double Lap() {
+    const auto now = std::chrono::steady_clock::now();
+    return std::chrono::duration<double, std::milli>(now - std::exchange(last_, now)).count();
+  }
+
+  Trace trace_;
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+thread_local LoopTracer* tracer = nullptr;
+
 }  // namespace
 
 int DefaultThreadCount() {
@@ -162,7 +196,8 @@ int DefaultThreadCount() {
 }
 
 void ParallelFor(int threads, size_t num_tasks,
-                 absl::FunctionRef<void(size_t task, int thread)> body) {
+                 absl::FunctionRef<void(size_t task, int thread)> body,
+                 std::source_location where) {
   constexpr size_t kMaxThreads = 1024;
   LITAGS_CHECK(num_tasks <= std::numeric_limits<uint32_t>::max());
   if (threads <= 0) threads = DefaultThreadCount();
@@ -174,8 +209,20 @@ void ParallelFor(int threads, size_t num_tasks,
   }
   thread_local Team team;
   inside = true;
-  team.Run(threads, num_tasks, body);
+  if (tracer != nullptr) {
+    tracer->Run(num_tasks, body, where);
+  } else {
+    team.Run(threads, num_tasks, body);
+  }
   inside = false;
+}
+
+Trace TraceLoops(absl::FunctionRef<void()> body) {
+  LoopTracer loops;
+  tracer = &loops;
+  body();
+  tracer = nullptr;
+  return loops.End();
 }
 
 }  // namespace litags

@@ -4,6 +4,7 @@
 #define LITAGS_ENGINE_CORE_PARALLEL_H_
 
 #include <cstddef>
+#include <source_location>
 
 #include "absl/functional/function_ref.h"
 
@@ -18,8 +19,10 @@ int DefaultThreadCount();
 // shares: tasks side by side, which often write the same cache lines, seldom run at the same time,
 // and a thread finds in its cache what it wrote in the loop before. Loops of several calling
 // threads run side by side; a loop inside a loop runs on its own thread. Body must not throw.
+// TraceLoops() names a loop by `where`.
 void ParallelFor(int threads, size_t num_tasks,
-                 absl::FunctionRef<void(size_t task, int thread)> body);
+                 absl::FunctionRef<void(size_t task, int thread)> body,
+                 std::source_location where = std::source_location::current());
 
 }  // namespace litags
 

@@ -8,8 +8,11 @@
 #include <atomic>
 #include <chrono>
 #include <future>
+#include <string>
 #include <thread>
 #include <vector>
+
+#include "engine/core/loop_trace.h"
 
 namespace litags {
 namespace {
@@ -71,6 +74,34 @@ TEST(ParallelFor, LoopsInQuickSuccessionDoEveryTaskOnce) {
     });
     for (const std::atomic<int>& n : times) ASSERT_EQ(n, 1) << loop;
   }
+}
+
+TEST(TraceLoops, TimesEveryTaskOfLoopsForSeveralThreadsOnThisThread) {
+  const auto wait = [] { std::this_thread::sleep_for(std::chrono::milliseconds(2)); };
+  const std::thread::id here = std::this_thread::get_id();
+  std::vector<size_t> order;
+  const Trace trace = TraceLoops([&] {
+    wait();
+    ParallelFor(8, 3, [&](size_t task, int thread) {
+      EXPECT_EQ(thread, 0);
+      EXPECT_EQ(std::this_thread::get_id(), here);
+      order.push_back(task);
+      if (task == 1) wait();
+      ParallelFor(8, 2, [](size_t, int) {});  // part of the task
+    });
+    ParallelFor(1, 5, [](size_t, int) {});  // for one thread
+  });
+  EXPECT_EQ(order, (std::vector<size_t>{0, 1, 2}));
+  ASSERT_EQ(trace.loops.size(), 1);
+  EXPECT_NE(std::string(trace.loops[0].where.file_name()).find("parallel_test.cc"),
+            std::string::npos);
+  EXPECT_GE(trace.loops[0].before_ms, 2);
+  ASSERT_EQ(trace.loops[0].tasks_ms.size(), 3);
+  EXPECT_GE(trace.loops[0].tasks_ms[1], 2);
+  // Loops have all their threads again.
+  std::atomic<int> tasks = 0;
+  ParallelFor(2, 100, [&](size_t, int) { ++tasks; });
+  EXPECT_EQ(tasks, 100);
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
 #include "engine/render/binning.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "engine/core/aligned.h"
@@ -12,8 +14,9 @@
 namespace litags {
 namespace {
 
-// Ranges of Gaussians that are counted and filled independently. Fixed, so that the work and its
-// result are the same for any number of threads.
+// Ranges of Gaussians that are counted and filled independently, of about as many visible ones
+// each: neighbours in space are neighbours in memory, so a crop sees few ranges of memory. Fixed,
+// so that the work and its result are the same for any number of threads.
 constexpr size_t kChunks = 16;
 constexpr size_t kTilesPerTask = 16;
 
@@ -77,6 +80,25 @@ inline Pair* AddTiles(const ProjectedSplats& splats, size_t i, int tiles_x, Pair
   return to;
 }
 
+// The first Gaussian of each chunk, and at the end how many there are. Chunks are whole blocks.
+std::array<size_t, kChunks + 1> ChunkBegins(const ProjectedSplats& splats) {
+  const std::vector<uint8_t>& visible = splats.visible;
+  // A block costs something even where nothing of it is visible.
+  const size_t all = std::accumulate(visible.begin(), visible.end(), visible.size());
+  const size_t n = splats.boxes.size();
+  std::array<size_t, kChunks + 1> begins;
+  begins.fill(n);
+  begins[0] = 0;
+  size_t chunk = 1;
+  for (size_t block = 0, before = 0; block < visible.size(); ++block) {
+    before += 1 + visible[block];
+    while (chunk < kChunks && before * kChunks >= all * chunk) {
+      begins[chunk++] = std::min(n, (block + 1) * kSplatBlock);
+    }
+  }
+  return begins;
+}
+
 // Which of the `tiles` the Gaussians [begin, end) reach. Adds to counts [tiles]; slot_begin becomes
 // each one's first pair, counted from `begin`.
 void FindTiles(const ProjectedSplats& splats, size_t begin, size_t end, int tiles_x, size_t tiles,
@@ -86,7 +108,7 @@ void FindTiles(const ProjectedSplats& splats, size_t begin, size_t end, int tile
   uint32_t count = 0, visible = 0;
   for (size_t i = begin; i < end; ++i) {
     slot_begin[i] = count;
-    if (splats.boxes[i].empty()) continue;
+    if (splats.visible[i / kSplatBlock] == 0 || splats.boxes[i].empty()) continue;
     if (pairs.size() < count + most) pairs.resize(2 * (count + most));
     Pair* const to = pairs.data() + count;
     const auto added = static_cast<uint32_t>(AddTiles(splats, i, tiles_x, to) - to);
@@ -105,13 +127,13 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
   lists->tiles_y = (height + kTileSize - 1) / kTileSize;
   const size_t tiles = size_t(lists->tiles_x) * lists->tiles_y;
   const size_t n = splats.boxes.size();
-  const auto chunk_begin = [&](size_t chunk) { return n * chunk / kChunks; };
+  const std::array<size_t, kChunks + 1> chunk_begin = ChunkBegins(splats);
 
   scratch->chunks.resize(kChunks);
   scratch->offsets.assign(kChunks * tiles, 0);
   lists->slot_begin.resize(n + 1);
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
-    FindTiles(splats, chunk_begin(chunk), chunk_begin(chunk + 1), lists->tiles_x, tiles,
+    FindTiles(splats, chunk_begin[chunk], chunk_begin[chunk + 1], lists->tiles_x, tiles,
               &scratch->chunks[chunk], scratch->offsets.data() + chunk * tiles,
               lists->slot_begin.data());
   });
@@ -143,7 +165,7 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
     uint32_t* offset = scratch->offsets.data() + chunk * tiles;
     const Pair* pairs = scratch->chunks[chunk].pairs.data();
     uint32_t slot = first_slot[chunk];
-    for (size_t i = chunk_begin(chunk); i < chunk_begin(chunk + 1); ++i)
+    for (size_t i = chunk_begin[chunk]; i < chunk_begin[chunk + 1]; ++i)
       lists->slot_begin[i] += slot;
     for (uint32_t k = 0; k < scratch->chunks[chunk].count; ++k, ++slot) {
       const uint64_t depth = std::bit_cast<uint32_t>(splats.depths[pairs[k].gaussian]);

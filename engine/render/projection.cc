@@ -101,8 +101,8 @@ HWY_INLINE void StoreSpans(const Ellipse<V>& ellipse, V x0, V x1, V y0, V y1, Ro
   StoreWhole(firsts[0], firsts[1], lasts[0], lasts[1], rows->spans);
 }
 
-// Rows to Gaussians `begin` to `begin + count`.
-void Scatter(const Rows& rows, size_t begin, size_t count, ProjectedSplats* out) {
+// Rows to Gaussians `begin` to `begin + count`. Returns how many are visible.
+size_t Scatter(const Rows& rows, size_t begin, size_t count, ProjectedSplats* out) {
   const D d;
   const hn::FixedTag<float, 4> quad;
   const hn::FixedTag<int32_t, 4> di;
@@ -117,9 +117,11 @@ void Scatter(const Rows& rows, size_t begin, size_t count, ProjectedSplats* out)
     static_assert(sizeof(*to) == 4 * sizeof(int16_t));
     hn::StoreU(hn::DemoteTo(di16, hn::Load(di, from)), di16, reinterpret_cast<int16_t*>(to));
   };
+  size_t visible = 0;
   for (size_t i = 0; i < count; ++i) {
     out->boxes[begin + i] = {};
     if (rows.seen[i] == 0.0f) continue;
+    ++visible;
     narrow(rows.box[i], &out->boxes[begin + i]);
     narrow(rows.spans[i], &out->spans[begin + i]);
     out->depths[begin + i] = rows.depth[i];
@@ -128,26 +130,54 @@ void Scatter(const Rows& rows, size_t begin, size_t count, ProjectedSplats* out)
       hn::Store(hn::Load(quad, fields[f / 4][i]), quad, record + f);
     }
   }
+  return visible;
 }
 
 // What a Dropout does to one vector.
 struct Dropped {
   M left_out;
   V log2_gain;  // of the others' opacity
+  V reach;      // standard deviations at which no opacity leaves an alpha of 1/255
 };
 
+// Gaussians that reach no pixel whichever way their longest axis lies. Exact for none, but most of
+// a crop's Gaussians need nothing else: half a width is at most `reach` times
+// sqrt((f / Z)^2 (1 + u^2) scale^2 + eps).
+HWY_INLINE M OutOfSight(const float* in, const V3& p, const KernelCamera& cam, PixelFilter filter,
+                        V reach) {
+  const D d;
+  const auto load = [&](int row) HWY_ATTR { return hn::Load(d, in + row * kSplatBlock); };
+  const V longest =
+      hn::Exp(d, hn::Max(load(kLogScale), hn::Max(load(kLogScale + 1), load(kLogScale + 2))));
+  const V radius = hn::Mul(reach, longest);
+  const float eps = filter == PixelFilter::kMip ? kMipEps2d : kEps2d;
+  const V slack = hn::MulAdd(reach, hn::Set(d, std::sqrt(eps)), hn::Set(d, 1.0f));  // px
+  // Of one axis, everything times Z.
+  const auto outside = [&](V x, float f, float c, float size, float spread) HWY_ATTR {
+    const V half = hn::MulAdd(hn::Set(d, spread), radius, hn::Mul(slack, p.z));
+    const V at = hn::MulAdd(hn::Set(d, f), x, hn::Mul(hn::Set(d, c), p.z));
+    return hn::Or(hn::Lt(hn::Add(at, half), hn::Zero(d)),
+                  hn::Gt(hn::Sub(at, half), hn::Mul(hn::Set(d, size), p.z)));
+  };
+  return hn::Or(outside(p.x, cam.fx, cam.cx, cam.width, cam.spread_x),
+                outside(p.y, cam.fy, cam.cy, cam.height, cam.spread_y));
+}
+
 // Projects one vector of Gaussians, `begin` to `begin + count`; `in` points at its first lane.
-void ProjectVector(const float* in, size_t begin, size_t count, const KernelCamera& cam,
-                   const ProjectionSettings& settings, const Dropped& dropped,
-                   ProjectedSplats* out) {
+// Returns how many are visible.
+size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCamera& cam,
+                     const ProjectionSettings& settings, const Dropped& dropped,
+                     ProjectedSplats* out) {
   const D d;
   const V3 mean = LoadMean(in);
   const V3 p = ToCamera(mean, cam);
   const M in_front = hn::AndNot(dropped.left_out, hn::Gt(p.z, hn::Set(d, settings.near_plane)));
+  const M out_of_sight = OutOfSight(in, p, cam, settings.pixel_filter, dropped.reach);
   const auto clear = [&]() {
     std::fill_n(out->boxes.begin() + begin, count, ProjectedSplats::Box());
+    return size_t{0};
   };
-  if (hn::AllFalse(d, in_front)) return clear();
+  if (hn::AllFalse(d, hn::AndNot(out_of_sight, in_front))) return clear();
 
   const Lanes o = ProjectLanes(in, p, cam, settings.pixel_filter);
   V log2_opacity =
@@ -202,7 +232,7 @@ void ProjectVector(const float* in, size_t begin, size_t count, const KernelCame
   hn::Store(p.z, d, rows.depth);
   StoreWhole(x0, x1, y0, y1, rows.box);
   hn::Store(hn::IfThenElseZero(visible, hn::Set(d, 1.0f)), d, rows.seen);
-  Scatter(rows, begin, count, out);
+  return Scatter(rows, begin, count, out);
 }
 
 void ProjectBlockImpl(const Splats& splats, size_t block, const KernelCamera& camera,
@@ -211,14 +241,18 @@ void ProjectBlockImpl(const Splats& splats, size_t block, const KernelCamera& ca
   const size_t lanes = hn::Lanes(d);
   const size_t begin = block * kSplatBlock, end = std::min(splats.size(), begin + kSplatBlock);
   const uint32_t left_out = settings.dropout.LeftOut(block);
-  const V log2_gain = hn::Set(d, static_cast<float>(-std::log2(1 - settings.dropout.share)));
+  const auto log2_gain = static_cast<float>(-std::log2(1 - settings.dropout.share));
+  // alpha = opacity exp(-r^2 / 2). A little wider, for rounding.
+  const float reach = 1.001f * std::sqrt(2 / kLog2E * (log2_gain + kLog2Of255));
+  size_t visible = 0;
   for (size_t i = begin; i < end; i += lanes) {
     const uint64_t bits = left_out >> (i - begin);
     const Dropped dropped = {hn::LoadMaskBits(d, reinterpret_cast<const uint8_t*>(&bits)),
-                             log2_gain};
-    ProjectVector(splats.block(block) + (i - begin), i, std::min(lanes, end - i), camera, settings,
-                  dropped, out);
+                             hn::Set(d, log2_gain), hn::Set(d, reach)};
+    visible += ProjectVector(splats.block(block) + (i - begin), i, std::min(lanes, end - i), camera,
+                             settings, dropped, out);
   }
+  out->visible[block] = static_cast<uint8_t>(visible);
 }
 
 }  // namespace HWY_NAMESPACE
@@ -247,6 +281,8 @@ KernelCamera::KernelCamera(const Camera& camera)
   max_u = (width - cx) / fx + kJacobianMargin * width / fx;
   min_v = -(cy / fy + kJacobianMargin * height / fy);
   max_v = (height - cy) / fy + kJacobianMargin * height / fy;
+  spread_x = fx * std::hypot(1.0f, std::max(-min_u, max_u));
+  spread_y = fy * std::hypot(1.0f, std::max(-min_v, max_v));
 }
 
 void KernelCamera::CropTo(const PixelRect& crop) {
@@ -262,6 +298,7 @@ void ProjectedSplats::Resize(size_t n, int new_channels) {
   depths.resize(n);
   boxes.resize(n);
   spans.resize(n);
+  visible.resize((n + kSplatBlock - 1) / kSplatBlock);
 }
 
 void ProjectBlock(const Splats& splats, size_t block, const KernelCamera& camera,

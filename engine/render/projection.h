@@ -25,6 +25,7 @@ struct KernelCamera {
   float width = 0, height = 0, fx = 0, fy = 0, cx = 0, cy = 0;
   float R[9] = {}, t[3] = {}, center[3] = {};
   float min_u = 0, max_u = 0, min_v = 0, max_v = 0;
+  float spread_x = 0, spread_y = 0;  // px Z per unit of a Gaussian's scale, at most
 };
 
 // One Gaussian as the rasteriser reads it: kRecordFeatures numbers, then the channels.
@@ -79,6 +80,7 @@ struct ProjectedSplats {
     int16_t first[kSpanRows], last[kSpanRows];
   };
   std::vector<Spans> spans;
+  std::vector<uint8_t> visible;  // [blocks], how many of a block's Gaussians
 };
 
 struct ProjectionSettings {

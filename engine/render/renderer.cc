@@ -135,6 +135,7 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
 }
 
 void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGradSink sink) {
+  if (projected.visible[block] == 0) return;
   const int stride = GradStride(projection.channels);
   const size_t begin = block * kSplatBlock, end = std::min(splats.size(), begin + kSplatBlock);
   alignas(64) float sums[GradStride(kNumChannels) * kSplatBlock] = {};
@@ -150,7 +151,6 @@ void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGrad
     }
     for (int f = 0; f < stride; ++f) sums[f * kSplatBlock + lane] = total[f];
   }
-  if (visible == 0) return;
   alignas(64) float grads[Splats::kBlockFloats] = {};
   alignas(64) float mean2d[2 * kSplatBlock];
   ProjectBlockVjp(splats, block, camera, projection, sums, visible, grads, mean2d,

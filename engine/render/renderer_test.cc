@@ -1,5 +1,6 @@
 #include "engine/render/renderer.h"
 
+#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -59,6 +60,46 @@ TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
       }
     }
   });
+}
+
+// A whole block of the same one, as Gaussians out of sight are left out by the vector.
+Splats BlockOf(double log_scale, bool needle, const std::array<double, 3>& mean, uint64_t seed) {
+  Splats splats(kSplatBlock);
+  const Splats shape = MakeSplats(1, seed);
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int row = 0; row < kSplatRows; ++row) splats.at(i, row) = shape.at(0, row);
+    for (int k = 0; k < 3; ++k) splats.at(i, kMean + k) = mean[k];
+    for (int k = 0; k < 3; ++k) splats.at(i, kLogScale + k) = needle && k < 2 ? -4 : log_scale;
+    splats.at(i, kLogitOpacity) = 9;
+  }
+  return splats;
+}
+
+TEST(Renderer, AGaussianIsSeenWhoseRimAloneReachesThePicture) {
+  const Camera camera = MakeCamera(80, 60);
+  const CounterRng rng(11, 3);
+  RenderSettings settings;
+  settings.num_channels = kColorOnly;
+  Renderer renderer;
+  Planes image, alpha;
+  int seen_from_outside = 0;
+  for (uint64_t i = 0; i < 1000; ++i) {
+    const auto normal = [&](int k) { return rng.Normal(4 * i + k); };
+    const std::array<double, 3> mean = {4 * normal(0), 4 * normal(1), 4 * normal(2)};
+    const Splats splats = BlockOf(normal(3) - 0.5, i % 2 == 0, mean, i);
+    settings.pixel_filter = i % 4 < 2 ? PixelFilter::kMip : PixelFilter::kDilate;
+    const ReferenceImage want = RenderReference(ToDoubles(splats), camera, settings);
+    renderer.Forward(splats, camera, settings, &image, &alpha);
+    for (size_t k = 0; k < alpha.data.size(); ++k) {
+      if (want.fragile[k]) continue;
+      ASSERT_NEAR(alpha.data[k], want.alpha[k], 1e-3) << i << " " << k;
+    }
+    const auto p = camera.CamFromWorld(mean);
+    const double x = camera.fx * p[0] / p[2] + camera.cx, y = camera.fy * p[1] / p[2] + camera.cy;
+    const bool inside = x >= 0 && x <= camera.width && y >= 0 && y <= camera.height;
+    seen_from_outside += !inside && want.contributions > 0;
+  }
+  EXPECT_GT(seen_from_outside, 100);
 }
 
 TEST(Renderer, ACropHasThePixelsOfTheWholeImage) {

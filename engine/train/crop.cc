@@ -6,12 +6,14 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 
 namespace litags {
 namespace {
 
 constexpr uint64_t kCropStream = 0x4352;  // random numbers of crops
+constexpr int kTaskRows = 32;
 
 // Cells along a side of `size` px.
 int CellsAlong(int size, int64_t pixels) {
@@ -26,15 +28,18 @@ int CellBegin(int size, int cells, int k, double shift) {
 }
 
 template <class Image>
-void CropImage(const Image& from, const PixelRect& crop, int channels, Image* to) {
+void CropImage(const Image& from, const PixelRect& crop, int channels, int threads, Image* to) {
   to->width = from.empty() ? 0 : crop.width;
   to->height = from.empty() ? 0 : crop.height;
   to->data.resize(size_t(to->width) * to->height * channels);
   const size_t row = size_t(to->width) * channels;
-  for (int y = 0; y < to->height; ++y) {
-    const size_t begin = (size_t(crop.y + y) * from.width + crop.x) * channels;
-    std::copy_n(from.data.data() + begin, row, to->data.data() + y * row);
-  }
+  ParallelFor(threads, (to->height + kTaskRows - 1) / kTaskRows, [&](size_t task, int) {
+    const int first = static_cast<int>(task) * kTaskRows;
+    for (int y = first; y < std::min(to->height, first + kTaskRows); ++y) {
+      const size_t begin = (size_t(crop.y + y) * from.width + crop.x) * channels;
+      std::copy_n(from.data.data() + begin, row, to->data.data() + y * row);
+    }
+  });
 }
 
 }  // namespace
@@ -76,11 +81,11 @@ void CropView(const TrainView& view, const PixelRect& crop, int threads, TrainVi
   out->view = view.view;
   out->exposure = view.exposure;
   out->distortion = view.distortion;
-  CropImage(view.photo, crop, 3, &out->photo);
-  CropImage(view.target, crop, 3, &out->target);
-  CropImage(view.structure, crop, 1, &out->structure);
-  CropImage(view.information, crop, 1, &out->information);
-  CropImage(view.mask, crop, 1, &out->mask);
+  CropImage(view.photo, crop, 3, threads, &out->photo);
+  CropImage(view.target, crop, 3, threads, &out->target);
+  CropImage(view.structure, crop, 1, threads, &out->structure);
+  CropImage(view.information, crop, 1, threads, &out->information);
+  CropImage(view.mask, crop, 1, threads, &out->mask);
   if (!view.depth.has_value()) {
     out->depth.reset();
     return;

@@ -143,9 +143,12 @@ double SumOverSamples(size_t n, LossWorkspace& ws,
   return sum;
 }
 
+// Values are any that were there. Keeps its memory: crops differ a little in size.
 void Reshape(Planes* planes, int channels, int height, int width) {
-  if (planes->channels == channels && planes->height == height && planes->width == width) return;
-  *planes = Planes(channels, height, width);
+  planes->channels = channels;
+  planes->height = height;
+  planes->width = width;
+  planes->data.resize(size_t(channels) * height * width);
 }
 
 }  // namespace
@@ -163,14 +166,14 @@ void UnpackImage(const Photo& image, LossWorkspace& ws, Planes* planes) {
   });
 }
 
-void UnpackPlane(const PlaneU8& bytes, LossWorkspace& ws, Planes* plane) {
+void UnpackPlane(const PlaneU8& bytes, float scale, LossWorkspace& ws, Planes* plane) {
   Reshape(plane, 1, bytes.height, bytes.width);
   const size_t n = plane->plane_size();
   ParallelFor(ws.threads, (n + kTaskSamples - 1) / kTaskSamples, [&](size_t task, int) {
     const size_t first = task * kTaskSamples, end = std::min(n, first + kTaskSamples);
     const uint8_t* in = bytes.data.data();
     float* out = plane->data.data();
-    for (size_t i = first; i < end; ++i) out[i] = in[i] * (1.0f / 255.0f);
+    for (size_t i = first; i < end; ++i) out[i] = in[i] * scale;
   });
 }
 

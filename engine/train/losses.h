@@ -26,14 +26,13 @@ struct LossWorkspace {
   AlignedFloats rows;            // per-thread row buffers
   std::vector<double> partials;  // one sum per task, added in task order
   AlignedFloats ssim_maps;       // dSSIM / d(blurred moments), rows padded with zeros
-  int map_channels = 0, map_height = 0, map_width = 0;  // that ssim_maps is laid out for
 };
 
 // Samples to sRGB-encoded float planes [3, H, W]; `planes` is reused.
 void UnpackImage(const Photo& image, LossWorkspace& ws, Planes* planes);
 
-// Bytes / 255 to one float plane [1, H, W]; `plane` is reused.
-void UnpackPlane(const PlaneU8& bytes, LossWorkspace& ws, Planes* plane);
+// Bytes times `scale` to one float plane [1, H, W]; `plane` is reused.
+void UnpackPlane(const PlaneU8& bytes, float scale, LossWorkspace& ws, Planes* plane);
 
 // mean |x - y| over all samples; subgradient sign(0) = 0. If `pixel_weights` [1, H, W] is given:
 // mean of pixel_weights * |x - y|, still divided by the number of samples.

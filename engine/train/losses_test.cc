@@ -324,7 +324,7 @@ TEST(UnpackPlane, MapsBytesToTheUnitInterval) {
   bytes.data = {0, 51, 255};
   LossWorkspace ws(1);
   Planes plane;
-  UnpackPlane(bytes, ws, &plane);
+  UnpackPlane(bytes, 1.0f / 255.0f, ws, &plane);
   EXPECT_EQ(plane.width, 3);
   EXPECT_FLOAT_EQ(plane.data[0], 0.0f);
   EXPECT_FLOAT_EQ(plane.data[1], 0.2f);

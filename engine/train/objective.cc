@@ -121,8 +121,7 @@ void Objective::UnpackInformation(const PlaneU8& information) {
     information_ = Planes();
     return;
   }
-  UnpackPlane(information, workspace_, &information_);
-  for (float& weight : information_.data) weight *= 255.0f / kInformationOne;
+  UnpackPlane(information, 1.0f / kInformationOne, workspace_, &information_);
 }
 
 void Objective::HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumination) {
@@ -134,10 +133,13 @@ void Objective::HideMasked(const PlaneU8& mask, PlanesView R, PlanesView illumin
 }
 
 void Objective::HideLowWeights(PlanesView R) {
-  for (size_t i = 0; i < information_.data.size(); ++i) {
-    if (information_.data[i] >= kLowWeight) continue;
-    for (int c = 0; c < 3; ++c) target_.plane(c)[i] = R.plane(c)[i];
-  }
+  const size_t width = information_.width;
+  ParallelFor(options_.threads, information_.height, [&](size_t y, int) {
+    for (size_t i = y * width; i < (y + 1) * width; ++i) {
+      if (information_.data[i] >= kLowWeight) continue;
+      for (int c = 0; c < 3; ++c) target_.plane(c)[i] = R.plane(c)[i];
+    }
+  });
 }
 
 double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
@@ -150,7 +152,7 @@ double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
 void Objective::AddStructureLosses(const TrainView& view, const Planes& rendered, int iteration,
                                    Planes* v_rendered, StepLosses* losses) {
   if (options_.recipe.use_prior && !view.structure.empty()) {
-    UnpackPlane(view.structure, workspace_, &structure_);
+    UnpackPlane(view.structure, 1.0f / 255.0f, workspace_, &structure_);
     CopyMasked(view.mask, PlanesView(rendered, kChannelStructure, 1), structure_);
     losses->prior =
         L1Loss(PlanesView(rendered, kChannelStructure, 1), structure_, options_.recipe.weight_prior,

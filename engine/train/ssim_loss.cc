@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 
+#include "engine/core/aligned.h"
 #include "engine/core/check.h"
 #include "engine/core/parallel.h"
 #include "engine/train/losses.h"
@@ -215,6 +216,17 @@ HWY_INLINE double SsimRow(const ssim::Channel& c, const ssim::Tile& tile, int y,
   return Sum(d, sum);
 }
 
+// The zeros beside row y of the maps, if the tile is the first or last of its row.
+HWY_INLINE void StorePads(const ssim::Channel& c, const ssim::Tile& tile, int y) {
+  if (c.maps[0] == nullptr) return;
+  const int end = tile.x0 + tile.width;
+  for (float* map : c.maps) {
+    float* row = map + static_cast<size_t>(y) * c.map_stride;
+    if (tile.x0 == 0) std::fill_n(row - ssim::kPad, ssim::kPad, 0.0f);
+    if (end >= c.image_width) std::fill_n(row + end, ssim::kPad, 0.0f);
+  }
+}
+
 // Pass 1 over one tile.
 ssim::Sums SsimForwardTile(const ssim::Channel& c, const ssim::Tile& tile, float* scratch) {
   const Window window(FloatTag(), c.window.data());
@@ -235,6 +247,7 @@ ssim::Sums SsimForwardTile(const ssim::Channel& c, const ssim::Tile& tile, float
     if (y < tile.y0 + ssim::kRadius) continue;
     for (const float* map : c.maps) PrefetchAhead(map, c.map_stride, tile, y - ssim::kRadius);
     sums.ssim += SsimRow(c, tile, y - ssim::kRadius, window, ring.Center(y - ssim::kRadius));
+    StorePads(c, tile, y - ssim::kRadius);
   }
   return sums;
 }
@@ -365,11 +378,8 @@ ssim::Sums Run(const Inputs& in, double l1_gradient, double ssim_gradient, LossW
   const int threads = ws.threads > 0 ? ws.threads : DefaultThreadCount();
   ws.rows.resize(std::max(ws.rows.size(), threads * ssim::kScratch));
   ws.partials.assign(2 * layout.tasks, 0.0);
-  if (differentiate &&
-      (ws.map_width != r.width || ws.map_height != r.height || ws.map_channels != r.channels)) {
-    // Zeroes the pads; the maps' own columns are all written by every forward pass.
-    ws.ssim_maps.assign(ssim::kDerivatives * r.channels * layout.map_size, 0.0f);
-    ws.map_width = r.width, ws.map_height = r.height, ws.map_channels = r.channels;
+  if (differentiate) {
+    ResizeScratch(ssim::kDerivatives * r.channels * layout.map_size, &ws.ssim_maps);
   }
 
   const auto make_channel = [&](int c) {

@@ -261,7 +261,8 @@ TEST_F(HeldPreviews, EventsComeWithoutPreviewsWhileTooMuchIsUnread) {
       return !event.progress().preview_png().empty();
     });
   };
-  EXPECT_EQ(previews(), 3);
+  // On a busy machine a client may read too slowly for one of them.
+  EXPECT_TRUE(Becomes([&] { return previews() == 3; }));
   grpc::ClientContext call;
   const auto watch = SlowWatch(&call);
   ASSERT_TRUE(Becomes([&] { return IsFull(); }));

@@ -14,6 +14,8 @@ void AddKernelsCommand(CLI::App* app, int* exit_status);
 void AddMachineCommand(CLI::App* app, int* exit_status);
 void AddRenderCommand(CLI::App* app, int* exit_status);
 void AddTrainCommand(CLI::App* app, int* exit_status);
+// `litags-bench threads`.
+void AddThreadsCommand(CLI::App* app);
 void AddScoreCommand(CLI::App* app, int* exit_status);
 
 // `litags-bench depth SCENE`.

@@ -19,6 +19,7 @@
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/machine.h"
 #include "engine/tools/bench/roofline.h"
+#include "engine/tools/bench/size_option.h"
 #include "engine/tools/bench/timing.h"
 #include "engine/tools/evaluation/process_usage.h"
 #include "engine/train/adam.h"
@@ -33,14 +34,15 @@ namespace {
 
 struct KernelArguments {
   int gaussians = 100000, repetitions = 15, threads = 0, pdm_hidden = 0;
-  std::string size = "500x375", json;
+  PictureSize size;
+  std::string json;
 };
 
 class KernelBench {
  public:
-  KernelBench(const KernelArguments& args, int width, int height)
+  explicit KernelBench(const KernelArguments& args)
       : args_(args),
-        camera_(BenchCamera(width, height)),
+        camera_(BenchCamera(args.size.width, args.size.height)),
         splats_(BenchSplats(args.gaussians, camera_)),
         views_{BenchView(camera_)} {
     options_.recipe = WithPdm(Litags());
@@ -240,7 +242,7 @@ void AddKernelsCommand(CLI::App* app, int* exit_status) {
   command->add_option("--gaussians", args->gaussians)
       ->capture_default_str()
       ->check(CLI::Range(1, 20000000));
-  command->add_option("--size", args->size, "WxH, px")->capture_default_str();
+  AddSizeOption(command, &args->size);
   command->add_option("--repetitions", args->repetitions)
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
@@ -249,15 +251,7 @@ void AddKernelsCommand(CLI::App* app, int* exit_status) {
       ->check(CLI::Range(0, 64));
   command->add_option("--json", args->json, "also write the medians here");
   command->callback([args, exit_status] {
-    int width = 0, height = 0;
-    if (std::sscanf(args->size.c_str(), "%dx%d", &width, &height) != 2 || width < 1 || height < 1 ||
-        width > 16384 || height > 16384) {
-      std::fprintf(stderr, "litags-bench: --size %s: give WIDTHxHEIGHT in 1..16384\n",
-                   args->size.c_str());
-      *exit_status = 2;
-      return;
-    }
-    KernelBench bench(*args, width, height);
+    KernelBench bench(*args);
     bench.Run();
     if (args->json.empty()) return;
     if (const absl::Status s = WriteFileAtomically(args->json, bench.json().dump(2) + "\n");

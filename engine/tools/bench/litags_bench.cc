@@ -23,6 +23,7 @@ int main(int argc, char** argv) {
   litags::AddMachineCommand(&app, &exit_status);
   litags::AddRenderCommand(&app, &exit_status);
   litags::AddTrainCommand(&app, &exit_status);
+  litags::AddThreadsCommand(&app);
   litags::AddScoreCommand(&app, &exit_status);
   litags::AddDepthCommand(&app, &exit_status);
   litags::AddTableCommand(&app, &exit_status);
