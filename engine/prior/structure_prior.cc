@@ -10,6 +10,7 @@
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/noise/noise_estimate.h"
+#include "engine/prior/weighted_rows.h"
 
 namespace litags {
 namespace {
@@ -68,15 +69,18 @@ Planes AlongX(const Planes& in, const std::vector<float>& kernel, PriorBorder bo
   const int radius = static_cast<int>(kernel.size()) / 2, width = in.width;
   Planes out(1, in.height, width);
   std::vector<float> padded(width + 2 * radius);
+  std::vector<const float*> taps;
+  for (int k = 0; k <= 2 * radius; ++k) taps.push_back(padded.data() + k);
   for (int y = 0; y < in.height; ++y) {
-    for (int x = -radius; x < width + radius; ++x) {
-      const int from = BorderIndex(x, width, border);
-      padded[x + radius] = from < 0 ? 0.0f : in.at(0, y, from);
+    const float* row = &in.data[size_t(y) * width];
+    std::copy_n(row, width, padded.data() + radius);
+    for (int k = 1; k <= radius; ++k) {
+      const int before = BorderIndex(-k, width, border),
+                after = BorderIndex(width - 1 + k, width, border);
+      padded[radius - k] = before < 0 ? 0.0f : row[before];
+      padded[radius + width - 1 + k] = after < 0 ? 0.0f : row[after];
     }
-    float* row = &out.at(0, y, 0);
-    for (int k = 0; k <= 2 * radius; ++k) {
-      for (int x = 0; x < width; ++x) row[x] += kernel[k] * padded[x + k];
-    }
+    SumWeightedRows(taps, kernel, width, &out.at(0, y, 0));
   }
   return out;
 }
@@ -85,15 +89,14 @@ Planes AlongX(const Planes& in, const std::vector<float>& kernel, PriorBorder bo
 Planes AlongY(const Planes& in, const std::vector<float>& kernel, PriorBorder border) {
   const int radius = static_cast<int>(kernel.size()) / 2, width = in.width;
   Planes out(1, in.height, width);
+  const std::vector<float> zeros(width);
+  std::vector<const float*> taps(kernel.size());
   for (int y = 0; y < in.height; ++y) {
-    float* row = &out.at(0, y, 0);
     for (int k = -radius; k <= radius; ++k) {
       const int from = BorderIndex(y + k, in.height, border);
-      if (from < 0) continue;
-      const float weight = kernel[k + radius];
-      const float* source = &in.data[size_t(from) * width];
-      for (int x = 0; x < width; ++x) row[x] += weight * source[x];
+      taps[k + radius] = from < 0 ? zeros.data() : &in.data[size_t(from) * width];
     }
+    SumWeightedRows(taps, kernel, width, &out.at(0, y, 0));
   }
   return out;
 }
