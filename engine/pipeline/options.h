@@ -63,8 +63,8 @@ struct ReconstructOptions {
   int holdout_every = 8;  // photos i (by name) with i % n == n / 2 are only evaluated
   bool refine_cameras = false;
   double min_registered = 0.5;
-  int checkpoint_every = 500;
-  int preview_every = 250;
+  int checkpoint_every = 1000;
+  int preview_every = 500;
   // Of research, never of the service: instead of the method's recipe.
   std::optional<Recipe> recipe;
 

@@ -140,27 +140,34 @@ struct Dropped {
   V reach;      // standard deviations at which no opacity leaves an alpha of 1/255
 };
 
-// Gaussians that reach no pixel whichever way their longest axis lies. Exact for none, but most of
-// a crop's Gaussians need nothing else: half a width is at most `reach` times
+// Whether no Gaussian in front reaches a pixel, whichever way its longest axis lies. Of those of a
+// crop that are elsewhere nothing else is looked at: half a width is at most `reach` times
 // sqrt((f / Z)^2 (1 + u^2) scale^2 + eps).
-HWY_INLINE M OutOfSight(const float* in, const V3& p, const KernelCamera& cam, PixelFilter filter,
-                        V reach) {
+HWY_INLINE bool AllOutOfSight(const float* in, const V3& p, M in_front, const KernelCamera& cam,
+                              PixelFilter filter, V reach) {
   const D d;
+  // Everything times Z.
+  const V x = hn::MulAdd(hn::Set(d, cam.fx), p.x, hn::Mul(hn::Set(d, cam.cx), p.z));
+  const V y = hn::MulAdd(hn::Set(d, cam.fy), p.y, hn::Mul(hn::Set(d, cam.cy), p.z));
+  const V width = hn::Mul(hn::Set(d, cam.width), p.z),
+          height = hn::Mul(hn::Set(d, cam.height), p.z);
+  const auto within = [&](V at, V size, V half) HWY_ATTR {
+    return hn::And(hn::Ge(hn::Add(at, half), hn::Zero(d)), hn::Le(hn::Sub(at, half), size));
+  };
+  const V none = hn::Zero(d);
+  const M centers = hn::And(within(x, width, none), within(y, height, none));
+  if (!hn::AllFalse(d, hn::And(in_front, centers))) return false;
+
   const auto load = [&](int row) HWY_ATTR { return hn::Load(d, in + row * kSplatBlock); };
   const V longest =
       hn::Exp(d, hn::Max(load(kLogScale), hn::Max(load(kLogScale + 1), load(kLogScale + 2))));
   const V radius = hn::Mul(reach, longest);
   const float eps = filter == PixelFilter::kMip ? kMipEps2d : kEps2d;
-  const V slack = hn::MulAdd(reach, hn::Set(d, std::sqrt(eps)), hn::Set(d, 1.0f));  // px
-  // Of one axis, everything times Z.
-  const auto outside = [&](V x, float f, float c, float size, float spread) HWY_ATTR {
-    const V half = hn::MulAdd(hn::Set(d, spread), radius, hn::Mul(slack, p.z));
-    const V at = hn::MulAdd(hn::Set(d, f), x, hn::Mul(hn::Set(d, c), p.z));
-    return hn::Or(hn::Lt(hn::Add(at, half), hn::Zero(d)),
-                  hn::Gt(hn::Sub(at, half), hn::Mul(hn::Set(d, size), p.z)));
-  };
-  return hn::Or(outside(p.x, cam.fx, cam.cx, cam.width, cam.spread_x),
-                outside(p.y, cam.fy, cam.cy, cam.height, cam.spread_y));
+  const V slack = hn::Mul(hn::MulAdd(reach, hn::Set(d, std::sqrt(eps)), hn::Set(d, 1.0f)), p.z);
+  const V half_w = hn::MulAdd(hn::Set(d, cam.spread_x), radius, slack);
+  const V half_h = hn::MulAdd(hn::Set(d, cam.spread_y), radius, slack);
+  return hn::AllFalse(
+      d, hn::And(in_front, hn::And(within(x, width, half_w), within(y, height, half_h))));
 }
 
 // Projects one vector of Gaussians, `begin` to `begin + count`; `in` points at its first lane.
@@ -172,12 +179,12 @@ size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCa
   const V3 mean = LoadMean(in);
   const V3 p = ToCamera(mean, cam);
   const M in_front = hn::AndNot(dropped.left_out, hn::Gt(p.z, hn::Set(d, settings.near_plane)));
-  const M out_of_sight = OutOfSight(in, p, cam, settings.pixel_filter, dropped.reach);
   const auto clear = [&]() {
     std::fill_n(out->boxes.begin() + begin, count, ProjectedSplats::Box());
     return size_t{0};
   };
-  if (hn::AllFalse(d, hn::AndNot(out_of_sight, in_front))) return clear();
+  if (hn::AllFalse(d, in_front)) return clear();
+  if (AllOutOfSight(in, p, in_front, cam, settings.pixel_filter, dropped.reach)) return clear();
 
   const Lanes o = ProjectLanes(in, p, cam, settings.pixel_filter);
   V log2_opacity =
