@@ -3,7 +3,6 @@
 #ifndef LITAGS_ENGINE_CORE_LOOP_TRACE_H_
 #define LITAGS_ENGINE_CORE_LOOP_TRACE_H_
 
-#include <source_location>
 #include <vector>
 
 #include "absl/functional/function_ref.h"
@@ -12,7 +11,8 @@ namespace litags {
 
 // One ParallelFor(), its tasks run one after the other.
 struct LoopTrace {
-  std::source_location where;
+  const char* file;  // of the call
+  int line;
   double before_ms = 0;          // on the calling thread, since the loop before
   std::vector<double> tasks_ms;  // by task
 };

@@ -158,9 +158,9 @@ class Team {
 
 class LoopTracer {
  public:
-  void Run(size_t num_tasks, absl::FunctionRef<void(size_t, int)> body,
-           const std::source_location& where) {
-    trace_.loops.push_back({where, Lap(), {}});
+  void Run(size_t num_tasks, absl::FunctionRef<void(size_t, int)> body, const char* file,
+           int line) {
+    trace_.loops.push_back({file, line, Lap(), {}});
     LoopTrace& loop = trace_.loops.back();
     loop.tasks_ms.reserve(num_tasks);
     for (size_t i = 0; i < num_tasks; ++i) {
@@ -196,8 +196,8 @@ int DefaultThreadCount() {
 }
 
 void ParallelFor(int threads, size_t num_tasks,
-                 absl::FunctionRef<void(size_t task, int thread)> body,
-                 std::source_location where) {
+                 absl::FunctionRef<void(size_t task, int thread)> body, const char* file,
+                 int line) {
   constexpr size_t kMaxThreads = 1024;
   LITAGS_CHECK(num_tasks <= std::numeric_limits<uint32_t>::max());
   if (threads <= 0) threads = DefaultThreadCount();
@@ -210,7 +210,7 @@ void ParallelFor(int threads, size_t num_tasks,
   thread_local Team team;
   inside = true;
   if (tracer != nullptr) {
-    tracer->Run(num_tasks, body, where);
+    tracer->Run(num_tasks, body, file, line);
   } else {
     team.Run(threads, num_tasks, body);
   }

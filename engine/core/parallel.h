@@ -4,7 +4,6 @@
 #define LITAGS_ENGINE_CORE_PARALLEL_H_
 
 #include <cstddef>
-#include <source_location>
 
 #include "absl/functional/function_ref.h"
 
@@ -19,10 +18,10 @@ int DefaultThreadCount();
 // shares: tasks side by side, which often write the same cache lines, seldom run at the same time,
 // and a thread finds in its cache what it wrote in the loop before. Loops of several calling
 // threads run side by side; a loop inside a loop runs on its own thread. Body must not throw.
-// TraceLoops() names a loop by `where`.
+// TraceLoops() names a loop by the place of its call (std::source_location is not in clang 14).
 void ParallelFor(int threads, size_t num_tasks,
                  absl::FunctionRef<void(size_t task, int thread)> body,
-                 std::source_location where = std::source_location::current());
+                 const char* file = __builtin_FILE(), int line = __builtin_LINE());
 
 }  // namespace litags
 

@@ -93,8 +93,7 @@ TEST(TraceLoops, TimesEveryTaskOfLoopsForSeveralThreadsOnThisThread) {
   });
   EXPECT_EQ(order, (std::vector<size_t>{0, 1, 2}));
   ASSERT_EQ(trace.loops.size(), 1);
-  EXPECT_NE(std::string(trace.loops[0].where.file_name()).find("parallel_test.cc"),
-            std::string::npos);
+  EXPECT_NE(std::string(trace.loops[0].file).find("parallel_test.cc"), std::string::npos);
   EXPECT_GE(trace.loops[0].before_ms, 2);
   ASSERT_EQ(trace.loops[0].tasks_ms.size(), 3);
   EXPECT_GE(trace.loops[0].tasks_ms[1], 2);

@@ -40,7 +40,8 @@ bool IsStrip(const ScreenedPhoto& photo) {
   return photo.width >= kStrip * photo.height || photo.height >= kStrip * photo.width;
 }
 
-double SharpnessOfPhoto(const Photo& photo) {
+// At the size that sharpness and detail are measured at.
+Planes SmallLuma(const Photo& photo) {
   const Photo small = ShrinkToFit(photo, kMeasuredSide);
   Planes luma(1, small.height, small.width);
   for (size_t i = 0; i < small.pixels(); ++i) {
@@ -48,7 +49,7 @@ double SharpnessOfPhoto(const Photo& photo) {
     luma.data[i] =
         kLumaRed * EncodedOf(p[0]) + kLumaGreen * EncodedOf(p[1]) + kLumaBlue * EncodedOf(p[2]);
   }
-  return SharpnessOf(luma);
+  return luma;
 }
 
 }  // namespace
@@ -67,7 +68,9 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo) {
   look.light = light / photo.data.size();
   // One of a single colour is left out later, for that.
   const bool flat = FlatColor(photo).has_value();
-  look.sharpness = SharpnessOfPhoto(photo);
+  const Planes luma = SmallLuma(photo);
+  look.sharpness = SharpnessOf(luma);
+  look.detail = DetailOf(luma);
   look.structure = flat ? 1 : StructureOf(photo);
   if (!flat) {
     Fingerprint f;
@@ -85,6 +88,9 @@ double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*m
 
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {
   const double middle_light = MiddleOf(photos, &ScreenedPhoto::light);
+  std::vector<double> fine;
+  for (const ScreenedPhoto& photo : photos) fine.push_back(photo.detail.fine);
+  const double middle_fine = MedianInPlace(fine);
   const std::map<std::string, std::string> originals = Originals(photos);
   // Where most photos are strips, they were cut so: that changes no camera.
   const bool cut = 2 * std::count_if(photos.begin(), photos.end(), IsStrip) >
@@ -99,6 +105,10 @@ std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {
           absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "
                           "behind a lens cap",
                           photo.mean_code));
+    } else if (IsBlurred(photo.detail, middle_fine)) {
+      why.push_back(
+          absl::StrFormat("is blurred: it has %.0f %% of the fine detail that the others have",
+                          100 * photo.detail.fine / middle_fine));
     } else if (IsStrip(photo) && !cut) {
       why.push_back(absl::StrFormat(
           "is a strip of %dx%d px, as a panorama whose angles are not known: send the photos that "

@@ -7,6 +7,7 @@
 
 #include "absl/types/span.h"
 #include "engine/core/photo.h"
+#include "engine/pipeline/photo_detail.h"
 
 namespace litags {
 
@@ -18,7 +19,8 @@ struct ScreenedPhoto {
   double light = 0;           // mean linear light, of 1
   double structure = 0;       // as StructureOf has it; 1 of one colour
   double sharpness = 0;       // as FrameFacts::sharpness
-  std::string pixels;         // fingerprint; empty where all have one colour
+  PhotoDetail detail;
+  std::string pixels;  // fingerprint; empty where all have one colour
 };
 
 ScreenedPhoto LookAt(std::string name, const Photo& photo);
@@ -27,8 +29,8 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo);
 double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*member);
 
 // Why each photo is left out ("is the same photo as a.jpg"); empty: it is used. Left out are photos
-// of nothing but noise (a cap on the lens), of photos with the same pixels all but the one with the
-// shortest name, and strips among photos that are none.
+// of nothing but noise (a cap on the lens), blurred ones among sharp ones, of photos with the same
+// pixels all but the one with the shortest name, and strips among photos that are none.
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos);
 
 }  // namespace litags

@@ -40,11 +40,10 @@ struct PhotoScreen {
   std::vector<std::string> notes;  // of all this, one a line
 };
 
-// Leaves out, each by name: what cannot be decoded; photos of nothing but noise (a cap on the
-// lens); of photos with the same pixels all but the one with the shortest name; strips. Masks:
-// those of ListPhotosAndMasks, whose errors it has; alpha channels and black bars that all photos
-// of a size have are added, as new masks in work_dir/found_masks. Errors of ReadMaskedPhoto's of
-// masks; CANCELLED.
+// Leaves out, each by name: what cannot be decoded; photos that WhyLeftOut() has a reason for.
+// Masks: those of ListPhotosAndMasks, whose errors it has; alpha channels and black bars that all
+// photos of a size have are added, as new masks in work_dir/found_masks. Errors of
+// ReadMaskedPhoto's of masks; CANCELLED.
 absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
                                          const CancelToken& cancel);
 

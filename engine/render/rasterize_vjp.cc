@@ -23,7 +23,6 @@ constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(DR()));
 constexpr int kMoments = 8;  // 1, x, y, xx, xy, yy and two unused; GradStride's first eight
 static_assert(kMoments == kGradFeatures && kGradSum == 0 && kGradX == 1 && kGradY == 2 &&
               kGradXX == 3 && kGradXY == 4 && kGradYY == 5);
-constexpr float kLn2 = 0.69314718f;
 
 // One evaluation of alpha in a block: [2][lane]. Alpha and the transmittance before it; then the
 // weights with which pixels enter the sums over channels and over moments.

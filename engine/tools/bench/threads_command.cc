@@ -89,9 +89,9 @@ void ReportLoops(const std::vector<Trace>& traces, int threads) {
   for (const Trace& trace : traces) {
     for (size_t i = 0; i < trace.loops.size(); ++i) {
       const LoopTrace& loop = trace.loops[i];
-      const std::string file = loop.where.file_name();
+      const std::string file = loop.file;
       Row& row = rows[absl::StrCat(absl::Dec(i, absl::kZeroPad2), " ",
-                                   file.substr(file.rfind('/') + 1), ":", loop.where.line())];
+                                   file.substr(file.rfind('/') + 1), ":", loop.line)];
       row.before.push_back(loop.before_ms);
       row.total.push_back(TotalMs(loop.tasks_ms));
       row.lost.push_back(LoopSpanMs(loop.tasks_ms, threads) - row.total.back() / threads);
