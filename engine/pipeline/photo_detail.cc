@@ -12,6 +12,7 @@ namespace {
 constexpr int kFine = 2, kCoarse = 8;     // of its pixels a side, that one is the mean of
 constexpr double kNarrow = 1, kWide = 2;  // px, deviations of the two blurs whose difference counts
 
+constexpr double kMost = 1000;            // of a ratio; they are compared with small ones
 constexpr int kLeastSide = 16 * kCoarse;  // px; smaller ones say too little
 
 // Sharp photos of 12 captures have 0.55 of their capture's middle or more. Blurs of 5 px of 640
@@ -56,7 +57,8 @@ PhotoDetail DetailOf(const Planes& picture) {
   };
   const double fine = detail(kFine), coarse = detail(kCoarse), mean = cv::mean(luma)[0];
   if (!(coarse > 0 && mean > 0)) return {};
-  return {.fine = fine / coarse, .coarse = coarse / (mean * mean)};
+  return {.fine = std::min(fine / coarse, kMost),
+          .coarse = std::min(coarse / (mean * mean), kMost)};
 }
 
 bool IsBlurred(const PhotoDetail& photo, double middle) {

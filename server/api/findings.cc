@@ -23,8 +23,15 @@ v1::PhotoFindings ToProto(const PhotoFindings& findings) {
 }
 
 ScreenedPhoto LookOf(const FileRecord& file, const PhotoFindings& findings) {
-  return {file.name,      file.width,         file.height,        findings.mean_code,
-          findings.light, findings.structure, findings.sharpness, findings.pixels};
+  return {.name = file.name,
+          .width = file.width,
+          .height = file.height,
+          .mean_code = findings.mean_code,
+          .light = findings.light,
+          .structure = findings.structure,
+          .sharpness = findings.sharpness,
+          .detail = {.fine = findings.fine_detail, .coarse = findings.coarse_detail},
+          .pixels = findings.pixels};
 }
 
 }  // namespace

@@ -198,8 +198,9 @@ absl::StatusOr<JobsOverview> Jobs::Overview() {
   LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
   overview.workers = static_cast<int64_t>(workers.size());
   for (const auto& [needs, count] : census.queued_by_needs) {
-    const bool fits = std::any_of(workers.begin(), workers.end(),
-                                  [&](const Resources& has) { return Fits(needs, has); });
+    const bool fits =
+        std::any_of(workers.begin(), workers.end(),
+                    [&needs = needs](const Resources& has) { return Fits(needs, has); });
     if (!fits) overview.unplaceable += count;
   }
   for (const std::string& json : census.running_progress) {

@@ -17,9 +17,10 @@ absl::StatusOr<Content> CheckPhoto(std::string_view bytes, const std::string& fi
   LITAGS_ASSIGN_OR_RETURN(const Photo photo, DecodePhoto(bytes, field));
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field));
   const ScreenedPhoto look = LookAt("", photo);
-  const PhotoFindings findings{info.focal_length, info.exposure_time, info.iso,
-                               info.f_number,     look.mean_code,     look.light,
-                               look.structure,    look.sharpness,     look.pixels};
+  const PhotoFindings findings{info.focal_length,  info.exposure_time, info.iso,
+                               info.f_number,      look.mean_code,     look.light,
+                               look.structure,     look.sharpness,     look.detail.fine,
+                               look.detail.coarse, look.pixels};
   return Content{photo.width, photo.height, Encode(findings)};
 }
 
