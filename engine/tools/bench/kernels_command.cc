@@ -19,8 +19,8 @@
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/machine.h"
 #include "engine/tools/bench/roofline.h"
-#include "engine/tools/bench/size_option.h"
 #include "engine/tools/bench/timing.h"
+#include "engine/tools/bench/timing_options.h"
 #include "engine/tools/evaluation/process_usage.h"
 #include "engine/train/adam.h"
 #include "engine/train/losses.h"
@@ -33,8 +33,8 @@ namespace litags {
 namespace {
 
 struct KernelArguments {
-  int gaussians = 100000, repetitions = 15, threads = 0, pdm_hidden = 0;
-  PictureSize size;
+  TimingOptions timing;
+  int threads = 0, pdm_hidden = 0;
   std::string json;
 };
 
@@ -42,8 +42,8 @@ class KernelBench {
  public:
   explicit KernelBench(const KernelArguments& args)
       : args_(args),
-        camera_(BenchCamera(args.size.width, args.size.height)),
-        splats_(BenchSplats(args.gaussians, camera_)),
+        camera_(BenchCamera(args.timing.width, args.timing.height)),
+        splats_(BenchSplats(args.timing.gaussians, camera_)),
         views_{BenchView(camera_)} {
     options_.recipe = WithPdm(Litags());
     if (args.pdm_hidden > 0) options_.recipe.pdm.hidden = args.pdm_hidden;
@@ -70,7 +70,7 @@ class KernelBench {
     TimeObjective();
     TimeAdam();
     TimeWhole();
-    json_["gaussians"] = args_.gaussians;
+    json_["gaussians"] = args_.timing.gaussians;
     json_["width"] = camera_.width;
     json_["height"] = camera_.height;
     json_["threads"] = threads;
@@ -116,7 +116,7 @@ class KernelBench {
     const auto forward = [&] {
       renderer_.Forward(splats_, camera_, settings_, &rendered_, &alpha);
     };
-    const Timing t = Measure(args_.repetitions, forward);
+    const Timing t = Measure(args_.timing.repetitions, forward);
     Report("forward" + suffix, t,
            absl::StrCat("project, sort, bin, composite ", channels, " channels"));
     const Renderer::Counters c = renderer_.counters();
@@ -127,7 +127,7 @@ class KernelBench {
 
     Planes v(channels, camera_.height, camera_.width);
     for (size_t i = 0; i < v.data.size(); ++i) v.data[i] = 1e-6f * (i % 17);
-    const Timing backward = Measure(args_.repetitions, [&] {
+    const Timing backward = Measure(args_.timing.repetitions, [&] {
       renderer_.Backward(splats_, v, Planes(), [](size_t, const float*, uint32_t) {});
     });
     Report("backward" + suffix, backward, "compositing and projection, no parameter update");
@@ -145,7 +145,7 @@ class KernelBench {
     TileLists lists;
     BinScratch scratch;
     Report("binning",
-           Measure(args_.repetitions,
+           Measure(args_.timing.repetitions,
                    [&] {
                      Bin(projected, camera_.width, camera_.height,
                          args_.threads > 0 ? args_.threads : DefaultThreadCount(), &lists,
@@ -161,19 +161,19 @@ class KernelBench {
     Objective plain(without), full(options_);
     Planes few(plain.NumChannels(), rendered_.height, rendered_.width);
     std::copy_n(rendered_.data.begin(), few.data.size(), few.data.begin());
-    const Timing loss = Measure(args_.repetitions, [&] {
+    const Timing loss = Measure(args_.timing.repetitions, [&] {
       plain.Evaluate(views_[0], few, weights, 0, false, &v_rendered, &v_weights);
     });
     Report("loss", loss, "all losses and their gradients but the denoiser's");
     ReportRoofline("loss", loss, LossWork(double(camera_.width) * camera_.height));
-    const Timing both = Measure(args_.repetitions, [&] {
+    const Timing both = Measure(args_.timing.repetitions, [&] {
       full.Evaluate(views_[0], rendered_, weights, 0, true, &v_rendered, &v_weights);
     });
     Report("objective", both, "losses and denoiser");
     const PlanesView color(rendered_, kChannelColor, 3), noise(rendered_, kChannelNoise, 3);
     Planes v_r0(3, rendered_.height, rendered_.width), v_noise = v_r0;
     Pdm pdm(options_.recipe.pdm, options_.threads);
-    const Timing denoiser = Measure(args_.repetitions, [&] {
+    const Timing denoiser = Measure(args_.timing.repetitions, [&] {
       pdm.Forward(weights, color, noise);
       pdm.Backward(color, noise, v_r0, v_noise, &v_weights);
     });
@@ -186,7 +186,7 @@ class KernelBench {
   void TimeAdam() {
     Splats params = splats_, m1(splats_.size()), m2(splats_.size());
     const AdamStep step(10, AdamConstants());
-    const Timing t = Measure(args_.repetitions, [&] {
+    const Timing t = Measure(args_.timing.repetitions, [&] {
       ParallelFor(args_.threads, (params.num_blocks() + 31) / 32, [&](size_t task, int) {
         const size_t end = std::min(32 * (task + 1), params.num_blocks());
         for (size_t b = 32 * task; b < end; ++b) {
@@ -204,18 +204,19 @@ class KernelBench {
     TrainOptions without = options_;
     without.recipe.use_pdm = false;
     Trainer plain(without, &views_, splats_, 1.0), denoising(options_, &views_, splats_, 1.0);
-    Report("iteration_8", Measure(args_.repetitions, [&] { (void)plain.Step(); }),
+    Report("iteration_8", Measure(args_.timing.repetitions, [&] { (void)plain.Step(); }),
            "one full training step, without the denoiser and its channels");
-    Report("iteration", Measure(args_.repetitions, [&] { (void)denoising.Step(); }),
+    Report("iteration", Measure(args_.timing.repetitions, [&] { (void)denoising.Step(); }),
            "one full training step, denoiser included");
     Model model = denoising.Snapshot();
     model.noise = BenchNoise();
     ModelRenderer renderer(args_.threads);
     Planes color;
     const auto time_render = [&](const char* name, const char* what) {
-      Report(name,
-             Measure(args_.repetitions, [&] { renderer.RenderColor(model, camera_, &color); }),
-             what);
+      Report(
+          name,
+          Measure(args_.timing.repetitions, [&] { renderer.RenderColor(model, camera_, &color); }),
+          what);
     };
     time_render("render_pdm", "a picture with the denoiser: colour and noise, denoised, filtered");
     model.use_pdm = false;
@@ -239,13 +240,7 @@ class KernelBench {
 void AddKernelsCommand(CLI::App* app, int* exit_status) {
   auto args = std::make_shared<KernelArguments>();
   CLI::App* command = app->add_subcommand("kernels", "Times every part of a training iteration");
-  command->add_option("--gaussians", args->gaussians)
-      ->capture_default_str()
-      ->check(CLI::Range(1, 20000000));
-  AddSizeOption(command, &args->size);
-  command->add_option("--repetitions", args->repetitions)
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
+  AddTimingOptions(command, &args->timing);
   command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
   command->add_option("--pdm-hidden", args->pdm_hidden, "channels of the denoiser; 0: the default")
       ->check(CLI::Range(0, 64));

@@ -18,8 +18,8 @@
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/loop_span.h"
-#include "engine/tools/bench/size_option.h"
 #include "engine/tools/bench/timing.h"
+#include "engine/tools/bench/timing_options.h"
 #include "engine/train/recipe.h"
 #include "engine/train/trainer.h"
 
@@ -40,8 +40,8 @@ double SerialMs(const Trace& trace) {
 
 double MedianOf(std::vector<double> ms) { return Summarize(std::move(ms)).median_ms; }
 
-std::vector<Trace> TraceIterations(int gaussians, const PictureSize& size, int repetitions) {
-  const Camera camera = BenchCamera(size.width, size.height);
+std::vector<Trace> TraceIterations(const TimingOptions& timing) {
+  const Camera camera = BenchCamera(timing.width, timing.height);
   const std::vector<TrainView> views = {BenchView(camera)};
   TrainOptions options;
   options.recipe = Litags();
@@ -50,9 +50,9 @@ std::vector<Trace> TraceIterations(int gaussians, const PictureSize& size, int r
   options.recipe.sh_interval = 1;
   options.iterations = 1000000;
   options.threads = kMostThreads;
-  Trainer trainer(options, &views, BenchSplats(gaussians, camera), 1.0);
+  Trainer trainer(options, &views, BenchSplats(timing.gaussians, camera), 1.0);
   std::vector<Trace> traces;
-  for (int i = -2; i < repetitions; ++i) {  // two to warm up
+  for (int i = -2; i < timing.repetitions; ++i) {  // two to warm up
     Trace trace = TraceLoops([&] { (void)trainer.Step(); });
     if (i >= 0) traces.push_back(std::move(trace));
   }
@@ -110,25 +110,18 @@ void ReportLoops(const std::vector<Trace>& traces, int threads) {
 
 void AddThreadsCommand(CLI::App* app) {
   struct Arguments {
-    int gaussians = 100000, repetitions = 15, threads = 16;
-    PictureSize size;
+    TimingOptions timing;
+    int threads = 16;
   };
   auto args = std::make_shared<Arguments>();
   CLI::App* command =
       app->add_subcommand("threads", "Works out how an iteration spreads over more cores");
-  command->add_option("--gaussians", args->gaussians)
-      ->capture_default_str()
-      ->check(CLI::Range(1, 20000000));
-  AddSizeOption(command, &args->size);
-  command->add_option("--repetitions", args->repetitions)
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
+  AddTimingOptions(command, &args->timing);
   command->add_option("--loops-on", args->threads, "threads of the list of loops")
       ->capture_default_str()
       ->check(CLI::Range(1, kMostThreads));
   command->callback([args] {
-    const std::vector<Trace> traces =
-        TraceIterations(args->gaussians, args->size, args->repetitions);
+    const std::vector<Trace> traces = TraceIterations(args->timing);
     ReportThreads(traces);
     ReportLoops(traces, args->threads);
   });
