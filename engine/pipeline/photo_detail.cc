@@ -15,8 +15,8 @@ constexpr double kNarrow = 1, kWide = 2;  // px, deviations of the two blurs who
 constexpr double kMost = 1000;            // of a ratio; they are compared with small ones
 constexpr int kLeastSide = 16 * kCoarse;  // px; smaller ones say too little
 
-// Sharp photos of 12 captures have 0.55 of their capture's middle or more. Blurs of 5 px of 640
-// leave 0.15 to 0.25 of it, of 8 px 0.06 to 0.12.
+// Sharp photos of 19 captures have 0.54 of their capture's middle or more. Blurs of 5 px of 640
+// leave 0.21 to 0.25 of it, of 8 px 0.08 to 0.11 (docs/experiments/reported-troubles.md).
 constexpr double kBlurred = 0.3;
 // The least of 110 well exposed photos.
 constexpr double kLeastSharp = 0.2;
