@@ -7,6 +7,7 @@ extern "C" {
 
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <vector>
 
 #include "engine/core/color.h"
@@ -31,6 +32,16 @@ double LinearFromHlg(double code) {
   return code <= 0.5 ? code * code / 3 : (std::exp((code - kC) / kA) + kB) / 12;
 }
 
+// A field of FFmpeg's that has what the file says. To read it as its enum is undefined where that
+// has no such value.
+template <class Enum>
+int NumberOf(const Enum& field) {
+  int number;
+  static_assert(sizeof(field) == sizeof(number));
+  std::memcpy(&number, &field, sizeof(number));
+  return number;
+}
+
 // Linear light of every code of 16 bits.
 std::vector<float> Tabulate(double (*linear)(double code)) {
   std::vector<float> table(65536);
@@ -43,7 +54,7 @@ std::vector<float> Tabulate(double (*linear)(double code)) {
 }  // namespace
 
 int MatrixOf(const AVFrame& frame) {
-  switch (frame.colorspace) {
+  switch (NumberOf(frame.colorspace)) {
     case AVCOL_SPC_BT709:
       return SWS_CS_ITU709;
     case AVCOL_SPC_BT2020_NCL:
@@ -58,16 +69,19 @@ int MatrixOf(const AVFrame& frame) {
 }
 
 bool HasFullRange(const AVFrame& frame) {
-  return frame.color_range == AVCOL_RANGE_JPEG || frame.format == AV_PIX_FMT_YUVJ420P ||
+  return NumberOf(frame.color_range) == AVCOL_RANGE_JPEG || frame.format == AV_PIX_FMT_YUVJ420P ||
          frame.format == AV_PIX_FMT_YUVJ422P || frame.format == AV_PIX_FMT_YUVJ444P;
 }
 
+bool HasPqLight(const AVFrame& frame) { return NumberOf(frame.color_trc) == AVCOL_TRC_SMPTE2084; }
+
 void ToSrgb(std::span<const uint16_t> codes, const AVFrame& frame, Photo* photo) {
   constexpr float kUnit = 1.0f / 65535;
-  const bool hlg = frame.color_trc == AVCOL_TRC_ARIB_STD_B67;
-  const Matrix* matrix = frame.color_primaries == AVCOL_PRI_BT2020     ? &kFromBt2020
-                         : frame.color_primaries == AVCOL_PRI_SMPTE432 ? &kFromP3
-                                                                       : nullptr;
+  const bool hlg = NumberOf(frame.color_trc) == AVCOL_TRC_ARIB_STD_B67;
+  const int primaries = NumberOf(frame.color_primaries);
+  const Matrix* matrix = primaries == AVCOL_PRI_BT2020     ? &kFromBt2020
+                         : primaries == AVCOL_PRI_SMPTE432 ? &kFromP3
+                                                           : nullptr;
   if (!hlg && matrix == nullptr) {
     for (size_t i = 0; i < codes.size(); ++i) {
       photo->data[i] = PhotoSample(static_cast<float>(codes[i]) * kUnit);

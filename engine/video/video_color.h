@@ -18,6 +18,9 @@ int MatrixOf(const AVFrame& frame);
 // Whether black is 0 and white the largest code; else black is 16 and white 235 of 255.
 bool HasFullRange(const AVFrame& frame);
 
+// Whether codes are PQ's (HDR10), of light up to 10,000 cd/m^2.
+bool HasPqLight(const AVFrame& frame);
+
 // R'G'B' of 16 bits with the frame's primaries and curve into `photo`, of as many pixels: HLG
 // becomes the light of the scene, other curves are taken for sRGB's; BT.2020 and P3 become sRGB's
 // primaries.

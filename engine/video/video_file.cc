@@ -322,7 +322,7 @@ class RealVideoFile : public VideoFile {
       seconds_ = double(stamp - first_stamp_) * av_q2d(stream_->time_base);
     }
     if (frame.interlaced_frame != 0) return Unsupported("is interlaced");
-    if (frame.color_trc == AVCOL_TRC_SMPTE2084) return Unsupported("has PQ's light (HDR10)");
+    if (HasPqLight(frame)) return Unsupported("has PQ's light (HDR10)");
     return CheckLength(seconds_, frames_);
   }
 

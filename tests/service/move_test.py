@@ -39,7 +39,7 @@ class Move(harness.ServiceTest):
     def test_a_server_on_the_new_stores_answers_as_before_and_goes_on(self):
         done = self.finished_job()
         stopped = self.submit("--iterations", "400", "--checkpoint-every", "10",
-                              names=("slow.png", "b.png", "c.png"))
+                              "--preview-every", "10", names=("slow.png", "b.png", "c.png"))
         self.wait_for(lambda: self.jobs.GetJob(rpc.GetJobRequest(name=stopped))
                       .snapshot_iteration >= 10, "a snapshot")
         self.litags("cancel", stopped)
