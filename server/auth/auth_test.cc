@@ -181,10 +181,25 @@ TEST_F(Tls, MatchingFilesLoad) {
   EXPECT_THAT(material->expires, HasSubstr("20"));
 }
 
+TEST_F(Tls, ChainsAndSeveralAuthoritiesLoad) {
+  std::ofstream(authority_.Path("chain.crt"))
+      << authority_.Read("server.crt") << authority_.Read("ca.crt") << "\n";
+  std::ofstream(authority_.Path("two.crt")) << authority_.Read("ca.crt") << "# another\n"
+                                            << authority_.Read("other.crt");
+  EXPECT_TRUE(Load("chain.crt", "server.key", "two.crt").ok());
+}
+
 TEST_F(Tls, EveryWrongFileIsNamedWithItsFlag) {
   authority_.Issue("ended", -60);
   std::ofstream(authority_.Path("empty.pem"));
   std::ofstream(authority_.Path("garbage.pem")) << "-----BEGIN CERTIFICATE-----\ngarbage\n";
+  const std::string authority = authority_.Read("ca.crt");
+  const std::string cut = authority.substr(0, authority.size() / 2);
+  std::ofstream(authority_.Path("cut_chain.crt")) << authority_.Read("server.crt") << cut;
+  std::ofstream(authority_.Path("cut_ca.crt")) << authority << cut;
+  authority_.IssueWeak("weak");
+  std::ofstream(authority_.Path("weak_chain.crt"))
+      << authority_.Read("server.crt") << authority_.Read("weak.crt");
   const struct {
     const char *cert, *key, *ca, *reason, *flag;
   } kCases[] = {
@@ -199,6 +214,10 @@ TEST_F(Tls, EveryWrongFileIsNamedWithItsFlag) {
       {"server.key", "server.key", "", "TLS_FILE_INVALID", "--tls-cert"},
       {"server.crt", "server.crt", "", "TLS_FILE_INVALID", "--tls-key"},
       {"server.crt", "server.key", "server.key", "TLS_FILE_INVALID", "--tls-client-ca"},
+      {"cut_chain.crt", "server.key", "", "TLS_FILE_INVALID", "--tls-cert"},
+      {"server.crt", "server.key", "cut_ca.crt", "TLS_FILE_INVALID", "--tls-client-ca"},
+      {"weak.crt", "weak.key", "", "TLS_FILE_INVALID", "--tls-cert"},
+      {"weak_chain.crt", "server.key", "", "TLS_FILE_INVALID", "--tls-cert"},
       {"server.crt", "other.key", "", "TLS_KEY_MISMATCH", "--tls-key"},
       {"ended.crt", "ended.key", "", "TLS_CERTIFICATE_EXPIRED", "--tls-cert"},
   };

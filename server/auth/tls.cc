@@ -3,6 +3,7 @@
 #include <openssl/bio.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
+#include <openssl/ssl.h>
 #include <openssl/x509.h>
 #include <spdlog/spdlog.h>
 
@@ -11,6 +12,7 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -31,6 +33,7 @@ struct Freer {
 using Bio = std::unique_ptr<BIO, Freer<BIO_free>>;
 using Certificate = std::unique_ptr<X509, Freer<X509_free>>;
 using Key = std::unique_ptr<EVP_PKEY, Freer<EVP_PKEY_free>>;
+using Context = std::unique_ptr<SSL_CTX, Freer<SSL_CTX_free>>;
 
 absl::Status TlsError(std::string_view reason, std::string_view flag, std::string_view message) {
   return MakeError(absl::StatusCode::kFailedPrecondition, reason, flag, message);
@@ -60,15 +63,36 @@ Bio OpenText(const std::string& text) {
 // A key that asks for a passphrase is refused instead of asking the terminal.
 int NoPassphrase(char*, int, int, void*) { return -1; }
 
-absl::StatusOr<Certificate> ParseCertificate(const std::string& text, const std::string& path,
-                                             std::string_view flag) {
-  Certificate certificate(PEM_read_bio_X509(OpenText(text).get(), nullptr, NoPassphrase, nullptr));
+// Why OpenSSL's last call failed: "bad base64 decode".
+std::string TakeReason() {
+  const char* reason = ERR_reason_error_string(ERR_peek_last_error());
   ERR_clear_error();
-  if (!certificate) {
+  return reason ? reason : "no reason given";
+}
+
+// All certificates of the file: one that is damaged counts even if it is not the first.
+absl::StatusOr<std::vector<Certificate>> ParseCertificates(const std::string& text,
+                                                           const std::string& path,
+                                                           std::string_view flag) {
+  const Bio bio = OpenText(text);
+  std::vector<Certificate> certificates;
+  while (true) {
+    Certificate next(PEM_read_bio_X509(bio.get(), nullptr, NoPassphrase, nullptr));
+    if (!next) break;
+    certificates.push_back(std::move(next));
+  }
+  const bool at_end = ERR_GET_REASON(ERR_peek_last_error()) == PEM_R_NO_START_LINE;
+  const std::string reason = TakeReason();
+  if (certificates.empty()) {
     return TlsError("TLS_FILE_INVALID", flag,
                     absl::StrCat(path, " holds no PEM certificate (\"-----BEGIN CERTIFICATE\")"));
   }
-  return certificate;
+  if (!at_end) {
+    return TlsError("TLS_FILE_INVALID", flag,
+                    absl::StrCat("certificate ", certificates.size() + 1, " of ", path,
+                                 " is damaged (", reason, "); write the whole file again"));
+  }
+  return certificates;
 }
 
 std::string TimeText(const ASN1_TIME* time) {
@@ -79,24 +103,39 @@ std::string TimeText(const ASN1_TIME* time) {
   return std::string(data, static_cast<size_t>(size));
 }
 
-absl::Status CheckPair(const X509* certificate, const std::string& key_text,
-                       const TlsOptions& options) {
-  const Key key(PEM_read_bio_PrivateKey(OpenText(key_text).get(), nullptr, NoPassphrase, nullptr));
+absl::StatusOr<Key> ParseKey(const std::string& text, const std::string& path) {
+  Key key(PEM_read_bio_PrivateKey(OpenText(text).get(), nullptr, NoPassphrase, nullptr));
   ERR_clear_error();
   if (!key) {
     return TlsError("TLS_FILE_INVALID", "--tls-key",
-                    absl::StrCat(options.key,
+                    absl::StrCat(path,
                                  " holds no private key in PEM form without a "
                                  "passphrase (\"-----BEGIN PRIVATE KEY\")"));
   }
-  const bool match = X509_check_private_key(certificate, key.get()) == 1;
+  return key;
+}
+
+absl::Status CheckPair(const std::vector<Certificate>& chain, EVP_PKEY* key,
+                       const TlsOptions& options) {
+  const bool match = X509_check_private_key(chain.front().get(), key) == 1;
   ERR_clear_error();
   if (!match) {
     return TlsError("TLS_KEY_MISMATCH", "--tls-key",
                     absl::StrCat(options.key, " is not the key of the certificate in ",
                                  options.cert, "; give the two files that were made together"));
   }
-  return absl::OkStatus();
+  // OpenSSL refuses what is below its security level: short keys, old digests.
+  const Context context(SSL_CTX_new(TLS_server_method()));
+  bool usable = context && SSL_CTX_use_certificate(context.get(), chain.front().get()) == 1 &&
+                SSL_CTX_use_PrivateKey(context.get(), key) == 1;
+  for (size_t i = 1; usable && i < chain.size(); ++i) {
+    usable = SSL_CTX_add1_chain_cert(context.get(), chain[i].get()) == 1;
+  }
+  const std::string reason = TakeReason();
+  if (usable) return absl::OkStatus();
+  return TlsError("TLS_FILE_INVALID", "--tls-cert",
+                  absl::StrCat("OpenSSL does not serve the certificates in ", options.cert, " (",
+                               reason, "); make them with a longer key or a newer digest"));
 }
 
 }  // namespace
@@ -109,11 +148,13 @@ absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options) {
   TlsMaterial material;
   LITAGS_ASSIGN_OR_RETURN(material.cert, ReadPem(options.cert, "--tls-cert"));
   LITAGS_ASSIGN_OR_RETURN(material.key, ReadPem(options.key, "--tls-key"));
-  LITAGS_ASSIGN_OR_RETURN(const Certificate certificate,
-                          ParseCertificate(material.cert, options.cert, "--tls-cert"));
-  LITAGS_RETURN_IF_ERROR(CheckPair(certificate.get(), material.key, options));
-  material.expires = TimeText(X509_get0_notAfter(certificate.get()));
-  if (X509_cmp_current_time(X509_get0_notAfter(certificate.get())) < 0) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<Certificate> chain,
+                          ParseCertificates(material.cert, options.cert, "--tls-cert"));
+  LITAGS_ASSIGN_OR_RETURN(const Key key, ParseKey(material.key, options.key));
+  LITAGS_RETURN_IF_ERROR(CheckPair(chain, key.get(), options));
+  const ASN1_TIME* end = X509_get0_notAfter(chain.front().get());
+  material.expires = TimeText(end);
+  if (X509_cmp_current_time(end) < 0) {
     return TlsError("TLS_CERTIFICATE_EXPIRED", "--tls-cert",
                     absl::StrCat("the certificate in ", options.cert, " ended on ",
                                  material.expires, "; clients refuse it: renew it"));
@@ -121,7 +162,7 @@ absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options) {
   if (!options.client_ca.empty()) {
     LITAGS_ASSIGN_OR_RETURN(material.client_ca, ReadPem(options.client_ca, "--tls-client-ca"));
     LITAGS_RETURN_IF_ERROR(
-        ParseCertificate(material.client_ca, options.client_ca, "--tls-client-ca").status());
+        ParseCertificates(material.client_ca, options.client_ca, "--tls-client-ca").status());
   }
   return material;
 }

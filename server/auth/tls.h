@@ -30,8 +30,9 @@ struct TlsMaterial {
   std::string expires;  // end of the server certificate's life, for humans
 };
 
-// Reads and checks the files: that they are there, hold what they should, that key and certificate
-// belong together, and that the certificate is in force. FAILED_PRECONDITION, with the flag as the
+// Reads and checks the files: that they are there, that every certificate in them can be read, that
+// key and certificate belong together, that OpenSSL serves them, and that the certificate is in
+// force. FAILED_PRECONDITION, with the flag as the
 // field: TLS_INCOMPLETE, TLS_FILE_UNREADABLE, TLS_FILE_INVALID, TLS_KEY_MISMATCH,
 // TLS_CERTIFICATE_EXPIRED.
 absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options);

@@ -2,6 +2,7 @@
 
 #include <openssl/evp.h>
 #include <openssl/pem.h>
+#include <openssl/rsa.h>
 #include <openssl/x509v3.h>
 
 #include <cstdio>
@@ -14,8 +15,10 @@ namespace litags {
 namespace {
 
 struct Pair {
-  EVP_PKEY* key = EVP_EC_gen("P-256");  // made in microseconds, unlike RSA
+  EVP_PKEY* key;
   X509* certificate = X509_new();
+  // Elliptic curves take microseconds, unlike RSA.
+  explicit Pair(bool weak = false) : key(weak ? EVP_RSA_gen(512) : EVP_EC_gen("P-256")) {}
   ~Pair() {
     EVP_PKEY_free(key);
     X509_free(certificate);
@@ -66,8 +69,12 @@ TestAuthority::TestAuthority(std::string folder)
 
 TestAuthority::~TestAuthority() = default;
 
-void TestAuthority::Issue(const std::string& name, long seconds) {
-  Pair pair;
+void TestAuthority::Issue(const std::string& name, long seconds) { Write(name, seconds, false); }
+
+void TestAuthority::IssueWeak(const std::string& name) { Write(name, 3600, true); }
+
+void TestAuthority::Write(const std::string& name, long seconds, bool weak) {
+  Pair pair(weak);
   Fill(pair, name, keys_->next_serial++, seconds);
   X509_set_issuer_name(pair.certificate, X509_get_subject_name(keys_->ca.certificate));
   Extend(pair.certificate, NID_subject_alt_name, "IP:127.0.0.1,DNS:localhost");

@@ -97,10 +97,20 @@ struct WebServer::Parts {
     co_await exchange.Send(std::move(answer));
   }
 
-  // On the listener's thread.
+  // What the TLS files hold, if that is another thing than before. An error changes nothing.
+  absl::Status TakeTls() {
+    const auto renewed = tls_files->TakeRenewed();
+    if (!renewed) return absl::OkStatus();
+    LITAGS_ASSIGN_OR_RETURN(tls, MakeTlsContext(*renewed));
+    return absl::OkStatus();
+  }
+
+  // On the listener's thread, which no exception may leave.
   void Take(int fd) {
     if (tls_files) {
-      if (const auto renewed = tls_files->TakeRenewed()) tls = MakeTlsContext(*renewed);
+      if (const absl::Status taken = TakeTls(); !taken.ok()) {
+        spdlog::error("TLS of the page stays as it was: {}", std::string(taken.message()));
+      }
     }
     asio::ip::tcp::socket socket(asio::make_strand(context));
     boost::system::error_code error;
@@ -130,6 +140,7 @@ absl::StatusOr<std::unique_ptr<WebServer>> WebServer::Start(
   auto parts = std::make_unique<Parts>(options, std::move(channel));
   if (options.tls.enabled()) {
     LITAGS_ASSIGN_OR_RETURN(parts->tls_files, TlsFiles::Open(options.tls));
+    LITAGS_RETURN_IF_ERROR(parts->TakeTls());
     parts->scheme = "https";
   }
   LITAGS_ASSIGN_OR_RETURN(

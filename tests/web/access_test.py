@@ -231,6 +231,77 @@ class Tls(GatewayTest):
         self.assertEqual(self.web.get("/").code, 200)
 
 
+class TlsFiles(GatewayTest):
+    """Certificates of an authority: broken ones on the disk, and browsers that show theirs."""
+
+    @classmethod
+    def make_server(cls):
+        cls.pems = pathlib.Path(cls.class_folder)
+        ca = cls.make_pair("ca", "-x509", "-days", "2")
+        for name in ("server", "client"):
+            cls.make_pair(name, "-x509", "-days", "2", "-CA", ca, "-CAkey", str(cls.pems / "ca.key"))
+        made = subprocess.run([f"{harness.BIN}/{harness.SERVER_PROGRAM}", "token", "alice"],
+                              capture_output=True, text=True, check=True)
+        cls.flags = ("--tls-cert", str(cls.pems / "server.crt"),
+                     "--tls-key", str(cls.pems / "server.key"), "--tls-client-ca", ca,
+                     "--token", made.stderr.split("--token ")[1].strip())
+        return gateway.WebServer(cls.class_folder, extra=cls.flags)
+
+    @classmethod
+    def make_pair(cls, name, *flags):
+        cert = str(cls.pems / f"{name}.crt")
+        subprocess.run(["openssl", "req", "-newkey", "rsa:2048", "-nodes", "-subj", f"/CN={name}",
+                        "-addext", "subjectAltName=IP:127.0.0.1", "-keyout",
+                        str(cls.pems / f"{name}.key"), "-out", cert, *flags],
+                       check=True, capture_output=True)
+        return cert
+
+    def browser(self):
+        context = ssl.create_default_context(cafile=self.pems / "ca.crt")
+        context.load_cert_chain(self.pems / "client.crt", self.pems / "client.key")
+        return context
+
+    def request(self, context, session=None):
+        """The answer's first line, and the TLS session with which the next connection may begin."""
+        with socket.create_connection(("127.0.0.1", self.server.web_port)) as plain:
+            plain.settimeout(harness.PATIENCE_S)
+            with context.wrap_socket(plain, server_hostname="127.0.0.1", session=session) as tls:
+                tls.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+                said = tls.recv(4096)
+                self.assertEqual(tls.session_reused, session is not None)
+                return said.split(b"\r\n")[0], tls.session
+
+    def test_sessions_are_resumed(self):
+        for version in (ssl.TLSVersion.TLSv1_2, ssl.TLSVersion.TLSv1_3):
+            context = self.browser()
+            context.minimum_version = context.maximum_version = version
+            said, session = self.request(context)
+            self.assertEqual(said, b"HTTP/1.1 200 OK")
+            said, _ = self.request(context, session)
+            self.assertEqual(said, b"HTTP/1.1 200 OK")
+
+    def test_a_broken_renewal_changes_nothing(self):
+        context = self.browser()
+        cert = self.pems / "server.crt"
+        whole = cert.read_text()
+        self.addCleanup(cert.write_text, whole)
+        # The server's own certificate is whole, that of its issuer is not.
+        cert.write_text(whole + (self.pems / "ca.crt").read_text()[:500])
+
+        def seen():
+            self.assertEqual(self.request(context)[0], b"HTTP/1.1 200 OK")
+            return "TLS stays as it was" in pathlib.Path(self.server.log_path).read_text()
+        self.wait_for(seen, "a look at the files")
+        self.assertEqual(self.request(context)[0], b"HTTP/1.1 200 OK")
+        with tempfile.TemporaryDirectory() as folder:
+            run = subprocess.run(
+                [f"{harness.BIN}/{harness.SERVER_PROGRAM}", "--listen", "127.0.0.1:0", "--web",
+                 "127.0.0.1:0", "--data", folder, *self.flags],
+                capture_output=True, text=True, timeout=harness.PATIENCE_S)
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("certificate 2 of", run.stderr)
+
+
 class Starting(unittest.TestCase):
 
     def refused(self, *flags):
