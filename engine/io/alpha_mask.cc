@@ -4,12 +4,15 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "engine/core/mask.h"
+#include "engine/io/image_io.h"
 
 namespace litags {
 
-PlaneU8 AlphaMask(std::string_view png) {
+PlaneU8 AlphaMask(std::string_view bytes, int orientation) {
+  if (!bytes.starts_with("\x89PNG")) return {};
   try {
-    const cv::Mat encoded(1, static_cast<int>(png.size()), CV_8U, const_cast<char*>(png.data()));
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
+                          const_cast<char*>(bytes.data()));
     const cv::Mat picture = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
     if (picture.channels() != 4) return {};
     cv::Mat alpha;
@@ -19,7 +22,8 @@ PlaneU8 AlphaMask(std::string_view png) {
     const cv::Mat counts(alpha.rows, alpha.cols, CV_8U, mask.data.data());
     cv::compare(alpha, opaque / 2, counts, cv::CMP_GE);  // 255 where it is so: kCounts
     const size_t counted = CountedPixels(mask, mask.data.size());
-    return counted == 0 || counted == mask.data.size() ? PlaneU8() : mask;
+    if (counted == 0 || counted == mask.data.size()) return {};
+    return TurnUpright(mask, orientation);
   } catch (const cv::Exception&) {
     return {};
   }

@@ -8,10 +8,10 @@
 
 namespace litags {
 
-// What a PNG's alpha channel leaves of the photo: pixels that are less than half opaque do not
-// count. Empty if all count, or none does, or there is no such channel. `png` was decoded before,
-// so its size is within the limits.
-PlaneU8 AlphaMask(std::string_view png);
+// What a PNG's alpha channel leaves of the upright photo: pixels that are less than half opaque do
+// not count. Empty if all count, or none does, or there is no such channel, or the bytes are no
+// PNG. They were decoded before, so that the size is within the limits; `orientation` is EXIF's.
+PlaneU8 AlphaMask(std::string_view bytes, int orientation);
 
 }  // namespace litags
 

@@ -53,6 +53,28 @@ absl::StatusOr<ImageInfo> ReadStoredInfo(std::string_view bytes, std::string_vie
   return info;
 }
 
+// The picture that EXIF's orientation, 1..8, says is meant; `copy` takes a pixel of the first to
+// one of the second, both by their index.
+template <class Picture, class CopyPixel>
+Picture Turned(Picture stored, int orientation, CopyPixel copy) {
+  if (orientation == 1) return stored;
+  const bool swap = orientation >= 5;
+  const bool mirror_x =
+      orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
+  const bool mirror_y =
+      orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
+  Picture out(swap ? stored.height : stored.width, swap ? stored.width : stored.height);
+  for (int y = 0; y < out.height; ++y) {
+    for (int x = 0; x < out.width; ++x) {
+      int sx = swap ? y : x, sy = swap ? x : y;
+      if (mirror_x) sx = stored.width - 1 - sx;
+      if (mirror_y) sy = stored.height - 1 - sy;
+      copy(stored, size_t(sy) * stored.width + sx, out, size_t(y) * out.width + x);
+    }
+  }
+  return out;
+}
+
 // EXIF orientations 5..8 swap the axes.
 ImageInfo Upright(ImageInfo info) {
   if (info.orientation >= 5) std::swap(info.width, info.height);
@@ -111,22 +133,16 @@ absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view
 }
 
 Photo TurnUpright(Photo stored, int orientation) {
-  if (orientation == 1) return stored;
-  const bool swap = orientation >= 5;
-  const bool mirror_x =
-      orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
-  const bool mirror_y =
-      orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
-  Photo out(swap ? stored.height : stored.width, swap ? stored.width : stored.height);
-  for (int y = 0; y < out.height; ++y) {
-    for (int x = 0; x < out.width; ++x) {
-      int sx = swap ? y : x, sy = swap ? x : y;
-      if (mirror_x) sx = stored.width - 1 - sx;
-      if (mirror_y) sy = stored.height - 1 - sy;
-      std::copy_n(stored.pixel(sx, sy), 3, out.pixel(x, y));
-    }
-  }
-  return out;
+  return Turned(std::move(stored), orientation,
+                [](const Photo& from, size_t i, Photo& to, size_t j) {
+                  std::copy_n(&from.data[3 * i], 3, &to.data[3 * j]);
+                });
+}
+
+PlaneU8 TurnUpright(PlaneU8 stored, int orientation) {
+  return Turned(
+      std::move(stored), orientation,
+      [](const PlaneU8& from, size_t i, PlaneU8& to, size_t j) { to.data[j] = from.data[i]; });
 }
 
 absl::StatusOr<Photo> DecodePhoto(std::string_view bytes, std::string_view field,

@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
+#include "engine/core/color.h"
 #include "engine/core/image.h"
 #include "engine/core/limits.h"
 #include "engine/core/photo.h"
@@ -97,6 +98,7 @@ absl::StatusOr<std::string> EncodePng16(const Photo& photo);
 // 2 mirrored, 3 by 180 degrees, 4 flipped, 5 transposed, 6 to be turned clockwise, 7 transposed
 // across the other diagonal, 8 to be turned counter-clockwise.
 Photo TurnUpright(Photo stored, int orientation);
+PlaneU8 TurnUpright(PlaneU8 stored, int orientation);
 
 // Has decoders load and initialise what they otherwise would with the first photo: for a process
 // that then gives up opening files.

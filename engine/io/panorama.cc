@@ -1,6 +1,7 @@
 #include "engine/io/panorama.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -52,6 +53,15 @@ double MeanDifference(const std::vector<double>& a, const std::vector<double>& b
   return sum / static_cast<double>(a.size());
 }
 
+// How far a strip's bands are from all of it, in the mean.
+double Spread(const std::vector<double>& strip) {
+  std::array<double, 3> middle = {};
+  for (size_t i = 0; i < strip.size(); ++i) middle[i % 3] += 3 * strip[i] / strip.size();
+  double sum = 0;
+  for (size_t i = 0; i < strip.size(); ++i) sum += std::abs(strip[i] - middle[i % 3]);
+  return sum / static_cast<double>(strip.size());
+}
+
 }  // namespace
 
 PanoramaPart WholePanorama(int width, int height) {
@@ -101,6 +111,8 @@ bool IsClosedAround(const Photo& photo) {
   for (const int quarter : {1, 2, 3}) {
     elsewhere += MeanDifference(first, strip(quarter * photo.width / 4)) / 3;
   }
+  // Edges of one colour, as of a thing before black, tell nothing.
+  if (Spread(first) < kUnlike * kRounding) return false;
   return around <= kLike * beside + kRounding && elsewhere >= kUnlike * (around + kRounding);
 }
 

@@ -92,6 +92,9 @@ TEST(Panorama, EdgesThatMeetTellOneFromAPhoto) {
   half = Cut(half, {100, 0, 512, 256});
   EXPECT_FALSE(IsClosedAround(half));
   EXPECT_FALSE(IsClosedAround(Photo(512, 256)));
+  Photo thing(512, 256);  // before black
+  for (int y = 60; y < 200; ++y) std::copy_n(half.pixel(150, y), 3 * 200, thing.pixel(150, y));
+  EXPECT_FALSE(IsClosedAround(thing));
   EXPECT_FALSE(IsClosedAround(Cut(PanoramaOf(512, Waves), {0, 0, 512, 250})));
 }
 

@@ -88,24 +88,28 @@ Json SourceOf(const ReconstructInput& input, const ReconstructOptions& options,
   return Json::parse(Dump(source));  // as it will be read back
 }
 
-// Registration that COLMAP produced, next to the model in work_dir/cameras.
+// Registration that COLMAP produced, next to the model in work_dir/cameras. Of the report's notes,
+// those from `first_note` on are of it.
 absl::Status SaveRegistration(const std::string& dir, const Json& source, const SparseModel& model,
-                              const ReconstructReport& report) {
+                              const ReconstructReport& report, size_t first_note) {
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(dir, ignored);
   fs::remove(dir + "/registration.json", ignored);
   LITAGS_RETURN_IF_ERROR(WriteColmapModel(dir, model));
+  const std::vector<std::string> notes(report.notes.begin() + static_cast<ptrdiff_t>(first_note),
+                                       report.notes.end());
   const Json json = {{"dropped", report.dropped},
                      {"preparation", report.sfm_preparation},
-                     {"notes", report.notes},
+                     {"notes", notes},
                      {"source", source}};
   // Last: its presence says that the folder is whole.
   return WriteFileAtomically(dir + "/registration.json", Dump(json));
 }
 
-// Nothing if the cameras in `dir` were found from something else than `source`.
+// Nothing if the cameras in `dir` were found from something else than `source`. Their notes take
+// the place of the report's from `first_note` on.
 absl::StatusOr<std::optional<SparseModel>> LoadRegistration(const std::string& dir,
-                                                            const Json& source,
+                                                            const Json& source, size_t first_note,
                                                             ReconstructReport* report) {
   LITAGS_ASSIGN_OR_RETURN(const std::string text,
                           ReadFile(dir + "/registration.json", "cameras", kMaxRegistrationFile));
@@ -120,7 +124,9 @@ absl::StatusOr<std::optional<SparseModel>> LoadRegistration(const std::string& d
   try {
     auto dropped = json["dropped"].get<std::vector<std::string>>();
     auto preparation = json["preparation"].get<std::string>();
-    report->notes = json["notes"].get<std::vector<std::string>>();
+    const auto notes = json["notes"].get<std::vector<std::string>>();
+    report->notes.resize(first_note);
+    report->notes.insert(report->notes.end(), notes.begin(), notes.end());
     report->dropped = std::move(dropped);
     report->sfm_preparation = std::move(preparation);
   } catch (const Json::exception& e) {
@@ -199,6 +205,7 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
   const ReconstructOptions& options = context.options;
   const CancelToken& cancel = context.cancel;
   ReconstructReport* const report = context.report;
+  const size_t first_note = report->notes.size();
   if (const std::string given = input.cameras_path; !given.empty()) {
     input.cameras_path = ResolveCameras(given);
     if (input.cameras_path != given) {
@@ -212,7 +219,8 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
   std::string kept = input.work_dir + "/cameras", damage;
   for (const std::string& dir : {SolvedFisheyes(input), kept}) {
     if (!fs::exists(dir + "/registration.json")) continue;
-    absl::StatusOr<std::optional<SparseModel>> found = LoadRegistration(dir, source, report);
+    absl::StatusOr<std::optional<SparseModel>> found =
+        LoadRegistration(dir, source, first_note, report);
     if (found.ok() && found->has_value()) return **std::move(found);
     if (!found.ok()) damage = std::string(found.status().message());
   }
@@ -276,10 +284,10 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
     }
     report->sfm_preparation = "given";
   }
-  LITAGS_RETURN_IF_ERROR(SaveRegistration(kept, source, model, *report));
+  LITAGS_RETURN_IF_ERROR(SaveRegistration(kept, source, model, *report, first_note));
   // Read back, so that this run and a resumed one see the same digits.
   LITAGS_ASSIGN_OR_RETURN(std::optional<SparseModel> read_back,
-                          LoadRegistration(kept, source, report));
+                          LoadRegistration(kept, source, first_note, report));
   if (!read_back.has_value()) return absl::InternalError("cameras changed while they were kept");
   if (!damage.empty()) {
     report->notes.push_back(absl::StrCat("the cameras kept from an earlier run could not be used (",

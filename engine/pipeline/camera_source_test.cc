@@ -161,6 +161,20 @@ TEST_F(CameraSource, KeptCamerasOfPhotosEditedInPlaceAreNotUsed) {
   EXPECT_EQ(Reason(ObtainKept().status()), "COLMAP_NOT_FOUND");
 }
 
+TEST_F(CameraSource, KeptCamerasLeaveEarlierNotesAlone) {
+  ASSERT_TRUE(Obtain().ok());
+  const std::vector<std::string> found = report_.notes;
+  ReconstructReport report;
+  report.notes = {"p9.png is left out: it is blurred"};
+  const CancelToken never;
+  const Context context(
+      input_, options_, never, [](Stage, const std::string&) {}, &report);
+  const auto photos = ListPhotos(input_.images_dir, "images");
+  ASSERT_TRUE(ObtainCameras(context, *photos, masks_, "/nonexistent/colmap").ok());
+  ASSERT_EQ(report.notes.size(), found.size() + 1);
+  EXPECT_EQ(report.notes[0], "p9.png is left out: it is blurred");
+}
+
 TEST_F(CameraSource, DamagedCamerasCostANoteAndAreFoundAgain) {
   const auto found = Obtain();
   ASSERT_TRUE(found.ok()) << found.status();
@@ -463,6 +477,16 @@ TEST_F(StoredCameras, OfUprightPhotosAreTakenAsTheyAre) {
   ASSERT_TRUE(cameras.ok()) << cameras.status();
   EXPECT_EQ(cameras->views[1].camera.Viewmat(), known_.views[1].camera.Viewmat());
   EXPECT_THAT(report_.notes, IsEmpty());
+}
+
+// As those that a run found itself.
+TEST_F(StoredCameras, ThatAreSaidToBeUprightAreTakenAsTheyAre) {
+  Tag(1, 3);
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
+  input_.cameras_are_upright = true;
+  const auto cameras = ObtainKept();
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  EXPECT_EQ(cameras->views[1].camera.Viewmat(), known_.views[1].camera.Viewmat());
 }
 
 TEST_F(StoredCameras, AreRefusedWhereTheSizeDoesNotTellThem) {

@@ -24,6 +24,7 @@
 #include "engine/pipeline/train_set.h"
 #include "engine/pipeline/video_frames.h"
 #include "engine/pipeline/wide_views.h"
+#include "engine/pipeline/work_folders.h"
 #include "engine/train/camera_pose.h"
 #include "engine/train/fit_camera.h"
 #include "engine/train/initialize.h"
@@ -376,6 +377,7 @@ class RealEngine : public Engine {
     SilentObserver silent;
     if (observer == nullptr) observer = &silent;
     const double start = Now();
+    LITAGS_RETURN_IF_ERROR(CheckInputsOutside(given));
     // OpenCV has a pool of its own, as large as the machine unless it is told.
     cv::setNumThreads(options.threads > 0 ? options.threads : DefaultThreadCount());
     // Of a run that was killed while it wrote.

@@ -37,7 +37,9 @@ struct ReconstructInput {
   std::string images_dir;    // photos, flat; names are the views' names
   std::string video_path;    // instead of images_dir: frames of it become the photos
   std::string cameras_path;  // transforms*.json or a COLMAP model folder; empty: run SfM
-  std::string depth_dir;     // <photo stem>.{png,pfm,npy}; empty: none given
+  // Those cameras are of the photos upright, whatever their sizes say.
+  bool cameras_are_upright = false;
+  std::string depth_dir;  // <photo stem>.{png,pfm,npy}; empty: none given
   // <photo name>.png or <photo stem>.png, 8 bits, of the photo's upright size: 0 where a pixel is
   // not of the scene and must not be learnt. Photos may lack one. Empty: none given.
   std::string masks_dir;
@@ -58,10 +60,11 @@ class Engine {
  public:
   virtual ~Engine() = default;
 
-  // Photos to scene. Resumes from work_dir's checkpoint if there is one made from the same photos
-  // and options, save more iterations of the same schedule. CANCELLED soon after the token is
-  // raised; INVALID_ARGUMENT or FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot give
-  // a scene. `observer` may be null.
+  // Photos to scene. No input may lie in a folder that the run clears (INPUT_IN_WORK_DIR). Resumes
+  // from work_dir's checkpoint if there is one made from the same photos and options, save more
+  // iterations of the same schedule. CANCELLED soon after the token is raised; INVALID_ARGUMENT or
+  // FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot give a scene. `observer` may be
+  // null.
   virtual absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
                                                         const ReconstructOptions& options,
                                                         const CancelToken& cancel,

@@ -11,6 +11,7 @@
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/photo_place.h"
 
 namespace litags {
 namespace {
@@ -137,16 +138,19 @@ absl::StatusOr<bool> TurnUpright(const ImageInfo& photo, int index, SparseModel*
 }
 
 // Photos of given cameras come with a size; it may be given for another resolution of the photos.
-absl::Status FitToPhotos(const std::string& images_dir, SparseModel* model,
+absl::Status FitToPhotos(const ReconstructInput& input, SparseModel* model,
                          std::vector<std::string>* notes) {
-  int turned = 0;
+  int turned = 0, scaled = 0;
+  std::string some_scaled;
   for (size_t i = 0; i < model->views.size(); ++i) {
     View& view = model->views[i];
     const std::string field = absl::StrCat("images[", view.name, "]");
     LITAGS_ASSIGN_OR_RETURN(const ImageInfo info,
-                            ReadImageSize(images_dir + "/" + view.name, field));
-    LITAGS_ASSIGN_OR_RETURN(const bool turns, TurnUpright(info, static_cast<int>(i), model));
-    turned += turns;
+                            ReadImageSize(PhotoPath(input, view.name), field));
+    if (!input.cameras_are_upright) {
+      LITAGS_ASSIGN_OR_RETURN(const bool turns, TurnUpright(info, static_cast<int>(i), model));
+      turned += turns;
+    }
     if (info.width == view.camera.width && info.height == view.camera.height) continue;
     if (!SameShape(view.camera, info.width, info.height)) {
       return InvalidInput("CAMERA_SIZE_MISMATCH", field,
@@ -154,7 +158,17 @@ absl::Status FitToPhotos(const std::string& images_dir, SparseModel* model,
                                        " but its camera says ", view.camera.width, "x",
                                        view.camera.height, "; give cameras of these photos"));
     }
+    if (++scaled == 1) {
+      some_scaled = absl::StrCat(view.camera.width, "x", view.camera.height, " px for ", view.name,
+                                 " of ", info.width, "x", info.height);
+    }
     view.camera = view.camera.Scaled(info.width, info.height);
+  }
+  if (scaled > 0) {
+    notes->push_back(absl::StrCat(scaled, " of ", model->views.size(),
+                                  " cameras are of photos of another size, such as ", some_scaled,
+                                  ", and were scaled: if they are of undistorted or cut photos, "
+                                  "give those"));
   }
   if (turned > 0) {
     notes->push_back(absl::StrCat(turned, " of ", model->views.size(),
@@ -190,7 +204,7 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                      NameInMessage(photos[0]), ", and is ", NameInMessage(some_camera),
                      " for one"));
   }
-  LITAGS_RETURN_IF_ERROR(FitToPhotos(input.images_dir, &model, notes));
+  LITAGS_RETURN_IF_ERROR(FitToPhotos(input, &model, notes));
   return model;
 }
 

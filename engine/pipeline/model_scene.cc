@@ -87,7 +87,7 @@ class ModelScene : public Scene {
     if (!model_.use_pdm && request.channel == Channel::kNoise) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "channel",
                        "channel: this scene was trained without the denoising module, which learns "
-                       "the noise; train with use_pdm (--pdm) for it");
+                       "the noise; train with method litags-paper for it");
     }
     ModelRenderer renderer(request.threads, &request.cancel);
     if (IsColor(request.channel)) {

@@ -80,7 +80,8 @@ TEST(PhotoDetail, APlainWallIsNotBlurred) {
 }
 
 // A folder of photos of places, of which `blurred` are out of focus.
-absl::StatusOr<PhotoScreen> ScreenFolder(const std::set<int>& blurred) {
+absl::StatusOr<PhotoScreen> ScreenFolder(const std::set<int>& blurred,
+                                         const RigViews& rig_views = {}) {
   const TempDir dir;
   for (int i = 0; i < 6; ++i) {
     cv::Mat place = 0.1 * Place(i);  // 3 stops under
@@ -94,6 +95,7 @@ absl::StatusOr<PhotoScreen> ScreenFolder(const std::set<int>& blurred) {
   }
   ReconstructInput input;
   input.images_dir = dir.path();
+  input.rig_views = rig_views;
   return ScreenPhotos(input, 1, CancelToken());
 }
 
@@ -104,6 +106,15 @@ TEST(PhotoScreen, ABlurredPhotoIsLeftOutByName) {
   EXPECT_EQ(screen->left_out[0].name, "p3.png");
   EXPECT_THAT(screen->notes, testing::ElementsAre(
                                  testing::HasSubstr("p3.png is left out: it is blurred: it has ")));
+}
+
+// As the sky of a panorama, whose other views tell that it is sharp.
+TEST(PhotoScreen, ViewsOfOnePhotoAreAsSharpAsItsSharpest) {
+  RigViews rig_views;
+  for (const char* view : {"p3.png", "p4.png"}) rig_views[view].rig = "around.jpg";
+  const auto screen = ScreenFolder({3}, rig_views);
+  ASSERT_TRUE(screen.ok()) << screen.status();
+  EXPECT_EQ(screen->photos.size(), 6u);
 }
 
 TEST(PhotoScreen, PhotosThatAreAllBlurredAreUsed) {

@@ -47,6 +47,9 @@ bool LacksEndMark(std::string_view bytes) {
 Decoded Decode(const std::string& dir, const std::string& name) {
   Decoded d;
   d.photo.name = name;
+  // Models of cameras are written and read by it.
+  d.status = ValidateFileName(name, PhotoField(name));
+  if (!d.status.ok()) return d;
   const auto bytes = ReadFile(dir + "/" + name, PhotoField(name), ImageLimits().max_bytes);
   d.status = bytes.status();
   if (!bytes.ok()) return d;
@@ -57,9 +60,8 @@ Decoded Decode(const std::string& dir, const std::string& name) {
   d.lines = KindsOfLines(*photo);
   d.blocks = !IsPng(*bytes);
   d.no_end_mark = IsJpeg(*bytes) && LacksEndMark(*bytes);
-  if (IsPng(*bytes)) d.alpha = AlphaMask(*bytes);
-  // A PNG that EXIF turns: its alpha is not turned with it.
-  if (d.alpha.width != photo->width || d.alpha.height != photo->height) d.alpha = PlaneU8();
+  const auto info = ReadImageInfo(*bytes, PhotoField(name));
+  if (info.ok()) d.alpha = AlphaMask(*bytes, info->orientation);
   return d;
 }
 
@@ -246,6 +248,23 @@ absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Deco
   return absl::OkStatus();
 }
 
+// Views of one photo are as sharp as its sharpest: of the sky there is little fine detail.
+void ShareDetail(const RigViews& rig_views, std::vector<ScreenedPhoto>* photos) {
+  std::map<std::string, PhotoDetail> sharpest;  // by the photo
+  for (const bool share : {false, true}) {
+    for (ScreenedPhoto& photo : *photos) {
+      const auto view = rig_views.find(photo.name);
+      if (view == rig_views.end()) continue;
+      PhotoDetail& most = sharpest[view->second.rig];
+      if (share) {
+        photo.detail = most;
+      } else if (photo.detail.fine > most.fine) {
+        most = photo.detail;
+      }
+    }
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> PhotoScreen::Names() const {
@@ -282,6 +301,7 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
   for (const Decoded& d : decoded) {
     if (d.status.ok()) readable.push_back(d.photo);
   }
+  ShareDetail(input.rig_views, &readable);
   screen.middle_light = MiddleOf(readable, &ScreenedPhoto::light);
   const std::vector<std::string> why = WhyLeftOut(readable);
   std::vector<Decoded> used;

@@ -177,6 +177,18 @@ TEST(PhotoScreen, TransparencyIsAMaskJoinedWithTheGivenOne) {
   EXPECT_EQ(std::count(read->mask.data.begin(), read->mask.data.end(), 255), (kH - 1) * (kW - 10));
 }
 
+TEST(PhotoScreen, NamesThatModelsOfCamerasCannotHoldAreLeftOut) {
+  const RoomCapture capture(5);
+  fs::rename(capture.Path("images/v001.png"), capture.Path("images/K\xFC"
+                                                           "che.png"));
+  fs::rename(capture.Path("images/v002.png"), capture.Path("images/low\\2.png"));
+  const auto screen = Screen(capture.Input("work"));
+  ASSERT_TRUE(screen.ok()) << screen.status();
+  EXPECT_EQ(screen->photos.size(), 3u);
+  EXPECT_THAT(screen->notes, Contains(HasSubstr("is not valid UTF-8")));
+  EXPECT_THAT(screen->notes, Contains(HasSubstr("holds a path separator")));
+}
+
 TEST(PhotoScreen, MasksThatTheCamerasNameAreUsed) {
   const RoomCapture capture(4);
   ReconstructInput input = capture.Input("work");

@@ -217,6 +217,7 @@ absl::StatusOr<PosedPhotos> LoadViewsOfFisheyes(const Context& context, const st
   report->dropped.clear();  // those without a camera will be found without one again
   ReconstructInput solved = context.input;
   solved.cameras_path = SolvedFisheyes(solved);
+  solved.cameras_are_upright = true;
   LITAGS_ASSIGN_OR_RETURN(
       const ReconstructInput cut,
       WithViewsOfWidePhotos(

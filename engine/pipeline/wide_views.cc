@@ -9,6 +9,7 @@
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/parallel.h"
+#include "engine/io/alpha_mask.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -64,6 +65,12 @@ absl::StatusOr<PlaneU8> ReadMask(const std::string& path, const WideLens& lens) 
   return mask;
 }
 
+// What `other` hides, too; empty masks hide nothing.
+void Hide(const PlaneU8& other, PlaneU8* mask) {
+  if (mask->empty()) *mask = other;
+  for (size_t i = 0; i < other.data.size(); ++i) mask->data[i] &= other.data[i];
+}
+
 // Where the views and their masks go, and what they are.
 struct Output {
   fs::path dir, masks;
@@ -77,9 +84,13 @@ absl::StatusOr<std::map<std::string, std::string>> WriteViews(const ReconstructI
                                                               const std::string& base,
                                                               const std::string& mask_path,
                                                               int threads, const Output& out) {
-  LITAGS_ASSIGN_OR_RETURN(const Photo photo,
-                          ReadPhoto(PhotoPath(input, wide.name), PhotoField(wide.name)));
-  LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, ReadMask(mask_path, wide.lens));
+  const std::string field = PhotoField(wide.name);
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
+                          ReadFile(PhotoPath(input, wide.name), field, ImageLimits().max_bytes));
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field));
+  LITAGS_ASSIGN_OR_RETURN(const Photo photo, DecodePhoto(bytes, field));
+  LITAGS_ASSIGN_OR_RETURN(PlaneU8 mask, ReadMask(mask_path, wide.lens));
+  Hide(AlphaMask(bytes, info.orientation), &mask);
   std::vector<absl::Status> statuses(wide.views.size());
   std::vector<std::string> names(wide.views.size());
   ParallelFor(threads, wide.views.size(), [&](size_t i, int) {
@@ -150,29 +161,32 @@ absl::Status WriteAll(const ReconstructInput& input, const PhotoList& list, cons
 absl::StatusOr<ReconstructInput> WithViewsOfWidePhotos(
     const ReconstructInput& input, int threads, const CancelToken& cancel,
     const std::function<void(const std::string&)>& progress, std::vector<std::string>* notes) {
-  const auto all = ListPhotos(input.images_dir, "images");
-  if (!all.ok()) return input;  // the screen of photos says why
-  LITAGS_ASSIGN_OR_RETURN(const WidePhotos wide, FindWidePhotos(input, *all, threads, cancel));
+  const auto list = ListPhotosAndMasks(input);
+  if (!list.ok()) return input;  // the screen of photos says why
+  LITAGS_ASSIGN_OR_RETURN(const WidePhotos wide,
+                          FindWidePhotos(input, list->names, threads, cancel));
   if (wide.photos.empty()) return input;
-  LITAGS_ASSIGN_OR_RETURN(const PhotoList list, ListPhotosAndMasks(input));
-  const fs::path dir = fs::path(input.work_dir) / "wide_views";
+  // Fisheyes that were solved among panoramas' views, which are read from the first folder.
+  const bool again = !input.rig_views.empty();
+  const fs::path dir = fs::path(input.work_dir) / (again ? "wide_views_2" : "wide_views");
   Output out;
   out.dir = dir;
   out.masks = dir / "masks";
   LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(out.dir));
   LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(out.masks));
-  LITAGS_RETURN_IF_ERROR(WriteAll(input, list, wide, threads, cancel, progress, &out));
+  LITAGS_RETURN_IF_ERROR(WriteAll(input, *list, wide, threads, cancel, progress, &out));
   ReconstructInput result = input;
   result.images_dir = out.dir;
-  result.rig_views = std::move(out.rig_views);
+  result.rig_views.merge(out.rig_views);
   result.masks_dir = fs::is_empty(out.masks) ? "" : out.masks.string();
   if (!input.cameras_path.empty()) {
     const fs::path cameras = dir / "cameras";
     LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(cameras));
     LITAGS_RETURN_IF_ERROR(WriteColmapModel(cameras, CamerasOfViews(wide, out.views)));
     result.cameras_path = cameras;
+    result.cameras_are_upright = true;
   }
-  for (const auto& lines : {list.notes, wide.notes, DescribeWidePhotos(wide.photos)}) {
+  for (const auto& lines : {list->notes, wide.notes, DescribeWidePhotos(wide.photos)}) {
     notes->insert(notes->end(), lines.begin(), lines.end());
   }
   return result;

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
@@ -143,6 +145,58 @@ TEST_F(WideViews, MasksBesideAPanoramaAreNoPhotos) {
   ASSERT_TRUE(cut.ok()) << cut.status();
   EXPECT_EQ(ListPhotos(cut->images_dir, "images")->size(), 3u * 6 + 2);
   EXPECT_TRUE(fs::exists(cut->masks_dir + "/a_down.png"));
+}
+
+TEST_F(WideViews, MasksOfAllPanoramasDoNotHideThem) {
+  ImageU8 tripod(256, 128);
+  std::fill_n(tripod.data.begin(), size_t{3} * 256 * 100, 255);
+  fs::remove(dir_ / "photos/b.png");
+  fs::remove(dir_ / "photos/c.png");
+  for (const char* name : {"a", "d", "e"}) {
+    Write(absl::StrCat("photos/", name, "_mask.png"), tripod);
+  }
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_EQ(cut->rig_views.size(), 18u);
+}
+
+TEST_F(WideViews, TransparencyGoesWithThem) {
+  const ImageU8 around = Around(256);
+  cv::Mat rgba(128, 256, CV_8UC4, cv::Scalar::all(255));
+  for (int y = 0; y < 128; ++y) {
+    for (int x = 0; x < 256; ++x) {
+      const uint8_t* p = around.pixel(x, y);
+      rgba.at<cv::Vec4b>(y, x) = {p[2], p[1], p[0], uint8_t(y < 100 ? 255 : 0)};
+    }
+  }
+  ASSERT_TRUE(cv::imwrite(dir_ / "photos/a.png", rgba));
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  const auto down = ReadImage(cut->masks_dir + "/a_down.png", "mask");
+  ASSERT_TRUE(down.ok()) << down.status();
+  EXPECT_EQ(down->pixel(41, 41)[0], 0);
+  EXPECT_EQ(down->pixel(0, 0)[0], 255);
+}
+
+// Fisheyes that are solved among panoramas' views.
+TEST_F(WideViews, AreCutAgainWithoutLosingThoseThatWereCut) {
+  const auto first = Cut();
+  ASSERT_TRUE(first.ok()) << first.status();
+  ReconstructInput solved = *first;
+  solved.cameras_path = dir_ / "fisheye.json";
+  ASSERT_TRUE(WriteFileAtomically(solved.cameras_path, R"({"camera_model": "OPENCV_FISHEYE",
+      "fl_x": 60, "fl_y": 60, "cx": 100, "cy": 75, "w": 200, "h": 150, "frames": [
+      {"file_path": "c.png", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})")
+                  .ok());
+  const auto again = WithViewsOfWidePhotos(
+      solved, 2, CancelToken(), [](const std::string&) {}, &notes_);
+  ASSERT_TRUE(again.ok()) << again.status();
+  const auto names = ListPhotos(again->images_dir, "images");
+  ASSERT_TRUE(names.ok()) << names.status();
+  EXPECT_THAT(*names, IsSupersetOf({"a_back.png", "b.png", "c_front.png"}));
+  EXPECT_TRUE(again->rig_views.contains("a_back.png"));
+  EXPECT_TRUE(again->rig_views.contains("c_front.png"));
+  EXPECT_TRUE(ReadPhoto(again->images_dir + "/a_back.png", "photo").ok());
 }
 
 TEST_F(WideViews, OfWhichAMaskLeavesNothingAreNotMade) {

@@ -53,7 +53,8 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", LITAGS_VERSION);
   app.add_option("DIR", args.dir, "Folder of photos, or a video")->required();
   app.add_option("--cameras", args.cameras,
-                 "Known cameras: a transforms.json, or the folder of a COLMAP model");
+                 "Known cameras: a transforms.json, the folder of a COLMAP model, or a file of "
+                 "OpenMVG, Meshroom, Metashape or Bundler");
   app.add_option("--masks", args.masks,
                  "Folder with masks of photos; default: DIR/masks, if there is one");
   app.add_option("--frames", args.frames, "At most so many frames of a video; 0: by its motion")

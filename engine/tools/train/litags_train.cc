@@ -22,6 +22,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/engine.h"
+#include "engine/pipeline/work_folders.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
@@ -168,6 +169,10 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   }
   LITAGS_ASSIGN_OR_RETURN(input.depth_network,
                           DepthNetwork::Parse(args.depth_model, "--depth-model"));
+  LITAGS_RETURN_IF_ERROR(
+      CheckOutside(args.out, {"views", "test"},
+                   {input.images_dir, input.video_path, input.cameras_path, input.depth_dir,
+                    input.masks_dir, args.scene.TruthDir(), args.scene.poses}));
   std::error_code error;
   fs::create_directories(args.out, error);
   if (error) {
@@ -219,8 +224,10 @@ int Main(int argc, char** argv) {
                  "views in normal light; with test views also test/PHOTO.png and evaluation.json");
   app.add_option("--light", args.scene.light,
                  "benchmark layout: photos are in DIR/LIGHT (low, over_exp, high)");
-  app.add_option("--cameras", args.scene.cameras,
-                 "transforms.json or COLMAP model folder; else COLMAP finds them");
+  app.add_option(
+      "--cameras", args.scene.cameras,
+      "transforms.json, folder of a COLMAP model, or a file of OpenMVG, Meshroom, Metashape "
+      "or Bundler; else COLMAP finds them");
   app.add_flag("--sfm", args.scene.sfm,
                "find the cameras with COLMAP even if DIR has transforms_train.json");
   app.add_flag("--inspect", args.inspect,

@@ -1,0 +1,53 @@
+#include "engine/pipeline/work_folders.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Without links and "..", and without an empty last part.
+fs::path Resolved(const fs::path& path) {
+  std::error_code error;
+  const fs::path whole = fs::weakly_canonical(fs::absolute(path, error), error);
+  return whole.has_filename() ? whole : whole.parent_path();
+}
+
+bool LiesIn(const fs::path& path, const fs::path& folder) {
+  return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first ==
+         folder.end();
+}
+
+}  // namespace
+
+absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::string_view> folders,
+                          absl::Span<const std::string> inputs) {
+  for (const absl::string_view name : folders) {
+    const fs::path folder = Resolved(fs::path(work_dir) / std::string(name));
+    for (const std::string& input : inputs) {
+      if (input.empty() || !LiesIn(Resolved(input), folder)) continue;
+      return InvalidInput("INPUT_IN_WORK_DIR", "work_dir",
+                          absl::StrCat(input, " lies in ", folder.string(),
+                                       ", where this run writes: name another output folder"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckInputsOutside(const ReconstructInput& input) {
+  std::vector<absl::string_view> cleared = {
+      "photos", "found_masks", "sfm", "wide_views", "wide_views_2", "cameras", "solved_fisheyes"};
+  if (!input.video_path.empty()) cleared.push_back("frames");
+  const std::string inputs[] = {input.images_dir, input.video_path, input.cameras_path,
+                                input.depth_dir, input.masks_dir};
+  return CheckOutside(input.work_dir, cleared, inputs);
+}
+
+}  // namespace litags

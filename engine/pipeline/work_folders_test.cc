@@ -1,0 +1,63 @@
+#include "engine/pipeline/work_folders.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "engine/io/test_util.h"
+#include "engine/pipeline/capture_test_util.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+TEST(WorkFolders, AnInputInAFolderThatARunClearsIsRefused) {
+  const TempDir dir;
+  const std::string work = dir.path() + "/capture";
+  fs::create_directories(work + "/photos/masks");
+  fs::create_directories(dir.path() + "/elsewhere");
+  fs::create_directory_symlink(work + "/photos", dir.path() + "/link");
+  const auto reason = [&](const std::string& images) {
+    ReconstructInput input;
+    input.work_dir = work;
+    input.images_dir = images;
+    return Reason(CheckInputsOutside(input));
+  };
+  EXPECT_EQ(reason(work + "/photos"), "INPUT_IN_WORK_DIR");
+  EXPECT_EQ(reason(work + "/photos/"), "INPUT_IN_WORK_DIR");
+  EXPECT_EQ(reason(work + "/../capture/photos/masks"), "INPUT_IN_WORK_DIR");
+  EXPECT_EQ(reason(dir.path() + "/link"), "INPUT_IN_WORK_DIR");
+  EXPECT_EQ(reason(dir.path() + "/elsewhere"), "OK");
+  EXPECT_EQ(reason(work), "OK");
+  EXPECT_EQ(reason(work + "/photos of a room"), "OK");
+}
+
+TEST(WorkFolders, TheFramesOfAnEarlierStepAreAnInput) {
+  ReconstructInput input;
+  input.work_dir = "/tmp/capture";
+  input.images_dir = "/tmp/capture/frames";
+  EXPECT_TRUE(CheckInputsOutside(input).ok());
+  input.images_dir.clear();
+  input.video_path = "/tmp/capture/frames/night.mp4";
+  EXPECT_EQ(Reason(CheckInputsOutside(input)), "INPUT_IN_WORK_DIR");
+}
+
+// One photo that is left out made a run clear work_dir/photos, and fill it with links.
+TEST(WorkFolders, ARunLeavesThePhotosBesideItsOutputAlone) {
+  const RoomCapture capture(6);
+  fs::rename(capture.Path("images"), capture.Path("photos"));
+  fs::copy_file(capture.Path("photos/v003.png"), capture.Path("photos/v003 (1).png"));
+  ReconstructInput input = capture.Input("work");
+  input.images_dir = capture.Path("photos");
+  input.work_dir = fs::path(input.images_dir).parent_path();
+  const absl::Status status = Train(input, capture.Options(10)).status();
+  EXPECT_EQ(Reason(status), "INPUT_IN_WORK_DIR");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("/photos"));
+  EXPECT_TRUE(fs::is_regular_file(capture.Path("photos/v003 (1).png")));
+}
+
+}  // namespace
+}  // namespace litags
