@@ -1,5 +1,4 @@
 // litags info, files, log, update, clone.
-#include <cctype>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -11,8 +10,10 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/cli.h"
+#include "client/job_files.h"
 #include "client/labels.h"
 #include "client/option_flags.h"
+#include "client/report/settings.h"
 #include "client/status.h"
 #include "client/text.h"
 #include "client/treatment.h"
@@ -43,6 +44,14 @@ std::string RangeText(const v1::OptionInfo& option) {
   return text;
 }
 
+// Those of the method that a job gets which names none.
+v1::JobOptions DefaultsOf(const v1::ServerInfo& info) {
+  for (const v1::MethodInfo& method : info.methods()) {
+    if (method.method() == v1::METHOD_LITAGS) return method.defaults();
+  }
+  return {};
+}
+
 int Info(Session& session, bool json) {
   const auto info = session.client().GetServerInfo();
   if (!info.ok()) return ReportError(session, info.status());
@@ -70,36 +79,22 @@ int Info(Session& session, bool json) {
   if (limits.has_max_run_time()) {
     Row("its run time", DurationText(SecondsOf(limits.max_run_time())));
   }
+  constexpr char kOption[] = "  %-20s %-28s %-9s %s\n";
+  const v1::JobOptions defaults = DefaultsOf(*info);
   std::printf("\noptions of a job:\n");
+  std::printf(kOption, "NAME", "RANGE", "DEFAULT", "MEANING");
   for (const v1::OptionInfo& option : info->options()) {
-    std::printf("  %-20s %-28s %s\n", option.name().c_str(), RangeText(option).c_str(),
+    std::printf(kOption, Printable(option.name()).c_str(), Printable(RangeText(option)).c_str(),
+                report::OptionText(defaults, option.name()).c_str(),
                 Printable(option.help()).c_str());
   }
   return kExitOk;
 }
 
-std::string RoleText(v1::FileRole role) {
-  constexpr size_t kPrefix = sizeof("FILE_ROLE_") - 1;
-  std::string name = v1::FileRole_Name(role).substr(kPrefix);
-  for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return name;
-}
-
 int Files(Session& session, const std::string& job) {
-  v1::ListFilesRequest request;
-  request.set_name(job);
-  do {
-    const auto page = session.client().ListFiles(request);
-    if (!page.ok()) return ReportError(session, page.status(), job);
-    for (const v1::JobFile& file : page->files()) {
-      const std::string size =
-          file.width() > 0 ? absl::StrCat(file.width(), "x", file.height()) : "";
-      std::printf("%-8s %10s %11s  %s\n", RoleText(file.role()).c_str(),
-                  BytesText(file.size_bytes()).c_str(), size.c_str(),
-                  Printable(file.name()).c_str());
-    }
-    request.set_page_token(page->next_page_token());
-  } while (!request.page_token().empty());
+  const auto files = ListAllFiles(session.client(), job);
+  if (!files.ok()) return ReportError(session, files.status(), job);
+  std::printf("%s", FileTable(*files).c_str());
   return kExitOk;
 }
 

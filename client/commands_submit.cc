@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/cli.h"
+#include "client/job_files.h"
 #include "client/labels.h"
 #include "client/option_flags.h"
 #include "client/status.h"
@@ -105,6 +106,9 @@ absl::Status UploadAndStart(Session& session, const std::string& job, Capture& c
                             bool strict) {
   absl::Status status = UploadFiles(session.client(), job, capture.files, NoteUpload, strict);
   if (!status.ok()) return status;
+  const auto sent = ListAllFiles(session.client(), job);
+  if (!sent.ok()) return sent.status();
+  for (const std::string& line : DescribeFiles(*sent)) Note(line);
   return session.client().StartJob(job).status();
 }
 
@@ -169,8 +173,10 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
                     "Refuse if the service cannot read one of the photos; else it is left out");
   command->add_option("--name", args->name, "Title for humans");
   AddLabelOption(*command, args->labels);
-  command->add_option("--cameras", args->cameras,
-                      "Known cameras: a transforms.json, or the folder of a COLMAP model");
+  command->add_option(
+      "--cameras", args->cameras,
+      "Known cameras: a transforms.json, the folder of a COLMAP model, or a file of "
+      "OpenMVG, Meshroom, Metashape or Bundler");
   command->add_option("--depth", args->depth_dir,
                       "Folder with depth maps, named as the photos (.png 16 bit, .pfm, .npy)");
   command->add_option("--masks", args->masks_dir,

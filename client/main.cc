@@ -26,7 +26,7 @@ Exit codes: 0 ok; 1 the job failed or was cancelled; 2 bad usage or input; 3 no 
   litags submit photos/ --watch
   litags render JOB --camera 0012.jpg -o view.png
   litags path JOB --orbit --frames 60 -o frames/
-  litags export JOB --ply scene.ply
+  litags export JOB -o scene.ply
   litags report JOB -o report.html)";
 
 // Turns Ctrl-C into interrupt.Raise(); a second one ends the program at once. Must be called

@@ -15,7 +15,9 @@ google::protobuf::Duration DurationOf(double seconds) {
 
 void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
   const std::string group = "Treatment";
-  command.add_option("--priority", treatment.priority, "Before jobs of less, -100..100; default 0")
+  command
+      .add_option("--priority", treatment.priority,
+                  "Priority in the queue, -100..100: the highest first; default 0")
       ->group(group);
   command
       .add_option("--max-run-seconds", treatment.max_run_seconds,

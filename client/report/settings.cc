@@ -64,7 +64,8 @@ std::vector<Setting> SettingsOf(const v1::JobOptions& options, const v1::ServerI
 }  // namespace
 
 std::string OptionText(const v1::JobOptions& options, const std::string& name) {
-  return ValueOf(options, *v1::JobOptions::descriptor()->FindFieldByName(name));
+  const FieldDescriptor* field = v1::JobOptions::descriptor()->FindFieldByName(name);
+  return field == nullptr ? "" : ValueOf(options, *field);
 }
 
 Html SettingsSection(const v1::JobOptions& options, const v1::ServerInfo& server) {

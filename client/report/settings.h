@@ -8,7 +8,8 @@
 
 namespace litags::report {
 
-// The value of the option of that name, "max_gaussians", as the command line takes it.
+// The value of the option of that name, "max_gaussians", as the command line takes it; empty if
+// this version has no such option.
 std::string OptionText(const v1::JobOptions& options, const std::string& name);
 
 // Every option that was in force, those marked that differ from the method's defaults, and the

@@ -137,6 +137,19 @@ class Uploads(harness.ServiceTest):
         self.assertTrue(missing().stored)
 
 
+class Findings(harness.ServiceTest):
+
+    def test_what_would_be_used_is_said_before_the_start(self):
+        photos = self.photos()
+        shutil.copy(os.path.join(photos, "a.png"), os.path.join(photos, "d.png"))
+        out, err = self.litags("submit", photos, "--iterations", "10")
+        self.assertRegex(err, r"(?m)^3 photos would be used, 1 is left out; 64x48 px; light: ")
+        self.assertIn("left out: d.png: it is the same photo as a.png\n", err)
+        table, _ = self.litags("files", out.strip())
+        self.assertRegex(table, r"(?m)^photo .* 64x48 .* c\.png$")
+        self.assertRegex(table, r"d\.png  \(left out: it is the same photo as a\.png\)")
+
+
 class Masks(harness.ServiceTest):
 
     def folder_with_masks(self, **masks):

@@ -1,15 +1,26 @@
 """A receiver of webhooks: told once of each end, signed, also when it was away."""
 
-import hashlib
-import hmac
 import http.server
 import json
+import re
 import threading
 import unittest
 
+import examples
 import harness
 from harness import rpc
 
+
+
+def function_of_page():
+    """The function that docs/webhooks.md gives to receivers."""
+    page = (examples.SOURCE / "docs/webhooks.md").read_text(encoding="utf-8")
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], names)
+    return names["is_genuine"]
+
+
+IS_GENUINE = function_of_page()
 SECRET = "0123456789abcdef0123456789abcdef"
 
 
@@ -69,9 +80,10 @@ class Webhooks(harness.ServiceTest):
         self.assertEqual((told["name"], told["state"]), (job, "JOB_STATE_SUCCEEDED"))
         self.assertEqual(told["labels"], {"site": "north"})
         self.assertNotIn(SECRET, body.decode())
-        signed = headers["Litags-Timestamp"].encode() + b"." + body
-        digest = hmac.new(SECRET.encode(), signed, hashlib.sha256).hexdigest()
-        self.assertEqual(headers["Litags-Signature"], f"sha256={digest}")
+        self.assertTrue(IS_GENUINE(headers, body, SECRET))
+        self.assertFalse(IS_GENUINE(headers, body + b" ", SECRET))
+        self.assertFalse(IS_GENUINE(headers, body, SECRET[::-1]))
+        self.assertFalse(IS_GENUINE(headers | {"Litags-Timestamp": "1"}, body, SECRET))
         last = self.job(job).last_event
         self.assertEqual(headers["Litags-Event"], f"{job}/{last}")
         self.wait_for(lambda: self.job(job).webhook.delivered_event == last, "the server notes it")
