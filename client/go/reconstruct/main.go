@@ -102,7 +102,7 @@ func main() {
 	if len(os.Args) > 4 {
 		options.Iterations = proto.Int32(int32(must(strconv.Atoi(os.Args[4]))))
 	}
-	photos := append(must(filepath.Glob(folder+"/*.jpg")), must(filepath.Glob(folder+"/*.png"))...)
+	photos := must(filepath.Glob(folder + "/*.[JjPp][PpNn][Gg]")) // .jpg and .png, in capitals too
 	channel := must(grpc.Dial(server, grpc.WithInsecure()))
 	jobs := pb.NewReconstructionServiceClient(channel)
 

@@ -91,7 +91,7 @@ class Client:
                labels: Mapping[str, str] | None = None, cameras: Path | None = None,
                masks: Path | None = None, title: str = "") -> str:
         """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
-        or an archive of a folder. `cameras`: a transforms.json or the folder of a COLMAP model.
+        or an archive of a folder. `cameras`: a file of docs/cameras.md or the folder of a COLMAP model.
         `masks`: a folder. Removes a job whose files are refused."""
         found = files.find_photos(photos)
         if cameras is not None:

@@ -13,7 +13,7 @@ class LitagsError(Exception):
     def __init__(self, code: grpc.StatusCode, reason: str, field: str, message: str) -> None:
         super().__init__(message)
         self.code = code
-        self.reason = reason  # for programs: docs/errors.md and docs/failed-jobs.md
+        self.reason = reason  # for programs: docs/errors.md
         self.field = field  # the input at fault, or ""
         self.message = message  # for people: what is wrong, and what to do
 

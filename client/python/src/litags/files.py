@@ -65,13 +65,15 @@ def find_masks(folder: Path) -> list[File]:
 
 
 def find_cameras(cameras: Path) -> list[File]:
-    """A transforms.json, or the three files of a COLMAP model in a folder."""
+    """A file of cameras (docs/cameras.md), or the files of a COLMAP model in a folder; points are optional."""
     path = pathlib.Path(cameras)
     if not path.is_dir():
         return [File.read(path, rpc.FILE_ROLE_CAMERAS, _bundler_list(path))]
     ending = ".bin" if (path / "cameras.bin").exists() else ".txt"
-    return [File.read(path / f"{stem}{ending}", rpc.FILE_ROLE_COLMAP)
-            for stem in ("cameras", "images", "points3D")]
+    files = [path / f"{stem}{ending}" for stem in ("cameras", "images", "points3D")]
+    if not files[2].exists():
+        del files[2]
+    return [File.read(file, rpc.FILE_ROLE_COLMAP) for file in files]
 
 
 def _bundler_list(cameras: pathlib.Path) -> bytes:
