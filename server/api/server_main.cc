@@ -116,7 +116,8 @@ std::unique_ptr<WebhookSender> SendWebhooks(const ServerFlags& flags, JobStore* 
   options.internal = flags.webhooks.internal;
   options.ca_path = flags.webhook_ca;
   return std::make_unique<WebhookSender>(
-      store, WebhookBody, [options](const auto& url, const auto& body, const auto& headers) {
+      store, flags.webhooks, WebhookBody,
+      [options](const auto& url, const auto& body, const auto& headers) {
         return Post(url, body, headers, options);
       });
 }

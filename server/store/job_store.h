@@ -255,7 +255,8 @@ class JobStore {
   // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
   virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
 
-  // Ids of the jobs whose webhook_due_ms has come; at most `limit`, oldest first.
+  // Ids of the jobs whose webhook_due_ms has come, of each owner the oldest; at most `limit`,
+  // oldest first.
   virtual absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) = 0;
 
   // Jobs that have unreferenced blobs and neither take files nor run nor wait to.

@@ -468,6 +468,23 @@ TEST_F(JobStoreConformance, ExpiredJobsAreListedOldestFirst) {
   EXPECT_THAT(*store_->Expired(30, 1), ElementsAre("b"));
 }
 
+TEST_F(JobStoreConformance, OfDueWebhooksTheOldestOfEachOwnerIsListed) {
+  const struct {
+    const char *id, *owner;
+    int64_t due_ms;
+  } kJobs[] = {{"a1", "alice", 30}, {"a2", "alice", 10}, {"a3", "alice", 11},
+               {"b1", "bob", 20},   {"b2", "bob", 0},    {"c1", "carol", 40}};
+  for (const auto& [id, owner, due_ms] : kJobs) {
+    JobRecord job = MakeJob(id, 1);
+    job.owner = owner;
+    job.webhook_due_ms = due_ms;
+    ASSERT_TRUE(store_->Create(job, Nothing).ok());
+  }
+  EXPECT_THAT(*store_->WebhooksDue(30, 10), ElementsAre("a2", "b1"));
+  EXPECT_THAT(*store_->WebhooksDue(30, 1), ElementsAre("a2"));
+  EXPECT_THAT(*store_->WebhooksDue(9, 10), ElementsAre());
+}
+
 TEST_F(JobStoreConformance, ClockIsThatOfThisMachineWhereTheStoreIsOnIt) {
   EXPECT_TRUE(store_->Get("none").status().code() == absl::StatusCode::kNotFound);
   EXPECT_NEAR(static_cast<double>(store_->NowMs()), static_cast<double>(SystemClockMs()), 2000);

@@ -2,19 +2,20 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
+#include <random>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/state_machine.h"
-#include "server/jobs/webhook.h"
 
 namespace litags {
 namespace {
 
-constexpr int kJobsPerLook = 20;
+constexpr int kClientsPerLook = 1000;
 constexpr int64_t kClaimMs = 60'000;  // longer than an attempt takes
 constexpr double kSecondsBetweenLooks = 1;
 constexpr std::chrono::milliseconds kStep{50};  // how soon the end is noticed
@@ -29,8 +30,44 @@ absl::Status Change(JobTransaction& job, const std::function<void(Webhook&)>& ch
 
 }  // namespace
 
-WebhookSender::WebhookSender(JobStore* store, Body body, Send send, int threads)
-    : store_(store), body_(std::move(body)), send_(std::move(send)) {
+// The right to send for a client, until this is gone.
+class WebhookSender::Turn {
+ public:
+  explicit Turn(WebhookSender* sender) : sender_(sender) {}
+  ~Turn() {
+    if (!taken_) return;
+    const std::lock_guard lock(sender_->mutex_);
+    const auto mine = sender_->sending_.find(client_);
+    if (--mine->second == 0) sender_->sending_.erase(mine);
+  }
+  Turn(const Turn&) = delete;
+  Turn& operator=(const Turn&) = delete;
+
+  // False: as many as may already send for the client. May be called again: the store repeats
+  // transactions.
+  bool Take(const std::string& client) {
+    if (taken_) return true;
+    const std::lock_guard lock(sender_->mutex_);
+    int& sending = sender_->sending_[client];
+    if (sending >= sender_->most_of_client_) return false;
+    ++sending;
+    client_ = client;
+    return taken_ = true;
+  }
+
+ private:
+  WebhookSender* const sender_;
+  std::string client_;
+  bool taken_ = false;
+};
+
+WebhookSender::WebhookSender(JobStore* store, WebhookPolicy policy, Body body, Send send,
+                             int threads)
+    : store_(store),
+      policy_(std::move(policy)),
+      body_(std::move(body)),
+      send_(std::move(send)),
+      most_of_client_(std::max(1, threads - 1)) {
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Loop(); });
 }
 
@@ -43,6 +80,7 @@ void WebhookSender::Loop() {
   while (!stop_.IsCancelled()) {
     const auto sent = SendDue();
     if (!sent.ok()) spdlog::warn("webhooks wait: {}", sent.status().ToString());
+    if (sent.ok() && *sent > 0) continue;
     const auto next =
         std::chrono::steady_clock::now() + std::chrono::duration<double>(kSecondsBetweenLooks);
     while (!stop_.IsCancelled() && std::chrono::steady_clock::now() < next) {
@@ -53,8 +91,10 @@ void WebhookSender::Loop() {
 
 absl::StatusOr<int> WebhookSender::SendDue() {
   int sent = 0;
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids,
-                          store_->WebhooksDue(store_->NowMs(), kJobsPerLook));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> ids,
+                          store_->WebhooksDue(store_->NowMs(), kClientsPerLook));
+  // No client is always the first.
+  std::shuffle(ids.begin(), ids.end(), std::minstd_rand(std::random_device()()));
   for (const std::string& id : ids) {
     if (stop_.IsCancelled()) break;
     const auto mine = SendOne(id);
@@ -66,11 +106,12 @@ absl::StatusOr<int> WebhookSender::SendDue() {
 }
 
 absl::StatusOr<bool> WebhookSender::SendOne(const std::string& id) {
+  Turn turn(this);
   bool mine = false;
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Update(id, [&](JobTransaction& taken) {
     const int64_t now_ms = store_->NowMs();
     int64_t& due_ms = taken.job.webhook_due_ms;
-    mine = due_ms > 0 && due_ms <= now_ms;
+    mine = due_ms > 0 && due_ms <= now_ms && turn.Take(taken.job.owner);
     if (!mine) return absl::OkStatus();
     mine = IsTerminal(taken.job.state);
     due_ms = mine ? now_ms + kClaimMs : 0;
@@ -78,14 +119,9 @@ absl::StatusOr<bool> WebhookSender::SendOne(const std::string& id) {
   }));
   if (!mine) return false;
   LITAGS_ASSIGN_OR_RETURN(const Webhook webhook, WebhookOf(job));
-  LITAGS_ASSIGN_OR_RETURN(const std::string body, body_(job));
-  const int64_t now = store_->NowMs() / 1000;
-  const absl::Status status =
-      send_(webhook.url, body,
-            {{"Content-Type", "application/json"},
-             {"Litags-Event", absl::StrCat("jobs/", id, "/", job.last_event)},
-             {"Litags-Timestamp", absl::StrCat(now)},
-             {"Litags-Signature", WebhookSignature(webhook.secret, now, body)}});
+  // The operator may have said since where webhooks go: then there is no other attempt.
+  const absl::Status allowed = CheckWebhook(webhook, policy_);
+  const absl::Status status = allowed.ok() ? Tell(job, webhook) : allowed;
   LITAGS_RETURN_IF_ERROR(
       store_
           ->Update(id,
@@ -95,17 +131,28 @@ absl::StatusOr<bool> WebhookSender::SendOne(const std::string& id) {
                      if (sent.job.last_event != job.last_event) return absl::OkStatus();
                      int attempts = 0;
                      LITAGS_RETURN_IF_ERROR(Change(sent, [&](Webhook& hook) {
-                       attempts = ++hook.attempts;
+                       if (allowed.ok()) attempts = ++hook.attempts;
                        hook.last_error = status.ok() ? "" : std::string(status.message());
                        if (status.ok()) hook.delivered_event = job.last_event;
                      }));
-                     const int64_t pause_ms = status.ok() ? 0 : WebhookPauseMs(attempts);
+                     const bool again = allowed.ok() && !status.ok();
+                     const int64_t pause_ms = again ? WebhookPauseMs(attempts) : 0;
                      sent.job.webhook_due_ms = pause_ms > 0 ? store_->NowMs() + pause_ms : 0;
                      return absl::OkStatus();
                    })
           .status());
   spdlog::info("job={} webhook {}", id, status.ok() ? "delivered" : status.ToString());
   return true;
+}
+
+absl::Status WebhookSender::Tell(const JobRecord& job, const Webhook& webhook) const {
+  LITAGS_ASSIGN_OR_RETURN(const std::string body, body_(job));
+  const int64_t now = store_->NowMs() / 1000;
+  return send_(webhook.url, body,
+               {{"Content-Type", "application/json"},
+                {"Litags-Event", absl::StrCat("jobs/", job.id, "/", job.last_event)},
+                {"Litags-Timestamp", absl::StrCat(now)},
+                {"Litags-Signature", WebhookSignature(webhook.secret, now, body)}});
 }
 
 }  // namespace litags

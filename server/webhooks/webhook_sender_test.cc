@@ -3,8 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
 #include <fstream>
+#include <future>
 #include <map>
+#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "server/jobs/codec.h"
@@ -16,6 +20,8 @@
 namespace litags {
 namespace {
 
+using ::testing::HasSubstr;
+
 const std::string kSecret(32, 's');
 
 class WebhookSenderTest : public ::testing::Test {
@@ -25,27 +31,34 @@ class WebhookSenderTest : public ::testing::Test {
     std::map<std::string, std::string> headers;
   };
 
-  std::string StartedJob() {
+  std::string StartedJob(Jobs& jobs) {
     NewJob wanted;
     wanted.webhook = {"https://example.com/hook", kSecret};
-    const std::string id = jobs_.Create(wanted)->id;
+    const std::string id = jobs.Create(wanted)->id;
     for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) {
       const std::string path = data_.tmp() + "/staged";
       std::ofstream(path) << name;
-      EXPECT_TRUE(jobs_.uploads()
+      EXPECT_TRUE(jobs.uploads()
                       .Add(id, {name, FileRole::kPhoto, 5, Sha256::Hex(name), 64, 48}, path)
                       .ok());
     }
-    EXPECT_TRUE(jobs_.Start(id).ok());
+    EXPECT_TRUE(jobs.Start(id).ok());
     return id;
   }
+  std::string StartedJob() { return StartedJob(jobs_); }
 
-  WebhookSender Sender() {
+  void EndJobOf(const std::string& client) {
+    const auto jobs = jobs_.For({client});
+    ASSERT_TRUE(jobs->Cancel(StartedJob(*jobs)).ok());
+  }
+
+  static absl::StatusOr<std::string> Body(const JobRecord& job) {
+    return absl::StrCat("{\"job\":\"", job.id, "\",\"owner\":\"", job.owner, "\"}");
+  }
+
+  WebhookSender Sender(const std::string& hosts = "*") {
     return WebhookSender(
-        store_.get(),
-        [](const JobRecord& job) -> absl::StatusOr<std::string> {
-          return absl::StrCat("{\"job\":\"", job.id, "\"}");
-        },
+        store_.get(), {{hosts}}, Body,
         [this](const std::string& url, const std::string& body, const auto& headers) {
           sent_.push_back({url, body, {headers.begin(), headers.end()}});
           if (while_sending_) while_sending_();
@@ -157,6 +170,42 @@ TEST_F(WebhookSenderTest, AJobThatGoesOnBeforeItsEndIsToldTellsOfItsNextEnd) {
   EXPECT_EQ(*sender.SendDue(), 1);
   ASSERT_TRUE(jobs_.Delete(id).ok());
   EXPECT_EQ(*sender.SendDue(), 0);
+}
+
+TEST_F(WebhookSenderTest, HostsThatAreNotAllowedAnyMoreAreToldNothing) {
+  WebhookSender sender = Sender("elsewhere.example");
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  EXPECT_EQ(*sender.SendDue(), 1);
+  EXPECT_TRUE(sent_.empty());
+  EXPECT_EQ(jobs_.Get(id)->webhook_due_ms, 0);  // no other attempt
+  const Webhook webhook = *WebhookOf(*jobs_.Get(id));
+  EXPECT_EQ(webhook.attempts, 0);
+  EXPECT_THAT(webhook.last_error, HasSubstr("elsewhere.example only, not to example.com"));
+}
+
+TEST_F(WebhookSenderTest, ReceiversThatHangLeaveAThreadToOtherClients) {
+  for (int i = 0; i < 8; ++i) EndJobOf("alice");
+  std::atomic<int> hanging = 0;
+  std::promise<void> bob_told, end;
+  WebhookSender sender(
+      store_.get(), {{"*"}}, Body,
+      [&, ended = end.get_future().share()](const std::string&, const std::string& body,
+                                            const auto&) {
+        if (body.find("bob") != std::string::npos) {
+          bob_told.set_value();
+        } else {
+          ++hanging;
+          ended.wait();
+        }
+        return absl::OkStatus();
+      },
+      /*threads=*/4);
+  while (hanging < 3) std::this_thread::yield();
+  EndJobOf("bob");
+  EXPECT_EQ(bob_told.get_future().wait_for(std::chrono::seconds(60)), std::future_status::ready);
+  EXPECT_EQ(hanging, 3);
+  end.set_value();
 }
 
 }  // namespace
