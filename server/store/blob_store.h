@@ -62,7 +62,7 @@ struct FolderEntry {
 absl::StatusOr<std::vector<FolderEntry>> ListFolder(const std::string& folder);
 
 // A folder, made if it is not there.
-absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& root);
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& path);
 
 // A bucket of Amazon S3, or of a server that speaks its protocol.
 struct S3Options {

@@ -158,7 +158,7 @@ class DiskBlobStore : public BlobStore {
     std::error_code error;
     if (fs::create_directories(folder, error)) {
       // A new folder is an entry in its parent, which must survive a crash too.
-      for (fs::path p = folder; p != root_; p = p.parent_path()) {
+      for (fs::path p = folder; p != root_ && p != p.parent_path(); p = p.parent_path()) {
         LITAGS_RETURN_IF_ERROR(Sync(p.parent_path()));
       }
     }
@@ -206,7 +206,9 @@ absl::StatusOr<std::vector<FolderEntry>> ListFolder(const std::string& folder) {
   return entries;
 }
 
-absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& root) {
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& path) {
+  std::string root = path;  // no parent of a key's path would be "/folder/"
+  while (root.size() > 1 && root.ends_with('/')) root.pop_back();
   auto store = std::make_unique<DiskBlobStore>(root);
   std::error_code error;
   fs::create_directories(fs::path(root) / "tmp", error);

@@ -22,6 +22,17 @@ TEST(DiskBlobStore, NothingTemporaryIsLeft) {
   EXPECT_TRUE(std::filesystem::is_empty(dir.path() + "/blobs/tmp"));
 }
 
+TEST(DiskBlobStore, FolderIsTheSameHoweverItIsWritten) {
+  TempDir dir;
+  std::string key = "jobs";
+  for (const char* folder : {"/blobs/", "/blobs//", "//blobs", "/./blobs/."}) {
+    key += "/a";  // a new folder for each
+    const auto blobs = *OpenDiskBlobStore(dir.path() + folder);
+    ASSERT_TRUE(blobs->Put(key + "/b", folder).ok()) << folder;
+    EXPECT_EQ(*MakeTestedBlobStore(dir.path())->Get(key + "/b"), folder);
+  }
+}
+
 TEST(DiskBlobStore, TemporaryFilesOfYesterdayAreRemoved) {
   TempDir dir;
   const auto blobs = MakeTestedBlobStore(dir.path());
