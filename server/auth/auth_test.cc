@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <fstream>
 #include <thread>
 
@@ -79,6 +80,22 @@ TEST(Tokens, FileIsPrivateAndHoldsNoToken) {
   EXPECT_EQ(table.Find(*token), "alice");
   EXPECT_EQ(Reason(AddTokenToFile("a/b", path).status()), "CLIENT_NAME_INVALID");
   EXPECT_EQ(Reason(AddTokenToFile("a", dir.path() + "/no/tokens").status()), "TOKENS_NOT_WRITTEN");
+}
+
+TEST(Tokens, EntryIsALineOfItsOwnAlsoBehindALineWithoutItsEnd) {
+  TempDir dir;
+  const std::string path = dir.path() + "/tokens";
+  std::ofstream(path) << "# clients\n" << TokenEntry("alice", "secret");
+  const auto bob = AddTokenToFile("bob", path), carol = AddTokenToFile("carol", path);
+  ASSERT_TRUE(bob.ok() && carol.ok());
+  std::ifstream file(path);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4) << text;
+  TokenTable table;
+  ASSERT_TRUE(table.AddLines(text, path).ok());
+  EXPECT_EQ(table.Find("secret"), "alice");
+  EXPECT_EQ(table.Find(*bob), "bob");
+  EXPECT_EQ(table.Find(*carol), "carol");
 }
 
 TEST(Authenticator, WithoutAuthenticationEverybodyIsTheOperator) {

@@ -21,6 +21,13 @@ constexpr size_t kMaxNameLength = 64;
 constexpr size_t kDigestLength = 64;
 constexpr std::string_view kDigestMark = ":sha256:";
 
+// Whether the last line of the file lacks its newline, as some editors leave it.
+bool EndsWithinALine(int fd) {
+  char last = '\n';
+  const off_t size = lseek(fd, 0, SEEK_END);
+  return size > 0 && pread(fd, &last, 1, size - 1) == 1 && last != '\n';
+}
+
 std::string_view Trimmed(std::string_view text) {
   while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front()))) {
     text.remove_prefix(1);
@@ -92,8 +99,9 @@ std::optional<std::string> TokenTable::Find(std::string_view token) const {
 absl::StatusOr<std::string> AddTokenToFile(std::string_view name, const std::string& path) {
   LITAGS_RETURN_IF_ERROR(CheckClientName(name, "NAME"));
   const std::string token = MakeToken();
-  const std::string line = TokenEntry(name, token) + "\n";
-  const int fd = open(path.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
+  const int fd = open(path.c_str(), O_RDWR | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
+  const std::string line =
+      absl::StrCat(fd >= 0 && EndsWithinALine(fd) ? "\n" : "", TokenEntry(name, token), "\n");
   const bool written = fd >= 0 &&
                        write(fd, line.data(), line.size()) == static_cast<ssize_t>(line.size()) &&
                        fsync(fd) == 0;
