@@ -157,7 +157,8 @@ TEST_F(FinishedTest, JobThatFailedForItsFilesTakesOthers) {
   const std::string id = StartedJob();
   ASSERT_TRUE(jobs_.Start(id).ok());
   const Lease lease = Acquired();
-  ASSERT_TRUE(leases_.Keep(lease, {{kSceneFile, Scene(lease, "x")}}, 10).ok());
+  const KeptFile scene = Scene(lease, "x");
+  ASSERT_TRUE(leases_.Keep(lease, {{kSceneFile, scene}}, 10).ok());
   ASSERT_TRUE(leases_.Fail(lease, InvalidInput("BLACK_IMAGE", "images[a.jpg]", "black")).ok());
   ASSERT_TRUE(jobs_.uploads().Query(id, {{"d.jpg", FileRole::kPhoto, 1, "d"}}).ok());
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kFailed);  // a question changes nothing
@@ -170,10 +171,46 @@ TEST_F(FinishedTest, JobThatFailedForItsFilesTakesOthers) {
   EXPECT_EQ(job.photos, 3);
   EXPECT_EQ(job.error + job.kept + job.progress, "");  // of the old photos
   EXPECT_EQ(job.snapshot_iteration, -1);
+  EXPECT_FALSE(blobs_->Get(BlobKey(id, scene.blob)).ok()) << "counts for nobody, so it must go";
   ASSERT_TRUE(jobs_.Start(id).ok());
   ASSERT_TRUE(leases_.Succeed(Acquired(), {}, {}).ok());
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kSucceeded);
   EXPECT_EQ(Reason(Add(id, "a.jpg", "another")), "JOB_NOT_UPLOADING");
+}
+
+TEST_F(FinishedTest, CallsThatChangeNoFileCostAFailedJobNothing) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  const Lease lease = Acquired();
+  ASSERT_TRUE(leases_.Keep(lease, {{kSceneFile, Scene(lease, "x")}}, 10).ok());
+  ASSERT_TRUE(leases_.Fail(lease, absl::InternalError("x")).ok());
+  const JobRecord failed = *jobs_.Get(id);
+
+  EXPECT_FALSE(*jobs_.uploads().Remove(id, FileRole::kPhoto, "d.jpg"));
+  const FileRecord file{"d.jpg", FileRole::kPhoto, 9, Sha256::Hex("d")};
+  EXPECT_EQ(Reason(jobs_.uploads().Open(id, file, 5).status()), "OFFSET_INVALID");
+  EXPECT_FALSE(*jobs_.uploads().Adopt(id, file));
+  const JobRecord job = *jobs_.Get(id);
+  EXPECT_EQ(job.state, JobState::kFailed);
+  EXPECT_EQ(job.kept, failed.kept);
+  EXPECT_EQ(job.last_event, failed.last_event);
+  EXPECT_TRUE(jobs_.Resume(id).ok());
+}
+
+TEST_F(FinishedTest, FailedJobThatLosesAFileStartsAfresh) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(Add(id, "d.jpg", "d").ok());
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  const Lease lease = Acquired();
+  const KeptFile scene = Scene(lease, "x");
+  ASSERT_TRUE(leases_.Keep(lease, {{kSceneFile, scene}}, 10).ok());
+  ASSERT_TRUE(leases_.Fail(lease, absl::InternalError("x")).ok());
+  EXPECT_TRUE(*jobs_.uploads().Remove(id, FileRole::kPhoto, "d.jpg"));
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kUploading);
+  EXPECT_GT(jobs_.Get(id)->expire_time_ms, 0);
+  EXPECT_FALSE(blobs_->Get(BlobKey(id, scene.blob)).ok());
+  EXPECT_EQ(Reason(jobs_.Resume(id).status()), "JOB_NOT_RESUMABLE");
+  EXPECT_TRUE(jobs_.Start(id).ok());
 }
 
 TEST_F(FinishedTest, JobWithAFinishedSceneTakesNoOtherFiles) {

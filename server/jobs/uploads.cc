@@ -44,11 +44,13 @@ std::string PartialKey(const FileRecord& file) {
 
 }  // namespace
 
+double Uploads::check_seconds() const { return kTouchFraction * limits().keep_seconds; }
+
 absl::Status Uploads::Check(std::string_view id) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
   LITAGS_RETURN_IF_ERROR(NextState(job.state, JobAction::kUpload).status());
   if (job.state != JobState::kUploading) return absl::OkStatus();  // expires as it did
-  const int64_t step = static_cast<int64_t>(1000 * kTouchFraction * limits().keep_seconds);
+  const int64_t step = static_cast<int64_t>(1000 * check_seconds());
   if (Expiry() - job.expire_time_ms < step) return absl::OkStatus();
   return store_
       ->Update(
@@ -61,22 +63,38 @@ absl::Status Uploads::Check(std::string_view id) {
       .status();
 }
 
+absl::Status Uploads::ReopenIn(JobTransaction& job, std::string* kept) const {
+  kept->clear();
+  if (job.job.state != JobState::kFailed) return absl::OkStatus();
+  if (!job.job.report.empty()) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
+                     "the job has a finished scene, which is of the files that it has; create "
+                     "a new job for others");
+  }
+  *kept = job.job.kept;
+  LITAGS_RETURN_IF_ERROR(
+      ApplyAction(job, JobAction::kUpload, clock_(), "takes other files, and starts afresh"));
+  job.job.expire_time_ms = Expiry();
+  return absl::OkStatus();
+}
+
 absl::Status Uploads::Reopen(std::string_view id) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord seen, store_->Get(id));
   if (seen.state != JobState::kFailed) return absl::OkStatus();
-  const auto change = [&](JobTransaction& job) -> absl::Status {
-    if (job.job.state != JobState::kFailed) return absl::OkStatus();
-    if (!job.job.report.empty()) {
-      return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
-                       "the job has a finished scene, which is of the files that it has; create "
-                       "a new job for others");
-    }
-    LITAGS_RETURN_IF_ERROR(
-        ApplyAction(job, JobAction::kUpload, clock_(), "takes other files, and starts afresh"));
-    job.job.expire_time_ms = Expiry();
-    return absl::OkStatus();
-  };
-  return store_->Update(id, change).status();
+  std::string kept;
+  const auto change = [&](JobTransaction& job) { return ReopenIn(job, &kept); };
+  LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
+  RemoveKept(id, kept);
+  return absl::OkStatus();
+}
+
+void Uploads::RemoveKept(std::string_view id, const std::string& kept) {
+  if (kept.empty()) return;
+  const auto files = Decode<KeptFiles>(kept);
+  if (!files.ok()) return;
+  for (const auto& [name, file] : *files) {
+    blobs_->Remove(BlobKey(id, file.blob)).IgnoreError();  // Sweep() tries again, after the upload
+  }
 }
 
 absl::StatusOr<bool> Uploads::IsStored(std::string_view id, const FileRecord& file) {
@@ -164,8 +182,8 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
     return partials().Announce(id, key, file.size_bytes);
   }();
   LITAGS_RETURN_IF_ERROR(announced.status());
-  LITAGS_RETURN_IF_ERROR(Reopen(id));
-  auto partial = partials().Open(id, key, file.size_bytes, offset);
+  LITAGS_ASSIGN_OR_RETURN(auto partial, partials().Open(id, key, file.size_bytes, offset));
+  LITAGS_RETURN_IF_ERROR(Reopen(id));  // not for a bad offset: it costs the checkpoints
   // A job that was cancelled or deleted meanwhile has no files on their way.
   if (const absl::Status status = Check(id); !status.ok()) {
     partials().RemoveJob(id).IgnoreError();
@@ -244,9 +262,9 @@ absl::Status Uploads::Add(std::string_view id, const FileRecord& file, const std
 }
 
 absl::StatusOr<bool> Uploads::Adopt(std::string_view id, const FileRecord& file) {
-  LITAGS_RETURN_IF_ERROR(CheckAdd(id, file));
   LITAGS_ASSIGN_OR_RETURN(const auto same, FindBytes(id, file));
   if (!same) return false;
+  LITAGS_RETURN_IF_ERROR(CheckAdd(id, file));
   const absl::Status linked =
       blobs_->Link(BlobKey(same->job_id, file.sha256), BlobKey(id, file.sha256));
   if (absl::IsNotFound(linked)) return false;  // that job was deleted just now
@@ -259,8 +277,8 @@ absl::StatusOr<bool> Uploads::Adopt(std::string_view id, const FileRecord& file)
 
 absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::string_view name) {
   LITAGS_RETURN_IF_ERROR(Check(id));
-  LITAGS_RETURN_IF_ERROR(Reopen(id));
   bool removed = false;
+  std::string kept;
   const auto change = [&](JobTransaction& job) -> absl::Status {
     LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
     LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
@@ -268,13 +286,15 @@ absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::st
       return f.role == role && f.name == name;
     });
     removed = file != files.end();
-    if (!removed) return absl::OkStatus();
+    if (!removed) return absl::OkStatus();  // a FAILED job keeps its checkpoints
+    LITAGS_RETURN_IF_ERROR(ReopenIn(job, &kept));
     job.job.unreferenced_bytes += file->size_bytes;
     job.job.has_unreferenced_blobs = true;
     job.job.expire_time_ms = Expiry();
     return job.RemoveFile(role, name);
   };
   LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
+  RemoveKept(id, kept);
   return removed;
 }
 

@@ -73,6 +73,9 @@ class Uploads {
   // OK if the job takes files, or will: see Reopen(). Counts as a sign of life: the job expires
   // later.
   absl::Status Check(std::string_view id);
+  // How often Check() is to be called while one file comes in: another server, which does not see
+  // the stream, removes a job that expires.
+  double check_seconds() const;
 
   // What of each file is on disk.
   absl::StatusOr<std::vector<FileStatus>> Query(std::string_view id,
@@ -110,6 +113,10 @@ class Uploads {
   // A FAILED job takes files again: UPLOADING before the first byte is stored, so that no sweep
   // takes it for waste. One with a finished scene does not, since its scene is of the files it has.
   absl::Status Reopen(std::string_view id);
+  // The same in a transaction. What `kept` names is to be removed after: it would cost the client
+  // nothing and stay as long as the job takes files.
+  absl::Status ReopenIn(JobTransaction& job, std::string* kept) const;
+  void RemoveKept(std::string_view id, const std::string& kept);
   absl::Status PutRow(std::string_view id, const FileRecord& file);
   absl::Status CheckAdd(std::string_view id, const FileRecord& file);
   void NoteUnreferencedBlobs(std::string_view id);
