@@ -66,6 +66,24 @@ Client::Client(std::shared_ptr<grpc::Channel> channel, ClientOptions options, In
       render_(v1::RenderService::NewStub(channel_)),
       model_(v1::ModelService::NewStub(channel_)) {}
 
+bool Client::Wait(double seconds) {
+  constexpr double kStep = 0.05;
+  const Clock::time_point begin = Clock::now();
+  for (double left = seconds; left > 0; left = seconds - Seconds(Clock::now() - begin)) {
+    if (!interrupt_.Sleep(std::chrono::milliseconds(int64_t(1000 * std::min(kStep, left))))) {
+      return false;
+    }
+    // gRPC connects only while somebody asks the channel; by itself it looks every 5 seconds.
+    const grpc_connectivity_state state = channel_->GetState(/*try_to_connect=*/true);
+    if (state == GRPC_CHANNEL_READY || state == GRPC_CHANNEL_SHUTDOWN) continue;
+    if (channel_->WaitForConnected(std::chrono::system_clock::now() +
+                                   std::chrono::milliseconds(10))) {
+      return true;
+    }
+  }
+  return true;
+}
+
 absl::Status Client::Retry(absl::FunctionRef<absl::Status(bool* progressed)> attempt) {
   Clock::time_point good = Clock::now();
   double pause = options_.first_pause_seconds;
@@ -79,13 +97,14 @@ absl::Status Client::Retry(absl::FunctionRef<absl::Status(bool* progressed)> att
       good = Clock::now();
       pause = options_.first_pause_seconds;
     }
-    if (!IsTransient(status) || !answered_) return status;
-    if (Seconds(Clock::now() - good) + pause > options_.retry_seconds) return status;
+    if (!IsTransient(status)) return status;
+    const bool was_there = answered_;
+    const double limit = was_there ? options_.retry_seconds
+                                   : std::min(options_.retry_seconds, options_.start_seconds);
+    if (Seconds(Clock::now() - good) + pause > limit) return status;
     const double this_pause = pause * RandomFactor();
-    if (options_.on_retry) options_.on_retry(status, this_pause);
-    if (!interrupt_.Sleep(std::chrono::milliseconds(static_cast<int64_t>(1000 * this_pause)))) {
-      return absl::CancelledError("interrupted");
-    }
+    if (was_there && options_.on_retry) options_.on_retry(status, this_pause);
+    if (!Wait(this_pause)) return absl::CancelledError("interrupted");
     pause = std::min(2 * pause, options_.max_pause_seconds);
   }
 }

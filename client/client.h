@@ -24,8 +24,8 @@ namespace litags::client {
 struct ClientOptions {
   // A connection that was there and broke is tried again for this long, seconds, with growing
   // pauses; a call that makes progress starts the time anew. A server that never answered is
-  // reported at once.
-  double retry_seconds = 120;
+  // tried for start_seconds at most: it may have been started just now.
+  double retry_seconds = 120, start_seconds = 5;
   // The first pause, seconds; doubled up to max_pause_seconds, +-20 % at random.
   double first_pause_seconds = 0.25;
   double max_pause_seconds = 5;
@@ -101,6 +101,8 @@ class Client {
   Interrupt& interrupt() { return interrupt_; }
 
  private:
+  // Until then, or until a connection that was not there is; false if interrupted.
+  bool Wait(double seconds);
   template <class Response, class Call>
   absl::StatusOr<Response> Unary(Call call);
   // Reads the numbered records of the stream that `open(context, *after)` begins, across broken

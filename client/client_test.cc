@@ -228,6 +228,27 @@ TEST_F(ClientTest, ASecondStartByTheUserIsAnError) {
   EXPECT_EQ(DetailOf(client_->StartJob("jobs/1").status()).reason(), "JOB_NOT_UPLOADING");
 }
 
+TEST_F(ClientTest, AServerThatStartsAtThatMomentIsWaitedFor) {
+  ClientOptions options;
+  options.first_pause_seconds = options.max_pause_seconds = 0.01;
+  options.on_retry = [](const absl::Status&, double) { FAIL() << "nothing was lost"; };
+  Client client(server_->InProcessChannel({}), options, interrupt_);
+  int tries = 0;
+  EXPECT_TRUE(client
+                  .Retry([&](bool*) {
+                    return ++tries < 3 ? absl::UnavailableError("refused") : absl::OkStatus();
+                  })
+                  .ok());
+  options.start_seconds = 0;
+  Client hasty(server_->InProcessChannel({}), options, interrupt_);
+  tries = 0;
+  EXPECT_TRUE(absl::IsUnavailable(hasty.Retry([&](bool*) {
+    ++tries;
+    return absl::UnavailableError("refused");
+  })));
+  EXPECT_EQ(tries, 1);
+}
+
 TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
   ASSERT_TRUE(client_->GetJob("jobs/1").ok());
   ClientOptions options;
@@ -245,7 +266,7 @@ TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
   EXPECT_LE(tries, 14);
 }
 
-TEST_F(ClientTest, AServerThatNeverAnsweredIsReportedAtOnce) {
+TEST_F(ClientTest, AServerThatNeverAnsweredIsReportedSoon) {
   const auto channel = Connect({.server = "127.0.0.1:1"});
   ASSERT_TRUE(channel.ok());
   Client client(*channel, {}, interrupt_);  // retries for two minutes otherwise

@@ -79,14 +79,14 @@ int Info(Session& session, bool json) {
   if (limits.has_max_run_time()) {
     Row("its run time", DurationText(SecondsOf(limits.max_run_time())));
   }
-  constexpr char kOption[] = "  %-20s %-28s %-9s %s\n";
+  constexpr char kOption[] = "  %-20s %-9s %-28s %s\n";
   const v1::JobOptions defaults = DefaultsOf(*info);
   std::printf("\noptions of a job:\n");
-  std::printf(kOption, "NAME", "RANGE", "DEFAULT", "MEANING");
+  std::printf(kOption, "NAME", "DEFAULT", "RANGE", "MEANING");
   for (const v1::OptionInfo& option : info->options()) {
-    std::printf(kOption, Printable(option.name()).c_str(), Printable(RangeText(option)).c_str(),
+    std::printf(kOption, Printable(option.name()).c_str(),
                 report::OptionText(defaults, option.name()).c_str(),
-                Printable(option.help()).c_str());
+                Printable(RangeText(option)).c_str(), Printable(option.help()).c_str());
   }
   return kExitOk;
 }

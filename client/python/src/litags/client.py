@@ -31,10 +31,12 @@ _CHANNEL_OPTIONS = [
     ("grpc.http2.max_pings_without_data", 0),
 ]
 
+_START_SECONDS = 5
+
 
 class _Patience:
     """When a call is made again: for the client's `retry_seconds` after something arrived last. A
-    server that never answered is reported at once."""
+    server that never answered is tried for a few seconds: it may have been started just now."""
 
     def __init__(self, client: "Client") -> None:
         self._client = client
@@ -52,7 +54,9 @@ class _Patience:
         """Returns when it is time for the next attempt, or raises what `error` says."""
         if errors.details(error).details:  # a busy server's, for instance
             self._client._answered = True
-        seconds = self._client._retry_seconds if self._client._answered else 0
+        seconds = self._client._retry_seconds
+        if not self._client._answered:
+            seconds = min(seconds, _START_SECONDS)
         if not errors.may_succeed_later(error) or time.monotonic() - self._begun > seconds:
             raise errors.of_call(error) from error
         time.sleep(self._pause)
