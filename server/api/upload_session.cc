@@ -119,7 +119,16 @@ absl::Status UploadSession::Begin(const v1::FileHeader& header) {
   return whole && !catching_up_ ? Complete() : absl::OkStatus();
 }
 
+void UploadSession::KeepJob() {
+  const auto now = std::chrono::steady_clock::now();
+  const std::chrono::duration<double> since = now - kept_;
+  if (since.count() < jobs_->uploads().check_seconds()) return;
+  kept_ = now;
+  jobs_->uploads().Check(job_id_).IgnoreError();  // what is wrong shows when the file is whole
+}
+
 absl::Status UploadSession::Continue() {
+  KeepJob();
   const absl::Status status = archive_     ? BeginUnpacking(*std::exchange(archive_, std::nullopt))
                               : unpacking_ ? UnpackNext()
                                            : CatchUp();
@@ -140,6 +149,7 @@ absl::Status UploadSession::Append(const std::string& chunk) {
                         absl::StrCat(file_->field, ": a chunk of ", chunk.size(),
                                      " bytes; chunks have 1 to ", v1::kMaxChunkBytes));
   }
+  KeepJob();
   file_->received += static_cast<int64_t>(chunk.size());
   if (file_->received > file_->record.size_bytes) {
     return InvalidInput("FILE_SIZE_MISMATCH", file_->field,
@@ -184,6 +194,7 @@ absl::Status UploadSession::Store(Incoming& file) {
       LITAGS_RETURN_IF_ERROR(
           reader_->Check(file.partial->path(), file.field, &file.record, cancel_));
     }
+    LITAGS_RETURN_IF_ERROR(WithField(file.partial->SetAside(), file.field));
     LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file.record, file.partial->path()));
   }
   file.partial->Discard();  // what of it is left
@@ -224,6 +235,8 @@ absl::Status UploadSession::UnpackNext() {
   }
   DiscardIfInvalid(more.status(), *done->file.partial);
   LITAGS_RETURN_IF_ERROR(more.status());
+  // Another stream may have written to the archive while it was read.
+  LITAGS_RETURN_IF_ERROR(WithField(done->file.partial->CheckHeld(), done->file.field));
   LITAGS_RETURN_IF_ERROR(jobs_->uploads().NoteArchive(job_id_, done->file.record));
   done->file.partial->Discard();
   return absl::OkStatus();

@@ -1,6 +1,7 @@
 #ifndef LITAGS_SERVER_API_UPLOAD_SESSION_H_
 #define LITAGS_SERVER_API_UPLOAD_SESSION_H_
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -56,6 +57,7 @@ class UploadSession {
   };
 
   absl::Status Take(const v1::UploadImagesRequest& request);
+  void KeepJob();  // from expiring while a file comes in for long
   absl::Status Begin(const v1::FileHeader& header);
   absl::Status Conclude(const v1::UploadEnd& end);
   absl::Status Append(const std::string& chunk);
@@ -70,6 +72,7 @@ class UploadSession {
   FileReader* const reader_;
   const CancelToken cancel_;
   std::string job_id_;
+  std::chrono::steady_clock::time_point kept_ = std::chrono::steady_clock::now();
   std::optional<Incoming> file_;
   bool ended_ = false;               // by the client's word
   int received_ = 0;                 // files of the stream

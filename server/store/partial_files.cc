@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <filesystem>
 #include <functional>
 
@@ -21,12 +22,15 @@ namespace fs = std::filesystem;
 
 constexpr size_t kReadBytes = size_t{1} << 20;
 constexpr uint64_t kNobody = 0;
+constexpr char kAside[] = ".";  // between a key and the writer that set the file aside
 
 }  // namespace
 
 PartialFile::~PartialFile() {
-  if (fd_ >= 0) close(fd_);
+  if (fd_ < 0) return;  // could not be opened: whatever is there stays
+  close(fd_);
   if (size_ == 0) Discard();
+  PutBack();
 }
 
 absl::Status UploadTakenOver() {
@@ -150,8 +154,29 @@ absl::Status PartialFile::Write(std::string_view bytes) {
   return absl::OkStatus();
 }
 
+absl::Status PartialFile::SetAside() {
+  std::lock_guard lock(slot_->mutex);
+  LITAGS_RETURN_IF_ERROR(CheckWriter());
+  const std::string aside = absl::StrCat(path_, kAside, writer_);
+  if (rename(path_.c_str(), aside.c_str()) != 0) return FileError("move", path_, errno);
+  aside_ = aside;
+  return absl::OkStatus();
+}
+
+void PartialFile::PutBack() {
+  if (aside_.empty()) return;
+  std::lock_guard lock(slot_->mutex);
+  if (CheckWriter().ok()) {
+    rename(aside_.c_str(), path_.c_str());
+  } else {
+    unlink(aside_.c_str());
+  }
+}
+
 void PartialFile::Discard() {
   std::lock_guard lock(slot_->mutex);
+  if (!aside_.empty()) unlink(aside_.c_str());
+  aside_.clear();
   if (slot_->writer != writer_) return;
   slot_->writer = kNobody;
   unlink(path_.c_str());
@@ -238,7 +263,11 @@ PartialFiles::Usage PartialFiles::UsageOf(std::string_view job_id, std::string_v
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     std::error_code gone;  // it may have become complete just now
     const auto bytes = it->file_size(gone);
-    if (!gone) bytes_of[it->path().filename()] = static_cast<int64_t>(bytes);
+    const std::string name = it->path().filename();
+    // A file that is set aside is announced: it counts as that.
+    if (!gone && name.find(kAside) == std::string::npos) {
+      bytes_of[name] = static_cast<int64_t>(bytes);
+    }
   }
   {
     const std::string prefix = absl::StrCat(std::string(job_id), "/");

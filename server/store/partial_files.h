@@ -34,7 +34,7 @@ class PartialFile {
   PartialFile& operator=(const PartialFile&) = delete;
 
   int64_t size() const { return size_; }
-  const std::string& path() const { return path_; }
+  const std::string& path() const { return aside_.empty() ? path_ : aside_; }
 
   // Reads on in what came before this stream, for the digest: of a large file, a second or so for
   // each 500 MB. Returns whether that is done; reads up to `max_bytes`. Append() and HexDigest()
@@ -48,6 +48,10 @@ class PartialFile {
   absl::StatusOr<std::string> HexDigest();
   // ABORTED (UPLOAD_TAKEN_OVER), as Append().
   absl::Status CheckHeld() const;
+  // Moves the whole file to another path(), to be stored from there: a stream that opens it from
+  // now on gets another file, and cannot write to this one. It comes back when this object ends,
+  // unless it is gone by then, or taken over. ABORTED, as Append().
+  absl::Status SetAside();
   // Removes the file, unless it was taken over.
   void Discard();
 
@@ -66,6 +70,7 @@ class PartialFile {
   absl::Status SeekTo(int64_t offset);
   absl::Status Write(std::string_view bytes);
   absl::Status StoreChunks();
+  void PutBack();
   // UPLOAD_TAKEN_OVER unless this may write. Under the slot's mutex.
   absl::Status CheckWriter() const;
 
@@ -77,6 +82,7 @@ class PartialFile {
   int64_t size_ = 0;
   int64_t hashed_ = 0;     // of them
   int64_t in_chunks_ = 0;  // of them
+  std::string aside_;      // where the file is; empty: at path_
   Sha256 sha_;
 };
 

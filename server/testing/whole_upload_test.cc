@@ -2,7 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <functional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "server/api/upload_session.h"
@@ -87,6 +90,64 @@ TEST_F(WholeUpload, OfADeletedJobTheStreamIsNotTold404) {
     EXPECT_EQ(status.code(), absl::StatusCode::kAborted);
     EXPECT_EQ(GetErrorDetail(status)->reason, "UPLOAD_TAKEN_OVER");
   }
+}
+
+// Calls a function when it has read a file.
+class InterruptedReader : public FileReader {
+ public:
+  explicit InterruptedReader(std::function<void()> after) : after_(std::move(after)) {}
+  absl::Status Check(const std::string& path, const std::string& field, FileRecord* file,
+                     const CancelToken& cancel) override {
+    const absl::Status status = reader_->Check(path, field, file, cancel);
+    after_();
+    return status;
+  }
+  absl::StatusOr<std::unique_ptr<ArchiveReader>> OpenArchive(const std::string& path,
+                                                             const ArchiveLimits& limits,
+                                                             const std::string& field,
+                                                             ArchiveSink* sink,
+                                                             const CancelToken& cancel) override {
+    return reader_->OpenArchive(path, limits, field, sink, cancel);
+  }
+
+ private:
+  const std::unique_ptr<FileReader> reader_ = MakeInProcessReader();
+  const std::function<void()> after_;
+};
+
+// It would be stored with whatever the other stream writes.
+TEST_F(WholeUpload, AFileThatAnotherStreamTakesOverWhileItIsCheckedIsNotStored) {
+  const std::unique_ptr<FileReader> plain = MakeInProcessReader();
+  UploadSession other(&jobs_, plain.get(), CancelToken());
+  const auto messages = Messages({a_});
+  InterruptedReader reader([&] {
+    for (size_t i = 0; i < 2; ++i) ASSERT_TRUE(other.Handle(messages[i]).ok());
+  });
+  UploadSession session(&jobs_, &reader, CancelToken());
+  absl::Status status;
+  for (const auto& message : messages) status.Update(session.Handle(message));
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(GetErrorDetail(status)->reason, "UPLOAD_TAKEN_OVER");
+  EXPECT_EQ(Photos(), 0);
+  for (size_t i = 2; i < messages.size(); ++i) ASSERT_TRUE(other.Handle(messages[i]).ok());
+  EXPECT_EQ(Photos(), 1);
+}
+
+TEST_F(WholeUpload, AFileThatComesSlowlyKeepsItsJob) {
+  UploadLimits limits;
+  limits.keep_seconds = 2;
+  Jobs jobs(store_.get(), blobs_.get(), data_, nullptr, limits);
+  const std::string id = jobs.Create({})->id;
+  const std::unique_ptr<FileReader> reader = MakeInProcessReader();
+  UploadSession session(&jobs, reader.get(), CancelToken());
+  ASSERT_TRUE(session.Handle(NameMessage("jobs/" + id)).ok());
+  auto messages = FileMessages(a_);
+  ASSERT_TRUE(session.Handle(messages[0]).ok());
+  const int64_t expires_ms = jobs.Get(id)->expire_time_ms;
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  messages[1].set_chunk(messages[1].chunk().substr(0, 1));
+  ASSERT_TRUE(session.Handle(messages[1]).ok());
+  EXPECT_GT(jobs.Get(id)->expire_time_ms, expires_ms);
 }
 
 TEST_F(WholeUpload, TextsThatForgeOthersAreRefused) {
