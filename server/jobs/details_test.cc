@@ -223,5 +223,47 @@ TEST_F(DetailsTest, ALogHasAnEnd) {
   EXPECT_EQ(LogTexts(id).back(), "FAILED: it broke");
 }
 
+TEST_F(DetailsTest, CancelAndResumeInALoopComesToAnEnd) {
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  absl::Status refused;
+  for (int i = 0; i < 1000 && refused.ok(); ++i) {
+    ASSERT_TRUE(jobs_.Cancel(id).ok());
+    refused = jobs_.Resume(id).status();
+  }
+  EXPECT_EQ(Reason(refused), "JOB_WITHOUT_PROGRESS");
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kCancelled);
+  EXPECT_LT(jobs_.Get(id)->last_event, 1010);
+  EXPECT_TRUE(jobs_.Clone(id, {}).ok());
+}
+
+TEST_F(DetailsTest, ProgressLetsAJobBeResumedAgain) {
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  for (int i = 0; i < 600; ++i) {
+    if (i == 400) {
+      const auto lease = *leases_.Acquire("w");
+      ASSERT_TRUE(leases_.AddProgress(*lease, {}).ok());
+      ASSERT_TRUE(leases_.GiveBack(*lease).ok());
+    }
+    ASSERT_TRUE(jobs_.Cancel(id).ok());
+    ASSERT_TRUE(jobs_.Resume(id).ok()) << i;
+  }
+}
+
+TEST_F(DetailsTest, NoChangeOfStateIsToldInALogBeyondItsLastBytes) {
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  const auto fill = [](JobTransaction& job) {
+    job.job.log_bytes = kMaxLogBytesWithStates - 1;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(store_->Update(id, fill).ok());
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  EXPECT_THAT(LogTexts(id).back(), HasSubstr("CANCELLED"));
+  ASSERT_TRUE(jobs_.Resume(id).ok());
+  EXPECT_THAT(LogTexts(id).back(), HasSubstr("CANCELLED"));
+}
+
 }  // namespace
 }  // namespace litags

@@ -17,6 +17,9 @@
 namespace litags {
 namespace {
 
+// A job whose last events, so many, are all changes of its state is not queued again.
+constexpr int kEventsWithoutProgress = 1000;
+
 // What a scene needs at least. The engine may still refuse photos that pass.
 absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
   size_t photos = 0, videos = 0;
@@ -219,6 +222,22 @@ absl::StatusOr<std::optional<KeptFile>> Jobs::SceneOf(const JobRecord& job) {
   return scene->second;
 }
 
+absl::Status Jobs::CheckProgress(std::string_view id, const std::string& request_id) {
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+  if (job.last_event < kEventsWithoutProgress || IsRepeated(job, request_id)) {
+    return absl::OkStatus();
+  }
+  LITAGS_ASSIGN_OR_RETURN(
+      const std::vector<EventRecord> events,
+      store_->Events(id, job.last_event - kEventsWithoutProgress, kEventsWithoutProgress));
+  const auto is_progress = [](const EventRecord& event) { return event.kind != EventKind::kState; };
+  if (std::any_of(events.begin(), events.end(), is_progress)) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_WITHOUT_PROGRESS", "name",
+                   absl::StrCat("jobs/", job.id, " was queued again and again: none of its last ",
+                                kEventsWithoutProgress,
+                                " events is of any progress; make a new one with CloneJob"));
+}
+
 absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_view message) {
   LITAGS_RETURN_IF_ERROR(NextState(job.job.state, action).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
@@ -231,6 +250,7 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
 }
 
 absl::StatusOr<JobRecord> Jobs::Start(std::string_view id, const std::string& request_id) {
+  LITAGS_RETURN_IF_ERROR(CheckProgress(id, request_id));
   LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
   auto job = store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
     if (IsRepeated(transaction.job, request_id)) return absl::OkStatus();
@@ -245,6 +265,7 @@ absl::StatusOr<JobRecord> Jobs::Start(std::string_view id, const std::string& re
 
 absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& change,
                                        const std::string& request_id) {
+  LITAGS_RETURN_IF_ERROR(CheckProgress(id, request_id));
   LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
   return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
     if (IsRepeated(job.job, request_id)) return absl::OkStatus();

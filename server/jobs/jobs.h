@@ -113,8 +113,9 @@ class Jobs {
   // Files for jobs that are not started yet.
   Uploads& uploads() { return uploads_; }
 
-  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, DEPTH_MODEL_MISSING, beside the state's
-  // own. Errors of JobCaps::Check().
+  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, DEPTH_MODEL_MISSING,
+  // JOB_WITHOUT_PROGRESS (its last thousand events show none), beside the state's own. Errors of
+  // JobCaps::Check().
   // With the request_id of the call that queued the job last it changes nothing, as Resume().
   absl::StatusOr<JobRecord> Start(std::string_view id, const std::string& request_id = "");
   absl::StatusOr<JobRecord> Cancel(std::string_view id);
@@ -162,6 +163,8 @@ class Jobs {
         view_(std::move(view)),
         webhooks_(std::move(webhooks)) {}
 
+  // Whether the job may be queued once more: no loop of calls makes its events grow for ever.
+  absl::Status CheckProgress(std::string_view id, const std::string& request_id);
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
   absl::Status RemoveFolders(std::string_view id);

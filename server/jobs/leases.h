@@ -13,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/transition.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -20,7 +21,7 @@ namespace litags {
 struct LeaseOptions {
   int64_t duration_ms = 10000;  // without a heartbeat for this long, the job goes to another worker
   int max_attempts = 3;         // after this many lost workers the job fails
-  int64_t max_log_bytes = 1 << 20;  // of what workers write into one job's log
+  int64_t max_log_bytes = kMaxLogBytes;
   // Of all pictures that show a job's progress: some hundreds. Later progress comes without one.
   int64_t max_preview_bytes = int64_t{256} << 20;
 };

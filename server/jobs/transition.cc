@@ -69,9 +69,11 @@ absl::StatusOr<int64_t> ExpiryOf(const JobRecord& job, JobState state, int64_t e
 absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view message,
                            const JobError* error) {
   const std::string text(message);
-  LITAGS_RETURN_IF_ERROR(job.AddLog(
-      {0, now_ms, error ? LogSeverity::kError : LogSeverity::kInfo,
-       absl::StrCat(std::string(JobStateName(job.job.state)), text.empty() ? "" : ": ", text)}));
+  if (job.job.log_bytes < kMaxLogBytesWithStates) {
+    LITAGS_RETURN_IF_ERROR(job.AddLog(
+        {0, now_ms, error ? LogSeverity::kError : LogSeverity::kInfo,
+         absl::StrCat(std::string(JobStateName(job.job.state)), text.empty() ? "" : ": ", text)}));
+  }
   StateChange change{job.job.state, text, std::nullopt};
   if (error) change.error = *error;
   return job.AddEvent({0, now_ms, EventKind::kState, Encode(change)});

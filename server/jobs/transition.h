@@ -1,6 +1,7 @@
 #ifndef LITAGS_SERVER_JOBS_TRANSITION_H_
 #define LITAGS_SERVER_JOBS_TRANSITION_H_
 
+#include <cstdint>
 #include <string_view>
 
 #include "absl/status/status.h"
@@ -20,6 +21,11 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
 
 // When a job that is in `state` since `end_ms` is removed, as its creator wanted; 0: never.
 absl::StatusOr<int64_t> ExpiryOf(const JobRecord& job, JobState state, int64_t end_ms);
+
+// Of what workers write into one job's log.
+inline constexpr int64_t kMaxLogBytes = int64_t{1} << 20;
+// Changes of a job's state are told in a full log, too, up to so many bytes in all.
+inline constexpr int64_t kMaxLogBytesWithStates = kMaxLogBytes + (int64_t{64} << 10);
 
 // Writes the event, and the entry of the log, of a state that was reached by creation.
 absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view message,
