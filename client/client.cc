@@ -18,12 +18,15 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// Worth another try: the connection broke, or the server is busy.
+// Worth another try: the connection broke, the server is busy, or did not answer.
 bool IsTransient(const absl::Status& status) {
+  constexpr std::string_view kBusy[] = {
+      "RENDER_QUEUE_FULL", "SERVER_BUSY",     "UPLOAD_STALLED",       "OFFSET_INVALID",
+      "TOO_MANY_STREAMS",  "WAITED_TOO_LONG", "PICTURE_RATE_EXCEEDED"};
   const std::string reason = DetailOf(status).reason();
-  return status.code() == absl::StatusCode::kUnavailable ||
-         status.code() == absl::StatusCode::kCancelled || reason == "RENDER_QUEUE_FULL" ||
-         reason == "SERVER_BUSY" || reason == "UPLOAD_STALLED" || reason == "OFFSET_INVALID";
+  return absl::IsUnavailable(status) || absl::IsCancelled(status) ||
+         (absl::IsDeadlineExceeded(status) && reason.empty()) ||
+         std::find(std::begin(kBusy), std::end(kBusy), reason) != std::end(kBusy);
 }
 
 // Whether the status was made by a server and not by the lack of one.
@@ -89,11 +92,14 @@ absl::Status Client::Retry(absl::FunctionRef<absl::Status(bool* progressed)> att
   double pause = options_.first_pause_seconds;
   while (true) {
     bool progressed = false;
+    const Clock::time_point begin = Clock::now();
     const absl::Status status = attempt(&progressed);
     if (progressed || IsAnswer(status)) answered_ = true;
     if (status.ok()) return status;
     if (interrupt_.raised()) return absl::CancelledError("interrupted");
-    if (progressed) {
+    // A watch of a quiet job is as good as one that brought something.
+    if (progressed || (Seconds(Clock::now() - begin) > options_.held_seconds &&
+                       !absl::IsDeadlineExceeded(status))) {
       good = Clock::now();
       pause = options_.first_pause_seconds;
     }

@@ -23,9 +23,11 @@ namespace litags::client {
 
 struct ClientOptions {
   // A connection that was there and broke is tried again for this long, seconds, with growing
-  // pauses; a call that makes progress starts the time anew. A server that never answered is
-  // tried for start_seconds at most: it may have been started just now.
+  // pauses; a call that makes progress, or that held for held_seconds, starts the time anew. A
+  // server that never answered is tried for start_seconds at most: it may have been started just
+  // now.
   double retry_seconds = 120, start_seconds = 5;
+  double held_seconds = 20;  // longer than it takes to find that there is no server
   // The first pause, seconds; doubled up to max_pause_seconds, +-20 % at random.
   double first_pause_seconds = 0.25;
   double max_pause_seconds = 5;

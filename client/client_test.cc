@@ -266,6 +266,30 @@ TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
   EXPECT_LE(tries, 14);
 }
 
+// As of a watch of a quiet job.
+TEST_F(ClientTest, ACallThatHeldIsTriedAnewForAllOfTheTime) {
+  ClientOptions options;
+  options.first_pause_seconds = options.max_pause_seconds = 0.01;
+  options.retry_seconds = 0.1;
+  options.held_seconds = 0.15;
+  Client client(server_->InProcessChannel({}), options, interrupt_);
+  ASSERT_TRUE(client.GetJob("jobs/1").ok());
+  int tries = 0;
+  EXPECT_TRUE(client
+                  .Retry([&](bool*) {
+                    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+                    return ++tries < 3 ? absl::UnavailableError("gone") : absl::OkStatus();
+                  })
+                  .ok());
+  tries = 0;
+  EXPECT_TRUE(absl::IsDeadlineExceeded(client.Retry([&](bool*) {
+    ++tries;
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    return absl::DeadlineExceededError("no answer");
+  })));
+  EXPECT_EQ(tries, 1);
+}
+
 TEST_F(ClientTest, AServerThatNeverAnsweredIsReportedSoon) {
   const auto channel = Connect({.server = "127.0.0.1:1"});
   ASSERT_TRUE(channel.ok());

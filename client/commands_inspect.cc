@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,6 +22,9 @@ int BecomeInspect(std::vector<std::string> arguments) {
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);
+  sigset_t none;
+  sigemptyset(&none);
+  sigprocmask(SIG_SETMASK, &none, nullptr);  // ours waits for signals in a thread
   execvp(SiblingProgram(kProgram).c_str(), argv.data());
   Note(SiblingMissing(kProgram, errno));
   return kExitBadInput;
@@ -37,6 +41,7 @@ void AddInspectCommand(CLI::App& app, Session& session) {
   CLI::App* command = app.add_subcommand(
       kCommand, "Say what of a folder of photos, or of a video, would be used; needs no server");
   command->prefix_command();
+  command->fallthrough(false);  // its options are the other program's
   command->callback(
       [&session, command] { session.exit_code = BecomeInspect(command->remaining()); });
 }

@@ -76,17 +76,25 @@ void NoteUpload(const UploadProgress& progress) {
   }
 }
 
-// What becomes of a job whose submission failed: without a request id nobody could continue it.
-void CleanUp(Session& session, const SubmitArgs& args, const std::string& job,
-             const absl::Status& why) {
+// What becomes of a job whose submission failed: one whose server is gone is continued, others are
+// removed unless the user named their request.
+void CleanUp(Session& session, const SubmitArgs& args, const std::string& request_id,
+             const std::string& job, const absl::Status& why) {
   if (!args.request_id.empty()) {
     Note(absl::StrCat(job, " is kept; the same command continues the upload"));
     return;
   }
+  if (absl::IsUnavailable(why) || absl::IsDeadlineExceeded(why)) {
+    Note(absl::StrCat(job,
+                      " was not started and is still there; continue it with the same command "
+                      "and --request-id ",
+                      request_id, ", or remove it with: litags delete ", job));
+    return;
+  }
   absl::Status removed = why;
-  if (!absl::IsCancelled(why) && !absl::IsUnavailable(why)) {
+  if (!absl::IsCancelled(why)) {
     removed = session.client().DeleteJob(job);
-  } else if (absl::IsCancelled(why)) {
+  } else {
     Interrupt fresh;
     ClientOptions options;
     options.retry_seconds = 0;
@@ -121,7 +129,7 @@ int Submit(Session& session, const SubmitArgs& args) {
 
   v1::CreateJobRequest request;
   request.set_display_name(args.name);
-  request.set_request_id(args.request_id);
+  request.set_request_id(args.request_id.empty() ? RandomId() : args.request_id);
   if (!ParseLabels(args.labels, request.mutable_labels())) return kExitBadInput;
   *request.mutable_options() = args.options;
   *request.mutable_policy() = ToProto(args.treatment);
@@ -129,19 +137,17 @@ int Submit(Session& session, const SubmitArgs& args) {
     request.mutable_webhook()->set_url(args.webhook);
     request.mutable_webhook()->set_secret(args.webhook_secret);
   }
-  if (!args.request_id.empty()) {
-    auto digest = ContentDigest(capture->files);
-    if (!digest.ok()) return ReportError(session, digest.status());
-    request.set_content_digest(*std::move(digest));
-  }
-  const auto job = session.client().CreateJob(std::move(request));
+  auto digest = ContentDigest(capture->files);
+  if (!digest.ok()) return ReportError(session, digest.status());
+  request.set_content_digest(*std::move(digest));
+  const auto job = session.client().CreateJob(request);
   if (!job.ok()) return ReportError(session, job.status());
 
   if (job->state() == v1::JOB_STATE_UPLOADING) {
     const absl::Status status = UploadAndStart(session, job->name(), *capture, args.strict);
     if (!status.ok()) {
       const int exit_code = ReportError(session, status, job->name());
-      CleanUp(session, args, job->name(), status);
+      CleanUp(session, args, request.request_id(), job->name(), status);
       return exit_code;
     }
   } else {

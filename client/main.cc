@@ -137,6 +137,10 @@ int main(int argc, char** argv) {
     }
     return app.exit(error) == 0 ? litags::client::kExitOk : litags::client::kExitBadInput;
   }
-  if (std::fflush(stdout) != 0) return litags::client::kExitServerError;
+  // What was lost before, as on a full disk, the last flush does not tell.
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    litags::client::Note("not all of the output could be written");
+    return litags::client::kExitServerError;
+  }
   return session.exit_code;
 }

@@ -19,6 +19,7 @@ struct Setting {
   std::string name;  // as on the command line: "max-gaussians"
   std::string value, usual;
   std::string help;
+  bool is_flag;  // takes its value behind an equals sign
   bool IsChanged() const { return value != usual; }
 };
 
@@ -56,7 +57,8 @@ std::vector<Setting> SettingsOf(const v1::JobOptions& options, const v1::ServerI
     std::string name = field.name();
     std::replace(name.begin(), name.end(), '_', '-');
     settings.push_back({std::move(name), ValueOf(options, field), ValueOf(defaults, field),
-                        field.options().GetExtension(v1::help)});
+                        field.options().GetExtension(v1::help),
+                        field.cpp_type() == FieldDescriptor::CPPTYPE_BOOL});
   }
   return settings;
 }
@@ -74,7 +76,7 @@ Html SettingsSection(const v1::JobOptions& options, const v1::ServerInfo& server
   for (const Setting& setting : SettingsOf(options, server)) {
     const bool is_method = setting.name == "method";
     if (is_method || setting.IsChanged()) {
-      absl::StrAppend(&command, " --", setting.name, " ", setting.value);
+      absl::StrAppend(&command, " --", setting.name, setting.is_flag ? "=" : " ", setting.value);
     }
     rows += El("tr", {{"class", setting.IsChanged() ? "changed" : "usual"}},
                {El("th", {{"scope", "row"}}, {setting.name}), El("td", {}, {setting.value}),

@@ -168,6 +168,15 @@ class BadRequests(harness.ServiceTest):
                 self.assertIn("no server answers at 127.0.0.1:1: start one with \"litags-server\"",
                               err)
 
+    def test_output_that_is_lost_is_an_error(self):
+        job = self.finished_job()
+        for command in (("log", job), ("list",)):
+            with open("/dev/full", "wb") as full:
+                done = subprocess.run([os.path.join(harness.BIN, "litags"), "--server",
+                                       self.server.address, *command],
+                                      stdout=full, stderr=subprocess.PIPE)
+            self.assertEqual(done.returncode, 5, (command, done.stderr))
+
     def test_usage_that_makes_no_sense(self):
         for command in (("frobnicate",), ("watch",), ("render", "1", "-o", "v.png"),
                         ("path", "1", "-o", "f"), ("list", "--limit", "-3")):

@@ -46,7 +46,9 @@ class Jobs(harness.ServiceTest):
         html = os.path.join(self.folder, "report.html")
         self.litags("report", job, "-o", html)
         with open(html, encoding="utf-8") as file:
-            self.assertRegex(file.read(), r"refine-cameras(<[^>]*>|\s)*true")
+            page = file.read()
+        self.assertRegex(page, r"refine-cameras(<[^>]*>|\s)*true")
+        self.assertIn("--refine-cameras=true", page)  # as the command line takes a flag
 
     def test_the_same_request_id_makes_one_job(self):
         photos = self.photos()

@@ -71,6 +71,12 @@ class Package(harness.ServiceTest):
             endings = re.search(name + r" = \{(.*?)\}", limits, re.DOTALL)[1]
             self.assertEqual(set(known), set(re.findall(r'"(.*?)"', endings)), name)
 
+    def test_photos_of_one_name_do_not_replace_each_other(self):
+        folders = [self.photos(("a.png", "b.png")), self.photos(("a.png",))]
+        paths = [os.path.join(f, name) for f in folders for name in os.listdir(f)]
+        with self.assertRaisesRegex(ValueError, "two photos are called a.png"):
+            litags.files.find_photos(paths)
+
     def test_submit_watch_over_cuts_render_and_export(self):
         proxy = self.proxy()
         client = self.client(proxy.address)

@@ -32,6 +32,7 @@ _CHANNEL_OPTIONS = [
 ]
 
 _START_SECONDS = 5
+_LONG_ATTEMPT = 20  # seconds: longer than it takes to find that there is no server
 
 
 class _Patience:
@@ -43,7 +44,7 @@ class _Patience:
         self._start()
 
     def _start(self) -> None:
-        self._begun = time.monotonic()
+        self._begun = self._tried = time.monotonic()
         self._pause = 0.2
 
     def arrived(self) -> None:
@@ -54,12 +55,16 @@ class _Patience:
         """Returns when it is time for the next attempt, or raises what `error` says."""
         if errors.details(error).details:  # a busy server's, for instance
             self._client._answered = True
+        held = time.monotonic() - self._tried > _LONG_ATTEMPT
+        if held and error.code() != grpc.StatusCode.DEADLINE_EXCEEDED:
+            self._start()
         seconds = self._client._retry_seconds
         if not self._client._answered:
             seconds = min(seconds, _START_SECONDS)
         if not errors.may_succeed_later(error) or time.monotonic() - self._begun > seconds:
             raise errors.of_call(error) from error
         time.sleep(self._pause)
+        self._tried = time.monotonic()
         self._pause = min(5, 2 * self._pause)
 
 

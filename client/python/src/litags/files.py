@@ -46,7 +46,13 @@ class File:
 def find_photos(photos: Path | Iterable[Path]) -> list[File]:
     """All photos of a folder, those of a list, a video, or an archive of a folder."""
     if not isinstance(photos, (str, os.PathLike)):
-        return [File.read(pathlib.Path(photo), rpc.FILE_ROLE_PHOTO) for photo in photos]
+        paths = [pathlib.Path(photo) for photo in photos]
+        names = sorted(photo.name for photo in paths)
+        for name, other in zip(names, names[1:]):
+            if name == other:
+                raise ValueError(f"two photos are called {name}: only names are sent, so that one "
+                                 "would replace the other; rename one")
+        return [File.read(photo, rpc.FILE_ROLE_PHOTO) for photo in paths]
     path = pathlib.Path(photos)
     if path.suffix.lower() in VIDEO_ENDINGS:
         return [File.read(path, rpc.FILE_ROLE_VIDEO)]
