@@ -99,12 +99,15 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   std::vector<Camera> cameras;
   for (const View& view : posed.views) cameras.push_back(view.camera);
   EvenOutResponse(context, sightings, cameras, posed.masks, &photos);
+  LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   CaptureTargets made;
   made.photos = std::move(photos);
   made.exposures = WithoutDrift(
       RelativeExposures(made.photos, sightings, posed.masks, posed.stated_exposures), sightings);
   ShareExposures(posed.rig_views, posed.views, sightings, &made.exposures);
+  LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
+  LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   if (recipe.lita && recipe.information_weights) {
     made.information = Information(made, posed.masks);
   }

@@ -34,8 +34,9 @@
 namespace litags {
 namespace {
 
-constexpr double kReportSeconds = 0.5;  // between progress reports
-constexpr double kLossMemory = 0.98;    // of the running means of losses
+constexpr size_t kScoredOfPreview = 16;  // held-out photos: rendering them takes long
+constexpr double kReportSeconds = 0.5;   // between progress reports
+constexpr double kLossMemory = 0.98;     // of the running means of losses
 
 double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -150,14 +151,14 @@ class Run {
       if (!preview && Now() - last_report <= kReportSeconds) continue;
       progress_.eta_seconds = SecondsLeft(leg);
       if (preview) {
-        LITAGS_RETURN_IF_ERROR(Publish());
+        LITAGS_RETURN_IF_ERROR(Publish(cancel));
       } else {
         observer_->OnProgress(progress_);
       }
       last_report = Now();
     }
     progress_.eta_seconds = 0;
-    return Publish();
+    return Publish(cancel);
   }
 
   void Finish(ReconstructReport* report) {
@@ -281,7 +282,7 @@ class Run {
   }
 
   // Saves a snapshot and reports it with a preview picture and the held-out PSNR.
-  absl::Status Publish() {
+  absl::Status Publish(const CancelToken& cancel) {
     Model model = trainer_.Snapshot();
     model.origin = set_.origin;
     if (model.lita && recipe_.noise_filter) model.noise = set_.noise;
@@ -290,7 +291,7 @@ class Run {
     if (options_.refine_cameras && last) FitHeldOut(model);
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, Views()));
     observer_->OnSnapshot(scene_path_);
-    LITAGS_ASSIGN_OR_RETURN(const std::string png, ScoreHeldOut(model, last));
+    LITAGS_ASSIGN_OR_RETURN(const std::string png, ScoreHeldOut(model, last, cancel));
     Progress progress = progress_;
     progress.preview_png.assign(png.begin(), png.end());
     observer_->OnProgress(progress);
@@ -315,9 +316,11 @@ class Run {
     }
   }
 
-  // Compares the held-out photos with pictures; SSIM, which takes long, only of the last. Returns
-  // the picture of the first one, as PNG, or of another photo where none is held out.
-  absl::StatusOr<std::string> ScoreHeldOut(const Model& model, bool last) {
+  // Compares the held-out photos with pictures: all of them at the end, with SSIM, which takes
+  // long; before, kScoredOfPreview spread over them. Returns the picture of the first one, as PNG,
+  // or of another photo where none is held out.
+  absl::StatusOr<std::string> ScoreHeldOut(const Model& model, bool last,
+                                           const CancelToken& cancel) {
     Planes color, target;
     const Camera shown = held_out_.empty() ? trainer_.CameraOf(0) : held_out_[0].camera;
     renderer_.RenderColor(model, shown, &color);
@@ -326,7 +329,10 @@ class Run {
     if (held_out_.empty() || (options_.refine_cameras && !last)) return png;
     LossWorkspace workspace(options_.threads);
     double psnr_sum = 0, ssim_sum = 0;
-    for (size_t i = 0; i < held_out_.size(); ++i) {
+    const size_t all = held_out_.size(), scored = last ? all : std::min(all, kScoredOfPreview);
+    for (size_t k = 0; k < scored; ++k) {
+      if (!last && cancel.IsCancelled()) return png;
+      const size_t i = k * all / scored;
       const TrainView& v = set_.holdout[i];
       if (i > 0) renderer_.RenderColor(model, held_out_[i].camera, &color);
       UnpackImage(v.target, workspace, &target);
@@ -338,7 +344,7 @@ class Run {
       const absl::StatusOr<double> ssim = Ssim(color, target);  // not of photos below 11 px
       ssim_sum += ssim.ok() ? 1 - (1 - *ssim) * dilution : kNotMeasured;
     }
-    const auto count = static_cast<double>(held_out_.size());
+    const auto count = static_cast<double>(scored);
     progress_.psnr_holdout = psnr_sum / count;
     if (last) ssim_holdout_ = ssim_sum / count;
     return png;

@@ -210,12 +210,16 @@ absl::StatusOr<TrainSet> MakeTrainSet(const Context& context, const std::string&
       DenseStartPoints(context, photos, depth, set.points, set.point_views, key));
   set.points.insert(set.points.end(), dense.begin(), dense.end());
 
-  for (size_t k = 0; k < split.train.size(); ++k) {
-    TrainView& v = set.train.emplace_back(ViewOf(split.train[k], &posed, &targets));
+  const auto view_of = [&](size_t i) {
+    TrainView v = ViewOf(i, &posed, &targets);
     v.photo = PhotoToLearn(recipe, std::move(v.photo), v.exposure);
+    return v;
+  };
+  for (size_t k = 0; k < split.train.size(); ++k) {
+    TrainView& v = set.train.emplace_back(view_of(split.train[k]));
     if (!depth.empty()) v.depth = std::move(depth[k]);
   }
-  for (const size_t i : split.holdout) set.holdout.push_back(ViewOf(i, &posed, &targets));
+  for (const size_t i : split.holdout) set.holdout.push_back(view_of(i));
   set.target_noise = MeasureNoise(set.train, options.threads);
   set.noise = NoiseOfPictures(targets.rounding, set.target_noise.white);
   set.curve = CurveOfPictures(recipe.tone, targets.noise_at_black, set.target_noise.white);

@@ -85,11 +85,19 @@ Photo ApplyToCodes(const ImageU8& photo, const Curve& curve) {
   return PhotoFromU8(out);
 }
 
+absl::Status BlackImage() {
+  return InvalidInput("BLACK_IMAGE", "image",
+                      "tone: every pixel of the photo is 0, no gain can brighten it; leave it out "
+                      "or expose longer");
+}
+
 // LITA-GS Eq. 11: theta / mean(I_in) * I_in.
-ToneTarget PaperTarget(const Photo& photo, const PlaneU8& mask, double theta) {
+absl::StatusOr<ToneTarget> PaperTarget(const Photo& photo, const PlaneU8& mask, double theta) {
   const ImageU8 codes = PhotoToU8(photo);
+  const double mean = Mean(SharesOfCodes(codes, mask), CodeGain(1));
+  if (!(mean > 0)) return BlackImage();
   ToneTarget target;
-  target.gain = theta / Mean(SharesOfCodes(codes, mask), CodeGain(1));
+  target.gain = theta / mean;
   target.image = ApplyToCodes(codes, CodeGain(target.gain));
   return target;
 }
@@ -173,9 +181,7 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
   const bool black = std::all_of(photo.data.begin(), photo.data.end(),
                                  [](int16_t sample) { return sample <= kBlack; });
   if (black && options.rule != Tone::kNone) {
-    return InvalidInput("BLACK_IMAGE", "image",
-                        "tone: every pixel of the photo is 0, no gain can brighten it; leave it "
-                        "out or expose longer");
+    return BlackImage();
   }
   return absl::OkStatus();
 }
@@ -242,11 +248,15 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
     return CaptureTargets(photos, exposures, options, threads, masks);
   }
   std::vector<ToneTarget> targets(photos.size());
+  std::vector<absl::Status> statuses(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     switch (options.rule) {
-      case Tone::kPaper:
-        targets[i] = PaperTarget(photos[i], MaskOf(masks, i), options.theta);
+      case Tone::kPaper: {
+        absl::StatusOr<ToneTarget> target = PaperTarget(photos[i], MaskOf(masks, i), options.theta);
+        statuses[i] = target.status();
+        if (target.ok()) targets[i] = *std::move(target);
         break;
+      }
       case Tone::kNone:
         targets[i].image = photos[i];
         break;
@@ -254,6 +264,7 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
         break;  // CaptureTargets, above
     }
   });
+  for (const absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(status);
   return targets;
 }
 

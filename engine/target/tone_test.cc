@@ -197,6 +197,14 @@ TEST(Tone, IsTheSameForAnyNumberOfThreads) {
 
 TEST(Tone, BlackAndEmptyPhotosAndBadOptionsAreErrors) {
   EXPECT_EQ(GetErrorDetail(MakeTarget(ImageU8(4, 4), {}).status())->reason, "BLACK_IMAGE");
+  // Of a 16-bit file: light, but less than half a code, of which the paper's rule works.
+  Photo faint(4, 4);
+  std::fill(faint.data.begin(), faint.data.end(), static_cast<int16_t>(kPhotoCode / 3));
+  const double one = 1;
+  ToneOptions paper;
+  paper.rule = Tone::kPaper;
+  EXPECT_EQ(GetErrorDetail(MakeTargets({&faint, 1}, {&one, 1}, paper, 1, {}).status())->reason,
+            "BLACK_IMAGE");
   EXPECT_EQ(GetErrorDetail(MakeTarget(ImageU8(), {}).status())->reason, "EMPTY_IMAGE");
   const ImageU8 photo = MakePhoto(1, 9);
   for (const double theta : {1.0, -1.0, double(NAN)}) {

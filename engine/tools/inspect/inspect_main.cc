@@ -17,7 +17,11 @@ namespace {
 namespace fs = std::filesystem;
 
 CancelToken* g_cancel = nullptr;
-void OnSignal(int) { g_cancel->Cancel(); }
+// A second one ends the program.
+void OnSignal(int number) {
+  g_cancel->Cancel();
+  std::signal(number, SIG_DFL);
+}
 
 struct Arguments {
   std::string dir, cameras, masks, sheet;
