@@ -146,6 +146,9 @@ class Gate {
   // PICTURE_RATE_EXCEEDED).
   absl::StatusOr<std::shared_ptr<Call>> Enter(grpc::CallbackServerContext* context, CallName name);
 
+  // Bytes of answers that clients have not read yet, by client.
+  SharedRoom* unread() { return &unread_; }
+
   // What a call gets that Enter() did not let in: counted and logged, as Call::End() does.
   grpc::Status Refuse(const grpc::CallbackServerContext& context, CallName name,
                       const absl::Status& status);
@@ -177,7 +180,7 @@ class Gate {
   const double max_wait_seconds_;
   std::mutex mutex_;
   std::map<std::string, Use> uses_;  // by client; those not in use are dropped now and then
-  SharedRoom unread_;                // bytes of answers that were not read yet
+  SharedRoom unread_;
   TokenWatch token_watch_;
 };
 

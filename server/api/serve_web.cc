@@ -27,8 +27,8 @@ absl::StatusOr<std::unique_ptr<web::WebServer>> ServeWeb(const ServerFlags& flag
   options.keepalive_timeout_seconds = flags.server.connections.keepalive_timeout_seconds;
   options.silence_seconds = flags.uploads.max_silence_seconds;
   options.unread_seconds = flags.server.answers.max_unread_seconds;
-  options.max_unread_bytes = flags.server.answers.max_unread_bytes;
-  LITAGS_ASSIGN_OR_RETURN(auto web, web::WebServer::Start(options, server->InProcessChannel()));
+  LITAGS_ASSIGN_OR_RETURN(
+      auto web, web::WebServer::Start(options, server->InProcessChannel(), server->unread()));
   std::printf("the page is at %s\n", web->url().c_str());
   std::fflush(stdout);
   if (!flags.web_port_file.empty()) {

@@ -155,6 +155,8 @@ class GrpcServer : public Server {
     service->SetServingStatus(v1::ModelService::service_full_name(), health.store);
   }
 
+  SharedRoom* unread() override { return gate_.unread(); }
+
   Metrics* metrics() override { return &metrics_; }
 
   int port() const override { return port_; }

@@ -18,6 +18,7 @@
 #include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
 #include "server/net/connections.h"
+#include "server/net/shared_room.h"
 #include "server/reader/file_reader.h"
 
 namespace litags {
@@ -76,6 +77,9 @@ class Server {
   // HOST:PORT by which this machine reaches it; empty if it does not listen on a port.
   virtual std::string own_address() const = 0;
   virtual std::shared_ptr<grpc::Channel> InProcessChannel() = 0;
+  // Bytes of answers that clients have not read yet; lives as long as the server. Who calls in
+  // process adds what it holds for a client, whom kRoomOfHeader names.
+  virtual SharedRoom* unread() = 0;
   // What it counted so far; lives as long as the server.
   virtual Metrics* metrics() = 0;
 

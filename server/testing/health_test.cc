@@ -35,6 +35,7 @@ class NotedServer : public Server {
   int port() const override { return 0; }
   std::string own_address() const override { return ""; }
   std::shared_ptr<grpc::Channel> InProcessChannel() override { return nullptr; }
+  SharedRoom* unread() override { return nullptr; }
   Metrics* metrics() override { return &metrics_; }
   void SetHealth(const Health& health) override {
     store = health.store;

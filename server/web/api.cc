@@ -162,15 +162,11 @@ asio::awaitable<void> Api::Call(Exchange& exchange, const Match& match) {
 asio::awaitable<void> Api::Whole(Exchange& exchange, const Route& route, const Message& request) {
   const bool bytes = route.kind == AnswerKind::kBytes;
   Answer answer;
-  if (bytes && !unread_->IsFor(exchange.head().network)) {
-    answer = NoRoom();
-    co_await exchange.Send(std::move(answer));
-    co_return;
-  }
-  const std::unique_ptr<Message> message = NewResponse(route);
+  std::unique_ptr<Message> message = NewResponse(route);
+  HeldRoom held;  // until it is sent
   const std::string authorization = AuthorizationOf(exchange.head());
   const grpc::Status status =
-      co_await Unary(exchange, route.rpc, authorization, request, message.get());
+      co_await Unary(exchange, route.rpc, authorization, request, message.get(), &held);
   if (!status.ok()) {
     answer = Failure(status);
   } else if (bytes) {
@@ -179,14 +175,9 @@ asio::awaitable<void> Api::Whole(Exchange& exchange, const Route& route, const M
     absl::StatusOr<std::string> json = JsonOf(*message);
     answer = json.ok() ? Json(*std::move(json)) : Failure(json.status());
   }
+  message.reset();  // clients may take long to read the answer, which has all of it
   answer.headers.emplace_back("Cache-Control", "no-store");
   co_await exchange.Send(std::move(answer));
-}
-
-Answer Api::NoRoom() {
-  return Failure(MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
-                           "pictures that were not read yet fill the memory for them; read "
-                           "them, and try again in a second"));
 }
 
 std::unique_ptr<RpcCall> Api::Begin(Exchange& exchange, std::string_view rpc,
@@ -200,17 +191,18 @@ std::unique_ptr<RpcCall> Api::Begin(Exchange& exchange, std::string_view rpc,
   if (is_header(authorization)) metadata.emplace("authorization", authorization);
   const std::string id(exchange.head().Header("x-request-id"));
   if (is_header(id)) metadata.emplace("x-request-id", id);
-  return std::make_unique<RpcCall>(&stub_, rpc, metadata, std::move(executor),
-                                   [&exchange] { return exchange.Gone(); });
+  return std::make_unique<RpcCall>(
+      &stub_, rpc, metadata, std::move(executor), [&exchange] { return exchange.Gone(); }, unread_);
 }
 
 asio::awaitable<grpc::Status> Api::Unary(Exchange& exchange, std::string_view rpc,
                                          const std::string& authorization, const Message& request,
-                                         Message* answer) {
+                                         Message* answer, HeldRoom* held) {
   const asio::any_io_executor executor = co_await asio::this_coro::executor;
   const auto call = Begin(exchange, rpc, executor, authorization);
   co_await call->WriteLast(request);
   co_await call->Read(answer);
+  if (held) *held = call->TakeHeld();
   const grpc::Status status = co_await call->Finish();
   if (status.error_code() == grpc::UNAUTHENTICATED) {
     LogRefusal(exchange.head(), status);

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "client/report/report.h"
 #include "litags/v1/reconstruction_service.pb.h"
@@ -22,7 +23,7 @@ namespace litags::web {
 class Api {
  public:
   // `local_only`: nobody is asked who they are, so that requests must name this machine itself.
-  // `unread`, which must outlive this: room for answers that clients have not read.
+  // `unread`, which must outlive this: of RpcCall.
   Api(std::shared_ptr<grpc::Channel> channel, SharedRoom* unread, bool local_only)
       : stub_(std::move(channel)), unread_(unread), local_only_(local_only) {}
 
@@ -43,10 +44,11 @@ class Api {
   Awaitable<void> Download(Exchange& exchange, const Route& route, const Message& request);
   Awaitable<void> Report(Exchange& exchange, const Route& route, const Message& request);
   Awaitable<grpc::Status> Gather(Exchange& exchange, const Route& route, const Message& request,
-                                 report::ReportData* data);
+                                 report::ReportData* data, std::vector<HeldRoom>* held);
   Awaitable<grpc::Status> ReadCourse(Exchange& exchange, const v1::Job& job,
                                      report::Course* course);
-  Awaitable<grpc::Status> ReadScene(Exchange& exchange, report::ReportData* data);
+  Awaitable<grpc::Status> ReadScene(Exchange& exchange, report::ReportData* data,
+                                    std::vector<HeldRoom>* held);
   // Content-Range sends a part of a file: 202 says that more is missing.
   Awaitable<void> Upload(Exchange& exchange, const Match& match);
   Awaitable<Answer> Forward(Exchange& exchange, const v1::FileHeader& file, const std::string& job,
@@ -55,12 +57,10 @@ class Api {
   std::unique_ptr<RpcCall> Begin(Exchange& exchange, std::string_view rpc,
                                  boost::asio::any_io_executor executor,
                                  const std::string& authorization);
-  // Of a client that does not read its pictures.
-  static Answer NoRoom();
-  // A call with one answer.
+  // A call with one answer. `held`: gets the room that it takes; null: the answer is small.
   Awaitable<grpc::Status> Unary(Exchange& exchange, std::string_view rpc,
                                 const std::string& authorization, const Message& request,
-                                Message* answer);
+                                Message* answer, HeldRoom* held = nullptr);
 
   grpc::GenericStub stub_;
   SharedRoom* const unread_;

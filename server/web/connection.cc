@@ -45,8 +45,6 @@ constexpr uint32_t kMaxHeadBytes = 16 << 10;
 constexpr size_t kReadBytes = 64 << 10;
 // Clients that read faster are never late.
 constexpr double kMinBytesPerSecond = 1 << 20;
-// Smaller answers do not count as unread.
-constexpr size_t kSmallAnswer = 64 << 10;
 // What is read of a body that nobody wants, so that the client sees the answer before the end.
 constexpr int64_t kMaxDrained = 8 << 20;
 constexpr std::chrono::seconds kClose{2};
@@ -121,13 +119,8 @@ class Connection final : public Exchange {
         HeadText(answer, static_cast<int64_t>(answer.body.size()), /*chunked=*/false, KeepsOpen());
     answered_ = true;
     if (head_.method == "HEAD" || answer.code == 204 || answer.code == 304) answer.body.clear();
-    const int64_t held = answer.body.size() > kSmallAnswer
-                             ? static_cast<int64_t>(text.size() + answer.body.size())
-                             : 0;
-    Hold(held);
     const std::array<asio::const_buffer, 2> parts = {asio::buffer(text), asio::buffer(answer.body)};
     const bool sent = co_await WriteAll(parts, text.size() + answer.body.size());
-    Hold(-held);
     co_return sent;
   }
 
@@ -178,9 +171,6 @@ class Connection final : public Exchange {
   void SetDeadline(double seconds) { Lowest().expires_after(Ms(seconds)); }
   bool KeepsOpen() const {
     return !must_close_ && !failed_ && !environment_->stopping && parser_ && parser_->keep_alive();
-  }
-  void Hold(int64_t bytes) {
-    if (bytes != 0) environment_->unread->Add(caller_.network, bytes);
   }
 
   // Errors of what the client sent, not of the connection.

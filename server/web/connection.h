@@ -10,24 +10,20 @@
 #include <string>
 
 #include "server/net/peer.h"
-#include "server/net/shared_room.h"
 #include "server/web/exchange.h"
 
 namespace litags::web {
 
-// Seconds, but for the last.
 struct ConnectionLimits {
-  double head_seconds = 60;      // until the head of the next request is there
-  double silence_seconds = 60;   // between two pieces of a body
-  double unread_seconds = 60;    // until an answer is read, and one more for each MiB
-  int64_t max_unread_bytes = 0;  // whole answers that clients have not read yet, all together
+  double head_seconds = 60;     // until the head of the next request is there
+  double silence_seconds = 60;  // between two pieces of a body
+  double unread_seconds = 60;   // until an answer is read, and one more for each MiB
 };
 
 // What connections share. Must outlive them.
 struct ConnectionEnvironment {
   ConnectionLimits limits;
   Handler handler;
-  SharedRoom* unread = nullptr;
   std::function<void(const Peer& peer)> admit;  // a call of its was let in
   std::atomic<bool> stopping = false;
 };

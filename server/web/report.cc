@@ -32,7 +32,8 @@ asio::awaitable<grpc::Status> Api::ReadCourse(Exchange& exchange, const v1::Job&
   co_return grpc::Status::OK;
 }
 
-asio::awaitable<grpc::Status> Api::ReadScene(Exchange& exchange, report::ReportData* data) {
+asio::awaitable<grpc::Status> Api::ReadScene(Exchange& exchange, report::ReportData* data,
+                                             std::vector<HeldRoom>* held) {
   const std::string authorization = AuthorizationOf(exchange.head());
   v1::ListCamerasRequest cameras;
   cameras.set_name(data->job.name());
@@ -42,14 +43,15 @@ asio::awaitable<grpc::Status> Api::ReadScene(Exchange& exchange, report::ReportD
   data->pictures = report::PicturesOf(data->job, data->cameras);
   for (report::Picture& picture : data->pictures) {
     status = co_await Unary(exchange, "RenderService/RenderView", authorization, picture.request,
-                            &picture.view);
+                            &picture.view, &held->emplace_back());
     if (!status.ok()) co_return status;
   }
   co_return grpc::Status::OK;
 }
 
 asio::awaitable<grpc::Status> Api::Gather(Exchange& exchange, const Route& route,
-                                          const Message& request, report::ReportData* data) {
+                                          const Message& request, report::ReportData* data,
+                                          std::vector<HeldRoom>* held) {
   const std::string authorization = AuthorizationOf(exchange.head());
   grpc::Status status = co_await Unary(exchange, route.rpc, authorization, request, &data->job);
   if (!status.ok()) co_return status;
@@ -57,24 +59,21 @@ asio::awaitable<grpc::Status> Api::Gather(Exchange& exchange, const Route& route
   status = co_await Unary(exchange, kInfoRpc, authorization, about_server, &data->server);
   if (!status.ok()) co_return status;
   status = co_await ReadCourse(exchange, data->job, &data->course);
-  if (status.ok() && report::HasScene(data->job)) status = co_await ReadScene(exchange, data);
+  if (status.ok() && report::HasScene(data->job)) status = co_await ReadScene(exchange, data, held);
   data->made = google::protobuf::util::TimeUtil::GetCurrentTime();
   co_return status;
 }
 
 asio::awaitable<void> Api::Report(Exchange& exchange, const Route& route, const Message& request) {
   Answer answer;
-  if (!unread_->IsFor(exchange.head().network)) {
-    answer = NoRoom();
+  report::ReportData data;
+  std::vector<HeldRoom> held;  // until it is sent
+  const grpc::Status status = co_await Gather(exchange, route, request, &data, &held);
+  if (status.ok()) {
+    answer = {200, "text/html; charset=utf-8", report::ReportHtml(data), {}};
+    answer.headers.emplace_back("Content-Disposition", "attachment");
   } else {
-    report::ReportData data;
-    const grpc::Status status = co_await Gather(exchange, route, request, &data);
-    if (status.ok()) {
-      answer = {200, "text/html; charset=utf-8", report::ReportHtml(data), {}};
-      answer.headers.emplace_back("Content-Disposition", "attachment");
-    } else {
-      answer = Failure(status);
-    }
+    answer = Failure(status);
   }
   answer.headers.emplace_back("Cache-Control", "no-store");
   co_await exchange.Send(std::move(answer));

@@ -9,6 +9,8 @@
 #include <boost/asio/redirect_error.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <chrono>
+#include <mutex>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -20,10 +22,19 @@ namespace asio = boost::asio;
 
 // Between two looks whether somebody is there for the answer.
 constexpr std::chrono::milliseconds kLookEvery{100};
+// An answer is there as bytes and as a message, then as the text made of it, which is longer.
+constexpr int kCopies = 2;
 
 grpc::ByteBuffer BytesOf(const google::protobuf::Message& message) {
   const grpc::Slice slice(message.SerializeAsString());
   return grpc::ByteBuffer(&slice, 1);
+}
+
+// Whose room the call's answers take.
+std::string RoomOf(const std::multimap<grpc::string_ref, grpc::string_ref>& headers) {
+  const auto found = headers.find(kRoomOfHeader);
+  if (found == headers.end()) return "";
+  return std::string(found->second.data(), found->second.size());
 }
 
 }  // namespace
@@ -37,10 +48,11 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
     bool begun = false, over = false, ok = false;
   };
 
-  Reactor(asio::any_io_executor executor, std::function<bool()> gone)
+  Reactor(asio::any_io_executor executor, std::function<bool()> gone, SharedRoom* unread)
       : executor_(asio::prefer(std::move(executor), asio::execution::outstanding_work.tracked)),
         timer_(executor_),
-        gone_(std::move(gone)) {}
+        gone_(std::move(gone)),
+        unread_(unread) {}
 
   void Start(grpc::GenericStub* stub, std::string_view method,
              const std::multimap<std::string, std::string>& metadata) {
@@ -66,6 +78,7 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
   }
   void BeginRead() {
     if (read.begun) return;
+    held_ = {};
     read = {true};
     StartRead(&in_);
   }
@@ -73,6 +86,7 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
     read = {};
     return std::exchange(in_, grpc::ByteBuffer());
   }
+  HeldRoom TakeHeld() { return std::move(held_); }
   void LetGo() {
     if (std::exchange(let_go_, true)) return;
     RemoveHold();
@@ -100,7 +114,31 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
 
  private:
   void OnWriteDone(bool ok) override { Note(&write, ok); }
-  void OnReadDone(bool ok) override { Note(&read, ok); }
+  // gRPC tells of headers and of the first answer in any order: the answer waits for the headers.
+  void OnReadInitialMetadataDone(bool ok) override {
+    std::optional<bool> early;
+    {
+      const std::lock_guard lock(mutex_);
+      client_ = ok ? RoomOf(context_.GetServerInitialMetadata()) : "";
+      early = early_read_;
+    }
+    if (early) TakeIn(*early);
+  }
+  void OnReadDone(bool ok) override {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!client_) {
+        early_read_ = ok;
+        return;
+      }
+    }
+    TakeIn(ok);
+  }
+  // Counts now, not on the strand: answers must not pile up while the strand is busy.
+  void TakeIn(bool ok) {
+    if (ok) held_ = HeldRoom(unread_, *client_, kCopies * static_cast<int64_t>(in_.Length()));
+    Note(&read, ok);
+  }
   void OnDone(const grpc::Status& final_status) override {
     const asio::any_io_executor executor = executor_;  // this may be gone before post() returns
     asio::post(executor, [self = std::move(self_), final_status] {
@@ -122,6 +160,11 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
   const asio::any_io_executor executor_;  // does not run out of work while this is there
   asio::steady_timer timer_;
   const std::function<bool()> gone_;
+  SharedRoom* const unread_;
+  std::mutex mutex_;
+  std::optional<std::string> client_;  // whose room the answers take, once that is known
+  std::optional<bool> early_read_;     // the first read was over before that
+  HeldRoom held_;                  // gRPC's while a read is begun and not over, else the strand's
   std::shared_ptr<Reactor> self_;  // until gRPC is done with it
   grpc::ClientContext context_;
   grpc::ByteBuffer in_, out_;
@@ -130,8 +173,8 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
 
 RpcCall::RpcCall(grpc::GenericStub* stub, std::string_view method,
                  const std::multimap<std::string, std::string>& metadata,
-                 asio::any_io_executor executor, std::function<bool()> gone)
-    : reactor_(std::make_shared<Reactor>(std::move(executor), std::move(gone))) {
+                 asio::any_io_executor executor, std::function<bool()> gone, SharedRoom* unread)
+    : reactor_(std::make_shared<Reactor>(std::move(executor), std::move(gone), unread)) {
   reactor_->Start(stub, method, metadata);
 }
 
@@ -166,6 +209,8 @@ asio::awaitable<RpcCall::Got> RpcCall::Read(google::protobuf::Message* answer, d
   }
   co_return Got::kMessage;
 }
+
+HeldRoom RpcCall::TakeHeld() { return reactor_->TakeHeld(); }
 
 asio::awaitable<grpc::Status> RpcCall::Finish() {
   reactor_->LetGo();

@@ -14,17 +14,23 @@
 #include <memory>
 #include <string>
 
+#include "server/net/shared_room.h"
+
 namespace litags::web {
 
 // One call of any kind: write requests, read answers, finish. Its methods are called by one
 // coroutine, on `executor`, which must be a strand. While that waits, the call is cancelled once
 // `gone` says that nobody is there for the answer.
+//
+// An answer takes room in `unread`, as its client's, from when it has come until the next is waited
+// for or this is gone: send it meanwhile. The services make no large answers where there is no
+// room.
 class RpcCall {
  public:
   // `method`: "ReconstructionService/GetJob".
   RpcCall(grpc::GenericStub* stub, std::string_view method,
           const std::multimap<std::string, std::string>& metadata,
-          boost::asio::any_io_executor executor, std::function<bool()> gone);
+          boost::asio::any_io_executor executor, std::function<bool()> gone, SharedRoom* unread);
   ~RpcCall();  // cancels what is not finished
   RpcCall(const RpcCall&) = delete;
   RpcCall& operator=(const RpcCall&) = delete;
@@ -37,6 +43,9 @@ class RpcCall {
   enum class Got { kMessage, kEnd, kNothingYet };
   // The next answer. kNothingYet: none came for so long; read again.
   boost::asio::awaitable<Got> Read(google::protobuf::Message* answer, double seconds = 1e9);
+
+  // The room that the last answer takes: for callers that keep it longer than the call.
+  HeldRoom TakeHeld();
 
   // The end; after it nothing is written or read. Says the same when asked again.
   boost::asio::awaitable<grpc::Status> Finish();

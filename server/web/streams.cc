@@ -65,7 +65,7 @@ asio::awaitable<void> Api::Events(Exchange& exchange, const Route& route, const 
   const std::string authorization = AuthorizationOf(exchange.head());
   const auto call = Begin(exchange, route.rpc, executor, authorization);
   co_await call->WriteLast(*resumed);
-  const std::unique_ptr<Message> message = NewResponse(route);
+  std::unique_ptr<Message> message = NewResponse(route);
   RpcCall::Got got = co_await call->Read(message.get(), kRefusedSeconds);
   if (got == RpcCall::Got::kEnd) {
     const grpc::Status refusal = co_await call->Finish();
@@ -81,11 +81,13 @@ asio::awaitable<void> Api::Events(Exchange& exchange, const Route& route, const 
   while (open && got != RpcCall::Got::kEnd) {
     std::string text = ":\n\n";
     if (got == RpcCall::Got::kMessage) {
-      const absl::StatusOr<std::string> event = EventText(*message);
-      text = event.ok() ? *event : LastEvent(ToGrpcStatus(event.status()));
+      absl::StatusOr<std::string> event = EventText(*message);
+      text = event.ok() ? *std::move(event) : LastEvent(ToGrpcStatus(event.status()));
+      message = NewResponse(route);  // it may be a picture, and the client slow to read
     }
     open = co_await exchange.SendPiece(text);
     if (!open) co_return;
+    text = std::string();  // the next event may take long to come
     got = co_await call->Read(message.get(), kQuietSeconds);
   }
   const grpc::Status status = co_await call->Finish();

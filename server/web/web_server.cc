@@ -16,7 +16,6 @@
 #include "engine/core/error.h"
 #include "server/net/descriptors.h"
 #include "server/net/listener.h"
-#include "server/net/shared_room.h"
 #include "server/web/api.h"
 #include "server/web/assets.h"
 #include "server/web/connection.h"
@@ -77,14 +76,11 @@ Caller CallerOf(int fd) {
 }  // namespace
 
 struct WebServer::Parts {
-  Parts(const WebOptions& options, std::shared_ptr<grpc::Channel> channel)
-      : connections(ThatFit(options.counts)),
-        unread(options.max_unread_bytes),
-        api(std::move(channel), &unread, options.local_only) {
+  Parts(const WebOptions& options, std::shared_ptr<grpc::Channel> channel, SharedRoom* unread)
+      : connections(ThatFit(options.counts)), api(std::move(channel), unread, options.local_only) {
     environment.limits = {.silence_seconds = options.silence_seconds,
                           .unread_seconds = options.unread_seconds};
     environment.handler = [this](Exchange& exchange) { return Handle(exchange); };
-    environment.unread = &unread;
     environment.admit = [this](const Peer& peer) { connections.Admit(peer); };
   }
 
@@ -124,7 +120,6 @@ struct WebServer::Parts {
 
   std::string scheme = "http";
   Connections connections;
-  SharedRoom unread;
   Api api;
   ConnectionEnvironment environment;
   std::unique_ptr<TlsFiles> tls_files;
@@ -135,9 +130,10 @@ struct WebServer::Parts {
   std::vector<std::thread> threads;
 };
 
-absl::StatusOr<std::unique_ptr<WebServer>> WebServer::Start(
-    const WebOptions& options, std::shared_ptr<grpc::Channel> channel) {
-  auto parts = std::make_unique<Parts>(options, std::move(channel));
+absl::StatusOr<std::unique_ptr<WebServer>> WebServer::Start(const WebOptions& options,
+                                                            std::shared_ptr<grpc::Channel> channel,
+                                                            SharedRoom* unread) {
+  auto parts = std::make_unique<Parts>(options, std::move(channel), unread);
   if (options.tls.enabled()) {
     LITAGS_ASSIGN_OR_RETURN(parts->tls_files, TlsFiles::Open(options.tls));
     LITAGS_RETURN_IF_ERROR(parts->TakeTls());

@@ -10,6 +10,7 @@
 #include "absl/status/statusor.h"
 #include "server/auth/tls.h"
 #include "server/net/connections.h"
+#include "server/net/shared_room.h"
 
 namespace litags::web {
 
@@ -22,14 +23,15 @@ struct WebOptions {
   double keepalive_timeout_seconds = 20;  // until a peer that acknowledges nothing is given up
   double silence_seconds = 60;            // between two pieces of an upload
   double unread_seconds = 60;             // until an answer is read, and one more for each MiB
-  int64_t max_unread_bytes = int64_t{512} << 20;  // pictures that browsers have not read
 };
 
 class WebServer {
  public:
-  // `channel` leads to the services. Errors of LoadTls(); UNAVAILABLE (CANNOT_LISTEN).
+  // `channel` leads to the services, `unread` counts what clients have not read of their answers
+  // and must outlive this. Errors of LoadTls(); UNAVAILABLE (CANNOT_LISTEN).
   static absl::StatusOr<std::unique_ptr<WebServer>> Start(const WebOptions& options,
-                                                          std::shared_ptr<grpc::Channel> channel);
+                                                          std::shared_ptr<grpc::Channel> channel,
+                                                          SharedRoom* unread);
   ~WebServer();  // Stop()
 
   int port() const;

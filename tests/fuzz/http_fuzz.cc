@@ -74,7 +74,6 @@ class Gateway {
     server_ = builder.BuildAndStart();
     api_ = std::make_unique<Api>(server_->InProcessChannel({}), &unread_, /*local_only=*/true);
     environment_.handler = [this](Exchange& exchange) { return api_->Serve(exchange); };
-    environment_.unread = &unread_;
     environment_.admit = [](const Peer&) {};
   }
 
