@@ -84,9 +84,8 @@ std::string CamerasNearby(const ReconstructInput& input) {
 
 }  // namespace
 
-absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given,
-                                          const ReconstructOptions& options,
-                                          const std::string& sheet, const CancelToken& cancel) {
+absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptions& options,
+                           const std::string& sheet, const CancelToken& cancel, std::string* text) {
   ReconstructInput input = given;
   const int threads = options.threads > 0 ? options.threads : DefaultThreadCount();
   LITAGS_ASSIGN_OR_RETURN(const std::string others,
@@ -113,14 +112,14 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given,
   const double middle_sharpness = MiddleOf(screen.photos, &ScreenedPhoto::sharpness);
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   constexpr char kLine[] = "%-32s %-11s %-17s %-22s %6s %6s %6s  %-5s%s\n";
-  std::string text = absl::StrFormat(kLine, "photo", "px", "lens", "exposure", "code", "stops",
-                                     "sharp", "mask", input.cameras_path.empty() ? "" : " camera");
+  *text = absl::StrFormat(kLine, "photo", "px", "lens", "exposure", "code", "stops", "sharp",
+                          "mask", input.cameras_path.empty() ? "" : " camera");
   for (const ScreenedPhoto& photo : screen.photos) {
     const ImageInfo info =
         ReadImageSize(input.images_dir + "/" + photo.name, photo.name).value_or(ImageInfo());
     const auto found = wide_by_name.find(photo.name);
     absl::StrAppendFormat(
-        &text, kLine, photo.name, absl::StrCat(photo.width, "x", photo.height),
+        text, kLine, photo.name, absl::StrCat(photo.width, "x", photo.height),
         Lens(info, found == wide_by_name.end() ? nullptr : found->second), Exposure(info),
         absl::StrFormat("%.1f", photo.mean_code), Stops(photo.light, screen.middle_light),
         absl::StrFormat("%.2f", middle_sharpness > 0 ? photo.sharpness / middle_sharpness : 0),
@@ -131,24 +130,24 @@ absl::StatusOr<std::string> InspectFolder(const ReconstructInput& given,
   }
   const std::string as_views =
       wide.photos.empty() ? "" : absl::StrCat(", as ", views.size(), " views");
-  absl::StrAppend(&text, screen.photos.size(), " photos would be used", as_views, ", ",
+  absl::StrAppend(text, screen.photos.size(), " photos would be used", as_views, ", ",
                   screen.left_out.size(), " are left out; ",
                   input.cameras_path.empty() ? "cameras would be searched for"
                                              : absl::StrCat("cameras: ", input.cameras_path),
                   "\n", DescribeMemory(views, options, MachineMemory()), "\n");
   for (const auto& notes : {screen.notes, DescribeWidePhotos(wide.photos)}) {
-    for (const std::string& note : notes) absl::StrAppend(&text, "note: ", note, "\n");
+    for (const std::string& note : notes) absl::StrAppend(text, "note: ", note, "\n");
   }
-  if (!others.empty()) absl::StrAppend(&text, "note: ", others, "\n");
+  if (!others.empty()) absl::StrAppend(text, "note: ", others, "\n");
   if (input.cameras_path.empty()) {
     if (const std::string nearby = CamerasNearby(input); !nearby.empty()) {
-      absl::StrAppend(&text, "note: there are cameras in ", nearby, "; use them with --cameras\n");
+      absl::StrAppend(text, "note: there are cameras in ", nearby, "; use them with --cameras\n");
     }
   }
-  if (sheet.empty()) return text;
+  if (sheet.empty()) return absl::OkStatus();
   LITAGS_RETURN_IF_ERROR(WritePhotoSheet(screen, thumbnails, sheet));
-  absl::StrAppend(&text, "contact sheet: ", sheet, "\n");
-  return text;
+  absl::StrAppend(text, "contact sheet: ", sheet, "\n");
+  return absl::OkStatus();
 }
 
 absl::Status CheckAllReadable(const ReconstructInput& input, int threads,

@@ -15,10 +15,10 @@ namespace litags {
 // the middle photo, sharpness beside the middle photo's, mask, camera), those left out and why, and
 // what else there is to know, as the memory that a run with `options` takes. Writes found masks
 // under work_dir, and, if `sheet` is not empty, a picture of all photos there (PNG, or JPEG by its
-// ending). Errors of ScreenPhotos and ReadGivenCameras.
-absl::StatusOr<std::string> InspectFolder(const ReconstructInput& input,
-                                          const ReconstructOptions& options,
-                                          const std::string& sheet, const CancelToken& cancel);
+// ending). Errors of ScreenPhotos and ReadGivenCameras; of a sheet that cannot be written with the
+// text all the same.
+absl::Status InspectFolder(const ReconstructInput& input, const ReconstructOptions& options,
+                           const std::string& sheet, const CancelToken& cancel, std::string* text);
 
 // The photos of a video, in work_dir; says on stderr how far it is. Other inputs as they are.
 absl::StatusOr<ReconstructInput> PickFramesNow(const ReconstructInput& input, int frames,

@@ -44,10 +44,10 @@ absl::Status Run(const Arguments& args, const CancelToken& cancel) {
   }
   if (fs::is_regular_file(args.dir, ignored) && IsVideoName(args.dir)) input.video_path = args.dir;
   LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.frames, cancel));
-  LITAGS_ASSIGN_OR_RETURN(const std::string text,
-                          InspectFolder(input, args.options, args.sheet, cancel));
+  std::string text;
+  const absl::Status status = InspectFolder(input, args.options, args.sheet, cancel, &text);
   std::fputs(text.c_str(), stdout);
-  return absl::OkStatus();
+  return status;
 }
 
 int Main(int argc, char** argv) {

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <string>
@@ -13,6 +14,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
+#include "engine/tools/inspect/photo_sheet.h"
 #include "engine/video/testing_video.h"
 
 namespace litags {
@@ -80,7 +82,7 @@ TEST_F(Inspect, NamesPanoramasAndTheirViews) {
   ImageU8 sky(128, 64);
   for (int x = 0; x < 128; ++x) {
     for (int y = 0; y < 64; ++y) {
-      sky.pixel(x, y)[0] = static_cast<uint8_t>(90 + 60 * std::cos(2 * M_PI * x / 128));
+      sky.pixel(x, y)[0] = static_cast<uint8_t>(90 + 60 * std::cos(2 * M_PI * x / 128) + y);
     }
   }
   for (const char* name : {"s0.png", "s1.png", "s2.png"}) {
@@ -121,6 +123,33 @@ TEST_F(Inspect, DrawsAContactSheet) {
     EXPECT_GT(picture->height, 240);
   }
   EXPECT_EQ(Run({photos_, "--contact-sheet", dir_ / "nowhere/sheet.jpg"}), 2);
+  EXPECT_THAT(text_, HasSubstr("5 photos would be used")) << "and says what was found";
+}
+
+TEST_F(Inspect, DrawsManyPhotosThatAreLeftOut) {
+  for (int i = 0; i < 280; ++i) Write(absl::StrCat("bad", i, ".jpg"), "no photo");
+  ASSERT_EQ(Run({photos_, "--contact-sheet", dir_ / "sheet.jpg"}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("281 are left out"));
+}
+
+TEST(PlanSheet, KeepsLargeFoldersWithinAJpeg) {
+  for (const int count : {1, 7, 800, 1200, 5000, 20000}) {
+    PhotoScreen screen;
+    screen.photos.resize(count);
+    for (ScreenedPhoto& photo : screen.photos) photo.width = 3000, photo.height = 4000;
+    screen.left_out.resize(count / 2);
+    const SheetPlan plan = PlanSheet(screen);
+    const auto rows_of = [&](size_t photos) {
+      return static_cast<double>((photos + plan.columns - 1) / plan.columns);
+    };
+    const double height = 110 + rows_of(count) * (std::ceil(plan.cell_width * 4 / 3.0) + 8) +
+                          rows_of(count / 2) * (plan.cell_width * 3 / 4.0 + 8);
+    EXPECT_LE(height, 65500) << count;
+    EXPECT_LE(plan.columns * (plan.cell_width + 8), 65000) << count;
+    EXPECT_GE(plan.cell_width, 200) << count;
+    EXPECT_EQ(plan.columns == std::min<size_t>(count, 6), count <= 800) << count;
+    EXPECT_LE(plan.cell_width, 320);
+  }
 }
 
 TEST_F(Inspect, AVideoIsInspectedByItsFrames) {

@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_TOOLS_INSPECT_PHOTO_SHEET_H_
 #define LITAGS_ENGINE_TOOLS_INSPECT_PHOTO_SHEET_H_
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,14 @@ namespace litags {
 // Small brightened pictures of the screen's photos: `dir`/NAME.png.
 void WriteThumbnails(const ReconstructInput& input, const PhotoScreen& screen, int threads,
                      const std::string& dir, const CancelToken& cancel);
+
+struct SheetPlan {
+  size_t columns;
+  int cell_width;  // px
+};
+// Thumbnails of 320 px in six columns; of many photos smaller ones, then more columns: a JPEG holds
+// 65,500 px.
+SheetPlan PlanSheet(const PhotoScreen& screen);
 
 // Those pictures, and the names of what is left out.
 absl::Status WritePhotoSheet(const PhotoScreen& screen, const std::string& thumbnails,

@@ -188,9 +188,10 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
     LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.options.frames, cancel));
   }
   if (args.inspect) {
-    LITAGS_ASSIGN_OR_RETURN(const std::string text, InspectFolder(input, args.options, "", cancel));
+    std::string text;
+    const absl::Status status = InspectFolder(input, args.options, "", cancel, &text);
     std::fputs(text.c_str(), stdout);
-    return absl::OkStatus();
+    return status;
   }
   if (args.strict) {
     LITAGS_RETURN_IF_ERROR(CheckAllReadable(input, args.options.threads, cancel));
