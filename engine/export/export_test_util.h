@@ -1,9 +1,15 @@
-// A small scene with every attribute, and how much files of it differ.
+// A small scene with every attribute, how much files of it differ, and what a .glb holds.
 #ifndef LITAGS_ENGINE_EXPORT_EXPORT_TEST_UTIL_H_
 #define LITAGS_ENGINE_EXPORT_EXPORT_TEST_UTIL_H_
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
 
 #include "engine/eval/metrics.h"
 #include "engine/export/viewer_scene.h"
@@ -78,6 +84,21 @@ inline Errors ErrorsOf(const Splats& a, const Splats& b) {
     grow(&out.angle, 2 * std::sqrt(std::min(minus, plus)));
   }
   return out;
+}
+
+template <typename T>
+T NumberAt(const std::string& bytes, size_t at) {
+  T value;
+  std::memcpy(&value, bytes.data() + at, sizeof(T));
+  return value;
+}
+
+// The JSON of a .glb, and its binary part.
+inline std::pair<nlohmann::json, std::string> PartsOf(const std::string& glb) {
+  EXPECT_EQ(glb.substr(0, 4), "glTF");
+  EXPECT_EQ(NumberAt<uint32_t>(glb, 8), glb.size());
+  const auto size = NumberAt<uint32_t>(glb, 12);
+  return {nlohmann::json::parse(glb.substr(20, size)), glb.substr(20 + size + 8)};
 }
 
 }  // namespace litags

@@ -1,9 +1,11 @@
 // glTF 2.0 binary: one point primitive with KHR_gaussian_splatting, attribute after attribute.
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/color.h"
 #include "engine/export/formats.h"
 #include "engine/export/glb_file.h"
 #include "engine/export/quantize.h"
@@ -24,11 +26,12 @@ nlohmann::json AddAttributes(const ViewerScene& scene, GlbBuffer* buffer) {
   };
   attributes["POSITION"] = buffer->num_accessors();
   buffer->AddPositions(splats.size(), [&](size_t i, int k) { return splats.at(i, kMean + k); });
-  // What programs show that know points only.
+  // What programs show that know points only: in linear light, as everywhere in glTF.
   attributes["COLOR_0"] = buffer->num_accessors();
-  buffer->Add<uint8_t>(kGlbVertices, splats.size(), 4, [&](size_t i, int k) {
-    return k < 3 ? PackByte(255 * (0.5 + kSh0 * splats.at(i, kShDc + k)))
-                 : PackByte(255 * Opacity(splats, i));
+  buffer->Add<uint16_t>(kGlbVertices, splats.size(), 4, [&](size_t i, int k) {
+    if (k == 3) return PackUnit(Opacity(splats, i), 16);
+    const double srgb = std::clamp(0.5 + kSh0 * splats.at(i, kShDc + k), 0.0, 1.0);
+    return PackUnit(LinearFromSrgb(srgb), 16);
   })["normalized"] = true;
   const std::string prefix = absl::StrCat(kExtension, ":");
   add_floats(prefix + "ROTATION", 4, [&](size_t i, int k) {

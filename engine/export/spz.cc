@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/export/formats.h"
 #include "engine/export/quantize.h"
@@ -17,8 +19,13 @@ namespace {
 
 constexpr uint32_t kMagic = 0x5053474e;
 constexpr uint8_t kAntialiased = 1;
-// Positions are in 24 bits with a sign. Beyond 12 bits behind the point files only grow.
-constexpr int kMostFractionalBits = 12, kLeastFractionalBits = 4;
+// Positions are in 24 bits with a sign, so many of them behind the point.
+constexpr int kMostFractionalBits = 20, kUsualFractionalBits = 12, kLeastFractionalBits = 4;
+// Largest step of positions, in Gaussians' median size: finer steps change no picture.
+constexpr double kStepOfSize = 1.0 / 8;
+// Scales are in bytes of 16 steps a unit of their logarithm, from here. Smaller Gaussians grow to
+// it; where more than this share of them would, pictures show it.
+constexpr double kLeastLogScale = -10, kMostGrown = 0.1;
 constexpr int kZstdLevel = 12;
 // What is left of a byte of a coefficient, as Niantic's own writer has it.
 constexpr int kBitsOfDegree1 = 5, kBitsOfHigher = 4;
@@ -32,13 +39,45 @@ struct Streams {
   }
 };
 
+// The middle one of each Gaussian's three log-scales, sorted. The smallest says little: Gaussians
+// of surfaces are flat.
+std::vector<float> MiddleLogScales(const Splats& splats) {
+  std::vector<float> out;
+  for (size_t i = 0; i < splats.size(); ++i) {
+    std::array<float, 3> sizes;
+    for (int k = 0; k < 3; ++k) sizes[k] = splats.at(i, kLogScale + k);
+    std::sort(sizes.begin(), sizes.end());
+    out.push_back(sizes[1]);
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+absl::Status CheckSizes(const std::vector<float>& log_scales) {
+  const auto small = std::lower_bound(log_scales.begin(), log_scales.end(), kLeastLogScale);
+  const double share = double(small - log_scales.begin()) / log_scales.size();
+  if (share <= kMostGrown) return absl::OkStatus();
+  const double least = log_scales[static_cast<size_t>(kMostGrown * log_scales.size())];
+  return MakeError(
+      absl::StatusCode::kFailedPrecondition, "EXPORT_OUT_OF_RANGE", "format",
+      absl::StrFormat("format: %.0f %% of the Gaussians are smaller than the %.2g units that spz "
+                      "holds; give a scale at least %.3g times as large, or another format",
+                      100 * share, std::exp(kLeastLogScale),
+                      1.01 * std::exp(kLeastLogScale - least)));
+}
+
 absl::StatusOr<int> FractionalBits(const Splats& splats) {
+  const std::vector<float> log_scales = MiddleLogScales(splats);
+  LITAGS_RETURN_IF_ERROR(CheckSizes(log_scales));
+  const double step = kStepOfSize * std::exp(double{log_scales[log_scales.size() / 2]});
+  const int wanted = std::clamp(static_cast<int>(std::ceil(-std::log2(step))), kUsualFractionalBits,
+                                kMostFractionalBits);
   double largest = 0;
   for (size_t i = 0; i < splats.size(); ++i) {
     for (int k = 0; k < 3; ++k)
       largest = std::max(largest, double{std::abs(splats.at(i, kMean + k))});
   }
-  for (int bits = kMostFractionalBits; bits >= kLeastFractionalBits; --bits) {
+  for (int bits = wanted; bits >= kLeastFractionalBits; --bits) {
     if (std::ldexp(largest, bits) < (1 << 23) - 1) return bits;
   }
   return MakeError(
@@ -73,7 +112,7 @@ Streams Pack(const ViewerScene& scene, int fractional_bits) {
           std::lround(std::ldexp(double{splats.at(i, kMean + k)}, fractional_bits)));
       for (int byte = 0; byte < 3; ++byte) out.positions += static_cast<char>(fixed >> (8 * byte));
       AppendNumber(&out.colors, PackByte(255 * (0.15 * splats.at(i, kShDc + k) + 0.5)));
-      AppendNumber(&out.scales, PackByte(16 * (splats.at(i, kLogScale + k) + 10)));
+      AppendNumber(&out.scales, PackByte(16 * (splats.at(i, kLogScale + k) - kLeastLogScale)));
     }
     AppendNumber(&out.opacities, PackByte(255 * Opacity(splats, i)));
     AppendNumber(&out.rotations, PackQuat(UnitQuat(splats, i)));

@@ -3,10 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
-#include <nlohmann/json.hpp>
 
 #include "engine/core/color.h"
+#include "engine/export/export_test_util.h"
 
 namespace litags {
 namespace {
@@ -14,21 +13,6 @@ namespace {
 const TriangleMesh kMesh = {
     {{{0, 0, 0}, {0, 128, 255}}, {{1, 0, 0}, {255, 7, 1}}, {{0, 2, 0}, {9, 9, 9}}, {{1, 2, 3}, {}}},
     {{0, 1, 2}, {1, 3, 2}}};
-
-template <typename T>
-T NumberAt(const std::string& bytes, size_t at) {
-  T value;
-  std::memcpy(&value, bytes.data() + at, sizeof(T));
-  return value;
-}
-
-// The JSON of a .glb, and its binary part.
-std::pair<nlohmann::json, std::string> PartsOf(const std::string& glb) {
-  EXPECT_EQ(glb.substr(0, 4), "glTF");
-  EXPECT_EQ(NumberAt<uint32_t>(glb, 8), glb.size());
-  const auto size = NumberAt<uint32_t>(glb, 12);
-  return {nlohmann::json::parse(glb.substr(20, size)), glb.substr(20 + size + 8)};
-}
 
 TEST(TriangleMesh, PlyHoldsVerticesAndFaces) {
   const std::string ply = EncodeMeshPly(kMesh).value();
