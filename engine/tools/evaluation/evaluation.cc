@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -44,7 +45,8 @@ absl::Status Scorer::Add(const TestView& view, const ImageU8& picture) {
   ViewScore score;
   score.name = view.view.name;
   LITAGS_ASSIGN_OR_RETURN(score.psnr, Psnr(picture, *truth));
-  LITAGS_ASSIGN_OR_RETURN(score.ssim, Ssim(picture, *truth));
+  // Their sizes agree, so it fails only where they are too small for it.
+  score.ssim = Ssim(picture, *truth).value_or(std::numeric_limits<double>::quiet_NaN());
   if (lpips_ != nullptr) {
     LITAGS_ASSIGN_OR_RETURN(score.lpips, lpips_->Distance(picture, *truth));
   }
@@ -62,13 +64,18 @@ absl::StatusOr<Scores> Scorer::Finish() const {
   }
   Scores scores;
   scores.views = views_;
+  double ssim_views = 0;
   for (const ViewScore& v : views_) {
     scores.psnr += v.psnr / static_cast<double>(views_.size());
-    scores.ssim += v.ssim / static_cast<double>(views_.size());
+    if (!std::isnan(v.ssim)) {
+      scores.ssim += v.ssim;
+      ++ssim_views;
+    }
     if (v.lpips.has_value()) {
       scores.lpips = scores.lpips.value_or(0) + *v.lpips / static_cast<double>(views_.size());
     }
   }
+  scores.ssim /= ssim_views;
   LITAGS_ASSIGN_OR_RETURN(const CorrectedPsnr fit, AffineCorrectedPsnr(pictures_, truths_));
   scores.psnr_affine = fit.corrected_db;
   return scores;

@@ -17,14 +17,14 @@ namespace litags {
 
 struct ViewScore {
   std::string name;
-  double psnr = 0;  // dB
-  double ssim = 0;
+  double psnr = 0;              // dB
+  double ssim = 0;              // NaN of pictures with a side below 11 px, its window
   std::optional<double> lpips;  // where there is a network for it
 };
 
 struct Scores {
   std::vector<ViewScore> views;
-  double psnr = 0, ssim = 0;  // means over views
+  double psnr = 0, ssim = 0;  // means over views; ssim over those that have it, NaN without any
   std::optional<double> lpips;
   double psnr_affine = 0;  // mean PSNR after one colour fit for all views; a diagnostic
   std::string ToJson() const;

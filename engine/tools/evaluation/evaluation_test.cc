@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "engine/core/error.h"
 #include "engine/io/colmap_io.h"
@@ -69,6 +70,23 @@ TEST_F(EvaluationTest, AUniformOffsetCostsItsPsnrAndNothingAfterTheColourFit) {
   EXPECT_EQ(scores->views[0].name, "a.png");
   EXPECT_NEAR(scores->psnr, -20 * std::log10(10.0 / 255), 1e-6);
   EXPECT_GT(scores->psnr_affine, 80);
+}
+
+TEST_F(EvaluationTest, PicturesBelowTheWindowOfSsimAreScoredWithoutIt) {
+  ImageU8 small(32, 10);
+  std::iota(small.data.begin(), small.data.end(), uint8_t{0});
+  ASSERT_TRUE(WritePng(dir_ + "/truth/small.png", small).ok());
+  Scorer scorer(dir_ + "/truth");
+  ASSERT_TRUE(scorer.Add(Named("small.png"), small).ok());
+  absl::StatusOr<Scores> scores = scorer.Finish();
+  ASSERT_TRUE(scores.ok()) << scores.status();
+  EXPECT_TRUE(std::isnan(scores->ssim));
+  EXPECT_NE(scores->ToJson().find("\"ssim\": null"), std::string::npos);
+  ASSERT_TRUE(WritePng(dir_ + "/truth/large.png", Ramp(0)).ok());
+  ASSERT_TRUE(scorer.Add(Named("large.png"), Ramp(0)).ok());
+  scores = scorer.Finish();
+  ASSERT_TRUE(scores.ok()) << scores.status();
+  EXPECT_NEAR(scores->ssim, 1, 1e-9);
 }
 
 TEST_F(EvaluationTest, NoTruthPhotoIsNotFound) {

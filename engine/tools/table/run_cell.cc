@@ -1,6 +1,7 @@
 // What happens in the process of one cell.
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -186,7 +187,7 @@ absl::Status AddScores(const TableCell& cell, const std::string& lpips_path,
   if (absl::IsNotFound(scores.status())) return absl::OkStatus();
   LITAGS_RETURN_IF_ERROR(scores.status());
   row->psnr = scores->psnr;
-  row->ssim = scores->ssim;
+  if (!std::isnan(scores->ssim)) row->ssim = scores->ssim;
   row->lpips = scores->lpips;
   row->psnr_affine = scores->psnr_affine;
   row->views = static_cast<int>(scores->views.size());

@@ -1,5 +1,6 @@
 #include "engine/tools/table/table.h"
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -30,7 +31,8 @@ absl::Status WriteTexts(const TableOptions& options, const std::vector<TableRow>
 std::string Describe(const TableRow& row) {
   if (!row.ok()) return absl::StrCat("FAILED: ", row.error);
   std::string text = "no truth photo to score against  ";
-  if (row.scored()) text = absl::StrFormat("PSNR %.2f dB  SSIM %.4f  ", *row.psnr, *row.ssim);
+  if (row.scored())
+    text = absl::StrFormat("PSNR %.2f dB  SSIM %.4f  ", *row.psnr, row.ssim.value_or(NAN));
   if (row.lpips.has_value()) absl::StrAppendFormat(&text, "LPIPS %.3f  ", *row.lpips);
   absl::StrAppendFormat(&text, "%.1f s  %d Gaussians  %.0f MiB", row.seconds, row.gaussians,
                         row.peak_rss_bytes / 1048576.0);
