@@ -27,12 +27,21 @@ constexpr double kTrainPixel = sizeof(float) * (2 * (kNumChannels + 1) + 8) + 50
 // peaks 51.6 times their pixels higher with two threads than with one.
 constexpr double kDecodePixel = 50;
 
+// Stereo's costs, and their sums in 16 bits, of some 256 labels a pixel; of photos of 320 px and so
+// many views at once at most (engine/stereo/stereo.cc).
+constexpr double kStereoPixel = 3 * 256, kStereoView = 60e6;
+constexpr int kStereoViews = 8;
+
 // Parameters and two moments, beside which density control makes one of the three anew and copies
 // those that grow; and records of a view.
 constexpr double kGaussian = sizeof(float) * (kSplatRows * 5 + 40);
 
 int ThreadsOf(const ReconstructOptions& options) {
   return options.threads > 0 ? options.threads : DefaultThreadCount();
+}
+
+bool UsesStereo(const Recipe& recipe, DepthOrigin source) {
+  return recipe.dense_start || (recipe.lita && recipe.use_depth && source == DepthOrigin::kStereo);
 }
 
 std::string GiB(int64_t bytes) { return absl::StrFormat("%.1f GiB", bytes / double(1 << 30)); }
@@ -47,8 +56,21 @@ TrainingSize ShrunkTo(int max_side, int width, int height) {
           std::max(1, static_cast<int>(std::lround(height * scale)))};
 }
 
+int MapBytes(const ReconstructInput& input, const ReconstructOptions& options, bool masks) {
+  const Recipe recipe = options.ResolveRecipe();
+  const DepthOrigin source = options.depth_source;
+  const int mask = masks ? 1 : 0;
+  if (!recipe.lita || !recipe.use_depth) return mask;
+  const int depth = sizeof(float), confidence = sizeof(float);
+  // Masks, too, are confidences.
+  if (source == DepthOrigin::kNetwork) return mask + depth + (masks ? confidence : 0);
+  const bool maps = source == DepthOrigin::kMaps || source == DepthOrigin::kAuto;
+  return mask + (maps && !input.depth_dir.empty() ? depth + confidence : 0);
+}
+
 MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
-                              const ReconstructOptions& options, int threads) {
+                              const ReconstructOptions& options, int threads, int map_bytes) {
+  const Recipe recipe = options.ResolveRecipe();
   double all = 0, largest = 0, largest_file = 0;
   for (const ScreenedPhoto& photo : photos) {
     const TrainingSize size = ShrunkTo(options.max_image_side, photo.width, photo.height);
@@ -57,19 +79,24 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
     largest = std::max(largest, pixels);
     largest_file = std::max(largest_file, double(photo.width) * photo.height);
   }
-  const double decoding = kDecodePixel * largest_file * std::min<double>(threads, photos.size());
+  const double at_once = std::min<double>(threads, photos.size());
+  const double decoding = kDecodePixel * largest_file * at_once;
+  const double stereo =
+      UsesStereo(recipe, options.depth_source)
+          ? std::min<double>(at_once, kStereoViews) * std::min(kStereoView, kStereoPixel * largest)
+          : 0;
   MemoryEstimate estimate;
   estimate.photos =
-      static_cast<int64_t>(kViewPixel * WithPyramid(options.ResolveRecipe().coarse_levels) * all);
-  estimate.work = static_cast<int64_t>(std::max(kTrainPixel * largest, decoding));
+      static_cast<int64_t>((kViewPixel + map_bytes) * WithPyramid(recipe.coarse_levels) * all);
+  estimate.work = static_cast<int64_t>(std::max({kTrainPixel * largest, decoding, stereo}));
   estimate.gaussians = static_cast<int64_t>(kGaussian * options.max_gaussians);
   return estimate;
 }
 
 absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
-                         int64_t bytes) {
+                         int map_bytes, int64_t bytes) {
   const int threads = ThreadsOf(options);
-  const int64_t least = EstimateMemory(photos, options, threads).Least();
+  const int64_t least = EstimateMemory(photos, options, threads, map_bytes).Least();
   if (bytes == 0 || least <= bytes) return absl::OkStatus();
   constexpr int kStep = 100, kLeastSide = 300;  // px
   ReconstructOptions smaller = options;
@@ -79,7 +106,7 @@ absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const Reconstru
   std::string advice = "leave photos out";
   for (side -= 1 + (side - 1) % kStep; side >= kLeastSide; side -= kStep) {
     smaller.max_image_side = side;
-    const int64_t most = EstimateMemory(photos, smaller, threads).Most();
+    const int64_t most = EstimateMemory(photos, smaller, threads, map_bytes).Most();
     if (most > bytes) continue;
     advice =
         absl::StrFormat("max_image_side %d takes %s at most; or leave photos out", side, GiB(most));
@@ -93,10 +120,10 @@ absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const Reconstru
 }
 
 std::string DescribeMemory(absl::Span<const ScreenedPhoto> photos,
-                           const ReconstructOptions& options, int64_t bytes) {
-  const absl::Status status = CheckMemory(photos, options, bytes);
+                           const ReconstructOptions& options, int map_bytes, int64_t bytes) {
+  const absl::Status status = CheckMemory(photos, options, map_bytes, bytes);
   if (!status.ok()) return std::string(status.message());
-  const MemoryEstimate estimate = EstimateMemory(photos, options, ThreadsOf(options));
+  const MemoryEstimate estimate = EstimateMemory(photos, options, ThreadsOf(options), map_bytes);
   return absl::StrFormat("a run would take %s to %s of memory%s", GiB(estimate.Least()),
                          GiB(estimate.Most()),
                          bytes == 0 ? "" : absl::StrFormat("; there are %s", GiB(bytes)));

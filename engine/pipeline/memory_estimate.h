@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/types/span.h"
+#include "engine/pipeline/engine.h"
 #include "engine/pipeline/options.h"
 #include "engine/pipeline/photo_screen.h"
 
@@ -21,7 +22,7 @@ TrainingSize ShrunkTo(int max_side, int width, int height);
 // Bytes at the peak. COLMAP's processes have ended by then.
 struct MemoryEstimate {
   int64_t photos = 0;     // of all photos with their targets, maps and smaller copies
-  int64_t work = 0;       // on one photo at a time: decoding, or rendering and its gradients
+  int64_t work = 0;       // on a photo at a time: decoding, stereo, or rendering and its gradients
   int64_t gaussians = 0;  // with moments and what is made anew of them, max_gaussians of them
 
   int64_t Least() const { return photos + work; }
@@ -30,18 +31,22 @@ struct MemoryEstimate {
   static constexpr int64_t kPrograms = int64_t{100} << 20;  // code, libraries and small things
 };
 
-// `threads` > 0 decode photos at once.
+// Bytes a pixel that are kept of each photo besides itself: maps that were given have a depth and a
+// confidence, a network's a depth; `masks`: the photos have some.
+int MapBytes(const ReconstructInput& input, const ReconstructOptions& options, bool masks);
+
+// `threads` > 0 work at once. `map_bytes` as of MapBytes.
 MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
-                              const ReconstructOptions& options, int threads);
+                              const ReconstructOptions& options, int threads, int map_bytes);
 
 // RESOURCE_EXHAUSTED (MEMORY_EXCEEDED, field "options.max_image_side") where even the least that
 // `photos` take is more than `bytes`; says which max_image_side would do. OK where bytes is 0.
 absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
-                         int64_t bytes);
+                         int map_bytes, int64_t bytes);
 
 // A sentence for people: what a run takes, and what there is; where it cannot fit, CheckMemory's.
 std::string DescribeMemory(absl::Span<const ScreenedPhoto> photos,
-                           const ReconstructOptions& options, int64_t bytes);
+                           const ReconstructOptions& options, int map_bytes, int64_t bytes);
 
 }  // namespace litags
 

@@ -40,24 +40,63 @@ TEST(MemoryEstimate, TrainingSizesKeepTheShape) {
 
 TEST(MemoryEstimate, GrowsWithWhatTakesMemory) {
   const ReconstructOptions options;
-  const MemoryEstimate few = EstimateMemory(PhotosOf(10, 1600, 1200), options, 2);
-  const MemoryEstimate many = EstimateMemory(PhotosOf(100, 1600, 1200), options, 2);
+  const MemoryEstimate few = EstimateMemory(PhotosOf(10, 1600, 1200), options, 2, 0);
+  const MemoryEstimate many = EstimateMemory(PhotosOf(100, 1600, 1200), options, 2, 0);
   EXPECT_NEAR(double(many.photos) / few.photos, 10, 1e-6);
   EXPECT_EQ(many.work, few.work);
   // A photo of 12 megapixels is decoded whole, and kept at 1600 px.
-  const MemoryEstimate large = EstimateMemory(PhotosOf(10, 4032, 3024), options, 2);
+  const MemoryEstimate large = EstimateMemory(PhotosOf(10, 4032, 3024), options, 2, 0);
   EXPECT_EQ(large.photos, few.photos);
   EXPECT_GT(large.work, few.work);
   ReconstructOptions dense = options;
   dense.max_gaussians *= 10;
-  EXPECT_EQ(EstimateMemory(PhotosOf(10, 1600, 1200), dense, 2).gaussians, 10 * few.gaussians);
+  EXPECT_EQ(EstimateMemory(PhotosOf(10, 1600, 1200), dense, 2, 0).gaussians, 10 * few.gaussians);
+}
+
+TEST(MemoryEstimate, CountsDepthMapsAndMasks) {
+  ReconstructInput input;
+  ReconstructOptions options;
+  EXPECT_EQ(MapBytes(input, options, /*masks=*/false), 0);
+  EXPECT_EQ(MapBytes(input, options, /*masks=*/true), 1);
+  input.depth_dir = "maps";
+  EXPECT_EQ(MapBytes(input, options, false), 8);
+  EXPECT_EQ(MapBytes(input, options, true), 9);
+  options.depth_source = DepthOrigin::kNetwork;
+  EXPECT_EQ(MapBytes(input, options, false), 4);
+  EXPECT_EQ(MapBytes(input, options, true), 9) << "masked pixels get a confidence";
+  for (const DepthOrigin unused : {DepthOrigin::kStereo, DepthOrigin::kNone}) {
+    options.depth_source = unused;
+    EXPECT_EQ(MapBytes(input, options, false), 0);
+  }
+  options = {};
+  options.method = Method::k3dgs;
+  EXPECT_EQ(MapBytes(input, options, false), 0);
+  // A pixel of a photo and its target takes 14 bytes.
+  options = {};
+  const auto photos = PhotosOf(10, 1600, 1200);
+  const MemoryEstimate bare = EstimateMemory(photos, options, 2, 0);
+  EXPECT_NEAR(double(EstimateMemory(photos, options, 2, 8).photos) / bare.photos, 22 / 14.0, 1e-6);
+  EXPECT_TRUE(CheckMemory(photos, options, 0, bare.Least()).ok());
+  EXPECT_EQ(Reason(CheckMemory(photos, options, 8, bare.Least())), "MEMORY_EXCEEDED");
+}
+
+TEST(MemoryEstimate, CountsStereoOfSeveralViews) {
+  ReconstructOptions options;
+  options.recipe = Litags();
+  const auto photos = PhotosOf(20, 640, 480);
+  EXPECT_EQ(EstimateMemory(photos, options, 8, 0).work, 480000000);
+  EXPECT_EQ(EstimateMemory(photos, options, 64, 0).work, 480000000) << "eight at once at most";
+  options.recipe->dense_start = false;
+  EXPECT_LT(EstimateMemory(photos, options, 8, 0).work, 480000000);
+  options.depth_source = DepthOrigin::kStereo;
+  EXPECT_EQ(EstimateMemory(photos, options, 8, 0).work, 480000000);
 }
 
 TEST(MemoryEstimate, WhatCannotFitIsRefusedWithWhatWould) {
   const std::vector<ScreenedPhoto> photos = PhotosOf(1000, 4032, 3024);
   ReconstructOptions options;
   options.threads = 2;
-  const absl::Status status = CheckMemory(photos, options, 8 * kGiB);
+  const absl::Status status = CheckMemory(photos, options, 0, 8 * kGiB);
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(Reason(status), "MEMORY_EXCEEDED");
   // The largest side in steps of 100 px that fits.
@@ -66,24 +105,24 @@ TEST(MemoryEstimate, WhatCannotFitIsRefusedWithWhatWould) {
   const size_t at = message.find(advice);
   ASSERT_NE(at, message.npos) << message;
   options.max_image_side = std::atoi(message.c_str() + at + advice.size());
-  EXPECT_LE(EstimateMemory(photos, options, 2).Most(), 8 * kGiB) << message;
+  EXPECT_LE(EstimateMemory(photos, options, 2, 0).Most(), 8 * kGiB) << message;
   options.max_image_side += 100;
-  EXPECT_GT(EstimateMemory(photos, options, 2).Most(), 8 * kGiB) << message;
-  EXPECT_THAT(std::string(CheckMemory(photos, options, kGiB / 2).message()),
+  EXPECT_GT(EstimateMemory(photos, options, 2, 0).Most(), 8 * kGiB) << message;
+  EXPECT_THAT(std::string(CheckMemory(photos, options, 0, kGiB / 2).message()),
               HasSubstr("leave photos out"));
-  EXPECT_TRUE(CheckMemory(photos, ReconstructOptions(), 0).ok()) << "nothing is known of memory";
+  EXPECT_TRUE(CheckMemory(photos, ReconstructOptions(), 0, 0).ok()) << "nothing is known of memory";
 }
 
 TEST(MemoryEstimate, IsSaidToPeople) {
   const std::vector<ScreenedPhoto> photos = PhotosOf(30, 1600, 1200);
   ReconstructOptions options;
   options.threads = 2;
-  EXPECT_THAT(DescribeMemory(photos, options, 8 * kGiB),
+  EXPECT_THAT(DescribeMemory(photos, options, 0, 8 * kGiB),
               testing::MatchesRegex(
                   "a run would take 1.[0-9] GiB to 1.[0-9] GiB of memory; there are 8.0 GiB"));
-  EXPECT_THAT(DescribeMemory(photos, options, 0), testing::EndsWith("of memory"));
-  EXPECT_EQ(DescribeMemory(photos, options, kGiB / 2),
-            CheckMemory(photos, options, kGiB / 2).message());
+  EXPECT_THAT(DescribeMemory(photos, options, 0, 0), testing::EndsWith("of memory"));
+  EXPECT_EQ(DescribeMemory(photos, options, 0, kGiB / 2),
+            CheckMemory(photos, options, 0, kGiB / 2).message());
 }
 
 TEST(MemoryEstimate, ARunIsRefusedBeforeCamerasAreFound) {
@@ -122,7 +161,7 @@ TEST(MemoryEstimate, PhotosTakeWhatARunMeasures) {
     options.recipe = Litags();
     options.recipe->dense_start = options.recipe->use_depth = false;
     peak[k] = PeakOfTraining(capture.Input("work"), options);
-    estimate[k] = EstimateMemory(PhotosOf(views[k], 640, 480), options, options.threads).photos;
+    estimate[k] = EstimateMemory(PhotosOf(views[k], 640, 480), options, options.threads, 0).photos;
   }
   const double ratio = double(peak[1] - peak[0]) / (estimate[1] - estimate[0]);
   EXPECT_GT(ratio, 0.7);

@@ -242,7 +242,9 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
                           ScreenPhotos(input, context.options.threads, context.cancel));
   for (const std::string& note : screen.notes) context.Note(note);
   LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen));
-  LITAGS_RETURN_IF_ERROR(CheckMemory(screen.photos, context.options, input.memory_bytes));
+  LITAGS_RETURN_IF_ERROR(CheckMemory(screen.photos, context.options,
+                                     MapBytes(input, context.options, !screen.masks.empty()),
+                                     input.memory_bytes));
   PosedPhotos posed;
   LITAGS_ASSIGN_OR_RETURN(posed.model,
                           ObtainCameras(context, screen.Names(), screen.masks, colmap));

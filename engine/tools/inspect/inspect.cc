@@ -130,11 +130,12 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
   }
   const std::string as_views =
       wide.photos.empty() ? "" : absl::StrCat(", as ", views.size(), " views");
+  const int map_bytes = MapBytes(input, options, !screen.masks.empty());
   absl::StrAppend(text, screen.photos.size(), " photos would be used", as_views, ", ",
                   screen.left_out.size(), " are left out; ",
                   input.cameras_path.empty() ? "cameras would be searched for"
                                              : absl::StrCat("cameras: ", input.cameras_path),
-                  "\n", DescribeMemory(views, options, MachineMemory()), "\n");
+                  "\n", DescribeMemory(views, options, map_bytes, MachineMemory()), "\n");
   for (const auto& notes : {screen.notes, DescribeWidePhotos(wide.photos)}) {
     for (const std::string& note : notes) absl::StrAppend(text, "note: ", note, "\n");
   }
