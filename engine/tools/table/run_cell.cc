@@ -74,7 +74,7 @@ absl::StatusOr<TableRow> Train(const TableCell& cell, Engine* engine) {
     return *row;
   }
   // From the beginning, not from a checkpoint: the seconds are those of the whole run.
-  for (const char* old : {"training.json", "scene.litags", "checkpoint.litags", "photos"}) {
+  for (const char* old : {"training.json", "scene.litags", "checkpoint.litags", "enhanced"}) {
     std::error_code ignored;
     fs::remove_all(dir + "/" + old, ignored);
   }
@@ -89,7 +89,7 @@ absl::StatusOr<TableRow> Train(const TableCell& cell, Engine* engine) {
   input.work_dir = dir;
   const double start = Now();
   if (!cell.method().before.empty()) {
-    input.images_dir = dir + "/photos";
+    input.images_dir = dir + "/enhanced";
     LITAGS_RETURN_IF_ERROR(EnhancePhotos(cell, input.images_dir));
     cost.enhance_seconds = Now() - start;
   }
