@@ -1,7 +1,7 @@
 // What a user does on the page, one step after the other; browser_test.py starts it.
 
 import assert from "node:assert/strict";
-import {readFileSync, readdirSync} from "node:fs";
+import {readFileSync, readdirSync, statSync} from "node:fs";
 import {createRequire} from "node:module";
 import {basename, join} from "node:path";
 import {createInterface} from "node:readline";
@@ -79,11 +79,12 @@ async function step(name, what) {
 async function drop(path) {
   const files = readdirSync(path).map((name) => ({
     name: basename(name), bytes: [...readFileSync(join(path, name))],
+    lastModified: Math.floor(statSync(join(path, name)).mtimeMs),
   }));
   const transfer = await page.evaluateHandle((list) => {
     const data = new DataTransfer();
-    for (const {name, bytes} of list) {
-      data.items.add(new File([new Uint8Array(bytes)], name, {type: "image/png"}));
+    for (const {name, bytes, lastModified} of list) {
+      data.items.add(new File([new Uint8Array(bytes)], name, {type: "image/png", lastModified}));
     }
     return data;
   }, files);
@@ -120,6 +121,21 @@ await step("the right token", async () => {
   await check("2-no-jobs");
 });
 
+await step("photos of two folders with the same names", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await drop(process.env.PHOTOS);
+  await drop(process.env.PHOTOS);
+  await page.getByText("3 photos,").waitFor();
+  await drop(process.env.SLOW);
+  await page.getByText("Different files have the same name: b.png and 1 more.").waitFor();
+  await page.getByText("6 photos,").waitFor();
+  assert.ok(await page.getByRole("button", {name: "Upload and start"}).isDisabled());
+  await check("2a-same-names");
+  await page.getByRole("button", {name: "Remove the files"}).click();
+  await page.getByText("No files yet").waitFor();
+  assert.equal(await page.getByText("Different files").count(), 0);
+});
+
 await step("photos dropped", async () => {
   await page.getByRole("link", {name: "New job", exact: true}).first().click();
   await page.getByLabel("Iterations", {exact: true}).fill("200");
@@ -129,8 +145,17 @@ await step("photos dropped", async () => {
   await page.getByText("All options").click();
   await page.getByLabel("Preview every").fill("20");
   await check("3-new-job");
+  // One file's connection breaks more often than the page tries in a row, each time after more bytes.
+  let broken = 0;
+  const isOfA = (request) => request.postData()?.includes('"a.png"');
+  await page.route(/files:query$/, (route) => broken < 10 && isOfA(route.request())
+    ? route.fulfill({json: {files: [{offset: String(++broken)}]}}) : route.continue());
+  await page.route(/files\/a\.png/, (route) =>
+      route.request().headers()["content-range"] ? route.abort() : route.continue());
   await page.getByRole("button", {name: "Upload and start"}).click();
   await page.getByRole("heading", {name: "By the browser"}).waitFor();
+  assert.equal(broken, 10);
+  await page.unrouteAll();
 });
 
 await step("its end", async () => {
@@ -214,6 +239,20 @@ await step("through the scene", async () => {
   await redrawn(() => page.getByLabel("Show where photos").check());
   await page.locator(".outlines path").first().waitFor();
   await check("5-scene");
+});
+
+await step("a full picture that is refused once", async () => {
+  let refused = 0;
+  await page.route(/:renderView$/, (route) => {
+    if (refused > 0 || !route.request().postData().includes('"jpegQuality":92')) return route.continue();
+    ++refused;
+    return route.fulfill({status: 503, json: {code: 14, message: "the server is busy"}});
+  });
+  await page.getByRole("button", {name: "Next photo"}).click();
+  await page.getByText("the server is busy").waitFor();
+  await full();
+  assert.equal(await page.locator("#notice").textContent(), "");
+  await page.unrouteAll();
 });
 
 await step("a video of a way through the scene", async () => {
@@ -310,6 +349,54 @@ await step("cancel", async () => {
   await page.getByRole("button", {name: "Cancel"}).click();
   await state("cancelled");
   await page.getByRole("button", {name: "Resume"}).waitFor();
+});
+
+await step("resume", async () => {
+  await page.getByText("Log", {exact: true}).click();
+  await page.locator(".log li").first().waitFor();
+  await page.waitForTimeout(1500);  // the streams have ended
+  const before = await page.locator(".log li").count();
+  // The first stream after it fails for a moment.
+  let failures = 0;
+  await page.route(/\/events/, (route) => ++failures > 1 ? route.continue() : route.fulfill({
+    contentType: "text/event-stream",
+    body: 'event: failure\ndata: {"code": 14, "message": "the store is away"}\n\n'}));
+  await page.getByRole("button", {name: "Resume"}).click();
+  await page.getByText("the store is away").waitFor();
+  await page.waitForFunction(
+      () => /^training/.test([...document.querySelectorAll(".stages li")].at(-1)?.textContent));
+  await page.waitForFunction((n) => document.querySelectorAll(".log li").length > n, before);
+  assert.equal(failures, 2);
+  await page.unrouteAll();
+  await check("6a-resumed");
+});
+
+await step("more hidden pages than a browser has connections", async () => {
+  const address = page.url(), others = [];
+  for (let i = 0; i < 7; ++i) {
+    const other = await context.newPage();
+    other.setDefaultTimeout(Number(patience));
+    await other.goto(address);
+    await other.locator(".stages li").first().waitFor();
+    await other.evaluate(() => {
+      Object.defineProperty(document, "hidden", {get: () => true, configurable: true});
+      document.dispatchEvent(new Event("visibilitychange"));
+    });
+    others.push(other);
+  }
+  // Seen again, it goes on.
+  const [first] = others;
+  const curve = () => first.locator(".chart .curve").first().getAttribute("points");
+  const before = await curve();
+  await first.evaluate(() => {
+    delete document.hidden;
+    document.dispatchEvent(new Event("visibilitychange"));
+  });
+  await first.waitForFunction(
+      (points) => document.querySelector(".chart .curve").getAttribute("points") !== points, before);
+  for (const other of others) await other.close();
+  await page.getByRole("button", {name: "Cancel"}).click();
+  await state("cancelled");
 });
 
 await step("the list, on a phone", async () => {

@@ -169,40 +169,73 @@ export async function* postEvents<T>(path: string, body: unknown, signal: AbortS
   if (!ended) throw new ApiError(0, "the connection broke");
 }
 
-// Follows a stream of events until it ends; `stop()` ends it before. The browser opens a connection
-// that broke again by itself, after the event seen last; one that was refused is opened again here.
+export interface Following {
+  // The job goes on, as after Resume: a stream that has ended is opened again.
+  again: () => void;
+  stop: () => void;
+}
+
+// Follows a stream of events until it ends. The browser opens a connection that broke again by itself,
+// after the event seen last; a stream that was refused or failed is opened again here. A hidden page
+// has no stream: browsers open six connections to a server, over all pages.
 export function follow<T extends {number?: string}>(
     path: string, resumeField: string, on: {
       event: (event: T) => void; end: () => void; trouble: (message: string) => void;
-    }): () => void {
+    }): Following {
   let source: EventSource | undefined;
   let last = "";
   let timer = 0;
+  let failures = 0;  // since the last event
+  let stopped = false;
+  const close = (): void => {
+    window.clearTimeout(timer);
+    timer = 0;
+    source?.close();
+    source = undefined;
+  };
   const open = (): void => {
+    close();
+    if (stopped || document.hidden) return;
     const after = last ? `${path.includes("?") ? "&" : "?"}${resumeField}=${last}` : "";
     source = new EventSource(path + after);
     source.onopen = () => on.trouble("");
     source.onmessage = (message) => {
+      failures = 0;
       if (message.lastEventId) last = message.lastEventId;
       on.event(JSON.parse(message.data) as T);
     };
-    source.addEventListener("end", () => { source?.close(); on.end(); });
+    source.addEventListener("end", () => { close(); on.end(); });
     source.addEventListener("failure", (message) => {
-      source?.close();
       on.trouble(errorOf(0, (message as MessageEvent<string>).data).message);
+      later();
     });
     source.onerror = () => {
       on.trouble("the server cannot be reached; trying again");
-      if (source?.readyState === EventSource.CLOSED) timer = window.setTimeout(check, 2000);
+      if (source?.readyState === EventSource.CLOSED) later();
     };
+  };
+  const later = (): void => {
+    close();
+    timer = window.setTimeout(check, Math.min(1000 * 2 ** ++failures, 15000));
   };
   // Why it was refused: a new token may be wanted, or the job is gone.
   const check = (): void => {
     get<unknown>(path.slice(0, path.lastIndexOf("/"))).then(open, (error: ApiError) => {
+      timer = 0;
+      if (stopped || document.hidden) return;
       on.trouble(error.message);
-      if (error.code === 0 || error.code >= 429) timer = window.setTimeout(check, 2000);
+      if (error.code === 0 || error.code >= 429) later();
     });
   };
+  const seen = (): void => document.hidden ? close() : open();
+  document.addEventListener("visibilitychange", seen);
   open();
-  return () => { source?.close(); window.clearTimeout(timer); };
+  return {
+    again: () => { if (!source && !timer) open(); },
+    stop: () => {
+      stopped = true;
+      close();
+      document.removeEventListener("visibilitychange", seen);
+    },
+  };
 }

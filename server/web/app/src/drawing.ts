@@ -69,6 +69,7 @@ export class Drawing {
     const number = this.wanted;
     this.full = new AbortController();
     await this.draw(kMostPixels, 92, true, this.full.signal, () => number === this.wanted);
+    if (this.drawn < this.wanted) void this.next();  // it failed, and is wanted still
   }
 
   private async draw(pixels: number, quality: number, full: boolean, signal?: AbortSignal,

@@ -1,6 +1,6 @@
 // One job: how it stands, its pictures, curves, stages, photos and log.
 
-import {ApiError, follow, get, type Job, type JobEvent, type LogEntry} from "./api.js";
+import {ApiError, follow, get, type Following, type Job, type JobEvent, type LogEntry} from "./api.js";
 import {actions, downloads, type Part} from "./actions.js";
 import {chart} from "./chart.js";
 import {el, notice} from "./dom.js";
@@ -87,12 +87,12 @@ function curves(): {element: HTMLElement; show: (history: History, job: Job) => 
 }
 
 // Read when it is opened.
-function log(name: string): {element: HTMLElement; leave: () => void} {
+function log(name: string): {element: HTMLElement; again: () => void; leave: () => void} {
   const lines = el("ol", {class: "log", tabindex: 0, "aria-label": "Lines of the log"});
-  let stop: (() => void) | undefined;
+  let following: Following | undefined;
   const open = (): void => {
-    if (!details.open || stop) return;
-    stop = follow<LogEntry & {number?: string}>(`/v1/${name}/log?follow=true`, "afterEntry", {
+    if (!details.open || following) return;
+    following = follow<LogEntry & {number?: string}>(`/v1/${name}/log?follow=true`, "afterEntry", {
       event: (entry) => {
         const time = new Date(entry.time).toLocaleTimeString();
         lines.append(el("li", {class: words(entry.severity)}, el("time", {}, time), " ", entry.text ?? ""));
@@ -103,7 +103,7 @@ function log(name: string): {element: HTMLElement; leave: () => void} {
     });
   };
   const details = el("details", {toggle: open}, el("summary", {}, "Log"), lines);
-  return {element: details, leave: () => stop?.()};
+  return {element: details, again: () => following?.again(), leave: () => following?.stop()};
 }
 
 export function jobView(id: string): View {
@@ -114,6 +114,10 @@ export function jobView(id: string): View {
       const job = await get<Job>(`/v1/${name}`);
       parts.forEach((part) => part.show(job));
       course.show(history, job);
+      if (!isOver(job)) {  // its streams may have ended before it was resumed
+        events.again();
+        lines.again();
+      }
       element.hidden = false;
       if (failed) notice("");
       failed = false;
@@ -128,7 +132,7 @@ export function jobView(id: string): View {
   const element = el("div", {class: "job"}, top.element, parts[1]!.element, course.element,
                      parts[2]!.element, parts[3]!.element, parts[4]!.element, lines.element);
   element.hidden = true;
-  const stopEvents = follow<JobEvent>(`/v1/${name}/events`, "afterEvent", {
+  const events = follow<JobEvent>(`/v1/${name}/events`, "afterEvent", {
     event: (event) => {
       history.add(event);
       if (event.stateChange) void refresh();
@@ -137,5 +141,5 @@ export function jobView(id: string): View {
     trouble: notice,
   });
   const stopLooking = every(2, refresh);
-  return {title: "Job", element, leave: () => { stopEvents(); stopLooking(); lines.leave(); }};
+  return {title: "Job", element, leave: () => { events.stop(); stopLooking(); lines.leave(); }};
 }

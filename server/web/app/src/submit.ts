@@ -84,12 +84,23 @@ function dropZone(take: (files: {file: File; path: string}[]) => void): HTMLElem
   return zone;
 }
 
-// What cannot be, whatever is in the files: the server would say so after the upload.
+// A job keeps one file of a name and role: of photos in two folders, one would replace the other.
+function sameNames(chosen: Chosen[]): string {
+  const seen = new Set<string>(), twice = new Set<string>();
+  for (const {role, name} of chosen) (seen.has(role + name) ? twice : seen).add(role + name);
+  const names = [...new Set(chosen.filter((c) => twice.has(c.role + c.name)).map((c) => c.name))];
+  if (names.length === 0) return "";
+  const more = names.length > 1 ? ` and ${names.length - 1} more` : "";
+  return `Different files have the same name: ${names[0]}${more}. Rename them, or remove the files and ` +
+      "choose one folder.";
+}
+
+// What cannot be, whatever is in the files: the server would not take them, or say so after the upload.
 function troubleOf(chosen: Chosen[]): string {
   const videos = chosen.filter((c) => c.role === "FILE_ROLE_VIDEO").length;
   const photos = chosen.some((c) => /PHOTO|ARCHIVE/.test(c.role));
   return videos > 1 || (videos === 1 && photos)
-    ? "A job takes one video, or photos: remove the files and choose again." : "";
+    ? "A job takes one video, or photos: remove the files and choose again." : sameNames(chosen);
 }
 
 // "3 photos, 1 mask".
@@ -121,8 +132,9 @@ function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () =
   };
   const zone = dropZone((files) => {
     const more = choose(files);
-    const names = new Set(more.map((c) => c.role + c.name));
-    chosen = [...chosen.filter((c) => !names.has(c.role + c.name)), ...more];
+    // A file that is chosen again counts once.
+    const idOfFile = ({file, name, role}: Chosen): string => [role, name, file.size, file.lastModified].join("/");
+    chosen = [...new Map([...chosen, ...more].map((c) => [idOfFile(c), c])).values()];
     describe(files.length - more.length);
   });
   summary.textContent = "No files yet";

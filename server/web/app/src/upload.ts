@@ -90,18 +90,22 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
 const mayRetry = (error: unknown): boolean =>
     error instanceof ApiError && (error.code === 0 || error.code === 429 || error.code >= 500);
 
-// Sends one file, and what is left of it after a broken connection.
+// Sends one file, and what is left of it after a broken connection. Gives up after nine attempts in a
+// row that brought no bytes.
 async function sendFile(job: string, chosen: Chosen, step: (bytes: number) => void,
                         signal: AbortSignal): Promise<void> {
   const digest = await digestOf(chosen.file, () => {});
-  for (let attempt = 0; ; ++attempt) {
+  for (let attempt = 0, arrived = 0; ; ++attempt) {
     try {
       const query = {name: chosen.name, role: chosen.role, sizeBytes: chosen.file.size,
                      sha256: digest};
       const answer = await post<{files: {stored?: boolean; offset?: string}[]}>(
           `/v1/${job}/files:query`, {files: [query]});
+      const offset = Number(answer.files[0]?.offset ?? 0);
+      if (offset > arrived) attempt = 0;
+      arrived = offset;
       if (!answer.files[0]?.stored) {
-        await put(job, chosen, digest, Number(answer.files[0]?.offset ?? 0), step, signal);
+        await put(job, chosen, digest, offset, step, signal);
       }
       step(chosen.file.size);
       return;
