@@ -61,8 +61,10 @@ async function main() {
   await jobs.startJob({ name, requestId: randomUUID() });
   const job = await watch(name);
   if (job.state !== JobState.SUCCEEDED) throw new Error(job.error?.message ?? "cancelled");
-  const pose = { pose: { case: "camera" as const, value: photos[0] } };
-  const view = await createClient(RenderService, transport).renderView({ name, pose });
+  const pictures = createClient(RenderService, transport);
+  const [placed] = (await pictures.listCameras({ name })).cameras; // photos may have been left out
+  const pose = { pose: { case: "camera" as const, value: placed.name } };
+  const view = await pictures.renderView({ name, pose });
   writeFileSync(picture, view.data);
   const chunks: Uint8Array[] = [];
   for await (const { part } of createClient(ModelService, transport).exportModel({ name })) {

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <set>
 #include <thread>
@@ -171,7 +172,13 @@ class FakeEngine : public Engine {
                        "cameras were found for 1 of 4 photos; take photos that overlap more");
     }
     ReconstructReport report;
-    report.photos = report.registered = static_cast<int>(names.size());
+    report.photos = static_cast<int>(names.size());
+    const auto unplaced = [](const std::string& name) {
+      return fs::path(name).stem() == "no-camera";
+    };
+    std::copy_if(names.begin(), names.end(), std::back_inserter(report.dropped), unplaced);
+    std::erase_if(names, unplaced);
+    report.registered = static_cast<int>(names.size());
     report.sfm_preparation = input.cameras_path.empty() ? "raw" : "given";
     report.depth_used = !input.depth_dir.empty();
     if (!input.masks_dir.empty()) {

@@ -24,6 +24,7 @@ namespace litags {
 //   slow        20 ms per iteration
 //   hungry      takes 300 MB half way, then as hang
 //   heavy       a picture of the scene takes 20 s, unless it is cancelled
+//   no-camera   no camera is found for it
 std::unique_ptr<Engine> MakeFakeEngine(std::string colmap = "");
 
 }  // namespace litags

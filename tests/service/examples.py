@@ -32,7 +32,10 @@ class Example:
     def test_photos_become_a_picture_and_a_scene_though_the_watch_is_cut(self):
         proxy = harness.CuttableProxy(self.server.port)
         self.addCleanup(proxy.close)
-        process = self.start(self.photos(("slow.png", "b.png", "c.png")), proxy.address, 150)
+        # The first photo has no camera, and the folder's name means other folders to a shell.
+        photos = os.path.join(self.folder, "night [1]")
+        os.rename(self.photos(("no-camera.png", "slow.png", "x.png", "y.jpg")), photos)
+        process = self.start(photos, proxy.address, 150)
         lines = []
         for line in process.stdout:
             lines.append(line)

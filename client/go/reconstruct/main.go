@@ -13,6 +13,7 @@ import (
 	"log"
 	"os"
 	"path/filepath"
+	"regexp"
 	"strconv"
 	"time"
 
@@ -102,8 +103,14 @@ func main() {
 	if len(os.Args) > 4 {
 		options.Iterations = proto.Int32(int32(must(strconv.Atoi(os.Args[4]))))
 	}
-	photos := must(filepath.Glob(folder + "/*.[JjPp][PpNn][Gg]")) // .jpg and .png, in capitals too
-	channel := must(grpc.Dial(server, grpc.WithInsecure()))
+	var photos []string
+	for _, file := range must(os.ReadDir(folder)) {
+		if regexp.MustCompile(`(?i)\.(jpe?g|png)$`).MatchString(file.Name()) {
+			photos = append(photos, filepath.Join(folder, file.Name()))
+		}
+	}
+	channel := must(grpc.Dial(server, grpc.WithInsecure(),
+		grpc.WithDefaultCallOptions(grpc.MaxCallRecvMsgSize(256<<20)))) // a picture may have more than 4 MiB
 	jobs := pb.NewReconstructionServiceClient(channel)
 
 	job := must(jobs.CreateJob(ctx,
@@ -114,9 +121,10 @@ func main() {
 		log.Fatalln(job, done.State, done.Error)
 	}
 
-	pose := &pb.Pose{Pose: &pb.Pose_Camera{Camera: filepath.Base(photos[0])}}
-	view := must(pb.NewRenderServiceClient(channel).RenderView(ctx,
-		&pb.RenderViewRequest{Name: job, Pose: pose}))
+	pictures := pb.NewRenderServiceClient(channel)
+	placed := must(pictures.ListCameras(ctx, &pb.ListCamerasRequest{Name: job})).Cameras
+	pose := &pb.Pose{Pose: &pb.Pose_Camera{Camera: placed[0].Name}}
+	view := must(pictures.RenderView(ctx, &pb.RenderViewRequest{Name: job, Pose: pose}))
 	must(picture, os.WriteFile(picture, view.Data, 0o644))
 	parts := must(pb.NewModelServiceClient(channel).ExportModel(ctx,
 		&pb.ExportModelRequest{Name: job}))
