@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import io
 import os
+import re
 import shutil
 import tarfile
 import tempfile
@@ -94,6 +95,27 @@ class Uploads(harness.ServiceTest):
             job = stub.GetJob(rpc.GetJobRequest(name=out.strip()))
         self.assertEqual(job.photos, 3)
         self.assertLess(proxy.sent - sent, job.bytes - (2 << 20))
+
+    def test_an_upload_that_was_given_up_says_how_it_goes_on(self):
+        folder = tempfile.mkdtemp(prefix="litags-upload-")
+        self.addCleanup(shutil.rmtree, folder, ignore_errors=True)
+        server = harness.Server(folder)
+        proxy = harness.CuttableProxy(server.port)
+        self.addCleanup(proxy.close)
+        args = ("submit", self.large_photos((10, 11, 12)), "--iterations", "10")
+        submit = self.start_litags(*args, "--retry", "1", server=proxy.address)
+        self.wait_for(lambda: sum(bytes_on_disk(server.data).values()) > 4 << 20,
+                      "the upload to be half way")
+        server.kill()
+        proxy.cut()
+        _, err = submit.communicate(timeout=harness.PATIENCE_S)
+        self.assertEqual(submit.returncode, 3, err)
+        job, request = re.search(r"(jobs/\w+) was not started and is still there; continue it with "
+                                 r"the same command and (--request-id \w+),", err).groups()
+        server = harness.Server(folder)
+        self.addCleanup(server.stop)
+        out, _ = self.litags(*args, *request.split(), server=server.address)
+        self.assertEqual(out.strip(), job)
 
     def test_the_same_photos_are_sent_once_for_several_jobs(self):
         photos = self.large_photos((7, 8, 9))
