@@ -4,18 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
-#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/io/colmap_io.h"
-#include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
@@ -399,104 +396,6 @@ TEST_F(CameraSource, AnEditedListOfBundlersPhotosReplacesKeptCameras) {
     ASSERT_TRUE(cameras.ok()) << cameras.status();
     ASSERT_EQ(cameras->views[4].name, "p4.png");
     EXPECT_NEAR(cameras->views[4].camera.t[1], 0.1 + place / 3.0, 1e-4);
-  }
-}
-
-// Photos that EXIF turns, with cameras of what is stored: COLMAP's.
-class StoredCameras : public CameraSource {
- protected:
-  void SetUp() override {
-    input_.cameras_path = colmap_.dir() + "/sparse";
-    fs::create_directory(input_.cameras_path);
-    known_ = Known(0.1);
-    known_.points = Copies(5).points;
-  }
-
-  // Where a camera sees the test's point.
-  static constexpr std::array<double, 3> kPoint = {0.3, -0.2, 5};
-  static std::pair<double, double> Pixel(const Camera& c, const Distortion& d) {
-    const auto p = c.CamFromWorld(kPoint);
-    const double x = p[0] / p[2], y = p[1] / p[2], r2 = x * x + y * y;
-    const double dx = x * r2 * d.k1 + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x);
-    const double dy = y * r2 * d.k1 + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y;
-    return {c.fx * (x + dx) + c.cx, c.fy * (y + dy) + c.cy};
-  }
-
-  void Tag(int i, int orientation) const {
-    const std::string path = absl::StrCat(input_.images_dir, "/p", i, ".png");
-    const std::string jpeg = EncodeJpeg(TestImage(kWidth, kHeight)).value();
-    ASSERT_TRUE(WriteFileAtomically(path, WithJpegExif(jpeg, ExifBlock(orientation, true))).ok());
-  }
-
-  SparseModel known_;
-};
-
-TEST_F(StoredCameras, AreTurnedUprightWithTheirPhotos) {
-  Tag(1, 6);
-  Tag(4, 8);
-  for (const int i : {1, 4}) {
-    Camera& camera = known_.views[i].camera;
-    camera.fy = 60;
-    camera.cx += 3;
-    camera.cy -= 2;
-    known_.distortions[i] = {.k1 = 0.1, .p1 = 0.02, .p2 = -0.01};
-  }
-  for (SparsePoint& point : known_.points) {
-    for (TrackElement& e : point.track) {
-      std::tie(e.x, e.y) = Pixel(known_.views[e.view].camera, known_.distortions[e.view]);
-    }
-  }
-  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
-  const auto cameras = ObtainKept();
-  ASSERT_TRUE(cameras.ok()) << cameras.status();
-  for (const int i : {1, 4}) {
-    const Camera& camera = cameras->views[i].camera;
-    EXPECT_EQ(camera.width, kHeight);
-    EXPECT_EQ(camera.height, kWidth);
-    EXPECT_TRUE(camera.Validate("").ok());
-    // EXIF 6: to be turned clockwise; 8: the other way.
-    const auto [x, y] = Pixel(known_.views[i].camera, known_.distortions[i]);
-    const auto [turned_x, turned_y] = Pixel(camera, cameras->distortions[i]);
-    EXPECT_NEAR(turned_x, i == 1 ? kHeight - y : y, 1e-9);
-    EXPECT_NEAR(turned_y, i == 1 ? x : kWidth - x, 1e-9);
-  }
-  for (const TrackElement& e : cameras->points[0].track) {
-    const auto [x, y] = Pixel(cameras->views[e.view].camera, cameras->distortions[e.view]);
-    EXPECT_NEAR(e.x, x, 1e-9) << e.view;
-    EXPECT_NEAR(e.y, y, 1e-9) << e.view;
-  }
-  EXPECT_THAT(report_.notes, Contains(HasSubstr("2 of 6 cameras are of photos as stored")));
-}
-
-TEST_F(StoredCameras, OfUprightPhotosAreTakenAsTheyAre) {
-  Tag(1, 6);
-  Camera& camera = known_.views[1].camera;
-  std::swap(camera.width, camera.height);
-  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
-  const auto cameras = ObtainKept();
-  ASSERT_TRUE(cameras.ok()) << cameras.status();
-  EXPECT_EQ(cameras->views[1].camera.Viewmat(), known_.views[1].camera.Viewmat());
-  EXPECT_THAT(report_.notes, IsEmpty());
-}
-
-// As those that a run found itself.
-TEST_F(StoredCameras, ThatAreSaidToBeUprightAreTakenAsTheyAre) {
-  Tag(1, 3);
-  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
-  input_.cameras_are_upright = true;
-  const auto cameras = ObtainKept();
-  ASSERT_TRUE(cameras.ok()) << cameras.status();
-  EXPECT_EQ(cameras->views[1].camera.Viewmat(), known_.views[1].camera.Viewmat());
-}
-
-TEST_F(StoredCameras, AreRefusedWhereTheSizeDoesNotTellThem) {
-  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
-  for (const int orientation : {2, 3, 4, 5, 7}) {
-    Tag(3, orientation);
-    const absl::Status status = ObtainKept().status();
-    EXPECT_EQ(Reason(status), "ORIENTATION_AMBIGUOUS") << orientation;
-    EXPECT_THAT(std::string(status.message()), HasSubstr("p3.png: its EXIF orientation"));
-    EXPECT_THAT(std::string(status.message()), HasSubstr("mogrify -auto-orient"));
   }
 }
 

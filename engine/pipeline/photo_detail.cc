@@ -23,17 +23,13 @@ constexpr double kLeastSharp = 0.2;
 // Twice the least of those photos.
 constexpr double kPlain = 0.001;
 
-cv::Mat Blurred(const cv::Mat& image, double sigma) {
-  cv::Mat out;
-  cv::GaussianBlur(image, out, cv::Size(), sigma, sigma, cv::BORDER_REFLECT);
-  return out;
-}
-
 // Variance of a picture, shrunk by `factor`, in the band between the two blurs.
 double BandVariance(const cv::Mat& luma, int factor) {
-  cv::Mat small;
+  cv::Mat small, narrow, wide;
   cv::resize(luma, small, cv::Size(), 1.0 / factor, 1.0 / factor, cv::INTER_AREA);
-  const cv::Mat band = Blurred(small, kNarrow) - Blurred(small, kWide);
+  cv::GaussianBlur(small, narrow, {}, kNarrow, kNarrow, cv::BORDER_REFLECT);
+  cv::GaussianBlur(small, wide, {}, kWide, kWide, cv::BORDER_REFLECT);
+  const cv::Mat band = narrow - wide;
   return band.dot(band) / static_cast<double>(band.total());
 }
 
