@@ -118,37 +118,65 @@ double Weight(double residual, int round) {
   return rest > 0 ? rest * rest : 0;
 }
 
-// Standard errors of offsets from their mean. What all have in common no value tells.
-std::vector<double> ErrorsOf(size_t photos, const NormalEquations& equations, double noise) {
+using Coefficients = Eigen::Matrix<double, kTrackColumns, 1>;
+
+// The normal equations without the offsets. Theirs are positive definite by kPriorValues, which the
+// coefficients' are not, where columns are 0; and a Cholesky factor in blocks is many times as fast
+// as one that pivots.
+struct Elimination {
+  Eigen::LLT<Eigen::MatrixXd> offsets;
+  Eigen::MatrixXd cross;   // what `offsets` makes of the coefficients' columns
+  Eigen::VectorXd moment;  // and of the moment
+  Eigen::Matrix<double, kTrackColumns, kTrackColumns> information;  // of the coefficients
+  Coefficients column_moment;
+};
+
+Elimination EliminateOffsets(size_t photos, const NormalEquations& equations) {
   const auto n = static_cast<Eigen::Index>(photos);
+  const Eigen::MatrixXd cross = equations.matrix.topRightCorner(n, kTrackColumns);
+  Elimination out;
+  out.offsets.compute(equations.matrix.topLeftCorner(n, n));
+  out.cross = out.offsets.solve(cross);
+  out.moment = out.offsets.solve(equations.moment.head(n));
+  out.information = equations.matrix.bottomRightCorner(kTrackColumns, kTrackColumns) -
+                    cross.transpose() * out.cross;
+  out.column_moment = equations.moment.tail(kTrackColumns) - cross.transpose() * out.moment;
+  return out;
+}
+
+// Offsets, then coefficients.
+Eigen::VectorXd SolutionOf(const Elimination& elimination) {
+  const Coefficients columns = elimination.information.ldlt().solve(elimination.column_moment);
+  Eigen::VectorXd x(elimination.moment.size() + kTrackColumns);
+  x << elimination.moment - elimination.cross * columns, columns;
+  return x;
+}
+
+// Standard errors of offsets from their mean. What all have in common no value tells.
+std::vector<double> ErrorsOf(const Elimination& elimination, double noise) {
+  const Eigen::Index n = elimination.moment.size();
   if (n == 0) return {};
-  const Eigen::MatrixXd covariance =
-      equations.matrix.ldlt()
-          .solve(Eigen::MatrixXd::Identity(equations.matrix.rows(), n))
-          .topRows(n);
-  const Eigen::VectorXd with_mean = covariance.rowwise().mean();
+  // The covariance is f f' + cross of_columns.
+  const Eigen::MatrixXd f = elimination.offsets.matrixU().solve(Eigen::MatrixXd::Identity(n, n));
+  const Eigen::MatrixXd of_columns =
+      elimination.information.ldlt().solve(elimination.cross.transpose());
+  const Eigen::VectorXd mean = Eigen::VectorXd::Constant(n, 1.0 / static_cast<double>(n));
+  const Eigen::VectorXd with_mean =
+      f * (f.transpose() * mean) + elimination.cross * (of_columns * mean);
   std::vector<double> errors;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const double variance = covariance(i, i) - 2 * with_mean(i) + with_mean.mean();
+    const double own = f.row(i).squaredNorm() + elimination.cross.row(i).dot(of_columns.col(i));
+    const double variance = own - 2 * with_mean(i) + with_mean.mean();
     errors.push_back(noise * std::sqrt(std::max(0.0, variance)));
   }
   return errors;
 }
 
-// Leaves the coefficients alone.
-ColumnEquations EliminateOffsets(size_t photos, const NormalEquations& equations) {
-  const auto n = static_cast<Eigen::Index>(photos);
-  const Eigen::MatrixXd cross = equations.matrix.topRightCorner(n, kTrackColumns);
-  const Eigen::LDLT<Eigen::MatrixXd> solver(equations.matrix.topLeftCorner(n, n));
-  const Eigen::MatrixXd information =
-      equations.matrix.bottomRightCorner(kTrackColumns, kTrackColumns) -
-      cross.transpose() * solver.solve(cross);
-  const Eigen::VectorXd moment = equations.moment.tail(kTrackColumns) -
-                                 cross.transpose() * solver.solve(equations.moment.head(n));
+ColumnEquations ColumnsOf(const Elimination& elimination) {
   ColumnEquations out;
   for (int k = 0; k < kTrackColumns; ++k) {
-    out.moment[k] = moment(k);
-    for (int l = 0; l < kTrackColumns; ++l) out.information[k][l] = information(k, l);
+    out.moment[k] = elimination.column_moment(k);
+    for (int l = 0; l < kTrackColumns; ++l) out.information[k][l] = elimination.information(k, l);
   }
   return out;
 }
@@ -165,8 +193,8 @@ TrackFit FitTracks(size_t photos, absl::Span<const TrackValue> values) {
   ForEachTrack(values, [&](size_t begin, size_t end) {
     std::fill(fit.weights.begin() + begin, fit.weights.begin() + end, 1.0);
   });
-  NormalEquations equations = Assemble(photos, values, fit.weights);
-  Eigen::VectorXd x = equations.matrix.ldlt().solve(equations.moment);
+  Elimination solved = EliminateOffsets(photos, Assemble(photos, values, fit.weights));
+  Eigen::VectorXd x = SolutionOf(solved);
   for (int round = 0; round < kRounds; ++round) {
     const std::vector<double> residuals = Residuals(photos, values, fit.weights, x);
     fit.noise = NoiseOf(values, residuals);
@@ -175,12 +203,12 @@ TrackFit FitTracks(size_t photos, absl::Span<const TrackValue> values) {
         fit.weights[s] = Weight(residuals[s] / fit.noise, round);
       }
     });
-    equations = Assemble(photos, values, fit.weights);
-    x = equations.matrix.ldlt().solve(equations.moment);
+    solved = EliminateOffsets(photos, Assemble(photos, values, fit.weights));
+    x = SolutionOf(solved);
   }
   fit.offsets.assign(x.data(), x.data() + photos);
-  fit.errors = ErrorsOf(photos, equations, fit.noise);
-  fit.columns = EliminateOffsets(photos, equations);
+  fit.errors = ErrorsOf(solved, fit.noise);
+  fit.columns = ColumnsOf(solved);
   return fit;
 }
 
