@@ -120,13 +120,13 @@ double Weight(double residual, int round) {
 
 using Coefficients = Eigen::Matrix<double, kTrackColumns, 1>;
 
-// The normal equations without the offsets. Theirs are positive definite by kPriorValues, which the
-// coefficients' are not, where columns are 0; and a Cholesky factor in blocks is many times as fast
-// as one that pivots.
+// The normal equations without the offsets. Those of the offsets are positive definite by
+// kPriorValues, so that they need no pivots, which take longer. Those of the coefficients are not,
+// where columns are 0.
 struct Elimination {
   Eigen::LLT<Eigen::MatrixXd> offsets;
-  Eigen::MatrixXd cross;   // what `offsets` makes of the coefficients' columns
-  Eigen::VectorXd moment;  // and of the moment
+  Eigen::MatrixXd cross;   // offsets^-1 times the coefficients' columns
+  Eigen::VectorXd moment;  // offsets^-1 times the offsets' moment
   Eigen::Matrix<double, kTrackColumns, kTrackColumns> information;  // of the coefficients
   Coefficients column_moment;
 };

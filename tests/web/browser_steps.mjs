@@ -377,7 +377,7 @@ await step("more hidden pages than a browser has connections", async () => {
     const other = await context.newPage();
     other.setDefaultTimeout(Number(patience));
     await other.goto(address);
-    await other.locator(".stages li").first().waitFor();
+    await other.locator(".chart .curve").first().waitFor();  // which a hidden page would not get
     await other.evaluate(() => {
       Object.defineProperty(document, "hidden", {get: () => true, configurable: true});
       document.dispatchEvent(new Event("visibilitychange"));
