@@ -38,9 +38,9 @@ struct TrackFit {
 
 // Least squares with Tukey's weights, started from least absolute deviations: up to a third of the
 // values may be wrong. A point that one photo sees says nothing. Offsets are drawn to 0 as if one
-// value more said so. Values are finite and sorted by point (LITAGS_CHECK). Time grows
-// with the cube of the photos (a second or two of 1,000) and with the points' values squared,
-// memory with the square of the photos.
+// value more said so. Values are finite and sorted by point (LITAGS_CHECK). Time grows with the
+// cube of the photos (1,000: 1 to 2 s) and the square of a point's values, memory with the square
+// of the photos.
 TrackFit FitTracks(size_t photos, absl::Span<const TrackValue> values);
 
 // The equations of those values alone, with the weights and offsets of `fit`: group[i] says which
