@@ -121,15 +121,20 @@ class RealEngine(harness.ServiceTest):
 
     def test_a_killed_worker_does_not_lose_the_job(self):
         job = self.submit_room("--iterations", "400", "--checkpoint-every", "50", "--preview-every", "50")
-        watch = self.start_litags("watch", job)
-        worker = self.worker_of_server()
-        for line in watch.stderr:
-            if "200/400" in line or "150/400" in line:
+        watch = self.start_litags("watch", job, "--json")
+        for line in watch.stdout:
+            if json.loads(line).get("progress", {}).get("iteration", 0) >= 150:
                 break
-        os.kill(worker, signal.SIGKILL)
+        else:
+            self.fail(f"never saw iteration 150: {watch.communicate()}")
+        self.assertEqual(self.state(job), harness.RUNNING, "trained too fast to be killed")
+        os.kill(self.worker_of_server(), signal.SIGKILL)
         out, err = watch.communicate(timeout=harness.PATIENCE_S)
         self.assertEqual(watch.returncode, 0, out + err)
-        self.assertEqual(self.state(job), harness.SUCCEEDED)
+        found = self.jobs.GetJob(harness.rpc.GetJobRequest(name=job))
+        self.assertEqual((found.state, found.attempt), (harness.SUCCEEDED, 2), found)
+        resumed = re.findall(r"resumed at iteration (\d+)", "\n".join(found.report.notes))
+        self.assertTrue(resumed and int(resumed[0]) >= 50, found.report.notes)
 
     def test_a_scene_trained_further_has_the_bytes_of_one_trained_at_once(self):
         job = self.submit_room("--iterations", "40", "--watch")
