@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "engine/core/sync_test_util.h"
 #include "engine/io/test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -40,6 +41,14 @@ TEST(WriteFileAtomically, KeepsTheOldFileWhenItFails) {
   EXPECT_FALSE(status.ok());
   EXPECT_TRUE(std::filesystem::exists(dir / "a/inside"));
   EXPECT_EQ(CountFiles(dir.path()), 1);
+}
+
+TEST(WriteFileAtomically, PutsContentOnDiskAndThenItsName) {
+  TempDir dir;
+  const std::string folder = std::filesystem::canonical(dir.path());
+  Synced().Take();
+  ASSERT_TRUE(WriteFileAtomically(folder + "/a", "x").ok());
+  EXPECT_THAT(Synced().Take(), testing::ElementsAre(testing::StartsWith(folder + "/"), folder));
 }
 
 TEST(WriteFileAtomically, NamesAMissingFolder) {

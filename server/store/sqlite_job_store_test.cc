@@ -55,6 +55,16 @@ TEST_F(SqliteJobStoreTest, WriterThatTakesTooLongMakesOthersTryAgainLater) {
   EXPECT_TRUE(SqliteTransaction::Begin(second.get()).ok());
 }
 
+TEST_F(SqliteJobStoreTest, CommitsAreSyncedInWalMode) {
+  const auto connection = *SqliteConnection::Open(dir_.path() + "/jobs.db");
+  const auto setting = [&](const std::string& name) {
+    const auto row = connection->Prepare("PRAGMA " + name);
+    return row->Step().value_or(false) ? row->Text(0) : "none";
+  };
+  EXPECT_EQ(setting("journal_mode"), "wal");
+  EXPECT_EQ(setting("synchronous"), "2");  // FULL
+}
+
 TEST_F(SqliteJobStoreTest, FolderThatDoesNotExistIsAClearError) {
   const auto store = OpenSqliteJobStore(dir_.path() + "/missing/jobs.db");
   EXPECT_EQ(Reason(store.status()), "STORE_NOT_OPENED");

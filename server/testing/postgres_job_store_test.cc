@@ -45,14 +45,17 @@ class PostgresJobStoreTest : public ::testing::Test {
     return store.ok() ? *std::move(store) : nullptr;
   }
 
+  std::string DatabaseName() const {
+    const size_t start = url_.find("///") + 3;
+    return url_.substr(start, url_.find('?') - start);
+  }
+
   // Ends the connections to this test's database, as an operator may.
   void BreakConnections() {
-    const std::string name =
-        url_.substr(url_.find("///") + 3, url_.find('?') - url_.find("///") - 3);
     EXPECT_TRUE(server_
                     ->Execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE "
                               "datname = '" +
-                              name + "'")
+                              DatabaseName() + "'")
                     .ok());
   }
 
@@ -244,6 +247,20 @@ TEST_F(PostgresJobStoreTest, TakingAJobReadsAsMuchAsThereAreOwnersNotJobs) {
     });
     ASSERT_TRUE(taken.ok() && *taken) << taken.status();
   }
+TEST_F(PostgresJobStoreTest, CommitsAreOnDiskWhateverTheDatabasesDefaultIs) {
+  const auto setting = [&](const std::string& by_default) {
+    EXPECT_TRUE((*PgConnection::Open(url_))
+                    ->Execute("ALTER DATABASE " + DatabaseName() +
+                              " SET synchronous_commit = " + by_default)
+                    .ok());
+    const auto connection = *PgConnection::Open(url_);
+    const auto row = connection->Prepare("SELECT current_setting('synchronous_commit')");
+    return row->Step().value_or(false) ? row->Text(0) : "none";
+  };
+  EXPECT_EQ(setting("off"), "on");
+  EXPECT_EQ(setting("remote_apply"), "remote_apply");
+}
+
   const int64_t read = settled() - before;
   EXPECT_GE(read, kTakes);  // it is counted at all
   // Some look-ups of each owner's first job; the queue has 2,000 rows of each.
