@@ -200,12 +200,12 @@ TEST_F(JobStoreSharing, AcknowledgedJobSurvivesKillOfItsProcess) {
     }
     _exit(1);
   }
+  close(pipe_fds[1]);  // a child that fails ends the read
   char ack = 0;
   ASSERT_EQ(read(pipe_fds[0], &ack, 1), 1);
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
   close(pipe_fds[0]);
-  close(pipe_fds[1]);
   auto store = kind_->Open();
   ASSERT_TRUE(store.ok());
   EXPECT_TRUE((*store)->Get("a1").ok());

@@ -8,7 +8,6 @@
 namespace litags {
 namespace {
 
-constexpr double kLookEverySeconds = 1;
 constexpr double kReconnectAfterSeconds = 0.3;
 constexpr double kStepSeconds = 0.1;  // how soon the end is noticed
 
@@ -20,8 +19,11 @@ absl::StatusOr<std::string> Snapshot(PgConnection* connection) {
 
 }  // namespace
 
-PgListener::PgListener(std::string url, ChangeTopic topic)
-    : url_(std::move(url)), topic_(topic), thread_([this] { Loop(); }) {}
+PgListener::PgListener(std::string url, ChangeTopic topic, double look_every_seconds)
+    : url_(std::move(url)),
+      topic_(topic),
+      look_every_ms_(static_cast<int64_t>(1000 * look_every_seconds)),
+      thread_([this] { Loop(); }) {}
 
 PgListener::~PgListener() {
   {
@@ -65,12 +67,12 @@ absl::Status PgListener::Listen() {
   LITAGS_RETURN_IF_ERROR(connection->Execute(absl::StrCat("LISTEN ", ChannelOf(topic_))));
   LITAGS_ASSIGN_OR_RETURN(std::string last, Snapshot(connection.get()));
   NoteChange();  // of what came while nobody listened
-  int64_t look_at_ms = 0;
+  int64_t look_at_ms = MonotonicMs() + look_every_ms_;
   while (!Ends(0)) {
     LITAGS_ASSIGN_OR_RETURN(const bool notified, connection->WaitForNotification(kStepSeconds));
     if (notified) NoteChange();
     if (MonotonicMs() < look_at_ms) continue;
-    look_at_ms = MonotonicMs() + static_cast<int64_t>(1000 * kLookEverySeconds);
+    look_at_ms = MonotonicMs() + look_every_ms_;
     LITAGS_ASSIGN_OR_RETURN(std::string now, Snapshot(connection.get()));
     if (now == last) continue;
     last = std::move(now);

@@ -15,10 +15,10 @@ namespace litags {
 
 // A thread with a connection of its own that learns of changes: by LISTEN, and, since an
 // announcement may be lost, or swallowed by a connection pooler, by comparing the database's
-// snapshots once a second. Equal snapshots see the same rows.
+// snapshots every `look_every_seconds`. Equal snapshots see the same rows.
 class PgListener {
  public:
-  PgListener(std::string url, ChangeTopic topic);
+  PgListener(std::string url, ChangeTopic topic, double look_every_seconds = 1);
   ~PgListener();
 
   // As JobStore::WaitForChange().
@@ -33,6 +33,7 @@ class PgListener {
 
   const std::string url_;
   const ChangeTopic topic_;
+  const int64_t look_every_ms_;
   std::mutex mutex_;
   std::condition_variable changed_;
   int64_t changes_ = 0;
