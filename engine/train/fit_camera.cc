@@ -18,13 +18,13 @@ Camera FitCamera(const TrainOptions& training, const Model& model, const TrainVi
                  double extent) {
   TrainOptions options = training;
   options.iterations = kSteps;
-  options.recipe.use_pdm = false;  // R = R_0, as in the iterations that do not denoise
   const std::vector<TrainView> views = {view};
   const ViewPyramid pyramid(&views, options);
   const Recipe& recipe = options.recipe;
   Objective objective(options);
   Renderer renderer;
-  RenderSettings settings = objective.Settings();
+  // R = R_0, as in the iterations that do not denoise.
+  RenderSettings settings = objective.Settings(/*denoise=*/false);
   settings.sh_degree = model.sh_degree;
   settings.pose_grad = true;
   Planes rendered, alpha, v_rendered;

@@ -100,6 +100,8 @@ class Training {
     for (int k = 0; k < 3; ++k) initial_.at(i, kLogScale + k) = 45;
   }
 
+  void RefineCameras() { options_.refine_cameras = true; }
+
   // Trains to the end with a checkpoint every `every` iterations, rolling back as often as needed.
   absl::Status Train(int every) {
     const TempDir dir;
@@ -162,8 +164,7 @@ TEST(RollBack, APhotoIsSkippedTwiceAndThenLeftOut) {
   ExpectFinite(run.trainer().Snapshot().splats);
 }
 
-TEST(RollBack, AGaussianWithoutAFiniteGradientIsRemovedAndTheOthersLearn) {
-  Training run;
+void ExpectTheGaussianIsRemoved(Training& run) {
   run.SpoilGaussian(17);
   ASSERT_TRUE(run.Train(/*every=*/7).ok());
   ASSERT_EQ(run.trainer().nan_recoveries().size(), 1u) << run.trainer().nan_recoveries()[1].source;
@@ -175,6 +176,18 @@ TEST(RollBack, AGaussianWithoutAFiniteGradientIsRemovedAndTheOthersLearn) {
   ExpectFinite(splats);
   EXPECT_GT(splats.size(), kCount / 2);
   for (size_t i = 0; i < splats.size(); ++i) EXPECT_LT(splats.at(i, kLogScale), 10);
+}
+
+TEST(RollBack, AGaussianWithoutAFiniteGradientIsRemovedAndTheOthersLearn) {
+  Training run;
+  ExpectTheGaussianIsRemoved(run);
+}
+
+// Its gradient is a part of the camera's.
+TEST(RollBack, AGaussianWithoutAFiniteGradientIsRemovedWhereCamerasAreRefined) {
+  Training run;
+  run.RefineCameras();
+  ExpectTheGaussianIsRemoved(run);
 }
 
 TEST(RollBack, AGradientOfTheLossThatIsNotFiniteCostsNoGaussians) {

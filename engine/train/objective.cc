@@ -49,9 +49,9 @@ double Seconds() {
 Objective::Objective(const TrainOptions& options)
     : options_(options), workspace_(options.threads), pdm_(options.recipe.pdm, options.threads) {}
 
-RenderSettings Objective::Settings() const {
+RenderSettings Objective::Settings(bool denoise) const {
   RenderSettings settings;
-  settings.num_channels = NumChannels();
+  settings.num_channels = denoise ? NumChannels() : std::min(NumChannels(), kWithoutNoise);
   settings.threads = options_.threads;
   settings.pixel_filter = options_.recipe.antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
   if (options_.recipe.depth_geometry) settings.depth_source = DepthSource::kCameraZ;

@@ -18,23 +18,25 @@ namespace litags {
 //
 // Where a view's mask says that a pixel does not count, photo, pseudo-target and structure map are
 // taken to be what is rendered there, which is held fixed: the pixel's own difference is 0, windows
-// of SSIM around it see no difference in it, and it passes on no gradient, of no loss. What the
-// photo showed there changes nothing.
+// of SSIM around it see no difference in it, and it passes on no gradient, of no loss. Only the PDM
+// carries gradients of pixels that count to masked ones within its reach. What the photo showed
+// there changes nothing.
 class Objective {
  public:
   explicit Objective(const TrainOptions& options);
 
-  // Channels that it wants rendered: those without noise if the options have no PDM to read it.
+  // Most channels that it wants rendered; without noise if the options have no PDM to read it.
   int NumChannels() const {
     if (!options_.recipe.lita) return kColorOnly;
     return options_.recipe.use_pdm ? int{kNumChannels} : kWithoutNoise;
   }
 
-  // How what it compares is rendered, at the highest SH degree.
-  RenderSettings Settings() const;
+  // How what it compares is rendered, at the highest SH degree; without noise unless `denoise`.
+  RenderSettings Settings(bool denoise) const;
 
-  // Evaluates at `rendered` [NumChannels(), H, W], with R = PDM(R_0) if `denoise`, else R = R_0.
-  // Writes v_rendered (same shape) and, if `denoise`, v_weights.
+  // Evaluates at `rendered` [C, H, W], with R = PDM(R_0) if `denoise`, else R = R_0. C is
+  // NumChannels(), or Settings(denoise).num_channels. Writes v_rendered (same shape) and, if
+  // `denoise`, v_weights.
   StepLosses Evaluate(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
                       int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
 

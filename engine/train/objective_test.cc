@@ -219,6 +219,30 @@ TEST(Objective, WithoutPdmThereIsNoNoise) {
   CheckAllGradients(options, {0, 1, 2, 3, 4, 5, 6, 7});
 }
 
+// What is not denoised has the gradients that all channels would give.
+TEST(Objective, WhereNothingIsDenoisedTheNoiseIsNotRendered) {
+  Objective objective(Options());
+  EXPECT_EQ(objective.Settings(true).num_channels, kNumChannels);
+  ASSERT_EQ(objective.Settings(false).num_channels, kWithoutNoise);
+  const Splats splats = ColoredCloud(300, 1);
+  const TrainView view = SmallView();
+  const auto gradients = [&](int channels) {
+    RenderSettings settings = objective.Settings(false);
+    settings.num_channels = channels;
+    Renderer renderer;
+    Planes rendered, alpha, v_rendered;
+    renderer.Forward(splats, view.view.camera, settings, &rendered, &alpha);
+    objective.Evaluate(view, rendered, {}, kIteration, false, &v_rendered, nullptr);
+    AlignedFloats all(splats.data().size());
+    renderer.Backward(
+        splats, v_rendered, Planes(), [&](size_t block, const float* grads, uint32_t) {
+          std::copy_n(grads, Splats::kBlockFloats, all.data() + block * Splats::kBlockFloats);
+        });
+    return all;
+  };
+  ForEachTarget([&] { EXPECT_TRUE(SameBytes(gradients(kWithoutNoise), gradients(kNumChannels))); });
+}
+
 TEST(Objective, WithoutPriorAndDepthTheirChannelsAreFree) {
   TrainOptions options = Options();
   options.recipe.use_prior = false;

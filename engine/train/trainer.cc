@@ -252,7 +252,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   const TrainView& view =
       pyramid.Compared(state.iteration, photo, state.iteration / num_views, &cropped, &crop);
   const bool denoise = pyramid.LevelOf(state.iteration) == 0 && objective.Denoises(state.iteration);
-  RenderSettings settings = objective.Settings();
+  RenderSettings settings = objective.Settings(denoise);
   settings.crop = crop;
   settings.sh_degree = ShDegreeAt(options, state.iteration);
   settings.dropout = MakeDropout();
@@ -289,7 +289,8 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
                              " is not finite"),
                 view.view.name);
   }
-  if (settings.pose_grad) {
+  // Hidden Gaussians have a part in the camera's gradient: it keeps its pose for once.
+  if (settings.pose_grad && !RecoversHere(/*gaussians=*/true)) {
     const int turn = state.iteration / static_cast<int>(num_views) + 1;
     const double lr = Falling(options.recipe.lr_cameras, options.recipe.lr_cameras_final);
     if (!StepPose(renderer.pose_grad(), turn, lr, extent, AdamConstants(), &state.poses[photo])) {
@@ -357,6 +358,8 @@ absl::Status Trainer::RollBack(const std::string& path, const std::string& finge
   }
   std::vector<NanRecovery> nan_recoveries = std::move(s.state.nan_recoveries);
   nan_recoveries.push_back(fault);
+  // Frees what is broken first: the checkpoint's file and state take as much once more.
+  s.state.splats = SplatState();
   if (!LoadCheckpoint(path, fingerprint, fault.iteration).ok()) s.Start(std::move(initial));
   s.state.nan_recoveries = std::move(nan_recoveries);
   if (2 * s.PhotosLeftOut() > s.num_views) return give_up("with half of the photos left out");
@@ -375,7 +378,7 @@ Model Trainer::Snapshot() const {
   model.use_pdm = s.options.recipe.lita && s.options.recipe.use_pdm;
   model.pdm_options = s.options.recipe.pdm;
   model.pdm = s.state.pdm;
-  model.pixel_filter = s.objective.Settings().pixel_filter;
+  model.pixel_filter = s.objective.Settings(/*denoise=*/false).pixel_filter;
   model.sh_degree = ShDegreeAt(s.options, s.state.iteration);
   model.iteration = s.state.iteration;
   return model;
