@@ -4,10 +4,12 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
 #include "engine/core/aligned.h"
+#include "engine/core/check.h"
 #include "engine/core/parallel.h"
 #include "engine/render/constants.h"
 
@@ -105,18 +107,60 @@ void FindTiles(const ProjectedSplats& splats, size_t begin, size_t end, int tile
                BinScratch::ChunkPairs* chunk, uint32_t* counts, uint32_t* slot_begin) {
   std::vector<Pair> pairs = std::move(chunk->pairs);  // chunks share cache lines
   const size_t most = tiles + 2;                      // that one Gaussian writes, AddRow's two too
-  uint32_t count = 0, visible = 0;
+  size_t count = 0, visible = 0;
   for (size_t i = begin; i < end; ++i) {
-    slot_begin[i] = count;
+    slot_begin[i] = static_cast<uint32_t>(count);
     if (splats.visible[i / kSplatBlock] == 0 || splats.boxes[i].empty()) continue;
     if (pairs.size() < count + most) pairs.resize(2 * (count + most));
     Pair* const to = pairs.data() + count;
-    const auto added = static_cast<uint32_t>(AddTiles(splats, i, tiles_x, to) - to);
+    const auto added = static_cast<size_t>(AddTiles(splats, i, tiles_x, to) - to);
     count += added;
     visible += added > 0;
   }
-  for (uint32_t k = 0; k < count; ++k) ++counts[pairs[k].tile];
+  for (size_t k = 0; k < count; ++k) ++counts[pairs[k].tile];
   *chunk = {std::move(pairs), count, visible};
+}
+
+// Turns the counts per chunk and tile into offsets into the tiles' lists, and fills tile_begin.
+// Returns the first slot of each chunk; the last one is the number of pairs.
+std::array<uint32_t, kChunks + 1> CountsToOffsets(TileLists* lists, BinScratch* scratch) {
+  size_t pairs = 0;
+  for (const BinScratch::ChunkPairs& chunk : scratch->chunks) pairs += chunk.count;
+  LITAGS_CHECK(pairs <= std::numeric_limits<uint32_t>::max());  // slots have 32 bits
+
+  const size_t tiles = size_t(lists->tiles_x) * lists->tiles_y;
+  lists->tile_begin.resize(tiles + 1);
+  uint32_t total = 0;
+  for (size_t tile = 0; tile < tiles; ++tile) {
+    lists->tile_begin[tile] = total;
+    for (size_t chunk = 0; chunk < kChunks; ++chunk) {
+      total += std::exchange(scratch->offsets[chunk * tiles + tile], total);
+    }
+  }
+  lists->tile_begin[tiles] = total;
+  std::array<uint32_t, kChunks + 1> first_slot = {};
+  for (size_t chunk = 0; chunk < kChunks; ++chunk) {
+    first_slot[chunk + 1] = first_slot[chunk] + static_cast<uint32_t>(scratch->chunks[chunk].count);
+  }
+  return first_slot;
+}
+
+// Sorts every tile by depth, equal depths by slot and so by Gaussian.
+void SortTiles(int threads, TileLists* lists, BinScratch* scratch) {
+  const size_t tiles = lists->tile_begin.size() - 1;
+  scratch->sorters.resize(threads);
+  ParallelFor(threads, (tiles + kTilesPerTask - 1) / kTilesPerTask, [&](size_t task, int thread) {
+    const size_t begin = task * kTilesPerTask, end = std::min(tiles, begin + kTilesPerTask);
+    for (size_t tile = begin; tile < end; ++tile) {
+      scratch->sorters[thread](scratch->keys.data() + lists->tile_begin[tile],
+                               lists->tile_begin[tile + 1] - lists->tile_begin[tile],
+                               hwy::SortAscending());
+    }
+    for (uint32_t k = lists->tile_begin[begin]; k < lists->tile_begin[end]; ++k) {
+      lists->slots[k] = static_cast<uint32_t>(scratch->keys[k]);
+      lists->gaussians[k] = scratch->gaussian_of_slot[lists->slots[k]];
+    }
+  });
 }
 
 }  // namespace
@@ -137,55 +181,28 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
               &scratch->chunks[chunk], scratch->offsets.data() + chunk * tiles,
               lists->slot_begin.data());
   });
-
-  // Counts to offsets.
-  lists->tile_begin.resize(tiles + 1);
-  uint32_t total = 0;
-  for (size_t tile = 0; tile < tiles; ++tile) {
-    lists->tile_begin[tile] = total;
-    for (size_t chunk = 0; chunk < kChunks; ++chunk) {
-      total += std::exchange(scratch->offsets[chunk * tiles + tile], total);
-    }
-  }
-  lists->tile_begin[tiles] = total;
-  lists->slot_begin[n] = total;
+  const std::array<uint32_t, kChunks + 1> first_slot = CountsToOffsets(lists, scratch);
+  const uint32_t pairs = first_slot[kChunks];
+  lists->slot_begin[n] = pairs;
   lists->num_visible = 0;
-  uint32_t first_slot[kChunks], slots = 0;
-  for (size_t chunk = 0; chunk < kChunks; ++chunk) {
-    first_slot[chunk] = std::exchange(slots, slots + scratch->chunks[chunk].count);
-    lists->num_visible += scratch->chunks[chunk].visible;
-  }
+  for (const BinScratch::ChunkPairs& chunk : scratch->chunks) lists->num_visible += chunk.visible;
 
-  // Distribute, then sort every tile by depth, equal depths by slot and so by Gaussian. Depths are
-  // positive, so their bits sort like numbers.
-  ResizeScratch(total, &scratch->keys);
+  // Depths are positive, so their bits sort like numbers.
+  ResizeScratch(pairs, &scratch->keys);
   for (auto* v : {&scratch->gaussian_of_slot, &lists->gaussians, &lists->slots})
-    ResizeScratch(total, v);
+    ResizeScratch(pairs, v);
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
     uint32_t* offset = scratch->offsets.data() + chunk * tiles;
-    const Pair* pairs = scratch->chunks[chunk].pairs.data();
-    uint32_t slot = first_slot[chunk];
+    const Pair* pair = scratch->chunks[chunk].pairs.data();
     for (size_t i = chunk_begin[chunk]; i < chunk_begin[chunk + 1]; ++i)
-      lists->slot_begin[i] += slot;
-    for (uint32_t k = 0; k < scratch->chunks[chunk].count; ++k, ++slot) {
-      const uint64_t depth = std::bit_cast<uint32_t>(splats.depths[pairs[k].gaussian]);
-      scratch->keys[offset[pairs[k].tile]++] = depth << 32 | slot;
-      scratch->gaussian_of_slot[slot] = pairs[k].gaussian;
+      lists->slot_begin[i] += first_slot[chunk];
+    for (uint32_t slot = first_slot[chunk]; slot < first_slot[chunk + 1]; ++slot, ++pair) {
+      const uint64_t depth = std::bit_cast<uint32_t>(splats.depths[pair->gaussian]);
+      scratch->keys[offset[pair->tile]++] = depth << 32 | slot;
+      scratch->gaussian_of_slot[slot] = pair->gaussian;
     }
   });
-  scratch->sorters.resize(threads);
-  ParallelFor(threads, (tiles + kTilesPerTask - 1) / kTilesPerTask, [&](size_t task, int thread) {
-    const size_t begin = task * kTilesPerTask, end = std::min(tiles, begin + kTilesPerTask);
-    for (size_t tile = begin; tile < end; ++tile) {
-      scratch->sorters[thread](scratch->keys.data() + lists->tile_begin[tile],
-                               lists->tile_begin[tile + 1] - lists->tile_begin[tile],
-                               hwy::SortAscending());
-    }
-    for (uint32_t k = lists->tile_begin[begin]; k < lists->tile_begin[end]; ++k) {
-      lists->slots[k] = static_cast<uint32_t>(scratch->keys[k]);
-      lists->gaussians[k] = scratch->gaussian_of_slot[lists->slots[k]];
-    }
-  });
+  SortTiles(threads, lists, scratch);
 }
 
 }  // namespace litags

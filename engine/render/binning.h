@@ -32,7 +32,7 @@ struct BinScratch {
   // What a chunk of Gaussians reaches, in memory order; the first `count` are in use.
   struct ChunkPairs {
     std::vector<Pair> pairs;
-    uint32_t count = 0, visible = 0;
+    size_t count = 0, visible = 0;
   };
   std::vector<ChunkPairs> chunks;
   std::vector<uint32_t> offsets;           // [chunks][tiles]

@@ -17,7 +17,6 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr float kLog2E = 1.44269504f;
-constexpr float kLog2Of255 = 7.99435344f;
 
 // Pixel range [first, last] whose centres lie in mid +- half, limited to the image; empty if
 // first > last. NaN gives an empty range.
@@ -194,7 +193,7 @@ size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCa
     log2_opacity = hn::MulAdd(hn::Set(d, 0.5f), hn::Log2(d, AreaRatio(o)), log2_opacity);
   }
   // alpha >= 1/255 inside d^T conic d <= q.
-  const V q = hn::Mul(hn::Set(d, 2.0f / kLog2E), hn::Add(log2_opacity, hn::Set(d, kLog2Of255)));
+  const V q = hn::Mul(hn::Set(d, 2.0f / kLog2E), hn::Sub(log2_opacity, hn::Set(d, kLog2AlphaMin)));
   // A little wider than exact: rounding must not lose a pixel at the rim.
   const V q_wide = hn::MulAdd(q, hn::Set(d, 1e-4f), hn::Add(q, hn::Set(d, 1e-4f)));
   const V half_w = hn::Sqrt(hn::Mul(q_wide, o.cov_a)), half_h = hn::Sqrt(hn::Mul(q_wide, o.cov_c));
@@ -250,7 +249,7 @@ void ProjectBlockImpl(const Splats& splats, size_t block, const KernelCamera& ca
   const uint32_t left_out = settings.dropout.LeftOut(block);
   const auto log2_gain = static_cast<float>(-std::log2(1 - settings.dropout.share));
   // alpha = opacity exp(-r^2 / 2). A little wider, for rounding.
-  const float reach = 1.001f * std::sqrt(2 / kLog2E * (log2_gain + kLog2Of255));
+  const float reach = 1.001f * std::sqrt(2 / kLog2E * (log2_gain - kLog2AlphaMin));
   size_t visible = 0;
   for (size_t i = begin; i < end; i += lanes) {
     const uint64_t bits = left_out >> (i - begin);

@@ -88,7 +88,7 @@ struct ProjectionSettings {
   int sh_degree = kMaxShDegree;
   bool depth_is_camera_z = false;
   PixelFilter pixel_filter = PixelFilter::kDilate;
-  float near_plane = 0.2f;
+  float near_plane = RenderSettings().near_plane;
   Dropout dropout;
 };
 

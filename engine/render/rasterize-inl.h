@@ -67,7 +67,6 @@ HWY_INLINE V Alpha(const float* HWY_RESTRICT record, V x, V y) {
   const V along_y = hn::MulAdd(hn::Mul(hn::Set(d, record[kRecordC]), dy), dy, log2_opacity);
   // Of a needle whose mean is thousands of pixels away the terms cancel to anything.
   const V power = hn::Min(hn::MulAdd(along_x, dx, along_y), log2_opacity);
-  constexpr float kLog2AlphaMin = -7.99435344f;
   return hn::IfThenElseZero(hn::Ge(power, hn::Set(d, kLog2AlphaMin)),
                             hn::Min(Exp2(power), hn::Set(d, kAlphaMax)));
 }

@@ -45,6 +45,10 @@ void ExpectMatchesReference(const Splats& splats, const Camera& camera,
   EXPECT_LE(fragile, plane / 4 + 1);
 }
 
+TEST(Renderer, ThresholdsOfAlphaAreOneNumber) {
+  EXPECT_FLOAT_EQ(kLog2AlphaMin, std::log2(kAlphaMin));
+}
+
 TEST(Renderer, MatchesTheReferenceOnEveryTargetAndOddSizes) {
   ForEachTarget([] {
     for (const auto& [w, h] : {std::pair{61, 43}, {16, 16}, {1, 1}, {17, 5}, {3, 33}}) {
