@@ -7,11 +7,10 @@
 
 #include "absl/functional/function_ref.h"
 #include "engine/core/parallel.h"
+#include "engine/train/density.h"
 
 namespace litags {
 namespace {
-
-constexpr float kClearLogit = -10;  // far from being seen
 
 // Distance from the mean to the nearest camera.
 double ToNearest(Centers centers, const Splats& splats, size_t i) {
@@ -45,7 +44,7 @@ double DistanceQuantile(double q, Centers centers, int threads, const Splats& sp
 
 void PruneNearCameras(double distance, Centers centers, int threads, Splats* splats) {
   ForEachGaussian(threads, splats->size(), [&](size_t i) {
-    if (ToNearest(centers, *splats, i) < distance) splats->at(i, kLogitOpacity) = kClearLogit;
+    if (ToNearest(centers, *splats, i) < distance) splats->at(i, kLogitOpacity) = kInvisibleLogit;
   });
 }
 

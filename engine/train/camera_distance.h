@@ -16,8 +16,8 @@ using Centers = absl::Span<const std::array<double, 3>>;
 // without Gaussians.
 double DistanceQuantile(double q, Centers centers, int threads, const Splats& splats);
 
-// Makes Gaussians whose means are nearer than this to a camera invisible; ControlDensity removes
-// them.
+// Makes Gaussians whose means are nearer than this to a camera invisible; ControlDensity, while
+// it still runs, removes them.
 void PruneNearCameras(double distance, Centers centers, int threads, Splats* splats);
 
 // Cuts every scale to `limit` times the distance from the Gaussian's mean to the nearest camera.

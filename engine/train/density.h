@@ -12,6 +12,9 @@
 
 namespace litags {
 
+// Logit of the opacity of a Gaussian that must not be seen: far below prune_opacity and 1/255.
+constexpr float kInvisibleLogit = -10;
+
 // Gaussians with their Adam moments; all three have one size.
 struct SplatState {
   Splats params;

@@ -12,7 +12,8 @@
 
 namespace litags {
 
-// Iterations of a run: growth ends at GrowthEnd(); pruning and limits go on at every density step.
+// Iterations of a run: until GrowthEnd() Gaussians are grown and removed. Near-camera pruning and
+// limits of scale go on at every density step; then pruned Gaussians stay, invisible.
 class DensitySchedule {
  public:
   // `centers`: of the cameras, one a photo; world. `extent`: of the scene; world. coarse_end: the

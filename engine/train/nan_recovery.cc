@@ -10,8 +10,6 @@
 namespace litags {
 namespace {
 
-constexpr float kTransparent = -20;  // logit of an opacity far below 1/255
-
 struct Range {
   int first;  // row or plane where it begins
   const char* name;
@@ -51,7 +49,7 @@ void UpdateBlockOrHide(const AdamStep& step, const float* grads, uint32_t visibl
     if ((bad >> lane & 1) == 0) continue;
     for (int row = 0; row < kSplatRows; ++row) {
       const int at = row * kSplatBlock + lane;
-      state->params.block(block)[at] = row == kLogitOpacity ? kTransparent : before[at];
+      state->params.block(block)[at] = row == kLogitOpacity ? kInvisibleLogit : before[at];
       state->moment1.block(block)[at] = 0;
       state->moment2.block(block)[at] = 0;
     }

@@ -52,7 +52,7 @@ void UpdateBlockOrHide(const AdamStep& step, const float* grads, uint32_t visibl
 std::string NameOfNotFinite(const SplatState& state, size_t gaussian);
 
 // "light in 12 px, first at (3, 4)": the first rendered channel with values that are not finite; ""
-// if there is none. [11 or 3, H, W]
+// if there is none. [3, 8 or 11, H, W]
 std::string PixelsNotFinite(const Planes& channels);
 
 }  // namespace litags

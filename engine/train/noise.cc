@@ -20,8 +20,7 @@ TargetNoise MeasureNoise(const std::vector<TrainView>& views, int threads) {
   std::vector<NoiseEstimate> full(views.size()), half(views.size());
   ParallelFor(threads, views.size(), [&](size_t i, int) {
     full[i] = NoiseOf(views[i].target, views[i].mask);
-    const TrainView small = HalfSize(views[i]);
-    half[i] = NoiseOf(small.target, small.mask);
+    half[i] = NoiseOf(HalfPhoto(views[i].target), HalfMask(views[i].mask));
   });
   const auto deviation = [](const std::vector<NoiseEstimate>& noises) {
     NoiseEstimate all;

@@ -32,6 +32,14 @@ std::vector<T> HalfSamples(const std::vector<T>& samples, int width, int height,
   return out;
 }
 
+PlaneU8 HalfPlane(const PlaneU8& plane) {
+  PlaneU8 out;
+  if (plane.empty()) return out;
+  out = PlaneU8(plane.width / 2, plane.height / 2);
+  out.data = HalfSamples(plane.data, plane.width, plane.height, 1);
+  return out;
+}
+
 DepthMap HalfDepth(const DepthMap& map) {
   const int w = map.depth.width / 2, h = map.depth.height / 2;
   DepthMap out;
@@ -55,6 +63,18 @@ DepthMap HalfDepth(const DepthMap& map) {
 
 }  // namespace
 
+Photo HalfPhoto(const Photo& photo) {
+  Photo out(photo.width / 2, photo.height / 2);
+  out.data = HalfSamples(photo.data, photo.width, photo.height, 3);
+  return out;
+}
+
+PlaneU8 HalfMask(const PlaneU8& mask) {
+  PlaneU8 out = HalfPlane(mask);
+  for (uint8_t& counts : out.data) counts = counts == kCounts ? kCounts : 0;
+  return out;
+}
+
 TrainView HalfSize(const TrainView& view) {
   TrainView out;
   out.view = view.view;
@@ -62,18 +82,11 @@ TrainView HalfSize(const TrainView& view) {
   camera.width /= 2;
   camera.height /= 2;
   for (double* v : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *v /= 2;
-  for (const auto& [from, to] : {std::pair{&view.photo, &out.photo}, {&view.target, &out.target}}) {
-    *to = Photo(camera.width, camera.height);
-    to->data = HalfSamples(from->data, from->width, from->height, 3);
-  }
-  for (const auto& [from, to] : {std::pair{&view.structure, &out.structure},
-                                 {&view.information, &out.information},
-                                 {&view.mask, &out.mask}}) {
-    if (from->empty()) continue;
-    *to = PlaneU8(camera.width, camera.height);
-    to->data = HalfSamples(from->data, from->width, from->height, 1);
-  }
-  for (uint8_t& counts : out.mask.data) counts = counts == kCounts ? kCounts : 0;
+  out.photo = HalfPhoto(view.photo);
+  out.target = HalfPhoto(view.target);
+  out.structure = HalfPlane(view.structure);
+  out.information = HalfPlane(view.information);
+  out.mask = HalfMask(view.mask);
   if (view.depth.has_value()) {
     const bool fine = view.depth->depth.width >= 2 * camera.width;
     out.depth = fine ? HalfDepth(*view.depth) : *view.depth;

@@ -14,8 +14,11 @@ namespace litags {
 
 // The view at half its size: means of 2x2 pixels; an odd last row or column is left out. Depth and
 // confidence are means over known pixels, unless the map is small already. A pixel counts if all
-// four do (ChangeMask says why).
+// four do (ChangeMask says why). HalfPhoto and HalfMask do the same to a part of it; an empty mask
+// stays empty.
 TrainView HalfSize(const TrainView& view);
+Photo HalfPhoto(const Photo& photo);
+PlaneU8 HalfMask(const PlaneU8& mask);
 
 // What an iteration takes beside its pixels, in pixels, and what a Gaussian in view takes. Measured
 // on photos of 1600x1063 and 1600x1200 and their halves, two cores
@@ -30,7 +33,7 @@ int ShDegreeAt(const TrainOptions& options, int iteration);
 class ViewPyramid {
  public:
   // `views` must outlive this. As many levels as the options ask for, fewer if a photo's smaller
-  // side would fall below 64 px: there a Gaussian's low-pass of 0.3 px^2 is all there is to see.
+  // side would fall below 64 px: there a Gaussian's low-pass (PixelFilter) is all there is to see.
   ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options);
 
   // Level of an iteration: equal shares of the first coarse_until of the run for levels n .. 1,

@@ -7,8 +7,7 @@ namespace {
 // no quality that was measured (docs/experiments/performance.md). Plain 3DGS has it, too, where
 // methods are compared.
 void SetPixelsOfIterations(Recipe* recipe) {
-  recipe->coarse_levels = 4;  // of photos of 1600 px; smaller ones have fewer
-  recipe->coarse_until = 0.5;
+  recipe->coarse_levels = 4;      // of photos of 1600 px; smaller ones have fewer
   recipe->crop_pixels = 200'000;  // about the photos that the paper trains on. Choice
 }
 

@@ -133,7 +133,8 @@ struct Recipe {
   // every density step. 0: none is cut, as 3DGS
   double max_scale = 0;
   // Near-camera pruning: Gaussians nearer to a camera than this share of the distance that 99 % of
-  // the first Gaussians exceed are removed at density steps. 0: none is, as 3DGS
+  // the first Gaussians exceed are removed at density steps, after growth made invisible. 0: none
+  // is, as 3DGS
   double near_camera_pruning = 0;
 
   // INVALID_ARGUMENT (BAD_OPTION) naming the constant that breaks its rule.
