@@ -21,6 +21,8 @@ class Cluster(unittest.TestCase):
         print(tally.row(), file=sys.stderr)
         self.assertEqual(tally.complaints, [])
         self.assertEqual(tally.jobs, 16)
+        self.assertEqual([f"{what} of {kind}" for what, kind in storm.SURE
+                          if not tally.disturbances[f"{what} of {kind}"]], [], "never happened")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ nothing names; after all jobs are deleted, none at all.
 
 import collections
 import dataclasses
-import hashlib
 import queue
 import random
 import threading
@@ -21,11 +20,12 @@ import deployment
 import grpc
 from deployment import Client, Lost
 from harness import job_pb2, rpc
-from litags.v1 import model_service_pb2
 
 # Seconds until the next disturbance, that a killed node stays down, that a cut lasts.
 PAUSE, DOWN, CUT = (0.3, 3), (0, 4), (1, 12)
 VICTIMS = ("server",) * 3 + ("worker",) * 4 + ("postgres", "s3")
+# Comes first, in some order, so that each storm has it.
+SURE = (("kills", "server"), ("kills", "worker"), ("cuts", "server"), ("cuts", "worker"))
 AWAY = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.CANCELLED,
         grpc.StatusCode.ABORTED, grpc.StatusCode.INTERNAL)
 SECONDS = 10  # a call may take, until another server is asked
@@ -81,16 +81,6 @@ class RovingClient(Client):
                 if time.monotonic() > deadline:
                     raise Lost(f"the servers stay away: {error.details()}") from error
                 time.sleep(0.1)
-
-    def model(self, job):
-        """SHA-256 of the whole model."""
-        def export():
-            sha = hashlib.sha256()
-            for part in self.models.ExportModel(model_service_pb2.ExportModelRequest(
-                    name=job, format=model_service_pb2.MODEL_FORMAT_PLY_FULL), timeout=60):
-                sha.update(part.chunk)
-            return sha.hexdigest()
-        return self.insist(export)
 
 
 class Storm:
@@ -167,21 +157,24 @@ class Storm:
 
     def rage(self):
         cuts = []  # (end, node)
+        sure = self.random.sample(SURE, len(SURE))
         while not self.over.wait(self.random.uniform(*PAUSE)):
             now = time.monotonic()
             for cut in [cut for cut in cuts if cut[0] <= now]:
                 self.cluster.heal(cut[1])
                 cuts.remove(cut)
-            kind = self.random.choice(VICTIMS)
+            what, kind = sure.pop() if sure else (self.random.choice(("kills", "cuts")),
+                                                  self.random.choice(VICTIMS))
             node = self.random.choice([name for name in self.cluster.nodes
                                        if name.startswith(kind)])
-            if self.random.random() < 0.5:
+            if what == "kills":
                 self.cluster.kill(node, self.random.uniform(*DOWN))
-                self.tally.disturbances[f"kills of {kind}"] += 1
             elif node not in [name for _, name in cuts]:
                 self.cluster.cut(node)
                 cuts.append((now + self.random.uniform(*CUT), node))
-                self.tally.disturbances[f"cuts of {kind}"] += 1
+            else:
+                continue
+            self.tally.disturbances[f"{what} of {kind}"] += 1
         for _, node in cuts:
             self.cluster.heal(node)
 

@@ -17,6 +17,7 @@ import grpc
 
 import harness
 from harness import job_pb2, rpc
+from litags.v1 import model_service_pb2
 
 MARKER = "LITAGS_TEST_DEPLOYMENT"
 # Generous, for machines that are busy with other things. Nothing waits this long when all is well:
@@ -262,6 +263,16 @@ class Client:
                 events.append(event)
 
         self.insist(watch)
+
+    def model(self, job):
+        """SHA-256 of the whole model."""
+        def export():
+            sha = hashlib.sha256()
+            for part in self.models.ExportModel(model_service_pb2.ExportModelRequest(
+                    name=job, format=model_service_pb2.MODEL_FORMAT_PLY_FULL), timeout=60):
+                sha.update(part.chunk)
+            return sha.hexdigest()
+        return self.insist(export)
 
     def delete(self, job):
         try:

@@ -1,7 +1,7 @@
 """kill -9 of whatever runs, at random moments, while jobs go from their upload to their end.
 
 One round: a fresh server, some jobs from concurrent clients, two kills whose victims and moments
-follow from the round's seed; then deletion, once in a while with a kill in the middle of it, and
+follow from the round's seed (as many rounds as there are victims kill each of them); then deletion, once in a while with a kill in the middle of it, and
 the server's end. Some rounds' jobs are in two parts: they end, and are resumed for more
 iterations. Against an undisturbed run of the same jobs, a round checks that every job ended
 well, that its scene has the same bytes, that its events are numbered without gap or repeat, and
@@ -138,10 +138,14 @@ class Round:
         for thread in threads:
             thread.start()
         span = self.reference.seconds * max(1, self.workload.jobs / 2)
-        moments = [self.random.uniform(0, 0.5 if self.random.random() < EARLY_KILLS else span)
-                   for _ in range(KILLS)]
-        for moment in sorted(moments):
-            victim = self.random.choice(self.workload.victims)
+        # Each victim has its turn in consecutive seeds, at a time when there is one: COLMAP runs first.
+        sure = self.workload.victims[self.seed % len(self.workload.victims)]
+        kills = [(self.random.uniform(0, 0.5 if sure == "colmap" else span / 2), sure)]
+        while len(kills) < KILLS:
+            within = 0.5 if self.random.random() < EARLY_KILLS else span
+            kills.append((self.random.uniform(0, within),
+                          self.random.choice(self.workload.victims)))
+        for moment, victim in sorted(kills):
             time.sleep(max(0, begin + moment - time.monotonic()))
             self.strike(victim, threads)
         for thread in threads:
