@@ -247,12 +247,11 @@ absl::StatusOr<std::vector<SparsePoint>> ParsePoints(std::string_view bytes,
     for (uint64_t k = 0; k < track_length; ++k) {
       uint32_t image_id = 0, index = 0;
       if (!reader.Read(&image_id) || !reader.Read(&index)) return Truncated(field);
+      // Converters of LiDAR and SLAM maps write a placeholder, image 0 and observation 0.
       const auto source = images.source_ids.find(image_id);
       if (source == images.source_ids.end() ||
           index >= images.observations[source->second].size()) {
-        return Corrupt(field, absl::StrCat("point ", id,
-                                           " refers to an observation that does not "
-                                           "exist"));
+        continue;
       }
       const Observation& o = images.observations[source->second][index];
       point.track.push_back({view_of_source[source->second], o.x, o.y});

@@ -208,6 +208,17 @@ TEST(ParseColmapModel, RefusesEveryTruncation) {
   }
 }
 
+// Converters of LiDAR and SLAM maps write images without observations, and image 0, observation 0
+// for each point.
+TEST(ParseColmapModel, LeavesPlaceholdersOutOfTracks) {
+  const auto model = ParseColmapText("1 PINHOLE 40 30 50 50 20 15\n",
+                                     "0 1 0 0 0 0 0 0 1 a.jpg\n\n5 1 0 0 0 1 0 0 1 b.jpg\n\n",
+                                     "1 0 0 4 9 9 9 0 0 0\n2 1 0 4 9 9 9 0 7 0 5 3\n", "f");
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->points.size(), 2u);
+  for (const SparsePoint& point : model->points) EXPECT_EQ(point.track_length(), 0);
+}
+
 TEST(ParseColmapModel, SurvivesCorruption) {
   const std::vector<std::string> files = TestFiles();
   for (size_t which = 0; which < 3; ++which) {

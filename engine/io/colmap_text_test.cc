@@ -92,8 +92,6 @@ TEST(ColmapText, WhatIsWrongIsSaidWithFileAndLine) {
            // What the binary reader checks, by the names of the text files.
            {c, "2 1 0 0 0 0 0 0 9 a.jpg\n", p, "model/images.txt", "MODEL_CORRUPT", "camera 9"},
            {c, i, "3 nan 0 0 10 20 30 1\n", "model/points3D.txt", "NOT_FINITE", "NaN"},
-           {c, i, "3 0 0 0 10 20 30 1 5 2\n", "model/points3D.txt", "MODEL_CORRUPT",
-            "does not exist"},
            {c, "# none\n", p, "model/images.txt", "NO_CAMERAS", "no image"}}) {
     const absl::Status status = Parse(x.cameras, x.images, x.points).status();
     const auto detail = GetErrorDetail(status);
