@@ -22,30 +22,34 @@ namespace fs = std::filesystem;
 constexpr std::string_view kPassing[] = {"sfm", "wide_views"};
 constexpr std::string_view kUnfinished = "tmp";
 
-void AddFiles(const fs::path& folder, const std::string& prefix, std::vector<std::string>* files) {
-  std::error_code error;  // the engine may remove what is listed
+absl::Status AddFiles(const fs::path& folder, const std::string& prefix,
+                      std::vector<std::string>* files) {
+  std::error_code error;
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename();
     std::error_code gone;
     if (it->is_directory(gone)) {
       const bool passing = std::ranges::find(kPassing, name) != std::end(kPassing);
-      if (prefix.empty() && !passing) AddFiles(it->path(), name + "/", files);
+      if (!prefix.empty() || passing) continue;
+      LITAGS_RETURN_IF_ERROR(AddFiles(it->path(), name + "/", files));
     } else if (!name.ends_with(kUnfinished) && it->is_regular_file(gone)) {
       files->push_back(prefix + name);
     }
   }
+  // The engine may remove a folder that was listed.
+  const bool removed = !prefix.empty() && error == std::errc::no_such_file_or_directory;
+  return error && !removed ? FileError("list", folder, error.value()) : absl::OkStatus();
 }
 
 // A second name for the file, or a copy where there are none.
 absl::Status Stage(const std::string& path, const std::string& staging) {
   if (link(path.c_str(), staging.c_str()) == 0) return absl::OkStatus();
-  std::error_code error;
-  if (errno != ENOENT) fs::copy_file(path, staging, error);
-  if (errno == ENOENT || error == std::errc::no_such_file_or_directory) {
+  const int error = errno == ENOENT ? ENOENT : CopyFile(path, staging);
+  if (error == ENOENT) {
     return MakeError(absl::StatusCode::kNotFound, "FILE_GONE", "",
                      absl::StrCat(path, " is not there any more"));
   }
-  return error ? FileError("copy", path, error.value()) : absl::OkStatus();
+  return error ? FileError("copy", path, error) : absl::OkStatus();
 }
 
 }  // namespace
@@ -58,9 +62,9 @@ std::string LeaseBlob(int64_t lease, std::string_view sha256) {
   return absl::StrCat(lease, "/", std::string(sha256));
 }
 
-std::vector<std::string> FilesWorthKeeping(const std::string& work_folder) {
+absl::StatusOr<std::vector<std::string>> FilesWorthKeeping(const std::string& work_folder) {
   std::vector<std::string> files;
-  AddFiles(work_folder, "", &files);
+  LITAGS_RETURN_IF_ERROR(AddFiles(work_folder, "", &files));
   return files;
 }
 

@@ -75,6 +75,7 @@ struct S3Options {
   int64_t part_bytes = int64_t{16} << 20;  // larger blobs come and go in parts; 5 MiB at least
   int page_names = 1000;                   // names that one answer to a listing holds
   double patience_seconds = 30;            // with a server that is away or says nothing
+  double abandoned_seconds = 24 * 3600;    // an upload in parts that began so long ago
 };
 
 // The bucket must be there. FAILED_PRECONDITION (BLOBS_DENIED), UNAVAILABLE (BLOBS_UNAVAILABLE).

@@ -102,9 +102,8 @@ class DiskBlobStore : public BlobStore {
     const fs::path source = PathOf(key);
     if (link(source.c_str(), path.c_str()) == 0) return absl::OkStatus();
     if (errno == ENOENT) return ErrorOf("read", source, ENOENT);
-    std::error_code error;  // another file system: copy
-    fs::copy_file(source, path, error);
-    return error ? ErrorOf("copy", source, error.value()) : absl::OkStatus();
+    const int error = CopyFile(source, path);  // another file system
+    return error ? ErrorOf("copy", source, error) : absl::OkStatus();
   }
 
   absl::Status Link(std::string_view from, std::string_view to) override {
@@ -168,9 +167,8 @@ class DiskBlobStore : public BlobStore {
  private:
   absl::Status Copy(const fs::path& source, std::string_view key) {
     const fs::path temporary = TemporaryPath();
-    std::error_code error;
-    fs::copy_file(source, temporary, error);
-    absl::Status status = error ? ErrorOf("copy", source, error.value()) : PutFile(key, temporary);
+    const int error = CopyFile(source, temporary);
+    absl::Status status = error ? ErrorOf("copy", source, error) : PutFile(key, temporary);
     unlink(temporary.c_str());
     return status;
   }

@@ -1,9 +1,13 @@
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
 
+#include <cerrno>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
 
+#include "server/store/file_error.h"
 #include "server/testing/blob_store_kind.h"
 #include "server/testing/temp_dir.h"
 
@@ -31,6 +35,28 @@ TEST(DiskBlobStore, FolderIsTheSameHoweverItIsWritten) {
     ASSERT_TRUE(blobs->Put(key + "/b", folder).ok()) << folder;
     EXPECT_EQ(*MakeTestedBlobStore(dir.path())->Get(key + "/b"), folder);
   }
+}
+
+TEST(CopyFile, SaysWhyItFailedAndLeavesNothingThen) {
+  TempDir dir;
+  const std::string source = dir.path() + "/source", target = dir.path() + "/target";
+  std::ofstream(source) << std::string(3'000'000, 'x');
+  // A limit of the size of files stands in for a full disk: the first part of the file fits.
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit limit = {};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &limit), 0);
+  rlimit small = limit;
+  small.rlim_cur = 1'500'000;
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  EXPECT_EQ(CopyFile(source, target), EFBIG);
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  EXPECT_FALSE(std::filesystem::exists(target));
+  EXPECT_EQ(CopyFile(dir.path() + "/none", target), ENOENT);
+  EXPECT_FALSE(std::filesystem::exists(target));
+  EXPECT_EQ(CopyFile(source, target), 0);
+  EXPECT_EQ(std::filesystem::file_size(target), 3'000'000u);
+  EXPECT_EQ(CopyFile(source, target), EEXIST);
+  EXPECT_TRUE(std::filesystem::exists(target)) << "not ours to remove";
 }
 
 TEST(DiskBlobStore, TemporaryFilesOfYesterdayAreRemoved) {

@@ -1,12 +1,41 @@
 #include "server/store/file_error.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstring>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 
 namespace litags {
+namespace {
+
+int WriteAll(int fd, const char* bytes, size_t size) {
+  while (size > 0) {
+    const ssize_t n = write(fd, bytes, size);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return errno;
+    bytes += n;
+    size -= static_cast<size_t>(n);
+  }
+  return 0;
+}
+
+int CopyBytes(int from, int to) {
+  std::vector<char> buffer(1 << 20);
+  for (;;) {
+    const ssize_t n = read(from, buffer.data(), buffer.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return errno;
+    if (n == 0) return 0;
+    if (const int error = WriteAll(to, buffer.data(), static_cast<size_t>(n))) return error;
+  }
+}
+
+}  // namespace
 
 absl::Status FileError(const char* action, const std::string& path, int error) {
   if (error == ENOSPC || error == EDQUOT) {
@@ -15,6 +44,24 @@ absl::Status FileError(const char* action, const std::string& path, int error) {
   }
   return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
                    absl::StrCat("cannot ", action, " ", path, ": ", std::strerror(error)));
+}
+
+int CopyFile(const std::string& source, const std::string& target) {
+  const int from = open(source.c_str(), O_RDONLY | O_CLOEXEC);
+  if (from < 0) return errno;
+  const int to = open(target.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  int error = to < 0 ? errno : CopyBytes(from, to);
+  close(from);
+  if (to < 0) return error;
+  // A network's file system may find out only now that there is no room.
+  if (close(to) != 0 && error == 0) error = errno;
+  if (error != 0) unlink(target.c_str());
+  return error;
+}
+
+bool HasReason(const absl::Status& status, std::string_view reason) {
+  const auto detail = GetErrorDetail(status);
+  return detail && detail->reason == reason;
 }
 
 }  // namespace litags

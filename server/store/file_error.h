@@ -2,6 +2,7 @@
 #define LITAGS_SERVER_STORE_FILE_ERROR_H_
 
 #include <string>
+#include <string_view>
 
 #include "absl/status/status.h"
 
@@ -10,6 +11,13 @@ namespace litags {
 // What `action` ("write") on a file or folder of ours failed with; `error`: errno.
 // RESOURCE_EXHAUSTED (DISK_FULL) or INTERNAL (STORE_FAILED).
 absl::Status FileError(const char* action, const std::string& path, int error);
+
+// Copies a file to `target`, which must not be there and is not there after a failure. Returns
+// errno, 0: done. std::filesystem reports a full disk as EIO, and leaves half a file.
+int CopyFile(const std::string& source, const std::string& target);
+
+// Whether an error has this reason ("FILE_GONE").
+bool HasReason(const absl::Status& status, std::string_view reason);
 
 }  // namespace litags
 

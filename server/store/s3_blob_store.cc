@@ -151,20 +151,49 @@ class S3BlobStore : public BlobStore {
     return absl::OkStatus();
   }
 
+  // Uploads in parts that nobody completes: their parts are paid for, and no listing shows them.
+  void RemoveTemporary() override {
+    const std::string& root = client_.options().prefix;
+    std::string key, upload;  // where the next page begins
+    do {
+      S3Request request;
+      if (!key.empty()) request.query = {{"key-marker", key}};
+      request.query.push_back({"prefix", root + "jobs/"});
+      if (!upload.empty()) request.query.push_back({"upload-id-marker", upload});
+      request.query.push_back({"uploads", ""});
+      const auto page = client_.Send(request);
+      if (!page.ok()) return;  // the next time, then
+      for (const std::string& found : XmlTexts(page->body, "Upload")) AbortIfAbandoned(found);
+      const bool more = XmlText(page->body, "IsTruncated") == "true";
+      key = more ? XmlText(page->body, "NextKeyMarker") : "";
+      upload = XmlText(page->body, "NextUploadIdMarker");
+    } while (!key.empty());
+  }
+
  private:
+  void AbortIfAbandoned(const std::string& upload) {
+    const std::string key = XmlText(upload, "Key"), root = client_.options().prefix;
+    const double begun = SecondsOf(XmlText(upload, "Initiated"));
+    const double age = static_cast<double>(std::time(nullptr)) - begun;
+    if (begun == 0 || age < client_.options().abandoned_seconds || !key.starts_with(root)) return;
+    client_
+        .Send(S3Request{
+            "DELETE", key.substr(root.size()), {{"uploadId", XmlText(upload, "UploadId")}}, {}, {}})
+        .IgnoreError();
+  }
+
   using NextPart = absl::FunctionRef<absl::StatusOr<std::string>(size_t)>;
 
   // In one request, or in parts that become a blob when all are there.
   absl::Status Upload(std::string_view key, int64_t size, NextPart next) {
     if (size <= client_.options().part_bytes) {
       LITAGS_ASSIGN_OR_RETURN(const std::string bytes, next(static_cast<size_t>(size)));
-      return client_.Send(S3Request{"PUT", std::string(key), {}, {}, bytes}).status();
+      return WriteError(client_.Send(S3Request{"PUT", std::string(key), {}, {}, bytes}).status());
     }
-    LITAGS_ASSIGN_OR_RETURN(
-        const S3Answer begun,
-        client_.Send(S3Request{"POST", std::string(key), {{"uploads", ""}}, {}, {}}));
-    const std::string upload = XmlText(begun.body, "UploadId");
-    absl::Status status = UploadParts(key, upload, size, next);
+    const auto begun = client_.Send(S3Request{"POST", std::string(key), {{"uploads", ""}}, {}, {}});
+    if (!begun.ok()) return WriteError(begun.status());
+    const std::string upload = XmlText(begun->body, "UploadId");
+    const absl::Status status = WriteError(UploadParts(key, upload, size, next));
     if (!status.ok()) {  // else its parts stay, and are paid for
       client_.Send(S3Request{"DELETE", std::string(key), {{"uploadId", upload}}, {}, {}})
           .IgnoreError();
@@ -192,10 +221,29 @@ class S3BlobStore : public BlobStore {
       done += wanted;
     }
     list += "</CompleteMultipartUpload>";
-    LITAGS_ASSIGN_OR_RETURN(
-        const S3Answer answer,
-        client_.Send(S3Request{"POST", std::string(key), {{"uploadId", upload}}, {}, list}));
-    return CheckLateError(answer, "complete");
+    const auto answer =
+        client_.Send(S3Request{"POST", std::string(key), {{"uploadId", upload}}, {}, list});
+    if (answer.ok()) return CheckLateError(*answer, "complete");
+    // Sent again after an answer that was lost, it may find the upload completed and forgotten.
+    if (absl::IsNotFound(answer.status()) && SizeOf(key).value_or(-1) == size) {
+      return absl::OkStatus();
+    }
+    return answer.status();
+  }
+
+  // A blob that is written need not be there: 404 says that the store did not take it.
+  static absl::Status WriteError(const absl::Status& status) {
+    if (!absl::IsNotFound(status)) return status;
+    return MakeError(
+        absl::StatusCode::kInternal, "STORE_FAILED", "",
+        absl::StrCat("the blob store answered a write with 404: ", std::string(status.message())));
+  }
+
+  absl::StatusOr<int64_t> SizeOf(std::string_view key) {
+    LITAGS_ASSIGN_OR_RETURN(const S3Answer head,
+                            client_.Send(S3Request{"HEAD", std::string(key), {}, {}, {}}));
+    const auto length = head.headers.find("content-length");
+    return length == head.headers.end() ? 0 : std::atoll(length->second.c_str());
   }
 
   // Long operations answer 200 before they know how they end.
@@ -209,10 +257,7 @@ class S3BlobStore : public BlobStore {
   // By ranges of part_bytes, so that a broken connection costs one of them.
   absl::Status Download(std::string_view key,
                         absl::FunctionRef<absl::Status(const std::string&)> keep) {
-    LITAGS_ASSIGN_OR_RETURN(const S3Answer head,
-                            client_.Send(S3Request{"HEAD", std::string(key), {}, {}, {}}));
-    const auto length = head.headers.find("content-length");
-    const int64_t size = length == head.headers.end() ? 0 : std::atoll(length->second.c_str());
+    LITAGS_ASSIGN_OR_RETURN(const int64_t size, SizeOf(key));
     const int64_t part_bytes = client_.options().part_bytes;
     Sha256 sha;
     for (int64_t at = 0; at < size;) {

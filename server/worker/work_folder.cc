@@ -44,7 +44,8 @@ absl::Status WorkFolder::Fetch() {
     if (name == kFinishedScene) continue;
     const fs::path path = fs::path(run()) / name;
     std::error_code error;
-    fs::create_directories(path.parent_path(), error);
+    if (!fs::exists(path.parent_path())) fs::create_directories(path.parent_path(), error);
+    if (error) return FileError("create", path.parent_path(), error.value());
     fs::remove(path, error);  // of an interrupted call
     const absl::Status fetched = blobs_->Fetch(BlobKey(lease_.job.id, file.blob), path);
     if (absl::IsNotFound(fetched) || absl::IsDataLoss(fetched)) {
@@ -58,7 +59,7 @@ absl::Status WorkFolder::Fetch() {
 }
 
 absl::StatusOr<bool> WorkFolder::Store(const std::vector<std::string>& but) {
-  const std::vector<std::string> names = FilesWorthKeeping(run());
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, FilesWorthKeeping(run()));
   bool changed = false;
   const auto replace = [&](const std::string& name, const KeptFile& file) {
     KeptFile& kept = kept_[name];
@@ -76,7 +77,8 @@ absl::StatusOr<bool> WorkFolder::Store(const std::vector<std::string>& but) {
     const auto file = StoreFile(blobs_, lease_.job.id, lease_.job.last_event, path,
                                 scratch_->path() + "/staged-" + RandomHex(8),
                                 known == kept_.end() ? KeptFile() : known->second);
-    if (absl::IsNotFound(file.status())) continue;  // gone since it was listed
+    // The blob store's NOT_FOUND is another thing: the file is there, and was not stored.
+    if (HasReason(file.status(), "FILE_GONE")) continue;
     LITAGS_RETURN_IF_ERROR(file.status());
     if (known == kept_.end() || known->second != *file) stored_bytes_ += file->bytes;
     replace(name, *file);

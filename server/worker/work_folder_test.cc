@@ -3,15 +3,18 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 
+#include "engine/core/error_test_util.h"
 #include "engine/io/file_util.h"
 #include "server/jobs/codec.h"
 #include "server/store/digest.h"
+#include "server/testing/faulty_blob_store.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -28,12 +31,13 @@ class WorkFolderTest : public ::testing::Test {
 
   std::string Scratch() const { return dir_.path() + "/scratch"; }
 
-  std::unique_ptr<WorkFolder> Take(int64_t number, const KeptFiles& kept = {}) {
+  std::unique_ptr<WorkFolder> Take(int64_t number, const KeptFiles& kept = {},
+                                   BlobStore* blobs = nullptr) {
     leases_.push_back(std::make_unique<Lease>());
     leases_.back()->job.id = "a1";
     leases_.back()->job.last_event = number;
     if (!kept.empty()) leases_.back()->job.kept = Encode(kept);
-    return *WorkFolder::Make(*leases_.back(), blobs_.get(), Scratch());
+    return *WorkFolder::Make(*leases_.back(), blobs ? blobs : blobs_.get(), Scratch());
   }
 
   void Write(const WorkFolder& folder, const std::string& name, const std::string& bytes) {
@@ -154,6 +158,33 @@ TEST_F(WorkFolderTest, KeptFileThatIsGoneIsLeftOut) {
   EXPECT_FALSE(fs::exists(folder->run() + "/checkpoint"));
   EXPECT_TRUE(*folder->Store());
   EXPECT_THAT(folder->kept(), IsEmpty());
+}
+
+TEST_F(WorkFolderTest, FileThatTheBlobStoreDoesNotTakeIsAnErrorNotAFileThatIsGone) {
+  FaultyBlobStore blobs(blobs_.get());
+  blobs.on_write = [](std::string_view) {
+    return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", "", "404 to a write");
+  };
+  const auto folder = Take(3, {}, &blobs);
+  Write(*folder, kSceneFile, "scene");
+  EXPECT_EQ(Reason(folder->Store().status()), "BLOB_NOT_FOUND");
+  EXPECT_THAT(folder->kept(), IsEmpty());
+}
+
+TEST_F(WorkFolderTest, FolderThatCannotBeListedCostsNoKeptFile) {
+  const auto folder = Take(3);
+  Write(*folder, "checkpoint", "c");
+  ASSERT_TRUE(*folder->Store());
+  rlimit limit = {};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &limit), 0);
+  rlimit none = limit;
+  none.rlim_cur = 0;
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &none), 0);
+  const auto stored = folder->Store();
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &limit), 0);
+  EXPECT_EQ(Reason(stored.status()), "STORE_FAILED");
+  EXPECT_EQ(folder->kept().size(), 1u);
+  EXPECT_FALSE(*folder->Store()) << "nothing has changed";
 }
 
 TEST_F(WorkFolderTest, ScratchGoesWithItsOwnerAndIsTakenForAbandonedOnlyThen) {
