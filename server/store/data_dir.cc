@@ -2,8 +2,10 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
@@ -18,16 +20,24 @@ absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
   std::error_code error;
   const fs::path absolute = fs::absolute(root, error).lexically_normal();
   DataDir dir{absolute.string()};
-  if (!error) fs::create_directories(absolute / "scratch", error);
-  if (!error) fs::create_directories(absolute / "uploads", error);
-  if (!error) fs::create_directories(absolute / "tmp", error);
-  if (!error) fs::permissions(absolute, fs::perms::owner_all, error);
+  if (!error) fs::create_directories(absolute.parent_path(), error);
+  for (const std::string& folder : {dir.root, dir.scratch(), dir.uploads(), dir.tmp()}) {
+    if (error || mkdir(folder.c_str(), 0700) == 0) continue;
+    if (errno != EEXIST || !fs::is_directory(folder, error)) {
+      error = std::error_code(errno, std::generic_category());
+    }
+  }
   if (error) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_UNUSABLE", "data",
                      absl::StrCat("cannot use ", dir.root, " as the data folder", ": ",
                                   error.message(), "; choose another or fix its permissions"));
   }
   return dir;
+}
+
+bool DataDir::OthersMayEnter() const {
+  struct stat info = {};
+  return stat(root.c_str(), &info) == 0 && (info.st_mode & (S_IRWXG | S_IRWXO)) != 0;
 }
 
 void DataDir::EmptyTmp(double quiet_seconds) const {

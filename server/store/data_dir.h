@@ -25,8 +25,11 @@ struct DataDir {
   std::string tmp() const { return root + "/tmp"; }
   std::string scratch() const { return root + "/scratch"; }
 
-  // Makes the folders, readable by the owner only. FAILED_PRECONDITION (DATA_DIR_UNUSABLE).
+  // Makes the folders that are not there, for their owner only; one that is there keeps its
+  // permissions. FAILED_PRECONDITION (DATA_DIR_UNUSABLE).
   static absl::StatusOr<DataDir> Open(const std::string& root);
+  // Whether the group or everybody may read `root`, write to it or enter it.
+  bool OthersMayEnter() const;
   // Removes what killed processes left in tmp/ and blobs/tmp/: what nobody has written to for that
   // long; 0: all there is, before workers are started.
   void EmptyTmp(double quiet_seconds) const;

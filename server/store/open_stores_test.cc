@@ -63,6 +63,8 @@ TEST(OpenStores, DefaultsAreInTheDataFolderAndPathsCanBeNamed) {
   const DataDir data = *DataDir::Open(dir.path() + "/data");
   ASSERT_TRUE(OpenJobStore({}, data).ok());
   EXPECT_TRUE(std::filesystem::exists(data.database()));
+  EXPECT_EQ(std::filesystem::status(data.database()).permissions(),
+            std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   const StorePlaces places{"sqlite://" + dir.path() + "/jobs.db", "file://" + dir.path() + "/b",
                            ""};
   EXPECT_TRUE(OpenJobStore(places, data).ok());

@@ -40,6 +40,27 @@ TEST(DataDirectory, IsMadePrivateAndItsTemporaryFilesAreRemoved) {
   EXPECT_TRUE(std::filesystem::is_empty(data->tmp()));
 }
 
+TEST(DataDirectory, OneThatIsThereKeepsItsPermissions) {
+  TempDir dir;
+  const std::string root = dir.path() + "/mine";
+  ASSERT_EQ(mkdir(root.c_str(), 0700), 0);
+  for (const mode_t mode : {0755u, 0770u, 0701u}) {
+    ASSERT_EQ(chmod(root.c_str(), mode), 0);
+    const auto data = DataDir::Open(root + "/");
+    ASSERT_TRUE(data.ok()) << data.status();
+    EXPECT_TRUE(data->OthersMayEnter());
+    struct stat info {};
+    ASSERT_EQ(stat(root.c_str(), &info), 0);
+    EXPECT_EQ(info.st_mode & 0777, mode);
+    for (const std::string& made : {data->tmp(), data->uploads(), data->scratch()}) {
+      ASSERT_EQ(stat(made.c_str(), &info), 0);
+      EXPECT_EQ(info.st_mode & 0777, 0700u) << made;
+    }
+  }
+  ASSERT_EQ(chmod(root.c_str(), 0700), 0);
+  EXPECT_FALSE(DataDir::Open(root)->OthersMayEnter());
+}
+
 TEST(DataDirectory, FileInItsPlaceIsAClearError) {
   TempDir dir;
   std::ofstream(dir.path() + "/file") << "x";
