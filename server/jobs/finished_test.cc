@@ -173,9 +173,19 @@ TEST_F(FinishedTest, JobThatFailedForItsFilesTakesOthers) {
   EXPECT_EQ(job.snapshot_iteration, -1);
   EXPECT_FALSE(blobs_->Get(BlobKey(id, scene.blob)).ok()) << "counts for nobody, so it must go";
   ASSERT_TRUE(jobs_.Start(id).ok());
-  ASSERT_TRUE(leases_.Succeed(Acquired(), {}, {}).ok());
+  const Lease next = Acquired();
+  ASSERT_TRUE(leases_.Succeed(next, {}, {{kSceneFile, Scene(next, "new")}}).ok());
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kSucceeded);
   EXPECT_EQ(Reason(Add(id, "a.jpg", "another")), "JOB_NOT_UPLOADING");
+}
+
+TEST_F(FinishedTest, ThereIsNoSuccessWithoutAScene) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  const Lease lease = Acquired();
+  EXPECT_EQ(Reason(leases_.Succeed(lease, {}, {{"checkpoint", Scene(lease, "x")}})),
+            "SCENE_MISSING");
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kRunning);
 }
 
 TEST_F(FinishedTest, CallsThatChangeNoFileCostAFailedJobNothing) {

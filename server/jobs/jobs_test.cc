@@ -21,6 +21,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
+const KeptFiles kScene{{kSceneFile, {"1/aa", 5}}};
+
 class JobsTest : public ::testing::Test {
  protected:
   // Stores a file of made-up content and the given picture size.
@@ -265,8 +267,8 @@ TEST_F(JobsTest, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) {
   const auto taken = leases_.Acquire("idle");
   ASSERT_TRUE(taken.ok() && taken->has_value());
   EXPECT_EQ((*taken)->job.id, dead);
-  ASSERT_TRUE(leases_.Succeed(**taken, {}, {}).ok());
-  ASSERT_TRUE(leases_.Succeed(lease, {}, {}).ok());
+  ASSERT_TRUE(leases_.Succeed(**taken, {}, kScene).ok());
+  ASSERT_TRUE(leases_.Succeed(lease, {}, kScene).ok());
   // Earlier times, but the same order of events.
   EXPECT_EQ(History(dead), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
   EXPECT_EQ(History(living), "UPLOADING QUEUED RUNNING SUCCEEDED ");
@@ -279,7 +281,7 @@ TEST_F(JobsTest, ClockSetForwardCostsAnAttemptAndNoJob) {
   const auto second = leases_.Acquire("w2");
   ASSERT_TRUE(second.ok() && second->has_value());
   EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
-  ASSERT_TRUE(leases_.Succeed(**second, {}, {}).ok());
+  ASSERT_TRUE(leases_.Succeed(**second, {}, kScene).ok());
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
 }
 

@@ -1,7 +1,9 @@
 #include "server/jobs/leases.h"
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "engine/core/error.h"
+#include "engine/core/utf8.h"
 #include "server/jobs/transition.h"
 #include "server/store/digest.h"
 
@@ -21,6 +23,12 @@ absl::Status LostIfGone(const absl::Status& status, const Lease& lease) {
   if (!absl::IsNotFound(status)) return status;
   return MakeError(absl::StatusCode::kAborted, "LEASE_LOST", "",
                    absl::StrCat("jobs/", lease.job.id, " was deleted"));
+}
+
+// PostgreSQL and Protobuf take no other text.
+std::string ValidText(std::string_view text) {
+  return absl::StrReplaceAll(Utf8Prefix(text, std::string::npos),
+                             {{std::string(1, '\0'), "\uFFFD"}});
 }
 
 }  // namespace
@@ -128,6 +136,7 @@ absl::Status Leases::AddLog(const Lease& lease, const std::vector<LogEntry>& ent
   return Update(lease,
                 [&](JobTransaction& job) -> absl::Status {
                   for (LogEntry entry : entries) {
+                    entry.text = ValidText(entry.text);
                     int64_t& bytes = job.job.log_bytes;
                     if (bytes >= options_.max_log_bytes) break;
                     const bool fits =
@@ -165,6 +174,11 @@ absl::Status Leases::Succeed(const Lease& lease, const ReconstructReport& report
   return Update(
              lease,
              [&](JobTransaction& job) -> absl::Status {
+               if (!files.contains(kSceneFile)) {
+                 return MakeError(absl::StatusCode::kInternal, "SCENE_MISSING", "",
+                                  "the job ended without a stored scene; ResumeJob tries again "
+                                  "from the last checkpoint");
+               }
                job.job.report = Encode(report);
                SetKept(&job.job, files);
                if (job.job.snapshot_iteration != report.iterations) {
@@ -173,7 +187,8 @@ absl::Status Leases::Succeed(const Lease& lease, const ReconstructReport& report
                                                       Encode(SnapshotRecord{report.iterations})}));
                }
                for (const std::string& note : report.notes) {
-                 LITAGS_RETURN_IF_ERROR(job.AddLog({0, clock_(), LogSeverity::kWarning, note}));
+                 LITAGS_RETURN_IF_ERROR(
+                     job.AddLog({0, clock_(), LogSeverity::kWarning, ValidText(note)}));
                }
                return ApplyAction(job, JobAction::kSucceed, clock_(), "");
              })
@@ -183,7 +198,9 @@ absl::Status Leases::Succeed(const Lease& lease, const ReconstructReport& report
 absl::Status Leases::Fail(const Lease& lease, const absl::Status& error) {
   return Update(lease,
                 [&](JobTransaction& job) {
-                  const JobError record = JobError::Of(error);
+                  JobError record = JobError::Of(error);
+                  record.message = ValidText(record.message);
+                  record.detail.field = ValidText(record.detail.field);
                   return ApplyAction(job, JobAction::kFail, clock_(), record.message, &record);
                 })
       .status();
@@ -197,15 +214,8 @@ absl::Status Leases::Stopped(const Lease& lease) {
       .status();
 }
 
-absl::Status Leases::GiveBack(const Lease& lease) {
-  return Update(lease,
-                [&](JobTransaction& job) {
-                  if (job.job.cancel_requested) return Abandon(job, "");
-                  --job.job.attempt;
-                  return ApplyAction(job, JobAction::kRequeue, clock_(),
-                                     "the worker shut down; the job goes on with the next one");
-                })
-      .status();
+absl::Status Leases::GiveBack(const Lease& lease, std::string_view why) {
+  return Update(lease, [&](JobTransaction& job) { return Return(job, why); }).status();
 }
 
 absl::Status Leases::NoteUnreferencedBlobs(const Lease& lease) {
@@ -220,17 +230,33 @@ absl::Status Leases::NoteUnreferencedBlobs(const Lease& lease) {
 }
 
 absl::Status Leases::WorkerDied(std::string_view owner, std::string_view why) {
+  return EndLeasesOf(owner, [&](JobTransaction& job) {
+    return Abandon(job, absl::StrCat("its worker died: ", std::string(why)));
+  });
+}
+
+absl::Status Leases::WorkerStopped(std::string_view owner) {
+  return EndLeasesOf(owner, [&](JobTransaction& job) { return Return(job, kShutDown); });
+}
+
+absl::Status Leases::EndLeasesOf(std::string_view owner, const JobStore::Change& end) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, store_->LeasedTo(owner));
   for (const std::string& id : ids) {
     const auto change = [&](JobTransaction& job) -> absl::Status {
       if (job.job.state != JobState::kRunning || job.job.lease_owner != owner) {
         return absl::OkStatus();  // another one noticed first
       }
-      return Abandon(job, absl::StrCat("its worker died: ", std::string(why)));
+      return end(job);
     };
     LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
   }
   return store_->RemoveWorker(owner);
+}
+
+absl::Status Leases::Return(JobTransaction& job, std::string_view why) {
+  if (job.job.cancel_requested) return Abandon(job, "");
+  --job.job.attempt;
+  return ApplyAction(job, JobAction::kRequeue, clock_(), why);
 }
 
 absl::Status Leases::Abandon(JobTransaction& job, std::string_view why) {

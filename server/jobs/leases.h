@@ -53,7 +53,8 @@ class Leases {
   absl::StatusOr<bool> CancelRequested(const Lease& lease);
 
   absl::Status AddProgress(const Lease& lease, const Progress& progress);
-  // Of what does not fit any more, an entry tells.
+  // Of what does not fit any more, an entry tells. What programs say need not be text: what is not
+  // UTF-8, or NUL, becomes U+FFFD, here and in Fail().
   absl::Status AddLog(const Lease& lease, const std::vector<LogEntry>& entries);
   // The engine's files are these from now on; with an iteration, the scene among them is a new
   // snapshot. Said again, this and progress change nothing: after a commit of which nobody knows,
@@ -61,12 +62,12 @@ class Leases {
   absl::Status Keep(const Lease& lease, const KeptFiles& files,
                     std::optional<int> snapshot_iteration);
 
-  // The ends of a lease.
+  // The ends of a lease. There is no success without a scene: INTERNAL (SCENE_MISSING).
   absl::Status Succeed(const Lease& lease, const ReconstructReport& report, const KeptFiles& files);
   absl::Status Fail(const Lease& lease, const absl::Status& error);
   absl::Status Stopped(const Lease& lease);  // cancelled, as asked for
-  // The worker shuts down: the job waits for another one, and this attempt does not count.
-  absl::Status GiveBack(const Lease& lease);
+  // The job waits for another worker, and this attempt does not count. `why` is for humans.
+  absl::Status GiveBack(const Lease& lease, std::string_view why = kShutDown);
 
   // The lease was lost after blobs were stored under it: they are looked for when the job has
   // ended.
@@ -75,11 +76,20 @@ class Leases {
   // A worker is known to be dead: what it held goes back into the queue, or FAILED after too many
   // attempts, or CANCELLED if that was asked for. `why` is for humans: "killed by signal 9".
   absl::Status WorkerDied(std::string_view owner, std::string_view why);
+  // The same of one that was told to end: what it held waits for another one, and the attempt does
+  // not count.
+  absl::Status WorkerStopped(std::string_view owner);
 
  private:
+  static constexpr std::string_view kShutDown =
+      "the worker shut down; the job goes on with the next one";
+
   absl::StatusOr<JobRecord> Update(const Lease& lease, JobStore::Change change);
   absl::StatusOr<bool> HasRoomFor(const Lease& lease, int64_t preview_bytes);
+  // `end` of each job that a worker which is gone held.
+  absl::Status EndLeasesOf(std::string_view owner, const JobStore::Change& end);
   absl::Status Abandon(JobTransaction& job, std::string_view why);
+  absl::Status Return(JobTransaction& job, std::string_view why);
   // No lease ends later than one taken now. Where one does, the clock was set back since, and a
   // dead worker would keep its job until the old time came again. A living one renews in time.
   absl::Status ShortenImpossibleLeases();

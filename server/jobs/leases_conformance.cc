@@ -132,7 +132,25 @@ TEST_F(FencingConformance, LeaseOfADeletedJobIsLost) {
   }
 }
 
+TEST_F(FencingConformance, BytesThatAreNoTextAreReplacedInLogAndError) {
+  const Lease lease = Acquire("w1");
+  const std::string raw("f\xfcr\0 all", 8), readable = "f\uFFFDr\uFFFD all";
+  const absl::Status logged =
+      leases_->AddLog(lease, {{0, store_->NowMs(), LogSeverity::kInfo, raw}});
+  EXPECT_TRUE(logged.ok()) << logged;
+  EXPECT_EQ(store_->Log("a1", 0, 9)->back().text, readable);
+  const absl::Status failed = leases_->Fail(lease, InvalidInput("COLMAP_FAILED", raw, raw));
+  EXPECT_TRUE(failed.ok()) << failed;
+  const JobError error = *Decode<JobError>(store_->Get("a1")->error);
+  EXPECT_EQ(error.message, readable);
+  EXPECT_EQ(error.detail.field, readable);
+  EXPECT_EQ(store_->Log("a1", 0, 9)->back().text, "FAILED: " + readable);
+}
+
 TEST_F(FencingConformance, LeaseThatIsRenewedInTimeIsKept) {
+  // So long that no stall of a commit costs the lease.
+  constexpr int64_t kLongLeaseMs = 3000;
+  leases_ = std::make_unique<Leases>(store_.get(), blobs_.get(), LeaseOptions{kLongLeaseMs, 3});
   const Lease lease = Acquire("w1");
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(kLongLeaseMs + 500);
   while (std::chrono::steady_clock::now() < end) {
@@ -144,6 +162,3 @@ TEST_F(FencingConformance, LeaseThatIsRenewedInTimeIsKept) {
 
 }  // namespace
 }  // namespace litags
-  // So long that no stall of a commit costs the lease.
-  constexpr int64_t kLongLeaseMs = 3000;
-  leases_ = std::make_unique<Leases>(store_.get(), blobs_.get(), LeaseOptions{kLongLeaseMs, 3});

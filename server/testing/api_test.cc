@@ -168,7 +168,9 @@ TEST_F(JobsApi, EveryCallInEveryStateGivesTheDocumentedCode) {
     EXPECT_TRUE(lease.ok() && lease->has_value());
     EXPECT_EQ((*lease)->job.id, id);
     absl::Status end;
-    if (state == v1::JOB_STATE_SUCCEEDED) end = leases_.Succeed(**lease, {}, {});
+    if (state == v1::JOB_STATE_SUCCEEDED) {
+      end = leases_.Succeed(**lease, {}, {{kSceneFile, {"1/aa", 5}}});
+    }
     if (state == v1::JOB_STATE_FAILED) end = leases_.Fail(**lease, absl::InternalError("x"));
     if (state == v1::JOB_STATE_CANCELLED) {
       EXPECT_TRUE(client_.Cancel(name).ok());

@@ -115,8 +115,7 @@ absl::Status JobReporter::Finish(const CancelToken& stop) {
   urgent_ = true;
   const absl::Status status = lease_lost_ ? absl::AbortedError("the lease is lost")
                                           : WhileAway(stop, [&]() -> absl::Status {
-                                              LITAGS_RETURN_IF_ERROR(WriteProgress());
-                                              LITAGS_RETURN_IF_ERROR(WriteLog());
+                                              LITAGS_RETURN_IF_ERROR(WriteWords());
                                               return KeepFiles();
                                             });
   if (absl::IsAborted(status)) NoteFailure("", status);
@@ -152,6 +151,16 @@ void JobReporter::Write() {
   }
   next_keep_ = SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(
                                         std::chrono::duration<double>(pause));
+}
+
+absl::Status JobReporter::WriteWords() {
+  const absl::Status progress = WriteProgress();
+  if (absl::IsAborted(progress) || absl::IsUnavailable(progress)) return progress;
+  if (!progress.ok()) NoteFailure("write its progress", progress);
+  const absl::Status log = WriteLog();
+  if (absl::IsAborted(log) || absl::IsUnavailable(log)) return log;
+  if (!log.ok()) NoteFailure("write its log", log);
+  return absl::OkStatus();
 }
 
 absl::Status JobReporter::WriteProgress() {

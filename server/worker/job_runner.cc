@@ -13,6 +13,7 @@
 #include "server/store/file_error.h"
 #include "server/worker/job_monitor.h"
 #include "server/worker/job_reporter.h"
+#include "server/worker/self_check.h"
 #include "server/worker/while_away.h"
 #include "server/worker/work_folder.h"
 
@@ -77,6 +78,7 @@ absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerCo
 struct Outcome {
   absl::StatusOr<ReconstructReport> report;
   absl::Status kept;  // whether all that the engine left is in the blob store
+  bool engine_ran = false;
 };
 
 Outcome Reconstruct(const Lease& lease, const WorkerContext& context, const WorkerOptions& options,
@@ -99,10 +101,23 @@ Outcome Reconstruct(const Lease& lease, const WorkerContext& context, const Work
   input->memory_bytes = monitor->max_memory_bytes();
   JobReporter reporter(lease, context, options, folder, [monitor] { monitor->NoteLeaseLost(); });
   Outcome outcome;
+  outcome.engine_ran = true;
   outcome.report = context.engine->Reconstruct(*input, *engine_options, cancel, &reporter);
   monitor->NoteEngineEnded();
   outcome.kept = reporter.Finish(cancel);
   return outcome;
+}
+
+// The job is not at fault: it waits for a worker that can begin it. Returns `error`.
+absl::Status GiveBackUnbegun(const Lease& lease, const WorkerContext& context,
+                             const WorkerOptions& options, const absl::Status& error) {
+  const std::string why =
+      absl::StrCat("worker ", options.name, " cannot begin jobs now: ", TroubleInWords(error),
+                   "; the job waits for a worker that can");
+  spdlog::warn("job={} given back: {}", lease.job.id, error.ToString());
+  const absl::Status status = context.leases->GiveBack(lease, why);
+  if (!status.ok()) spdlog::error("job={} {}", lease.job.id, status.ToString());
+  return error;
 }
 
 // Writes how the lease ended, when the store is there to take it.
@@ -116,9 +131,12 @@ absl::Status WriteEnd(const Lease& lease, const WorkerContext& context, const Ca
   if (report.ok()) {
     spdlog::info("job={} succeeded gaussians={} seconds={:.1f} kept_bytes={}", id,
                  report->gaussians, report->seconds, folder->stored_bytes());
-    LITAGS_RETURN_IF_ERROR(write([&] { return leases.Succeed(lease, *report, folder->kept()); }));
-    folder->RemoveReplaced();
-    return absl::OkStatus();
+    const absl::Status ended =
+        write([&] { return leases.Succeed(lease, *report, folder->kept()); });
+    if (ended.ok()) folder->RemoveReplaced();
+    if (!HasReason(ended, "SCENE_MISSING")) return ended;
+    spdlog::error("job={} failed: {}", id, ended.ToString());
+    return write([&] { return leases.Fail(lease, ended); });
   }
   if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kCancelled) {
     spdlog::info("job={} cancelled", id);
@@ -152,6 +170,9 @@ absl::Status RunJob(const Lease& lease, const WorkerContext& context, const Work
   if (stop == JobMonitor::StopReason::kLeaseLost || absl::IsAborted(outcome.kept)) {
     spdlog::warn("job={} lease lost", id);
     return absl::OkStatus();
+  }
+  if (!outcome.engine_ran && IsFaultOfWorker(outcome.report.status(), context)) {
+    return GiveBackUnbegun(lease, context, options, outcome.report.status());
   }
   if (!outcome.kept.ok()) {
     spdlog::warn("job={} not all of its files could be kept: {}", id, outcome.kept.ToString());

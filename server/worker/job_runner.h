@@ -27,6 +27,8 @@ struct WorkerOptions {
   double progress_seconds = 1;        // between progress events within one stage
   double keep_seconds = 0;            // between two times that the engine's files are stored
   double grace_seconds = 5;           // for an engine to obey its cancel token
+  // Between looks of a worker that cannot begin jobs at whether it can again; doubles.
+  double min_rest_seconds = 1, max_rest_seconds = 60;
   // Called when it does not: must not return. The store already says what becomes of the job.
   std::function<void()> give_up;
 };
@@ -41,7 +43,8 @@ struct WorkerContext {
 };
 
 // Runs a job to one of its ends: done, failed, cancelled, given back because `shutdown` was raised,
-// or lost to another worker. Errors are those of the store; what the engine says is in the job.
+// or lost to another worker. Errors are those of the store, and those of a worker that could not
+// begin the job and gave it back; what the engine says is in the job.
 absl::Status RunJob(const Lease& lease, const WorkerContext& context, const WorkerOptions& options,
                     const CancelToken& shutdown);
 

@@ -80,7 +80,10 @@ void Supervisor::KeepRunning(int index) {
     const auto result = RunSubprocess(child, stop_);
     const double lived = std::chrono::duration<double>(SteadyClock::now() - start).count();
     const std::string why = WhyItEnded(result);
-    if (const absl::Status status = leases_->WorkerDied(name, why); !status.ok()) {
+    // One that was killed because its last checkpoint took longer than the grace was told to end.
+    const absl::Status status =
+        stop_.IsCancelled() ? leases_->WorkerStopped(name) : leases_->WorkerDied(name, why);
+    if (!status.ok()) {
       spdlog::error("cannot take back the job of {}: {}", name, status.ToString());
     }
     if (stop_.IsCancelled()) return;

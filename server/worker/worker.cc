@@ -18,6 +18,7 @@
 #include "server/worker/machine.h"
 #include "server/worker/presence.h"
 #include "server/worker/scratch_folder.h"
+#include "server/worker/self_check.h"
 #include "server/worker/shutdown_signal.h"
 
 namespace litags {
@@ -35,6 +36,27 @@ void WaitForWork(JobStore* store, const WorkerOptions& options, const CancelToke
     if (*token == *seen) continue;
     *seen = *token;
     return;
+  }
+}
+
+// Until `seconds` have passed or `shutdown` is raised.
+void Sleep(double seconds, const CancelToken& shutdown) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (!shutdown.IsCancelled() && std::chrono::steady_clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+}
+
+// After a job that could not be begun, or whose end could not be written: until this worker is
+// well, looked at after `pause` seconds, which doubles.
+void Rest(const WorkerContext& context, const WorkerOptions& options, const CancelToken& shutdown,
+          double* pause) {
+  for (bool well = false; !well && !shutdown.IsCancelled();) {
+    Sleep(*pause, shutdown);
+    *pause = std::min(2 * *pause, options.max_rest_seconds);
+    const absl::Status status = CheckWorker(context);
+    well = status.ok();
+    if (!well) spdlog::warn("takes no jobs: {}", status.ToString());
   }
 }
 
@@ -67,6 +89,7 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
                const CancelToken& shutdown) {
   int64_t seen = -1;
   bool store_is_away = false;  // said once
+  double pause = options.min_rest_seconds;
   while (!shutdown.IsCancelled()) {
     const auto lease = context.leases->Acquire(options.name, options.has);
     if (!lease.ok()) {
@@ -79,7 +102,12 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
     store_is_away = false;
     if (lease->has_value()) {
       const absl::Status status = RunJob(**lease, context, options, shutdown);
-      if (!status.ok()) spdlog::error("job={} {}", (*lease)->job.id, status.ToString());
+      if (status.ok()) {
+        pause = options.min_rest_seconds;
+        continue;
+      }
+      spdlog::error("job={} {}", (*lease)->job.id, status.ToString());
+      Rest(context, options, shutdown, &pause);
     } else {
       WaitForWork(context.store, options, shutdown, &seen);
     }

@@ -1,0 +1,141 @@
+// Jobs that a worker takes and cannot begin.
+#include "server/worker/job_runner.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <thread>
+
+#include "engine/core/error_test_util.h"
+#include "server/jobs/codec.h"
+#include "server/jobs/jobs.h"
+#include "server/store/digest.h"
+#include "server/testing/fake_engine.h"
+#include "server/testing/faulty_blob_store.h"
+#include "server/testing/temp_dir.h"
+#include "server/worker/worker.h"
+
+namespace litags {
+namespace {
+
+absl::Status Denied(std::string_view) {
+  return MakeError(absl::StatusCode::kFailedPrecondition, "BLOBS_DENIED", "blobs", "expired");
+}
+absl::Status NoFault(std::string_view) { return absl::OkStatus(); }
+
+class JobRunnerTest : public ::testing::Test {
+ protected:
+  JobRunnerTest() { options_.name = "w1"; }
+
+  std::string QueuedJob() {
+    NewJob wanted;
+    wanted.options.iterations = 3;
+    const std::string id = jobs_.Create(wanted)->id;
+    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) {
+      const std::string path = data_.tmp() + "/staged";
+      std::ofstream(path) << name;
+      EXPECT_TRUE(jobs_.uploads()
+                      .Add(id, {name, FileRole::kPhoto, 5, Sha256::Hex(name), 64, 48}, path)
+                      .ok());
+    }
+    EXPECT_TRUE(jobs_.Start(id).ok());
+    return id;
+  }
+
+  absl::Status Run() { return RunJob(**leases_.Acquire("w1"), context_, options_, CancelToken()); }
+
+  void ExpectGivenBack(const std::string& id, const std::string& why) {
+    const JobRecord job = *jobs_.Get(id);
+    EXPECT_EQ(job.state, JobState::kQueued);
+    EXPECT_EQ(job.attempt, 0);
+    EXPECT_EQ(store_->Log(id, 0, 99)->back().text,
+              "QUEUED: worker w1 cannot begin jobs now: " + why +
+                  "; the job waits for a worker that can");
+  }
+
+  TempDir dir_;
+  DataDir data_ = *DataDir::Open(dir_.path());
+  std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
+  std::unique_ptr<BlobStore> disk_ = *OpenDiskBlobStore(data_.blobs());
+  FaultyBlobStore blobs_{disk_.get()};
+  Jobs jobs_{store_.get(), disk_.get(), data_};
+  Leases leases_{store_.get(), &blobs_};
+  std::unique_ptr<Engine> engine_ = MakeFakeEngine();
+  WorkerContext context_{store_.get(), &blobs_, &leases_, engine_.get(), data_};
+  WorkerOptions options_;
+};
+
+TEST_F(JobRunnerTest, WorkerThatTheBlobStoreRefusesGivesTheJobBack) {
+  const std::string id = QueuedJob();
+  blobs_.on_read = Denied;
+  EXPECT_EQ(Reason(Run()), "BLOBS_DENIED");
+  ExpectGivenBack(id, "the blob store refuses its key");
+  blobs_.on_read = NoFault;
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kSucceeded);
+}
+
+TEST_F(JobRunnerTest, WorkerWithoutScratchGivesTheJobBack) {
+  const std::string id = QueuedJob();
+  std::filesystem::remove_all(data_.scratch());
+  EXPECT_EQ(Reason(Run()), "STORE_FAILED");
+  ExpectGivenBack(id, "it cannot read or write its files");
+}
+
+TEST_F(JobRunnerTest, JobWhosePhotoCannotBeReadFailsAndNotItsWorker) {
+  const std::string id = QueuedJob();
+  blobs_.on_read = [](std::string_view key) {
+    return key == "self-check" ? absl::OkStatus()
+                               : MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "", "EIO");
+  };
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kFailed);
+  EXPECT_EQ(Decode<JobError>(jobs_.Get(id)->error)->detail.reason, "STORE_FAILED");
+}
+
+TEST_F(JobRunnerTest, JobWhoseSceneWasNotStoredFails) {
+  const std::string id = QueuedJob();
+  blobs_.on_write = [](std::string_view) {
+    return MakeError(absl::StatusCode::kNotFound, "BLOB_NOT_FOUND", "", "404 to a write");
+  };
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kFailed);
+}
+
+TEST_F(JobRunnerTest, SickWorkerTakesNoJobsUntilItIsWellAgain) {
+  const std::string first = QueuedJob(), second = QueuedJob();
+  std::atomic<bool> denies = true;
+  std::atomic<int> reads = 0;
+  blobs_.on_read = [&](std::string_view key) {
+    ++reads;
+    return denies ? Denied(key) : absl::OkStatus();
+  };
+  options_.min_rest_seconds = 0.05;
+  options_.max_rest_seconds = 0.2;
+  CancelToken shutdown;
+  std::thread worker([&] { RunWorker(context_, options_, shutdown); });
+  const auto wait_for = [](const std::function<bool()>& done) {
+    for (int i = 0; i < 500 && !done(); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    EXPECT_TRUE(done());
+  };
+  wait_for([&] { return reads >= 6; });  // one of the job, the others of checks
+  ExpectGivenBack(first, "the blob store refuses its key");
+  EXPECT_EQ(jobs_.Get(first)->last_event, 4) << "it was taken once";
+  EXPECT_EQ(jobs_.Get(second)->last_event, 2);
+  denies = false;
+  wait_for([&] {
+    return jobs_.Get(first)->state == JobState::kSucceeded &&
+           jobs_.Get(second)->state == JobState::kSucceeded;
+  });
+  shutdown.Cancel();
+  worker.join();
+}
+
+}  // namespace
+}  // namespace litags

@@ -1,0 +1,44 @@
+#include "server/worker/self_check.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+#include "engine/core/error.h"
+#include "server/store/file_error.h"
+#include "server/worker/scratch_folder.h"
+
+namespace litags {
+namespace {
+
+// A worker with less room is full.
+constexpr off_t kRoomBytes = off_t{64} << 20;
+
+}  // namespace
+
+absl::Status CheckWorker(const WorkerContext& context) {
+  LITAGS_ASSIGN_OR_RETURN(const auto scratch, ScratchFolder::Make(context.data.scratch()));
+  const std::string path = scratch->path() + "/room";
+  const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (fd < 0) return FileError("create", path, errno);
+  const int error = posix_fallocate(fd, 0, kRoomBytes);
+  close(fd);
+  if (error != 0) return FileError("write", path, error);
+  const absl::Status read = context.blobs->Get("self-check").status();  // there is no such blob
+  return absl::IsNotFound(read) ? absl::OkStatus() : read;
+}
+
+bool IsFaultOfWorker(const absl::Status& error, const WorkerContext& context) {
+  return (HasReason(error, "DISK_FULL") || HasReason(error, "STORE_FAILED") ||
+          HasReason(error, "BLOBS_DENIED")) &&
+         !CheckWorker(context).ok();
+}
+
+std::string TroubleInWords(const absl::Status& error) {
+  if (HasReason(error, "DISK_FULL")) return "its disk is full";
+  if (HasReason(error, "BLOBS_DENIED")) return "the blob store refuses its key";
+  return "it cannot read or write its files";
+}
+
+}  // namespace litags
