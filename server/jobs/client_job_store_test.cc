@@ -5,7 +5,7 @@
 
 #include <functional>
 
-#include "engine/core/error_test_util.h"
+#include "server/testing/job_store_kind.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -14,15 +14,6 @@ namespace {
 constexpr ListOrder kOrder = ListOrder::kNewestFirst;
 
 using ::testing::HasSubstr;
-
-absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
-
-JobRecord MakeJob(const std::string& id) {
-  JobRecord job;
-  job.id = id;
-  job.create_time_ms = 1;
-  return job;
-}
 
 std::function<absl::Status(JobTransaction&)> PutBytes(int64_t bytes) {
   return [bytes](JobTransaction& job) {
@@ -74,6 +65,17 @@ TEST_F(ClientJobStoreTest, OwnersAndAdministratorsReachTheJob) {
   }
   EXPECT_EQ(admin_.List(0, "", 10, std::nullopt, kOrder)->size(), 2u);
   EXPECT_EQ(admin_.List(0, "", 10, "bob", kOrder)->at(0).id, "b1");
+}
+
+TEST_F(ClientJobStoreTest, JobsFromBeforeThereWereTokensAreTheAdministrators) {
+  ASSERT_TRUE(store_->Create(MakeJob("n1"), Nothing).ok());
+  EXPECT_EQ(Reason(alice_.Get("n1").status()), "JOB_NOT_FOUND");
+  const auto seen = alice_.List(0, "", 10, std::nullopt, kOrder);
+  ASSERT_EQ(seen->size(), 1u);
+  EXPECT_EQ(seen->at(0).id, "a1");
+  EXPECT_TRUE(alice_.List(0, "", 10, "", kOrder)->empty());
+  EXPECT_TRUE(admin_.Get("n1").ok());
+  EXPECT_EQ(admin_.List(0, "", 10, "", kOrder)->at(0).id, "n1");
 }
 
 TEST_F(ClientJobStoreTest, WorkersCallsAreRefused) {

@@ -16,7 +16,7 @@ namespace litags {
 // A change that changes nothing.
 inline absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
 
-inline JobRecord MakeJob(const std::string& id, int64_t time_ms,
+inline JobRecord MakeJob(const std::string& id, int64_t time_ms = 1,
                          JobState state = JobState::kUploading) {
   JobRecord job;
   job.id = id;
