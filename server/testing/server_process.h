@@ -7,13 +7,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <fstream>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "server/testing/eventually.h"
 #include "server/testing/test_client.h"
 
 namespace litags {
@@ -24,7 +23,7 @@ class ServerProcess {
   ServerProcess(std::string program, std::string folder) : program_(program), folder_(folder) {}
   ~ServerProcess() { End(SIGTERM); }
 
-  void Launch(const std::vector<std::string>& flags) {
+  void Launch(const std::vector<std::string>& flags = {}) {
     const std::string port_file = folder_ + "/port";
     unlink(port_file.c_str());
     std::vector<std::string> args = {program_,  "--listen",        "127.0.0.1:0",
@@ -40,22 +39,23 @@ class ServerProcess {
       _exit(127);
     }
     int port = 0;
-    for (int i = 0; i < 2000 && port == 0; ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-      std::ifstream(port_file) >> port;
-    }
-    ASSERT_GT(port, 0) << "the server did not start";
+    const auto starts = [&] { return (std::ifstream(port_file) >> port) && port > 0; };
+    ASSERT_TRUE(Eventually(starts)) << "the server did not start";
     client_ = std::make_unique<TestClient>(grpc::CreateChannel("127.0.0.1:" + std::to_string(port),
                                                                grpc::InsecureChannelCredentials()));
   }
 
-  void End(int signal) {
-    if (pid_ <= 0) return;
+  // Returns its exit status, as waitpid gives it.
+  int End(int signal) {
+    if (pid_ <= 0) return 0;
     kill(pid_, signal);
-    waitpid(pid_, nullptr, 0);
+    int status = 0;
+    waitpid(pid_, &status, 0);
     pid_ = -1;
+    return status;
   }
 
+  pid_t pid() const { return pid_; }
   TestClient& client() { return *client_; }
 
  private:

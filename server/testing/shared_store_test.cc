@@ -1,16 +1,42 @@
 // Two servers, each with a worker and a data folder of its own, on one PostgreSQL and one
 // folder of blobs, over real sockets.
+#include <curl/curl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
+#include <thread>
 
+#include "server/testing/eventually.h"
+#include "server/testing/free_port.h"
 #include "server/testing/postgres_server.h"
 #include "server/testing/server_process.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+// What a server answers at its --metrics-listen.
+std::string MetricsAt(const std::string& address) {
+  std::string text;
+  CURL* const curl = curl_easy_init();
+  curl_easy_setopt(curl, CURLOPT_URL, ("http://" + address + "/metrics").c_str());
+  curl_easy_setopt(curl, CURLOPT_NOPROXY, "*");
+  curl_easy_setopt(curl, CURLOPT_TIMEOUT, 30L);
+  curl_easy_setopt(curl, CURLOPT_WRITEDATA, &text);
+  curl_easy_setopt(
+      curl, CURLOPT_WRITEFUNCTION, +[](char* bytes, size_t, size_t size, void* out) {
+        static_cast<std::string*>(out)->append(bytes, size);
+        return size;
+      });
+  EXPECT_EQ(curl_easy_perform(curl), CURLE_OK);
+  curl_easy_cleanup(curl);
+  return text;
+}
 
 class SharedStore : public ::testing::Test {
  protected:
@@ -75,28 +101,27 @@ TEST_F(SharedStore, ManyJobsAreEachRunOnceAndBothServersWork) {
 }
 
 TEST_F(SharedStore, JobOfAKilledServerGoesOnAtTheOtherFromItsCheckpoint) {
-  // Whichever worker has it: with its server gone, the other one takes it when the lease runs out.
+  b_.End(SIGTERM);  // so that the job runs at the other
   const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 300);
   v1::Job job;
-  for (int i = 0; i < 2000 && job.snapshot_iteration() < 1; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    ASSERT_TRUE(a_.client().Get(name, &job).ok());
-  }
+  ASSERT_TRUE(Eventually(
+      [&] { return a_.client().Get(name, &job).ok() && job.snapshot_iteration() >= 1; }));
   ASSERT_EQ(job.state(), v1::JOB_STATE_RUNNING);
-  // Only one of the two kills can hit the job's worker; the other server is started again.
+  b_.Launch(Flags());
   a_.End(SIGKILL);
-  job = b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
-  const bool was_at_a = job.attempt() == 2;
-  EXPECT_EQ(b_.client().History(name), was_at_a
-                                           ? "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED "
-                                           : "UPLOADING QUEUED RUNNING SUCCEEDED ");
-  if (was_at_a) {
-    ASSERT_EQ(job.report().notes_size(), 1);
-    EXPECT_THAT(job.report().notes(0), ::testing::HasSubstr("resumed at iteration"));
-  }
+  job = b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);  // once the lease has run out
+  EXPECT_EQ(job.attempt(), 2);
+  EXPECT_EQ(b_.client().History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+  ASSERT_EQ(job.report().notes_size(), 1);
+  EXPECT_THAT(job.report().notes(0), HasSubstr("resumed at iteration"));
 }
 
 TEST_F(SharedStore, RunningJobOutlivesARestartOfTheDatabase) {
+  const std::string metrics_at = "127.0.0.1:" + std::to_string(FreePort());
+  std::vector<std::string> flags = Flags();
+  flags.insert(flags.end(), {"--metrics-listen", metrics_at});
+  b_.End(SIGTERM);
+  b_.Launch(flags);
   const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 200);
   a_.client().WaitFor(name, v1::JOB_STATE_RUNNING);
   postgres_->Crash();
@@ -104,13 +129,13 @@ TEST_F(SharedStore, RunningJobOutlivesARestartOfTheDatabase) {
   const grpc::Status away = b_.client().Get(name, &job);
   EXPECT_EQ(away.error_code(), grpc::UNAVAILABLE);
   EXPECT_EQ(DetailOf(away).reason, "STORE_UNAVAILABLE");
+  const std::string metrics = MetricsAt(metrics_at);
+  EXPECT_THAT(metrics, HasSubstr("\nlitags_store_up 0\n"));
+  EXPECT_THAT(metrics, Not(HasSubstr("litags_jobs")));   // left out, not out of date
   std::this_thread::sleep_for(std::chrono::seconds(6));  // the job itself is done by now
   ASSERT_TRUE(postgres_->Run().ok());
   // Servers that were refused just now ask again after a moment (PostgresPool).
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
-  while (!b_.client().Get(name, &job).ok() && std::chrono::steady_clock::now() < deadline) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  }
+  EXPECT_TRUE(Eventually([&] { return b_.client().Get(name, &job).ok(); }));
   job = b_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
   EXPECT_EQ(job.attempt(), 1);
   EXPECT_EQ(a_.client().History(name), "UPLOADING QUEUED RUNNING SUCCEEDED ");
