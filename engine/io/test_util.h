@@ -2,37 +2,17 @@
 #ifndef LITAGS_ENGINE_IO_TEST_UTIL_H_
 #define LITAGS_ENGINE_IO_TEST_UTIL_H_
 
-#include <stdlib.h>
-
 #include <filesystem>
 #include <functional>
 #include <string>
-#include <string_view>
 
 #include "absl/status/status.h"
 #include "engine/core/error.h"
 #include "engine/core/image.h"
 #include "engine/core/rng.h"
+#include "engine/core/temp_dir_test_util.h"
 
 namespace litags {
-
-// A fresh folder, deleted with this object.
-class TempDir {
- public:
-  TempDir() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "litags-XXXXXX").string();
-    path_ = ::mkdtemp(pattern.data());
-  }
-  ~TempDir() { std::filesystem::remove_all(path_); }
-  TempDir(const TempDir&) = delete;
-  TempDir& operator=(const TempDir&) = delete;
-
-  std::string path() const { return path_; }
-  std::string operator/(std::string_view name) const { return path_ + "/" + std::string(name); }
-
- private:
-  std::string path_;
-};
 
 // Reason of the error detail; "OK" without an error, "NO DETAIL" without a detail.
 inline std::string Reason(const absl::Status& status) {

@@ -8,15 +8,13 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "engine/core/error.h"
+#include "engine/core/temp_dir_test_util.h"
 
 namespace litags {
 namespace {
 
 class ContactSheet : public testing::Test {
  protected:
-  void SetUp() override { std::filesystem::create_directories(dir_); }
-  void TearDown() override { std::filesystem::remove_all(dir_); }
-
   // A picture of one colour (BGR).
   std::string Paint(const std::string& name, int width, int height, const cv::Scalar& color) {
     const std::string path = dir_ + "/" + name;
@@ -33,8 +31,8 @@ class ContactSheet : public testing::Test {
     return n;
   }
 
-  const std::string dir_ = testing::TempDir() + "contact_sheet_" +
-                           testing::UnitTest::GetInstance()->current_test_info()->name();
+  const TempDir temporary_;
+  const std::string dir_ = temporary_.path();
 };
 
 TEST_F(ContactSheet, EveryPictureAppearsInItsOwnColoursAndWidth) {
