@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <set>
 #include <string>
@@ -168,7 +169,10 @@ class Jobs {
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::StatusOr<bool> RemoveExpired(std::string_view id);
   absl::Status RemoveFolders(std::string_view id);
+  absl::StatusOr<std::set<std::string>> JobFolders();
   absl::Status RemoveOrphans();
+  absl::Status RemoveOrphan(const std::string& id);
+  absl::Status RemoveEndedUploads();
   absl::Status RemoveUnreferencedBlobs(const std::string& id);
   absl::Status RemoveUnreferencedUploads(const std::string& id,
                                          const std::vector<std::string>& digests);
@@ -181,6 +185,9 @@ class Jobs {
   Uploads uploads_;
   const ClientView view_;  // of all jobs: no client's, without limits
   const WebhookPolicy webhooks_;
+  std::mutex sweep_mutex_;  // held for a sweep
+  // Jobs that have folders and no row: since when this process knows.
+  std::map<std::string, int64_t> missed_since_ms_;
 };
 
 }  // namespace litags

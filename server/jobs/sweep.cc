@@ -1,6 +1,7 @@
 // What a service that runs for years must throw away: Jobs::Sweep().
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <set>
 
@@ -50,37 +51,70 @@ absl::StatusOr<bool> Jobs::RemoveExpired(std::string_view id) {
   return removed;
 }
 
-absl::Status Jobs::RemoveOrphans() {
-  // How long the local folders of each job have been left alone.
-  std::map<std::string, double> quiet;
-  const auto note = [&](const std::string& name, double seconds) {
-    if (!IsJobId(name)) return;
-    const auto [it, added] = quiet.emplace(name, seconds);
-    if (!added) it->second = std::min(it->second, seconds);
-  };
+// Names of the folders of jobs, in the blob store and of files on their way.
+absl::StatusOr<std::set<std::string>> Jobs::JobFolders() {
   LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data_.uploads()));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, blobs_->List("jobs"));
-  for (const FolderEntry& entry : partials) note(entry.name, entry.quiet_seconds);
   LITAGS_ASSIGN_OR_RETURN(const auto chunks, uploads_.partials().chunks().Jobs());
-  for (const std::string& name : blobs) note(name, std::numeric_limits<double>::infinity());
-  for (const std::string& name : chunks) note(name, std::numeric_limits<double>::infinity());
-  for (const auto& [id, seconds] : quiet) {
-    // A row is there before its folders are, so that a folder without a row was left behind by a
-    // crash, or its row was lost: the delay is the operator's time to bring the row back.
-    if (seconds < uploads_.limits().keep_seconds) continue;
+  std::set<std::string> names(blobs.begin(), blobs.end());
+  names.insert(chunks.begin(), chunks.end());
+  for (const FolderEntry& entry : partials) names.insert(entry.name);
+  std::erase_if(names, [](const std::string& name) { return !IsJobId(name); });
+  return names;
+}
+
+// A row is there before its folders are: a folder without one was left behind by a crash, or its
+// row was lost, as with the wrong job store or an old copy of it. The delay, from the moment at
+// which the row was first missed, is the operator's time to bring the row back.
+absl::Status Jobs::RemoveOrphans() {
+  LITAGS_ASSIGN_OR_RETURN(const auto folders, JobFolders());
+  const int64_t now_ms = clock_();
+  std::map<std::string, int64_t> missed;
+  bool is_news = false;
+  for (const std::string& id : folders) {
     const absl::Status row = store_->Get(id).status();
     if (row.ok()) continue;
     if (!absl::IsNotFound(row)) return row;
-    LITAGS_ASSIGN_OR_RETURN(const double blob_seconds,
-                            blobs_->QuietSeconds(absl::StrCat("jobs/", id)));
-    LITAGS_ASSIGN_OR_RETURN(const double chunk_seconds,
-                            uploads_.partials().chunks().QuietSeconds(id));
-    if (std::min(blob_seconds, chunk_seconds) >= uploads_.limits().keep_seconds) {
-      LITAGS_RETURN_IF_ERROR(RemoveFolders(id));
-    }
+    const auto before = missed_since_ms_.find(id);
+    const bool is_new = before == missed_since_ms_.end();
+    missed[id] = is_new ? now_ms : before->second;
+    is_news |= is_new;
   }
+  const double keep_seconds = uploads_.limits().keep_seconds;
+  if (is_news) {
+    spdlog::warn(
+        "{} jobs that have files, jobs/{} among them, are not in the job store: their files are "
+        "removed after {:.1f} hours; if this is the wrong job store, or an old copy, put the right "
+        "one back before",
+        missed.size(), missed.begin()->first, keep_seconds / 3600);
+  }
+  missed_since_ms_ = std::move(missed);
+  for (const auto& [id, since_ms] : missed_since_ms_) {
+    if (static_cast<double>(now_ms - since_ms) < 1000 * keep_seconds) continue;
+    LITAGS_RETURN_IF_ERROR(RemoveOrphan(id));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Jobs::RemoveOrphan(const std::string& id) {
+  LITAGS_ASSIGN_OR_RETURN(const double blob_seconds,
+                          blobs_->QuietSeconds(absl::StrCat("jobs/", id)));
+  LITAGS_ASSIGN_OR_RETURN(const double chunk_seconds,
+                          uploads_.partials().chunks().QuietSeconds(id));
+  if (std::min(blob_seconds, chunk_seconds) < uploads_.limits().keep_seconds) {
+    return absl::OkStatus();
+  }
+  LITAGS_RETURN_IF_ERROR(RemoveFolders(id));
+  spdlog::warn("job={} is not in the job store; its files were removed", id);
+  return absl::OkStatus();
+}
+
+// What was on its way into jobs that do not take files any more.
+absl::Status Jobs::RemoveEndedUploads() {
+  LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data_.uploads()));
+  LITAGS_ASSIGN_OR_RETURN(const auto chunks, uploads_.partials().chunks().Jobs());
   std::set<std::string> uploading(chunks.begin(), chunks.end());
-  for (const auto& entry : partials) uploading.insert(entry.name);
+  for (const FolderEntry& entry : partials) uploading.insert(entry.name);
   for (const std::string& id : uploading) {
     if (!IsJobId(id)) continue;
     const auto job = store_->Get(id);
@@ -180,6 +214,7 @@ absl::StatusOr<std::set<std::string>> Jobs::BlobsNamedBy(const JobRecord& job) {
 }
 
 absl::StatusOr<std::vector<std::string>> Jobs::Sweep() {
+  const std::lock_guard lock(sweep_mutex_);
   LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->Expired(clock_(), kJobsPerSweep));
   std::vector<std::string> removed;
   for (const std::string& id : ids) {
@@ -187,6 +222,7 @@ absl::StatusOr<std::vector<std::string>> Jobs::Sweep() {
     if (gone) removed.push_back(id);
   }
   LITAGS_RETURN_IF_ERROR(RemoveOrphans());
+  LITAGS_RETURN_IF_ERROR(RemoveEndedUploads());
   LITAGS_ASSIGN_OR_RETURN(const auto jobs_with_unreferenced,
                           store_->JobsWithUnreferencedBlobs(kJobsPerSweep));
   for (const std::string& id : jobs_with_unreferenced) {
