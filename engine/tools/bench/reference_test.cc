@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/core/simd_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/npy.h"
 #include "gmock/gmock.h"
@@ -34,13 +35,11 @@ class MetricsCase {
  public:
   static constexpr double kA = 100 / 255.0, kB = 110 / 255.0, kC1 = 1e-4;
 
-  explicit MetricsCase(const std::string& name) : folder_(fs::path(testing::TempDir()) / name) {
-    fs::remove_all(folder_);
+  MetricsCase() {
     fs::create_directories(folder_ / "a_case");
     WriteImage("a", 100);
     WriteImage("b", 110);
   }
-  ~MetricsCase() { fs::remove_all(folder_); }
 
   std::string folder() const { return folder_.string(); }
 
@@ -67,11 +66,12 @@ class MetricsCase {
     ASSERT_TRUE(WriteNpy(path, image).ok());
   }
 
-  fs::path folder_;
+  const TempDir temporary_;
+  const fs::path folder_ = temporary_.path();
 };
 
 TEST(Reference, RightNumbersPassAndArraysWithoutCounterpartAreNamed) {
-  const MetricsCase flat("reference_right");
+  const MetricsCase flat;
   flat.WriteJson("metrics", 0);
   std::ostringstream table;
   const ReferenceSummary summary = RunReferenceCases(flat.folder(), table);
@@ -81,7 +81,7 @@ TEST(Reference, RightNumbersPassAndArraysWithoutCounterpartAreNamed) {
 }
 
 TEST(Reference, NumbersPastToleranceFail) {
-  const MetricsCase flat("reference_wrong");
+  const MetricsCase flat;
   flat.WriteJson("metrics", 2e-4);
   std::ostringstream table;
   const ReferenceSummary summary = RunReferenceCases(flat.folder(), table);
@@ -91,7 +91,7 @@ TEST(Reference, NumbersPastToleranceFail) {
 }
 
 TEST(Reference, UnknownKindsMissingArraysAndEmptyFoldersFail) {
-  const MetricsCase flat("reference_broken");
+  const MetricsCase flat;
   std::ostringstream table;
   EXPECT_FALSE(RunReferenceCases(flat.folder(), table).AllPassed());
   EXPECT_THAT(table.str(), HasSubstr("no case folders"));

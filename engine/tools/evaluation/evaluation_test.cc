@@ -11,6 +11,7 @@
 #include <numeric>
 
 #include "engine/core/error.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
@@ -50,13 +51,11 @@ void WriteCameras(const std::string& scene, const std::string& name,
 class EvaluationTest : public testing::Test {
  protected:
   void SetUp() override {
-    dir_ = testing::TempDir() + "/evaluation_" +
-           testing::UnitTest::GetInstance()->current_test_info()->name();
-    std::filesystem::remove_all(dir_);
     std::filesystem::create_directories(dir_ + "/truth");
     std::filesystem::create_directories(dir_ + "/photos");
   }
-  std::string dir_;
+  const TempDir temporary_;
+  const std::string dir_ = temporary_.path();
 };
 
 TEST_F(EvaluationTest, AUniformOffsetCostsItsPsnrAndNothingAfterTheColourFit) {
