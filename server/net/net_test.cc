@@ -21,6 +21,7 @@
 #include "server/net/listener.h"
 #include "server/net/open_calls.h"
 #include "server/net/peer.h"
+#include "server/testing/eventually.h"
 
 namespace litags {
 namespace {
@@ -92,10 +93,7 @@ class ListenerTest : public ::testing::Test {
     });
   }
   int port() const { return listener_->port(); }
-  void WaitFor(const std::function<bool()>& condition) {
-    for (int i = 0; i < 1000 && !condition(); ++i) std::this_thread::sleep_for(milliseconds(10));
-    EXPECT_TRUE(condition());
-  }
+  void WaitFor(const std::function<bool()>& condition) { EXPECT_TRUE(Eventually(condition)); }
   // A client whose first call came whole and has ended.
   void Known(const Socket& socket, uint64_t number, const std::string& client) {
     EXPECT_TRUE(connections_->OpenCall(number, client));

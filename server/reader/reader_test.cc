@@ -7,7 +7,6 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <map>
 #include <thread>
 
@@ -19,6 +18,7 @@
 #include "server/reader/file_findings.h"
 #include "server/reader/file_reader.h"
 #include "server/testing/archives.h"
+#include "server/testing/eventually.h"
 #include "server/testing/photos.h"
 #include "server/testing/temp_dir.h"
 
@@ -41,14 +41,6 @@ std::vector<pid_t> ChildrenOf(pid_t process) {
     for (pid_t child; children >> child;) found.push_back(child);
   }
   return found;
-}
-
-bool EventuallyTrue(const std::function<bool()>& what) {
-  for (int i = 0; i < 1000; ++i) {
-    if (what()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  return false;
 }
 
 class RemoteReaderTest : public ::testing::Test {
@@ -82,7 +74,7 @@ class RemoteReaderTest : public ::testing::Test {
   // The program that makes the processes.
   static pid_t Program() {
     pid_t found = 0;
-    EventuallyTrue([&] {
+    Eventually([&] {
       const auto children = ChildrenOf(getpid());
       if (!children.empty()) found = children.front();
       return found != 0;
@@ -93,7 +85,7 @@ class RemoteReaderTest : public ::testing::Test {
   // The process of the archive in hand.
   static pid_t ReaderProcess() {
     pid_t found = 0;
-    EventuallyTrue([&] {
+    Eventually([&] {
       const auto children = ChildrenOf(Program());
       if (!children.empty()) found = children.back();
       return found != 0;
@@ -326,7 +318,7 @@ TEST_F(RemoteReaderTest, AProgramThatDiesIsStartedAgainAndTheFileIsNotToBlame) {
   sink.on_begin = [&] {
     const pid_t reader = ReaderProcess();
     kill(program, SIGKILL);
-    EXPECT_TRUE(EventuallyTrue([&] { return HasEnded(reader); }));
+    EXPECT_TRUE(Eventually([&] { return HasEnded(reader); }));
   };
   const absl::Status status = Extract(Tar({{"a.png", std::string(1 << 20, 'x')}}), &sink);
   EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable) << status;
@@ -342,7 +334,7 @@ TEST_F(RemoteReaderTest, ACancelledCallEndsItsProcess) {
   sink.on_begin = [&] { cancel_.Cancel(); };
   const std::string tar = Tar({{"a.png", std::string(1 << 20, 'x')}, {"b.png", "x"}});
   EXPECT_EQ(Extract(tar, &sink).code(), absl::StatusCode::kCancelled);
-  EXPECT_TRUE(EventuallyTrue([&] { return ChildrenOf(program).empty(); }));
+  EXPECT_TRUE(Eventually([&] { return ChildrenOf(program).empty(); }));
 }
 
 TEST_F(RemoteReaderTest, ProcessesHaveNoSecretsFewSystemCallsAndLimits) {
