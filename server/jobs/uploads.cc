@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -31,6 +32,17 @@ bool IsIn(const std::vector<FileRecord>& files, const FileRecord& file) {
 // Whether a row for `file` takes the place of one with other bytes.
 bool Replaces(const FileRecord& file, const FileRecord& old) {
   return SameName(file, old) && file.sha256 != old.sha256;
+}
+
+// A name, or another one, for these bytes.
+bool HasBytes(const std::vector<FileRecord>& files, const std::string& sha256) {
+  return std::any_of(files.begin(), files.end(),
+                     [&](const FileRecord& f) { return f.sha256 == sha256; });
+}
+
+// Notes that `files`, which are the job's from now on, hold `old` no more under its name.
+void NoteReplaced(JobRecord* job, const std::vector<FileRecord>& files, const FileRecord& old) {
+  if (!HasBytes(files, old.sha256)) job->unreferenced_bytes += old.size_bytes;
 }
 
 bool GivesCameras(const FileRecord& file) {
@@ -107,6 +119,7 @@ absl::StatusOr<std::vector<FileStatus>> Uploads::Query(std::string_view id,
   LITAGS_RETURN_IF_ERROR(Check(id));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> stored, store_->Files(id));
   std::vector<FileStatus> result;
+  BlobsOf blobs_of;
   for (const FileRecord& file : files) {
     FileStatus& status = result.emplace_back();
     if (IsIn(stored, file)) {
@@ -115,8 +128,11 @@ absl::StatusOr<std::vector<FileStatus>> Uploads::Query(std::string_view id,
     }
     LITAGS_ASSIGN_OR_RETURN(const auto same, FindBytes(id, file));
     if (same) {
-      status.offset = file.size_bytes;
-      continue;
+      LITAGS_ASSIGN_OR_RETURN(const bool there, HasBlob(same->job_id, file.sha256, &blobs_of));
+      if (there) {
+        status.offset = file.size_bytes;
+        continue;
+      }
     }
     LITAGS_ASSIGN_OR_RETURN(const int64_t there,
                             partials().Size(id, PartialKey(file), file.size_bytes));
@@ -195,17 +211,22 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
 // Another server may be about to name bytes that no row names now. So nothing is removed while the
 // job takes files; what was replaced counts as the client's until Jobs::RemoveUnreferencedBlobs()
 // removes it.
-absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file) {
+absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file, int64_t returning) {
   const auto change = [&](JobTransaction& job) -> absl::Status {
     LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
     if (job.job.state != JobState::kUploading) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
                        "the job was started, and has failed, while the file came; send it again");
     }
-    LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
+    LITAGS_ASSIGN_OR_RETURN(std::vector<FileRecord> files, job.Files());
+    int64_t& unreferenced = job.job.unreferenced_bytes;
+    if (!HasBytes(files, file.sha256)) unreferenced -= std::min(unreferenced, returning);
     LITAGS_RETURN_IF_ERROR(CheckRoom(job.job, files, file, {}));
-    for (const FileRecord& f : files) {
-      if (Replaces(file, f)) job.job.unreferenced_bytes += f.size_bytes;
+    const auto old = std::find_if(files.begin(), files.end(),
+                                  [&](const FileRecord& f) { return Replaces(file, f); });
+    if (old != files.end()) {
+      const FileRecord replaced = std::exchange(*old, file);
+      NoteReplaced(&job.job, files, replaced);
     }
     job.job.expire_time_ms = Expiry();
     return job.PutFile(file);
@@ -237,41 +258,72 @@ absl::StatusOr<std::optional<JobFile>> Uploads::FindBytes(std::string_view id,
   return std::nullopt;
 }
 
+absl::StatusOr<bool> Uploads::HasBlob(const std::string& id, const std::string& sha256,
+                                      BlobsOf* blobs_of) const {
+  const auto [blobs, is_new] = blobs_of->try_emplace(id);
+  if (is_new) {
+    LITAGS_ASSIGN_OR_RETURN(const auto names, blobs_->List(absl::StrCat("jobs/", id)));
+    blobs->second.insert(names.begin(), names.end());
+  }
+  return blobs->second.contains(sha256);
+}
+
 // Before bytes are stored: those that are refused only then are of no job, and count for nobody.
-absl::Status Uploads::CheckAdd(std::string_view id, const FileRecord& file) {
+absl::StatusOr<int64_t> Uploads::CheckAdd(std::string_view id, const FileRecord& file) {
   LITAGS_RETURN_IF_ERROR(Check(id));
-  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+  LITAGS_ASSIGN_OR_RETURN(JobRecord job, store_->Get(id));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
-  if (IsIn(files, file)) return absl::OkStatus();
+  if (IsIn(files, file)) return 0;
+  int64_t returning = 0;
+  if (job.unreferenced_bytes > 0 && !HasBytes(files, file.sha256)) {
+    BlobsOf blobs_of;
+    LITAGS_ASSIGN_OR_RETURN(const bool there, HasBlob(job.id, file.sha256, &blobs_of));
+    if (there) returning = std::min(file.size_bytes, job.unreferenced_bytes);
+  }
+  job.unreferenced_bytes -= returning;
   LITAGS_RETURN_IF_ERROR(CheckRoom(job, files, file, {}));
   LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
-  LITAGS_RETURN_IF_ERROR(CheckByteQuota(usage.bytes + file.size_bytes, max_owner_bytes_));
-  return Reopen(id);
+  LITAGS_RETURN_IF_ERROR(
+      CheckByteQuota(usage.bytes - returning + file.size_bytes, max_owner_bytes_));
+  LITAGS_RETURN_IF_ERROR(Reopen(id));
+  return returning;
+}
+
+absl::Status Uploads::StoreBytes(std::string_view id, const FileRecord& file,
+                                 const std::string& path) {
+  const std::string key = BlobKey(id, file.sha256);
+  LITAGS_ASSIGN_OR_RETURN(const auto same, FindBytes(id, file));
+  const std::string same_key = same ? BlobKey(same->job_id, file.sha256) : "";
+  const absl::Status linked = same ? blobs_->Link(same_key, key) : absl::NotFoundError("");
+  if (linked.ok()) {
+    unlink(path.c_str());
+    return absl::OkStatus();
+  }
+  LITAGS_RETURN_IF_ERROR(blobs_->PutFile(key, path));
+  if (!same || !absl::IsNotFound(linked)) return absl::OkStatus();
+  // That job lost the bytes, unless it was deleted just now. Else each later job would look for
+  // them there.
+  if (store_->Get(same->job_id).ok()) blobs_->Link(key, same_key).IgnoreError();
+  return absl::OkStatus();
 }
 
 absl::Status Uploads::Add(std::string_view id, const FileRecord& file, const std::string& path) {
-  LITAGS_RETURN_IF_ERROR(CheckAdd(id, file));
-  const std::string key = BlobKey(id, file.sha256);
-  LITAGS_ASSIGN_OR_RETURN(const auto same, FindBytes(id, file));
-  if (same && blobs_->Link(BlobKey(same->job_id, file.sha256), key).ok()) {
-    unlink(path.c_str());
-  } else {
-    LITAGS_RETURN_IF_ERROR(blobs_->PutFile(key, path));
-  }
-  return PutRow(id, file);
+  LITAGS_ASSIGN_OR_RETURN(const int64_t returning, CheckAdd(id, file));
+  LITAGS_RETURN_IF_ERROR(StoreBytes(id, file, path));
+  return PutRow(id, file, returning);
 }
 
 absl::StatusOr<bool> Uploads::Adopt(std::string_view id, const FileRecord& file) {
   LITAGS_ASSIGN_OR_RETURN(const auto same, FindBytes(id, file));
   if (!same) return false;
-  LITAGS_RETURN_IF_ERROR(CheckAdd(id, file));
+  LITAGS_ASSIGN_OR_RETURN(const int64_t returning, CheckAdd(id, file));
   const absl::Status linked =
       blobs_->Link(BlobKey(same->job_id, file.sha256), BlobKey(id, file.sha256));
-  if (absl::IsNotFound(linked)) return false;  // that job was deleted just now
+  if (absl::IsNotFound(linked)) return false;  // that job lost them, or was deleted just now
   LITAGS_RETURN_IF_ERROR(linked);
   FileRecord mine = same->file;
   mine.name = file.name;
-  LITAGS_RETURN_IF_ERROR(PutRow(id, mine));
+  LITAGS_RETURN_IF_ERROR(PutRow(id, mine, returning));
   return true;
 }
 
@@ -281,14 +333,16 @@ absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::st
   std::string kept;
   const auto change = [&](JobTransaction& job) -> absl::Status {
     LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
-    LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
+    LITAGS_ASSIGN_OR_RETURN(std::vector<FileRecord> files, job.Files());
     const auto file = std::find_if(files.begin(), files.end(), [&](const FileRecord& f) {
       return f.role == role && f.name == name;
     });
     removed = file != files.end();
     if (!removed) return absl::OkStatus();  // a FAILED job keeps its checkpoints
     LITAGS_RETURN_IF_ERROR(ReopenIn(job, &kept));
-    job.job.unreferenced_bytes += file->size_bytes;
+    const FileRecord old = *file;
+    files.erase(file);
+    NoteReplaced(&job.job, files, old);
     job.job.has_unreferenced_blobs = true;
     job.job.expire_time_ms = Expiry();
     return job.RemoveFile(role, name);
@@ -300,7 +354,7 @@ absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::st
 
 absl::Status Uploads::NoteArchive(std::string_view id, FileRecord archive) {
   archive.size_bytes = 0;
-  return PutRow(id, archive);
+  return PutRow(id, archive, 0);
 }
 
 }  // namespace litags

@@ -4,9 +4,11 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -88,8 +90,8 @@ class Uploads {
                                                     int64_t offset);
 
   // Keeps a checked file whose bytes are at `path`; the file at `path` is consumed. Bytes that
-  // another job has already take no more room. On disk when it returns. RESOURCE_EXHAUSTED
-  // (TOO_MANY_FILES, JOB_TOO_LARGE), INVALID_ARGUMENT (CAMERAS_TWICE).
+  // another job has already take no more room; a job that lost them has them again. On disk when it
+  // returns. RESOURCE_EXHAUSTED (TOO_MANY_FILES, JOB_TOO_LARGE), INVALID_ARGUMENT (CAMERAS_TWICE).
   absl::Status Add(std::string_view id, const FileRecord& file, const std::string& path);
 
   // The same with the bytes of a file of the same digest and role in this job or in another one of
@@ -110,6 +112,12 @@ class Uploads {
                          const FileRecord& file, const PartialFiles::Usage& coming) const;
   absl::Status CheckQuota(const JobRecord& job, const FileRecord& file) const;
   absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
+  // Whether the bytes are there, too. `blobs_of`: names of the blobs of each job that was asked
+  // for.
+  using BlobsOf = std::map<std::string, std::set<std::string>, std::less<>>;
+  absl::StatusOr<bool> HasBlob(const std::string& id, const std::string& sha256,
+                               BlobsOf* blobs_of) const;
+  absl::Status StoreBytes(std::string_view id, const FileRecord& file, const std::string& path);
   // A FAILED job takes files again: UPLOADING before the first byte is stored, so that no sweep
   // takes it for waste. One with a finished scene does not, since its scene is of the files it has.
   absl::Status Reopen(std::string_view id);
@@ -117,8 +125,10 @@ class Uploads {
   // nothing and stay as long as the job takes files.
   absl::Status ReopenIn(JobTransaction& job, std::string* kept) const;
   void RemoveKept(std::string_view id, const std::string& kept);
-  absl::Status PutRow(std::string_view id, const FileRecord& file);
-  absl::Status CheckAdd(std::string_view id, const FileRecord& file);
+  // `returning`: see CheckAdd().
+  absl::Status PutRow(std::string_view id, const FileRecord& file, int64_t returning);
+  // Returns how many bytes of JobRecord::unreferenced_bytes are the file's own, which was removed.
+  absl::StatusOr<int64_t> CheckAdd(std::string_view id, const FileRecord& file);
   void NoteUnreferencedBlobs(std::string_view id);
 
   JobStore* const store_;

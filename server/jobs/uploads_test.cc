@@ -325,6 +325,43 @@ TEST_F(UploadsTest, ReplacedBytesCountAgainstTheOwnersUntilTheyAreGone) {
   EXPECT_TRUE(add(alice->Create({})->id, 'z').ok());
 }
 
+TEST_F(UploadsTest, AFileThatIsRemovedAndSentAgainCountsOnce) {
+  UploadLimits limits;
+  limits.max_job_bytes = 1000;
+  Restart(limits);
+  const std::string id = NewJob(), bytes(300, 'x');
+  for (int round = 0; round < 5; ++round) {
+    ASSERT_TRUE(Add(id, "a.jpg", bytes).ok()) << round;
+    EXPECT_EQ(store_->UsageOf("")->bytes, 300);
+    ASSERT_TRUE(*uploads().Remove(id, FileRole::kPhoto, "a.jpg"));
+    EXPECT_EQ(store_->UsageOf("")->bytes, 300);
+  }
+  // Nor when it is replaced, and comes back under another name.
+  ASSERT_TRUE(Add(id, "a.jpg", bytes).ok());
+  ASSERT_TRUE(Add(id, "a.jpg", std::string(200, 'y')).ok());
+  EXPECT_EQ(store_->UsageOf("")->bytes, 500);
+  ASSERT_TRUE(Add(id, "b.jpg", bytes).ok());
+  EXPECT_EQ(store_->UsageOf("")->bytes, 500);
+  // Bytes that the job still has under another name are no waste.
+  ASSERT_TRUE(*uploads().Adopt(id, Photo("c.jpg", bytes)));
+  ASSERT_TRUE(*uploads().Remove(id, FileRole::kPhoto, "b.jpg"));
+  EXPECT_EQ(store_->Get(id)->unreferenced_bytes, 0);
+}
+
+TEST_F(UploadsTest, AFileWhoseBytesAnotherJobLostIsSentAgainAndGivesThemBack) {
+  const std::string first = NewJob(), second = NewJob(), third = NewJob();
+  const FileRecord file = Photo("a.jpg", "0123456789");
+  ASSERT_TRUE(Add(first, "a.jpg", "0123456789").ok());
+  ASSERT_TRUE(blobs_->Remove(BlobKey(first, file.sha256)).ok());
+  EXPECT_EQ(OffsetOf(second, file), 0);
+  EXPECT_FALSE(*uploads().Adopt(second, file));
+  ASSERT_TRUE(Add(second, "a.jpg", "0123456789").ok());
+  for (const std::string& id : {first, second}) {
+    EXPECT_EQ(*blobs_->Get(BlobKey(id, file.sha256)), "0123456789");
+  }
+  EXPECT_EQ(OffsetOf(third, file), 10);
+}
+
 TEST_F(UploadsTest, RefusedFilesAreNotStored) {
   const std::string id = NewJob();
   ASSERT_TRUE(Add(id, "one.json", "{}", FileRole::kCameras).ok());
