@@ -7,12 +7,12 @@
 #include <atomic>
 #include <chrono>
 #include <filesystem>
-#include <functional>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "server/testing/api_fixture.h"
+#include "server/testing/eventually.h"
 #include "server/testing/photos.h"
 
 namespace litags {
@@ -58,14 +58,6 @@ class HeldForClients : public ApiTest {
     arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
     arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 64 << 10);
     slow_client_ = TestClient(grpc::CreateCustomChannel(address, credentials, arguments));
-  }
-
-  bool Becomes(const std::function<bool()>& what) {
-    for (int i = 0; i < 1000; ++i) {
-      if (what()) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    return false;
   }
 
   int SnapshotOf(const std::string& job) {
@@ -118,13 +110,13 @@ TEST_F(HeldForClients, PathsThatAreReadSlowlyKeepNoOldSnapshots) {
   v1::RenderPathResponse frame;
   int last = -1;
   for (int i = 0; i < kPaths; ++i) {
-    ASSERT_TRUE(Becomes([&] { return SnapshotOf(job) > last; }));
+    ASSERT_TRUE(Eventually([&] { return SnapshotOf(job) > last; }));
     last = SnapshotOf(job);
     calls.push_back(std::make_unique<grpc::ClientContext>());
     paths.push_back(OpenPath(calls.back().get(), job, kFrames));
     ASSERT_TRUE(paths.back()->Read(&frame));
   }
-  EXPECT_TRUE(Becomes([&] { return engine.scenes() <= 1; })) << engine.scenes();
+  EXPECT_TRUE(Eventually([&] { return engine.scenes() <= 1; })) << engine.scenes();
   // The first path goes on with newer snapshots, to its end.
   std::vector<int> iterations;
   while (paths[0]->Read(&frame)) iterations.push_back(frame.view().iteration());
@@ -140,13 +132,13 @@ TEST_F(HeldForClients, APathStaysOnItsSnapshotWhileThereIsRoom) {
   Serve(Options(), engine_.get());
   StartWorker();
   const std::string job = TrainingJob();
-  ASSERT_TRUE(Becomes([&] { return SnapshotOf(job) >= 0; }));
+  ASSERT_TRUE(Eventually([&] { return SnapshotOf(job) >= 0; }));
   grpc::ClientContext call;
   const PathReader path = OpenPath(&call, job, 20);
   v1::RenderPathResponse frame;
   ASSERT_TRUE(path->Read(&frame));
   const int first = frame.view().iteration();
-  ASSERT_TRUE(Becomes([&] { return SnapshotOf(job) > first; }));
+  ASSERT_TRUE(Eventually([&] { return SnapshotOf(job) > first; }));
   v1::RenderViewRequest newest;
   newest.set_name(job);
   newest.mutable_pose()->set_camera("b.png");
@@ -185,7 +177,7 @@ TEST_F(HeldForClients, ExportsWaitForDiskSpaceAndThenGoOn) {
     calls.push_back(std::make_unique<grpc::ClientContext>());
     exports.push_back(slow_client_.model->ExportModel(calls.back().get(), request));
   }
-  ASSERT_TRUE(Becomes([] { return OpenExports() > 0; }));
+  ASSERT_TRUE(Eventually([] { return OpenExports() > 0; }));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   EXPECT_EQ(OpenExports(), 1);
   std::vector<std::thread> readers;
@@ -242,8 +234,8 @@ TEST_F(HeldPreviews, AWatcherThatDoesNotReadIsCutOffAndItsMemoryFreed) {
   Serve(/*max_unread_seconds=*/0.3);
   grpc::ClientContext call;
   const auto watch = SlowWatch(&call);
-  EXPECT_TRUE(Becomes([&] { return IsFull(); }));
-  EXPECT_TRUE(Becomes([&] { return !IsFull(); }));
+  EXPECT_TRUE(Eventually([&] { return IsFull(); }));
+  EXPECT_TRUE(Eventually([&] { return !IsFull(); }));
   for (v1::JobEvent event; watch->Read(&event);) {
   }
   const grpc::Status status = watch->Finish();
@@ -262,7 +254,7 @@ TEST_F(HeldPreviews, EventsComeWithoutPreviewsWhileTooMuchIsUnread) {
     });
   };
   // On a busy machine a client may read too slowly for one of them.
-  EXPECT_TRUE(Becomes([&] { return previews() == 3; }));
+  EXPECT_TRUE(Eventually([&] { return previews() == 3; }));
   std::unique_ptr<grpc::ClientContext> call;
   std::unique_ptr<grpc::ClientReader<v1::JobEvent>> watch;
   // What the reader before held may still count when the slow one begins, which has no previews
@@ -279,7 +271,7 @@ TEST_F(HeldPreviews, EventsComeWithoutPreviewsWhileTooMuchIsUnread) {
     }
     return IsFull();
   };
-  ASSERT_TRUE(Becomes(begin));
+  ASSERT_TRUE(Eventually(begin));
   EXPECT_EQ(previews(), 0);
   call->TryCancel();
   watch->Finish();

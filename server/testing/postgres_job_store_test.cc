@@ -6,12 +6,12 @@
 #include <chrono>
 #include <thread>
 
-#include "engine/core/error_test_util.h"
 #include "server/jobs/leases.h"
-#include "server/store/job_store.h"
 #include "server/store/postgres.h"
 #include "server/store/postgres_listener.h"
 #include "server/testing/cutting_proxy.h"
+#include "server/testing/eventually.h"
+#include "server/testing/job_store_kind.h"
 #include "server/testing/postgres_server.h"
 #include "server/testing/temp_dir.h"
 
@@ -20,15 +20,6 @@ namespace {
 
 using ::testing::HasSubstr;
 using SteadyClock = std::chrono::steady_clock;
-
-absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
-
-JobRecord MakeJob(const std::string& id, JobState state = JobState::kUploading) {
-  JobRecord job;
-  job.id = id;
-  job.state = state;
-  return job;
-}
 
 class PostgresJobStoreTest : public ::testing::Test {
  protected:
@@ -77,7 +68,9 @@ TEST_F(PostgresJobStoreTest, CallsFailAtOnceWhileTheDatabaseIsAwayAndWorkWhenItI
   }
   EXPECT_LT(SteadyClock::now() - start, std::chrono::seconds(5));
   ASSERT_TRUE(server_->Run().ok());
-  EXPECT_TRUE(store_->Get("a1").ok()) << "what was acknowledged is there";
+  // A pool that has just found the database away does not look for a moment.
+  EXPECT_TRUE(Eventually([&] { return store_->Get("a1").ok(); }))
+      << "what was acknowledged is there";
   EXPECT_TRUE(store_->Update("a1", Nothing).ok());
 }
 
@@ -181,7 +174,7 @@ TEST_F(PostgresJobStoreTest, WorkersKeepTheirJobsOverAnOutageLongerThanTheirLeas
   Leases mine(store_.get(), blobs.get(), {kLeaseMs, 3});
   auto other_store = Open(url_);
   Leases others(other_store.get(), blobs.get(), {kLeaseMs, 3});
-  ASSERT_TRUE(store_->Create(MakeJob("a1", JobState::kQueued), Nothing).ok());
+  ASSERT_TRUE(store_->Create(MakeJob("a1", 1, JobState::kQueued), Nothing).ok());
   const auto lease = mine.Acquire("w1");
   ASSERT_TRUE(lease.ok() && lease->has_value());
   server_->Crash();
@@ -192,21 +185,15 @@ TEST_F(PostgresJobStoreTest, WorkersKeepTheirJobsOverAnOutageLongerThanTheirLeas
   EXPECT_FALSE(others.Acquire("w2")->has_value());
   // A pool that has just found the database away does not look for a moment.
   absl::Status beat;
-  for (int i = 0; i < 20; ++i) {
+  EXPECT_TRUE(Eventually([&] {
     beat = mine.Heartbeat(**lease).status();
-    if (Reason(beat) != "STORE_UNAVAILABLE") break;
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  }
+    return Reason(beat) != "STORE_UNAVAILABLE";
+  }));
   EXPECT_TRUE(beat.ok()) << beat;
   const absl::Status kept = mine.Keep(**lease, {{kSceneFile, {"1/aa", 5}}}, 5);
   EXPECT_TRUE(kept.ok()) << kept;
   // A worker that does not come back loses its job a lease later.
-  bool taken = false;
-  for (int i = 0; i < 100 && !taken; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    taken = others.Acquire("w2")->has_value();
-  }
-  EXPECT_TRUE(taken);
+  EXPECT_TRUE(Eventually([&] { return others.Acquire("w2")->has_value(); }));
   EXPECT_EQ(Reason(mine.Heartbeat(**lease).status()), "LEASE_LOST");
 }
 

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "server/testing/api_fixture.h"
+#include "server/testing/eventually.h"
 
 namespace litags {
 namespace {
@@ -66,11 +67,7 @@ class UnreadAnswers : public ApiTest {
 
   // Until pictures are refused, or are not any more.
   bool BecomesRefused(bool refused) {
-    for (int i = 0; i < 500; ++i) {
-      if ((ViewRefusal() == "RENDER_QUEUE_FULL") == refused) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    return false;
+    return Eventually([&] { return (ViewRefusal() == "RENDER_QUEUE_FULL") == refused; });
   }
 
   std::string job_;
@@ -104,7 +101,8 @@ TEST_F(UnreadAnswers, ExportIsCutOff) {
   request.set_name(job_);
   grpc::ClientContext call;
   const auto reader = slow_client_.model->ExportModel(&call, request);
-  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  reader->WaitForInitialMetadata();                              // the export has begun
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));  // and is cut off
   ReadAll(*reader);
   const grpc::Status status = reader->Finish();
   EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();

@@ -5,15 +5,14 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <map>
 #include <string>
-#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/unique_fd.h"
 #include "server/auth/tokens.h"
 #include "server/testing/api_fixture.h"
+#include "server/testing/eventually.h"
 #include "server/web/web_server.h"
 
 namespace litags {
@@ -98,11 +97,7 @@ class UnreadPages : public ApiTest {
   }
 
   bool BecomesRefused(const std::string& client, bool refused) {
-    for (int i = 0; i < 1000; ++i) {
-      if (Refusal(client) == (refused ? "RENDER_QUEUE_FULL" : "")) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    return false;
+    return Eventually([&] { return Refusal(client) == (refused ? "RENDER_QUEUE_FULL" : ""); });
   }
 
   const std::map<std::string, std::string> tokens_ = {{"alice", MakeToken()}, {"bob", MakeToken()}};
