@@ -22,12 +22,8 @@ Janitor::~Janitor() {
 
 void Janitor::Loop(double interval_seconds) {
   while (!stop_.IsCancelled()) {
-    const auto removed = jobs_->Sweep();
-    if (!removed.ok()) {
-      spdlog::error("cannot tidy up: {}", removed.status().ToString());
-    } else {
-      for (const std::string& id : *removed) spdlog::info("job={} expired and was removed", id);
-    }
+    const absl::Status swept = jobs_->Sweep(stop_).status();
+    if (!swept.ok()) spdlog::error("cannot tidy up: {}", swept.ToString());
     const auto next =
         std::chrono::steady_clock::now() + std::chrono::duration<double>(interval_seconds);
     while (!stop_.IsCancelled() && std::chrono::steady_clock::now() < next) {

@@ -16,6 +16,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
 #include "engine/pipeline/engine.h"
 #include "server/jobs/caps.h"
 #include "server/jobs/client_job_store.h"
@@ -127,8 +128,9 @@ class Jobs {
 
   // Removes what nobody will come back for: jobs whose time is over, and what crashes may leave:
   // folders of deleted jobs, blobs that no job names, temporary files. Returns the ids of the jobs
-  // that expired.
-  absl::StatusOr<std::vector<std::string>> Sweep();
+  // that expired. Where something cannot be removed, the rest is, and the first error is returned.
+  // Ends early when `stop` says so.
+  absl::StatusOr<std::vector<std::string>> Sweep(const CancelToken& stop = {});
 
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after, int limit) {
     return store_->Events(id, after, limit);
@@ -167,15 +169,19 @@ class Jobs {
   // Whether the job may be queued once more: no loop of calls makes its events grow for ever.
   absl::Status CheckProgress(std::string_view id, const std::string& request_id);
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
-  absl::StatusOr<bool> RemoveExpired(std::string_view id);
+  absl::Status RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired);
+  absl::Status RemoveExpired(const std::string& id, std::vector<std::string>* expired);
   absl::Status RemoveFolders(std::string_view id);
   absl::StatusOr<std::set<std::string>> JobFolders();
-  absl::Status RemoveOrphans();
+  absl::StatusOr<std::set<std::string>> JobsWithoutRow(const CancelToken& stop);
+  absl::Status RemoveOrphans(const CancelToken& stop);
   absl::Status RemoveOrphan(const std::string& id);
   absl::Status RemoveEndedUploads();
+  absl::Status RemoveAllUnreferencedBlobs(const CancelToken& stop);
   absl::Status RemoveUnreferencedBlobs(const std::string& id);
-  absl::Status RemoveUnreferencedUploads(const std::string& id,
-                                         const std::vector<std::string>& digests);
+  absl::Status RemoveUnreferencedUploads(const std::string& id, std::set<std::string> digests);
+  absl::Status MarkSwept(const std::string& id, const std::string& mark,
+                         std::set<std::string>* digests);
   absl::StatusOr<std::set<std::string>> BlobsNamedBy(const JobRecord& job);
 
   JobStore* const store_;
@@ -188,6 +194,7 @@ class Jobs {
   std::mutex sweep_mutex_;  // held for a sweep
   // Jobs that have folders and no row: since when this process knows.
   std::map<std::string, int64_t> missed_since_ms_;
+  std::optional<int64_t> orphans_seen_ms_;  // when it looked last
 };
 
 }  // namespace litags

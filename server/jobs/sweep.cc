@@ -10,6 +10,7 @@
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/state_machine.h"
+#include "server/jobs/sweep_mark.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -17,6 +18,10 @@ namespace {
 
 constexpr int kJobsPerSweep = 1000;
 constexpr int kEventsPerRead = 1000;
+constexpr int kRowsPerRead = 1000;
+constexpr int kLooksForOrphans = 24;            // while one is kept
+constexpr int64_t kWebhookMs = 25 * 3'600'000;  // longer than its attempts take
+constexpr int64_t kAfterAttemptMs = 120'000;    // longer than one takes
 
 // As RandomHex(8) makes them. Other names in our folders are not ours.
 bool IsJobId(const std::string& name) {
@@ -27,6 +32,33 @@ bool IsNumber(const std::string& name) {
   return !name.empty() && name.find_first_not_of("0123456789") == std::string::npos;
 }
 
+// Calls `remove` for each id. Where it fails, the others have their turn, but if a store is away:
+// it is for them, too. Returns the first error; jobs that were deleted meanwhile, or change, are
+// none.
+absl::Status ForEach(const std::vector<std::string>& ids, const CancelToken& stop,
+                     absl::FunctionRef<absl::Status(const std::string&)> remove) {
+  absl::Status first;
+  for (const std::string& id : ids) {
+    if (stop.IsCancelled()) break;
+    const absl::Status status = remove(id);
+    if (absl::IsNotFound(status) || absl::IsAborted(status)) continue;
+    first.Update(status);
+    if (absl::IsUnavailable(status)) break;
+  }
+  return first;
+}
+
+// The job goes on, or another server sweeps it: it has its turn later.
+absl::Status SweptByAnother(std::string_view id) {
+  return absl::AbortedError(absl::StrCat("jobs/", std::string(id), " changes"));
+}
+
+// Until when its end may still be to be told: attempts end before, and without a server that makes
+// them nobody waits for ever.
+bool WaitsForWebhook(const JobRecord& job, int64_t now_ms) {
+  return IsTerminal(job.state) && job.webhook_due_ms > 0 && now_ms < job.end_time_ms + kWebhookMs;
+}
+
 }  // namespace
 
 absl::Status Jobs::RemoveFolders(std::string_view id) {
@@ -35,20 +67,25 @@ absl::Status Jobs::RemoveFolders(std::string_view id) {
   return status;
 }
 
-absl::StatusOr<bool> Jobs::RemoveExpired(std::string_view id) {
-  if (uploads_.partials().InUse(id)) return false;
+absl::Status Jobs::RemoveExpired(const std::string& id, std::vector<std::string>* expired) {
+  if (uploads_.partials().InUse(id)) return absl::OkStatus();
   bool removed = false;
   const auto change = [&](JobTransaction& job) -> absl::Status {
     // A sign of life may have come since the list was made.
-    removed = job.job.expire_time_ms > 0 && job.job.expire_time_ms <= clock_() &&
+    const int64_t now_ms = clock_();
+    removed = job.job.expire_time_ms > 0 && job.job.expire_time_ms <= now_ms &&
               NextState(job.job.state, JobAction::kRemove).ok();
+    if (removed && WaitsForWebhook(job.job, now_ms)) {
+      removed = false;
+      job.job.expire_time_ms = std::max(job.job.webhook_due_ms, now_ms) + kAfterAttemptMs;
+    }
     return removed ? job.Remove() : absl::OkStatus();
   };
-  const absl::Status status = store_->Update(id, change).status();
-  if (absl::IsNotFound(status)) return false;  // deleted meanwhile
-  LITAGS_RETURN_IF_ERROR(status);
-  if (removed) LITAGS_RETURN_IF_ERROR(RemoveFolders(id));
-  return removed;
+  LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
+  if (!removed) return absl::OkStatus();
+  spdlog::info("job={} expired and was removed", id);
+  expired->push_back(id);
+  return RemoveFolders(id);
 }
 
 // Names of the folders of jobs, in the blob store and of files on their way.
@@ -66,37 +103,58 @@ absl::StatusOr<std::set<std::string>> Jobs::JobFolders() {
 // A row is there before its folders are: a folder without one was left behind by a crash, or its
 // row was lost, as with the wrong job store or an old copy of it. The delay, from the moment at
 // which the row was first missed, is the operator's time to bring the row back.
-absl::Status Jobs::RemoveOrphans() {
-  LITAGS_ASSIGN_OR_RETURN(const auto folders, JobFolders());
+absl::Status Jobs::RemoveOrphans(const CancelToken& stop) {
   const int64_t now_ms = clock_();
+  const double keep_seconds = uploads_.limits().keep_seconds;
+  const int64_t pause_ms = static_cast<int64_t>(1000 * keep_seconds / kLooksForOrphans);
+  const auto& seen_ms = orphans_seen_ms_;
+  if (seen_ms && *seen_ms <= now_ms && now_ms < *seen_ms + pause_ms) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> orphans, JobsWithoutRow(stop));
+  if (stop.IsCancelled()) return absl::OkStatus();
+  orphans_seen_ms_ = now_ms;
   std::map<std::string, int64_t> missed;
   bool is_news = false;
-  for (const std::string& id : folders) {
-    const absl::Status row = store_->Get(id).status();
-    if (row.ok()) continue;
-    if (!absl::IsNotFound(row)) return row;
+  for (const std::string& id : orphans) {
     const auto before = missed_since_ms_.find(id);
     const bool is_new = before == missed_since_ms_.end();
     missed[id] = is_new ? now_ms : before->second;
     is_news |= is_new;
   }
-  const double keep_seconds = uploads_.limits().keep_seconds;
   if (is_news) {
     spdlog::warn(
-        "{} jobs that have files, jobs/{} among them, are not in the job store: their files are "
+        "jobs that have files are not in the job store: {}, jobs/{} the first; their files are "
         "removed after {:.1f} hours; if this is the wrong job store, or an old copy, put the right "
         "one back before",
         missed.size(), missed.begin()->first, keep_seconds / 3600);
   }
   missed_since_ms_ = std::move(missed);
+  std::vector<std::string> overdue;
   for (const auto& [id, since_ms] : missed_since_ms_) {
-    if (static_cast<double>(now_ms - since_ms) < 1000 * keep_seconds) continue;
-    LITAGS_RETURN_IF_ERROR(RemoveOrphan(id));
+    if (static_cast<double>(now_ms - since_ms) >= 1000 * keep_seconds) overdue.push_back(id);
   }
-  return absl::OkStatus();
+  return ForEach(overdue, stop, [&](const std::string& id) { return RemoveOrphan(id); });
+}
+
+// Jobs that have folders. Rows are read by the page: one by one, each of them would cost the store
+// a transaction.
+absl::StatusOr<std::set<std::string>> Jobs::JobsWithoutRow(const CancelToken& stop) {
+  LITAGS_ASSIGN_OR_RETURN(std::set<std::string> folders, JobFolders());
+  int64_t after_ms = 0;
+  std::string after_id;
+  while (!folders.empty() && !stop.IsCancelled()) {
+    LITAGS_ASSIGN_OR_RETURN(const auto jobs, store_->List(after_ms, after_id, kRowsPerRead,
+                                                          std::nullopt, ListOrder::kOldestFirst));
+    for (const JobRecord& job : jobs) folders.erase(job.id);
+    if (jobs.size() < static_cast<size_t>(kRowsPerRead)) break;
+    after_ms = jobs.back().create_time_ms;
+    after_id = jobs.back().id;
+  }
+  return folders;
 }
 
 absl::Status Jobs::RemoveOrphan(const std::string& id) {
+  const absl::Status row = store_->Get(id).status();
+  if (!absl::IsNotFound(row)) return row;  // it is back
   LITAGS_ASSIGN_OR_RETURN(const double blob_seconds,
                           blobs_->QuietSeconds(absl::StrCat("jobs/", id)));
   LITAGS_ASSIGN_OR_RETURN(const double chunk_seconds,
@@ -148,7 +206,7 @@ absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
     return absl::OkStatus();
   }
   LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> named, BlobsNamedBy(job));
-  LITAGS_RETURN_IF_ERROR(RemoveUnreferencedUploads(id, uploaded));
+  LITAGS_RETURN_IF_ERROR(RemoveUnreferencedUploads(id, {uploaded.begin(), uploaded.end()}));
   for (const auto& [lease, blobs] : of_leases) {
     // The copy is for clang 14, which takes no structured binding by reference.
     const auto is_named = [&named, lease = lease](const std::string& sha256) {
@@ -174,19 +232,43 @@ absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
       .status();
 }
 
-// A FAILED job may take files again, which may have the digest of an old one: whoever adds them
-// changes the state first, and so waits for this transaction.
-absl::Status Jobs::RemoveUnreferencedUploads(const std::string& id,
-                                             const std::vector<std::string>& digests) {
-  const auto change = [&](JobTransaction& job) -> absl::Status {
-    if (!IsTerminal(job.job.state)) return absl::OkStatus();
-    std::set<std::string> named;
-    LITAGS_ASSIGN_OR_RETURN(const auto files, job.Files());
-    for (const FileRecord& file : files) named.insert(file.sha256);
-    for (const std::string& sha256 : digests) {
-      if (named.contains(sha256)) continue;
-      LITAGS_RETURN_IF_ERROR(blobs_->Remove(BlobKey(id, sha256)));
+// A FAILED job may take files again, which may have the digest of an old one: not while the mark of
+// sweep_mark.h is there. Blobs are removed outside of transactions, since a blob store that is away
+// would stop the job store.
+absl::Status Jobs::RemoveUnreferencedUploads(const std::string& id, std::set<std::string> digests) {
+  const std::string mark = absl::StrCat(kSweepMark, RandomHex(8));
+  absl::Status status;
+  while (status.ok() && !digests.empty()) {
+    LITAGS_RETURN_IF_ERROR(MarkSwept(id, mark, &digests));
+    const int64_t until_ms = clock_() + kSweepMarkMs / 4;
+    while (status.ok() && !digests.empty() && clock_() < until_ms) {
+      LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+      if (job.lease_owner != mark) return SweptByAnother(id);
+      status = blobs_->Remove(BlobKey(id, *digests.begin()));
+      digests.erase(digests.begin());
     }
+  }
+  // What a store that is away was told it may still do when it is back: the mark ends by itself.
+  if (absl::IsUnavailable(status)) return status;
+  const auto unmark = [&](JobTransaction& job) {
+    if (job.job.lease_owner == mark) job.job.lease_owner.clear();
+    return absl::OkStatus();
+  };
+  status.Update(store_->Update(id, unmark).status());
+  return status;
+}
+
+// Leaves in `digests` those that no file of the job has, and marks the job if there are any.
+absl::Status Jobs::MarkSwept(const std::string& id, const std::string& mark,
+                             std::set<std::string>* digests) {
+  const auto change = [&](JobTransaction& job) -> absl::Status {
+    const bool is_others = job.job.lease_owner != mark && IsBeingSwept(job.job, clock_());
+    if (is_others || !IsTerminal(job.job.state)) return SweptByAnother(id);
+    LITAGS_ASSIGN_OR_RETURN(const auto files, job.Files());
+    for (const FileRecord& file : files) digests->erase(file.sha256);
+    if (digests->empty()) return absl::OkStatus();
+    job.job.lease_owner = mark;
+    job.job.lease_expires_ms = clock_() + kSweepMarkMs;
     return absl::OkStatus();
   };
   return store_->Update(id, change).status();
@@ -213,25 +295,27 @@ absl::StatusOr<std::set<std::string>> Jobs::BlobsNamedBy(const JobRecord& job) {
   return named;
 }
 
-absl::StatusOr<std::vector<std::string>> Jobs::Sweep() {
-  const std::lock_guard lock(sweep_mutex_);
+absl::Status Jobs::RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired) {
   LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->Expired(clock_(), kJobsPerSweep));
-  std::vector<std::string> removed;
-  for (const std::string& id : ids) {
-    LITAGS_ASSIGN_OR_RETURN(const bool gone, RemoveExpired(id));
-    if (gone) removed.push_back(id);
-  }
-  LITAGS_RETURN_IF_ERROR(RemoveOrphans());
-  LITAGS_RETURN_IF_ERROR(RemoveEndedUploads());
-  LITAGS_ASSIGN_OR_RETURN(const auto jobs_with_unreferenced,
-                          store_->JobsWithUnreferencedBlobs(kJobsPerSweep));
-  for (const std::string& id : jobs_with_unreferenced) {
-    const absl::Status status = RemoveUnreferencedBlobs(id);
-    if (!absl::IsNotFound(status)) LITAGS_RETURN_IF_ERROR(status);  // else deleted meanwhile
-  }
+  return ForEach(ids, stop, [&](const std::string& id) { return RemoveExpired(id, expired); });
+}
+
+absl::Status Jobs::RemoveAllUnreferencedBlobs(const CancelToken& stop) {
+  LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->JobsWithUnreferencedBlobs(kJobsPerSweep));
+  return ForEach(ids, stop, [&](const std::string& id) { return RemoveUnreferencedBlobs(id); });
+}
+
+absl::StatusOr<std::vector<std::string>> Jobs::Sweep(const CancelToken& stop) {
+  const std::lock_guard lock(sweep_mutex_);
+  std::vector<std::string> expired;
+  absl::Status status = RemoveAllExpired(stop, &expired);
+  status.Update(RemoveOrphans(stop));
+  status.Update(RemoveEndedUploads());
+  status.Update(RemoveAllUnreferencedBlobs(stop));
   data_.EmptyTmp(uploads_.limits().keep_seconds);
-  blobs_->RemoveTemporary();
-  return removed;
+  if (!stop.IsCancelled()) blobs_->RemoveTemporary();
+  LITAGS_RETURN_IF_ERROR(status);
+  return expired;
 }
 
 }  // namespace litags

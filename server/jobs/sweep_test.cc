@@ -6,7 +6,9 @@
 
 #include "engine/core/error_test_util.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/leases.h"
 #include "server/store/digest.h"
+#include "server/testing/faulty_blob_store.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -72,6 +74,110 @@ TEST_F(SweepTest, JobsThatTheStoreDoesNotKnowKeepTheirFilesForADayFromNowHowever
   EXPECT_TRUE(HasBlob(id, "a"));
   sweep_after(1);
   EXPECT_FALSE(HasBlob(id, "a"));
+}
+
+// A store on another machine, whose removals do what a test wants.
+class RemovalsAreSlow : public FaultyBlobStore {
+ public:
+  using FaultyBlobStore::FaultyBlobStore;
+  std::function<absl::Status()> on_remove = [] { return absl::OkStatus(); };
+  absl::Status Remove(std::string_view key) override {
+    const absl::Status fault = on_remove();
+    return fault.ok() ? FaultyBlobStore::Remove(key) : fault;
+  }
+};
+
+TEST_F(SweepTest, UploadedBlobsAreRemovedOutsideOfTransactionsAndNoFileLosesItsBytes) {
+  RemovalsAreSlow blobs(blobs_.get());
+  Jobs jobs(store_.get(), &blobs, data_, clock_);
+  Leases leases(store_.get(), &blobs, {}, clock_);
+  const std::string id = jobs_->Create({})->id;
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(Add(id, name, name).ok());
+  ASSERT_TRUE(Add(id, "a.jpg", "other").ok());  // replaces "a.jpg"
+  ASSERT_TRUE(jobs.Start(id).ok());
+  ASSERT_TRUE(leases.Fail(**leases.Acquire("w"), absl::InternalError("x")).ok());
+
+  int removals = 0;
+  blobs.on_remove = [&] {
+    ++removals;
+    // Another connection writes meanwhile, and the file does not come back.
+    const auto other = *OpenSqliteJobStore(dir_.path() + "/jobs.db");
+    Jobs there(other.get(), blobs_.get(), data_, clock_);
+    EXPECT_TRUE(there.Create({}).ok());
+    EXPECT_EQ(Reason(Add(id, "d.jpg", "a.jpg")), "STORE_BUSY");
+    EXPECT_EQ(there.Get(id)->state, JobState::kFailed);
+    EXPECT_TRUE(there.Sweep().ok()) << "leaves the job alone";
+    EXPECT_TRUE(HasBlob(id, "a.jpg"));
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(jobs.Sweep().ok());
+  EXPECT_EQ(removals, 1);
+  EXPECT_FALSE(HasBlob(id, "a.jpg"));
+  EXPECT_EQ(jobs.Get(id)->lease_owner, "");
+  ASSERT_TRUE(Add(id, "d.jpg", "a.jpg").ok());
+  ASSERT_TRUE(jobs.Sweep().ok());
+  EXPECT_TRUE(HasBlob(id, "a.jpg"));
+  EXPECT_TRUE(HasBlob(id, "other"));
+}
+
+TEST_F(SweepTest, AFaultOfOneJobKeepsNothingElseAndTheFailedSweepIsRepeated) {
+  RemovalsAreSlow blobs(blobs_.get());
+  Jobs jobs(store_.get(), &blobs, data_, clock_);
+  std::vector<std::string> ids;
+  for (const char* bytes : {"1", "2"}) {
+    ids.push_back(jobs_->Create({})->id);
+    ASSERT_TRUE(Add(ids.back(), "a.jpg", bytes).ok());
+    ASSERT_TRUE(*jobs_->uploads().Remove(ids.back(), FileRole::kPhoto, "a.jpg"));
+    ASSERT_TRUE(jobs_->Cancel(ids.back()).ok());
+  }
+  int removals = 0;
+  blobs.on_remove = [&] {
+    return ++removals == 1 ? absl::InternalError("broken") : absl::OkStatus();
+  };
+  EXPECT_EQ(jobs.Sweep().status().message(), "broken");
+  EXPECT_EQ(removals, 2);
+  EXPECT_EQ(store_->JobsWithUnreferencedBlobs(10)->size(), 1u);
+  ASSERT_TRUE(jobs.Sweep().ok());
+  EXPECT_TRUE(store_->JobsWithUnreferencedBlobs(10)->empty());
+  EXPECT_FALSE(HasBlob(ids[0], "1") || HasBlob(ids[1], "2"));
+}
+
+TEST_F(SweepTest, ASweepThatIsToldToStopRemovesNoMore) {
+  const std::string id = jobs_->Create({})->id;
+  now_ms_ += 25 * kHourMs;
+  CancelToken stop;
+  stop.Cancel();
+  EXPECT_TRUE(jobs_->Sweep(stop)->empty());
+  EXPECT_TRUE(jobs_->Get(id).ok());
+  EXPECT_THAT(*jobs_->Sweep(), ElementsAre(id));
+}
+
+TEST_F(SweepTest, AJobWhoseEndIsStillToBeToldExpiresAfterThatOrADay) {
+  const auto ended = [&] {
+    NewJob wanted;
+    wanted.policy.retention_seconds = 60;
+    const std::string id = jobs_->Create(wanted)->id;
+    EXPECT_TRUE(jobs_->Cancel(id).ok());
+    return id;
+  };
+  const auto set_due = [&](const std::string& id, int64_t due_ms) {
+    EXPECT_TRUE(store_
+                    ->Update(id,
+                             [&](JobTransaction& job) {
+                               job.job.webhook_due_ms = due_ms;
+                               return absl::OkStatus();
+                             })
+                    .ok());
+  };
+  const std::string told = ended(), never = ended();
+  for (const std::string& id : {told, never}) set_due(id, now_ms_ + kHourMs);
+  now_ms_ += 120'000;
+  EXPECT_TRUE(jobs_->Sweep()->empty());
+  set_due(told, 0);
+  now_ms_ += 2 * kHourMs;
+  EXPECT_THAT(*jobs_->Sweep(), ElementsAre(told));
+  now_ms_ += 24 * kHourMs;  // no server tells anybody
+  EXPECT_THAT(*jobs_->Sweep(), ElementsAre(never));
 }
 
 }  // namespace

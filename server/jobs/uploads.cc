@@ -10,6 +10,7 @@
 #include "server/jobs/client_job_store.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/state_machine.h"
+#include "server/jobs/sweep_mark.h"
 #include "server/jobs/transition.h"
 #include "server/store/digest.h"
 
@@ -82,6 +83,11 @@ absl::Status Uploads::ReopenIn(JobTransaction& job, std::string* kept) const {
     return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
                      "the job has a finished scene, which is of the files that it has; create "
                      "a new job for others");
+  }
+  if (IsBeingSwept(job.job, clock_())) {
+    return MakeError(absl::StatusCode::kUnavailable, "STORE_BUSY", "name",
+                     "what the job's earlier uploads left is being removed; nothing was changed, "
+                     "try again in a moment");
   }
   *kept = job.job.kept;
   LITAGS_RETURN_IF_ERROR(
