@@ -119,7 +119,8 @@ absl::StatusOr<bool> WebhookSender::SendOne(const std::string& id) {
   }));
   if (!mine) return false;
   LITAGS_ASSIGN_OR_RETURN(const Webhook webhook, WebhookOf(job));
-  // The operator may have said since where webhooks go: then there is no other attempt.
+  // The operator may have said since where webhooks go. Another server may allow what this one does
+  // not, as when they get a new list one after the other: so that counts as an attempt, too.
   const absl::Status allowed = CheckWebhook(webhook, policy_);
   const absl::Status status = allowed.ok() ? Tell(job, webhook) : allowed;
   LITAGS_RETURN_IF_ERROR(
@@ -131,12 +132,11 @@ absl::StatusOr<bool> WebhookSender::SendOne(const std::string& id) {
                      if (sent.job.last_event != job.last_event) return absl::OkStatus();
                      int attempts = 0;
                      LITAGS_RETURN_IF_ERROR(Change(sent, [&](Webhook& hook) {
-                       if (allowed.ok()) attempts = ++hook.attempts;
+                       attempts = ++hook.attempts;
                        hook.last_error = status.ok() ? "" : std::string(status.message());
                        if (status.ok()) hook.delivered_event = job.last_event;
                      }));
-                     const bool again = allowed.ok() && !status.ok();
-                     const int64_t pause_ms = again ? WebhookPauseMs(attempts) : 0;
+                     const int64_t pause_ms = status.ok() ? 0 : WebhookPauseMs(attempts);
                      sent.job.webhook_due_ms = pause_ms > 0 ? store_->NowMs() + pause_ms : 0;
                      return absl::OkStatus();
                    })

@@ -36,7 +36,7 @@ class WebhookSender {
                                  const std::vector<std::pair<std::string, std::string>>& headers)>;
 
   // `store` must outlive this. What `policy` does not allow, or does not allow any more, is not
-  // sent.
+  // sent; it waits as after an attempt that failed, for a server that allows it.
   WebhookSender(JobStore* store, WebhookPolicy policy, Body body, Send send, int threads = 4);
   ~WebhookSender();
 

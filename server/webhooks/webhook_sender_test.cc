@@ -172,16 +172,33 @@ TEST_F(WebhookSenderTest, AJobThatGoesOnBeforeItsEndIsToldTellsOfItsNextEnd) {
   EXPECT_EQ(*sender.SendDue(), 0);
 }
 
-TEST_F(WebhookSenderTest, HostsThatAreNotAllowedAnyMoreAreToldNothing) {
-  WebhookSender sender = Sender("elsewhere.example");
+TEST_F(WebhookSenderTest, HostsThatAServerDoesNotAllowWaitForOneThatDoes) {
+  WebhookSender sender = Sender("elsewhere.example"), updated = Sender();
   const std::string id = StartedJob();
   ASSERT_TRUE(jobs_.Cancel(id).ok());
   EXPECT_EQ(*sender.SendDue(), 1);
   EXPECT_TRUE(sent_.empty());
-  EXPECT_EQ(jobs_.Get(id)->webhook_due_ms, 0);  // no other attempt
-  const Webhook webhook = *WebhookOf(*jobs_.Get(id));
-  EXPECT_EQ(webhook.attempts, 0);
+  Webhook webhook = *WebhookOf(*jobs_.Get(id));
+  EXPECT_EQ(webhook.attempts, 1);
   EXPECT_THAT(webhook.last_error, HasSubstr("elsewhere.example only, not to example.com"));
+  MakeDue(id);
+  EXPECT_EQ(*updated.SendDue(), 1);
+  EXPECT_EQ(sent_.size(), 1u);
+  EXPECT_GT(WebhookOf(*jobs_.Get(id))->delivered_event, 0);
+}
+
+TEST_F(WebhookSenderTest, AnEndThatNobodyMayBeToldIsGivenUpAfterADayOfAttempts) {
+  WebhookSender sender = Sender("elsewhere.example");
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  int attempts = 0;
+  for (; jobs_.Get(id)->webhook_due_ms > 0; ++attempts) {
+    ASSERT_LT(attempts, 100);
+    if (attempts > 0) MakeDue(id);
+    EXPECT_EQ(*sender.SendDue(), 1);
+  }
+  EXPECT_EQ(attempts, 30);
+  EXPECT_TRUE(sent_.empty());
 }
 
 TEST_F(WebhookSenderTest, ReceiversThatHangLeaveAThreadToOtherClients) {
