@@ -216,11 +216,10 @@ absl::Status Colmap::VerifyShare(const std::string& database, absl::Span<const N
   LITAGS_RETURN_IF_ERROR(WriteScratch(list_path, list));
   // "pairs": for a pair with stored matches COLMAP only verifies; "raw" would read the matches as
   // text.
-  return RunChecked(
-             {"matches_importer", "--database_path", database, "--match_list_path", list_path,
-              "--match_type", "pairs", "--SiftMatching.use_gpu", "0", "--SiftMatching.num_threads",
-              "1", "--SiftMatching.min_num_inliers", absl::StrCat(kMinInliers)},
-             log_name, nullptr)
+  return RunChecked({"matches_importer", "--database_path", database, "--match_list_path",
+                     list_path, "--match_type", "pairs", "--SiftMatching.use_gpu", "0",
+                     "--SiftMatching.num_threads", "1"},
+                    log_name, nullptr)
       .status();
 }
 

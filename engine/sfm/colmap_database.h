@@ -14,7 +14,7 @@
 
 namespace litags {
 
-// COLMAP's SiftMatching.min_num_inliers: a pair with fewer matches is never verified.
+// COLMAP's own SiftMatching.min_num_inliers: a pair with fewer matches is never verified.
 inline constexpr int kMinInliers = 15;
 
 struct DatabaseImage {

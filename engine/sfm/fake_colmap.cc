@@ -25,6 +25,10 @@ namespace fs = std::filesystem;
 // FAKE becomes the folder. The rung is the folder that the database lies in.
 constexpr char kScript[] = R"sh(#!/bin/sh
 fake='FAKE'
+if [ "$1" = help ]; then
+  echo "COLMAP $(cat "$fake/version") -- a fake"
+  exit
+fi
 echo "$@" >> "$fake/calls"
 command=$1
 shift
@@ -75,9 +79,14 @@ FakeColmap::FakeColmap() {
   std::string script = kScript;
   script.replace(script.find("FAKE"), 4, dir_);
   WriteScript(program(), script);
+  SetVersion("3.8");
 }
 
 FakeColmap::~FakeColmap() { fs::remove_all(dir_); }
+
+void FakeColmap::SetVersion(const std::string& version) const {
+  std::ofstream(dir_ + "/version") << version << "\n";
+}
 
 std::string FakeColmap::MakePhotos(int count, int width, int height, int level) const {
   const std::string photos = dir_ + "/photos";

@@ -21,6 +21,9 @@ class FakeColmap {
   std::string database() const { return dir_ + "/database.db"; }
   std::string program() const { return dir_ + "/colmap"; }
 
+  // What `help` says that it is; 3.8 without this.
+  void SetVersion(const std::string& version) const;
+
   // Photos dir()/photos/p0.png, p1.png ... of one sRGB level with some texture.
   std::string MakePhotos(int count, int width, int height, int level) const;
 
@@ -43,7 +46,7 @@ class FakeColmap {
   // Adds a model that the mapper of rung `rung` (0..) hands out.
   void AddModel(int rung, int number, const SparseModel& model) const;
 
-  // One line per call: the command and its arguments.
+  // One line per call but of help: the command and its arguments.
   std::vector<std::string> Calls() const;
 
  private:

@@ -14,6 +14,7 @@
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
+#include "engine/sfm/colmap_version.h"
 #include "engine/sfm/exposure.h"
 #include "engine/sfm/photo_set.h"
 #include "engine/sfm/registration.h"
@@ -74,6 +75,15 @@ class ReportLimiter {
   std::string step_;
   Clock::time_point last_;
 };
+
+// Refuses a COLMAP of another version. Whatever else is wrong with it, the first step says.
+absl::Status CheckVersion(const SfmOptions& options, const CancelToken& cancel) {
+  const absl::Status status =
+      AskColmapVersion(options.colmap, options.step_timeout_seconds, cancel).status();
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+  const auto detail = GetErrorDetail(status);
+  return detail && detail->reason == "COLMAP_UNSUPPORTED" ? status : absl::OkStatus();
+}
 
 absl::Status Measure(Capture& capture) {
   LITAGS_ASSIGN_OR_RETURN(capture.light, MeasureCapture(capture.images_dir, capture.photos,
@@ -271,6 +281,7 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
                                                        options.masks, options.rig_views));
   const int n = static_cast<int>(capture.photos.size());
   LITAGS_RETURN_IF_ERROR(CheckPhotoCount(n, n));
+  LITAGS_RETURN_IF_ERROR(CheckVersion(options, cancel));
   LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
   LITAGS_RETURN_IF_ERROR(Measure(capture));
 
@@ -303,6 +314,7 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
       const std::vector<PhotoFile> all,
       ListPhotoSet(images_dir, options.max_image_side, options.masks, options.rig_views));
   LITAGS_ASSIGN_OR_RETURN(capture.photos, PhotosOfViews(all, cameras));
+  LITAGS_RETURN_IF_ERROR(CheckVersion(options, cancel));
   LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
   LITAGS_RETURN_IF_ERROR(Measure(capture));
 

@@ -26,7 +26,7 @@ std::string_view ExposureName(Exposure exposure);  // "normal", "low", "over"
 inline constexpr uint64_t kMaxSfmSeed = 0x7fffffff;  // COLMAP reads an int
 
 struct SfmOptions {
-  std::string colmap = "colmap";  // program name or path; 3.8 is what the tests run
+  std::string colmap = "colmap";  // program name or path; version 3.8
   int threads = 0;                // bound on COLMAP's and our threads; 0: all cores
   uint64_t seed = 0;              // COLMAP's --random_seed; kMaxSfmSeed at most
   int max_image_side = 1600;    // larger photos are matched at this longer side, px; 0: as they are
@@ -122,7 +122,7 @@ struct SfmResult {
 // TOO_FEW_PHOTOS, SFM_TOO_FEW_REGISTERED (fewer than kMinPhotos or than min_registered placed; the
 // message names photos and causes), SFM_NO_MODEL (none placed), SFM_SPLIT (photos of different
 // places: a second group at least half as large as the first), SFM_NO_PARALLAX (the camera turned
-// in place), COLMAP_NOT_FOUND;
+// in place), COLMAP_NOT_FOUND, COLMAP_UNSUPPORTED (not 3.8);
 // INTERNAL COLMAP_FAILED with COLMAP's last lines, or COLMAP_KILLED if it was ended from outside at
 // a preparation's three attempts; DEADLINE_EXCEEDED; CANCELLED within a second.
 absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::string& work_dir,

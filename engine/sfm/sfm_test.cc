@@ -282,6 +282,22 @@ TEST_F(SfmTest, MissingColmapSaysHowToGetIt) {
   EXPECT_THAT(std::string(result.status().message()), HasSubstr("install"));
 }
 
+// Later versions have other names for options.
+TEST_F(SfmTest, AnotherColmapIsRefusedBeforeItsFirstStep) {
+  for (const char* version : {"3.7", "3.9.1", "3.13.0", "4.0"}) {
+    colmap_.SetVersion(version);
+    const absl::Status status = Find().status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_EQ(Reason(status), "COLMAP_UNSUPPORTED") << version;
+    EXPECT_THAT(std::string(status.message()),
+                HasSubstr(absl::StrCat("is version ", version, ",")));
+  }
+  EXPECT_FALSE(std::filesystem::exists(colmap_.dir() + "/calls"));
+  colmap_.SetVersion("3.8.1");
+  colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
+  EXPECT_TRUE(Find().ok());
+}
+
 TEST_F(SfmTest, AHangingStepTimesOut) {
   colmap_.On("feature_extractor", "sleep 300");
   options_.step_timeout_seconds = 0.3;

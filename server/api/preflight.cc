@@ -9,8 +9,8 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/sandbox.h"
-#include "engine/core/subprocess.h"
 #include "engine/io/file_util.h"
+#include "engine/sfm/colmap_version.h"
 #include "server/api/serve_web.h"
 #include "server/auth/authenticator.h"
 #include "server/auth/tls.h"
@@ -22,7 +22,6 @@ namespace {
 
 // A capture of 50 photos with its scene takes some hundred megabytes.
 constexpr int64_t kMinFreeBytes = int64_t{1} << 30;
-constexpr double kColmapSeconds = 20;
 
 using Finding = absl::StatusOr<std::string>;  // what was found, for humans
 
@@ -57,22 +56,7 @@ Finding CheckSpace(const ServerFlags& flags) {
 }
 
 Finding CheckColmap(const ServerFlags& flags) {
-  SubprocessOptions colmap;
-  colmap.args = {flags.colmap, "help"};
-  colmap.env = {"QT_QPA_PLATFORM=offscreen"};
-  colmap.confined = true;
-  colmap.timeout_seconds = kColmapSeconds;
-  std::string version;
-  colmap.on_line = [&](std::string_view line) {
-    if (version.empty() && line.find("COLMAP") != std::string_view::npos) version = line;
-  };
-  LITAGS_ASSIGN_OR_RETURN(const SubprocessResult result, RunSubprocess(colmap, CancelToken()));
-  if (result.exit_code != 0 || version.empty()) {
-    return MakeError(
-        absl::StatusCode::kFailedPrecondition, "COLMAP_BROKEN", "--colmap",
-        absl::StrCat(flags.colmap, " help ended with code ", result.exit_code, ": ", result.tail));
-  }
-  return version;
+  return AskColmapVersion(flags.colmap, 0, CancelToken());
 }
 
 Finding CheckTls(const ServerFlags& flags) {
