@@ -16,6 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
+#include "engine/io/file_util.h"
 
 namespace litags {
 namespace {
@@ -138,14 +139,12 @@ class FakeScene : public Scene {
 };
 
 // Writes a scene file, whole or not at all: what was trained, then the photos' names. Without names
-// it is a checkpoint.
-void Save(const std::string& path, const Trained& trained, const std::set<std::string>& names) {
-  {
-    std::ofstream file(path + ".tmp");
-    file << trained.iteration << " " << trained.state << "\n";
-    for (const std::string& name : names) file << name << "\n";
-  }
-  fs::rename(path + ".tmp", path);
+// it is a checkpoint. RESOURCE_EXHAUSTED (DISK_FULL).
+absl::Status Save(const std::string& path, const Trained& trained,
+                  const std::set<std::string>& names) {
+  std::string text = absl::StrCat(trained.iteration, " ", trained.state, "\n");
+  for (const std::string& name : names) absl::StrAppend(&text, name, "\n");
+  return WriteFileAtomically(path, text);
 }
 
 bool Has(const std::set<std::string>& names, const std::string& stem) {
@@ -212,13 +211,14 @@ class FakeEngine : public Engine {
       progress.iteration = i;
       progress.loss = 1.0 / i;
       progress.gaussians = 100;
-      if (i % options.checkpoint_every == 0 || i == options.iterations)
-        Save(checkpoint, trained, {});
+      if (i % options.checkpoint_every == 0 || i == options.iterations) {
+        LITAGS_RETURN_IF_ERROR(Save(checkpoint, trained, {}));
+      }
       if (i % options.preview_every == 0) {
         progress.preview_png.assign(std::begin(kTinyPng), std::end(kTinyPng));
         observer->OnProgress(progress);
         progress.preview_png.clear();
-        Save(report.scene_path, trained, names);
+        LITAGS_RETURN_IF_ERROR(Save(report.scene_path, trained, names));
         observer->OnSnapshot(report.scene_path);
       } else {
         observer->OnProgress(progress);
@@ -227,7 +227,7 @@ class FakeEngine : public Engine {
         LITAGS_RETURN_IF_ERROR(Misbehave(names, input, cancel));
       }
     }
-    Save(report.scene_path, trained, names);
+    LITAGS_RETURN_IF_ERROR(Save(report.scene_path, trained, names));
     return report;
   }
 

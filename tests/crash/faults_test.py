@@ -15,6 +15,7 @@ import deployment
 import harness
 from deployment import Client, Deployment
 from harness import job_pb2, rpc
+from operating_test import NOT_SERVING, SERVING, health_of, metrics_of
 
 FAILED = job_pb2.JOB_STATE_FAILED
 RUNNING = job_pb2.JOB_STATE_RUNNING
@@ -120,8 +121,9 @@ class Colmap(FaultTest):
         server = self.deploy("--colmap", hanging, program=REAL)
         client = self.client(server)
         job = client.started(self.capture(views=5, size="64x48"), iterations=10)
-        while not server.processes("sleep 1000"):
-            time.sleep(0.02)
+        client.wait_for(job, lambda j: j.state == FAILED or server.processes("sleep 1000"),
+                        "the program that hangs")
+        self.assertEqual(client.get(job).state, RUNNING)
         client.jobs.CancelJob(rpc.CancelJobRequest(name=job))
         client.wait_for(job, lambda j: j.state == job_pb2.JOB_STATE_CANCELLED, "its cancellation")
         self.assertEqual(server.processes("sleep"), {})
@@ -275,38 +277,80 @@ class Store(FaultTest):
         subprocess.run(["nsenter", "--target", str(server.process.pid), "--mount", *user, "sh",
                         "-c", command], check=True)
 
+    def fill_disk(self, server):
+        self.inside(server, f'dd if=/dev/zero of="{server.data}/ballast" bs=4k 2>/dev/null || true')
+
+    def make_room(self, server):
+        self.inside(server, f'rm "{server.data}/ballast"')
+
     def test_full_disk_refuses_cleanly_and_serves_again_once_there_is_room(self):
-        server = self.deploy(prefix=self.in_small_disk(8))
+        server = self.deploy("--metrics-listen", "127.0.0.1:0", prefix=self.in_small_disk(64))
         client = self.client(server)
         done, _ = client.run(deployment.photos(slow=False), iterations=5)
         photo = [("big.png", harness.png(600, 500, seed=1), rpc.FILE_ROLE_PHOTO)]
         waiting = client.create()
-        self.inside(server, f'dd if=/dev/zero of="{server.data}/ballast" bs=4k 2>/dev/null || true')
+        self.assertEqual(health_of(client.channel), SERVING)
+        full = 'litags_store_errors_total{reason="DISK_FULL"}'
+        before = metrics_of(server)[full]
+        self.fill_disk(server)
         reason, message = self.refused(lambda: client.upload(waiting, photo),
                                        grpc.StatusCode.RESOURCE_EXHAUSTED)
         self.assertEqual(reason, "DISK_FULL")
         self.assertRegex(message, "free some space")
+        self.assertGreater(metrics_of(server)[full], before)
+        client.wait_for(done, lambda _: health_of(client.channel) == NOT_SERVING, "no health")
         # What needs no room still works.
         self.assertEqual(client.get(done).state, SUCCEEDED)
         list(client.jobs.WatchJob(rpc.WatchJobRequest(name=done)))
-        self.inside(server, f'rm "{server.data}/ballast"')
+        self.make_room(server)
+        client.wait_for(done, lambda _: health_of(client.channel) == SERVING, "health")
         client.upload(waiting, photo)
         self.assertEqual(client.get(waiting).photos, 1)
         again, events = client.run(deployment.photos(slow=False), iterations=5)
         deployment.check_events(client, again, events)
         self.assertEqual(client.get(again).state, SUCCEEDED)
 
-    def test_disk_that_fills_while_a_job_runs_loses_no_job(self):
-        server = self.deploy(prefix=self.in_small_disk(8))
+    def test_check_says_that_there_is_little_room(self):
+        server = Deployment(self.folder, program=FAKE, prefix=self.in_small_disk(64))
+        check = subprocess.run([*server.command(), "--check"], capture_output=True, text=True,
+                               timeout=60)
+        self.assertNotEqual(check.returncode, 0)
+        self.assertRegex(check.stdout, "FAIL space .* MiB free in .*/data, fewer than 1024")
+
+    def job_on_full_disk(self, *flags):
+        """(server, client, a job that runs and finds no room any more, its model undisturbed)."""
+        server = self.deploy(*flags, prefix=self.in_small_disk(128))
         client = self.client(server)
-        job = client.started(deployment.photos(), iterations=100, checkpoint_every=5)
+        options = dict(iterations=100, checkpoint_every=5)
+        undisturbed, _ = client.run(deployment.photos(), **options)
+        model = client.model(undisturbed)
+        job = client.started(deployment.photos(), **options)
         client.wait_for(job, lambda j: j.progress.iteration > 10, "iteration 10")
-        self.inside(server, f'dd if=/dev/zero of="{server.data}/ballast" bs=4k 2>/dev/null || true')
-        time.sleep(4)
-        self.inside(server, f'rm "{server.data}/ballast"')
-        events = client.watch(job)
-        deployment.check_events(client, job, events)
+        self.fill_disk(server)
+        return server, client, job, model
+
+    def test_job_that_cannot_write_a_checkpoint_fails_and_can_be_resumed(self):
+        store = f"sqlite://{self.folder}/jobs.db"  # on another disk: the failure can be noted
+        server, client, job, model = self.job_on_full_disk("--store", store)
+        found = client.wait_for(job, lambda j: j.state != RUNNING, "its end")
+        self.assertEqual((found.state, found.error.detail.reason), (FAILED, "DISK_FULL"), found)
+        self.make_room(server)
+        client.jobs.ResumeJob(rpc.ResumeJobRequest(name=job))
+        self.assert_ended_well(client, job, model)
+
+    def test_job_whose_failure_cannot_be_noted_goes_on_once_there_is_room(self):
+        server, client, job, model = self.job_on_full_disk()
+        client.wait_for(job, lambda _: f"job={job.removeprefix('jobs/')} failed" in server.log(),
+                        "a failure")
+        self.assertEqual(client.get(job).state, RUNNING)
+        self.make_room(server)
+        self.assert_ended_well(client, job, model)
+        self.assertEqual(client.get(job).attempt, 2)
+
+    def assert_ended_well(self, client, job, model):
+        deployment.check_events(client, job, client.watch(job))
         self.assertEqual(client.get(job).state, SUCCEEDED, client.get(job))
+        self.assertEqual(client.model(job), model)
 
     def test_read_only_store_is_refused_with_its_remedy(self):
         if not may_mount():
@@ -343,6 +387,33 @@ class Hardening(FaultTest):
         self.assertRegex(limits, rf"Max file size\s+{64 << 30}\s+{64 << 30}\s")
         client.watch(job)
         self.assertEqual(client.get(job).state, SUCCEEDED)
+
+    def worker_of(self, server):
+        client = self.client(server)
+        job = client.started(deployment.photos(), iterations=1)
+        client.watch(job)
+        [worker] = server.workers()
+        return worker
+
+    @staticmethod
+    def network_of(pid):
+        return os.readlink(f"/proc/{pid}/ns/net")
+
+    def test_workers_are_nicer_than_the_server_and_have_no_network(self):
+        server = self.deploy()
+        worker = self.worker_of(server)
+        niceness = os.getpriority(os.PRIO_PROCESS, server.process.pid)
+        self.assertEqual(os.getpriority(os.PRIO_PROCESS, worker), min(19, niceness + 5))
+        if "not hardened as it should be" in server.log():
+            self.skipTest("this machine allows no network namespace")
+        self.assertNotEqual(self.network_of(worker), self.network_of("self"))
+
+    def test_workers_keep_their_network_and_niceness_if_told_so(self):
+        server = self.deploy("--worker-network", "--worker-niceness", "9")
+        worker = self.worker_of(server)
+        niceness = os.getpriority(os.PRIO_PROCESS, server.process.pid)
+        self.assertEqual(os.getpriority(os.PRIO_PROCESS, worker), min(19, niceness + 9))
+        self.assertEqual(self.network_of(worker), self.network_of("self"))
 
 
 if __name__ == "__main__":
