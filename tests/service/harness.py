@@ -150,6 +150,19 @@ class Server:
             self.log.close()
 
 
+def closed(sockets):
+    """How many of these the other end has closed; what it said before is read."""
+    found = 0
+    for connection in sockets:
+        connection.settimeout(0.01)
+        with contextlib.suppress(TimeoutError):
+            with contextlib.suppress(ConnectionError):
+                while connection.recv(65536):
+                    pass
+            found += 1
+    return found
+
+
 class CuttableProxy:
     """A TCP relay to a server, whose connections can be cut or fall silent."""
 
