@@ -4,7 +4,10 @@
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/security/tls_certificate_verifier.h>
 #include <grpcpp/security/tls_credentials_options.h>
+#include <netdb.h>
 #include <spdlog/spdlog.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <memory>
@@ -30,6 +33,29 @@ std::shared_ptr<grpc::ChannelCredentials> Credentials(const TlsOptions& options)
     unchecked.watch_identity_key_cert_pairs();
   }
   return tls::TlsCredentials(unchecked);
+}
+
+// Whether a TCP connection to HOST:PORT, an address of this machine, is taken.
+bool TakesConnections(const std::string& address) {
+  const size_t colon = address.rfind(':');
+  if (colon == std::string::npos) return false;
+  std::string host = address.substr(0, colon);
+  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  addrinfo hints = {}, *found = nullptr;
+  hints.ai_socktype = SOCK_STREAM;
+  hints.ai_flags = AI_NUMERICSERV;
+  if (getaddrinfo(host.c_str(), address.c_str() + colon + 1, &hints, &found) != 0) return false;
+  bool taken = false;
+  for (const addrinfo* at = found; at && !taken; at = at->ai_next) {
+    const int fd = socket(at->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (fd < 0) continue;
+    const timeval patience = {1, 0};  // a full queue of connections drops this one
+    setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof(patience));
+    taken = connect(fd, at->ai_addr, at->ai_addrlen) == 0;
+    close(fd);
+  }
+  freeaddrinfo(found);
+  return taken;
 }
 
 }  // namespace
@@ -94,7 +120,17 @@ bool SelfCall::IsAnswered() const {
          grpc::CompletionQueue::TIMEOUT) {
     if (stop_.IsCancelled()) context.TryCancel();
   }
-  return status.ok();
+  // A deaf server says nothing, or does not listen. One that refuses the connection or the call is
+  // alive: after a change of --tls-client-ca it refuses the certificate that is shown here.
+  switch (status.error_code()) {
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+    case grpc::StatusCode::CANCELLED:
+      return false;
+    case grpc::StatusCode::UNAVAILABLE:
+      return TakesConnections(options_.address);
+    default:
+      return true;
+  }
 }
 
 }  // namespace litags

@@ -21,9 +21,9 @@ struct SelfCallOptions {
 };
 
 // A thread that calls the server by its own address, as a new client would: whatever it is that
-// makes a server deaf, a supervisor shall see it. The watch begins with the first call that is
-// answered; a server that cannot be reached by itself, as one that asks clients for certificates
-// of other issuers than its own, is not watched.
+// makes a server deaf, a supervisor shall see it. A refusal is an answer, too: a server may ask
+// clients for certificates of other issuers than its own. The watch begins with the first answer; a
+// server that cannot be reached by itself is not watched.
 class SelfCall {
  public:
   // Calls `on_deaf` once, from the thread.
