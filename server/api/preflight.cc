@@ -14,8 +14,10 @@
 #include "server/api/serve_web.h"
 #include "server/auth/authenticator.h"
 #include "server/auth/tls.h"
+#include "server/jobs/placement.h"
 #include "server/store/data_dir.h"
 #include "server/store/open_stores.h"
+#include "server/worker/hardening.h"
 
 namespace litags {
 namespace {
@@ -35,8 +37,9 @@ Finding CheckStore(const ServerFlags& flags) {
   LITAGS_RETURN_IF_ERROR(OpenBlobStore(flags.places, data).status());
   // A server that runs holds the lock: no reason to fail, but to say so.
   const bool used = !DataDirLock::Take(data).ok();
-  return absl::StrCat(data.root, " can be written",
-                      used ? "; a server is using it now" : "; no server is using it");
+  return absl::StrCat(
+      data.root, " can be written", used ? "; a server is using it now" : "; no server is using it",
+      data.OthersMayEnter() ? "; others may enter it: chmod 700 keeps them out" : "");
 }
 
 Finding CheckSpace(const ServerFlags& flags) {
@@ -111,6 +114,14 @@ absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_p
                                   " is not there or not executable; install it beside "
                                   "litags-server, or start with --workers 0"));
   }
+  // A worker that is started with these ends at once.
+  HardeningOptions hardening;
+  hardening.max_memory_bytes = flags.worker_memory_bytes;
+  if (const absl::Status valid = hardening.Validate(); !valid.ok()) {
+    return InvalidInput("OUT_OF_RANGE", "--worker-memory",
+                        absl::StrCat("--worker-memory: ", std::string(valid.message())));
+  }
+  LITAGS_RETURN_IF_ERROR(CheckLabels(flags.worker_labels, "--worker-labels"));
   LITAGS_ASSIGN_OR_RETURN(const DepthNetwork network,
                           DepthNetwork::Parse(flags.depth_model, "--depth-model"));
   if (!network.path.empty() && access(network.path.c_str(), R_OK) != 0) {

@@ -8,8 +8,9 @@
 
 namespace litags {
 
-// Whether jobs could run: the worker's program, and the depth network if there is one.
-// FAILED_PRECONDITION (WORKER_NOT_FOUND, DEPTH_MODEL_NOT_FOUND).
+// Whether jobs could run: the worker's program and settings, and the depth network if there is one.
+// FAILED_PRECONDITION (WORKER_NOT_FOUND, DEPTH_MODEL_NOT_FOUND), INVALID_ARGUMENT (OUT_OF_RANGE,
+// LABEL_INVALID).
 absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_program);
 
 // litags-server --check: looks at everything that a start needs, and at what jobs will need, and

@@ -44,7 +44,10 @@ void AddClientLimitFlags(CLI::App* app, ClientLimits* limits) {
       "Uploads, watches, paths and exports of one client at one time; 0: no limit");
   add("--pictures-per-second", limits->pictures_per_second,
       "Calls for pictures of one client a second; 0: no limit");
-  add("--picture-burst", limits->picture_burst, "So many calls at once after a pause");
+  // With fewer than one, no call would ever be let in.
+  app->add_option("--picture-burst", limits->picture_burst, "So many calls at once after a pause")
+      ->check(CLI::Range(1.0, 1e9))
+      ->capture_default_str();
 }
 
 void AddCapFlags(CLI::App* app, JobCaps* caps) {
@@ -91,11 +94,13 @@ void AddRenderFlags(CLI::App* app, ServerOptions* server) {
                   "Memory for pictures and models that clients have not read yet, as 512MiB; one "
                   "client may have half of it")
       ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::PositiveNumber)
       ->capture_default_str();
   app->add_option("--max-export-bytes", server->answers.max_export_bytes,
                   "Disk space for exported models that clients have not read yet, as 4GiB; one "
                   "client may have half of it")
       ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::PositiveNumber)
       ->capture_default_str();
   app->add_option("--scene-cache", server->scene_cache_bytes,
                   "Memory for scenes that were rendered last, as 1GiB; at least one stays")

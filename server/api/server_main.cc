@@ -55,6 +55,8 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   SupervisorOptions workers;
   workers.workers = flags.workers;
   workers.niceness = flags.worker_niceness;
+  // Their last checkpoints go over a network; systemd and Compose kill us after 30 s.
+  if (flags.places.BlobsAreFar()) workers.grace_seconds = 20;
   std::vector<std::string>& command = workers.command;
   command = {worker_program};
   const auto pass = [&](const char* name, const std::string& value) {
@@ -133,6 +135,9 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   RaiseDescriptorLimit(flags.server.connections.counts.max_connections +
                        (flags.web.listen.empty() ? 0 : flags.web.counts.max_connections));
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
+  if (data.OthersMayEnter()) {
+    spdlog::warn("other users of this machine may enter {}: chmod 700 keeps them out", data.root);
+  }
   LITAGS_ASSIGN_OR_RETURN(const auto lock, DataDirLock::Take(data));
   data.EmptyTmp(/*quiet_seconds=*/0);
   LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));

@@ -5,12 +5,17 @@
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
 
+#include <CLI/CLI.hpp>
+#include <atomic>
 #include <filesystem>
 #include <functional>
 #include <map>
 #include <set>
 
 #include "absl/strings/str_cat.h"
+#include "server/api/preflight.h"
+#include "server/api/self_call.h"
+#include "server/api/server_flags.h"
 #include "server/testing/access_fixture.h"
 #include "server/testing/photos.h"
 
@@ -323,6 +328,54 @@ TEST_F(AccessTest, RenewedClientAuthoritiesDecideAboutNewConnections) {
   std::filesystem::rename(renewed.Path("ca.crt"), authority_.Path("clients.crt"));
   AwaitHandshake(grpc::OK, by_new);
   EXPECT_EQ(by_old(), grpc::UNAVAILABLE);
+}
+
+TEST_F(AccessTest, SelfCallThatIsRefusedForItsCertificateFindsTheServerAlive) {
+  TempDir renewed_dir;
+  TestAuthority renewed(renewed_dir.path());
+  authority_.Issue("carol");
+  std::filesystem::copy_file(authority_.Path("ca.crt"), authority_.Path("clients.crt"));
+  options_.tls.client_ca = authority_.Path("clients.crt");
+  options_.auth = {};
+  Start();
+  std::atomic<bool> deaf = false;
+  const SelfCall self_call({Address(), options_.tls, 0.05, 5, 3}, [&] { deaf = true; });
+  AwaitHandshake(grpc::OK, [&] { return Handshake(Address(), "", authority_, &authority_); });
+  std::filesystem::rename(renewed.Path("ca.crt"), authority_.Path("clients.crt"));
+  AwaitHandshake(grpc::UNAVAILABLE,
+                 [&] { return Handshake(Address(), "", authority_, &authority_); });
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  EXPECT_FALSE(deaf);
+  server_->Shutdown();
+  for (int i = 0; i < 200 && !deaf; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_TRUE(deaf);
+}
+
+TEST(ServerFlagsTest, ValuesThatNoWorkerAndNoCallCouldWorkWithAreRefusedAtTheStart) {
+  const auto reason = [](const char* flag, const char* value) -> std::string {
+    ServerFlags flags;
+    CLI::App app;
+    AddServerFlags(&app, &flags);
+    const char* arguments[] = {"litags-server", flag, value};
+    try {
+      app.parse(3, arguments);
+    } catch (const CLI::ValidationError&) {
+      return "not parsed";
+    }
+    const auto detail = GetErrorDetail(CheckPrograms(flags, "/bin/true"));
+    return detail ? detail->reason : "OK";
+  };
+  EXPECT_EQ(reason("--worker-memory", "100MiB"), "OUT_OF_RANGE");
+  EXPECT_EQ(reason("--worker-memory", "0"), "OK");
+  EXPECT_EQ(reason("--worker-memory", "6GiB"), "OK");
+  EXPECT_EQ(reason("--worker-labels", "a b"), "LABEL_INVALID");
+  EXPECT_EQ(reason("--worker-labels", "avx512,site-b"), "OK");
+  EXPECT_EQ(reason("--picture-burst", "0"), "not parsed");
+  EXPECT_EQ(reason("--picture-burst", "1"), "OK");
+  for (const char* room : {"--max-export-bytes", "--max-unread-bytes"}) {
+    EXPECT_EQ(reason(room, "0"), "not parsed") << room;
+    EXPECT_EQ(reason(room, "64MiB"), "OK") << room;
+  }
 }
 
 TEST_F(AccessTest, OthersAreLetInOnlyEncryptedAndByName) {
