@@ -10,6 +10,7 @@
 
 #include "engine/core/error_test_util.h"
 #include "server/store/digest.h"
+#include "server/store/s3_client.h"
 #include "server/testing/cutting_proxy.h"
 #include "server/testing/s3_server.h"
 
@@ -112,6 +113,25 @@ TEST_F(S3BlobStoreTest, FoldersOfMoreThanOnePageAreListedAndRemoved) {
   EXPECT_EQ(blobs->List("jobs")->size(), 1u);
   ASSERT_TRUE(blobs->RemoveFolder("jobs/1").ok());
   EXPECT_TRUE(blobs->List("jobs/1")->empty());
+}
+
+TEST_F(S3BlobStoreTest, UploadsThatNobodyCompletesAreAborted) {
+  S3Client client(options_);
+  const auto begin = [&](const std::string& key) {
+    return client.Send(S3Request{"POST", key, {{"uploads", ""}}, {}, {}}).status();
+  };
+  const auto there = [&] {
+    const auto page =
+        client.Send(S3Request{"GET", "", {{"prefix", options_.prefix}, {"uploads", ""}}, {}, {}});
+    return page.ok() ? XmlTexts(page->body, "UploadId").size() : 99;
+  };
+  ASSERT_TRUE(begin("jobs/1/aa").ok());
+  ASSERT_TRUE(begin("others/1").ok());
+  (*OpenS3BlobStore(options_))->RemoveTemporary();
+  EXPECT_EQ(there(), 2u) << "somebody may be at it";
+  options_.abandoned_seconds = -3600;
+  (*OpenS3BlobStore(options_))->RemoveTemporary();
+  EXPECT_EQ(there(), 1u);
 }
 
 TEST_F(S3BlobStoreTest, PrefixesKeepInstallationsApart) {

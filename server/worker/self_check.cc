@@ -12,17 +12,16 @@
 namespace litags {
 namespace {
 
-// A worker with less room is full.
-constexpr off_t kRoomBytes = off_t{64} << 20;
+constexpr int64_t kRoomOfSmallJob = int64_t{64} << 20;
 
 }  // namespace
 
-absl::Status CheckWorker(const WorkerContext& context) {
+absl::Status CheckWorker(const WorkerContext& context, int64_t room_bytes) {
   LITAGS_ASSIGN_OR_RETURN(const auto scratch, ScratchFolder::Make(context.data.scratch()));
   const std::string path = scratch->path() + "/room";
   const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (fd < 0) return FileError("create", path, errno);
-  const int error = posix_fallocate(fd, 0, kRoomBytes);
+  const int error = posix_fallocate(fd, 0, room_bytes);
   close(fd);
   if (error != 0) return FileError("write", path, error);
   const absl::Status read = context.blobs->Get("self-check").status();  // there is no such blob
@@ -32,7 +31,7 @@ absl::Status CheckWorker(const WorkerContext& context) {
 bool IsFaultOfWorker(const absl::Status& error, const WorkerContext& context) {
   return (HasReason(error, "DISK_FULL") || HasReason(error, "STORE_FAILED") ||
           HasReason(error, "BLOBS_DENIED")) &&
-         !CheckWorker(context).ok();
+         !CheckWorker(context, kRoomOfSmallJob).ok();
 }
 
 std::string TroubleInWords(const absl::Status& error) {
