@@ -161,6 +161,14 @@ class Run {
     return Publish(cancel);
   }
 
+  // What is reported last, and stays with a finished job: the numbers of the end of training.
+  Progress Saving() const {
+    Progress progress = progress_;
+    progress.stage = Stage::kSaving;
+    progress.message = "writing the report";
+    return progress;
+  }
+
   void Finish(ReconstructReport* report) {
     AddNanRecoveries(&report->notes);
     if (options_.refine_cameras) report->notes.push_back(DescribeRefinement());
@@ -396,7 +404,6 @@ class RealEngine : public Engine {
       p.stage = stage;
       p.message = message;
       p.iterations = options.iterations;
-      if (stage == Stage::kSaving) p.iteration = options.iterations;
       p.psnr_holdout = kNotMeasured;
       observer->OnProgress(p);
     };
@@ -414,7 +421,7 @@ class RealEngine : public Engine {
     Run run(context, set, std::move(initial), observer);
     LITAGS_RETURN_IF_ERROR(run.Resume(&report.notes));
     LITAGS_RETURN_IF_ERROR(run.Train(cancel));
-    progress(Stage::kSaving, "writing the report");
+    observer->OnProgress(run.Saving());
     run.Finish(&report);
     report.seconds = Now() - start;
     LITAGS_RETURN_IF_ERROR(WriteFileAtomically(input.work_dir + "/report.json", report.ToJson()));

@@ -81,7 +81,13 @@ TEST(Reconstruct, ReportsProgressInOrder) {
 
   ASSERT_FALSE(recorder.reports.empty());
   EXPECT_EQ(recorder.reports.front().stage, Stage::kLoading);
-  EXPECT_EQ(recorder.reports.back().stage, Stage::kSaving);
+  const Progress& saving = recorder.reports.back();
+  EXPECT_EQ(saving.stage, Stage::kSaving);
+  EXPECT_EQ(saving.iteration, kIterations);
+  EXPECT_EQ(saving.gaussians, report->gaussians);
+  EXPECT_EQ(saving.psnr_holdout, report->psnr_holdout);
+  EXPECT_GT(saving.loss, 0);
+  EXPECT_GT(saving.loss_reconstruction, 0);
   int last = 0, previews = 0;
   Stage stage = Stage::kLoading;
   for (const Progress& p : recorder.reports) {
@@ -234,10 +240,11 @@ TEST(Reconstruct, BlackPhotosDoNotCount) {
   EXPECT_EQ(Reason(status), "TOO_FEW_PHOTOS");
 }
 
-// photo0.jpg is no photo here, but has the stem of one.
+// photo0.jpg and photo0.tif are no photos here, but have the stem of one.
 TEST(Reconstruct, TwoCamerasOfOnePhotoAreRefused) {
   Photographs photos;
-  photos.model.views.push_back({"photo0.jpg", photos.model.views[1].camera});
+  photos.model.views[0].name = "photo0.jpg";
+  photos.model.views.push_back({"photo0.tif", photos.model.views[1].camera});
   photos.model.distortions.emplace_back();
   photos.WriteModel();
   const absl::Status status = Reconstruct(photos.Input("work"), SmallOptions()).status();
