@@ -22,6 +22,13 @@ double WithPyramid(int levels) { return (1 - std::pow(0.25, levels + 1)) / 0.75;
 // Measured: 30 whole photos (crop_pixels 0) of 1600x1064 peak at 1,184 MB with coarse_levels 0;
 // photos are 715 of it.
 constexpr double kTrainPixel = sizeof(float) * (2 * (kNumChannels + 1) + 8) + 50;
+// Bytes a compared pixel that the denoiser keeps of one forward and backward pass (pdm.cc): all
+// stages' activations, R_0..R_K before the clamp, R_1..R_K, gradients of both and of hidden layers.
+double PdmPixel(const PdmOptions& pdm) {
+  const int k = pdm.stages, hidden = pdm.hidden;
+  return double(sizeof(float)) * (k * (3 + 2 * hidden) + 3 * (k + 1) + 3 * k + 2 * 3 + 2 * hidden);
+}
+
 // Bytes a pixel as the file has it, for every thread that decodes: coefficients, samples, and
 // colours of deep shadow at all scales. Measured: litags-train on eight JPEGs of 10.8 megapixels
 // peaks 51.6 times their pixels higher with two threads than with one.
@@ -85,10 +92,16 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
       UsesStereo(recipe, options.depth_source)
           ? std::min<double>(at_once, kStereoViews) * std::min(kStereoView, kStereoPixel * largest)
           : 0;
+  double training = kTrainPixel * largest;
+  if (recipe.lita && recipe.use_pdm) {
+    const double compared =
+        recipe.crop_pixels > 0 ? std::min<double>(largest, recipe.crop_pixels) : largest;
+    training += PdmPixel(recipe.pdm) * compared;
+  }
   MemoryEstimate estimate;
   estimate.photos =
       static_cast<int64_t>((kViewPixel + map_bytes) * WithPyramid(recipe.coarse_levels) * all);
-  estimate.work = static_cast<int64_t>(std::max({kTrainPixel * largest, decoding, stereo}));
+  estimate.work = static_cast<int64_t>(std::max({training, decoding, stereo}));
   estimate.gaussians = static_cast<int64_t>(kGaussian * options.max_gaussians);
   return estimate;
 }

@@ -92,6 +92,24 @@ TEST(MemoryEstimate, CountsStereoOfSeveralViews) {
   EXPECT_EQ(EstimateMemory(photos, options, 8, 0).work, 480000000);
 }
 
+TEST(MemoryEstimate, CountsTheDenoiser) {
+  const auto photos = PhotosOf(20, 1600, 1200);
+  ReconstructOptions options;
+  const auto added = [&] {
+    options.recipe->use_pdm = false;
+    const int64_t without = EstimateMemory(photos, options, 1, 0).work;
+    options.recipe->use_pdm = true;
+    return EstimateMemory(photos, options, 1, 0).work - without;
+  };
+  options.recipe = LitagsPaper();
+  options.recipe->use_depth = false;
+  EXPECT_EQ(added(), int64_t{656} * 1600 * 1200) << "of whole photos, 3 stages of 16 channels";
+  options.recipe->crop_pixels = 200'000;
+  EXPECT_EQ(added(), int64_t{656} * 200'000);
+  options.recipe->lita = false;
+  EXPECT_EQ(added(), 0);
+}
+
 TEST(MemoryEstimate, WhatCannotFitIsRefusedWithWhatWould) {
   const std::vector<ScreenedPhoto> photos = PhotosOf(1000, 4032, 3024);
   ReconstructOptions options;
