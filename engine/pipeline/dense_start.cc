@@ -148,8 +148,10 @@ absl::StatusOr<std::vector<SparsePoint>> DenseStartPoints(const Context& context
   if (!context.recipe.dense_start || limit <= 0) return dense;
   const std::string path = context.input.work_dir + "/start.litags";
   const bool has_stereo = ResolveDepthOrigin(context) == DepthOrigin::kStereo;
+  const int of_photos = has_stereo ? StereoPhotos(context) : context.recipe.stereo_photos;
   const std::string full_key =
-      absl::StrCat("at most ", limit, has_stereo ? " of the loss's depth, " : " of stereo, ", key);
+      absl::StrCat("at most ", limit, has_stereo ? " of the loss's depth of " : " of stereo of ",
+                   of_photos, " photos, ", key);
   if (std::optional<std::vector<SparsePoint>> kept = Kept(path, full_key); kept.has_value()) {
     dense = *std::move(kept);
   } else {

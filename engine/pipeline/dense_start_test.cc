@@ -152,6 +152,21 @@ TEST(DenseStart, PointsAreMadeOnceAndKept) {
   EXPECT_FALSE(Bytes(Start(input)) == kept) << "those of other points were used";
 }
 
+TEST(DenseStart, StereoOfFewerPhotosGivesOtherPoints) {
+  const Photographs photos;
+  for (const DepthOrigin source : {DepthOrigin::kNone, DepthOrigin::kAuto}) {
+    const ReconstructInput input = photos.Input("work" + std::string(FieldText(source)));
+    ReconstructOptions options = DenseOptions();
+    options.iterations = 2;
+    options.depth_source = source;
+    ASSERT_TRUE(Reconstruct(input, options).ok());
+    const std::string kept = Bytes(Start(input));
+    options.recipe->stereo_photos = 3;
+    ASSERT_TRUE(Reconstruct(input, options).ok());
+    EXPECT_FALSE(Bytes(Start(input)) == kept) << "those of all photos were used";
+  }
+}
+
 TEST(DenseStart, TwoThreadsGiveTheSameScene) {
   const Photographs photos;
   ReconstructOptions options = DenseOptions();

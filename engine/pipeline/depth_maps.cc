@@ -50,12 +50,6 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeNetwork(const DepthNetwork& n
   return MakeNetworkDepthProvider(options, "depth_model");
 }
 
-// Photos that stereo makes maps of, 0: all, since the user asked for stereo or the recipe has it
-// so.
-int StereoPhotos(const Context& context) {
-  return context.options.depth_source == DepthOrigin::kStereo ? 0 : context.recipe.stereo_photos;
-}
-
 absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(const Context& context,
                                                             DepthOrigin origin,
                                                             absl::Span<const SparsePoint> points,
@@ -195,6 +189,10 @@ std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
     std::erase_if(point.track, [&](const TrackElement& e) { return e.view % every != 0; });
   }
   return out;
+}
+
+int StereoPhotos(const Context& context) {
+  return context.options.depth_source == DepthOrigin::kStereo ? 0 : context.recipe.stereo_photos;
 }
 
 DepthOrigin ResolveDepthOrigin(const Context& context) {

@@ -23,6 +23,10 @@ std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
 std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
                                      absl::Span<const int> point_views, int most);
 
+// Photos that stereo makes maps of for the depth loss; 0: all, since the user asked for stereo or
+// the recipe has it so.
+int StereoPhotos(const Context& context);
+
 // The source that options.depth_source means for this input: kAuto becomes kMaps or kStereo. kNone
 // if the recipe has no depth loss.
 DepthOrigin ResolveDepthOrigin(const Context& context);
