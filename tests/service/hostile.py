@@ -11,6 +11,7 @@ import errno
 import selectors
 import socket
 import struct
+import sys
 import time
 import zlib
 
@@ -73,6 +74,7 @@ class Connection:
         self.sock.bind((self.args.source, 0))
         self.sock.setblocking(False)
         self.out, self.incoming = bytearray(), b""
+        self.speaks_http2 = False
         self.window, self.initial, self.windows, self.bodies = 65535, 65535, {}, {}
         result = self.sock.connect_ex(("127.0.0.1", self.args.port))
         if result not in (0, errno.EINPROGRESS):
@@ -85,6 +87,7 @@ class Connection:
         self.again_at = time.monotonic() + 0.1
 
     def start_http2(self):
+        self.speaks_http2 = True
         self.out += PREFACE + frame(SETTINGS)
 
     def open_stream(self, body, *extra, end=False):
@@ -124,8 +127,9 @@ class Connection:
                 data = self.sock.recv(1 << 16)
                 if not data:
                     return False
-                self.incoming += data
-                self.read_frames()
+                if self.speaks_http2:  # else not even the server's settings are answered
+                    self.incoming += data
+                    self.read_frames()
         return True
 
     def read_frames(self):
@@ -213,6 +217,7 @@ KINDS = {kind.__name__: kind for kind in (idle, handshake, headers, unended, ope
 
 
 def attack(args):
+    """1 if not even the first connection of each could be made."""
     waits = selectors.DefaultSelector()
     connections = [Connection(KINDS[args.kind], args) for _ in range(args.connections)]
     end = time.monotonic() + args.seconds
@@ -245,6 +250,7 @@ def attack(args):
             if key.events != wanted:
                 waits.modify(connection.sock, wanted, connection)
     print(f"{args.kind}: {opened} connections made, {closed} of them closed by the server")
+    return 1 if opened < args.connections else 0
 
 
 def main():
@@ -258,8 +264,8 @@ def main():
     parser.add_argument("--bomb-mib", type=int, default=300)
     args = parser.parse_args()
     args.bomb = grpc_message(bomb(args.bomb_mib), 1) if args.kind == "gzip" else b""
-    attack(args)
+    return attack(args)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

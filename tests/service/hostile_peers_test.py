@@ -22,11 +22,13 @@ from harness import rpc
 from security_test import make_certificates, run_server
 
 CONNECTIONS = int(os.environ.get("LITAGS_HOSTILE", "40"))
-SECONDS = float(os.environ.get("LITAGS_HOSTILE_SECONDS", "4"))
+SECONDS = float(os.environ.get("LITAGS_HOSTILE_SECONDS", 4 * harness.SLOWER))
 MEASURING = "LITAGS_HOSTILE" in os.environ
 # Of the fake server, which has some 80 MiB without them. All kinds at once took 235 to 303 MiB in
-# four runs.
-MAX_MIB = 512 if MEASURING else 384
+# four runs; what they ask for are gigabytes.
+MAX_MIB = 768
+# So short that a flood meets it; long enough for honest clients on a busy machine.
+FIRST_CALL = () if MEASURING else ("--max-first-call", str(SECONDS / 2))
 HOSTILE = os.path.join(os.path.dirname(__file__), "hostile.py")
 
 
@@ -123,7 +125,10 @@ class Flooded(harness.ServiceTest):
                  str(connections), "--seconds", str(SECONDS), "--token", self.hostile_token],
                 stdout=subprocess.PIPE, text=True) for kind in kinds]
             said = [attacker.communicate()[0].strip() for attacker in attackers]
-            self.assertEqual([a.returncode for a in attackers], [0] * len(kinds))
+            self.assertEqual([a.returncode for a in attackers], [0] * len(kinds), said)
+        if not MEASURING:  # with the limits that everybody has, the silent ones outlast it
+            for line in said:
+                self.assertNotIn(" 0 of them closed", line)
         peak = self.mib("VmHWM")
         if MEASURING:
             print(f"{'; '.join(said)}\n  peak {peak} MiB, then {self.mib('VmRSS')}; GetJob "
@@ -132,10 +137,13 @@ class Flooded(harness.ServiceTest):
                   f"{1000 * honest.percentile(0.99):.0f} ms", flush=True)
         self.assertEqual(honest.failures, [])
         self.assertGreater(len(honest.times), 2)
-        self.assertLess(peak, MAX_MIB)
+        if harness.SLOWER == 1:  # a sanitizer's own memory is a multiple of the server's
+            self.assertLess(peak, MAX_MIB)
 
 
 class OfPlaintext(Flooded):
+
+    extra = FIRST_CALL
 
     def test_connections_that_say_nothing(self):
         self.flood("idle")
@@ -167,7 +175,7 @@ class OfTls(Flooded):
         at = lambda name: os.path.join(cls.class_folder, name)  # noqa: E731
         make_certificates(cls.class_folder)
         cls.extra = ("--tls-cert", at("server.crt"), "--tls-key", at("server.key"),
-                     "--self-call", "0.2")
+                     "--self-call", "0.2", *FIRST_CALL)
         with open(at("ca.crt"), "rb") as file:
             cls.credentials = grpc.ssl_channel_credentials(file.read())
         return super().make_server()
