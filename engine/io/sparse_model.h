@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
+#include "engine/core/color.h"
 #include "engine/core/image.h"
 #include "engine/core/photo.h"
 
@@ -94,3 +95,6 @@ absl::StatusOr<Planes> UndistortNearest(const Planes& plane, const Camera& camer
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_IO_SPARSE_MODEL_H_
+// Which pixels of that picture the photo has: a mask (engine/core/mask.h), empty if it has all.
+absl::StatusOr<PlaneU8> MaskOfUndistorted(const Camera& camera, const Distortion& distortion);
+

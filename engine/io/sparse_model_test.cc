@@ -75,6 +75,31 @@ TEST(Undistort, WithoutDistortionChangesNothing) {
   EXPECT_EQ(Undistort(PhotoFromU8(photo), TestCamera(), {})->data, PhotoFromU8(photo).data);
 }
 
+TEST(Undistort, ItsMaskIsWhatThePhotoHas) {
+  const Camera camera = TestCamera();
+  const Distortion outward{.k1 = 0.1, .p1 = 0.01};
+  const auto mask = MaskOfUndistorted(camera, outward);
+  ASSERT_TRUE(mask.ok()) << mask.status();
+  ASSERT_EQ(mask->width, camera.width);
+  int masked = 0;
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      const auto seen =
+          Distort(outward, (x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy);
+      const double sx = camera.fx * seen[0] + camera.cx, sy = camera.fy * seen[1] + camera.cy;
+      // How far inside the photo, px.
+      const double in = std::min({sx, sy, camera.width - sx, camera.height - sy});
+      masked += in < 0;
+      if (std::abs(in) < 0.02) continue;  // OpenCV rounds places
+      EXPECT_EQ(mask->data[size_t(y) * camera.width + x], in > 0 ? 255 : 0) << x << " " << y;
+    }
+  }
+  EXPECT_GT(masked, 100);
+  EXPECT_TRUE(MaskOfUndistorted(camera, {.k1 = -0.1})->empty());
+  EXPECT_TRUE(MaskOfUndistorted(camera, {})->empty());
+  EXPECT_EQ(Reason(MaskOfUndistorted(camera, {.k1 = NAN}).status()), "NOT_FINITE");
+}
+
 TEST(Undistort, RefusesOtherSizesAndNaN) {
   EXPECT_EQ(Reason(Undistort(TestImage(60, 40), TestCamera(), {}).status()), "SIZE_MISMATCH");
   EXPECT_EQ(Reason(Undistort(ImageU8(), TestCamera(), {}).status()), "SIZE_MISMATCH");

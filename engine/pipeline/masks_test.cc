@@ -179,6 +179,30 @@ TEST(Masks, WhatIsUnderThemChangesNoByteOfTheScene) {
   }
 }
 
+// A photo taken through a pincushion lens ends before the pinhole picture does.
+TEST(Masks, WhatALensDoesNotShowDoesNotCount) {
+  constexpr char kNote[] = "3 of 3 photos show less than the picture without their lens's";
+  for (const double k1 : {0.1, -0.1}) {
+    RoomCapture room(3);
+    for (Distortion& d : room.model.distortions) d.k1 = k1;
+    const auto report = Train(room.Input("trained"), room.Options(1));
+    ASSERT_TRUE(report.ok()) << report.status();
+    const TrainSet set = room.Load(room.Options(1));
+    ASSERT_EQ(set.train.size(), 3u);
+    for (const TrainView& v : set.train) {
+      const size_t pixels = v.photo.pixels();
+      EXPECT_EQ(CountedPixels(v.mask, pixels) < pixels, k1 > 0);
+      EXPECT_EQ(Counts(v.mask, 0, 0), k1 < 0);
+      EXPECT_TRUE(Counts(v.mask, RoomCapture::kWidth / 2, RoomCapture::kHeight / 2));
+    }
+    if (k1 > 0) {
+      EXPECT_THAT(report->notes, Contains(HasSubstr(kNote)));
+    } else {
+      EXPECT_THAT(report->notes, Not(Contains(HasSubstr("mask"))));
+    }
+  }
+}
+
 TEST(Masks, AResumedJobEndsWithTheSameBytesAndOtherMasksBeginAnew) {
   const MaskedRoom capture(PaintBright);
   ReconstructOptions options = capture.room.Options(30);

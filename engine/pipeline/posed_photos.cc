@@ -68,6 +68,7 @@ struct OnePhoto {
   PhotoDarkness darkness;      // as the camera wrote it
   double stated_exposure = 0;  // as StatedExposure has it
 };
+  bool rim_masked = false;     // the pinhole picture shows more than the photo
 
 // By EXIF, in a unit of its own; 0: not said.
 double StatedExposure(const ImageInfo& info) {
@@ -77,6 +78,17 @@ double StatedExposure(const ImageInfo& info) {
 
 // Photo and mask as their pinhole camera sees them.
 absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
+// Pixels of the pinhole picture that the photo does not have do not count.
+absl::Status MaskRim(const Distortion& distortion, OnePhoto* v) {
+  LITAGS_ASSIGN_OR_RETURN(PlaneU8 rim, MaskOfUndistorted(v->view.camera, distortion));
+  if (rim.empty()) return absl::OkStatus();
+  if (!v->mask.empty()) ForMasked(v->mask, [&](size_t i) { rim.data[i] = 0; });
+  v->mask = std::move(rim);
+  FillMasked(v->mask, &v->photo);
+  v->rim_masked = true;
+  return absl::OkStatus();
+}
+
                        const Distortion& distortion, OnePhoto* v) {
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
@@ -102,7 +114,8 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   };
   v->photo = undistort(v->photo);
   if (!v->mask.empty()) v->mask = ChangeMask(v->mask, undistort);
-  return status;
+  LITAGS_RETURN_IF_ERROR(status);
+  return MaskRim(distortion, v);
 }
 
 // To the size of training. How many of the camera's pixels one is wide then.
@@ -123,7 +136,8 @@ double Shrink(int max_side, OnePhoto* v) {
 // A mask may leave something of the photo as it was taken, and nothing at the size of training.
 absl::Status CheckMask(const OnePhoto& v, const std::string& mask_path) {
   if (CountedPixels(v.mask, v.photo.pixels()) > 0) return absl::OkStatus();
-  const std::string field = absl::StrCat("masks[", BaseName(mask_path), "]");
+  const std::string field = mask_path.empty() ? PhotoField(v.view.name)
+                                              : absl::StrCat("masks[", BaseName(mask_path), "]");
   return InvalidInput("MASK_BLACK", field,
                       absl::StrCat(field, ": at ", v.mask.width, "x", v.mask.height,
                                    " px, the size of training, no pixel of the photo counts; "
@@ -162,7 +176,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
     }();
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
-  int shrunk = 0;
+  int shrunk = 0, rims = 0;
   std::vector<PhotoDarkness> darkness;
   for (size_t i = 0; i < n; ++i) {
     if (flat[i].has_value()) {
@@ -175,6 +189,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
     posed->model_view.push_back(static_cast<int>(i));
     posed->views.push_back(std::move(photos[i].view));
     posed->distortions.push_back(model.distortions[i]);
+    rims += photos[i].rim_masked;
     posed->photos.push_back(std::move(photos[i].photo));
     posed->masks.push_back(std::move(photos[i].mask));
     darkness.push_back(photos[i].darkness);
@@ -184,6 +199,10 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
   if (shrunk > 0) {
     context.Note(absl::StrCat(shrunk, " of ", posed->size(), " photos were shrunk to ",
                               options.max_image_side, " px (max_image_side; 0 keeps their size)"));
+  }
+  if (rims > 0) {
+    context.Note(absl::StrCat(rims, " of ", posed->size(), " photos show less than the picture ",
+                              "without their lens's distortion: the rest, at its rim, is masked"));
   }
   return absl::OkStatus();
 }

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 
@@ -41,7 +42,11 @@ absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view) 
     photo = ResizeArea(photo, camera.width, camera.height);
   }
   if (view.distortion.IsZero()) return photo;
-  return Undistort(photo, camera, view.distortion);
+  LITAGS_ASSIGN_OR_RETURN(photo, Undistort(photo, camera, view.distortion));
+  // As training fills what the photo does not show.
+  LITAGS_ASSIGN_OR_RETURN(const PlaneU8 rim, MaskOfUndistorted(camera, view.distortion));
+  if (!rim.empty()) FillMasked(rim, &photo);
+  return photo;
 }
 
 absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views,
