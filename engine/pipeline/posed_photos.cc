@@ -259,7 +259,9 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   if (!others.empty()) context.Note(std::move(others));
   LITAGS_ASSIGN_OR_RETURN(const PhotoScreen screen,
                           ScreenPhotos(input, context.options.threads, context.cancel));
-  for (const std::string& note : screen.notes) context.Note(note);
+  std::vector<std::string>* const notes = &context.report->notes;
+  const auto before_screen = static_cast<ptrdiff_t>(notes->size());
+  notes->insert(notes->end(), screen.notes.begin(), screen.notes.end());
   LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen));
   LITAGS_RETURN_IF_ERROR(CheckMemory(screen.photos, context.options,
                                      MapBytes(input, context.options, !screen.masks.empty()),
@@ -275,6 +277,9 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   }
   posed.rig_views = input.rig_views;
   posed.origin = LocalOrigin(posed.model.views);
+    // Their views are screened again, which says it again.
+    const auto first = notes->begin() + before_screen;
+    notes->erase(first, first + static_cast<ptrdiff_t>(screen.notes.size()));
   if (posed.origin != std::array<double, 3>{}) {
     TakeAsOrigin(posed.origin, &posed.model);
     context.Note(DescribeOrigin(posed.origin));
