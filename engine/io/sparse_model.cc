@@ -8,8 +8,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "engine/core/check.h"
-#include "engine/io/colmap_io.h"
 #include "engine/core/mask.h"
+#include "engine/io/colmap_io.h"
 #include "engine/io/io_error.h"
 #include "engine/io/transforms_io.h"
 
@@ -132,6 +132,18 @@ absl::StatusOr<Image<T>> Undistort(const Image<T>& image, const Camera& camera,
 template absl::StatusOr<ImageU8> Undistort(const ImageU8&, const Camera&, const Distortion&);
 template absl::StatusOr<Photo> Undistort(const Photo&, const Camera&, const Distortion&);
 
+absl::StatusOr<PlaneU8> MaskOfUndistorted(const Camera& camera, const Distortion& distortion) {
+  if (distortion.IsZero()) return PlaneU8();
+  const cv::Mat photo(camera.height, camera.width, CV_8U, cv::Scalar(kCounts));
+  PlaneU8 mask(camera.width, camera.height);
+  cv::Mat result(mask.height, mask.width, CV_8U, mask.data.data());
+  // A place less than half a pixel beyond the outer pixels' centres is on these pixels.
+  LITAGS_RETURN_IF_ERROR(
+      Remap(photo, camera, distortion, cv::INTER_NEAREST, cv::BORDER_CONSTANT, &result));
+  if (CountedPixels(mask, mask.data.size()) == mask.data.size()) return PlaneU8();
+  return mask;
+}
+
 absl::StatusOr<Planes> UndistortNearest(const Planes& plane, const Camera& camera,
                                         const Distortion& distortion) {
   LITAGS_CHECK(plane.channels == 1);
@@ -145,15 +157,3 @@ absl::StatusOr<Planes> UndistortNearest(const Planes& plane, const Camera& camer
 }
 
 }  // namespace litags
-absl::StatusOr<PlaneU8> MaskOfUndistorted(const Camera& camera, const Distortion& distortion) {
-  if (distortion.IsZero()) return PlaneU8();
-  const cv::Mat photo(camera.height, camera.width, CV_8U, cv::Scalar(kCounts));
-  PlaneU8 mask(camera.width, camera.height);
-  cv::Mat result(mask.height, mask.width, CV_8U, mask.data.data());
-  // A place less than half a pixel beyond the outer pixels' centres is on these pixels.
-  LITAGS_RETURN_IF_ERROR(
-      Remap(photo, camera, distortion, cv::INTER_NEAREST, cv::BORDER_CONSTANT, &result));
-  if (CountedPixels(mask, mask.data.size()) == mask.data.size()) return PlaneU8();
-  return mask;
-}
-

@@ -87,6 +87,9 @@ template <typename T>
 absl::StatusOr<Image<T>> Undistort(const Image<T>& image, const Camera& camera,
                                    const Distortion& distortion);
 
+// Which pixels of that picture the photo has: a mask (engine/core/mask.h), empty if it has all.
+absl::StatusOr<PlaneU8> MaskOfUndistorted(const Camera& camera, const Distortion& distortion);
+
 // The same for what belongs to the photo's pixels and must not be mixed, [1, h, w] of any size of
 // the photo's aspect ratio: nearest neighbours, 0 where the photo has no pixels.
 absl::StatusOr<Planes> UndistortNearest(const Planes& plane, const Camera& camera,
@@ -95,6 +98,3 @@ absl::StatusOr<Planes> UndistortNearest(const Planes& plane, const Camera& camer
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_IO_SPARSE_MODEL_H_
-// Which pixels of that picture the photo has: a mask (engine/core/mask.h), empty if it has all.
-absl::StatusOr<PlaneU8> MaskOfUndistorted(const Camera& camera, const Distortion& distortion);
-

@@ -67,8 +67,8 @@ struct OnePhoto {
   PlaneU8 mask;
   PhotoDarkness darkness;      // as the camera wrote it
   double stated_exposure = 0;  // as StatedExposure has it
-};
   bool rim_masked = false;     // the pinhole picture shows more than the photo
+};
 
 // By EXIF, in a unit of its own; 0: not said.
 double StatedExposure(const ImageInfo& info) {
@@ -76,8 +76,6 @@ double StatedExposure(const ImageInfo& info) {
   return info.exposure_time * info.iso / (info.f_number * info.f_number);
 }
 
-// Photo and mask as their pinhole camera sees them.
-absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
 // Pixels of the pinhole picture that the photo does not have do not count.
 absl::Status MaskRim(const Distortion& distortion, OnePhoto* v) {
   LITAGS_ASSIGN_OR_RETURN(PlaneU8 rim, MaskOfUndistorted(v->view.camera, distortion));
@@ -89,6 +87,8 @@ absl::Status MaskRim(const Distortion& distortion, OnePhoto* v) {
   return absl::OkStatus();
 }
 
+// Photo and mask as their pinhole camera sees them.
+absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
                        const Distortion& distortion, OnePhoto* v) {
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
@@ -186,23 +186,23 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
       continue;
     }
     shrunk += photos[i].view.camera.width < model.views[i].camera.width;
+    rims += photos[i].rim_masked;
     posed->model_view.push_back(static_cast<int>(i));
     posed->views.push_back(std::move(photos[i].view));
     posed->distortions.push_back(model.distortions[i]);
-    rims += photos[i].rim_masked;
     posed->photos.push_back(std::move(photos[i].photo));
     posed->masks.push_back(std::move(photos[i].mask));
     darkness.push_back(photos[i].darkness);
     posed->stated_exposures.push_back(photos[i].stated_exposure);
   }
   if (!darkness.empty()) NoteDarkness(posed->views, darkness, &context.report->notes);
-  if (shrunk > 0) {
-    context.Note(absl::StrCat(shrunk, " of ", posed->size(), " photos were shrunk to ",
-                              options.max_image_side, " px (max_image_side; 0 keeps their size)"));
-  }
   if (rims > 0) {
     context.Note(absl::StrCat(rims, " of ", posed->size(), " photos show less than the picture ",
                               "without their lens's distortion: the rest, at its rim, is masked"));
+  }
+  if (shrunk > 0) {
+    context.Note(absl::StrCat(shrunk, " of ", posed->size(), " photos were shrunk to ",
+                              options.max_image_side, " px (max_image_side; 0 keeps their size)"));
   }
   return absl::OkStatus();
 }
@@ -273,13 +273,13 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   context.report->photos += static_cast<int>(screen.left_out.size());
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   if (input.cameras_path.empty() && HasWideFisheye(posed.model)) {
+    // Their views are screened again, which says it again.
+    const auto first = notes->begin() + before_screen;
+    notes->erase(first, first + static_cast<ptrdiff_t>(screen.notes.size()));
     return LoadViewsOfFisheyes(context, colmap);
   }
   posed.rig_views = input.rig_views;
   posed.origin = LocalOrigin(posed.model.views);
-    // Their views are screened again, which says it again.
-    const auto first = notes->begin() + before_screen;
-    notes->erase(first, first + static_cast<ptrdiff_t>(screen.notes.size()));
   if (posed.origin != std::array<double, 3>{}) {
     TakeAsOrigin(posed.origin, &posed.model);
     context.Note(DescribeOrigin(posed.origin));
