@@ -30,7 +30,7 @@ struct Decoded {
   absl::Status status;
   ScreenedPhoto photo;
   LineKinds lines;
-  PlaneU8 alpha;
+  std::string alpha;  // its mask as EncodeMask has it: masks of all photos are kept at once
   bool blocks = false, no_end_mark = false;  // blocks: the format may compress in them
 };
 
@@ -61,7 +61,12 @@ Decoded Decode(const std::string& dir, const std::string& name) {
   d.blocks = !IsPng(*bytes);
   d.no_end_mark = IsJpeg(*bytes) && LacksEndMark(*bytes);
   const auto info = ReadImageInfo(*bytes, PhotoField(name));
-  if (info.ok()) d.alpha = AlphaMask(*bytes, info->orientation);
+  if (!info.ok()) return d;
+  const PlaneU8 alpha = AlphaMask(*bytes, info->orientation);
+  if (alpha.empty()) return d;
+  absl::StatusOr<std::string> png = EncodeMask(alpha);
+  d.status = png.status();
+  if (png.ok()) d.alpha = *std::move(png);
   return d;
 }
 
@@ -226,11 +231,12 @@ absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Deco
   for (const Decoded& d : used) {
     const auto frame = frames.find({d.photo.width, d.photo.height});
     if (d.alpha.empty() && frame == frames.end()) continue;
-    PlaneU8 mask = d.alpha;
-    transparent += !mask.empty();
-    if (mask.empty()) {
-      mask = PlaneU8(d.photo.width, d.photo.height);
+    PlaneU8 mask(d.photo.width, d.photo.height);
+    if (d.alpha.empty()) {
       std::fill(mask.data.begin(), mask.data.end(), kCounts);
+    } else {
+      LITAGS_ASSIGN_OR_RETURN(mask, DecodeMask(d.alpha, PhotoField(d.photo.name)));
+      ++transparent;
     }
     if (frame != frames.end()) CutTo(frame->second, &mask);
     if (const auto given = screen->masks.find(d.photo.name); given != screen->masks.end()) {
