@@ -70,10 +70,49 @@ void ConvNet::Backward(int threads, const ConvNetActivations& act, const PaddedR
   AddGradient(layers[2], 3, hidden_, gradient, v_net + at.w1, v_net + at.b1);
 }
 
-void ConvNet::ReserveScratch(int threads, size_t per_thread) {
-  if (per_thread * threads <= scratch_size_) return;
-  scratch_size_ = per_thread * threads;
+void ConvNet::Reserve(int threads, int partials, absl::Span<const ConvLayer> layers) {
+  work_size_ = sums_size_ = gradient_size_ = 0;
+  for (const ConvLayer& layer : layers) {
+    work_size_ =
+        std::max(work_size_, layer.activation ? ConvWeightGradScratch(*layer.activation, *layer.in)
+                                              : ConvScratch(*layer.in));
+    sums_size_ += SumsSize(layer);
+    gradient_size_ += GradientSize(layer);
+  }
+  num_partials_ = partials;
+  partial_.resize(num_partials_ * gradient_size_);
+  const size_t scratch = threads * (work_size_ + sums_size_);
+  if (scratch <= scratch_size_) return;
+  scratch_size_ = scratch;
   scratch_ = hwy::AllocateAligned<float>(scratch_size_);
+}
+
+float* ConvNet::StartPart(int thread) {
+  float* scratch = scratch_.get() + thread * (work_size_ + sums_size_);
+  std::fill_n(scratch + work_size_, sums_size_, 0.0f);
+  return scratch;
+}
+
+void ConvNet::ConvolveGroup(absl::Span<const ConvLayer> layers, int index, int group,
+                            float* scratch) const {
+  const ConvLayer& layer = layers[index];
+  Conv3x3Rows(layer, group * kConvRows, scratch);
+  if (layer.activation == nullptr) return;
+  float* sums = scratch + work_size_;
+  for (int i = 0; i < index; ++i) sums += SumsSize(layers[i]);
+  Conv3x3WeightGradRows(*layer.activation, *layer.in, group * kConvRows, scratch, sums);
+}
+
+void ConvNet::EndPart(absl::Span<const ConvLayer> layers, int partial, const float* scratch) {
+  const float* sums = scratch + work_size_;
+  float* gradient = partial_.data() + partial * gradient_size_;
+  for (const ConvLayer& layer : layers) {
+    if (layer.activation == nullptr) continue;
+    Conv3x3WeightGradOfSums(layer.activation->channels(), layer.in->channels(), sums, gradient,
+                            gradient + NumWeights(layer));
+    sums += SumsSize(layer);
+    gradient += GradientSize(layer);
+  }
 }
 
 // Layer l of a group of rows needs layer l - 1 of the groups beside it. Inside a band of groups all
@@ -85,63 +124,32 @@ void ConvNet::Convolve(int threads, absl::Span<const ConvLayer> layers) {
   const int num_layers = static_cast<int>(layers.size());
   const int groups = (layers[0].in->height() + kConvRows - 1) / kConvRows;
   const int bands = std::clamp(groups / kBandGroups, 1, kMaxBands);
-  size_t work = 0, sums = 0;
-  gradient_size_ = 0;
-  for (const ConvLayer& layer : layers) {
-    work = std::max(work, layer.activation ? ConvWeightGradScratch(*layer.activation, *layer.in)
-                                           : ConvScratch(*layer.in));
-    sums += SumsSize(layer);
-    gradient_size_ += GradientSize(layer);
-  }
   if (threads <= 0) threads = DefaultThreadCount();
-  ReserveScratch(threads, work + sums);
-  num_partials_ = 2 * bands - 1;
-  partial_.resize(num_partials_ * gradient_size_);
-
-  // Calls run(convolve), where convolve(layer, group) does that part; then sums its gradients up.
-  const auto task = [&](int partial, int thread, const auto& run) {
-    float* scratch = scratch_.get() + thread * (work + sums);
-    std::fill_n(scratch + work, sums, 0.0f);
-    run([&](int index, int group) {
-      const ConvLayer& layer = layers[index];
-      Conv3x3Rows(layer, group * kConvRows, scratch);
-      if (layer.activation == nullptr) return;
-      float* layer_sums = scratch + work;
-      for (int i = 0; i < index; ++i) layer_sums += SumsSize(layers[i]);
-      Conv3x3WeightGradRows(*layer.activation, *layer.in, group * kConvRows, scratch, layer_sums);
-    });
-    const float* layer_sums = scratch + work;
-    float* gradient = partial_.data() + partial * gradient_size_;
-    for (const ConvLayer& layer : layers) {
-      if (layer.activation == nullptr) continue;
-      Conv3x3WeightGradOfSums(layer.activation->channels(), layer.in->channels(), layer_sums,
-                              gradient, gradient + NumWeights(layer));
-      layer_sums += SumsSize(layer);
-      gradient += GradientSize(layer);
-    }
-  };
+  Reserve(threads, 2 * bands - 1, layers);
 
   const auto seam = [&](int band) { return groups * band / bands; };
   ParallelFor(threads, bands, [&](size_t index, int thread) {
     const int band = static_cast<int>(index), begin = seam(band), end = seam(band + 1);
-    task(band, thread, [&](const auto& convolve) {
-      for (int step = begin; step < end + num_layers - 1; ++step) {
-        for (int layer = 0; layer < num_layers; ++layer) {
-          const int first = begin + (begin > 0 ? layer : 0);
-          const int last = end - (end < groups ? layer : 0);
-          const int group = step - layer;
-          if (group >= first && group < last) convolve(layer, group);
-        }
+    float* scratch = StartPart(thread);
+    for (int step = begin; step < end + num_layers - 1; ++step) {
+      for (int layer = 0; layer < num_layers; ++layer) {
+        const int first = begin + (begin > 0 ? layer : 0);
+        const int last = end - (end < groups ? layer : 0);
+        const int group = step - layer;
+        if (group >= first && group < last) ConvolveGroup(layers, layer, group, scratch);
       }
-    });
+    }
+    EndPart(layers, band, scratch);
   });
   ParallelFor(threads, bands - 1, [&](size_t index, int thread) {
     const int middle = seam(static_cast<int>(index) + 1);
-    task(bands + static_cast<int>(index), thread, [&](const auto& convolve) {
-      for (int layer = 1; layer < num_layers; ++layer) {
-        for (int group = middle - layer; group < middle + layer; ++group) convolve(layer, group);
+    float* scratch = StartPart(thread);
+    for (int layer = 1; layer < num_layers; ++layer) {
+      for (int group = middle - layer; group < middle + layer; ++group) {
+        ConvolveGroup(layers, layer, group, scratch);
       }
-    });
+    }
+    EndPart(layers, bands + static_cast<int>(index), scratch);
   });
 }
 

@@ -37,8 +37,16 @@ class ConvNet {
                 PaddedRows* v_in, float* v_net);
 
  private:
-  void ReserveScratch(int threads, size_t per_thread);
   void Convolve(int threads, absl::Span<const ConvLayer> layers);
+  // What Convolve does is cut in `partials` parts, each of which sums gradients for itself.
+  void Reserve(int threads, int partials, absl::Span<const ConvLayer> layers);
+  // The thread's scratch, with sums of zero.
+  float* StartPart(int thread);
+  // One group of rows of layers[index], and what it adds to the sums.
+  void ConvolveGroup(absl::Span<const ConvLayer> layers, int index, int group,
+                     float* scratch) const;
+  // The gradients of the part's sums, to partial_.
+  void EndPart(absl::Span<const ConvLayer> layers, int partial, const float* scratch);
   // Adds the gradient of the layer's weights, the sum of what Convolve left; `gradient` is its
   // place in the first of the partial ones.
   void AddGradient(const ConvLayer& layer, int in_channels, int out_channels, const float* gradient,
@@ -51,8 +59,8 @@ class ConvNet {
   std::vector<float> partial_;  // [num_partials][gradient_size: weights and biases of all layers]
   int num_partials_ = 0;
   size_t gradient_size_ = 0;
-  hwy::AlignedFreeUniquePtr<float[]> scratch_;
-  size_t scratch_size_ = 0;
+  hwy::AlignedFreeUniquePtr<float[]> scratch_;  // [threads][work_size and sums_size]
+  size_t scratch_size_ = 0, work_size_ = 0, sums_size_ = 0;
 };
 
 }  // namespace litags

@@ -169,6 +169,25 @@ HWY_INLINE bool AllOutOfSight(const float* in, const V3& p, M in_front, const Ke
       d, hn::And(in_front, hn::And(within(x, width, half_w), within(y, height, half_h))));
 }
 
+// The record but its channels, and zeros where they end.
+HWY_INLINE void StoreRecord(const Lanes& o, const Ellipse<V>& ellipse, V inv_det, V log2_opacity,
+                            int channels, Rows* rows) {
+  const D d;
+  const auto put = [&](int field, V value) HWY_ATTR { hn::Store(value, d, rows->record[field]); };
+  for (int f = kRecordFeatures + channels; f < RecordStride(channels); ++f) put(f, hn::Zero(d));
+  const V half_log2e = hn::Set(d, -0.5f * kLog2E);
+  put(kRecordX, ellipse.x);
+  put(kRecordY, ellipse.y);
+  put(kRecordHalfHeight, ellipse.half_height);
+  put(kRecordShear, ellipse.shear);
+  put(kRecordAspect, ellipse.aspect);
+  put(kRecordDyRight, ellipse.dy_right);
+  put(kRecordA, hn::Mul(half_log2e, hn::Mul(o.cov_c, inv_det)));
+  put(kRecordB, hn::Mul(hn::Set(d, kLog2E), hn::Mul(o.cov_b, inv_det)));
+  put(kRecordC, hn::Mul(half_log2e, hn::Mul(o.cov_a, inv_det)));
+  put(kRecordLog2Opacity, log2_opacity);
+}
+
 // Projects one vector of Gaussians, `begin` to `begin + count`; `in` points at its first lane.
 // Returns how many are visible.
 size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCamera& cam,
@@ -207,28 +226,14 @@ size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCa
   if (hn::AllFalse(d, visible)) return clear();
 
   Rows rows;
-  for (int f = kRecordFeatures + settings.channels; f < RecordStride(settings.channels); ++f) {
-    hn::Store(hn::Zero(d), d, rows.record[f]);  // padding
-  }
-  const auto put = [&](int field, V value) HWY_ATTR { hn::Store(value, d, rows.record[field]); };
   const V inv_det = hn::Div(hn::Set(d, 1.0f), o.det);
-  const V half_log2e = hn::Set(d, -0.5f * kLog2E);
-  put(kRecordX, x);
-  put(kRecordY, y);
-  put(kRecordA, hn::Mul(half_log2e, hn::Mul(o.cov_c, inv_det)));
-  put(kRecordB, hn::Mul(hn::Set(d, kLog2E), hn::Mul(o.cov_b, inv_det)));
-  put(kRecordC, hn::Mul(half_log2e, hn::Mul(o.cov_a, inv_det)));
-  put(kRecordLog2Opacity, log2_opacity);
   const Ellipse<V> ellipse = {x,
                               y,
                               half_h,
                               hn::Div(o.cov_b, o.cov_c),
                               hn::Div(hn::Sqrt(o.det), o.cov_c),
                               hn::Mul(o.cov_b, hn::Sqrt(hn::Div(q_wide, o.cov_a)))};
-  put(kRecordHalfHeight, ellipse.half_height);
-  put(kRecordShear, ellipse.shear);
-  put(kRecordAspect, ellipse.aspect);
-  put(kRecordDyRight, ellipse.dy_right);
+  StoreRecord(o, ellipse, inv_det, log2_opacity, settings.channels, &rows);
   if (settings.channels == kDepthOnly) {
     StoreDepth(o, inv_det, &rows);
   } else {

@@ -128,9 +128,80 @@ Correlation Correlate(const depth::Sums& s, double weight) {
   return result;
 }
 
+constexpr size_t kSums = 6;  // of depth::Sums
+
 void Add(const double* from, depth::Sums* to) {
   to->w += from[0], to->a += from[1], to->b += from[2];
   to->aa += from[3], to->bb += from[4], to->ab += from[5];
+}
+
+// The maps that are compared, and the regions: number 0 is the whole map, the others are patches.
+struct Maps {
+  PlanesView rendered, target, confidence;
+  const std::vector<PixelRect>& patches;
+
+  size_t regions() const { return patches.size() + 1; }
+  PixelRect Region(size_t i) const {
+    return i == 0 ? PixelRect{0, 0, rendered.width, rendered.height} : patches[i - 1];
+  }
+  size_t strips() const { return (rendered.height + kStripRows - 1) / kStripRows; }
+  const float* ConfidenceAt(size_t at) const {
+    return confidence.empty() ? nullptr : confidence.data + at;
+  }
+};
+
+void CheckMaps(const Maps& maps, PlanesSpan v_rendered) {
+  const int width = maps.rendered.width, height = maps.rendered.height;
+  const auto is_map = [&](const auto& view) {
+    return view.channels == 1 && view.width == width && view.height == height;
+  };
+  LITAGS_CHECK(maps.rendered.size() > 0 && is_map(maps.rendered) && is_map(maps.target));
+  LITAGS_CHECK(maps.confidence.empty() || is_map(maps.confidence));
+  LITAGS_CHECK(v_rendered.empty() || is_map(v_rendered));
+  for (const PixelRect& p : maps.patches) {
+    LITAGS_CHECK(p.x >= 0 && p.y >= 0 && p.width > 0 && p.height > 0);
+    LITAGS_CHECK(p.x <= width - p.width && p.y <= height - p.height);
+  }
+}
+
+// Writes the sums of every region and strip of rows to ws.partials, [region][strip][kSums].
+void SumRegions(const Maps& maps, LossWorkspace& ws) {
+  const size_t strips = maps.strips();
+  ws.partials.assign(maps.regions() * strips * kSums, 0.0);
+  const auto add_sums = HWY_DYNAMIC_DISPATCH(AddSums);
+  ParallelFor(ws.threads, strips, [&](size_t strip, int) {
+    const int first = static_cast<int>(strip) * kStripRows;
+    const int last = std::min(maps.rendered.height, first + kStripRows);
+    for (size_t i = 0; i < maps.regions(); ++i) {
+      const PixelRect r = maps.Region(i);
+      depth::Sums s;
+      for (int y = std::max(first, r.y); y < std::min(last, r.y + r.height); ++y) {
+        const size_t at = size_t(y) * maps.rendered.width + r.x;
+        add_sums(maps.rendered.data + at, maps.target.data + at, maps.ConfidenceAt(at), r.width,
+                 &s);
+      }
+      const std::array<double, kSums> values = {s.w, s.a, s.b, s.aa, s.bb, s.ab};
+      std::copy(values.begin(), values.end(), &ws.partials[(i * strips + strip) * kSums]);
+    }
+  });
+}
+
+// Adds the gradients of all regions.
+void AddSlopes(const Maps& maps, const std::vector<depth::Slope>& slopes, int threads,
+               PlanesSpan v_rendered) {
+  const auto add_slope = HWY_DYNAMIC_DISPATCH(AddSlope);
+  ParallelFor(threads, maps.strips(), [&](size_t strip, int) {
+    const int first = static_cast<int>(strip) * kStripRows;
+    for (int y = first; y < std::min(maps.rendered.height, first + kStripRows); ++y) {
+      for (size_t i = 0; i < maps.regions(); ++i) {
+        const PixelRect r = maps.Region(i);
+        if (y < r.y || y >= r.y + r.height) continue;
+        const size_t at = size_t(y) * maps.rendered.width + r.x;
+        add_slope(maps.rendered.data + at, maps.target.data + at, maps.ConfidenceAt(at), r.width,
+                  slopes[i], v_rendered.data + at);
+      }
+    }
+  });
 }
 
 }  // namespace
@@ -155,46 +226,14 @@ std::vector<PixelRect> DrawDepthPatches(int width, int height, const DepthPatchO
 DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView confidence,
                          const std::vector<PixelRect>& patches, double weight,
                          PlanesSpan v_rendered, LossWorkspace& ws) {
-  const int width = rendered.width, height = rendered.height;
-  const auto is_map = [&](const auto& view) {
-    return view.channels == 1 && view.width == width && view.height == height;
-  };
-  LITAGS_CHECK(rendered.size() > 0 && is_map(rendered) && is_map(target));
-  LITAGS_CHECK(confidence.empty() || is_map(confidence));
-  LITAGS_CHECK(v_rendered.empty() || is_map(v_rendered));
-  for (const PixelRect& p : patches) {
-    LITAGS_CHECK(p.x >= 0 && p.y >= 0 && p.width > 0 && p.height > 0);
-    LITAGS_CHECK(p.x <= width - p.width && p.y <= height - p.height);
-  }
-
-  // Region 0 is the whole map; a region's rows are summed in strips, in order.
-  const size_t regions = patches.size() + 1;
-  const auto region = [&](size_t i) {
-    return i == 0 ? PixelRect{0, 0, width, height} : patches[i - 1];
-  };
-  const size_t strips = (height + kStripRows - 1) / kStripRows;
-  constexpr size_t kSums = 6;
-  ws.partials.assign(regions * strips * kSums, 0.0);
-  const auto add_sums = HWY_DYNAMIC_DISPATCH(AddSums);
-  ParallelFor(ws.threads, strips, [&](size_t strip, int) {
-    const int first = static_cast<int>(strip) * kStripRows;
-    const int last = std::min(height, first + kStripRows);
-    for (size_t i = 0; i < regions; ++i) {
-      const PixelRect r = region(i);
-      depth::Sums s;
-      for (int y = std::max(first, r.y); y < std::min(last, r.y + r.height); ++y) {
-        const size_t at = size_t(y) * width + r.x;
-        add_sums(rendered.data + at, target.data + at,
-                 confidence.empty() ? nullptr : confidence.data + at, r.width, &s);
-      }
-      const std::array<double, kSums> values = {s.w, s.a, s.b, s.aa, s.bb, s.ab};
-      std::copy(values.begin(), values.end(), &ws.partials[(i * strips + strip) * kSums]);
-    }
-  });
+  const Maps maps = {rendered, target, confidence, patches};
+  CheckMaps(maps, v_rendered);
+  SumRegions(maps, ws);
 
   DepthLossTerms terms;
-  std::vector<depth::Slope> slopes(regions);
-  for (size_t i = 0; i < regions; ++i) {
+  std::vector<depth::Slope> slopes(maps.regions());
+  const size_t strips = maps.strips();
+  for (size_t i = 0; i < slopes.size(); ++i) {
     depth::Sums s;
     for (size_t strip = 0; strip < strips; ++strip) {
       Add(&ws.partials[(i * strips + strip) * kSums], &s);
@@ -204,22 +243,7 @@ DepthLossTerms DepthLoss(PlanesView rendered, PlanesView target, PlanesView conf
     (i == 0 ? terms.global : terms.local) += weight * (share * correlation.loss);
     slopes[i] = correlation.slope;
   }
-  if (v_rendered.empty()) return terms;
-
-  const auto add_slope = HWY_DYNAMIC_DISPATCH(AddSlope);
-  ParallelFor(ws.threads, strips, [&](size_t strip, int) {
-    const int first = static_cast<int>(strip) * kStripRows;
-    for (int y = first; y < std::min(height, first + kStripRows); ++y) {
-      for (size_t i = 0; i < regions; ++i) {
-        const PixelRect r = region(i);
-        if (y < r.y || y >= r.y + r.height) continue;
-        const size_t at = size_t(y) * width + r.x;
-        add_slope(rendered.data + at, target.data + at,
-                  confidence.empty() ? nullptr : confidence.data + at, r.width, slopes[i],
-                  v_rendered.data + at);
-      }
-    }
-  });
+  if (!v_rendered.empty()) AddSlopes(maps, slopes, ws.threads, v_rendered);
   return terms;
 }
 
