@@ -20,6 +20,7 @@
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/black_bars.h"
 #include "engine/pipeline/photo_place.h"
+#include "engine/pipeline/photo_progress.h"
 
 namespace litags {
 namespace {
@@ -292,15 +293,19 @@ absl::StatusOr<PhotoList> ListPhotosAndMasks(const ReconstructInput& input) {
 }
 
 absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
-                                         const CancelToken& cancel) {
+                                         const CancelToken& cancel,
+                                         const std::function<void(const std::string&)>& progress) {
   LITAGS_ASSIGN_OR_RETURN(PhotoList list, ListPhotosAndMasks(input));
   const std::vector<std::string>& names = list.names;
   PhotoScreen screen;
   screen.masks = std::move(list.masks);
   screen.notes = std::move(list.notes);
   std::vector<Decoded> decoded(names.size());
-  ParallelFor(threads, names.size(), [&](size_t i, int) {
-    if (!cancel.IsCancelled()) decoded[i] = Decode(input.images_dir, names[i]);
+  PhotoProgress read(progress, "reading photos", names.size());
+  ParallelFor(threads, names.size(), [&](size_t i, int thread) {
+    if (cancel.IsCancelled()) return;
+    decoded[i] = Decode(input.images_dir, names[i]);
+    read.Done(thread);
   });
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   std::vector<ScreenedPhoto> readable;

@@ -11,12 +11,15 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 #include "engine/io/file_util.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/capture_test_util.h"
+#include "engine/pipeline/photo_progress.h"
 #include "engine/pipeline/photo_structure.h"
 
 namespace litags {
@@ -154,6 +157,21 @@ void WriteWithAlpha(const std::string& path, const ImageU8& photo, int columns) 
     }
   }
   ASSERT_TRUE(cv::imwrite(path, bgra));
+}
+
+TEST(PhotoProgress, IsReportedByTheCallersThread) {
+  std::vector<std::string> lines;
+  const auto caller = std::this_thread::get_id();
+  PhotoProgress progress(
+      [&](const std::string& line) {
+        EXPECT_EQ(std::this_thread::get_id(), caller);
+        lines.push_back(line);
+      },
+      "reading photos", 100, /*seconds=*/0);
+  ParallelFor(1, 50, [&](size_t, int thread) { progress.Done(thread); });
+  ASSERT_EQ(lines.size(), 50u);
+  EXPECT_EQ(lines[11], "reading photos: 12 of 100");
+  ParallelFor(2, 50, [&](size_t, int thread) { progress.Done(thread); });
 }
 
 TEST(PhotoScreen, TransparencyIsAMaskJoinedWithTheGivenOne) {

@@ -23,6 +23,7 @@
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/memory_estimate.h"
 #include "engine/pipeline/photo_place.h"
+#include "engine/pipeline/photo_progress.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/wide_photos.h"
 #include "engine/pipeline/wide_views.h"
@@ -159,7 +160,9 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
                             MeasureColors(input, model, masks, options.threads, context.cancel));
     shadows.emplace(colors);
   }
-  ParallelFor(options.threads, n, [&](size_t i, int) {
+  PhotoProgress loaded([&](const std::string& line) { context.progress(Stage::kPreparing, line); },
+                       "loading photos", n);
+  ParallelFor(options.threads, n, [&](size_t i, int thread) {
     status[i] = [&]() -> absl::Status {
       LITAGS_RETURN_IF_ERROR(context.cancel.Check());
       OnePhoto& v = photos[i];
@@ -174,6 +177,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
       if (shadows.has_value()) v.photo = shadows->Infer(v.photo, v.mask, shrunk);
       return CheckMask(v, mask_path);
     }();
+    loaded.Done(thread);
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
   int shrunk = 0, rims = 0;
@@ -257,8 +261,10 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   context.progress(Stage::kLoading, "reading photos");
   LITAGS_ASSIGN_OR_RETURN(std::string others, DescribeOtherPictures(input.images_dir, "images"));
   if (!others.empty()) context.Note(std::move(others));
-  LITAGS_ASSIGN_OR_RETURN(const PhotoScreen screen,
-                          ScreenPhotos(input, context.options.threads, context.cancel));
+  LITAGS_ASSIGN_OR_RETURN(
+      const PhotoScreen screen,
+      ScreenPhotos(input, context.options.threads, context.cancel,
+                   [&](const std::string& line) { context.progress(Stage::kLoading, line); }));
   std::vector<std::string>* const notes = &context.report->notes;
   const auto before_screen = static_cast<ptrdiff_t>(notes->size());
   notes->insert(notes->end(), screen.notes.begin(), screen.notes.end());
@@ -284,8 +290,9 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
     TakeAsOrigin(posed.origin, &posed.model);
     context.Note(DescribeOrigin(posed.origin));
   }
-  context.progress(Stage::kPreparing, "pseudo-targets and structure maps");
+  context.progress(Stage::kPreparing, "loading photos");
   LITAGS_RETURN_IF_ERROR(LoadPhotos(context, screen.masks, &posed));
+  context.progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_RETURN_IF_ERROR(CheckPhotoCount(posed.size(), context.report->photos));
   NoteFarCameras(context, posed.views);
   return posed;
