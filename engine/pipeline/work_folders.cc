@@ -13,10 +13,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Without links and "..", and without an empty last part.
+// Without links and "..", and without an empty last part. Where a folder may not be read, links
+// stay: who uses the path says what is wrong.
 fs::path Resolved(const fs::path& path) {
   std::error_code error;
-  const fs::path whole = fs::weakly_canonical(fs::absolute(path, error), error);
+  const fs::path absolute = fs::absolute(path, error);
+  fs::path whole = fs::weakly_canonical(absolute, error);
+  if (error) whole = absolute.lexically_normal();
   return whole.has_filename() ? whole : whole.parent_path();
 }
 

@@ -35,6 +35,18 @@ TEST(WorkFolders, AnInputInAFolderThatARunClearsIsRefused) {
   EXPECT_EQ(reason(work + "/photos of a room"), "OK");
 }
 
+// As one whose parent may not be read: its path became empty, and every input lay in it.
+TEST(WorkFolders, AnOutputFolderThatCannotBeResolvedHoldsNoInput) {
+  const TempDir dir;
+  fs::create_symlink("loop", dir.path() + "/loop");
+  ReconstructInput input;
+  input.work_dir = dir.path() + "/loop/out";
+  input.images_dir = dir.path();
+  EXPECT_EQ(Reason(CheckInputsOutside(input)), "OK");
+  input.images_dir = input.work_dir + "/photos";
+  EXPECT_EQ(Reason(CheckInputsOutside(input)), "INPUT_IN_WORK_DIR");
+}
+
 TEST(WorkFolders, TheFramesOfAnEarlierStepAreAnInput) {
   ReconstructInput input;
   input.work_dir = "/tmp/capture";
