@@ -14,8 +14,8 @@ constexpr float kCurveStart = -2, kCurveSteps = kPhotoWhite;
 constexpr int kCurveSize = 4 * kPhotoWhite + 1;
 
 float LightOf(const std::vector<float>& curve, float code) {
-  // The comparison is false for NaN.
-  const float at = code > kCurveStart ? (code - kCurveStart) * kCurveSteps : 0;
+  if (std::isnan(code)) return 0;  // a hole: dark, not the darkest that there is
+  const float at = std::max(0.0f, code - kCurveStart) * kCurveSteps;
   const int i = static_cast<int>(std::min(at, float(kCurveSize - 2)));
   return curve[i] + std::min(at - i, 1.0f) * (curve[i + 1] - curve[i]);
 }

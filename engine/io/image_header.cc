@@ -84,6 +84,13 @@ bool ReadChunk(ByteReader* reader, PngChunk* chunk) {
          reader->ReadBytes(size, &chunk->data) && reader->Skip(4);
 }
 
+// Of an sBIT chunk, over the channels; 0 where it says what cannot be.
+int LeastBits(std::string_view channels, int depth) {
+  int least = depth + 1;
+  for (const char bits : channels) least = std::min<int>(least, static_cast<uint8_t>(bits));
+  return least <= depth ? least : 0;
+}
+
 // Of the directory that EXIF's tags of the exposure are in.
 ExifLens ReadExifLens(const TiffReader& reader, size_t directory) {
   constexpr uint16_t kFocalLength = 0x920A, kFocalLengthIn35mmFilm = 0xA405, kWidth = 0xA002,
@@ -225,6 +232,7 @@ absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_vie
   while (chunk.type != "IDAT" && chunk.type != "IEND") {
     if (!ReadChunk(&reader, &chunk)) break;  // long image data: the header was whole before it
     if (chunk.type == "eXIf") ReadExif(chunk.data, &info);
+    if (chunk.type == "sBIT") info.significant_bits = LeastBits(chunk.data, depth);
   }
   return info;
 }

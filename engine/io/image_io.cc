@@ -1,5 +1,7 @@
 #include "engine/io/image_io.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -51,6 +53,18 @@ absl::StatusOr<ImageInfo> ReadStoredInfo(std::string_view bytes, std::string_vie
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, (*format)->read_info(bytes, field));
   LITAGS_RETURN_IF_ERROR(CheckLimits(info, field, limits));
   return info;
+}
+
+// A PNG of three channels that says how many bits of them were the picture's (chunk sBIT).
+std::string WithSignificantBits(std::string png, int bits) {
+  constexpr size_t kHeader = 33;  // signature and IHDR
+  const auto big = [](uint32_t n) {
+    return std::string{char(n >> 24), char(n >> 16), char(n >> 8), char(n)};
+  };
+  const std::string chunk = "sBIT" + std::string(3, static_cast<char>(bits));
+  const auto crc =
+      static_cast<uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size()));
+  return std::move(png.insert(kHeader, big(3) + chunk + big(crc)));
 }
 
 // The picture that EXIF's orientation, 1..8, says is meant; `copy` takes a pixel of the first to
@@ -185,6 +199,14 @@ absl::StatusOr<std::string> EncodeJpeg(const ImageU8& image, int quality) {
   return Encode(".jpg", ToBgr(image), {cv::IMWRITE_JPEG_QUALITY, quality});
 }
 
+int SignificantBits(const ImageInfo& info) {
+  return info.significant_bits > 0 ? info.significant_bits : info.bit_depth;
+}
+
+double CodeStep(const ImageInfo& info) {
+  return std::min(1.0, 255 / (std::exp2(SignificantBits(info)) - 1));
+}
+
 absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale) {
   cv::Mat codes(plane.height, plane.width, CV_16U);
   for (int y = 0; y < plane.height; ++y) {
@@ -198,7 +220,7 @@ absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale) {
   return Encode(".png", codes, {});
 }
 
-absl::StatusOr<std::string> EncodePng16(const Photo& photo) {
+absl::StatusOr<std::string> EncodePng16(const Photo& photo, int significant_bits) {
   if (photo.empty()) return Encode(".png", cv::Mat(), {});
   cv::Mat codes(photo.height, photo.width, CV_16UC3);
   uint16_t* out = codes.ptr<uint16_t>();
@@ -209,7 +231,8 @@ absl::StatusOr<std::string> EncodePng16(const Photo& photo) {
       out[i + c] = static_cast<uint16_t>(code << 4 | code >> 8);
     }
   }
-  return Encode(".png", codes, {cv::IMWRITE_PNG_COMPRESSION, 1});
+  LITAGS_ASSIGN_OR_RETURN(std::string png, Encode(".png", codes, {cv::IMWRITE_PNG_COMPRESSION, 1}));
+  return WithSignificantBits(std::move(png), std::min(significant_bits, kPng16Bits));
 }
 
 absl::Status WritePng(const std::string& path, const ImageU8& image) {

@@ -27,6 +27,8 @@ struct ImageLimits {
   int max_side = kMaxImageSide;          // px
 };
 
+inline constexpr int kPng16Bits = 12;  // that EncodePng16 keeps of a photo
+
 enum class ImageFormat { kJpeg, kPng, kRaw, kTiff, kWebp, kHeif, kJxl };
 
 // What EXIF says of the lens; 0: not said.
@@ -40,10 +42,11 @@ struct ExifLens {
 // What a header says. The size is that of the upright picture: EXIF orientation applied.
 struct ImageInfo {
   ImageFormat format = ImageFormat::kJpeg;
-  int width = 0;        // px
-  int height = 0;       // px
-  int orientation = 1;  // EXIF, 1..8
-  int bit_depth = 8;    // per channel
+  int width = 0;             // px
+  int height = 0;            // px
+  int orientation = 1;       // EXIF, 1..8
+  int bit_depth = 8;         // per channel
+  int significant_bits = 0;  // of them, by PNG's sBIT; 0: not said
   // EXIF, mm: of a 35 mm camera that sees as much, else the lens' own; 0: not said. Tells lenses
   // of one camera and steps of a zoom apart.
   double focal_length = 0;
@@ -57,6 +60,12 @@ struct ImageInfo {
   // times 8-bit codes); 0: no such thing.
   int chroma_step = 0;
 };
+
+// Bits of a channel that say something of the picture: PNG's sBIT, else all of them.
+int SignificantBits(const ImageInfo& info);
+
+// The step that the file rounds light to, in codes of 255: at most 1, that of 8 bits.
+double CodeStep(const ImageInfo& info);
 
 // Reads the header only. Errors are INVALID_ARGUMENT, start with `field` (for photos:
 // "images[0001.jpg]") and carry one of these reasons: IMAGE_EMPTY, IMAGE_NOT_RECOGNIZED (of
@@ -91,8 +100,9 @@ absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_vie
                                         const ImageLimits& limits = {});
 
 // As a PNG of 16 bits, of which the lower four repeat the upper: 12 bits of a photo are worth
-// keeping. What lies outside of [0, 1] is cut off. INVALID_ARGUMENT for an empty photo.
-absl::StatusOr<std::string> EncodePng16(const Photo& photo);
+// keeping. `significant_bits`, at most those: of the file that the photo comes from (sBIT). What
+// lies outside of [0, 1] is cut off. INVALID_ARGUMENT for an empty photo.
+absl::StatusOr<std::string> EncodePng16(const Photo& photo, int significant_bits = kPng16Bits);
 
 // Turns a stored picture upright. EXIF says where the stored first row and column are to appear:
 // 2 mirrored, 3 by 180 degrees, 4 flipped, 5 transposed, 6 to be turned clockwise, 7 transposed

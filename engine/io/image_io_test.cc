@@ -98,6 +98,21 @@ TEST(DecodePhoto, SixteenBitsBelowACodeStayApart) {
   EXPECT_LT(photo.pixel(63, 0)[0], kPhotoCode);
 }
 
+TEST(CodeStep, IsThatOfTheFilesBits) {
+  const auto step = [](const std::string& bytes) {
+    return CodeStep(ReadImageInfo(bytes, "f").value());
+  };
+  const Photo photo = PhotoFromU8(TestImage(16, 8));
+  EXPECT_EQ(step(EncodeJpeg(TestImage(16, 8)).value()), 1);
+  EXPECT_EQ(step(EncodePng(TestImage(16, 8)).value()), 1);
+  EXPECT_DOUBLE_EQ(step(EncodePng16(Planes(1, 8, 16)).value()), 1.0 / 257);
+  EXPECT_DOUBLE_EQ(step(EncodePng16(photo).value()), 255.0 / 4095);
+  const std::string of_bytes = EncodePng16(photo, 8).value();
+  EXPECT_EQ(step(of_bytes), 1);
+  EXPECT_EQ(SignificantBits(ReadImageInfo(of_bytes, "f").value()), 8);
+  EXPECT_EQ(PhotoToU8(DecodePhoto(of_bytes, "f").value()).data, TestImage(16, 8).data);
+}
+
 TEST(DecodePhoto, SixteenBitColorsComeInOrder) {
   const std::string row("\0\x10\0\x80\0\xff\xff", 7);  // no filter; red, green, blue
   const std::string zlib = std::string("\x78\x01\x01\x07\0\xf8\xff", 7) + row + Big32(Adler32(row));

@@ -244,6 +244,20 @@ TEST(Tiff, FloatingPointIsLight) {
   }
 }
 
+TEST(Tiff, HolesOfFloatingPointAreBlack) {
+  const DeepImage image = Ramp();
+  std::string tiff = EncodeTestTiff(image, {.bits = 32});
+  const size_t hole = image.codes.size() / 2;
+  const float light = image.codes[hole] / 65535.0f, nothing = std::nanf("");
+  const size_t at = tiff.find(std::string(reinterpret_cast<const char*>(&light), sizeof(light)));
+  ASSERT_NE(at, std::string::npos);
+  std::memcpy(&tiff[at], &nothing, sizeof(nothing));
+  const Photo photo = DecodePhoto(tiff, "").value();
+  EXPECT_EQ(std::count(photo.data.begin(), photo.data.end(), 0),
+            1 + std::count(image.codes.begin(), image.codes.end(), 0));
+  EXPECT_GE(*std::min_element(photo.data.begin(), photo.data.end()), 0);
+}
+
 TEST(Tiff, IsTurnedUpright) {
   const auto info = ReadImageInfo(EncodeTestTiff(Ramp(), {.orientation = 6}), "f");
   ASSERT_TRUE(info.ok()) << info.status();

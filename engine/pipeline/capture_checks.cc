@@ -55,7 +55,7 @@ std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU
 PhotoDarkness MeasureDarkness(const Photo& photo, const PlaneU8& mask, const ImageInfo& info) {
   PhotoDarkness darkness;
   const size_t counted = CountedPixels(mask, photo.pixels());
-  if (info.bit_depth == 8) {
+  if (SignificantBits(info) == 8) {
     size_t black = 0;
     ForCounted(mask, photo.pixels(), [&](size_t i) {
       const int16_t* rgb = &photo.data[3 * i];

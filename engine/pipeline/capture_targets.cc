@@ -54,15 +54,15 @@ absl::Status AddTargets(const Context& context, const PosedPhotos& posed, Captur
   out->noise_at_black = NoiseAtBlack(out->photos, gains, threads, posed.masks);
   const auto median = gains.begin() + gains.size() / 2;
   std::nth_element(gains.begin(), median, gains.end());
-  out->rounding = RoundingNoise(tone, *median);
+  out->rounding = RoundingNoise(tone, *median, posed.code_step);
   return absl::OkStatus();
 }
 
-std::vector<PlaneU8> Information(const CaptureTargets& made, const std::vector<PlaneU8>& masks) {
+std::vector<PlaneU8> Information(const CaptureTargets& made, const PosedPhotos& posed) {
   std::vector<const Photo*> photos, targets;
   for (const Photo& photo : made.photos) photos.push_back(&photo);
   for (const Photo& target : made.targets) targets.push_back(&target);
-  return InformationWeights(photos, targets, made.exposures, masks);
+  return InformationWeights(photos, targets, made.exposures, posed.masks, posed.code_step);
 }
 
 // Photos of a rig were exposed at once: each gets the mean of theirs (in the log domain) by how
@@ -109,7 +109,7 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   if (recipe.lita && recipe.information_weights) {
-    made.information = Information(made, posed.masks);
+    made.information = Information(made, posed);
   }
   if (recipe.lita && recipe.use_prior) {
     // The prior's scale is one for the whole capture, so all photos go in together.

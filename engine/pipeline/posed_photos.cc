@@ -53,7 +53,8 @@ absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const Sp
       const std::string path = PhotoPath(input, name), field = PhotoField(name);
       LITAGS_ASSIGN_OR_RETURN(const MaskedPhoto read,
                               ReadMaskedPhoto(path, field, MaskPathOf(masks, name)));
-      priors[i] = MeasureColorPrior(read.photo, read.info.chroma_step, read.mask);
+      const FileSteps steps = {CodeStep(read.info), static_cast<double>(read.info.chroma_step)};
+      priors[i] = MeasureColorPrior(read.photo, steps, read.mask);
       return absl::OkStatus();
     }();
   });
@@ -68,6 +69,7 @@ struct OnePhoto {
   PlaneU8 mask;
   PhotoDarkness darkness;      // as the camera wrote it
   double stated_exposure = 0;  // as StatedExposure has it
+  double code_step = 1;        // as CodeStep has it
   bool rim_masked = false;     // the pinhole picture shows more than the photo
 };
 
@@ -94,6 +96,7 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   const std::string field = absl::StrCat("images[", v->view.name, "]");
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
   v->stated_exposure = StatedExposure(read.info);
+  v->code_step = CodeStep(read.info);
   v->photo = std::move(read.photo);
   v->mask = std::move(read.mask);
   v->darkness = MeasureDarkness(v->photo, v->mask, read.info);
@@ -198,6 +201,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
     posed->masks.push_back(std::move(photos[i].mask));
     darkness.push_back(photos[i].darkness);
     posed->stated_exposures.push_back(photos[i].stated_exposure);
+    posed->code_step = std::max(posed->code_step, photos[i].code_step);
   }
   if (!darkness.empty()) NoteDarkness(posed->views, darkness, &context.report->notes);
   if (rims > 0) {

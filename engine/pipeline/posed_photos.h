@@ -28,6 +28,7 @@ struct PosedPhotos {
   std::vector<PlaneU8> masks;           // as they do; empty: all pixels of the photo count
   // Exposure time times ISO by the f-number squared, as EXIF says; 0: it does not say all three.
   std::vector<double> stated_exposures;
+  double code_step = 0;               // the coarsest of the photos' (CodeStep, image_io.h)
   SparseModel model;                  // all cameras and points; tracks name its views
   std::vector<int> model_view;        // index into the model's views, per photo
   RigViews rig_views;                 // photos among them that were taken from one place at once

@@ -101,7 +101,8 @@ absl::StatusOr<std::map<std::string, std::string>> WriteViews(const ReconstructI
       const auto hidden = static_cast<double>(std::count(shown.data.begin(), shown.data.end(), 0));
       if (all - hidden < kLeastLeft * all) return absl::OkStatus();
       names[i] = absl::StrCat(base, "_", view.name, ".png");
-      LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng16(CutView(photo, wide.lens, view)));
+      LITAGS_ASSIGN_OR_RETURN(const std::string png,
+                              EncodePng16(CutView(photo, wide.lens, view), SignificantBits(info)));
       LITAGS_RETURN_IF_ERROR(WriteFileAtomically(out.dir / names[i], png));
       if (hidden == 0) return absl::OkStatus();
       LITAGS_ASSIGN_OR_RETURN(const std::string cut, EncodeMask(shown));

@@ -205,13 +205,17 @@ absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOpt
 }
 
 double IntensityNoise(const Photo& photo, const PlaneU8& mask) {
+  constexpr float kHalfCode = 0.5f / 255;
   const float* m = kColorModel[0];
   // Rounding a code to 8 bits has deviation 1 / (255 sqrt(12)); E mixes three of them.
   const double rounding =
       std::sqrt(double(m[0]) * m[0] + m[1] * m[1] + m[2] * m[2]) / (255 * std::sqrt(12.0));
   const Planes intensity = ColorModelRow(ToPlanes(photo), 0);
   std::vector<float> counted;
-  ForCounted(mask, photo.pixels(), [&](size_t i) { counted.push_back(intensity.data[i]); });
+  // Black has no noise to measure, and would be the median of a night sky.
+  ForCounted(mask, photo.pixels(), [&](size_t i) {
+    if (intensity.data[i] > kHalfCode) counted.push_back(intensity.data[i]);
+  });
   if (counted.empty()) return rounding;
   const NoiseEstimate noise = NoiseOfChannel(intensity.data.data(), photo.width, photo.height, mask,
                                              static_cast<float>(Median(&counted)));

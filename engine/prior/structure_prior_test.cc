@@ -156,6 +156,13 @@ TEST(IntensityNoise, FindsTheNoiseOfE) {
   }
 }
 
+TEST(IntensityNoise, IsThatOfWhatIsLitWhereMostIsBlack) {
+  const Photo lit = MakePhoto(200, 160, 0.8, 0.03, 3);
+  Photo night(200, 360);  // black below
+  std::copy(lit.data.begin(), lit.data.end(), night.data.begin());
+  EXPECT_NEAR(IntensityNoise(night), IntensityNoise(lit), 0.1 * IntensityNoise(lit));
+}
+
 TEST(IntensityNoise, IsNeverBelowTheRoundingOfBytes) {
   const double rounding = 0.688 / (255 * std::sqrt(12.0));
   EXPECT_NEAR(IntensityNoise(Photo(50, 40)), rounding, 0.01 * rounding);

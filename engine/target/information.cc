@@ -58,7 +58,7 @@ CodeSamples Around(const Samples& samples, int code) {
   return sum;
 }
 
-CodeStatistics Summarize(const Samples& samples) {
+CodeStatistics Summarize(const Samples& samples, double code_step) {
   CodeStatistics out;
   for (int code = 0; code < kCodes; ++code) {
     const CodeSamples around = Around(samples, code);
@@ -69,7 +69,7 @@ CodeStatistics Summarize(const Samples& samples) {
     const int low = std::max(0, code - 1), high = std::min(kCodes - 1, code + 1);
     const double step = std::max(0.0, out.mean[high] - out.mean[low]) / (high - low);
     double& noise = out.noise[code];
-    noise = std::max(noise, step / std::sqrt(12.0));
+    noise = std::max(noise, code_step * step / std::sqrt(12.0));
     if (code >= kClippedCode) noise = std::max(noise, kClippedNoise);
   }
   return out;
@@ -109,7 +109,7 @@ int HalfStops(double exposure) { return static_cast<int>(std::lround(2 * std::lo
 std::map<int, WeightTable> TablesByExposure(absl::Span<const Photo* const> photos,
                                             absl::Span<const Photo* const> targets,
                                             absl::Span<const double> exposures,
-                                            absl::Span<const PlaneU8> masks) {
+                                            absl::Span<const PlaneU8> masks, double code_step) {
   std::map<int, Samples> samples;
   for (size_t i = 0; i < photos.size(); ++i) {
     Samples& alike = samples.try_emplace(HalfStops(exposures[i]), kCodes).first->second;
@@ -119,7 +119,7 @@ std::map<int, WeightTable> TablesByExposure(absl::Span<const Photo* const> photo
   std::array<double, kCodes> best;
   best.fill(kClippedNoise);
   for (const auto& [exposure, alike] : samples) {
-    statistics[exposure] = Summarize(alike);
+    statistics[exposure] = Summarize(alike, code_step);
     const std::array<double, kCodes> noise = NoiseOfTargets(statistics[exposure]);
     for (int code = 0; code < kCodes; ++code) best[code] = std::min(best[code], noise[code]);
   }
@@ -138,19 +138,20 @@ CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
   for (size_t i = 0; i < photos.size(); ++i) {
     AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &samples);
   }
-  return Summarize(samples);
+  return Summarize(samples, /*code_step=*/1);
 }
 
 std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
                                         absl::Span<const Photo* const> targets,
                                         absl::Span<const double> exposures,
-                                        absl::Span<const PlaneU8> masks) {
+                                        absl::Span<const PlaneU8> masks, double code_step) {
   LITAGS_CHECK(targets.size() == photos.size() && exposures.size() == photos.size());
   if (photos.empty()) return {};
   const auto [least, most] = std::minmax_element(exposures.begin(), exposures.end());
   if (*most <= kLikeExposures * *least) return {};
 
-  const std::map<int, WeightTable> tables = TablesByExposure(photos, targets, exposures, masks);
+  const std::map<int, WeightTable> tables =
+      TablesByExposure(photos, targets, exposures, masks, code_step);
   const auto weight = [&](const WeightTable& table, size_t photo, size_t pixel) {
     double sum = 0;
     for (size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {

@@ -23,8 +23,8 @@ inline constexpr int kInformationOne = 64;
 struct CodeStatistics {
   std::array<double, 256> mean;
   // Standard deviation of the target's error, the larger of two: the noise measured in the targets
-  // (engine/noise); and that of rounding the photo to its code, the target's step from code to
-  // code / sqrt(12). Clipped highlights have kClippedNoise or more.
+  // (engine/noise); and that of rounding the photo to its file's codes, the target's step from one
+  // to the next / sqrt(12). Clipped highlights have kClippedNoise or more.
   std::array<double, 256> noise;
 };
 
@@ -41,10 +41,11 @@ CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
 // as bright, and T = kToleratedNoise; brought to a mean of 1 over what counts of the capture and
 // stored in steps of 1 / kInformationOne, at most 255 of them. One plane per photo. `exposures` as
 // for MakeTargets (tone.h); none, all pixels alike, where they are within kLikeExposures.
+// `code_step`: see FileSteps (shadow_color.h).
 std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
                                         absl::Span<const Photo* const> targets,
                                         absl::Span<const double> exposures,
-                                        absl::Span<const PlaneU8> masks = {});
+                                        absl::Span<const PlaneU8> masks = {}, double code_step = 1);
 
 inline constexpr double kLikeExposures = 2;  // the largest over the smallest, a stop. Choice
 

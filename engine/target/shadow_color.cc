@@ -26,8 +26,8 @@ constexpr std::array<float, kLevels> kEdge = {.105f, .070f, .090f, .115f, .130f,
                                               .140f, .155f, .185f, 0};
 constexpr float kMostEdge = 2;  // |ln|; beyond it colours differ no more
 
-// Variance of Cb and Cr in square codes: rounding Cb itself and R, G and B before it makes
-// (1 + 0.1687^2 + 0.3313^2 + 0.5^2) / 12 = 0.116. That is what one pixel has; the mean over a
+// Variance of Cb and Cr in square steps of the file: rounding Cb itself and R, G and B before it
+// makes (1 + 0.1687^2 + 0.3313^2 + 0.5^2) / 12 = 0.116. That is what one pixel has; the mean over a
 // square has less, see kShares, measured on photos that were darkened with a sensor model without
 // noise. Noise makes rounding errors independent of each other, see NoiseVariance.
 constexpr float kRounding = 0.116f;
@@ -104,9 +104,11 @@ double SensorVariance(const ColorPrior& prior) {
 
 // How much of the errors of rounding is the same from pixel to pixel: rounding a value with normal
 // noise has an error whose mean varies, from value to value, with exp(-4 pi^2 variance) of the
-// variance that it has without noise (the first harmonic of the quantiser's error).
+// variance that it has without noise (the first harmonic of the quantiser's error; the variance in
+// square steps).
 double AlikeRounding(const ColorPrior& prior) {
-  return std::exp(-4 * std::numbers::pi * std::numbers::pi * SensorVariance(prior));
+  const double step = prior.steps.code;
+  return std::exp(-4 * std::numbers::pi * std::numbers::pi * SensorVariance(prior) / (step * step));
 }
 
 // What a pixel's sums need of the pixels around it.
@@ -122,7 +124,7 @@ cv::Mat Around(const cv::Mat& image) {
 }
 
 Weights WeightsOf(const Photo& photo, const ColorPrior& prior, const JpegChroma& chroma) {
-  const float alike = prior.chroma_step > 0 ? static_cast<float>(AlikeRounding(prior)) : 0;
+  const float alike = prior.steps.chroma > 0 ? static_cast<float>(AlikeRounding(prior)) : 0;
   FloatPlane luma(photo.height, photo.width);
   FloatImage codes;
   if (alike > 0) codes.create(photo.height, photo.width);
@@ -193,12 +195,13 @@ float AtLevel(const std::array<float, kLevels>& table, double level, int last) {
 float NoiseVariance(double level, const ColorPrior& prior) {
   // A DC coefficient is eight times the mean of 8x8 samples, of 16x16 px.
   const double dc =
-      std::pow(prior.chroma_step / 8, 2) / 12 / std::exp2(2 * std::max(0.0, level - 4));
+      std::pow(prior.steps.chroma / 8, 2) / 12 / std::exp2(2 * std::max(0.0, level - 4));
   // What is not alike averages out over a square, as the noise itself does.
   const double sensor = SensorVariance(prior), alike = AlikeRounding(prior);
-  const double independent = kRounding * (1 - alike) + kNoiseOfChroma * sensor;
+  const double rounding = kRounding * prior.steps.code * prior.steps.code;
+  const double independent = rounding * (1 - alike) + kNoiseOfChroma * sensor;
   return static_cast<float>(kCorrelation *
-                            (kRounding * AtLevel(kShares, level, kLevels - 1) * alike +
+                            (rounding * AtLevel(kShares, level, kLevels - 1) * alike +
                              independent / std::exp2(2 * level) + dc));
 }
 
@@ -272,9 +275,9 @@ Estimates InferRatios(const std::vector<Sums>& levels, double finest, const Colo
 
 }  // namespace
 
-ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask) {
+ColorPrior MeasureColorPrior(const Photo& photo, const FileSteps& steps, const PlaneU8& mask) {
   ColorPrior prior;
-  prior.chroma_step = chroma_step;
+  prior.steps = steps;
   if (photo.empty()) return prior;
   std::vector<float> luma(photo.pixels());
   for (size_t i = 0; i < luma.size(); ++i) luma[i] = Ycc(EncodedPixel(photo, i))[0];
@@ -305,9 +308,11 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
   };
   ColorPrior out = {.cb = median(&ColorPrior::cb),
                     .cr = median(&ColorPrior::cr),
+                    .steps = {.code = 0},
                     .luma_noise = median(&ColorPrior::luma_noise)};
   for (const ColorPrior& prior : priors) {
-    out.chroma_step = std::max(out.chroma_step, prior.chroma_step);
+    out.steps.code = std::max(out.steps.code, prior.steps.code);
+    out.steps.chroma = std::max(out.steps.chroma, prior.steps.chroma);
   }
   return out;
 }

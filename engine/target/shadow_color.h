@@ -12,18 +12,25 @@ namespace litags {
 
 class JpegChroma;
 
+// What a photo's file rounds to.
+struct FileSteps {
+  double code = 1;    // of light, codes of 255: 1 for 8 bits, 1 / 257 for 16
+  double chroma = 0;  // a JPEG's ImageInfo::chroma_step
+};
+
 // What is known of a capture's colours before its pixels are looked at.
 struct ColorPrior {
   // Mean Cb / Y and Cr / Y of linear light (weights of ITU-R BT.601, Cb = (B - Y) / 1.772).
   double cb = 0, cr = 0;
-  double chroma_step = 0;  // see ImageInfo; 0: not a JPEG
-  double luma_noise = 0;   // standard deviation in dark pixels (engine/noise), codes of 255
+  FileSteps steps;
+  double luma_noise = 0;  // standard deviation in dark pixels (engine/noise), codes of 255
 };
 
-// A photo's mean colour. Pixels that do not count by `mask` (engine/core/mask.h) say nothing.
-ColorPrior MeasureColorPrior(const Photo& photo, double chroma_step, const PlaneU8& mask = {});
+// A photo's mean colour and noise. Pixels that do not count by `mask` (engine/core/mask.h) say
+// nothing.
+ColorPrior MeasureColorPrior(const Photo& photo, const FileSteps& steps, const PlaneU8& mask = {});
 
-// The medians of a capture's photos; the largest chroma step.
+// The medians of a capture's photos; the largest steps.
 ColorPrior MedianPrior(absl::Span<const ColorPrior> priors);
 
 // Infers the colours of dark pixels, photo by photo, before any gain. Half a second of one core for
@@ -35,8 +42,8 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors);
 // dark ones take the colour of what is around them. The variance of a square's colour about its
 // parent's grows with the difference of their brightness, so that edges of brightness keep colours
 // apart; it was measured on 110 well exposed photos. The noise is that of the sensor, of rounding
-// to 8-bit codes and of the JPEG's quantisation; what JPEG's roundings hide of a square's own ratio
-// is added first (JpegChroma). Luma stays.
+// to the file's codes and of the JPEG's quantisation; what JPEG's roundings hide of a square's own
+// ratio is added first (JpegChroma). Luma stays.
 //
 // Pixels brighter than kShadowTop codes are returned as they are, and the change fades out from
 // half of that. Pixels that `mask` leaves out take the colour of what is around them if they are

@@ -68,7 +68,7 @@ double ColorError(const Photo& photo, const Scene& scene, int from = 0, int to =
   return std::sqrt(squares / n);
 }
 
-ColorPrior PriorOf(const Photo& photo) { return MeasureColorPrior(photo, 2); }
+ColorPrior PriorOf(const Photo& photo) { return MeasureColorPrior(photo, {.chroma = 2}); }
 
 // A warm wall that gets darker from 8 codes to 0.8, from left to right.
 TestColor Wall(int x, int y) {
@@ -82,6 +82,25 @@ TEST(ShadowColors, DarkWallHasOneColor) {
   EXPECT_GT(ColorError(photo, Wall, kWidth / 2), 0.2);
   EXPECT_LT(ColorError(inferred, Wall, kWidth / 2), 0.65 * ColorError(photo, Wall, kWidth / 2));
   EXPECT_LT(ColorError(inferred, Wall), 0.65 * ColorError(photo, Wall));
+}
+
+// A file of 16 bits tells the colour of what is as dark as that, and keeps it.
+TEST(ShadowColors, DarkColorsOfDeepFilesAreTheirOwn) {
+  const auto scene = [](int x, int y) -> TestColor {
+    const bool object = x / 32 == 1 && y / 32 == 1;
+    return object ? TestColor{2.6, 1.6, 1.2} : TestColor{2, 2, 2};
+  };
+  Photo photo(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      for (int c = 0; c < 3; ++c) photo.pixel(x, y)[c] = PhotoSample(scene(x, y)[c] / 255);
+    }
+  }
+  const auto error = [&](const FileSteps& steps) {
+    return ColorError(ShadowColors(MeasureColorPrior(photo, steps)).Infer(photo), scene);
+  };
+  EXPECT_LT(error({.code = 1.0 / 257}), 0.02);
+  EXPECT_GT(error({.code = 1}), 2 * error({.code = 1.0 / 257}));
 }
 
 // Means of 2x2 pixels in linear light.
@@ -168,7 +187,7 @@ TEST(ShadowColors, WhatIsMaskedTellsNothing) {
   const Photo photo = Rounded(scene);
   PlaneU8 mask(kWidth, kHeight);
   for (int i = 0; i < kWidth * kHeight; ++i) mask.data[i] = i % kWidth < kWidth / 2 ? 0 : kCounts;
-  const ColorPrior prior = MeasureColorPrior(photo, 2, mask);
+  const ColorPrior prior = MeasureColorPrior(photo, {.chroma = 2}, mask);
   EXPECT_GT(prior.cr, 0);
   const double told = ColorError(photo, Wall, kWidth / 2);
   const ShadowColors colors(prior);
@@ -180,7 +199,7 @@ TEST(ShadowColors, WhatIsMaskedTellsNothing) {
 }
 
 TEST(ShadowColors, OddPhotosWork) {
-  const ShadowColors colors({.chroma_step = 2});
+  const ShadowColors colors({.steps = {.chroma = 2}});
   for (const auto& [width, height] : {std::pair{1, 1}, {2, 1}, {1, 700}, {37, 3}}) {
     for (const int16_t sample : {-3000, 0, 40, 300, 32767}) {
       Photo photo(width, height);
@@ -208,22 +227,23 @@ TEST(MeasureColorPrior, TellsTheMeanColor) {
   const TestColor truth = TestYcc({9, 6, 4});
   EXPECT_NEAR(prior.cb, truth[1] / truth[0], 0.05);
   EXPECT_NEAR(prior.cr, truth[2] / truth[0], 0.05);
-  EXPECT_EQ(prior.chroma_step, 2);
+  EXPECT_EQ(prior.steps.chroma, 2);
 }
 
 TEST(MedianPrior, IsOfEachFigureAndTheCoarsestStep) {
-  const ColorPrior a = {.cb = 1, .cr = 5, .chroma_step = 2, .luma_noise = 0.5},
-                   b = {.cb = 2, .cr = 4, .chroma_step = 9, .luma_noise = 0.1},
-                   c = {.cb = 3, .cr = 6, .chroma_step = 1, .luma_noise = 0.2};
+  const ColorPrior a = {.cb = 1, .cr = 5, .steps = {1, 2}, .luma_noise = 0.5},
+                   b = {.cb = 2, .cr = 4, .steps = {0.25, 9}, .luma_noise = 0.1},
+                   c = {.cb = 3, .cr = 6, .steps = {0.5, 1}, .luma_noise = 0.2};
   const ColorPrior median = MedianPrior({a, b, c});
   EXPECT_EQ(median.cb, 2);
   EXPECT_EQ(median.cr, 5);
   EXPECT_EQ(median.luma_noise, 0.2);
-  EXPECT_EQ(median.chroma_step, 9);
+  EXPECT_EQ(median.steps.code, 1);
+  EXPECT_EQ(median.steps.chroma, 9);
 }
 
 TEST(MeasureColorPrior, NothingKnownIsGrey) {
-  const ColorPrior prior = MeasureColorPrior(Photo(), 0);
+  const ColorPrior prior = MeasureColorPrior(Photo(), {});
   EXPECT_EQ(MedianPrior({}).cb, 0);
   EXPECT_EQ(prior.cb, 0);
   EXPECT_EQ(prior.cr, 0);

@@ -213,14 +213,14 @@ Photo WithLinearGain(const Photo& photo, double gain) {
   return out;
 }
 
-NoiseCurve RoundingNoise(const ToneOptions& options, double gain) {
+NoiseCurve RoundingNoise(const ToneOptions& options, double gain, double code_step) {
   const auto target = [&](double code) { return TargetCode(options, gain, code); };
   NoiseCurve noise;
   for (int i = 0; i < 256; ++i) {
     const double code = Bisect(target, i / 255.0, 0, 1);
     const double low = std::max(0.0, code - 0.5 / 255), high = std::min(1.0, code + 0.5 / 255);
     const double step = (target(high) - target(low)) / (255 * (high - low));
-    noise[i] = static_cast<float>(step / std::sqrt(12.0));
+    noise[i] = static_cast<float>(code_step * step / std::sqrt(12.0));
   }
   return noise;
 }

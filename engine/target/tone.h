@@ -35,10 +35,11 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
 // The photo with `gain` times its linear light, clipped at white.
 Photo WithLinearGain(const Photo& photo, double gain);
 
-// What rounding a photo to its codes does to its target: the target's step from one of the photo's
+// What rounding a photo to its file's codes does to its target: the target's step from one of these
 // codes to the next / sqrt(12), for the gain of a ToneTarget. In the dark it is many codes, and
-// other photos of the place have the same, since they were rounded alike.
-NoiseCurve RoundingNoise(const ToneOptions& options, double gain);
+// other photos of the place have the same, since they were rounded alike. `code_step`: see
+// FileSteps (shadow_color.h).
+NoiseCurve RoundingNoise(const ToneOptions& options, double gain, double code_step = 1);
 
 // What a change of linear light (1: white), which may not fall, does to codes of kCapture's
 // targets.

@@ -179,6 +179,9 @@ TEST(Tone, RoundingNoiseIsTheStepBetweenCodes) {
   EXPECT_NEAR(255 * dark[0], 2 * target(0.5) / root, 0.05);
   for (const int code : {40, 80, 120, 160}) EXPECT_LT(dark[code], dark[code - 40]) << code;
 
+  const auto deep = RoundingNoise(plain, 64, 1.0 / 257);  // 16 bits
+  for (const int code : {0, 60, 200}) EXPECT_NEAR(257 * deep[code], dark[code], 1e-6) << code;
+
   const auto glare = RoundingNoise({}, 0.25);
   EXPECT_LT(255 * *std::max_element(glare.begin(), glare.end()), 0.5);
 }

@@ -77,7 +77,7 @@ absl::StatusOr<PickedFrames> PickFrames(std::string_view bytes, const std::strin
       ++frame;
     }
     LITAGS_ASSIGN_OR_RETURN(const Photo picture, video->Picture());
-    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng16(picture));
+    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng16(picture, video->info().bits));
     LITAGS_RETURN_IF_ERROR(sink(png));
     ++report.chosen;
     reporter.Say(absl::StrCat("frame ", report.chosen, " of ", chosen.size(), " taken"));

@@ -237,6 +237,9 @@ class RealVideoFile : public VideoFile {
       info_.seconds = double(format_->duration) / AV_TIME_BASE;
     }
     info_.frames = std::max<int64_t>(0, stream_->nb_frames);
+    const AVPixFmtDescriptor* pixels =
+        av_pix_fmt_desc_get(static_cast<AVPixelFormat>(stream_->codecpar->format));
+    if (pixels != nullptr) info_.bits = pixels->comp[0].depth;
     return CheckLength(info_.seconds, info_.frames);
   }
 

@@ -29,6 +29,7 @@ struct VideoInfo {
   int width = 0, height = 0;  // px of a frame, upright, with square pixels
   double seconds = 0;         // as the file says; 0: it does not
   int64_t frames = 0;         // as the file says; 0: it does not
+  int bits = 8;               // of a channel
 };
 
 // How the names of videos end, lower case.

@@ -88,8 +88,9 @@ absl::StatusOr<std::vector<Photo>> MakeSteps(const Photo& truth, double stops,
   LITAGS_ASSIGN_OR_RETURN(const Photo camera, DecodePhoto(jpeg, "photo"));
   const Photo decoded = Shrunk(camera, args.shrink);
   const Photo bytes = Shrunk(PhotoFromU8(PhotoToU8(camera)), args.shrink);
+  const FileSteps steps = {.chroma = static_cast<double>(info.chroma_step)};
   const Photo inferred =
-      ShadowColors(MeasureColorPrior(camera, info.chroma_step)).Infer(decoded, {}, args.shrink);
+      ShadowColors(MeasureColorPrior(camera, steps)).Infer(decoded, {}, args.shrink);
   const auto brightened = [&](const Photo& photo, double smoothing) {
     return SmoothChroma(photo, gain, smoothing, [gain](double linear) {
       return SrgbFromLinear(std::clamp(gain * linear, 0.0, 1.0));
