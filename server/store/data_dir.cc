@@ -16,6 +16,18 @@ namespace litags {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+absl::Status Unusable(const DataDir& dir, const std::error_code& error) {
+  return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_UNUSABLE", "data",
+                   absl::StrCat("cannot use ", dir.root, " as the data folder: ", error.message(),
+                                "; choose another or fix its permissions"));
+}
+
+std::error_code LastError() { return {errno, std::generic_category()}; }
+
+}  // namespace
+
 absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
   std::error_code error;
   const fs::path absolute = fs::absolute(root, error).lexically_normal();
@@ -23,15 +35,12 @@ absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
   if (!error) fs::create_directories(absolute.parent_path(), error);
   for (const std::string& folder : {dir.root, dir.scratch(), dir.uploads(), dir.tmp()}) {
     if (error || mkdir(folder.c_str(), 0700) == 0) continue;
-    if (errno != EEXIST || !fs::is_directory(folder, error)) {
-      error = std::error_code(errno, std::generic_category());
-    }
+    const std::error_code refused = LastError();
+    if (fs::is_directory(folder, error)) continue;
+    error = refused == std::errc::file_exists ? std::make_error_code(std::errc::not_a_directory)
+                                              : refused;
   }
-  if (error) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_UNUSABLE", "data",
-                     absl::StrCat("cannot use ", dir.root, " as the data folder", ": ",
-                                  error.message(), "; choose another or fix its permissions"));
-  }
+  if (error) return Unusable(dir, error);
   return dir;
 }
 
@@ -54,10 +63,9 @@ void DataDir::EmptyTmp(double quiet_seconds) const {
 
 absl::StatusOr<std::unique_ptr<DataDirLock>> DataDirLock::Take(const DataDir& dir) {
   const int fd = open((dir.root + "/server.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-  if (fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0) {
-    return std::unique_ptr<DataDirLock>(new DataDirLock(fd));
-  }
-  if (fd >= 0) close(fd);
+  if (fd < 0) return Unusable(dir, LastError());
+  if (flock(fd, LOCK_EX | LOCK_NB) == 0) return std::unique_ptr<DataDirLock>(new DataDirLock(fd));
+  close(fd);
   return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_IN_USE", "data",
                    absl::StrCat("another litags-server uses ", dir.root,
                                 "; stop it or give this one another --data folder"));

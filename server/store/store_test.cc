@@ -64,7 +64,16 @@ TEST(DataDirectory, OneThatIsThereKeepsItsPermissions) {
 TEST(DataDirectory, FileInItsPlaceIsAClearError) {
   TempDir dir;
   std::ofstream(dir.path() + "/file") << "x";
-  EXPECT_EQ(Reason(DataDir::Open(dir.path() + "/file").status()), "DATA_DIR_UNUSABLE");
+  const absl::Status status = DataDir::Open(dir.path() + "/file").status();
+  EXPECT_EQ(Reason(status), "DATA_DIR_UNUSABLE");
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("Not a directory"));
+}
+
+TEST(DataDirectory, OneThatCannotBeLockedIsNotInUse) {
+  TempDir dir;
+  const DataDir data = *DataDir::Open(dir.path() + "/data");
+  ASSERT_EQ(mkdir((data.root + "/server.lock").c_str(), 0700), 0);  // what nobody can open to write
+  EXPECT_EQ(Reason(DataDirLock::Take(data).status()), "DATA_DIR_UNUSABLE");
 }
 
 }  // namespace
