@@ -7,14 +7,15 @@
 #include <opencv2/imgproc.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 
 namespace litags {
 namespace {
 
-constexpr int kGap = 8, kMargin = 16, kTitle = 40, kHeading = 30, kLabel = 76,
-              kLineHeight = 18;  // px
+constexpr int kGap = 8, kMargin = 16, kTitle = 40, kHeading = 30, kLabel = 76, kLineHeight = 18,
+              kCaptionGap = 4;  // px
 constexpr double kLabelSize = 0.45;
 // RGB; the sheet is drawn in our channel order.
 const cv::Scalar kPaper(250, 250, 248), kInk(40, 42, 46), kFaint(150, 152, 156),
@@ -22,15 +23,18 @@ const cv::Scalar kPaper(250, 250, 248), kInk(40, 42, 46), kFaint(150, 152, 156),
 
 void Write(cv::Mat& canvas, const std::string& text, cv::Point at, double size,
            const cv::Scalar& color) {
-  cv::putText(canvas, text, at, cv::FONT_HERSHEY_SIMPLEX, size, color, 1, cv::LINE_AA);
+  cv::putText(canvas, PlainText(text), at, cv::FONT_HERSHEY_SIMPLEX, size, color, 1, cv::LINE_AA);
 }
 
 cv::Size TextSize(const std::string& text, double size) {
-  return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, size, 1, nullptr);
+  return cv::getTextSize(PlainText(text), cv::FONT_HERSHEY_SIMPLEX, size, 1, nullptr);
 }
 
-// Width of the labels' column: that of the longest line, with room before the pictures.
+// Width of the labels' column: that of the longest line, with room before the pictures; 0 if no row
+// has a label.
 int LabelWidth(const Sheet& sheet) {
+  const auto unlabelled = [](const SheetRow& row) { return row.label.empty(); };
+  if (std::all_of(sheet.rows.begin(), sheet.rows.end(), unlabelled)) return 0;
   int width = kLabel;
   for (const SheetRow& row : sheet.rows) {
     for (const absl::string_view line : absl::StrSplit(row.label, '\n')) {
@@ -47,6 +51,39 @@ void WriteLabel(cv::Mat& canvas, const std::string& label, cv::Point middle) {
     Write(canvas, line, {middle.x, y}, kLabelSize, kInk);
     y += kLineHeight;
   }
+}
+
+// The text with "..." in place of its middle, if it is wider than this.
+std::string Shortened(const std::string& text, int width) {
+  std::string shorter = PlainText(text);
+  const std::string whole = shorter;
+  for (size_t kept = whole.size(); kept > 2 && TextSize(shorter, kLabelSize).width > width;) {
+    --kept;
+    shorter = whole.substr(0, kept / 2) + "..." + whole.substr(whole.size() - (kept - kept / 2));
+  }
+  return shorter;
+}
+
+// The caption's lines, wrapped between words to this width.
+std::vector<std::string> Wrapped(const std::string& caption, int width) {
+  std::vector<std::string> lines;
+  for (const absl::string_view given : absl::StrSplit(caption, '\n', absl::SkipEmpty())) {
+    lines.emplace_back();
+    for (const absl::string_view word : absl::StrSplit(given, ' ', absl::SkipEmpty())) {
+      const std::string longer = absl::StrCat(lines.back(), lines.back().empty() ? "" : " ", word);
+      if (lines.back().empty() || TextSize(longer, kLabelSize).width <= width) {
+        lines.back() = longer;
+      } else {
+        lines.emplace_back(word);
+      }
+    }
+  }
+  if (lines.size() > kCaptionLines) {
+    lines.resize(kCaptionLines);
+    lines.back() += " ...";
+  }
+  for (std::string& line : lines) line = Shortened(line, width);
+  return lines;
 }
 
 // The 2nd and 98th percentile of the known values; {0, 1} if there are none.
@@ -110,22 +147,36 @@ cv::Mat Photo(const cv::Mat& mat) {
   return out;
 }
 
-// The cell's picture, `width` wide; empty for an empty cell.
-absl::StatusOr<cv::Mat> LoadCell(const SheetCell& cell, int width) {
-  if (cell.path.empty()) return cv::Mat();
+// What the colours of Ramp() mean. Integers are of a scale that the file does not tell.
+std::string DescribeRamp(const cv::Mat& mat) {
+  if (mat.depth() != CV_32F && mat.depth() != CV_64F) return "";
+  const auto [low, high] = KnownRange(FirstChannel(mat));
+  return absl::StrFormat("near %.3g (purple) .. far %.3g (yellow)", low, high);
+}
+
+struct LoadedCell {
+  cv::Mat picture;  // empty for an empty cell
+  std::vector<std::string> caption;
+};
+
+// With a picture `width` wide.
+absl::StatusOr<LoadedCell> LoadCell(const SheetCell& cell, int width) {
+  LoadedCell loaded = {cv::Mat(), Wrapped(cell.caption, width)};
+  if (cell.path.empty()) return loaded;
   const cv::Mat mat = cv::imread(cell.path, cv::IMREAD_UNCHANGED);
   if (mat.empty()) {
     return MakeError(
         absl::StatusCode::kNotFound, "CANNOT_READ_IMAGE", cell.path,
         absl::StrCat(cell.path, ": missing or not a picture; use - for an empty cell"));
   }
-  cv::Mat picture;
+  cv::Mat& picture = loaded.picture;
   switch (cell.look) {
     case SheetCell::Look::kPhoto:
       picture = Photo(mat);
       break;
     case SheetCell::Look::kRamp:
       picture = Ramp(FirstChannel(mat));
+      if (loaded.caption.empty()) loaded.caption = Wrapped(DescribeRamp(mat), width);
       break;
     case SheetCell::Look::kGray:
       cv::cvtColor(Spread(FirstChannel(mat), nullptr), picture, cv::COLOR_GRAY2RGB);
@@ -135,34 +186,43 @@ absl::StatusOr<cv::Mat> LoadCell(const SheetCell& cell, int width) {
       std::max(1, static_cast<int>(std::lround(double(mat.rows) * width / mat.cols)));
   const int filter = width < mat.cols ? cv::INTER_AREA : cv::INTER_LINEAR;
   if (mat.cols != width) cv::resize(picture, picture, {width, height}, 0, 0, filter);
-  return picture;
+  return loaded;
 }
 
 struct LoadedRow {
-  std::vector<cv::Mat> cells;
-  int height = 0;
+  std::vector<LoadedCell> cells;
+  int height = 0;          // of the pictures
+  int caption_height = 0;  // below them
 };
 
 absl::StatusOr<LoadedRow> LoadRow(const SheetRow& row, int width) {
   LoadedRow out;
+  int lines = 0;
   for (const SheetCell& cell : row.cells) {
-    auto picture = LoadCell(cell, width);
-    if (!picture.ok()) return picture.status();
-    out.height = std::max(out.height, picture->rows);
-    out.cells.push_back(*picture);
+    LITAGS_ASSIGN_OR_RETURN(LoadedCell loaded, LoadCell(cell, width));
+    out.height = std::max(out.height, loaded.picture.rows);
+    lines = std::max(lines, static_cast<int>(loaded.caption.size()));
+    out.cells.push_back(std::move(loaded));
   }
   if (out.height == 0) out.height = width * 3 / 4;
+  out.caption_height = CaptionHeight(lines);
   return out;
 }
 
-void DrawCell(cv::Mat& canvas, const cv::Mat& picture, const cv::Rect& place) {
-  if (picture.empty()) {
+void DrawCell(cv::Mat& canvas, const LoadedCell& cell, const cv::Rect& place) {
+  int bottom = place.br().y;
+  if (cell.picture.empty()) {
     cv::rectangle(canvas, place, kHole, cv::FILLED);
     const cv::Size size = TextSize("n/a", 0.5);
     Write(canvas, "n/a", {place.x + (place.width - size.width) / 2, place.y + place.height / 2},
           0.5, kFaint);
   } else {
-    picture.copyTo(canvas(cv::Rect(place.tl(), picture.size())));
+    cell.picture.copyTo(canvas(cv::Rect(place.tl(), cell.picture.size())));
+    bottom = place.y + cell.picture.rows;
+  }
+  for (const std::string& line : cell.caption) {
+    bottom += kLineHeight;
+    Write(canvas, line, {place.x, bottom - kCaptionGap}, kLabelSize, kInk);
   }
 }
 
@@ -194,7 +254,7 @@ absl::StatusOr<ImageU8> Draw(const Sheet& sheet) {
   int height = top;
   for (const SheetRow& row : sheet.rows) {
     LITAGS_ASSIGN_OR_RETURN(LoadedRow loaded, LoadRow(row, sheet.cell_width));
-    height += loaded.height + kGap;
+    height += loaded.height + loaded.caption_height + kGap;
     rows.push_back(std::move(loaded));
   }
   const int columns = static_cast<int>(sheet.columns.size()), step = sheet.cell_width + kGap;
@@ -210,26 +270,27 @@ absl::StatusOr<ImageU8> Draw(const Sheet& sheet) {
   int y = top;
   for (size_t r = 0; r < rows.size(); ++r) {
     WriteLabel(canvas, sheet.rows[r].label, {kMargin, y + rows[r].height / 2});
-    for (int c = 0; c < columns; ++c) {
-      const cv::Rect place(left + c * step, y, sheet.cell_width, rows[r].height);
-      const bool given = c < static_cast<int>(rows[r].cells.size());
-      DrawCell(canvas, given ? rows[r].cells[c] : cv::Mat(), place);
+    for (size_t c = 0; c < rows[r].cells.size(); ++c) {
+      const cv::Rect place(left + static_cast<int>(c) * step, y, sheet.cell_width, rows[r].height);
+      DrawCell(canvas, rows[r].cells[c], place);
     }
-    y += rows[r].height + kGap;
+    y += rows[r].height + rows[r].caption_height + kGap;
   }
   return image;
 }
 
 }  // namespace
 
+int CaptionHeight(int lines) { return lines == 0 ? 0 : lines * kLineHeight + kCaptionGap; }
+
 SheetCell ParseSheetCell(const std::string& text) {
   const auto with = [&](const std::string& prefix, SheetCell::Look look) {
-    return SheetCell{text.substr(prefix.size()), look};
+    return SheetCell{text.substr(prefix.size()), look, ""};
   };
   if (text == "-") return {};
   if (text.rfind("ramp:", 0) == 0) return with("ramp:", SheetCell::Look::kRamp);
   if (text.rfind("gray:", 0) == 0) return with("gray:", SheetCell::Look::kGray);
-  return {text, SheetCell::Look::kPhoto};
+  return {text, SheetCell::Look::kPhoto, ""};
 }
 
 ImageU8 ColorRamp(const Planes& values) {

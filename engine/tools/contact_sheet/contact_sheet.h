@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "engine/core/image.h"
 
 namespace litags {
@@ -19,7 +20,13 @@ struct SheetCell {
   };
   std::string path;  // anything OpenCV reads; empty: an empty cell marked "n/a"
   Look look = Look::kPhoto;
+  // Below the picture, words wrapped to its width. A ramp of floating-point values without one gets
+  // its scale.
+  std::string caption = {};
 };
+
+inline constexpr int kCaptionLines = 4;  // at most; the end of a longer one is cut off
+int CaptionHeight(int lines);            // px, with its gap
 
 struct SheetRow {
   std::string label;  // may have several lines
@@ -29,7 +36,7 @@ struct SheetRow {
 struct Sheet {
   std::string title;
   std::vector<std::string> columns;  // headings
-  std::vector<SheetRow> rows;        // no more cells than columns
+  std::vector<SheetRow> rows;        // no more cells than columns; without the last ones: paper
   int cell_width = 360;              // px; heights follow from each row's pictures
 };
 
@@ -39,6 +46,10 @@ SheetCell ParseSheetCell(const std::string& text);
 // Single-channel values to colours as kRamp does. [1, H, W]; values that are not finite or not
 // above 0 are unknown: they are left out of the range and painted black.
 ImageU8 ColorRamp(const Planes& values);
+
+// As much of the text as the font has: ASCII. Letters lose their accents, dashes and quotes become
+// plain, and each other character '_'.
+std::string PlainText(absl::string_view text);
 
 // INVALID_ARGUMENT for a sheet with nothing in it or more cells than columns; NOT_FOUND for a
 // picture that cannot be read, naming it.

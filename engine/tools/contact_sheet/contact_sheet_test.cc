@@ -58,6 +58,41 @@ TEST_F(ContactSheet, ARowNeedNotFillItsColumns) {
   EXPECT_GT(image->width, 3 * 60);
 }
 
+TEST_F(ContactSheet, CellsThatFillUpARowArePaper) {
+  Sheet sheet;
+  sheet.columns = {"a", "b"};
+  sheet.cell_width = 200;
+  sheet.rows = {{"one", {{Paint("a.png", 60, 30, {0, 255, 0})}}}};
+  EXPECT_LT(Count(*DrawSheet(sheet), 226, 226, 224), 100);  // edges of letters
+  sheet.rows[0].cells.push_back({});
+  EXPECT_GT(Count(*DrawSheet(sheet), 226, 226, 224), 10000);
+}
+
+TEST_F(ContactSheet, CaptionsStandBelowTheirPictures) {
+  Sheet sheet;
+  sheet.columns = {"a"};
+  sheet.cell_width = 100;
+  sheet.rows = {{"", {{Paint("a.png", 100, 50, {0, 255, 0})}}}};
+  const int height = DrawSheet(sheet)->height, width = DrawSheet(sheet)->width;
+  EXPECT_LT(width, 140) << "no column of labels without any";
+  sheet.rows[0].cells[0].caption = "a name";
+  EXPECT_EQ(DrawSheet(sheet)->height, height + CaptionHeight(1));
+  sheet.rows[0].cells[0].caption = "a name\nand a reason of some words that do not fit";
+  EXPECT_EQ(DrawSheet(sheet)->height, height + CaptionHeight(kCaptionLines));
+  EXPECT_EQ(Count(*DrawSheet(sheet), 0, 255, 0), 100 * 50);
+}
+
+TEST_F(ContactSheet, ARampOfFloatingPointValuesHasAScale) {
+  const std::string path = dir_ + "/depth.pfm";
+  cv::imwrite(path, cv::Mat(30, 60, CV_32FC1, cv::Scalar(2.5)));
+  Sheet sheet;
+  sheet.columns = {"a"};
+  sheet.rows = {{"", {ParseSheetCell("gray:" + path)}}};
+  const int height = DrawSheet(sheet)->height;
+  sheet.rows = {{"", {ParseSheetCell("ramp:" + path)}}};
+  EXPECT_EQ(DrawSheet(sheet)->height, height + CaptionHeight(1));
+}
+
 TEST_F(ContactSheet, LongLabelsAreGivenRoomAndLinesShareARow) {
   Sheet sheet;
   sheet.columns = {"a"};
@@ -104,6 +139,14 @@ TEST_F(ContactSheet, MorePicturesThanColumnsAreRefused) {
   EXPECT_EQ(GetErrorDetail(DrawSheet(sheet).status())->reason, "TOO_MANY_CELLS");
   sheet.rows.clear();
   EXPECT_EQ(GetErrorDetail(DrawSheet(sheet).status())->reason, "EMPTY_SHEET");
+}
+
+TEST(PlainText, HasNoCharacterThatTheFontLacks) {
+  EXPECT_EQ(PlainText("Bild \u00f6\u2013\u00df 1.JPG"), "Bild o-ss 1.JPG");
+  EXPECT_EQ(PlainText("Ho\u0308hle \u0141\u00f3d\u017a \u017fx"), "Hohle Lodz sx");
+  EXPECT_EQ(PlainText("\u6771\u4eac \U0001f600.png"), "__ _.png");
+  EXPECT_EQ(PlainText("cut \xe6\x9d"), "cut _");
+  EXPECT_EQ(PlainText("\xc3"), "_");
 }
 
 TEST(ParseSheetCell, APrefixChoosesTheLook) {

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
+#include "engine/core/limits.h"
 #include "engine/core/machine_memory.h"
 #include "engine/core/parallel.h"
 #include "engine/io/cameras_io.h"
@@ -20,6 +21,7 @@
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/video_frames.h"
 #include "engine/pipeline/wide_photos.h"
+#include "engine/tools/inspect/folder_contents.h"
 #include "engine/tools/inspect/photo_sheet.h"
 
 namespace litags {
@@ -72,6 +74,28 @@ std::vector<ScreenedPhoto> WithViews(const std::vector<ScreenedPhoto>& photos,
   return views;
 }
 
+// As a run has it: of the photos, those with a camera where cameras are given.
+absl::Status CheckEnough(const ReconstructInput& input, const PhotoScreen& screen,
+                         const std::map<std::string, const WidePhoto*>& wide,
+                         const std::set<std::string>& with_camera) {
+  std::vector<ScreenedPhoto> photos = screen.photos;
+  if (!input.cameras_path.empty()) {
+    std::erase_if(photos, [&](const ScreenedPhoto& photo) {
+      return !with_camera.contains(photo.name) && !wide.contains(photo.name);
+    });
+  }
+  return CheckPhotoCount(WithViews(photos, wide).size(),
+                         WithViews(screen.photos, wide).size() + screen.left_out.size());
+}
+
+// "1 photo would be used, as 6 views, 2 are left out".
+std::string DescribeCounts(const PhotoScreen& screen, size_t views) {
+  const size_t photos = screen.photos.size(), left_out = screen.left_out.size();
+  return absl::StrCat(photos, photos == 1 ? " photo would be used" : " photos would be used",
+                      views == photos ? "" : absl::StrCat(", as ", views, " views"), ", ", left_out,
+                      left_out == 1 ? " is left out" : " are left out");
+}
+
 // Cameras that lie in the folder or beside it, and are not used unless they are named.
 std::string CamerasNearby(const ReconstructInput& input) {
   const fs::path photos = fs::absolute(input.images_dir).lexically_normal();
@@ -88,6 +112,8 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
                            const std::string& sheet, const CancelToken& cancel, std::string* text) {
   ReconstructInput input = given;
   const int threads = options.threads > 0 ? options.threads : DefaultThreadCount();
+  if (!sheet.empty()) LITAGS_RETURN_IF_ERROR(CheckSheetPath(sheet));
+  LITAGS_RETURN_IF_ERROR(CheckHoldsPhotos(input.images_dir));
   LITAGS_ASSIGN_OR_RETURN(const std::string others,
                           DescribeOtherPictures(input.images_dir, "images"));
   LITAGS_ASSIGN_OR_RETURN(PhotoScreen screen, ScreenPhotos(input, threads, cancel));
@@ -128,15 +154,12 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
         : with_camera.contains(photo.name) ? " yes"
                                            : " none: left out");
   }
-  const std::string as_views =
-      wide.photos.empty() ? "" : absl::StrCat(", as ", views.size(), " views");
   const int map_bytes = MapBytes(input, options, !screen.masks.empty());
-  absl::StrAppend(text, screen.photos.size(), " photos would be used", as_views, ", ",
-                  screen.left_out.size(), " are left out; ",
+  absl::StrAppend(text, DescribeCounts(screen, views.size()), "; ",
                   input.cameras_path.empty() ? "cameras would be searched for"
                                              : absl::StrCat("cameras: ", input.cameras_path),
                   "\n", DescribeMemory(views, options, map_bytes, MachineMemory()), "\n");
-  for (const auto& notes : {screen.notes, DescribeWidePhotos(wide.photos)}) {
+  for (const auto& notes : {screen.notes, DescribeWidePhotos(wide.photos), DescribeUnused(input)}) {
     for (const std::string& note : notes) absl::StrAppend(text, "note: ", note, "\n");
   }
   if (!others.empty()) absl::StrAppend(text, "note: ", others, "\n");
@@ -145,10 +168,11 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
       absl::StrAppend(text, "note: there are cameras in ", nearby, "; use them with --cameras\n");
     }
   }
-  if (sheet.empty()) return absl::OkStatus();
-  LITAGS_RETURN_IF_ERROR(WritePhotoSheet(screen, thumbnails, sheet));
-  absl::StrAppend(text, "contact sheet: ", sheet, "\n");
-  return absl::OkStatus();
+  if (!sheet.empty()) {
+    LITAGS_RETURN_IF_ERROR(WritePhotoSheet(screen, thumbnails, sheet));
+    absl::StrAppend(text, "contact sheet: ", sheet, "\n");
+  }
+  return CheckEnough(input, screen, wide_by_name, with_camera);
 }
 
 absl::Status CheckAllReadable(const ReconstructInput& input, int threads,

@@ -73,6 +73,10 @@ int Main(int argc, char** argv) {
   std::signal(SIGTERM, OnSignal);
   const absl::Status status = Run(args, cancel);
   if (status.ok()) return 0;
+  if (absl::IsCancelled(status)) {
+    std::fprintf(stderr, "litags inspect: %s\n", std::string(status.message()).c_str());
+    return 130;
+  }
   const ErrorDetail detail = GetErrorDetail(status).value_or(ErrorDetail{});
   std::fprintf(stderr, "litags inspect: %s\n  reason %s, field %s\n",
                std::string(status.message()).c_str(), detail.reason.c_str(), detail.field.c_str());

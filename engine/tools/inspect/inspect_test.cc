@@ -14,6 +14,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
+#include "engine/tools/contact_sheet/contact_sheet.h"
 #include "engine/tools/inspect/photo_sheet.h"
 #include "engine/video/testing_video.h"
 
@@ -72,10 +73,41 @@ TEST_F(Inspect, SaysWhatWouldBeUsedAndWhatNot) {
   EXPECT_THAT(text_, ContainsRegex("p2.jpg +320x240 +28 mm "));
   // Somewhat blurred.
   EXPECT_THAT(text_, ContainsRegex("p3.jpg .* 0[.][0-8][0-9]  -"));
-  EXPECT_THAT(text_, HasSubstr("5 photos would be used, 1 are left out"));
+  EXPECT_THAT(text_, HasSubstr("5 photos would be used, 1 is left out"));
   EXPECT_THAT(text_, HasSubstr("bad.jpg is left out"));
   EXPECT_THAT(text_, ContainsRegex("a run would take 0.[0-9] GiB to 0.[0-9] GiB of memory; there "
                                    "are [0-9.]+ GiB"));
+}
+
+TEST_F(Inspect, NamesWhatElseLiesThere) {
+  fs::create_directories(photos_ + "/sub");
+  fs::copy(photos_ + "/p0.jpg", photos_ + "/sub/0007.JPG");
+  Write("notes.txt", "x");
+  Write("clip.webm", "x");
+  ASSERT_EQ(Run({photos_}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("note: not read: clip.webm (a video: give it alone), notes.txt\n"));
+  EXPECT_THAT(text_, HasSubstr("note: 1 photo in sub/ is not used"));
+}
+
+TEST_F(Inspect, AFolderOfFoldersIsAnsweredWithThem) {
+  for (const char* name : {"DCIM", "DCIM/b", "DCIM/a"}) {
+    fs::create_directory(dir_ / name);
+    fs::copy(photos_ + "/p0.jpg", dir_ / (std::string(name) + "/p0.jpg"));
+  }
+  fs::remove(dir_ / "DCIM/p0.jpg");
+  EXPECT_EQ(Run({dir_ / "DCIM"}), 2);
+  EXPECT_THAT(text_, HasSubstr(dir_ / "DCIM" + " holds no photos itself: did you mean " +
+                               dir_ / "DCIM/a" + ", " + dir_ / "DCIM/b" + "?"));
+  EXPECT_THAT(text_, HasSubstr("reason NO_PHOTOS"));
+}
+
+TEST_F(Inspect, TooFewPhotosAreRefusedAsByARun) {
+  fs::create_directory(dir_ / "one");
+  fs::copy(photos_ + "/p0.jpg", dir_ / "one/p0.jpg");
+  EXPECT_EQ(Run({dir_ / "one"}), 2);
+  EXPECT_THAT(text_, HasSubstr("1 photo would be used, 0 are left out"));
+  EXPECT_THAT(text_, HasSubstr("images: 1 photo; a scene needs at least 3"));
+  EXPECT_THAT(text_, HasSubstr("reason TOO_FEW_PHOTOS"));
 }
 
 TEST_F(Inspect, NamesPanoramasAndTheirViews) {
@@ -122,8 +154,26 @@ TEST_F(Inspect, DrawsAContactSheet) {
     EXPECT_GT(picture->width, 5 * 320);
     EXPECT_GT(picture->height, 240);
   }
+  EXPECT_EQ(Run({photos_, "--contact-sheet", dir_ / "sheet.bmp"}), 2);
+  EXPECT_THAT(text_, HasSubstr("a name that ends in .png, .jpg or .jpeg"));
+  EXPECT_FALSE(fs::exists(dir_ / "sheet.bmp"));
   EXPECT_EQ(Run({photos_, "--contact-sheet", dir_ / "nowhere/sheet.jpg"}), 2);
   EXPECT_THAT(text_, HasSubstr("5 photos would be used")) << "and says what was found";
+}
+
+// They were empty cells, though one wants to see whether they are blurred.
+TEST_F(Inspect, DrawsPhotosThatAreLeftOut) {
+  fs::copy(photos_ + "/p0.jpg", photos_ + "/p0 (1).jpg");
+  ASSERT_EQ(Run({photos_, "--contact-sheet", dir_ / "sheet.png"}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("5 photos would be used, 2 are left out"));
+  const auto sheet = ReadImage(dir_ / "sheet.png", "sheet");
+  ASSERT_TRUE(sheet.ok()) << sheet.status();
+  int empty = 0;  // pixels of cells without a picture: that of bad.jpg
+  for (size_t i = 0; i < sheet->data.size(); i += 3) {
+    empty += sheet->data[i] == 226 && sheet->data[i + 1] == 226 && sheet->data[i + 2] == 224;
+  }
+  EXPECT_LE(empty, 320 * 240);
+  EXPECT_GT(empty, 300 * 230);
 }
 
 TEST_F(Inspect, DrawsManyPhotosThatAreLeftOut) {
@@ -142,8 +192,9 @@ TEST(PlanSheet, KeepsLargeFoldersWithinAJpeg) {
     const auto rows_of = [&](size_t photos) {
       return static_cast<double>((photos + plan.columns - 1) / plan.columns);
     };
-    const double height = 110 + rows_of(count) * (std::ceil(plan.cell_width * 4 / 3.0) + 8) +
-                          rows_of(count / 2) * (plan.cell_width * 3 / 4.0 + 8);
+    const double height =
+        110 + rows_of(count) * (std::ceil(plan.cell_width * 4 / 3.0) + CaptionHeight(1) + 8) +
+        rows_of(count / 2) * (plan.cell_width * 3 / 4.0 + CaptionHeight(kCaptionLines) + 8);
     EXPECT_LE(height, 65500) << count;
     EXPECT_LE(plan.columns * (plan.cell_width + 8), 65000) << count;
     EXPECT_GE(plan.cell_width, 200) << count;

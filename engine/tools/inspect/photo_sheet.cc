@@ -2,11 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <system_error>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/io/image_io.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
@@ -15,15 +20,15 @@ namespace litags {
 namespace {
 
 constexpr int kThumbnail = 320;  // px
-constexpr size_t kColumns = 6;   // of many photos a multiple; names beside a row: at most so many
+constexpr size_t kColumns = 6;   // of many photos a multiple
 // JPEG ends at 65,500 px. Titles and margins take the rest; rows have a gap.
 constexpr double kMostHeight = 65000, kGap = 9;  // px
-constexpr double kLeastCell = 200;               // px of width: room for six names beside a row
+constexpr double kLeastCell = 200;               // px of width: room for a name
+constexpr double kLeftOutShape = 0.75;           // height by width of their pictures
 constexpr double kWantedLight = 0.2;             // mean, linear, of a thumbnail
 constexpr double kMostGain = 4096;
 
-ImageU8 Thumbnail(const Photo& photo, double light) {
-  Photo small = ShrinkToFit(photo, kThumbnail);
+ImageU8 Brightened(Photo small, double light) {
   const auto gain = static_cast<float>(light > 0 ? std::min(kMostGain, kWantedLight / light) : 1);
   const LinearTable& linear = LinearTable::Get();
   const SampleTable& sample = SampleTable::Get();
@@ -31,10 +36,35 @@ ImageU8 Thumbnail(const Photo& photo, double light) {
   return PhotoToU8(small);
 }
 
-// All names, or of many the first and the last.
-std::string LabelOf(std::vector<std::string> names) {
-  if (names.size() > kColumns) names = {names.front(), absl::StrCat("to ", names.back())};
-  return absl::StrJoin(names, "\n");
+double MeanLight(const Photo& photo) {
+  const LinearTable& linear = LinearTable::Get();
+  double sum = 0;
+  for (const int16_t s : photo.data) sum += linear(s);
+  return photo.data.empty() ? 0 : sum / static_cast<double>(photo.data.size());
+}
+
+// Amid grey of one shape: a photo that is left out may be a strip.
+ImageU8 Framed(const ImageU8& picture) {
+  ImageU8 framed(kThumbnail, static_cast<int>(kThumbnail * kLeftOutShape));
+  std::fill(framed.data.begin(), framed.data.end(), uint8_t{226});
+  const double scale =
+      std::min({1.0, double(framed.width) / picture.width, double(framed.height) / picture.height});
+  const ImageU8 inner = ResizeArea(picture, std::max(1, static_cast<int>(picture.width * scale)),
+                                   std::max(1, static_cast<int>(picture.height * scale)));
+  const int left = (framed.width - inner.width) / 2, top = (framed.height - inner.height) / 2;
+  for (int y = 0; y < inner.height; ++y) {
+    std::copy_n(inner.pixel(0, y), 3 * inner.width, framed.pixel(left, top + y));
+  }
+  return framed;
+}
+
+// Adds cells, `columns` a row.
+void AddRows(std::vector<SheetCell> cells, size_t columns, Sheet* sheet) {
+  for (size_t i = 0; i < cells.size(); i += columns) {
+    const auto first = cells.begin() + static_cast<ptrdiff_t>(i);
+    const auto count = static_cast<ptrdiff_t>(std::min(columns, cells.size() - i));
+    sheet->rows.push_back({"", {first, first + count}});
+  }
 }
 
 }  // namespace
@@ -52,9 +82,10 @@ SheetPlan PlanSheet(const PhotoScreen& screen) {
       heights += row;
     }
     const size_t empty = (screen.left_out.size() + plan.columns - 1) / plan.columns;
-    heights += 0.75 * empty;  // as DrawSheet has it
+    heights += kLeftOutShape * empty;
+    const double captions = CaptionHeight(1) * rows + CaptionHeight(kCaptionLines) * empty;
     rows += empty;
-    const double width = (kMostHeight - kGap * rows) / heights;
+    const double width = (kMostHeight - kGap * rows - captions) / heights;
     if (width < kLeastCell && plan.columns < most) continue;
     plan.cell_width = static_cast<int>(std::clamp<double>(width, 16, kThumbnail));
     plan.columns = std::max<size_t>(1, std::min(plan.columns, most));
@@ -62,16 +93,28 @@ SheetPlan PlanSheet(const PhotoScreen& screen) {
   }
 }
 
+absl::Status CheckSheetPath(const std::string& path) {
+  for (const char* ending : {".png", ".jpg", ".jpeg"}) {
+    if (absl::EndsWithIgnoreCase(path, ending)) return absl::OkStatus();
+  }
+  return InvalidInput("BAD_OUTPUT", "--contact-sheet",
+                      absl::StrCat("--contact-sheet ", path, ": the sheet is written as PNG or ",
+                                   "JPEG; give a name that ends in .png, .jpg or .jpeg"));
+}
+
 void WriteThumbnails(const ReconstructInput& input, const PhotoScreen& screen, int threads,
                      const std::string& dir, const CancelToken& cancel) {
-  ParallelFor(threads, screen.photos.size(), [&](size_t i, int) {
+  const size_t used = screen.photos.size();
+  ParallelFor(threads, used + screen.left_out.size(), [&](size_t i, int) {
     if (cancel.IsCancelled()) return;
-    const ScreenedPhoto& screened = screen.photos[i];
-    const auto photo = ReadPhoto(input.images_dir + "/" + screened.name, screened.name);
-    if (!photo.ok()) return;  // it was read a moment ago
+    const std::string& name = i < used ? screen.photos[i].name : screen.left_out[i - used].name;
+    const auto photo = ReadPhoto(input.images_dir + "/" + name, name);
+    if (!photo.ok()) return;  // left out, or it was read a moment ago
+    const Photo small = ShrinkToFit(*photo, kThumbnail);
+    const ImageU8 picture = i < used ? Brightened(small, screen.photos[i].light)
+                                     : Framed(Brightened(small, MeanLight(small)));
     // A sheet without one of them says so.
-    WritePng(absl::StrCat(dir, "/", screened.name, ".png"), Thumbnail(*photo, screened.light))
-        .IgnoreError();
+    WritePng(absl::StrCat(dir, "/", name, ".png"), picture).IgnoreError();
   });
 }
 
@@ -83,24 +126,20 @@ absl::Status WritePhotoSheet(const PhotoScreen& screen, const std::string& thumb
                              "one exposure), ", screen.left_out.size(), " are left out");
   sheet.cell_width = cell_width;
   sheet.columns.assign(columns, "");
-  for (size_t i = 0; i < screen.photos.size(); i += columns) {
-    SheetRow& row = sheet.rows.emplace_back();
-    const size_t end = std::min(i + columns, screen.photos.size());
-    std::vector<std::string> names;
-    for (size_t k = i; k < end; ++k) {
-      names.push_back(screen.photos[k].name);
-      row.cells.push_back({.path = absl::StrCat(thumbnails, "/", names.back(), ".png")});
-    }
-    row.label = LabelOf(std::move(names));
+  std::vector<SheetCell> used, left_out;
+  for (const ScreenedPhoto& photo : screen.photos) {
+    used.push_back(
+        {.path = absl::StrCat(thumbnails, "/", photo.name, ".png"), .caption = photo.name});
   }
-  for (size_t i = 0; i < screen.left_out.size(); i += columns) {
-    const size_t end = std::min(i + columns, screen.left_out.size());
-    std::vector<std::string> names;
-    for (size_t k = i; k < end; ++k) names.push_back(screen.left_out[k].name);
-    const size_t count = names.size();
-    sheet.rows.push_back(
-        {absl::StrCat("left out:\n", LabelOf(std::move(names))), std::vector<SheetCell>(count)});
+  for (const PhotoLeftOut& photo : screen.left_out) {
+    const std::string thumbnail = absl::StrCat(thumbnails, "/", photo.name, ".png");
+    std::error_code ignored;
+    left_out.push_back({.path = std::filesystem::exists(thumbnail, ignored) ? thumbnail : "",
+                        .caption = absl::StrCat(
+                            photo.name, "\nleft out: ", photo.unreadable ? "" : "it ", photo.why)});
   }
+  AddRows(std::move(used), columns, &sheet);
+  AddRows(std::move(left_out), columns, &sheet);
   LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, DrawSheet(sheet));
   const bool jpeg =
       absl::EndsWithIgnoreCase(path, ".jpg") || absl::EndsWithIgnoreCase(path, ".jpeg");

@@ -13,7 +13,10 @@
 
 namespace litags {
 
-// Small brightened pictures of the screen's photos: `dir`/NAME.png.
+// That the name says PNG or JPEG: INVALID_ARGUMENT (BAD_OUTPUT).
+absl::Status CheckSheetPath(const std::string& path);
+
+// Small brightened pictures of the screen's photos, also of those left out: `dir`/NAME.png.
 void WriteThumbnails(const ReconstructInput& input, const PhotoScreen& screen, int threads,
                      const std::string& dir, const CancelToken& cancel);
 
@@ -25,7 +28,7 @@ struct SheetPlan {
 // 65,500 px.
 SheetPlan PlanSheet(const PhotoScreen& screen);
 
-// Those pictures, and the names of what is left out.
+// Those pictures with their names, and why photos are left out.
 absl::Status WritePhotoSheet(const PhotoScreen& screen, const std::string& thumbnails,
                              const std::string& path);
 

@@ -36,7 +36,7 @@ SheetRow PictureRow(const std::string& label, const std::vector<TestView>& views
     const auto cell = [&](const std::string& folder) {
       const std::string path = absl::StrCat(folder, "/", file);
       const bool there = !folder.empty() && std::filesystem::exists(path);
-      return SheetCell{there ? path : "", SheetCell::Look::kPhoto};
+      return SheetCell{.path = there ? path : ""};
     };
     row.cells.push_back(cell(dir));
     row.cells.push_back(cell(error_dir));

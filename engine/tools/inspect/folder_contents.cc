@@ -1,0 +1,111 @@
+#include "engine/tools/inspect/folder_contents.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/string_view.h"
+#include "engine/core/error.h"
+#include "engine/io/image_io.h"
+#include "engine/video/video_file.h"
+
+namespace litags {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kMostNames = 5;  // of a list; others are counted
+
+// "a, b, c and 4 others".
+std::string Listed(std::vector<std::string> names) {
+  const size_t others = names.size() > kMostNames ? names.size() - kMostNames : 0;
+  names.resize(names.size() - others);
+  const std::string list = absl::StrJoin(names, ", ");
+  if (others == 0) return list;
+  return absl::StrCat(list, " and ", others, others == 1 ? " other" : " others");
+}
+
+// What is not hidden, sorted: files, or folders.
+std::vector<std::string> NamesIn(const std::string& dir, bool folders) {
+  std::vector<std::string> names;
+  std::error_code ignored;
+  for (const fs::directory_entry& entry : fs::directory_iterator(dir, ignored)) {
+    std::string name = entry.path().filename();
+    if (name.starts_with('.')) continue;
+    if (folders ? entry.is_directory(ignored) : entry.is_regular_file(ignored)) {
+      names.push_back(std::move(name));
+    }
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+size_t PhotosIn(const std::string& dir) {
+  const auto photos = ListPhotos(dir, "dir");
+  return photos.ok() ? photos->size() : 0;
+}
+
+bool IsPhotoName(const std::string& name) {
+  const auto endings = PhotoEndings();
+  return std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) {
+    return absl::EndsWithIgnoreCase(name, absl::string_view(ending.data(), ending.size()));
+  });
+}
+
+bool IsModelFile(const std::string& name) {
+  const std::string stem = fs::path(name).stem();
+  return stem == "cameras" || stem == "images" || stem == "points3D";
+}
+
+// Whether the run reads this file or folder by an option of its own.
+bool IsOtherInput(const ReconstructInput& input, const std::string& name) {
+  std::error_code ignored;
+  const fs::path path = fs::path(input.images_dir) / name;
+  for (const std::string& used : {input.cameras_path, input.masks_dir, input.depth_dir}) {
+    if (!used.empty() && fs::equivalent(path, used, ignored)) return true;
+  }
+  return !input.cameras_path.empty() && IsModelFile(name) &&
+         fs::equivalent(input.images_dir, input.cameras_path, ignored);
+}
+
+}  // namespace
+
+std::vector<std::string> FoldersOfPhotos(const std::string& dir) {
+  std::vector<std::string> folders = NamesIn(dir, /*folders=*/true);
+  std::erase_if(folders, [&](const std::string& name) {
+    return name == "masks" || PhotosIn(absl::StrCat(dir, "/", name)) == 0;
+  });
+  return folders;
+}
+
+absl::Status CheckHoldsPhotos(const std::string& dir) {
+  const absl::Status photos = ListPhotos(dir, "DIR").status();
+  if (photos.ok()) return photos;
+  std::vector<std::string> folders = FoldersOfPhotos(dir);
+  if (folders.empty()) return photos;
+  for (std::string& folder : folders) folder = fs::path(dir) / folder;
+  return InvalidInput(
+      "NO_PHOTOS", "DIR",
+      absl::StrCat(dir, " holds no photos itself: did you mean ", Listed(std::move(folders)), "?"));
+}
+
+std::vector<std::string> DescribeUnused(const ReconstructInput& input) {
+  std::vector<std::string> notes, not_read;
+  for (const std::string& name : NamesIn(input.images_dir, /*folders=*/false)) {
+    if (IsPhotoName(name) || IsOtherInput(input, name)) continue;
+    not_read.push_back(IsVideoName(name) ? name + " (a video: give it alone)" : name);
+  }
+  if (!not_read.empty()) notes.push_back("not read: " + Listed(std::move(not_read)));
+  for (const std::string& name : FoldersOfPhotos(input.images_dir)) {
+    if (IsOtherInput(input, name)) continue;
+    const size_t photos = PhotosIn(absl::StrCat(input.images_dir, "/", name));
+    notes.push_back(absl::StrCat(photos, photos == 1 ? " photo in " : " photos in ", name,
+                                 photos == 1 ? "/ is not used" : "/ are not used"));
+  }
+  return notes;
+}
+
+}  // namespace litags
