@@ -5,16 +5,15 @@
 // test cameras are compared with DIR/high.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/arguments.h"
 #include "engine/core/error.h"
@@ -26,6 +25,8 @@
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
+#include "engine/tools/evaluation/progress_lines.h"
+#include "engine/tools/inspect/folder_contents.h"
 #include "engine/tools/inspect/inspect.h"
 #include "engine/video/frame_process.h"
 #include "engine/video/video_file.h"
@@ -50,32 +51,22 @@ struct Arguments {
   std::vector<std::string> set;  // constants of the recipe
 };
 
-class ConsoleObserver : public ReconstructObserver {
- public:
-  void OnProgress(const Progress& p) override {
-    if (p.stage != Stage::kTraining) {
-      std::fprintf(stderr, "%s: %s\n", std::string(StageName(p.stage)).c_str(), p.message.c_str());
-      return;
-    }
-    // One line per snapshot; the terminal is not flooded.
-    if (p.preview_png.empty()) return;
-    std::string psnr =
-        std::isfinite(p.psnr_holdout) ? absl::StrFormat("  held-out %.2f dB", p.psnr_holdout) : "";
-    std::fprintf(stderr, "iteration %d/%d  loss %.4f%s  %d Gaussians  %.1f it/s  %.0f s left\n",
-                 p.iteration, p.iterations, p.loss, psnr.c_str(), static_cast<int>(p.gaussians),
-                 p.iterations_per_second, p.eta_seconds);
-  }
-  void OnSnapshot(const std::string&) override {}
-};
-
-absl::Status Print(const absl::Status& status) {
-  if (status.ok()) return status;
+// Bad usage and input end as those of litags and litags inspect do.
+int ExitCodeOf(const absl::Status& status) {
   const auto detail = GetErrorDetail(status);
-  std::fprintf(stderr, "litags-train: %s\n", std::string(status.message()).c_str());
-  if (detail.has_value()) {
+  if (status.ok()) return 0;
+  if (absl::IsCancelled(status)) return 130;
+  const bool too_few = detail.has_value() && detail->reason == "TOO_FEW_PHOTOS";
+  return absl::IsInvalidArgument(status) || absl::IsNotFound(status) || too_few ? 2 : 1;
+}
+
+// `keeps`: the output folder stays, with what a later run goes on from.
+void PrintError(const absl::Status& status, bool keeps) {
+  std::fprintf(stderr, "litags-train: %s%s\n", std::string(status.message()).c_str(),
+               absl::IsCancelled(status) && keeps ? "; run the same command to go on" : "");
+  if (const auto detail = GetErrorDetail(status); detail.has_value()) {
     std::fprintf(stderr, "  reason %s, field %s\n", detail->reason.c_str(), detail->field.c_str());
   }
-  return status;
 }
 
 void PrintMean(const char* what, const Scores& scores) {
@@ -116,21 +107,30 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
 
 // A scene in LOM's layout is no folder of photos itself: what is meant is one of those inside.
 absl::Status CheckPhotos(const BenchmarkScene& scene) {
-  const absl::Status photos = ListPhotos(scene.PhotosDir(), "dir").status();
-  if (photos.ok() || !scene.light.empty()) return photos;
-  std::vector<std::string> lights;
-  std::error_code ignored;  // ListPhotos has said what is wrong
-  for (const fs::directory_entry& entry : fs::directory_iterator(scene.dir, ignored)) {
-    if (entry.is_directory(ignored) && ListPhotos(entry.path(), "dir").ok()) {
-      lights.push_back(entry.path().filename());
-    }
+  const bool benchmark = fs::exists(scene.dir + "/transforms_train.json") ||
+                         fs::exists(scene.dir + "/transforms_test.json");
+  const std::vector<std::string> lights = FoldersOfPhotos(scene.dir);
+  if (!benchmark || !scene.light.empty() || lights.empty() || ListPhotos(scene.dir, "dir").ok()) {
+    return CheckHoldsPhotos(scene.PhotosDir());
   }
-  if (lights.empty()) return photos;
-  std::sort(lights.begin(), lights.end());
   return InvalidInput("NO_PHOTOS", "--light",
                       absl::StrCat(scene.dir, " holds no photos itself, but folders of them: ",
                                    absl::StrJoin(lights, ", "),
                                    "; name one with --light, as --light ", lights.back()));
+}
+
+// Pictures and scores of an earlier run, which are of its scene. Other files stay.
+void RemoveOldPictures(const std::string& out) {
+  std::error_code ignored;  // writing reports what matters
+  std::vector<fs::path> old = {out + "/evaluation.json"};
+  for (const char* folder : {"/views", "/test"}) {
+    for (const fs::directory_entry& entry : fs::directory_iterator(out + folder, ignored)) {
+      if (entry.path().extension() == ".png" && entry.is_regular_file(ignored)) {
+        old.push_back(entry.path());
+      }
+    }
+  }
+  for (const fs::path& path : old) fs::remove(path, ignored);
 }
 
 // How many of the photos that were not placed are test views, which nothing is trained on.
@@ -196,12 +196,23 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   if (args.strict) {
     LITAGS_RETURN_IF_ERROR(CheckAllReadable(input, args.options.threads, cancel));
   }
+  for (const std::string& note : DescribeUnused(input)) {
+    std::fprintf(stderr, "note: %s\n", note.c_str());
+  }
+  const bool used = fs::exists(args.out + "/scene.litags");
+  if (used) {
+    std::fprintf(stderr,
+                 "note: %s holds the scene of an earlier run; with other photos or options it is "
+                 "replaced\n",
+                 args.out.c_str());
+  }
   const std::unique_ptr<Engine> engine = MakeEngine(args.colmap);
-  ConsoleObserver observer;
+  ProgressLines observer;
   LITAGS_ASSIGN_OR_RETURN(const ReconstructReport report,
                           engine->Reconstruct(input, args.options, cancel, &observer));
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(report.scene_path));
+  if (used) RemoveOldPictures(args.out);
   LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*light=*/0));
   LITAGS_RETURN_IF_ERROR(WriteViews(*scene, args.out + "/views", args.options.threads));
   LITAGS_ASSIGN_OR_RETURN(const int test_photos, CountTestPhotos(args, report));
@@ -224,7 +235,10 @@ int Main(int argc, char** argv) {
   app.add_option("dir", args.scene.dir,
                  "folder of photos, a video, or a benchmark scene with --light")
       ->required();
-  app.add_option("-o,--out", args.out,
+  app.footer(
+      "Exit codes: 0 ok; 1 no scene could be made; 2 bad usage or input; 130 interrupted: the same "
+      "command goes on.");
+  app.add_option("-o,--output,--out", args.out,
                  "folder for scene.litags, scene.ply, report.json and views/PHOTO.png, the photos' "
                  "views in normal light; with test views also test/PHOTO.png and evaluation.json");
   app.add_option("--light", args.scene.light,
@@ -254,7 +268,7 @@ int Main(int argc, char** argv) {
   app.add_option("--colmap", args.colmap, "COLMAP program")->capture_default_str();
   AddMethodOptions(&app, &args.options, &args.set);
   app.callback([&args] {
-    if (args.out.empty() && !args.inspect) throw CLI::RequiredError("--out");
+    if (args.out.empty() && !args.inspect) throw CLI::RequiredError("--output");
   });
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
 
@@ -262,10 +276,12 @@ int Main(int argc, char** argv) {
   g_cancel = &cancel;
   std::signal(SIGINT, OnSignal);
   std::signal(SIGTERM, OnSignal);
-  if (!args.out.empty()) return Print(Run(args, cancel)).ok() ? 0 : 1;
-  const ScratchFolder scratch;
-  args.out = scratch.path();
-  return Print(Run(args, cancel)).ok() ? 0 : 1;
+  const bool keeps = !args.out.empty();
+  std::optional<ScratchFolder> scratch;
+  if (!keeps) args.out = scratch.emplace().path();
+  const absl::Status status = Run(args, cancel);
+  if (!status.ok()) PrintError(status, keeps && !args.inspect);
+  return ExitCodeOf(status);
 }
 
 }  // namespace

@@ -55,7 +55,7 @@ TEST_F(TrainProgramTest, InspectingSaysWhatIsUsedAndStrictRefusesWhatCannotBeRea
   ASSERT_TRUE(WriteFileAtomically(photos + "/old.bmp", "x").ok());
   const Outcome outcome = Run({photos, "--inspect", "--cameras", scene_ + "/sparse"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
-  EXPECT_THAT(outcome.text, HasSubstr("7 photos would be used, 1 are left out"));
+  EXPECT_THAT(outcome.text, HasSubstr("7 photos would be used, 1 is left out"));
   EXPECT_THAT(outcome.text, HasSubstr(bad + " is left out"));
   EXPECT_THAT(outcome.text, HasSubstr("old.bmp"));
   EXPECT_FALSE(fs::exists(out_ + "/scene.litags"));
@@ -64,9 +64,9 @@ TEST_F(TrainProgramTest, InspectingSaysWhatIsUsedAndStrictRefusesWhatCannotBeRea
   EXPECT_THAT(without_out.text, HasSubstr("7 photos would be used"));
   const Outcome nowhere = RunAlone({photos});
   EXPECT_EQ(nowhere.exit_code, 2);
-  EXPECT_THAT(nowhere.text, HasSubstr("--out is required"));
+  EXPECT_THAT(nowhere.text, HasSubstr("--output is required"));
   const Outcome strict = Run({photos, "--strict", "--cameras", scene_ + "/sparse"});
-  EXPECT_EQ(strict.exit_code, 1);
+  EXPECT_EQ(strict.exit_code, 2);
   EXPECT_THAT(strict.text, HasSubstr("PHOTO_UNREADABLE"));
   EXPECT_THAT(strict.text, HasSubstr(bad));
 }
@@ -144,7 +144,7 @@ TEST_F(TrainProgramTest, PosesAreRenderedAndScoredWhereThereIsATruth) {
 TEST_F(TrainProgramTest, PosesWithoutCamerasAreRefused) {
   const std::string poses = scene_ + "/transforms_test.json";
   const Outcome outcome = Run({scene_ + "/low", "--render-poses", poses});
-  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.text, HasSubstr("POSES_WITHOUT_CAMERAS"));
   EXPECT_THAT(outcome.text, HasSubstr("--cameras"));
 }
@@ -157,8 +157,71 @@ TEST_F(TrainProgramTest, BadUsageEndsWith2) {
 
 TEST_F(TrainProgramTest, ASceneWithoutALightIsAnsweredWithTheLightsThereAre) {
   const Outcome outcome = Run({scene_});
-  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.text, HasSubstr("high, low, over_exp; name one with --light"));
+}
+
+TEST_F(TrainProgramTest, AFolderOfFoldersIsAnsweredWithThem) {
+  fs::create_directory(dir_ / "DCIM");
+  fs::rename(scene_ + "/low", dir_ / "DCIM/b");
+  fs::rename(scene_ + "/high", dir_ / "DCIM/a");
+  const Outcome outcome = Run({dir_ / "DCIM"});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text,
+              HasSubstr("did you mean " + dir_ / "DCIM/a" + ", " + dir_ / "DCIM/b" + "?"));
+}
+
+TEST_F(TrainProgramTest, TooFewPhotosAreBadInput) {
+  fs::create_directory(dir_ / "one");
+  fs::rename(scene_ + "/low/0001.JPG", dir_ / "one/0001.JPG");
+  for (const Outcome& outcome : {Run({dir_ / "one"}), Run({dir_ / "one", "--inspect"})}) {
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.text, HasSubstr("images: 1 photo; a scene needs at least 3"));
+    EXPECT_THAT(outcome.text, HasSubstr("reason TOO_FEW_PHOTOS"));
+  }
+}
+
+// Pictures of both runs lay in views/, with the scores of the first.
+TEST_F(TrainProgramTest, ASecondRunReplacesWhatTheFirstWrote) {
+  WriteTrainingCameras(scene_, dir_ / "cameras");
+  const Outcome first = Run({scene_, "--light", "low", "--cameras", dir_ / "cameras"});
+  ASSERT_EQ(first.exit_code, 0) << first.text;
+  EXPECT_THAT(first.text, Not(HasSubstr("earlier run")));
+  ASSERT_TRUE(WriteFileAtomically(out_ + "/views/mine.txt", "x").ok());
+  ASSERT_TRUE(fs::exists(out_ + "/evaluation.json") && fs::exists(out_ + "/views/0001.png"));
+
+  fs::remove(scene_ + "/low/0001.JPG");
+  const Outcome second = Run({scene_ + "/low", "--cameras", scene_ + "/sparse"});
+  ASSERT_EQ(second.exit_code, 0) << second.text;
+  EXPECT_THAT(second.text, HasSubstr("note: " + out_ + " holds the scene of an earlier run"));
+  EXPECT_FALSE(fs::exists(out_ + "/views/0001.png"));
+  EXPECT_TRUE(fs::exists(out_ + "/views/0002.png"));
+  EXPECT_TRUE(fs::exists(out_ + "/views/mine.txt"));
+  EXPECT_FALSE(fs::exists(out_ + "/test/0003.png"));
+  EXPECT_FALSE(fs::exists(out_ + "/evaluation.json"));
+}
+
+TEST_F(TrainProgramTest, AnInterruptedRunSaysHowToGoOn) {
+  SubprocessOptions child;
+  child.args = {"timeout",      "--preserve-status",
+                "--signal=INT", "3",
+                LITAGS_TRAIN,   scene_ + "/low",
+                "--cameras",    scene_ + "/sparse",
+                "-o",           out_,
+                "--iterations", "900000",
+                "--threads",    "1"};
+  const auto result = RunSubprocess(child, CancelToken());
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->exit_code, 130);
+  EXPECT_THAT(result->tail, HasSubstr("cancelled on request; run the same command to go on"));
+}
+
+TEST_F(TrainProgramTest, AnOutputFolderThatCannotBeMadeIsNamed) {
+  ASSERT_TRUE(WriteFileAtomically(dir_ / "file", "x").ok());
+  const Outcome outcome = RunAlone({scene_ + "/low", "--output", dir_ / "file/out"});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.text, HasSubstr("cannot make " + dir_ / "file/out"));
+  EXPECT_THAT(outcome.text, HasSubstr("BAD_OUTPUT"));
 }
 
 }  // namespace
