@@ -242,6 +242,7 @@ absl::StatusOr<CaptureReport> WriteCapture(const CaptureOptions& options,
       LITAGS_RETURN_IF_ERROR(WritePfm(out / "depth" / WithExtension(view.name, ".pfm"),
                                       TraceDepth(world, view.camera, options.threads)));
     }
+    if (options.on_view) options.on_view(static_cast<int>(light.size()));
   }
   const Exposures exposures = SolveExposures(options, &light);
 

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,8 @@ struct CaptureOptions {
   std::array<double, 3> low_white_balance = {0.96, 1.0, 1.06};
   SensorOptions sensor;
   int jpeg_quality = 95;
+
+  std::function<void(int done)> on_view;  // if set: views that are rendered, in this thread
 
   absl::Status Validate() const;
 };

@@ -1,5 +1,6 @@
 // litags-sample: a made-up room photographed in good, too little and too much light.
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <cstdio>
 #include <iostream>
 #include <string>
@@ -8,6 +9,8 @@
 #include "engine/sample/capture.h"
 
 namespace {
+
+using Clock = std::chrono::steady_clock;
 
 // "360x270" to two numbers; false if it is anything else.
 bool ParseSize(const std::string& text, int* width, int* height) {
@@ -40,6 +43,11 @@ int Run(int argc, char** argv) {
     return 2;
   }
 
+  options.on_view = [&options, last = Clock::now()](int done) mutable {
+    if (Clock::now() - last < std::chrono::seconds(10)) return;
+    last = Clock::now();
+    std::fprintf(stderr, "%d of %d views rendered\n", done, options.views);
+  };
   const auto report = litags::sample::WriteCapture(options, out);
   if (!report.ok()) {
     std::cerr << "litags-sample: " << report.status().message() << "\n";

@@ -187,7 +187,8 @@ void AddDepthCommand(CLI::App* app, int* exit_status) {
                       "compare with stereo on SCENE/LIGHT, e.g. high; default: SCENE/depth");
   command->add_option("--cameras", args->scene.cameras,
                       "transforms.json or COLMAP model instead of transforms_train.json");
-  command->add_option("-o,--out", args->out, "folder for cameras and maps (PFM)")->required();
+  command->add_option("-o,--output,--out", args->out, "folder for cameras and maps (PFM)")
+      ->required();
   command->add_option("--max-side", args->stereo.max_side, "size at which photos are matched, px")
       ->capture_default_str();
   command->add_option("--threads", args->stereo.threads, "0: all cores")->capture_default_str();

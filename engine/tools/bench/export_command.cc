@@ -229,7 +229,7 @@ void AddExportCommand(CLI::App* app, int* exit_status) {
   command->add_option("--converter", args->converter,
                       "a program that is called as PROGRAM FILE OUT.ply, to compare what it reads; "
                       "exit code 3: it does not know the format");
-  command->add_option("--out", args->out, "keep the files in this folder");
+  command->add_option("--output,--out", args->out, "keep the files in this folder");
   command->add_option("--json", args->json, "also write the figures here");
   command->callback([args, exit_status] {
     if (const absl::Status status = Run(*args); !status.ok()) {

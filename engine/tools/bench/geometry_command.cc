@@ -126,7 +126,7 @@ void AddGeometryCommand(CLI::App* app, int* exit_status) {
       ->add_option("truth", args->truth, "folder of exact depth maps, as of litags-sample --truth")
       ->required()
       ->check(CLI::ExistingDirectory);
-  command->add_option("--out", args->out,
+  command->add_option("--output,--out", args->out,
                       "also write scene.{points.ply,las,mesh.ply,mesh.glb} here");
   command->add_option("--json", args->json, "also write the figures here");
   command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();

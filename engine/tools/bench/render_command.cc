@@ -16,6 +16,7 @@
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
+#include "engine/tools/bench/timing_options.h"
 #include "engine/train/model.h"
 #include "engine/train/recipe.h"
 
@@ -111,8 +112,7 @@ void AddRenderCommand(CLI::App* app, int* exit_status) {
   command->add_option("--gaussians", args->gaussians)
       ->capture_default_str()
       ->check(CLI::Range(1, 20000000));
-  command->add_option("--width", args->width)->capture_default_str()->check(CLI::Range(1, 16384));
-  command->add_option("--height", args->height)->capture_default_str()->check(CLI::Range(1, 16384));
+  AddSizeOption(command, &args->width, &args->height);
   command->add_option("--frames", args->frames)
       ->capture_default_str()
       ->check(CLI::Range(1, 100000));

@@ -163,7 +163,7 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
       "--sparse", args->sparse,
       "cameras inside each scene (transforms.json or COLMAP model, with its points) "
       "instead of transforms_train.json and triangulation");
-  command->add_option("-o,--out", options.out, "folder for the table, pictures and runs")
+  command->add_option("-o,--output,--out", options.out, "folder for the table, pictures and runs")
       ->required();
   command->add_flag("--fresh", options.fresh, "run finished rows again, too");
   command->add_option("--colmap", options.colmap, "COLMAP program")->capture_default_str();

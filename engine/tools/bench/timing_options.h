@@ -14,20 +14,24 @@ struct TimingOptions {
   int gaussians = 100000, width = 500, height = 375, repetitions = 15;
 };
 
+// Adds --size WxH; `width` and `height` must outlive the command.
+inline void AddSizeOption(CLI::App* command, int* width, int* height) {
+  const std::string standard = std::to_string(*width) + "x" + std::to_string(*height);
+  const auto set_size = [width, height](const std::string& text) {
+    if (std::sscanf(text.c_str(), "%dx%d", width, height) != 2 || *width < 1 || *height < 1 ||
+        *width > 16384 || *height > 16384) {
+      throw CLI::ValidationError("--size " + text + ": give WIDTHxHEIGHT in 1..16384");
+    }
+  };
+  command->add_option_function<std::string>("--size", set_size, "WxH, px")->default_str(standard);
+}
+
 // Adds --gaussians, --size and --repetitions. `options` must outlive the command.
 inline void AddTimingOptions(CLI::App* command, TimingOptions* options) {
   command->add_option("--gaussians", options->gaussians)
       ->capture_default_str()
       ->check(CLI::Range(1, 20000000));
-  const auto set_size = [options](const std::string& text) {
-    int& width = options->width;
-    int& height = options->height;
-    if (std::sscanf(text.c_str(), "%dx%d", &width, &height) != 2 || width < 1 || height < 1 ||
-        width > 16384 || height > 16384) {
-      throw CLI::ValidationError("--size " + text + ": give WIDTHxHEIGHT in 1..16384");
-    }
-  };
-  command->add_option_function<std::string>("--size", set_size, "WxH, px")->default_str("500x375");
+  AddSizeOption(command, &options->width, &options->height);
   command->add_option("--repetitions", options->repetitions)
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));

@@ -20,6 +20,7 @@
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
 #include "engine/tools/evaluation/process_usage.h"
+#include "engine/tools/evaluation/progress_lines.h"
 
 namespace litags {
 namespace {
@@ -39,6 +40,7 @@ class Recorder : public ReconstructObserver {
   Recorder(const TrainArguments& args, Engine* engine) : args_(args), engine_(engine) {}
 
   void OnProgress(const Progress& p) override {
+    lines_.OnProgress(p);
     if (p.stage == Stage::kTraining && first_ms_ == 0) first_ms_ = NowMs();
     iteration_ = p.iteration;
     gaussians_ = p.gaussians;
@@ -75,6 +77,7 @@ class Recorder : public ReconstructObserver {
 
   const TrainArguments& args_;
   Engine* engine_;
+  ProgressLines lines_;
   std::string path_;
   int iteration_ = 0;
   int64_t gaussians_ = 0;
@@ -194,7 +197,7 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
       ->capture_default_str();
   command->add_option("--cameras", args->scene.cameras,
                       "transforms.json or COLMAP model instead of transforms_train.json");
-  command->add_option("-o,--out", args->out, "folder for the scene")->required();
+  command->add_option("-o,--output,--out", args->out, "folder for the scene")->required();
   command
       ->add_option("--evaluate-every", args->evaluate_every,
                    "also score the test views every so many iterations; 0: only at the end")

@@ -16,7 +16,7 @@ int Run(int argc, char** argv) {
   litags::Sheet sheet;
   std::string out;
   std::vector<std::vector<std::string>> rows;
-  app.add_option("-o,--out", out, "PNG to write")->required();
+  app.add_option("-o,--output,--out", out, "PNG to write")->required();
   app.add_option("--title", sheet.title, "Line above the pictures");
   app.add_option("--columns", sheet.columns, "Headings, separated by commas")
       ->delimiter(',')

@@ -15,6 +15,7 @@
 #include "engine/io/image_io.h"
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/process_usage.h"
+#include "engine/tools/evaluation/progress_lines.h"
 #include "engine/tools/table/cell.h"
 #include "engine/tools/table/path_flicker.h"
 #include "engine/tools/table/table.h"
@@ -29,25 +30,6 @@ constexpr int kErrorGain = 4;  // of error pictures: a difference of a quarter i
 double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
-
-// A line now and then, for log.txt.
-class LogObserver : public ReconstructObserver {
- public:
-  void OnProgress(const Progress& p) override {
-    if (p.stage != Stage::kTraining) {
-      std::printf("%s: %s\n", std::string(StageName(p.stage)).c_str(), p.message.c_str());
-    } else if (Now() > last_ + 5) {
-      last_ = Now();
-      std::printf("iteration %d of %d, loss %.4f, %.0f s left\n", p.iteration, p.iterations, p.loss,
-                  p.eta_seconds);
-    }
-    std::fflush(stdout);
-  }
-  void OnSnapshot(const std::string&) override {}
-
- private:
-  double last_ = 0;
-};
 
 // Enhances the training photos into `out`/NAME.png.
 absl::Status EnhancePhotos(const TableCell& cell, const std::string& out) {
@@ -96,7 +78,7 @@ absl::StatusOr<TableRow> Train(const TableCell& cell, Engine* engine) {
   ReconstructOptions method = cell.method().options;
   method.holdout_every = 0;  // the test views are left out already
   method.preview_every = method.checkpoint_every = method.iterations;
-  LogObserver observer;
+  ProgressLines observer;
   const double cpu_start = CpuSeconds();
   LITAGS_ASSIGN_OR_RETURN(const ReconstructReport report,
                           engine->Reconstruct(input, method, CancelToken(), &observer));

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <map>
+#include <string>
+#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -96,14 +98,15 @@ class TableRun {
   }
 
   TableRow RowOf(const TableCell& cell) {
-    std::printf("[%d/%d] %s: ", static_cast<int>(rows_.size()) + 1, total_, cell.Name().c_str());
-    std::fflush(stdout);
+    const std::string name = absl::StrFormat("[%d/%d] %s: ", rows_.size() + 1, total_, cell.Name());
+    std::fprintf(stderr, "%s...\n", name.c_str());
+    std::string kept_as;
     absl::StatusOr<TableRow> row = [&]() -> absl::StatusOr<TableRow> {
       LITAGS_RETURN_IF_ERROR(PrepareCameras(cell));
       LITAGS_ASSIGN_OR_RETURN(const std::string key, cell.RowKey());
       const std::string path = cell.RunDir() + "/row.json";
       if (auto kept = KeptRow(path, key); kept.has_value() && kept->ok()) {
-        std::printf("kept%s  ", kept->build == BuildId() ? "" : ", made by another build");
+        kept_as = kept->build == BuildId() ? "kept  " : "kept, made by another build  ";
         return *kept;
       }
       return InChild(cell, path, key);
@@ -114,7 +117,7 @@ class TableRun {
       row->error = why;
     }
     row->light = cell.light();  // 3dgs-normal's row is the same for every light
-    std::printf("%s\n", Describe(*row).c_str());
+    std::printf("%s%s%s\n", name.c_str(), kept_as.c_str(), Describe(*row).c_str());
     return *std::move(row);
   }
 
@@ -140,6 +143,9 @@ class TableRun {
     child.args = options_.program;
     child.args.insert(child.args.end(), {"--cell", cell.Name()});
     child.log_path = cell.RunDir() + "/log.txt";
+    child.on_line = [](std::string_view line) {
+      std::fprintf(stderr, "  %.*s\n", static_cast<int>(line.size()), line.data());
+    };
     LITAGS_ASSIGN_OR_RETURN(const SubprocessResult result, RunSubprocess(child, CancelToken()));
     if (auto row = KeptRow(path, key); row.has_value()) return *std::move(row);
     return absl::InternalError(absl::StrCat("the run left no row (exit status ", result.exit_code,
