@@ -118,6 +118,18 @@ TEST(Lens, ComesBackFromColmapsModelAndTransformsJson) {
   }
 }
 
+// Its curve rises up to 51.7 degrees, and puts nothing farther out.
+TEST(Lens, PointsNearTheRimOfAFisheyeComeBack) {
+  const Distortion lens{.k1 = -0.03, .k2 = 0.17, .k3 = -0.5, .k4 = 0.1, .fisheye = true};
+  const double degree = std::atan(1) / 45;
+  for (int degrees = 1; degrees <= 51; ++degrees) {
+    const double x = std::tan(degrees * degree);
+    const auto seen = Distort(lens, x, 0);
+    EXPECT_NEAR(std::atan(Undistort(lens, seen[0], seen[1])[0]) / degree, degrees, 1e-6);
+  }
+  EXPECT_NEAR(FisheyeAngle(lens, 9, 2) / degree, 51.7, 0.1);
+}
+
 TEST(Lens, ColmapsRadialFisheyesAreRead) {
   const auto read = [](const std::string& camera) {
     const auto model =

@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "absl/functional/function_ref.h"
 #include "engine/core/check.h"
 #include "engine/core/mask.h"
 #include "engine/io/colmap_io.h"
@@ -43,15 +44,17 @@ absl::Status Remap(const cv::Mat& in, const Camera& camera, const Distortion& le
   }
 }
 
-// The angle off the axis that a fisheye puts at `seen` from the middle: the curve rises up to
-// there.
-double FisheyeAngle(const Distortion& d, double seen) {
-  constexpr double kMost = 0.499 * std::numbers::pi;
-  double low = 0, high = kMost;
+// Of FisheyeRadius: whether it still rises at an angle.
+bool Rises(const Distortion& d, double angle) {
+  const double t2 = angle * angle;
+  return 1 + t2 * (3 * d.k1 + t2 * (5 * d.k2 + t2 * (7 * d.k3 + t2 * 9 * d.k4))) > 0;
+}
+
+// Between `low`, for which `is_below` holds, and `high`: where it stops.
+double Bisect(double low, double high, absl::FunctionRef<bool(double)> is_below) {
   for (int i = 0; i < 60; ++i) {
-    const double t = 0.5 * (low + high), t2 = t * t;
-    const double at = t * (1 + t2 * (d.k1 + t2 * (d.k2 + t2 * (d.k3 + t2 * d.k4))));
-    (at < seen ? low : high) = t;
+    const double middle = 0.5 * (low + high);
+    (is_below(middle) ? low : high) = middle;
   }
   return 0.5 * (low + high);
 }
@@ -63,12 +66,33 @@ bool Distortion::IsFinite() const {
   return std::all_of(all.begin(), all.end(), [](double k) { return std::isfinite(k); });
 }
 
+double FisheyeRadius(const Distortion& d, double angle) {
+  const double t2 = angle * angle;
+  return angle * (1 + t2 * (d.k1 + t2 * (d.k2 + t2 * (d.k3 + t2 * d.k4))));
+}
+
+double FisheyeAngle(const Distortion& d, double radius, double most) {
+  constexpr int kSteps = 64;
+  const auto rises = [&](double angle) { return Rises(d, angle); };
+  const auto is_below = [&](double angle) { return FisheyeRadius(d, angle) < radius; };
+  double low = 0, high = 0;
+  for (int i = 1; i <= kSteps; ++i) {
+    low = high;
+    high = most * i / kSteps;
+    if (!rises(high)) {
+      high = Bisect(low, high, rises);
+      break;
+    }
+    if (!is_below(high)) break;
+  }
+  return Bisect(low, high, is_below);
+}
+
 std::array<double, 2> Distort(const Distortion& d, double x, double y) {
   const double r2 = x * x + y * y;
   if (d.fisheye) {
-    const double r = std::sqrt(r2), t = std::atan(r), t2 = t * t;
-    const double scale =
-        (r > 0 ? t / r : 1) * (1 + t2 * (d.k1 + t2 * (d.k2 + t2 * (d.k3 + t2 * d.k4))));
+    const double r = std::sqrt(r2);
+    const double scale = r > 0 ? FisheyeRadius(d, std::atan(r)) / r : 1;
     return {x * scale, y * scale};
   }
   const double radial =
@@ -79,8 +103,9 @@ std::array<double, 2> Distort(const Distortion& d, double x, double y) {
 
 std::array<double, 2> Undistort(const Distortion& d, double x, double y) {
   if (d.fisheye) {
+    constexpr double kMost = 0.499 * std::numbers::pi;
     const double seen = std::hypot(x, y);
-    const double scale = seen > 0 ? std::tan(FisheyeAngle(d, seen)) / seen : 1;
+    const double scale = seen > 0 ? std::tan(FisheyeAngle(d, seen, kMost)) / seen : 1;
     return {x * scale, y * scale};
   }
   // The way of OpenCV and COLMAP, a fixed point: distortions of photos are small.

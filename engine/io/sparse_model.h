@@ -38,6 +38,12 @@ struct Distortion {
   bool IsFinite() const;
 };
 
+// How far from the middle a fisheye of focal length 1 puts an angle off its axis, radians.
+double FisheyeRadius(const Distortion& lens, double angle);
+// The angle that it puts at `radius`: where the curve first reaches it. Beyond where the curve
+// stops rising, or `most`, that angle.
+double FisheyeAngle(const Distortion& lens, double radius, double most);
+
 // Where the point (x, y) is seen, both for focal length 1.
 std::array<double, 2> Distort(const Distortion& lens, double x, double y);
 // Where the point lies that is seen at (x, y). A fisheye sees what lies beside it and behind it,
@@ -63,6 +69,8 @@ struct SparseModel {
   std::vector<View> views;              // sorted by name, names unique
   std::vector<Distortion> distortions;  // one per view: of the photo as it was taken
   std::vector<SparsePoint> points;      // empty for transforms.json
+  // Of each view, where the file that was read says that its photo lies; else empty.
+  std::vector<std::string> paths;
 };
 
 // The size of the photo that a file of cameras calls `name`, for files that say none; 0x0: not

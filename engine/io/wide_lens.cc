@@ -13,34 +13,6 @@ using std::numbers::pi;
 
 constexpr double kFarthest = 0.75 * pi;  // off the axis: no fisheye sees farther
 
-// How far from the middle an equidistant lens of focal length 1 puts an angle off its axis.
-double FisheyeRadius(const Distortion& d, double t) {
-  const double t2 = t * t;
-  return t * (1 + t2 * (d.k1 + t2 * (d.k2 + t2 * (d.k3 + t2 * d.k4))));
-}
-
-// Where its curve stops rising.
-double LastAngle(const Distortion& d) {
-  constexpr int kSteps = 3000;
-  for (int i = 1; i <= kSteps; ++i) {
-    const double t = kFarthest * i / kSteps;
-    if (FisheyeRadius(d, t) <= FisheyeRadius(d, t - kFarthest / kSteps)) {
-      return kFarthest * (i - 1) / kSteps;
-    }
-  }
-  return kFarthest;
-}
-
-// The angle off the axis that is put at `radius` from the middle, for focal length 1.
-double AngleAt(const Distortion& lens, double radius) {
-  double low = 0, high = LastAngle(lens);
-  for (int i = 0; i < 60; ++i) {
-    const double t = 0.5 * (low + high);
-    (FisheyeRadius(lens, t) < radius ? low : high) = t;
-  }
-  return 0.5 * (low + high);
-}
-
 // A stranger's file may state any size of the whole; training sees 1600 px unless told otherwise.
 constexpr double kMostHalf = 2048;  // px
 
@@ -75,13 +47,15 @@ WideLens PanoramaLens(int width, int height, const PanoramaPart& part) {
 }
 
 double FisheyeReach(const Camera& camera, const Distortion& lens) {
-  return AngleAt(lens, std::max({camera.cx / camera.fx, (camera.width - camera.cx) / camera.fx,
-                                 camera.cy / camera.fy, (camera.height - camera.cy) / camera.fy}));
+  const double farthest =
+      std::max({camera.cx / camera.fx, (camera.width - camera.cx) / camera.fx,
+                camera.cy / camera.fy, (camera.height - camera.cy) / camera.fy});
+  return FisheyeAngle(lens, farthest, kFarthest);
 }
 
 WideLens FisheyeLens(const Camera& camera, const Distortion& lens, double circle) {
   WideLens wide{.width = camera.width, .height = camera.height};
-  const double rim = AngleAt(lens, circle / std::sqrt(camera.fx * camera.fy));
+  const double rim = FisheyeAngle(lens, circle / std::sqrt(camera.fx * camera.fy), kFarthest);
   wide.view_side = EvenSide(std::sqrt(camera.fx * camera.fy));
   wide.seen = [camera, lens,
                rim](const std::array<double, 3>& d) -> std::optional<std::array<double, 2>> {
