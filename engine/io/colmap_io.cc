@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/io/byte_reader.h"
+#include "engine/io/colmap_models.h"
 #include "engine/io/colmap_text.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
@@ -18,25 +19,10 @@ namespace {
 
 constexpr int64_t kMaxFileBytes = int64_t{2} << 30;
 
-// COLMAP's camera model numbers.
-enum ColmapModel : int32_t {
-  kSimplePinhole = 0,        // f cx cy
-  kPinhole = 1,              // fx fy cx cy
-  kSimpleRadial = 2,         // f cx cy k
-  kRadial = 3,               // f cx cy k1 k2
-  kOpenCv = 4,               // fx fy cx cy k1 k2 p1 p2
-  kOpenCvFisheye = 5,        // fx fy cx cy k1 k2 k3 k4
-  kFullOpenCv = 6,           // fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6
-  kFov = 7,                  // not read, nor are the prisms beyond
-  kSimpleRadialFisheye = 8,  // f cx cy k
-  kRadialFisheye = 9,        // f cx cy k1 k2
-};
-constexpr int kNumParams[] = {3, 4, 4, 5, 8, 8, 12, 0, 4, 5};
-constexpr int kMaxParams = 12;
-
 struct Intrinsics {
   Camera camera;
   Distortion distortion;
+  std::string_view unread = "";  // name of a model that no image may use
 };
 
 struct Observation {
@@ -57,6 +43,14 @@ absl::Status Truncated(std::string_view field) {
 
 absl::Status Corrupt(std::string_view field, std::string_view what) {
   return InvalidField("MODEL_CORRUPT", field, absl::StrCat(Absl(what), "; export the model again"));
+}
+
+absl::Status Unsupported(std::string_view field, uint32_t camera, std::string_view model) {
+  return InvalidField("UNSUPPORTED_CAMERA_MODEL", field,
+                      absl::StrCat("camera ", camera, " has COLMAP's camera model ", Absl(model),
+                                   ", which is not read; undistort the photos (colmap "
+                                   "image_undistorter), or choose OPENCV, FULL_OPENCV or "
+                                   "OPENCV_FISHEYE"));
 }
 
 Intrinsics MakeIntrinsics(int32_t model, uint64_t width, uint64_t height, const double* p) {
@@ -94,7 +88,6 @@ Intrinsics MakeIntrinsics(int32_t model, uint64_t width, uint64_t height, const 
 
 absl::StatusOr<std::map<uint32_t, Intrinsics>> ParseCameras(std::string_view bytes,
                                                             std::string_view field) {
-  constexpr uint64_t kMaxSide = 1 << 24;
   ByteReader reader(bytes);
   uint64_t count = 0;
   if (!reader.Read(&count)) return Truncated(field);
@@ -107,19 +100,21 @@ absl::StatusOr<std::map<uint32_t, Intrinsics>> ParseCameras(std::string_view byt
         !reader.Read(&height)) {
       return Truncated(field);
     }
-    if (model < kSimplePinhole || model > kRadialFisheye || model == kFov) {
-      return InvalidField("UNSUPPORTED_CAMERA_MODEL", field,
-                          absl::StrCat("camera ", id, " has COLMAP model number ", model,
-                                       " (FOV, a thin prism, or a newer one), which is not read; "
-                                       "undistort the photos (colmap image_undistorter), or "
-                                       "choose OPENCV, FULL_OPENCV or OPENCV_FISHEYE"));
-    }
-    if (width > kMaxSide || height > kMaxSide) return Corrupt(field, "a camera has an absurd size");
-    double params[kMaxParams] = {};
-    for (int k = 0; k < kNumParams[model]; ++k) {
+    const ColmapModelInfo* info = FindColmapModel(model);
+    if (info == nullptr) return Unsupported(field, id, absl::StrCat("number ", model));
+    if (width > kMaxCameraSide || height > kMaxCameraSide)
+      return Corrupt(field, "a camera has an absurd size");
+    double params[kMaxColmapParams] = {};
+    for (int k = 0; k < info->params; ++k) {
       if (!reader.Read(&params[k])) return Truncated(field);
     }
-    if (!cameras.emplace(id, MakeIntrinsics(model, width, height, params)).second) {
+    Intrinsics intrinsics;
+    if (model == kFov) {
+      intrinsics.unread = info->name;
+    } else {
+      intrinsics = MakeIntrinsics(model, width, height, params);
+    }
+    if (!cameras.emplace(id, intrinsics).second) {
       return Corrupt(field, absl::StrCat("camera id ", id, " occurs twice"));
     }
   }
@@ -200,8 +195,11 @@ absl::StatusOr<LoadedImages> ParseImages(std::string_view bytes,
       return Corrupt(
           field, absl::StrCat("image ", id, " uses camera ", camera_id, ", which does not exist"));
     }
+    if (const std::string_view model = camera->second.unread; !model.empty()) {
+      return Unsupported(field, camera_id, model);
+    }
     LoadedView loaded;
-    loaded.view.name = BaseName(name);
+    loaded.view.name = name;
     loaded.view.camera = camera->second.camera;
     loaded.view.camera.t = t;
     loaded.distortion = camera->second.distortion;

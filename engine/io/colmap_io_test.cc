@@ -148,6 +148,20 @@ TEST(ReadColmapModel, KnowsFiveCameraModels) {
   }
 }
 
+// Photos that come with them may be smaller ones.
+TEST(ParseColmapModel, TakesCamerasOfLargePhotosAndUnusedLensesThatAreNotRead) {
+  const std::string cameras =
+      "1 PINHOLE 11648 8736 9000 9000 5824 4368\n2 FOV 40 30 50 50 20 15 0.9\n";
+  const std::string pose = "7 1 0 0 0 0 0 0 ";
+  const auto model = ParseColmapText(cameras, pose + "1 a.jpg\n\n", "", "f");
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->views[0].camera.width, 11648);
+  const absl::Status status = ParseColmapText(cameras, pose + "2 a.jpg\n\n", "", "f").status();
+  EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_MODEL");
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("camera 2 has COLMAP's camera "
+                                                                "model FOV"));
+}
+
 TEST(ReadColmapModel, RefusesWhatMakesNoSense) {
   const auto reason = [](int32_t model, const std::vector<double>& params,
                          const std::string& name = "a.jpg", uint32_t camera = 7) {

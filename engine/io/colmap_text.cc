@@ -6,21 +6,11 @@
 
 #include "engine/core/utf8.h"
 #include "engine/io/byte_reader.h"
+#include "engine/io/colmap_models.h"
 #include "engine/io/io_error.h"
 
 namespace litags {
 namespace {
-
-struct CameraModel {
-  std::string_view name;
-  int32_t number;
-  int params;
-};
-constexpr CameraModel kCameraModels[] = {{"SIMPLE_PINHOLE", 0, 3}, {"PINHOLE", 1, 4},
-                                         {"SIMPLE_RADIAL", 2, 4},  {"RADIAL", 3, 5},
-                                         {"OPENCV", 4, 8},         {"OPENCV_FISHEYE", 5, 8},
-                                         {"FULL_OPENCV", 6, 12},   {"SIMPLE_RADIAL_FISHEYE", 8, 4},
-                                         {"RADIAL_FISHEYE", 9, 5}};
 
 bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
@@ -125,20 +115,16 @@ absl::StatusOr<std::string> Cameras(LineReader lines) {
     uint32_t id = 0;
     std::string_view name;
     if (!words.Read(&id) || !words.Next(&name)) return lines.Corrupt("not a camera");
-    const CameraModel* model = nullptr;
-    for (const CameraModel& m : kCameraModels) {
-      if (m.name == name) model = &m;
-    }
+    const ColmapModelInfo* model = FindColmapModel(name);
     if (!model) {
       const absl::Status status = lines.Corrupt(
-          "its camera model is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, "
-          "FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and RADIAL_FISHEYE; undistort the "
-          "photos (colmap image_undistorter)");
+          "its camera model is not known; undistort the photos (colmap image_undistorter), or "
+          "choose OPENCV, FULL_OPENCV or OPENCV_FISHEYE");
       return InvalidInput("UNSUPPORTED_CAMERA_MODEL", GetErrorDetail(status)->field,
                           std::string(status.message()));
     }
     AppendNumber(&records, id);
-    AppendNumber(&records, model->number);
+    AppendNumber(&records, int32_t{model->number});
     if (!words.Copy<uint64_t>(2, &records) || !words.Copy<double>(model->params, &records) ||
         !words.rest().empty()) {
       return lines.Corrupt("a camera has its number, model, size and parameters");

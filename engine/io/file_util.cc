@@ -226,24 +226,60 @@ std::string Stem(std::string_view path) {
   return name;
 }
 
-// Of names that are alike the first is kept, whole names before stems.
+std::vector<std::string> NamesInOneFolder(std::string_view path) {
+  constexpr size_t kMaxFolders = 8;
+  std::vector<std::string> names = {BaseName(path)};
+  while (names.size() <= kMaxFolders) {
+    const size_t end = path.find_last_of("/\\");
+    if (end == std::string_view::npos) break;
+    path = path.substr(0, end);
+    const std::string folder = BaseName(path);
+    if (folder.empty() || folder == "." || folder == "..") continue;
+    names.push_back(absl::StrCat(folder, "_", names.back()));
+  }
+  std::reverse(names.begin(), names.end());
+  return names;
+}
+
 NameIndex::NameIndex(absl::Span<const std::string> names) {
   for (size_t i = 0; i < names.size(); ++i) {
     by_name_.emplace(names[i], i);
-    by_stem_.emplace(NameKey(names[i]), i);
+    by_key_[NameKey(names[i])].push_back(i);
+    by_stem_[NameKey(Stem(names[i]))].push_back(i);
   }
-  for (size_t i = 0; i < names.size(); ++i) by_stem_.emplace(NameKey(Stem(names[i])), i);
 }
 
-std::optional<size_t> NameIndex::Find(const std::string& name) const {
-  if (const auto named = by_name_.find(name); named != by_name_.end()) return named->second;
-  for (const std::string& form : {name, BaseName(WithoutPercent(name))}) {
-    // A name without an ending may have dots: what follows the last is no ending then.
-    for (const std::string& key : {NameKey(form), NameKey(Stem(form))}) {
-      if (const auto found = by_stem_.find(key); found != by_stem_.end()) return found->second;
-    }
+std::optional<size_t> NameIndex::FindExact(const std::string& path) const {
+  for (const std::string& name : NamesInOneFolder(path)) {
+    if (const auto found = by_name_.find(name); found != by_name_.end()) return found->second;
   }
   return std::nullopt;
+}
+
+std::vector<size_t> NameIndex::FindAlike(const std::string& path) const {
+  const auto of = [](const Indices& indices, const std::string& key) {
+    const auto found = indices.find(key);
+    return found == indices.end() ? std::vector<size_t>() : found->second;
+  };
+  for (const std::string& form : {path, WithoutPercent(path)}) {
+    for (const std::string& name : NamesInOneFolder(form)) {
+      const std::string key = NameKey(name), stem = NameKey(Stem(name));
+      if (auto whole = of(by_key_, key); !whole.empty()) return whole;
+      // A name without an ending may have dots: what follows the last is no ending then.
+      std::vector<size_t> alike = of(by_stem_, key);
+      if (stem != key) {
+        for (const size_t i : of(by_stem_, stem)) alike.push_back(i);
+      }
+      if (!alike.empty()) return alike;
+    }
+  }
+  return {};
+}
+
+std::optional<size_t> NameIndex::Find(const std::string& path) const {
+  if (const auto exact = FindExact(path)) return exact;
+  const std::vector<size_t> alike = FindAlike(path);
+  return alike.empty() ? std::nullopt : std::optional(alike[0]);
 }
 
 }  // namespace litags

@@ -48,15 +48,29 @@ std::string BaseName(std::string_view path);
 std::string Stem(std::string_view path);
 
 // Finds photos by name, else by stem: cameras and truth photos often come with another extension.
+// Photos lie in one folder: of a path, its folders are tried in front of the name, joined by '_'
+// ("cam0/0001.png" as "cam0_0001.png"), and then the name alone.
 class NameIndex {
  public:
   explicit NameIndex(absl::Span<const std::string> names);
-  // Index into `names`.
-  std::optional<size_t> Find(const std::string& name) const;
+  // Index into `names`: what FindExact finds, else the first of FindAlike.
+  std::optional<size_t> Find(const std::string& path) const;
+  // Letter by letter.
+  std::optional<size_t> FindExact(const std::string& path) const;
+  // All that `path` may mean otherwise: names that differ in case or in how letters are encoded,
+  // else names without their endings.
+  std::vector<size_t> FindAlike(const std::string& path) const;
 
  private:
-  std::map<std::string, size_t> by_name_, by_stem_;
+  using Indices = std::map<std::string, std::vector<size_t>>;
+
+  std::map<std::string, size_t> by_name_;
+  Indices by_key_, by_stem_;
 };
+
+// The path's name with its last folders in front, "a_b_0001.png": with eight folders at most, with
+// ever fewer, and alone.
+std::vector<std::string> NamesInOneFolder(std::string_view path);
 
 }  // namespace litags
 

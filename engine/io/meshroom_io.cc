@@ -145,7 +145,7 @@ absl::StatusOr<SparseModel> ParseMeshroom(std::string_view json, std::string_vie
   for (const Json& entry : Member(top, "views")) {
     const auto pose = poses.find(TextOf(Member(entry, "poseId")));
     if (pose == poses.end()) continue;  // Meshroom could not place it
-    const std::string name = BaseName(TextOf(Member(entry, "path")));
+    const std::string name = TextOf(Member(entry, "path"));
     const std::string where = absl::StrCat(Absl(field), ".views[", name, "]");
     if (!Member(entry, "rigId").is_null()) return Unsupported(where, "rig of several cameras");
     const auto lens = lenses.find(TextOf(Member(entry, "intrinsicId")));

@@ -320,7 +320,7 @@ absl::StatusOr<SparseModel> ParseMetashape(std::string_view xml, std::string_vie
       return InvalidField("MISSING_KEY", where, "its sensor_id names no sensor");
     }
     LoadedView loaded;
-    loaded.view.name = BaseName(from.label);
+    loaded.view.name = from.label;
     LITAGS_RETURN_IF_ERROR(ReadLens(sensor->second, where, &loaded));
     LITAGS_RETURN_IF_ERROR(ReadPose(from, where, &loaded.view.camera));
     views.push_back(std::move(loaded));

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <numbers>
+#include <numeric>
 #include <opencv2/core.hpp>
 #include <string>
 #include <utility>
@@ -12,24 +15,64 @@
 
 namespace litags {
 
+namespace {
+
+// Names of the photos at `paths` if they lay in one folder: those that several have get the folders
+// in which they differ.
+std::vector<std::string> NamesOf(const std::vector<LoadedView>& views) {
+  std::vector<std::string> names;
+  std::map<std::string, int> count;
+  for (const LoadedView& loaded : views) {
+    names.push_back(BaseName(loaded.view.name));
+    ++count[names.back()];
+  }
+  std::vector<size_t> twice;
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (count[names[i]] > 1) twice.push_back(i);
+  }
+  if (twice.empty()) return names;
+  const std::string& first = views[twice[0]].view.name;
+  size_t common = first.size();
+  for (const size_t i : twice) {
+    const std::string& path = views[i].view.name;
+    const auto end = first.begin() + static_cast<ptrdiff_t>(std::min(common, path.size()));
+    common =
+        static_cast<size_t>(std::mismatch(first.begin(), end, path.begin()).first - first.begin());
+  }
+  const size_t slash = first.substr(0, common).find_last_of("/\\");
+  const size_t start = slash == std::string::npos ? 0 : slash + 1;
+  for (const size_t i : twice) {
+    names[i] = NamesInOneFolder(std::string_view(views[i].view.name).substr(start)).front();
+  }
+  return names;
+}
+
+}  // namespace
+
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
                                         std::vector<size_t>* order, PanoramaNames* panoramas) {
-  std::sort(views.begin(), views.end(),
-            [](const LoadedView& a, const LoadedView& b) { return a.view.name < b.view.name; });
   SparseModel model;
-  for (LoadedView& loaded : views) {
-    const std::string& name = loaded.view.name;
+  const std::vector<std::string> names = NamesOf(views);
+  std::vector<size_t> by_name(views.size());
+  std::iota(by_name.begin(), by_name.end(), size_t{0});
+  std::stable_sort(by_name.begin(), by_name.end(),
+                   [&](size_t a, size_t b) { return names[a] < names[b]; });
+  for (const size_t i : by_name) {
+    LoadedView& loaded = views[i];
+    const std::string& name = names[i];
     LITAGS_RETURN_IF_ERROR(ValidateFileName(name, field));
     const std::string where = absl::StrCat(Absl(field), "[", name, "]");
-    LITAGS_RETURN_IF_ERROR(loaded.view.camera.Validate(where));
+    // The photos' size, to which cameras are brought, is checked with the photos.
+    LITAGS_RETURN_IF_ERROR(loaded.view.camera.Validate(where, std::numeric_limits<int64_t>::max()));
     const Distortion& d = loaded.distortion;
     if (!d.IsFinite()) {
       return InvalidField("NOT_FINITE", where,
                           "a lens distortion coefficient is NaN or infinite; send finite numbers");
     }
     if (!model.views.empty() && model.views.back().name == name) {
-      return InvalidField("DUPLICATE_NAME", where,
-                          "two cameras have this file name; give every photo its own");
+      return InvalidField(
+          "DUPLICATE_NAME", where,
+          "two cameras are of this photo; give every photo its own camera and name");
     }
     if (loaded.panorama && panoramas == nullptr) {
       return InvalidField("UNSUPPORTED_CAMERA_MODEL", where,
@@ -39,15 +82,15 @@ absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::stri
     if (loaded.panorama) panoramas->insert(name);
     if (order != nullptr) order->push_back(loaded.source_id);
     model.distortions.push_back(d);
-    model.views.push_back(std::move(loaded.view));
+    model.paths.push_back(std::move(loaded.view.name));
+    model.views.push_back({name, loaded.view.camera});
   }
   return model;
 }
 
 absl::Status SetSize(double width, double height, std::string_view where, Camera* camera) {
-  constexpr double kMaxSide = 1 << 24;
   for (const double side : {width, height}) {
-    if (!(side >= 1 && side <= kMaxSide) || side != std::floor(side)) {
+    if (!(side >= 1 && side <= kMaxCameraSide) || side != std::floor(side)) {
       return InvalidField("BAD_CAMERA_SIZE", where,
                           absl::StrCat("a side of ", side, " is not a number of pixels"));
     }

@@ -1,4 +1,4 @@
-// Inside this module: what both camera file formats have to check and finish.
+// Inside this module: what every reader of cameras has to check and finish.
 #ifndef LITAGS_ENGINE_IO_MODEL_UTIL_H_
 #define LITAGS_ENGINE_IO_MODEL_UTIL_H_
 
@@ -13,7 +13,8 @@
 
 namespace litags {
 
-// One camera on its way from a file; `source_id` is the file's own number for it.
+// One camera on its way from a file: `view.name` is the path of its photo as the file has it,
+// `source_id` the file's own number for it.
 struct LoadedView {
   View view;
   Distortion distortion;
@@ -21,12 +22,17 @@ struct LoadedView {
   bool panorama = false;
 };
 
-// Checks every camera, name and coefficient, sorts by name and refuses double names. `order`, if
+// Checks every camera, name and coefficient, names views as their photos, sorts by name and refuses
+// double paths. Photos of one name in several folders have these in their names, as NameIndex has
+// it. `order`, if
 // not null, receives the source ids in the order of the model's views; `panoramas`, if not null,
 // the names of panoramas, which are refused otherwise.
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
                                         std::vector<size_t>* order,
                                         PanoramaNames* panoramas = nullptr);
+
+// Of cameras, which may be of larger photos than those that come with them, px.
+inline constexpr int kMaxCameraSide = 1 << 24;
 
 // Whole numbers of pixels. INVALID_ARGUMENT (BAD_CAMERA_SIZE).
 absl::Status SetSize(double width, double height, std::string_view where, Camera* camera);

@@ -180,14 +180,13 @@ class Keys {
 };
 
 absl::StatusOr<int> ReadSide(const Keys& keys, const char* key, int fallback) {
-  constexpr double kMaxSide = 1 << 24;
   LITAGS_ASSIGN_OR_RETURN(const double side, keys.NumberOr(key, fallback));
   if (side == 0 && keys.Find(key) == nullptr) {
     return InvalidField(
         "MISSING_KEY", keys.where(),
         absl::StrCat("there is no '", key, "'; add w and h, the photos' size in px"));
   }
-  if (!(side >= 1 && side <= kMaxSide) || side != std::floor(side)) {
+  if (!(side >= 1 && side <= kMaxCameraSide) || side != std::floor(side)) {
     return InvalidField("BAD_CAMERA_SIZE", keys.where(),
                         absl::StrCat("'", key, "' is ", side, ", not a number of pixels"));
   }
@@ -337,7 +336,7 @@ absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const s
     return InvalidField("MISSING_KEY", where, "there is no 'file_path' text");
   }
   LoadedView loaded;
-  loaded.view.name = BaseName(path->get<std::string>());
+  loaded.view.name = path->get<std::string>();
   const Keys keys(frame, top, where);
   loaded.panorama = IsPanorama(keys);
   const bool sized = keys.Find("w") != nullptr && keys.Find("h") != nullptr;
@@ -389,7 +388,7 @@ std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json) 
     const auto photo = frame.find("file_path"), mask = frame.find("mask_path");
     if (photo == frame.end() || mask == frame.end()) return absl::OkStatus();
     if (!photo->is_string() || !mask->is_string()) return absl::OkStatus();
-    paths[BaseName(photo->get<std::string>())] = mask->get<std::string>();
+    paths[photo->get<std::string>()] = mask->get<std::string>();
     return absl::OkStatus();
   };
   return parser.Run(read).ok() ? paths : std::map<std::string, std::string>();

@@ -17,7 +17,7 @@ namespace litags {
 // k4, FULL_OPENCV, with k1 to k6, and EQUIRECTANGULAR; without fl_x the focal length comes from
 // camera_angle_x, without cx cy the principal point is the centre, without w h the size is its
 // photo's. transform_matrix is camera-to-world, OpenGL axes (x right, y up, z backward); a uniform
-// scale in it is divided out. A view's name is file_path without its folders. INVALID_ARGUMENT
+// scale in it is divided out. The path of a view is its file_path. INVALID_ARGUMENT
 // naming field, frame and key.
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             const PhotoSizes& sizes,
@@ -27,7 +27,7 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             int default_width = 0, int default_height = 0);
 
-// What frames have as mask_path, by the names of their photos; empty for what is no such file.
+// What frames have as mask_path, by their file_path; empty for what is no such file.
 std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json);
 
 // The inverse; file_path is `image_folder`/name (or the name alone). Intrinsics that all views

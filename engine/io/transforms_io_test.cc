@@ -91,7 +91,7 @@ TEST(ParseTransforms, EachFrameWithoutASizeHasThatOfItsPhoto) {
       File("\"camera_angle_x\": 1.5707963267948966",
            Frame("train/r.a", kIdentity) + "," + Frame("train/r.b", kIdentity));
   const auto sizes = [](const std::string& name) {
-    return name == "r.a" ? PhotoSize{800, 600} : PhotoSize{600, 800};
+    return name == "train/r.a" ? PhotoSize{800, 600} : PhotoSize{600, 800};
   };
   const auto model = ParseTransforms(json, "cameras", sizes);
   ASSERT_TRUE(model.ok()) << model.status();
@@ -120,7 +120,7 @@ TEST(MaskPathsOfTransforms, AreThoseOfTheFrames) {
       File(kTop, Frame("low/a.jpg", kIdentity, R"(, "mask_path": "m/a.png")") + "," +
                      Frame("b.jpg", kIdentity)));
   ASSERT_EQ(paths.size(), 1u);
-  EXPECT_EQ(paths.at("a.jpg"), "m/a.png");
+  EXPECT_EQ(paths.at("low/a.jpg"), "m/a.png");
   EXPECT_TRUE(MaskPathsOfTransforms("no JSON").empty());
 }
 
@@ -173,10 +173,25 @@ TEST(ParseTransforms, NamesWhatIsWrong) {
   expect(ParseStatus(File(kTop, "")), "NO_CAMERAS", "empty");
   expect(ParseStatus("[]"), "MISSING_KEY", "frames");
   expect(ParseStatus(""), "BAD_JSON", "JSON");
-  expect(ParseStatus(File(kTop, Frame("x/a.jpg", kIdentity) + "," + Frame("y/a.jpg", kIdentity))),
+  expect(ParseStatus(File(kTop, Frame("x/a.jpg", kIdentity) + "," +
+                                    Frame("x/a.jpg", kIdentity, ", \"k1\": 0.1"))),
          "DUPLICATE_NAME", "a.jpg");
   expect(ParseStatus(File("\"camera_angle_x\": 4, \"w\": 4, \"h\": 4", Frame("a", kIdentity))),
          "BAD_FOCAL_LENGTH", "camera_angle_x");
+}
+
+// Photos lie in one folder, so those of one name have in theirs the folders in which they differ.
+TEST(ParseTransforms, PhotosOfSeveralFoldersHaveThemInTheirNames) {
+  const auto model = ParseTransforms(File(kTop, Frame("/home/rig/cam1/a.jpg", kIdentity) + "," +
+                                                    Frame("/home/rig/cam0/a.jpg", kIdentity) + "," +
+                                                    Frame("/home/rig/cam0/b.jpg", kIdentity)),
+                                     "f");
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->views.size(), 3u);
+  EXPECT_EQ(model->views[0].name, "b.jpg");
+  EXPECT_EQ(model->views[1].name, "cam0_a.jpg");
+  EXPECT_EQ(model->views[2].name, "cam1_a.jpg");
+  EXPECT_EQ(model->paths[2], "/home/rig/cam1/a.jpg");
 }
 
 TEST(ParseTransforms, SurvivesTruncationNestingAndCorruption) {

@@ -2,12 +2,11 @@
 
 #include <cmath>
 #include <map>
-#include <optional>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "engine/core/name_key.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -18,45 +17,67 @@ namespace {
 
 std::string NameInMessage(const std::string& name) { return absl::StrCat("'", name, "'"); }
 
-// The photos that `name`, which is none of theirs letter by letter, may mean.
-std::vector<std::string> Meant(const std::string& name, const std::vector<std::string>& photos) {
-  std::vector<std::string> stems, whole;
-  for (const std::string& photo : photos) {
-    const std::string key = NameKey(photo), stem = NameKey(Stem(photo));
-    if (key == NameKey(name)) whole.push_back(photo);
-    if (stem == NameKey(name) || stem == NameKey(Stem(name))) stems.push_back(photo);
+// Where the file says that the photo of view `i` lies.
+const std::string& PathOf(const SparseModel& model, size_t i) {
+  return model.paths.empty() ? model.views[i].name : model.paths[i];
+}
+
+// The view of each photo: names that are the same go first, so that a camera whose own photo is
+// missing takes no other's.
+absl::StatusOr<std::map<size_t, size_t>> ViewsOfPhotos(const SparseModel& model,
+                                                       const std::vector<std::string>& photos) {
+  const NameIndex index(photos);
+  std::map<size_t, size_t> view_of;
+  const auto add = [&](size_t photo, size_t view) -> absl::Status {
+    const auto [first, added] = view_of.emplace(photo, view);
+    if (added) return absl::OkStatus();
+    const std::string& path = PathOf(model, view);
+    return InvalidInput("DUPLICATE_CAMERA", "cameras",
+                        absl::StrCat("cameras: photo ", photos[photo], " may have the camera of ",
+                                     PathOf(model, first->second), " or of ", path,
+                                     "; keep one, or name the photos of several folders with them, "
+                                     "as ",
+                                     NamesInOneFolder(path).front()));
+  };
+  std::vector<size_t> others;
+  for (size_t i = 0; i < model.views.size(); ++i) {
+    if (const auto photo = index.FindExact(PathOf(model, i))) {
+      LITAGS_RETURN_IF_ERROR(add(*photo, i));
+    } else {
+      others.push_back(i);
+    }
   }
-  return whole.empty() ? stems : whole;
+  std::set<size_t> taken;
+  for (const auto& [photo, view] : view_of) taken.insert(photo);
+  for (const size_t i : others) {
+    std::vector<size_t> meant = index.FindAlike(PathOf(model, i));
+    std::erase_if(meant, [&](size_t photo) { return taken.contains(photo); });
+    if (meant.empty()) continue;
+    if (meant.size() > 1) {
+      return InvalidInput("CAMERA_AMBIGUOUS", "cameras",
+                          absl::StrCat("cameras: ", NameInMessage(PathOf(model, i)), " may be ",
+                                       photos[meant[0]], " or ", photos[meant[1]],
+                                       "; name photos with their endings, or rename one"));
+    }
+    LITAGS_RETURN_IF_ERROR(add(meant[0], i));
+  }
+  return view_of;
 }
 
 // Renames the views to the photos they belong to, puts them in the photos' order and drops views
-// without a photo, with their marks in tracks.
-absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std::string>& photos) {
-  const NameIndex index(photos);
-  std::map<std::string, size_t> view_of;
-  for (size_t i = 0; i < model.views.size(); ++i) {
-    const std::optional<size_t> photo = index.Find(model.views[i].name);
-    if (!photo.has_value()) continue;
-    const auto meant = photos[*photo] == model.views[i].name ? std::vector<std::string>()
-                                                             : Meant(model.views[i].name, photos);
-    if (meant.size() > 1) {
-      return InvalidInput(
-          "CAMERA_AMBIGUOUS", "cameras",
-          absl::StrCat("cameras: ", NameInMessage(model.views[i].name), " may be ", meant[0],
-                       " or ", meant[1], "; name photos with their endings, or rename one"));
-    }
-    if (!view_of.emplace(photos[*photo], i).second) {
-      return InvalidInput(
-          "DUPLICATE_CAMERA", "cameras",
-          absl::StrCat("cameras: photo ", photos[*photo], " has two cameras, the second as ",
-                       model.views[i].name, "; keep one"));
-    }
-  }
+// without a photo, with their marks in tracks. `panoramas`, if not null, are renamed with them.
+absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std::string>& photos,
+                                        PanoramaNames* panoramas) {
+  LITAGS_ASSIGN_OR_RETURN(const auto view_of, ViewsOfPhotos(model, photos));
+  PanoramaNames renamed;
   SparseModel out;
   std::vector<int> new_index(model.views.size(), -1);
   for (const auto& [photo, i] : view_of) {
     new_index[i] = static_cast<int>(out.views.size());
-    out.views.push_back({photo, model.views[i].camera});
+    out.views.push_back({photos[photo], model.views[i].camera});
+    if (panoramas != nullptr && panoramas->contains(model.views[i].name)) {
+      renamed.insert(photos[photo]);
+    }
     out.distortions.push_back(model.distortions[i]);
   }
   out.points = std::move(model.points);
@@ -64,16 +85,8 @@ absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std
     std::erase_if(point.track, [&](const TrackElement& e) { return new_index[e.view] < 0; });
     for (TrackElement& e : point.track) e.view = new_index[e.view];
   }
+  if (panoramas != nullptr) *panoramas = std::move(renamed);
   return out;
-}
-
-PanoramaNames PhotosOf(const PanoramaNames& views, const NameIndex& index,
-                       const std::vector<std::string>& photos) {
-  PanoramaNames names;
-  for (const std::string& view : views) {
-    if (const auto photo = index.Find(view)) names.insert(photos[*photo]);
-  }
-  return names;
 }
 
 bool SameShape(const Camera& camera, int width, int height) {
@@ -193,9 +206,8 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
   };
   LITAGS_ASSIGN_OR_RETURN(SparseModel given,
                           ReadCameras(input.cameras_path, "cameras", size_of, panoramas));
-  if (panoramas != nullptr) *panoramas = PhotosOf(*panoramas, index, photos);
   const std::string some_camera = given.views[0].name;
-  LITAGS_ASSIGN_OR_RETURN(SparseModel model, MatchPhotos(std::move(given), photos));
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model, MatchPhotos(std::move(given), photos, panoramas));
   if (model.views.empty()) {
     return InvalidInput(
         "NO_MATCHING_CAMERAS", "cameras",

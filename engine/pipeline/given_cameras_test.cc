@@ -22,7 +22,9 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -132,6 +134,55 @@ TEST_F(StoredCameras, AreRefusedWhereTheSizeDoesNotTellThem) {
     EXPECT_THAT(std::string(status.message()), HasSubstr("p3.png: its EXIF orientation"));
     EXPECT_THAT(std::string(status.message()), HasSubstr("mogrify -auto-orient"));
   }
+}
+
+// Photos of several folders have these in their names, since all lie in one.
+TEST_F(StoredCameras, OfPhotosInSeveralFoldersAreFoundByTheFolders) {
+  for (int i = 0; i < 6; ++i) {
+    const std::string name = absl::StrCat("cam", i / 3, "_", i % 3, ".png");
+    fs::rename(absl::StrCat(input_.images_dir, "/p", i, ".png"), input_.images_dir + "/" + name);
+    known_.views[i].name = absl::StrCat("rig/cam", i / 3, "/", i % 3, ".png");
+  }
+  known_.views[5].name = "rig/cam1/other.png";
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
+  const auto cameras = Read();
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  std::vector<std::string> names;
+  for (const View& view : cameras->views) names.push_back(view.name);
+  EXPECT_THAT(names,
+              ElementsAre("cam0_0.png", "cam0_1.png", "cam0_2.png", "cam1_0.png", "cam1_1.png"));
+  EXPECT_EQ(cameras->views[4].camera.t, known_.views[4].camera.t);
+}
+
+TEST_F(StoredCameras, OfSeveralFoldersThatMayBeOfOnePhotoAreRefused) {
+  known_.views[0].name = "cam0/p0.png";
+  known_.views[1].name = "cam1/p0.png";
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
+  const absl::Status status = Read().status();
+  EXPECT_EQ(Reason(status), "DUPLICATE_CAMERA");
+  EXPECT_THAT(std::string(status.message()),
+              AllOf(HasSubstr("photo p0.png may have the camera of cam0/p0.png or of cam1/p0.png"),
+                    HasSubstr("as cam1_p0.png")));
+}
+
+// The camera of p0.dng, which is not there, stands before that of p0.png.
+TEST_F(StoredCameras, WithoutTheirPhotoTakeNoOthers) {
+  known_.views[1].name = "p0.dng";
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
+  const auto cameras = Read();
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  ASSERT_EQ(cameras->views.size(), 5u);
+  EXPECT_EQ(cameras->views[0].name, "p0.png");
+  EXPECT_EQ(cameras->views[0].camera.t, known_.views[0].camera.t);
+}
+
+TEST_F(StoredCameras, OfOnePhotoByItsStemAreBothNamed) {
+  known_.views[0].name = "p0.dng";
+  known_.views[1].name = "p0.tif";
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
+  const absl::Status status = Read().status();
+  EXPECT_EQ(Reason(status), "DUPLICATE_CAMERA");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("of p0.dng or of p0.tif"));
 }
 
 // As of photos that were shrunk since, or undistorted.
