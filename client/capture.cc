@@ -12,6 +12,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
@@ -81,20 +82,30 @@ std::string FoldersWithPhotos(const fs::path& dir) {
   return found;
 }
 
+// Files of cameras as their programs name them.
+constexpr const char* kCamerasFiles[] = {"transforms.json", "sfm_data.json", "cameras.sfm",
+                                         "cameras.xml", "bundle.out"};
+
 bool IsColmapModel(const fs::path& dir) {
   std::error_code ignored;
   return fs::exists(dir / "cameras.bin", ignored) || fs::exists(dir / "cameras.txt", ignored);
 }
 
-// How many images a COLMAP model has: the first number of images.bin, or the lines of images.txt,
-// which are two for each.
+// How many images a COLMAP model says that it has: the number that images.bin begins with, else the
+// lines of images.txt that end in a name. engine/io/cameras_io.cc has the same rule.
 uint64_t ImagesOf(const fs::path& dir) {
   uint64_t count = 0;
   std::ifstream binary(dir / "images.bin", std::ios::binary);
   if (binary.read(reinterpret_cast<char*>(&count), sizeof(count))) return count;
   std::ifstream text(dir / "images.txt");
-  for (std::string line; std::getline(text, line);) count += !line.starts_with('#');
-  return count / 2;
+  count = 0;
+  for (std::string line; std::getline(text, line);) {
+    const absl::string_view words = absl::StripAsciiWhitespace(line);
+    double number = 0;
+    count += !words.empty() && words[0] != '#' &&
+             !absl::SimpleAtod(words.substr(words.find_last_of(" \t") + 1), &number);
+  }
+  return count;
 }
 
 // What is meant by a folder: as the engine's ResolveCameras, it itself, the largest of the models
@@ -113,8 +124,7 @@ fs::path ResolveCameras(const fs::path& path) {
       models.begin(), models.end(),
       [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });
   if (largest != models.end()) return *largest;
-  for (const char* name :
-       {"transforms.json", "sfm_data.json", "cameras.sfm", "cameras.xml", "bundle.out"}) {
+  for (const char* name : kCamerasFiles) {
     if (fs::is_regular_file(path / name, ignored)) return path / name;
   }
   return path;
@@ -123,6 +133,14 @@ fs::path ResolveCameras(const fs::path& path) {
 // The files of a COLMAP model, in text form if there is no binary one; it may have no points.
 absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
   std::error_code ignored;  // MakeLocalFile says what is wrong
+  if (!IsColmapModel(dir)) {
+    return BadInput("NO_CAMERAS_IN_FOLDER", "--cameras",
+                    absl::StrCat(dir,
+                                 ": has neither a COLMAP model (cameras.bin, images.bin; in it, in "
+                                 "sparse or in a folder of these) nor ",
+                                 absl::StrJoin(kCamerasFiles, ", "),
+                                 "; give the file or the folder of the cameras"));
+  }
   const bool text = !fs::exists(fs::path(dir) / "cameras.bin", ignored) &&
                     fs::exists(fs::path(dir) / "cameras.txt", ignored);
   for (const char* stem : {"cameras", "images", "points3D"}) {
@@ -137,15 +155,23 @@ absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
 }
 
 // Bundler keeps the photos' names in a file of its own, beside bundle.out: NAME.list.txt of
-// NAME.bundle.out, as COLMAP writes it, or list.txt. The service takes both as one.
+// NAME.bundle.out, as COLMAP writes it, list.txt, or the only *.lst (RealityScan). The service
+// takes both as one.
 void AppendBundlerList(LocalFile* cameras) {
   std::ifstream file(cameras->path);
   std::string line;
   if (!std::getline(file, line) || !absl::StrContains(line, "# Bundle file")) return;
   absl::string_view stem = cameras->path;
   if (!absl::ConsumeSuffix(&stem, ".bundle.out")) absl::ConsumeSuffix(&stem, ".out");
-  for (const fs::path& path : {fs::path(absl::StrCat(stem, ".list.txt")),
-                               fs::path(cameras->path).parent_path() / "list.txt"}) {
+  const fs::path folder = fs::absolute(cameras->path).parent_path();
+  std::vector<fs::path> paths = {fs::path(absl::StrCat(stem, ".list.txt")), folder / "list.txt"};
+  std::vector<fs::path> others;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+    if (entry.path().extension() == ".lst") others.push_back(entry.path());
+  }
+  if (others.size() == 1) paths.push_back(others[0]);
+  for (const fs::path& path : paths) {
     std::ifstream list(path, std::ios::binary);
     if (!list) continue;
     cameras->tail = absl::StrCat(

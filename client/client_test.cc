@@ -446,11 +446,35 @@ TEST_F(ClientTest, ScanningTakesTheLargestModelOfAFolder) {
   EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("m/sparse/1")));
 }
 
+// Programs write one line or two for an image.
+TEST_F(ClientTest, ScanningTakesTheLargestModelInTextForm) {
+  Write("a.jpg", "x");
+  const std::string a = "1 1 0 0 0 0 0 0 1 a.jpg\n", b = "2 1 0 0 0 0 0 0 1 b.jpg\n";
+  for (const auto& [model, images] : {std::pair("0", a + "1 2 -1\n"), std::pair("1", a + b)}) {
+    Write(absl::StrCat("m/", model, "/cameras.txt"), "x");
+    Write(absl::StrCat("m/", model, "/images.txt"), images);
+  }
+  const auto capture = ScanCapture(dir_.string(), (dir_ / "m").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("m/1")));
+}
+
+TEST_F(ClientTest, ScanningAFolderWithoutCamerasSaysWhatItLooksFor) {
+  Write("a.jpg", "x");
+  Write("c/readme.txt", "x");
+  const auto capture = ScanCapture(dir_.string(), (dir_ / "c").string(), "", "");
+  EXPECT_THAT(std::string(capture.status().message()),
+              HasSubstr("nor transforms.json, sfm_data.json"));
+}
+
 TEST_F(ClientTest, ScanningTakesTheListOfABundlerFileAlong) {
   Write("a.jpg", "x");
-  Write("b/bundle.out", "# Bundle file v0.3\n1 0\n");
-  Write("b/list.txt", "a.jpg\n");
-  for (const char* cameras : {"b", "b/bundle.out"}) {
+  for (const char* name : {"b/list.txt", "c/capture.lst"}) {
+    Write(name, "a.jpg\n");
+    const std::string folder(name, 1);
+    Write(folder + "/bundle.out", "# Bundle file v0.3\n1 0\n");
+  }
+  for (const char* cameras : {"b", "b/bundle.out", "c"}) {
     const auto capture = ScanCapture(dir_.string(), (dir_ / cameras).string(), "", "");
     ASSERT_TRUE(capture.ok()) << capture.status();
     ASSERT_EQ(capture->files.size(), 2u);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "absl/strings/numbers.h"
@@ -20,14 +21,23 @@ constexpr int kMaxValues = 1 << 20;
 
 absl::StatusOr<Json> ParseBoundedJson(std::string_view text, std::string_view field,
                                       std::span<const std::string_view> dropped) {
+  using Event = Json::parse_event_t;
   int values = 0;
   bool too_large = false;
-  const auto keep = [&](int depth, Json::parse_event_t event, Json& parsed) {
-    too_large = too_large || depth > kMaxDepth || ++values > kMaxValues;
-    if (too_large) return false;
-    if (event != Json::parse_event_t::key) return true;
+  // Of a dropped member's key, until the next key of its object or that object's end.
+  std::optional<int> dropped_depth;
+  const auto keep = [&](int depth, Event event, Json& parsed) {
+    if (dropped_depth &&
+        (depth < *dropped_depth || (depth == *dropped_depth && event == Event::key))) {
+      dropped_depth.reset();
+    }
+    too_large = too_large || depth > kMaxDepth || (!dropped_depth && ++values > kMaxValues);
+    if (too_large || dropped_depth) return false;
+    if (event != Event::key) return true;
     const auto& key = parsed.get_ref<const std::string&>();
-    return std::find(dropped.begin(), dropped.end(), key) == dropped.end();
+    if (std::find(dropped.begin(), dropped.end(), key) == dropped.end()) return true;
+    dropped_depth = depth;
+    return false;
   };
   try {
     Json json = Json::parse(text, keep, /*allow_exceptions=*/true);

@@ -10,7 +10,8 @@
 
 namespace litags {
 
-// Without the members called `dropped`, at whatever depth. INVALID_ARGUMENT: BAD_JSON.
+// Without the members called `dropped`, at whatever depth, whose values are not counted.
+// INVALID_ARGUMENT: BAD_JSON.
 absl::StatusOr<nlohmann::json> ParseBoundedJson(std::string_view text, std::string_view field,
                                                 std::span<const std::string_view> dropped);
 

@@ -76,7 +76,7 @@ std::vector<std::string> ReadList(std::string_view text) {
         absl::SimpleAtod(words.back(), &focal_length)) {
       line.remove_suffix(words.back().size() + 3);
     }
-    names.push_back(BaseName({line.data(), line.size()}));
+    names.emplace_back(line.data(), line.size());
   }
   return names;
 }
@@ -162,7 +162,11 @@ std::string BundlerListOf(const std::string& path) {
        {fs::path(absl::StrCat(stem, ".list.txt")), fs::path(path).parent_path() / "list.txt"}) {
     if (fs::is_regular_file(list, ignored)) return list;
   }
-  return "";
+  std::vector<std::string> lists;
+  for (const auto& entry : fs::directory_iterator(fs::absolute(path).parent_path(), ignored)) {
+    if (entry.path().extension() == ".lst") lists.push_back(entry.path());
+  }
+  return lists.size() == 1 ? lists[0] : "";
 }
 
 }  // namespace litags

@@ -19,7 +19,7 @@ absl::StatusOr<SparseModel> ParseBundler(std::string_view text, std::string_view
                                          const PhotoSizes& sizes);
 
 // The list that belongs to a bundle.out: NAME.list.txt beside NAME.out and NAME.bundle.out, as
-// COLMAP calls it, else list.txt. Empty if there is none.
+// COLMAP calls it, else list.txt, else the only *.lst there (RealityScan). Empty if there is none.
 std::string BundlerListOf(const std::string& path);
 
 }  // namespace litags

@@ -1,9 +1,14 @@
 #include "engine/io/cameras_io.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <vector>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/limits.h"
 #include "engine/core/utf8.h"
 #include "engine/io/bundler_io.h"
@@ -20,9 +25,30 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Files of cameras as their programs name them.
+constexpr const char* kFileNames[] = {"transforms.json", "sfm_data.json", "cameras.sfm",
+                                      "cameras.xml", "bundle.out"};
+
 bool IsColmapModel(const fs::path& dir) {
   std::error_code ignored;
   return fs::exists(dir / "cameras.bin", ignored) || fs::exists(dir / "cameras.txt", ignored);
+}
+
+// How many images a COLMAP model says that it has: the number that images.bin begins with, else the
+// lines of images.txt that end in a name. client/capture.cc has the same rule.
+uint64_t ImagesOf(const fs::path& dir) {
+  uint64_t count = 0;
+  std::ifstream binary(dir / "images.bin", std::ios::binary);
+  if (binary.read(reinterpret_cast<char*>(&count), sizeof(count))) return count;
+  std::ifstream text(dir / "images.txt");
+  count = 0;
+  for (std::string line; std::getline(text, line);) {
+    const absl::string_view words = absl::StripAsciiWhitespace(line);
+    double number = 0;
+    count += !words.empty() && words[0] != '#' &&
+             !absl::SimpleAtod(words.substr(words.find_last_of(" \t") + 1), &number);
+  }
+  return count;
 }
 
 // The COLMAP models in the folders of `dir` and in its folder sparse, by name.
@@ -47,6 +73,15 @@ std::string_view OtherProgramOf(std::string_view text) {
   return "";
 }
 
+// What is too large has points, which are not read.
+absl::StatusOr<std::string> ReadCamerasFile(const std::string& path, std::string_view field) {
+  absl::StatusOr<std::string> text = ReadFile(path, field, kMaxCamerasBytes);
+  const auto detail = GetErrorDetail(text.status());
+  if (!detail || detail->reason != "FILE_TOO_LARGE") return text;
+  return InvalidInput(detail->reason, detail->field,
+                      absl::StrCat(text.status().message(), ": export the cameras without points"));
+}
+
 PhotoSizes OneSize(int width, int height) {
   return [=](const std::string&) { return PhotoSize{width, height}; };
 }
@@ -56,19 +91,12 @@ PhotoSizes OneSize(int width, int height) {
 std::string ResolveCameras(const std::string& path) {
   std::error_code ignored;
   if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
-  std::string best;
-  size_t most = 0;
-  for (const fs::path& dir : ModelsIn(path)) {
-    const auto model = ReadColmapModel(dir, "cameras");
-    const size_t views = model.ok() ? model->views.size() : 0;
-    if (!best.empty() && views <= most) continue;
-    best = dir;
-    most = views;
-  }
-  if (!best.empty()) return best;
-  // As their programs name them.
-  for (const char* name :
-       {"transforms.json", "sfm_data.json", "cameras.sfm", "cameras.xml", "bundle.out"}) {
+  const std::vector<fs::path> models = ModelsIn(path);
+  const auto largest = std::max_element(
+      models.begin(), models.end(),
+      [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });
+  if (largest != models.end()) return *largest;
+  for (const char* name : kFileNames) {
     const fs::path file = fs::path(path) / name;
     if (fs::is_regular_file(file, ignored)) return file;
   }
@@ -98,8 +126,15 @@ absl::Status CheckCameras(std::string_view text, std::string_view field) {
 absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
                                         const PhotoSizes& sizes, PanoramaNames* panoramas) {
   std::error_code ignored;
+  if (fs::is_directory(path, ignored) && !IsColmapModel(path)) {
+    return InvalidField("NO_CAMERAS_IN_FOLDER", field,
+                        absl::StrCat("the folder '", path, "' has neither a COLMAP model ",
+                                     "(cameras.bin, images.bin; in it, in sparse or in a folder ",
+                                     "of these) nor ", absl::StrJoin(kFileNames, ", "),
+                                     "; give the file or the folder of the cameras"));
+  }
   if (fs::is_directory(path, ignored)) return ReadColmapModel(path, field);
-  LITAGS_ASSIGN_OR_RETURN(std::string text, ReadFile(path, field, kMaxCamerasBytes));
+  LITAGS_ASSIGN_OR_RETURN(std::string text, ReadCamerasFile(path, field));
   if (IsBundler(text)) {
     if (const std::string list = BundlerListOf(path); !list.empty()) {
       LITAGS_ASSIGN_OR_RETURN(const std::string names, ReadFile(list, field, kMaxCamerasBytes));

@@ -26,7 +26,8 @@ absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view
 // Whether ParseCameras would take it, with panoramas, whatever the photos' sizes are.
 absl::Status CheckCameras(std::string_view text, std::string_view field);
 
-// A file for ParseCameras or the folder of a COLMAP model, whichever `path` is. Bundler's list of
+// A file for ParseCameras or the folder of a COLMAP model, whichever `path` is;
+// NO_CAMERAS_IN_FOLDER for another folder. Bundler's list of
 // photos is read from beside it.
 absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
                                         const PhotoSizes& sizes,

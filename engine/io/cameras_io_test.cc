@@ -15,6 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kCameras[] = "1 PINHOLE 40 30 50 51 20 15\n";
+
 SparseModel ModelOf(int views) {
   SparseModel model;
   for (int i = 0; i < views; ++i) {
@@ -46,10 +48,27 @@ TEST(ResolveCameras, TakesTheLargestModelOfAFolder) {
   EXPECT_EQ(ResolveCameras(root / "sparse" / "2"), (root / "sparse" / "2").string());
 }
 
+// Some programs write one line for an image, COLMAP two.
+TEST(ResolveCameras, CountsTheImagesOfTextModels) {
+  TempDir dir;
+  const std::string a = "1 1 0 0 0 0 0 0 1 a.jpg\n", b = "2 1 0 0 0 0 0 0 1 b c.jpg\n";
+  for (const auto& [name, images] :
+       {std::pair("0", "# images\n" + a + "1 2 -1\n"), std::pair("1", a + b)}) {
+    fs::create_directories(fs::path(dir / "sparse") / name);
+    const std::string model = absl::StrCat(dir / "sparse", "/", name);
+    ASSERT_TRUE(WriteFileAtomically(model + "/cameras.txt", kCameras).ok());
+    ASSERT_TRUE(WriteFileAtomically(model + "/images.txt", images).ok());
+  }
+  EXPECT_EQ(ResolveCameras(dir.path()), dir / "sparse/1");
+}
+
 TEST(ResolveCameras, TakesTheFileOfADataset) {
   TempDir dir;
   fs::create_directory(dir / "data");
   EXPECT_EQ(ResolveCameras(dir / "data"), dir / "data");
+  const absl::Status status = ReadCameras(dir / "data", "cameras").status();
+  EXPECT_EQ(Reason(status), "NO_CAMERAS_IN_FOLDER");
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("cameras.xml, bundle.out"));
   for (const char* name : {"bundle.out", "cameras.xml", "transforms.json"}) {  // later ones first
     const std::string path = dir / "data/" + name;
     ASSERT_TRUE(WriteFileAtomically(path, "{}").ok());
@@ -69,7 +88,6 @@ TEST(ReadColmapModel, NeedsNoFileOfPoints) {
   EXPECT_EQ(Reason(ReadColmapModel(dir / "m", "cameras").status()), "NO_SUCH_FILE");
 }
 
-constexpr char kCameras[] = "1 PINHOLE 40 30 50 51 20 15\n";
 constexpr char kPose[] = " 1 0 0 0 0 0 0 1 ";
 
 TEST(ParseColmapText, ImagesMayHaveNoSecondLine) {

@@ -83,6 +83,20 @@ TEST(OpenMvgCameras, SeeThePointWhereOpenMvgDoes) {
              OpenMvgPixel(x / r * at, y / r * at));
 }
 
+TEST(OpenMvgCameras, ValuesThatAreNotReadDoNotCount) {
+  std::string file = OpenMvg("pinhole", "");
+  const std::string none = R"("observations": [])";
+  std::string many = R"("observations": [0)";
+  for (int i = 0; i < 1 << 20; ++i) many += ",[1]";
+  file.replace(file.find(none), none.size(), many + "]");
+  const auto model = Parse(file);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->views[0].name, "a.jpg");
+  // The same beside what is dropped is too much.
+  file.replace(file.find("\"structure\""), 11, "\"others\"");
+  EXPECT_EQ(Reason(Parse(file).status()), "BAD_JSON");
+}
+
 TEST(OpenMvgCameras, OtherLensesAreRefusedByName) {
   const absl::Status status = Parse(OpenMvg("pinhole_x", "")).status();
   EXPECT_EQ(Reason(status), "UNSUPPORTED_CAMERA_MODEL");
@@ -325,9 +339,10 @@ TEST(BundlerCameras, SeeThePointWhereBundlerDoes) {
 TEST(BundlerCameras, TheirListIsReadFromBesideThem) {
   TempDir dir;
   const std::string cameras = Bundler("100 0 0"), list = "lost.jpg\na.jpg\nb.jpg\n";
-  for (const char* name : {"x", "y"}) std::filesystem::create_directory(dir / name);
-  for (const auto& [file, beside] : {std::pair("x/bundle.out", "x/list.txt"),
-                                     std::pair("y/room.bundle.out", "y/room.list.txt")}) {
+  for (const char* name : {"x", "y", "z"}) std::filesystem::create_directory(dir / name);
+  for (const auto& [file, beside] :
+       {std::pair("x/bundle.out", "x/list.txt"), std::pair("y/room.bundle.out", "y/room.list.txt"),
+        std::pair("z/bundle.out", "z/export.lst")}) {
     ASSERT_TRUE(WriteFileAtomically(dir / file, cameras).ok());
     const absl::Status alone = ReadCameras(dir / file, "cameras", 160, 120).status();
     EXPECT_EQ(Reason(alone), "BAD_BUNDLE");
@@ -337,6 +352,15 @@ TEST(BundlerCameras, TheirListIsReadFromBesideThem) {
     ASSERT_TRUE(model.ok()) << model.status();
     EXPECT_EQ(model->views.size(), 2u);
   }
+}
+
+TEST(BundlerCameras, WithTooManyPointsAreToBeExportedWithout) {
+  TempDir dir;
+  const std::string path = dir / "bundle.out";
+  ASSERT_TRUE(WriteFileAtomically(path, Bundler("100 0 0") + std::string(16 << 20, ' ')).ok());
+  const absl::Status status = ReadCameras(path, "cameras", 160, 120).status();
+  EXPECT_EQ(Reason(status), "FILE_TOO_LARGE");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("export the cameras without points"));
 }
 
 TEST(BundlerCameras, WhatIsCutShortIsRefused) {

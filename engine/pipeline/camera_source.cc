@@ -209,9 +209,11 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
   if (const std::string given = input.cameras_path; !given.empty()) {
     input.cameras_path = ResolveCameras(given);
     if (input.cameras_path != given) {
-      report->notes.push_back(absl::StrCat("the cameras are those in ",
-                                           fs::relative(input.cameras_path, given).string(),
-                                           ", the largest model of the folder"));
+      std::error_code ignored;
+      report->notes.push_back(absl::StrCat(
+          "the cameras are those in ", fs::relative(input.cameras_path, given).string(),
+          fs::is_directory(input.cameras_path, ignored) ? ", the largest model of the folder"
+                                                        : ""));
     }
   }
   report->photos = static_cast<int>(photos.size());

@@ -86,9 +86,10 @@ absl::Status CheckSize(FileRole role, int64_t bytes, const UploadLimits& limits,
                        const std::string& field) {
   const int64_t limit = LimitOf(role, limits);
   if (bytes <= limit) return absl::OkStatus();
-  return MakeError(
-      absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", field,
-      absl::StrCat(field, ": ", bytes, " bytes exceed ", limit, "; make the file smaller"));
+  return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", field,
+                   absl::StrCat(field, ": ", bytes, " bytes exceed ", limit, "; ",
+                                role == FileRole::kCameras ? "export the cameras without points"
+                                                           : "make the file smaller"));
 }
 
 absl::Status CheckName(const std::string& name, FileRole role, const std::string& field) {
