@@ -122,4 +122,14 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   return made;
 }
 
+absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<Photo>& photos,
+                                                       const ReconstructOptions& options) {
+  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
+                          MakeTargets(photos, std::vector<double>(photos.size(), 1.0),
+                                      options.ResolveRecipe().tone, options.threads));
+  std::vector<ImageU8> images;
+  for (const ToneTarget& target : targets) images.push_back(PhotoToU8(target.image));
+  return images;
+}
+
 }  // namespace litags

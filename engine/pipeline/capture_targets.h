@@ -27,6 +27,13 @@ struct CaptureTargets {
 absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const PosedPhotos& posed,
                                                   std::vector<Photo> photos);
 
+// The photos of one capture brightened by options.tone, as training compares with them but for what
+// it infers of the colour of deep shadows, and for small differences of exposure, which need
+// cameras: the baseline that every method has to beat. INVALID_ARGUMENT for an empty or all-black
+// photo.
+absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<Photo>& photos,
+                                                       const ReconstructOptions& options);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_PIPELINE_CAPTURE_TARGETS_H_

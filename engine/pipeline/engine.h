@@ -73,12 +73,6 @@ class Engine {
   virtual absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) = 0;
 };
 
-// The photos of one capture brightened by options.tone, as training compares with them but for
-// small differences of exposure, which need cameras: the baseline that every method has to beat.
-// INVALID_ARGUMENT for an empty or all-black photo.
-absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<ImageU8>& photos,
-                                                       const ReconstructOptions& options);
-
 // The real one. `colmap` is the program's name or path.
 std::unique_ptr<Engine> MakeEngine(std::string colmap = "colmap");
 

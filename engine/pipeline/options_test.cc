@@ -8,6 +8,7 @@
 
 #include "engine/core/error.h"
 #include "engine/core/fields_test_util.h"
+#include "engine/pipeline/capture_targets.h"
 #include "engine/pipeline/engine.h"
 
 namespace litags {
@@ -123,18 +124,18 @@ TEST(PseudoTarget, IsThatOfTheTone) {
   for (size_t i = 0; i < photo.data.size(); ++i) photo.data[i] = static_cast<uint8_t>(5 + i % 20);
   ReconstructOptions options;
   options.tone = Tone::kPaper;
-  const auto targets = MakePseudoTargets({photo, photo}, options);
+  const auto targets = MakePseudoTargets({PhotoFromU8(photo), PhotoFromU8(photo)}, options);
   ASSERT_TRUE(targets.ok()) << targets.status();
   ASSERT_EQ(targets->size(), 2u);
   const std::vector<uint8_t>& data = (*targets)[1].data;
   const double mean = std::accumulate(data.begin(), data.end(), 0.0) / data.size() / 255;
   EXPECT_NEAR(mean, 0.49, 0.5 / 255);
-  for (const ImageU8& bad : {ImageU8(8, 8), ImageU8()}) {
+  for (const Photo& bad : {Photo(8, 8), Photo()}) {
     EXPECT_EQ(MakePseudoTargets({bad}, options).status().code(),
               absl::StatusCode::kInvalidArgument);
   }
   options.tone = Tone::kNone;
-  const auto same = MakePseudoTargets({photo}, options);
+  const auto same = MakePseudoTargets({PhotoFromU8(photo)}, options);
   ASSERT_TRUE(same.ok());
   EXPECT_EQ(same->front().data, photo.data);
 }

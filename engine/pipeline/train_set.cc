@@ -227,16 +227,4 @@ absl::StatusOr<TrainSet> MakeTrainSet(const Context& context, const std::string&
   return set;
 }
 
-absl::StatusOr<std::vector<ImageU8>> MakePseudoTargets(const std::vector<ImageU8>& photos,
-                                                       const ReconstructOptions& options) {
-  std::vector<Photo> precise;
-  for (const ImageU8& photo : photos) precise.push_back(PhotoFromU8(photo));
-  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
-                          MakeTargets(precise, std::vector<double>(photos.size(), 1.0),
-                                      options.ResolveRecipe().tone, options.threads));
-  std::vector<ImageU8> images;
-  for (const ToneTarget& target : targets) images.push_back(PhotoToU8(target.image));
-  return images;
-}
-
 }  // namespace litags

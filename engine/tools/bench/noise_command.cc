@@ -14,6 +14,7 @@
 #include "engine/eval/noise.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/capture_targets.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
 
@@ -28,7 +29,8 @@ struct NoiseArguments {
 
 // Pictures of the same views, in one order.
 struct Pictures {
-  std::vector<ImageU8> renders, again, photos, truths;
+  std::vector<ImageU8> renders, again, truths;
+  std::vector<Photo> photos;
 };
 
 // Of the test views that have a render.
@@ -41,7 +43,7 @@ absl::StatusOr<Pictures> ReadPictures(const NoiseArguments& args) {
     LITAGS_RETURN_IF_ERROR(render.status());
     LITAGS_ASSIGN_OR_RETURN(out.renders.emplace_back(), ReadImage(*render, *render));
     LITAGS_ASSIGN_OR_RETURN(out.photos.emplace_back(), LoadPhoto(args.scene.PhotosDir(), view));
-    LITAGS_ASSIGN_OR_RETURN(out.truths.emplace_back(), LoadPhoto(args.scene.TruthDir(), view));
+    LITAGS_ASSIGN_OR_RETURN(out.truths.emplace_back(), LoadPicture(args.scene.TruthDir(), view));
     if (args.again.empty()) continue;
     LITAGS_ASSIGN_OR_RETURN(const std::string again, FindPhoto(args.again, view.view.name));
     LITAGS_ASSIGN_OR_RETURN(out.again.emplace_back(), ReadImage(again, again));

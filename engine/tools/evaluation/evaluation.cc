@@ -9,14 +9,26 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/eval/metrics.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/capture_targets.h"
 
 namespace litags {
 
 namespace fs = std::filesystem;
+
+namespace {
+
+// Which pixels of a picture of this size the view's photo shows: a mask, empty if all of them.
+absl::StatusOr<PlaneU8> ShownByPhoto(const TestView& view, int width, int height) {
+  if (view.distortion.IsZero()) return PlaneU8();
+  return MaskOfUndistorted(view.view.camera.Scaled(width, height), view.distortion);
+}
+
+}  // namespace
 
 std::string Scores::ToJson() const {
   const auto json_of = [](const std::optional<double>& v) {
@@ -36,17 +48,24 @@ std::string Scores::ToJson() const {
 }
 
 absl::Status Scorer::Add(const TestView& view, const ImageU8& picture) {
-  absl::StatusOr<ImageU8> truth = LoadPhoto(truth_dir_, view);
+  absl::StatusOr<ImageU8> truth = LoadPicture(truth_dir_, view);
   if (absl::IsNotFound(truth.status())) return absl::OkStatus();
   LITAGS_RETURN_IF_ERROR(truth.status());
   if (truth->width != picture.width || truth->height != picture.height) {
     truth = ResizeArea(*truth, picture.width, picture.height);
   }
+  LITAGS_ASSIGN_OR_RETURN(const PlaneU8 shown, ShownByPhoto(view, truth->width, truth->height));
+  ForMasked(shown, [&](size_t i) { std::copy_n(&picture.data[3 * i], 3, &truth->data[3 * i]); });
+  // What all pixels have for each that counts.
+  const double dilution =
+      static_cast<double>(truth->pixels()) / CountedPixels(shown, truth->pixels());
   ViewScore score;
   score.name = view.view.name;
   LITAGS_ASSIGN_OR_RETURN(score.psnr, Psnr(picture, *truth));
+  score.psnr -= 10 * std::log10(dilution);
   // Their sizes agree, so it fails only where they are too small for it.
-  score.ssim = Ssim(picture, *truth).value_or(std::numeric_limits<double>::quiet_NaN());
+  const absl::StatusOr<double> ssim = Ssim(picture, *truth);
+  score.ssim = ssim.ok() ? 1 - (1 - *ssim) * dilution : std::numeric_limits<double>::quiet_NaN();
   if (lpips_ != nullptr) {
     LITAGS_ASSIGN_OR_RETURN(score.lpips, lpips_->Distance(picture, *truth));
   }
@@ -163,12 +182,13 @@ absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir,
                                    const ReconstructOptions& options,
                                    std::vector<std::string>* black) {
   std::vector<const TestView*> found;
-  std::vector<ImageU8> photos;
+  std::vector<Photo> photos;
   for (const TestView& view : views) {
-    absl::StatusOr<ImageU8> photo = LoadPhoto(photos_dir, view);
+    absl::StatusOr<Photo> photo = LoadPhoto(photos_dir, view);
     if (absl::IsNotFound(photo.status())) continue;
     LITAGS_RETURN_IF_ERROR(photo.status());
-    if (std::all_of(photo->data.begin(), photo->data.end(), [](uint8_t c) { return c == 0; })) {
+    if (std::all_of(photo->data.begin(), photo->data.end(),
+                    [](int16_t sample) { return sample < kPhotoCode / 2; })) {
       black->push_back(view.view.name);  // no gain brightens it
       continue;
     }

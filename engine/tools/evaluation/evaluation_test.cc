@@ -10,13 +10,16 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
+#include "engine/pipeline/capture_targets.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
 #include "engine/tools/evaluation/distort_test_util.h"
 #include "engine/tools/evaluation/method_options.h"
@@ -69,6 +72,27 @@ TEST_F(EvaluationTest, AUniformOffsetCostsItsPsnrAndNothingAfterTheColourFit) {
   EXPECT_EQ(scores->views[0].name, "a.png");
   EXPECT_NEAR(scores->psnr, -20 * std::log10(10.0 / 255), 1e-6);
   EXPECT_GT(scores->psnr_affine, 80);
+}
+
+// The picture without the lens's distortion shows more than the photo.
+TEST_F(EvaluationTest, WhatThePhotoDoesNotShowIsNotScored) {
+  ASSERT_TRUE(WritePng(dir_ + "/truth/a.png", Ramp(0)).ok());
+  TestView view = Named("a.png");
+  Camera& camera = view.view.camera;
+  camera = {.width = 32, .height = 24, .fx = 30, .fy = 30, .cx = 16, .cy = 12};
+  view.distortion.k1 = 0.5;
+  const PlaneU8 shown = MaskOfUndistorted(camera, view.distortion).value();
+  ImageU8 right = LoadPicture(dir_ + "/truth", view).value(), off = right, other_rim = right;
+  ForMasked(shown, [&](size_t i) { other_rim.data[3 * i] ^= 0xff; });
+  for (uint8_t& code : off.data) code += 10;
+  const auto score = [&](const ImageU8& picture) {
+    Scorer scorer(dir_ + "/truth");
+    EXPECT_TRUE(scorer.Add(view, picture).ok());
+    return scorer.Finish().value();
+  };
+  EXPECT_LT(CountedPixels(shown, right.pixels()), 0.95 * static_cast<double>(right.pixels()));
+  EXPECT_TRUE(std::isinf(score(other_rim).psnr));
+  EXPECT_NEAR(score(off).psnr, -20 * std::log10(10.0 / 255), 1e-6);
 }
 
 TEST_F(EvaluationTest, PicturesBelowTheWindowOfSsimAreScoredWithoutIt) {
@@ -128,14 +152,17 @@ TEST_F(EvaluationTest, LargeTruthIsAveragedDownToTheSizeThatIsTrained) {
   EXPECT_EQ(half.view.camera.fx, 20);
   EXPECT_EQ(half.view.camera.cx, 8);
 
-  // Pixels 40, 80 / 120, 160 again and again: their mean is 100.
+  // Codes 40, 80 / 120, 160 again and again, whose light is averaged.
   ImageU8 truth(32, 24), mean(16, 12);
   for (int y = 0; y < 24; ++y) {
     for (int x = 0; x < 32; ++x) {
       std::fill_n(truth.pixel(x, y), 3, static_cast<uint8_t>(40 + 40 * (x % 2) + 80 * (y % 2)));
     }
   }
-  std::fill(mean.data.begin(), mean.data.end(), 100);
+  double light = 0;
+  for (const int code : {40, 80, 120, 160}) light += LinearFromSrgb(code / 255.0) / 4;
+  std::fill(mean.data.begin(), mean.data.end(),
+            static_cast<uint8_t>(std::lround(255 * SrgbFromLinear(light))));
   ASSERT_TRUE(WritePng(dir_ + "/truth/a.png", truth).ok());
   Scorer scorer(dir_ + "/truth");
   ASSERT_TRUE(scorer.Add(half, mean).ok());
@@ -168,7 +195,7 @@ TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
   ASSERT_TRUE(WritePng(dir_ + "/photos/a.png", Ramp(-30)).ok());
   const TestView view = Named("a.png");
   ReconstructOptions options;
-  const ImageU8 target = MakePseudoTargets({Ramp(-30)}, options).value()[0];
+  const ImageU8 target = MakePseudoTargets({PhotoFromU8(Ramp(-30))}, options).value()[0];
   ASSERT_TRUE(WritePng(dir_ + "/truth/a.png", target).ok());
   std::vector<std::string> black;
   const auto score = [&](const std::vector<TestView>& views) {

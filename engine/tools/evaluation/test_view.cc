@@ -33,9 +33,9 @@ absl::StatusOr<std::string> FindPhoto(const std::string& dir, const std::string&
                    absl::StrCat("there is no photo called ", name, " in \"", dir, "\""));
 }
 
-absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view) {
+absl::StatusOr<Photo> LoadPhoto(const std::string& dir, const TestView& view) {
   LITAGS_ASSIGN_OR_RETURN(const std::string path, FindPhoto(dir, view.view.name));
-  LITAGS_ASSIGN_OR_RETURN(ImageU8 photo, ReadImage(path, absl::StrCat("photo[", path, "]")));
+  LITAGS_ASSIGN_OR_RETURN(Photo photo, ReadPhoto(path, absl::StrCat("photo[", path, "]")));
   const Camera& camera = view.view.camera;
   if (camera.width == 0) return photo;
   if (photo.width != camera.width || photo.height != camera.height) {
@@ -49,11 +49,16 @@ absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view) 
   return photo;
 }
 
+absl::StatusOr<ImageU8> LoadPicture(const std::string& dir, const TestView& view) {
+  LITAGS_ASSIGN_OR_RETURN(const Photo photo, LoadPhoto(dir, view));
+  return PhotoToU8(photo);
+}
+
 absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views,
                                                      const std::string& dir) {
   for (TestView& view : views) {
     const TestView of_any_size = {.view = {view.view.name, Camera()}, .distortion = {}};
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 photo, LoadPhoto(dir, of_any_size));
+    LITAGS_ASSIGN_OR_RETURN(const Photo photo, LoadPhoto(dir, of_any_size));
     view.view.camera = view.view.camera.Scaled(photo.width, photo.height);
   }
   return views;

@@ -26,7 +26,10 @@ absl::StatusOr<std::string> FindPhoto(const std::string& dir, const std::string&
 
 // That photo as the view's pinhole camera sees it: resized to it and undistorted. With a camera of
 // no size, as it is.
-absl::StatusOr<ImageU8> LoadPhoto(const std::string& dir, const TestView& view);
+absl::StatusOr<Photo> LoadPhoto(const std::string& dir, const TestView& view);
+
+// The same with 8 bits.
+absl::StatusOr<ImageU8> LoadPicture(const std::string& dir, const TestView& view);
 
 // The same views with cameras of the size of their photos in `dir`. Errors of FindPhoto and of
 // reading.

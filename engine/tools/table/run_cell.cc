@@ -130,7 +130,7 @@ absl::Status WritePictures(const TableCell& cell, const std::vector<TestView>& v
   for (size_t i = 0; i < views.size(); ++i) {
     const std::string file = Stem(views[i].view.name) + ".png";
     LITAGS_RETURN_IF_ERROR(WritePng(cell.RunDir() + "/test/" + file, pictures[i]));
-    const absl::StatusOr<ImageU8> truth = LoadPhoto(cell.scene().TruthDir(), views[i]);
+    const absl::StatusOr<ImageU8> truth = LoadPicture(cell.scene().TruthDir(), views[i]);
     if (absl::IsNotFound(truth.status())) continue;
     LITAGS_RETURN_IF_ERROR(truth.status());
     LITAGS_RETURN_IF_ERROR(

@@ -50,7 +50,7 @@ absl::Status CopyPhotos(const std::string& dir, const std::vector<TestView>& vie
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(out, ignored);
   for (const TestView& view : views) {
-    const absl::StatusOr<ImageU8> photo = LoadPhoto(dir, view);
+    const absl::StatusOr<ImageU8> photo = LoadPicture(dir, view);
     if (absl::IsNotFound(photo.status())) continue;  // an empty cell
     LITAGS_RETURN_IF_ERROR(photo.status());
     LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(out, "/", Stem(view.view.name), ".png"), *photo));
