@@ -102,7 +102,7 @@ absl::StatusOr<RungOutput> TriangulatePhotos(const RungInput& in, const SparseMo
   start = Clock::now();
   in.report("triangulate", 0);
   SparseModel copies = CamerasOfCopies(in, cameras);
-  std::vector<PosedPhoto> posed;
+  std::vector<PhotoRays> posed;
   for (size_t i = 0; i < copies.views.size(); ++i) {
     posed.emplace_back(copies.views[i].camera, copies.distortions[i], keypoints[i]);
   }

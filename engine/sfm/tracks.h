@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
-#include "engine/sfm/posed_photo.h"
+#include "engine/sfm/photo_rays.h"
 
 namespace litags {
 

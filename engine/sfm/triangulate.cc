@@ -23,21 +23,21 @@ constexpr int kRounds = 3;
 
 double CosOf(double degrees) { return std::cos(degrees * std::numbers::pi / 180); }
 
-const Eigen::Vector3d& RayOf(const std::vector<PosedPhoto>& photos, const Observation& o) {
+const Eigen::Vector3d& RayOf(const std::vector<PhotoRays>& photos, const Observation& o) {
   return photos[o.photo].rays[o.feature];
 }
 
 // Squared distance of the point's picture from the feature, px^2; infinite behind the camera.
-double SquaredError(const std::vector<PosedPhoto>& photos, const Observation& o,
+double SquaredError(const std::vector<PhotoRays>& photos, const Observation& o,
                     const Eigen::Vector3d& xyz) {
-  const PosedPhoto& photo = photos[o.photo];
+  const PhotoRays& photo = photos[o.photo];
   const Eigen::Vector3d p = photo.CamFromWorld(xyz);
   if (!(p.z() > 0)) return std::numeric_limits<double>::infinity();
   return ((photo.K * p).hnormalized() - photo.points[o.feature]).squaredNorm();
 }
 
 // Middle of the shortest line between two rays.
-Eigen::Vector3d MidPoint(const std::vector<PosedPhoto>& photos, const Observation& a,
+Eigen::Vector3d MidPoint(const std::vector<PhotoRays>& photos, const Observation& a,
                          const Observation& b) {
   const Eigen::Vector3d &ca = photos[a.photo].center, &cb = photos[b.photo].center;
   const Eigen::Vector3d &ra = RayOf(photos, a), &rb = RayOf(photos, b);
@@ -47,7 +47,7 @@ Eigen::Vector3d MidPoint(const std::vector<PosedPhoto>& photos, const Observatio
 }
 
 // Sum of squared errors, the one to beat by a step.
-double Cost(const std::vector<PosedPhoto>& photos, const std::vector<Observation>& track,
+double Cost(const std::vector<PhotoRays>& photos, const std::vector<Observation>& track,
             const Eigen::Vector3d& xyz) {
   double cost = 0;
   for (const Observation& o : track) cost += SquaredError(photos, o, xyz);
@@ -55,12 +55,12 @@ double Cost(const std::vector<PosedPhoto>& photos, const std::vector<Observation
 }
 
 // One Gauss-Newton step for the sum of squared errors.
-Eigen::Vector3d NewtonStep(const std::vector<PosedPhoto>& photos,
+Eigen::Vector3d NewtonStep(const std::vector<PhotoRays>& photos,
                            const std::vector<Observation>& track, const Eigen::Vector3d& xyz) {
   Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
   Eigen::Vector3d g = Eigen::Vector3d::Zero();
   for (const Observation& o : track) {
-    const PosedPhoto& photo = photos[o.photo];
+    const PhotoRays& photo = photos[o.photo];
     const Eigen::Vector3d p = photo.CamFromWorld(xyz);
     const double fx = photo.K(0, 0), fy = photo.K(1, 1);
     Eigen::Matrix<double, 2, 3> by_camera;
@@ -74,7 +74,7 @@ Eigen::Vector3d NewtonStep(const std::vector<PosedPhoto>& photos,
   return -H.ldlt().solve(g);
 }
 
-Eigen::Vector3d Refine(const std::vector<PosedPhoto>& photos, const std::vector<Observation>& track,
+Eigen::Vector3d Refine(const std::vector<PhotoRays>& photos, const std::vector<Observation>& track,
                        Eigen::Vector3d xyz) {
   double cost = Cost(photos, track, xyz);
   for (int i = 0; i < kNewtonSteps && std::isfinite(cost); ++i) {
@@ -89,7 +89,7 @@ Eigen::Vector3d Refine(const std::vector<PosedPhoto>& photos, const std::vector<
   return xyz;
 }
 
-std::vector<Observation> Agreeing(const std::vector<PosedPhoto>& photos,
+std::vector<Observation> Agreeing(const std::vector<PhotoRays>& photos,
                                   const std::vector<Observation>& track, const Eigen::Vector3d& xyz,
                                   const TriangulateOptions& options) {
   std::vector<Observation> agreeing;
@@ -100,7 +100,7 @@ std::vector<Observation> Agreeing(const std::vector<PosedPhoto>& photos,
   return agreeing;
 }
 
-bool HasAngle(const std::vector<PosedPhoto>& photos, const TriangulatedPoint& point,
+bool HasAngle(const std::vector<PhotoRays>& photos, const TriangulatedPoint& point,
               double cos_of_min_angle) {
   std::vector<Eigen::Vector3d> rays;
   for (const Observation& o : point.track) {
@@ -116,7 +116,7 @@ bool HasAngle(const std::vector<PosedPhoto>& photos, const TriangulatedPoint& po
 
 // Refines a point on its track, drops what does not agree, and empties the track of a point that
 // is none.
-void Settle(const std::vector<PosedPhoto>& photos, const TriangulateOptions& options,
+void Settle(const std::vector<PhotoRays>& photos, const TriangulateOptions& options,
             TriangulatedPoint& point) {
   for (size_t before = 0; before != point.track.size();) {
     before = point.track.size();
@@ -135,7 +135,7 @@ void Settle(const std::vector<PosedPhoto>& photos, const TriangulateOptions& opt
 
 // The points that the features of one track are of: what does not agree with the first may agree
 // with each other.
-std::vector<TriangulatedPoint> PointsOfTrack(const std::vector<PosedPhoto>& photos,
+std::vector<TriangulatedPoint> PointsOfTrack(const std::vector<PhotoRays>& photos,
                                              std::vector<Observation> track,
                                              const TriangulateOptions& options) {
   std::vector<TriangulatedPoint> points;
@@ -154,7 +154,7 @@ std::vector<TriangulatedPoint> PointsOfTrack(const std::vector<PosedPhoto>& phot
 // of the points, so that the result is one.
 class PointSet {
  public:
-  PointSet(const std::vector<PosedPhoto>& photos, const MatchGraph& graph,
+  PointSet(const std::vector<PhotoRays>& photos, const MatchGraph& graph,
            const TriangulateOptions& options)
       : photos_(photos), graph_(graph), options_(options), point_of_(graph.num_features(), -1) {}
 
@@ -255,22 +255,22 @@ class PointSet {
     return true;
   }
 
-  const std::vector<PosedPhoto>& photos_;
+  const std::vector<PhotoRays>& photos_;
   const MatchGraph& graph_;
   const TriangulateOptions& options_;
   std::vector<TriangulatedPoint> points_;
   std::vector<int> point_of_;  // [features], -1: none
 };
 
-std::vector<int> NumFeatures(const std::vector<PosedPhoto>& photos) {
+std::vector<int> NumFeatures(const std::vector<PhotoRays>& photos) {
   std::vector<int> counts;
-  for (const PosedPhoto& photo : photos) counts.push_back(static_cast<int>(photo.points.size()));
+  for (const PhotoRays& photo : photos) counts.push_back(static_cast<int>(photo.points.size()));
   return counts;
 }
 
 }  // namespace
 
-std::vector<VerifiedPhotoPair> VerifyPairs(const std::vector<PosedPhoto>& photos,
+std::vector<VerifiedPhotoPair> VerifyPairs(const std::vector<PhotoRays>& photos,
                                            const std::vector<PhotoMatches>& pairs,
                                            const TriangulateOptions& options) {
   std::vector<VerifiedPhotoPair> verified(pairs.size());
@@ -286,7 +286,7 @@ std::vector<VerifiedPhotoPair> VerifyPairs(const std::vector<PosedPhoto>& photos
   return verified;
 }
 
-TriangulatedPoint TriangulateTrack(const std::vector<PosedPhoto>& photos,
+TriangulatedPoint TriangulateTrack(const std::vector<PhotoRays>& photos,
                                    const std::vector<Observation>& track,
                                    const TriangulateOptions& options) {
   const double cos_of_min_angle = CosOf(options.min_angle_deg);
@@ -319,7 +319,7 @@ TriangulatedPoint TriangulateTrack(const std::vector<PosedPhoto>& photos,
 }
 
 absl::StatusOr<std::vector<TriangulatedPoint>> TriangulatePairs(
-    const std::vector<PosedPhoto>& photos, const std::vector<VerifiedPhotoPair>& pairs,
+    const std::vector<PhotoRays>& photos, const std::vector<VerifiedPhotoPair>& pairs,
     const TriangulateOptions& options, const CancelToken& cancel) {
   const MatchGraph graph(NumFeatures(photos), pairs);
   const std::vector<std::vector<Observation>> tracks = BuildTracks(graph, pairs);

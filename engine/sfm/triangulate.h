@@ -8,7 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
-#include "engine/sfm/posed_photo.h"
+#include "engine/sfm/photo_rays.h"
 #include "engine/sfm/tracks.h"
 
 namespace litags {
@@ -41,13 +41,13 @@ struct PhotoMatches {
 };
 
 // Those of `pairs` that the cameras confirm, in their order.
-std::vector<VerifiedPhotoPair> VerifyPairs(const std::vector<PosedPhoto>& photos,
+std::vector<VerifiedPhotoPair> VerifyPairs(const std::vector<PhotoRays>& photos,
                                            const std::vector<PhotoMatches>& pairs,
                                            const TriangulateOptions& options);
 
 // The point that most features of a track agree on, tried from pairs of rays, none at random, and
 // then nearest to those features (Gauss-Newton). Its track is what agrees; empty if no two do.
-TriangulatedPoint TriangulateTrack(const std::vector<PosedPhoto>& photos,
+TriangulatedPoint TriangulateTrack(const std::vector<PhotoRays>& photos,
                                    const std::vector<Observation>& track,
                                    const TriangulateOptions& options);
 
@@ -55,7 +55,7 @@ TriangulatedPoint TriangulateTrack(const std::vector<PosedPhoto>& photos,
 // completed by features matched to theirs, and joined where one point explains two tracks.
 // The result does not depend on options.threads. CANCELLED.
 absl::StatusOr<std::vector<TriangulatedPoint>> TriangulatePairs(
-    const std::vector<PosedPhoto>& photos, const std::vector<VerifiedPhotoPair>& pairs,
+    const std::vector<PhotoRays>& photos, const std::vector<VerifiedPhotoPair>& pairs,
     const TriangulateOptions& options, const CancelToken& cancel);
 
 }  // namespace litags

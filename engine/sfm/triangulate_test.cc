@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "engine/core/rng.h"
-#include "engine/sfm/posed_photo.h"
+#include "engine/sfm/photo_rays.h"
 #include "engine/sfm/tracks.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -85,7 +85,7 @@ struct World {
   }
 
   std::vector<Eigen::Vector3d> truth;
-  std::vector<PosedPhoto> photos;
+  std::vector<PhotoRays> photos;
 };
 
 std::vector<TriangulatedPoint> Triangulate(const World& world,
@@ -97,7 +97,7 @@ std::vector<TriangulatedPoint> Triangulate(const World& world,
   return *std::move(points);
 }
 
-TEST(PosedPhoto, PointsAreWhereALensWithoutDistortionHasThem) {
+TEST(PhotoRays, PointsAreWhereALensWithoutDistortionHasThem) {
   const Distortion lens = {.k1 = -0.1, .k2 = 0.02, .p1 = 0.001, .p2 = -0.002};
   const Camera camera = CameraAt(0, 0);
   const Eigen::Vector3d world(0.7, -0.4, 0.3);
@@ -107,12 +107,12 @@ TEST(PosedPhoto, PointsAreWhereALensWithoutDistortionHasThem) {
   EXPECT_EQ(UndistortPoint(camera, {}, seen), seen);
 }
 
-TEST(PosedPhoto, ASecondFeatureAtAPlaceIsATwinOfTheFirst) {
-  const PosedPhoto photo(CameraAt(0, 0), {}, {{5, 6}, {7, 8}, {5, 6}, {5, 8}});
+TEST(PhotoRays, ASecondFeatureAtAPlaceIsATwinOfTheFirst) {
+  const PhotoRays photo(CameraAt(0, 0), {}, {{5, 6}, {7, 8}, {5, 6}, {5, 8}});
   EXPECT_THAT(photo.twin_of, ElementsAre(0, 1, 0, 3));
 }
 
-TEST(PosedPhoto, SampsonErrorIsTheDistanceFromTheEpipolarGeometry) {
+TEST(PhotoRays, SampsonErrorIsTheDistanceFromTheEpipolarGeometry) {
   const World world(2, 20, 0);
   const Eigen::Matrix3d F = FundamentalMatrix(world.photos[0], world.photos[1]);
   for (int i = 0; i < 20; ++i) {
@@ -125,12 +125,12 @@ TEST(PosedPhoto, SampsonErrorIsTheDistanceFromTheEpipolarGeometry) {
   }
 }
 
-TEST(PosedPhoto, MatchesBehindACameraOrOffTheLineAreNotVerified) {
+TEST(PhotoRays, MatchesBehindACameraOrOffTheLineAreNotVerified) {
   const World world(2, 40, 0);
   const auto all = VerifyMatches(world.photos[0], world.photos[1], world.Matches()[0].matches, 4);
   EXPECT_THAT(all, SizeIs(40));
   // The second camera turned about: the same lines, the other way.
-  std::vector<PosedPhoto> turned = world.photos;
+  std::vector<PhotoRays> turned = world.photos;
   for (Eigen::Vector3d& ray : turned[1].rays) ray = -ray;
   EXPECT_THAT(VerifyMatches(turned[0], turned[1], world.Matches()[0].matches, 4), IsEmpty());
   EXPECT_LT(VerifyMatches(world.photos[0], world.photos[1], world.Matches(1)[0].matches, 4).size(),

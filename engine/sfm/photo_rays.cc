@@ -1,4 +1,4 @@
-#include "engine/sfm/posed_photo.h"
+#include "engine/sfm/photo_rays.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -16,7 +16,7 @@ namespace {
 const double kParallel = std::cos(0.25 * std::numbers::pi / 180);
 
 // Whether the rays come nearest to each other in front of both cameras.
-bool MeetInFront(const PosedPhoto& first, const PosedPhoto& second, const Eigen::Vector3d& ray1,
+bool MeetInFront(const PhotoRays& first, const PhotoRays& second, const Eigen::Vector3d& ray1,
                  const Eigen::Vector3d& ray2) {
   const double c = ray1.dot(ray2);
   if (c > kParallel) return true;
@@ -36,8 +36,8 @@ Eigen::Vector2d UndistortPoint(const Camera& camera, const Distortion& distortio
   return {camera.fx * point[0] + camera.cx, camera.fy * point[1] + camera.cy};
 }
 
-PosedPhoto::PosedPhoto(const Camera& camera, const Distortion& distortion,
-                       const std::vector<Eigen::Vector2d>& keypoints) {
+PhotoRays::PhotoRays(const Camera& camera, const Distortion& distortion,
+                     const std::vector<Eigen::Vector2d>& keypoints) {
   K << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
   R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(camera.R.data());
   t = Eigen::Map<const Eigen::Vector3d>(camera.t.data());
@@ -54,7 +54,7 @@ PosedPhoto::PosedPhoto(const Camera& camera, const Distortion& distortion,
   }
 }
 
-Eigen::Matrix3d FundamentalMatrix(const PosedPhoto& first, const PosedPhoto& second) {
+Eigen::Matrix3d FundamentalMatrix(const PhotoRays& first, const PhotoRays& second) {
   const Eigen::Matrix3d R = second.R * first.R.transpose();  // second_from_first
   const Eigen::Vector3d t = second.t - R * first.t;
   Eigen::Matrix3d cross;
@@ -71,7 +71,7 @@ double SampsonError(const Eigen::Matrix3d& fundamental, const Eigen::Vector2d& f
   return std::abs(second.homogeneous().dot(line2)) / gradient;
 }
 
-std::vector<VerifiedMatch> VerifyMatches(const PosedPhoto& first, const PosedPhoto& second,
+std::vector<VerifiedMatch> VerifyMatches(const PhotoRays& first, const PhotoRays& second,
                                          const std::vector<FeatureMatch>& matches,
                                          double max_error_px) {
   const Eigen::Matrix3d fundamental = FundamentalMatrix(first, second);

@@ -1,7 +1,7 @@
 // A photo whose camera is known, in the terms of epipolar geometry: everything in the pixels that a
 // lens without distortion would have given.
-#ifndef LITAGS_ENGINE_SFM_POSED_PHOTO_H_
-#define LITAGS_ENGINE_SFM_POSED_PHOTO_H_
+#ifndef LITAGS_ENGINE_SFM_PHOTO_RAYS_H_
+#define LITAGS_ENGINE_SFM_PHOTO_RAYS_H_
 
 #include <Eigen/Core>
 #include <vector>
@@ -16,10 +16,10 @@ namespace litags {
 Eigen::Vector2d UndistortPoint(const Camera& camera, const Distortion& distortion,
                                const Eigen::Vector2d& seen);
 
-struct PosedPhoto {
+struct PhotoRays {
   // `keypoints` [n], px of the photo as taken.
-  PosedPhoto(const Camera& camera, const Distortion& distortion,
-             const std::vector<Eigen::Vector2d>& keypoints);
+  PhotoRays(const Camera& camera, const Distortion& distortion,
+            const std::vector<Eigen::Vector2d>& keypoints);
 
   Eigen::Matrix3d K, R;  // x_cam = R x_world + t
   Eigen::Vector3d t;
@@ -34,7 +34,7 @@ struct PosedPhoto {
 
 // The fundamental matrix of two photos: x_second^T F x_first = 0, homogeneous px. Zero if both were
 // taken from one place.
-Eigen::Matrix3d FundamentalMatrix(const PosedPhoto& first, const PosedPhoto& second);
+Eigen::Matrix3d FundamentalMatrix(const PhotoRays& first, const PhotoRays& second);
 
 // Sampson's distance from the epipolar geometry, px; infinite for a zero matrix.
 double SampsonError(const Eigen::Matrix3d& fundamental, const Eigen::Vector2d& first,
@@ -48,10 +48,10 @@ struct VerifiedMatch {
 
 // Those of `matches` within `max_error_px` of the epipolar geometry and in front of both cameras;
 // ascending by features, each pair of features once.
-std::vector<VerifiedMatch> VerifyMatches(const PosedPhoto& first, const PosedPhoto& second,
+std::vector<VerifiedMatch> VerifyMatches(const PhotoRays& first, const PhotoRays& second,
                                          const std::vector<FeatureMatch>& matches,
                                          double max_error_px);
 
 }  // namespace litags
 
-#endif  // LITAGS_ENGINE_SFM_POSED_PHOTO_H_
+#endif  // LITAGS_ENGINE_SFM_PHOTO_RAYS_H_
