@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <set>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/status.h"
 #include "client/text.h"
@@ -31,16 +32,36 @@ std::string NextStep(const std::string& reason, const std::string& job) {
   return "";
 }
 
+// What to do where no connection came about, by gRPC's words of why.
+std::string Remedy(const std::string& message) {
+  if (absl::StrContains(message, "http1.x")) {
+    return "that port speaks HTTP, as the page's does (--web of litags-server); name the port of "
+           "its --listen";
+  }
+  if (absl::StrContains(message, "wrong version number")) {
+    return "that port does not speak TLS; leave --tls and --tls-ca out";
+  }
+  if (absl::StrContains(message, "DNS resolution failed")) {
+    return "its name has no address; check the spelling of --server or LITAGS_SERVER";
+  }
+  std::string remedy =
+      "start one with \"litags-server\", or name another with --server HOST:PORT or LITAGS_SERVER";
+  // A refused connection never came as far as TLS.
+  if (!absl::StrContains(message, "refused")) {
+    absl::StrAppend(
+        &remedy, "; a server that speaks TLS needs --tls or --tls-ca, one that does not neither");
+  }
+  return remedy;
+}
+
 std::string UnreachableText(const Session& session, const absl::Status& status) {
   if (absl::IsDeadlineExceeded(status)) {
     return absl::StrCat("the server at ", session.connection.server,
                         " did not answer in time: is it busy? try again, or look into its log");
   }
-  return absl::StrCat("no server answers at ", session.connection.server,
-                      ": start one with \"litags-server\", name another with --server "
-                      "HOST:PORT or LITAGS_SERVER, or see whether one of you speaks TLS and the "
-                      "other does not (--tls, --tls-ca) (",
-                      std::string(status.message()), ")");
+  const std::string message(status.message());
+  return absl::StrCat("no server answers at ", session.connection.server, ": ", Remedy(message),
+                      " (", message, ")");
 }
 
 }  // namespace

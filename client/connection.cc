@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
@@ -34,6 +36,28 @@ std::vector<std::string> ServersOf(const ConnectionOptions& options) {
 }
 
 std::string HostOf(const std::string& server) { return server.substr(0, server.rfind(':')); }
+
+// What is wrong with the form of an address; OK for those that gRPC takes as they are.
+absl::Status CheckForm(const std::string& server) {
+  for (const std::string scheme : {"http://", "https://"}) {
+    if (!absl::StartsWithIgnoreCase(server, scheme)) continue;
+    return BadInput("SERVER_UNKNOWN", "--server",
+                    absl::StrCat(server, ": leave out ", scheme, "; an address is HOST:PORT",
+                                 scheme == "https://" ? ", and --tls encrypts" : ""));
+  }
+  if (server.starts_with("unix:")) return absl::OkStatus();
+  const size_t colon = server.rfind(':');
+  const size_t bracket = server.rfind(']');  // the end of an IPv6 address
+  int port = 0;
+  if (colon != std::string::npos && (bracket == std::string::npos || bracket < colon) &&
+      absl::SimpleAtoi(server.substr(colon + 1), &port) && port > 0 && port < 65536) {
+    return absl::OkStatus();
+  }
+  return BadInput("SERVER_UNKNOWN", "--server",
+                  absl::StrCat("no port in \"", server,
+                               "\"; write HOST:PORT, as 127.0.0.1:50051, with a port of 1 to "
+                               "65535"));
+}
 
 // The IPv4 addresses of host:port, as host:port.
 absl::StatusOr<std::vector<std::string>> Resolve(const std::string& server) {
@@ -165,6 +189,9 @@ absl::StatusOr<std::string> TokenOf(const ConnectionOptions& options) {
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& options) {
   const std::vector<std::string> servers = ServersOf(options);
   if (servers.empty()) return BadInput("SERVER_UNKNOWN", "--server", "no server is named");
+  for (const std::string& server : servers) {
+    if (const absl::Status form = CheckForm(server); !form.ok()) return form;
+  }
   const auto target = TargetOf(servers);
   if (!target.ok()) return target.status();
   const bool here = std::all_of(servers.begin(), servers.end(), IsLoopback);

@@ -32,9 +32,9 @@ struct ConnectionOptions {
 // A channel to the server, whose calls carry the token. It says nothing about whether a server is
 // there: the first call shows.
 //
-// INVALID_ARGUMENT, with the flag as the field: SERVER_UNKNOWN (of several, one has no address),
-// TLS_FILE_UNREADABLE, TLS_INCOMPLETE, TOKEN_UNREADABLE, TOKEN_INVALID (not a token's characters),
-// TOKEN_EXPOSED (it would travel unencrypted to another machine).
+// INVALID_ARGUMENT, with the flag as the field: SERVER_UNKNOWN (no HOST:PORT; of several, one
+// has no address), TLS_FILE_UNREADABLE, TLS_INCOMPLETE, TOKEN_UNREADABLE, TOKEN_INVALID (not a
+// token's characters), TOKEN_EXPOSED (it would travel unencrypted to another machine).
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& options);
 
 }  // namespace litags::client

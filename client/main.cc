@@ -97,6 +97,8 @@ int NoteCommands(const CLI::App& app) {
 
 int main(int argc, char** argv) {
   if (const auto exit = litags::client::MaybeInspect(argc, argv)) return *exit;
+  // What gRPC logs of failed connections is in our errors, once and in plain words.
+  setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
   // Lives until the process ends: the signal thread refers to it.
   auto& session = *new litags::client::Session;
   HandleSignals(session.interrupt);

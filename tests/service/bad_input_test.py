@@ -1,10 +1,13 @@
 """Bad input over a real socket: one clear error with its code, its field and a remedy."""
 
+import contextlib
 import math
 import os
 import re
+import socket
 import subprocess
 import tempfile
+import threading
 import unittest
 
 import grpc
@@ -167,6 +170,22 @@ class BadRequests(harness.ServiceTest):
                 self.assertEqual(err.count("\n"), 1, err)
                 self.assertIn("no server answers at 127.0.0.1:1: start one with \"litags-server\"",
                               err)
+
+    def test_a_server_that_speaks_something_else_is_told(self):
+        def answer(listener):
+            with contextlib.suppress(OSError):
+                while True:
+                    with listener.accept()[0] as peer:
+                        peer.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        page = socket.create_server(("127.0.0.1", 0))
+        self.addCleanup(page.close)
+        threading.Thread(target=answer, args=(page,), daemon=True).start()
+        for server, flag, said in (
+                (f"127.0.0.1:{page.getsockname()[1]}", "--retry=120", "speaks HTTP"),
+                (self.server.address, "--tls", "does not speak TLS; leave --tls")):
+            _, err = self.litags(flag, "list", exit_code=3, server=server)
+            self.assertIn(said, err)
+            self.assertEqual(err.count("\n"), 1, err)
 
     def test_output_that_is_lost_is_an_error(self):
         job = self.finished_job()
