@@ -58,7 +58,7 @@ void Note(std::string_view text);
 // To stdout; in one line, or indented.
 void PrintJson(const google::protobuf::Message& message, bool pretty);
 
-// Says on stderr what a job in the queue needs and no worker has, if that is so.
+// Says on stderr where a job stands in the queue, or what it needs and no worker has.
 void NoteWaiting(Session& session, const std::string& job);
 
 // Follows a job from event `after` on until it ends: on a terminal a progress line that is drawn

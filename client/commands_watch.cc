@@ -62,8 +62,12 @@ class EventPrinter {
 
 void NoteWaiting(Session& session, const std::string& job) {
   const auto found = session.client().GetJob(job);
-  if (!found.ok() || found->waits_for().empty()) return;  // errors are the next call's to report
-  Note(absl::StrCat(job, " waits for ", Printable(found->waits_for())));
+  if (!found.ok()) return;  // errors are the next call's to report
+  if (!found->waits_for().empty()) {
+    Note(absl::StrCat(job, " waits for ", Printable(found->waits_for())));
+  } else if (found->queue_position() > 0) {
+    Note(absl::StrCat(job, " is queued, number ", found->queue_position()));
+  }
 }
 
 int FollowJob(Session& session, const std::string& job, int64_t after, std::FILE* out, bool json) {

@@ -63,7 +63,11 @@ std::string EventLine(const v1::JobEvent& event) {
   switch (event.event_case()) {
     case v1::JobEvent::kStateChange: {
       const auto& change = event.state_change();
-      const std::string& why = change.has_error() ? change.error().message() : change.message();
+      // The message of a job that enters the queue is "started", by StartJob, and it is not yet.
+      const bool started = change.state() == v1::JOB_STATE_QUEUED && change.message() == "started";
+      const std::string why = change.has_error() ? change.error().message()
+                              : started          ? ""
+                                                 : change.message();
       return absl::StrCat(number, StateText(change.state()), why.empty() ? "" : ": ",
                           absl::StrReplaceAll(Printable(why), {{"\n", " "}}));
     }

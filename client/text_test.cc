@@ -36,6 +36,16 @@ TEST(Text, AFailureSaysWhyOnItsLine) {
   EXPECT_EQ(EventLine(event), "#3 failed: too dark add photos");
 }
 
+TEST(Text, AQueuedJobIsNotCalledStarted) {
+  v1::JobEvent event;
+  event.set_number(2);
+  event.mutable_state_change()->set_state(v1::JOB_STATE_QUEUED);
+  event.mutable_state_change()->set_message("started");
+  EXPECT_EQ(EventLine(event), "#2 queued");
+  event.mutable_state_change()->set_message("resumed");
+  EXPECT_EQ(EventLine(event), "#2 queued: resumed");
+}
+
 TEST(Text, TheProgressLineNeverExceedsItsWidth) {
   const v1::JobEvent event = TrainingEvent();
   for (size_t columns = 0; columns < 200; ++columns) {

@@ -90,6 +90,15 @@ class Jobs(harness.ServiceTest):
         self.assertEqual(self.exported(job), self.exported(at_once))
         self.assertNotEqual(self.exported(job), before)
 
+    def test_a_job_that_waits_for_its_turn_says_its_place(self):
+        running = self.submit("--iterations", "2000", names=("slow.png", "b.png", "c.png"))
+        self.wait_for(lambda: self.state(running) == harness.job_pb2.JOB_STATE_RUNNING, "running")
+        job, err = self.litags("submit", self.photos())
+        self.assertIn(f"{job.strip()} is queued, number 1", err)
+        self.litags("cancel", running)
+        out, _ = self.litags("watch", job.strip())
+        self.assertIn("#2 queued\n", out)
+
     def test_watching_over_a_cut_connection_loses_and_doubles_nothing(self):
         # 300 iterations of 20 ms: long enough to be cut several times.
         job = self.submit("--iterations", "300", names=("slow.png", "b.png", "c.png"))
