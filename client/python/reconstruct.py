@@ -8,6 +8,7 @@ Exit status: 1 if the service refused something or the job failed.
 """
 
 import argparse
+import os
 import pathlib
 import sys
 
@@ -18,7 +19,8 @@ parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument("photos", type=pathlib.Path, help="folder")
 parser.add_argument("picture", type=pathlib.Path, help="PNG to write: the first photo's view")
 parser.add_argument("scene", type=pathlib.Path, nargs="?", help=".ply to write")
-parser.add_argument("--server", default="127.0.0.1:50051", help="HOST:PORT")
+parser.add_argument("--server", default=os.environ.get("LITAGS_SERVER", "127.0.0.1:50051"),
+                    help="HOST:PORT; default: LITAGS_SERVER, or this machine's")
 parser.add_argument("--iterations", type=int, help="default: the server's")
 args = parser.parse_args()
 
@@ -30,7 +32,8 @@ try:
                 print(job_pb2.JobState.Name(event.state_change.state), event.state_change.message)
             elif event.HasField("progress"):
                 step = event.progress
-                print(job_pb2.Stage.Name(step.stage), step.iteration, "of", step.iterations)
+                print(job_pb2.Stage.Name(step.stage), step.iteration, "of", step.iterations,
+                      step.message)
         client.wait(job)  # raises if it failed
         camera = client.cameras(job)[0]
         args.picture.write_bytes(client.render(job, camera))

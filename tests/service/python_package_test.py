@@ -264,6 +264,14 @@ class Package(harness.ServiceTest):
         self.assertEqual(process.returncode, 1)
         self.assertRegex(err, r"INVALID_ARGUMENT \w+, field options.iterations")
 
+    def test_the_example_finds_its_server_in_the_environment(self):
+        done = subprocess.run(
+            [sys.executable, "-B", SOURCE / "client/python/reconstruct.py", self.photos(),
+             os.path.join(self.folder, "view.png"), "--iterations", "-1"],
+            env=dict(os.environ, LITAGS_SERVER=self.server.address), stderr=subprocess.PIPE,
+            text=True)
+        self.assertRegex(done.stderr, r"INVALID_ARGUMENT \w+, field options.iterations")
+
     def test_the_example_says_why_a_job_failed(self):
         process = self.start(self.photos(("fail.png", "b.png", "c.png")), self.server.address)
         _, err = self.finish(process)
