@@ -13,8 +13,8 @@ namespace litags {
 
 // Reads the model in folder `dir`: the binary one, or, if there is none, that in text form. Camera
 // models as docs/cameras.md has them. Tracks leave out sightings that no image has. NOT_FOUND if a
-// file is missing; INVALID_ARGUMENT if one is truncated, holds impossible counts, an image without a
-// camera, numbers that are not finite, or an image of another camera model.
+// file is missing; INVALID_ARGUMENT if one is truncated, holds impossible counts, an image without
+// a camera, numbers that are not finite, or an image of another camera model.
 absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field);
 
 // The same from the three files' bytes.
