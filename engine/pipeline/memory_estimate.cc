@@ -22,6 +22,7 @@ double WithPyramid(int levels) { return (1 - std::pow(0.25, levels + 1)) / 0.75;
 // Measured: 30 whole photos (crop_pixels 0) of 1600x1064 peak at 1,184 MB with coarse_levels 0;
 // photos are 715 of it.
 constexpr double kTrainPixel = sizeof(float) * (2 * (kNumChannels + 1) + 8) + 50;
+
 // Bytes a compared pixel that the denoiser keeps of one forward and backward pass (pdm.cc): all
 // stages' activations, R_0..R_K before the clamp, R_1..R_K, gradients of both and of hidden layers.
 double PdmPixel(const PdmOptions& pdm) {
