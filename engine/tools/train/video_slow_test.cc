@@ -75,7 +75,7 @@ TEST_F(TrainOnVideo, AWalkThroughADarkRoomBecomesAScene) {
 TEST_F(TrainOnVideo, BadOnesAreOneErrorAndInspectingTrainsNothing) {
   ASSERT_TRUE(WriteFileAtomically(video_, "no video").ok());
   const std::string text = Train({});
-  EXPECT_EQ(exit_code_, 1);
+  EXPECT_EQ(exit_code_, 2);
   EXPECT_THAT(text, HasSubstr("VIDEO_NOT_RECOGNIZED"));
   ASSERT_TRUE(WriteFileAtomically(video_, EncodeVideo(WalkFrames(320, 180, 60, 4), {})).ok());
   const std::string inspected = Train({"--frames", "7", "--inspect"});
