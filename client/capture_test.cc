@@ -1,0 +1,152 @@
+#include "client/capture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "client/client.h"
+#include "client/status.h"
+#include "client/upload.h"
+
+namespace litags::client {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class ScanCaptureTest : public ::testing::Test {
+ protected:
+  ScanCaptureTest() : dir_(fs::temp_directory_path() / ("litags-capture-" + RandomId())) {
+    fs::create_directories(dir_);
+  }
+  ~ScanCaptureTest() override { fs::remove_all(dir_); }
+
+  void Write(const std::string& name, const std::string& content) {
+    fs::create_directories((dir_ / name).parent_path());
+    std::ofstream(dir_ / name, std::ios::binary) << content;
+  }
+
+  const fs::path dir_;
+};
+
+TEST_F(ScanCaptureTest, FindsPhotosAndNamesTheRest) {
+  Write("b.jpg", "x");
+  Write("a.png", "xy");
+  Write("notes.txt", "x");
+  Write(".hidden.jpg", "x");
+  Write("sub/c.jpg", "x");
+  const auto capture = ScanCapture(dir_.string(), "", "", "");
+  ASSERT_TRUE(capture.ok());
+  ASSERT_EQ(capture->files.size(), 2u);
+  EXPECT_EQ(capture->files[0].name, "a.png");
+  EXPECT_EQ(capture->bytes, 3);
+  EXPECT_THAT(capture->skipped, ElementsAre("notes.txt"));
+}
+
+TEST_F(ScanCaptureTest, TakesMasksBesideThePhotosOrOfAFolder) {
+  Write("a.jpg", "x");
+  EXPECT_EQ(ScanCapture(dir_.string(), "", "", "")->masks_dir, "");
+  Write("masks/a.jpg.png", "y");
+  Write("other/a.png", "z");
+  for (const std::string given : {"", "other"}) {
+    const auto capture =
+        ScanCapture(dir_.string(), "", "", given.empty() ? "" : (dir_ / given).string());
+    ASSERT_TRUE(capture.ok()) << capture.status();
+    ASSERT_EQ(capture->files.size(), 2u);
+    EXPECT_EQ(capture->files[1].role, v1::FILE_ROLE_MASK);
+    EXPECT_EQ(capture->files[1].name, given.empty() ? "a.jpg.png" : "a.png");
+    EXPECT_EQ(capture->masks_dir, (dir_ / (given.empty() ? "masks" : given)).string());
+  }
+  Write("none/readme.txt", "x");
+  EXPECT_EQ(
+      DetailOf(ScanCapture(dir_.string(), "", "", (dir_ / "none").string()).status()).reason(),
+      "NO_MASKS");
+}
+
+TEST_F(ScanCaptureTest, TakesTheLargestModelOfAFolder) {
+  Write("a.jpg", "x");
+  for (const auto& [dir, count] : {std::pair("m/sparse/0", '\2'), std::pair("m/sparse/1", '\5')}) {
+    Write(absl::StrCat(dir, "/cameras.bin"), "x");
+    Write(absl::StrCat(dir, "/images.bin"), std::string(1, count) + std::string(7, '\0'));
+  }
+  const auto capture = ScanCapture(dir_.string(), (dir_ / "m").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  ASSERT_EQ(capture->files.size(), 3u);  // no file of points
+  EXPECT_EQ(capture->files[1].path, (dir_ / "m/sparse/1/cameras.bin").string());
+  EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("m/sparse/1")));
+}
+
+// Programs write one line or two for an image.
+TEST_F(ScanCaptureTest, TakesTheLargestModelInTextForm) {
+  Write("a.jpg", "x");
+  const std::string a = "1 1 0 0 0 0 0 0 1 a.jpg\n", b = "2 1 0 0 0 0 0 0 1 b.jpg\n";
+  for (const auto& [model, images] : {std::pair("0", a + "1 2 -1\n"), std::pair("1", a + b)}) {
+    Write(absl::StrCat("m/", model, "/cameras.txt"), "x");
+    Write(absl::StrCat("m/", model, "/images.txt"), images);
+  }
+  const auto capture = ScanCapture(dir_.string(), (dir_ / "m").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("m/1")));
+}
+
+TEST_F(ScanCaptureTest, AFolderWithoutCamerasSaysWhatItLooksFor) {
+  Write("a.jpg", "x");
+  Write("c/readme.txt", "x");
+  const auto capture = ScanCapture(dir_.string(), (dir_ / "c").string(), "", "");
+  EXPECT_THAT(std::string(capture.status().message()),
+              HasSubstr("nor transforms.json, sfm_data.json"));
+}
+
+TEST_F(ScanCaptureTest, TakesTheListOfABundlerFileAlong) {
+  Write("a.jpg", "x");
+  for (const char* name : {"b/list.txt", "c/capture.lst"}) {
+    Write(name, "a.jpg\n");
+    const std::string folder(name, 1);
+    Write(folder + "/bundle.out", "# Bundle file v0.3\n1 0\n");
+  }
+  for (const char* cameras : {"b", "b/bundle.out", "c"}) {
+    const auto capture = ScanCapture(dir_.string(), (dir_ / cameras).string(), "", "");
+    ASSERT_TRUE(capture.ok()) << capture.status();
+    ASSERT_EQ(capture->files.size(), 2u);
+    EXPECT_EQ(capture->files[1].name, "bundle.out");
+    EXPECT_EQ(capture->files[1].tail, "\na.jpg\n");
+    EXPECT_EQ(capture->files[1].size_bytes, 23 + 7);
+  }
+}
+
+TEST_F(ScanCaptureTest, SaysWhatPicturesThereAreInstead) {
+  Write("1.bmp", "x");
+  Write("2.EXR", "x");
+  const absl::Status status = ScanCapture(dir_.string(), "", "", "").status();
+  EXPECT_EQ(DetailOf(status).reason(), "NO_PHOTOS");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("2 files are of a kind that is not read"));
+}
+
+TEST_F(ScanCaptureTest, RefusesMissingEmptyAndPhotolessFolders) {
+  EXPECT_EQ(DetailOf(ScanCapture((dir_ / "none").string(), "", "", "").status()).reason(),
+            "FOLDER_MISSING");
+  EXPECT_EQ(DetailOf(ScanCapture(dir_.string(), "", "", "").status()).reason(), "FOLDER_EMPTY");
+  Write("low/a.jpg", "x");
+  const absl::Status status = ScanCapture(dir_.string(), "", "", "").status();
+  EXPECT_EQ(DetailOf(status).reason(), "NO_PHOTOS");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("did you mean"));
+}
+
+TEST_F(ScanCaptureTest, DigestsAreThoseOfTheStandard) {
+  Write("abc", "abc");
+  // FIPS 180-2, appendix B.1.
+  const auto digest = FileSha256((dir_ / "abc").string());
+  ASSERT_TRUE(digest.ok());
+  std::string hex;
+  for (const unsigned char byte : *digest) absl::StrAppend(&hex, absl::Hex(byte, absl::kZeroPad2));
+  EXPECT_EQ(hex, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+}
+
+}  // namespace
+}  // namespace litags::client
