@@ -76,7 +76,10 @@ absl::Status Post(const std::string& url, const std::string& body,
   if (guard.refused) return Failed("the host has no address of the internet");
   if (status >= 200 && status < 300) return absl::OkStatus();
   if (status > 0) return Failed(absl::StrCat("the host answered with status ", status));
-  return Failed(why[0] ? std::string(why) : std::string(curl_easy_strerror(code)));
+  const std::string reason = why[0] ? why : curl_easy_strerror(code);
+  if (code != CURLE_PEER_FAILED_VERIFICATION) return Failed(reason);
+  return Failed(absl::StrCat("the host's certificate is not trusted (", reason,
+                             "); --webhook-ca of litags-server names its authority"));
 }
 
 }  // namespace litags

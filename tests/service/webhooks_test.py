@@ -2,14 +2,17 @@
 
 import http.server
 import json
+import os
 import re
+import shutil
+import ssl
 import threading
 import unittest
 
 import examples
 import harness
 from harness import rpc
-
+from security_test import make_certificates
 
 
 def function_of_page():
@@ -25,16 +28,26 @@ SECRET = "0123456789abcdef0123456789abcdef"
 
 
 class Receiver(http.server.ThreadingHTTPServer):
-    """Keeps what it is told; answers with 503 as often as `busy` says."""
+    """Keeps what it is told; answers with 503 as often as `busy` says. Speaks TLS if `certificates`
+    names a folder that holds server.crt and server.key."""
 
-    def __init__(self):
+    def __init__(self, certificates=None):
         super().__init__(("127.0.0.1", 0), Handler)
         self.told, self.busy = [], 0
+        self.scheme = "https" if certificates else "http"
+        if certificates:
+            tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            tls.load_cert_chain(os.path.join(certificates, "server.crt"),
+                                os.path.join(certificates, "server.key"))
+            self.socket = tls.wrap_socket(self.socket, server_side=True)
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
     @property
     def url(self):
-        return f"http://127.0.0.1:{self.server_port}/hook"
+        return f"{self.scheme}://127.0.0.1:{self.server_port}/hook"
+
+    def handle_error(self, request, client_address):
+        """Says nothing: a peer that does not trust the certificate goes away."""
 
 
 class Handler(http.server.BaseHTTPRequestHandler):
@@ -104,6 +117,44 @@ class Webhooks(harness.ServiceTest):
         self.assertRegex(err, "WEBHOOK_NOT_ALLOWED")
         _, err = self.litags("submit", self.photos(), "--webhook", self.receiver.url, exit_code=2)
         self.assertRegex(err, "webhook.secret")
+
+
+@unittest.skipUnless(shutil.which("openssl"), "needs the program openssl to make certificates")
+class HttpsWebhooks(harness.ServiceTest):
+    """Receivers with TLS, and a server that trusts one authority: --webhook-ca."""
+
+    @classmethod
+    def make_server(cls):
+        cls.trusted = os.path.join(cls.class_folder, "trusted")
+        cls.strange = os.path.join(cls.class_folder, "strange")
+        for folder in (cls.trusted, cls.strange):
+            os.mkdir(folder)
+            make_certificates(folder)
+        return harness.Server(cls.class_folder, extra=(
+            "--webhook-hosts", "127.0.0.1", "--webhook-internal", "--webhook-ca",
+            os.path.join(cls.trusted, "ca.crt")))
+
+    def submit_with_receiver(self, certificates):
+        receiver = Receiver(certificates)
+        self.addCleanup(receiver.server_close)
+        self.addCleanup(receiver.shutdown)
+        job = self.submit("--iterations", "20", "--webhook", receiver.url, "--webhook-secret", SECRET)
+        return receiver, lambda: self.jobs.GetJob(rpc.GetJobRequest(name=job)).webhook
+
+    def test_a_receiver_with_tls_is_told(self):
+        receiver, webhook = self.submit_with_receiver(self.trusted)
+        self.wait_for(lambda: webhook().delivered_event > 0, "the end is told")
+        headers, body = receiver.told[0]
+        self.assertTrue(IS_GENUINE(headers, body, SECRET))
+        self.assertEqual((webhook().attempts, webhook().last_error), (1, ""))
+
+    def test_a_receiver_whose_certificate_is_not_trusted_is_told_nothing(self):
+        receiver, webhook = self.submit_with_receiver(self.strange)
+        self.wait_for(lambda: webhook().attempts == 1, "an attempt is made")
+        self.assertRegex(webhook().last_error,
+                         r"certificate is not trusted \(.*issuer.*--webhook-ca")
+        self.assertEqual(webhook().delivered_event, 0)
+        self.assertEqual(receiver.told, [])
 
 
 if __name__ == "__main__":
