@@ -1,5 +1,6 @@
 #include "engine/pipeline/given_cameras.h"
 
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -150,11 +151,30 @@ absl::StatusOr<bool> TurnUpright(const ImageInfo& photo, int index, SparseModel*
   return true;
 }
 
+// Changes a camera's size, and returns the change of x and y.
+std::array<double, 2> Scale(int width, int height, Camera* camera) {
+  const Camera before = *camera;
+  *camera = before.Scaled(width, height);
+  return {double(width) / before.width, double(height) / before.height};
+}
+
+// Of the marks of points in each view.
+void ScaleTracks(const std::vector<std::array<double, 2>>& scales,
+                 std::vector<SparsePoint>* points) {
+  for (SparsePoint& point : *points) {
+    for (TrackElement& e : point.track) {
+      e.x *= scales[e.view][0];
+      e.y *= scales[e.view][1];
+    }
+  }
+}
+
 // Photos of given cameras come with a size; it may be given for another resolution of the photos.
 absl::Status FitToPhotos(const ReconstructInput& input, SparseModel* model,
                          std::vector<std::string>* notes) {
   int turned = 0, scaled = 0;
   std::string some_scaled;
+  std::vector<std::array<double, 2>> scales(model->views.size(), {1, 1});
   for (size_t i = 0; i < model->views.size(); ++i) {
     View& view = model->views[i];
     const std::string field = absl::StrCat("images[", view.name, "]");
@@ -175,9 +195,10 @@ absl::Status FitToPhotos(const ReconstructInput& input, SparseModel* model,
       some_scaled = absl::StrCat(view.camera.width, "x", view.camera.height, " px for ", view.name,
                                  " of ", info.width, "x", info.height);
     }
-    view.camera = view.camera.Scaled(info.width, info.height);
+    scales[i] = Scale(info.width, info.height, &view.camera);
   }
   if (scaled > 0) {
+    ScaleTracks(scales, &model->points);
     notes->push_back(absl::StrCat(scaled, " of ", model->views.size(),
                                   " cameras are of photos of another size, such as ", some_scaled,
                                   ", and were scaled: if they are of undistorted or cut photos, "

@@ -192,6 +192,12 @@ TEST_F(StoredCameras, OfPhotosOfAnotherSizeAreScaledWithANote) {
   const auto cameras = Read();
   ASSERT_TRUE(cameras.ok()) << cameras.status();
   EXPECT_EQ(cameras->views[0].camera.width, kWidth);
+  ASSERT_EQ(cameras->points.size(), known_.points.size());
+  ASSERT_FALSE(cameras->points.empty());
+  for (size_t i = 0; i < cameras->points[0].track.size(); ++i) {
+    EXPECT_EQ(cameras->points[0].track[i].x, known_.points[0].track[i].x / 2);
+    EXPECT_EQ(cameras->points[0].track[i].y, known_.points[0].track[i].y / 2);
+  }
   EXPECT_THAT(notes_, Contains(HasSubstr("256x192 px for p0.png of 128x96, and were scaled")));
 }
 
