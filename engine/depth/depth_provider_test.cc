@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "engine/core/error.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/sparse_model.h"
 
@@ -15,18 +16,10 @@ namespace {
 
 class FolderDepth : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = testing::TempDir() + "depth_provider_" + test->name();
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  std::string Path(const std::string& file) const { return folder_ + "/" + file; }
+  std::string Path(const std::string& file) const { return folder_ / file; }
 
   absl::StatusOr<std::optional<DepthMap>> Depth(const std::string& name, int width, int height) {
-    auto provider = MakeFolderDepthProvider(folder_);
+    auto provider = MakeFolderDepthProvider(folder_.path());
     if (!provider.ok()) return provider.status();
     const View view{name, {}};
     const Photo photo(width, height);
@@ -44,7 +37,7 @@ class FolderDepth : public testing::Test {
     return ramp;
   }
 
-  std::string folder_;
+  const TempDir folder_;
 };
 
 TEST_F(FolderDepth, AViewWithoutAMapHasNone) {
@@ -54,7 +47,7 @@ TEST_F(FolderDepth, AViewWithoutAMapHasNone) {
 }
 
 TEST_F(FolderDepth, AMissingFolderIsAnError) {
-  const auto provider = MakeFolderDepthProvider(folder_ + "/nowhere");
+  const auto provider = MakeFolderDepthProvider(folder_ / "nowhere");
   EXPECT_EQ(provider.status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(GetErrorDetail(provider.status())->field, "depth_dir");
 }
@@ -112,7 +105,7 @@ TEST_F(FolderDepth, TheLensIsTakenOutOfTheMapAsOutOfThePhoto) {
   camera.fx = camera.fy = 60, camera.cx = 48, camera.cy = 32;
   const Photo photo(96, 64);
   ASSERT_TRUE(WritePfm(Path("a.pfm"), Ramp(96, 64)).ok());
-  auto provider = MakeFolderDepthProvider(folder_);
+  auto provider = MakeFolderDepthProvider(folder_.path());
   ASSERT_TRUE(provider.ok());
   for (const double k1 : {-0.2, 0.2}) {
     const Distortion lens{.k1 = k1};
