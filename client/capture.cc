@@ -67,19 +67,56 @@ std::string Joined(Endings endings) {
                        [](std::string* out, std::string_view ending) { out->append(ending); });
 }
 
-// Subfolders with photos in them, for a hint.
-std::string FoldersWithPhotos(const fs::path& dir) {
-  std::string found;
+struct PhotoFolder {
+  fs::path path;
+  size_t photos = 0;
+};
+
+// The subfolders with photos in them, sorted; "masks" holds none. litags inspect has the same rule
+// (engine/tools/inspect/folder_contents.cc).
+std::vector<PhotoFolder> FoldersWithPhotos(const fs::path& dir) {
+  std::vector<PhotoFolder> folders;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(dir, error)) {
-    if (!entry.is_directory(error)) continue;
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with(".") || name == "masks" || !entry.is_directory(error)) continue;
+    PhotoFolder folder{entry.path()};
     for (const auto& inner : fs::directory_iterator(entry.path(), error)) {
-      if (!HasEnding(inner.path(), v1::kPhotoEndings)) continue;
-      absl::StrAppend(&found, found.empty() ? "" : ", ", entry.path().string());
-      break;
+      const bool hidden = inner.path().filename().string().starts_with(".");
+      folder.photos += !hidden && HasEnding(inner.path(), v1::kPhotoEndings);
     }
+    if (folder.photos > 0) folders.push_back(std::move(folder));
   }
-  return found;
+  std::sort(folders.begin(), folders.end(),
+            [](const PhotoFolder& a, const PhotoFolder& b) { return a.path < b.path; });
+  return folders;
+}
+
+// "did you mean room/day, room/night?", or "" where no subfolder holds photos.
+std::string SuggestFolders(const std::vector<PhotoFolder>& folders) {
+  constexpr size_t kMost = 5;
+  if (folders.empty()) return "";
+  std::string text = "did you mean ";
+  for (size_t i = 0; i < std::min(kMost, folders.size()); ++i) {
+    absl::StrAppend(&text, i == 0 ? "" : ", ", folders[i].path.string());
+  }
+  const size_t more = folders.size() - std::min(kMost, folders.size());
+  return absl::StrCat(text, more > 0 ? absl::StrCat(" or one of ", more, " others") : "", "?");
+}
+
+// What is used by an option of its own, as --depth photos/depth, needs no note.
+void NoteUnusedFolders(const std::string& photos_dir, const std::string& cameras_path,
+                       const std::string& depth_dir, Capture* capture) {
+  std::error_code ignored;
+  for (const auto& [path, photos] : FoldersWithPhotos(photos_dir)) {
+    const bool used = fs::equivalent(path, cameras_path, ignored) ||
+                      fs::equivalent(path, depth_dir, ignored) ||
+                      fs::equivalent(path, capture->masks_dir, ignored);
+    if (used) continue;
+    capture->notes.push_back(absl::StrCat(photos, photos == 1 ? " photo in " : " photos in ",
+                                          path.filename().string(),
+                                          photos == 1 ? "/ is not used" : "/ are not used"));
+  }
 }
 
 // Files of cameras as their programs name them.
@@ -263,14 +300,14 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   }
   if (!status.ok()) return status;
   if (capture.files.empty()) {
-    const std::string inside = FoldersWithPhotos(photos_dir);
+    const std::string inside = SuggestFolders(FoldersWithPhotos(photos_dir));
     const std::string others = DescribeOtherPictures(capture.skipped);
     return BadInput(
         "NO_PHOTOS", "DIR",
         absl::StrCat(photos_dir, ": holds no photos (", Joined(v1::kPhotoEndings), "); ",
                      !others.empty()  ? others
                      : inside.empty() ? "give the folder that holds them"
-                                      : absl::StrCat("did you mean ", inside, "?")));
+                                      : inside));
   }
   const std::string resolved = ResolveCameras(cameras_path).string();
   if (resolved != cameras_path) capture.notes.push_back(absl::StrCat("cameras: ", resolved));
@@ -300,12 +337,24 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
     status = AddMasks(&capture);
     if (!status.ok()) return status;
   }
+  NoteUnusedFolders(photos_dir, cameras_path, depth_dir, &capture);
   std::sort(capture.files.begin(), capture.files.end(), [](const auto& a, const auto& b) {
     return std::pair(a.role, a.name) < std::pair(b.role, b.name);
   });
   std::sort(capture.skipped.begin(), capture.skipped.end());
   return capture;
 }
+
+std::string DefaultTitle(const std::string& photos_dir) {
+  constexpr size_t kMostBytes = 200;  // CreateJobRequest.display_name
+  fs::path path = fs::absolute(photos_dir).lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();  // "photos/"
+  const std::string name = path.filename().string();
+  return name.size() > kMostBytes || Printable(name) != name || name.find('\n') != std::string::npos
+             ? ""
+             : name;
+}
+
 absl::StatusOr<std::string> FileSha256(const std::string& path, absl::string_view tail) {
   std::ifstream in(path, std::ios::binary);
   if (!in) return Unreadable(path, std::generic_category().message(errno));

@@ -12,7 +12,7 @@
 
 namespace litags::client {
 
-// A file to send. Only its name, never its folder, goes over the wire.
+// A file to send. Of its path only the name goes over the wire.
 struct LocalFile {
   std::string path;
   std::string name;  // last component of path
@@ -37,6 +37,10 @@ struct Capture {
 // one. INVALID_ARGUMENT: FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, FILE_UNREADABLE.
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
                                     const std::string& depth_dir, const std::string& masks_dir);
+
+// The title of a job that the user gives none: the name of its folder, archive or video. Empty
+// where the service would refuse it.
+std::string DefaultTitle(const std::string& photos_dir);
 
 // SHA-256 of a file and what goes up behind it, 32 bytes. INVALID_ARGUMENT (FILE_UNREADABLE).
 absl::StatusOr<std::string> FileSha256(const std::string& path, absl::string_view tail = "");

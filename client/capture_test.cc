@@ -49,6 +49,27 @@ TEST_F(ScanCaptureTest, FindsPhotosAndNamesTheRest) {
   EXPECT_THAT(capture->skipped, ElementsAre("notes.txt"));
 }
 
+TEST_F(ScanCaptureTest, SaysWhichPhotosOfSubfoldersAreNotUsed) {
+  for (const char* name : {"a.jpg", "day/1.jpg", "day/2.jpg", "cut/1.jpg", "depth/a.png",
+                           "masks/a.png", ".trash/1.jpg", "text/a.txt"}) {
+    Write(name, "x");
+  }
+  const auto capture = ScanCapture(dir_.string(), "", (dir_ / "depth").string(), "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  EXPECT_THAT(capture->notes,
+              ElementsAre("1 photo in cut/ is not used", "2 photos in day/ are not used"));
+}
+
+TEST_F(ScanCaptureTest, TheTitleIsTheFoldersName) {
+  EXPECT_EQ(DefaultTitle("/home/a/kitchen"), "kitchen");
+  EXPECT_EQ(DefaultTitle("kitchen/"), "kitchen");
+  EXPECT_EQ(DefaultTitle("."), fs::current_path().filename().string());
+  EXPECT_EQ(DefaultTitle("kitchen/../night.mp4"), "night.mp4");
+  EXPECT_EQ(DefaultTitle("two\nlines"), "");
+  EXPECT_EQ(DefaultTitle("no UTF-8 \xff"), "");
+  EXPECT_EQ(DefaultTitle(std::string(201, 'a')), "");
+}
+
 TEST_F(ScanCaptureTest, TakesMasksBesideThePhotosOrOfAFolder) {
   Write("a.jpg", "x");
   EXPECT_EQ(ScanCapture(dir_.string(), "", "", "")->masks_dir, "");
@@ -133,9 +154,12 @@ TEST_F(ScanCaptureTest, RefusesMissingEmptyAndPhotolessFolders) {
             "FOLDER_MISSING");
   EXPECT_EQ(DetailOf(ScanCapture(dir_.string(), "", "", "").status()).reason(), "FOLDER_EMPTY");
   Write("low/a.jpg", "x");
+  Write("high/a.jpg", "x");
   const absl::Status status = ScanCapture(dir_.string(), "", "", "").status();
   EXPECT_EQ(DetailOf(status).reason(), "NO_PHOTOS");
-  EXPECT_THAT(std::string(status.message()), HasSubstr("did you mean"));
+  EXPECT_THAT(std::string(status.message()),
+              HasSubstr(absl::StrCat("did you mean ", (dir_ / "high").string(), ", ",
+                                     (dir_ / "low").string(), "?")));
 }
 
 TEST_F(ScanCaptureTest, DigestsAreThoseOfTheStandard) {

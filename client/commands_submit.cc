@@ -21,7 +21,8 @@ namespace litags::client {
 namespace {
 
 struct SubmitArgs {
-  std::string dir, cameras, depth_dir, masks_dir, name, request_id;
+  std::string dir, cameras, depth_dir, masks_dir, request_id;
+  std::optional<std::string> name;
   std::string webhook, webhook_secret;
   std::vector<std::string> labels;
   bool watch = false, strict = false;
@@ -128,7 +129,7 @@ int Submit(Session& session, const SubmitArgs& args) {
   for (const std::string& note : capture->notes) Note(note);
 
   v1::CreateJobRequest request;
-  request.set_display_name(args.name);
+  request.set_display_name(args.name.value_or(DefaultTitle(args.dir)));
   request.set_request_id(args.request_id.empty() ? RandomId() : args.request_id);
   if (!ParseLabels(args.labels, request.mutable_labels())) return kExitBadInput;
   *request.mutable_options() = args.options;
@@ -177,7 +178,7 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_flag("--watch", args->watch, "Then follow the job until it ends");
   command->add_flag("--strict", args->strict,
                     "Refuse if the service cannot read one of the photos; else it is left out");
-  command->add_option("--name", args->name, "Title for humans");
+  command->add_option("--name", args->name, "Title for humans; default: the folder's name");
   AddLabelOption(*command, args->labels);
   command->add_option(
       "--cameras", args->cameras,
