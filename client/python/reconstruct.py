@@ -8,7 +8,6 @@ Exit status: 1 if the service refused something or the job failed.
 """
 
 import argparse
-import os
 import pathlib
 import sys
 
@@ -19,21 +18,29 @@ parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument("photos", type=pathlib.Path, help="folder")
 parser.add_argument("picture", type=pathlib.Path, help="PNG to write: the first photo's view")
 parser.add_argument("scene", type=pathlib.Path, nargs="?", help=".ply to write")
-parser.add_argument("--server", default=os.environ.get("LITAGS_SERVER", "127.0.0.1:50051"),
+parser.add_argument("--server", default="",
                     help="HOST:PORT; default: LITAGS_SERVER, or this machine's")
 parser.add_argument("--iterations", type=int, help="default: the server's")
 args = parser.parse_args()
 
+
+def text_of(event: job_pb2.JobEvent) -> str:
+    if event.HasField("state_change"):
+        change = event.state_change
+        return f"{job_pb2.JobState.Name(change.state)} {change.message}"
+    step = event.progress
+    done = f"{step.iteration} of {step.iterations} " if step.iteration else ""
+    return f"{job_pb2.Stage.Name(step.stage)} {done}{step.message}"
+
+
 try:
-    with Client(args.server) as client:
+    with Client.from_environment(args.server) as client:  # also LITAGS_TOKEN, LITAGS_TLS_CA, ...
         job = client.submit(args.photos, options=job_pb2.JobOptions(iterations=args.iterations))
+        said = ""
         for event in client.watch(job):  # goes on after a broken connection
-            if event.HasField("state_change"):
-                print(job_pb2.JobState.Name(event.state_change.state), event.state_change.message)
-            elif event.HasField("progress"):
-                step = event.progress
-                print(job_pb2.Stage.Name(step.stage), step.iteration, "of", step.iterations,
-                      step.message)
+            if not event.HasField("snapshot") and text_of(event) != said:
+                said = text_of(event)
+                print(said)
         client.wait(job)  # raises if it failed
         camera = client.cameras(job)[0]
         args.picture.write_bytes(client.render(job, camera))

@@ -2,7 +2,7 @@
 //   node out/reconstruct.js night_photos/ view.png scene.ply     (docs/languages.md)
 import { createHash, randomUUID } from "node:crypto";
 import { readFileSync, readdirSync, writeFileSync } from "node:fs";
-import { Code, ConnectError, createClient } from "@connectrpc/connect";
+import { type Client, Code, ConnectError, type Interceptor, createClient } from "@connectrpc/connect";
 import { createGrpcTransport } from "@connectrpc/connect-node";
 import { ErrorDetailSchema } from "./gen/litags/v1/errors_pb.js";
 import { JobState } from "./gen/litags/v1/job_pb.js";
@@ -10,32 +10,66 @@ import { ModelService } from "./gen/litags/v1/model_service_pb.js";
 import { ReconstructionService } from "./gen/litags/v1/reconstruction_service_pb.js";
 import { RenderService } from "./gen/litags/v1/render_service_pb.js";
 
+type Jobs = Client<typeof ReconstructionService>;
+
 const [folder, picture, scene, iterations] = process.argv.slice(2);
 if (!scene) {
   console.error("give PHOTOS VIEW.png SCENE.ply [ITERATIONS]");
   process.exit(1);
 }
-const server = process.env.LITAGS_SERVER ?? "127.0.0.1:50051";
-const transport = createGrpcTransport({ baseUrl: `http://${server}` });
-const jobs = createClient(ReconstructionService, transport);
-const photos = readdirSync(folder).filter((name) => /\.(jpe?g|png)$/i.test(name)).sort();
 
-async function* upload(job: string) {
+// The service's reason and field of an error, for programs.
+function detailOf(error: unknown) {
+  return ConnectError.from(error).findDetails(ErrorDetailSchema)[0];
+}
+
+// Takes the environment variables of the program litags.
+function connect() {
+  const server = process.env.LITAGS_SERVER || "127.0.0.1:50051";
+  const { LITAGS_TOKEN: token, LITAGS_TLS_CA: ca, LITAGS_TLS: encrypt = "" } = process.env;
+  const tls = ca || !/^(0|false|no|off)?$/i.test(encrypt);
+  if (token && !tls && !/^(localhost|127\.[\d.]+|\[::1\]):\d+$/.test(server)) {
+    throw new Error(`the token would travel to ${server} unencrypted; set LITAGS_TLS=1 or LITAGS_TLS_CA`);
+  }
+  const withToken: Interceptor = (next) => (request) => {
+    if (token) request.header.set("authorization", `Bearer ${token}`);
+    return next(request);
+  };
+  return createGrpcTransport({
+    baseUrl: `${tls ? "https" : "http"}://${server}`,
+    interceptors: [withToken],
+    nodeOptions: ca ? { ca: readFileSync(ca) } : {}, // else those of Node.js are trusted
+  });
+}
+
+async function* upload(job: string, photo: string) {
   yield { part: { case: "name" as const, value: job } };
-  for (const name of photos) {
-    const data = readFileSync(`${folder}/${name}`);
-    const sha256 = createHash("sha256").update(data).digest();
-    const file = { name, sizeBytes: BigInt(data.length), sha256 };
-    yield { part: { case: "file" as const, value: file } };
-    for (let at = 0; at < data.length; at += 256 << 10) {
-      yield { part: { case: "chunk" as const, value: data.subarray(at, at + (256 << 10)) } };
+  const data = readFileSync(`${folder}/${photo}`);
+  const sha256 = createHash("sha256").update(data).digest();
+  const file = { name: photo, sizeBytes: BigInt(data.length), sha256 };
+  yield { part: { case: "file" as const, value: file } };
+  for (let at = 0; at < data.length; at += 256 << 10) {
+    yield { part: { case: "chunk" as const, value: data.subarray(at, at + (256 << 10)) } };
+  }
+  yield { part: { case: "end" as const, value: { files: 1 } } };
+}
+
+// Uploads the photos and starts the job. Each photo has a stream of its own, so that those that the
+// service cannot read are left out.
+async function submit(jobs: Jobs, name: string, photos: string[]) {
+  for (const photo of photos) {
+    try {
+      await jobs.uploadImages(upload(name, photo));
+    } catch (error) {
+      if (!/^(IMAGE_.*|FILE_EMPTY)$/.test(detailOf(error)?.reason ?? "")) throw error;
+      console.error(`${photo} is left out: ${ConnectError.from(error).rawMessage}`);
     }
   }
-  yield { part: { case: "end" as const, value: { files: photos.length } } };
+  await jobs.startJob({ name, requestId: randomUUID() });
 }
 
 // Follows the job to its end; a broken connection goes on after the last event that came.
-async function watch(name: string) {
+async function watch(jobs: Jobs, name: string) {
   for (let afterEvent = 0n, failures = 0; ; ) {
     try {
       for await (const event of jobs.watchJob({ name, afterEvent })) {
@@ -55,11 +89,18 @@ async function watch(name: string) {
 }
 
 async function main() {
+  const photos = readdirSync(folder).filter((name) => /\.(jpe?g|png)$/i.test(name)).sort();
+  const transport = connect();
+  const jobs = createClient(ReconstructionService, transport);
   const options = iterations ? { iterations: Number(iterations) } : {}; // else the server's default
   const { name } = await jobs.createJob({ requestId: randomUUID(), options });
-  await jobs.uploadImages(upload(name));
-  await jobs.startJob({ name, requestId: randomUUID() });
-  const job = await watch(name);
+  try {
+    await submit(jobs, name, photos);
+  } catch (error) { // nobody goes on with the job
+    await jobs.deleteJob({ name, allowMissing: true }).catch(() => {});
+    throw error;
+  }
+  const job = await watch(jobs, name);
   if (job.state !== JobState.SUCCEEDED) throw new Error(job.error?.message ?? "cancelled");
   const pictures = createClient(RenderService, transport);
   const [placed] = (await pictures.listCameras({ name })).cameras; // photos may have been left out
@@ -74,7 +115,7 @@ async function main() {
 }
 
 main().catch((error) => {
-  const [detail] = ConnectError.from(error).findDetails(ErrorDetailSchema);
+  const detail = detailOf(error);
   console.error(error.message, detail?.reason ?? "", detail?.field ?? "");
   process.exit(1);
 });

@@ -2,25 +2,31 @@
 
 import os
 import pathlib
+import shutil
 import subprocess
+import unittest
 
 import harness
+from security_test import make_certificates, run_server
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
 
 
-class Example:
-    """Mixed into a ServiceTest. `command`: the program, without arguments."""
+class Program:
+    """Mixed into a ServiceTest. `command`: the program, without arguments; `option`: what stands
+    before the number of iterations."""
 
     command = ()
+    option = ()
 
-    def start(self, photos, address, iterations):
+    def start(self, photos, address, iterations, **environment):
         self.picture = pathlib.Path(self.folder, "view.png")
         self.scene = pathlib.Path(self.folder, "scene.ply")
         return subprocess.Popen(
-            [*map(str, self.command), photos, self.picture, self.scene, str(iterations)],
-            env=dict(os.environ, LITAGS_SERVER=address, NO_PROXY="127.0.0.1"),
+            [*map(str, self.command), photos, self.picture, self.scene, *self.option,
+             str(iterations)],
+            env=dict(os.environ, LITAGS_SERVER=address, NO_PROXY="127.0.0.1", **environment),
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def finish(self, process):
@@ -28,6 +34,16 @@ class Example:
             return process.communicate(timeout=harness.PATIENCE_S)
         finally:
             process.kill()
+
+    def run_program(self, *args, exit_code=0, **environment):
+        """Returns (stdout, stderr)."""
+        process = self.start(*args, **environment)
+        out, err = self.finish(process)
+        self.assertEqual(process.returncode, exit_code, err)
+        return out, err
+
+
+class Example(Program):
 
     def test_photos_become_a_picture_and_a_scene_though_the_watch_is_cut(self):
         proxy = harness.CuttableProxy(self.server.port)
@@ -61,3 +77,72 @@ class Example:
         _, err = self.finish(process)
         self.assertEqual(process.returncode, 1)
         self.assertIn("take photos that overlap more", err)
+
+
+class Refused(Program):
+    """What the service does not take."""
+
+    def states(self):
+        return sorted(job.state for job in self.jobs.ListJobs(harness.rpc.ListJobsRequest()).jobs)
+
+    def test_photos_that_cannot_be_read_are_left_out(self):
+        photos = self.photos(("a.png", "b.png", "c.png", "d.png"))
+        pathlib.Path(photos, "bad.jpg").write_bytes(b"no photo")
+        pathlib.Path(photos, "empty.png").touch()
+        pathlib.Path(photos, "short.png").write_bytes(harness.large_png()[:2_000_000])
+        _, err = self.run_program(photos, self.server.address, 20)
+        for name in ("bad.jpg", "empty.png", "short.png"):
+            self.assertRegex(err, f"{name} is left out: ")
+        self.assertNotRegex(err, "[a-d].png is left out")
+        self.assertTrue(self.scene.exists())
+
+    def test_a_job_that_is_refused_is_deleted(self):
+        before = self.states()
+        _, err = self.run_program(self.photos(("a.png", "b.png")), self.server.address, 20,
+                                  exit_code=1)
+        self.assertIn("TOO_FEW_PHOTOS", err)
+        self.assertEqual(self.states(), before)
+
+    def test_a_folder_that_is_not_there_is_named_in_a_line(self):
+        _, err = self.run_program("/no/such/folder", self.server.address, 20, exit_code=1)
+        self.assertRegex(err, r"\A[^\n]*/no/such/folder[^\n]*\n\Z")
+
+
+@unittest.skipUnless(shutil.which("openssl"), "needs the program openssl to make certificates")
+class Secure(Program):
+    """A server with TLS and tokens, which the environment names as it does for litags."""
+
+    @classmethod
+    def make_server(cls):
+        at = lambda name: os.path.join(cls.class_folder, name)  # noqa: E731
+        make_certificates(cls.class_folder)
+        cls.ca = at("ca.crt")
+        _, token, _ = run_server("token", "alice", "--tokens", at("tokens"))
+        cls.token = token.strip()
+        return harness.Server(cls.class_folder, extra=(
+            "--tls-cert", at("server.crt"), "--tls-key", at("server.key"), "--tokens",
+            at("tokens")))
+
+    def test_with_a_token_and_the_certificates_of_a_file(self):
+        self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN=self.token,
+                         LITAGS_TLS_CA=self.ca)
+        self.assertTrue(self.scene.exists())
+
+    def test_with_the_certificates_of_the_system(self):
+        # How Go, Node.js and gRPC name them.
+        system = {name: self.ca for name in ("SSL_CERT_FILE", "NODE_EXTRA_CA_CERTS",
+                                             "GRPC_DEFAULT_SSL_ROOTS_FILE_PATH")}
+        self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN=self.token,
+                         LITAGS_TLS="1", **system)
+        self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN=self.token,
+                         LITAGS_TLS="1", exit_code=1)
+
+    def test_a_missing_token_is_refused(self):
+        _, err = self.run_program(self.photos(), self.server.address, 20, LITAGS_TLS_CA=self.ca,
+                                  exit_code=1)
+        self.assertIn("TOKEN_MISSING", err)
+
+    def test_a_token_is_not_sent_unencrypted_to_another_machine(self):
+        _, err = self.run_program(self.photos(), "192.0.2.1:1", 20, LITAGS_TOKEN=self.token,
+                                  LITAGS_TLS="0", exit_code=1)
+        self.assertIn("unencrypted", err)

@@ -15,7 +15,11 @@ DEBIANS = pathlib.Path("/usr/share/gocode")
 PROGRAM = WORK / "reconstruct"
 
 
-class Go(examples.Example, harness.ServiceTest):
+class Go(examples.Example, examples.Refused, harness.ServiceTest):
+    command = (PROGRAM,)
+
+
+class SecureGo(examples.Secure, harness.ServiceTest):
     command = (PROGRAM,)
 
 

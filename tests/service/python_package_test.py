@@ -9,6 +9,7 @@ import io
 import os
 import pathlib
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -32,9 +33,11 @@ if INSTALLED not in os.environ:
         environment[INSTALLED] = python
         sys.exit(subprocess.run([python, "-B", *sys.argv], env=environment).returncode)
 
+import examples  # noqa: E402
 import grpc  # noqa: E402
 import harness  # noqa: E402
 import litags  # noqa: E402
+import litags.connection  # noqa: E402
 import litags.files  # noqa: E402
 from litags.v1 import job_pb2  # noqa: E402
 
@@ -160,6 +163,45 @@ class Package(harness.ServiceTest):
             names.setdefault(role, []).append(file.name)
         return {role: sorted(found) for role, found in names.items()}
 
+    def test_photos_that_cannot_be_read_are_left_out_with_their_masks(self):
+        folder = self.photos(("a.png", "b.png", "c.png", "bad.png"))
+        masks = self.photos(("a.png", "bad_mask.png"))
+        pathlib.Path(folder, "bad.png").write_bytes(b"no photo")
+        client = self.client()
+        with self.assertLogs("litags", "WARNING") as said, \
+                mock.patch("litags.client._FILES_PER_STREAM", 2):
+            job = client.submit(folder, masks=masks, options={"iterations": 5})
+        self.assertRegex("".join(said.output), "bad.png is left out: ")
+        self.assertEqual(self.roles(job),
+                         {"PHOTO": ["a.png", "b.png", "c.png"], "MASK": ["a.png"]})
+        with self.assertRaises(litags.LitagsError) as caught:
+            client.submit(folder, strict=True)
+        self.assertEqual(caught.exception.field, "images[bad.png]")
+
+    def test_a_job_may_be_given_by_its_id(self):
+        client = self.client()
+        job = client.submit(self.photos(), options={"iterations": 5})
+        known = job.removeprefix("jobs/")
+        self.assertEqual(client.wait(known, progress=False).name, job)
+        self.assertEqual(client.job(known).name, job)
+        self.assertEqual(client.cameras(known), ["a.png", "b.png", "c.png"])
+        self.assertEqual(client.render(known, "a.png"), client.render(job, "a.png"))
+        client.export(known, os.path.join(self.folder, "scene.ply"))
+
+    def test_the_environment_that_cannot_be_used_is_named(self):
+        missing = os.path.join(self.folder, "missing")
+        for environment, error, words in (
+                ({"LITAGS_TLS_CERT": __file__}, ValueError, "LITAGS_TLS_KEY belong together"),
+                ({"LITAGS_TLS_CA": missing}, OSError, missing),
+                ({"LITAGS_TOKEN_FILE": missing}, OSError, missing),
+                ({"LITAGS_SERVER": "127.0.0.1.example.org:1", "LITAGS_TOKEN": "x"}, ValueError,
+                 "unencrypted")):
+            with self.assertRaisesRegex(error, words):
+                litags.connection.options_of(environment)
+        for server in ("127.0.0.2:1", "[::1]:1", "localhost:1"):
+            self.assertEqual(litags.connection.options_of({"LITAGS_TOKEN": "x"}, server),
+                             {"server": server, "token": "x", "credentials": None, "tls_name": ""})
+
     def test_a_name_that_is_not_utf8_is_named_before_there_is_a_job(self):
         folder = self.photos()
         pathlib.Path(os.fsdecode(os.path.join(os.fsencode(folder), b"caf\xe9.png"))).write_bytes(
@@ -173,6 +215,8 @@ class Package(harness.ServiceTest):
         with self.assertRaises(litags.LitagsError) as caught:
             self.client("127.0.0.1:1").submit(self.photos())
         self.assertEqual(caught.exception.code, grpc.StatusCode.UNAVAILABLE)
+        self.assertRegex(str(caught.exception),
+                         r"\Ano server answers at 127.0.0.1:1: .*LITAGS_SERVER.*\n  UNAVAILABLE\Z")
 
     def test_a_server_that_vanished_is_waited_for_no_longer_than_said(self):
         server = harness.Server(self.folder)
@@ -221,28 +265,20 @@ class Package(harness.ServiceTest):
             client.wait(job)
         self.assertIn(f"{job}: 100%", said.getvalue())
 
-    # reconstruct.py, as its reader would run it.
 
-    def start(self, photos, address, *more):
-        return subprocess.Popen(
-            [sys.executable, "-B", SOURCE / "client/python/reconstruct.py", photos,
-             os.path.join(self.folder, "view.png"), os.path.join(self.folder, "scene.ply"),
-             "--server", address, *more],
-            env=dict(os.environ, PYTHONUNBUFFERED="1"), stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True)
+class Reconstruct(examples.Refused, harness.ServiceTest):
+    """reconstruct.py, as its reader would run it."""
 
-    def finish(self, process):
-        try:
-            return process.communicate(timeout=harness.PATIENCE_S)
-        finally:
-            process.kill()
+    command = (sys.executable, "-B", "-u", SOURCE / "client/python/reconstruct.py")
+    option = ("--iterations",)
 
     def test_the_example_goes_on_though_uploads_and_watches_are_cut(self):
         photos = self.photos(())
         for seed, name in enumerate(("slow.png", "b.png", "c.png")):
             pathlib.Path(photos, name).write_bytes(harness.large_png(seed))
-        proxy = self.proxy(cut_every=2 << 20)
-        process = self.start(photos, proxy.address, "--iterations", "100")
+        proxy = harness.CuttableProxy(self.server.port, cut_every=2 << 20)
+        self.addCleanup(proxy.close)
+        process = self.start(photos, proxy.address, 100)
         lines = []
         for line in process.stdout:
             lines.append(line)
@@ -258,25 +294,47 @@ class Package(harness.ServiceTest):
         self.assertEqual(harness.png_size(picture), (64, 48))  # the fake engine's
         self.assertTrue(pathlib.Path(self.folder, "scene.ply").read_bytes().startswith(b"ply\n"))
 
-    def test_the_example_says_what_is_refused_with_its_reason_and_field(self):
-        process = self.start(self.photos(("a.png",)), self.server.address, "--iterations", "-1")
-        _, err = self.finish(process)
-        self.assertEqual(process.returncode, 1)
+    def test_what_is_refused_is_said_with_its_reason_and_field(self):
+        _, err = self.run_program(self.photos(), self.server.address, -1, exit_code=1)
         self.assertRegex(err, r"INVALID_ARGUMENT \w+, field options.iterations")
 
-    def test_the_example_finds_its_server_in_the_environment(self):
-        done = subprocess.run(
-            [sys.executable, "-B", SOURCE / "client/python/reconstruct.py", self.photos(),
-             os.path.join(self.folder, "view.png"), "--iterations", "-1"],
-            env=dict(os.environ, LITAGS_SERVER=self.server.address), stderr=subprocess.PIPE,
-            text=True)
-        self.assertRegex(done.stderr, r"INVALID_ARGUMENT \w+, field options.iterations")
-
-    def test_the_example_says_why_a_job_failed(self):
-        process = self.start(self.photos(("fail.png", "b.png", "c.png")), self.server.address)
-        _, err = self.finish(process)
-        self.assertEqual(process.returncode, 1)
+    def test_a_job_that_fails_says_why(self):
+        _, err = self.run_program(self.photos(("fail.png", "b.png", "c.png")),
+                                  self.server.address, 40, exit_code=1)
         self.assertRegex(err, r"take photos that overlap more\s+\w+ SFM_TOO_FEW_VIEWS, field images")
+
+    def test_each_step_is_said_once_with_its_message(self):
+        step = job_pb2.Progress(stage=job_pb2.STAGE_PREPARING, iterations=100)
+        later = job_pb2.Progress(stage=job_pb2.STAGE_PREPARING, iterations=100, message="depth")
+        trained = job_pb2.Progress(stage=job_pb2.STAGE_TRAINING, iteration=7, iterations=100)
+        events = [job_pb2.JobEvent(progress=progress)
+                  for progress in (step, step, later, later, trained)]
+        events.insert(1, job_pb2.JobEvent(snapshot=job_pb2.JobEvent.Snapshot(iteration=1)))
+        client = mock.MagicMock()
+        client.__enter__.return_value = client
+        client.watch.return_value = events
+        client.render.return_value = b""
+        said = io.StringIO()
+        arguments = ["reconstruct.py", self.folder, os.path.join(self.folder, "view.png")]
+        with contextlib.redirect_stdout(said), mock.patch.object(sys, "argv", arguments), \
+                mock.patch("litags.Client.from_environment", return_value=client):
+            runpy.run_path(str(self.command[-1]))
+        self.assertEqual([line.strip() for line in said.getvalue().splitlines()[:-1]],
+                         ["STAGE_PREPARING", "STAGE_PREPARING depth", "STAGE_TRAINING 7 of 100"])
+
+
+class SecureReconstruct(examples.Secure, harness.ServiceTest):
+    command = Reconstruct.command
+    option = Reconstruct.option
+
+    def test_with_the_token_of_a_file_and_another_name_of_the_server(self):
+        path = os.path.join(self.folder, "token")
+        pathlib.Path(path).write_text(self.token + "\n")
+        self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN_FILE=path,
+                         LITAGS_TLS_CA=self.ca, LITAGS_TLS_NAME="localhost")
+        _, err = self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN_FILE=path,
+                                  LITAGS_TLS_CA=self.ca, LITAGS_TLS_NAME="elsewhere", exit_code=1)
+        self.assertIn("no server answers", err)
 
 
 if __name__ == "__main__":

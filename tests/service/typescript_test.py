@@ -16,8 +16,12 @@ HERE = examples.SOURCE / "client/typescript"
 WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
 
 
-class TypeScript(examples.Example, harness.ServiceTest):
+class TypeScript(examples.Example, examples.Refused, harness.ServiceTest):
     command = ("node", WORK / "out/reconstruct.js")
+
+
+class SecureTypeScript(examples.Secure, harness.ServiceTest):
+    command = TypeScript.command
 
 
 if __name__ == "__main__":

@@ -7,18 +7,23 @@ import (
 	"context"
 	"crypto/rand"
 	"crypto/sha256"
+	"crypto/tls"
 	"encoding/hex"
 	"fmt"
 	"io"
 	"log"
+	"net"
 	"os"
 	"path/filepath"
 	"regexp"
 	"strconv"
+	"strings"
 	"time"
 
 	"google.golang.org/grpc"
 	"google.golang.org/grpc/codes"
+	"google.golang.org/grpc/credentials"
+	"google.golang.org/grpc/metadata"
 	"google.golang.org/grpc/status"
 	"google.golang.org/protobuf/proto"
 
@@ -27,13 +32,21 @@ import (
 
 var ctx = context.Background()
 
-// must ends the program with what the service says: reason and field for programs, then the message.
+// detailOf gives the service's reason and field of an error, for programs.
+func detailOf(err error) (reason, field string) {
+	for _, detail := range status.Convert(err).Details() {
+		if known, ok := detail.(*pb.ErrorDetail); ok {
+			return known.Reason, known.Field
+		}
+	}
+	return "", ""
+}
+
+// must ends the program with what the service says.
 func must[T any](result T, err error) T {
 	if err != nil {
-		for _, detail := range status.Convert(err).Details() {
-			if known, ok := detail.(*pb.ErrorDetail); ok {
-				log.Println(known.Reason, known.Field)
-			}
+		if reason, field := detailOf(err); reason != "" {
+			log.Println(reason, field)
 		}
 		log.Fatalln(err)
 	}
@@ -46,25 +59,73 @@ func newID() string {
 	return hex.EncodeToString(id)
 }
 
-func upload(jobs pb.ReconstructionServiceClient, job string, photos []string) {
-	stream := must(jobs.UploadImages(ctx))
+func isThisMachine(server string) bool {
+	host, _, _ := net.SplitHostPort(server)
+	return host == "localhost" || net.ParseIP(host).IsLoopback()
+}
+
+// connect takes the environment variables of the program litags.
+func connect() *grpc.ClientConn {
+	server, token, ca := os.Getenv("LITAGS_SERVER"), os.Getenv("LITAGS_TOKEN"), os.Getenv("LITAGS_TLS_CA")
+	if server == "" {
+		server = "127.0.0.1:50051"
+	}
+	encrypt := !regexp.MustCompile(`(?i)^(0|false|no|off)?$`).MatchString(os.Getenv("LITAGS_TLS"))
+	security := grpc.WithInsecure()
+	switch {
+	case ca != "": // trusts the certificates of this file
+		security = grpc.WithTransportCredentials(must(credentials.NewClientTLSFromFile(ca, "")))
+	case encrypt: // trusts the system's
+		security = grpc.WithTransportCredentials(credentials.NewTLS(&tls.Config{}))
+	case token != "" && !isThisMachine(server):
+		log.Fatalln("the token would travel to", server, "unencrypted; set LITAGS_TLS=1 or LITAGS_TLS_CA")
+	}
+	if token != "" {
+		ctx = metadata.AppendToOutgoingContext(ctx, "authorization", "Bearer "+token)
+	}
+	return must(grpc.Dial(server, security,
+		grpc.WithDefaultCallOptions(grpc.MaxCallRecvMsgSize(256<<20)))) // a picture may have more than 4 MiB
+}
+
+func upload(jobs pb.ReconstructionServiceClient, job, photo string) error {
+	data, err := os.ReadFile(photo)
+	if err != nil {
+		return err
+	}
+	stream, err := jobs.UploadImages(ctx)
+	if err != nil {
+		return err
+	}
 	send := func(part *pb.UploadImagesRequest) { stream.Send(part) } // errors come with the answer
 	send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_Name{Name: job}})
+	sum := sha256.Sum256(data)
+	send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_File{File: &pb.FileHeader{
+		Name: filepath.Base(photo), SizeBytes: int64(len(data)), Sha256: sum[:]}}})
+	for chunk := 256 << 10; len(data) > 0; data = data[chunk:] {
+		if chunk > len(data) {
+			chunk = len(data)
+		}
+		send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_Chunk{Chunk: data[:chunk]}})
+	}
+	send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_End{End: &pb.UploadEnd{Files: 1}}})
+	_, err = stream.CloseAndRecv()
+	return err
+}
+
+// submit uploads the photos and starts the job. Each photo has a stream of its own, so that those
+// that the service cannot read are left out.
+func submit(jobs pb.ReconstructionServiceClient, job string, photos []string) error {
 	for _, photo := range photos {
-		data := must(os.ReadFile(photo))
-		sum := sha256.Sum256(data)
-		send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_File{File: &pb.FileHeader{
-			Name: filepath.Base(photo), SizeBytes: int64(len(data)), Sha256: sum[:]}}})
-		for chunk := 256 << 10; len(data) > 0; data = data[chunk:] {
-			if chunk > len(data) {
-				chunk = len(data)
-			}
-			send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_Chunk{Chunk: data[:chunk]}})
+		err := upload(jobs, job, photo)
+		reason, _ := detailOf(err)
+		if strings.HasPrefix(reason, "IMAGE_") || reason == "FILE_EMPTY" {
+			log.Println(filepath.Base(photo), "is left out:", status.Convert(err).Message())
+		} else if err != nil {
+			return err
 		}
 	}
-	send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_End{
-		End: &pb.UploadEnd{Files: int32(len(photos))}}})
-	must(stream.CloseAndRecv())
+	_, err := jobs.StartJob(ctx, &pb.StartJobRequest{Name: job, RequestId: newID()})
+	return err
 }
 
 // watch follows the job to its end; a broken connection goes on after the last event that came.
@@ -95,10 +156,6 @@ func main() {
 		log.Fatalln("give PHOTOS VIEW.png SCENE.ply [ITERATIONS]")
 	}
 	folder, picture, scene := os.Args[1], os.Args[2], os.Args[3]
-	server := os.Getenv("LITAGS_SERVER")
-	if server == "" {
-		server = "127.0.0.1:50051"
-	}
 	options := &pb.JobOptions{} // what is not set is the server's default
 	if len(os.Args) > 4 {
 		options.Iterations = proto.Int32(int32(must(strconv.Atoi(os.Args[4]))))
@@ -109,14 +166,15 @@ func main() {
 			photos = append(photos, filepath.Join(folder, file.Name()))
 		}
 	}
-	channel := must(grpc.Dial(server, grpc.WithInsecure(),
-		grpc.WithDefaultCallOptions(grpc.MaxCallRecvMsgSize(256<<20)))) // a picture may have more than 4 MiB
+	channel := connect()
 	jobs := pb.NewReconstructionServiceClient(channel)
 
 	job := must(jobs.CreateJob(ctx,
 		&pb.CreateJobRequest{RequestId: newID(), Options: options})).Name
-	upload(jobs, job, photos)
-	must(jobs.StartJob(ctx, &pb.StartJobRequest{Name: job, RequestId: newID()}))
+	if err := submit(jobs, job, photos); err != nil { // nobody goes on with the job
+		jobs.DeleteJob(ctx, &pb.DeleteJobRequest{Name: job, AllowMissing: true})
+		must(job, err)
+	}
 	if done := watch(jobs, job); done.State != pb.JobState_JOB_STATE_SUCCEEDED {
 		log.Fatalln(job, done.State, done.Error)
 	}

@@ -1,6 +1,7 @@
 """The service's calls as Python functions that go on after a broken connection."""
 
 import contextlib
+import logging
 import os
 import pathlib
 import time
@@ -10,7 +11,7 @@ from typing import Any, Self, TypeVar
 
 import grpc
 
-from litags import errors, files
+from litags import connection, errors, files
 from litags.files import Path
 from litags.v1 import job_pb2, model_service_pb2, render_service_pb2
 from litags.v1 import model_service_pb2_grpc as models_grpc
@@ -20,6 +21,7 @@ from litags.v1 import render_service_pb2_grpc as pictures_grpc
 
 Result = TypeVar("Result")
 
+_log = logging.getLogger("litags")
 _FILES_PER_STREAM = 500
 _CHANNEL_OPTIONS = [
     ("grpc.max_receive_message_length", 256 << 20),
@@ -62,7 +64,8 @@ class _Patience:
         if not self._client._answered:
             seconds = min(seconds, _START_SECONDS)
         if not errors.may_succeed_later(error) or time.monotonic() - self._begun > seconds:
-            raise errors.of_call(error) from error
+            answered = self._client._answered
+            raise errors.of_call(error, "" if answered else self._client.server) from error
         time.sleep(self._pause)
         self._tried = time.monotonic()
         self._pause = min(5, 2 * self._pause)
@@ -72,12 +75,17 @@ class Client:
     """One server. All errors of calls are LitagsError. Threads may share a client."""
 
     def __init__(self, server: str = "127.0.0.1:50051", *, token: str | None = None,
-                 credentials: grpc.ChannelCredentials | None = None,
+                 credentials: grpc.ChannelCredentials | None = None, tls_name: str = "",
                  retry_seconds: float = 300) -> None:
-        """`credentials`: grpc.ssl_channel_credentials(...) for a server with TLS. `retry_seconds`:
-        how long calls are repeated while a server that did answer does not."""
-        self.channel = (grpc.secure_channel(server, credentials, _CHANNEL_OPTIONS) if credentials
-                        else grpc.insecure_channel(server, _CHANNEL_OPTIONS))
+        """`credentials`: grpc.ssl_channel_credentials(...) for a server with TLS. `tls_name`: the
+        name in the server's certificate, if it is not that of `server`. `retry_seconds`: how long
+        calls are repeated while a server that did answer does not."""
+        options = list(_CHANNEL_OPTIONS)
+        if tls_name:
+            options.append(("grpc.ssl_target_name_override", tls_name))
+        self.server = server
+        self.channel = (grpc.secure_channel(server, credentials, options) if credentials
+                        else grpc.insecure_channel(server, options))
         # For calls without a function here: client.jobs.GetLog(request, metadata=client.metadata).
         self.jobs = jobs_grpc.ReconstructionServiceStub(self.channel)
         self.pictures = pictures_grpc.RenderServiceStub(self.channel)
@@ -85,6 +93,12 @@ class Client:
         self.metadata = (("authorization", f"Bearer {token}"),) if token else ()
         self._retry_seconds = retry_seconds
         self._answered = False
+
+    @classmethod
+    def from_environment(cls, server: str = "", *, retry_seconds: float = 300) -> Self:
+        """A client of the server, and with the token and TLS, that the program `litags` would use:
+        by LITAGS_SERVER, LITAGS_TOKEN, LITAGS_TLS_CA and others (docs/languages.md)."""
+        return cls(**connection.options_of(os.environ, server), retry_seconds=retry_seconds)
 
     def close(self) -> None:
         self.channel.close()
@@ -98,10 +112,11 @@ class Client:
     def submit(self, photos: Path | Iterable[Path], *,
                options: job_pb2.JobOptions | Mapping[str, Any] | None = None,
                labels: Mapping[str, str] | None = None, cameras: Path | None = None,
-               masks: Path | None = None, title: str = "") -> str:
+               masks: Path | None = None, title: str = "", strict: bool = False) -> str:
         """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
         or an archive of a folder. `cameras`: a file of docs/cameras.md or the folder of a COLMAP model.
-        `masks`: a folder. Removes a job whose files are refused."""
+        `masks`: a folder. A photo that the service cannot read is left out and logged as a warning;
+        `strict` refuses it. Removes a job that is refused."""
         found = files.find_photos(photos)
         if cameras is not None:
             found += files.find_cameras(cameras)
@@ -114,8 +129,7 @@ class Client:
             request_id=str(uuid.uuid4()), display_name=title, options=options,
             labels=labels or {})).name
         try:
-            for start in range(0, len(found), _FILES_PER_STREAM):
-                self._upload(job, found[start:start + _FILES_PER_STREAM])
+            self._upload_all(job, found, strict)
             self._call(self.jobs.StartJob,
                        rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
         except errors.LitagsError as error:
@@ -128,13 +142,13 @@ class Client:
 
     def job(self, job: str) -> job_pb2.Job:
         """What the service knows of a job: state, progress, report."""
-        return self._call(self.jobs.GetJob, rpc.GetJobRequest(name=job))
+        return self._call(self.jobs.GetJob, rpc.GetJobRequest(name=_name(job)))
 
     def watch(self, job: str, *, after: int = 0) -> Iterator[job_pb2.JobEvent]:
         """A job's events after number `after` until it has ended, each once."""
         patience = _Patience(self)
         while True:
-            events = self.jobs.WatchJob(rpc.WatchJobRequest(name=job, after_event=after),
+            events = self.jobs.WatchJob(rpc.WatchJobRequest(name=_name(job), after_event=after),
                                         metadata=self.metadata)
             try:
                 for event in events:
@@ -160,7 +174,7 @@ class Client:
 
     def cameras(self, job: str) -> list[str]:
         """Names of the photos whose cameras were found: what `render` takes."""
-        request = render_service_pb2.ListCamerasRequest(name=job)
+        request = render_service_pb2.ListCamerasRequest(name=_name(job))
         return [camera.name for camera in self._call(self.pictures.ListCameras, request).cameras]
 
     def render(self, job: str, camera: str = "", *,
@@ -169,14 +183,14 @@ class Client:
         or from a pose. `settings`: fields of RenderSettings, as width=640 or
         channel="CHANNEL_DEPTH"."""
         request = render_service_pb2.RenderViewRequest(
-            name=job, pose=pose or render_service_pb2.Pose(camera=camera),
+            name=_name(job), pose=pose or render_service_pb2.Pose(camera=camera),
             settings=render_service_pb2.RenderSettings(**settings))
         return self._call(self.pictures.RenderView, request).data
 
     def export(self, job: str, path: Path, **settings: Any) -> None:
         """Writes the scene to a file, whole or not at all: a .ply unless `format` says otherwise.
         `settings`: fields of ExportModelRequest, as format="MODEL_FORMAT_SPZ"."""
-        request = model_service_pb2.ExportModelRequest(name=job, **settings)
+        request = model_service_pb2.ExportModelRequest(name=_name(job), **settings)
         target = pathlib.Path(path)
         part = target.with_name(f".{target.name}.{os.getpid()}.part")
 
@@ -190,6 +204,19 @@ class Client:
             part.replace(target)
         finally:
             part.unlink(missing_ok=True)
+
+    def _upload_all(self, job: str, found: list[files.File], strict: bool) -> None:
+        start = 0
+        while start < len(found):
+            try:
+                self._upload(job, found[start:start + _FILES_PER_STREAM])
+                start += _FILES_PER_STREAM
+            except errors.LitagsError as error:
+                photo = None if strict else files.unreadable_photo(found, error)
+                if photo is None:
+                    raise
+                _log.warning("%s is left out: %s", photo.path.name, error.message)
+                found = files.without(photo, found)  # this one's files are asked for again
 
     def _upload(self, job: str, batch: list[files.File]) -> None:
         query = rpc.QueryUploadRequest(name=job, files=[file.header() for file in batch])
@@ -223,6 +250,11 @@ class Client:
                 return result
             except grpc.RpcError as error:
                 patience.wait(error)
+
+
+def _name(job: str) -> str:
+    """The name of a job whose ID alone may be given, as to `litags`."""
+    return job if job.startswith("jobs/") else f"jobs/{job}"
 
 
 @contextlib.contextmanager

@@ -19,7 +19,8 @@ class LitagsError(Exception):
 
     def __str__(self) -> str:
         field = f", field {self.field}" if self.field else ""
-        return f"{self.message}\n  {self.code.name} {self.reason}{field}"
+        reason = f" {self.reason}" if self.reason != self.code.name else ""
+        return f"{self.message}\n  {self.code.name}{reason}{field}"
 
 
 def details(error: grpc.RpcError) -> errors_pb2.RpcStatus:
@@ -34,12 +35,18 @@ def may_succeed_later(error: grpc.RpcError) -> bool:
         packed.type_url.endswith("/google.rpc.RetryInfo") for packed in details(error).details)
 
 
-def of_call(error: grpc.RpcError) -> LitagsError:
+def of_call(error: grpc.RpcError, silent_server: str = "") -> LitagsError:
+    """`silent_server`: the address that was called, if nothing there has answered so far."""
     detail = errors_pb2.ErrorDetail(reason=error.code().name)
     for packed in details(error).details:
         if packed.Is(errors_pb2.ErrorDetail.DESCRIPTOR):
             packed.Unpack(detail)
-    return LitagsError(error.code(), detail.reason, detail.field, error.details() or "")
+    message = error.details() or ""
+    if silent_server and error.code() == grpc.StatusCode.UNAVAILABLE:
+        message = (f"no server answers at {silent_server}: start one with \"litags-server\", or name "
+                   "another with LITAGS_SERVER; one that speaks TLS needs LITAGS_TLS or "
+                   f"LITAGS_TLS_CA, one that does not neither ({message})")
+    return LitagsError(error.code(), detail.reason, detail.field, message)
 
 
 def raise_unless_succeeded(job: job_pb2.Job) -> None:

@@ -6,6 +6,7 @@ import pathlib
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from litags import errors
 from litags.v1 import reconstruction_service_pb2 as rpc
 
 Path = str | os.PathLike[str]
@@ -16,6 +17,7 @@ PHOTO_ENDINGS = frozenset(
 VIDEO_ENDINGS = frozenset(".mp4 .mov .m4v .3gp .mkv .webm .avi .mts .m2ts .ts".split())
 ARCHIVE_ENDINGS = (".zip", ".tar", ".tar.gz", ".tgz")
 CHUNK_BYTES = 256 << 10
+MIN_PHOTOS = 3  # the service's: fewer make no scene
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,24 @@ def find_photos(photos: Path | Iterable[Path]) -> list[File]:
     if not paths:
         raise ValueError(f"{path} holds no photos")
     return [File.read(photo, rpc.FILE_ROLE_PHOTO) for photo in paths]
+
+
+def unreadable_photo(found: Iterable[File], error: errors.LitagsError) -> File | None:
+    """The photo that `error` says the service cannot read, if enough others remain."""
+    if not error.reason.startswith("IMAGE_") and error.reason != "FILE_EMPTY":
+        return None
+    photos = [file for file in found if file.role == rpc.FILE_ROLE_PHOTO]
+    if len(photos) <= MIN_PHOTOS:
+        return None
+    return next((file for file in photos if error.field == f"images[{file.path.name}]"), None)
+
+
+def without(photo: File, found: Iterable[File]) -> list[File]:
+    """All files but this photo and its mask."""
+    names = (photo.path.name, photo.path.stem)
+    masks = {name + ending for name in names for ending in ("", "_mask", ".mask")}
+    return [file for file in found if file is not photo
+            and not (file.role == rpc.FILE_ROLE_MASK and file.path.stem in masks)]
 
 
 def find_masks(folder: Path) -> list[File]:
