@@ -53,18 +53,18 @@ absl::Status CheckUsable(const DepthMap& map, const std::string& field) {
   return absl::OkStatus();
 }
 
-Planes Resize(const Planes& plane, int width, int height) {
-  Planes out(1, height, width);
-  const cv::Mat in(plane.height, plane.width, CV_32F, const_cast<float*>(plane.data.data()));
-  cv::Mat result(height, width, CV_32F, out.data.data());
-  const bool shrinks = width < plane.width;
-  cv::resize(in, result, result.size(), 0, 0, shrinks ? cv::INTER_AREA : cv::INTER_LINEAR);
-  return out;
+absl::Status CheckShape(const Planes& map, const Photo& photo, const std::string& field) {
+  const double skew = double(map.width) * photo.height / (double(map.height) * photo.width) - 1;
+  if (std::abs(skew) <= 0.01) return absl::OkStatus();
+  return InvalidInput(
+      "DEPTH_MAP_SIZE", field,
+      absl::StrCat(field, ": ", map.width, "x", map.height, " px does not fit the ", photo.width,
+                   "x", photo.height, " px photo; give maps of the photo's aspect ratio"));
 }
 
 // Mean over the known pixels under each new one; known if at least half of them are.
-DepthMap ResizeKnown(const DepthMap& map, int width, int height) {
-  DepthMap out{Resize(map.depth, width, height), Resize(map.confidence, width, height)};
+DepthMap AverageKnown(const DepthMap& map, int width, int height) {
+  DepthMap out{AverageDown(map.depth, width, height), AverageDown(map.confidence, width, height)};
   for (size_t i = 0; i < out.depth.data.size(); ++i) {
     float& share = out.confidence.data[i];
     const bool known = share >= 0.5f;
@@ -124,17 +124,10 @@ class FolderDepthProvider : public DepthProvider {
       }
     }
     LITAGS_RETURN_IF_ERROR(CheckUsable(map, field));
-    const int width = map.depth.width, height = map.depth.height;
-    if (width != photo.width || height != photo.height) {
-      const double skew = double(width) * photo.height / (double(height) * photo.width) - 1;
-      if (!(std::abs(skew) <= 0.01)) {
-        return InvalidInput(
-            "DEPTH_MAP_SIZE", field,
-            absl::StrCat(field, ": ", width, "x", height, " px does not fit the ", photo.width, "x",
-                         photo.height, " px photo; give maps of the photo's aspect ratio"));
-      }
+    LITAGS_RETURN_IF_ERROR(CheckShape(map.depth, photo, field));
+    if (map.depth.width > photo.width || map.depth.height > photo.height) {
       try {
-        map = ResizeKnown(map, photo.width, photo.height);
+        map = AverageKnown(map, photo.width, photo.height);
       } catch (const cv::Exception& e) {
         return MakeError(absl::StatusCode::kInternal, "DEPTH_MAP_RESIZE", field,
                          absl::StrCat(field, ": cannot resize: ", e.what()));
@@ -152,6 +145,14 @@ class FolderDepthProvider : public DepthProvider {
 };
 
 }  // namespace
+
+Planes AverageDown(const Planes& plane, int most_width, int most_height) {
+  Planes out(1, std::min(plane.height, most_height), std::min(plane.width, most_width));
+  const cv::Mat in(plane.height, plane.width, CV_32F, const_cast<float*>(plane.data.data()));
+  cv::Mat result(out.height, out.width, CV_32F, out.data.data());
+  cv::resize(in, result, result.size(), 0, 0, cv::INTER_AREA);
+  return out;
+}
 
 void ResizeDepth(const DepthMap& map, int width, int height, const PixelRect& crop, int threads,
                  DepthMap* out) {

@@ -29,6 +29,11 @@ struct DepthMap {
   Planes confidence;
 };
 
+// A plane with at most so many columns and rows: each pixel the mean of those under it. One that is
+// smaller stays as it is: between its pixels ResizeDepth invents no depth at outlines. Throws
+// cv::Exception.
+Planes AverageDown(const Planes& plane, int most_width, int most_height);
+
 // `map` at another size of the same view, or the `crop` of that: bilinear inside a surface, the
 // nearest pixel at its edges and for the confidence. The memory of `out` is used again.
 void ResizeDepth(const DepthMap& map, int width, int height, const PixelRect& crop, int threads,
@@ -61,9 +66,9 @@ class DepthProvider {
 };
 
 // Maps that the user gives with the photos: <folder>/<stem of view.name>.{png,pfm,npy}, the first
-// that exists (formats: ReadDepthMap). 0 and values that are not finite mean unknown. A map of
-// another size but the photo's aspect ratio (to 1%) is resized over its known pixels: averaged
-// down, bilinear up. INVALID_ARGUMENT with field "depth/<file>" for maps that cannot be read, fit
+// that exists (formats: ReadDepthMap). 0 and values that are not finite mean unknown. Maps have the
+// photo's aspect ratio (to 1%); a larger one is averaged down over its known pixels, a smaller one
+// stays as it is. INVALID_ARGUMENT with field "depth/<file>" for maps that cannot be read, fit
 // or used (all unknown, or constant). NOT_FOUND here if there is no such folder.
 absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(const std::string& folder);
 

@@ -125,12 +125,29 @@ TEST_F(FolderDepth, TheLensIsTakenOutOfTheMapAsOutOfThePhoto) {
   }
 }
 
-TEST_F(FolderDepth, ASmallerMapIsInterpolated) {
-  ASSERT_TRUE(WritePfm(Path("a.pfm"), Ramp(4, 3)).ok());
-  const auto depth = Depth("a.jpg", 8, 6);
+// Between two surfaces there is no depth to invent.
+TEST_F(FolderDepth, ASmallerMapStaysAsItIs) {
+  Planes edge(1, 3, 4);
+  for (int i = 0; i < 12; ++i) edge.data[i] = i % 4 < 2 ? 1 : 5;
+  edge.data[11] = 0;
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), edge).ok());
+  const auto depth = Depth("a.jpg", 32, 24);
   ASSERT_TRUE(depth.ok()) << depth.status();
-  // Pixel centre (3.5, 2.5) of 8x6 is (1.75, 1.25) of 4x3: column 1.25, row 0.75 in samples.
-  EXPECT_NEAR((*depth)->depth.at(0, 2, 3), 1 + 1.25 + 10 * 0.75, 1e-4);
+  EXPECT_EQ((*depth)->depth.width, 4);
+  EXPECT_EQ((*depth)->depth.data, edge.data);
+  EXPECT_EQ((*depth)->confidence.at(0, 2, 3), 0);
+  DepthMap large;
+  ResizeDepth(**depth, 32, 24, 1, &large);
+  for (const float z : large.depth.data) EXPECT_TRUE(z == 0 || z == 1 || z == 5) << z;
+}
+
+// Of almost the photo's aspect ratio.
+TEST_F(FolderDepth, AMapWithMoreColumnsAndFewerRowsLosesColumnsOnly) {
+  ASSERT_TRUE(WritePfm(Path("a.pfm"), Ramp(401, 199)).ok());
+  const auto depth = Depth("a.jpg", 400, 200);
+  ASSERT_TRUE(depth.ok()) << depth.status();
+  EXPECT_EQ((*depth)->depth.width, 400);
+  EXPECT_EQ((*depth)->depth.height, 199);
 }
 
 TEST_F(FolderDepth, MapsThatCannotBeUsedAreErrorsThatNameTheFile) {

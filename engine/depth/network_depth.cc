@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
+#include <opencv2/core.hpp>
 #include <utility>
 #include <vector>
 
@@ -14,15 +14,6 @@ namespace {
 
 constexpr double kTail = 0.02;            // of the values, at either end, may be wild
 constexpr float kFarthestInverse = 0.1f;  // added to inverse depth in [0, 1]
-
-Planes Resize(const Planes& plane, int width, int height) {
-  Planes out(1, height, width);
-  const cv::Mat in(plane.height, plane.width, CV_32F, const_cast<float*>(plane.data.data()));
-  cv::Mat result(height, width, CV_32F, out.data.data());
-  cv::resize(in, result, result.size(), 0, 0,
-             width < plane.width ? cv::INTER_AREA : cv::INTER_LINEAR);
-  return out;
-}
 
 // Makes the network's values depth up to scale and offset; false if they are all alike.
 bool ToDepth(bool inverse, Planes* map) {
@@ -61,7 +52,7 @@ class NetworkDepthProvider : public DepthProvider {
   }
 
  private:
-  // Of the photo's size; empty if the network sees nothing.
+  // Of the network's size, at most the photo's; empty if the network sees nothing.
   absl::StatusOr<Planes> Run(const PosedPhoto& p) {
     const Photo& photo = p.target != nullptr ? *p.target : *p.photo;
     try {
@@ -73,7 +64,7 @@ class NetworkDepthProvider : public DepthProvider {
                                          " planes; a depth network gives one"));
       }
       if (!ToDepth(options_.inverse, &map)) return Planes();
-      return Resize(map, photo.width, photo.height);
+      return AverageDown(map, photo.width, photo.height);
     } catch (const cv::Exception& e) {
       return MakeError(absl::StatusCode::kInternal, "DEPTH_NETWORK_RESIZE", field_,
                        absl::StrCat(field_, ": cannot resize: ", e.what()));

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"
 
@@ -56,18 +57,27 @@ class NetworkDepth : public testing::Test {
   NetworkDepthOptions options_;
 };
 
-TEST_F(NetworkDepth, InverseDepthBecomesDepthOfThePhotosSize) {
+TEST_F(NetworkDepth, InverseDepthBecomesDepthOfTheNetworksSize) {
   const auto map = Depth(Ramp(), nullptr);
   ASSERT_TRUE(map.ok()) << map.status();
   ASSERT_TRUE(map->has_value());
   const Planes& depth = (*map)->depth;
-  ASSERT_EQ(depth.width, kWidth);
-  ASSERT_EQ(depth.height, kHeight);
+  ASSERT_EQ(depth.width, 6);
+  ASSERT_EQ(depth.height, 4);
   EXPECT_TRUE((*map)->confidence.empty());
   // The brightest column has inverse depth 1, the darkest 0.
-  EXPECT_NEAR(depth.at(0, 3, kWidth - 1), 1 / 1.1, 1e-4);
+  EXPECT_NEAR(depth.at(0, 3, 5), 1 / 1.1, 1e-4);
   EXPECT_NEAR(depth.at(0, 3, 0), 1 / 0.1, 1e-3);
-  for (int x = 1; x < kWidth; ++x) EXPECT_LE(depth.at(0, 3, x), depth.at(0, 3, x - 1)) << x;
+  for (int x = 1; x < 6; ++x) EXPECT_LE(depth.at(0, 3, x), depth.at(0, 3, x - 1)) << x;
+}
+
+TEST_F(NetworkDepth, AMapLargerThanThePhotoIsAveragedDown) {
+  const Photo small(3, 2);
+  const Photo target = PhotoFromU8(ResizeArea(PhotoToU8(Ramp()), 3, 2));
+  const auto map = Depth(small, &target);
+  ASSERT_TRUE(map.ok()) << map.status();
+  EXPECT_EQ((*map)->depth.width, 3);
+  EXPECT_EQ((*map)->depth.height, 2);
 }
 
 TEST_F(NetworkDepth, DepthIsTakenAsItIs) {
@@ -75,7 +85,7 @@ TEST_F(NetworkDepth, DepthIsTakenAsItIs) {
   const auto map = Depth(Ramp(), nullptr);
   ASSERT_TRUE(map.ok()) << map.status();
   EXPECT_NEAR((*map)->depth.at(0, 3, 0), 0, 1e-5);
-  EXPECT_NEAR((*map)->depth.at(0, 3, kWidth - 1), 1, 1e-5);
+  EXPECT_NEAR((*map)->depth.at(0, 3, 5), 1, 1e-5);
 }
 
 TEST_F(NetworkDepth, TheNetworkSeesTheBrightenedPhoto) {
@@ -83,7 +93,7 @@ TEST_F(NetworkDepth, TheNetworkSeesTheBrightenedPhoto) {
   for (int16_t& v : negative.data) v = static_cast<int16_t>(kPhotoWhite - v);
   const auto map = Depth(Ramp(), &negative);
   ASSERT_TRUE(map.ok()) << map.status();
-  EXPECT_GT((*map)->depth.at(0, 3, kWidth - 1), (*map)->depth.at(0, 3, 0));
+  EXPECT_GT((*map)->depth.at(0, 3, 5), (*map)->depth.at(0, 3, 0));
 }
 
 TEST_F(NetworkDepth, APhotoWhereAllIsAlikeHasNoMap) {

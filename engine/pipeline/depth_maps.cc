@@ -21,7 +21,7 @@ namespace litags {
 namespace {
 
 constexpr char kKind[] = "depth maps";
-constexpr uint32_t kVersion = 2;
+constexpr uint32_t kVersion = 3;
 constexpr int64_t kMaxModelBytes = int64_t{4} << 30;
 
 const char* Describe(DepthOrigin origin) {
