@@ -164,8 +164,9 @@ absl::Status StructurePriorOptions::Validate() const {
 absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOptions& options) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   if (options.floor < 0) return BadOption("floor", options.floor, "set for a single photo");
-  const double sigma = options.scale_sigma_to_width
-                           ? std::max(0.5, options.sigma_px * rgb.width / 500.0)
+  const int longer = std::max(rgb.width, rgb.height);
+  const double sigma = options.scale_sigma_to_size
+                           ? std::max(0.5, options.sigma_px * longer / 500.0)
                            : options.sigma_px;
   const Kernels kernels = MakeKernels(sigma, options.l1_normalize);
   if (rgb.channels != 3 || std::min(rgb.width, rgb.height) <= kernels.radius) {
@@ -234,7 +235,8 @@ double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& o
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,
                                                    const StructurePriorOptions& options,
                                                    int threads, const CancelToken& cancel,
-                                                   absl::Span<const PlaneU8> masks) {
+                                                   absl::Span<const PlaneU8> masks,
+                                                   const std::function<void(int)>& done) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   CapturePriors result;
   StructurePriorOptions resolved = options;
@@ -252,6 +254,7 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
       const auto prior = StructurePrior(ToPlanes(photos[i]), resolved);
       status[i] = prior.status();
       if (prior.ok()) use(*prior, i, thread);
+      if (done) done(thread);
     });
     for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
     return absl::OkStatus();

@@ -3,6 +3,7 @@
 #ifndef LITAGS_ENGINE_PRIOR_STRUCTURE_PRIOR_H_
 #define LITAGS_ENGINE_PRIOR_STRUCTURE_PRIOR_H_
 
+#include <functional>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -24,9 +25,10 @@ enum class PriorDerivative {
 };
 
 struct StructurePriorOptions {
-  double sigma_px = 1.0;  // of the Gaussian, > 0; at a 500 px wide image. Choice
-  // sigma_px * width / 500, not below the 0.5 px that a sampled Gaussian needs; false: as it is.
-  bool scale_sigma_to_width = true;
+  double sigma_px = 1.0;  // of the Gaussian, > 0; of an image of 500 px on its longer side. Choice
+  // sigma_px times the longer side / 500, which is the same for a photo and one taken upright; not
+  // below the 0.5 px that a sampled Gaussian needs. False: as it is.
+  bool scale_sigma_to_size = true;
   double beta = 1.0;   // weight of the E_l term, >= 0; paper
   double gamma = 1.0;  // weight of the E_ll term, >= 0; paper
   PriorDerivative derivative = PriorDerivative::kSeparable2d;
@@ -67,12 +69,15 @@ struct CapturePriors {
 
 // P of every photo, divided by the percentile of P over all of them so that L1 has one scale for
 // the capture; `masks`: see MaskOf, only pixels that count decide the scale. Deterministic for any
-// `threads` (<= 0: all cores). CANCELLED on request, INVALID_ARGUMENT for a bad option or a capture
+// `threads` (<= 0: all cores). `done` is called with ParallelFor's thread, kPriorPasses times a
+// photo. CANCELLED on request, INVALID_ARGUMENT for a bad option or a capture
 // without any structure.
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,
                                                    const StructurePriorOptions& options,
                                                    int threads, const CancelToken& cancel,
-                                                   absl::Span<const PlaneU8> masks = {});
+                                                   absl::Span<const PlaneU8> masks = {},
+                                                   const std::function<void(int)>& done = nullptr);
+inline constexpr int kPriorPasses = 2;
 
 }  // namespace litags
 

@@ -31,7 +31,7 @@ Photo MakePhoto(int width, int height, double exposure, double noise, uint64_t s
 
 StructurePriorOptions Plain() {
   StructurePriorOptions options;
-  options.scale_sigma_to_width = false;
+  options.scale_sigma_to_size = false;
   options.floor = 0;
   return options;
 }
@@ -113,9 +113,28 @@ TEST(StructurePrior, OfAFlatPhotoIsZeroAndOfABlackOneToo) {
   }
 }
 
-TEST(StructurePrior, ScalesItsGaussianWithTheWidth) {
+// Of one scene at one scale, whichever way the camera was held.
+TEST(StructurePrior, OfATurnedPhotoIsTheTurnedPrior) {
+  StructurePriorOptions options = Plain();
+  options.scale_sigma_to_size = true;
+  options.sigma_px = 5;
+  const Planes photo = ToPlanes(MakePhoto(200, 80, 0.9, 0.02, 1));
+  Planes turned(3, 200, 80);
+  for (int c = 0; c < 3; ++c) {
+    for (int y = 0; y < 200; ++y) {
+      for (int x = 0; x < 80; ++x) turned.at(c, y, x) = photo.at(c, x, y);
+    }
+  }
+  const auto a = StructurePrior(photo, options), b = StructurePrior(turned, options);
+  ASSERT_TRUE(a.ok() && b.ok());
+  for (int y = 0; y < 200; ++y) {
+    for (int x = 0; x < 80; ++x) ASSERT_NEAR(b->at(0, y, x), a->at(0, x, y), 1e-5);
+  }
+}
+
+TEST(StructurePrior, ScalesItsGaussianWithTheLongerSide) {
   StructurePriorOptions scaled = Plain(), fixed = Plain();
-  scaled.scale_sigma_to_width = true;
+  scaled.scale_sigma_to_size = true;
   scaled.sigma_px = 5;
   fixed.sigma_px = 5 * 200 / 500.0;
   const Planes photo = ToPlanes(MakePhoto(200, 50, 0.9, 0.02, 1));
@@ -193,7 +212,9 @@ TEST(CapturePriors, ShareOneScaleThatClipsOnePercent) {
 TEST(CapturePriors, AreTheSameBytesForAnyNumberOfThreads) {
   std::vector<Photo> photos;
   for (int i = 0; i < 5; ++i) photos.push_back(MakePhoto(70, 50, 0.5, 0.01, i));
-  const auto one = ComputeCapturePriors(photos, {}, 1, CancelToken());
+  int done = 0;
+  const auto one = ComputeCapturePriors(photos, {}, 1, CancelToken(), {}, [&](int) { ++done; });
+  EXPECT_EQ(done, 5 * kPriorPasses);
   const auto four = ComputeCapturePriors(photos, {}, 4, CancelToken());
   ASSERT_TRUE(one.ok() && four.ok());
   EXPECT_EQ(one->scale, four->scale);

@@ -86,7 +86,7 @@ TEST(MaskedPhotos, NoiseAndScaleOfStructureAreThoseOfWhatCounts) {
   EXPECT_DOUBLE_EQ(IntensityNoise(photos.whole[0], photos.masks[0]), IntensityNoise(photos.cut[0]));
   EXPECT_DOUBLE_EQ(NoiseFloor(photos.whole, {}, 1, photos.masks), NoiseFloor(photos.cut, {}, 1));
   StructurePriorOptions options;
-  options.scale_sigma_to_width = false;
+  options.scale_sigma_to_size = false;
   std::vector<Photo> filled = photos.whole;
   for (size_t i = 0; i < 3; ++i) FillMasked(photos.masks[i], &filled[i]);
   const auto cut = ComputeCapturePriors(photos.cut, options, 1, CancelToken());

@@ -144,7 +144,7 @@ void RunPriorCase(const ReferenceCase& reference, CaseReport* report) {
     if (!reference.Has(variant.array)) continue;
     StructurePriorOptions options;
     options.sigma_px = reference.Param("sigma");
-    options.scale_sigma_to_width = false;
+    options.scale_sigma_to_size = false;
     options.beta = reference.Param("beta");
     options.gamma = reference.Param("gamma");
     options.epsilon = variant.epsilon;
