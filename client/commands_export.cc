@@ -78,7 +78,10 @@ int Export(Session& session, const ExportArgs& args) {
   if (!request.ok()) return ReportError(session, request.status(), args.job);
   OutputFile file(args.ply.empty() ? "-o" : "--ply");
   v1::ExportHeader header;
-  absl::Status status = session.client().ExportModel(
+  // Before the server makes the export, which takes a while.
+  absl::Status status = file.Open(args.path());
+  if (!status.ok()) return ReportError(session, status, args.job);
+  status = session.client().ExportModel(
       *request,
       [&](const v1::ExportHeader& announced) {
         header = announced;

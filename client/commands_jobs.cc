@@ -18,6 +18,8 @@
 namespace litags::client {
 namespace {
 
+constexpr int kMostListed = 1'000'000;  // by --limit
+
 // How far a job is, in a few words.
 std::string At(const v1::Job& job) {
   if (job.state() == v1::JOB_STATE_UPLOADING) return BytesText(job.bytes());
@@ -114,7 +116,7 @@ void AddListAndShow(CLI::App& app, Session& session) {
   auto args = std::make_shared<Args>();
   CLI::App* list = app.add_subcommand("list", "All jobs, newest first");
   list->add_option("--limit", args->limit, "At most this many; 0: all")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0, kMostListed));
   list->add_option("--filter", *args->request.mutable_filter(),
                    "Only these, as 'state = FAILED AND labels.site = north' (AIP-160; fields: "
                    "state, name, display_name, owner, priority, labels.KEY, create_time, "

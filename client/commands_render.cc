@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/cli.h"
@@ -32,7 +33,7 @@ struct PathArgs {
   std::vector<std::string> keyframes;
   double radius_scale = 0, sweep_deg = 0;
   std::optional<double> elevation_deg;
-  int frames = 0;
+  std::optional<int> frames;
   // At the path's ends.
   std::optional<double> light_from, light_to, exposure_from, exposure_to;
   SettingsArgs settings;
@@ -51,6 +52,12 @@ void AddSettings(CLI::App& command, SettingsArgs& args) {
   command.add_option("--exposure", args.exposure,
                      "Of the finished picture, in stops: +1 is twice the light, -10..10");
   command.add_option("--quality", args.jpeg_quality, "Of a JPEG, 1..100 (92)");
+}
+
+// Colours' values are 0 to 1 always, and say nothing.
+bool IsColour(v1::Channel channel) {
+  return channel == v1::CHANNEL_UNSPECIFIED || channel == v1::CHANNEL_COLOR ||
+         channel == v1::CHANNEL_ORIGINAL || channel == v1::CHANNEL_LIGHT;
 }
 
 int Render(Session& session, const RenderArgs& args) {
@@ -72,7 +79,7 @@ int Render(Session& session, const RenderArgs& args) {
   if (!status.ok()) return ReportError(session, status, args.job);
   std::string text = absl::StrCat(args.output, ": ", view->width(), "x", view->height(),
                                   ", iteration ", view->iteration());
-  if (view->value_max() != view->value_min() && settings->channel() != v1::CHANNEL_UNSPECIFIED) {
+  if (view->value_max() != view->value_min() && !IsColour(settings->channel())) {
     absl::StrAppendFormat(&text, ", values %.6g to %.6g", view->value_min(), view->value_max());
   }
   Note(text);
@@ -82,7 +89,7 @@ int Render(Session& session, const RenderArgs& args) {
 absl::StatusOr<v1::RenderPathRequest> MakePathRequest(const PathArgs& args) {
   v1::RenderPathRequest request;
   request.set_name(args.job);
-  request.set_frames(args.frames);
+  if (args.frames) request.set_frames(*args.frames);
   const auto format = PictureFormatOf("frame." + args.format);
   if (!format.ok()) {
     return BadInput(
@@ -138,6 +145,13 @@ absl::Status CheckOutputs(const PathArgs& args) {
                     absl::StrCat("--format: a video is made of png or jpg pictures, not of ",
                                  args.format, "; leave it out, or write files in another call"));
   }
+  if (!args.video.empty() && !absl::EndsWithIgnoreCase(args.video, ".webm") &&
+      !absl::EndsWithIgnoreCase(args.video, ".mp4")) {
+    return BadInput("VIDEO_FORMAT_UNKNOWN", "--video",
+                    absl::StrCat(args.video,
+                                 ": the name does not say a video format; end it with "
+                                 ".webm or .mp4"));
+  }
   return absl::OkStatus();
 }
 
@@ -146,13 +160,17 @@ absl::StatusOr<int> WritePath(Session& session, const v1::RenderPathRequest& req
                               const PathArgs& args, Film* film) {
   const bool terminal = isatty(STDERR_FILENO) != 0;
   int frames = 0;
+  bool made = false;
   const absl::Status status =
       session.client().RenderPath(request, [&](const v1::RenderPathResponse& response) {
         const std::string name = absl::StrFormat("frame_%04d.%s", response.frame(), args.format);
         frames = response.frame() + 1;
         if (terminal) std::fprintf(stderr, "\rframe %d/%d\x1b[K", frames, response.frames());
         absl::Status written;
-        if (!args.output.empty()) {
+        // Not before the first picture: a path that is refused leaves no folder.
+        if (!args.output.empty() && !made) written = MakeFolder(args.output);
+        made = true;
+        if (written.ok() && !args.output.empty()) {
           written =
               WritePicture((std::filesystem::path(args.output) / name).string(), response.view());
         }
@@ -170,7 +188,6 @@ int Path(Session& session, const PathArgs& args) {
   absl::Status status = CheckOutputs(args);
   Film film;
   if (status.ok() && !args.video.empty()) status = film.Start(args.video, args.frames_per_second);
-  if (status.ok() && !args.output.empty()) status = MakeFolder(args.output);
   if (!status.ok()) return ReportError(session, status);
   const auto frames = WritePath(session, *request, args, &film);
   if (!frames.ok()) return ReportError(session, frames.status(), args.job);
@@ -243,7 +260,8 @@ void AddPath(CLI::App& app, Session& session) {
       ->excludes(orbit);
   path->add_flag("--closed", args->closed, "From the last keyframe back to the first")
       ->excludes(orbit);
-  path->add_option("--frames", args->frames, "Number of pictures (60)");
+  path->add_option("--frames", args->frames, "Number of pictures (60)")
+      ->check(CLI::Range(1, 10000));
   path->add_option("--format", args->format, "png (default), jpg, npy or raw");
   AddSettings(*path, args->settings);
   AddRamp(*path, "light", args->light_from, args->light_to);

@@ -1,10 +1,13 @@
 // litags report: what came of a job, as one HTML file.
+#include <filesystem>
 #include <memory>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/cli.h"
 #include "client/picture_file.h"
 #include "client/report/report.h"
+#include "client/status.h"
 #include "client/text.h"
 #include "google/protobuf/util/time_util.h"
 
@@ -40,7 +43,19 @@ absl::StatusOr<report::ReportData> Gather(Client& client, const std::string& nam
   return data;
 }
 
+absl::Status CheckOutput(const std::string& output) {
+  const std::string ending = std::filesystem::path(output).extension();
+  if (absl::EqualsIgnoreCase(ending, ".html") || absl::EqualsIgnoreCase(ending, ".htm")) {
+    return absl::OkStatus();
+  }
+  return BadInput("REPORT_FORMAT_UNKNOWN", "-o",
+                  absl::StrCat(output, ": a report is HTML; end the name with .html"));
+}
+
 int Report(Session& session, const std::string& job, const std::string& output) {
+  if (const absl::Status status = CheckOutput(output); !status.ok()) {
+    return ReportError(session, status, job);
+  }
   const auto data = Gather(session.client(), job);
   if (!data.ok()) return ReportError(session, data.status(), job);
   const std::string page = report::ReportHtml(*data);

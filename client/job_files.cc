@@ -130,6 +130,13 @@ std::string FileTable(const std::vector<v1::JobFile>& files) {
         Printable(file.name()),
         found.left_out().empty() ? "" : absl::StrCat("  (left out: it ", found.left_out(), ")"));
   }
+  const bool measured = std::any_of(files.begin(), files.end(),
+                                    [](const v1::JobFile& file) { return file.has_found(); });
+  if (measured) {
+    absl::StrAppend(&text,
+                    "CODE: mean pixel value of 255; STOPS: light beside the middle photo, +1 is "
+                    "twice; SHARP: sharpness beside the middle photo\n");
+  }
   return text;
 }
 

@@ -70,9 +70,9 @@ TEST(JobFiles, AVideoSaysHowLongItIs) {
 TEST(JobFiles, TheTableNamesEachFileAndWhyItIsLeftOut) {
   const std::string table = FileTable(
       {Photo("a.jpg", 0.3), Photo("b.jpg", 0, "is black"), File("b.png", v1::FILE_ROLE_MASK)});
-  EXPECT_THAT(table, HasSubstr("photo        1.2 kB       64x48    7.5   +0.3         a.jpg\n"));
+  EXPECT_THAT(table, HasSubstr("photo       1.2 KiB       64x48    7.5   +0.3         a.jpg\n"));
   EXPECT_THAT(table, HasSubstr("b.jpg  (left out: it is black)\n"));
-  EXPECT_THAT(table, HasSubstr("mask         1.2 kB                                   b.png\n"));
+  EXPECT_THAT(table, HasSubstr("mask        1.2 KiB                                   b.png\n"));
 }
 
 }  // namespace

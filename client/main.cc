@@ -3,6 +3,7 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <initializer_list>
@@ -11,11 +12,14 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "client/cli.h"
 
 namespace {
 
 using litags::client::Interrupt;
+
+constexpr double kMostSeconds = 1e6;  // of a wait
 
 constexpr char kFooter[] = R"(
 JOB is jobs/ID or ID. Results go to stdout, everything else to stderr.
@@ -72,12 +76,27 @@ void AddConnectionOptions(CLI::App& app, litags::client::ConnectionOptions& opti
   app.add_option("--keepalive", options.keepalive_seconds,
                  "Seconds after which a silent server is asked whether it is there")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(0.001, kMostSeconds));
   app.add_option("--keepalive-timeout", options.keepalive_timeout_seconds,
                  "Seconds that it may take to answer")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(0.001, kMostSeconds));
   if (const char* token = std::getenv("LITAGS_TOKEN")) options.token = token;
+}
+
+// Says what was given that no command takes, in its order; CLI11 has it backwards, and after what
+// is missing: of "render x --out y.png" that --output is required. 0: all that is given is known.
+int NoteUnknown(const CLI::App& app) {
+  const std::vector<std::string> words = app.remaining(/*recurse=*/true);
+  if (words.empty() || app.get_subcommands().empty()) return litags::client::kExitOk;
+  const std::string command = absl::StrCat("litags ", app.get_subcommands().front()->get_name());
+  const auto option = std::find_if(words.begin(), words.end(),
+                                   [](const std::string& word) { return word.starts_with("-"); });
+  litags::client::Note(absl::StrCat(
+      option != words.end() ? absl::StrCat("there is no option ", *option, " of ", command)
+                            : absl::StrCat(command, " does not take: ", absl::StrJoin(words, " ")),
+      "; ", command, " --help says what there is"));
+  return litags::client::kExitBadInput;
 }
 
 // Without a command that there is: says which there are.
@@ -110,7 +129,7 @@ int main(int argc, char** argv) {
   app.add_option("--retry", session.retry_seconds,
                  "Seconds for which a connection that broke is tried again")
       ->default_val(120)
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0.0, kMostSeconds));
   app.require_subcommand(1);
   // Runs before the command's own callback, with all options known.
   app.parse_complete_callback([&session] {
@@ -137,6 +156,7 @@ int main(int argc, char** argv) {
     if (error.get_name() == "RequiredError" && app.get_subcommands().empty()) {
       return NoteCommands(app);
     }
+    if (const int unknown = NoteUnknown(app)) return unknown;
     return app.exit(error) == 0 ? litags::client::kExitOk : litags::client::kExitBadInput;
   }
   // What was lost before, as on a full disk, the last flush does not tell.

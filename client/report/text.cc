@@ -67,12 +67,14 @@ std::string CountText(int64_t count) {
 }
 
 std::string BytesText(int64_t bytes) {
-  if (bytes < 1000) return absl::StrCat(bytes, " B");
+  if (bytes < 1024) return absl::StrCat(bytes, " B");
   double value = static_cast<double>(bytes);
-  const char* const units[] = {"kB", "MB", "GB", "TB"};
+  const char* const units[] = {"KiB", "MiB", "GiB", "TiB"};
   size_t unit = 0;
-  for (value /= 1000; value >= 999.95 && unit + 1 < std::size(units); value /= 1000) ++unit;
-  return absl::StrFormat("%.1f %s", value, units[unit]);
+  for (value /= 1024; value >= 1023.95 && unit + 1 < std::size(units); value /= 1024) ++unit;
+  // "16 GiB" as the settings have it, not "16.0 GiB".
+  return value == std::floor(value) ? absl::StrFormat("%.0f %s", value, units[unit])
+                                    : absl::StrFormat("%.1f %s", value, units[unit]);
 }
 
 // The first value is FOO_UNSPECIFIED.

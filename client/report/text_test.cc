@@ -13,8 +13,11 @@ TEST(Text, NumbersReadWell) {
   EXPECT_EQ(CountText(999), "999");
   EXPECT_EQ(CountText(1000), "1,000");
   EXPECT_EQ(CountText(-1234567), "-1,234,567");
-  EXPECT_EQ(BytesText(999), "999 B");
-  EXPECT_EQ(BytesText(3'400'000), "3.4 MB");
+  EXPECT_EQ(BytesText(1023), "1023 B");
+  EXPECT_EQ(BytesText(3'400'000), "3.2 MiB");
+  EXPECT_EQ(BytesText(int64_t{1} << 28), "256 MiB");
+  EXPECT_EQ(BytesText(int64_t{16} << 30), "16 GiB");
+  EXPECT_EQ(BytesText((int64_t{1} << 30) - 1), "1.0 GiB");
 }
 
 TEST(Text, ControlCharactersDoNotReachTheTerminal) {

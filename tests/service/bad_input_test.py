@@ -202,6 +202,17 @@ class BadRequests(harness.ServiceTest):
             with self.subTest(command):
                 self.litags(*command, exit_code=2)
 
+    def test_bad_usage_is_said_in_its_own_words(self):
+        for command, words in (
+                (("render", "1", "--out", "y.png"), "there is no option --out of litags render; "),
+                (("list", "--fliter", "x"), "there is no option --fliter of litags list; "),
+                (("cancel", "1", "second", "third"), "litags cancel does not take: second third; "),
+                (("list", "--limit", "-3"), "Value -3 not in range 0 to 1000000\n"),
+                (("--retry", "-1", "list"), "not in range 0.000000 to 1000000.000000\n")):
+            with self.subTest(command):
+                _, err = self.litags(*command, exit_code=2)
+                self.assertIn(words, err)
+
     def test_a_command_that_is_not_there_is_answered_with_those_that_are(self):
         for words, said in ((("help",), 'there is no command "help"'), ((), "no command is given")):
             _, err = self.litags(*words, exit_code=2)

@@ -32,6 +32,12 @@ class Jobs(harness.ServiceTest):
         self.assertRegex(err, r"(?m)^#\d+ training  30/30")
         self.assertIn("succeeded", err)
 
+    def test_a_job_without_a_title_has_that_of_its_folder(self):
+        photos = self.photos()
+        out, _ = self.litags("submit", photos + "/", "--iterations", "10")
+        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).display_name,
+                         os.path.basename(photos))
+
     def test_options_reach_the_job(self):
         job = self.submit("--iterations", "12", "--method", "litags-paper", "--tone", "capture",
                           "--seed", "7", "--max-gaussians", "1234", "--white-balance", "camera",

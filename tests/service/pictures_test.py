@@ -103,6 +103,20 @@ class Pictures(harness.ServiceTest):
                 at = [self.path(flag) if "v." in flag or flag == "frames" else flag for flag in flags]
                 _, err = self.litags(*orbit, *at, exit_code=2)
                 self.assertIn(reason, err)
+                if reason == "VIDEO_FORMAT_UNKNOWN":
+                    self.assertEqual(err.count("error:"), 1, err)
+        self.assertEqual(os.listdir(self.folder), [])
+
+    def test_a_path_that_is_refused_leaves_no_folder(self):
+        self.finished_job()
+        self.folder = self.new_folder()
+        for flags, reason in ((("--light-from", "1", "--light-to", "9"), "LIGHT_INVALID"),
+                              (("--frames", "0"), "1 to 10000"),
+                              (("--frames", "-1"), "1 to 10000")):
+            with self.subTest(flags):
+                _, err = self.litags("path", self.finished_job(), "--orbit", *flags, "-o",
+                                     self.path("frames"), exit_code=2)
+                self.assertIn(reason, err)
         self.assertEqual(os.listdir(self.folder), [])
 
     def test_a_video_of_a_path_that_is_broken_off_is_not_left(self):
@@ -228,6 +242,14 @@ class Pictures(harness.ServiceTest):
                 self.assertIn(words, err)
         self.assertFalse(os.path.exists(self.path("s.ply")))
 
+    def test_only_what_is_no_colour_has_a_range_of_values(self):
+        for flags, ranged in ((("--light", "0.5"), False), (("--channel", "original"), False),
+                              (("--channel", "depth"), True)):
+            with self.subTest(flags):
+                _, err = self.litags("render", self.finished_job(), "--camera", "a.png", *flags,
+                                     "-o", self.path("v.png"))
+                self.assertEqual("values" in err, ranged, err)
+
     def test_python_renders_raw_floats(self):
         view = self.pictures.RenderView(render.RenderViewRequest(
             name=self.finished_job(), pose=render.Pose(camera="a.png"),
@@ -241,6 +263,9 @@ class Pictures(harness.ServiceTest):
         _, err = self.litags("export", self.finished_job(), "--ply", self.path("none/s.ply"),
                              exit_code=2)
         self.assertIn("field:  --ply\n", err)
+        # Before the server is asked, which knows no such job.
+        _, err = self.litags("export", "0000", "-o", self.path("none/s.mesh.ply"), exit_code=2)
+        self.assertIn("OUTPUT_NOT_WRITABLE", err)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ class Reports(harness.ServiceTest):
     def report(self, job):
         path = os.path.join(self.folder, "report.html")
         _, err = self.litags("report", job, "-o", path)
-        self.assertRegex(err, r"report\.html: [\d.]+ kB")
+        self.assertRegex(err, r"report\.html: [\d.]+ KiB")
         with open(path, encoding="utf-8") as file:
             return Page(file.read())
 
@@ -87,6 +87,8 @@ class Reports(harness.ServiceTest):
         path = os.path.join(folder, "none", "report.html")
         _, err = self.litags("report", job, "-o", path, exit_code=2)
         self.assertIn("OUTPUT_NOT_WRITABLE", err)
+        _, err = self.litags("report", job, "-o", os.path.join(folder, "report.pdf"), exit_code=2)
+        self.assertIn("REPORT_FORMAT_UNKNOWN", err)
         self.litags("report", "0nosuchjob", "-o", os.path.join(folder, "r.html"), exit_code=4)
         self.assertEqual(os.listdir(folder), [])
 
