@@ -6,15 +6,15 @@ import re
 import unittest
 
 SOURCE = pathlib.Path(os.environ["LITAGS_SOURCE"])
-PAGES = ("errors", "upload-errors", "failed-jobs", "operator-errors")
+PAGES = ("errors", "upload-errors", "failed-jobs", "operator-errors", "command-line-errors")
 # Upper-case words of the code that are no reasons.
-OTHERS = re.compile(r"(LITAGS|AWS|SIMPLE|RADIAL|OPENCV|FULL|COLOR|NVM)_")
-NOT_SHIPPED = re.compile(r"_test|conformance|/testing/|engine/(tools|sample)/")
+OTHERS = re.compile(r"(LITAGS|AWS|SIMPLE|RADIAL|OPENCV|FULL|COLOR|NVM|GRPC|MODEL_FORMAT_SPZ)_")
+NOT_SHIPPED = re.compile(r"_test|conformance|/testing/|engine/sample/")
 
 
 def reasons_of_code():
     reasons = set()
-    for folder in ("server", "engine"):
+    for folder in ("server", "engine", "client"):
         for path in SOURCE.joinpath(folder).rglob("*.*"):
             if path.suffix in (".cc", ".h") and not NOT_SHIPPED.search(str(path.relative_to(SOURCE))):
                 reasons.update(re.findall(r'"([A-Z][A-Z0-9]*(?:_[A-Z0-9]+)+)"', path.read_text()))
