@@ -1,6 +1,7 @@
 #include "engine/sfm/sfm.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -248,6 +249,25 @@ double SecondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+// A place is given to as many digits as a file may have.
+absl::Status CheckPlaces(const SparseModel& cameras) {
+  constexpr double kSameDigits = 1e-9;
+  const std::array<double, 3> first = cameras.views[0].camera.Center();
+  for (const View& view : cameras.views) {
+    const std::array<double, 3> place = view.camera.Center();
+    for (int i = 0; i < 3; ++i) {
+      if (!(std::abs(place[i] - first[i]) <= kSameDigits * (1 + std::abs(first[i])))) {
+        return absl::OkStatus();
+      }
+    }
+  }
+  return MakeError(absl::StatusCode::kFailedPrecondition, "SFM_NO_PARALLAX", "cameras",
+                   absl::StrCat("the ", cameras.views.size(),
+                                " given cameras all stand in one place, as on a tripod: how far "
+                                "away things are cannot be told; bring photos from several places, "
+                                "with cameras that say where each stands"));
+}
+
 }  // namespace
 
 absl::Status SfmOptions::Validate() const {
@@ -309,6 +329,7 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
                         absl::StrCat("cameras: ", cameras.views.size(),
                                      " views; at least 2 are needed, each with its distortion"));
   }
+  LITAGS_RETURN_IF_ERROR(CheckPlaces(cameras));
   Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
   LITAGS_ASSIGN_OR_RETURN(
       const std::vector<PhotoFile> all,
@@ -329,8 +350,9 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
         absl::StatusCode::kFailedPrecondition, "SFM_NO_POINTS", "cameras",
         absl::StrCat("no point of the scene is seen alike by the ", cameras.views.size(),
                      " given cameras; check that cameras and photos belong together, that "
-                     "the axes are right, and that the photos show texture: a place that is black "
-                     "but for a lamp, or a bare wall, shows none"));
+                     "the axes are right, that the cameras do not all stand in almost one place, "
+                     "and that the photos show texture: a place that is black but for a lamp, or a "
+                     "bare wall, shows none"));
   }
   result.photos = WithPhotosLeftOut(all, result.photos);
   AddNotes(KeptRung(result), result);

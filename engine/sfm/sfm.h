@@ -135,7 +135,8 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
 // (triangulate.h). Climbs the same ladder until there are at least 10 points per view, else keeps
 // the most points. As repeatable as FindCameras.
 // Errors as FindCameras, and: NOT_FOUND VIEW_WITHOUT_PHOTO, INVALID_ARGUMENT for cameras that
-// do not match their photo's size, FAILED_PRECONDITION SFM_NO_POINTS.
+// do not match their photo's size, FAILED_PRECONDITION SFM_NO_POINTS, SFM_NO_PARALLAX (all cameras
+// stand in one place).
 absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
                                             const SparseModel& cameras, const std::string& work_dir,
                                             const SfmOptions& options, const CancelToken& cancel,

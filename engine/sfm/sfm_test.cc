@@ -438,6 +438,24 @@ TEST_F(SfmTest, TriangulationRefusesCamerasThatDoNotFitThePhotos) {
   EXPECT_TRUE(colmap_.Calls().empty());
 }
 
+TEST_F(SfmTest, GivenCamerasInOnePlaceAreRefusedBeforeAnyWork) {
+  const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
+  SparseModel tripod = KnownCameras();
+  for (View& view : tripod.views) {
+    // x_cam = R (x_world - place)
+    const std::array<double, 3> place = {1, -2, 0.3};
+    for (int i = 0; i < 3; ++i) {
+      view.camera.t[i] = 0;
+      for (int k = 0; k < 3; ++k) view.camera.t[i] -= view.camera.R[3 * i + k] * place[k];
+    }
+  }
+  const absl::Status status =
+      TriangulatePoints(photos, tripod, colmap_.dir() + "/work", options_, cancel_).status();
+  EXPECT_EQ(Reason(status), "SFM_NO_PARALLAX");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("given cameras all stand in one place"));
+  EXPECT_TRUE(colmap_.Calls().empty());
+}
+
 TEST_F(SfmTest, CamerasThatSeeNothingAlikeAreAnError) {
   const std::string photos = colmap_.MakePhotos(6, 128, 96, kDark);
   const auto result =
