@@ -7,6 +7,7 @@
 #include "absl/strings/ascii.h"
 #include "engine/core/mask.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 
 namespace litags {
@@ -30,6 +31,30 @@ absl::Status CheckFormat(const ImageInfo& info, std::string_view field) {
   return absl::OkStatus();
 }
 
+// The codes as they are in the file: to a profile's curve, 1 of 255 is as black as 0.
+absl::StatusOr<PlaneU8> DecodeNotZero(std::string_view bytes, const ImageInfo& info,
+                                      std::string_view field) {
+  LITAGS_RETURN_IF_ERROR(CheckPngComplete(bytes, field));
+  try {
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
+                          const_cast<char*>(bytes.data()));
+    const cv::Mat codes = cv::imdecode(encoded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    PlaneU8 mask(codes.cols, codes.rows);
+    for (int y = 0; y < mask.height; ++y) {
+      const uint8_t* row = codes.ptr<uint8_t>(y);
+      for (int i = 0; i < 3 * mask.width; ++i) {
+        if (row[i] != 0) mask.data[size_t(y) * mask.width + i / 3] = kCounts;
+      }
+    }
+    mask = TurnUpright(std::move(mask), info.orientation);
+    if (mask.width == info.width && mask.height == info.height) return mask;
+    return InvalidField("IMAGE_CORRUPT", field, "the PNG cannot be decoded; send the file again");
+  } catch (const cv::Exception& e) {
+    return InvalidField("IMAGE_CORRUPT", field,
+                        absl::StrCat("the PNG cannot be decoded: ", e.what()));
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<MaskPaths> FindMasks(const std::string& dir, absl::Span<const std::string> photos) {
@@ -50,15 +75,20 @@ absl::StatusOr<PlaneU8> DecodeMask(std::string_view bytes, std::string_view fiel
                                    const ImageLimits& limits) {
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field, limits));
   LITAGS_RETURN_IF_ERROR(CheckFormat(info, field));
-  LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, DecodeImage(bytes, field, limits));
-  PlaneU8 mask(image.width, image.height);
-  for (size_t i = 0; i < image.data.size(); ++i) {
-    if (image.data[i] != 0) mask.data[i / 3] = kCounts;
-  }
+  LITAGS_ASSIGN_OR_RETURN(PlaneU8 mask, DecodeNotZero(bytes, info, field));
   if (CountedPixels(mask, mask.data.size()) > 0) return mask;
   return InvalidField("MASK_BLACK", field,
                       "every pixel of the mask is 0, nothing of the photo counts; leave the photo "
                       "out, or turn the mask around: 0 is what does not count");
+}
+
+absl::StatusOr<PlaneU8> ReadMask(const std::string& path, int photo_width, int photo_height) {
+  const std::string field = absl::StrCat("masks[", BaseName(path), "]");
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field));
+  LITAGS_RETURN_IF_ERROR(
+      CheckMaskSize(BaseName(path), info.width, info.height, photo_width, photo_height));
+  return DecodeMask(bytes, field);
 }
 
 absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string_view field,
@@ -68,13 +98,7 @@ absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string
   LITAGS_ASSIGN_OR_RETURN(read.info, ReadImageInfo(photo, field));
   LITAGS_ASSIGN_OR_RETURN(read.photo, DecodePhoto(photo, field));
   if (mask_path.empty()) return read;
-  const std::string mask_field = absl::StrCat("masks[", BaseName(mask_path), "]");
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
-                          ReadFile(mask_path, mask_field, ImageLimits().max_bytes));
-  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, mask_field));
-  LITAGS_RETURN_IF_ERROR(CheckMaskSize(BaseName(mask_path), info.width, info.height,
-                                       read.photo.width, read.photo.height));
-  LITAGS_ASSIGN_OR_RETURN(read.mask, DecodeMask(bytes, mask_field));
+  LITAGS_ASSIGN_OR_RETURN(read.mask, ReadMask(mask_path, read.photo.width, read.photo.height));
   FillMasked(read.mask, &read.photo);
   return read;
 }

@@ -24,9 +24,14 @@ using MaskPaths = std::map<std::string, std::string>;
 absl::StatusOr<MaskPaths> FindMasks(const std::string& dir, absl::Span<const std::string> photos);
 
 // A PNG of at most 8 bits a channel, as [H, W] of kCounts or 0: a pixel counts if one of its
-// channels is not 0. Errors of DecodeImage, and MASK_FORMAT, MASK_BLACK (no pixel counts).
+// channels is not 0 in the file, whatever colours its profile makes of that. Errors of DecodeImage,
+// and MASK_FORMAT, MASK_BLACK (no pixel counts).
 absl::StatusOr<PlaneU8> DecodeMask(std::string_view bytes, std::string_view field,
                                    const ImageLimits& limits = {});
+
+// The same from a file, with "masks[NAME]" as field. MASK_SIZE, before it is decoded, unless it is
+// of its upright photo's size.
+absl::StatusOr<PlaneU8> ReadMask(const std::string& path, int photo_width, int photo_height);
 
 // A photo whose masked pixels are filled in from around them.
 struct MaskedPhoto {
@@ -35,8 +40,7 @@ struct MaskedPhoto {
   PlaneU8 mask;  // empty: all pixels count
 };
 
-// Errors of ReadPhoto with `field`, of DecodeMask with "masks[NAME]", and MASK_SIZE if the mask is
-// not of the upright photo's size, which is found before it is decoded. `mask_path` may be empty.
+// Errors of ReadPhoto with `field`, and of ReadMask. `mask_path` may be empty.
 absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string_view field,
                                             const std::string& mask_path);
 

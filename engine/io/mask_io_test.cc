@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 
 #include "engine/core/mask.h"
 #include "engine/io/file_util.h"
@@ -62,6 +64,33 @@ TEST_F(MaskIo, AnyChannelThatIsNotZeroCounts) {
   const auto mask = DecodeMask(EncodePng(colors).value(), "masks[m.png]");
   ASSERT_TRUE(mask.ok()) << mask.status();
   EXPECT_EQ(mask->data, (std::vector<uint8_t>{kCounts, 0, kCounts}));
+}
+
+// As programs of segmentation write them: 1 is the smallest code, which a profile makes black.
+TEST_F(MaskIo, OneOfAMaskOfZeroesAndOnesCountsUnderAnyProfile) {
+  constexpr size_t kHeaderEnd = 8 + 25;                         // magic and IHDR
+  constexpr char kGamma[] = "\0\0\0\4gAMA\0\0\x94p\xCE\x0D^o";  // 0.38
+  PlaneU8 ones = RightHalf();
+  for (uint8_t& code : ones.data) code = code != 0 ? 1 : 0;
+  const std::string plain = EncodeMask(ones).value();
+  std::string gamma = plain;
+  gamma.insert(kHeaderEnd, kGamma, sizeof(kGamma) - 1);
+  ASSERT_EQ(DecodeImage(gamma, "f")->data[3 * kWidth - 1], 0);
+  for (const std::string& bytes : {plain, gamma}) {
+    const auto mask = DecodeMask(bytes, "masks[m.png]");
+    ASSERT_TRUE(mask.ok()) << mask.status();
+    EXPECT_EQ(mask->data, RightHalf().data);
+  }
+}
+
+TEST_F(MaskIo, MasksOfOneBitAreRead) {
+  PlaneU8 mask = RightHalf();
+  const cv::Mat gray(kHeight, kWidth, CV_8U, mask.data.data());
+  std::vector<uint8_t> png;
+  ASSERT_TRUE(cv::imencode(".png", gray, png, {cv::IMWRITE_PNG_BILEVEL, 1}));
+  const std::string bytes(png.begin(), png.end());
+  ASSERT_EQ(ReadImageInfo(bytes, "f")->bit_depth, 1);
+  EXPECT_EQ(DecodeMask(bytes, "masks[m.png]")->data, RightHalf().data);
 }
 
 TEST_F(MaskIo, WrongSizesFormatsAndBlackMasksAreRefusedByName) {

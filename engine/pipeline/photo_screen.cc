@@ -102,12 +102,6 @@ absl::StatusOr<std::string> WriteMask(const ReconstructInput& input, const std::
   return path;
 }
 
-absl::StatusOr<PlaneU8> ReadMask(const std::string& path) {
-  const std::string field = absl::StrCat("masks[", BaseName(path), "]");
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
-  return DecodeMask(bytes, field);
-}
-
 // Where a mask of the cameras' file lies: beside that file or the photos, and nowhere above.
 std::string FindMaskPath(const ReconstructInput& input, const fs::path& cameras_dir,
                          std::string path) {
@@ -241,9 +235,8 @@ absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Deco
     }
     if (frame != frames.end()) CutTo(frame->second, &mask);
     if (const auto given = screen->masks.find(d.photo.name); given != screen->masks.end()) {
-      LITAGS_ASSIGN_OR_RETURN(const PlaneU8 other, ReadMask(given->second));
-      LITAGS_RETURN_IF_ERROR(CheckMaskSize(BaseName(given->second), other.width, other.height,
-                                           mask.width, mask.height));
+      LITAGS_ASSIGN_OR_RETURN(const PlaneU8 other,
+                              ReadMask(given->second, mask.width, mask.height));
       for (size_t i = 0; i < mask.data.size(); ++i) mask.data[i] &= other.data[i];
     }
     LITAGS_ASSIGN_OR_RETURN(screen->masks[d.photo.name], WriteMask(input, d.photo.name, mask));

@@ -9,6 +9,7 @@
 #include "engine/core/mask.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/memory_estimate.h"
 
 namespace litags {
 
@@ -67,11 +68,8 @@ absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views
 std::vector<TestView> AtMost(int max_side, std::vector<TestView> views) {
   for (TestView& view : views) {
     Camera& camera = view.view.camera;
-    const int side = std::max(camera.width, camera.height);
-    if (max_side <= 0 || side <= max_side) continue;
-    const double scale = double(max_side) / side;
-    const auto shrunk = [&](int size) { return std::max(1, int(std::lround(size * scale))); };
-    camera = camera.Scaled(shrunk(camera.width), shrunk(camera.height));
+    const auto [width, height] = ShrunkTo(max_side, camera.width, camera.height);
+    camera = camera.Scaled(width, height);
   }
   return views;
 }
