@@ -13,6 +13,9 @@ struct RigView {
   std::string rig;
   std::array<double, 9> R = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // rig from camera, row-major
   double focal_length = 0;                                // px of the photo; pinhole
+  // What the file says that the photo was cut from, as ImageInfo has it; 0: not said.
+  double exposure_time = 0, iso = 0, f_number = 0;
+  int chroma_step = 0;
 };
 
 // By the photo's name.

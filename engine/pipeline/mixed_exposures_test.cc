@@ -11,6 +11,7 @@
 #include "engine/core/color.h"
 #include "engine/eval/metrics.h"
 #include "engine/pipeline/capture_test_util.h"
+#include "engine/pipeline/posed_photos.h"
 #include "engine/pipeline/train_set.h"
 
 namespace litags {
@@ -62,6 +63,22 @@ TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
       EXPECT_LT(off(PhotoToU8(view.photo)), 0.5 * off(taken));
     }
   }
+}
+
+// Views of panoramas are PNG files, which say nothing of it.
+TEST(MixedExposures, AViewHasTheExposureThatItsPhotoStates) {
+  const RoomCapture room(4);
+  ReconstructInput input = room.Input("work");
+  input.rig_views[RoomCapture::Name(2)] = {
+      .rig = "p.jpg", .exposure_time = 0.5, .iso = 200, .f_number = 2};
+  const ReconstructOptions options = Options(room);
+  const CancelToken never;
+  ReconstructReport report;
+  const Context context(
+      input, options, never, [](Stage, const std::string&) {}, &report);
+  const auto posed = LoadPosedPhotos(context, kNoColmap);
+  ASSERT_TRUE(posed.ok()) << posed.status();
+  EXPECT_THAT(posed->stated_exposures, testing::ElementsAre(0, 0, 25, 0));
 }
 
 TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {

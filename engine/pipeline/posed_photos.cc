@@ -39,6 +39,22 @@ std::string MaskPathOf(const MaskPaths& masks, const std::string& name) {
   return mask == masks.end() ? "" : mask->second;
 }
 
+// What a view's PNG does not say stands in the file that it was cut from.
+absl::StatusOr<MaskedPhoto> ReadInputPhoto(const ReconstructInput& input, const std::string& name,
+                                           const MaskPaths& masks) {
+  LITAGS_ASSIGN_OR_RETURN(
+      MaskedPhoto read,
+      ReadMaskedPhoto(PhotoPath(input, name), PhotoField(name), MaskPathOf(masks, name)));
+  const auto view = input.rig_views.find(name);
+  if (view == input.rig_views.end()) return read;
+  const RigView& source = view->second;
+  read.info.exposure_time = source.exposure_time;
+  read.info.iso = source.iso;
+  read.info.f_number = source.f_number;
+  read.info.chroma_step = source.chroma_step;
+  return read;
+}
+
 // Of photos spread evenly over the capture, as the camera wrote them.
 absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const SparseModel& model,
                                          const MaskPaths& masks, int threads,
@@ -49,10 +65,8 @@ absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const Sp
   ParallelFor(threads, n, [&](size_t i, int) {
     status[i] = [&]() -> absl::Status {
       LITAGS_RETURN_IF_ERROR(cancel.Check());
-      const std::string& name = model.views[i * all / n].name;
-      const std::string path = PhotoPath(input, name), field = PhotoField(name);
       LITAGS_ASSIGN_OR_RETURN(const MaskedPhoto read,
-                              ReadMaskedPhoto(path, field, MaskPathOf(masks, name)));
+                              ReadInputPhoto(input, model.views[i * all / n].name, masks));
       const FileSteps steps = {CodeStep(read.info), static_cast<double>(read.info.chroma_step)};
       priors[i] = MeasureColorPrior(read.photo, steps, read.mask);
       return absl::OkStatus();
@@ -91,10 +105,9 @@ absl::Status MaskRim(const Distortion& distortion, OnePhoto* v) {
 }
 
 // Photo and mask as their pinhole camera sees them.
-absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
+absl::Status LoadPhoto(const ReconstructInput& input, const MaskPaths& masks,
                        const Distortion& distortion, OnePhoto* v) {
-  const std::string field = absl::StrCat("images[", v->view.name, "]");
-  LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadMaskedPhoto(path, field, mask_path));
+  LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadInputPhoto(input, v->view.name, masks));
   v->stated_exposure = StatedExposure(read.info);
   v->code_step = CodeStep(read.info);
   v->photo = std::move(read.photo);
@@ -103,7 +116,7 @@ absl::Status LoadPhoto(const std::string& path, const std::string& mask_path,
   const Camera& camera = v->view.camera;
   if (v->photo.width != camera.width || v->photo.height != camera.height) {
     return InvalidInput(
-        "CAMERA_SIZE_MISMATCH", field,
+        "CAMERA_SIZE_MISMATCH", PhotoField(v->view.name),
         absl::StrCat(v->view.name, ": the photo is ", v->photo.width, "x", v->photo.height,
                      " but its camera says ", camera.width, "x", camera.height,
                      "; send the photo as it was when its camera was found, or "
@@ -171,8 +184,7 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
       OnePhoto& v = photos[i];
       v.view = model.views[i];
       const std::string mask_path = MaskPathOf(masks, v.view.name);
-      LITAGS_RETURN_IF_ERROR(
-          LoadPhoto(PhotoPath(input, v.view.name), mask_path, model.distortions[i], &v));
+      LITAGS_RETURN_IF_ERROR(LoadPhoto(input, masks, model.distortions[i], &v));
       LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
       flat[i] = FlatColor(v.photo, v.mask);
       if (flat[i].has_value()) return absl::OkStatus();

@@ -54,17 +54,6 @@ std::string BaseOf(const std::string& photo, const std::vector<std::string>& nam
   return alike > 1 ? photo : stem;
 }
 
-// Empty without a path; of the photo's size.
-absl::StatusOr<PlaneU8> ReadMask(const std::string& path, const WideLens& lens) {
-  if (path.empty()) return PlaneU8();
-  const std::string field = absl::StrCat("masks[", BaseName(path), "]");
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
-  LITAGS_ASSIGN_OR_RETURN(PlaneU8 mask, DecodeMask(bytes, field));
-  LITAGS_RETURN_IF_ERROR(
-      CheckMaskSize(BaseName(path), mask.width, mask.height, lens.width, lens.height));
-  return mask;
-}
-
 // What `other` hides, too; empty masks hide nothing.
 void Hide(const PlaneU8& other, PlaneU8* mask) {
   if (mask->empty()) *mask = other;
@@ -78,19 +67,21 @@ struct Output {
   std::vector<ViewOfPhoto> views;  // if cameras are given
 };
 
-// Writes the views of one photo. Their names by that of the cube's view.
-absl::StatusOr<std::map<std::string, std::string>> WriteViews(const ReconstructInput& input,
-                                                              const WidePhoto& wide,
-                                                              const std::string& base,
-                                                              const std::string& mask_path,
-                                                              int threads, const Output& out) {
+// Writes the views of one photo, whose file's header goes to `info`. Their names by that of the
+// cube's view.
+absl::StatusOr<std::map<std::string, std::string>> WriteViews(
+    const ReconstructInput& input, const WidePhoto& wide, const std::string& base,
+    const std::string& mask_path, int threads, const Output& out, ImageInfo* info) {
   const std::string field = PhotoField(wide.name);
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
                           ReadFile(PhotoPath(input, wide.name), field, ImageLimits().max_bytes));
-  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field));
+  LITAGS_ASSIGN_OR_RETURN(*info, ReadImageInfo(bytes, field));
   LITAGS_ASSIGN_OR_RETURN(const Photo photo, DecodePhoto(bytes, field));
-  LITAGS_ASSIGN_OR_RETURN(PlaneU8 mask, ReadMask(mask_path, wide.lens));
-  Hide(AlphaMask(bytes, info.orientation), &mask);
+  PlaneU8 mask;
+  if (!mask_path.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(mask, ReadMask(mask_path, wide.lens.width, wide.lens.height));
+  }
+  Hide(AlphaMask(bytes, info->orientation), &mask);
   std::vector<absl::Status> statuses(wide.views.size());
   std::vector<std::string> names(wide.views.size());
   ParallelFor(threads, wide.views.size(), [&](size_t i, int) {
@@ -102,7 +93,7 @@ absl::StatusOr<std::map<std::string, std::string>> WriteViews(const ReconstructI
       if (all - hidden < kLeastLeft * all) return absl::OkStatus();
       names[i] = absl::StrCat(base, "_", view.name, ".png");
       LITAGS_ASSIGN_OR_RETURN(const std::string png,
-                              EncodePng16(CutView(photo, wide.lens, view), SignificantBits(info)));
+                              EncodePng16(CutView(photo, wide.lens, view), SignificantBits(*info)));
       LITAGS_RETURN_IF_ERROR(WriteFileAtomically(out.dir / names[i], png));
       if (hidden == 0) return absl::OkStatus();
       LITAGS_ASSIGN_OR_RETURN(const std::string cut, EncodeMask(shown));
@@ -120,13 +111,15 @@ absl::StatusOr<std::map<std::string, std::string>> WriteViews(const ReconstructI
 absl::Status CutPhoto(const ReconstructInput& input, const WidePhotos& wide, const WidePhoto& photo,
                       const std::string& base, const std::string& mask_path, int threads,
                       Output* out) {
+  ImageInfo info;
   LITAGS_ASSIGN_OR_RETURN(const auto written,
-                          WriteViews(input, photo, base, mask_path, threads, *out));
+                          WriteViews(input, photo, base, mask_path, threads, *out, &info));
   const int side = photo.lens.view_side;
   for (const CubeView& view : photo.views) {
     const auto name = written.find(view.name);
     if (name == written.end()) continue;
-    out->rig_views[name->second] = {photo.name, view.R, side / 2.0};
+    out->rig_views[name->second] = {photo.name, view.R,        side / 2.0,      info.exposure_time,
+                                    info.iso,   info.f_number, info.chroma_step};
     if (photo.camera < 0) continue;
     const Camera& camera = wide.cameras.views[photo.camera].camera;
     out->views.push_back({{name->second, TurnedView(camera, view, side)}, photo.camera});

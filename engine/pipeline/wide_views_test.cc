@@ -91,6 +91,16 @@ TEST_F(WideViews, StandForThePanoramaBesideOtherPhotos) {
   EXPECT_NEAR(left->pixel(41, 41)[0] / kPhotoCode, 60 + 50 + 8, 2);
 }
 
+TEST_F(WideViews, SayWhatTheFileTheyAreCutFromSays) {
+  const std::string jpeg = EncodeJpeg(Around(256)).value();
+  ASSERT_TRUE(WriteFileAtomically(dir_ / "photos/j.jpg", jpeg).ok());
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  const RigView& source = cut->rig_views.at("j_up.png");
+  EXPECT_EQ(source.chroma_step, ReadImageInfo(jpeg, "f")->chroma_step);
+  EXPECT_GT(source.chroma_step, 0);
+}
+
 TEST_F(WideViews, MasksGoWithThem) {
   ImageU8 tripod(256, 128), all(200, 150);
   std::fill_n(tripod.data.begin(), size_t{3} * 256 * 100, 255);
