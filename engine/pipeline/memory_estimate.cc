@@ -102,6 +102,7 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
   MemoryEstimate estimate;
   estimate.photos =
       static_cast<int64_t>((kViewPixel + map_bytes) * WithPyramid(recipe.coarse_levels) * all);
+  estimate.rims = static_cast<int64_t>(WithPyramid(recipe.coarse_levels) * all);
   estimate.work = static_cast<int64_t>(std::max({training, decoding, stereo}));
   estimate.gaussians = static_cast<int64_t>(kGaussian * options.max_gaussians);
   return estimate;

@@ -76,6 +76,9 @@ TEST(MemoryEstimate, CountsDepthMapsAndMasks) {
   const auto photos = PhotosOf(10, 1600, 1200);
   const MemoryEstimate bare = EstimateMemory(photos, options, 2, 0);
   EXPECT_NEAR(double(EstimateMemory(photos, options, 2, 8).photos) / bare.photos, 22 / 14.0, 1e-6);
+  // Whether lenses leave rims to mask is not known before the cameras: a byte a pixel.
+  EXPECT_NEAR(double(bare.rims) / bare.photos, 1 / 14.0, 1e-6);
+  EXPECT_EQ(bare.Most() - bare.Least(), bare.rims + bare.gaussians + MemoryEstimate::kPrograms);
   EXPECT_TRUE(CheckMemory(photos, options, 0, bare.Least()).ok());
   EXPECT_EQ(Reason(CheckMemory(photos, options, 8, bare.Least())), "MEMORY_EXCEEDED");
 }
