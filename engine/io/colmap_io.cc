@@ -17,8 +17,6 @@
 namespace litags {
 namespace {
 
-constexpr int64_t kMaxFileBytes = int64_t{2} << 30;
-
 struct Intrinsics {
   Camera camera;
   Distortion distortion;
@@ -393,8 +391,8 @@ absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_
       if (!text) AppendNumber(&bytes[i], uint64_t{0});
       continue;
     }
-    LITAGS_ASSIGN_OR_RETURN(bytes[i],
-                            ReadFile(dir + name, absl::StrCat(Absl(field), name), kMaxFileBytes));
+    LITAGS_ASSIGN_OR_RETURN(
+        bytes[i], ReadFile(dir + name, absl::StrCat(Absl(field), name), kMaxModelFileBytes));
   }
   return (text ? ParseColmapText : ParseColmapModel)(bytes[0], bytes[1], bytes[2], field);
 }

@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_IO_COLMAP_IO_H_
 #define LITAGS_ENGINE_IO_COLMAP_IO_H_
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -10,6 +11,8 @@
 #include "engine/io/sparse_model.h"
 
 namespace litags {
+
+inline constexpr int64_t kMaxModelFileBytes = int64_t{2} << 30;  // a file of a model
 
 // Reads the model in folder `dir`: the binary one, or, if there is none, that in text form. Camera
 // models as docs/cameras.md has them. Tracks leave out sightings that no image has. NOT_FOUND if a

@@ -1,7 +1,9 @@
 #include "engine/pipeline/camera_source.h"
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -30,7 +32,8 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr int64_t kMaxRegistrationFile = int64_t{64} << 20;
-constexpr int64_t kMaxCameraFile = int64_t{2} << 30;
+
+std::string KeptFolder(const ReconstructInput& input) { return input.work_dir + "/cameras"; }
 
 // JSON text; names of files need not be UTF-8.
 std::string Dump(const Json& json) {
@@ -49,9 +52,9 @@ std::string FingerprintOfCameras(const std::string& path) {
   for (const char* name : {"", "/cameras.bin", "/images.bin", "/points3D.bin", "/cameras.txt",
                            "/images.txt", "/points3D.txt"}) {
     std::error_code ignored;
-    if (fs::is_regular_file(path + name, ignored)) AddFile(path + name, kMaxCameraFile, &f);
+    if (fs::is_regular_file(path + name, ignored)) AddFile(path + name, kMaxModelFileBytes, &f);
   }
-  if (path.ends_with(".out")) AddFile(BundlerListOf(path), kMaxCameraFile, &f);
+  if (path.ends_with(".out")) AddFile(BundlerListOf(path), kMaxModelFileBytes, &f);
   return f.Text();
 }
 
@@ -196,100 +199,142 @@ bool HasTracks(const SparseModel& model) {
                      [](const SparsePoint& point) { return point.track_length() >= 2; });
 }
 
+// The model to read, where the cameras given are a folder with several.
+void ResolveGivenCameras(ReconstructInput* input, ReconstructReport* report) {
+  const std::string given = input->cameras_path;
+  if (given.empty()) return;
+  input->cameras_path = ResolveCameras(given);
+  if (input->cameras_path == given) return;
+  std::error_code ignored;
+  const bool is_folder = fs::is_directory(input->cameras_path, ignored);
+  report->notes.push_back(absl::StrCat("the cameras are those in ",
+                                       fs::relative(input->cameras_path, given).string(),
+                                       is_folder ? ", the largest model of the folder" : ""));
+}
+
+// Cameras that an earlier run kept of the same `source`, if any. `damage`: why some cannot be used.
+std::optional<SparseModel> KeptCameras(const ReconstructInput& input, const Json& source,
+                                       size_t first_note, ReconstructReport* report,
+                                       std::string* damage) {
+  for (const std::string& dir : {SolvedFisheyes(input), KeptFolder(input)}) {
+    if (!fs::exists(dir + "/registration.json")) continue;
+    absl::StatusOr<std::optional<SparseModel>> found =
+        LoadRegistration(dir, source, first_note, report);
+    if (found.ok() && found->has_value()) return *std::move(found);
+    if (!found.ok()) *damage = std::string(found.status().message());
+  }
+  return std::nullopt;
+}
+
+// What the steps of COLMAP share.
+struct Solver {
+  const Context& context;
+  const ReconstructInput& input;
+  std::string folder;  // of the photos
+  SfmOptions options;
+
+  std::function<void(const SfmProgress&)> Progress() const {
+    return [this](const SfmProgress& p) { context.progress(Stage::kFindingCameras, Describe(p)); };
+  }
+  absl::StatusOr<SfmResult> Triangulate(const SparseModel& model) const {
+    return TriangulatePoints(folder, model, input.work_dir, options, context.cancel, Progress());
+  }
+};
+
+SfmOptions OptionsOf(const Context& context, const ReconstructInput& input, const MaskPaths& masks,
+                     const std::string& colmap) {
+  SfmOptions sfm;
+  sfm.colmap = colmap;
+  sfm.threads = context.options.threads;
+  sfm.seed = context.options.seed & kMaxSfmSeed;
+  sfm.min_registered = context.options.min_registered;
+  sfm.step_timeout_seconds = input.colmap_step_seconds;
+  sfm.on_line = context.on_line;
+  sfm.masks = masks;
+  sfm.rig_views = input.rig_views;
+  return sfm;
+}
+
+absl::StatusOr<SparseModel> SolveCameras(const Solver& solver) {
+  const Context& context = solver.context;
+  LITAGS_ASSIGN_OR_RETURN(SfmResult result,
+                          FindCameras(solver.folder, solver.input.work_dir, solver.options,
+                                      context.cancel, solver.Progress()));
+  FillReport(result, context.report);
+  if (context.on_line) context.on_line(DescribeSeconds(result, *context.report));
+  if (solver.input.rig_views.empty()) return std::move(result.model);
+  // Those that only their rig placed have no points yet.
+  LITAGS_ASSIGN_OR_RETURN(SfmResult again, solver.Triangulate(result.model));
+  return std::move(again.model);
+}
+
+// Points of given cameras, which came without usable ones.
+absl::Status TriangulateGiven(const Solver& solver, SparseModel* model) {
+  ReconstructReport* const report = solver.context.report;
+  if (!model->points.empty()) {
+    report->notes.push_back(absl::StrCat("the ", model->points.size(),
+                                         " points that came with the cameras do not say which ",
+                                         "photos saw them: points are triangulated instead"));
+    model->points.clear();
+  }
+  // The equations of points, too, are worse the further away the origin is.
+  const std::array<double, 3> origin = LocalOrigin(model->views);
+  TakeAsOrigin(origin, model);
+  LITAGS_ASSIGN_OR_RETURN(SfmResult result, solver.Triangulate(*model));
+  for (const std::string& note : result.notes) report->notes.push_back(note);
+  *model = std::move(result.model);
+  TakeAsOrigin({-origin[0], -origin[1], -origin[2]}, model);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<SparseModel> TakeGivenCameras(const Solver& solver,
+                                             const std::vector<std::string>& photos) {
+  ReconstructReport* const report = solver.context.report;
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model,
+                          ReadGivenCameras(solver.input, photos, &report->notes));
+  const bool has_tracks = HasTracks(model);
+  if (!has_tracks) LITAGS_RETURN_IF_ERROR(TriangulateGiven(solver, &model));
+  std::set<std::string> placed;
+  for (const View& view : model.views) placed.insert(view.name);
+  for (const std::string& photo : photos) {
+    if (!placed.contains(photo)) report->dropped.push_back(photo);
+  }
+  // Notes of triangulation say it already.
+  if (!report->dropped.empty() && has_tracks) {
+    report->notes.push_back(absl::StrCat(report->dropped.size(), " of ", photos.size(),
+                                         " photos have no camera and are left out, such as ",
+                                         report->dropped[0]));
+  }
+  report->sfm_preparation = "given";
+  return model;
+}
+
 }  // namespace
 
 absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
                                           const std::vector<std::string>& photos,
                                           const MaskPaths& masks, const std::string& colmap) {
   ReconstructInput input = context.input;
-  const ReconstructOptions& options = context.options;
-  const CancelToken& cancel = context.cancel;
   ReconstructReport* const report = context.report;
   const size_t first_note = report->notes.size();
-  if (const std::string given = input.cameras_path; !given.empty()) {
-    input.cameras_path = ResolveCameras(given);
-    if (input.cameras_path != given) {
-      std::error_code ignored;
-      report->notes.push_back(absl::StrCat(
-          "the cameras are those in ", fs::relative(input.cameras_path, given).string(),
-          fs::is_directory(input.cameras_path, ignored) ? ", the largest model of the folder"
-                                                        : ""));
-    }
-  }
+  ResolveGivenCameras(&input, report);
   report->photos = static_cast<int>(photos.size());
-  const Json source = SourceOf(input, options, photos, masks);
-  std::string kept = input.work_dir + "/cameras", damage;
-  for (const std::string& dir : {SolvedFisheyes(input), kept}) {
-    if (!fs::exists(dir + "/registration.json")) continue;
-    absl::StatusOr<std::optional<SparseModel>> found =
-        LoadRegistration(dir, source, first_note, report);
-    if (found.ok() && found->has_value()) return **std::move(found);
-    if (!found.ok()) damage = std::string(found.status().message());
-  }
+  const Json source = SourceOf(input, context.options, photos, masks);
+  std::string damage;
+  if (auto kept = KeptCameras(input, source, first_note, report, &damage)) return *std::move(kept);
 
-  SfmOptions sfm;
-  sfm.colmap = colmap;
-  sfm.threads = options.threads;
-  sfm.seed = options.seed & kMaxSfmSeed;
-  sfm.min_registered = options.min_registered;
-  sfm.step_timeout_seconds = input.colmap_step_seconds;
-  sfm.on_line = context.on_line;
-  sfm.masks = masks;
-  sfm.rig_views = input.rig_views;
-  const auto on_progress = [&](const SfmProgress& p) {
-    context.progress(Stage::kFindingCameras, Describe(p));
-  };
-  SparseModel model;
-  LITAGS_ASSIGN_OR_RETURN(const std::string folder, FolderOf(input, photos));
-  if (input.cameras_path.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(SfmResult result,
-                            FindCameras(folder, input.work_dir, sfm, cancel, on_progress));
-    FillReport(result, report);
-    if (context.on_line) context.on_line(DescribeSeconds(result, *report));
-    model = std::move(result.model);
-    if (HasWideFisheye(model)) kept = SolvedFisheyes(input);
-    if (!input.rig_views.empty()) {
-      // Those that only their rig placed have no points yet.
-      LITAGS_ASSIGN_OR_RETURN(SfmResult again, TriangulatePoints(folder, model, input.work_dir, sfm,
-                                                                 cancel, on_progress));
-      model = std::move(again.model);
-    }
-  } else {
-    LITAGS_ASSIGN_OR_RETURN(model, ReadGivenCameras(input, photos, &report->notes));
-    bool says_left_out = false;
-    if (!HasTracks(model)) {
-      if (!model.points.empty()) {
-        report->notes.push_back(absl::StrCat("the ", model.points.size(),
-                                             " points that came with the cameras do not say which ",
-                                             "photos saw them: points are triangulated instead"));
-        model.points.clear();
-      }
-      // The equations of points, too, are worse the further away the origin is.
-      const std::array<double, 3> origin = LocalOrigin(model.views);
-      TakeAsOrigin(origin, &model);
-      LITAGS_ASSIGN_OR_RETURN(SfmResult result, TriangulatePoints(folder, model, input.work_dir,
-                                                                  sfm, cancel, on_progress));
-      for (const std::string& note : result.notes) report->notes.push_back(note);
-      says_left_out = true;
-      model = std::move(result.model);
-      TakeAsOrigin({-origin[0], -origin[1], -origin[2]}, &model);
-    }
-    std::set<std::string> placed;
-    for (const View& view : model.views) placed.insert(view.name);
-    for (const std::string& photo : photos) {
-      if (!placed.contains(photo)) report->dropped.push_back(photo);
-    }
-    if (!report->dropped.empty() && !says_left_out) {
-      report->notes.push_back(absl::StrCat(report->dropped.size(), " of ", photos.size(),
-                                           " photos have no camera and are left out, such as ",
-                                           report->dropped[0]));
-    }
-    report->sfm_preparation = "given";
-  }
-  LITAGS_RETURN_IF_ERROR(SaveRegistration(kept, source, model, *report, first_note));
+  LITAGS_ASSIGN_OR_RETURN(std::string folder, FolderOf(input, photos));
+  const Solver solver = {context, input, std::move(folder),
+                         OptionsOf(context, input, masks, colmap)};
+  const bool solve = input.cameras_path.empty();
+  LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
+                          solve ? SolveCameras(solver) : TakeGivenCameras(solver, photos));
+  const std::string dir =
+      solve && HasWideFisheye(model) ? SolvedFisheyes(input) : KeptFolder(input);
+  LITAGS_RETURN_IF_ERROR(SaveRegistration(dir, source, model, *report, first_note));
   // Read back, so that this run and a resumed one see the same digits.
   LITAGS_ASSIGN_OR_RETURN(std::optional<SparseModel> read_back,
-                          LoadRegistration(kept, source, first_note, report));
+                          LoadRegistration(dir, source, first_note, report));
   if (!read_back.has_value()) return absl::InternalError("cameras changed while they were kept");
   if (!damage.empty()) {
     report->notes.push_back(absl::StrCat("the cameras kept from an earlier run could not be used (",
