@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -9,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/pipeline/even_response.h"
+#include "engine/pipeline/photo_progress.h"
 #include "engine/prior/structure_prior.h"
 #include "engine/target/black_lift.h"
 #include "engine/target/information.h"
@@ -38,11 +40,17 @@ std::vector<PointSighting> Sightings(const PosedPhotos& posed) {
   return sightings;
 }
 
+std::function<void(const std::string&)> Reporter(const Context& context) {
+  return [&context](const std::string& line) { context.progress(Stage::kPreparing, line); };
+}
+
 absl::Status AddTargets(const Context& context, const PosedPhotos& posed, CaptureTargets* out) {
   const ToneOptions& tone = context.recipe.tone;
   const int threads = context.options.threads;
+  PhotoProgress made(Reporter(context), "targets", posed.size());
   LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
-                          MakeTargets(out->photos, out->exposures, tone, threads, posed.masks));
+                          MakeTargets(out->photos, out->exposures, tone, threads, posed.masks,
+                                      [&](int thread) { made.Done(thread); }));
   std::vector<double> gains;
   for (size_t i = 0; i < targets.size(); ++i) {
     out->targets.push_back(std::move(targets[i].image));
@@ -113,10 +121,11 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   }
   if (recipe.lita && recipe.use_prior) {
     // The prior's scale is one for the whole capture, so all photos go in together.
+    PhotoProgress done(Reporter(context), "structure maps", posed.size(), 1, kPriorPasses);
     LITAGS_ASSIGN_OR_RETURN(
         CapturePriors priors,
         ComputeCapturePriors(made.photos, StructurePriorOptions(), context.options.threads,
-                             context.cancel, posed.masks));
+                             context.cancel, posed.masks, [&](int thread) { done.Done(thread); }));
     made.structure = std::move(priors.maps);
   }
   return made;

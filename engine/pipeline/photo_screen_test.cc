@@ -172,6 +172,10 @@ TEST(PhotoProgress, IsReportedByTheCallersThread) {
   ASSERT_EQ(lines.size(), 50u);
   EXPECT_EQ(lines[11], "reading photos: 12 of 100");
   ParallelFor(2, 50, [&](size_t, int thread) { progress.Done(thread); });
+  PhotoProgress twice([&](const std::string& line) { lines.push_back(line); }, "structure maps", 50,
+                      /*seconds=*/0, /*passes=*/2);
+  ParallelFor(1, 100, [&](size_t, int thread) { twice.Done(thread); });
+  EXPECT_EQ(lines.back(), "structure maps: 50 of 50");
 }
 
 TEST(PhotoScreen, TransparencyIsAMaskJoinedWithTheGivenOne) {

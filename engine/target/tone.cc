@@ -119,7 +119,8 @@ ToneTarget CaptureTarget(const Photo& photo, const PlaneU8& mask, double gain,
 std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
                                        absl::Span<const double> exposures,
                                        const ToneOptions& options, int threads,
-                                       absl::Span<const PlaneU8> masks) {
+                                       absl::Span<const PlaneU8> masks,
+                                       const std::function<void(int)>& done) {
   const double gain = CaptureGain(photos, exposures, threads, masks);
   // By quarters of a stop: finer, exposures make no difference to what is clipped.
   std::map<int, ClippedColors> tables;
@@ -134,9 +135,10 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
     colors[i] = &tables.try_emplace(step, palette, std::exp2(step / 4.0)).first->second;
   }
   std::vector<ToneTarget> targets(photos.size());
-  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+  ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
     targets[i] =
         CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], colors[i], options);
+    if (done) done(thread);
   });
   return targets;
 }
@@ -239,17 +241,18 @@ CodeCurve ChangeOfTargets(const ToneOptions& options,
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
                                                     absl::Span<const double> exposures,
                                                     const ToneOptions& options, int threads,
-                                                    absl::Span<const PlaneU8> masks) {
+                                                    absl::Span<const PlaneU8> masks,
+                                                    const std::function<void(int)>& done) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_CHECK(photos.size() == exposures.size());
   LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
   for (const Photo& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
   if (options.rule == Tone::kCapture) {
-    return CaptureTargets(photos, exposures, options, threads, masks);
+    return CaptureTargets(photos, exposures, options, threads, masks, done);
   }
   std::vector<ToneTarget> targets(photos.size());
   std::vector<absl::Status> statuses(photos.size());
-  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+  ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
     switch (options.rule) {
       case Tone::kPaper: {
         absl::StatusOr<ToneTarget> target = PaperTarget(photos[i], MaskOf(masks, i), options.theta);
@@ -263,6 +266,7 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
       case Tone::kCapture:
         break;  // CaptureTargets, above
     }
+    if (done) done(thread);
   });
   for (const absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(status);
   return targets;

@@ -26,11 +26,12 @@ struct ToneTarget {
 // do not read them. `masks` (see MaskOf; each leaves a pixel or more): only pixels that count
 // decide gains, all of the photo is mapped. INVALID_ARGUMENT for bad options, an empty photo, or
 // one that is all black (no gain helps; leave it out). Deterministic for any `threads` (<= 0: all
-// cores).
+// cores). `done` is called with ParallelFor's thread as each target is made.
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
                                                     absl::Span<const double> exposures,
                                                     const ToneOptions& options, int threads,
-                                                    absl::Span<const PlaneU8> masks = {});
+                                                    absl::Span<const PlaneU8> masks = {},
+                                                    const std::function<void(int)>& done = nullptr);
 
 // The photo with `gain` times its linear light, clipped at white.
 Photo WithLinearGain(const Photo& photo, double gain);

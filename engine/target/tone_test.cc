@@ -50,6 +50,15 @@ TEST(Srgb, EncodingUndoesDecoding) {
   EXPECT_NEAR(LinearFromSrgb(0.5), 0.2140411, 1e-6);
 }
 
+TEST(Tone, EachTargetMadeIsReported) {
+  const std::vector<Photo> photos(3, PhotoFromU8(MakePhoto(2, 40)));
+  for (const Tone rule : {Tone::kPaper, Tone::kCapture, Tone::kNone}) {
+    int done = 0;
+    ASSERT_TRUE(MakeTargets(photos, {1, 1, 1}, {.rule = rule}, 1, {}, [&](int) { ++done; }).ok());
+    EXPECT_EQ(done, 3);
+  }
+}
+
 TEST(Tone, PaperGainScalesCodesAndClips) {
   const ImageU8 photo = MakePhoto(2, 40);
   const auto target = MakeTarget(photo, {.rule = Tone::kPaper});
