@@ -27,11 +27,11 @@ inline cv::Mat Blur(const cv::Mat& image, double sigma) {
 
 // The photo's codes in [0, 1], smoothed: noise and compression scatter clipped samples below 255.
 inline FloatImage SmoothCodes(const Photo& photo) {
-  constexpr double kSigma = 0.0015;  // of the photo's width
+  constexpr double kSigma = 0.0015;  // of the photo's longer side
   const cv::Mat codes(photo.height, photo.width, CV_16SC3, const_cast<int16_t*>(photo.data.data()));
   FloatImage scaled;
   codes.convertTo(scaled, CV_32FC3, 1.0 / kPhotoWhite);
-  return Blur(scaled, std::max(0.5, kSigma * photo.width));
+  return Blur(scaled, std::max(0.5, kSigma * std::max(photo.width, photo.height)));
 }
 
 // Linear light, 1: the photo's white.

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "engine/core/color.h"
+#include "engine/target/float_image.h"
 
 namespace litags {
 namespace {
@@ -119,6 +120,20 @@ TEST(Highlights, ASurfaceThatGrowsBrighterIsLittleBrighterThanWhiteAtFirst) {
   for (int x = 20; x < 100; ++x) {
     EXPECT_GE(Code(filled, x + 1, 60, 1), Code(filled, x, 60, 1) - 1.0 / 255) << x;
   }
+}
+
+// The size of the smoothing is that of the picture, whichever way the camera was held.
+TEST(Highlights, CodesOfATurnedPhotoAreSmoothedAlike) {
+  Photo photo(1600, 40), turned(40, 1600);
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 1600; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        photo.pixel(x, y)[c] = turned.pixel(y, x)[c] = (x / 7 + y / 5) % 2 == 0 ? kPhotoWhite : 0;
+      }
+    }
+  }
+  const FloatImage a = SmoothCodes(photo), b = SmoothCodes(turned);
+  for (int x = 0; x < 1600; ++x) ASSERT_NEAR(a(20, x)[0], b(x, 20)[0], 1e-5) << x;
 }
 
 TEST(Highlights, AWhitePhotoStaysInRange) {
