@@ -88,6 +88,11 @@ PhotoSizes OneSize(int width, int height) {
 
 }  // namespace
 
+bool IsCamerasFileName(std::string_view name) {
+  return std::any_of(std::begin(kFileNames), std::end(kFileNames),
+                     [&](const char* known) { return name == known; });
+}
+
 std::string ResolveCameras(const std::string& path) {
   std::error_code ignored;
   if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;

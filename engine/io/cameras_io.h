@@ -11,6 +11,9 @@
 
 namespace litags {
 
+// Whether a program names its file of cameras so: "transforms.json".
+bool IsCamerasFileName(std::string_view name);
+
 // What to read for `path`. For a folder without a COLMAP model: that of the models inside, or
 // inside its folder sparse, which has most images, else its transforms.json, or the file of another
 // program by the name that this gives it; else `path` itself.

@@ -7,6 +7,7 @@
 
 #include "engine/core/arguments.h"
 #include "engine/core/error.h"
+#include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/inspect.h"
 #include "engine/video/frame_process.h"
 #include "engine/video/video_file.h"
@@ -29,7 +30,10 @@ struct Arguments {
   ReconstructOptions options;  // that a run would have
 };
 
-absl::Status Run(const Arguments& args, const CancelToken& cancel) {
+absl::Status Run(Arguments args, const CancelToken& cancel) {
+  std::string depth;  // is not looked at
+  LITAGS_RETURN_IF_ERROR(
+      UseDatasetFolder(/*with_cameras=*/true, &args.dir, &args.cameras, &args.masks, &depth));
   const ScratchFolder scratch;
   ReconstructInput input;
   input.work_dir = scratch.path();
@@ -55,7 +59,7 @@ int Main(int argc, char** argv) {
   CLI::App app("Says what of a folder of photos, or of a video, would be used, and why not.",
                "litags inspect");
   app.set_version_flag("--version", LITAGS_VERSION);
-  app.add_option("DIR", args.dir, "Folder of photos, or a video")->required();
+  app.add_option("DIR", args.dir, "Folder of photos, or of a dataset, or a video")->required();
   app.add_option("--cameras", args.cameras,
                  "Known cameras: a transforms.json, the folder of a COLMAP model, or a file of "
                  "OpenMVG, Meshroom, Metashape or Bundler");

@@ -10,9 +10,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/subprocess.h"
+#include "engine/io/colmap_io.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
 #include "engine/io/test_util.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
 #include "engine/tools/inspect/photo_sheet.h"
@@ -108,6 +110,44 @@ TEST_F(Inspect, TooFewPhotosAreRefusedAsByARun) {
   EXPECT_THAT(text_, HasSubstr("1 photo would be used, 0 are left out"));
   EXPECT_THAT(text_, HasSubstr("images: 1 photo; a scene needs at least 3"));
   EXPECT_THAT(text_, HasSubstr("reason TOO_FEW_PHOTOS"));
+}
+
+// nerfstudio's, with cameras of 3DGS beside them.
+TEST_F(Inspect, AFolderOfADatasetIsReadAsAnArchiveOfIt) {
+  const fs::path root = dir_ / "room";
+  for (const char* folder : {"images", "images_2", "sparse/0", "masks"}) {
+    fs::create_directories(root / folder);
+  }
+  fs::copy(photos_, root / "images");
+  fs::copy(photos_ + "/p0.jpg", root / "images_2/p0.jpg");
+  PlaneU8 mask(320, 240);
+  std::fill(mask.data.begin(), mask.data.end(), 255);
+  ASSERT_TRUE(WriteFileAtomically(root / "masks/p0.jpg.png", EncodeMask(mask).value()).ok());
+  SparseModel model;
+  Camera camera;
+  camera.width = 320, camera.height = 240;
+  camera.fx = camera.fy = 300, camera.cx = 160, camera.cy = 120;
+  model.views = {{"p0.jpg", camera}};
+  model.distortions.resize(1);
+  ASSERT_TRUE(WriteColmapModel(root / "sparse/0", model).ok());
+  ASSERT_TRUE(WriteFileAtomically(root / "transforms.json", "{}").ok());
+  EXPECT_EQ(Run({root}), 2);
+  EXPECT_THAT(text_, HasSubstr("photos: those in " + (root / "images").string() + "\n"));
+  EXPECT_THAT(text_, HasSubstr("cameras: those in " + (root / "sparse/0").string() + "\n"));
+  EXPECT_THAT(text_, HasSubstr("masks: those in " + (root / "masks").string() + "\n"));
+  EXPECT_THAT(text_, HasSubstr("not used: images_2/ (the photos are those in images/)"));
+  EXPECT_THAT(text_, HasSubstr("not used: transforms.json (the cameras are those in sparse/0)"));
+  EXPECT_THAT(text_, HasSubstr("images: 1 photo; a scene needs at least 3"));  // with a camera
+}
+
+TEST_F(Inspect, CamerasOfADatasetThatNoRuleTellsApartAreRefused) {
+  fs::create_directories(dir_ / "room/images");
+  fs::copy(photos_, dir_ / "room/images");
+  for (const char* name : {"room/cameras.xml", "room/sfm_data.json"}) {
+    ASSERT_TRUE(WriteFileAtomically(dir_ / name, "x").ok());
+  }
+  EXPECT_EQ(Run({dir_ / "room"}), 2);
+  EXPECT_THAT(text_, HasSubstr("reason CAMERAS_TWICE, field --cameras"));
 }
 
 TEST_F(Inspect, NamesPanoramasAndTheirViews) {

@@ -26,6 +26,7 @@
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
 #include "engine/tools/evaluation/progress_lines.h"
+#include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/folder_contents.h"
 #include "engine/tools/inspect/inspect.h"
 #include "engine/video/frame_process.h"
@@ -105,10 +106,13 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
   return absl::IsNotFound(photos.status()) ? absl::OkStatus() : photos.status();
 }
 
+bool IsBenchmark(const std::string& dir) {
+  return fs::exists(dir + "/transforms_train.json") || fs::exists(dir + "/transforms_test.json");
+}
+
 // A scene in LOM's layout is no folder of photos itself: what is meant is one of those inside.
 absl::Status CheckPhotos(const BenchmarkScene& scene) {
-  const bool benchmark = fs::exists(scene.dir + "/transforms_train.json") ||
-                         fs::exists(scene.dir + "/transforms_test.json");
+  const bool benchmark = IsBenchmark(scene.dir);
   const std::vector<std::string> lights = FoldersOfPhotos(scene.dir);
   if (!benchmark || !scene.light.empty() || lights.empty() || ListPhotos(scene.dir, "dir").ok()) {
     return CheckHoldsPhotos(scene.PhotosDir());
@@ -159,6 +163,10 @@ bool IsVideoFile(const std::string& path) {
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   const bool video = IsVideoFile(args.scene.dir);
+  if (!video && args.scene.light.empty() && !IsBenchmark(args.scene.dir)) {
+    LITAGS_RETURN_IF_ERROR(UseDatasetFolder(!args.scene.sfm, &args.scene.dir, &args.scene.cameras,
+                                            &args.masks, &args.depth));
+  }
   if (!video) LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args.scene.Input(args.out, &args.options));
   input.memory_bytes = MachineMemory();
@@ -233,7 +241,7 @@ int Main(int argc, char** argv) {
   CLI::App app("Trains a normally lit 3D scene from badly lit photos.", "litags-train");
   app.set_version_flag("--version", LITAGS_VERSION);
   app.add_option("dir", args.scene.dir,
-                 "folder of photos, a video, or a benchmark scene with --light")
+                 "folder of photos or of a dataset, a video, or a benchmark scene with --light")
       ->required();
   app.footer(
       "Exit codes: 0 ok; 1 no scene could be made; 2 bad usage or input; 130 interrupted: the same "

@@ -171,6 +171,20 @@ TEST_F(TrainProgramTest, AFolderOfFoldersIsAnsweredWithThem) {
               HasSubstr("did you mean " + dir_ / "DCIM/a" + ", " + dir_ / "DCIM/b" + "?"));
 }
 
+TEST_F(TrainProgramTest, AFolderOfADatasetIsUsedWithItsCameras) {
+  const std::string dataset = dir_ / "dataset";
+  fs::create_directories(dataset + "/sparse");
+  fs::rename(scene_ + "/low", dataset + "/images");
+  fs::rename(scene_ + "/high", dataset + "/images_2");
+  fs::rename(scene_ + "/sparse", dataset + "/sparse/0");
+  const Outcome outcome = Run({dataset, "--inspect"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, HasSubstr("cameras: " + dataset + "/sparse/0"));
+  EXPECT_THAT(outcome.text, HasSubstr("not used: images_2/"));
+  const Outcome sfm = Run({dataset, "--inspect", "--sfm"});
+  EXPECT_THAT(sfm.text, HasSubstr("cameras would be searched for"));
+}
+
 TEST_F(TrainProgramTest, TooFewPhotosAreBadInput) {
   fs::create_directory(dir_ / "one");
   fs::rename(scene_ + "/low/0001.JPG", dir_ / "one/0001.JPG");
