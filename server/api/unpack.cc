@@ -16,21 +16,46 @@ std::string PathIn(const ArchiveEntry& entry) {
   return ShownName(absl::StrJoin(parts, "/"));
 }
 
+DatasetFile FileOf(const ArchiveEntry& entry, const std::optional<FileRole>& role) {
+  DatasetFile file{absl::StrJoin(entry.folders, "/"), entry.name};
+  if (role == FileRole::kPhoto) file.kind = DatasetFile::Kind::kPhoto;
+  if (role == FileRole::kCameras) file.kind = DatasetFile::Kind::kCameras;
+  if (role == FileRole::kColmap) file.kind = DatasetFile::Kind::kModel;
+  return file;
+}
+
 }  // namespace
 
+absl::StatusOr<bool> ArchiveSurvey::Begin(const ArchiveEntry& entry) {
+  files_.push_back(FileOf(entry, RoleInArchive(entry)));
+  // The bytes of its images tell the larger model.
+  return files_.back().kind == DatasetFile::Kind::kModel && entry.name.starts_with("images.");
+}
+
+absl::Status ArchiveSurvey::Write(std::string_view bytes) {
+  files_.back().bytes += static_cast<int64_t>(bytes.size());
+  return absl::OkStatus();
+}
+
 Unpacker::Unpacker(Jobs* jobs, FileReader* reader, std::string job_id, std::string field,
-                   CancelToken cancel)
+                   DatasetLayout layout, CancelToken cancel)
     : jobs_(jobs),
       reader_(reader),
       job_id_(std::move(job_id)),
       field_(std::move(field)),
+      layout_(std::move(layout)),
       cancel_(std::move(cancel)),
-      staging_path_(absl::StrCat(jobs->data().tmp(), "/unpack-", RandomHex(8))) {}
+      staging_path_(absl::StrCat(jobs->data().tmp(), "/unpack-", RandomHex(8))) {
+  for (const std::string& note : layout_.Notes()) {
+    if (skipped_.size() < kMaxSkipped) skipped_.push_back(ShownName(note));
+  }
+}
 
 Unpacker::~Unpacker() { unlink(staging_path_.c_str()); }
 
 absl::StatusOr<bool> Unpacker::Begin(const ArchiveEntry& entry) {
   const std::optional<FileRole> role = RoleInArchive(entry);
+  if (!layout_.Uses(FileOf(entry, role))) return false;  // a note tells
   if (!role) {
     if (skipped_.size() < kMaxSkipped) skipped_.push_back(PathIn(entry));
     return false;

@@ -12,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/io/dataset_layout.h"
 #include "server/archive/extract.h"
 #include "server/jobs/jobs.h"
 #include "server/reader/file_reader.h"
@@ -19,14 +20,28 @@
 
 namespace litags {
 
+// What files an archive holds, by their names: nothing of them is stored.
+class ArchiveSurvey : public ArchiveSink {
+ public:
+  absl::StatusOr<bool> Begin(const ArchiveEntry& entry) override;
+  absl::Status Write(std::string_view bytes) override;
+  absl::Status End() override { return absl::OkStatus(); }
+
+  DatasetLayout Layout() const { return DatasetLayout(files_); }
+
+ private:
+  std::vector<DatasetFile> files_;
+};
+
 // Stores the files of an uploaded archive in a job, each checked as if it had come by itself. What
 // a file is for follows from its name and folder. One at a time is on disk beside the archive.
 class Unpacker : public ArchiveSink {
  public:
   static constexpr size_t kMaxSkipped = 100;  // names, of a stream
 
+  // `layout`: which of the archive's files are used.
   Unpacker(Jobs* jobs, FileReader* reader, std::string job_id, std::string field,
-           CancelToken cancel);
+           DatasetLayout layout, CancelToken cancel);
   ~Unpacker() override;
 
   // INVALID_ARGUMENT (ARCHIVE_NAME_TWICE): two files of one role have one name.
@@ -36,7 +51,8 @@ class Unpacker : public ArchiveSink {
 
   int stored() const { return stored_; }
   int unchanged() const { return unchanged_; }
-  // Files that no job has a use for, in order; the first hundred.
+  // Copies and cameras that the layout leaves out, then files that no job has a use for, in order;
+  // the first hundred.
   const std::vector<std::string>& skipped() const { return skipped_; }
 
  private:
@@ -46,6 +62,7 @@ class Unpacker : public ArchiveSink {
   FileReader* const reader_;
   const std::string job_id_;
   const std::string field_;  // the archive's
+  const DatasetLayout layout_;
   const CancelToken cancel_;
   const std::string staging_path_;
   FileRecord file_;  // the one in hand

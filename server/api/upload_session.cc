@@ -202,37 +202,58 @@ absl::Status UploadSession::Store(Incoming& file) {
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::unique_ptr<ArchiveReader>> UploadSession::OpenArchive(const Incoming& file,
+                                                                          ArchiveSink* sink) const {
+  ArchiveLimits limits;
+  limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
+  limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
+  return reader_->OpenArchive(file.partial->path(), limits, file.field, sink, cancel_);
+}
+
 absl::Status UploadSession::BeginUnpacking(Incoming file) {
   const absl::Status status = [&]() -> absl::Status {
     LITAGS_RETURN_IF_ERROR(CheckDigest(file.partial.get(), file));
-    ArchiveLimits limits;
-    limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
-    limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
-    auto unpacker = std::make_unique<Unpacker>(jobs_, reader_, job_id_, file.field, cancel_);
-    LITAGS_ASSIGN_OR_RETURN(
-        auto archive,
-        reader_->OpenArchive(file.partial->path(), limits, file.field, unpacker.get(), cancel_));
+    auto survey = std::make_unique<ArchiveSurvey>();
+    LITAGS_ASSIGN_OR_RETURN(auto archive, OpenArchive(file, survey.get()));
     unpacking_ = std::make_unique<Unpacking>(
-        Unpacking{std::move(file), std::move(unpacker), std::move(archive)});
+        Unpacking{std::move(file), std::move(survey), nullptr, std::move(archive)});
     return absl::OkStatus();
   }();
   if (!status.ok()) DiscardIfInvalid(status, *file.partial);
   return status;
 }
 
-absl::Status UploadSession::UnpackNext() {
-  const absl::StatusOr<bool> more = [&] {
-    const Timer timer(&reading_seconds_);
-    return unpacking_->archive->ReadNext();
-  }();
-  if (more.ok() && *more) return absl::OkStatus();
-  const std::unique_ptr<Unpacking> done = std::move(unpacking_);
-  const Unpacker& unpacker = *done->unpacker;
+absl::Status UploadSession::BeginStoring() {
+  Unpacking& now = *unpacking_;
+  now.unpacker = std::make_unique<Unpacker>(jobs_, reader_, job_id_, now.file.field,
+                                            now.survey->Layout(), cancel_);
+  now.archive = nullptr;  // its process ends
+  LITAGS_ASSIGN_OR_RETURN(now.archive, OpenArchive(now.file, now.unpacker.get()));
+  now.survey = nullptr;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<bool> UploadSession::ReadNext() {
+  const Timer timer(&reading_seconds_);
+  LITAGS_ASSIGN_OR_RETURN(const bool more, unpacking_->archive->ReadNext());
+  if (more || !unpacking_->survey) return more;
+  LITAGS_RETURN_IF_ERROR(BeginStoring());
+  return true;
+}
+
+void UploadSession::Count(const Unpacker& unpacker) {
   stored_ += unpacker.stored();
   unchanged_ += unpacker.unchanged();
   for (const std::string& name : unpacker.skipped()) {
     if (skipped_.size() < Unpacker::kMaxSkipped) skipped_.push_back(name);
   }
+}
+
+absl::Status UploadSession::UnpackNext() {
+  const absl::StatusOr<bool> more = ReadNext();
+  if (more.ok() && *more) return absl::OkStatus();
+  const std::unique_ptr<Unpacking> done = std::move(unpacking_);
+  if (done->unpacker) Count(*done->unpacker);
   DiscardIfInvalid(more.status(), *done->file.partial);
   LITAGS_RETURN_IF_ERROR(more.status());
   // Another stream may have written to the archive while it was read.

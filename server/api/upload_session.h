@@ -52,8 +52,9 @@ class UploadSession {
   // An archive that has come.
   struct Unpacking {
     Incoming file;
-    std::unique_ptr<Unpacker> unpacker;
-    std::unique_ptr<ArchiveReader> archive;  // gives its files to the unpacker
+    std::unique_ptr<ArchiveSurvey> survey;  // the first reading's; null in the second
+    std::unique_ptr<Unpacker> unpacker;     // the second one's
+    std::unique_ptr<ArchiveReader> archive;
   };
 
   absl::Status Take(const v1::UploadImagesRequest& request);
@@ -66,7 +67,13 @@ class UploadSession {
   absl::Status Complete();
   absl::Status Store(Incoming& file);
   absl::Status BeginUnpacking(Incoming file);
+  absl::StatusOr<std::unique_ptr<ArchiveReader>> OpenArchive(const Incoming& file,
+                                                             ArchiveSink* sink) const;
+  // The second reading: from now on files are stored.
+  absl::Status BeginStoring();
+  absl::StatusOr<bool> ReadNext();  // of the archive; false: it was read twice
   absl::Status UnpackNext();
+  void Count(const Unpacker& unpacker);
 
   Jobs* const jobs_;
   FileReader* const reader_;

@@ -143,7 +143,7 @@ class RemoteReader : public FileReader {
         }
         LITAGS_ASSIGN_OR_RETURN(const char answer, receiver_.Take(*packet));
         if (answer != 0) conversation_.Send(answer);
-        if (packet->front() == packet::kEndOfEntry) return true;
+        if (answer == packet::kNotWanted || packet->front() == packet::kEndOfEntry) return true;
       }
       spdlog::warn("a process that unpacked {} ended without an answer", ShownName(field_));
       return reader_->HasEnded(conversation_.program()) ? Unavailable(field_)

@@ -243,6 +243,20 @@ class Archives(harness.ServiceTest):
                           "night/README.txt", err)
         self.wait_for(lambda: not os.listdir(os.path.join(self.server.data, "tmp")), "an empty tmp")
 
+    def test_of_a_dataset_one_size_of_photos_and_one_model_are_used(self):
+        photos = [(f"room/{folder}/{name}.png", harness.png(width, height, seed=seed))
+                  for folder, width, height in (("images", 64, 48), ("images_2", 32, 24))
+                  for seed, name in enumerate("abc")]
+        models = [(f"room/{folder}/{name}.bin", folder.encode())
+                  for folder in ("sparse/0", "distorted/sparse/0")
+                  for name in ("cameras", "images", "points3D")]
+        for path in (self.zip(photos + models), self.tar(models + photos)):
+            out, err = self.litags("submit", path, "--iterations", "10", "--watch")
+            job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
+            self.assertEqual((job.photos, job.report.sfm_preparation), (3, "given"))
+            self.assertIn("room/images_2/ (the photos are those in room/images/)", err)
+            self.assertIn("room/distorted/ (the photos are those in room/images/)", err)
+
     def test_a_large_archive_arrives_over_connections_that_break(self):
         proxy = harness.CuttableProxy(
             self.server.port, cut_every=1 << 20,

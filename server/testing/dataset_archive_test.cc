@@ -1,0 +1,147 @@
+// Archives as nerfstudio, 3DGS and Mip-NeRF 360 lay them out.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/store/digest.h"
+#include "server/testing/api_fixture.h"
+#include "server/testing/archives.h"
+#include "server/testing/photos.h"
+
+namespace litags {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+std::string Transforms(const std::string& photo) {
+  return R"({"w": 64, "h": 48, "fl_x": 60, "fl_y": 60, "cx": 32, "cy": 24, "frames": [{"file_path":
+      "images/)" +
+         photo + R"(", "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]})";
+}
+
+class DatasetArchive : public ApiTest {
+ protected:
+  using Files = std::vector<std::pair<std::string, std::string>>;
+
+  // Three photos of this size, in a folder.
+  static Files Photos(const std::string& folder, int width, int height) {
+    Files files;
+    for (int i = 0; i < 3; ++i) {
+      files.emplace_back(folder + "/" + std::to_string(i) + ".png", TestPng(width, height, i));
+    }
+    return files;
+  }
+
+  static Files Model(const std::string& folder) {
+    Files files;
+    for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+      files.emplace_back(folder + "/" + name, folder + name);
+    }
+    return files;
+  }
+
+  grpc::Status Send(const std::vector<Files>& parts) {
+    std::string tar;
+    contents_.clear();
+    for (const Files& files : parts) {
+      for (const auto& [path, bytes] : files) {
+        tar += TarEntry(path, bytes);
+        Sha256 sha;
+        sha.Update(bytes);
+        contents_[sha.HexDigest()] = path;
+      }
+    }
+    job_ = NewJob();
+    return client_.Upload(job_, {{"a.tar", tar + std::string(1024, '\0'), v1::FILE_ROLE_ARCHIVE}},
+                          &response_);
+  }
+
+  // Where the job's files were in the archive, in order.
+  std::vector<std::string> Stored() {
+    const auto files = store_->Files(job_.substr(5));  // of "jobs/ID"
+    std::vector<std::string> paths;
+    for (const FileRecord& file : *files) {
+      if (file.role != FileRole::kArchive) paths.push_back(contents_[file.sha256]);
+    }
+    std::sort(paths.begin(), paths.end());
+    return paths;
+  }
+
+  std::vector<std::string> Skipped() const {
+    return {response_.skipped().begin(), response_.skipped().end()};
+  }
+
+  std::string job_;
+  v1::UploadImagesResponse response_;
+  std::map<std::string, std::string> contents_;  // path by digest
+};
+
+TEST_F(DatasetArchive, OfNerfstudio) {
+  const grpc::Status sent =
+      Send({Photos("r/images", 64, 48),
+            Photos("r/images_2", 32, 24),
+            {{"r/transforms.json", Transforms("0.png")}, {"r/sparse_pc.ply", "ply"}},
+            Model("r/colmap/sparse/0")});
+  ASSERT_TRUE(sent.ok()) << sent.error_message();
+  EXPECT_THAT(Stored(), ElementsAre("r/images/0.png", "r/images/1.png", "r/images/2.png",
+                                    "r/transforms.json"));
+  EXPECT_THAT(Skipped(),
+              ElementsAre("r/images_2/ (the photos are those in r/images/)",
+                          "r/colmap/sparse/0 (the cameras are those in r/transforms.json)",
+                          "r/sparse_pc.ply"));
+}
+
+TEST_F(DatasetArchive, OfMipNerf360) {
+  const grpc::Status sent = Send({Model("g/sparse/0"),
+                                  Photos("g/images", 64, 48),
+                                  Photos("g/images_4", 16, 12),
+                                  Photos("g/images_8", 8, 6),
+                                  {{"g/poses_bounds.npy", "npy"}}});
+  ASSERT_TRUE(sent.ok()) << sent.error_message();
+  EXPECT_THAT(Stored(), ElementsAre("g/images/0.png", "g/images/1.png", "g/images/2.png",
+                                    "g/sparse/0/cameras.bin", "g/sparse/0/images.bin",
+                                    "g/sparse/0/points3D.bin"));
+}
+
+TEST_F(DatasetArchive, OfConvertPy) {
+  const grpc::Status sent = Send({Model("distorted/sparse/0"),
+                                  Photos("images", 60, 44),
+                                  Photos("input", 64, 48),
+                                  Model("sparse/0"),
+                                  {{"stereo/fusion.cfg", "x"}, {"distorted/database.db", "x"}}});
+  ASSERT_TRUE(sent.ok()) << sent.error_message();
+  EXPECT_THAT(Stored(),
+              ElementsAre("images/0.png", "images/1.png", "images/2.png", "sparse/0/cameras.bin",
+                          "sparse/0/images.bin", "sparse/0/points3D.bin"));
+  EXPECT_THAT(Skipped(), ElementsAre("distorted/ (the photos are those in images/)",
+                                     "input/ (the photos are those in images/)",
+                                     "stereo/ (the photos are those in images/)"));
+}
+
+TEST_F(DatasetArchive, WithCamerasThatNoRuleTellsApartIsRefused) {
+  EXPECT_REFUSED(Send({Photos("images", 64, 48),
+                       {{"mine/transforms.json", Transforms("0.png")},
+                        {"yours/transforms_new.json", Transforms("1.png")}}}),
+                 INVALID_ARGUMENT, "CAMERAS_TWICE", "cameras[transforms_new.json]");
+  EXPECT_REFUSED(Send({Photos("images", 64, 48), Model("mine"), Model("yours")}), INVALID_ARGUMENT,
+                 "ARCHIVE_NAME_TWICE", "archives[a.tar]");
+  EXPECT_REFUSED(Send({Photos("a/images", 64, 48), Photos("b/images", 64, 48)}), INVALID_ARGUMENT,
+                 "ARCHIVE_NAME_TWICE", "archives[a.tar]");
+}
+
+TEST_F(DatasetArchive, ThatIsDamagedLeavesNothingInTheJob) {
+  std::string tar = TarEntry("images/0.png", TestPng(64, 48, 1)) + std::string(512, 'x');
+  job_ = NewJob();
+  EXPECT_EQ(client_.Upload(job_, {{"a.tar", tar, v1::FILE_ROLE_ARCHIVE}}).error_code(),
+            grpc::INVALID_ARGUMENT);
+  EXPECT_THAT(Stored(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace litags
