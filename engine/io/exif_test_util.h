@@ -41,6 +41,19 @@ inline std::string LensBlock(int in_35mm, int mm, int pixels_per_inch, int width
          Big32(static_cast<uint32_t>(pixels_per_inch)) + Big32(1);
 }
 
+// A TIFF block with a camera's make and model, of four letters or more each, and its focal length
+// as FocalBlock has it.
+inline std::string CameraBlock(const std::string& make, const std::string& model, int in_35mm) {
+  const auto entry = [](int tag, int type, size_t count, size_t value) {
+    return Big32(uint32_t(tag) << 16 | type) + Big32(uint32_t(count)) + Big32(uint32_t(value));
+  };
+  const size_t camera = 10 + 3 * 12 + 4, texts = camera + 2 + 12 + 4;
+  return std::string("MM\0\x2A\0\0\0\x08\0\3", 10) + entry(0x010F, 2, make.size() + 1, texts) +
+         entry(0x0110, 2, model.size() + 1, texts + make.size() + 1) + entry(0x8769, 4, 1, camera) +
+         Big32(0) + std::string("\0\1", 2) + entry(0xA405, 3, 1, size_t(in_35mm) << 16) + Big32(0) +
+         make + '\0' + model + '\0';
+}
+
 // A TIFF block that holds an orientation and nothing else.
 inline std::string ExifBlock(int orientation, bool little) {
   const auto n = [&](int value, int size) {

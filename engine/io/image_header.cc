@@ -121,9 +121,20 @@ bool IsJpeg(std::string_view bytes) { return bytes.starts_with(kJpegMagic); }
 
 bool IsPng(std::string_view bytes) { return bytes.starts_with(kPngMagic); }
 
+std::string CameraName(std::initializer_list<std::string_view> parts) {
+  std::string name;
+  bool said = false;
+  for (const std::string_view part : parts) {
+    said |= !part.empty();
+    name.append(part).append("\n");
+  }
+  return said ? name : "";
+}
+
 void ReadExif(std::string_view tiff, ImageInfo* info) {
   constexpr uint16_t kOrientation = 0x0112, kCameraDirectory = 0x8769, kExposureTime = 0x829A,
-                     kFNumber = 0x829D, kIso = 0x8827;
+                     kFNumber = 0x829D, kIso = 0x8827, kMake = 0x010F, kModel = 0x0110,
+                     kSerial = 0xA431, kLens = 0xA434;
   constexpr uint16_t kShort = TiffReader::kShort;
   const TiffReader reader(tiff);
   const size_t main = reader.FirstDirectory();
@@ -135,6 +146,10 @@ void ReadExif(std::string_view tiff, ImageInfo* info) {
   if (info->focal_length == 0) {
     info->lens = ReadExifLens(reader, camera);
     info->focal_length = info->lens.in_35mm > 0 ? info->lens.in_35mm : info->lens.mm;
+  }
+  if (info->camera.empty()) {
+    info->camera = CameraName({reader.GetText(main, kMake), reader.GetText(main, kModel),
+                               reader.GetText(camera, kSerial), reader.GetText(camera, kLens)});
   }
   if (info->exposure_time == 0) info->exposure_time = reader.GetRatio(camera, kExposureTime);
   if (info->f_number == 0) info->f_number = reader.GetRatio(camera, kFNumber);

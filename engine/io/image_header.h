@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_IO_IMAGE_HEADER_H_
 #define LITAGS_ENGINE_IO_IMAGE_HEADER_H_
 
+#include <initializer_list>
 #include <string>
 #include <string_view>
 
@@ -35,8 +36,11 @@ PngColors ReadPngColors(std::string_view bytes);
 // Walks a PNG's chunks: IMAGE_TRUNCATED unless they are whole up to IEND.
 absl::Status CheckPngComplete(std::string_view bytes, std::string_view field);
 
-// Orientation, focal length and exposure of an EXIF block ("II*\0..." or "MM\0*..."), where it
-// holds them and `info` has none yet. What is broken is passed over.
+// ImageInfo::camera of what a file says; empty if it says nothing.
+std::string CameraName(std::initializer_list<std::string_view> parts);
+
+// Orientation, camera, focal length and exposure of an EXIF block ("II*\0..." or "MM\0*..."), where
+// it holds them and `info` has none yet. What is broken is passed over.
 void ReadExif(std::string_view tiff, ImageInfo* info);
 
 }  // namespace litags

@@ -51,6 +51,9 @@ struct ImageInfo {
   // of one camera and steps of a zoom apart.
   double focal_length = 0;
   ExifLens lens;
+  // EXIF's make, model, serial number and lens, a line each: photos of two cameras differ in it.
+  // Empty: none is said.
+  std::string camera;
   // Of the exposure: s, ISO and f-number; 0: not said. The light on the sensor times its gain is
   // relative to exposure_time * iso / f_number^2.
   double exposure_time = 0;

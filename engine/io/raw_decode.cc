@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,6 +25,11 @@ extern "C" void omp_set_num_threads(int);
 
 namespace litags {
 namespace {
+
+template <size_t kSize>
+std::string_view TextOf(const char (&text)[kSize]) {
+  return {text, strnlen(text, kSize)};
+}
 
 // Whether a TIFF is one of a sensor's numbers.
 bool HoldsSensorData(std::string_view bytes) {
@@ -184,6 +190,8 @@ absl::StatusOr<ImageInfo> ReadRawInfo(std::string_view bytes, std::string_view f
   info.lens.in_35mm = data.lens.FocalLengthIn35mmFormat;
   info.lens.mm = data.other.focal_len;
   info.focal_length = info.lens.in_35mm > 0 ? info.lens.in_35mm : info.lens.mm;
+  info.camera = CameraName({TextOf(data.idata.make), TextOf(data.idata.model),
+                            TextOf(data.shootinginfo.BodySerial), TextOf(data.lens.Lens)});
   return info;
 }
 

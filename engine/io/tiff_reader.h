@@ -14,7 +14,7 @@ namespace litags {
 // Reads in the block's byte order. Position 0, where no number lies, is "nowhere".
 class TiffReader {
  public:
-  static constexpr uint16_t kShort = 3, kLong = 4, kRational = 5, kDirectory = 13;
+  static constexpr uint16_t kText = 2, kShort = 3, kLong = 4, kRational = 5, kDirectory = 13;
 
   explicit TiffReader(std::string_view tiff) : tiff_(tiff), little_(tiff.starts_with("II")) {}
 
@@ -80,6 +80,18 @@ class TiffReader {
     const size_t at = Get<uint32_t>(Find(directory, tag, kRational));
     const uint32_t above = Get<uint32_t>(at), below = Get<uint32_t>(at + 4);
     return at == 0 || below == 0 ? 0 : double(above) / below;
+  }
+
+  // Without what follows its first NUL; empty if there is none, or one of impossible size.
+  std::string_view GetText(size_t directory, uint16_t tag) const {
+    constexpr uint32_t kMostBytes = 256;
+    const size_t entry = FindEntry(directory, tag);
+    const uint32_t count = CountOf(entry);
+    if (TypeOf(entry) != kText || count > kMostBytes) return "";
+    const size_t at = count <= 4 ? entry + 8 : Get<uint32_t>(entry + 8);
+    if (at > tiff_.size() || tiff_.size() - at < count) return "";
+    const std::string_view text = tiff_.substr(at, count);
+    return text.substr(0, text.find('\0'));
   }
 
  private:

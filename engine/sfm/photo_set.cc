@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -88,6 +89,22 @@ void ShareSizes(std::vector<PhotoFile>& photos) {
   }
 }
 
+// Numbers the cameras of one size and focal length of which EXIF names two or more. Photos that
+// name none are then of one more.
+void TellCamerasApart(const std::vector<std::string>& exif_cameras,
+                      std::vector<PhotoFile>& photos) {
+  std::map<std::string, std::set<std::string>> named;  // by PhotoFile::camera
+  for (size_t i = 0; i < photos.size(); ++i) {
+    if (!exif_cameras[i].empty()) named[photos[i].camera].insert(exif_cameras[i]);
+  }
+  for (size_t i = 0; i < photos.size(); ++i) {
+    const std::set<std::string>& cameras = named[photos[i].camera];
+    if (cameras.size() < 2 || exif_cameras[i].empty()) continue;
+    const auto number = std::distance(cameras.begin(), cameras.find(exif_cameras[i])) + 1;
+    absl::StrAppend(&photos[i].camera, "_camera", number);
+  }
+}
+
 }  // namespace
 
 Camera CameraOfCopy(const Camera& of_photo, const PhotoFile& photo) {
@@ -134,6 +151,7 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
   std::vector<PhotoFile> photos;
   photos.reserve(names.size());
   std::vector<double> focal_lengths, exif_focal_lengths;  // mm, px
+  std::vector<std::string> exif_cameras;
   for (const std::string& name : names) {
     PhotoFile photo;
     photo.name = name;
@@ -144,6 +162,7 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
     if (const auto mask = masks.find(name); mask != masks.end()) photo.mask_path = mask->second;
     focal_lengths.push_back(info.focal_length);
     exif_focal_lengths.push_back(ExifFocalLength(info));
+    exif_cameras.push_back(info.camera);
     photos.push_back(std::move(photo));
   }
   ShareSizes(photos);
@@ -166,7 +185,10 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
     } else {
       photo.copy_exif_focal_length = exif_focal_lengths[i] * photo.copy_width / photo.shown.width;
     }
-    photo.copy_name = absl::StrFormat("%s/%06d.png", photo.camera, i);
+  }
+  TellCamerasApart(exif_cameras, photos);
+  for (size_t i = 0; i < photos.size(); ++i) {
+    photos[i].copy_name = absl::StrFormat("%s/%06d.png", photos[i].camera, i);
   }
   return photos;
 }

@@ -20,7 +20,8 @@ namespace litags {
 struct PhotoFile {
   std::string name;  // file name in the photos' folder
   // Shown size and EXIF focal length, "480x361_26mm": photos alike share a camera, also where the
-  // focal lengths of one lens differ by a percent.
+  // focal lengths of one lens differ by a percent. Where EXIF names several cameras that would be
+  // one by this, each has a number: "480x361_26mm_camera2".
   std::string camera;
   std::string copy_name;      // camera and number, "480x361/000003.png": COLMAP shares a camera per
                               // folder; no name of a client's choice reaches its command line or

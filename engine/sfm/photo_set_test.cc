@@ -1,11 +1,15 @@
 #include "engine/sfm/photo_set.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -13,6 +17,8 @@
 
 namespace litags {
 namespace {
+
+using ::testing::ElementsAre;
 
 TEST(PhotoSet, FocalLengthsThatDifferByLessThanAPercentAreOneLens) {
   FakeColmap colmap;
@@ -34,6 +40,28 @@ TEST(PhotoSet, FocalLengthsThatDifferByLessThanAPercentAreOneLens) {
   for (size_t i = 0; i < 6; ++i) {
     EXPECT_EQ((*photos)[i].camera, i < 5 ? "128x96_4.2mm" : "128x96_4.3mm") << i;
   }
+}
+
+// Names of the cameras of photos that EXIF says are of these models, "" without EXIF.
+std::vector<std::string> CamerasOfModels(const std::vector<std::string>& models) {
+  const TempDir dir;
+  const std::string jpeg = EncodeJpeg(ImageU8(128, 96)).value();
+  for (size_t i = 0; i < models.size(); ++i) {
+    const std::string block = CameraBlock("Maker", models[i], 26);
+    const std::string photo = models[i].empty() ? jpeg : WithJpegExif(jpeg, block);
+    EXPECT_TRUE(WriteFileAtomically(dir / absl::StrCat(i, ".jpg"), photo).ok());
+  }
+  const auto photos = ListPhotoSet(dir.path(), 0);
+  std::vector<std::string> cameras;
+  for (const PhotoFile& photo : *photos) cameras.push_back(photo.camera);
+  return cameras;
+}
+
+TEST(PhotoSet, CamerasThatExifNamesShareNoLens) {
+  EXPECT_THAT(CamerasOfModels({"Phone 2", "Phone 1", "Phone 2"}),
+              ElementsAre("128x96_26mm_camera2", "128x96_26mm_camera1", "128x96_26mm_camera2"));
+  EXPECT_THAT(CamerasOfModels({"Phone 1", "Phone 1", ""}),
+              ElementsAre("128x96_26mm", "128x96_26mm", "128x96"));
 }
 
 TEST(PhotoSet, SizesThatDifferByAFewPixelsAreOneLens) {
