@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/call_door.h"
@@ -35,6 +36,21 @@ constexpr int kMaxArchives = 16;
 int Ms(double seconds) { return static_cast<int>(1000 * seconds); }
 
 bool IsUnixSocket(const std::string& listen) { return listen.starts_with("unix"); }
+
+// Before it is asked who can reach an address: "foo" is none.
+absl::Status CheckAddress(const std::string& listen, std::string_view flag) {
+  if (listen.empty() || IsUnixSocket(listen)) return absl::OkStatus();
+  const size_t colon = listen.rfind(':');
+  int port = 0;
+  if (colon != std::string::npos && colon > 0 &&
+      absl::SimpleAtoi(listen.substr(colon + 1), &port) && port >= 0 && port <= 65535) {
+    return absl::OkStatus();
+  }
+  return InvalidInput("CANNOT_LISTEN", flag,
+                      absl::StrCat("\"", listen,
+                                   "\" is not of the form HOST:PORT; give one, such as "
+                                   "127.0.0.1:50051"));
+}
 
 ConnectionCounts ThatFit(const ConnectionLimits& limits) {
   ConnectionCounts counts = limits.counts;
@@ -217,6 +233,7 @@ absl::Status CheckListening(const ServerOptions& options) {
 
 absl::Status CheckListening(const ServerOptions& options, const std::string& listen,
                             std::string_view flag) {
+  LITAGS_RETURN_IF_ERROR(CheckAddress(listen, flag));
   if (options.insecure || listen.empty() || IsLoopback(listen)) return absl::OkStatus();
   if (!options.tls.enabled()) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "PLAINTEXT_NOT_ASKED_FOR", flag,
@@ -234,6 +251,7 @@ absl::Status CheckListening(const ServerOptions& options, const std::string& lis
 }
 
 absl::Status CheckMetricsListening(const std::string& listen, bool insecure) {
+  LITAGS_RETURN_IF_ERROR(CheckAddress(listen, "--metrics-listen"));
   if (insecure || listen.empty() || IsLoopback(listen)) return absl::OkStatus();
   return MakeError(absl::StatusCode::kFailedPrecondition, "PLAINTEXT_NOT_ASKED_FOR",
                    "--metrics-listen",

@@ -395,6 +395,11 @@ TEST_F(AccessTest, OthersAreLetInOnlyEncryptedAndByName) {
   EXPECT_EQ(reason([&](ServerOptions& o) { o.tls = tls, o.tls.client_ca = "x"; }), "OK");
   EXPECT_EQ(reason([](ServerOptions& o) { o.insecure = true; }), "OK");
   EXPECT_EQ(reason([](ServerOptions& o) { o.listen = "127.0.0.1:0"; }), "OK");
+  EXPECT_EQ(reason([](ServerOptions& o) { o.listen = "unix:/run/litags"; }), "OK");
+  for (const char* none : {"foo", ":0", "foo:", "0.0.0.0:http", "0.0.0.0:65536", "::"}) {
+    EXPECT_EQ(reason([&](ServerOptions& o) { o.listen = none; }), "CANNOT_LISTEN") << none;
+    EXPECT_EQ(GetErrorDetail(CheckMetricsListening(none, true))->field, "--metrics-listen") << none;
+  }
   options_.listen = "0.0.0.0:0";
   options_.tls = {};
   EXPECT_FALSE(StartServer(options_, &jobs_, engine_.get()).ok());
