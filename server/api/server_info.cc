@@ -36,7 +36,14 @@ void AddMethods(v1::ServerInfo* info) {
   }
 }
 
-void AddOptions(v1::ServerInfo* info) {
+// "maximum" of an option is the operator's cap where that is less.
+void ApplyCap(int64_t cap, v1::OptionInfo* option) {
+  if (cap <= 0) return;
+  const auto most = static_cast<double>(cap);
+  if (!option->has_maximum() || most < option->maximum()) option->set_maximum(most);
+}
+
+void AddOptions(const JobCaps& caps, v1::ServerInfo* info) {
   const ReconstructOptions defaults;
   VisitFields(FieldsOf<ReconstructOptions>(), defaults,
               [&](const char* name, const auto& value, const FieldRule& rule) {
@@ -48,6 +55,8 @@ void AddOptions(v1::ServerInfo* info) {
                   proto->set_minimum(rule.least);
                 }
                 if (rule.most < std::numeric_limits<double>::max()) proto->set_maximum(rule.most);
+                if (proto->name() == "iterations") ApplyCap(caps.max_iterations, proto);
+                if (proto->name() == "max_gaussians") ApplyCap(caps.max_gaussians, proto);
                 if (rule.zero != nullptr) proto->set_zero_means(rule.zero);
                 if constexpr (std::is_enum_v<Type>) {
                   for (const auto& [choice, word] : EnumWords<Type>::kWords) {
@@ -78,8 +87,8 @@ absl::StatusOr<v1::ServerInfo> DescribeServer(const Call& call) {
   v1::ServerInfo info;
   info.set_version(LITAGS_VERSION);
   AddMethods(&info);
-  AddOptions(&info);
   Jobs& jobs = *call.jobs();
+  AddOptions(jobs.caps(), &info);
   LITAGS_ASSIGN_OR_RETURN(const Workforce workers, jobs.Workers());
   info.set_workers(static_cast<int>(workers.size()));
   info.set_depth_network(std::any_of(workers.begin(), workers.end(), HasDepthNetwork));

@@ -390,6 +390,9 @@ TEST_F(ManageApi, AServerSaysWhatItAllows) {
   EXPECT_NE(options["threads"].zero_means(), "");
   EXPECT_EQ(info.job_limits().min_photos(), 3);
   EXPECT_EQ(info.job_limits().max_iterations(), 100'000);
+  // An option's range is what a job may ask for, not what the engine could do.
+  EXPECT_EQ(options["iterations"].maximum(), 100'000);
+  EXPECT_EQ(options["max_gaussians"].maximum(), info.job_limits().max_gaussians());
   EXPECT_EQ(info.client().jobs(), 1);
   EXPECT_GT(info.client().bytes(), 0);
   EXPECT_EQ(info.client().max_jobs(), 1000);
