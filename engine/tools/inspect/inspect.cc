@@ -1,5 +1,6 @@
 #include "engine/tools/inspect/inspect.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -31,7 +32,16 @@ namespace fs = std::filesystem;
 
 std::string Stops(double light, double middle) {
   if (!(light > 0) || !(middle > 0)) return "-";
-  return absl::StrFormat("%+.1f", std::log2(light / middle));
+  const double tenths = std::round(10 * std::log2(light / middle));
+  return tenths == 0 ? "0.0" : absl::StrFormat("%+.1f", tenths / 10);  // never "-0.0"
+}
+
+// With blanks up to so many characters of UTF-8; StrFormat() counts bytes.
+std::string Padded(std::string text, size_t characters) {
+  const auto begins = [](char byte) { return (static_cast<unsigned char>(byte) & 0xC0) != 0x80; };
+  const auto count = static_cast<size_t>(std::count_if(text.begin(), text.end(), begins));
+  if (count < characters) text.append(characters - count, ' ');
+  return text;
 }
 
 // "28 mm", or what the photo is and of how many views: "panorama: 6 views".
@@ -137,15 +147,16 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
   }
   const double middle_sharpness = MiddleOf(screen.photos, &ScreenedPhoto::sharpness);
   LITAGS_RETURN_IF_ERROR(cancel.Check());
-  constexpr char kLine[] = "%-32s %-11s %-17s %-22s %6s %6s %6s  %-5s%s\n";
-  *text = absl::StrFormat(kLine, "photo", "px", "lens", "exposure", "code", "stops", "sharp",
-                          "mask", input.cameras_path.empty() ? "" : " camera");
+  constexpr size_t kNameWidth = 32;
+  constexpr char kLine[] = "%s %-11s %-17s %-22s %6s %6s %6s  %-5s%s\n";
+  *text = absl::StrFormat(kLine, Padded("photo", kNameWidth), "px", "lens", "exposure", "code",
+                          "stops", "sharp", "mask", input.cameras_path.empty() ? "" : " camera");
   for (const ScreenedPhoto& photo : screen.photos) {
     const ImageInfo info =
         ReadImageSize(input.images_dir + "/" + photo.name, photo.name).value_or(ImageInfo());
     const auto found = wide_by_name.find(photo.name);
     absl::StrAppendFormat(
-        text, kLine, photo.name, absl::StrCat(photo.width, "x", photo.height),
+        text, kLine, Padded(photo.name, kNameWidth), absl::StrCat(photo.width, "x", photo.height),
         Lens(info, found == wide_by_name.end() ? nullptr : found->second), Exposure(info),
         absl::StrFormat("%.1f", photo.mean_code), Stops(photo.light, screen.middle_light),
         absl::StrFormat("%.2f", middle_sharpness > 0 ? photo.sharpness / middle_sharpness : 0),
@@ -154,6 +165,9 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
         : with_camera.contains(photo.name) ? " yes"
                                            : " none: left out");
   }
+  absl::StrAppend(text,
+                  "code: mean pixel value of 255; stops: light beside the middle photo, +1 is "
+                  "twice; sharp: sharpness beside the middle photo\n");
   const int map_bytes = MapBytes(input, options, !screen.masks.empty());
   absl::StrAppend(text, DescribeCounts(screen, views.size()), "; ",
                   input.cameras_path.empty() ? "cameras would be searched for"

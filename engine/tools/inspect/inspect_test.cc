@@ -69,7 +69,8 @@ class Inspect : public testing::Test {
 
 TEST_F(Inspect, SaysWhatWouldBeUsedAndWhatNot) {
   ASSERT_EQ(Run({photos_}), 0) << text_;
-  EXPECT_THAT(text_, ContainsRegex("p0.jpg +320x240 +- +- +[0-9.]+ +[+-]0.0 "));
+  EXPECT_THAT(text_, ContainsRegex("p0.jpg +320x240 +- +- +[0-9.]+ +0[.]0 "));
+  EXPECT_THAT(text_, HasSubstr("code: mean pixel value of 255; stops: "));
   // A third of the codes is some 3.6 stops less light.
   EXPECT_THAT(text_, ContainsRegex("p1.jpg +320x240 +- +- +[0-9.]+ +-[34][.][0-9] "));
   EXPECT_THAT(text_, ContainsRegex("p2.jpg +320x240 +28 mm "));
@@ -79,6 +80,14 @@ TEST_F(Inspect, SaysWhatWouldBeUsedAndWhatNot) {
   EXPECT_THAT(text_, HasSubstr("bad.jpg is left out"));
   EXPECT_THAT(text_, ContainsRegex("a run would take 0.[0-9] GiB to 0.[0-9] GiB of memory; there "
                                    "are [0-9.]+ GiB"));
+}
+
+TEST_F(Inspect, NamesInUtf8KeepTheColumns) {
+  fs::rename(photos_ + "/p0.jpg", photos_ + "/k\u00fcche.jpg");
+  ASSERT_EQ(Run({photos_}), 0) << text_;
+  for (const std::string name : {"k\u00fcche.jpg    ", "p1.jpg       "}) {
+    EXPECT_THAT(text_, HasSubstr(absl::StrCat("\n", name, std::string(20, ' '), "320x240")));
+  }
 }
 
 TEST_F(Inspect, NamesWhatElseLiesThere) {
