@@ -143,7 +143,8 @@ await step("photos dropped", async () => {
   await page.getByText("3 photos").waitFor();
   await page.getByLabel("Title", {exact: true}).fill("By the browser");
   await page.getByText("All options").click();
-  await page.getByLabel("Preview every").fill("20");
+  await page.getByLabel("Iterations between previews").fill("20");
+  await page.getByText("shrink larger photos to this, px; 0: never").waitFor();
   await check("3-new-job");
   // One file's connection breaks more often than the page tries in a row, each time after more bytes.
   let broken = 0;
@@ -303,18 +304,20 @@ await step("a video dropped", async () => {
   await page.getByRole("link", {name: "New job", exact: true}).first().click();
   await drop(process.env.PHOTOS);
   await page.getByText("3 photos").waitFor();
-  assert.equal(await page.getByLabel("Frames").isVisible(), false);
+  assert.equal(await page.getByLabel("Frames of the video").isVisible(), false);
   await drop(process.env.VIDEO);
   await page.getByText("A job takes one video, or photos").waitFor();
   assert.ok(await page.getByRole("button", {name: "Upload and start"}).isDisabled());
   await page.getByRole("button", {name: "Remove the files"}).click();
   await drop(process.env.VIDEO);
   await page.getByText("1 video,").waitFor();
-  await page.getByLabel("Frames").fill("7");
+  await page.getByLabel("Frames of the video").fill("7");
   await page.getByLabel("Iterations", {exact: true}).fill("50");
-  await page.getByLabel("Title", {exact: true}).fill("A video");
+  // Without a title, a job is called as its only file.
+  assert.equal(await page.getByLabel("Title", {exact: true}).getAttribute("placeholder"), readdirSync(process.env.VIDEO)[0]);
   await check("5b-new-video");
   await page.getByRole("button", {name: "Upload and look first"}).click();
+  await page.getByRole("heading", {name: readdirSync(process.env.VIDEO)[0]}).waitFor();
   await page.getByText(/A video of 96\u00d772 px, .*9 frames: its sharpest frames/).waitFor();
   await page.getByRole("button", {name: "Start"}).click();
   await state("succeeded");
@@ -328,7 +331,7 @@ await step("a server that ends in the middle", async () => {
   await page.getByRole("link", {name: "New job", exact: true}).first().click();
   await page.getByLabel("Iterations", {exact: true}).fill("20000");
   await page.getByText("All options").click();
-  await page.getByLabel("Checkpoint every").fill("20");
+  await page.getByLabel("Iterations between checkpoints").fill("20");
   await drop(process.env.SLOW);
   await page.getByLabel("Title", {exact: true}).fill("Slow");
   await page.getByRole("button", {name: "Upload and start"}).click();

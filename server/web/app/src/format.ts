@@ -24,6 +24,34 @@ export function bytesText(bytes: number): string {
 export const words = (name = ""): string =>
     name.replace(/^(JOB_STATE|STAGE|CHANNEL|LOG_SEVERITY)_/, "").replaceAll("_", " ").toLowerCase();
 
+// What options of a job are called, where their name in the interface is no plain word.
+const kOptionNames: Record<string, string> = {
+  tone: "Target of the light",
+  white_balance: "White balance",
+  depth_source: "Depth maps from",
+  schedule_iterations: "Iterations to plan for",
+  seed: "Random seed",
+  max_gaussians: "Most Gaussians",
+  sh_degree: "Colour by direction (degree)",
+  max_image_side: "Longest side of a photo",
+  frames: "Frames of the video",
+  holdout_every: "Photos held out for measuring",
+  refine_cameras: "Refine the cameras",
+  min_registered: "Least share of photos placed",
+  checkpoint_every: "Iterations between checkpoints",
+  preview_every: "Iterations between previews",
+};
+
+// Of an option that a newer server has, its name in the interface.
+export function optionName(name: string): string {
+  const plain = name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
+  return kOptionNames[name] ?? plain;
+}
+
+// "shrink larger photos to this, px; 0: never".
+export const optionHint = (help: string, zeroMeans = ""): string =>
+    zeroMeans ? `${help}; 0: ${zeroMeans}` : help;
+
 export const idOf = (name: string): string => name.slice("jobs/".length);
 export const titleOf = (job: Job): string => job.displayName || idOf(job.name);
 export const isOver = (job: Job): boolean =>

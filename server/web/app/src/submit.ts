@@ -2,7 +2,7 @@
 
 import {ApiError, get, post, type Job, type Options, type ServerInfo} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
-import {bytesText, idOf} from "./format.js";
+import {bytesText, idOf, optionHint, optionName} from "./format.js";
 import {choose, dropped, send, type Chosen} from "./upload.js";
 import type {View} from "./view.js";
 
@@ -11,7 +11,6 @@ const kMain = ["iterations", "max_image_side"];
 const kOfVideos = ["frames"];
 
 const camel = (name: string): string => name.replace(/_(\w)/g, (_, c: string) => c.toUpperCase());
-const text = (name: string): string => name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
 
 // The fields of JobOptions, made of what the server says of itself.
 function optionFields(info: ServerInfo): {main: HTMLElement[]; rest: HTMLElement[];
@@ -36,7 +35,7 @@ function optionFields(info: ServerInfo): {main: HTMLElement[]; rest: HTMLElement
     }
     controls.set(key, control);
     const place = kMain.includes(option.name) ? main : kOfVideos.includes(option.name) ? ofVideos : rest;
-    place.push(labelled(text(option.name), control, option.help));
+    place.push(labelled(optionName(option.name), control, optionHint(option.help, option.zeroMeans)));
   }
   const showDefaults = (): void => {
     const defaults = info.methods.find((m) => m.method === method.value)?.defaults ?? {};
@@ -115,13 +114,21 @@ function countsOf(chosen: Chosen[]): string {
   }).join(", ");
 }
 
+// What the files are called together: their folder's name, or that of the only file, or nothing.
+// At most 60 characters, which no alphabet makes longer than the 200 bytes of a title.
+function nameOf(files: {file: File; path: string}[]): string {
+  const folder = files.map(({path}) => path.replace(/^\//, "").split("/")).find((parts) => parts.length > 1)?.[0];
+  return (folder ?? (files.length === 1 ? files[0]!.file.name : "")).slice(0, 60);
+}
+
 // The files of a new job: chosen, dropped, removed. `change` is called after each.
 function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () => Chosen[];
-                                           trouble: () => string} {
-  let chosen: Chosen[] = [];
+                                           name: () => string; trouble: () => string} {
+  let chosen: Chosen[] = [], name = "";
   const summary = el("p", {class: "chosen", "aria-live": "polite"});
   const trouble = el("p", {class: "error", "aria-live": "polite"});
-  const clear = el("button", {type: "button", click: () => { chosen = []; describe(0); }}, "Remove the files");
+  const forget = (): void => { chosen = []; name = ""; describe(0); };
+  const clear = el("button", {type: "button", click: forget}, "Remove the files");
   const describe = (left: number): void => {
     const bytes = chosen.reduce((sum, c) => sum + c.file.size, 0);
     summary.textContent = (chosen.length === 0 ? "No files yet" : `${countsOf(chosen)}, ${bytesText(bytes)}`) +
@@ -132,6 +139,7 @@ function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () =
   };
   const zone = dropZone((files) => {
     const more = choose(files);
+    name ||= nameOf(files);
     // A file that is chosen again counts once.
     const idOfFile = ({file, name, role}: Chosen): string => [role, name, file.size, file.lastModified].join("/");
     chosen = [...new Map([...chosen, ...more].map((c) => [idOfFile(c), c])).values()];
@@ -140,7 +148,7 @@ function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () =
   summary.textContent = "No files yet";
   clear.hidden = true;
   return {elements: [zone, el("div", {class: "row"}, summary, clear), trouble], chosen: () => chosen,
-          trouble: () => troubleOf(chosen)};
+          name: () => name, trouble: () => troubleOf(chosen)};
 }
 
 export function submitView(): View {
@@ -157,6 +165,7 @@ export function submitView(): View {
   const show = (): void => {
     const chosen = files.chosen();
     go.disabled = look.disabled = chosen.length === 0 || files.trouble() !== "" || running !== undefined;
+    title.placeholder = files.name();
     ofVideos.hidden = !chosen.some((c) => c.role === "FILE_ROLE_VIDEO");
   };
   const open = async (job: Job, start: boolean): Promise<void> => {
@@ -174,7 +183,7 @@ export function submitView(): View {
     const bytes = chosen.reduce((sum, c) => sum + c.file.size, 0);
     try {
       const job = await post<Job>("/v1/jobs", {
-        displayName: title.value.trim(), options: options?.read() ?? {},
+        displayName: title.value.trim() || files.name(), options: options?.read() ?? {},
         requestId: [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16)).join(""),
       });
       const refused = await send(job.name, chosen, (sent) => { bar.value = sent / bytes; }, running.signal);
