@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/io/file_util.h"
 #include "engine/pipeline/render_rules.h"
 
 namespace litags {
@@ -137,12 +138,22 @@ RenderRequest PathContent::Frame(int frame, int frames) const {
 
 absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name,
                                   const std::string& field) {
+  std::vector<std::string> names;
   for (const View& view : scene.views()) {
     if (view.name == name) return view.camera;
+    names.push_back(view.name);
   }
-  return MakeError(
-      absl::StatusCode::kNotFound, "CAMERA_NOT_FOUND", field,
-      absl::StrCat("the scene has no camera \"", name, "\"; ListCameras names those it has"));
+  // As names of photos in files of cameras are matched, where only one is meant.
+  const NameIndex index(names);
+  std::vector<size_t> alike = index.FindAlike(name);
+  if (const auto exact = index.FindExact(name)) alike = {*exact};
+  if (alike.size() == 1) return scene.views()[alike[0]].camera;
+  std::string meant;
+  for (const size_t i : alike) absl::StrAppend(&meant, meant.empty() ? "" : " or ", names[i]);
+  return MakeError(absl::StatusCode::kNotFound, "CAMERA_NOT_FOUND", field,
+                   absl::StrCat("the scene has no camera \"", name, "\"; ",
+                                meant.empty() ? "ListCameras names those it has"
+                                              : absl::StrCat("did you mean ", meant, "?")));
 }
 
 absl::StatusOr<Camera> ResolveLens(const v1::RenderSettings& settings,

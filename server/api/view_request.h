@@ -33,7 +33,8 @@ absl::StatusOr<Camera> ResolveLens(const v1::RenderSettings& settings,
 absl::StatusOr<Camera> ResolvePose(const v1::Pose& pose, const Camera& lens, const Scene& scene,
                                    const std::string& field);
 
-// The camera of that photo. NOT_FOUND (CAMERA_NOT_FOUND).
+// The camera of that photo; case and ending do not matter where one photo is meant. NOT_FOUND
+// (CAMERA_NOT_FOUND).
 absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name,
                                   const std::string& field);
 

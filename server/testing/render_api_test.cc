@@ -131,6 +131,13 @@ TEST_F(RenderApi, BadPosesAreRefusedWithTheirField) {
   EXPECT_EQ(Refusal(), "POSE_MISSING pose");
 }
 
+TEST_F(RenderApi, ACameraIsFoundByAnotherCaseOrEnding) {
+  for (const char* name : {"A.PNG", "a.jpg", "low/a.png"}) {
+    request_.mutable_pose()->set_camera(name);
+    EXPECT_EQ(Refusal(), "OK") << name;
+  }
+}
+
 TEST_F(RenderApi, BadSettingsAreRefusedWithTheirField) {
   v1::RenderSettings* s = request_.mutable_settings();
   const auto refusal_of = [&](auto change) {
