@@ -57,15 +57,9 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(const Context& conte
   const ReconstructInput& input = context.input;
   switch (origin) {
     case DepthOrigin::kMaps:
-      if (!input.depth_dir.empty()) return MakeFolderDepthProvider(input.depth_dir);
-      return InvalidInput("DEPTH_MAPS_MISSING", "options.depth_source",
-                          "options.depth_source: maps were asked for and none were given; give "
-                          "depth maps or choose another source");
+      return MakeFolderDepthProvider(input.depth_dir);
     case DepthOrigin::kNetwork:
-      if (!input.depth_network.path.empty()) return MakeNetwork(input.depth_network);
-      return InvalidInput("DEPTH_MODEL_MISSING", "options.depth_source",
-                          "options.depth_source: a network was asked for and this installation "
-                          "has none (--depth-model); choose another source");
+      return MakeNetwork(input.depth_network);
     case DepthOrigin::kStereo: {
       StereoOptions stereo;
       stereo.threads = context.options.threads;
@@ -201,6 +195,21 @@ DepthOrigin ResolveDepthOrigin(const Context& context) {
   return context.input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
 }
 
+absl::Status CheckDepthSource(const Context& context) {
+  const DepthOrigin origin = ResolveDepthOrigin(context);
+  if (origin == DepthOrigin::kMaps && context.input.depth_dir.empty()) {
+    return InvalidInput("DEPTH_MAPS_MISSING", "options.depth_source",
+                        "options.depth_source: maps were asked for and none were given; give "
+                        "depth maps or choose another source");
+  }
+  if (origin == DepthOrigin::kNetwork && context.input.depth_network.path.empty()) {
+    return InvalidInput("DEPTH_MODEL_MISSING", "options.depth_source",
+                        "options.depth_source: a network was asked for and this installation "
+                        "has none (--depth-model); choose another source");
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
                                         const std::vector<PosedPhoto>& photos,
                                         absl::Span<const SparsePoint> points,
@@ -208,6 +217,7 @@ absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
   const ReconstructInput& input = context.input;
   const DepthOrigin origin = ResolveDepthOrigin(context);
   if (origin == DepthOrigin::kNone) return DepthMaps();
+  LITAGS_RETURN_IF_ERROR(CheckDepthSource(context));
   if (origin != DepthOrigin::kMaps && !input.depth_dir.empty()) {
     context.Note(absl::StrCat("the depth maps given are not used: depth comes from ",
                               Describe(origin), " (depth_source)"));

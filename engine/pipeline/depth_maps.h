@@ -31,14 +31,18 @@ int StereoPhotos(const Context& context);
 // if the recipe has no depth loss.
 DepthOrigin ResolveDepthOrigin(const Context& context);
 
+// INVALID_ARGUMENT (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING) if the source has nothing to work
+// with: before the cameras are searched for.
+absl::Status CheckDepthSource(const Context& context);
+
 using DepthMaps = std::vector<std::optional<DepthMap>>;
 
 // The maps of the training photos, none at all without a source. Fills depth_used and notes of the
 // report. `points` are of the capture's model, `point_views` as in TrainSet. Maps of stereo and of
 // a network are kept in work_dir/depth.litags and taken from there if they were made from the same
-// photos, cameras and points (`key`), so that a resumed run has the very same. INVALID_ARGUMENT
-// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING) if the source has nothing to work with; errors of the
-// source. Pixels that do not count by their photo's mask get no depth.
+// photos, cameras and points (`key`), so that a resumed run has the very same. Errors of
+// CheckDepthSource() and of the source. Pixels that do not count by their photo's mask get no
+// depth.
 absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
                                         const std::vector<PosedPhoto>& photos,
                                         absl::Span<const SparsePoint> points,

@@ -124,6 +124,11 @@ TEST(DepthMaps, ASourceWithNothingToWorkWithIsRefused) {
   const absl::Status network = Reconstruct(input, WithSource(DepthOrigin::kNetwork)).status();
   EXPECT_EQ(Reason(network), "DEPTH_MODEL_MISSING");
   EXPECT_EQ(GetErrorDetail(network)->field, "options.depth_source");
+  // Before the cameras are searched for, which this engine cannot.
+  ReconstructInput no_cameras = input;
+  no_cameras.cameras_path.clear();
+  EXPECT_EQ(Reason(Reconstruct(no_cameras, WithSource(DepthOrigin::kMaps)).status()),
+            "DEPTH_MAPS_MISSING");
 }
 
 TEST(DepthMaps, ANetworkGivesMapsOfEveryPhoto) {

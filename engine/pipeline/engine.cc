@@ -20,6 +20,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/camera_source.h"
+#include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/train_set.h"
 #include "engine/pipeline/video_frames.h"
@@ -416,6 +417,7 @@ class RealEngine : public Engine {
         WithViewsOfWidePhotos(photos, options.threads, cancel, loading, &report.notes));
     const Context context(input, options, cancel, progress, &report,
                           [observer](std::string_view line) { observer->OnLine(line); });
+    LITAGS_RETURN_IF_ERROR(CheckDepthSource(context));
     LITAGS_ASSIGN_OR_RETURN(const TrainSet set, MakeTrainSet(context, colmap_));
     LITAGS_ASSIGN_OR_RETURN(Splats initial, InitialSplats(context.recipe, set));
     Run run(context, set, std::move(initial), observer);

@@ -20,13 +20,12 @@ using ::testing::HasSubstr;
 
 class FinishedTest : public ::testing::Test {
  protected:
-  absl::Status Add(const std::string& id, const std::string& name, const std::string& bytes) {
+  absl::Status Add(const std::string& id, const std::string& name, const std::string& bytes,
+                   FileRole role = FileRole::kPhoto) {
     const std::string path = data_.tmp() + "/staged";
     std::ofstream(path) << bytes;
     return jobs_.uploads().Add(
-        id,
-        {name, FileRole::kPhoto, static_cast<int64_t>(bytes.size()), Sha256::Hex(bytes), 64, 48},
-        path);
+        id, {name, role, static_cast<int64_t>(bytes.size()), Sha256::Hex(bytes), 64, 48}, path);
   }
 
   std::string StartedJob(const ReconstructOptions& options = {}) {
@@ -237,6 +236,19 @@ TEST_F(FinishedTest, FileThatComesWhileItsJobFailsIsRefused) {
   ASSERT_TRUE(jobs_.Start(id).ok());
   ASSERT_TRUE(leases_.Fail(Acquired(), absl::InternalError("x")).ok());
   EXPECT_EQ(Reason(jobs_.uploads().NoteArchive(id, late)), "JOB_NOT_UPLOADING");
+}
+
+TEST_F(FinishedTest, NoJobIsStartedForDepthMapsThatItDoesNotHave) {
+  ReconstructOptions options;
+  options.depth_source = DepthOrigin::kMaps;
+  const std::string id = StartedJob(options);
+  const absl::Status refused = jobs_.Start(id).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Reason(refused), "DEPTH_MAPS_MISSING");
+  ASSERT_TRUE(Add(id, "a.png", "depth", FileRole::kDepth).ok());
+  EXPECT_TRUE(jobs_.Start(id).ok());
+  options.method = Method::k3dgs;  // which uses no depth
+  EXPECT_TRUE(jobs_.Start(StartedJob(options)).ok());
 }
 
 TEST_F(FinishedTest, NoJobWaitsForADepthNetworkThatNobodyHas) {

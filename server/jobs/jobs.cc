@@ -68,6 +68,23 @@ absl::Status CheckMasks(const std::vector<FileRecord>& files) {
   return absl::OkStatus();
 }
 
+// As the engine's CheckDepthSource(), before the job waits for its turn.
+absl::Status CheckDepthMaps(const JobRecord& job, absl::Span<const FileRecord> files) {
+  if (job.options.empty()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const auto options, Decode<ReconstructOptions>(job.options));
+  if (options.depth_source != DepthOrigin::kMaps || options.method == Method::k3dgs) {
+    return absl::OkStatus();
+  }
+  const bool any = std::any_of(files.begin(), files.end(), [](const FileRecord& file) {
+    return file.role == FileRole::kDepth;
+  });
+  if (any) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MAPS_MISSING",
+                   "options.depth_source",
+                   "options.depth_source: maps were asked for and the job has none; upload depth "
+                   "maps, or make a job with another source");
+}
+
 // The caps may be others than when the job was made.
 absl::Status ApplyCaps(const JobCaps& caps, JobRecord* job) {
   ReconstructOptions options;
@@ -243,6 +260,7 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
   LITAGS_RETURN_IF_ERROR(CheckPhotos(files));
   LITAGS_RETURN_IF_ERROR(CheckMasks(files));
+  LITAGS_RETURN_IF_ERROR(CheckDepthMaps(job.job, files));
   LITAGS_RETURN_IF_ERROR(ApplyCaps(view_.caps, &job.job));
   job.job.attempt = 0;
   job.job.run_ms = 0;
