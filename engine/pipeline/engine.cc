@@ -131,6 +131,7 @@ class Run {
     double last_report = 0;
     while (trainer_.iteration() < options_.iterations) {
       if (cancel.IsCancelled()) return Cancelled(cancel, trainer_.iteration() > leg.first);
+      ReportPhotoSize();
       const double step_start = Now();
       const absl::StatusOr<StepLosses> losses = trainer_.Step();
       const double step_seconds = Now() - step_start;
@@ -290,6 +291,18 @@ class Run {
     mix(&progress_.loss_denoise, losses.denoise);
   }
 
+  // Coarse to fine: the loss of larger photos is a larger one, which looks like a setback.
+  void ReportPhotoSize() {
+    const int shrink = trainer_.PhotoShrink(), before = std::exchange(shrink_, shrink);
+    if (before == 0 || before == shrink) return;
+    progress_.loss = 0;  // so that all means start anew
+    Progress change = progress_;
+    change.message =
+        absl::StrCat("photos are now at ", shrink > 1 ? absl::StrCat("1/", shrink) : "full",
+                     " size; the loss starts anew");
+    observer_->OnProgress(change);
+  }
+
   // Saves a snapshot and reports it with a preview picture and the held-out PSNR.
   absl::Status Publish(const CancelToken& cancel) {
     Model model = trainer_.Snapshot();
@@ -370,6 +383,7 @@ class Run {
   std::string scene_path_, checkpoint_path_;
   std::vector<View> held_out_;  // with cameras that are fitted at the end if others are refined
   Progress progress_;
+  int shrink_ = 0;  // Trainer::PhotoShrink() of the last iteration; 0: there was none
   double step_seconds_ = 0;
   double ssim_holdout_ = kNotMeasured;
 };

@@ -116,6 +116,25 @@ TEST(Reconstruct, ReportsProgressInOrder) {
                                               report->scene_path, report->scene_path));
 }
 
+TEST(Reconstruct, SaysWhenThePhotosGrow) {
+  const Photographs photos(/*width=*/160, /*height=*/128);  // 64 px is the smallest side
+  ReconstructOptions options = SmallOptions();
+  options.recipe->coarse_levels = 1;
+  options.recipe->coarse_until = 0.5;
+  Recorder recorder;
+  ASSERT_TRUE(MakeEngine(kNoColmap)
+                  ->Reconstruct(photos.Input("work"), options, CancelToken(), &recorder)
+                  .ok());
+  std::vector<Progress> said;
+  for (const Progress& report : recorder.reports) {
+    if (report.stage == Stage::kTraining && !report.message.empty()) said.push_back(report);
+  }
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_EQ(said[0].message, "photos are now at full size; the loss starts anew");
+  EXPECT_EQ(said[0].iteration, options.iterations / 2);
+  EXPECT_EQ(said[0].loss, 0);
+}
+
 TEST(Reconstruct, ImprovesTheHeldOutPhotos) {
   const Photographs photos;
   ReconstructOptions options = SmallOptions();

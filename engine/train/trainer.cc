@@ -256,6 +256,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   settings.crop = crop;
   settings.sh_degree = ShDegreeAt(options, state.iteration);
   settings.dropout = MakeDropout();
+  settings.lamp = view.lamp;
   settings.pose_grad = options.refine_cameras;
   {
     Timer timer(&phases.forward);
@@ -324,6 +325,8 @@ WorkForecast Trainer::Forecast(int end) const {
   return ForecastWork(impl_->pyramid, impl_->density, iteration(), end,
                       static_cast<double>(num_gaussians()));
 }
+
+int Trainer::PhotoShrink() const { return 1 << impl_->pyramid.LevelOf(iteration()); }
 
 absl::StatusOr<StepLosses> Trainer::Step() {
   Impl& s = *impl_;

@@ -70,6 +70,9 @@ class Trainer {
   double LastWork() const;
   WorkForecast Forecast(int end) const;
 
+  // What the sides of photos are divided by in the next iteration, coarse to fine: 4, 2, at last 1.
+  int PhotoShrink() const;
+
   // The camera of view `i`: as given, or as refined so far if the options want that. On average
   // refined cameras stay where the given ones were, so that world and unit stay, too.
   Camera CameraOf(size_t i) const;
