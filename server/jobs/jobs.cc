@@ -69,7 +69,7 @@ absl::Status CheckMasks(const std::vector<FileRecord>& files) {
 }
 
 // As the engine's CheckDepthSource(), before the job waits for its turn.
-absl::Status CheckDepthMaps(const JobRecord& job, absl::Span<const FileRecord> files) {
+absl::Status CheckDepthMaps(const JobRecord& job, const std::vector<FileRecord>& files) {
   if (job.options.empty()) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(const auto options, Decode<ReconstructOptions>(job.options));
   if (options.depth_source != DepthOrigin::kMaps || options.method == Method::k3dgs) {
