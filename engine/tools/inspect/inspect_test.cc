@@ -146,7 +146,7 @@ TEST_F(Inspect, AFolderOfADatasetIsReadAsAnArchiveOfIt) {
   EXPECT_THAT(text_, HasSubstr("masks: those in " + (root / "masks").string() + "\n"));
   EXPECT_THAT(text_, HasSubstr("not used: images_2/ (the photos are those in images/)"));
   EXPECT_THAT(text_, HasSubstr("not used: transforms.json (the cameras are those in sparse/0)"));
-  EXPECT_THAT(text_, HasSubstr("images: 1 photo; a scene needs at least 3"));  // with a camera
+  EXPECT_THAT(text_, HasSubstr("images: 1 of 6 photos have a camera"));
 }
 
 TEST_F(Inspect, CamerasOfADatasetThatNoRuleTellsApartAreRefused) {
