@@ -112,15 +112,6 @@ TEST_F(Inspect, AFolderOfFoldersIsAnsweredWithThem) {
   EXPECT_THAT(text_, HasSubstr("reason NO_PHOTOS"));
 }
 
-TEST_F(Inspect, TooFewPhotosAreRefusedAsByARun) {
-  fs::create_directory(dir_ / "one");
-  fs::copy(photos_ + "/p0.jpg", dir_ / "one/p0.jpg");
-  EXPECT_EQ(Run({dir_ / "one"}), 2);
-  EXPECT_THAT(text_, HasSubstr("1 photo would be used, 0 are left out"));
-  EXPECT_THAT(text_, HasSubstr("images: 1 photo; a scene needs at least 3"));
-  EXPECT_THAT(text_, HasSubstr("reason TOO_FEW_PHOTOS"));
-}
-
 // nerfstudio's, with cameras of 3DGS beside them.
 TEST_F(Inspect, AFolderOfADatasetIsReadAsAnArchiveOfIt) {
   const fs::path root = dir_ / "room";
@@ -157,6 +148,15 @@ TEST_F(Inspect, CamerasOfADatasetThatNoRuleTellsApartAreRefused) {
   }
   EXPECT_EQ(Run({dir_ / "room"}), 2);
   EXPECT_THAT(text_, HasSubstr("reason CAMERAS_TWICE, field --cameras"));
+}
+
+TEST_F(Inspect, TooFewPhotosAreRefusedAsByARun) {
+  fs::create_directory(dir_ / "one");
+  fs::copy(photos_ + "/p0.jpg", dir_ / "one/p0.jpg");
+  EXPECT_EQ(Run({dir_ / "one"}), 2);
+  EXPECT_THAT(text_, HasSubstr("1 photo would be used, 0 are left out"));
+  EXPECT_THAT(text_, HasSubstr("images: 1 photo; a scene needs at least 3"));
+  EXPECT_THAT(text_, HasSubstr("reason TOO_FEW_PHOTOS"));
 }
 
 TEST_F(Inspect, NamesPanoramasAndTheirViews) {
