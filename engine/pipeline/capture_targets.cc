@@ -34,7 +34,8 @@ std::vector<PointSighting> Sightings(const PosedPhotos& posed) {
       const auto xyz = camera.CamFromWorld(model.points[p].xyz);
       if (xyz[2] <= 0) continue;
       sightings.push_back({static_cast<int>(p), photo, camera.fx * xyz[0] / xyz[2] + camera.cx,
-                           camera.fy * xyz[1] / xyz[2] + camera.cy});
+                           camera.fy * xyz[1] / xyz[2] + camera.cy,
+                           std::hypot(xyz[0], xyz[1], xyz[2])});
     }
   }
   return sightings;
@@ -103,18 +104,19 @@ void ShareExposures(const RigViews& rigs, const std::vector<View>& views,
 absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const PosedPhotos& posed,
                                                   std::vector<Photo> photos) {
   const Recipe& recipe = context.recipe;
-  const std::vector<PointSighting> sightings = Sightings(posed);
+  std::vector<PointSighting> sightings = Sightings(posed);
   std::vector<Camera> cameras;
   for (const View& view : posed.views) cameras.push_back(view.camera);
-  EvenOutResponse(context, sightings, cameras, posed.masks, &photos);
-  LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   CaptureTargets made;
+  const Lamp lamp = EvenOutResponse(context, cameras, posed.masks, &sightings, &photos);
+  LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   made.photos = std::move(photos);
   made.exposures = WithoutDrift(
       RelativeExposures(made.photos, sightings, posed.masks, posed.stated_exposures), sightings);
   ShareExposures(posed.rig_views, posed.views, sightings, &made.exposures);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
+  made.lamp = LampOfTargets(context, lamp, sightings, made.photos, made.exposures, posed.masks);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   if (recipe.lita && recipe.information_weights) {
     made.information = Information(made, posed);

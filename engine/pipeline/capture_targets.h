@@ -9,12 +9,14 @@
 #include "engine/core/noise_curve.h"
 #include "engine/core/photo.h"
 #include "engine/pipeline/posed_photos.h"
+#include "engine/render/renderer.h"
 
 namespace litags {
 
 // Index = photo, as in PosedPhotos.
 struct CaptureTargets {
   std::vector<Photo> photos;         // without what their camera did to the light (even_response.h)
+  Lamp lamp;                         // that they were taken by, as it shows in the targets
   std::vector<double> exposures;     // light that they gathered relative to the median photo
   std::vector<Photo> targets;        // normally lit
   std::vector<PlaneU8> information;  // weights of pixels; none: the recipe has none

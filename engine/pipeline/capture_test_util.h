@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <set>
 #include <string>
@@ -49,7 +50,7 @@ class RoomCapture {
       model.views.push_back(cameras[i]);
       model.distortions.emplace_back();
     }
-    exposures_ = sample::SolveExposures(options_, &light_);
+    exposures_ = sample::SolveExposures(options_, {}, &light_);
     AddPoints();
     std::filesystem::create_directory(dir_ / "images");
     SetLight([](int) { return Light::kLow; });
@@ -62,6 +63,9 @@ class RoomCapture {
   int views() const { return options_.views; }
   std::string Path(const std::string& name) const { return dir_ / name; }
 
+  // [1, H, W], along the optical axis.
+  Planes Depth(int i) const { return sample::TraceDepth(world_, model.views[i].camera, 1); }
+
   ImageU8 Photo(int i, Light light) const {
     if (light == Light::kNormal) return sample::NormalPhoto(light_[i]);
     return light == Light::kLow ? sample::LowPhoto(options_, exposures_, light_[i], i)
@@ -71,6 +75,32 @@ class RoomCapture {
   template <class LightOf>
   void SetLight(const LightOf& light_of) {
     for (int i = 0; i < views(); ++i) SetPhoto(i, Photo(i, light_of(i)));
+  }
+
+  // Every point is on the track of every view that it is not hidden from.
+  void TrackPointsEverywhere() {
+    for (SparsePoint& point : model.points) point.track.clear();
+    for (int v = 0; v < views(); ++v) {
+      const Camera& camera = model.views[v].camera;
+      const Planes depth = Depth(v);
+      for (SparsePoint& point : model.points) {
+        const auto xyz = camera.CamFromWorld(point.xyz);
+        const double x = camera.fx * xyz[0] / xyz[2] + camera.cx;
+        const double y = camera.fy * xyz[1] / xyz[2] + camera.cy;
+        if (xyz[2] <= 0 || x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
+        const double seen = depth.at(0, static_cast<int>(y), static_cast<int>(x));
+        if (std::abs(seen / xyz[2] - 1) < 0.03) point.track.push_back({v, x, y});
+      }
+    }
+    std::erase_if(model.points, [](const SparsePoint& point) { return point.track.size() < 2; });
+  }
+
+  // By the light of a lamp at the camera, half as bright as would be right on the table.
+  void LightByLamp() const {
+    for (int i = 0; i < views(); ++i) {
+      const Planes lamp = sample::LampLight(model.views[i].camera, Depth(i));
+      SetPhoto(i, sample::NormalPhoto(sample::Lit(light_[i], lamp), 2));
+    }
   }
 
   void SetPhoto(int i, const ImageU8& photo) const {
@@ -119,7 +149,7 @@ class RoomCapture {
     const int step = std::max(1, views() / 6);
     for (int v = 0; v < views(); v += step) {
       const Camera& camera = model.views[v].camera;
-      const Planes depth = sample::TraceDepth(world_, camera, 1);
+      const Planes depth = Depth(v);
       const ImageU8 photo = sample::NormalPhoto(light_[v]);
       for (int y = 3; y < camera.height; y += 6) {
         for (int x = 3; x < camera.width; x += 6) {

@@ -94,7 +94,8 @@ class Run {
   absl::Status Resume(std::vector<std::string>* notes) {
     if (!std::filesystem::exists(checkpoint_path_)) {
       if (std::filesystem::exists(scene_path_)) {
-        notes->push_back("an earlier run left no checkpoint; training starts from the beginning");
+        notes->emplace_back(
+            "an earlier run left no checkpoint; training starts from the beginning");
       }
       return absl::OkStatus();
     }
@@ -102,7 +103,7 @@ class Run {
         trainer_.LoadCheckpoint(checkpoint_path_, set_.fingerprint, options_.iterations);
     const auto detail = GetErrorDetail(status);
     if (detail.has_value() && detail->reason == "CHECKPOINT_MISMATCH") {
-      notes->push_back(
+      notes->emplace_back(
           "a checkpoint of other photos or options was found; training starts from the beginning");
       return absl::OkStatus();
     }
@@ -356,7 +357,9 @@ class Run {
       if (!last && cancel.IsCancelled()) return png;
       const size_t i = k * all / scored;
       const TrainView& v = set_.holdout[i];
-      if (i > 0) renderer_.RenderColor(model, held_out_[i].camera, &color);
+      if (i > 0 || v.lamp.power > 0) {
+        renderer_.RenderColor(model, held_out_[i].camera, &color, v.lamp);
+      }
       UnpackImage(v.target, workspace, &target);
       for (float& x : color.data) x = std::clamp(x, 0.0f, 1.0f);
       const double dilution = FillUncounted(v.mask, color, &target);

@@ -7,11 +7,16 @@
 
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/target/lamp_light.h"
 #include "engine/target/response.h"
+#include "engine/target/tone.h"
 #include "engine/target/white_balance.h"
 
 namespace litags {
 namespace {
+
+// Codes of light: sRGB is close to its power of 1 / 2.2.
+constexpr double kCodePower = 1 / 2.2;
 
 // What is common to the photos' colours once their own white balances are taken out.
 std::array<double, 3> FindCast(absl::Span<const Photo> photos, absl::Span<const PlaneU8> masks,
@@ -31,15 +36,15 @@ std::array<double, 3> FindCast(absl::Span<const Photo> photos, absl::Span<const 
 
 }  // namespace
 
-void EvenOutResponse(const Context& context, absl::Span<const PointSighting> sightings,
-                     absl::Span<const Camera> cameras, absl::Span<const PlaneU8> masks,
+Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
+                     absl::Span<const PlaneU8> masks, std::vector<PointSighting>* sightings,
                      std::vector<Photo>* photos) {
-  if (context.recipe.tone.rule != Tone::kCapture) return;
+  if (context.recipe.tone.rule != Tone::kCapture) return {};
   const ReconstructOptions& options = context.options;
   std::vector<RadialFrame> frames;
   for (const Camera& c : cameras)
     frames.push_back({c.cx, c.cy, std::hypot(c.width, c.height) / 2.0});
-  const std::vector<PointSample> samples = SamplePoints(*photos, sightings, frames, masks);
+  const std::vector<PointSample> samples = SamplePoints(*photos, *sightings, frames, masks);
   const CaptureResponse response =
       WithoutColorDrift(EstimateResponse(photos->size(), samples), samples);
   for (std::string& note : DescribeResponse(response)) context.Note(std::move(note));
@@ -53,6 +58,27 @@ void EvenOutResponse(const Context& context, absl::Span<const PointSighting> sig
     for (int c = 0; c < 3; ++c) gain[c] *= cast[c];
     ApplyResponse(gain, response.vignette, frames[i], &(*photos)[i]);
   });
+  for (PointSighting& s : *sightings) {
+    s.lit = std::pow(response.lamp_distance / s.distance, response.lamp_power);
+  }
+  return {static_cast<float>(response.lamp_power), static_cast<float>(response.lamp_distance)};
+}
+
+Lamp LampOfTargets(const Context& context, const Lamp& lamp,
+                   absl::Span<const PointSighting> sightings, absl::Span<const Photo> photos,
+                   absl::Span<const double> exposures, absl::Span<const PlaneU8> masks) {
+  if (lamp.power == 0) return {};
+  std::vector<std::vector<PointSighting>> seen(photos.size());
+  for (const PointSighting& s : sightings) seen[s.photo].push_back(s);
+  std::vector<LampLight> light;
+  for (size_t i = 0; i < photos.size(); ++i) {
+    light.emplace_back(seen[i], photos[i].width, photos[i].height);
+  }
+  const int threads = context.options.threads;
+  const double brighter = CaptureGain(photos, exposures, threads, masks, light) /
+                          CaptureGain(photos, exposures, threads, masks);
+  return {static_cast<float>(kCodePower * lamp.power),
+          static_cast<float>(lamp.distance * std::pow(brighter, -1 / lamp.power))};
 }
 
 }  // namespace litags

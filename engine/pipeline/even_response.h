@@ -8,6 +8,7 @@
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
 #include "engine/pipeline/context.h"
+#include "engine/render/renderer.h"
 #include "engine/target/photometric.h"
 
 namespace litags {
@@ -15,11 +16,20 @@ namespace litags {
 // Takes out of the photos of a capture what their camera, not the scene, did to their light: white
 // balances that differ from photo to photo, a lens that is dark at the corners (response.h), and a
 // strong cast, unless the options keep it (white_balance.h). Adds a note for each.
+// A lamp that lights what is near stays in the photos, since how far everything is is learnt later:
+// returns what it does to light, and sets PointSighting::lit.
 // `cameras` and `masks` (see MaskOf) are the photos'; `sightings` are sorted by point. Does nothing
 // for other tones than Tone::kCapture. The same bytes for any number of threads.
-void EvenOutResponse(const Context& context, absl::Span<const PointSighting> sightings,
-                     absl::Span<const Camera> cameras, absl::Span<const PlaneU8> masks,
+Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
+                     absl::Span<const PlaneU8> masks, std::vector<PointSighting>* sightings,
                      std::vector<Photo>* photos);
+
+// The lamp that EvenOutResponse found as the renderer takes it: what it does to codes of targets,
+// and from the distance at which pictures without it are as bright as well exposed photos.
+// Arguments as above, `photos` as they were left there.
+Lamp LampOfTargets(const Context& context, const Lamp& lamp,
+                   absl::Span<const PointSighting> sightings, absl::Span<const Photo> photos,
+                   absl::Span<const double> exposures, absl::Span<const PlaneU8> masks);
 
 }  // namespace litags
 

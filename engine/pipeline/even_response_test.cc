@@ -24,8 +24,15 @@ struct Capture {
   std::vector<Camera> cameras;
 };
 
-// `light`: per photo; `corner`: stops that the lens takes there.
-Capture MakeCapture(const std::vector<std::array<double, 3>>& light, double corner) {
+// Of what a row of cells shows, in even and in odd photos.
+double DistanceOf(size_t photo, int row) {
+  const double rising = 1 + 3.0 * row / kColumns;
+  return photo % 2 == 0 ? rising : 5 - rising;
+}
+
+// `light`: per photo; `corner`: stops that the lens takes there; `lamp`: power of the distance.
+Capture MakeCapture(const std::vector<std::array<double, 3>>& light, double corner,
+                    double lamp = 0) {
   Capture out;
   const CounterRng albedo(3, 4);
   for (const auto& gain : light) {
@@ -35,10 +42,11 @@ Capture MakeCapture(const std::vector<std::array<double, 3>>& light, double corn
       for (int x = 0; x < kSide; ++x) {
         const int cell = (x / kCell + shift) * kColumns + y / kCell;
         const double r2 = (std::pow(x + 0.5 - 60, 2) + std::pow(y + 0.5 - 60, 2)) / 7200;
+        const double lit = std::pow(2 / DistanceOf(out.photos.size(), y / kCell), lamp);
         for (int c = 0; c < 3; ++c) {
           const double value = 0.02 + 0.2 * albedo.Uniform(3 * cell + c);
           photo.pixel(x, y)[c] = PhotoSample(
-              static_cast<float>(SrgbFromLinear(value * gain[c] * std::exp2(-corner * r2))));
+              static_cast<float>(SrgbFromLinear(value * lit * gain[c] * std::exp2(-corner * r2))));
         }
       }
     }
@@ -54,20 +62,24 @@ Capture MakeCapture(const std::vector<std::array<double, 3>>& light, double corn
       for (int i = 0; i < photos; ++i) {
         const int x = column - 2 * i;
         if (x < 0 || x >= kColumns) continue;
-        out.sightings.push_back({column * kColumns + row, i, x * kCell + 4.5, row * kCell + 4.5});
+        out.sightings.push_back(
+            {column * kColumns + row, i, x * kCell + 4.5, row * kCell + 4.5, DistanceOf(i, row)});
       }
     }
   }
   return out;
 }
 
-std::vector<std::string> Even(const ReconstructOptions& options, Capture* capture) {
+std::vector<std::string> Even(const ReconstructOptions& options, Capture* capture,
+                              Lamp* lamp = nullptr) {
   const ReconstructInput input;
   const CancelToken never;
   ReconstructReport report;
-  EvenOutResponse(Context(
-                      input, options, never, [](Stage, const std::string&) {}, &report),
-                  capture->sightings, capture->cameras, {}, &capture->photos);
+  const Lamp found =
+      EvenOutResponse(Context(
+                          input, options, never, [](Stage, const std::string&) {}, &report),
+                      capture->cameras, {}, &capture->sightings, &capture->photos);
+  if (lamp != nullptr) *lamp = found;
   return report.notes;
 }
 
@@ -84,7 +96,9 @@ double WorstCode(const Capture& a, const Capture& b) {
 TEST(EvenOutResponse, PhotosOfAnEvenCameraStayWhatTheyAre) {
   Capture capture = MakeCapture(std::vector<std::array<double, 3>>(8, {1, 1, 1}), 0);
   const Capture before = capture;
-  EXPECT_THAT(Even({}, &capture), IsEmpty());
+  Lamp lamp;
+  EXPECT_THAT(Even({}, &capture, &lamp), IsEmpty());
+  EXPECT_EQ(lamp.power, 0);
   for (size_t i = 0; i < before.photos.size(); ++i)
     EXPECT_EQ(capture.photos[i].data, before.photos[i].data) << i;
 }
@@ -94,6 +108,19 @@ TEST(EvenOutResponse, TheLensIsTakenOut) {
   Capture capture = MakeCapture(light, 2.5);
   EXPECT_THAT(Even({}, &capture), ElementsAre(HasSubstr("stops darker")));
   EXPECT_LT(WorstCode(capture, MakeCapture(light, 0)), 8);
+}
+
+TEST(EvenOutResponse, ALampIsToldAndLeftInThePhotos) {
+  const std::vector<std::array<double, 3>> light(8, {1, 1, 1});
+  Capture capture = MakeCapture(light, 0, 1.5);
+  const Capture before = capture;
+  Lamp lamp;
+  EXPECT_THAT(Even({}, &capture, &lamp), ElementsAre(HasSubstr("to the power of 1.5")));
+  EXPECT_NEAR(lamp.power, 1.5, 0.03);
+  EXPECT_EQ(WorstCode(capture, before), 0);
+  for (const PointSighting& s : capture.sightings) {
+    ASSERT_NEAR(s.lit, std::pow(lamp.distance / s.distance, lamp.power), 1e-5 * s.lit);
+  }
 }
 
 TEST(EvenOutResponse, OnePhotoOfAnotherWhiteBalanceIsEvenedOut) {

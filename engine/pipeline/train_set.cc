@@ -101,6 +101,7 @@ std::string FingerprintOfPhotos(const PosedPhotos& posed, const CaptureTargets& 
     for (double x : {camera.fx, camera.fy, camera.cx, camera.cy}) f.Add(x);
   }
   AddPoints(posed.model.points, &f);
+  if (targets.lamp.power > 0) f.Add(targets.lamp);
   return f.Text();
 }
 
@@ -163,6 +164,7 @@ TrainView ViewOf(size_t i, PosedPhotos* posed, CaptureTargets* targets) {
   v.mask = std::move(posed->masks[i]);
   v.photo = std::move(targets->photos[i]);
   v.exposure = targets->exposures[i];
+  v.lamp = targets->lamp;
   v.target = std::move(targets->targets[i]);
   if (!targets->information.empty()) v.information = std::move(targets->information[i]);
   if (!targets->structure.empty()) v.structure = std::move(targets->structure[i]);

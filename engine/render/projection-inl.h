@@ -97,6 +97,13 @@ HWY_INLINE V3 Direction(const V3& m, const KernelCamera& cam, V* inv_distance) {
   return Scale(v, *inv_distance);
 }
 
+// What a lamp does to colours at this distance.
+HWY_INLINE V LampGain(const Lamp& lamp, V inv_distance) {
+  const D d;
+  const V nearness = hn::Mul(hn::Set(d, lamp.distance), inv_distance);
+  return hn::Exp(d, hn::Mul(hn::Set(d, lamp.power), hn::Log(d, nearness)));
+}
+
 // LITA-GS Eq. 1: Sigma = R S S^T R^T. Eq. 8: Sigma2D = J W Sigma W^T J^T = T T^T, T = J W R S.
 // `in` points at the lanes of one vector inside a block. Lanes at or behind the camera give
 // numbers without meaning; callers mask them.

@@ -67,6 +67,10 @@ HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const Kernel
   const V3 dir = Direction(mean, cam, &inv_distance);
   V color[3];
   ShEval(d, settings.sh_degree, dir.x, dir.y, dir.z, in, color);
+  if (settings.lamp.power > 0) {
+    const V gain = LampGain(settings.lamp, inv_distance);
+    for (int c = 0; c < 3; ++c) color[c] = hn::Mul(color[c], gain);
+  }
   for (int c = 0; c < 3; ++c) hn::Store(color[c], d, rows->record[kRecordFeatures + c]);
   if (settings.channels == kColorAndNoise) {
     for (int c = 0; c < 3; ++c) copy(kNoise + c, 3 + c);

@@ -90,6 +90,7 @@ struct ProjectionSettings {
   PixelFilter pixel_filter = PixelFilter::kDilate;
   float near_plane = RenderSettings().near_plane;
   Dropout dropout;
+  Lamp lamp;
 };
 
 // LITA-GS Eq. 8: mu' and Sigma2D.

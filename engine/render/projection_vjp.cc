@@ -117,7 +117,8 @@ HWY_INLINE V AttributesVjp(const VjpRows& rows, const ProjectionSettings& settin
   return settings.depth_is_camera_z ? v_depth : hn::Zero(d);
 }
 
-// SH coefficients; returns dL/dmean by way of the viewing direction.
+// SH coefficients; returns dL/dmean by way of the viewing direction, and of the distance from a
+// lamp.
 HWY_INLINE V3 ColorVjp(const VjpRows& rows, const V3& mean, const KernelCamera& cam,
                        const ProjectionSettings& settings) {
   const D d;
@@ -127,10 +128,20 @@ HWY_INLINE V3 ColorVjp(const VjpRows& rows, const V3& mean, const KernelCamera& 
   for (int c = 0; c < 3; ++c) {
     v_color[c] = hn::IfThenElseZero(rows.visible, rows.Sum(kGradFeatures + kChannelColor + c));
   }
+  V along = hn::Zero(d);  // dL/d(ln distance), by the lamp
+  if (settings.lamp.power > 0) {
+    const V gain = LampGain(settings.lamp, inv_distance);
+    V color[3];
+    ShEval(d, settings.sh_degree, dir.x, dir.y, dir.z, rows.in, color);
+    for (int c = 0; c < 3; ++c) {
+      v_color[c] = hn::Mul(v_color[c], gain);
+      along = hn::NegMulAdd(hn::Mul(v_color[c], color[c]), hn::Set(d, settings.lamp.power), along);
+    }
+  }
   V v_dir[3];
   ShEvalVjp(d, settings.sh_degree, dir.x, dir.y, dir.z, rows.in, v_color, rows.grads, v_dir);
   const V3 vd = {v_dir[0], v_dir[1], v_dir[2]};
-  return Scale(Axpy(hn::Neg(Dot(dir, vd)), dir, vd), inv_distance);
+  return Scale(Axpy(hn::Sub(along, Dot(dir, vd)), dir, vd), inv_distance);
 }
 
 // Scale and rotation from dL/dU, U = W R S, given by its rows.

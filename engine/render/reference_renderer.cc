@@ -98,7 +98,7 @@ bool ProjectOne(const double* g, const Camera& cam, const RenderSettings& settin
     for (int k = 0; k < terms; ++k) {
       color += basis[k] * g[k == 0 ? kShDc + ch : kShRest + 3 * (k - 1) + ch];
     }
-    out->features[ch] = color;
+    out->features[ch] = color * std::pow(settings.lamp.distance / distance, settings.lamp.power);
   }
   out->features[kChannelDepth] = settings.depth_source == DepthSource::kCameraZ ? p[2] : g[kDepth];
   out->features[kChannelStructure] = g[kStructure];

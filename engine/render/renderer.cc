@@ -88,7 +88,8 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
                   settings.depth_source == DepthSource::kCameraZ,
                   settings.pixel_filter,
                   settings.near_plane,
-                  settings.dropout};
+                  settings.dropout,
+                  settings.lamp};
   s.background = settings.background;
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
   s.count_useful = settings.count_useful;

@@ -48,6 +48,13 @@ enum class PixelFilter {
             // scene is as dense in pictures of any size (2D Mip filter; arXiv 2311.16493)
 };
 
+// A lamp that the camera carries lights what is near more: a Gaussian at the distance r from the
+// camera has its colour times (distance / r)^power.
+struct Lamp {
+  float power = 0;     // 0: there is none
+  float distance = 1;  // scene units, > 0
+};
+
 struct RenderSettings {
   int num_channels = kNumChannels;  // or one of the constants above
   int sh_degree = kMaxShDegree;     // 0..3
@@ -60,6 +67,7 @@ struct RenderSettings {
   const CancelToken* cancel = nullptr;  // once raised, Forward leaves the picture unfinished
   bool count_useful = false;            // whether Forward of 11 channels fills Counters::useful
   Dropout dropout;                      // of training
+  Lamp lamp;                            // that a photo was taken by
   bool pose_grad = false;               // whether Backward fills pose_grad()
   // Bit c: Backward gives channel c's gradient to the Gaussians' values in it and to nothing else,
   // as if what they cover were given.

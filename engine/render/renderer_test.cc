@@ -263,6 +263,38 @@ TEST(Renderer, SurfaceDepthFollowsATiltedDisc) {
   EXPECT_GT(std::abs(depth.at(0, 32, 24) - depth.at(0, 32, 39)), 0.1);
 }
 
+TEST(Renderer, LampMatchesTheReferenceOnEveryTarget) {
+  ForEachTarget([] {
+    for (const int channels : {kColorOnly, kWithoutNoise}) {
+      RenderSettings settings;
+      settings.num_channels = channels;
+      settings.lamp = {0.9f, 2.5f};
+      ExpectMatchesReference(MakeSplats(150, 3), MakeCamera(61, 43), settings);
+    }
+  });
+}
+
+TEST(Renderer, ALampLightsByTheSquareOfTheDistance) {
+  Splats splats = BlockOf(2, false, {0, 0, 0}, 4);
+  for (size_t i = 0; i < splats.size(); ++i) {
+    for (int row = kShDc; row < kShDc + 3; ++row) splats.at(i, row) = 0.5f;
+  }
+  RenderSettings settings;
+  settings.num_channels = kColorOnly;
+  settings.sh_degree = 0;
+  Renderer renderer;
+  Planes even, lit, alpha;
+  for (const double away : {2.0, 4.0, 8.0}) {
+    Camera camera = MakeCamera(9, 9);
+    ASSERT_TRUE(camera.LookAt({0, 0, -away}, {0, 0, 0}, {0, -1, 0}).ok());
+    settings.lamp = {};
+    renderer.Forward(splats, camera, settings, &even, &alpha);
+    settings.lamp = {2, 4};
+    renderer.Forward(splats, camera, settings, &lit, &alpha);
+    EXPECT_NEAR(lit.at(0, 4, 4) / even.at(0, 4, 4), 16 / (away * away), 1e-4) << away;
+  }
+}
+
 TEST(Renderer, DropoutMatchesTheReferenceOnEveryTarget) {
   ForEachTarget([] {
     for (const double share : {0.2, 0.7}) {

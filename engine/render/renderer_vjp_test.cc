@@ -66,6 +66,7 @@ TEST(RendererVjp, GradientsMatchFiniteDifferencesOnEveryTarget) {
     settings.pixel_filter = filter;
     settings.background[2] = 0.7f;
     if (source == DepthSource::kCameraZ) settings.dropout = {0.3, CounterRng(5, 6)};
+    if (filter == PixelFilter::kMip) settings.lamp = {0.8f, 3.0f};
     const Loss loss = MakeLoss(splats, camera, settings);
     std::vector<double> params = ToDoubles(splats);
     std::vector<double> want(params.size());
@@ -121,6 +122,7 @@ TEST(RendererVjp, PoseGradientsMatchFiniteDifferencesOnEveryTarget) {
     settings.depth_source = source;
     settings.pixel_filter = filter;
     settings.pose_grad = true;
+    if (filter == PixelFilter::kMip) settings.lamp = {0.8f, 3.0f};
     const Loss loss = MakeLoss(splats, camera, settings);
     const std::vector<double> params = ToDoubles(splats);
     PoseVector want;

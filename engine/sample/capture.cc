@@ -94,6 +94,7 @@ absl::Status WriteCaptureJson(const CaptureOptions& options, const std::vector<V
                               const Exposures& exposures, const fs::path& out) {
   nlohmann::ordered_json json = {{"seed", options.seed},
                                  {"noise_seed", options.noise_seed},
+                                 {"lamp", options.lamp},
                                  {"gain_is_relative_to", "high, linear light, per channel RGB"},
                                  {"full_well_electrons", options.sensor.full_well},
                                  {"read_noise_electrons", options.sensor.read_noise},
@@ -115,10 +116,11 @@ struct Levels {
   double high = 0, low = 0, over = 0, low_psnr = 0, over_psnr = 0;
 };
 
+// `room`: light as in the normal picture; `light`: as in the others.
 absl::StatusOr<Levels> WritePhotos(const CaptureOptions& options, const Exposures& exposures,
-                                   const Planes& light, size_t view, const std::string& name,
-                                   const fs::path& out) {
-  const ImageU8 high = NormalPhoto(light);
+                                   const Planes& room, const Planes& light, size_t view,
+                                   const std::string& name, const fs::path& out) {
+  const ImageU8 high = NormalPhoto(room);
   const ImageU8 low = LowPhoto(options, exposures, light, view);
   const ImageU8 over = OverPhoto(options, exposures, light, view);
   LITAGS_RETURN_IF_ERROR(WriteJpeg(out / "high" / name, high, options.jpeg_quality));
@@ -234,22 +236,25 @@ absl::StatusOr<CaptureReport> WriteCapture(const CaptureOptions& options,
   const World world = MakeRoom(options.seed);
   const std::vector<View> views = CaptureViews(options);
   const CounterRng rng(options.seed, kTrace);
-  std::vector<Planes> light;
+  std::vector<Planes> light, lamps;
   for (const View& view : views) {
     const TraceOptions trace{options.antialias, rng.Bits(light.size()), options.threads};
     light.push_back(TraceRadiance(world, view.camera, trace));
+    Planes depth;
+    if (options.truth || options.lamp) depth = TraceDepth(world, view.camera, options.threads);
+    if (options.lamp) lamps.push_back(LampLight(view.camera, depth));
     if (options.truth) {
-      LITAGS_RETURN_IF_ERROR(WritePfm(out / "depth" / WithExtension(view.name, ".pfm"),
-                                      TraceDepth(world, view.camera, options.threads)));
+      LITAGS_RETURN_IF_ERROR(WritePfm(out / "depth" / WithExtension(view.name, ".pfm"), depth));
     }
     if (options.on_view) options.on_view(static_cast<int>(light.size()));
   }
-  const Exposures exposures = SolveExposures(options, &light);
+  const Exposures exposures = SolveExposures(options, lamps, &light);
 
   const size_t n = views.size();
   std::vector<absl::StatusOr<Levels>> levels(n);
   ParallelFor(options.threads, n, [&](size_t i, int) {
-    levels[i] = WritePhotos(options, exposures, light[i], i, views[i].name, out);
+    const Planes lit = options.lamp ? Lit(light[i], lamps[i]) : light[i];
+    levels[i] = WritePhotos(options, exposures, light[i], lit, i, views[i].name, out);
   });
   CaptureReport report;
   report.low_gain = exposures.low;

@@ -27,6 +27,7 @@ struct CaptureOptions {
   int antialias = 3;        // samples a pixel and axis, [1, 16]
   bool truth = false;       // also write depth/ and clean/
   bool raw = false;         // also write raw/ and deep/; sides must be even
+  bool lamp = false;        // low/ and over_exp/ are lit by a lamp at the camera alone
 
   double high_mean = 0.47;  // mean sRGB level of high/, (0, 1)
   double low_mean = 0.045;  // mean sRGB level of low/, (0, high_mean)

@@ -106,6 +106,34 @@ TEST_F(Capture, SensorDataAreTheSamePhotosWithMoreBits) {
   EXPECT_TRUE(fs::exists(root_ / "sensor/raw/high/0001.JPG"));
 }
 
+TEST_F(Capture, ALampLightsTheDarkPhotosByDistanceAndAngle) {
+  CaptureOptions options = Small();
+  options.lamp = true;
+  ASSERT_TRUE(WriteCapture(options, root_ / "lamp").ok());
+  const std::string name = "0003.JPG";
+  EXPECT_EQ(ReadBytes(root_ / "lamp/high" / name), ReadBytes(root_ / "a/high" / name));
+  const auto even = ReadPhoto(root_ / "a/clean/0003.png", name);
+  const auto lit = ReadPhoto(root_ / "lamp/clean/0003.png", name);
+  const auto depth = ReadDepthMap(root_ / "a/depth/0003.pfm", name);
+  ASSERT_TRUE(even.ok() && lit.ok() && depth.ok());
+  const Camera camera = CaptureViews(options)[2].camera;
+  const Planes lamp = LampLight(camera, *depth);
+  EXPECT_NEAR(LampLight(camera, Planes(1, 60, 80)).data[0], 0, 0);
+  std::vector<double> factors;  // equal but for edges, where depth is of the pixel's centre alone
+  const LinearTable& linear = LinearTable::Get();
+  for (size_t i = 0; i < lamp.data.size(); ++i) {
+    const int16_t a = even->data[3 * i + 1], b = lit->data[3 * i + 1];
+    if (a > kPhotoWhite / 100 && b > kPhotoWhite / 100 && b < kPhotoWhite) {
+      factors.push_back(linear(b) / linear(a) / lamp.data[i]);
+    }
+  }
+  ASSERT_GT(factors.size(), lamp.data.size() / 2);
+  std::sort(factors.begin(), factors.end());
+  EXPECT_NEAR(factors[factors.size() / 10] / factors[factors.size() * 9 / 10], 1, 0.05);
+  EXPECT_GT(*std::max_element(lamp.data.begin(), lamp.data.end()),
+            4 * *std::min_element(lamp.data.begin(), lamp.data.end()));
+}
+
 TEST_F(Capture, HasTheBenchmarkLayout) {
   const Json train = Transforms("train");
   EXPECT_EQ(train.at("w"), 80);

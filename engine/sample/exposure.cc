@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <utility>
 
 #include "engine/core/parallel.h"
@@ -30,12 +31,13 @@ double Solve(double low, double high, const std::function<double(double)>& f) {
 // Every view reduced to an even choice of its pixels: enough to solve for the exposure.
 std::vector<Planes> Thin(const std::vector<Planes>& views) {
   constexpr size_t kPixels = 40000;  // in all: the mean level is then known to about 1 %
-  const size_t wanted = std::max<size_t>(256, kPixels / views.size());
   std::vector<Planes> out;
+  if (views.empty()) return out;
+  const size_t wanted = std::max<size_t>(256, kPixels / views.size());
   for (const Planes& view : views) {
     const size_t n = std::min(wanted, view.plane_size());
-    Planes thin(3, 1, static_cast<int>(n));
-    for (int c = 0; c < 3; ++c) {
+    Planes thin(view.channels, 1, static_cast<int>(n));
+    for (int c = 0; c < view.channels; ++c) {
       for (size_t i = 0; i < n; ++i) thin.plane(c)[i] = view.plane(c)[i * view.plane_size() / n];
     }
     out.push_back(std::move(thin));
@@ -77,7 +79,8 @@ CounterRng NoiseRng(const CaptureOptions& options, uint64_t stream) {
 
 }  // namespace
 
-Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* light) {
+Exposures SolveExposures(const CaptureOptions& options, const std::vector<Planes>& lamps,
+                         std::vector<Planes>* light) {
   const size_t n = light->size();
   std::vector<Planes> thin = Thin(*light);
   const double white = Solve(1e-3, 1e3, [&](double gain) {
@@ -89,6 +92,9 @@ Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* lig
   });
   Scale(light, white);
   Scale(&thin, white);
+  std::vector<Planes> lit = thin;
+  const std::vector<Planes> thin_lamps = Thin(lamps);
+  for (size_t i = 0; i < thin_lamps.size(); ++i) lit[i] = Lit(thin[i], thin_lamps[i]);
 
   Exposures out;
   const auto set_low = [&](double gain) {
@@ -102,16 +108,39 @@ Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* lig
   set_low(Solve(1e-5, 1, [&](double gain) {
     set_low(gain);
     return MeanOverViews(options.threads, n,
-                         [&](size_t i) { return MeanLevel(LowPhoto(options, out, thin[i], i)); }) -
+                         [&](size_t i) { return MeanLevel(LowPhoto(options, out, lit[i], i)); }) -
            options.low_mean;
   }));
   set_over(Solve(1, 64, [&](double gain) {
     set_over(gain);
     return options.over_psnr - MeanOverViews(options.threads, n, [&](size_t i) {
-             return PhotoPsnr(OverPhoto(options, out, thin[i], i), NormalPhoto(thin[i]));
+             return PhotoPsnr(OverPhoto(options, out, lit[i], i), NormalPhoto(thin[i]));
            });
   }));
   return out;
+}
+
+Planes LampLight(const Camera& camera, const Planes& depth) {
+  constexpr double kDistance = 2;                             // metres, of light 1
+  const double half = std::cos(20 * std::numbers::pi / 180);  // of the angle where it is 1/2
+  const double power = std::log(0.5) / std::log(half);
+  Planes lamp(1, depth.height, depth.width);
+  for (int y = 0; y < depth.height; ++y) {
+    for (int x = 0; x < depth.width; ++x) {
+      const double u = (x + 0.5 - camera.cx) / camera.fx, v = (y + 0.5 - camera.cy) / camera.fy;
+      const double stretch = std::sqrt(1 + u * u + v * v), z = depth.at(0, y, x);
+      if (z <= 0) continue;  // nothing to light
+      const double ratio = kDistance / (z * stretch);
+      lamp.at(0, y, x) = static_cast<float>(ratio * ratio * std::pow(1 / stretch, power));
+    }
+  }
+  return lamp;
+}
+
+Planes Lit(const Planes& light, const Planes& lamp) {
+  Planes lit = light;
+  for (size_t i = 0; i < lit.data.size(); ++i) lit.data[i] *= lamp.data[i % lit.plane_size()];
+  return lit;
 }
 
 ImageU8 NormalPhoto(const Planes& light, double white) {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/core/camera.h"
 #include "engine/core/image.h"
 #include "engine/sample/capture.h"
 
@@ -20,8 +21,16 @@ struct Exposures {
 
 // Scales `light` (views of linear radiance, [3, H, W]) so that 1 is white in a normal picture of
 // mean level options.high_mean, then solves for the two gains that give options.low_mean and
-// options.over_psnr.
-Exposures SolveExposures(const CaptureOptions& options, std::vector<Planes>* light);
+// options.over_psnr. `lamps`: what LampLight() says of each view, or none.
+Exposures SolveExposures(const CaptureOptions& options, const std::vector<Planes>& lamps,
+                         std::vector<Planes>* light);
+
+// Light of a lamp at the camera, [1, H, W], for a view with these depths [1, H, W], metres: 1 on
+// the optical axis 2 m away; it falls with the square of the distance, and by half 20 degrees off
+// the axis.
+Planes LampLight(const Camera& camera, const Planes& depth);
+// The view lit by it, in place of the room's lights.
+Planes Lit(const Planes& light, const Planes& lamp);
 
 // The photos of one view whose light is scaled as above; `white`: what is white of light that is
 // not.

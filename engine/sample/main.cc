@@ -35,6 +35,8 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Threads; 0: all cores")->capture_default_str();
   app.add_flag("--truth", options.truth, "Also write depth/NAME.pfm and noise-free clean/NAME.png");
+  app.add_flag("--lamp", options.lamp,
+               "Light low/ and over_exp/ by a lamp that the camera carries");
   app.add_flag("--raw", options.raw,
                "Also write captures raw/ and deep/: what the sensor gave, as DNG and 16-bit PNG");
   if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;

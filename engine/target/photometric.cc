@@ -65,7 +65,7 @@ std::vector<Sample> TakeSamples(absl::Span<const Photo> photos,
   std::vector<Sample> samples;
   for (const PointSighting& s : sightings) {
     const auto light = LogLight(photos[s.photo], MaskOf(masks, s.photo), s.x, s.y);
-    if (light.has_value()) samples.push_back({s.point, s.photo, *light});
+    if (light.has_value()) samples.push_back({s.point, s.photo, *light - std::log(s.lit)});
   }
   return samples;
 }

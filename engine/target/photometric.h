@@ -18,6 +18,8 @@ struct PointSighting {
   int point = 0;
   int photo = 0;
   double x = 0, y = 0;  // px, centres at +0.5
+  double distance = 1;  // from the camera, scene units, > 0
+  double lit = 1;       // its light there is so much of what it is, > 0; by a lamp at the camera
 };
 
 // Means over the 5x5 pixels around a place: single pixels of dark photos are mostly noise.

@@ -24,7 +24,10 @@ constexpr double kSampledShare = 0.98;
 constexpr double kStop = std::numbers::ln2;
 constexpr float kNearWhite = 0.9f * kPhotoWhite;
 
-using Profile = std::array<double, kTrackColumns>;
+// What the light of a sample falls by: three numbers of the vignette, and the lamp's power.
+using Falloff = std::array<double, kTrackColumns>;
+constexpr int kVignetteColumns = 3, kLampColumn = 3;
+static_assert(kTrackColumns == kLampColumn + 1);
 
 // Whether the sensor's range held the light of a patch, so that it tells the light.
 bool Told(const PatchLight& patch) {
@@ -35,26 +38,27 @@ bool Told(const PatchLight& patch) {
   return true;
 }
 
-// ---- Vignette
+// ---- Vignette and lamp
 
 // The slope of -log V, by t = r^2, is a sum of Bernstein polynomials of degree 2 with coefficients
 // that are not negative, so that V falls. This is what the sum of each does to log V.
-Profile ColumnsAt(double radius) {
+std::array<double, kVignetteColumns> VignetteColumns(double radius) {
   const double t = std::min(radius * radius, 1.0), u = 1 - t;
   return {-(1 - u * u * u) / 3, -t * t + 2 * t * t * t / 3, -t * t * t / 3};
 }
 
-Vignette VignetteOf(const Profile& p) {
-  return {-p[0], p[0] - p[1], -(p[0] - 2 * p[1] + p[2]) / 3};
+Vignette VignetteOf(const Falloff& f) {
+  return {-f[0], f[0] - f[1], -(f[0] - 2 * f[1] + f[2]) / 3};
 }
 
-double FalloffAt(const Profile& p, double radius) {
-  const Profile columns = ColumnsAt(radius);
-  return -(p[0] * columns[0] + p[1] * columns[1] + p[2] * columns[2]);
+// -log V
+double VignetteAt(const Falloff& f, double radius) {
+  const auto columns = VignetteColumns(radius);
+  return -(f[0] * columns[0] + f[1] * columns[1] + f[2] * columns[2]);
 }
 
 // Solves the equations of some of the unknowns, the others are 0. Nothing if they are singular.
-std::optional<Profile> SolveSome(const ColumnEquations& e, unsigned chosen) {
+std::optional<Falloff> SolveSome(const ColumnEquations& e, unsigned chosen) {
   std::array<std::array<double, kTrackColumns + 1>, kTrackColumns> m = {};
   for (int k = 0; k < kTrackColumns; ++k) {
     const bool free = chosen >> k & 1;
@@ -71,12 +75,12 @@ std::optional<Profile> SolveSome(const ColumnEquations& e, unsigned chosen) {
       for (int l = k; l <= kTrackColumns; ++l) m[i][l] -= factor * m[k][l];
     }
   }
-  Profile x;
+  Falloff x;
   for (int k = 0; k < kTrackColumns; ++k) x[k] = m[k][kTrackColumns] / m[k][k];
   return x;
 }
 
-double Cost(const ColumnEquations& e, const Profile& x) {
+double Cost(const ColumnEquations& e, const Falloff& x) {
   double cost = 0;
   for (int k = 0; k < kTrackColumns; ++k) {
     cost -= e.moment[k] * x[k];
@@ -85,20 +89,20 @@ double Cost(const ColumnEquations& e, const Profile& x) {
   return cost;
 }
 
-// Least squares without negative coefficients: the best of all choices of what is 0. Coefficients
+// Least squares without negative coefficients: the best of all choices of what is 0. The vignette's
 // are drawn to a straight line, so that no radius without samples gets a wild one.
-Profile SolveVignette(ColumnEquations e) {
-  constexpr Profile kBend = {1, -2, 1};
+Falloff SolveFreely(ColumnEquations e) {
+  constexpr std::array<double, kVignetteColumns> kBend = {1, -2, 1};
   double trace = 0;
-  for (int k = 0; k < kTrackColumns; ++k) trace += e.information[k][k];
-  for (int k = 0; k < kTrackColumns; ++k) {
-    for (int l = 0; l < kTrackColumns; ++l)
+  for (int k = 0; k < kVignetteColumns; ++k) trace += e.information[k][k];
+  for (int k = 0; k < kVignetteColumns; ++k) {
+    for (int l = 0; l < kVignetteColumns; ++l)
       e.information[k][l] += kSmooth * trace * kBend[k] * kBend[l];
   }
-  Profile best = {};
+  Falloff best = {};
   double least = 0;  // of all 0
   for (unsigned chosen = 1; chosen < 1u << kTrackColumns; ++chosen) {
-    const std::optional<Profile> x = SolveSome(e, chosen);
+    const std::optional<Falloff> x = SolveSome(e, chosen);
     if (!x.has_value()) continue;
     if (std::any_of(x->begin(), x->end(), [](double v) { return !(v >= 0) || std::isinf(v); }))
       continue;
@@ -108,47 +112,95 @@ Profile SolveVignette(ColumnEquations e) {
   return best;
 }
 
-// The radius that 98 % of the samples lie within.
-double SampledRadius(absl::Span<const PointSample> samples) {
-  std::vector<double> radii;
-  for (const PointSample& s : samples) radii.push_back(s.radius);
-  if (radii.empty()) return 0;
-  const auto at = radii.begin() + static_cast<size_t>(kSampledShare * (radii.size() - 1));
-  std::nth_element(radii.begin(), at, radii.end());
-  return std::min(*at, 1.0);
+// The same with the lamp's power given.
+Falloff SolveVignette(ColumnEquations e, double power) {
+  for (int k = 0; k < kTrackColumns; ++k) {
+    e.moment[k] -= power * e.information[k][kLampColumn];
+    e.information[k][kLampColumn] = e.information[kLampColumn][k] = 0;
+  }
+  e.moment[kLampColumn] = 0;
+  e.information[kLampColumn][kLampColumn] = 1;
+  Falloff f = SolveFreely(e);
+  f[kLampColumn] = power;
+  return f;
 }
 
-// Standard error of the falloff, from groups of points, each of which tells it.
-double FalloffError(absl::Span<const TrackValue> values, const TrackFit& fit, double radius) {
+// The value that this share of the samples lie within.
+template <class ValueOf>
+double Quantile(absl::Span<const PointSample> samples, double share, const ValueOf& value_of) {
+  std::vector<double> values;
+  for (const PointSample& s : samples) values.push_back(value_of(s));
+  if (values.empty()) return 0;
+  const auto at = values.begin() + static_cast<size_t>(share * (values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+// Standard error of what `solve` makes of the equations, from groups of points, each of which tells
+// it.
+template <class Solve>
+double ErrorOf(absl::Span<const TrackValue> values, const TrackFit& fit, const Solve& solve) {
   std::vector<int> group;
   for (const TrackValue& v : values)
     group.push_back((static_cast<uint32_t>(v.point) * 2654435761u) >> 29);
   static_assert(kGroups == 8, "three bits");
   double sum = 0, squares = 0;
   for (const ColumnEquations& e : EquationsOfGroups(values, fit, group, kGroups)) {
-    const double falloff = FalloffAt(SolveVignette(e), radius);
-    sum += falloff / kGroups;
-    squares += falloff * falloff / kGroups;
+    const double result = solve(e);
+    sum += result / kGroups;
+    squares += result * result / kGroups;
   }
   return std::sqrt(std::max(0.0, squares - sum * sum) / (kGroups - 1));
 }
 
-Vignette EstimateVignette(size_t photos, absl::Span<const PointSample> samples) {
+// The lamp's power, 0 if samples do not show one for sure.
+double EstimateLamp(absl::Span<const TrackValue> values, const TrackFit& fit,
+                    absl::Span<const PointSample> samples) {
+  const auto log_distance = [](const PointSample& s) { return s.log_distance; };
+  const double spread = Quantile(samples, 0.9, log_distance) - Quantile(samples, 0.1, log_distance);
+  const auto power_of = [](const ColumnEquations& e) { return SolveFreely(e)[kLampColumn]; };
+  const double power = power_of(fit.columns);
+  if (!(power * spread >= kLeastLamp * kStop)) return 0;
+  if (!(power >= kSure * ErrorOf(values, fit, power_of))) return 0;
+  return std::min(power, kMostLamp);
+}
+
+Vignette EstimateVignette(absl::Span<const TrackValue> values, const TrackFit& fit,
+                          absl::Span<const PointSample> samples, double lamp_power) {
+  const double sampled =
+      Quantile(samples, kSampledShare, [](const PointSample& s) { return s.radius; });
+  const double radius = std::min(sampled, 1.0);
+  const auto falloff_of = [&](const ColumnEquations& e) {
+    return VignetteAt(SolveVignette(e, lamp_power), radius);
+  };
+  const double falloff = falloff_of(fit.columns);
+  if (!(falloff >= kLeastVignette * kStop)) return {};
+  if (!(falloff >= kSure * ErrorOf(values, fit, falloff_of))) return {};
+  Falloff f = SolveVignette(fit.columns, lamp_power);
+  const double corner = VignetteAt(f, 1);
+  for (double& p : f) p *= std::min(1.0, kMostVignette * kStop / corner);
+  return VignetteOf(f);
+}
+
+// Sets all of the response but the gains.
+void EstimateFalloff(size_t photos, absl::Span<const PointSample> samples,
+                     CaptureResponse* response) {
   std::vector<TrackValue> values;
   for (const PointSample& s : samples) {
     double light = 0;
     for (const double log : s.log_light) light += std::exp(log);
-    values.push_back({s.point, s.photo, std::log(light), ColumnsAt(s.radius)});
+    const auto [a, b, c] = VignetteColumns(s.radius);
+    values.push_back({s.point, s.photo, std::log(light), {a, b, c, -s.log_distance}});
   }
-  const TrackFit fit = FitTracks(photos, values);
-  Profile profile = SolveVignette(fit.columns);
-  const double radius = SampledRadius(samples);
-  const double falloff = FalloffAt(profile, radius);
-  if (!(falloff >= kLeastVignette * kStop)) return {};
-  if (!(falloff >= kSure * FalloffError(values, fit, radius))) return {};
-  const double corner = FalloffAt(profile, 1);
-  for (double& p : profile) p *= std::min(1.0, kMostVignette * kStop / corner);
-  return VignetteOf(profile);
+  TrackFit fit = FitTracks(photos, values);
+  response->lamp_power = EstimateLamp(values, fit, samples);
+  if (response->lamp_power == 0) {  // nor is there one that weighs samples
+    for (TrackValue& v : values) v.columns[kLampColumn] = 0;
+    fit = FitTracks(photos, values);
+  }
+  response->lamp_distance =
+      std::exp(Quantile(samples, 0.5, [](const PointSample& s) { return s.log_distance; }));
+  response->vignette = EstimateVignette(values, fit, samples, response->lamp_power);
 }
 
 // ---- White balance
@@ -230,8 +282,11 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
       const RadialFrame& frame = frames[s.photo];
       const double radius = std::hypot(s.x - frame.cx, s.y - frame.cy) / frame.half_diagonal;
       const auto& light = patch->light;
-      samples.push_back(
-          {s.point, s.photo, radius, {std::log(light[0]), std::log(light[1]), std::log(light[2])}});
+      samples.push_back({s.point,
+                         s.photo,
+                         radius,
+                         {std::log(light[0]), std::log(light[1]), std::log(light[2])},
+                         std::log(s.distance)});
     }
     if (!told) samples.resize(before);
   }
@@ -242,11 +297,12 @@ CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> sa
   std::vector<PointSample> finite;
   for (const PointSample& s : samples) {
     const auto ok = [](double x) { return std::isfinite(x) && std::abs(x) < 100; };
-    if (ok(s.radius) && std::all_of(s.log_light.begin(), s.log_light.end(), ok))
+    if (ok(s.radius) && ok(s.log_distance) &&
+        std::all_of(s.log_light.begin(), s.log_light.end(), ok))
       finite.push_back(s);
   }
   CaptureResponse response;
-  response.vignette = EstimateVignette(photos, finite);
+  EstimateFalloff(photos, finite, &response);
   response.gains = GainsOf(EstimateColor(photos, finite, 0), EstimateColor(photos, finite, 2));
   return response;
 }
@@ -262,7 +318,9 @@ CaptureResponse WithoutColorDrift(const CaptureResponse& response,
     logs[c] = WithoutDrift(gains, sightings);
     for (double& x : logs[c]) x = std::log(x);
   }
-  return {GainsOf(logs[0], logs[2]), response.vignette};
+  CaptureResponse out = response;
+  out.gains = GainsOf(logs[0], logs[2]);
+  return out;
 }
 
 void ApplyResponse(const std::array<double, 3>& gain, const Vignette& vignette,
@@ -298,6 +356,12 @@ std::vector<std::string> DescribeResponse(const CaptureResponse& response) {
   if (response.vignette != Vignette{}) {
     notes.push_back(absl::StrFormat("the lens makes corners %.1f stops darker: compensated",
                                     CornerStops(response.vignette)));
+  }
+  if (response.lamp_power > 0) {
+    notes.push_back(absl::StrFormat(
+        "light falls with the distance from the camera, to the power of %.1f, as that of a lamp "
+        "that it carries: evened out",
+        response.lamp_power));
   }
   return notes;
 }

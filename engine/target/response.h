@@ -1,5 +1,5 @@
-// What a capture's camera did to the light of the scene: a white balance for every photo, and a
-// lens that is darker at the corners.
+// What a capture's camera did to the light of the scene: a white balance for every photo, a lens
+// that is darker at the corners, and a lamp that lights what is near.
 #ifndef LITAGS_ENGINE_TARGET_RESPONSE_H_
 #define LITAGS_ENGINE_TARGET_RESPONSE_H_
 
@@ -21,6 +21,7 @@ struct PointSample {
   int photo = 0;
   double radius = 0;                     // see RadiusOf()
   std::array<double, 3> log_light = {};  // red, green, blue; of linear light, 1: white
+  double log_distance = 0;               // of the point from the camera, scene units
 };
 
 // Centre and scale of radii in one photo, px. Pixel centres are at +0.5.
@@ -38,6 +39,11 @@ struct CaptureResponse {
   // since the photo's exposure is found elsewhere (photometric.h). The median photo's are 1.
   std::vector<std::array<double, 3>> gains;
   Vignette vignette = {};
+  // Light of a lamp that the camera carries falls with the distance r from it, and is as it is at
+  // the samples' median distance: (lamp_distance / r)^lamp_power. 0: the light does not move with
+  // the camera; 2: there is no other.
+  double lamp_power = 0;
+  double lamp_distance = 1;  // scene units
 };
 
 // log V(r); beyond radius 1 it is what it is there.
@@ -55,19 +61,24 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
                                       absl::Span<const RadialFrame> frames,
                                       absl::Span<const PlaneU8> masks = {});
 
-// White balances and vignette that make the photos agree on the points that they share. Robust: up
-// to a third of the samples may be wrong. What samples do not show for sure is not there:
+// White balances, vignette and lamp that make the photos agree on the points that they share.
+// Robust: up to a third of the samples may be wrong. What samples do not show for sure is not
+// there:
 // - A photo with fewer than kMinSightings samples has gains of 1, and all have if none differs by
 //   kLeastColor or more. Gains are drawn to 1 by three of their standard errors.
 // - The vignette is all 0 unless it takes kLeastVignette or more at the radius that 2 % of the
 //   samples lie beyond, and four standard errors (from eight groups of points). It never rises
 //   with the radius and takes kMostVignette or less.
+// - The lamp's power is 0 unless it makes the farthest tenth of the samples kLeastLamp darker than
+//   the nearest, and is four standard errors, too.
 // Samples that are not finite do not count; `samples` is sorted by point. All results are finite.
 CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> samples);
 
 inline constexpr double kLeastColor = 0.02;    // log of a gain. 2 % is hardly seen
 inline constexpr double kLeastVignette = 0.5;  // stops. Cameras' own correction leaves up to 0.4
 inline constexpr double kMostVignette = 5;     // stops
+inline constexpr double kLeastLamp = 0.5;      // stops, as of the vignette
+inline constexpr double kMostLamp = 2;         // of its power: light falls with the square
 
 // The response without what neighbouring photos' white balances agree on (WithoutDrift()).
 CaptureResponse WithoutColorDrift(const CaptureResponse& response,

@@ -27,6 +27,7 @@ struct World {
   double wrong = 0;  // share of samples of something else
   double most_radius = 1;
   Vignette vignette = kNone;
+  double lamp = 0;                           // power of the distance, which goes from 1 to 4
   std::vector<std::array<double, 3>> gains;  // logs; empty: 0
   int seed = 1;
 };
@@ -37,17 +38,20 @@ double Normal(const CounterRng& rng, uint64_t i) {
 }
 
 std::vector<PointSample> Samples(const World& w) {
-  const CounterRng albedo(w.seed, 1), place(w.seed, 2), noise(w.seed, 3), wrong(w.seed, 4);
+  const CounterRng albedo(w.seed, 1), place(w.seed, 2), noise(w.seed, 3), wrong(w.seed, 4),
+      away(w.seed, 5);
   std::vector<PointSample> samples;
   for (int point = 0; point < w.step * w.photos + w.view; ++point) {
     for (int i = 0; i < w.photos; ++i) {
       if (point < w.step * i || point >= w.step * i + w.view) continue;
       const uint64_t id = samples.size();
       PointSample s{point, i, w.most_radius * std::sqrt(place.Uniform(id)), {}};
+      s.log_distance = std::log(4) * away.Uniform(id);
       for (int c = 0; c < 3; ++c) {
         s.log_light[c] = std::log(0.02 + 0.3 * albedo.Uniform(3 * point + c));
         if (!w.gains.empty()) s.log_light[c] += w.gains[i][c];
-        s.log_light[c] += LogVignette(w.vignette, s.radius) + w.noise * Normal(noise, 3 * id + c);
+        s.log_light[c] += LogVignette(w.vignette, s.radius) - w.lamp * s.log_distance;
+        s.log_light[c] += w.noise * Normal(noise, 3 * id + c);
         if (wrong.Uniform(4 * id) < w.wrong) s.log_light[c] = -4 * wrong.Uniform(4 * id + 1 + c);
       }
       samples.push_back(s);
@@ -98,6 +102,7 @@ double WorstVignette(const Vignette& have, const Vignette& want) {
 
 void ExpectNothing(const CaptureResponse& response, size_t photos) {
   EXPECT_EQ(response.vignette, kNone);
+  EXPECT_EQ(response.lamp_power, 0);
   ASSERT_EQ(response.gains.size(), photos);
   for (const auto& gain : response.gains) EXPECT_THAT(gain, ElementsAre(1, 1, 1));
 }
@@ -122,6 +127,33 @@ TEST(Response, NoiseAndWrongMatchesHardlyMatter) {
   const CaptureResponse have = EstimateResponse(w.photos, Samples(w));
   EXPECT_LT(WorstGain(have, w.gains), 0.04);
   EXPECT_LT(WorstVignette(have.vignette, w.vignette), 0.15);
+}
+
+TEST(Response, FindsALampBesideWhatItsBeamLeavesDark) {
+  for (const double power : {0.8, 1.6, 2.0}) {
+    World w;
+    w.gains = Jitter(w.photos, 0.1);
+    w.vignette = {-1.0, -0.4, 0};
+    w.lamp = power;
+    w.noise = 0.07;
+    w.wrong = 0.2;
+    const CaptureResponse have = EstimateResponse(w.photos, Samples(w));
+    EXPECT_NEAR(have.lamp_power, power, 0.03);
+    EXPECT_NEAR(have.lamp_distance, 2, 0.1);
+    EXPECT_LT(WorstVignette(have.vignette, w.vignette), 0.15);
+  }
+}
+
+TEST(Response, LightFallsWithTheSquareOfTheDistanceAtMost) {
+  World w;
+  w.lamp = 3;
+  EXPECT_EQ(EstimateResponse(w.photos, Samples(w)).lamp_power, kMostLamp);
+}
+
+TEST(Response, ALampThatHardlyDarkensIsNone) {
+  World w;
+  w.lamp = 0.2;  // 0.3 stops from the nearest to the farthest tenth
+  ExpectNothing(EstimateResponse(w.photos, Samples(w)), w.photos);
 }
 
 TEST(Response, WhereNothingIsNothingIsFound) {
@@ -346,6 +378,8 @@ TEST(Response, SaysWhatItFound) {
   EXPECT_THAT(DescribeResponse({{{1, 1, 1}}, kNone}), IsEmpty());
   EXPECT_THAT(DescribeResponse({{{1, 1, 1}, {1.12, 1, 0.95}}, {-1.3 * kStop, 0, 0}}),
               ElementsAre(HasSubstr("by up to 12 %"), HasSubstr("1.3 stops darker")));
+  EXPECT_THAT(DescribeResponse({{{1, 1, 1}}, kNone, 1.84, 3}),
+              ElementsAre(HasSubstr("to the power of 1.8")));
 }
 
 }  // namespace

@@ -149,7 +149,8 @@ struct PhotoLight {
   double black = 0;
 };
 
-PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask) {
+PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask,
+                        const LampLight* lamp) {
   PhotoLight out;
   const LinearTable& linear = LinearTable::Get();
   const double share = 1.0 / CountedPixels(mask, photo.pixels());
@@ -168,7 +169,8 @@ PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask
       if (std::max({sum[0], sum[1], sum[2]}) <= counted * linear(kBlack)) {
         out.black += share * counted;
       } else {
-        out.light.AddPixel(sum[0] / counted, sum[1] / counted, sum[2] / counted, exposure,
+        const double lit = lamp != nullptr ? lamp->At(x0, y0) : 1;
+        out.light.AddPixel(sum[0] / counted, sum[1] / counted, sum[2] / counted, exposure * lit,
                            share * counted);
       }
     }
@@ -191,10 +193,11 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
 }  // namespace
 
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
-                   absl::Span<const PlaneU8> masks) {
+                   absl::Span<const PlaneU8> masks, absl::Span<const LampLight> lamps) {
   std::vector<PhotoLight> of_photos(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
-    of_photos[i] = MeasureLight(photos[i], exposures[i], MaskOf(masks, i));
+    of_photos[i] = MeasureLight(photos[i], exposures[i], MaskOf(masks, i),
+                                lamps.empty() ? nullptr : &lamps[i]);
   });
   LightHistogram all;
   double black = 0;

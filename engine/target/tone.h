@@ -11,6 +11,7 @@
 #include "engine/core/color.h"
 #include "engine/core/noise_curve.h"
 #include "engine/core/photo.h"
+#include "engine/target/lamp_light.h"
 #include "engine/target/tone_options.h"
 
 namespace litags {
@@ -48,9 +49,10 @@ CodeCurve ChangeOfTargets(const ToneOptions& options,
                           const std::function<double(double light)>& change);
 
 // The gain in linear light, for a photo of exposure 1, that gives the capture the exposure of a
-// well exposed photo (exposure_rule.h).
+// well exposed photo (exposure_rule.h). With `lamps`, one per photo: that gives it to the capture
+// as it would be without them.
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
-                   absl::Span<const PlaneU8> masks = {});
+                   absl::Span<const PlaneU8> masks = {}, absl::Span<const LampLight> lamps = {});
 
 }  // namespace litags
 

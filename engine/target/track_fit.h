@@ -11,7 +11,7 @@
 namespace litags {
 
 // The number of coefficients that all values share.
-inline constexpr int kTrackColumns = 3;
+inline constexpr int kTrackColumns = 4;
 
 // What one photo says of one point: the point's own number + the photo's offset + the sum of
 // columns[k] times coefficient k + noise.

@@ -27,6 +27,7 @@ Camera FitCamera(const TrainOptions& training, const Model& model, const TrainVi
   RenderSettings settings = objective.Settings(/*denoise=*/false);
   settings.sh_degree = model.sh_degree;
   settings.pose_grad = true;
+  settings.lamp = view.lamp;
   Planes rendered, alpha, v_rendered;
   TrainView cropped;
   CameraPose pose(view.view.camera);

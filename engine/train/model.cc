@@ -17,21 +17,23 @@ void CopyColor(const Planes& channels, Planes* color) {
 }  // namespace
 
 void ModelRenderer::Composite(const Model& model, const Camera& camera, int num_channels,
-                              Planes* channels, Planes* alpha) {
+                              Planes* channels, Planes* alpha, const Lamp& lamp) {
   RenderSettings settings;
   settings.num_channels = num_channels;
   settings.cancel = cancel_;
   settings.sh_degree = model.sh_degree;
   settings.depth_source = DepthSource::kCameraZ;
   settings.pixel_filter = model.pixel_filter;
+  settings.lamp = lamp;
   settings.threads = threads_;
   renderer_.Forward(model.splats, camera, settings, channels, alpha);
 }
 
-void ModelRenderer::RenderColor(const Model& model, const Camera& camera, Planes* color) {
+void ModelRenderer::RenderColor(const Model& model, const Camera& camera, Planes* color,
+                                const Lamp& lamp) {
   const bool denoise = model.lita && model.use_pdm;
   Composite(model, camera, denoise ? kColorAndNoise : kColorOnly, denoise ? &composited_ : color,
-            &alpha_);
+            &alpha_, lamp);
   if (denoise) ApplyPdm(model, composited_, color);
   Finish(model, color);
 }

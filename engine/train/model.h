@@ -37,8 +37,8 @@ class ModelRenderer {
       : threads_(threads), cancel_(cancel), noise_filter_(threads) {}
 
   // R [3, H, W], after the PDM, the noise filter and the curve; not clamped. Composites what it
-  // needs and no more.
-  void RenderColor(const Model& model, const Camera& camera, Planes* color);
+  // needs and no more. With a lamp: as a photo by its light.
+  void RenderColor(const Model& model, const Camera& camera, Planes* color, const Lamp& lamp = {});
 
   // Distance of the surfaces along the optical axis [1, H, W], scene units; 0 where nothing is.
   void RenderDepth(const Model& model, const Camera& camera, Planes* depth);
@@ -52,7 +52,7 @@ class ModelRenderer {
 
  private:
   void Composite(const Model& model, const Camera& camera, int num_channels, Planes* channels,
-                 Planes* alpha);
+                 Planes* alpha, const Lamp& lamp = {});
   void ApplyPdm(const Model& model, const Planes& channels, Planes* color);
   void Finish(const Model& model, Planes* color);
   bool Cancelled() const { return cancel_ != nullptr && cancel_->IsCancelled(); }

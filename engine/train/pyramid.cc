@@ -87,6 +87,7 @@ TrainView HalfSize(const TrainView& view) {
   out.structure = HalfPlane(view.structure);
   out.information = HalfPlane(view.information);
   out.mask = HalfMask(view.mask);
+  out.lamp = view.lamp;
   if (view.depth.has_value()) {
     const bool fine = view.depth->depth.width >= 2 * camera.width;
     out.depth = fine ? HalfDepth(*view.depth) : *view.depth;

@@ -8,6 +8,7 @@
 #include "engine/core/photo.h"
 #include "engine/depth/depth_provider.h"
 #include "engine/io/sparse_model.h"
+#include "engine/render/renderer.h"
 
 namespace litags {
 
@@ -17,6 +18,7 @@ struct TrainView {
   View view;
   Photo photo;          // I_in, of the camera's size; at the median exposure if its own differs
   double exposure = 1;  // light it gathered relative to the capture's median photo, > 0
+  Lamp lamp;            // that it was taken by: photo and target show R times what it does
   Photo target;         // the normal-light pseudo-target (paper's modulated I_in), same size
   PlaneU8 structure;    // P, 0..255 for 0..1; empty: no structure loss
   PlaneU8 information;  // weight of each pixel, kInformationOne for 1; empty: all 1

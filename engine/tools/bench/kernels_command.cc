@@ -64,9 +64,9 @@ class KernelBench {
                 peaks_.gflops, peaks_.gbytes_per_second);
     json_["peaks"] = {{"gflops", peaks_.gflops}, {"gbytes_per_second", peaks_.gbytes_per_second}};
     CountEvaluations();
-    TimeRendering(kWithoutNoise, "_8");  // what training composites without the denoiser
+    const double forward = TimeRendering(kWithoutNoise, "_8");  // training without the denoiser
+    TimePartsOfForward(forward);
     TimeRendering(kNumChannels, "");
-    TimeBinning();
     TimeObjective();
     TimeAdam();
     TimeWhole();
@@ -87,11 +87,11 @@ class KernelBench {
     json_["spread"][name + "_ms"] = {t.min_ms, t.max_ms};
   }
 
-  void ReportRoofline(const std::string& name, const Timing& t, const Work& work) {
+  void ReportRoofline(const std::string& name, double ms, const Work& work) {
     const double least = peaks_.LeastMilliseconds(work);
     std::printf("  at least %.2f ms at the machine's peak: %.0f %% of it reached\n", least,
-                100 * least / t.median_ms);
-    json_["roofline"][name] = {{"least_ms", least}, {"fraction", least / t.median_ms}};
+                100 * least / ms);
+    json_["roofline"][name] = {{"least_ms", least}, {"fraction", least / ms}};
   }
 
   void CountEvaluations() {
@@ -110,7 +110,8 @@ class KernelBench {
     json_["evaluations_per_pixel"] = per_pixel;
   }
 
-  void TimeRendering(int channels, const std::string& suffix) {
+  // Returns the milliseconds of forward.
+  double TimeRendering(int channels, const std::string& suffix) {
     settings_.num_channels = channels;
     Planes alpha;
     const auto forward = [&] {
@@ -122,7 +123,7 @@ class KernelBench {
     const Renderer::Counters c = renderer_.counters();
     const double nanoseconds = 1e6 * t.median_ms / c.evaluations;
     std::printf("  %.2f ns an evaluation of alpha\n", nanoseconds);
-    ReportRoofline("forward" + suffix, t, ForwardWork(c.evaluations, channels));
+    ReportRoofline("forward" + suffix, t.median_ms, ForwardWork(c.evaluations, channels));
     json_["forward" + suffix + "_ns_per_evaluation"] = nanoseconds;
 
     Planes v(channels, camera_.height, camera_.width);
@@ -131,28 +132,45 @@ class KernelBench {
       renderer_.Backward(splats_, v, Planes(), [](size_t, const float*, uint32_t) {});
     });
     Report("backward" + suffix, backward, "compositing and projection, no parameter update");
-    ReportRoofline("backward" + suffix, backward, BackwardWork(c.evaluations, channels));
+    ReportRoofline("backward" + suffix, backward.median_ms, BackwardWork(c.evaluations, channels));
+    return t.median_ms;
   }
 
-  void TimeBinning() {
+  // Of 8 channels. Compositing is what is left of `forward_ms`.
+  void TimePartsOfForward(double forward_ms) {
+    const int threads = args_.threads > 0 ? args_.threads : DefaultThreadCount();
     ProjectedSplats projected;
-    projected.Resize(splats_.size(), kNumChannels);
+    projected.Resize(splats_.size(), kWithoutNoise);
     const KernelCamera camera(camera_);
-    const ProjectionSettings settings = {.pixel_filter = settings_.pixel_filter, .dropout = {}};
-    for (size_t b = 0; b < splats_.num_blocks(); ++b) {
-      ProjectBlock(splats_, b, camera, settings, &projected);
-    }
+    const ProjectionSettings settings = {.channels = kWithoutNoise,
+                                         .pixel_filter = settings_.pixel_filter,
+                                         .dropout = {},
+                                         .lamp = {}};
+    const size_t blocks = splats_.num_blocks();
+    const Timing projection = Measure(args_.timing.repetitions, [&] {
+      ParallelFor(threads, (blocks + 31) / 32, [&](size_t task, int) {
+        const size_t end = std::min(32 * (task + 1), blocks);
+        for (size_t b = 32 * task; b < end; ++b) {
+          ProjectBlock(splats_, b, camera, settings, &projected);
+        }
+      });
+    });
+    Report("projection", projection, "part of forward: ellipses and colours of Gaussians");
+
     TileLists lists;
     BinScratch scratch;
-    Report("binning",
-           Measure(args_.timing.repetitions,
-                   [&] {
-                     Bin(projected, camera_.width, camera_.height,
-                         args_.threads > 0 ? args_.threads : DefaultThreadCount(), &lists,
-                         &scratch);
-                   }),
-           "part of forward: depth sort and tile lists");
+    const Timing binning = Measure(args_.timing.repetitions, [&] {
+      Bin(projected, camera_.width, camera_.height, threads, &lists, &scratch);
+    });
+    Report("binning", binning, "part of forward: depth sort and tile lists");
+
+    const double rest = forward_ms - projection.median_ms - binning.median_ms;
+    std::printf("%-13s %8.2f ms  the rest of forward\n", "compositing", rest);
+    json_["compositing_ms"] = rest;
+    ReportRoofline("compositing", rest,
+                   ForwardWork(renderer_.counters().evaluations, kWithoutNoise));
   }
+
   void TimeObjective() {
     PdmWeights weights = PdmWeights::Initial(options_.recipe.pdm, 1), v_weights;
     Planes v_rendered;
@@ -165,7 +183,7 @@ class KernelBench {
       plain.Evaluate(views_[0], few, weights, 0, false, &v_rendered, &v_weights);
     });
     Report("loss", loss, "all losses and their gradients but the denoiser's");
-    ReportRoofline("loss", loss, LossWork(double(camera_.width) * camera_.height));
+    ReportRoofline("loss", loss.median_ms, LossWork(double(camera_.width) * camera_.height));
     const Timing both = Measure(args_.timing.repetitions, [&] {
       full.Evaluate(views_[0], rendered_, weights, 0, true, &v_rendered, &v_weights);
     });
@@ -179,7 +197,7 @@ class KernelBench {
     });
     Report("pdm", denoiser, "denoiser, forward and backward");
     ReportRoofline(
-        "pdm", denoiser,
+        "pdm", denoiser.median_ms,
         DenoiserWork(color.plane_size(), options_.recipe.pdm.hidden, options_.recipe.pdm.stages));
   }
 
@@ -195,7 +213,7 @@ class KernelBench {
       });
     });
     Report("adam", t, "all Gaussians, all 67 rows (in training fused with backward)");
-    ReportRoofline("adam", t, AdamWork(splats_.size(), kSplatRows));
+    ReportRoofline("adam", t.median_ms, AdamWork(splats_.size(), kSplatRows));
   }
 
   void TimeWhole() {
