@@ -62,7 +62,7 @@ ReportData Hostile() {
   data.job.set_owner(kHostile);
   (*data.job.mutable_labels())["site"] = kHostile;
   data.job.mutable_report()->add_dropped(kHostile);
-  data.job.mutable_report()->add_notes(std::string(kHostile) + " is left out: " + kHostile);
+  data.job.mutable_report()->add_notes(absl::StrCat(kHostile, " is left out: ", kHostile));
   data.job.mutable_report()->add_notes(kHostile);
   data.job.mutable_report()->set_sfm_preparation(kHostile);
   for (auto& named : *data.cameras.mutable_cameras()) named.set_name(kHostile);

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
 #include "server/jobs/codec.h"
 
@@ -110,7 +111,7 @@ TEST(JobFilter, WhatIsWrongIsNamedWithItsPlace) {
   refused("=");
   refused("state");
   refused(std::string(1001, ' '));
-  refused(std::string(200, '(') + "state = FAILED" + std::string(200, ')'));
+  refused(absl::StrCat(std::string(200, '('), "state = FAILED", std::string(200, ')')));
   refused(std::string(900, '-'));
 }
 
