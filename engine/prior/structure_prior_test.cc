@@ -7,7 +7,6 @@
 
 #include "engine/core/error.h"
 #include "engine/core/rng.h"
-#include "tests/support/reference_case.h"
 
 namespace litags {
 namespace {
@@ -35,62 +34,6 @@ StructurePriorOptions Plain() {
   options.floor = 0;
   return options;
 }
-
-struct Variant {
-  const char* array;
-  double epsilon = 0;
-  double floor = 0;  // of 1/255
-  PriorDerivative derivative = PriorDerivative::kSeparable2d;
-  PriorBorder border = PriorBorder::kReflect101;
-  bool l1 = false;
-  double exposure = 1;
-  const char* input = "rgb_u8";
-};
-
-class StructurePriorReference : public testing::TestWithParam<const char*> {};
-
-TEST_P(StructurePriorReference, EveryVariantMatches) {
-  const ReferenceCase reference(LITAGS_SOURCE_DIR, GetParam());
-  LITAGS_SKIP_IF_MISSING(reference);
-  const Variant variants[] = {
-      {.array = "P_eps0"},
-      {.array = "P_eps1em5", .epsilon = 1e-5},
-      {.array = "P_floor", .floor = 4},
-      {.array = "P_1d", .derivative = PriorDerivative::kOneAxis},
-      {.array = "P_l1_eps1em5", .epsilon = 1e-5, .l1 = true},
-      {.array = "P_l1_eps1em5_zero", .epsilon = 1e-5, .border = PriorBorder::kZero, .l1 = true},
-      {.array = "P_eps0_replicate", .border = PriorBorder::kReplicate},
-      {.array = "P_eps1em5_exp0p1", .epsilon = 1e-5, .exposure = 0.1},
-      {.array = "P_floor_exp0p1", .floor = 4, .exposure = 0.1},
-      {.array = "P_floor1_exp0p1_q8", .floor = 1, .input = "rgb_u8_exp0p1_q8"},
-  };
-  for (const Variant& variant : variants) {
-    StructurePriorOptions options = Plain();
-    options.sigma_px = reference.param("sigma");
-    options.epsilon = variant.epsilon;
-    options.floor = variant.floor / 255;
-    options.derivative = variant.derivative;
-    options.border = variant.border;
-    options.l1_normalize = variant.l1;
-    Planes rgb = ToPlanes(reference.Photo(variant.input));
-    for (float& v : rgb.data) v = static_cast<float>(v * variant.exposure);
-    const auto prior = StructurePrior(rgb, options);
-    ASSERT_TRUE(prior.ok()) << prior.status();
-    const Planes expected = reference.Map(variant.array);
-    ASSERT_EQ(prior->data.size(), expected.data.size());
-    const float largest = *std::max_element(expected.data.begin(), expected.data.end());
-    float error = 0;
-    for (size_t i = 0; i < expected.data.size(); ++i) {
-      const float difference = std::abs(prior->data[i] - expected.data[i]);
-      if (!(difference <= error)) error = difference;  // NaN is kept
-    }
-    EXPECT_LE(error, reference.tolerance("P_rel_to_max") * largest) << variant.array;
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(Cases, StructurePriorReference,
-                         testing::Values("prior_cat_sigma1", "prior_coffee_sigma0p5",
-                                         "prior_coffee_sigma1", "prior_coffee_sigma2"));
 
 TEST(StructurePrior, DoesNotSeeTheExposure) {
   const Planes photo = ToPlanes(MakePhoto(60, 40, 0.9, 0, 1));

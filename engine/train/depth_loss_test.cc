@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "engine/train/loss_test_util.h"
-#include "tests/support/reference_case.h"
 
 namespace litags {
 namespace {
@@ -137,38 +136,6 @@ TEST(DrawDepthPatches, ShrinkToASmallImage) {
   ASSERT_EQ(patches.size(), 1u);  // half of 1 * 2 cells
   EXPECT_EQ(patches[0].width, 100);
   EXPECT_EQ(patches[0].height, 128);
-}
-
-TEST(DepthLoss, MatchesTheReference) {
-  const ReferenceCase reference(LITAGS_SOURCE_DIR, "losses_depth_a");
-  LITAGS_SKIP_IF_MISSING(reference);
-  const Planes rendered = reference.Map("rendered"), target = reference.Map("target");
-  std::vector<PixelRect> patches;
-  for (const auto& origin : reference.json()["params"]["patches_y0_x0"]) {
-    patches.push_back({origin[1], origin[0], 128, 128});
-  }
-  ASSERT_EQ(patches.size(), 4u);
-  LossWorkspace ws(2);
-  Planes global(1, rendered.height, rendered.width), both = global;
-  const double tolerance = reference.tolerance("value_abs");
-  EXPECT_NEAR(DepthLoss(rendered, target, {}, {}, 1, global, ws).global, reference.value("global"),
-              tolerance);
-  const DepthLossTerms terms = DepthLoss(rendered, target, {}, patches, 1, both, ws);
-  EXPECT_NEAR(terms.local, reference.value("local"), tolerance);
-  for (size_t i = 0; i < patches.size(); ++i) {
-    EXPECT_NEAR(DepthLoss(rendered, target, {}, {patches[i]}, 1, {}, ws).local,
-                reference.json()["values"]["patch_losses"][i], tolerance);
-  }
-  const Planes expected_global = reference.Map("grad_global");
-  const Planes expected_local = reference.Map("grad_local");
-  std::vector<double> sum;
-  for (size_t i = 0; i < both.data.size(); ++i) {
-    sum.push_back(double(expected_global.data[i]) + expected_local.data[i]);
-  }
-  const double gradient_tolerance = reference.tolerance("gradient_rel_to_max");
-  ExpectGradientsNear(global.data, {expected_global.data.begin(), expected_global.data.end()},
-                      gradient_tolerance, "grad_global");
-  ExpectGradientsNear(both.data, sum, gradient_tolerance, "grad_global + grad_local");
 }
 
 }  // namespace

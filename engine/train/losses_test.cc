@@ -10,7 +10,6 @@
 #include "engine/core/rng.h"
 #include "engine/core/simd_test_util.h"
 #include "engine/train/loss_test_util.h"
-#include "tests/support/reference_case.h"
 
 namespace litags {
 namespace {
@@ -329,46 +328,6 @@ TEST(UnpackPlane, MapsBytesToTheUnitInterval) {
   EXPECT_FLOAT_EQ(plane.data[0], 0.0f);
   EXPECT_FLOAT_EQ(plane.data[1], 0.2f);
   EXPECT_FLOAT_EQ(plane.data[2], 1.0f);
-}
-
-TEST(Losses, MatchTheReference) {
-  const ReferenceCase reference(LITAGS_SOURCE_DIR, "losses_image_a");
-  LITAGS_SKIP_IF_MISSING(reference);
-  const Planes x = reference.Map("x"), y = reference.Map("y"), previous = reference.Map("x_prev");
-  const Planes photo = reference.Map("i_in"), illumination = reference.Map("illum");
-  const Planes target = reference.Map("exposure_target");
-  const double value_tolerance = reference.tolerance("value_rel");
-  const double gradient_tolerance = reference.tolerance("gradient_rel_to_max");
-  LossWorkspace ws(2);
-  const auto check = [&](const char* value_name, const char* gradient_name, double value,
-                         const Planes& gradient, double sign = 1) {
-    EXPECT_NEAR(value, reference.value(value_name), value_tolerance * reference.value(value_name))
-        << value_name;
-    Image expected = Doubles(reference.Map(gradient_name));
-    for (double& g : expected) g *= sign;
-    ExpectGradientsNear(gradient.data, expected, gradient_tolerance, gradient_name);
-  };
-  const Planes zero(x.channels, x.height, x.width);
-  Planes v = zero;
-  check("l1", "grad_l1", L1Loss(x, y, 1, v, ws), v);
-  v = zero;
-  check("mse", "grad_mse", MseLoss(x, previous, 1, v, {}, ws), v);
-  v = zero;
-  // The reference holds SSIM and its gradient, not 1 - SSIM.
-  check("ssim", "grad_ssim", 1 - SsimLoss(x, y, 1, v, ws), v, -1);
-  v = zero;
-  check("rec", "grad_rec", ReconstructionLoss(x, y, 1, v, ws), v);
-  v = zero;
-  check("tv_sq", "grad_tv_sq", TvLoss(x, TvNorm::kSquared, 1, v, ws), v);
-  v = zero;
-  check("tv_abs", "grad_tv_abs", TvLoss(x, TvNorm::kAbsolute, 1, v, ws), v);
-  v = zero;
-  check("exposure", "grad_exposure", L1Loss(x, target, 1, v, ws), v);
-  v = zero;
-  Planes v_l = zero;
-  const double product = ProductReconstructionLoss(x, illumination, photo, 1, v, v_l, ws);
-  check("product_rec", "grad_product_rec_x", product, v);
-  check("product_rec", "grad_product_rec_illum", product, v_l);
 }
 
 }  // namespace
