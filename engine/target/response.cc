@@ -354,8 +354,10 @@ std::vector<std::string> DescribeResponse(const CaptureResponse& response) {
         "the photos' white balance differs by up to %.0f %%: evened out", 100 * most));
   }
   if (response.vignette != Vignette{}) {
-    notes.push_back(absl::StrFormat("the lens makes corners %.1f stops darker: compensated",
-                                    CornerStops(response.vignette)));
+    notes.push_back(absl::StrFormat(
+        "%s corners %.1f stops darker: compensated",
+        response.lamp_power > 0 ? "the lens and the lamp's beam make" : "the lens makes",
+        CornerStops(response.vignette)));
   }
   if (response.lamp_power > 0) {
     notes.push_back(absl::StrFormat(

@@ -378,8 +378,8 @@ TEST(Response, SaysWhatItFound) {
   EXPECT_THAT(DescribeResponse({{{1, 1, 1}}, kNone}), IsEmpty());
   EXPECT_THAT(DescribeResponse({{{1, 1, 1}, {1.12, 1, 0.95}}, {-1.3 * kStop, 0, 0}}),
               ElementsAre(HasSubstr("by up to 12 %"), HasSubstr("1.3 stops darker")));
-  EXPECT_THAT(DescribeResponse({{{1, 1, 1}}, kNone, 1.84, 3}),
-              ElementsAre(HasSubstr("to the power of 1.8")));
+  EXPECT_THAT(DescribeResponse({{{1, 1, 1}}, {-1.3 * kStop, 0, 0}, 1.84, 3}),
+              ElementsAre(HasSubstr("lamp's beam make corners 1.3"), HasSubstr("power of 1.8")));
 }
 
 }  // namespace
