@@ -25,9 +25,13 @@ function detailOf(error: unknown) {
 
 // Takes the environment variables of the program litags.
 function connect() {
-  const server = process.env.LITAGS_SERVER || "127.0.0.1:50051";
-  const { LITAGS_TOKEN: token, LITAGS_TLS_CA: ca, LITAGS_TLS: encrypt = "" } = process.env;
-  const tls = ca || !/^(0|false|no|off)?$/i.test(encrypt);
+  const { env } = process;
+  const server = env.LITAGS_SERVER || "127.0.0.1:50051";
+  const read = (path?: string) => (path ? readFileSync(path) : undefined);
+  const token = read(env.LITAGS_TOKEN_FILE)?.toString().trim() ?? env.LITAGS_TOKEN;
+  const { LITAGS_TLS_CA: ca, LITAGS_TLS_CERT: cert, LITAGS_TLS_KEY: key, LITAGS_TLS_NAME: name } = env;
+  if (!cert !== !key) throw new Error("LITAGS_TLS_CERT and LITAGS_TLS_KEY belong together; set both");
+  const tls = ca || cert || name || !/^(0|false|no|off)?$/i.test(env.LITAGS_TLS ?? "");
   if (token && !tls && !/^(localhost|127\.[\d.]+|\[::1\]):\d+$/.test(server)) {
     throw new Error(`the token would travel to ${server} unencrypted; set LITAGS_TLS=1 or LITAGS_TLS_CA`);
   }
@@ -38,7 +42,8 @@ function connect() {
   return createGrpcTransport({
     baseUrl: `${tls ? "https" : "http"}://${server}`,
     interceptors: [withToken],
-    nodeOptions: ca ? { ca: readFileSync(ca) } : {}, // else those of Node.js are trusted
+    // Without `ca` the authorities of Node.js are trusted.
+    nodeOptions: tls ? { ca: read(ca), cert: read(cert), key: read(key), servername: name } : {},
   });
 }
 
@@ -97,7 +102,9 @@ async function main() {
   try {
     await submit(jobs, name, photos);
   } catch (error) { // nobody goes on with the job
-    await jobs.deleteJob({ name, allowMissing: true }).catch(() => {});
+    await jobs.deleteJob({ name, allowMissing: true }).catch(() => {
+      console.error(`${name} is left there, not started; remove it with: litags delete ${name}`);
+    });
     throw error;
   }
   const job = await watch(jobs, name);

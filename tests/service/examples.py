@@ -7,7 +7,7 @@ import subprocess
 import unittest
 
 import harness
-from security_test import make_certificates, run_server
+from security_test import make_certificates, openssl, run_server
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
@@ -137,6 +137,14 @@ class Secure(Program):
         self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN=self.token,
                          LITAGS_TLS="1", exit_code=1)
 
+    def test_with_the_token_of_a_file_and_another_name_of_the_server(self):
+        path = os.path.join(self.folder, "token")
+        pathlib.Path(path).write_text(self.token + "\n")
+        self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN_FILE=path,
+                         LITAGS_TLS_CA=self.ca, LITAGS_TLS_NAME="localhost")
+        self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN_FILE=path,
+                         LITAGS_TLS_CA=self.ca, LITAGS_TLS_NAME="elsewhere", exit_code=1)
+
     def test_a_missing_token_is_refused(self):
         _, err = self.run_program(self.photos(), self.server.address, 20, LITAGS_TLS_CA=self.ca,
                                   exit_code=1)
@@ -146,3 +154,36 @@ class Secure(Program):
         _, err = self.run_program(self.photos(), "192.0.2.1:1", 20, LITAGS_TOKEN=self.token,
                                   LITAGS_TLS="0", exit_code=1)
         self.assertIn("unencrypted", err)
+
+
+@unittest.skipUnless(shutil.which("openssl"), "needs the program openssl to make certificates")
+class Mutual(Program):
+    """A server that knows its clients by their certificates."""
+
+    @classmethod
+    def make_server(cls):
+        at = lambda name: os.path.join(cls.class_folder, name)  # noqa: E731
+        make_certificates(cls.class_folder)
+        openssl("req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-subj",
+                "/CN=alice", "-keyout", at("alice.key"), "-out", at("alice.csr"))
+        openssl("x509", "-req", "-in", at("alice.csr"), "-CA", at("ca.crt"), "-CAkey",
+                at("ca.key"), "-CAcreateserial", "-days", "1", "-out", at("alice.crt"))
+        cls.at = staticmethod(at)
+        return harness.Server(cls.class_folder, extra=(
+            "--tls-cert", at("server.crt"), "--tls-key", at("server.key"), "--tls-client-ca",
+            at("ca.crt")))
+
+    def test_with_a_certificate_and_its_key(self):
+        self.run_program(self.photos(), self.server.address, 20, LITAGS_TLS_CA=self.at("ca.crt"),
+                         LITAGS_TLS_CERT=self.at("alice.crt"), LITAGS_TLS_KEY=self.at("alice.key"))
+        self.assertTrue(self.scene.exists())
+
+    def test_without_a_certificate_nobody_comes_in(self):
+        self.run_program(self.photos(), self.server.address, 20, LITAGS_TLS_CA=self.at("ca.crt"),
+                         exit_code=1)
+
+    def test_a_certificate_without_its_key_is_told(self):
+        _, err = self.run_program(self.photos(), self.server.address, 20,
+                                  LITAGS_TLS_CA=self.at("ca.crt"),
+                                  LITAGS_TLS_CERT=self.at("alice.crt"), exit_code=1)
+        self.assertIn("LITAGS_TLS_CERT and LITAGS_TLS_KEY belong together", err)

@@ -23,6 +23,10 @@ class SecureGo(examples.Secure, harness.ServiceTest):
     command = (PROGRAM,)
 
 
+class MutualGo(examples.Mutual, harness.ServiceTest):
+    command = (PROGRAM,)
+
+
 def missing():
     needed = (("golang-go", shutil.which("go")),
               ("protoc-gen-go", shutil.which("protoc-gen-go")),

@@ -24,6 +24,10 @@ class SecureTypeScript(examples.Secure, harness.ServiceTest):
     command = TypeScript.command
 
 
+class MutualTypeScript(examples.Mutual, harness.ServiceTest):
+    command = TypeScript.command
+
+
 if __name__ == "__main__":
     if why := npm_packages.install(HERE, WORK, ("tsconfig.json", "reconstruct.ts")):
         print("skipped:", why)

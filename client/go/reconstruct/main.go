@@ -8,6 +8,7 @@ import (
 	"crypto/rand"
 	"crypto/sha256"
 	"crypto/tls"
+	"crypto/x509"
 	"encoding/hex"
 	"fmt"
 	"io"
@@ -66,18 +67,17 @@ func isThisMachine(server string) bool {
 
 // connect takes the environment variables of the program litags.
 func connect() *grpc.ClientConn {
-	server, token, ca := os.Getenv("LITAGS_SERVER"), os.Getenv("LITAGS_TOKEN"), os.Getenv("LITAGS_TLS_CA")
+	server, token := os.Getenv("LITAGS_SERVER"), os.Getenv("LITAGS_TOKEN")
 	if server == "" {
 		server = "127.0.0.1:50051"
 	}
-	encrypt := !regexp.MustCompile(`(?i)^(0|false|no|off)?$`).MatchString(os.Getenv("LITAGS_TLS"))
+	if file := os.Getenv("LITAGS_TOKEN_FILE"); file != "" {
+		token = strings.TrimSpace(string(must(os.ReadFile(file))))
+	}
 	security := grpc.WithInsecure()
-	switch {
-	case ca != "": // trusts the certificates of this file
-		security = grpc.WithTransportCredentials(must(credentials.NewClientTLSFromFile(ca, "")))
-	case encrypt: // trusts the system's
-		security = grpc.WithTransportCredentials(credentials.NewTLS(&tls.Config{}))
-	case token != "" && !isThisMachine(server):
+	if config := tlsConfig(); config != nil {
+		security = grpc.WithTransportCredentials(credentials.NewTLS(config))
+	} else if token != "" && !isThisMachine(server) {
 		log.Fatalln("the token would travel to", server, "unencrypted; set LITAGS_TLS=1 or LITAGS_TLS_CA")
 	}
 	if token != "" {
@@ -85,6 +85,30 @@ func connect() *grpc.ClientConn {
 	}
 	return must(grpc.Dial(server, security,
 		grpc.WithDefaultCallOptions(grpc.MaxCallRecvMsgSize(256<<20)))) // a picture may have more than 4 MiB
+}
+
+// tlsConfig is for a server with TLS; nil for one without.
+func tlsConfig() *tls.Config {
+	ca, name := os.Getenv("LITAGS_TLS_CA"), os.Getenv("LITAGS_TLS_NAME")
+	certificate, key := os.Getenv("LITAGS_TLS_CERT"), os.Getenv("LITAGS_TLS_KEY")
+	wanted := !regexp.MustCompile(`(?i)^(0|false|no|off)?$`).MatchString(os.Getenv("LITAGS_TLS"))
+	if !wanted && ca+name+certificate+key == "" {
+		return nil
+	}
+	config := &tls.Config{ServerName: name}
+	if ca != "" { // else the system's authorities are trusted
+		config.RootCAs = x509.NewCertPool()
+		if !config.RootCAs.AppendCertsFromPEM(must(os.ReadFile(ca))) {
+			log.Fatalln(ca, "holds no certificate (PEM)")
+		}
+	}
+	if (certificate == "") != (key == "") {
+		log.Fatalln("LITAGS_TLS_CERT and LITAGS_TLS_KEY belong together; set both")
+	}
+	if key != "" {
+		config.Certificates = []tls.Certificate{must(tls.LoadX509KeyPair(certificate, key))}
+	}
+	return config
 }
 
 func upload(jobs pb.ReconstructionServiceClient, job, photo string) error {
@@ -172,7 +196,9 @@ func main() {
 	job := must(jobs.CreateJob(ctx,
 		&pb.CreateJobRequest{RequestId: newID(), Options: options})).Name
 	if err := submit(jobs, job, photos); err != nil { // nobody goes on with the job
-		jobs.DeleteJob(ctx, &pb.DeleteJobRequest{Name: job, AllowMissing: true})
+		if _, gone := jobs.DeleteJob(ctx, &pb.DeleteJobRequest{Name: job, AllowMissing: true}); gone != nil {
+			log.Println(job, "is left there, not started; remove it with: litags delete", job)
+		}
 		must(job, err)
 	}
 	if done := watch(jobs, job); done.State != pb.JobState_JOB_STATE_SUCCEEDED {
