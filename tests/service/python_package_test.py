@@ -227,6 +227,36 @@ class Package(harness.ServiceTest):
             client.job(job)
         self.assertEqual(caught.exception.code, grpc.StatusCode.UNAVAILABLE)
 
+    def test_a_server_that_vanished_during_an_upload_leaves_a_job_that_goes_on(self):
+        folder = tempfile.mkdtemp(dir=self.class_folder)
+        server = harness.Server(folder)
+        proxy = harness.CuttableProxy(server.port)
+        self.addCleanup(proxy.close)
+        photos = self.photos(())
+        for seed, name in enumerate(("a.png", "b.png", "c.png")):
+            pathlib.Path(photos, name).write_bytes(harness.large_png(seed))
+
+        def vanish(job, batch, upload=litags.Client._upload):
+            server.kill()
+            proxy.cut()
+            upload(client, job, batch)
+
+        client = self.client(proxy.address, retry_seconds=1)
+        with mock.patch.object(client, "_upload", vanish), \
+                self.assertRaises(litags.LitagsError) as caught:
+            client.submit(photos)
+        self.assertEqual(caught.exception.code, grpc.StatusCode.UNAVAILABLE)
+        job, request = re.search(
+            r"; (jobs/\w+) was not started and is still there: submit the same again with "
+            r'request_id="([\w-]+)", or remove it with: litags delete jobs/\w+$',
+            caught.exception.message).groups()
+        server = harness.Server(folder)
+        self.addCleanup(server.stop)
+        client = self.client(server.address)
+        for _ in range(2):  # once more changes nothing
+            self.assertEqual(client.submit(photos, request_id=request), job)
+        self.assertEqual(client.wait(job).photos, 3)
+
     def test_progress_is_a_bar_where_tqdm_is_installed(self):
         client = self.client()
         job = client.submit(self.photos(), options={"iterations": 40})
@@ -327,14 +357,10 @@ class SecureReconstruct(examples.Secure, harness.ServiceTest):
     command = Reconstruct.command
     option = Reconstruct.option
 
-    def test_with_the_token_of_a_file_and_another_name_of_the_server(self):
-        path = os.path.join(self.folder, "token")
-        pathlib.Path(path).write_text(self.token + "\n")
-        self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN_FILE=path,
-                         LITAGS_TLS_CA=self.ca, LITAGS_TLS_NAME="localhost")
-        _, err = self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN_FILE=path,
-                                  LITAGS_TLS_CA=self.ca, LITAGS_TLS_NAME="elsewhere", exit_code=1)
-        self.assertIn("no server answers", err)
+
+class MutualReconstruct(examples.Mutual, harness.ServiceTest):
+    command = Reconstruct.command
+    option = Reconstruct.option
 
 
 if __name__ == "__main__":

@@ -112,11 +112,13 @@ class Client:
     def submit(self, photos: Path | Iterable[Path], *,
                options: job_pb2.JobOptions | Mapping[str, Any] | None = None,
                labels: Mapping[str, str] | None = None, cameras: Path | None = None,
-               masks: Path | None = None, title: str = "", strict: bool = False) -> str:
+               masks: Path | None = None, title: str = "", strict: bool = False,
+               request_id: str = "") -> str:
         """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
         or an archive of a folder. `cameras`: a file of docs/cameras.md or the folder of a COLMAP model.
         `masks`: a folder. A photo that the service cannot read is left out and logged as a warning;
-        `strict` refuses it. Removes a job that is refused."""
+        `strict` refuses it. Removes a job that is refused, unless there is a `request_id`: the same
+        call with the same one goes on with one job."""
         found = files.find_photos(photos)
         if cameras is not None:
             found += files.find_cameras(cameras)
@@ -125,15 +127,20 @@ class Client:
         if not isinstance(options, job_pb2.JobOptions):
             options = job_pb2.JobOptions(**options or {})
         # With a request_id a repeated call makes no second job, and no second start.
-        job = self._call(self.jobs.CreateJob, rpc.CreateJobRequest(
-            request_id=str(uuid.uuid4()), display_name=title, options=options,
-            labels=labels or {})).name
+        request = rpc.CreateJobRequest(request_id=request_id or str(uuid.uuid4()),
+                                       display_name=title, options=options, labels=labels or {})
+        created = self._call(self.jobs.CreateJob, request)
+        job = created.name
+        if created.state != job_pb2.JOB_STATE_UPLOADING:  # submitted before
+            return job
         try:
             self._upload_all(job, found, strict)
             self._call(self.jobs.StartJob,
                        rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
         except errors.LitagsError as error:
-            if error.code != grpc.StatusCode.UNAVAILABLE:  # refused: nobody could go on with it
+            if error.code == grpc.StatusCode.UNAVAILABLE:
+                raise errors.of_left_job(error, job, request.request_id) from error
+            if not request_id:  # refused: nobody goes on with it
                 with contextlib.suppress(errors.LitagsError):
                     self._call(self.jobs.DeleteJob,
                                rpc.DeleteJobRequest(name=job, allow_missing=True))

@@ -49,6 +49,14 @@ def of_call(error: grpc.RpcError, silent_server: str = "") -> LitagsError:
     return LitagsError(error.code(), detail.reason, detail.field, message)
 
 
+def of_left_job(error: LitagsError, job: str, request_id: str) -> LitagsError:
+    """Of a server that vanished before all of `job` was sent."""
+    return LitagsError(error.code, error.reason, error.field,
+                       f"{error.message}; {job} was not started and is still there: submit the "
+                       f"same again with request_id=\"{request_id}\", or remove it with: litags "
+                       f"delete {job}")
+
+
 def raise_unless_succeeded(job: job_pb2.Job) -> None:
     if job.state == job_pb2.JOB_STATE_FAILED:
         error = job.error
