@@ -111,24 +111,19 @@ def attackers(args, server, token, job, seconds):
     return {kind: start(kind) for kind in args.kinds}
 
 
-def memory_mib(pid, key):
-    with open(f"/proc/{pid}/status") as file:
-        return next(int(line.split()[1]) for line in file if line.startswith(key)) >> 10
-
-
 def report(honest, server):
     names = sorted({name for client in honest for name in client.seconds})
     print("| Call | Calls | p50, ms | p99, ms |\n|---|---:|---:|---:|")
     for name in names:
-        ms = sorted(1000 * s for client in honest for s in client.seconds[name])
-        at = lambda part: ms[int(part * (len(ms) - 1))]  # noqa: E731
-        print(f"| {name} | {len(ms)} | {at(.5):.0f} | {at(.99):.0f} |")
+        ms = [1000 * s for client in honest for s in client.seconds[name]]
+        p50, p99 = (harness.quantile(ms, share) for share in (.5, .99))
+        print(f"| {name} | {len(ms)} | {p50:.0f} | {p99:.0f} |")
     failures = [failure for client in honest for failure in client.failures]
     print(f"failed: {len(failures)}")
     for text, count in collections.Counter(failures).most_common(10):
         print(f"  {count} times {text}")
-    peak = memory_mib(server.process.pid, "VmHWM")
-    print(f"server: peak {peak} MiB, at the end {memory_mib(server.process.pid, 'VmRSS')} MiB")
+    peak, now = (harness.memory_mib(server.process.pid, key) for key in ("VmHWM", "VmRSS"))
+    print(f"server: peak {peak} MiB, at the end {now} MiB")
     return len(failures), peak
 
 

@@ -130,13 +130,7 @@ class Deployment(Process):
         with contextlib.suppress(FileNotFoundError):
             os.remove(self.port_file())
         super().start()
-        deadline = time.monotonic() + PATIENCE_S
-        while not os.path.exists(self.port_file()):
-            if self.process.poll() is not None or time.monotonic() > deadline:
-                raise RuntimeError(f"no server:\n{self.log()}")
-            time.sleep(0.01)
-        with open(self.port_file()) as file:
-            self.port = int(file.read())
+        self.port = harness.port_in(self.port_file(), self.process, self.log_path)
         return self
 
     @property

@@ -4,13 +4,11 @@ import array
 import ast
 import json
 import os
-import random
 import re
 import signal
 import struct
 import subprocess
 import unittest
-import zlib
 
 import harness
 
@@ -40,17 +38,6 @@ def read_ply(path):
     values = array.array("f", data[end:])
     assert len(values) == count * len(names), (len(values), count, len(names))
     return names, [values[i:i + len(names)] for i in range(0, len(values), len(names))]
-
-
-def noise_png(seed, width=160, height=120):
-    """A photo that has nothing in common with any other."""
-    rng = random.Random(seed)
-    rows = b"".join(b"\0" + rng.randbytes(3 * width) for _ in range(height))
-
-    def chunk(kind, body):
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
-            + chunk(b"IDAT", zlib.compress(rows, 1)) + chunk(b"IEND", b""))
 
 
 class RealEngine(harness.ServiceTest):
@@ -155,7 +142,7 @@ class RealEngine(harness.ServiceTest):
         os.mkdir(folder)
         for i in range(4):
             with open(os.path.join(folder, f"{i}.png"), "wb") as file:
-                file.write(noise_png(i))
+                file.write(harness.large_png(i, 160, 120))
         _, err = self.litags("submit", folder, "--watch", exit_code=1)
         self.assertIn("SFM_NO_MODEL", err)
         # With cameras that somebody says they have, too.

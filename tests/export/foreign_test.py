@@ -173,7 +173,5 @@ class SurfaceTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    if why := npm_packages.install(HERE, WORK, extra=[path.name for path in HERE.glob("*.mjs")]):
-        print("skipped:", why)
-        sys.exit(npm_packages.SKIPPED)
+    npm_packages.install_or_skip(HERE, WORK, extra=[path.name for path in HERE.glob("*.mjs")])
     unittest.main()

@@ -59,20 +59,12 @@ class Measures:
         lines = ["| Call | Calls | Per second | p50, ms | p99, ms | Refused or failed |",
                  "|---|---:|---:|---:|---:|---|"]
         for kind, codes in self.codes.items():
-            sorted_ms = sorted(1000 * s for s in self.latencies[kind])
-            at = lambda q: sorted_ms[min(len(sorted_ms) - 1, int(q * len(sorted_ms)))]
+            ms = [1000 * s for s in self.latencies[kind]]
             other = ", ".join(f"{n} {code}" for code, n in codes.items() if code != "OK") or "none"
-            p50, p99 = (f"{at(.5):.0f}", f"{at(.99):.0f}") if sorted_ms else ("-", "-")
+            p50, p99 = (f"{harness.quantile(ms, share):.0f}" if ms else "-" for share in (.5, .99))
             lines.append(f"| {kind} | {sum(codes.values())} | {codes['OK'] / seconds:.1f} | {p50} "
                          f"| {p99} | {other} |")
         return "\n".join(lines)
-
-
-def memory_mb(pid):
-    """(now, highest) resident memory of a process."""
-    with open(f"/proc/{pid}/status") as file:
-        kb = {line.split(":")[0]: int(line.split()[1]) for line in file if line.startswith("Vm")}
-    return kb["VmRSS"] // 1024, kb["VmHWM"] // 1024
 
 
 class Part:
@@ -180,7 +172,7 @@ def run_part(kind, count, *where):
 def run_load(args, server, client, job):
     """Faults of the whole load; prints what was measured."""
     before = client.get(job)
-    quiet = memory_mb(server.process.pid)[0]
+    quiet = harness.memory_mib(server.process.pid, "VmRSS")
     where = (args, server.address, job, before.last_event)
     kinds = [("upload", args.uploads), ("render", args.renderers), ("ask", 1)]
     kinds += [("watch", args.watchers // WATCH_PROCESSES)] * WATCH_PROCESSES
@@ -193,7 +185,7 @@ def run_load(args, server, client, job):
             measures.join(measured)
             faults += found
     done = client.get(job)
-    now, highest = memory_mb(server.process.pid)
+    now, highest = (harness.memory_mib(server.process.pid, key) for key in ("VmRSS", "VmHWM"))
     print(measures.table(args.seconds))
     print(f"\n{args.watchers} watchers, {args.uploads} uploads, "
           f"{args.renderers} renderers, {args.seconds} s; the job trained "

@@ -61,9 +61,7 @@ class Protos(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    if why := npm_packages.install(HERE, WORK):
-        print("skipped:", why)
-        sys.exit(npm_packages.SKIPPED)
+    npm_packages.install_or_skip(HERE, WORK)
     if sys.argv[1:] == ["--freeze"]:
         print(buf("build", SOURCE / "proto", "--exclude-source-info", "-o", FROZEN).stderr)
     else:

@@ -49,15 +49,16 @@ def png(width=64, height=48, seed=0):
     return png_of(width, height, zlib.compress(bytes(rows)))
 
 
+def png_chunk(kind, data):
+    body = kind + data
+    return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+
 def png_of(width, height, data, bits=8, colour=2):
     """A PNG, RGB by default, of compressed rows."""
-    def chunk(kind, data):
-        body = kind + data
-        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
-
     return (b"\x89PNG\r\n\x1a\n"
-            + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0))
-            + chunk(b"IDAT", data) + chunk(b"IEND", b""))
+            + png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0))
+            + png_chunk(b"IDAT", data) + png_chunk(b"IEND", b""))
 
 
 def depth_png(width=64, height=48):
@@ -74,7 +75,8 @@ def mask_png(width=64, height=48):
 
 
 def large_png(seed=0, width=1200, height=900):
-    """A photo of about 3 MB that no compression makes smaller."""
+    """A photo, of about 3 MB by default, that no compression makes smaller. It has nothing in
+    common with that of another seed."""
     noise = random.Random(seed)
     rows = b"".join(b"\0" + noise.randbytes(3 * width) for _ in range(height))
     return png_of(width, height, zlib.compress(rows, 0))
@@ -109,6 +111,29 @@ def error_detail(error):
     return errors_pb2.ErrorDetail()
 
 
+def memory_mib(pid, key):
+    """VmRSS (now), VmHWM (the highest) or another line of /proc/PID/status."""
+    with open(f"/proc/{pid}/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith(key)) >> 10
+
+
+def quantile(values, share):
+    """The value that this share of the others lie below."""
+    return sorted(values)[int(share * (len(values) - 1))]
+
+
+def port_in(port_file, process, log_path):
+    """The port that a server has written into the file; waits for it to start."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not os.path.exists(port_file):
+        if process.poll() is not None or time.monotonic() > deadline:
+            with open(log_path, errors="replace") as log:
+                raise RuntimeError(f"no server:\n{log.read()}")
+        time.sleep(0.02)
+    with open(port_file) as file:
+        return int(file.read())
+
+
 class Server:
     """A server process with its data in `folder`; port 0 until it has started."""
 
@@ -123,13 +148,7 @@ class Server:
             [program or os.path.join(BIN, SERVER_PROGRAM), "--listen", f"127.0.0.1:{port}", "--data", self.data,
              "--port-file", port_file, "--threads", "1", *extra],
             stdout=self.log, stderr=self.log)
-        deadline = time.monotonic() + PATIENCE_S
-        while not os.path.exists(port_file):
-            if self.process.poll() is not None or time.monotonic() > deadline:
-                raise RuntimeError(f"no server: {open(self.log_path).read()}")
-            time.sleep(0.02)
-        with open(port_file) as file:
-            self.port = int(file.read())
+        self.port = port_in(port_file, self.process, self.log_path)
         self.address = f"127.0.0.1:{self.port}"
 
     def kill(self):

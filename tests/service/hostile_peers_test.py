@@ -81,9 +81,6 @@ class Honest:
         for thread in self.threads:
             thread.join()
 
-    def percentile(self, part):
-        return sorted(self.times)[int(part * (len(self.times) - 1))]
-
 
 class Flooded(harness.ServiceTest):
 
@@ -107,8 +104,7 @@ class Flooded(harness.ServiceTest):
         return None
 
     def mib(self, key):
-        with open(f"/proc/{self.server.process.pid}/status") as file:
-            return next(int(line.split()[1]) for line in file if line.startswith(key)) >> 10
+        return harness.memory_mib(self.server.process.pid, key)
 
     credentials = None
 
@@ -133,8 +129,8 @@ class Flooded(harness.ServiceTest):
         if MEASURING:
             print(f"{'; '.join(said)}\n  peak {peak} MiB, then {self.mib('VmRSS')}; GetJob "
                   f"{len(honest.times)} calls, {len(honest.failures)} failed, p50 "
-                  f"{1000 * honest.percentile(0.5):.0f} ms, p99 "
-                  f"{1000 * honest.percentile(0.99):.0f} ms", flush=True)
+                  f"{1000 * harness.quantile(honest.times, 0.5):.0f} ms, p99 "
+                  f"{1000 * harness.quantile(honest.times, 0.99):.0f} ms", flush=True)
         self.assertEqual(honest.failures, [])
         self.assertGreater(len(honest.times), 2)
         if harness.SLOWER == 1:  # a sanitizer's own memory is a multiple of the server's

@@ -3,7 +3,10 @@
 import pathlib
 import shutil
 import subprocess
+import sys
+import unittest
 
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
 
 
@@ -30,3 +33,24 @@ def install(source, work, extra=()):
         return "npm ci cannot install: " + run.stderr.strip()[-300:]
     done.write_text(lock)
     return None
+
+
+def skip(why):
+    print("skipped:", why)
+    sys.exit(SKIPPED)
+
+
+def install_or_skip(source, work, extra=()):
+    """As install(); ends the program, as skipped, if that cannot be done."""
+    if why := install(source, work, extra):
+        skip(why)
+
+
+def run_browser_tests(source, work, steps):
+    """Runs the tests of the calling program, which take the file `steps` of `source` to Chromium,
+    and ends the program."""
+    if not CHROMIUM:
+        skip("chromium is not installed")
+    install_or_skip(source, work, (steps,))
+    result = unittest.main(verbosity=2, exit=False).result
+    sys.exit(SKIPPED if result.skipped else not result.wasSuccessful())

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import unittest
-import zlib
 
 import gateway
 import harness
@@ -23,7 +22,6 @@ WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
 sys.path.insert(0, str(SOURCE / "tests/support"))
 import npm_packages  # noqa: E402
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 def with_exif(png):
@@ -34,9 +32,7 @@ def with_exif(png):
     exif = (b"II*\0" + struct.pack("<IHHHIII", 8, 1, 0x8769, 4, 1, 26, 0) + struct.pack("<H", 4)
             + b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in tags)
             + struct.pack("<I", 0) + values)
-    body = b"eXIf" + exif
-    chunk = struct.pack(">I", len(exif)) + body + struct.pack(">I", zlib.crc32(body))
-    return png[:33] + chunk + png[33:]  # behind the header
+    return png[:33] + harness.png_chunk(b"eXIf", exif) + png[33:]  # behind the header
 
 
 class Browser(unittest.TestCase):
@@ -88,7 +84,8 @@ class Browser(unittest.TestCase):
             self.skipTest("the server was built without the page")
         environment = dict(
             os.environ, URL=f"http://127.0.0.1:{self.server.web_port}", TOKEN=self.token,
-            CHROMIUM=CHROMIUM, SCREENSHOTS=str(screenshots), PHOTOS=str(self.photos("a", "b", "c")),
+            CHROMIUM=npm_packages.CHROMIUM, SCREENSHOTS=str(screenshots),
+            PHOTOS=str(self.photos("a", "b", "c")),
             SLOW=str(self.photos("slow", "b", "c")), VIDEO=str(self.video()),
             DOUBTFUL=str(self.doubtful_photos()), HOME=str(self.folder),
             PATIENCE_MS=str(1000 * harness.PATIENCE_S))
@@ -110,11 +107,4 @@ class Browser(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    why = None if CHROMIUM else "chromium is not installed"
-    why = why or npm_packages.install(HERE, WORK)
-    if why:
-        print("skipped:", why)
-        sys.exit(npm_packages.SKIPPED)
-    shutil.copy(HERE / "browser_steps.mjs", WORK)
-    result = unittest.main(verbosity=2, exit=False).result
-    sys.exit(npm_packages.SKIPPED if result.skipped else not result.wasSuccessful())
+    npm_packages.run_browser_tests(HERE, WORK, "browser_steps.mjs")

@@ -75,11 +75,9 @@ def main():
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--threads", type=int, default=0, help="of the server; 0: all cores")
     args = parser.parse_args()
-    why = npm_packages.install(HERE, args.work)
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if why or not chromium:
+    why = npm_packages.install(HERE, args.work, ("measure_flight.mjs",))
+    if why or not npm_packages.CHROMIUM:
         sys.exit(why or "chromium is not installed")
-    shutil.copy(HERE / "measure_flight.mjs", args.work)
     with tempfile.TemporaryDirectory(prefix="litags-flight-") as name:
         folder = pathlib.Path(name)
         capture, scene = folder / "capture", folder / "scene.litags"
@@ -98,7 +96,7 @@ def main():
             print(f"{shown} Gaussians, {os.cpu_count()} cores", flush=True)
             subprocess.run(
                 ["node", args.work / "measure_flight.mjs"], check=True,
-                env=dict(os.environ, URL=f"{server.url}/#/{job}/scene", CHROMIUM=chromium,
+                env=dict(os.environ, URL=f"{server.url}/#/{job}/scene", CHROMIUM=npm_packages.CHROMIUM,
                          SECONDS=str(args.seconds), PATIENCE_MS=str(1000 * PATIENCE_S)))
         finally:
             server.stop()

@@ -8,7 +8,6 @@ import os
 import pathlib
 import shutil
 import subprocess
-import sys
 import tempfile
 import unittest
 import urllib.error
@@ -20,7 +19,6 @@ import npm_packages
 HERE = pathlib.Path(__file__).resolve().parent
 BIN = pathlib.Path(os.environ["LITAGS_BIN"])
 WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 PATIENCE_S = 60 * int(os.environ.get("LITAGS_TEST_SLOWER", "1"))
 
 
@@ -55,18 +53,12 @@ class Viewer(unittest.TestCase):
         for elsewhere in (b"src=\"http", b"href=\"http", b"@SCENE@", b"@MODULE@"):
             self.assertNotIn(elsewhere, text)
         environment = dict(os.environ, URL=f"{self.server.url}/#/{self.job}/scene", HTML=str(page),
-                           CHROMIUM=CHROMIUM, SCREENSHOTS=str(screenshots), HOME=str(self.folder),
+                           CHROMIUM=npm_packages.CHROMIUM, SCREENSHOTS=str(screenshots),
+                           HOME=str(self.folder),
                            PATIENCE_MS=str(1000 * PATIENCE_S))
         steps = subprocess.run(["node", WORK / "viewer_steps.mjs"], env=environment)
         self.assertEqual(steps.returncode, 0, "a step failed; see above")
 
 
 if __name__ == "__main__":
-    why = None if CHROMIUM else "chromium is not installed"
-    why = why or npm_packages.install(HERE, WORK)
-    if why:
-        print("skipped:", why)
-        sys.exit(npm_packages.SKIPPED)
-    shutil.copy(HERE / "viewer_steps.mjs", WORK)
-    result = unittest.main(verbosity=2, exit=False).result
-    sys.exit(npm_packages.SKIPPED if result.skipped else not result.wasSuccessful())
+    npm_packages.run_browser_tests(HERE, WORK, "viewer_steps.mjs")
