@@ -5,9 +5,17 @@
 #include <cstdint>
 
 #include "engine/core/error.h"
+#include "engine/core/quantile.h"
 
 namespace litags {
 namespace {
+
+constexpr int kGradientRadius = 2;  // px; averaged over a square, so that flat is a region
+
+// px; the residual's mean over a square of this radius is no noise but tone: a wall rendered too
+// dark, a curve of another shape. Blotches up to about this size count as noise, as they should:
+// they are what smoothing leaves of it.
+constexpr int kMeanRadius = 10;
 
 // Sums over the square of `radius` around each pixel, cut at the border; values [height][width].
 std::vector<double> BoxSums(const std::vector<double>& values, int width, int height, int radius) {
@@ -50,24 +58,22 @@ std::vector<double> SquaredGradient(const Planes& image) {
 
 }  // namespace
 
-std::vector<char> FlatPixels(const Planes& clean, const FlatNoiseOptions& options) {
+std::vector<char> FlatPixels(const Planes& clean, double share) {
   const int w = clean.width, h = clean.height;
-  std::vector<double> steep = BoxSums(SquaredGradient(clean), w, h, options.gradient_radius);
+  std::vector<double> steep = BoxSums(SquaredGradient(clean), w, h, kGradientRadius);
   const std::vector<double> area =
-      BoxSums(std::vector<double>(steep.size(), 1.0), w, h, options.gradient_radius);
+      BoxSums(std::vector<double>(steep.size(), 1.0), w, h, kGradientRadius);
   for (size_t i = 0; i < steep.size(); ++i) steep[i] /= area[i];
   std::vector<char> flat(steep.size());
   if (steep.empty()) return flat;
   std::vector<double> sorted = steep;
-  const auto rank =
-      static_cast<size_t>(std::clamp(options.share, 0.0, 1.0) * double(steep.size() - 1));
-  std::nth_element(sorted.begin(), sorted.begin() + rank, sorted.end());
-  for (size_t i = 0; i < steep.size(); ++i) flat[i] = steep[i] <= sorted[rank];
+  const double most = QuantileInPlace(sorted, std::clamp(share, 0.0, 1.0));
+  for (size_t i = 0; i < steep.size(); ++i) flat[i] = steep[i] <= most;
   return flat;
 }
 
 absl::StatusOr<double> FlatNoise(const Planes& picture, const Planes& clean,
-                                 const std::vector<char>& flat, const FlatNoiseOptions& options) {
+                                 const std::vector<char>& flat) {
   const size_t n = clean.plane_size();
   if (n == 0 || picture.channels != clean.channels || picture.width != clean.width ||
       picture.height != clean.height || flat.size() != n) {
@@ -76,15 +82,14 @@ absl::StatusOr<double> FlatNoise(const Planes& picture, const Planes& clean,
   }
   std::vector<double> residual(n);
   const std::vector<double> counts =
-      BoxSums({flat.begin(), flat.end()}, clean.width, clean.height, options.mean_radius);
+      BoxSums({flat.begin(), flat.end()}, clean.width, clean.height, kMeanRadius);
   double squares = 0;
   int64_t samples = 0;
   for (int c = 0; c < clean.channels; ++c) {
     for (size_t i = 0; i < n; ++i) {
       residual[i] = flat[i] ? double(picture.plane(c)[i]) - clean.plane(c)[i] : 0;
     }
-    const std::vector<double> sums =
-        BoxSums(residual, clean.width, clean.height, options.mean_radius);
+    const std::vector<double> sums = BoxSums(residual, clean.width, clean.height, kMeanRadius);
     for (size_t i = 0; i < n; ++i) {
       if (!flat[i]) continue;
       const double r = residual[i] - sums[i] / counts[i];
@@ -96,9 +101,8 @@ absl::StatusOr<double> FlatNoise(const Planes& picture, const Planes& clean,
 }
 
 absl::StatusOr<double> NoiseBetween(const Planes& one, const Planes& other,
-                                    const std::vector<char>& flat,
-                                    const FlatNoiseOptions& options) {
-  LITAGS_ASSIGN_OR_RETURN(const double difference, FlatNoise(one, other, flat, options));
+                                    const std::vector<char>& flat) {
+  LITAGS_ASSIGN_OR_RETURN(const double difference, FlatNoise(one, other, flat));
   return difference / std::sqrt(2.0);
 }
 

@@ -33,15 +33,14 @@ Planes Noisy(Planes picture, double deviation, uint64_t seed = 1) {
   return picture;
 }
 
-double Measure(const Planes& picture, const Planes& clean, FlatNoiseOptions options = {}) {
-  options.share = 0.5;
-  const auto noise = FlatNoise(picture, clean, FlatPixels(clean, options), options);
+double Measure(const Planes& picture, const Planes& clean) {
+  const auto noise = FlatNoise(picture, clean, FlatPixels(clean, 0.5));
   EXPECT_TRUE(noise.ok()) << noise.status();
   return noise.value_or(-1);
 }
 
 TEST(FlatNoise, StripesAreNotFlat) {
-  const std::vector<char> flat = FlatPixels(CleanPicture(), {.share = 0.5});
+  const std::vector<char> flat = FlatPixels(CleanPicture(), 0.5);
   int walls = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
@@ -93,10 +92,10 @@ TEST(FlatNoise, NoiseOnEdgesDoesNotCount) {
 
 TEST(FlatNoise, OtherSizesAreRefused) {
   const Planes clean = CleanPicture();
-  const std::vector<char> flat = FlatPixels(clean, {});
-  EXPECT_FALSE(FlatNoise(Planes(3, 90, 119), clean, flat, {}).ok());
-  EXPECT_FALSE(FlatNoise(clean, clean, {}, {}).ok());
-  EXPECT_TRUE(FlatPixels(Planes(), {}).empty());
+  const std::vector<char> flat = FlatPixels(clean);
+  EXPECT_FALSE(FlatNoise(Planes(3, 90, 119), clean, flat).ok());
+  EXPECT_FALSE(FlatNoise(clean, clean, {}).ok());
+  EXPECT_TRUE(FlatPixels(Planes()).empty());
 }
 
 TEST(NoiseBetween, IsTheNoiseWithoutWhatBothPicturesLack) {
@@ -105,12 +104,10 @@ TEST(NoiseBetween, IsTheNoiseWithoutWhatBothPicturesLack) {
   for (size_t i = 0; i < spoilt.data.size(); ++i) spoilt.data[i] += i % 2 == 0 ? 0.05f : -0.05f;
   const Planes one = Noisy(spoilt, 0.02, 1), other = Noisy(spoilt, 0.02, 2);
   EXPECT_GT(Measure(one, clean), 0.045);
-  FlatNoiseOptions options;
-  options.share = 0.5;
-  const std::vector<char> flat = FlatPixels(clean, options);
-  EXPECT_NEAR(NoiseBetween(one, other, flat, options).value(), 0.02, 0.001);
-  EXPECT_EQ(NoiseBetween(one, one, flat, options).value(), 0);
-  EXPECT_FALSE(NoiseBetween(one, Planes(3, 2, 2), flat, options).ok());
+  const std::vector<char> flat = FlatPixels(clean, 0.5);
+  EXPECT_NEAR(NoiseBetween(one, other, flat).value(), 0.02, 0.001);
+  EXPECT_EQ(NoiseBetween(one, one, flat).value(), 0);
+  EXPECT_FALSE(NoiseBetween(one, Planes(3, 2, 2), flat).ok());
 }
 
 }  // namespace

@@ -22,6 +22,7 @@
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/train_set.h"
 #include "engine/stereo/stereo.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
 
@@ -96,6 +97,23 @@ absl::StatusOr<std::vector<Photo>> ReadPhotos(const std::string& dir,
   return photos;
 }
 
+// SCENE/depth/STEM.pfm, which has the camera's size.
+absl::StatusOr<Planes> ReadTruth(const std::string& scene, const std::string& stem,
+                                 const Camera& camera) {
+  const std::string path = FindDepthMap(scene + "/depth", stem);
+  if (path.empty()) {
+    return InvalidInput("NO_TRUTH", "--against",
+                        absl::StrCat(scene, "/depth has no map of ", stem,
+                                     "; make the scene with litags-sample --truth, or compare "
+                                     "with other light by --against high"));
+  }
+  LITAGS_ASSIGN_OR_RETURN(Planes depth, ReadDepthMap(path, stem));
+  if (depth.width != camera.width || depth.height != camera.height) {
+    return InvalidInput("SIZE_MISMATCH", stem, absl::StrCat(path, " has another size"));
+  }
+  return depth;
+}
+
 absl::Status MeasureDepth(DepthArguments args) {
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(args.out, ignored);
@@ -128,17 +146,7 @@ absl::Status MeasureDepth(DepthArguments args) {
     const std::string stem = Stem(views[i].view.name);
     Planes reference;
     if (args.against.empty()) {
-      const std::string path = FindDepthMap(args.scene.dir + "/depth", stem);
-      if (path.empty()) {
-        return InvalidInput("NO_TRUTH", "--against",
-                            absl::StrCat(args.scene.dir, "/depth has no map of ", stem,
-                                         "; make the scene with litags-sample --truth, or compare "
-                                         "with other light by --against high"));
-      }
-      LITAGS_ASSIGN_OR_RETURN(reference, ReadDepthMap(path, stem));
-      if (reference.width != camera.width || reference.height != camera.height) {
-        return InvalidInput("SIZE_MISMATCH", stem, absl::StrCat(path, " has another size"));
-      }
+      LITAGS_ASSIGN_OR_RETURN(reference, ReadTruth(args.scene.dir, stem, camera));
     } else {
       reference = others[i].has_value() ? others[i]->depth : Planes(1, camera.height, camera.width);
     }
@@ -162,27 +170,16 @@ absl::Status MeasureDepth(DepthArguments args) {
       {"within_2_percent_by_confidence", errors.weight_within_2 / errors.weight},
   };
   std::printf("%s\n", json.dump(2).c_str());
-  return args.json.empty() ? absl::OkStatus() : WriteFileAtomically(args.json, json.dump(2) + "\n");
-}
-
-void Run(const DepthArguments& args, int* exit_status) {
-  if (const absl::Status s = MeasureDepth(args); !s.ok()) {
-    std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-    *exit_status = 1;
-  }
+  return WriteJson(args.json, json.dump(2));
 }
 
 }  // namespace
 
 void AddDepthCommand(CLI::App* app, int* exit_status) {
   auto args = std::make_shared<DepthArguments>();
-  args->scene.light = "low";
   CLI::App* command = app->add_subcommand(
       "depth", "Measures the depth maps of stereo against SCENE/depth or against other light");
-  command->add_option("scene", args->scene.dir, "SCENE with low/, transforms_train.json")
-      ->required();
-  command->add_option("--light", args->scene.light, "photos are in SCENE/LIGHT")
-      ->capture_default_str();
+  AddSceneOptions(command, "SCENE with low/, transforms_train.json", &args->scene);
   command->add_option("--against", args->against,
                       "compare with stereo on SCENE/LIGHT, e.g. high; default: SCENE/depth");
   command->add_option("--cameras", args->scene.cameras,
@@ -191,9 +188,9 @@ void AddDepthCommand(CLI::App* app, int* exit_status) {
       ->required();
   command->add_option("--max-side", args->stereo.max_side, "size at which photos are matched, px")
       ->capture_default_str();
-  command->add_option("--threads", args->stereo.threads, "0: all cores")->capture_default_str();
-  command->add_option("--json", args->json, "also write the figures here");
-  command->callback([args, exit_status] { Run(*args, exit_status); });
+  AddThreadsOption(command, &args->stereo.threads);
+  AddJsonOption(command, &args->json);
+  WhenGiven(command, exit_status, [args] { return MeasureDepth(*args); });
 }
 
 }  // namespace litags

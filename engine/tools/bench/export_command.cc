@@ -26,6 +26,7 @@
 #include "engine/pipeline/scene_file.h"
 #include "engine/render/renderer.h"
 #include "engine/tools/bench/bench_scene.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
 #include "engine/viewer/viewer.h"
@@ -209,8 +210,7 @@ absl::Status Run(ExportArguments args) {
   fs::create_directories(args.out, ignored);  // writing says what is wrong
   const auto report = Exporter(args, scene).Run();
   if (!keep) fs::remove_all(args.out, ignored);
-  if (!report.ok() || args.json.empty()) return report.status();
-  return WriteFileAtomically(args.json, report->dump(2) + "\n");
+  return report.ok() ? WriteJson(args.json, report->dump(2)) : report.status();
 }
 
 }  // namespace
@@ -220,9 +220,7 @@ void AddExportCommand(CLI::App* app, int* exit_status) {
   CLI::App* command = app->add_subcommand(
       "export", "Writes a scene in every file format, reads it back and compares pictures");
   command->add_option("SCENE", args->scene, "scene.litags; without, a made-up one");
-  command->add_option("--gaussians", args->gaussians, "of the made-up one")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 20000000));
+  AddGaussiansOption(command, &args->gaussians);
   command->add_option("--views", args->views, "pictures to compare")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
@@ -230,13 +228,8 @@ void AddExportCommand(CLI::App* app, int* exit_status) {
                       "a program that is called as PROGRAM FILE OUT.ply, to compare what it reads; "
                       "exit code 3: it does not know the format");
   command->add_option("--output,--out", args->out, "keep the files in this folder");
-  command->add_option("--json", args->json, "also write the figures here");
-  command->callback([args, exit_status] {
-    if (const absl::Status status = Run(*args); !status.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(status.message()).c_str());
-      *exit_status = 1;
-    }
-  });
+  AddJsonOption(command, &args->json);
+  WhenGiven(command, exit_status, [args] { return Run(*args); });
 }
 
 }  // namespace litags

@@ -12,6 +12,7 @@
 #include "CLI/Formatter.hpp"
 #include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/exposure_fit.h"
 #include "engine/tools/bench/exposure_population.h"
@@ -154,16 +155,13 @@ void AddExposureCommand(CLI::App* app, int* exit_status) {
       ->check(CLI::ExistingDirectory);
   command->add_option("--light", args->light, "folder of the scenes' photos")
       ->capture_default_str();
-  command->callback([args, exit_status] {
+  WhenGiven(command, exit_status, [args] {
     if (args->photos.empty() && args->scenes.empty()) {
       throw CLI::RequiredError("photos or --scene");
     }
     absl::Status s = MeasureScenes(*args);
     if (s.ok() && !args->photos.empty()) s = MeasurePopulation(args->photos, args->fit);
-    if (!s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
-    }
+    return s;
   });
 }
 

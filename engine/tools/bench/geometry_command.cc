@@ -9,13 +9,13 @@
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
-#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/export/formats.h"
 #include "engine/io/file_util.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/surface_mesh.h"
 #include "engine/pipeline/surface_points.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
 #include "engine/tools/evaluation/surface_errors.h"
@@ -112,7 +112,7 @@ absl::Status Run(const GeometryArguments& args) {
       "|---|---|---|---|---|---|---|---|\n");
   const nlohmann::json json = {{"points", Measure("points", points, truth)},
                                {"mesh", Measure("mesh", mesh, truth)}};
-  return args.json.empty() ? absl::OkStatus() : WriteFileAtomically(args.json, json.dump(2) + "\n");
+  return WriteJson(args.json, json.dump(2));
 }
 
 }  // namespace
@@ -128,14 +128,9 @@ void AddGeometryCommand(CLI::App* app, int* exit_status) {
       ->check(CLI::ExistingDirectory);
   command->add_option("--output,--out", args->out,
                       "also write scene.{points.ply,las,mesh.ply,mesh.glb} here");
-  command->add_option("--json", args->json, "also write the figures here");
-  command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
-  command->callback([args, exit_status] {
-    if (const absl::Status s = Run(*args); !s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
-    }
-  });
+  AddJsonOption(command, &args->json);
+  AddThreadsOption(command, &args->threads);
+  WhenGiven(command, exit_status, [args] { return Run(*args); });
 }
 
 }  // namespace litags

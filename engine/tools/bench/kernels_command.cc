@@ -11,11 +11,11 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/parallel.h"
 #include "engine/core/simd_target.h"
-#include "engine/io/file_util.h"
 #include "engine/render/binning.h"
 #include "engine/render/projection.h"
 #include "engine/render/renderer.h"
 #include "engine/tools/bench/bench_scene.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/machine.h"
 #include "engine/tools/bench/roofline.h"
@@ -259,19 +259,14 @@ void AddKernelsCommand(CLI::App* app, int* exit_status) {
   auto args = std::make_shared<KernelArguments>();
   CLI::App* command = app->add_subcommand("kernels", "Times every part of a training iteration");
   AddTimingOptions(command, &args->timing);
-  command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
+  AddThreadsOption(command, &args->threads);
   command->add_option("--pdm-hidden", args->pdm_hidden, "channels of the denoiser; 0: the default")
       ->check(CLI::Range(0, 64));
-  command->add_option("--json", args->json, "also write the medians here");
-  command->callback([args, exit_status] {
+  AddJsonOption(command, &args->json);
+  WhenGiven(command, exit_status, [args] {
     KernelBench bench(*args);
     bench.Run();
-    if (args->json.empty()) return;
-    if (const absl::Status s = WriteFileAtomically(args->json, bench.json().dump(2) + "\n");
-        !s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
-    }
+    return WriteJson(args->json, bench.json().dump(2));
   });
 }
 

@@ -9,7 +9,7 @@
 #include "CLI/Formatter.hpp"
 #include "engine/core/parallel.h"
 #include "engine/core/simd_target.h"
-#include "engine/io/file_util.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/machine.h"
 
@@ -19,8 +19,8 @@ void AddMachineCommand(CLI::App* app, int* exit_status) {
   auto json_path = std::make_shared<std::string>();
   CLI::App* command =
       app->add_subcommand("machine", "Measures this machine's arithmetic and memory peaks");
-  command->add_option("--json", *json_path, "also write the figures here");
-  command->callback([json_path, exit_status] {
+  AddJsonOption(command, json_path.get());
+  WhenGiven(command, exit_status, [json_path] {
     nlohmann::json json;
     json["target"] = SimdTarget();
     json["cores"] = DefaultThreadCount();
@@ -32,11 +32,7 @@ void AddMachineCommand(CLI::App* app, int* exit_status) {
       json["threads"].push_back(
           {{"threads", threads}, {"gflops", gflops}, {"gbytes_per_second", gbytes}});
     }
-    if (json_path->empty()) return;
-    if (const absl::Status s = WriteFileAtomically(*json_path, json.dump(2) + "\n"); !s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
-    }
+    return WriteJson(*json_path, json.dump(2));
   });
 }
 

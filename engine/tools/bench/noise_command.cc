@@ -12,9 +12,9 @@
 #include "engine/core/error.h"
 #include "engine/eval/metrics.h"
 #include "engine/eval/noise.h"
-#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/capture_targets.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
 
@@ -24,7 +24,7 @@ namespace {
 struct NoiseArguments {
   BenchmarkScene scene;
   std::string pictures, again, json;
-  FlatNoiseOptions flat;
+  double flat_share = kFlatShare;
 };
 
 // Pictures of the same views, in one order.
@@ -55,12 +55,12 @@ absl::StatusOr<Pictures> ReadPictures(const NoiseArguments& args) {
 }
 
 // Of the renders and those of the other scene; mean over the views.
-absl::StatusOr<double> NoiseOfTwo(const Pictures& p, const FlatNoiseOptions& options) {
+absl::StatusOr<double> NoiseOfTwo(const Pictures& p, double flat_share) {
   double sum = 0;
   for (size_t i = 0; i < p.renders.size(); ++i) {
     LITAGS_ASSIGN_OR_RETURN(const double noise,
                             NoiseBetween(ToPlanes(p.renders[i]), ToPlanes(p.again[i]),
-                                         FlatPixels(ToPlanes(p.truths[i]), options), options));
+                                         FlatPixels(ToPlanes(p.truths[i]), flat_share)));
     sum += noise;
   }
   return sum / p.renders.size();
@@ -75,8 +75,7 @@ struct Quality {
 // views (in this direction: the truth has no noise that would flatten the fit), so that contrast
 // left in a flat area is not taken for noise.
 absl::StatusOr<Quality> Measure(const std::vector<ImageU8>& pictures,
-                                const std::vector<ImageU8>& truths,
-                                const FlatNoiseOptions& options) {
+                                const std::vector<ImageU8>& truths, double flat_share) {
   ColorFitter fitter;
   for (size_t i = 0; i < pictures.size(); ++i) {
     LITAGS_RETURN_IF_ERROR(fitter.Add(truths[i], pictures[i]));
@@ -87,7 +86,7 @@ absl::StatusOr<Quality> Measure(const std::vector<ImageU8>& pictures,
   for (size_t i = 0; i < pictures.size(); ++i) {
     const Planes truth = ToPlanes(truths[i]);
     LITAGS_ASSIGN_OR_RETURN(const double noise, FlatNoise(ToPlanes(pictures[i]), fit.Apply(truth),
-                                                          FlatPixels(truth, options), options));
+                                                          FlatPixels(truth, flat_share)));
     LITAGS_ASSIGN_OR_RETURN(const double ssim, Ssim(pictures[i], truths[i]));
     LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(pictures[i], truths[i]));
     mean.noise += noise / n;
@@ -112,37 +111,34 @@ absl::Status MeasureNoise(const NoiseArguments& args) {
   as_taken.recipe->tone.chroma_smoothing = 0;
   LITAGS_ASSIGN_OR_RETURN(const std::vector<ImageU8> targets,
                           MakePseudoTargets(p.photos, as_taken));
-  LITAGS_ASSIGN_OR_RETURN(const Quality photo, Measure(targets, p.truths, args.flat));
-  LITAGS_ASSIGN_OR_RETURN(const Quality render, Measure(p.renders, p.truths, args.flat));
+  LITAGS_ASSIGN_OR_RETURN(const Quality photo, Measure(targets, p.truths, args.flat_share));
+  LITAGS_ASSIGN_OR_RETURN(const Quality render, Measure(p.renders, p.truths, args.flat_share));
   Print("photos", photo);
   Print("renders", render);
   std::printf("renders have %.3f of the photos' noise in the flattest %.0f %% of %d views\n",
-              render.noise / photo.noise, 100 * args.flat.share,
+              render.noise / photo.noise, 100 * args.flat_share,
               static_cast<int>(p.renders.size()));
   nlohmann::json json = {{"photos", JsonOf(photo)},
                          {"renders", JsonOf(render)},
                          {"ratio", render.noise / photo.noise},
                          {"views", p.renders.size()}};
   if (!args.again.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(const double noise, NoiseOfTwo(p, args.flat));
+    LITAGS_ASSIGN_OR_RETURN(const double noise, NoiseOfTwo(p, args.flat_share));
     std::printf("of it %.4f, %.3f of the photos', follows the photos' noise\n", noise,
                 noise / photo.noise);
     json["noise_of_photos"] = noise;
     json["ratio_of_photos"] = noise / photo.noise;
   }
-  if (args.json.empty()) return absl::OkStatus();
-  return WriteFileAtomically(args.json, json.dump(2) + "\n");
+  return WriteJson(args.json, json.dump(2));
 }
 
 }  // namespace
 
 void AddNoiseCommand(CLI::App* app, int* exit_status) {
   auto args = std::make_shared<NoiseArguments>();
-  args->scene.light = "low";
   CLI::App* command = app->add_subcommand(
       "noise", "Noise of renders against that of the brightened photos of the same test views");
-  command->add_option("scene", args->scene.dir, "SCENE whose high/ has no noise: litags-sample's")
-      ->required()
+  AddSceneOptions(command, "SCENE whose high/ has no noise: litags-sample's", &args->scene)
       ->check(CLI::ExistingDirectory);
   command->add_option("pictures", args->pictures, "folder of renders of its test views")
       ->required()
@@ -152,18 +148,11 @@ void AddNoiseCommand(CLI::App* app, int* exit_status) {
                    "renders of a scene trained on the same photos with other noise "
                    "(litags-sample --noise-seed): tells noise from detail that is missing")
       ->check(CLI::ExistingDirectory);
-  command->add_option("--light", args->scene.light, "photos are in SCENE/LIGHT")
-      ->capture_default_str();
-  command->add_option("--flat", args->flat.share, "share of the pixels that count as flat")
+  command->add_option("--flat", args->flat_share, "share of the pixels that count as flat")
       ->check(CLI::Range(0.01, 1.0))
       ->capture_default_str();
-  command->add_option("--json", args->json, "also write the figures here");
-  command->callback([args, exit_status] {
-    if (const absl::Status s = MeasureNoise(*args); !s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
-    }
-  });
+  AddJsonOption(command, &args->json);
+  WhenGiven(command, exit_status, [args] { return MeasureNoise(*args); });
 }
 
 }  // namespace litags

@@ -10,10 +10,11 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "absl/strings/str_cat.h"
-#include "engine/io/file_util.h"
+#include "engine/core/error.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/render/renderer.h"
 #include "engine/tools/bench/bench_scene.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
 #include "engine/tools/bench/timing_options.h"
@@ -61,7 +62,7 @@ nlohmann::json Report(const char* name, const std::vector<double>& ms) {
   return {{"p50_ms", p50}, {"p99_ms", p99}, {"frames_per_second", 1e3 / p50}};
 }
 
-void Run(const RenderArguments& args, int* exit_status) {
+absl::Status Run(const RenderArguments& args) {
   Model model;
   model.splats = BenchSplats(args.gaussians, BenchCamera(args.width, args.height));
   model.pdm_options = Litags().pdm;
@@ -94,13 +95,10 @@ void Run(const RenderArguments& args, int* exit_status) {
         }));
   }
   model.use_pdm = false;
-  absl::Status s;
-  if (!args.save.empty()) s = SaveScene(args.save, model, BenchViews(args));
-  if (s.ok() && !args.json.empty()) s = WriteFileAtomically(args.json, json.dump(2) + "\n");
-  if (!s.ok()) {
-    std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-    *exit_status = 1;
+  if (!args.save.empty()) {
+    LITAGS_RETURN_IF_ERROR(SaveScene(args.save, model, BenchViews(args)));
   }
+  return WriteJson(args.json, json.dump(2));
 }
 
 }  // namespace
@@ -109,17 +107,15 @@ void AddRenderCommand(CLI::App* app, int* exit_status) {
   auto args = std::make_shared<RenderArguments>();
   CLI::App* command =
       app->add_subcommand("render", "Measures the latency of pictures of a made-up scene");
-  command->add_option("--gaussians", args->gaussians)
-      ->capture_default_str()
-      ->check(CLI::Range(1, 20000000));
+  AddGaussiansOption(command, &args->gaussians);
   AddSizeOption(command, &args->width, &args->height);
   command->add_option("--frames", args->frames)
       ->capture_default_str()
       ->check(CLI::Range(1, 100000));
-  command->add_option("--threads", args->threads, "0: all cores")->capture_default_str();
-  command->add_option("--json", args->json, "also write the figures here");
+  AddThreadsOption(command, &args->threads);
+  AddJsonOption(command, &args->json);
   command->add_option("--save", args->save, "also write the scene here, as a job has it");
-  command->callback([args, exit_status] { Run(*args, exit_status); });
+  WhenGiven(command, exit_status, [args] { return Run(*args); });
 }
 
 }  // namespace litags

@@ -10,8 +10,8 @@
 #include "CLI/Formatter.hpp"
 #include "absl/status/status.h"
 #include "engine/core/error.h"
-#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/evaluation.h"
 
@@ -45,8 +45,7 @@ absl::Status Score(const ScoreArguments& args) {
   }
   std::printf("mean of %d: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n",
               static_cast<int>(scores.views.size()), scores.psnr, scores.ssim, scores.psnr_affine);
-  if (args.json.empty()) return absl::OkStatus();
-  return WriteFileAtomically(args.json, scores.ToJson() + "\n");
+  return WriteJson(args.json, scores.ToJson());
 }
 
 }  // namespace
@@ -60,13 +59,8 @@ void AddScoreCommand(CLI::App* app, int* exit_status) {
   command->add_option("truth", args->truth, "folder of photos; extensions may differ")
       ->required()
       ->check(CLI::ExistingDirectory);
-  command->add_option("--json", args->json, "also write the figures here");
-  command->callback([args, exit_status] {
-    if (const absl::Status s = Score(*args); !s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
-    }
-  });
+  AddJsonOption(command, &args->json);
+  WhenGiven(command, exit_status, [args] { return Score(*args); });
 }
 
 }  // namespace litags

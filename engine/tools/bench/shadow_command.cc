@@ -19,6 +19,7 @@
 #include "engine/target/chroma.h"
 #include "engine/target/shadow_color.h"
 #include "engine/target/tone_options.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 
 namespace litags {
@@ -169,12 +170,7 @@ void AddShadowsCommand(CLI::App* app, int* exit_status) {
                    "photos are shrunk as many times as for training before colours are inferred")
       ->check(CLI::Range(1.0, 8.0))
       ->capture_default_str();
-  command->callback([args, exit_status] {
-    if (const absl::Status s = MeasureShadows(*args); !s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
-    }
-  });
+  WhenGiven(command, exit_status, [args] { return MeasureShadows(*args); });
 }
 
 }  // namespace litags

@@ -17,6 +17,7 @@
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/io/image_io.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/method_options.h"
 #include "engine/tools/table/methods.h"
@@ -178,12 +179,9 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
   for (size_t i = before; i < command->get_options().size(); ++i) {
     settings.push_back(command->get_options()[i]);
   }
-  command->callback([args, settings, exit_status] {
+  WhenGiven(command, exit_status, [args, settings, exit_status] {
     args->options.settings = SettingsOf(settings);
-    if (const absl::Status s = Table(args.get(), exit_status); !s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
-    }
+    return Table(args.get(), exit_status);
   });
 }
 

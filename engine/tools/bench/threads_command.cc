@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/loop_trace.h"
 #include "engine/core/parallel.h"
+#include "engine/core/quantile.h"
 #include "engine/tools/bench/bench_scene.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/loop_span.h"
@@ -37,8 +38,6 @@ double SerialMs(const Trace& trace) {
   for (const LoopTrace& loop : trace.loops) ms += loop.before_ms;
   return ms;
 }
-
-double MedianOf(std::vector<double> ms) { return Summarize(std::move(ms)).median_ms; }
 
 std::vector<Trace> TraceIterations(const TimingOptions& timing) {
   const Camera camera = BenchCamera(timing.width, timing.height);
@@ -72,10 +71,10 @@ void ReportThreads(const std::vector<Trace>& traces) {
         busy.back() += TotalMs(loop.tasks_ms);
       }
     }
-    const double median = MedianOf(ms);
+    const double median = Median(ms);
     if (threads == 1) alone = median;
     std::printf("%7d %10.2f %10.2f %11.0f%%\n", threads, median, alone / median,
-                100 * (1 - MedianOf(busy) / (median * threads)));
+                100 * (1 - Median(busy) / (median * threads)));
   }
 }
 
@@ -101,8 +100,8 @@ void ReportLoops(const std::vector<Trace>& traces, int threads) {
   std::printf("\n%-30s %6s %10s %12s %15s\n", "loop", "tasks", "ms alone", "serial before",
               absl::StrCat("lost on ", threads).c_str());
   for (const auto& [name, row] : rows) {
-    std::printf("%-30s %6zu %10.3f %12.3f %15.3f\n", name.c_str(), row.tasks, MedianOf(row.total),
-                MedianOf(row.before), MedianOf(row.lost));
+    std::printf("%-30s %6zu %10.3f %12.3f %15.3f\n", name.c_str(), row.tasks, Median(row.total),
+                Median(row.before), Median(row.lost));
   }
 }
 

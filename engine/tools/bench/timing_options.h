@@ -7,6 +7,7 @@
 
 #include "CLI/App.hpp"
 #include "CLI/Error.hpp"
+#include "engine/tools/bench/command_options.h"
 
 namespace litags {
 
@@ -28,9 +29,7 @@ inline void AddSizeOption(CLI::App* command, int* width, int* height) {
 
 // Adds --gaussians, --size and --repetitions. `options` must outlive the command.
 inline void AddTimingOptions(CLI::App* command, TimingOptions* options) {
-  command->add_option("--gaussians", options->gaussians)
-      ->capture_default_str()
-      ->check(CLI::Range(1, 20000000));
+  AddGaussiansOption(command, &options->gaussians);
   AddSizeOption(command, &options->width, &options->height);
   command->add_option("--repetitions", options->repetitions)
       ->capture_default_str()

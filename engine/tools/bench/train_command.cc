@@ -13,7 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "engine/io/file_util.h"
+#include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
@@ -106,6 +106,34 @@ absl::StatusOr<nlohmann::json> ScoreAlso(const TrainArguments& args, const Scene
   return rows;
 }
 
+// Prints where the time and memory of a run went.
+nlohmann::json ReportSpeed(const ReconstructReport& report, int64_t peak_bytes) {
+  const double seconds = report.training_seconds;
+  std::printf("%d iterations in %.1f s (%.1f it/s), %d Gaussians, peak %.0f MiB\n",
+              report.iterations, seconds, report.iterations / seconds,
+              static_cast<int>(report.gaussians), peak_bytes / 1048576.0);
+  for (const auto& [phase, spent] : report.phase_seconds) {
+    std::printf("  %-9s %7.2f ms an iteration  %4.1f %%\n", phase.c_str(),
+                1e3 * spent / report.iterations, 100 * spent / seconds);
+  }
+  return {{"iterations", report.iterations},
+          {"seconds", seconds},
+          {"iterations_per_second", report.iterations / seconds},
+          {"peak_rss_bytes", peak_bytes},
+          {"gaussians", report.gaussians},
+          {"phase_seconds", report.phase_seconds}};
+}
+
+// Prints how far the depth is from the truth.
+nlohmann::json ReportDepth(const DepthScores& depth) {
+  std::printf("depth: %.1f %% within 2 %%, %.1f %% within 10 %%, %.1f %% more than 20 %% too far\n",
+              100 * depth.within_2_percent, 100 * depth.within_10_percent,
+              100 * depth.beyond_20_percent);
+  return {{"within_2_percent", depth.within_2_percent},
+          {"within_10_percent", depth.within_10_percent},
+          {"beyond_20_percent", depth.beyond_20_percent}};
+}
+
 absl::Status Train(TrainArguments args) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   if (args.scene.TruthDir().empty()) {
@@ -142,59 +170,23 @@ absl::Status Train(TrainArguments args) {
   LITAGS_ASSIGN_OR_RETURN(const std::optional<DepthScores> depth,
                           ScoreDepth(*scene, views, args.scene.DepthDir(), args.options.threads));
 
-  const double seconds = report.training_seconds;
-  std::printf("%d iterations in %.1f s (%.1f it/s), %d Gaussians, peak %.0f MiB\n",
-              report.iterations, seconds, report.iterations / seconds,
-              static_cast<int>(report.gaussians), peak / 1048576.0);
-  for (const auto& [phase, spent] : report.phase_seconds) {
-    std::printf("  %-9s %7.2f ms an iteration  %4.1f %%\n", phase.c_str(),
-                1e3 * spent / report.iterations, 100 * spent / seconds);
-  }
+  nlohmann::json json = ReportSpeed(report, peak);
+  json["history"] = recorder.history;
   std::printf("test views: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n", scores.psnr,
               scores.ssim, scores.psnr_affine);
-  LITAGS_ASSIGN_OR_RETURN(const nlohmann::json also, ScoreAlso(args, *scene, views));
-  if (depth.has_value()) {
-    std::printf(
-        "depth: %.1f %% within 2 %%, %.1f %% within 10 %%, %.1f %% more than 20 %% too far\n",
-        100 * depth->within_2_percent, 100 * depth->within_10_percent,
-        100 * depth->beyond_20_percent);
-  }
-  if (args.json.empty()) return absl::OkStatus();
-  nlohmann::json json = {{"iterations", report.iterations},
-                         {"seconds", seconds},
-                         {"iterations_per_second", report.iterations / seconds},
-                         {"peak_rss_bytes", peak},
-                         {"gaussians", report.gaussians},
-                         {"phase_seconds", report.phase_seconds},
-                         {"history", recorder.history},
-                         {"other_sizes", also}};
   json.update(JsonOf(scores));
-  if (depth.has_value()) {
-    json["depth"] = {{"within_2_percent", depth->within_2_percent},
-                     {"within_10_percent", depth->within_10_percent},
-                     {"beyond_20_percent", depth->beyond_20_percent}};
-  }
-  return WriteFileAtomically(args.json, json.dump(2) + "\n");
-}
-
-void Run(const TrainArguments& args, int* exit_status) {
-  if (const absl::Status s = Train(args); !s.ok()) {
-    std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-    *exit_status = 1;
-  }
+  LITAGS_ASSIGN_OR_RETURN(json["other_sizes"], ScoreAlso(args, *scene, views));
+  if (depth.has_value()) json["depth"] = ReportDepth(*depth);
+  return WriteJson(args.json, json.dump(2));
 }
 
 }  // namespace
 
 void AddTrainCommand(CLI::App* app, int* exit_status) {
   auto args = std::make_shared<TrainArguments>();
-  args->scene.light = "low";
   CLI::App* command =
       app->add_subcommand("train", "Trains on a benchmark scene and measures time and quality");
-  command->add_option("scene", args->scene.dir, "SCENE with low/, high/, transforms_train.json")
-      ->required();
-  command->add_option("--light", args->scene.light, "photos are in SCENE/LIGHT")
-      ->capture_default_str();
+  AddSceneOptions(command, "SCENE with low/, high/, transforms_train.json", &args->scene);
   command->add_option("--cameras", args->scene.cameras,
                       "transforms.json or COLMAP model instead of transforms_train.json");
   command->add_option("-o,--output,--out", args->out, "folder for the scene")->required();
@@ -207,9 +199,9 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
                    "folder of photos named as high/'s, but of another size: what pictures of that "
                    "size are like")
       ->check(CLI::ExistingDirectory);
-  command->add_option("--json", args->json, "also write the figures here");
+  AddJsonOption(command, &args->json);
   AddMethodOptions(command, &args->options, &args->set);
-  command->callback([args, exit_status] { Run(*args, exit_status); });
+  WhenGiven(command, exit_status, [args] { return Train(*args); });
 }
 
 }  // namespace litags

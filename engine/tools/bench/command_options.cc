@@ -1,0 +1,45 @@
+#include "engine/tools/bench/command_options.h"
+
+#include <cstdio>
+#include <utility>
+
+#include "CLI/Config.hpp"
+#include "CLI/Formatter.hpp"
+#include "engine/io/file_util.h"
+
+namespace litags {
+
+void WhenGiven(CLI::App* command, int* exit_status, std::function<absl::Status()> body) {
+  command->callback([body = std::move(body), exit_status] {
+    if (const absl::Status s = body(); !s.ok()) {
+      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
+      *exit_status = 1;
+    }
+  });
+}
+
+CLI::Option* AddSceneOptions(CLI::App* command, const std::string& help, BenchmarkScene* scene) {
+  scene->light = "low";
+  command->add_option("--light", scene->light, "photos are in SCENE/LIGHT")->capture_default_str();
+  return command->add_option("scene", scene->dir, help)->required();
+}
+
+void AddGaussiansOption(CLI::App* command, int* gaussians) {
+  command->add_option("--gaussians", *gaussians, "of the made-up scene")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 20000000));
+}
+
+void AddThreadsOption(CLI::App* command, int* threads) {
+  command->add_option("--threads", *threads, "0: all cores")->capture_default_str();
+}
+
+void AddJsonOption(CLI::App* command, std::string* path) {
+  command->add_option("--json", *path, "also write the figures here");
+}
+
+absl::Status WriteJson(const std::string& path, const std::string& json) {
+  return path.empty() ? absl::OkStatus() : WriteFileAtomically(path, json + "\n");
+}
+
+}  // namespace litags
