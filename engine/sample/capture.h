@@ -16,6 +16,9 @@
 
 namespace litags::sample {
 
+inline constexpr double kHighMean = 0.47;  // mean sRGB level of high/
+inline constexpr double kOverPsnr = 10;    // PSNR(over_exp, high), dB
+
 struct CaptureOptions {
   int width = 360;          // px, [32, 8192]
   int height = 270;         // px, [32, 8192]
@@ -29,13 +32,9 @@ struct CaptureOptions {
   bool raw = false;         // also write raw/ and deep/; sides must be even
   bool lamp = false;        // low/ and over_exp/ are lit by a lamp at the camera alone
 
-  double high_mean = 0.47;  // mean sRGB level of high/, (0, 1)
-  double low_mean = 0.045;  // mean sRGB level of low/, (0, high_mean)
-  double over_psnr = 10;    // PSNR(over_exp, high), dB
+  double low_mean = 0.045;  // mean sRGB level of low/, (0, kHighMean)
   double jitter = 0.1;      // exposure of each view is scaled by U(1 - jitter, 1 + jitter)
-  std::array<double, 3> low_white_balance = {0.96, 1.0, 1.06};
   SensorOptions sensor;
-  int jpeg_quality = 95;
 
   std::function<void(int done)> on_view;  // if set: views that are rendered, in this thread
 

@@ -15,6 +15,8 @@ namespace {
 
 using Gain = std::array<double, 3>;
 
+constexpr Gain kLowWhiteBalance = {0.96, 1.0, 1.06};
+
 // Streams of random numbers, one a view for the noise; views number at most 9999.
 enum Stream : uint64_t { kJitter = 100, kLowNoise = 10000, kOverNoise = 20000 };
 
@@ -88,7 +90,7 @@ Exposures SolveExposures(const CaptureOptions& options, const std::vector<Planes
                          [&](size_t i) {
                            return MeanLevel(ToImageU8(Develop(thin[i], {gain, gain, gain})));
                          }) -
-           options.high_mean;
+           kHighMean;
   });
   Scale(light, white);
   Scale(&thin, white);
@@ -99,7 +101,7 @@ Exposures SolveExposures(const CaptureOptions& options, const std::vector<Planes
   Exposures out;
   const auto set_low = [&](double gain) {
     out.low = gain;
-    out.low_gain = ViewGains(options, gain, 0, options.low_white_balance, n);
+    out.low_gain = ViewGains(options, gain, 0, kLowWhiteBalance, n);
   };
   const auto set_over = [&](double gain) {
     out.over = gain;
@@ -113,7 +115,7 @@ Exposures SolveExposures(const CaptureOptions& options, const std::vector<Planes
   }));
   set_over(Solve(1, 64, [&](double gain) {
     set_over(gain);
-    return options.over_psnr - MeanOverViews(options.threads, n, [&](size_t i) {
+    return kOverPsnr - MeanOverViews(options.threads, n, [&](size_t i) {
              return PhotoPsnr(OverPhoto(options, out, lit[i], i), NormalPhoto(thin[i]));
            });
   }));

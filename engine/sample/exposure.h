@@ -20,8 +20,8 @@ struct Exposures {
 };
 
 // Scales `light` (views of linear radiance, [3, H, W]) so that 1 is white in a normal picture of
-// mean level options.high_mean, then solves for the two gains that give options.low_mean and
-// options.over_psnr. `lamps`: what LampLight() says of each view, or none.
+// mean level kHighMean, then solves for the two gains that give options.low_mean and kOverPsnr.
+// `lamps`: what LampLight() says of each view, or none.
 Exposures SolveExposures(const CaptureOptions& options, const std::vector<Planes>& lamps,
                          std::vector<Planes>* light);
 

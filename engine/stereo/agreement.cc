@@ -9,6 +9,12 @@
 namespace litags {
 namespace {
 
+constexpr double kTolerance = 0.02;  // of depth, within which two views agree
+// Confidence grows from a correlation that counts for nothing to one that counts in full, and with
+// the views that agree.
+constexpr double kLeastFit = 0.2, kFullFit = 0.7;
+constexpr int kFullViews = 2;
+
 // Depth over the depth expected where pixel (x, y) of the view is seen by the other one; 0 if it
 // is not.
 double DepthRatio(const Transfer& t, const Surface& other, double x, double y,
@@ -30,8 +36,7 @@ double DepthRatio(const Transfer& t, const Surface& other, double x, double y,
 
 }  // namespace
 
-DepthMap Agree(const ViewSurface& view, absl::Span<const ViewSurface> others,
-               const AgreementOptions& options) {
+DepthMap Agree(const ViewSurface& view, absl::Span<const ViewSurface> others) {
   std::vector<Transfer> transfers;
   for (const ViewSurface& other : others) transfers.emplace_back(*view.camera, *other.camera);
   const Planes& inverse_depth = view.surface->inverse_depth;
@@ -44,14 +49,13 @@ DepthMap Agree(const ViewSurface& view, absl::Span<const ViewSurface> others,
       int agreeing = 0;
       for (size_t k = 0; k < others.size(); ++k) {
         const double ratio = DepthRatio(transfers[k], *others[k].surface, x + 0.5, y + 0.5, own);
-        if (std::abs(ratio - 1) > options.tolerance) continue;
+        if (std::abs(ratio - 1) > kTolerance) continue;
         sum += ratio;
         ++agreeing;
       }
-      const double fit = (view.surface->fit.at(0, y, x) - options.least_fit) /
-                         (options.full_fit - options.least_fit);
+      const double fit = (view.surface->fit.at(0, y, x) - kLeastFit) / (kFullFit - kLeastFit);
       const double confidence =
-          std::clamp(fit, 0.0, 1.0) * std::min(1.0, double(agreeing) / options.full_views);
+          std::clamp(fit, 0.0, 1.0) * std::min(1.0, double(agreeing) / kFullViews);
       if (!(confidence > 0)) continue;
       map.depth.at(0, y, x) = static_cast<float>(sum / (1 + agreeing) / own);
       map.confidence.at(0, y, x) = static_cast<float>(confidence);

@@ -9,13 +9,6 @@
 
 namespace litags {
 
-struct AgreementOptions {
-  double tolerance = 0.02;  // of depth, within which two views agree
-  double least_fit = 0.2;   // correlation that counts for nothing; confidence grows to 1 at
-  double full_fit = 0.7;    // this one
-  int full_views = 2;       // and with the views that agree; fewer share proportionally
-};
-
 // A view with its surface; both are of the working size.
 struct ViewSurface {
   const Camera* camera = nullptr;
@@ -24,8 +17,7 @@ struct ViewSurface {
 
 // Depth [1, h, w] of the view, the mean of its own and those of the other views that see the same
 // surface point; confidence 0, and depth 0, where no other view agrees.
-DepthMap Agree(const ViewSurface& view, absl::Span<const ViewSurface> others,
-               const AgreementOptions& options);
+DepthMap Agree(const ViewSurface& view, absl::Span<const ViewSurface> others);
 
 }  // namespace litags
 

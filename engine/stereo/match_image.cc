@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/core/quantile.h"
 
 namespace litags {
 namespace {
@@ -15,6 +16,8 @@ namespace {
 // Of the mean brightness, under the root: at the black level read noise and rounding take over from
 // photon noise, and a bare root would blow them up.
 constexpr float kBlack = 0.05f;
+
+constexpr double kBlurPx = 0.6;  // Gaussian, at the matched size. Choice
 
 constexpr float kLuma[3] = {0.2126f, 0.7152f, 0.0722f};  // of linear sRGB (BT.709)
 
@@ -32,10 +35,7 @@ float NoiseOf(const Planes& gray) {
                         2);
     }
   }
-  if (details.empty()) return 0;
-  const auto middle = details.begin() + details.size() / 2;
-  std::nth_element(details.begin(), middle, details.end());
-  return *middle / 0.6745f;
+  return MedianInPlace(details) / 0.6745f;
 }
 
 }  // namespace
@@ -46,8 +46,7 @@ Camera MatchCamera(const Camera& camera, int max_side) {
                        std::max(1, static_cast<int>(std::lround(camera.height * shrink))));
 }
 
-absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& camera,
-                                          double blur_px) {
+absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& camera) {
   const LinearTable& linear = LinearTable::Get();
   Planes light(1, photo.height, photo.width);
   double sum = 0;
@@ -62,9 +61,7 @@ absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& came
   try {
     cv::Mat gray = Wrap(&out.gray);
     cv::resize(Wrap(&light), gray, gray.size(), 0, 0, cv::INTER_AREA);
-    if (blur_px > 0) {
-      cv::GaussianBlur(gray, gray, cv::Size(), blur_px, blur_px, cv::BORDER_REPLICATE);
-    }
+    cv::GaussianBlur(gray, gray, cv::Size(), kBlurPx, kBlurPx, cv::BORDER_REPLICATE);
   } catch (const cv::Exception& e) {
     return MakeError(absl::StatusCode::kInternal, "STEREO_RESIZE", "images",
                      absl::StrCat("cannot shrink a photo for stereo: ", e.what()));

@@ -18,10 +18,10 @@ struct MatchImage {
 Camera MatchCamera(const Camera& camera, int max_side);
 
 // The photo shrunk to the size of `camera` by averaging linear light, which is what makes a dark
-// photo's noise bearable; smoothed by a Gaussian of `blur_px` of the result; then the square root
-// of brightness over its mean, under which photon noise has one size everywhere. An all-black photo
-// gives a flat image. INTERNAL if OpenCV fails.
-absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& camera, double blur_px);
+// photo's noise bearable; smoothed a little; then the square root of brightness over its mean,
+// under which photon noise has one size everywhere. An all-black photo gives a flat image. INTERNAL
+// if OpenCV fails.
+absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& camera);
 
 }  // namespace litags
 

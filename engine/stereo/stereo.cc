@@ -7,7 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/stereo/agreement.h"
 #include "engine/stereo/match_image.h"
+#include "engine/stereo/surface.h"
 #include "engine/stereo/view_plan.h"
 
 namespace litags {
@@ -15,11 +17,6 @@ namespace {
 
 constexpr int kMaxViewsAtOnce = 8;  // each holds three bytes a pixel and label, up to 60 MB
 constexpr int kLeastSide = 16;      // px; less is no picture to match
-
-absl::Status Bad(const char* field, double value, const char* rule) {
-  return InvalidInput("BAD_OPTION", absl::StrCat("stereo.", field),
-                      absl::StrCat("stereo.", field, ": ", value, " ", rule));
-}
 
 // Runs body(i) for all views, in chunks so that progress comes from this thread.
 absl::Status ForEachView(size_t n, int threads, const CancelToken& cancel,
@@ -39,9 +36,8 @@ absl::Status ForEachView(size_t n, int threads, const CancelToken& cancel,
 
 // Views that are too small neither have sources nor are some.
 std::vector<ViewPlan> PlanLargeViews(absl::Span<const Camera> cameras,
-                                     absl::Span<const SparsePoint> points,
-                                     const StereoOptions& options) {
-  std::vector<ViewPlan> plans = PlanViews(cameras, points, options.sources, options.angle_deg);
+                                     absl::Span<const SparsePoint> points) {
+  std::vector<ViewPlan> plans = PlanViews(cameras, points);
   const auto too_small = [&](int i) {
     return std::min(cameras[i].width, cameras[i].height) < kLeastSide;
   };
@@ -55,8 +51,7 @@ std::vector<ViewPlan> PlanLargeViews(absl::Span<const Camera> cameras,
 // Those of the other photos stay empty.
 absl::StatusOr<std::vector<MatchImage>> ImagesOf(absl::Span<const ViewPlan> plans,
                                                  absl::Span<const PosedPhoto> photos,
-                                                 absl::Span<const Camera> cameras,
-                                                 const StereoOptions& options) {
+                                                 absl::Span<const Camera> cameras, int threads) {
   const size_t n = photos.size();
   std::vector<char> needed(n);
   for (size_t i = 0; i < n; ++i) {
@@ -65,9 +60,9 @@ absl::StatusOr<std::vector<MatchImage>> ImagesOf(absl::Span<const ViewPlan> plan
   }
   std::vector<MatchImage> images(n);
   std::vector<absl::Status> status(n);
-  ParallelFor(options.threads, n, [&](size_t i, int) {
+  ParallelFor(threads, n, [&](size_t i, int) {
     if (!needed[i]) return;
-    auto image = MakeMatchImage(*photos[i].photo, cameras[i], options.blur_px);
+    auto image = MakeMatchImage(*photos[i].photo, cameras[i]);
     status[i] = image.status();
     if (image.ok()) images[i] = *std::move(image);
   });
@@ -78,11 +73,9 @@ absl::StatusOr<std::vector<MatchImage>> ImagesOf(absl::Span<const ViewPlan> plan
 }  // namespace
 
 absl::Status StereoOptions::Validate() const {
-  if (max_side < 32 || max_side > 4096) return Bad("max_side", max_side, "is not in 32..4096");
-  if (!(blur_px >= 0 && blur_px <= 16)) return Bad("blur_px", blur_px, "is not in [0, 16]");
-  if (sources < 1 || sources > 8) return Bad("sources", sources, "is not in 1..8");
-  if (!(angle_deg > 0 && angle_deg <= 90)) return Bad("angle_deg", angle_deg, "is not in (0, 90]");
-  return surface.Validate();
+  if (max_side >= 32 && max_side <= 4096) return absl::OkStatus();
+  return InvalidInput("BAD_OPTION", "stereo.max_side",
+                      absl::StrCat("stereo.max_side: ", max_side, " is not in 32..4096"));
 }
 
 absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
@@ -94,13 +87,13 @@ absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
   for (const PosedPhoto& p : photos) {
     cameras.push_back(MatchCamera(p.view->camera, options.max_side));
   }
-  const std::vector<ViewPlan> plans = PlanLargeViews(cameras, points, options);
+  const std::vector<ViewPlan> plans = PlanLargeViews(cameras, points);
   std::vector<size_t> matched;
   for (size_t i = 0; i < n; ++i) {
     if (!plans[i].sources.empty()) matched.push_back(i);
   }
   LITAGS_ASSIGN_OR_RETURN(const std::vector<MatchImage> images,
-                          ImagesOf(plans, photos, cameras, options));
+                          ImagesOf(plans, photos, cameras, options.threads));
 
   std::vector<Surface> surfaces(n);
   LITAGS_RETURN_IF_ERROR(ForEachView(
@@ -109,8 +102,7 @@ absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
         const size_t i = matched[k];
         std::vector<const MatchImage*> sources;
         for (const int s : plans[i].sources) sources.push_back(&images[s]);
-        LITAGS_ASSIGN_OR_RETURN(
-            surfaces[i], EstimateSurface(images[i], sources, plans[i], options.surface, cancel));
+        LITAGS_ASSIGN_OR_RETURN(surfaces[i], EstimateSurface(images[i], sources, plans[i], cancel));
         return absl::OkStatus();
       },
       [&](size_t done) { progress(static_cast<int>(done), static_cast<int>(matched.size())); }));
@@ -122,7 +114,7 @@ absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
     for (const int s : plans[i].sources) {
       if (!surfaces[s].fit.empty()) others.push_back({&cameras[s], &surfaces[s]});
     }
-    DepthMap map = Agree({&cameras[i], &surfaces[i]}, others, options.agreement);
+    DepthMap map = Agree({&cameras[i], &surfaces[i]}, others);
     const auto& c = map.confidence.data;
     if (std::none_of(c.begin(), c.end(), [](float v) { return v > 0; })) return;
     maps[i] = std::move(map);

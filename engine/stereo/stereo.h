@@ -12,19 +12,12 @@
 #include "engine/core/cancel.h"
 #include "engine/depth/depth_provider.h"
 #include "engine/io/sparse_model.h"
-#include "engine/stereo/agreement.h"
-#include "engine/stereo/surface.h"
 
 namespace litags {
 
 struct StereoOptions {
-  int max_side = 320;    // px; photos are matched at this size at most, [32, 4096]. Choice
-  double blur_px = 0.6;  // Gaussian before matching, at that size, >= 0. Choice
-  int sources = 6;       // photos compared with each, 1..8
-  double angle_deg = 7;  // best angle between two views of a point, (0, 90]
-  SurfaceOptions surface;
-  AgreementOptions agreement;
-  int threads = 0;  // <= 0: all cores
+  int max_side = 320;  // px; photos are matched at this size at most, [32, 4096]. Choice
+  int threads = 0;     // <= 0: all cores
 
   absl::Status Validate() const;
 };

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/stereo/correlate.h"
 #include "engine/stereo/semi_global.h"
@@ -14,9 +13,19 @@
 namespace litags {
 namespace {
 
-constexpr int kMaxBest = 8;
+constexpr int kWindowRadius = 2;    // px, of the correlated windows
+constexpr int kBestSources = 2;     // a pixel is judged by the best; from others it may be occluded
 constexpr double kCostScale = 250;  // of 1 - correlation, so that it fits a byte
-constexpr int kMinLabels = 16;
+
+// Depths tried: a step of so much in the source that sees it farthest, larger where these would be
+// more than the most.
+constexpr double kStepPx = 1;
+constexpr int kMinLabels = 16, kMaxLabels = 192;
+
+// Of semi-global matching, in units of correlation.
+constexpr double kStepPenalty = 0.1, kJumpPenalty = 2;
+constexpr double kEdgeContrast = 0.1;  // of MatchImage::gray, halves kJumpPenalty
+constexpr double kAnchorWeight = 0.5;  // cost of leaving the depth of a sparse point at its pixel
 
 // 1 / depth of label i is first + i * step.
 struct Labels {
@@ -46,20 +55,18 @@ double Travel(const Transfer& t, const Camera& camera, double from, double to) {
 // The sources of one view and what the sweeps over them need.
 class Matcher {
  public:
-  Matcher(const MatchImage& reference, absl::Span<const MatchImage* const> sources,
-          const SurfaceOptions& options)
+  Matcher(const MatchImage& reference, absl::Span<const MatchImage* const> sources)
       : camera_(reference.camera),
-        reference_(reference, options.radius),
+        reference_(reference, kWindowRadius),
         sources_(sources.begin(), sources.end()),
         pixels_(reference.gray.plane_size()),
         fit_(pixels_) {
     for (const MatchImage* source : sources_) transfers_.emplace_back(camera_, source->camera);
-    const int best = std::clamp<int>(options.best_sources, 1,
-                                     std::min<int>(kMaxBest, static_cast<int>(sources_.size())));
+    const size_t best = std::clamp<size_t>(sources_.size(), 1, kBestSources);
     best_.assign(best, std::vector<float>(pixels_));
   }
 
-  Labels ChooseLabels(const ViewPlan& plan, const SurfaceOptions& options) const {
+  Labels ChooseLabels(const ViewPlan& plan) const {
     Labels labels;
     labels.first = 1 / plan.far_depth;
     const double last = 1 / plan.near_depth;
@@ -67,8 +74,8 @@ class Matcher {
     for (const Transfer& t : transfers_) {
       travel = std::max(travel, Travel(t, camera_, labels.first, last));
     }
-    labels.count = std::clamp(static_cast<int>(std::ceil(travel / options.step_px)) + 1, kMinLabels,
-                              options.max_labels);
+    labels.count =
+        std::clamp(static_cast<int>(std::ceil(travel / kStepPx)) + 1, kMinLabels, kMaxLabels);
     labels.step = (last - labels.first) / (labels.count - 1);
     return labels;
   }
@@ -127,8 +134,8 @@ absl::StatusOr<CostVolume> SweepPlanes(Matcher* matcher, const Camera& camera, c
 }
 
 // Makes depths other than that of a sparse point dear at its pixel.
-void AddAnchors(const ViewPlan& plan, const Labels& labels, double weight, CostVolume* volume) {
-  const double most = weight * kCostScale;
+void AddAnchors(const ViewPlan& plan, const Labels& labels, CostVolume* volume) {
+  const double most = kAnchorWeight * kCostScale;
   for (const Anchor& anchor : plan.anchors) {
     const int x = static_cast<int>(std::floor(anchor.x)),
               y = static_cast<int>(std::floor(anchor.y));
@@ -211,44 +218,23 @@ absl::Status SweepSurface(Matcher* matcher, double reach, const CancelToken& can
   return absl::OkStatus();
 }
 
-absl::Status Bad(const char* field, double value, const char* rule) {
-  return InvalidInput("BAD_OPTION", absl::StrCat("stereo.surface.", field),
-                      absl::StrCat("stereo.surface.", field, ": ", value, " ", rule));
-}
-
 }  // namespace
-
-absl::Status SurfaceOptions::Validate() const {
-  if (radius < 1 || radius > 8) return Bad("radius", radius, "is not in 1..8");
-  if (best_sources < 1 || best_sources > kMaxBest)
-    return Bad("best_sources", best_sources, "is not in 1..8");
-  if (!(step_px > 0)) return Bad("step_px", step_px, "is not above 0");
-  if (max_labels < kMinLabels || max_labels > 1024)
-    return Bad("max_labels", max_labels, "is not in 16..1024");
-  if (!(step_penalty >= 0 && step_penalty <= jump_penalty))
-    return Bad("step_penalty", step_penalty, "is not in [0, jump_penalty]");
-  if (!(jump_penalty <= 8)) return Bad("jump_penalty", jump_penalty, "is not 8 or less");
-  if (!(edge_contrast > 0)) return Bad("edge_contrast", edge_contrast, "is not above 0");
-  if (!(anchor_weight >= 0)) return Bad("anchor_weight", anchor_weight, "is not 0 or more");
-  return absl::OkStatus();
-}
 
 absl::StatusOr<Surface> EstimateSurface(const MatchImage& reference,
                                         absl::Span<const MatchImage* const> sources,
-                                        const ViewPlan& plan, const SurfaceOptions& options,
-                                        const CancelToken& cancel) {
-  Matcher matcher(reference, sources, options);
-  const Labels labels = matcher.ChooseLabels(plan, options);
+                                        const ViewPlan& plan, const CancelToken& cancel) {
+  Matcher matcher(reference, sources);
+  const Labels labels = matcher.ChooseLabels(plan);
   Surface surface;
   surface.inverse_depth = surface.fit = Planes(1, reference.gray.height, reference.gray.width);
   {
     LITAGS_ASSIGN_OR_RETURN(CostVolume volume,
                             SweepPlanes(&matcher, reference.camera, labels, cancel));
-    AddAnchors(plan, labels, options.anchor_weight, &volume);
+    AddAnchors(plan, labels, &volume);
     SmoothnessPenalty penalty;
-    penalty.step = static_cast<int>(std::lround(options.step_penalty * kCostScale));
-    penalty.jump = static_cast<int>(std::lround(options.jump_penalty * kCostScale));
-    penalty.edge_contrast = options.edge_contrast;
+    penalty.step = static_cast<int>(std::lround(kStepPenalty * kCostScale));
+    penalty.jump = static_cast<int>(std::lround(kJumpPenalty * kCostScale));
+    penalty.edge_contrast = kEdgeContrast;
     const std::vector<uint16_t> sums = AggregateCosts(volume, reference.gray.data.data(), penalty);
     PickLabels(sums, volume, labels, &surface.inverse_depth);
   }

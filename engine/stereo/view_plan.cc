@@ -10,6 +10,9 @@ namespace {
 
 using Vec3 = std::array<double, 3>;
 
+// Choices.
+constexpr double kBestAngle = 7;   // degrees, between two views of a point
+constexpr int kMaxSources = 6;     // photos compared with each
 constexpr int kMinShared = 5;      // points that make a pair of views worth matching
 constexpr int kMinAnchors = 8;     // below this the depth range is a guess
 constexpr double kTail = 0.02;     // share of points at each end that may be wrong
@@ -29,9 +32,9 @@ double AngleDeg(const Vec3& a, const Vec3& b) {
 }
 
 // Choice: falls slower above the best angle than below it, as in MVSNet's view selection.
-double AngleWeight(double angle_deg, double best_deg) {
-  const double sigma = angle_deg < best_deg ? best_deg / 3 : best_deg;
-  const double d = (angle_deg - best_deg) / sigma;
+double AngleWeight(double angle_deg) {
+  const double sigma = angle_deg < kBestAngle ? kBestAngle / 3 : kBestAngle;
+  const double d = (angle_deg - kBestAngle) / sigma;
   return std::exp(-d * d / 2);
 }
 
@@ -47,8 +50,7 @@ void SetRange(ViewPlan* plan) {
 }  // namespace
 
 std::vector<ViewPlan> PlanViews(absl::Span<const Camera> cameras,
-                                absl::Span<const SparsePoint> points, int max_sources,
-                                double angle_deg) {
+                                absl::Span<const SparsePoint> points) {
   const size_t n = cameras.size();
   std::vector<ViewPlan> plans(n);
   std::vector<double> weight(n * n, 0.0);
@@ -66,7 +68,7 @@ std::vector<ViewPlan> PlanViews(absl::Span<const Camera> cameras,
       for (const TrackElement& b : point.track) {
         if (b.view == a.view) continue;
         const double angle = AngleDeg(to_a, DirectionTo(centers[b.view], point.xyz));
-        weight[a.view * n + b.view] += AngleWeight(angle, angle_deg);
+        weight[a.view * n + b.view] += AngleWeight(angle);
         ++shared[a.view * n + b.view];
       }
     }
@@ -80,7 +82,7 @@ std::vector<ViewPlan> PlanViews(absl::Span<const Camera> cameras,
     }
     std::stable_sort(plan.sources.begin(), plan.sources.end(),
                      [&](int a, int b) { return weight[i * n + a] > weight[i * n + b]; });
-    if (static_cast<int>(plan.sources.size()) > max_sources) plan.sources.resize(max_sources);
+    if (plan.sources.size() > kMaxSources) plan.sources.resize(kMaxSources);
   }
   return plans;
 }

@@ -24,11 +24,9 @@ struct ViewPlan {
 
 // One plan per camera. `points[i].track[k].view` is an index into `cameras`. A source shares
 // points with the view, and counts for the more the closer the angle under which the two see them
-// is to `angle_deg`: less gives no depth, more gives pictures that differ. At most `max_sources`
-// each.
+// is to the best one: less gives no depth, more gives pictures that differ.
 std::vector<ViewPlan> PlanViews(absl::Span<const Camera> cameras,
-                                absl::Span<const SparsePoint> points, int max_sources,
-                                double angle_deg);
+                                absl::Span<const SparsePoint> points);
 
 }  // namespace litags
 

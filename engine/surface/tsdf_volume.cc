@@ -13,6 +13,10 @@ using Point = std::array<double, 3>;
 
 constexpr int64_t kBlocksAside = 1 << 20;  // of the centre: a block's number has 21 bits an axis
 
+// Side of a voxel in widths of a pixel, their median. Choice: as the cubes of exported points: a
+// finer voxel is seen by less than a pixel of each picture, a coarser one rounds off corners.
+constexpr double kVoxelPixels = 1.5;
+
 // Widest pixel that a surface is taken from, in voxels. Choice: half a block, so that no block
 // between two pixels is left out.
 constexpr double kWidestPixel = TsdfVolume::kSide / 2.0;
@@ -176,7 +180,7 @@ absl::Status TsdfVolume::Fuse(const std::vector<SurfacePicture>& pictures,
   voxels_.clear();
   median_ = MedianPixelOf(pictures, options.box);
   agreement_ = DepthAgreement(pictures);
-  side_ = options.voxel_pixels * median_.width;
+  side_ = kVoxelPixels * median_.width;
   if (!(side_ > 0)) return absl::OkStatus();
   std::vector<Input> inputs;
   inputs.reserve(pictures.size());

@@ -32,13 +32,6 @@ struct Voxel {
 
 struct TsdfOptions {
   std::array<double, 3> center = {};  // where voxels are counted from, world
-  // Side of a voxel in widths of a pixel, their median. Choice: as the cubes of exported points: a
-  // finer voxel is seen by less than a pixel of each picture, a coarser one rounds off corners.
-  double voxel_pixels = 1.5;
-  // A picture says something as far before and behind its surface as pictures disagree about the
-  // depth there (DepthAgreement), at least so many voxels. Choice: one for the zero crossing, one
-  // for the slope.
-  double least_truncation = 2;
   // Memory for voxels, bytes. Where it does not do, voxels become larger.
   size_t most_bytes = size_t{256} << 20;
   std::optional<Box> box;  // only surfaces in here
@@ -62,9 +55,12 @@ class TsdfVolume {
   // kVoxels of a block; x runs fastest, then y.
   const Voxel* voxels(size_t b) const { return &voxels_[b * kVoxels]; }
   double voxel_side() const { return side_; }  // scene units
-  // Before and behind a surface at this depth, scene units.
+  // A picture says something as far before and behind its surface, scene units, as pictures
+  // disagree about the depth there (DepthAgreement), at least so many voxels. Choice: one for the
+  // zero crossing, one for the slope.
+  static constexpr double kLeastTruncation = 2;
   double TruncationAt(double depth) const {
-    return std::max(options_.least_truncation * side_, agreement_ * depth);
+    return std::max(kLeastTruncation * side_, agreement_ * depth);
   }
   double median_truncation() const { return TruncationAt(median_.depth); }
   // World coordinates of a voxel's centre.

@@ -206,12 +206,13 @@ void AddSlopes(const Maps& maps, const std::vector<depth::Slope>& slopes, int th
 
 }  // namespace
 
-std::vector<PixelRect> DrawDepthPatches(int width, int height, const DepthPatchOptions& options,
-                                        uint64_t seed, uint64_t iteration) {
-  LITAGS_CHECK(width > 0 && height > 0 && options.size > 0 && options.fraction >= 0);
-  const int w = std::min(options.size, width), h = std::min(options.size, height);
+std::vector<PixelRect> DrawDepthPatches(int width, int height, uint64_t seed, uint64_t iteration) {
+  constexpr int kSide = 128;         // px
+  constexpr double kFraction = 0.5;  // of the cells of a grid of patches
+  LITAGS_CHECK(width > 0 && height > 0);
+  const int w = std::min(kSide, width), h = std::min(kSide, height);
   const int cells = (width / w) * (height / h);
-  const int count = std::max(1, static_cast<int>(std::lround(options.fraction * cells)));
+  const int count = std::max(1, static_cast<int>(std::lround(kFraction * cells)));
   constexpr uint64_t kStream =
       0x64657074686c6f73;  // "depthlos": apart from other users of the seed
   const CounterRng rng(seed, kStream ^ iteration);

@@ -10,17 +10,12 @@
 
 namespace litags {
 
-struct DepthPatchOptions {
-  int size = 128;         // side, px; paper. Clipped to the image
-  double fraction = 0.5;  // number of patches, of floor(H / size) * floor(W / size); paper
-};
-
-// The patches of one iteration: round(fraction * grid cells), at least one, at positions uniform
-// over the image. A pure function of its arguments.
+// The patches of one iteration: of 128 px (paper), clipped to the image; half as many as fit side
+// by side (paper), at least one; at positions uniform over the image. A pure function of its
+// arguments.
 // Choice: the paper says "50% of the patches drawn anew"; they are placed freely, not on the
 // grid, so that no pixel row is a patch border in every iteration.
-std::vector<PixelRect> DrawDepthPatches(int width, int height, const DepthPatchOptions& options,
-                                        uint64_t seed, uint64_t iteration);
+std::vector<PixelRect> DrawDepthPatches(int width, int height, uint64_t seed, uint64_t iteration);
 
 struct DepthLossTerms {  // both times the weight
   double global = 0;     // 1 - PCC of the whole map

@@ -98,7 +98,7 @@ TEST(DepthLoss, AConstantMapHasNoCorrelationAndNoGradient) {
 
 TEST(DepthLoss, ResultsAreTheSameBytesForAnyNumberOfThreads) {
   const Planes a = RandomPlanes(1, 203, 301, 1), b = RandomPlanes(1, 203, 301, 2);
-  const auto patches = DrawDepthPatches(301, 203, {}, 1, 2);
+  const auto patches = DrawDepthPatches(301, 203, 1, 2);
   LossWorkspace one(1);
   Planes v(1, 203, 301);
   const DepthLossTerms terms = DepthLoss(a, b, {}, patches, 1, v, one);
@@ -114,7 +114,7 @@ TEST(DrawDepthPatches, AreHalfTheGridInsideTheImageAndNewEveryIteration) {
   bool moved = false;
   PixelRect first;
   for (int iteration = 0; iteration < 200; ++iteration) {
-    const auto patches = DrawDepthPatches(500, 375, {}, 9, iteration);
+    const auto patches = DrawDepthPatches(500, 375, 9, iteration);
     ASSERT_EQ(patches.size(), 3u);  // half of floor(500 / 128) * floor(375 / 128) = 6
     for (const PixelRect& p : patches) {
       ASSERT_GE(p.x, 0);
@@ -126,13 +126,13 @@ TEST(DrawDepthPatches, AreHalfTheGridInsideTheImageAndNewEveryIteration) {
     moved |= patches[0].x != first.x || patches[0].y != first.y;
   }
   EXPECT_TRUE(moved);
-  const auto again = DrawDepthPatches(500, 375, {}, 9, 0);
+  const auto again = DrawDepthPatches(500, 375, 9, 0);
   EXPECT_EQ(again[0].x, first.x);
   EXPECT_EQ(again[0].y, first.y);
 }
 
 TEST(DrawDepthPatches, ShrinkToASmallImage) {
-  const auto patches = DrawDepthPatches(100, 300, {}, 1, 1);
+  const auto patches = DrawDepthPatches(100, 300, 1, 1);
   ASSERT_EQ(patches.size(), 1u);  // half of 1 * 2 cells
   EXPECT_EQ(patches[0].width, 100);
   EXPECT_EQ(patches[0].height, 128);

@@ -68,7 +68,7 @@ void Depth(benchmark::State& state) {
   Fixture f(state);
   uint64_t iteration = 0;
   for (auto _ : state) {
-    const auto patches = DrawDepthPatches(kWidth, kHeight, {}, 1, iteration++);
+    const auto patches = DrawDepthPatches(kWidth, kHeight, 1, iteration++);
     benchmark::DoNotOptimize(DepthLoss(f.a, f.b, {}, patches, 1, f.v_a, f.ws).Sum());
   }
 }

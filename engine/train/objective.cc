@@ -164,8 +164,8 @@ void Objective::AddStructureLosses(const TrainView& view, const Planes& rendered
       ResizeDepth(*map, rendered.width, rendered.height, workspace_.threads, &depth_);
       map = &depth_;
     }
-    const std::vector<PixelRect> patches = DrawDepthPatches(
-        rendered.width, rendered.height, DepthPatchOptions(), options_.seed, iteration);
+    const std::vector<PixelRect> patches =
+        DrawDepthPatches(rendered.width, rendered.height, options_.seed, iteration);
     const PlanesView confidence =
         map->confidence.empty() ? PlanesView() : PlanesView(map->confidence);
     losses->depth = DepthLoss(PlanesView(rendered, kChannelDepth, 1), map->depth, confidence,
