@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/quantile.h"
 
 namespace litags {
 namespace {
@@ -17,13 +18,8 @@ constexpr float kFarthestInverse = 0.1f;  // added to inverse depth in [0, 1]
 
 // Makes the network's values depth up to scale and offset; false if they are all alike.
 bool ToDepth(bool inverse, Planes* map) {
-  std::vector<float> sorted = map->data;
-  const auto percentile = [&](double share) {
-    const auto at = sorted.begin() + static_cast<ptrdiff_t>(share * (sorted.size() - 1));
-    std::nth_element(sorted.begin(), at, sorted.end());
-    return *at;
-  };
-  const float least = percentile(kTail), most = percentile(1 - kTail);
+  std::vector<float> values = map->data;
+  const float least = QuantileInPlace(values, kTail), most = QuantileInPlace(values, 1 - kTail);
   if (!(most > least) || !std::isfinite(most - least)) return false;
   for (float& v : map->data) {
     v = std::clamp((v - least) / (most - least), 0.0f, 1.0f);

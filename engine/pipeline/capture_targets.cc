@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/quantile.h"
 #include "engine/pipeline/even_response.h"
 #include "engine/pipeline/photo_progress.h"
 #include "engine/prior/structure_prior.h"
@@ -61,9 +62,7 @@ absl::Status AddTargets(const Context& context, const PosedPhotos& posed, Captur
                               "it there; leave it out, or mask what no light fell on"));
   }
   out->noise_at_black = NoiseAtBlack(out->photos, gains, threads, posed.masks);
-  const auto median = gains.begin() + gains.size() / 2;
-  std::nth_element(gains.begin(), median, gains.end());
-  out->rounding = RoundingNoise(tone, *median, posed.code_step);
+  out->rounding = RoundingNoise(tone, MedianInPlace(gains), posed.code_step);
   return absl::OkStatus();
 }
 

@@ -6,11 +6,11 @@
 
 #include "absl/strings/str_format.h"
 #include "engine/core/color.h"
+#include "engine/core/quantile.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/photo_structure.h"
-#include "engine/target/median.h"
 #include "engine/video/frame_choice.h"
 
 namespace litags {

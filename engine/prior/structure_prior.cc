@@ -9,6 +9,7 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/core/quantile.h"
 #include "engine/noise/noise_estimate.h"
 #include "engine/prior/weighted_rows.h"
 
@@ -132,12 +133,6 @@ double Percentile(const std::vector<uint64_t>& counts, double percentile) {
   return 0;
 }
 
-double Median(std::vector<float>* values) {
-  const auto middle = values->begin() + values->size() / 2;
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
-
 absl::Status BadOption(absl::string_view name, double value, absl::string_view rule) {
   return InvalidInput("BAD_OPTION", absl::StrCat("prior.", name),
                       absl::StrCat("structure prior: ", name, " = ", value, ", must be ", rule));
@@ -219,7 +214,7 @@ double IntensityNoise(const Photo& photo, const PlaneU8& mask) {
   });
   if (counted.empty()) return rounding;
   const NoiseEstimate noise = NoiseOfChannel(intensity.data.data(), photo.width, photo.height, mask,
-                                             static_cast<float>(Median(&counted)));
+                                             MedianInPlace(counted));
   return std::max(rounding, noise.Deviation() / 255);
 }
 
@@ -229,7 +224,7 @@ double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& o
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     noise[i] = static_cast<float>(IntensityNoise(photos[i], MaskOf(masks, i)));
   });
-  return noise.empty() ? 0 : options.floor_noise_factor * Median(&noise);
+  return options.floor_noise_factor * MedianInPlace(noise);
 }
 
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,

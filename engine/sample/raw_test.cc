@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/color.h"
 #include "engine/io/image_io.h"
 #include "engine/sample/capture.h"
 #include "engine/sample/sensor.h"

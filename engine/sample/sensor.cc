@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "engine/core/color.h"
 #include "engine/io/dng.h"
 
 namespace litags::sample {
@@ -38,14 +39,6 @@ std::vector<double> CodesOf(const SensorOptions& options) {
 }
 
 }  // namespace
-
-double SrgbFromLinear(double v) {
-  return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
-}
-
-double LinearFromSrgb(double v) {
-  return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
-}
 
 Planes Develop(const Planes& light, const std::array<double, 3>& gain) {
   Planes out(3, light.height, light.width);

@@ -25,9 +25,6 @@ struct SensorOptions {
   double adc_black = 64;  // DN; keeps read noise from being clipped at zero
 };
 
-double SrgbFromLinear(double linear);
-double LinearFromSrgb(double srgb);
-
 // Light times `gain` per channel, clipped at white, sRGB-encoded, without noise or quantisation.
 Planes Develop(const Planes& light_linear, const std::array<double, 3>& gain);
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/core/color.h"
 #include "gtest/gtest.h"
 
 namespace litags::sample {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "engine/core/color.h"
 #include "engine/sample/sensor.h"
 
 namespace litags::sample {

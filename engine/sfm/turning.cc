@@ -6,15 +6,10 @@
 #include <cmath>
 
 #include "engine/core/check.h"
+#include "engine/core/quantile.h"
 
 namespace litags {
 namespace {
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // The rotation that carries rays onto others with the least sum of squared differences (Kabsch).
 Eigen::Matrix3d BestRotation(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to) {

@@ -9,7 +9,7 @@
 
 #include "engine/core/color.h"
 #include "engine/core/mask.h"
-#include "engine/target/median.h"
+#include "engine/core/quantile.h"
 
 namespace litags {
 namespace {
@@ -54,9 +54,7 @@ double LogMedianLight(const Photo& photo, const PlaneU8& mask) {
   ForCounted(mask, photo.pixels(), [&](size_t i) {
     samples.insert(samples.end(), &photo.data[3 * i], &photo.data[3 * i] + 3);
   });
-  const auto middle = samples.begin() + samples.size() / 2;
-  std::nth_element(samples.begin(), middle, samples.end());
-  return std::log(LinearTable::Get()(std::max<int16_t>(*middle, kLeastSample)));
+  return std::log(LinearTable::Get()(std::max<int16_t>(MedianInPlace(samples), kLeastSample)));
 }
 
 std::vector<Sample> TakeSamples(absl::Span<const Photo> photos,

@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "engine/core/check.h"
 #include "engine/core/mask.h"
-#include "engine/target/median.h"
+#include "engine/core/quantile.h"
 #include "engine/target/track_fit.h"
 
 namespace litags {
@@ -130,10 +130,7 @@ template <class ValueOf>
 double Quantile(absl::Span<const PointSample> samples, double share, const ValueOf& value_of) {
   std::vector<double> values;
   for (const PointSample& s : samples) values.push_back(value_of(s));
-  if (values.empty()) return 0;
-  const auto at = values.begin() + static_cast<size_t>(share * (values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
+  return QuantileInPlace(values, share);
 }
 
 // Standard error of what `solve` makes of the equations, from groups of points, each of which tells

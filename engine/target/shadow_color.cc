@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "engine/core/mask.h"
+#include "engine/core/quantile.h"
 #include "engine/noise/noise_estimate.h"
 #include "engine/target/float_image.h"
 #include "engine/target/jpeg_chroma.h"
-#include "engine/target/median.h"
 
 namespace litags {
 namespace {

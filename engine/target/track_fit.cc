@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/core/check.h"
+#include "engine/core/quantile.h"
 
 namespace litags {
 namespace {
@@ -106,9 +107,7 @@ double NoiseOf(absl::Span<const TrackValue> values, const std::vector<double>& r
   });
   if (sizes.empty()) return kLeastNoise;
   const double n = static_cast<double>(sizes.size());
-  const auto middle = sizes.begin() + sizes.size() / 2;
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return std::max(kLeastNoise, *middle / 0.6745 * std::sqrt(n / (n - points)));
+  return std::max(kLeastNoise, MedianInPlace(sizes) / 0.6745 * std::sqrt(n / (n - points)));
 }
 
 double Weight(double residual, int round) {

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "engine/core/mask.h"
-#include "engine/target/median.h"
+#include "engine/core/quantile.h"
 
 namespace litags {
 namespace {

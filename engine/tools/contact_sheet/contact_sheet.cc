@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
+#include "engine/core/quantile.h"
 
 namespace litags {
 namespace {
@@ -93,12 +94,7 @@ std::pair<float, float> KnownRange(const Planes& values) {
     if (std::isfinite(v) && v > 0) known.push_back(v);
   }
   if (known.empty()) return {0.0f, 1.0f};
-  const auto percentile = [&](double p) {
-    const auto at = known.begin() + static_cast<ptrdiff_t>(p * (known.size() - 1));
-    std::nth_element(known.begin(), at, known.end());
-    return *at;
-  };
-  const float low = percentile(0.02), high = percentile(0.98);
+  const float low = QuantileInPlace(known, 0.02), high = QuantileInPlace(known, 0.98);
   return {low, std::max(high, low + 1e-6f)};
 }
 

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/image.h"
+#include "engine/core/quantile.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/tools/evaluation/surface_distance.h"
@@ -68,16 +69,9 @@ void AddMap(const Camera& camera, const Planes& depth, TrueSurface* truth) {
   }
 }
 
-double Quantile(std::vector<double> values, double share) {
-  const auto at = values.begin() + static_cast<ptrdiff_t>(share * (values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
-DistanceQuantiles QuantilesOf(const std::vector<double>& distances,
-                              const std::vector<double>& of_depth) {
-  return {Quantile(distances, 0.5), Quantile(distances, 0.9), Quantile(of_depth, 0.5),
-          Quantile(of_depth, 0.9)};
+DistanceQuantiles QuantilesOf(std::vector<double> distances, std::vector<double> of_depth) {
+  return {QuantileInPlace(distances, 0.5), QuantileInPlace(distances, 0.9),
+          QuantileInPlace(of_depth, 0.5), QuantileInPlace(of_depth, 0.9)};
 }
 
 }  // namespace
