@@ -77,10 +77,13 @@ heif_error Copy(const Dav1dPicture& from, heif_image** out) {
     picture.planes[c] = static_cast<const uint8_t*>(from.data[c]);
     picture.strides[c] = from.stride[c == 0 ? 0 : 1];
   }
-  picture.primaries = static_cast<uint16_t>(from.seq_hdr->pri);
-  picture.transfer = static_cast<uint16_t>(from.seq_hdr->trc);
-  picture.matrix = static_cast<uint16_t>(from.seq_hdr->mtrx);
-  picture.full_range = from.seq_hdr->color_range != 0;
+  const Dav1dSequenceHeader& header = *from.seq_hdr;
+  picture.kind = {.matrix = static_cast<int>(header.mtrx),
+                  .primaries = static_cast<int>(header.pri),
+                  .full_range = header.color_range != 0,
+                  .bits = picture.bits};
+  if (header.chr != DAV1D_CHR_UNKNOWN) picture.site_x = ChromaSite::kFirst;
+  if (header.chr == DAV1D_CHR_COLOCATED) picture.site_y = ChromaSite::kFirst;
   return CopyPicture(picture, out);
 }
 

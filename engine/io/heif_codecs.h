@@ -12,6 +12,8 @@
 #include <cstdint>
 #include <string_view>
 
+#include "engine/io/ycbcr.h"
+
 namespace litags {
 
 // Has libheif load what it needs and decode by the two codecs below, from the first call on.
@@ -36,17 +38,42 @@ heif_error CodecSizeError();  // the stream states a larger picture than is take
 struct CodedPicture {
   int width = 0, height = 0, bits = 8;
   heif_chroma chroma = heif_chroma_420;
+  ChromaSite site_x = ChromaSite::kCentre, site_y = ChromaSite::kCentre;
   std::array<const uint8_t*, 3> planes = {};
   std::array<ptrdiff_t, 3> strides = {};  // bytes
-  // Code points, by which YCbCr becomes RGB if the file has none.
-  uint16_t primaries = 2, transfer = 2, matrix = 2;
-  bool full_range = false;
+  YCbCrKind kind;                         // as the stream says
 };
+
+// Hands a picture to libheif as RGB: Y as red, Cb as green, Cr as blue, chroma interpolated to full
+// size. libheif then only puts tiles together, turns and crops. Told the truth, it would make RGB
+// itself, repeat chroma instead of interpolating it, and cut off what lies below black. Fractions
+// of a code of chroma are kept: of 8-bit pictures in the alpha channel, of others in 16-bit
+// samples.
 heif_error CopyPicture(const CodedPicture& picture, heif_image** out);
 
-// Pixels that this thread has copied since it was last asked. libheif leaves what a grid's tiles do
-// not cover as memory had it.
-uint64_t TakeCodedPixels();
+// Rows of a picture that libheif made of what CopyPicture gave it.
+class CodedRows {
+ public:
+  // False: it is made of something else, as a picture of several laid over each other is, or has
+  // another size.
+  bool Open(const heif_image* image, int width, int height);
+  int bits() const { return bits_; }
+  // Y, Cb and Cr in codes.
+  void Row(int y, float* luma, float* cb, float* cr) const;
+
+ private:
+  int width_ = 0, bits_ = 0;
+  std::array<const uint8_t*, 4> planes_ = {};
+  std::array<ptrdiff_t, 4> strides_ = {};  // bytes
+};
+
+// What this thread has copied since it was last asked.
+struct CodedPictures {
+  uint64_t pixels = 0;  // of all. libheif leaves what a grid's tiles do not cover as memory had it
+  YCbCrKind kind;       // of the last
+  bool grey = false;    // the last
+};
+CodedPictures TakeCodedPictures();
 
 struct CodedSize {
   uint32_t width = 0, height = 0;

@@ -15,14 +15,17 @@
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 #include "engine/io/photo_format.h"
+#include "engine/io/ycbcr.h"
 
 namespace litags {
 namespace {
 
 constexpr size_t kMaxExifBytes = size_t{1} << 20;
 
-// libheif counts bytes of a picture, up to 6 of a pixel, in 32 bits.
+// libheif counts bytes of a picture in 32 bits.
 constexpr int kMaxDecodedSide = 18'900;
+
+constexpr int kBt601 = 6;  // a matrix of ITU-T H.273
 
 template <auto kFree>
 struct Freer {
@@ -67,13 +70,31 @@ absl::Status ErrorOf(const heif_error& error, std::string_view field) {
                    unsupported ? "); convert it to JPEG or PNG" : "); send the file again"));
 }
 
+// The file with its alpha channels renamed, so that libheif does not decode them: transparency is
+// dropped, and CopyPicture has a use of its own for alpha. Empty: there are none.
+std::string WithoutAlpha(std::string_view bytes) {
+  constexpr std::string_view kNames[] = {"urn:mpeg:avc:2015:auxid:1", "urn:mpeg:hevc:2015:auxid:1",
+                                         "urn:mpeg:mpegB:cicp:systems:auxiliary:alpha"};
+  std::string copy;
+  for (const std::string_view name : kNames) {
+    for (size_t at = bytes.find(name); at != bytes.npos; at = bytes.find(name, at + 1)) {
+      if (copy.empty()) copy = bytes;
+      copy[at] = 'x';
+    }
+  }
+  return copy;
+}
+
 // A file's primary picture, not decoded.
 struct HeifFile {
+  std::string without_alpha;  // which `context` reads
   Context context;
   Handle handle;
 
   absl::Status Open(std::string_view bytes, std::string_view field) {
     UseHeifCodecs();
+    without_alpha = WithoutAlpha(bytes);
+    if (!without_alpha.empty()) bytes = without_alpha;
     context.reset(heif_context_alloc());
     heif_context_set_max_decoding_threads(context.get(), 0);
     heif_context_set_maximum_image_size_limit(context.get(), kMaxImageSide + 1);
@@ -118,6 +139,13 @@ struct HeifFile {
     return reader.ReadBig(&offset) && reader.Skip(offset) ? block.substr(4 + size_t{offset}) : "";
   }
 
+  // The code points of the file; nullptr without any.
+  CodePoints Points() const {
+    heif_color_profile_nclx* points = nullptr;
+    heif_image_handle_get_nclx_color_profile(handle.get(), &points);
+    return CodePoints(points);
+  }
+
   // nullopt: of a picture for HDR screens.
   std::optional<ColorSpace> Colors() const {
     const size_t size = heif_image_handle_get_raw_color_profile_size(handle.get());
@@ -126,11 +154,22 @@ struct HeifFile {
       heif_image_handle_get_raw_color_profile(handle.get(), icc.data());
       return ColorSpace::FromIccOrSrgb(icc, 3);
     }
-    heif_color_profile_nclx* points = nullptr;
-    heif_image_handle_get_nclx_color_profile(handle.get(), &points);
+    const CodePoints points = Points();
     if (points == nullptr) return ColorSpace::Srgb(3);
-    const CodePoints owner(points);
     return ColorSpace::FromCodePoints(points->color_primaries, points->transfer_characteristics);
+  }
+
+  // How what was coded becomes RGB: as the file says, else as the stream does.
+  YCbCrToRgb Conversion(const CodedPictures& coded, int bits) const {
+    YCbCrKind kind = coded.kind;
+    if (const CodePoints points = Points(); points != nullptr) {
+      kind.matrix = points->matrix_coefficients;
+      kind.primaries = points->color_primaries;
+      kind.full_range = points->full_range_flag != 0;
+    }
+    kind.bits = bits;
+    if (coded.grey) kind.matrix = kBt601;  // any that makes R = G = B of it
+    return YCbCrToRgb(kind);
   }
 };
 
@@ -159,40 +198,39 @@ absl::StatusOr<Photo> DecodeHeif(std::string_view bytes, const ImageInfo& info,
     return InvalidField("IMAGE_UNSUPPORTED", field,
                         "a picture for HDR screens (PQ or HLG); save it in standard range");
   }
-  const bool deep = info.bit_depth > 8;
   const Options options(heif_decoding_options_alloc());
   options->strict_decoding = 1;
-  TakeCodedPixels();
+  TakeCodedPictures();
   heif_image* decoded = nullptr;
-  const heif_error error = heif_decode_image(
-      file.handle.get(), &decoded, heif_colorspace_RGB,
-      deep ? heif_chroma_interleaved_RRGGBB_LE : heif_chroma_interleaved_RGB, options.get());
+  const heif_error error = heif_decode_image(file.handle.get(), &decoded, heif_colorspace_RGB,
+                                             heif_chroma_444, options.get());
   const Picture picture(decoded);
   if (error.code != heif_error_Ok) return ErrorOf(error, field);
+  const CodedPictures coded = TakeCodedPictures();
   const auto stored = static_cast<uint64_t>(heif_image_handle_get_ispe_width(file.handle.get())) *
                       static_cast<uint64_t>(heif_image_handle_get_ispe_height(file.handle.get()));
-  if (TakeCodedPixels() < stored) {
+  if (coded.pixels < stored) {
     return InvalidField("IMAGE_CORRUPT", field,
                         "the HEIC or AVIF file's tiles do not cover its picture; send it again");
   }
-  constexpr heif_channel kChannel = heif_channel_interleaved;
-  int stride = 0;
-  const uint8_t* data = heif_image_get_plane_readonly(decoded, kChannel, &stride);
-  if (data == nullptr || heif_image_get_width(decoded, kChannel) != info.width ||
-      heif_image_get_height(decoded, kChannel) != info.height) {
+  if (heif_image_get_width(decoded, heif_channel_R) != info.width ||
+      heif_image_get_height(decoded, heif_channel_R) != info.height) {
     return InvalidField("IMAGE_CORRUPT", field,
                         "the HEIC or AVIF file's picture is not of the size that it states");
   }
-  const int bits = deep ? heif_image_get_bits_per_pixel_range(decoded, kChannel) : 8;
-  const float white = static_cast<float>((1 << bits) - 1);
+  CodedRows rows;
+  if (!rows.Open(decoded, info.width, info.height)) {
+    return InvalidField("IMAGE_UNSUPPORTED", field,
+                        "a HEIC or AVIF file of pictures laid over each other; save it as one");
+  }
+  const YCbCrToRgb conversion = file.Conversion(coded, rows.bits());
+  const size_t width = info.width;
   Photo photo(info.width, info.height);
-  std::vector<float> codes(size_t{3} * info.width);
-  for (int y = 0; y < info.height; ++y, data += stride) {
-    for (size_t i = 0; i < codes.size(); ++i) {
-      const int code = deep ? data[2 * i] | data[2 * i + 1] << 8 : data[i];
-      codes[i] = static_cast<float>(code) / white;
-    }
-    space->Convert(codes.data(), info.width, photo.pixel(0, y));
+  std::vector<float> luma(width), cb(width), cr(width), rgb(3 * width);
+  for (int y = 0; y < info.height; ++y) {
+    rows.Row(y, luma.data(), cb.data(), cr.data());
+    conversion.Convert(luma.data(), cb.data(), cr.data(), width, rgb.data());
+    space->Convert(rgb.data(), width, photo.pixel(0, y));
   }
   return photo;
 }

@@ -115,10 +115,10 @@ heif_error Copy(const de265_image* image, heif_image** out) {
       return CodecError("its chroma has other bits than its luma");
     }
   }
-  picture.primaries = static_cast<uint16_t>(de265_get_image_colour_primaries(image));
-  picture.transfer = static_cast<uint16_t>(de265_get_image_transfer_characteristics(image));
-  picture.matrix = static_cast<uint16_t>(de265_get_image_matrix_coefficients(image));
-  picture.full_range = de265_get_image_full_range_flag(image) != 0;
+  picture.kind = {.matrix = de265_get_image_matrix_coefficients(image),
+                  .primaries = de265_get_image_colour_primaries(image),
+                  .full_range = de265_get_image_full_range_flag(image) != 0,
+                  .bits = picture.bits};
   return CopyPicture(picture, out);
 }
 

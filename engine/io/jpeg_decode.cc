@@ -12,6 +12,7 @@
 #include "engine/io/io_error.h"
 #include "engine/io/jpeg_coefficients.h"
 #include "engine/io/photo_format.h"
+#include "engine/io/ycbcr.h"
 
 namespace litags {
 namespace {
@@ -63,7 +64,7 @@ struct ComponentPlane {
   int stride = 0;
   std::vector<int16_t> data;
 
-  const int16_t* row(int y) const { return data.data() + size_t(y) * stride; }
+  ComponentView<int16_t> view() const { return {data.data(), width, height, stride}; }
 };
 
 // False if libjpeg has no such blocks.
@@ -89,57 +90,6 @@ bool DecodeComponent(JpegCoefficients* jpeg, int c, float shift, ComponentPlane*
   }
   return true;
 }
-
-// Where full-size sample i of a side lies among `n` samples, `ratio` of them to one: between two
-// neighbours.
-struct Tap {
-  int low, high;
-  float weight;  // of high
-};
-
-std::vector<Tap> TapsOf(int size, int n, double ratio) {
-  std::vector<Tap> taps(size);
-  for (int i = 0; i < size; ++i) {
-    const double at = (i + 0.5) * ratio - 0.5;
-    const int low = static_cast<int>(std::floor(at));
-    taps[i] = {std::clamp(low, 0, n - 1), std::clamp(low + 1, 0, n - 1),
-               static_cast<float>(at - low)};
-  }
-  return taps;
-}
-
-// Gives rows of a component at the photo's size.
-class Upsampler {
- public:
-  Upsampler(const ComponentPlane& plane, double x_ratio, double y_ratio, int width, int height)
-      : plane_(plane),
-        same_width_(x_ratio == 1),
-        x_taps_(TapsOf(width, plane.width, x_ratio)),
-        y_taps_(TapsOf(height, plane.height, y_ratio)),
-        between_(plane.width) {}
-
-  void Row(int y, std::vector<float>* out) {
-    const Tap& tap = y_taps_[y];
-    const int16_t *low = plane_.row(tap.low), *high = plane_.row(tap.high);
-    for (int x = 0; x < plane_.width; ++x) {
-      between_[x] = low[x] + tap.weight * (high[x] - low[x]);
-    }
-    if (same_width_) {
-      std::copy_n(between_.begin(), out->size(), out->begin());
-      return;
-    }
-    for (size_t x = 0; x < out->size(); ++x) {
-      const Tap& t = x_taps_[x];
-      (*out)[x] = between_[t.low] + t.weight * (between_[t.high] - between_[t.low]);
-    }
-  }
-
- private:
-  const ComponentPlane& plane_;
-  const bool same_width_;
-  const std::vector<Tap> x_taps_, y_taps_;
-  std::vector<float> between_;
-};
 
 // Ink of CMYK, 0..1. YCCK's first three are what YCbCr has for the light that C, M and Y leave.
 void ToInk(const std::vector<std::vector<float>>& rows, bool ycck, bool inverted, float* ink) {
@@ -187,21 +137,24 @@ class ComponentRows {
         return InvalidField("IMAGE_CORRUPT", field, "the JPEG lacks blocks; send the file again");
       }
       const jpeg_component_info& component = jpeg->component(c);
-      upsamplers_.emplace_back(
-          planes_[c], double(component.h_samp_factor) / jpeg->max_h_samp_factor(),
-          double(component.v_samp_factor) / jpeg->max_v_samp_factor(), info.width, info.height);
+      const ComponentView<int16_t> view = planes_[c].view();
+      upsamplers_.emplace_back(view,
+                               TapsOf(info.width, view.width,
+                                      double(component.h_samp_factor) / jpeg->max_h_samp_factor()),
+                               TapsOf(info.height, view.height,
+                                      double(component.v_samp_factor) / jpeg->max_v_samp_factor()));
     }
     return absl::OkStatus();
   }
 
   const std::vector<std::vector<float>>& Row(int y) {
-    for (size_t c = 0; c < rows_.size(); ++c) upsamplers_[c].Row(y, &rows_[c]);
+    for (size_t c = 0; c < rows_.size(); ++c) upsamplers_[c].Row(y, rows_[c].data());
     return rows_;
   }
 
  private:
   std::vector<ComponentPlane> planes_;
-  std::vector<Upsampler> upsamplers_;
+  std::vector<Upsampler<int16_t>> upsamplers_;
   std::vector<std::vector<float>> rows_;
 };
 

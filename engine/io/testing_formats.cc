@@ -128,42 +128,74 @@ heif_error AppendBytes(heif_context*, const void* data, size_t size, void* out) 
   return {heif_error_Ok, heif_suberror_Unspecified, "ok"};
 }
 
-// YCbCr of 4:2:0, full range, BT.601: libheif's own conversion fails for more than 8 bits.
-heif_image* MakeHeifImage(const DeepImage& image, int bits, const std::string& icc) {
-  constexpr heif_channel kPlanes[] = {heif_channel_Y, heif_channel_Cb, heif_channel_Cr};
-  heif_image* picture = nullptr;
-  heif_image_create(image.width, image.height, heif_colorspace_YCbCr, heif_chroma_420, &picture);
+// 4:2:0, full range, BT.601: libheif's own conversion fails for more than 8 bits.
+TestYCbCr ToYCbCr(const DeepImage& image, int bits) {
+  TestYCbCr picture{.width = image.width, .height = image.height, .bits = bits};
   const double white = (1 << bits) - 1;
   for (int c = 0; c < 3; ++c) {
-    const int step = c == 0 ? 1 : 2, half = step / 2;
-    const int width = (image.width + half) / step, height = (image.height + half) / step;
-    heif_image_add_plane(picture, kPlanes[c], width, height, bits);
-    int stride = 0;
-    uint8_t* plane = heif_image_get_plane(picture, kPlanes[c], &stride);
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) {
+    const int step = c == 0 ? 1 : 2;
+    for (int y = 0; y < picture.height_of(c); ++y) {
+      for (int x = 0; x < picture.width_of(c); ++x) {
         const uint16_t* rgb = image.pixel(step * x, step * y);
         const double r = rgb[0] / 65535.0, g = rgb[1] / 65535.0, b = rgb[2] / 65535.0;
         const double luma = 0.299 * r + 0.587 * g + 0.114 * b;
         const double value = c == 0   ? luma
                              : c == 1 ? 0.5 + (b - luma) / 1.772
                                       : 0.5 + (r - luma) / 1.402;
-        const int code = static_cast<int>(std::clamp(value, 0.0, 1.0) * white + 0.5);
-        uint8_t* to = plane + size_t(y) * stride + (bits > 8 ? 2 * x : x);
-        to[0] = static_cast<uint8_t>(code);
-        if (bits > 8) to[1] = static_cast<uint8_t>(code >> 8);
+        picture.codes[c].push_back(
+            static_cast<uint16_t>(std::clamp(value, 0.0, 1.0) * white + 0.5));
       }
     }
+  }
+  return picture;
+}
+
+// Adds a plane of `codes`, of which the last fills what is missing.
+void AddPlane(heif_image* image, heif_channel channel, int width, int height, int bits,
+              const std::vector<uint16_t>& codes) {
+  heif_image_add_plane(image, channel, width, height, bits);
+  int stride = 0;
+  uint8_t* row = heif_image_get_plane(image, channel, &stride);
+  for (size_t i = 0, y = 0; y < size_t(height); ++y, row += stride) {
+    for (int x = 0; x < width; ++x, ++i) {
+      const uint16_t code = codes[std::min(i, codes.size() - 1)];
+      uint8_t* to = row + (bits > 8 ? 2 * x : x);
+      to[0] = static_cast<uint8_t>(code);
+      if (bits > 8) to[1] = static_cast<uint8_t>(code >> 8);
+    }
+  }
+}
+
+heif_chroma ChromaOf(const TestYCbCr& picture) {
+  return picture.grey          ? heif_chroma_monochrome
+         : picture.across == 1 ? heif_chroma_444
+         : picture.down == 1   ? heif_chroma_422
+                               : heif_chroma_420;
+}
+
+heif_image* MakeHeifImage(const TestYCbCr& picture, bool alpha, const std::string& icc) {
+  constexpr heif_channel kPlanes[] = {heif_channel_Y, heif_channel_Cb, heif_channel_Cr};
+  heif_image* image = nullptr;
+  heif_image_create(picture.width, picture.height,
+                    picture.grey ? heif_colorspace_monochrome : heif_colorspace_YCbCr,
+                    ChromaOf(picture), &image);
+  for (int c = 0; c < (picture.grey ? 1 : 3); ++c) {
+    AddPlane(image, kPlanes[c], picture.width_of(c), picture.height_of(c), picture.bits,
+             picture.codes[c]);
+  }
+  if (alpha) {
+    const auto half = static_cast<uint16_t>(1 << (picture.bits - 1));
+    AddPlane(image, heif_channel_Alpha, picture.width, picture.height, picture.bits, {half});
   }
   heif_color_profile_nclx* points = heif_nclx_color_profile_alloc();
   points->color_primaries = heif_color_primaries_ITU_R_BT_709_5;
   points->transfer_characteristics = heif_transfer_characteristic_IEC_61966_2_1;
-  points->matrix_coefficients = heif_matrix_coefficients_ITU_R_BT_601_6;
-  points->full_range_flag = 1;
-  heif_image_set_nclx_color_profile(picture, points);
+  points->matrix_coefficients = static_cast<heif_matrix_coefficients>(picture.matrix);
+  points->full_range_flag = picture.full_range;
+  heif_image_set_nclx_color_profile(image, points);
   heif_nclx_color_profile_free(points);
-  if (!icc.empty()) heif_image_set_raw_color_profile(picture, "prof", icc.data(), icc.size());
-  return picture;
+  if (!icc.empty()) heif_image_set_raw_color_profile(image, "prof", icc.data(), icc.size());
+  return image;
 }
 
 cmsToneCurve* PowerCurve(double exponent) { return cmsBuildGamma(nullptr, exponent); }
@@ -238,6 +270,32 @@ std::string EncodeTestWebp(const ImageU8& image, const Extras& extras, bool loss
   return Chunk("RIFF", "WEBP" + chunks);
 }
 
+std::string EncodeTestWebp(const TestYCbCr& picture, int quality) {
+  WebPConfig config;
+  LITAGS_CHECK(WebPConfigPreset(&config, WEBP_PRESET_DEFAULT, static_cast<float>(quality)));
+  WebPPicture out;
+  LITAGS_CHECK(WebPPictureInit(&out));
+  out.width = picture.width;
+  out.height = picture.height;
+  LITAGS_CHECK(WebPPictureAlloc(&out));
+  uint8_t* const planes[] = {out.y, out.u, out.v};
+  for (int c = 0; c < 3; ++c) {
+    const int width = picture.width_of(c), stride = c == 0 ? out.y_stride : out.uv_stride;
+    for (size_t i = 0; i < picture.codes[c].size(); ++i) {
+      planes[c][i / width * stride + i % width] = static_cast<uint8_t>(picture.codes[c][i]);
+    }
+  }
+  WebPMemoryWriter writer;
+  WebPMemoryWriterInit(&writer);
+  out.writer = WebPMemoryWrite;
+  out.custom_ptr = &writer;
+  LITAGS_CHECK(WebPEncode(&config, &out));
+  const std::string bytes(reinterpret_cast<char*>(writer.mem), writer.size);
+  WebPMemoryWriterClear(&writer);
+  WebPPictureFree(&out);
+  return bytes;
+}
+
 std::string EncodeTestTiff(const DeepImage& image, const TiffLayout& layout) {
   namespace fs = std::filesystem;
   std::string path = (fs::temp_directory_path() / "litags-tiff-XXXXXX").string();
@@ -254,15 +312,25 @@ std::string EncodeTestTiff(const DeepImage& image, const TiffLayout& layout) {
 }
 
 std::string EncodeTestHeif(const DeepImage& image, bool av1, int bits, const Extras& extras) {
+  return EncodeTestHeif(ToYCbCr(image, bits), {.av1 = av1, .quality = 95}, extras);
+}
+
+std::string EncodeTestHeif(const TestYCbCr& picture, const HeifLayout& layout,
+                           const Extras& extras) {
   heif_context* context = heif_context_alloc();
   heif_encoder* encoder = nullptr;
   heif_error error = heif_context_get_encoder_for_format(
-      context, av1 ? heif_compression_AV1 : heif_compression_HEVC, &encoder);
+      context, layout.av1 ? heif_compression_AV1 : heif_compression_HEVC, &encoder);
   LITAGS_CHECK(error.code == heif_error_Ok);
-  heif_encoder_set_lossy_quality(encoder, 95);
-  heif_image* picture = MakeHeifImage(image, bits, extras.icc);
+  if (layout.quality == 100) heif_encoder_set_lossless(encoder, 1);
+  if (layout.quality < 100) heif_encoder_set_lossy_quality(encoder, layout.quality);
+  const char* chroma = picture.across == 1 ? "444" : picture.down == 1 ? "422" : "420";
+  heif_encoder_set_parameter_string(encoder, "chroma", chroma);
+  heif_encoding_options* options = heif_encoding_options_alloc();
+  options->image_orientation = static_cast<heif_orientation>(layout.orientation);
+  heif_image* image = MakeHeifImage(picture, layout.alpha, extras.icc);
   heif_image_handle* handle = nullptr;
-  error = heif_context_encode_image(context, picture, encoder, nullptr, &handle);
+  error = heif_context_encode_image(context, image, encoder, options, &handle);
   LITAGS_CHECK(error.code == heif_error_Ok);
   if (!extras.exif.empty()) {
     heif_context_add_exif_metadata(context, handle, extras.exif.data(),
@@ -272,7 +340,8 @@ std::string EncodeTestHeif(const DeepImage& image, bool av1, int bits, const Ext
   heif_writer writer = {1, AppendBytes};
   heif_context_write(context, &writer, &bytes);
   heif_image_handle_release(handle);
-  heif_image_release(picture);
+  heif_image_release(image);
+  heif_encoding_options_free(options);
   heif_encoder_release(encoder);
   heif_context_free(context);
   return bytes;

@@ -2,6 +2,8 @@
 #ifndef LITAGS_ENGINE_IO_TESTING_FORMATS_H_
 #define LITAGS_ENGINE_IO_TESTING_FORMATS_H_
 
+#include <array>
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,6 +31,22 @@ struct Extras {
 
 std::string EncodeTestWebp(const ImageU8& image, const Extras& extras = {}, bool lossless = true);
 
+// Codes of Y, Cb and Cr as a file holds them.
+struct TestYCbCr {
+  int width = 0, height = 0, bits = 8;
+  int across = 2, down = 2;  // pixels to a sample of chroma: 1, 1 is 4:4:4, and 2, 2 is 4:2:0
+  bool grey = false;
+  int matrix = 6;  // code point of ITU-T H.273
+  bool full_range = true;
+  std::array<std::vector<uint16_t>, 3> codes = {};
+
+  int width_of(int c) const { return c == 0 ? width : (width + across - 1) / across; }
+  int height_of(int c) const { return c == 0 ? height : (height + down - 1) / down; }
+};
+
+// Lossy. 4:2:0 of 8 bits, limited range.
+std::string EncodeTestWebp(const TestYCbCr& picture, int quality);
+
 struct TiffLayout {
   int bits = 8;         // 8, 16; 32: floating point, of which 1 is code 65535
   int compression = 1;  // TIFF's number
@@ -47,6 +65,15 @@ std::string EncodeTestTiff(const DeepImage& image, const TiffLayout& layout = {}
 // Nearly lossless, chroma halved. bits: 8, 10 or 12; AVIF: not 10, which Debian's libheif 1.15
 // fails at.
 std::string EncodeTestHeif(const DeepImage& image, bool av1, int bits, const Extras& extras = {});
+
+struct HeifLayout {
+  bool av1 = false;
+  int quality = 100;    // 100: lossless
+  int orientation = 1;  // EXIF's, as properties of the file
+  bool alpha = false;   // half transparent
+};
+std::string EncodeTestHeif(const TestYCbCr& picture, const HeifLayout& layout,
+                           const Extras& extras = {});
 
 // Lossless; bits: 8 or 16. `depths`: channels of depth beside the colours, which are black.
 std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras = {},
