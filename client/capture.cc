@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 #include <iterator>
 #include <memory>
 #include <string_view>
@@ -104,18 +105,25 @@ std::string SuggestFolders(const std::vector<PhotoFolder>& folders) {
   return absl::StrCat(text, more > 0 ? absl::StrCat(" or one of ", more, " others") : "", "?");
 }
 
+// Where the parts of a capture are; empty: they are none.
+struct Places {
+  std::string photos, cameras, depth, masks;
+};
+
 // What is used by an option of its own, as --depth photos/depth, needs no note.
-void NoteUnusedFolders(const std::string& photos_dir, const std::string& cameras_path,
-                       const std::string& depth_dir, Capture* capture) {
+void NoteUnusedFolders(const std::string& dir, const Places& used, Capture* capture) {
   std::error_code ignored;
-  for (const auto& [path, photos] : FoldersWithPhotos(photos_dir)) {
-    const bool used = fs::equivalent(path, cameras_path, ignored) ||
-                      fs::equivalent(path, depth_dir, ignored) ||
-                      fs::equivalent(path, capture->masks_dir, ignored);
-    if (used) continue;
-    capture->notes.push_back(absl::StrCat(photos, photos == 1 ? " photo in " : " photos in ",
-                                          path.filename().string(),
-                                          photos == 1 ? "/ is not used" : "/ are not used"));
+  for (const PhotoFolder& folder : FoldersWithPhotos(dir)) {
+    const auto is_it = [&](const std::string& place) {
+      return fs::equivalent(folder.path, place, ignored);
+    };
+    if (is_it(used.photos) || is_it(used.cameras) || is_it(used.depth) || is_it(used.masks)) {
+      continue;
+    }
+    const bool one = folder.photos == 1;
+    capture->notes.push_back(absl::StrCat(folder.photos, one ? " photo in " : " photos in ",
+                                          folder.path.filename().string(),
+                                          one ? "/ is not used" : "/ are not used"));
   }
 }
 
@@ -145,13 +153,11 @@ uint64_t ImagesOf(const fs::path& dir) {
   return count;
 }
 
-// What is meant by a folder: as the engine's ResolveCameras, it itself, the largest of the models
-// inside or inside its folder sparse, or a file of cameras.
-fs::path ResolveCameras(const fs::path& path) {
+// The largest COLMAP model inside a folder or inside its folder sparse; empty: there is none.
+fs::path LargestModel(const fs::path& dir) {
   std::error_code ignored;
-  if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
   std::vector<fs::path> models;
-  for (const fs::path& parent : {path, path / "sparse"}) {
+  for (const fs::path& parent : {dir, dir / "sparse"}) {
     for (const auto& entry : fs::directory_iterator(parent, ignored)) {
       if (IsColmapModel(entry.path())) models.push_back(entry.path());
     }
@@ -160,11 +166,21 @@ fs::path ResolveCameras(const fs::path& path) {
   const auto largest = std::max_element(
       models.begin(), models.end(),
       [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });
-  if (largest != models.end()) return *largest;
+  return largest == models.end() ? fs::path() : *largest;
+}
+
+// What is meant by a folder: as the engine's ResolveCameras, it itself, the largest of the models
+// inside or inside its folder sparse, a file of cameras, or a model in its folder colmap.
+fs::path ResolveCameras(const fs::path& path) {
+  std::error_code ignored;
+  if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
+  const fs::path model = LargestModel(path);
+  if (!model.empty()) return model;
   for (const char* name : kCamerasFiles) {
     if (fs::is_regular_file(path / name, ignored)) return path / name;
   }
-  return path;
+  const fs::path inside = LargestModel(path / "colmap");
+  return inside.empty() ? path : inside;
 }
 
 // The files of a COLMAP model, in text form if there is no binary one; it may have no points.
@@ -238,12 +254,15 @@ std::string DescribeOtherPictures(const std::vector<std::string>& names) {
 absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::FileRole role,
                         Endings endings, Capture* capture) {
   std::error_code error;
+  const char* things = role == v1::FILE_ROLE_MASK    ? "masks"
+                       : role == v1::FILE_ROLE_DEPTH ? "depth maps"
+                                                     : "photos";
   if (!fs::is_directory(dir, error)) {
     return BadInput(
         "FOLDER_MISSING", field,
         absl::StrCat(dir,
                      fs::exists(dir, error) ? ": is not a folder" : ": there is no such folder",
-                     "; give the folder that holds the photos"));
+                     "; give the folder that holds the ", things));
   }
   bool empty = true;
   for (const auto& entry : fs::directory_iterator(dir, error)) {
@@ -262,10 +281,9 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
   }
   if (error) return Unreadable(dir, error.message());
   if (empty) {
-    return BadInput("FOLDER_EMPTY", field,
-                    absl::StrCat(dir,
-                                 ": the folder is empty; give the folder that holds the "
-                                 "photos"));
+    return BadInput(
+        "FOLDER_EMPTY", field,
+        absl::StrCat(dir, ": the folder is empty; give the folder that holds the ", things));
   }
   return absl::OkStatus();
 }
@@ -281,63 +299,106 @@ absl::Status AddMasks(Capture* capture) {
                                "the folder"));
 }
 
+bool HoldsPhotos(const fs::path& dir) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(dir, error)) {
+    const bool hidden = entry.path().filename().string().starts_with(".");
+    if (!hidden && HasEnding(entry.path(), v1::kPhotoEndings)) return true;
+  }
+  return false;
+}
+
+// A dataset's folder, as of nerfstudio, 3DGS or Mip-NeRF 360, holds no photos itself, but images/
+// (or smaller copies, images_2/) beside their cameras: puts the folders within in place of what the
+// user did not name. litags-train has the same rule (engine/tools/inspect/dataset_folder.cc).
+void UseDatasetFolder(Places* places, std::vector<std::string>* notes) {
+  const fs::path dir = places->photos;
+  std::error_code ignored;
+  if (!fs::is_directory(dir, ignored) || HoldsPhotos(dir)) return;
+  // The first of these folders that there is goes to `place`.
+  const auto use = [&](std::string* place, std::initializer_list<const char*> names) {
+    for (const char* name : names) {
+      if (place->empty() && fs::is_directory(dir / name, ignored)) *place = dir / name;
+    }
+  };
+  for (const char* name : {"images", "images_2", "images_4", "images_8"}) {
+    if (!HoldsPhotos(dir / name)) continue;
+    places->photos = dir / name;
+    notes->push_back(absl::StrCat("photos: ", places->photos));
+    use(&places->masks, {"masks", "mask"});
+    use(&places->depth, {"depths", "depth"});
+    if (places->cameras.empty() && ResolveCameras(dir) != dir) places->cameras = dir;
+    return;
+  }
+}
+
+// The photos, or the one file that holds them.
+absl::Status AddPhotos(const std::string& path, Capture* capture) {
+  std::error_code error;
+  const bool archive = HasEnding(path, v1::kArchiveEndings);
+  const bool one_file = archive || HasEnding(path, v1::kVideoEndings);
+  if (one_file && fs::is_regular_file(path, error)) {
+    auto file = MakeLocalFile(path, archive ? v1::FILE_ROLE_ARCHIVE : v1::FILE_ROLE_VIDEO);
+    if (!file.ok()) return file.status();
+    capture->bytes += file->size_bytes;
+    capture->files.push_back(*std::move(file));
+    return absl::OkStatus();
+  }
+  if (one_file && !fs::exists(path, error)) {
+    return BadInput("FILE_UNREADABLE", "DIR",
+                    absl::StrCat(path, ": there is no such file; give one that is there"));
+  }
+  const absl::Status status =
+      ScanFolder(path, "DIR", v1::FILE_ROLE_PHOTO, v1::kPhotoEndings, capture);
+  if (!status.ok() || !capture->files.empty()) return status;
+  const std::string inside = SuggestFolders(FoldersWithPhotos(path));
+  const std::string others = DescribeOtherPictures(capture->skipped);
+  return BadInput("NO_PHOTOS", "DIR",
+                  absl::StrCat(path, ": holds no photos (", Joined(v1::kPhotoEndings), "); ",
+                               !others.empty()  ? others
+                               : inside.empty() ? "give the folder that holds them"
+                                                : inside));
+}
+
+absl::Status AddCameras(const std::string& given, Capture* capture) {
+  const std::string path = ResolveCameras(given).string();
+  if (path != given) capture->notes.push_back(absl::StrCat("cameras: ", path));
+  std::error_code error;
+  if (fs::is_directory(path, error)) return AddColmapModel(path, capture);
+  if (!fs::is_regular_file(path, error)) {
+    return Unreadable(path, error ? error.message() : "not a file");
+  }
+  auto cameras = MakeLocalFile(path, v1::FILE_ROLE_CAMERAS);
+  if (!cameras.ok()) return cameras.status();
+  AppendBundlerList(&*cameras);
+  capture->bytes += cameras->size_bytes;
+  capture->files.push_back(*std::move(cameras));
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
                                     const std::string& depth_dir, const std::string& masks_dir) {
   Capture capture;
-  std::error_code is_no_file;
-  absl::Status status;
-  const bool archive = HasEnding(photos_dir, v1::kArchiveEndings);
-  if (fs::is_regular_file(photos_dir, is_no_file) &&
-      (archive || HasEnding(photos_dir, v1::kVideoEndings))) {
-    auto file = MakeLocalFile(photos_dir, archive ? v1::FILE_ROLE_ARCHIVE : v1::FILE_ROLE_VIDEO);
-    if (!file.ok()) return file.status();
-    capture.bytes += file->size_bytes;
-    capture.files.push_back(*std::move(file));
-  } else {
-    status = ScanFolder(photos_dir, "DIR", v1::FILE_ROLE_PHOTO, v1::kPhotoEndings, &capture);
+  Places places{photos_dir, cameras_path, depth_dir, masks_dir};
+  UseDatasetFolder(&places, &capture.notes);
+  absl::Status status = AddPhotos(places.photos, &capture);
+  if (status.ok() && !places.cameras.empty()) status = AddCameras(places.cameras, &capture);
+  if (status.ok() && !places.depth.empty()) {
+    status = ScanFolder(places.depth, "--depth", v1::FILE_ROLE_DEPTH, v1::kDepthEndings, &capture);
   }
   if (!status.ok()) return status;
-  if (capture.files.empty()) {
-    const std::string inside = SuggestFolders(FoldersWithPhotos(photos_dir));
-    const std::string others = DescribeOtherPictures(capture.skipped);
-    return BadInput(
-        "NO_PHOTOS", "DIR",
-        absl::StrCat(photos_dir, ": holds no photos (", Joined(v1::kPhotoEndings), "); ",
-                     !others.empty()  ? others
-                     : inside.empty() ? "give the folder that holds them"
-                                      : inside));
+  const fs::path beside = fs::path(places.photos) / "masks";
+  if (std::error_code ignored; places.masks.empty() && fs::is_directory(beside, ignored)) {
+    places.masks = beside.string();
   }
-  const std::string resolved = ResolveCameras(cameras_path).string();
-  if (resolved != cameras_path) capture.notes.push_back(absl::StrCat("cameras: ", resolved));
-  if (std::error_code error; fs::is_directory(resolved, error)) {
-    status = AddColmapModel(resolved, &capture);
-    if (!status.ok()) return status;
-  } else if (!resolved.empty()) {
-    if (!fs::is_regular_file(resolved, error)) {
-      return Unreadable(resolved, error ? error.message() : "not a file");
-    }
-    auto cameras = MakeLocalFile(resolved, v1::FILE_ROLE_CAMERAS);
-    if (!cameras.ok()) return cameras.status();
-    AppendBundlerList(&*cameras);
-    capture.bytes += cameras->size_bytes;
-    capture.files.push_back(*std::move(cameras));
-  }
-  if (!depth_dir.empty()) {
-    status = ScanFolder(depth_dir, "--depth", v1::FILE_ROLE_DEPTH, v1::kDepthEndings, &capture);
-    if (!status.ok()) return status;
-  }
-  capture.masks_dir = masks_dir;
-  const fs::path beside = fs::path(photos_dir) / "masks";
-  if (std::error_code ignored; masks_dir.empty() && fs::is_directory(beside, ignored)) {
-    capture.masks_dir = beside.string();
-  }
+  capture.masks_dir = places.masks;
   if (!capture.masks_dir.empty()) {
     status = AddMasks(&capture);
     if (!status.ok()) return status;
   }
-  NoteUnusedFolders(photos_dir, cameras_path, depth_dir, &capture);
+  NoteUnusedFolders(photos_dir, places, &capture);
   std::sort(capture.files.begin(), capture.files.end(), [](const auto& a, const auto& b) {
     return std::pair(a.role, a.name) < std::pair(b.role, b.name);
   });

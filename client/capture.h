@@ -30,11 +30,12 @@ struct Capture {
   std::string masks_dir;             // where masks come from; empty: there are none
 };
 
-// The photos of a folder (not of its subfolders; hidden files do not count) or a ZIP or TAR archive
-// of one, or a video, and, where the paths are not empty, cameras (a file, a bundle.out with its
-// list of photos, or the folder of a COLMAP model or of several, of which the largest is taken), a
-// folder of depth maps and one of masks; without one, the photos' subfolder "masks", if there is
-// one. INVALID_ARGUMENT: FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, FILE_UNREADABLE.
+// The photos of a folder (not of its subfolders; hidden files do not count), of a dataset's folder
+// (images/ and what lies beside it, docs/datasets.md), or a ZIP or TAR archive of one, or a video,
+// and, where the paths are not empty, cameras (a file, a bundle.out with its list of photos, or the
+// folder of a COLMAP model or of several, of which the largest is taken), a folder of depth maps
+// and one of masks; without one, the photos' subfolder "masks", if there is one. INVALID_ARGUMENT:
+// FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, FILE_UNREADABLE.
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
                                     const std::string& depth_dir, const std::string& masks_dir);
 

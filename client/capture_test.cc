@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -84,6 +85,9 @@ TEST_F(ScanCaptureTest, TakesMasksBesideThePhotosOrOfAFolder) {
     EXPECT_EQ(capture->files[1].name, given.empty() ? "a.jpg.png" : "a.png");
     EXPECT_EQ(capture->masks_dir, (dir_ / (given.empty() ? "masks" : given)).string());
   }
+  EXPECT_THAT(
+      std::string(ScanCapture(dir_.string(), "", "", (dir_ / "gone").string()).status().message()),
+      HasSubstr("there is no such folder; give the folder that holds the masks"));
   Write("none/readme.txt", "x");
   EXPECT_EQ(
       DetailOf(ScanCapture(dir_.string(), "", "", (dir_ / "none").string()).status()).reason(),
@@ -101,6 +105,53 @@ TEST_F(ScanCaptureTest, TakesTheLargestModelOfAFolder) {
   ASSERT_EQ(capture->files.size(), 3u);  // no file of points
   EXPECT_EQ(capture->files[1].path, (dir_ / "m/sparse/1/cameras.bin").string());
   EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("m/sparse/1")));
+}
+
+TEST_F(ScanCaptureTest, TakesTheModelThatNerfstudioLeavesWhereNothingElseIs) {
+  Write("a.jpg", "x");
+  Write("n/colmap/sparse/0/cameras.bin", "x");
+  Write("n/colmap/sparse/0/images.bin", std::string(8, '\1'));
+  auto capture = ScanCapture(dir_.string(), (dir_ / "n").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("n/colmap/sparse/0")));
+  Write("n/transforms.json", "{}");
+  capture = ScanCapture(dir_.string(), (dir_ / "n").string(), "", "");
+  EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("n/transforms.json")));
+}
+
+TEST_F(ScanCaptureTest, TakesImagesAndCamerasOfADatasetsFolder) {
+  for (const char* cameras :
+       {"sparse/0/cameras.bin", "colmap/sparse/0/cameras.bin", "transforms.json"}) {
+    fs::remove_all(dir_ / "d");
+    for (const char* name : {"images/a.jpg", "images_2/a.jpg", "masks/a.png", "depths/a.npy"}) {
+      Write(absl::StrCat("d/", name), "x");
+    }
+    Write(absl::StrCat("d/", cameras), "x");
+    if (std::string(cameras) != "transforms.json") {
+      Write((fs::path("d") / cameras).parent_path() / "images.bin", std::string(8, '\1'));
+    }
+    const auto capture = ScanCapture((dir_ / "d").string(), "", "", "");
+    ASSERT_TRUE(capture.ok()) << capture.status();
+    std::set<std::string> sent;
+    for (const LocalFile& file : capture->files) {
+      sent.insert(fs::path(file.path).lexically_relative(dir_ / "d").string());
+    }
+    for (const char* used : {"images/a.jpg", cameras, "depths/a.npy", "masks/a.png"}) {
+      EXPECT_TRUE(sent.contains(used)) << used;
+    }
+    EXPECT_FALSE(sent.contains("images_2/a.jpg"));
+    EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("photos: "), HasSubstr("cameras: "),
+                                            "1 photo in images_2/ is not used"));
+  }
+}
+
+TEST_F(ScanCaptureTest, WhatTheUserNamesGoesBeforeWhatADatasetHolds) {
+  Write("d/images/a.jpg", "x");
+  Write("d/transforms.json", "{}");
+  Write("mine.json", "{}");
+  const auto capture = ScanCapture((dir_ / "d").string(), (dir_ / "mine.json").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  EXPECT_EQ(capture->files[1].name, "mine.json");
 }
 
 // Programs write one line or two for an image.
@@ -152,6 +203,8 @@ TEST_F(ScanCaptureTest, SaysWhatPicturesThereAreInstead) {
 TEST_F(ScanCaptureTest, RefusesMissingEmptyAndPhotolessFolders) {
   EXPECT_EQ(DetailOf(ScanCapture((dir_ / "none").string(), "", "", "").status()).reason(),
             "FOLDER_MISSING");
+  EXPECT_THAT(std::string(ScanCapture((dir_ / "none.mp4").string(), "", "", "").status().message()),
+              HasSubstr("none.mp4: there is no such file"));
   EXPECT_EQ(DetailOf(ScanCapture(dir_.string(), "", "", "").status()).reason(), "FOLDER_EMPTY");
   Write("low/a.jpg", "x");
   Write("high/a.jpg", "x");

@@ -51,8 +51,8 @@ uint64_t ImagesOf(const fs::path& dir) {
   return count;
 }
 
-// The COLMAP models in the folders of `dir` and in its folder sparse, by name.
-std::vector<fs::path> ModelsIn(const fs::path& dir) {
+// The largest COLMAP model inside a folder or inside its folder sparse; empty: there is none.
+fs::path LargestModel(const fs::path& dir) {
   std::vector<fs::path> found;
   for (const fs::path& parent : {dir, dir / "sparse"}) {
     std::error_code ignored;
@@ -61,7 +61,10 @@ std::vector<fs::path> ModelsIn(const fs::path& dir) {
     }
   }
   std::sort(found.begin(), found.end());
-  return found;
+  const auto largest = std::max_element(
+      found.begin(), found.end(),
+      [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });
+  return largest == found.end() ? fs::path() : *largest;
 }
 
 // Whose file this is that is not read, by its first line; empty: nobody's that is known.
@@ -96,16 +99,13 @@ bool IsCamerasFileName(std::string_view name) {
 std::string ResolveCameras(const std::string& path) {
   std::error_code ignored;
   if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
-  const std::vector<fs::path> models = ModelsIn(path);
-  const auto largest = std::max_element(
-      models.begin(), models.end(),
-      [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });
-  if (largest != models.end()) return *largest;
+  if (const fs::path model = LargestModel(path); !model.empty()) return model;
   for (const char* name : kFileNames) {
     const fs::path file = fs::path(path) / name;
     if (fs::is_regular_file(file, ignored)) return file;
   }
-  return path;
+  const fs::path inside = LargestModel(fs::path(path) / "colmap");
+  return inside.empty() ? path : inside.string();
 }
 
 absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view field,

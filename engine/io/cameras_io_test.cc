@@ -48,6 +48,15 @@ TEST(ResolveCameras, TakesTheLargestModelOfAFolder) {
   EXPECT_EQ(ResolveCameras(root / "sparse" / "2"), (root / "sparse" / "2").string());
 }
 
+// As nerfstudio leaves it, whose transforms.json goes before it.
+TEST(ResolveCameras, TakesTheModelInTheFolderColmapLast) {
+  TempDir dir;
+  Write(fs::path(dir / "colmap") / "sparse" / "0", 3);
+  EXPECT_EQ(ResolveCameras(dir.path()), dir / "colmap/sparse/0");
+  ASSERT_TRUE(WriteFileAtomically(dir / "transforms.json", "{}").ok());
+  EXPECT_EQ(ResolveCameras(dir.path()), dir / "transforms.json");
+}
+
 // Some programs write one line for an image, COLMAP two.
 TEST(ResolveCameras, CountsTheImagesOfTextModels) {
   TempDir dir;
