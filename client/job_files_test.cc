@@ -7,7 +7,9 @@ namespace litags::client {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::EndsWith;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 v1::JobFile File(const std::string& name, v1::FileRole role) {
   v1::JobFile file;
@@ -73,6 +75,16 @@ TEST(JobFiles, TheTableNamesEachFileAndWhyItIsLeftOut) {
   EXPECT_THAT(table, HasSubstr("photo       1.2 KiB       64x48    7.5   +0.3         a.jpg\n"));
   EXPECT_THAT(table, HasSubstr("b.jpg  (left out: it is black)\n"));
   EXPECT_THAT(table, HasSubstr("mask        1.2 KiB                                   b.png\n"));
+}
+
+TEST(JobFiles, TheTablesLegendExplainsEachNumberAndIsThereOnlyWithNumbers) {
+  const std::string table = FileTable({Photo("a.jpg", 0.3)});
+  for (const char* column : {"CODE", "STOPS", "SHARP"}) {
+    EXPECT_THAT(table.substr(0, table.find('\n')), HasSubstr(column));
+    EXPECT_THAT(table.substr(table.find("a.jpg")), HasSubstr(std::string(column) + ": "));
+  }
+  EXPECT_THAT(table, EndsWith("SHARP: sharpness beside the middle photo\n"));
+  EXPECT_THAT(FileTable({File("b.png", v1::FILE_ROLE_MASK)}), Not(HasSubstr("CODE:")));
 }
 
 }  // namespace
