@@ -14,6 +14,7 @@
 #include "client/cli.h"
 #include "client/status.h"
 #include "client/text.h"
+#include "engine/arguments/arguments.h"
 
 namespace litags::client {
 namespace {
@@ -116,12 +117,12 @@ void AddListAndShow(CLI::App& app, Session& session) {
   auto args = std::make_shared<Args>();
   CLI::App* list = app.add_subcommand("list", "All jobs, newest first");
   list->add_option("--limit", args->limit, "At most this many; 0: all")
-      ->check(CLI::Range(0, kMostListed));
+      ->check(Between(0, kMostListed));
   list->add_option("--filter", *args->request.mutable_filter(),
                    "Only these, as 'state = FAILED AND labels.site = north' (AIP-160; fields: "
                    "state, name, display_name, owner, priority, labels.KEY, create_time, "
                    "start_time, end_time)");
-  list->add_flag("--oldest-first", args->oldest_first);
+  list->add_flag("--oldest-first", args->oldest_first, "The other way round");
   list->add_flag("--json", args->json, "One JSON object per line");
   list->callback([&session, args] {
     if (args->oldest_first) args->request.set_order_by("create_time");
@@ -173,7 +174,7 @@ void PrintJson(const google::protobuf::Message& message, bool pretty) {
 void AddJobCommands(CLI::App& app, Session& session) {
   AddListAndShow(app, session);
   AddSimpleCommand(
-      app, session, "cancel", "Stop a job; what it has learnt is kept",
+      app, session, "cancel", "Stop a job; what it has learnt is kept, and resume goes on with it",
       [&session](const std::string& name) -> int {
         const auto job = session.client().CancelJob(name);
         if (!job.ok()) return ReportError(session, job.status(), name);

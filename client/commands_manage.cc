@@ -179,8 +179,10 @@ void AddUpdate(CLI::App& app, Session& session) {
   AddJobArgument(*command, args->job);
   command->add_option("--name", args->name, "Title for humans");
   AddLabelOption(*command, args->labels);
-  command->add_option("--remove-label", args->removed, "Key of a label to take away");
-  command->add_option("--priority", args->priority, "Before jobs of less, -100..100");
+  command->add_option("--remove-label", args->removed, "Key of a label to take away; repeatable")
+      ->allow_extra_args(false);
+  command->add_option("--priority", args->priority,
+                      "Priority in the queue, -100..100: the highest first");
   command->add_option("--keep-seconds", args->keep_seconds,
                       "Remove the job so long after its end; 0: never");
   command->callback([&session, args] { session.exit_code = Update(session, *args); });

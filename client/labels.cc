@@ -6,7 +6,9 @@
 namespace litags::client {
 
 void AddLabelOption(CLI::App& command, std::vector<std::string>& labels) {
-  command.add_option("--label", labels, "Your own word about the job, as site=north; repeatable");
+  // One a flag: "--label site=north DIR" names the folder, too.
+  command.add_option("--label", labels, "Your own word about the job, as site=north; repeatable")
+      ->allow_extra_args(false);
 }
 
 bool ParseLabels(const std::vector<std::string>& texts,

@@ -3,17 +3,13 @@
 #include <signal.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <initializer_list>
-#include <string>
 #include <thread>
-#include <vector>
 
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "client/cli.h"
+#include "engine/arguments/arguments.h"
 
 namespace {
 
@@ -22,7 +18,8 @@ using litags::client::Interrupt;
 constexpr double kMostSeconds = 1e6;  // of a wait
 
 constexpr char kFooter[] = R"(
-JOB is jobs/ID or ID. Results go to stdout, everything else to stderr.
+JOB is jobs/ID or ID. Results go to stdout, everything else to stderr. litags --help has the
+options of the connection, as --server.
 
 Exit codes: 0 ok; 1 the job failed or was cancelled; 2 bad usage or input; 3 no server answers;
 4 no such job or camera; 5 other errors of the server; 130 interrupted.
@@ -76,40 +73,12 @@ void AddConnectionOptions(CLI::App& app, litags::client::ConnectionOptions& opti
   app.add_option("--keepalive", options.keepalive_seconds,
                  "Seconds after which a silent server is asked whether it is there")
       ->capture_default_str()
-      ->check(CLI::Range(0.001, kMostSeconds));
+      ->check(litags::Between(0.001, kMostSeconds));
   app.add_option("--keepalive-timeout", options.keepalive_timeout_seconds,
                  "Seconds that it may take to answer")
       ->capture_default_str()
-      ->check(CLI::Range(0.001, kMostSeconds));
+      ->check(litags::Between(0.001, kMostSeconds));
   if (const char* token = std::getenv("LITAGS_TOKEN")) options.token = token;
-}
-
-// Says what was given that no command takes, in its order; CLI11 has it backwards, and after what
-// is missing: of "render x --out y.png" that --output is required. 0: all that is given is known.
-int NoteUnknown(const CLI::App& app) {
-  const std::vector<std::string> words = app.remaining(/*recurse=*/true);
-  if (words.empty() || app.get_subcommands().empty()) return litags::client::kExitOk;
-  const std::string command = absl::StrCat("litags ", app.get_subcommands().front()->get_name());
-  const auto option = std::find_if(words.begin(), words.end(),
-                                   [](const std::string& word) { return word.starts_with("-"); });
-  litags::client::Note(absl::StrCat(
-      option != words.end() ? absl::StrCat("there is no option ", *option, " of ", command)
-                            : absl::StrCat(command, " does not take: ", absl::StrJoin(words, " ")),
-      "; ", command, " --help says what there is"));
-  return litags::client::kExitBadInput;
-}
-
-// Without a command that there is: says which there are.
-int NoteCommands(const CLI::App& app) {
-  const std::vector<std::string> words = app.remaining();
-  std::string text = words.empty() ? "no command is given"
-                                   : absl::StrCat("there is no command \"", words.front(), "\"");
-  absl::StrAppend(&text, "; choose one of:");
-  for (const CLI::App* command : app.get_subcommands(nullptr)) {
-    absl::StrAppend(&text, " ", command->get_name());
-  }
-  litags::client::Note(text + "\nlitags --help and litags COMMAND --help say more");
-  return litags::client::kExitBadInput;
 }
 
 }  // namespace
@@ -129,7 +98,7 @@ int main(int argc, char** argv) {
   app.add_option("--retry", session.retry_seconds,
                  "Seconds for which a connection that broke is tried again")
       ->default_val(120)
-      ->check(CLI::Range(0.0, kMostSeconds));
+      ->check(litags::Between(0.0, kMostSeconds));
   app.require_subcommand(1);
   // Runs before the command's own callback, with all options known.
   app.parse_complete_callback([&session] {
@@ -150,15 +119,7 @@ int main(int argc, char** argv) {
   litags::client::AddReportCommand(app, session);
   litags::client::AddDoctorCommand(app, session);
   litags::client::AddInspectCommand(app, session);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_name() == "RequiredError" && app.get_subcommands().empty()) {
-      return NoteCommands(app);
-    }
-    if (const int unknown = NoteUnknown(app)) return unknown;
-    return app.exit(error) == 0 ? litags::client::kExitOk : litags::client::kExitBadInput;
-  }
+  if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
   // What was lost before, as on a full disk, the last flush does not tell.
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
     litags::client::Note("not all of the output could be written");

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/report/text.h"
+#include "engine/arguments/arguments.h"
 #include "litags/v1/help.pb.h"
 
 namespace litags::client {
@@ -51,8 +52,10 @@ CLI::Option* AddFlag(CLI::App& command, const FieldDescriptor& field, v1::JobOpt
       return command.add_option_function<int64_t>(
           flag, [&](int64_t value) { reflection.SetInt64(&options, &field, value); });
     case FieldDescriptor::CPPTYPE_UINT64:
-      return command.add_option_function<uint64_t>(
-          flag, [&](uint64_t value) { reflection.SetUInt64(&options, &field, value); });
+      return command
+          .add_option_function<uint64_t>(
+              flag, [&](uint64_t value) { reflection.SetUInt64(&options, &field, value); })
+          ->check(AtLeastZero(uint64_t{}));  // CLI11 would make -1 the largest number
     case FieldDescriptor::CPPTYPE_DOUBLE:
       return command.add_option_function<double>(
           flag, [&](double value) { reflection.SetDouble(&options, &field, value); });

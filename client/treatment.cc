@@ -6,6 +6,8 @@
 #include <cmath>
 #include <string>
 
+#include "engine/arguments/arguments.h"
+
 namespace litags::client {
 
 google::protobuf::Duration DurationOf(double seconds) {
@@ -26,19 +28,20 @@ void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
   command
       .add_option("--max-memory", treatment.max_memory_bytes,
                   "Fail the job when it holds more bytes; 4G and the like are understood")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(ByteSize())
       ->group(group);
   command.add_option("--min-cores", treatment.min_cores, "Cores that the job's worker must have")
       ->group(group);
   command
       .add_option("--min-memory", treatment.min_memory_bytes,
                   "Main memory that its worker must have, as 8G; default: as --max-memory")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(ByteSize())
       ->group(group);
   command
       .add_option("--worker-labels", treatment.worker_labels,
                   "Labels its worker must have, as avx512,site-b")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->group(group);
   command
       .add_option("--keep-seconds", treatment.retention_seconds,

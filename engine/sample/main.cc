@@ -5,7 +5,7 @@
 #include <iostream>
 #include <string>
 
-#include "engine/core/arguments.h"
+#include "engine/arguments/arguments.h"
 #include "engine/sample/capture.h"
 
 namespace {
@@ -27,9 +27,11 @@ int Run(int argc, char** argv) {
   app.add_option("--size", size, "Size of the photos, px: WIDTHxHEIGHT")->capture_default_str();
   app.add_option("--views", options.views, "Number of photos")->capture_default_str();
   app.add_option("--seed", options.seed, "Texture detail, hand shake and noise")
+      ->check(litags::AtLeastZero(options.seed))
       ->capture_default_str();
   app.add_option("--noise-seed", options.noise_seed,
                  "Another one: the same photos with other noise")
+      ->check(litags::AtLeastZero(options.noise_seed))
       ->capture_default_str();
   app.add_option("--low-mean", options.low_mean, "Mean sRGB level of low/, 0..1")
       ->capture_default_str();

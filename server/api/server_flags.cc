@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "absl/strings/str_cat.h"
+#include "engine/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -35,7 +36,7 @@ void AddAccessFlags(CLI::App* app, ServerOptions* server) {
 
 void AddClientLimitFlags(CLI::App* app, ClientLimits* limits) {
   const auto add = [app](const char* name, auto& value, const char* help) {
-    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+    app->add_option(name, value, help)->check(AtLeastZero(value))->capture_default_str();
   };
   add("--max-jobs", limits->max_jobs, "Jobs of one client at one time; 0: no limit");
   add("--max-bytes", limits->max_bytes,
@@ -46,13 +47,13 @@ void AddClientLimitFlags(CLI::App* app, ClientLimits* limits) {
       "Calls for pictures of one client a second; 0: no limit");
   // With fewer than one, no call would ever be let in.
   app->add_option("--picture-burst", limits->picture_burst, "So many calls at once after a pause")
-      ->check(CLI::Range(1.0, 1e9))
+      ->check(Between(1.0, 1e9))
       ->capture_default_str();
 }
 
 void AddCapFlags(CLI::App* app, JobCaps* caps) {
   const auto add = [app](const char* name, auto& value, const char* help) {
-    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+    app->add_option(name, value, help)->check(AtLeastZero(value))->capture_default_str();
   };
   add("--max-iterations", caps->max_iterations, "Iterations that a job may ask for; 0: no limit");
   add("--max-gaussians", caps->max_gaussians, "Gaussians that a job may ask for; 0: no limit");
@@ -60,17 +61,17 @@ void AddCapFlags(CLI::App* app, JobCaps* caps) {
       "Seconds that a job may ask to run, and gets that asks for none; 0: no limit");
   app->add_option("--max-priority", caps->max_priority,
                   "Priority that clients with a name may ask for")
-      ->check(CLI::Range(-kMaxJobPriority, kMaxJobPriority))
+      ->check(Between(-kMaxJobPriority, kMaxJobPriority))
       ->capture_default_str();
   app->add_option("--max-job-memory", caps->max_memory_bytes,
                   "Memory that a job may ask for, as 6GiB; 0: no limit")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(ByteSize())
       ->capture_default_str();
 }
 
 void AddUploadCpuFlags(CLI::App* app, UploadCpuLimits* limits) {
   const auto add = [app](const char* name, auto& value, const char* help) {
-    app->add_option(name, value, help)->check(CLI::NonNegativeNumber)->capture_default_str();
+    app->add_option(name, value, help)->check(AtLeastZero(value))->capture_default_str();
   };
   add("--upload-cpu", limits->per_second,
       "Seconds of one core, each second, that the uploads of one client may take; beyond, they "
@@ -80,7 +81,7 @@ void AddUploadCpuFlags(CLI::App* app, UploadCpuLimits* limits) {
 
 void AddRenderFlags(CLI::App* app, ServerOptions* server) {
   const auto add = [app](const char* name, auto& value, const char* help) {
-    app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
+    app->add_option(name, value, help)->check(AboveZero(value))->capture_default_str();
   };
   add("--render-workers", server->render_threads, "Pictures made at the same time");
   add("--render-threads", server->render.threads, "Threads per picture");
@@ -93,24 +94,24 @@ void AddRenderFlags(CLI::App* app, ServerOptions* server) {
   app->add_option("--max-unread-bytes", server->answers.max_unread_bytes,
                   "Memory for pictures and models that clients have not read yet, as 512MiB; one "
                   "client may have half of it")
-      ->transform(CLI::AsSizeValue(false))
-      ->check(CLI::PositiveNumber)
+      ->transform(ByteSize())
+      ->check(AboveZero(server->answers.max_unread_bytes))
       ->capture_default_str();
   app->add_option("--max-export-bytes", server->answers.max_export_bytes,
                   "Disk space for exported models that clients have not read yet, as 4GiB; one "
                   "client may have half of it")
-      ->transform(CLI::AsSizeValue(false))
-      ->check(CLI::PositiveNumber)
+      ->transform(ByteSize())
+      ->check(AboveZero(server->answers.max_export_bytes))
       ->capture_default_str();
   app->add_option("--scene-cache", server->scene_cache_bytes,
                   "Memory for scenes that were rendered last, as 1GiB; at least one stays")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(ByteSize())
       ->capture_default_str();
 }
 
 void AddConnectionFlags(CLI::App* app, ConnectionLimits* limits) {
   const auto add = [app](const char* name, auto& value, const char* help) {
-    app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
+    app->add_option(name, value, help)->check(AboveZero(value))->capture_default_str();
   };
   add("--max-connections", limits->counts.max_connections,
       "Connections at the same time, as far as the limit of open files allows; one network may "
@@ -138,7 +139,7 @@ void AddWebFlags(CLI::App* app, ServerFlags* flags) {
                   "Write the page's port to this file once it is open");
   app->add_option("--max-web-connections", flags->web.counts.max_connections,
                   "Connections to the page at the same time; one network may have half of them")
-      ->check(CLI::PositiveNumber)
+      ->check(AboveZero(flags->web.counts.max_connections))
       ->capture_default_str();
 }
 
@@ -153,25 +154,25 @@ void AddJobFlags(CLI::App* app, ServerFlags* flags) {
   app->add_option("--s3-endpoint", flags->places.s3_endpoint, "S3 server, if it is not Amazon's");
   app->add_option("--keep-every", flags->keep_seconds,
                   "Seconds between two times that a job's checkpoint and snapshot are sent to S3")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero(flags->keep_seconds))
       ->capture_default_str();
   app->add_option("--workers", flags->workers, "Jobs that run at the same time on this machine")
-      ->check(CLI::Range(0, 256))
+      ->check(Between(0, 256))
       ->capture_default_str();
   app->add_option("--worker-niceness", flags->worker_niceness,
                   "Jobs leave the processor to pictures by so much")
-      ->check(CLI::Range(0, 19))
+      ->check(Between(0, 19))
       ->capture_default_str();
   app->add_option("--worker-cores", flags->worker_cores,
                   "Cores that the jobs of each worker here may count on; 0: its share of the "
                   "machine's, or --threads")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero(flags->worker_cores))
       ->capture_default_str();
   app->add_option("--worker-labels", flags->worker_labels,
                   "What else jobs may ask for, as avx512,site-b")
       ->delimiter(',');
   app->add_option("--threads", flags->threads, "Threads per job; 0: all cores")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero(flags->threads))
       ->capture_default_str();
   app->add_option("--colmap", flags->colmap, "COLMAP program: a name or a path")
       ->capture_default_str();
@@ -180,11 +181,11 @@ void AddJobFlags(CLI::App* app, ServerFlags* flags) {
                   "[,mean=R:G:B][,std=R:G:B][,output=inverse|depth]");
   app->add_option("--colmap-timeout", flags->colmap_step_seconds,
                   "Seconds that one COLMAP step may take; 0: no limit")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero(flags->colmap_step_seconds))
       ->capture_default_str();
   app->add_option("--worker-memory", flags->worker_memory_bytes,
                   "Address space of a worker and of each program it starts, as 6GiB; 0: no limit")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(ByteSize())
       ->capture_default_str();
   app->add_flag("--worker-network", flags->worker_network,
                 "Leave workers in the machine's network, which they do not need");
@@ -204,7 +205,7 @@ void AddWebhookFlags(CLI::App* app, ServerFlags* flags) {
 
 void AddUploadFlags(CLI::App* app, ServerFlags* flags) {
   const auto add = [app](const char* name, auto& value, const char* help) {
-    app->add_option(name, value, help)->check(CLI::PositiveNumber)->capture_default_str();
+    app->add_option(name, value, help)->check(AboveZero(value))->capture_default_str();
   };
   add("--keep-uploads", flags->uploads.keep_seconds,
       "Seconds after which a job that was not started, and gets no files, is removed");
@@ -237,12 +238,12 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
   app->add_option("--self-call", flags->self_call_seconds,
                   "Seconds between calls of the server to itself: one that answers none of twelve "
                   "ends with an error; 0: no calls")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero(flags->self_call_seconds))
       ->capture_default_str();
   app->add_option("--log-level", flags->log_level, "debug, info, warn or error")
       ->capture_default_str();
   app->add_option("--log-format", flags->log_format, "text, or json: one object a line")
-      ->check(CLI::IsMember({"text", "json"}))
+      ->check(OneOf({"text", "json"}))
       ->capture_default_str();
   app->add_option("--port-file", flags->port_file, "Write the port to this file once it is open");
   app->add_option("--config", flags->config, "TOML file of settings; flags and variables beat it");

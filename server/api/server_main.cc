@@ -15,7 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "engine/core/arguments.h"
+#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 
 namespace litags {
@@ -52,6 +53,12 @@ std::string TomlValue(const std::vector<std::string>& values, bool is_list) {
                                       out->append(TomlValue(value));
                                     }),
                       "]");
+}
+
+// What is wrong with an option's value, without its name: " takes json or text, not \"xml\"".
+std::string AfterName(const std::string& name, const CLI::App& app, const CLI::Error& error) {
+  const std::string text = DescribeUsageError(app, error);
+  return text.starts_with(name) ? text.substr(name.size()) : ": " + text;
 }
 
 }  // namespace
@@ -131,9 +138,10 @@ absl::Status Settings::Apply(CLI::Option* option, const std::string& name) {
     option->run_callback();
   } catch (const CLI::Error& error) {
     const bool secret = rules_.secret.count(name) > 0;
-    return InvalidInput("SETTING_INVALID", "--" + name,
-                        absl::StrCat("--", name, " from ", place, ": ",
-                                     secret ? "its value is not valid" : error.what()));
+    return InvalidInput(
+        "SETTING_INVALID", "--" + name,
+        absl::StrCat("--", name, " from ", place,
+                     secret ? ": its value is not valid" : AfterName("--" + name, *app_, error)));
   }
   return absl::OkStatus();
 }

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "server/testing/temp_dir.h"
 
@@ -22,7 +23,7 @@ class SettingsTest : public ::testing::Test {
  protected:
   SettingsTest() {
     app_.add_option("--listen", listen_)->capture_default_str();
-    app_.add_option("--jobs", jobs_)->check(CLI::Range(1, 100))->capture_default_str();
+    app_.add_option("--jobs", jobs_)->check(Between(1, 100))->capture_default_str();
     app_.add_option("--rate", rate_)->capture_default_str();
     app_.add_flag("--insecure", insecure_);
     app_.add_option("--admins", admins_)->delimiter(',');
@@ -168,6 +169,11 @@ TEST_F(SettingsTest, ValueThatTheReaderWouldCutIsRefused) {
 
 TEST_F(SettingsTest, ValuesAreCheckedAsOnTheCommandLine) {
   EXPECT_EQ(Refusal("jobs = 1000\n"), "SETTING_INVALID --jobs");
+}
+
+TEST_F(SettingsTest, ABadValueIsSaidOnceWithItsPlace) {
+  EXPECT_EQ(Complete("", "jobs = 1000\n").message(),
+            "--jobs from file " + path_ + " takes a whole number from 1 to 100, not \"1000\"");
 }
 
 TEST_F(SettingsTest, FileThatIsNotThereIsAnError) {

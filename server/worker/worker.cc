@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "engine/core/arguments.h"
+#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "server/store/digest.h"
 #include "server/store/open_stores.h"
@@ -136,18 +136,18 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
       ->envname("LITAGS_S3_ENDPOINT");
   app.add_option("--keep-every", keep_seconds,
                  "Seconds between two times that checkpoint and snapshot are sent to S3")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero(keep_seconds))
       ->capture_default_str();
   app.add_option("--name", options.name, "Name, unique among all workers there ever were");
   app.add_option("--threads", options.threads, "Threads per job that does not say; 0: all cores")
-      ->check(CLI::NonNegativeNumber);
+      ->check(AtLeastZero(options.threads));
   app.add_option("--cores", options.has.cores,
                  "Cores that jobs may count on; default: those there are, or --threads")
-      ->check(CLI::PositiveNumber)
+      ->check(AboveZero(options.has.cores))
       ->envname("LITAGS_WORKER_CORES");
   app.add_option("--memory", options.has.memory_bytes,
                  "Main memory that jobs may count on, as 6GiB; default: what there is")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(ByteSize())
       ->envname("LITAGS_WORKER_MEMORY");
   app.add_option("--labels", options.has.labels, "What else jobs may ask for, as avx512,site-b")
       ->delimiter(',')
@@ -156,16 +156,16 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   app.add_option("--depth-model", depth_model, "ONNX depth network, see litags-server --help");
   app.add_option("--colmap-timeout", options.colmap_step_seconds,
                  "Seconds that one COLMAP step may take; 0: no limit")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero(options.colmap_step_seconds))
       ->capture_default_str();
   app.add_option("--max-memory", hardening.max_memory_bytes,
                  "Address space of the worker and of each program it starts, as 6GiB; 0: no limit")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(ByteSize());
   app.add_flag("--allow-network", hardening.allow_network,
                "Stay in the machine's network, which a worker does not need");
   app.add_option("--log-level", log_level, "debug, info, warn or error")->capture_default_str();
   app.add_option("--log-format", log_format, "text or json")
-      ->check(CLI::IsMember({"text", "json"}))
+      ->check(OneOf({"text", "json"}))
       ->capture_default_str();
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
   if (!SetUpLog(log_level, log_format, options.name)) return 2;

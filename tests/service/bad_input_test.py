@@ -207,11 +207,17 @@ class BadRequests(harness.ServiceTest):
                 (("render", "1", "--out", "y.png"), "there is no option --out of litags render; "),
                 (("list", "--fliter", "x"), "there is no option --fliter of litags list; "),
                 (("cancel", "1", "second", "third"), "litags cancel does not take: second third; "),
-                (("list", "--limit", "-3"), "Value -3 not in range 0 to 1000000\n"),
-                (("--retry", "-1", "list"), "not in range 0.000000 to 1000000.000000\n")):
+                (("list", "--limit", "-3"),
+                 '--limit takes a whole number from 0 to 1000000, not "-3"; '),
+                (("--retry", "-1", "list"), '--retry takes a number from 0 to 1000000, not "-1"; '),
+                (("submit", "d", "--iterations", "x"), '--iterations takes a whole number, not "x"; '),
+                (("submit", "d", "--seed", "-1"), "--seed takes a whole number from 0 on, "),
+                (("render", "1"), "--output is not given; "),
+                (("submit", "d", "--max-memory", "1lb"), "--max-memory takes a number of bytes, ")):
             with self.subTest(command):
                 _, err = self.litags(*command, exit_code=2)
                 self.assertIn(words, err)
+                self.assertTrue(err.endswith("--help says what there is\n"), err)
 
     def test_a_command_that_is_not_there_is_answered_with_those_that_are(self):
         for words, said in ((("help",), 'there is no command "help"'), ((), "no command is given")):

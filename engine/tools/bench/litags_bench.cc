@@ -2,7 +2,7 @@
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
-#include "engine/core/arguments.h"
+#include "engine/arguments/arguments.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/machine.h"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/core/arguments.h"
+#include "engine/arguments/arguments.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
 
 namespace {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 
 namespace litags {
@@ -21,7 +22,9 @@ void AddMethodOptions(CLI::App* app, ReconstructOptions* options, std::vector<st
                 if constexpr (std::is_same_v<T, bool>) {
                   app->add_flag(flag, value, help);
                 } else if constexpr (std::is_arithmetic_v<T>) {
-                  app->add_option(flag, value, help)->capture_default_str();
+                  CLI::Option* option = app->add_option(flag, value, help)->capture_default_str();
+                  // CLI11 would make -1 the largest number.
+                  if constexpr (std::is_unsigned_v<T>) option->check(AtLeastZero(value));
                 } else {
                   app->add_option_function<std::string>(
                          flag,

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <string>
 
-#include "engine/core/arguments.h"
+#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "engine/tools/film/film.h"
 
@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
   app.add_option("FILE", path, "The video, .webm or .mp4")->required();
   app.add_option("--fps", frames_per_second, "Pictures a second")
       ->default_val(30)
-      ->check(CLI::Range(1, 120));
+      ->check(litags::Between(1, 120));
   if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
   const absl::Status status = litags::WriteFilm(stdin, stdout, path, frames_per_second);
   if (status.ok()) return 0;

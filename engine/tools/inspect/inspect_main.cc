@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "engine/core/arguments.h"
+#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/inspect.h"
@@ -66,10 +66,10 @@ int Main(int argc, char** argv) {
   app.add_option("--masks", args.masks,
                  "Folder with masks of photos; default: DIR/masks, if there is one");
   app.add_option("--frames", args.frames, "At most so many frames of a video; 0: by its motion")
-      ->check(CLI::Range(0, 2000));
+      ->check(Between(0, 2000));
   app.add_option("--contact-sheet", args.sheet, "Picture of all photos, brightened, .jpg or .png");
   app.add_option("--threads", args.options.threads, "Threads; 0: all cores")
-      ->check(CLI::Range(0, 1024));
+      ->check(Between(0, 1024));
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
   CancelToken cancel;
   g_cancel = &cancel;

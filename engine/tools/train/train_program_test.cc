@@ -64,7 +64,7 @@ TEST_F(TrainProgramTest, InspectingSaysWhatIsUsedAndStrictRefusesWhatCannotBeRea
   EXPECT_THAT(without_out.text, HasSubstr("7 photos would be used"));
   const Outcome nowhere = RunAlone({photos});
   EXPECT_EQ(nowhere.exit_code, 2);
-  EXPECT_THAT(nowhere.text, HasSubstr("--output is required"));
+  EXPECT_THAT(nowhere.text, HasSubstr("--output is not given; litags-train --help says"));
   const Outcome strict = Run({photos, "--strict", "--cameras", scene_ + "/sparse"});
   EXPECT_EQ(strict.exit_code, 2);
   EXPECT_THAT(strict.text, HasSubstr("PHOTO_UNREADABLE"));
