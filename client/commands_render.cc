@@ -2,6 +2,7 @@
 #include <google/protobuf/util/json_util.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "client/status.h"
 #include "client/text.h"
 #include "client/view_args.h"
+#include "engine/arguments/arguments.h"
 
 namespace litags::client {
 namespace {
@@ -51,7 +53,8 @@ void AddSettings(CLI::App& command, SettingsArgs& args) {
                      "Light: 0 normal, 1 as photographed, and between and beyond, -4..4");
   command.add_option("--exposure", args.exposure,
                      "Of the finished picture, in stops: +1 is twice the light, -10..10");
-  command.add_option("--quality", args.jpeg_quality, "Of a JPEG, 1..100 (92)");
+  command.add_option("--quality", args.jpeg_quality, "Of a JPEG; default: 92")
+      ->check(Between(1, 100));
 }
 
 // Colours' values are 0 to 1 always, and say nothing.
@@ -188,13 +191,16 @@ int Path(Session& session, const PathArgs& args) {
   absl::Status status = CheckOutputs(args);
   Film film;
   if (status.ok() && !args.video.empty()) status = film.Start(args.video, args.frames_per_second);
-  if (!status.ok()) return ReportError(session, status);
+  const auto fail = [&](const absl::Status& why) {
+    return film.said_why() ? kExitBadInput : ReportError(session, why, args.job);
+  };
+  if (!status.ok()) return fail(status);
   const auto frames = WritePath(session, *request, args, &film);
-  if (!frames.ok()) return ReportError(session, frames.status(), args.job);
+  if (!frames.ok()) return fail(frames.status());
   if (!args.output.empty()) Note(absl::StrCat(args.output, ": ", *frames, " frames"));
   if (args.video.empty()) return kExitOk;
   status = film.Finish();
-  if (!status.ok()) return ReportError(session, status, args.job);
+  if (!status.ok()) return fail(status);
   Note(absl::StrCat(args.video, ": ", *frames, " frames, ", args.frames_per_second, " a second"));
   return kExitOk;
 }
@@ -221,10 +227,15 @@ int Cameras(Session& session, const std::string& job, bool json) {
     std::printf("%s\n", text.c_str());
     return kExitOk;
   }
-  std::printf("%-28s %-11s %10s  %s\n", "CAMERA", "SIZE", "FOCAL", "POSITION");
+  size_t widest = 28;
+  for (const auto& named : list->cameras()) {
+    widest = std::max(widest, ColumnsOf(Printable(named.name())));
+  }
+  std::printf("%s %-11s %10s  %s\n", Padded("CAMERA", widest).c_str(), "SIZE", "FOCAL", "POSITION");
   for (const auto& named : list->cameras()) {
     const v1::Vector3 at = Center(named.camera());
-    std::printf("%-28s %-11s %10.2f  %.4g,%.4g,%.4g\n", Printable(named.name()).c_str(),
+    std::printf("%s %-11s %10.2f  %.4g,%.4g,%.4g\n",
+                Padded(Printable(named.name()), widest).c_str(),
                 absl::StrCat(named.camera().width(), "x", named.camera().height()).c_str(),
                 named.camera().intrinsics().fx(), at.x(), at.y(), at.z());
   }
@@ -256,12 +267,12 @@ void AddPath(CLI::App& app, Session& session) {
   path->add_option("--sweep", args->sweep_deg,
                    "Of the orbit, degrees; default: as far round as there are photos")
       ->needs(orbit);
-  path->add_option("--keyframes", args->keyframes, "Through these cameras, by their photos' names")
+  path->add_option("--keyframes", args->keyframes,
+                   "Through these cameras, by their photos' names; JOB stands before it")
       ->excludes(orbit);
   path->add_flag("--closed", args->closed, "From the last keyframe back to the first")
       ->excludes(orbit);
-  path->add_option("--frames", args->frames, "Number of pictures (60)")
-      ->check(CLI::Range(1, 10000));
+  path->add_option("--frames", args->frames, "Number of pictures (60)")->check(Between(1, 10000));
   path->add_option("--format", args->format, "png (default), jpg, npy or raw");
   AddSettings(*path, args->settings);
   AddRamp(*path, "light", args->light_from, args->light_to);
@@ -271,7 +282,7 @@ void AddPath(CLI::App& app, Session& session) {
       "--video", args->video, "Video file: .webm (VP9) or .mp4 (H.264); instead of -o, or as well");
   path->add_option("--fps", args->frames_per_second, "Of the video, pictures a second")
       ->capture_default_str()
-      ->check(CLI::Range(1, 120))
+      ->check(Between(1, 120))
       ->needs(video);
   path->callback([&session, args] { session.exit_code = Path(session, *args); });
 }
@@ -286,7 +297,8 @@ void AddRenderCommands(CLI::App& app, Session& session) {
   render->add_option("--camera", args->pose.camera, "From where this photo was taken");
   render
       ->add_option("--pose", args->pose.pose,
-                   "World-to-camera matrix: 16 numbers row by row, or a file with them")
+                   "World-to-camera matrix: 16 numbers row by row, or a file with them; JOB stands "
+                   "before it")
       ->expected(1, 16);
   render->add_option("--look-at", args->pose.look_at, "Eye and target: x,y,z x,y,z")->expected(2);
   render->add_option("--up", args->pose.up, "With --look-at: what appears upwards, x,y,z");

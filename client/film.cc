@@ -19,6 +19,7 @@ namespace litags::client {
 namespace {
 
 constexpr char kProgram[] = "litags-film", kField[] = "--video";
+constexpr int kSaidWhy = 2;  // its exit code behind an error that it has printed
 
 // With `socket` as its standard input and output; errno if it cannot be started.
 int Spawn(const std::vector<std::string>& command, int socket, pid_t* pid) {
@@ -74,7 +75,9 @@ absl::Status Film::Add(std::string_view picture) {
 
 absl::Status Film::Finish() {
   const bool sent = Send("0\n");
-  return End() == 0 && sent ? absl::OkStatus() : Failed();
+  const int exit = End();
+  said_why_ = exit == kSaidWhy;
+  return exit == 0 && sent ? absl::OkStatus() : Failed();
 }
 
 bool Film::Send(std::string_view bytes) {
@@ -96,9 +99,10 @@ int Film::End() {
 }
 
 absl::Status Film::Failed() {
-  if (pid_ >= 0) (void)End();
+  if (pid_ >= 0) said_why_ = End() == kSaidWhy;
   return BadInput("VIDEO_FAILED", kField,
-                  absl::StrCat(path_, ": is not written; ", kProgram, " says why above"));
+                  absl::StrCat(path_, ": is not written; ", kProgram,
+                               said_why_ ? " has said why" : " ended without a word of why"));
 }
 
 }  // namespace litags::client

@@ -27,6 +27,8 @@ class Film {
   // Finish() likewise.
   absl::Status Add(std::string_view picture);
   absl::Status Finish();
+  // Whether litags-film itself has told the user why there is no video.
+  bool said_why() const { return said_why_; }
 
  private:
   // Waits until litags-film says that pictures can come; false if it says nothing.
@@ -38,6 +40,7 @@ class Film {
 
   std::string path_;
   pid_t pid_ = -1;
+  bool said_why_ = false;
   int input_ = -1;  // our end of its standard input and output
 };
 

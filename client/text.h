@@ -11,9 +11,11 @@
 namespace litags::client {
 
 using report::BytesText;
+using report::ColumnsOf;
 using report::CountText;
 using report::DurationText;
 using report::IsUtf8;
+using report::Padded;
 using report::Printable;
 using report::SecondsOf;
 using report::StageText;

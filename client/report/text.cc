@@ -42,6 +42,27 @@ bool IsControl(unsigned long code) {
          code == 0x200F || (code >= 0x2028 && code <= 0x202E) || (code >= 0x2066 && code <= 0x2069);
 }
 
+struct CodeRange {
+  unsigned long first, last;
+};
+
+template <size_t N>
+bool IsIn(const CodeRange (&ranges)[N], unsigned long code) {
+  return std::any_of(std::begin(ranges), std::end(ranges), [code](const CodeRange& range) {
+    return code >= range.first && code <= range.last;
+  });
+}
+
+// Of scripts and signs in use, as Unicode's EastAsianWidth.txt and its class Mn have them.
+constexpr CodeRange kWide[] = {
+    {0x1100, 0x115F},   {0x2E80, 0x303E},   {0x3041, 0xA4CF},   {0xA960, 0xA97C},
+    {0xAC00, 0xD7A3},   {0xF900, 0xFAFF},   {0xFE30, 0xFE6F},   {0xFF00, 0xFF60},
+    {0xFFE0, 0xFFE6},   {0x1F300, 0x1F64F}, {0x1F680, 0x1F6FF}, {0x1F900, 0x1F9FF},
+    {0x20000, 0x3FFFD},
+};
+constexpr CodeRange kOverlaid[] = {
+    {0x0300, 0x036F}, {0x200B, 0x200D}, {0x20D0, 0x20FF}, {0x3099, 0x309A}, {0xFE00, 0xFE0F}};
+
 }  // namespace
 
 double SecondsOf(const google::protobuf::Duration& duration) {
@@ -121,6 +142,21 @@ std::string Printable(std::string_view text) {
     text.remove_prefix(std::max<size_t>(1, length));
   }
   return result;
+}
+
+size_t ColumnsOf(std::string_view text) {
+  size_t columns = 0;
+  while (!text.empty()) {
+    const auto [length, code] = FirstCharacter(text);
+    if (!IsIn(kOverlaid, code)) columns += IsIn(kWide, code) ? 2 : 1;
+    text.remove_prefix(std::max<size_t>(1, length));
+  }
+  return columns;
+}
+
+std::string Padded(std::string_view text, size_t columns) {
+  const size_t used = ColumnsOf(text);
+  return std::string(text) + std::string(columns > used ? columns - used : 0, ' ');
 }
 
 }  // namespace litags::report

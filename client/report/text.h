@@ -4,6 +4,7 @@
 
 #include <google/protobuf/descriptor.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -34,6 +35,12 @@ bool IsUtf8(std::string_view text);
 // UTF-8 replaced by '?', so that names from elsewhere neither drive the terminal nor show
 // themselves as others. Newlines stay.
 std::string Printable(std::string_view text);
+
+// How many columns a terminal shows `text` in: wide East Asian letters take two, marks that go over
+// the letter before them none.
+size_t ColumnsOf(std::string_view text);
+// With spaces behind it, up to so many columns.
+std::string Padded(std::string_view text, size_t columns);
 
 }  // namespace litags::report
 

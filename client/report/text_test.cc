@@ -39,5 +39,15 @@ TEST(Text, WordsOfEnumsAreThoseOfTheCommandLine) {
   EXPECT_EQ(StateText(static_cast<v1::JobState>(99)), "99");
 }
 
+TEST(Text, ColumnsAreThoseOfATerminal) {
+  EXPECT_EQ(ColumnsOf("room.jpg"), 8u);
+  EXPECT_EQ(ColumnsOf("Küche.jpg"), 9u);
+  EXPECT_EQ(ColumnsOf("Ku\u0308che.jpg"), 9u);  // as macOS writes it
+  EXPECT_EQ(ColumnsOf("夜景.jpg"), 8u);
+  EXPECT_EQ(ColumnsOf("한밤.jpg"), 8u);
+  EXPECT_EQ(Padded("夜景.jpg", 10), "夜景.jpg  ");
+  EXPECT_EQ(Padded("夜景.jpg", 3), "夜景.jpg");
+}
+
 }  // namespace
 }  // namespace litags::report
