@@ -54,6 +54,7 @@ absl::StatusOr<v1::ExportModelRequest> RequestOf(const ExportArgs& args) {
   request.set_name(args.job);
   const auto format = FormatOf(args);
   if (!format.ok()) return format.status();
+  if (absl::Status wrong = CheckEnding(args.path(), *format); !wrong.ok()) return wrong;
   request.set_format(*format);
   request.set_light(args.original_light ? 1 : args.light);
   request.set_exposure_stops(args.exposure);

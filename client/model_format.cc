@@ -1,5 +1,6 @@
 #include "client/model_format.h"
 
+#include <cstring>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -74,6 +75,22 @@ absl::StatusOr<v1::ModelFormat> ModelFormatOf(const std::string& path) {
   return BadInput("MODEL_FORMAT_UNKNOWN", "-o",
                   absl::StrCat("-o: ", path, " ends with none of ", absl::StrJoin(known, ", "),
                                "; rename it, or give --format"));
+}
+
+absl::Status CheckEnding(const std::string& path, v1::ModelFormat format) {
+  const std::string word = Word(v1::ModelFormat_Name(format));
+  std::string right = absl::StrCat(".", word.substr(0, word.find('-')));  // ply-full, spz-v4
+  std::string given;
+  for (const auto& [ending, of] : kEndings) {
+    const std::string last(std::strrchr(ending, '.'));
+    if (of == format) right = last;
+    if (absl::EndsWithIgnoreCase(path, last)) given = last;
+  }
+  if (given.empty() || given == right) return absl::OkStatus();
+  return BadInput("MODEL_FORMAT_CONFLICT", "-o",
+                  absl::StrCat(path, ": what is asked for is ", word, ", not ", given,
+                               "; let the name end with ", right,
+                               ", or leave --format, --full and --html out"));
 }
 
 const char* ContentOf(v1::ModelFormat format) {

@@ -20,6 +20,8 @@ absl::StatusOr<v1::ModelFormat> ParseModelFormat(const std::string& name);
 // for COLMAP, .points.ply, .las, .mesh.ply, .mesh.glb. INVALID_ARGUMENT (MODEL_FORMAT_UNKNOWN) for
 // others.
 absl::StatusOr<v1::ModelFormat> ModelFormatOf(const std::string& path);
+// INVALID_ARGUMENT (MODEL_FORMAT_CONFLICT) if the path ends as files of another format do.
+absl::Status CheckEnding(const std::string& path, v1::ModelFormat format);
 
 // What ExportHeader counts of the format: "Gaussians", "points" or "triangles".
 const char* ContentOf(v1::ModelFormat format);

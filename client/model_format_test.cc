@@ -3,6 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "client/status.h"
 
@@ -37,6 +40,24 @@ TEST(ModelFormat, EndingsSayTheFormat) {
   for (const char* path : {"", "scene", "scene.obj", "ply"}) {
     EXPECT_EQ(DetailOf(ModelFormatOf(path).status()).reason(), "MODEL_FORMAT_UNKNOWN") << path;
   }
+}
+
+TEST(ModelFormat, AnEndingOfAnotherFormatIsRefused) {
+  for (const auto& [path, format] : std::vector<std::pair<const char*, v1::ModelFormat>>{
+           {"a.spz", v1::MODEL_FORMAT_SPZ_V4},
+           {"a.ply", v1::MODEL_FORMAT_PLY_FULL},
+           {"a.ply", v1::MODEL_FORMAT_POINTS},
+           {"a.GLB", v1::MODEL_FORMAT_MESH_GLB},
+           {"a.zip", v1::MODEL_FORMAT_COLMAP},
+           {"/dev/stdout", v1::MODEL_FORMAT_HTML}}) {
+    EXPECT_TRUE(CheckEnding(path, format).ok()) << path;
+  }
+  const absl::Status status = CheckEnding("a.spz", v1::MODEL_FORMAT_PLY_FULL);
+  EXPECT_EQ(DetailOf(status).reason(), "MODEL_FORMAT_CONFLICT");
+  EXPECT_EQ(std::string(status.message()),
+            "a.spz: what is asked for is ply-full, not .spz; let the name end with .ply, or leave "
+            "--format, --full and --html out");
+  EXPECT_FALSE(CheckEnding("a.ply", v1::MODEL_FORMAT_HTML).ok());
 }
 
 TEST(ModelFormat, SaysWhatIsCounted) {
