@@ -143,9 +143,11 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
+  LITAGS_ASSIGN_OR_RETURN(const auto marker, ClaimBlobs(flags.places, store.get(), blobs.get()));
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
-  Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads, flags.webhooks);
+  Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads, flags.webhooks,
+            marker.get());
   Leases leases(store.get(), blobs.get());
   const auto reader = MakeRemoteReader({"/proc/self/exe", kReadFilesCommand});
   ServerOptions options = flags.server;

@@ -126,6 +126,8 @@ absl::StatusOr<std::vector<std::string>> ClientJobStore::JobsWithUnreferencedBlo
 
 absl::StatusOr<JobCensus> ClientJobStore::Census() { return ForWorkersOnly(); }
 
+absl::StatusOr<std::string> ClientJobStore::InstallationId() { return ForWorkersOnly(); }
+
 absl::Status ClientJobStore::PutWorker(const WorkerRecord&) { return ForWorkersOnly(); }
 
 absl::Status ClientJobStore::RemoveWorker(std::string_view) { return ForWorkersOnly(); }

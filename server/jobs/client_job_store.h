@@ -69,6 +69,7 @@ class ClientJobStore : public JobStore {
   absl::Status PutWorker(const WorkerRecord& worker) override;
   absl::Status RemoveWorker(std::string_view name) override;
   absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
+  absl::StatusOr<std::string> InstallationId() override;
 
  private:
   bool Sees(const JobRecord& job) const { return view_.sees_all || job.owner == view_.owner; }

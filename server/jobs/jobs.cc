@@ -131,8 +131,8 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
     Jobs jobs;
     Owned(const Jobs& all, const ClientView& view)
         : store(all.store_, view),
-          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view,
-               all.webhooks_) {}
+          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view, all.webhooks_,
+               all.marker_) {}
   };
   auto owned = std::make_shared<Owned>(*this, view);
   return {owned, &owned->jobs};

@@ -29,6 +29,7 @@
 #include "server/jobs/webhook.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
+#include "server/store/installation_marker.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -69,12 +70,13 @@ struct JobsOverview {
 // Thread-safe. Errors: those of JobStore and NextState(), and what each call says.
 class Jobs {
  public:
-  // The stores must outlive this. One per data folder; For() makes more of it. Without a clock, the
-  // store's is used.
+  // The stores and the marker must outlive this. One per data folder; For() makes more of it.
+  // Without a clock, the store's is used. Without a marker, `blobs` is nobody else's for sure.
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = nullptr,
-       UploadLimits limits = {}, WebhookPolicy webhooks = {})
+       UploadLimits limits = {}, WebhookPolicy webhooks = {},
+       const InstallationMarker* marker = nullptr)
       : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
-             std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks) {}
+             std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks, marker) {}
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
   // stores.
@@ -157,14 +159,16 @@ class Jobs {
 
  private:
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
-       std::shared_ptr<UploadArea> area, ClientView view, WebhookPolicy webhooks)
+       std::shared_ptr<UploadArea> area, ClientView view, WebhookPolicy webhooks,
+       const InstallationMarker* marker)
       : store_(store),
         blobs_(blobs),
         data_(std::move(data)),
         clock_(std::move(clock)),
         uploads_(store, blobs, std::move(area), clock_, view.max_bytes),
         view_(std::move(view)),
-        webhooks_(std::move(webhooks)) {}
+        webhooks_(std::move(webhooks)),
+        marker_(marker) {}
 
   // Whether the job may be queued once more: no loop of calls makes its events grow for ever.
   absl::Status CheckProgress(std::string_view id, const std::string& request_id);
@@ -174,6 +178,7 @@ class Jobs {
   absl::Status RemoveFolders(std::string_view id);
   absl::StatusOr<std::set<std::string>> JobFolders();
   absl::StatusOr<std::set<std::string>> JobsWithoutRow(const CancelToken& stop);
+  bool OrphansAreOurs(size_t orphans);
   absl::Status RemoveOrphans(const CancelToken& stop);
   absl::Status RemoveOrphan(const std::string& id);
   absl::Status RemoveEndedUploads();
@@ -191,7 +196,8 @@ class Jobs {
   Uploads uploads_;
   const ClientView view_;  // of all jobs: no client's, without limits
   const WebhookPolicy webhooks_;
-  std::mutex sweep_mutex_;  // held for a sweep
+  const InstallationMarker* const marker_;  // of blobs_; may be null
+  std::mutex sweep_mutex_;                  // held for a sweep
   // Jobs that have folders and no row: since when this process knows.
   std::map<std::string, int64_t> missed_since_ms_;
   std::optional<int64_t> orphans_seen_ms_;  // when it looked last

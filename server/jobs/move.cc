@@ -146,6 +146,8 @@ absl::StatusOr<MoveSummary> MoveInstallation(const StorePlaces& from, const Stor
   LITAGS_RETURN_IF_ERROR(CheckUnused(target_store.get(), "to-store"));
   LITAGS_ASSIGN_OR_RETURN(const auto source, OpenBlobStore(from, data));
   LITAGS_ASSIGN_OR_RETURN(const auto target, OpenBlobStore(to, data));
+  // By the id that the target's job store will have, too.
+  LITAGS_RETURN_IF_ERROR(ClaimBlobs(to, store.get(), target.get()).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, JobIds(store.get()));
   Mover mover(source.get(), target.get(), data, note);
   for (const std::string& id : ids) LITAGS_RETURN_IF_ERROR(mover.MoveJob(id));

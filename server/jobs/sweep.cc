@@ -100,6 +100,17 @@ absl::StatusOr<std::set<std::string>> Jobs::JobFolders() {
   return names;
 }
 
+// Whether no other installation can own what is not in our job store. A server looked when it
+// started; the marker may have changed since.
+bool Jobs::OrphansAreOurs(size_t orphans) {
+  if (!marker_ || orphans == 0) return true;
+  const absl::Status ours = marker_->Check();
+  if (ours.ok()) return true;
+  spdlog::warn("files of {} jobs that are not in the job store are kept: {}", orphans,
+               std::string(ours.message()));
+  return false;
+}
+
 // A row is there before its folders are: a folder without one was left behind by a crash, or its
 // row was lost, as with the wrong job store or an old copy of it. The delay, from the moment at
 // which the row was first missed, is the operator's time to bring the row back.
@@ -112,6 +123,10 @@ absl::Status Jobs::RemoveOrphans(const CancelToken& stop) {
   LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> orphans, JobsWithoutRow(stop));
   if (stop.IsCancelled()) return absl::OkStatus();
   orphans_seen_ms_ = now_ms;
+  if (!OrphansAreOurs(orphans.size())) {
+    missed_since_ms_.clear();
+    return absl::OkStatus();
+  }
   std::map<std::string, int64_t> missed;
   bool is_news = false;
   for (const std::string& id : orphans) {

@@ -76,6 +76,49 @@ TEST_F(SweepTest, JobsThatTheStoreDoesNotKnowKeepTheirFilesForADayFromNowHowever
   EXPECT_FALSE(HasBlob(id, "a"));
 }
 
+// Counts how often the marker is looked for, which may fail.
+class MarkerIsLookedFor : public FaultyBlobStore {
+ public:
+  using FaultyBlobStore::FaultyBlobStore;
+  int looks = 0;
+  absl::Status fault;
+  absl::StatusOr<std::vector<std::string>> List(std::string_view prefix) override {
+    if (prefix != "installation") return FaultyBlobStore::List(prefix);
+    ++looks;
+    if (!fault.ok()) return fault;
+    return FaultyBlobStore::List(prefix);
+  }
+};
+
+TEST_F(SweepTest, OrphansAreKeptADayFromWhenTheMarkerIsOursAndItIsLookedForHourly) {
+  const std::string lost = "0123456789abcdef";
+  ASSERT_TRUE(blobs_->Put(BlobKey(lost, Sha256::Hex("a")), "a").ok());
+  const auto days_ago = fs::file_time_type::clock::now() - std::chrono::hours(48);
+  fs::last_write_time(data_.blobs() + "/jobs/" + lost, days_ago);
+  MarkerIsLookedFor blobs(blobs_.get());
+  const InstallationMarker marker(*store_->InstallationId(), "file:///blobs", &blobs);
+  Jobs jobs(store_.get(), &blobs, data_, clock_, {}, {}, &marker);
+  const auto sweep_for = [&](int minutes) {
+    for (int end = minutes; end > 0; --end) {
+      ASSERT_TRUE(jobs.Sweep().ok());
+      now_ms_ += kHourMs / 60;
+    }
+  };
+  sweep_for(25 * 60);
+  EXPECT_EQ(blobs.looks, 25);
+  EXPECT_TRUE(HasBlob(lost, "a"));
+  ASSERT_TRUE(marker.Claim().ok());
+  sweep_for(20 * 60);
+  blobs.fault = absl::UnavailableError("away");
+  sweep_for(10 * 60);
+  EXPECT_TRUE(HasBlob(lost, "a"));
+  blobs.fault = absl::OkStatus();
+  sweep_for(24 * 60);
+  EXPECT_TRUE(HasBlob(lost, "a"));
+  sweep_for(60);
+  EXPECT_FALSE(HasBlob(lost, "a"));
+}
+
 // A store on another machine, whose removals do what a test wants.
 class RemovalsAreSlow : public FaultyBlobStore {
  public:

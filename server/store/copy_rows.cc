@@ -21,6 +21,7 @@ namespace {
 constexpr int kJobsPerPage = 500;
 // Of no use elsewhere: which workers are there now, and a database's own number of its layout.
 constexpr const char* kNotCopied[] = {"workers", "litags_schema"};
+constexpr char kInstallation[] = "installation";  // the one table whose rows are of no job
 
 struct Column {
   std::string name;
@@ -126,15 +127,16 @@ class Sum {
 using EachRow = absl::FunctionRef<absl::Status(const std::string& table, const Columns& columns,
                                                const SqlStatement& row)>;
 
-// Calls `each` for every row, job by job and the job's own row first, so that one job's rows are in
-// memory at a time.
+// Calls `each` for every row: the installation's, then job by job and the job's own row first, so
+// that one job's rows are in memory at a time.
 absl::Status ForEachRow(Database& database, EachRow each) {
   SqlSession& sql = database.sql();
-  const auto visit = [&](const std::string& table, const char* key, const std::string& id) {
+  const auto visit = [&](const std::string& table, const char* key, std::string_view id) {
     const Columns& columns = database.layout().at(table);
-    const auto row = sql.Prepare(
-        absl::StrCat("SELECT ", Names(columns), " FROM ", table, " WHERE ", key, "=?1"));
-    row->Bind(id);
+    std::string select = absl::StrCat("SELECT ", Names(columns), " FROM ", table);
+    if (key) absl::StrAppend(&select, " WHERE ", key, "=?1");
+    const auto row = sql.Prepare(select);
+    if (key) row->Bind(id);
     for (;;) {
       const auto more = row->Step();
       if (!more.ok() || !*more) return more.status();
@@ -142,6 +144,7 @@ absl::Status ForEachRow(Database& database, EachRow each) {
       if (!status.ok()) return status;
     }
   };
+  LITAGS_RETURN_IF_ERROR(visit(kInstallation, nullptr, ""));
   std::string last;
   for (;;) {
     std::vector<std::string> ids;
@@ -160,7 +163,8 @@ absl::Status ForEachRow(Database& database, EachRow each) {
     for (const std::string& id : ids) {
       LITAGS_RETURN_IF_ERROR(visit("jobs", "id", id));
       for (const auto& [table, columns] : database.layout()) {
-        if (table != "jobs") LITAGS_RETURN_IF_ERROR(visit(table, "job_id", id));
+        if (table == "jobs" || table == kInstallation) continue;
+        LITAGS_RETURN_IF_ERROR(visit(table, "job_id", id));
       }
     }
   }
@@ -222,6 +226,8 @@ absl::StatusOr<RowSums> CopyRows(const StorePlaces& from, const StorePlaces& to,
   }
   if (found != wanted) {
     LITAGS_RETURN_IF_ERROR(target->Begin());
+    // A server may have been started there, which made an id.
+    LITAGS_RETURN_IF_ERROR(target->sql().Execute(absl::StrCat("DELETE FROM ", kInstallation)));
     LITAGS_RETURN_IF_ERROR(ForEachRow(
         *source, [&](const std::string& table, const Columns& columns, const SqlStatement& row) {
           return Insert(*target, table, columns, row);

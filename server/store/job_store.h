@@ -298,6 +298,10 @@ class JobStore {
   virtual absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen,
                                                 double seconds) = 0;
 
+  // 32 hex digits, made at the first call and the same from then on, also in a copy of the database
+  // and in the store that an installation was moved to.
+  virtual absl::StatusOr<std::string> InstallationId() = 0;
+
   // Milliseconds since 1970 by the clock that all users of the store share; leases are timed by it.
   virtual int64_t NowMs() = 0;
 

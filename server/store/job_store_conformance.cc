@@ -346,6 +346,15 @@ TEST_F(JobStoreConformance, OfDueWebhooksTheOldestOfEachOwnerIsListed) {
   EXPECT_THAT(*store_->WebhooksDue(9, 10), ElementsAre());
 }
 
+TEST_F(JobStoreConformance, InstallationIdIsMadeOnceAndOtherDatabasesHaveOthers) {
+  const std::string id = *store_->InstallationId();
+  EXPECT_EQ(id.size(), 32u);
+  EXPECT_EQ(*store_->InstallationId(), id);
+  store_.reset();
+  EXPECT_EQ(*Open()->InstallationId(), id);
+  EXPECT_NE(*(*MakeTestedKind()->Open())->InstallationId(), id);
+}
+
 TEST_F(JobStoreConformance, ClockIsThatOfThisMachineWhereTheStoreIsOnIt) {
   EXPECT_TRUE(store_->Get("none").status().code() == absl::StatusCode::kNotFound);
   EXPECT_NEAR(static_cast<double>(store_->NowMs()), static_cast<double>(SystemClockMs()), 2000);

@@ -178,15 +178,19 @@ TEST_F(JobStoreSharing, QuotaIsNotOverrunByJobsMadeAtTheSameTime) {
 
 TEST_F(JobStoreSharing, EmptyPlaceIsLaidOutOnceByManyAtTheSameTime) {
   const auto kind = MakeTestedKind();
+  std::vector<std::string> ids(4);
   std::vector<std::thread> openers;
-  for (int i = 0; i < 4; ++i) {
+  for (std::string& id : ids) {
     openers.emplace_back([&] {
       const auto store = kind->Open();
-      EXPECT_TRUE(store.ok()) << store.status();
+      ASSERT_TRUE(store.ok()) << store.status();
+      id = *(*store)->InstallationId();
     });
   }
   for (auto& t : openers) t.join();
-  EXPECT_TRUE((*kind->Open())->Create(MakeJob("a1", 1), Nothing).ok());
+  const auto store = *kind->Open();
+  EXPECT_TRUE(store->Create(MakeJob("a1", 1), Nothing).ok());
+  for (const std::string& id : ids) EXPECT_EQ(id, *store->InstallationId());
 }
 
 TEST_F(JobStoreSharing, AcknowledgedJobSurvivesKillOfItsProcess) {

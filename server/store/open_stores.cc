@@ -150,6 +150,17 @@ absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& plac
   return OpenDiskBlobStore(places.blobs.empty() ? data.blobs() : places.blobs.substr(kFile.size()));
 }
 
+absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
+                                                               JobStore* store, BlobStore* blobs) {
+  if (places.blobs.empty()) return nullptr;
+  std::string place = places.blobs;
+  while (place.ends_with('/')) place.pop_back();
+  LITAGS_ASSIGN_OR_RETURN(const std::string id, store->InstallationId());
+  auto marker = std::make_unique<InstallationMarker>(id, place, blobs);
+  LITAGS_RETURN_IF_ERROR(marker->Claim());
+  return marker;
+}
+
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data) {
   LITAGS_RETURN_IF_ERROR(places.Validate());
   if (IsPostgres(places.jobs)) return PgConnection::Open(places.jobs).status();

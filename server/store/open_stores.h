@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
+#include "server/store/installation_marker.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -43,6 +44,11 @@ absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places
                                                        const DataDir& data);
 absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& places,
                                                          const DataDir& data);
+
+// Marks the blobs as those of the job store's installation; see InstallationMarker. Null if the
+// operator names no place for them: then they are in the data folder, beside the jobs.
+absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
+                                                               JobStore* store, BlobStore* blobs);
 
 // Whether there is a store to begin with, without changing it: a file is read as a whole, unless it
 // is not there yet; a database is connected to. DATA_LOSS (STORE_CORRUPT), UNAVAILABLE

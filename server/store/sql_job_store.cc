@@ -1,6 +1,7 @@
 #include "server/store/sql_job_store.h"
 
 #include "engine/core/error.h"
+#include "server/store/digest.h"
 #include "server/store/sql_queue.h"
 
 namespace litags {
@@ -235,6 +236,15 @@ absl::StatusOr<std::vector<LogEntry>> SqlJobStore::Log(std::string_view id, int6
     return absl::OkStatus();
   }));
   return entries;
+}
+
+absl::StatusOr<std::string> SqlJobStore::InstallationId() {
+  std::string id;
+  LITAGS_RETURN_IF_ERROR(Write([&](SqlSession& sql) -> absl::StatusOr<bool> {
+    LITAGS_ASSIGN_OR_RETURN(id, InsertInstallation(sql, RandomHex(16)));
+    return true;
+  }));
+  return id;
 }
 
 }  // namespace litags

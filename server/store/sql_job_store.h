@@ -49,6 +49,7 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
                                                   int limit) override;
   absl::StatusOr<std::vector<LogEntry>> Log(std::string_view id, int64_t after, int limit) override;
+  absl::StatusOr<std::string> InstallationId() override;
 
  protected:
   // How a SELECT in a transaction keeps others from its row, and how it passes over rows that

@@ -469,6 +469,16 @@ absl::StatusOr<bool> InsertJob(SqlSession& sql, const JobRecord& job) {
   return inserted == 1;
 }
 
+absl::StatusOr<std::string> InsertInstallation(SqlSession& sql, std::string_view id) {
+  const auto insert = sql.Prepare(
+      "INSERT INTO installation (number, id) VALUES (1, ?1) ON CONFLICT (number) DO NOTHING");
+  insert->Bind(id);
+  LITAGS_RETURN_IF_ERROR(insert->Run().status());
+  const auto row = sql.Prepare("SELECT id FROM installation");
+  LITAGS_RETURN_IF_ERROR(row->Step().status());
+  return row->Text(0);
+}
+
 absl::StatusOr<JobRecord> ApplyChange(SqlSession& sql, JobRecord job, JobStore::Change change) {
   SqlJobTransaction transaction(sql, std::move(job));
   LITAGS_RETURN_IF_ERROR(change(transaction));

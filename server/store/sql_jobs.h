@@ -55,6 +55,9 @@ absl::StatusOr<std::vector<LogEntry>> SelectLog(SqlSession& sql, std::string_vie
 // False: the owner has a job of the same request_id.
 absl::StatusOr<bool> InsertJob(SqlSession& sql, const JobRecord& job);
 
+// Inserts `id` if the store has none. Returns the one that it has.
+absl::StatusOr<std::string> InsertInstallation(SqlSession& sql, std::string_view id);
+
 // Applies `change` to the job, whose row the session's transaction holds, and writes it back.
 absl::StatusOr<JobRecord> ApplyChange(SqlSession& sql, JobRecord job, JobStore::Change change);
 

@@ -23,6 +23,7 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 constexpr int kBlobs = 5;  // of each of the two jobs that have some
@@ -103,6 +104,10 @@ class Move : public ::testing::Test {
     return all;
   }
 
+  std::string IdOf(const StorePlaces& places) const {
+    return (*OpenJobStore(places, data_))->InstallationId().value();
+  }
+
   fs::path SomeBlob() const {
     std::vector<fs::path> files;
     for (const auto& entry : fs::recursive_directory_iterator(data_.blobs() + "/jobs")) {
@@ -150,6 +155,24 @@ TEST_F(Move, EverythingIsInS3Afterwards) {
   const auto moved = MoveTo(to_);
   ASSERT_TRUE(moved.ok()) << moved.status();
   EXPECT_TRUE(AllOf(to_) == before);
+  EXPECT_THAT(*(*OpenBlobStore(to_, data_))->List("installation"), ElementsAre(IdOf(from_)));
+}
+
+TEST_F(Move, TargetBecomesTheSameInstallation) {
+  const std::string id = IdOf(from_);
+  EXPECT_NE(IdOf(to_), id) << "a server was tried there";
+  ASSERT_TRUE(MoveTo(to_).ok());
+  EXPECT_EQ(IdOf(to_), id);
+  EXPECT_THAT(*(*OpenBlobStore(to_, data_))->List("installation"), ElementsAre(id));
+  ASSERT_TRUE(MoveTo(to_).ok()) << "compared";
+  EXPECT_EQ(IdOf(from_), id);
+}
+
+TEST_F(Move, BlobsOfAnotherInstallationAreLeftAlone) {
+  const auto blobs = *OpenBlobStore(to_, data_);
+  ASSERT_TRUE(blobs->Put("installation/0123456789abcdef0123456789abcdef", "x").ok());
+  EXPECT_EQ(Reason(MoveTo(to_).status()), "BLOBS_OF_ANOTHER_INSTALLATION");
+  EXPECT_TRUE(blobs->List("jobs")->empty());
 }
 
 TEST_F(Move, DamagedBlobStopsItBeforeARowIsThereAndWithTheRightOneItGoesOn) {

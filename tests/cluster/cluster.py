@@ -172,8 +172,9 @@ class Cluster:
     # What is there.
 
     def keys(self):
-        """Keys of all blobs."""
-        return s3_client.keys("%s:%d" % self.s3_at, BUCKET, ACCESS_KEY, SECRET_KEY)
+        """Keys of all blobs but the installation's marker."""
+        keys = s3_client.keys("%s:%d" % self.s3_at, BUCKET, ACCESS_KEY, SECRET_KEY)
+        return [key for key in keys if not key.startswith("jobs-of-all/installation/")]
 
     def named(self):
         """Keys that rows name."""

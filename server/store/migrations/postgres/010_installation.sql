@@ -1,0 +1,5 @@
+-- Which installation this is: one row, made at the first start.
+CREATE TABLE installation (
+  number BIGINT PRIMARY KEY CHECK (number = 1),
+  id TEXT NOT NULL
+);
