@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/sfm/colmap_keypoints.h"
 
 namespace litags {
 namespace {
@@ -106,17 +107,16 @@ absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& p
   LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
   LITAGS_ASSIGN_OR_RETURN(
       const Statement statement,
-      db.Prepare("SELECT pair_id, rows, config FROM two_view_geometries WHERE rows >= ?"));
+      db.Prepare("SELECT pair_id, config FROM two_view_geometries WHERE rows >= ?"));
   sqlite3_bind_int(statement.get(), 1, min_inliers);
   std::vector<VerifiedPair> pairs;
   while (true) {
     LITAGS_ASSIGN_OR_RETURN(const bool row, db.Step(statement));
     if (!row) return pairs;
     const int64_t pair = sqlite3_column_int64(statement.get(), 0);
-    const int config = sqlite3_column_int(statement.get(), 2);
+    const int config = sqlite3_column_int(statement.get(), 1);
     pairs.push_back({.id1 = static_cast<int>(pair / kMaxImages),
                      .id2 = static_cast<int>(pair % kMaxImages),
-                     .inliers = sqlite3_column_int(statement.get(), 1),
                      .flat = config >= kFirstFlat && config <= kLastFlat});
   }
 }

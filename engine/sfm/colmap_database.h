@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_SFM_COLMAP_DATABASE_H_
 #define LITAGS_ENGINE_SFM_COLMAP_DATABASE_H_
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -14,9 +13,6 @@
 
 namespace litags {
 
-// COLMAP's own SiftMatching.min_num_inliers: a pair with fewer matches is never verified.
-inline constexpr int kMinInliers = 15;
-
 struct DatabaseImage {
   int id = 0;        // COLMAP's, from 1
   std::string name;  // path under the image folder
@@ -26,7 +22,6 @@ struct DatabaseImage {
 // Two images, by id, whose matches agree on one relative pose.
 struct VerifiedPair {
   int id1 = 0, id2 = 0;
-  int inliers = 0;
   // A homography explains them, too: the camera turned in place, or what both see is flat.
   bool flat = false;
 };
@@ -85,11 +80,6 @@ absl::Status SetFisheyes(const std::string& path, const FocalLengths& focal_leng
 // Takes the features of each image that has fewer than `least` out, so that COLMAP looks for them
 // again. The images' names.
 absl::StatusOr<std::vector<std::string>> TakeFewFeaturesOut(const std::string& path, int least);
-
-// Where the features of each image lie, px from the corner of the top-left pixel; none for an image
-// without features. INTERNAL COLMAP_DATABASE if they are damaged.
-absl::StatusOr<std::vector<std::vector<Eigen::Vector2d>>> ReadKeypoints(
-    const std::string& path, const std::vector<DatabaseImage>& images);
 
 }  // namespace litags
 

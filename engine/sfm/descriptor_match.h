@@ -22,6 +22,10 @@ struct FeatureMatch {
   friend bool operator==(const FeatureMatch&, const FeatureMatch&) = default;
 };
 
+// Two photos with fewer matches than this do not show the same: those are chance. COLMAP's own
+// SiftMatching.min_num_inliers: it never verifies such a pair.
+inline constexpr int kMinInliers = 15;
+
 // COLMAP's tests and defaults (SiftMatching.max_distance, max_ratio; cross_check is on). Distances
 // are angles: descriptors are unit vectors times 512, so d = acos(dot / 512^2).
 struct MatchRule {

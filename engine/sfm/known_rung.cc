@@ -8,6 +8,7 @@
 #include "engine/core/error.h"
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
+#include "engine/sfm/colmap_keypoints.h"
 #include "engine/sfm/photo_match.h"
 #include "engine/sfm/point_colors.h"
 #include "engine/sfm/rung.h"
@@ -53,7 +54,7 @@ std::vector<PhotoMatches> ByPhoto(std::vector<ImageMatches> matches) {
 std::vector<VerifiedPair> Summaries(const std::vector<VerifiedPhotoPair>& pairs) {
   std::vector<VerifiedPair> summaries;
   for (const VerifiedPhotoPair& pair : pairs) {
-    summaries.push_back({pair.photo1 + 1, pair.photo2 + 1, static_cast<int>(pair.matches.size())});
+    summaries.push_back({.id1 = pair.photo1 + 1, .id2 = pair.photo2 + 1});
   }
   return summaries;
 }
@@ -106,9 +107,9 @@ absl::StatusOr<RungOutput> TriangulatePhotos(const RungInput& in, const SparseMo
   for (size_t i = 0; i < copies.views.size(); ++i) {
     posed.emplace_back(copies.views[i].camera, copies.distortions[i], keypoints[i]);
   }
-  const TriangulateOptions options{.min_matches = kMinInliers, .threads = in.options.threads};
-  const auto pairs = VerifyPairs(posed, ByPhoto(std::move(matches)), options);
-  LITAGS_ASSIGN_OR_RETURN(const auto points, TriangulatePairs(posed, pairs, options, in.cancel));
+  const int threads = in.options.threads;
+  const auto pairs = VerifyPairs(posed, ByPhoto(std::move(matches)), threads);
+  LITAGS_ASSIGN_OR_RETURN(const auto points, TriangulatePairs(posed, pairs, threads, in.cancel));
   for (const TriangulatedPoint& point : points) {
     copies.points.push_back(ToSparsePoint(point, keypoints));
   }

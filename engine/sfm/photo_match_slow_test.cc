@@ -180,10 +180,6 @@ TEST_F(MatchingBesideColmap, VerificationReadsOurMatchesAsWeWroteThem) {
   const auto verified = ReadVerifiedPairs(colmap_.database_path(), kMinInliers);
   ASSERT_TRUE(verified.ok()) << verified.status();
   EXPECT_GE(verified->size(), kViews - 1u);
-  for (const VerifiedPair& pair : *verified) {
-    const size_t at = static_cast<size_t>((pair.id1 - 1) * kViews + pair.id2 - 1);
-    EXPECT_LE(static_cast<size_t>(pair.inliers), written[at].size());
-  }
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "engine/sample/capture.h"
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
+#include "engine/sfm/colmap_keypoints.h"
 #include "engine/sfm/sfm.h"
 #include "gtest/gtest.h"
 

@@ -14,6 +14,7 @@
 #include "engine/io/file_util.h"
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
+#include "engine/sfm/colmap_keypoints.h"
 #include "engine/sfm/photo_match.h"
 #include "engine/sfm/rigs.h"
 #include "engine/sfm/rung_steps.h"

@@ -11,6 +11,7 @@
 
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/sfm/descriptor_match.h"
 
 namespace litags {
 namespace {
@@ -20,6 +21,18 @@ constexpr int kMaxHypotheses = 300;
 constexpr int kNewtonSteps = 10;
 // Rounds of completing and joining: hardly a point changes after the second.
 constexpr int kRounds = 3;
+
+// Of a match from its epipolar geometry, of a point from its features. COLMAP's
+// filter_max_reproj_error and RANSAC's max_error.
+constexpr double kMaxErrorPx = 4;
+constexpr double kSquaredLimit = kMaxErrorPx * kMaxErrorPx;
+// Between some two rays of a point. COLMAP's filter_min_tri_angle.
+constexpr double kMinAngleDeg = 1.5;
+// Points of two photos only, for which just one epipolar line speaks. Choice: of those with a mean
+// error of 0.5 to 1 px a fifth are wrong in castle's `low`, beyond 1 px most; below 4 degrees half
+// of fox's are more than 2 % off in depth.
+constexpr double kMaxPairErrorPx = 0.5;
+constexpr double kMinPairAngleDeg = 4;
 
 double CosOf(double degrees) { return std::cos(degrees * std::numbers::pi / 180); }
 
@@ -90,18 +103,18 @@ Eigen::Vector3d Refine(const std::vector<PhotoRays>& photos, const std::vector<O
 }
 
 std::vector<Observation> Agreeing(const std::vector<PhotoRays>& photos,
-                                  const std::vector<Observation>& track, const Eigen::Vector3d& xyz,
-                                  const TriangulateOptions& options) {
+                                  const std::vector<Observation>& track,
+                                  const Eigen::Vector3d& xyz) {
   std::vector<Observation> agreeing;
-  const double limit = options.max_error_px * options.max_error_px;
   for (const Observation& o : track) {
-    if (SquaredError(photos, o, xyz) <= limit) agreeing.push_back(o);
+    if (SquaredError(photos, o, xyz) <= kSquaredLimit) agreeing.push_back(o);
   }
   return agreeing;
 }
 
 bool HasAngle(const std::vector<PhotoRays>& photos, const TriangulatedPoint& point,
-              double cos_of_min_angle) {
+              double min_angle_deg) {
+  const double cos_of_min_angle = CosOf(min_angle_deg);
   std::vector<Eigen::Vector3d> rays;
   for (const Observation& o : point.track) {
     rays.push_back((point.xyz - photos[o.photo].center).normalized());
@@ -116,14 +129,13 @@ bool HasAngle(const std::vector<PhotoRays>& photos, const TriangulatedPoint& poi
 
 // Refines a point on its track, drops what does not agree, and empties the track of a point that
 // is none.
-void Settle(const std::vector<PhotoRays>& photos, const TriangulateOptions& options,
-            TriangulatedPoint& point) {
+void Settle(const std::vector<PhotoRays>& photos, TriangulatedPoint& point) {
   for (size_t before = 0; before != point.track.size();) {
     before = point.track.size();
     point.xyz = Refine(photos, point.track, point.xyz);
-    point.track = Agreeing(photos, point.track, point.xyz, options);
+    point.track = Agreeing(photos, point.track, point.xyz);
   }
-  if (point.track.size() < 2 || !HasAngle(photos, point, CosOf(options.min_angle_deg))) {
+  if (point.track.size() < 2 || !HasAngle(photos, point, kMinAngleDeg)) {
     point.track.clear();
     return;
   }
@@ -136,11 +148,10 @@ void Settle(const std::vector<PhotoRays>& photos, const TriangulateOptions& opti
 // The points that the features of one track are of: what does not agree with the first may agree
 // with each other.
 std::vector<TriangulatedPoint> PointsOfTrack(const std::vector<PhotoRays>& photos,
-                                             std::vector<Observation> track,
-                                             const TriangulateOptions& options) {
+                                             std::vector<Observation> track) {
   std::vector<TriangulatedPoint> points;
   while (track.size() >= 2) {
-    TriangulatedPoint point = TriangulateTrack(photos, track, options);
+    TriangulatedPoint point = TriangulateTrack(photos, track);
     if (point.track.empty()) break;
     std::erase_if(track, [&](const Observation& o) {
       return std::binary_search(point.track.begin(), point.track.end(), o);
@@ -154,9 +165,8 @@ std::vector<TriangulatedPoint> PointsOfTrack(const std::vector<PhotoRays>& photo
 // of the points, so that the result is one.
 class PointSet {
  public:
-  PointSet(const std::vector<PhotoRays>& photos, const MatchGraph& graph,
-           const TriangulateOptions& options)
-      : photos_(photos), graph_(graph), options_(options), point_of_(graph.num_features(), -1) {}
+  PointSet(const std::vector<PhotoRays>& photos, const MatchGraph& graph)
+      : photos_(photos), graph_(graph), point_of_(graph.num_features(), -1) {}
 
   void Add(TriangulatedPoint point) {
     Mark(point, static_cast<int>(points_.size()));
@@ -175,10 +185,9 @@ class PointSet {
   }
 
   std::vector<TriangulatedPoint> Take() {
-    const double cos_of_min_angle = CosOf(options_.min_pair_angle_deg);
     std::erase_if(points_, [&](const TriangulatedPoint& p) {
-      return p.track.empty() || (p.track.size() == 2 && (p.error > options_.max_pair_error_px ||
-                                                         !HasAngle(photos_, p, cos_of_min_angle)));
+      return p.track.empty() || (p.track.size() == 2 && (p.error > kMaxPairErrorPx ||
+                                                         !HasAngle(photos_, p, kMinPairAngleDeg)));
     });
     return std::move(points_);
   }
@@ -202,19 +211,18 @@ class PointSet {
 
   // Adds free features that are matched with those of the point and agree with it.
   bool Complete(int index) {
-    const double limit = options_.max_error_px * options_.max_error_px;
     TriangulatedPoint next = points_[index];
     const std::vector<Observation> before = next.track;
     for (const Observation& o : before) {
       for (const int id : graph_.Neighbours(graph_.Id(o))) {
         const Observation other = graph_.Of(id);
         if (point_of_[id] >= 0 || Sees(next, other.photo)) continue;
-        if (SquaredError(photos_, other, next.xyz) > limit) continue;
+        if (SquaredError(photos_, other, next.xyz) > kSquaredLimit) continue;
         next.track.insert(std::upper_bound(next.track.begin(), next.track.end(), other), other);
       }
     }
     if (next.track.size() == before.size()) return false;
-    Settle(photos_, options_, next);
+    Settle(photos_, next);
     if (next.track.size() <= before.size()) return false;
     Replace(index, std::move(next));
     return true;
@@ -248,7 +256,7 @@ class PointSet {
     const double na = static_cast<double>(a.track.size()), nb = static_cast<double>(b.track.size());
     both.xyz = (na * a.xyz + nb * b.xyz) / (na + nb);
     const size_t size = both.track.size();
-    Settle(photos_, options_, both);
+    Settle(photos_, both);
     if (both.track.size() < size) return false;
     points_[other].track.clear();
     Replace(index, std::move(both));
@@ -257,7 +265,6 @@ class PointSet {
 
   const std::vector<PhotoRays>& photos_;
   const MatchGraph& graph_;
-  const TriangulateOptions& options_;
   std::vector<TriangulatedPoint> points_;
   std::vector<int> point_of_;  // [features], -1: none
 };
@@ -271,26 +278,23 @@ std::vector<int> NumFeatures(const std::vector<PhotoRays>& photos) {
 }  // namespace
 
 std::vector<VerifiedPhotoPair> VerifyPairs(const std::vector<PhotoRays>& photos,
-                                           const std::vector<PhotoMatches>& pairs,
-                                           const TriangulateOptions& options) {
+                                           const std::vector<PhotoMatches>& pairs, int threads) {
   std::vector<VerifiedPhotoPair> verified(pairs.size());
-  ParallelFor(options.threads, pairs.size(), [&](size_t i, int) {
+  ParallelFor(threads, pairs.size(), [&](size_t i, int) {
     const PhotoMatches& pair = pairs[i];
-    verified[i] = {pair.photo1, pair.photo2,
-                   VerifyMatches(photos[pair.photo1], photos[pair.photo2], pair.matches,
-                                 options.max_error_px)};
+    verified[i] = {
+        pair.photo1, pair.photo2,
+        VerifyMatches(photos[pair.photo1], photos[pair.photo2], pair.matches, kMaxErrorPx)};
   });
   std::erase_if(verified, [&](const VerifiedPhotoPair& pair) {
-    return static_cast<int>(pair.matches.size()) < options.min_matches;
+    return static_cast<int>(pair.matches.size()) < kMinInliers;
   });
   return verified;
 }
 
 TriangulatedPoint TriangulateTrack(const std::vector<PhotoRays>& photos,
-                                   const std::vector<Observation>& track,
-                                   const TriangulateOptions& options) {
-  const double cos_of_min_angle = CosOf(options.min_angle_deg);
-  const double limit = options.max_error_px * options.max_error_px;
+                                   const std::vector<Observation>& track) {
+  const double cos_of_min_angle = CosOf(kMinAngleDeg);
   const size_t pairs = track.size() * (track.size() - 1) / 2;
   const size_t stride = (pairs + kMaxHypotheses - 1) / kMaxHypotheses;
   TriangulatedPoint best;
@@ -301,7 +305,9 @@ TriangulatedPoint TriangulateTrack(const std::vector<PhotoRays>& photos,
       if (RayOf(photos, track[i]).dot(RayOf(photos, track[j])) > cos_of_min_angle) continue;
       const Eigen::Vector3d xyz = MidPoint(photos, track[i], track[j]);
       double cost = 0;
-      for (const Observation& o : track) cost += std::min(limit, SquaredError(photos, o, xyz));
+      for (const Observation& o : track) {
+        cost += std::min(kSquaredLimit, SquaredError(photos, o, xyz));
+      }
       if (cost < best_cost) {
         best_cost = cost;
         best.xyz = xyz;
@@ -309,25 +315,25 @@ TriangulatedPoint TriangulateTrack(const std::vector<PhotoRays>& photos,
     }
   }
   if (!std::isfinite(best_cost)) return {};
-  best.track = Agreeing(photos, track, best.xyz, options);
+  best.track = Agreeing(photos, track, best.xyz);
   if (best.track.size() < 2) return {};
   // What agrees with the better point, once more from all of the track.
   best.xyz = Refine(photos, best.track, best.xyz);
-  best.track = Agreeing(photos, track, best.xyz, options);
-  Settle(photos, options, best);
+  best.track = Agreeing(photos, track, best.xyz);
+  Settle(photos, best);
   return best;
 }
 
 absl::StatusOr<std::vector<TriangulatedPoint>> TriangulatePairs(
-    const std::vector<PhotoRays>& photos, const std::vector<VerifiedPhotoPair>& pairs,
-    const TriangulateOptions& options, const CancelToken& cancel) {
+    const std::vector<PhotoRays>& photos, const std::vector<VerifiedPhotoPair>& pairs, int threads,
+    const CancelToken& cancel) {
   const MatchGraph graph(NumFeatures(photos), pairs);
   const std::vector<std::vector<Observation>> tracks = BuildTracks(graph, pairs);
   std::vector<std::vector<TriangulatedPoint>> points(tracks.size());
-  ParallelFor(options.threads, tracks.size(), [&](size_t i, int) {
-    if (!cancel.IsCancelled()) points[i] = PointsOfTrack(photos, tracks[i], options);
+  ParallelFor(threads, tracks.size(), [&](size_t i, int) {
+    if (!cancel.IsCancelled()) points[i] = PointsOfTrack(photos, tracks[i]);
   });
-  PointSet set(photos, graph, options);
+  PointSet set(photos, graph);
   for (std::vector<TriangulatedPoint>& of_track : points) {
     for (TriangulatedPoint& point : of_track) set.Add(std::move(point));
   }
