@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "engine/export/export_test_util.h"
 #include "engine/export/formats.h"
 #include "engine/export/readers.h"
@@ -76,7 +77,7 @@ TEST(RoundTrip, APageHoldsTheCompressedPlyAndTheCameras) {
   scene.radius = 2.5;
   const auto page = InfoOf(SceneFormat::kHtml).encode(scene);
   if (ViewerModule().empty()) {
-    EXPECT_EQ(ReasonOf(page.status()), "EXPORT_NOT_BUILT");
+    EXPECT_EQ(Reason(page.status()), "EXPORT_NOT_BUILT");
     GTEST_SKIP() << "built without the viewer";
   }
   ASSERT_TRUE(page.ok()) << page.status();
@@ -182,7 +183,7 @@ TEST(RoundTrip, SpzTakesFewerBitsForFarGaussiansAndRefusesWhatItCannotHold) {
   scene.splats.at(3, kMean) = 600000;
   for (SceneFormat format : {SceneFormat::kSpz, SceneFormat::kSpzV4}) {
     const auto refused = InfoOf(format).encode(scene);
-    EXPECT_EQ(ReasonOf(refused.status()), "EXPORT_OUT_OF_RANGE");
+    EXPECT_EQ(Reason(refused.status()), "EXPORT_OUT_OF_RANGE");
   }
 }
 
@@ -215,7 +216,7 @@ TEST(RoundTrip, SpzTakesMoreBitsForSmallScenesAndRefusesTooSmallOnes) {
   EXPECT_TRUE(InfoOf(SceneFormat::kSpz).encode(scene).ok());
   Rescale(0.1, &scene.splats);
   const auto refused = InfoOf(SceneFormat::kSpz).encode(scene).status();
-  EXPECT_EQ(ReasonOf(refused), "EXPORT_OUT_OF_RANGE");
+  EXPECT_EQ(Reason(refused), "EXPORT_OUT_OF_RANGE");
   // What it asks for will do.
   const std::string message(refused.message()), before = "a scale at least ";
   const size_t at = message.find(before);

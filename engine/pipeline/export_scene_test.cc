@@ -100,7 +100,7 @@ TEST(ExportScene, AntialiasedScenesAreAsTrained) {
   EXPECT_EQ(trained->splats.at(3, kLogitOpacity), model.splats.at(3, kLogitOpacity));
   EXPECT_NE(changed->splats.at(3, kLogitOpacity), model.splats.at(3, kLogitOpacity));
   model.pixel_filter = PixelFilter::kDilate;
-  EXPECT_EQ(ReasonOf(Made(model, request).status()), "CHANNEL_UNAVAILABLE");
+  EXPECT_EQ(Reason(Made(model, request).status()), "CHANNEL_UNAVAILABLE");
 }
 
 TEST(ExportScene, WhatCannotBeIsRefused) {
@@ -108,7 +108,7 @@ TEST(ExportScene, WhatCannotBeIsRefused) {
   const auto reason = [](auto change) {
     ExportRequest request;
     change(&request);
-    return ReasonOf(Made(SmallModel(), request).status());
+    return Reason(Made(SmallModel(), request).status());
   };
   for (double scale : {0.0, -1.0, kNan, 1e9}) {
     EXPECT_EQ(reason([&](ExportRequest* r) { r->scale = scale; }), "EXPORT_OPTION_INVALID");

@@ -55,23 +55,23 @@ TEST(SurfaceMesh, WhatDoesNotApplyIsRefusedByName) {
   ExportRequest request = RequestOf(SceneFormat::kMeshPly);
   request.max_splats = 10;
   absl::Status status = SurfaceMesh(*scene, request).status();
-  EXPECT_EQ(ReasonOf(status), "EXPORT_OPTION_INVALID");
+  EXPECT_EQ(Reason(status), "EXPORT_OPTION_INVALID");
   EXPECT_NE(status.message().find("max_splats: mesh-ply holds triangles"), std::string::npos);
   request = RequestOf(SceneFormat::kMeshGlb);
   request.antialiased = true;
-  EXPECT_EQ(ReasonOf(SurfaceMesh(*scene, request).status()), "EXPORT_OPTION_INVALID");
+  EXPECT_EQ(Reason(SurfaceMesh(*scene, request).status()), "EXPORT_OPTION_INVALID");
 }
 
 TEST(SurfaceMesh, WithoutASurfaceSaysWhatToDo) {
   ExportRequest request = RequestOf(SceneFormat::kMeshPly);
   request.crop = Box{{50, 50, 50}, {51, 51, 51}};
-  EXPECT_EQ(ReasonOf(SurfaceMesh(*WallScene(), request).status()), "EXPORT_EMPTY");
+  EXPECT_EQ(Reason(SurfaceMesh(*WallScene(), request).status()), "EXPORT_EMPTY");
   Model empty = WallModel();
   empty.splats.Resize(1);
   const absl::Status status =
       SurfaceMesh(*MakeScene(std::move(empty), WallViews()), RequestOf(SceneFormat::kMeshPly))
           .status();
-  EXPECT_EQ(ReasonOf(status), "EXPORT_EMPTY");
+  EXPECT_EQ(Reason(status), "EXPORT_EMPTY");
   EXPECT_NE(status.message().find("take more photos"), std::string::npos) << status;
 }
 

@@ -44,10 +44,10 @@ TEST(SurfacePoints, OptionsChooseAndPlaceThem) {
     EXPECT_LT(std::abs(point.xyz[2]), 51);
   }
   request.antialiased = true;
-  EXPECT_EQ(ReasonOf(SurfacePoints(*scene, request).status()), "EXPORT_OPTION_INVALID");
+  EXPECT_EQ(Reason(SurfacePoints(*scene, request).status()), "EXPORT_OPTION_INVALID");
   request.antialiased = false;
   request.crop = Box{{50, 50, 50}, {51, 51, 51}};
-  EXPECT_EQ(ReasonOf(SurfacePoints(*scene, request).status()), "EXPORT_EMPTY");
+  EXPECT_EQ(Reason(SurfacePoints(*scene, request).status()), "EXPORT_EMPTY");
 }
 
 TEST(SurfacePoints, AreWrittenLikeAnyFormat) {

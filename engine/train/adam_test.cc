@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "engine/core/rng.h"
+#include "engine/core/simd_test_util.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
 

@@ -225,7 +225,7 @@ TEST(RefinedCameras, AreTheSameForAnyThreadCountAndAcrossACheckpoint) {
     }
   }
   options.refine_cameras = false;
-  EXPECT_EQ(ReasonOf(make().LoadCheckpoint(dir / "c", "print")), "CHECKPOINT_INCONSISTENT");
+  EXPECT_EQ(Reason(make().LoadCheckpoint(dir / "c", "print")), "CHECKPOINT_INCONSISTENT");
 }
 
 TEST(FitCamera, FindsWhereAPhotoOfAFinishedSceneWasTaken) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "engine/io/test_util.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
 
@@ -143,7 +144,7 @@ TEST(Initialize, PointsInOnePlaceGiveFiniteGaussians) {
 TEST(Initialize, RefusesFewerThanFourPoints) {
   const auto splats = InitializeFromPoints(RandomPoints(3), {}, {}, StartShape::kBall);
   EXPECT_EQ(splats.status().code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_EQ(ReasonOf(splats.status()), "TOO_FEW_POINTS");
+  EXPECT_EQ(Reason(splats.status()), "TOO_FEW_POINTS");
   EXPECT_TRUE(InitializeFromPoints(RandomPoints(4), {}, {}, StartShape::kBall).ok());
   EXPECT_TRUE(InitializeFromPoints(RandomPoints(4), {}, {}, StartShape::kDisk).ok())
       << "fewer than make a plane elsewhere";

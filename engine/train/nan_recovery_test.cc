@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/simd_test_util.h"
 #include "engine/io/test_util.h"
 #include "engine/train/initialize.h"
 #include "engine/train/train_test_util.h"
@@ -109,7 +110,7 @@ class Training {
     while (trainer_->iteration() < kIterations) {
       const auto losses = trainer_->Step();
       if (!losses.ok()) {
-        EXPECT_EQ(ReasonOf(losses.status()), "NOT_FINITE") << losses.status();
+        EXPECT_EQ(Reason(losses.status()), "NOT_FINITE") << losses.status();
         faults_.push_back(losses.status());
         const absl::Status status = trainer_->RollBack(dir / "checkpoint", "print", initial_);
         if (!status.ok()) return status;
@@ -242,7 +243,7 @@ TEST(RollBack, GivesUpWhenTooManyPhotosAreSpoilt) {
   for (const size_t i : {0, 2, 3, 5, 6}) run.SpoilPhoto(i);
   const absl::Status status = run.Train(/*every=*/7);
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
-  EXPECT_EQ(ReasonOf(status), "NOT_FINITE");
+  EXPECT_EQ(Reason(status), "NOT_FINITE");
   EXPECT_THAT(std::string(status.message()), HasSubstr("after 8 roll-backs"));
   EXPECT_THAT(std::string(status.message()), HasSubstr("first at (0, 0) is not finite (photo"));
   EXPECT_EQ(run.faults().size(), kMaxNanRecoveries + 1);
@@ -265,7 +266,7 @@ TEST(RollBack, NoParameterOfAGaussianSpoilsAScene) {
         if (trainer.Step().ok()) continue;
         const absl::Status status = trainer.RollBack("/nonexistent", "", initial);
         if (status.ok()) continue;
-        EXPECT_EQ(ReasonOf(status), "NOT_FINITE");
+        EXPECT_EQ(Reason(status), "NOT_FINITE");
         break;
       }
       if (trainer.iteration() == 4) ExpectFinite(trainer.Snapshot().splats);

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/simd_test_util.h"
 #include "engine/target/information.h"
 #include "engine/train/loss_test_util.h"
 #include "engine/train/objective_test_util.h"

@@ -1,4 +1,4 @@
-// Helpers of the training tests: every instruction set, small scenes and views of them.
+// Helpers of the training tests: small scenes and views of them.
 #ifndef LITAGS_ENGINE_TRAIN_TRAIN_TEST_UTIL_H_
 #define LITAGS_ENGINE_TRAIN_TRAIN_TEST_UTIL_H_
 
@@ -9,20 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "engine/core/error.h"
 #include "engine/core/rng.h"
-#include "engine/core/simd_test_util.h"
 #include "engine/core/splats.h"
 #include "engine/render/renderer.h"
 #include "engine/train/train_view.h"
 
 namespace litags {
-
-inline std::string ReasonOf(const absl::Status& status) {
-  if (status.ok()) return "OK";
-  const auto detail = GetErrorDetail(status);
-  return detail.has_value() ? detail->reason : "NO DETAIL";
-}
 
 inline bool SameBytes(const AlignedFloats& a, const AlignedFloats& b) {
   return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;

@@ -184,28 +184,28 @@ TEST(Trainer, RefusesCheckpointsItCannotContinue) {
 
   const absl::Status other = trainer.LoadCheckpoint(dir / "good", "another");
   EXPECT_EQ(other.code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_EQ(ReasonOf(other), "CHECKPOINT_MISMATCH");
+  EXPECT_EQ(Reason(other), "CHECKPOINT_MISMATCH");
 
   EXPECT_EQ(trainer.LoadCheckpoint(dir / "missing", "print").code(), absl::StatusCode::kNotFound);
 
   const auto size = std::filesystem::file_size(dir / "good");
   std::filesystem::copy_file(dir / "good", dir / "short");
   std::filesystem::resize_file(dir / "short", size / 2);
-  EXPECT_EQ(ReasonOf(trainer.LoadCheckpoint(dir / "short", "print")), "CONTAINER_TRUNCATED");
+  EXPECT_EQ(Reason(trainer.LoadCheckpoint(dir / "short", "print")), "CONTAINER_TRUNCATED");
 
   std::ofstream(dir / "foreign") << "This is not a checkpoint but a letter to the editor.";
-  EXPECT_EQ(ReasonOf(trainer.LoadCheckpoint(dir / "foreign", "print")), "NOT_A_CONTAINER");
+  EXPECT_EQ(Reason(trainer.LoadCheckpoint(dir / "foreign", "print")), "NOT_A_CONTAINER");
 
   ContainerWriter scene("scene", 1);
   scene.AddSection("meta", "{}");
   ASSERT_TRUE(scene.Commit(dir / "scene").ok());
-  EXPECT_EQ(ReasonOf(trainer.LoadCheckpoint(dir / "scene", "print")), "WRONG_CONTAINER_KIND");
+  EXPECT_EQ(Reason(trainer.LoadCheckpoint(dir / "scene", "print")), "WRONG_CONTAINER_KIND");
 
   // Same fingerprint, another network: a bug of the caller, but no crash.
   TrainOptions wide = Options();
   wide.recipe.pdm.hidden = 8;
   Trainer wider = MakeTrainer(wide);
-  EXPECT_EQ(ReasonOf(wider.LoadCheckpoint(dir / "good", "print")), "CHECKPOINT_INCONSISTENT");
+  EXPECT_EQ(Reason(wider.LoadCheckpoint(dir / "good", "print")), "CHECKPOINT_INCONSISTENT");
 
   ExpectSame(trainer.Snapshot(), before);
 }
@@ -225,7 +225,7 @@ TEST(Trainer, ANumberThatIsNoneStopsTheRunAndNamesTheTerm) {
     const Model before = trainer.Snapshot();
     const absl::StatusOr<StepLosses> step = trainer.Step();
     EXPECT_EQ(step.status().code(), absl::StatusCode::kInternal);
-    EXPECT_EQ(ReasonOf(step.status()), "NOT_FINITE");
+    EXPECT_EQ(Reason(step.status()), "NOT_FINITE");
     EXPECT_EQ(GetErrorDetail(step.status())->field, term);
     ExpectSame(trainer.Snapshot(), before);
   }
