@@ -192,9 +192,7 @@ absl::StatusOr<CorrectedPsnr> AffineCorrectedPsnr(const std::vector<ImageU8>& re
   LITAGS_ASSIGN_OR_RETURN(result.fit, fitter.Fit());
   for (size_t i = 0; i < renders.size(); ++i) {
     const Planes render = ToPlanes(renders[i]), truth = ToPlanes(truths[i]);
-    LITAGS_ASSIGN_OR_RETURN(const double plain, Psnr(render, truth));
     LITAGS_ASSIGN_OR_RETURN(const double corrected, Psnr(result.fit.Apply(render), truth));
-    result.plain_db += plain / renders.size();
     result.corrected_db += corrected / renders.size();
   }
   return result;

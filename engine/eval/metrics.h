@@ -55,12 +55,11 @@ class ColorFitter {
 };
 
 struct CorrectedPsnr {
-  double plain_db = 0;      // mean over the pairs of Psnr
-  double corrected_db = 0;  // the same after the scene's one ColorFit
+  double corrected_db = 0;  // mean over the pairs of Psnr, after the scene's one ColorFit
   ColorFit fit;
 };
 
-// PSNR of a scene's pairs before and after their common colour fit. The vectors have one length,
+// PSNR of a scene's pairs after their common colour fit. The vectors have one length,
 // not zero.
 absl::StatusOr<CorrectedPsnr> AffineCorrectedPsnr(const std::vector<ImageU8>& renders,
                                                   const std::vector<ImageU8>& truths);
