@@ -10,11 +10,11 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/string_view.h"
 #include "engine/core/error.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/dataset_layout.h"
 #include "engine/io/image_io.h"
+#include "engine/tools/inspect/folder_contents.h"
 
 namespace litags {
 namespace {
@@ -31,19 +31,11 @@ struct DatasetFolder {
 // "colmap/sparse/0/images.bin" is the deepest that is meant.
 constexpr int kMostFolders = 3;
 
-bool IsPhotoName(const std::string& name) {
-  const auto endings = PhotoEndings();
-  return std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) {
-    return absl::EndsWithIgnoreCase(name, absl::string_view(ending.data(), ending.size()));
-  });
-}
-
 Kind KindOf(const std::string& folder, const std::string& name) {
-  const std::string stem = fs::path(name).stem(), ending = fs::path(name).extension();
-  const bool model = stem == "cameras" || stem == "images" || stem == "points3D";
+  const std::string ending = fs::path(name).extension();
   // Text of these names may be anything, save where COLMAP's is.
   const bool colmap = absl::StrContains(folder, "sparse") || absl::StrContains(folder, "colmap");
-  if (model && (ending == ".bin" || (ending == ".txt" && colmap))) return Kind::kModel;
+  if (IsModelFile(name) && (ending == ".bin" || (ending == ".txt" && colmap))) return Kind::kModel;
   if (IsCamerasFileName(name)) return Kind::kCameras;
   return IsPhotoName(name) ? Kind::kPhoto : Kind::kOther;
 }

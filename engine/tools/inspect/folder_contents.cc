@@ -48,18 +48,6 @@ size_t PhotosIn(const std::string& dir) {
   return photos.ok() ? photos->size() : 0;
 }
 
-bool IsPhotoName(const std::string& name) {
-  const auto endings = PhotoEndings();
-  return std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) {
-    return absl::EndsWithIgnoreCase(name, absl::string_view(ending.data(), ending.size()));
-  });
-}
-
-bool IsModelFile(const std::string& name) {
-  const std::string stem = fs::path(name).stem();
-  return stem == "cameras" || stem == "images" || stem == "points3D";
-}
-
 // Whether the run reads this file or folder by an option of its own.
 bool IsOtherInput(const ReconstructInput& input, const std::string& name) {
   std::error_code ignored;
@@ -72,6 +60,18 @@ bool IsOtherInput(const ReconstructInput& input, const std::string& name) {
 }
 
 }  // namespace
+
+bool IsPhotoName(const std::string& name) {
+  const auto endings = PhotoEndings();
+  return std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) {
+    return absl::EndsWithIgnoreCase(name, absl::string_view(ending.data(), ending.size()));
+  });
+}
+
+bool IsModelFile(const std::string& name) {
+  const std::string stem = fs::path(name).stem();
+  return stem == "cameras" || stem == "images" || stem == "points3D";
+}
 
 std::vector<std::string> FoldersOfPhotos(const std::string& dir) {
   std::vector<std::string> folders = NamesIn(dir, /*folders=*/true);

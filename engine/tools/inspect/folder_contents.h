@@ -10,6 +10,12 @@
 
 namespace litags {
 
+// By its ending.
+bool IsPhotoName(const std::string& name);
+
+// cameras, images and points3D of COLMAP, whatever the ending.
+bool IsModelFile(const std::string& name);
+
 // Names of the folders in `dir` that hold photos, sorted; not masks.
 std::vector<std::string> FoldersOfPhotos(const std::string& dir);
 
