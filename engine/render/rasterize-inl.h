@@ -7,6 +7,7 @@
 #endif
 
 #include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
@@ -56,8 +57,8 @@ HWY_INLINE V Exp2(V x) {
   return hn::BitCast(d, hn::Add(hn::BitCast(di, p), hn::ShiftLeft<23>(hn::BitCast(di, shifted))));
 }
 
-// Alpha at pixel centres (x, y), clamped to 0.99, zero below 1/255.
-HWY_INLINE V Alpha(const float* HWY_RESTRICT record, V x, V y) {
+// log2 of a Gaussian's alpha at pixel centres (x, y), at most log2 of its opacity.
+HWY_INLINE V Log2Alpha(const float* HWY_RESTRICT record, V x, V y) {
   const D d;
   const V dx = hn::Sub(hn::Set(d, record[kRecordX]), x);
   const V dy = hn::Sub(hn::Set(d, record[kRecordY]), y);
@@ -66,9 +67,49 @@ HWY_INLINE V Alpha(const float* HWY_RESTRICT record, V x, V y) {
   const V log2_opacity = hn::Set(d, record[kRecordLog2Opacity]);
   const V along_y = hn::MulAdd(hn::Mul(hn::Set(d, record[kRecordC]), dy), dy, log2_opacity);
   // Of a needle whose mean is thousands of pixels away the terms cancel to anything.
-  const V power = hn::Min(hn::MulAdd(along_x, dx, along_y), log2_opacity);
-  return hn::IfThenElseZero(hn::Ge(power, hn::Set(d, kLog2AlphaMin)),
-                            hn::Min(Exp2(power), hn::Set(d, kAlphaMax)));
+  return hn::Min(hn::MulAdd(along_x, dx, along_y), log2_opacity);
+}
+
+// Replaces n log2 of alpha, `stride` floats apart, by alpha: at most 0.99, zero below 1/255. A loop
+// of its own: more exponentials are on their way at once than with what comes before them.
+HWY_INLINE void AlphasOf(float* HWY_RESTRICT log2_alphas, size_t n, size_t stride) {
+  const D d;
+  for (size_t i = 0; i < n; ++i, log2_alphas += stride) {
+    const V power = hn::Load(d, log2_alphas);
+    const V alpha = hn::IfThenElseZero(hn::Ge(power, hn::Set(d, kLog2AlphaMin)),
+                                       hn::Min(Exp2(power), hn::Set(d, kAlphaMax)));
+    hn::Store(alpha, d, log2_alphas);
+  }
+}
+
+// at[byte]: the positions of its bits that are set, in order, then zeros.
+struct ByteBits {
+  alignas(64) uint8_t at[256][8] = {};
+  constexpr ByteBits() {
+    for (int byte = 0; byte < 256; ++byte) {
+      for (int bit = 0, n = 0; bit < 8; ++bit) {
+        if (byte >> bit & 1) at[byte][n++] = static_cast<uint8_t>(bit);
+      }
+    }
+  }
+};
+inline constexpr ByteBits kByteBits;
+
+// Writes first + the position of every bit of the word that is set, in order, and up to 8 numbers
+// more. Returns how many are set. No branch: the bits are as good as random.
+HWY_INLINE size_t ListBits(uint64_t word, uint32_t first, uint32_t* HWY_RESTRICT out) {
+  const hn::CappedTag<uint32_t, 8> d;
+  const hn::Rebind<uint8_t, decltype(d)> d8;
+  uint32_t* const begin = out;
+#pragma GCC unroll 8
+  for (int byte = 0; byte < 8; ++byte, word >>= 8, first += 8) {
+    const uint8_t* bits = kByteBits.at[word & 255];
+    for (size_t i = 0; i < 8; i += hn::Lanes(d)) {
+      hn::StoreU(hn::Add(hn::PromoteTo(d, hn::Load(d8, bits + i)), hn::Set(d, first)), d, out + i);
+    }
+    out += std::popcount(word & 255);
+  }
+  return out - begin;
 }
 
 // Entries of a list whose alphas are evaluated together, before they are composited. In one loop

@@ -142,10 +142,11 @@ HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, 
     int n = 0;
     do {
       entries[n] = records[std::countr_zero(rest)];
-      hn::Store(Alpha(entries[n], x, y), d, alphas + n * kLanes);
+      hn::Store(Log2Alpha(entries[n], x, y), d, alphas + n * kLanes);
       ++n;
       rest &= rest - 1;
     } while (n < kBatch && rest != 0);
+    AlphasOf(alphas, n, kLanes);
 
     product = DropOpaque(product);
     for (int i = 0; i < n; ++i) {

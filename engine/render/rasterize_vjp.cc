@@ -1,5 +1,3 @@
-#include <bit>
-
 #include "engine/render/rasterize.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -117,9 +115,10 @@ HWY_INLINE void NoteEvaluations(const float* HWY_RESTRICT records, const uint32_
   for (size_t begin = 0; begin < n; begin += kBatch) {
     const size_t end = std::min(n, begin + kBatch);
     for (size_t i = begin; i < end; ++i) {
-      hn::Store(Alpha(records + entries[i] * RecordStride(C), in.x, in.y), d,
+      hn::Store(Log2Alpha(records + entries[i] * RecordStride(C), in.x, in.y), d,
                 evaluations + i * kEvaluation);
     }
+    AlphasOf(evaluations + begin * kEvaluation, end - begin, kEvaluation);
     product = DropOpaque(product);
     for (size_t i = begin; i < end; ++i) {
       float* evaluation = evaluations + i * kEvaluation;
@@ -231,10 +230,8 @@ HWY_INLINE void ShiftMoments(const float* m, float mx, float my, float* out) {
 HWY_INLINE size_t ListEntries(const TileJob& job, size_t used, int block, uint32_t* entries) {
   size_t n = 0;
   for (size_t begin = 0; begin < used; begin += kChunk) {
-    for (uint64_t rest = job.reach[begin / kChunk * kMaxTileBlocks + block]; rest != 0;
-         rest &= rest - 1) {
-      entries[n++] = static_cast<uint32_t>(begin + std::countr_zero(rest));
-    }
+    n += ListBits(job.reach[begin / kChunk * kMaxTileBlocks + block], static_cast<uint32_t>(begin),
+                  entries + n);
   }
   return n;
 }
@@ -307,7 +304,7 @@ void Backward(const TileJob& job, const TileGradients& gradients, TileScratch* s
   const float* records = scratch->records.data();
   // One more row takes the sums of the entries that fill a group up.
   scratch->grads.assign((used + 1) * kGrads, 0.0f);
-  scratch->entries.resize(used + kGroup);
+  scratch->entries.resize(used + kGroup + 8);  // 8 for ListBits
   scratch->evaluations.resize((used + kGroup) * kEvaluation);
   uint32_t* entries = scratch->entries.data();
   float* evaluations = scratch->evaluations.data();
