@@ -81,10 +81,11 @@ struct OnePhoto {
   View view;
   Photo photo;
   PlaneU8 mask;
-  PhotoDarkness darkness;      // as the camera wrote it
-  double stated_exposure = 0;  // as StatedExposure has it
-  double code_step = 1;        // as CodeStep has it
-  bool rim_masked = false;     // the pinhole picture shows more than the photo
+  PhotoDarkness darkness;                      // as the camera wrote it
+  double stated_exposure = 0;                  // as StatedExposure has it
+  double code_step = 1;                        // as CodeStep has it
+  bool rim_masked = false;                     // the pinhole picture shows more than the photo
+  std::optional<std::array<uint8_t, 3>> flat;  // the colour of all its pixels, if they have one
 };
 
 // By EXIF, in a unit of its own; 0: not said.
@@ -161,15 +162,14 @@ absl::Status CheckMask(const OnePhoto& v, const std::string& mask_path) {
                                    "leave the photo out"));
 }
 
-// The photos of posed->model, into the other fields.
-absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPhotos* posed) {
+// The photos of the model's views, at the size of training; flat ones as they are.
+absl::StatusOr<std::vector<OnePhoto>> LoadPhotos(const Context& context, const MaskPaths& masks,
+                                                 const SparseModel& model) {
   const ReconstructInput& input = context.input;
   const ReconstructOptions& options = context.options;
-  const SparseModel& model = posed->model;
   const size_t n = model.views.size();
   std::vector<OnePhoto> photos(n);
   std::vector<absl::Status> status(n);
-  std::vector<std::optional<std::array<uint8_t, 3>>> flat(n);
   std::optional<ShadowColors> shadows;
   if (context.recipe.tone.rule == Tone::kCapture) {
     LITAGS_ASSIGN_OR_RETURN(const ColorPrior colors,
@@ -186,8 +186,8 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
       const std::string mask_path = MaskPathOf(masks, v.view.name);
       LITAGS_RETURN_IF_ERROR(LoadPhoto(input, masks, model.distortions[i], &v));
       LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
-      flat[i] = FlatColor(v.photo, v.mask);
-      if (flat[i].has_value()) return absl::OkStatus();
+      v.flat = FlatColor(v.photo, v.mask);
+      if (v.flat.has_value()) return absl::OkStatus();
       const double shrunk = Shrink(options.max_image_side, &v);
       if (shadows.has_value()) v.photo = shadows->Infer(v.photo, v.mask, shrunk);
       return CheckMask(v, mask_path);
@@ -195,11 +195,17 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
     loaded.Done(thread);
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
+  return photos;
+}
+
+// Puts those that show something into the fields of `posed`.
+void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhotos* posed) {
+  const SparseModel& model = posed->model;
   int shrunk = 0, rims = 0;
   std::vector<PhotoDarkness> darkness;
-  for (size_t i = 0; i < n; ++i) {
-    if (flat[i].has_value()) {
-      const auto& [r, g, b] = *flat[i];
+  for (size_t i = 0; i < photos.size(); ++i) {
+    if (photos[i].flat.has_value()) {
+      const auto& [r, g, b] = *photos[i].flat;
       context.Note(absl::StrFormat("%s is left out: all its pixels are (%d, %d, %d)",
                                    photos[i].view.name, r, g, b));
       continue;
@@ -222,9 +228,9 @@ absl::Status LoadPhotos(const Context& context, const MaskPaths& masks, PosedPho
   }
   if (shrunk > 0) {
     context.Note(absl::StrCat(shrunk, " of ", posed->size(), " photos were shrunk to ",
-                              options.max_image_side, " px (max_image_side; 0 keeps their size)"));
+                              context.options.max_image_side,
+                              " px (max_image_side; 0 keeps their size)"));
   }
-  return absl::OkStatus();
 }
 
 absl::Status CheckPhotosLeft(const PhotoScreen& screen) {
@@ -307,7 +313,9 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
     context.Note(DescribeOrigin(posed.origin));
   }
   context.progress(Stage::kPreparing, "loading photos");
-  LITAGS_RETURN_IF_ERROR(LoadPhotos(context, screen.masks, &posed));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<OnePhoto> photos,
+                          LoadPhotos(context, screen.masks, posed.model));
+  TakePhotos(context, std::move(photos), &posed);
   context.progress(Stage::kPreparing, "pseudo-targets and structure maps");
   LITAGS_RETURN_IF_ERROR(CheckPhotoCount(posed.size(), context.report->photos));
   NoteFarCameras(context, posed.views);

@@ -82,6 +82,78 @@ std::string NotFinite(const Model& model) {
   return "";
 }
 
+Json PdmToJson(const PdmOptions& p) {
+  return {{"stages", p.stages},
+          {"hidden", p.hidden},
+          {"shared", p.shared},
+          {"filter_size", p.filter_size},
+          {"filter_sigma", p.filter_sigma},
+          {"zero_border", p.border == PdmBorder::kZero},
+          {"clamp_R", p.clamp_R}};
+}
+
+PdmOptions PdmFromJson(const Json& json) {
+  return {.stages = json.at("stages").get<int>(),
+          .hidden = json.at("hidden").get<int>(),
+          .shared = json.at("shared").get<bool>(),
+          .filter_size = json.at("filter_size").get<int>(),
+          .filter_sigma = json.at("filter_sigma").get<float>(),
+          .border = json.at("zero_border").get<bool>() ? PdmBorder::kZero : PdmBorder::kReflect101,
+          .clamp_R = json.at("clamp_R").get<bool>()};
+}
+
+// What is not in sections of its own: of the Gaussians and the denoiser's `nets` their number.
+absl::Status ReadMeta(const Container& file, const std::string& path, Model* model,
+                      std::vector<View>* views, size_t* nets) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string_view meta, file.Section("meta"));
+  LITAGS_ASSIGN_OR_RETURN(const std::string_view splats, file.Section("splats"));
+  try {
+    const Json json = Json::parse(meta);
+    model->lita = json.at("lita").get<bool>();
+    model->use_pdm = json.at("use_pdm").get<bool>();
+    const bool antialiased = file.version() >= 2 && json.at("antialiased").get<bool>();
+    model->pixel_filter = antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
+    model->sh_degree = json.at("sh_degree").get<int>();
+    model->iteration = json.at("iteration").get<int>();
+    const auto gaussians = json.at("gaussians").get<size_t>();
+    // Before Resize, so that a wrong number cannot ask for all the memory there is.
+    const size_t blocks = gaussians / kSplatBlock + (gaussians % kSplatBlock != 0);
+    if (blocks != splats.size() / (Splats::kBlockFloats * sizeof(float))) {
+      return Damaged(path, "the number of Gaussians does not fit their data");
+    }
+    model->splats.Resize(gaussians);
+    for (const Json& view : json.at("views")) views->push_back(ViewFromJson(view));
+    model->pdm_options = PdmFromJson(json.at("pdm"));
+    *nets = json.at("pdm").at("nets").get<size_t>();
+    if (file.version() > kWithoutOrigin) json.at("origin").get_to(model->origin);
+    if (json.contains("noise")) model->noise = json.at("noise").get<NoiseCurve>();
+    if (json.contains("curve")) model->curve = json.at("curve").get<CodeCurve>();
+  } catch (const Json::exception& e) {
+    return Damaged(path, e.what());
+  }
+  if (model->sh_degree < 0 || model->sh_degree > kMaxShDegree) {
+    return Damaged(path, absl::StrCat("SH degree ", model->sh_degree, " does not exist"));
+  }
+  if (const absl::Status s = model->pdm_options.Validate(); !s.ok()) {
+    return Damaged(path, std::string(s.message()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ReadDenoiser(const Container& file, const std::string& path, size_t nets,
+                          Model* model) {
+  model->pdm = PdmWeights::Zeros(model->pdm_options);
+  if (!model->use_pdm) return absl::OkStatus();
+  const absl::Status other_shape = Damaged(path, "the denoiser has another shape");
+  if (nets != model->pdm.nets.size()) return other_shape;
+  for (size_t k = 0; k < nets; ++k) {
+    LITAGS_ASSIGN_OR_RETURN(std::vector<float> net, file.Array<float>(absl::StrCat("pdm", k)));
+    if (net.size() != model->pdm.nets[k].size()) return other_shape;
+    model->pdm.nets[k] = std::move(net);
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 SceneFrame FrameOfViews(const std::vector<View>& all) {
@@ -139,15 +211,8 @@ absl::Status SaveScene(const std::string& path, const Model& model,
                {"gaussians", model.splats.size()},
                {"views", Json::array()}};
   for (const View& view : views) json["views"].push_back(ViewToJson(view));
-  const PdmOptions& p = model.pdm_options;
-  json["pdm"] = {{"stages", p.stages},
-                 {"hidden", p.hidden},
-                 {"shared", p.shared},
-                 {"filter_size", p.filter_size},
-                 {"filter_sigma", p.filter_sigma},
-                 {"zero_border", p.border == PdmBorder::kZero},
-                 {"clamp_R", p.clamp_R},
-                 {"nets", model.pdm.nets.size()}};
+  json["pdm"] = PdmToJson(model.pdm_options);
+  json["pdm"]["nets"] = model.pdm.nets.size();
   if (model.noise.has_value()) json["noise"] = *model.noise;
   if (model.curve.has_value()) json["curve"] = *model.curve;
   const bool moved = model.origin != std::array<double, 3>{};
@@ -166,46 +231,10 @@ absl::Status SaveScene(const std::string& path, const Model& model,
 
 absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& path) {
   LITAGS_ASSIGN_OR_RETURN(const Container file, Container::Read(path, kKind, kVersion));
-  LITAGS_ASSIGN_OR_RETURN(const std::string_view meta, file.Section("meta"));
-  LITAGS_ASSIGN_OR_RETURN(const std::string_view splats, file.Section("splats"));
   Model model;
   std::vector<View> views;
   size_t nets = 0;
-  try {
-    const Json json = Json::parse(meta);
-    model.lita = json.at("lita").get<bool>();
-    model.use_pdm = json.at("use_pdm").get<bool>();
-    const bool antialiased = file.version() >= 2 && json.at("antialiased").get<bool>();
-    model.pixel_filter = antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
-    model.sh_degree = json.at("sh_degree").get<int>();
-    model.iteration = json.at("iteration").get<int>();
-    const auto gaussians = json.at("gaussians").get<size_t>();
-    // Before Resize, so that a wrong number cannot ask for all the memory there is.
-    const size_t blocks = gaussians / kSplatBlock + (gaussians % kSplatBlock != 0);
-    if (blocks != splats.size() / (Splats::kBlockFloats * sizeof(float))) {
-      return Damaged(path, "the number of Gaussians does not fit their data");
-    }
-    model.splats.Resize(gaussians);
-    for (const Json& view : json.at("views")) views.push_back(ViewFromJson(view));
-    const Json& p = json.at("pdm");
-    model.pdm_options.stages = p.at("stages").get<int>();
-    model.pdm_options.hidden = p.at("hidden").get<int>();
-    model.pdm_options.shared = p.at("shared").get<bool>();
-    model.pdm_options.filter_size = p.at("filter_size").get<int>();
-    model.pdm_options.filter_sigma = p.at("filter_sigma").get<float>();
-    model.pdm_options.border =
-        p.at("zero_border").get<bool>() ? PdmBorder::kZero : PdmBorder::kReflect101;
-    model.pdm_options.clamp_R = p.at("clamp_R").get<bool>();
-    nets = p.at("nets").get<size_t>();
-    if (file.version() > kWithoutOrigin) json.at("origin").get_to(model.origin);
-    if (json.contains("noise")) model.noise = json.at("noise").get<NoiseCurve>();
-    if (json.contains("curve")) model.curve = json.at("curve").get<CodeCurve>();
-  } catch (const Json::exception& e) {
-    return Damaged(path, e.what());
-  }
-  if (model.sh_degree < 0 || model.sh_degree > kMaxShDegree) {
-    return Damaged(path, absl::StrCat("SH degree ", model.sh_degree, " does not exist"));
-  }
+  LITAGS_RETURN_IF_ERROR(ReadMeta(file, path, &model, &views, &nets));
   if (file.Has("names")) {
     LITAGS_ASSIGN_OR_RETURN(const std::string_view names, file.Section("names"));
     if (!SplitNames(names, &views)) return Damaged(path, "the views' names do not fit the views");
@@ -215,24 +244,14 @@ absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& pa
       return Damaged(path, absl::StrCat("view ", view.name, ": ", s.message()));
     }
   }
-  if (const absl::Status s = model.pdm_options.Validate(); !s.ok()) {
-    return Damaged(path, std::string(s.message()));
-  }
+  LITAGS_ASSIGN_OR_RETURN(const std::string_view splats, file.Section("splats"));
   if (splats.size() != model.splats.data().size() * sizeof(float)) {
     return Damaged(path, "the Gaussians are cut short");
   }
   std::memcpy(model.splats.data().data(), splats.data(), splats.size());
-  model.splats.Resize(
-      model.splats.size());  // lanes past the last Gaussian are zero, whatever was read
-  model.pdm = PdmWeights::Zeros(model.pdm_options);
-  if (model.use_pdm && nets != model.pdm.nets.size())
-    return Damaged(path, "the denoiser has another shape");
-  for (size_t k = 0; model.use_pdm && k < nets; ++k) {
-    LITAGS_ASSIGN_OR_RETURN(std::vector<float> net, file.Array<float>(absl::StrCat("pdm", k)));
-    if (net.size() != model.pdm.nets[k].size())
-      return Damaged(path, "the denoiser has another shape");
-    model.pdm.nets[k] = std::move(net);
-  }
+  // Lanes past the last Gaussian are zero, whatever was read.
+  model.splats.Resize(model.splats.size());
+  LITAGS_RETURN_IF_ERROR(ReadDenoiser(file, path, nets, &model));
   if (const std::string what = NotFinite(model); !what.empty()) return Damaged(path, what);
   return MakeScene(std::move(model), std::move(views));
 }
