@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/cli.h"
+#include "client/report/settings.h"
 #include "client/status.h"
 #include "client/text.h"
 #include "engine/arguments/arguments.h"
@@ -69,6 +70,18 @@ std::string LabelsText(const v1::Job& job) {
   return absl::StrJoin(texts, " ");
 }
 
+// "method=litags tone=capture iterations=10000 ...", the values as the command line takes them.
+std::string OptionsText(const v1::JobOptions& options) {
+  std::vector<std::string> texts;
+  const auto& fields = *v1::JobOptions::descriptor();
+  for (int i = 0; i < fields.field_count(); ++i) {
+    if (!options.GetReflection()->HasField(options, fields.field(i))) continue;
+    const std::string& name = fields.field(i)->name();
+    texts.push_back(absl::StrCat(name, "=", report::OptionText(options, name)));
+  }
+  return absl::StrJoin(texts, " ");
+}
+
 void PrintJob(const v1::Job& job) {
   const auto row = [](const char* name, const std::string& value) {
     if (!value.empty()) std::printf("%-10s %s\n", name, Printable(value).c_str());
@@ -90,8 +103,7 @@ void PrintJob(const v1::Job& job) {
     row("snapshot", absl::StrCat("iteration ", job.snapshot_iteration()));
   }
   if (job.has_progress()) row("progress", ProgressLine(job.progress(), 200));
-  std::string options = job.options().ShortDebugString();
-  row("options", options);
+  row("options", OptionsText(job.options()));
   if (job.state() == v1::JOB_STATE_FAILED || job.state() == v1::JOB_STATE_SUCCEEDED) {
     std::printf("%s", OutcomeText(job).c_str());
   }

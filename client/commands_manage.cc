@@ -1,4 +1,5 @@
 // litags info, files, log, update, clone.
+#include <algorithm>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -79,14 +80,19 @@ int Info(Session& session, bool json) {
   if (limits.has_max_run_time()) {
     Row("its run time", DurationText(SecondsOf(limits.max_run_time())));
   }
-  constexpr char kOption[] = "  %-20s %-9s %-28s %s\n";
   const v1::JobOptions defaults = DefaultsOf(*info);
+  size_t widest = 5;  // RANGE
+  for (const v1::OptionInfo& option : info->options()) {
+    widest = std::max(widest, ColumnsOf(Printable(RangeText(option))));
+  }
+  constexpr char kOption[] = "  %-20s %-9s %s %s\n";
   std::printf("\noptions of a job:\n");
-  std::printf(kOption, "NAME", "DEFAULT", "RANGE", "MEANING");
+  std::printf(kOption, "NAME", "DEFAULT", Padded("RANGE", widest).c_str(), "MEANING");
   for (const v1::OptionInfo& option : info->options()) {
     std::printf(kOption, Printable(option.name()).c_str(),
                 report::OptionText(defaults, option.name()).c_str(),
-                Printable(RangeText(option)).c_str(), Printable(option.help()).c_str());
+                Padded(Printable(RangeText(option)), widest).c_str(),
+                Printable(option.help()).c_str());
   }
   return kExitOk;
 }

@@ -15,7 +15,7 @@ bool ParseLabels(const std::vector<std::string>& texts,
                  google::protobuf::Map<std::string, std::string>* labels) {
   for (const std::string& text : texts) {
     const size_t equals = text.find('=');
-    if (equals == std::string::npos) {
+    if (equals == std::string::npos || equals == 0) {
       Note(absl::StrCat("--label ", text, ": a label is KEY=VALUE, such as site=north"));
       return false;
     }

@@ -13,7 +13,7 @@ namespace litags::client {
 // Adds --label KEY=VALUE, which may be given several times.
 void AddLabelOption(CLI::App& command, std::vector<std::string>& labels);
 
-// False, having said so on stderr, for a text without "=".
+// False, having said so on stderr, for a text without a key or "=".
 bool ParseLabels(const std::vector<std::string>& texts,
                  google::protobuf::Map<std::string, std::string>* labels);
 

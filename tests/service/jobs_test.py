@@ -234,6 +234,22 @@ class Jobs(harness.ServiceTest):
         self.assertRegex(out, rf"(?m)^{job} +succeeded ")
         shown = json.loads(self.litags("show", job.removeprefix("jobs/"), "--json")[0])
         self.assertEqual((shown["name"], shown["state"]), (job, "JOB_STATE_SUCCEEDED"))
+        out, _ = self.litags("show", job)
+        self.assertRegex(out, r"(?m)^options    method=litags tone=capture iterations=\d+ ")
+
+    def test_a_label_before_the_folder_leaves_the_folder_alone(self):
+        out, _ = self.litags("submit", "--label", "site=north", "--worker-labels", "none-here",
+                             self.photos(), "--iterations", "10")
+        job = self.jobs.GetJob(harness.rpc.GetJobRequest(name=out.strip()))
+        self.assertEqual(dict(job.labels), {"site": "north"})
+        self.litags("cancel", job.name)
+        _, err = self.litags("update", job.name, "--label", "=north", exit_code=2)
+        self.assertIn("a label is KEY=VALUE", err)
+
+    def test_the_options_of_a_server_stand_in_columns(self):
+        lines = self.litags("info")[0].split("options of a job:\n")[1].splitlines()
+        column = lines[0].index("MEANING")
+        self.assertTrue(all(line[column - 1] == " " and line[column] != " " for line in lines), lines)
 
     def test_doctor_finds_everything_in_place(self):
         out, _ = self.litags("doctor")
