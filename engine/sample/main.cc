@@ -20,10 +20,11 @@ bool ParseSize(const std::string& text, int* width, int* height) {
 }
 
 int Run(int argc, char** argv) {
-  CLI::App app("Renders a sample capture with exact cameras in the LOM benchmark's layout.");
+  CLI::App app("Renders a sample capture with exact cameras in the LOM benchmark's layout.",
+               "litags-sample");
   litags::sample::CaptureOptions options;
   std::string out, size = "360x270";
-  app.add_option("out", out, "Folder to write to")->required();
+  app.add_option("OUT", out, "Folder to write to")->required();
   app.add_option("--size", size, "Size of the photos, px: WIDTHxHEIGHT")->capture_default_str();
   app.add_option("--views", options.views, "Number of photos")->capture_default_str();
   app.add_option("--seed", options.seed, "Texture detail, hand shake and noise")

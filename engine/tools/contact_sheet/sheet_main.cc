@@ -12,7 +12,8 @@ namespace {
 int Run(int argc, char** argv) {
   CLI::App app(
       "Draws rows of pictures with labels into one PNG.\n"
-      "A picture is PATH, ramp:PATH (one channel in colours), gray:PATH or - (none).");
+      "A picture is PATH, ramp:PATH (one channel in colours), gray:PATH or - (none).",
+      "litags-sheet");
   litags::Sheet sheet;
   std::string out;
   std::vector<std::vector<std::string>> rows;

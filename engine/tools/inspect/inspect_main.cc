@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 
+#include "absl/strings/str_cat.h"
 #include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "engine/tools/inspect/dataset_folder.h"
@@ -31,6 +32,11 @@ struct Arguments {
 };
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
+  std::error_code ignored;
+  if (IsVideoName(args.dir) && !fs::exists(args.dir, ignored)) {
+    return InvalidInput("NO_SUCH_FILE", "DIR",
+                        absl::StrCat(args.dir, ": there is no such file; give one that is there"));
+  }
   std::string depth;  // is not looked at
   LITAGS_RETURN_IF_ERROR(
       UseDatasetFolder(/*with_cameras=*/true, &args.dir, &args.cameras, &args.masks, &depth));
@@ -41,7 +47,6 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   input.cameras_path = args.cameras;
   input.masks_dir = args.masks;
   input.frame_program = OwnPickFramesProgram();
-  std::error_code ignored;
   if (const fs::path beside = fs::path(args.dir) / "masks";
       args.masks.empty() && fs::is_directory(beside, ignored)) {
     input.masks_dir = beside;

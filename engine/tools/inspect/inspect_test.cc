@@ -263,6 +263,8 @@ TEST_F(Inspect, AVideoIsInspectedByItsFrames) {
 TEST_F(Inspect, MistakesAreOneError) {
   EXPECT_EQ(Run({dir_ / "nowhere"}), 2);
   EXPECT_THAT(text_, HasSubstr("reason NO_SUCH_FOLDER"));
+  EXPECT_EQ(Run({dir_ / "none.mov"}), 2);
+  EXPECT_THAT(text_, HasSubstr("none.mov: there is no such file"));
   EXPECT_EQ(Run({}), 2);
 }
 

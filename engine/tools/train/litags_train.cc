@@ -155,6 +155,14 @@ void PrintReport(const ReconstructReport& report, int test_photos) {
               report.scene_path.c_str());
 }
 
+// Of a missing video an error of folders would tell.
+absl::Status CheckVideoIsThere(const std::string& path) {
+  std::error_code ignored;
+  if (!IsVideoName(path) || fs::exists(path, ignored)) return absl::OkStatus();
+  return InvalidInput("NO_SUCH_FILE", "DIR",
+                      absl::StrCat(path, ": there is no such file; give one that is there"));
+}
+
 bool IsVideoFile(const std::string& path) {
   std::error_code ignored;
   return fs::is_regular_file(path, ignored) && IsVideoName(path);
@@ -162,6 +170,7 @@ bool IsVideoFile(const std::string& path) {
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
+  LITAGS_RETURN_IF_ERROR(CheckVideoIsThere(args.scene.dir));
   const bool video = IsVideoFile(args.scene.dir);
   if (!video && args.scene.light.empty() && !IsBenchmark(args.scene.dir)) {
     LITAGS_RETURN_IF_ERROR(UseDatasetFolder(!args.scene.sfm, &args.scene.dir, &args.scene.cameras,
@@ -240,7 +249,7 @@ int Main(int argc, char** argv) {
   Arguments args;
   CLI::App app("Trains a normally lit 3D scene from badly lit photos.", "litags-train");
   app.set_version_flag("--version", LITAGS_VERSION);
-  app.add_option("dir", args.scene.dir,
+  app.add_option("DIR", args.scene.dir,
                  "folder of photos or of a dataset, a video, or a benchmark scene with --light")
       ->required();
   app.footer(
@@ -248,15 +257,17 @@ int Main(int argc, char** argv) {
       "command goes on.");
   app.add_option("-o,--output,--out", args.out,
                  "folder for scene.litags, scene.ply, report.json and views/PHOTO.png, the photos' "
-                 "views in normal light; with test views also test/PHOTO.png and evaluation.json");
+                 "views in normal light; with test views also test/PHOTO.png and evaluation.json; "
+                 "only --inspect needs none");
   app.add_option("--light", args.scene.light,
                  "benchmark layout: photos are in DIR/LIGHT (low, over_exp, high)");
-  app.add_option(
+  CLI::Option* cameras = app.add_option(
       "--cameras", args.scene.cameras,
       "transforms.json, folder of a COLMAP model, or a file of OpenMVG, Meshroom, Metashape "
       "or Bundler; else COLMAP finds them");
   app.add_flag("--sfm", args.scene.sfm,
-               "find the cameras with COLMAP even if DIR has transforms_train.json");
+               "find the cameras with COLMAP even if DIR has transforms_train.json")
+      ->excludes(cameras);
   app.add_flag("--inspect", args.inspect,
                "print what would be used of the folder and what left out, and why; train nothing");
   app.add_flag("--strict", args.strict,

@@ -65,6 +65,12 @@ TEST_F(TrainProgramTest, InspectingSaysWhatIsUsedAndStrictRefusesWhatCannotBeRea
   const Outcome nowhere = RunAlone({photos});
   EXPECT_EQ(nowhere.exit_code, 2);
   EXPECT_THAT(nowhere.text, HasSubstr("--output is not given; litags-train --help says"));
+  const Outcome both = Run({photos, "--sfm", "--cameras", scene_ + "/sparse"});
+  EXPECT_EQ(both.exit_code, 2);
+  EXPECT_THAT(both.text, HasSubstr("--cameras and --sfm exclude each other"));
+  const Outcome no_video = Run({scene_ + "/none.mp4"});
+  EXPECT_EQ(no_video.exit_code, 2);
+  EXPECT_THAT(no_video.text, HasSubstr("none.mp4: there is no such file"));
   const Outcome strict = Run({photos, "--strict", "--cameras", scene_ + "/sparse"});
   EXPECT_EQ(strict.exit_code, 2);
   EXPECT_THAT(strict.text, HasSubstr("PHOTO_UNREADABLE"));
