@@ -1,5 +1,6 @@
 #include "engine/io/heif_codecs.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -40,13 +41,14 @@ void PackRow8(const std::array<std::vector<float>, 3>& rows, const std::array<ui
   }
 }
 
+// A damaged stream may give samples of more bits than it states.
 void PackRow16(const std::array<std::vector<float>, 3>& rows, int bits,
                const std::array<uint8_t*, 4>& to) {
   const auto one = static_cast<float>(1 << (kMaxBits - bits));
   for (int c = 0; c < 3; ++c) {
     auto* samples = reinterpret_cast<uint16_t*>(to[c]);
     for (size_t x = 0; x < rows[c].size(); ++x) {
-      samples[x] = static_cast<uint16_t>(rows[c][x] * one);
+      samples[x] = static_cast<uint16_t>(std::min(rows[c][x] * one, 65535.0f));
     }
   }
 }

@@ -164,6 +164,25 @@ TEST(Bomb, HeifWhoseStreamHoldsAnotherPictureIsRefused) {
   EXPECT_EQ(Reason(DecodePhoto(lie, "f").status()), "IMAGE_CORRUPT");
 }
 
+TEST(HeifCodecs, SamplesOfMoreBitsThanStatedAreWhite) {
+  const uint16_t beyond = 1 << 10;
+  CodedPicture picture;
+  picture.width = picture.height = 1;
+  picture.bits = 10;
+  picture.chroma = heif_chroma_444;
+  picture.planes.fill(reinterpret_cast<const uint8_t*>(&beyond));
+  picture.strides.fill(sizeof(beyond));
+  heif_image* image = nullptr;
+  ASSERT_EQ(CopyPicture(picture, &image).code, heif_error_Ok);
+  CodedRows rows;
+  ASSERT_TRUE(rows.Open(image, 1, 1));
+  float luma = 0, cb = 0, cr = 0;
+  rows.Row(0, &luma, &cb, &cr);
+  EXPECT_NEAR(luma, 1024, 0.1);
+  EXPECT_NEAR(cr, 1024, 0.1);
+  heif_image_release(image);
+}
+
 TEST(Bomb, JxlIsRefusedByTheSizeThatItStates) {
   // 200,000 px a side; the first bits are the lowest of a byte: not small; of 18 bits; the size
   // less one; square; defaults.
