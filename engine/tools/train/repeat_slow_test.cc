@@ -33,7 +33,7 @@ class SameBytes : public testing::TestWithParam<bool> {  // with known cameras
  protected:
   void SetUp() override {
     sample::CaptureOptions capture;
-    capture.views = 12;
+    capture.views = 8;
     capture.antialias = 2;
     const auto written = sample::WriteCapture(capture, scene_);
     ASSERT_TRUE(written.ok()) << written.status();
