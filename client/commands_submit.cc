@@ -172,8 +172,8 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command
       ->add_option("DIR", args->dir,
                    "Folder with the photos (of its subfolders only masks is read), or of a dataset "
-                   "(photos in "
-                   "images, cameras beside it), or a .zip, .tar or .tar.gz of one, or a video")
+                   "(photos in images, cameras beside it), or a .zip, .tar or .tar.gz of one, or a "
+                   "video")
       ->required();
   command->add_flag("--watch", args->watch, "Then follow the job until it ends");
   command->add_flag("--strict", args->strict,
