@@ -286,14 +286,19 @@ class TlsFiles(GatewayTest):
         context = self.browser()
         cert = self.pems / "server.crt"
         whole = cert.read_text()
-        self.addCleanup(cert.write_text, whole)
+
+        def said(words):
+            self.assertEqual(self.request(context)[0], b"HTTP/1.1 200 OK")
+            return words in pathlib.Path(self.server.log_path).read_text()
+
+        def restore():  # renewals end sessions: the next test must not meet this one
+            cert.write_text(whole)
+            self.wait_for(lambda: said("TLS files were renewed"), "a look at the whole files")
+        self.addCleanup(restore)
         # The server's own certificate is whole, that of its issuer is not.
         cert.write_text(whole + (self.pems / "ca.crt").read_text()[:500])
 
-        def seen():
-            self.assertEqual(self.request(context)[0], b"HTTP/1.1 200 OK")
-            return "TLS stays as it was" in pathlib.Path(self.server.log_path).read_text()
-        self.wait_for(seen, "a look at the files")
+        self.wait_for(lambda: said("TLS stays as it was"), "a look at the files")
         self.assertEqual(self.request(context)[0], b"HTTP/1.1 200 OK")
         with tempfile.TemporaryDirectory() as folder:
             run = subprocess.run(
