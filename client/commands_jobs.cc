@@ -15,7 +15,7 @@
 #include "client/report/settings.h"
 #include "client/status.h"
 #include "client/text.h"
-#include "engine/arguments/arguments.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags::client {
 namespace {

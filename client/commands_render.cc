@@ -17,7 +17,7 @@
 #include "client/status.h"
 #include "client/text.h"
 #include "client/view_args.h"
-#include "engine/arguments/arguments.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags::client {
 namespace {

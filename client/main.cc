@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "client/cli.h"
-#include "engine/arguments/arguments.h"
+#include "proto/arguments/arguments.h"
 
 namespace {
 

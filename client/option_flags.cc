@@ -8,8 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/report/text.h"
-#include "engine/arguments/arguments.h"
 #include "litags/v1/help.pb.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags::client {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "engine/arguments/arguments.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags::client {
 

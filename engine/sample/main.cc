@@ -5,8 +5,8 @@
 #include <iostream>
 #include <string>
 
-#include "engine/arguments/arguments.h"
 #include "engine/sample/capture.h"
+#include "proto/arguments/arguments.h"
 
 namespace {
 

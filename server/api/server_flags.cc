@@ -4,7 +4,7 @@
 #include <cstdlib>
 
 #include "absl/strings/str_cat.h"
-#include "engine/arguments/arguments.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {

@@ -15,10 +15,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
+#include "proto/arguments/arguments.h"
 #include "server/api/convert.h"
 #include "server/api/health_monitor.h"
 #include "server/api/preflight.h"

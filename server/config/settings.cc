@@ -9,8 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {

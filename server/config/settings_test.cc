@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
+#include "proto/arguments/arguments.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {

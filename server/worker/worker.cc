@@ -9,8 +9,8 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
+#include "proto/arguments/arguments.h"
 #include "server/store/digest.h"
 #include "server/store/open_stores.h"
 #include "server/worker/hardening.h"

@@ -2,9 +2,9 @@
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
-#include "engine/arguments/arguments.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/machine.h"
+#include "proto/arguments/arguments.h"
 
 int main(int argc, char** argv) {
   CLI::App app("Measures the litags engine.", "litags-bench");

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "engine/arguments/arguments.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
+#include "proto/arguments/arguments.h"
 
 namespace {
 

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 

@@ -3,9 +3,9 @@
 #include <cstdio>
 #include <string>
 
-#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "engine/tools/film/film.h"
+#include "proto/arguments/arguments.h"
 
 int main(int argc, char** argv) {
   std::string path;

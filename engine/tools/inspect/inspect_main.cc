@@ -6,12 +6,12 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/inspect.h"
 #include "engine/video/frame_process.h"
 #include "engine/video/video_file.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {

@@ -15,7 +15,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "engine/arguments/arguments.h"
 #include "engine/core/error.h"
 #include "engine/core/machine_memory.h"
 #include "engine/io/file_util.h"
@@ -31,6 +30,7 @@
 #include "engine/tools/inspect/inspect.h"
 #include "engine/video/frame_process.h"
 #include "engine/video/video_file.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {

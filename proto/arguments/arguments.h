@@ -1,7 +1,7 @@
 // How every program reads its command line, and what it says of one that is wrong: CLI11's own
 // words are for programmers.
-#ifndef LITAGS_ENGINE_ARGUMENTS_ARGUMENTS_H_
-#define LITAGS_ENGINE_ARGUMENTS_ARGUMENTS_H_
+#ifndef LITAGS_PROTO_ARGUMENTS_ARGUMENTS_H_
+#define LITAGS_PROTO_ARGUMENTS_ARGUMENTS_H_
 
 #include <optional>
 #include <string>
@@ -53,4 +53,4 @@ CLI::Validator ByteSize();
 
 }  // namespace litags
 
-#endif  // LITAGS_ENGINE_ARGUMENTS_ARGUMENTS_H_
+#endif  // LITAGS_PROTO_ARGUMENTS_ARGUMENTS_H_

@@ -1,4 +1,4 @@
-#include "engine/arguments/arguments.h"
+#include "proto/arguments/arguments.h"
 
 #include <algorithm>
 #include <cmath>
