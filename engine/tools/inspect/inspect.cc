@@ -24,6 +24,7 @@
 #include "engine/pipeline/wide_photos.h"
 #include "engine/tools/inspect/folder_contents.h"
 #include "engine/tools/inspect/photo_sheet.h"
+#include "engine/video/video_file.h"
 
 namespace litags {
 namespace {
@@ -198,6 +199,18 @@ absl::Status CheckAllReadable(const ReconstructInput& input, int threads,
                         absl::StrCat(photo.why, " (--strict; without it the photo is left out)"));
   }
   return absl::OkStatus();
+}
+
+bool IsVideoFile(const std::string& path) {
+  std::error_code ignored;
+  return IsVideoName(path) && fs::is_regular_file(path, ignored);
+}
+
+absl::Status CheckVideoIsThere(const std::string& path) {
+  std::error_code ignored;
+  if (!IsVideoName(path) || fs::exists(path, ignored)) return absl::OkStatus();
+  return InvalidInput("NO_SUCH_FILE", "DIR",
+                      absl::StrCat(path, ": there is no such file; give one that is there"));
 }
 
 absl::StatusOr<ReconstructInput> PickFramesNow(const ReconstructInput& input, int frames,

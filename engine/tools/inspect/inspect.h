@@ -20,6 +20,12 @@ namespace litags {
 absl::Status InspectFolder(const ReconstructInput& input, const ReconstructOptions& options,
                            const std::string& sheet, const CancelToken& cancel, std::string* text);
 
+bool IsVideoFile(const std::string& path);
+
+// INVALID_ARGUMENT (NO_SUCH_FILE) for the name of a video that is not there: errors of folders
+// would tell of a missing folder.
+absl::Status CheckVideoIsThere(const std::string& path);
+
 // The photos of a video, in work_dir; says on stderr how far it is. Other inputs as they are.
 absl::StatusOr<ReconstructInput> PickFramesNow(const ReconstructInput& input, int frames,
                                                const CancelToken& cancel);

@@ -5,7 +5,6 @@
 // test cameras are compared with DIR/high.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <optional>
@@ -28,21 +27,14 @@
 #include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/folder_contents.h"
 #include "engine/tools/inspect/inspect.h"
+#include "engine/tools/interrupt/interrupt.h"
 #include "engine/video/frame_process.h"
-#include "engine/video/video_file.h"
 #include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
-
-CancelToken* g_cancel = nullptr;
-// A second one ends the program.
-void OnSignal(int number) {
-  g_cancel->Cancel();
-  std::signal(number, SIG_DFL);
-}
 
 struct Arguments {
   BenchmarkScene scene;
@@ -56,7 +48,7 @@ struct Arguments {
 int ExitCodeOf(const absl::Status& status) {
   const auto detail = GetErrorDetail(status);
   if (status.ok()) return 0;
-  if (absl::IsCancelled(status)) return 130;
+  if (absl::IsCancelled(status)) return kInterruptedExit;
   const bool too_few = detail.has_value() && detail->reason == "TOO_FEW_PHOTOS";
   return absl::IsInvalidArgument(status) || absl::IsNotFound(status) || too_few ? 2 : 1;
 }
@@ -153,19 +145,6 @@ void PrintReport(const ReconstructReport& report, int test_photos) {
               test_photos > 0 ? absl::StrCat(", test views: ", test_photos).c_str() : "",
               static_cast<int>(report.gaussians), report.iterations, report.seconds,
               report.scene_path.c_str());
-}
-
-// Of a missing video an error of folders would tell.
-absl::Status CheckVideoIsThere(const std::string& path) {
-  std::error_code ignored;
-  if (!IsVideoName(path) || fs::exists(path, ignored)) return absl::OkStatus();
-  return InvalidInput("NO_SUCH_FILE", "DIR",
-                      absl::StrCat(path, ": there is no such file; give one that is there"));
-}
-
-bool IsVideoFile(const std::string& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored) && IsVideoName(path);
 }
 
 absl::Status Run(Arguments args, const CancelToken& cancel) {
@@ -291,10 +270,7 @@ int Main(int argc, char** argv) {
   });
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
 
-  CancelToken cancel;
-  g_cancel = &cancel;
-  std::signal(SIGINT, OnSignal);
-  std::signal(SIGTERM, OnSignal);
+  const CancelToken& cancel = CancelOnInterrupt();
   const bool keeps = !args.out.empty();
   std::optional<ScratchFolder> scratch;
   if (!keeps) args.out = scratch.emplace().path();
