@@ -29,9 +29,7 @@ class MutualTypeScript(examples.Mutual, harness.ServiceTest):
 
 
 if __name__ == "__main__":
-    if why := npm_packages.install(HERE, WORK, ("tsconfig.json", "reconstruct.ts")):
-        print("skipped:", why)
-        sys.exit(npm_packages.SKIPPED)
+    npm_packages.install_or_skip(HERE, WORK, ("tsconfig.json", "reconstruct.ts"))
     subprocess.run(["npm", "run", "--silent", "build"], cwd=WORK, check=True,
                    env=dict(os.environ, PROTO=str(examples.SOURCE / "proto")))
     unittest.main(verbosity=2)
