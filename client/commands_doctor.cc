@@ -50,12 +50,14 @@ int Doctor(Session& session, bool health_only, bool alive_only) {
 void AddDoctorCommand(CLI::App& app, Session& session) {
   CLI::App* command = app.add_subcommand("doctor", "Check that the server answers and works");
   const auto health_only = std::make_shared<bool>(false);
-  command->add_flag("--health", *health_only,
-                    "Ask the health service only, which needs no token: for probes");
+  CLI::Option* health = command->add_flag(
+      "--health", *health_only, "Ask the health service only, which needs no token: for probes");
   const auto alive_only = std::make_shared<bool>(false);
-  command->add_flag("--alive", *alive_only,
-                    "The same, but it is enough that the server answers, well or not: for probes "
-                    "that restart it");
+  command
+      ->add_flag("--alive", *alive_only,
+                 "The same, but it is enough that the server answers, well or not: for probes "
+                 "that restart it")
+      ->excludes(health);
   command->callback([&session, health_only, alive_only] {
     session.exit_code = Doctor(session, *health_only, *alive_only);
   });

@@ -163,6 +163,15 @@ struct CloneArgs {
 };
 
 int Clone(Session& session, const CloneArgs& args) {
+  if (args.options.frames() != 0) {
+    const auto files = ListAllFiles(session.client(), args.job);
+    if (!files.ok()) return ReportError(session, files.status(), args.job);
+    const absl::Status used = CheckFramesAreOfVideo(
+        args.options, std::any_of(files->begin(), files->end(), [](const v1::JobFile& file) {
+          return file.role() == v1::FILE_ROLE_VIDEO;
+        }));
+    if (!used.ok()) return ReportError(session, used);
+  }
   v1::CloneJobRequest request;
   request.set_name(args.job);
   request.set_display_name(args.name);

@@ -63,6 +63,14 @@ bool IsColour(v1::Channel channel) {
          channel == v1::CHANNEL_ORIGINAL || channel == v1::CHANNEL_LIGHT;
 }
 
+absl::Status CheckQuality(const v1::RenderSettings& settings, const char* remedy) {
+  if (settings.jpeg_quality() == 0 || settings.format() == v1::PICTURE_FORMAT_JPEG) {
+    return absl::OkStatus();
+  }
+  return BadInput("OPTION_UNUSED", "--quality",
+                  absl::StrCat("--quality is of JPEG pictures alone; leave it out, or ", remedy));
+}
+
 int Render(Session& session, const RenderArgs& args) {
   v1::RenderViewRequest request;
   request.set_name(args.job);
@@ -75,6 +83,8 @@ int Render(Session& session, const RenderArgs& args) {
   *request.mutable_pose() = *pose;
   *request.mutable_settings() = *settings;
   request.mutable_settings()->set_format(*format);
+  const absl::Status used = CheckQuality(request.settings(), "end the file's name with .jpg");
+  if (!used.ok()) return ReportError(session, used);
 
   const auto view = session.client().RenderView(request);
   if (!view.ok()) return ReportError(session, view.status(), args.job);
@@ -103,6 +113,8 @@ absl::StatusOr<v1::RenderPathRequest> MakePathRequest(const PathArgs& args) {
   if (!settings.ok()) return settings.status();
   *request.mutable_settings() = *settings;
   request.mutable_settings()->set_format(*format);
+  const absl::Status used = CheckQuality(request.settings(), "give --format jpg");
+  if (!used.ok()) return used;
   if (args.orbit == !args.keyframes.empty()) {
     return BadInput("PATH_MISSING", "--orbit",
                     "say which way: either --orbit, or --keyframes with two or more cameras");

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <optional>
 
@@ -121,9 +122,36 @@ absl::Status UploadAndStart(Session& session, const std::string& job, Capture& c
   return session.client().StartJob(job).status();
 }
 
+// Options that would have no effect are mistakes. Depth maps of a dataset's folder, which nobody
+// named, may stay unused.
+absl::Status CheckOptionsAreUsed(const SubmitArgs& args, const Capture& capture) {
+  const v1::DepthSource source = args.options.depth_source();
+  const bool maps = source == v1::DEPTH_SOURCE_UNSPECIFIED || source == v1::DEPTH_SOURCE_AUTO ||
+                    source == v1::DEPTH_SOURCE_MAPS;
+  if (!args.depth_dir.empty() && (!maps || args.options.method() == v1::METHOD_3DGS)) {
+    return BadInput("OPTION_UNUSED", "--depth",
+                    "--depth: the maps would not be used; leave it out, or take --depth-source "
+                    "maps and another method than 3dgs");
+  }
+  return CheckFramesAreOfVideo(args.options, std::any_of(capture.files.begin(), capture.files.end(),
+                                                         [](const LocalFile& file) {
+                                                           return file.role == v1::FILE_ROLE_VIDEO;
+                                                         }));
+}
+
+void SetWebhook(const SubmitArgs& args, v1::Webhook* webhook) {
+  webhook->set_url(args.webhook);
+  // The variable may be set for all commands of a shell, those without a webhook, too: it is no
+  // envname() of the option, which needs --webhook.
+  const char* secret = std::getenv("LITAGS_WEBHOOK_SECRET");
+  webhook->set_secret(args.webhook_secret.empty() && secret ? secret : args.webhook_secret);
+}
+
 int Submit(Session& session, const SubmitArgs& args) {
   auto capture = ScanCapture(args.dir, args.cameras, args.depth_dir, args.masks_dir);
   if (!capture.ok()) return ReportError(session, capture.status());
+  const absl::Status used = CheckOptionsAreUsed(args, *capture);
+  if (!used.ok()) return ReportError(session, used);
   NoteSkipped(*capture);
   NoteMasks(*capture);
   for (const std::string& note : capture->notes) Note(note);
@@ -134,10 +162,7 @@ int Submit(Session& session, const SubmitArgs& args) {
   if (!ParseLabels(args.labels, request.mutable_labels())) return kExitBadInput;
   *request.mutable_options() = args.options;
   *request.mutable_policy() = ToProto(args.treatment);
-  if (!args.webhook.empty()) {
-    request.mutable_webhook()->set_url(args.webhook);
-    request.mutable_webhook()->set_secret(args.webhook_secret);
-  }
+  if (!args.webhook.empty()) SetWebhook(args, request.mutable_webhook());
   auto digest = ContentDigest(capture->files);
   if (!digest.ok()) return ReportError(session, digest.status());
   request.set_content_digest(*std::move(digest));
@@ -189,12 +214,13 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
   command->add_option("--masks", args->masks_dir,
                       "Folder with masks of photos, <photo's name>.png, 0 where a pixel is not of "
                       "the scene; default: DIR/masks, if there is one");
-  command->add_option("--webhook", args->webhook,
-                      "URL that is told when the job has ended, if the server allows it");
+  CLI::Option* webhook =
+      command->add_option("--webhook", args->webhook,
+                          "URL that is told when the job has ended, if the server allows it");
   command
       ->add_option("--webhook-secret", args->webhook_secret,
-                   "Key of its signatures, 16 to 128 bytes")
-      ->envname("LITAGS_WEBHOOK_SECRET");
+                   "Key of its signatures, 16 to 128 bytes; LITAGS_WEBHOOK_SECRET may hold it")
+      ->needs(webhook);
   command->add_option("--request-id", args->request_id,
                       "Your own id: the same command with the same id continues one job");
   AddTreatmentOptions(*command, args->treatment);

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/report/text.h"
+#include "client/status.h"
 #include "litags/v1/help.pb.h"
 #include "proto/arguments/arguments.h"
 
@@ -77,6 +78,12 @@ void AddOptionFlags(CLI::App& command, v1::JobOptions& options, const std::strin
         ->description(field.options().GetExtension(v1::help))
         ->group(group);
   }
+}
+
+absl::Status CheckFramesAreOfVideo(const v1::JobOptions& options, bool is_video) {
+  if (is_video || options.frames() == 0) return absl::OkStatus();
+  return BadInput("OPTION_UNUSED", "--frames",
+                  "--frames is for videos, and these are photos; leave it out");
 }
 
 }  // namespace litags::client

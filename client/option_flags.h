@@ -6,6 +6,7 @@
 #include <set>
 #include <string>
 
+#include "absl/status/status.h"
 #include "litags/v1/job.pb.h"
 
 namespace litags::client {
@@ -15,6 +16,10 @@ namespace litags::client {
 // the defaults.
 void AddOptionFlags(CLI::App& command, v1::JobOptions& options, const std::string& group,
                     const std::set<std::string>& names = {});
+
+// INVALID_ARGUMENT (OPTION_UNUSED) if `options` say how many frames become photos of what is no
+// video.
+absl::Status CheckFramesAreOfVideo(const v1::JobOptions& options, bool is_video);
 
 }  // namespace litags::client
 

@@ -106,6 +106,29 @@ class BadUploads(harness.ServiceTest):
         _, err = self.litags("submit", self.photos(), "--min-registered", "1.5", exit_code=2)
         self.assertIn("field:  options.min_registered", err)
 
+    def test_options_without_effect_are_refused_before_a_job_is_made(self):
+        job, photos = self.finished_job(), self.photos()
+        folder = tempfile.mkdtemp(dir=self.folder)
+        picture = os.path.join(folder, "v.png")
+        before = self.litags("list", "--json")[0]
+        for command, words in (
+                (("submit", photos, "--webhook-secret", "x" * 16), "--webhook-secret needs --webhook"),
+                (("submit", photos, "--frames", "20"), "--frames is for videos"),
+                (("clone", job, "--frames", "20"), "--frames is for videos"),
+                (("submit", photos, "--depth", photos, "--depth-source", "stereo"), "--depth: the maps"),
+                (("submit", photos, "--depth", photos, "--method", "3dgs"), "--depth: the maps"),
+                (("render", job, "--camera", "a.png", "--quality", "80", "-o", picture),
+                 "--quality is of JPEG"),
+                (("path", job, "--orbit", "--quality", "80", "-o", folder),
+                 "--quality is of JPEG"),
+                (("doctor", "--health", "--alive"), "exclude each other")):
+            with self.subTest(command):
+                out, err = self.litags(*command, exit_code=2)
+                self.assertEqual(out, "")
+                self.assertIn(words, err)
+        self.assertEqual(os.listdir(folder), [])
+        self.assertEqual(self.litags("list", "--json")[0], before)
+
     def test_folders_without_photos_are_refused_on_this_side(self):
         empty = tempfile.mkdtemp(dir=self.folder)
         for folder, words in ((os.path.join(self.folder, "none"), "there is no such folder"),

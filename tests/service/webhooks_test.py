@@ -8,6 +8,7 @@ import shutil
 import ssl
 import threading
 import unittest
+from unittest import mock
 
 import examples
 import harness
@@ -110,6 +111,14 @@ class Webhooks(harness.ServiceTest):
         self.told(1)
         self.wait_for(lambda: "503" in self.job(job).webhook.last_error, "the failure is seen")
         # The next attempt comes after half a minute: webhook_sender_test.
+
+    def test_the_secret_of_the_environment_is_used_with_a_webhook_only(self):
+        with mock.patch.dict(os.environ, LITAGS_WEBHOOK_SECRET=SECRET):
+            self.submit("--iterations", "20")
+            job = self.submit("--iterations", "20", "--webhook", self.receiver.url)
+        headers, body = self.told(1)
+        self.assertEqual(json.loads(body)["name"], job)
+        self.assertTrue(IS_GENUINE(headers, body, SECRET))
 
     def test_other_hosts_are_refused_at_once(self):
         _, err = self.litags("submit", self.photos(), "--webhook", "https://example.com/",
