@@ -171,16 +171,6 @@ std::string DescribeUsageError(const CLI::App& app, const CLI::Error& error) {
     const auto [name, other] = around(" excludes ");
     return absl::StrCat(name, " and ", other, " exclude each other: leave one out");
   }
-  if (const auto [start, range] = around(" not in range "); !range.empty()) {  // CLI::Range's
-    const size_t value = start.find(": Value "), to = range.find(" to ");
-    double least = 0, most = 0;
-    if (value != text.npos && to != text.npos && absl::SimpleAtod(range.substr(0, to), &least) &&
-        absl::SimpleAtod(range.substr(to + 4), &most)) {
-      return absl::StrCat(start.substr(0, value), " ",
-                          Refusal(absl::StrCat(NumberText(least), " to ", NumberText(most)),
-                                  start.substr(value + 8)));
-    }
-  }
   if (const auto [name, rest] = around(absl::StrCat(": ", kTakes)); !name.empty()) {
     return absl::StrCat(name, " ", kTakes, rest);
   }

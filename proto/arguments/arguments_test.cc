@@ -25,7 +25,6 @@ class ArgumentsTest : public ::testing::Test {
     app_.add_option("--log-format", word_)->check(OneOf({"text", "json"}));
     app_.add_option("--seed", seed_)->check(AtLeastZero(seed_));
     app_.add_option("--threads", workers_);
-    app_.add_option("--share", seconds_)->check(CLI::Range(0.01, 1.0));
     app_.add_option("--scale", seconds_);
     app_.add_flag("--check", flag_);
     auto* cert = app_.add_option("--cert", word_);
@@ -83,7 +82,6 @@ TEST_F(ArgumentsTest, NumbersOutOfRange) {
             "--workers takes a whole number from 0 to 256, not \"1.5\"");
   EXPECT_EQ(Sentence({"--keepalive", "0"}),
             "--keepalive takes a number from 0.001 to 1000000, not \"0\"");
-  EXPECT_EQ(Sentence({"--share", "2"}), "--share takes 0.01 to 1, not \"2\"");
   EXPECT_EQ(Sentence({"--max-jobs", "-1"}),
             "--max-jobs takes a whole number from 0 on, not \"-1\"");
   EXPECT_EQ(Sentence({"--max-wait", "0"}), "--max-wait takes a number above 0, not \"0\"");

@@ -6,6 +6,7 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "engine/io/file_util.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 
@@ -27,7 +28,7 @@ CLI::Option* AddSceneOptions(CLI::App* command, const std::string& help, Benchma
 void AddGaussiansOption(CLI::App* command, int* gaussians) {
   command->add_option("--gaussians", *gaussians, "of the made-up scene")
       ->capture_default_str()
-      ->check(CLI::Range(1, 20000000));
+      ->check(Between(1, 20000000));
 }
 
 void AddThreadsOption(CLI::App* command, int* threads) {

@@ -30,6 +30,7 @@
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
 #include "engine/viewer/viewer.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -223,7 +224,7 @@ void AddExportCommand(CLI::App* app, int* exit_status) {
   AddGaussiansOption(command, &args->gaussians);
   command->add_option("--views", args->views, "pictures to compare")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
+      ->check(Between(1, 1000));
   command->add_option("--converter", args->converter,
                       "a program that is called as PROGRAM FILE OUT.ply, to compare what it reads; "
                       "exit code 3: it does not know the format");

@@ -28,6 +28,7 @@
 #include "engine/train/objective.h"
 #include "engine/train/recipe.h"
 #include "engine/train/trainer.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -261,7 +262,7 @@ void AddKernelsCommand(CLI::App* app, int* exit_status) {
   AddTimingOptions(command, &args->timing);
   AddThreadsOption(command, &args->threads);
   command->add_option("--pdm-hidden", args->pdm_hidden, "channels of the denoiser; 0: the default")
-      ->check(CLI::Range(0, 64));
+      ->check(Between(0, 64));
   AddJsonOption(command, &args->json);
   WhenGiven(command, exit_status, [args] {
     KernelBench bench(*args);

@@ -25,6 +25,13 @@ TEST(KernelsCommand, EveryPartHasItsWorkHoweverFewGaussiansThereAre) {
   EXPECT_THAT(result.tail, Not(ContainsRegex("[0-9][0-9][0-9][0-9][0-9] % of it")));
 }
 
+TEST(KernelsCommand, RefusesAValueInTheWordsOfEveryProgram) {
+  const SubprocessResult result = RunBench("kernels", {"--pdm-hidden", "1.5"});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.tail,
+              HasSubstr("--pdm-hidden takes a whole number from 0 to 64, not \"1.5\""));
+}
+
 TEST(ThreadsCommand, PrintsTimesForUpTo64ThreadsAndEachLoop) {
   const SubprocessResult result =
       RunBench("threads", {"--gaussians", "480", "--size", "64x48", "--repetitions", "2"});

@@ -17,6 +17,7 @@
 #include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -149,7 +150,7 @@ void AddNoiseCommand(CLI::App* app, int* exit_status) {
                    "(litags-sample --noise-seed): tells noise from detail that is missing")
       ->check(CLI::ExistingDirectory);
   command->add_option("--flat", args->flat_share, "share of the pixels that count as flat")
-      ->check(CLI::Range(0.01, 1.0))
+      ->check(Between(0.01, 1.0))
       ->capture_default_str();
   AddJsonOption(command, &args->json);
   WhenGiven(command, exit_status, [args] { return MeasureNoise(*args); });

@@ -20,6 +20,7 @@
 #include "engine/tools/bench/timing_options.h"
 #include "engine/train/model.h"
 #include "engine/train/recipe.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -109,9 +110,7 @@ void AddRenderCommand(CLI::App* app, int* exit_status) {
       app->add_subcommand("render", "Measures the latency of pictures of a made-up scene");
   AddGaussiansOption(command, &args->gaussians);
   AddSizeOption(command, &args->width, &args->height);
-  command->add_option("--frames", args->frames)
-      ->capture_default_str()
-      ->check(CLI::Range(1, 100000));
+  command->add_option("--frames", args->frames)->capture_default_str()->check(Between(1, 100000));
   AddThreadsOption(command, &args->threads);
   AddJsonOption(command, &args->json);
   command->add_option("--save", args->save, "also write the scene here, as a job has it");

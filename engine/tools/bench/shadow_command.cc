@@ -21,6 +21,7 @@
 #include "engine/target/tone_options.h"
 #include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -168,7 +169,7 @@ void AddShadowsCommand(CLI::App* app, int* exit_status) {
   command
       ->add_option("--shrink", args->shrink,
                    "photos are shrunk as many times as for training before colours are inferred")
-      ->check(CLI::Range(1.0, 8.0))
+      ->check(Between(1.0, 8.0))
       ->capture_default_str();
   WhenGiven(command, exit_status, [args] { return MeasureShadows(*args); });
 }

@@ -22,6 +22,7 @@
 #include "engine/tools/evaluation/method_options.h"
 #include "engine/tools/table/methods.h"
 #include "engine/tools/table/table.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -159,7 +160,7 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
   command
       ->add_option("--flicker", options.flicker_frames,
                    "measure flicker on a path of so many frames through the scene's cameras")
-      ->check(CLI::Range(2, 10000));
+      ->check(Between(2, 10000));
   command->add_option(
       "--sparse", args->sparse,
       "cameras inside each scene (transforms.json or COLMAP model, with its points) "

@@ -23,6 +23,7 @@
 #include "engine/tools/bench/timing_options.h"
 #include "engine/train/recipe.h"
 #include "engine/train/trainer.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -118,7 +119,7 @@ void AddThreadsCommand(CLI::App* app) {
   AddTimingOptions(command, &args->timing);
   command->add_option("--loops-on", args->threads, "threads of the list of loops")
       ->capture_default_str()
-      ->check(CLI::Range(1, kMostThreads));
+      ->check(Between(1, kMostThreads));
   command->callback([args] {
     const std::vector<Trace> traces = TraceIterations(args->timing);
     ReportThreads(traces);

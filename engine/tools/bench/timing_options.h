@@ -8,6 +8,7 @@
 #include "CLI/App.hpp"
 #include "CLI/Error.hpp"
 #include "engine/tools/bench/command_options.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 
@@ -33,7 +34,7 @@ inline void AddTimingOptions(CLI::App* command, TimingOptions* options) {
   AddSizeOption(command, &options->width, &options->height);
   command->add_option("--repetitions", options->repetitions)
       ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
+      ->check(Between(1, 1000));
 }
 
 }  // namespace litags

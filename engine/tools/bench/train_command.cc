@@ -21,6 +21,7 @@
 #include "engine/tools/evaluation/method_options.h"
 #include "engine/tools/evaluation/process_usage.h"
 #include "engine/tools/evaluation/progress_lines.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -193,7 +194,7 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
   command
       ->add_option("--evaluate-every", args->evaluate_every,
                    "also score the test views every so many iterations; 0: only at the end")
-      ->check(CLI::Range(0, 1000000));
+      ->check(Between(0, 1000000));
   command
       ->add_option("--score-also", args->score_also,
                    "folder of photos named as high/'s, but of another size: what pictures of that "
