@@ -105,9 +105,8 @@ std::vector<uint32_t> MortonOrder(const Splats& splats) {
   return order;
 }
 
-DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
-                             SplatState* state, DensityStats* stats) {
-  DensityReport report;
+void ControlDensity(const TrainOptions& options, double extent, int iteration, SplatState* state,
+                    DensityStats* stats) {
   const size_t n = state->params.size();
   const size_t budget =
       static_cast<size_t>(std::max<int64_t>(0, options.max_gaussians - int64_t(n)));
@@ -125,24 +124,17 @@ DensityReport ControlDensity(const TrainOptions& options, double extent, int ite
   for (size_t k = 0; k < growing.size(); ++k) {
     const uint32_t i = growing[k];
     state->ClearMoments(n + k);
-    if (growth->Grow(parents, k, i, n + k, rng, &state->params) == Grown::kCloned) {
-      ++report.cloned;
-    } else {
-      ++report.split;
-      state->ClearMoments(i);
-    }
+    const Grown grown = growth->Grow(parents, k, i, n + k, rng, &state->params);
+    if (grown == Grown::kSplit) state->ClearMoments(i);
   }
 
   // Prune and reorder in one pass over memory.
   std::vector<uint32_t> order = MortonOrder(state->params);
-  const size_t grown = order.size();
   std::erase_if(
       order, [&](uint32_t i) { return !IsKept(state->params, i, options.recipe.prune_opacity); });
   if (order.empty()) order.push_back(0);  // a scene is never empty
-  report.pruned = static_cast<int64_t>(grown - order.size());
   state->Rearrange(order);
   stats->Reset(order.size());
-  return report;
 }
 
 }  // namespace litags

@@ -37,17 +37,13 @@ struct DensityStats {
   void Add(const ViewStats& view, int width, int height);
 };
 
-struct DensityReport {
-  int64_t cloned = 0, split = 0, pruned = 0;
-};
-
 // One density step. Gaussians whose score exceeds recipe.densify_grad become two, as recipe.growth
 // says, strongest first while the budget lasts. Nearly transparent ones and those with a parameter
 // that is not finite are removed (one Gaussian always stays). All are put in Morton order, so that
 // blocks of 16 are neighbours in space. Random numbers depend on (seed, iteration, Gaussian) only.
 // Stats are reset.
-DensityReport ControlDensity(const TrainOptions& options, double extent, int iteration,
-                             SplatState* state, DensityStats* stats);
+void ControlDensity(const TrainOptions& options, double extent, int iteration, SplatState* state,
+                    DensityStats* stats);
 
 // Permutation that sorts the means along a Morton curve; ties by index.
 std::vector<uint32_t> MortonOrder(const Splats& splats);

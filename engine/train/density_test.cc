@@ -54,10 +54,7 @@ std::multiset<int> Identities(const SplatState& state) {
 TEST(Density, ClonesSmallGaussiansThatMove) {
   SplatState state = Line(5, 0.05);
   DensityStats stats = Stats({0, 1e-3f, 0, 1e-3f, 1e-4f});
-  const DensityReport report = ControlDensity(TrainOptions(), kExtent, 600, &state, &stats);
-  EXPECT_EQ(report.cloned, 2);
-  EXPECT_EQ(report.split, 0);
-  EXPECT_EQ(report.pruned, 0);
+  ControlDensity(TrainOptions(), kExtent, 600, &state, &stats);
   EXPECT_EQ(Identities(state), (std::multiset<int>{0, 1, 1, 2, 3, 3, 4}));
   EXPECT_EQ(stats.grad, std::vector<float>(7, 0.0f));
   EXPECT_EQ(stats.views, std::vector<float>(7, 0.0f));
@@ -76,9 +73,7 @@ TEST(Density, ClonesSmallGaussiansThatMove) {
 TEST(Density, SplitsLargeGaussiansInTwoSmallerOnes) {
   SplatState state = Line(400, 0.5);
   DensityStats stats = Stats(std::vector<float>(400, 1e-3f));
-  const DensityReport report = ControlDensity(TrainOptions(), kExtent, 600, &state, &stats);
-  EXPECT_EQ(report.split, 400);
-  EXPECT_EQ(report.cloned, 0);
+  ControlDensity(TrainOptions(), kExtent, 600, &state, &stats);
   ASSERT_EQ(state.params.size(), 800u);
   double sum = 0, sum2 = 0;
   for (size_t i = 0; i < 800; ++i) {
@@ -126,9 +121,7 @@ TEST(Density, HalvesLieSideBySideOnTheLongestAxis) {
     DensityStats stats = Stats({1e-3f, 0});
     TrainOptions options;
     options.recipe.growth = Growth::kLongAxis;
-    const DensityReport report = ControlDensity(options, kExtent, 600, &state, &stats);
-    EXPECT_EQ(report.split, 1);
-    EXPECT_EQ(report.cloned, 0);
+    ControlDensity(options, kExtent, 600, &state, &stats);
     ASSERT_EQ(state.params.size(), 3u);
     double sum = 0, variance = 0;
     for (size_t i = 0; i < 3; ++i) {
@@ -189,8 +182,7 @@ TEST(Density, TheBudgetGoesToTheStrongest) {
       Stats({3e-3f, 9e-3f, 1e-3f, 8e-3f, 2e-3f, 7e-3f, 5e-3f, 5e-3f, 4e-3f, 6e-3f});
   TrainOptions options;
   options.max_gaussians = 13;
-  const DensityReport report = ControlDensity(options, kExtent, 600, &state, &stats);
-  EXPECT_EQ(report.cloned, 3);
+  ControlDensity(options, kExtent, 600, &state, &stats);
   EXPECT_EQ(state.params.size(), 13u);
   const std::multiset<int> ids = Identities(state);
   for (const int id : {1, 3, 5}) EXPECT_EQ(ids.count(id), 2u) << id;
@@ -201,7 +193,7 @@ TEST(Density, AFullSceneDoesNotGrow) {
   DensityStats stats = Stats(std::vector<float>(10, 1.0f));
   TrainOptions options;
   options.max_gaussians = 4;
-  EXPECT_EQ(ControlDensity(options, kExtent, 600, &state, &stats).cloned, 0);
+  ControlDensity(options, kExtent, 600, &state, &stats);
   EXPECT_EQ(state.params.size(), 10u);
 }
 
@@ -213,9 +205,7 @@ TEST(Density, PrunesTheTransparentAndWhatIsNotANumber) {
   state.params.at(4, kMean + 1) = std::numeric_limits<float>::quiet_NaN();
   state.params.at(5, kLogScale) = std::numeric_limits<float>::infinity();
   DensityStats stats = Stats(std::vector<float>(6, std::numeric_limits<float>::quiet_NaN()));
-  const DensityReport report = ControlDensity(TrainOptions(), kExtent, 600, &state, &stats);
-  EXPECT_EQ(report.pruned, 4);
-  EXPECT_EQ(report.cloned + report.split, 0);
+  ControlDensity(TrainOptions(), kExtent, 600, &state, &stats);
   EXPECT_EQ(Identities(state), (std::multiset<int>{0, 2}));
   EXPECT_EQ(state.moment2.size(), 2u);
   EXPECT_EQ(stats.grad.size(), 2u);
