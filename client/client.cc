@@ -129,74 +129,65 @@ absl::StatusOr<Response> Client::Unary(Call call) {
   return response;
 }
 
+template <class Stub, class Request, class Response>
+absl::StatusOr<Response> Client::Unary(Stub& stub,
+                                       grpc::Status (Stub::*method)(grpc::ClientContext*,
+                                                                    const Request&, Response*),
+                                       const Request& request) {
+  return Unary<Response>([&](grpc::ClientContext* context, Response* response) {
+    return (stub.*method)(context, request, response);
+  });
+}
+
 absl::StatusOr<v1::Job> Client::CreateJob(v1::CreateJobRequest request) {
   if (request.request_id().empty()) request.set_request_id(RandomId());
-  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
-    return reconstruction_->CreateJob(context, request, job);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::CreateJob, request);
 }
 
 absl::StatusOr<v1::Job> Client::CloneJob(v1::CloneJobRequest request) {
   if (request.request_id().empty()) request.set_request_id(RandomId());
-  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
-    return reconstruction_->CloneJob(context, request, job);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::CloneJob, request);
 }
 
 absl::StatusOr<v1::Job> Client::StartJob(const std::string& name) {
   v1::StartJobRequest request;
   request.set_name(name);
   request.set_request_id(RandomId());
-  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
-    return reconstruction_->StartJob(context, request, response);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::StartJob, request);
 }
 
 absl::StatusOr<v1::Job> Client::GetJob(const std::string& name) {
   v1::GetJobRequest request;
   request.set_name(name);
-  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
-    return reconstruction_->GetJob(context, request, job);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::GetJob, request);
 }
 
 absl::StatusOr<v1::ListJobsResponse> Client::ListJobs(const v1::ListJobsRequest& request) {
-  return Unary<v1::ListJobsResponse>([&](grpc::ClientContext* context, auto* response) {
-    return reconstruction_->ListJobs(context, request, response);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::ListJobs, request);
 }
 
 absl::StatusOr<v1::Job> Client::CancelJob(const std::string& name) {
   v1::CancelJobRequest request;
   request.set_name(name);
-  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
-    return reconstruction_->CancelJob(context, request, job);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::CancelJob, request);
 }
 
 absl::StatusOr<v1::Job> Client::ResumeJob(v1::ResumeJobRequest request) {
   if (request.request_id().empty()) request.set_request_id(RandomId());
-  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* response) {
-    return reconstruction_->ResumeJob(context, request, response);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::ResumeJob, request);
 }
 
 absl::StatusOr<v1::Job> Client::UpdateJob(const v1::UpdateJobRequest& request) {
-  return Unary<v1::Job>([&](grpc::ClientContext* context, v1::Job* job) {
-    return reconstruction_->UpdateJob(context, request, job);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::UpdateJob, request);
 }
 
 absl::StatusOr<v1::ListFilesResponse> Client::ListFiles(const v1::ListFilesRequest& request) {
-  return Unary<v1::ListFilesResponse>([&](grpc::ClientContext* context, auto* response) {
-    return reconstruction_->ListFiles(context, request, response);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::ListFiles, request);
 }
 
 absl::StatusOr<v1::ServerInfo> Client::GetServerInfo() {
-  return Unary<v1::ServerInfo>([&](grpc::ClientContext* context, v1::ServerInfo* info) {
-    return reconstruction_->GetServerInfo(context, v1::GetServerInfoRequest(), info);
-  });
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::GetServerInfo,
+               v1::GetServerInfoRequest());
 }
 
 absl::Status Client::DeleteJob(const std::string& name) {
@@ -284,17 +275,13 @@ absl::Status Client::GetLog(const std::string& name, int64_t after, bool follow,
 }
 
 absl::StatusOr<v1::RenderedView> Client::RenderView(const v1::RenderViewRequest& request) {
-  return Unary<v1::RenderedView>([&](grpc::ClientContext* context, auto* response) {
-    return render_->RenderView(context, request, response);
-  });
+  return Unary(*render_, &v1::RenderService::Stub::RenderView, request);
 }
 
 absl::StatusOr<v1::ListCamerasResponse> Client::ListCameras(const std::string& name) {
   v1::ListCamerasRequest request;
   request.set_name(name);
-  return Unary<v1::ListCamerasResponse>([&](grpc::ClientContext* context, auto* response) {
-    return render_->ListCameras(context, request, response);
-  });
+  return Unary(*render_, &v1::RenderService::Stub::ListCameras, request);
 }
 
 absl::Status Client::RenderPath(

@@ -105,8 +105,15 @@ class Client {
  private:
   // Until then, or until a connection that was not there is; false if interrupted.
   bool Wait(double seconds);
+  // The answer of `call(context, response)`, which Retry() runs.
   template <class Response, class Call>
   absl::StatusOr<Response> Unary(Call call);
+  // The same of a method of a stub.
+  template <class Stub, class Request, class Response>
+  absl::StatusOr<Response> Unary(Stub& stub,
+                                 grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
+                                                              Response*),
+                                 const Request& request);
   // Reads the numbered records of the stream that `open(context, *after)` begins, across broken
   // connections, to its end or to number `last`. INTERNAL with `reason` if the server skips or
   // repeats a number.
