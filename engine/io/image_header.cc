@@ -4,7 +4,12 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <string>
+#include <vector>
 
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 #include "engine/io/byte_reader.h"
 #include "engine/io/io_error.h"
 #include "engine/io/tiff_reader.h"
@@ -89,6 +94,28 @@ int LeastBits(std::string_view channels, int depth) {
   int least = depth + 1;
   for (const char bits : channels) least = std::min<int>(least, static_cast<uint8_t>(bits));
   return least <= depth ? least : 0;
+}
+
+constexpr std::string_view kCalibration("litags\0", 7);  // its name; others mean other quantities
+constexpr uint32_t kLargestCode = 65535;
+
+// PngColors::least of a pCAL chunk: name, codes that the parameters are of, kind of equation,
+// number of parameters, name of the unit, parameters as text.
+double LeastOf(std::string_view calibration) {
+  ByteReader reader(calibration);
+  uint32_t first = 0, last = 0;
+  uint8_t equation = 0, parameters = 0;
+  if (!calibration.starts_with(kCalibration) || !reader.Skip(kCalibration.size()) ||
+      !reader.ReadBig(&first) || !reader.ReadBig(&last) || !reader.Read(&equation) ||
+      !reader.Read(&parameters) || first != 0 || last != kLargestCode || equation != 0 ||
+      parameters != 2) {
+    return 0;
+  }
+  const std::vector<std::string> texts =
+      absl::StrSplit(Absl(calibration.substr(kCalibration.size() + 10)), '\0');
+  double least = 0;
+  const bool said = texts.size() == 3 && absl::SimpleAtod(texts[1], &least);
+  return said && least >= -1 && least < 0 ? least : 0;
 }
 
 // Of the directory that EXIF's tags of the exposure are in.
@@ -287,6 +314,8 @@ PngColors ReadPngColors(std::string_view bytes) {
       if (ByteReader(chunk.data).ReadBig(&gamma)) colors.gamma = gamma / 1e5;
     } else if (chunk.type == "sRGB") {
       colors.is_srgb = true;
+    } else if (chunk.type == "pCAL") {
+      colors.least = LeastOf(chunk.data);
     } else if (chunk.type == "iCCP") {
       // Name, zero, method, deflated profile.
       const size_t name = chunk.data.find('\0');
@@ -296,6 +325,13 @@ PngColors ReadPngColors(std::string_view bytes) {
     }
   }
   return colors;
+}
+
+std::string PngCalibration(double least) {
+  const std::string codes("\0\0\0\0\0\0\xFF\xFF\0\2", 10);  // a line through 0 and kLargestCode
+  return absl::StrCat(Absl(kCalibration), codes, "white", absl::string_view("\0", 1),
+                      absl::StrFormat("%.9g", least), absl::string_view("\0", 1),
+                      absl::StrFormat("%.9g", 1 - least));
 }
 
 absl::Status CheckPngComplete(std::string_view bytes, std::string_view field) {

@@ -28,10 +28,16 @@ std::string JpegProfile(std::string_view bytes);
 struct PngColors {
   bool is_grey = false;
   bool is_srgb = false;
-  double gamma = 0;                   // exponent from light to codes; 0: not said
+  double gamma = 0;  // exponent from light to codes; 0: not said
+  // What code 0 stands for where white, the largest, is 1. Below 0 in what EncodePng16 wrote of a
+  // photo with samples below black.
+  double least = 0;
   std::string_view deflated_profile;  // ICC, by zlib; empty without one
 };
 PngColors ReadPngColors(std::string_view bytes);
+
+// The data of the chunk that says so: pCAL, calibration of pixel values, of the PNG extensions.
+std::string PngCalibration(double least);
 
 // Walks a PNG's chunks: IMAGE_TRUNCATED unless they are whole up to IEND.
 absl::Status CheckPngComplete(std::string_view bytes, std::string_view field);

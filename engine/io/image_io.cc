@@ -16,6 +16,7 @@
 #include "absl/strings/str_join.h"
 #include "engine/core/check.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 #include "engine/io/photo_format.h"
 
@@ -55,16 +56,16 @@ absl::StatusOr<ImageInfo> ReadStoredInfo(std::string_view bytes, std::string_vie
   return info;
 }
 
-// A PNG of three channels that says how many bits of them were the picture's (chunk sBIT).
-std::string WithSignificantBits(std::string png, int bits) {
+// The PNG with one chunk more, before its image data.
+std::string WithChunk(std::string png, const std::string& type, const std::string& data) {
   constexpr size_t kHeader = 33;  // signature and IHDR
   const auto big = [](uint32_t n) {
     return std::string{char(n >> 24), char(n >> 16), char(n >> 8), char(n)};
   };
-  const std::string chunk = "sBIT" + std::string(3, static_cast<char>(bits));
+  const std::string chunk = type + data;
   const auto crc =
       static_cast<uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size()));
-  return std::move(png.insert(kHeader, big(3) + chunk + big(crc)));
+  return std::move(png.insert(kHeader, big(static_cast<uint32_t>(data.size())) + chunk + big(crc)));
 }
 
 // The picture that EXIF's orientation, 1..8, says is meant; `copy` takes a pixel of the first to
@@ -222,17 +223,24 @@ absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale) {
 
 absl::StatusOr<std::string> EncodePng16(const Photo& photo, int significant_bits) {
   if (photo.empty()) return Encode(".png", cv::Mat(), {});
+  const int least =
+      std::clamp<int>(*std::min_element(photo.data.begin(), photo.data.end()), -kPhotoWhite, 0);
+  const int range = kPhotoWhite - least;
   cv::Mat codes(photo.height, photo.width, CV_16UC3);
   uint16_t* out = codes.ptr<uint16_t>();
   for (size_t i = 0; i < photo.data.size(); i += 3) {
     for (size_t c = 0; c < 3; ++c) {
-      const int sample = std::clamp<int>(photo.data[i + 2 - c], 0, kPhotoWhite);  // BGR
-      const int code = (sample * 4095 + kPhotoWhite / 2) / kPhotoWhite;
+      const int sample = std::clamp<int>(photo.data[i + 2 - c], least, kPhotoWhite);  // BGR
+      const int code = ((sample - least) * 4095 + range / 2) / range;
       out[i + c] = static_cast<uint16_t>(code << 4 | code >> 8);
     }
   }
   LITAGS_ASSIGN_OR_RETURN(std::string png, Encode(".png", codes, {cv::IMWRITE_PNG_COMPRESSION, 1}));
-  return WithSignificantBits(std::move(png), std::min(significant_bits, kPng16Bits));
+  if (least < 0) {
+    png = WithChunk(std::move(png), "pCAL", PngCalibration(least / double(kPhotoWhite)));
+  }
+  return WithChunk(std::move(png), "sBIT",
+                   std::string(3, static_cast<char>(std::min(significant_bits, kPng16Bits))));
 }
 
 absl::Status WritePng(const std::string& path, const ImageU8& image) {

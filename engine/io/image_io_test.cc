@@ -9,6 +9,7 @@
 
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_header.h"
 #include "engine/io/test_util.h"
 #include "engine/io/testing_jpeg.h"
 #include "gmock/gmock.h"
@@ -111,6 +112,27 @@ TEST(CodeStep, IsThatOfTheFilesBits) {
   EXPECT_EQ(step(of_bytes), 1);
   EXPECT_EQ(SignificantBits(ReadImageInfo(of_bytes, "f").value()), 8);
   EXPECT_EQ(PhotoToU8(DecodePhoto(of_bytes, "f").value()).data, TestImage(16, 8).data);
+}
+
+TEST(EncodePng16, WhatLiesBelowBlackStays) {
+  Photo photo(64, 4);
+  for (size_t i = 0; i < photo.data.size(); ++i) {
+    photo.data[i] = static_cast<int16_t>(24 * static_cast<int>(i) - 900);
+  }
+  const std::string png = EncodePng16(photo).value();
+  const Photo back = DecodePhoto(png, "f").value();
+  const double step = (kPhotoWhite + 900) / 4095.0;
+  for (size_t i = 0; i < photo.data.size(); ++i) {
+    const int below_white = std::min<int>(photo.data[i], kPhotoWhite);
+    ASSERT_NEAR(back.data[i], below_white, step / 2 + 1) << i;
+  }
+  // A calibration of another name is of another quantity.
+  std::string foreign = png;
+  const size_t name = foreign.find("pCALlitags");
+  ASSERT_NE(name, std::string::npos);
+  foreign.replace(name + 4, 6, "metres");
+  EXPECT_GE(ReadPngColors(foreign).least, 0);
+  EXPECT_LT(ReadPngColors(png).least, 0);
 }
 
 TEST(DecodePhoto, SixteenBitColorsComeInOrder) {

@@ -30,9 +30,8 @@ std::string Inflate(std::string_view deflated) {
   return "";
 }
 
-ColorSpace ColorSpaceOf(std::string_view bytes) {
+ColorSpace ColorSpaceOf(const PngColors& colors) {
   constexpr double kUsual = 1 / 2.2;  // is written for sRGB
-  const PngColors colors = ReadPngColors(bytes);
   if (!colors.deflated_profile.empty()) {
     const std::string icc = Inflate(colors.deflated_profile);
     const std::optional<ColorSpace> space = ColorSpace::FromIcc(icc, colors.is_grey ? 1 : 3);
@@ -43,16 +42,19 @@ ColorSpace ColorSpaceOf(std::string_view bytes) {
   return ColorSpace::Gamma(1 / colors.gamma, 3);
 }
 
-// Photo from samples in BGR order, of which `white` is 1.
+// Photo from codes in BGR order, of which `white` is 1.
 template <class T>
-Photo PhotoFromBgr(const cv::Mat& bgr, float white, const ColorSpace& space) {
+Photo PhotoFromBgr(const cv::Mat& bgr, float white, const PngColors& colors) {
+  const ColorSpace space = ColorSpaceOf(colors);
+  const auto least = static_cast<float>(colors.least);
   Photo photo(bgr.cols, bgr.rows);
   const int n = space.channels();
   std::vector<float> codes(size_t(n) * bgr.cols);
   for (int y = 0; y < bgr.rows; ++y) {
     const T* from = bgr.ptr<T>(y);
     for (int x = 0; x < bgr.cols; ++x) {
-      for (int c = 0; c < n; ++c) codes[n * x + c] = from[3 * x + 2 - c] / white;
+      for (int c = 0; c < n; ++c)
+        codes[n * x + c] = least + (1 - least) * (from[3 * x + 2 - c] / white);
     }
     space.Convert(codes.data(), bgr.cols, photo.pixel(0, y));
   }
@@ -70,9 +72,9 @@ absl::StatusOr<Photo> DecodePng(std::string_view bytes, const ImageInfo& info,
     if (bgr.cols != info.width || bgr.rows != info.height) {
       return InvalidField("IMAGE_CORRUPT", field, "the PNG cannot be decoded; send the file again");
     }
-    const ColorSpace space = ColorSpaceOf(bytes);
-    return bgr.depth() == CV_16U ? PhotoFromBgr<uint16_t>(bgr, 65535, space)
-                                 : PhotoFromBgr<uint8_t>(bgr, 255, space);
+    const PngColors colors = ReadPngColors(bytes);
+    return bgr.depth() == CV_16U ? PhotoFromBgr<uint16_t>(bgr, 65535, colors)
+                                 : PhotoFromBgr<uint8_t>(bgr, 255, colors);
   } catch (const cv::Exception& e) {
     return InvalidField("IMAGE_CORRUPT", field,
                         absl::StrCat("the PNG cannot be decoded: ", e.what()));

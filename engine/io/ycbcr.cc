@@ -62,14 +62,19 @@ bool IsEachItself(const std::vector<Tap>& taps, int n) {
   return true;
 }
 
+LumaRange LumaRangeOf(const YCbCrKind& kind) {
+  if (kind.full_range) return {0, std::exp2(kind.bits) - 1};
+  const double unit = std::exp2(kind.bits - 8);
+  return {16 * unit, 235 * unit};
+}
+
 YCbCrToRgb::YCbCrToRgb(const YCbCrKind& kind) {
-  const double unit = std::exp2(kind.bits - 8), white = std::exp2(kind.bits) - 1;
+  const auto [black, white] = LumaRangeOf(kind);
+  const double unit = std::exp2(kind.bits - 8), luma_range = white - black;
   const bool all_luma = kind.matrix == 0;
-  const double luma_range = kind.full_range ? white : 219 * unit;
-  const double chroma_range = all_luma ? luma_range : kind.full_range ? white : 224 * unit;
-  const auto black = static_cast<float>(kind.full_range ? 0 : 16 * unit);
-  const float grey = all_luma ? black : static_cast<float>(128 * unit);
-  zero_ = {black, grey, grey};
+  const double chroma_range = all_luma || kind.full_range ? luma_range : 224 * unit;
+  const double grey = all_luma ? black : 128 * unit;
+  zero_ = {static_cast<float>(black), static_cast<float>(grey), static_cast<float>(grey)};
   const Matrix matrix = MatrixOf(kind.matrix, kind.primaries);
   for (int c = 0; c < 3; ++c) {
     for (int k = 0; k < 3; ++k) {

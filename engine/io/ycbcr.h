@@ -1,4 +1,4 @@
-// Inside this module: YCbCr, as codecs store it, to RGB in floating point. Nothing is rounded or
+// YCbCr, as codecs of photos and videos store it, to RGB in floating point. Nothing is rounded or
 // cut off at black.
 #ifndef LITAGS_ENGINE_IO_YCBCR_H_
 #define LITAGS_ENGINE_IO_YCBCR_H_
@@ -74,6 +74,12 @@ struct YCbCrKind {
   bool full_range = true;
   int bits = 8;
 };
+
+// The codes of luma that stand for 0 and 1.
+struct LumaRange {
+  double black, white;
+};
+LumaRange LumaRangeOf(const YCbCrKind& kind);
 
 // From codes to R, G and B, of which 1 is white. What is not said, or not known, is BT.601.
 class YCbCrToRgb {

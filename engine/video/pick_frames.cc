@@ -40,7 +40,7 @@ absl::StatusOr<std::vector<FrameFacts>> LookAtAll(VideoFile& video, Reporter& re
   for (;;) {
     LITAGS_ASSIGN_OR_RETURN(const bool more, video.Next());
     if (!more) break;
-    LITAGS_ASSIGN_OR_RETURN(const Planes luma, video.Luma(kMeasuredSide));
+    const Planes luma = video.Luma(kMeasuredSide);
     facts.push_back(meter.Measure(luma));
     report->seconds = video.Seconds();
     reporter.Say(absl::StrCat("frame ", facts.size(), all, " looked at"));
@@ -76,8 +76,8 @@ absl::StatusOr<PickedFrames> PickFrames(std::string_view bytes, const std::strin
       if (!more) return report;  // cannot be: decoding is repeatable
       ++frame;
     }
-    LITAGS_ASSIGN_OR_RETURN(const Photo picture, video->Picture());
-    LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePng16(picture, video->info().bits));
+    LITAGS_ASSIGN_OR_RETURN(const std::string png,
+                            EncodePng16(video->Picture(), video->info().bits));
     LITAGS_RETURN_IF_ERROR(sink(png));
     ++report.chosen;
     reporter.Say(absl::StrCat("frame ", report.chosen, " of ", chosen.size(), " taken"));

@@ -2,7 +2,6 @@
 
 extern "C" {
 #include <libavutil/display.h>
-#include <libavutil/imgutils.h>
 #include <libavutil/pixdesc.h>
 }
 
@@ -19,6 +18,7 @@ extern "C" {
 #include "engine/core/error.h"
 #include "engine/io/image_io.h"
 #include "engine/video/ffmpeg.h"
+#include "engine/video/frame_picture.h"
 #include "engine/video/video_color.h"
 
 namespace litags {
@@ -122,31 +122,12 @@ class RealVideoFile : public VideoFile {
     }
   }
 
-  absl::StatusOr<Planes> Luma(int side) override {
-    const double scale = std::min(1.0, double(side) / std::max(frame_->width, frame_->height));
-    const int width = std::max(1, static_cast<int>(std::lround(frame_->width * scale)));
-    const int height = std::max(1, static_cast<int>(std::lround(frame_->height * scale)));
-    std::vector<uint16_t> codes(size_t(width) * height);
-    LITAGS_RETURN_IF_ERROR(
-        Scale(&luma_scaler_, width, height, AV_PIX_FMT_GRAY16LE, SWS_AREA, codes.data(), width));
-    Planes luma(1, height, width);
-    for (size_t i = 0; i < codes.size(); ++i) {
-      luma.data[i] = static_cast<float>(codes[i]) * (1.0f / 65535);
-    }
-    return luma;
-  }
+  Planes Luma(int side) const override { return LumaOf(*frame_, side); }
 
-  absl::StatusOr<Photo> Picture() override {
+  Photo Picture() const override {
     const bool swap = SwapsSides();
     const int width = swap ? info_.height : info_.width, height = swap ? info_.width : info_.height;
-    std::vector<uint16_t> codes(size_t{3} * width * height);
-    LITAGS_RETURN_IF_ERROR(
-        Scale(&scaler_, width, height, AV_PIX_FMT_RGB48LE,
-              SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP,
-              codes.data(), 3 * width));
-    Photo photo(width, height);
-    ToSrgb(codes, *frame_, &photo);
-    return TurnUpright(std::move(photo), orientation_);
+    return TurnUpright(ResizeArea(PictureOf(*frame_), width, height), orientation_);
   }
 
  private:
@@ -326,29 +307,12 @@ class RealVideoFile : public VideoFile {
     }
     if (frame.interlaced_frame != 0) return Unsupported("is interlaced");
     if (HasPqLight(frame)) return Unsupported("has PQ's light (HDR10)");
-    return CheckLength(seconds_, frames_);
-  }
-
-  // The frame at another size, as another kind of pixels; `stride` in samples.
-  absl::Status Scale(AvOwned<SwsContext>* scaler, int width, int height, AVPixelFormat format,
-                     int flags, uint16_t* out, int stride) {
-    const auto from = static_cast<AVPixelFormat>(frame_->format);
-    scaler->reset(sws_getCachedContext(scaler->release(), frame_->width, frame_->height, from,
-                                       width, height, format, flags, nullptr, nullptr, nullptr));
-    if (*scaler == nullptr) {
+    if (!HasReadablePixels(frame)) {
+      const auto pixels = static_cast<AVPixelFormat>(frame.format);
       return Unsupported(
-          absl::StrCat("its pixels, ", NameOf(av_get_pix_fmt_name(from)), ", are not read"));
+          absl::StrCat("its pixels, ", NameOf(av_get_pix_fmt_name(pixels)), ", are not read"));
     }
-    const int* table = sws_getCoefficients(MatrixOf(*frame_));
-    sws_setColorspaceDetails(scaler->get(), table, HasFullRange(*frame_), table, 1, 0, 1 << 16,
-                             1 << 16);
-    uint8_t* planes[4] = {reinterpret_cast<uint8_t*>(out)};
-    const int strides[4] = {2 * stride};
-    if (sws_scale(scaler->get(), frame_->data, frame_->linesize, 0, frame_->height, planes,
-                  strides) != height) {
-      return Corrupt("is damaged: a frame cannot be converted");
-    }
-    return absl::OkStatus();
+    return CheckLength(seconds_, frames_);
   }
 
   Memory memory_;
@@ -361,7 +325,6 @@ class RealVideoFile : public VideoFile {
   AvOwned<AVCodecContext> codec_;
   AvOwned<AVPacket> packet_;
   AvOwned<AVFrame> frame_;
-  AvOwned<SwsContext> scaler_, luma_scaler_;
   VideoInfo info_;
   int orientation_ = 1;
   int64_t frames_ = 0, packets_ = 0, damaged_ = 0, first_stamp_ = 0;

@@ -60,9 +60,11 @@ class VideoFile {
 
   // Of the frame that Next() came to.
   virtual double Seconds() const = 0;  // since the first
-  // Its luma, not turned upright, in [0, 1]; the longer side has `side` px, or what it has.
-  virtual absl::StatusOr<Planes> Luma(int side) = 0;
-  virtual absl::StatusOr<Photo> Picture() = 0;  // upright, square pixels, sRGB
+  // Its luma, not turned upright; 0: black, 1: white. The longer side has `side` px, or what it
+  // has.
+  virtual Planes Luma(int side) const = 0;
+  // Upright, square pixels, sRGB; what lies below black stays there.
+  virtual Photo Picture() const = 0;
 };
 
 // A look at the head: what it is, and that its first frame can be decoded. Errors as above;

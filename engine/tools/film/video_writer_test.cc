@@ -52,7 +52,7 @@ Read ReadBack(const std::string& path) {
   read.height = (*file)->info().height;
   while ((*file)->Next().value_or(false)) {
     read.seconds.push_back((*file)->Seconds());
-    read.pictures.push_back(ToU8((*file)->Picture().value()));
+    read.pictures.push_back(ToU8((*file)->Picture()));
   }
   return read;
 }
