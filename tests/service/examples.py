@@ -2,12 +2,11 @@
 
 import os
 import pathlib
-import shutil
 import subprocess
-import unittest
 
+import certificates
 import harness
-from security_test import make_certificates, openssl, run_server
+from security_test import run_server
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
@@ -108,20 +107,18 @@ class Refused(Program):
         self.assertRegex(err, r"\A[^\n]*/no/such/folder[^\n]*\n\Z")
 
 
-@unittest.skipUnless(shutil.which("openssl"), "needs the program openssl to make certificates")
+@certificates.needed
 class Secure(Program):
     """A server with TLS and tokens, which the environment names as it does for litags."""
 
     @classmethod
     def make_server(cls):
         at = lambda name: os.path.join(cls.class_folder, name)  # noqa: E731
-        make_certificates(cls.class_folder)
+        tls = certificates.make(cls.class_folder)
         cls.ca = at("ca.crt")
         _, token, _ = run_server("token", "alice", "--tokens", at("tokens"))
         cls.token = token.strip()
-        return harness.Server(cls.class_folder, extra=(
-            "--tls-cert", at("server.crt"), "--tls-key", at("server.key"), "--tokens",
-            at("tokens")))
+        return harness.Server(cls.class_folder, extra=(*tls, "--tokens", at("tokens")))
 
     def test_with_a_token_and_the_certificates_of_a_file(self):
         self.run_program(self.photos(), self.server.address, 20, LITAGS_TOKEN=self.token,
@@ -156,22 +153,17 @@ class Secure(Program):
         self.assertIn("unencrypted", err)
 
 
-@unittest.skipUnless(shutil.which("openssl"), "needs the program openssl to make certificates")
+@certificates.needed
 class Mutual(Program):
     """A server that knows its clients by their certificates."""
 
     @classmethod
     def make_server(cls):
         at = lambda name: os.path.join(cls.class_folder, name)  # noqa: E731
-        make_certificates(cls.class_folder)
-        openssl("req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-subj",
-                "/CN=alice", "-keyout", at("alice.key"), "-out", at("alice.csr"))
-        openssl("x509", "-req", "-in", at("alice.csr"), "-CA", at("ca.crt"), "-CAkey",
-                at("ca.key"), "-CAcreateserial", "-days", "1", "-out", at("alice.crt"))
+        tls = certificates.make(cls.class_folder)
+        certificates.issue(cls.class_folder, "alice")
         cls.at = staticmethod(at)
-        return harness.Server(cls.class_folder, extra=(
-            "--tls-cert", at("server.crt"), "--tls-key", at("server.key"), "--tls-client-ca",
-            at("ca.crt")))
+        return harness.Server(cls.class_folder, extra=(*tls, "--tls-client-ca", at("ca.crt")))
 
     def test_with_a_certificate_and_its_key(self):
         self.run_program(self.photos(), self.server.address, 20, LITAGS_TLS_CA=self.at("ca.crt"),

@@ -7,7 +7,6 @@ import contextlib
 import os
 import re
 import resource
-import shutil
 import socket
 import subprocess
 import sys
@@ -17,9 +16,10 @@ import unittest
 
 import grpc
 
+import certificates
 import harness
 from harness import rpc
-from security_test import make_certificates, run_server
+from security_test import run_server
 
 CONNECTIONS = int(os.environ.get("LITAGS_HOSTILE", "40"))
 SECONDS = float(os.environ.get("LITAGS_HOSTILE_SECONDS", 4 * harness.SLOWER))
@@ -163,16 +163,13 @@ class OfPlaintext(Flooded):
         self.flood("idle", "headers", "unended", "gzip", connections=CONNECTIONS // 4)
 
 
-@unittest.skipUnless(shutil.which("openssl"), "needs the program openssl to make certificates")
+@certificates.needed
 class OfTls(Flooded):
 
     @classmethod
     def make_server(cls):
-        at = lambda name: os.path.join(cls.class_folder, name)  # noqa: E731
-        make_certificates(cls.class_folder)
-        cls.extra = ("--tls-cert", at("server.crt"), "--tls-key", at("server.key"),
-                     "--self-call", "0.2", *FIRST_CALL)
-        with open(at("ca.crt"), "rb") as file:
+        cls.extra = (*certificates.make(cls.class_folder), "--self-call", "0.2", *FIRST_CALL)
+        with open(os.path.join(cls.class_folder, "ca.crt"), "rb") as file:
             cls.credentials = grpc.ssl_channel_credentials(file.read())
         return super().make_server()
 

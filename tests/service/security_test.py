@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 import unittest
 
+import certificates
 import harness
 from harness import BIN, SERVER_PROGRAM
 
@@ -24,32 +25,7 @@ def run_server(*args, env=None):
     return done.returncode, done.stdout, done.stderr
 
 
-def openssl(*args):
-    subprocess.run(["openssl", *args], check=True, stdout=subprocess.DEVNULL,
-                   stderr=subprocess.DEVNULL)
-
-
-def make_certificates(folder):
-    """ca.crt, server.crt and server.key, as docs/operations.md tells."""
-    at = lambda name: os.path.join(folder, name)  # noqa: E731
-    openssl("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes",
-            "-days", "1", "-subj", "/CN=test authority", "-keyout", at("ca.key"), "-out",
-            at("ca.crt"))
-    issue_server_certificate(folder)
-
-
-def issue_server_certificate(folder):
-    """Another key and certificate each time."""
-    at = lambda name: os.path.join(folder, name)  # noqa: E731
-    openssl("req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-subj",
-            "/CN=server", "-keyout", at("server.key"), "-out", at("server.csr"))
-    with open(at("san"), "w") as file:
-        file.write("subjectAltName=IP:127.0.0.1,DNS:localhost\n")
-    openssl("x509", "-req", "-in", at("server.csr"), "-CA", at("ca.crt"), "-CAkey", at("ca.key"),
-            "-CAcreateserial", "-days", "1", "-extfile", at("san"), "-out", at("server.crt"))
-
-
-@unittest.skipUnless(shutil.which("openssl"), "needs the program openssl to make certificates")
+@certificates.needed
 class Security(harness.ServiceTest):
 
     @classmethod
@@ -57,7 +33,7 @@ class Security(harness.ServiceTest):
         cls.class_folder = tempfile.mkdtemp(prefix="litags-security-")
         cls.addClassCleanup(shutil.rmtree, cls.class_folder, ignore_errors=True)
         at = lambda name: os.path.join(cls.class_folder, name)  # noqa: E731
-        make_certificates(cls.class_folder)
+        tls = certificates.make(cls.class_folder)
         cls.tokens, cls.token_of = at("tokens"), {}
         for name in ("alice", "bob", "root"):
             code, out, _ = run_server("token", name, "--tokens", cls.tokens)
@@ -66,9 +42,8 @@ class Security(harness.ServiceTest):
             with open(at(name + ".token"), "w") as file:
                 file.write(out)
         cls.server = harness.Server(
-            cls.class_folder, extra=("--tls-cert", at("server.crt"), "--tls-key", at("server.key"),
-                                     "--tokens", cls.tokens, "--admins", "root", "--log-level",
-                                     "debug", "--log-format", "json"))
+            cls.class_folder, extra=(*tls, "--tokens", cls.tokens, "--admins", "root",
+                                     "--log-level", "debug", "--log-format", "json"))
         cls.addClassCleanup(lambda: cls.server.stop())
 
     def litags_as(self, client, *args, exit_code=0):
@@ -105,7 +80,7 @@ class Security(harness.ServiceTest):
         watch = self.start_litags(
             "--retry", "0", "--tls-ca", os.path.join(self.class_folder, "ca.crt"), "--token-file",
             os.path.join(self.class_folder, "alice.token"), "watch", job)
-        issue_server_certificate(self.class_folder)
+        certificates.issue(self.class_folder, "server")
         self.wait_for(lambda: shown() != before, "the renewed certificate")
         with open(os.path.join(self.class_folder, "server.crt")) as file:
             self.assertEqual(file.read().strip(), shown().strip())
@@ -211,11 +186,28 @@ class Settings(unittest.TestCase):
             self.assertEqual(code, 2)
             self.assertIn(words, err)
 
+    def test_settings_that_do_nothing_without_another_are_refused(self):
+        for text, other in (('web-port-file = "web-port"', "--web;"),
+                            ("metrics-for-all = true", "--metrics-listen"),
+                            ("webhook-internal = true", "--webhook-hosts"),
+                            ('webhook-ca = "ca.crt"', "--webhook-hosts"),
+                            ('admins = ["root"]', "--tokens")):
+            for check in ((), ("--check",)):
+                code, _, err = run_server("--data", self.data, "--config", self.write(text), *check)
+                self.assertEqual(code, 2, err)
+                self.assertIn(f"--{text.split()[0]} does nothing without {other}", err)
+        code, _, err = run_server("--data", self.data, "--s3-endpoint", "http://s3:7070")
+        self.assertEqual(code, 1, err)
+        self.assertIn("--blobs s3://", err)
+        code, _, err = run_server("--check", "--print-config")
+        self.assertEqual(code, 2, err)
+
     def test_others_are_not_let_in_by_accident(self):
         for args, words in ((("--listen", "0.0.0.0:0"), "--insecure"),
                             (("--listen", "127.0.0.1:0", "--metrics-listen", "0.0.0.0:0"),
                              "--metrics-for-all"),
-                            (("--listen", "0.0.0.0:0", "--metrics-for-all"), "--insecure"),
+                            (("--listen", "0.0.0.0:0", "--metrics-listen", "127.0.0.1:0",
+                              "--metrics-for-all"), "--insecure"),
                             (("--listen", "127.0.0.1:0", "--tls-cert", "/missing"), "--tls-key"),
                             (("--listen", "127.0.0.1:0", "--tls-cert", "/missing", "--tls-key",
                               "/missing"), "/missing"),
@@ -251,6 +243,20 @@ class Settings(unittest.TestCase):
             self.assertEqual(code, 1)
             self.assertRegex(out, "(?m)^FAIL +store .*" + words)
             self.assertNotIn("secret", out + err)
+
+    def test_check_tells_of_blobs_of_another_installation_and_marks_none(self):
+        markers = os.path.join(self.folder, "blobs", "installation")
+        other = os.path.join(markers, "0123456789abcdef" * 2)
+        os.makedirs(markers)
+        with open(other, "w", encoding="utf-8"):
+            pass
+        flags = ("--check", "--data", self.data, "--blobs", f"file://{self.folder}/blobs")
+        code, out, _ = run_server(*flags)
+        self.assertEqual(code, 1)
+        self.assertRegex(out, "(?m)^FAIL +store .*belongs to another installation, 0123456789abcdef")
+        os.remove(other)
+        self.assertRegex(run_server(*flags)[1], r"(?m)^ok +store ")
+        self.assertEqual(os.listdir(markers), [])
 
     def test_check_of_a_folder_that_cannot_be_one_fails(self):
         code, out, _ = run_server("--check", "--data", self.write("not a folder"), "--colmap",

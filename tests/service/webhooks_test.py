@@ -4,16 +4,15 @@ import http.server
 import json
 import os
 import re
-import shutil
 import ssl
 import threading
 import unittest
 from unittest import mock
 
+import certificates
 import examples
 import harness
 from harness import rpc
-from security_test import make_certificates
 
 
 def function_of_page():
@@ -128,7 +127,7 @@ class Webhooks(harness.ServiceTest):
         self.assertRegex(err, "webhook.secret")
 
 
-@unittest.skipUnless(shutil.which("openssl"), "needs the program openssl to make certificates")
+@certificates.needed
 class HttpsWebhooks(harness.ServiceTest):
     """Receivers with TLS, and a server that trusts one authority: --webhook-ca."""
 
@@ -138,7 +137,7 @@ class HttpsWebhooks(harness.ServiceTest):
         cls.strange = os.path.join(cls.class_folder, "strange")
         for folder in (cls.trusted, cls.strange):
             os.mkdir(folder)
-            make_certificates(folder)
+            certificates.make(folder)
         return harness.Server(cls.class_folder, extra=(
             "--webhook-hosts", "127.0.0.1", "--webhook-internal", "--webhook-ca",
             os.path.join(cls.trusted, "ca.crt")))

@@ -12,6 +12,7 @@ import time
 import unittest
 
 import gateway
+import certificates
 import harness
 from gateway import GatewayTest, PHOTOS
 
@@ -205,12 +206,9 @@ class Tls(GatewayTest):
 
     @classmethod
     def make_server(cls):
-        cert, key = f"{cls.class_folder}/cert.pem", f"{cls.class_folder}/key.pem"
-        subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2",
-                        "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1",
-                        "-keyout", key, "-out", cert], check=True, capture_output=True)
-        cls.context = ssl.create_default_context(cafile=cert)
-        return gateway.WebServer(cls.class_folder, extra=("--tls-cert", cert, "--tls-key", key))
+        tls = certificates.make(cls.class_folder)
+        cls.context = ssl.create_default_context(cafile=f"{cls.class_folder}/ca.crt")
+        return gateway.WebServer(cls.class_folder, extra=tls)
 
     def setUp(self):
         super().setUp()
@@ -239,24 +237,13 @@ class TlsFiles(GatewayTest):
     @classmethod
     def make_server(cls):
         cls.pems = pathlib.Path(cls.class_folder)
-        ca = cls.make_pair("ca", "-x509", "-days", "2")
-        for name in ("server", "client"):
-            cls.make_pair(name, "-x509", "-days", "2", "-CA", ca, "-CAkey", str(cls.pems / "ca.key"))
+        tls = certificates.make(cls.class_folder)
+        certificates.issue(cls.class_folder, "client")
         made = subprocess.run([f"{harness.BIN}/{harness.SERVER_PROGRAM}", "token", "alice"],
                               capture_output=True, text=True, check=True)
-        cls.flags = ("--tls-cert", str(cls.pems / "server.crt"),
-                     "--tls-key", str(cls.pems / "server.key"), "--tls-client-ca", ca,
-                     "--token", made.stderr.split("--token ")[1].strip())
+        cls.flags = (*tls, "--tls-client-ca", str(cls.pems / "ca.crt"), "--token",
+                     made.stderr.split("--token ")[1].strip())
         return gateway.WebServer(cls.class_folder, extra=cls.flags)
-
-    @classmethod
-    def make_pair(cls, name, *flags):
-        cert = str(cls.pems / f"{name}.crt")
-        subprocess.run(["openssl", "req", "-newkey", "rsa:2048", "-nodes", "-subj", f"/CN={name}",
-                        "-addext", "subjectAltName=IP:127.0.0.1", "-keyout",
-                        str(cls.pems / f"{name}.key"), "-out", cert, *flags],
-                       check=True, capture_output=True)
-        return cert
 
     def browser(self):
         context = ssl.create_default_context(cafile=self.pems / "ca.crt")
