@@ -34,7 +34,8 @@ Finding CheckStore(const ServerFlags& flags) {
   unlink(probe.c_str());
   LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
   // Looks into a store on another machine when it is opened.
-  LITAGS_RETURN_IF_ERROR(OpenBlobStore(flags.places, data).status());
+  LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
+  LITAGS_RETURN_IF_ERROR(CheckBlobsAreOurs(flags.places, data, blobs.get()));
   // A server that runs holds the lock: no reason to fail, but to say so.
   const bool used = !DataDirLock::Take(data).ok();
   return absl::StrCat(

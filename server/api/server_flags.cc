@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
 #include "proto/arguments/arguments.h"
 
 namespace litags {
@@ -247,9 +248,37 @@ void AddServerFlags(CLI::App* app, ServerFlags* flags) {
       ->capture_default_str();
   app->add_option("--port-file", flags->port_file, "Write the port to this file once it is open");
   app->add_option("--config", flags->config, "TOML file of settings; flags and variables beat it");
-  app->add_flag("--print-config", flags->print_config,
-                "Print all settings, and where each comes from, and end");
-  app->add_flag("--check", flags->check, "Check that all is in place to start, and end");
+  CLI::Option* print_config =
+      app->add_flag("--print-config", flags->print_config,
+                    "Print all settings, and where each comes from, and end");
+  app->add_flag("--check", flags->check, "Check that all is in place to start, and end")
+      ->excludes(print_config);
+}
+
+absl::Status CheckSettingsAreUsed(const ServerFlags& flags) {
+  const bool webhooks = !flags.webhooks.hosts.empty();
+  const bool names = flags.server.auth.enabled() || !flags.server.tls.client_ca.empty();
+  const struct {
+    const char* setting;
+    bool given;
+    const char* other;
+    bool there;
+  } kRules[] = {
+      {"--web-port-file", !flags.web_port_file.empty(), "--web", !flags.web.listen.empty()},
+      {"--metrics-for-all", flags.metrics_for_all, "--metrics-listen",
+       !flags.metrics_listen.empty()},
+      {"--webhook-internal", flags.webhooks.internal, "--webhook-hosts", webhooks},
+      {"--webhook-ca", !flags.webhook_ca.empty(), "--webhook-hosts", webhooks},
+      {"--admins", !flags.server.auth.admins.empty(), "--tokens, --token or --tls-client-ca",
+       names},
+  };
+  for (const auto& rule : kRules) {
+    if (!rule.given || rule.there) continue;
+    return InvalidInput("SETTING_UNUSED", rule.setting,
+                        absl::StrCat(rule.setting, " does nothing without ", rule.other,
+                                     "; give that, too, or leave this out"));
+  }
+  return absl::OkStatus();
 }
 
 Settings::Rules ServerSettingsRules() {

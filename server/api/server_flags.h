@@ -48,6 +48,10 @@ struct ServerFlags {
 // Adds an option for each, with checks and help.
 void AddServerFlags(CLI::App* app, ServerFlags* flags);
 
+// INVALID_ARGUMENT (SETTING_UNUSED) for a setting that does nothing without another one, which is
+// not there. Limits of what is off may stay.
+absl::Status CheckSettingsAreUsed(const ServerFlags& flags);
+
 // How they are looked for beside the command line: LITAGS_SERVER_..., and which are secret.
 Settings::Rules ServerSettingsRules();
 

@@ -285,6 +285,10 @@ int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory 
     std::fputs(settings.Print().c_str(), stdout);
     return 0;
   }
+  if (const absl::Status used = CheckSettingsAreUsed(flags); !used.ok()) {
+    Fail(used);
+    return 2;
+  }
   if (!SetUpLog(flags.log_level, flags.log_format, "litags-server")) return 2;
   std::error_code error;
   const fs::path self = fs::read_symlink("/proc/self/exe", error);

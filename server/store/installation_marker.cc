@@ -40,6 +40,11 @@ absl::Status InstallationMarker::Claim() const {
   return CheckOthers(ids);
 }
 
+absl::Status InstallationMarker::CheckClaim() const {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, MarkersIn(blobs_));
+  return CheckOthers(ids);
+}
+
 absl::Status InstallationMarker::Check() const {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, MarkersIn(blobs_));
   LITAGS_RETURN_IF_ERROR(CheckOthers(ids));
@@ -57,7 +62,7 @@ absl::Status InstallationMarker::CheckOthers(const std::vector<std::string>& ids
   return MakeError(
       absl::StatusCode::kFailedPrecondition, "BLOBS_OF_ANOTHER_INSTALLATION", "blobs",
       absl::StrCat("the blob store ", place_, " belongs to another installation, ", *other,
-                   ", and this one is ", id_,
+                   ", and this one is ", id_.empty() ? "new" : id_,
                    "; give this one a bucket or prefix of its own, or, if the other's job store is "
                    "gone for good and this one replaces it, remove the marker ",
                    place_, "/", kFolder, "/", *other));

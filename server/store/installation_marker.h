@@ -16,12 +16,14 @@ namespace litags {
 // Thread-safe.
 class InstallationMarker {
  public:
-  // `id`: JobStore::InstallationId(). `place`: the blob store's URL, for the operator. `blobs` must
-  // outlive this.
+  // `id`: JobStore::InstallationId(), or empty where that is not made yet. `place`: the blob
+  // store's URL, for the operator. `blobs` must outlive this.
   InstallationMarker(std::string id, std::string place, BlobStore* blobs);
 
   // Puts the marker if there is none.
   absl::Status Claim() const;
+  // Whether Claim() would find another installation's marker; changes nothing.
+  absl::Status CheckClaim() const;
   // Whether the marker is there, and no other installation's. FAILED_PRECONDITION
   // (BLOBS_NOT_MARKED).
   absl::Status Check() const;

@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <iterator>
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/store/postgres.h"
+#include "server/store/sqlite.h"
 
 namespace litags {
 namespace {
@@ -85,6 +87,34 @@ absl::StatusOr<S3Options> S3OptionsOf(const StorePlaces& places) {
   return options;
 }
 
+// Without the slash that may end it.
+std::string PlaceOfBlobs(const StorePlaces& places) {
+  std::string place = places.blobs;
+  while (place.ends_with('/')) place.pop_back();
+  return place;
+}
+
+// JobStore::InstallationId() without making one; empty: the store is not there yet, or is of a
+// version that had none.
+absl::StatusOr<std::string> KnownInstallationId(const StorePlaces& places, const DataDir& data) {
+  std::unique_ptr<SqlSession> sql;
+  std::string has_table;
+  if (places.UsesPostgres()) {
+    LITAGS_ASSIGN_OR_RETURN(sql, PgConnection::Open(places.jobs));
+    has_table = "SELECT 1 WHERE to_regclass('installation') IS NOT NULL";
+  } else {
+    const std::string path = places.SqlitePath(data);
+    if (std::error_code ignored; !std::filesystem::exists(path, ignored)) return std::string();
+    LITAGS_ASSIGN_OR_RETURN(sql, SqliteConnection::Open(path));
+    has_table = "SELECT 1 FROM sqlite_master WHERE name = 'installation'";
+  }
+  LITAGS_ASSIGN_OR_RETURN(const bool known, sql->Prepare(has_table)->Step());
+  if (!known) return std::string();
+  const auto row = sql->Prepare("SELECT id FROM installation");
+  LITAGS_ASSIGN_OR_RETURN(const bool made, row->Step());
+  return made ? row->Text(0) : std::string();
+}
+
 }  // namespace
 
 absl::Status StorePlaces::Validate() const {
@@ -95,6 +125,12 @@ absl::Status StorePlaces::Validate() const {
   } else if (!jobs.empty()) {
     return InvalidInput("STORE_URL_INVALID", "store",
                         "the job store is neither sqlite:///path nor postgresql://...");
+  }
+  if (!s3_endpoint.empty() && !BlobsAreFar()) {
+    return InvalidInput("SETTING_UNUSED", "s3-endpoint",
+                        absl::StrCat("the S3 server ", s3_endpoint,
+                                     " is given, and the blobs are not in S3; give --blobs "
+                                     "s3://bucket/prefix, too, or leave it out"));
   }
   if (blobs.starts_with(kFile)) return PathOf(blobs, kFile, "blobs").status();
   if (blobs.starts_with(kS3)) return S3OptionsOf(*this).status();
@@ -153,12 +189,16 @@ absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& plac
 absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
                                                                JobStore* store, BlobStore* blobs) {
   if (places.blobs.empty()) return nullptr;
-  std::string place = places.blobs;
-  while (place.ends_with('/')) place.pop_back();
   LITAGS_ASSIGN_OR_RETURN(const std::string id, store->InstallationId());
-  auto marker = std::make_unique<InstallationMarker>(id, place, blobs);
+  auto marker = std::make_unique<InstallationMarker>(id, PlaceOfBlobs(places), blobs);
   LITAGS_RETURN_IF_ERROR(marker->Claim());
   return marker;
+}
+
+absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, BlobStore* blobs) {
+  if (places.blobs.empty()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const std::string id, KnownInstallationId(places, data));
+  return InstallationMarker(id, PlaceOfBlobs(places), blobs).CheckClaim();
 }
 
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data) {

@@ -25,7 +25,7 @@ struct StorePlaces {
   // "https://host:port" of the S3 server; empty: Amazon's in AWS_REGION.
   std::string s3_endpoint;
 
-  // INVALID_ARGUMENT (STORE_URL_INVALID).
+  // INVALID_ARGUMENT (STORE_URL_INVALID, SETTING_UNUSED).
   absl::Status Validate() const;
   bool UsesPostgres() const;
   // Of a store that is not PostgreSQL's.
@@ -49,6 +49,9 @@ absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& plac
 // operator names no place for them: then they are in the data folder, beside the jobs.
 absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
                                                                JobStore* store, BlobStore* blobs);
+
+// Whether ClaimBlobs() would refuse, without changing either store. Errors of InstallationMarker.
+absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, BlobStore* blobs);
 
 // Whether there is a store to begin with, without changing it: a file is read as a whole, unless it
 // is not there yet; a database is connected to. DATA_LOSS (STORE_CORRUPT), UNAVAILABLE

@@ -36,6 +36,15 @@ TEST(OpenStores, UrlsAreCheckedAndSecretsAreNotRepeated) {
   }
 }
 
+TEST(OpenStores, AnS3ServerWithoutBlobsThereIsRefused) {
+  EXPECT_TRUE((StorePlaces{"", "s3://bucket", "http://s3:7070"}.Validate().ok()));
+  for (const char* url : {"", "file:///a"}) {
+    const absl::Status status = StorePlaces{"", url, "http://s3:7070"}.Validate();
+    ASSERT_TRUE(GetErrorDetail(status)) << url;
+    EXPECT_EQ(GetErrorDetail(status)->reason, "SETTING_UNUSED") << url;
+  }
+}
+
 TEST(OpenStores, NetworkIsNeededForServersThatAreNotReachedBySocketFiles) {
   EXPECT_FALSE((StorePlaces{"", "", ""}.NeedNetwork()));
   EXPECT_FALSE((StorePlaces{"postgresql:///x?host=/run/postgresql", "", ""}.NeedNetwork()));

@@ -49,6 +49,9 @@ class Installation : public ::testing::Test {
   }
 
   absl::Status Claim(JobStore* store) { return ClaimBlobs(places_, store, blobs_.get()).status(); }
+  absl::Status CheckBlobs(const DataDir& data) {
+    return CheckBlobsAreOurs(places_, data, blobs_.get());
+  }
   std::vector<std::string> Markers() { return *blobs_->List("installation"); }
   void Mark(const std::string& id) { ASSERT_TRUE(blobs_->Put("installation/" + id, "x").ok()); }
   void Unmark(const std::string& id) { ASSERT_TRUE(blobs_->Remove("installation/" + id).ok()); }
@@ -93,6 +96,32 @@ TEST_F(Installation, BlobsFromBeforeThereWereMarkersAreMarkedAtTheNextStart) {
   ASSERT_TRUE(Claim(ours_.get()).ok());
   EXPECT_THAT(Markers(), ElementsAre(id_));
   EXPECT_EQ(*blobs_->Get("jobs/1/aa"), "photo");
+}
+
+TEST_F(Installation, ACheckTellsWhatTheStartWouldAndMarksNothing) {
+  const DataDir data = *DataDir::Open(dir_ / "data");
+  EXPECT_TRUE(CheckBlobs(data).ok()) << "no job store yet, no marker";
+  Mark(kOther);
+  EXPECT_EQ(Reason(CheckBlobs(data)), "BLOBS_OF_ANOTHER_INSTALLATION");
+  EXPECT_FALSE(std::filesystem::exists(data.database()));
+  const std::string id = *(*OpenJobStore(places_, data))->InstallationId();
+  EXPECT_THAT(std::string(CheckBlobs(data).message()), HasSubstr(id));
+  Unmark(kOther);
+  EXPECT_TRUE(CheckBlobs(data).ok());
+  EXPECT_THAT(Markers(), ElementsAre());
+  Mark(id);
+  EXPECT_TRUE(CheckBlobs(data).ok());
+}
+
+TEST_F(Installation, ACheckKnowsTheInstallationOfAPostgresDatabase) {
+  if (!SharedPostgres()) GTEST_SKIP() << "PostgreSQL is not installed here";
+  places_.jobs = *SharedPostgres()->NewDatabase();
+  const DataDir data = *DataDir::Open(dir_ / "data");
+  EXPECT_TRUE(CheckBlobs(data).ok()) << "no tables yet";
+  Mark(*(*OpenJobStore(places_, data))->InstallationId());
+  EXPECT_TRUE(CheckBlobs(data).ok());
+  Mark(kOther);
+  EXPECT_EQ(Reason(CheckBlobs(data)), "BLOBS_OF_ANOTHER_INSTALLATION");
 }
 
 // As if the check at the start had been skipped, or the marker had changed since.
