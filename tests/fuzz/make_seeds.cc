@@ -169,11 +169,14 @@ void AddOtherFormats(const Corpus& corpus) {
 void AddImages(const Corpus& corpus) {
   const std::string png = *EncodePng(Photo()), jpeg = *EncodeJpeg(Photo(), 60);
   const std::string png16 = *EncodePng16(Depth(), 1000), turned = TurnedJpeg(jpeg);
+  auto below_black = PhotoFromU8(Photo());
+  below_black.data[0] = -500;
   for (const char* target : {"image_header", "image_decode"}) {
     corpus.Add(target, "photo.png", png);
     corpus.Add(target, "photo.jpg", jpeg);
     corpus.Add(target, "turned.jpg", turned);
     corpus.Add(target, "deep.png", png16);
+    corpus.Add(target, "below_black.png", *EncodePng16(below_black));
     corpus.Add(target, "cut.jpg", jpeg.substr(0, jpeg.size() / 2));
   }
   AddOtherFormats(corpus);
