@@ -102,7 +102,12 @@ std::string SuggestFolders(const std::vector<PhotoFolder>& folders) {
     absl::StrAppend(&text, i == 0 ? "" : ", ", folders[i].path.string());
   }
   const size_t more = folders.size() - std::min(kMost, folders.size());
-  return absl::StrCat(text, more > 0 ? absl::StrCat(" or one of ", more, " others") : "", "?");
+  return absl::StrCat(
+      text,
+      more > 0
+          ? absl::StrCat(" or ", more == 1 ? "one other" : absl::StrCat("one of ", more, " others"))
+          : "",
+      "?");
 }
 
 // Where the parts of a capture are; empty: they are none.

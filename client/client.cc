@@ -10,6 +10,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "client/report/report.h"
+#include "client/report/text.h"
 #include "client/status.h"
 #include "grpcpp/generic/generic_stub.h"
 
@@ -291,9 +292,9 @@ absl::Status Client::RenderPath(
   return Retry([&](bool* progressed) {
     // A path cannot be taken up in the middle: a newer snapshot could make the rest look different.
     if (next > 0) {
-      return LocalError(
-          absl::StatusCode::kAborted, "PATH_INTERRUPTED", "",
-          absl::StrCat("the connection broke after ", next, " frames; run the same command again"));
+      return LocalError(absl::StatusCode::kAborted, "PATH_INTERRUPTED", "",
+                        absl::StrCat("the connection broke after ", report::Counted(next, "frame"),
+                                     "; run the same command again"));
     }
     grpc::ClientContext context;
     Interrupt::Scope scope(interrupt_, context);

@@ -209,11 +209,12 @@ int Path(Session& session, const PathArgs& args) {
   if (!status.ok()) return fail(status);
   const auto frames = WritePath(session, *request, args, &film);
   if (!frames.ok()) return fail(frames.status());
-  if (!args.output.empty()) Note(absl::StrCat(args.output, ": ", *frames, " frames"));
+  if (!args.output.empty()) Note(absl::StrCat(args.output, ": ", Counted(*frames, "frame")));
   if (args.video.empty()) return kExitOk;
   status = film.Finish();
   if (!status.ok()) return fail(status);
-  Note(absl::StrCat(args.video, ": ", *frames, " frames, ", args.frames_per_second, " a second"));
+  Note(absl::StrCat(args.video, ": ", Counted(*frames, "frame"), ", ", args.frames_per_second,
+                    " a second"));
   return kExitOk;
 }
 

@@ -54,7 +54,7 @@ void NoteMasks(const Capture& capture) {
   const auto masks =
       std::count_if(capture.files.begin(), capture.files.end(),
                     [](const LocalFile& file) { return file.role == v1::FILE_ROLE_MASK; });
-  Note(absl::StrCat("with ", masks, masks == 1 ? " mask" : " masks", " from ", capture.masks_dir,
+  Note(absl::StrCat("with ", Counted(masks, "mask"), " from ", capture.masks_dir,
                     ": what is 0 there is not learnt"));
 }
 

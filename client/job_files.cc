@@ -68,7 +68,7 @@ struct PhotoFacts {
   // Without photos "".
   std::string Text() const {
     if (used + left_out == 0) return "";
-    std::string text = absl::StrCat(used, used == 1 ? " photo" : " photos", " would be used");
+    std::string text = absl::StrCat(Counted(used, "photo"), " would be used");
     if (left_out > 0)
       absl::StrAppend(&text, ", ", left_out, left_out == 1 ? " is" : " are", " left out");
     absl::StrAppend(&text, "; ", Distinct(sizes, "sizes"));
@@ -110,8 +110,8 @@ std::vector<std::string> DescribeFiles(const std::vector<v1::JobFile>& files) {
     left_out.push_back(absl::StrCat("left out: ", file.name(), ": it ", file.found().left_out()));
   }
   if (std::string text = photos.Text(); !text.empty()) parts.insert(parts.begin(), text);
-  if (masks > 0) parts.push_back(absl::StrCat(masks, masks == 1 ? " mask" : " masks"));
-  if (depths > 0) parts.push_back(absl::StrCat(depths, depths == 1 ? " depth map" : " depth maps"));
+  if (masks > 0) parts.push_back(Counted(masks, "mask"));
+  if (depths > 0) parts.push_back(Counted(depths, "depth map"));
   left_out.insert(left_out.begin(), absl::StrJoin(parts, "; "));
   return left_out;
 }

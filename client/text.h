@@ -12,6 +12,7 @@ namespace litags::client {
 
 using report::BytesText;
 using report::ColumnsOf;
+using report::Counted;
 using report::CountText;
 using report::DurationText;
 using report::IsUtf8;

@@ -18,6 +18,8 @@ double SecondsOf(const google::protobuf::Duration& duration);
 std::string DurationText(double seconds);
 // "23,104".
 std::string CountText(int64_t count);
+// "1 photo", "2 photos"; `noun` is that of one thing, and takes an s for more.
+std::string Counted(int64_t count, const char* noun);
 // "812 B", "3.4 MB"; decimal units.
 std::string BytesText(int64_t bytes);
 // METHOD_LITAGS_PAPER as "litags-paper": without the enum's name, which all its values begin with.

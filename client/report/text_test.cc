@@ -13,6 +13,8 @@ TEST(Text, NumbersReadWell) {
   EXPECT_EQ(CountText(999), "999");
   EXPECT_EQ(CountText(1000), "1,000");
   EXPECT_EQ(CountText(-1234567), "-1,234,567");
+  EXPECT_EQ(Counted(1, "photo"), "1 photo");
+  EXPECT_EQ(Counted(2, "photo"), "2 photos");
   EXPECT_EQ(BytesText(1023), "1023 B");
   EXPECT_EQ(BytesText(3'400'000), "3.2 MiB");
   EXPECT_EQ(BytesText(int64_t{1} << 28), "256 MiB");

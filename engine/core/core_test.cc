@@ -7,6 +7,7 @@
 
 #include "engine/core/camera.h"
 #include "engine/core/cancel.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/image.h"
 #include "engine/core/parallel.h"
@@ -18,6 +19,12 @@
 
 namespace litags {
 namespace {
+
+TEST(Counted, OneHasNoS) {
+  EXPECT_EQ(Counted(1, "photo"), "1 photo");
+  EXPECT_EQ(Counted(0, "photo"), "0 photos");
+  EXPECT_EQ(Counted(size_t{2}, "photo"), "2 photos");
+}
 
 TEST(Error, CarriesReasonAndField) {
   absl::Status status =

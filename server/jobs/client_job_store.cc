@@ -1,6 +1,7 @@
 #include "server/jobs/client_job_store.h"
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 
 namespace litags {
@@ -32,8 +33,8 @@ absl::StatusOr<JobRecord> ClientJobStore::Create(const JobRecord& job, Change ch
     if (usage.jobs <= view_.max_jobs) return absl::OkStatus();
     return MakeError(
         absl::StatusCode::kResourceExhausted, "JOB_QUOTA_REACHED", "",
-        absl::StrCat("this client has ", usage.jobs - 1, " jobs, and may have ", view_.max_jobs,
-                     "; delete some, or ask the operator for a larger --max-jobs"));
+        absl::StrCat("this client has ", Counted(usage.jobs - 1, "job"), ", and may have ",
+                     view_.max_jobs, "; delete some, or ask the operator for a larger --max-jobs"));
   });
 }
 

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
@@ -30,10 +31,11 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
     if (file.role == FileRole::kVideo) ++videos;
   }
   if (videos > 1 || (videos == 1 && photos > 0)) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "VIDEO_NOT_ALONE", "videos",
-                     absl::StrCat("the job has ", videos, " videos and ", photos,
-                                  " photos; a job takes one video, or photos: delete the others "
-                                  "with DeleteFile, or make a job for each"));
+    return MakeError(
+        absl::StatusCode::kFailedPrecondition, "VIDEO_NOT_ALONE", "videos",
+        absl::StrCat("the job has ", Counted(videos, "video"), " and ", Counted(photos, "photo"),
+                     "; a job takes one video, or photos: delete the others "
+                     "with DeleteFile, or make a job for each"));
   }
   if (videos == 0) LITAGS_RETURN_IF_ERROR(CheckPhotoCount(photos, photos));
   const auto has = [&](const char* ending) {  // the engine triangulates points that are not there

@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
 
@@ -27,7 +28,7 @@ std::string MiB(int64_t bytes) { return absl::StrCat((bytes + (1 << 20) - 1) >> 
 
 std::string InWords(const Resources& needs) {
   std::vector<std::string> parts;
-  if (needs.cores > 0) parts.push_back(absl::StrCat(needs.cores, " cores"));
+  if (needs.cores > 0) parts.push_back(Counted(needs.cores, "core"));
   if (needs.memory_bytes > 0) {
     parts.push_back(absl::StrCat(MiB(needs.memory_bytes), " of memory"));
   }
@@ -107,8 +108,11 @@ std::string WaitsFor(const JobRecord& job, const Workforce& workers) {
     most.cores = std::max(most.cores, has.cores);
     most.memory_bytes = std::max(most.memory_bytes, has.memory_bytes);
   }
-  return absl::StrCat(InWords(needs), "; of the ", workers.size(),
-                      " that are there none has all of it, the largest ", most.cores, " cores and ",
+  const std::string there = workers.size() == 1
+                                ? "the only one that is there has "
+                                : absl::StrCat("of the ", workers.size(),
+                                               " that are there none has all of it, the largest ");
+  return absl::StrCat(InWords(needs), "; ", there, Counted(most.cores, "core"), " and ",
                       MiB(most.memory_bytes));
 }
 

@@ -100,6 +100,10 @@ TEST_F(PlacementOfJobs, JobThatNobodyCanTakeSaysWhatItWaitsForAndIsCounted) {
   const std::string id = QueuedJob(policy);
   EXPECT_THAT(WaitsForNow(id), HasSubstr("none is there"));
   EXPECT_EQ(jobs_.Overview()->unplaceable, 1);
+  SayIsThere("w1", {1, kGiB, {}});
+  EXPECT_EQ(WaitsForNow(id),
+            "a worker with 64 cores, label avx512; the only one that is there has 1 core and 1024 "
+            "MiB");
   SayIsThere("w1", {8, kGiB, {}});
   SayIsThere("w2", {4, 2 * kGiB, {"avx512"}});
   EXPECT_EQ(WaitsForNow(id),

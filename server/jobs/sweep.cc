@@ -6,6 +6,7 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
@@ -106,7 +107,7 @@ bool Jobs::OrphansAreOurs(size_t orphans) {
   if (!marker_ || orphans == 0) return true;
   const absl::Status ours = marker_->Check();
   if (ours.ok()) return true;
-  spdlog::warn("files of {} jobs that are not in the job store are kept: {}", orphans,
+  spdlog::warn("files of {} without a row in the job store are kept: {}", Counted(orphans, "job"),
                std::string(ours.message()));
   return false;
 }

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 
 namespace litags {
@@ -41,7 +42,8 @@ absl::Status BringFinishedBack(JobTransaction& job, int64_t now_ms, std::string*
   if (!job.job.report.empty()) {
     LITAGS_ASSIGN_OR_RETURN(report, Decode<ReconstructReport>(job.job.report));
   }
-  *note = absl::StrCat("; its finished scene of ", report.iterations, " iterations stays");
+  *note =
+      absl::StrCat("; its finished scene of ", Counted(report.iterations, "iteration"), " stays");
   if (job.job.snapshot_iteration == report.iterations) return absl::OkStatus();
   job.job.snapshot_iteration = report.iterations;
   return job.AddEvent({0, now_ms, EventKind::kSnapshot, Encode(SnapshotRecord{report.iterations})});
