@@ -120,17 +120,15 @@ cv::Mat ToBgr(const ImageU8& image) {
 
 bool EndsWithOneOf(std::span<const std::string_view> suffixes, const std::string& name) {
   const std::string lower = absl::AsciiStrToLower(name);
-  return name.front() != '.' && std::ranges::any_of(suffixes, [&](std::string_view suffix) {
-           return lower.size() > suffix.size() && std::string_view(lower).ends_with(suffix);
-         });
+  return !name.starts_with('.') && std::ranges::any_of(suffixes, [&](std::string_view suffix) {
+    return lower.size() > suffix.size() && std::string_view(lower).ends_with(suffix);
+  });
 }
 
 std::string JoinedEndings() {
   return absl::StrJoin(PhotoEndings(), " ",
                        [](std::string* out, std::string_view ending) { out->append(ending); });
 }
-
-bool IsPhotoName(const std::string& name) { return EndsWithOneOf(PhotoEndings(), name); }
 
 bool IsOtherPictureName(const std::string& name) {
   constexpr std::string_view kOther[] = {".bmp", ".gif", ".exr", ".hdr", ".jp2", ".pgm",
@@ -257,6 +255,8 @@ absl::Status WritePng16(const std::string& path, const Planes& plane, double sca
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes, EncodePng16(plane, scale));
   return WriteFileAtomically(path, bytes);
 }
+
+bool IsPhotoName(const std::string& name) { return EndsWithOneOf(PhotoEndings(), name); }
 
 absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir,
                                                     std::string_view field) {

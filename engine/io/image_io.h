@@ -83,8 +83,9 @@ absl::StatusOr<ImageInfo> ReadImageInfo(std::string_view bytes, std::string_view
 double ExifFocalLength(const ImageInfo& info);
 
 // Decodes to upright RGB with the precision that the file has: JPEG in floating point from its
-// coefficients (jpeg_decode.cc), RAW from the sensor's numbers (raw_decode.cc), others with their 8
-// to 16 bits. Colours become sRGB as the file's ICC profile says; a broken one is passed over.
+// coefficients (jpeg_decode.cc), HEIC, AVIF and lossy WebP in floating point from their YCbCr
+// (ycbcr.h), RAW from the sensor's numbers (raw_decode.cc), others with their 8 to 16 bits of RGB.
+// Colours become sRGB as the file's ICC profile says; a broken one is passed over.
 // Transparency is dropped, grey becomes R = G = B. A file that ends early is refused
 // (IMAGE_TRUNCATED), never padded with grey. Errors as above.
 absl::StatusOr<Photo> DecodePhoto(std::string_view bytes, std::string_view field,
@@ -121,8 +122,11 @@ void LoadPhotoDecoders();
 // How the names of photos end, lower case.
 std::span<const std::string_view> PhotoEndings();
 
-// Names of the photos in a folder (by PhotoEndings() in any case; hidden files skipped), sorted by
-// bytes. NOT_FOUND (NO_SUCH_FOLDER), INVALID_ARGUMENT (NO_PHOTOS).
+// Whether the name of a file is that of a photo: by PhotoEndings() in any case, and not hidden.
+bool IsPhotoName(const std::string& name);
+
+// Names of the photos in a folder, by IsPhotoName(), sorted by bytes. NOT_FOUND (NO_SUCH_FOLDER),
+// INVALID_ARGUMENT (NO_PHOTOS).
 absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir, std::string_view field);
 
 // "6 pictures are of a kind that is not read, IMG_1.BMP for one: convert to JPEG or PNG": files of

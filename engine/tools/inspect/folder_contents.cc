@@ -4,10 +4,8 @@
 #include <filesystem>
 #include <system_error>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/string_view.h"
 #include "engine/core/error.h"
 #include "engine/io/image_io.h"
 #include "engine/video/video_file.h"
@@ -60,13 +58,6 @@ bool IsOtherInput(const ReconstructInput& input, const std::string& name) {
 }
 
 }  // namespace
-
-bool IsPhotoName(const std::string& name) {
-  const auto endings = PhotoEndings();
-  return std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) {
-    return absl::EndsWithIgnoreCase(name, absl::string_view(ending.data(), ending.size()));
-  });
-}
 
 bool IsModelFile(const std::string& name) {
   const std::string stem = fs::path(name).stem();

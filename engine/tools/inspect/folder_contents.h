@@ -10,9 +10,6 @@
 
 namespace litags {
 
-// By its ending.
-bool IsPhotoName(const std::string& name);
-
 // cameras, images and points3D of COLMAP, whatever the ending.
 bool IsModelFile(const std::string& name);
 
