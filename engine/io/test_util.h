@@ -6,20 +6,12 @@
 #include <functional>
 #include <string>
 
-#include "absl/status/status.h"
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "engine/core/image.h"
 #include "engine/core/rng.h"
 #include "engine/core/temp_dir_test_util.h"
 
 namespace litags {
-
-// Reason of the error detail; "OK" without an error, "NO DETAIL" without a detail.
-inline std::string Reason(const absl::Status& status) {
-  if (status.ok()) return "OK";
-  const auto detail = GetErrorDetail(status);
-  return detail.has_value() ? detail->reason : "NO DETAIL";
-}
 
 // The photo sets kept beside the source tree (or above it); empty where there are none.
 inline std::string SharedScenes() {
