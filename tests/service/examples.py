@@ -3,9 +3,13 @@
 import os
 import pathlib
 import subprocess
+from concurrent import futures
+
+import grpc
 
 import certificates
 import harness
+from litags.v1.render_service_pb2 import RenderedView  # found by harness
 from security_test import run_server
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
@@ -76,6 +80,42 @@ class Example(Program):
         _, err = self.finish(process)
         self.assertEqual(process.returncode, 1)
         self.assertIn("take photos that overlap more", err)
+
+
+    def test_a_picture_beyond_the_4_mib_that_grpc_takes_by_default_is_received(self):
+        picture = harness.large_png(width=1280, height=1200)
+        self.assertGreater(len(picture), 4 << 20)
+        address = self.relay_with_picture(picture)
+        self.run_program(self.photos(), address, 20)
+        self.assertEqual(self.picture.read_bytes(), picture)
+
+    def relay_with_picture(self, picture):
+        """A server that answers as the service does, but with `picture` for every view."""
+
+        class Relay(grpc.GenericRpcHandler):
+
+            def service(self, details):
+                forward = channel.stream_stream(details.method)
+
+                def answers(requests, context):
+                    try:
+                        for answer in forward(requests):
+                            if details.method.endswith("/RenderView"):
+                                view = RenderedView.FromString(answer)
+                                view.data = picture
+                                answer = view.SerializeToString()
+                            yield answer
+                    except grpc.RpcError as error:
+                        context.abort(error.code(), error.details())
+
+                return grpc.stream_stream_rpc_method_handler(answers)
+
+        channel = self.channel
+        relay = grpc.server(futures.ThreadPoolExecutor(8), handlers=(Relay(),))
+        port = relay.add_insecure_port("127.0.0.1:0")
+        relay.start()
+        self.addCleanup(relay.stop, None)
+        return f"127.0.0.1:{port}"
 
 
 class Refused(Program):

@@ -19,6 +19,19 @@ def event_numbers(text):
     return [int(number) for number in re.findall(r"^#(\d+) ", text, re.MULTILINE)]
 
 
+class ProxyOfAServerThatStops(harness.CuttableProxy):
+    """Falls silent in the middle of an upload."""
+
+    def _count(self, size):
+        super()._count(size)
+        self.silent = self.sent > 200_000
+
+
+def has_pending_signals(pid):
+    with open(f"/proc/{pid}/status", encoding="ascii") as file:
+        return re.search(r"^ShdPnd:\s*0*$", file.read(), re.MULTILINE) is None
+
+
 class Jobs(harness.ServiceTest):
 
     def test_a_folder_of_photos_becomes_a_scene(self):
@@ -166,6 +179,24 @@ class Jobs(harness.ServiceTest):
         self.assertIn(f"goes on\n  follow it again: litags watch {job} --after {numbers[-1]}", err)
         self.assertIn(self.state(job), (harness.job_pb2.JOB_STATE_QUEUED, harness.RUNNING))
         self.litags("cancel", job)
+
+    def test_the_first_ctrl_c_removes_the_job_and_the_second_waits_for_nothing(self):
+        photos = self.photos()
+        for seed, name in enumerate(("a.png", "b.png", "c.png")):
+            with open(os.path.join(photos, name), "wb") as file:
+                file.write(harness.large_png(seed))
+        proxy = ProxyOfAServerThatStops(self.server.port)
+        self.addCleanup(proxy.close)
+        submit = self.start_litags("submit", photos, server=proxy.address)
+        self.addCleanup(submit.kill)
+        self.wait_for(lambda: proxy.silent, "an upload that has begun")
+        submit.send_signal(signal.SIGINT)
+        self.wait_for(lambda: not has_pending_signals(submit.pid), "the first to be heard")
+        self.assertIsNone(submit.poll(), "waits for the server, to remove the job")
+        submit.send_signal(signal.SIGINT)
+        _, err = submit.communicate(timeout=harness.PATIENCE_S)
+        self.assertEqual(submit.returncode, 130, err)
+        self.assertNotIn("is still there", err, "it waited")
 
     def test_cancel_stops_a_running_job_before_its_end_and_resume_continues_it(self):
         job = self.submit("--iterations", "200", "--checkpoint-every", "10",
