@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/camera_path.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "server/api/view_request.h"
 
@@ -33,8 +34,9 @@ absl::StatusOr<std::vector<Camera>> Through(const v1::Keyframes& keyframes, int 
     keys.push_back(camera);
   }
   if (keys.size() < 2) {
-    return InvalidInput("TOO_FEW_KEYFRAMES", "keyframes.poses",
-                        absl::StrCat("a path through ", keys.size(), " poses; give at least 2"));
+    return InvalidInput(
+        "TOO_FEW_KEYFRAMES", "keyframes.poses",
+        absl::StrCat("a path through ", Counted(keys.size(), "pose"), "; give at least 2"));
   }
   return PathThrough(keys, frames, keyframes.closed(), lens);
 }

@@ -15,6 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
@@ -209,8 +210,8 @@ absl::Status Move(const ServerFlags& flags, const StorePlaces& to) {
               static_cast<long long>(moved.blobs), static_cast<long long>(moved.blob_bytes),
               static_cast<long long>(moved.blobs_copied));
   if (moved.partial_jobs > 0) {
-    std::printf("files of %lld jobs have come in part; clients send those again\n",
-                static_cast<long long>(moved.partial_jobs));
+    std::printf("files of %s have come in part; clients send those again\n",
+                Counted(moved.partial_jobs, "job").c_str());
   }
   std::printf("all of it is there twice; start servers on the new stores only\n");
   return absl::OkStatus();

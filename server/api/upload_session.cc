@@ -3,6 +3,7 @@
 #include <chrono>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
@@ -274,9 +275,10 @@ absl::Status UploadSession::Conclude(const v1::UploadEnd& end) {
   LITAGS_RETURN_IF_ERROR(CheckWhole());
   ended_ = true;
   if (end.files() == received_) return absl::OkStatus();
-  return InvalidInput("UPLOAD_INCOMPLETE", "end.files",
-                      absl::StrCat(end.files(), " files were sent and ", received_,
-                                   " came; ask QueryUpload and send the others"));
+  return InvalidInput(
+      "UPLOAD_INCOMPLETE", "end.files",
+      absl::StrCat(Counted(end.files(), "file"), end.files() == 1 ? " was" : " were", " sent and ",
+                   received_, " came; ask QueryUpload and send the others"));
 }
 
 absl::Status UploadSession::End(v1::UploadImagesResponse* response) {

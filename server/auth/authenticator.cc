@@ -9,6 +9,7 @@
 #include <iterator>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 
 namespace litags {
@@ -67,7 +68,7 @@ std::shared_ptr<const TokenTable> Authenticator::Tokens() {
     looked_ = now;
     if (FileStamp::Of(options_.tokens_path) != file_) {
       if (const absl::Status status = Load(); status.ok()) {
-        spdlog::info("read {} tokens from {}", tokens_->size(), options_.tokens_path);
+        spdlog::info("read {} from {}", Counted(tokens_->size(), "token"), options_.tokens_path);
       } else {
         spdlog::error("the tokens stay as they were: {}", std::string(status.message()));
       }

@@ -334,7 +334,9 @@ TEST_F(PathApi, BadPathsAreRefusedWithTheirField) {
   std::vector<v1::RenderPathResponse> frames;
   EXPECT_EQ(DetailOf(Path(&frames)).reason, "PATH_MISSING");
   path_.mutable_keyframes()->add_poses()->set_camera("a.png");
-  EXPECT_EQ(DetailOf(Path(&frames)).reason, "TOO_FEW_KEYFRAMES");
+  const grpc::Status one = Path(&frames);
+  EXPECT_EQ(DetailOf(one).reason, "TOO_FEW_KEYFRAMES");
+  EXPECT_THAT(one.error_message(), ::testing::HasSubstr("a path through 1 pose;"));
   path_.mutable_keyframes()->add_poses()->mutable_look_at()->mutable_eye()->set_z(kNan);
   EXPECT_EQ(DetailOf(Path(&frames)).field, "keyframes.poses[1].look_at.eye");
   path_.mutable_orbit()->set_elevation_deg(90);
