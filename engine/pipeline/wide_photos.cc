@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/types/span.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/io/cameras_io.h"
@@ -181,6 +182,54 @@ absl::StatusOr<WidePhotos> FindGiven(const ReconstructInput& input,
   return wide;
 }
 
+// Pixels of several photos at one distance from the centre of a fisheye: what light there is.
+struct Ring {
+  double pixels = 0, sum = 0, squares = 0;
+
+  void Add(double sample) {
+    ++pixels;
+    sum += sample;
+    squares += sample * sample;
+  }
+  void Add(const Ring& other) {
+    pixels += other.pixels;
+    sum += other.sum;
+    squares += other.squares;
+  }
+  double Mean() const { return sum / pixels; }
+  double Deviation() const { return std::sqrt(std::max(squares / pixels - Mean() * Mean(), 0.0)); }
+};
+
+Ring Sum(absl::Span<const Ring> rings) {
+  Ring all;
+  for (const Ring& ring : rings) all.Add(ring);
+  return all;
+}
+
+constexpr size_t kEdge = 2;  // rings on either side of a circle's edge, over which it fades
+
+// Whether light ends at this ring, as it does at the edge of a circle with black around: across the
+// ring it falls by more than the noise of a pixel beyond, and by more than it falls from there to
+// the corners. In a dark photo that has light up to its corners, noise hides where it gets weak.
+bool LightEndsAt(absl::Span<const Ring> rings, size_t ring) {
+  constexpr size_t kBlack = 5 * kEdge;  // rings that tell whether light goes on falling
+  if (ring < kEdge || ring + kEdge + kBlack > rings.size()) return false;
+  const absl::Span<const Ring> beyond = rings.subspan(ring + kEdge);
+  const double fall = rings[ring - kEdge].Mean() - beyond[0].Mean();
+  const double left = beyond[0].Mean() - Sum(beyond.subspan(beyond.size() / 2)).Mean();
+  return fall > Sum(beyond).Deviation() && fall > left;
+}
+
+// The last ring with light where black is around. `last` tells where about: the light of lenses
+// carries it beyond the edge, noise keeps it within.
+std::optional<size_t> LastLitRing(absl::Span<const Ring> rings, size_t last) {
+  constexpr size_t kBeyond = 20;  // of 200
+  for (size_t ring = rings.size(); ring-- > std::max(last, kBeyond) - kBeyond;) {
+    if (LightEndsAt(rings, ring)) return ring - kEdge;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 absl::StatusOr<WidePhotos> FindWidePhotos(const ReconstructInput& input,
@@ -223,6 +272,7 @@ double FindCircle(const std::vector<Photo>& photos, const Camera& camera) {
   const double farthest = std::hypot(std::max(camera.cx, camera.width - camera.cx),
                                      std::max(camera.cy, camera.height - camera.cy));
   int last = -1;  // ring that is of the picture in some photo
+  std::vector<Ring> rings(kRings + 1);
   for (const Photo& photo : photos) {
     const int16_t* const corner = photo.pixel(0, 0);
     if (*std::max_element(corner, corner + 3) > kDark)
@@ -235,17 +285,21 @@ double FindCircle(const std::vector<Photo>& photos, const Camera& camera) {
         const int16_t* const pixel = photo.pixel(x, y);
         int largest = 0;
         for (int c = 0; c < 3; ++c) largest = std::max(largest, std::abs(pixel[c] - corner[c]));
+        rings[ring].Add((pixel[0] + pixel[1] + pixel[2]) / 3.0);
         ++all[ring];
         differ[ring] += largest > kNoise;
       }
     }
     for (int ring = last + 1; ring <= kRings; ++ring) {
       const auto i = static_cast<size_t>(ring);
-      if (differ[i] > kPicture * all[i]) last = ring;
+      const double chance = 3 * std::sqrt(all[i] * kPicture * (1 - kPicture));  // of small rings
+      if (differ[i] > kPicture * all[i] + chance) last = ring;
     }
   }
-  if (last < 0 || last >= kRings - 2) return std::numeric_limits<double>::infinity();
-  return (1 - kSoft) * (last + 1) * farthest / kRings;
+  if (last < 0) return std::numeric_limits<double>::infinity();
+  const std::optional<size_t> lit = LastLitRing(rings, static_cast<size_t>(last));
+  if (!lit) return std::numeric_limits<double>::infinity();
+  return (1 - kSoft) * static_cast<double>(*lit + 1) * farthest / kRings;
 }
 
 }  // namespace litags

@@ -45,7 +45,7 @@ bool HasWideFisheye(const SparseModel& cameras);
 std::vector<std::string> DescribeWidePhotos(const std::vector<WidePhoto>& photos);
 
 // Radius, px from the principal point, of the circle that photos of one fisheye show with black
-// around; infinite: they show none.
+// around; infinite: they show none, or it cannot be told from noise.
 double FindCircle(const std::vector<Photo>& photos, const Camera& camera);
 
 }  // namespace litags

@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/rng.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -327,6 +328,75 @@ TEST(FindCircle, IsWhereThePictureOfADarkFisheyeEnds) {
     whole.data[i] = static_cast<int16_t>(i / 3 * 31 % 9 * kPhotoCode);
   }
   EXPECT_TRUE(std::isinf(FindCircle({whole}, camera)));  // a picture up to its corners
+}
+
+constexpr Camera kFisheye = {.width = 240, .height = 200, .fx = 64, .fy = 64, .cx = 120, .cy = 100};
+
+// Of one code, for every sample.
+std::vector<double> NoiseOf(uint64_t seed) {
+  const CounterRng rng(seed, 0);
+  std::vector<double> noise(3 * 240 * 200);
+  for (size_t i = 0; i < noise.size(); ++i) noise[i] = rng.Normal(i);
+  return noise;
+}
+
+// Light of `center` codes that falls off to a `fall`th in the corners, up to `radius` px from the
+// centre, with noise, cut off at 0 as cameras do.
+Photo Noisy(double center, double fall, double radius, const std::vector<double>& noise) {
+  Photo photo(kFisheye.width, kFisheye.height);
+  for (int y = 0; y < photo.height; ++y) {
+    for (int x = 0; x < photo.width; ++x) {
+      const double from_center = std::hypot(x + 0.5 - kFisheye.cx, y + 0.5 - kFisheye.cy);
+      const double share = from_center / std::hypot(kFisheye.cx, kFisheye.cy);
+      const double lit = center * (1 - (1 - 1 / fall) * share * share);
+      for (int c = 0; c < 3; ++c) {
+        const size_t i = 3 * (static_cast<size_t>(y) * photo.width + x) + c;
+        const double code = std::round(std::max((from_center < radius ? lit : 0) + noise[i], 0.0));
+        photo.data[i] = static_cast<int16_t>(code * kPhotoCode);
+      }
+    }
+  }
+  return photo;
+}
+
+TEST(FindCircle, NoiseAndFallingLightOfADarkPhotoAreNoCircle) {
+  for (uint64_t seed = 0; seed < 6; ++seed) {
+    const std::vector<double> one = NoiseOf(2 * seed), other = NoiseOf(2 * seed + 1);
+    for (const double center : {0.5, 1.0, 2.0, 4.0, 20.0}) {
+      for (const double fall : {1, 4, 20}) {
+        const double found = FindCircle(
+            {Noisy(center, fall, INFINITY, one), Noisy(center, fall, INFINITY, other)}, kFisheye);
+        EXPECT_TRUE(std::isinf(found))
+            << found << " px, " << center << " codes falling to 1 / " << fall << ", seed " << seed;
+      }
+    }
+  }
+}
+
+TEST(FindCircle, ItIsFoundInPhotosAsDarkAsTheirNoise) {
+  for (uint64_t seed = 0; seed < 6; ++seed) {
+    const std::vector<double> noise = NoiseOf(seed);
+    for (const double center : {3.0, 60.0}) {
+      EXPECT_NEAR(FindCircle({Noisy(center, 4, 90, noise)}, kFisheye), 90, 2)
+          << center << " codes, seed " << seed;
+    }
+  }
+}
+
+// A light in the lens, 2 codes at the edge and weaker farther out.
+TEST(FindCircle, LightOfTheLensBeyondTheEdgeIsNotOfTheCircle) {
+  for (uint64_t seed = 0; seed < 6; ++seed) {
+    Photo photo = Noisy(60, 2, 90, NoiseOf(seed));
+    for (int y = 0; y < photo.height; ++y) {
+      for (int x = 0; x < photo.width; ++x) {
+        const double beyond = std::hypot(x + 0.5 - kFisheye.cx, y + 0.5 - kFisheye.cy) - 90;
+        for (int c = 0; beyond > 0 && c < 3; ++c) {
+          photo.pixel(x, y)[c] += static_cast<int16_t>(2 * std::exp(-beyond / 15) * kPhotoCode);
+        }
+      }
+    }
+    EXPECT_NEAR(FindCircle({photo}, kFisheye), 90, 2) << "seed " << seed;
+  }
 }
 
 TEST(WhyLeftOut, AStripAmongPhotosIsNamed) {
