@@ -3,6 +3,7 @@
 #include <bit>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -34,9 +35,20 @@ absl::Status CheckSize(int64_t width, int64_t height, std::string_view field,
   return absl::OkStatus();
 }
 
-// PFM: "Pf\n<width> <height>\n<scale>\n", rows bottom to top; a negative scale means little-endian.
-absl::StatusOr<Planes> DecodePfm(std::string_view bytes, std::string_view field,
-                                 const ImageLimits& limits) {
+struct PfmHeader {
+  int width = 0, height = 0;
+  float scale = 0;
+  size_t end = 0;  // where the data begin
+};
+
+bool IsPfm(std::string_view bytes) {
+  return bytes.starts_with("Pf\n") || bytes.starts_with("Pf\r") || bytes.starts_with("Pf ");
+}
+
+bool IsNpy(std::string_view bytes) { return bytes.starts_with("\x93NUMPY"); }
+
+// "Pf\n<width> <height>\n<scale>\n"; a negative scale means little-endian.
+absl::StatusOr<PfmHeader> ParsePfmHeader(std::string_view bytes, std::string_view field) {
   constexpr size_t kMaxHeaderBytes = 128;
   const std::string_view front = bytes.substr(0, kMaxHeaderBytes);
   size_t end = 0;
@@ -49,12 +61,21 @@ absl::StatusOr<Planes> DecodePfm(std::string_view bytes, std::string_view field,
   }
   const std::vector<std::string> words =
       absl::StrSplit(Absl(front.substr(0, end)), absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
-  int width = 0, height = 0;
-  float scale = 0;
-  if (words.size() != 4 || words[0] != "Pf" || !absl::SimpleAtoi(words[1], &width) ||
-      !absl::SimpleAtoi(words[2], &height) || !absl::SimpleAtof(words[3], &scale) || scale == 0) {
+  PfmHeader header;
+  header.end = end;
+  if (words.size() != 4 || words[0] != "Pf" || !absl::SimpleAtoi(words[1], &header.width) ||
+      !absl::SimpleAtoi(words[2], &header.height) || !absl::SimpleAtof(words[3], &header.scale) ||
+      header.scale == 0) {
     return InvalidField("DEPTH_CORRUPT", field, "the PFM header is malformed");
   }
+  return header;
+}
+
+// Rows go bottom to top.
+absl::StatusOr<Planes> DecodePfm(std::string_view bytes, std::string_view field,
+                                 const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const PfmHeader header, ParsePfmHeader(bytes, field));
+  const auto [width, height, scale, end] = header;
   LITAGS_RETURN_IF_ERROR(CheckSize(width, height, field, limits));
   ByteReader reader(bytes.substr(end));
   if (!reader.CanHold(uint64_t(width) * height, sizeof(float))) {
@@ -121,10 +142,8 @@ absl::StatusOr<Planes> DecodePngCodes(std::string_view bytes, std::string_view f
 
 absl::StatusOr<Planes> DecodeAny(std::string_view bytes, std::string_view field,
                                  const ImageLimits& limits) {
-  if (bytes.starts_with("Pf\n") || bytes.starts_with("Pf\r") || bytes.starts_with("Pf ")) {
-    return DecodePfm(bytes, field, limits);
-  }
-  if (bytes.starts_with("\x93NUMPY")) return PlanesFromNpy(bytes, field, limits);
+  if (IsPfm(bytes)) return DecodePfm(bytes, field, limits);
+  if (IsNpy(bytes)) return PlanesFromNpy(bytes, field, limits);
   if (IsPng(bytes)) return DecodePngCodes(bytes, field, limits);
   return InvalidField("DEPTH_NOT_RECOGNIZED", field,
                       "neither a one-channel PFM nor NPY nor PNG file; convert it to one of them");
@@ -151,6 +170,25 @@ absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view fi
                                     const ImageLimits& limits) {
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
   return DecodeDepthMap(bytes, field, limits);
+}
+
+int64_t CountDepthPixels(const std::string& path) {
+  constexpr size_t kFrontBytes = 64 << 10;
+  std::string front(kFrontBytes, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(front.data(), static_cast<std::streamsize>(front.size()));
+  front.resize(static_cast<size_t>(file.gcount()));
+  if (IsPfm(front)) {
+    const auto header = ParsePfmHeader(front, path);
+    return header.ok() ? int64_t{header->width} * header->height : 0;
+  }
+  if (IsNpy(front)) {
+    size_t data = 0;
+    const auto header = DecodeNpyHeader(front, path, &data);
+    return header.ok() ? header->size() : 0;
+  }
+  const auto info = ParsePngHeader(front, path);
+  return info.ok() ? int64_t{info->width} * info->height : 0;
 }
 
 std::string FindDepthMap(const std::string& dir, std::string_view stem) {

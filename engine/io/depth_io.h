@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_IO_DEPTH_IO_H_
 #define LITAGS_ENGINE_IO_DEPTH_IO_H_
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -20,6 +21,9 @@ absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view fi
                                     const ImageLimits& limits = {});
 absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view field,
                                       const ImageLimits& limits = {});
+
+// How many pixels the map has by the file's first bytes; 0 if they do not say.
+int64_t CountDepthPixels(const std::string& path);
 
 // The first existing of dir/stem.{png,pfm,npy}; empty if none.
 std::string FindDepthMap(const std::string& dir, std::string_view stem);

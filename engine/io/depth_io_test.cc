@@ -32,7 +32,19 @@ TEST(DepthMap, RoundTripsThroughPfmAndNpy) {
     EXPECT_EQ(back->height, 5);
     EXPECT_EQ(back->width, 3);
     EXPECT_EQ(back->data, map.data) << name;
+    EXPECT_EQ(CountDepthPixels(dir / name), 15) << name;
   }
+}
+
+TEST(DepthMap, PixelsAreCountedByTheFirstBytes) {
+  TempDir dir;
+  ASSERT_TRUE(WriteFileAtomically(dir / "a.png", EncodePng16(Ramp(5, 3), 1.0).value()).ok());
+  EXPECT_EQ(CountDepthPixels(dir / "a.png"), 15);
+  ASSERT_TRUE(WriteFileAtomically(dir / "cut.pfm", "Pf\n640 480\n-1.0\n").ok());
+  EXPECT_EQ(CountDepthPixels(dir / "cut.pfm"), 640 * 480);
+  ASSERT_TRUE(WriteFileAtomically(dir / "text.npy", "no map").ok());
+  EXPECT_EQ(CountDepthPixels(dir / "text.npy"), 0);
+  EXPECT_EQ(CountDepthPixels(dir / "none.png"), 0);
 }
 
 TEST(DepthMap, ReadsCodesOfA16BitPng) {

@@ -131,7 +131,8 @@ NpyArray MakeNpyArray(std::vector<int64_t> shape, absl::Span<const double> value
   return Make(NpyType::kFloat64, std::move(shape), values);
 }
 
-absl::StatusOr<NpyArray> DecodeNpy(std::string_view bytes, std::string_view field) {
+absl::StatusOr<NpyArray> DecodeNpyHeader(std::string_view bytes, std::string_view field,
+                                         size_t* data) {
   ByteReader reader(bytes);
   std::string_view magic, header;
   uint8_t major = 0, minor = 0;
@@ -165,11 +166,19 @@ absl::StatusOr<NpyArray> DecodeNpy(std::string_view bytes, std::string_view fiel
   std::optional<std::vector<int64_t>> shape = ParseShape(ValueOf(header, "shape"));
   if (!shape.has_value()) return Unsupported(field, "the shape cannot be read");
 
-  NpyArray array{type->type, *std::move(shape), {}};
+  *data = reader.position();
+  return NpyArray{type->type, *std::move(shape), {}};
+}
+
+absl::StatusOr<NpyArray> DecodeNpy(std::string_view bytes, std::string_view field) {
+  size_t begin = 0;
+  LITAGS_ASSIGN_OR_RETURN(NpyArray array, DecodeNpyHeader(bytes, field, &begin));
+  ByteReader reader(bytes.substr(begin));
   const uint64_t count = static_cast<uint64_t>(array.size());
-  if (!reader.CanHold(count, type->size)) return Truncated(field);
+  const size_t size = InfoOf(array.type).size;
+  if (!reader.CanHold(count, size)) return Truncated(field);
   std::string_view data;
-  reader.ReadBytes(count * type->size, &data);
+  reader.ReadBytes(count * size, &data);
   array.bytes.assign(data.begin(), data.end());
   return array;
 }

@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_IO_NPY_H_
 #define LITAGS_ENGINE_IO_NPY_H_
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -32,6 +33,9 @@ NpyArray MakeNpyArray(std::vector<int64_t> shape, absl::Span<const double> value
 
 // INVALID_ARGUMENT: NOT_A_NPY, NPY_UNSUPPORTED (other types, Fortran order), NPY_TRUNCATED.
 absl::StatusOr<NpyArray> DecodeNpy(std::string_view bytes, std::string_view field);
+// Type and shape alone, of a file's first bytes; its elements begin at `data`.
+absl::StatusOr<NpyArray> DecodeNpyHeader(std::string_view bytes, std::string_view field,
+                                         size_t* data);
 absl::StatusOr<NpyArray> ReadNpy(const std::string& path, std::string_view field,
                                  int64_t max_bytes = int64_t{1} << 30);
 std::string EncodeNpy(const NpyArray& array);

@@ -7,6 +7,8 @@
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/core/splats.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
 #include "engine/render/renderer.h"
 
 namespace litags {
@@ -16,6 +18,18 @@ namespace {
 constexpr double kViewPixel = 2 * 3 * sizeof(int16_t) + 2;
 // Smaller copies have a quarter, a sixteenth, ... of the pixels.
 double WithPyramid(int levels) { return (1 - std::pow(0.25, levels + 1)) / 0.75; }
+
+constexpr int kDepthPixel = sizeof(float), kConfidencePixel = sizeof(float);
+
+// Pixels of a depth map and its copies for the smaller photos: each as large as the photo at most,
+// and a map that is smaller is copied as it is. `map` 0: as large as the photo.
+double DepthPixels(double map, double photo, int levels) {
+  double pixels = 0;
+  for (int level = 0; level <= levels; ++level, photo /= 4) {
+    pixels += map > 0 ? std::min(map, photo) : photo;
+  }
+  return pixels;
+}
 
 // Bytes a pixel of the photo in work: rendered planes, their gradients and what they are compared
 // with, floats, and the lists of tiles with their gradients, some 100 bytes for every second pixel.
@@ -64,26 +78,39 @@ TrainingSize ShrunkTo(int max_side, int width, int height) {
           std::max(1, static_cast<int>(std::lround(height * scale)))};
 }
 
-int MapBytes(const ReconstructInput& input, const ReconstructOptions& options, bool masks) {
+PhotoMaps MapsOf(absl::Span<const ScreenedPhoto> photos, const ReconstructInput& input,
+                 const ReconstructOptions& options, bool masks) {
   const Recipe recipe = options.ResolveRecipe();
   const DepthOrigin source = options.depth_source;
-  const int mask = masks ? 1 : 0;
-  if (!recipe.lita || !recipe.use_depth) return mask;
-  const int depth = sizeof(float), confidence = sizeof(float);
-  // Masks, too, are confidences.
-  if (source == DepthOrigin::kNetwork) return mask + depth + (masks ? confidence : 0);
-  const bool maps = source == DepthOrigin::kMaps || source == DepthOrigin::kAuto;
-  return mask + (maps && !input.depth_dir.empty() ? depth + confidence : 0);
+  PhotoMaps maps;
+  maps.bytes = masks ? 1 : 0;
+  if (!recipe.lita || !recipe.use_depth) return maps;
+  if (source == DepthOrigin::kNetwork) {
+    // Masks, too, are confidences.
+    maps.bytes += kDepthPixel + (masks ? kConfidencePixel : 0);
+    return maps;
+  }
+  const bool given = source == DepthOrigin::kMaps || source == DepthOrigin::kAuto;
+  if (!given || input.depth_dir.empty()) return maps;
+  for (const ScreenedPhoto& photo : photos) {
+    const std::string path = FindDepthMap(input.depth_dir, Stem(photo.name));
+    if (!path.empty()) maps.given[photo.name] = CountDepthPixels(path);
+  }
+  return maps;
 }
 
 MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
-                              const ReconstructOptions& options, int threads, int map_bytes) {
+                              const ReconstructOptions& options, int threads,
+                              const PhotoMaps& maps) {
   const Recipe recipe = options.ResolveRecipe();
-  double all = 0, largest = 0, largest_file = 0;
+  double all = 0, depth = 0, largest = 0, largest_file = 0;
   for (const ScreenedPhoto& photo : photos) {
     const TrainingSize size = ShrunkTo(options.max_image_side, photo.width, photo.height);
     const double pixels = double(size.width) * size.height;
     all += pixels;
+    if (const auto map = maps.given.find(photo.name); map != maps.given.end()) {
+      depth += DepthPixels(static_cast<double>(map->second), pixels, recipe.coarse_levels);
+    }
     largest = std::max(largest, pixels);
     largest_file = std::max(largest_file, double(photo.width) * photo.height);
   }
@@ -101,7 +128,8 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
   }
   MemoryEstimate estimate;
   estimate.photos =
-      static_cast<int64_t>((kViewPixel + map_bytes) * WithPyramid(recipe.coarse_levels) * all);
+      static_cast<int64_t>((kViewPixel + maps.bytes) * WithPyramid(recipe.coarse_levels) * all +
+                           (kDepthPixel + kConfidencePixel) * depth);
   estimate.rims = static_cast<int64_t>(WithPyramid(recipe.coarse_levels) * all);
   estimate.work = static_cast<int64_t>(std::max({training, decoding, stereo}));
   estimate.gaussians = static_cast<int64_t>(kGaussian * options.max_gaussians);
@@ -109,9 +137,9 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
 }
 
 absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
-                         int map_bytes, int64_t bytes) {
+                         const PhotoMaps& maps, int64_t bytes) {
   const int threads = ThreadsOf(options);
-  const int64_t least = EstimateMemory(photos, options, threads, map_bytes).Least();
+  const int64_t least = EstimateMemory(photos, options, threads, maps).Least();
   if (bytes == 0 || least <= bytes) return absl::OkStatus();
   constexpr int kStep = 100, kLeastSide = 300;  // px
   ReconstructOptions smaller = options;
@@ -121,7 +149,7 @@ absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const Reconstru
   std::string advice = "leave photos out";
   for (side -= 1 + (side - 1) % kStep; side >= kLeastSide; side -= kStep) {
     smaller.max_image_side = side;
-    const int64_t most = EstimateMemory(photos, smaller, threads, map_bytes).Most();
+    const int64_t most = EstimateMemory(photos, smaller, threads, maps).Most();
     if (most > bytes) continue;
     advice =
         absl::StrFormat("max_image_side %d takes %s at most; or leave photos out", side, GiB(most));
@@ -135,10 +163,11 @@ absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const Reconstru
 }
 
 std::string DescribeMemory(absl::Span<const ScreenedPhoto> photos,
-                           const ReconstructOptions& options, int map_bytes, int64_t bytes) {
-  const absl::Status status = CheckMemory(photos, options, map_bytes, bytes);
+                           const ReconstructOptions& options, const PhotoMaps& maps,
+                           int64_t bytes) {
+  const absl::Status status = CheckMemory(photos, options, maps, bytes);
   if (!status.ok()) return std::string(status.message());
-  const MemoryEstimate estimate = EstimateMemory(photos, options, ThreadsOf(options), map_bytes);
+  const MemoryEstimate estimate = EstimateMemory(photos, options, ThreadsOf(options), maps);
   return absl::StrFormat("a run would take %s to %s of memory%s", GiB(estimate.Least()),
                          GiB(estimate.Most()),
                          bytes == 0 ? "" : absl::StrFormat("; there are %s", GiB(bytes)));

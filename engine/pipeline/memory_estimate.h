@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_PIPELINE_MEMORY_ESTIMATE_H_
 
 #include <cstdint>
+#include <map>
 #include <string>
 
 #include "absl/status/status.h"
@@ -32,22 +33,31 @@ struct MemoryEstimate {
   static constexpr int64_t kPrograms = int64_t{100} << 20;  // code, libraries and small things
 };
 
-// Bytes a pixel that are kept of each photo besides itself: maps that were given have a depth and a
-// confidence, a network's a depth; `masks`: the photos have some.
-int MapBytes(const ReconstructInput& input, const ReconstructOptions& options, bool masks);
+// What is kept of the photos besides themselves.
+struct PhotoMaps {
+  int bytes = 0;  // for each pixel of a photo: its mask, a network's depth
+  // Of depth maps that were given: how many pixels, by the photo's name. They have a depth and a
+  // confidence, at their own size if that is smaller than the photo's.
+  std::map<std::string, int64_t> given;
+};
 
-// `threads` > 0 work at once. `map_bytes` as of MapBytes.
+// `masks`: the photos have some. Reads how large depth maps are.
+PhotoMaps MapsOf(absl::Span<const ScreenedPhoto> photos, const ReconstructInput& input,
+                 const ReconstructOptions& options, bool masks);
+
+// `threads` > 0 work at once.
 MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
-                              const ReconstructOptions& options, int threads, int map_bytes);
+                              const ReconstructOptions& options, int threads,
+                              const PhotoMaps& maps);
 
 // RESOURCE_EXHAUSTED (MEMORY_EXCEEDED, field "options.max_image_side") where even the least that
 // `photos` take is more than `bytes`; says which max_image_side would do. OK where bytes is 0.
 absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
-                         int map_bytes, int64_t bytes);
+                         const PhotoMaps& maps, int64_t bytes);
 
 // A sentence for people: what a run takes, and what there is; where it cannot fit, CheckMemory's.
 std::string DescribeMemory(absl::Span<const ScreenedPhoto> photos,
-                           const ReconstructOptions& options, int map_bytes, int64_t bytes);
+                           const ReconstructOptions& options, const PhotoMaps& maps, int64_t bytes);
 
 }  // namespace litags
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/core/sandbox.h"
+#include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/capture_test_util.h"
 
@@ -40,59 +41,85 @@ TEST(MemoryEstimate, TrainingSizesKeepTheShape) {
 
 TEST(MemoryEstimate, GrowsWithWhatTakesMemory) {
   const ReconstructOptions options;
-  const MemoryEstimate few = EstimateMemory(PhotosOf(10, 1600, 1200), options, 2, 0);
-  const MemoryEstimate many = EstimateMemory(PhotosOf(100, 1600, 1200), options, 2, 0);
+  const MemoryEstimate few = EstimateMemory(PhotosOf(10, 1600, 1200), options, 2, {});
+  const MemoryEstimate many = EstimateMemory(PhotosOf(100, 1600, 1200), options, 2, {});
   EXPECT_NEAR(double(many.photos) / few.photos, 10, 1e-6);
   EXPECT_EQ(many.work, few.work);
   // A photo of 12 megapixels is decoded whole, and kept at 1600 px.
-  const MemoryEstimate large = EstimateMemory(PhotosOf(10, 4032, 3024), options, 2, 0);
+  const MemoryEstimate large = EstimateMemory(PhotosOf(10, 4032, 3024), options, 2, {});
   EXPECT_EQ(large.photos, few.photos);
   EXPECT_GT(large.work, few.work);
   ReconstructOptions dense = options;
   dense.max_gaussians *= 10;
-  EXPECT_EQ(EstimateMemory(PhotosOf(10, 1600, 1200), dense, 2, 0).gaussians, 10 * few.gaussians);
+  EXPECT_EQ(EstimateMemory(PhotosOf(10, 1600, 1200), dense, 2, {}).gaussians, 10 * few.gaussians);
 }
 
-TEST(MemoryEstimate, CountsDepthMapsAndMasks) {
-  ReconstructInput input;
+// A pixel of a photo and its target takes 14 bytes.
+TEST(MemoryEstimate, CountsMasksAndDepthOfANetwork) {
+  const ReconstructInput input;
   ReconstructOptions options;
-  EXPECT_EQ(MapBytes(input, options, /*masks=*/false), 0);
-  EXPECT_EQ(MapBytes(input, options, /*masks=*/true), 1);
-  input.depth_dir = "maps";
-  EXPECT_EQ(MapBytes(input, options, false), 8);
-  EXPECT_EQ(MapBytes(input, options, true), 9);
-  options.depth_source = DepthOrigin::kNetwork;
-  EXPECT_EQ(MapBytes(input, options, false), 4);
-  EXPECT_EQ(MapBytes(input, options, true), 9) << "masked pixels get a confidence";
-  for (const DepthOrigin unused : {DepthOrigin::kStereo, DepthOrigin::kNone}) {
-    options.depth_source = unused;
-    EXPECT_EQ(MapBytes(input, options, false), 0);
-  }
-  options = {};
-  options.method = Method::k3dgs;
-  EXPECT_EQ(MapBytes(input, options, false), 0);
-  // A pixel of a photo and its target takes 14 bytes.
-  options = {};
   const auto photos = PhotosOf(10, 1600, 1200);
-  const MemoryEstimate bare = EstimateMemory(photos, options, 2, 0);
-  EXPECT_NEAR(double(EstimateMemory(photos, options, 2, 8).photos) / bare.photos, 22 / 14.0, 1e-6);
+  const auto bytes = [&](bool masks) { return MapsOf(photos, input, options, masks).bytes; };
+  EXPECT_EQ(bytes(/*masks=*/false), 0);
+  EXPECT_EQ(bytes(/*masks=*/true), 1);
+  options.depth_source = DepthOrigin::kNetwork;
+  EXPECT_EQ(bytes(false), 4);
+  EXPECT_EQ(bytes(true), 9) << "masked pixels get a confidence";
+  options = {};
+  const MemoryEstimate bare = EstimateMemory(photos, options, 2, {});
+  EXPECT_NEAR(
+      double(EstimateMemory(photos, options, 2, {.bytes = 8, .given = {}}).photos) / bare.photos,
+      22 / 14.0, 1e-6);
   // Whether lenses leave rims to mask is not known before the cameras: a byte a pixel.
   EXPECT_NEAR(double(bare.rims) / bare.photos, 1 / 14.0, 1e-6);
   EXPECT_EQ(bare.Most() - bare.Least(), bare.rims + bare.gaussians + MemoryEstimate::kPrograms);
-  EXPECT_TRUE(CheckMemory(photos, options, 0, bare.Least()).ok());
-  EXPECT_EQ(Reason(CheckMemory(photos, options, 8, bare.Least())), "MEMORY_EXCEEDED");
+  EXPECT_TRUE(CheckMemory(photos, options, {}, bare.Least()).ok());
+  EXPECT_EQ(Reason(CheckMemory(photos, options, {.bytes = 8, .given = {}}, bare.Least())),
+            "MEMORY_EXCEEDED");
+}
+
+// They are kept at their own size, and again for the smaller photos of the first iterations.
+TEST(MemoryEstimate, CountsGivenDepthMapsAsLargeAsTheyAre) {
+  const TempDir dir;
+  ASSERT_TRUE(WritePfm(dir / "small.pfm", Planes(1, 300, 400)).ok());
+  ASSERT_TRUE(WritePfm(dir / "large.pfm", Planes(1, 2400, 3200)).ok());
+  std::vector<ScreenedPhoto> photos = PhotosOf(3, 1600, 1200);
+  photos[0].name = "small.jpg";
+  photos[1].name = "large.jpg";
+  photos[2].name = "none.jpg";
+  ReconstructInput input;
+  input.depth_dir = dir.path();
+  ReconstructOptions options;
+  options.recipe = Litags();
+  options.recipe->coarse_levels = 2;
+  const auto depth_bytes = [&](const ScreenedPhoto& photo) {
+    const std::vector<ScreenedPhoto> one = {photo};
+    return EstimateMemory(one, options, 1, MapsOf(one, input, options, false)).photos -
+           EstimateMemory(one, options, 1, {}).photos;
+  };
+  EXPECT_EQ(depth_bytes(photos[0]), 8 * 3 * 400 * 300) << "levels of 1600, 800 and 400 px";
+  EXPECT_EQ(depth_bytes(photos[1]), 8 * (1600 * 1200 + 800 * 600 + 400 * 300)) << "averaged down";
+  EXPECT_EQ(depth_bytes(photos[2]), 0);
+  EXPECT_EQ(MapsOf(photos, input, options, true).bytes, 1);
+  for (const DepthOrigin unused : {DepthOrigin::kStereo, DepthOrigin::kNone}) {
+    options.depth_source = unused;
+    EXPECT_EQ(depth_bytes(photos[0]), 0);
+  }
+  options = {};
+  options.method = Method::k3dgs;
+  EXPECT_EQ(depth_bytes(photos[0]), 0);
 }
 
 TEST(MemoryEstimate, CountsStereoOfSeveralViews) {
   ReconstructOptions options;
   options.recipe = Litags();
   const auto photos = PhotosOf(20, 640, 480);
-  EXPECT_EQ(EstimateMemory(photos, options, 8, 0).work, 480000000);
-  EXPECT_EQ(EstimateMemory(photos, options, 64, 0).work, 480000000) << "eight at once at most";
+  EXPECT_EQ(EstimateMemory(photos, options, 8, {}).work, 480000000);
+  EXPECT_EQ(EstimateMemory(photos, options, 64, {}).work, 480000000) << "eight at once at most";
   options.recipe->dense_start = false;
-  EXPECT_LT(EstimateMemory(photos, options, 8, 0).work, 480000000);
+  EXPECT_LT(EstimateMemory(photos, options, 8, {}).work, 480000000);
   options.depth_source = DepthOrigin::kStereo;
-  EXPECT_EQ(EstimateMemory(photos, options, 8, 0).work, 480000000);
+  EXPECT_EQ(EstimateMemory(photos, options, 8, {}).work, 480000000);
 }
 
 TEST(MemoryEstimate, CountsTheDenoiser) {
@@ -100,9 +127,9 @@ TEST(MemoryEstimate, CountsTheDenoiser) {
   ReconstructOptions options;
   const auto added = [&] {
     options.recipe->use_pdm = false;
-    const int64_t without = EstimateMemory(photos, options, 1, 0).work;
+    const int64_t without = EstimateMemory(photos, options, 1, {}).work;
     options.recipe->use_pdm = true;
-    return EstimateMemory(photos, options, 1, 0).work - without;
+    return EstimateMemory(photos, options, 1, {}).work - without;
   };
   options.recipe = LitagsPaper();
   options.recipe->use_depth = false;
@@ -117,7 +144,7 @@ TEST(MemoryEstimate, WhatCannotFitIsRefusedWithWhatWould) {
   const std::vector<ScreenedPhoto> photos = PhotosOf(1000, 4032, 3024);
   ReconstructOptions options;
   options.threads = 2;
-  const absl::Status status = CheckMemory(photos, options, 0, 8 * kGiB);
+  const absl::Status status = CheckMemory(photos, options, {}, 8 * kGiB);
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(Reason(status), "MEMORY_EXCEEDED");
   // The largest side in steps of 100 px that fits.
@@ -126,24 +153,25 @@ TEST(MemoryEstimate, WhatCannotFitIsRefusedWithWhatWould) {
   const size_t at = message.find(advice);
   ASSERT_NE(at, message.npos) << message;
   options.max_image_side = std::atoi(message.c_str() + at + advice.size());
-  EXPECT_LE(EstimateMemory(photos, options, 2, 0).Most(), 8 * kGiB) << message;
+  EXPECT_LE(EstimateMemory(photos, options, 2, {}).Most(), 8 * kGiB) << message;
   options.max_image_side += 100;
-  EXPECT_GT(EstimateMemory(photos, options, 2, 0).Most(), 8 * kGiB) << message;
-  EXPECT_THAT(std::string(CheckMemory(photos, options, 0, kGiB / 2).message()),
+  EXPECT_GT(EstimateMemory(photos, options, 2, {}).Most(), 8 * kGiB) << message;
+  EXPECT_THAT(std::string(CheckMemory(photos, options, {}, kGiB / 2).message()),
               HasSubstr("leave photos out"));
-  EXPECT_TRUE(CheckMemory(photos, ReconstructOptions(), 0, 0).ok()) << "nothing is known of memory";
+  EXPECT_TRUE(CheckMemory(photos, ReconstructOptions(), {}, 0).ok())
+      << "nothing is known of memory";
 }
 
 TEST(MemoryEstimate, IsSaidToPeople) {
   const std::vector<ScreenedPhoto> photos = PhotosOf(30, 1600, 1200);
   ReconstructOptions options;
   options.threads = 2;
-  EXPECT_THAT(DescribeMemory(photos, options, 0, 8 * kGiB),
+  EXPECT_THAT(DescribeMemory(photos, options, {}, 8 * kGiB),
               testing::MatchesRegex(
                   "a run would take 1.[0-9] GiB to 1.[0-9] GiB of memory; there are 8.0 GiB"));
-  EXPECT_THAT(DescribeMemory(photos, options, 0, 0), testing::EndsWith("of memory"));
-  EXPECT_EQ(DescribeMemory(photos, options, 0, kGiB / 2),
-            CheckMemory(photos, options, 0, kGiB / 2).message());
+  EXPECT_THAT(DescribeMemory(photos, options, {}, 0), testing::EndsWith("of memory"));
+  EXPECT_EQ(DescribeMemory(photos, options, {}, kGiB / 2),
+            CheckMemory(photos, options, {}, kGiB / 2).message());
 }
 
 TEST(MemoryEstimate, ARunIsRefusedBeforeCamerasAreFound) {
@@ -182,7 +210,7 @@ TEST(MemoryEstimate, PhotosTakeWhatARunMeasures) {
     options.recipe = Litags();
     options.recipe->dense_start = options.recipe->use_depth = false;
     peak[k] = PeakOfTraining(capture.Input("work"), options);
-    estimate[k] = EstimateMemory(PhotosOf(views[k], 640, 480), options, options.threads, 0).photos;
+    estimate[k] = EstimateMemory(PhotosOf(views[k], 640, 480), options, options.threads, {}).photos;
   }
   const double ratio = double(peak[1] - peak[0]) / (estimate[1] - estimate[0]);
   EXPECT_GT(ratio, 0.7);

@@ -291,9 +291,9 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   const auto before_screen = static_cast<ptrdiff_t>(notes->size());
   notes->insert(notes->end(), screen.notes.begin(), screen.notes.end());
   LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen));
-  LITAGS_RETURN_IF_ERROR(CheckMemory(screen.photos, context.options,
-                                     MapBytes(input, context.options, !screen.masks.empty()),
-                                     input.memory_bytes));
+  LITAGS_RETURN_IF_ERROR(CheckMemory(
+      screen.photos, context.options,
+      MapsOf(screen.photos, input, context.options, !screen.masks.empty()), input.memory_bytes));
   PosedPhotos posed;
   LITAGS_ASSIGN_OR_RETURN(posed.model,
                           ObtainCameras(context, screen.Names(), screen.masks, colmap));

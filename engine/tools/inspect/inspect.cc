@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/machine_memory.h"
@@ -102,7 +103,7 @@ absl::Status CheckEnough(const ReconstructInput& input, const PhotoScreen& scree
 // "1 photo would be used, as 6 views, 2 are left out".
 std::string DescribeCounts(const PhotoScreen& screen, size_t views) {
   const size_t photos = screen.photos.size(), left_out = screen.left_out.size();
-  return absl::StrCat(photos, photos == 1 ? " photo would be used" : " photos would be used",
+  return absl::StrCat(Counted(photos, "photo"), " would be used",
                       views == photos ? "" : absl::StrCat(", as ", views, " views"), ", ", left_out,
                       left_out == 1 ? " is left out" : " are left out");
 }
@@ -169,11 +170,11 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
   absl::StrAppend(text,
                   "code: mean pixel value of 255; stops: light beside the middle photo, +1 is "
                   "twice; sharp: sharpness beside the middle photo\n");
-  const int map_bytes = MapBytes(input, options, !screen.masks.empty());
+  const PhotoMaps maps = MapsOf(views, input, options, !screen.masks.empty());
   absl::StrAppend(text, DescribeCounts(screen, views.size()), "; ",
                   input.cameras_path.empty() ? "cameras would be searched for"
                                              : absl::StrCat("cameras: ", input.cameras_path),
-                  "\n", DescribeMemory(views, options, map_bytes, MachineMemory()), "\n");
+                  "\n", DescribeMemory(views, options, maps, MachineMemory()), "\n");
   for (const auto& notes : {screen.notes, DescribeWidePhotos(wide.photos), DescribeUnused(input)}) {
     for (const std::string& note : notes) absl::StrAppend(text, "note: ", note, "\n");
   }
@@ -211,6 +212,12 @@ absl::Status CheckVideoIsThere(const std::string& path) {
   if (!IsVideoName(path) || fs::exists(path, ignored)) return absl::OkStatus();
   return InvalidInput("NO_SUCH_FILE", "DIR",
                       absl::StrCat(path, ": there is no such file; give one that is there"));
+}
+
+absl::Status CheckFramesAreOfVideo(int frames, bool is_video) {
+  if (is_video || frames == 0) return absl::OkStatus();
+  return InvalidInput("OPTION_UNUSED", "--frames",
+                      "--frames is for videos, and these are photos; leave it out");
 }
 
 absl::StatusOr<ReconstructInput> PickFramesNow(const ReconstructInput& input, int frames,

@@ -26,6 +26,9 @@ bool IsVideoFile(const std::string& path);
 // would tell of a missing folder.
 absl::Status CheckVideoIsThere(const std::string& path);
 
+// INVALID_ARGUMENT (OPTION_UNUSED) if --frames is given for what is no video.
+absl::Status CheckFramesAreOfVideo(int frames, bool is_video);
+
 // The photos of a video, in work_dir; says on stderr how far it is. Other inputs as they are.
 absl::StatusOr<ReconstructInput> PickFramesNow(const ReconstructInput& input, int frames,
                                                const CancelToken& cancel);

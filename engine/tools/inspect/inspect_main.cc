@@ -61,6 +61,7 @@ absl::StatusOr<ReconstructInput> FindInput(Arguments args, const std::string& wo
 absl::Status Run(const Arguments& args, const CancelToken& cancel) {
   const ScratchFolder scratch;
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, FindInput(args, scratch.path()));
+  LITAGS_RETURN_IF_ERROR(CheckFramesAreOfVideo(args.frames, !input.video_path.empty()));
   LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.frames, cancel));
   std::string text;
   const absl::Status status = InspectFolder(input, args.options, args.sheet, cancel, &text);
