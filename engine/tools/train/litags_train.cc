@@ -115,6 +115,40 @@ absl::Status CheckPhotos(const BenchmarkScene& scene) {
                                    "; name one with --light, as --light ", lights.back()));
 }
 
+// Options that would have no effect are mistakes.
+absl::Status CheckOptionsAreUsed(const Arguments& args, bool video) {
+  const auto unused = [](const char* option, const std::string& why) {
+    return InvalidInput("OPTION_UNUSED", option, absl::StrCat(option, " ", why));
+  };
+  LITAGS_RETURN_IF_ERROR(CheckFramesAreOfVideo(args.options.frames, video));
+  if (video && !args.scene.light.empty()) {
+    return unused("--light", "is for folders of scenes, and this is a video; leave it out");
+  }
+  const Recipe recipe = args.options.ResolveRecipe();
+  const DepthOrigin source =
+      recipe.lita && recipe.use_depth ? args.options.depth_source : DepthOrigin::kNone;
+  if (!args.depth_model.empty() && source != DepthOrigin::kNetwork) {
+    return unused(
+        "--depth-model",
+        "would not be used: give --depth-source network, and another method than 3dgs, or "
+        "leave it out");
+  }
+  if (!args.depth.empty() && source != DepthOrigin::kMaps && source != DepthOrigin::kAuto) {
+    return unused(
+        "--depth",
+        "would not be used: give --depth-source maps, and another method than 3dgs, or leave "
+        "it out");
+  }
+  if (!args.scene.truth.empty() && args.scene.poses.empty() &&
+      !fs::exists(args.scene.dir + "/transforms_test.json")) {
+    return unused("--truth",
+                  absl::StrCat("is for test views, and ", args.scene.dir,
+                               " has none (transforms_test.json); name some with --render-poses, "
+                               "or leave it out"));
+  }
+  return absl::OkStatus();
+}
+
 // Pictures and scores of an earlier run, which are of its scene. Other files stay.
 void RemoveOldPictures(const std::string& out) {
   std::error_code ignored;  // writing reports what matters
@@ -151,6 +185,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   LITAGS_RETURN_IF_ERROR(CheckVideoIsThere(args.scene.dir));
   const bool video = IsVideoFile(args.scene.dir);
+  LITAGS_RETURN_IF_ERROR(CheckOptionsAreUsed(args, video));
   if (!video && args.scene.light.empty() && !IsBenchmark(args.scene.dir)) {
     LITAGS_RETURN_IF_ERROR(UseDatasetFolder(!args.scene.sfm, &args.scene.dir, &args.scene.cameras,
                                             &args.masks, &args.depth));

@@ -77,6 +77,24 @@ TEST_F(TrainProgramTest, InspectingSaysWhatIsUsedAndStrictRefusesWhatCannotBeRea
   EXPECT_THAT(strict.text, HasSubstr(bad));
 }
 
+TEST_F(TrainProgramTest, OptionsWithoutEffectAreRefused) {
+  const std::string photos = scene_ + "/low";
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+      {{"--frames", "20"}, "--frames is for videos"},
+      {{"--depth-model", "net.onnx"}, "--depth-model would not be used"},
+      {{"--depth", photos, "--depth-source", "stereo"}, "--depth would not be used"},
+      {{"--depth", photos, "--method", "3dgs"}, "--depth would not be used"},
+      {{"--truth", scene_ + "/high"}, "--truth is for test views"}};
+  for (auto [arguments, words] : cases) {
+    arguments.insert(arguments.begin(), photos);
+    const Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << words;
+    EXPECT_THAT(outcome.text, HasSubstr(words));
+    EXPECT_THAT(outcome.text, HasSubstr("OPTION_UNUSED"));
+  }
+  EXPECT_FALSE(fs::exists(out_));
+}
+
 TEST_F(TrainProgramTest, EveryPhotoGetsAPictureInNormalLight) {
   const Outcome outcome = Run({scene_ + "/low", "--cameras", scene_ + "/sparse"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
