@@ -12,6 +12,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "engine/core/counted.h"
 #include "engine/core/utf8.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
@@ -139,8 +140,9 @@ absl::StatusOr<SparseModel> ParseBundler(std::string_view text, std::string_view
   if (names.size() != cameras.size()) {
     return InvalidField(
         "BAD_BUNDLE", field,
-        absl::StrCat("it has ", cameras.size(), " cameras and ", names.size(),
-                     " names of photos behind them; append the list of photos that was written "
+        absl::StrCat("it has ", Counted(cameras.size(), "camera"), " and ",
+                     Counted(names.size(), "name"),
+                     " of photos behind them; append the list of photos that was written "
                      "with it: cat bundle.out list.txt > cameras.out"));
   }
   std::vector<LoadedView> views;

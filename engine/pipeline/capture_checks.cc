@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/render/renderer.h"
@@ -84,7 +85,7 @@ void NoteDarkness(const std::vector<View>& views, const std::vector<PhotoDarknes
   const auto count = std::count_if(photos.begin(), photos.end(), narrow);
   if (count == 0) return;
   const auto first = std::find_if(photos.begin(), photos.end(), narrow) - photos.begin();
-  notes->push_back(absl::StrCat("all values of ", count, " photos of 16 bits, such as ",
+  notes->push_back(absl::StrCat("all values of ", Counted(count, "photo"), " of 16 bits, such as ",
                                 views[first].name,
                                 ", are below 256: they are taken for light far below white; if "
                                 "they are codes of 8 bits, save "
@@ -117,8 +118,8 @@ absl::Status CheckScale(const std::vector<View>& views, std::vector<SparsePoint>
   }
   const size_t dropped = std::erase_if(*points, [&](const SparsePoint& p) { return far(p.xyz); });
   if (dropped > 0) {
-    notes->push_back(absl::StrCat(dropped, " sparse points were dropped: they are more than ",
-                                  kMaxCoordinate, " units away"));
+    notes->push_back(absl::StrCat(Counted(dropped, "sparse point"), dropped == 1 ? " was" : " were",
+                                  " dropped: beyond ", kMaxCoordinate, " units"));
   }
   const float near_plane = RenderSettings().near_plane;
   const auto near = [&](const SparsePoint& p) {

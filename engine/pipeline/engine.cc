@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
@@ -239,8 +240,8 @@ class Run {
   void AddNanRecoveries(std::vector<std::string>* notes) const {
     const std::vector<NanRecovery>& nan_recoveries = trainer_.nan_recoveries();
     if (nan_recoveries.empty()) return;
-    notes->push_back(absl::StrCat("rolled back ", nan_recoveries.size(),
-                                  " times because a number was not finite"));
+    notes->push_back(absl::StrCat("rolled back ", Counted(nan_recoveries.size(), "time"),
+                                  " because a number was not finite"));
     for (const NanRecovery& d : nan_recoveries) {
       notes->push_back(absl::StrCat(
           "iteration ", d.iteration, ": ", d.source, "; ",

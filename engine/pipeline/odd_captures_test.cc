@@ -230,7 +230,7 @@ TEST(OddCaptures, APointAtTheEndOfTheWorldIsDropped) {
   capture.model.points[0].xyz = {1e200, 0, 0};
   const auto report = Train(capture.Input("work"), capture.Options(20));
   ExpectGoodScene(report, 6);
-  EXPECT_THAT(report->notes, Contains(HasSubstr("1 sparse points were dropped")));
+  EXPECT_THAT(report->notes, Contains(HasSubstr("1 sparse point was dropped")));
 }
 
 // A write beyond the limit fails as on a full disk.

@@ -9,6 +9,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
@@ -141,12 +142,14 @@ void AddMaskPaths(const ReconstructInput& input, PhotoList* list) {
     }
   }
   if (used > 0) {
-    list->notes.push_back(absl::StrCat(used, " masks are those that the cameras' file names"));
+    list->notes.push_back(absl::StrCat(Counted(used, "mask"), used == 1 ? " is that" : " are those",
+                                       " that the cameras' file names"));
   }
   if (!missing.empty()) {
-    list->notes.push_back(absl::StrCat(
-        "the cameras' file names masks of ", missing.size(), " photos that are not there, such as ",
-        missing[0], ": what they hide is learnt; give their folder with --masks"));
+    list->notes.push_back(
+        absl::StrCat("the cameras' file names masks of ", Counted(missing.size(), "photo"),
+                     missing.size() == 1 ? " that is not there, " : " that are not there, such as ",
+                     missing[0], ": what they hide is learnt; give their folder with --masks"));
   }
 }
 
@@ -179,8 +182,10 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, PhotoList* list) {
     list->masks[*photo] = path;
   }
   if (masks > 0) {
-    list->notes.push_back(absl::StrCat(masks, " files among the photos, such as ", some,
-                                       ", are masks of others by their names, and no photos"));
+    list->notes.push_back(
+        absl::StrCat(Counted(masks, "file"), " among the photos, such as ", some,
+                     masks == 1 ? ", is a mask of another by its name, and no photo"
+                                : ", are masks of others by their names, and no photos"));
   }
   list->names = std::move(photos);
   return absl::OkStatus();
@@ -242,8 +247,9 @@ absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Deco
     LITAGS_ASSIGN_OR_RETURN(screen->masks[d.photo.name], WriteMask(input, d.photo.name, mask));
   }
   if (transparent > 0) {
-    screen->notes.push_back(
-        absl::StrCat(transparent, " photos are transparent in places: what is, does not count"));
+    screen->notes.push_back(absl::StrCat(Counted(transparent, "photo"),
+                                         transparent == 1 ? " is" : " are",
+                                         " transparent in places: what is, does not count"));
   }
   return absl::OkStatus();
 }

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 
@@ -68,7 +69,7 @@ std::string SummarizeCameras(const std::vector<PhotoFile>& photos) {
   if (count.size() < 2) return "";
   std::vector<std::string> parts;
   for (const auto& [camera, n] : count) {
-    parts.push_back(absl::StrCat(n, n == 1 ? " photo of " : " photos of ", camera));
+    parts.push_back(absl::StrCat(Counted(n, "photo"), " of ", camera));
   }
   return absl::StrCat(count.size(), " cameras: ", ShortList(parts));
 }

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
@@ -119,7 +120,8 @@ void ExplainDrop(SfmPhoto& photo, int group, const std::vector<int>& group_sizes
   if (group == 0) return;
   if (group > 0) {
     photo.drop = DropCause::kOtherGroup;
-    photo.reason = absl::StrCat("belongs to a separate group of ", group_sizes[group], " photos");
+    photo.reason =
+        absl::StrCat("belongs to a separate group of ", Counted(group_sizes[group], "photo"));
   } else if (photo.features < kFewFeatures) {
     photo.drop = DropCause::kFewFeatures;
     photo.reason = absl::StrCat("has only ", photo.features,

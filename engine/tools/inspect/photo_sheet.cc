@@ -11,6 +11,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/io/image_io.h"
@@ -122,8 +123,10 @@ absl::Status WritePhotoSheet(const PhotoScreen& screen, const std::string& thumb
                              const std::string& path) {
   const auto [columns, cell_width] = PlanSheet(screen);
   Sheet sheet;
-  sheet.title = absl::StrCat(screen.photos.size(), " photos would be used (shown as if they had ",
-                             "one exposure), ", screen.left_out.size(), " are left out");
+  sheet.title =
+      absl::StrCat(Counted(screen.photos.size(), "photo"), " would be used (shown as if they had ",
+                   "one exposure), ", screen.left_out.size(),
+                   screen.left_out.size() == 1 ? " is left out" : " are left out");
   sheet.cell_width = cell_width;
   sheet.columns.assign(columns, "");
   std::vector<SheetCell> used, left_out;
