@@ -50,9 +50,10 @@ absl::Status AddTargets(const Context& context, const PosedPhotos& posed, Captur
   const ToneOptions& tone = context.recipe.tone;
   const int threads = context.options.threads;
   PhotoProgress made(Reporter(context), "targets", posed.size());
-  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
-                          MakeTargets(out->photos, out->exposures, tone, threads, posed.masks,
-                                      [&](int thread) { made.Done(thread); }));
+  const auto done = [&](int thread) { made.Done(thread); };
+  LITAGS_ASSIGN_OR_RETURN(
+      std::vector<ToneTarget> targets,
+      MakeTargets(out->photos, out->exposures, tone, threads, posed.masks, done, context.cancel));
   std::vector<double> gains;
   for (size_t i = 0; i < targets.size(); ++i) {
     out->targets.push_back(std::move(targets[i].image));

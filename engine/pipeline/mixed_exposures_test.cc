@@ -65,6 +65,29 @@ TEST(MixedExposures, PhotosAreComparedAtOneExposure) {
   }
 }
 
+// So their score does not tell of their exposure, nor do theirs move their fitted cameras.
+TEST(MixedExposures, HeldOutPhotosAreComparedAtTheExposureOfTheOthers) {
+  RoomCapture room(9);
+  ReconstructOptions options = Options(room);
+  options.holdout_every = 4;  // of 9 photos, 2 and 6
+  const auto load = [&](Light light) {
+    room.SetLight([&](int i) { return i == 2 ? light : Light::kNormal; });
+    return room.Load(options);
+  };
+  const TrainSet alike = load(Light::kNormal), darker = load(Light::kLow);
+  ASSERT_EQ(alike.holdout.size(), 2u);
+  ASSERT_EQ(darker.holdout.size(), 2u);
+  const auto stops = [](const Photo& a, const Photo& b) {
+    return std::abs(std::log2(MeanCode(PhotoToU8(a)) / MeanCode(PhotoToU8(b))));
+  };
+  const TrainView &held = darker.holdout[0], &before = alike.holdout[0];
+  ASSERT_EQ(held.view.name, RoomCapture::Name(2));
+  EXPECT_GT(stops(PhotoFromU8(room.Photo(2, Light::kLow)), before.photo), 1.5) << "as it was taken";
+  EXPECT_LT(held.exposure, 0.5);
+  EXPECT_LT(stops(held.photo, before.photo), 0.5);
+  EXPECT_LT(stops(held.target, before.target), 0.25);
+}
+
 // Views of panoramas are PNG files, which say nothing of it.
 TEST(MixedExposures, AViewHasTheExposureThatItsPhotoStates) {
   const RoomCapture room(4);

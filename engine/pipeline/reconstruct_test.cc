@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <iterator>
@@ -12,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "engine/io/ply.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
@@ -23,6 +26,15 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
+
+std::vector<std::string> FilesIn(const std::string& folder) {
+  std::vector<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  }
+  return files;
+}
 
 TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
   const Photographs photos;
@@ -133,6 +145,87 @@ TEST(Reconstruct, SaysWhenThePhotosGrow) {
   EXPECT_EQ(said[0].message, "photos are now at full size; the loss starts anew");
   EXPECT_EQ(said[0].iteration, options.iterations / 2);
   EXPECT_EQ(said[0].loss, 0);
+}
+
+// Of 17 held-out photos the last one is of white stripes: no other scores as badly.
+TEST(Reconstruct, APreviewScoresSixteenHeldOutPhotosAndTheEndAll) {
+  constexpr int kMany = 34;
+  Photographs photos;
+  const std::vector<View> taken = photos.model.views;
+  photos.model.views.clear();
+  photos.model.distortions.resize(kMany);
+  for (int i = 0; i < kMany; ++i) {
+    View& view = photos.model.views.emplace_back(taken[i % kPhotos]);
+    view.name = absl::StrFormat("many%02d.png", i);
+    auto photo = ReadImage(photos.Photo(taken[i % kPhotos].name), "photo");
+    ASSERT_TRUE(photo.ok()) << photo.status();
+    ++photo->pixel(i, 0)[0];  // the same photo again would be left out
+    ASSERT_TRUE(WritePng(photos.Photo(view.name), *photo).ok());
+  }
+  for (const View& view : taken) fs::remove(photos.Photo(view.name));
+  ImageU8 stripes(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) std::fill_n(stripes.pixel(x, y), 3, x % 8 < 3 ? 255 : 30);
+  }
+  ASSERT_TRUE(WritePng(photos.Photo(photos.model.views.back().name), stripes).ok());
+  photos.WriteModel();
+
+  ReconstructOptions options = SmallOptions();
+  options.holdout_every = 2;
+  options.preview_every = options.iterations - 1;
+  Recorder recorder;
+  const auto report =
+      MakeEngine(kNoColmap)->Reconstruct(photos.Input("work"), options, CancelToken(), &recorder);
+  ASSERT_TRUE(report.ok()) << report.status();
+  ASSERT_EQ(report->registered, kMany) << absl::StrJoin(report->notes, "; ");
+  double preview = NAN;
+  for (const Progress& p : recorder.reports) {
+    if (p.iteration == options.preview_every) preview = p.psnr_holdout;
+  }
+  EXPECT_GT(preview, report->psnr_holdout + 0.4) << "dB";
+}
+
+TEST(Reconstruct, ACancelIsHeardWhileTargetsAreMadeAndLeavesNothingHalfWritten) {
+  constexpr char kMakingTargets[] = "pseudo-targets and structure maps";
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work"), whole = photos.Input("whole");
+  CancelToken cancel;
+  Recorder recorder;
+  recorder.on_progress = [&](const Progress& p) {
+    if (p.message == kMakingTargets) cancel.Cancel();
+  };
+  const absl::Status status =
+      MakeEngine(kNoColmap)->Reconstruct(input, SmallOptions(), cancel, &recorder).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kCancelled) << status;
+  EXPECT_EQ(recorder.reports.back().message, kMakingTargets);
+  EXPECT_THAT(recorder.snapshots, IsEmpty());
+  // The cameras are whole, and are used again.
+  for (const std::string& file : FilesIn(input.work_dir)) {
+    EXPECT_THAT(file, HasSubstr("/cameras/"));
+    EXPECT_THAT(file, Not(HasSubstr("-tmp")));
+  }
+  ASSERT_TRUE(Reconstruct(input, SmallOptions()).ok());
+  ASSERT_TRUE(Reconstruct(whole, SmallOptions()).ok());
+  EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
+}
+
+// Of fewer than 16 with the default.
+TEST(Reconstruct, HoldsNoPhotoOutOfFewerThanTwiceAsManyAsItWouldTake) {
+  EXPECT_EQ(ReconstructOptions().holdout_every, 8);
+  const Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  options.iterations = 2;
+  const auto note = HasSubstr("none of the 8 photos is held out to measure quality");
+  options.holdout_every = kPhotos / 2;
+  const auto enough = Reconstruct(photos.Input("enough"), options);
+  ASSERT_TRUE(enough.ok()) << enough.status();
+  EXPECT_TRUE(std::isfinite(enough->psnr_holdout));
+  EXPECT_THAT(enough->notes, Not(Contains(note)));
+  options.holdout_every = kPhotos / 2 + 1;
+  const auto too_few = Reconstruct(photos.Input("few"), options);
+  ASSERT_TRUE(too_few.ok()) << too_few.status();
+  EXPECT_TRUE(std::isnan(too_few->psnr_holdout));
+  EXPECT_THAT(too_few->notes, Contains(note));
 }
 
 TEST(Reconstruct, ImprovesTheHeldOutPhotos) {

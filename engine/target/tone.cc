@@ -120,7 +120,8 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
                                        absl::Span<const double> exposures,
                                        const ToneOptions& options, int threads,
                                        absl::Span<const PlaneU8> masks,
-                                       const std::function<void(int)>& done) {
+                                       const std::function<void(int)>& done,
+                                       const CancelToken& cancel) {
   const double gain = CaptureGain(photos, exposures, threads, masks);
   // By quarters of a stop: finer, exposures make no difference to what is clipped.
   std::map<int, ClippedColors> tables;
@@ -136,6 +137,7 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
   }
   std::vector<ToneTarget> targets(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
+    if (cancel.IsCancelled()) return;
     targets[i] =
         CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], colors[i], options);
     if (done) done(thread);
@@ -245,17 +247,21 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
                                                     absl::Span<const double> exposures,
                                                     const ToneOptions& options, int threads,
                                                     absl::Span<const PlaneU8> masks,
-                                                    const std::function<void(int)>& done) {
+                                                    const std::function<void(int)>& done,
+                                                    const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_CHECK(photos.size() == exposures.size());
   LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
   for (const Photo& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
   if (options.rule == Tone::kCapture) {
-    return CaptureTargets(photos, exposures, options, threads, masks, done);
+    auto targets = CaptureTargets(photos, exposures, options, threads, masks, done, cancel);
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
+    return targets;
   }
   std::vector<ToneTarget> targets(photos.size());
   std::vector<absl::Status> statuses(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
+    if (cancel.IsCancelled()) return;
     switch (options.rule) {
       case Tone::kPaper: {
         absl::StatusOr<ToneTarget> target = PaperTarget(photos[i], MaskOf(masks, i), options.theta);
@@ -271,6 +277,7 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
     }
     if (done) done(thread);
   });
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
   for (const absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(status);
   return targets;
 }

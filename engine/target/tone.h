@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "engine/core/cancel.h"
 #include "engine/core/code_curve.h"
 #include "engine/core/color.h"
 #include "engine/core/noise_curve.h"
@@ -26,13 +27,15 @@ struct ToneTarget {
 // others, > 0 (RelativeExposures() in photometric.h); kCapture evens them out, the other rules
 // do not read them. `masks` (see MaskOf; each leaves a pixel or more): only pixels that count
 // decide gains, all of the photo is mapped. INVALID_ARGUMENT for bad options, an empty photo, or
-// one that is all black (no gain helps; leave it out). Deterministic for any `threads` (<= 0: all
-// cores). `done` is called with ParallelFor's thread as each target is made.
+// one that is all black (no gain helps; leave it out); CANCELLED, before the next target is begun.
+// Deterministic for any `threads` (<= 0: all cores). `done` is called with ParallelFor's thread as
+// each target is made.
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
                                                     absl::Span<const double> exposures,
                                                     const ToneOptions& options, int threads,
                                                     absl::Span<const PlaneU8> masks = {},
-                                                    const std::function<void(int)>& done = nullptr);
+                                                    const std::function<void(int)>& done = nullptr,
+                                                    const CancelToken& cancel = CancelToken());
 
 // The photo with `gain` times its linear light, clipped at white.
 Photo WithLinearGain(const Photo& photo, double gain);

@@ -59,6 +59,22 @@ TEST(Tone, EachTargetMadeIsReported) {
   }
 }
 
+TEST(Tone, ACancelIsHeardBeforeTheNextTarget) {
+  const std::vector<Photo> photos(3, PhotoFromU8(MakePhoto(2, 40)));
+  for (const Tone rule : {Tone::kPaper, Tone::kCapture, Tone::kNone}) {
+    CancelToken cancel;
+    int done = 0;
+    const auto on_done = [&](int) {
+      ++done;
+      cancel.Cancel();
+    };
+    const absl::Status status =
+        MakeTargets(photos, {1, 1, 1}, {.rule = rule}, 1, {}, on_done, cancel).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kCancelled) << status;
+    EXPECT_EQ(done, 1);
+  }
+}
+
 TEST(Tone, PaperGainScalesCodesAndClips) {
   const ImageU8 photo = MakePhoto(2, 40);
   const auto target = MakeTarget(photo, {.rule = Tone::kPaper});
