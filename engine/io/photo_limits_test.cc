@@ -193,10 +193,19 @@ TEST(Bomb, JxlIsRefusedByTheSizeThatItStates) {
 }
 
 TEST(Bomb, JxlMayHaveFewChannelsBesideItsColours) {
-  EXPECT_TRUE(DecodePhoto(EncodeTestJxl(Ramp(), 8, {}, 2), "f").ok());
+  EXPECT_TRUE(DecodePhoto(EncodeTestJxl(Ramp(), 8, {}, 4), "f").ok());
+  EXPECT_EQ(Reason(DecodePhoto(EncodeTestJxl(Ramp(), 8, {}, 5), "f").status()),
+            "IMAGE_UNSUPPORTED");
   const absl::Status status = DecodePhoto(EncodeTestJxl(Ramp(), 8, {}, 200), "f").status();
   EXPECT_EQ(Reason(status), "IMAGE_UNSUPPORTED");
   EXPECT_THAT(std::string(status.message()), HasSubstr("200 channels"));
+}
+
+TEST(Bomb, TiffMayHaveEightChannelsInAll) {
+  EXPECT_TRUE(DecodePhoto(EncodeTestTiff(Ramp(), {.extra = 5}), "f").ok());
+  const absl::Status status = DecodePhoto(EncodeTestTiff(Ramp(), {.extra = 6}), "f").status();
+  EXPECT_EQ(Reason(status), "IMAGE_UNSUPPORTED");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("9 samples a pixel"));
 }
 
 TEST(Bomb, WebpIsRefusedByTheSizeThatItStates) {

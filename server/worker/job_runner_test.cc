@@ -1,6 +1,7 @@
 // Jobs that a worker takes and cannot begin.
 #include "server/worker/job_runner.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -31,11 +32,11 @@ class JobRunnerTest : public ::testing::Test {
  protected:
   JobRunnerTest() { options_.name = "w1"; }
 
-  std::string QueuedJob() {
+  std::string QueuedJob(const char* first_photo = "a.jpg") {
     NewJob wanted;
     wanted.options.iterations = 3;
     const std::string id = jobs_.Create(wanted)->id;
-    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) {
+    for (const char* name : {first_photo, "b.jpg", "c.jpg"}) {
       const std::string path = data_.tmp() + "/staged";
       std::ofstream(path) << name;
       EXPECT_TRUE(jobs_.uploads()
@@ -104,6 +105,18 @@ TEST_F(JobRunnerTest, JobWhoseSceneWasNotStoredFails) {
   };
   EXPECT_TRUE(Run().ok());
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kFailed);
+}
+
+TEST_F(JobRunnerTest, JobThatAsksForNoMemoryGetsSevenEighthsOfItsWorkers) {
+  const std::string id = QueuedJob("hang.jpg");  // which obeys the cancel token
+  options_.has.memory_bytes = 8000;              // less than any process holds
+  options_.poll_seconds = 0.01;
+  EXPECT_TRUE(Run().ok());
+  const JobRecord job = *jobs_.Get(id);
+  ASSERT_EQ(job.state, JobState::kFailed);
+  const JobError error = *Decode<JobError>(job.error);
+  EXPECT_EQ(error.detail.reason, "MEMORY_EXCEEDED");
+  EXPECT_THAT(error.message, testing::HasSubstr("its limit is 7000"));
 }
 
 TEST_F(JobRunnerTest, SickWorkerTakesNoJobsUntilItIsWellAgain) {
