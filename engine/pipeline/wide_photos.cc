@@ -258,6 +258,11 @@ std::vector<std::string> DescribeWidePhotos(const std::vector<WidePhoto>& photos
                                                    {"fisheye", "fisheyes"}};
   std::vector<std::string> lines;
   for (const auto& [kind, of_kind] : names) {
+    if (of_kind.size() == 1) {
+      lines.push_back(absl::StrCat(of_kind[0], " is a ", kind.first, ": ", kind.second,
+                                   " views of it are the photos"));
+      continue;
+    }
     lines.push_back(absl::StrCat(of_kind.size(), " photos are ", many.at(kind.first), ", such as ",
                                  of_kind[0], ": ", kind.second, " views of each are the photos"));
   }

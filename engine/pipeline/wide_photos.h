@@ -41,7 +41,8 @@ absl::StatusOr<WidePhotos> FindWidePhotos(const ReconstructInput& input,
 // Whether a fisheye among them sees farther than kWidestPinhole.
 bool HasWideFisheye(const SparseModel& cameras);
 
-// "2 photos are fisheyes, such as a.jpg: 5 views of each are the photos", a line for each kind.
+// "2 photos are fisheyes, such as a.jpg: 5 views of each are the photos", a line for each kind; of
+// one photo "a.jpg is a fisheye: ...".
 std::vector<std::string> DescribeWidePhotos(const std::vector<WidePhoto>& photos);
 
 // Radius, px from the principal point, of the circle that photos of one fisheye show with black

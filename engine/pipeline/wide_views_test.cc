@@ -241,7 +241,7 @@ TEST_F(WideViews, OfAPartOfAPanoramaHideWhatItDoesNotShow) {
   ASSERT_TRUE(WriteFileAtomically(dir_ / "photos/s.jpg", jpeg).ok());
   const auto cut = Cut();
   ASSERT_TRUE(cut.ok()) << cut.status();
-  EXPECT_THAT(notes_, Contains(HasSubstr("s.jpg: 4 views")));
+  EXPECT_THAT(notes_, Contains(HasSubstr("s.jpg is a part of a panorama: 4 views")));
   EXPECT_FALSE(cut->rig_views.contains("s_up.png"));
   const auto mask = ReadImage(cut->masks_dir + "/s_left.png", "mask");
   ASSERT_TRUE(mask.ok()) << mask.status();
@@ -314,6 +314,17 @@ Photo Round(int noise) {
     }
   }
   return photo;
+}
+
+TEST(DescribeWidePhotos, OneIsNamedAndSeveralAreCounted) {
+  std::vector<WidePhoto> photos(3);
+  photos[0] = {.name = "a.jpg", .kind = "fisheye", .views = std::vector<CubeView>(5)};
+  photos[1] = {.name = "b.jpg", .kind = "panorama", .views = std::vector<CubeView>(6)};
+  photos[2] = {.name = "c.jpg", .kind = "panorama", .views = std::vector<CubeView>(6)};
+  EXPECT_THAT(DescribeWidePhotos(photos),
+              testing::ElementsAre("a.jpg is a fisheye: 5 views of it are the photos",
+                                   "2 photos are panoramas of the whole sphere, such as b.jpg: 6 "
+                                   "views of each are the photos"));
 }
 
 TEST(FindCircle, IsWhereThePictureOfADarkFisheyeEnds) {

@@ -15,6 +15,7 @@ extern "C" {
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/io/image_io.h"
 #include "engine/video/ffmpeg.h"
@@ -379,8 +380,8 @@ absl::StatusOr<VideoInfo> CheckVideo(std::string_view bytes, const std::string& 
     LITAGS_ASSIGN_OR_RETURN(const bool more, file->Next());
     if (more) continue;
     return InvalidInput("TOO_FEW_FRAMES", field,
-                        absl::StrCat(field, ": has ", frame, " frames; a scene needs ", kMinPhotos,
-                                     " at least, from different places"));
+                        absl::StrCat(field, ": has ", Counted(frame, "frame"), "; a scene needs ",
+                                     kMinPhotos, " at least, from different places"));
   }
   return file->info();
 }

@@ -221,6 +221,7 @@ TEST(BadVideo, SoundAloneIsRefused) {
 TEST(BadVideo, OneFrameIsRefused) {
   const absl::Status status = CheckVideo(EncodeVideo({Flat(9, 9, 9)}, {}), "videos[v]").status();
   EXPECT_EQ(Reason(status), "TOO_FEW_FRAMES");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("has 1 frame;"));
 }
 
 TEST(BadVideo, TwoHoursAreRefusedByWhatTheFileSays) {
