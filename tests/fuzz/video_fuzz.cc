@@ -16,11 +16,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   for (;;) {
     const auto more = (*video)->Next();
     if (!more.ok() || !*more) return 0;
-    if (const auto luma = (*video)->Luma(64); luma.ok()) {
-      LITAGS_CHECK(luma->width <= 64 && luma->height <= 64);
-    }
-    const auto photo = (*video)->Picture();
-    if (!photo.ok()) continue;
-    LITAGS_CHECK(photo->width == info.width && photo->height == info.height);
+    const Planes luma = (*video)->Luma(64);
+    LITAGS_CHECK(luma.width <= 64 && luma.height <= 64);
+    const Photo photo = (*video)->Picture();
+    LITAGS_CHECK(photo.width == info.width && photo.height == info.height);
   }
 }
