@@ -16,6 +16,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "engine/io/ply.h"
+#include "engine/pipeline/capture_targets.h"
+#include "engine/pipeline/posed_photos.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {
@@ -185,8 +187,26 @@ TEST(Reconstruct, APreviewScoresSixteenHeldOutPhotosAndTheEndAll) {
   EXPECT_GT(preview, report->psnr_holdout + 0.4) << "dB";
 }
 
-TEST(Reconstruct, ACancelIsHeardWhileTargetsAreMadeAndLeavesNothingHalfWritten) {
-  constexpr char kMakingTargets[] = "pseudo-targets and structure maps";
+constexpr char kMakingTargets[] = "pseudo-targets and structure maps";
+
+TEST(Reconstruct, NoTargetIsMadeOnceTheRunIsCancelled) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  ReconstructOptions options = SmallOptions();
+  options.recipe->use_prior = false;  // which hears a cancel, too
+  CancelToken cancel;
+  ReconstructReport report;
+  const auto progress = [&](Stage, const std::string& message) {
+    if (message == kMakingTargets) cancel.Cancel();
+  };
+  const Context context(input, options, cancel, progress, &report);
+  auto posed = LoadPosedPhotos(context, kNoColmap);
+  ASSERT_TRUE(posed.ok()) << posed.status();
+  const auto targets = MakeCaptureTargets(context, *posed, std::move(posed->photos));
+  EXPECT_EQ(targets.status().code(), absl::StatusCode::kCancelled) << targets.status();
+}
+
+TEST(Reconstruct, ACancelWhileTargetsAreMadeLeavesNothingHalfWritten) {
   const Photographs photos;
   const ReconstructInput input = photos.Input("work"), whole = photos.Input("whole");
   CancelToken cancel;
