@@ -221,21 +221,24 @@ absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale) {
 
 absl::StatusOr<std::string> EncodePng16(const Photo& photo, int significant_bits) {
   if (photo.empty()) return Encode(".png", cv::Mat(), {});
+  constexpr int kWhite = (1 << kPng16Bits) - 1;
   const int least =
       std::clamp<int>(*std::min_element(photo.data.begin(), photo.data.end()), -kPhotoWhite, 0);
-  const int range = kPhotoWhite - least;
+  // The code of 0: as many are below it as the least sample wants, rounded up.
+  const int black = (-least * kWhite + kPhotoWhite - least - 1) / (kPhotoWhite - least);
   cv::Mat codes(photo.height, photo.width, CV_16UC3);
   uint16_t* out = codes.ptr<uint16_t>();
   for (size_t i = 0; i < photo.data.size(); i += 3) {
     for (size_t c = 0; c < 3; ++c) {
       const int sample = std::clamp<int>(photo.data[i + 2 - c], least, kPhotoWhite);  // BGR
-      const int code = ((sample - least) * 4095 + range / 2) / range;
+      const int code =
+          (sample * (kWhite - black) + kPhotoWhite * black + kPhotoWhite / 2) / kPhotoWhite;
       out[i + c] = static_cast<uint16_t>(code << 4 | code >> 8);
     }
   }
   LITAGS_ASSIGN_OR_RETURN(std::string png, Encode(".png", codes, {cv::IMWRITE_PNG_COMPRESSION, 1}));
-  if (least < 0) {
-    png = WithChunk(std::move(png), "pCAL", PngCalibration(least / double(kPhotoWhite)));
+  if (black > 0) {
+    png = WithChunk(std::move(png), "pCAL", PngCalibration(-black / double(kWhite - black)));
   }
   return WithChunk(std::move(png), "sBIT",
                    std::string(3, static_cast<char>(std::min(significant_bits, kPng16Bits))));

@@ -105,8 +105,8 @@ absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_vie
 
 // As a PNG of 16 bits, of which the lower four repeat the upper: 12 bits of a photo are worth
 // keeping. `significant_bits`, at most those: of the file that the photo comes from (sBIT). Where
-// samples lie below 0, the least of them is code 0, and the file says so (pCAL); what lies above 1
-// is cut off. INVALID_ARGUMENT for an empty photo.
+// samples lie below 0, codes begin at the least of them, and the file says so (pCAL); what lies
+// above 1 is cut off. 0 and 1 stay as they are. INVALID_ARGUMENT for an empty photo.
 absl::StatusOr<std::string> EncodePng16(const Photo& photo, int significant_bits = kPng16Bits);
 
 // Turns a stored picture upright. EXIF says where the stored first row and column are to appear:

@@ -119,6 +119,8 @@ TEST(EncodePng16, WhatLiesBelowBlackStays) {
   for (size_t i = 0; i < photo.data.size(); ++i) {
     photo.data[i] = static_cast<int16_t>(24 * static_cast<int>(i) - 900);
   }
+  photo.data[4] = 0;
+  photo.data.back() = kPhotoWhite;
   const std::string png = EncodePng16(photo).value();
   const Photo back = DecodePhoto(png, "f").value();
   const double step = (kPhotoWhite + 900) / 4095.0;
@@ -126,6 +128,8 @@ TEST(EncodePng16, WhatLiesBelowBlackStays) {
     const int below_white = std::min<int>(photo.data[i], kPhotoWhite);
     ASSERT_NEAR(back.data[i], below_white, step / 2 + 1) << i;
   }
+  EXPECT_EQ(back.data[4], 0);
+  EXPECT_EQ(back.data.back(), kPhotoWhite);
   // A calibration of another name is of another quantity.
   std::string foreign = png;
   const size_t name = foreign.find("pCALlitags");
