@@ -14,6 +14,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "client/status.h"
+#include "client/text.h"
 
 namespace litags::client {
 namespace {
@@ -25,8 +26,8 @@ absl::StatusOr<v1::Vector3> ParseVector(const std::string& text, const std::stri
   if (!numbers.ok()) return numbers.status();
   if (numbers->size() != 3) {
     return BadInput("VECTOR_INVALID", field,
-                    absl::StrCat(field, ": \"", text, "\" holds ", numbers->size(),
-                                 " numbers; give three, as x,y,z"));
+                    absl::StrCat(field, ": \"", text, "\" holds ",
+                                 Counted(numbers->size(), "number"), "; give three, as x,y,z"));
   }
   v1::Vector3 vector;
   vector.set_x((*numbers)[0]);
@@ -79,8 +80,8 @@ absl::Status ParseIntrinsics(const std::string& text, v1::RenderSettings* settin
   if (!numbers.ok()) return numbers.status();
   if (numbers->size() != 4) {
     return BadInput("INTRINSICS_INVALID", "--intrinsics",
-                    absl::StrCat("--intrinsics: ", numbers->size(),
-                                 " numbers; give four, as fx,fy,cx,cy in pixels"));
+                    absl::StrCat("--intrinsics: ", Counted(numbers->size(), "number"),
+                                 "; give four, as fx,fy,cx,cy in pixels"));
   }
   v1::Intrinsics* intrinsics = settings->mutable_intrinsics();
   intrinsics->set_fx((*numbers)[0]);
@@ -170,8 +171,8 @@ absl::StatusOr<v1::Pose> ParsePose(const PoseArgs& args) {
     if (!numbers.ok()) return numbers.status();
     if (numbers->size() != 16) {
       return BadInput("POSE_INVALID", "--pose",
-                      absl::StrCat("--pose: ", numbers->size(),
-                                   " numbers; give the 16 of a 4x4 world-to-camera matrix, row by "
+                      absl::StrCat("--pose: ", Counted(numbers->size(), "number"),
+                                   "; give the 16 of a 4x4 world-to-camera matrix, row by "
                                    "row"));
     }
     pose.mutable_viewmat()->mutable_values()->Add(numbers->begin(), numbers->end());

@@ -54,6 +54,9 @@ TEST(ParsePose, RefusesWrongCountsAndWords) {
   PoseArgs args;
   args.pose = {"1 2 3"};
   EXPECT_EQ(ReasonOf(ParsePose(args).status()), "POSE_INVALID");
+  args.pose = {"1"};
+  EXPECT_THAT(std::string(ParsePose(args).status().message()),
+              ::testing::HasSubstr("1 number; give the 16"));
   args.pose = {"no-such-file.txt"};
   EXPECT_EQ(ReasonOf(ParsePose(args).status()), "NUMBER_INVALID");
 }
