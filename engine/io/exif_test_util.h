@@ -25,20 +25,24 @@ inline std::string FocalBlock(int in_35mm, uint32_t above, uint32_t below) {
          Big32(above) + Big32(below);
 }
 
-// The same with what the sensor's px are, per inch, and the size that the camera wrote.
-inline std::string LensBlock(int in_35mm, int mm, int pixels_per_inch, int width, int height) {
+// The same with what the sensor's px are, per inch, the size that the camera wrote, and its digital
+// zoom in tenths (0: not used).
+inline std::string LensBlock(int in_35mm, int mm, int pixels_per_inch, int width, int height,
+                             int zoom = 0) {
   const auto entry = [](int tag, int type, const std::string& value) {
     return Big32(uint32_t(tag) << 16 | type) + Big32(1) + value;
   };
   const auto number = [&](int tag, int value) {
     return entry(tag, 3, Big32(uint32_t(value) << 16));
   };
-  const uint32_t camera = 26, ratios = camera + 2 + 5 * 12 + 4;
+  const uint32_t camera = 26, ratios = camera + 2 + 6 * 12 + 4;
   return std::string("MM\0\x2A\0\0\0\x08\0\1", 10) + entry(0x8769, 4, Big32(camera)) + Big32(0) +
-         std::string("\0\5", 2) + entry(0x920A, 5, Big32(ratios)) + number(0xA002, width) +
-         number(0xA003, height) + entry(0xA20E, 5, Big32(ratios + 8)) + number(0xA405, in_35mm) +
-         Big32(0) + Big32(static_cast<uint32_t>(mm)) + Big32(1) +
-         Big32(static_cast<uint32_t>(pixels_per_inch)) + Big32(1);
+         std::string("\0\6", 2) + entry(0x920A, 5, Big32(ratios)) + number(0xA002, width) +
+         number(0xA003, height) + entry(0xA20E, 5, Big32(ratios + 8)) +
+         entry(0xA404, 5, Big32(ratios + 16)) + number(0xA405, in_35mm) + Big32(0) +
+         Big32(static_cast<uint32_t>(mm)) + Big32(1) +
+         Big32(static_cast<uint32_t>(pixels_per_inch)) + Big32(1) +
+         Big32(static_cast<uint32_t>(zoom)) + Big32(10);
 }
 
 // A TIFF block with a camera's make and model, of four letters or more each, and its focal length

@@ -118,6 +118,12 @@ double LeastOf(std::string_view calibration) {
   return said && least >= -1 && least < 0 ? least : 0;
 }
 
+// How much the camera enlarged the middle of what the lens gave; 1: not at all.
+double DigitalZoom(const TiffReader& reader, size_t directory) {
+  constexpr uint16_t kDigitalZoomRatio = 0xA404;
+  return std::max(1.0, reader.GetRatio(directory, kDigitalZoomRatio));
+}
+
 // Of the directory that EXIF's tags of the exposure are in.
 ExifLens ReadExifLens(const TiffReader& reader, size_t directory) {
   constexpr uint16_t kFocalLength = 0x920A, kFocalLengthIn35mmFilm = 0xA405, kWidth = 0xA002,
@@ -133,7 +139,7 @@ ExifLens ReadExifLens(const TiffReader& reader, size_t directory) {
   constexpr double kMmOfUnit[] = {25.4, 25.4, 25.4, 10, 1, 0.001};  // 2: inch, the default
   ExifLens lens;
   lens.in_35mm = reader.Get<uint16_t>(reader.Find(directory, kFocalLengthIn35mmFilm, kShort));
-  lens.mm = reader.GetRatio(directory, kFocalLength);
+  lens.mm = reader.GetRatio(directory, kFocalLength) * DigitalZoom(reader, directory);
   if (unit < std::size(kMmOfUnit)) {
     lens.pixels_per_mm = reader.GetRatio(directory, kPlaneResolution) / kMmOfUnit[unit];
   }
@@ -177,6 +183,9 @@ void ReadExif(std::string_view tiff, ImageInfo* info) {
   if (info->camera.empty()) {
     info->camera = CameraName({reader.GetText(main, kMake), reader.GetText(main, kModel),
                                reader.GetText(camera, kSerial), reader.GetText(camera, kLens)});
+    // Some makers' focal length in 35 mm has it, some makers' does not.
+    const std::string zoom = absl::StrFormat("%.2f", DigitalZoom(reader, camera));
+    if (zoom != "1.00") absl::StrAppend(&info->camera, "zoom ", zoom, "\n");
   }
   if (info->exposure_time == 0) info->exposure_time = reader.GetRatio(camera, kExposureTime);
   if (info->f_number == 0) info->f_number = reader.GetRatio(camera, kFNumber);

@@ -34,7 +34,7 @@ enum class ImageFormat { kJpeg, kPng, kRaw, kTiff, kWebp, kHeif, kJxl };
 // What EXIF says of the lens; 0: not said.
 struct ExifLens {
   double in_35mm = 0;         // focal length of a 35 mm camera that sees as much, mm
-  double mm = 0;              // the lens' own
+  double mm = 0;              // the lens' own, times the digital zoom
   double pixels_per_mm = 0;   // of the sensor
   int width = 0, height = 0;  // of the picture that the camera wrote, px
 };
@@ -47,12 +47,12 @@ struct ImageInfo {
   int orientation = 1;       // EXIF, 1..8
   int bit_depth = 8;         // per channel
   int significant_bits = 0;  // of them, by PNG's sBIT; 0: not said
-  // EXIF, mm: of a 35 mm camera that sees as much, else the lens' own; 0: not said. Tells lenses
-  // of one camera and steps of a zoom apart.
+  // EXIF, mm: ExifLens::in_35mm, else ExifLens::mm; 0: not said. Tells lenses of one camera and
+  // steps of a zoom apart.
   double focal_length = 0;
   ExifLens lens;
-  // EXIF's make, model, serial number and lens, a line each: photos of two cameras differ in it.
-  // Empty: none is said.
+  // EXIF's make, model, serial number, lens and digital zoom, if any, a line each: photos of two
+  // cameras differ in it. Empty: none is said.
   std::string camera;
   // Of the exposure: s, ISO and f-number; 0: not said. The light on the sensor times its gain is
   // relative to exposure_time * iso / f_number^2.

@@ -345,6 +345,23 @@ TEST(ExifFocalLength, IsThatOfThePicturesSize) {
   EXPECT_NEAR(focal(LensBlock(36, 50, 6350, 4000, 6000)), 360, 0.1);  // upright since
 }
 
+// The middle of what the lens gave, enlarged to the size of all.
+TEST(ExifFocalLength, GrowsWithTheDigitalZoom) {
+  const std::string jpeg = EncodeJpeg(TestImage(360, 240)).value();
+  const auto info = [&](int in_35mm, int zoom) {
+    const std::string tiff = LensBlock(in_35mm, 24, 6350, 6000, 4000, zoom);
+    return ReadImageInfo(WithJpegExif(jpeg, tiff), "f").value();
+  };
+  EXPECT_NEAR(ExifFocalLength(info(0, 10)), 360, 0.1);
+  EXPECT_NEAR(ExifFocalLength(info(0, 20)), 720, 0.2);
+  EXPECT_EQ(info(0, 20).focal_length, 48);
+  EXPECT_EQ(info(0, 5).focal_length, 24);  // there is no zoom below 1
+  // That in 35 mm may have it, or not.
+  EXPECT_EQ(ExifFocalLength(info(36, 20)), ExifFocalLength(info(36, 0)));
+  EXPECT_EQ(info(36, 20).camera, "zoom 2.00\n");
+  EXPECT_EQ(info(36, 10).camera, "");
+}
+
 TEST(ExifFocalLength, NonsenseIsNone) {
   const std::string jpeg = EncodeJpeg(TestImage(360, 240)).value();
   const auto focal = [&](const std::string& tiff) {

@@ -64,6 +64,25 @@ TEST(PhotoSet, CamerasThatExifNamesShareNoLens) {
               ElementsAre("128x96_26mm", "128x96_26mm", "128x96"));
 }
 
+TEST(PhotoSet, StepsOfADigitalZoomShareNoLens) {
+  const auto cameras = [](int in_35mm) {
+    const TempDir dir;
+    const std::string jpeg = EncodeJpeg(ImageU8(128, 96)).value();
+    for (const int zoom : {10, 14, 20}) {
+      const std::string block = LensBlock(in_35mm, 4, 0, 0, 0, zoom);
+      EXPECT_TRUE(
+          WriteFileAtomically(dir / absl::StrCat(zoom, ".jpg"), WithJpegExif(jpeg, block)).ok());
+    }
+    const auto photos = ListPhotoSet(dir.path(), 0);
+    std::vector<std::string> names;
+    for (const PhotoFile& photo : *photos) names.push_back(photo.camera);
+    return names;
+  };
+  EXPECT_THAT(cameras(0), ElementsAre("128x96_4mm", "128x96_5.6mm", "128x96_8mm"));
+  EXPECT_THAT(cameras(26),
+              ElementsAre("128x96_26mm", "128x96_26mm_camera1", "128x96_26mm_camera2"));
+}
+
 TEST(PhotoSet, SizesThatDifferByAFewPixelsAreOneLens) {
   FakeColmap colmap;
   const std::string images = colmap.MakePhotos(1, 128, 96, /*level=*/12);
