@@ -47,6 +47,13 @@ std::vector<std::string> NamesOf(const std::vector<LoadedView>& views) {
   return names;
 }
 
+// Of any size: that of the photos, to which cameras are brought, is checked with the photos.
+absl::Status Validate(Camera camera, std::string_view where) {
+  camera.width = std::min(camera.width, kMaxImageSide);
+  camera.height = std::min(camera.height, kMaxImageSide);
+  return camera.Validate(where, std::numeric_limits<int64_t>::max());
+}
+
 }  // namespace
 
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
@@ -62,8 +69,7 @@ absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::stri
     const std::string& name = names[i];
     LITAGS_RETURN_IF_ERROR(ValidateFileName(name, field));
     const std::string where = absl::StrCat(Absl(field), "[", name, "]");
-    // The photos' size, to which cameras are brought, is checked with the photos.
-    LITAGS_RETURN_IF_ERROR(loaded.view.camera.Validate(where, std::numeric_limits<int64_t>::max()));
+    LITAGS_RETURN_IF_ERROR(Validate(loaded.view.camera, where));
     const Distortion& d = loaded.distortion;
     if (!d.IsFinite()) {
       return InvalidField("NOT_FINITE", where,

@@ -104,6 +104,14 @@ TEST(ParseTransforms, EachFrameWithoutASizeHasThatOfItsPhoto) {
   EXPECT_EQ(Reason(CheckCameras("{}", "cameras")), "MISSING_KEY");
 }
 
+// Cameras may be of larger photos than those that are sent, as of mosaics.
+TEST(ParseTransforms, TakesSizesThatNoPhotoMayHave) {
+  const auto model = ParseTransforms(
+      File(R"("fl_x": 30000, "w": 40000, "h": 30000)", Frame("a.jpg", kIdentity)), "c");
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->views[0].camera.width, 40000);
+}
+
 TEST(ParseTransforms, TakesSixteenNumbersAndFramesThatComeTwice) {
   const std::string flat = "[0,0,1,1, 0,1,0,2, -1,0,0,3, 0,0,0,1]";
   const std::string nested = "[[0,0,1,1],[0,1,0,2],[-1,0,0,3],[0,0,0,1]]";
@@ -154,7 +162,7 @@ TEST(ParseTransforms, NamesWhatIsWrong) {
   expect(changed("\"fl_x\": 50", "\"fl_x\": -50"), "BAD_FOCAL_LENGTH", "-50");
   expect(changed("\"w\": 40", "\"w\": 40.5"), "BAD_CAMERA_SIZE", "40.5");
   expect(changed("\"w\": 40", "\"w\": 0"), "BAD_CAMERA_SIZE", "'w' is 0");
-  expect(changed("\"w\": 40", "\"w\": 1e7"), "IMAGE_TOO_LARGE", "10000000x30");
+  expect(changed("\"w\": 40", "\"w\": 2e7"), "BAD_CAMERA_SIZE", "'w' is 2e+07");
   expect(changed("\"w\": 40", "\"w\": 40, \"is_fisheye\": true, \"p2\": 0.1"),
          "UNSUPPORTED_CAMERA_MODEL", "fisheye");
   expect(changed("\"w\": 40", "\"w\": 40, \"k4\": 0.1"), "UNSUPPORTED_CAMERA_MODEL", "k4");
