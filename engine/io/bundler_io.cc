@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -39,12 +40,6 @@ class NumberReader {
     }
     return true;
   }
-  bool Skip(double count) {
-    for (; count > 0; --count) {
-      if (Word().empty()) return false;
-    }
-    return true;
-  }
   std::string_view rest() const { return rest_; }
 
  private:
@@ -63,7 +58,45 @@ struct BundleCamera {
   std::array<double, 3> lens;  // focal length, px; k1, k2
   std::array<double, 9> R;     // x right, y up, z towards the viewer
   std::array<double, 3> t;
+  std::array<double, 2> reach = {};  // farthest that points are seen from the middle, px
 };
+
+// Reads one point: only where the cameras see it. False if it is not all there.
+bool ReadPoint(NumberReader* numbers, std::vector<BundleCamera>* cameras) {
+  std::array<double, 7> point = {};  // place, colour, sightings
+  if (!numbers->Read(point)) return false;
+  for (double i = 0; i < point[6]; ++i) {
+    std::array<double, 4> sighting = {};  // camera, feature, x and y from the middle
+    if (!numbers->Read(sighting)) return false;
+    if (!(sighting[0] >= 0 && sighting[0] < cameras->size())) continue;
+    std::array<double, 2>& reach = (*cameras)[static_cast<size_t>(sighting[0])].reach;
+    for (int k = 0; k < 2; ++k) reach[k] = std::max(reach[k], std::abs(sighting[2 + k]));
+  }
+  return true;
+}
+
+// Whether a photo of this size can show points that far from its middle.
+bool Shows(const PhotoSize& size, const std::array<double, 2>& reach) {
+  constexpr double kMargin = 0.02;  // of the side: middles of lenses lie beside the photos'
+  return reach[0] <= (0.5 + kMargin) * size.width + 1 &&
+         reach[1] <= (0.5 + kMargin) * size.height + 1;
+}
+
+// The size of the photo that the camera is of, which the file does not say: `upright`, or that
+// turned by 90 degrees if only that one shows the points. `is_sure`: only one of them does.
+absl::StatusOr<PhotoSize> SizeOf(const BundleCamera& camera, const PhotoSize& upright,
+                                 std::string_view where, bool* is_sure) {
+  const PhotoSize turned{upright.height, upright.width};
+  const bool shows = Shows(upright, camera.reach), shows_turned = Shows(turned, camera.reach);
+  *is_sure = shows != shows_turned;
+  if (shows) return upright;
+  if (shows_turned) return turned;
+  return InvalidField(
+      "CAMERA_SIZE_MISMATCH", where,
+      absl::StrCat("it sees points up to ", camera.reach[0], " and ", camera.reach[1],
+                   " px from the middle of a photo of ", upright.width, "x", upright.height,
+                   "; give the photos that it was made with, at their size"));
+}
 
 // The photos' names, in the order of the cameras. A line of Bundler's own has two numbers more.
 std::vector<std::string> ReadList(std::string_view text) {
@@ -83,11 +116,10 @@ std::vector<std::string> ReadList(std::string_view text) {
 }
 
 absl::StatusOr<LoadedView> ToView(const BundleCamera& from, const std::string& name,
-                                  std::string_view where, const PhotoSizes& sizes) {
+                                  std::string_view where, const PhotoSize& size) {
   LoadedView loaded;
   loaded.view.name = name;
   Camera* camera = &loaded.view.camera;
-  const PhotoSize size = sizes(name);
   LITAGS_RETURN_IF_ERROR(SetSize(size.width, size.height, where, camera));
   camera->fx = camera->fy = from.lens[0];
   camera->cx = 0.5 * size.width;
@@ -112,7 +144,7 @@ absl::StatusOr<LoadedView> ToView(const BundleCamera& from, const std::string& n
 bool IsBundler(std::string_view text) { return WithoutByteOrderMark(text).starts_with(kFirstLine); }
 
 absl::StatusOr<SparseModel> ParseBundler(std::string_view text, std::string_view field,
-                                         const PhotoSizes& sizes) {
+                                         const PhotoSizes& sizes, std::set<std::string>* sure) {
   const auto bad = [&](std::string_view what) {
     return InvalidField("BAD_BUNDLE", field,
                         absl::StrCat("it is no whole bundle.out: ", Absl(what)));
@@ -133,8 +165,7 @@ absl::StatusOr<SparseModel> ParseBundler(std::string_view text, std::string_view
     cameras.push_back(camera);
   }
   for (double i = 0; i < counts[1]; ++i) {
-    std::array<double, 7> point = {};  // place, colour, sightings
-    if (!numbers.Read(point) || !numbers.Skip(4 * point[6])) return bad("points are missing");
+    if (!ReadPoint(&numbers, &cameras)) return bad("points are missing");
   }
   const std::vector<std::string> names = ReadList(numbers.rest());
   if (names.size() != cameras.size()) {
@@ -149,7 +180,11 @@ absl::StatusOr<SparseModel> ParseBundler(std::string_view text, std::string_view
   for (size_t i = 0; i < cameras.size(); ++i) {
     if (cameras[i].lens[0] == 0) continue;
     const std::string where = absl::StrCat(Absl(field), "[", names[i], "]");
-    LITAGS_ASSIGN_OR_RETURN(LoadedView view, ToView(cameras[i], names[i], where, sizes));
+    bool is_sure = false;
+    LITAGS_ASSIGN_OR_RETURN(const PhotoSize size,
+                            SizeOf(cameras[i], sizes(names[i]), where, &is_sure));
+    if (is_sure && sure != nullptr) sure->insert(names[i]);
+    LITAGS_ASSIGN_OR_RETURN(LoadedView view, ToView(cameras[i], names[i], where, size));
     views.push_back(std::move(view));
   }
   if (views.empty()) return InvalidField("NO_CAMERAS", field, "none of its cameras was placed");

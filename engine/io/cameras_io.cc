@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <vector>
 
 #include "absl/strings/ascii.h"
@@ -17,6 +18,7 @@
 #include "engine/io/io_error.h"
 #include "engine/io/meshroom_io.h"
 #include "engine/io/metashape_io.h"
+#include "engine/io/model_util.h"
 #include "engine/io/openmvg_io.h"
 #include "engine/io/transforms_io.h"
 
@@ -125,11 +127,13 @@ absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view
 
 absl::Status CheckCameras(std::string_view text, std::string_view field) {
   PanoramaNames panoramas;
-  return ParseCameras(text, field, OneSize(1000, 1000), &panoramas).status();
+  // Large, so that it shows all points that Bundler's cameras see.
+  return ParseCameras(text, field, OneSize(kMaxCameraSide, kMaxCameraSide), &panoramas).status();
 }
 
 absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
-                                        const PhotoSizes& sizes, PanoramaNames* panoramas) {
+                                        const PhotoSizes& sizes, PanoramaNames* panoramas,
+                                        std::set<std::string>* sure) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored) && !IsColmapModel(path)) {
     return InvalidField("NO_CAMERAS_IN_FOLDER", field,
@@ -145,6 +149,7 @@ absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_vie
       LITAGS_ASSIGN_OR_RETURN(const std::string names, ReadFile(list, field, kMaxCamerasBytes));
       absl::StrAppend(&text, "\n", names);
     }
+    return ParseBundler(text, field, sizes, sure);
   }
   return ParseCameras(text, field, sizes, panoramas);
 }

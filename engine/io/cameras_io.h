@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_IO_CAMERAS_IO_H_
 #define LITAGS_ENGINE_IO_CAMERAS_IO_H_
 
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -31,10 +32,10 @@ absl::Status CheckCameras(std::string_view text, std::string_view field);
 
 // A file for ParseCameras or the folder of a COLMAP model, whichever `path` is;
 // NO_CAMERAS_IN_FOLDER for another folder. Bundler's list of
-// photos is read from beside it.
+// photos is read from beside it; `sure`: as ParseBundler has it.
 absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
-                                        const PhotoSizes& sizes,
-                                        PanoramaNames* panoramas = nullptr);
+                                        const PhotoSizes& sizes, PanoramaNames* panoramas = nullptr,
+                                        std::set<std::string>* sure = nullptr);
 // The same with one size for all photos, if files give none.
 absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,
                                         int default_width = 0, int default_height = 0);

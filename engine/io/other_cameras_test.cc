@@ -8,12 +8,15 @@
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
+#include "engine/io/bundler_io.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/seen_point_test_util.h"
@@ -334,6 +337,36 @@ TEST(BundlerCameras, SeeThePointWhereBundlerDoes) {
   EXPECT_NEAR(Seen(*model)[0], 80 + 100 * x * radial, 1e-9);
   EXPECT_NEAR(Seen(*model)[1], 60 + 100 * y * radial, 1e-9);
   EXPECT_NEAR(model->views[0].camera.Center()[2], kCenter[2], 1e-12);
+}
+
+// How far from the middle points are seen tells what photo a camera is of, which Bundler does not.
+TEST(BundlerCameras, SeePointsWithinTheirPhotos) {
+  const auto parse = [](const std::string& place, PhotoSize size, std::set<std::string>* sure) {
+    const std::string file = absl::StrReplaceAll(Bundler("100 0 0"), {{"0.5 -3.5", place}});
+    const auto sizes = [size](const std::string&) { return size; };
+    return ParseBundler(file + "\nlost\na.jpg\nb.jpg\n", "cameras", sizes, sure);
+  };
+  std::set<std::string> sure;
+  const absl::Status larger = parse("130 0", {135, 90}, &sure).status();
+  EXPECT_EQ(Reason(larger), "CAMERA_SIZE_MISMATCH");
+  EXPECT_THAT(std::string(larger.message()), HasSubstr("cameras[a.jpg]: it sees points up to 130"));
+  const auto either = parse("-40 40", {135, 90}, &sure);
+  ASSERT_TRUE(either.ok()) << either.status();
+  EXPECT_TRUE(sure.empty());
+  // Of the photo before EXIF turned it.
+  const auto turned = parse("60 -40", {90, 135}, &sure);
+  ASSERT_TRUE(turned.ok()) << turned.status();
+  EXPECT_EQ(turned->views[0].camera.width, 135);
+  EXPECT_EQ(turned->views[0].camera.cy, 45);
+  EXPECT_EQ(turned->views[1].camera.width, 90);  // which sees its point in the middle
+  EXPECT_EQ(sure, std::set<std::string>{"a.jpg"});
+  const auto upright = parse("60 -40", {135, 90}, &sure);
+  ASSERT_TRUE(upright.ok()) << upright.status();
+  EXPECT_EQ(upright->views[0].camera.width, 135);
+  EXPECT_TRUE(CheckCameras(absl::StrReplaceAll(Bundler("100 0 0"), {{"0.5 -3.5", "3000 0"}}) +
+                               "\nlost\na.jpg\nb.jpg\n",
+                           "cameras")
+                  .ok());
 }
 
 TEST(BundlerCameras, TheirListIsReadFromBesideThem) {

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -126,14 +127,16 @@ void TurnTracksClockwise(int view, int height, std::vector<SparsePoint>* points)
   }
 }
 
-// Turns a camera that is of the photo as stored upright; true if it was.
-absl::StatusOr<bool> TurnUpright(const ImageInfo& photo, int index, SparseModel* model) {
+// Turns a camera that is of the photo as stored upright; true if it was. `has_own_size`: its file
+// says its size, which tells what it is of.
+absl::StatusOr<bool> TurnUpright(const ImageInfo& photo, bool has_own_size, int index,
+                                 SparseModel* model) {
   if (photo.orientation == 1) return false;
   const View& view = model->views[index];
   const bool swaps = photo.orientation >= 5;
   const bool upright = SameShape(view.camera, photo.width, photo.height);
   const bool stored = swaps ? SameShape(view.camera, photo.height, photo.width) : upright;
-  if (!stored) return false;
+  if (!stored && !(upright && !has_own_size)) return false;
   const bool turned = photo.orientation == 6 || photo.orientation == 8;  // not mirrored, too
   if (upright || !turned) {
     return InvalidInput(
@@ -170,8 +173,9 @@ void ScaleTracks(const std::vector<std::array<double, 2>>& scales,
 }
 
 // Photos of given cameras come with a size; it may be given for another resolution of the photos.
-absl::Status FitToPhotos(const ReconstructInput& input, SparseModel* model,
-                         std::vector<std::string>* notes) {
+// `unsized`: photos whose size their cameras have.
+absl::Status FitToPhotos(const ReconstructInput& input, const std::set<std::string>& unsized,
+                         SparseModel* model, std::vector<std::string>* notes) {
   int turned = 0, scaled = 0;
   std::string some_scaled;
   std::vector<std::array<double, 2>> scales(model->views.size(), {1, 1});
@@ -181,7 +185,8 @@ absl::Status FitToPhotos(const ReconstructInput& input, SparseModel* model,
     LITAGS_ASSIGN_OR_RETURN(const ImageInfo info,
                             ReadImageSize(PhotoPath(input, view.name), field));
     if (!input.cameras_are_upright) {
-      LITAGS_ASSIGN_OR_RETURN(const bool turns, TurnUpright(info, static_cast<int>(i), model));
+      LITAGS_ASSIGN_OR_RETURN(const bool turns, TurnUpright(info, !unsized.contains(view.name),
+                                                            static_cast<int>(i), model));
       turned += turns;
     }
     if (info.width == view.camera.width && info.height == view.camera.height) continue;
@@ -219,14 +224,21 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              std::vector<std::string>* notes,
                                              PanoramaNames* panoramas) {
   const NameIndex index(photos);
-  // Of a photo that is not there: any, nothing is made of it.
+  std::set<std::string> unsized, sure;
   const auto size_of = [&](const std::string& name) {
-    const std::string& photo = photos[index.Find(name).value_or(0)];
+    const std::optional<size_t> found = index.Find(name);
+    // Of a photo that is not there: any, nothing is made of it. A large one shows all points.
+    if (!found.has_value()) return PhotoSize{kMaxImageSide, kMaxImageSide};
+    const std::string& photo = photos[*found];
+    unsized.insert(photo);
     const auto info = ReadImageSize(input.images_dir + "/" + photo, photo);
     return info.ok() ? PhotoSize{info->width, info->height} : PhotoSize();
   };
   LITAGS_ASSIGN_OR_RETURN(SparseModel given,
-                          ReadCameras(input.cameras_path, "cameras", size_of, panoramas));
+                          ReadCameras(input.cameras_path, "cameras", size_of, panoramas, &sure));
+  for (const std::string& name : sure) {
+    if (const auto found = index.Find(name)) unsized.erase(photos[*found]);
+  }
   const std::string some_camera = given.views[0].name;
   LITAGS_ASSIGN_OR_RETURN(SparseModel model, MatchPhotos(std::move(given), photos, panoramas));
   if (model.views.empty()) {
@@ -237,7 +249,7 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                      NameInMessage(photos[0]), ", and is ", NameInMessage(some_camera),
                      " for one"));
   }
-  LITAGS_RETURN_IF_ERROR(FitToPhotos(input, &model, notes));
+  LITAGS_RETURN_IF_ERROR(FitToPhotos(input, unsized, &model, notes));
   return model;
 }
 

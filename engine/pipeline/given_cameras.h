@@ -17,8 +17,9 @@ namespace litags {
 // sizes. COLMAP ignores the EXIF orientation: cameras of a photo as stored are turned upright with
 // it, unless input.cameras_are_upright. cameras_path is resolved (ResolveCameras).
 // INVALID_ARGUMENT: NO_MATCHING_CAMERAS, CAMERA_AMBIGUOUS (its photo is one of several),
-// DUPLICATE_CAMERA (of one photo), CAMERA_SIZE_MISMATCH, ORIENTATION_AMBIGUOUS (the sizes do not
-// tell whether a camera is of the photo as stored); errors of ReadCameras and ReadImageSize.
+// DUPLICATE_CAMERA (of one photo), CAMERA_SIZE_MISMATCH, ORIENTATION_AMBIGUOUS (neither sizes nor
+// Bundler's points tell whether a camera is of the photo as stored); errors of ReadCameras and
+// ReadImageSize.
 // `panoramas`: as PanoramaNames has it, by the photos' names.
 absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,

@@ -136,6 +136,41 @@ TEST_F(StoredCameras, AreRefusedWhereTheSizeDoesNotTellThem) {
   }
 }
 
+// Files without sizes: nothing but Bundler's points tells what their cameras are of.
+TEST_F(StoredCameras, WithoutASizeAreRefusedUnlessTheirPointsTell) {
+  Tag(0, 6);
+  input_.cameras_path = colmap_.dir() + "/transforms.json";
+  ASSERT_TRUE(WriteFileAtomically(input_.cameras_path,
+                                  R"({"fl_x": 100, "frames": [{"file_path": "p0.png",
+      "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}]})")
+                  .ok());
+  EXPECT_EQ(Reason(Read().status()), "ORIENTATION_AMBIGUOUS");
+  Tag(0, 1);
+  EXPECT_TRUE(Read().ok());
+
+  Tag(0, 6);  // upright, it is 96 x 128
+  input_.cameras_path = colmap_.dir() + "/bundle.out";
+  const auto read_seen_at = [&](const std::string& place) {
+    EXPECT_TRUE(WriteFileAtomically(input_.cameras_path,
+                                    "# Bundle file v0.3\n1 1\n100 0 0\n1 0 0\n0 -1 0\n0 0 -1\n"
+                                    "0 0 0\n0 0 0\n0 0 0\n1 0 7 " +
+                                        place + "\np0.png\n")
+                    .ok());
+    return Read();
+  };
+  EXPECT_EQ(Reason(read_seen_at("40 40").status()), "ORIENTATION_AMBIGUOUS");
+  EXPECT_THAT(notes_, IsEmpty());
+  const auto upright = read_seen_at("40 60");
+  ASSERT_TRUE(upright.ok()) << upright.status();
+  EXPECT_EQ(upright->views[0].camera.R[0], 1);
+  EXPECT_THAT(notes_, IsEmpty());
+  const auto stored = read_seen_at("60 40");
+  ASSERT_TRUE(stored.ok()) << stored.status();
+  EXPECT_EQ(stored->views[0].camera.width, kHeight);
+  EXPECT_EQ(stored->views[0].camera.R[0], 0);
+  EXPECT_THAT(notes_, Contains(HasSubstr("1 of 1 cameras are of photos as stored")));
+}
+
 // Photos of several folders have these in their names, since all lie in one.
 TEST_F(StoredCameras, OfPhotosInSeveralFoldersAreFoundByTheFolders) {
   for (int i = 0; i < 6; ++i) {
@@ -199,6 +234,17 @@ TEST_F(StoredCameras, OfPhotosOfAnotherSizeAreScaledWithANote) {
     EXPECT_EQ(cameras->points[0].track[i].y, known_.points[0].track[i].y / 2);
   }
   EXPECT_THAT(notes_, Contains(HasSubstr("256x192 px for p0.png of 128x96, and were scaled")));
+}
+
+// As of a mosaic, which could not be a photo itself.
+TEST_F(StoredCameras, OfPhotosOfAnySizeAreScaled) {
+  const Camera before = known_.views[0].camera;
+  for (View& view : known_.views) view.camera = view.camera.Scaled(400 * kWidth, 400 * kHeight);
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
+  const auto cameras = Read();
+  ASSERT_TRUE(cameras.ok()) << cameras.status();
+  EXPECT_EQ(cameras->views[0].camera.width, kWidth);
+  EXPECT_NEAR(cameras->views[0].camera.fx, before.fx, 1e-9);
 }
 
 }  // namespace
