@@ -58,13 +58,18 @@ absl::StatusOr<PlaneU8> DecodeNotZero(std::string_view bytes, const ImageInfo& i
 }  // namespace
 
 absl::StatusOr<MaskPaths> FindMasks(const std::string& dir, absl::Span<const std::string> photos) {
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names,
-                          ListFiles(dir, "masks", IsMaskName));
+  return FindMasks(dir, photos, {});
+}
+
+absl::StatusOr<MaskPaths> FindMasks(const std::string& dir, absl::Span<const std::string> photos,
+                                    const std::set<std::string>& known) {
+  LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> names, ListFiles(dir, "masks", IsMaskName));
   if (names.empty()) {
     return InvalidField(
         "NO_MASKS", "masks",
         absl::StrCat("the folder '", dir, "' holds no .png file; name masks <photo's name>.png"));
   }
+  std::erase_if(names, [&](const std::string& name) { return known.contains(name); });
   LITAGS_ASSIGN_OR_RETURN(const auto mask_of, MatchMasks(photos, names));
   MaskPaths paths;
   for (const auto& [photo, mask] : mask_of) paths[photo] = absl::StrCat(dir, "/", mask);

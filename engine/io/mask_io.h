@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_IO_MASK_IO_H_
 
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +23,9 @@ using MaskPaths = std::map<std::string, std::string>;
 // photos as MatchMasks says, whose errors it has. NOT_FOUND (NO_SUCH_FOLDER), INVALID_ARGUMENT
 // (NO_MASKS).
 absl::StatusOr<MaskPaths> FindMasks(const std::string& dir, absl::Span<const std::string> photos);
+// The same of all but `known`: masks of any name, of which it is known whose they are.
+absl::StatusOr<MaskPaths> FindMasks(const std::string& dir, absl::Span<const std::string> photos,
+                                    const std::set<std::string>& known);
 
 // A PNG of at most 8 bits a channel, as [H, W] of kCounts or 0: a pixel counts if one of its
 // channels is not 0 in the file, whatever colours its profile makes of that. Errors of DecodeImage,

@@ -103,7 +103,8 @@ absl::StatusOr<std::string> WriteMask(const ReconstructInput& input, const std::
   return path;
 }
 
-// Where a mask of the cameras' file lies: beside that file or the photos, and nowhere above.
+// Where a mask of the cameras' file lies: beside that file or the photos, and nowhere above, or
+// among the masks, which are in one folder.
 std::string FindMaskPath(const ReconstructInput& input, const fs::path& cameras_dir,
                          std::string path) {
   std::replace(path.begin(), path.end(), '\\', '/');
@@ -116,28 +117,58 @@ std::string FindMaskPath(const ReconstructInput& input, const fs::path& cameras_
     std::error_code ignored;
     if (!dir.empty() && fs::is_regular_file(dir / given, ignored)) return dir / given;
   }
+  if (input.masks_dir.empty()) return "";
+  for (const std::string& name : NamesInOneFolder(path)) {
+    std::error_code ignored;
+    const fs::path mask = fs::path(input.masks_dir) / name;
+    if (fs::is_regular_file(mask, ignored)) return mask;
+  }
   return "";
 }
 
-// Masks that the cameras' file names.
-void AddMaskPaths(const ReconstructInput& input, PhotoList* list) {
-  const std::vector<std::string>& names = list->names;
+// A mask that the cameras' file names.
+struct NamedMask {
+  std::string view;   // as the file calls its photo
+  std::string path;   // as the file has it
+  std::string found;  // where it lies; empty: it is not there
+};
+
+std::vector<NamedMask> MasksOfCameras(const ReconstructInput& input) {
   std::error_code ignored;
   const std::string cameras = ResolveCameras(input.cameras_path);
-  if (!fs::is_regular_file(cameras, ignored)) return;
+  if (!fs::is_regular_file(cameras, ignored)) return {};
   const auto json = ReadFile(cameras, "cameras", kMaxCamerasBytes);
-  if (!json.ok()) return;  // the reader of cameras says so
-  const NameIndex index(names);
+  if (!json.ok()) return {};  // the reader of cameras says so
+  std::vector<NamedMask> masks;
+  for (const auto& [view, path] : MaskPathsOfTransforms(*json)) {
+    masks.push_back({view, path, FindMaskPath(input, fs::path(cameras).parent_path(), path)});
+  }
+  return masks;
+}
+
+// The names of those that lie in a folder.
+std::set<std::string> NamesIn(const std::string& dir, const std::vector<NamedMask>& masks) {
+  std::set<std::string> names;
+  for (const NamedMask& mask : masks) {
+    std::error_code ignored;
+    const fs::path found(mask.found);
+    if (fs::equivalent(found.parent_path(), dir, ignored)) names.insert(found.filename());
+  }
+  return names;
+}
+
+// Gives them to the photos that have none.
+void AddNamedMasks(const std::vector<NamedMask>& masks, PhotoList* list) {
+  const NameIndex index(list->names);
   int used = 0;
   std::vector<std::string> missing;
-  for (const auto& [view, path] : MaskPathsOfTransforms(*json)) {
-    const std::optional<size_t> photo = index.Find(view);
-    if (!photo.has_value() || list->masks.contains(names[*photo])) continue;
-    const std::string found = FindMaskPath(input, fs::path(cameras).parent_path(), path);
-    if (found.empty()) {
-      missing.push_back(path);
+  for (const NamedMask& mask : masks) {
+    const std::optional<size_t> photo = index.Find(mask.view);
+    if (!photo.has_value() || list->masks.contains(list->names[*photo])) continue;
+    if (mask.found.empty()) {
+      missing.push_back(mask.path);
     } else {
-      list->masks[names[*photo]] = found;
+      list->masks[list->names[*photo]] = mask.found;
       ++used;
     }
   }
@@ -282,11 +313,13 @@ std::vector<std::string> PhotoScreen::Names() const {
 absl::StatusOr<PhotoList> ListPhotosAndMasks(const ReconstructInput& input) {
   PhotoList list;
   LITAGS_ASSIGN_OR_RETURN(list.names, ListPhotos(input.images_dir, "images"));
+  const std::vector<NamedMask> named = MasksOfCameras(input);
   if (!input.masks_dir.empty()) {
     // Of all photos: a mask of one that is left out is no error.
-    LITAGS_ASSIGN_OR_RETURN(list.masks, FindMasks(input.masks_dir, list.names));
+    LITAGS_ASSIGN_OR_RETURN(
+        list.masks, FindMasks(input.masks_dir, list.names, NamesIn(input.masks_dir, named)));
   }
-  AddMaskPaths(input, &list);
+  AddNamedMasks(named, &list);
   LITAGS_RETURN_IF_ERROR(TakeMasksBeside(input, &list));
   return list;
 }

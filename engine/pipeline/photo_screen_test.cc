@@ -237,6 +237,39 @@ TEST(PhotoScreen, MasksThatTheCamerasNameAreUsed) {
   EXPECT_THAT(screen->notes, Contains(HasSubstr("masks of 2 photos that are not there")));
 }
 
+// As nerfstudio has them; sent to a service, they lie in another folder.
+TEST(PhotoScreen, MasksThatTheCamerasNameMayLieAmongOtherMasks) {
+  const RoomCapture capture(4);
+  ReconstructInput input = capture.Input("work");
+  input.cameras_path = capture.Path("transforms.json");
+  input.masks_dir = capture.Path("masks");
+  fs::create_directory(input.masks_dir);
+  PlaneU8 mask(kW, kH);
+  mask.data[5] = 255;
+  const auto png = EncodeMask(mask);
+  ASSERT_TRUE(png.ok());
+  for (const char* name : {"m1.png", "m2.png", "v002.png", "left_out.png"}) {
+    ASSERT_TRUE(WriteFileAtomically(input.masks_dir + "/" + name, *png).ok());
+  }
+  const auto frame = [](const std::string& photo, const std::string& path) {
+    return "{\"file_path\": \"images/" + photo + "\", \"mask_path\": \"" + path + "\"}";
+  };
+  ASSERT_TRUE(
+      WriteFileAtomically(input.cameras_path, "{\"frames\": [" + frame("v000.png", "masks/m1.png") +
+                                                  "," + frame("v001.png", "other/folder/m2.png") +
+                                                  "," + frame("v002.png", "other/gone.png") + "," +
+                                                  frame("gone.png", "masks/left_out.png") + "]}")
+          .ok());
+  const auto list = ListPhotosAndMasks(input);
+  ASSERT_TRUE(list.ok()) << list.status();
+  EXPECT_EQ(list->masks, (MaskPaths{{"v000.png", input.masks_dir + "/m1.png"},
+                                    {"v001.png", input.masks_dir + "/m2.png"},
+                                    {"v002.png", input.masks_dir + "/v002.png"}}));
+  EXPECT_THAT(list->notes, ElementsAre(HasSubstr("2 masks are those that the cameras' file")));
+  ASSERT_TRUE(WriteFileAtomically(input.masks_dir + "/m3.png", *png).ok());
+  EXPECT_EQ(Reason(ListPhotosAndMasks(input).status()), "MASK_WITHOUT_PHOTO");
+}
+
 TEST(PhotoScreen, MasksBesideThePhotosAreNoPhotos) {
   const RoomCapture capture(4);
   ImageU8 moving(kW, kH);

@@ -51,17 +51,22 @@ absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
   return absl::OkStatus();
 }
 
-// Every mask fits a photo. The engine finds them by the same rule.
+// Every mask fits a photo. The engine finds them by the same rule, and by what a transforms.json
+// says, which it alone reads.
 absl::Status CheckMasks(const std::vector<FileRecord>& files) {
   std::vector<std::string> photos, masks;
   std::map<std::pair<FileRole, std::string>, const FileRecord*> records;
+  bool has_cameras = false;
   for (const FileRecord& file : files) {
     if (file.role == FileRole::kPhoto) photos.push_back(file.name);
     if (file.role == FileRole::kMask) masks.push_back(file.name);
+    has_cameras |= file.role == FileRole::kCameras;
     records[{file.role, file.name}] = &file;
   }
-  LITAGS_ASSIGN_OR_RETURN(const auto mask_of, MatchMasks(photos, masks));
-  for (const auto& [photo_name, mask_name] : mask_of) {
+  const auto mask_of = MatchMasks(photos, masks);
+  if (!mask_of.ok() && has_cameras) return absl::OkStatus();
+  LITAGS_RETURN_IF_ERROR(mask_of.status());
+  for (const auto& [photo_name, mask_name] : *mask_of) {
     const FileRecord& photo = *records[{FileRole::kPhoto, photo_name}];
     const FileRecord& mask = *records[{FileRole::kMask, mask_name}];
     LITAGS_RETURN_IF_ERROR(

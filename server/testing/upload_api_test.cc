@@ -140,6 +140,22 @@ TEST_F(UploadApi, MasksMustFitAPhotoWhenTheJobStarts) {
   EXPECT_TRUE(start("b.png", TestMask()).ok());
 }
 
+// Which the engine reads.
+TEST_F(UploadApi, MasksMayBeNamedByTheCameras) {
+  const std::string cameras =
+      R"({"fl_x": 50, "frames": [{"file_path": "a.png", "mask_path": "masks/c.png",
+          "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}]})";
+  const std::string job = NewJob();
+  EXPECT_TRUE(client_
+                  .Upload(job, {{"a.png", TestPng(64, 48, 1)},
+                                {"b.png", TestPng(64, 48, 2)},
+                                {"d.png", TestPng(64, 48, 3)},
+                                {"c.png", TestMask(), v1::FILE_ROLE_MASK},
+                                {"transforms.json", cameras, v1::FILE_ROLE_CAMERAS}})
+                  .ok());
+  EXPECT_TRUE(client_.Start(job).ok());
+}
+
 TEST_F(UploadApi, NamesThatAreNotPlainFileNamesAreRefused) {
   for (const std::string name : {"../a.jpg", "a/b.jpg", "/etc/a.jpg", "..", "", ".hidden.jpg",
                                  "a\\b.jpg", "a\nb.jpg", "a.txt", "noextension"}) {
