@@ -1,5 +1,6 @@
 #include "server/jobs/kept_files.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,9 +18,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// See engine/pipeline/README.md: what finding cameras works with, what is cut out of wide photos
-// anew by every run, and the end of a file's name while it is written.
-constexpr std::string_view kPassing[] = {"sfm", "wide_views"};
+// See engine/pipeline/README.md: folders that every run that needs them makes anew, and the end of
+// a file's name while it is written.
+constexpr std::string_view kPassing[] = {"sfm", "photos", "found_masks", "wide_views",
+                                         "wide_views_2"};
 constexpr std::string_view kUnfinished = "tmp";
 
 absl::Status AddFiles(const fs::path& folder, const std::string& prefix,
@@ -28,6 +30,7 @@ absl::Status AddFiles(const fs::path& folder, const std::string& prefix,
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename();
     std::error_code gone;
+    if (it->is_symlink(gone)) continue;  // its bytes lie elsewhere
     if (it->is_directory(gone)) {
       const bool passing = std::ranges::find(kPassing, name) != std::end(kPassing);
       if (!prefix.empty() || passing) continue;
@@ -52,6 +55,13 @@ absl::Status Stage(const std::string& path, const std::string& staging) {
   return error ? FileError("copy", path, error) : absl::OkStatus();
 }
 
+// A blob must be the bytes themselves: a link would end with what it points to.
+absl::Status CheckRegular(const std::string& staging, const std::string& path) {
+  struct stat info = {};
+  if (lstat(staging.c_str(), &info) != 0) return FileError("read", path, errno);
+  return S_ISREG(info.st_mode) ? absl::OkStatus() : FileError("store", path, EINVAL);
+}
+
 }  // namespace
 
 std::string BlobKey(std::string_view job_id, std::string_view blob) {
@@ -73,6 +83,7 @@ absl::StatusOr<KeptFile> StoreFile(BlobStore* blobs, std::string_view job_id, in
                                    const KeptFile& known) {
   LITAGS_RETURN_IF_ERROR(Stage(path, staging));
   const auto store = [&]() -> absl::StatusOr<KeptFile> {
+    LITAGS_RETURN_IF_ERROR(CheckRegular(staging, path));
     LITAGS_ASSIGN_OR_RETURN(const FileDigest read, DigestOfFile(staging));
     if (known.blob.ends_with(absl::StrCat("/", read.sha256))) return known;
     KeptFile file{LeaseBlob(lease, read.sha256), read.bytes};

@@ -37,15 +37,15 @@ inline constexpr char kSceneFile[] = "scene.litags";
 inline constexpr char kFinishedScene[] = "finished/scene.litags";
 
 // Paths of the files in a work folder that a later run wants: all that lie in it and in its
-// folders, but for the workspace of finding cameras, views cut out of wide photos, and files that
-// are being written. INTERNAL (STORE_FAILED) if a folder cannot be read: no list rather than half
-// of one, since what is not listed is not kept any more.
+// folders, but for the workspace of finding cameras, photos and masks that each run picks or makes
+// anew, links, and files that are being written. INTERNAL (STORE_FAILED) if a folder cannot be
+// read: no list rather than half of one, since what is not listed is not kept any more.
 absl::StatusOr<std::vector<std::string>> FilesWorthKeeping(const std::string& work_folder);
 
 // Stores the file at `path`, which may be replaced meanwhile, but not written to: as it was at one
 // moment. `known` if that has the same bytes. `staging` is a path on the same file system that
-// nothing uses; a store there takes the file without copying it. NOT_FOUND (FILE_GONE), and the
-// errors of BlobStore::PutFile().
+// nothing uses; a store there takes the file without copying it. NOT_FOUND (FILE_GONE), INTERNAL
+// (STORE_FAILED) if it is a link, and the errors of BlobStore::PutFile().
 absl::StatusOr<KeptFile> StoreFile(BlobStore* blobs, std::string_view job_id, int64_t lease,
                                    const std::string& path, const std::string& staging,
                                    const KeptFile& known);

@@ -104,6 +104,28 @@ TEST_F(WorkFolderTest, NextLeaseFindsWhatTheEngineLeft) {
   EXPECT_EQ(second->stored_bytes(), 0);
 }
 
+// A photo that is left out makes a folder of links to the others, which the run before stored.
+TEST_F(WorkFolderTest, LinksToFilesAreNotKeptInTheirPlace) {
+  const auto folder = Take(3);
+  Write(*folder, "frames/a.png", "frame");
+  for (const char* name : {"photos", "views", "found_masks", "wide_views_2"}) {
+    fs::create_directory(folder->run() + "/" + name);
+    fs::create_symlink("../frames/a.png", folder->run() + "/" + name + "/a.png");
+  }
+  fs::create_directory_symlink("frames", folder->run() + "/frames_again");
+  Write(*folder, "found_masks/b.png", "mask");
+  Write(*folder, "photos/b.png", "photo");
+  Write(*folder, "wide_views_2/b.png", "view");
+  EXPECT_TRUE(*folder->Store());
+  EXPECT_THAT(folder->kept(), ElementsAre(Pair("frames/a.png", KeptFile{Blob(3, "frame"), 5})));
+  EXPECT_THAT(Blobs(), ElementsAre(Blob(3, "frame")));
+  const std::string link = folder->run() + "/views/a.png", staging = Scratch() + "/staged";
+  EXPECT_EQ(Reason(StoreFile(blobs_.get(), "a1", 3, link, staging, {}).status()), "STORE_FAILED");
+  EXPECT_FALSE(fs::exists(fs::symlink_status(staging)));
+  EXPECT_TRUE(
+      fs::is_regular_file(fs::symlink_status(dir_.path() + "/blobs/jobs/a1/" + Blob(3, "frame"))));
+}
+
 TEST_F(WorkFolderTest, ReplacedFilesGoOnceTheirSuccessorsAreNamed) {
   const auto first = Take(3);
   Write(*first, "checkpoint", "c1");
