@@ -120,6 +120,26 @@ int ReportError(const Session& session, const absl::Status& status, const std::s
   return exit_code;
 }
 
+void RemoveUnstarted(Session& session, const std::string& job, const absl::Status& why) {
+  absl::Status removed = why;
+  if (absl::IsCancelled(why)) {
+    Interrupt fresh;
+    ClientOptions options;
+    options.retry_seconds = 0;
+    options.call_seconds = 5;
+    // The channel was made once from the same options.
+    const auto channel = Connect(session.connection);
+    removed = channel.ok() ? Client(*channel, options, fresh).DeleteJob(job) : channel.status();
+  } else if (!absl::IsUnavailable(why) && !absl::IsDeadlineExceeded(why)) {
+    removed = session.client().DeleteJob(job);
+  }
+  Note(removed.ok() ? absl::StrCat(job, " was removed again")
+                    : absl::StrCat(job,
+                                   " was not started and is still there; remove it with: "
+                                   "litags delete ",
+                                   job));
+}
+
 void Note(std::string_view text) {
   std::fprintf(stderr, "%s\n", Printable(text).c_str());
   std::fflush(stderr);

@@ -52,6 +52,9 @@ class Session {
 // named in the commands it proposes; may be empty.
 int ReportError(const Session& session, const absl::Status& status, const std::string& job = "");
 
+// Removes a job whose start failed with `why`, and says so. It stays where no server answers.
+void RemoveUnstarted(Session& session, const std::string& job, const absl::Status& why);
+
 // A line to stderr.
 void Note(std::string_view text);
 

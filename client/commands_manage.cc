@@ -18,6 +18,7 @@
 #include "client/status.h"
 #include "client/text.h"
 #include "client/treatment.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags::client {
 namespace {
@@ -181,7 +182,11 @@ int Clone(Session& session, const CloneArgs& args) {
   const auto clone = session.client().CloneJob(request);
   if (!clone.ok()) return ReportError(session, clone.status(), args.job);
   const auto started = session.client().StartJob(clone->name());
-  if (!started.ok()) return ReportError(session, started.status(), clone->name());
+  if (!started.ok()) {
+    const int exit_code = ReportError(session, started.status(), clone->name());
+    RemoveUnstarted(session, clone->name(), started.status());
+    return exit_code;
+  }
   std::printf("%s\n", clone->name().c_str());
   std::fflush(stdout);
   Note(absl::StrCat("follow it with: litags watch ", clone->name()));
@@ -198,8 +203,10 @@ void AddUpdate(CLI::App& app, Session& session) {
       ->allow_extra_args(false);
   command->add_option("--priority", args->priority,
                       "Priority in the queue, -100..100: the highest first");
-  command->add_option("--keep-seconds", args->keep_seconds,
-                      "Remove the job so long after its end; 0: never");
+  command
+      ->add_option("--keep-seconds", args->keep_seconds,
+                   "Remove the job so long after its end; 0: never")
+      ->check(AtLeastZero(0.0));
   command->callback([&session, args] { session.exit_code = Update(session, *args); });
 }
 

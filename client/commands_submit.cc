@@ -93,23 +93,7 @@ void CleanUp(Session& session, const SubmitArgs& args, const std::string& reques
                       request_id, ", or remove it with: litags delete ", job));
     return;
   }
-  absl::Status removed = why;
-  if (!absl::IsCancelled(why)) {
-    removed = session.client().DeleteJob(job);
-  } else {
-    Interrupt fresh;
-    ClientOptions options;
-    options.retry_seconds = 0;
-    options.call_seconds = 5;
-    // The channel was made once from the same options.
-    const auto channel = Connect(session.connection);
-    removed = channel.ok() ? Client(*channel, options, fresh).DeleteJob(job) : channel.status();
-  }
-  Note(removed.ok() ? absl::StrCat(job, " was removed again")
-                    : absl::StrCat(job,
-                                   " was not started and is still there; remove it with: "
-                                   "litags delete ",
-                                   job));
+  RemoveUnstarted(session, job, why);
 }
 
 absl::Status UploadAndStart(Session& session, const std::string& job, Capture& capture,

@@ -11,8 +11,9 @@
 namespace litags::client {
 
 google::protobuf::Duration DurationOf(double seconds) {
+  constexpr double kMostSeconds = 3e11;  // a Duration ends soon after; the service takes far less
   return google::protobuf::util::TimeUtil::MillisecondsToDuration(
-      static_cast<int64_t>(std::llround(1000 * std::clamp(seconds, -1e9, 1e12))));
+      static_cast<int64_t>(std::llround(1000 * std::clamp(seconds, -kMostSeconds, kMostSeconds))));
 }
 
 void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
@@ -24,6 +25,7 @@ void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
   command
       .add_option("--max-run-seconds", treatment.max_run_seconds,
                   "Fail the job when it has run for so long; resume goes on")
+      ->check(AtLeastZero(0.0))
       ->group(group);
   command
       .add_option("--max-memory", treatment.max_memory_bytes,
@@ -46,6 +48,7 @@ void AddTreatmentOptions(CLI::App& command, Treatment& treatment) {
   command
       .add_option("--keep-seconds", treatment.retention_seconds,
                   "Remove the job so long after its end; 0: never")
+      ->check(AtLeastZero(0.0))
       ->group(group);
 }
 

@@ -23,6 +23,7 @@ struct Treatment {
 // the parsing.
 void AddTreatmentOptions(CLI::App& command, Treatment& treatment);
 
+// Of a finite number.
 google::protobuf::Duration DurationOf(double seconds);
 v1::JobPolicy ToProto(const Treatment& treatment);
 

@@ -106,6 +106,27 @@ class BadUploads(harness.ServiceTest):
         _, err = self.litags("submit", self.photos(), "--min-registered", "1.5", exit_code=2)
         self.assertIn("field:  options.min_registered", err)
 
+    def test_times_that_are_too_long(self):
+        job, photos = self.finished_job(), self.photos()
+        for command, field in ((("submit", photos, "--max-run-seconds", "1e300"), "max_run_time"),
+                               (("submit", photos, "--keep-seconds", "1e12"), "retention"),
+                               (("clone", job, "--max-run-seconds", "1e12"), "max_run_time"),
+                               (("update", job, "--keep-seconds", "4e11"), "retention")):
+            with self.subTest(command):
+                _, err = self.litags(*command, exit_code=2)
+                self.assertIn(f"field:  policy.{field}\n", err)
+                self.assertIn("up to 1e9 s", err)
+
+    def test_a_clone_that_cannot_start_is_removed(self):
+        job = self.job()
+        self.jobs.UploadImages(self.upload(job, [("a.png", harness.png())]))
+        before = self.litags("list", "--json")[0]
+        out, err = self.litags("clone", job, exit_code=2)
+        self.assertEqual(out, "")
+        self.assertIn("TOO_FEW_PHOTOS", err)
+        self.assertRegex(err, r"jobs/\w+ was removed again")
+        self.assertEqual(self.litags("list", "--json")[0], before)
+
     def test_options_without_effect_are_refused_before_a_job_is_made(self):
         job, photos = self.finished_job(), self.photos()
         folder = tempfile.mkdtemp(dir=self.folder)
@@ -236,7 +257,11 @@ class BadRequests(harness.ServiceTest):
                 (("submit", "d", "--iterations", "x"), '--iterations takes a whole number, not "x"; '),
                 (("submit", "d", "--seed", "-1"), "--seed takes a whole number from 0 on, "),
                 (("render", "1"), "--output is not given; "),
-                (("submit", "d", "--max-memory", "1lb"), "--max-memory takes a number of bytes, ")):
+                (("submit", "d", "--max-memory", "1lb"), "--max-memory takes a number of bytes, "),
+                (("clone", "1", "--max-run-seconds", "nan"),
+                 '--max-run-seconds takes a number from 0 on, not "nan"; '),
+                (("update", "1", "--keep-seconds", "inf"),
+                 '--keep-seconds takes a number from 0 on, not "inf"; ')):
             with self.subTest(command):
                 _, err = self.litags(*command, exit_code=2)
                 self.assertIn(words, err)
