@@ -2,6 +2,8 @@
 
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "google/rpc/error_details.pb.h"
@@ -13,7 +15,21 @@ namespace {
 // Clients wait so long at least before they call again.
 constexpr char kRetrySeconds[] = "1";
 
-bool MayComeAgain(int http_code) { return http_code == 429 || http_code == 503; }
+// Whether the same call may succeed later: the service says so, or gRPC found no service.
+bool MayComeAgain(const v1::RpcStatus& rpc) {
+  if (rpc.details().empty()) return rpc.code() == grpc::UNAVAILABLE;
+  return std::any_of(rpc.details().begin(), rpc.details().end(), [](const auto& detail) {
+    return detail.template Is<google::rpc::RetryInfo>();
+  });
+}
+
+v1::RpcStatus ToRpc(const grpc::Status& status) {
+  v1::RpcStatus rpc;
+  if (!rpc.ParseFromString(status.error_details())) rpc.Clear();
+  rpc.set_code(status.error_code());
+  rpc.set_message(status.error_message());
+  return rpc;
+}
 
 }  // namespace
 
@@ -50,10 +66,7 @@ int HttpCode(grpc::StatusCode code) {
 }
 
 std::string FailureJson(const grpc::Status& status) {
-  v1::RpcStatus rpc;
-  if (!rpc.ParseFromString(status.error_details())) rpc.Clear();
-  rpc.set_code(status.error_code());
-  rpc.set_message(status.error_message());
+  v1::RpcStatus rpc = ToRpc(status);
   std::string json;
   if (google::protobuf::util::MessageToJsonString(rpc, &json).ok()) return json;
   // A detail of a kind that this program does not know, or a text that is not UTF-8.
@@ -69,7 +82,7 @@ Answer Failure(const grpc::Status& status) {
   answer.code = HttpCode(status.error_code());
   answer.type = "application/json";
   answer.body = FailureJson(status);
-  if (MayComeAgain(answer.code)) answer.headers.emplace_back("Retry-After", kRetrySeconds);
+  if (MayComeAgain(ToRpc(status))) answer.headers.emplace_back("Retry-After", kRetrySeconds);
   if (answer.code == 401) answer.headers.emplace_back("WWW-Authenticate", "Bearer");
   return answer;
 }

@@ -202,6 +202,23 @@ class Files(GatewayTest):
         self.assertEqual(sorted(listed), sorted(names))
 
 
+class Refusals(GatewayTest):
+    """Codes alone do not say whether to come again."""
+
+    extra = ("--max-job-bytes", "1000", "--pictures-per-second", "0.001", "--picture-burst", "1")
+
+    def test_what_is_refused_for_good(self):
+        reply = self.web.put_file(self.new_job((), start=False), "a.png", harness.png())
+        self.assert_fails(reply, 429, "JOB_TOO_LARGE")
+        self.assertNotIn("Retry-After", reply.headers)
+
+    def test_what_is_refused_for_now(self):
+        for _ in range(2):
+            reply = self.web.get("/v1/jobs/0none/view?pose.camera=a.png")
+        self.assert_fails(reply, 429, "PICTURE_RATE_EXCEEDED")
+        self.assertEqual(reply.headers["Retry-After"], "1")
+
+
 class Pictures(GatewayTest):
 
     def test_views_as_bytes(self):

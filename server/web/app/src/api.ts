@@ -91,7 +91,8 @@ export interface ServerInfo {
 
 // What a call fails with. `code` 0: the server could not be reached.
 export class ApiError extends Error {
-  constructor(readonly code: number, message: string, readonly reason = "") {
+  // `transient`: the server says that the same call may succeed later.
+  constructor(readonly code: number, message: string, readonly reason = "", readonly transient = false) {
     super(message);
   }
 }
@@ -101,8 +102,10 @@ export function whenUnauthorized(action: () => void): void { onUnauthorized = ac
 
 export function errorOf(code: number, text: string): ApiError {
   try {
-    const status = JSON.parse(text) as {message?: string; details?: {reason?: string}[]};
-    return new ApiError(code, status.message ?? text, status.details?.[0]?.reason);
+    const status = JSON.parse(text) as {message?: string; details?: {"@type"?: string; reason?: string}[]};
+    const details = status.details ?? [];
+    const transient = details.some((detail) => detail["@type"]?.endsWith("/google.rpc.RetryInfo"));
+    return new ApiError(code, status.message ?? text, details[0]?.reason, transient);
   } catch {
     return new ApiError(code, `the server answered ${code}`);
   }

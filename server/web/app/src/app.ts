@@ -63,5 +63,10 @@ function ask(): void {
 }
 
 whenUnauthorized(ask);
+// Not by its address: every hash is the address of a view.
+document.querySelector("a.skip")!.addEventListener("click", (event) => {
+  event.preventDefault();
+  main.focus();
+});
 window.addEventListener("hashchange", route);
 route();

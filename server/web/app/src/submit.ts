@@ -50,12 +50,22 @@ function optionFields(info: ServerInfo): {main: HTMLElement[]; rest: HTMLElement
     read: () => {
       const values: Options = {method: method.value};
       for (const [key, control] of controls) {
+        if (control.closest("[hidden]")) continue;
         if (control instanceof HTMLInputElement && control.type === "checkbox") values[key] = control.checked;
         else if (control.value !== "") values[key] = control.value;
       }
       return values;
     },
   };
+}
+
+// Whether all values can be sent. Else the first that cannot is shown, with why.
+function valid(form: HTMLFormElement): boolean {
+  const controls = [...form.querySelectorAll<HTMLInputElement | HTMLSelectElement>("input, select")];
+  const wrong = controls.find((control) => !control.validity.valid && !control.closest("[hidden]"));
+  const folded = wrong?.closest("details");
+  if (folded) folded.open = true;  // a browser says nothing of a control that it cannot show
+  return wrong?.reportValidity() ?? true;
 }
 
 // Where files are dropped or picked.
@@ -175,6 +185,7 @@ export function submitView(): View {
 
   // `start` false: the job waits for its owner, who sees what the server found in the files.
   const submit = async (start: boolean): Promise<void> => {
+    if (!valid(element)) return;
     const chosen = files.chosen();
     running = new AbortController();
     bar.hidden = false;
@@ -216,7 +227,9 @@ export function submitView(): View {
     rest.replaceChildren(...options.rest);
     ofVideos.replaceChildren(...options.ofVideos);
   }, (error: ApiError) => notice(error.message));
-  const element = el("form", {class: "submit", submit: (event) => { event.preventDefault(); void submit(true); }},
+  // The browser's own check would end without a word at a control that is folded away.
+  const element = el("form", {class: "submit", novalidate: true,
+                              submit: (event) => { event.preventDefault(); void submit(true); }},
                      el("h1", {}, "New job"), ...files.elements, ofVideos,
                      el("div", {class: "fields"}, labelled("Title", title)), main,
                      el("details", {}, el("summary", {}, "All options"), rest), bar,

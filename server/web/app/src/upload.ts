@@ -88,7 +88,7 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
 
 // Whether the same request may succeed later.
 const mayRetry = (error: unknown): boolean =>
-    error instanceof ApiError && (error.code === 0 || error.code === 429 || error.code >= 500);
+    error instanceof ApiError && (error.code === 0 || error.code >= 500 || error.transient);
 
 // Sends one file, and what is left of it after a broken connection. Gives up after nine attempts in a
 // row that brought no bytes.
