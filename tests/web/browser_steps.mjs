@@ -172,6 +172,48 @@ await step("its end", async () => {
   await check("4-job");
 });
 
+await step("another photo's place while pictures of one are drawn", async () => {
+  const asked = [];
+  let chosen;
+  const both = new Promise((ok) => { chosen = ok; });
+  await page.route(/\/view\?/, async (route) => {
+    const query = new URL(route.request().url()).searchParams;
+    asked.push(`${query.get("pose.camera")} ${query.get("settings.channel")}`);
+    await both;
+    await route.continue();
+  });
+  const place = page.getByLabel("From the place of photo");
+  await place.selectOption("b.png");
+  await place.selectOption("c.png");
+  const last = page.waitForResponse(/view\?pose\.camera=c\.png&settings\.channel=CHANNEL_COLOR/);
+  chosen();
+  await last;
+  assert.deepEqual(asked, ["b", "c"].flatMap((name) => ["ORIGINAL", "COLOR"].map(
+      (channel) => `${name}.png CHANNEL_${channel}`)));
+  await page.unrouteAll();
+});
+
+// Of a curve with these values, one each 100 iterations: its heights, px, and the numbers of its axis.
+const drawnCurve = (values) => page.evaluate(async (all) => {
+  const {chart} = await import("/chart.js");
+  const {element, show} = chart("PSNR", "dB");
+  show(all.map((y, i) => ({x: 100 * i, y})));
+  return {
+    heights: element.querySelector(".curve").getAttribute("points").split(" ").map((p) => -Number(p.split(",")[1])),
+    numbers: [...element.querySelectorAll(".tick.end")].map((text) => text.textContent),
+  };
+}, values);
+
+await step("curves that rise, or hardly", async () => {
+  const {heights} = await drawnCurve(Array.from({length: 120}, (_, i) => 20 + i / 20));
+  assert.ok(heights.at(-1) > heights.at(-2), "the newest value is cut off");
+  for (const values of [[24.31], [24.31, 24.3102], [24.31, 24.34]]) {
+    const {numbers} = await drawnCurve(values);
+    assert.ok(numbers.length > 1, `${numbers}`);
+    assert.equal(new Set(numbers).size, numbers.length, `${numbers}`);
+  }
+});
+
 await step("a file to take along", async () => {
   await page.getByLabel("Format").selectOption("SPZ");
   const [download] = await Promise.all([
@@ -209,6 +251,25 @@ async function measured() {
   await page.getByLabel("Its length").fill("2");
   await page.getByLabel("Its length").press("Tab");
   await page.getByText("2.000 m", {exact: true}).waitFor();
+  await measuredWhileItMoves();
+}
+
+// The same point twice; the second time the camera has moved before the answer comes.
+async function measuredWhileItMoves() {
+  const stage = page.locator("canvas.stage");
+  await stage.press("m");
+  await page.getByText("Click the second point").waitFor();
+  let moved;
+  const move = new Promise((ok) => { moved = ok; });
+  await page.route(/:renderView$/, async (route) => {
+    if (route.request().postData().includes("RAW_FLOAT")) await move;
+    await route.continue();
+  });
+  await stage.press("m");
+  await redrawn(() => stage.press("w", {delay: 200}));
+  moved();
+  await page.getByText("0.000 m", {exact: true}).waitFor();
+  await page.unrouteAll();
 }
 
 await step("through the scene", async () => {
@@ -228,6 +289,14 @@ await step("through the scene", async () => {
     await page.keyboard.up("w");
   });
   assert.equal(await page.getByLabel("Photo's place").inputValue(), "");
+  await redrawn(async () => {  // "+", of which Shift is let go first
+    for (const key of ["Shift", "Equal"]) await page.keyboard.down(key);
+    await page.waitForTimeout(200);
+    for (const key of ["Shift", "Equal"]) await page.keyboard.up(key);
+  });
+  const before = await drawn();
+  await page.waitForTimeout(500);
+  assert.equal(await drawn(), before, "the camera flies on");
   await redrawn(async () => {
     const box = await page.locator("canvas.stage").boundingBox();
     await page.mouse.move(box.x + 100, box.y + 100);
@@ -359,6 +428,7 @@ await step("resume", async () => {
   await page.locator(".log li").first().waitFor();
   await page.waitForTimeout(1500);  // the streams have ended
   const before = await page.locator(".log li").count();
+  const stages = await page.locator(".stages li").count();
   // The first stream after it fails for a moment.
   let failures = 0;
   await page.route(/\/events/, (route) => ++failures > 1 ? route.continue() : route.fulfill({
@@ -366,11 +436,14 @@ await step("resume", async () => {
     body: 'event: failure\ndata: {"code": 14, "message": "the store is away"}\n\n'}));
   await page.getByRole("button", {name: "Resume"}).click();
   await page.getByText("the store is away").waitFor();
-  await page.waitForFunction(
-      () => /^training/.test([...document.querySelectorAll(".stages li")].at(-1)?.textContent));
+  await page.waitForFunction((n) => {
+    const shown = [...document.querySelectorAll(".stages li")];
+    return shown.length > n && /^training/.test(shown.at(-1).textContent);
+  }, stages);
   await page.waitForFunction((n) => document.querySelectorAll(".log li").length > n, before);
   assert.equal(failures, 2);
   await page.unrouteAll();
+  assert.doesNotMatch(await page.locator(".stages").innerText(), /cancelled/);
   await check("6a-resumed");
 });
 

@@ -10,7 +10,8 @@ const kKeys = new Set(["w", "a", "s", "d", "q", "e", "arrowleft", "arrowright", 
 // `moved` is called after each change. Returns what ends it.
 export function control(element: HTMLElement, camera: OrbitCamera, moved: () => void): () => void {
   const pointers = new Map<number, {x: number; y: number}>();
-  const held = new Set<string>();
+  // By the key's place on the keyboard: "+" is let go as "=" if Shift was let go before it.
+  const held = new Map<string, string>();
   let frame = 0, last = 0;
 
   const spread = (): number => {
@@ -50,8 +51,9 @@ export function control(element: HTMLElement, camera: OrbitCamera, moved: () => 
     if (held.size === 0) return;
     const step = kFly * Math.min(0.1, (now - last) / 1000 || 0.016);
     last = now;
+    const keys = new Set(held.values());
     const axis = (plus: string, minus: string): number =>
-        step * (Number(held.has(plus)) - Number(held.has(minus)));
+        step * (Number(keys.has(plus)) - Number(keys.has(minus)));
     camera.move(axis("d", "a"), axis("q", "e"), axis("w", "s"));
     camera.orbit(axis("arrowright", "arrowleft"), axis("arrowup", "arrowdown"));
     const nearer = axis("+", "-");
@@ -63,13 +65,13 @@ export function control(element: HTMLElement, camera: OrbitCamera, moved: () => 
     const key = event.key.toLowerCase();
     if (!kKeys.has(key) || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
-    held.add(key);
+    held.set(event.code, key);
     if (!frame) {
       last = performance.now();
       frame = requestAnimationFrame(fly);
     }
   };
-  const keyUp = (event: KeyboardEvent): void => { held.delete(event.key.toLowerCase()); };
+  const keyUp = (event: KeyboardEvent): void => { held.delete(event.code); };
   const release = (): void => held.clear();
   const noMenu = (event: Event): void => event.preventDefault();
 

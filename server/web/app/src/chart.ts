@@ -5,6 +5,7 @@ import {svg} from "./dom.js";
 export interface Point { x: number; y: number }
 
 const kWidth = 480, kHeight = 180, kLeft = 52, kRight = 18, kTop = 12, kBottom = 26;
+const kLeastRange = 0.01;  // of the values' axis, as a share of the highest: else ticks look alike
 
 // About so many round numbers between two.
 function ticks(low: number, high: number, count: number): number[] {
@@ -23,9 +24,19 @@ function thin(points: Point[], most: number): Point[] {
 }
 
 const short = (v: number): string =>
-    Math.abs(v) >= 1000 ? `${+(v / 1000).toPrecision(3)}k` : String(+v.toPrecision(3));
+    Math.abs(v) >= 1000 ? `${+(v / 1000).toPrecision(4)}k` : String(+v.toPrecision(4));
 
-export function chart(name: string, unit: string): {element: SVGElement; show: (points: Point[]) => void} {
+// The range of the values' axis. Values above `shown` of all are cut off: of a loss the first few are far
+// off, and the curve's end is what is looked at.
+function rangeOf(values: number[], shown: number): [low: number, high: number] {
+  const sorted = [...values].sort((a, b) => a - b);
+  const low = sorted[0]!, high = sorted[Math.ceil(shown * (sorted.length - 1))]!;
+  const least = Math.max(1e-6, kLeastRange * Math.abs(high));
+  return high - low < least ? [high - least / 2, high + least / 2] : [low, high];
+}
+
+// `shown`: the share of the values, the lowest ones, that the chart's height is for.
+export function chart(name: string, unit: string, shown = 1): {element: SVGElement; show: (points: Point[]) => void} {
   const element = svg("svg", {class: "chart", viewBox: `0 0 ${kWidth} ${kHeight}`, role: "img",
                               "aria-label": `${name}: no value yet`});
   const show = (all: Point[]): void => {
@@ -33,9 +44,7 @@ export function chart(name: string, unit: string): {element: SVGElement; show: (
     element.replaceChildren(svg("text", {x: kLeft, y: kTop, class: "name"}, unit ? `${name}, ${unit}` : name));
     if (points.length === 0) return;
     const xs = points.map((p) => p.x), ys = points.map((p) => p.y);
-    // A few first values are far off: the curve's end is what is looked at.
-    const sorted = [...ys].sort((a, b) => a - b);
-    const low = sorted[0]!, high = Math.max(sorted[Math.floor(0.98 * (sorted.length - 1))]!, low + 1e-9);
+    const [low, high] = rangeOf(ys, shown);
     const x0 = Math.min(...xs), x1 = Math.max(...xs, x0 + 1);
     const px = (x: number): number => kLeft + (x - x0) / (x1 - x0) * (kWidth - kLeft - kRight);
     const py = (y: number): number =>

@@ -29,13 +29,14 @@ export class History {
     if (progress.psnrHoldout !== undefined) put(this.psnr, {x, y: progress.psnrHoldout});
   }
 
-  // Each stage that took time, in order. `now`: until when the last one lasts; seconds since 1970.
+  // Each stage that took time, in order; between its end and a resume a job does nothing. `now`: until when the last one lasts; seconds since 1970.
   stages(now?: number): StageTime[] {
     return this.steps
         .map((step, i) => ({
           stage: step.stage,
           seconds: (i === this.steps.length - 1 && now ? now : step.to) - step.from,
         }))
+        .filter(({stage}) => !/^JOB_STATE_(SUCCEEDED|FAILED|CANCELLED)$/.test(stage))
         .filter(({stage, seconds}) => stage.startsWith("STAGE_") || seconds >= 1);
   }
 }

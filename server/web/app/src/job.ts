@@ -68,7 +68,7 @@ function report(): Part {
 }
 
 function curves(): {element: HTMLElement; show: (history: History, job: Job) => void} {
-  const loss = chart("Loss", ""), psnr = chart("PSNR of held-out photos", "dB");
+  const loss = chart("Loss", "", 0.98), psnr = chart("PSNR of held-out photos", "dB");
   const stages = el("ol", {class: "stages"});
   const element = el("section", {"aria-label": "Course", hidden: true}, el("h2", {}, "Course"),
                      el("div", {class: "charts"}, loss.element, psnr.element), stages);

@@ -11,6 +11,7 @@ const kDigits = 4;
 
 // The point of a surface along a ray of unit length from the camera; null: nothing is there.
 async function surface(job: string, camera: OrbitCamera, ray: V3): Promise<V3 | null> {
+  const eye = camera.eye;  // it may move before the answer comes
   const {blob} = await renderView(job, {
     pose: {viewmat: {values: viewmatOf(camera.frame(ray))}},
     settings: {channel: "CHANNEL_DEPTH", format: "PICTURE_FORMAT_RAW_FLOAT", width: kSpot, height: kSpot,
@@ -18,7 +19,7 @@ async function surface(job: string, camera: OrbitCamera, ray: V3): Promise<V3 | 
   });
   const depths = [...new Float32Array(await blob.arrayBuffer())].filter((z) => z > 0).sort((a, b) => a - b);
   const middle = depths[depths.length >> 1];
-  return middle === undefined ? null : add(camera.eye, ray, middle);
+  return middle === undefined ? null : add(eye, ray, middle);
 }
 
 // `overlay` lies over the picture and is drawn anew by draw() when the camera has moved.

@@ -16,9 +16,9 @@ export function pictures(): Part {
                      slide.element, labelled("From the place of photo", camera), about);
   let job: Job | undefined, drawn = -1, time = 0, busy = false;
 
-  const url = async (channel: string): Promise<string> => {
+  const url = async (name: string, channel: string): Promise<string> => {
     const query = new URLSearchParams({
-      "pose.camera": camera.value, "settings.channel": channel, "settings.format": "PICTURE_FORMAT_JPEG",
+      "pose.camera": name, "settings.channel": channel, "settings.format": "PICTURE_FORMAT_JPEG",
     });
     const response = await fetch(`/v1/${job!.name}/view?${query}`);
     if (!response.ok) throw new Error();
@@ -29,12 +29,14 @@ export function pictures(): Part {
     if (!job || busy) return;
     busy = true;
     const iteration = job.snapshotIteration!;
+    let name = "";
     try {
       if (camera.options.length === 0) {
         const cameras = await get<Cameras>(`/v1/${job.name}/cameras`);
         camera.append(...(cameras.cameras ?? []).map(({name}) => el("option", {value: name}, name)));
       }
-      const next = [await url("CHANNEL_ORIGINAL"), await url("CHANNEL_COLOR")];
+      name = camera.value;  // of both pictures, whatever is chosen meanwhile
+      const next = [await url(name, "CHANNEL_ORIGINAL"), await url(name, "CHANNEL_COLOR")];
       slide.show(next[0]!, next[1]!);
       urls.forEach((old) => URL.revokeObjectURL(old));
       urls = next;
@@ -47,6 +49,7 @@ export function pictures(): Part {
     } finally {
       busy = false;
     }
+    if (camera.value !== name) void draw();
   };
   return {
     element,
