@@ -9,6 +9,7 @@
 
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/core/spread_indices.h"
 #include "engine/render/renderer.h"
 
 namespace litags {
@@ -103,9 +104,8 @@ absl::Status Weigh(const ViewerScene& scene, int threads, const CancelToken& can
   settings.threads = threads;
   settings.cancel = &cancel;
   Planes image, alpha;
-  const size_t count = scene.views.size(), used = std::min(count, kWeighingViews);
-  for (size_t v = 0; v < used; ++v) {
-    const Camera camera = Small(scene.views[v * count / used].camera);
+  for (const size_t v : SpreadIndices(scene.views.size(), kWeighingViews)) {
+    const Camera camera = Small(scene.views[v].camera);
     renderer.Forward(scene.splats, camera, settings, &image, &alpha);
     LITAGS_RETURN_IF_ERROR(cancel.Check());
     Planes ones(3, camera.height, camera.width);

@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "engine/export/export_test_util.h"
 
@@ -145,6 +149,37 @@ TEST(KeepHeaviest, WhatNoPictureNeedsGoesFirst) {
     ++at;
   }
   EXPECT_EQ(at, 200u);
+}
+
+// Six views from each of 64 places on a line: ahead, behind, right, left, down, up.
+std::vector<View> Panoramas() {
+  std::vector<View> views;
+  for (int i = 0; i < 6 * 64; ++i) {
+    const int axis = 2 - i % 6 / 2;
+    const std::array<double, 3> center = {0.002 * (i / 6), 0, 0};
+    std::array<double, 3> target = center;
+    target[axis] += i % 2 == 0 ? 1 : -1;
+    View view{"photo" + std::to_string(i), RingCamera(0, 6, 40, 40)};
+    const std::array<double, 3> up = {0, axis == 1 ? 0.0 : -1.0, axis == 1 ? 1.0 : 0.0};
+    EXPECT_TRUE(view.camera.LookAt(center, target, up).ok());
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
+TEST(KeepHeaviest, WhatOneDirectionOfPanoramasSeesIsNeeded) {
+  ViewerScene scene;
+  scene.views = Panoramas();
+  scene.splats = Splats(12);
+  for (size_t i = 0; i < 12; ++i) {
+    scene.splats.at(i, kMean + (2 - i / 4)) = i / 2 % 2 == 0 ? 3 : -3;
+    for (int k = 0; k < 3; ++k) scene.splats.at(i, kLogScale + k) = std::log(0.2f);
+    scene.splats.at(i, kRawQuat) = 1;
+    scene.splats.at(i, kLogitOpacity) = i % 2 == 0 ? -8 : 2;  // all but transparent, or not
+  }
+  ASSERT_TRUE(KeepHeaviest(6, 0, CancelToken(), &scene).ok());
+  ASSERT_EQ(scene.splats.size(), 6u);
+  for (size_t i = 0; i < 6; ++i) EXPECT_EQ(scene.splats.at(i, kLogitOpacity), 2) << i;
 }
 
 TEST(KeepHeaviest, AllStayIfThereAreFewEnoughAndCancellingEndsIt) {

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/core/spread_indices.h"
 #include "engine/depth/depth_provider.h"
 #include "engine/depth/network_depth.h"
 #include "engine/io/container.h"
@@ -176,11 +177,12 @@ std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
                                      absl::Span<const int> point_views, int most) {
   std::vector<SparsePoint> out = PointsOfTraining(points, point_views);
   if (most == 0) return out;
-  int last = 0;
+  int last = -1;
   for (const int view : point_views) last = std::max(last, view);
-  const int every = last / most + 1;
+  std::vector<bool> used(last + 1);
+  for (const size_t view : SpreadIndices(used.size(), most)) used[view] = true;
   for (SparsePoint& point : out) {
-    std::erase_if(point.track, [&](const TrackElement& e) { return e.view % every != 0; });
+    std::erase_if(point.track, [&](const TrackElement& e) { return !used[e.view]; });
   }
   return out;
 }

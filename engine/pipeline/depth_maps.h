@@ -18,7 +18,7 @@ namespace litags {
 std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
                                           absl::Span<const int> point_views);
 
-// The same with the tracks of at most `most` photos, evenly by name (0: all): stereo gives no map
+// The same with the tracks of at most `most` photos, spread over all (0: all): stereo gives no map
 // to the others.
 std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
                                      absl::Span<const int> point_views, int most);

@@ -1,7 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
+#include <vector>
 
 #include "engine/io/depth_io.h"
 #include "engine/onnx/onnx_writer.h"
@@ -87,19 +90,35 @@ TEST(DepthMaps, StereoOfSomePhotosIsTheDefault) {
   EXPECT_FALSE(Bytes(Maps(all)) == kept) << "the key must tell them apart";
 }
 
-TEST(PointsOfFew, AreSeenByPhotosSpreadEvenly) {
+// Photos of one point that all of `views` see.
+std::vector<int> PhotosOfFew(int views) {
+  SparsePoint point;
+  std::vector<int> point_views = {-1};  // the first photo is held out
+  for (int i = 0; i <= views; ++i) point.track.push_back({i, 0, 0});
+  for (int i = 0; i < views; ++i) point_views.push_back(i);
+  std::vector<int> photos;
+  for (const SparsePoint& few : PointsOfFew({point}, point_views, 32)) {
+    for (const TrackElement& e : few.track) photos.push_back(e.view);
+  }
+  return photos;
+}
+
+TEST(PointsOfFew, AreSeenByPhotosSpreadOverAll) {
   for (const int views : {1, 32, 33, 64, 100}) {
-    SparsePoint point;
-    std::vector<int> point_views = {-1};  // the first photo is held out
-    for (int i = 0; i <= views; ++i) point.track.push_back({i, 0, 0});
-    for (int i = 0; i < views; ++i) point_views.push_back(i);
-    const auto few = PointsOfFew({point}, point_views, 32);
-    ASSERT_EQ(few.size(), 1u);
-    const int every = views <= 32 ? 1 : views <= 64 ? 2 : 4;
-    ASSERT_EQ(few[0].track_length(), (views + every - 1) / every) << views;
-    for (size_t i = 0; i < few[0].track.size(); ++i) EXPECT_EQ(few[0].track[i].view, i * every);
+    const std::vector<int> photos = PhotosOfFew(views);
+    ASSERT_EQ(photos.size(), static_cast<size_t>(std::min(views, 32)));
+    for (size_t i = 1; i < photos.size(); ++i) {
+      EXPECT_GT(photos[i], photos[i - 1]);
+      EXPECT_LE(photos[i] - photos[i - 1], std::max(1, 2 * views / 32)) << views;
+    }
   }
   EXPECT_TRUE(PointsOfFew({}, {}, 32).empty());
+}
+
+TEST(PointsOfFew, AreSeenByEveryDirectionOfPanoramas) {
+  std::array<int, 6> directions = {};
+  for (const int photo : PhotosOfFew(6 * 32)) ++directions[photo % 6];
+  for (const int photos : directions) EXPECT_GE(photos, 4);
 }
 
 TEST(DepthMaps, NoneAndTheDepthLossOffMakeNone) {

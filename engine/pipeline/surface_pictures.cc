@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/core/error.h"
+#include "engine/core/spread_indices.h"
 #include "engine/export/formats.h"
 #include "engine/export/quantize.h"
 #include "engine/export/viewer_scene.h"
@@ -73,10 +74,10 @@ absl::StatusOr<std::vector<SurfacePicture>> SurfacePictures(const Scene& scene,
                                                             const ExportRequest& request) {
   LITAGS_RETURN_IF_ERROR(CheckExport(request));
   const std::vector<View>& views = scene.views();
-  const size_t cameras = std::min(views.size(), kMostCameras);
+  const std::vector<size_t> used = SpreadIndices(views.size(), kMostCameras);
   std::vector<SurfacePicture> pictures;
-  for (size_t i = 0; i < cameras; ++i) {
-    const Camera camera = Shrunk(views[i * views.size() / cameras].camera, cameras);
+  for (const size_t v : used) {
+    const Camera camera = Shrunk(views[v].camera, used.size());
     LITAGS_ASSIGN_OR_RETURN(SurfacePicture picture, Rendered(scene, camera, request));
     pictures.push_back(std::move(picture));
   }
