@@ -16,8 +16,6 @@ namespace {
 // In units of the drawing, which are px where the page is as wide as that.
 constexpr double kWidth = 420, kHeight = 215, kLeft = 52, kRight = 24, kTop = 26, kBottom = 44;
 constexpr size_t kMostPoints = 400;  // nearly one a px
-// A few first values are far off; the end of the curve is what is looked at.
-constexpr double kShownShare = 0.98;
 // Of a curve that is flat, or one point: the range of values around it, as a share of them.
 constexpr double kLeastRange = 0.01;
 
@@ -31,13 +29,13 @@ std::string Short(double value) {
 
 // Where values stand in the drawing.
 struct Scale {
-  explicit Scale(const std::vector<CurvePoint>& curve) {
+  Scale(const std::vector<CurvePoint>& curve, double shown) {
     std::vector<double> values;
     for (const CurvePoint& point : curve) values.push_back(point.value);
     std::sort(values.begin(), values.end());
     const auto last = static_cast<double>(values.size() - 1);
     low = values.front();
-    high = values[static_cast<size_t>(std::ceil(kShownShare * last))];
+    high = values[static_cast<size_t>(std::ceil(shown * last))];
     const double least = std::max(1e-6, kLeastRange * std::abs(high));
     if (high - low < least) std::tie(low, high) = std::pair(high - least / 2, high + least / 2);
     first = curve.front().iteration;
@@ -117,9 +115,10 @@ std::vector<double> Ticks(double low, double high, int count) {
   return ticks;
 }
 
-Html Chart(const std::string& name, const std::string& unit, const std::vector<CurvePoint>& curve) {
+Html Chart(const std::string& name, const std::string& unit, const std::vector<CurvePoint>& curve,
+           double shown) {
   if (curve.empty()) return {};
-  const Scale scale(curve);
+  const Scale scale(curve, shown);
   const CurvePoint& last = curve.back();
   const std::string value = absl::StrCat(Short(last.value), unit.empty() ? "" : " ", unit);
   const std::string summary =

@@ -13,8 +13,10 @@ namespace litags::report {
 std::vector<double> Ticks(double low, double high, int count);
 
 // A curve as SVG: values upwards, iterations to the right, with the time at each mark below it. Its
-// colours are the page's. Empty without a point.
-Html Chart(const std::string& name, const std::string& unit, const std::vector<CurvePoint>& curve);
+// colours are the page's. Empty without a point. `shown`: the share of the values, the lowest ones,
+// that its height is for; higher ones are cut off.
+Html Chart(const std::string& name, const std::string& unit, const std::vector<CurvePoint>& curve,
+           double shown = 1);
 
 }  // namespace litags::report
 

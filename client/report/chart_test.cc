@@ -47,7 +47,16 @@ TEST(Chart, OnePointIsInTheMiddleOfAScale) {
 TEST(Chart, AFewFirstValuesDoNotFlattenTheRest) {
   std::vector<CurvePoint> curve = Falling(200);
   curve.front().value = 1e6;
-  EXPECT_THAT(Chart("Loss", "", curve).markup(), Not(HasSubstr("000k")));
+  EXPECT_THAT(Chart("Loss", "", curve, 0.98).markup(), Not(HasSubstr("000k")));
+}
+
+TEST(Chart, NoneOfRisingValuesIsCutOff) {
+  std::vector<CurvePoint> curve = Falling(200);
+  for (size_t i = 0; i < curve.size(); ++i) curve[i].value = 20 + 0.05 * static_cast<double>(i);
+  const std::string svg = Chart("PSNR", "dB", curve).markup();
+  const std::string top = ",26.0";  // of the last point alone
+  ASSERT_THAT(svg, HasSubstr(top));
+  EXPECT_EQ(svg.find(top), svg.rfind(top));
 }
 
 TEST(Chart, ALongCurveIsThinned) {

@@ -124,12 +124,16 @@ std::vector<CurvePoint> PsnrCurve(const Course& course, const v1::JobReport& rep
   return curve;
 }
 
+// Of a loss the first few values are far off; the end of the curve is what is looked at.
+constexpr double kShownOfLoss = 0.98;
+
 Html CurvesSection(const Course& course, const v1::Job& job) {
   if (course.loss().empty()) return {};
   const std::vector<CurvePoint> psnr = PsnrCurve(course, job.report());
   Html section = El("h2", {}, {"Loss and quality"});
   section += El("div", {{"class", "charts"}},
-                {Chart("Loss", "", course.loss()), Chart("PSNR of held-out photos", "dB", psnr)});
+                {Chart("Loss", "", course.loss(), kShownOfLoss),
+                 Chart("PSNR of held-out photos", "dB", psnr)});
   section += El("p", {{"class", "quiet"}},
                 {"Over iterations; below them, the time that the job had run by then."});
   if (!psnr.empty()) {
