@@ -66,11 +66,11 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetServerInfo(Context* cont
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CloneJob(Context* context,
                                                               const v1::CloneJobRequest* request,
                                                               v1::Job* response) {
-  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+  const auto work = [=](Call& call, const CancelToken& cancel) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
     LITAGS_ASSIGN_OR_RETURN(const JobRecord source, call.jobs()->Get(id));
     LITAGS_ASSIGN_OR_RETURN(const NewJob wanted, NewJobOf(*request, source));
-    const auto job = call.jobs()->Clone(id, wanted);
+    const auto job = call.jobs()->Clone(id, wanted, cancel);
     if (job.ok()) spdlog::info("job={} cloned from {}", job->id, id);
     return Answer(*call.jobs(), job, response);
   };

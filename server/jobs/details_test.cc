@@ -10,6 +10,7 @@
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/store/digest.h"
+#include "server/testing/faulty_blob_store.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -17,6 +18,17 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+
+// Calls `on_link` before each link.
+class LinkedBlobs : public FaultyBlobStore {
+ public:
+  using FaultyBlobStore::FaultyBlobStore;
+  absl::Status Link(std::string_view from, std::string_view to) override {
+    on_link();
+    return FaultyBlobStore::Link(from, to);
+  }
+  std::function<void()> on_link;
+};
 
 class DetailsTest : public ::testing::Test {
  protected:
@@ -134,6 +146,61 @@ TEST_F(DetailsTest, ACloneHasTheFilesAndStandsAlone) {
   EXPECT_TRUE(jobs_.Start(clone->id).ok());
 }
 
+TEST_F(DetailsTest, ACloneThatIsCancelledGoesOnWhereItWas) {
+  LinkedBlobs blobs(blobs_.get());
+  Jobs jobs(store_.get(), &blobs, data_, clock_);
+  const std::string id = UploadedJob(jobs);
+  CancelToken cancel;
+  int links = 0;
+  blobs.on_link = [&] {
+    if (++links == 2) cancel.Cancel();
+  };
+  NewJob wanted;
+  wanted.request_id = "once";
+  EXPECT_EQ(jobs.Clone(id, wanted, cancel).status().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(links, 2);
+  const auto clone = jobs.Clone(id, wanted);
+  ASSERT_TRUE(clone.ok()) << clone.status();
+  EXPECT_EQ(links, 3);
+  EXPECT_EQ(Names(clone->id), Names(id));
+  EXPECT_EQ(jobs.Clone(id, wanted)->id, clone->id);
+  EXPECT_EQ(links, 3);
+}
+
+TEST_F(DetailsTest, APriorityThatAnAdministratorRaisedLocksNobodyOut) {
+  ClientView view;
+  view.owner = "me";
+  view.caps.max_priority = 0;
+  const auto mine = jobs_.For(view);
+  const std::string id = UploadedJob(*mine);
+  const auto raise = [](JobDetails& details) {
+    details.priority = 50;
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(jobs_.Update(id, "", raise).ok());
+  EXPECT_EQ(mine->Start(id)->priority, 50);
+  ASSERT_TRUE(mine->Cancel(id).ok());
+  const auto more = [](ReconstructOptions& options, JobPolicy&) {
+    options.iterations += 100;
+    return absl::OkStatus();
+  };
+  EXPECT_EQ(mine->Resume(id, more)->priority, 50);
+  ASSERT_TRUE(mine->Cancel(id).ok());
+  const auto higher = [](ReconstructOptions&, JobPolicy& policy) {
+    policy.priority = 51;
+    return absl::OkStatus();
+  };
+  EXPECT_EQ(Reason(mine->Resume(id, higher).status()), "JOB_CAP_EXCEEDED");
+
+  NewJob wanted;
+  wanted.policy = *PolicyOf(*mine->Get(id));
+  const auto clone = mine->Clone(id, wanted);
+  ASSERT_TRUE(clone.ok()) << clone.status();
+  EXPECT_EQ(clone->priority, 0);
+  wanted.policy.priority = 20;
+  EXPECT_EQ(Reason(mine->Clone(id, wanted).status()), "JOB_CAP_EXCEEDED");
+}
+
 TEST_F(DetailsTest, NobodyClonesAnotherClientsJob) {
   const auto mine = jobs_.For({.owner = "me"}), other = jobs_.For({.owner = "other"});
   const std::string id = UploadedJob(*mine);
@@ -221,6 +288,20 @@ TEST_F(DetailsTest, ALogHasAnEnd) {
   // What ends the job is told nevertheless.
   ASSERT_TRUE(leases.Fail(*lease, absl::InternalError("it broke")).ok());
   EXPECT_EQ(LogTexts(id).back(), "FAILED: it broke");
+}
+
+TEST_F(DetailsTest, NotesOfAFinishedRunLeaveTheLogItsEnd) {
+  LeaseOptions options;
+  options.max_log_bytes = 1000;
+  Leases leases(store_.get(), blobs_.get(), options, clock_);
+  const std::string id = UploadedJob(jobs_);
+  ASSERT_TRUE(jobs_.Start(id).ok());
+  const auto lease = *leases.Acquire("w");
+  ReconstructReport report;
+  report.notes.assign(100, std::string(100, 'x'));
+  ASSERT_TRUE(leases.Succeed(*lease, report, {{kSceneFile, {"1/aa", 5}}}).ok());
+  EXPECT_LT(jobs_.Get(id)->log_bytes, 1100);
+  EXPECT_THAT(LogTexts(id).back(), HasSubstr("SUCCEEDED"));
 }
 
 TEST_F(DetailsTest, CancelAndResumeInALoopComesToAnEnd) {

@@ -178,6 +178,14 @@ TEST_F(FinishedTest, JobThatFailedForItsFilesTakesOthers) {
   EXPECT_EQ(Reason(Add(id, "a.jpg", "another")), "JOB_NOT_UPLOADING");
 }
 
+TEST_F(FinishedTest, JobWithOtherFilesIsStartedByTheCallThatStartedItBefore) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(jobs_.Start(id, "s").ok());
+  ASSERT_TRUE(leases_.Fail(Acquired(), absl::InternalError("x")).ok());
+  ASSERT_TRUE(Add(id, "d.jpg", "d").ok());
+  EXPECT_EQ(jobs_.Start(id, "s")->state, JobState::kQueued);
+}
+
 TEST_F(FinishedTest, ThereIsNoSuccessWithoutAScene) {
   const std::string id = StartedJob();
   ASSERT_TRUE(jobs_.Start(id).ok());

@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <tuple>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -92,14 +93,17 @@ absl::Status CheckDepthMaps(const JobRecord& job, const std::vector<FileRecord>&
                    "maps, or make a job with another source");
 }
 
-// The caps may be others than when the job was made.
+// The caps may be others than when the job was made. Its priority is not checked: whoever set it
+// could, an administrator too, and this call leaves it.
 absl::Status ApplyCaps(const JobCaps& caps, JobRecord* job) {
   ReconstructOptions options;
   if (!job->options.empty()) {
     LITAGS_ASSIGN_OR_RETURN(options, Decode<ReconstructOptions>(job->options));
   }
   LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(*job));
-  LITAGS_RETURN_IF_ERROR(caps.Check(options, policy));
+  JobPolicy checked = policy;
+  checked.priority = std::min(policy.priority, caps.max_priority);
+  LITAGS_RETURN_IF_ERROR(caps.Check(options, checked));
   caps.LimitRunTime(&policy);
   job->policy = Encode(policy);
   return absl::OkStatus();
@@ -186,7 +190,8 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
                                 other, "; use a new one"));
 }
 
-absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& wanted) {
+absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& asked,
+                                      const CancelToken& cancel) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord source, store_->Get(id));
   if (source.owner != view_.owner) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "NOT_YOUR_JOB", "name",
@@ -194,10 +199,22 @@ absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& wanted)
                                   "\"'s; only that client can clone it"));
   }
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
+  NewJob wanted = asked;
+  LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(source));
+  // An administrator may have raised it.
+  if (wanted.policy.priority == policy.priority) {
+    wanted.policy.priority = std::min(policy.priority, view_.caps.max_priority);
+  }
   LITAGS_ASSIGN_OR_RETURN(const JobRecord clone, Create(wanted));
   // Of a call that was repeated.
   if (clone.state != JobState::kUploading) return clone;
+  const auto key = [](const FileRecord& f) { return std::tuple(f.role, f.name, f.sha256); };
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> cloned, store_->Files(clone.id));
+  std::set<std::tuple<FileRole, std::string, std::string>> there;
+  for (const FileRecord& file : cloned) there.insert(key(file));
   for (const FileRecord& file : files) {
+    if (there.contains(key(file))) continue;
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     if (file.role == FileRole::kArchive) {
       LITAGS_RETURN_IF_ERROR(uploads_.NoteArchive(clone.id, file));
       continue;
@@ -277,14 +294,16 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
 absl::StatusOr<JobRecord> Jobs::Start(std::string_view id, const std::string& request_id) {
   LITAGS_RETURN_IF_ERROR(CheckProgress(id, request_id));
   LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
+  bool repeated = false;
   auto job = store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
-    if (IsRepeated(transaction.job, request_id)) return absl::OkStatus();
+    repeated = IsRepeated(transaction.job, request_id);
+    if (repeated) return absl::OkStatus();
     LITAGS_RETURN_IF_ERROR(CheckNetwork(transaction.job, workers));
     transaction.job.start_request_id = request_id;
     return Enqueue(transaction, JobAction::kStart, "started");
   });
-  // What had come of files that are not there: nobody can complete them now.
-  if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() tries again
+  // What had come of files that are not there: nobody can complete them now. Sweep() tries again.
+  if (job.ok() && !repeated) uploads_.partials().RemoveJob(id).IgnoreError();
   return job;
 }
 
@@ -302,6 +321,9 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
     ReconstructOptions options = before;
     LITAGS_RETURN_IF_ERROR(change(options, policy));
     LITAGS_ASSIGN_OR_RETURN(options, ResumedOptions(before, options));
+    if (policy.priority != job.job.priority) {
+      LITAGS_RETURN_IF_ERROR(view_.caps.CheckPriority(policy.priority));
+    }
     job.job.options = Encode(options);
     job.job.policy = Encode(policy);
     job.job.priority = policy.priority;

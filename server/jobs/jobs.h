@@ -76,7 +76,9 @@ class Jobs {
        UploadLimits limits = {}, WebhookPolicy webhooks = {},
        const InstallationMarker* marker = nullptr)
       : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
-             std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks, marker) {}
+             std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks, marker) {
+    started_ms_ = clock_();
+  }
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
   // stores.
@@ -88,8 +90,11 @@ class Jobs {
 
   // A new job with the files of another one of the same owner. ABORTED (CLONED_FILE_GONE): one of
   // them was deleted meanwhile; FAILED_PRECONDITION (NOT_YOUR_JOB): it is another client's, which
-  // only an administrator sees. And as Create().
-  absl::StatusOr<JobRecord> Clone(std::string_view id, const NewJob& job);
+  // only an administrator sees. And as Create(), but that a priority of the other job that is more
+  // than the client may ask for becomes the most that it may. CANCELLED between two files; the same
+  // request_id goes on.
+  absl::StatusOr<JobRecord> Clone(std::string_view id, const NewJob& job,
+                                  const CancelToken& cancel = {});
 
   absl::StatusOr<JobRecord> Get(std::string_view id) { return store_->Get(id); }
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
@@ -175,6 +180,7 @@ class Jobs {
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::Status RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired);
   absl::Status RemoveExpired(const std::string& id, std::vector<std::string>* expired);
+  int64_t LeastExpiry(const JobRecord& job, int64_t now_ms);
   absl::Status RemoveFolders(std::string_view id);
   absl::StatusOr<std::set<std::string>> JobFolders();
   absl::StatusOr<std::set<std::string>> JobsWithoutRow(const CancelToken& stop);
@@ -197,6 +203,7 @@ class Jobs {
   const ClientView view_;  // of all jobs: no client's, without limits
   const WebhookPolicy webhooks_;
   const InstallationMarker* const marker_;  // of blobs_; may be null
+  int64_t started_ms_ = 0;                  // of the jobs of all clients: when this was made
   std::mutex sweep_mutex_;                  // held for a sweep
   // Jobs that have folders and no row: since when this process knows.
   std::map<std::string, int64_t> missed_since_ms_;

@@ -379,6 +379,14 @@ TEST_F(JobsTest, TimeWithWorkersIsSummedUpUntilTheJobIsResumed) {
   EXPECT_EQ(jobs_.Get(id)->run_ms, 0);
 }
 
+TEST_F(JobsTest, WhatComesAfterALeaseIsNoTimeWithAWorker) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("w")->has_value());
+  now_ms_ += 100'000'000;  // all is down for a day
+  ASSERT_TRUE(leases_.Acquire("w2")->has_value());
+  EXPECT_EQ(jobs_.Get(id)->run_ms, LeaseOptions().duration_ms);
+}
+
 TEST_F(JobsTest, JobsAreKeptAfterTheirEndAsLongAsTheirPolicySays) {
   JobPolicy policy;
   policy.retention_seconds = 60;

@@ -132,22 +132,21 @@ absl::Status Leases::AddProgress(const Lease& lease, const Progress& progress) {
       .status();
 }
 
+absl::Status Leases::AddToLog(JobTransaction& job, const std::vector<LogEntry>& entries) {
+  int64_t& bytes = job.job.log_bytes;
+  for (LogEntry entry : entries) {
+    entry.text = ValidText(entry.text);
+    if (bytes >= options_.max_log_bytes) break;
+    const bool fits = bytes + static_cast<int64_t>(entry.text.size()) < options_.max_log_bytes;
+    if (!fits) entry.text = "the log is full: what comes now is not kept";
+    LITAGS_RETURN_IF_ERROR(job.AddLog(entry));
+    if (!fits) bytes = std::max(bytes, options_.max_log_bytes);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status Leases::AddLog(const Lease& lease, const std::vector<LogEntry>& entries) {
-  return Update(lease,
-                [&](JobTransaction& job) -> absl::Status {
-                  for (LogEntry entry : entries) {
-                    entry.text = ValidText(entry.text);
-                    int64_t& bytes = job.job.log_bytes;
-                    if (bytes >= options_.max_log_bytes) break;
-                    const bool fits =
-                        bytes + static_cast<int64_t>(entry.text.size()) < options_.max_log_bytes;
-                    if (!fits) entry.text = "the log is full: what comes now is not kept";
-                    LITAGS_RETURN_IF_ERROR(job.AddLog(entry));
-                    if (!fits) bytes = std::max(bytes, options_.max_log_bytes);
-                  }
-                  return absl::OkStatus();
-                })
-      .status();
+  return Update(lease, [&](JobTransaction& job) { return AddToLog(job, entries); }).status();
 }
 
 absl::Status Leases::Keep(const Lease& lease, const KeptFiles& files,
@@ -186,10 +185,11 @@ absl::Status Leases::Succeed(const Lease& lease, const ReconstructReport& report
                  LITAGS_RETURN_IF_ERROR(job.AddEvent({0, clock_(), EventKind::kSnapshot,
                                                       Encode(SnapshotRecord{report.iterations})}));
                }
+               std::vector<LogEntry> notes;
                for (const std::string& note : report.notes) {
-                 LITAGS_RETURN_IF_ERROR(
-                     job.AddLog({0, clock_(), LogSeverity::kWarning, ValidText(note)}));
+                 notes.push_back({0, clock_(), LogSeverity::kWarning, note});
                }
+               LITAGS_RETURN_IF_ERROR(AddToLog(job, notes));
                return ApplyAction(job, JobAction::kSucceed, clock_(), "");
              })
       .status();
@@ -267,7 +267,8 @@ absl::Status Leases::Abandon(JobTransaction& job, std::string_view why) {
     const JobError error{
         absl::StatusCode::kAborted,
         absl::StrCat(std::string(why), ", at the last of ", options_.max_attempts,
-                     " attempts; if memory ran out, set max_image_side or max_gaussians lower, "
+                     " attempts since it was started or resumed; if memory ran out, set "
+                     "max_image_side or max_gaussians lower, "
                      "else see the server's log; ResumeJob tries again from the last checkpoint"),
         {"WORKER_LOST", ""}};
     return ApplyAction(job, JobAction::kFail, clock_(), error.message, &error);

@@ -20,7 +20,8 @@ namespace litags {
 
 struct LeaseOptions {
   int64_t duration_ms = 10000;  // without a heartbeat for this long, the job goes to another worker
-  int max_attempts = 3;         // after this many lost workers the job fails
+  // After this many lost workers the job fails, counted since its user started or resumed it.
+  int max_attempts = 3;
   int64_t max_log_bytes = kMaxLogBytes;
   // Of all pictures that show a job's progress: some hundreds. Later progress comes without one.
   int64_t max_preview_bytes = int64_t{256} << 20;
@@ -85,6 +86,7 @@ class Leases {
       "the worker shut down; the job goes on with the next one";
 
   absl::StatusOr<JobRecord> Update(const Lease& lease, JobStore::Change change);
+  absl::Status AddToLog(JobTransaction& job, const std::vector<LogEntry>& entries);
   absl::StatusOr<bool> HasRoomFor(const Lease& lease, int64_t preview_bytes);
   // `end` of each job that a worker which is gone held.
   absl::Status EndLeasesOf(std::string_view owner, const JobStore::Change& end);

@@ -23,6 +23,9 @@ constexpr int kRowsPerRead = 1000;
 constexpr int kLooksForOrphans = 24;            // while one is kept
 constexpr int64_t kWebhookMs = 25 * 3'600'000;  // longer than its attempts take
 constexpr int64_t kAfterAttemptMs = 120'000;    // longer than one takes
+// While the service was away, nobody could send a file: uploads are kept at least this part of
+// keep_seconds after its start. Not all of it, or a service that restarts daily removed none.
+constexpr double kKeptAfterStart = 0.5;
 
 // As RandomHex(8) makes them. Other names in our folders are not ours.
 bool IsJobId(const std::string& name) {
@@ -68,6 +71,15 @@ absl::Status Jobs::RemoveFolders(std::string_view id) {
   return status;
 }
 
+// Before that a job is not removed, whatever its row says.
+int64_t Jobs::LeastExpiry(const JobRecord& job, int64_t now_ms) {
+  if (WaitsForWebhook(job, now_ms)) return std::max(job.webhook_due_ms, now_ms) + kAfterAttemptMs;
+  if (job.state != JobState::kUploading) return 0;
+  const int64_t there_since_ms = std::max(started_ms_, store_->ReachableSinceMs());
+  return there_since_ms +
+         static_cast<int64_t>(1000 * kKeptAfterStart * uploads_.limits().keep_seconds);
+}
+
 absl::Status Jobs::RemoveExpired(const std::string& id, std::vector<std::string>* expired) {
   if (uploads_.partials().InUse(id)) return absl::OkStatus();
   bool removed = false;
@@ -76,9 +88,10 @@ absl::Status Jobs::RemoveExpired(const std::string& id, std::vector<std::string>
     const int64_t now_ms = clock_();
     removed = job.job.expire_time_ms > 0 && job.job.expire_time_ms <= now_ms &&
               NextState(job.job.state, JobAction::kRemove).ok();
-    if (removed && WaitsForWebhook(job.job, now_ms)) {
+    const int64_t least_ms = LeastExpiry(job.job, now_ms);
+    if (removed && now_ms < least_ms) {
       removed = false;
-      job.job.expire_time_ms = std::max(job.job.webhook_due_ms, now_ms) + kAfterAttemptMs;
+      job.job.expire_time_ms = least_ms;
     }
     return removed ? job.Remove() : absl::OkStatus();
   };

@@ -16,6 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::ElementsAre;
+using ::testing::IsEmpty;
 
 constexpr int64_t kHourMs = 3'600'000;
 
@@ -192,6 +193,18 @@ TEST_F(SweepTest, ASweepThatIsToldToStopRemovesNoMore) {
   stop.Cancel();
   EXPECT_TRUE(jobs_->Sweep(stop)->empty());
   EXPECT_TRUE(jobs_->Get(id).ok());
+  EXPECT_THAT(*jobs_->Sweep(), ElementsAre(id));
+}
+
+TEST_F(SweepTest, NoUploadExpiresForTheTimeInWhichTheServiceWasAway) {
+  const std::string id = jobs_->Create({})->id;
+  now_ms_ += 100 * kHourMs;
+  Restart({});
+  EXPECT_THAT(*jobs_->Sweep(), IsEmpty());
+  EXPECT_EQ(jobs_->Get(id)->expire_time_ms, now_ms_ + 12 * kHourMs);
+  now_ms_ += 11 * kHourMs;
+  EXPECT_THAT(*jobs_->Sweep(), IsEmpty());
+  now_ms_ += kHourMs;
   EXPECT_THAT(*jobs_->Sweep(), ElementsAre(id));
 }
 

@@ -56,6 +56,7 @@ void ForgetRuns(JobRecord* job) {
   job->progress.clear();
   job->report.clear();
   job->snapshot_iteration = -1;
+  job->start_request_id.clear();  // the same call is now one for other files
   job->has_unreferenced_blobs = true;
 }
 
@@ -111,8 +112,10 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
     if (record.start_time_ms == 0) record.start_time_ms = now_ms;
     record.lease_start_ms = now_ms;
   } else {
-    // A clock that was set back must not lengthen the job's time.
-    if (was_running) record.run_ms += std::max<int64_t>(0, now_ms - record.lease_start_ms);
+    // What comes after the lease is nobody's: the service was away. A clock that was set back must
+    // not change the job's time.
+    const int64_t end_ms = std::min(now_ms, record.lease_expires_ms);
+    if (was_running) record.run_ms += std::max<int64_t>(0, end_ms - record.lease_start_ms);
     record.lease_owner.clear();
     record.cancel_requested = false;
   }
