@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "engine/core/error.h"
 #include "engine/io/depth_io.h"
@@ -12,6 +15,11 @@
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 #include "engine/sample/capture.h"
+#include "engine/sample/exposure.h"
+#include "engine/sample/texture.h"
+#include "engine/sample/tracer.h"
+#include "engine/sample/vec.h"
+#include "engine/sample/world.h"
 
 namespace litags {
 namespace {
@@ -90,6 +98,36 @@ const Room& DarkRoom() {
   return *room;
 }
 
+// A corridor 4 m wide, 3 m high and 17 m long with walls of fine detail, photographed on eight
+// steps straight along it.
+Room Corridor() {
+  sample::Shape walls{sample::Shape::Kind::kRoom, {0, 0, 0}, {2, 8.5, 1.5}, {}, /*material=*/0};
+  sample::Material detail;
+  detail.albedo = [](const sample::SurfacePoint& point) {
+    return sample::Vec3{1, 1, 1} * sample::Noise(point.position * 15, /*octaves=*/4, /*seed=*/1);
+  };
+  const sample::World world({walls}, {detail}, {}, {1, 1, 1}, {1, 1, 1});
+  Room room;
+  for (int i = 0; i < 6; ++i) {
+    View view;
+    view.name = std::to_string(i);
+    Camera& c = view.camera;
+    c.width = 320;
+    c.height = 240;
+    c.fx = c.fy = 240;
+    c.cx = 160;
+    c.cy = 120;
+    const double y = 0.35 * i - 5.5;
+    EXPECT_TRUE(c.LookAt({0, y, 0}, {0, y + 1, 0}, {0, 0, 1}).ok());
+    const Planes light = sample::TraceRadiance(world, c, {.grid = 2});
+    room.photos.push_back(PhotoFromU8(sample::NormalPhoto(light)));
+    room.depths.push_back(sample::TraceDepth(world, c, /*threads=*/0));
+    room.views.push_back(std::move(view));
+  }
+  room.points = SurfacePoints(room);
+  return room;
+}
+
 absl::StatusOr<std::vector<std::optional<DepthMap>>> Compute(
     const Room& room, const StereoOptions& options, const CancelToken& cancel = CancelToken()) {
   return StereoDepth(room.Posed(), room.points, options, cancel, [](int, int) {});
@@ -131,6 +169,28 @@ TEST(StereoDepth, FindsTheDepthOfADarkRoom) {
   EXPECT_GT(known / all, 0.65);
   EXPECT_GT(near_2 / known, 0.5);
   EXPECT_GT(near_5 / known, 0.75);
+}
+
+TEST(StereoDepth, ACameraThatMovesAheadSeesDepthAsWell) {
+  const Room room = Corridor();
+  const auto maps = Compute(room, {});
+  ASSERT_TRUE(maps.ok()) << maps.status();
+  double all = 0, known = 0, near_1 = 0;
+  for (size_t i = 0; i < room.views.size(); ++i) {
+    ASSERT_TRUE((*maps)[i].has_value()) << i;
+    const DepthMap& map = *(*maps)[i];
+    for (size_t p = 0; p < map.depth.data.size(); ++p) {
+      ++all;
+      if (map.confidence.data[p] == 0) continue;
+      ++known;
+      near_1 += std::abs(map.depth.data[p] / room.depths[i].data[p] - 1) < 0.01;
+    }
+  }
+  RecordProperty("complete", std::to_string(known / all));
+  RecordProperty("within_1_percent", std::to_string(near_1 / known));
+  // 0.87 and 0.81 were measured; depths counted by the middle pixel alone gave 0.82 and 0.71.
+  EXPECT_GT(known / all, 0.84);
+  EXPECT_GT(near_1 / known, 0.77);
 }
 
 TEST(StereoDepth, MapsHaveTheSizeThatWasMatched) {

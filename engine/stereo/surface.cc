@@ -33,9 +33,9 @@ struct Labels {
   int count = 0;
 };
 
-// How far, px, the middle of the reference moves in the source between two inverse depths.
-double Travel(const Transfer& t, const Camera& camera, double from, double to) {
-  const double x = camera.width / 2.0, y = camera.height / 2.0;
+// How far, px, a point of the reference moves in the source between two inverse depths; 0 if the
+// source does not have it in front of it at both.
+double Travel(const Transfer& t, double x, double y, double from, double to) {
   const auto project = [&](double inverse_depth, double* u, double* v) {
     double q[3];
     for (int i = 0; i < 3; ++i) {
@@ -50,6 +50,18 @@ double Travel(const Transfer& t, const Camera& camera, double from, double to) {
   double u0, v0, u1, v1;
   if (!project(from, &u0, &v0) || !project(to, &u1, &v1)) return 0;
   return std::hypot(u1 - u0, v1 - v0);
+}
+
+// The longest way of the middle and of the points halfway to the corners: where the camera moves
+// straight ahead, the middle stays where it is.
+double LongestTravel(const Transfer& t, const Camera& camera, double from, double to) {
+  double longest = Travel(t, 0.5 * camera.width, 0.5 * camera.height, from, to);
+  for (const double x : {0.25, 0.75}) {
+    for (const double y : {0.25, 0.75}) {
+      longest = std::max(longest, Travel(t, x * camera.width, y * camera.height, from, to));
+    }
+  }
+  return longest;
 }
 
 // The sources of one view and what the sweeps over them need.
@@ -72,7 +84,7 @@ class Matcher {
     const double last = 1 / plan.near_depth;
     double travel = 0;
     for (const Transfer& t : transfers_) {
-      travel = std::max(travel, Travel(t, camera_, labels.first, last));
+      travel = std::max(travel, LongestTravel(t, camera_, labels.first, last));
     }
     labels.count =
         std::clamp(static_cast<int>(std::ceil(travel / kStepPx)) + 1, kMinLabels, kMaxLabels);
