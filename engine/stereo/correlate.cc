@@ -123,8 +123,9 @@ void CorrelateRow(const float* const* rows, const float* seen, const Correlation
   }
 }
 
-void CorrelateImage(const CorrelationReference& ref, const MatchImage& source, const Transfer& t,
-                    const float* inverse_depth, std::vector<float>* scratch, float* zncc) {
+void CorrelateImage(const CorrelationReference& ref, const MatchImage& source, float noise2,
+                    const Transfer& t, const float* inverse_depth, std::vector<float>* scratch,
+                    float* zncc) {
   const int width = ref.image->gray.width, height = ref.image->gray.height;
   const int radius = ref.radius, side = 2 * radius + 1;
   const size_t padded = Padded(width), line = padded + 2 * radius;
@@ -149,8 +150,7 @@ void CorrelateImage(const CorrelationReference& ref, const MatchImage& source, c
     }
     for (int k = 0; k < side; ++k) rows[k] = slot(std::clamp(y + k - radius, 0, height - 1));
     const size_t at = size_t(y) * width;
-    CorrelateRow(rows.data(), slot(y) + 3 * padded, ref, source.noise * source.noise, at, width,
-                 padded, zncc + at);
+    CorrelateRow(rows.data(), slot(y) + 3 * padded, ref, noise2, at, width, padded, zncc + at);
   }
 }
 
@@ -164,9 +164,12 @@ namespace {
 
 HWY_EXPORT(CorrelateImage);
 
-// Below this two pixels cannot be told apart by anything that a camera does; it keeps windows of
-// one value from dividing by 0.
-constexpr float kLeastNoise = 1e-3f;
+// What variances are increased by. Below the floor two pixels cannot be told apart by anything that
+// a camera does; it keeps windows of one value from dividing by 0.
+float NoiseVariance(const MatchImage& image) {
+  constexpr float kLeastNoise = 1e-3f;
+  return std::max(kLeastNoise * kLeastNoise, image.noise * image.noise);
+}
 
 }  // namespace
 
@@ -176,7 +179,7 @@ CorrelationReference::CorrelationReference(const MatchImage& image_in, int radiu
   // Vectors may read past the last pixel, up to one of any target.
   mean.resize(size_t(w) * h + 16);
   deviation.resize(size_t(w) * h + 16);
-  const float noise2 = std::max(kLeastNoise * kLeastNoise, image->noise * image->noise);
+  const float noise2 = NoiseVariance(*image);
   std::vector<double> sums(size_t(w) * h), squares(sums.size());
   const auto along = [](int i, int n) { return std::clamp(i, 0, n - 1); };
   for (int y = 0; y < h; ++y) {
@@ -232,7 +235,7 @@ void Correlate(const CorrelationReference& reference, const MatchImage& source,
                const Transfer& transfer, const float* inverse_depth, std::vector<float>* scratch,
                float* zncc) {
   HWY_DYNAMIC_DISPATCH(CorrelateImage)
-  (reference, source, transfer, inverse_depth, scratch, zncc);
+  (reference, source, NoiseVariance(source), transfer, inverse_depth, scratch, zncc);
 }
 
 }  // namespace litags

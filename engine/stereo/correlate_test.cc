@@ -133,5 +133,24 @@ TEST(Correlate, WhereThereIsOnlyNoiseTheAnswerIsNearZero) {
   for (const float fit : zncc) EXPECT_LT(std::abs(fit), 0.05);
 }
 
+// More than half of a clipped night photo is one value, so that its measured noise is 0.
+TEST(Correlate, OneValueFitsNothingWithoutNoiseEither) {
+  const MatchImage textured = Textured(40, 30, 1);
+  MatchImage black = textured;
+  std::fill(black.gray.data.begin(), black.gray.data.end(), -0.8f);
+  black.noise = 0;
+  const std::vector<float> inverse_depth(textured.gray.plane_size(), 0.7f);
+  for (const MatchImage& reference : {textured, black}) {
+    ForEachTarget([&] {
+      std::vector<float> scratch, zncc(inverse_depth.size());
+      const CorrelationReference statistics(reference, 2);
+      Correlate(statistics, black, Transfer(reference.camera, black.camera), inverse_depth.data(),
+                &scratch, zncc.data());
+      // Rounding of floats is left. Infinities and NaN fail.
+      for (const float fit : zncc) ASSERT_LT(std::abs(fit), 0.1);
+    });
+  }
+}
+
 }  // namespace
 }  // namespace litags
