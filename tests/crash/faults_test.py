@@ -167,19 +167,16 @@ class Checkpoints(FaultTest):
         self.assertEqual(server.orphans(), {})
         return server, client, job
 
-    def setUp(self):
-        super().setUp()
-        self.files = self.capture()
-
-    def undisturbed(self):
-        server = Deployment(os.path.join(self.folder, "undisturbed"), "--threads", "1",
-                            program=REAL)
-        os.mkdir(server.folder)
-        server.start()
+    @classmethod
+    def setUpClass(cls):
+        """Makes the capture, and the scene that an undisturbed run makes of it."""
+        folder = cls.enterClassContext(deployment.scratch())
+        cls.files = deployment.capture(os.path.join(folder, "capture"))
+        server = Deployment(folder, "--threads", "1", program=REAL).start()
         client = Client(server.address)
         try:
-            job, _ = client.run(self.files, **self.OPTIONS)
-            return server.scene_digest(job)
+            job, _ = client.run(cls.files, **cls.OPTIONS)
+            cls.undisturbed = server.scene_digest(job)
         finally:
             client.close()
             server.stop()
@@ -199,7 +196,7 @@ class Checkpoints(FaultTest):
         notes = list(found.report.notes)
         resumed = [int(n.split()[-1]) for n in notes if n.startswith("resumed at iteration ")]
         self.assertTrue(resumed and resumed[0] >= 10, notes)
-        self.assertEqual(server.scene_digest(job), self.undisturbed())
+        self.assertEqual(server.scene_digest(job), self.undisturbed)
 
     def test_damaged_checkpoint_is_told_and_training_starts_again(self):
         server, client, job = self.interrupted()
@@ -215,7 +212,7 @@ class Checkpoints(FaultTest):
         self.assertEqual(found.state, SUCCEEDED, found)
         self.assertTrue(any("checkpoint could not be used" in n for n in found.report.notes),
                         found.report.notes)
-        self.assertEqual(server.scene_digest(job), self.undisturbed())
+        self.assertEqual(server.scene_digest(job), self.undisturbed)
 
 
 class Store(FaultTest):

@@ -1,16 +1,20 @@
 """client/go/reconstruct, built with Debian's Go packages, over a connection that breaks."""
 
+import atexit
 import os
 import pathlib
 import shutil
 import subprocess
 import sys
+import tempfile
 import unittest
 
 import examples
 import harness
 
-WORK = pathlib.Path(os.environ["LITAGS_GO_FOLDER"])  # kept: building gRPC takes a minute
+WORK = pathlib.Path(tempfile.mkdtemp(prefix="litags-go-"))
+atexit.register(shutil.rmtree, WORK, ignore_errors=True)
+CACHE = os.environ["LITAGS_GO_CACHE"]  # kept: building gRPC takes a minute
 DEBIANS = pathlib.Path("/usr/share/gocode")
 PROGRAM = WORK / "reconstruct"
 
@@ -40,15 +44,14 @@ def missing():
 
 def build():
     stubs = WORK / "src"
-    shutil.rmtree(stubs, ignore_errors=True)
-    stubs.mkdir(parents=True)
+    stubs.mkdir()
     proto = examples.SOURCE / "proto"
     subprocess.run(["protoc", f"-I{proto}", f"--go_out={stubs}", f"--go-grpc_out={stubs}",
                     *proto.glob("litags/v1/*.proto")], check=True)
     subprocess.run(["go", "build", "-o", PROGRAM, "."],
                    cwd=examples.SOURCE / "client/go/reconstruct", check=True,
                    env=dict(os.environ, GO111MODULE="off", GOPATH=f"{WORK}:{DEBIANS}",
-                            GOCACHE=str(WORK / "cache"), GOFLAGS=""))
+                            GOCACHE=CACHE, GOFLAGS=""))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Programs of others from npm, as a lock file names them, for tests that are skipped without."""
 
+import fcntl
 import pathlib
 import shutil
 import subprocess
@@ -12,10 +13,16 @@ SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
 
 def install(source, work, extra=()):
     """Puts package.json, its lock file and the files `extra` of the folder `source` into `work` and
-    installs what they name. Returns why that cannot be done, or None."""
+    installs what they name, one caller at a time. Returns why that cannot be done, or None."""
     if not shutil.which("npm") or not shutil.which("node"):
         return "node and npm are not installed"
     work.mkdir(parents=True, exist_ok=True)
+    with open(work / ".lock", "w") as turn:
+        fcntl.flock(turn, fcntl.LOCK_EX)
+        return _install(source, work, extra)
+
+
+def _install(source, work, extra):
     for name in ("package.json", "package-lock.json", *extra):
         shutil.copy(pathlib.Path(source, name), work)
     done = work / "node_modules/.litags-lock"
