@@ -18,22 +18,13 @@ namespace litags::client {
 namespace {
 
 struct ExportArgs {
-  std::string job, output, ply, format, up;
+  std::string job, output, format, up;
   std::vector<std::string> crop;
-  bool original_light = false, full = false, antialiased = false, html = false;
+  bool antialiased = false;
   double light = 0, exposure = 0;
   std::optional<double> scale;
   int64_t max_splats = 0;
-
-  const std::string& path() const { return ply.empty() ? output : ply; }
 };
-
-absl::StatusOr<v1::ModelFormat> FormatOf(const ExportArgs& args) {
-  if (args.full) return v1::MODEL_FORMAT_PLY_FULL;
-  if (args.html) return v1::MODEL_FORMAT_HTML;
-  if (!args.ply.empty()) return v1::MODEL_FORMAT_PLY;
-  return args.format.empty() ? ModelFormatOf(args.output) : ParseModelFormat(args.format);
-}
 
 absl::Status ParseCorner(const std::string& text, v1::Vector3* corner) {
   const auto numbers = ParseNumbers(text, "--crop");
@@ -52,11 +43,12 @@ absl::Status ParseCorner(const std::string& text, v1::Vector3* corner) {
 absl::StatusOr<v1::ExportModelRequest> RequestOf(const ExportArgs& args) {
   v1::ExportModelRequest request;
   request.set_name(args.job);
-  const auto format = FormatOf(args);
+  const auto format =
+      args.format.empty() ? ModelFormatOf(args.output) : ParseModelFormat(args.format);
   if (!format.ok()) return format.status();
-  if (absl::Status wrong = CheckEnding(args.path(), *format); !wrong.ok()) return wrong;
+  if (absl::Status wrong = CheckEnding(args.output, *format); !wrong.ok()) return wrong;
   request.set_format(*format);
-  request.set_light(args.original_light ? 1 : args.light);
+  request.set_light(args.light);
   request.set_exposure_stops(args.exposure);
   if (!args.up.empty()) {
     const auto axis = ParseUpAxis(args.up);
@@ -77,46 +69,24 @@ absl::StatusOr<v1::ExportModelRequest> RequestOf(const ExportArgs& args) {
 int Export(Session& session, const ExportArgs& args) {
   const auto request = RequestOf(args);
   if (!request.ok()) return ReportError(session, request.status(), args.job);
-  OutputFile file(args.ply.empty() ? "-o" : "--ply");
+  OutputFile file("-o");
   v1::ExportHeader header;
   // Before the server makes the export, which takes a while.
-  absl::Status status = file.Open(args.path());
+  absl::Status status = file.Open(args.output);
   if (!status.ok()) return ReportError(session, status, args.job);
   status = session.client().ExportModel(
       *request,
       [&](const v1::ExportHeader& announced) {
         header = announced;
-        return file.Open(args.path());
+        return file.Open(args.output);
       },
       [&](std::string_view bytes) { return file.Write(bytes); });
   if (status.ok()) status = file.Commit();
   if (!status.ok()) return ReportError(session, status, args.job);
-  Note(absl::StrCat(args.path(), ": ", CountText(header.gaussians()), " ",
+  Note(absl::StrCat(args.output, ": ", CountText(header.gaussians()), " ",
                     ContentOf(request->format()), ", iteration ", header.iteration(), ", ",
                     BytesText(header.size_bytes())));
   return kExitOk;
-}
-
-void AddFileOptions(CLI::App& command, ExportArgs& args) {
-  CLI::Option* output = command.add_option(
-      "-o,--output", args.output,
-      "File to write; its ending says the format: .ply, .compressed.ply, .spz, .sog, .splat, .glb, "
-      ".usda, .html (a page that shows it), .zip (COLMAP's model), .points.ply and .las (points of "
-      "surfaces), .mesh.ply and .mesh.glb (surfaces as triangles)");
-  // The first version's name of -o.
-  CLI::Option* ply = command.add_option("--ply", args.ply, "File to write, a .ply");
-  CLI::Option_group* file = command.add_option_group("File", "One of these");
-  file->add_options(output, ply);
-  file->require_option(1);
-  CLI::Option* format = command.add_option(
-      "--format", args.format, absl::StrCat("One of ", absl::StrJoin(ModelFormatNames(), ", ")));
-  format->excludes(ply);
-  CLI::Option* full =
-      command.add_flag("--full", args.full, "A .ply with every attribute of LITA-GS, as trained");
-  full->excludes(format);
-  CLI::Option* html =
-      command.add_flag("--html", args.html, "A page that shows the scene and needs nothing else");
-  for (CLI::Option* other : {format, ply, full}) html->excludes(other);
 }
 
 }  // namespace
@@ -125,12 +95,18 @@ void AddExportCommand(CLI::App& app, Session& session) {
   auto args = std::make_shared<ExportArgs>();
   CLI::App* command = app.add_subcommand("export", "The scene as a file for other programs");
   AddJobArgument(*command, args->job);
-  AddFileOptions(*command, *args);
-  CLI::Option* light = command->add_option(
-      "--light", args->light,
-      "In this light: 0 normal, 1 as photographed, and between and beyond, -4..4");
-  command->add_flag("--original-light", args->original_light, "In the light of the photos")
-      ->excludes(light);
+  command
+      ->add_option(
+          "-o,--output", args->output,
+          "File to write; its ending says the format: .ply, .compressed.ply, .spz, .sog, "
+          ".splat, .glb, .usda, .html (a page that shows it), .zip (COLMAP's model), "
+          ".points.ply and .las (points of surfaces), .mesh.ply and .mesh.glb (surfaces as "
+          "triangles)")
+      ->required();
+  command->add_option("--format", args->format,
+                      absl::StrCat("One of ", absl::StrJoin(ModelFormatNames(), ", ")));
+  command->add_option("--light", args->light,
+                      "In this light: 0 normal, 1 as photographed, and between and beyond, -4..4");
   command->add_option("--exposure", args->exposure, "Brighter or darker by so many stops, -10..10");
   command->add_option("--up", args->up,
                       "Turn the scene so that this axis of the file is up: x, y, z, --up=-y and so "

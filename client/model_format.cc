@@ -89,8 +89,7 @@ absl::Status CheckEnding(const std::string& path, v1::ModelFormat format) {
   if (given.empty() || given == right) return absl::OkStatus();
   return BadInput("MODEL_FORMAT_CONFLICT", "-o",
                   absl::StrCat(path, ": what is asked for is ", word, ", not ", given,
-                               "; let the name end with ", right,
-                               ", or leave --format, --full and --html out"));
+                               "; let the name end with ", right, ", or leave --format out"));
 }
 
 const char* ContentOf(v1::ModelFormat format) {

@@ -56,7 +56,7 @@ TEST(ModelFormat, AnEndingOfAnotherFormatIsRefused) {
   EXPECT_EQ(DetailOf(status).reason(), "MODEL_FORMAT_CONFLICT");
   EXPECT_EQ(std::string(status.message()),
             "a.spz: what is asked for is ply-full, not .spz; let the name end with .ply, or leave "
-            "--format, --full and --html out");
+            "--format out");
   EXPECT_FALSE(CheckEnding("a.ply", v1::MODEL_FORMAT_HTML).ok());
 }
 

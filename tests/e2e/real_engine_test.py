@@ -97,7 +97,7 @@ class RealEngine(harness.ServiceTest):
 
     def test_the_exported_ply_is_what_viewers_expect(self):
         path = os.path.join(self.folder, "scene.ply")
-        self.litags("export", self.room(), "--ply", path)
+        self.litags("export", self.room(), "-o", path)
         names, rows = read_ply(path)
         self.assertEqual(names, ["x", "y", "z", "nx", "ny", "nz"] + [f"f_dc_{i}" for i in range(3)]
                          + [f"f_rest_{i}" for i in range(45)] + ["opacity"]
@@ -131,7 +131,7 @@ class RealEngine(harness.ServiceTest):
         scenes = []
         for name in (job, at_once):
             path = os.path.join(self.folder, "scene.ply")
-            self.litags("export", name, "--ply", path, "--full")
+            self.litags("export", name, "-o", path, "--format", "ply-full")
             with open(path, "rb") as file:
                 scenes.append(file.read())
         self.assertTrue(scenes[0] == scenes[1])

@@ -191,7 +191,7 @@ class BadRequests(harness.ServiceTest):
         for command in (("show",), ("watch",), ("cancel",), ("resume",), ("delete",), ("cameras",),
                         ("render", "--camera", "a.png", "-o", output + ".png"),
                         ("path", "--orbit", "-o", output),
-                        ("export", "--ply", output + ".ply")):
+                        ("export", "-o", output + ".ply")):
             with self.subTest(command[0]):
                 _, err = self.litags(command[0], unknown, *command[1:], exit_code=4)
                 self.assertIn("JOB_NOT_FOUND", err)

@@ -80,7 +80,7 @@ class Jobs(harness.ServiceTest):
 
     def exported(self, job):
         path = os.path.join(self.folder, "scene.ply")
-        self.litags("export", job, "--ply", path, "--full")
+        self.litags("export", job, "-o", path, "--format", "ply-full")
         with open(path, "rb") as file:
             return file.read()
 

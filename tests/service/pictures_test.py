@@ -151,10 +151,11 @@ class Pictures(harness.ServiceTest):
     def test_an_export_is_the_bytes_that_the_service_announces(self):
         job = self.finished_job()
         for flags, wanted in (((), model.MODEL_FORMAT_PLY),
-                              (("--original-light",), model.MODEL_FORMAT_PLY_ORIGINAL_LIGHT),
-                              (("--full",), model.MODEL_FORMAT_PLY_FULL)):
+                              (("--format", "ply-original-light"),
+                               model.MODEL_FORMAT_PLY_ORIGINAL_LIGHT),
+                              (("--format", "ply-full"), model.MODEL_FORMAT_PLY_FULL)):
             with self.subTest(flags):
-                self.litags("export", job, "--ply", self.path("scene.ply"), *flags)
+                self.litags("export", job, "-o", self.path("scene.ply"), *flags)
                 parts = list(self.models.ExportModel(
                     model.ExportModelRequest(name=job, format=wanted)))
                 data = b"".join(part.chunk for part in parts[1:])
@@ -204,7 +205,7 @@ class Pictures(harness.ServiceTest):
             self.assertAlmostEqual(values[i] - values[0], -0.005 * i - 0.015 * i, places=5)
 
     def test_an_export_has_the_light_asked_for(self):
-        self.litags("export", self.finished_job(), "--ply", self.path("dusk.ply"), "--light", "0.5")
+        self.litags("export", self.finished_job(), "-o", self.path("dusk.ply"), "--light", "0.5")
         self.assertTrue(self.read("dusk.ply").startswith(b"ply\ncomment light 0.5\n"))
 
     def test_python_slides_the_light_along_an_orbit(self):
@@ -232,10 +233,10 @@ class Pictures(harness.ServiceTest):
                              "--light-to"),
                             (("path", job, "--orbit", "--light-from", "1", "--light-to", "9", "-o",
                               self.path("f")), "LIGHT_INVALID"),
-                            (("export", job, "--ply", self.path("s.ply"), "--light", "-5"),
+                            (("export", job, "-o", self.path("s.ply"), "--light", "-5"),
                              "LIGHT_INVALID"),
-                            (("export", job, "--ply", self.path("s.ply"), "--light", "1", "--full"),
-                             "LIGHT_INVALID")):
+                            (("export", job, "-o", self.path("s.ply"), "--light", "1", "--format",
+                              "ply-full"), "LIGHT_INVALID")):
             with self.subTest(args):
                 _, err = self.litags(*args, exit_code=2)
                 self.assertIn(words, err)
@@ -259,9 +260,9 @@ class Pictures(harness.ServiceTest):
         _, err = self.litags("render", self.finished_job(), "--camera", "a.png", "-o",
                              self.path("none/v.png"), exit_code=2)
         self.assertIn("OUTPUT_NOT_WRITABLE", err)
-        _, err = self.litags("export", self.finished_job(), "--ply", self.path("none/s.ply"),
+        _, err = self.litags("export", self.finished_job(), "-o", self.path("none/s.ply"),
                              exit_code=2)
-        self.assertIn("field:  --ply\n", err)
+        self.assertIn("field:  -o\n", err)
         # Before the server is asked, which knows no such job.
         _, err = self.litags("export", "0000", "-o", self.path("none/s.mesh.ply"), exit_code=2)
         self.assertIn("OUTPUT_NOT_WRITABLE", err)

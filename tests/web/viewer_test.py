@@ -42,7 +42,7 @@ class Viewer(unittest.TestCase):
         screenshots = pathlib.Path(os.environ.get("LITAGS_SCREENSHOTS", self.folder / "screenshots"))
         screenshots.mkdir(parents=True, exist_ok=True)
         page = self.folder / "site.html"
-        done = self.export("--html", "-o", page)
+        done = self.export("-o", page)
         try:
             urllib.request.urlopen(f"{self.server.url}/viewer.js").close()
         except urllib.error.HTTPError:
