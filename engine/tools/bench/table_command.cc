@@ -171,11 +171,11 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
   command->add_option("--colmap", options.colmap, "COLMAP program")->capture_default_str();
   command->add_option("--cell", args->cell)->group("");  // hidden: one row, in a child process
   const size_t before = command->get_options().size();
-  AddMethodOptions(command, &args->base, &args->set);
-  // --methods says them; the test views are those of transforms_test.json.
-  for (const char* other : {"--method", "--tone", "--holdout-every"}) {
-    command->remove_option(command->get_option(other));
-  }
+  // --methods says the first two; the test views are those of transforms_test.json, and a row is
+  // done or begun anew.
+  AddMethodOptions(
+      command, &args->base, &args->set,
+      {"method", "tone", "holdout_every", "preview_every", "checkpoint_every", "frames"});
   std::vector<const CLI::Option*> settings;
   for (size_t i = before; i < command->get_options().size(); ++i) {
     settings.push_back(command->get_options()[i]);

@@ -201,7 +201,9 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
                    "size are like")
       ->check(CLI::ExistingDirectory);
   AddJsonOption(command, &args->json);
-  AddMethodOptions(command, &args->options, &args->set);
+  // --evaluate-every says when it looks, and no run goes on from a checkpoint.
+  AddMethodOptions(command, &args->options, &args->set,
+                   {"preview_every", "checkpoint_every", "frames"});
   WhenGiven(command, exit_status, [args] { return Train(*args); });
 }
 

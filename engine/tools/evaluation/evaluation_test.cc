@@ -330,6 +330,16 @@ TEST(MethodOptions, TheMethodDecidesWhatTheOthersLeaveOpen) {
   EXPECT_EQ(Parsed("").method, Method::kLitags);
 }
 
+TEST(MethodOptions, OptionsThatAProgramDoesNotUseAreNotThere) {
+  ReconstructOptions options;
+  std::vector<std::string> set;
+  CLI::App app;
+  AddMethodOptions(&app, &options, &set, {"preview_every"});
+  EXPECT_THROW(app.parse("--preview-every 3"), CLI::ExtrasError);
+  app.parse("--iterations 7");
+  EXPECT_EQ(options.iterations, 7);
+}
+
 TEST(MethodOptions, ConstantsOfTheRecipeAreSetByName) {
   const ReconstructOptions options =
       Parsed("--set dropout=0.1 --method litags-paper --set growth=long-axis");

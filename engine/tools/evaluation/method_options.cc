@@ -5,15 +5,18 @@
 #include <type_traits>
 #include <utility>
 
+#include "absl/algorithm/container.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "proto/arguments/arguments.h"
 
 namespace litags {
 
-void AddMethodOptions(CLI::App* app, ReconstructOptions* options, std::vector<std::string>* set) {
+void AddMethodOptions(CLI::App* app, ReconstructOptions* options, std::vector<std::string>* set,
+                      absl::Span<const std::string_view> without) {
   VisitFields(FieldsOf<ReconstructOptions>(), *options,
-              [app](const char* name, auto& value, const FieldRule& rule) {
+              [app, without](const char* name, auto& value, const FieldRule& rule) {
+                if (absl::c_linear_search(without, name)) return;
                 std::string flag = absl::StrCat("--", name);
                 std::replace(flag.begin(), flag.end(), '_', '-');
                 std::string help = rule.help;
