@@ -28,13 +28,11 @@ using M = hn::Mask<D>;
 
 // How blocks tile the tile for this target's vector length.
 constexpr int kLanes = static_cast<int>(hn::MaxLanes(D()));
-constexpr int kTilePixels = kTileSize * kTileSize;
 constexpr int kColumns = kTileSize / kBlockWidth;
 constexpr int kBlockHeight = kLanes / kBlockWidth;
 constexpr int kRows = kTileSize / kBlockHeight;
 constexpr int kBlocks = kRows * kColumns;
 static_assert(kBlocks <= kMaxTileBlocks);
-constexpr uint64_t kAllBlocks = ~uint64_t{0} >> (64 - kBlocks);
 
 constexpr int BlockX(int block) { return block % kColumns * kBlockWidth; }
 constexpr int BlockY(int block) { return block / kColumns * kBlockHeight; }

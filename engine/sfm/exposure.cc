@@ -30,18 +30,6 @@ void Blur(double sigma_px, Photo* photo) {
 
 }  // namespace
 
-std::string_view ExposureName(Exposure exposure) {
-  switch (exposure) {
-    case Exposure::kNormal:
-      return "normal";
-    case Exposure::kLow:
-      return "low";
-    case Exposure::kOver:
-      return "over";
-  }
-  return "";
-}
-
 LightStats MeasureLight(const Photo& photo, const PlaneU8& mask) {
   const double n = 3.0 * CountedPixels(mask, photo.pixels());
   if (n == 0) return {};

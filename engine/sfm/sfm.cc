@@ -146,8 +146,6 @@ absl::StatusOr<SfmResult> Climb(const Capture& capture, TryRung try_rung,
   result.notes = std::move(best->notes);
   result.preparation = best->rung.preparation;
   result.exposure = capture.exposure;
-  result.mean_level = capture.light.mean_level;
-  result.clipped_fraction = capture.light.clipped_fraction;
   return result;
 }
 

@@ -21,7 +21,6 @@ namespace litags {
 
 // How the capture is lit; decides the order of preparations.
 enum class Exposure { kNormal, kLow, kOver };
-std::string_view ExposureName(Exposure exposure);  // "normal", "low", "over"
 
 inline constexpr uint64_t kMaxSfmSeed = 0x7fffffff;  // COLMAP reads an int
 
@@ -96,8 +95,6 @@ struct SfmResult {
   // sRGB, brought to a mean of .45 in low light.
   SparseModel model;
   Exposure exposure = Exposure::kNormal;
-  double mean_level = 0;         // of all photos' sRGB codes, [0, 1]
-  double clipped_fraction = 0;   // codes at 255
   std::string preparation;       // rung that was kept
   std::vector<SfmRung> rungs;    // in the order tried
   std::vector<SfmPhoto> photos;  // every photo, in name order

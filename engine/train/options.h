@@ -3,7 +3,6 @@
 
 #include <cstdint>
 
-#include "absl/status/status.h"
 #include "engine/train/recipe.h"
 
 namespace litags {
@@ -17,9 +16,6 @@ struct TrainOptions {
   int sh_degree = 3;  // 0..3
   int64_t max_gaussians = 200000;
   bool refine_cameras = false;  // poses are learnt, too; else they stay as given
-
-  // INVALID_ARGUMENT (BAD_OPTION) naming the field that breaks its rule.
-  absl::Status Validate() const;
 };
 
 }  // namespace litags

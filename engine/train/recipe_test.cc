@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 #include <vector>
 
+#include "engine/core/error.h"
 #include "engine/core/fields_test_util.h"
 
 namespace litags {
@@ -44,6 +46,21 @@ TEST(Recipe, ThoseOfMethodsAreValid) {
   for (const Method method : {Method::kLitags, Method::kLitagsPaper, Method::k3dgs}) {
     EXPECT_TRUE(RecipeOf(method).Validate().ok()) << WordOf(method);
   }
+}
+
+TEST(Recipe, ValidateNamesTheFieldThatBreaksItsRule) {
+  const auto field_of = [](auto change) {
+    Recipe recipe;
+    change(&recipe);
+    const auto detail = GetErrorDetail(recipe.Validate());
+    return detail.has_value() ? detail->field : "valid";
+  };
+  EXPECT_EQ(field_of([](Recipe* r) { r->sh_interval = 0; }), "sh_interval");
+  EXPECT_EQ(field_of([](Recipe* r) { r->lr_means = std::nan(""); }), "lr_means");
+  EXPECT_EQ(field_of([](Recipe* r) { r->weight_tv = -1; }), "weight_tv");
+  EXPECT_EQ(field_of([](Recipe* r) { r->dropout = 0.95; }), "dropout");
+  EXPECT_NE(field_of([](Recipe* r) { r->densify_every = 0; }), "valid");
+  EXPECT_NE(field_of([](Recipe* r) { r->pdm.stages = 0; }), "valid");
 }
 
 // Paper, Sec. "Implementation Details".

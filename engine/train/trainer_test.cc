@@ -413,26 +413,5 @@ TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
   EXPECT_NEAR(left_out(0.9, 400) - hidden, 0.45 * (300 - hidden), 35) << hidden;
 }
 
-TEST(TrainOptions, ValidateNamesTheBrokenRule) {
-  EXPECT_TRUE(TrainOptions().Validate().ok());
-  const auto field_of = [](auto change) {
-    TrainOptions options;
-    change(&options);
-    const auto detail = GetErrorDetail(options.Validate());
-    return detail.has_value() ? detail->field : "valid";
-  };
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->iterations = 0; }), "iterations");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->threads = -1; }), "threads");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->sh_degree = 4; }), "sh_degree");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->recipe.sh_interval = 0; }), "sh_interval");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->max_gaussians = 0; }), "max_gaussians");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->recipe.lr_means = kNan; }), "lr_means");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->recipe.weight_tv = -1; }), "weight_tv");
-  EXPECT_EQ(field_of([](TrainOptions* o) { o->recipe.dropout = 0.95; }), "dropout");
-  EXPECT_NE(field_of([](TrainOptions* o) { o->recipe.densify_every = 0; }), "valid");
-  EXPECT_NE(field_of([](TrainOptions* o) { o->recipe.pdm.stages = 0; }), "valid");
-}
-
 }  // namespace
 }  // namespace litags

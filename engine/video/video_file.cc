@@ -338,8 +338,6 @@ constexpr std::string_view kEndings[] = {".mp4",  ".mov", ".m4v", ".3gp",  ".mkv
 
 }  // namespace
 
-std::span<const std::string_view> VideoEndings() { return kEndings; }
-
 bool IsVideoName(std::string_view name) {
   const std::string lower = absl::AsciiStrToLower({name.data(), name.size()});
   return std::any_of(std::begin(kEndings), std::end(kEndings), [&](std::string_view ending) {

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <span>
 #include <string>
 #include <string_view>
 
@@ -31,9 +30,6 @@ struct VideoInfo {
   int64_t frames = 0;         // as the file says; 0: it does not
   int bits = 8;               // of a channel
 };
-
-// How the names of videos end, lower case.
-std::span<const std::string_view> VideoEndings();
 
 bool IsVideoName(std::string_view name);
 
