@@ -83,6 +83,67 @@ absl::Status OpenAndRun(const DataDir& data, const StorePlaces& places,
   return absl::OkStatus();
 }
 
+struct Flags {
+  std::string data, colmap = "colmap", depth_model, log_level = "info", log_format = "text";
+  StorePlaces places;
+  double keep_seconds = StorePlaces::kKeepSeconds;
+  WorkerOptions options;
+  HardeningOptions hardening;
+};
+
+void AddOptions(CLI::App* app, Flags* flags) {
+  app->add_option("--data", flags->data, "Data folder: of the server, or one of the worker's own")
+      ->required();
+  app->add_option(
+         "--store", flags->places.jobs,
+         "Jobs: sqlite:///FILE or postgresql://... (default: litags.db in the data folder)")
+      ->envname("LITAGS_STORE");
+  app->add_option("--blobs", flags->places.blobs,
+                  "Photos, checkpoints, scenes: file:///FOLDER or s3://BUCKET/PREFIX (default: "
+                  "blobs/ in the data folder)")
+      ->envname("LITAGS_BLOBS");
+  app->add_option("--s3-endpoint", flags->places.s3_endpoint, "S3 server, if it is not Amazon's")
+      ->envname("LITAGS_S3_ENDPOINT");
+  app->add_option("--keep-every", flags->keep_seconds,
+                  "Seconds between two times that checkpoint and snapshot are sent to S3")
+      ->check(AtLeastZero(flags->keep_seconds))
+      ->capture_default_str();
+  app->add_option("--name", flags->options.name, "Name, unique among all workers there ever were");
+  app->add_option("--threads", flags->options.threads,
+                  "Threads per job that does not say; 0: all cores")
+      ->check(AtLeastZero(flags->options.threads));
+  app->add_option("--cores", flags->options.has.cores,
+                  "Cores that jobs may count on; default: those there are, or --threads")
+      ->check(AboveZero(flags->options.has.cores))
+      ->envname("LITAGS_WORKER_CORES");
+  app->add_option("--memory", flags->options.has.memory_bytes,
+                  "Main memory that jobs may count on, as 6GiB; default: what there is")
+      ->transform(ByteSize())
+      ->envname("LITAGS_WORKER_MEMORY");
+  app->add_option("--labels", flags->options.has.labels,
+                  "What else jobs may ask for, as avx512,site-b")
+      ->delimiter(',')
+      ->envname("LITAGS_WORKER_LABELS");
+  app->add_option("--colmap", flags->colmap, "COLMAP program: a name or a path")
+      ->capture_default_str();
+  app->add_option("--depth-model", flags->depth_model,
+                  "ONNX depth network, see litags-server --help");
+  app->add_option("--colmap-timeout", flags->options.colmap_step_seconds,
+                  "Seconds that one COLMAP step may take; 0: no limit")
+      ->check(AtLeastZero(flags->options.colmap_step_seconds))
+      ->capture_default_str();
+  app->add_option("--max-memory", flags->hardening.max_memory_bytes,
+                  "Address space of the worker and of each program it starts, as 6GiB; 0: no limit")
+      ->transform(ByteSize());
+  app->add_flag("--allow-network", flags->hardening.allow_network,
+                "Stay in the machine's network, which a worker does not need");
+  app->add_option("--log-level", flags->log_level, "debug, info, warn or error")
+      ->capture_default_str();
+  app->add_option("--log-format", flags->log_format, "text or json")
+      ->check(OneOf({"text", "json"}))
+      ->capture_default_str();
+}
+
 }  // namespace
 
 void RunWorker(const WorkerContext& context, const WorkerOptions& options,
@@ -117,86 +178,40 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
 int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   CLI::App app{"Runs the reconstruction jobs of a litags store, one at a time."};
   app.set_version_flag("--version", LITAGS_VERSION);
-  StorePlaces places;
-  double keep_seconds = StorePlaces::kKeepSeconds;
-  std::string data_path, colmap = "colmap", depth_model, log_level = "info", log_format = "text";
-  WorkerOptions options;
-  HardeningOptions hardening;
+  Flags flags;
+  WorkerOptions& options = flags.options;
   options.name = absl::StrCat("worker-", getpid(), "-", RandomHex(4));
-  app.add_option("--data", data_path, "Data folder: of the server, or one of the worker's own")
-      ->required();
-  app.add_option("--store", places.jobs,
-                 "Jobs: sqlite:///FILE or postgresql://... (default: litags.db in the data folder)")
-      ->envname("LITAGS_STORE");
-  app.add_option("--blobs", places.blobs,
-                 "Photos, checkpoints, scenes: file:///FOLDER or s3://BUCKET/PREFIX (default: "
-                 "blobs/ in the data folder)")
-      ->envname("LITAGS_BLOBS");
-  app.add_option("--s3-endpoint", places.s3_endpoint, "S3 server, if it is not Amazon's")
-      ->envname("LITAGS_S3_ENDPOINT");
-  app.add_option("--keep-every", keep_seconds,
-                 "Seconds between two times that checkpoint and snapshot are sent to S3")
-      ->check(AtLeastZero(keep_seconds))
-      ->capture_default_str();
-  app.add_option("--name", options.name, "Name, unique among all workers there ever were");
-  app.add_option("--threads", options.threads, "Threads per job that does not say; 0: all cores")
-      ->check(AtLeastZero(options.threads));
-  app.add_option("--cores", options.has.cores,
-                 "Cores that jobs may count on; default: those there are, or --threads")
-      ->check(AboveZero(options.has.cores))
-      ->envname("LITAGS_WORKER_CORES");
-  app.add_option("--memory", options.has.memory_bytes,
-                 "Main memory that jobs may count on, as 6GiB; default: what there is")
-      ->transform(ByteSize())
-      ->envname("LITAGS_WORKER_MEMORY");
-  app.add_option("--labels", options.has.labels, "What else jobs may ask for, as avx512,site-b")
-      ->delimiter(',')
-      ->envname("LITAGS_WORKER_LABELS");
-  app.add_option("--colmap", colmap, "COLMAP program: a name or a path")->capture_default_str();
-  app.add_option("--depth-model", depth_model, "ONNX depth network, see litags-server --help");
-  app.add_option("--colmap-timeout", options.colmap_step_seconds,
-                 "Seconds that one COLMAP step may take; 0: no limit")
-      ->check(AtLeastZero(options.colmap_step_seconds))
-      ->capture_default_str();
-  app.add_option("--max-memory", hardening.max_memory_bytes,
-                 "Address space of the worker and of each program it starts, as 6GiB; 0: no limit")
-      ->transform(ByteSize());
-  app.add_flag("--allow-network", hardening.allow_network,
-               "Stay in the machine's network, which a worker does not need");
-  app.add_option("--log-level", log_level, "debug, info, warn or error")->capture_default_str();
-  app.add_option("--log-format", log_format, "text or json")
-      ->check(OneOf({"text", "json"}))
-      ->capture_default_str();
+  AddOptions(&app, &flags);
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
-  if (!SetUpLog(log_level, log_format, options.name)) return 2;
-  absl::Status valid = hardening.Validate();
-  valid.Update(places.Validate());
+  if (!SetUpLog(flags.log_level, flags.log_format, options.name)) return 2;
+  absl::Status valid = flags.hardening.Validate();
+  valid.Update(flags.places.Validate());
   valid.Update(CheckLabels(options.has.labels, "--labels"));
   if (!valid.ok()) {
     spdlog::error("{}", valid.ToString());
     return 2;
   }
-  options.keep_seconds = places.BlobsAreFar() ? keep_seconds : 0;
-  if (places.NeedNetwork()) hardening.allow_network = true;
-  for (const std::string& refused : HardenProcess(hardening)) {
+  options.keep_seconds = flags.places.BlobsAreFar() ? flags.keep_seconds : 0;
+  if (flags.places.NeedNetwork()) flags.hardening.allow_network = true;
+  for (const std::string& refused : HardenProcess(flags.hardening)) {
     spdlog::warn("not hardened as it should be: {}", refused);
   }
 
-  absl::StatusOr<DepthNetwork> network = DepthNetwork::Parse(depth_model, "--depth-model");
+  absl::StatusOr<DepthNetwork> network = DepthNetwork::Parse(flags.depth_model, "--depth-model");
   if (!network.ok()) {
     spdlog::error("{}", network.status().ToString());
     return 2;
   }
   options.depth_network = *std::move(network);
-  Complete(hardening, &options);
+  Complete(flags.hardening, &options);
   options.give_up = [] { _exit(3); };
-  const std::unique_ptr<Engine> engine = make_engine(colmap);
+  const std::unique_ptr<Engine> engine = make_engine(flags.colmap);
   const ShutdownSignal signal;
-  spdlog::info("working on {}", data_path);
-  const auto data = DataDir::Open(data_path);
+  spdlog::info("working on {}", flags.data);
+  const auto data = DataDir::Open(flags.data);
   absl::Status status = data.status();
   if (status.ok()) ScratchFolder::RemoveAbandoned(data->scratch());
-  if (status.ok()) status = OpenAndRun(*data, places, options, engine.get(), signal.token());
+  if (status.ok()) status = OpenAndRun(*data, flags.places, options, engine.get(), signal.token());
   if (!status.ok()) {
     spdlog::error("{}", status.ToString());
     return 1;

@@ -110,4 +110,12 @@ absl::Status UseDatasetFolder(bool with_cameras, std::string* photos, std::strin
   return absl::OkStatus();
 }
 
+void UseMasksBeside(const std::string& photos, std::string* masks) {
+  const fs::path beside = fs::path(photos) / "masks";
+  std::error_code ignored;
+  if (!masks->empty() || !fs::is_directory(beside, ignored)) return;
+  *masks = beside;
+  std::fprintf(stderr, "masks: those in %s\n", masks->c_str());
+}
+
 }  // namespace litags

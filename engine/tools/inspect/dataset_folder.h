@@ -15,6 +15,10 @@ namespace litags {
 absl::Status UseDatasetFolder(bool with_cameras, std::string* photos, std::string* cameras,
                               std::string* masks, std::string* depth);
 
+// If no `*masks` are named, takes the folder masks within the folder of photos, if there is one,
+// and says so on stderr.
+void UseMasksBeside(const std::string& photos, std::string* masks);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_TOOLS_INSPECT_DATASET_FOLDER_H_

@@ -49,11 +49,8 @@ absl::StatusOr<ReconstructInput> FindInput(Arguments args, const std::string& wo
   input.images_dir = args.dir;
   input.cameras_path = args.cameras;
   input.masks_dir = args.masks;
+  UseMasksBeside(input.images_dir, &input.masks_dir);
   input.frame_program = OwnPickFramesProgram();
-  const fs::path beside = fs::path(args.dir) / "masks";
-  if (std::error_code ignored; args.masks.empty() && fs::is_directory(beside, ignored)) {
-    input.masks_dir = beside;
-  }
   if (IsVideoFile(args.dir)) input.video_path = args.dir;
   return input;
 }

@@ -181,49 +181,74 @@ void PrintReport(const ReconstructReport& report, int test_photos) {
               report.scene_path.c_str());
 }
 
+// What the arguments say that is trained on; some of it completes `args`.
+absl::StatusOr<ReconstructInput> FindInput(Arguments* args) {
+  LITAGS_RETURN_IF_ERROR(CheckVideoIsThere(args->scene.dir));
+  const bool video = IsVideoFile(args->scene.dir);
+  LITAGS_RETURN_IF_ERROR(CheckOptionsAreUsed(*args, video));
+  if (!video && args->scene.light.empty() && !IsBenchmark(args->scene.dir)) {
+    LITAGS_RETURN_IF_ERROR(UseDatasetFolder(!args->scene.sfm, &args->scene.dir,
+                                            &args->scene.cameras, &args->masks, &args->depth));
+  }
+  if (!video) LITAGS_RETURN_IF_ERROR(CheckPhotos(args->scene));
+  LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args->scene.Input(args->out, &args->options));
+  input.memory_bytes = MachineMemory();
+  if (video) input.video_path = args->scene.dir;
+  input.frame_program = OwnPickFramesProgram();
+  input.depth_dir = args->depth;
+  input.masks_dir = args->masks;
+  UseMasksBeside(input.images_dir, &input.masks_dir);
+  LITAGS_ASSIGN_OR_RETURN(input.depth_network,
+                          DepthNetwork::Parse(args->depth_model, "--depth-model"));
+  LITAGS_RETURN_IF_ERROR(
+      CheckOutside(args->out, {"views", "test"},
+                   {input.images_dir, input.video_path, input.cameras_path, input.depth_dir,
+                    input.masks_dir, args->scene.TruthDir(), args->scene.poses}));
+  return input;
+}
+
+absl::Status MakeFolder(const std::string& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (!error) return absl::OkStatus();
+  return InvalidInput("BAD_OUTPUT", "-o",
+                      absl::StrCat("cannot make ", path, ": ", error.message()));
+}
+
+absl::Status Inspect(const ReconstructInput& input, const ReconstructOptions& options,
+                     const CancelToken& cancel) {
+  std::string text;
+  const absl::Status status = InspectFolder(input, options, "", cancel, &text);
+  std::fputs(text.c_str(), stdout);
+  return status;
+}
+
+// Pictures, scores and notes of a finished run.
+absl::Status WriteResults(const Arguments& args, const ReconstructReport& report,
+                          const Scene& scene) {
+  LITAGS_RETURN_IF_ERROR(scene.ExportPly(args.out + "/scene.ply", /*light=*/0));
+  LITAGS_RETURN_IF_ERROR(WriteViews(scene, args.out + "/views", args.options.threads));
+  LITAGS_ASSIGN_OR_RETURN(const int test_photos, CountTestPhotos(args, report));
+  if (test_photos > 0) {
+    std::fprintf(stderr,
+                 "note: test views, compared with and not trained on: %d of the photos; they are "
+                 "among those without a camera\n",
+                 test_photos);
+  }
+  for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
+  LITAGS_RETURN_IF_ERROR(Evaluate(args, scene));
+  PrintReport(report, test_photos);
+  return absl::OkStatus();
+}
+
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
-  LITAGS_RETURN_IF_ERROR(CheckVideoIsThere(args.scene.dir));
-  const bool video = IsVideoFile(args.scene.dir);
-  LITAGS_RETURN_IF_ERROR(CheckOptionsAreUsed(args, video));
-  if (!video && args.scene.light.empty() && !IsBenchmark(args.scene.dir)) {
-    LITAGS_RETURN_IF_ERROR(UseDatasetFolder(!args.scene.sfm, &args.scene.dir, &args.scene.cameras,
-                                            &args.masks, &args.depth));
-  }
-  if (!video) LITAGS_RETURN_IF_ERROR(CheckPhotos(args.scene));
-  LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args.scene.Input(args.out, &args.options));
-  input.memory_bytes = MachineMemory();
-  if (video) input.video_path = args.scene.dir;
-  input.frame_program = OwnPickFramesProgram();
-  input.depth_dir = args.depth;
-  input.masks_dir = args.masks;
-  const fs::path beside = fs::path(input.images_dir) / "masks";
-  if (std::error_code ignored; args.masks.empty() && fs::is_directory(beside, ignored)) {
-    input.masks_dir = beside;
-    std::fprintf(stderr, "masks: those in %s\n", input.masks_dir.c_str());
-  }
-  LITAGS_ASSIGN_OR_RETURN(input.depth_network,
-                          DepthNetwork::Parse(args.depth_model, "--depth-model"));
-  LITAGS_RETURN_IF_ERROR(
-      CheckOutside(args.out, {"views", "test"},
-                   {input.images_dir, input.video_path, input.cameras_path, input.depth_dir,
-                    input.masks_dir, args.scene.TruthDir(), args.scene.poses}));
-  std::error_code error;
-  fs::create_directories(args.out, error);
-  if (error) {
-    return InvalidInput("BAD_OUTPUT", "-o",
-                        absl::StrCat("cannot make ", args.out, ": ", error.message()));
-  }
-
+  LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, FindInput(&args));
+  LITAGS_RETURN_IF_ERROR(MakeFolder(args.out));
   if (args.inspect || args.strict) {
     LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.options.frames, cancel));
   }
-  if (args.inspect) {
-    std::string text;
-    const absl::Status status = InspectFolder(input, args.options, "", cancel, &text);
-    std::fputs(text.c_str(), stdout);
-    return status;
-  }
+  if (args.inspect) return Inspect(input, args.options, cancel);
   if (args.strict) {
     LITAGS_RETURN_IF_ERROR(CheckAllReadable(input, args.options.threads, cancel));
   }
@@ -244,19 +269,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(report.scene_path));
   if (used) RemoveOldPictures(args.out);
-  LITAGS_RETURN_IF_ERROR(scene->ExportPly(args.out + "/scene.ply", /*light=*/0));
-  LITAGS_RETURN_IF_ERROR(WriteViews(*scene, args.out + "/views", args.options.threads));
-  LITAGS_ASSIGN_OR_RETURN(const int test_photos, CountTestPhotos(args, report));
-  if (test_photos > 0) {
-    std::fprintf(stderr,
-                 "note: test views, compared with and not trained on: %d of the photos; they are "
-                 "among those without a camera\n",
-                 test_photos);
-  }
-  for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
-  LITAGS_RETURN_IF_ERROR(Evaluate(args, *scene));
-  PrintReport(report, test_photos);
-  return absl::OkStatus();
+  return WriteResults(args, report, *scene);
 }
 
 int Main(int argc, char** argv) {
