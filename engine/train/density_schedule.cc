@@ -19,7 +19,9 @@ int GrowthEndOf(const TrainOptions& options, size_t photos, int coarse_end) {
   const double most =
       std::clamp(options.recipe.densify_epochs * photos, kGrowthShare * options.iterations,
                  kMostGrowthShare * options.iterations);
-  return std::min(coarse_end + options.recipe.densify_until, static_cast<int>(most));
+  // In 64 bits: densify_until may be the largest int.
+  const int64_t until = int64_t{coarse_end} + options.recipe.densify_until;
+  return static_cast<int>(std::min(until, static_cast<int64_t>(most)));
 }
 
 }  // namespace

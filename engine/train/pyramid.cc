@@ -61,6 +61,13 @@ DepthMap HalfDepth(const DepthMap& map) {
   return out;
 }
 
+// Halvings, at most `most`, after which the shorter side still has kMinSide pixels.
+int LevelsOf(const Camera& camera, int most) {
+  int levels = 0;
+  for (int side = std::min(camera.width, camera.height); side >= 2 * kMinSide; side /= 2) ++levels;
+  return std::min(levels, most);
+}
+
 }  // namespace
 
 Photo HalfPhoto(const Photo& photo) {
@@ -103,26 +110,34 @@ ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions
     : views_(views),
       options_(options),
       coarse_iterations_(options.recipe.coarse_until * options.iterations) {
-  int side = kMinSide << options.recipe.coarse_levels;
+  std::vector<int> levels;
   for (const TrainView& v : *views) {
-    side = std::min({side, v.view.camera.width, v.view.camera.height});
+    levels.push_back(LevelsOf(v.view.camera, options.recipe.coarse_levels));
   }
-  for (; side >= 2 * kMinSide; side /= 2) {
-    std::vector<TrainView> level;
-    for (size_t i = 0; i < views->size(); ++i) {
-      level.push_back(HalfSize(View(static_cast<int>(smaller_.size()), i)));
+  const auto median = levels.begin() + static_cast<ptrdiff_t>(levels.size() / 2);
+  std::nth_element(levels.begin(), median, levels.end());
+  levels_ = *median;
+  for (const TrainView& v : *views) {
+    std::vector<TrainView>& smaller = smaller_.emplace_back();
+    for (int level = 0; level < LevelsOf(v.view.camera, levels_); ++level) {
+      smaller.push_back(HalfSize(level == 0 ? v : smaller.back()));
     }
-    smaller_.push_back(std::move(level));
   }
-  for (int level = 0; level <= static_cast<int>(smaller_.size()); ++level) {
+  for (int level = 0; level <= levels_; ++level) {
     const double whole = MeanPixels(level, 0);
     compared_.push_back(MeanPixels(level, options.recipe.crop_pixels));
     compared_share_.push_back(compared_.back() / whole);
-    const double pixels = whole * options.recipe.coarse_gaussians;
-    most_gaussians_.push_back(level == 0
-                                  ? options.max_gaussians
-                                  : std::min(options.max_gaussians, static_cast<int64_t>(pixels)));
+    // Compared as doubles: int64_t may not hold the product.
+    const double most = whole * options.recipe.coarse_gaussians;
+    const bool fewer = level > 0 && most < static_cast<double>(options.max_gaussians);
+    most_gaussians_.push_back(fewer ? static_cast<int64_t>(most) : options.max_gaussians);
   }
+}
+
+const TrainView& ViewPyramid::View(int level, size_t index) const {
+  const std::vector<TrainView>& smaller = smaller_[index];
+  level = std::min(level, static_cast<int>(smaller.size()));
+  return level == 0 ? (*views_)[index] : smaller[level - 1];
 }
 
 double ViewPyramid::MeanPixels(int level, int64_t crop_pixels) const {
@@ -137,8 +152,7 @@ double ViewPyramid::MeanPixels(int level, int64_t crop_pixels) const {
 
 int ViewPyramid::LevelOf(int iteration) const {
   if (iteration >= coarse_iterations_) return 0;
-  const int levels = static_cast<int>(smaller_.size());
-  return levels - static_cast<int>(iteration / coarse_iterations_ * levels);
+  return levels_ - static_cast<int>(iteration / coarse_iterations_ * levels_);
 }
 
 const TrainView& ViewPyramid::Compared(int iteration, size_t index, uint64_t visit,
@@ -152,7 +166,7 @@ const TrainView& ViewPyramid::Compared(int iteration, size_t index, uint64_t vis
 }
 
 int ViewPyramid::CoarseEnd() const {
-  return smaller_.empty() ? 0 : static_cast<int>(std::ceil(coarse_iterations_));
+  return levels_ == 0 ? 0 : static_cast<int>(std::ceil(coarse_iterations_));
 }
 
 double ViewPyramid::WorkOf(int iteration, double gaussians) const {

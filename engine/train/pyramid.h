@@ -32,8 +32,9 @@ int ShDegreeAt(const TrainOptions& options, int iteration);
 // Level 0 is the given views; level k has 2^-k of their size.
 class ViewPyramid {
  public:
-  // `views` must outlive this. As many levels as the options ask for, fewer if a photo's smaller
-  // side would fall below 64 px: there a Gaussian's low-pass (PixelFilter) is all there is to see.
+  // `views` (one or more) must outlive this. As many levels as the options ask for, fewer if the
+  // shorter side of the median photo would fall below 64 px: there a Gaussian's low-pass
+  // (PixelFilter) is all there is to see.
   ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options);
 
   // Level of an iteration: equal shares of the first coarse_until of the run for levels n .. 1,
@@ -57,9 +58,8 @@ class ViewPyramid {
   const TrainView& Compared(int iteration, size_t index, uint64_t visit, TrainView* cropped,
                             PixelRect* crop) const;
 
-  const TrainView& View(int level, size_t index) const {
-    return level == 0 ? (*views_)[index] : smaller_[level - 1][index];
-  }
+  // A photo too small for this level keeps its smallest size that has 64 px.
+  const TrainView& View(int level, size_t index) const;
 
  private:
   // Pixels of a photo or, if they come in crops, of one; the mean over the views.
@@ -67,7 +67,8 @@ class ViewPyramid {
 
   const std::vector<TrainView>* views_;
   TrainOptions options_;
-  std::vector<std::vector<TrainView>> smaller_;
+  std::vector<std::vector<TrainView>> smaller_;  // of each view, levels 1, 2, ...
+  int levels_ = 0;                               // above level 0
   double coarse_iterations_;
   std::vector<double> compared_;         // pixels of an iteration, by level
   std::vector<double> compared_share_;   // of a photo's pixels, by level

@@ -150,6 +150,8 @@ TEST(ViewPyramid, SmallPhotosAllowFewerGaussians) {
   EXPECT_EQ(pyramid.MostGaussians(2), 150 * 100 * 3 / 2);
   options.max_gaussians = 30'000;
   EXPECT_EQ(ViewPyramid(&views, options).MostGaussians(1), 30'000);
+  options.recipe.coarse_gaussians = 1e15;
+  EXPECT_EQ(ViewPyramid(&views, options).MostGaussians(1), 30'000);
 }
 
 TEST(ViewPyramid, SmallPhotosHaveFewerLevels) {
@@ -160,6 +162,30 @@ TEST(ViewPyramid, SmallPhotosHaveFewerLevels) {
   EXPECT_EQ(ViewPyramid(&views, options).LevelOf(0), 1);
   options.recipe.coarse_levels = 0;
   EXPECT_EQ(ViewPyramid(&views, options).LevelOf(0), 0);
+  EXPECT_EQ(ViewPyramid(&views, options).CoarseEnd(), 0);
+}
+
+TEST(ViewPyramid, OneSmallPhotoLeavesTheOthersTheirLevels) {
+  std::vector<TrainView> views(9, OneView(512, 512)[0]);
+  views.push_back(OneView(100, 200)[0]);
+  views.push_back(OneView(130, 200)[0]);
+  TrainOptions options;
+  options.iterations = 100;
+  options.recipe.coarse_levels = 2;
+  const ViewPyramid pyramid(&views, options);
+  EXPECT_EQ(pyramid.LevelOf(0), 2);
+  EXPECT_EQ(pyramid.View(2, 0).photo.width, 128);
+  EXPECT_EQ(pyramid.View(2, 9).photo.width, 100);
+  EXPECT_EQ(pyramid.View(2, 10).photo.width, 65);
+  constexpr double kPixels = (9 * 128 * 128 + 100 * 200 + 65 * 100) / 11.0;
+  EXPECT_DOUBLE_EQ(pyramid.WorkOf(0, 0), kPixels + kPixelsBeside);
+}
+
+TEST(ViewPyramid, OneLargePhotoGivesTheOthersNoLevels) {
+  std::vector<TrainView> views(2, OneView(100, 100)[0]);
+  views.push_back(OneView(512, 512)[0]);
+  TrainOptions options;
+  options.recipe.coarse_levels = 2;
   EXPECT_EQ(ViewPyramid(&views, options).CoarseEnd(), 0);
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <vector>
 
 #include "engine/core/splats.h"
@@ -62,6 +63,15 @@ TEST(ForecastWork, GrowthEnds) {
   const double at_end = 1000 * kGrowthOfStep;
   EXPECT_NEAR(Forecast(Options(), 49, 100, 1000),
               Work(128 * 64, 1000) + 50 * Work(256 * 128, at_end), 1e-6);
+}
+
+TEST(DensitySchedule, GrowthEndsWithTheRunHoweverLateItMay) {
+  TrainOptions options = Options();
+  options.recipe.densify_until = 1'000'000;
+  const int end = DensitySchedule(options, {{0, 0, 0}}, 1, 50).GrowthEnd();
+  EXPECT_EQ(end, 50);
+  options.recipe.densify_until = std::numeric_limits<int>::max();
+  EXPECT_EQ(DensitySchedule(options, {{0, 0, 0}}, 1, 50).GrowthEnd(), end);
 }
 
 TEST(ForecastWork, LosesNoGaussiansAboveTheLimit) {
