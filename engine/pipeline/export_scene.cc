@@ -50,10 +50,6 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
                                             const std::array<double, 3>& up,
                                             const ExportRequest& request) {
   LITAGS_RETURN_IF_ERROR(CheckExport(request));
-  if (request.light != 0 && !model.lita) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
-                     "light: this scene was trained with plain 3dgs and has one light only");
-  }
   const bool mip = model.pixel_filter == PixelFilter::kMip;
   if (request.antialiased && !mip) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "antialiased",
@@ -62,7 +58,7 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
   ViewerScene scene;
   scene.splats = model.splats;
   scene.sh_degree = model.sh_degree;
-  scene.antialiased = request.antialiased;
+  scene.antialiased = mip;
   scene.origin = model.origin;
   if (model.curve.has_value()) {
     PutThrough([&](float code) { return ApplyCurve(*model.curve, code); }, &scene.splats);
@@ -76,7 +72,6 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
         },
         &scene.splats);
   }
-  if (mip && !request.antialiased) scene.splats = SplatsForViewers(views, std::move(scene.splats));
   const SceneFrame frame = FrameOfViews(views);
   scene.center = frame.center;
   scene.up_direction = up;
@@ -94,6 +89,11 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
   if (request.max_splats > 0) {
     LITAGS_RETURN_IF_ERROR(
         KeepHeaviest(request.max_splats, request.threads, request.cancel, &scene));
+  }
+  // After the weights: these are of smaller pictures than the changed Gaussians fit.
+  if (mip && !request.antialiased) {
+    scene.splats = SplatsForViewers(scene.views, std::move(scene.splats));
+    scene.antialiased = false;
   }
   const UpAxis axis = request.up == UpAxis::kOfFormat ? InfoOf(request.format).up : request.up;
   PlaceScene(up, axis, request.scale, &scene);

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "engine/core/color.h"
 #include "engine/export/formats.h"
@@ -85,6 +86,64 @@ TEST(ExportScene, CropAndPruneAndScaleCanBeTogether) {
   ASSERT_TRUE(pruned.ok()) << pruned.status();
   ASSERT_EQ(pruned->splats.size(), 10u);
   for (size_t i = 0; i < 10; ++i) EXPECT_GE(pruned->splats.at(i, kMean + 2), -50.001f);
+}
+
+// Photos of 1600 px, at 1000 px per unit of X/Z, from a distance of a unit.
+std::vector<View> LargeViews() {
+  View view{"photo.png", {}};
+  Camera& c = view.camera;
+  c.width = 1600;
+  c.height = 1200;
+  c.fx = c.fy = 1000;
+  c.cx = 800;
+  c.cy = 600;
+  return {view};
+}
+
+constexpr double kLargePixel = 0.001;  // at the Gaussians of Side()
+
+// `count` disks side by side that face the camera; `px` is the deviation of one, px.
+template <typename Px>
+Model Side(size_t count, const Px& px) {
+  Model model;
+  model.lita = model.use_pdm = false;
+  model.pixel_filter = PixelFilter::kMip;
+  model.splats = Splats(count);
+  for (size_t i = 0; i < count; ++i) {
+    model.splats.at(i, kMean) = static_cast<float>(0.02 * (double(i) - 0.5 * count));
+    model.splats.at(i, kMean + 2) = 1;
+    for (int k = 0; k < 3; ++k) {
+      model.splats.at(i, kLogScale + k) = static_cast<float>(std::log(kLargePixel * px(i)));
+    }
+    model.splats.at(i, kRawQuat) = 1;
+    model.splats.at(i, kLogitOpacity) = 1;
+  }
+  return model;
+}
+
+TEST(ExportScene, GaussiansSmallerThanAPixelCountByTheirArea) {
+  Model model = Side(40, [](size_t i) { return i % 2 == 0 ? 0.3 : 1.5; });
+  // 0.95 of the small ones, 0.15 of the others, whose area is 25 times as large.
+  for (size_t i = 0; i < 40; ++i) model.splats.at(i, kLogitOpacity) = i % 2 == 0 ? 3.0f : -1.7f;
+  ExportRequest request;
+  request.max_splats = 20;
+  const auto kept = MakeViewerScene(model, LargeViews(), {0, -1, 0}, request);
+  ASSERT_TRUE(kept.ok()) << kept.status();
+  ASSERT_EQ(kept->splats.size(), 20u);
+  EXPECT_FALSE(kept->antialiased);
+  for (size_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(kept->splats.at(i, kMean), model.splats.at(2 * i + 1, kMean)) << i;
+  }
+}
+
+TEST(ExportScene, SpzHoldsGaussiansSmallerThanAPixel) {
+  const TempDir dir;
+  const Model model = Side(50, [](size_t i) { return i % 5 == 0 ? 0.2 : 1.5; });
+  ExportRequest request;
+  request.format = SceneFormat::kSpz;
+  const auto count = MakeScene(model, LargeViews())->Export(dir / "a.spz", request);
+  ASSERT_TRUE(count.ok()) << count.status();
+  EXPECT_EQ(*count, 50);
 }
 
 TEST(ExportScene, AntialiasedScenesAreAsTrained) {

@@ -120,6 +120,11 @@ class ModelScene : public Scene {
 
   absl::StatusOr<int64_t> Export(const std::string& path,
                                  const ExportRequest& request) const override {
+    LITAGS_RETURN_IF_ERROR(CheckExport(request));
+    if (request.light != 0 && !model_.lita) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
+                       "light: this scene was trained with plain 3dgs and has one light only");
+    }
     if (const auto encode = InfoOf(request.format).encode_points) {
       LITAGS_ASSIGN_OR_RETURN(const PointCloud points, SurfacePoints(*this, request));
       LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, encode(points)));

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "engine/io/test_util.h"
 #include "engine/pipeline/wall_test_util.h"
@@ -59,6 +61,30 @@ TEST(SurfacePoints, AreWrittenLikeAnyFormat) {
     EXPECT_EQ(*count, static_cast<int64_t>(SurfacePoints(*scene, RequestOf(format))->size()));
     EXPECT_GT(Bytes(dir / "points").size(), 20 * static_cast<size_t>(*count));
   }
+}
+
+// Of six cameras side by side only one looks at the wall.
+TEST(SurfacePoints, AreOfWhatOneDirectionOfPanoramasSees) {
+  std::vector<View> views;
+  for (int i = 0; i < 6 * 64; ++i) {
+    View view = WallViews()[i / 6 % 3];
+    view.name = std::to_string(i);
+    if (i % 6 != 3) view.camera = view.camera.Moved({0, 0, 2 * kWallDepth});  // behind the wall
+    views.push_back(view);
+  }
+  const auto points =
+      SurfacePoints(*MakeScene(WallModel(), views), RequestOf(SceneFormat::kPoints));
+  ASSERT_TRUE(points.ok()) << points.status();
+  EXPECT_GT(points->size(), 500u);
+}
+
+TEST(SurfacePoints, OfASceneWithOneLightAreRefusedInAnother) {
+  const TempDir dir;
+  ExportRequest request = RequestOf(SceneFormat::kPoints);
+  request.light = 0.5;
+  const absl::Status status = WallScene()->Export(dir / "points", request).status();
+  EXPECT_EQ(Reason(status), "CHANNEL_UNAVAILABLE");
+  EXPECT_EQ(GetErrorDetail(status)->field, "light");
 }
 
 TEST(SurfacePoints, CancelledSoon) {

@@ -10,7 +10,9 @@
 namespace litags {
 namespace {
 
-constexpr double kLeastScale = 0.01;  // px, of what would have none left
+// px, of what would have none left: invisible beside what viewers add, and the opacity makes up for
+// it. Formats such as .spz do not hold much less.
+constexpr double kLeastScale = 0.1;
 
 // Scene units; 0 if no view sees the point.
 double MeanPixelSize(const std::vector<View>& views, const std::array<double, 3>& point) {

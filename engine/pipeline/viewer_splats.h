@@ -12,7 +12,7 @@ namespace litags {
 // Gaussians of PixelFilter::kMip as PixelFilter::kDilate should get them to draw much the same in
 // pictures of the size of `views`. With p the size of a pixel at the Gaussian, in scene units, mean
 // over the views that see it, scales s become s' and the opacity o becomes o':
-//   s'^2 = s^2 - (kEps2d - kMipEps2d) p^2, where that is positive, else nearly none
+//   s'^2 = s^2 - (kEps2d - kMipEps2d) p^2, where that is more than (0.1 p)^2, else that
 //   o' = o sqrt(product of s^2 / (s'^2 + kEps2d p^2)) over the two larger scales,
 // exact for large Gaussians seen along their shortest axis, and nearly so for small ones. Those
 // that no view sees stay as they are.
