@@ -17,7 +17,7 @@ struct FormatInfo {
   SceneFormat format;
   const char* name;    // on command lines
   const char* ending;  // of a file's name
-  UpAxis up;           // what the format says of it; kKeep: nothing
+  UpAxis up;           // what it is turned to unless asked; kKeep: it is not turned
   bool has_antialiased_tag;
   // The file's bytes. FAILED_PRECONDITION (EXPORT_OUT_OF_RANGE) if the format cannot hold them.
   // Of these three functions, two are null.
