@@ -305,7 +305,7 @@ class Run {
     observer_->OnProgress(change);
   }
 
-  // Saves a snapshot and reports it with a preview picture and the held-out PSNR.
+  // Saves a snapshot and reports it, after a preview picture and the held-out PSNR.
   absl::Status Publish(const CancelToken& cancel) {
     Model model = trainer_.Snapshot();
     model.origin = set_.origin;
@@ -314,11 +314,12 @@ class Run {
     const bool last = trainer_.iteration() >= options_.iterations;
     if (options_.refine_cameras && last) FitHeldOut(model);
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, Views()));
-    observer_->OnSnapshot(scene_path_);
     LITAGS_ASSIGN_OR_RETURN(const std::string png, ScoreHeldOut(model, last, cancel));
     Progress progress = progress_;
     progress.preview_png.assign(png.begin(), png.end());
+    // Before the snapshot: that is of the iteration which was told last.
     observer_->OnProgress(progress);
+    observer_->OnSnapshot(scene_path_);
     return absl::OkStatus();
   }
 

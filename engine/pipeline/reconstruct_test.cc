@@ -130,6 +130,30 @@ TEST(Reconstruct, ReportsProgressInOrder) {
                                               report->scene_path, report->scene_path));
 }
 
+// Loads each snapshot when it is announced.
+class SnapshotReader : public Recorder {
+ public:
+  void OnSnapshot(const std::string& path) override {
+    const auto scene = MakeEngine(kNoColmap)->LoadScene(path);
+    ASSERT_TRUE(scene.ok()) << scene.status();
+    loaded.push_back((*scene)->iteration());
+    ASSERT_FALSE(reports.empty());
+    told.push_back(reports.back().iteration);
+  }
+  std::vector<int> loaded, told;
+};
+
+TEST(Reconstruct, ASnapshotIsOfTheIterationThatWasToldLast) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  SnapshotReader reader;
+  const auto report =
+      MakeEngine(kNoColmap)->Reconstruct(input, SmallOptions(), CancelToken(), &reader);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(reader.loaded, ElementsAre(10, 20, 30, 40));
+  EXPECT_EQ(reader.told, reader.loaded);
+}
+
 TEST(Reconstruct, SaysWhenThePhotosGrow) {
   const Photographs photos(/*width=*/160, /*height=*/128);  // 64 px is the smallest side
   ReconstructOptions options = SmallOptions();

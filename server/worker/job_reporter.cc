@@ -78,7 +78,7 @@ void JobReporter::OnProgress(const Progress& progress) {
 
 void JobReporter::OnSnapshot(const std::string&) {
   std::lock_guard lock(mutex_);
-  snapshot_ = iteration_;
+  snapshot_ = iteration_;  // told just before
   urgent_ = true;
   wake_.notify_one();
 }

@@ -45,20 +45,21 @@ class Recorder : public ReconstructObserver {
     if (p.stage == Stage::kTraining && first_ms_ == 0) first_ms_ = NowMs();
     iteration_ = p.iteration;
     gaussians_ = p.gaussians;
-    if (p.preview_png.empty() || args_.evaluate_every == 0) return;
+  }
+  void OnSnapshot(const std::string& path) override {
+    if (args_.evaluate_every == 0) return;
     const double start = NowMs();
-    if (absl::Status s = Score(); !s.ok() && status.ok()) status = s;
+    if (absl::Status s = Score(path); !s.ok() && status.ok()) status = s;
     paused_ms_ += NowMs() - start;
   }
-  void OnSnapshot(const std::string& path) override { path_ = path; }
 
   nlohmann::json history = nlohmann::json::array();
   absl::Status status;
 
  private:
-  absl::Status Score() {
+  absl::Status Score(const std::string& path) {
     const double seconds = (NowMs() - first_ms_ - paused_ms_) / 1e3;
-    LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene, engine_->LoadScene(path_));
+    LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene, engine_->LoadScene(path));
     LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views,
                             args_.scene.TestViews(*scene, args_.out));
     LITAGS_ASSIGN_OR_RETURN(const Scores scores,
@@ -79,7 +80,6 @@ class Recorder : public ReconstructObserver {
   const TrainArguments& args_;
   Engine* engine_;
   ProgressLines lines_;
-  std::string path_;
   int iteration_ = 0;
   int64_t gaussians_ = 0;
   double first_ms_ = 0, paused_ms_ = 0;
