@@ -17,14 +17,16 @@
 #include "engine/target/clipped_colors.h"
 #include "engine/target/exposure_rule.h"
 #include "engine/target/highlights.h"
+#include "engine/target/light_squares.h"
+#include "engine/target/noise_floor.h"
 
 namespace litags {
 namespace {
 
 // Where no light fell there is nothing to brighten: black counts for at most this share of what is
-// lit, so that a torch in the dark is exposed for what it lights. Choice
+// lit, and so does what noise makes of black, so that a torch in the dark is exposed for what it
+// lights. Choice
 constexpr double kMostBlack = 0.1;
-constexpr int kSquare = 4;  // px, that light is averaged over for the exposure rule
 constexpr int16_t kBlack = 0.25f * kPhotoCode;  // nothing of a photo above it: no light fell
 
 using Histogram = std::array<double, 256>;  // fraction of all samples that count, by 8-bit code
@@ -145,39 +147,40 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
   return targets;
 }
 
-// Means of squares of kSquare pixels, and the share of those that no light fell on.
+// The light of a photo's squares, and the share of the photo that no light fell on.
 struct PhotoLight {
-  LightHistogram light;
+  LightHistogram lit, noise;  // above the noise floor; up to it
   double black = 0;
 };
 
 PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask,
-                        const LampLight* lamp) {
+                        const LampLight* lamp, double noise_floor) {
   PhotoLight out;
-  const LinearTable& linear = LinearTable::Get();
+  const double black = LinearTable::Get()(kBlack);
   const double share = 1.0 / CountedPixels(mask, photo.pixels());
-  for (int y0 = 0; y0 < photo.height; y0 += kSquare) {
-    for (int x0 = 0; x0 < photo.width; x0 += kSquare) {
-      std::array<double, 3> sum = {};
-      int counted = 0;
-      for (int y = y0; y < std::min(y0 + kSquare, photo.height); ++y) {
-        for (int x = x0; x < std::min(x0 + kSquare, photo.width); ++x) {
-          if (!Counts(mask, x, y)) continue;
-          ++counted;
-          for (int c = 0; c < 3; ++c) sum[c] += linear(photo.pixel(x, y)[c]);
-        }
-      }
-      if (counted == 0) continue;
-      if (std::max({sum[0], sum[1], sum[2]}) <= counted * linear(kBlack)) {
-        out.black += share * counted;
-      } else {
-        const double lit = lamp != nullptr ? lamp->At(x0, y0) : 1;
-        out.light.AddPixel(sum[0] / counted, sum[1] / counted, sum[2] / counted, exposure * lit,
-                           share * counted);
-      }
+  ForLightSquares(photo, mask, [&](const LightSquare& square) {
+    const double largest = square.LargestMean(), weight = share * square.counted;
+    if (largest <= black) {
+      out.black += weight;
+      return;
     }
-  }
+    const double lit = lamp != nullptr ? lamp->At(square.x, square.y) : 1;
+    (largest <= noise_floor ? out.noise : out.lit)
+        .AddPixel(square.mean[0], square.mean[1], square.mean[2], exposure * lit, weight);
+  });
   return out;
+}
+
+// Adds `light` so that it weighs `most` at most.
+void AddUpTo(double most, const LightHistogram& light, LightHistogram* to) {
+  if (light.total() <= most) {
+    to->Add(light);
+    return;
+  }
+  for (int bin = 0; bin < LightHistogram::kBins; ++bin) {
+    const double weight = light.weight(bin) * most / light.total();
+    if (weight > 0) to->Add(std::exp2(LightHistogram::Stops(bin)), weight);
+  }
 }
 
 absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
@@ -196,17 +199,21 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
 
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
                    absl::Span<const PlaneU8> masks, absl::Span<const LampLight> lamps) {
+  const double noise_floor = NoiseFloor(photos, threads, masks);
   std::vector<PhotoLight> of_photos(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     of_photos[i] = MeasureLight(photos[i], exposures[i], MaskOf(masks, i),
-                                lamps.empty() ? nullptr : &lamps[i]);
+                                lamps.empty() ? nullptr : &lamps[i], noise_floor);
   });
-  LightHistogram all;
+  LightHistogram all, noise;
   double black = 0;
   for (const PhotoLight& of_photo : of_photos) {
-    all.Add(of_photo.light);
+    all.Add(of_photo.lit);
+    noise.Add(of_photo.noise);
     black += of_photo.black;
   }
+  // Where noise hides everything, it is all there is to go by.
+  AddUpTo(all.total() > 0 ? kMostBlack * all.total() : noise.total(), noise, &all);
   all.Add(0, std::min(black, kMostBlack * all.total()));
   return ExposureGain(all);
 }

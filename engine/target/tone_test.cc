@@ -120,7 +120,27 @@ TEST(Tone, WhatATorchLightsIsExposedForHoweverLittleItIs) {
     ImageU8 torch(lit.width, static_cast<int>(lit.height / (1 - share)));
     std::copy(lit.data.begin(), lit.data.end(), torch.data.begin());
     EXPECT_NEAR(CaptureGain({PhotoFromU8(torch)}, exposures, 1) / gain, 1, 0.25) << share;
+    // Black is where the sensor's noise ends.
+    for (const double noise : {0.5, 1.0, 2.0}) {
+      ImageU8 noisy = torch;
+      const CounterRng rng(1, 0);
+      for (size_t i = lit.data.size(); i < noisy.data.size(); ++i) {
+        noisy.data[i] = static_cast<uint8_t>(std::lround(std::max(0.0, noise * rng.Normal(i))));
+      }
+      EXPECT_NEAR(CaptureGain({PhotoFromU8(noisy)}, exposures, 1) / gain, 1, 0.25)
+          << share << ", noise " << noise;
+    }
   }
+}
+
+// Photos that are noise all over are brightened all the same.
+TEST(Tone, WhatNoiseHidesDecidesWhereNothingElseIsSeen) {
+  ImageU8 hidden(200, 100);
+  const CounterRng rng(1, 0);
+  for (size_t i = 0; i < hidden.data.size(); ++i) {
+    hidden.data[i] = static_cast<uint8_t>(std::lround(std::max(0.0, 0.3 + rng.Normal(i))));
+  }
+  EXPECT_GT(CaptureGain({PhotoFromU8(hidden)}, std::vector<double>{1.0}, 1), 100);
 }
 
 TEST(Tone, ClippedChannelsTakeTheColorThatAnotherPhotoShows) {
