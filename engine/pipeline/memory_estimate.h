@@ -22,9 +22,9 @@ TrainingSize ShrunkTo(int max_side, int width, int height);
 
 // Bytes at the peak. COLMAP's processes have ended by then.
 struct MemoryEstimate {
-  int64_t photos = 0;     // of all photos with their targets, maps and smaller copies
-  int64_t rims = 0;       // of masks of their rims, which undistortion may make
-  int64_t work = 0;       // on a photo at a time: decoding, stereo, or rendering and its gradients
+  int64_t photos = 0;  // of all photos with their targets, maps and smaller copies
+  int64_t rims = 0;    // of masks of their rims, which undistortion may make
+  int64_t work = 0;    // on photos: decoding, their targets, stereo, or rendering and its gradients
   int64_t gaussians = 0;  // with moments and what is made anew of them, max_gaussians of them
 
   int64_t Least() const { return photos + work; }

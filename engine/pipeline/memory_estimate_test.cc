@@ -122,6 +122,18 @@ TEST(MemoryEstimate, CountsStereoOfSeveralViews) {
   EXPECT_EQ(EstimateMemory(photos, options, 8, {}).work, 480000000);
 }
 
+TEST(MemoryEstimate, CountsTheTargetsThatThreadsMakeAtOnce) {
+  ReconstructOptions options;
+  options.max_image_side = 0;
+  const auto photos = PhotosOf(8, 1620, 2880);
+  const MemoryEstimate estimate = EstimateMemory(photos, options, 8, {});
+  EXPECT_GE(estimate.Most(),
+            (12 + 72) * int64_t{8} * 1620 * 2880 + estimate.gaussians + MemoryEstimate::kPrograms);
+  options.recipe = Litags();
+  options.recipe->tone.rule = Tone::kNone;
+  EXPECT_LT(EstimateMemory(photos, options, 8, {}).work, estimate.work);
+}
+
 TEST(MemoryEstimate, CountsTheDenoiser) {
   const auto photos = PhotosOf(20, 1600, 1200);
   ReconstructOptions options;
