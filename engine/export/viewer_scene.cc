@@ -101,6 +101,7 @@ absl::Status Weigh(const ViewerScene& scene, int threads, const CancelToken& can
   settings.num_channels = kColorOnly;
   settings.sh_degree = 0;
   settings.pixel_filter = scene.antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
+  settings.near_plane = scene.near_plane;
   settings.threads = threads;
   settings.cancel = &cancel;
   Planes image, alpha;

@@ -12,6 +12,7 @@
 #include "engine/core/cancel.h"
 #include "engine/core/splats.h"
 #include "engine/export/export_request.h"
+#include "engine/render/renderer.h"
 
 namespace litags {
 
@@ -20,6 +21,7 @@ using Matrix3 = std::array<double, 9>;  // row-major
 struct ViewerScene {
   Splats splats;  // LITA attributes mean nothing here
   int sh_degree = kMaxShDegree;
+  float near_plane = RenderSettings().near_plane;  // that it was trained with
   bool antialiased = false;           // to be drawn as PixelFilter::kMip does, else as kDilate
   UpAxis up = UpAxis::kKeep;          // which axis is up now; kKeep: unknown
   std::array<double, 3> origin = {};  // that positions and views count from

@@ -17,7 +17,10 @@ constexpr double kNotFlat = 1e-3;            // part of a photo's pixels
 constexpr int kSameSample = kPhotoCode / 8;  // differences up to it are none
 constexpr double kMostlyBlack = 0.5;         // of the pixels: the median one is black
 constexpr double kMixedExposureStops = 2;    // a camera on automatic stays below
-constexpr double kMaxCoordinate = 1e15;      // scene units; squares of sizes must fit into floats
+// The near plane is this share of the depth that all but kNearest of what photos saw has. Choices
+constexpr double kNearShare = 0.5, kNearest = 0.01;
+constexpr double kLeastNearPlane = 1e-5;  // scene units; sizes of Gaussians end at 1e-7
+constexpr double kMaxCoordinate = 1e15;   // scene units; squares of sizes must fit into floats
 
 // The sample of a channel that `rank` of the counted ones lie below, or with it. By counting: to
 // sort them takes seconds where photos are large.
@@ -104,8 +107,23 @@ void NoteExposures(const std::vector<View>& views, const std::vector<double>& ex
                  : ", and this tone does not even them out"));
 }
 
-absl::Status CheckScale(const std::vector<View>& views, std::vector<SparsePoint>* points,
-                        std::vector<std::string>* notes) {
+float NearPlaneOf(const SparseModel& model) {
+  const float usual = RenderSettings().near_plane;
+  std::vector<double> depths;
+  for (const SparsePoint& point : model.points) {
+    for (const TrackElement& e : point.track) {
+      const double depth = model.views[e.view].camera.CamFromWorld(point.xyz)[2];
+      if (depth > 0) depths.push_back(depth);
+    }
+  }
+  if (depths.empty()) return usual;
+  const auto nearest = depths.begin() + static_cast<ptrdiff_t>(kNearest * depths.size());
+  std::nth_element(depths.begin(), nearest, depths.end());
+  return static_cast<float>(std::clamp<double>(kNearShare * *nearest, kLeastNearPlane, usual));
+}
+
+absl::Status CheckScale(const std::vector<View>& views, float near_plane,
+                        std::vector<SparsePoint>* points, std::vector<std::string>* notes) {
   const auto far = [](const std::array<double, 3>& p) {
     return !(std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])}) <= kMaxCoordinate);
   };
@@ -121,7 +139,6 @@ absl::Status CheckScale(const std::vector<View>& views, std::vector<SparsePoint>
     notes->push_back(absl::StrCat(Counted(dropped, "sparse point"), dropped == 1 ? " was" : " were",
                                   " dropped: beyond ", kMaxCoordinate, " units"));
   }
-  const float near_plane = RenderSettings().near_plane;
   const auto near = [&](const SparsePoint& p) {
     return std::all_of(views.begin(), views.end(), [&](const View& v) {
       return v.camera.CamFromWorld(p.xyz)[2] <= near_plane;

@@ -39,11 +39,15 @@ void NoteDarkness(const std::vector<View>& views, const std::vector<PhotoDarknes
 void NoteExposures(const std::vector<View>& views, const std::vector<double>& exposures,
                    bool evened_out, std::vector<std::string>* notes);
 
-// Scene units are the user's, but what is nearer than the renderer's near plane is never drawn, and
-// floats end somewhere. Drops points that are too far, with a note. INVALID_ARGUMENT
-// (SCENE_TOO_LARGE, SCENE_TOO_SMALL; field "cameras") for scenes that cannot be drawn.
-absl::Status CheckScale(const std::vector<View>& views, std::vector<SparsePoint>* points,
-                        std::vector<std::string>* notes);
+// What is nearer to a camera than this is not drawn, scene units: 3DGS's 0.2, or less where photos
+// saw points as near as that.
+float NearPlaneOf(const SparseModel& model);
+
+// Scene units are the user's, but floats end somewhere. Drops points that are too far, with a note.
+// INVALID_ARGUMENT (SCENE_TOO_LARGE, SCENE_TOO_SMALL; field "cameras") for scenes that cannot be
+// drawn.
+absl::Status CheckScale(const std::vector<View>& views, float near_plane,
+                        std::vector<SparsePoint>* points, std::vector<std::string>* notes);
 
 }  // namespace litags
 

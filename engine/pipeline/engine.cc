@@ -67,6 +67,7 @@ TrainOptions TrainOptionsOf(const Context& context, const TrainSet& set) {
   train.threads = context.options.threads;
   train.sh_degree = context.options.sh_degree;
   train.max_gaussians = context.options.max_gaussians;
+  train.near_plane = set.near_plane;
   train.refine_cameras = context.options.refine_cameras;
   return train;
 }

@@ -59,6 +59,7 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
   scene.splats = model.splats;
   scene.sh_degree = model.sh_degree;
   scene.antialiased = mip;
+  scene.near_plane = model.near_plane;
   scene.origin = model.origin;
   if (model.curve.has_value()) {
     PutThrough([&](float code) { return ApplyCurve(*model.curve, code); }, &scene.splats);

@@ -144,27 +144,33 @@ TEST(OddCaptures, ACaptureOfClippedPhotosIsRefused) {
 }
 
 // The same room with all positions times `unit`.
-absl::StatusOr<ReconstructReport> TrainInUnits(double unit) {
-  RoomCapture capture(6);
+absl::StatusOr<ReconstructReport> TrainInUnits(double unit, int views = 6, int iterations = 20) {
+  RoomCapture capture(views);
   for (View& view : capture.model.views) {
     for (double& t : view.camera.t) t *= unit;
   }
   for (SparsePoint& point : capture.model.points) {
     for (double& x : point.xyz) x *= unit;
   }
-  const auto report = Train(capture.Input("work"), capture.Options(20));
-  if (report.ok()) ExpectGoodScene(report, 6);
+  const auto report = Train(capture.Input("work"), capture.Options(iterations));
+  if (report.ok()) ExpectGoodScene(report, views);
   return report;
 }
 
 TEST(OddCaptures, UnitsOfLengthAreTheUsersWithinReason) {
-  for (const double unit : {0.5, 1e3, 1e9}) {
+  for (const double unit : {1e-3, 0.5, 1e3, 1e9}) {
     const absl::Status status = TrainInUnits(unit).status();
     EXPECT_TRUE(status.ok()) << unit << status;
   }
-  // The room in kilometres: all of it is nearer than what the renderer draws.
-  EXPECT_EQ(Reason(TrainInUnits(1e-3).status()), "SCENE_TOO_SMALL");
+  EXPECT_EQ(Reason(TrainInUnits(1e-9).status()), "SCENE_TOO_SMALL");
   EXPECT_EQ(Reason(TrainInUnits(1e30).status()), "SCENE_TOO_LARGE");
+}
+
+// 3DGS draws nothing that is nearer than 0.2 units. In units of 16 m much of the room is.
+TEST(OddCaptures, WhatIsNearIsLearntInAnyUnit) {
+  const auto usual = TrainInUnits(1, 18, 100), large = TrainInUnits(1 / 16.0, 18, 100);
+  ASSERT_TRUE(usual.ok() && large.ok()) << large.status();
+  EXPECT_NEAR(large->psnr_holdout, usual->psnr_holdout, 0.5);
 }
 
 // Mean difference, relative to the mean of `a`.

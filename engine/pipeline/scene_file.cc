@@ -13,15 +13,17 @@
 #include "engine/core/finite.h"
 #include "engine/io/container.h"
 #include "engine/pipeline/model_scene.h"
+#include "engine/render/renderer.h"
 
 namespace litags {
 namespace {
 
 using Json = nlohmann::json;
 constexpr char kKind[] = "scene";
-// 1: before pixel filters, all of them as 3DGS has it. 3: has an origin that is not 0; written only
-// then, so that older programs read what they can draw.
-constexpr uint32_t kVersion = 3, kWithoutOrigin = 2;
+// 1: before pixel filters, all of them as 3DGS has it. 3: has an origin that is not 0. 4: has a
+// near plane that is not 3DGS's. Each is written only then, so that older programs read what they
+// can draw.
+constexpr uint32_t kVersion = 4, kWithoutNearPlane = 3, kWithoutOrigin = 2;
 
 Json ViewToJson(const View& view) {
   const Camera& c = view.camera;
@@ -126,6 +128,7 @@ absl::Status ReadMeta(const Container& file, const std::string& path, Model* mod
     model->pdm_options = PdmFromJson(json.at("pdm"));
     *nets = json.at("pdm").at("nets").get<size_t>();
     if (file.version() > kWithoutOrigin) json.at("origin").get_to(model->origin);
+    if (file.version() > kWithoutNearPlane) json.at("near_plane").get_to(model->near_plane);
     if (json.contains("noise")) model->noise = json.at("noise").get<NoiseCurve>();
     if (json.contains("curve")) model->curve = json.at("curve").get<CodeCurve>();
   } catch (const Json::exception& e) {
@@ -134,6 +137,7 @@ absl::Status ReadMeta(const Container& file, const std::string& path, Model* mod
   if (model->sh_degree < 0 || model->sh_degree > kMaxShDegree) {
     return Damaged(path, absl::StrCat("SH degree ", model->sh_degree, " does not exist"));
   }
+  if (!(model->near_plane > 0)) return Damaged(path, "its near plane is not in front of cameras");
   if (const absl::Status s = model->pdm_options.Validate(); !s.ok()) {
     return Damaged(path, std::string(s.message()));
   }
@@ -215,9 +219,12 @@ absl::Status SaveScene(const std::string& path, const Model& model,
   json["pdm"]["nets"] = model.pdm.nets.size();
   if (model.noise.has_value()) json["noise"] = *model.noise;
   if (model.curve.has_value()) json["curve"] = *model.curve;
-  const bool moved = model.origin != std::array<double, 3>{};
-  if (moved) json["origin"] = model.origin;
-  ContainerWriter out(kKind, moved ? kVersion : kWithoutOrigin);
+  uint32_t version = kWithoutOrigin;
+  if (model.origin != std::array<double, 3>{}) version = kWithoutNearPlane;
+  if (model.near_plane != RenderSettings().near_plane) version = kVersion;
+  if (version > kWithoutOrigin) json["origin"] = model.origin;
+  if (version > kWithoutNearPlane) json["near_plane"] = model.near_plane;
+  ContainerWriter out(kKind, version);
   out.AddSection("meta", json.dump(-1, ' ', false, Json::error_handler_t::replace));
   out.AddSection("names", JoinNames(views));
   const AlignedFloats& data = model.splats.data();

@@ -122,6 +122,28 @@ TEST(SceneFile, AnOriginComesBack) {
             EncodePly(model.splats, /*lita_attributes=*/true, model.origin));
 }
 
+TEST(SceneFile, ANearPlaneComesBack) {
+  const TempDir dir;
+  Model model = SmallModel();
+  model.near_plane = 0.01f;
+  ASSERT_TRUE(SaveScene(dir / "a.litags", model, RingViews(3)).ok());
+  EXPECT_EQ(Container::Read(dir / "a.litags", "scene", 4)->version(), 4);
+  const auto scene = LoadSceneFile(dir / "a.litags");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  // Before the first camera, nearer than 3DGS draws anything.
+  RenderRequest request;
+  request.camera = (*scene)->views()[0].camera;
+  const auto z = request.camera.CamFromWorld(
+      {model.splats.at(0, kMean), model.splats.at(0, kMean + 1), model.splats.at(0, kMean + 2)});
+  for (int k = 0; k < 3; ++k) request.camera.t[k] -= z[k] - (k == 2 ? 0.1 : 0);
+  request.channel = Channel::kDepth;
+  const auto drawn = (*scene)->Render(request);
+  model.near_plane = RenderSettings().near_plane;
+  const auto cut = MakeScene(model, RingViews(3))->Render(request);
+  ASSERT_TRUE(drawn.ok() && cut.ok());
+  EXPECT_NE(drawn->data, cut->data);
+}
+
 TEST(SceneFile, NumbersThatAreNotFiniteAreNotSaved) {
   const TempDir dir;
   for (const int row : {int{kMean}, int{kShDc}, kShRest + 44, int{kIllumination}}) {
@@ -150,7 +172,7 @@ TEST(SceneFile, ForeignAndTruncatedFilesAreRefused) {
   ASSERT_TRUE(other.Commit(dir / "other").ok());
   EXPECT_EQ(Reason(LoadSceneFile(dir / "other").status()), "WRONG_CONTAINER_KIND");
 
-  ContainerWriter newer("scene", 4);
+  ContainerWriter newer("scene", 5);
   ASSERT_TRUE(newer.Commit(dir / "newer").ok());
   EXPECT_EQ(Reason(LoadSceneFile(dir / "newer").status()), "CONTAINER_TOO_NEW");
 

@@ -182,10 +182,12 @@ absl::StatusOr<TrainSet> MakeTrainSet(const Context& context, const std::string&
                           MakeCaptureTargets(context, posed, std::move(posed.photos)));
   NoteMasks(posed.masks, notes);
   NoteExposures(posed.views, targets.exposures, recipe.tone.rule == Tone::kCapture, notes);
-  LITAGS_RETURN_IF_ERROR(CheckScale(posed.views, &posed.model.points, notes));
+  const float near_plane = NearPlaneOf(posed.model);
+  LITAGS_RETURN_IF_ERROR(CheckScale(posed.views, near_plane, &posed.model.points, notes));
   const std::string inputs = FingerprintOfPhotos(posed, targets);
 
   TrainSet set;
+  set.near_plane = near_plane;
   set.origin = posed.origin;
   set.points = std::move(posed.model.points);
   LimitPoints(options.max_gaussians, &set.points, context.report);

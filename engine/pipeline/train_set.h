@@ -25,6 +25,7 @@ struct TrainSet {
   TargetNoise target_noise;         // of `train`
   NoiseCurve noise = {};  // of pictures: what rounding and the photos' own noise leave in them
   std::optional<CodeCurve> curve;  // for pictures, which takes off how black brightens noisy photos
+  float near_plane = 0;            // as NearPlaneOf has it
   std::array<double, 3> origin = {};  // of all this, in the coordinates that the cameras came in
   std::string fingerprint;            // of photos, cameras and the options that shape the result
 };

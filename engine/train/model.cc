@@ -24,6 +24,7 @@ void ModelRenderer::Composite(const Model& model, const Camera& camera, int num_
   settings.sh_degree = model.sh_degree;
   settings.depth_source = DepthSource::kCameraZ;
   settings.pixel_filter = model.pixel_filter;
+  settings.near_plane = model.near_plane;
   settings.lamp = lamp;
   settings.threads = threads_;
   renderer_.Forward(model.splats, camera, settings, channels, alpha);

@@ -25,6 +25,7 @@ struct Model {
   std::optional<NoiseCurve> noise;  // for the NoiseFilter that pictures go through; none: no filter
   std::optional<CodeCurve> curve;   // that finished pictures go through, last; none: as they are
   PixelFilter pixel_filter = PixelFilter::kDilate;  // that it was trained with
+  float near_plane = RenderSettings().near_plane;   // that it was trained with
   int sh_degree = 3;                                // in use
   int iteration = 0;
 };

@@ -53,6 +53,7 @@ RenderSettings Objective::Settings(bool denoise) const {
   RenderSettings settings;
   settings.num_channels = denoise ? NumChannels() : std::min(NumChannels(), kWithoutNoise);
   settings.threads = options_.threads;
+  settings.near_plane = options_.near_plane;
   settings.pixel_filter = options_.recipe.antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
   if (options_.recipe.depth_geometry) settings.depth_source = DepthSource::kCameraZ;
   if (!options_.recipe.prior_geometry) settings.detached_channels = 1u << kChannelStructure;

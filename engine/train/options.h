@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "engine/render/renderer.h"
 #include "engine/train/recipe.h"
 
 namespace litags {
@@ -15,6 +16,7 @@ struct TrainOptions {
   int threads = 0;    // 0: all cores; never changes the result
   int sh_degree = 3;  // 0..3
   int64_t max_gaussians = 200000;
+  float near_plane = RenderSettings().near_plane;
   bool refine_cameras = false;  // poses are learnt, too; else they stay as given
 };
 

@@ -382,6 +382,7 @@ Model Trainer::Snapshot() const {
   model.pdm_options = s.options.recipe.pdm;
   model.pdm = s.state.pdm;
   model.pixel_filter = s.objective.Settings(/*denoise=*/false).pixel_filter;
+  model.near_plane = s.options.near_plane;
   model.sh_degree = ShDegreeAt(s.options, s.state.iteration);
   model.iteration = s.state.iteration;
   return model;
