@@ -12,7 +12,7 @@
 namespace litags {
 namespace {
 
-constexpr int kWidth = 200, kHeight = 120;
+constexpr int kWidth = 240, kHeight = 200;
 constexpr double kGain = 0.25;  // the photo is two stops over
 
 double Curve(double linear) { return SrgbFromLinear(std::clamp(kGain * linear, 0.0, 1.0)); }
@@ -134,6 +134,28 @@ TEST(Highlights, CodesOfATurnedPhotoAreSmoothedAlike) {
   }
   const FloatImage a = SmoothCodes(photo), b = SmoothCodes(turned);
   for (int x = 0; x < 1600; ++x) ASSERT_NEAR(a(20, x)[0], b(x, 20)[0], 1e-5) << x;
+}
+
+ImageU8 Turned(const ImageU8& photo) {
+  ImageU8 out(photo.height, photo.width);
+  for (int y = 0; y < photo.height; ++y) {
+    for (int x = 0; x < photo.width; ++x) std::copy_n(photo.pixel(x, y), 3, out.pixel(y, x));
+  }
+  return out;
+}
+
+TEST(Highlights, APortraitPhotoIsFilledAsALandscapeOneIs) {
+  // A surface that grows brighter, a lamp and a coloured wall that clips.
+  const ImageU8 photo = OverExposed([](int x, int y) {
+    const double surface = Curve(1) + 0.004 * (40 - std::hypot(x - 50, y - 60));
+    if (std::hypot(x - 140, y - 30) < 20) return std::array<double, 3>{0.9, 0.9, 0.9};
+    if (y > 80 && x > 100) return std::array<double, 3>{0.4 + 0.002 * x, 0.4, 0.3};
+    return std::array<double, 3>{surface, surface, surface};
+  });
+  const ImageU8 filled = Turned(Fill(photo)), of_turned = Fill(Turned(photo));
+  for (size_t i = 0; i < filled.data.size(); ++i) {
+    ASSERT_NEAR(filled.data[i], of_turned.data[i], 1) << i;
+  }
 }
 
 TEST(Highlights, AWhitePhotoStaysInRange) {
