@@ -122,7 +122,7 @@ TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {
   }
   ASSERT_GT(clipped, 100);
   ASSERT_GT(other, 100);
-  EXPECT_LT(clipped_weight / clipped, 0.85 * other_weight / other);
+  EXPECT_LT(clipped_weight / clipped, 0.9 * other_weight / other);
 
   ReconstructOptions alike = Options(room);
   alike.recipe->information_weights = false;
