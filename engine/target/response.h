@@ -77,7 +77,7 @@ CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> sa
 inline constexpr double kLeastColor = 0.02;    // log of a gain. 2 % is hardly seen
 inline constexpr double kLeastVignette = 0.5;  // stops. Cameras' own correction leaves up to 0.4
 inline constexpr double kMostVignette = 5;     // stops
-inline constexpr double kLeastLamp = 0.5;      // stops, as of the vignette
+inline constexpr double kLeastLamp = 1;        // stops. Photos without a lamp show up to 0.54
 inline constexpr double kMostLamp = 2;         // of its power: light falls with the square
 
 // The response without what neighbouring photos' white balances agree on (WithoutDrift()).
