@@ -29,7 +29,8 @@ export class History {
     if (progress.psnrHoldout !== undefined) put(this.psnr, {x, y: progress.psnrHoldout});
   }
 
-  // Each stage that took time, in order; between its end and a resume a job does nothing. `now`: until when the last one lasts; seconds since 1970.
+  // Each stage that took time, in order; between its end and a resume a job does nothing. `now`: until when
+  // the last one lasts; seconds since 1970.
   stages(now?: number): StageTime[] {
     return this.steps
         .map((step, i) => ({
