@@ -98,7 +98,7 @@ const Room& DarkRoom() {
   return *room;
 }
 
-// A corridor 4 m wide, 3 m high and 17 m long with walls of fine detail, photographed on eight
+// A corridor 4 m wide, 3 m high and 17 m long with walls of fine detail, photographed on six
 // steps straight along it.
 Room Corridor() {
   sample::Shape walls{sample::Shape::Kind::kRoom, {0, 0, 0}, {2, 8.5, 1.5}, {}, /*material=*/0};

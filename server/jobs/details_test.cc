@@ -46,6 +46,12 @@ class DetailsTest : public ::testing::Test {
     return id;
   }
 
+  // That the worker "w" runs.
+  Lease TakenJob(Leases& leases) {
+    EXPECT_TRUE(jobs_.Start(UploadedJob(jobs_)).ok());
+    return **leases.Acquire("w");
+  }
+
   std::vector<std::string> Names(const std::string& id) {
     std::vector<std::string> names;
     const std::vector<FileRecord> files = *jobs_.Files(id);
@@ -273,33 +279,27 @@ TEST_F(DetailsTest, ALogTellsWhatHappened) {
 }
 
 TEST_F(DetailsTest, ALogHasAnEnd) {
-  LeaseOptions options;
-  options.max_log_bytes = 1000;
-  Leases leases(store_.get(), blobs_.get(), options, clock_);
-  const std::string id = UploadedJob(jobs_);
-  ASSERT_TRUE(jobs_.Start(id).ok());
-  const auto lease = *leases.Acquire("w");
+  Leases leases(store_.get(), blobs_.get(), {.max_log_bytes = 1000}, clock_);
+  const Lease lease = TakenJob(leases);
+  const std::string& id = lease.job.id;
   const std::vector<LogEntry> lines(5, {0, 7, LogSeverity::kInfo, std::string(100, 'x')});
-  for (int i = 0; i < 20; ++i) ASSERT_TRUE(leases.AddLog(*lease, lines).ok());
+  for (int i = 0; i < 20; ++i) ASSERT_TRUE(leases.AddLog(lease, lines).ok());
   EXPECT_LE(jobs_.Get(id)->log_bytes, 1000);
   const std::vector<std::string> texts = LogTexts(id);
   EXPECT_LT(texts.size(), 15u);
   EXPECT_THAT(texts.back(), HasSubstr("full"));
   // What ends the job is told nevertheless.
-  ASSERT_TRUE(leases.Fail(*lease, absl::InternalError("it broke")).ok());
+  ASSERT_TRUE(leases.Fail(lease, absl::InternalError("it broke")).ok());
   EXPECT_EQ(LogTexts(id).back(), "FAILED: it broke");
 }
 
 TEST_F(DetailsTest, NotesOfAFinishedRunLeaveTheLogItsEnd) {
-  LeaseOptions options;
-  options.max_log_bytes = 1000;
-  Leases leases(store_.get(), blobs_.get(), options, clock_);
-  const std::string id = UploadedJob(jobs_);
-  ASSERT_TRUE(jobs_.Start(id).ok());
-  const auto lease = *leases.Acquire("w");
+  Leases leases(store_.get(), blobs_.get(), {.max_log_bytes = 1000}, clock_);
+  const Lease lease = TakenJob(leases);
+  const std::string& id = lease.job.id;
   ReconstructReport report;
   report.notes.assign(100, std::string(100, 'x'));
-  ASSERT_TRUE(leases.Succeed(*lease, report, {{kSceneFile, {"1/aa", 5}}}).ok());
+  ASSERT_TRUE(leases.Succeed(lease, report, {{kSceneFile, {"1/aa", 5}}}).ok());
   EXPECT_LT(jobs_.Get(id)->log_bytes, 1100);
   EXPECT_THAT(LogTexts(id).back(), HasSubstr("SUCCEEDED"));
 }

@@ -5,70 +5,17 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 
-#include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
 #include "server/jobs/codec.h"
-#include "server/jobs/leases.h"
-#include "server/jobs/state_machine.h"
+#include "server/jobs/jobs_test_util.h"
 #include "server/store/digest.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
 
 using ::testing::HasSubstr;
-
-const KeptFiles kScene{{kSceneFile, {"1/aa", 5}}};
-
-class JobsTest : public ::testing::Test {
- protected:
-  // Stores a file of made-up content and the given picture size.
-  absl::Status Add(const std::string& id, const std::string& name, int width = 64, int height = 48,
-                   FileRole role = FileRole::kPhoto) {
-    const std::string path = data_.tmp() + "/staged";
-    std::ofstream(path) << name;
-    return jobs_.uploads().Add(
-        id, {name, role, static_cast<int64_t>(name.size()), Sha256::Hex(name), width, height},
-        path);
-  }
-
-  std::string StartedJob(const JobPolicy& policy = {}) {
-    NewJob wanted;
-    wanted.policy = policy;
-    const std::string id = jobs_.Create(wanted)->id;
-    EXPECT_TRUE(Add(id, "a.jpg").ok());
-    EXPECT_TRUE(Add(id, "b.jpg").ok());
-    EXPECT_TRUE(Add(id, "c.jpg").ok());
-    EXPECT_TRUE(jobs_.Start(id).ok());
-    return id;
-  }
-
-  JobState State(const std::string& id) { return jobs_.Get(id)->state; }
-
-  // Payloads of the job's state events, as "STATE" words.
-  std::string History(const std::string& id) {
-    std::string history;
-    const std::vector<EventRecord> events = *jobs_.Events(id, 0, 1000);
-    for (size_t i = 0; i < events.size(); ++i) {
-      EXPECT_EQ(events[i].number, static_cast<int64_t>(i + 1));
-      if (events[i].kind != EventKind::kState) continue;
-      history += std::string(JobStateName(Decode<StateChange>(events[i].payload)->state)) + " ";
-    }
-    return history;
-  }
-
-  int64_t now_ms_ = 1'000'000;
-  Clock clock_ = [this] { return now_ms_; };
-  TempDir dir_;
-  DataDir data_ = *DataDir::Open(dir_.path());
-  std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
-  std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
-  Jobs jobs_{store_.get(), blobs_.get(), data_, clock_};
-  Leases leases_{store_.get(), blobs_.get(), {}, clock_};
-};
 
 TEST_F(JobsTest, JobGoesFromUploadToSuccessWithAGaplessHistory) {
   const std::string id = StartedJob();
@@ -234,86 +181,6 @@ TEST_F(JobsTest, ResumeChangesWhatItIsToldAndNothingOfAJobThatItRefuses) {
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING SUCCEEDED QUEUED ");
 }
 
-TEST_F(JobsTest, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
-  const std::string id = StartedJob();
-  const Lease first = **leases_.Acquire("w1");
-  now_ms_ += 9'000;
-  ASSERT_TRUE(leases_.Heartbeat(first).ok());
-  now_ms_ += 9'000;
-  EXPECT_FALSE(leases_.Acquire("w2")->has_value());
-  now_ms_ += 2'000;
-  const auto second = leases_.Acquire("w2");
-  ASSERT_TRUE(second.ok() && second->has_value());
-  EXPECT_EQ((*second)->job.id, id);
-  EXPECT_EQ((*second)->job.attempt, 2);
-  EXPECT_EQ(Reason(leases_.Heartbeat(first).status()), "LEASE_LOST");
-  EXPECT_EQ(Reason(leases_.CancelRequested(first).status()), "LEASE_LOST");
-  EXPECT_EQ(Reason(leases_.AddProgress(first, {})), "LEASE_LOST");
-  EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
-  EXPECT_TRUE(leases_.AddProgress(**second, {}).ok());
-  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING ");
-}
-
-TEST_F(JobsTest, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) {
-  const std::string dead = StartedJob();
-  ASSERT_TRUE(leases_.Acquire("dead")->has_value());
-  const std::string living = StartedJob();
-  const Lease lease = **leases_.Acquire("living");
-  now_ms_ -= 3'600'000;
-  EXPECT_FALSE(leases_.Acquire("idle")->has_value());
-  now_ms_ += 9'000;
-  ASSERT_TRUE(leases_.Heartbeat(lease).ok());
-  now_ms_ += 2'000;
-  const auto taken = leases_.Acquire("idle");
-  ASSERT_TRUE(taken.ok() && taken->has_value());
-  EXPECT_EQ((*taken)->job.id, dead);
-  ASSERT_TRUE(leases_.Succeed(**taken, {}, kScene).ok());
-  ASSERT_TRUE(leases_.Succeed(lease, {}, kScene).ok());
-  // Earlier times, but the same order of events.
-  EXPECT_EQ(History(dead), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
-  EXPECT_EQ(History(living), "UPLOADING QUEUED RUNNING SUCCEEDED ");
-}
-
-TEST_F(JobsTest, ClockSetForwardCostsAnAttemptAndNoJob) {
-  const std::string id = StartedJob();
-  const Lease first = **leases_.Acquire("w1");
-  now_ms_ += 3'600'000;
-  const auto second = leases_.Acquire("w2");
-  ASSERT_TRUE(second.ok() && second->has_value());
-  EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
-  ASSERT_TRUE(leases_.Succeed(**second, {}, kScene).ok());
-  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
-}
-
-TEST_F(JobsTest, JobFailsWithItsReasonAfterThreeLostWorkers) {
-  const std::string id = StartedJob();
-  for (int attempt = 1; attempt <= 3; ++attempt) {
-    EXPECT_EQ(State(id), JobState::kQueued);
-    ASSERT_TRUE(leases_.Acquire("w")->has_value());
-    ASSERT_TRUE(leases_.WorkerDied("w", "killed by signal 9").ok());
-  }
-  const JobRecord job = *jobs_.Get(id);
-  EXPECT_EQ(job.state, JobState::kFailed);
-  const auto error = Decode<JobError>(job.error);
-  EXPECT_EQ(error->code, absl::StatusCode::kAborted);
-  EXPECT_EQ(error->detail.reason, "WORKER_LOST");
-  EXPECT_THAT(error->message, HasSubstr("killed by signal 9"));
-  // A resumed job has all its attempts again and no old error.
-  ASSERT_TRUE(jobs_.Resume(id).ok());
-  EXPECT_EQ(jobs_.Get(id)->attempt, 0);
-  EXPECT_EQ(jobs_.Get(id)->error, "");
-}
-
-TEST_F(JobsTest, WorkerThatShutsDownCostsNoAttempt) {
-  const std::string id = StartedJob();
-  for (int i = 0; i < 5; ++i) {
-    const Lease lease = **leases_.Acquire(absl::StrCat("w", i));
-    EXPECT_EQ(lease.job.attempt, 1);
-    ASSERT_TRUE(leases_.GiveBack(lease).ok());
-    EXPECT_EQ(State(id), JobState::kQueued);
-  }
-}
-
 TEST_F(JobsTest, HigherPrioritiesLeaveTheQueueFirstAndEqualOnesInOrder) {
   std::vector<std::string> ids;
   for (const int priority : {0, -5, 7, 0, 7, 0}) {
@@ -327,17 +194,6 @@ TEST_F(JobsTest, HigherPrioritiesLeaveTheQueueFirstAndEqualOnesInOrder) {
     ASSERT_TRUE(lease.ok() && lease->has_value());
     EXPECT_EQ((*lease)->job.id, ids[expected]);
   }
-}
-
-TEST_F(JobsTest, JobThatLostItsWorkerKeepsItsPlaceInTheQueue) {
-  const std::string first = StartedJob();
-  now_ms_ += 1000;
-  const std::string second = StartedJob();
-  ASSERT_TRUE(leases_.Acquire("w")->has_value());
-  now_ms_ += 1000;
-  ASSERT_TRUE(leases_.WorkerDied("w", "gone").ok());
-  EXPECT_EQ((*leases_.Acquire("w2"))->job.id, first);
-  EXPECT_EQ((*leases_.Acquire("w3"))->job.id, second);
 }
 
 TEST_F(JobsTest, OverviewHasTheLongestWaitAndTheRateOfWhatRuns) {
@@ -379,14 +235,6 @@ TEST_F(JobsTest, TimeWithWorkersIsSummedUpUntilTheJobIsResumed) {
   EXPECT_EQ(jobs_.Get(id)->run_ms, 0);
 }
 
-TEST_F(JobsTest, WhatComesAfterALeaseIsNoTimeWithAWorker) {
-  const std::string id = StartedJob();
-  ASSERT_TRUE(leases_.Acquire("w")->has_value());
-  now_ms_ += 100'000'000;  // all is down for a day
-  ASSERT_TRUE(leases_.Acquire("w2")->has_value());
-  EXPECT_EQ(jobs_.Get(id)->run_ms, LeaseOptions().duration_ms);
-}
-
 TEST_F(JobsTest, JobsAreKeptAfterTheirEndAsLongAsTheirPolicySays) {
   JobPolicy policy;
   policy.retention_seconds = 60;
@@ -404,14 +252,6 @@ TEST_F(JobsTest, JobsAreKeptAfterTheirEndAsLongAsTheirPolicySays) {
   EXPECT_THAT(*jobs_.Sweep(), ::testing::ElementsAre(brief));
   EXPECT_FALSE(std::filesystem::exists(data_.blobs() + "/jobs/" + brief));
   EXPECT_TRUE(jobs_.Get(lasting).ok());
-}
-
-TEST_F(JobsTest, LostWorkerOfAJobToBeCancelledCancelsIt) {
-  const std::string id = StartedJob();
-  ASSERT_TRUE(leases_.Acquire("w")->has_value());
-  ASSERT_TRUE(jobs_.Cancel(id).ok());
-  ASSERT_TRUE(leases_.WorkerDied("w", "gone").ok());
-  EXPECT_EQ(State(id), JobState::kCancelled);
 }
 
 TEST_F(JobsTest, FailureKeepsCodeMessageAndDetail) {

@@ -1,0 +1,123 @@
+// Workers that are not heard of any more, and clocks that jump.
+#include <gmock/gmock.h>
+
+#include "absl/strings/str_cat.h"
+#include "engine/core/error_test_util.h"
+#include "server/jobs/jobs_test_util.h"
+
+namespace litags {
+namespace {
+
+using ::testing::HasSubstr;
+
+using LostWorkers = JobsTest;
+
+TEST_F(LostWorkers, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
+  const std::string id = StartedJob();
+  const Lease first = **leases_.Acquire("w1");
+  now_ms_ += 9'000;
+  ASSERT_TRUE(leases_.Heartbeat(first).ok());
+  now_ms_ += 9'000;
+  EXPECT_FALSE(leases_.Acquire("w2")->has_value());
+  now_ms_ += 2'000;
+  const auto second = leases_.Acquire("w2");
+  ASSERT_TRUE(second.ok() && second->has_value());
+  EXPECT_EQ((*second)->job.id, id);
+  EXPECT_EQ((*second)->job.attempt, 2);
+  EXPECT_EQ(Reason(leases_.Heartbeat(first).status()), "LEASE_LOST");
+  EXPECT_EQ(Reason(leases_.CancelRequested(first).status()), "LEASE_LOST");
+  EXPECT_EQ(Reason(leases_.AddProgress(first, {})), "LEASE_LOST");
+  EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
+  EXPECT_TRUE(leases_.AddProgress(**second, {}).ok());
+  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING ");
+}
+
+TEST_F(LostWorkers, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) {
+  const std::string dead = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("dead")->has_value());
+  const std::string living = StartedJob();
+  const Lease lease = **leases_.Acquire("living");
+  now_ms_ -= 3'600'000;
+  EXPECT_FALSE(leases_.Acquire("idle")->has_value());
+  now_ms_ += 9'000;
+  ASSERT_TRUE(leases_.Heartbeat(lease).ok());
+  now_ms_ += 2'000;
+  const auto taken = leases_.Acquire("idle");
+  ASSERT_TRUE(taken.ok() && taken->has_value());
+  EXPECT_EQ((*taken)->job.id, dead);
+  ASSERT_TRUE(leases_.Succeed(**taken, {}, kScene).ok());
+  ASSERT_TRUE(leases_.Succeed(lease, {}, kScene).ok());
+  // Earlier times, but the same order of events.
+  EXPECT_EQ(History(dead), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+  EXPECT_EQ(History(living), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+}
+
+TEST_F(LostWorkers, ClockSetForwardCostsAnAttemptAndNoJob) {
+  const std::string id = StartedJob();
+  const Lease first = **leases_.Acquire("w1");
+  now_ms_ += 3'600'000;
+  const auto second = leases_.Acquire("w2");
+  ASSERT_TRUE(second.ok() && second->has_value());
+  EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
+  ASSERT_TRUE(leases_.Succeed(**second, {}, kScene).ok());
+  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+}
+
+TEST_F(LostWorkers, JobFailsWithItsReasonAfterThreeLostWorkers) {
+  const std::string id = StartedJob();
+  for (int attempt = 1; attempt <= 3; ++attempt) {
+    EXPECT_EQ(State(id), JobState::kQueued);
+    ASSERT_TRUE(leases_.Acquire("w")->has_value());
+    ASSERT_TRUE(leases_.WorkerDied("w", "killed by signal 9").ok());
+  }
+  const JobRecord job = *jobs_.Get(id);
+  EXPECT_EQ(job.state, JobState::kFailed);
+  const auto error = Decode<JobError>(job.error);
+  EXPECT_EQ(error->code, absl::StatusCode::kAborted);
+  EXPECT_EQ(error->detail.reason, "WORKER_LOST");
+  EXPECT_THAT(error->message, HasSubstr("killed by signal 9"));
+  // A resumed job has all its attempts again and no old error.
+  ASSERT_TRUE(jobs_.Resume(id).ok());
+  EXPECT_EQ(jobs_.Get(id)->attempt, 0);
+  EXPECT_EQ(jobs_.Get(id)->error, "");
+}
+
+TEST_F(LostWorkers, WorkerThatShutsDownCostsNoAttempt) {
+  const std::string id = StartedJob();
+  for (int i = 0; i < 5; ++i) {
+    const Lease lease = **leases_.Acquire(absl::StrCat("w", i));
+    EXPECT_EQ(lease.job.attempt, 1);
+    ASSERT_TRUE(leases_.GiveBack(lease).ok());
+    EXPECT_EQ(State(id), JobState::kQueued);
+  }
+}
+
+TEST_F(LostWorkers, JobThatLostItsWorkerKeepsItsPlaceInTheQueue) {
+  const std::string first = StartedJob();
+  now_ms_ += 1000;
+  const std::string second = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("w")->has_value());
+  now_ms_ += 1000;
+  ASSERT_TRUE(leases_.WorkerDied("w", "gone").ok());
+  EXPECT_EQ((*leases_.Acquire("w2"))->job.id, first);
+  EXPECT_EQ((*leases_.Acquire("w3"))->job.id, second);
+}
+
+TEST_F(LostWorkers, WhatComesAfterALeaseIsNoTimeWithAWorker) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("w")->has_value());
+  now_ms_ += 100'000'000;  // all is down for a day
+  ASSERT_TRUE(leases_.Acquire("w2")->has_value());
+  EXPECT_EQ(jobs_.Get(id)->run_ms, LeaseOptions().duration_ms);
+}
+
+TEST_F(LostWorkers, LostWorkerOfAJobToBeCancelledCancelsIt) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("w")->has_value());
+  ASSERT_TRUE(jobs_.Cancel(id).ok());
+  ASSERT_TRUE(leases_.WorkerDied("w", "gone").ok());
+  EXPECT_EQ(State(id), JobState::kCancelled);
+}
+
+}  // namespace
+}  // namespace litags
