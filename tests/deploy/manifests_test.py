@@ -274,6 +274,20 @@ class Compose(unittest.TestCase):
                     self.assertRegex(line, r"\$\{\w+:\?", line)
 
 
+class Unit(unittest.TestCase):
+
+    def setUp(self):
+        with open(os.path.join(DEPLOY, "litags-server.service")) as file:
+            self.lines = file.read().splitlines()
+
+    def test_a_worker_killed_for_memory_does_not_end_the_service(self):
+        self.assertIn("OOMPolicy=continue", self.lines)
+
+    def test_threads_are_not_counted(self):
+        # COLMAP makes two threads for each core: no number is right for every machine.
+        self.assertFalse([line for line in self.lines if line.startswith("TasksMax=")])
+
+
 class Image(unittest.TestCase):
 
     def test_the_dockerfile_is_in_stages_and_does_not_run_as_root(self):
