@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Decoded {
-  absl::Status status;
+  absl::Status status, mask_status;
   ScreenedPhoto photo;
   LineKinds lines;
   std::string alpha;  // its mask as EncodeMask has it: masks of all photos are kept at once
@@ -46,7 +46,8 @@ bool LacksEndMark(std::string_view bytes) {
   return scan != std::string_view::npos && bytes.find("\xFF\xD9", scan) == std::string_view::npos;
 }
 
-Decoded Decode(const std::string& dir, const std::string& name) {
+// `mask`, the path of the photo's, is only checked; empty: it has none.
+Decoded Decode(const std::string& dir, const std::string& name, const std::string& mask) {
   Decoded d;
   d.photo.name = name;
   // Models of cameras are written and read by it.
@@ -59,6 +60,7 @@ Decoded Decode(const std::string& dir, const std::string& name) {
   d.status = photo.status();
   if (!photo.ok()) return d;
   d.photo = LookAt(name, *photo);
+  if (!mask.empty()) d.mask_status = ReadMask(mask, photo->width, photo->height).status();
   d.lines = KindsOfLines(*photo);
   d.blocks = !IsPng(*bytes);
   d.no_end_mark = IsJpeg(*bytes) && LacksEndMark(*bytes);
@@ -336,7 +338,8 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
   PhotoProgress read(progress, "reading photos", names.size());
   ParallelFor(threads, names.size(), [&](size_t i, int thread) {
     if (cancel.IsCancelled()) return;
-    decoded[i] = Decode(input.images_dir, names[i]);
+    const auto mask = screen.masks.find(names[i]);
+    decoded[i] = Decode(input.images_dir, names[i], mask == screen.masks.end() ? "" : mask->second);
     read.Done(thread);
   });
   LITAGS_RETURN_IF_ERROR(cancel.Check());
@@ -355,6 +358,7 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
     } else if (const std::string& reason = why[next++]; !reason.empty()) {
       screen.left_out.push_back({d.photo.name, reason});
     } else {
+      LITAGS_RETURN_IF_ERROR(d.mask_status);
       if (d.no_end_mark) {
         screen.notes.push_back(absl::StrCat(
             d.photo.name, " ends without its end mark; all its pixels are there, and used"));

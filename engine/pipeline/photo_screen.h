@@ -43,8 +43,8 @@ struct PhotoScreen {
 
 // Leaves out, each by name: what cannot be decoded; photos that WhyLeftOut() has a reason for.
 // Masks: those of ListPhotosAndMasks, whose errors it has; alpha channels and black bars that all
-// photos of a size have are added, as new masks in work_dir/found_masks. Errors of
-// ReadMaskedPhoto's of masks; CANCELLED. `progress` gets how many are read, now and then.
+// photos of a size have are added, as new masks in work_dir/found_masks. Errors of ReadMask, of a
+// photo that is used; CANCELLED. `progress` gets how many are read, now and then.
 absl::StatusOr<PhotoScreen> ScreenPhotos(
     const ReconstructInput& input, int threads, const CancelToken& cancel,
     const std::function<void(const std::string&)>& progress = nullptr);

@@ -159,6 +159,31 @@ TEST_F(Inspect, TooFewPhotosAreRefusedAsByARun) {
   EXPECT_THAT(text_, HasSubstr("reason TOO_FEW_PHOTOS"));
 }
 
+TEST_F(Inspect, AMaskThatARunRefusesEndsWithTwo) {
+  const std::string masks = dir_ / "masks";
+  fs::create_directory(masks);
+  PlaneU8 half(320, 240), other(160, 120);
+  std::fill_n(half.data.begin(), half.data.size() / 2, 255);
+  std::fill(other.data.begin(), other.data.end(), 255);
+  const auto of = [](const PlaneU8& mask) { return EncodeMask(mask).value(); };
+  const auto run = [&](const std::string& mask) {
+    EXPECT_TRUE(WriteFileAtomically(masks + "/p3.png", mask).ok());
+    return Run({photos_, "--masks", masks});
+  };
+  ASSERT_EQ(run(of(half)), 0) << text_;
+  for (const auto& [mask, reason] : std::vector<std::pair<std::string, std::string>>{
+           {EncodePng16(DecodePhoto(of(half), "mask").value()).value(), "MASK_FORMAT"},
+           {of(other), "MASK_SIZE"},
+           {of(PlaneU8(320, 240)), "MASK_BLACK"},
+           {"x", "IMAGE_NOT_RECOGNIZED"}}) {
+    EXPECT_EQ(run(mask), 2) << reason;
+    EXPECT_THAT(text_, HasSubstr("reason " + reason + ", field masks[p3.png]"));
+  }
+  // Its photo is left out, and so is it.
+  fs::rename(masks + "/p3.png", masks + "/bad.png");
+  EXPECT_EQ(Run({photos_, "--masks", masks}), 0) << text_;
+}
+
 TEST_F(Inspect, NamesPanoramasAndTheirViews) {
   ImageU8 sky(128, 64);
   for (int x = 0; x < 128; ++x) {
