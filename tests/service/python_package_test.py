@@ -29,7 +29,7 @@ if INSTALLED not in os.environ:
     with tempfile.TemporaryDirectory(prefix="litags-python-") as work:
         python = python_package.install(work)
         # The stubs of other tests would stand before those of the package.
-        environment = dict(os.environ, LITAGS_STUBS=work, no_grpc_proxy="127.0.0.1")
+        environment = dict(os.environ, LITAGS_STUBS=work)
         environment[INSTALLED] = python
         sys.exit(subprocess.run([python, "-B", *sys.argv], env=environment).returncode)
 
@@ -201,6 +201,14 @@ class Package(harness.ServiceTest):
         for server in ("127.0.0.2:1", "[::1]:1", "localhost:1"):
             self.assertEqual(litags.connection.options_of({"LITAGS_TOKEN": "x"}, server),
                              {"server": server, "token": "x", "credentials": None, "tls_name": ""})
+
+    def test_a_proxy_for_the_internet_is_no_way_to_this_machine(self):
+        nobody = {name: "http://127.0.0.1:1" for name in ("http_proxy", "https_proxy", "grpc_proxy")}
+        with mock.patch.dict(os.environ, nobody):
+            for name in ("no_proxy", "no_grpc_proxy"):
+                os.environ.pop(name, None)
+            job = self.client().submit(self.photos(), options={"iterations": 5})
+        self.assertEqual(self.roles(job), {"PHOTO": ["a.png", "b.png", "c.png"]})
 
     def test_a_name_that_is_not_utf8_is_named_before_there_is_a_job(self):
         folder = self.photos()

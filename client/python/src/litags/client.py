@@ -81,6 +81,8 @@ class Client:
         name in the server's certificate, if it is not that of `server`. `retry_seconds`: how long
         calls are repeated while a server that did answer does not."""
         options = list(_CHANNEL_OPTIONS)
+        if connection.is_this_machine(server):  # a proxy for the internet is no way to it
+            options.append(("grpc.enable_http_proxy", 0))
         if tls_name:
             options.append(("grpc.ssl_target_name_override", tls_name))
         self.server = server

@@ -12,11 +12,19 @@ def options_of(environment: Mapping[str, str], server: str = "") -> dict[str, An
     """What `Client` takes, by LITAGS_SERVER (unless `server` names one), LITAGS_TOKEN and others."""
     server = server or environment.get("LITAGS_SERVER") or "127.0.0.1:50051"
     token, credentials = _token(environment), _credentials(environment)
-    if token and not credentials and not _is_this_machine(server):
+    if token and not credentials and not is_this_machine(server):
         raise ValueError(f"the token would travel to {server} unencrypted; set LITAGS_TLS=1, or "
                          "LITAGS_TLS_CA to the file of the server's authority")
     return {"server": server, "token": token, "credentials": credentials,
             "tls_name": environment.get("LITAGS_TLS_NAME", "")}
+
+
+def is_this_machine(server: str) -> bool:
+    host = server.rpartition(":")[0].strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def _token(environment: Mapping[str, str]) -> str:
@@ -36,11 +44,3 @@ def _credentials(environment: Mapping[str, str]) -> grpc.ChannelCredentials | No
     if (key is None) != (certificate is None):
         raise ValueError("LITAGS_TLS_CERT and LITAGS_TLS_KEY belong together; set both")
     return grpc.ssl_channel_credentials(ca, key, certificate)
-
-
-def _is_this_machine(server: str) -> bool:
-    host = server.rpartition(":")[0].strip("[]")
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
