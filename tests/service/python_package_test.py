@@ -193,14 +193,22 @@ class Package(harness.ServiceTest):
         for environment, error, words in (
                 ({"LITAGS_TLS_CERT": __file__}, ValueError, "LITAGS_TLS_KEY belong together"),
                 ({"LITAGS_TLS_CA": missing}, OSError, missing),
-                ({"LITAGS_TOKEN_FILE": missing}, OSError, missing),
-                ({"LITAGS_SERVER": "127.0.0.1.example.org:1", "LITAGS_TOKEN": "x"}, ValueError,
-                 "unencrypted")):
+                ({"LITAGS_TOKEN_FILE": missing}, OSError, missing)):
             with self.assertRaisesRegex(error, words):
                 litags.connection.options_of(environment)
         for server in ("127.0.0.2:1", "[::1]:1", "localhost:1"):
             self.assertEqual(litags.connection.options_of({"LITAGS_TOKEN": "x"}, server),
                              {"server": server, "token": "x", "credentials": None, "tls_name": ""})
+
+    def test_a_token_goes_unencrypted_to_this_machine_only(self):
+        for server in ("192.0.2.1:443", "127.0.0.1.example.org:1"):
+            with self.assertRaisesRegex(ValueError, f"to {server} unencrypted"):
+                litags.Client(server, token="x")
+            with mock.patch.dict(os.environ, LITAGS_SERVER=server, LITAGS_TOKEN="x"), \
+                    self.assertRaisesRegex(ValueError, "unencrypted; .*LITAGS_TLS=1"):
+                litags.Client.from_environment()
+        self.client("192.0.2.1:443", token="x", credentials=grpc.ssl_channel_credentials())
+        self.client("[::1]:1", token="x")
 
     def test_a_proxy_for_the_internet_is_no_way_to_this_machine(self):
         nobody = {name: "http://127.0.0.1:1" for name in ("http_proxy", "https_proxy", "grpc_proxy")}

@@ -79,10 +79,15 @@ class Client:
                  retry_seconds: float = 300) -> None:
         """`credentials`: grpc.ssl_channel_credentials(...) for a server with TLS. `tls_name`: the
         name in the server's certificate, if it is not that of `server`. `retry_seconds`: how long
-        calls are repeated while a server that did answer does not."""
+        calls are repeated while a server that did answer does not. ValueError: a `token` without
+        `credentials`, for a server on another machine."""
         options = list(_CHANNEL_OPTIONS)
         if connection.is_this_machine(server):  # a proxy for the internet is no way to it
             options.append(("grpc.enable_http_proxy", 0))
+        elif token and not credentials:
+            raise ValueError(f"the token would travel to {server} unencrypted; give credentials, or "
+                             "set LITAGS_TLS=1, or LITAGS_TLS_CA to the file of the server's "
+                             "authority, for Client.from_environment")
         if tls_name:
             options.append(("grpc.ssl_target_name_override", tls_name))
         self.server = server
