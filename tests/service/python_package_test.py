@@ -139,6 +139,41 @@ class Package(harness.ServiceTest):
             harness.rpc.ListFilesRequest(name=job)).files}
         self.assertEqual(sizes["bundle.out"], cameras.stat().st_size + len("\na.png\n"))
 
+    def test_bundlers_list_may_be_the_only_lst(self):
+        cameras = pathlib.Path(self.folder, "bundle.out")
+        cameras.write_text("# Bundle file v0.3\n")
+        cameras.with_name("capture.lst").write_text("a.png\n")
+        self.assertEqual(litags.files.find_cameras(cameras)[0].tail, b"\na.png\n")
+        cameras.with_name("other.lst").write_text("b.png\n")
+        self.assertEqual(litags.files.find_cameras(cameras)[0].tail, b"")
+
+    def test_of_a_folder_the_cameras_are_what_litags_takes(self):
+        folder = pathlib.Path(self.folder)
+
+        def write(name, data):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(data)
+
+        def found():
+            return {str(file.path.relative_to(folder))
+                    for file in litags.files.find_cameras(folder)}
+
+        with self.assertRaisesRegex(ValueError, "neither a COLMAP model nor transforms.json"):
+            found()
+        write("colmap/sparse/0/cameras.txt", b"x")
+        write("colmap/sparse/0/images.txt", b"# comment\n1 1 0 0 0 0 0 0 1 a b.png\n1.5 2.5 -1\n")
+        write("colmap/sparse/1/cameras.txt", b"x")
+        write("colmap/sparse/1/images.txt", b"")
+        self.assertEqual(found(), {f"colmap/sparse/0/{name}.txt" for name in ("cameras", "images")})
+        write("bundle.out", b"x")
+        self.assertEqual(found(), {"bundle.out"})
+        for number, images in enumerate((2, 5, 3)):
+            write(f"sparse/{number}/cameras.bin", b"x")
+            write(f"sparse/{number}/images.bin", images.to_bytes(8, "little"))
+        write("sparse/1/points3D.bin", b"x")
+        self.assertEqual(found(),
+                         {f"sparse/1/{name}.bin" for name in ("cameras", "images", "points3D")})
+
     def test_an_archive_with_masks_and_a_video(self):
         folder = self.photos()
         masks = pathlib.Path(self.folder, "covers")

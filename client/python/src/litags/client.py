@@ -122,7 +122,7 @@ class Client:
                masks: Path | None = None, title: str = "", strict: bool = False,
                request_id: str = "") -> str:
         """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
-        or an archive of a folder. `cameras`: a file of docs/cameras.md or the folder of a COLMAP model.
+        or an archive of a folder. `cameras`: what `litags submit --cameras` takes (docs/cameras.md).
         `masks`: a folder. A photo that the service cannot read is left out and logged as a warning;
         `strict` refuses it. Removes a job that is refused, unless there is a `request_id`: the same
         call with the same one goes on with one job."""

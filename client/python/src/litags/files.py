@@ -16,6 +16,8 @@ PHOTO_ENDINGS = frozenset(
     ".raf .orf .rw2 .pef .srw".split())
 VIDEO_ENDINGS = frozenset(".mp4 .mov .m4v .3gp .mkv .webm .avi .mts .m2ts .ts".split())
 ARCHIVE_ENDINGS = (".zip", ".tar", ".tar.gz", ".tgz")
+# As their programs name them.
+CAMERAS_FILES = ("transforms.json", "sfm_data.json", "cameras.sfm", "cameras.xml", "bundle.out")
 CHUNK_BYTES = 256 << 10
 MIN_PHOTOS = 3  # the service's: fewer make no scene
 
@@ -91,8 +93,9 @@ def find_masks(folder: Path) -> list[File]:
 
 
 def find_cameras(cameras: Path) -> list[File]:
-    """A file of cameras (docs/cameras.md), or the files of a COLMAP model in a folder; points are optional."""
-    path = pathlib.Path(cameras)
+    """A file of cameras (docs/cameras.md), or the files of a COLMAP model; points are optional. Of a
+    folder, what `litags submit --cameras` takes."""
+    path = _cameras_of(pathlib.Path(cameras))
     if not path.is_dir():
         return [File.read(path, rpc.FILE_ROLE_CAMERAS, _bundler_list(path))]
     ending = ".bin" if (path / "cameras.bin").exists() else ".txt"
@@ -102,13 +105,60 @@ def find_cameras(cameras: Path) -> list[File]:
     return [File.read(file, rpc.FILE_ROLE_COLMAP) for file in files]
 
 
+def _cameras_of(path: pathlib.Path) -> pathlib.Path:
+    """The folder itself, if it is a COLMAP model, or what is in it: the largest model, also in its
+    folder sparse, a file of cameras, or a model in its folder colmap. client/capture.cc has the same
+    rule."""
+    if not path.is_dir() or _is_model(path):
+        return path
+    files = [path / name for name in CAMERAS_FILES if (path / name).is_file()]
+    for found in (_models_of(path), files, _models_of(path / "colmap")):
+        if found:
+            return found[0]
+    raise ValueError(f"{path} has neither a COLMAP model nor {', '.join(CAMERAS_FILES)}; give the "
+                     "file or the folder of the cameras")
+
+
+def _is_model(folder: pathlib.Path) -> bool:
+    return (folder / "cameras.bin").exists() or (folder / "cameras.txt").exists()
+
+
+def _models_of(folder: pathlib.Path) -> list[pathlib.Path]:
+    """COLMAP models inside a folder or inside its folder sparse, the largest first."""
+    inside = [path for parent in (folder, folder / "sparse") if parent.is_dir()
+              for path in sorted(parent.iterdir()) if _is_model(path)]
+    return sorted(inside, key=_images_of, reverse=True)
+
+
+def _images_of(model: pathlib.Path) -> int:
+    """The number that images.bin begins with, else the lines of images.txt that end in a name."""
+    if (model / "images.bin").exists():
+        with (model / "images.bin").open("rb") as file:
+            return int.from_bytes(file.read(8), "little")
+    text = model / "images.txt"
+    lines = text.read_text(errors="replace").splitlines() if text.exists() else []
+    words = [line.split() for line in lines]
+    return sum(not _is_number(line[-1]) for line in words if line and line[0][0] != "#")
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+        return True
+    except ValueError:
+        return False
+
+
 def _bundler_list(cameras: pathlib.Path) -> bytes:
-    """The photos' names, which Bundler keeps beside bundle.out: the service takes both as one."""
+    """The photos' names, which Bundler keeps beside bundle.out, RealityScan in the only *.lst: the
+    service takes both as one."""
     with cameras.open("rb") as file:
         if b"# Bundle file" not in file.readline(100):
             return b""
     stem = cameras.name.removesuffix(".out").removesuffix(".bundle")
-    for path in (cameras.with_name(f"{stem}.list.txt"), cameras.with_name("list.txt")):
+    others = list(cameras.absolute().parent.glob("*.lst"))
+    for path in (cameras.with_name(f"{stem}.list.txt"), cameras.with_name("list.txt"),
+                 *(others if len(others) == 1 else ())):
         if path.is_file():
             return b"\n" + path.read_bytes()
     return b""
