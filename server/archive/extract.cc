@@ -5,6 +5,7 @@
 #include <locale.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <system_error>
@@ -40,6 +41,38 @@ class Utf8Names {
  private:
   locale_t before_ = nullptr;
 };
+
+// The characters 0x80 to 0xFF of code page 437, the one of ZIP names that are not UTF-8.
+constexpr std::string_view kCodePage437 =
+    "ÇüéâäàåçêëèïîìÄÅÉæÆôöòûùÿÖÜ¢£¥₧ƒáíóúñÑªº¿⌐¬½¼¡«»░▒▓│┤╡╢╖╕╣║╗╝╜╛┐"
+    "└┴┬├─┼╞╟╚╔╩╦╠═╬╧╨╤╥╙╘╒╓╫╪┘┌█▄▌▐▀αßΓπΣσµτΦΘΩδ∞φε∩≡±≥≤⌠⌡÷≈°∙·√ⁿ²■\u00A0";
+
+bool IsUtf8(std::string_view text) {
+  while (!text.empty()) {
+    const size_t length = Utf8Length(text);
+    if (length == 0) return false;
+    text.remove_prefix(length);
+  }
+  return true;
+}
+
+std::string FromCodePage437(std::string_view text) {
+  std::vector<std::string_view> high;
+  for (std::string_view rest = kCodePage437; !rest.empty();) {
+    high.push_back(rest.substr(0, Utf8Length(rest)));
+    rest.remove_prefix(high.back().size());
+  }
+  std::string out;
+  for (const char c : text) {
+    const auto code = static_cast<uint8_t>(c);
+    if (code < 0x80) {
+      out += c;
+    } else {
+      out += high[code - 0x80];
+    }
+  }
+  return out;
+}
 
 absl::Status NotRecognized(const std::string& field, const std::string& why) {
   return InvalidInput(
@@ -115,6 +148,10 @@ class Extraction : public ArchiveReader {
     const char* name = archive_entry_pathname_utf8(entry);
     if (!name) name = archive_entry_pathname(entry);
     name_ = name ? name : "";
+    // Windows' own program does not mark names, and many others write UTF-8 without the mark.
+    const bool zip =
+        (archive_format(reader_.get()) & ARCHIVE_FORMAT_BASE_MASK) == ARCHIVE_FORMAT_ZIP;
+    if (zip && !IsUtf8(name_)) name_ = FromCodePage437(name_);
     if (archive_entry_hardlink(entry) || archive_entry_symlink(entry) ||
         archive_entry_filetype(entry) == AE_IFLNK) {
       return Unsafe("is a link");
@@ -148,13 +185,14 @@ class Extraction : public ArchiveReader {
   }
 
   absl::Status ReadFile(archive_entry* entry) {
-    if (archive_entry_size_is_set(entry))
-      LITAGS_RETURN_IF_ERROR(CheckSize(archive_entry_size(entry)));
     ArchiveEntry file;
     file.name = std::move(parts_.back());
     parts_.pop_back();
     file.folders = std::move(parts_);
     LITAGS_ASSIGN_OR_RETURN(const bool wanted, sink_->Begin(file));
+    if (wanted && archive_entry_size_is_set(entry)) {
+      LITAGS_RETURN_IF_ERROR(CheckSize(archive_entry_size(entry)));
+    }
     int64_t bytes = 0;
     // Also what is not wanted is read and counted: a format may only be passed through in order.
     for (;;) {
@@ -164,9 +202,9 @@ class Extraction : public ArchiveReader {
       if (n < 0) return Corrupt(false);
       bytes += n;
       total_ += n;
-      LITAGS_RETURN_IF_ERROR(CheckSize(bytes));
       LITAGS_RETURN_IF_ERROR(CheckTotal());
       if (wanted) {
+        LITAGS_RETURN_IF_ERROR(CheckSize(bytes));
         LITAGS_RETURN_IF_ERROR(sink_->Write({block_.data(), static_cast<size_t>(n)}));
       }
     }

@@ -17,7 +17,7 @@ namespace litags {
 // What an archive may cost, however small it is itself.
 struct ArchiveLimits {
   int64_t max_entries = 20000;               // files and folders
-  int64_t max_entry_bytes = kMaxImageBytes;  // unpacked
+  int64_t max_entry_bytes = kMaxImageBytes;  // unpacked, of an entry that is wanted
   int64_t max_total_bytes = kMaxJobBytes;    // unpacked
   // Unpacked bytes per byte of the archive, once the former are more than 64 MiB: photos hardly
   // shrink, bombs do.
@@ -27,7 +27,8 @@ struct ArchiveLimits {
 // A regular file in an archive. Its name is data: it never becomes a path here.
 struct ArchiveEntry {
   std::vector<std::string> folders;  // "capture", "images"; none is "." or ".."
-  std::string name;                  // "0001.jpg"
+  // "0001.jpg". UTF-8, but in TAR archives whose names are not.
+  std::string name;
 };
 
 // A name as messages show it: without control characters, and not endlessly.

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <clocale>
+#include <cstdint>
 #include <map>
 
 #include "engine/core/error_test_util.h"
@@ -120,6 +121,16 @@ TEST_P(Archives, EntriesAndBytesAreBounded) {
             "ARCHIVE_TOO_LARGE");
 }
 
+TEST_P(Archives, AnEntryThatIsNotWantedMayBeLarger) {
+  ArchiveLimits limits;
+  limits.max_entry_bytes = 3;
+  const std::string bytes = Pack({{"unwanted", "xxxx"}, {"1.jpg", "xxx"}}, GetParam());
+  MapSink sink;
+  const absl::Status status = Extract(bytes, limits, &sink);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_THAT(sink.files, ElementsAre(Pair("1.jpg", "xxx")));
+}
+
 TEST_P(Archives, EveryPrefixIsRefusedOrReadAndNothingCrashes) {
   const std::string whole = Pack({{"a.jpg", std::string(3000, 'a')}, {"b.jpg", "b"}}, GetParam());
   for (size_t size = 0; size < whole.size(); size += 97) {
@@ -149,6 +160,47 @@ TEST(Archive, BackslashesAreRefusedUnlessTheyAreAZipsFolders) {
   ASSERT_TRUE(Extract(Pack({{"a\\1.jpg", "x"}}, "zip"), {}, &sink).ok());
   EXPECT_THAT(sink.files, ElementsAre(Pair("a|1.jpg", "x")));
   EXPECT_EQ(Reason(Extract(Pack({{"..\\evil.jpg", "x"}}, "zip"))), "ARCHIVE_ENTRY_UNSAFE");
+}
+
+// Stored, without the mark that names are UTF-8, and the list of contents at the end.
+std::string ZipOf(const std::string& name, const std::string& bytes, uint32_t crc) {
+  const auto number = [](uint32_t value, int size) {
+    std::string out;
+    for (int i = 0; i < size; ++i) out += static_cast<char>(value >> (8 * i));
+    return out;
+  };
+  const auto size = static_cast<uint32_t>(bytes.size());
+  const std::string about = number(20, 2) + std::string(8, 0) + number(crc, 4) + number(size, 4) +
+                            number(size, 4) + number(static_cast<uint32_t>(name.size()), 2) +
+                            number(0, 2);
+  const std::string file = "PK\3\4" + about + name + bytes;
+  const std::string listed = "PK\1\2" + number(20, 2) + about + std::string(14, 0) + name;
+  return file + listed + "PK\5\6" + number(0, 4) + number(1, 2) + number(1, 2) +
+         number(static_cast<uint32_t>(listed.size()), 4) +
+         number(static_cast<uint32_t>(file.size()), 4) + number(0, 2);
+}
+
+TEST(Archive, NamesOfWindowsZipsAreInItsOldCharacterSet) {
+  const auto name_of = [](const std::string& name) {
+    MapSink sink;
+    const absl::Status status = Extract(ZipOf(name, "a", 0xE8B7BE43), {}, &sink);
+    EXPECT_TRUE(status.ok()) << status;
+    return sink.files.empty() ? "" : sink.files.begin()->first;
+  };
+  EXPECT_EQ(name_of("M\x94"
+                    "bel/K\x81"
+                    "che 1.jpg"),
+            "Möbel|Küche 1.jpg");
+  EXPECT_EQ(name_of("stra\xE1"
+                    "e \x80\xFF.jpg"),
+            "straße Ç\u00A0.jpg");
+  EXPECT_EQ(name_of("K\xC3\xBC"
+                    "che.jpg"),
+            "Küche.jpg");  // UTF-8 without the mark, as Macs write
+  EXPECT_EQ(Reason(Extract(Tar({{"K\x81"
+                                 "che.jpg",
+                                 "a"}}))),
+            "");  // a TAR's stays as it is
 }
 
 TEST(Archive, BombsAreStoppedLongBeforeTheyAreUnpacked) {
