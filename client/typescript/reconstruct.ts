@@ -94,7 +94,8 @@ async function watch(jobs: Jobs, name: string) {
 }
 
 async function main() {
-  const photos = readdirSync(folder).filter((name) => /\.(jpe?g|png)$/i.test(name)).sort();
+  // Hidden ones, as a Mac's ._0001.jpg, are no photos.
+  const photos = readdirSync(folder).filter((name) => /^[^.].*\.(jpe?g|png)$/i.test(name)).sort();
   const transport = connect();
   const jobs = createClient(ReconstructionService, transport);
   const options = iterations ? { iterations: Number(iterations) } : {}; // else the server's default

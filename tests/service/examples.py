@@ -128,6 +128,7 @@ class Refused(Program):
         photos = self.photos(("a.png", "b.png", "c.png", "d.png"))
         pathlib.Path(photos, "bad.jpg").write_bytes(b"no photo")
         pathlib.Path(photos, "empty.png").touch()
+        pathlib.Path(photos, "._a.png").write_bytes(b"what a Mac leaves on other disks")
         pathlib.Path(photos, "short.png").write_bytes(harness.large_png()[:2_000_000])
         _, err = self.run_program(photos, self.server.address, 20)
         for name in ("bad.jpg", "empty.png", "short.png"):

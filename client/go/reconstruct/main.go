@@ -186,7 +186,8 @@ func main() {
 	}
 	var photos []string
 	for _, file := range must(os.ReadDir(folder)) {
-		if regexp.MustCompile(`(?i)\.(jpe?g|png)$`).MatchString(file.Name()) {
+		// Hidden ones, as a Mac's ._0001.jpg, are no photos.
+		if regexp.MustCompile(`(?i)^[^.].*\.(jpe?g|png)$`).MatchString(file.Name()) {
 			photos = append(photos, filepath.Join(folder, file.Name()))
 		}
 	}
