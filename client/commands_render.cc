@@ -9,8 +9,11 @@
 #include <optional>
 
 #include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
 #include "client/cli.h"
 #include "client/film.h"
 #include "client/picture_file.h"
@@ -149,6 +152,26 @@ absl::Status MakeFolder(const std::string& path) {
                                "); choose another one"));
 }
 
+// Pictures of a longer path before this one would be taken for its end, by ffmpeg for instance.
+absl::Status CheckNoLaterFrames(const PathArgs& args, int frames) {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(args.output, ignored)) {
+    const std::string name = entry.path().filename().string();
+    int number = 0;
+    absl::string_view rest = name;
+    if (!absl::ConsumePrefix(&rest, "frame_") || !absl::ConsumeSuffix(&rest, "." + args.format) ||
+        !absl::SimpleAtoi(rest, &number) || number < frames) {
+      continue;
+    }
+    return BadInput(
+        "OUTPUT_HAS_FRAMES", "-o",
+        absl::StrCat(args.output, ": ", name, " is of an earlier path, which had more ",
+                     "than the ", Counted(frames, "frame"),
+                     " of this one; remove the earlier ones, or choose another folder"));
+  }
+  return absl::OkStatus();
+}
+
 // What there is to make of a path's pictures: a folder of files, a video, or both.
 absl::Status CheckOutputs(const PathArgs& args) {
   if (args.output.empty() && args.video.empty()) {
@@ -183,7 +206,10 @@ absl::StatusOr<int> WritePath(Session& session, const v1::RenderPathRequest& req
         if (terminal) std::fprintf(stderr, "\rframe %d/%d\x1b[K", frames, response.frames());
         absl::Status written;
         // Not before the first picture: a path that is refused leaves no folder.
-        if (!args.output.empty() && !made) written = MakeFolder(args.output);
+        if (!args.output.empty() && !made) {
+          written = CheckNoLaterFrames(args, response.frames());
+          if (written.ok()) written = MakeFolder(args.output);
+        }
         made = true;
         if (written.ok() && !args.output.empty()) {
           written =
@@ -231,6 +257,11 @@ v1::Vector3 Center(const v1::Camera& camera) {
   return center;
 }
 
+// As --look-at and --crop take it; in map coordinates millimetres are still told.
+std::string PositionText(const v1::Vector3& at) {
+  return absl::StrFormat("%.10g,%.10g,%.10g", at.x(), at.y(), at.z());
+}
+
 int Cameras(Session& session, const std::string& job, bool json) {
   const auto list = session.client().ListCameras(job);
   if (!list.ok()) return ReportError(session, list.status(), job);
@@ -246,15 +277,13 @@ int Cameras(Session& session, const std::string& job, bool json) {
   }
   std::printf("%s %-11s %10s  %s\n", Padded("CAMERA", widest).c_str(), "SIZE", "FOCAL", "POSITION");
   for (const auto& named : list->cameras()) {
-    const v1::Vector3 at = Center(named.camera());
-    std::printf("%s %-11s %10.2f  %.4g,%.4g,%.4g\n",
-                Padded(Printable(named.name()), widest).c_str(),
+    std::printf("%s %-11s %10.2f  %s\n", Padded(Printable(named.name()), widest).c_str(),
                 absl::StrCat(named.camera().width(), "x", named.camera().height()).c_str(),
-                named.camera().intrinsics().fx(), at.x(), at.y(), at.z());
+                named.camera().intrinsics().fx(), PositionText(Center(named.camera())).c_str());
   }
-  std::printf("center %.4g,%.4g,%.4g  up %.4g,%.4g,%.4g  radius %.4g  iteration %d\n",
-              list->center().x(), list->center().y(), list->center().z(), list->up().x(),
-              list->up().y(), list->up().z(), list->radius(), list->iteration());
+  std::printf("center %s  up %.4g,%.4g,%.4g  radius %.4g  iteration %d\n",
+              PositionText(list->center()).c_str(), list->up().x(), list->up().y(), list->up().z(),
+              list->radius(), list->iteration());
   return kExitOk;
 }
 

@@ -68,6 +68,27 @@ class Pictures(harness.ServiceTest):
                          [f"frame_{i:04d}.png" for i in range(7)])
         self.assertEqual(harness.png_size(self.read("frames/frame_0006.png")), (16, 12))
 
+    def test_frames_of_a_longer_path_are_not_mixed_with_those_of_a_shorter(self):
+        path = ("path", self.finished_job(), "--orbit", "--size", "16x12", "-o", self.path("mixed"))
+        self.litags(*path, "--frames", "5")
+        _, err = self.litags(*path, "--frames", "3", exit_code=2)
+        self.assertRegex(err, r"frame_000[34].png is of an earlier path.*remove")
+        self.assertIn("OUTPUT_HAS_FRAMES", err)
+        self.litags(*path, "--frames", "3", "--format", "jpg")
+        self.litags(*path, "--frames", "5")
+        self.assertEqual(len(os.listdir(self.path("mixed"))), 8)
+
+    def test_positions_of_cameras_are_written_to_ten_digits(self):
+        job = self.finished_job()
+        lines = self.litags("cameras", job)[0].splitlines()[1:-1]
+        cameras = json.loads(self.litags("cameras", job, "--json")[0])["cameras"]
+        self.assertEqual(len(lines), len(cameras))
+        for line, camera in zip(lines, cameras):
+            m = camera["camera"]["viewmat"]["values"]
+            position = [-sum(m[4 * r + c] * m[4 * r + 3] for r in range(3)) for c in range(3)]
+            for text, value in zip(line.split()[-1].split(","), position, strict=True):
+                self.assertAlmostEqual(float(text), value, places=8)
+
     def new_folder(self):
         """With nothing in it."""
         return tempfile.mkdtemp(dir=self.folder)
