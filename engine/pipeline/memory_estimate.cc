@@ -4,18 +4,20 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/core/splats.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
+#include "engine/pipeline/posed_photos.h"
 #include "engine/render/renderer.h"
 
 namespace litags {
 namespace {
 
 // Bytes a pixel of a TrainView: photo and target of three 16-bit samples, structure, information.
-constexpr double kViewPixel = 2 * 3 * sizeof(int16_t) + 2;
+constexpr double kPhotoPixel = 3 * sizeof(int16_t), kViewPixel = 2 * kPhotoPixel + 2;
 // Smaller copies have a quarter, a sixteenth, ... of the pixels.
 double WithPyramid(int levels) { return (1 - std::pow(0.25, levels + 1)) / 0.75; }
 
@@ -44,10 +46,14 @@ double PdmPixel(const PdmOptions& pdm) {
   return double(sizeof(float)) * (k * (3 + 2 * hidden) + 3 * (k + 1) + 3 * k + 2 * 3 + 2 * hidden);
 }
 
-// Bytes a pixel as the file has it, for every thread that decodes: coefficients, samples, and
-// colours of deep shadow at all scales. Measured: litags-train on eight JPEGs of 10.8 megapixels
-// peaks 51.6 times their pixels higher with two threads than with one.
-constexpr double kDecodePixel = 50;
+// Bytes a pixel as the file has it, for every thread that decodes: coefficients and samples.
+// Measured: 17.8.
+constexpr double kDecodePixel = 18;
+
+// The same with colours of deep shadow at all scales, which are measured on a few photos before any
+// is kept. Measured: litags-train on eight JPEGs of 10.8 megapixels peaks 51.6 times their pixels
+// higher with two threads than with one.
+constexpr double kColorsPixel = 50;
 
 // Bytes a pixel at the size of training, for every thread that makes targets of Tone::kCapture:
 // some six pictures of floats (SmoothChroma, FillHighlights). Measured: 72 to 78.
@@ -71,6 +77,36 @@ bool UsesStereo(const Recipe& recipe, DepthOrigin source) {
 }
 
 std::string GiB(int64_t bytes) { return absl::StrFormat("%.1f GiB", bytes / double(1 << 30)); }
+
+// What fits into `bytes`: fewer threads, which cost time alone; else smaller photos; else both.
+std::string Advice(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
+                   const PhotoMaps& maps, int64_t bytes) {
+  const int all = ThreadsOf(options);
+  const auto most = [&](const ReconstructOptions& o, int threads) {
+    return EstimateMemory(photos, o, threads, maps).Most();
+  };
+  for (int threads = all - 1; threads > 0; --threads) {
+    const int64_t takes = most(options, threads);
+    if (takes <= bytes) return absl::StrFormat("threads %d takes %s at most", threads, GiB(takes));
+  }
+  constexpr int kStep = 100, kLeastSide = 300;  // px
+  int largest = 0;
+  for (const ScreenedPhoto& photo : photos)
+    largest = std::max({largest, photo.width, photo.height});
+  if (options.max_image_side > 0) largest = std::min(largest, options.max_image_side);
+  ReconstructOptions smaller = options;
+  for (const int threads : {all, 1}) {
+    const std::string fewer = threads < all ? " with threads 1" : "";
+    for (int side = largest - 1 - (largest - 1) % kStep; side >= kLeastSide; side -= kStep) {
+      smaller.max_image_side = side;
+      const int64_t takes = most(smaller, threads);
+      if (takes > bytes) continue;
+      return absl::StrFormat("max_image_side %d%s takes %s at most; or leave photos out", side,
+                             fewer, GiB(takes));
+    }
+  }
+  return "leave photos out";
+}
 
 }  // namespace
 
@@ -119,8 +155,11 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
     largest_file = std::max(largest_file, double(photo.width) * photo.height);
   }
   const double at_once = std::min<double>(threads, photos.size());
-  const double decoding = kDecodePixel * largest_file * at_once;
-  const double targets = recipe.tone.rule == Tone::kCapture ? kTargetPixel * largest * at_once : 0;
+  const bool capture = recipe.tone.rule == Tone::kCapture;
+  const double colors =
+      capture ? kColorsPixel * largest_file * std::min<double>(at_once, kPhotosOfColors) : 0;
+  const double reading = kPhotoPixel * all + kDecodePixel * largest_file * at_once;
+  const double targets = capture ? kTargetPixel * largest * at_once : 0;
   const double stereo =
       UsesStereo(recipe, options.depth_source)
           ? std::min<double>(at_once, kStereoViews) * std::min(kStereoView, kStereoPixel * largest)
@@ -132,39 +171,26 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
     training += PdmPixel(recipe.pdm) * compared;
   }
   MemoryEstimate estimate;
+  estimate.reading = static_cast<int64_t>(std::max(colors, reading));
   estimate.photos =
       static_cast<int64_t>((kViewPixel + maps.bytes) * WithPyramid(recipe.coarse_levels) * all +
                            (kDepthPixel + kConfidencePixel) * depth);
   estimate.rims = static_cast<int64_t>(WithPyramid(recipe.coarse_levels) * all);
-  estimate.work = static_cast<int64_t>(std::max({training, decoding, targets, stereo}));
+  estimate.work = static_cast<int64_t>(std::max({training, targets, stereo}));
   estimate.gaussians = static_cast<int64_t>(kGaussian * options.max_gaussians);
   return estimate;
 }
 
 absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
                          const PhotoMaps& maps, int64_t bytes) {
-  const int threads = ThreadsOf(options);
-  const int64_t least = EstimateMemory(photos, options, threads, maps).Least();
+  const int64_t least = EstimateMemory(photos, options, ThreadsOf(options), maps).Least();
   if (bytes == 0 || least <= bytes) return absl::OkStatus();
-  constexpr int kStep = 100, kLeastSide = 300;  // px
-  ReconstructOptions smaller = options;
-  int side = 0;
-  for (const ScreenedPhoto& photo : photos) side = std::max({side, photo.width, photo.height});
-  if (options.max_image_side > 0) side = std::min(side, options.max_image_side);
-  std::string advice = "leave photos out";
-  for (side -= 1 + (side - 1) % kStep; side >= kLeastSide; side -= kStep) {
-    smaller.max_image_side = side;
-    const int64_t most = EstimateMemory(photos, smaller, threads, maps).Most();
-    if (most > bytes) continue;
-    advice =
-        absl::StrFormat("max_image_side %d takes %s at most; or leave photos out", side, GiB(most));
-    break;
-  }
   return MakeError(
       absl::StatusCode::kResourceExhausted, "MEMORY_EXCEEDED", "options.max_image_side",
-      absl::StrFormat("%d photos at this size take %s of memory or more, and there are "
+      absl::StrFormat("%d photos at this size take %s of memory or more with %s, and there are "
                       "%s: %s",
-                      photos.size(), GiB(least), GiB(bytes), advice));
+                      photos.size(), GiB(least), Counted(ThreadsOf(options), "thread"), GiB(bytes),
+                      Advice(photos, options, maps, bytes)));
 }
 
 std::string DescribeMemory(absl::Span<const ScreenedPhoto> photos,

@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_PIPELINE_MEMORY_ESTIMATE_H_
 #define LITAGS_ENGINE_PIPELINE_MEMORY_ESTIMATE_H_
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -22,13 +23,14 @@ TrainingSize ShrunkTo(int max_side, int width, int height);
 
 // Bytes at the peak. COLMAP's processes have ended by then.
 struct MemoryEstimate {
-  int64_t photos = 0;  // of all photos with their targets, maps and smaller copies
-  int64_t rims = 0;    // of masks of their rims, which undistortion may make
-  int64_t work = 0;    // on photos: decoding, their targets, stereo, or rendering and its gradients
+  int64_t reading = 0;    // of photos, beside those read before: over when targets are made
+  int64_t photos = 0;     // all of them with their targets, maps and smaller copies
+  int64_t rims = 0;       // of masks of their rims, which undistortion may make
+  int64_t work = 0;       // on photos: their targets, stereo, or rendering and its gradients
   int64_t gaussians = 0;  // with moments and what is made anew of them, max_gaussians of them
 
-  int64_t Least() const { return photos + work; }
-  int64_t Most() const { return photos + rims + work + gaussians + kPrograms; }
+  int64_t Least() const { return std::max(reading, photos + work); }
+  int64_t Most() const { return std::max(reading, photos + work + gaussians) + rims + kPrograms; }
 
   static constexpr int64_t kPrograms = int64_t{100} << 20;  // code, libraries and small things
 };
@@ -51,7 +53,8 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
                               const PhotoMaps& maps);
 
 // RESOURCE_EXHAUSTED (MEMORY_EXCEEDED, field "options.max_image_side") where even the least that
-// `photos` take is more than `bytes`; says which max_image_side would do. OK where bytes is 0.
+// `photos` take is more than `bytes`; says how many threads or which max_image_side would do. OK
+// where bytes is 0.
 absl::Status CheckMemory(absl::Span<const ScreenedPhoto> photos, const ReconstructOptions& options,
                          const PhotoMaps& maps, int64_t bytes);
 

@@ -48,7 +48,7 @@ TEST(MemoryEstimate, GrowsWithWhatTakesMemory) {
   // A photo of 12 megapixels is decoded whole, and kept at 1600 px.
   const MemoryEstimate large = EstimateMemory(PhotosOf(10, 4032, 3024), options, 2, {});
   EXPECT_EQ(large.photos, few.photos);
-  EXPECT_GT(large.work, few.work);
+  EXPECT_GT(large.reading, few.reading);
   ReconstructOptions dense = options;
   dense.max_gaussians *= 10;
   EXPECT_EQ(EstimateMemory(PhotosOf(10, 1600, 1200), dense, 2, {}).gaussians, 10 * few.gaussians);
@@ -173,6 +173,27 @@ TEST(MemoryEstimate, WhatCannotFitIsRefusedWithWhatWould) {
               HasSubstr("leave photos out"));
   EXPECT_TRUE(CheckMemory(photos, ReconstructOptions(), {}, 0).ok())
       << "nothing is known of memory";
+}
+
+// While photos are read none has a target yet, and the colours of shadow are measured on eight.
+TEST(MemoryEstimate, LargePhotosOnManyThreads) {
+  const std::vector<ScreenedPhoto> photos = PhotosOf(40, 8064, 6048);
+  ReconstructOptions options;
+  options.threads = 16;
+  EXPECT_LT(EstimateMemory(photos, options, 16, {}).Least(), 20 * kGiB);
+  EXPECT_EQ(EstimateMemory(photos, options, 16, {}).Least(),
+            EstimateMemory(photos, options, 8, {}).Least());
+  const std::string message(CheckMemory(photos, options, {}, 8 * kGiB).message());
+  EXPECT_THAT(message, HasSubstr("with 16 threads, and there are 8.0 GiB: threads 3 takes"));
+  options.threads = 3;
+  EXPECT_TRUE(CheckMemory(photos, options, {}, 8 * kGiB).ok());
+  options.method = Method::k3dgs;
+  EXPECT_LT(EstimateMemory(photos, options, 16, {}).Least(), 14 * kGiB);
+  // Where no number of threads is small enough, both must be smaller.
+  options = {};
+  options.threads = 16;
+  EXPECT_THAT(std::string(CheckMemory(PhotosOf(1000, 8064, 6048), options, {}, 4 * kGiB).message()),
+              testing::ContainsRegex("max_image_side [0-9]+ with threads 1 takes"));
 }
 
 TEST(MemoryEstimate, IsSaidToPeople) {

@@ -32,8 +32,6 @@
 namespace litags {
 namespace {
 
-constexpr size_t kPhotosOfColors = 8;  // that the capture's colours are measured on
-
 std::string MaskPathOf(const MaskPaths& masks, const std::string& name) {
   const auto mask = masks.find(name);
   return mask == masks.end() ? "" : mask->second;
@@ -59,7 +57,7 @@ absl::StatusOr<MaskedPhoto> ReadInputPhoto(const ReconstructInput& input, const 
 absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const SparseModel& model,
                                          const MaskPaths& masks, int threads,
                                          const CancelToken& cancel) {
-  const size_t all = model.views.size(), n = std::min(all, kPhotosOfColors);
+  const size_t all = model.views.size(), n = std::min<size_t>(all, kPhotosOfColors);
   std::vector<ColorPrior> priors(n);
   std::vector<absl::Status> status(n);
   ParallelFor(threads, n, [&](size_t i, int) {

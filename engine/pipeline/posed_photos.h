@@ -16,6 +16,8 @@
 
 namespace litags {
 
+constexpr int kPhotosOfColors = 8;  // that the capture's colours are measured on, at most
+
 // The photos that have a camera and show something, by name: index i is one photo throughout. With
 // Tone::kCapture the colours of deep shadow are inferred, on the codes as the camera wrote them
 // (shadow_color.h).
