@@ -206,6 +206,8 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
       const auto& [r, g, b] = *photos[i].flat;
       context.Note(absl::StrFormat("%s is left out: all its pixels are (%d, %d, %d)",
                                    photos[i].view.name, r, g, b));
+      context.report->dropped.push_back(photos[i].view.name);
+      --context.report->registered;
       continue;
     }
     shrunk += photos[i].view.camera.width < model.views[i].camera.width;

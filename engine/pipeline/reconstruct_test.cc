@@ -351,6 +351,8 @@ TEST(Reconstruct, LeavesOutABlackPhoto) {
   const auto report = Reconstruct(photos.Input("work"), options);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_EQ(report->photos, kPhotos);
+  EXPECT_EQ(report->registered, kPhotos - 1);
+  EXPECT_THAT(report->dropped, ElementsAre("photo3.png"));
   EXPECT_THAT(report->notes, Contains("photo3.png is left out: all its pixels are (0, 0, 0)"));
   const auto scene = MakeEngine()->LoadScene(report->scene_path);
   ASSERT_TRUE(scene.ok()) << scene.status();
