@@ -65,6 +65,16 @@ TEST(OddCaptures, AnyNumberOfViewsMakesAScene) {
   }
 }
 
+TEST(OddCaptures, AnyHoldoutEveryIsTakenOrSaidToBeTooMany) {
+  const RoomCapture capture(8);
+  ReconstructOptions options = capture.Options(1);
+  options.holdout_every = 2'000'000'000;
+  const auto report = Train(capture.Input("work"), options);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains("none of the 8 photos is held out to measure quality: with "
+                                      "holdout_every 2000000000 it takes 4000000000"));
+}
+
 TEST(OddCaptures, TwoViewsAreRefused) {
   const RoomCapture capture(6);
   for (int i = 2; i < 6; ++i) std::filesystem::remove(capture.Path("images/" + capture.Name(i)));

@@ -131,10 +131,12 @@ struct Split {
   int every = 0;                 // one photo in so many is held out; 0: none is
 };
 
+int64_t LeastToHoldOut(int every) { return int64_t{2} * every; }
+
 Split SplitPhotos(int every, const PosedPhotos& posed) {
   Split split;
   // Too few photos to spare any.
-  if (every > 0 && static_cast<int>(posed.size()) >= 2 * every) split.every = every;
+  if (every > 0 && static_cast<int64_t>(posed.size()) >= LeastToHoldOut(every)) split.every = every;
   split.point_views.assign(posed.model.views.size(), -1);
   for (size_t i = 0; i < posed.size(); ++i) {
     if (split.every > 0 && static_cast<int>(i) % every == every / 2) {
@@ -194,9 +196,9 @@ absl::StatusOr<TrainSet> MakeTrainSet(const Context& context, const std::string&
   Split split = SplitPhotos(options.holdout_every, posed);
   set.point_views = std::move(split.point_views);
   if (options.holdout_every > 0 && split.every == 0) {
-    notes->push_back(absl::StrCat("none of the ", posed.size(),
-                                  " photos is held out to measure quality: with holdout_every ",
-                                  options.holdout_every, " it takes ", 2 * options.holdout_every));
+    notes->push_back(absl::StrCat(
+        "none of the ", posed.size(), " photos is held out to measure quality: with holdout_every ",
+        options.holdout_every, " it takes ", LeastToHoldOut(options.holdout_every)));
   }
 
   // Of the training photos alone: what is held out must not help.
