@@ -91,8 +91,9 @@ std::string Advice(absl::Span<const ScreenedPhoto> photos, const ReconstructOpti
   }
   constexpr int kStep = 100, kLeastSide = 300;  // px
   int largest = 0;
-  for (const ScreenedPhoto& photo : photos)
+  for (const ScreenedPhoto& photo : photos) {
     largest = std::max({largest, photo.width, photo.height});
+  }
   if (options.max_image_side > 0) largest = std::min(largest, options.max_image_side);
   ReconstructOptions smaller = options;
   for (const int threads : {all, 1}) {
