@@ -1,7 +1,12 @@
 #include "engine/core/machine_memory.h"
 
+#include <sched.h>
+
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
+#include <thread>
+#include <vector>
 
 namespace litags {
 namespace {
@@ -18,6 +23,13 @@ int64_t TotalBytes(const std::string& root) {
   return 0;
 }
 
+// Those of the affinity mask.
+int AllowedCores() {
+  cpu_set_t cpus;
+  if (sched_getaffinity(0, sizeof(cpus), &cpus) == 0) return CPU_COUNT(&cpus);
+  return static_cast<int>(std::thread::hardware_concurrency());
+}
+
 // Below /sys/fs/cgroup; a container sees its own as "/".
 fs::path OwnGroup(const std::string& root) {
   std::ifstream file(root + "/proc/self/cgroup");
@@ -27,8 +39,8 @@ fs::path OwnGroup(const std::string& root) {
   return "";
 }
 
-}  // namespace
-
+// Folders of the control groups that this process is in, its own first, each in the one behind it:
+// none can have more than those around it.
 std::vector<fs::path> ControlGroups(const std::string& root) {
   const fs::path top = root + "/sys/fs/cgroup";
   std::vector<fs::path> groups;
@@ -38,6 +50,8 @@ std::vector<fs::path> ControlGroups(const std::string& root) {
   }
 }
 
+}  // namespace
+
 int64_t MachineMemory(const std::string& root) {
   int64_t bytes = TotalBytes(root);
   for (const fs::path& group : ControlGroups(root)) {
@@ -45,6 +59,17 @@ int64_t MachineMemory(const std::string& root) {
     if (std::ifstream(group / "memory.max") >> limit && limit > 0) bytes = std::min(bytes, limit);
   }
   return bytes;
+}
+
+int MachineCores(const std::string& root) {
+  double cores = AllowedCores();
+  for (const fs::path& group : ControlGroups(root)) {
+    double quota = 0, period = 0;  // "max PERIOD", or "QUOTA PERIOD"
+    if (std::ifstream(group / "cpu.max") >> quota >> period && quota > 0 && period > 0) {
+      cores = std::min(cores, quota / period);
+    }
+  }
+  return std::max(1, static_cast<int>(cores));
 }
 
 }  // namespace litags

@@ -2,19 +2,18 @@
 #define LITAGS_ENGINE_CORE_MACHINE_MEMORY_H_
 
 #include <cstdint>
-#include <filesystem>
 #include <string>
-#include <vector>
 
 namespace litags {
 
-// Folders of the control groups (version 2) that this process is in, its own first, each in the one
-// behind it: none can have more than those around it. `root` is where /proc and /sys are found.
-std::vector<std::filesystem::path> ControlGroups(const std::string& root = "");
+// What this process may use: what the machine has, or what its control groups (version 2) leave it,
+// as in a container. `root` is where /proc and /sys are found.
 
-// Bytes of main memory that this process may use: those of the machine, or what its control groups
-// leave it, as in a container. 0: cannot be found out.
+// Bytes of main memory. 0: cannot be found out.
 int64_t MachineMemory(const std::string& root = "");
+
+// Whole cores, at least 1.
+int MachineCores(const std::string& root = "");
 
 }  // namespace litags
 

@@ -1,7 +1,5 @@
 #include "engine/core/parallel.h"
 
-#include <sched.h>
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -13,6 +11,7 @@
 
 #include "engine/core/check.h"
 #include "engine/core/loop_trace.h"
+#include "engine/core/machine_memory.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -41,6 +40,8 @@ uint32_t AwaitChange(const std::atomic<uint32_t>& word, uint32_t old) {
   word.wait(old, std::memory_order_acquire);
   return word.load(std::memory_order_acquire);
 }
+
+thread_local bool inside = false;  // loops inside a loop run on their own thread
 
 // The helpers of one calling thread. Threads of control never share helpers, so that a picture
 // can be rendered while another thread trains.
@@ -138,6 +139,7 @@ class Team {
   }
 
   void Help(size_t index, uint32_t seen) {
+    inside = true;
     for (;;) {
       seen = AwaitChange(round_, seen);
       const uint32_t count = seen & kCountMask;
@@ -190,9 +192,8 @@ thread_local LoopTracer* tracer = nullptr;
 }  // namespace
 
 int DefaultThreadCount() {
-  cpu_set_t cpus;
-  if (sched_getaffinity(0, sizeof(cpus), &cpus) == 0) return std::max(1, CPU_COUNT(&cpus));
-  return std::max(1u, std::thread::hardware_concurrency());
+  static const int cores = MachineCores();
+  return cores;
 }
 
 void ParallelFor(int threads, size_t num_tasks,
@@ -202,7 +203,6 @@ void ParallelFor(int threads, size_t num_tasks,
   LITAGS_CHECK(num_tasks <= std::numeric_limits<uint32_t>::max());
   if (threads <= 0) threads = DefaultThreadCount();
   threads = static_cast<int>(std::min({size_t(threads), num_tasks, kMaxThreads}));
-  thread_local bool inside = false;  // loops inside a loop run on their own thread
   if (threads <= 1 || inside) {
     for (size_t i = 0; i < num_tasks; ++i) body(i, 0);
     return;

@@ -9,7 +9,7 @@
 
 namespace litags {
 
-// Cores this process may run on, by its affinity mask.
+// Cores this process may use, found out once: MachineCores().
 int DefaultThreadCount();
 
 // Calls body(task, thread) for every task in [0, num_tasks), on up to `threads` threads

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "engine/core/loop_trace.h"
+#include "engine/core/machine_memory.h"
 
 namespace litags {
 namespace {
@@ -35,6 +36,10 @@ pthread_t HelperOfThisThread() {
     while (at_work < 2) std::this_thread::yield();
   });
   return helper;
+}
+
+TEST(DefaultThreadCount, IsWhatControlGroupsLeave) {
+  EXPECT_EQ(DefaultThreadCount(), MachineCores());
 }
 
 TEST(ParallelFor, DoesNotWaitForAThreadThatDoesNotCome) {
@@ -74,6 +79,20 @@ TEST(ParallelFor, LoopsInQuickSuccessionDoEveryTaskOnce) {
     });
     for (const std::atomic<int>& n : times) ASSERT_EQ(n, 1) << loop;
   }
+}
+
+TEST(ParallelFor, ALoopInsideALoopRunsOnItsOwnThreadOnEveryThread) {
+  std::atomic<int> at_work = 0;
+  ParallelFor(2, 2, [&](size_t, int) {
+    ++at_work;
+    while (at_work < 2) std::this_thread::yield();  // each thread takes one of the two tasks
+    const std::thread::id here = std::this_thread::get_id();
+    ParallelFor(2, 50, [&](size_t, int thread) {
+      EXPECT_EQ(thread, 0);
+      EXPECT_EQ(std::this_thread::get_id(), here);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));  // others would have come
+    });
+  });
 }
 
 TEST(TraceLoops, TimesEveryTaskOfLoopsForSeveralThreadsOnThisThread) {

@@ -34,6 +34,8 @@ TEST_F(MachineTest, LimitOfAContainerCountsAndSoDoThoseAroundAGroup) {
   Write("/sys/fs/cgroup/cpu.max", "100000 100000\n");
   EXPECT_EQ(Found().memory_bytes, int64_t{2} << 30);
   EXPECT_EQ(Found().cores, 1);
+  Write("/sys/fs/cgroup/cpu.max", "200000 100000\n");
+  EXPECT_LE(Found().cores, 2);
   Write("/proc/self/cgroup", "0::/system.slice/litags.service\n");
   Write("/sys/fs/cgroup/memory.max", "max\n");
   Write("/sys/fs/cgroup/cpu.max", "max 100000\n");
