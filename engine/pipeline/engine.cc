@@ -162,7 +162,6 @@ class Run {
       }
       last_report = Now();
     }
-    progress_.eta_seconds = 0;
     return Publish(cancel);
   }
 
@@ -203,7 +202,8 @@ class Run {
   Leg NewLeg() const { return {Now(), trainer_.iteration()}; }
 
   // Iterations by their work, checkpoints by their Gaussians, previews as long as so far: of these
-  // Gaussians are the smaller part.
+  // Gaussians are the smaller part. Steps of FitHeldOut count as iterations
+  // of the end, though some are cheaper.
   double SecondsLeft(const Leg& leg) const {
     const int done = trainer_.iteration();
     const WorkForecast forecast = trainer_.Forecast(options_.iterations);
@@ -213,6 +213,11 @@ class Run {
     if (leg.checkpoint_gaussians > 0) {
       seconds += leg.checkpoint_seconds / leg.checkpoint_gaussians * forecast.gaussians /
                  options_.checkpoint_every;
+    }
+    if (options_.refine_cameras) {
+      const double at_full_size = forecast.work - trainer_.Forecast(options_.iterations - 1).work;
+      seconds += leg.step_seconds / leg.work * at_full_size * kFitSteps *
+                 static_cast<double>(held_out_.size());
     }
     return seconds;
   }
@@ -313,7 +318,8 @@ class Run {
     if (model.lita && recipe_.noise_filter) model.noise = set_.noise;
     if (model.lita) model.curve = set_.curve;
     const bool last = trainer_.iteration() >= options_.iterations;
-    if (options_.refine_cameras && last) FitHeldOut(model);
+    if (options_.refine_cameras && last) LITAGS_RETURN_IF_ERROR(FitHeldOut(model, cancel));
+    if (last) progress_.eta_seconds = 0;
     LITAGS_RETURN_IF_ERROR(SaveScene(scene_path_, model, Views()));
     LITAGS_ASSIGN_OR_RETURN(const std::string png, ScoreHeldOut(model, last, cancel));
     Progress progress = progress_;
@@ -336,10 +342,22 @@ class Run {
   }
 
   // Photos that are not learnt do not move their cameras while the others move theirs.
-  void FitHeldOut(const Model& model) {
-    for (size_t i = 0; i < held_out_.size(); ++i) {
-      held_out_[i].camera = FitCamera(train_options_, model, set_.holdout[i], extent_);
+  absl::Status FitHeldOut(const Model& model, const CancelToken& cancel) {
+    const size_t n = held_out_.size();
+    const double start = Now();
+    Progress progress = progress_;
+    for (size_t i = 0; i < n; ++i) {
+      const double seconds = Now() - start;
+      // Before the first one is placed, what training's last report said is all that there is.
+      if (i > 0) {
+        progress.eta_seconds = seconds / static_cast<double>(i) * static_cast<double>(n - i);
+      }
+      progress.message = absl::StrCat("placing held-out photos: ", i, " of ", n);
+      observer_->OnProgress(progress);
+      LITAGS_ASSIGN_OR_RETURN(held_out_[i].camera,
+                              FitCamera(train_options_, model, set_.holdout[i], extent_, cancel));
     }
+    return absl::OkStatus();
   }
 
   // Compares the held-out photos with pictures: all of them at the end, with SSIM, which takes
@@ -357,7 +375,10 @@ class Run {
     double psnr_sum = 0, ssim_sum = 0;
     const size_t all = held_out_.size(), scored = last ? all : std::min(all, kScoredOfPreview);
     for (size_t k = 0; k < scored; ++k) {
-      if (!last && cancel.IsCancelled()) return png;
+      if (cancel.IsCancelled()) {
+        if (last) return cancel.Check();
+        return png;
+      }
       const size_t i = k * all / scored;
       const TrainView& v = set_.holdout[i];
       if (i > 0 || v.lamp.power > 0) {

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {
@@ -58,6 +60,8 @@ TEST(RefineCameras, TheSceneHasTheRefinedCamerasAndTheReportSaysHowFarTheyMoved)
   EXPECT_TRUE(std::isfinite(with->psnr_holdout));
 }
 
+bool Placing(const Progress& p) { return absl::StartsWith(p.message, "placing held-out photos"); }
+
 // Until they are fitted at the end, the cameras of held-out photos are not where the others are.
 TEST(RefineCameras, HeldOutPhotosAreMeasuredAtTheEnd) {
   const OffPhotographs photos;
@@ -66,7 +70,8 @@ TEST(RefineCameras, HeldOutPhotosAreMeasuredAtTheEnd) {
                                                          CancelToken(), &recorder);
   ASSERT_TRUE(report.ok()) << report.status();
   for (const Progress& p : recorder.reports) {
-    EXPECT_EQ(std::isfinite(p.psnr_holdout), p.iteration == kIterations) << p.iteration;
+    EXPECT_EQ(std::isfinite(p.psnr_holdout), p.iteration == kIterations && !Placing(p))
+        << p.iteration << " " << p.message;
   }
 }
 
@@ -88,6 +93,51 @@ TEST(RefineCameras, AResumedRunGivesTheSameBytes) {
   EXPECT_THAT(resumed->notes, Contains("resumed at iteration 20"));
   EXPECT_TRUE(SceneBytes(parts) == SceneBytes(whole));
   EXPECT_EQ(resumed->psnr_holdout, report->psnr_holdout);
+}
+
+// Placing held-out photos takes 150 steps each, after the last iteration.
+TEST(RefineCameras, PlacingHeldOutPhotosCanBeCancelledAndResumed) {
+  const OffPhotographs photos;
+  const ReconstructInput whole = photos.Input("whole"), parts = photos.Input("parts");
+  const auto report = Reconstruct(whole, Refining());
+  ASSERT_TRUE(report.ok()) << report.status();
+  CancelToken cancel;
+  Recorder recorder;
+  recorder.on_progress = [&](const Progress& p) {
+    if (Placing(p)) cancel.Cancel();
+  };
+  EXPECT_EQ(
+      MakeEngine(kNoColmap)->Reconstruct(parts, Refining(), cancel, &recorder).status().code(),
+      absl::StatusCode::kCancelled);
+  ASSERT_FALSE(recorder.reports.empty());
+  EXPECT_EQ(recorder.reports.back().message, "placing held-out photos: 0 of 2");
+  const auto resumed = Reconstruct(parts, Refining());
+  ASSERT_TRUE(resumed.ok()) << resumed.status();
+  EXPECT_TRUE(SceneBytes(parts) == SceneBytes(whole));
+  EXPECT_EQ(resumed->psnr_holdout, report->psnr_holdout);
+}
+
+TEST(RefineCameras, TheTimeLeftCountsPlacingHeldOutPhotos) {
+  const OffPhotographs photos;
+  // Before the last iteration: the time left, in iterations.
+  const auto iterations_left = [&](int holdout_every) {
+    ReconstructOptions options = Refining();
+    options.holdout_every = holdout_every;
+    options.preview_every = 1;
+    Recorder recorder;
+    const auto report = MakeEngine(kNoColmap)->Reconstruct(
+        photos.Input(absl::StrCat("run", holdout_every)), options, CancelToken(), &recorder);
+    EXPECT_TRUE(report.ok()) << report.status();
+    double left = 0;
+    for (const Progress& p : recorder.reports) {
+      if (p.iteration == kIterations - 1) left = p.eta_seconds * p.iterations_per_second;
+    }
+    return left;
+  };
+  const double none = iterations_left(0), two = iterations_left(4), four = iterations_left(2);
+  EXPECT_LT(none, 10);
+  EXPECT_GT(two, 50);
+  EXPECT_GT(four, 1.3 * two);
 }
 
 }  // namespace

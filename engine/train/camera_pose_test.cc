@@ -234,10 +234,15 @@ TEST(FitCamera, FindsWhereAPhotoOfAFinishedSceneWasTaken) {
   const Model model = trainer.Snapshot();
   const std::vector<TrainView> shaken = ShakenViews(0.02, 0.05);
   for (int i = 0; i < kViews; ++i) {
-    const Camera fitted = FitCamera(options, model, shaken[i], SceneExtent(shaken));
+    const auto fitted = FitCamera(options, model, shaken[i], SceneExtent(shaken), CancelToken());
+    ASSERT_TRUE(fitted.ok()) << fitted.status();
     EXPECT_GT(PixelsOff(i, shaken[i].view.camera, Scene(), Scene()), 0.35);
-    EXPECT_LT(PixelsOff(i, fitted, Scene(), Scene()), 0.25);
+    EXPECT_LT(PixelsOff(i, *fitted, Scene(), Scene()), 0.25);
   }
+  CancelToken cancel;
+  cancel.Cancel();
+  EXPECT_EQ(FitCamera(options, model, shaken[0], SceneExtent(shaken), cancel).status().code(),
+            absl::StatusCode::kCancelled);
 }
 
 }  // namespace

@@ -2,22 +2,18 @@
 
 #include <vector>
 
+#include "engine/core/error.h"
 #include "engine/render/renderer.h"
 #include "engine/train/camera_pose.h"
 #include "engine/train/objective.h"
 #include "engine/train/pyramid.h"
 
 namespace litags {
-namespace {
 
-constexpr int kSteps = 150;  // as many as each of 67 photos has in 10,000 iterations. Choice
-
-}  // namespace
-
-Camera FitCamera(const TrainOptions& training, const Model& model, const TrainView& view,
-                 double extent) {
+absl::StatusOr<Camera> FitCamera(const TrainOptions& training, const Model& model,
+                                 const TrainView& view, double extent, const CancelToken& cancel) {
   TrainOptions options = training;
-  options.iterations = kSteps;
+  options.iterations = kFitSteps;
   const std::vector<TrainView> views = {view};
   const ViewPyramid pyramid(&views, options);
   const Recipe& recipe = options.recipe;
@@ -31,14 +27,15 @@ Camera FitCamera(const TrainOptions& training, const Model& model, const TrainVi
   Planes rendered, alpha, v_rendered;
   TrainView cropped;
   CameraPose pose(view.view.camera);
-  for (int step = 0; step < kSteps; ++step) {
+  for (int step = 0; step < kFitSteps; ++step) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     const TrainView& compared = pyramid.Compared(step, 0, step, &cropped, &settings.crop);
     renderer.Forward(model.splats, pose.Apply(compared.view.camera), settings, &rendered, &alpha);
     objective.Evaluate(compared, rendered, PdmWeights(), step, /*denoise=*/false, &v_rendered,
                        nullptr);
     renderer.Backward(model.splats, v_rendered, Planes(), [](size_t, const float*, uint32_t) {});
     const double lr =
-        FallingRate(recipe.lr_cameras, recipe.lr_cameras_final, double(step) / kSteps);
+        FallingRate(recipe.lr_cameras, recipe.lr_cameras_final, double(step) / kFitSteps);
     if (!StepPose(renderer.pose_grad(), step + 1, lr, extent, AdamConstants(), &pose)) {
       return view.view.camera;
     }
