@@ -1,5 +1,6 @@
 #include "client/view_args.h"
 
+#include <cerrno>
 #include <charconv>
 #include <cstdlib>
 #include <filesystem>
@@ -42,10 +43,14 @@ absl::StatusOr<std::string> PoseText(const std::vector<std::string>& words) {
   if (words.size() != 1 || !std::filesystem::is_regular_file(words[0], error)) {
     return absl::StrJoin(words, " ");
   }
+  errno = 0;
   std::ifstream in(words[0], std::ios::binary);
   std::string text((std::istreambuf_iterator<char>(in)), {});
-  if (!in && !in.eof()) {
-    return BadInput("FILE_UNREADABLE", "--pose", absl::StrCat(words[0], ": cannot be read"));
+  if (!in.is_open()) {
+    return BadInput(
+        "FILE_UNREADABLE", "--pose",
+        absl::StrCat(words[0], ": cannot be read (", std::generic_category().message(errno),
+                     "); give a file with the 16 numbers that you may read"));
   }
   if (static_cast<int64_t>(text.size()) > kMaxPoseFileBytes) {
     return BadInput("POSE_INVALID", "--pose",

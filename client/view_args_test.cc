@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <cmath>
 #include <cstdint>
@@ -40,6 +41,23 @@ TEST(ParsePose, ReadsAMatrixFromAFile) {
   std::filesystem::remove(path);
   ASSERT_TRUE(pose.ok()) << pose.status();
   EXPECT_EQ(pose->viewmat().values(11), 3);
+}
+
+TEST(ParsePose, SaysWhyAFileCannotBeRead) {
+  const auto path = std::filesystem::temp_directory_path() / ("pose-" + RandomId());
+  std::ofstream(path) << "1 0 0 0";
+  rlimit limit = {};
+  getrlimit(RLIMIT_NOFILE, &limit);
+  const rlimit none = {0, limit.rlim_max};
+  setrlimit(RLIMIT_NOFILE, &none);
+  PoseArgs args;
+  args.pose = {path.string()};
+  const auto pose = ParsePose(args);
+  setrlimit(RLIMIT_NOFILE, &limit);
+  std::filesystem::remove(path);
+  EXPECT_EQ(ReasonOf(pose.status()), "FILE_UNREADABLE");
+  EXPECT_THAT(std::string(pose.status().message()),
+              ::testing::HasSubstr("cannot be read (Too many open files); give a file"));
 }
 
 TEST(ParsePose, PassesNanOnToTheServer) {
