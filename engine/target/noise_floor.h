@@ -9,9 +9,11 @@ namespace litags {
 
 // The mean light of a LightSquare, linear in the photos' own codes, up to which noise explains it;
 // 0: none. Black cuts noise's darker half off, which leaves 0.40 of its deviation in the mean and
-// 0.58 in the deviation (black_lift.h). So squares are noise where their pixels differ as much as
-// they are bright. In JPEGs compression takes much of the differences away: the floor is too low
-// there, never too high. `masks`: see MaskOf. Deterministic for any `threads` (<= 0: all cores).
+// 0.58 in the deviation (black_lift.h). So squares are noise where their pixels differ more than
+// they are bright. Light of a fifth of the noise counts as noise, too, and so do squares of 8-bit
+// photos of which two fifths of the pixels have code 1 and the others 0. In JPEGs compression takes
+// much of the differences away: there the floor is too low.
+// `masks`: see MaskOf. Deterministic for any `threads` (<= 0: all cores).
 double NoiseFloor(absl::Span<const Photo> photos, int threads,
                   absl::Span<const PlaneU8> masks = {});
 

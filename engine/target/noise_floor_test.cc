@@ -29,8 +29,8 @@ TEST(NoiseFloor, CoversWhatNoiseMakesOfBlack) {
   for (const double noise : {0.7, 1.0, 2.0}) {
     const std::vector<Photo> photos = {NoisyPhoto(0, noise, 1), NoisyPhoto(0, noise, 2)};
     const double floor = NoiseFloor(photos, 2);
-    // The mean and four deviations of it, of the brightest of three channels.
-    EXPECT_GT(floor, Light((0.4 + 4 * 0.15) * noise)) << noise;
+    // The mean and three deviations of it.
+    EXPECT_GT(floor, Light((0.4 + 3 * 0.15) * noise)) << noise;
     EXPECT_LT(floor, Light(2 * noise)) << noise;
     EXPECT_EQ(floor, NoiseFloor(photos, 1));
   }

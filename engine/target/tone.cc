@@ -13,21 +13,14 @@
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/target/bisect.h"
+#include "engine/target/capture_light.h"
 #include "engine/target/chroma.h"
 #include "engine/target/clipped_colors.h"
 #include "engine/target/exposure_rule.h"
 #include "engine/target/highlights.h"
-#include "engine/target/light_squares.h"
-#include "engine/target/noise_floor.h"
 
 namespace litags {
 namespace {
-
-// Where no light fell there is nothing to brighten: black counts for at most this share of what is
-// lit, and so does what noise makes of black, so that a torch in the dark is exposed for what it
-// lights. Choice
-constexpr double kMostBlack = 0.1;
-constexpr int16_t kBlack = 0.25f * kPhotoCode;  // nothing of a photo above it: no light fell
 
 using Histogram = std::array<double, 256>;  // fraction of all samples that count, by 8-bit code
 
@@ -147,48 +140,12 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
   return targets;
 }
 
-// The light of a photo's squares, and the share of the photo that no light fell on.
-struct PhotoLight {
-  LightHistogram lit, noise;  // above the noise floor; up to it
-  double black = 0;
-};
-
-PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask,
-                        const LampLight* lamp, double noise_floor) {
-  PhotoLight out;
-  const double black = LinearTable::Get()(kBlack);
-  const double share = 1.0 / CountedPixels(mask, photo.pixels());
-  ForLightSquares(photo, mask, [&](const LightSquare& square) {
-    const double largest = square.LargestMean(), weight = share * square.counted;
-    if (largest <= black) {
-      out.black += weight;
-      return;
-    }
-    const double lit = lamp != nullptr ? lamp->At(square.x, square.y) : 1;
-    (largest <= noise_floor ? out.noise : out.lit)
-        .AddPixel(square.mean[0], square.mean[1], square.mean[2], exposure * lit, weight);
-  });
-  return out;
-}
-
-// Adds `light` so that it weighs `most` at most.
-void AddUpTo(double most, const LightHistogram& light, LightHistogram* to) {
-  if (light.total() <= most) {
-    to->Add(light);
-    return;
-  }
-  for (int bin = 0; bin < LightHistogram::kBins; ++bin) {
-    const double weight = light.weight(bin) * most / light.total();
-    if (weight > 0) to->Add(std::exp2(LightHistogram::Stops(bin)), weight);
-  }
-}
-
 absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
   if (photo.empty()) {
     return InvalidInput("EMPTY_IMAGE", "image", "tone: the photo is empty; leave it out");
   }
   const bool black = std::all_of(photo.data.begin(), photo.data.end(),
-                                 [](int16_t sample) { return sample <= kBlack; });
+                                 [](int16_t sample) { return sample <= kBlackSample; });
   if (black && options.rule != Tone::kNone) {
     return BlackImage();
   }
@@ -199,23 +156,7 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
 
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
                    absl::Span<const PlaneU8> masks, absl::Span<const LampLight> lamps) {
-  const double noise_floor = NoiseFloor(photos, threads, masks);
-  std::vector<PhotoLight> of_photos(photos.size());
-  ParallelFor(threads, photos.size(), [&](size_t i, int) {
-    of_photos[i] = MeasureLight(photos[i], exposures[i], MaskOf(masks, i),
-                                lamps.empty() ? nullptr : &lamps[i], noise_floor);
-  });
-  LightHistogram all, noise;
-  double black = 0;
-  for (const PhotoLight& of_photo : of_photos) {
-    all.Add(of_photo.lit);
-    noise.Add(of_photo.noise);
-    black += of_photo.black;
-  }
-  // Where noise hides everything, it is all there is to go by.
-  AddUpTo(all.total() > 0 ? kMostBlack * all.total() : noise.total(), noise, &all);
-  all.Add(0, std::min(black, kMostBlack * all.total()));
-  return ExposureGain(all);
+  return ExposureGain(CaptureLight(photos, exposures, threads, masks, lamps));
 }
 
 Photo WithLinearGain(const Photo& photo, double gain) {

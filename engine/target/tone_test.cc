@@ -133,6 +133,34 @@ TEST(Tone, WhatATorchLightsIsExposedForHoweverLittleItIs) {
   }
 }
 
+// The shadows of an ordinary dark photo are not noise, though they are no brighter than it.
+TEST(Tone, NoiseOfADarkPhotoHardlyChangesItsExposure) {
+  constexpr int kWidth = 480, kHeight = 320, kCell = 5;
+  constexpr double kFullWell = 15000, kReadNoise = 4, kStops = 9;  // electrons
+  const CounterRng texture(1, 0), noise(1, 1);
+  Photo fine(kWidth, kHeight);
+  ImageU8 dark(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      // Bright and dark areas, with texture.
+      const int area = y / 80 * 6 + x / 80, cell = y / kCell * (kWidth / kCell) + x / kCell;
+      const double stops = -6 * texture.Uniform(area) + texture.Normal(1000 + cell) / 2;
+      const double light = std::exp2(std::min(stops, 0.0) - kStops), electrons = kFullWell * light;
+      for (int c = 0; c < 3; ++c) {
+        const size_t i = 3 * (size_t(y) * kWidth + x) + c;
+        const double seen =
+            electrons + std::hypot(kReadNoise, std::sqrt(electrons)) * noise.Normal(i);
+        fine.data[i] = PhotoSample(static_cast<float>(SrgbFromLinear(light)));
+        dark.data[i] = static_cast<uint8_t>(
+            std::lround(255 * SrgbFromLinear(std::clamp(seen / kFullWell, 0.0, 1.0))));
+      }
+    }
+  }
+  const std::vector<double> exposures = {1.0};
+  EXPECT_NEAR(std::log2(CaptureGain({PhotoFromU8(dark)}, exposures, 1)),
+              std::log2(CaptureGain({fine}, exposures, 1)), 0.3);
+}
+
 // Photos that are noise all over are brightened all the same.
 TEST(Tone, WhatNoiseHidesDecidesWhereNothingElseIsSeen) {
   ImageU8 hidden(200, 100);

@@ -62,8 +62,9 @@ TEST(ExposureCommand, PrintsErrorsOfEveryKindAndConstants) {
   EXPECT_THAT(plain.tail, HasSubstr("6 photos"));
   EXPECT_THAT(plain.tail, Not(HasSubstr("weights")));
   EXPECT_THAT(plain.tail, Not(HasSubstr("nan")));
-  for (const char* kind : {"plain", "own", "lamps", "windows", "sky", "lamps and windows", "crops",
-                           "dark by 6", "dark by 7.5", "dark by 9", "over by 1", "over by 3"}) {
+  for (const char* kind :
+       {"plain", "own", "lamps", "windows", "sky", "lamps and windows", "crops", "dark by 6",
+        "dark by 7.5", "dark by 9", "png, dark by 9", "torch, noise 1", "over by 1", "over by 3"}) {
     const std::vector<double> errors = ErrorsOfRule(plain.tail, kind);
     ASSERT_EQ(errors.size(), 4u) << kind;
     EXPECT_LT(errors[2], 3) << kind;  // mean of sizes

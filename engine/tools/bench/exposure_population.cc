@@ -13,6 +13,7 @@
 #include "engine/core/rng.h"
 #include "engine/io/image_io.h"
 #include "engine/sample/sensor.h"
+#include "engine/target/capture_light.h"
 
 namespace litags {
 namespace {
@@ -172,17 +173,54 @@ void AddFitCases(size_t photo, const LightHistogram& plain, std::vector<Exposure
       [](const L& light, Draws* draw) { return WithWindows(WithLamps(light, draw), draw); });
 }
 
-absl::Status AddTestCases(size_t photo, const Planes& light, std::vector<ExposureCase>* cases) {
-  cases->push_back({photo, "crops", false, CropsOf(Shrunk(light, 1)), 0});
+LightHistogram LightOf(const Photo& photo) {
+  const double exposure = 1;
+  return CaptureLight({&photo, 1}, {&exposure, 1}, /*threads=*/1);
+}
+
+absl::Status AddDarkCases(size_t photo, const Planes& light, std::vector<ExposureCase>* cases) {
   for (const double stops : {6.0, 7.5, 9.0}) {
     const double gain = std::exp2(-stops);
     const ImageU8 dark =
         sample::Expose(light, {gain, gain, gain}, sample::SensorOptions(), CounterRng(photo, 99));
+    cases->push_back(
+        {photo, absl::StrCat("png, dark by ", stops), false, LightOf(PhotoFromU8(dark)), stops});
     LITAGS_ASSIGN_OR_RETURN(const std::string jpeg, EncodeJpeg(dark));
     LITAGS_ASSIGN_OR_RETURN(const Photo stored, DecodePhoto(jpeg, "photo"));
-    cases->push_back({photo, absl::StrCat("dark by ", stops), false,
-                      HistogramOf(Shrunk(LinearLight(stored), 1)), stops});
+    cases->push_back({photo, absl::StrCat("dark by ", stops), false, LightOf(stored), stops});
   }
+  return absl::OkStatus();
+}
+
+// A torch lights the middle of the photo; noise is in codes, before black cuts it.
+void AddTorchCases(size_t photo, const Planes& light, std::vector<ExposureCase>* cases) {
+  constexpr double kSide = 0.3, kStops = 5;
+  const double gain = std::exp2(-kStops), code = LinearFromSrgb(1 / 255.0);
+  for (const double noise : {0.0, 0.5, 0.7, 1.0, 2.0}) {
+    const CounterRng rng(photo, 98);
+    ImageU8 torch(light.width, light.height);
+    for (int y = 0; y < light.height; ++y) {
+      for (int x = 0; x < light.width; ++x) {
+        const bool lit = std::abs(x + 0.5 - light.width / 2.0) < kSide * light.width / 2 &&
+                         std::abs(y + 0.5 - light.height / 2.0) < kSide * light.height / 2;
+        for (int c = 0; c < 3; ++c) {
+          const uint64_t draw = 3 * (uint64_t(y) * light.width + x) + c;
+          const double seen =
+              (lit ? gain * light.at(c, y, x) : 0) + noise * code * rng.Normal(draw);
+          torch.pixel(x, y)[c] =
+              static_cast<uint8_t>(255 * SrgbFromLinear(std::clamp(seen, 0.0, 1.0)) + 0.5);
+        }
+      }
+    }
+    const std::string kind = absl::StrCat("torch, noise ", noise);
+    cases->push_back({photo, kind, false, LightOf(PhotoFromU8(torch)), kStops});
+  }
+}
+
+absl::Status AddTestCases(size_t photo, const Planes& light, std::vector<ExposureCase>* cases) {
+  cases->push_back({photo, "crops", false, CropsOf(Shrunk(light, 1)), 0});
+  LITAGS_RETURN_IF_ERROR(AddDarkCases(photo, light, cases));
+  AddTorchCases(photo, light, cases);
   for (const double stops : {1.0, 2.0, 2.3, 3.0}) {
     cases->push_back({photo, absl::StrCat("over by ", stops), false,
                       HistogramOf(Shrunk(light, std::exp2(stops))), -stops});

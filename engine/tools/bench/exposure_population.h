@@ -30,8 +30,9 @@ struct ExposurePopulation {
 // sources of light lifted above white: the photo's own clipped areas (log share falling evenly up
 // to -0.5 to 2 stops), lamps (0.02 to 12 % of the picture, 1 to 7 stops above white), windows
 // (0 to 15 %, 0.3 to 4 stops), a bright sky (clipped areas up to 2.5 stops). Tests: several
-// crops pooled, darkened by 6 to 9 stops with a sensor's noise as 8-bit JPEG, brightened by 1
-// to 3 stops and clipped. Deterministic.
+// crops pooled, darkened by 6 to 9 stops with a sensor's noise in 8 bits, as PNG and JPEG,
+// brightened by 1 to 3 stops and clipped, and a torch that lights 9 % of the photo 5 stops too
+// little. What is stored is counted as a capture's photos are (CaptureLight). Deterministic.
 absl::StatusOr<ExposurePopulation> MakeExposurePopulation(const std::string& folder);
 
 }  // namespace litags

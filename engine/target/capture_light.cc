@@ -1,0 +1,80 @@
+#include "engine/target/capture_light.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "engine/core/mask.h"
+#include "engine/core/parallel.h"
+#include "engine/target/light_squares.h"
+#include "engine/target/noise_floor.h"
+
+namespace litags {
+namespace {
+
+// Where no light fell there is nothing to brighten: black counts for at most this share of what is
+// lit, and so does what noise makes of black, so that a torch in the dark is exposed for what it
+// lights. Choice
+constexpr double kMostBlack = 0.1;
+
+// The light of a photo's squares, and the share of the photo that no light fell on.
+struct PhotoLight {
+  LightHistogram lit, noise;  // above the noise floor; up to it
+  double black = 0;
+};
+
+PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask,
+                        const LampLight* lamp, double noise_floor) {
+  PhotoLight out;
+  const double black = LinearTable::Get()(kBlackSample);
+  const double share = 1.0 / CountedPixels(mask, photo.pixels());
+  ForLightSquares(photo, mask, [&](const LightSquare& square) {
+    const double largest = square.LargestMean(), weight = share * square.counted;
+    if (largest <= black) {
+      out.black += weight;
+      return;
+    }
+    const double lit = lamp != nullptr ? lamp->At(square.x, square.y) : 1;
+    (largest <= noise_floor ? out.noise : out.lit)
+        .AddPixel(square.mean[0], square.mean[1], square.mean[2], exposure * lit, weight);
+  });
+  return out;
+}
+
+// Adds `light` so that it weighs `most` at most.
+void AddUpTo(double most, const LightHistogram& light, LightHistogram* to) {
+  if (light.total() <= most) {
+    to->Add(light);
+    return;
+  }
+  for (int bin = 0; bin < LightHistogram::kBins; ++bin) {
+    const double weight = light.weight(bin) * most / light.total();
+    if (weight > 0) to->Add(std::exp2(LightHistogram::Stops(bin)), weight);
+  }
+}
+
+}  // namespace
+
+LightHistogram CaptureLight(absl::Span<const Photo> photos, absl::Span<const double> exposures,
+                            int threads, absl::Span<const PlaneU8> masks,
+                            absl::Span<const LampLight> lamps) {
+  const double noise_floor = NoiseFloor(photos, threads, masks);
+  std::vector<PhotoLight> of_photos(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    of_photos[i] = MeasureLight(photos[i], exposures[i], MaskOf(masks, i),
+                                lamps.empty() ? nullptr : &lamps[i], noise_floor);
+  });
+  LightHistogram all, noise;
+  double black = 0;
+  for (const PhotoLight& of_photo : of_photos) {
+    all.Add(of_photo.lit);
+    noise.Add(of_photo.noise);
+    black += of_photo.black;
+  }
+  // Where noise hides everything, it is all there is to go by.
+  AddUpTo(all.total() > 0 ? kMostBlack * all.total() : noise.total(), noise, &all);
+  all.Add(0, std::min(black, kMostBlack * all.total()));
+  return all;
+}
+
+}  // namespace litags
