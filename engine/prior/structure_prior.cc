@@ -120,13 +120,14 @@ float CodeValue(size_t code) {
   return std::bit_cast<float>(static_cast<uint32_t>(code << kDroppedBits));
 }
 
-// The value below which `percentile` % of the counted values lie.
-double Percentile(const std::vector<uint64_t>& counts, double percentile) {
+// The value below which `percentile` % of the counted values lie; 0 of none. Values of 0 do not
+// count: a lamp in the dark is all that tells the scale.
+double PercentileAbove0(const std::vector<uint64_t>& counts, double percentile) {
   uint64_t total = 0;
-  for (const uint64_t count : counts) total += count;
+  for (size_t code = 1; code < counts.size(); ++code) total += counts[code];
   const double wanted = percentile / 100 * total;
   uint64_t below = 0;
-  for (size_t code = 0; code < counts.size(); ++code) {
+  for (size_t code = 1; code < counts.size(); ++code) {
     below += counts[code];
     if (below >= wanted && counts[code] > 0) return CodeValue(code);
   }
@@ -224,7 +225,8 @@ double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& o
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     noise[i] = static_cast<float>(IntensityNoise(photos[i], MaskOf(masks, i)));
   });
-  return options.floor_noise_factor * MedianInPlace(noise);
+  // E is 1 at most. Stars in black have more noise than light.
+  return std::min(1.0, options.floor_noise_factor * MedianInPlace(noise));
 }
 
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,
@@ -262,7 +264,7 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
   for (int t = 1; t < threads; ++t) {
     for (size_t code = 0; code < kCodes; ++code) counts[0][code] += counts[t][code];
   }
-  result.scale = Percentile(counts[0], options.percentile);
+  result.scale = PercentileAbove0(counts[0], options.percentile);
   if (!(result.scale > 0)) {
     return InvalidInput("NO_STRUCTURE", "images",
                         "the photos show no structure at all (all of one colour); take photos with "

@@ -41,7 +41,7 @@ struct StructurePriorOptions {
   double floor = -1.0;
   double floor_noise_factor = 3.0;  // floor = factor * noise; > 0. Choice
 
-  double percentile = 99.0;  // of P over the capture that maps to 1; (0, 100]. Choice
+  double percentile = 99.0;  // of P > 0 over the capture that maps to 1; (0, 100]. Choice
 
   absl::Status Validate() const;
 };
@@ -57,7 +57,7 @@ absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOpt
 double IntensityNoise(const Photo& photo, const PlaneU8& mask = {});
 
 // Below this E a photo says nothing about structure: floor_noise_factor times the median of
-// IntensityNoise over the capture.
+// IntensityNoise over the capture; at most 1.
 double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options, int threads,
                   absl::Span<const PlaneU8> masks = {});
 
@@ -67,9 +67,9 @@ struct CapturePriors {
   double floor = 0;           // floor used
 };
 
-// P of every photo, divided by the percentile of P over all of them so that L1 has one scale for
-// the capture; `masks`: see MaskOf, only pixels that count decide the scale. Deterministic for any
-// `threads` (<= 0: all cores). `done` is called with ParallelFor's thread, kPriorPasses times a
+// P of every photo, divided by the percentile of P > 0 over all of them so that L1 has one scale
+// for the capture; `masks`: see MaskOf, only pixels that count decide the scale. Deterministic for
+// any `threads` (<= 0: all cores). `done` is called with ParallelFor's thread, kPriorPasses times a
 // photo. CANCELLED on request, INVALID_ARGUMENT for a bad option or a capture
 // without any structure.
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,

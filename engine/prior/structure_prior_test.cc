@@ -164,6 +164,33 @@ TEST(CapturePriors, AreTheSameBytesForAnyNumberOfThreads) {
   for (int i = 0; i < 5; ++i) EXPECT_EQ(one->maps[i].data, four->maps[i].data);
 }
 
+// Far more than the percentile leaves has no structure.
+TEST(CapturePriors, OfALampInBlackHaveTheLampsScale) {
+  ImageU8 photo(500, 375);
+  for (int y = 200; y < 220; ++y) {
+    for (int x = 100; x < 120; ++x) std::fill_n(photo.pixel(x, y), 3, uint8_t{250});
+  }
+  const auto priors =
+      ComputeCapturePriors(std::vector<Photo>(2, PhotoFromU8(photo)), {}, 1, CancelToken());
+  ASSERT_TRUE(priors.ok()) << priors.status();
+  EXPECT_EQ(*std::max_element(priors->maps[0].data.begin(), priors->maps[0].data.end()), 255);
+  EXPECT_EQ(priors->maps[0].data[100 * 500 + 300], 0);
+}
+
+// What is not black is so little that all of it counts as noise.
+TEST(CapturePriors, OfStarsInBlackHaveAFloorThatTheOptionsAllow) {
+  ImageU8 photo(640, 480);
+  const CounterRng rng(3, 1);
+  for (int i = 0; i < 600; ++i) {
+    std::fill_n(&photo.data[3 * rng.Below(i, photo.pixels())], 3, uint8_t{200});
+  }
+  const auto priors =
+      ComputeCapturePriors(std::vector<Photo>(2, PhotoFromU8(photo)), {}, 1, CancelToken());
+  ASSERT_TRUE(priors.ok()) << priors.status();
+  EXPECT_LE(priors->floor, 1);
+  EXPECT_GT(priors->scale, 0);
+}
+
 TEST(CapturePriors, StopOnRequestAndRefuseACaptureWithoutStructure) {
   CancelToken cancel;
   const std::vector<Photo> black(2, Photo(40, 30));
