@@ -188,7 +188,9 @@ SceneFrame FrameOfViews(const std::vector<View>& all) {
     spread = std::max(spread, (Eigen::Vector3d(c[0], c[1], c[2]) - mean).norm());
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(A / views.size());
-  Eigen::Vector3d center = mean + forward * std::max(spread, 1.0);
+  // One place, to roundings, says nothing of the unit.
+  const double ahead = spread > 1e-9 * mean.norm() ? spread : 1;
+  Eigen::Vector3d center = mean + forward * ahead;
   if (solver.eigenvalues()[0] > 1e-3) center = A.ldlt().solve(b);
   double radius = 0;
   for (const View& view : views) {
@@ -197,7 +199,7 @@ SceneFrame FrameOfViews(const std::vector<View>& all) {
   }
   frame.center = {center.x(), center.y(), center.z()};
   frame.up = {up.x(), up.y(), up.z()};
-  frame.radius = radius > 1e-9 ? radius : 1;
+  frame.radius = radius > 0 ? radius : 1;
   return frame;
 }
 

@@ -144,6 +144,27 @@ TEST(SceneFile, ANearPlaneComesBack) {
   EXPECT_NE(drawn->data, cut->data);
 }
 
+// Cameras that look the same way tell a distance by how far they are apart only.
+TEST(SceneFile, TheFrameOfParallelCamerasIsInTheirUnit) {
+  const auto frame_of = [](double unit) {
+    std::vector<View> views(3);
+    for (int i = 0; i < 3; ++i) {
+      views[i].camera.R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+      views[i].camera.t = {-unit * i, 0, 0};
+    }
+    return FrameOfViews(views);
+  };
+  const SceneFrame one = frame_of(1);
+  EXPECT_NEAR(one.center[0], 1, 1e-9);
+  EXPECT_NEAR(one.center[2], 1, 1e-9);
+  for (const double unit : {1e-12, 0.01, 100.0}) {
+    const SceneFrame frame = frame_of(unit);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(frame.center[k] / unit, one.center[k], 1e-9) << unit;
+    EXPECT_NEAR(frame.radius / unit, one.radius, 1e-9) << unit;
+  }
+  EXPECT_EQ(frame_of(0).radius, 1);
+}
+
 TEST(SceneFile, NumbersThatAreNotFiniteAreNotSaved) {
   const TempDir dir;
   for (const int row : {int{kMean}, int{kShDc}, kShRest + 44, int{kIllumination}}) {
