@@ -197,6 +197,13 @@ void Rescale(double factor, Splats* splats) {
   }
 }
 
+double NumberAfter(const std::string& before, const absl::Status& status) {
+  const std::string message(status.message());
+  const size_t at = message.find(before);
+  EXPECT_NE(at, message.npos) << message;
+  return at == message.npos ? 0 : std::atof(message.c_str() + at + before.size());
+}
+
 TEST(RoundTrip, SpzTakesMoreBitsForSmallScenesAndRefusesTooSmallOnes) {
   const double kSmall = 0.001;
   ViewerScene scene = SmallScene(kCount);
@@ -218,11 +225,23 @@ TEST(RoundTrip, SpzTakesMoreBitsForSmallScenesAndRefusesTooSmallOnes) {
   const auto refused = InfoOf(SceneFormat::kSpz).encode(scene).status();
   EXPECT_EQ(Reason(refused), "EXPORT_OUT_OF_RANGE");
   // What it asks for will do.
-  const std::string message(refused.message()), before = "a scale at least ";
-  const size_t at = message.find(before);
-  ASSERT_NE(at, message.npos) << message;
-  Rescale(std::atof(message.c_str() + at + before.size()), &scene.splats);
-  EXPECT_TRUE(InfoOf(SceneFormat::kSpz).encode(scene).ok()) << message;
+  Rescale(NumberAfter("a scale at least ", refused), &scene.splats);
+  EXPECT_TRUE(InfoOf(SceneFormat::kSpz).encode(scene).ok()) << refused;
+}
+
+TEST(RoundTrip, SpzRefusesTooLargeScenes) {
+  ViewerScene scene = SmallScene(kCount);
+  // One in ten may shrink.
+  for (size_t i = 0; i < kCount / 10; ++i) scene.splats.at(i, kLogScale + 1) = 6.5f;
+  EXPECT_TRUE(InfoOf(SceneFormat::kSpz).encode(scene).ok());
+  scene.splats.at(kCount / 10, kLogScale) = 6.2f;
+  for (SceneFormat format : {SceneFormat::kSpz, SceneFormat::kSpzV4}) {
+    const auto refused = InfoOf(format).encode(scene).status();
+    ASSERT_EQ(Reason(refused), "EXPORT_OUT_OF_RANGE");
+    ViewerScene smaller = scene;
+    Rescale(NumberAfter("a scale at most ", refused), &smaller.splats);
+    EXPECT_TRUE(InfoOf(format).encode(smaller).ok()) << refused;
+  }
 }
 
 TEST(RoundTrip, GlbShowsProgramsOfPointsLinearColors) {

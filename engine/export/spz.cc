@@ -24,8 +24,10 @@ constexpr int kMostFractionalBits = 20, kUsualFractionalBits = 12, kLeastFractio
 // Largest step of positions, in Gaussians' median size: finer steps change no picture.
 constexpr double kStepOfSize = 1.0 / 8;
 // Scales are in bytes of 16 steps a unit of their logarithm, from here. Smaller Gaussians grow to
-// it; where more than this share of them would, pictures show it.
-constexpr double kLeastLogScale = -10, kMostGrown = 0.1;
+// it and larger ones than a byte holds shrink; where more than this share of them would, pictures
+// show it.
+constexpr double kStepsOfScale = 16, kLeastLogScale = -10, kMostChanged = 0.1;
+constexpr double kMostLogScale = kLeastLogScale + 255 / kStepsOfScale;
 constexpr int kZstdLevel = 12;
 // What is left of a byte of a coefficient, as Niantic's own writer has it.
 constexpr int kBitsOfDegree1 = 5, kBitsOfHigher = 4;
@@ -39,36 +41,50 @@ struct Streams {
   }
 };
 
-// The middle one of each Gaussian's three log-scales, sorted. The smallest says little: Gaussians
-// of surfaces are flat.
-std::vector<float> MiddleLogScales(const Splats& splats) {
+// One of each Gaussian's three log-scales, 0: the smallest; sorted.
+std::vector<float> SortedLogScales(const Splats& splats, int which) {
   std::vector<float> out;
   for (size_t i = 0; i < splats.size(); ++i) {
     std::array<float, 3> sizes;
     for (int k = 0; k < 3; ++k) sizes[k] = splats.at(i, kLogScale + k);
     std::sort(sizes.begin(), sizes.end());
-    out.push_back(sizes[1]);
+    out.push_back(sizes[which]);
   }
   std::sort(out.begin(), out.end());
   return out;
 }
 
-absl::Status CheckSizes(const std::vector<float>& log_scales) {
-  const auto small = std::lower_bound(log_scales.begin(), log_scales.end(), kLeastLogScale);
-  const double share = double(small - log_scales.begin()) / log_scales.size();
-  if (share <= kMostGrown) return absl::OkStatus();
-  const double least = log_scales[static_cast<size_t>(kMostGrown * log_scales.size())];
-  return MakeError(
-      absl::StatusCode::kFailedPrecondition, "EXPORT_OUT_OF_RANGE", "format",
-      absl::StrFormat("format: %.0f %% of the Gaussians are smaller than the %.2g units that spz "
-                      "holds; give a scale at least %.3g times as large, or another format",
-                      100 * share, std::exp(kLeastLogScale),
-                      1.01 * std::exp(kLeastLogScale - least)));
+absl::Status OutOfRange(double share, const char* than, double bound, const char* most,
+                        double factor) {
+  return MakeError(absl::StatusCode::kFailedPrecondition, "EXPORT_OUT_OF_RANGE", "format",
+                   absl::StrFormat("format: %.0f %% of the Gaussians are %s than the %.2g units "
+                                   "that spz holds; give a scale %s %.3g times as large, or "
+                                   "another format",
+                                   100 * share, than, bound, most, factor));
+}
+
+// `middle`: the middle log-scale of each Gaussian, sorted; `largest`: the largest. The smallest
+// says little: Gaussians of surfaces are flat.
+absl::Status CheckSizes(const std::vector<float>& middle, const std::vector<float>& largest) {
+  const auto n = static_cast<double>(middle.size());
+  const auto small = std::lower_bound(middle.begin(), middle.end(), kLeastLogScale);
+  if (const double share = (small - middle.begin()) / n; share > kMostChanged) {
+    const double least = middle[static_cast<size_t>(kMostChanged * n)];
+    return OutOfRange(share, "smaller", std::exp(kLeastLogScale), "at least",
+                      1.01 * std::exp(kLeastLogScale - least));
+  }
+  const auto large = std::upper_bound(largest.begin(), largest.end(), kMostLogScale);
+  if (const double share = (largest.end() - large) / n; share > kMostChanged) {
+    const double most = largest[static_cast<size_t>(n - 1 - std::floor(kMostChanged * n))];
+    return OutOfRange(share, "larger", std::exp(kMostLogScale), "at most",
+                      0.99 * std::exp(kMostLogScale - most));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<int> FractionalBits(const Splats& splats) {
-  const std::vector<float> log_scales = MiddleLogScales(splats);
-  LITAGS_RETURN_IF_ERROR(CheckSizes(log_scales));
+  const std::vector<float> log_scales = SortedLogScales(splats, 1);
+  LITAGS_RETURN_IF_ERROR(CheckSizes(log_scales, SortedLogScales(splats, 2)));
   const double step = kStepOfSize * std::exp(double{log_scales[log_scales.size() / 2]});
   const int wanted = std::clamp(static_cast<int>(std::ceil(-std::log2(step))), kUsualFractionalBits,
                                 kMostFractionalBits);
@@ -112,7 +128,8 @@ Streams Pack(const ViewerScene& scene, int fractional_bits) {
           std::lround(std::ldexp(double{splats.at(i, kMean + k)}, fractional_bits)));
       for (int byte = 0; byte < 3; ++byte) out.positions += static_cast<char>(fixed >> (8 * byte));
       AppendNumber(&out.colors, PackByte(255 * (0.15 * splats.at(i, kShDc + k) + 0.5)));
-      AppendNumber(&out.scales, PackByte(16 * (splats.at(i, kLogScale + k) - kLeastLogScale)));
+      AppendNumber(&out.scales,
+                   PackByte(kStepsOfScale * (splats.at(i, kLogScale + k) - kLeastLogScale)));
     }
     AppendNumber(&out.opacities, PackByte(255 * Opacity(splats, i)));
     AppendNumber(&out.rotations, PackQuat(UnitQuat(splats, i)));
