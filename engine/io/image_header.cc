@@ -19,7 +19,8 @@ namespace {
 
 constexpr std::string_view kJpegMagic = "\xFF\xD8\xFF";
 constexpr std::string_view kPngMagic = "\x89PNG\r\n\x1A\n";
-constexpr std::string_view kExifPrefix("Exif\0\0", 6);
+constexpr std::string_view kExifPrefix("Exif\0\0", 6);  // JPEG's; some programs write it in others
+constexpr uint8_t kEndOfImage = 0xD9;
 
 absl::Status Truncated(std::string_view field) {
   return InvalidField("IMAGE_TRUNCATED", field, "the file ends early; send the whole file again");
@@ -29,9 +30,28 @@ absl::Status Corrupt(std::string_view field, std::string_view what) {
   return InvalidField("IMAGE_CORRUPT", field, absl::StrCat(Absl(what), "; send the file again"));
 }
 
+constexpr uint8_t kJpegLs = 0xF7;
+
 // Start of frame: SOF0..SOF15 but for DHT (C4), JPG (C8) and DAC (CC), which share the range.
 bool IsStartOfFrame(uint8_t marker) {
-  return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+  return marker == kJpegLs ||
+         (marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC);
+}
+
+// A whole JPEG of a kind that libjpeg does not decode, which it would call damaged. Decoded are
+// baseline, extended and progressive ones, and those of arithmetic coding.
+absl::Status CheckJpegKind(uint8_t start_of_frame, uint8_t depth, std::string_view field) {
+  constexpr std::string_view kDecoded = "\xC0\xC1\xC2\xC9\xCA";
+  if (kDecoded.find(static_cast<char>(start_of_frame)) == std::string_view::npos) {
+    const bool lossless = start_of_frame == kJpegLs || (start_of_frame & 3) == 3;
+    return InvalidField("IMAGE_UNSUPPORTED", field,
+                        absl::StrCat(lossless ? "a lossless" : "a hierarchical",
+                                     " JPEG; save it as a PNG, a TIFF or a baseline JPEG"));
+  }
+  if (depth == 8) return absl::OkStatus();
+  return InvalidField(
+      "IMAGE_UNSUPPORTED", field,
+      absl::StrCat("a JPEG of ", depth, " bits a channel; save it as a PNG or TIFF of 16 bits"));
 }
 
 // Markers without a length: TEM and RST0..RST7.
@@ -165,6 +185,7 @@ std::string CameraName(std::initializer_list<std::string_view> parts) {
 }
 
 void ReadExif(std::string_view tiff, ImageInfo* info) {
+  if (tiff.starts_with(kExifPrefix)) tiff.remove_prefix(kExifPrefix.size());
   constexpr uint16_t kOrientation = 0x0112, kCameraDirectory = 0x8769, kExposureTime = 0x829A,
                      kFNumber = 0x829D, kIso = 0x8827, kMake = 0x010F, kModel = 0x0110,
                      kSerial = 0xA431, kLens = 0xA434;
@@ -217,7 +238,7 @@ double ExifFocalLength(const ImageInfo& info) {
 }
 
 absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field) {
-  constexpr uint8_t kEndOfImage = 0xD9, kStartOfScan = 0xDA, kQuantTables = 0xDB, kApp1 = 0xE1;
+  constexpr uint8_t kStartOfScan = 0xDA, kQuantTables = 0xDB, kApp1 = 0xE1;
   ImageInfo info;
   FirstSteps steps = {};
   std::array<int, 2> chroma = {-1, -1};
@@ -234,9 +255,7 @@ absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_vi
     if (!reader.ReadBig(&length)) return Truncated(field);
     if (length < 2) return Corrupt(field, "a JPEG segment has an impossible length");
     if (!reader.ReadBytes(length - 2u, &segment)) return Truncated(field);
-    if (marker == kApp1 && segment.starts_with(kExifPrefix)) {
-      ReadExif(segment.substr(kExifPrefix.size()), &info);
-    }
+    if (marker == kApp1 && segment.starts_with(kExifPrefix)) ReadExif(segment, &info);
     if (marker == kQuantTables) ReadQuantTables(segment, &steps);
     if (IsStartOfFrame(marker)) {
       ByteReader frame(segment);
@@ -245,6 +264,7 @@ absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_vi
       if (!frame.Read(&depth) || !frame.ReadBig(&height) || !frame.ReadBig(&width)) {
         return Corrupt(field, "the JPEG frame header is too short");
       }
+      LITAGS_RETURN_IF_ERROR(CheckJpegKind(marker, depth, field));
       info.bit_depth = depth;
       info.width = width;
       info.height = height;
@@ -286,6 +306,19 @@ absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_vie
     if (chunk.type == "sBIT") info.significant_bits = LeastBits(chunk.data, depth);
   }
   return info;
+}
+
+bool LacksJpegEnd(std::string_view bytes) {
+  ByteReader reader(bytes);
+  reader.Skip(2);  // SOI
+  uint8_t marker = 0;
+  while (ReadMarker(&reader, &marker)) {
+    if (marker == kEndOfImage) return false;
+    if (marker == 0 || IsBareMarker(marker)) continue;  // 0: in a scan, of a byte FF
+    uint16_t length = 0;
+    if (!reader.ReadBig(&length) || length < 2 || !reader.Skip(length - 2u)) break;
+  }
+  return true;
 }
 
 std::string JpegProfile(std::string_view bytes) {

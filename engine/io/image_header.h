@@ -1,4 +1,4 @@
-// Inside this module: what JPEG and PNG files say about themselves, read without decoding.
+// What JPEG and PNG files say about themselves, read without decoding.
 #ifndef LITAGS_ENGINE_IO_IMAGE_HEADER_H_
 #define LITAGS_ENGINE_IO_IMAGE_HEADER_H_
 
@@ -20,6 +20,10 @@ bool IsPng(std::string_view bytes);
 // up to the first scan. PNG: up to the first image data.
 absl::StatusOr<ImageInfo> ParseJpegHeader(std::string_view bytes, std::string_view field);
 absl::StatusOr<ImageInfo> ParsePngHeader(std::string_view bytes, std::string_view field);
+
+// Whether a JPEG's data end without its end mark. It may stand amid the file: cameras append videos
+// and small pictures.
+bool LacksJpegEnd(std::string_view bytes);
 
 // The ICC profile of a JPEG, put together from its segments; empty without one.
 std::string JpegProfile(std::string_view bytes);
@@ -45,8 +49,8 @@ absl::Status CheckPngComplete(std::string_view bytes, std::string_view field);
 // ImageInfo::camera of what a file says; empty if it says nothing.
 std::string CameraName(std::initializer_list<std::string_view> parts);
 
-// Orientation, camera, focal length and exposure of an EXIF block ("II*\0..." or "MM\0*..."), where
-// it holds them and `info` has none yet. What is broken is passed over.
+// Orientation, camera, focal length and exposure of an EXIF block ("II*\0..." or "MM\0*...", behind
+// "Exif\0\0" or not), where it holds them and `info` has none yet. What is broken is passed over.
 void ReadExif(std::string_view tiff, ImageInfo* info);
 
 }  // namespace litags

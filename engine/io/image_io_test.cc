@@ -188,6 +188,9 @@ TEST(DecodeImage, AJpegMayLackItsEndMarkIfNothingElseIsMissing) {
       ASSERT_TRUE(cut.ok()) << cut.status();
       EXPECT_EQ(cut->data, DecodeImage(bytes, "f")->data);
     }
+    EXPECT_TRUE(LacksJpegEnd(bytes.substr(0, bytes.size() - 2)));
+    // As phones append a video: bytes that look like the start of a scan are none.
+    EXPECT_FALSE(LacksJpegEnd(bytes + "ftypmp42\xFF\xDA"));
   }
   // Nothing tells whether the scan that came last was the last.
   const std::string scans = EncodeTestJpeg(image, TestJpeg::kScanEach);
@@ -269,6 +272,24 @@ TEST(DecodeImage, RefusesJpegKindsThatCannotBeTrusted) {
   const absl::Status scans = DecodeImage(EncodeTestJpeg(image, TestJpeg::kManyScans), "f").status();
   EXPECT_EQ(Reason(scans), "IMAGE_UNSUPPORTED");
   EXPECT_THAT(std::string(scans.message()), HasSubstr("scans"));
+}
+
+// They are whole: "send the whole file again" would not help.
+TEST(DecodeImage, RefusesJpegKindsThatAreNotDecodedByName) {
+  const std::string bytes = EncodeTestJpeg(TestImage(16, 16), TestJpeg::kPlain);
+  const size_t frame = bytes.find("\xFF\xC0");
+  ASSERT_NE(frame, std::string::npos);
+  const auto expect = [&](size_t at, char value, const char* name) {
+    std::string other = bytes;
+    other[frame + at] = value;
+    const absl::Status status = DecodeImage(other, "f").status();
+    EXPECT_EQ(Reason(status), "IMAGE_UNSUPPORTED");
+    EXPECT_THAT(std::string(status.message()), HasSubstr(name));
+  };
+  expect(1, '\xC3', "a lossless JPEG");
+  expect(1, '\xF7', "a lossless JPEG");
+  expect(1, '\xC5', "a hierarchical JPEG");
+  expect(4, 12, "a JPEG of 12 bits");
 }
 
 // Where EXIF says the stored first row and first column appear, orientations 1..8.
