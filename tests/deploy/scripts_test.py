@@ -1,0 +1,144 @@
+"""The scripts in deploy/, with stubs in place of the programs that they call."""
+
+import os
+import pty
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+DEPLOY = os.environ["LITAGS_DEPLOY"]
+PATIENCE_S = 60
+
+
+class ScriptTest(unittest.TestCase):
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="litags-scripts-")
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        self.stubs = self.at("stubs")
+        self.environment = {**os.environ, "PATH": f"{self.stubs}:{os.environ['PATH']}"}
+
+    def at(self, *names):
+        return os.path.join(self.folder, *names)
+
+    def write(self, path, text):
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        with open(path, "w") as file:
+            file.write(text)
+        os.chmod(path, 0o755)
+        return path
+
+    def stub(self, name, text=""):
+        return self.write(os.path.join(self.stubs, name), "#!/bin/sh\n" + text)
+
+    def run_script(self, *command):
+        done = subprocess.run(command, env=self.environment, stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, text=True, timeout=PATIENCE_S)
+        return done.returncode, done.stdout
+
+
+class Postinst(ScriptTest):
+
+    def test_a_server_that_does_not_start_again_leaves_the_package_installed(self):
+        with open(os.path.join(DEPLOY, "debian", "postinst")) as file:
+            script = file.read().replace("/run/systemd/system", self.folder)
+        self.stub("getent")
+        self.stub("adduser", "exit 1")
+        self.stub("systemctl", '[ "$1" != try-restart ]')
+        code, out = self.run_script("sh", self.write(self.at("postinst"), script), "configure", "0.0")
+        self.assertEqual(code, 0, out)
+        self.assertIn("journalctl -u litags-server", out)
+
+
+class Bootstrap(ScriptTest):
+    SCRIPT = os.path.join(DEPLOY, "bootstrap")
+
+    def setUp(self):
+        super().setUp()
+        # Whatever the script does, nothing of this machine is installed or asked.
+        self.stub("sudo", 'exec "$@"')
+        self.stub("sleep")
+        for name in ("apt-get", "dpkg-query"):
+            self.stub(name, "exit 1")
+
+    def test_a_package_of_two_architectures_is_installed(self):
+        # As dpkg-query does, with the end of line that it is asked for.
+        self.stub("dpkg-query", 'end="${2#*\\}}"; printf "installed${end}installed${end}"')
+        code, out = self.run_script(self.SCRIPT)
+        self.assertEqual(code, 0, out)
+        self.assertIn("packages are installed", out)
+
+    def test_it_waits_for_who_holds_the_lists(self):
+        self.stub("apt-get", f'''
+            case "$*" in *update*) ;; *) exit 0 ;; esac
+            echo x >> {self.folder}/tries
+            [ "$(wc -l < {self.folder}/tries)" -ge 3 ] && exit 0
+            echo "E: Could not get lock /var/lib/apt/lists/lock" >&2
+            exit 100''')
+        code, out = self.run_script(self.SCRIPT)
+        self.assertEqual(code, 0, out)
+        self.assertEqual(out.count("waiting"), 2)
+
+    def test_it_does_not_wait_for_ever_nor_for_anything_else(self):
+        for reason, tries in (("E: Could not get lock /var/lib/apt/lists/lock", 60),
+                              ("E: no network", 1)):
+            self.stub("apt-get", f'echo x >> {self.folder}/tries; echo "{reason}" >&2; exit 100')
+            code, out = self.run_script(self.SCRIPT)
+            self.assertNotEqual(code, 0)
+            self.assertIn(reason, out)
+            with open(self.at("tries")) as file:
+                self.assertEqual(len(file.readlines()), tries)
+            os.remove(self.at("tries"))
+
+
+class Quickstart(ScriptTest):
+
+    def setUp(self):
+        super().setUp()
+        # A checkout of stubs: a server that is there until it is stopped, and programs that do nothing.
+        self.script = self.write(self.at("root", "deploy", "quickstart"), "")
+        shutil.copy(os.path.join(DEPLOY, "quickstart"), self.script)
+        self.write(self.at("root", "deploy", "bootstrap"), "#!/bin/sh\n")
+        self.stub("cmake")
+        for name in ("litags", "litags-sample", "litags-sheet"):
+            self.write(self.at("root", "build", "release", "bin", name), "#!/bin/sh\necho jobs/1\n")
+        self.write(self.at("root", "build", "release", "bin", "litags-server"), """#!/bin/sh
+            while [ $# -gt 0 ]; do
+              case "$1" in *port-file) echo 1 > "$2" ;; esac
+              shift
+            done
+            exec sleep 60""")
+
+    def on_terminal(self, key):
+        """Runs it on a terminal where `key` is pressed at the end; returns (code, what it said)."""
+        pid, terminal = pty.fork()
+        if pid == 0:
+            os.chdir(self.at("root"))
+            os.execve("/bin/bash", ["bash", "deploy/quickstart", self.at("out")], self.environment)
+        said = b""
+        try:
+            while part := os.read(terminal, 4096):
+                if b"Enter ends" in part:
+                    os.write(terminal, key)
+                said += part
+        except OSError:
+            pass  # its end
+        os.close(terminal)
+        return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), said.decode()
+
+    def test_every_key_that_ends_the_server_is_a_success(self):
+        for key in (b"\n", b"\x04", b"\x03"):  # Enter, Ctrl-D, Ctrl-C
+            code, said = self.on_terminal(key)
+            self.assertEqual(code, 0, said)
+            self.assertNotIn("failed", said)
+            shutil.rmtree(self.at("out"))
+
+    def test_folders_where_cd_looks_do_not_matter(self):
+        self.environment["CDPATH"] = f".:{self.folder}"
+        code, said = self.on_terminal(b"\n")
+        self.assertEqual(code, 0, said)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
