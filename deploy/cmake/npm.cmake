@@ -16,12 +16,24 @@ function(npm_install source work why)
       TIMEOUT 300)
     if(failed)
       message(STATUS "${told}")
+      set_property(GLOBAL PROPERTY npm_failed TRUE)
       set(${why} "npm could not install the packages of ${source}" PARENT_SCOPE)
       return()
     endif()
     file(TOUCH ${work}/node_modules/.installed-${lock})
   endif()
   set(${why} "" PARENT_SCOPE)
+endfunction()
+
+# publish(OUT): OUT.new becomes OUT. Where npm failed, the rule's other output OUT.whole is not made, so
+# that the next build tries again: the network may be back.
+function(publish out)
+  file(COPY_FILE ${out}.new ${out} ONLY_IF_DIFFERENT)
+  file(REMOVE ${out}.new ${out}.whole)
+  get_property(failed GLOBAL PROPERTY npm_failed)
+  if(NOT failed)
+    file(TOUCH ${out}.whole)
+  endif()
 endfunction()
 
 # embed_bytes(OUT ARRAY FILE DIGEST): appends the file as an array of C++, and sets DIGEST to the

@@ -40,4 +40,4 @@ std::string_view ViewerPage() { return {kPage, sizeof(kPage) - 1}; }
 
 }  // namespace litags
 ")
-file(RENAME ${OUT}.new ${OUT})
+publish(${OUT})

@@ -52,4 +52,4 @@ foreach(file ${files})
 endforeach()
 file(APPEND ${OUT}.new "\nconstexpr Asset kAssets[] = {\n${rows}};\n\n}  // namespace\n\n"
   "std::span<const Asset> PageAssets() { return kAssets; }\n\n}  // namespace litags::web\n")
-file(RENAME ${OUT}.new ${OUT})
+publish(${OUT})
