@@ -3,11 +3,13 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <fstream>
 #include <thread>
 
 #include "engine/core/error_test_util.h"
 #include "server/auth/authenticator.h"
+#include "server/auth/file_stamp.h"
 #include "server/auth/tls.h"
 #include "server/auth/tokens.h"
 #include "server/store/digest.h"
@@ -80,6 +82,29 @@ TEST(Tokens, FileIsPrivateAndHoldsNoToken) {
   EXPECT_EQ(table.Find(*token), "alice");
   EXPECT_EQ(Reason(AddTokenToFile("a/b", path).status()), "CLIENT_NAME_INVALID");
   EXPECT_EQ(Reason(AddTokenToFile("a", dir.path() + "/no/tokens").status()), "TOKENS_NOT_WRITTEN");
+}
+
+TEST(Tokens, WhatHelpsAgainstAFileThatCannotBeReadIsToldByWhy) {
+  const auto told = [](int error) { return std::string(TokensUnreadable("t", error).message()); };
+  EXPECT_THAT(told(ENOENT), HasSubstr("make the file with"));
+  EXPECT_THAT(told(EACCES), HasSubstr("give a file that the server's user may read"));
+  TempDir dir;
+  AuthOptions folder;
+  folder.tokens_path = dir.path();
+  EXPECT_EQ(Authenticator::Make(folder).status().message(),
+            TokensUnreadable(dir.path(), 0).message());
+}
+
+TEST(FileStamp, DiffersWhereOnlyPermissionsHaveChanged) {
+  TempDir dir;
+  const std::string path = dir.path() + "/tokens";
+  std::ofstream(path) << "# nobody\n";
+  ASSERT_EQ(chmod(path.c_str(), 0), 0);
+  const FileStamp before = FileStamp::Of(path);
+  EXPECT_EQ(FileStamp::Of(path), before);
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));  // file systems' clocks are coarse
+  ASSERT_EQ(chmod(path.c_str(), 0640), 0);
+  EXPECT_NE(FileStamp::Of(path), before);
 }
 
 TEST(Tokens, EntryIsALineOfItsOwnAlsoBehindALineWithoutItsEnd) {

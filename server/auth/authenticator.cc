@@ -4,7 +4,6 @@
 #include <strings.h>
 
 #include <cerrno>
-#include <cstring>
 #include <fstream>
 #include <iterator>
 
@@ -18,7 +17,6 @@ namespace {
 constexpr std::chrono::seconds kLookInterval{1};
 constexpr off_t kMaxTokensBytes = 4 << 20;
 constexpr size_t kMaxAuthorizationLength = 512;
-constexpr char kTokensFlag[] = "--tokens";
 
 absl::Status Unauthenticated(std::string_view reason, std::string_view message) {
   return MakeError(absl::StatusCode::kUnauthenticated, reason, "authorization", message);
@@ -46,12 +44,9 @@ absl::Status Authenticator::Load() {
     file_ = FileStamp::Of(path);  // before reading: a change meanwhile is seen later
     struct stat info = {};
     std::ifstream file(path);
-    if (!file || stat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode) ||
-        info.st_size > kMaxTokensBytes) {
-      return MakeError(
-          absl::StatusCode::kFailedPrecondition, "TOKENS_UNREADABLE", kTokensFlag,
-          absl::StrCat("cannot read tokens from ", path, ": ", std::strerror(errno),
-                       "; make the file with \"litags-server token NAME --tokens ", path, "\""));
+    const int error = file && stat(path.c_str(), &info) == 0 ? 0 : errno;
+    if (error != 0 || !S_ISREG(info.st_mode) || info.st_size > kMaxTokensBytes) {
+      return TokensUnreadable(path, error);
     }
     const std::string text{std::istreambuf_iterator<char>(file), {}};
     LITAGS_RETURN_IF_ERROR(tokens->AddLines(text, path));

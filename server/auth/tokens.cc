@@ -96,6 +96,17 @@ std::optional<std::string> TokenTable::Find(std::string_view token) const {
   return found->name;
 }
 
+absl::Status TokensUnreadable(const std::string& path, int error) {
+  const std::string remedy =
+      error == ENOENT
+          ? absl::StrCat("make the file with \"litags-server token NAME --tokens ", path, "\"")
+          : "give a file that the server's user may read";
+  return MakeError(absl::StatusCode::kFailedPrecondition, "TOKENS_UNREADABLE", "--tokens",
+                   absl::StrCat("cannot read tokens from ", path, ": ",
+                                error != 0 ? std::strerror(error) : "it is no file, or too large",
+                                "; ", remedy));
+}
+
 absl::StatusOr<std::string> AddTokenToFile(std::string_view name, const std::string& path) {
   LITAGS_RETURN_IF_ERROR(CheckClientName(name, "NAME"));
   const std::string token = MakeToken();

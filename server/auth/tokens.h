@@ -44,6 +44,10 @@ class TokenTable {
   std::vector<Entry> entries_;
 };
 
+// Why a file of tokens cannot be read, by errno (0: it is no file, or too large), and what helps.
+// FAILED_PRECONDITION (TOKENS_UNREADABLE).
+absl::Status TokensUnreadable(const std::string& path, int error);
+
 // Makes a token for `name` and appends its entry to the file, which is made, readable by its owner
 // only, if it is not there. Returns the token, which is kept nowhere. FAILED_PRECONDITION
 // (TOKENS_NOT_WRITTEN).
