@@ -98,6 +98,14 @@ TEST_F(BlobStoreConformance, LinkedBlobOutlivesTheFirst) {
   EXPECT_EQ(Reason(blobs_->Link("jobs/1/aa", "jobs/3/aa")), "BLOB_NOT_FOUND");
 }
 
+TEST_F(BlobStoreConformance, ABlobMayBeLinkedToItself) {
+  EXPECT_EQ(Reason(blobs_->Link("jobs/1/aa", "jobs/1/aa")), "BLOB_NOT_FOUND");
+  ASSERT_TRUE(blobs_->Put("jobs/1/aa", "bytes").ok());
+  const absl::Status linked = blobs_->Link("jobs/1/aa", "jobs/1/aa");
+  EXPECT_TRUE(linked.ok()) << linked;
+  EXPECT_EQ(*blobs_->Get("jobs/1/aa"), "bytes");
+}
+
 TEST_F(BlobStoreConformance, FoldersAreListedByTheirOwnNames) {
   EXPECT_THAT(*blobs_->List("jobs"), IsEmpty());
   for (const char* key : {"jobs/1/aa", "jobs/1/bb", "jobs/12/aa"}) {
