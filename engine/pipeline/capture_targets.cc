@@ -108,11 +108,13 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   std::vector<Camera> cameras;
   for (const View& view : posed.views) cameras.push_back(view.camera);
   CaptureTargets made;
-  const Lamp lamp = EvenOutResponse(context, cameras, posed.masks, &sightings, &photos);
+  const Lamp lamp =
+      EvenOutResponse(context, cameras, posed.masks, posed.code_step, &sightings, &photos);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   made.photos = std::move(photos);
-  made.exposures = WithoutDrift(
-      RelativeExposures(made.photos, sightings, posed.masks, posed.stated_exposures), sightings);
+  made.exposures = WithoutDrift(RelativeExposures(made.photos, sightings, posed.masks,
+                                                  posed.stated_exposures, posed.code_step),
+                                sightings);
   ShareExposures(posed.rig_views, posed.views, sightings, &made.exposures);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));

@@ -37,14 +37,15 @@ std::array<double, 3> FindCast(absl::Span<const Photo> photos, absl::Span<const 
 }  // namespace
 
 Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
-                     absl::Span<const PlaneU8> masks, std::vector<PointSighting>* sightings,
-                     std::vector<Photo>* photos) {
+                     absl::Span<const PlaneU8> masks, double code_step,
+                     std::vector<PointSighting>* sightings, std::vector<Photo>* photos) {
   if (context.recipe.tone.rule != Tone::kCapture) return {};
   const ReconstructOptions& options = context.options;
   std::vector<RadialFrame> frames;
   for (const Camera& c : cameras)
     frames.push_back({c.cx, c.cy, std::hypot(c.width, c.height) / 2.0});
-  const std::vector<PointSample> samples = SamplePoints(*photos, *sightings, frames, masks);
+  const std::vector<PointSample> samples =
+      SamplePoints(*photos, *sightings, frames, masks, code_step);
   const CaptureResponse response =
       WithoutColorDrift(EstimateResponse(photos->size(), samples), samples);
   for (std::string& note : DescribeResponse(response)) context.Note(std::move(note));

@@ -18,11 +18,12 @@ namespace litags {
 // strong cast, unless the options keep it (white_balance.h). Adds a note for each.
 // A lamp that lights what is near stays in the photos, since how far everything is is learnt later:
 // returns what it does to light, and sets PointSighting::lit.
-// `cameras` and `masks` (see MaskOf) are the photos'; `sightings` are sorted by point. Does nothing
-// for other tones than Tone::kCapture. The same bytes for any number of threads.
+// `cameras`, `masks` (see MaskOf) and `code_step` (see FileSteps) are the photos'; `sightings` are
+// sorted by point. Does nothing for other tones than Tone::kCapture. The same bytes for any number
+// of threads.
 Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
-                     absl::Span<const PlaneU8> masks, std::vector<PointSighting>* sightings,
-                     std::vector<Photo>* photos);
+                     absl::Span<const PlaneU8> masks, double code_step,
+                     std::vector<PointSighting>* sightings, std::vector<Photo>* photos);
 
 // The lamp that EvenOutResponse found as the renderer takes it: what it does to codes of targets,
 // and from the distance at which pictures without it are as bright as well exposed photos.

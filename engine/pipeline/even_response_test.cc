@@ -78,7 +78,7 @@ std::vector<std::string> Even(const ReconstructOptions& options, Capture* captur
   const Lamp found =
       EvenOutResponse(Context(
                           input, options, never, [](Stage, const std::string&) {}, &report),
-                      capture->cameras, {}, &capture->sightings, &capture->photos);
+                      capture->cameras, {}, /*code_step=*/1, &capture->sightings, &capture->photos);
   if (lamp != nullptr) *lamp = found;
   return report.notes;
 }

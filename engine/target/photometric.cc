@@ -14,8 +14,8 @@
 namespace litags {
 namespace {
 
-constexpr int kRadius = 2;                      // px: a patch of 5x5 averages the noise
-constexpr double kMinCode = 2, kMaxCode = 250;  // 8-bit, of a patch's mean in every channel
+constexpr int kRadius = 2;            // px: a patch of 5x5 averages the noise
+constexpr double kMaxCode = 250;      // 8-bit, of a patch's mean in every channel
 constexpr int16_t kLeastSample = 16;  // a quarter of a code: what a photo's median is at least
 constexpr int kRounds = 50;           // of alternating medians
 
@@ -39,11 +39,12 @@ double MiddleOf(std::vector<double>& values) {
 }
 
 // Log of the mean linear light of a patch; nothing if it is cut off, masked, black or white.
-std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x, double y) {
+std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x, double y,
+                               double code_step) {
   const std::optional<PatchLight> patch = PatchLightAt(photo, mask, x, y);
-  if (!patch.has_value()) return std::nullopt;
+  if (!patch.has_value() || !AboveBlack(*patch, code_step)) return std::nullopt;
   for (const double code : patch->codes) {
-    if (code < kMinCode || code > kMaxCode) return std::nullopt;
+    if (code > kMaxCode) return std::nullopt;
   }
   return std::log((patch->light[0] + patch->light[1] + patch->light[2]) / 3);
 }
@@ -59,10 +60,10 @@ double LogMedianLight(const Photo& photo, const PlaneU8& mask) {
 
 std::vector<Sample> TakeSamples(absl::Span<const Photo> photos,
                                 absl::Span<const PointSighting> sightings,
-                                absl::Span<const PlaneU8> masks) {
+                                absl::Span<const PlaneU8> masks, double code_step) {
   std::vector<Sample> samples;
   for (const PointSighting& s : sightings) {
-    const auto light = LogLight(photos[s.photo], MaskOf(masks, s.photo), s.x, s.y);
+    const auto light = LogLight(photos[s.photo], MaskOf(masks, s.photo), s.x, s.y, code_step);
     if (light.has_value()) samples.push_back({s.point, s.photo, *light - std::log(s.lit)});
   }
   return samples;
@@ -144,19 +145,22 @@ void AddThemselves(const std::vector<double>& logs, std::vector<double>* likenes
   }
 }
 
-// Gives photos that are not `known` what they state beside those that are, if that is believed.
+// Gives photos that are not `known` what they state beside those that are, if that is believed; or
+// beside each other if none is.
 void TakeStated(absl::Span<const double> stated, const std::vector<bool>& known,
                 std::vector<double>* log_exposure) {
   if (stated.empty()) return;
+  const bool none = std::find(known.begin(), known.end(), true) == known.end();
   std::vector<double> offsets, errors;
   for (size_t i = 0; i < known.size(); ++i) {
-    if (known[i] && stated[i] > 0) offsets.push_back((*log_exposure)[i] - std::log(stated[i]));
+    if ((known[i] || none) && stated[i] > 0)
+      offsets.push_back((*log_exposure)[i] - std::log(stated[i]));
   }
-  if (offsets.size() < kMinStated) return;
+  if (offsets.size() < (none ? 1 : kMinStated)) return;
   errors = offsets;
   const double middle = MedianInPlace(errors);
   for (double& error : errors) error = std::abs(error - middle);
-  if (MedianInPlace(errors) / 0.6745 > kMostStatedError) return;
+  if (!none && MedianInPlace(errors) / 0.6745 > kMostStatedError) return;
   for (size_t i = 0; i < known.size(); ++i) {
     if (!known[i] && stated[i] > 0) (*log_exposure)[i] = std::log(stated[i]) + middle;
   }
@@ -181,26 +185,41 @@ std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, 
   constexpr double kPart = 1.0 / ((2 * kRadius + 1) * (2 * kRadius + 1));
   const LinearTable& linear = LinearTable::Get();
   PatchLight patch;
+  std::array<double, 3> squares = {};
   patch.brightest = *photo.pixel(px, py);
   for (int v = py - kRadius; v <= py + kRadius; ++v) {
     for (int u = px - kRadius; u <= px + kRadius; ++u) {
       if (!Counts(mask, u, v)) return std::nullopt;
       const int16_t* pixel = photo.pixel(u, v);
       for (int c = 0; c < 3; ++c) {
-        patch.codes[c] += kPart * pixel[c] / kPhotoCode;
+        const double code = pixel[c] / kPhotoCode;
+        patch.codes[c] += kPart * code;
+        squares[c] += kPart * code * code;
         patch.light[c] += kPart * linear(pixel[c]);
         patch.brightest = std::max(patch.brightest, pixel[c]);
       }
     }
   }
+  for (int c = 0; c < 3; ++c) {
+    patch.noise[c] = std::sqrt(std::max(0.0, squares[c] - patch.codes[c] * patch.codes[c]));
+  }
   return patch;
+}
+
+bool AboveBlack(const PatchLight& patch, double code_step) {
+  constexpr double kSteps = 2, kDeviations = 2, kSure = 2;  // codes
+  const double least = std::min(kSteps * std::max(code_step, 1.0 / kPhotoCode), kSure);
+  for (int c = 0; c < 3; ++c) {
+    if (patch.codes[c] < std::clamp(kDeviations * patch.noise[c], least, kSure)) return false;
+  }
+  return true;
 }
 
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const PlaneU8> masks,
-                                      absl::Span<const double> stated) {
-  const std::vector<Sample> samples = TakeSamples(photos, sightings, masks);
+                                      absl::Span<const double> stated, double code_step) {
+  const std::vector<Sample> samples = TakeSamples(photos, sightings, masks, code_step);
   const size_t n = photos.size();
   std::vector<double> medians(n), log_exposure(n, 0.0);
   for (size_t i = 0; i < n; ++i) medians[i] = LogMedianLight(photos[i], MaskOf(masks, i));

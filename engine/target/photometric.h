@@ -25,6 +25,7 @@ struct PointSighting {
 // Means over the 5x5 pixels around a place: single pixels of dark photos are mostly noise.
 struct PatchLight {
   std::array<double, 3> codes = {};  // 8-bit codes, with fractions
+  std::array<double, 3> noise = {};  // of the pixels' codes, standard deviation
   std::array<double, 3> light = {};  // linear, 1: white
   int16_t brightest = 0;             // sample of any channel
 };
@@ -32,18 +33,24 @@ struct PatchLight {
 // Nothing if the patch is cut off or a pixel of it is masked. (x, y) in px, centres at +0.5.
 std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, double x, double y);
 
+// Whether a patch is so far above black that its mean tells its light: rounding and black's cut
+// change that of darker ones. By two of the file's steps in every channel, and by two deviations of
+// its pixels; two 8-bit codes always will do. `code_step`: see FileSteps (shadow_color.h).
+bool AboveBlack(const PatchLight& patch, double code_step);
+
 // Exposure of every photo relative to the capture's median photo, > 0: photo i shows the scene's
 // linear light times exposure i. Medians in the log domain, so that highlights, shadows and wrong
-// matches do not matter; samples near black or white are left out. A photo that shares fewer than
-// kMinSightings usable points with the others has the exposure that it states beside theirs; if it
-// states none, or what they state is not so (a changed, edited or merged photo's EXIF), it is taken
-// to have the same median light as they have. `stated`: one per photo, in any unit, 0: none; or
-// empty. Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its
-// patch does not count.
+// matches do not matter; samples near black (AboveBlack) or white are left out. A photo that shares
+// fewer than kMinSightings usable points with the others has the exposure that it states beside
+// theirs; if it states none, or what they state is not so (a changed, edited or merged photo's
+// EXIF), it is taken to have the same median light as they have. Where no photo shares enough
+// points, all have what they state. `stated`: one per photo, in any unit, 0: none; or empty.
+// Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its patch
+// does not count. `code_step`: as for AboveBlack.
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const PlaneU8> masks = {},
-                                      absl::Span<const double> stated = {});
+                                      absl::Span<const double> stated = {}, double code_step = 1);
 
 inline constexpr int kMinSightings = 20;
 

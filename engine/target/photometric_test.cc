@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
+#include <utility>
+#include <vector>
 
 #include "engine/core/color.h"
 #include "engine/core/rng.h"
@@ -14,7 +17,7 @@ namespace {
 
 constexpr int kSide = 80, kCell = 8, kPoints = 200;
 
-// Photo i shows points [30 i, 30 i + 80) of a long wall of grey cells, with `exposure`.
+// Photo i shows points [shift i, shift i + 100) of a long wall of grey cells, with `exposure`.
 struct Wall {
   std::vector<Photo> photos;
   std::vector<PointSighting> sightings;
@@ -22,23 +25,26 @@ struct Wall {
 
 double Albedo(int point) { return 0.02 + 0.2 * CounterRng(5, 0).Uniform(point); }
 
-Wall MakeWall(const std::vector<double>& exposures) {
+// `codes`: the file's codes of white.
+Wall MakeWall(const std::vector<double>& exposures,
+              const std::function<double(int point)>& light = Albedo, int codes = 255,
+              int shift = 30) {
   Wall wall;
   for (int i = 0; i < static_cast<int>(exposures.size()); ++i) {
-    ImageU8 photo(kSide, kSide);
+    Photo photo(kSide, kSide);
     for (int y = 0; y < kSide; ++y) {
       for (int x = 0; x < kSide; ++x) {
-        const int point = 30 * i + (y / kCell) * (kSide / kCell) + x / kCell;
-        const double code = SrgbFromLinear(std::min(1.0, exposures[i] * Albedo(point)));
-        for (int c = 0; c < 3; ++c)
-          photo.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(255 * code));
+        const int point = shift * i + (y / kCell) * (kSide / kCell) + x / kCell;
+        const double code = SrgbFromLinear(std::min(1.0, exposures[i] * light(point)));
+        const double stored = std::round(codes * code) / codes;
+        std::fill_n(photo.pixel(x, y), 3, PhotoSample(static_cast<float>(stored)));
       }
     }
-    wall.photos.push_back(PhotoFromU8(photo));
+    wall.photos.push_back(std::move(photo));
   }
   for (int point = 0; point < kPoints; ++point) {
     for (int i = 0; i < static_cast<int>(exposures.size()); ++i) {
-      const int cell = point - 30 * i, columns = kSide / kCell;
+      const int cell = point - shift * i, columns = kSide / kCell;
       if (cell < 0 || cell >= columns * columns) continue;
       wall.sightings.push_back(
           {point, i, (cell % columns + 0.5) * kCell + 0.5, (cell / columns + 0.5) * kCell + 0.5});
@@ -119,6 +125,40 @@ TEST(Photometric, WhatPhotosStateServesWhereTheyShareTooFewPoints) {
   }
   EXPECT_GT(worst_without, 0.5);
   EXPECT_LT(worst_with, 1.0 / 3);
+}
+
+// Of one exposure, from a dark wall to a bright one: its values are below 256 of 65535.
+TEST(Photometric, VeryDarkPhotosOf16BitsTellTheirExposures) {
+  const auto light = [](int point) {
+    return std::exp2(-14.0 + point / 50.0) * (0.5 + CounterRng(5, 0).Uniform(point));
+  };
+  const std::vector<double> exposures(10, 1.0);
+  const Wall wall = MakeWall(exposures, light, 65535, 10);
+  const auto have = RelativeExposures(wall.photos, wall.sightings, {}, {}, 1.0 / 257);
+  ExpectRatios(have, exposures, 0.02);
+  // As for a file of 8 bits nobody is known: then what they state is.
+  EXPECT_GT(RelativeExposures(wall.photos, wall.sightings)[9], 1.2);
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings, {}, exposures), exposures, 1e-9);
+}
+
+// Nor does noise make light of black.
+TEST(Photometric, PatchesOfNoiseAreNotAboveBlack) {
+  const CounterRng rng(4, 1);
+  const auto patch = [&](double code, double noise) {
+    Photo photo(5, 5);
+    for (size_t i = 0; i < photo.data.size(); ++i) {
+      photo.data[i] = NearestSample(
+          kPhotoCode * static_cast<float>(std::max(0.0, code + noise * rng.Normal(i))));
+    }
+    return *PatchLightAt(photo, {}, 2.5, 2.5);
+  };
+  EXPECT_TRUE(AboveBlack(patch(0.3, 0), 1.0 / 257));
+  EXPECT_FALSE(AboveBlack(patch(0.3, 0), 1));
+  EXPECT_FALSE(AboveBlack(patch(0.01, 0), 1.0 / 257));
+  EXPECT_FALSE(AboveBlack(patch(0, 0.5), 1.0 / 257));
+  EXPECT_FALSE(AboveBlack(patch(0.3, 0.5), 1.0 / 257));
+  EXPECT_TRUE(AboveBlack(patch(1.8, 0.5), 1.0 / 257));
+  EXPECT_TRUE(AboveBlack(patch(4, 3), 1));
 }
 
 TEST(Photometric, WhatPhotosStateIsOnlyBelievedIfTheOthersStateTheTruth) {

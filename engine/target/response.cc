@@ -14,7 +14,6 @@
 namespace litags {
 namespace {
 
-constexpr double kDarkest = 2;                       // codes, of a patch's mean in every channel
 constexpr int kBrightest = 250 * kPhotoWhite / 255;  // of a patch's samples
 constexpr double kStandardErrors = 3;                // a white balance is drawn to 1 by
 constexpr double kSure = 4;                          // standard errors of the vignette
@@ -30,12 +29,9 @@ constexpr int kVignetteColumns = 3, kLampColumn = 3;
 static_assert(kTrackColumns == kLampColumn + 1);
 
 // Whether the sensor's range held the light of a patch, so that it tells the light.
-bool Told(const PatchLight& patch) {
-  if (patch.brightest >= kBrightest) return false;
-  for (int c = 0; c < 3; ++c) {
-    if (patch.codes[c] < kDarkest || !(patch.light[c] > 0)) return false;
-  }
-  return true;
+bool Told(const PatchLight& patch, double code_step) {
+  if (patch.brightest >= kBrightest || !AboveBlack(patch, code_step)) return false;
+  return std::all_of(patch.light.begin(), patch.light.end(), [](double y) { return y > 0; });
 }
 
 // ---- Vignette and lamp
@@ -263,7 +259,7 @@ double CornerStops(const Vignette& vignette) {
 std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const RadialFrame> frames,
-                                      absl::Span<const PlaneU8> masks) {
+                                      absl::Span<const PlaneU8> masks, double code_step) {
   LITAGS_CHECK(frames.size() == photos.size());
   std::vector<PointSample> samples;
   for (size_t begin = 0, end = 0; begin < sightings.size(); begin = end) {
@@ -274,7 +270,7 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
       const std::optional<PatchLight> patch =
           PatchLightAt(photos[s.photo], MaskOf(masks, s.photo), s.x, s.y);
       if (!patch.has_value()) continue;
-      told = told && Told(*patch);
+      told = told && Told(*patch, code_step);
       if (!told) continue;
       const RadialFrame& frame = frames[s.photo];
       const double radius = std::hypot(s.x - frame.cx, s.y - frame.cy) / frame.half_diagonal;

@@ -53,13 +53,13 @@ double LogVignette(const Vignette& vignette, double radius);
 double CornerStops(const Vignette& vignette);
 
 // Light of 5x5 pixels around every sighting, sorted by point as they are. Sightings that are cut
-// off, masked, nearly black or clipped are left out, and with them all others of that point: what
-// is left of a point would say that its light is the more even, the more was cut. `frames`: one
-// per photo. `masks`: see MaskOf.
+// off, masked, nearly black (AboveBlack) or clipped are left out, and with them all others of that
+// point: what is left of a point would say that its light is the more even, the more was cut.
+// `frames`: one per photo. `masks`: see MaskOf. `code_step`: see FileSteps (shadow_color.h).
 std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const RadialFrame> frames,
-                                      absl::Span<const PlaneU8> masks = {});
+                                      absl::Span<const PlaneU8> masks = {}, double code_step = 1);
 
 // White balances, vignette and lamp that make the photos agree on the points that they share.
 // Robust: up to a third of the samples may be wrong. What samples do not show for sure is not
