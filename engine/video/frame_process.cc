@@ -20,7 +20,6 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
@@ -49,11 +48,22 @@ void Say(const std::string& line) {
   [[maybe_unused]] const ssize_t n = write(STDOUT_FILENO, text.data(), text.size());
 }
 
+// Messages hold the video's name, and a line with control characters is not heard.
+std::string WithoutControls(std::string_view text) {
+  std::string shown;
+  while (!text.empty()) {
+    const size_t control = ControlLength(text);
+    shown += control > 0 ? ' ' : text[0];
+    text.remove_prefix(std::max<size_t>(control, 1));
+  }
+  return shown;
+}
+
 std::string ErrorLine(const absl::Status& status) {
   const ErrorDetail detail = GetErrorDetail(status).value_or(ErrorDetail{});
   return absl::StrCat(kError, " ", status.raw_code(), " ",
                       detail.reason.empty() ? "VIDEO_CORRUPT" : detail.reason, " ",
-                      absl::StrReplaceAll(status.message(), {{"\n", " "}, {"\r", " "}}));
+                      WithoutControls(std::string(status.message())));
 }
 
 absl::Status TooCostly(const std::string& field, const char* what) {

@@ -22,7 +22,7 @@ class FrameProcess : public testing::Test {
                                     const std::vector<std::string>& program, int most = 8) {
     EXPECT_TRUE(WriteFileAtomically(video_, bytes).ok());
     std::filesystem::create_directory(frames_);
-    return PickFramesInto(frames_, video_, "videos[v]", most, program, nullptr, cancel_);
+    return PickFramesInto(frames_, video_, field_, most, program, nullptr, cancel_);
   }
 
   std::map<std::string, std::string> Frames() const {
@@ -37,6 +37,7 @@ class FrameProcess : public testing::Test {
 
   TempDir dir_;
   CancelToken cancel_;
+  std::string field_ = "videos[v]";
   const std::string video_ = dir_ / "v.mov", frames_ = dir_ / "frames";
   const std::vector<std::string> program_ = {TEST_PICK_FRAMES, kPickFramesCommand};
 };
@@ -76,6 +77,10 @@ TEST_F(FrameProcess, ErrorsComeThrough) {
   EXPECT_EQ(GetErrorDetail(picked.status())->field, "videos[v]");
   EXPECT_THAT(std::string(picked.status().message()), HasSubstr("videos[v]: is no video"));
   EXPECT_EQ(Reason(Pick("", program_).status()), "FILE_EMPTY");
+  field_ = "videos[a\tb\u202e.mov]";
+  const auto odd = Pick("no video", program_);
+  EXPECT_EQ(Reason(odd.status()), "VIDEO_NOT_RECOGNIZED");
+  EXPECT_THAT(std::string(odd.status().message()), HasSubstr("videos[a b .mov]: is no video"));
 }
 
 TEST_F(FrameProcess, OneThatSaysNothingOrLiesGivesAnError) {

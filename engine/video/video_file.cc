@@ -34,6 +34,8 @@ constexpr int64_t kProbeBytes = 8 << 20;
 constexpr int64_t kAnalyzeMicroseconds = 5'000'000;
 // Packets without a frame, such as damaged ones, for each frame that may come.
 constexpr int64_t kPacketsAFrame = 4;
+constexpr char kToH264[] =
+    "convert it to H.264 with 8 bits, as with ffmpeg -i IN -pix_fmt yuv420p OUT.mp4";
 
 struct Memory {
   std::string_view bytes;
@@ -259,11 +261,8 @@ class RealVideoFile : public VideoFile {
     return absl::OkStatus();
   }
 
-  absl::Status Unsupported(const std::string& what) const {
-    return Refuse("VIDEO_UNSUPPORTED", absl::StrCat(what,
-                                                    "; convert it to H.264 with 8 bits, as "
-                                                    "with ffmpeg -i IN -pix_fmt yuv420p "
-                                                    "OUT.mp4"));
+  absl::Status Unsupported(const std::string& what, const char* remedy = kToH264) const {
+    return Refuse("VIDEO_UNSUPPORTED", absl::StrCat(what, "; ", remedy));
   }
 
   // Hands the decoder the next packet, or tells it that there are no more.
@@ -306,8 +305,16 @@ class RealVideoFile : public VideoFile {
     if (stamp != AV_NOPTS_VALUE && first_stamp_ != AV_NOPTS_VALUE) {
       seconds_ = double(stamp - first_stamp_) * av_q2d(stream_->time_base);
     }
-    if (frame.interlaced_frame != 0) return Unsupported("is interlaced");
-    if (HasPqLight(frame)) return Unsupported("has PQ's light (HDR10)");
+    if (frame.interlaced_frame != 0) {
+      return Unsupported("is interlaced: each of its frames shows two moments",
+                         "take them apart, as with ffmpeg -i IN -vf bwdif -pix_fmt yuv420p "
+                         "OUT.mp4");
+    }
+    if (HasPqLight(frame)) {
+      return Unsupported("has PQ's light (HDR10)",
+                         "convert it to HLG, as with ffmpeg -i IN -vf "
+                         "zscale=t=arib-std-b67,format=yuv420p10le OUT.mp4");
+    }
     if (!HasReadablePixels(frame)) {
       const auto pixels = static_cast<AVPixelFormat>(frame.format);
       return Unsupported(
