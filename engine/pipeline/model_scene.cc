@@ -76,9 +76,10 @@ class ModelScene : public Scene {
     }
     const std::array<double, 3>& o = model_.origin;
     const Camera camera = request.camera.Moved({-o[0], -o[1], -o[2]});
-    if (!model_.lita && request.channel != Channel::kColor &&
-        request.channel != Channel::kOriginal && request.channel != Channel::kDepth &&
-        request.channel != Channel::kAlpha) {
+    const bool other_light = request.channel == Channel::kLight && request.light != 0;
+    if (!model_.lita &&
+        (other_light || (!IsColor(request.channel) && request.channel != Channel::kDepth &&
+                         request.channel != Channel::kAlpha))) {
       return MakeError(
           absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "channel",
           "channel: this scene was trained with plain 3dgs and has colour, depth and alpha only; "

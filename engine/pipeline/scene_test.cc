@@ -111,13 +111,17 @@ TEST(Scene, PlainScenesHaveColorDepthAndAlphaOnly) {
   for (const Channel channel : {Channel::kColor, Channel::kOriginal, Channel::kAlpha}) {
     EXPECT_TRUE(RenderChannel(*scene, channel).ok()) << static_cast<int>(channel);
   }
+  // In normal light, which the page asks for, it is as it was learnt.
+  const auto lit = RenderChannel(*scene, Channel::kLight, /*light=*/0);
+  ASSERT_TRUE(lit.ok()) << lit.status();
+  EXPECT_EQ(lit->data, RenderChannel(*scene, Channel::kColor)->data);
   const auto depth = RenderChannel(*scene, Channel::kDepth);
   const auto lita = RenderChannel(*MakeScene(SmallModel(), RingViews(5)), Channel::kDepth);
   ASSERT_TRUE(depth.ok() && lita.ok());
   EXPECT_EQ(depth->data, lita->data);
   for (const Channel channel :
        {Channel::kLight, Channel::kStructure, Channel::kIllumination, Channel::kNoise}) {
-    const absl::Status status = RenderChannel(*scene, channel).status();
+    const absl::Status status = RenderChannel(*scene, channel, /*light=*/0.5).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << static_cast<int>(channel);
     EXPECT_EQ(Reason(status), "CHANNEL_UNAVAILABLE") << static_cast<int>(channel);
   }
