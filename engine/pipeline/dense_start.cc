@@ -148,7 +148,8 @@ absl::StatusOr<std::vector<SparsePoint>> DenseStartPoints(const Context& context
   if (!context.recipe.dense_start || limit <= 0) return dense;
   const std::string path = context.input.work_dir + "/start.litags";
   const bool has_stereo = ResolveDepthOrigin(context) == DepthOrigin::kStereo;
-  const int of_photos = has_stereo ? StereoPhotos(context) : context.recipe.stereo_photos;
+  const int of_photos =
+      has_stereo ? StereoPhotos(context.recipe, context.options) : context.recipe.stereo_photos;
   const std::string full_key =
       absl::StrCat("at most ", limit, has_stereo ? " of the loss's depth of " : " of stereo of ",
                    of_photos, " photos, ", key);

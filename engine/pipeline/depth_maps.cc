@@ -12,6 +12,7 @@
 #include "engine/depth/depth_provider.h"
 #include "engine/depth/network_depth.h"
 #include "engine/io/container.h"
+#include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
@@ -64,8 +65,8 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(const Context& conte
     case DepthOrigin::kStereo: {
       StereoOptions stereo;
       stereo.threads = context.options.threads;
-      return MakeStereoDepthProvider(PointsOfFew(points, point_views, StereoPhotos(context)),
-                                     stereo);
+      return MakeStereoDepthProvider(
+          PointsOfFew(points, point_views, StereoPhotos(context.recipe, context.options)), stereo);
     }
     case DepthOrigin::kAuto:
     case DepthOrigin::kNone:
@@ -148,6 +149,21 @@ std::optional<DepthMaps> Kept(const std::string& path, const std::string& key, s
   return maps;
 }
 
+// Maps of no photo would leave the depth loss off.
+absl::Status CheckMapsFit(const ReconstructInput& input) {
+  LITAGS_RETURN_IF_ERROR(MakeFolderDepthProvider(input.depth_dir).status());
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
+                          ListPhotos(input.images_dir, "images"));
+  for (const std::string& photo : photos) {
+    if (!FindDepthMap(input.depth_dir, Stem(photo)).empty()) return absl::OkStatus();
+  }
+  return InvalidInput(
+      "DEPTH_MAP_WITHOUT_PHOTO", "depth_dir",
+      absl::StrCat("depth folder '", input.depth_dir,
+                   "' has no map of any photo; name maps as their photos, as ",
+                   Stem(photos.front()), ".png, .pfm or .npy, or choose another depth source"));
+}
+
 void ForgetMasked(const PlaneU8& mask, DepthMap* map) {
   if (mask.empty()) return;
   const int width = map->depth.width, height = map->depth.height;
@@ -187,14 +203,15 @@ std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
   return out;
 }
 
-int StereoPhotos(const Context& context) {
-  return context.options.depth_source == DepthOrigin::kStereo ? 0 : context.recipe.stereo_photos;
+int StereoPhotos(const Recipe& recipe, const ReconstructOptions& options) {
+  return options.depth_source == DepthOrigin::kStereo ? 0 : recipe.stereo_photos;
 }
 
-DepthOrigin ResolveDepthOrigin(const Context& context) {
-  if (!context.recipe.use_depth || !context.recipe.lita) return DepthOrigin::kNone;
-  if (context.options.depth_source != DepthOrigin::kAuto) return context.options.depth_source;
-  return context.input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
+DepthOrigin ResolveDepthOrigin(const Recipe& recipe, const ReconstructOptions& options,
+                               const ReconstructInput& input) {
+  if (!recipe.use_depth || !recipe.lita) return DepthOrigin::kNone;
+  if (options.depth_source != DepthOrigin::kAuto) return options.depth_source;
+  return input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
 }
 
 absl::Status CheckDepthSource(const Context& context) {
@@ -204,6 +221,7 @@ absl::Status CheckDepthSource(const Context& context) {
                         "options.depth_source: maps were asked for and none were given; give "
                         "depth maps or choose another source");
   }
+  if (origin == DepthOrigin::kMaps) LITAGS_RETURN_IF_ERROR(CheckMapsFit(context.input));
   if (origin == DepthOrigin::kNetwork && context.input.depth_network.path.empty()) {
     return InvalidInput("DEPTH_MODEL_MISSING", "options.depth_source",
                         "options.depth_source: a network was asked for and this installation "
@@ -231,8 +249,8 @@ absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
   std::string full_key;
   std::optional<DepthMaps> maps;
   if (keep) {
-    LITAGS_ASSIGN_OR_RETURN(full_key,
-                            KeyOf(origin, input.depth_network, StereoPhotos(context), key));
+    LITAGS_ASSIGN_OR_RETURN(full_key, KeyOf(origin, input.depth_network,
+                                            StereoPhotos(context.recipe, context.options), key));
     maps = Kept(path, full_key, photos.size());
   }
   if (!maps.has_value()) {

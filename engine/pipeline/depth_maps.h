@@ -25,14 +25,19 @@ std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
 
 // Photos that stereo makes maps of for the depth loss; 0: all, since the user asked for stereo or
 // the recipe has it so.
-int StereoPhotos(const Context& context);
+int StereoPhotos(const Recipe& recipe, const ReconstructOptions& options);
 
 // The source that options.depth_source means for this input: kAuto becomes kMaps or kStereo. kNone
 // if the recipe has no depth loss.
-DepthOrigin ResolveDepthOrigin(const Context& context);
+DepthOrigin ResolveDepthOrigin(const Recipe& recipe, const ReconstructOptions& options,
+                               const ReconstructInput& input);
+inline DepthOrigin ResolveDepthOrigin(const Context& context) {
+  return ResolveDepthOrigin(context.recipe, context.options, context.input);
+}
 
-// INVALID_ARGUMENT (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING) if the source has nothing to work
-// with: before the cameras are searched for.
+// If the source has nothing to work with, before the cameras are searched for: INVALID_ARGUMENT
+// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING, DEPTH_MAP_WITHOUT_PHOTO where no map is of a photo),
+// NOT_FOUND (DEPTH_FOLDER_MISSING).
 absl::Status CheckDepthSource(const Context& context);
 
 using DepthMaps = std::vector<std::optional<DepthMap>>;

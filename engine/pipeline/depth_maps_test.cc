@@ -150,6 +150,22 @@ TEST(DepthMaps, ASourceWithNothingToWorkWithIsRefused) {
             "DEPTH_MAPS_MISSING");
 }
 
+TEST(DepthMaps, MapsOfNoPhotoAreRefusedBeforeCamerasAreSearchedFor) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.cameras_path.clear();
+  input.depth_dir = input.work_dir + "/maps";
+  for (const DepthOrigin source : {DepthOrigin::kMaps, DepthOrigin::kAuto}) {
+    std::filesystem::remove_all(input.depth_dir);
+    EXPECT_EQ(Reason(Reconstruct(input, WithSource(source)).status()), "DEPTH_FOLDER_MISSING");
+    std::filesystem::create_directory(input.depth_dir);
+    ASSERT_TRUE(WritePfm(input.depth_dir + "/another.pfm", Planes(1, kHeight, kWidth)).ok());
+    const absl::Status foreign = Reconstruct(input, WithSource(source)).status();
+    EXPECT_EQ(foreign.code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_EQ(Reason(foreign), "DEPTH_MAP_WITHOUT_PHOTO");
+  }
+}
+
 TEST(DepthMaps, ANetworkGivesMapsOfEveryPhoto) {
   const Photographs photos;
   ReconstructInput input = photos.Input("work");
