@@ -8,10 +8,13 @@
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/core/splats.h"
+#include "engine/core/spread_indices.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
+#include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/posed_photos.h"
 #include "engine/render/renderer.h"
+#include "engine/stereo/stereo.h"
 
 namespace litags {
 namespace {
@@ -122,20 +125,35 @@ TrainingSize ShrunkTo(int max_side, int width, int height) {
 PhotoMaps MapsOf(absl::Span<const ScreenedPhoto> photos, const ReconstructInput& input,
                  const ReconstructOptions& options, bool masks) {
   const Recipe recipe = options.ResolveRecipe();
-  const DepthOrigin source = options.depth_source;
   PhotoMaps maps;
   maps.bytes = masks ? 1 : 0;
-  if (!recipe.lita || !recipe.use_depth) return maps;
-  if (source == DepthOrigin::kNetwork) {
-    // Masks, too, are confidences.
-    maps.bytes += kDepthPixel + (masks ? kConfidencePixel : 0);
-    return maps;
-  }
-  const bool given = source == DepthOrigin::kMaps || source == DepthOrigin::kAuto;
-  if (!given || input.depth_dir.empty()) return maps;
-  for (const ScreenedPhoto& photo : photos) {
-    const std::string path = FindDepthMap(input.depth_dir, Stem(photo.name));
-    if (!path.empty()) maps.given[photo.name] = CountDepthPixels(path);
+  switch (ResolveDepthOrigin(recipe, options, input)) {
+    case DepthOrigin::kNetwork: {
+      const DepthNetwork& network = input.depth_network;
+      for (const ScreenedPhoto& photo : photos) {
+        maps.depth[photo.name] = int64_t{network.width} * network.height;
+      }
+      maps.has_confidence = masks;  // masked pixels have none
+      break;
+    }
+    case DepthOrigin::kStereo: {
+      const int most = StereoPhotos(recipe, options);
+      for (const size_t i : SpreadIndices(photos.size(), most > 0 ? most : photos.size())) {
+        const auto [width, height] =
+            ShrunkTo(StereoOptions().max_side, photos[i].width, photos[i].height);
+        maps.depth[photos[i].name] = int64_t{width} * height;
+      }
+      break;
+    }
+    case DepthOrigin::kMaps:
+      for (const ScreenedPhoto& photo : photos) {
+        const std::string path = FindDepthMap(input.depth_dir, Stem(photo.name));
+        if (!path.empty()) maps.depth[photo.name] = CountDepthPixels(path);
+      }
+      break;
+    case DepthOrigin::kAuto:
+    case DepthOrigin::kNone:
+      break;
   }
   return maps;
 }
@@ -149,7 +167,7 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
     const TrainingSize size = ShrunkTo(options.max_image_side, photo.width, photo.height);
     const double pixels = double(size.width) * size.height;
     all += pixels;
-    if (const auto map = maps.given.find(photo.name); map != maps.given.end()) {
+    if (const auto map = maps.depth.find(photo.name); map != maps.depth.end()) {
       depth += DepthPixels(static_cast<double>(map->second), pixels, recipe.coarse_levels);
     }
     largest = std::max(largest, pixels);
@@ -175,7 +193,7 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
   estimate.reading = static_cast<int64_t>(std::max(colors, reading));
   estimate.photos =
       static_cast<int64_t>((kViewPixel + maps.bytes) * WithPyramid(recipe.coarse_levels) * all +
-                           (kDepthPixel + kConfidencePixel) * depth);
+                           (kDepthPixel + (maps.has_confidence ? kConfidencePixel : 0)) * depth);
   estimate.rims = static_cast<int64_t>(WithPyramid(recipe.coarse_levels) * all);
   estimate.work = static_cast<int64_t>(std::max({training, targets, stereo}));
   estimate.gaussians = static_cast<int64_t>(kGaussian * options.max_gaussians);

@@ -37,10 +37,11 @@ struct MemoryEstimate {
 
 // What is kept of the photos besides themselves.
 struct PhotoMaps {
-  int bytes = 0;  // for each pixel of a photo: its mask, a network's depth
-  // Of depth maps that were given: how many pixels, by the photo's name. They have a depth and a
-  // confidence, at their own size if that is smaller than the photo's.
-  std::map<std::string, int64_t> given;
+  int bytes = 0;  // for each pixel of a photo: its mask
+  // How many pixels the photo's depth map has, by its name; those that are not there have none. A
+  // map is kept at its own size if that is smaller than the photo's.
+  std::map<std::string, int64_t> depth;
+  bool has_confidence = true;  // each pixel of depth has one
 };
 
 // `masks`: the photos have some. Reads how large depth maps are.

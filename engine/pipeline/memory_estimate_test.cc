@@ -63,18 +63,27 @@ TEST(MemoryEstimate, CountsMasksAndDepthOfANetwork) {
   EXPECT_EQ(bytes(/*masks=*/false), 0);
   EXPECT_EQ(bytes(/*masks=*/true), 1);
   options.depth_source = DepthOrigin::kNetwork;
-  EXPECT_EQ(bytes(false), 4);
-  EXPECT_EQ(bytes(true), 9) << "masked pixels get a confidence";
+  options.recipe = Litags();
+  options.recipe->coarse_levels = 2;
+  const auto depth_bytes = [&](bool masks) {
+    PhotoMaps maps = MapsOf(photos, input, options, masks);
+    const int64_t with = EstimateMemory(photos, options, 1, maps).photos;
+    maps.depth.clear();
+    return with - EstimateMemory(photos, options, 1, maps).photos;
+  };
+  const int64_t pixels = 10 * (2 * 384 * 384 + 400 * 300);  // of 1600, 800 and 400 px
+  EXPECT_EQ(depth_bytes(false), 4 * pixels);
+  EXPECT_EQ(depth_bytes(true), 8 * pixels) << "masked pixels get a confidence";
   options = {};
   const MemoryEstimate bare = EstimateMemory(photos, options, 2, {});
   EXPECT_NEAR(
-      double(EstimateMemory(photos, options, 2, {.bytes = 8, .given = {}}).photos) / bare.photos,
+      double(EstimateMemory(photos, options, 2, {.bytes = 8, .depth = {}}).photos) / bare.photos,
       22 / 14.0, 1e-6);
   // Whether lenses leave rims to mask is not known before the cameras: a byte a pixel.
   EXPECT_NEAR(double(bare.rims) / bare.photos, 1 / 14.0, 1e-6);
   EXPECT_EQ(bare.Most() - bare.Least(), bare.rims + bare.gaussians + MemoryEstimate::kPrograms);
   EXPECT_TRUE(CheckMemory(photos, options, {}, bare.Least()).ok());
-  EXPECT_EQ(Reason(CheckMemory(photos, options, {.bytes = 8, .given = {}}, bare.Least())),
+  EXPECT_EQ(Reason(CheckMemory(photos, options, {.bytes = 8, .depth = {}}, bare.Least())),
             "MEMORY_EXCEEDED");
 }
 
@@ -101,13 +110,25 @@ TEST(MemoryEstimate, CountsGivenDepthMapsAsLargeAsTheyAre) {
   EXPECT_EQ(depth_bytes(photos[1]), 8 * (1600 * 1200 + 800 * 600 + 400 * 300)) << "averaged down";
   EXPECT_EQ(depth_bytes(photos[2]), 0);
   EXPECT_EQ(MapsOf(photos, input, options, true).bytes, 1);
-  for (const DepthOrigin unused : {DepthOrigin::kStereo, DepthOrigin::kNone}) {
-    options.depth_source = unused;
-    EXPECT_EQ(depth_bytes(photos[0]), 0);
-  }
+  options.depth_source = DepthOrigin::kNone;
+  EXPECT_EQ(depth_bytes(photos[0]), 0);
+  options.depth_source = DepthOrigin::kStereo;
+  EXPECT_EQ(depth_bytes(photos[0]), 8 * 3 * 320 * 240) << "of its own, for each size of the photo";
   options = {};
   options.method = Method::k3dgs;
   EXPECT_EQ(depth_bytes(photos[0]), 0);
+}
+
+TEST(MemoryEstimate, CountsMapsOfStereoOfAsManyPhotosAsGetOne) {
+  std::vector<ScreenedPhoto> photos = PhotosOf(40, 1600, 1200);
+  for (size_t i = 0; i < photos.size(); ++i) photos[i].name = std::to_string(i);
+  const auto count = [&](DepthOrigin source) {
+    ReconstructOptions options;
+    options.depth_source = source;
+    return MapsOf(photos, ReconstructInput(), options, false).depth.size();
+  };
+  EXPECT_EQ(count(DepthOrigin::kAuto), static_cast<size_t>(Litags().stereo_photos));
+  EXPECT_EQ(count(DepthOrigin::kStereo), photos.size());
 }
 
 TEST(MemoryEstimate, CountsStereoOfSeveralViews) {
