@@ -1,6 +1,5 @@
 #include "engine/tools/table/cell.h"
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -12,8 +11,6 @@
 namespace litags {
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr int64_t kMaxRowBytes = int64_t{16} << 20;
 constexpr int64_t kMaxFileBytes = int64_t{2} << 30;
 
@@ -23,12 +20,11 @@ void AddFile(const std::string& path, Fingerprint* f) {
   if (bytes.ok()) f->Add(bytes->data(), bytes->size());
 }
 
-// Of the names and sizes of photos.
+// Of the names and bytes of photos.
 void AddPhotos(const std::string& dir, const std::vector<std::string>& photos, Fingerprint* f) {
   for (const std::string& photo : photos) {
-    std::error_code ignored;
     f->Add(photo.data(), photo.size());
-    f->Add(fs::file_size(absl::StrCat(dir, "/", photo), ignored));
+    AddFile(absl::StrCat(dir, "/", photo), f);
   }
 }
 

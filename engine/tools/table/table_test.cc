@@ -245,6 +245,23 @@ TEST_F(TableTest, WhatFailsIsARowThatSaysWhyAndIsTriedAgain) {
   EXPECT_NE(mended.text.find("room/low/3dgs: kept"), std::string::npos) << mended.text;
 }
 
+TEST_F(TableTest, AChangedPhotoOfTheSameSizeIsTrainedAnew) {
+  const std::string scenes = out_ / "changed";
+  WriteLomScene(scenes + "/room");
+  const std::vector<std::string> arguments = {"--light", "low", "--methods", "3dgs"};
+  ASSERT_EQ(Run(arguments, scenes).exit_code, 0);
+  // A training photo, then the truth of a test view: their density, which nobody reads.
+  for (const char* name : {"/room/low/0001.JPG", "/room/high/0003.JPG"}) {
+    std::string bytes = ReadFile(scenes + name, name, 1 << 20).value();
+    bytes[15] ^= 1;
+    ASSERT_TRUE(WriteFileAtomically(scenes + name, bytes).ok());
+    const Outcome changed = Run(arguments, scenes);
+    ASSERT_EQ(changed.exit_code, 0) << changed.text;
+    EXPECT_EQ(changed.text.find(": kept"), std::string::npos) << name << changed.text;
+  }
+  EXPECT_NE(Run(arguments, scenes).text.find("room/low/3dgs: kept"), std::string::npos);
+}
+
 TEST_F(TableTest, AMissingLightIsRefusedBeforeAnythingIsTrained) {
   const Outcome outcome = Run({"--light", "low,dark", "--methods", "3dgs"});
   EXPECT_EQ(outcome.exit_code, 1);
