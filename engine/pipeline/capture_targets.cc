@@ -46,14 +46,15 @@ std::function<void(const std::string&)> Reporter(const Context& context) {
   return [&context](const std::string& line) { context.progress(Stage::kPreparing, line); };
 }
 
-absl::Status AddTargets(const Context& context, const PosedPhotos& posed, CaptureTargets* out) {
+absl::Status AddTargets(const Context& context, const PosedPhotos& posed,
+                        absl::Span<const Brightening> brightened, CaptureTargets* out) {
   const ToneOptions& tone = context.recipe.tone;
   const int threads = context.options.threads;
   PhotoProgress made(Reporter(context), "targets", posed.size());
   const auto done = [&](int thread) { made.Done(thread); };
-  LITAGS_ASSIGN_OR_RETURN(
-      std::vector<ToneTarget> targets,
-      MakeTargets(out->photos, out->exposures, tone, threads, posed.masks, done, context.cancel));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
+                          MakeTargets(out->photos, out->exposures, tone, threads, posed.masks, done,
+                                      context.cancel, brightened));
   std::vector<double> gains;
   for (size_t i = 0; i < targets.size(); ++i) {
     out->targets.push_back(std::move(targets[i].image));
@@ -108,8 +109,9 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   std::vector<Camera> cameras;
   for (const View& view : posed.views) cameras.push_back(view.camera);
   CaptureTargets made;
-  const Lamp lamp =
-      EvenOutResponse(context, cameras, posed.masks, posed.code_step, &sightings, &photos);
+  std::vector<Brightening> brightened;
+  const Lamp lamp = EvenOutResponse(context, cameras, posed.masks, posed.code_step, &sightings,
+                                    &photos, &brightened);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   made.photos = std::move(photos);
   made.exposures = WithoutDrift(RelativeExposures(made.photos, sightings, posed.masks,
@@ -117,8 +119,9 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
                                 sightings);
   ShareExposures(posed.rig_views, posed.views, sightings, &made.exposures);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
-  LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, &made));
-  made.lamp = LampOfTargets(context, lamp, sightings, made.photos, made.exposures, posed.masks);
+  LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, brightened, &made));
+  made.lamp =
+      LampOfTargets(context, lamp, sightings, made.photos, made.exposures, posed.masks, brightened);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   if (recipe.lita && recipe.information_weights) {
     made.information = Information(made, posed);

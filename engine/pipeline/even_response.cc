@@ -38,7 +38,9 @@ std::array<double, 3> FindCast(absl::Span<const Photo> photos, absl::Span<const 
 
 Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
                      absl::Span<const PlaneU8> masks, double code_step,
-                     std::vector<PointSighting>* sightings, std::vector<Photo>* photos) {
+                     std::vector<PointSighting>* sightings, std::vector<Photo>* photos,
+                     std::vector<Brightening>* brightened) {
+  brightened->assign(photos->size(), Brightening());
   if (context.recipe.tone.rule != Tone::kCapture) return {};
   const ReconstructOptions& options = context.options;
   std::vector<RadialFrame> frames;
@@ -58,6 +60,7 @@ Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
     std::array<double, 3> gain = response.gains[i];
     for (int c = 0; c < 3; ++c) gain[c] *= cast[c];
     ApplyResponse(gain, response.vignette, frames[i], &(*photos)[i]);
+    (*brightened)[i] = Brightening(gain, response.vignette, frames[i]);
   });
   for (PointSighting& s : *sightings) {
     s.lit = std::pow(response.lamp_distance / s.distance, response.lamp_power);
@@ -67,7 +70,8 @@ Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
 
 Lamp LampOfTargets(const Context& context, const Lamp& lamp,
                    absl::Span<const PointSighting> sightings, absl::Span<const Photo> photos,
-                   absl::Span<const double> exposures, absl::Span<const PlaneU8> masks) {
+                   absl::Span<const double> exposures, absl::Span<const PlaneU8> masks,
+                   absl::Span<const Brightening> brightened) {
   if (lamp.power == 0) return {};
   std::vector<std::vector<PointSighting>> seen(photos.size());
   for (const PointSighting& s : sightings) seen[s.photo].push_back(s);
@@ -76,8 +80,8 @@ Lamp LampOfTargets(const Context& context, const Lamp& lamp,
     light.emplace_back(seen[i], photos[i].width, photos[i].height);
   }
   const int threads = context.options.threads;
-  const double brighter = CaptureGain(photos, exposures, threads, masks, light) /
-                          CaptureGain(photos, exposures, threads, masks);
+  const double brighter = CaptureGain(photos, exposures, threads, masks, light, brightened) /
+                          CaptureGain(photos, exposures, threads, masks, {}, brightened);
   return {static_cast<float>(kCodePower * lamp.power),
           static_cast<float>(lamp.distance * std::pow(brighter, -1 / lamp.power))};
 }

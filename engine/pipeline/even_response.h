@@ -10,6 +10,7 @@
 #include "engine/pipeline/context.h"
 #include "engine/render/renderer.h"
 #include "engine/target/photometric.h"
+#include "engine/target/response.h"
 
 namespace litags {
 
@@ -17,20 +18,22 @@ namespace litags {
 // balances that differ from photo to photo, a lens that is dark at the corners (response.h), and a
 // strong cast, unless the options keep it (white_balance.h). Adds a note for each.
 // A lamp that lights what is near stays in the photos, since how far everything is is learnt later:
-// returns what it does to light, and sets PointSighting::lit.
+// returns what it does to light, and sets PointSighting::lit. Fills `brightened`, one per photo.
 // `cameras`, `masks` (see MaskOf) and `code_step` (see FileSteps) are the photos'; `sightings` are
 // sorted by point. Does nothing for other tones than Tone::kCapture. The same bytes for any number
 // of threads.
 Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
                      absl::Span<const PlaneU8> masks, double code_step,
-                     std::vector<PointSighting>* sightings, std::vector<Photo>* photos);
+                     std::vector<PointSighting>* sightings, std::vector<Photo>* photos,
+                     std::vector<Brightening>* brightened);
 
 // The lamp that EvenOutResponse found as the renderer takes it: what it does to codes of targets,
 // and from the distance at which pictures without it are as bright as well exposed photos.
-// Arguments as above, `photos` as they were left there.
+// Arguments as above, `photos` and `brightened` as they were left there.
 Lamp LampOfTargets(const Context& context, const Lamp& lamp,
                    absl::Span<const PointSighting> sightings, absl::Span<const Photo> photos,
-                   absl::Span<const double> exposures, absl::Span<const PlaneU8> masks);
+                   absl::Span<const double> exposures, absl::Span<const PlaneU8> masks,
+                   absl::Span<const Brightening> brightened);
 
 }  // namespace litags
 

@@ -75,10 +75,11 @@ std::vector<std::string> Even(const ReconstructOptions& options, Capture* captur
   const ReconstructInput input;
   const CancelToken never;
   ReconstructReport report;
-  const Lamp found =
-      EvenOutResponse(Context(
-                          input, options, never, [](Stage, const std::string&) {}, &report),
-                      capture->cameras, {}, /*code_step=*/1, &capture->sightings, &capture->photos);
+  std::vector<Brightening> brightened;
+  const Lamp found = EvenOutResponse(
+      Context(
+          input, options, never, [](Stage, const std::string&) {}, &report),
+      capture->cameras, {}, /*code_step=*/1, &capture->sightings, &capture->photos, &brightened);
   if (lamp != nullptr) *lamp = found;
   return report.notes;
 }

@@ -1,6 +1,7 @@
 #include "engine/target/capture_light.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -23,8 +24,20 @@ struct PhotoLight {
   double black = 0;
 };
 
+// As the camera stored it, with an exposure that makes up for that: its own white clipped.
+void AddSquare(const LightSquare& square, double exposure, double weight,
+               const Brightening& brightened, LightHistogram* to) {
+  const std::array<float, 3> grew = brightened.At(square.x + kSquare / 2, square.y + kSquare / 2);
+  std::array<double, 3> stored;
+  for (int c = 0; c < 3; ++c) stored[c] = square.mean[c] / grew[c];
+  const double before = LightOfPixel(stored[0], stored[1], stored[2]),
+               after = LightOfPixel(square.mean[0], square.mean[1], square.mean[2]);
+  const double less = before > 0 ? before / after : 1;
+  to->AddPixel(stored[0], stored[1], stored[2], exposure * less, weight);
+}
+
 PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask,
-                        const LampLight* lamp, double noise_floor) {
+                        const LampLight* lamp, const Brightening& brightened, double noise_floor) {
   PhotoLight out;
   const double black = LinearTable::Get()(kBlackSample);
   const double share = 1.0 / CountedPixels(mask, photo.pixels());
@@ -35,8 +48,8 @@ PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask
       return;
     }
     const double lit = lamp != nullptr ? lamp->At(square.x, square.y) : 1;
-    (largest <= noise_floor ? out.noise : out.lit)
-        .AddPixel(square.mean[0], square.mean[1], square.mean[2], exposure * lit, weight);
+    AddSquare(square, exposure * lit, weight, brightened,
+              largest <= noise_floor ? &out.noise : &out.lit);
   });
   return out;
 }
@@ -57,12 +70,14 @@ void AddUpTo(double most, const LightHistogram& light, LightHistogram* to) {
 
 LightHistogram CaptureLight(absl::Span<const Photo> photos, absl::Span<const double> exposures,
                             int threads, absl::Span<const PlaneU8> masks,
-                            absl::Span<const LampLight> lamps) {
+                            absl::Span<const LampLight> lamps,
+                            absl::Span<const Brightening> brightened) {
   const double noise_floor = NoiseFloor(photos, threads, masks);
   std::vector<PhotoLight> of_photos(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
-    of_photos[i] = MeasureLight(photos[i], exposures[i], MaskOf(masks, i),
-                                lamps.empty() ? nullptr : &lamps[i], noise_floor);
+    of_photos[i] =
+        MeasureLight(photos[i], exposures[i], MaskOf(masks, i), lamps.empty() ? nullptr : &lamps[i],
+                     BrighteningOf(brightened, i), noise_floor);
   });
   LightHistogram all, noise;
   double black = 0;

@@ -102,11 +102,13 @@ Rgb EstimateLogRatio(const ScenePalette& palette, float log_exposure, const Rgb&
 float Clippedness(float code) { return SmoothStep((code - kKnee) / (kTop - kKnee)); }
 
 ScenePalette CollectPalette(absl::Span<const Photo> photos, absl::Span<const double> exposures,
-                            double gain, absl::Span<const PlaneU8> masks) {
+                            double gain, absl::Span<const PlaneU8> masks,
+                            absl::Span<const Brightening> brightened) {
   ScenePalette palette;
   double spread = 0;  // in [0, 1), evenly for any number of places
   for (size_t i = 0; i < photos.size(); ++i) {
-    const FloatImage codes = SmoothCodes(photos[i]);
+    const Brightening brightening = BrighteningOf(brightened, i);
+    const FloatImage codes = SmoothCodes(brightening.Undone(photos[i]));
     const float log_exposure = std::log(exposures[i]);
     const float log_headroom = std::max(0.0, std::log(exposures[i] / gain));
     const int stride = std::ceil(std::sqrt(double(codes.total()) * photos.size() / kPlaces));
@@ -115,12 +117,18 @@ ScenePalette CollectPalette(absl::Span<const Photo> photos, absl::Span<const dou
         if (!Counts(MaskOf(masks, i), x, y)) continue;
         const cv::Vec3f& code = codes(y, x);
         const auto [low, high] = std::minmax({code[0], code[1], code[2]});
+        const std::array<float, 3> grew = brightening.At(x, y);
         Rgb color;
         if (high <= kKnee && LightOf(low) >= kLeastLight) {
-          for (int c = 0; c < 3; ++c) color[c] = std::log(LightOf(code[c])) - log_exposure;
+          for (int c = 0; c < 3; ++c)
+            color[c] = std::log(LightOf(code[c]) * grew[c]) - log_exposure;
         } else if (low > (kKnee + kTop) / 2) {
           spread = std::fmod(spread + 0.6180339887, 1.0);
-          color.fill(static_cast<float>(spread) * log_headroom - log_exposure);
+          for (int c = 0; c < 3; ++c) {
+            const float white = std::log(grew[c]);
+            color[c] = white + static_cast<float>(spread) * std::max(0.0f, log_headroom - white) -
+                       log_exposure;
+          }
         } else {
           continue;
         }

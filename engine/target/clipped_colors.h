@@ -8,6 +8,7 @@
 #include "absl/types/span.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
+#include "engine/target/response.h"
 
 namespace litags {
 
@@ -22,9 +23,10 @@ using ScenePalette = std::vector<Rgb>;
 
 // Some thousand colours that the photos show unclipped. Of places where all channels are clipped
 // nothing is known; they stand among them as white, as bright as photos cannot show, up to 1 /
-// gain at exposure 1. `exposures` and `masks` as for MakeTargets (tone.h).
+// gain at exposure 1. `exposures`, `masks` and `brightened` as for MakeTargets (tone.h).
 ScenePalette CollectPalette(absl::Span<const Photo> photos, absl::Span<const double> exposures,
-                            double gain, absl::Span<const PlaneU8> masks);
+                            double gain, absl::Span<const PlaneU8> masks,
+                            absl::Span<const Brightening> brightened = {});
 
 // The colours of a palette as photos of one exposure clip them. A clipped pixel has the mean of
 // the palette's colours, of any brightness, weighted by how well they agree with the channels

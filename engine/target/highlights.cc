@@ -1,6 +1,7 @@
 #include "engine/target/highlights.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "engine/target/curve_table.h"
@@ -97,27 +98,30 @@ Glare FindGlare(const FloatImage& codes, const FloatImage& clipped) {
 }  // namespace
 
 Photo FillHighlights(const Photo& photo, double gain, const ClippedColors& colors,
-                     const std::function<double(double linear)>& curve) {
-  const FloatImage codes = SmoothCodes(photo), linear = LinearImage(photo);
+                     const std::function<double(double linear)>& curve,
+                     const Brightening& brightened) {
+  const FloatImage codes = SmoothCodes(brightened.Undone(photo)), linear = LinearImage(photo);
   const FloatImage clipped = ClippednessOf(codes), color = Colors(codes, clipped, colors);
   const Glare glare = FindGlare(codes, clipped);
   const CurveTable table(curve, 1 / gain);
-  const float headroom = 1 - table(1), white = static_cast<float>(1 / gain);
+  const auto white = static_cast<float>(1 / gain);
   Photo out(photo.width, photo.height);
   for (int i = 0; i < photo.height * photo.width; ++i) {
     const float inside = glare.inside(i);
-    const float lift = headroom * inside * (kSurfaceFill + kLightFill * glare.light(i));
+    const float fill = inside * (kSurfaceFill + kLightFill * glare.light(i));
+    const std::array<float, 3> grew = brightened.At(i % photo.width, i / photo.width);
     // White towards the middle: what blinds a camera is mostly light, not colour.
     const cv::Vec3f k = cv::Vec3f(1, 1, 1) + (1 - inside) * (color(i) - cv::Vec3f(1, 1, 1));
     const cv::Vec3f &y = linear(i), &t = clipped(i);
     float measured = 0, of_color = 0;
     for (int c = 0; c < 3; ++c) {
-      measured += (1 - t[c] + kLeast) * y[c];
+      measured += (1 - t[c] + kLeast) * y[c] / grew[c];
       of_color += (1 - t[c] + kLeast) * k[c];
     }
     const float brightness = measured / of_color;
     for (int c = 0; c < 3; ++c) {
-      const float estimate = std::max(y[c], std::min(k[c] * brightness, white));
+      const float estimate = std::max(y[c], std::min(grew[c] * k[c] * brightness, white));
+      const float lift = (1 - table(grew[c])) * fill;
       const float code = table(y[c] + (estimate - y[c]) * t[c]) + lift;
       out.data[3 * i + c] = PhotoSample(std::min(code, 1.0f));
     }

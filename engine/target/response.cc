@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 
@@ -237,6 +238,13 @@ std::vector<std::array<double, 3>> GainsOf(const std::vector<double>& red,
 
 // ---- Application
 
+// 1 / V of the pixel.
+float EvenedLight(const Vignette& vignette, const RadialFrame& frame, int x, int y) {
+  const double dx = x + 0.5 - frame.cx, dy = y + 0.5 - frame.cy;
+  const double radius = std::sqrt(dx * dx + dy * dy) / frame.half_diagonal;
+  return std::exp(static_cast<float>(-LogVignette(vignette, radius)));
+}
+
 int16_t Changed(int16_t sample, float factor) {
   if (factor < 1 && sample > kNearWhite) {
     const float near = std::min(1.0f, (sample - kNearWhite) / (kPhotoWhite - kNearWhite));
@@ -316,6 +324,39 @@ CaptureResponse WithoutColorDrift(const CaptureResponse& response,
   return out;
 }
 
+Brightening::Brightening(const std::array<double, 3>& gain, const Vignette& vignette,
+                         const RadialFrame& frame)
+    : vignette_(vignette), frame_(frame) {
+  for (int c = 0; c < 3; ++c) factor_[c] = static_cast<float>(1 / gain[c]);
+  none_ = vignette == Vignette{} && *std::min_element(gain.begin(), gain.end()) >= 1;
+}
+
+std::array<float, 3> Brightening::At(int x, int y) const {
+  std::array<float, 3> out = {1, 1, 1};
+  if (none_) return out;
+  const float light = EvenedLight(vignette_, frame_, x, y);
+  for (int c = 0; c < 3; ++c) out[c] = std::max(1.0f, factor_[c] * light);
+  return out;
+}
+
+Photo Brightening::Undone(const Photo& photo) const {
+  constexpr int16_t kMost = std::numeric_limits<int16_t>::max();  // what is brighter is lost
+  Photo out = photo;
+  if (none_) return out;
+  for (int y = 0; y < photo.height; ++y) {
+    for (int x = 0; x < photo.width; ++x) {
+      const std::array<float, 3> grew = At(x, y);
+      int16_t* pixel = out.pixel(x, y);
+      for (int c = 0; c < 3; ++c) {
+        if (grew[c] == 1) continue;
+        pixel[c] = pixel[c] == kMost ? int16_t{kPhotoWhite}
+                                     : SampleTable::Get()(LinearTable::Get()(pixel[c]) / grew[c]);
+      }
+    }
+  }
+  return out;
+}
+
 void ApplyResponse(const std::array<double, 3>& gain, const Vignette& vignette,
                    const RadialFrame& frame, Photo* photo) {
   const bool even = vignette == Vignette{};
@@ -324,12 +365,7 @@ void ApplyResponse(const std::array<double, 3>& gain, const Vignette& vignette,
   for (int c = 0; c < 3; ++c) factor[c] = static_cast<float>(1 / gain[c]);
   for (int y = 0; y < photo->height; ++y) {
     for (int x = 0; x < photo->width; ++x) {
-      float light = 1;
-      if (!even) {
-        const double dx = x + 0.5 - frame.cx, dy = y + 0.5 - frame.cy;
-        const double radius = std::sqrt(dx * dx + dy * dy) / frame.half_diagonal;
-        light = std::exp(static_cast<float>(-LogVignette(vignette, radius)));
-      }
+      const float light = even ? 1 : EvenedLight(vignette, frame, x, y);
       int16_t* pixel = photo->pixel(x, y);
       for (int c = 0; c < 3; ++c) pixel[c] = Changed(pixel[c], factor[c] * light);
     }

@@ -91,6 +91,34 @@ CaptureResponse WithoutColorDrift(const CaptureResponse& response,
 void ApplyResponse(const std::array<double, 3>& gain, const Vignette& vignette,
                    const RadialFrame& frame, Photo* photo);
 
+// Where ApplyResponse made a photo brighter, which moves its white: whether a sample is clipped is
+// told by what the camera stored.
+class Brightening {
+ public:
+  Brightening() = default;  // nowhere
+  Brightening(const std::array<double, 3>& gain, const Vignette& vignette,
+              const RadialFrame& frame);
+
+  bool none() const { return none_; }
+
+  // By how much red, green and blue light of the pixel grew, >= 1.
+  std::array<float, 3> At(int x, int y) const;
+
+  // The photo as it was stored, but for what grew darker.
+  Photo Undone(const Photo& photo) const;
+
+ private:
+  bool none_ = true;
+  std::array<float, 3> factor_ = {1, 1, 1};
+  Vignette vignette_ = {};
+  RadialFrame frame_;
+};
+
+// That of photo i; none if there are none.
+inline Brightening BrighteningOf(absl::Span<const Brightening> all, size_t i) {
+  return all.empty() ? Brightening() : all[i];
+}
+
 // For people: "photos' white balance differs by up to 12 %: evened out", or nothing.
 std::vector<std::string> DescribeResponse(const CaptureResponse& response);
 

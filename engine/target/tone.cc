@@ -99,42 +99,47 @@ absl::StatusOr<ToneTarget> PaperTarget(const Photo& photo, const PlaneU8& mask, 
 
 // `colors`: of a photo with highlights to fill in, else null.
 ToneTarget CaptureTarget(const Photo& photo, const PlaneU8& mask, double gain,
-                         const ClippedColors* colors, const ToneOptions& options) {
+                         const ClippedColors* colors, const Brightening& brightened,
+                         const ToneOptions& options) {
   ToneTarget target;
   target.gain = std::min(gain, options.max_gain);
   target.reached = gain <= options.max_gain;
   gain = target.gain;
   const auto curve = CaptureCurve(gain, options.contrast);
   target.image = colors != nullptr
-                     ? FillHighlights(photo, gain, *colors, curve)
+                     ? FillHighlights(photo, gain, *colors, curve, brightened)
                      : SmoothChroma(photo, gain, options.chroma_smoothing, curve, mask);
   return target;
 }
 
-std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
-                                       absl::Span<const double> exposures,
-                                       const ToneOptions& options, int threads,
-                                       absl::Span<const PlaneU8> masks,
-                                       const std::function<void(int)>& done,
-                                       const CancelToken& cancel) {
-  const double gain = CaptureGain(photos, exposures, threads, masks);
+// Whether the camera clipped a sample.
+bool HasClipped(const Photo& photo, const Brightening& brightened) {
+  const Photo stored = brightened.none() ? Photo() : brightened.Undone(photo);
+  const std::vector<int16_t>& data = brightened.none() ? photo.data : stored.data;
+  return std::any_of(data.begin(), data.end(),
+                     [](int16_t sample) { return sample >= kClippedSample; });
+}
+
+std::vector<ToneTarget> CaptureTargets(
+    absl::Span<const Photo> photos, absl::Span<const double> exposures, const ToneOptions& options,
+    int threads, absl::Span<const PlaneU8> masks, const std::function<void(int)>& done,
+    const CancelToken& cancel, absl::Span<const Brightening> brightened) {
+  const double gain = CaptureGain(photos, exposures, threads, masks, {}, brightened);
   // By quarters of a stop: finer, exposures make no difference to what is clipped.
   std::map<int, ClippedColors> tables;
   std::vector<const ClippedColors*> colors(photos.size(), nullptr);
   ScenePalette palette;
   for (size_t i = 0; i < photos.size(); ++i) {
-    const bool clipped = std::any_of(photos[i].data.begin(), photos[i].data.end(),
-                                     [](int16_t sample) { return sample >= kClippedSample; });
-    if (gain >= exposures[i] || !clipped) continue;
-    if (tables.empty()) palette = CollectPalette(photos, exposures, gain, masks);
+    if (gain >= exposures[i] || !HasClipped(photos[i], BrighteningOf(brightened, i))) continue;
+    if (tables.empty()) palette = CollectPalette(photos, exposures, gain, masks, brightened);
     const int step = static_cast<int>(std::lround(4 * std::log2(exposures[i])));
     colors[i] = &tables.try_emplace(step, palette, std::exp2(step / 4.0)).first->second;
   }
   std::vector<ToneTarget> targets(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
     if (cancel.IsCancelled()) return;
-    targets[i] =
-        CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], colors[i], options);
+    targets[i] = CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], colors[i],
+                               BrighteningOf(brightened, i), options);
     if (done) done(thread);
   });
   return targets;
@@ -155,8 +160,9 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
 }  // namespace
 
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
-                   absl::Span<const PlaneU8> masks, absl::Span<const LampLight> lamps) {
-  return ExposureGain(CaptureLight(photos, exposures, threads, masks, lamps));
+                   absl::Span<const PlaneU8> masks, absl::Span<const LampLight> lamps,
+                   absl::Span<const Brightening> brightened) {
+  return ExposureGain(CaptureLight(photos, exposures, threads, masks, lamps, brightened));
 }
 
 Photo WithLinearGain(const Photo& photo, double gain) {
@@ -191,18 +197,17 @@ CodeCurve ChangeOfTargets(const ToneOptions& options,
   return curve;
 }
 
-absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
-                                                    absl::Span<const double> exposures,
-                                                    const ToneOptions& options, int threads,
-                                                    absl::Span<const PlaneU8> masks,
-                                                    const std::function<void(int)>& done,
-                                                    const CancelToken& cancel) {
+absl::StatusOr<std::vector<ToneTarget>> MakeTargets(
+    absl::Span<const Photo> photos, absl::Span<const double> exposures, const ToneOptions& options,
+    int threads, absl::Span<const PlaneU8> masks, const std::function<void(int)>& done,
+    const CancelToken& cancel, absl::Span<const Brightening> brightened) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_CHECK(photos.size() == exposures.size());
   LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
   for (const Photo& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
   if (options.rule == Tone::kCapture) {
-    auto targets = CaptureTargets(photos, exposures, options, threads, masks, done, cancel);
+    auto targets =
+        CaptureTargets(photos, exposures, options, threads, masks, done, cancel, brightened);
     LITAGS_RETURN_IF_ERROR(cancel.Check());
     return targets;
   }

@@ -13,6 +13,7 @@
 #include "engine/core/noise_curve.h"
 #include "engine/core/photo.h"
 #include "engine/target/lamp_light.h"
+#include "engine/target/response.h"
 #include "engine/target/tone_options.h"
 
 namespace litags {
@@ -29,13 +30,15 @@ struct ToneTarget {
 // decide gains, all of the photo is mapped. INVALID_ARGUMENT for bad options, an empty photo, or
 // one that is all black (no gain helps; leave it out); CANCELLED, before the next target is begun.
 // Deterministic for any `threads` (<= 0: all cores). `done` is called with ParallelFor's thread as
-// each target is made.
+// each target is made. `brightened`, if any, one per photo: what was done to it before, so that
+// its clipped samples are known.
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
                                                     absl::Span<const double> exposures,
                                                     const ToneOptions& options, int threads,
                                                     absl::Span<const PlaneU8> masks = {},
                                                     const std::function<void(int)>& done = nullptr,
-                                                    const CancelToken& cancel = CancelToken());
+                                                    const CancelToken& cancel = CancelToken(),
+                                                    absl::Span<const Brightening> brightened = {});
 
 // The photo with `gain` times its linear light, clipped at white.
 Photo WithLinearGain(const Photo& photo, double gain);
@@ -53,9 +56,10 @@ CodeCurve ChangeOfTargets(const ToneOptions& options,
 
 // The gain in linear light, for a photo of exposure 1, that gives the capture the exposure of a
 // well exposed photo (exposure_rule.h). With `lamps`, one per photo: that gives it to the capture
-// as it would be without them.
+// as it would be without them. `brightened` as above.
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
-                   absl::Span<const PlaneU8> masks = {}, absl::Span<const LampLight> lamps = {});
+                   absl::Span<const PlaneU8> masks = {}, absl::Span<const LampLight> lamps = {},
+                   absl::Span<const Brightening> brightened = {});
 
 }  // namespace litags
 

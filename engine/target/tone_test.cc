@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <utility>
@@ -11,6 +12,7 @@
 #include "engine/core/color.h"
 #include "engine/core/error.h"
 #include "engine/core/rng.h"
+#include "engine/target/response.h"
 
 namespace litags {
 namespace {
@@ -196,6 +198,72 @@ TEST(Tone, ClippedChannelsTakeTheColorThatAnotherPhotoShows) {
   const auto alone = MakeTarget(brighter, {});
   ASSERT_TRUE(alone.ok());
   EXPECT_EQ(alone->image.data[0], alone->image.data[1]);
+}
+
+// An over-exposed wall with a window, and the dark corners of a lens evened out.
+TEST(Tone, WhatTheCameraDidNotClipIsNotTakenForWhiteWhereItWasBrightened) {
+  constexpr int kWidth = 96, kHeight = 72;
+  const RadialFrame frame = {kWidth / 2.0, kHeight / 2.0, std::hypot(kWidth, kHeight) / 2.0};
+  const Vignette vignette = {-0.8, 0, 0};
+  const std::array<double, 3> gain = {1, 1, 0.9};
+  ImageU8 stored(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const bool window = x > 40 && x < 56 && y > 20 && y < 50;
+      for (int c = 0; c < 3; ++c) stored.pixel(x, y)[c] = window ? 255 : 217 - 10 * c;
+    }
+  }
+  Photo photo = PhotoFromU8(stored);
+  ApplyResponse(gain, vignette, frame, &photo);
+  const Photo evened = photo;
+  ASSERT_GT(photo.pixel(0, 0)[0] / kPhotoCode, 270);
+  const std::vector<Brightening> brightened = {Brightening(gain, vignette, frame)};
+  const std::vector<double> exposures = {1.0};
+  const auto targets =
+      MakeTargets({photo}, exposures, {.contrast = 0}, 1, {}, nullptr, CancelToken(), brightened);
+  ASSERT_TRUE(targets.ok()) << targets.status();
+  const double by = targets->front().gain;
+  ASSERT_LT(by, 0.7);
+  const ImageU8 target = PhotoToU8(targets->front().image);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      if (x > 30 && x < 66 && y > 10 && y < 60) continue;  // codes are smoothed at the window
+      for (int c = 0; c < 3; ++c) {
+        const double light = by * LinearTable::Get()(evened.pixel(x, y)[c]);
+        ASSERT_NEAR(target.pixel(x, y)[c], 255 * SrgbFromLinear(std::min(1.0, light)), 3)
+            << x << " " << y << " " << c;
+      }
+    }
+  }
+  EXPECT_GT(target.pixel(48, 35)[1], 255 * SrgbFromLinear(by) + 10) << "the window is filled";
+}
+
+TEST(Brightening, UndoesWhatMadeAPhotoBrighter) {
+  const RadialFrame frame = {20, 15, 25};
+  const std::array<double, 3> gain = {0.7, 1, 1.2};
+  const Vignette vignette = {-1, -0.5, 0};
+  const Photo stored = PhotoFromU8(MakePhoto(0, 255));
+  Photo photo = stored;
+  ApplyResponse(gain, vignette, frame, &photo);
+  const Brightening brightened(gain, vignette, frame);
+  EXPECT_FALSE(brightened.none());
+  EXPECT_TRUE(Brightening({1, 1, 1.2}, {}, frame).none());
+  const Photo undone = brightened.Undone(photo);
+  for (int y = 0; y < photo.height; ++y) {
+    for (int x = 0; x < photo.width; ++x) {
+      const auto grew = brightened.At(x, y);
+      for (int c = 0; c < 3; ++c) {
+        const int16_t was = stored.pixel(x, y)[c];
+        if (photo.pixel(x, y)[c] == 32767) {
+          EXPECT_EQ(undone.pixel(x, y)[c], kPhotoWhite);
+        } else if (grew[c] > 1) {
+          ASSERT_NEAR(undone.pixel(x, y)[c], was, 4) << x << " " << y << " " << c;
+        } else {
+          ASSERT_EQ(undone.pixel(x, y)[c], photo.pixel(x, y)[c]);
+        }
+      }
+    }
+  }
 }
 
 TEST(Tone, TargetsGrowWithThePhoto) {
