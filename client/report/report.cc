@@ -137,12 +137,15 @@ Html CurvesSection(const Course& course, const v1::Job& job) {
   section += El("p", {{"class", "quiet"}},
                 {"Over iterations; below them, the time that the job had run by then."});
   if (!psnr.empty()) {
-    section += El(
-        "p", {},
-        {absl::StrFormat("One photo of every %d, in the order of their names, was "
-                         "kept out of training. On these, the PSNR to the normally "
-                         "lit target was %.2f dB at iteration %.0f.",
-                         job.options().holdout_every(), psnr.back().value, psnr.back().iteration)});
+    const bool of_all =
+        job.has_report() && psnr.back().iteration == static_cast<double>(job.report().iterations());
+    section += El("p", {},
+                  {absl::StrFormat("One photo of every %d, in the order of their names, was "
+                                   "kept out of training. On these%s, the PSNR to the normally "
+                                   "lit target was %.2f dB at iteration %.0f.",
+                                   job.options().holdout_every(),
+                                   of_all ? "" : ", or on 16 of them if there are more",
+                                   psnr.back().value, psnr.back().iteration)});
   }
   return El("section", {}, {section});
 }

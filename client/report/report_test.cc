@@ -106,6 +106,10 @@ TEST(Report, TheCurveEndsAtWhatTheReportSays) {
   event.mutable_progress()->set_psnr_holdout(20);
   data.course.Add(event);
   EXPECT_THAT(ReportHtml(data), HasSubstr("PSNR of held-out photos: 21.5 dB at iteration 40"));
+  EXPECT_THAT(ReportHtml(data), HasSubstr("On these, the PSNR"));
+  data.job.clear_report();  // before the end not all of them are scored
+  EXPECT_THAT(ReportHtml(data),
+              HasSubstr("On these, or on 16 of them if there are more, the PSNR"));
 }
 
 TEST(Report, AFailedJobSaysWhyAndHasNoPictures) {
