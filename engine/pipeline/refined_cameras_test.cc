@@ -119,25 +119,22 @@ TEST(RefineCameras, PlacingHeldOutPhotosCanBeCancelledAndResumed) {
 
 TEST(RefineCameras, TheTimeLeftCountsPlacingHeldOutPhotos) {
   const OffPhotographs photos;
-  // Before the last iteration: the time left, in iterations.
+  // The time left at iteration 20 of 30, in iterations.
   const auto iterations_left = [&](int holdout_every) {
     ReconstructOptions options = Refining();
     options.holdout_every = holdout_every;
-    options.preview_every = 1;
     Recorder recorder;
     const auto report = MakeEngine(kNoColmap)->Reconstruct(
         photos.Input(absl::StrCat("run", holdout_every)), options, CancelToken(), &recorder);
     EXPECT_TRUE(report.ok()) << report.status();
     double left = 0;
     for (const Progress& p : recorder.reports) {
-      if (p.iteration == kIterations - 1) left = p.eta_seconds * p.iterations_per_second;
+      if (p.iteration == 20) left = p.eta_seconds * p.iterations_per_second;
     }
     return left;
   };
-  const double none = iterations_left(0), two = iterations_left(4), four = iterations_left(2);
-  EXPECT_LT(none, 10);
-  EXPECT_GT(two, 50);
-  EXPECT_GT(four, 1.3 * two);
+  EXPECT_LT(iterations_left(0), 40);
+  EXPECT_GT(iterations_left(4), 60) << "two photos of 150 steps";
 }
 
 }  // namespace
