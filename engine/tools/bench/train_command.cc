@@ -60,8 +60,7 @@ class Recorder : public ReconstructObserver {
   absl::Status Score(const std::string& path) {
     const double seconds = (NowMs() - first_ms_ - paused_ms_) / 1e3;
     LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene, engine_->LoadScene(path));
-    LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views,
-                            args_.scene.TestViews(*scene, args_.out));
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args_.scene.TestViews());
     LITAGS_ASSIGN_OR_RETURN(const Scores scores,
                             ScoreScene(*scene, AtMost(args_.options.max_image_side, views),
                                        args_.scene.TruthDir(), "", args_.options.threads));
@@ -162,8 +161,7 @@ absl::Status Train(TrainArguments args) {
   const int64_t peak = PeakRssBytes();
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(report.scene_path));
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views,
-                          args.scene.TestViews(*scene, args.out));
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
   LITAGS_ASSIGN_OR_RETURN(const Scores scores,
                           ScoreScene(*scene, AtMost(args.options.max_image_side, views),
                                      args.scene.TruthDir(), "", args.options.threads));
@@ -201,9 +199,10 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
                    "size are like")
       ->check(CLI::ExistingDirectory);
   AddJsonOption(command, &args->json);
-  // --evaluate-every says when it looks, and no run goes on from a checkpoint.
+  // --evaluate-every says when it looks, no run goes on from a checkpoint, and nothing but the test
+  // views is held out.
   AddMethodOptions(command, &args->options, &args->set,
-                   {"preview_every", "checkpoint_every", "frames"});
+                   {"preview_every", "checkpoint_every", "frames", "holdout_every"});
   WhenGiven(command, exit_status, [args] { return Train(*args); });
 }
 
