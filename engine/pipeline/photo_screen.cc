@@ -17,6 +17,7 @@
 #include "engine/io/alpha_mask.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_header.h"
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/black_bars.h"
@@ -36,16 +37,6 @@ struct Decoded {
   bool blocks = false, no_end_mark = false;  // blocks: the format may compress in them
 };
 
-bool IsJpeg(std::string_view bytes) { return bytes.starts_with("\xFF\xD8"); }
-
-bool IsPng(std::string_view bytes) { return bytes.starts_with("\x89PNG"); }
-
-// The mark may be anywhere behind the last scan: cameras append videos and small pictures.
-bool LacksEndMark(std::string_view bytes) {
-  const size_t scan = bytes.rfind("\xFF\xDA");
-  return scan != std::string_view::npos && bytes.find("\xFF\xD9", scan) == std::string_view::npos;
-}
-
 // `mask`, the path of the photo's, is only checked; empty: it has none.
 Decoded Decode(const std::string& dir, const std::string& name, const std::string& mask) {
   Decoded d;
@@ -63,7 +54,7 @@ Decoded Decode(const std::string& dir, const std::string& name, const std::strin
   if (!mask.empty()) d.mask_status = ReadMask(mask, photo->width, photo->height).status();
   d.lines = KindsOfLines(*photo);
   d.blocks = !IsPng(*bytes);
-  d.no_end_mark = IsJpeg(*bytes) && LacksEndMark(*bytes);
+  d.no_end_mark = IsJpeg(*bytes) && LacksJpegEnd(*bytes);
   const auto info = ReadImageInfo(*bytes, PhotoField(name));
   if (!info.ok()) return d;
   const PlaneU8 alpha = AlphaMask(*bytes, info->orientation);
