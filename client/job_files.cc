@@ -49,6 +49,7 @@ std::string VideoText(const v1::JobFile& video) {
 // What the summary says of all photos together.
 struct PhotoFacts {
   int used = 0, left_out = 0;
+  bool with_cameras = false;  // cameras are given
   std::set<std::string> sizes, lenses;
   double least_stops = std::numeric_limits<double>::infinity();
   double most_stops = -std::numeric_limits<double>::infinity();
@@ -68,7 +69,10 @@ struct PhotoFacts {
   // Without photos "".
   std::string Text() const {
     if (used + left_out == 0) return "";
-    std::string text = absl::StrCat(Counted(used, "photo"), " would be used");
+    std::string text = absl::StrCat(Counted(used, "photo"), " would be used",
+                                    !with_cameras ? ""
+                                    : used == 1   ? " if it has a camera"
+                                                  : " if they have a camera");
     if (left_out > 0)
       absl::StrAppend(&text, ", ", left_out, left_out == 1 ? " is" : " are", " left out");
     absl::StrAppend(&text, "; ", Distinct(sizes, "sizes"));
@@ -102,6 +106,8 @@ std::vector<std::string> DescribeFiles(const std::vector<v1::JobFile>& files) {
   int64_t masks = 0, depths = 0;
   for (const v1::JobFile& file : files) {
     if (file.role() == v1::FILE_ROLE_VIDEO) parts.push_back(VideoText(file));
+    photos.with_cameras |=
+        file.role() == v1::FILE_ROLE_CAMERAS || file.role() == v1::FILE_ROLE_COLMAP;
     masks += file.role() == v1::FILE_ROLE_MASK;
     depths += file.role() == v1::FILE_ROLE_DEPTH;
     if (file.role() != v1::FILE_ROLE_PHOTO) continue;

@@ -15,7 +15,8 @@ absl::StatusOr<std::vector<v1::JobFile>> ListAllFiles(Client& client, const std:
 
 // What of the files would be used, as "12 photos would be used, 1 is left out; 640x480 px; 28 mm;
 // light: -0.4 to +0.6 stops from the middle photo; 2 masks", then a line for each photo that is
-// left out. No line ends with a newline.
+// left out. Whether photos have one of the cameras that were sent, it leaves open. No line ends
+// with a newline.
 std::vector<std::string> DescribeFiles(const std::vector<v1::JobFile>& files);
 
 // A line for each file, each ending with a newline: role, bytes, size, of photos mean code, light

@@ -39,6 +39,12 @@ TEST(JobFiles, WhatWouldBeUsedIsALineAndWhatIsNotALineEach) {
                   "left out: c.jpg: it is the same photo as a.jpg"));
 }
 
+TEST(JobFiles, PhotosWithoutOneOfTheCamerasAreNotPromised) {
+  EXPECT_THAT(DescribeFiles({Photo("a.jpg", 0), Photo("b.jpg", 0), Photo("c.jpg", 0, "is black"),
+                             File("transforms.json", v1::FILE_ROLE_CAMERAS)})[0],
+              HasSubstr("2 photos would be used if they have a camera, 1 is left out; "));
+}
+
 TEST(JobFiles, PhotosThatSayNothingHaveNoLensAndNoLight) {
   v1::JobFile black = Photo("a.jpg", 0);
   black.mutable_found()->clear_stops();

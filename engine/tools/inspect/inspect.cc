@@ -86,18 +86,14 @@ std::vector<ScreenedPhoto> WithViews(const std::vector<ScreenedPhoto>& photos,
   return views;
 }
 
-// As a run has it: of the photos, those with a camera where cameras are given.
-absl::Status CheckEnough(const ReconstructInput& input, const PhotoScreen& screen,
-                         const std::map<std::string, const WidePhoto*>& wide,
-                         const std::set<std::string>& with_camera) {
-  std::vector<ScreenedPhoto> photos = screen.photos;
-  if (!input.cameras_path.empty()) {
-    std::erase_if(photos, [&](const ScreenedPhoto& photo) {
-      return !with_camera.contains(photo.name) && !wide.contains(photo.name);
-    });
-  }
-  return CheckPhotoCount(WithViews(photos, wide).size(),
-                         WithViews(screen.photos, wide).size() + screen.left_out.size());
+// As a run has it: where cameras are given, photos without one are left out.
+PhotoScreen LeaveOutWithoutCamera(PhotoScreen screen, const std::set<std::string>& with_camera) {
+  std::erase_if(screen.photos, [&](const ScreenedPhoto& photo) {
+    if (with_camera.contains(photo.name)) return false;
+    screen.left_out.push_back({photo.name, "has no camera"});
+    return true;
+  });
+  return screen;
 }
 
 // "1 photo would be used, as 6 views, 2 are left out".
@@ -132,7 +128,6 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
   LITAGS_ASSIGN_OR_RETURN(const WidePhotos wide,
                           FindWidePhotos(input, screen.Names(), threads, cancel));
   const std::map<std::string, const WidePhoto*> wide_by_name = ByName(wide);
-  const std::vector<ScreenedPhoto> views = WithViews(screen.photos, wide_by_name);
   std::set<std::string> with_camera;
   if (!input.cameras_path.empty() && !screen.photos.empty()) {
     input.cameras_path = ResolveCameras(input.cameras_path);
@@ -140,12 +135,16 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
     LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
                             ReadGivenCameras(input, screen.Names(), &screen.notes, &panoramas));
     for (const View& view : model.views) with_camera.insert(view.name);
+    for (const WidePhoto& photo : wide.photos) with_camera.insert(photo.name);
   }
+  const PhotoScreen used =
+      input.cameras_path.empty() ? screen : LeaveOutWithoutCamera(screen, with_camera);
+  const std::vector<ScreenedPhoto> views = WithViews(used.photos, wide_by_name);
   const std::string thumbnails = sheet.empty() ? "" : input.work_dir + "/thumbnails";
   std::error_code ignored;  // writing the sheet says what is wrong
   if (!sheet.empty()) {
     fs::create_directories(thumbnails, ignored);
-    WriteThumbnails(input, screen, threads, thumbnails, cancel);
+    WriteThumbnails(input, used, threads, thumbnails, cancel);
   }
   const double middle_sharpness = MiddleOf(screen.photos, &ScreenedPhoto::sharpness);
   LITAGS_RETURN_IF_ERROR(cancel.Check());
@@ -171,7 +170,7 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
                   "code: mean pixel value of 255; stops: light beside the middle photo, +1 is "
                   "twice; sharp: sharpness beside the middle photo\n");
   const PhotoMaps maps = MapsOf(views, input, options, !screen.masks.empty());
-  absl::StrAppend(text, DescribeCounts(screen, views.size()), "; ",
+  absl::StrAppend(text, DescribeCounts(used, views.size()), "; ",
                   input.cameras_path.empty() ? "cameras would be searched for"
                                              : absl::StrCat("cameras: ", input.cameras_path),
                   "\n", DescribeMemory(views, options, maps, MachineMemory()), "\n");
@@ -185,10 +184,10 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
     }
   }
   if (!sheet.empty()) {
-    LITAGS_RETURN_IF_ERROR(WritePhotoSheet(screen, thumbnails, sheet));
+    LITAGS_RETURN_IF_ERROR(WritePhotoSheet(used, thumbnails, sheet));
     absl::StrAppend(text, "contact sheet: ", sheet, "\n");
   }
-  return CheckEnough(input, screen, wide_by_name, with_camera);
+  return CheckPhotoCount(views.size(), views.size() + used.left_out.size());
 }
 
 absl::Status CheckAllReadable(const ReconstructInput& input, int threads,

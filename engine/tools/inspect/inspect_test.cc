@@ -51,6 +51,20 @@ class Inspect : public testing::Test {
     ASSERT_TRUE(WriteFileAtomically(photos_ + "/" + name, bytes).ok());
   }
 
+  // A transforms.json with cameras of the first so many photos.
+  std::string WriteCameras(int count, const std::string& lens) {
+    std::string frames;
+    for (int i = 0; i < count; ++i) {
+      absl::StrAppend(&frames, i > 0 ? "," : "", R"({"file_path": "p)", i,
+                      R"(.jpg", "transform_matrix": [[1,0,0,)", i,
+                      "],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}");
+    }
+    std::string path = dir_ / "transforms.json";
+    const std::string json = absl::StrCat("{", lens, R"(, "frames": [)", frames, "]}");
+    EXPECT_TRUE(WriteFileAtomically(path, json).ok());
+    return path;
+  }
+
   int Run(std::vector<std::string> arguments) {
     SubprocessOptions child;
     child.args = {LITAGS_INSPECT};
@@ -202,20 +216,17 @@ TEST_F(Inspect, NamesPanoramasAndTheirViews) {
 }
 
 TEST_F(Inspect, NamesFisheyesOfGivenCameras) {
-  const std::string cameras = dir_ / "transforms.json";
-  std::string frames;
-  for (int i = 0; i < 5; ++i) {
-    absl::StrAppend(&frames, i > 0 ? "," : "", R"({"file_path": "p)", i,
-                    R"(.jpg", "transform_matrix": [[1,0,0,)", i,
-                    "],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}");
-  }
-  ASSERT_TRUE(
-      WriteFileAtomically(
-          cameras, absl::StrCat(R"({"camera_model": "OPENCV_FISHEYE", "fl_x": 100, "frames": [)",
-                                frames, "]}"))
-          .ok());
+  const std::string cameras = WriteCameras(5, R"("camera_model": "OPENCV_FISHEYE", "fl_x": 100)");
   ASSERT_EQ(Run({photos_, "--cameras", cameras}), 0) << text_;
   EXPECT_THAT(text_, ContainsRegex("p1.jpg +320x240 +fisheye: 5 views .* yes"));
+}
+
+TEST_F(Inspect, PhotosWithoutACameraAreCountedAsLeftOut) {
+  const std::string cameras = WriteCameras(3, R"("fl_x": 300)");
+  ASSERT_EQ(Run({photos_, "--cameras", cameras}), 0) << text_;
+  EXPECT_THAT(text_, ContainsRegex("p2.jpg .* yes\n"));
+  EXPECT_THAT(text_, ContainsRegex("p3.jpg .* none: left out\n"));
+  EXPECT_THAT(text_, HasSubstr("\n3 photos would be used, 3 are left out; cameras: "));
 }
 
 TEST_F(Inspect, DrawsAContactSheet) {
