@@ -74,7 +74,7 @@ void JobMonitor::Check() {
   }
   if (renew) last_heartbeat_ = SteadyClock::now();
   if (*cancel) StopEngine(StopReason::kCancelled);
-  if (stop_reason_ != StopReason::kNone) return;
+  if (stop_reason_ != StopReason::kNone || !engine_began_ || engine_ended_) return;
   limit_exceeded_ = CheckLimits();
   if (!limit_exceeded_.ok()) StopEngine(StopReason::kLimit);
 }

@@ -27,6 +27,11 @@ class JobMonitor {
 
   // The lease is lost, as somebody else has found out.
   void NoteLeaseLost() { lease_lost_ = true; }
+  // The engine is called: its time counts from now on. What comes before is the stores' time.
+  void NoteEngineBegins() {
+    start_ = std::chrono::steady_clock::now();
+    engine_began_ = true;
+  }
   // The engine has returned; the lease is kept for what is left to write.
   void NoteEngineEnded() { engine_ended_ = true; }
 
@@ -57,7 +62,8 @@ class JobMonitor {
   std::mutex mutex_;
   std::condition_variable wake_;
   bool finished_ = false;
-  std::atomic<bool> lease_lost_ = false, engine_ended_ = false;
+  std::atomic<bool> lease_lost_ = false, engine_began_ = false, engine_ended_ = false;
+  TimePoint start_{};  // set before engine_began_
 
   // Used by the thread only.
   StopReason stop_reason_ = StopReason::kNone;
@@ -65,7 +71,6 @@ class JobMonitor {
   JobPolicy policy_;
   // Of a job that sets no limit, 7/8 of what its worker has, lest the machine run out; 0: no limit.
   int64_t max_memory_bytes_ = 0;
-  const TimePoint start_ = std::chrono::steady_clock::now();
   TimePoint stop_time_{}, last_heartbeat_{};
 
   std::thread thread_;

@@ -102,6 +102,7 @@ Outcome Reconstruct(const Lease& lease, const WorkerContext& context, const Work
   JobReporter reporter(lease, context, options, folder, [monitor] { monitor->NoteLeaseLost(); });
   Outcome outcome;
   outcome.engine_ran = true;
+  monitor->NoteEngineBegins();
   outcome.report = context.engine->Reconstruct(*input, *engine_options, cancel, &reporter);
   monitor->NoteEngineEnded();
   outcome.kept = reporter.Finish(cancel);
@@ -162,7 +163,7 @@ absl::Status RunJob(const Lease& lease, const WorkerContext& context, const Work
   spdlog::info("job={} attempt={} starts", id, lease.job.attempt);
   CancelToken cancel;
   JobMonitor monitor(lease, context, options, shutdown, cancel);
-  const auto folder = WorkFolder::Make(lease, context.blobs, context.data.scratch());
+  auto folder = WorkFolder::Make(lease, context.blobs, context.data.scratch());
   Outcome outcome = folder.ok()
                         ? Reconstruct(lease, context, options, cancel, folder->get(), &monitor)
                         : Outcome{folder.status(), absl::OkStatus()};
@@ -171,6 +172,8 @@ absl::Status RunJob(const Lease& lease, const WorkerContext& context, const Work
     spdlog::warn("job={} lease lost", id);
     return absl::OkStatus();
   }
+  // What a job that is too large for the disk has laid there is no fault of the worker.
+  if (!outcome.engine_ran && folder.ok()) folder->reset();
   if (!outcome.engine_ran && IsFaultOfWorker(outcome.report.status(), context)) {
     return GiveBackUnbegun(lease, context, options, outcome.report.status());
   }

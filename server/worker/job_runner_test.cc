@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <optional>
 #include <thread>
 
 #include "engine/core/error_test_util.h"
@@ -32,8 +33,9 @@ class JobRunnerTest : public ::testing::Test {
  protected:
   JobRunnerTest() { options_.name = "w1"; }
 
-  std::string QueuedJob(const char* first_photo = "a.jpg") {
+  std::string QueuedJob(const char* first_photo = "a.jpg", const JobPolicy& policy = {}) {
     NewJob wanted;
+    wanted.policy = policy;
     wanted.options.iterations = 3;
     const std::string id = jobs_.Create(wanted)->id;
     for (const char* name : {first_photo, "b.jpg", "c.jpg"}) {
@@ -96,6 +98,47 @@ TEST_F(JobRunnerTest, JobWhosePhotoCannotBeReadFailsAndNotItsWorker) {
   EXPECT_TRUE(Run().ok());
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kFailed);
   EXPECT_EQ(Decode<JobError>(jobs_.Get(id)->error)->detail.reason, "STORE_FAILED");
+}
+
+TEST_F(JobRunnerTest, JobThatDoesNotFitOnTheDiskFailsAndNotItsWorker) {
+  const std::string id = QueuedJob();
+  const absl::Status full =
+      MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "", "no room");
+  int photos = 0;
+  blobs_.on_read = [&](std::string_view key) {
+    if (key != "self-check") return ++photos < 3 ? absl::OkStatus() : full;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(data_.scratch())) {
+      if (entry.path().extension() == ".jpg") return full;
+    }
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(Run().ok());
+  ASSERT_EQ(jobs_.Get(id)->state, JobState::kFailed);
+  EXPECT_EQ(Decode<JobError>(jobs_.Get(id)->error)->detail.reason, "DISK_FULL");
+}
+
+TEST_F(JobRunnerTest, TimeInWhichABlobStoreIsAwayIsNoRunTime) {
+  JobPolicy policy;
+  policy.max_run_seconds = 0.3;
+  options_.poll_seconds = 0.01;
+  // For longer than the job may run, from the first call on.
+  const auto away_at_first = [] {
+    return [first = std::optional<std::chrono::steady_clock::time_point>()](
+               std::string_view) mutable -> absl::Status {
+      const auto now = std::chrono::steady_clock::now();
+      if (!first) first = now;
+      return now < *first + std::chrono::seconds(1) ? absl::UnavailableError("away")
+                                                    : absl::OkStatus();
+    };
+  };
+  const std::string before = QueuedJob("a.jpg", policy);
+  blobs_.on_read = away_at_first();
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(before)->state, JobState::kSucceeded) << jobs_.Get(before)->error;
+  const std::string after = QueuedJob("a.jpg", policy);
+  blobs_.on_write = away_at_first();
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(after)->state, JobState::kSucceeded) << jobs_.Get(after)->error;
 }
 
 TEST_F(JobRunnerTest, JobWhoseSceneWasNotStoredFails) {
