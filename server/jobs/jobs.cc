@@ -1,5 +1,7 @@
 #include "server/jobs/jobs.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <map>
 #include <set>
@@ -302,7 +304,8 @@ absl::StatusOr<JobRecord> Jobs::Start(std::string_view id, const std::string& re
     transaction.job.start_request_id = request_id;
     return Enqueue(transaction, JobAction::kStart, "started");
   });
-  // What had come of files that are not there: nobody can complete them now. Sweep() tries again.
+  // What had come of files that are not there: nobody can complete them now. Sweep() removes the
+  // rest, so that nobody waits for the blob store.
   if (job.ok() && !repeated) uploads_.partials().RemoveJob(id).IgnoreError();
   return job;
 }
@@ -373,7 +376,7 @@ absl::StatusOr<JobRecord> Jobs::Cancel(std::string_view id) {
     transaction.job.has_unreferenced_blobs = true;  // files that were replaced
     return ApplyAction(transaction, JobAction::kCancel, clock_(), "cancelled on request");
   });
-  if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() tries again
+  if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() removes the rest
   return job;
 }
 
@@ -383,7 +386,12 @@ absl::Status Jobs::Delete(std::string_view id) {
     return job.Remove();
   };
   LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
-  return RemoveFolders(id);
+  // The job is gone, whatever its files do.
+  if (const absl::Status status = RemoveFolders(id); !status.ok()) {
+    spdlog::warn("job={} was deleted; its files are removed later: {}", id,
+                 std::string(status.message()));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace litags

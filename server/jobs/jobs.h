@@ -205,7 +205,8 @@ class Jobs {
   const InstallationMarker* const marker_;  // of blobs_; may be null
   int64_t started_ms_ = 0;                  // of the jobs of all clients: when this was made
   std::mutex sweep_mutex_;                  // held for a sweep
-  // Jobs that have folders and no row: since when this process knows.
+  // Jobs that have folders and no row: since when a server knows, without the times in which none
+  // ran. DataDir::missed() keeps it.
   std::map<std::string, int64_t> missed_since_ms_;
   std::optional<int64_t> orphans_seen_ms_;  // when it looked last
 };

@@ -1,7 +1,9 @@
 // What a service that runs for years must throw away: Jobs::Sweep().
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <fstream>
 #include <map>
 #include <set>
 
@@ -57,6 +59,32 @@ absl::Status SweptByAnother(std::string_view id) {
   return absl::AbortedError(absl::StrCat("jobs/", std::string(id), " changes"));
 }
 
+// Files on their way, in chunks, too.
+absl::Status RemovePartials(PartialFiles& partials, std::string_view id) {
+  absl::Status status = partials.RemoveJob(id);
+  status.Update(partials.chunks().RemoveJob(id));
+  return status;
+}
+
+// A line "ID MILLISECONDS" for each job that is missed. What cannot be read or was written in part
+// is forgotten: files are kept the longer for it.
+std::map<std::string, int64_t> ReadMissed(const std::string& path) {
+  std::map<std::string, int64_t> missed_ms;
+  std::ifstream file(path);
+  std::string id;
+  for (int64_t ms = 0; file >> id >> ms;) missed_ms[id] = ms;
+  return missed_ms;
+}
+
+void WriteMissed(const std::string& path, const std::map<std::string, int64_t>& missed_ms) {
+  if (missed_ms.empty()) {
+    unlink(path.c_str());
+    return;
+  }
+  std::ofstream file(path);
+  for (const auto& [id, ms] : missed_ms) file << id << " " << ms << "\n";
+}
+
 // Until when its end may still be to be told: attempts end before, and without a server that makes
 // them nobody waits for ever.
 bool WaitsForWebhook(const JobRecord& job, int64_t now_ms) {
@@ -66,9 +94,10 @@ bool WaitsForWebhook(const JobRecord& job, int64_t now_ms) {
 }  // namespace
 
 absl::Status Jobs::RemoveFolders(std::string_view id) {
-  absl::Status status = uploads_.partials().RemoveJob(id);
-  status.Update(blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id))));
-  return status;
+  const absl::Status status = RemovePartials(uploads_.partials(), id);
+  if (absl::IsUnavailable(status)) return status;  // and would be waited for again
+  const absl::Status removed = blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id)));
+  return status.ok() ? removed : status;
 }
 
 // Before that a job is not removed, whatever its row says.
@@ -127,26 +156,29 @@ bool Jobs::OrphansAreOurs(size_t orphans) {
 
 // A row is there before its folders are: a folder without one was left behind by a crash, or its
 // row was lost, as with the wrong job store or an old copy of it. The delay, from the moment at
-// which the row was first missed, is the operator's time to bring the row back.
+// which the row was first missed, is the operator's time to bring the row back. Only time in which
+// a server runs, and says so, counts.
 absl::Status Jobs::RemoveOrphans(const CancelToken& stop) {
   const int64_t now_ms = clock_();
   const double keep_seconds = uploads_.limits().keep_seconds;
   const int64_t pause_ms = static_cast<int64_t>(1000 * keep_seconds / kLooksForOrphans);
   const auto& seen_ms = orphans_seen_ms_;
   if (seen_ms && *seen_ms <= now_ms && now_ms < *seen_ms + pause_ms) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> orphans, JobsWithoutRow(stop));
+  LITAGS_ASSIGN_OR_RETURN(std::set<std::string> orphans, JobsWithoutRow(stop));
   if (stop.IsCancelled()) return absl::OkStatus();
-  orphans_seen_ms_ = now_ms;
-  if (!OrphansAreOurs(orphans.size())) {
-    missed_since_ms_.clear();
-    return absl::OkStatus();
+  const bool is_first = !seen_ms;
+  if (is_first) {  // what the server before this one knew
+    for (const auto& [id, ms] : ReadMissed(data_.missed())) missed_since_ms_[id] = now_ms - ms;
   }
-  std::map<std::string, int64_t> missed;
-  bool is_news = false;
+  orphans_seen_ms_ = now_ms;
+  if (!OrphansAreOurs(orphans.size())) orphans.clear();
+  std::map<std::string, int64_t> missed, missed_ms;
+  bool is_news = is_first && !orphans.empty();
   for (const std::string& id : orphans) {
     const auto before = missed_since_ms_.find(id);
     const bool is_new = before == missed_since_ms_.end();
     missed[id] = is_new ? now_ms : before->second;
+    missed_ms[id] = now_ms - missed[id];
     is_news |= is_new;
   }
   if (is_news) {
@@ -157,6 +189,7 @@ absl::Status Jobs::RemoveOrphans(const CancelToken& stop) {
         missed.size(), missed.begin()->first, keep_seconds / 3600);
   }
   missed_since_ms_ = std::move(missed);
+  WriteMissed(data_.missed(), missed_ms);
   std::vector<std::string> overdue;
   for (const auto& [id, since_ms] : missed_since_ms_) {
     if (static_cast<double>(now_ms - since_ms) >= 1000 * keep_seconds) overdue.push_back(id);
@@ -206,7 +239,7 @@ absl::Status Jobs::RemoveEndedUploads() {
     if (!IsJobId(id)) continue;
     const auto job = store_->Get(id);
     if (job.ok() && job->state != JobState::kUploading) {
-      LITAGS_RETURN_IF_ERROR(uploads_.partials().RemoveJob(id));
+      LITAGS_RETURN_IF_ERROR(RemovePartials(uploads_.partials(), id));
     }
   }
   return absl::OkStatus();

@@ -120,6 +120,51 @@ TEST_F(SweepTest, OrphansAreKeptADayFromWhenTheMarkerIsOursAndItIsLookedForHourl
   EXPECT_FALSE(HasBlob(lost, "a"));
 }
 
+TEST_F(SweepTest, OrphansGoAlsoWhereTheServerIsRestartedEachNight) {
+  const std::string lost = "0123456789abcdef";
+  ASSERT_TRUE(blobs_->Put(BlobKey(lost, Sha256::Hex("a")), "a").ok());
+  const auto days_ago = fs::file_time_type::clock::now() - std::chrono::hours(48);
+  fs::last_write_time(data_.blobs() + "/jobs/" + lost, days_ago);
+  const auto run_for = [&](int hours) {
+    Restart({});
+    for (int i = 0; i <= hours; ++i) {
+      ASSERT_TRUE(jobs_->Sweep().ok());
+      now_ms_ += kHourMs;
+    }
+  };
+  run_for(20);
+  now_ms_ += 100 * kHourMs;  // no server runs
+  run_for(3);
+  EXPECT_TRUE(HasBlob(lost, "a"));
+  run_for(1);
+  EXPECT_FALSE(HasBlob(lost, "a"));
+  run_for(1);
+  EXPECT_FALSE(fs::exists(data_.missed()));
+}
+
+class FoldersAreNotRemoved : public FaultyBlobStore {
+ public:
+  using FaultyBlobStore::FaultyBlobStore;
+  absl::Status RemoveFolder(std::string_view) override { return absl::UnavailableError("away"); }
+};
+
+TEST_F(SweepTest, AJobIsDeletedAlsoWhileTheBlobStoreIsAway) {
+  FoldersAreNotRemoved away(blobs_.get());
+  Jobs jobs(store_.get(), &away, data_, clock_);
+  const std::string id = jobs_->Create({})->id;
+  ASSERT_TRUE(Add(id, "a.jpg", "a").ok());
+  const auto days_ago = fs::file_time_type::clock::now() - std::chrono::hours(48);
+  fs::last_write_time(data_.blobs() + "/jobs/" + id, days_ago);
+  const absl::Status deleted = jobs.Delete(id);
+  EXPECT_TRUE(deleted.ok()) << deleted;
+  EXPECT_TRUE(absl::IsNotFound(jobs.Get(id).status()));
+  EXPECT_TRUE(HasBlob(id, "a"));
+  ASSERT_TRUE(jobs_->Sweep().ok());
+  now_ms_ += 24 * kHourMs;
+  ASSERT_TRUE(jobs_->Sweep().ok());
+  EXPECT_FALSE(HasBlob(id, "a"));
+}
+
 // A store on another machine, whose removals do what a test wants.
 class RemovalsAreSlow : public FaultyBlobStore {
  public:

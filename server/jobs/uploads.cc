@@ -111,7 +111,8 @@ void Uploads::RemoveKept(std::string_view id, const std::string& kept) {
   const auto files = Decode<KeptFiles>(kept);
   if (!files.ok()) return;
   for (const auto& [name, file] : *files) {
-    blobs_->Remove(BlobKey(id, file.blob)).IgnoreError();  // Sweep() tries again, after the upload
+    // A store that is away is waited for once. Sweep() tries again, after the upload.
+    if (!blobs_->Remove(BlobKey(id, file.blob)).ok()) return;
   }
 }
 

@@ -13,6 +13,7 @@
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/store/digest.h"
+#include "server/testing/faulty_blob_store.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -239,6 +240,48 @@ TEST_F(UploadsTest, AnotherServerGoesOnAtTheLastChunk) {
   EXPECT_TRUE(fs::is_empty(other_data.uploads()));
 }
 
+// Counts calls.
+class CountingBlobStore : public FaultyBlobStore {
+ public:
+  using FaultyBlobStore::FaultyBlobStore;
+  int calls = 0;
+  absl::StatusOr<std::vector<std::string>> List(std::string_view prefix) override {
+    ++calls;
+    return FaultyBlobStore::List(prefix);
+  }
+  absl::Status Remove(std::string_view key) override {
+    ++calls;
+    return FaultyBlobStore::Remove(key);
+  }
+  absl::Status RemoveFolder(std::string_view prefix) override {
+    ++calls;
+    return FaultyBlobStore::RemoveFolder(prefix);
+  }
+};
+
+TEST_F(UploadsTest, NobodyWaitsForTheBlobStoreToStartOrCancelAJob) {
+  UploadLimits limits;
+  limits.chunk_bytes = 4;
+  CountingBlobStore blobs(blobs_.get());
+  Jobs jobs(store_.get(), &blobs, data_, clock_, limits);
+  const auto job_with_chunks = [&] {
+    const std::string id = NewJob();
+    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) EXPECT_TRUE(Add(id, name, name).ok());
+    auto coming = *jobs.uploads().Open(id, Photo("d.jpg", "0123456789"), 0);
+    EXPECT_TRUE(coming->Append("012345").ok());
+    EXPECT_EQ(blobs_->List("uploads/" + id)->size(), 1u);
+    return id;
+  };
+  const std::string started = job_with_chunks(), cancelled = job_with_chunks();
+  blobs.calls = 0;
+  EXPECT_TRUE(jobs.Start(started).ok());
+  EXPECT_TRUE(jobs.Cancel(cancelled).ok());
+  EXPECT_EQ(blobs.calls, 0);
+  EXPECT_TRUE(fs::is_empty(data_.uploads()));
+  ASSERT_TRUE(jobs.Sweep().ok());
+  EXPECT_TRUE(blobs_->List("uploads")->empty());
+}
+
 TEST_F(UploadsTest, ChunksOfNoJobAreCollectedAndSmallFilesHaveNone) {
   UploadLimits limits;
   limits.chunk_bytes = 4;
@@ -436,7 +479,7 @@ TEST_F(UploadsTest, FilesThatBelongToNoJobAreCollectedAndStrangersAreLeftAlone) 
   fs::create_directories(data_.uploads() + "/" + lost);
   std::ofstream(data_.uploads() + "/" + lost + "/file") << "bytes";
   fs::create_directories(data_.uploads() + "/lost+found");
-  std::ofstream(data_.blobs() + "/tmp/put-1") << "half of it";  // of a worker that was killed
+  std::ofstream(data_.tmp() + "/unpack-1") << "half of it";  // of a server that was killed
   ASSERT_TRUE(jobs_->Sweep().ok());
   EXPECT_EQ(BytesOnDisk(), 0);
   EXPECT_TRUE(fs::exists(data_.uploads() + "/lost+found"));

@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <filesystem>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -50,7 +51,9 @@ bool DataDir::OthersMayEnter() const {
 }
 
 void DataDir::EmptyTmp(double quiet_seconds) const {
-  for (const std::string& folder : {tmp(), blobs() + "/tmp"}) {
+  std::vector<std::string> folders = {tmp()};
+  if (quiet_seconds > 0) folders.push_back(blobs() + "/tmp");  // a worker may be writing there
+  for (const std::string& folder : folders) {
     const auto entries = ListFolder(folder);
     if (!entries.ok()) continue;  // there is no folder, so nothing in it
     for (const FolderEntry& entry : *entries) {

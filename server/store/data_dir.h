@@ -17,12 +17,14 @@ namespace litags {
 //   uploads/JOB/     files that have come in part; gone once the job is started
 //   tmp/             exports and unpacked files in flight; emptied when a server starts, swept
 //   later
+//   missed           jobs that have files and no row, and for how long a server has missed them
 struct DataDir {
   std::string root;
   std::string database() const { return root + "/litags.db"; }
   std::string blobs() const { return root + "/blobs"; }
   std::string uploads() const { return root + "/uploads"; }
   std::string tmp() const { return root + "/tmp"; }
+  std::string missed() const { return root + "/missed"; }
   std::string scratch() const { return root + "/scratch"; }
 
   // Makes the folders that are not there, for their owner only; one that is there keeps its
@@ -31,7 +33,7 @@ struct DataDir {
   // Whether the group or everybody may read `root`, write to it or enter it.
   bool OthersMayEnter() const;
   // Removes what killed processes left in tmp/ and blobs/tmp/: what nobody has written to for that
-  // long; 0: all there is, before workers are started.
+  // long; 0: all there is in tmp/, before workers of this server are started.
   void EmptyTmp(double quiet_seconds) const;
 };
 

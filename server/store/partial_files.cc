@@ -302,13 +302,10 @@ absl::Status PartialFiles::RemoveJob(std::string_view job_id) {
     std::lock_guard lock(slot->mutex);
     slot->writer = kNobody;
   }
-  {
-    std::lock_guard lock(mutex_);
-    std::error_code error;
-    fs::remove_all(Folder(job_id), error);
-    if (error) return FileError("remove", Folder(job_id), error.value());
-  }
-  return chunks_.RemoveJob(job_id);
+  std::lock_guard lock(mutex_);
+  std::error_code error;
+  fs::remove_all(Folder(job_id), error);
+  return error ? FileError("remove", Folder(job_id), error.value()) : absl::OkStatus();
 }
 
 }  // namespace litags

@@ -118,7 +118,7 @@ class PartialFiles {
   Usage UsageOf(std::string_view job_id, std::string_view but_key = "");
   const UploadChunks& chunks() const { return chunks_; }
 
-  // Removes the job's files; streams that have one open lose it.
+  // Removes the job's files here, not their chunks; streams that have one open lose it.
   absl::Status RemoveJob(std::string_view job_id);
 
  private:

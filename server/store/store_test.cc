@@ -34,10 +34,14 @@ TEST(DataDirectory, IsMadePrivateAndItsTemporaryFilesAreRemoved) {
   ASSERT_EQ(stat(data->root.c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777, 0700u);
   std::ofstream(data->tmp() + "/left") << "x";
+  const std::string of_a_worker = data->blobs() + "/tmp/put-1";  // which may be writing it
+  std::filesystem::create_directories(data->blobs() + "/tmp");
+  std::ofstream(of_a_worker) << "x";
   data->EmptyTmp(60);  // somebody may be writing it
   EXPECT_FALSE(std::filesystem::is_empty(data->tmp()));
   data->EmptyTmp(0);
   EXPECT_TRUE(std::filesystem::is_empty(data->tmp()));
+  EXPECT_TRUE(std::filesystem::exists(of_a_worker));
 }
 
 TEST(DataDirectory, OneThatIsThereKeepsItsPermissions) {
