@@ -186,7 +186,7 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->required();
   command->add_flag("--watch", args->watch, "Then follow the job until it ends");
   command->add_flag("--strict", args->strict,
-                    "Refuse if the service cannot read one of the photos; else it is left out");
+                    "Refuse if the service cannot read a photo of the folder; else it is left out");
   command->add_option("--name", args->name, "Title for humans; default: the folder's name");
   AddLabelOption(*command, args->labels);
   command->add_option(

@@ -2,9 +2,14 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/strip.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
+#include "engine/core/utf8.h"
 #include "server/api/upload_files.h"
 
 namespace litags {
@@ -61,7 +66,11 @@ absl::StatusOr<bool> Unpacker::Begin(const ArchiveEntry& entry) {
     return false;
   }
   file_ = {entry.name, *role, 0, "", 0, 0};
-  LITAGS_RETURN_IF_ERROR(CheckName(entry.name, *role, FieldOf(*role, entry.name)));
+  const absl::Status named = CheckName(entry.name, *role, FieldOf(*role, entry.name));
+  if (!named.ok()) {
+    LITAGS_RETURN_IF_ERROR(LeaveOut(named, PathIn(entry)));
+    return false;
+  }
   const auto [first, added] = seen_.emplace(std::pair(*role, entry.name), PathIn(entry));
   if (!added) {
     return InvalidInput("ARCHIVE_NAME_TWICE", field_,
@@ -89,7 +98,47 @@ absl::Status Unpacker::Write(std::string_view bytes) {
   return NoRoom();
 }
 
+void Unpacker::NoteLeftOut(const std::string& path, std::string_view why) {
+  if (left_out_ == kMaxSkipped) return;
+  skipped_.insert(skipped_.begin() + static_cast<ptrdiff_t>(left_out_++),
+                  absl::StrCat(path, " (", Utf8Prefix(why, 300), ")"));
+  if (skipped_.size() > kMaxSkipped) skipped_.pop_back();
+}
+
+absl::Status Unpacker::LeaveOut(const absl::Status& status, const std::string& path) {
+  const auto detail = GetErrorDetail(status);
+  if (!detail) return status;
+  const bool photo = file_.role == FileRole::kPhoto;
+  // The mask of a photo whose name is refused has such a name, too.
+  const bool misnamed =
+      detail->reason == "BAD_FILE_NAME" && (photo || file_.role == FileRole::kMask);
+  const bool unreadable =
+      photo && (detail->reason == "FILE_EMPTY" || detail->reason.starts_with("IMAGE_"));
+  if (!misnamed && !unreadable) return status;
+  if (unreadable) unreadable_.push_back(file_.name);
+  NoteLeftOut(path, std::string(absl::StripPrefix(status.message(), detail->field + ": ")));
+  return absl::OkStatus();
+}
+
+absl::Status Unpacker::Finish() {
+  for (const auto& [key, path] : seen_) {
+    const auto& [role, name] = key;
+    if (role != FileRole::kMask) continue;
+    const bool of_left_out = std::any_of(
+        unreadable_.begin(), unreadable_.end(),
+        [&mask = name](const std::string& photo) { return MatchMasks({photo}, {mask}).ok(); });
+    if (!of_left_out) continue;
+    LITAGS_RETURN_IF_ERROR(jobs_->uploads().Remove(job_id_, role, name).status());
+    NoteLeftOut(path, "its photo is left out");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status Unpacker::End() {
+  return LeaveOut(Store(), seen_.at(std::pair(file_.role, file_.name)));
+}
+
+absl::Status Unpacker::Store() {
   const std::string field = FieldOf(file_.role, file_.name);
   if (file_.size_bytes == 0) {
     return InvalidInput("FILE_EMPTY", field,

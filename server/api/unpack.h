@@ -33,8 +33,9 @@ class ArchiveSurvey : public ArchiveSink {
   std::vector<DatasetFile> files_;
 };
 
-// Stores the files of an uploaded archive in a job, each checked as if it had come by itself. What
-// a file is for follows from its name and folder. One at a time is on disk beside the archive.
+// Stores the files of an uploaded archive in a job, each checked as if it had come by itself;
+// photos that cannot be read are left out, and their masks. What a file is for follows from its
+// name and folder. One at a time is on disk beside the archive.
 class Unpacker : public ArchiveSink {
  public:
   static constexpr size_t kMaxSkipped = 100;  // names, of a stream
@@ -48,15 +49,22 @@ class Unpacker : public ArchiveSink {
   absl::StatusOr<bool> Begin(const ArchiveEntry& entry) override;
   absl::Status Write(std::string_view bytes) override;
   absl::Status End() override;
+  // After the last file: takes the masks of photos that were left out from the job.
+  absl::Status Finish();
 
   int stored() const { return stored_; }
   int unchanged() const { return unchanged_; }
-  // Copies and cameras that the layout leaves out, then files that no job has a use for, in order;
-  // the first hundred.
+  // Photos that cannot be read, with the reason, and their masks; copies and cameras that the
+  // layout leaves out; then files that no job has a use for; the first hundred.
   const std::vector<std::string>& skipped() const { return skipped_; }
 
  private:
   absl::Status NoRoom() const;
+  absl::Status Store();  // the file in hand
+  // Before what else is not used.
+  void NoteLeftOut(const std::string& path, std::string_view why);
+  // OK and noted if `status` says that the file in hand, at `path`, is one that is left out.
+  absl::Status LeaveOut(const absl::Status& status, const std::string& path);
 
   Jobs* const jobs_;
   FileReader* const reader_;
@@ -71,6 +79,8 @@ class Unpacker : public ArchiveSink {
   // Where each file was, by role and name.
   std::map<std::pair<FileRole, std::string>, std::string> seen_;
   int stored_ = 0, unchanged_ = 0;
+  std::vector<std::string> unreadable_;  // names of photos that were left out
+  size_t left_out_ = 0;                  // at the start of skipped_
   std::vector<std::string> skipped_;
 };
 

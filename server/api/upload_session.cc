@@ -251,8 +251,11 @@ void UploadSession::Count(const Unpacker& unpacker) {
 }
 
 absl::Status UploadSession::UnpackNext() {
-  const absl::StatusOr<bool> more = ReadNext();
+  absl::StatusOr<bool> more = ReadNext();
   if (more.ok() && *more) return absl::OkStatus();
+  if (more.ok()) {
+    if (const absl::Status done = unpacking_->unpacker->Finish(); !done.ok()) more = done;
+  }
   const std::unique_ptr<Unpacking> done = std::move(unpacking_);
   if (done->unpacker) Count(*done->unpacker);
   DiscardIfInvalid(more.status(), *done->file.partial);

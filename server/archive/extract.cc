@@ -263,7 +263,7 @@ absl::Status NotOpened(archive* reader, std::string_view field) {
 std::string ShownName(std::string_view name) {
   constexpr size_t kLongest = 200;
   const std::string text = absl::Utf8SafeCHexEscape({name.data(), name.size()});
-  return text.size() <= kLongest ? text : absl::StrCat(Utf8Prefix(text, kLongest), "...");
+  return absl::StrCat(Utf8Prefix(text, kLongest), text.size() <= kLongest ? "" : "...");
 }
 
 absl::StatusOr<std::unique_ptr<ArchiveReader>> ArchiveReader::Open(const std::string& path,

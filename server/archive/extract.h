@@ -31,7 +31,7 @@ struct ArchiveEntry {
   std::string name;
 };
 
-// A name as messages show it: without control characters, and not endlessly.
+// A name as messages show it: UTF-8, without control characters, and not endlessly.
 std::string ShownName(std::string_view name);
 
 // Takes the files of an archive, one after the other. An error of any call ends the extraction and

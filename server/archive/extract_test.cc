@@ -203,6 +203,14 @@ TEST(Archive, NamesOfWindowsZipsAreInItsOldCharacterSet) {
             "");  // a TAR's stays as it is
 }
 
+TEST(Archive, NamesAreShownAsUtf8) {
+  EXPECT_EQ(ShownName("Küche\n.jpg"), "Küche\\n.jpg");
+  EXPECT_EQ(ShownName("K\x81"
+                      "che.jpg"),
+            "K\uFFFDche.jpg");
+  EXPECT_EQ(ShownName(std::string(300, 'a')), std::string(200, 'a') + "...");
+}
+
 TEST(Archive, BombsAreStoppedLongBeforeTheyAreUnpacked) {
   const std::string bomb = Pack({{"a.png", std::string(100 << 20, '\0')}}, "tgz");
   ASSERT_LT(bomb.size(), 200'000u);

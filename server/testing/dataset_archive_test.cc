@@ -18,6 +18,8 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
+using ::testing::MatchesRegex;
+using ::testing::StartsWith;
 
 std::string Transforms(const std::string& photo) {
   return R"({"w": 64, "h": 48, "fl_x": 60, "fl_y": 60, "cx": 32, "cy": 24, "frames": [{"file_path":
@@ -133,6 +135,28 @@ TEST_F(DatasetArchive, WithCamerasThatNoRuleTellsApartIsRefused) {
                  "ARCHIVE_NAME_TWICE", "archives[a.tar]");
   EXPECT_REFUSED(Send({Photos("a/images", 64, 48), Photos("b/images", 64, 48)}), INVALID_ARGUMENT,
                  "ARCHIVE_NAME_TWICE", "archives[a.tar]");
+}
+
+TEST_F(DatasetArchive, APhotoThatCannotBeReadIsLeftOutByName) {
+  const std::string cut = TestPng(64, 48, 9).substr(0, 100);
+  const grpc::Status sent = Send(
+      {{{"a/masks/cut.png.png", TestPng(64, 48, 7)}, {"a/masks/0.png.png", TestPng(64, 48, 7)}},
+       {{"a/cut.png", cut},
+        {"a/empty.jpg", ""},
+        {"a/K\x81"
+         "che.png",
+         TestPng(64, 48, 8)}},
+       Photos("a", 64, 48),
+       {{"a/notes.txt", "x"}}});
+  ASSERT_TRUE(sent.ok()) << sent.error_message();
+  EXPECT_THAT(Stored(), ElementsAre("a/0.png", "a/1.png", "a/2.png", "a/masks/0.png.png"));
+  EXPECT_THAT(Skipped(),
+              ElementsAre(MatchesRegex("a/cut.png \\(.*send the whole file again\\)"),
+                          StartsWith("a/empty.jpg (the file in archives[a.tar] has no bytes"),
+                          StartsWith("a/K\uFFFDche.png (the file name is not valid UTF-8"),
+                          "a/masks/cut.png.png (its photo is left out)", "a/notes.txt"));
+  v1::Job job;
+  EXPECT_TRUE(client_.Start(job_, &job).ok());
 }
 
 TEST_F(DatasetArchive, ThatIsDamagedLeavesNothingInTheJob) {
