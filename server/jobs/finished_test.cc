@@ -255,6 +255,13 @@ TEST_F(FinishedTest, NoJobIsStartedForDepthMapsThatItDoesNotHave) {
   EXPECT_EQ(Reason(refused), "DEPTH_MAPS_MISSING");
   ASSERT_TRUE(Add(id, "a.png", "depth", FileRole::kDepth).ok());
   EXPECT_TRUE(jobs_.Start(id).ok());
+  for (const DepthOrigin source : {DepthOrigin::kMaps, DepthOrigin::kAuto}) {
+    options.depth_source = source;
+    const std::string foreign = StartedJob(options);
+    ASSERT_TRUE(Add(foreign, "other.png", "depth", FileRole::kDepth).ok());
+    EXPECT_EQ(Reason(jobs_.Start(foreign).status()), "DEPTH_MAP_WITHOUT_PHOTO");
+  }
+  options.depth_source = DepthOrigin::kMaps;
   options.method = Method::k3dgs;  // which uses no depth
   EXPECT_TRUE(jobs_.Start(StartedJob(options)).ok());
 }

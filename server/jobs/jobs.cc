@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <set>
 #include <string>
@@ -78,17 +79,38 @@ absl::Status CheckMasks(const std::vector<FileRecord>& files) {
   return absl::OkStatus();
 }
 
+// Whether a map may be of a photo, by their names; frames of videos have no names yet, and views of
+// panoramas have the panorama's and more.
+bool MapsMayFit(const std::vector<FileRecord>& files) {
+  namespace fs = std::filesystem;
+  std::vector<std::string> photos, maps;
+  for (const FileRecord& file : files) {
+    if (file.role == FileRole::kVideo) return true;
+    if (file.role == FileRole::kPhoto) photos.push_back(fs::path(file.name).stem());
+    if (file.role == FileRole::kDepth) maps.push_back(fs::path(file.name).stem());
+  }
+  return std::any_of(maps.begin(), maps.end(), [&](const std::string& map) {
+    return std::any_of(photos.begin(), photos.end(),
+                       [&](const std::string& photo) { return map.starts_with(photo); });
+  });
+}
+
 // As the engine's CheckDepthSource(), before the job waits for its turn.
 absl::Status CheckDepthMaps(const JobRecord& job, const std::vector<FileRecord>& files) {
   if (job.options.empty()) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(const auto options, Decode<ReconstructOptions>(job.options));
-  if (options.depth_source != DepthOrigin::kMaps || options.method == Method::k3dgs) {
-    return absl::OkStatus();
-  }
+  const bool maps =
+      options.depth_source == DepthOrigin::kMaps || options.depth_source == DepthOrigin::kAuto;
+  if (!maps || options.method == Method::k3dgs) return absl::OkStatus();
   const bool any = std::any_of(files.begin(), files.end(), [](const FileRecord& file) {
     return file.role == FileRole::kDepth;
   });
-  if (any) return absl::OkStatus();
+  if (any && !MapsMayFit(files)) {
+    return InvalidInput("DEPTH_MAP_WITHOUT_PHOTO", "depth",
+                        "depth: no map has the name of a photo; name maps as their photos, a.png "
+                        "for a.jpg, or make a job with another depth source");
+  }
+  if (any || options.depth_source == DepthOrigin::kAuto) return absl::OkStatus();
   return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MAPS_MISSING",
                    "options.depth_source",
                    "options.depth_source: maps were asked for and the job has none; upload depth "
