@@ -17,6 +17,8 @@ std::string DefaultDataFolder() {
 
 void AddAccessFlags(CLI::App* app, ServerOptions* server) {
   app->add_option("--listen", server->listen, "HOST:PORT to listen on; port 0: any free one")
+      ->check(
+          [](const std::string& text) { return text.empty() ? "takes HOST:PORT, not \"\"" : ""; })
       ->capture_default_str();
   app->add_flag("--insecure", server->insecure,
                 "Let other machines connect without TLS, or without authentication");

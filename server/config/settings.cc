@@ -31,12 +31,18 @@ bool IsTomlLiteral(const std::string& value) {
 
 // CLI11 ends a value at '#' even inside quotes.
 bool HasQuotedHash(const std::string& text) {
-  bool quoted = false, comment = false;
+  char quote = 0;  // the one that is open
+  bool comment = false;
   for (const char c : text) {
-    if (c == '\n') quoted = comment = false;
-    if (c == '"' && !comment) quoted = !quoted;
-    if (c == '#' && quoted) return true;
-    if (c == '#') comment = true;
+    if (c == '\n') {
+      quote = 0;
+      comment = false;
+    } else if (c == '#') {
+      if (quote != 0) return true;
+      comment = true;
+    } else if (!comment && (c == quote || (quote == 0 && (c == '"' || c == '\'')))) {
+      quote = quote == 0 ? c : 0;
+    }
   }
   return false;
 }
@@ -73,6 +79,7 @@ absl::Status Settings::ReadFile(const std::string& path) {
   std::vector<CLI::ConfigItem> items;
   std::ifstream stream(path);
   std::stringstream file;
+  stream.peek();  // a folder opens, but cannot be read
   file << stream.rdbuf();
   if (!stream) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "CONFIG_UNREADABLE", "--config",

@@ -165,6 +165,7 @@ TEST_F(SettingsTest, KeySetTwiceInARowIsRefused) {
 
 TEST_F(SettingsTest, ValueThatTheReaderWouldCutIsRefused) {
   EXPECT_EQ(Refusal("jobs = 3  # \"quoted\"\nlisten = \"unix:/a#b\"\n"), "CONFIG_INVALID --config");
+  EXPECT_EQ(Refusal("jobs = 3  # it's\nlisten = 'unix:/a#b'\n"), "CONFIG_INVALID --config");
 }
 
 TEST_F(SettingsTest, ValuesAreCheckedAsOnTheCommandLine) {
@@ -181,6 +182,19 @@ TEST_F(SettingsTest, FileThatIsNotThereIsAnError) {
   const auto detail = GetErrorDetail(settings_.Complete(path_ + ".missing"));
   ASSERT_TRUE(detail);
   EXPECT_EQ(detail->reason, "CONFIG_UNREADABLE");
+}
+
+TEST_F(SettingsTest, FolderIsNoFile) {
+  app_.parse("", false);
+  const auto detail = GetErrorDetail(settings_.Complete(dir_.path()));
+  ASSERT_TRUE(detail);
+  EXPECT_EQ(detail->reason, "CONFIG_UNREADABLE");
+}
+
+TEST_F(SettingsTest, EmptyFileSetsNothing) {
+  app_.parse("", false);
+  std::ofstream(path_).close();
+  EXPECT_TRUE(settings_.Complete(path_).ok());
 }
 
 }  // namespace
