@@ -1,11 +1,11 @@
 #include "engine/tools/bench/command_options.h"
 
-#include <cstdio>
 #include <utility>
 
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "engine/io/file_util.h"
+#include "engine/tools/failure/failure.h"
 #include "proto/arguments/arguments.h"
 
 namespace litags {
@@ -13,8 +13,8 @@ namespace litags {
 void WhenGiven(CLI::App* command, int* exit_status, std::function<absl::Status()> body) {
   command->callback([body = std::move(body), exit_status] {
     if (const absl::Status s = body(); !s.ok()) {
-      std::fprintf(stderr, "litags-bench: %s\n", std::string(s.message()).c_str());
-      *exit_status = 1;
+      PrintError("litags-bench", s);
+      *exit_status = ExitCodeOf(s);
     }
   });
 }

@@ -11,7 +11,7 @@
 
 namespace litags {
 
-// Runs `body` when the command is given. Its error goes to stderr and sets the exit status to 1.
+// Runs `body` when the command is given. Its error goes to stderr and sets the exit status.
 void WhenGiven(CLI::App* command, int* exit_status, std::function<absl::Status()> body);
 
 // Variables of options must outlive the command.

@@ -32,6 +32,12 @@ TEST(KernelsCommand, RefusesAValueInTheWordsOfEveryProgram) {
               HasSubstr("--pdm-hidden takes a whole number from 0 to 64, not \"1.5\""));
 }
 
+TEST(TableCommand, SaysTheReasonOfWrongInput) {
+  const SubprocessResult result = RunBench("table", {"nowhere", "-o", "table"});
+  EXPECT_EQ(result.exit_code, 2) << result.tail;
+  EXPECT_THAT(result.tail, HasSubstr("reason NO_SUCH_SCENE, field nowhere"));
+}
+
 TEST(ThreadsCommand, PrintsTimesForUpTo64ThreadsAndEachLoop) {
   const SubprocessResult result =
       RunBench("threads", {"--gaussians", "480", "--size", "64x48", "--repetitions", "2"});

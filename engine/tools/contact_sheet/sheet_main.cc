@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/tools/contact_sheet/contact_sheet.h"
+#include "engine/tools/failure/failure.h"
 #include "proto/arguments/arguments.h"
 
 namespace {
@@ -35,9 +36,8 @@ int Run(int argc, char** argv) {
     sheet.rows.push_back(std::move(row));
   }
   const absl::Status status = litags::WriteSheet(sheet, out);
-  if (status.ok()) return 0;
-  std::cerr << "litags-sheet: " << status.message() << "\n";
-  return status.code() == absl::StatusCode::kInvalidArgument ? 2 : 1;
+  if (!status.ok()) litags::PrintError("litags-sheet", status);
+  return litags::ExitCodeOf(status);
 }
 
 }  // namespace

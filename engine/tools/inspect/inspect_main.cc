@@ -5,6 +5,7 @@
 #include <string>
 
 #include "engine/core/error.h"
+#include "engine/tools/failure/failure.h"
 #include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/inspect.h"
 #include "engine/tools/interrupt/interrupt.h"
@@ -66,13 +67,6 @@ absl::Status Run(const Arguments& args, const CancelToken& cancel) {
   return status;
 }
 
-void PrintError(const absl::Status& status) {
-  std::fprintf(stderr, "litags inspect: %s\n", std::string(status.message()).c_str());
-  if (absl::IsCancelled(status)) return;
-  const ErrorDetail detail = GetErrorDetail(status).value_or(ErrorDetail{});
-  std::fprintf(stderr, "  reason %s, field %s\n", detail.reason.c_str(), detail.field.c_str());
-}
-
 int Main(int argc, char** argv) {
   Arguments args;
   CLI::App app("Says what of a folder of photos, or of a video, would be used, and why not.",
@@ -81,7 +75,7 @@ int Main(int argc, char** argv) {
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
   const absl::Status status = Run(args, CancelOnInterrupt());
   if (status.ok()) return 0;
-  PrintError(status);
+  PrintError("litags inspect", status);
   return absl::IsCancelled(status) ? kInterruptedExit : 2;  // 2, as litags: bad input
 }
 

@@ -24,6 +24,7 @@
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/method_options.h"
 #include "engine/tools/evaluation/progress_lines.h"
+#include "engine/tools/failure/failure.h"
 #include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/folder_contents.h"
 #include "engine/tools/inspect/inspect.h"
@@ -43,24 +44,6 @@ struct Arguments {
   ReconstructOptions options;
   std::vector<std::string> set;  // constants of the recipe
 };
-
-// Bad usage and input end as those of litags and litags inspect do.
-int ExitCodeOf(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  if (status.ok()) return 0;
-  if (absl::IsCancelled(status)) return kInterruptedExit;
-  const bool too_few = detail.has_value() && detail->reason == "TOO_FEW_PHOTOS";
-  return absl::IsInvalidArgument(status) || absl::IsNotFound(status) || too_few ? 2 : 1;
-}
-
-// `keeps`: the output folder stays, with what a later run goes on from.
-void PrintError(const absl::Status& status, bool keeps) {
-  std::fprintf(stderr, "litags-train: %s%s\n", std::string(status.message()).c_str(),
-               absl::IsCancelled(status) && keeps ? "; run the same command to go on" : "");
-  if (const auto detail = GetErrorDetail(status); detail.has_value()) {
-    std::fprintf(stderr, "  reason %s, field %s\n", detail->reason.c_str(), detail->field.c_str());
-  }
-}
 
 void PrintMean(const char* what, const Scores& scores) {
   std::printf(
@@ -323,7 +306,10 @@ int Main(int argc, char** argv) {
   std::optional<ScratchFolder> scratch;
   if (!keeps) args.out = scratch.emplace().path();
   const absl::Status status = Run(args, cancel);
-  if (!status.ok()) PrintError(status, keeps && !args.inspect);
+  if (!status.ok()) {
+    const bool resumable = absl::IsCancelled(status) && keeps && !args.inspect;
+    PrintError("litags-train", status, resumable ? "; run the same command to go on" : "");
+  }
   return ExitCodeOf(status);
 }
 
