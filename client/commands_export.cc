@@ -119,8 +119,9 @@ void AddExportCommand(CLI::App& app, Session& session) {
   command->add_option(
       "--max-splats", args->max_splats,
       "At most so many Gaussians or points: those that pictures need most; not for meshes");
-  command->add_flag("--antialiased", args->antialiased,
-                    "Small Gaussians as trained, and tell viewers so: .spz and .sog only");
+  command->add_flag(
+      "--antialiased", args->antialiased,
+      "Small Gaussians as trained, and tell viewers so: .compressed.ply, .spz and .sog");
   command->callback([&session, args] { session.exit_code = Export(session, *args); });
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "engine/export/formats.h"
 #include "engine/export/quantize.h"
 #include "engine/io/byte_reader.h"
@@ -53,8 +54,14 @@ uint32_t PackQuat(const std::array<float, 4>& q) {  // wxyz
   return word;
 }
 
-std::string Header(size_t count, int coefficients) {
+std::string Header(const ViewerScene& scene, int coefficients) {
+  const size_t count = scene.splats.size();
   std::string out = "ply\nformat binary_little_endian 1.0\n";
+  if (scene.origin != std::array<double, 3>{}) {
+    absl::StrAppendFormat(&out, "comment origin %.17g %.17g %.17g\n", scene.origin[0],
+                          scene.origin[1], scene.origin[2]);
+  }
+  if (scene.antialiased) absl::StrAppend(&out, "comment antialiased\n");
   absl::StrAppend(&out, "element chunk ", (count + kChunk - 1) / kChunk, "\n");
   for (const char* stem : {"_", "_scale_"}) {
     for (const char* bound : {"min", "max"}) {
@@ -113,7 +120,7 @@ absl::StatusOr<std::string> EncodeCompressedPly(const ViewerScene& scene) {
       }
     }
   }
-  return absl::StrCat(Header(splats.size(), coefficients), chunks, words, rest);
+  return absl::StrCat(Header(scene, coefficients), chunks, words, rest);
 }
 
 }  // namespace litags

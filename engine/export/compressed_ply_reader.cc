@@ -70,6 +70,11 @@ absl::StatusOr<ViewerScene> DecodeCompressedPly(std::string_view bytes) {
     }
   }
   ViewerScene scene;
+  scene.antialiased = header.find("\ncomment antialiased\n") != header.npos;
+  if (const size_t at = header.find("\ncomment origin "); at != header.npos) {
+    std::sscanf(std::string(header.substr(at, 100)).c_str(), "\ncomment origin %lf %lf %lf",
+                &scene.origin[0], &scene.origin[1], &scene.origin[2]);
+  }
   scene.splats.Resize(count);
   while (scene.sh_degree > 0 && 3 * (ShCount(scene.sh_degree) - 1) != static_cast<int>(rest)) {
     --scene.sh_degree;

@@ -2,27 +2,32 @@
 
 #include "engine/core/check.h"
 #include "engine/io/ply.h"
+#include "engine/render/constants.h"
 
 namespace litags {
 namespace {
 
+// PlayCanvas adds 0.3 to covariances in half pixels (gsplatCorner of its engine 2.23).
+constexpr float kPlayCanvasAdds = 0.3f / 4;
+
 constexpr FormatInfo kFormats[] = {
-    {SceneFormat::kPly, "ply", ".ply", UpAxis::kKeep, false, EncodeStandardPly},
-    {SceneFormat::kCompressedPly, "compressed-ply", ".compressed.ply", UpAxis::kKeep, false,
-     EncodeCompressedPly},
-    {SceneFormat::kSplat, "splat", ".splat", UpAxis::kKeep, false, EncodeSplat},
-    {SceneFormat::kSpz, "spz", ".spz", UpAxis::kY, true, EncodeSpz},
-    {SceneFormat::kSpzV4, "spz-v4", ".spz", UpAxis::kY, true, EncodeSpzV4},
-    {SceneFormat::kSog, "sog", ".sog", UpAxis::kKeep, true, EncodeSog},
-    {SceneFormat::kGlb, "glb", ".glb", UpAxis::kY, false, EncodeGlb},
-    {SceneFormat::kUsda, "usda", ".usda", UpAxis::kY, false, EncodeUsda},
-    {SceneFormat::kColmap, "colmap", ".zip", UpAxis::kKeep, false, EncodeColmap},
-    {SceneFormat::kHtml, "html", ".html", UpAxis::kKeep, false, EncodeHtml},
-    {SceneFormat::kPoints, "points", ".points.ply", UpAxis::kKeep, false, nullptr, EncodePointsPly},
-    {SceneFormat::kLas, "las", ".las", UpAxis::kKeep, false, nullptr, EncodeLas},
-    {SceneFormat::kMeshPly, "mesh-ply", ".mesh.ply", UpAxis::kKeep, false, nullptr, nullptr,
+    {SceneFormat::kPly, "ply", ".ply", UpAxis::kKeep, false, kEps2d, EncodeStandardPly},
+    {SceneFormat::kCompressedPly, "compressed-ply", ".compressed.ply", UpAxis::kKeep, true,
+     kPlayCanvasAdds, EncodeCompressedPly},
+    {SceneFormat::kSplat, "splat", ".splat", UpAxis::kKeep, false, kEps2d, EncodeSplat},
+    {SceneFormat::kSpz, "spz", ".spz", UpAxis::kY, true, kEps2d, EncodeSpz},
+    {SceneFormat::kSpzV4, "spz-v4", ".spz", UpAxis::kY, true, kEps2d, EncodeSpzV4},
+    {SceneFormat::kSog, "sog", ".sog", UpAxis::kKeep, true, kPlayCanvasAdds, EncodeSog},
+    {SceneFormat::kGlb, "glb", ".glb", UpAxis::kY, false, kEps2d, EncodeGlb},
+    {SceneFormat::kUsda, "usda", ".usda", UpAxis::kY, false, kEps2d, EncodeUsda},
+    {SceneFormat::kColmap, "colmap", ".zip", UpAxis::kKeep, false, kEps2d, EncodeColmap},
+    {SceneFormat::kHtml, "html", ".html", UpAxis::kKeep, true, kEps2d, EncodeHtml},
+    {SceneFormat::kPoints, "points", ".points.ply", UpAxis::kKeep, false, kEps2d, nullptr,
+     EncodePointsPly},
+    {SceneFormat::kLas, "las", ".las", UpAxis::kKeep, false, kEps2d, nullptr, EncodeLas},
+    {SceneFormat::kMeshPly, "mesh-ply", ".mesh.ply", UpAxis::kKeep, false, kEps2d, nullptr, nullptr,
      EncodeMeshPly},
-    {SceneFormat::kMeshGlb, "mesh-glb", ".mesh.glb", UpAxis::kY, false, nullptr, nullptr,
+    {SceneFormat::kMeshGlb, "mesh-glb", ".mesh.glb", UpAxis::kY, false, kEps2d, nullptr, nullptr,
      EncodeMeshGlb},
 };
 

@@ -19,6 +19,7 @@ struct FormatInfo {
   const char* ending;  // of a file's name
   UpAxis up;           // what it is turned to unless asked; kKeep: it is not turned
   bool has_antialiased_tag;
+  float viewers_add;  // px^2, to a Gaussian's 2D covariance: those of scenes without that tag
   // The file's bytes. FAILED_PRECONDITION (EXPORT_OUT_OF_RANGE) if the format cannot hold them.
   // Of these three functions, two are null.
   absl::StatusOr<std::string> (*encode)(const ViewerScene& scene);
@@ -32,7 +33,8 @@ const FormatInfo& InfoOf(SceneFormat format);
 
 absl::StatusOr<std::string> EncodeStandardPly(const ViewerScene& scene);
 
-// PlayCanvas: chunks of 256 Gaussians, 16 bytes each and a byte for each coefficient of colour.
+// PlayCanvas: chunks of 256 Gaussians, 16 bytes each and a byte for each coefficient of colour. The
+// origin and the antialiased tag are comments of the header, "origin X Y Z" and "antialiased".
 absl::StatusOr<std::string> EncodeCompressedPly(const ViewerScene& scene);
 
 // antimatter15/splat: 32 bytes each, the most visible first; one colour from all sides.

@@ -16,11 +16,12 @@ using Json = nlohmann::json;
 
 Json VectorOf(const std::array<double, 3>& v) { return {{"x", v[0]}, {"y", v[1]}, {"z", v[2]}}; }
 
-// The photos' cameras as litags.v1.Cameras has them. No name can end the script that holds them.
+// The photos' cameras as litags.v1.Cameras has them, which do not count from the scene's origin. No
+// name can end the script that holds them.
 std::string CamerasOf(const ViewerScene& scene) {
   Json cameras = Json::array();
   for (const View& view : scene.views) {
-    const Camera& c = view.camera;
+    const Camera c = view.camera.Moved(scene.origin);
     cameras.push_back({{"name", view.name},
                        {"camera",
                         {{"width", c.width},
@@ -28,8 +29,10 @@ std::string CamerasOf(const ViewerScene& scene) {
                          {"intrinsics", {{"fx", c.fx}, {"fy", c.fy}, {"cx", c.cx}, {"cy", c.cy}}},
                          {"viewmat", {{"values", c.Viewmat()}}}}}});
   }
+  std::array<double, 3> center;
+  for (int k = 0; k < 3; ++k) center[k] = scene.center[k] + scene.origin[k];
   const Json all = {{"cameras", std::move(cameras)},
-                    {"center", VectorOf(scene.center)},
+                    {"center", VectorOf(center)},
                     {"up", VectorOf(scene.up_direction)},
                     {"radius", scene.radius}};
   // A name may hold bytes that are no UTF-8.

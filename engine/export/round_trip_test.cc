@@ -75,6 +75,7 @@ TEST(RoundTrip, APageHoldsTheCompressedPlyAndTheCameras) {
   ViewerScene scene = SmallScene(kCount);
   scene.views[0].name = "</script><b>\xff.png";
   scene.radius = 2.5;
+  scene.origin = {500000, 4000000, 20};
   const auto page = InfoOf(SceneFormat::kHtml).encode(scene);
   if (ViewerModule().empty()) {
     EXPECT_EQ(Reason(page.status()), "EXPORT_NOT_BUILT");
@@ -101,7 +102,8 @@ TEST(RoundTrip, APageHoldsTheCompressedPlyAndTheCameras) {
   EXPECT_EQ(cameras["radius"], 2.5);
   ASSERT_EQ(cameras["cameras"].size(), scene.views.size());
   EXPECT_EQ(cameras["cameras"][1]["camera"]["viewmat"]["values"],
-            nlohmann::json(scene.views[1].camera.Viewmat()));
+            nlohmann::json(scene.views[1].camera.Moved(scene.origin).Viewmat()));
+  EXPECT_EQ(cameras["center"]["y"], scene.center[1] + 4000000);
 }
 
 TEST(RoundTrip, SplatsComeMostVisibleFirstWithOneColour) {
@@ -140,7 +142,7 @@ TEST(RoundTrip, TheAntialiasedTagIsKeptWhereTheFormatHasOne) {
   ViewerScene scene = SmallScene(20);
   for (const bool antialiased : {false, true}) {
     scene.antialiased = antialiased;
-    for (const FormatInfo& info : Formats()) {
+    for (const FormatInfo& info : BuiltFormats()) {
       if (!info.has_antialiased_tag) continue;
       const auto read = ReadExported(info.format, Encoded(info.format, scene));
       ASSERT_TRUE(read.ok()) << read.status();
@@ -302,6 +304,10 @@ TEST(RoundTrip, MapCoordinatesStandInFormatsThatHaveAPlaceForThem) {
   const auto glb = ReadExported(SceneFormat::kGlb, Encoded(SceneFormat::kGlb, scene));
   ASSERT_TRUE(glb.ok()) << glb.status();
   EXPECT_EQ(glb->origin, scene.origin);
+  const auto compressed =
+      ReadExported(SceneFormat::kCompressedPly, Encoded(SceneFormat::kCompressedPly, scene));
+  ASSERT_TRUE(compressed.ok()) << compressed.status();
+  EXPECT_EQ(compressed->origin, scene.origin);
   EXPECT_NE(Encoded(SceneFormat::kUsda, scene).find("(500000, 4000000.25, 20)"), std::string::npos);
   EXPECT_NE(Encoded(SceneFormat::kPly, scene).find("comment origin 500000 4000000.25 20\n"),
             std::string::npos);

@@ -92,8 +92,10 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
         KeepHeaviest(request.max_splats, request.threads, request.cancel, &scene));
   }
   // After the weights: these are of smaller pictures than the changed Gaussians fit.
-  if (mip && !request.antialiased) {
-    scene.splats = SplatsForViewers(scene.views, std::move(scene.splats));
+  // A page of its own brings a viewer that knows the filter.
+  if (mip && !request.antialiased && request.format != SceneFormat::kHtml) {
+    scene.splats =
+        SplatsForViewers(scene.views, InfoOf(request.format).viewers_add, std::move(scene.splats));
     scene.antialiased = false;
   }
   const UpAxis axis = request.up == UpAxis::kOfFormat ? InfoOf(request.format).up : request.up;

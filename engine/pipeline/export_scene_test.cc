@@ -158,7 +158,14 @@ TEST(ExportScene, AntialiasedScenesAreAsTrained) {
   EXPECT_FALSE(changed->antialiased);
   EXPECT_EQ(trained->splats.at(3, kLogitOpacity), model.splats.at(3, kLogitOpacity));
   EXPECT_NE(changed->splats.at(3, kLogitOpacity), model.splats.at(3, kLogitOpacity));
+  request.antialiased = false;
+  request.format = SceneFormat::kHtml;  // brings its viewer
+  const auto page = Made(model, request);
+  ASSERT_TRUE(page.ok()) << page.status();
+  EXPECT_TRUE(page->antialiased);
+  EXPECT_EQ(page->splats.at(3, kLogitOpacity), model.splats.at(3, kLogitOpacity));
   model.pixel_filter = PixelFilter::kDilate;
+  request.antialiased = true;
   EXPECT_EQ(Reason(Made(model, request).status()), "CHANNEL_UNAVAILABLE");
 }
 

@@ -62,8 +62,9 @@ absl::Status CheckExport(const ExportRequest& request) {
   }
   const FormatInfo& info = InfoOf(request.format);
   if (request.antialiased && !info.has_antialiased_tag) {
-    return BadOption("antialiased",
-                     absl::StrCat(": ", info.name, " has no tag for it; spz, spz-v4 and sog have"));
+    return BadOption("antialiased", absl::StrCat(": ", info.name,
+                                                 " has no tag for it; compressed-ply, html, spz, "
+                                                 "spz-v4 and sog have"));
   }
   if (request.max_splats > 0 && info.encode_mesh != nullptr) {
     return BadOption("max_splats",

@@ -30,15 +30,15 @@ double MeanPixelSize(const std::vector<View>& views, const std::array<double, 3>
   return count > 0 ? sum / count : 0;
 }
 
-// `p`: size of a pixel, scene units.
-void Dilatable(double p, size_t i, Splats* splats) {
-  std::array<double, 3> growth;  // of the variances by kDilate
+// `p`: size of a pixel, scene units. `added`: px^2.
+void Dilatable(double p, double added, size_t i, Splats* splats) {
+  std::array<double, 3> growth;  // of the variances by viewers
   for (int k = 0; k < 3; ++k) {
     float& log_scale = splats->at(i, kLogScale + k);
     const double variance = std::exp(2.0 * log_scale);
     const double left =
-        std::max(variance - (kEps2d - kMipEps2d) * p * p, kLeastScale * kLeastScale * p * p);
-    growth[k] = (left + kEps2d * p * p) / variance;
+        std::max(variance - (added - kMipEps2d) * p * p, kLeastScale * kLeastScale * p * p);
+    growth[k] = (left + added * p * p) / variance;
     log_scale = static_cast<float>(0.5 * std::log(left));
   }
   // The larger a scale, the less it grows.
@@ -51,13 +51,13 @@ void Dilatable(double p, size_t i, Splats* splats) {
 
 }  // namespace
 
-Splats SplatsForViewers(const std::vector<View>& views, Splats splats) {
+Splats SplatsForViewers(const std::vector<View>& views, float added, Splats splats) {
   ParallelFor(DefaultThreadCount(), splats.num_blocks(), [&](size_t block, int) {
     const size_t end = std::min(splats.size(), (block + 1) * kSplatBlock);
     for (size_t i = block * kSplatBlock; i < end; ++i) {
       const double p = MeanPixelSize(
           views, {splats.at(i, kMean), splats.at(i, kMean + 1), splats.at(i, kMean + 2)});
-      if (p > 0) Dilatable(p, i, &splats);
+      if (p > 0) Dilatable(p, added, i, &splats);
     }
   });
   return splats;

@@ -1,4 +1,4 @@
-// Scenes for viewers that draw small Gaussians as 3DGS does.
+// Scenes for viewers that draw small Gaussians as 3DGS does, or similarly.
 #ifndef LITAGS_ENGINE_PIPELINE_VIEWER_SPLATS_H_
 #define LITAGS_ENGINE_PIPELINE_VIEWER_SPLATS_H_
 
@@ -9,14 +9,15 @@
 
 namespace litags {
 
-// Gaussians of PixelFilter::kMip as PixelFilter::kDilate should get them to draw much the same in
+// Gaussians of PixelFilter::kMip as viewers should get them that add `added` px^2 to the 2D
+// covariance and leave the opacity (kEps2d: PixelFilter::kDilate), to draw much the same in
 // pictures of the size of `views`. With p the size of a pixel at the Gaussian, in scene units, mean
 // over the views that see it, scales s become s' and the opacity o becomes o':
-//   s'^2 = s^2 - (kEps2d - kMipEps2d) p^2, where that is more than (0.1 p)^2, else that
-//   o' = o sqrt(product of s^2 / (s'^2 + kEps2d p^2)) over the two larger scales,
+//   s'^2 = s^2 - (added - kMipEps2d) p^2, where that is more than (0.1 p)^2, else that
+//   o' = o sqrt(product of s^2 / (s'^2 + added p^2)) over the two larger scales,
 // exact for large Gaussians seen along their shortest axis, and nearly so for small ones. Those
 // that no view sees stay as they are.
-Splats SplatsForViewers(const std::vector<View>& views, Splats splats);
+Splats SplatsForViewers(const std::vector<View>& views, float added, Splats splats);
 
 }  // namespace litags
 

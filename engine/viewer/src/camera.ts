@@ -82,7 +82,7 @@ export class OrbitCamera {
 
   // Of a camera here that looks along `forward`, of unit length.
   frame(forward = this.forward): Frame {
-    const right = unit(cross(forward, this.up));
+    const right = this.rightOf(forward);
     return {eye: this.eye, right, down: cross(forward, right), forward};
   }
 
@@ -98,8 +98,9 @@ export class OrbitCamera {
   // About the eye.
   turn(yaw: number, pitch: number): void {
     const level = turned(this.forward, this.up, -yaw);
-    const pitched = turned(level, unit(cross(level, this.up)), pitch);
-    this.forward = unit(Math.abs(dot(pitched, this.up)) < kNearPole ? pitched : level);
+    const pitched = turned(level, this.rightOf(level), pitch);
+    const steepest = Math.max(kNearPole, Math.abs(dot(level, this.up)));  // photos may look straight down
+    this.forward = unit(Math.abs(dot(pitched, this.up)) < steepest ? pitched : level);
   }
 
   // Along its axes, in shares of the distance.
@@ -128,6 +129,14 @@ export class OrbitCamera {
   ray(x: number, y: number, width: number, height: number): V3 {
     const f = this.frame(), focal = this.focal(height);
     return unit(add(add(f.forward, f.right, (x - width / 2) / focal), f.down, (y - height / 2) / focal));
+  }
+
+  // Level and of unit length; any that is, where `forward` is up or down.
+  private rightOf(forward: V3): V3 {
+    const right = cross(forward, this.up);
+    if (length(right) > 1e-6) return unit(right);
+    const other: V3 = Math.abs(this.up[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0];
+    return unit(cross(forward, other));
   }
 
   private focal(height: number): number { return height / 2 / Math.tan(this.fovDeg * Math.PI / 360); }

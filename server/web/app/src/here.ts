@@ -1,6 +1,6 @@
 // A scene drawn in the browser, by a viewer that is loaded when it is first wanted.
 
-import {getBytes, type Job} from "./api.js";
+import {ApiError, getBytes, type Job} from "./api.js";
 import type {OrbitCamera} from "./camera.js";
 import type {SplatView, ViewerModule} from "./contract.js";
 import {el} from "./dom.js";
@@ -40,12 +40,23 @@ export class Here {
     this.view?.then((view) => view.stop(), () => {});
   }
 
+  // As trained with the 2D Mip filter, which the viewer knows; some scenes are without.
+  private async scene(): Promise<Uint8Array<ArrayBuffer>> {
+    const path = `/v1/${this.job.name}/model?format=MODEL_FORMAT_COMPRESSED_PLY`;
+    try {
+      return await getBytes(`${path}&antialiased=true`);
+    } catch (error) {
+      if (!(error instanceof ApiError && error.reason === "CHANNEL_UNAVAILABLE")) throw error;
+      return getBytes(path);
+    }
+  }
+
   private async open(): Promise<SplatView> {
     const [module, bytes] = await Promise.all([
       (import(kModule) as Promise<ViewerModule>).catch(() => {
         throw new Error("the viewer cannot be loaded: the server is away, or was built without it");
       }),
-      getBytes(`/v1/${this.job.name}/model?format=MODEL_FORMAT_COMPRESSED_PLY`),
+      this.scene(),
     ]);
     const view = await module.openSplats(this.canvas, bytes, (final) => {
       if (this.shown) this.drawn(`${this.canvas.width} x ${this.canvas.height}`, final);
