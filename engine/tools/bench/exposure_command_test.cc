@@ -113,7 +113,7 @@ TEST(ExposureCommand, ErrorsOfAScenesLightsDifferByTheirGains) {
 TEST(ExposureCommand, RefusesFoldersWithoutPhotos) {
   TempDir dir;
   const SubprocessResult empty = RunExposure({dir.path()});
-  EXPECT_EQ(empty.exit_code, 1);
+  EXPECT_EQ(empty.exit_code, 2);
   EXPECT_THAT(empty.tail, HasSubstr("holds no photo"));
   EXPECT_NE(RunExposure({dir / "none"}).exit_code, 0);
 }

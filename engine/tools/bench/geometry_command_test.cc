@@ -54,7 +54,7 @@ TEST(GeometryCommand, WithoutTruthSaysWhereItComesFrom) {
   const TempDir dir;
   ASSERT_TRUE(SaveScene(dir / "scene.litags", WallModel(), WallViews()).ok());
   const SubprocessResult result = RunBench("geometry", {dir / "scene.litags", dir.path()});
-  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.tail, HasSubstr("litags-sample --truth"));
 }
 

@@ -62,7 +62,7 @@ TEST(ShadowsCommand, EveryStepBringsADarkPhotoNearerToItsTruth) {
 
 TEST(ShadowsCommand, RefusesFoldersWithoutPhotos) {
   TempDir dir;
-  EXPECT_EQ(RunBench("shadows", {dir.path()}).exit_code, 1);
+  EXPECT_EQ(RunBench("shadows", {dir.path()}).exit_code, 2);
 }
 
 }  // namespace
