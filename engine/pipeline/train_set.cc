@@ -14,6 +14,7 @@
 #include "engine/pipeline/dense_start.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/held_out.h"
 #include "engine/pipeline/posed_photos.h"
 #include "engine/target/black_lift.h"
 #include "engine/target/tone.h"
@@ -131,15 +132,12 @@ struct Split {
   int every = 0;                 // one photo in so many is held out; 0: none is
 };
 
-int64_t LeastToHoldOut(int every) { return int64_t{2} * every; }
-
 Split SplitPhotos(int every, const PosedPhotos& posed) {
   Split split;
-  // Too few photos to spare any.
-  if (every > 0 && static_cast<int64_t>(posed.size()) >= LeastToHoldOut(every)) split.every = every;
+  if (HoldsOut(posed.size(), every)) split.every = every;
   split.point_views.assign(posed.model.views.size(), -1);
   for (size_t i = 0; i < posed.size(); ++i) {
-    if (split.every > 0 && static_cast<int>(i) % every == every / 2) {
+    if (IsHeldOut(i, posed.size(), every)) {
       split.holdout.push_back(i);
     } else {
       split.point_views[posed.model_view[i]] = static_cast<int>(split.train.size());

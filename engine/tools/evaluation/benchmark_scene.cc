@@ -8,6 +8,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
+#include "engine/pipeline/held_out.h"
 
 namespace litags {
 namespace {
@@ -92,8 +93,9 @@ absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
   return views;
 }
 
-absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(const Scene& scene,
-                                                                const std::string& work_dir) const {
+absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(
+    const Scene& scene, const std::string& work_dir, int holdout_every,
+    std::vector<std::string>* trained_on) const {
   LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> given, TestViews());
   if (!sfm || given.empty()) return given;
   LITAGS_ASSIGN_OR_RETURN(const SparseModel found, ReadCameras(work_dir + "/cameras", "cameras"));
@@ -102,6 +104,10 @@ absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(const Scene& sce
   for (const TestView& wanted : given) {
     const auto view = trained.Find(wanted.view.name), camera = cameras.Find(wanted.view.name);
     if (!view || !camera) continue;
+    if (!IsHeldOut(*view, scene.views().size(), holdout_every)) {
+      if (trained_on != nullptr) trained_on->push_back(wanted.view.name);
+      continue;
+    }
     views.push_back({scene.views()[*view], found.distortions[*camera]});
   }
   return views;

@@ -37,9 +37,11 @@ struct BenchmarkScene {
   // there is no such file.
   absl::StatusOr<std::vector<TestView>> TestViews() const;
   // With `sfm` they are the trained scene's own, by name: COLMAP's world is another. So are their
-  // lenses, which the run in `work_dir` found.
-  absl::StatusOr<std::vector<TestView>> TestViews(const Scene& scene,
-                                                  const std::string& work_dir) const;
+  // lenses, which the run in `work_dir` found. That run held out one photo in `holdout_every`; test
+  // views that it trained on are left out and go to `trained_on` (may be null), by name.
+  absl::StatusOr<std::vector<TestView>> TestViews(
+      const Scene& scene, const std::string& work_dir, int holdout_every,
+      std::vector<std::string>* trained_on = nullptr) const;
 };
 
 }  // namespace litags

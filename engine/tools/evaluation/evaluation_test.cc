@@ -414,22 +414,26 @@ TEST_F(EvaluationTest, CamerasWithoutASizeHaveThatOfThePhotos) {
   EXPECT_EQ(scene.TestViews()->at(0).view.camera.width, 32);
 }
 
-// COLMAP's cameras, and the lenses that it found.
+// COLMAP's cameras, and the lenses that it found; of photos that the run did not train on.
 TEST_F(EvaluationTest, TestViewsOfAColmapRunAreTheScenesWithTheirLens) {
-  WriteCameras(dir_, "test", {"b.png", "z.png"});
+  WriteCameras(dir_, "test", {"b.png", "c.png", "z.png"});
   SparseModel found;
   Camera camera;
   camera.width = 96;
   camera.height = 64;
   camera.fx = camera.fy = 77;
-  found.views = {{"a.png", camera}, {"b.png", camera}};
-  found.distortions = {Distortion(), {.k1 = -0.1}};
+  found.views = {{"a.png", camera}, {"b.png", camera}, {"c.png", camera}, {"d.png", camera}};
+  found.distortions = {Distortion(), {.k1 = -0.1}, Distortion(), Distortion()};
   std::filesystem::create_directories(dir_ + "/work/cameras");
   ASSERT_TRUE(WriteColmapModel(dir_ + "/work/cameras", found).ok());
   BenchmarkScene scene{.dir = dir_, .light = "low", .cameras = ""};
   scene.sfm = true;
-  const auto views = scene.TestViews(FlatScene(1, found.views), dir_ + "/work");
+  std::vector<std::string> trained_on;
+  const FlatScene trained(1, found.views);
+  const auto views = scene.TestViews(trained, dir_ + "/work", /*holdout_every=*/2, &trained_on);
   ASSERT_TRUE(views.ok()) << views.status();
+  EXPECT_EQ(trained_on, std::vector<std::string>{"c.png"});
+  EXPECT_TRUE(scene.TestViews(trained, dir_ + "/work", /*holdout_every=*/8)->empty());
   ASSERT_EQ(views->size(), 1u);
   EXPECT_EQ(views->at(0).view.name, "b.png");
   EXPECT_EQ(views->at(0).view.camera.fx, 77);

@@ -53,7 +53,14 @@ void PrintMean(const char* what, const Scores& scores) {
 
 // Renders every test view into OUT/test and compares with the truth photos that there are.
 absl::Status Evaluate(const Arguments& args, const Scene& scene) {
-  LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> views, args.scene.TestViews(scene, args.out));
+  std::vector<std::string> trained_on;
+  LITAGS_ASSIGN_OR_RETURN(
+      std::vector<TestView> views,
+      args.scene.TestViews(scene, args.out, args.options.holdout_every, &trained_on));
+  if (!trained_on.empty()) {
+    std::fprintf(stderr, "note: test views that were trained on are not scored: %s\n",
+                 absl::StrJoin(trained_on, ", ").c_str());
+  }
   if (views.empty()) return absl::OkStatus();
   views = AtMost(args.options.max_image_side, std::move(views));
   const std::string truth = args.scene.TruthDir(), pictures = args.out + "/test";
@@ -98,33 +105,53 @@ absl::Status CheckPhotos(const BenchmarkScene& scene) {
                                    "; name one with --light, as --light ", lights.back()));
 }
 
+absl::Status Unused(const char* option, const std::string& why) {
+  return InvalidInput("OPTION_UNUSED", option, absl::StrCat(option, " ", why));
+}
+
+absl::Status CheckMethodUses(const ReconstructOptions& options) {
+  const Recipe recipe = options.ResolveRecipe();
+  const DepthOrigin source = options.depth_source;
+  if (!(recipe.lita && recipe.use_depth) && source != DepthOrigin::kAuto &&
+      source != DepthOrigin::kNone) {
+    return Unused("--depth-source",
+                  "would not be used: the method has no depth loss; leave it out, or take another "
+                  "method than 3dgs");
+  }
+  if (recipe.tone.rule != Tone::kCapture &&
+      options.white_balance != ReconstructOptions().white_balance) {
+    return Unused("--white-balance",
+                  "would not be used: only the tone capture balances colours; leave it out, or "
+                  "give --tone capture");
+  }
+  return absl::OkStatus();
+}
+
 // Options that would have no effect are mistakes.
 absl::Status CheckOptionsAreUsed(const Arguments& args, bool video) {
-  const auto unused = [](const char* option, const std::string& why) {
-    return InvalidInput("OPTION_UNUSED", option, absl::StrCat(option, " ", why));
-  };
   LITAGS_RETURN_IF_ERROR(CheckFramesAreOfVideo(args.options.frames, video));
   if (video && !args.scene.light.empty()) {
-    return unused("--light", "is for folders of scenes, and this is a video; leave it out");
+    return Unused("--light", "is for folders of scenes, and this is a video; leave it out");
   }
+  LITAGS_RETURN_IF_ERROR(CheckMethodUses(args.options));
   const Recipe recipe = args.options.ResolveRecipe();
   const DepthOrigin source =
       recipe.lita && recipe.use_depth ? args.options.depth_source : DepthOrigin::kNone;
   if (!args.depth_model.empty() && source != DepthOrigin::kNetwork) {
-    return unused(
+    return Unused(
         "--depth-model",
         "would not be used: give --depth-source network, and another method than 3dgs, or "
         "leave it out");
   }
   if (!args.depth.empty() && source != DepthOrigin::kMaps && source != DepthOrigin::kAuto) {
-    return unused(
+    return Unused(
         "--depth",
         "would not be used: give --depth-source maps, and another method than 3dgs, or leave "
         "it out");
   }
   if (!args.scene.truth.empty() && args.scene.poses.empty() &&
       !fs::exists(args.scene.dir + "/transforms_test.json")) {
-    return unused("--truth",
+    return Unused("--truth",
                   absl::StrCat("is for test views, and ", args.scene.dir,
                                " has none (transforms_test.json); name some with --render-poses, "
                                "or leave it out"));
@@ -174,7 +201,14 @@ absl::StatusOr<ReconstructInput> FindInput(Arguments* args) {
                                             &args->scene.cameras, &args->masks, &args->depth));
   }
   if (!video) LITAGS_RETURN_IF_ERROR(CheckPhotos(args->scene));
+  const int holdout_every = args->options.holdout_every;
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args->scene.Input(args->out, &args->options));
+  if (args->options.holdout_every != holdout_every && holdout_every != 0 &&
+      holdout_every != ReconstructOptions().holdout_every) {
+    return Unused("--holdout-every",
+                  "would not be used: the scene has test views, and nothing else is held out; "
+                  "leave it out");
+  }
   input.memory_bytes = MachineMemory();
   if (video) input.video_path = args->scene.dir;
   input.frame_program = OwnPickFramesProgram();

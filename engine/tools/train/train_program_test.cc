@@ -84,6 +84,9 @@ TEST_F(TrainProgramTest, OptionsWithoutEffectAreRefused) {
       {{"--depth-model", "net.onnx"}, "--depth-model would not be used"},
       {{"--depth", photos, "--depth-source", "stereo"}, "--depth would not be used"},
       {{"--depth", photos, "--method", "3dgs"}, "--depth would not be used"},
+      {{"--depth-source", "stereo", "--method", "3dgs"}, "--depth-source would not be used"},
+      {{"--white-balance", "camera", "--method", "3dgs"}, "--white-balance would not be used"},
+      {{"--white-balance", "camera", "--tone", "paper"}, "--white-balance would not be used"},
       {{"--truth", scene_ + "/high"}, "--truth is for test views"}};
   for (auto [arguments, words] : cases) {
     arguments.insert(arguments.begin(), photos);
@@ -92,6 +95,9 @@ TEST_F(TrainProgramTest, OptionsWithoutEffectAreRefused) {
     EXPECT_THAT(outcome.text, HasSubstr(words));
     EXPECT_THAT(outcome.text, HasSubstr("OPTION_UNUSED"));
   }
+  const Outcome held_out = Run({scene_, "--light", "low", "--holdout-every", "4"});
+  EXPECT_EQ(held_out.exit_code, 2);
+  EXPECT_THAT(held_out.text, HasSubstr("--holdout-every would not be used"));
   EXPECT_FALSE(fs::exists(out_));
 }
 
