@@ -23,7 +23,7 @@ namespace litags {
 namespace {
 
 // A capture of 50 photos with its scene takes some hundred megabytes.
-constexpr int64_t kMinFreeBytes = int64_t{1} << 30;
+constexpr int64_t kAmpleFreeBytes = int64_t{1} << 30;
 
 using Finding = absl::StatusOr<std::string>;  // what was found, for humans
 
@@ -41,22 +41,6 @@ Finding CheckStore(const ServerFlags& flags) {
   return absl::StrCat(
       data.root, " can be written", used ? "; a server is using it now" : "; no server is using it",
       data.OthersMayEnter() ? "; others may enter it: chmod 700 keeps them out" : "");
-}
-
-Finding CheckSpace(const ServerFlags& flags) {
-  struct statvfs info = {};
-  if (statvfs(flags.data.c_str(), &info) != 0) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "SPACE_UNKNOWN", "--data",
-                     absl::StrCat("cannot ask for the free space of ", flags.data));
-  }
-  const int64_t free = static_cast<int64_t>(info.f_bavail) * static_cast<int64_t>(info.f_frsize);
-  const std::string text = absl::StrCat(free >> 20, " MiB free in ", flags.data);
-  if (free < kMinFreeBytes) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "SPACE_LOW", "--data",
-                     absl::StrCat(text, ", fewer than ", kMinFreeBytes >> 20,
-                                  "; free some, or choose another --data"));
-  }
-  return text;
 }
 
 Finding CheckColmap(const ServerFlags& flags) {
@@ -92,8 +76,28 @@ void Print(const char* word, const char* what, const std::string& text) {
 
 bool Report(const char* what, const Finding& finding) {
   Print(finding.ok() ? "ok" : "FAIL", what,
-        finding.ok() ? *finding : std::string(finding.status().message()));
+        finding.ok() ? *finding : MessageWithReason(finding.status()));
   return finding.ok();
+}
+
+// A server with little space starts: jobs can be deleted only while it runs.
+bool ReportSpace(const ServerFlags& flags) {
+  struct statvfs info = {};
+  if (statvfs(flags.data.c_str(), &info) != 0) {
+    return Report("space",
+                  MakeError(absl::StatusCode::kFailedPrecondition, "SPACE_UNKNOWN", "--data",
+                            absl::StrCat("cannot ask for the free space of ", flags.data)));
+  }
+  const int64_t free = static_cast<int64_t>(info.f_bavail) * static_cast<int64_t>(info.f_frsize);
+  const std::string text = absl::StrCat(free >> 20, " MiB free in ", flags.data);
+  if (free >= kAmpleFreeBytes) {
+    Print("ok", "space", text);
+  } else {
+    Print("note", "space",
+          absl::StrCat(text, ", fewer than ", kAmpleFreeBytes >> 20,
+                       ": large jobs may fail; free some, or choose another --data"));
+  }
+  return true;
 }
 
 // What a kernel lacks is for the operator to judge: nothing fails.
@@ -107,6 +111,12 @@ void ReportConfinement() {
 }
 
 }  // namespace
+
+std::string MessageWithReason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  const std::string message(status.message());
+  return detail ? absl::StrCat(message, " (", detail->reason, ")") : message;
+}
 
 absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_program) {
   if (flags.workers > 0 && access(worker_program.c_str(), X_OK) != 0) {
@@ -135,7 +145,7 @@ absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_p
 bool Preflight(const ServerFlags& flags, const std::string& worker_program) {
   const absl::Status programs = CheckPrograms(flags, worker_program);
   bool well = Report("store", CheckStore(flags));
-  well &= Report("space", CheckSpace(flags));
+  well &= ReportSpace(flags);
   well &= Report("programs", programs.ok() ? Finding(worker_program) : Finding(programs));
   well &= Report("colmap", CheckColmap(flags));
   ReportConfinement();

@@ -8,14 +8,17 @@
 
 namespace litags {
 
+// What is wrong, for operators, whose page of errors is by reason: "... (DATA_DIR_IN_USE)".
+std::string MessageWithReason(const absl::Status& status);
+
 // Whether jobs could run: the worker's program and settings, and the depth network if there is one.
 // FAILED_PRECONDITION (WORKER_NOT_FOUND, DEPTH_MODEL_NOT_FOUND), INVALID_ARGUMENT (OUT_OF_RANGE,
 // LABEL_INVALID).
 absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_program);
 
 // litags-server --check: looks at everything that a start needs, and at what jobs will need, and
-// prints a line for each: "ok" or "FAIL", what, and why. It changes nothing but a file that it
-// makes and removes in the data folder. Returns whether all is well.
+// prints a line for each: "ok", "note" or "FAIL", what, and why. It changes nothing but a file that
+// it makes and removes in the data folder. Returns whether all is well.
 bool Preflight(const ServerFlags& flags, const std::string& worker_program);
 
 }  // namespace litags

@@ -234,7 +234,7 @@ absl::Status PrintNewToken(const std::string& name, const std::string& tokens_pa
 }
 
 int Fail(const absl::Status& status) {
-  std::fprintf(stderr, "litags-server: %s\n", std::string(status.message()).c_str());
+  std::fprintf(stderr, "litags-server: %s\n", MessageWithReason(status).c_str());
   return 1;
 }
 

@@ -160,6 +160,7 @@ TEST_F(ServiceProcess, SecondServerOnTheSameDataIsRefused) {
   std::ifstream file(log);
   const std::string text((std::istreambuf_iterator<char>(file)), {});
   EXPECT_THAT(text, HasSubstr("another litags-server uses"));
+  EXPECT_THAT(text, HasSubstr(" (DATA_DIR_IN_USE)\n"));
 }
 
 }  // namespace
