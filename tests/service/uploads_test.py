@@ -286,8 +286,8 @@ class Archives(harness.ServiceTest):
             self.refused(self.tar([(link, b"")]), "ARCHIVE_ENTRY_UNSAFE", "trap.png")
         self.refused(self.zip([("a/1.png", photo), ("b/1.png", photo)]), "ARCHIVE_NAME_TWICE",
                      "a/1.png and b/1.png")
-        self.refused(self.zip([("1.png", b"no photo at all")]), "IMAGE_NOT_RECOGNIZED",
-                     "images[1.png]")
+        self.refused(self.zip([("1.png", b"no photo at all")]), "TOO_FEW_PHOTOS",
+                     "not used, of what is in the archive: 1.png")
         path = self.path("text.zip")
         with open(path, "wb") as file:
             file.write(b"this is no archive")

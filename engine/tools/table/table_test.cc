@@ -264,7 +264,7 @@ TEST_F(TableTest, AChangedPhotoOfTheSameSizeIsTrainedAnew) {
 
 TEST_F(TableTest, AMissingLightIsRefusedBeforeAnythingIsTrained) {
   const Outcome outcome = Run({"--light", "low,dark", "--methods", "3dgs"});
-  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_NE(outcome.text.find("room/dark"), std::string::npos) << outcome.text;
   EXPECT_FALSE(Exists("runs"));
 }
@@ -287,7 +287,7 @@ TEST_F(TableTest, AMeasuredRunBeginsAtTheBeginning) {
 
 TEST_F(TableTest, AnUnknownMethodIsRefusedWithAListOfThoseThatExist) {
   const Outcome outcome = Run({"--methods", "litags,4dgs"});
-  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_NE(outcome.text.find("4dgs"), std::string::npos);
   EXPECT_NE(outcome.text.find("clahe+3dgs"), std::string::npos);
 }
