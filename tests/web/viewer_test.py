@@ -4,6 +4,7 @@ The steps are in viewer_steps.mjs. Skipped, and says so, without Chromium, witho
 programs were built without the viewer. Pictures go to the folder LITAGS_SCREENSHOTS.
 """
 
+import json
 import os
 import pathlib
 import shutil
@@ -22,6 +23,15 @@ WORK = pathlib.Path(os.environ["LITAGS_NPM_FOLDER"])
 PATIENCE_S = 60 * int(os.environ.get("LITAGS_TEST_SLOWER", "1"))
 
 
+def move_to_map(path):
+    """Cameras in the coordinates of a map, which floats are too coarse for."""
+    cameras = json.loads(path.read_text())
+    for frame in cameras["frames"]:
+        for row, offset in zip(frame["transform_matrix"], (500000, 4000000, 20)):
+            row[3] += offset
+    path.write_text(json.dumps(cameras))
+
+
 class Viewer(unittest.TestCase):
 
     def setUp(self):
@@ -30,6 +40,7 @@ class Viewer(unittest.TestCase):
         capture = self.folder / "capture"
         subprocess.run([BIN / "litags-sample", capture, "--size", "160x120", "--views", "10"], check=True,
                        stdout=subprocess.DEVNULL)
+        move_to_map(capture / "transforms_train.json")
         self.server = measure_flight.Server(BIN, self.folder, 0)
         self.addCleanup(self.server.stop)
         self.job = self.server.trained_job(capture, iterations=150)
