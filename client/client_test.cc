@@ -144,12 +144,12 @@ TEST_F(ClientTest, AVideoIsSentAsOneFile) {
 
 TEST_F(ClientTest, AnUnreadablePhotoIsLeftOutWithItsMaskWhileEnoughRemain) {
   for (const char* name :
-       {"a.jpg", "b.jpg", "bad.jpg", "c.jpg", "masks/a.jpg.png", "masks/bad_mask.png"}) {
+       {"a.jpg", "b.jpg", "bad.jpg", "c.jpg", "masks/a.jpg.png", "masks/bad_MASK.png"}) {
     Write(name, "x");
   }
   ASSERT_TRUE(Upload().ok());
   EXPECT_EQ(service_.state()->stored.size(), 4u);
-  EXPECT_EQ(service_.state()->stored.count("bad_mask.png"), 0u);
+  EXPECT_EQ(service_.state()->stored.count("bad_MASK.png"), 0u);
   EXPECT_THAT(last_progress_.left_out, ElementsAre(HasSubstr("bad.jpg is left out: ")));
   EXPECT_EQ(last_progress_.files_done, 4);
   EXPECT_EQ(last_progress_.bytes, 4);
@@ -159,6 +159,15 @@ TEST_F(ClientTest, AnUnreadablePhotoIsLeftOutWithItsMaskWhileEnoughRemain) {
   const absl::Status strict = UploadFiles(
       *client_, "jobs/1", capture->files, [](const UploadProgress&) {}, /*strict=*/true);
   EXPECT_EQ(DetailOf(strict).field(), "images[bad.jpg]");
+}
+
+TEST_F(ClientTest, AnUnreadablePhotoThatComesLastIsNamedToo) {
+  for (const char* name : {"a.jpg", "aa.jpg", "ab.jpg", "ac.jpg"}) Write(name, "x");
+  Write("bad.jpg", std::string(9 << 20, 'x'));  // alone in its stream
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_EQ(last_progress_.files, 4);
+  EXPECT_EQ(last_progress_.files_done, 4);
+  EXPECT_THAT(last_progress_.left_out, ElementsAre(HasSubstr("bad.jpg is left out: ")));
 }
 
 TEST_F(ClientTest, WatchingOverABreakingConnectionLosesAndDoublesNothing) {

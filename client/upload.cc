@@ -9,6 +9,7 @@
 #include <set>
 #include <string_view>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/types/span.h"
 #include "client/status.h"
@@ -151,10 +152,15 @@ constexpr int kMinPhotos = 3;
 
 std::string StemOf(const std::string& name) { return name.substr(0, name.rfind('.')); }
 
+// As the service has it (engine/core/mask.cc).
 bool IsMaskOf(const std::string& photo, const std::string& mask) {
-  const std::string of = StemOf(mask);
+  const std::string whole = StemOf(mask);
+  std::string without_word = whole;
+  if (absl::EndsWithIgnoreCase(whole, "_mask") || absl::EndsWithIgnoreCase(whole, ".mask")) {
+    without_word.resize(whole.size() - 5);
+  }
   for (const std::string& name : {photo, StemOf(photo)}) {
-    if (of == name || of == name + "_mask" || of == name + ".mask") return true;
+    if (whole == name || without_word == name) return true;
   }
   return false;
 }
@@ -205,7 +211,10 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     }
     const absl::Status status =
         client.Retry([&](bool* progressed) { return batch.Send(progressed); });
-    if (!strict && LeaveOutUnreadable(status, &files, &progress)) continue;
+    if (!strict && LeaveOutUnreadable(status, &files, &progress)) {
+      on_progress(progress);
+      continue;
+    }
     if (!status.ok()) return status;
     progress.files_done += static_cast<int>(last - first);
     progress.bytes_done += bytes;

@@ -27,8 +27,9 @@ struct UploadProgress {
 // They go in streams of a few megabytes each; before each, and after a broken one, the server is
 // asked what it has, so that no byte that arrived is sent again. A photo that the service cannot
 // read is left out, and its mask, as long as three remain; with `strict` it is an error.
-// INVALID_ARGUMENT
-// (FILE_UNREADABLE, FILE_CHANGED) for trouble on this side, else the errors of UploadImages.
+// `on_progress` is called at the start, after each stream and after each photo that is left out.
+// INVALID_ARGUMENT (FILE_UNREADABLE, FILE_CHANGED) for trouble on this side, else the errors of
+// UploadImages.
 absl::Status UploadFiles(Client& client, const std::string& job, std::vector<LocalFile>& files,
                          absl::FunctionRef<void(const UploadProgress&)> on_progress,
                          bool strict = false);
