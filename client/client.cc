@@ -88,19 +88,20 @@ bool Client::Wait(double seconds) {
   return true;
 }
 
+bool Client::MayHaveArrived() const {
+  return channel_->GetState(/*try_to_connect=*/false) != GRPC_CHANNEL_TRANSIENT_FAILURE;
+}
+
 absl::Status Client::Retry(absl::FunctionRef<absl::Status(bool* progressed)> attempt) {
   Clock::time_point good = Clock::now();
   double pause = options_.first_pause_seconds;
   while (true) {
     bool progressed = false;
-    const Clock::time_point begin = Clock::now();
     const absl::Status status = attempt(&progressed);
     if (progressed || IsAnswer(status)) answered_ = true;
     if (status.ok()) return status;
     if (interrupt_.raised()) return absl::CancelledError("interrupted");
-    // A watch of a quiet job is as good as one that brought something.
-    if (progressed || (Seconds(Clock::now() - begin) > options_.held_seconds &&
-                       !absl::IsDeadlineExceeded(status))) {
+    if (progressed) {
       good = Clock::now();
       pause = options_.first_pause_seconds;
     }
@@ -194,10 +195,11 @@ absl::StatusOr<v1::ServerInfo> Client::GetServerInfo() {
 absl::Status Client::DeleteJob(const std::string& name) {
   v1::DeleteJobRequest request;
   request.set_name(name);
+  bool arrived = false;  // an earlier try, perhaps: its answer may have been lost
   return Unary<google::protobuf::Empty>([&](grpc::ClientContext* context, auto* response) {
            const grpc::Status status = reconstruction_->DeleteJob(context, request, response);
-           // The answer of the first try may have been lost.
-           request.set_allow_missing(true);
+           if (arrived && status.error_code() == grpc::NOT_FOUND) return grpc::Status::OK;
+           arrived |= MayHaveArrived();
            return status;
          })
       .status();
@@ -209,6 +211,7 @@ absl::Status Client::Follow(Open open, const char* what, const char* reason, int
   return Retry([&](bool* progressed) {
     grpc::ClientContext context;
     Interrupt::Scope scope(interrupt_, context);
+    const Clock::time_point begin = Clock::now();
     const auto reader = open(&context, *after);
     Record record;
     while (reader->Read(&record)) {
@@ -228,7 +231,10 @@ absl::Status Client::Follow(Open open, const char* what, const char* reason, int
         return absl::OkStatus();
       }
     }
-    return FromGrpc(reader->Finish());
+    absl::Status status = FromGrpc(reader->Finish());
+    // A watch of a quiet job is as good as one that brought something.
+    *progressed |= MayHaveArrived() && Seconds(Clock::now() - begin) > options_.held_seconds;
+    return status;
   });
 }
 
@@ -327,6 +333,7 @@ absl::Status Client::RenderPath(
 absl::Status Client::ExportModel(const v1::ExportModelRequest& request,
                                  absl::FunctionRef<absl::Status(const v1::ExportHeader&)> on_header,
                                  absl::FunctionRef<absl::Status(std::string_view bytes)> on_bytes) {
+  int64_t most = -1;  // that a try received: each begins with the first byte
   return Retry([&](bool* progressed) {
     grpc::ClientContext context;
     Interrupt::Scope scope(interrupt_, context);
@@ -335,7 +342,6 @@ absl::Status Client::ExportModel(const v1::ExportModelRequest& request,
     int64_t expected = -1, received = 0;
     absl::Status status;
     while (status.ok() && reader->Read(&response)) {
-      *progressed = true;
       if (response.has_header()) {
         expected = response.header().size_bytes();
         status = on_header(response.header());
@@ -343,6 +349,8 @@ absl::Status Client::ExportModel(const v1::ExportModelRequest& request,
         received += static_cast<int64_t>(response.chunk().size());
         status = on_bytes(response.chunk());
       }
+      *progressed |= received > most;
+      most = std::max(most, received);
     }
     if (!status.ok()) context.TryCancel();
     const absl::Status finished = FromGrpc(reader->Finish());

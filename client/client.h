@@ -23,9 +23,9 @@ namespace litags::client {
 
 struct ClientOptions {
   // A connection that was there and broke is tried again for this long, seconds, with growing
-  // pauses; a call that makes progress, or that held for held_seconds, starts the time anew. A
-  // server that never answered is tried for start_seconds at most: it may have been started just
-  // now.
+  // pauses; a call that gets further than before, or a watch that held for held_seconds, starts the
+  // time anew. A server that never answered is tried for start_seconds at most: it may have been
+  // started just now.
   double retry_seconds = 120, start_seconds = 5;
   double held_seconds = 20;  // longer than it takes to find that there is no server
   // The first pause, seconds; doubled up to max_pause_seconds, +-20 % at random.
@@ -60,6 +60,8 @@ class Client {
   absl::StatusOr<v1::Job> UpdateJob(const v1::UpdateJobRequest& request);
   absl::StatusOr<v1::ListFilesResponse> ListFiles(const v1::ListFilesRequest& request);
   absl::StatusOr<v1::ServerInfo> GetServerInfo();
+  // NOT_FOUND if there was no such job; OK if an earlier try, whose answer was lost, may have
+  // removed it.
   absl::Status DeleteJob(const std::string& name);
 
   // Calls on_event for every event numbered above `after`, in order, each once, across broken
@@ -105,6 +107,8 @@ class Client {
  private:
   // Until then, or until a connection that was not there is; false if interrupted.
   bool Wait(double seconds);
+  // False if the call that has just failed had no connection to be sent over.
+  bool MayHaveArrived() const;
   // The answer of `call(context, response)`, which Retry() runs.
   template <class Response, class Call>
   absl::StatusOr<Response> Unary(Call call);

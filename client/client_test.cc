@@ -274,28 +274,61 @@ TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
   EXPECT_GE(tries, 3);
 }
 
-// As of a watch of a quiet job.
-TEST_F(ClientTest, ACallThatHeldIsTriedAnewForAllOfTheTime) {
+TEST_F(ClientTest, AWatchThatHeldIsTriedAnewForAllOfTheTime) {
   ClientOptions options;
   options.first_pause_seconds = options.max_pause_seconds = 0.01;
   options.retry_seconds = 0.1;
   options.held_seconds = 0.15;
   Client client(server_->InProcessChannel({}), options, interrupt_);
+  service_.state()->held = std::chrono::milliseconds(200);
+  service_.state()->break_after = 0;
+  service_.state()->breaks_left = 3;
+  const absl::Status status = client.WatchJob("jobs/1", 0, [](const v1::JobEvent&) {}).status();
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_EQ(service_.state()->streams, 4);
+}
+
+TEST_F(ClientTest, ACallOfOneAnswerThatHeldIsGivenUpInTheEnd) {
+  ClientOptions options;
+  options.first_pause_seconds = options.max_pause_seconds = 0.01;
+  options.retry_seconds = 0.2;
+  options.held_seconds = 0;
+  Client client(server_->InProcessChannel({}), options, interrupt_);
   ASSERT_TRUE(client.GetJob("jobs/1").ok());
-  int tries = 0;
-  EXPECT_TRUE(client
-                  .Retry([&](bool*) {
-                    std::this_thread::sleep_for(std::chrono::milliseconds(200));
-                    return ++tries < 3 ? absl::UnavailableError("gone") : absl::OkStatus();
-                  })
-                  .ok());
-  tries = 0;
-  EXPECT_TRUE(absl::IsDeadlineExceeded(client.Retry([&](bool*) {
-    ++tries;
-    std::this_thread::sleep_for(std::chrono::milliseconds(200));
-    return absl::DeadlineExceededError("no answer");
-  })));
-  EXPECT_EQ(tries, 1);
+  service_.state()->breaks_left = 1000;
+  EXPECT_TRUE(absl::IsUnavailable(client.DeleteJob("jobs/1")));
+  EXPECT_GT(service_.state()->breaks_left, 0);
+}
+
+TEST_F(ClientTest, ADeletionWhoseAnswerWasLostIsOne) {
+  ASSERT_TRUE(client_->GetJob("jobs/1").ok());
+  EXPECT_TRUE(absl::IsNotFound(client_->DeleteJob("jobs/1")));
+  service_.state()->breaks_left = 1;
+  EXPECT_TRUE(client_->DeleteJob("jobs/1").ok());
+  EXPECT_EQ(service_.state()->deletes, 3);
+}
+
+TEST_F(ClientTest, ADeletionThatNeverArrivedIsNone) {
+  const std::string address = absl::StrCat("127.0.0.1:", port_);
+  const auto channel = Connect({.server = address});
+  ASSERT_TRUE(channel.ok()) << channel.status();
+  std::unique_ptr<grpc::Server> later;
+  ClientOptions options;
+  options.on_retry = [&](const absl::Status&, double) {
+    if (later != nullptr) return;
+    grpc::ServerBuilder builder;
+    builder.RegisterService(&service_);
+    builder.AddListeningPort(address, grpc::InsecureServerCredentials());
+    later = builder.BuildAndStart();
+  };
+  Client client(*channel, options, interrupt_);
+  ASSERT_TRUE(client.GetJob("jobs/1").ok());
+  server_->Shutdown();
+  // Until the channel knows that its connection is gone.
+  (*channel)->WaitForStateChange(GRPC_CHANNEL_READY,
+                                 std::chrono::system_clock::now() + std::chrono::seconds(20));
+  EXPECT_TRUE(absl::IsNotFound(client.DeleteJob("jobs/typo")));
+  EXPECT_EQ(service_.state()->deletes, 1);
 }
 
 TEST_F(ClientTest, AServerThatNeverAnsweredIsReportedSoon) {
@@ -359,6 +392,23 @@ TEST_F(ClientTest, AnExportOfTheWrongLengthIsAnError) {
       {}, [](const v1::ExportHeader&) { return absl::OkStatus(); },
       [](std::string_view) { return absl::OkStatus(); });
   EXPECT_EQ(DetailOf(status).reason(), "EXPORT_BROKEN");
+}
+
+TEST_F(ClientTest, AnExportThatAlwaysBreaksIsGivenUpInTheEnd) {
+  ClientOptions options;
+  options.first_pause_seconds = options.max_pause_seconds = 0.01;
+  options.retry_seconds = 0.2;
+  Client client(server_->InProcessChannel({}), options, interrupt_);
+  model_.breaks = true;
+  int tries = 0;
+  const absl::Status status = client.ExportModel(
+      {},
+      [&](const v1::ExportHeader&) {
+        return ++tries < 1000 ? absl::OkStatus() : absl::InternalError("tried for ever");
+      },
+      [](std::string_view) { return absl::OkStatus(); });
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_GT(tries, 1);
 }
 
 TEST_F(ClientTest, AnErrorOfTheReceiverEndsAnExport) {

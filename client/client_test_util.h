@@ -41,8 +41,9 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
     size_t break_after = 2;  // files or events
     int64_t events = 10;
     int64_t skipped_event = 0;  // left out of the watch
-    int starts = 0, streams = 0;
-    bool hang = false;  // WatchJob waits for its end
+    int starts = 0, streams = 0, deletes = 0;
+    std::chrono::milliseconds held{0};  // before a watch breaks
+    bool hang = false;                  // WatchJob waits for its end
   };
 
   // Calls come on threads of the server: the state is locked as long as what this returns lives.
@@ -140,6 +141,19 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
     return grpc::Status::OK;
   }
 
+  // Of a job that is gone, perhaps by a try before.
+  grpc::Status DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest* request,
+                         google::protobuf::Empty*) override {
+    const Locked now = state();
+    ++now->deletes;
+    if (now->breaks_left > 0) {
+      --now->breaks_left;
+      return Broken();
+    }
+    return request->allow_missing() ? grpc::Status::OK
+                                    : Refusal(grpc::NOT_FOUND, "JOB_NOT_FOUND", "name");
+  }
+
   grpc::Status GetLog(grpc::ServerContext*, const v1::GetLogRequest* request,
                       grpc::ServerWriter<v1::LogEntry>* writer) override {
     const Locked now = state();
@@ -167,6 +181,7 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
       if (number == now->skipped_event) continue;
       if (now->breaks_left > 0 && sent++ == now->break_after) {
         --now->breaks_left;
+        std::this_thread::sleep_for(now->held);
         return Broken();
       }
       Record record;
@@ -187,6 +202,7 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
 class FakeModel : public v1::ModelService::Service {
  public:
   std::atomic<int64_t> announced = 5;
+  std::atomic<bool> breaks = false;  // always, in the middle
   grpc::Status ExportModel(grpc::ServerContext*, const v1::ExportModelRequest*,
                            grpc::ServerWriter<v1::ExportModelResponse>* writer) override {
     v1::ExportModelResponse response;
@@ -194,6 +210,7 @@ class FakeModel : public v1::ModelService::Service {
     writer->Write(response);
     response.set_chunk("abc");
     writer->Write(response);
+    if (breaks) return Broken();
     response.set_chunk("de");
     writer->Write(response);
     return grpc::Status::OK;

@@ -41,10 +41,11 @@ void FillHeader(const LocalFile& file, v1::FileHeader* header) {
   header->set_sha256(file.sha256);
 }
 
-// The bytes of a file from `offset` on, as chunks; `*open` turns false when the server takes no
-// more.
+// The bytes of a file from `offset` on, as chunks, counted in `*sent`; `*open` turns false when the
+// server takes no more.
 absl::Status SendBytes(const LocalFile& file, int64_t offset,
-                       grpc::ClientWriter<v1::UploadImagesRequest>& writer, bool* open) {
+                       grpc::ClientWriter<v1::UploadImagesRequest>& writer, bool* open,
+                       int64_t* sent) {
   v1::UploadImagesRequest request;
   std::ifstream in(file.path, std::ios::binary);
   in.seekg(offset);
@@ -64,6 +65,7 @@ absl::Status SendBytes(const LocalFile& file, int64_t offset,
     request.set_chunk(chunk.data(), static_cast<size_t>(n));
     *open = writer.Write(request);
     left -= n;
+    *sent += n;
   }
   return absl::OkStatus();
 }
@@ -74,13 +76,14 @@ class Batch {
   Batch(Client& client, const std::string& job, absl::Span<const LocalFile> files)
       : client_(client), job_(job), files_(files) {}
 
-  // One try: asks what is missing and sends it. `*progressed` if the server had more than at the
-  // try before. On OK all files are stored.
+  // One try: asks what is missing and sends it. `*progressed` if it came further than the tries
+  // before. On OK all files are stored.
   absl::Status Send(bool* progressed) {
-    const int64_t before = known_bytes_;
     if (const absl::Status status = Query(); !status.ok()) return status;
-    *progressed = known_bytes_ > before;
-    return Stream();
+    absl::Status status = Stream();
+    *progressed = reached_ > furthest_;
+    furthest_ = std::max(furthest_, reached_);
+    return status;
   }
 
   const v1::UploadImagesResponse& response() const { return response_; }
@@ -101,8 +104,8 @@ class Batch {
       return LocalError(absl::StatusCode::kInternal, "UPLOAD_BROKEN", "files",
                         "the server did not answer for every file; this is a defect of it");
     }
-    known_bytes_ = 0;
-    for (const v1::FileStatus& file : status_.files()) known_bytes_ += file.offset();
+    reached_ = 0;
+    for (const v1::FileStatus& file : status_.files()) reached_ += file.offset();
     return absl::OkStatus();
   }
 
@@ -122,7 +125,7 @@ class Batch {
       request.mutable_file()->set_offset(there.offset());
       open = writer->Write(request);
       ++sent;
-      const absl::Status local = SendBytes(files_[i], there.offset(), *writer, &open);
+      const absl::Status local = SendBytes(files_[i], there.offset(), *writer, &open, &reached_);
       if (!local.ok()) {
         context.TryCancel();
         (void)writer->Finish();
@@ -144,7 +147,8 @@ class Batch {
   const absl::Span<const LocalFile> files_;
   v1::QueryUploadResponse status_;
   v1::UploadImagesResponse response_;
-  int64_t known_bytes_ = 0;
+  int64_t reached_ = 0;    // bytes that the server had, and that were sent since
+  int64_t furthest_ = -1;  // the most of them at any try
 };
 
 // As the service has it: two do not make a scene.
