@@ -7,13 +7,26 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "client/client.h"
 #include "client/status.h"
 
 namespace litags::client {
 namespace {
 
+namespace fs = std::filesystem;
+
 std::string Extension(const std::string& path) {
-  return absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  return absl::AsciiStrToLower(fs::path(path).extension().string());
+}
+
+// What a symbolic link names in the end, whether it is there or not; other paths as they are.
+std::string WithoutLinks(fs::path path) {
+  constexpr int kMostLinks = 40;  // of Linux
+  std::error_code error;
+  for (int i = 0; i < kMostLinks && fs::is_symlink(path, error); ++i) {
+    path = path.parent_path() / fs::read_symlink(path, error);
+  }
+  return path.string();
 }
 
 // NPY format 1.0: magic, version, header length, a Python dict, padding so that data begin at a
@@ -32,24 +45,40 @@ std::string NpyHeader(int height, int width, int planes) {
 
 }  // namespace
 
-OutputFile::~OutputFile() {
+OutputFile::~OutputFile() { Discard(); }
+
+void OutputFile::Discard() {
   if (file_ == nullptr) return;
   std::fclose(file_);
-  std::remove(part_path_.c_str());
+  file_ = nullptr;
+  if (!part_path_.empty()) std::remove(part_path_.c_str());
 }
 
 absl::Status OutputFile::Open(const std::string& path) {
-  if (file_ != nullptr) std::fclose(file_);
-  path_ = path;
-  part_path_ = path + ".part";
-  std::error_code ignored;
-  if (!std::filesystem::is_directory(path, ignored)) {
-    file_ = std::fopen(part_path_.c_str(), "wb");
-    if (file_ != nullptr) return absl::OkStatus();
-  } else {
-    file_ = nullptr;
-    errno = EISDIR;
+  if (file_ != nullptr && part_path_.empty()) {
+    if (!written_) return absl::OkStatus();
+    return LocalError(absl::StatusCode::kDataLoss, "OUTPUT_FAILED", field_,
+                      absl::StrCat(path_,
+                                   ": the connection broke, and what is no file cannot be "
+                                   "begun anew; run the command again"));
   }
+  Discard();
+  path_ = path;
+  target_.clear();
+  part_path_.clear();
+  written_ = false;
+  std::error_code ignored;
+  const fs::file_status there = fs::status(path, ignored);
+  if (fs::is_directory(there)) {
+    errno = EISDIR;
+  } else if (fs::exists(there) && !fs::is_regular_file(there)) {
+    file_ = std::fopen(path.c_str(), "wbe");
+  } else {
+    target_ = WithoutLinks(path);
+    part_path_ = absl::StrCat(target_, ".", RandomId().substr(0, 8), ".part");
+    file_ = std::fopen(part_path_.c_str(), "wbxe");
+  }
+  if (file_ != nullptr) return absl::OkStatus();
   return BadInput(
       "OUTPUT_NOT_WRITABLE", field_,
       absl::StrCat(path, ": cannot be written (", std::generic_category().message(errno),
@@ -57,6 +86,7 @@ absl::Status OutputFile::Open(const std::string& path) {
 }
 
 absl::Status OutputFile::Write(std::string_view bytes) {
+  written_ = true;
   if (std::fwrite(bytes.data(), 1, bytes.size(), file_) != bytes.size()) return Failed();
   return absl::OkStatus();
 }
@@ -65,12 +95,13 @@ absl::Status OutputFile::Commit() {
   std::FILE* file = file_;
   if (std::fflush(file) != 0) return Failed();
   file_ = nullptr;
-  if (std::fclose(file) != 0 || std::rename(part_path_.c_str(), path_.c_str()) != 0) {
-    const absl::Status status = Failed();
-    std::remove(part_path_.c_str());
-    return status;
+  if (std::fclose(file) == 0 &&
+      (part_path_.empty() || std::rename(part_path_.c_str(), target_.c_str()) == 0)) {
+    return absl::OkStatus();
   }
-  return absl::OkStatus();
+  const absl::Status status = Failed();
+  if (!part_path_.empty()) std::remove(part_path_.c_str());
+  return status;
 }
 
 absl::Status OutputFile::Failed() {

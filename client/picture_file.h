@@ -13,9 +13,11 @@
 
 namespace litags::client {
 
-// A file that takes its name only when it is complete: written as PATH.part, then renamed.
-// Without Commit() nothing is left behind. Errors: INVALID_ARGUMENT (OUTPUT_NOT_WRITABLE) if it
-// cannot be made, RESOURCE_EXHAUSTED (OUTPUT_DISK_FULL) or DATA_LOSS (OUTPUT_FAILED) later.
+// A file that takes its name only when it is complete: written as PATH.<8 hex digits>.part, then
+// renamed. Without Commit() nothing is left behind. A symbolic link stays one: the file that it
+// names is replaced. What is no file (/dev/stdout, a FIFO) is written to as it is.
+// Errors: INVALID_ARGUMENT (OUTPUT_NOT_WRITABLE) if it cannot be made, RESOURCE_EXHAUSTED
+// (OUTPUT_DISK_FULL) or DATA_LOSS (OUTPUT_FAILED) later.
 class OutputFile {
  public:
   // `field`: the option that names the file, for errors.
@@ -24,16 +26,20 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
   ~OutputFile();
 
-  // Begins the file, or begins it anew.
+  // Begins the file, or begins it anew. What is no file cannot be begun anew after a Write().
   absl::Status Open(const std::string& path);
   absl::Status Write(std::string_view bytes);
   absl::Status Commit();
 
  private:
+  // Closes and removes what was begun.
+  void Discard();
   absl::Status Failed();
 
-  std::string field_, path_, part_path_;
+  std::string field_, path_;
+  std::string target_, part_path_;  // both empty: `path_` is no file, and is written to directly
   std::FILE* file_ = nullptr;
+  bool written_ = false;
 };
 
 // How a picture's file is named: .png, .jpg or .jpeg, .npy (float32, [height, width, planes]), .raw

@@ -1,8 +1,11 @@
 #include "client/view_args.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstdint>
@@ -167,13 +170,57 @@ TEST(OutputFile, LeavesNothingWithoutCommit) {
     ASSERT_TRUE(file.Open(path).ok());
     ASSERT_TRUE(file.Write("half").ok());
   }
-  EXPECT_FALSE(std::filesystem::exists(path));
-  EXPECT_FALSE(std::filesystem::exists(path + ".part"));
+  for (const auto& entry :
+       std::filesystem::directory_iterator(std::filesystem::path(path).parent_path())) {
+    EXPECT_FALSE(entry.path().string().starts_with(path)) << entry.path();
+  }
   OutputFile file;
   ASSERT_TRUE(file.Open(path).ok());
   ASSERT_TRUE(file.Write("whole").ok());
   ASSERT_TRUE(file.Commit().ok());
   EXPECT_EQ(std::filesystem::file_size(path), 5u);
+  std::filesystem::remove(path);
+}
+
+TEST(OutputFile, ASymbolicLinkStaysOne) {
+  const auto dir = std::filesystem::temp_directory_path() / ("out-" + RandomId());
+  std::filesystem::create_directories(dir / "there");
+  std::filesystem::create_symlink("there/real.png", dir / "link.png");
+  for (const std::string bytes : {"first", "second"}) {  // of what is not there yet, and of a file
+    ASSERT_TRUE(WriteWhole((dir / "link.png").string(), bytes).ok());
+    EXPECT_TRUE(std::filesystem::is_symlink(dir / "link.png"));
+    EXPECT_EQ(std::filesystem::file_size(dir / "there/real.png"), bytes.size());
+  }
+  std::filesystem::remove_all(dir);
+}
+
+TEST(OutputFile, WritesToWhatIsNoFile) {
+  const auto path = (std::filesystem::temp_directory_path() / ("out-" + RandomId())).string();
+  ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+  const int reader = open(path.c_str(), O_RDONLY | O_NONBLOCK);
+  ASSERT_GE(reader, 0);
+  OutputFile file;
+  ASSERT_TRUE(file.Open(path).ok());
+  ASSERT_TRUE(file.Open(path).ok()) << "nothing is written yet";
+  ASSERT_TRUE(file.Write("whole").ok());
+  EXPECT_EQ(ReasonOf(file.Open(path)), "OUTPUT_FAILED");
+  ASSERT_TRUE(file.Commit().ok());
+  EXPECT_TRUE(std::filesystem::is_fifo(path));
+  char bytes[16];
+  EXPECT_EQ(read(reader, bytes, sizeof(bytes)), 5);
+  close(reader);
+  std::filesystem::remove(path);
+}
+
+TEST(OutputFile, TwoOfOneNameDoNotMix) {
+  const auto path = (std::filesystem::temp_directory_path() / ("out-" + RandomId())).string();
+  OutputFile first, second;
+  ASSERT_TRUE(first.Open(path).ok() && second.Open(path).ok());
+  ASSERT_TRUE(first.Write("first").ok() && second.Write("the second").ok());
+  ASSERT_TRUE(first.Commit().ok());
+  EXPECT_EQ(std::filesystem::file_size(path), 5u);
+  ASSERT_TRUE(second.Commit().ok());
+  EXPECT_EQ(std::filesystem::file_size(path), 10u);
   std::filesystem::remove(path);
 }
 
