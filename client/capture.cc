@@ -274,10 +274,13 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
     if (entry.path().filename().string().starts_with(".")) continue;
     empty = false;
     std::error_code entry_error;
-    if (!entry.is_regular_file(entry_error)) continue;
+    if (entry.is_directory(entry_error)) continue;
     if (!HasEnding(entry.path(), endings)) {
       capture->skipped.push_back(entry.path().filename().string());
       continue;
+    }
+    if (!entry.is_regular_file(entry_error)) {  // a link to what is gone, for one
+      return Unreadable(entry.path().string(), entry_error ? entry_error.message() : "not a file");
     }
     auto file = MakeLocalFile(entry.path(), role);
     if (!file.ok()) return file.status();

@@ -50,6 +50,16 @@ TEST_F(ScanCaptureTest, FindsPhotosAndNamesTheRest) {
   EXPECT_THAT(capture->skipped, ElementsAre("notes.txt"));
 }
 
+TEST_F(ScanCaptureTest, NamesALinkToAPhotoThatIsGone) {
+  Write("a.jpg", "x");
+  fs::create_directory(dir_ / "folder.jpg");
+  fs::create_symlink("nowhere/b.jpg", dir_ / "b.jpg");
+  const absl::Status status = ScanCapture(dir_.string(), "", "", "").status();
+  EXPECT_EQ(DetailOf(status).reason(), "FILE_UNREADABLE");
+  EXPECT_EQ(DetailOf(status).field(), (dir_ / "b.jpg").string());
+  EXPECT_THAT(std::string(status.message()), HasSubstr("No such file"));
+}
+
 TEST_F(ScanCaptureTest, SaysWhichPhotosOfSubfoldersAreNotUsed) {
   for (const char* name : {"a.jpg", "day/1.jpg", "day/2.jpg", "cut/1.jpg", "depth/a.png",
                            "masks/a.png", ".trash/1.jpg", "text/a.txt"}) {
