@@ -149,8 +149,14 @@ absl::StatusOr<std::string> ReadSmallFile(const std::string& path, std::string_v
   return text;
 }
 
-absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> TlsCredentials(
+bool UsesTls(const ConnectionOptions& options) {
+  return options.tls || !options.tls_ca.empty() || !options.tls_cert.empty() ||
+         !options.tls_key.empty() || !options.tls_name.empty();
+}
+
+absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> CredentialsOf(
     const ConnectionOptions& options) {
+  if (!UsesTls(options)) return grpc::InsecureChannelCredentials();
   if (options.tls_cert.empty() != options.tls_key.empty()) {
     return BadInput("TLS_INCOMPLETE", options.tls_cert.empty() ? "--tls-cert" : "--tls-key",
                     "--tls-cert and --tls-key belong together; give both");
@@ -184,17 +190,9 @@ absl::StatusOr<std::string> TokenOf(const ConnectionOptions& options) {
   return token;
 }
 
-}  // namespace
-
-absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& options) {
-  const std::vector<std::string> servers = ServersOf(options);
-  if (servers.empty()) return BadInput("SERVER_UNKNOWN", "--server", "no server is named");
-  for (const std::string& server : servers) {
-    if (const absl::Status form = CheckForm(server); !form.ok()) return form;
-  }
-  const auto target = TargetOf(servers);
-  if (!target.ok()) return target.status();
-  const bool here = std::all_of(servers.begin(), servers.end(), IsLoopback);
+// `here`: all servers are on this machine.
+grpc::ChannelArguments ChannelArguments(const ConnectionOptions& options,
+                                        const std::vector<std::string>& servers, bool here) {
   grpc::ChannelArguments args;
   args.SetMaxReceiveMessageSize(v1::kMaxAnswerBytes);
   args.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kReconnectMinMs);
@@ -212,28 +210,35 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& 
   } else if (servers.size() > 1) {
     args.SetSslTargetNameOverride(HostOf(servers[0]));
   }
+  return args;
+}
 
-  std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
-  const bool tls = options.tls || !options.tls_ca.empty() || !options.tls_cert.empty() ||
-                   !options.tls_key.empty() || !options.tls_name.empty();
-  if (tls) {
-    auto made = TlsCredentials(options);
-    if (!made.ok()) return made.status();
-    credentials = *std::move(made);
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const ConnectionOptions& options) {
+  const std::vector<std::string> servers = ServersOf(options);
+  if (servers.empty()) return BadInput("SERVER_UNKNOWN", "--server", "no server is named");
+  for (const std::string& server : servers) {
+    if (const absl::Status form = CheckForm(server); !form.ok()) return form;
   }
+  const auto target = TargetOf(servers);
+  if (!target.ok()) return target.status();
+  const auto credentials = CredentialsOf(options);
+  if (!credentials.ok()) return credentials.status();
   const auto token = TokenOf(options);
   if (!token.ok()) return token.status();
+  const bool here = std::all_of(servers.begin(), servers.end(), IsLoopback);
   std::vector<std::unique_ptr<experimental::ClientInterceptorFactoryInterface>> interceptors;
   if (!token->empty()) {
-    if (!tls && !here) {
+    if (!UsesTls(options) && !here) {
       return BadInput("TOKEN_EXPOSED", "--token-file",
                       absl::StrCat("the token would travel to ", options.server,
                                    " unencrypted; use --tls or --tls-ca FILE"));
     }
     interceptors.push_back(std::make_unique<TokenInterceptorFactory>(*token));
   }
-  return experimental::CreateCustomChannelWithInterceptors(*target, credentials, args,
-                                                           std::move(interceptors));
+  return experimental::CreateCustomChannelWithInterceptors(
+      *target, *credentials, ChannelArguments(options, servers, here), std::move(interceptors));
 }
 
 }  // namespace litags::client
