@@ -157,15 +157,15 @@ class RealEngine(harness.ServiceTest):
     def test_a_video_of_a_phone_becomes_a_scene_by_one_command(self):
         capture = os.path.join(self.folder, "walk")
         subprocess.run([os.path.join(harness.BIN, "litags-sample"), capture, "--size", "200x150",
-                        "--views", "40"], check=True, stdout=subprocess.DEVNULL)
+                        "--views", "24"], check=True, stdout=subprocess.DEVNULL)
         video = os.path.join(self.folder, "night.mov")
         subprocess.run([os.path.join(harness.BIN, "litags-test-video"), os.path.join(capture, "high"),
                         video], check=True)
         out, err = self.litags("submit", video, "--frames", "20", "--iterations", "40", "--watch")
         job = out.strip()
         self.assertIn("choosing frames of night.mov", err)
-        # A part of the way between two of the 40 places has no frame of its own.
-        self.assertRegex(self.litags("show", job)[0], r"\b(1[5-9]|20) of the 120 frames of night.mov")
+        # A part of the way between two of the 24 places has no frame of its own.
+        self.assertRegex(self.litags("show", job)[0], r"\b(1[5-9]|20) of the 72 frames of night.mov")
         cameras = json.loads(self.litags("cameras", job, "--json")[0])["cameras"]
         self.assertEqual(cameras[0]["name"], "frame_0001.png")
         # Upright, though the sensor saw it on its side.
