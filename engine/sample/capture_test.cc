@@ -57,7 +57,7 @@ CaptureOptions Small() {
 class Capture : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    // Cases run as processes of their own, side by side.
+    // Each case is a process of its own, with a capture of its own; they run side by side.
     root_ = fs::path(testing::TempDir()) / ("litags_sample_capture_" + std::to_string(getpid()));
     fs::remove_all(root_);
     const auto report = WriteCapture(Small(), root_ / "a");

@@ -46,7 +46,7 @@ std::string SquaredDifference() {
 
 class TableTest : public testing::Test {
  protected:
-  // Once for all cases: the folder that a download of LOM leaves.
+  // The folder that a download of LOM leaves.
   static void SetUpTestSuite() {
     lom_ = new TempDir;
     std::filesystem::create_directories(*lom_ / "LOM_full");
