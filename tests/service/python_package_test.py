@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+from concurrent import futures
 from unittest import mock
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
@@ -39,7 +40,43 @@ import harness  # noqa: E402
 import litags  # noqa: E402
 import litags.connection  # noqa: E402
 import litags.files  # noqa: E402
-from litags.v1 import job_pb2  # noqa: E402
+from google.protobuf import empty_pb2  # noqa: E402
+from litags.v1 import errors_pb2, job_pb2  # noqa: E402
+from litags.v1 import reconstruction_service_pb2 as rpc  # noqa: E402
+from litags.v1 import reconstruction_service_pb2_grpc as jobs_grpc  # noqa: E402
+
+
+class BrokenUploads(jobs_grpc.ReconstructionServiceServicer):
+    """A service whose first uploads break for the reasons given; `calls` are those that came."""
+
+    def __init__(self, *reasons):
+        self.reasons, self.calls = list(reasons), []
+
+    def CreateJob(self, request, context):
+        return job_pb2.Job(name="jobs/1", state=job_pb2.JOB_STATE_UPLOADING)
+
+    def QueryUpload(self, request, context):
+        return rpc.QueryUploadResponse(files=[rpc.FileStatus() for _ in request.files])
+
+    def UploadImages(self, messages, context):
+        self.calls.append("UploadImages")
+        for _ in messages:
+            pass
+        if not self.reasons:
+            return rpc.UploadImagesResponse()
+        code, reason = self.reasons.pop(0)
+        status = errors_pb2.RpcStatus()
+        status.details.add().Pack(errors_pb2.ErrorDetail(reason=reason))
+        context.set_trailing_metadata([("grpc-status-details-bin", status.SerializeToString())])
+        context.abort(code, "send the rest")
+
+    def StartJob(self, request, context):
+        self.calls.append("StartJob")
+        return job_pb2.Job(name="jobs/1", state=job_pb2.JOB_STATE_QUEUED)
+
+    def DeleteJob(self, request, context):
+        self.calls.append("DeleteJob")
+        return empty_pb2.Empty()
 
 
 class Package(harness.ServiceTest):
@@ -307,6 +344,29 @@ class Package(harness.ServiceTest):
         for _ in range(2):  # once more changes nothing
             self.assertEqual(client.submit(photos, request_id=request), job)
         self.assertEqual(client.wait(job).photos, 3)
+
+    def client_of(self, service, **options):
+        """A client of a service that is not the server's."""
+        server = grpc.server(futures.ThreadPoolExecutor(4))
+        jobs_grpc.add_ReconstructionServiceServicer_to_server(service, server)
+        port = server.add_insecure_port("127.0.0.1:0")
+        server.start()
+        self.addCleanup(lambda: server.stop(0).wait())
+        return self.client(f"127.0.0.1:{port}", **options)
+
+    def test_uploads_that_stall_go_on(self):
+        service = BrokenUploads((grpc.StatusCode.DEADLINE_EXCEEDED, "UPLOAD_STALLED"),
+                                (grpc.StatusCode.OUT_OF_RANGE, "OFFSET_INVALID"))
+        self.assertEqual(self.client_of(service).submit(self.photos()), "jobs/1")
+        self.assertEqual(service.calls, 3 * ["UploadImages"] + ["StartJob"])
+
+    def test_uploads_that_stall_for_good_leave_the_job(self):
+        service = BrokenUploads((grpc.StatusCode.DEADLINE_EXCEEDED, "UPLOAD_STALLED"))
+        with self.assertRaises(litags.LitagsError) as caught:
+            self.client_of(service, retry_seconds=0).submit(self.photos())
+        self.assertEqual(caught.exception.reason, "UPLOAD_STALLED")
+        self.assertRegex(caught.exception.message, "jobs/1 was not started and is still there")
+        self.assertEqual(service.calls, ["UploadImages"])
 
     def test_progress_is_a_bar_where_tqdm_is_installed(self):
         client = self.client()

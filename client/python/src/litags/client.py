@@ -145,7 +145,7 @@ class Client:
             self._call(self.jobs.StartJob,
                        rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
         except errors.LitagsError as error:
-            if error.code == grpc.StatusCode.UNAVAILABLE:
+            if error.may_succeed_later:
                 raise errors.of_left_job(error, job, request.request_id) from error
             if not request_id:  # refused: nobody goes on with it
                 with contextlib.suppress(errors.LitagsError):

@@ -5,17 +5,21 @@ import grpc
 from litags.v1 import errors_pb2, job_pb2
 
 _CODES = {code.value[0]: code for code in grpc.StatusCode}
+# What came is kept, and another stream sends the rest.
+_BROKEN_UPLOADS = ("UPLOAD_STALLED", "OFFSET_INVALID")
 
 
 class LitagsError(Exception):
     """A refused call, a failed job, or a server that does not answer."""
 
-    def __init__(self, code: grpc.StatusCode, reason: str, field: str, message: str) -> None:
+    def __init__(self, code: grpc.StatusCode, reason: str, field: str, message: str,
+                 may_succeed_later: bool = False) -> None:
         super().__init__(message)
         self.code = code
         self.reason = reason  # for programs: docs/errors.md
         self.field = field  # the input at fault, or ""
         self.message = message  # for people: what is wrong, and what to do
+        self.may_succeed_later = may_succeed_later  # the same, made again
 
     def __str__(self) -> str:
         field = f", field {self.field}" if self.field else ""
@@ -30,31 +34,39 @@ def details(error: grpc.RpcError) -> errors_pb2.RpcStatus:
     return errors_pb2.RpcStatus()
 
 
-def may_succeed_later(error: grpc.RpcError) -> bool:
-    return error.code() == grpc.StatusCode.UNAVAILABLE or any(
-        packed.type_url.endswith("/google.rpc.RetryInfo") for packed in details(error).details)
-
-
-def of_call(error: grpc.RpcError, silent_server: str = "") -> LitagsError:
-    """`silent_server`: the address that was called, if nothing there has answered so far."""
+def _detail(error: grpc.RpcError) -> errors_pb2.ErrorDetail:
     detail = errors_pb2.ErrorDetail(reason=error.code().name)
     for packed in details(error).details:
         if packed.Is(errors_pb2.ErrorDetail.DESCRIPTOR):
             packed.Unpack(detail)
+    return detail
+
+
+def may_succeed_later(error: grpc.RpcError) -> bool:
+    return (error.code() == grpc.StatusCode.UNAVAILABLE
+            or _detail(error).reason in _BROKEN_UPLOADS
+            or any(packed.type_url.endswith("/google.rpc.RetryInfo")
+                   for packed in details(error).details))
+
+
+def of_call(error: grpc.RpcError, silent_server: str = "") -> LitagsError:
+    """`silent_server`: the address that was called, if nothing there has answered so far."""
+    detail = _detail(error)
     message = error.details() or ""
     if silent_server and error.code() == grpc.StatusCode.UNAVAILABLE:
         message = (f"no server answers at {silent_server}: start one with \"litags-server\", or name "
                    "another with LITAGS_SERVER; one that speaks TLS needs LITAGS_TLS or "
                    f"LITAGS_TLS_CA, one that does not neither ({message})")
-    return LitagsError(error.code(), detail.reason, detail.field, message)
+    return LitagsError(error.code(), detail.reason, detail.field, message,
+                       may_succeed_later(error))
 
 
 def of_left_job(error: LitagsError, job: str, request_id: str) -> LitagsError:
-    """Of a server that vanished before all of `job` was sent."""
+    """Of a server that vanished, or stayed busy, before all of `job` was sent."""
     return LitagsError(error.code, error.reason, error.field,
                        f"{error.message}; {job} was not started and is still there: submit the "
                        f"same again with request_id=\"{request_id}\", or remove it with: litags "
-                       f"delete {job}")
+                       f"delete {job}", error.may_succeed_later)
 
 
 def raise_unless_succeeded(job: job_pb2.Job) -> None:
