@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -123,6 +124,8 @@ TEST(Tokens, EntryIsALineOfItsOwnAlsoBehindALineWithoutItsEnd) {
   EXPECT_EQ(table.Find(*carol), "carol");
 }
 
+void WaitForTheNextLook() { std::this_thread::sleep_for(std::chrono::milliseconds(1100)); }
+
 TEST(Authenticator, WithoutAuthenticationEverybodyIsTheOperator) {
   auto authenticator = Authenticator::Make({});
   ASSERT_TRUE(authenticator.ok());
@@ -185,17 +188,47 @@ TEST(Authenticator, TokenTakenOutOfTheFileStopsWorkingWithinSeconds) {
     return (*made)->Identify("Bearer " + token, {}).ok();
   };
   EXPECT_TRUE(works(alice));
-  const auto wait = [] { std::this_thread::sleep_for(std::chrono::milliseconds(1100)); };
   // A file in the middle of being edited changes nothing.
   std::ofstream(options.tokens_path) << "garbage\n";
-  wait();
+  WaitForTheNextLook();
   EXPECT_TRUE(works(alice));
   std::ofstream(options.tokens_path) << "# nobody\n";
-  wait();
+  WaitForTheNextLook();
   EXPECT_FALSE(works(alice));
   const std::string bob = *AddTokenToFile("bob", options.tokens_path);
-  wait();
+  WaitForTheNextLook();
   EXPECT_TRUE(works(bob));
+}
+
+// While it lives, no file can be opened.
+class NoDescriptors {
+ public:
+  NoDescriptors() {
+    getrlimit(RLIMIT_NOFILE, &before_);
+    const rlimit none = {0, before_.rlim_max};
+    setrlimit(RLIMIT_NOFILE, &none);
+  }
+  ~NoDescriptors() { setrlimit(RLIMIT_NOFILE, &before_); }
+
+ private:
+  rlimit before_ = {};
+};
+
+TEST(Authenticator, FileThatCouldNotBeReadOnceIsReadAgain) {
+  TempDir dir;
+  AuthOptions options;
+  options.tokens_path = dir.path() + "/tokens";
+  const std::string alice = *AddTokenToFile("alice", options.tokens_path);
+  auto made = Authenticator::Make(options);
+  ASSERT_TRUE(made.ok()) << made.status();
+  std::ofstream(options.tokens_path) << "# nobody\n";
+  WaitForTheNextLook();
+  {
+    const NoDescriptors none;
+    EXPECT_TRUE((*made)->Identify("Bearer " + alice, {}).ok());
+  }
+  WaitForTheNextLook();
+  EXPECT_FALSE((*made)->Identify("Bearer " + alice, {}).ok());
 }
 
 class Tls : public ::testing::Test {
@@ -269,6 +302,23 @@ TEST_F(Tls, EveryWrongFileIsNamedWithItsFlag) {
     EXPECT_EQ(Reason(status), c.reason) << status;
     EXPECT_EQ(Field(status), c.flag) << status;
   }
+}
+
+TEST_F(Tls, FilesThatCouldNotBeReadOnceAreReadAgain) {
+  const auto files =
+      TlsFiles::Open({authority_.Path("server.crt"), authority_.Path("server.key"), ""});
+  ASSERT_TRUE(files.ok()) << files.status();
+  EXPECT_TRUE((*files)->TakeRenewed().has_value());
+  authority_.Issue("server");
+  WaitForTheNextLook();
+  {
+    const NoDescriptors none;
+    EXPECT_FALSE((*files)->TakeRenewed().has_value());
+  }
+  WaitForTheNextLook();
+  const auto renewed = (*files)->TakeRenewed();
+  ASSERT_TRUE(renewed.has_value());
+  EXPECT_EQ(renewed->cert, authority_.Read("server.crt"));
 }
 
 TEST(Loopback, IsToldFromAddressesThatOthersReach) {

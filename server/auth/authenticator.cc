@@ -5,7 +5,6 @@
 
 #include <cerrno>
 #include <fstream>
-#include <iterator>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/counted.h"
@@ -15,11 +14,25 @@ namespace litags {
 namespace {
 
 constexpr std::chrono::seconds kLookInterval{1};
-constexpr off_t kMaxTokensBytes = 4 << 20;
+constexpr size_t kMaxTokensBytes = 4 << 20;
 constexpr size_t kMaxAuthorizationLength = 512;
 
 absl::Status Unauthenticated(std::string_view reason, std::string_view message) {
   return MakeError(absl::StatusCode::kUnauthenticated, reason, "authorization", message);
+}
+
+absl::StatusOr<std::string> ReadTokens(const std::string& path) {
+  struct stat info = {};
+  std::ifstream file(path, std::ios::binary);
+  int error = file && stat(path.c_str(), &info) == 0 ? 0 : errno;
+  if (error != 0 || !S_ISREG(info.st_mode)) return TokensUnreadable(path, error);
+  std::string text(kMaxTokensBytes + 1, '\0');
+  errno = 0;
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  error = file.bad() ? errno : 0;
+  text.resize(static_cast<size_t>(file.gcount()));
+  if (file.bad() || text.size() > kMaxTokensBytes) return TokensUnreadable(path, error);
+  return text;
 }
 
 }  // namespace
@@ -41,14 +54,10 @@ absl::Status Authenticator::Load() {
   }
   const std::string& path = options_.tokens_path;
   if (!path.empty()) {
-    file_ = FileStamp::Of(path);  // before reading: a change meanwhile is seen later
-    struct stat info = {};
-    std::ifstream file(path);
-    const int error = file && stat(path.c_str(), &info) == 0 ? 0 : errno;
-    if (error != 0 || !S_ISREG(info.st_mode) || info.st_size > kMaxTokensBytes) {
-      return TokensUnreadable(path, error);
-    }
-    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    const FileStamp stamp =
+        FileStamp::Of(path);  // before reading: a change meanwhile is seen later
+    LITAGS_ASSIGN_OR_RETURN(const std::string text, ReadTokens(path));
+    file_ = stamp;  // what could not be read is tried again
     LITAGS_RETURN_IF_ERROR(tokens->AddLines(text, path));
   }
   tokens_ = std::move(tokens);
@@ -61,13 +70,19 @@ std::shared_ptr<const TokenTable> Authenticator::Tokens() {
   const auto now = std::chrono::steady_clock::now();
   if (!options_.tokens_path.empty() && now - looked_ >= kLookInterval) {
     looked_ = now;
-    if (FileStamp::Of(options_.tokens_path) != file_) {
+    const FileStamp before = file_;
+    std::string said;
+    if (FileStamp::Of(options_.tokens_path) != before) {
       if (const absl::Status status = Load(); status.ok()) {
         spdlog::info("read {} from {}", Counted(tokens_->size(), "token"), options_.tokens_path);
       } else {
-        spdlog::error("the tokens stay as they were: {}", std::string(status.message()));
+        said = std::string(status.message());
+        if (file_ != before || said != said_) {
+          spdlog::error("the tokens stay as they were: {}", said);
+        }
       }
     }
+    said_ = said;
   }
   return tokens_;
 }

@@ -59,7 +59,8 @@ class Authenticator {
   std::mutex mutex_;
   std::shared_ptr<const TokenTable> tokens_;
   int64_t generation_ = 0;
-  FileStamp file_;  // as it was when it was read
+  FileStamp file_;    // as it was when it was read
+  std::string said_;  // why it cannot be read now, said once
   std::chrono::steady_clock::time_point looked_;
 };
 

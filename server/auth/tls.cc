@@ -16,6 +16,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 namespace {
@@ -186,16 +187,20 @@ std::optional<TlsMaterial> TlsFiles::TakeRenewed() {
   const auto now = std::chrono::steady_clock::now();
   if (now - looked_ >= kLookInterval) {
     looked_ = now;
+    std::string said;
     if (const Stamps stamps = Look(); stamps != seen_) {
-      seen_ = stamps;
       auto renewed = LoadTls(options_);
+      const bool is_read = !HasReason(renewed.status(), "TLS_FILE_UNREADABLE");
+      if (is_read) seen_ = stamps;  // what could not be read is tried again
       if (renewed.ok()) {
         spdlog::info("TLS files were renewed: a certificate in force until {}", renewed->expires);
         read_ = *std::move(renewed);
       } else {
-        spdlog::error("TLS stays as it was: {}", std::string(renewed.status().message()));
+        said = std::string(renewed.status().message());
+        if (is_read || said != said_) spdlog::error("TLS stays as it was: {}", said);
       }
     }
+    said_ = said;
   }
   return std::exchange(read_, std::nullopt);
 }

@@ -61,6 +61,7 @@ class TlsFiles {
   Stamps seen_;
   std::optional<TlsMaterial> read_;  // not taken yet
   std::chrono::steady_clock::time_point looked_;
+  std::string said_;  // why they cannot be read now, said once
 };
 
 // Whether HOST:PORT can be reached from this machine only: 127.x.y.z, ::1, localhost, or a
