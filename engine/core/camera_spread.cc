@@ -24,15 +24,35 @@ double Distance(const std::array<double, 3>& a, const std::array<double, 3>& b) 
   return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }
 
+// The places, and of each the index of the first that is the same up to rounding: the views of a
+// panorama have one.
+struct Distinct {
+  std::vector<std::array<double, 3>> places;
+  std::vector<size_t> index;
+};
+
+Distinct DistinctOf(absl::Span<const std::array<double, 3>> places) {
+  constexpr double kRounding = 1e-9;  // of coordinates
+  Distinct out;
+  for (const auto& place : places) {
+    const double rounding = kRounding * Distance(place, {0, 0, 0});
+    const auto same = std::find_if(out.places.begin(), out.places.end(), [&](const auto& other) {
+      return std::abs(place[0] - other[0]) <= rounding && Distance(place, other) <= rounding;
+    });
+    out.index.push_back(static_cast<size_t>(same - out.places.begin()));
+    if (same == out.places.end()) out.places.push_back(place);
+  }
+  return out;
+}
+
 double Median(std::vector<double> values) {
   const auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
-}  // namespace
-
-std::vector<bool> FarPlaces(absl::Span<const std::array<double, 3>> places) {
+// Of places that are all different.
+std::vector<bool> FarOf(absl::Span<const std::array<double, 3>> places) {
   const size_t n = places.size();
   std::vector<bool> far(n, false);
   if (n < kLeastPlaces) return far;
@@ -59,6 +79,16 @@ std::vector<bool> FarPlaces(absl::Span<const std::array<double, 3>> places) {
     far[i] = nearest > kAlone * radius;
   }
   return far;
+}
+
+}  // namespace
+
+std::vector<bool> FarPlaces(absl::Span<const std::array<double, 3>> places) {
+  const Distinct distinct = DistinctOf(places);
+  const std::vector<bool> far = FarOf(distinct.places);
+  std::vector<bool> out;
+  for (const size_t i : distinct.index) out.push_back(far[i]);
+  return out;
 }
 
 std::vector<View> NearViews(absl::Span<const View> views) {

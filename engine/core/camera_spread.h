@@ -12,7 +12,7 @@ namespace litags {
 
 // Which of these places are far from all others, as of a lost tracker or a photo of something else.
 // None of fewer than eight, nor of a walk, whose places are each near the one before, nor where
-// more than one in ten would be.
+// more than one in ten would be. Places that are the same, as of a panorama's views, are one.
 std::vector<bool> FarPlaces(absl::Span<const std::array<double, 3>> places);
 
 // The views but for those whose cameras are far.

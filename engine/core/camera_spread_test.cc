@@ -54,6 +54,18 @@ TEST(FarPlaces, AreNoneIfTheyAreManyOrTogether) {
   EXPECT_EQ(Count(FarPlaces(pair)), 0);
 }
 
+// Panoramas: their views' places differ by rounding.
+TEST(FarPlaces, MayBeThoseOfSeveralViewsOfOnePhoto) {
+  Places places;
+  for (const auto& [x, y, z] : Ring(9)) {
+    for (int view = 0; view < 6; ++view) places.push_back({x, y + 1e-13 * view, z});
+  }
+  for (int view = 0; view < 6; ++view) places.push_back({300, 1e-12 * view, 0});
+  const std::vector<bool> far = FarPlaces(places);
+  EXPECT_EQ(Count(far), 6);
+  EXPECT_TRUE(far.back());
+}
+
 TEST(FarPlaces, AreNoneWhereThereIsNoMeasure) {
   EXPECT_EQ(Count(FarPlaces(Places{})), 0);
   EXPECT_EQ(Count(FarPlaces(Places{{0, 0, 0}, {1, 0, 0}, {100, 0, 0}})), 0);
