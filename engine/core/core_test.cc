@@ -197,5 +197,11 @@ TEST(Image, BytesSurviveTheRoundTrip) {
   EXPECT_EQ(ToImageU8(ToPlanes(image)).data, image.data);
 }
 
+TEST(Image, OnePlaneBecomesGrey) {
+  Planes depth(1, 1, 2);
+  depth.data = {0.2f, 1.0f};
+  EXPECT_EQ(ToImageU8(depth).data, (std::vector<uint8_t>{51, 51, 51, 255, 255, 255}));
+}
+
 }  // namespace
 }  // namespace litags

@@ -102,12 +102,13 @@ inline Planes ToPlanes(const ImageU8& image) {
   return planes;
 }
 
-// First three planes clamped to [0, 1] and rounded to bytes; NaN becomes 0.
+// First three planes, or of one or two the first as grey, clamped to [0, 1] and rounded to bytes;
+// NaN becomes 0.
 inline ImageU8 ToImageU8(const Planes& planes) {
   ImageU8 image(planes.width, planes.height);
   const size_t n = planes.plane_size();
   for (int c = 0; c < 3; ++c) {
-    const float* in = planes.plane(c);
+    const float* in = planes.plane(planes.channels < 3 ? 0 : c);
     for (size_t i = 0; i < n; ++i) {
       const float v = in[i] > 0.0f ? (in[i] < 1.0f ? in[i] : 1.0f) : 0.0f;
       image.data[3 * i + c] = static_cast<uint8_t>(v * 255.0f + 0.5f);

@@ -47,16 +47,6 @@ Planes Normalized(Planes planes, const Range& range) {
   return planes;
 }
 
-// 8-bit pictures are RGB: a single plane becomes grey.
-Planes ThreePlanes(const Planes& planes) {
-  if (planes.channels == 3) return planes;
-  Planes rgb(3, planes.height, planes.width);
-  for (int c = 0; c < 3; ++c) {
-    std::copy_n(planes.plane(0), planes.plane_size(), rgb.plane(c));
-  }
-  return rgb;
-}
-
 // [C, H, W] to the bytes of [H, W, C].
 std::string Interleaved(const Planes& planes) {
   static_assert(std::endian::native == std::endian::little);
@@ -73,11 +63,10 @@ std::string Interleaved(const Planes& planes) {
 absl::StatusOr<std::string> EncodeCodes(const Planes& planes, Channel channel,
                                         v1::PictureFormat format, int jpeg_quality) {
   if (format == v1::PICTURE_FORMAT_JPEG) {
-    return EncodeJpeg(ToImageU8(ThreePlanes(planes)),
-                      jpeg_quality ? jpeg_quality : kDefaultJpegQuality);
+    return EncodeJpeg(ToImageU8(planes), jpeg_quality ? jpeg_quality : kDefaultJpegQuality);
   }
   if (channel == Channel::kDepth) return EncodePng16(planes);
-  return EncodePng(ToImageU8(ThreePlanes(planes)));
+  return EncodePng(ToImageU8(planes));
 }
 
 }  // namespace
