@@ -22,6 +22,10 @@ namespace {
 
 constexpr int kMostListed = 1'000'000;  // by --limit
 
+std::string PhotosText(const v1::Job& job) {
+  return report::IsOfVideo(job) ? "video" : absl::StrCat(job.photos());
+}
+
 // How far a job is, in a few words.
 std::string At(const v1::Job& job) {
   if (job.state() == v1::JOB_STATE_UPLOADING) return BytesText(job.bytes());
@@ -48,9 +52,10 @@ int List(Session& session, v1::ListJobsRequest request, int limit, bool json) {
           std::printf("%-30s %-10s %-19s %6s  %-18s %s\n", "JOB", "STATE", "CREATED (UTC)",
                       "PHOTOS", "AT", "NAME");
         }
-        std::printf("%-30s %-10s %-19s %6d  %-18s %s\n", Printable(job.name()).c_str(),
+        std::printf("%-30s %-10s %-19s %6s  %-18s %s\n", Printable(job.name()).c_str(),
                     StateText(job.state()).c_str(), TimeText(job.create_time()).c_str(),
-                    job.photos(), At(job).c_str(), Printable(job.display_name()).c_str());
+                    PhotosText(job).c_str(), At(job).c_str(),
+                    Printable(job.display_name()).c_str());
       }
       ++printed;
     }
@@ -93,7 +98,7 @@ void PrintJob(const v1::Job& job) {
   row("waits for", job.waits_for());
   row("owner", job.owner());
   row("labels", LabelsText(job));
-  row("photos", absl::StrCat(job.photos(), " (", BytesText(job.bytes()), ")"));
+  row("photos", absl::StrCat(PhotosText(job), " (", BytesText(job.bytes()), ")"));
   row("created", TimeText(job.create_time()));
   row("started", TimeText(job.start_time()));
   row("ended", TimeText(job.end_time()));

@@ -85,7 +85,7 @@ Html Plan(const v1::ListCamerasResponse& cameras) {
                  "the centre of the scene."})});
 }
 
-// "360x270, 12 more sizes": of the pictures that the scene was trained on.
+// "25 of 360x270, 12 other sizes": of all photos with a camera, those kept out of training too.
 std::string SizesText(const v1::ListCamerasResponse& cameras) {
   std::map<std::string, int> sizes;
   for (const v1::NamedCamera& named : cameras.cameras()) {
@@ -152,8 +152,9 @@ Html CamerasSection(const v1::JobReport& report, const std::vector<LeftOut>& lef
          {Fact("Photos placed", absl::StrCat(report.registered(), " of ", report.photos())),
           Fact("Cameras", given ? "uploaded with the photos" : "found from the photos"),
           Fact("Photos prepared with", given ? "" : report.sfm_preparation()),
-          Fact("Points to start from", CountText(report.sparse_points())),
-          Fact("Pictures learnt from, px", SizesText(cameras)),
+          Fact(given ? "Points uploaded with them" : "Points found with them",
+               CountText(report.sparse_points())),
+          Fact("Sizes of the pictures, px", SizesText(cameras)),
           Fact("Depth maps", report.depth_used() ? "took part" : "none")});
   return El("section", {},
             {El("h2", {}, {"Cameras"}),

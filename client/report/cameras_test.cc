@@ -53,7 +53,7 @@ TEST(Cameras, ThePlanHasEachCameraAtItsPlace) {
   const std::string html = CamerasSection(report, {}, TwoCameras()).markup();
   EXPECT_THAT(html, HasSubstr("2 of 3"));
   EXPECT_THAT(html, HasSubstr("<title>a.png</title>"));
-  EXPECT_THAT(html, HasSubstr("2 of 64x48"));
+  EXPECT_THAT(html, HasSubstr("<dt>Sizes of the pictures, px</dt><dd>2 of 64x48</dd>"));
   // The ground is 4 by 4 units: from -2 to 2, and from the cameras to the centre.
   EXPECT_THAT(html, HasSubstr("cx=\"24.0\""));
   EXPECT_THAT(html, HasSubstr("cx=\"296.0\""));

@@ -60,14 +60,16 @@ Html Heading(const v1::Job& job) {
 Html KeyFacts(const v1::Job& job) {
   const v1::JobReport& report = job.report();
   const v1::Progress& progress = job.progress();
-  const bool done = job.has_report();
+  // While a finished job is trained further, what is shown is a newer scene than the report's.
+  const bool done = job.has_report() && job.snapshot_iteration() == report.iterations();
   std::string psnr;
   if (done ? report.has_psnr_holdout() : progress.has_psnr_holdout()) {
     psnr = DecibelText(done ? report.psnr_holdout() : progress.psnr_holdout());
   }
   const std::string ssim =
-      report.has_ssim_holdout() ? absl::StrFormat("%.4f", report.ssim_holdout()) : "";
-  const std::string placed = done ? absl::StrCat(report.registered(), " of ", report.photos()) : "";
+      done && report.has_ssim_holdout() ? absl::StrFormat("%.4f", report.ssim_holdout()) : "";
+  const std::string placed =
+      job.has_report() ? absl::StrCat(report.registered(), " of ", report.photos()) : "";
   const int64_t gaussians = done ? report.gaussians() : progress.gaussians();
   return El(
       "dl", {{"class", "facts"}},
@@ -97,6 +99,10 @@ Html PictureOf(const Picture& picture, const std::string& words) {
 Html PicturesSection(const std::vector<Picture>& pictures, bool one_light) {
   if (pictures.empty()) return {};
   Html figures;
+  const auto [oldest, newest] = std::minmax_element(
+      pictures.begin(), pictures.end(),
+      [](const Picture& a, const Picture& b) { return a.view.iteration() < b.view.iteration(); });
+  const int first = oldest->view.iteration(), last = newest->view.iteration();
   for (size_t i = 0; i < pictures.size(); i += one_light ? 1 : 2) {
     const std::string& camera = pictures[i].request.pose().camera();
     Html inside = PictureOf(pictures[i], one_light ? "as learnt" : "before: the photos' light");
@@ -105,7 +111,8 @@ Html PicturesSection(const std::vector<Picture>& pictures, bool one_light) {
     figures += El("figure", {{"class", "pair"}}, {inside});
   }
   const std::string note = absl::StrCat(
-      "All are renderings of the scene at iteration ", pictures.front().view.iteration(),
+      "All are renderings of the scene at iteration",
+      first == last ? absl::StrCat(" ", last) : absl::StrCat("s ", first, " to ", last),
       one_light ? "; this method learns one light only."
                 : ". \"Before\" is the scene in the light of the photos, not the photo itself: "
                   "the service hands out no photos.");
@@ -187,8 +194,8 @@ Html OriginSection(const ReportData& data) {
       {El("h2", {}, {"Where it comes from"}),
        El("dl", {},
           {Fact("Job", job.name()), Fact("Owner", job.owner()), Fact("Labels", LabelsText(job)),
-           Fact("Files",
-                absl::StrCat(Counted(job.photos(), "photo"), ", ", BytesText(job.bytes()))),
+           Fact("Files", absl::StrCat(IsOfVideo(job) ? "a video" : Counted(job.photos(), "photo"),
+                                      ", ", BytesText(job.bytes()))),
            Fact("Created", TimeInUtc(job.create_time())),
            Fact("Started", TimeInUtc(job.start_time())), Fact("Ended", TimeInUtc(job.end_time())),
            Fact("Runs since it was last started", absl::StrCat(job.attempt())),

@@ -42,6 +42,7 @@ ReportData Finished() {
   v1::JobReport* report = data.job.mutable_report();
   report->set_photos(9);
   report->set_registered(8);
+  report->set_iterations(40);
   report->set_gaussians(12345);
   report->set_psnr_holdout(21.5);
   report->set_ssim_holdout(0.8125);
@@ -99,7 +100,6 @@ TEST(Report, ItSaysWhatAResultIsComparedBy) {
 
 TEST(Report, TheCurveEndsAtWhatTheReportSays) {
   ReportData data = Finished();
-  data.job.mutable_report()->set_iterations(40);
   v1::JobEvent event;
   event.mutable_progress()->set_iteration(30);
   event.mutable_progress()->set_loss(0.5);
@@ -130,6 +130,36 @@ TEST(Report, AJobThatRunsIsNotTakenForADoneOne) {
   data.job.set_state(v1::JOB_STATE_RUNNING);
   EXPECT_THAT(ReportHtml(data), HasSubstr("had not ended"));
   EXPECT_THAT(ReportHtml(Finished()), Not(HasSubstr("had not ended")));
+}
+
+TEST(Report, OfAJobThatIsTrainedFurtherItShowsTheNewNumbers) {
+  ReportData data = Finished();
+  data.job.set_state(v1::JOB_STATE_RUNNING);
+  EXPECT_THAT(ReportHtml(data), HasSubstr("<dd>40</dd>"));  // its scene is still the finished one
+  data.job.set_snapshot_iteration(60);
+  data.job.mutable_progress()->set_iteration(65);
+  data.job.mutable_progress()->set_psnr_holdout(22.25);
+  const std::string html = ReportHtml(data);
+  EXPECT_THAT(html, HasSubstr("<dd>65</dd>"));
+  EXPECT_THAT(html, HasSubstr("22.25 dB"));
+  EXPECT_THAT(html, Not(HasSubstr("0.8125")));
+  EXPECT_THAT(html, HasSubstr("8 of 9"));
+}
+
+TEST(Report, ItSaysFromWhichIterationsItsPicturesAre) {
+  ReportData data = Finished();
+  for (Picture& picture : data.pictures) picture.view.set_iteration(40);
+  EXPECT_THAT(ReportHtml(data), HasSubstr("scene at iteration 40."));
+  data.pictures[1].view.set_iteration(50);
+  EXPECT_THAT(ReportHtml(data), HasSubstr("scene at iterations 40 to 50."));
+}
+
+TEST(Report, AVideoIsNotNoPhotos) {
+  ReportData data = Finished();
+  data.job.set_bytes(312'000'000);
+  EXPECT_THAT(ReportHtml(data), HasSubstr("a video, "));
+  data.job.set_photos(9);
+  EXPECT_THAT(ReportHtml(data), HasSubstr("9 photos, "));
 }
 
 TEST(Report, PicturesArePairsFromPlacesFarApart) {

@@ -115,6 +115,10 @@ std::string StateText(v1::JobState state) { return WordOf(*v1::JobState_descript
 
 std::string StageText(v1::Stage stage) { return WordOf(*v1::Stage_descriptor(), stage); }
 
+bool IsOfVideo(const v1::Job& job) {
+  return job.photos() == 0 && job.bytes() > 0 && job.state() != v1::JOB_STATE_UPLOADING;
+}
+
 std::string TimeText(const google::protobuf::Timestamp& time) {
   if (time.seconds() == 0) return "";
   const std::time_t seconds = time.seconds();

@@ -27,6 +27,8 @@ std::string EnumWord(const google::protobuf::EnumValueDescriptor& value);
 // "running", "finding-cameras".
 std::string StateText(v1::JobState state);
 std::string StageText(v1::Stage stage);
+// Whether it was made from a video: that is no photo, and its frames are no uploaded files.
+bool IsOfVideo(const v1::Job& job);
 // "2024-05-01 12:00:03" in UTC; "" if not set.
 std::string TimeText(const google::protobuf::Timestamp& time);
 
