@@ -277,6 +277,26 @@ absl::Status ReadIntrinsics(const Keys& keys, int default_width, int default_hei
   return absl::OkStatus();
 }
 
+// Of photos of another size, or in another unit. Only where the file says the size: of a photo that
+// is not there any is taken.
+absl::Status CheckIntrinsics(const Camera& c, const std::string& where) {
+  constexpr double kLeastFocal = 0.05;  // of the longer side: a field of view of 168 degrees
+  const auto bad = [&](std::string_view reason, std::string_view what) {
+    return InvalidField(reason, where,
+                        absl::StrCat(Absl(what), " a picture of ", c.width, "x", c.height,
+                                     " px ('w', 'h'); give all of them in px, of photos of one "
+                                     "size"));
+  };
+  if (!(c.cx >= 0 && c.cx <= c.width && c.cy >= 0 && c.cy <= c.height)) {
+    return bad("BAD_PRINCIPAL_POINT", absl::StrCat("the principal point, 'cx' ", c.cx, " and 'cy' ",
+                                                   c.cy, " px, lies outside"));
+  }
+  const double least = kLeastFocal * std::max(c.width, c.height);
+  if (c.fx >= least && c.fy >= least) return absl::OkStatus();
+  return bad("BAD_FOCAL_LENGTH", absl::StrCat("a focal length, 'fl_x' ", c.fx, " and 'fl_y' ", c.fy,
+                                              " px, is that of no lens for"));
+}
+
 // The 4x4 (or its upper 3x4) as numbers.
 absl::StatusOr<cv::Matx34d> ReadMatrix(const Json& frame, const std::string& where) {
   const auto it = frame.find("transform_matrix");
@@ -288,8 +308,8 @@ absl::StatusOr<cv::Matx34d> ReadMatrix(const Json& frame, const std::string& whe
   };
   if (!it->is_array() || (it->size() != 4 && it->size() != 3 && it->size() != 16)) return bad();
   const bool flat = it->size() == 16;  // row by row
-  cv::Matx34d matrix;
-  for (int r = 0; r < 3; ++r) {
+  cv::Matx44d matrix = cv::Matx44d::eye();
+  for (int r = 0; r < (flat ? 4 : static_cast<int>(it->size())); ++r) {
     const Json& row = flat ? *it : (*it)[r];
     if (!flat && (!row.is_array() || row.size() != 4)) return bad();
     for (int c = 0; c < 4; ++c) {
@@ -298,7 +318,13 @@ absl::StatusOr<cv::Matx34d> ReadMatrix(const Json& frame, const std::string& whe
       matrix(r, c) = number.get<double>();
     }
   }
-  return matrix;
+  for (int c = 0; c < 4; ++c) {
+    if (std::abs(matrix(3, c) - (c == 3)) <= 1e-6) continue;
+    return InvalidField("BAD_POSE", where,
+                        "the last row of 'transform_matrix' is not 0 0 0 1; was it written column "
+                        "by column?");
+  }
+  return matrix.get_minor<3, 4>(0, 0);
 }
 
 // OpenGL camera-to-world into cam_from_world. A uniform scale moves the camera's own units, not its
@@ -343,6 +369,7 @@ absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const s
   const PhotoSize size = sized ? PhotoSize() : sizes(loaded.view.name);
   LITAGS_RETURN_IF_ERROR(
       ReadIntrinsics(keys, size.width, size.height, &loaded.view.camera, &loaded.distortion));
+  if (sized) LITAGS_RETURN_IF_ERROR(CheckIntrinsics(loaded.view.camera, where));
   LITAGS_ASSIGN_OR_RETURN(const cv::Matx34d matrix, ReadMatrix(frame, where));
   LITAGS_RETURN_IF_ERROR(SetPose(matrix, where, &loaded.view.camera));
   return loaded;

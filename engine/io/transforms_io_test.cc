@@ -123,6 +123,29 @@ TEST(ParseTransforms, TakesSixteenNumbersAndFramesThatComeTwice) {
   EXPECT_EQ(a->views[0].camera.Viewmat(), b->views[0].camera.Viewmat());
 }
 
+TEST(ParseTransforms, RefusesMatricesThatWereWrittenColumnByColumn) {
+  for (const char* matrix :
+       {"[0,0,-1,0, 0,1,0,0, 1,0,0,0, 1,2,3,1]", "[[0,0,-1,0],[0,1,0,0],[1,0,0,0],[1,2,3,1]]"}) {
+    const absl::Status status = ParseStatus(File(kTop, Frame("a.jpg", matrix)));
+    EXPECT_EQ(Reason(status), "BAD_POSE");
+    EXPECT_THAT(std::string(status.message()), HasSubstr("column by column"));
+  }
+  EXPECT_TRUE(ParseStatus(File(kTop, Frame("a.jpg", "[[0,0,1,1],[0,1,0,2],[-1,0,0,3]]"))).ok());
+}
+
+TEST(ParseTransforms, RefusesIntrinsicsOfAnotherSizeOrUnit) {
+  const auto status = [](const std::string& lens) {
+    return ParseStatus(File(lens + R"(, "w": 400, "h": 300)", Frame("a.jpg", kIdentity)));
+  };
+  const absl::Status larger = status(R"("fl_x": 1600, "cx": 800, "cy": 600)");
+  EXPECT_EQ(Reason(larger), "BAD_PRINCIPAL_POINT");
+  EXPECT_THAT(std::string(larger.message()), HasSubstr("'cx' 800 and 'cy' 600 px, lies outside a "
+                                                       "picture of 400x300 px ('w', 'h')"));
+  EXPECT_EQ(Reason(status(R"("fl_x": 0.9, "fl_y": 1.2, "cx": 0.5, "cy": 0.5)")),
+            "BAD_FOCAL_LENGTH");
+  EXPECT_TRUE(status(R"("fl_x": 20, "cx": 0, "cy": 300)").ok());
+}
+
 TEST(MaskPathsOfTransforms, AreThoseOfTheFrames) {
   const auto paths = MaskPathsOfTransforms(
       File(kTop, Frame("low/a.jpg", kIdentity, R"(, "mask_path": "m/a.png")") + "," +
