@@ -167,7 +167,14 @@ absl::StatusOr<SparseModel> ParseBundler(std::string_view text, std::string_view
   for (double i = 0; i < counts[1]; ++i) {
     if (!ReadPoint(&numbers, &cameras)) return bad("points are missing");
   }
-  const std::vector<std::string> names = ReadList(numbers.rest());
+  std::vector<std::string> names = ReadList(numbers.rest());
+  // The list may stand at the file's end and beside it.
+  const size_t half = names.size() / 2;
+  if (half == cameras.size() && names.size() == 2 * half &&
+      std::equal(names.begin(), names.begin() + static_cast<ptrdiff_t>(half),
+                 names.begin() + static_cast<ptrdiff_t>(half))) {
+    names.resize(half);
+  }
   if (names.size() != cameras.size()) {
     return InvalidField(
         "BAD_BUNDLE", field,

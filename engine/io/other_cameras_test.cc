@@ -384,6 +384,13 @@ TEST(BundlerCameras, TheirListIsReadFromBesideThem) {
     const auto model = ReadCameras(dir / file, "cameras", 160, 120);
     ASSERT_TRUE(model.ok()) << model.status();
     EXPECT_EQ(model->views.size(), 2u);
+    // At their own end, too.
+    ASSERT_TRUE(WriteFileAtomically(dir / file, cameras + list).ok());
+    const auto both = ReadCameras(dir / file, "cameras", 160, 120);
+    ASSERT_TRUE(both.ok()) << both.status();
+    EXPECT_EQ(both->views.size(), 2u);
+    ASSERT_TRUE(WriteFileAtomically(dir / beside, "b.jpg\na.jpg\nlost.jpg\n").ok());
+    EXPECT_EQ(Reason(ReadCameras(dir / file, "cameras", 160, 120).status()), "BAD_BUNDLE");
   }
 }
 
