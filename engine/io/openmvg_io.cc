@@ -129,7 +129,9 @@ absl::StatusOr<SparseModel> ParseOpenMvg(std::string_view json, std::string_view
     const Json& data = DataOf(entry);
     const auto pose = poses.find(TextOf(Member(data, "id_pose")));
     if (pose == poses.end()) continue;  // OpenMVG could not place it
-    const std::string name = TextOf(Member(data, "filename"));
+    const std::string folder = TextOf(Member(data, "local_path"));
+    const std::string file = TextOf(Member(data, "filename"));
+    const std::string name = folder.empty() ? file : absl::StrCat(folder, "/", file);
     const std::string where = absl::StrCat(Absl(field), ".views[", name, "]");
     const auto lens = lenses.find(TextOf(Member(data, "id_intrinsic")));
     if (lens == lenses.end()) return Bad(where, "its id_intrinsic names no lens");

@@ -86,6 +86,14 @@ TEST(OpenMvgCameras, SeeThePointWhereOpenMvgDoes) {
              OpenMvgPixel(x / r * at, y / r * at));
 }
 
+TEST(OpenMvgCameras, OfFoldersAreNamedByThem) {
+  std::string file = OpenMvg("pinhole", "");
+  file.replace(file.find("\"local_path\": \"\""), 16, "\"local_path\": \"cam0\"");
+  const auto model = Parse(file);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->paths[0], "cam0/low/a.jpg");
+}
+
 TEST(OpenMvgCameras, ValuesThatAreNotReadDoNotCount) {
   std::string file = OpenMvg("pinhole", "");
   const std::string none = R"("observations": [])";
