@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -57,12 +58,21 @@ struct Sensor {
 
 struct PlacedCamera {
   std::string label, sensor, component;
-  std::array<double, kPoseNumbers> world_from_cam = {};
+  std::array<double, kPoseNumbers> chunk_from_cam = {};
+};
+
+// What brings cameras from their own frame to the world: x to scale * rotation * x + translation.
+struct ToWorld {
+  std::array<double, 9> rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // row by row
+  std::array<double, 3> translation = {};
+  std::array<double, 1> scale = {1};
 };
 
 struct Document {
   int chunks = 0;
   std::map<std::string, Sensor> sensors;  // by id
+  ToWorld chunk;
+  std::map<std::string, ToWorld> components;  // by id; those that have one of their own
   std::vector<PlacedCamera> cameras;
 };
 
@@ -88,7 +98,8 @@ class Reader {
     path_.push_back(name);
     text_.clear();
     if (path_.size() > kMaxDepth) return Fail("BAD_XML", "elements are nested too deeply");
-    if (document_.sensors.size() + document_.cameras.size() > kMaxEntries) {
+    if (document_.sensors.size() + document_.cameras.size() + document_.components.size() >
+        kMaxEntries) {
       return Fail("BAD_XML", "it has too many cameras");
     }
     if (name == "chunk") ++document_.chunks;
@@ -105,6 +116,8 @@ class Reader {
       // Missing sides stay 0, which are refused.
       (void)absl::SimpleAtod(attributes.Get("width"), &sensor_->width);
       (void)absl::SimpleAtod(attributes.Get("height"), &sensor_->height);
+    } else if (name == "component" && parent == "components") {
+      id_ = attributes.Get("id");
     } else if (name == "camera" && (parent == "cameras" || parent == "group")) {
       StartCamera(attributes);
     }
@@ -125,6 +138,10 @@ class Reader {
       EndLensNumber(name);
     } else if (name == "transform" && parent == "camera" && camera_.has_value()) {
       EndPose();
+    } else if (parent == "transform" && path_.size() >= 2) {
+      const std::string& of = path_[path_.size() - 2];
+      if (of == "chunk") EndTransform(name, &document_.chunk);
+      if (of == "component") EndTransform(name, &document_.components[id_]);
     }
     text_.clear();
   }
@@ -160,8 +177,22 @@ class Reader {
       return Fail("BAD_NUMBER", absl::StrCat("the transform of camera '", camera_->label,
                                              "' does not have 16 finite numbers"));
     }
-    std::copy_n(numbers.begin(), kPoseNumbers, camera_->world_from_cam.begin());
+    std::copy_n(numbers.begin(), kPoseNumbers, camera_->chunk_from_cam.begin());
     posed_ = true;
+  }
+
+  void EndTransform(const std::string& name, ToWorld* to) {
+    const std::span<double> part = name == "rotation"      ? std::span<double>(to->rotation)
+                                   : name == "translation" ? to->translation
+                                   : name == "scale"       ? to->scale
+                                                           : std::span<double>();
+    std::vector<double> numbers;
+    if (part.empty()) return;
+    const bool good = ReadNumbers(text_, &numbers) && numbers.size() == part.size();
+    if (good) std::copy(numbers.begin(), numbers.end(), part.begin());
+    if (good && to->scale[0] > 0) return;
+    Fail("BAD_NUMBER", absl::StrCat("the ", name, " of the chunk or a component is not ",
+                                    part.size(), " finite numbers, of a scale above 0"));
   }
 
   const std::string_view field_;
@@ -169,7 +200,7 @@ class Reader {
   Document document_;
   std::vector<std::string> path_;  // of open elements
   std::string text_;               // of the innermost one
-  std::string id_;                 // of sensor_
+  std::string id_;                 // of sensor_, or of the component
   std::optional<Sensor> sensor_;
   std::optional<PlacedCamera> camera_;
   bool posed_ = false;  // camera_ has its pose
@@ -274,12 +305,19 @@ absl::Status ReadLens(const Sensor& sensor, std::string_view where, LoadedView* 
   return absl::OkStatus();
 }
 
-// The pose is world_from_cam, with our axes.
-absl::Status ReadPose(const PlacedCamera& from, std::string_view where, Camera* camera) {
-  const auto& m = from.world_from_cam;
-  const std::array<double, 9> cam_from_world = {m[0], m[4], m[8], m[1], m[5],
-                                                m[9], m[2], m[6], m[10]};
-  const std::array<double, 3> center = {m[3], m[7], m[11]};
+// The pose is chunk_from_cam, with our axes.
+absl::Status ReadPose(const PlacedCamera& from, const ToWorld& to, std::string_view where,
+                      Camera* camera) {
+  const auto& m = from.chunk_from_cam;
+  std::array<double, 9> cam_from_world = {};
+  std::array<double, 3> center = to.translation;
+  for (int r = 0; r < 3; ++r) {
+    for (int k = 0; k < 3; ++k) {
+      const double rotation = to.rotation[3 * r + k];
+      for (int c = 0; c < 3; ++c) cam_from_world[3 * c + r] += rotation * m[4 * k + c];
+      center[r] += to.scale[0] * rotation * m[4 * k + 3];
+    }
+  }
   return SetPlace(cam_from_world, center, where, camera);
 }
 
@@ -311,6 +349,8 @@ absl::StatusOr<SparseModel> ParseMetashape(std::string_view xml, std::string_vie
                                      "File > Export > Export Cameras, Agisoft XML"));
   }
   const std::string component = LargestComponent(document.cameras);
+  const auto own = document.components.find(component);
+  const ToWorld& to = own == document.components.end() ? document.chunk : own->second;
   std::vector<LoadedView> views;
   for (const PlacedCamera& from : document.cameras) {
     if (from.component != component) continue;
@@ -322,7 +362,7 @@ absl::StatusOr<SparseModel> ParseMetashape(std::string_view xml, std::string_vie
     LoadedView loaded;
     loaded.view.name = from.label;
     LITAGS_RETURN_IF_ERROR(ReadLens(sensor->second, where, &loaded));
-    LITAGS_RETURN_IF_ERROR(ReadPose(from, where, &loaded.view.camera));
+    LITAGS_RETURN_IF_ERROR(ReadPose(from, to, where, &loaded.view.camera));
     views.push_back(std::move(loaded));
   }
   if (views.empty()) {

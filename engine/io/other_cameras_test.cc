@@ -187,7 +187,8 @@ TEST(MeshroomCameras, OtherLensesAreRefusedByName) {
 // Metashape: world_from_cam row by row, our axes; pixels are counted from the picture's corner, the
 // principal point from its middle. `camera`: attributes of the camera that has a pose.
 std::string Metashape(const std::string& type, const std::string& lens,
-                      const std::string& camera = R"(id="0" sensor_id="2" component_id="0")") {
+                      const std::string& camera = R"(id="0" sensor_id="2" component_id="0")",
+                      const std::string& component = "", const std::string& chunk = "") {
   const std::string pose =
       absl::StrFormat("%.17g 0 %.17g 0.1 0 1 0 0.4 %.17g 0 %.17g -0.5 0 0 0 1", kC, -kS, kS, kC);
   return absl::StrFormat(
@@ -202,8 +203,7 @@ std::string Metashape(const std::string& type, const std::string& lens,
    <covariance><params>f cx</params><coeffs>1 0 0 1</coeffs></covariance>
   </sensor>
  </sensors>
- <components next_id="1"><component id="0"><transform><rotation locked="false">1 0 0 0 1 0 0 0
-  1</rotation><scale locked="true">2</scale></transform></component></components>
+ <components next_id="1"><component id="0"><transform>%s</transform></component></components>
  <cameras next_id="4" next_group_id="1">
   <camera id="9" sensor_id="2" label="lost.jpg"><orientation>1</orientation></camera>
   <camera id="8" sensor_id="2" enabled="false" label="off.jpg"><transform>%s</transform></camera>
@@ -212,9 +212,9 @@ std::string Metashape(const std::string& type, const std::string& lens,
    %s</transform><rotation_covariance>1 0 0 0 1 0 0 0 1</rotation_covariance></camera>
   <camera id="5" sensor_id="2" component_id="0" label="b"><transform>%s</transform></camera></group>
  </cameras>
- <transform><rotation locked="true">0 1 0 1 0 0 0 0 -1</rotation></transform>
+ <transform>%s</transform>
 </chunk></document>)",
-      type, type, type, lens, pose, pose, camera, pose, pose);
+      type, type, type, lens, component, pose, pose, camera, pose, pose, chunk);
 }
 
 TEST(MetashapeCameras, SeeThePointWhereMetashapeDoes) {
@@ -253,6 +253,33 @@ TEST(MetashapeCameras, SeeThePointWhereMetashapeDoes) {
   }
 }
 
+// A world of other axes and another unit, far away.
+TEST(MetashapeCameras, StandInTheWorldThatTheirComponentOrElseTheChunkHas) {
+  const std::string camera = R"(id="0" sensor_id="2" component_id="0")", lens = "<f>100</f>";
+  const std::string world =
+      "<rotation locked=\"false\">0 1 0 0 0 1\n 1 0 0</rotation>"
+      "<translation>5000000 -20 7</translation><scale locked=\"true\">2</scale>";
+  const auto plain = Parse(Metashape("frame", lens));
+  ASSERT_TRUE(plain.ok()) << plain.status();
+  const Camera& own = plain->views[0].camera;
+  const auto c = own.Center(), x = own.CamFromWorld({0.3, 1, 4});
+  for (const std::string& file : {Metashape("frame", lens, camera, world, "<scale>9</scale>"),
+                                  Metashape("frame", lens, camera, "", world)}) {
+    const auto model = Parse(file);
+    ASSERT_TRUE(model.ok()) << model.status();
+    const Camera& placed = model->views[0].camera;
+    const auto center = placed.Center();
+    const auto seen = placed.CamFromWorld({5e6 + 2 * 1, -20 + 2 * 4, 7 + 2 * 0.3});
+    EXPECT_NEAR(center[0], 5e6 + 2 * c[1], 1e-8);
+    EXPECT_NEAR(center[2], 7 + 2 * c[0], 1e-8);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(seen[k], 2 * x[k], 1e-8);
+  }
+  for (const char* bad : {"<scale>0</scale>", "<translation>1 2</translation>",
+                          "<rotation>1 0 0 0 1 0 0 0 nan</rotation>"}) {
+    EXPECT_EQ(Reason(Parse(Metashape("frame", lens, camera, bad)).status()), "BAD_NUMBER");
+  }
+}
+
 TEST(MetashapeCameras, ValuesMayBeLongAndStandOnLinesOfTheirOwn) {
   std::string file = Metashape("frame", "<f>\n 100\n</f><cx>-2</cx><cy>1</cy>");
   const std::string coefficients = "1 0 0 1";
@@ -262,7 +289,6 @@ TEST(MetashapeCameras, ValuesMayBeLongAndStandOnLinesOfTheirOwn) {
   for (size_t at = file.find("<transform>"); at != std::string::npos;
        at = file.find("<transform>", at + 1)) {
     const size_t end = file.find("</transform>", at);
-    if (file.compare(at, 22, "<transform><rotation l") == 0) continue;
     std::replace(file.begin() + static_cast<ptrdiff_t>(at),
                  file.begin() + static_cast<ptrdiff_t>(end), ' ', '\n');
   }
