@@ -192,11 +192,22 @@ absl::StatusOr<std::string> FolderOf(const ReconstructInput& input,
                    absl::StrCat("cannot write into ", dir.string(), ": ", error.message()));
 }
 
-// Whether a point says which photos saw it. Some exporters leave that out, and what is left is a
-// cloud of any density that no photo is bound to.
-bool HasTracks(const SparseModel& model) {
-  return std::any_of(model.points.begin(), model.points.end(),
-                     [](const SparsePoint& point) { return point.track_length() >= 2; });
+// Some exporters do not say which photos saw a point, and what is left is a cloud of any density
+// that no photo is bound to. Of a model of many more photos than were sent, little may be left.
+size_t CountTracked(const SparseModel& model) {
+  return static_cast<size_t>(
+      std::count_if(model.points.begin(), model.points.end(),
+                    [](const SparsePoint& point) { return point.track_length() >= 2; }));
+}
+
+// Where tracks are known, what none of these photos saw is none of this scene.
+void DropUnseenPoints(SparseModel* model, std::vector<std::string>* notes) {
+  const size_t all = model->points.size();
+  const size_t unseen =
+      std::erase_if(model->points, [](const SparsePoint& point) { return point.track.empty(); });
+  if (unseen == 0) return;
+  notes->push_back(absl::StrCat(unseen, " of the ", all, " points that came with the cameras are ",
+                                "not used: none of these photos is said to have seen them"));
 }
 
 // The model to read, where the cameras given are a folder with several.
@@ -268,23 +279,22 @@ absl::StatusOr<SparseModel> SolveCameras(const Solver& solver) {
   return std::move(again.model);
 }
 
-// Points of given cameras, which came without usable ones.
-absl::Status TriangulateGiven(const Solver& solver, SparseModel* model) {
+// The same cameras with new points.
+absl::StatusOr<SparseModel> TriangulateGiven(const Solver& solver, SparseModel model) {
   ReconstructReport* const report = solver.context.report;
-  if (!model->points.empty()) {
-    report->notes.push_back(absl::StrCat("the ", model->points.size(),
-                                         " points that came with the cameras do not say which ",
-                                         "photos saw them: points are triangulated instead"));
-    model->points.clear();
-  }
+  const size_t given = std::exchange(model.points, {}).size();
   // The equations of points, too, are worse the further away the origin is.
-  const std::array<double, 3> origin = LocalOrigin(model->views);
-  TakeAsOrigin(origin, model);
-  LITAGS_ASSIGN_OR_RETURN(SfmResult result, solver.Triangulate(*model));
+  const std::array<double, 3> origin = LocalOrigin(model.views);
+  TakeAsOrigin(origin, &model);
+  LITAGS_ASSIGN_OR_RETURN(SfmResult result, solver.Triangulate(model));
+  if (given > 0) {
+    report->notes.push_back(absl::StrCat("few of the ", given,
+                                         " points that came with the cameras say that two of ",
+                                         "these photos saw them: points are triangulated instead"));
+  }
   for (const std::string& note : result.notes) report->notes.push_back(note);
-  *model = std::move(result.model);
-  TakeAsOrigin({-origin[0], -origin[1], -origin[2]}, model);
-  return absl::OkStatus();
+  TakeAsOrigin({-origin[0], -origin[1], -origin[2]}, &result.model);
+  return std::move(result.model);
 }
 
 absl::StatusOr<SparseModel> TakeGivenCameras(const Solver& solver,
@@ -292,8 +302,18 @@ absl::StatusOr<SparseModel> TakeGivenCameras(const Solver& solver,
   ReconstructReport* const report = solver.context.report;
   LITAGS_ASSIGN_OR_RETURN(SparseModel model,
                           ReadGivenCameras(solver.input, photos, &report->notes));
-  const bool has_tracks = HasTracks(model);
-  if (!has_tracks) LITAGS_RETURN_IF_ERROR(TriangulateGiven(solver, &model));
+  const size_t tracked = CountTracked(model);
+  bool has_tracks = tracked > 0 && tracked >= std::min(model.points.size(),
+                                                       kEnoughPointsPerView * model.views.size());
+  if (!has_tracks) {
+    absl::StatusOr<SparseModel> triangulated = TriangulateGiven(solver, model);
+    has_tracks = tracked > 0 && absl::IsFailedPrecondition(triangulated.status());  // some at least
+    if (!has_tracks) {
+      LITAGS_RETURN_IF_ERROR(triangulated.status());
+      model = *std::move(triangulated);
+    }
+  }
+  if (has_tracks) DropUnseenPoints(&model, &report->notes);
   std::set<std::string> placed;
   for (const View& view : model.views) placed.insert(view.name);
   for (const std::string& photo : photos) {

@@ -327,9 +327,52 @@ TEST_F(CameraSource, PointsWithoutTracksAreTriangulatedAnew) {
   ASSERT_TRUE(WriteColmapModel(input_.cameras_path + "/0", known).ok());
   const auto found = Obtain();
   ASSERT_TRUE(found.ok()) << found.status();
-  EXPECT_THAT(report_.notes, Contains(HasSubstr("do not say which photos saw them")));
+  EXPECT_THAT(report_.notes, Contains(HasSubstr("few of the 40 points")));
   EXPECT_THAT(report_.notes, Contains(HasSubstr("the cameras are those in 0")));
   for (const SparsePoint& point : found->points) EXPECT_GE(point.track_length(), 2);
+}
+
+// A model of ten photos, of which six were sent: p0 .. p5 saw `points` points, p6 .. p9 saw 60,
+// which are behind the others.
+SparseModel ModelOfMorePhotos(SparseModel known, int points) {
+  for (int i = 6; i < 10; ++i) {
+    known.views.push_back(known.views[0]);
+    known.views.back().name = absl::StrCat("p", i, ".png");
+    known.distortions.emplace_back();
+  }
+  SparsePoint seen, unseen;
+  seen.xyz = {0, 0, 5};
+  for (int i = 0; i < 3; ++i) seen.track.push_back({i, 1, 1});
+  unseen.xyz = {0, 0, -500};
+  for (int i = 6; i < 10; ++i) unseen.track.push_back({i, 1, 1});
+  known.points.assign(points, seen);
+  known.points.resize(points + 60, unseen);
+  return known;
+}
+
+TEST_F(CameraSource, PointsThatNoPhotoSentSawAreNotUsed) {
+  input_.cameras_path = colmap_.dir() + "/sparse";
+  fs::create_directory(input_.cameras_path);
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, ModelOfMorePhotos(Known(0.1), 60)).ok());
+  const auto found = ObtainKept();
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_THAT(found->points, SizeIs(60));
+  for (const SparsePoint& point : found->points) EXPECT_GE(point.track_length(), 1);
+  EXPECT_THAT(report_.notes, Contains(HasSubstr("60 of the 120 points")));
+}
+
+TEST_F(CameraSource, PointsAreTriangulatedWhereTheModelHasFewOfThePhotosSent) {
+  input_.cameras_path = colmap_.dir() + "/sparse";
+  fs::create_directory(input_.cameras_path);
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, ModelOfMorePhotos(Known(0.1), 59)).ok());
+  const auto given = ObtainKept();  // without COLMAP the 59 must do
+  ASSERT_TRUE(given.ok()) << given.status();
+  EXPECT_THAT(given->points, SizeIs(59));
+  fs::remove_all(input_.work_dir + "/cameras");
+  const auto found = Obtain();
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_THAT(found->points, SizeIs(kFeatures));
+  EXPECT_THAT(report_.notes, Contains(HasSubstr("few of the 119 points")));
 }
 
 TEST_F(CameraSource, GivenCamerasAreSortedByTheirPhotos) {

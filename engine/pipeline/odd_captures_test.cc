@@ -176,6 +176,27 @@ TEST(OddCaptures, UnitsOfLengthAreTheUsersWithinReason) {
   EXPECT_EQ(Reason(TrainInUnits(1e30).status()), "SCENE_TOO_LARGE");
 }
 
+// The points of the others say nothing of these photos: here they lie behind all their cameras.
+TEST(OddCaptures, AModelOfManyMorePhotosMakesASceneOfThoseSent) {
+  RoomCapture capture(8);
+  const SparsePoint behind = [&] {
+    SparsePoint point;
+    for (int v = 0; v < 3; ++v) {
+      const Camera& camera = capture.model.views[v].camera;
+      for (int k = 0; k < 3; ++k) point.xyz[k] -= 1000 * camera.R[6 + k];
+    }
+    point.track = {{6, 1, 1}, {7, 1, 1}};
+    return point;
+  }();
+  for (int v = 0; v < 3; ++v) {
+    ASSERT_LT(capture.model.views[v].camera.CamFromWorld(behind.xyz)[2], 0);
+  }
+  std::erase_if(capture.model.points, [](const SparsePoint& p) { return p.track[0].view > 2; });
+  capture.model.points.resize(3 * capture.model.points.size(), behind);
+  for (int i = 3; i < 8; ++i) std::filesystem::remove(capture.Path("images/" + capture.Name(i)));
+  ExpectGoodScene(Train(capture.Input("work"), capture.Options(20)), 3);
+}
+
 // 3DGS draws nothing that is nearer than 0.2 units. In units of 16 m much of the room is.
 TEST(OddCaptures, WhatIsNearIsLearntInAnyUnit) {
   const auto usual = TrainInUnits(1, 18, 100), large = TrainInUnits(1 / 16.0, 18, 100);

@@ -27,8 +27,6 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr int kEnoughPointsPerView = 10;  // TriangulatePoints stops climbing there
-
 // One call's inputs and what was measured on them.
 struct Capture {
   const std::string& images_dir;

@@ -126,11 +126,13 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
                                       const SfmOptions& options, const CancelToken& cancel,
                                       const SfmProgressFn& progress = nullptr);
 
+constexpr int kEnoughPointsPerView = 10;  // TriangulatePoints stops climbing there
+
 // Points for photos whose cameras are known (`cameras.views`, `cameras.distortions`; its points are
 // ignored). Poses and intrinsics come back exactly as given; photos without a view are left out.
 // COLMAP finds the features; matches are checked against the cameras and triangulated by us
-// (triangulate.h). Climbs the same ladder until there are at least 10 points per view, else keeps
-// the most points. As repeatable as FindCameras.
+// (triangulate.h). Climbs the same ladder until there are kEnoughPointsPerView, else keeps the most
+// points. As repeatable as FindCameras.
 // Errors as FindCameras, and: NOT_FOUND VIEW_WITHOUT_PHOTO, INVALID_ARGUMENT for cameras that
 // do not match their photo's size, FAILED_PRECONDITION SFM_NO_POINTS, SFM_NO_PARALLAX (all cameras
 // stand in one place).
