@@ -9,7 +9,6 @@ import os
 import shutil
 import socket
 import tempfile
-import time
 import unittest
 
 import grpc
@@ -90,6 +89,18 @@ class Limits(unittest.TestCase):
         return stubs.pictures.RenderView(self.picture_request(job or self.quick, width),
                                          timeout=harness.PATIENCE_S)
 
+    def refused_one(self, stubs, count):
+        """Asks for so many pictures of 20 s each at once: the first that comes to nothing."""
+        calls = [stubs.pictures.RenderView.future(self.picture_request(self.heavy))
+                 for _ in range(count)]
+        for call in calls:
+            self.addCleanup(call.cancel)
+
+        def refused():
+            return [call for call in calls if call.done() and call.exception()]
+        self.wait_for(refused, "a picture to be refused")
+        return refused()[0].result
+
     # Pictures and models.
 
     def test_max_pixels(self):
@@ -108,22 +119,14 @@ class Limits(unittest.TestCase):
 
     def test_render_workers_and_max_waiting_pictures(self):
         stubs = self.serve("--render-workers", "1", "--max-waiting-pictures", "1")
-        calls = []
-        for _ in range(2):  # one is made, one waits
-            calls.append(stubs.pictures.RenderView.future(self.picture_request(self.heavy)))
-            time.sleep(0.5)
-        self.assert_refused(lambda: self.picture(stubs), CODE.RESOURCE_EXHAUSTED,
+        # One is made, one waits.
+        self.assert_refused(self.refused_one(stubs, 3), CODE.RESOURCE_EXHAUSTED,
                             "RENDER_QUEUE_FULL", "", "1 pictures wait")
-        for call in calls:
-            call.cancel()
 
     def test_max_wait(self):
         stubs = self.serve("--render-workers", "1", "--max-wait", "0.5")
-        first = stubs.pictures.RenderView.future(self.picture_request(self.heavy))
-        time.sleep(0.2)
-        self.assert_refused(lambda: self.picture(stubs), CODE.DEADLINE_EXCEEDED, "WAITED_TOO_LONG",
+        self.assert_refused(self.refused_one(stubs, 2), CODE.DEADLINE_EXCEEDED, "WAITED_TOO_LONG",
                             "", ".")
-        first.cancel()
 
     def test_render_threads(self):
         stubs = self.serve("--render-threads", "3")
