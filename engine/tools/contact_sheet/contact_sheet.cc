@@ -11,6 +11,7 @@
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/core/quantile.h"
+#include "engine/io/image_io.h"
 
 namespace litags {
 namespace {
@@ -131,8 +132,8 @@ Planes FirstChannel(const cv::Mat& mat) {
   return out;
 }
 
-// 8-bit RGB of a photo of any depth; floats are in [0, 1].
-cv::Mat Photo(const cv::Mat& mat) {
+// 8-bit RGB of a picture that OpenCV alone reads, of any depth; floats are in [0, 1].
+cv::Mat EightBits(const cv::Mat& mat) {
   cv::Mat out;
   const double scale = mat.depth() == CV_16U ? 1.0 / 257 : mat.depth() == CV_8U ? 1.0 : 255.0;
   mat.convertTo(out, CV_8U, scale);
@@ -141,6 +142,16 @@ cv::Mat Photo(const cv::Mat& mat) {
                                                : cv::COLOR_BGR2RGB;
   cv::cvtColor(out, out, conversion);
   return out;
+}
+
+// Upright, as photos are learnt from; else as OpenCV has it (.pfm, .bmp). Empty: not a picture.
+cv::Mat PhotoAt(const std::string& path) {
+  absl::StatusOr<ImageU8> photo = ReadImage(path, path);
+  if (photo.ok()) {
+    return cv::Mat(photo->height, photo->width, CV_8UC3, photo->data.data()).clone();
+  }
+  const cv::Mat mat = cv::imread(path, cv::IMREAD_UNCHANGED);
+  return mat.empty() ? mat : EightBits(mat);
 }
 
 // What the colours of Ramp() mean. Integers are of a scale that the file does not tell.
@@ -159,7 +170,8 @@ struct LoadedCell {
 absl::StatusOr<LoadedCell> LoadCell(const SheetCell& cell, int width) {
   LoadedCell loaded = {cv::Mat(), Wrapped(cell.caption, width)};
   if (cell.path.empty()) return loaded;
-  const cv::Mat mat = cv::imread(cell.path, cv::IMREAD_UNCHANGED);
+  const bool is_photo = cell.look == SheetCell::Look::kPhoto;
+  const cv::Mat mat = is_photo ? PhotoAt(cell.path) : cv::imread(cell.path, cv::IMREAD_UNCHANGED);
   if (mat.empty()) {
     return MakeError(
         absl::StatusCode::kNotFound, "CANNOT_READ_IMAGE", cell.path,
@@ -168,7 +180,7 @@ absl::StatusOr<LoadedCell> LoadCell(const SheetCell& cell, int width) {
   cv::Mat& picture = loaded.picture;
   switch (cell.look) {
     case SheetCell::Look::kPhoto:
-      picture = Photo(mat);
+      picture = mat;
       break;
     case SheetCell::Look::kRamp:
       picture = Ramp(FirstChannel(mat));

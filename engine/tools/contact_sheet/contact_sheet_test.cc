@@ -9,6 +9,9 @@
 
 #include "engine/core/error.h"
 #include "engine/core/temp_dir_test_util.h"
+#include "engine/io/exif_test_util.h"
+#include "engine/io/file_util.h"
+#include "engine/io/picture_io.h"
 
 namespace litags {
 namespace {
@@ -45,6 +48,19 @@ TEST_F(ContactSheet, EveryPictureAppearsInItsOwnColoursAndWidth) {
   ASSERT_TRUE(image.ok()) << image.status();
   EXPECT_EQ(Count(*image, 0, 0, 255), 100 * 80);  // enlarged
   EXPECT_EQ(Count(*image, 255, 0, 0), 100 * 50);  // shrunk
+}
+
+TEST_F(ContactSheet, PhotosAreUpright) {
+  const std::string path = dir_ + "/phone.jpg";
+  const std::string jpeg = EncodeJpeg(ImageU8(40, 20)).value();
+  ASSERT_TRUE(WriteFileAtomically(path, WithJpegExif(jpeg, ExifBlock(6, true))).ok());
+  Sheet sheet;
+  sheet.columns = {"a"};
+  sheet.cell_width = 20;
+  sheet.rows = {{"", {{path}}}};
+  const auto image = DrawSheet(sheet);
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(Count(*image, 0, 0, 0), 20 * 40);
 }
 
 TEST_F(ContactSheet, ARowNeedNotFillItsColumns) {
