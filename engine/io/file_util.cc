@@ -179,7 +179,7 @@ absl::StatusOr<std::vector<std::string>> ListFiles(
   for (; it != end; it.increment(error)) {
     std::error_code ignored;
     const std::string name = it->path().filename().string();
-    if (accept(name) && it->is_regular_file(ignored)) names.push_back(name);
+    if (accept(name) && !it->is_directory(ignored)) names.push_back(name);
   }
   if (error) {
     return FieldError(absl::StatusCode::kInternal, "IO_ERROR", field,

@@ -32,8 +32,8 @@ absl::Status WriteFileAtomically(const std::string& path, absl::Span<const std::
 // writer, when it starts. Returns how many there were.
 int RemoveStaleTempFiles(const std::string& dir);
 
-// Names of the regular files in `dir` that `accept` takes, sorted. `field` names the folder in
-// errors. NOT_FOUND (NO_SUCH_FOLDER), INTERNAL (IO_ERROR).
+// Names in `dir` that `accept` takes, sorted, but for folders: a link to a file that is gone is
+// among them. `field` names the folder in errors. NOT_FOUND (NO_SUCH_FOLDER), INTERNAL (IO_ERROR).
 absl::StatusOr<std::vector<std::string>> ListFiles(
     const std::string& dir, std::string_view field,
     absl::FunctionRef<bool(const std::string& name)> accept);

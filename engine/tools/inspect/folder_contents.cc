@@ -26,16 +26,14 @@ std::string Listed(std::vector<std::string> names) {
   return absl::StrCat(list, " and ", others, others == 1 ? " other" : " others");
 }
 
-// What is not hidden, sorted: files, or folders.
+// What is not hidden, sorted: folders, or all else.
 std::vector<std::string> NamesIn(const std::string& dir, bool folders) {
   std::vector<std::string> names;
   std::error_code ignored;
   for (const fs::directory_entry& entry : fs::directory_iterator(dir, ignored)) {
     std::string name = entry.path().filename();
     if (name.starts_with('.')) continue;
-    if (folders ? entry.is_directory(ignored) : entry.is_regular_file(ignored)) {
-      names.push_back(std::move(name));
-    }
+    if (entry.is_directory(ignored) == folders) names.push_back(std::move(name));
   }
   std::sort(names.begin(), names.end());
   return names;
