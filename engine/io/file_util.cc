@@ -76,23 +76,37 @@ std::string FolderOf(const std::string& path) {
 }
 
 // 0 or errno.
-int WriteAll(int fd, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return errno;
-    bytes.remove_prefix(static_cast<size_t>(n));
+int WriteAll(int fd, absl::Span<const std::string_view> parts) {
+  for (std::string_view bytes : parts) {
+    while (!bytes.empty()) {
+      const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return errno;
+      bytes.remove_prefix(static_cast<size_t>(n));
+    }
   }
   return 0;
+}
+
+// Whether it is there and neither a file nor a folder, but /dev/stdout or a FIFO, say.
+bool IsDevice(const std::string& path) {
+  struct stat info;
+  return ::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode);
+}
+
+// 0 or errno.
+int WriteToDevice(const std::string& path, absl::Span<const std::string_view> parts) {
+  Fd fd(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  if (!fd.valid()) return errno;
+  if (const int error = WriteAll(fd.get(), parts); error != 0) return error;
+  return fd.Close() ? 0 : errno;
 }
 
 // Creates `path` with these bytes, on disk when it returns 0; otherwise errno.
 int WriteNewFile(const std::string& path, absl::Span<const std::string_view> parts) {
   Fd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
   if (!fd.valid()) return errno;
-  for (std::string_view part : parts) {
-    if (const int error = WriteAll(fd.get(), part); error != 0) return error;
-  }
+  if (const int error = WriteAll(fd.get(), parts); error != 0) return error;
   if (::fsync(fd.get()) != 0) return errno;
   return fd.Close() ? 0 : errno;
 }
@@ -134,6 +148,10 @@ absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes
 
 absl::Status WriteFileAtomically(const std::string& path,
                                  absl::Span<const std::string_view> parts) {
+  if (IsDevice(path)) {
+    const int error = WriteToDevice(path, parts);
+    return error == 0 ? absl::OkStatus() : ErrnoStatus(error, path, path, "write");
+  }
   static std::atomic<uint64_t> counter{0};
   const std::string folder = FolderOf(path);
   // Not derived from the target's name, which may already be as long as names can be.

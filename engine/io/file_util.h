@@ -23,7 +23,8 @@ absl::StatusOr<std::string> ReadFile(const std::string& path, std::string_view f
 
 // Replaces `path` so that a reader, or a crash at any instant, sees either the old file or the
 // whole new one: temporary file in the same folder, fsync, rename, fsync of the folder.
-// RESOURCE_EXHAUSTED (DISK_FULL) if there is no room; nothing is left behind on failure.
+// RESOURCE_EXHAUSTED (DISK_FULL) if there is no room; nothing is left behind on failure. What is no
+// file (/dev/stdout, a FIFO) is written to as it is.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
 // The same for `parts` written one after the other, without joining them in memory.
 absl::Status WriteFileAtomically(const std::string& path, absl::Span<const std::string_view> parts);

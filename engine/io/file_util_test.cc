@@ -1,6 +1,9 @@
 #include "engine/io/file_util.h"
 
+#include <fcntl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <fstream>
@@ -49,6 +52,19 @@ TEST(WriteFileAtomically, PutsContentOnDiskAndThenItsName) {
   Synced().Take();
   ASSERT_TRUE(WriteFileAtomically(folder + "/a", "x").ok());
   EXPECT_THAT(Synced().Take(), testing::ElementsAre(testing::StartsWith(folder + "/"), folder));
+}
+
+TEST(WriteFileAtomically, WritesToWhatIsNoFile) {
+  TempDir dir;
+  const std::string path = dir / "a";
+  ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+  const int reader = open(path.c_str(), O_RDONLY | O_NONBLOCK);
+  ASSERT_GE(reader, 0);
+  ASSERT_TRUE(WriteFileAtomically(path, "whole").ok());
+  EXPECT_TRUE(std::filesystem::is_fifo(path));
+  char bytes[16];
+  EXPECT_EQ(read(reader, bytes, sizeof(bytes)), 5);
+  close(reader);
 }
 
 TEST(WriteFileAtomically, NamesAMissingFolder) {
