@@ -163,16 +163,36 @@ struct CloneArgs {
   Treatment treatment;
 };
 
-int Clone(Session& session, const CloneArgs& args) {
+// Options that would have no effect on a clone are mistakes; those of its source are not.
+absl::Status CheckOptionsAreUsed(Session& session, const CloneArgs& args) {
   if (args.options.frames() != 0) {
     const auto files = ListAllFiles(session.client(), args.job);
-    if (!files.ok()) return ReportError(session, files.status(), args.job);
+    if (!files.ok()) return files.status();
     const absl::Status used = CheckFramesAreOfVideo(
         args.options, std::any_of(files->begin(), files->end(), [](const v1::JobFile& file) {
           return file.role() == v1::FILE_ROLE_VIDEO;
         }));
-    if (!used.ok()) return ReportError(session, used);
+    if (!used.ok()) return used;
   }
+  if (args.options.depth_source() == v1::DEPTH_SOURCE_UNSPECIFIED &&
+      args.options.white_balance() == v1::WHITE_BALANCE_UNSPECIFIED) {
+    return absl::OkStatus();
+  }
+  const auto source = session.client().GetJob(args.job);
+  if (!source.ok()) return source.status();
+  const v1::JobOptions& before = source->options();
+  v1::JobOptions options = args.options;
+  if (options.method() == v1::METHOD_UNSPECIFIED) options.set_method(before.method());
+  // Another method has a tone of its own.
+  if (options.tone() == v1::TONE_UNSPECIFIED && options.method() == before.method()) {
+    options.set_tone(before.tone());
+  }
+  return CheckMethodUses(options);
+}
+
+int Clone(Session& session, const CloneArgs& args) {
+  const absl::Status used = CheckOptionsAreUsed(session, args);
+  if (!used.ok()) return ReportError(session, used, args.job);
   v1::CloneJobRequest request;
   request.set_name(args.job);
   request.set_display_name(args.name);

@@ -80,6 +80,27 @@ void AddOptionFlags(CLI::App& command, v1::JobOptions& options, const std::strin
   }
 }
 
+absl::Status CheckMethodUses(const v1::JobOptions& options) {
+  const bool asks = options.depth_source() == v1::DEPTH_SOURCE_MAPS ||
+                    options.depth_source() == v1::DEPTH_SOURCE_STEREO ||
+                    options.depth_source() == v1::DEPTH_SOURCE_NETWORK;
+  if (asks && options.method() == v1::METHOD_3DGS) {
+    return BadInput("OPTION_UNUSED", "--depth-source",
+                    "--depth-source would not be used: the method has no depth loss; leave it out, "
+                    "or take another method than 3dgs");
+  }
+  const bool others_tone =
+      options.method() == v1::METHOD_3DGS || options.method() == v1::METHOD_LITAGS_PAPER;
+  const bool balances =
+      options.tone() == v1::TONE_UNSPECIFIED ? !others_tone : options.tone() == v1::TONE_CAPTURE;
+  if (!balances && options.white_balance() != v1::WHITE_BALANCE_UNSPECIFIED) {
+    return BadInput("OPTION_UNUSED", "--white-balance",
+                    "--white-balance would not be used: only the tone capture balances colours; "
+                    "leave it out, or give --tone capture");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckFramesAreOfVideo(const v1::JobOptions& options, bool is_video) {
   if (is_video || options.frames() == 0) return absl::OkStatus();
   return BadInput("OPTION_UNUSED", "--frames",

@@ -17,6 +17,10 @@ namespace litags::client {
 void AddOptionFlags(CLI::App& command, v1::JobOptions& options, const std::string& group,
                     const std::set<std::string>& names = {});
 
+// INVALID_ARGUMENT (OPTION_UNUSED) if `options` name a source of depth or a white balance that
+// their method or tone does not use.
+absl::Status CheckMethodUses(const v1::JobOptions& options);
+
 // INVALID_ARGUMENT (OPTION_UNUSED) if `options` say how many frames become photos of what is no
 // video.
 absl::Status CheckFramesAreOfVideo(const v1::JobOptions& options, bool is_video);
