@@ -237,7 +237,7 @@ class Package(harness.ServiceTest):
 
     def test_photos_that_cannot_be_read_are_left_out_with_their_masks(self):
         folder = self.photos(("a.png", "b.png", "c.png", "bad.png"))
-        masks = self.photos(("a.png", "bad_mask.png"))
+        masks = self.photos(("a.png", "bad_MASK.png"))
         pathlib.Path(folder, "bad.png").write_bytes(b"no photo")
         client = self.client()
         with self.assertLogs("litags", "WARNING") as said, \

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import pathlib
+import re
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -80,10 +81,15 @@ def unreadable_photo(found: Iterable[File], error: errors.LitagsError) -> File |
 
 def without(photo: File, found: Iterable[File]) -> list[File]:
     """All files but this photo and its mask."""
-    names = (photo.path.name, photo.path.stem)
-    masks = {name + ending for name in names for ending in ("", "_mask", ".mask")}
-    return [file for file in found if file is not photo
-            and not (file.role == rpc.FILE_ROLE_MASK and file.path.stem in masks)]
+    names = {photo.path.name, photo.path.stem}
+
+    def is_its_mask(file: File) -> bool:
+        # As the service has it: "_mask" and ".mask" in any case.
+        stem = file.path.stem
+        return file.role == rpc.FILE_ROLE_MASK and not names.isdisjoint(
+            (stem, re.sub(r"[_.]mask$", "", stem, flags=re.IGNORECASE)))
+
+    return [file for file in found if file is not photo and not is_its_mask(file)]
 
 
 def find_masks(folder: Path) -> list[File]:
