@@ -183,7 +183,8 @@ class Pictures(harness.ServiceTest):
                 self.assertEqual(parts[0].header.size_bytes, len(data))
                 self.assertGreater(len(parts), 2)
                 self.assertEqual(self.read("scene.ply"), data)
-                self.assertFalse(os.path.exists(self.path("scene.ply.part")))
+                self.assertEqual([name for name in os.listdir(self.folder)
+                                  if name.startswith("scene")], ["scene.ply"])
 
     def test_an_exports_ending_or_format_says_what_it_is(self):
         job = self.finished_job()
