@@ -44,10 +44,11 @@ struct Parts {
   std::string_view verb;
 };
 
-Parts Split(std::string_view path) {
+// `has_verb` false: a colon is as any other character.
+Parts Split(std::string_view path, bool has_verb = true) {
   Parts parts;
-  const size_t slash = path.rfind('/');
-  if (const size_t colon = path.rfind(':'); colon != std::string_view::npos && colon > slash) {
+  const size_t slash = path.rfind('/'), colon = path.rfind(':');
+  if (has_verb && colon != std::string_view::npos && colon > slash) {
     parts.verb = path.substr(colon + 1);
     path = path.substr(0, colon);
   }
@@ -60,8 +61,10 @@ Parts Split(std::string_view path) {
 }
 
 // A variable that spans two segments, "{name=jobs/*}", is two of them here: "{name=jobs" and "*}".
-std::optional<Fields> Matches(std::string_view pattern, const Parts& path) {
+std::optional<Fields> Matches(std::string_view pattern, std::string_view whole_path) {
   const Parts wanted = Split(pattern);
+  // Files' names may have colons, jobs' names have none.
+  const Parts path = Split(whole_path, !wanted.segments.back().starts_with("{"));
   if (wanted.verb != path.verb || wanted.segments.size() != path.segments.size()) {
     return std::nullopt;
   }
@@ -98,9 +101,8 @@ std::optional<Fields> Matches(std::string_view pattern, const Parts& path) {
 std::span<const Route> Routes() { return kRoutes; }
 
 Match FindRoute(const Head& head, std::string* other_methods) {
-  const Parts path = Split(head.path);
   for (const Route& route : kRoutes) {
-    auto fields = Matches(route.path, path);
+    auto fields = Matches(route.path, head.path);
     if (!fields) continue;
     if (route.method == head.method) return {&route, *std::move(fields)};
     absl::StrAppend(other_methods, other_methods->empty() ? "" : ", ", std::string(route.method));

@@ -103,9 +103,9 @@ absl::Status Put(const Descriptor* message, const std::string& path, const std::
     list.push_back(value);
     return absl::OkStatus();
   }
-  if (object->contains(key)) return FieldInvalid(path, "it is there twice; send it once");
-  (*object)[key] = value;
-  return absl::OkStatus();
+  json& there = (*object)[key];
+  if (there.is_null()) there = value;
+  return there == value ? absl::OkStatus() : FieldInvalid(path, "it is there twice; send it once");
 }
 
 // What the body is: the whole request, one field of it, or nothing.

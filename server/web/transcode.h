@@ -18,8 +18,8 @@ using google::protobuf::Message;
 std::unique_ptr<Message> NewRequest(const Route& route);
 std::unique_ptr<Message> NewResponse(const Route& route);
 
-// The request that path, query and body make together, by Protobuf's JSON mapping; a field that
-// comes twice is an error. INVALID_ARGUMENT (REQUEST_NOT_JSON, REQUEST_FIELD_INVALID).
+// The request that path, query and body make together, by Protobuf's JSON mapping; a field with two
+// values is an error. INVALID_ARGUMENT (REQUEST_NOT_JSON, REQUEST_FIELD_INVALID).
 absl::StatusOr<std::unique_ptr<Message>> RequestOf(const Match& match, const Head& head,
                                                    std::string_view body);
 

@@ -24,8 +24,8 @@ absl::string_view Absl(std::string_view text) { return {text.data(), text.size()
 absl::Status RangeInvalid() {
   return InvalidInput(
       "CONTENT_RANGE_INVALID", "Content-Range",
-      "Content-Range is not \"bytes FIRST-LAST/SIZE\" for as many bytes as the body "
-      "has; leave it out to send the whole file");
+      "Content-Range is not \"bytes FIRST-LAST/SIZE\" for as many bytes as the body has, nor "
+      "\"bytes */SIZE\" for none; leave it out to send the whole file");
 }
 
 // Which bytes of the file the body is.
@@ -33,7 +33,8 @@ struct Range {
   int64_t first = 0, end = 0, size = 0;
 };
 
-// Of the headers Content-Range ("bytes 0-99/1000") and Content-Length.
+// Of the headers Content-Range ("bytes 0-99/1000"; "bytes */1000": the server has them all) and
+// Content-Length.
 absl::StatusOr<Range> RangeOf(const Head& head) {
   if (!head.content_length) {
     return InvalidInput("LENGTH_MISSING", "Content-Length",
@@ -42,16 +43,21 @@ absl::StatusOr<Range> RangeOf(const Head& head) {
   const int64_t length = *head.content_length;
   std::string_view text = head.Header("content-range");
   if (text.empty()) return Range{0, length, length};
-  constexpr std::string_view kUnit = "bytes ";
+  const auto number = [](std::string_view digits, int64_t* value) {
+    return absl::SimpleAtoi(Absl(digits), value) && *value >= 0;
+  };
+  constexpr std::string_view kUnit = "bytes ", kNoBytes = "bytes */";
+  if (text.starts_with(kNoBytes)) {
+    int64_t size = 0;
+    if (length != 0 || !number(text.substr(kNoBytes.size()), &size)) return RangeInvalid();
+    return Range{size, size, size};
+  }
   const size_t dash = text.find('-'), slash = text.find('/');
   if (!text.starts_with(kUnit) || dash == text.npos || slash == text.npos || dash > slash) {
     return RangeInvalid();
   }
   Range range;
   int64_t last = 0;
-  const auto number = [](std::string_view digits, int64_t* value) {
-    return absl::SimpleAtoi(Absl(digits), value) && *value >= 0;
-  };
   if (!number(text.substr(kUnit.size(), dash - kUnit.size()), &range.first) ||
       !number(text.substr(dash + 1, slash - dash - 1), &last) ||
       !number(text.substr(slash + 1), &range.size) || last >= range.size || last < range.first ||

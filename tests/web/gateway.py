@@ -67,11 +67,13 @@ class Client:
         return self.call("POST", path, {} if body is None else body, **more)
 
     def put_file(self, job, name, data, first=0, end=None, role=None):
-        """Sends bytes first..end of a file."""
+        """Sends bytes first..end of a file; none if first is its size."""
         end = len(data) if end is None else end
         digest = base64.b64encode(hashlib.sha256(data).digest()).decode()
         headers = {"Repr-Digest": f"sha-256=:{digest}:"}
-        if (first, end) != (0, len(data)):
+        if first == len(data):
+            headers["Content-Range"] = f"bytes */{first}"
+        elif (first, end) != (0, len(data)):
             headers["Content-Range"] = f"bytes {first}-{end - 1}/{len(data)}"
         path = f"/v1/{job}/files/{urllib.parse.quote(name, safe='')}"
         return self.call("PUT", path + (f"?role={role}" if role else ""), data[first:end], headers)

@@ -51,6 +51,13 @@ class Routes(GatewayTest):
         reply = self.web.call("PATCH", f"/v1/{job}?updateMask=displayName,labels",
                               {"displayName": "other", "labels": {"site": "north"}})
         self.assertEqual((reply.code, reply.json()["displayName"]), (200, "other"), reply.body)
+        # A job as it was read, changed and sent back.
+        changed = {**self.web.get(f"/v1/{job}").json(), "displayName": "third"}
+        path = f"/v1/{job}?updateMask=displayName"
+        reply = self.web.call("PATCH", path, changed)
+        self.assertEqual((reply.code, reply.json()["displayName"]), (200, "third"), reply.body)
+        self.assert_fails(self.web.call("PATCH", path, {**changed, "name": "jobs/0other"}), 400,
+                          "REQUEST_FIELD_INVALID", "twice")
         clone = self.web.post(f"/v1/{job}:clone", {"displayName": "copy"}).json()
         self.assertEqual((clone["photos"], clone["displayName"]), (3, "copy"))
         self.assertEqual(self.web.call("DELETE", f"/v1/{clone['name']}/files/a.png").code, 200)
@@ -156,6 +163,16 @@ class Files(GatewayTest):
         reply = self.web.put_file(job, "large.png", data, half)
         self.assertEqual((reply.code, reply.json()["filesStored"]), (200, 1), reply.body)
 
+    def test_a_file_that_the_server_has_is_not_sent_again(self):
+        data = harness.large_png(seed=2)
+        self.assertEqual(self.web.put_file(self.new_job((), start=False), "a.png", data).code, 200)
+        job = self.new_job((), start=False)
+        reply = self.web.put_file(job, "b.png", data, first=len(data))
+        self.assertEqual((reply.code, reply.json()["filesStored"]), (200, 1), reply.body)
+        other = harness.large_png(seed=3)
+        self.assert_fails(self.web.put_file(job, "c.png", other, first=len(other)), 400,
+                          "OFFSET_INVALID")
+
     def test_a_connection_that_breaks_keeps_what_came(self):
         job = self.new_job((), start=False)
         data = harness.large_png(seed=1)
@@ -183,11 +200,13 @@ class Files(GatewayTest):
         self.assert_fails(self.web.put_file("jobs/0none", "x.png", data), 404, "JOB_NOT_FOUND")
         path = f"/v1/{job}/files/x.png"
         self.assert_fails(self.web.call("PUT", path, data), 400, "FILE_DIGEST_MISSING")
-        for value in ("bytes 0-1/", "bytes 1-0/9", "x", "bytes -1-5/9", f"bytes 0-{len(data)}/9"):
+        for value in ("bytes 0-1/", "bytes 1-0/9", "x", "bytes -1-5/9", f"bytes 0-{len(data)}/9",
+                      f"bytes */{len(data)}"):
             self.assert_fails(self.web.call("PUT", path, data, {"Content-Range": value}), 400,
                               "CONTENT_RANGE_INVALID")
-        self.assert_fails(self.web.call("PUT", path, b"", {"Content-Range": "bytes 1-0/9"}), 400,
-                          "CONTENT_RANGE_INVALID")
+        for value in ("bytes 1-0/9", "bytes */", "bytes */-1"):
+            self.assert_fails(self.web.call("PUT", path, b"", {"Content-Range": value}), 400,
+                              "CONTENT_RANGE_INVALID")
         self.assert_fails(self.client().call("PUT", path, iter([data])), 411, "LENGTH_MISSING")
         # A body of one that is refused does not harm the next request.
         self.assertEqual(self.web.put_file(job, "x.png", data).code, 200)
@@ -198,8 +217,15 @@ class Files(GatewayTest):
         for name in names:
             reply = self.web.put_file(job, name, harness.png())
             self.assertEqual(reply.code, 200, (name, reply.body))
+        # A colon need not be escaped.
+        data = harness.png(seed=1)
+        digest = base64.b64encode(hashlib.sha256(data).digest()).decode()
+        path = f"/v1/{job}/files/12:30.png"
+        reply = self.web.call("PUT", path, data, {"Repr-Digest": f"sha-256=:{digest}:"})
+        self.assertEqual(reply.code, 200, reply.body)
         listed = [f["name"] for f in self.web.get(f"/v1/{job}/files").json()["files"]]
-        self.assertEqual(sorted(listed), sorted(names))
+        self.assertEqual(sorted(listed), sorted([*names, "12:30.png"]))
+        self.assertEqual(self.web.call("DELETE", path).code, 200)
 
 
 class Refusals(GatewayTest):
