@@ -1,7 +1,7 @@
 // A new job on the page with what cannot be sent; new_job_test.py starts it.
 
 import assert from "node:assert/strict";
-import {readdirSync} from "node:fs";
+import {copyFileSync, readdirSync, rmSync, statSync} from "node:fs";
 import {join} from "node:path";
 import {chromium} from "playwright-core";
 
@@ -12,8 +12,12 @@ const page = await browser.newPage();
 page.setDefaultTimeout(Number(patience));
 const complaints = [];
 page.on("pageerror", (error) => complaints.push(String(error)));
-const sent = [];
-page.on("request", (request) => sent.push(`${request.method()} ${new URL(request.url()).pathname}`));
+const sent = [], ranges = new Map();  // requests; the Content-Range of each file
+page.on("request", (request) => {
+  const {pathname} = new URL(request.url());
+  sent.push(`${request.method()} ${pathname}`);
+  if (request.method() === "PUT") ranges.set(pathname.split("/").at(-1), request.headers()["content-range"]);
+});
 
 async function step(name, what) {
   console.log(name);
@@ -39,6 +43,31 @@ await step("the skip link keeps the page and its files", async () => {
   await page.keyboard.press("Enter");
   await page.waitForFunction(() => document.activeElement.id === "main");
   assert.equal(await page.evaluate(() => location.hash), "#/new");
+  await page.getByText("4 photos,").waitFor();
+});
+
+// As a folder is dropped, whose name is longer than a title in the middle of a character.
+await step("a folder with one in it that cannot be read, and a hidden one", async () => {
+  await page.getByRole("button", {name: "Remove the files"}).click();
+  await page.evaluate(() => {
+    const file = (fullPath) => ({isFile: true, fullPath,
+                                 file: (ok) => ok(new File(["x"], fullPath.split("/").at(-1)))});
+    const folder = (fullPath, entries) => ({isFile: false, fullPath, createReader: () => {
+      const parts = [entries, []];
+      return {readEntries: (ok, no) => entries ? ok(parts.shift()) : no(new Error("not allowed"))};
+    }});
+    const root = `/a${"\u{1f319}".repeat(60)}`;
+    const entry = folder(root, [folder(`${root}/private`), file(`${root}/a.jpg`),
+                                folder(`${root}/.thumbs`, [file(`${root}/.thumbs/b.jpg`)])]);
+    const event = new Event("drop", {cancelable: true});
+    event.dataTransfer = {items: [{webkitGetAsEntry: () => entry, getAsFile: () => null}]};
+    document.querySelector(".drop").dispatchEvent(event);
+  });
+  await page.getByText(/^1 photo, 1 B; 1 other files are left out; could not be read: .*\/private$/).waitFor();
+  assert.equal(await page.getByLabel("Title", {exact: true}).getAttribute("placeholder"),
+               `a${"\u{1f319}".repeat(49)}`);
+  await page.getByRole("button", {name: "Remove the files"}).click();
+  await choose(readdirSync(photos).map((name) => join(photos, name)));
   await page.getByText("4 photos,").waitFor();
 });
 
@@ -71,6 +100,33 @@ await step("a file that is refused for good is sent once", async () => {
   await start.click();
   await page.getByText("1 of 4 files were refused:").waitFor();
   assert.equal(sent.filter((request) => /^PUT .*\/large\.png$/.test(request)).length, 1);
+  await page.getByRole("button", {name: "Start without them"}).click();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+});
+
+await step("files that do not arrive are no refusals, and can be sent again", async () => {
+  const gone = join(photos, "gone.png");
+  copyFileSync(join(photos, "a.png"), gone);
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await choose(["a.png", "b.png", "c.png", "gone.png"].map((name) => join(photos, name)));
+  await page.getByText("4 photos,").waitFor();
+  rmSync(gone);
+  await page.route(/files\/b\.png/, (route) => route.abort());
+  await page.evaluate(() => {  // no pauses between attempts
+    window.patient = window.setTimeout;
+    window.setTimeout = (what) => window.patient(what, 0);
+  });
+  await start.click();
+  await page.getByText("2 of 4 files did not arrive:").waitFor();
+  await page.getByText("b.png: the connection broke").waitFor();
+  await page.getByText(/^gone\.png: ./).waitFor();
+  assert.equal(await page.getByText("refused").count(), 0);
+  // The server has this photo, of the job before.
+  assert.equal(ranges.get("a.png"), `bytes */${statSync(join(photos, "a.png")).size}`);
+  await page.evaluate(() => { window.setTimeout = window.patient; });
+  await page.unrouteAll();
+  await page.getByRole("button", {name: "Send them again"}).click();
+  await page.getByText("1 of 4 files did not arrive:").waitFor();
   await page.getByRole("button", {name: "Start without them"}).click();
   await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
 });

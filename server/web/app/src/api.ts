@@ -97,6 +97,14 @@ export class ApiError extends Error {
   }
 }
 
+const kUnreachable = "the server cannot be reached";
+
+// What a call says that is made again by itself.
+export function saidOfRetried(error: unknown): string {
+  const {code, message} = error as ApiError;
+  return code === 0 ? `${message}; trying again` : message;
+}
+
 let onUnauthorized = (): void => {};
 export function whenUnauthorized(action: () => void): void { onUnauthorized = action; }
 
@@ -123,7 +131,7 @@ async function request(method: string, path: string, body?: unknown,
     });
   } catch (error) {
     if (signal?.aborted) throw error;
-    throw new ApiError(0, "the server cannot be reached; trying again");
+    throw new ApiError(0, kUnreachable);
   }
   if (response.ok) return response;
   if (response.status === 401 && path !== "/v1/session") onUnauthorized();
@@ -137,6 +145,10 @@ export const get = <T>(path: string): Promise<T> => call<T>("GET", path);
 export const post = <T>(path: string, body: unknown = {}): Promise<T> =>
     call<T>("POST", path, body);
 
+export async function getBlob(path: string): Promise<Blob> {
+  const response = await request("GET", path);
+  return response.blob().catch(() => { throw new ApiError(0, "the connection broke"); });
+}
 export async function getBytes(path: string): Promise<Uint8Array<ArrayBuffer>> {
   return new Uint8Array(await (await request("GET", path)).arrayBuffer());
 }
@@ -213,7 +225,7 @@ export function follow<T extends {number?: string}>(
       later();
     });
     source.onerror = () => {
-      on.trouble("the server cannot be reached; trying again");
+      on.trouble(`${kUnreachable}; trying again`);
       if (source?.readyState === EventSource.CLOSED) later();
     };
   };

@@ -20,6 +20,13 @@ export function bytesText(bytes: number): string {
   return `${i ? bytes.toFixed(1) : bytes} ${units[i]}`;
 }
 
+export const kTitleBytes = 200;  // the server takes no longer ones
+
+// The most characters that UTF-8 writes in so many bytes.
+export function prefixOf(text: string, bytes: number): string {
+  return text.slice(0, new TextEncoder().encodeInto(text, new Uint8Array(bytes)).read);
+}
+
 // JOB_STATE_RUNNING and STAGE_FINDING_CAMERAS as "running" and "finding cameras".
 export const words = (name = ""): string =>
     name.replace(/^(JOB_STATE|STAGE|CHANNEL|LOG_SEVERITY)_/, "").replaceAll("_", " ").toLowerCase();

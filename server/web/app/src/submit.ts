@@ -2,8 +2,8 @@
 
 import {ApiError, get, post, type Job, type Options, type ServerInfo} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
-import {bytesText, idOf, optionHint, optionName} from "./format.js";
-import {choose, dropped, send, type Chosen} from "./upload.js";
+import {bytesText, idOf, kTitleBytes, optionHint, optionName, prefixOf} from "./format.js";
+import {choose, dropped, send, type Chosen, type Missing} from "./upload.js";
 import type {View} from "./view.js";
 
 // Beside the method, what most users would set. The rest is folded.
@@ -68,10 +68,10 @@ function valid(form: HTMLFormElement): boolean {
   return wrong?.reportValidity() ?? true;
 }
 
-// Where files are dropped or picked.
-function dropZone(take: (files: {file: File; path: string}[]) => void): HTMLElement {
+// Where files are dropped or picked. `take` also gets the paths of what could not be read.
+function dropZone(take: (files: {file: File; path: string}[], unreadable: string[]) => void): HTMLElement {
   const picked = (input: HTMLInputElement): void => {
-    take([...input.files ?? []].map((file) => ({file, path: file.webkitRelativePath || file.name})));
+    take([...input.files ?? []].map((file) => ({file, path: file.webkitRelativePath || file.name})), []);
     input.value = "";
   };
   const files: HTMLInputElement = el("input", {type: "file", multiple: true, id: "files",
@@ -88,10 +88,18 @@ function dropZone(take: (files: {file: File; path: string}[]) => void): HTMLElem
   zone.addEventListener("drop", (event) => {
     event.preventDefault();
     zone.classList.remove("over");
-    if (event.dataTransfer) void dropped(event.dataTransfer.items).then(take);
+    if (event.dataTransfer) {
+      void dropped(event.dataTransfer.items).then(({found, unreadable}) => take(found, unreadable));
+    }
   });
   return zone;
 }
+
+const bytesOf = (chosen: Chosen[]): number => chosen.reduce((sum, c) => sum + c.file.size, 0);
+
+// "a.jpg and 2 more".
+const oneAndMore = (names: string[]): string =>
+    names.length > 1 ? `${names[0]} and ${names.length - 1} more` : names[0]!;
 
 // A job keeps one file of a name and role: of photos in two folders, one would replace the other.
 function sameNames(chosen: Chosen[]): string {
@@ -99,8 +107,7 @@ function sameNames(chosen: Chosen[]): string {
   for (const {role, name} of chosen) (seen.has(role + name) ? twice : seen).add(role + name);
   const names = [...new Set(chosen.filter((c) => twice.has(c.role + c.name)).map((c) => c.name))];
   if (names.length === 0) return "";
-  const more = names.length > 1 ? ` and ${names.length - 1} more` : "";
-  return `Different files have the same name: ${names[0]}${more}. Rename them, or remove the files and ` +
+  return `Different files have the same name: ${oneAndMore(names)}. Rename them, or remove the files and ` +
       "choose one folder.";
 }
 
@@ -125,10 +132,9 @@ function countsOf(chosen: Chosen[]): string {
 }
 
 // What the files are called together: their folder's name, or that of the only file, or nothing.
-// At most 60 characters, which no alphabet makes longer than the 200 bytes of a title.
 function nameOf(files: {file: File; path: string}[]): string {
   const folder = files.map(({path}) => path.replace(/^\//, "").split("/")).find((parts) => parts.length > 1)?.[0];
-  return (folder ?? (files.length === 1 ? files[0]!.file.name : "")).slice(0, 60);
+  return prefixOf(folder ?? (files.length === 1 ? files[0]!.file.name : ""), kTitleBytes);
 }
 
 // The files of a new job: chosen, dropped, removed. `change` is called after each.
@@ -137,28 +143,43 @@ function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () =
   let chosen: Chosen[] = [], name = "";
   const summary = el("p", {class: "chosen", "aria-live": "polite"});
   const trouble = el("p", {class: "error", "aria-live": "polite"});
-  const forget = (): void => { chosen = []; name = ""; describe(0); };
+  const forget = (): void => { chosen = []; name = ""; describe(0, []); };
   const clear = el("button", {type: "button", click: forget}, "Remove the files");
-  const describe = (left: number): void => {
-    const bytes = chosen.reduce((sum, c) => sum + c.file.size, 0);
-    summary.textContent = (chosen.length === 0 ? "No files yet" : `${countsOf(chosen)}, ${bytesText(bytes)}`) +
-        (left ? `; ${left} other files are left out` : "");
+  const describe = (left: number, unreadable: string[]): void => {
+    const count = chosen.length === 0 ? "No files yet" : `${countsOf(chosen)}, ${bytesText(bytesOf(chosen))}`;
+    summary.textContent = [count, left && `${left} other files are left out`,
+                           unreadable.length && `could not be read: ${oneAndMore(unreadable)}`]
+        .filter(Boolean).join("; ");
     trouble.textContent = troubleOf(chosen);
     clear.hidden = chosen.length === 0;
     change();
   };
-  const zone = dropZone((files) => {
+  const zone = dropZone((files, unreadable) => {
     const more = choose(files);
     name ||= nameOf(files);
     // A file that is chosen again counts once.
     const idOfFile = ({file, name, role}: Chosen): string => [role, name, file.size, file.lastModified].join("/");
     chosen = [...new Map([...chosen, ...more].map((c) => [idOfFile(c), c])).values()];
-    describe(files.length - more.length);
+    describe(files.length - more.length, unreadable);
   });
   summary.textContent = "No files yet";
   clear.hidden = true;
   return {elements: [zone, el("div", {class: "row"}, summary, clear), trouble], chosen: () => chosen,
           name: () => name, trouble: () => troubleOf(chosen)};
+}
+
+// Which of `all` files the job does not have, and what can be done now.
+function whatIsMissing({refused, lost}: Missing, all: number, actions: {
+  again: () => void; start: () => void; look: () => void;
+}): HTMLElement[] {
+  const list = (files: Map<Chosen, string>, what: string): HTMLElement[] => files.size === 0 ? [] : [
+    el("p", {class: "error"}, `${files.size} of ${all} files ${what}:`),
+    el("ul", {}, ...[...files.values()].map((why) => el("li", {}, why)))];
+  const button = (text: string, click: () => void): HTMLElement => el("button", {type: "button", click}, text);
+  const buttons = [button("Start without them", actions.start), button("Look at the others first", actions.look)];
+  if (lost.size > 0) buttons.unshift(button("Send them again", actions.again));
+  buttons[0]!.className = "primary";
+  return [...list(refused, "were refused"), ...list(lost, "did not arrive"), el("div", {class: "row"}, ...buttons)];
 }
 
 export function submitView(): View {
@@ -170,55 +191,57 @@ export function submitView(): View {
   const bar = el("progress", {max: 1, value: 0, hidden: true, "aria-label": "Upload"});
   const result = el("div", {class: "result", "aria-live": "polite"});
   const go = el("button", {type: "submit", class: "primary", disabled: true}, "Upload and start");
-  const look = el("button", {type: "button", disabled: true, click: () => void submit(false)}, "Upload and look first");
+  const look = el("button", {type: "button", disabled: true, click: () => submit(false)}, "Upload and look first");
   const files = fileChooser(() => show());
   const show = (): void => {
     const chosen = files.chosen();
     go.disabled = look.disabled = chosen.length === 0 || files.trouble() !== "" || running !== undefined;
     title.placeholder = files.name();
     ofVideos.hidden = !chosen.some((c) => c.role === "FILE_ROLE_VIDEO");
+    bar.hidden = running === undefined;
   };
+  const busy = async (work: (signal: AbortSignal) => Promise<void>): Promise<void> => {
+    const {signal} = running = new AbortController();
+    bar.value = 0;
+    result.replaceChildren();
+    show();
+    try {
+      await work(signal);
+    } catch (error) {
+      if (!signal.aborted) result.replaceChildren(el("p", {class: "error"}, (error as ApiError).message));
+    } finally {
+      running = undefined;
+      show();
+    }
+  };
+  const create = (): Promise<Job> => post<Job>("/v1/jobs", {
+    displayName: title.value.trim() || files.name(), options: options?.read() ?? {},
+    requestId: [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16)).join(""),
+  });
   const open = async (job: Job, start: boolean): Promise<void> => {
     if (start) await post(`/v1/${job.name}:start`);
     location.hash = `#/jobs/${idOf(job.name)}`;
   };
-
-  // `start` false: the job waits for its owner, who sees what the server found in the files.
-  const submit = async (start: boolean): Promise<void> => {
-    if (!valid(element)) return;
-    const chosen = files.chosen();
-    running = new AbortController();
-    bar.hidden = false;
-    result.replaceChildren();
-    show();
-    const bytes = chosen.reduce((sum, c) => sum + c.file.size, 0);
-    try {
-      const job = await post<Job>("/v1/jobs", {
-        displayName: title.value.trim() || files.name(), options: options?.read() ?? {},
-        requestId: [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16)).join(""),
-      });
-      const refused = await send(job.name, chosen, (sent) => { bar.value = sent / bytes; }, running.signal);
-      if (refused.size > 0) offer(job, refused, chosen.length);
-      else await open(job, start);
-    } catch (error) {
-      if (!running.signal.aborted) result.replaceChildren(el("p", {class: "error"}, (error as ApiError).message));
-    } finally {
-      running = undefined;
-      bar.hidden = true;
-      show();
-    }
-  };
-  // Some files were refused: the others may do.
-  const offer = (job: Job, refused: Map<string, string>, sent: number): void => {
-    const go = (start: boolean): void => {
+  // Sends what the job lacks of `all` and opens it. If some is missing then, the user decides.
+  const sendRest = async (job: Job, all: Chosen[], rest: Chosen[], refused: Missing["refused"], start: boolean,
+                          signal: AbortSignal): Promise<void> => {
+    const bytes = Math.max(1, bytesOf(rest));
+    const missing = await send(job.name, rest, (sent) => { bar.value = sent / bytes; }, signal);
+    missing.refused = new Map([...refused, ...missing.refused]);
+    if (missing.refused.size + missing.lost.size === 0) return open(job, start);
+    const openAnyway = (start: boolean): void => {
       open(job, start).catch((error: ApiError) => notice(error.message));
     };
-    result.replaceChildren(
-        el("p", {class: "error"}, `${refused.size} of ${sent} files were refused:`),
-        el("ul", {}, ...[...refused].map(([, why]) => el("li", {}, why))),
-        el("div", {class: "row"},
-           el("button", {type: "button", class: "primary", click: () => go(true)}, "Start without them"),
-           el("button", {type: "button", click: () => go(false)}, "Look at the others first")));
+    result.replaceChildren(...whatIsMissing(missing, all.length, {
+      again: () => void busy((signal) => sendRest(job, all, [...missing.lost.keys()], missing.refused, start, signal)),
+      start: () => openAnyway(true), look: () => openAnyway(false),
+    }));
+  };
+  // `start` false: the job waits for its owner, who sees what the server found in the files.
+  const submit = (start: boolean): void => {
+    if (!valid(element)) return;
+    const chosen = files.chosen();
+    void busy(async (signal) => sendRest(await create(), chosen, chosen, new Map(), start, signal));
   };
 
   get<ServerInfo>("/v1/serverInfo").then((info) => {
@@ -229,7 +252,7 @@ export function submitView(): View {
   }, (error: ApiError) => notice(error.message));
   // The browser's own check would end without a word at a control that is folded away.
   const element = el("form", {class: "submit", novalidate: true,
-                              submit: (event) => { event.preventDefault(); void submit(true); }},
+                              submit: (event) => { event.preventDefault(); submit(true); }},
                      el("h1", {}, "New job"), ...files.elements, ofVideos,
                      el("div", {class: "fields"}, labelled("Title", title)), main,
                      el("details", {}, el("summary", {}, "All options"), rest), bar,

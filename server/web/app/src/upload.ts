@@ -12,12 +12,14 @@ export interface Chosen {
 const kPhoto = /\.(jpe?g|jpe|jfif|png|tiff?|webp|heic|heif|hif|avif|jxl|dng|nef|nrw|cr2|cr3|arw|raf|orf|rw2|pef|srw)$/i;
 const kVideo = /\.(mp4|mov|m4v|3gp|mkv|webm|avi|mts|m2ts|ts)$/i;
 const kArchive = /\.(zip|tar|tar\.gz|tgz)$/i;
+const kAttempts = 9;
 
-// What a file is for, by its path; null: no job has a use for it.
+// What a file is for, by its path; null: no job has a use for it. Hidden files have none, nor have those
+// in hidden folders inside of the chosen one: they are other programs', as thumbnails.
 export function roleOf(path: string): string | null {
-  const folders = path.toLowerCase().split("/");
+  const folders = path.replace(/^\//, "").toLowerCase().split("/");
   const name = folders.pop()!;
-  if (name.startsWith(".")) return null;
+  if ([...folders.slice(1), name].some((part) => part.startsWith("."))) return null;
   if (folders.some((f) => f === "depth" || f === "depths") && /\.(png|pfm|npy)$/.test(name)) {
     return "FILE_ROLE_DEPTH";
   }
@@ -39,10 +41,14 @@ export function choose(files: {file: File; path: string}[]): Chosen[] {
   });
 }
 
-// The files of what was dropped, folders' included.
-export async function dropped(items: DataTransferItemList): Promise<{file: File; path: string}[]> {
-  const found: {file: File; path: string}[] = [];
-  const visit = async (entry: FileSystemEntry): Promise<void> => {
+// The files of what was dropped, folders' included; `unreadable`: paths of files and folders.
+export async function dropped(items: DataTransferItemList): Promise<{
+  found: {file: File; path: string}[]; unreadable: string[];
+}> {
+  const found: {file: File; path: string}[] = [], unreadable: string[] = [];
+  const visit = (entry: FileSystemEntry): Promise<void> =>
+      read(entry).catch(() => { unreadable.push(entry.fullPath); });
+  const read = async (entry: FileSystemEntry): Promise<void> => {
     if (entry.isFile) {
       const file = await new Promise<File>((ok, no) => (entry as FileSystemFileEntry).file(ok, no));
       found.push({file, path: entry.fullPath});
@@ -61,7 +67,7 @@ export async function dropped(items: DataTransferItemList): Promise<{file: File;
     if (entry) await visit(entry);
     else if (file) found.push({file, path: file.name});
   }
-  return found;
+  return {found, unreadable};
 }
 
 // Sends the bytes from `offset` on; `sent` is told how many are on their way.
@@ -72,7 +78,9 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
     const request = new XMLHttpRequest();  // fetch() does not tell how far it is
     request.open("PUT", `/v1/${job}/files/${encodeURIComponent(chosen.name)}?role=${chosen.role}`);
     request.setRequestHeader("Repr-Digest", `sha-256=:${digest}:`);
-    if (offset > 0 && offset < size) {
+    if (offset > 0 && offset === size) {  // the server has all of it, perhaps of another job
+      request.setRequestHeader("Content-Range", `bytes */${size}`);
+    } else if (offset > 0 && offset < size) {
       request.setRequestHeader("Content-Range", `bytes ${offset}-${size - 1}/${size}`);
     } else {
       offset = 0;
@@ -86,23 +94,23 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
   });
 }
 
-// Whether the same request may succeed later.
-const mayRetry = (error: unknown): boolean =>
-    error instanceof ApiError && (error.code === 0 || error.code >= 500 || error.transient);
+// Whether the same file may arrive later.
+const mayRetry = (error: unknown): boolean => error instanceof ApiError &&
+    (error.code === 0 || error.code >= 500 || error.transient || error.reason === "OFFSET_INVALID");
 
-// Sends one file, and what is left of it after a broken connection. Gives up after nine attempts in a
+// Sends one file, and what is left of it after a broken connection. Gives up after so many attempts in a
 // row that brought no bytes.
-async function sendFile(job: string, chosen: Chosen, step: (bytes: number) => void,
+async function sendFile(job: string, chosen: Chosen, attempts: number, step: (bytes: number) => void,
                         signal: AbortSignal): Promise<void> {
   const digest = await digestOf(chosen.file, () => {});
-  for (let attempt = 0, arrived = 0; ; ++attempt) {
+  for (let attempt = 1, arrived = 0; ; ++attempt) {
     try {
       const query = {name: chosen.name, role: chosen.role, sizeBytes: chosen.file.size,
                      sha256: digest};
       const answer = await post<{files: {stored?: boolean; offset?: string}[]}>(
           `/v1/${job}/files:query`, {files: [query]});
       const offset = Number(answer.files[0]?.offset ?? 0);
-      if (offset > arrived) attempt = 0;
+      if (offset > arrived) attempt = 1;
       arrived = offset;
       if (!answer.files[0]?.stored) {
         await put(job, chosen, digest, offset, step, signal);
@@ -110,18 +118,30 @@ async function sendFile(job: string, chosen: Chosen, step: (bytes: number) => vo
       step(chosen.file.size);
       return;
     } catch (error) {
-      if (signal.aborted || !mayRetry(error) || attempt === 8) throw error;
-      await new Promise((ok) => setTimeout(ok, Math.min(1000 * 2 ** attempt, 15000)));
+      if (signal.aborted || !mayRetry(error) || attempt >= attempts) throw error;
+      await new Promise((ok) => setTimeout(ok, Math.min(1000 * 2 ** (attempt - 1), 15000)));
     }
   }
 }
 
-// Sends all, three at a time. Resolves to the files that were refused, with why.
+// Files that a job does not have, with why.
+export interface Missing {
+  refused: Map<Chosen, string>;  // by the server, which would refuse them again
+  lost: Map<Chosen, string>;     // they did not arrive
+}
+
+function whyOf(chosen: Chosen, error: unknown): string {
+  const why = error instanceof Error ? error.message : String(error);
+  return why.includes(chosen.name) ? why : `${chosen.name}: ${why}`;
+}
+
+// Sends all, three at a time. Resolves to those that the job does not have.
 export async function send(job: string, files: Chosen[], step: (bytes: number) => void,
-                           signal: AbortSignal): Promise<Map<string, string>> {
-  const refused = new Map<string, string>();
+                           signal: AbortSignal): Promise<Missing> {
+  const missing: Missing = {refused: new Map(), lost: new Map()};
   const sent = new Map<Chosen, number>();
   const queue = [...files];
+  let attempts = kAttempts;
   const work = async (): Promise<void> => {
     for (let chosen = queue.shift(); chosen; chosen = queue.shift()) {
       const own = chosen;
@@ -130,14 +150,17 @@ export async function send(job: string, files: Chosen[], step: (bytes: number) =
         step([...sent.values()].reduce((a, b) => a + b, 0));
       };
       try {
-        await sendFile(job, own, tell, signal);
+        await sendFile(job, own, attempts, tell, signal);
+        attempts = kAttempts;
       } catch (error) {
         if (signal.aborted) throw error;
-        refused.set(own.name, error instanceof Error ? error.message : String(error));
+        const refused = error instanceof ApiError && !mayRetry(error);
+        (refused ? missing.refused : missing.lost).set(own, whyOf(own, error));
+        if (mayRetry(error)) attempts = 1;  // the next files are not waited for as long, one by one
         tell(own.file.size);
       }
     }
   };
   await Promise.all([work(), work(), work()]);
-  return refused;
+  return missing;
 }
