@@ -1,6 +1,6 @@
 // Through a scene: pictures from wherever one goes, drawn by the server or in the browser.
 
-import {get, type ApiError, type Cameras, type Job} from "./api.js";
+import {get, saidOfRetried, type ApiError, type Cameras, type Job, type Picture} from "./api.js";
 import {add, frameOf, OrbitCamera, type V3} from "./camera.js";
 import {hasWebGl} from "./contract.js";
 import {control} from "./controls.js";
@@ -57,117 +57,167 @@ function outlines(cameras: Cameras, camera: OrbitCamera, go: (name: string) => v
   return {element, draw};
 }
 
-function stage(job: Job, cameras: Cameras): {element: HTMLElement; leave: () => void} {
-  const camera = new OrbitCamera(cameras);
-  const canvas = el("canvas", {
+// The picture with its controls. `leave()` ends what it began.
+class Stage {
+  private readonly camera: OrbitCamera;
+  private readonly names: string[];
+  private readonly canvas = el("canvas", {
     tabindex: 0, role: "application", class: "stage",
     "aria-label": "The scene. W A S D Q E move, arrow keys turn around what is in front, plus and " +
         "minus go nearer and away; drag, pinch or scroll do the same.",
   });
-  const status = el("p", {class: "status"});
-  const channel = select(kChannels, "CHANNEL_LIGHT", {change: () => changed()});
-  const light = slider("Light: 0 normal, 1 as photographed", -0.5, 1.5, 0.05, "", () => changed());
-  const exposure = slider("Exposure", -4, 4, 0.25, " stops", () => changed());
-  const shown = el("input", {type: "checkbox", change: () => changed()});
-  const names = (cameras.cameras ?? []).map((c) => c.name);
-  const jumps = select([["", "somewhere else"], ...names.map((n): [string, string] => [n, n])],
-                       names[0] ?? "", {change: () => jumps.value && go(jumps.value)});
-  const save = el("a", {class: "button", hidden: true}, "Save picture");
+  private readonly status = el("p", {class: "status"});
+  private readonly by = select([["server", "by the server"], ["here", "here, by WebGL"]], "server",
+                               {change: () => { notice(""); this.switched(); }});
+  private readonly channel = select(kChannels, "CHANNEL_LIGHT", {change: () => this.changed()});
+  private readonly light =
+      slider("Light: 0 normal, 1 as photographed", -0.5, 1.5, 0.05, "", () => this.changed());
+  private readonly exposure = slider("Exposure", -4, 4, 0.25, " stops", () => this.changed());
+  private readonly outlined = el("input", {type: "checkbox", change: () => this.changed()});
+  private readonly jumps: HTMLSelectElement;
+  private readonly save = el("a", {class: "button", hidden: true}, "Save picture");
+  private readonly outlines: ReturnType<typeof outlines>;
+  private readonly measure: ReturnType<typeof measuring>;
+  private readonly tour: ReturnType<typeof touring>;
+  private readonly drawing: Drawing;
+  private readonly here: Here;
+  private readonly uncontrol: () => void;
+  private readonly resized = new ResizeObserver(() => this.changed());
+  readonly element: HTMLElement;
 
-  const count = (full: boolean): void => {
-    canvas.dataset.full = String(full);
-    canvas.dataset.drawn = String(Number(canvas.dataset.drawn ?? 0) + 1);
-  };
-  const go = (name: string): void => {
-    const photo = cameras.cameras?.find((c) => c.name === name);
+  constructor(private readonly job: Job, private readonly cameras: Cameras) {
+    const camera = this.camera = new OrbitCamera(cameras);
+    this.names = (cameras.cameras ?? []).map((c) => c.name);
+    this.jumps = select([["", "somewhere else"], ...this.names.map((n): [string, string] => [n, n])],
+                        this.names[0] ?? "", {change: () => this.go(this.jumps.value)});
+    this.outlines = outlines(cameras, camera, (name) => this.go(name));
+    this.measure = measuring(job.name, this.canvas, camera);
+    this.tour = touring(job.name, titleOf(job), () => this.pose(), () => this.look());
+    this.drawing = new Drawing(job.name, this.canvas, () => ({pose: this.pose(), settings: this.look()}),
+                               (picture, ms, full) => this.show(picture, ms, full),
+                               (error) => notice(error.message));
+    this.here = new Here(job, camera, (size, final) => this.showHere(size, final), (error) => {
+      this.by.value = "server";
+      this.switched();
+      notice(error.message);
+    });
+    if (!hasWebGl()) {
+      this.by.disabled = true;
+      this.by.title = "This browser has no WebGL 2";
+    }
+    this.uncontrol = control(this.canvas, camera, () => { this.jumps.value = ""; this.changed(); });
+    this.resized.observe(this.canvas);
+    this.element = this.page();
+  }
+
+  leave(): void {
+    this.drawing.stop();
+    this.here.leave();
+    this.measure.leave();
+    this.tour.leave();
+    this.uncontrol();
+    this.resized.disconnect();
+  }
+
+  private page(): HTMLElement {
+    const button = (text: string, step: number): HTMLElement =>
+        el("button", {type: "button", click: () => this.beside(step)}, text);
+    const controls = el(
+        "div", {class: "controls"}, labelled("Drawn", this.by), labelled("Show", this.channel),
+        this.light.element, this.exposure.element,
+        el("div", {class: "field"}, labelled("Photo's place", this.jumps),
+           el("div", {class: "row"}, button("Previous photo", -1), button("Next photo", 1))),
+        el("label", {class: "check"}, this.outlined, "Show where photos were taken"),
+        this.measure.controls, this.save);
+    return el("div", {class: "scene"},
+              el("div", {class: "frame"}, this.canvas, this.here.canvas, this.outlines.element, this.measure.overlay),
+              this.status, controls, this.tour.element);
+  }
+
+  // To the place of a photo.
+  private go(name: string): void {
+    const photo = this.cameras.cameras?.find((c) => c.name === name);
     if (!photo) return;
-    camera.jump(photo.camera);
-    jumps.value = name;
-    changed();
-  };
-  const beside = (step: number): void => {
-    const at = names.indexOf(jumps.value);
-    go(names[(at + step + names.length) % names.length]!);
-  };
-  const over = outlines(cameras, camera, go);
-  const measure = measuring(job.name, canvas, camera);
-  const look = (): Record<string, unknown> => {
-    const colour = channel.value === "CHANNEL_LIGHT" || channel.value === "CHANNEL_ORIGINAL";
+    this.camera.jump(photo.camera);
+    this.jumps.value = name;
+    this.changed();
+  }
+
+  // To the photo after (1) or before (-1) this one; from somewhere else, to the first or the last.
+  private beside(step: number): void {
+    const count = this.names.length, at = this.names.indexOf(this.jumps.value);
+    const next = at < 0 && step < 0 ? count - 1 : (at + step + count) % count;
+    if (count > 0) this.go(this.names[next]!);
+  }
+
+  private pose(): unknown {
+    return {viewmat: {values: this.camera.viewmat()}};
+  }
+
+  // Channel, light, exposure and lens, as the controls say.
+  private look(): Record<string, unknown> {
+    const channel = this.channel.value;
     return {
-      channel: channel.value, verticalFovDeg: camera.fovDeg,
-      ...(channel.value === "CHANNEL_LIGHT" && {light: Number(light.input.value)}),
-      ...(colour && {exposureStops: Number(exposure.input.value)}),
+      channel, verticalFovDeg: this.camera.fovDeg,
+      ...(channel === "CHANNEL_LIGHT" && {light: Number(this.light.input.value)}),
+      ...(/LIGHT|ORIGINAL/.test(channel) && {exposureStops: Number(this.exposure.input.value)}),
     };
-  };
-  const pose = (): unknown => ({viewmat: {values: camera.viewmat()}});
-  const tour = touring(job.name, titleOf(job), pose, look);
-  const drawing = new Drawing(job.name, canvas, () => ({pose: pose(), settings: look()}),
-                              ({blob, about}, ms, full) => {
-    if (here.on) return;
-    count(full);
-    status.textContent = `${about.width} x ${about.height}, ${Math.round(ms)} ms, ` +
+  }
+
+  // Who draws has changed.
+  private switched(): void {
+    const here = this.by.value === "here";
+    this.canvas.classList.toggle("clear", here);
+    this.canvas.dataset.full = "false";
+    this.save.hidden = true;
+    this.status.textContent = "Loading";
+    this.here.show(here);
+    this.changed();
+  }
+
+  // The camera or a control has changed.
+  private changed(): void {
+    const here = this.here.on, channel = this.channel.value;
+    this.channel.disabled = here;
+    this.light.input.disabled = here || channel !== "CHANNEL_LIGHT";
+    this.exposure.input.disabled = here || !/LIGHT|ORIGINAL/.test(channel);
+    this.outlines.element.toggleAttribute("hidden", !this.outlined.checked);
+    if (this.outlined.checked) this.outlines.draw(this.canvas.clientWidth, this.canvas.clientHeight);
+    this.measure.draw();
+    if (here) {
+      this.canvas.dataset.full = "false";
+      this.here.draw();
+    } else {
+      this.drawing.ask();
+    }
+  }
+
+  // A picture by the server is on the canvas.
+  private show({blob, about}: Picture, ms: number, full: boolean): void {
+    if (this.here.on) return;
+    this.count(full);
+    this.status.textContent = `${about.width} x ${about.height}, ${Math.round(ms)} ms, ` +
         `iteration ${about.iteration ?? 0}`;
     if (!full) return;
-    URL.revokeObjectURL(save.href);
-    save.href = URL.createObjectURL(blob);
-    save.download = `${titleOf(job)}.jpg`;
-    save.hidden = false;
+    URL.revokeObjectURL(this.save.href);
+    this.save.href = URL.createObjectURL(blob);
+    this.save.download = `${titleOf(this.job)}.jpg`;
+    this.save.hidden = false;
     notice("");
-  }, (error) => notice(error.message));
-  const here = new Here(job, camera, (size, final) => {
-    if (final) canvas.dataset.full = "true";
-    else count(false);
-    status.textContent = `${size}, drawn here`;
-  }, (error) => { by.value = "server"; switched(); notice(error.message); });
-  const by = select([["server", "by the server"], ["here", "here, by WebGL"]], "server",
-                    {change: () => { notice(""); switched(); }});
-  if (!hasWebGl()) {
-    by.disabled = true;
-    by.title = "This browser has no WebGL 2";
   }
-  const switched = (): void => {
-    canvas.classList.toggle("clear", by.value === "here");
-    canvas.dataset.full = "false";
-    save.hidden = true;
-    status.textContent = "Loading";
-    here.show(by.value === "here");
-    changed();
-  };
-  const changed = (): void => {
-    channel.disabled = here.on;
-    light.input.disabled = here.on || channel.value !== "CHANNEL_LIGHT";
-    exposure.input.disabled = here.on || !/LIGHT|ORIGINAL/.test(channel.value);
-    over.element.toggleAttribute("hidden", !shown.checked);
-    if (shown.checked) over.draw(canvas.clientWidth, canvas.clientHeight);
-    measure.draw();
-    if (here.on) {
-      canvas.dataset.full = "false";
-      here.draw();
-    } else {
-      drawing.ask();
-    }
-  };
-  const uncontrol = control(canvas, camera, () => { jumps.value = ""; changed(); });
-  const resized = new ResizeObserver(changed);
-  resized.observe(canvas);
-  const element = el(
-      "div", {class: "scene"}, el("div", {class: "frame"}, canvas, here.canvas, over.element, measure.overlay), status,
-      el("div", {class: "controls"},
-         labelled("Drawn", by), labelled("Show", channel), light.element, exposure.element,
-         el("div", {class: "field"}, labelled("Photo's place", jumps),
-            el("div", {class: "row"},
-               el("button", {type: "button", click: () => beside(-1)}, "Previous photo"),
-               el("button", {type: "button", click: () => beside(1)}, "Next photo"))),
-         el("label", {class: "check"}, shown, "Show where photos were taken"), measure.controls,
-         save), tour.element);
-  return {element, leave: () => {
-    drawing.stop();
-    here.leave();
-    measure.leave();
-    tour.leave();
-    uncontrol();
-    resized.disconnect();
-  }};
+
+  // A picture is drawn here; `final`: none better follows.
+  private showHere(size: string, final: boolean): void {
+    if (final) this.canvas.dataset.full = "true";
+    else this.count(false);
+    this.status.textContent = `${size}, drawn here`;
+  }
+
+  // For tests: how many pictures there were, and whether the newest is the full one.
+  private count(full: boolean): void {
+    this.canvas.dataset.full = String(full);
+    this.canvas.dataset.drawn = String(Number(this.canvas.dataset.drawn ?? 0) + 1);
+  }
 }
 
 export function sceneView(id: string): View {
@@ -175,22 +225,21 @@ export function sceneView(id: string): View {
   const place = el("div", {});
   const element = el("div", {}, el("div", {class: "heading"}, heading,
                                    el("a", {class: "button", href: `#/jobs/${id}`}, "Job")), place);
-  let leave: (() => void) | undefined, left = false;
+  let stage: Stage | undefined, left = false;
   const load = async (): Promise<void> => {
     try {
       const job = await get<Job>(`/v1/jobs/${id}`);
       heading.textContent = titleOf(job);
       const cameras = await get<Cameras>(`/v1/jobs/${id}/cameras`);
       if (left) return;
-      const made = stage(job, cameras);
-      leave = made.leave;
-      place.replaceChildren(made.element);
+      stage = new Stage(job, cameras);
+      place.replaceChildren(stage.element);
       notice("");
     } catch (error) {
-      notice((error as ApiError).message);
+      notice(saidOfRetried(error));
       if ((error as ApiError).code === 0 && !left) window.setTimeout(load, 2000);
     }
   };
   void load();
-  return {title: "Scene", element, leave: () => { left = true; leave?.(); }};
+  return {title: "Scene", element, leave: () => { left = true; stage?.leave(); }};
 }
