@@ -53,11 +53,11 @@ def install_or_skip(source, work, extra=()):
         skip(why)
 
 
-def run_browser_tests(source, work, steps):
-    """Runs the tests of the calling program, which take the file `steps` of `source` to Chromium,
+def run_browser_tests(source, work, *steps):
+    """Runs the tests of the calling program, which take the files `steps` of `source` to Chromium,
     and ends the program."""
     if not CHROMIUM:
         skip("chromium is not installed")
-    install_or_skip(source, work, (steps,))
+    install_or_skip(source, work, steps)
     result = unittest.main(verbosity=2, exit=False).result
     sys.exit(SKIPPED if result.skipped else not result.wasSuccessful())

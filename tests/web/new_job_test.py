@@ -1,4 +1,5 @@
-"""A new job on the page with what cannot be sent, step by step, in new_job_steps.mjs.
+"""A new job on the page with what cannot be sent, step by step, in new_job_steps.mjs; what the page
+says of a job, in job_steps.mjs.
 
 Skipped, and says so, without Chromium, without npm, or where the server was built without the page.
 """
@@ -17,18 +18,28 @@ class NewJob(gateway.GatewayTest):
 
     extra = ("--max-job-bytes", str(1 << 20))  # less than a large photo has
 
-    def test_the_steps(self):
+    def setUp(self):
+        super().setUp()
         if b"app.js" not in self.web.get("/").body:
             self.skipTest("the server was built without the page")
+
+    def run_steps(self, name, **environment):
+        environment = dict(
+            os.environ, URL=f"http://127.0.0.1:{self.server.web_port}",
+            CHROMIUM=npm_packages.CHROMIUM, HOME=self.folder,
+            PATIENCE_MS=str(1000 * harness.PATIENCE_S), **environment)
+        steps = subprocess.run(["node", browser_test.WORK / name], env=environment)
+        self.assertEqual(steps.returncode, 0, "a step failed; see above")
+
+    def test_a_new_job(self):
         folder = pathlib.Path(self.photos())
         (folder / "large.png").write_bytes(harness.large_png())
-        environment = dict(
-            os.environ, URL=f"http://127.0.0.1:{self.server.web_port}", PHOTOS=str(folder),
-            CHROMIUM=npm_packages.CHROMIUM, HOME=self.folder,
-            PATIENCE_MS=str(1000 * harness.PATIENCE_S))
-        steps = subprocess.run(["node", browser_test.WORK / "new_job_steps.mjs"], env=environment)
-        self.assertEqual(steps.returncode, 0, "a step failed; see above")
+        self.run_steps("new_job_steps.mjs", PHOTOS=str(folder))
+
+    def test_what_is_said_of_a_job(self):
+        self.run_steps("job_steps.mjs", JOB=self.web_job())
 
 
 if __name__ == "__main__":
-    npm_packages.run_browser_tests(browser_test.HERE, browser_test.WORK, "new_job_steps.mjs")
+    npm_packages.run_browser_tests(browser_test.HERE, browser_test.WORK, "new_job_steps.mjs",
+                                   "job_steps.mjs")

@@ -2,7 +2,8 @@
 
 import {call, post, type ApiError, type Job} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
-import {idOf, isOver, titleOf} from "./format.js";
+import {downloadLink} from "./download.js";
+import {idOf, isOver, kTitleBytes, prefixOf, titleOf} from "./format.js";
 
 // Formats of ExportModel, with how their files end.
 const kFormats: [format: string, text: string, ending: string][] = [
@@ -13,6 +14,8 @@ const kFormats: [format: string, text: string, ending: string][] = [
   ["HTML", "a page that shows it", ".html"], ["COLMAP", "COLMAP model", ".zip"], ["POINTS", "points, PLY", ".points.ply"], ["LAS", "points, LAS", ".las"],
   ["MESH_GLB", "mesh, glTF", ".mesh.glb"], ["MESH_PLY", "mesh, PLY", ".mesh.ply"],
 ];
+
+const kOfLitags = ["PLY_ORIGINAL_LIGHT", "PLY_FULL"];  // plain 3DGS knows nothing of light
 
 export interface Part { element: HTMLElement; show: (job: Job) => void }
 
@@ -33,7 +36,9 @@ export function actions(refresh: () => void): Part {
   const cancel = button("Cancel", (j) => post(`/v1/${j.name}:cancel`));
   const resume = button("Resume", (j) => post(`/v1/${j.name}:resume`), "primary");
   const clone = button("Clone", async (j) => {
-    const made = await post<Job>(`/v1/${j.name}:clone`, {displayName: `${titleOf(j)} (copy)`.slice(0, 190)});
+    const copy = " (copy)";
+    const made = await post<Job>(`/v1/${j.name}:clone`, {
+      displayName: prefixOf(titleOf(j), kTitleBytes - copy.length) + copy});
     location.hash = `#/jobs/${idOf(made.name)}`;
   });
   const sure = el("dialog", {"aria-labelledby": "sure"},
@@ -61,7 +66,7 @@ export function actions(refresh: () => void): Part {
 
 export function downloads(): Part {
   let job: Job | undefined;
-  const link = el("a", {class: "button"}, "Download");
+  const link = downloadLink("Download");
   const format = select(kFormats.map(([name, text]) => [name, text]), "PLY", {change: () => point()});
   const point = (): void => {
     if (!job) return;
@@ -75,6 +80,9 @@ export function downloads(): Part {
     show(next) {
       job = next;
       element.hidden = job.snapshotIteration === undefined;
+      for (const option of format.options) {
+        option.hidden = option.disabled = job.options?.method === "METHOD_3DGS" && kOfLitags.includes(option.value);
+      }
       point();
     },
   };

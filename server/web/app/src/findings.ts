@@ -70,7 +70,7 @@ function table(photos: JobFile[], why: Map<string, string>): HTMLElement {
 // Read when it is opened, and open while the job waits to be started.
 export function findings(name: string): Part {
   const body = el("div", {}), summary = el("p", {class: "findings"});
-  let job: Job | undefined, files: JobFile[] | undefined, readAt = -1;
+  let job: Job | undefined, files: JobFile[] | undefined, readAt = "";
   const draw = (): void => {
     const photos = (files ?? []).filter((f) => f.role === "FILE_ROLE_PHOTO");
     const video = files?.find((f) => f.role === "FILE_ROLE_VIDEO");
@@ -81,13 +81,16 @@ export function findings(name: string): Part {
     body.replaceChildren(photos.length ? table(photos, why) : "");
   };
   const load = async (): Promise<void> => {
-    if (!details.open || !job || readAt === (job.photos ?? 0)) return;
-    readAt = job.photos ?? 0;
+    if (!details.open || !job) return;
+    const {state, photos = 0} = job, now = `${state} ${photos}`;
+    // A job does not count videos: one may come at any time before the start.
+    if (now === readAt && (state !== "JOB_STATE_UPLOADING" || photos > 0)) return;
+    readAt = now;
     try {
       files = (await get<{files?: JobFile[]}>(`/v1/${name}/files?pageSize=10000`)).files ?? [];
       draw();
     } catch (error) {
-      readAt = -1;
+      readAt = "";
       notice((error as ApiError).message);
     }
   };

@@ -1,9 +1,10 @@
 // One job: how it stands, its pictures, curves, stages, photos and log.
 
-import {ApiError, follow, get, type Following, type Job, type JobEvent, type LogEntry} from "./api.js";
+import {follow, get, saidOfRetried, type Following, type Job, type JobEvent, type LogEntry} from "./api.js";
 import {actions, downloads, type Part} from "./actions.js";
 import {chart} from "./chart.js";
 import {el, notice} from "./dom.js";
+import {downloadLink} from "./download.js";
 import {findings} from "./findings.js";
 import {History} from "./history.js";
 import {isActive, isOver, secondsOf, shareDone, standing, timeText, titleOf, words} from "./format.js";
@@ -16,7 +17,7 @@ function head(refresh: () => void): Part {
   const title = el("h1", {}), state = el("span", {class: "state"});
   const line = el("p", {class: "standing", "aria-live": "polite"}), bar = el("progress", {max: 1, "aria-label": "Progress"});
   const fly = el("a", {class: "button primary"}, "Fly through");
-  const paper = el("a", {class: "button"}, "Report");
+  const paper = downloadLink("Report");
   const buttons = actions(refresh);
   const element = el("div", {}, el("div", {class: "heading"}, title, state), bar, line,
                      el("div", {class: "row"}, fly, paper, buttons.element));
@@ -123,7 +124,7 @@ export function jobView(id: string): View {
       failed = false;
     } catch (error) {
       failed = true;
-      notice((error as ApiError).message);
+      notice(saidOfRetried(error));
     }
   };
   let failed = false;

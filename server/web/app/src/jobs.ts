@@ -1,10 +1,12 @@
 // All jobs, newest first.
 
-import {get, type ApiError, type Job} from "./api.js";
+import {get, saidOfRetried, type Job} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
 import {idOf, isActive, shareDone, standing, titleOf, words} from "./format.js";
 import {thumbnail} from "./thumbnail.js";
 import {every, type View} from "./view.js";
+
+const kMostOnPage = 1000;  // the server takes no larger page_size
 
 const kStates: [string, string][] = [
   ["", "all"], ["RUNNING", "running"], ["QUEUED", "queued"], ["UPLOADING", "uploading"],
@@ -42,6 +44,20 @@ function card(): {element: HTMLElement; show: (job: Job) => void} {
   };
 }
 
+// The first jobs, and whether there are more.
+async function newest(filter: string, count: number): Promise<{jobs: Job[]; more: boolean}> {
+  const jobs: Job[] = [];
+  let pageToken = "";
+  do {
+    const pageSize = Math.min(count - jobs.length, kMostOnPage);
+    const query = new URLSearchParams({pageSize: String(pageSize), filter, pageToken});
+    const page = await get<{jobs?: Job[]; nextPageToken?: string}>(`/v1/jobs?${query}`);
+    jobs.push(...page.jobs ?? []);
+    pageToken = page.nextPageToken ?? "";
+  } while (pageToken && jobs.length < count);
+  return {jobs, more: pageToken !== ""};
+}
+
 export function jobsView(): View {
   const cards = new Map<string, ReturnType<typeof card>>();
   const list = el("ul", {class: "cards", "aria-label": "Jobs"});
@@ -54,11 +70,9 @@ export function jobsView(): View {
 
   const refresh = async (): Promise<void> => {
     const filter = filterOf(state.value, title.value);
-    const query = new URLSearchParams({pageSize: String(size), filter});
     try {
-      const found = await get<{jobs?: Job[]; nextPageToken?: string}>(`/v1/jobs?${query}`);
+      const {jobs, more: others} = await newest(filter, size);
       if (filter !== filterOf(state.value, title.value)) return;  // another answer is on its way
-      const jobs = found.jobs ?? [];
       for (const job of jobs) {
         if (!cards.has(job.name)) cards.set(job.name, card());
         cards.get(job.name)!.show(job);
@@ -70,10 +84,10 @@ export function jobsView(): View {
       empty.hidden = jobs.length > 0;
       empty.replaceChildren(filter ? "No job is like this." : "There are no jobs yet. ",
                             filter ? "" : el("a", {href: "#/new"}, "Make one of your photos."));
-      more.hidden = !found.nextPageToken;
+      more.hidden = !others;
       notice("");
     } catch (error) {
-      notice((error as ApiError).message);
+      notice(saidOfRetried(error));
     }
   };
   const element = el("div", {},

@@ -1,0 +1,97 @@
+// What the page says of a job, and of many, step by step; new_job_test.py starts it.
+
+import assert from "node:assert/strict";
+import {chromium} from "playwright-core";
+
+const {URL: url, JOB: job, CHROMIUM: executablePath, PATIENCE_MS: patience} = process.env;
+
+const browser = await chromium.launch({executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage"]});
+const page = await browser.newPage();
+page.setDefaultTimeout(Number(patience));
+const complaints = [];
+page.on("pageerror", (error) => complaints.push(String(error)));
+
+async function step(name, what) {
+  console.log(name);
+  await what();
+  await page.unrouteAll({behavior: "ignoreErrors"});
+  assert.deepEqual(complaints, []);
+}
+
+const said = (text) => page.locator("#notice").getByText(text).waitFor();
+const newJob = (displayName) => page.evaluate(async (displayName) => {
+  const answer = await fetch("/v1/jobs", {method: "POST", body: JSON.stringify({displayName})});
+  return (await answer.json()).name;
+}, displayName);
+
+await step("a file that cannot be made says why", async () => {
+  await page.goto(`${url}/#/${job}`);
+  await page.locator(".stages li").first().waitFor();
+  for (const [path, name] of [[/\/model\?/, "Download"], [/\/report$/, "Report"]]) {
+    await page.route(path, (route) => route.fulfill({status: 400, json: {code: 9, message: `no ${name} today`}}));
+    await page.getByRole("link", {name}).click();
+    await said(`no ${name} today`);
+    await page.getByRole("link", {name, exact: true}).waitFor();
+  }
+});
+
+await step("formats that plain 3DGS does not have", async () => {
+  const offered = () => page.getByLabel("Format").locator("option:enabled").allTextContents();
+  assert.ok((await offered()).includes("PLY, original light"));
+  await page.route(new RegExp(`${job}$`), async (route) => {
+    const answer = await (await route.fetch()).json();
+    answer.options.method = "METHOD_3DGS";
+    await route.fulfill({json: answer});
+  });
+  await page.locator("option[value=PLY_FULL]:disabled").waitFor({state: "attached"});
+  assert.deepEqual((await offered()).slice(0, 2), ["PLY, normally lit", "SPZ"]);
+  assert.ok(!(await offered()).includes("PLY, original light"));
+});
+
+await step("the photo before somewhere else is the last", async () => {
+  await page.getByRole("link", {name: "Fly through"}).click();
+  const place = page.getByLabel("Photo's place");
+  await place.selectOption("somewhere else");
+  await page.getByRole("button", {name: "Previous photo"}).click();
+  assert.equal(await place.inputValue(), "c.png");
+  await page.getByRole("button", {name: "Next photo"}).click();
+  assert.equal(await place.inputValue(), "a.png");
+});
+
+await step("a video that comes while one looks", async () => {
+  const name = await newJob("waits for a video");
+  await page.goto(`${url}/#/${name}`);
+  await page.getByText("There are no photos.").waitFor();
+  await page.route(/\/files\?/, (route) => route.fulfill(
+      {json: {files: [{name: "v.mp4", role: "FILE_ROLE_VIDEO", width: 96, height: 72}]}}));
+  await page.getByText("A video of 96\u00d772 px").waitFor();
+});
+
+await step("a clone of a job with a title of 200 bytes", async () => {
+  const moon = "\u{1f319}";
+  await page.goto(`${url}/#/${await newJob(moon.repeat(50))}`);
+  await page.getByRole("button", {name: "Clone"}).click();
+  await page.getByRole("heading", {name: `${moon.repeat(48)} (copy)`}).waitFor();
+});
+
+await step("more jobs than the server lists at once", async () => {
+  const asked = [];
+  await page.route(/\/v1\/jobs\?/, (route) => {
+    const query = new URL(route.request().url()).searchParams;
+    const size = Number(query.get("pageSize")), token = query.get("pageToken");
+    asked.push(size);
+    const jobs = Array.from({length: size}, (_, i) => ({name: `jobs/j${token}${i}`, state: "JOB_STATE_CANCELLED"}));
+    return route.fulfill({json: {jobs, nextPageToken: `${token}x`}});
+  });
+  await page.goto(`${url}/#/`);
+  await page.getByRole("button", {name: "Show more"}).waitFor();
+  await page.evaluate(() => {
+    const more = [...document.querySelectorAll("button")].find((b) => b.textContent === "Show more");
+    for (let i = 0; i < 20; ++i) more.click();
+  });
+  await page.waitForFunction(() => document.querySelectorAll(".card").length === 1050);
+  assert.ok(asked.every((size) => size <= 1000), `${asked}`);
+});
+
+await browser.close();
+process.exit(0);
