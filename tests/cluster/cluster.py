@@ -21,9 +21,9 @@ BUCKET = "captures"
 PYTHON = "/usr/bin/python3"  # Debian's, which has its packages
 SWIFT = os.path.join(os.path.dirname(s3_client.__file__), "swift_server.py")
 ACCESS_KEY, SECRET_KEY = "test:litags", "a-secret-of-tests"
-# What a kill leaves of a deleted job is removed once it has been quiet for a minute, and so is a job
-# whose upload is: longer than any part of the cluster is away.
-SWEEP = ("--keep-uploads", "60", "--sweep-every", "0.5")
+# What a kill leaves of a deleted job is removed once it has been quiet for half a minute, and so is
+# a job whose upload is: longer than any part of the cluster is away.
+SWEEP = ("--keep-uploads", "30", "--sweep-every", "0.5")
 
 
 def missing():
