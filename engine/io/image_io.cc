@@ -207,6 +207,10 @@ double CodeStep(const ImageInfo& info) {
 }
 
 absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale) {
+  if (plane.channels > 1) {
+    return InvalidInput("COUNT_MISMATCH", "image",
+                        absl::StrCat(plane.channels, " planes; a 16-bit PNG takes one"));
+  }
   cv::Mat codes(plane.height, plane.width, CV_16U);
   for (int y = 0; y < plane.height; ++y) {
     uint16_t* row = codes.ptr<uint16_t>(y);

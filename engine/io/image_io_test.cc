@@ -357,6 +357,7 @@ TEST(Encode, RefusesAnEmptyImage) {
   EXPECT_EQ(Reason(EncodePng(ImageU8()).status()), "IMAGE_EMPTY");
   EXPECT_EQ(Reason(EncodeJpeg(ImageU8()).status()), "IMAGE_EMPTY");
   EXPECT_EQ(Reason(EncodePng16(Planes()).status()), "IMAGE_EMPTY");
+  EXPECT_EQ(Reason(EncodePng16(Planes(3, 8, 8)).status()), "COUNT_MISMATCH");
 }
 
 TEST(ReadImage, ReadsWhatWasWritten) {

@@ -14,6 +14,7 @@ namespace litags {
 absl::StatusOr<std::string> EncodePng(const ImageU8& image);
 absl::StatusOr<std::string> EncodeJpeg(const ImageU8& image, int quality = 95);
 // One channel, 16 bits: round(plane * scale), clamped to [0, 65535]; NaN becomes 0.
+// INVALID_ARGUMENT for several planes.
 absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale = 65535.0);
 
 // Encode and write atomically.
