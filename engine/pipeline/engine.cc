@@ -421,6 +421,18 @@ class SilentObserver : public ReconstructObserver {
   void OnSnapshot(const std::string&) override {}
 };
 
+// OpenCV has a pool of its own, as large as the machine unless it is told.
+class OpenCvThreads {
+ public:
+  explicit OpenCvThreads(int threads) { cv::setNumThreads(threads); }
+  ~OpenCvThreads() { cv::setNumThreads(before_); }
+  OpenCvThreads(const OpenCvThreads&) = delete;
+  OpenCvThreads& operator=(const OpenCvThreads&) = delete;
+
+ private:
+  const int before_ = cv::getNumThreads();
+};
+
 class RealEngine : public Engine {
  public:
   explicit RealEngine(std::string colmap) : colmap_(std::move(colmap)) {}
@@ -434,8 +446,8 @@ class RealEngine : public Engine {
     if (observer == nullptr) observer = &silent;
     const double start = Now();
     LITAGS_RETURN_IF_ERROR(CheckInputsOutside(given));
-    // OpenCV has a pool of its own, as large as the machine unless it is told.
-    cv::setNumThreads(options.threads > 0 ? options.threads : DefaultThreadCount());
+    LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(given.work_dir));
+    const OpenCvThreads opencv(options.threads > 0 ? options.threads : DefaultThreadCount());
     // Of a run that was killed while it wrote.
     RemoveStaleTempFiles(given.work_dir);
     RemoveStaleTempFiles(given.work_dir + "/cameras");

@@ -335,12 +335,34 @@ TEST(Reconstruct, OneThreadIsOneThread) {
   Recorder recorder;
   ReconstructOptions options = SmallOptions();
   options.threads = 1;
+  int opencv = 0;
+  recorder.on_progress = [&](const Progress&) { opencv = cv::getNumThreads(); };
+  cv::setNumThreads(2);
   const auto before = threads();  // a sanitizer has one of its own
   const auto report =
       MakeEngine(kNoColmap)->Reconstruct(photos.Input("work"), options, CancelToken(), &recorder);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_EQ(threads(), before);       // pools outlive their loops
-  EXPECT_EQ(cv::getNumThreads(), 1);  // its own starts with larger photos than these
+  EXPECT_EQ(opencv, 1);               // its own starts with larger photos than these
+  EXPECT_EQ(cv::getNumThreads(), 2);  // as it was
+}
+
+// The second one removed files of the first, and both wrote one scene.
+TEST(Reconstruct, AWorkFolderIsOneRunsAtATime) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  ReconstructOptions options = SmallOptions();
+  options.iterations = 10;
+  Recorder recorder;
+  absl::Status second;
+  recorder.on_progress = [&](const Progress& p) {
+    if (p.stage == Stage::kTraining) second = Reconstruct(input, options).status();
+  };
+  const auto first = MakeEngine(kNoColmap)->Reconstruct(input, options, CancelToken(), &recorder);
+  ASSERT_TRUE(first.ok()) << first.status();
+  EXPECT_EQ(Reason(second), "WORK_DIR_IN_USE");
+  EXPECT_EQ(second.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_TRUE(Reconstruct(input, options).ok());  // when it is done
 }
 
 TEST(Reconstruct, LeavesOutABlackPhoto) {

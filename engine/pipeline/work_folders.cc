@@ -1,6 +1,9 @@
 #include "engine/pipeline/work_folders.h"
 
+#include <sys/file.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <filesystem>
 #include <system_error>
 #include <vector>
@@ -51,6 +54,18 @@ absl::Status CheckInputsOutside(const ReconstructInput& input) {
   const std::string inputs[] = {input.images_dir, input.video_path, input.cameras_path,
                                 input.depth_dir, input.masks_dir};
   return CheckOutside(input.work_dir, cleared, inputs);
+}
+
+absl::StatusOr<FolderLock> LockWorkDir(const std::string& work_dir) {
+  FolderLock folder(opendir(work_dir.c_str()), closedir);
+  // Who cannot open it, or lock folders there, goes on: the run says what is wrong.
+  if (folder != nullptr && flock(dirfd(folder.get()), LOCK_EX | LOCK_NB) != 0 &&
+      errno == EWOULDBLOCK) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "WORK_DIR_IN_USE", "work_dir",
+                     absl::StrCat("another run is in ", work_dir,
+                                  ": wait for its end, or name another output folder"));
+  }
+  return folder;
 }
 
 }  // namespace litags

@@ -1,10 +1,15 @@
-// A run clears and fills folders in its work_dir: what the user gave must not lie there.
+// A run clears and fills folders in its work_dir: what the user gave must not lie there, and no
+// other run may be in it.
 #ifndef LITAGS_ENGINE_PIPELINE_WORK_FOLDERS_H_
 #define LITAGS_ENGINE_PIPELINE_WORK_FOLDERS_H_
 
+#include <dirent.h>
+
+#include <memory>
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "absl/types/span.h"
 #include "engine/pipeline/engine.h"
@@ -18,6 +23,13 @@ absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::st
 
 // The same of all that a run reads and all that it clears.
 absl::Status CheckInputsOutside(const ReconstructInput& input);
+
+// Holds the lock of a folder. It leaves no file there, ends with the process, and is no child's.
+using FolderLock = std::unique_ptr<DIR, int (*)(DIR*)>;
+
+// FAILED_PRECONDITION (WORK_DIR_IN_USE) if somebody has it, this process too. Folders on network
+// drives are locked for one machine.
+absl::StatusOr<FolderLock> LockWorkDir(const std::string& work_dir);
 
 }  // namespace litags
 
