@@ -37,7 +37,7 @@ struct RenderRequest {
   // The colour channels' linear light is multiplied by 2^stops before it is clamped, as a longer
   // or shorter exposure would; -10..10, 0 for all other channels.
   double exposure_stops = 0;
-  int threads = 0;
+  int threads = 0;     // 0: all cores
   CancelToken cancel;  // looked at between the tiles of the picture
 };
 

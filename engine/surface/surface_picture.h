@@ -24,7 +24,7 @@ struct SurfacePicture {
   double WidthAt(int x, int y) const { return depth.at(0, y, x) / camera.fx; }
 };
 
-// The picture's depth at image coordinates, between four pixels; 0 unless all are known.
+// The mean depth of the known among four pixels around; 0 where that of (u, v) is not known.
 float DepthAt(const SurfacePicture& picture, double u, double v);
 
 // [1, H, W]: how far a point is from the surface that a pixel shows, per unit of depth before or
