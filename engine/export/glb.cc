@@ -52,7 +52,9 @@ nlohmann::json AddAttributes(const ViewerScene& scene, GlbBuffer* buffer) {
 }  // namespace
 
 absl::StatusOr<std::string> EncodeGlb(const ViewerScene& scene) {
-  GlbBuffer buffer;
+  // Position, colour in bytes, rotation, scale, opacity, harmonics.
+  const size_t bytes_each = 12 + 8 + 16 + 12 + 4 + 12 * ShCount(scene.sh_degree);
+  GlbBuffer buffer(scene.splats.size() * bytes_each);
   const nlohmann::json primitive = {{"attributes", AddAttributes(scene, &buffer)},
                                     {"mode", kPoints},
                                     {"extensions",

@@ -7,11 +7,11 @@
 namespace litags {
 namespace {
 
-void AppendChunk(const char* type, std::string content, char fill, std::string* out) {
-  content.append((4 - content.size() % 4) % 4, fill);
-  AppendNumber(out, static_cast<uint32_t>(content.size()));
+void Pad(char fill, std::string* chunk) { chunk->append((4 - chunk->size() % 4) % 4, fill); }
+
+void AppendChunkHeader(const char* type, size_t size, std::string* out) {
+  AppendNumber(out, static_cast<uint32_t>(size));
   out->append(type, 4);
-  *out += content;
 }
 
 }  // namespace
@@ -36,13 +36,19 @@ absl::StatusOr<std::string> EncodeGlbFile(GlbBuffer buffer, const nlohmann::json
       {"bufferViews", std::move(buffer.views_)},
       {"accessors", std::move(buffer.accessors_)}};
   gltf.update(more);
-  std::string chunks;
-  AppendChunk("JSON", gltf.dump(), ' ', &chunks);
-  AppendChunk("BIN\0", std::move(buffer.bytes_), '\0', &chunks);
-  std::string out = "glTF";
-  AppendNumber(&out, uint32_t{2});
-  AppendNumber(&out, static_cast<uint32_t>(12 + chunks.size()));
-  return out + chunks;
+  std::string json = gltf.dump();
+  Pad(' ', &json);
+  // In place: the bytes may be most of what memory there is.
+  std::string out = std::move(buffer.bytes_);
+  Pad('\0', &out);
+  std::string head = "glTF";
+  AppendNumber(&head, uint32_t{2});
+  AppendNumber(&head, static_cast<uint32_t>(12 + 8 + json.size() + 8 + out.size()));
+  AppendChunkHeader("JSON", json.size(), &head);
+  head += json;
+  AppendChunkHeader("BIN\0", out.size(), &head);
+  out.insert(0, head);
+  return out;
 }
 
 }  // namespace litags

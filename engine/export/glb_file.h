@@ -21,6 +21,9 @@ constexpr int kGlbVertices = 34962, kGlbIndices = 34963;  // what a part of the 
 // The binary part, and the JSON that says what is where.
 class GlbBuffer {
  public:
+  // For so many bytes, and what the file has before them.
+  explicit GlbBuffer(size_t bytes) { bytes_.reserve(bytes + kRoomBefore); }
+
   // Appends `count` elements of `width` numbers of type T; value(i, k) is number k of element i.
   // Returns the accessor, with which more can be said; its number is num_accessors() - 1. An
   // element's bytes are a multiple of 4.
@@ -74,6 +77,8 @@ class GlbBuffer {
     static_assert(std::is_same_v<T, float> || std::is_unsigned_v<T>);
     return 5126;
   }
+
+  static constexpr size_t kRoomBefore = size_t{64} << 10;
 
   std::string bytes_;
   nlohmann::json views_ = nlohmann::json::array(), accessors_ = nlohmann::json::array();

@@ -47,7 +47,7 @@ absl::StatusOr<std::string> EncodeMeshPly(const TriangleMesh& mesh) {
 
 absl::StatusOr<std::string> EncodeMeshGlb(const TriangleMesh& mesh) {
   const std::array<double, 3> origin = OriginOf(mesh.vertices);
-  GlbBuffer buffer;
+  GlbBuffer buffer((12 + 8) * mesh.vertices.size() + 12 * mesh.triangles.size());
   buffer.AddPositions(mesh.vertices.size(), [&](size_t i, int k) {
     return static_cast<float>(mesh.vertices[i].xyz[k] - origin[k]);
   });

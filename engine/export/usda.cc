@@ -70,6 +70,8 @@ absl::StatusOr<std::string> EncodeUsda(const ViewerScene& scene) {
       "#usda 1.0\n(\n    defaultPrim = \"Scene\"\n    metersPerUnit = 1\n    upAxis = \"",
       scene.up == UpAxis::kZ ? "Z" : "Y",
       "\"\n)\n\ndef ParticleField3DGaussianSplat \"Scene\"\n{\n");
+  // More than numbers take, so that no copy is made; what is not written takes no memory.
+  out.reserve(4096 + n * (11 + 3 * coefficients) * 16);
   const auto extent = Extent(splats);
   AppendArray(
       "float3[] extent", 2, 3, 0, [&](size_t i, int k) { return extent[i][k]; }, &out);
@@ -104,7 +106,8 @@ absl::StatusOr<std::string> EncodeUsda(const ViewerScene& scene) {
     }
     out += "    uniform token[] xformOpOrder = [\"xformOp:translate\"]\n";
   }
-  return out + "}\n";
+  out += "}\n";
+  return out;
 }
 
 }  // namespace litags
