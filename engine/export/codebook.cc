@@ -89,14 +89,16 @@ uint8_t Codebook::Nearest(float value) const {
                                                                                   : above);
 }
 
-Palette MakePalette(const std::vector<float>& points, int dimensions, size_t count) {
+Palette MakePalette(const std::vector<float>& points, int dimensions, size_t count,
+                    const CancelToken& cancel) {
   const size_t n = points.size() / dimensions;
   count = std::min(count, kMostGroups);
   std::vector<uint32_t> order(n);
   std::iota(order.begin(), order.end(), 0u);
   std::priority_queue<Group> groups;
   if (n > 0) groups.push(Measure(points, dimensions, order, 0, n));
-  while (!groups.empty() && groups.size() < count && groups.top().spread > 0) {
+  while (!groups.empty() && groups.size() < count && groups.top().spread > 0 &&
+         !cancel.IsCancelled()) {
     const Group group = groups.top();
     const auto middle = std::stable_partition(
         order.begin() + group.begin, order.begin() + group.end,

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/core/cancel.h"
+
 namespace litags {
 
 // 256 values, rising, that lie near all of `values`: Lloyd's rule for one dimension.
@@ -29,7 +31,9 @@ struct Palette {
 
 // At most `count` groups (and 65536) of `points`, [n, dimensions]: the group whose points lie
 // farthest from its centre is halved, until there are enough. No point's place depends on threads.
-Palette MakePalette(const std::vector<float>& points, int dimensions, size_t count);
+// Once the token is raised, those there are must do.
+Palette MakePalette(const std::vector<float>& points, int dimensions, size_t count,
+                    const CancelToken& cancel = {});
 
 }  // namespace litags
 

@@ -62,6 +62,10 @@ TEST(Palette, LikePointsShareAGroup) {
 TEST(Palette, EqualPointsAreOneGroup) {
   EXPECT_EQ(MakePalette(std::vector<float>(300, 0.1f), 3, 50).count, 1u);
   EXPECT_EQ(MakePalette({}, 3, 50).count, 0u);
+  CancelToken raised;
+  raised.Cancel();
+  EXPECT_EQ(MakePalette({1, 2, 3}, 1, 3).count, 3u);
+  EXPECT_EQ(MakePalette({1, 2, 3}, 1, 3, raised).count, 1u);
 }
 
 }  // namespace

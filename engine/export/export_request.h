@@ -69,7 +69,7 @@ struct ExportRequest {
   // Small Gaussians as they were trained, and the format's tag that viewers are to draw them
   // antialiased. Else they are such that viewers without that draw them much as we do.
   bool antialiased = false;
-  int threads = 0;  // that the pictures for max_splats use; <= 0: all cores
+  int threads = 0;  // <= 0: all cores
   CancelToken cancel;
 };
 

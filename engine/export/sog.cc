@@ -67,10 +67,12 @@ absl::StatusOr<std::string> EncodeWebp(const Picture& picture) {
 
 // The files, and what meta.json says of them.
 struct Bundle {
+  const CancelToken& cancel;
   std::vector<std::pair<std::string, std::string>> files;
   nlohmann::json meta;
 
   absl::Status Add(const char* part, const char* name, const Picture& picture) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     auto bytes = EncodeWebp(picture);
     if (!bytes.ok()) return bytes.status();
     meta[part]["files"].push_back(name);
@@ -146,8 +148,9 @@ absl::Status AddHarmonics(const ViewerScene& scene, Bundle* bundle) {
       for (int c = 0; c < 3; ++c) points.push_back(splats.at(i, ShRow(k, c)));
     }
   }
-  const Palette palette = MakePalette(points, 3 * coefficients,
-                                      std::max<size_t>(1024, splats.size() / kSplatsPerCenter));
+  const Palette palette =
+      MakePalette(points, 3 * coefficients,
+                  std::max<size_t>(1024, splats.size() / kSplatsPerCenter), scene.cancel);
   const Codebook codebook(palette.centers);
   Picture centers(kCentersPerRow * coefficients,
                   static_cast<int>((palette.count + kCentersPerRow - 1) / kCentersPerRow));
@@ -176,11 +179,12 @@ absl::Status AddHarmonics(const ViewerScene& scene, Bundle* bundle) {
 
 absl::StatusOr<std::string> EncodeSog(const ViewerScene& scene) {
   const Splats& splats = scene.splats;
-  Bundle bundle;
-  bundle.meta = {{"version", 2},
+  Bundle bundle{scene.cancel,
+                {},
+                {{"version", 2},
                  {"asset", {{"generator", "litags"}}},
                  {"count", splats.size()},
-                 {"antialias", scene.antialiased}};
+                 {"antialias", scene.antialiased}}};
   LITAGS_RETURN_IF_ERROR(AddMeans(splats, &bundle));
   LITAGS_RETURN_IF_ERROR(AddQuats(splats, &bundle));
   LITAGS_RETURN_IF_ERROR(AddListed(

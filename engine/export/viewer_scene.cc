@@ -142,11 +142,11 @@ float LogitOf(double opacity) {
   return static_cast<float>(std::log(inside / (1 - inside)));
 }
 
-void Rotate(const Matrix3& rotation, Splats* splats) {
+void Rotate(const Matrix3& rotation, Splats* splats, int threads) {
   const RotationMatrix turn = Eigen::Map<const RotationMatrix>(rotation.data());
   const Eigen::Quaterniond turn_quat(turn);
   const ShMatrix sh = ShRotation(turn);
-  ParallelFor(DefaultThreadCount(), splats->num_blocks(), [&](size_t block, int) {
+  ParallelFor(threads, splats->num_blocks(), [&](size_t block, int) {
     const size_t end = std::min(splats->size(), (block + 1) * kSplatBlock);
     for (size_t i = block * kSplatBlock; i < end; ++i) {
       const auto at = [&](int row) -> float& { return splats->at(i, row); };
@@ -198,9 +198,10 @@ Matrix3 RotationTo(const std::array<double, 3>& up, UpAxis axis) {
   return RotationBetween(up, DirectionOf(axis));
 }
 
-void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, ViewerScene* scene) {
+void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, ViewerScene* scene,
+                int threads) {
   const Matrix3 rotation = RotationTo(up, axis);
-  if (axis != UpAxis::kKeep) Rotate(rotation, &scene->splats);
+  if (axis != UpAxis::kKeep) Rotate(rotation, &scene->splats, threads);
   scene->up = axis;
   const RotationMatrix turn = Eigen::Map<const RotationMatrix>(rotation.data());
   const Eigen::Vector3d origin = scale * (turn * Eigen::Vector3d(scene->origin.data()));

@@ -30,6 +30,7 @@ struct ViewerScene {
   // direction, of unit length, is up.
   std::array<double, 3> center = {}, up_direction = {0, -1, 0};
   double radius = 1;
+  CancelToken cancel;  // that writers which take long look at
 };
 
 // Coefficients of a colour, the one of degree 0 included.
@@ -48,11 +49,13 @@ std::array<float, 4> UnitQuat(const Splats& splats, size_t i);  // wxyz
 float LogitOf(double opacity);
 
 // Turns the Gaussians: x becomes R x, their shapes and colours with them. Exact for every degree.
-void Rotate(const Matrix3& rotation, Splats* splats);
+// `threads` <= 0: all cores.
+void Rotate(const Matrix3& rotation, Splats* splats, int threads = 0);
 
 // Turns everything so that `up`, of unit length, becomes `axis`, by the smallest angle; then
-// multiplies all lengths by `scale`.
-void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, ViewerScene* scene);
+// multiplies all lengths by `scale`. `threads` <= 0: all cores.
+void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, ViewerScene* scene,
+                int threads = 0);
 
 // The rotation by the smallest angle that takes unit vector `from` to unit vector `to`.
 Matrix3 RotationBetween(const std::array<double, 3>& from, const std::array<double, 3>& to);

@@ -61,6 +61,7 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
   scene.antialiased = mip;
   scene.near_plane = model.near_plane;
   scene.origin = model.origin;
+  scene.cancel = request.cancel;
   if (model.curve.has_value()) {
     PutThrough([&](float code) { return ApplyCurve(*model.curve, code); }, &scene.splats);
   }
@@ -94,12 +95,13 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
   // After the weights: these are of smaller pictures than the changed Gaussians fit.
   // A page of its own brings a viewer that knows the filter.
   if (mip && !request.antialiased && request.format != SceneFormat::kHtml) {
-    scene.splats =
-        SplatsForViewers(scene.views, InfoOf(request.format).viewers_add, std::move(scene.splats));
+    scene.splats = SplatsForViewers(scene.views, InfoOf(request.format).viewers_add,
+                                    std::move(scene.splats), request.threads, request.cancel);
+    LITAGS_RETURN_IF_ERROR(request.cancel.Check());
     scene.antialiased = false;
   }
   const UpAxis axis = request.up == UpAxis::kOfFormat ? InfoOf(request.format).up : request.up;
-  PlaceScene(up, axis, request.scale, &scene);
+  PlaceScene(up, axis, request.scale, &scene, request.threads);
   return scene;
 }
 

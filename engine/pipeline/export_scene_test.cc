@@ -8,6 +8,7 @@
 #include "engine/export/formats.h"
 #include "engine/export/readers.h"
 #include "engine/io/test_util.h"
+#include "engine/pipeline/render_rules.h"
 #include "engine/pipeline/scene_test_util.h"
 #include "engine/viewer/viewer.h"
 #include "gtest/gtest.h"
@@ -169,6 +170,17 @@ TEST(ExportScene, AntialiasedScenesAreAsTrained) {
   EXPECT_EQ(Reason(Made(model, request).status()), "CHANNEL_UNAVAILABLE");
 }
 
+TEST(ExportScene, ARaisedTokenEndsWhatTakesLong) {
+  ExportRequest request;
+  request.cancel.Cancel();
+  EXPECT_TRUE(absl::IsCancelled(Made(SmallModel(), request).status()));
+  request.antialiased = true;
+  request.format = SceneFormat::kSog;
+  const auto trained = Made(SmallModel(), request);
+  ASSERT_TRUE(trained.ok()) << trained.status();
+  EXPECT_TRUE(absl::IsCancelled(EncodeSog(*trained).status()));
+}
+
 TEST(ExportScene, WhatCannotBeIsRefused) {
   const double kNan = std::numeric_limits<double>::quiet_NaN();
   const auto reason = [](auto change) {
@@ -188,7 +200,13 @@ TEST(ExportScene, WhatCannotBeIsRefused) {
               r->crop = Box{{0, 0, 0}, {1, -1, 1}};
             }),
             "EXPORT_OPTION_INVALID");
-  EXPECT_EQ(reason([](ExportRequest* r) { r->antialiased = true; }), "EXPORT_OPTION_INVALID");
+  ExportRequest untagged;
+  untagged.antialiased = true;
+  const absl::Status no_tag = CheckExport(untagged);
+  EXPECT_EQ(Reason(no_tag), "EXPORT_OPTION_INVALID");
+  EXPECT_NE(no_tag.message().find("; compressed-ply, spz, spz-v4, sog and html have"),
+            std::string::npos)
+      << no_tag;
   EXPECT_EQ(reason([](ExportRequest* r) {
               r->format = SceneFormat::kUsda;
               r->up = UpAxis::kX;

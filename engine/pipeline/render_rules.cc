@@ -2,8 +2,10 @@
 
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/export/formats.h"
 
@@ -15,6 +17,17 @@ absl::Status CheckRange(double value, double limit, const char* reason, std::str
   return InvalidInput(reason, field,
                       absl::StrCat(std::string(field), " is ", value, "; it must be in [-", limit,
                                    ", ", limit, "]"));
+}
+
+// "compressed-ply, spz, spz-v4, sog and html".
+std::string FormatsWithTag() {
+  std::vector<std::string> names;
+  for (const FormatInfo& info : Formats()) {
+    if (info.has_antialiased_tag) names.push_back(info.name);
+  }
+  const std::string last = names.back();
+  names.pop_back();
+  return absl::StrCat(absl::StrJoin(names, ", "), " and ", last);
 }
 
 absl::Status BadOption(std::string_view field, const std::string& rule) {
@@ -62,9 +75,8 @@ absl::Status CheckExport(const ExportRequest& request) {
   }
   const FormatInfo& info = InfoOf(request.format);
   if (request.antialiased && !info.has_antialiased_tag) {
-    return BadOption("antialiased", absl::StrCat(": ", info.name,
-                                                 " has no tag for it; compressed-ply, html, spz, "
-                                                 "spz-v4 and sog have"));
+    return BadOption("antialiased", absl::StrCat(": ", info.name, " has no tag for it; ",
+                                                 FormatsWithTag(), " have"));
   }
   if (request.max_splats > 0 && info.encode_mesh != nullptr) {
     return BadOption("max_splats",

@@ -51,8 +51,10 @@ void Dilatable(double p, double added, size_t i, Splats* splats) {
 
 }  // namespace
 
-Splats SplatsForViewers(const std::vector<View>& views, float added, Splats splats) {
-  ParallelFor(DefaultThreadCount(), splats.num_blocks(), [&](size_t block, int) {
+Splats SplatsForViewers(const std::vector<View>& views, float added, Splats splats, int threads,
+                        const CancelToken& cancel) {
+  ParallelFor(threads, splats.num_blocks(), [&](size_t block, int) {
+    if (cancel.IsCancelled()) return;
     const size_t end = std::min(splats.size(), (block + 1) * kSplatBlock);
     for (size_t i = block * kSplatBlock; i < end; ++i) {
       const double p = MeanPixelSize(

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/core/camera.h"
+#include "engine/core/cancel.h"
 #include "engine/core/splats.h"
 
 namespace litags {
@@ -16,8 +17,10 @@ namespace litags {
 //   s'^2 = s^2 - (added - kMipEps2d) p^2, where that is more than (0.1 p)^2, else that
 //   o' = o sqrt(product of s^2 / (s'^2 + added p^2)) over the two larger scales,
 // exact for large Gaussians seen along their shortest axis, and nearly so for small ones. Those
-// that no view sees stay as they are.
-Splats SplatsForViewers(const std::vector<View>& views, float added, Splats splats);
+// that no view sees stay as they are, and so do those left once the token is raised. `threads` <=
+// 0: all cores.
+Splats SplatsForViewers(const std::vector<View>& views, float added, Splats splats, int threads = 0,
+                        const CancelToken& cancel = {});
 
 }  // namespace litags
 
