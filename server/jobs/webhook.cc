@@ -49,8 +49,9 @@ bool IsAllowed(const std::string& host, const std::vector<std::string>& patterns
 }  // namespace
 
 absl::Status CheckWebhook(const Webhook& webhook, const WebhookPolicy& policy) {
-  if (webhook.url.empty()) return absl::OkStatus();
   const std::string& url = webhook.url;
+  if (url.empty() && webhook.secret.empty()) return absl::OkStatus();
+  if (url.empty()) return Bad("webhook.url", "is empty; a secret alone tells nobody");
   if (url.size() > kMaxUrlBytes) return Bad("webhook.url", "more than 500 bytes");
   if (!std::all_of(url.begin(), url.end(), absl::ascii_isgraph)) {
     return Bad("webhook.url", "holds what a URL cannot hold; percent-encode it");

@@ -30,7 +30,7 @@ TEST(Webhook, GoesWhereTheOperatorLetsIt) {
   }
   EXPECT_EQ(ReasonOf("https://hooks.example.com/", {}), "WEBHOOK_NOT_ALLOWED");
   EXPECT_EQ(ReasonOf("https://any.thing/", {{"*"}}), "");
-  EXPECT_EQ(ReasonOf("", {}), "");
+  EXPECT_EQ(ReasonOf("", {}, ""), "");
 }
 
 TEST(Webhook, WhatIsNoPlainUrlIsRefused) {
@@ -44,6 +44,7 @@ TEST(Webhook, WhatIsNoPlainUrlIsRefused) {
   }
   EXPECT_EQ(ReasonOf("https://example.com/" + std::string(500, 'x'), all), "WEBHOOK_INVALID");
   EXPECT_EQ(ReasonOf("http://example.com/", {{"*"}, true}), "");
+  EXPECT_EQ(ReasonOf("", all), "WEBHOOK_INVALID");
   EXPECT_EQ(ReasonOf("https://example.com/", all, "short"), "WEBHOOK_INVALID");
   EXPECT_EQ(ReasonOf("https://example.com/", all, std::string(129, 's')), "WEBHOOK_INVALID");
 }
