@@ -190,7 +190,11 @@ absl::StatusOr<ReconstructOptions> OptionsFromProto(const v1::JobOptions& proto,
 
 absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy policy) {
   if (proto.has_priority()) policy.priority = proto.priority();
-  if (proto.has_max_run_time()) policy.max_run_seconds = SecondsOf(proto.max_run_time());
+  // As it was read, it is still whose it was.
+  if (proto.has_max_run_time() && SecondsOf(proto.max_run_time()) != policy.max_run_seconds) {
+    policy.max_run_seconds = SecondsOf(proto.max_run_time());
+    policy.run_time_is_cap = false;
+  }
   if (proto.has_max_memory_bytes()) policy.max_memory_bytes = proto.max_memory_bytes();
   if (proto.has_retention()) policy.retention_seconds = SecondsOf(proto.retention());
   if (proto.has_min_cores()) policy.min_cores = proto.min_cores();

@@ -86,7 +86,7 @@ absl::StatusOr<NewJob> NewJobOf(const v1::CloneJobRequest& request, const JobRec
   options.schedule_iterations = 0;
   LITAGS_ASSIGN_OR_RETURN(job.options, OptionsFromProto(request.options(), options));
   LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(source));
-  LITAGS_ASSIGN_OR_RETURN(job.policy, PolicyFromProto(request.policy(), policy));
+  LITAGS_ASSIGN_OR_RETURN(job.policy, PolicyFromProto(request.policy(), policy.WithoutCap()));
   job.labels = LabelsFromProto(request.labels());
   job.webhook = WebhookFromProto(request.webhook());
   job.request_digest = DigestOf(request);

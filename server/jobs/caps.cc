@@ -21,8 +21,7 @@ absl::Status JobCaps::Check(const ReconstructOptions& options, const JobPolicy& 
       AtMost("options.iterations", "--max-iterations", options.iterations, max_iterations, 0));
   LITAGS_RETURN_IF_ERROR(AtMost("options.max_gaussians", "--max-gaussians", options.max_gaussians,
                                 max_gaussians, int64_t{0}));
-  LITAGS_RETURN_IF_ERROR(AtMost("policy.max_run_time", "--max-run-seconds", policy.max_run_seconds,
-                                max_run_seconds, 0.0));
+  LITAGS_RETURN_IF_ERROR(CheckRunTime(policy.max_run_seconds));
   LITAGS_RETURN_IF_ERROR(CheckPriority(policy.priority));
   LITAGS_RETURN_IF_ERROR(AtMost("policy.max_memory_bytes", "--max-job-memory",
                                 policy.max_memory_bytes, max_memory_bytes, int64_t{0}));
@@ -32,6 +31,10 @@ absl::Status JobCaps::Check(const ReconstructOptions& options, const JobPolicy& 
 
 absl::Status JobCaps::CheckPriority(int priority) const {
   return AtMost("policy.priority", "--max-priority", priority, max_priority, kMaxJobPriority);
+}
+
+absl::Status JobCaps::CheckRunTime(double seconds) const {
+  return AtMost("policy.max_run_time", "--max-run-seconds", seconds, max_run_seconds, 0.0);
 }
 
 }  // namespace litags

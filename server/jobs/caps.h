@@ -23,8 +23,16 @@ struct JobCaps {
   // What of it can be changed at any time.
   absl::Status CheckPriority(int priority) const;
 
+  absl::Status CheckRunTime(double seconds) const;
+
+  // What a job was let ask for stays, but for what is more than the cap is now.
   void LimitRunTime(JobPolicy* policy) const {
-    if (policy->max_run_seconds == 0) policy->max_run_seconds = max_run_seconds;
+    *policy = policy->WithoutCap();
+    if (max_run_seconds == 0) return;
+    policy->run_time_is_cap = policy->max_run_seconds == 0;
+    if (policy->run_time_is_cap || policy->max_run_seconds > max_run_seconds) {
+      policy->max_run_seconds = max_run_seconds;
+    }
   }
 };
 

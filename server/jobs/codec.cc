@@ -25,6 +25,7 @@ template <typename R, typename F>
 void Fields(R& r, F visit) requires std::is_same_v<std::remove_const_t<R>, JobPolicy> {
   visit("priority", r.priority);
   visit("max_run_seconds", r.max_run_seconds);
+  visit("run_time_is_cap", r.run_time_is_cap);
   visit("max_memory_bytes", r.max_memory_bytes);
   visit("retention_seconds", r.retention_seconds);
   visit("min_cores", r.min_cores);

@@ -207,6 +207,44 @@ TEST_F(DetailsTest, APriorityThatAnAdministratorRaisedLocksNobodyOut) {
   EXPECT_EQ(Reason(mine->Clone(id, wanted).status()), "JOB_CAP_EXCEEDED");
 }
 
+TEST_F(DetailsTest, ALowerCapOfRunTimeLocksNobodyOut) {
+  ClientView view;
+  view.owner = "me";
+  view.caps.max_run_seconds = 1000;
+  const auto before = jobs_.For(view);
+  const auto policy_of = [&](const absl::StatusOr<JobRecord>& job) {
+    EXPECT_TRUE(job.ok()) << job.status();
+    return job.ok() ? *PolicyOf(*job) : JobPolicy();
+  };
+  NewJob wanted;
+  wanted.policy.max_run_seconds = 900;
+  const std::string silent = UploadedJob(*before), long_one = before->Create(wanted)->id;
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"})
+    ASSERT_TRUE(Add(*before, long_one, name).ok());
+  EXPECT_EQ(policy_of(before->Start(silent)).max_run_seconds, 1000);
+  EXPECT_EQ(policy_of(before->Start(long_one)).max_run_seconds, 900);
+  view.caps.max_run_seconds = 60;
+  const auto now = jobs_.For(view);
+  for (const std::string& id : {silent, long_one}) {
+    ASSERT_TRUE(now->Cancel(id).ok());
+    NewJob same;
+    same.policy = PolicyOf(*now->Get(id))->WithoutCap();
+    const auto clone = now->Clone(id, same);
+    EXPECT_EQ(policy_of(clone).max_run_seconds, id == silent ? 0 : 60);
+    EXPECT_EQ(policy_of(now->Start(clone->id)).max_run_seconds, 60);
+    EXPECT_EQ(policy_of(now->Resume(id)).max_run_seconds, 60);
+    ASSERT_TRUE(now->Cancel(id).ok());
+    const auto longer = [](ReconstructOptions&, JobPolicy& policy) {
+      policy.max_run_seconds = 61;
+      return absl::OkStatus();
+    };
+    EXPECT_EQ(Reason(now->Resume(id, longer).status()), "JOB_CAP_EXCEEDED");
+  }
+  // The cap was no wish of the job's.
+  view.caps.max_run_seconds = 500;
+  EXPECT_EQ(policy_of(jobs_.For(view)->Resume(silent)).max_run_seconds, 500);
+}
+
 TEST_F(DetailsTest, NobodyClonesAnotherClientsJob) {
   const auto mine = jobs_.For({.owner = "me"}), other = jobs_.For({.owner = "other"});
   const std::string id = UploadedJob(*mine);

@@ -118,17 +118,17 @@ absl::Status CheckDepthMaps(const JobRecord& job, const std::vector<FileRecord>&
 }
 
 // The caps may be others than when the job was made. Its priority is not checked: whoever set it
-// could, an administrator too, and this call leaves it.
+// could, an administrator too, and this call leaves it. Nor is its run time, which is cut instead.
 absl::Status ApplyCaps(const JobCaps& caps, JobRecord* job) {
   ReconstructOptions options;
   if (!job->options.empty()) {
     LITAGS_ASSIGN_OR_RETURN(options, Decode<ReconstructOptions>(job->options));
   }
   LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(*job));
+  caps.LimitRunTime(&policy);
   JobPolicy checked = policy;
   checked.priority = std::min(policy.priority, caps.max_priority);
   LITAGS_RETURN_IF_ERROR(caps.Check(options, checked));
-  caps.LimitRunTime(&policy);
   job->policy = Encode(policy);
   return absl::OkStatus();
 }
@@ -228,6 +228,10 @@ absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& asked,
   // An administrator may have raised it.
   if (wanted.policy.priority == policy.priority) {
     wanted.policy.priority = std::min(policy.priority, view_.caps.max_priority);
+  }
+  // The operator may have lowered the cap.
+  if (wanted.policy.max_run_seconds == policy.max_run_seconds && view_.caps.max_run_seconds > 0) {
+    wanted.policy.max_run_seconds = std::min(policy.max_run_seconds, view_.caps.max_run_seconds);
   }
   LITAGS_ASSIGN_OR_RETURN(const JobRecord clone, Create(wanted));
   // Of a call that was repeated.
@@ -343,11 +347,15 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
     if (!change) return Enqueue(job, JobAction::kResume, "resumed");
     LITAGS_ASSIGN_OR_RETURN(const auto before, Decode<ReconstructOptions>(job.job.options));
     LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(job.job));
+    const double run_seconds = policy.max_run_seconds;
     ReconstructOptions options = before;
     LITAGS_RETURN_IF_ERROR(change(options, policy));
     LITAGS_ASSIGN_OR_RETURN(options, ResumedOptions(before, options));
     if (policy.priority != job.job.priority) {
       LITAGS_RETURN_IF_ERROR(view_.caps.CheckPriority(policy.priority));
+    }
+    if (policy.max_run_seconds != run_seconds) {
+      LITAGS_RETURN_IF_ERROR(view_.caps.CheckRunTime(policy.max_run_seconds));
     }
     job.job.options = Encode(options);
     job.job.policy = Encode(policy);

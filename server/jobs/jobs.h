@@ -90,9 +90,9 @@ class Jobs {
 
   // A new job with the files of another one of the same owner. ABORTED (CLONED_FILE_GONE): one of
   // them was deleted meanwhile; FAILED_PRECONDITION (NOT_YOUR_JOB): it is another client's, which
-  // only an administrator sees. And as Create(), but that a priority of the other job that is more
-  // than the client may ask for becomes the most that it may. CANCELLED between two files; the same
-  // request_id goes on.
+  // only an administrator sees. And as Create(), but that a priority or run time of the other job
+  // that is more than the client may ask for becomes the most that it may. CANCELLED between two
+  // files; the same request_id goes on.
   absl::StatusOr<JobRecord> Clone(std::string_view id, const NewJob& job,
                                   const CancelToken& cancel = {});
 
