@@ -372,12 +372,7 @@ absl::StatusOr<JobRecord> Jobs::Update(std::string_view id, std::string_view eta
                                        DetailsChange change) {
   return store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
     JobRecord& job = transaction.job;
-    if (!etag.empty() && etag != EtagOf(job)) {
-      return MakeError(absl::StatusCode::kAborted, "ETAG_MISMATCH", "job.etag",
-                       absl::StrCat("jobs/", job.id,
-                                    " was changed since it was read; read it "
-                                    "again, and change that"));
-    }
+    const std::string before = EtagOf(job);
     LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(job));
     JobDetails details{job.display_name, {}, policy.priority, policy.retention_seconds};
     LITAGS_ASSIGN_OR_RETURN(details.labels, LabelsOf(job));
@@ -393,6 +388,13 @@ absl::StatusOr<JobRecord> Jobs::Update(std::string_view id, std::string_view eta
     job.labels = Encode(details.labels);
     job.policy = Encode(policy);
     job.priority = policy.priority;
+    // The call may be the second of one whose answer was lost.
+    if (!etag.empty() && etag != before && EtagOf(job) != before) {
+      return MakeError(absl::StatusCode::kAborted, "ETAG_MISMATCH", "job.etag",
+                       absl::StrCat("jobs/", job.id,
+                                    " was changed since it was read; read it "
+                                    "again, and change that"));
+    }
     if (!IsTerminal(job.state)) return absl::OkStatus();
     LITAGS_ASSIGN_OR_RETURN(job.expire_time_ms, ExpiryOf(job, job.state, job.end_time_ms));
     return absl::OkStatus();

@@ -107,8 +107,9 @@ class Jobs {
   absl::StatusOr<JobQueue> Queue() { return store_->Queue(); }
   absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) { return store_->UsageOf(owner); }
 
-  // ABORTED (ETAG_MISMATCH) if `etag` is neither empty nor the job's; errors of `change`, which may
-  // be called more than once, of CheckLabels(), JobPolicy::Validate() and JobCaps.
+  // ABORTED (ETAG_MISMATCH) if `etag` is neither empty nor the job's, and the change is one; errors
+  // of `change`, which may be called more than once, of CheckLabels(), JobPolicy::Validate() and
+  // JobCaps.
   using DetailsChange = absl::FunctionRef<absl::Status(JobDetails&)>;
   absl::StatusOr<JobRecord> Update(std::string_view id, std::string_view etag,
                                    DetailsChange change);
