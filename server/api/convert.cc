@@ -46,8 +46,11 @@ absl::Status ReadField(const v1::JobOptions& proto, const char* name, T* value) 
   const Reflection& reflection = *proto.GetReflection();
   if (!reflection.HasField(proto, field)) return absl::OkStatus();
   if constexpr (IsOptional<T>::value) {
-    typename T::value_type known = value->value_or(typename T::value_type());
-    if (reflection.GetEnumValue(proto, field) == 0) return absl::OkStatus();
+    if (reflection.GetEnumValue(proto, field) == 0) {
+      value->reset();
+      return absl::OkStatus();
+    }
+    typename T::value_type known{};
     LITAGS_RETURN_IF_ERROR(ReadField(proto, name, &known));
     *value = known;
   } else if constexpr (std::is_enum_v<T>) {
@@ -206,13 +209,15 @@ absl::StatusOr<JobPolicy> PolicyFromProto(const v1::JobPolicy& proto, JobPolicy 
   return policy;
 }
 
+Tone ToneInForce(const ReconstructOptions& options) { return options.ResolveRecipe().tone.rule; }
+
 v1::JobOptions OptionsToProto(const ReconstructOptions& options) {
   v1::JobOptions proto;
   VisitFields(FieldsOf<ReconstructOptions>(), options,
               [&](const char* name, const auto& value, const FieldRule&) {
                 WriteField(name, value, &proto);
               });
-  WriteField("tone", options.ResolveRecipe().tone.rule, &proto);  // in force
+  WriteField("tone", ToneInForce(options), &proto);
   return proto;
 }
 

@@ -25,6 +25,8 @@ double SecondsOf(const google::protobuf::Duration& duration);
 Webhook WebhookFromProto(const v1::Webhook& proto);
 Labels LabelsFromProto(const google::protobuf::Map<std::string, std::string>& proto);
 
+// The one that was asked for, else the method's.
+Tone ToneInForce(const ReconstructOptions& options);
 // Sets every field.
 v1::JobOptions OptionsToProto(const ReconstructOptions& options);
 

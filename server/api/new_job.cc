@@ -3,7 +3,9 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
+#include <optional>
 #include <string_view>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -34,6 +36,13 @@ absl::Status CheckDisplayName(const std::string& name, const char* field) {
   return InvalidInput("DISPLAY_NAME_TOO_LONG", field,
                       absl::StrCat(field, " has ", name.size(), " bytes; at most ",
                                    kMaxDisplayNameBytes, " are allowed"));
+}
+
+// Whether all are set, as in Job.options: they are those of a job, some changed.
+bool HasAll(const v1::JobOptions& options) {
+  std::vector<const google::protobuf::FieldDescriptor*> fields;
+  options.GetReflection()->ListFields(options, &fields);
+  return static_cast<int>(fields.size()) == options.GetDescriptor()->field_count();
 }
 
 // Equal requests have equal digests, whatever order their maps are in.
@@ -82,9 +91,12 @@ absl::StatusOr<NewJob> NewJobOf(const v1::CloneJobRequest& request, const JobRec
   LITAGS_RETURN_IF_ERROR(CheckDisplayName(request.display_name(), "display_name"));
   NewJob job{request.request_id(), request.display_name(), "", {}, {}};
   LITAGS_ASSIGN_OR_RETURN(ReconstructOptions options, Decode<ReconstructOptions>(source.options));
+  const std::optional<Tone> tone = options.tone;
+  const Tone tone_in_force = ToneInForce(options);
   // Of a job that was trained further.
-  options.schedule_iterations = 0;
+  if (options.schedule_iterations < options.iterations) options.schedule_iterations = 0;
   LITAGS_ASSIGN_OR_RETURN(job.options, OptionsFromProto(request.options(), options));
+  if (HasAll(request.options()) && job.options.tone == tone_in_force) job.options.tone = tone;
   LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(source));
   LITAGS_ASSIGN_OR_RETURN(job.policy, PolicyFromProto(request.policy(), policy.WithoutCap()));
   job.labels = LabelsFromProto(request.labels());

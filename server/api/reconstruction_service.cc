@@ -203,7 +203,12 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ResumeJob(Context* context,
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
     const auto change = [&](ReconstructOptions& options, JobPolicy& policy) -> absl::Status {
-      LITAGS_ASSIGN_OR_RETURN(options, OptionsFromProto(request->options(), options));
+      const ReconstructOptions before = options;
+      LITAGS_ASSIGN_OR_RETURN(options, OptionsFromProto(request->options(), before));
+      // What clients see of a job has a tone, even where its method chose it.
+      if (options.method == before.method && ToneInForce(options) == ToneInForce(before)) {
+        options.tone = before.tone;
+      }
       LITAGS_ASSIGN_OR_RETURN(policy, PolicyFromProto(request->policy(), policy));
       return absl::OkStatus();
     };

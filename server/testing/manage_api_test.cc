@@ -263,6 +263,60 @@ TEST_F(ManageApi, ACloneNeedsNoPhotosAgain) {
             v1::JOB_STATE_SUCCEEDED);
 }
 
+TEST_F(ManageApi, OptionsAsTheyWereReadAreWhatTheJobHas) {
+  const auto clone = [&](const std::string& name, const v1::JobOptions& options) {
+    v1::CloneJobRequest request;
+    request.set_name(name);
+    *request.mutable_options() = options;
+    v1::Job job;
+    const grpc::Status status = Call(&v1::ReconstructionService::Stub::CloneJob, request, &job);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return job;
+  };
+  v1::Job job;
+  ASSERT_TRUE(client_.Get(NewJob(), &job).ok());
+  EXPECT_EQ(job.options().tone(), v1::TONE_CAPTURE);
+  v1::JobOptions plain = job.options();
+  plain.set_method(v1::METHOD_3DGS);
+  EXPECT_EQ(clone(job.name(), plain).options().tone(), v1::TONE_NONE);
+  v1::JobOptions chosen;
+  chosen.set_tone(v1::TONE_CAPTURE);
+  const v1::Job bright = clone(job.name(), chosen);
+  chosen.set_method(v1::METHOD_3DGS);
+  EXPECT_EQ(clone(job.name(), chosen).options().tone(), v1::TONE_CAPTURE);
+  EXPECT_EQ(clone(bright.name(), plain).options().tone(), v1::TONE_CAPTURE);
+  plain.set_tone(v1::TONE_UNSPECIFIED);  // the method's again
+  EXPECT_EQ(clone(bright.name(), plain).options().tone(), v1::TONE_NONE);
+
+  StartWorker();
+  v1::ResumeJobRequest more;
+  more.set_name(client_.StartedJob({"a", "b", "c"}, 10));
+  *more.mutable_options() = client_.WaitFor(more.name(), v1::JOB_STATE_SUCCEEDED).options();
+  more.mutable_options()->set_iterations(20);
+  const grpc::Status resumed = Call(&v1::ReconstructionService::Stub::ResumeJob, more, &job);
+  EXPECT_TRUE(resumed.ok()) << resumed.error_message();
+  plain = job.options();
+  plain.set_method(v1::METHOD_3DGS);
+  EXPECT_EQ(clone(job.name(), plain).options().tone(), v1::TONE_NONE);
+}
+
+TEST_F(ManageApi, ACloneKeepsAScheduleOfItsOwn) {
+  v1::CreateJobRequest request;
+  request.mutable_options()->set_iterations(100);
+  request.mutable_options()->set_schedule_iterations(300);
+  v1::Job job, clone;
+  ASSERT_TRUE(client_.Create(request, &job).ok());
+  v1::CloneJobRequest again;
+  again.set_name(job.name());
+  ASSERT_TRUE(Call(&v1::ReconstructionService::Stub::CloneJob, again, &clone).ok());
+  EXPECT_EQ(clone.options().schedule_iterations(), 300);
+  request.mutable_options()->set_schedule_iterations(50);  // as of a job that was trained further
+  ASSERT_TRUE(client_.Create(request, &job).ok());
+  again.set_name(job.name());
+  ASSERT_TRUE(Call(&v1::ReconstructionService::Stub::CloneJob, again, &clone).ok());
+  EXPECT_EQ(clone.options().schedule_iterations(), 0);
+}
+
 TEST_F(ManageApi, CallsThatAreRepeatedChangeNothing) {
   const std::string job = NewJob();
   for (const char* name : {"a.png", "b.png", "c.png"}) {
