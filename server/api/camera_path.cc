@@ -15,7 +15,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kDefaultFrames = 60, kMaxFrames = 10000;
+constexpr int kDefaultFrames = 60, kMaxFrames = 10000, kMaxKeyframes = 10000;
 constexpr double kMaxElevationDeg = 89;
 // Beyond, rounding leaves nothing of the picture.
 constexpr double kMaxRadiusScale = 1e6, kMaxSweepDeg = 36000;
@@ -25,12 +25,20 @@ constexpr double kMaxGapDeg = 90 + 1e-6;
 Vector3d ToVector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
 absl::StatusOr<std::vector<Camera>> Through(const v1::Keyframes& keyframes, int frames,
-                                            const Camera& lens, const Scene& scene) {
+                                            const Camera& lens, const Scene& scene,
+                                            const CancelToken& cancel) {
+  if (keyframes.poses_size() > kMaxKeyframes) {
+    return InvalidInput("TOO_MANY_KEYFRAMES", "keyframes.poses",
+                        absl::StrCat("a path through ", keyframes.poses_size(),
+                                     " poses; give at most ", kMaxKeyframes));
+  }
+  CameraFinder cameras(scene);
   std::vector<Camera> keys;
   for (int i = 0; i < keyframes.poses_size(); ++i) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     LITAGS_ASSIGN_OR_RETURN(
         const Camera camera,
-        ResolvePose(keyframes.poses(i), lens, scene, absl::StrCat("keyframes.poses[", i, "]")));
+        ResolvePose(keyframes.poses(i), lens, cameras, absl::StrCat("keyframes.poses[", i, "]")));
     keys.push_back(camera);
   }
   if (keys.size() < 2) {
@@ -143,7 +151,8 @@ absl::StatusOr<std::vector<Camera>> Around(const v1::Orbit& orbit, int frames, c
 }  // namespace
 
 absl::StatusOr<std::vector<Camera>> ResolvePath(const v1::RenderPathRequest& request,
-                                                const Camera& lens, const Scene& scene) {
+                                                const Camera& lens, const Scene& scene,
+                                                const CancelToken& cancel) {
   const int frames = request.frames() == 0 ? kDefaultFrames : request.frames();
   if (frames < 1 || frames > kMaxFrames) {
     return InvalidInput("FRAMES_INVALID", "frames",
@@ -151,7 +160,7 @@ absl::StatusOr<std::vector<Camera>> ResolvePath(const v1::RenderPathRequest& req
   }
   switch (request.path_case()) {
     case v1::RenderPathRequest::kKeyframes:
-      return Through(request.keyframes(), frames, lens, scene);
+      return Through(request.keyframes(), frames, lens, scene, cancel);
     case v1::RenderPathRequest::kOrbit:
       return Around(request.orbit(), frames, lens, scene);
     case v1::RenderPathRequest::PATH_NOT_SET:

@@ -10,10 +10,11 @@
 namespace litags {
 
 // The cameras of a path, one per frame; `lens` gives size and intrinsics. See RenderPathRequest.
-// INVALID_ARGUMENT: PATH_MISSING, FRAMES_INVALID, TOO_FEW_KEYFRAMES, ORBIT_INVALID and the errors
-// of ResolvePose().
+// INVALID_ARGUMENT: PATH_MISSING, FRAMES_INVALID, TOO_FEW_KEYFRAMES, TOO_MANY_KEYFRAMES,
+// ORBIT_INVALID and the errors of ResolvePose(); CANCELLED between two keyframes.
 absl::StatusOr<std::vector<Camera>> ResolvePath(const v1::RenderPathRequest& request,
-                                                const Camera& lens, const Scene& scene);
+                                                const Camera& lens, const Scene& scene,
+                                                const CancelToken& cancel = {});
 
 }  // namespace litags
 

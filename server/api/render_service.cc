@@ -80,7 +80,7 @@ class PathStream : public AnswerStream<v1::RenderPathResponse> {
     LITAGS_ASSIGN_OR_RETURN(const Camera lens,
                             ResolveLens(request_.settings(), lens_camera,
                                         "keyframes.poses[0].camera", scene, limits_.max_pixels));
-    LITAGS_ASSIGN_OR_RETURN(cameras_, ResolvePath(request_, lens, scene));
+    LITAGS_ASSIGN_OR_RETURN(cameras_, ResolvePath(request_, lens, scene, cancel()));
     resolved_ = true;
     return absl::OkStatus();
   }

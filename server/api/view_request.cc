@@ -5,7 +5,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "engine/io/file_util.h"
 #include "engine/pipeline/render_rules.h"
 
 namespace litags {
@@ -136,20 +135,20 @@ RenderRequest PathContent::Frame(int frame, int frames) const {
   return request;
 }
 
-absl::StatusOr<Camera> FindCamera(const Scene& scene, const std::string& name,
-                                  const std::string& field) {
-  std::vector<std::string> names;
-  for (const View& view : scene.views()) {
+absl::StatusOr<Camera> CameraFinder::Find(const std::string& name, const std::string& field) {
+  for (const View& view : scene_.views()) {
     if (view.name == name) return view.camera;
-    names.push_back(view.name);
+  }
+  if (!index_) {
+    for (const View& view : scene_.views()) names_.push_back(view.name);
+    index_.emplace(names_);
   }
   // As names of photos in files of cameras are matched, where only one is meant.
-  const NameIndex index(names);
-  std::vector<size_t> alike = index.FindAlike(name);
-  if (const auto exact = index.FindExact(name)) alike = {*exact};
-  if (alike.size() == 1) return scene.views()[alike[0]].camera;
+  std::vector<size_t> alike = index_->FindAlike(name);
+  if (const auto exact = index_->FindExact(name)) alike = {*exact};
+  if (alike.size() == 1) return scene_.views()[alike[0]].camera;
   std::string meant;
-  for (const size_t i : alike) absl::StrAppend(&meant, meant.empty() ? "" : " or ", names[i]);
+  for (const size_t i : alike) absl::StrAppend(&meant, meant.empty() ? "" : " or ", names_[i]);
   return MakeError(absl::StatusCode::kNotFound, "CAMERA_NOT_FOUND", field,
                    absl::StrCat("the scene has no camera \"", name, "\"; ",
                                 meant.empty() ? "ListCameras names those it has"
@@ -161,7 +160,7 @@ absl::StatusOr<Camera> ResolveLens(const v1::RenderSettings& settings,
                                    const Scene& scene, int64_t max_pixels) {
   Camera base;
   if (!camera_name.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(base, FindCamera(scene, camera_name, field));
+    LITAGS_ASSIGN_OR_RETURN(base, CameraFinder(scene).Find(camera_name, field));
   } else if (!scene.views().empty()) {
     base = scene.views().front().camera;
   } else {
@@ -194,7 +193,7 @@ absl::StatusOr<Camera> ResolveLens(const v1::RenderSettings& settings,
   return camera;
 }
 
-absl::StatusOr<Camera> ResolvePose(const v1::Pose& pose, const Camera& lens, const Scene& scene,
+absl::StatusOr<Camera> ResolvePose(const v1::Pose& pose, const Camera& lens, CameraFinder& cameras,
                                    const std::string& field) {
   Camera camera = lens;
   switch (pose.pose_case()) {
@@ -226,7 +225,7 @@ absl::StatusOr<Camera> ResolvePose(const v1::Pose& pose, const Camera& lens, con
     case v1::Pose::kLookAt: {
       const v1::LookAt& look = pose.look_at();
       const auto eye = ToArray(look.eye()), target = ToArray(look.target());
-      const auto up = look.has_up() ? ToArray(look.up()) : scene.up();
+      const auto up = look.has_up() ? ToArray(look.up()) : cameras.scene().up();
       if (!AllFinite(eye)) return NotFinite(field + ".look_at.eye");
       if (!AllFinite(target)) return NotFinite(field + ".look_at.target");
       if (!AllFinite(up)) return NotFinite(field + ".look_at.up");
@@ -239,8 +238,7 @@ absl::StatusOr<Camera> ResolvePose(const v1::Pose& pose, const Camera& lens, con
       return camera;
     }
     case v1::Pose::kCamera: {
-      LITAGS_ASSIGN_OR_RETURN(const Camera named,
-                              FindCamera(scene, pose.camera(), field + ".camera"));
+      LITAGS_ASSIGN_OR_RETURN(const Camera named, cameras.Find(pose.camera(), field + ".camera"));
       camera.R = named.R;
       camera.t = named.t;
       return camera;

@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "engine/core/error_test_util.h"
+
 namespace litags {
 namespace {
 
@@ -58,6 +60,22 @@ std::vector<double> OrbitOf(const std::vector<double>& photos, int frames, doubl
 }
 
 auto AreNear(const std::vector<double>& degrees) { return Pointwise(DoubleNear(1e-6), degrees); }
+
+TEST(Keyframes, AreBoundedAndEndWhenNobodyWaits) {
+  const CircleScene scene({0, 90});
+  v1::RenderPathRequest request;
+  for (int i = 0; i < 10'000; ++i) {
+    v1::LookAt* look = request.mutable_keyframes()->add_poses()->mutable_look_at();
+    look->mutable_eye()->set_x(1 + i);
+    look->mutable_target()->set_x(0);
+  }
+  EXPECT_TRUE(ResolvePath(request, Camera(), scene).ok());
+  CancelToken cancel;
+  cancel.Cancel();
+  EXPECT_TRUE(absl::IsCancelled(ResolvePath(request, Camera(), scene, cancel).status()));
+  *request.mutable_keyframes()->add_poses() = request.keyframes().poses(0);
+  EXPECT_EQ(Reason(ResolvePath(request, Camera(), scene).status()), "TOO_MANY_KEYFRAMES");
+}
 
 TEST(Orbit, GoesThereAndBackAlongTheArcThatThePhotosCover) {
   // In either direction: the film is the same backwards.
