@@ -56,6 +56,30 @@ absl::StatusOr<SceneFormat> FormatOf(v1::ModelFormat format) {
                           absl::StrCat("the server does not know format ", format));
   }
 }
+absl::StatusOr<UpAxis> AxisOf(v1::UpAxis axis) {
+  switch (axis) {
+    case v1::UP_AXIS_UNSPECIFIED:
+      return UpAxis::kOfFormat;
+    case v1::UP_AXIS_KEEP:
+      return UpAxis::kKeep;
+    case v1::UP_AXIS_X:
+      return UpAxis::kX;
+    case v1::UP_AXIS_NEGATIVE_X:
+      return UpAxis::kNegativeX;
+    case v1::UP_AXIS_Y:
+      return UpAxis::kY;
+    case v1::UP_AXIS_NEGATIVE_Y:
+      return UpAxis::kNegativeY;
+    case v1::UP_AXIS_Z:
+      return UpAxis::kZ;
+    case v1::UP_AXIS_NEGATIVE_Z:
+      return UpAxis::kNegativeZ;
+    default:
+      return InvalidInput("EXPORT_OPTION_INVALID", "up",
+                          absl::StrCat("up: the server does not know axis ", int{axis}));
+  }
+}
+
 
 std::array<double, 3> ArrayOf(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -65,15 +89,7 @@ absl::StatusOr<ExportRequest> RequestOf(const v1::ExportModelRequest& request, i
   LITAGS_ASSIGN_OR_RETURN(out.format, FormatOf(request.format()));
   out.light = request.light();
   out.exposure_stops = request.exposure_stops();
-  // The engine's axes in the order of the protocol's.
-  constexpr UpAxis kAxes[] = {UpAxis::kOfFormat,  UpAxis::kKeep,     UpAxis::kX,
-                              UpAxis::kNegativeX, UpAxis::kY,        UpAxis::kNegativeY,
-                              UpAxis::kZ,         UpAxis::kNegativeZ};
-  if (!v1::UpAxis_IsValid(request.up())) {
-    return InvalidInput("EXPORT_OPTION_INVALID", "up",
-                        absl::StrCat("up: the server does not know axis ", int{request.up()}));
-  }
-  out.up = kAxes[request.up()];
+  LITAGS_ASSIGN_OR_RETURN(out.up, AxisOf(request.up()));
   if (request.has_scale()) out.scale = request.scale();
   if (request.has_crop()) {
     out.crop = Box{ArrayOf(request.crop().min()), ArrayOf(request.crop().max())};
