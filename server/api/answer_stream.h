@@ -47,28 +47,31 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
     if (!accepted.ok()) End(accepted);
   }
 
-  // Makes the next message; false: there is none. On the pool.
-  virtual absl::StatusOr<bool> Next(Message* message) = 0;
+  enum class Made { kMessage, kEnd, kLater };
+  // Makes the next message. kLater: it cannot yet, and calls Step() on the pool when it can. On the
+  // pool.
+  virtual absl::StatusOr<Made> Next(Message* message) = 0;
   // OK if there is room for what Next() makes; else it is asked again in a moment.
   virtual absl::Status CheckRoom() { return call_->CheckRoom(); }
 
   Call& call() { return *call_; }
   const CancelToken& cancel() const { return cancel_; }
 
- private:
   void Step() {
     if (cancel_.IsCancelled()) return End(CallCancelled());
     if (const absl::Status known = call_->CheckToken(); !known.ok()) return End(known);
     if (const absl::Status room = CheckRoom(); !room.ok()) return AwaitRoom(room);
     waited_seconds_ = 0;
-    const absl::StatusOr<bool> more = Next(&message_);
-    if (!more.ok() || !*more) return End(more.status());
+    const absl::StatusOr<Made> made = Next(&message_);
+    if (made.ok() && *made == Made::kLater) return;  // another thread may be at it by now
+    if (!made.ok() || *made == Made::kEnd) return End(made.status());
     call_->Hold(static_cast<int64_t>(message_.ByteSizeLong()));
     timer_.Start(call_->SecondsToRead(), [this] { CutOff(context_); });
     BeforeStart(this);
     this->StartWrite(&message_);
   }
 
+ private:
   void AwaitRoom(const absl::Status& room) {
     constexpr double kPauseSeconds = 0.2;
     waited_seconds_ += kPauseSeconds;

@@ -9,8 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/pipeline/render_rules.h"
-#include "server/api/answer_stream.h"
-#include "server/api/unary.h"
+#include "server/api/scene_calls.h"
 #include "server/api/view_request.h"
 #include "server/store/digest.h"
 
@@ -56,6 +55,7 @@ absl::StatusOr<SceneFormat> FormatOf(v1::ModelFormat format) {
                           absl::StrCat("the server does not know format ", format));
   }
 }
+
 absl::StatusOr<UpAxis> AxisOf(v1::UpAxis axis) {
   switch (axis) {
     case v1::UP_AXIS_UNSPECIFIED:
@@ -79,7 +79,6 @@ absl::StatusOr<UpAxis> AxisOf(v1::UpAxis axis) {
                           absl::StrCat("up: the server does not know axis ", int{axis}));
   }
 }
-
 
 std::array<double, 3> ArrayOf(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -131,14 +130,13 @@ absl::StatusOr<int64_t> WriteModel(const Scene& scene, const v1::ExportModelRequ
 }
 
 // One ExportModel stream: writes the file, then sends it piece by piece.
-class ExportStream : public AnswerStream<v1::ExportModelResponse> {
+class ExportStream : public SceneStream<v1::ExportModelResponse> {
  public:
   ExportStream(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
                const v1::ExportModelRequest& request, SceneCache* scenes, ThreadPool* pool,
                const std::string& tmp, int threads, SharedRoom* room)
-      : AnswerStream(std::move(call), context, pool),
+      : SceneStream(std::move(call), context, pool, scenes),
         request_(request),
-        scenes_(scenes),
         path_(absl::StrCat(tmp, "/export-", RandomHex(8))),
         threads_(threads),
         room_(room) {
@@ -149,18 +147,20 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
   }
 
  private:
-  absl::StatusOr<bool> Next(v1::ExportModelResponse* message) override {
+  absl::StatusOr<Made> Next(v1::ExportModelResponse* message) override {
     if (!file_.is_open()) {
-      const absl::Status status = Prepare(message->mutable_header());
+      LITAGS_ASSIGN_OR_RETURN(const auto scene, GetScene(request_.name()));
+      if (!scene) return Made::kLater;
+      const absl::Status status = Prepare(*scene, message->mutable_header());
       unlink(path_.c_str());  // what is open stays readable, and nothing is left behind
       LITAGS_RETURN_IF_ERROR(status);
-      return true;
+      return Made::kMessage;
     }
     std::string* chunk = message->mutable_chunk();
     chunk->resize(kChunkBytes);
     file_.read(chunk->data(), static_cast<std::streamsize>(chunk->size()));
     chunk->resize(static_cast<size_t>(file_.gcount()));
-    return !chunk->empty();
+    return chunk->empty() ? Made::kEnd : Made::kMessage;
   }
 
   absl::Status CheckRoom() override {
@@ -170,10 +170,9 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
                      "those asked for, and try again in a minute");
   }
 
-  absl::Status Prepare(v1::ExportHeader* header) {
-    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call().jobs(), request_.name()));
+  absl::Status Prepare(const Scene& scene, v1::ExportHeader* header) {
     LITAGS_ASSIGN_OR_RETURN(const int64_t gaussians,
-                            WriteModel(*scene, request_, threads_, cancel(), path_));
+                            WriteModel(scene, request_, threads_, cancel(), path_));
     std::error_code error;
     const auto size = std::filesystem::file_size(path_, error);
     file_.open(path_, std::ios::binary);
@@ -184,13 +183,12 @@ class ExportStream : public AnswerStream<v1::ExportModelResponse> {
     file_bytes_ = static_cast<int64_t>(size);
     room_->Add(call().client().name, file_bytes_);
     header->set_size_bytes(file_bytes_);
-    header->set_iteration(scene->iteration());
+    header->set_iteration(scene.iteration());
     header->set_gaussians(gaussians);
     return absl::OkStatus();
   }
 
   const v1::ExportModelRequest request_;
-  SceneCache* const scenes_;
   const std::string path_;
   const int threads_;
   SharedRoom* const room_;

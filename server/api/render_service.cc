@@ -5,11 +5,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "server/api/answer_stream.h"
 #include "server/api/camera_path.h"
 #include "server/api/picture.h"
+#include "server/api/scene_calls.h"
 #include "server/api/status.h"
-#include "server/api/unary.h"
 #include "server/api/view_request.h"
 
 namespace litags {
@@ -39,25 +38,22 @@ absl::Status Render(Call& call, const Scene& scene, const RenderRequest& request
 }
 
 // One RenderPath stream: a frame a message.
-class PathStream : public AnswerStream<v1::RenderPathResponse> {
+class PathStream : public SceneStream<v1::RenderPathResponse> {
  public:
   PathStream(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
              const v1::RenderPathRequest& request, SceneCache* scenes, ThreadPool* pool,
              RenderLimits limits)
-      : AnswerStream(std::move(call), context, pool),
-        request_(request),
-        scenes_(scenes),
-        limits_(limits) {
+      : SceneStream(std::move(call), context, pool, scenes), request_(request), limits_(limits) {
     Begin();
   }
 
  private:
-  absl::StatusOr<bool> Next(v1::RenderPathResponse* message) override {
-    if (resolved_ && next_ == cameras_.size()) return false;
-    LITAGS_ASSIGN_OR_RETURN(const auto scene,
-                            scenes_->Get(call().jobs(), request_.name(), &snapshot_));
+  absl::StatusOr<Made> Next(v1::RenderPathResponse* message) override {
+    if (resolved_ && next_ == cameras_.size()) return Made::kEnd;
+    LITAGS_ASSIGN_OR_RETURN(const auto scene, GetScene(request_.name()));
+    if (!scene) return Made::kLater;
     if (!resolved_) LITAGS_RETURN_IF_ERROR(Resolve(*scene));
-    if (next_ == cameras_.size()) return false;
+    if (next_ == cameras_.size()) return Made::kEnd;
     const int frame = static_cast<int>(next_), frames = static_cast<int>(cameras_.size());
     message->Clear();
     message->set_frame(frame);
@@ -68,7 +64,7 @@ class PathStream : public AnswerStream<v1::RenderPathResponse> {
     render.cancel = cancel();
     LITAGS_RETURN_IF_ERROR(
         Render(call(), *scene, render, request_.settings(), message->mutable_view()));
-    return true;
+    return Made::kMessage;
   }
 
   absl::Status Resolve(const Scene& scene) {
@@ -86,9 +82,7 @@ class PathStream : public AnswerStream<v1::RenderPathResponse> {
   }
 
   const v1::RenderPathRequest request_;
-  SceneCache* const scenes_;
   const RenderLimits limits_;
-  SceneCache::Snapshot snapshot_;
   bool resolved_ = false;
   PathContent content_;
   std::vector<Camera> cameras_;
@@ -101,21 +95,21 @@ grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerCont
                                                         const v1::RenderViewRequest* request,
                                                         v1::RenderedView* response) {
   const CallName name{"RenderView", CallKind::kPicture};
-  const auto work = [=, this](Call& call, const CancelToken& cancel) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(call.CheckRoom());
-    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call.jobs(), request->name()));
+  const auto check = [](const Call& call) { return call.CheckRoom(); };
+  const auto work = [=, this](Call& call, const CancelToken& cancel,
+                              const Scene& scene) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(RenderRequest render, ResolveContent(request->settings()));
     LITAGS_ASSIGN_OR_RETURN(
         const Camera lens, ResolveLens(request->settings(), request->pose().camera(), "pose.camera",
-                                       *scene, limits_.max_pixels));
-    LITAGS_ASSIGN_OR_RETURN(render.camera, ResolvePose(request->pose(), lens, *scene, "pose"));
+                                       scene, limits_.max_pixels));
+    LITAGS_ASSIGN_OR_RETURN(render.camera, ResolvePose(request->pose(), lens, scene, "pose"));
     render.threads = limits_.threads;
     render.cancel = cancel;
-    LITAGS_RETURN_IF_ERROR(Render(call, *scene, render, request->settings(), response));
+    LITAGS_RETURN_IF_ERROR(Render(call, scene, render, request->settings(), response));
     call.Hold(static_cast<int64_t>(response->ByteSizeLong()));
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, name, pool_, work);
+  return RunWithScene(gate_, context, name, pool_, scenes_, request->name(), check, work);
 }
 
 grpc::ServerWriteReactor<v1::RenderPathResponse>* RenderServiceImpl::RenderPath(
@@ -130,21 +124,21 @@ grpc::ServerUnaryReactor* RenderServiceImpl::ListCameras(grpc::CallbackServerCon
                                                          const v1::ListCamerasRequest* request,
                                                          v1::ListCamerasResponse* response) {
   const CallName name{"ListCameras", CallKind::kPicture};
-  const auto work = [=, this](Call& call, const CancelToken&) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(const auto scene, scenes_->Get(call.jobs(), request->name()));
-    for (const View& view : scene->views()) {
+  const auto check = [](const Call&) { return absl::OkStatus(); };
+  const auto work = [=](Call&, const CancelToken&, const Scene& scene) -> absl::Status {
+    for (const View& view : scene.views()) {
       v1::NamedCamera* camera = response->add_cameras();
       camera->set_name(view.name);
       *camera->mutable_camera() = CameraToProto(view.camera);
     }
-    *response->mutable_center() = ToProto(scene->center());
-    *response->mutable_up() = ToProto(scene->up());
-    response->set_radius(scene->radius());
-    response->set_iteration(scene->iteration());
-    response->set_gaussians(scene->num_gaussians());
+    *response->mutable_center() = ToProto(scene.center());
+    *response->mutable_up() = ToProto(scene.up());
+    response->set_radius(scene.radius());
+    response->set_iteration(scene.iteration());
+    response->set_gaussians(scene.num_gaussians());
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, name, pool_, work);
+  return RunWithScene(gate_, context, name, pool_, scenes_, request->name(), check, work);
 }
 
 }  // namespace litags

@@ -16,41 +16,74 @@ constexpr int kTries = 5;
 
 }  // namespace
 
-absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(Jobs* jobs, const std::string& name) {
-  Snapshot none;
-  return Get(jobs, name, &none);
-}
-
-absl::StatusOr<std::shared_ptr<const Scene>> SceneCache::Get(Jobs* jobs, const std::string& name,
-                                                             Snapshot* snapshot) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(name));
+std::optional<SceneCache::Result> SceneCache::Get(Call& call, const CancelToken& cancel,
+                                                  const std::string& name, Snapshot* snapshot,
+                                                  std::function<void(const Result&)> then) {
+  const auto id = ParseJobName(name);
+  if (!id.ok()) return id.status();
   if (*snapshot) {
-    if (const auto entry = Find(id, **snapshot)) return entry->scene;
+    if (const auto entry = Find(*id, **snapshot)) return entry->scene;
   }
-  LITAGS_ASSIGN_OR_RETURN(const Entry entry, Newest(jobs, id));
-  *snapshot = entry.snapshot;
-  return entry.scene;
+  const auto file = NewestOf(call.jobs(), *id);
+  if (!file.ok()) return file.status();
+  if (const auto entry = Find(*id, *file)) {
+    *snapshot = entry->snapshot;
+    return entry->scene;
+  }
+  const int64_t asked = [&] {
+    std::lock_guard lock(mutex_);
+    return ++asked_;
+  }();
+  const auto load = [=, this, id = *id, &call, &cancel, then = std::move(then)] {
+    absl::StatusOr<Entry> entry = CallCancelled();
+    if (!cancel.IsCancelled()) entry = LoadNewest(call.jobs(), id, asked);
+    {
+      std::lock_guard lock(mutex_);
+      if (++ended_ == asked_) failures_.clear();
+    }
+    if (entry.ok()) *snapshot = entry->snapshot;
+    pool_->Run(call.client().name,
+               [then, result = entry.ok() ? Result(entry->scene) : Result(entry.status())] {
+                 then(result);
+               });
+  };
+  const absl::Status accepted = loads_->Try(call.client().name, load);
+  if (accepted.ok()) return std::nullopt;
+  std::lock_guard lock(mutex_);
+  ++ended_;
+  return accepted;
 }
 
-absl::StatusOr<SceneCache::Entry> SceneCache::Newest(Jobs* jobs, const std::string& id) {
+absl::StatusOr<KeptFile> SceneCache::NewestOf(Jobs* jobs, const std::string& id) {
+  LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs->Get(id));
+  LITAGS_ASSIGN_OR_RETURN(const auto file, Jobs::SceneOf(job));
+  if (file) return *file;
+  return MakeError(absl::StatusCode::kFailedPrecondition, "SCENE_NOT_READY", "name",
+                   absl::StrCat("the job is ", std::string(JobStateName(job.state)),
+                                " and has no snapshot yet; WatchJob tells when there is one"));
+}
+
+absl::StatusOr<SceneCache::Entry> SceneCache::LoadNewest(Jobs* jobs, const std::string& id,
+                                                         int64_t asked) {
+  {
+    // Whoever waited for a load that failed does not begin the next one.
+    std::lock_guard lock(mutex_);
+    const auto failure = failures_.find(id);
+    if (failure != failures_.end() && failure->second.asked >= asked) return failure->second.status;
+  }
   for (int attempt = 1;; ++attempt) {
-    LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs->Get(id));
-    LITAGS_ASSIGN_OR_RETURN(const auto file, Jobs::SceneOf(job));
-    if (!file) {
-      return MakeError(absl::StatusCode::kFailedPrecondition, "SCENE_NOT_READY", "name",
-                       absl::StrCat("the job is ", std::string(JobStateName(job.state)),
-                                    " and has no snapshot yet; WatchJob tells when there is one"));
-    }
-    if (auto entry = Find(id, *file)) return *std::move(entry);
-    std::lock_guard load_lock(load_mutex_);
-    if (auto entry = Find(id, *file)) return *std::move(entry);
-    auto scene = Load(jobs, id, *file);
+    LITAGS_ASSIGN_OR_RETURN(const KeptFile file, NewestOf(jobs, id));
+    if (auto entry = Find(id, file)) return *std::move(entry);
+    auto scene = Load(jobs, id, file);
     if (scene.ok()) {
-      Entry entry{id, std::make_shared<const KeptFile>(*file), *std::move(scene)};
+      Entry entry{id, std::make_shared<const KeptFile>(file), *std::move(scene)};
       Add(entry);
       return entry;
     }
-    if (!absl::IsNotFound(scene.status()) || attempt == kTries) return scene.status();
+    if (absl::IsNotFound(scene.status()) && attempt < kTries) continue;
+    std::lock_guard lock(mutex_);
+    failures_[id] = {asked_, scene.status()};
+    return scene.status();
   }
 }
 

@@ -106,9 +106,10 @@ class GrpcServer : public Server {
                    options.blob_threads - 1),
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
+        load_pool_(1, options.max_waiting_pictures, RenderQueueFull(options.max_waiting_pictures)),
         own_reader_(options.reader ? nullptr : MakeInProcessReader()),
         hub_(jobs),
-        scenes_(engine, options.scene_cache_bytes),
+        scenes_(engine, options.scene_cache_bytes, &load_pool_, &render_pool_),
         reconstruction_(&gate_, &hub_, &store_pool_,
                         {&blob_pool_, options.reader ? options.reader : own_reader_.get(),
                          &upload_cpu_, &archives_}),
@@ -196,6 +197,7 @@ class GrpcServer : public Server {
     // All calls are over, but the tasks that ended them may still be returning.
     store_pool_.Stop();
     blob_pool_.Stop();
+    load_pool_.Stop();  // its tasks go on there
     render_pool_.Stop();
     server_.reset();
   }
@@ -212,7 +214,7 @@ class GrpcServer : public Server {
   Gate gate_;
   CpuBudget upload_cpu_;  // before the threads that spend it
   SharedRoom archives_;
-  ThreadPool store_pool_, blob_pool_, render_pool_;
+  ThreadPool store_pool_, blob_pool_, render_pool_, load_pool_;
   const std::unique_ptr<FileReader> own_reader_;
   EventHub hub_;
   SceneCache scenes_;

@@ -43,7 +43,8 @@ class UnaryReactor : public grpc::ServerUnaryReactor {
   void Run(const Work& work) {
     wait_.Stop();
     // A call that nobody waits for any more costs nothing.
-    Answer(cancel_.IsCancelled() ? CallCancelled() : work(*call_, cancel_));
+    if (cancel_.IsCancelled()) return Answer(CallCancelled());
+    work(*call_, cancel_, [this](const absl::Status& status) { Answer(status); });
   }
 
   // Ends the call. A client that does not read the answer is cut off.
@@ -68,11 +69,12 @@ class UnaryReactor : public grpc::ServerUnaryReactor {
   StallTimer wait_, timer_;
 };
 
-// Answers a unary call with what `work(call, cancel)` returns, run on the pool; the call's request
-// and response live until then. The gate's error, the pool's own if it is busy, or WAITED_TOO_LONG.
+// Answers a unary call with what `work(call, cancel, answer)`, run on the pool, calls `answer`
+// with, then or later; the call's request and response live until then. The gate's error, the
+// pool's own if it is busy, or WAITED_TOO_LONG.
 template <typename Work>
-grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* context, CallName name,
-                                   ThreadPool* pool, Work work) {
+grpc::ServerUnaryReactor* RunUnaryInSteps(Gate* gate, grpc::CallbackServerContext* context,
+                                          CallName name, ThreadPool* pool, Work work) {
   auto* reactor = new UnaryReactor(context);
   auto call = gate->Enter(context, name);
   if (!call.ok()) {
@@ -87,6 +89,17 @@ grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* cont
   });
   if (!accepted.ok() && !turn->exchange(true)) reactor->Answer(accepted);
   return reactor;
+}
+
+// The same with what `work(call, cancel)` returns.
+template <typename Work>
+grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* context, CallName name,
+                                   ThreadPool* pool, Work work) {
+  return RunUnaryInSteps(
+      gate, context, name, pool,
+      [work = std::move(work)](Call& call, const CancelToken& cancel, const auto& answer) {
+        answer(work(call, cancel));
+      });
 }
 
 // The end of a stream that was not let in. Deletes itself when the call is over.

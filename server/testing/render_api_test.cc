@@ -1,12 +1,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
 #include <thread>
 
 #include "server/testing/api_fixture.h"
+#include "server/testing/eventually.h"
+#include "server/testing/faulty_blob_store.h"
 #include "server/testing/photos.h"
 
 namespace litags {
@@ -377,6 +380,80 @@ TEST_F(RenderApi, SnapshotOfARunningJobRendersAndANewerOneReplacesIt) {
   v1::Job job;
   ASSERT_TRUE(client_.Get(running, &job).ok());
   EXPECT_EQ(job.state(), v1::JOB_STATE_RUNNING);
+}
+
+// A server whose blob store goes away: reads wait until `back_` and then fail.
+class AwayRenderApi : public ApiTest {
+ protected:
+  AwayRenderApi() {
+    away_blobs_.on_read = [this](std::string_view) -> absl::Status {
+      if (!away_) return absl::OkStatus();
+      ++reads_;
+      back_.wait(false);
+      return absl::UnavailableError("the blob store is away");
+    };
+    ServerOptions options = Options();
+    options.max_waiting_pictures = 2;
+    server_ = *StartServer(options, &away_jobs_, engine_.get());
+    client_ = TestClient(server_->InProcessChannel());
+    StartWorker();
+    for (auto* request : {&in_memory_, &not_there_}) {
+      request->set_name(client_.StartedJob({"a", "b", "c"}, 10));
+      client_.WaitFor(request->name(), v1::JOB_STATE_SUCCEEDED);
+      request->mutable_pose()->set_camera("b.png");
+    }
+  }
+  ~AwayRenderApi() override {
+    Return();
+    server_.reset();
+  }
+
+  void Return() {
+    back_ = true;
+    back_.notify_all();
+  }
+
+  grpc::Status View(const v1::RenderViewRequest& request, std::chrono::milliseconds patience) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + patience);
+    v1::RenderedView view;
+    return client_.render->RenderView(&context, request, &view);
+  }
+
+  FaultyBlobStore away_blobs_{blobs_.get()};
+  Jobs away_jobs_{store_.get(), &away_blobs_, data_};
+  std::atomic<bool> away_ = false, back_ = false;
+  std::atomic<int> reads_ = 0;
+  v1::RenderViewRequest in_memory_, not_there_;
+};
+
+TEST_F(AwayRenderApi, ScenesInMemoryAreShownAndOthersFailTogether) {
+  constexpr std::chrono::seconds kPatience(60);
+  ASSERT_TRUE(View(in_memory_, kPatience).ok());
+  away_ = true;
+  std::vector<std::thread> callers;
+  std::vector<grpc::Status> ends(3);
+  for (grpc::Status& end : ends) {
+    callers.emplace_back([&] { end = View(not_there_, kPatience); });
+  }
+  EXPECT_TRUE(Eventually([&] { return reads_ == 1; }));
+  // One is read, two wait, whoever they are.
+  EXPECT_TRUE(Eventually([&] {
+    const grpc::Status another = View(not_there_, std::chrono::milliseconds(50));
+    return DetailOf(another).reason == "RENDER_QUEUE_FULL";
+  }));
+  const grpc::Status shown = View(in_memory_, kPatience);
+  EXPECT_TRUE(shown.ok()) << shown.error_message();
+  Return();
+  for (std::thread& caller : callers) caller.join();
+  for (const grpc::Status& end : ends) {
+    EXPECT_TRUE(end.error_code() == grpc::UNAVAILABLE ||
+                DetailOf(end).reason == "RENDER_QUEUE_FULL")
+        << end.error_message();
+  }
+  EXPECT_EQ(reads_, 1);
+  away_ = false;
+  EXPECT_TRUE(View(not_there_, kPatience).ok());
 }
 
 // A server with one thread for pictures, and room for two that wait.
