@@ -59,9 +59,10 @@ class Scene {
   // triangles (SurfaceMesh) it holds. Gaussians: L is applied to every Gaussian instead of every
   // pixel, exposure to first order, and the denoiser is left out: viewers know none of them. Shapes
   // and opacities are such that what viewers draw in pictures of about the views' size is much like
-  // Render's (viewer_splats.h), unless request.antialiased. Where the cameras stand far from the
-  // origin, positions count from a point near them, which is in the file where the format has a
-  // place for it: .ply ("comment origin X Y Z"), .glb, .usda; COLMAP's models hold it in doubles.
+  // Render's (viewer_splats.h), unless request.antialiased, or in a page, whose viewer knows the
+  // filter. Where the cameras stand far from the origin, positions count from a point near them,
+  // which is in the file where the format has a place for it: .ply and .compressed.ply ("comment
+  // origin X Y Z"), .glb, .usda; .mesh.glb has its middle; COLMAP's models hold the sum in doubles.
   // INVALID_ARGUMENT: EXPORT_OPTION_INVALID, LIGHT_INVALID, EXPOSURE_INVALID; FAILED_PRECONDITION:
   // CHANNEL_UNAVAILABLE, EXPORT_EMPTY, EXPORT_OUT_OF_RANGE; CANCELLED.
   virtual absl::StatusOr<int64_t> Export(const std::string& path,
