@@ -20,6 +20,7 @@
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/capture_checks.h"
+#include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/memory_estimate.h"
 #include "engine/pipeline/photo_place.h"
@@ -79,6 +80,7 @@ struct OnePhoto {
   View view;
   Photo photo;
   PlaneU8 mask;
+  std::string source;                          // as PosedPhotos has it
   PhotoDarkness darkness;                      // as the camera wrote it
   double stated_exposure = 0;                  // as StatedExposure has it
   double code_step = 1;                        // as CodeStep has it
@@ -103,10 +105,24 @@ absl::Status MaskRim(const Distortion& distortion, OnePhoto* v) {
   return absl::OkStatus();
 }
 
+// Of the file's bytes: what decoders and filters make of them may differ in the last bits from
+// processor to processor.
+absl::Status AddFile(const ReconstructInput& input, const std::string& name, Fingerprint* f) {
+  LITAGS_ASSIGN_OR_RETURN(
+      const std::string bytes,
+      ReadFile(PhotoPath(input, name), PhotoField(name), ImageLimits().max_bytes));
+  f->Add(bytes.data(), bytes.size());
+  return absl::OkStatus();
+}
+
 // Photo and mask as their pinhole camera sees them.
 absl::Status LoadPhoto(const ReconstructInput& input, const MaskPaths& masks,
                        const Distortion& distortion, OnePhoto* v) {
+  Fingerprint source;
+  LITAGS_RETURN_IF_ERROR(AddFile(input, v->view.name, &source));
   LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadInputPhoto(input, v->view.name, masks));
+  source.Add(read.mask.data.data(), read.mask.data.size());
+  v->source = source.Text();
   v->stated_exposure = StatedExposure(read.info);
   v->code_step = CodeStep(read.info);
   v->photo = std::move(read.photo);
@@ -217,6 +233,7 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
     posed->distortions.push_back(model.distortions[i]);
     posed->photos.push_back(std::move(photos[i].photo));
     posed->masks.push_back(std::move(photos[i].mask));
+    posed->sources.push_back(std::move(photos[i].source));
     darkness.push_back(photos[i].darkness);
     posed->stated_exposures.push_back(photos[i].stated_exposure);
     posed->code_step = std::max(posed->code_step, photos[i].code_step);

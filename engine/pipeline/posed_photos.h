@@ -28,6 +28,7 @@ struct PosedPhotos {
   std::vector<Distortion> distortions;  // that the photos had when they were taken
   std::vector<Photo> photos;            // as those cameras see them
   std::vector<PlaneU8> masks;           // as they do; empty: all pixels of the photo count
+  std::vector<std::string> sources;     // fingerprints of the files and masks that they are made of
   // Exposure time times ISO by the f-number squared, as EXIF says; 0: it does not say all three.
   std::vector<double> stated_exposures;
   double code_step = 0;               // the coarsest of the photos' (CodeStep, image_io.h)

@@ -2,11 +2,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <opencv2/core/utility.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "engine/core/rng.h"
 #include "engine/core/simd_target.h"
 #include "engine/core/simd_test_util.h"
 #include "engine/pipeline/reconstruct_test_util.h"
@@ -125,6 +129,49 @@ TEST(Resume, SaysThatAnotherInstructionSetGoesOn) {
     }
   });
   if (targets.size() < 2) GTEST_SKIP() << "this machine has one instruction set";
+}
+
+TEST(Resume, SaysOfAllLegsThatOneHadAnotherInstructionSet) {
+  const Photographs photos;
+  const ReconstructOptions options = SmallOptions();
+  const ReconstructInput input = photos.Input("work");
+  std::vector<std::string> targets;
+  ForEachTarget([&] {
+    if (targets.size() == 2) return;
+    targets.emplace_back(SimdTarget());
+    const int iteration = 10 * static_cast<int>(targets.size());
+    EXPECT_EQ(ReconstructUntil(iteration, input, options).code(), absl::StatusCode::kCancelled);
+    if (targets.size() < 2) return;
+    const auto report = Reconstruct(input, options);
+    ASSERT_TRUE(report.ok()) << report.status();
+    EXPECT_THAT(report->notes, Contains(HasSubstr(absl::StrCat(targets[0], ", ", targets[1],
+                                                               ", these with ", targets[1]))));
+  });
+  if (targets.size() < 2) GTEST_SKIP() << "this machine has one instruction set";
+}
+
+// OpenCV's filters, which targets are made with, then give other last bits.
+TEST(Resume, GoesOnWhereOpenCvHasOtherInstructions) {
+  const Photographs photos;
+  const CounterRng rng(5, 2);
+  uint64_t counter = 0;
+  for (const View& view : photos.model.views) {
+    const std::string path = photos.Photo(view.name);
+    absl::StatusOr<ImageU8> photo = ReadImage(path, "images");
+    ASSERT_TRUE(photo.ok()) << photo.status();
+    for (uint8_t& code : photo->data) {
+      code = static_cast<uint8_t>(std::clamp(code / 4.0 + 3 * rng.Normal(counter++), 0.0, 255.0));
+    }
+    ASSERT_TRUE(WritePng(path, *photo).ok());
+  }
+  const ReconstructInput input = photos.Input("work");
+  const ReconstructOptions options = SmallOptions();
+  ASSERT_EQ(ReconstructUntil(20, input, options).code(), absl::StatusCode::kCancelled);
+  cv::setUseOptimized(false);
+  const auto report = Reconstruct(input, options);
+  cv::setUseOptimized(true);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(report->notes, Contains("resumed at iteration 20"));
 }
 
 // Density control first runs at iteration 600, and only in runs of 1200 iterations or more. The

@@ -9,6 +9,8 @@
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/capture_targets.h"
 #include "engine/pipeline/dense_start.h"
@@ -89,35 +91,64 @@ void AddPoints(const std::vector<SparsePoint>& points, Fingerprint* f) {
   }
 }
 
-// What depth can be computed from.
-std::string FingerprintOfPhotos(const PosedPhotos& posed, const CaptureTargets& targets) {
+// Of the code that makes targets, information weights and structure maps of photos: where it
+// changes so that a checkpoint must not go on with what it makes now, this is raised.
+constexpr int kTargetsVersion = 1;
+
+// What depth can be computed from. Not the targets: their last bits differ from one processor to
+// another, and a job may be resumed on another one; what they are made from does not.
+std::string FingerprintOfPhotos(const Context& context, const PosedPhotos& posed) {
   Fingerprint f;
+  f.Add(kTargetsVersion);
   for (size_t i = 0; i < posed.size(); ++i) {
     const auto& [name, camera] = posed.views[i];
     f.Add(name.data(), name.size());
-    f.Add(targets.photos[i].data.data(), targets.photos[i].data.size() * sizeof(int16_t));
-    f.Add(targets.targets[i].data.data(), targets.targets[i].data.size() * sizeof(int16_t));
-    f.Add(posed.masks[i].data.data(), posed.masks[i].data.size());
+    f.Add(posed.sources[i].data(), posed.sources[i].size());
+    f.Add(posed.stated_exposures[i]);
+    f.Add(camera.width);
+    f.Add(camera.height);
     f.Add(camera.Viewmat());
     for (double x : {camera.fx, camera.fy, camera.cx, camera.cy}) f.Add(x);
+    f.Add(posed.distortions[i].Coefficients());
+    f.Add(posed.distortions[i].fisheye);
   }
+  f.Add(posed.code_step);
   AddPoints(posed.model.points, &f);
-  if (targets.lamp.power > 0) f.Add(targets.lamp);
+  const std::string tone =
+      absl::StrCat(FieldsText(context.recipe.tone),
+                   "white_balance=", FieldText(context.options.white_balance), "\n");
+  f.Add(tone.data(), tone.size());
   return f.Text();
 }
 
-// Depth maps are part of it, save those of stereo: they follow from the rest, but not to the last
-// bit on every processor, and a job may be resumed on another one.
+// What cannot be read made no depth.
+void AddFile(const std::string& path, Fingerprint* f) {
+  const auto bytes = ReadFile(path, "", int64_t{4} << 30);
+  if (bytes.ok()) f->Add(bytes->data(), bytes->size());
+}
+
+// The files that depth is made from, if it is not by stereo. Not the maps, as above.
+void AddDepthFiles(const ReconstructInput& input, DepthOrigin depth,
+                   const std::vector<TrainView>& train, Fingerprint* f) {
+  if (depth == DepthOrigin::kMaps) {
+    for (const TrainView& v : train) AddFile(FindDepthMap(input.depth_dir, Stem(v.view.name)), f);
+  }
+  if (depth != DepthOrigin::kNetwork) return;
+  const DepthNetwork& network = input.depth_network;
+  AddFile(network.path, f);
+  f->Add(network.width);
+  f->Add(network.height);
+  f->Add(network.mean);
+  f->Add(network.std);
+  f->Add(network.inverse);
+}
+
 std::string MakeFingerprint(const Context& context, const std::string& inputs,
                             const std::vector<TrainView>& train) {
   const DepthOrigin depth = ResolveDepthOrigin(context);
   Fingerprint f;
   f.Add(inputs.data(), inputs.size());
-  for (const TrainView& v : train) {
-    if (!v.depth.has_value() || depth == DepthOrigin::kStereo) continue;
-    f.Add(v.depth->depth.data.data(), v.depth->depth.data.size() * sizeof(float));
-    f.Add(v.depth->confidence.data.data(), v.depth->confidence.data.size() * sizeof(float));
-  }
+  AddDepthFiles(context.input, depth, train, &f);
   const std::string constants = absl::StrCat(
       FieldsText(context.recipe), FieldsText(context.options, /*shaping_only=*/true),
       "depth=", FieldText(depth), "\n", "schedule=", context.options.ScheduleIterations(), "\n");
@@ -184,7 +215,7 @@ absl::StatusOr<TrainSet> MakeTrainSet(const Context& context, const std::string&
   NoteExposures(posed.views, targets.exposures, recipe.tone.rule == Tone::kCapture, notes);
   const float near_plane = NearPlaneOf(posed.model);
   LITAGS_RETURN_IF_ERROR(CheckScale(posed.views, near_plane, &posed.model.points, notes));
-  const std::string inputs = FingerprintOfPhotos(posed, targets);
+  const std::string inputs = FingerprintOfPhotos(context, posed);
 
   TrainSet set;
   set.near_plane = near_plane;

@@ -8,6 +8,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/core/simd_target.h"
@@ -92,6 +93,13 @@ absl::Status ReadPoses(const Container& file, std::vector<CameraPose>* out) {
   return absl::OkStatus();
 }
 
+// "AVX2" and "AVX3": "AVX2, AVX3"; those that are there already once.
+std::string WithTarget(const std::string& targets, const std::string& target) {
+  std::vector<std::string> all = absl::StrSplit(targets, ", ", absl::SkipEmpty());
+  if (std::find(all.begin(), all.end(), target) == all.end()) all.push_back(target);
+  return absl::StrJoin(all, ", ");
+}
+
 }  // namespace
 
 absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,
@@ -101,7 +109,7 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
                                        state.pdm.hidden, int64_t(state.pdm.nets.size()),
                                        int64_t(state.nan_recoveries.size())};
   out.AddSection("fingerprint", fingerprint);
-  out.AddSection("simd target", SimdTarget());
+  out.AddSection("simd target", WithTarget(state.saved_on, SimdTarget()));
   out.AddArrayView("header", header);
   out.AddSectionView("splats", Bytes(state.splats.params.data()));
   out.AddSectionView("splats_moment1", Bytes(state.splats.moment1.data()));

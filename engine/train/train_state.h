@@ -23,15 +23,16 @@ struct TrainState {
   DensityStats density;
   std::vector<CameraPose> poses;            // of the views; empty: cameras are not refined
   std::vector<NanRecovery> nan_recoveries;  // by iteration
-  // SimdTarget() of who saved it; empty: it does not say. Not a part of what is trained.
+  // SimdTarget() of all who trained and saved it, "AVX2, AVX3"; empty: it does not say. Not a part
+  // of what is trained.
   std::string saved_on;
 };
 
 // Version of the container; others are not read.
 inline constexpr uint32_t kCheckpointVersion = 3;
 
-// One container file of kind "checkpoint". `fingerprint` says what the run was made of; saved_on is
-// this process' target.
+// One container file of kind "checkpoint". `fingerprint` says what the run was made of; saved_on
+// gets this process' target besides.
 absl::Status SaveTrainState(const std::string& path, const std::string& fingerprint,
                             const TrainState& state);
 
