@@ -90,7 +90,10 @@ absl::StatusOr<std::vector<WidePhoto>> FindPanoramas(const ReconstructInput& inp
       const bool like_others = closed >= kLeastClosed && closed >= kShareClosed * all;
       if (like_others) part = WholePanorama(c.width, c.height);
     }
-    if (part) panoramas.push_back(PanoramaPhoto(c.name, c.width, c.height, *part));
+    if (!part) continue;
+    WidePhoto photo = PanoramaPhoto(c.name, c.width, c.height, *part);
+    // A small part is much as a photo is.
+    if (!photo.views.empty()) panoramas.push_back(std::move(photo));
   }
   return panoramas;
 }
@@ -171,6 +174,7 @@ absl::StatusOr<WidePhotos> FindGiven(const ReconstructInput& input,
     WidePhoto photo{.kind = "fisheye"};
     photo.lens = FisheyeLens(lens.camera, lens.lens, CircleOf(input, wide.cameras, lens));
     photo.views = ViewsShown(photo.lens);
+    if (photo.views.empty()) continue;  // of a tiny circle
     for (const int view : lens.views) {
       photo.name = wide.cameras.views[static_cast<size_t>(view)].name;
       photo.camera = view;

@@ -30,6 +30,7 @@ struct WidePhotos {
 
 // Of these photos in input.images_dir. Without given cameras: those whose metadata say that they
 // are an equirectangular panorama or a part of one, and those of the whole sphere whose edges tell.
+// A part that is too small to fill a view stays a photo.
 // With given cameras: those that are said to be panoramas of the whole sphere, and fisheyes that
 // see farther than kWidestPinhole; of a circle with black around it, no more than the circle.
 // Files and cameras that cannot be read are left to those who need them. INVALID_ARGUMENT

@@ -7,8 +7,6 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
@@ -19,6 +17,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
+#include "engine/io/png_codes.h"
 #include "engine/io/sparse_model.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/photo_look.h"
@@ -173,14 +172,15 @@ TEST_F(WideViews, MasksOfAllPanoramasDoNotHideThem) {
 
 TEST_F(WideViews, TransparencyGoesWithThem) {
   const ImageU8 around = Around(256);
-  cv::Mat rgba(128, 256, CV_8UC4, cv::Scalar::all(255));
+  std::vector<uint8_t> rgba;
   for (int y = 0; y < 128; ++y) {
     for (int x = 0; x < 256; ++x) {
-      const uint8_t* p = around.pixel(x, y);
-      rgba.at<cv::Vec4b>(y, x) = {p[2], p[1], p[0], uint8_t(y < 100 ? 255 : 0)};
+      rgba.insert(rgba.end(), around.pixel(x, y), around.pixel(x, y) + 3);
+      rgba.push_back(y < 100 ? 255 : 0);
     }
   }
-  ASSERT_TRUE(cv::imwrite(dir_ / "photos/a.png", rgba));
+  const std::string png = EncodePngCodes(rgba.data(), 256, 128, 4).value();
+  ASSERT_TRUE(WriteFileAtomically(dir_ / "photos/a.png", png).ok());
   const auto cut = Cut();
   ASSERT_TRUE(cut.ok()) << cut.status();
   const auto down = ReadImage(cut->masks_dir + "/a_down.png", "mask");
@@ -250,6 +250,20 @@ TEST_F(WideViews, OfAPartOfAPanoramaHideWhatItDoesNotShow) {
   EXPECT_EQ(mask->pixel(41, 26)[0], 255);
   const auto left = ReadPhoto(cut->images_dir + "/s_left.png", "photo");
   EXPECT_NEAR(left->pixel(41, 41)[1] / kPhotoCode, 60, 4);
+}
+
+// 22.5 degrees across.
+TEST_F(WideViews, ASmallPartOfAPanoramaStaysAPhoto) {
+  const std::string part =
+      "GPano:ProjectionType=\"equirectangular\" GPano:FullPanoWidthPixels=\"3200\" "
+      "GPano:FullPanoHeightPixels=\"1600\" GPano:CroppedAreaImageWidthPixels=\"200\" "
+      "GPano:CroppedAreaImageHeightPixels=\"100\" GPano:CroppedAreaLeftPixels=\"1500\" "
+      "GPano:CroppedAreaTopPixels=\"750\"";
+  const std::string jpeg = WithMetadata(EncodeJpeg(ImageU8(200, 100)).value(), part);
+  ASSERT_TRUE(WriteFileAtomically(dir_ / "photos/s.jpg", jpeg).ok());
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_THAT(*ListPhotos(cut->images_dir, "images"), Contains("s.jpg"));
 }
 
 // Cameras of all photos of the fixture, those that are panoramas at places of their own.

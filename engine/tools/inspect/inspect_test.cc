@@ -103,6 +103,23 @@ TEST_F(Inspect, ALinkToAPhotoThatIsGoneIsLeftOutByName) {
   EXPECT_THAT(text_, HasSubstr("p9.jpg is left out"));
 }
 
+// 22.5 degrees across.
+TEST_F(Inspect, ASmallPartOfAPanoramaIsAPhoto) {
+  const std::string text =
+      std::string("http://ns.adobe.com/xap/1.0/\0", 29) +
+      "GPano:ProjectionType=\"equirectangular\" "
+      "GPano:FullPanoWidthPixels=\"5120\" GPano:FullPanoHeightPixels=\"2560\" "
+      "GPano:CroppedAreaImageWidthPixels=\"320\" "
+      "GPano:CroppedAreaImageHeightPixels=\"240\" "
+      "GPano:CroppedAreaLeftPixels=\"2400\" GPano:CroppedAreaTopPixels=\"1160\"";
+  const std::string jpeg = ReadFile(photos_ + "/p0.jpg", "", 1 << 20).value();
+  const size_t length = text.size() + 2;
+  Write("p0.jpg", jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
+                      static_cast<char>(length & 0xFF) + text + jpeg.substr(2));
+  ASSERT_EQ(Run({photos_}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("5 photos would be used, 1 is left out"));
+}
+
 TEST_F(Inspect, NamesInUtf8KeepTheColumns) {
   fs::rename(photos_ + "/p0.jpg", photos_ + "/k\u00fcche.jpg");
   ASSERT_EQ(Run({photos_}), 0) << text_;
