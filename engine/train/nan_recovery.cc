@@ -67,7 +67,7 @@ std::string NameOfNotFinite(const SplatState& state, size_t gaussian) {
   return absl::StrCat("Gaussian ", gaussian);
 }
 
-std::string PixelsNotFinite(const Planes& channels) {
+std::string PixelsNotFinite(const Planes& channels, const PixelRect& crop, int shrink) {
   for (int c = 0; c < channels.channels; ++c) {
     const float* plane = channels.plane(c);
     const float* end = plane + channels.plane_size();
@@ -76,7 +76,8 @@ std::string PixelsNotFinite(const Planes& channels) {
     if (first == end) continue;
     const auto at = static_cast<int>(first - plane);
     return absl::StrCat(NameAt(kChannels, c), " in ", std::count_if(first, end, bad),
-                        " px, first at (", at % channels.width, ", ", at / channels.width, ")");
+                        " px, first at (", shrink * (crop.x + at % channels.width), ", ",
+                        shrink * (crop.y + at / channels.width), ")");
   }
   return "";
 }

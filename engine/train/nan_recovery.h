@@ -52,8 +52,9 @@ void UpdateBlockOrHide(const AdamStep& step, const float* grads, uint32_t visibl
 std::string NameOfNotFinite(const SplatState& state, size_t gaussian);
 
 // "light in 12 px, first at (3, 4)": the first rendered channel with values that are not finite; ""
-// if there is none. [3, 8 or 11, H, W]
-std::string PixelsNotFinite(const Planes& channels);
+// if there is none. [3, 8 or 11, H, W] of a `crop` of the photo at 1 / `shrink` of its size; the
+// place is the photo's.
+std::string PixelsNotFinite(const Planes& channels, const PixelRect& crop, int shrink);
 
 }  // namespace litags
 

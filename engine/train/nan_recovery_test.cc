@@ -9,6 +9,7 @@
 
 #include "engine/core/simd_test_util.h"
 #include "engine/io/test_util.h"
+#include "engine/train/crop.h"
 #include "engine/train/initialize.h"
 #include "engine/train/train_test_util.h"
 #include "engine/train/trainer.h"
@@ -61,10 +62,12 @@ TEST(Adam, ReportsAFlatArrayThatIsNoLongerFinite) {
 
 TEST(NanRecovery, NamesTheFirstChannelThatIsNotFinite) {
   Planes rendered(kNumChannels, 4, 6);
-  EXPECT_EQ(PixelsNotFinite(rendered), "");
+  const PixelRect whole = {0, 0, 6, 4};
+  EXPECT_EQ(PixelsNotFinite(rendered, whole, 1), "");
   rendered.at(kChannelIllumination + 1, 2, 3) = kNan;
   rendered.at(kChannelIllumination + 1, 3, 1) = kInf;
-  EXPECT_EQ(PixelsNotFinite(rendered), "light in 2 px, first at (3, 2)");
+  EXPECT_EQ(PixelsNotFinite(rendered, whole, 1), "light in 2 px, first at (3, 2)");
+  EXPECT_EQ(PixelsNotFinite(rendered, {10, 20, 6, 4}, 4), "light in 2 px, first at (52, 88)");
 }
 
 // A depth map with an eighth of differences that overflow: the loss is a number, its gradient not.
@@ -78,7 +81,8 @@ void SpoilDepth(TrainView* view) {
 // A run over eight views that breaks down where a test wants it to.
 class Training {
  public:
-  Training() : views_(DarkViews(ColoredCloud(kCount, 1), 8, 48, 40)), initial_(Initial()) {
+  explicit Training(int width = 48, int height = 40)
+      : views_(DarkViews(ColoredCloud(kCount, 1), 8, width, height)), initial_(Initial()) {
     options_.iterations = kIterations;
     options_.threads = 1;
     options_.recipe.pdm.hidden = 2;
@@ -102,6 +106,12 @@ class Training {
   }
 
   void RefineCameras() { options_.refine_cameras = true; }
+
+  // The first half of the iterations compares crops of photos at half their size.
+  void LearnCropsOfHalves(int pixels) {
+    options_.recipe.coarse_levels = 1;
+    options_.recipe.crop_pixels = pixels;
+  }
 
   // Trains to the end with a checkpoint every `every` iterations, rolling back as often as needed.
   absl::Status Train(int every) {
@@ -163,6 +173,28 @@ TEST(RollBack, APhotoIsSkippedTwiceAndThenLeftOut) {
       std::string(run.faults()[0].message()),
       HasSubstr("at iteration " + std::to_string(run.trainer().nan_recoveries()[0].iteration)));
   ExpectFinite(run.trainer().Snapshot().splats);
+}
+
+TEST(RollBack, PixelsOfCropsOfSmallerPhotosAreNamedAsThePhotoHasThem) {
+  constexpr int kWidth = 160, kHeight = 128, kPixels = 1300;
+  Training run(kWidth, kHeight);
+  run.LearnCropsOfHalves(kPixels);
+  const CropGrid grid(kWidth / 2, kHeight / 2, kPixels);
+  const auto crop_of = [&](size_t photo, uint64_t visit) {
+    return DrawCrop(grid, run.options().seed, photo, visit);
+  };
+  size_t photo = 0;
+  while (crop_of(photo, 0).x == 0 || crop_of(photo, 0).y == 0) ++photo;
+  ASSERT_LT(photo, run.views().size());
+  run.SpoilPhoto(photo);
+  ASSERT_TRUE(run.Train(/*every=*/7).ok());
+  ASSERT_EQ(run.trainer().nan_recoveries().size(), 2u);
+  for (uint64_t visit = 0; visit < 2; ++visit) {
+    const PixelRect crop = crop_of(photo, visit);
+    EXPECT_THAT(run.trainer().nan_recoveries()[visit].source,
+                HasSubstr("first at (" + std::to_string(2 * crop.x) + ", " +
+                          std::to_string(2 * crop.y) + ")"));
+  }
 }
 
 void ExpectTheGaussianIsRemoved(Training& run) {

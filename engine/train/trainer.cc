@@ -191,6 +191,11 @@ struct Trainer::Impl {
     return status;
   }
 
+  // How many of the photo's pixels one of what is compared is wide.
+  int ShrinkOf(const TrainView& compared, size_t photo) const {
+    return pyramid.View(0, photo).view.camera.width / compared.view.camera.width;
+  }
+
   void Start(Splats initial);
   absl::StatusOr<StepLosses> Learn(size_t photo);
 
@@ -270,7 +275,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
                                 &v_pdm);
   }
   if (const char* term = NotFinite(losses); term != nullptr) {
-    const std::string pixels = PixelsNotFinite(rendered);
+    const std::string pixels = PixelsNotFinite(rendered, crop, ShrinkOf(view, photo));
     return Fail(false, term,
                 absl::StrCat("the ", term, " loss is not finite",
                              pixels.empty() ? "" : ", nor is the rendered ", pixels),
@@ -283,7 +288,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   }
   if (const auto lost = UpdateSplats(step); lost.has_value()) {
     // Where the loss's own gradient is to blame, its Gaussians are not.
-    const std::string pixels = PixelsNotFinite(v_rendered);
+    const std::string pixels = PixelsNotFinite(v_rendered, crop, ShrinkOf(view, photo));
     return Fail(pixels.empty(), "gradient",
                 absl::StrCat("the gradient of the ", pixels.empty() ? "" : "rendered ",
                              pixels.empty() ? NameOfNotFinite(state.splats, *lost) : pixels,
