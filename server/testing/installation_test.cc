@@ -202,6 +202,7 @@ TEST_F(InstallationProcess, TwoServersOfOneDatabaseStart) {
 
 TEST_F(InstallationProcess, NoServerStartsWhileS3IsAwayAndTheNextStartMarksTheBlobs) {
   const auto server = S3Server::Start();
+  if (!server) GTEST_SKIP() << "no S3 server is installed here";
   const S3Options s3 = server->Options();
   places_ = {"", UrlOf(s3), s3.endpoint};
   server->Kill();

@@ -62,7 +62,6 @@ absl::StatusOr<std::unique_ptr<PostgresServer>> PostgresServer::Start(bool durab
   server->programs_ = FindPrograms();
   if (server->programs_.empty()) return absl::NotFoundError("PostgreSQL is not installed");
   server->durable_ = durable;
-  server->port_ = FreePort();
   server->user_ = getuid();
   server->group_ = getgid();
   if (server->user_ == 0) {  // refused by initdb
@@ -78,7 +77,13 @@ absl::StatusOr<std::unique_ptr<PostgresServer>> PostgresServer::Start(bool durab
   LITAGS_RETURN_IF_ERROR(server->RunProgram({"initdb", "-D", server->dir_.path() + "/data", "-U",
                                              "litags", "--auth=trust", "--encoding=UTF8",
                                              "--locale=C.UTF-8", "--no-sync", "-N"}));
-  LITAGS_RETURN_IF_ERROR(server->Run());
+  absl::Status status;
+  for (int i = 0; i < 5; ++i) {  // until no other process has taken the port in between
+    server->port_ = FreePort();
+    status = server->Run();
+    if (server->pid_ > 0) break;
+  }
+  LITAGS_RETURN_IF_ERROR(status);
   return server;
 }
 
@@ -120,6 +125,10 @@ absl::Status PostgresServer::Run() {
   for (int i = 0; i < 600; ++i) {
     const auto connection = PgConnection::Open(Url("postgres"));
     if (connection.ok()) return absl::OkStatus();
+    if (waitpid(pid_, nullptr, WNOHANG) == pid_) {
+      pid_ = -1;
+      return absl::InternalError("the PostgreSQL server ended; see " + dir_.path() + "/log");
+    }
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
   return absl::InternalError("the PostgreSQL server does not answer");

@@ -1,6 +1,7 @@
 #include "server/testing/s3_server.h"
 
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -8,11 +9,11 @@
 
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "server/testing/blob_store_kind.h"
-#include "server/testing/free_port.h"
 
 namespace litags {
 namespace {
@@ -29,7 +30,6 @@ bool HaveSwift() {
 std::unique_ptr<S3Server> S3Server::Start() {
   std::unique_ptr<S3Server> server(new S3Server);
   if (!HaveSwift()) return nullptr;
-  server->port_ = FreePort();
   server->Run();
   return server;
 }
@@ -37,7 +37,7 @@ std::unique_ptr<S3Server> S3Server::Start() {
 S3Server::~S3Server() { Kill(); }
 
 void S3Server::Run() {
-  const std::string port = absl::StrCat(port_);
+  const std::string port = absl::StrCat(port_), port_file = dir_.path() + "/port";
   pid_ = fork();
   if (pid_ == 0) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -46,10 +46,17 @@ void S3Server::Run() {
     execl(kPython, "python3", SWIFT_SERVER, dir_.path().c_str(), port.c_str(), kBucket, nullptr);
     _exit(127);
   }
-  for (int i = 0; i < 100; ++i) {  // each try has retries of its own
-    if (OpenS3BlobStore(Options()).ok()) return;
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(2);
+  while (std::chrono::steady_clock::now() < deadline) {
+    if (waitpid(pid_, nullptr, WNOHANG) == pid_) {
+      pid_ = -1;
+      break;
+    }
+    if (port_ == 0) std::ifstream(port_file) >> port_;
+    if (port_ != 0 && OpenS3BlobStore(Options()).ok()) return;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
+  ADD_FAILURE() << "the S3 server does not answer at port " << port_;
 }
 
 void S3Server::Kill() {

@@ -18,6 +18,7 @@ class S3Server {
   static std::unique_ptr<S3Server> Start();
   ~S3Server();
 
+  // At the port that it had, if it had one.
   void Run();
   void Kill();
   int port() const { return port_; }

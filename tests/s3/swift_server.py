@@ -2,6 +2,8 @@
 
     /usr/bin/python3 swift_server.py FOLDER [HOST:]PORT BUCKET      prints `ready` when it listens
 
+With port 0 it takes a free one. Which one it is stands in FOLDER/port once it listens.
+
 Swift is one proxy and three kinds of storage servers. All four run here in one process, on one
 folder, without replicas; what they have answered is in files, so that the process may be killed and
 started again on the same folder. Requests must be signed (version 4) with ACCESS_KEY and SECRET_KEY.
@@ -90,18 +92,24 @@ class Cache:
         return self.values[key]
 
 
-def ports_in(folder, proxy_port):
-    """The storage servers' ports: rings name them, so that they stay what they were."""
+def listen(port, host="127.0.0.1"):
+    return eventlet.listen((host, port), reuse_addr=True)
+
+
+def port_of(listener):
+    return listener.getsockname()[1]
+
+
+def storage_listeners(folder):
+    """Of the storage servers. Rings name their ports, so that they stay what they were."""
     path = os.path.join(folder, "ports.json")
-    if not os.path.exists(path):
-        listeners = [eventlet.listen(("127.0.0.1", 0)) for _ in KINDS]
-        with open(path, "w") as file:
-            json.dump({kind: listener.getsockname()[1]
-                       for kind, listener in zip(KINDS, listeners)}, file)
-        for listener in listeners:
-            listener.close()
-    with open(path) as file:
-        return {"proxy": proxy_port, **json.load(file)}
+    if os.path.exists(path):
+        with open(path) as file:
+            return {kind: listen(port) for kind, port in json.load(file).items()}
+    listeners = {kind: listen(0) for kind in KINDS}
+    with open(path, "w") as file:
+        json.dump({kind: port_of(listener) for kind, listener in listeners.items()}, file)
+    return listeners
 
 
 def make_rings(folder, ports):
@@ -128,8 +136,7 @@ def write_settings(folder, ports):
             file.write(text)
 
 
-def serve(app, port, host="127.0.0.1"):
-    listener = eventlet.listen((host, port), reuse_addr=True)
+def serve(app, listener):
     eventlet.spawn_n(wsgi.server, listener, app, utils.NullLogger(), protocol=SwiftHttpProtocol,
                      capitalize_response_headers=False, log_output=False)
 
@@ -138,7 +145,9 @@ def main(folder, address, bucket):
     host, _, port = address.rpartition(":")
     os.environ["TZ"] = "UTC+0"
     folder = os.path.abspath(folder)
-    ports = ports_in(folder, int(port))
+    listeners = storage_listeners(folder)
+    ports = {kind: port_of(listener) for kind, listener in listeners.items()}
+    ports["proxy"] = int(port)
     write_settings(folder, ports)
     utils.set_swift_dir(folder)
     utils.validate_hash_conf()
@@ -146,7 +155,7 @@ def main(folder, address, bucket):
     storage_policy.reload_storage_policies()
     make_rings(folder, ports)
     for kind in KINDS:
-        serve(loadapp(os.path.join(folder, f"{kind}.conf")), ports[kind])
+        serve(loadapp(os.path.join(folder, f"{kind}.conf")), listeners[kind])
     proxy = loadapp(os.path.join(folder, "proxy.conf"))
     cache = Cache()
 
@@ -159,7 +168,11 @@ def main(folder, address, bucket):
         "swift.cache": cache}).get_response(proxy._pipeline_final_app)
     if made.status_int // 100 != 2:
         sys.exit(f"the bucket cannot be made: {made.status}")
-    serve(cached, ports["proxy"], host or "127.0.0.1")
+    listener = listen(int(port), host or "127.0.0.1")
+    serve(cached, listener)
+    with open(os.path.join(folder, "port.new"), "w") as file:
+        file.write(str(port_of(listener)))
+    os.rename(file.name, os.path.join(folder, "port"))
     print("ready", flush=True)
     while True:
         eventlet.sleep(3600)
