@@ -153,12 +153,14 @@ TEST_F(MatchingBesideColmap, ColmapStoresCoarseFeaturesLast) {
   }
 }
 
-TEST_F(MatchingBesideColmap, IsExactWhereColmapsTreesOverlookANearFeature) {
+// One case, because features and matches cost the most.
+TEST_F(MatchingBesideColmap, IsExactAndVerifiedAsWeWroteIt) {
   const std::vector<Matches> theirs = ColmapsMatches();
   const auto names = MatchPhotos(colmap_.database_path(), options_, cancel_, IgnoreProgress);
   ASSERT_TRUE(names.ok()) << names.status();
   const std::vector<Matches> ours = Stored(colmap_.database_path());
-  // So what only COLMAP has breaks the rule, and what only we have COLMAP has overlooked.
+  // Its trees overlook a near feature here and there: what only COLMAP has breaks the rule, and
+  // what only we have COLMAP has overlooked.
   const std::vector<Matches> exact = ExactMatches();
   EXPECT_EQ(Total(ours), Total(exact));
   EXPECT_EQ(Common(ours, exact), Total(exact));
@@ -168,15 +170,10 @@ TEST_F(MatchingBesideColmap, IsExactWhereColmapsTreesOverlookANearFeature) {
   // Measured 99.7 % and 98.6 %; the trees are random.
   EXPECT_GT(common, 0.95 * static_cast<double>(Total(ours)));
   EXPECT_GT(common, 0.93 * static_cast<double>(Total(theirs)));
-}
 
-TEST_F(MatchingBesideColmap, VerificationReadsOurMatchesAsWeWroteThem) {
-  const auto names = MatchPhotos(colmap_.database_path(), options_, cancel_, IgnoreProgress);
-  ASSERT_TRUE(names.ok()) << names.status();
-  const std::vector<Matches> written = Stored(colmap_.database_path());
   const auto seconds = colmap_.Verify(*names, IgnoreProgress);
   ASSERT_TRUE(seconds.ok()) << seconds.status();
-  EXPECT_TRUE(Stored(colmap_.database_path()) == written);  // COLMAP did not match anew
+  EXPECT_TRUE(Stored(colmap_.database_path()) == ours);  // COLMAP did not match anew
   const auto verified = ReadVerifiedPairs(colmap_.database_path(), kMinInliers);
   ASSERT_TRUE(verified.ok()) << verified.status();
   EXPECT_GE(verified->size(), kViews - 1u);
