@@ -272,13 +272,4 @@ absl::StatusOr<PlyScene> DecodePly(std::string_view bytes, std::string_view fiel
   return scene;
 }
 
-absl::StatusOr<PlyScene> ReadPly(const std::string& path, std::string_view field,
-                                 int64_t max_gaussians) {
-  // Ours have 70 floats a Gaussian; leave room for other people's properties.
-  constexpr int64_t kBytesPerGaussian = 1024;
-  const int64_t max_bytes = max_gaussians * kBytesPerGaussian + int64_t{kMaxHeaderBytes};
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, max_bytes));
-  return DecodePly(bytes, field, max_gaussians);
-}
-
 }  // namespace litags

@@ -33,8 +33,6 @@ struct PlyScene {
 // Gaussians), PLY_TRUNCATED, PLY_TOO_LARGE, NOT_FINITE.
 absl::StatusOr<PlyScene> DecodePly(std::string_view bytes, std::string_view field,
                                    int64_t max_gaussians = 20'000'000);
-absl::StatusOr<PlyScene> ReadPly(const std::string& path, std::string_view field,
-                                 int64_t max_gaussians = 20'000'000);
 
 }  // namespace litags
 

@@ -201,12 +201,5 @@ TEST(DecodePly, SurvivesTruncationAndCorruption) {
   EXPECT_GT(refused, 100);
 }
 
-TEST(ReadPly, ReadsFiles) {
-  TempDir dir;
-  ASSERT_TRUE(WritePly(dir / "a.ply", RandomSplats(3), true).ok());
-  EXPECT_EQ(ReadPly(dir / "a.ply", "f")->splats.size(), 3u);
-  EXPECT_EQ(ReadPly(dir / "b.ply", "f").status().code(), absl::StatusCode::kNotFound);
-}
-
 }  // namespace
 }  // namespace litags

@@ -80,7 +80,7 @@ TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
   }
   const std::string ply = input.work_dir + "/scene.ply";
   ASSERT_TRUE((*scene)->ExportPly(ply, /*light=*/0).ok());
-  const auto read = ReadPly(ply, "ply");
+  const auto read = DecodePly(Bytes(ply), "ply");
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(static_cast<int64_t>(read->splats.size()), report->gaussians);
 }

@@ -167,7 +167,7 @@ TEST(Scene, PlyHasColorsAfterThePicturesCurve) {
   const TempDir dir;
   const Model model = SmallModel();  // its curve: c^2
   ASSERT_TRUE(MakeScene(model, RingViews(5))->ExportPly(dir / "a.ply", 0).ok());
-  const auto ply = ReadPly(dir / "a.ply", "ply");
+  const auto ply = DecodePly(Bytes(dir / "a.ply"), "ply");
   ASSERT_TRUE(ply.ok()) << ply.status();
   int compared = 0;
   for (size_t i = 0; i < model.splats.size(); ++i) {
@@ -189,12 +189,12 @@ TEST(Scene, PlyInAnyLightHasTheGaussiansColorsInIt) {
   model.curve.reset();
   const auto scene = MakeScene(model, RingViews(5));
   ASSERT_TRUE(scene->ExportPly(dir / "normal.ply", 0).ok());
-  const auto normal = ReadPly(dir / "normal.ply", "ply");
+  const auto normal = DecodePly(Bytes(dir / "normal.ply"), "ply");
   ASSERT_TRUE(normal.ok()) << normal.status();
   EXPECT_FALSE(normal->lita_attributes);
   for (const double t : {-1.0, 0.5, 1.0, 4.0}) {
     ASSERT_TRUE(scene->ExportPly(dir / "lit.ply", t).ok());
-    const auto lit = ReadPly(dir / "lit.ply", "ply");
+    const auto lit = DecodePly(Bytes(dir / "lit.ply"), "ply");
     ASSERT_TRUE(lit.ok()) << lit.status();
     ASSERT_EQ(lit->splats.size(), model.splats.size());
     for (size_t i = 0; i < model.splats.size(); ++i) {
