@@ -13,6 +13,8 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/io/image_io.h"
+#include "engine/pipeline/work_folders.h"
 #include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/bench/timing.h"
@@ -134,6 +136,17 @@ nlohmann::json ReportDepth(const DepthScores& depth) {
           {"beyond_20_percent", depth.beyond_20_percent}};
 }
 
+// So that it begins at the beginning, not at a checkpoint: the seconds are those of the whole run.
+absl::Status RemoveOldRun(const std::string& out) {
+  std::error_code ignored;  // writing reports what matters
+  std::filesystem::create_directories(out, ignored);
+  LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(out));
+  for (const char* old : {"/scene.litags", "/checkpoint.litags"}) {
+    std::filesystem::remove(out + old, ignored);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status Train(TrainArguments args) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   if (args.scene.TruthDir().empty()) {
@@ -142,16 +155,13 @@ absl::Status Train(TrainArguments args) {
         absl::StrCat(args.scene.dir, " has no folder high of photos to score against; ",
                      "litags-train renders such scenes"));
   }
-  std::error_code ignored;  // writing reports what matters
-  std::filesystem::create_directories(args.out, ignored);
-  // From the beginning, not from a checkpoint: the seconds are those of the whole run.
-  for (const char* old : {"/scene.litags", "/checkpoint.litags"}) {
-    std::filesystem::remove(args.out + old, ignored);
-  }
   LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, args.scene.Input(args.out, &args.options));
+  LITAGS_RETURN_IF_ERROR(ListPhotos(input.images_dir, "--light").status());
   args.options.preview_every =
       args.evaluate_every > 0 ? args.evaluate_every : args.options.iterations;
   args.options.checkpoint_every = args.options.iterations;
+  LITAGS_RETURN_IF_ERROR(args.options.Validate());
+  LITAGS_RETURN_IF_ERROR(RemoveOldRun(args.out));
 
   const std::unique_ptr<Engine> engine = MakeEngine();
   Recorder recorder(args, engine.get());
