@@ -16,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kPoses[] = "--render-poses";
+constexpr char kTestViews[] = "/transforms_test.json";
 
 // For files of cameras that state no size; 0x0 without photos.
 ImageInfo SizeOfFirstPhoto(const std::string& dir) {
@@ -74,10 +75,14 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
   return input;
 }
 
+bool BenchmarkScene::HasTestViews() const {
+  return !poses.empty() || ((!light.empty() || sfm) && fs::exists(dir + kTestViews));
+}
+
 absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
   std::vector<TestView> views;
-  const std::string path = poses.empty() ? dir + "/transforms_test.json" : poses;
-  if (poses.empty() && !fs::exists(path)) return views;
+  if (!HasTestViews()) return views;
+  const std::string path = poses.empty() ? dir + kTestViews : poses;
   const ImageInfo size = SizeOfFirstPhoto(TruthDir().empty() ? PhotosDir() : TruthDir());
   LITAGS_ASSIGN_OR_RETURN(
       SparseModel given,

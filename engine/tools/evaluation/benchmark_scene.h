@@ -33,8 +33,11 @@ struct BenchmarkScene {
   absl::StatusOr<ReconstructInput> Input(const std::string& work_dir,
                                          ReconstructOptions* options) const;
 
-  // The cameras of transforms_test.json, or of `poses`, at the size of their truth photos; none if
-  // there is no such file.
+  // Whether there are `poses` or a transforms_test.json. Without a `light` nothing says that this
+  // is of the world, or kept out of the photos, that the scene is trained on, unless `sfm` finds
+  // both.
+  bool HasTestViews() const;
+  // Their cameras, at the size of their truth photos; none without HasTestViews().
   absl::StatusOr<std::vector<TestView>> TestViews() const;
   // With `sfm` they are the trained scene's own, by name: COLMAP's world is another. So are their
   // lenses, which the run in `work_dir` found. That run held out one photo in `holdout_every`; test

@@ -149,12 +149,11 @@ absl::Status CheckOptionsAreUsed(const Arguments& args, bool video) {
         "would not be used: give --depth-source maps, and another method than 3dgs, or leave "
         "it out");
   }
-  if (!args.scene.truth.empty() && args.scene.poses.empty() &&
-      !fs::exists(args.scene.dir + "/transforms_test.json")) {
-    return Unused("--truth",
-                  absl::StrCat("is for test views, and ", args.scene.dir,
-                               " has none (transforms_test.json); name some with --render-poses, "
-                               "or leave it out"));
+  if (!args.scene.truth.empty() && !args.scene.HasTestViews()) {
+    return Unused(
+        "--truth",
+        "is for test views, and there are none: name some with --render-poses, or a scene "
+        "that has transforms_test.json and --light, or leave it out");
   }
   return absl::OkStatus();
 }

@@ -171,6 +171,20 @@ TEST_F(TrainProgramTest, PosesAreRenderedAndScoredWhereThereIsATruth) {
   EXPECT_THAT(scored.text, HasSubstr("renders, mean of 2 test views: PSNR"));
 }
 
+// They may be of another world than the cameras, and were trained on.
+TEST_F(TrainProgramTest, WithoutALightTestViewsBesideThePhotosAreNotScored) {
+  const std::string photos = scene_ + "/low";
+  fs::copy_file(scene_ + "/transforms_test.json", photos + "/transforms_test.json");
+  fs::copy(scene_ + "/high", photos + "/high");
+  const Outcome outcome = Run({photos, "--cameras", scene_ + "/sparse"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_THAT(outcome.text, Not(HasSubstr("test views")));
+  EXPECT_FALSE(fs::exists(out_ + "/test") || fs::exists(out_ + "/evaluation.json"));
+  const Outcome truth = Run({photos, "--cameras", scene_ + "/sparse", "--truth", scene_ + "/high"});
+  EXPECT_EQ(truth.exit_code, 2);
+  EXPECT_THAT(truth.text, HasSubstr("--truth is for test views, and there are none"));
+}
+
 TEST_F(TrainProgramTest, PosesWithoutCamerasAreRefused) {
   const std::string poses = scene_ + "/transforms_test.json";
   const Outcome outcome = Run({scene_ + "/low", "--render-poses", poses});
