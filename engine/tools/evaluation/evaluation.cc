@@ -108,14 +108,23 @@ absl::StatusOr<ImageU8> RenderPicture(const Scene& scene, const View& view, int 
   return ToImageU8(color);
 }
 
+std::vector<std::string> ViewStems(const Scene& scene) {
+  std::set<std::string> taken;
+  std::vector<std::string> stems;
+  for (const View& view : scene.views()) {
+    const bool first = taken.insert(Stem(view.name)).second;
+    stems.push_back(first ? Stem(view.name) : view.name);
+  }
+  return stems;
+}
+
 absl::Status WriteViews(const Scene& scene, const std::string& dir, int threads) {
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(dir, ignored);
-  std::set<std::string> stems;
-  for (const View& view : scene.views()) {
-    const std::string file = stems.insert(Stem(view.name)).second ? Stem(view.name) : view.name;
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, RenderPicture(scene, view, threads));
-    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(dir, "/", file, ".png"), picture));
+  const std::vector<std::string> stems = ViewStems(scene);
+  for (size_t i = 0; i < stems.size(); ++i) {
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, RenderPicture(scene, scene.views()[i], threads));
+    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(dir, "/", stems[i], ".png"), picture));
   }
   return absl::OkStatus();
 }

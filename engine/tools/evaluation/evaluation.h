@@ -50,8 +50,11 @@ class Scorer {
 // The normal-lit render of a view, as bytes.
 absl::StatusOr<ImageU8> RenderPicture(const Scene& scene, const View& view, int threads);
 
-// Normal-lit renders of the scene's own cameras at the size that it was trained at:
-// `dir`/<stem>.png, or `dir`/<name>.png for the second photo of a stem.
+// What pictures of the scene's own cameras are called: <stem>, or <name> for the second photo of a
+// stem.
+std::vector<std::string> ViewStems(const Scene& scene);
+
+// Normal-lit renders of those cameras at the size that it was trained at: `dir`/<ViewStems>.png.
 absl::Status WriteViews(const Scene& scene, const std::string& dir, int threads);
 
 // Normal-lit renders of `views`, each also written to `pictures_dir`/<stem>.png unless that is

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <optional>
 #include <string>
 #include <utility>
@@ -51,6 +52,28 @@ void PrintMean(const char* what, const Scores& scores) {
       static_cast<int>(scores.views.size()), scores.psnr, scores.ssim, scores.psnr_affine);
 }
 
+// The pictures that a run writes into OUT, one a line. They are noted before they are written, so
+// that the next run finds those of one that was killed.
+constexpr char kPictures[] = "/pictures.txt";
+
+void NotePictures(const std::string& out, const std::string& folder,
+                  const std::vector<std::string>& stems) {
+  std::ofstream list(out + kPictures, std::ios::app);
+  for (const std::string& stem : stems) list << folder << "/" << stem << ".png\n";
+}
+
+// Pictures and scores of an earlier run, which are of its scene. Other files stay.
+void RemoveOldPictures(const std::string& out) {
+  std::error_code ignored;  // writing reports what matters
+  std::ifstream list(out + kPictures);
+  for (std::string line; std::getline(list, line);) {
+    const fs::path path = line, folder = path.parent_path();
+    if (folder == "views" || folder == "test") fs::remove(fs::path(out) / path, ignored);
+  }
+  fs::remove(out + kPictures, ignored);
+  fs::remove(out + "/evaluation.json", ignored);
+}
+
 // Renders every test view into OUT/test and compares with the truth photos that there are.
 absl::Status Evaluate(const Arguments& args, const Scene& scene) {
   std::vector<std::string> trained_on;
@@ -64,6 +87,9 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
   if (views.empty()) return absl::OkStatus();
   views = AtMost(args.options.max_image_side, std::move(views));
   const std::string truth = args.scene.TruthDir(), pictures = args.out + "/test";
+  std::vector<std::string> stems;
+  for (const TestView& view : views) stems.push_back(Stem(view.view.name));
+  NotePictures(args.out, "test", stems);
   const absl::StatusOr<Scores> renders =
       ScoreScene(scene, views, truth, pictures, args.options.threads);
   if (absl::IsNotFound(renders.status())) {
@@ -158,23 +184,9 @@ absl::Status CheckOptionsAreUsed(const Arguments& args, bool video) {
   return absl::OkStatus();
 }
 
-// Pictures and scores of an earlier run, which are of its scene. Other files stay.
-void RemoveOldPictures(const std::string& out) {
-  std::error_code ignored;  // writing reports what matters
-  std::vector<fs::path> old = {out + "/evaluation.json"};
-  for (const char* folder : {"/views", "/test"}) {
-    for (const fs::directory_entry& entry : fs::directory_iterator(out + folder, ignored)) {
-      if (entry.path().extension() == ".png" && entry.is_regular_file(ignored)) {
-        old.push_back(entry.path());
-      }
-    }
-  }
-  for (const fs::path& path : old) fs::remove(path, ignored);
-}
-
 // How many of the photos that were not placed are test views, which nothing is trained on.
 absl::StatusOr<int> CountTestPhotos(const Arguments& args, const ReconstructReport& report) {
-  if (args.scene.sfm || (args.scene.light.empty() && args.scene.poses.empty())) return 0;
+  if (args.scene.sfm) return 0;
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
   const NameIndex test(NamesOf(views));
   return static_cast<int>(
@@ -243,6 +255,7 @@ absl::Status Inspect(const ReconstructInput& input, const ReconstructOptions& op
 absl::Status WriteResults(const Arguments& args, const ReconstructReport& report,
                           const Scene& scene) {
   LITAGS_RETURN_IF_ERROR(scene.ExportPly(args.out + "/scene.ply", /*light=*/0));
+  NotePictures(args.out, "views", ViewStems(scene));
   LITAGS_RETURN_IF_ERROR(WriteViews(scene, args.out + "/views", args.options.threads));
   LITAGS_ASSIGN_OR_RETURN(const int test_photos, CountTestPhotos(args, report));
   if (test_photos > 0) {
@@ -262,6 +275,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, FindInput(&args));
   LITAGS_RETURN_IF_ERROR(MakeFolder(args.out));
   if (args.inspect || args.strict) {
+    LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(args.out));
     LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.options.frames, cancel));
   }
   if (args.inspect) return Inspect(input, args.options, cancel);
@@ -282,6 +296,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   ProgressLines observer;
   LITAGS_ASSIGN_OR_RETURN(const ReconstructReport report,
                           engine->Reconstruct(input, args.options, cancel, &observer));
+  LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(args.out));
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(report.scene_path));
   if (used) RemoveOldPictures(args.out);

@@ -246,6 +246,9 @@ TEST_F(TrainProgramTest, ASecondRunReplacesWhatTheFirstWrote) {
   ASSERT_EQ(first.exit_code, 0) << first.text;
   EXPECT_THAT(first.text, Not(HasSubstr("earlier run")));
   ASSERT_TRUE(WriteFileAtomically(out_ + "/views/mine.txt", "x").ok());
+  for (const char* folder : {"/views/", "/test/"}) {
+    ASSERT_TRUE(WriteFileAtomically(out_ + folder + "mine.png", "x").ok());
+  }
   ASSERT_TRUE(fs::exists(out_ + "/evaluation.json") && fs::exists(out_ + "/views/0001.png"));
 
   fs::remove(scene_ + "/low/0001.JPG");
@@ -255,6 +258,7 @@ TEST_F(TrainProgramTest, ASecondRunReplacesWhatTheFirstWrote) {
   EXPECT_FALSE(fs::exists(out_ + "/views/0001.png"));
   EXPECT_TRUE(fs::exists(out_ + "/views/0002.png"));
   EXPECT_TRUE(fs::exists(out_ + "/views/mine.txt"));
+  EXPECT_TRUE(fs::exists(out_ + "/views/mine.png") && fs::exists(out_ + "/test/mine.png"));
   EXPECT_FALSE(fs::exists(out_ + "/test/0003.png"));
   EXPECT_FALSE(fs::exists(out_ + "/evaluation.json"));
 }
