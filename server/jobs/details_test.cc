@@ -363,7 +363,7 @@ TEST_F(DetailsTest, ProgressLetsAJobBeResumedAgain) {
     if (i == 400) {
       const auto lease = *leases_.Acquire("w");
       ASSERT_TRUE(leases_.AddProgress(*lease, {}).ok());
-      ASSERT_TRUE(leases_.GiveBack(*lease).ok());
+      ASSERT_TRUE(leases_.GiveBack(*lease, 0).ok());
     }
     ASSERT_TRUE(jobs_.Cancel(id).ok());
     ASSERT_TRUE(jobs_.Resume(id).ok()) << i;

@@ -86,9 +86,10 @@ absl::StatusOr<JobRecord> Leases::Update(const Lease& lease, JobStore::Change ch
   return job;
 }
 
-absl::StatusOr<bool> Leases::Heartbeat(const Lease& lease) {
+absl::StatusOr<bool> Leases::Heartbeat(const Lease& lease, int64_t ran_ms) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, Update(lease, [&](JobTransaction& transaction) {
                             transaction.job.lease_expires_ms = clock_() + options_.duration_ms;
+                            transaction.job.run_ms = lease.job.run_ms + ran_ms;
                             return absl::OkStatus();
                           }));
   return job.cancel_requested;
@@ -214,8 +215,13 @@ absl::Status Leases::Stopped(const Lease& lease) {
       .status();
 }
 
-absl::Status Leases::GiveBack(const Lease& lease, std::string_view why) {
-  return Update(lease, [&](JobTransaction& job) { return Return(job, why); }).status();
+absl::Status Leases::GiveBack(const Lease& lease, int64_t ran_ms, std::string_view why) {
+  return Update(lease,
+                [&](JobTransaction& job) {
+                  job.job.run_ms = lease.job.run_ms + ran_ms;
+                  return Return(job, why);
+                })
+      .status();
 }
 
 absl::Status Leases::NoteUnreferencedBlobs(const Lease& lease) {

@@ -48,8 +48,9 @@ class Leases {
   // jobs with stale leases back into the queue first.
   absl::StatusOr<std::optional<Lease>> Acquire(const std::string& owner, const Resources& has = {});
 
-  // Keeps the lease. Returns whether the job is to be cancelled.
-  absl::StatusOr<bool> Heartbeat(const Lease& lease);
+  // Keeps the lease. `ran_ms`: for how long the engine has run under it, by the worker's own clock,
+  // which stands still while the machine sleeps. Returns whether the job is to be cancelled.
+  absl::StatusOr<bool> Heartbeat(const Lease& lease, int64_t ran_ms);
   // The same without keeping it: only reads.
   absl::StatusOr<bool> CancelRequested(const Lease& lease);
 
@@ -68,7 +69,7 @@ class Leases {
   absl::Status Fail(const Lease& lease, const absl::Status& error);
   absl::Status Stopped(const Lease& lease);  // cancelled, as asked for
   // The job waits for another worker, and this attempt does not count. `why` is for humans.
-  absl::Status GiveBack(const Lease& lease, std::string_view why = kShutDown);
+  absl::Status GiveBack(const Lease& lease, int64_t ran_ms, std::string_view why = kShutDown);
 
   // The lease was lost after blobs were stored under it: they are looked for when the job has
   // ended.

@@ -26,7 +26,7 @@ struct Write {
 
 std::vector<Write> AllWrites() {
   return {
-      {"heartbeat", [](Leases& l, const Lease& lease) { return l.Heartbeat(lease).status(); }},
+      {"heartbeat", [](Leases& l, const Lease& lease) { return l.Heartbeat(lease, 0).status(); }},
       {"progress", [](Leases& l, const Lease& lease) { return l.AddProgress(lease, {}); }},
       {"files", [](Leases& l, const Lease& lease) { return l.Keep(lease, kLate, {}); }},
       {"snapshot", [](Leases& l, const Lease& lease) { return l.Keep(lease, kLate, 7); }},
@@ -35,7 +35,7 @@ std::vector<Write> AllWrites() {
       {"failure",
        [](Leases& l, const Lease& lease) { return l.Fail(lease, absl::InternalError("late")); }},
       {"stop", [](Leases& l, const Lease& lease) { return l.Stopped(lease); }},
-      {"return", [](Leases& l, const Lease& lease) { return l.GiveBack(lease); }},
+      {"return", [](Leases& l, const Lease& lease) { return l.GiveBack(lease, 0); }},
   };
 }
 
@@ -121,7 +121,7 @@ TEST_F(FencingConformance, LeaseOfBeforeACancellationIsLostEvenToTheSameWorker) 
   const Lease held = Acquire("w1");
   ASSERT_EQ(held.job.attempt, lost.job.attempt);
   ExpectNothingCanBeWrittenWith(lost);
-  EXPECT_TRUE(leases_->Heartbeat(held).ok());
+  EXPECT_TRUE(leases_->Heartbeat(held, 0).ok());
 }
 
 TEST_F(FencingConformance, LeaseOfADeletedJobIsLost) {
@@ -154,7 +154,7 @@ TEST_F(FencingConformance, LeaseThatIsRenewedInTimeIsKept) {
   const Lease lease = Acquire("w1");
   const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(kLongLeaseMs + 500);
   while (std::chrono::steady_clock::now() < end) {
-    ASSERT_TRUE(leases_->Heartbeat(lease).ok());
+    ASSERT_TRUE(leases_->Heartbeat(lease, 0).ok());
     ASSERT_FALSE(leases_->Acquire("w2")->has_value());
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }

@@ -16,7 +16,7 @@ TEST_F(LostWorkers, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
   const std::string id = StartedJob();
   const Lease first = **leases_.Acquire("w1");
   now_ms_ += 9'000;
-  ASSERT_TRUE(leases_.Heartbeat(first).ok());
+  ASSERT_TRUE(leases_.Heartbeat(first, 0).ok());
   now_ms_ += 9'000;
   EXPECT_FALSE(leases_.Acquire("w2")->has_value());
   now_ms_ += 2'000;
@@ -24,7 +24,7 @@ TEST_F(LostWorkers, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
   ASSERT_TRUE(second.ok() && second->has_value());
   EXPECT_EQ((*second)->job.id, id);
   EXPECT_EQ((*second)->job.attempt, 2);
-  EXPECT_EQ(Reason(leases_.Heartbeat(first).status()), "LEASE_LOST");
+  EXPECT_EQ(Reason(leases_.Heartbeat(first, 0).status()), "LEASE_LOST");
   EXPECT_EQ(Reason(leases_.CancelRequested(first).status()), "LEASE_LOST");
   EXPECT_EQ(Reason(leases_.AddProgress(first, {})), "LEASE_LOST");
   EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
@@ -40,7 +40,7 @@ TEST_F(LostWorkers, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) 
   now_ms_ -= 3'600'000;
   EXPECT_FALSE(leases_.Acquire("idle")->has_value());
   now_ms_ += 9'000;
-  ASSERT_TRUE(leases_.Heartbeat(lease).ok());
+  ASSERT_TRUE(leases_.Heartbeat(lease, 0).ok());
   now_ms_ += 2'000;
   const auto taken = leases_.Acquire("idle");
   ASSERT_TRUE(taken.ok() && taken->has_value());
@@ -87,7 +87,7 @@ TEST_F(LostWorkers, WorkerThatShutsDownCostsNoAttempt) {
   for (int i = 0; i < 5; ++i) {
     const Lease lease = **leases_.Acquire(absl::StrCat("w", i));
     EXPECT_EQ(lease.job.attempt, 1);
-    ASSERT_TRUE(leases_.GiveBack(lease).ok());
+    ASSERT_TRUE(leases_.GiveBack(lease, 0).ok());
     EXPECT_EQ(State(id), JobState::kQueued);
   }
 }
@@ -103,12 +103,18 @@ TEST_F(LostWorkers, JobThatLostItsWorkerKeepsItsPlaceInTheQueue) {
   EXPECT_EQ((*leases_.Acquire("w3"))->job.id, second);
 }
 
-TEST_F(LostWorkers, WhatComesAfterALeaseIsNoTimeWithAWorker) {
+TEST_F(LostWorkers, RunTimeIsWhatWorkersToldWhateverTheClockSays) {
   const std::string id = StartedJob();
-  ASSERT_TRUE(leases_.Acquire("w")->has_value());
+  const Lease slept = **leases_.Acquire("w");
+  now_ms_ += 100'000'000;  // the machine sleeps for a day
+  ASSERT_TRUE(leases_.Heartbeat(slept, 2000).ok());
+  ASSERT_TRUE(leases_.GiveBack(slept, 3000).ok());
+  EXPECT_EQ(jobs_.Get(id)->run_ms, 3000);
+  const Lease lost = **leases_.Acquire("w2");
+  ASSERT_TRUE(leases_.Heartbeat(lost, 4000).ok());
   now_ms_ += 100'000'000;  // all is down for a day
-  ASSERT_TRUE(leases_.Acquire("w2")->has_value());
-  EXPECT_EQ(jobs_.Get(id)->run_ms, LeaseOptions().duration_ms);
+  ASSERT_TRUE(leases_.Acquire("w3")->has_value());
+  EXPECT_EQ(jobs_.Get(id)->run_ms, 7000);
 }
 
 TEST_F(LostWorkers, LostWorkerOfAJobToBeCancelledCancelsIt) {

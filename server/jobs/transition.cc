@@ -1,6 +1,5 @@
 #include "server/jobs/transition.h"
 
-#include <algorithm>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -94,7 +93,6 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
     LITAGS_RETURN_IF_ERROR(BringFinishedBack(job, now_ms, &note));
   }
   if (next == JobState::kUploading) ForgetRuns(&record);
-  const bool was_running = record.state == JobState::kRunning;
   record.state = next;
   if (IsTerminal(next) && !record.webhook.empty()) {
     LITAGS_ASSIGN_OR_RETURN(Webhook webhook, WebhookOf(record));
@@ -112,10 +110,6 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
     if (record.start_time_ms == 0) record.start_time_ms = now_ms;
     record.lease_start_ms = now_ms;
   } else {
-    // What comes after the lease is nobody's: the service was away. A clock that was set back must
-    // not change the job's time.
-    const int64_t end_ms = std::min(now_ms, record.lease_expires_ms);
-    if (was_running) record.run_ms += std::max<int64_t>(0, end_ms - record.lease_start_ms);
     record.lease_owner.clear();
     record.cancel_requested = false;
   }

@@ -52,7 +52,7 @@ struct JobRecord {
   std::string lease_owner;
   int64_t lease_start_ms = 0;
   int64_t lease_expires_ms = 0;
-  int64_t run_ms = 0;  // spent in earlier leases since it was last queued by a user
+  int64_t run_ms = 0;  // of its engine since it was last queued by a user, as workers told
 
   // Times in milliseconds since 1970; 0: not yet.
   int64_t create_time_ms = 0;

@@ -179,14 +179,14 @@ TEST_F(PostgresJobStoreTest, WorkersKeepTheirJobsOverAnOutageLongerThanTheirLeas
   ASSERT_TRUE(lease.ok() && lease->has_value());
   server_->Crash();
   std::this_thread::sleep_for(std::chrono::milliseconds(kLeaseMs + 200));
-  EXPECT_EQ(Reason(mine.Heartbeat(**lease).status()), "STORE_UNAVAILABLE");
+  EXPECT_EQ(Reason(mine.Heartbeat(**lease, 0).status()), "STORE_UNAVAILABLE");
   ASSERT_TRUE(server_->Run().ok());
   // An idle worker that is the first to be back takes nothing.
   EXPECT_FALSE(others.Acquire("w2")->has_value());
   // A pool that has just found the database away does not look for a moment.
   absl::Status beat;
   EXPECT_TRUE(Eventually([&] {
-    beat = mine.Heartbeat(**lease).status();
+    beat = mine.Heartbeat(**lease, 0).status();
     return Reason(beat) != "STORE_UNAVAILABLE";
   }));
   EXPECT_TRUE(beat.ok()) << beat;
@@ -194,7 +194,7 @@ TEST_F(PostgresJobStoreTest, WorkersKeepTheirJobsOverAnOutageLongerThanTheirLeas
   EXPECT_TRUE(kept.ok()) << kept;
   // A worker that does not come back loses its job a lease later.
   EXPECT_TRUE(Eventually([&] { return others.Acquire("w2")->has_value(); }));
-  EXPECT_EQ(Reason(mine.Heartbeat(**lease).status()), "LEASE_LOST");
+  EXPECT_EQ(Reason(mine.Heartbeat(**lease, 0).status()), "LEASE_LOST");
 }
 
 TEST_F(PostgresJobStoreTest, TakingAJobReadsAsMuchAsThereAreOwnersNotJobs) {

@@ -36,6 +36,12 @@ JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
 
 JobMonitor::~JobMonitor() { Finish(); }
 
+int64_t JobMonitor::ran_ms() const {
+  if (!engine_began_) return 0;
+  const TimePoint until = engine_ended_ ? end_ : SteadyClock::now();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(until - start_).count();
+}
+
 JobMonitor::StopReason JobMonitor::Finish() {
   {
     std::lock_guard lock(mutex_);
@@ -63,24 +69,31 @@ void JobMonitor::Check() {
   if (shutdown_.IsCancelled()) StopEngine(StopReason::kShutdown);
   if (stop_reason_ != StopReason::kNone && !engine_ended_) GiveUpIfStuck();
   if (stop_reason_ == StopReason::kLeaseLost) return;
+  // Before the store is asked: it may be away for hours.
+  if (stop_reason_ == StopReason::kNone && engine_began_ && !engine_ended_) {
+    limit_exceeded_ = CheckLimits();
+    if (!limit_exceeded_.ok()) StopEngine(StopReason::kLimit);
+  }
   const bool renew = SecondsSince(last_heartbeat_) >= options_.heartbeat_seconds;
-  const auto cancel =
-      renew ? context_.leases->Heartbeat(lease_) : context_.leases->CancelRequested(lease_);
+  const auto cancel = renew ? context_.leases->Heartbeat(lease_, ran_ms())
+                            : context_.leases->CancelRequested(lease_);
   if (absl::IsAborted(cancel.status())) return StopEngine(StopReason::kLeaseLost);
   if (!cancel.ok()) {
     // The store may come back; if it does not, the lease runs out and the next call says so.
-    spdlog::warn("job={} cannot renew the lease: {}", lease_.job.id, cancel.status().ToString());
+    if (!store_is_away_) {
+      spdlog::warn("job={} cannot renew the lease: {}", lease_.job.id, cancel.status().ToString());
+    }
+    store_is_away_ = true;
     return;
   }
+  if (store_is_away_) spdlog::info("job={} can renew the lease again", lease_.job.id);
+  store_is_away_ = false;
   if (renew) last_heartbeat_ = SteadyClock::now();
   if (*cancel) StopEngine(StopReason::kCancelled);
-  if (stop_reason_ != StopReason::kNone || !engine_began_ || engine_ended_) return;
-  limit_exceeded_ = CheckLimits();
-  if (!limit_exceeded_.ok()) StopEngine(StopReason::kLimit);
 }
 
 absl::Status JobMonitor::CheckLimits() const {
-  const double seconds = static_cast<double>(lease_.job.run_ms) / 1000 + SecondsSince(start_);
+  const double seconds = static_cast<double>(lease_.job.run_ms + ran_ms()) / 1000;
   if (policy_.max_run_seconds > 0 && seconds > policy_.max_run_seconds) {
     return MakeError(absl::StatusCode::kDeadlineExceeded, "RUN_TIME_EXCEEDED",
                      "policy.max_run_time",
@@ -110,7 +123,7 @@ void JobMonitor::GiveUpIfStuck() {
   absl::Status status;
   if (stop_reason_ == StopReason::kCancelled) status = context_.leases->Stopped(lease_);
   if (stop_reason_ == StopReason::kLimit) status = context_.leases->Fail(lease_, limit_exceeded_);
-  if (stop_reason_ == StopReason::kShutdown) status = context_.leases->GiveBack(lease_);
+  if (stop_reason_ == StopReason::kShutdown) status = context_.leases->GiveBack(lease_, ran_ms());
   if (!status.ok()) spdlog::error("job={} {}", lease_.job.id, status.ToString());
   options_.give_up();
 }

@@ -33,7 +33,12 @@ class JobMonitor {
     engine_began_ = true;
   }
   // The engine has returned; the lease is kept for what is left to write.
-  void NoteEngineEnded() { engine_ended_ = true; }
+  void NoteEngineEnded() {
+    end_ = std::chrono::steady_clock::now();
+    engine_ended_ = true;
+  }
+  // For how long the engine has run. The time of a machine that sleeps is not in it.
+  int64_t ran_ms() const;
 
   // What the job may hold, 0: any.
   int64_t max_memory_bytes() const { return max_memory_bytes_; }
@@ -48,7 +53,7 @@ class JobMonitor {
   using TimePoint = std::chrono::steady_clock::time_point;
 
   void Loop();
-  void Check();  // cancellation, shutdown, heartbeat, limits
+  void Check();  // shutdown, limits, heartbeat, cancellation
   absl::Status CheckLimits() const;
   void StopEngine(StopReason reason);
   void GiveUpIfStuck();
@@ -63,11 +68,12 @@ class JobMonitor {
   std::condition_variable wake_;
   bool finished_ = false;
   std::atomic<bool> lease_lost_ = false, engine_began_ = false, engine_ended_ = false;
-  TimePoint start_{};  // set before engine_began_
+  TimePoint start_{}, end_{};  // set before engine_began_, engine_ended_
 
   // Used by the thread only.
   StopReason stop_reason_ = StopReason::kNone;
   absl::Status limit_exceeded_;
+  bool store_is_away_ = false;  // said once
   JobPolicy policy_;
   // Of a job that sets no limit, 7/8 of what its worker has, lest the machine run out; 0: no limit.
   int64_t max_memory_bytes_ = 0;

@@ -116,7 +116,7 @@ absl::Status GiveBackUnbegun(const Lease& lease, const WorkerContext& context,
       absl::StrCat("worker ", options.name, " cannot begin jobs now: ", TroubleInWords(error),
                    "; the job waits for a worker that can");
   spdlog::warn("job={} given back: {}", lease.job.id, error.ToString());
-  const absl::Status status = context.leases->GiveBack(lease, why);
+  const absl::Status status = context.leases->GiveBack(lease, 0, why);
   if (!status.ok()) spdlog::error("job={} {}", lease.job.id, status.ToString());
   return error;
 }
@@ -145,7 +145,7 @@ absl::Status WriteEnd(const Lease& lease, const WorkerContext& context, const Ca
   }
   if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kShutdown) {
     spdlog::info("job={} given back: shutting down", id);
-    return leases.GiveBack(lease);
+    return leases.GiveBack(lease, monitor.ran_ms());
   }
   if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kLimit) {
     spdlog::warn("job={} stopped: {}", id, monitor.limit_exceeded().ToString());

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "engine/core/error_test_util.h"
+#include "server/jobs/client_job_store.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/store/digest.h"
@@ -139,6 +140,73 @@ TEST_F(JobRunnerTest, TimeInWhichABlobStoreIsAwayIsNoRunTime) {
   blobs_.on_write = away_at_first();
   EXPECT_TRUE(Run().ok());
   EXPECT_EQ(jobs_.Get(after)->state, JobState::kSucceeded) << jobs_.Get(after)->error;
+}
+
+TEST_F(JobRunnerTest, TimeInWhichABlobStoreIsAwayIsNoRunTimeOfTheNextLeaseEither) {
+  JobPolicy policy;
+  policy.max_run_seconds = 0.3;
+  options_.poll_seconds = 0.01;
+  const std::string id = QueuedJob("a.jpg", policy);
+  CancelToken shutdown;
+  const auto start = std::chrono::steady_clock::now();
+  blobs_.on_read = [&](std::string_view) {
+    if (std::chrono::steady_clock::now() > start + std::chrono::seconds(1)) shutdown.Cancel();
+    return absl::UnavailableError("away");
+  };
+  EXPECT_TRUE(RunJob(**leases_.Acquire("w1"), context_, options_, shutdown).ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kQueued);
+  EXPECT_EQ(jobs_.Get(id)->run_ms, 0);
+  blobs_.on_read = NoFault;
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kSucceeded) << jobs_.Get(id)->error;
+}
+
+TEST_F(JobRunnerTest, MemoryIsLimitedWhileTheJobStoreIsAway) {
+  // Away until the engine has stopped.
+  class AwayStore : public ClientJobStore {
+   public:
+    explicit AwayStore(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+    absl::StatusOr<JobRecord> Get(std::string_view id) override {
+      if (away) return absl::UnavailableError("away");
+      return ClientJobStore::Get(id);
+    }
+    absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override {
+      if (away) return absl::UnavailableError("away");
+      return ClientJobStore::Update(id, change);
+    }
+    std::atomic<bool> away = true;
+  };
+  class Greedy : public Engine {
+   public:
+    explicit Greedy(AwayStore* store) : store_(store) {}
+    absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput&,
+                                                  const ReconstructOptions&,
+                                                  const CancelToken& cancel,
+                                                  ReconstructObserver*) override {
+      for (int i = 0; i < 500 && !cancel.IsCancelled(); ++i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      }
+      store_->away = false;
+      return absl::CancelledError("");
+    }
+    absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string&) override {
+      return absl::UnimplementedError("no scenes");
+    }
+
+   private:
+    AwayStore* const store_;
+  };
+  AwayStore store(store_.get());
+  Leases leases(&store, &blobs_);
+  Greedy engine(&store);
+  context_.leases = &leases;
+  context_.engine = &engine;
+  options_.has.memory_bytes = 8000;  // less than any process holds
+  options_.poll_seconds = 0.01;
+  const std::string id = QueuedJob();
+  EXPECT_TRUE(Run().ok());
+  ASSERT_EQ(jobs_.Get(id)->state, JobState::kFailed);
+  EXPECT_EQ(Decode<JobError>(jobs_.Get(id)->error)->detail.reason, "MEMORY_EXCEEDED");
 }
 
 TEST_F(JobRunnerTest, JobWhoseSceneWasNotStoredFails) {

@@ -164,7 +164,7 @@ void MeasureLeases(const Kind& kind, const BenchOptions& options, BlobStore* blo
       const auto lease = Need(leases.Acquire(name));
       if (!lease) continue;  // others are taking the last ones
       for (int i = 1; i <= options.reports; ++i) Need(leases.AddProgress(*lease, ProgressOf(i)));
-      Need(leases.Heartbeat(*lease).status());
+      Need(leases.Heartbeat(*lease, 0).status());
       Need(leases.Stopped(*lease));
       ++done;
     }
@@ -185,7 +185,7 @@ void MeasureEvents(const Kind& kind, const BenchOptions& options, BlobStore* blo
       Need(leases.AddProgress(*lease, ProgressOf(i)));
       ++events;
     }
-    if (lease) Need(leases.GiveBack(*lease));
+    if (lease) Need(leases.GiveBack(*lease, 0));
   });
   measurement.Print("events written", static_cast<double>(events.load()), "events");
 }
@@ -234,13 +234,13 @@ class Fleet {
       const std::lock_guard lock(mutex_);
       if (measured) late_ms_.push_back(std::max(0.0, late.count()));
     }
-    for (const Lease& lease : held) leases.GiveBack(lease).IgnoreError();
+    for (const Lease& lease : held) leases.GiveBack(lease, 0).IgnoreError();
   }
 
   void Turn(Leases* leases, const Lease& lease, int turn) {
     const bool renews = turn % kRenewRounds == 0, reports = turn % kReportRounds == 1;
     const absl::Status status =
-        renews ? leases->Heartbeat(lease).status() : leases->CancelRequested(lease).status();
+        renews ? leases->Heartbeat(lease, 0).status() : leases->CancelRequested(lease).status();
     if (absl::IsAborted(status)) ++lost_;
     if (status.ok() && reports) Need(leases->AddProgress(lease, ProgressOf(turn)));
     if (held_ == options_.leases) commits_ += renews + reports;
