@@ -1,9 +1,11 @@
 // The service as it runs: the server's program with its workers as child processes and a real
 // socket, linked with the fake engine.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <fstream>
@@ -118,6 +120,33 @@ TEST_F(ServiceProcess, StoppedServerLeavesNoWorkerAndTheJobGoesOnAfterARestart) 
   EXPECT_NE(kill(workers[0], 0), 0);  // gone
   server_.Launch();
   EXPECT_EQ(client().History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+}
+
+TEST_F(ServiceProcess, ServerWhoseTerminalIsClosedGivesItsJobBack) {
+  const std::string name = client().StartedJob({"slow", "b", "c"}, 200);
+  client().WaitFor(name, v1::JOB_STATE_RUNNING);
+  const int status = server_.End(SIGHUP);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  server_.Launch({"--workers", "0"});
+  v1::Job job;
+  ASSERT_TRUE(client().Get(name, &job).ok());
+  EXPECT_EQ(job.state(), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(job.attempt(), 0);
+}
+
+TEST_F(ServiceProcess, ServerWhoseLogNobodyReadsServesAndEndsAsUsual) {
+  server_.End(SIGTERM);
+  int log[2];
+  ASSERT_EQ(pipe2(log, O_CLOEXEC), 0);
+  const int own = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0);
+  dup2(log[1], STDERR_FILENO);
+  server_.Launch();
+  dup2(own, STDERR_FILENO);
+  for (const int fd : {own, log[0], log[1]}) close(fd);
+  const std::string name = client().StartedJob({"fail", "b", "c"});  // of which its worker tells
+  client().WaitFor(name, v1::JOB_STATE_FAILED);
+  const int status = server_.End(SIGTERM);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
 }
 
 TEST_F(ServiceProcess, KilledServerTakesItsWorkersAlongAndLosesNoJob) {

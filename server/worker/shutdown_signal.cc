@@ -19,17 +19,20 @@ CancelToken& Token() {
 void OnSignal(int) { Token().Cancel(); }
 
 void Handle(void (*handler)(int)) {
-  struct sigaction action = {};
+  struct sigaction action = {}, before = {};
   action.sa_handler = handler;
   action.sa_flags = SA_RESTART;
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGHUP, nullptr, &before);
+  if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
 }
 
 }  // namespace
 
 ShutdownSignal::ShutdownSignal() {
   Token() = CancelToken();
+  signal(SIGPIPE, SIG_IGN);
   Handle(OnSignal);
 }
 

@@ -5,7 +5,9 @@
 
 namespace litags {
 
-// Turns SIGTERM and SIGINT into a cancel token while it lives. Make it before other threads start.
+// Turns SIGTERM, SIGINT and SIGHUP into a cancel token while it lives; SIGHUP not where it is
+// ignored, as nohup does. SIGPIPE is ignored: a log that nobody reads any more ends no process.
+// Make it before other threads start.
 class ShutdownSignal {
  public:
   ShutdownSignal();
