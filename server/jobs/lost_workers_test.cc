@@ -4,6 +4,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
 #include "server/jobs/jobs_test_util.h"
+#include "server/testing/no_room.h"
 
 namespace litags {
 namespace {
@@ -115,6 +116,20 @@ TEST_F(LostWorkers, RunTimeIsWhatWorkersToldWhateverTheClockSays) {
   now_ms_ += 100'000'000;  // all is down for a day
   ASSERT_TRUE(leases_.Acquire("w3")->has_value());
   EXPECT_EQ(jobs_.Get(id)->run_ms, 7000);
+}
+
+TEST_F(LostWorkers, NoJobIsTakenFromItsWorkerByOneThatCouldNotWriteEither) {
+  const std::string id = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("living")->has_value());
+  now_ms_ += 20'000;
+  {
+    const NoRoom no_room;
+    EXPECT_FALSE(leases_.Acquire("idle").ok());
+  }
+  const auto taken = leases_.Acquire("idle");
+  ASSERT_TRUE(taken.ok()) << taken.status();
+  EXPECT_FALSE(taken->has_value());
+  EXPECT_EQ(jobs_.Get(id)->lease_owner, "living");
 }
 
 TEST_F(LostWorkers, LostWorkerOfAJobToBeCancelledCancelsIt) {

@@ -1,8 +1,10 @@
+#include <atomic>
 #include <chrono>
 #include <mutex>
 #include <thread>
 
 #include "engine/core/error.h"
+#include "server/store/file_error.h"
 #include "server/store/sql_job_store.h"
 #include "server/store/sqlite.h"
 #include "server/store/sqlite_migrations.h"
@@ -31,7 +33,8 @@ class SqliteJobStore : public SqlJobStore {
   }
 
   int64_t NowMs() override { return SystemClockMs(); }
-  int64_t ReachableSinceMs() override { return 0; }
+  // Where this process cannot write, as on a full disk, others cannot renew their leases.
+  int64_t ReachableSinceMs() override { return fails_ ? NowMs() : reachable_since_ms_.load(); }
 
  private:
   absl::Status Read(ReadWork work) override {
@@ -41,11 +44,22 @@ class SqliteJobStore : public SqlJobStore {
 
   absl::Status Write(WriteWork work) override {
     std::lock_guard lock(mutex_);
+    const absl::Status status = WriteOnce(work);
+    if (HasReason(status, "DISK_FULL") || HasReason(status, "STORE_FAILED") ||
+        HasReason(status, "STORE_BUSY")) {
+      fails_ = true;
+    }
+    return status;
+  }
+
+  absl::Status WriteOnce(WriteWork work) {
     LITAGS_ASSIGN_OR_RETURN(const auto transaction, SqliteTransaction::Begin(db_.get()));
     LITAGS_ASSIGN_OR_RETURN(const bool commit, work(*db_));
     if (!commit) return absl::OkStatus();
     LITAGS_RETURN_IF_ERROR(transaction->Commit());
     ++own_commits_;
+    if (fails_) reachable_since_ms_ = NowMs();
+    fails_ = false;
     return absl::OkStatus();
   }
 
@@ -60,6 +74,8 @@ class SqliteJobStore : public SqlJobStore {
   std::mutex mutex_;
   std::unique_ptr<SqliteConnection> db_;
   int64_t own_commits_ = 0;
+  std::atomic<bool> fails_ = false;  // since a write that did
+  std::atomic<int64_t> reachable_since_ms_ = 0;
 };
 
 }  // namespace

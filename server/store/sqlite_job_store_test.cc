@@ -7,6 +7,7 @@
 #include "engine/core/error_test_util.h"
 #include "server/store/job_store.h"
 #include "server/store/sqlite.h"
+#include "server/testing/no_room.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -53,6 +54,27 @@ TEST_F(SqliteJobStoreTest, WriterThatTakesTooLongMakesOthersTryAgainLater) {
   EXPECT_EQ(Reason(refused), "STORE_BUSY");
   writing->reset();
   EXPECT_TRUE(SqliteTransaction::Begin(second.get()).ok());
+}
+
+TEST_F(SqliteJobStoreTest, IsReachableOnlySinceAWriteSucceededAgain) {
+  auto store = *OpenSqliteJobStore(dir_.path() + "/jobs.db");
+  int64_t seen_ms = 0;  // another one each time, or nothing is written
+  const auto write = [&] { return store->PutWorker({"w", ++seen_ms, ""}); };
+  ASSERT_TRUE(write().ok());
+  EXPECT_EQ(store->ReachableSinceMs(), 0);
+  {
+    const NoRoom no_room;
+    EXPECT_FALSE(write().ok());
+    EXPECT_FALSE(write().ok());
+  }
+  const int64_t before_ms = store->NowMs();
+  EXPECT_GE(store->ReachableSinceMs(), before_ms);
+  ASSERT_TRUE(write().ok());
+  const int64_t since_ms = store->ReachableSinceMs();
+  EXPECT_GE(since_ms, before_ms);
+  EXPECT_TRUE(absl::IsNotFound(store->Get("none").status()));
+  ASSERT_TRUE(write().ok());
+  EXPECT_EQ(store->ReachableSinceMs(), since_ms);
 }
 
 TEST_F(SqliteJobStoreTest, CommitsAreSyncedInWalMode) {
