@@ -148,7 +148,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
   Jobs jobs(store.get(), blobs.get(), data, StoreClock(store.get()), uploads, flags.webhooks,
-            marker.get());
+            marker.get(), AwakeClockMs);
   Leases leases(store.get(), blobs.get());
   const auto reader = MakeRemoteReader({"/proc/self/exe", kReadFilesCommand});
   ServerOptions options = flags.server;

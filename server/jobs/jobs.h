@@ -72,12 +72,16 @@ class Jobs {
  public:
   // The stores and the marker must outlive this. One per data folder; For() makes more of it.
   // Without a clock, the store's is used. Without a marker, `blobs` is nobody else's for sure.
+  // `awake_ms`: a clock that nobody sets, and that stands still while the machine sleeps; nullptr:
+  // the other one is such a clock.
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = nullptr,
        UploadLimits limits = {}, WebhookPolicy webhooks = {},
-       const InstallationMarker* marker = nullptr)
+       const InstallationMarker* marker = nullptr, Clock awake_ms = nullptr)
       : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
              std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks, marker) {
     started_ms_ = clock_();
+    awake_ms_ = awake_ms ? std::move(awake_ms) : clock_;
+    ahead_ms_ = clock_() - awake_ms_();
   }
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
@@ -181,6 +185,7 @@ class Jobs {
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
   absl::Status RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired);
   absl::Status RemoveExpired(const std::string& id, std::vector<std::string>* expired);
+  void NoteLostTime();
   int64_t LeastExpiry(const JobRecord& job, int64_t now_ms);
   absl::Status RemoveFolders(std::string_view id);
   absl::StatusOr<std::set<std::string>> JobFolders();
@@ -204,8 +209,11 @@ class Jobs {
   const ClientView view_;  // of all jobs: no client's, without limits
   const WebhookPolicy webhooks_;
   const InstallationMarker* const marker_;  // of blobs_; may be null
-  int64_t started_ms_ = 0;                  // of the jobs of all clients: when this was made
-  std::mutex sweep_mutex_;                  // held for a sweep
+  // Of the jobs of all clients: when this was made, or the machine woke up.
+  int64_t started_ms_ = 0;
+  Clock awake_ms_;
+  int64_t ahead_ms_ = 0;    // clock_() of awake_ms_(), when it was looked at last
+  std::mutex sweep_mutex_;  // held for a sweep
   // Jobs that have folders and no row: since when a server knows, without the times in which none
   // ran. DataDir::missed() keeps it.
   std::map<std::string, int64_t> missed_since_ms_;

@@ -3,9 +3,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <fstream>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/counted.h"
@@ -25,6 +27,7 @@ constexpr int kRowsPerRead = 1000;
 constexpr int kLooksForOrphans = 24;            // while one is kept
 constexpr int64_t kWebhookMs = 25 * 3'600'000;  // longer than its attempts take
 constexpr int64_t kAfterAttemptMs = 120'000;    // longer than one takes
+constexpr int64_t kLostMs = 60'000;             // less between two clocks is nothing
 // While the service was away, nobody could send a file: uploads are kept at least this part of
 // keep_seconds after its start. Not all of it, or a service that restarts daily removed none.
 constexpr double kKeptAfterStart = 0.5;
@@ -98,6 +101,17 @@ absl::Status Jobs::RemoveFolders(std::string_view id) {
   if (absl::IsUnavailable(status)) return status;  // and would be waited for again
   const absl::Status removed = blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id)));
   return status.ok() ? removed : status;
+}
+
+// The machine slept, or the clock was set. Waking up is a start; no server ran meanwhile.
+void Jobs::NoteLostTime() {
+  const int64_t now_ms = clock_(), ahead_ms = now_ms - awake_ms_();
+  const int64_t lost_ms = ahead_ms - std::exchange(ahead_ms_, ahead_ms);
+  if (std::abs(lost_ms) <= kLostMs) return;
+  spdlog::info("the clock has jumped by {} s: that counts as time without a server",
+               lost_ms / 1000);
+  started_ms_ = now_ms;
+  for (auto& [id, since_ms] : missed_since_ms_) since_ms += lost_ms;
 }
 
 // Before that a job is not removed, whatever its row says.
@@ -369,6 +383,7 @@ absl::Status Jobs::RemoveAllUnreferencedBlobs(const CancelToken& stop) {
 
 absl::StatusOr<std::vector<std::string>> Jobs::Sweep(const CancelToken& stop) {
   const std::lock_guard lock(sweep_mutex_);
+  NoteLostTime();
   std::vector<std::string> expired;
   absl::Status status = RemoveAllExpired(stop, &expired);
   status.Update(RemoveOrphans(stop));

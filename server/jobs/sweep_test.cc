@@ -253,6 +253,29 @@ TEST_F(SweepTest, NoUploadExpiresForTheTimeInWhichTheServiceWasAway) {
   EXPECT_THAT(*jobs_->Sweep(), ElementsAre(id));
 }
 
+TEST_F(SweepTest, TimeInWhichTheMachineSleepsIsNoTimeWithAServer) {
+  int64_t awake_ms = 0;
+  Jobs jobs(store_.get(), blobs_.get(), data_, clock_, {}, {}, nullptr, [&] { return awake_ms; });
+  const std::string lost = "0123456789abcdef";
+  ASSERT_TRUE(blobs_->Put(BlobKey(lost, Sha256::Hex("a")), "a").ok());
+  const auto days_ago = fs::file_time_type::clock::now() - std::chrono::hours(48);
+  fs::last_write_time(data_.blobs() + "/jobs/" + lost, days_ago);
+  const auto pass = [&](int hours, bool awake) {
+    now_ms_ += hours * kHourMs;
+    if (awake) awake_ms += hours * kHourMs;
+    return *jobs.Sweep();
+  };
+  EXPECT_THAT(pass(0, true), IsEmpty());
+  EXPECT_THAT(pass(20, true), IsEmpty());
+  const std::string id = jobs.Create({})->id;
+  EXPECT_THAT(pass(100, false), IsEmpty());
+  EXPECT_THAT(pass(3, true), IsEmpty());
+  EXPECT_TRUE(HasBlob(lost, "a"));
+  EXPECT_THAT(pass(8, true), IsEmpty());
+  EXPECT_FALSE(HasBlob(lost, "a"));
+  EXPECT_THAT(pass(1, true), ElementsAre(id));
+}
+
 TEST_F(SweepTest, AJobWhoseEndIsStillToBeToldExpiresAfterThatOrADay) {
   const auto ended = [&] {
     NewJob wanted;

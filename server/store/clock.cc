@@ -10,6 +10,12 @@ int64_t SystemClockMs() {
       .count();
 }
 
+int64_t AwakeClockMs() {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
 Clock StoreClock(JobStore* store) {
   return [store] { return store->NowMs(); };
 }

@@ -21,6 +21,8 @@ namespace litags {
 // Milliseconds since 1970.
 using Clock = std::function<int64_t()>;
 int64_t SystemClockMs();
+// Of a clock that nobody sets, and that stands still while the machine sleeps; since any moment.
+int64_t AwakeClockMs();
 
 // Stored as numbers: never change or reuse them.
 enum class JobState {
