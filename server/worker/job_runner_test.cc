@@ -19,7 +19,9 @@
 #include "server/store/digest.h"
 #include "server/testing/fake_engine.h"
 #include "server/testing/faulty_blob_store.h"
+#include "server/testing/no_room.h"
 #include "server/testing/temp_dir.h"
+#include "server/worker/self_check.h"
 #include "server/worker/worker.h"
 
 namespace litags {
@@ -228,6 +230,12 @@ TEST_F(JobRunnerTest, JobThatAsksForNoMemoryGetsSevenEighthsOfItsWorkers) {
   const JobError error = *Decode<JobError>(job.error);
   EXPECT_EQ(error.detail.reason, "MEMORY_EXCEEDED");
   EXPECT_THAT(error.message, testing::HasSubstr("its limit is 7000"));
+}
+
+TEST_F(JobRunnerTest, WorkerWithRoomForNoSmallJobIsNotWell) {
+  EXPECT_TRUE(CheckWorker(context_).ok());
+  const NoRoom no_room(10 << 20);
+  EXPECT_FALSE(CheckWorker(context_).ok());
 }
 
 TEST_F(JobRunnerTest, SickWorkerTakesNoJobsUntilItIsWellAgain) {

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdint>
 
 #include "engine/core/error.h"
 #include "server/store/file_error.h"
@@ -16,12 +17,12 @@ constexpr int64_t kRoomOfSmallJob = int64_t{64} << 20;
 
 }  // namespace
 
-absl::Status CheckWorker(const WorkerContext& context, int64_t room_bytes) {
+absl::Status CheckWorker(const WorkerContext& context) {
   LITAGS_ASSIGN_OR_RETURN(const auto scratch, ScratchFolder::Make(context.data.scratch()));
   const std::string path = scratch->path() + "/room";
   const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (fd < 0) return FileError("create", path, errno);
-  const int error = posix_fallocate(fd, 0, room_bytes);
+  const int error = posix_fallocate(fd, 0, kRoomOfSmallJob);
   close(fd);
   if (error != 0) return FileError("write", path, error);
   const absl::Status read = context.blobs->Get("self-check").status();  // there is no such blob
@@ -31,7 +32,7 @@ absl::Status CheckWorker(const WorkerContext& context, int64_t room_bytes) {
 bool IsFaultOfWorker(const absl::Status& error, const WorkerContext& context) {
   return (HasReason(error, "DISK_FULL") || HasReason(error, "STORE_FAILED") ||
           HasReason(error, "BLOBS_DENIED")) &&
-         !CheckWorker(context, kRoomOfSmallJob).ok();
+         !CheckWorker(context).ok();
 }
 
 std::string TroubleInWords(const absl::Status& error) {

@@ -2,7 +2,6 @@
 #ifndef LITAGS_SERVER_WORKER_SELF_CHECK_H_
 #define LITAGS_SERVER_WORKER_SELF_CHECK_H_
 
-#include <cstdint>
 #include <string>
 
 #include "absl/status/status.h"
@@ -10,12 +9,12 @@
 
 namespace litags {
 
-// Writes so much into the scratch folder, and reads from the blob store.
-absl::Status CheckWorker(const WorkerContext& context, int64_t room_bytes = int64_t{1} << 20);
+// Whether the scratch folder takes the files of a small job, and the blob store can be read.
+absl::Status CheckWorker(const WorkerContext& context);
 
 // Whether a job could not be begun for what is wrong with this worker (DISK_FULL, STORE_FAILED,
-// BLOBS_DENIED), which CheckWorker() finds, too, or would with the room of a small job. If it finds
-// nothing, the job is at fault: a photo of it cannot be read, say.
+// BLOBS_DENIED), which CheckWorker() finds, too. If it finds nothing, the job is at fault: a photo
+// of it cannot be read, say.
 bool IsFaultOfWorker(const absl::Status& error, const WorkerContext& context);
 
 // For the job's owner, who does not know the worker's folders: "its disk is full".
