@@ -81,21 +81,21 @@ bool Report(const char* what, const Finding& finding) {
 }
 
 // A server with little space starts: jobs can be deleted only while it runs.
-bool ReportSpace(const ServerFlags& flags) {
+bool ReportSpace(const StorePlaces::Folder& folder) {
   struct statvfs info = {};
-  if (statvfs(flags.data.c_str(), &info) != 0) {
+  if (statvfs(folder.path.c_str(), &info) != 0) {
     return Report("space",
-                  MakeError(absl::StatusCode::kFailedPrecondition, "SPACE_UNKNOWN", "--data",
-                            absl::StrCat("cannot ask for the free space of ", flags.data)));
+                  MakeError(absl::StatusCode::kFailedPrecondition, "SPACE_UNKNOWN", folder.flag,
+                            absl::StrCat("cannot ask for the free space of ", folder.path)));
   }
   const int64_t free = static_cast<int64_t>(info.f_bavail) * static_cast<int64_t>(info.f_frsize);
-  const std::string text = absl::StrCat(free >> 20, " MiB free in ", flags.data);
+  const std::string text = absl::StrCat(free >> 20, " MiB free in ", folder.path);
   if (free >= kAmpleFreeBytes) {
     Print("ok", "space", text);
   } else {
     Print("note", "space",
           absl::StrCat(text, ", fewer than ", kAmpleFreeBytes >> 20,
-                       ": large jobs may fail; free some, or choose another --data"));
+                       ": large jobs may fail; free some, or choose another ", folder.flag));
   }
   return true;
 }
@@ -145,7 +145,7 @@ absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_p
 bool Preflight(const ServerFlags& flags, const std::string& worker_program) {
   const absl::Status programs = CheckPrograms(flags, worker_program);
   bool well = Report("store", CheckStore(flags));
-  well &= ReportSpace(flags);
+  for (const auto& folder : flags.places.LocalFolders({flags.data})) well &= ReportSpace(folder);
   well &= Report("programs", programs.ok() ? Finding(worker_program) : Finding(programs));
   well &= Report("colmap", CheckColmap(flags));
   ReportConfinement();

@@ -164,7 +164,8 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   workers.on_restart = [&] { server->metrics()->AddWorkerRestart(); };
   Supervisor supervisor(workers, &leases);
   auto health = std::make_unique<HealthMonitor>(
-      &jobs, [&] { return supervisor.AllFailing(); }, server.get());
+      &jobs, flags.places.LocalFolders(data), [&] { return supervisor.AllFailing(); },
+      server.get());
   const Janitor janitor(&jobs, flags.sweep_seconds);
   const auto webhooks = SendWebhooks(flags, store.get());
 

@@ -147,6 +147,15 @@ std::string StorePlaces::SqlitePath(const DataDir& data) const {
   return jobs.empty() ? data.database() : jobs.substr(kSqlite.size());
 }
 
+std::vector<StorePlaces::Folder> StorePlaces::LocalFolders(const DataDir& data) const {
+  std::vector<Folder> folders = {{data.root, "--data"}};
+  if (jobs.starts_with(kSqlite)) {
+    folders.push_back({std::filesystem::path(SqlitePath(data)).parent_path(), "--store"});
+  }
+  if (blobs.starts_with(kFile)) folders.push_back({blobs.substr(kFile.size()), "--blobs"});
+  return folders;
+}
+
 bool StorePlaces::NeedNetwork() const {
   if (BlobsAreFar()) return true;
   if (!IsPostgres(jobs)) return false;

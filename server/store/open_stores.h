@@ -30,6 +30,12 @@ struct StorePlaces {
   bool UsesPostgres() const;
   // Of a store that is not PostgreSQL's.
   std::string SqlitePath(const DataDir& data) const;
+  // Where this machine's disks take what comes, each with the flag that says so.
+  struct Folder {
+    std::string path;
+    const char* flag;
+  };
+  std::vector<Folder> LocalFolders(const DataDir& data) const;
   // Whether a process needs the network to reach them. Unix sockets do without.
   bool NeedNetwork() const;
   // What another process must have in its environment ("NAME=value") to open the same stores: these

@@ -65,13 +65,14 @@ class HealthTest : public ::testing::Test {
   FailingStore store_{sqlite_.get()};
   std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
   Jobs jobs_{&store_, blobs_.get(), data_};
+  LocalFolders folders_ = StorePlaces().LocalFolders(data_);
   NotedServer server_;
   std::atomic<bool> workers_fail_{false};
 };
 
 TEST_F(HealthTest, FollowsTheStoreAndTheWorkers) {
   const HealthMonitor monitor(
-      &jobs_, [this] { return workers_fail_.load(); }, &server_, 0.01);
+      &jobs_, folders_, [this] { return workers_fail_.load(); }, &server_, 0.01);
   WaitForALook();
   EXPECT_TRUE(server_.store && server_.workers);
   store_.fails = true;
@@ -87,11 +88,30 @@ TEST_F(HealthTest, FollowsTheStoreAndTheWorkers) {
 }
 
 TEST_F(HealthTest, StoreWhoseFolderIsGoneIsNotWell) {
-  EXPECT_TRUE(CheckStoreHealth(&jobs_).ok());
+  EXPECT_TRUE(CheckStoreHealth(&jobs_, folders_).ok());
   std::filesystem::remove_all(data_.root);
-  const absl::Status status = CheckStoreHealth(&jobs_);
+  const absl::Status status = CheckStoreHealth(&jobs_, folders_);
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal) << status;
   EXPECT_EQ(GetErrorDetail(status)->reason, "STORE_FAILED");
+}
+
+TEST_F(HealthTest, EachFolderThatTakesBytesIsLookedAt) {
+  TempDir blobs, jobs;
+  StorePlaces places;
+  places.blobs = "file://" + blobs.path() + "/gone";
+  places.jobs = "sqlite://" + jobs.path() + "/jobs.db";
+  const absl::Status no_blobs = CheckStoreHealth(&jobs_, places.LocalFolders(data_));
+  ASSERT_FALSE(no_blobs.ok());
+  EXPECT_EQ(GetErrorDetail(no_blobs)->field, "--blobs");
+  std::filesystem::create_directory(blobs.path() + "/gone");
+  EXPECT_TRUE(CheckStoreHealth(&jobs_, places.LocalFolders(data_)).ok());
+  std::filesystem::remove_all(jobs.path());
+  const absl::Status no_jobs = CheckStoreHealth(&jobs_, places.LocalFolders(data_));
+  ASSERT_FALSE(no_jobs.ok());
+  EXPECT_EQ(GetErrorDetail(no_jobs)->field, "--store");
+  places.jobs = "postgresql://db";
+  places.blobs = "s3://bucket";
+  EXPECT_EQ(places.LocalFolders(data_).size(), 1u);
 }
 
 }  // namespace
