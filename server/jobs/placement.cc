@@ -24,7 +24,9 @@ bool IsNothing(const Resources& needs) {
   return needs.cores == 0 && needs.memory_bytes == 0 && needs.labels.empty();
 }
 
-std::string MiB(int64_t bytes) { return absl::StrCat((bytes + (1 << 20) - 1) >> 20, " MiB"); }
+std::string MiB(int64_t bytes) {
+  return absl::StrCat((bytes >> 20) + (bytes % (1 << 20) != 0), " MiB");
+}
 
 std::string InWords(const Resources& needs) {
   std::vector<std::string> parts;

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
@@ -115,6 +117,14 @@ TEST_F(PlacementOfJobs, JobThatNobodyCanTakeSaysWhatItWaitsForAndIsCounted) {
   EXPECT_EQ(WaitsForNow(id), "");
   EXPECT_EQ(jobs_.Overview()->unplaceable, 0);
   EXPECT_EQ(jobs_.Overview()->by_state[JobState::kQueued], 1);
+}
+
+TEST_F(PlacementOfJobs, MostMemoryThereIsIsToldAsItIs) {
+  JobPolicy policy;
+  policy.min_memory_bytes = std::numeric_limits<int64_t>::max();
+  const std::string id = QueuedJob(policy);
+  SayIsThere("w1", {1, kGiB, {}});
+  EXPECT_THAT(WaitsForNow(id), HasSubstr("with 8796093022208 MiB of memory"));
 }
 
 TEST_F(PlacementOfJobs, WorkerThatIsSilentOrGoneIsNotThere) {
