@@ -54,10 +54,10 @@ absl::Status Authenticator::Load() {
   }
   const std::string& path = options_.tokens_path;
   if (!path.empty()) {
-    const FileStamp stamp =
-        FileStamp::Of(path);  // before reading: a change meanwhile is seen later
+    // Before reading: a change meanwhile is seen later. What could not be read is tried again.
+    const FileStamp stamp = FileStamp::Of(path);
     LITAGS_ASSIGN_OR_RETURN(const std::string text, ReadTokens(path));
-    file_ = stamp;  // what could not be read is tried again
+    file_ = stamp;
     LITAGS_RETURN_IF_ERROR(tokens->AddLines(text, path));
   }
   tokens_ = std::move(tokens);
