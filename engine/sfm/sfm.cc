@@ -133,7 +133,7 @@ absl::StatusOr<SfmResult> Climb(const Capture& capture, TryRung try_rung,
                                            .fraction = fraction});
                        }};
     auto output = TryUnlessKilled(input, try_rung);
-    if (!capture.options.keep_prepared) DropBulk(input.dir);
+    DropBulk(input.dir);
     LITAGS_RETURN_IF_ERROR(output.status());
     result.rungs.push_back(output->rung);
     if (!best || IsBetter(output->rung, best->rung)) best = *std::move(output);
@@ -267,22 +267,8 @@ absl::Status CheckPlaces(const SparseModel& cameras) {
 }  // namespace
 
 absl::Status SfmOptions::Validate() const {
-  const auto is_fraction = [](double f) { return f > 0 && f <= 1; };
   if (colmap.empty()) return OutOfRange("colmap", "is empty; name the program");
-  if (threads < 0) return OutOfRange("threads", "must be 0 (all cores) or more");
-  if (seed > kMaxSfmSeed) return OutOfRange("seed", "must fit in 31 bits, as COLMAP's does");
-  if (max_image_side != 0 && max_image_side < 64) {
-    return OutOfRange("max_image_side", "must be 0 (as they are) or at least 64 px");
-  }
-  if (max_features != 0 && (max_features < 100 || max_features > 32768)) {
-    return OutOfRange("max_features", "must be 0 (automatic) or in 100..32768");
-  }
-  if (match_all_up_to < 2) return OutOfRange("match_all_up_to", "must be 2 or more");
-  if (similar_photos < 1) return OutOfRange("similar_photos", "must be 1 or more");
-  if (!is_fraction(min_registered)) return OutOfRange("min_registered", "must be in (0, 1]");
-  if (!is_fraction(enough_registered)) return OutOfRange("enough_registered", "must be in (0, 1]");
   if (!(step_timeout_seconds >= 0)) return OutOfRange("step_timeout_seconds", "must be 0 or more");
-  if (!(report_seconds >= 0)) return OutOfRange("report_seconds", "must be 0 or more");
   return absl::OkStatus();
 }
 

@@ -36,12 +36,11 @@ struct SfmOptions {
   double enough_registered = 0.95;     // a rung that places this fraction ends the climb, (0, 1]
   double step_timeout_seconds = 3600;  // wall clock of one COLMAP step; 0: no limit
   double report_seconds = 1;           // least time between reports of one step's progress
-  bool keep_prepared = false;          // keep the prepared photos and databases in work_dir
   std::function<void(std::string_view)> on_line;  // what COLMAP writes; called by any thread
   RigViews rig_views;  // photos of rigs: the lens is a start, and one that is placed places all
   MaskPaths masks;     // of photos by name: no features and no say in the light where they are 0
 
-  // INVALID_ARGUMENT naming the field that breaks its rule.
+  // Of what users set and nobody else checks: INVALID_ARGUMENT naming the field.
   absl::Status Validate() const;
 };
 

@@ -28,7 +28,9 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::Contains;
+using ::testing::Each;
 using ::testing::ElementsAre;
+using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::SizeIs;
@@ -65,11 +67,11 @@ TEST_F(SfmTest, PhotosOfOneSizeAndFocalLengthShareACamera) {
     const std::string jpeg = EncodeJpeg(ReadImage(path, "").value()).value();
     ASSERT_TRUE(WriteFileAtomically(path, WithJpegExif(jpeg, FocalBlock(52, 425, 100))).ok());
   }
-  options_.keep_prepared = true;
+  colmap_.On("mapper", "cp -r \"$(dirname \"$db\")/images\" \"$fake/images\"");
   const auto result = FindCameras(photos, colmap_.dir() + "/work", options_, cancel_);
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_THAT(result->notes, Contains("2 cameras: 3 photos of 128x96, 3 photos of 128x96_52mm"));
-  const std::string images = colmap_.dir() + "/work/sfm/0/images";
+  const std::string images = colmap_.dir() + "/images";
   EXPECT_TRUE(std::filesystem::exists(images + "/128x96/000002.png"));
   EXPECT_TRUE(std::filesystem::exists(images + "/128x96_52mm/000003.png"));
 }
@@ -97,10 +99,11 @@ TEST_F(SfmTest, ColmapGetsMasksOfTheCopies) {
   std::fill(mask.data.begin() + 128 * 10, mask.data.end(), kCounts);
   options_.masks["p2.png"] = colmap_.dir() + "/mask.png";
   ASSERT_TRUE(WriteFileAtomically(options_.masks["p2.png"], EncodeMask(mask).value()).ok());
-  options_.keep_prepared = true;
+  colmap_.On("mapper", "cp -r \"$(dirname \"$db\")/masks\" \"$fake/masks\"");
   ASSERT_TRUE(Find().ok());
-  const std::string masks = colmap_.dir() + "/work/sfm/0/masks";
-  EXPECT_THAT(colmap_.Calls(), Contains(HasSubstr("--ImageReader.mask_path " + masks)));
+  EXPECT_THAT(colmap_.Calls(), Contains(HasSubstr("--ImageReader.mask_path " + colmap_.dir() +
+                                                  "/work/sfm/0/masks")));
+  const std::string masks = colmap_.dir() + "/masks";
   EXPECT_FALSE(std::filesystem::exists(masks + "/128x96/000001.png.png"))
       << "a photo without a mask has one";
   const auto copy = ReadImage(masks + "/128x96/000002.png.png", "mask");
@@ -366,9 +369,12 @@ TEST_F(SfmTest, ProgressNamesRungStepAndFraction) {
 TEST_F(SfmTest, OnlyTheLogsStay) {
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
   ASSERT_TRUE(Find().ok());
+  std::vector<std::string> names;
   for (const auto& entry : std::filesystem::directory_iterator(colmap_.dir() + "/work/sfm/0")) {
-    EXPECT_EQ(entry.path().extension(), ".log") << entry.path();
+    names.push_back(entry.path().filename());
   }
+  EXPECT_THAT(names, Contains("mapper.log"));
+  EXPECT_THAT(names, Each(EndsWith(".log")));
 }
 
 TEST_F(SfmTest, TwoPhotosAndBrokenPhotosAreRefused) {
@@ -483,11 +489,11 @@ TEST_F(SfmTest, PointsOfALaterPreparationAreTakenWhereTheFirstHasNone) {
 TEST(SfmOptions, DefaultsAreValidAndErrorsNameTheField) {
   EXPECT_TRUE(SfmOptions().Validate().ok());
   SfmOptions options;
-  options.min_registered = std::nan("");
-  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "min_registered");
+  options.step_timeout_seconds = std::nan("");
+  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "step_timeout_seconds");
   options = {};
-  options.max_image_side = 10;
-  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "max_image_side");
+  options.colmap = "";
+  EXPECT_EQ(GetErrorDetail(options.Validate())->field, "colmap");
 }
 
 }  // namespace
