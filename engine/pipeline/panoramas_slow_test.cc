@@ -4,9 +4,11 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -54,6 +56,34 @@ Eigen::Vector3d Place(int i) {
   return {1.2 * std::sin(0.5 * (i - 2)), -1.4 * std::cos(0.5 * (i - 2)), 1.3 + 0.1 * (i % 2)};
 }
 
+// A fisheye of 180 degrees whose circle, equidistant, fills the shorter side of the camera's
+// picture.
+sample::TraceOptions OfFisheye(const Camera& camera) {
+  sample::TraceOptions options = {.grid = 2, .seed = 1};
+  const double radius = 0.5 * std::min(camera.width, camera.height);
+  const double x0 = camera.cx, y0 = camera.cy;
+  options.lens = [radius, x0, y0](double x, double y) -> std::optional<std::array<double, 3>> {
+    const double r = std::hypot(x - x0, y - y0), angle = 0.5 * std::numbers::pi * r / radius;
+    if (r > radius) return std::nullopt;
+    const double scale = r > 0 ? std::sin(angle) / r : 0;
+    return std::array{scale * (x - x0), scale * (y - y0), std::cos(angle)};
+  };
+  return options;
+}
+
+// A panorama of the whole sphere, equirectangular.
+sample::TraceOptions OfPanorama(const Camera& camera) {
+  sample::TraceOptions options = {.grid = 2, .seed = 1};
+  const double width = camera.width, height = camera.height;
+  options.lens = [width, height](double x, double y) -> std::optional<std::array<double, 3>> {
+    const double right = 2 * std::numbers::pi * (x / width - 0.5);
+    const double down = std::numbers::pi * (y / height - 0.5);
+    return std::array{std::cos(down) * std::sin(right), std::sin(down),
+                      std::cos(down) * std::cos(right)};
+  };
+  return options;
+}
+
 // Of the room's radiance, that is white in its photos.
 constexpr double kWhite = 2;
 
@@ -67,8 +97,7 @@ TEST(Panoramas, OfAWalkGiveTheCamerasOfTheirViews) {
   const sample::World world = sample::MakeRoom(0);
   for (int i = 0; i < kPlaces; ++i) {
     const Camera camera = LevelCamera(Place(i), kWidth, kWidth / 2, kWidth);
-    const Planes light =
-        sample::TraceRadiance(world, camera, sample::WithPanorama({.grid = 2, .seed = 1}, camera));
+    const Planes light = sample::TraceRadiance(world, camera, OfPanorama(camera));
     ASSERT_TRUE(
         WritePng(dir / ("photos/" + std::to_string(i) + ".png"), sample::NormalPhoto(light, kWhite))
             .ok());
@@ -109,8 +138,7 @@ class Fisheyes : public ::testing::Test {
     SparseModel model;
     for (int i = 0; i < kFisheyes; ++i) {
       const Camera camera = LevelCamera(Place(i - 2), kRound, kRound, kRound / std::numbers::pi);
-      const Planes light = sample::TraceRadiance(
-          world_, camera, sample::WithFisheye({.grid = 2, .seed = 1}, camera));
+      const Planes light = sample::TraceRadiance(world_, camera, OfFisheye(camera));
       model.views.push_back({std::to_string(i) + ".png", camera});
       model.distortions.push_back({.fisheye = true});
       ASSERT_TRUE(WritePng(input_.images_dir + "/" + model.views.back().name,
@@ -230,8 +258,7 @@ TEST(Fisheye, IsSolvedWithoutCameras) {
   for (int i = 0; i < kCount; ++i) {
     const Camera camera = HandHeld(i, kCount, kSize);
     places.col(i) = Eigen::Vector3d(camera.Center().data());
-    const Planes light =
-        sample::TraceRadiance(world, camera, sample::WithFisheye({.grid = 2, .seed = 1}, camera));
+    const Planes light = sample::TraceRadiance(world, camera, OfFisheye(camera));
     ASSERT_TRUE(WritePng(absl::StrFormat("%s/%02d.png", input.images_dir, i),
                          sample::NormalPhoto(light, kWhite))
                     .ok());

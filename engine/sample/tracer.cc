@@ -160,28 +160,6 @@ Ray PixelRay(const Camera& camera, double x, double y) {
 
 }  // namespace
 
-TraceOptions WithFisheye(TraceOptions options, const Camera& camera) {
-  const double radius = 0.5 * std::min(camera.width, camera.height);
-  const double x0 = camera.cx, y0 = camera.cy;
-  options.lens = [radius, x0, y0](double x, double y) -> std::optional<std::array<double, 3>> {
-    const double r = std::hypot(x - x0, y - y0), angle = 0.5 * kPi * r / radius;
-    if (r > radius) return std::nullopt;
-    const double scale = r > 0 ? std::sin(angle) / r : 0;
-    return std::array{scale * (x - x0), scale * (y - y0), std::cos(angle)};
-  };
-  return options;
-}
-
-TraceOptions WithPanorama(TraceOptions options, const Camera& camera) {
-  const double width = camera.width, height = camera.height;
-  options.lens = [width, height](double x, double y) -> std::optional<std::array<double, 3>> {
-    const double right = 2 * kPi * (x / width - 0.5), down = kPi * (y / height - 0.5);
-    return std::array{std::cos(down) * std::sin(right), std::sin(down),
-                      std::cos(down) * std::cos(right)};
-  };
-  return options;
-}
-
 Planes TraceRadiance(const World& world, const Camera& camera, const TraceOptions& options) {
   Planes out(3, camera.height, camera.width);
   const CounterRng rng(options.seed, 0);

@@ -22,11 +22,6 @@ struct TraceOptions {
   std::function<std::optional<std::array<double, 3>>(double x, double y)> lens = nullptr;
 };
 
-// A fisheye of 180 degrees whose circle, equidistant, fills the shorter side of the camera's
-// picture, and a panorama of the whole sphere, equirectangular.
-TraceOptions WithFisheye(TraceOptions options, const Camera& camera);
-TraceOptions WithPanorama(TraceOptions options, const Camera& camera);
-
 // Radiance, linear light, [3, H, W]. Direct light with soft shadows, occluded ambient light, one
 // Fresnel reflection. Box-filtered over each pixel.
 Planes TraceRadiance(const World& world, const Camera& camera, const TraceOptions& options);
