@@ -349,8 +349,11 @@ PngColors ReadPngColors(std::string_view bytes) {
   PngChunk chunk;
   while (ReadChunk(&reader, &chunk) && chunk.type != "IDAT") {
     if (chunk.type == "IHDR") {
-      // Colour types: 0 grey, 4 grey with alpha.
-      colors.is_grey = chunk.data.size() > 9 && (chunk.data[9] & ~4) == 0;
+      const int type = chunk.data.size() > 9 ? chunk.data[9] : 2;
+      colors.is_grey = (type & ~4) == 0;  // 0 grey, 4 grey with alpha
+      colors.has_alpha = (type & 4) != 0;
+    } else if (chunk.type == "tRNS") {
+      colors.has_alpha = true;
     } else if (chunk.type == "gAMA") {
       uint32_t gamma = 0;
       if (ByteReader(chunk.data).ReadBig(&gamma)) colors.gamma = gamma / 1e5;

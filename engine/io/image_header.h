@@ -31,6 +31,7 @@ std::string JpegProfile(std::string_view bytes);
 // What a PNG says about its colours.
 struct PngColors {
   bool is_grey = false;
+  bool has_alpha = false;  // a channel, or one colour or entries of the palette
   bool is_srgb = false;
   double gamma = 0;  // exponent from light to codes; 0: not said
   // What code 0 stands for where white, the largest, is 1. Below 0 in what EncodePng16 wrote of a

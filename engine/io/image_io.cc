@@ -7,10 +7,10 @@
 #include <filesystem>
 #include <functional>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_join.h"
@@ -19,6 +19,7 @@
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 #include "engine/io/photo_format.h"
+#include "engine/io/png_codes.h"
 
 namespace litags {
 namespace {
@@ -96,28 +97,6 @@ ImageInfo Upright(ImageInfo info) {
   return info;
 }
 
-// Encodes with OpenCV; `mat` has its channel order.
-absl::StatusOr<std::string> Encode(const char* extension, const cv::Mat& mat,
-                                   const std::vector<int>& parameters) {
-  try {
-    std::vector<uint8_t> out;
-    if (!mat.empty() && cv::imencode(extension, mat, out, parameters)) {
-      return std::string(out.begin(), out.end());
-    }
-    return InvalidField("IMAGE_EMPTY", "image", "there are no pixels to encode");
-  } catch (const cv::Exception& e) {
-    return FieldError(absl::StatusCode::kInternal, "IMAGE_ENCODE_FAILED", "image", e.what());
-  }
-}
-
-cv::Mat ToBgr(const ImageU8& image) {
-  if (image.empty()) return {};
-  const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<uint8_t*>(image.data.data()));
-  cv::Mat bgr;
-  cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
-  return bgr;
-}
-
 bool EndsWithOneOf(std::span<const std::string_view> suffixes, const std::string& name) {
   const std::string lower = absl::AsciiStrToLower(name);
   return !name.starts_with('.') && std::ranges::any_of(suffixes, [&](std::string_view suffix) {
@@ -191,11 +170,7 @@ absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_vie
 }
 
 absl::StatusOr<std::string> EncodePng(const ImageU8& image) {
-  return Encode(".png", ToBgr(image), {});
-}
-
-absl::StatusOr<std::string> EncodeJpeg(const ImageU8& image, int quality) {
-  return Encode(".jpg", ToBgr(image), {cv::IMWRITE_JPEG_QUALITY, quality});
+  return EncodePngCodes(image.data.data(), image.width, image.height, 3);
 }
 
 int SignificantBits(const ImageInfo& info) {
@@ -211,36 +186,32 @@ absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale) {
     return InvalidInput("COUNT_MISMATCH", "image",
                         absl::StrCat(plane.channels, " planes; a 16-bit PNG takes one"));
   }
-  cv::Mat codes(plane.height, plane.width, CV_16U);
-  for (int y = 0; y < plane.height; ++y) {
-    uint16_t* row = codes.ptr<uint16_t>(y);
-    for (int x = 0; x < plane.width; ++x) {
-      const double code = plane.at(0, y, x) * scale;
-      // The comparison is false for NaN.
-      row[x] = code > 0 ? static_cast<uint16_t>(std::min(code + 0.5, 65535.0)) : 0;
-    }
-  }
-  return Encode(".png", codes, {});
+  std::vector<uint16_t> codes(plane.data.size());
+  std::ranges::transform(plane.data, codes.begin(), [&](float value) {
+    const double code = value * scale;
+    // The comparison is false for NaN.
+    return code > 0 ? static_cast<uint16_t>(std::min(code + 0.5, 65535.0)) : 0;
+  });
+  return EncodePngCodes(codes.data(), plane.width, plane.height, 1);
 }
 
 absl::StatusOr<std::string> EncodePng16(const Photo& photo, int significant_bits) {
-  if (photo.empty()) return Encode(".png", cv::Mat(), {});
   constexpr int kWhite = (1 << kPng16Bits) - 1;
-  const int least =
-      std::clamp<int>(*std::min_element(photo.data.begin(), photo.data.end()), -kPhotoWhite, 0);
+  const int least = photo.empty()
+                        ? 0
+                        : std::clamp<int>(*std::min_element(photo.data.begin(), photo.data.end()),
+                                          -kPhotoWhite, 0);
   // The code of 0: as many are below it as the least sample wants, rounded up.
   const int black = (-least * kWhite + kPhotoWhite - least - 1) / (kPhotoWhite - least);
-  cv::Mat codes(photo.height, photo.width, CV_16UC3);
-  uint16_t* out = codes.ptr<uint16_t>();
-  for (size_t i = 0; i < photo.data.size(); i += 3) {
-    for (size_t c = 0; c < 3; ++c) {
-      const int sample = std::clamp<int>(photo.data[i + 2 - c], least, kPhotoWhite);  // BGR
-      const int code =
-          (sample * (kWhite - black) + kPhotoWhite * black + kPhotoWhite / 2) / kPhotoWhite;
-      out[i + c] = static_cast<uint16_t>(code << 4 | code >> 8);
-    }
+  std::vector<uint16_t> codes(photo.data.size());
+  for (size_t i = 0; i < codes.size(); ++i) {
+    const int sample = std::clamp<int>(photo.data[i], least, kPhotoWhite);
+    const int code =
+        (sample * (kWhite - black) + kPhotoWhite * black + kPhotoWhite / 2) / kPhotoWhite;
+    codes[i] = static_cast<uint16_t>(code << 4 | code >> 8);
   }
-  LITAGS_ASSIGN_OR_RETURN(std::string png, Encode(".png", codes, {cv::IMWRITE_PNG_COMPRESSION, 1}));
+  LITAGS_ASSIGN_OR_RETURN(std::string png, EncodePngCodes(codes.data(), photo.width, photo.height,
+                                                          3, PngSpeed::kPhoto));
   if (black > 0) {
     png = WithChunk(std::move(png), "pCAL", PngCalibration(-black / double(kWhite - black)));
   }

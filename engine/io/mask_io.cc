@@ -1,7 +1,5 @@
 #include "engine/io/mask_io.h"
 
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -9,6 +7,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
+#include "engine/io/png_codes.h"
 
 namespace litags {
 namespace {
@@ -34,25 +33,15 @@ absl::Status CheckFormat(const ImageInfo& info, std::string_view field) {
 // The codes as they are in the file: to a profile's curve, 1 of 255 is as black as 0.
 absl::StatusOr<PlaneU8> DecodeNotZero(std::string_view bytes, const ImageInfo& info,
                                       std::string_view field) {
-  LITAGS_RETURN_IF_ERROR(CheckPngComplete(bytes, field));
-  try {
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
-                          const_cast<char*>(bytes.data()));
-    const cv::Mat codes = cv::imdecode(encoded, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
-    PlaneU8 mask(codes.cols, codes.rows);
-    for (int y = 0; y < mask.height; ++y) {
-      const uint8_t* row = codes.ptr<uint8_t>(y);
-      for (int i = 0; i < 3 * mask.width; ++i) {
-        if (row[i] != 0) mask.data[size_t(y) * mask.width + i / 3] = kCounts;
-      }
+  PlaneU8 mask;
+  const auto take = [&](const PngShape& shape, int y, const uint16_t* codes) {
+    if (y == 0) mask = PlaneU8(shape.width, shape.height);
+    for (int i = 0; i < 3 * shape.width; ++i) {
+      if (codes[i] != 0) mask.data[size_t(y) * shape.width + i / 3] = kCounts;
     }
-    mask = TurnUpright(std::move(mask), info.orientation);
-    if (mask.width == info.width && mask.height == info.height) return mask;
-    return InvalidField("IMAGE_CORRUPT", field, "the PNG cannot be decoded; send the file again");
-  } catch (const cv::Exception& e) {
-    return InvalidField("IMAGE_CORRUPT", field,
-                        absl::StrCat("the PNG cannot be decoded: ", e.what()));
-  }
+  };
+  LITAGS_RETURN_IF_ERROR(ReadPngCodes(bytes, PngChannels::kColor, field, take));
+  return TurnUpright(std::move(mask), info.orientation);
 }
 
 }  // namespace
@@ -109,15 +98,7 @@ absl::StatusOr<MaskedPhoto> ReadMaskedPhoto(const std::string& path, std::string
 }
 
 absl::StatusOr<std::string> EncodeMask(const PlaneU8& mask) {
-  try {
-    const cv::Mat gray(mask.height, mask.width, CV_8U, const_cast<uint8_t*>(mask.data.data()));
-    std::vector<uint8_t> out;
-    if (!gray.empty() && cv::imencode(".png", gray, out))
-      return std::string(out.begin(), out.end());
-    return InvalidField("IMAGE_EMPTY", "mask", "there are no pixels to encode");
-  } catch (const cv::Exception& e) {
-    return FieldError(absl::StatusCode::kInternal, "IMAGE_ENCODE_FAILED", "mask", e.what());
-  }
+  return EncodePngCodes(mask.data.data(), mask.width, mask.height, 1);
 }
 
 }  // namespace litags

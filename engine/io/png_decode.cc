@@ -1,9 +1,7 @@
-// PNG of 8 and 16 bits, by OpenCV.
+// PNG of 8 and 16 bits, by libpng.
 #include <zlib.h>
 
 #include <cmath>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +10,7 @@
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 #include "engine/io/photo_format.h"
+#include "engine/io/png_codes.h"
 
 namespace litags {
 namespace {
@@ -42,43 +41,23 @@ ColorSpace ColorSpaceOf(const PngColors& colors) {
   return ColorSpace::Gamma(1 / colors.gamma, 3);
 }
 
-// Photo from codes in BGR order, of which `white` is 1.
-template <class T>
-Photo PhotoFromBgr(const cv::Mat& bgr, float white, const PngColors& colors) {
-  const ColorSpace space = ColorSpaceOf(colors);
-  const auto least = static_cast<float>(colors.least);
-  Photo photo(bgr.cols, bgr.rows);
-  const int n = space.channels();
-  std::vector<float> codes(size_t(n) * bgr.cols);
-  for (int y = 0; y < bgr.rows; ++y) {
-    const T* from = bgr.ptr<T>(y);
-    for (int x = 0; x < bgr.cols; ++x) {
-      for (int c = 0; c < n; ++c)
-        codes[n * x + c] = least + (1 - least) * (from[3 * x + 2 - c] / white);
-    }
-    space.Convert(codes.data(), bgr.cols, photo.pixel(0, y));
-  }
-  return photo;
-}
-
 absl::StatusOr<Photo> DecodePng(std::string_view bytes, const ImageInfo& info,
                                 std::string_view field) {
-  LITAGS_RETURN_IF_ERROR(CheckPngComplete(bytes, field));
-  try {
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
-                          const_cast<char*>(bytes.data()));
-    const cv::Mat bgr = cv::imdecode(
-        encoded, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
-    if (bgr.cols != info.width || bgr.rows != info.height) {
-      return InvalidField("IMAGE_CORRUPT", field, "the PNG cannot be decoded; send the file again");
+  const PngColors colors = ReadPngColors(bytes);
+  const ColorSpace space = ColorSpaceOf(colors);
+  const auto least = static_cast<float>(colors.least);
+  Photo photo(info.width, info.height);
+  const int n = space.channels();
+  std::vector<float> row(size_t(n) * photo.width);
+  const auto take = [&](const PngShape& shape, int y, const uint16_t* codes) {
+    const auto white = static_cast<float>(shape.white);
+    for (int x = 0; x < photo.width; ++x) {
+      for (int c = 0; c < n; ++c) row[n * x + c] = least + (1 - least) * (codes[3 * x + c] / white);
     }
-    const PngColors colors = ReadPngColors(bytes);
-    return bgr.depth() == CV_16U ? PhotoFromBgr<uint16_t>(bgr, 65535, colors)
-                                 : PhotoFromBgr<uint8_t>(bgr, 255, colors);
-  } catch (const cv::Exception& e) {
-    return InvalidField("IMAGE_CORRUPT", field,
-                        absl::StrCat("the PNG cannot be decoded: ", e.what()));
-  }
+    space.Convert(row.data(), photo.width, photo.pixel(0, y));
+  };
+  LITAGS_RETURN_IF_ERROR(ReadPngCodes(bytes, PngChannels::kColor, field, take));
+  return photo;
 }
 
 }  // namespace

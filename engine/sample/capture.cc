@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -16,6 +15,7 @@
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/png_codes.h"
 #include "engine/io/transforms_io.h"
 #include "engine/sample/exposure.h"
 #include "engine/sample/tracer.h"
@@ -57,7 +57,7 @@ std::vector<uint16_t> DeepCodesOf(const Planes& srgb) {
 
 absl::Status WriteRgb16(const std::string& path, const std::vector<uint16_t>& codes, int width,
                         int height) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodeRgb16(codes, width, height));
+  LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodePngCodes(codes.data(), width, height, 3));
   return WriteFileAtomically(path, png);
 }
 
@@ -162,19 +162,6 @@ absl::Status MakeFolders(const CaptureOptions& options, const fs::path& out) {
 }
 
 }  // namespace
-
-absl::StatusOr<std::string> EncodeRgb16(const std::vector<uint16_t>& codes, int width, int height) {
-  cv::Mat bgr(height, width, CV_16UC3);
-  for (size_t i = 0; i < codes.size(); ++i) bgr.ptr<uint16_t>()[i / 3 * 3 + 2 - i % 3] = codes[i];
-  std::vector<uchar> bytes;
-  try {
-    cv::imencode(".png", bgr, bytes);
-  } catch (const cv::Exception& e) {
-    return MakeError(absl::StatusCode::kInternal, "CANNOT_ENCODE", "png",
-                     absl::StrCat("OpenCV cannot encode the picture: ", e.what()));
-  }
-  return std::string(bytes.begin(), bytes.end());
-}
 
 absl::Status CaptureOptions::Validate() const {
   LITAGS_RETURN_IF_ERROR(CheckRange("width", width, 32, 8192));

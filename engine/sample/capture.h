@@ -67,9 +67,6 @@ std::vector<View> CaptureViews(const CaptureOptions& options);
 absl::StatusOr<CaptureReport> WriteCapture(const CaptureOptions& options,
                                            const std::string& out_dir);
 
-// A PNG of sRGB codes [H, W, 3].
-absl::StatusOr<std::string> EncodeRgb16(const std::vector<uint16_t>& codes, int width, int height);
-
 }  // namespace litags::sample
 
 #endif  // LITAGS_ENGINE_SAMPLE_CAPTURE_H_

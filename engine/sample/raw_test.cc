@@ -8,6 +8,7 @@
 
 #include "engine/core/color.h"
 #include "engine/io/image_io.h"
+#include "engine/io/png_codes.h"
 #include "engine/sample/capture.h"
 #include "engine/sample/sensor.h"
 #include "engine/sample/tracer.h"
@@ -124,7 +125,8 @@ TEST(Raw, SixteenBitsHoldMoreThanJpegInTheDark) {
     const SensorOptions options;
     const Quality deep = QualityOf(light, gain, [&](const CounterRng& rng) {
       const auto numbers = Measure(light, gains, options, rng);
-      return EncodeRgb16(DeepCodes(numbers, options), light.width, light.height).value();
+      const std::vector<uint16_t> codes = DeepCodes(numbers, options);
+      return EncodePngCodes(codes.data(), light.width, light.height, 3).value();
     });
     const Quality jpeg = QualityOf(light, gain, [&](const CounterRng& rng) {
       return EncodeJpeg(Expose(light, gains, options, rng), 95).value();

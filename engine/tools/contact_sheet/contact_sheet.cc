@@ -3,15 +3,19 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/core/quantile.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_header.h"
 #include "engine/io/image_io.h"
+#include "engine/io/png_codes.h"
 
 namespace litags {
 namespace {
@@ -121,43 +125,38 @@ cv::Mat Ramp(const Planes& values) {
   return colors;
 }
 
-Planes FirstChannel(const cv::Mat& mat) {
-  cv::Mat plane, floats;
-  cv::extractChannel(mat, plane, 0);
-  plane.convertTo(floats, CV_32F);
-  Planes out(1, mat.rows, mat.cols);
-  for (int y = 0; y < mat.rows; ++y) {
-    std::copy_n(floats.ptr<float>(y), mat.cols, out.data.data() + size_t(y) * mat.cols);
+// One channel of a picture.
+struct Values {
+  Planes plane;
+  bool has_scale = false;  // whether the numbers are those of what is shown, not codes
+};
+
+// The first channel of a PNG's codes, of a photo in another format, or a depth map.
+absl::StatusOr<Values> ReadValues(const std::string& path) {
+  Values values;
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, path, ImageLimits().max_bytes));
+  if (IsPng(bytes)) {
+    LITAGS_RETURN_IF_ERROR(ReadImageInfo(bytes, path).status());  // checks the limits
+    const auto take = [&](const PngShape& shape, int y, const uint16_t* codes) {
+      if (y == 0) values.plane = Planes(1, shape.height, shape.width);
+      for (int x = 0; x < shape.width; ++x) values.plane.at(0, y, x) = codes[x * shape.channels];
+    };
+    LITAGS_RETURN_IF_ERROR(ReadPngCodes(bytes, PngChannels::kAll, path, take));
+    return values;
   }
-  return out;
-}
-
-// 8-bit RGB of a picture that OpenCV alone reads, of any depth; floats are in [0, 1].
-cv::Mat EightBits(const cv::Mat& mat) {
-  cv::Mat out;
-  const double scale = mat.depth() == CV_16U ? 1.0 / 257 : mat.depth() == CV_8U ? 1.0 : 255.0;
-  mat.convertTo(out, CV_8U, scale);
-  const int conversion = out.channels() == 1   ? cv::COLOR_GRAY2RGB
-                         : out.channels() == 4 ? cv::COLOR_BGRA2RGB
-                                               : cv::COLOR_BGR2RGB;
-  cv::cvtColor(out, out, conversion);
-  return out;
-}
-
-// Upright, as photos are learnt from; else as OpenCV has it (.pfm, .bmp). Empty: not a picture.
-cv::Mat PhotoAt(const std::string& path) {
-  absl::StatusOr<ImageU8> photo = ReadImage(path, path);
-  if (photo.ok()) {
-    return cv::Mat(photo->height, photo->width, CV_8UC3, photo->data.data()).clone();
+  if (absl::StatusOr<Planes> depth = DecodeDepthMap(bytes, path); depth.ok()) {
+    return Values{*std::move(depth), /*has_scale=*/true};
   }
-  const cv::Mat mat = cv::imread(path, cv::IMREAD_UNCHANGED);
-  return mat.empty() ? mat : EightBits(mat);
+  LITAGS_ASSIGN_OR_RETURN(const ImageU8 photo, DecodeImage(bytes, path));
+  values.plane = Planes(1, photo.height, photo.width);
+  for (size_t i = 0; i < values.plane.data.size(); ++i) values.plane.data[i] = photo.data[3 * i];
+  return values;
 }
 
-// What the colours of Ramp() mean. Integers are of a scale that the file does not tell.
-std::string DescribeRamp(const cv::Mat& mat) {
-  if (mat.depth() != CV_32F && mat.depth() != CV_64F) return "";
-  const auto [low, high] = KnownRange(FirstChannel(mat));
+// What the colours of Ramp() mean.
+std::string DescribeRamp(const Values& values) {
+  if (!values.has_scale) return "";
+  const auto [low, high] = KnownRange(values.plane);
   return absl::StrFormat("near %.3g (purple) .. far %.3g (yellow)", low, high);
 }
 
@@ -166,34 +165,37 @@ struct LoadedCell {
   std::vector<std::string> caption;
 };
 
+// The picture at its own size; a ramp without a caption gets its scale, wrapped to `width`.
+absl::Status ReadPicture(const SheetCell& cell, int width, LoadedCell* loaded) {
+  if (cell.look == SheetCell::Look::kPhoto) {
+    LITAGS_ASSIGN_OR_RETURN(ImageU8 photo, ReadImage(cell.path, cell.path));
+    loaded->picture = cv::Mat(photo.height, photo.width, CV_8UC3, photo.data.data()).clone();
+    return absl::OkStatus();
+  }
+  LITAGS_ASSIGN_OR_RETURN(const Values values, ReadValues(cell.path));
+  if (cell.look == SheetCell::Look::kRamp) {
+    loaded->picture = Ramp(values.plane);
+    if (loaded->caption.empty()) loaded->caption = Wrapped(DescribeRamp(values), width);
+  } else {
+    cv::cvtColor(Spread(values.plane, nullptr), loaded->picture, cv::COLOR_GRAY2RGB);
+  }
+  return absl::OkStatus();
+}
+
 // With a picture `width` wide.
 absl::StatusOr<LoadedCell> LoadCell(const SheetCell& cell, int width) {
   LoadedCell loaded = {cv::Mat(), Wrapped(cell.caption, width)};
   if (cell.path.empty()) return loaded;
-  const bool is_photo = cell.look == SheetCell::Look::kPhoto;
-  const cv::Mat mat = is_photo ? PhotoAt(cell.path) : cv::imread(cell.path, cv::IMREAD_UNCHANGED);
-  if (mat.empty()) {
-    return MakeError(
-        absl::StatusCode::kNotFound, "CANNOT_READ_IMAGE", cell.path,
-        absl::StrCat(cell.path, ": missing or not a picture; use - for an empty cell"));
-  }
   cv::Mat& picture = loaded.picture;
-  switch (cell.look) {
-    case SheetCell::Look::kPhoto:
-      picture = mat;
-      break;
-    case SheetCell::Look::kRamp:
-      picture = Ramp(FirstChannel(mat));
-      if (loaded.caption.empty()) loaded.caption = Wrapped(DescribeRamp(mat), width);
-      break;
-    case SheetCell::Look::kGray:
-      cv::cvtColor(Spread(FirstChannel(mat), nullptr), picture, cv::COLOR_GRAY2RGB);
-      break;
+  if (const absl::Status status = ReadPicture(cell, width, &loaded); !status.ok()) {
+    return MakeError(absl::StatusCode::kNotFound, "CANNOT_READ_IMAGE", cell.path,
+                     absl::StrCat(status.message(), "; use - for an empty cell"));
   }
+  if (picture.cols == width) return loaded;
   const int height =
-      std::max(1, static_cast<int>(std::lround(double(mat.rows) * width / mat.cols)));
-  const int filter = width < mat.cols ? cv::INTER_AREA : cv::INTER_LINEAR;
-  if (mat.cols != width) cv::resize(picture, picture, {width, height}, 0, 0, filter);
+      std::max(1, static_cast<int>(std::lround(double(picture.rows) * width / picture.cols)));
+  const int filter = width < picture.cols ? cv::INTER_AREA : cv::INTER_LINEAR;
+  cv::resize(picture, picture, {width, height}, 0, 0, filter);
   return loaded;
 }
 
@@ -301,12 +303,6 @@ SheetCell ParseSheetCell(const std::string& text) {
   return {text, SheetCell::Look::kPhoto, ""};
 }
 
-ImageU8 ColorRamp(const Planes& values) {
-  ImageU8 image(values.width, values.height);
-  Ramp(values).copyTo(cv::Mat(image.height, image.width, CV_8UC3, image.data.data()));
-  return image;
-}
-
 absl::StatusOr<ImageU8> DrawSheet(const Sheet& sheet) {
   try {
     return Draw(sheet);
@@ -316,20 +312,12 @@ absl::StatusOr<ImageU8> DrawSheet(const Sheet& sheet) {
 }
 
 absl::Status WriteSheet(const Sheet& sheet, const std::string& path) {
-  LITAGS_ASSIGN_OR_RETURN(ImageU8 image, DrawSheet(sheet));
-  bool written = false;
-  try {
-    cv::Mat bgr;
-    cv::cvtColor(cv::Mat(image.height, image.width, CV_8UC3, image.data.data()), bgr,
-                 cv::COLOR_RGB2BGR);
-    written = cv::imwrite(path, bgr);
-  } catch (const cv::Exception&) {
+  if (!absl::EndsWithIgnoreCase(path, ".png")) {
+    return InvalidInput("CANNOT_WRITE", path,
+                        absl::StrCat(path, ": a sheet is a PNG; give a path ending in .png"));
   }
-  if (written) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kUnavailable, "CANNOT_WRITE", path,
-                   absl::StrCat(path,
-                                ": cannot write the sheet; give a path ending in .png in a "
-                                "folder that exists"));
+  LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, DrawSheet(sheet));
+  return WritePng(path, image);
 }
 
 }  // namespace litags

@@ -14,11 +14,13 @@ namespace litags {
 
 struct SheetCell {
   enum class Look {
-    kPhoto,  // colours as they are; 16-bit and float pictures scaled to the display's range
-    kRamp,   // one channel through the viridis colormap, from its 2nd to its 98th percentile
-    kGray,   // one channel as grey, same range
+    kPhoto,  // colours as they are
+    kRamp,  // one channel through the viridis colormap, from its 2nd to its 98th percentile; values
+            // that are not finite or not above 0 are unknown, and black
+    kGray,  // one channel as grey, same range
   };
-  std::string path;  // anything OpenCV reads; empty: an empty cell marked "n/a"
+  // A photo; for one channel a depth map, too (image_io.h, depth_io.h). Empty: marked "n/a".
+  std::string path;
   Look look = Look::kPhoto;
   // Below the picture, words wrapped to its width. A ramp of floating-point values without one gets
   // its scale.
@@ -42,10 +44,6 @@ struct Sheet {
 
 // Parses "photo.jpg", "ramp:depth.pfm", "gray:structure.png" or "-" (no picture).
 SheetCell ParseSheetCell(const std::string& text);
-
-// Single-channel values to colours as kRamp does. [1, H, W]; values that are not finite or not
-// above 0 are unknown: they are left out of the range and painted black.
-ImageU8 ColorRamp(const Planes& values);
 
 // As much of the text as the font has: ASCII. Letters lose their accents, dashes and quotes become
 // plain, and each other character '_'.
