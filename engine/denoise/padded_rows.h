@@ -2,8 +2,8 @@
 #ifndef LITAGS_ENGINE_DENOISE_PADDED_ROWS_H_
 #define LITAGS_ENGINE_DENOISE_PADDED_ROWS_H_
 
+#include <algorithm>
 #include <cstddef>
-#include <cstring>
 
 #include "hwy/aligned_allocator.h"
 
@@ -26,7 +26,8 @@ class PaddedRows {
   size_t stride() const { return stride_; }                  // from one channel to the next
   size_t row_stride() const { return stride_ * channels_; }  // from one row to the next
 
-  // Sets the shape and, if it changed, all values to zero.
+  // Sets the shape. If it changed, the image's values are not set; memory is only taken for more
+  // than there was before: crops of a photo differ in size from iteration to iteration.
   void Resize(int channels, int height, int width) {
     if (channels == channels_ && height == height_ && width == width_) return;
     channels_ = channels;
@@ -34,8 +35,12 @@ class PaddedRows {
     width_ = width;
     stride_ = RoundUp(width) + 2 * kPad;
     const size_t count = row_stride() * (height + 2);
-    data_ = hwy::AllocateAligned<float>(count);
-    std::memset(data_.get(), 0, count * sizeof(float));
+    if (count > capacity_) {
+      data_.reset();
+      data_ = hwy::AllocateAligned<float>(count);
+      capacity_ = count;
+    }
+    ClearPadding();
   }
 
   // Pixel (0, y) of channel c; y = -1 and y = height are the zero rows. Aligned to a vector.
@@ -47,8 +52,20 @@ class PaddedRows {
     return (static_cast<size_t>(y + 1) * channels_ + c) * stride_ + kPad;
   }
 
+  void ClearPadding() {
+    std::fill_n(row(-1, 0) - kPad, row_stride(), 0.0f);
+    std::fill_n(row(height_, 0) - kPad, row_stride(), 0.0f);
+    for (int y = 0; y < height_; ++y) {
+      for (int c = 0; c < channels_; ++c) {
+        float* const pixels = row(y, c);
+        std::fill_n(pixels - kPad, kPad, 0.0f);
+        std::fill(pixels + width_, pixels - kPad + stride_, 0.0f);
+      }
+    }
+  }
+
   int channels_ = 0, height_ = 0, width_ = 0;
-  size_t stride_ = 0;
+  size_t stride_ = 0, capacity_ = 0;
   hwy::AlignedFreeUniquePtr<float[]> data_;
 };
 

@@ -101,9 +101,10 @@ void Pdm::Impl::NoiseEstimate(PlanesView N, int k, int slot, int from) {
 }
 
 void Pdm::Impl::CopyClamped(const PaddedRows& from, Planes* out) {
-  if (out->channels != 3 || out->height != height || out->width != width) {
-    *out = Planes(3, height, width);
-  }
+  out->channels = 3;
+  out->height = height;
+  out->width = width;
+  out->data.resize(3 * out->plane_size());
   ForEachRow([&](int y, int c, float*) {
     const float* value = from.row(y, c);
     float* to = out->plane(c) + size_t(y) * width;

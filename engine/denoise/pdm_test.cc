@@ -9,6 +9,7 @@
 
 #include "engine/core/rng.h"
 #include "engine/core/simd_test_util.h"
+#include "engine/denoise/padded_rows.h"
 #include "engine/denoise/pdm_oracle.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -213,6 +214,44 @@ TEST(Pdm, GivesTheSameBytesForAnyNumberOfThreadsAndAgainAfterOtherSizes) {
     Pdm pdm(options, threads);
     RunPass(&pdm, weights, small, small, small, small);
     EXPECT_TRUE(RunPass(&pdm, weights, R0, N, v_last, v_previous) == expected) << threads;
+  }
+}
+
+TEST(PaddedRows, KeepTheirMemoryAndZerosAroundPicturesOfOtherSizes) {
+  constexpr int kPad = PaddedRows::kPad;
+  PaddedRows rows;
+  rows.Resize(3, 48, 64);
+  const float* const memory = rows.row(-1, 0);
+  for (const auto& [height, width] : {std::pair(48, 64), std::pair(56, 40), std::pair(48, 64)}) {
+    rows.Resize(3, height, width);
+    EXPECT_EQ(rows.row(-1, 0), memory);
+    const int right = static_cast<int>(rows.stride()) - kPad;
+    for (int y = -1; y <= height; ++y) {
+      for (int c = 0; c < 3; ++c) {
+        float* const row = rows.row(y, c);
+        for (int x = -kPad; x < right; ++x) {
+          const bool inside = y >= 0 && y < height && x >= 0 && x < width;
+          if (inside) {
+            row[x] = NAN;
+          } else {
+            ASSERT_EQ(row[x], 0) << x << ", " << y;
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(Pdm, GivesTheSameBytesAfterOtherSizes) {
+  const PdmOptions options;
+  const PdmWeights weights = RandomWeights(options);
+  Pdm used(options, 1);
+  for (const auto& [height, width] : {std::pair(48, 64), std::pair(56, 40), std::pair(48, 64)}) {
+    const Planes R0 = RandomPlanes(height, width, 0, 1, 0),
+                 v = RandomPlanes(height, width, -1, 1, 2);
+    Pdm fresh(options, 1);
+    EXPECT_TRUE(RunPass(&used, weights, R0, R0, v, v) == RunPass(&fresh, weights, R0, R0, v, v))
+        << height;
   }
 }
 
