@@ -9,24 +9,68 @@
 #include "engine/core/parallel.h"
 #include "engine/train/density.h"
 
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "engine/train/camera_distance.cc"
+#include "hwy/foreach_target.h"  // IWYU pragma: keep
+#include "hwy/highway.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace litags {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// `squares` [kSplatBlock]: of the distances from the block's means to the nearest of the `count`
+// centers, [x, y, z] each.
+void SquaresToNearest(const float* HWY_RESTRICT block, const float* HWY_RESTRICT centers,
+                      size_t count, float* HWY_RESTRICT squares) {
+  const hn::CappedTag<float, kSplatBlock> d;
+  for (size_t i = 0; i < kSplatBlock; i += hn::Lanes(d)) {
+    const auto x = hn::Load(d, block + kMean * kSplatBlock + i),
+               y = hn::Load(d, block + (kMean + 1) * kSplatBlock + i),
+               z = hn::Load(d, block + (kMean + 2) * kSplatBlock + i);
+    auto nearest = hn::Set(d, std::numeric_limits<float>::infinity());
+    for (const float* center = centers; center != centers + 3 * count; center += 3) {
+      const auto dx = hn::Sub(hn::Set(d, center[0]), x), dy = hn::Sub(hn::Set(d, center[1]), y),
+                 dz = hn::Sub(hn::Set(d, center[2]), z);
+      const auto square = hn::MulAdd(dz, dz, hn::MulAdd(dy, dy, hn::Mul(dx, dx)));
+      nearest = hn::Min(nearest, square);
+    }
+    hn::Store(nearest, d, squares + i);
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace litags
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
 namespace litags {
 namespace {
 
-// Distance from the mean to the nearest camera.
-double ToNearest(Centers centers, const Splats& splats, size_t i) {
-  const double x = splats.at(i, kMean), y = splats.at(i, kMean + 1), z = splats.at(i, kMean + 2);
-  double squared = std::numeric_limits<double>::infinity();
-  for (const auto& p : centers) {
-    const double dx = p[0] - x, dy = p[1] - y, dz = p[2] - z;
-    squared = std::min(squared, dx * dx + dy * dy + dz * dz);
+HWY_EXPORT(SquaresToNearest);
+
+// Every place once: views of a panorama and photos of a rig share theirs.
+std::vector<std::array<float, 3>> Places(Centers centers) {
+  std::vector<std::array<float, 3>> places;
+  for (const auto& [x, y, z] : centers) {
+    places.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)});
   }
-  return std::sqrt(squared);
+  std::sort(places.begin(), places.end());
+  places.erase(std::unique(places.begin(), places.end()), places.end());
+  return places;
 }
 
-void ForEachGaussian(int threads, size_t count, absl::FunctionRef<void(size_t i)> visit) {
-  ParallelFor(threads, (count + kSplatBlock - 1) / kSplatBlock, [&](size_t block, int) {
-    const size_t first = block * kSplatBlock, end = std::min(first + kSplatBlock, count);
-    for (size_t i = first; i < end; ++i) visit(i);
+// Calls visit(i, distance) for every Gaussian, with the distance from its mean to the nearest
+// camera; from several threads.
+void ForEachDistance(Centers centers, int threads, const Splats& splats,
+                     absl::FunctionRef<void(size_t i, double distance)> visit) {
+  const std::vector<std::array<float, 3>> places = Places(centers);
+  ParallelFor(threads, splats.num_blocks(), [&](size_t block, int) {
+    alignas(64) float squares[kSplatBlock];
+    HWY_DYNAMIC_DISPATCH(SquaresToNearest)
+    (splats.block(block), places.data()->data(), places.size(), squares);
+    const size_t first = block * kSplatBlock, end = std::min(first + kSplatBlock, splats.size());
+    for (size_t i = first; i < end; ++i) visit(i, std::sqrt(double{squares[i - first]}));
   });
 }
 
@@ -34,25 +78,24 @@ void ForEachGaussian(int threads, size_t count, absl::FunctionRef<void(size_t i)
 
 double DistanceQuantile(double q, Centers centers, int threads, const Splats& splats) {
   std::vector<double> distances(splats.size());
-  ForEachGaussian(threads, splats.size(),
-                  [&](size_t i) { distances[i] = ToNearest(centers, splats, i); });
+  ForEachDistance(centers, threads, splats,
+                  [&](size_t i, double distance) { distances[i] = distance; });
   const auto at = distances.begin() + static_cast<ptrdiff_t>(q * distances.size());
   if (at == distances.end()) return 0;
   std::nth_element(distances.begin(), at, distances.end());
   return *at;
 }
 
-void PruneNearCameras(double distance, Centers centers, int threads, Splats* splats) {
-  ForEachGaussian(threads, splats->size(), [&](size_t i) {
-    if (ToNearest(centers, *splats, i) < distance) splats->at(i, kLogitOpacity) = kInvisibleLogit;
+void PruneNearCameras(double least, Centers centers, int threads, Splats* splats) {
+  ForEachDistance(centers, threads, *splats, [&](size_t i, double distance) {
+    if (distance < least) splats->at(i, kLogitOpacity) = kInvisibleLogit;
   });
 }
 
 void LimitScales(double limit, Centers centers, int threads, Splats* splats) {
-  ForEachGaussian(threads, splats->size(), [&](size_t i) {
+  ForEachDistance(centers, threads, *splats, [&](size_t i, double distance) {
     // A mean in a camera's very centre must give a number all the same.
-    const double nearest = std::max(ToNearest(centers, *splats, i), 1e-7);
-    const auto most = static_cast<float>(std::log(limit * nearest));
+    const auto most = static_cast<float>(std::log(limit * std::max(distance, 1e-7)));
     for (int row = kLogScale; row < kLogScale + 3; ++row) {
       splats->at(i, row) = std::min(splats->at(i, row), most);
     }
@@ -60,3 +103,4 @@ void LimitScales(double limit, Centers centers, int threads, Splats* splats) {
 }
 
 }  // namespace litags
+#endif  // HWY_ONCE

@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
+#include "engine/core/rng.h"
+#include "engine/core/simd_test_util.h"
 #include "engine/render/constants.h"
 
 namespace litags {
@@ -38,6 +42,42 @@ TEST(DistanceQuantile, IsThatOfTheNearestCamera) {
   EXPECT_NEAR(DistanceQuantile(0.01, centers, 2, splats), 7, 1.001);
   EXPECT_DOUBLE_EQ(DistanceQuantile(0.5, centers, 2, splats), 105);
   EXPECT_EQ(DistanceQuantile(0.01, centers, 2, Splats()), 0);
+}
+
+// One pair after the other, in double precision.
+double ToNearest(Centers centers, const Splats& splats, size_t i) {
+  double nearest = INFINITY;
+  for (const auto& p : centers) {
+    nearest =
+        std::min(nearest, std::hypot(p[0] - splats.at(i, kMean), p[1] - splats.at(i, kMean + 1),
+                                     p[2] - splats.at(i, kMean + 2)));
+  }
+  return nearest;
+}
+
+TEST(DistanceQuantile, IsThatOfAllPairsOnEveryInstructionSet) {
+  const CounterRng rng(4, 1);
+  uint64_t counter = 0;
+  const auto place = [&] { return 6 * rng.Uniform(counter++) - 3; };
+  for (const size_t count : {1, 15, 16, 17, 100}) {
+    Splats splats(count);
+    for (size_t i = 0; i < count; ++i) {
+      for (int k = 0; k < 3; ++k) splats.at(i, kMean + k) = static_cast<float>(place());
+    }
+    std::vector<std::array<double, 3>> centers;
+    while (centers.size() < count) centers.push_back({place(), place(), place()});
+    centers.push_back(centers[0]);  // two photos of one place
+    std::vector<double> want;
+    for (size_t i = 0; i < count; ++i) want.push_back(ToNearest(centers, splats, i));
+    std::sort(want.begin(), want.end());
+    ForEachTarget([&] {
+      for (const double q : {0.0, 0.3, 0.99}) {
+        const auto at = static_cast<size_t>(q * static_cast<double>(count));
+        // Places are rounded to 2^-24 of 3.
+        EXPECT_NEAR(DistanceQuantile(q, centers, 2, splats), want[at], 2e-6) << count << " " << q;
+      }
+    });
+  }
 }
 
 TEST(LimitScales, CutsWhatIsWiderThanItsDistanceAllows) {
