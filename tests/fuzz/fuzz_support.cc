@@ -84,4 +84,10 @@ void WriteScratchContainer(std::string_view input, std::string_view kind, uint32
   LITAGS_CHECK(writer.Commit(ScratchPath()).ok());
 }
 
+uint32_t WriteScratchScene(std::string_view input) {
+  const uint32_t version = input.empty() ? 1 : 1 + static_cast<uint8_t>(input[0]) % 4;
+  WriteScratchContainer(input.substr(input.empty() ? 0 : 1), "scene", version);
+  return version;
+}
+
 }  // namespace litags

@@ -31,6 +31,9 @@ void WriteScratchFile(std::string_view bytes);
 // input's pieces in pairs of name and bytes: so that what stands behind the checksums is fuzzed.
 void WriteScratchContainer(std::string_view input, std::string_view kind, uint32_t version);
 
+// The same of a scene, of the version that the input's first byte chooses, which is returned.
+uint32_t WriteScratchScene(std::string_view input);
+
 }  // namespace litags
 
 #endif  // LITAGS_TESTS_FUZZ_FUZZ_SUPPORT_H_

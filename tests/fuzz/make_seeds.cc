@@ -259,6 +259,14 @@ void AddModels(const Corpus& corpus, const fs::path& scratch) {
   }
 }
 
+// As WriteScratchScene() takes it: of that version, whichever SaveScene() gives it.
+void AddScene(const Corpus& corpus, const fs::path& scratch, const std::string& name,
+              const Model& model, uint32_t version) {
+  const std::string scene = scratch / "scene";
+  LITAGS_CHECK(SaveScene(scene, model, Cameras(false).views).ok());
+  corpus.Add("scene", name, static_cast<char>(version - 1) + Sections(scene, "scene", 4));
+}
+
 void AddContainers(const Corpus& corpus, const fs::path& scratch) {
   TrainState state;
   state.iteration = 5;
@@ -269,6 +277,9 @@ void AddContainers(const Corpus& corpus, const fs::path& scratch) {
   const std::string checkpoint = scratch / "checkpoint";
   LITAGS_CHECK(SaveTrainState(checkpoint, "fuzz", state).ok());
   corpus.Add("checkpoint", "two", Sections(checkpoint, "checkpoint", kCheckpointVersion));
+  for (const View& view : Cameras(false).views) state.poses.emplace_back(view.camera);
+  LITAGS_CHECK(SaveTrainState(checkpoint, "fuzz", state).ok());
+  corpus.Add("checkpoint", "refined", Sections(checkpoint, "checkpoint", kCheckpointVersion));
   ContainerWriter small("checkpoint", 2);
   small.AddSection("a", "bytes");
   small.AddSection("numbers", std::string(16, '\1'));
@@ -279,9 +290,12 @@ void AddContainers(const Corpus& corpus, const fs::path& scratch) {
   model.splats = Gaussians();
   model.pdm_options = SmallDenoiser();
   model.pdm = PdmWeights::Zeros(SmallDenoiser());
-  const std::string scene = scratch / "scene";
-  LITAGS_CHECK(SaveScene(scene, model, Cameras(false).views).ok());
-  corpus.Add("scene", "two", Sections(scene, "scene", 2));
+  AddScene(corpus, scratch, "two", model, 2);
+  AddScene(corpus, scratch, "without_filter", model, 1);
+  model.origin = {5e5, 4.6e6, 120};
+  AddScene(corpus, scratch, "far", model, 3);
+  model.near_plane = 0.01f;
+  AddScene(corpus, scratch, "near_plane", model, 4);
 }
 
 void AddRequests(const Corpus& corpus) {

@@ -1,11 +1,12 @@
-// Scene files whose checksums are right and whose sections are anything; what loads is drawn.
+// Scene files of every version, whose checksums are right and whose sections are anything; what
+// loads is drawn.
 #include "engine/core/check.h"
 #include "engine/pipeline/scene_file.h"
 #include "tests/fuzz/fuzz_support.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace litags;
-  WriteScratchContainer(AsText(data, size), "scene", 2);
+  WriteScratchScene(AsText(data, size));
   const auto scene = LoadSceneFile(ScratchPath());
   if (!scene.ok() || (*scene)->views().empty()) return 0;
   RenderRequest request;
