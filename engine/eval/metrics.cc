@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/parallel.h"
 
 namespace litags {
 namespace {
@@ -43,53 +45,70 @@ std::array<double, 2 * kRadius + 1> Window() {
   return g;
 }
 
-// Separable blur with zero padding, in place.
-void Blur(const std::array<double, 2 * kRadius + 1>& window, int width, int height,
-          std::vector<double>* map) {
-  std::vector<double> rows(map->size());
-  for (int y = 0; y < height; ++y) {
-    const double* in = map->data() + size_t(y) * width;
-    for (int x = 0; x < width; ++x) {
-      double sum = 0;
-      const int first = std::max(-kRadius, -x), last = std::min(kRadius, width - 1 - x);
-      for (int k = first; k <= last; ++k) sum += window[k + kRadius] * in[x + k];
-      rows[size_t(y) * width + x] = sum;
+// Sums over columns [border, width - border) of SSIM in rows [first, last) of one channel, by the
+// separable window with zero padding. Keeps its memory.
+class SsimRows {
+ public:
+  void Sum(const float* a, const float* b, int width, int height, int border, int first, int last,
+           double* sums) {
+    const int top = std::max(0, first - kRadius), rows = std::min(height, last + kRadius) - top;
+    const size_t n = width, map = n * rows;
+    along_x_.assign(kMaps * map, 0.0);
+    maps_.resize(kMaps * n);
+    for (int row = 0; row < rows; ++row) {
+      const float *pa = a + (top + row) * n, *pb = b + (top + row) * n;
+      for (size_t x = 0; x < n; ++x) {
+        const double va = pa[x], vb = pb[x];
+        const double of_maps[kMaps] = {va, vb, va * va, vb * vb, va * vb};
+        for (size_t m = 0; m < kMaps; ++m) maps_[m * n + x] = of_maps[m];
+      }
+      for (size_t m = 0; m < kMaps; ++m)
+        BlurRow(&maps_[m * n], width, &along_x_[m * map + row * n]);
+    }
+    for (int y = first; y < last; ++y) {
+      std::fill(maps_.begin(), maps_.end(), 0.0);
+      for (size_t m = 0; m < kMaps; ++m) {
+        double* out = &maps_[m * n];
+        const int up = std::max(-kRadius, -y), down = std::min(kRadius, height - 1 - y);
+        for (int k = up; k <= down; ++k) {
+          const double* in = &along_x_[m * map + (y + k - top) * n];
+          const double weight = window_[k + kRadius];
+          for (size_t x = 0; x < n; ++x) out[x] += weight * in[x];
+        }
+      }
+      sums[y] = SumRow(width, border);
     }
   }
-  std::fill(map->begin(), map->end(), 0.0);
-  for (int y = 0; y < height; ++y) {
-    double* out = map->data() + size_t(y) * width;
-    const int first = std::max(-kRadius, -y), last = std::min(kRadius, height - 1 - y);
-    for (int k = first; k <= last; ++k) {
-      const double* in = rows.data() + size_t(y + k) * width;
-      for (int x = 0; x < width; ++x) out[x] += window[k + kRadius] * in[x];
-    }
-  }
-}
 
-// Mean of one channel's SSIM map over rows and columns [border, size - border).
-double ChannelSsim(const float* a, const float* b, int width, int height, int border) {
-  constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
-  const auto window = Window();
-  const size_t n = size_t(width) * height;
-  std::vector<double> ma(a, a + n), mb(b, b + n), aa(n), bb(n), ab(n);
-  for (size_t i = 0; i < n; ++i) {
-    aa[i] = ma[i] * ma[i];
-    bb[i] = mb[i] * mb[i];
-    ab[i] = ma[i] * mb[i];
-  }
-  for (auto* map : {&ma, &mb, &aa, &bb, &ab}) Blur(window, width, height, map);
-  double sum = 0;
-  for (int y = border; y < height - border; ++y) {
-    for (int x = border; x < width - border; ++x) {
-      const size_t i = size_t(y) * width + x;
-      const double mean_product = ma[i] * mb[i], mean_squares = ma[i] * ma[i] + mb[i] * mb[i];
-      sum += (2 * mean_product + kC1) * (2 * (ab[i] - mean_product) + kC2) /
-             ((mean_squares + kC1) * (aa[i] + bb[i] - mean_squares + kC2));
+ private:
+  static constexpr size_t kMaps = 5;  // a, b, a^2, b^2, ab
+
+  // Adds to `out`, which is zero.
+  void BlurRow(const double* in, int width, double* out) const {
+    for (int k = -kRadius; k <= kRadius; ++k) {
+      const double weight = window_[k + kRadius];
+      for (int x = std::max(0, -k); x < width - std::max(0, k); ++x) out[x] += weight * in[x + k];
     }
   }
-  return sum / (double(width - 2 * border) * (height - 2 * border));
-}
+
+  // Of the means in maps_.
+  double SumRow(int width, int border) const {
+    constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
+    const double *ma = maps_.data(), *mb = ma + width, *aa = mb + width, *bb = aa + width,
+                 *ab = bb + width;
+    double sum = 0;
+    for (int x = border; x < width - border; ++x) {
+      const double mean_product = ma[x] * mb[x], mean_squares = ma[x] * ma[x] + mb[x] * mb[x];
+      sum += (2 * mean_product + kC1) * (2 * (ab[x] - mean_product) + kC2) /
+             ((mean_squares + kC1) * (aa[x] + bb[x] - mean_squares + kC2));
+    }
+    return sum;
+  }
+
+  const std::array<double, 2 * kRadius + 1> window_ = Window();
+  std::vector<double> along_x_;  // [kMaps][rows][width]
+  std::vector<double> maps_;     // [kMaps][width]
+};
 
 using Matrix4 = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
 using Matrix34 = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
@@ -106,7 +125,7 @@ absl::StatusOr<double> Psnr(const ImageU8& a, const ImageU8& b) {
   return Psnr(ToPlanes(a), ToPlanes(b));
 }
 
-absl::StatusOr<double> Ssim(const Planes& a, const Planes& b, SsimBorder border) {
+absl::StatusOr<double> Ssim(const Planes& a, const Planes& b, SsimBorder border, int threads) {
   LITAGS_RETURN_IF_ERROR(CheckSizes(a, b));
   const int margin = border == SsimBorder::kValid ? kRadius : 0;
   if (a.width <= 2 * margin || a.height <= 2 * margin) {
@@ -114,11 +133,19 @@ absl::StatusOr<double> Ssim(const Planes& a, const Planes& b, SsimBorder border)
                         absl::StrCat("SSIM's window needs 11x11 px, the images are ", a.width, "x",
                                      a.height, "; use zero padding or larger images"));
   }
-  double sum = 0;
-  for (int c = 0; c < a.channels; ++c) {
-    sum += ChannelSsim(a.plane(c), b.plane(c), a.width, a.height, margin);
-  }
-  return sum / a.channels;
+  constexpr int kTaskRows = 64;  // the window's rows above and below are a small part of it
+  const int end = a.height - margin, tasks = (end - margin + kTaskRows - 1) / kTaskRows;
+  if (threads <= 0) threads = DefaultThreadCount();
+  std::vector<SsimRows> of_threads(threads);
+  std::vector<double> sums(size_t(a.channels) * a.height, 0.0);
+  ParallelFor(threads, size_t(a.channels) * tasks, [&](size_t task, int thread) {
+    const int c = static_cast<int>(task) / tasks;
+    const int first = margin + static_cast<int>(task) % tasks * kTaskRows;
+    of_threads[thread].Sum(a.plane(c), b.plane(c), a.width, a.height, margin, first,
+                           std::min(end, first + kTaskRows), &sums[size_t(c) * a.height]);
+  });
+  const double sum = std::accumulate(sums.begin(), sums.end(), 0.0);
+  return sum / (double(a.width - 2 * margin) * (a.height - 2 * margin) * a.channels);
 }
 
 absl::StatusOr<double> Ssim(const ImageU8& a, const ImageU8& b, SsimBorder border) {

@@ -23,11 +23,11 @@ enum class SsimBorder {
 };
 
 // Mean SSIM over pixels and channels: 11x11 Gaussian window, sigma 1.5, C1 = 0.01^2, C2 = 0.03^2,
-// biased moments. kValid needs at least 11x11 px.
+// biased moments. kValid needs at least 11x11 px. The same for any `threads` (<= 0: all cores).
 absl::StatusOr<double> Ssim(const ImageU8& a, const ImageU8& b,
                             SsimBorder border = SsimBorder::kValid);
 absl::StatusOr<double> Ssim(const Planes& a, const Planes& b,
-                            SsimBorder border = SsimBorder::kValid);
+                            SsimBorder border = SsimBorder::kValid, int threads = 1);
 
 // One affine map of RGB for a whole scene: out_i = sum_j m[4 i + j] rgb_j + m[4 i + 3].
 struct ColorFit {

@@ -35,6 +35,38 @@ TEST(Metrics, EqualImagesArePerfect) {
   EXPECT_NEAR(*Ssim(a, a, SsimBorder::kZero), 1, 1e-12);
 }
 
+// One pixel after the other, in the order of the definition.
+double SsimOfDefinition(const Planes& a, const Planes& b) {
+  const auto weight = [](int k) { return std::exp(-k * k / 4.5); };
+  double sum = 0, window = 0;
+  for (int k = -5; k <= 5; ++k) window += weight(k);
+  for (int c = 0; c < a.channels; ++c) {
+    for (int y = 5; y < a.height - 5; ++y) {
+      for (int x = 5; x < a.width - 5; ++x) {
+        double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
+        for (int v = -5; v <= 5; ++v) {
+          for (int u = -5; u <= 5; ++u) {
+            const double w = weight(u) * weight(v) / (window * window);
+            const double va = a.at(c, y + v, x + u), vb = b.at(c, y + v, x + u);
+            ma += w * va, mb += w * vb, aa += w * va * va, bb += w * vb * vb, ab += w * va * vb;
+          }
+        }
+        sum += (2 * ma * mb + 1e-4) * (2 * (ab - ma * mb) + 9e-4) /
+               ((ma * ma + mb * mb + 1e-4) * (aa + bb - ma * ma - mb * mb + 9e-4));
+      }
+    }
+  }
+  return sum / (a.channels * (a.width - 10) * (a.height - 10));
+}
+
+TEST(Metrics, SsimIsTheSameForAnyThreads) {
+  const Planes a = ToPlanes(Noise(23, 150, 1)), b = ToPlanes(Noise(23, 150, 2, 0, 90));
+  const double one = *Ssim(a, b);
+  EXPECT_EQ(*Ssim(a, b, SsimBorder::kValid, 3), one);
+  EXPECT_EQ(*Ssim(a, b, SsimBorder::kZero, 3), *Ssim(a, b, SsimBorder::kZero));
+  EXPECT_NEAR(one, SsimOfDefinition(a, b), 1e-12);
+}
+
 TEST(Metrics, SsimNeedsOneWholeWindow) {
   EXPECT_TRUE(Ssim(Noise(11, 11, 1), Noise(11, 11, 2)).ok());
   const auto small = Ssim(Noise(10, 40, 1), Noise(10, 40, 2));

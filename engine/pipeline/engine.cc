@@ -390,7 +390,9 @@ class Run {
       LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, target));
       psnr_sum += psnr - 10 * std::log10(dilution);
       if (!last) continue;
-      const absl::StatusOr<double> ssim = Ssim(color, target);  // not of photos below 11 px
+      // Not of photos below 11 px.
+      const absl::StatusOr<double> ssim =
+          Ssim(color, target, SsimBorder::kValid, options_.threads);
       ssim_sum += ssim.ok() ? 1 - (1 - *ssim) * dilution : kNotMeasured;
     }
     const auto count = static_cast<double>(scored);
