@@ -128,7 +128,7 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
   }
   if (recipe.lita && recipe.use_prior) {
     // The prior's scale is one for the whole capture, so all photos go in together.
-    PhotoProgress done(Reporter(context), "structure maps", posed.size(), 1, kPriorPasses);
+    PhotoProgress done(Reporter(context), "structure maps", posed.size());
     LITAGS_ASSIGN_OR_RETURN(
         CapturePriors priors,
         ComputeCapturePriors(made.photos, StructurePriorOptions(), context.options.threads,

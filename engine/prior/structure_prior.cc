@@ -120,6 +120,16 @@ float CodeValue(size_t code) {
   return std::bit_cast<float>(static_cast<uint32_t>(code << kDroppedBits));
 }
 
+// The same in 16 bits, rounded to the nearest: 0.2 %, half a step of a map's bytes at most.
+constexpr int kShortDropped = 15;
+uint16_t ShortCode(float value) {
+  constexpr uint32_t kHalf = 1u << (kShortDropped - 1);
+  return static_cast<uint16_t>((std::bit_cast<uint32_t>(value) + kHalf) >> kShortDropped);
+}
+float ShortCodeValue(size_t code) {
+  return std::bit_cast<float>(static_cast<uint32_t>(code << kShortDropped));
+}
+
 // The value below which `percentile` % of the counted values lie; 0 of none. Values of 0 do not
 // count: a lamp in the dark is all that tells the scale.
 double PercentileAbove0(const std::vector<uint64_t>& counts, double percentile) {
@@ -242,25 +252,23 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
   if (threads <= 0) threads = DefaultThreadCount();
   std::vector<absl::Status> status(photos.size());
 
-  // P is computed twice, to know the scale before rounding to bytes and to hold one float map per
-  // thread only.
-  const auto for_each_prior = [&](auto&& use) {
-    ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
-      status[i] = cancel.Check();
-      if (!status[i].ok()) return;
-      const auto prior = StructurePrior(ToPlanes(photos[i]), resolved);
-      status[i] = prior.status();
-      if (prior.ok()) use(*prior, i, thread);
-      if (done) done(thread);
-    });
-    for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
-    return absl::OkStatus();
-  };
+  // The scale must be known before values are rounded to bytes. Until then they are kept in 16
+  // bits: less than what training holds of a photo later.
   std::vector<std::vector<uint64_t>> counts(threads, std::vector<uint64_t>(kCodes));
-  LITAGS_RETURN_IF_ERROR(for_each_prior([&](const Planes& prior, size_t i, int thread) {
-    ForCounted(MaskOf(masks, i), prior.data.size(),
-               [&](size_t k) { ++counts[thread][Code(prior.data[k])]; });
-  }));
+  std::vector<std::vector<uint16_t>> codes(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
+    status[i] = cancel.Check();
+    if (!status[i].ok()) return;
+    const auto prior = StructurePrior(ToPlanes(photos[i]), resolved);
+    status[i] = prior.status();
+    if (!prior.ok()) return;
+    ForCounted(MaskOf(masks, i), prior->data.size(),
+               [&](size_t k) { ++counts[thread][Code(prior->data[k])]; });
+    codes[i].resize(prior->data.size());
+    std::transform(prior->data.begin(), prior->data.end(), codes[i].begin(), ShortCode);
+    if (done) done(thread);
+  });
+  for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
   for (int t = 1; t < threads; ++t) {
     for (size_t code = 0; code < kCodes; ++code) counts[0][code] += counts[t][code];
   }
@@ -270,15 +278,20 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
                         "the photos show no structure at all (all of one colour); take photos with "
                         "some light on the scene, or turn the structure prior off");
   }
+  std::vector<uint8_t> bytes(size_t{1} << 16);  // by code
+  const float to_byte = static_cast<float>(255 / result.scale);
+  for (size_t code = 0; code < bytes.size(); ++code) {
+    const float value = ShortCodeValue(code) * to_byte;
+    bytes[code] = value < 255 ? static_cast<uint8_t>(value + 0.5f) : 255;  // or NaN, of no value
+  }
   result.maps.resize(photos.size());
-  LITAGS_RETURN_IF_ERROR(for_each_prior([&](const Planes& prior, size_t i, int) {
-    PlaneU8 map(prior.width, prior.height);
-    const float to_byte = static_cast<float>(255 / result.scale);
-    for (size_t k = 0; k < map.data.size(); ++k) {
-      map.data[k] = static_cast<uint8_t>(std::min(prior.data[k] * to_byte, 255.0f) + 0.5f);
-    }
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    PlaneU8 map(photos[i].width, photos[i].height);
+    std::transform(codes[i].begin(), codes[i].end(), map.data.begin(),
+                   [&](uint16_t code) { return bytes[code]; });
+    codes[i] = {};
     result.maps[i] = std::move(map);
-  }));
+  });
   return result;
 }
 

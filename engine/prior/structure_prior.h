@@ -62,22 +62,21 @@ double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& o
                   absl::Span<const PlaneU8> masks = {});
 
 struct CapturePriors {
-  std::vector<PlaneU8> maps;  // P / scale clipped to [0, 1], times 255; one per photo, in order
-  double scale = 0;           // P that maps to 1: the percentile, to 0.2%
-  double floor = 0;           // floor used
+  // P / scale clipped to [0, 1], times 255, to a step; one per photo, in order
+  std::vector<PlaneU8> maps;
+  double scale = 0;  // P that maps to 1: the percentile, to 0.2%
+  double floor = 0;  // floor used
 };
 
 // P of every photo, divided by the percentile of P > 0 over all of them so that L1 has one scale
 // for the capture; `masks`: see MaskOf, only pixels that count decide the scale. Deterministic for
-// any `threads` (<= 0: all cores). `done` is called with ParallelFor's thread, kPriorPasses times a
-// photo. CANCELLED on request, INVALID_ARGUMENT for a bad option or a capture
-// without any structure.
+// any `threads` (<= 0: all cores). `done` is called with ParallelFor's thread for every photo.
+// CANCELLED on request, INVALID_ARGUMENT for a bad option or a capture without any structure.
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,
                                                    const StructurePriorOptions& options,
                                                    int threads, const CancelToken& cancel,
                                                    absl::Span<const PlaneU8> masks = {},
                                                    const std::function<void(int)>& done = nullptr);
-inline constexpr int kPriorPasses = 2;
 
 }  // namespace litags
 

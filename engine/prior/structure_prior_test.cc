@@ -145,7 +145,9 @@ TEST(CapturePriors, ShareOneScaleThatClipsOnePercent) {
     const Planes p = *StructurePrior(ToPlanes(photos[i]), options);
     for (size_t k = 0; k < p.data.size(); ++k, ++total) {
       above += p.data[k] > priors->scale;
-      ASSERT_NEAR(priors->maps[i].data[k], std::min(1.0, p.data[k] / priors->scale) * 255, 0.51);
+      // Half a step of rounding, and 16 bits of P.
+      const double value = std::min(1.0, p.data[k] / priors->scale) * 255;
+      ASSERT_NEAR(priors->maps[i].data[k], value, 0.51 + value / 512);
     }
   }
   // 1 % above, and what the 0.2 % resolution of the scale moves.
@@ -157,7 +159,7 @@ TEST(CapturePriors, AreTheSameBytesForAnyNumberOfThreads) {
   for (int i = 0; i < 5; ++i) photos.push_back(MakePhoto(70, 50, 0.5, 0.01, i));
   int done = 0;
   const auto one = ComputeCapturePriors(photos, {}, 1, CancelToken(), {}, [&](int) { ++done; });
-  EXPECT_EQ(done, 5 * kPriorPasses);
+  EXPECT_EQ(done, 5);
   const auto four = ComputeCapturePriors(photos, {}, 4, CancelToken());
   ASSERT_TRUE(one.ok() && four.ok());
   EXPECT_EQ(one->scale, four->scale);
