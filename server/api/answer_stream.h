@@ -30,7 +30,7 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
     call_->Hold(0);
     if (stalled) return End(AnswerNotRead());
     if (!ok) return End(CallCancelled());
-    pool_->Run(call_->client().name, [this] { Step(); });
+    GoOn();
   }
 
   void OnCancel() final { cancel_.Cancel(); }
@@ -48,8 +48,7 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
   }
 
   enum class Made { kMessage, kEnd, kLater };
-  // Makes the next message. kLater: it cannot yet, and calls Step() on the pool when it can. On the
-  // pool.
+  // Makes the next message. kLater: it cannot yet, and calls GoOn() when it can. On the pool.
   virtual absl::StatusOr<Made> Next(Message* message) = 0;
   // OK if there is room for what Next() makes; else it is asked again in a moment.
   virtual absl::Status CheckRoom() { return call_->CheckRoom(); }
@@ -57,6 +56,11 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
   Call& call() { return *call_; }
   const CancelToken& cancel() const { return cancel_; }
 
+  void GoOn() {
+    pool_->Run(call_->client().name, [this] { Step(); });
+  }
+
+ private:
   void Step() {
     if (cancel_.IsCancelled()) return End(CallCancelled());
     if (const absl::Status known = call_->CheckToken(); !known.ok()) return End(known);
@@ -71,12 +75,11 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
     this->StartWrite(&message_);
   }
 
- private:
   void AwaitRoom(const absl::Status& room) {
     constexpr double kPauseSeconds = 0.2;
     waited_seconds_ += kPauseSeconds;
     if (waited_seconds_ > call_->SecondsToRead()) return End(room);
-    timer_.Start(kPauseSeconds, [this] { pool_->Run(call_->client().name, [this] { Step(); }); });
+    timer_.Start(kPauseSeconds, [this] { GoOn(); });
   }
 
   void End(const absl::Status& status) { this->Finish(call_->End(status)); }

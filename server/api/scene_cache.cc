@@ -42,10 +42,7 @@ std::optional<SceneCache::Result> SceneCache::Get(Call& call, const CancelToken&
       if (++ended_ == asked_) failures_.clear();
     }
     if (entry.ok()) *snapshot = entry->snapshot;
-    pool_->Run(call.client().name,
-               [then, result = entry.ok() ? Result(entry->scene) : Result(entry.status())] {
-                 then(result);
-               });
+    then(entry.ok() ? Result(entry->scene) : Result(entry.status()));
   };
   const absl::Status accepted = loads_->Try(call.client().name, load);
   if (accepted.ok()) return std::nullopt;

@@ -30,14 +30,14 @@ class SceneCache {
   // slowly would keep every snapshot that a job ever had.
   using Snapshot = std::shared_ptr<const KeptFile>;
 
-  // All must outlive this: `loads` has one thread, and refuses calls of a client that has too many
-  // waiting; on `pool` calls go on.
-  SceneCache(Engine* engine, int64_t max_bytes, ThreadPool* loads, ThreadPool* pool)
-      : engine_(engine), max_bytes_(max_bytes), loads_(loads), pool_(pool) {}
+  // Both must outlive this: `loads` has one thread, and refuses calls of a client that has too many
+  // waiting.
+  SceneCache(Engine* engine, int64_t max_bytes, ThreadPool* loads)
+      : engine_(engine), max_bytes_(max_bytes), loads_(loads) {}
 
   // The scene of the job called `name`, if it is one of the call's: the snapshot that `snapshot`
   // names, if it is still in memory; else, and where it names none, the newest, which it then
-  // names. nullopt: it is not in memory, and `then` is called with it from the pool; until then,
+  // names. nullopt: it is not in memory, and `then` is called with it from that thread; until then,
   // call, token and `snapshot` must live. FAILED_PRECONDITION (SCENE_NOT_READY) if there is none
   // yet; else the errors of ParseJobName(), Jobs::Get(), Jobs::FetchKept() and Engine::LoadScene(),
   // and what `loads` refuses with.
@@ -67,7 +67,6 @@ class SceneCache {
   Engine* const engine_;
   const int64_t max_bytes_;
   ThreadPool* const loads_;
-  ThreadPool* const pool_;
   std::mutex mutex_;
   std::list<Entry> entries_;  // used last in front
   int64_t asked_ = 0, ended_ = 0;

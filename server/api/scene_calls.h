@@ -21,16 +21,19 @@ grpc::ServerUnaryReactor* RunWithScene(Gate* gate, grpc::CallbackServerContext* 
                                        const std::string& job, Check check, Work work) {
   return RunUnaryInSteps(
       gate, context, name, pool,
-      [=, &job, work = std::move(work)](Call& call, const CancelToken& cancel, auto answer) {
-        if (const absl::Status status = check(call); !status.ok()) return answer(status);
-        const auto snapshot = std::make_shared<SceneCache::Snapshot>();
-        const auto go_on = [=, &call, &cancel](const SceneCache::Result& scene) {
-          (void)snapshot;  // named by the load
-          if (cancel.IsCancelled()) return answer(CallCancelled());
-          answer(scene.ok() ? work(call, cancel, **scene) : scene.status());
+      [=, &job, work = std::move(work)](Call& call, const CancelToken& cancel,
+                                        UnaryReactor* reactor) {
+        if (const absl::Status status = check(call); !status.ok()) return reactor->Answer(status);
+        const auto answer = [=, &call, &cancel](const SceneCache::Result& scene) {
+          if (cancel.IsCancelled()) return reactor->Answer(CallCancelled());
+          reactor->Answer(scene.ok() ? work(call, cancel, **scene) : scene.status());
         };
-        const auto scene = scenes->Get(call, cancel, job, snapshot.get(), go_on);
-        if (scene) go_on(*scene);
+        const auto snapshot = std::make_shared<SceneCache::Snapshot>();
+        const auto scene = scenes->Get(call, cancel, job, snapshot.get(),
+                                       [=, held = snapshot](const SceneCache::Result& loaded) {
+                                         reactor->GoOn(pool, [=] { answer(loaded); });
+                                       });
+        if (scene) answer(*scene);
       });
 }
 
@@ -49,7 +52,7 @@ class SceneStream : public AnswerStream<Message> {
     const auto scene = scenes_->Get(this->call(), this->cancel(), name, &snapshot_,
                                     [this](const SceneCache::Result& loaded) {
                                       loaded_ = loaded;
-                                      this->Step();
+                                      this->GoOn();
                                     });
     return scene ? *scene : nullptr;
   }

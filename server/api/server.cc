@@ -109,7 +109,7 @@ class GrpcServer : public Server {
         load_pool_(1, options.max_waiting_pictures, RenderQueueFull(options.max_waiting_pictures)),
         own_reader_(options.reader ? nullptr : MakeInProcessReader()),
         hub_(jobs),
-        scenes_(engine, options.scene_cache_bytes, &load_pool_, &render_pool_),
+        scenes_(engine, options.scene_cache_bytes, &load_pool_),
         reconstruction_(&gate_, &hub_, &store_pool_,
                         {&blob_pool_, options.reader ? options.reader : own_reader_.get(),
                          &upload_cpu_, &archives_}),

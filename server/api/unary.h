@@ -31,20 +31,28 @@ class UnaryReactor : public grpc::ServerUnaryReactor {
   // The call is about to wait for a thread, and does not for ever.
   Turn Await(std::shared_ptr<Call> call) {
     call_ = std::move(call);
-    const Turn turn = std::make_shared<std::atomic<bool>>(false);
-    wait_.Start(call_->SecondsToWait(), [this, turn] {
-      if (!turn->exchange(true)) Answer(call_->WaitedTooLong());
-    });
-    return turn;
+    return Await();
   }
 
-  // Once the turn is taken: answers with what `work` returns.
+  // Runs `next` on the pool; the call's turn has to come once more.
+  template <typename Next>
+  void GoOn(ThreadPool* pool, Next next) {
+    const std::string client = call_->client().name;
+    const Turn turn = Await();
+    pool->Run(client, [this, turn, next = std::move(next)] {
+      if (turn->exchange(true)) return;
+      wait_.Stop();
+      next();
+    });
+  }
+
+  // Once the turn is taken.
   template <typename Work>
   void Run(const Work& work) {
     wait_.Stop();
     // A call that nobody waits for any more costs nothing.
     if (cancel_.IsCancelled()) return Answer(CallCancelled());
-    work(*call_, cancel_, [this](const absl::Status& status) { Answer(status); });
+    work(*call_, cancel_, this);
   }
 
   // Ends the call. A client that does not read the answer is cut off.
@@ -63,15 +71,23 @@ class UnaryReactor : public grpc::ServerUnaryReactor {
   }
 
  private:
+  Turn Await() {
+    const Turn turn = std::make_shared<std::atomic<bool>>(false);
+    wait_.Start(call_->SecondsToWait(), [this, turn] {
+      if (!turn->exchange(true)) Answer(call_->WaitedTooLong());
+    });
+    return turn;
+  }
+
   grpc::CallbackServerContext* const context_;
   CancelToken cancel_;
   std::shared_ptr<Call> call_;  // counted until the answer was read
   StallTimer wait_, timer_;
 };
 
-// Answers a unary call with what `work(call, cancel, answer)`, run on the pool, calls `answer`
-// with, then or later; the call's request and response live until then. The gate's error, the
-// pool's own if it is busy, or WAITED_TOO_LONG.
+// A unary call that `work(call, cancel, reactor)`, run on the pool, answers then or later; the
+// call's request and response live until then. Else the gate's error, the pool's own if it is busy,
+// or WAITED_TOO_LONG.
 template <typename Work>
 grpc::ServerUnaryReactor* RunUnaryInSteps(Gate* gate, grpc::CallbackServerContext* context,
                                           CallName name, ThreadPool* pool, Work work) {
@@ -91,14 +107,14 @@ grpc::ServerUnaryReactor* RunUnaryInSteps(Gate* gate, grpc::CallbackServerContex
   return reactor;
 }
 
-// The same with what `work(call, cancel)` returns.
+// The same, answered with what `work(call, cancel)` returns.
 template <typename Work>
 grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* context, CallName name,
                                    ThreadPool* pool, Work work) {
   return RunUnaryInSteps(
       gate, context, name, pool,
-      [work = std::move(work)](Call& call, const CancelToken& cancel, const auto& answer) {
-        answer(work(call, cancel));
+      [work = std::move(work)](Call& call, const CancelToken& cancel, UnaryReactor* reactor) {
+        reactor->Answer(work(call, cancel));
       });
 }
 
