@@ -1,6 +1,5 @@
 #include "engine/io/depth_io.h"
 
-#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <filesystem>
@@ -23,16 +22,14 @@ namespace litags {
 namespace {
 
 absl::Status CheckSize(int64_t width, int64_t height, std::string_view field,
-                       const ImageLimits &limits) {
+                       const ImageLimits& limits) {
   if (width < 1 || height < 1) {
     return InvalidField("DEPTH_SIZE", field, "the map's size is not positive");
   }
-  if (width > limits.max_side || height > limits.max_side ||
-      width * height > limits.max_pixels) {
+  if (width > limits.max_side || height > limits.max_side || width * height > limits.max_pixels) {
     return InvalidField("IMAGE_TOO_LARGE", field,
-                        absl::StrCat(width, "x", height, " exceeds ",
-                                     limits.max_pixels, " pixels or ",
-                                     limits.max_side, " on a side; resize it"));
+                        absl::StrCat(width, "x", height, " exceeds ", limits.max_pixels,
+                                     " pixels or ", limits.max_side, " on a side; resize it"));
   }
   return absl::OkStatus();
 }
@@ -40,39 +37,34 @@ absl::Status CheckSize(int64_t width, int64_t height, std::string_view field,
 struct PfmHeader {
   int width = 0, height = 0;
   float scale = 0;
-  size_t end = 0; // where the data begin
+  size_t end = 0;  // where the data begin
 };
 
 bool IsPfm(std::string_view bytes) {
-  return bytes.starts_with("Pf\n") || bytes.starts_with("Pf\r") ||
-         bytes.starts_with("Pf ");
+  return bytes.starts_with("Pf\n") || bytes.starts_with("Pf\r") || bytes.starts_with("Pf ");
 }
 
 bool IsNpy(std::string_view bytes) { return bytes.starts_with("\x93NUMPY"); }
 
 // "Pf\n<width> <height>\n<scale>\n"; a negative scale means little-endian.
-absl::StatusOr<PfmHeader> ParsePfmHeader(std::string_view bytes,
-                                         std::string_view field) {
+absl::StatusOr<PfmHeader> ParsePfmHeader(std::string_view bytes, std::string_view field) {
   constexpr size_t kMaxHeaderBytes = 128;
   const std::string_view front = bytes.substr(0, kMaxHeaderBytes);
   size_t end = 0;
   for (int line = 0; line < 3; ++line) {
     const size_t newline = front.find('\n', end);
     if (newline == std::string_view::npos) {
-      return InvalidField("DEPTH_CORRUPT", field,
-                          "the PFM header is malformed");
+      return InvalidField("DEPTH_CORRUPT", field, "the PFM header is malformed");
     }
     end = newline + 1;
   }
   const std::vector<std::string> words =
-      absl::StrSplit(Absl(front.substr(0, end)), absl::ByAnyChar(" \t\r\n"),
-                     absl::SkipEmpty());
+      absl::StrSplit(Absl(front.substr(0, end)), absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
   PfmHeader header;
   header.end = end;
-  if (words.size() != 4 || words[0] != "Pf" ||
-      !absl::SimpleAtoi(words[1], &header.width) ||
-      !absl::SimpleAtoi(words[2], &header.height) ||
-      !absl::SimpleAtof(words[3], &header.scale) || header.scale == 0) {
+  if (words.size() != 4 || words[0] != "Pf" || !absl::SimpleAtoi(words[1], &header.width) ||
+      !absl::SimpleAtoi(words[2], &header.height) || !absl::SimpleAtof(words[3], &header.scale) ||
+      header.scale == 0) {
     return InvalidField("DEPTH_CORRUPT", field, "the PFM header is malformed");
   }
   return header;
@@ -80,14 +72,13 @@ absl::StatusOr<PfmHeader> ParsePfmHeader(std::string_view bytes,
 
 // Rows go bottom to top.
 absl::StatusOr<Planes> DecodePfm(std::string_view bytes, std::string_view field,
-                                 const ImageLimits &limits) {
+                                 const ImageLimits& limits) {
   LITAGS_ASSIGN_OR_RETURN(const PfmHeader header, ParsePfmHeader(bytes, field));
   const auto [width, height, scale, end] = header;
   LITAGS_RETURN_IF_ERROR(CheckSize(width, height, field, limits));
   ByteReader reader(bytes.substr(end));
   if (!reader.CanHold(uint64_t(width) * height, sizeof(float))) {
-    return InvalidField("DEPTH_TRUNCATED", field,
-                        "the PFM ends early; send the whole file");
+    return InvalidField("DEPTH_TRUNCATED", field, "the PFM ends early; send the whole file");
   }
   Planes map(1, height, width);
   for (int y = height - 1; y >= 0; --y) {
@@ -104,19 +95,22 @@ absl::StatusOr<Planes> DecodePfm(std::string_view bytes, std::string_view field,
   return map;
 }
 
-absl::StatusOr<Planes> PlanesFromNpy(std::string_view bytes,
-                                     std::string_view field,
-                                     const ImageLimits &limits) {
-  LITAGS_ASSIGN_OR_RETURN(const NpyArray array, DecodeNpy(bytes, field));
-  std::vector<int64_t> shape = array.shape;
+// Height and width, where the other axis has one entry; else as it is.
+std::vector<int64_t> PlaneShape(std::vector<int64_t> shape) {
   if (shape.size() == 3 && shape.front() == 1) {
     shape.erase(shape.begin());
   } else if (shape.size() == 3 && shape.back() == 1) {
     shape.pop_back();
   }
+  return shape;
+}
+
+absl::StatusOr<Planes> PlanesFromNpy(std::string_view bytes, std::string_view field,
+                                     const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const NpyArray array, DecodeNpy(bytes, field));
+  const std::vector<int64_t> shape = PlaneShape(array.shape);
   if (shape.size() != 2) {
-    return InvalidField("DEPTH_SIZE", field,
-                        "the array is not [H,W], [1,H,W] or [H,W,1]");
+    return InvalidField("DEPTH_SIZE", field, "the array is not [H,W], [1,H,W] or [H,W,1]");
   }
   LITAGS_RETURN_IF_ERROR(CheckSize(shape[1], shape[0], field, limits));
   Planes map(1, static_cast<int>(shape[0]), static_cast<int>(shape[1]));
@@ -124,117 +118,113 @@ absl::StatusOr<Planes> PlanesFromNpy(std::string_view bytes,
   return map;
 }
 
-absl::StatusOr<Planes> DecodePngCodes(std::string_view bytes,
-                                      std::string_view field,
-                                      const ImageLimits &limits) {
+absl::StatusOr<Planes> DecodePngCodes(std::string_view bytes, std::string_view field,
+                                      const ImageLimits& limits) {
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ParsePngHeader(bytes, field));
   LITAGS_RETURN_IF_ERROR(CheckSize(info.width, info.height, field, limits));
   int channels = 1;
   Planes map(1, info.height, info.width);
-  const auto take = [&](const PngShape &shape, int y, const uint16_t *codes) {
+  const auto take = [&](const PngShape& shape, int y, const uint16_t* codes) {
     channels = shape.channels;
-    if (channels == 1)
-      std::copy_n(codes, map.width, &map.at(0, y, 0));
+    if (channels == 1) std::copy_n(codes, map.width, &map.at(0, y, 0));
   };
   LITAGS_RETURN_IF_ERROR(ReadPngCodes(bytes, PngChannels::kAll, field, take));
-  if (channels == 1)
-    return map;
-  return InvalidField("DEPTH_SIZE", field,
-                      absl::StrCat("the PNG has ", channels,
-                                   " channels; send one channel of 16 bits"));
+  if (channels != 1) {
+    return InvalidField(
+        "DEPTH_SIZE", field,
+        absl::StrCat("the PNG has ", channels, " channels; send one channel of 16 bits"));
+  }
+  if (info.bit_depth < 16) {
+    return InvalidField("DEPTH_BITS", field,
+                        absl::StrCat("the PNG has ", info.bit_depth,
+                                     " bits, as pictures of depth have; send 16, PFM or NPY"));
+  }
+  return map;
 }
 
 absl::StatusOr<Planes> DecodeAny(std::string_view bytes, std::string_view field,
-                                 const ImageLimits &limits) {
-  if (IsPfm(bytes))
-    return DecodePfm(bytes, field, limits);
-  if (IsNpy(bytes))
-    return PlanesFromNpy(bytes, field, limits);
-  if (IsPng(bytes))
-    return DecodePngCodes(bytes, field, limits);
+                                 const ImageLimits& limits) {
+  if (IsPfm(bytes)) return DecodePfm(bytes, field, limits);
+  if (IsNpy(bytes)) return PlanesFromNpy(bytes, field, limits);
+  if (IsPng(bytes)) return DecodePngCodes(bytes, field, limits);
   return InvalidField("DEPTH_NOT_RECOGNIZED", field,
-                      "neither a one-channel PFM nor NPY nor PNG file; convert "
-                      "it to one of them");
+                      "neither a one-channel PFM nor NPY nor PNG file; convert it to one of them");
 }
 
-} // namespace
+}  // namespace
 
-absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes,
-                                      std::string_view field,
-                                      const ImageLimits &limits) {
+absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view field,
+                                      const ImageLimits& limits) {
   LITAGS_ASSIGN_OR_RETURN(Planes map, DecodeAny(bytes, field, limits));
   bool any = false;
-  for (float &value : map.data) {
+  for (float& value : map.data) {
     if (std::isfinite(value)) {
       any = true;
     } else {
       value = std::numeric_limits<float>::quiet_NaN();
     }
   }
-  if (!any)
-    return InvalidField("NOT_FINITE", field, "the map holds no finite value");
+  if (!any) return InvalidField("NOT_FINITE", field, "the map holds no finite value");
   return map;
 }
 
-absl::StatusOr<Planes> ReadDepthMap(const std::string &path,
-                                    std::string_view field,
-                                    const ImageLimits &limits) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
-                          ReadFile(path, field, limits.max_bytes));
+absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view field,
+                                    const ImageLimits& limits) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
   return DecodeDepthMap(bytes, field, limits);
 }
 
-int64_t CountDepthPixels(const std::string &path) {
+DepthSize ReadDepthSize(const std::string& path) {
   constexpr size_t kFrontBytes = 64 << 10;
   std::string front(kFrontBytes, '\0');
   std::ifstream file(path, std::ios::binary);
   file.read(front.data(), static_cast<std::streamsize>(front.size()));
   front.resize(static_cast<size_t>(file.gcount()));
+  int64_t width = 0, height = 0;
   if (IsPfm(front)) {
-    const auto header = ParsePfmHeader(front, path);
-    return header.ok() ? int64_t{header->width} * header->height : 0;
-  }
-  if (IsNpy(front)) {
+    if (const auto header = ParsePfmHeader(front, path); header.ok()) {
+      width = header->width, height = header->height;
+    }
+  } else if (IsNpy(front)) {
     size_t data = 0;
     const auto header = DecodeNpyHeader(front, path, &data);
-    return header.ok() ? header->size() : 0;
+    const auto shape = header.ok() ? PlaneShape(header->shape) : std::vector<int64_t>();
+    if (shape.size() == 2) height = shape[0], width = shape[1];
+  } else if (const auto info = ParsePngHeader(front, path); info.ok()) {
+    width = info->width, height = info->height;
   }
-  const auto info = ParsePngHeader(front, path);
-  return info.ok() ? int64_t{info->width} * info->height : 0;
+  if (!CheckSize(width, height, path, ImageLimits()).ok()) return {};
+  return {static_cast<int>(width), static_cast<int>(height)};
 }
 
-std::string FindDepthMap(const std::string &dir, std::string_view stem) {
-  for (const char *extension : {".png", ".pfm", ".npy"}) {
+std::string FindDepthMap(const std::string& dir, std::string_view stem) {
+  for (const char* extension : {".npy", ".pfm", ".png"}) {
     const std::string path = absl::StrCat(dir, "/", Absl(stem), extension);
     std::error_code ignored;
-    if (std::filesystem::is_regular_file(path, ignored))
-      return path;
+    if (std::filesystem::is_regular_file(path, ignored)) return path;
   }
   return "";
 }
 
-std::string EncodePfm(const Planes &planes) {
+std::string EncodePfm(const Planes& planes) {
   LITAGS_CHECK(planes.channels == 1 || planes.channels == 3);
-  std::string out = absl::StrCat(planes.channels == 1 ? "Pf" : "PF", "\n",
-                                 planes.width, " ", planes.height, "\n-1.0\n");
+  std::string out = absl::StrCat(planes.channels == 1 ? "Pf" : "PF", "\n", planes.width, " ",
+                                 planes.height, "\n-1.0\n");
   out.reserve(out.size() + planes.data.size() * sizeof(float));
   for (int y = planes.height - 1; y >= 0; --y) {
     for (int x = 0; x < planes.width; ++x) {
-      for (int c = 0; c < planes.channels; ++c)
-        AppendNumber(&out, planes.at(c, y, x));
+      for (int c = 0; c < planes.channels; ++c) AppendNumber(&out, planes.at(c, y, x));
     }
   }
   return out;
 }
 
-absl::Status WritePfm(const std::string &path, const Planes &planes) {
+absl::Status WritePfm(const std::string& path, const Planes& planes) {
   return WriteFileAtomically(path, EncodePfm(planes));
 }
 
-absl::Status WriteNpy(const std::string &path, const Planes &planes) {
-  return WriteNpy(path,
-                  MakeNpyArray({planes.channels, planes.height, planes.width},
-                               planes.data));
+absl::Status WriteNpy(const std::string& path, const Planes& planes) {
+  return WriteNpy(path, MakeNpyArray({planes.channels, planes.height, planes.width}, planes.data));
 }
 
-} // namespace litags
+}  // namespace litags

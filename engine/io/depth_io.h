@@ -14,7 +14,7 @@
 namespace litags {
 
 // Reads a map as [1, H, W], by what the file is, not by its name: .pfm (one channel), .npy ([H, W],
-// [1, H, W] or [H, W, 1]) or .png (one channel, 8 or 16 bits; values are the codes). Values that
+// [1, H, W] or [H, W, 1]) or .png (one channel of 16 bits; values are the codes). Values that
 // are not finite become NaN: no measurement. INVALID_ARGUMENT if it is none of these, broken,
 // larger than `limits`, or has no finite value.
 absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view field,
@@ -22,10 +22,15 @@ absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view fi
 absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view field,
                                       const ImageLimits& limits = {});
 
-// How many pixels the map has by the file's first bytes; 0 if they do not say.
-int64_t CountDepthPixels(const std::string& path);
+// The map's size, px, by the file's first bytes; 0x0 if they do not say.
+struct DepthSize {
+  int width = 0, height = 0;
+  int64_t pixels() const { return int64_t{width} * height; }
+};
+DepthSize ReadDepthSize(const std::string& path);
 
-// The first existing of dir/stem.{png,pfm,npy}; empty if none.
+// The first existing of dir/stem.{npy,pfm,png}: a PNG beside another may be a picture of it. Empty
+// if none.
 std::string FindDepthMap(const std::string& dir, std::string_view stem);
 
 // 1 or 3 planes as little-endian PFM (rows bottom to top, as the format wants).

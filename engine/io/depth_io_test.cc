@@ -6,6 +6,7 @@
 #include <string>
 
 #include "engine/io/file_util.h"
+#include "engine/io/mask_io.h"
 #include "engine/io/npy.h"
 #include "engine/io/test_util.h"
 #include "gmock/gmock.h"
@@ -32,19 +33,20 @@ TEST(DepthMap, RoundTripsThroughPfmAndNpy) {
     EXPECT_EQ(back->height, 5);
     EXPECT_EQ(back->width, 3);
     EXPECT_EQ(back->data, map.data) << name;
-    EXPECT_EQ(CountDepthPixels(dir / name), 15) << name;
+    EXPECT_EQ(ReadDepthSize(dir / name).height, 5) << name;
+    EXPECT_EQ(ReadDepthSize(dir / name).width, 3) << name;
   }
 }
 
-TEST(DepthMap, PixelsAreCountedByTheFirstBytes) {
+TEST(DepthMap, SizesAreThoseOfTheFirstBytes) {
   TempDir dir;
   ASSERT_TRUE(WriteFileAtomically(dir / "a.png", EncodePng16(Ramp(5, 3), 1.0).value()).ok());
-  EXPECT_EQ(CountDepthPixels(dir / "a.png"), 15);
+  EXPECT_EQ(ReadDepthSize(dir / "a.png").pixels(), 15);
   ASSERT_TRUE(WriteFileAtomically(dir / "cut.pfm", "Pf\n640 480\n-1.0\n").ok());
-  EXPECT_EQ(CountDepthPixels(dir / "cut.pfm"), 640 * 480);
+  EXPECT_EQ(ReadDepthSize(dir / "cut.pfm").pixels(), 640 * 480);
   ASSERT_TRUE(WriteFileAtomically(dir / "text.npy", "no map").ok());
-  EXPECT_EQ(CountDepthPixels(dir / "text.npy"), 0);
-  EXPECT_EQ(CountDepthPixels(dir / "none.png"), 0);
+  EXPECT_EQ(ReadDepthSize(dir / "text.npy").pixels(), 0);
+  EXPECT_EQ(ReadDepthSize(dir / "none.png").pixels(), 0);
 }
 
 TEST(DepthMap, ReadsCodesOfA16BitPng) {
@@ -99,6 +101,7 @@ TEST(DepthMap, RefusesWhatIsNoMap) {
   EXPECT_EQ(reason(""), "DEPTH_NOT_RECOGNIZED");
   EXPECT_EQ(reason(EncodeJpeg(TestImage(8, 8)).value()), "DEPTH_NOT_RECOGNIZED");
   EXPECT_EQ(reason(EncodePng(TestImage(8, 8)).value()), "DEPTH_SIZE");
+  EXPECT_EQ(reason(EncodeMask(PlaneU8(8, 8)).value()), "DEPTH_BITS");
   EXPECT_EQ(reason("Pf\n2 2\n-1\nshort"), "DEPTH_TRUNCATED");
   EXPECT_EQ(reason("Pf\n-2 2\n-1\n"), "DEPTH_SIZE");
   EXPECT_EQ(reason("Pf\n2 x\n-1\n"), "DEPTH_CORRUPT");
@@ -116,10 +119,10 @@ TEST(DepthMap, RefusesEveryTruncation) {
   }
 }
 
-TEST(FindDepthMap, PrefersPngThenPfmThenNpy) {
+TEST(FindDepthMap, PrefersNpyThenPfmThenPng) {
   TempDir dir;
   EXPECT_EQ(FindDepthMap(dir.path(), "a"), "");
-  for (const char* name : {"a.npy", "a.pfm", "a.png"}) {
+  for (const char* name : {"a.png", "a.pfm", "a.npy"}) {
     std::ofstream(dir / name) << "x";
     EXPECT_EQ(FindDepthMap(dir.path(), "a"), dir / name);
   }

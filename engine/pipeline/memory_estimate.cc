@@ -148,7 +148,7 @@ PhotoMaps MapsOf(absl::Span<const ScreenedPhoto> photos, const ReconstructInput&
     case DepthOrigin::kMaps:
       for (const ScreenedPhoto& photo : photos) {
         const std::string path = FindDepthMap(input.depth_dir, Stem(photo.name));
-        if (!path.empty()) maps.depth[photo.name] = CountDepthPixels(path);
+        if (!path.empty()) maps.depth[photo.name] = ReadDepthSize(path).pixels();
       }
       break;
     case DepthOrigin::kAuto:
