@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/io/depth_io.h"
@@ -31,35 +32,16 @@ DepthMap SplitKnown(Planes depth) {
   return map;
 }
 
-// Error unless the known pixels hold at least two different values.
-absl::Status CheckUsable(const DepthMap& map, const std::string& field) {
+// Why nothing can be learnt from a map; empty: it can.
+std::string WhyUseless(const DepthMap& map) {
   float least = INFINITY, most = -INFINITY;
   for (size_t i = 0; i < map.depth.data.size(); ++i) {
     if (map.confidence.data[i] == 0) continue;
     least = std::min(least, map.depth.data[i]);
     most = std::max(most, map.depth.data[i]);
   }
-  if (least > most) {
-    return InvalidInput("DEPTH_MAP_EMPTY", field,
-                        absl::StrCat(field,
-                                     ": no pixel has a depth (all are 0 or not finite); "
-                                     "remove the file or write the map again"));
-  }
-  if (least == most) {
-    return InvalidInput("DEPTH_MAP_CONSTANT", field,
-                        absl::StrCat(field, ": every pixel has depth ", least,
-                                     ", which says nothing of the scene; remove the file"));
-  }
-  return absl::OkStatus();
-}
-
-absl::Status CheckShape(const Planes& map, const Photo& photo, const std::string& field) {
-  const double skew = double(map.width) * photo.height / (double(map.height) * photo.width) - 1;
-  if (std::abs(skew) <= 0.01) return absl::OkStatus();
-  return InvalidInput(
-      "DEPTH_MAP_SIZE", field,
-      absl::StrCat(field, ": ", map.width, "x", map.height, " px does not fit the ", photo.width,
-                   "x", photo.height, " px photo; give maps of the photo's aspect ratio"));
+  if (least > most) return "no pixel has a depth (all are 0 or not finite)";
+  return least == most ? absl::StrCat("every pixel has depth ", least) : "";
 }
 
 // Mean over the known pixels under each new one; known if at least half of them are.
@@ -95,36 +77,51 @@ std::vector<Between> Betweens(int from, int to) {
 
 class FolderDepthProvider : public DepthProvider {
  public:
-  explicit FolderDepthProvider(std::string folder) : folder_(std::move(folder)) {}
+  FolderDepthProvider(std::string folder, std::vector<std::string>* notes)
+      : folder_(std::move(folder)), notes_(notes) {}
 
   absl::StatusOr<std::vector<std::optional<DepthMap>>> Maps(absl::Span<const PosedPhoto> photos,
                                                             const CancelToken& cancel,
                                                             DepthProgress progress) override {
     std::vector<std::optional<DepthMap>> maps;
+    std::vector<std::string> useless;
     for (const PosedPhoto& p : photos) {
       LITAGS_RETURN_IF_ERROR(cancel.Check());
-      LITAGS_ASSIGN_OR_RETURN(std::optional<DepthMap> map, Read(p));
+      LITAGS_ASSIGN_OR_RETURN(std::optional<DepthMap> map, Read(p, &useless));
       maps.push_back(std::move(map));
       progress(static_cast<int>(maps.size()), static_cast<int>(photos.size()));
+    }
+    if (notes_ != nullptr && !useless.empty()) {
+      const bool one = useless.size() == 1;
+      notes_->push_back(absl::StrCat(Counted(useless.size(), "depth map"),
+                                     one ? " is not used: " : " are not used, such as ",
+                                     useless.front()));
     }
     return maps;
   }
 
  private:
-  absl::StatusOr<std::optional<DepthMap>> Read(const PosedPhoto& posed) const {
+  absl::StatusOr<std::optional<DepthMap>> Read(const PosedPhoto& posed,
+                                               std::vector<std::string>* useless) const {
     const Photo& photo = *posed.photo;
     const std::string path = FindDepthMap(folder_, Stem(posed.view->name));
     if (path.empty()) return std::nullopt;
     const std::string field = absl::StrCat("depth/", BaseName(path));
-    LITAGS_ASSIGN_OR_RETURN(Planes plane, ReadDepthMap(path, field));
-    DepthMap map = SplitKnown(std::move(plane));
+    absl::StatusOr<Planes> plane = ReadDepthMap(path, field);
+    if (const auto detail = GetErrorDetail(plane.status());
+        detail && detail->reason == "NOT_FINITE") {
+      useless->emplace_back(plane.status().message());
+      return std::nullopt;
+    }
+    LITAGS_RETURN_IF_ERROR(plane.status());
+    DepthMap map = SplitKnown(*std::move(plane));
     if (posed.distortion != nullptr) {
       for (Planes* p : {&map.depth, &map.confidence}) {
         LITAGS_ASSIGN_OR_RETURN(*p, UndistortNearest(*p, posed.view->camera, *posed.distortion));
       }
     }
-    LITAGS_RETURN_IF_ERROR(CheckUsable(map, field));
-    LITAGS_RETURN_IF_ERROR(CheckShape(map.depth, photo, field));
+    LITAGS_RETURN_IF_ERROR(
+        CheckDepthShape(map.depth.width, map.depth.height, photo.width, photo.height, field));
     if (map.depth.width > photo.width || map.depth.height > photo.height) {
       try {
         map = AverageKnown(map, photo.width, photo.height);
@@ -132,7 +129,10 @@ class FolderDepthProvider : public DepthProvider {
         return MakeError(absl::StatusCode::kInternal, "DEPTH_MAP_RESIZE", field,
                          absl::StrCat(field, ": cannot resize: ", e.what()));
       }
-      LITAGS_RETURN_IF_ERROR(CheckUsable(map, field));
+    }
+    if (const std::string why = WhyUseless(map); !why.empty()) {
+      useless->push_back(absl::StrCat(field, ": ", why));
+      return std::nullopt;
     }
     const auto& confidence = map.confidence.data;
     if (std::all_of(confidence.begin(), confidence.end(), [](float c) { return c == 1; })) {
@@ -142,9 +142,20 @@ class FolderDepthProvider : public DepthProvider {
   }
 
   const std::string folder_;
+  std::vector<std::string>* const notes_;
 };
 
 }  // namespace
+
+absl::Status CheckDepthShape(int width, int height, int photo_width, int photo_height,
+                             const std::string& field) {
+  const double skew = double(width) * photo_height / (double(height) * photo_width) - 1;
+  if (std::abs(skew) <= 0.01) return absl::OkStatus();
+  return InvalidInput(
+      "DEPTH_MAP_SIZE", field,
+      absl::StrCat(field, ": ", width, "x", height, " px does not fit the ", photo_width, "x",
+                   photo_height, " px photo; give maps of the photo's aspect ratio"));
+}
 
 Planes AverageDown(const Planes& plane, int most_width, int most_height) {
   Planes out(1, std::min(plane.height, most_height), std::min(plane.width, most_width));
@@ -189,14 +200,15 @@ void ResizeDepth(const DepthMap& map, int width, int height, const PixelRect& cr
   });
 }
 
-absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(const std::string& folder) {
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(
+    const std::string& folder, std::vector<std::string>* notes) {
   std::error_code error;
   if (!std::filesystem::is_directory(folder, error)) {
     return MakeError(
         absl::StatusCode::kNotFound, "DEPTH_FOLDER_MISSING", "depth_dir",
         absl::StrCat("depth folder '", folder, "' does not exist; give a folder of maps or none"));
   }
-  return std::make_unique<FolderDepthProvider>(folder);
+  return std::make_unique<FolderDepthProvider>(folder, notes);
 }
 
 }  // namespace litags

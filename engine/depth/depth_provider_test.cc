@@ -5,6 +5,8 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <string>
+#include <vector>
 
 #include "engine/core/error.h"
 #include "engine/core/temp_dir_test_util.h"
@@ -19,7 +21,7 @@ class FolderDepth : public testing::Test {
   std::string Path(const std::string& file) const { return folder_ / file; }
 
   absl::StatusOr<std::optional<DepthMap>> Depth(const std::string& name, int width, int height) {
-    auto provider = MakeFolderDepthProvider(folder_.path());
+    auto provider = MakeFolderDepthProvider(folder_.path(), &notes_);
     if (!provider.ok()) return provider.status();
     const View view{name, {}};
     const Photo photo(width, height);
@@ -38,6 +40,7 @@ class FolderDepth : public testing::Test {
   }
 
   const TempDir folder_;
+  std::vector<std::string> notes_;
 };
 
 TEST_F(FolderDepth, AViewWithoutAMapHasNone) {
@@ -150,11 +153,24 @@ TEST_F(FolderDepth, AMapWithMoreColumnsAndFewerRowsLosesColumnsOnly) {
   EXPECT_EQ((*depth)->depth.height, 199);
 }
 
-TEST_F(FolderDepth, MapsThatCannotBeUsedAreErrorsThatNameTheFile) {
-  ASSERT_TRUE(WritePfm(Path("empty.pfm"), Planes(1, 6, 8)).ok());
+TEST_F(FolderDepth, AMapThatSaysNothingIsNotUsed) {
   Planes flat(1, 6, 8);
+  ASSERT_TRUE(WritePfm(Path("empty.pfm"), flat).ok());
   for (float& d : flat.data) d = 3;
   ASSERT_TRUE(WritePfm(Path("flat.pfm"), flat).ok());
+  for (float& d : flat.data) d = NAN;
+  ASSERT_TRUE(WritePfm(Path("nan.pfm"), flat).ok());
+  for (const std::string stem : {"empty", "flat", "nan"}) {
+    notes_.clear();
+    const auto depth = Depth(stem + ".jpg", 8, 6);
+    ASSERT_TRUE(depth.ok()) << depth.status();
+    EXPECT_FALSE(depth->has_value()) << stem;
+    ASSERT_EQ(notes_.size(), 1u);
+    EXPECT_TRUE(notes_[0].starts_with("1 depth map is not used: depth/" + stem)) << notes_[0];
+  }
+}
+
+TEST_F(FolderDepth, MapsThatCannotBeUsedAreErrorsThatNameTheFile) {
   ASSERT_TRUE(WritePfm(Path("tall.pfm"), Ramp(6, 8)).ok());
   std::ofstream(Path("junk.png")) << "not an image";
   const auto reason = [&](const std::string& stem, const std::string& file) {
@@ -165,8 +181,6 @@ TEST_F(FolderDepth, MapsThatCannotBeUsedAreErrorsThatNameTheFile) {
     EXPECT_EQ(detail->field, "depth/" + file);
     return detail->reason;
   };
-  EXPECT_EQ(reason("empty", "empty.pfm"), "DEPTH_MAP_EMPTY");
-  EXPECT_EQ(reason("flat", "flat.pfm"), "DEPTH_MAP_CONSTANT");
   EXPECT_EQ(reason("tall", "tall.pfm"), "DEPTH_MAP_SIZE");
   EXPECT_NE(reason("junk", "junk.png"), "no detail");
 }

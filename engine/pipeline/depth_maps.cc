@@ -1,11 +1,15 @@
 #include "engine/pipeline/depth_maps.h"
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/spread_indices.h"
@@ -17,6 +21,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/fingerprint.h"
+#include "engine/pipeline/photo_place.h"
 #include "engine/stereo/stereo.h"
 
 namespace litags {
@@ -59,7 +64,7 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(const Context& conte
   const ReconstructInput& input = context.input;
   switch (origin) {
     case DepthOrigin::kMaps:
-      return MakeFolderDepthProvider(input.depth_dir);
+      return MakeFolderDepthProvider(input.depth_dir, &context.report->notes);
     case DepthOrigin::kNetwork:
       return MakeNetwork(input.depth_network);
     case DepthOrigin::kStereo: {
@@ -149,19 +154,109 @@ std::optional<DepthMaps> Kept(const std::string& path, const std::string& key, s
   return maps;
 }
 
+// Of a photo, or of the photo that a view was cut from.
+std::string NameThatWasSent(const ReconstructInput& input, const std::string& photo) {
+  const auto view = input.rig_views.find(photo);
+  return view == input.rig_views.end() ? photo : view->second.rig;
+}
+
 // Maps of no photo would leave the depth loss off.
 absl::Status CheckMapsFit(const ReconstructInput& input) {
   LITAGS_RETURN_IF_ERROR(MakeFolderDepthProvider(input.depth_dir).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
                           ListPhotos(input.images_dir, "images"));
+  bool any = false;
   for (const std::string& photo : photos) {
-    if (!FindDepthMap(input.depth_dir, Stem(photo)).empty()) return absl::OkStatus();
+    const std::string path = FindDepthMap(input.depth_dir, Stem(photo));
+    if (path.empty()) continue;
+    any = true;
+    const DepthSize map = ReadDepthSize(path);
+    const auto size = ReadImageSize(PhotoPath(input, photo), PhotoField(photo));
+    if (map.width == 0 || !size.ok()) continue;  // whoever needs it says why
+    LITAGS_RETURN_IF_ERROR(CheckDepthShape(map.width, map.height, size->width, size->height,
+                                           absl::StrCat("depth/", BaseName(path))));
   }
+  if (any) return absl::OkStatus();
+  const std::string& first = photos.front();
+  const std::string sent = NameThatWasSent(input, first);
   return InvalidInput(
       "DEPTH_MAP_WITHOUT_PHOTO", "depth_dir",
-      absl::StrCat("depth folder '", input.depth_dir,
-                   "' has no map of any photo; name maps as their photos, as ",
-                   Stem(photos.front()), ".png, .pfm or .npy, or choose another depth source"));
+      absl::StrCat("depth folder '", input.depth_dir, "' has no map of any photo; ",
+                   sent == first ? "name maps as their photos"
+                                 : sent + " is learnt as several views: give maps of these",
+                   ", as ", Stem(first), ".png, .pfm or .npy, or choose another depth source"));
+}
+
+// Maps of no photo of the training, as of fisheyes, which became views once their cameras were
+// found.
+absl::StatusOr<DepthOrigin> OriginFor(const Context& context,
+                                      const std::vector<PosedPhoto>& photos) {
+  const DepthOrigin origin = ResolveDepthOrigin(context);
+  if (origin != DepthOrigin::kMaps || photos.empty()) return origin;
+  const std::string& dir = context.input.depth_dir;
+  for (const PosedPhoto& photo : photos) {
+    if (!FindDepthMap(dir, Stem(photo.view->name)).empty()) return origin;
+  }
+  const std::string none = absl::StrCat("none of the ", photos.size(), " training photos, such as ",
+                                        photos[0].view->name, ", has a map in the depth folder");
+  if (context.options.depth_source == DepthOrigin::kMaps) {
+    return InvalidInput("DEPTH_MAP_WITHOUT_PHOTO", "depth_dir",
+                        absl::StrCat(none, "; name maps as these, or choose another depth source"));
+  }
+  context.Note(absl::StrCat(none, ": depth comes from stereo"));
+  return DepthOrigin::kStereo;
+}
+
+// Spearman's: of the ranks of both numbers.
+double RankCorrelation(std::vector<std::array<double, 2>> pairs) {
+  const auto n = static_cast<double>(pairs.size());
+  for (size_t k = 0; k < 2; ++k) {
+    std::sort(pairs.begin(), pairs.end(),
+              [k](const auto& a, const auto& b) { return a[k] < b[k]; });
+    for (size_t i = 0; i < pairs.size(); ++i) pairs[i][k] = static_cast<double>(i);
+  }
+  double squares = 0;
+  for (const auto& [a, b] : pairs) squares += (a - b) * (a - b);
+  return 1 - 6 * squares / (n * (n * n - 1));
+}
+
+// The loss would push things the wrong way.
+absl::Status CheckGrowWithDistance(const std::vector<PosedPhoto>& photos, const DepthMaps& maps,
+                                   absl::Span<const SparsePoint> points,
+                                   absl::Span<const int> point_views) {
+  constexpr size_t kEnough = 50;  // points of a photo; a map by chance has +-0.14
+  constexpr double kInverse = -0.5;
+  std::vector<std::vector<std::array<double, 2>>> pairs(photos.size());  // distance, map
+  for (const SparsePoint& point : points) {
+    for (const TrackElement& e : point.track) {
+      const int i = point_views[e.view];
+      if (i < 0 || !maps[i].has_value()) continue;
+      const DepthMap& map = *maps[i];
+      const Camera camera = photos[i].view->camera.Scaled(map.depth.width, map.depth.height);
+      const auto [x, y, z] = camera.CamFromWorld(point.xyz);
+      const double column = camera.fx * x / z + camera.cx, row = camera.fy * y / z + camera.cy;
+      const bool inside =
+          z > 0 && column >= 0 && column < camera.width && row >= 0 && row < camera.height;
+      if (!inside) continue;
+      const int u = static_cast<int>(column), v = static_cast<int>(row);
+      if (!map.confidence.empty() && map.confidence.at(0, v, u) == 0) continue;
+      pairs[i].push_back({z, map.depth.at(0, v, u)});
+    }
+  }
+  std::vector<double> correlations;
+  for (auto& of_photo : pairs) {
+    if (of_photo.size() >= kEnough) correlations.push_back(RankCorrelation(std::move(of_photo)));
+  }
+  if (correlations.empty()) return absl::OkStatus();
+  const auto middle = correlations.begin() + static_cast<ptrdiff_t>(correlations.size() / 2);
+  std::nth_element(correlations.begin(), middle, correlations.end());
+  if (*middle >= kInverse) return absl::OkStatus();
+  return InvalidInput(
+      "DEPTH_MAP_INVERSE", "depth_dir",
+      absl::StrFormat("the depth maps are larger where things are nearer (rank correlation with "
+                      "the points that photos saw: %.2f): these are inverse depths; give 1/x, or "
+                      "choose another depth source",
+                      *middle));
 }
 
 void ForgetMasked(const PlaneU8& mask, DepthMap* map) {
@@ -235,10 +330,11 @@ absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
                                         absl::Span<const SparsePoint> points,
                                         absl::Span<const int> point_views, const std::string& key) {
   const ReconstructInput& input = context.input;
-  const DepthOrigin origin = ResolveDepthOrigin(context);
-  if (origin == DepthOrigin::kNone) return DepthMaps();
+  const DepthOrigin asked = ResolveDepthOrigin(context);
+  if (asked == DepthOrigin::kNone) return DepthMaps();
   LITAGS_RETURN_IF_ERROR(CheckDepthSource(context));
-  if (origin != DepthOrigin::kMaps && !input.depth_dir.empty()) {
+  LITAGS_ASSIGN_OR_RETURN(const DepthOrigin origin, OriginFor(context, photos));
+  if (asked != DepthOrigin::kMaps && !input.depth_dir.empty()) {
     context.Note(absl::StrCat("the depth maps given are not used: depth comes from ",
                               Describe(origin), " (depth_source)"));
   }
@@ -265,6 +361,14 @@ absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
     std::optional<DepthMap>& map = (*maps)[i];
     found += map.has_value();
     if (map.has_value() && photos[i].mask != nullptr) ForgetMasked(*photos[i].mask, &*map);
+  }
+  if (origin == DepthOrigin::kMaps) {
+    if (found == 0) {
+      return InvalidInput("DEPTH_MAP_EMPTY", "depth_dir",
+                          "no depth map says anything of its photo (all pixels are 0, not finite, "
+                          "or of one depth); write the maps again or choose another depth source");
+    }
+    LITAGS_RETURN_IF_ERROR(CheckGrowWithDistance(photos, *maps, points, point_views));
   }
   context.report->depth_used = found > 0;
   std::string note = absl::StrCat("depth from ", Describe(origin), ": ", found, " of ",

@@ -36,8 +36,8 @@ inline DepthOrigin ResolveDepthOrigin(const Context& context) {
 }
 
 // If the source has nothing to work with, before the cameras are searched for: INVALID_ARGUMENT
-// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING, DEPTH_MAP_WITHOUT_PHOTO where no map is of a photo),
-// NOT_FOUND (DEPTH_FOLDER_MISSING).
+// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING, DEPTH_MAP_WITHOUT_PHOTO where no map is of a photo,
+// DEPTH_MAP_SIZE), NOT_FOUND (DEPTH_FOLDER_MISSING).
 absl::Status CheckDepthSource(const Context& context);
 
 using DepthMaps = std::vector<std::optional<DepthMap>>;
@@ -45,9 +45,11 @@ using DepthMaps = std::vector<std::optional<DepthMap>>;
 // The maps of the training photos, none at all without a source. Fills depth_used and notes of the
 // report. `points` are of the capture's model, `point_views` as in TrainSet. Maps of stereo and of
 // a network are kept in work_dir/depth.litags and taken from there if they were made from the same
-// photos, cameras and points (`key`), so that a resumed run has the very same. Errors of
-// CheckDepthSource() and of the source. Pixels that do not count by their photo's mask get no
-// depth.
+// photos, cameras and points (`key`), so that a resumed run has the very same. Where no training
+// photo has one of the maps given, stereo makes them, with a note, if the source is kAuto. Errors
+// of CheckDepthSource() and of the source; INVALID_ARGUMENT: DEPTH_MAP_WITHOUT_PHOTO,
+// DEPTH_MAP_EMPTY (all are), DEPTH_MAP_INVERSE (points that photos saw tell). Pixels that do not
+// count by their photo's mask get no depth.
 absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
                                         const std::vector<PosedPhoto>& photos,
                                         absl::Span<const SparsePoint> points,

@@ -8,6 +8,7 @@
 
 #include "engine/io/depth_io.h"
 #include "engine/onnx/onnx_writer.h"
+#include "engine/pipeline/capture_test_util.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
@@ -163,6 +164,74 @@ TEST(DepthMaps, MapsOfNoPhotoAreRefusedBeforeCamerasAreSearchedFor) {
     const absl::Status foreign = Reconstruct(input, WithSource(source)).status();
     EXPECT_EQ(foreign.code(), absl::StatusCode::kInvalidArgument);
     EXPECT_EQ(Reason(foreign), "DEPTH_MAP_WITHOUT_PHOTO");
+  }
+}
+
+// As of fisheyes, which become views once their cameras are found: here of a photo held out.
+TEST(DepthMaps, MapsOfNoTrainingPhotoAreRefusedOrStereoStandsIn) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.depth_dir = input.work_dir + "/maps";
+  std::filesystem::create_directory(input.depth_dir);
+  const std::string stem = Stem(photos.model.views[2].name);
+  ASSERT_TRUE(WritePfm(input.depth_dir + "/" + stem + ".pfm", Planes(1, kHeight, kWidth)).ok());
+  const absl::Status refused = Reconstruct(input, WithSource(DepthOrigin::kMaps)).status();
+  EXPECT_EQ(Reason(refused), "DEPTH_MAP_WITHOUT_PHOTO");
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("none of the 6 training photos"));
+  const auto report = Reconstruct(input, WithSource(DepthOrigin::kAuto));
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_TRUE(report->depth_used);
+  EXPECT_THAT(report->notes, Contains(HasSubstr("depth comes from stereo")));
+}
+
+TEST(DepthMaps, MapsAreCheckedBeforeCamerasAreSearchedFor) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.cameras_path.clear();
+  input.depth_dir = input.work_dir + "/maps";
+  std::filesystem::create_directory(input.depth_dir);
+  const std::string map = Stem(photos.model.views[7].name) + ".pfm";
+  ASSERT_TRUE(WritePfm(input.depth_dir + "/" + map, Planes(1, kWidth, kHeight)).ok());
+  const absl::Status status = Reconstruct(input, WithSource(DepthOrigin::kAuto)).status();
+  EXPECT_EQ(Reason(status), "DEPTH_MAP_SIZE");
+  EXPECT_EQ(GetErrorDetail(status)->field, "depth/" + map);
+}
+
+TEST(DepthMaps, OfPhotosThatAreLearntAsViewsAreRefusedByThePhotosName) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.depth_dir = input.work_dir + "/maps";
+  std::filesystem::create_directory(input.depth_dir);
+  for (const View& view : photos.model.views) input.rig_views[view.name].rig = "sphere.jpg";
+  const ReconstructOptions options = WithSource(DepthOrigin::kAuto);
+  const CancelToken never;
+  ReconstructReport report;
+  const absl::Status status = CheckDepthSource(Context(
+      input, options, never, [](Stage, const std::string&) {}, &report));
+  EXPECT_EQ(Reason(status), "DEPTH_MAP_WITHOUT_PHOTO");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("sphere.jpg is learnt as several views"));
+}
+
+TEST(DepthMaps, InverseDepthsAreRefused) {
+  RoomCapture room(6);
+  room.TrackPointsEverywhere();
+  ReconstructInput input = room.Input("work");
+  input.depth_dir = room.Path("maps");
+  std::filesystem::create_directory(input.depth_dir);
+  ReconstructOptions options = room.Options(1);
+  for (const bool inverse : {true, false}) {
+    for (int i = 0; i < 6; ++i) {
+      Planes depth = room.Depth(i);
+      for (float& d : depth.data) d = inverse ? 1 / d : 5 + 2 * d;
+      ASSERT_TRUE(WritePfm(input.depth_dir + "/" + Stem(room.Name(i)) + ".pfm", depth).ok());
+    }
+    const absl::Status status = Train(input, options).status();
+    if (inverse) {
+      EXPECT_EQ(Reason(status), "DEPTH_MAP_INVERSE");
+      EXPECT_THAT(std::string(status.message()), HasSubstr("give 1/x"));
+    } else {
+      EXPECT_TRUE(status.ok()) << status;
+    }
   }
 }
 
