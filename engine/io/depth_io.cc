@@ -1,5 +1,6 @@
 #include "engine/io/depth_io.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <filesystem>
