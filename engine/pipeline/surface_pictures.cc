@@ -15,10 +15,10 @@ namespace litags {
 namespace {
 
 constexpr size_t kMostCameras = 64;
-constexpr double kMostSide = 640;    // px, of a picture
-constexpr double kMostPixels = 4e6;  // of all pictures
-constexpr float kOpaque = 0.9f;      // least coverage of a pixel
-constexpr float kEdge = 0.05f;       // of the depth, between neighbours
+constexpr double kMostSide = 640;       // px, of a picture
+constexpr double kMostPixels = 4e6;     // of all pictures
+constexpr float kOpaque = 0.9f;         // least coverage of a pixel
+constexpr float kEdge = kOtherSurface;  // of the depth, between neighbours
 
 Camera Shrunk(const Camera& camera, size_t cameras) {
   const double pixels = double(camera.width) * camera.height;

@@ -8,14 +8,12 @@
 #include "engine/core/error.h"
 #include "engine/export/quantize.h"
 #include "engine/pipeline/surface_pictures.h"
+#include "engine/surface/grid.h"
 
 namespace litags {
 namespace {
 
 using Point = std::array<double, 3>;
-
-constexpr double kCubePixels = 1.5;       // side of a cube, in widths of a pixel, their median
-constexpr int64_t kCubesAside = 1 << 20;  // of the centre: a cube's number has 21 bits an axis
 
 // What a pixel shows. 16 bytes: there are millions.
 struct Sample {
@@ -48,13 +46,12 @@ struct Cube {
 };
 
 uint64_t CubeOf(const Sample& sample, double side) {
-  uint64_t number = 0;
-  for (const float x : sample.from_center) {
-    const auto cube = static_cast<int64_t>(
-        std::floor(std::clamp(x / side, double(-kCubesAside), double(kCubesAside - 1))));
-    number = number << 21 | static_cast<uint64_t>(cube + kCubesAside);
+  std::array<int32_t, 3> cube;
+  for (int k = 0; k < 3; ++k) {
+    cube[k] = static_cast<int32_t>(std::floor(
+        std::clamp(sample.from_center[k] / side, double(-kCubesAside), double(kCubesAside - 1))));
   }
-  return number;
+  return CubeNumber(cube);
 }
 
 // The cubes that at least `cameras` cameras see.

@@ -5,17 +5,12 @@
 
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/surface/grid.h"
 
 namespace litags {
 namespace {
 
 using Point = std::array<double, 3>;
-
-constexpr int64_t kBlocksAside = 1 << 20;  // of the centre: a block's number has 21 bits an axis
-
-// Side of a voxel in widths of a pixel, their median. Choice: as the cubes of exported points: a
-// finer voxel is seen by less than a pixel of each picture, a coarser one rounds off corners.
-constexpr double kVoxelPixels = 1.5;
 
 // Widest pixel that a surface is taken from, in voxels. Choice: half a block, so that no block
 // between two pixels is left out.
@@ -24,15 +19,6 @@ constexpr double kWidestPixel = TsdfVolume::kSide / 2.0;
 // Least FacingOf a surface that is taken. Choice: over one pixel, the depth of a flatter one
 // changes by more than ten times the pixel's width.
 constexpr float kLeastFacing = 0.1f;
-
-uint64_t NumberOf(const TsdfVolume::Index& block) {
-  uint64_t number = 0;
-  for (const int64_t k : block) {
-    number = number << 21 |
-             static_cast<uint64_t>(std::clamp(k, -kBlocksAside, kBlocksAside - 1) + kBlocksAside);
-  }
-  return number;
-}
 
 // Whether a ball, its centre in the camera's frame, may be in the picture.
 bool MaySee(const Camera& camera, const Point& center, double radius) {
@@ -48,17 +34,10 @@ bool MaySee(const Camera& camera, const Point& center, double radius) {
 
 }  // namespace
 
-TsdfVolume::Index TsdfVolume::block(size_t b) const {
-  Index block;
-  for (int k = 0; k < 3; ++k) {
-    const uint64_t bits = blocks_[b] >> (42 - 21 * k) & ((1 << 21) - 1);
-    block[k] = static_cast<int32_t>(static_cast<int64_t>(bits) - kBlocksAside);
-  }
-  return block;
-}
+TsdfVolume::Index TsdfVolume::block(size_t b) const { return CubeOfNumber(blocks_[b]); }
 
 int64_t TsdfVolume::FindBlock(const Index& block) const {
-  const uint64_t number = NumberOf(block);
+  const uint64_t number = CubeNumber(block);
   const auto at = std::lower_bound(blocks_.begin(), blocks_.end(), number);
   return at != blocks_.end() && *at == number ? at - blocks_.begin() : -1;
 }
@@ -82,10 +61,10 @@ void TsdfVolume::AddBlocksAlong(const SurfacePicture& picture, int x, int y, flo
     Index block;
     for (int k = 0; k < 3; ++k) {
       const double at = point[k] + along * (point[k] - eye[k]) - options_.center[k];
-      block[k] = static_cast<int32_t>(std::clamp(std::floor(at / (kSide * side_)),
-                                                 double(-kBlocksAside), double(kBlocksAside)));
+      block[k] = static_cast<int32_t>(
+          std::clamp(std::floor(at / (kSide * side_)), double(-kCubesAside), double(kCubesAside)));
     }
-    const uint64_t number = NumberOf(block);
+    const uint64_t number = CubeNumber(block);
     if (found->empty() || found->back() != number) found->push_back(number);
   }
 }
@@ -180,7 +159,7 @@ absl::Status TsdfVolume::Fuse(const std::vector<SurfacePicture>& pictures,
   voxels_.clear();
   median_ = MedianPixelOf(pictures, options.box);
   agreement_ = DepthAgreement(pictures);
-  side_ = kVoxelPixels * median_.width;
+  side_ = kCubePixels * median_.width;
   if (!(side_ > 0)) return absl::OkStatus();
   std::vector<Input> inputs;
   inputs.reserve(pictures.size());
