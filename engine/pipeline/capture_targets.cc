@@ -68,11 +68,13 @@ absl::Status AddTargets(const Context& context, const PosedPhotos& posed,
   return absl::OkStatus();
 }
 
-std::vector<PlaneU8> Information(const CaptureTargets& made, const PosedPhotos& posed) {
+std::vector<PlaneU8> Information(const Context& context, const CaptureTargets& made,
+                                 const PosedPhotos& posed) {
   std::vector<const Photo*> photos, targets;
   for (const Photo& photo : made.photos) photos.push_back(&photo);
   for (const Photo& target : made.targets) targets.push_back(&target);
-  return InformationWeights(photos, targets, made.exposures, posed.masks, posed.code_step);
+  return InformationWeights(photos, targets, made.exposures, posed.masks, posed.code_step,
+                            context.options.threads, context.cancel);
 }
 
 // Photos of a rig were exposed at once: each gets the mean of theirs (in the log domain) by how
@@ -114,9 +116,10 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
                                     &photos, &brightened);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   made.photos = std::move(photos);
-  made.exposures = WithoutDrift(RelativeExposures(made.photos, sightings, posed.masks,
-                                                  posed.stated_exposures, posed.code_step),
-                                sightings);
+  made.exposures =
+      WithoutDrift(RelativeExposures(made.photos, sightings, posed.masks, posed.stated_exposures,
+                                     posed.code_step, context.options.threads, context.cancel),
+                   sightings);
   ShareExposures(posed.rig_views, posed.views, sightings, &made.exposures);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, brightened, &made));
@@ -124,7 +127,8 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
       LampOfTargets(context, lamp, sightings, made.photos, made.exposures, posed.masks, brightened);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   if (recipe.lita && recipe.information_weights) {
-    made.information = Information(made, posed);
+    made.information = Information(context, made, posed);
+    LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   }
   if (recipe.lita && recipe.use_prior) {
     // The prior's scale is one for the whole capture, so all photos go in together.

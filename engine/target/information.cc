@@ -5,9 +5,11 @@
 #include <cstdint>
 #include <map>
 #include <numeric>
+#include <utility>
 
 #include "engine/core/check.h"
 #include "engine/core/mask.h"
+#include "engine/core/parallel.h"
 #include "engine/noise/noise_estimate.h"
 
 namespace litags {
@@ -21,10 +23,11 @@ int CodeOf(int16_t sample) {
   return std::clamp(static_cast<int>(std::lrint(sample / kPhotoCode)), 0, kCodes - 1);
 }
 
-// What the targets do at the samples of one code.
+// What the targets do at the samples of one code; whole numbers, so that sums do not depend on
+// their order.
 struct CodeSamples {
   int64_t samples = 0;
-  double target_sum = 0;
+  int64_t target_sum = 0;  // of samples
   NoiseEstimate noise;
 
   void Add(const CodeSamples& other) {
@@ -41,7 +44,7 @@ void AddPhoto(const Photo& photo, const Photo& target, const PlaneU8& mask, Samp
   ForEachDifference(target, mask, [&](size_t sample, float magnitude) {
     CodeSamples& s = (*samples)[CodeOf(photo.data[sample])];
     s.samples += 1;
-    s.target_sum += target.data[sample] / kPhotoCode;
+    s.target_sum += target.data[sample];
     s.noise.AddDifference(magnitude);
   });
 }
@@ -63,7 +66,8 @@ CodeStatistics Summarize(const Samples& samples, double code_step) {
   for (int code = 0; code < kCodes; ++code) {
     const CodeSamples around = Around(samples, code);
     out.noise[code] = around.noise.Deviation();
-    out.mean[code] = around.target_sum / std::max<int64_t>(1, around.samples);
+    const auto samples_of_code = static_cast<double>(std::max<int64_t>(1, around.samples));
+    out.mean[code] = static_cast<double>(around.target_sum) / kPhotoCode / samples_of_code;
   }
   for (int code = 0; code < kCodes; ++code) {
     const int low = std::max(0, code - 1), high = std::min(kCodes - 1, code + 1);
@@ -103,23 +107,42 @@ WeightTable WeightsOf(const std::array<double, kCodes>& noise,
   return weights;
 }
 
+// Of some of the photos, by their indices.
+Samples SamplesOf(absl::Span<const Photo* const> photos, absl::Span<const Photo* const> targets,
+                  absl::Span<const PlaneU8> masks, absl::Span<const size_t> indices, int threads,
+                  const CancelToken& cancel) {
+  if (threads <= 0) threads = DefaultThreadCount();
+  std::vector<Samples> of_threads(threads);
+  ParallelFor(threads, indices.size(), [&](size_t k, int thread) {
+    if (cancel.IsCancelled()) return;
+    Samples& samples = of_threads[thread];
+    samples.resize(kCodes);
+    const size_t i = indices[k];
+    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &samples);
+  });
+  Samples sum(kCodes);
+  for (const Samples& samples : of_threads) {
+    for (size_t code = 0; code < samples.size(); ++code) sum[code].Add(samples[code]);
+  }
+  return sum;
+}
+
 // Photos are taken together by exposure.
 int HalfStops(double exposure) { return static_cast<int>(std::lround(2 * std::log2(exposure))); }
 
 std::map<int, WeightTable> TablesByExposure(absl::Span<const Photo* const> photos,
                                             absl::Span<const Photo* const> targets,
                                             absl::Span<const double> exposures,
-                                            absl::Span<const PlaneU8> masks, double code_step) {
-  std::map<int, Samples> samples;
-  for (size_t i = 0; i < photos.size(); ++i) {
-    Samples& alike = samples.try_emplace(HalfStops(exposures[i]), kCodes).first->second;
-    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &alike);
-  }
+                                            absl::Span<const PlaneU8> masks, double code_step,
+                                            int threads, const CancelToken& cancel) {
+  std::map<int, std::vector<size_t>> groups;
+  for (size_t i = 0; i < photos.size(); ++i) groups[HalfStops(exposures[i])].push_back(i);
   std::map<int, CodeStatistics> statistics;
   std::array<double, kCodes> best;
   best.fill(kClippedNoise);
-  for (const auto& [exposure, alike] : samples) {
-    statistics[exposure] = Summarize(alike, code_step);
+  for (const auto& [exposure, group] : groups) {
+    statistics[exposure] =
+        Summarize(SamplesOf(photos, targets, masks, group, threads, cancel), code_step);
     const std::array<double, kCodes> noise = NoiseOfTargets(statistics[exposure]);
     for (int code = 0; code < kCodes; ++code) best[code] = std::min(best[code], noise[code]);
   }
@@ -134,24 +157,24 @@ CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
                               absl::Span<const Photo* const> targets,
                               absl::Span<const PlaneU8> masks) {
   LITAGS_CHECK(photos.size() == targets.size());
-  Samples samples(kCodes);
-  for (size_t i = 0; i < photos.size(); ++i) {
-    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &samples);
-  }
-  return Summarize(samples, /*code_step=*/1);
+  std::vector<size_t> all(photos.size());
+  std::iota(all.begin(), all.end(), 0);
+  return Summarize(SamplesOf(photos, targets, masks, all, /*threads=*/1, CancelToken()),
+                   /*code_step=*/1);
 }
 
 std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
                                         absl::Span<const Photo* const> targets,
                                         absl::Span<const double> exposures,
-                                        absl::Span<const PlaneU8> masks, double code_step) {
+                                        absl::Span<const PlaneU8> masks, double code_step,
+                                        int threads, const CancelToken& cancel) {
   LITAGS_CHECK(targets.size() == photos.size() && exposures.size() == photos.size());
   if (photos.empty()) return {};
   const auto [least, most] = std::minmax_element(exposures.begin(), exposures.end());
   if (*most <= kLikeExposures * *least) return {};
 
   const std::map<int, WeightTable> tables =
-      TablesByExposure(photos, targets, exposures, masks, code_step);
+      TablesByExposure(photos, targets, exposures, masks, code_step, threads, cancel);
   const auto weight = [&](const WeightTable& table, size_t photo, size_t pixel) {
     double sum = 0;
     for (size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {
@@ -159,25 +182,32 @@ std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
     }
     return sum / 3;
   };
+  std::vector<double> sums(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    if (cancel.IsCancelled()) return;
+    const WeightTable& table = tables.at(HalfStops(exposures[i]));
+    ForCounted(MaskOf(masks, i), photos[i]->pixels(),
+               [&](size_t k) { sums[i] += weight(table, i, k); });
+  });
   double sum = 0;
   size_t pixels = 0;
   for (size_t i = 0; i < photos.size(); ++i) {
-    const WeightTable& table = tables.at(HalfStops(exposures[i]));
-    ForCounted(MaskOf(masks, i), photos[i]->data.size() / 3, [&](size_t k) {
-      sum += weight(table, i, k);
-      ++pixels;
-    });
+    sum += sums[i];
+    pixels += CountedPixels(MaskOf(masks, i), photos[i]->pixels());
   }
   const double scale = sum > 0 ? kInformationOne * static_cast<double>(pixels) / sum : 0;
-  std::vector<PlaneU8> planes;
-  for (size_t i = 0; i < photos.size(); ++i) {
+  std::vector<PlaneU8> planes(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    if (cancel.IsCancelled()) return;
     const WeightTable& table = tables.at(HalfStops(exposures[i]));
-    PlaneU8& plane = planes.emplace_back(photos[i]->width, photos[i]->height);
+    PlaneU8 plane(photos[i]->width, photos[i]->height);
     for (size_t k = 0; k < plane.data.size(); ++k) {
       plane.data[k] =
           static_cast<uint8_t>(std::min(255.0, std::round(scale * weight(table, i, k))));
     }
-  }
+    planes[i] = std::move(plane);
+  });
+  if (cancel.IsCancelled()) return {};
   return planes;
 }
 

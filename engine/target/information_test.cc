@@ -92,6 +92,31 @@ TEST(InformationWeights, PhotosOfLikeExposureAreAllAlike) {
   EXPECT_TRUE(InformationWeights({}, {}, {}).empty());
 }
 
+TEST(InformationWeights, AreTheSameForAnyThreadsAndNoneOnceCancelled) {
+  std::vector<Photo> photos, targets;
+  std::vector<const Photo*> photo_of, target_of;
+  std::vector<double> exposures;
+  for (int i = 0; i < 5; ++i) {
+    photos.push_back(TwoHalves(40 + 10 * i, 90 + 30 * i, 3, 1));
+    targets.push_back(TwoHalves(80 + i, 150, 9 - i, 2 + i));
+    exposures.push_back(1 + i / 2 * 3);
+  }
+  for (int i = 0; i < 5; ++i) {
+    photo_of.push_back(&photos[i]);
+    target_of.push_back(&targets[i]);
+  }
+  const auto weights = [&](int threads, const CancelToken& cancel) {
+    return InformationWeights(photo_of, target_of, exposures, {}, 1, threads, cancel);
+  };
+  const std::vector<PlaneU8> one = weights(1, CancelToken()), three = weights(3, CancelToken());
+  ASSERT_EQ(one.size(), 5u);
+  ASSERT_EQ(three.size(), 5u);
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(one[i].data, three[i].data) << i;
+  CancelToken cancel;
+  cancel.Cancel();
+  EXPECT_TRUE(weights(3, cancel).empty());
+}
+
 TEST(InformationWeights, WhatNoPhotoKnowsWeighsAsMuchAsWhatIsKnown) {
   const Photo photo = TwoHalves(100, 255), target = TwoHalves(100, 250);
   const auto planes = InformationWeights({&photo, &photo}, {&target, &target}, {1, 4});

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 #include <numeric>
 #include <optional>
 
 #include "engine/core/color.h"
 #include "engine/core/mask.h"
+#include "engine/core/parallel.h"
 #include "engine/core/quantile.h"
 
 namespace litags {
@@ -49,13 +51,20 @@ std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x
   return std::log((patch->light[0] + patch->light[1] + patch->light[2]) / 3);
 }
 
-// Log of the median linear light of a whole photo.
+// Log of the median linear light of a whole photo. By counting: to sort its samples takes long.
 double LogMedianLight(const Photo& photo, const PlaneU8& mask) {
-  std::vector<int16_t> samples;
+  constexpr int kLeast = -32768, kSamples = 65536;
+  std::vector<uint32_t> counts(kSamples);
   ForCounted(mask, photo.pixels(), [&](size_t i) {
-    samples.insert(samples.end(), &photo.data[3 * i], &photo.data[3 * i] + 3);
+    for (size_t k = 3 * i; k < 3 * i + 3; ++k) ++counts[photo.data[k] - kLeast];
   });
-  return std::log(LinearTable::Get()(std::max<int16_t>(MedianInPlace(samples), kLeastSample)));
+  // The upper of the two in the middle: so many lie below it.
+  const size_t rank = 3 * CountedPixels(mask, photo.pixels()) / 2;
+  size_t below = 0;
+  int sample = 0;
+  while (sample < kSamples - 1 && (below += counts[sample]) <= rank) ++sample;
+  const int median = rank > 0 ? kLeast + sample : 0;
+  return std::log(LinearTable::Get()(static_cast<int16_t>(std::max<int>(median, kLeastSample))));
 }
 
 std::vector<Sample> TakeSamples(absl::Span<const Photo> photos,
@@ -218,11 +227,15 @@ bool AboveBlack(const PatchLight& patch, double code_step) {
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const PlaneU8> masks,
-                                      absl::Span<const double> stated, double code_step) {
+                                      absl::Span<const double> stated, double code_step,
+                                      int threads, const CancelToken& cancel) {
   const std::vector<Sample> samples = TakeSamples(photos, sightings, masks, code_step);
   const size_t n = photos.size();
   std::vector<double> medians(n), log_exposure(n, 0.0);
-  for (size_t i = 0; i < n; ++i) medians[i] = LogMedianLight(photos[i], MaskOf(masks, i));
+  ParallelFor(threads, n, [&](size_t i, int) {
+    if (!cancel.IsCancelled()) medians[i] = LogMedianLight(photos[i], MaskOf(masks, i));
+  });
+  if (cancel.IsCancelled()) return std::vector<double>(n, 1.0);
   // A start that is right but for what the photos show; the medians of shared points refine it.
   std::vector<double> sorted = medians;
   const double middle = n > 0 ? MedianInPlace(sorted) : 0;

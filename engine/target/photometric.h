@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "engine/core/cancel.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
 
@@ -46,11 +47,13 @@ bool AboveBlack(const PatchLight& patch, double code_step);
 // EXIF), it is taken to have the same median light as they have. Where no photo shares enough
 // points, all have what they state. `stated`: one per photo, in any unit, 0: none; or empty.
 // Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its patch
-// does not count. `code_step`: as for AboveBlack.
+// does not count. `code_step`: as for AboveBlack. The same for any `threads`; once `cancel` is
+// raised, all soon are 1.
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const PlaneU8> masks = {},
-                                      absl::Span<const double> stated = {}, double code_step = 1);
+                                      absl::Span<const double> stated = {}, double code_step = 1,
+                                      int threads = 1, const CancelToken& cancel = CancelToken());
 
 inline constexpr int kMinSightings = 20;
 

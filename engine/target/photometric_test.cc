@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/core/color.h"
+#include "engine/core/mask.h"
 #include "engine/core/rng.h"
 
 namespace litags {
@@ -93,6 +94,31 @@ TEST(Photometric, WithoutCommonPointsTheMediansOfThePhotosCount) {
   for (const Photo& photo : photos) want.push_back(LinearTable::Get()(photo.data[0]));
   ExpectRatios(RelativeExposures(photos, {}), want, 1e-6);  // single precision
   EXPECT_TRUE(RelativeExposures({}, {}).empty());
+}
+
+// Half of the samples that count are darker: the upper of the two in the middle is taken.
+TEST(Photometric, MediansOfPhotosAreThoseOfTheirCountedSamples) {
+  std::vector<Photo> photos;
+  std::vector<PlaneU8> masks;
+  for (const int median : {3000, 400, -7}) {
+    Photo photo(5, 5);
+    PlaneU8 mask(5, 5);
+    for (size_t i = 0; i < photo.data.size(); ++i) {
+      photo.data[i] = static_cast<int16_t>(i % 2 == 0 ? median : -20);
+    }
+    std::fill_n(mask.data.begin(), 24, kCounts);
+    std::fill_n(&photo.data[72], 3, 9000);  // does not count
+    photos.push_back(std::move(photo));
+    masks.push_back(std::move(mask));
+  }
+  const auto have = RelativeExposures(photos, {}, masks);
+  std::vector<double> want;
+  for (const int16_t median : {3000, 400, 16}) want.push_back(LinearTable::Get()(median));
+  ExpectRatios(have, want, 1e-5);  // single precision; a quarter of a code at least
+  EXPECT_EQ(RelativeExposures(photos, {}, masks, {}, 1, /*threads=*/3), have);
+  CancelToken cancel;
+  cancel.Cancel();
+  EXPECT_EQ(RelativeExposures(photos, {}, masks, {}, 1, 3, cancel), (std::vector<double>{1, 1, 1}));
 }
 
 TEST(Photometric, BlackAndWhiteSamplesAreLeftOut) {
