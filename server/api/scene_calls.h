@@ -31,6 +31,7 @@ grpc::ServerUnaryReactor* RunWithScene(Gate* gate, grpc::CallbackServerContext* 
         const auto snapshot = std::make_shared<SceneCache::Snapshot>();
         const auto scene = scenes->Get(call, cancel, job, snapshot.get(),
                                        [=, held = snapshot](const SceneCache::Result& loaded) {
+                                         if (!loaded.ok()) return reactor->Answer(loaded.status());
                                          reactor->GoOn(pool, [=] { answer(loaded); });
                                        });
         if (scene) answer(*scene);

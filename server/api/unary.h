@@ -34,16 +34,17 @@ class UnaryReactor : public grpc::ServerUnaryReactor {
     return Await();
   }
 
-  // Runs `next` on the pool; the call's turn has to come once more.
+  // Runs `next` on the pool, as a call that comes now: it may be refused, or wait too long.
   template <typename Next>
   void GoOn(ThreadPool* pool, Next next) {
     const std::string client = call_->client().name;
     const Turn turn = Await();
-    pool->Run(client, [this, turn, next = std::move(next)] {
+    const absl::Status accepted = pool->Try(client, [this, turn, next = std::move(next)] {
       if (turn->exchange(true)) return;
       wait_.Stop();
       next();
     });
+    if (!accepted.ok() && !turn->exchange(true)) Answer(accepted);
   }
 
   // Once the turn is taken.
