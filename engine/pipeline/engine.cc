@@ -391,8 +391,7 @@ class Run {
       psnr_sum += psnr - 10 * std::log10(dilution);
       if (!last) continue;
       // Not of photos below 11 px.
-      const absl::StatusOr<double> ssim =
-          Ssim(color, target, SsimBorder::kValid, options_.threads);
+      const absl::StatusOr<double> ssim = Ssim(color, target, SsimBorder::kValid, options_.threads);
       ssim_sum += ssim.ok() ? 1 - (1 - *ssim) * dilution : kNotMeasured;
     }
     const auto count = static_cast<double>(scored);
