@@ -106,10 +106,19 @@ int ShDegreeAt(const TrainOptions& options, int iteration) {
   return std::min(options.sh_degree, 1 + iteration / options.recipe.sh_interval);
 }
 
+namespace {
+
+// A density step is due as they end: the first that may fill the budget of full size.
+double CoarseIterations(const TrainOptions& options) {
+  const double share = options.recipe.coarse_until * options.iterations;
+  const double steps = std::floor(share / options.recipe.densify_every);
+  return steps > 0 ? steps * options.recipe.densify_every : share;
+}
+
+}  // namespace
+
 ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options)
-    : views_(views),
-      options_(options),
-      coarse_iterations_(options.recipe.coarse_until * options.iterations) {
+    : views_(views), options_(options), coarse_iterations_(CoarseIterations(options)) {
   std::vector<int> levels;
   for (const TrainView& v : *views) {
     levels.push_back(LevelsOf(v.view.camera, options.recipe.coarse_levels));

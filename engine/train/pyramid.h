@@ -37,8 +37,8 @@ class ViewPyramid {
   // (PixelFilter) is all there is to see.
   ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options);
 
-  // Level of an iteration: equal shares of the first coarse_until of the run for levels n .. 1,
-  // then level 0.
+  // Level of an iteration: equal shares of the first coarse_until of the run, down to whole density
+  // steps, for levels n .. 1, then level 0.
   int LevelOf(int iteration) const;
 
   // First iteration at full size.

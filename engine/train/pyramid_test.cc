@@ -117,6 +117,23 @@ TEST(ViewPyramid, LevelsShareTheCoarsePartEqually) {
   EXPECT_EQ(pyramid.View(0, 0).photo.width, 300);
 }
 
+// Growth ends with the coarse part where photos are few: without a step then, the budget of full
+// size would never be used.
+TEST(ViewPyramid, TheCoarsePartEndsWithADensityStepOfAnyLengthOfRun) {
+  const std::vector<TrainView> views = OneView(256, 128);
+  TrainOptions options;
+  options.recipe.coarse_levels = 1;
+  options.recipe.densify_every = 200;
+  for (const auto& [iterations, end] :
+       {std::pair{2000, 1000}, {3000, 1400}, {15'000, 7400}, {300, 150}}) {
+    options.iterations = iterations;
+    const ViewPyramid pyramid(&views, options);
+    EXPECT_EQ(pyramid.CoarseEnd(), end);
+    EXPECT_EQ(pyramid.LevelOf(end - 1), 1);
+    EXPECT_EQ(pyramid.LevelOf(end), 0);
+  }
+}
+
 TEST(ViewPyramid, CropsBoundTheWorkOfAnIteration) {
   const std::vector<TrainView> views = OneView(600, 400);
   TrainOptions options;
