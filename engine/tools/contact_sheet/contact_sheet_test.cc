@@ -135,17 +135,18 @@ TEST_F(ContactSheet, ARampIsYellowFarAwayAndBlackWhereUnknown) {
 }
 
 TEST_F(ContactSheet, OneChannelOfAPngIsShownAsGrey) {
-  const std::vector<uint16_t> codes = {100, 9, 9, 100, 9, 9, 900, 9, 9, 900, 9, 9};
+  std::vector<uint16_t> codes(16 * 3, 9);
+  for (int x = 0; x < 16; ++x) codes[3 * x] = x < 8 ? 100 : 900;
   const std::string path = dir_ + "/structure.png";
-  ASSERT_TRUE(WriteFileAtomically(path, EncodePngCodes(codes.data(), 4, 1, 3).value()).ok());
+  ASSERT_TRUE(WriteFileAtomically(path, EncodePngCodes(codes.data(), 16, 1, 3).value()).ok());
   Sheet sheet;
   sheet.columns = {"a"};
-  sheet.cell_width = 4;
+  sheet.cell_width = 16;
   sheet.rows = {{"", {ParseSheetCell("gray:" + path)}}};
   const auto image = DrawSheet(sheet);
   ASSERT_TRUE(image.ok()) << image.status();
-  EXPECT_EQ(Count(*image, 0, 0, 0), 2);
-  EXPECT_EQ(Count(*image, 255, 255, 255), 2);
+  EXPECT_EQ(Count(*image, 0, 0, 0), 8);
+  EXPECT_EQ(Count(*image, 255, 255, 255), 8);
 }
 
 TEST_F(ContactSheet, LongLabelsAreGivenRoomAndLinesShareARow) {
