@@ -130,7 +130,7 @@ void RemoveUnstarted(Session& session, const std::string& job, const absl::Statu
     // The channel was made once from the same options.
     const auto channel = Connect(session.connection);
     removed = channel.ok() ? Client(*channel, options, fresh).DeleteJob(job) : channel.status();
-  } else if (!absl::IsUnavailable(why) && !absl::IsDeadlineExceeded(why)) {
+  } else if (!MayBeTriedAgain(why)) {
     removed = session.client().DeleteJob(job);
   }
   Note(removed.ok() ? absl::StrCat(job, " was removed again")

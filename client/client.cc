@@ -19,17 +19,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// Worth another try: the connection broke, the server is busy, or did not answer.
-bool IsTransient(const absl::Status& status) {
-  constexpr std::string_view kBusy[] = {
-      "RENDER_QUEUE_FULL", "SERVER_BUSY",     "UPLOAD_STALLED",       "OFFSET_INVALID",
-      "TOO_MANY_STREAMS",  "WAITED_TOO_LONG", "PICTURE_RATE_EXCEEDED"};
-  const std::string reason = DetailOf(status).reason();
-  return absl::IsUnavailable(status) || absl::IsCancelled(status) ||
-         (absl::IsDeadlineExceeded(status) && reason.empty()) ||
-         std::find(std::begin(kBusy), std::end(kBusy), reason) != std::end(kBusy);
-}
-
 // Whether the status was made by a server and not by the lack of one.
 bool IsAnswer(const absl::Status& status) {
   return (status.code() != absl::StatusCode::kUnavailable &&
@@ -48,6 +37,16 @@ double RandomFactor() {
 constexpr int64_t kNoLast = 0;
 
 }  // namespace
+
+bool MayBeTriedAgain(const absl::Status& status) {
+  constexpr std::string_view kBusy[] = {
+      "RENDER_QUEUE_FULL", "SERVER_BUSY",     "UPLOAD_STALLED",       "OFFSET_INVALID",
+      "TOO_MANY_STREAMS",  "WAITED_TOO_LONG", "PICTURE_RATE_EXCEEDED"};
+  const std::string reason = DetailOf(status).reason();
+  return absl::IsUnavailable(status) || absl::IsCancelled(status) ||
+         (absl::IsDeadlineExceeded(status) && reason.empty()) ||
+         std::find(std::begin(kBusy), std::end(kBusy), reason) != std::end(kBusy);
+}
 
 std::string JobName(std::string_view job) {
   return job.starts_with("jobs/") ? std::string(job) : "jobs/" + std::string(job);
@@ -105,7 +104,7 @@ absl::Status Client::Retry(absl::FunctionRef<absl::Status(bool* progressed)> att
       good = Clock::now();
       pause = options_.first_pause_seconds;
     }
-    if (!IsTransient(status)) return status;
+    if (!MayBeTriedAgain(status)) return status;
     const bool was_there = answered_;
     const double limit = was_there ? options_.retry_seconds
                                    : std::min(options_.retry_seconds, options_.start_seconds);

@@ -43,6 +43,10 @@ std::string JobName(std::string_view job);
 // 128 random bits as 32 hex digits, for CreateJobRequest.request_id.
 std::string RandomId();
 
+// Whether the same call may succeed later: the connection broke, the server is busy, or did not
+// answer.
+bool MayBeTriedAgain(const absl::Status& status);
+
 // One server. Errors are those of the service (proto/litags/v1) with their detail, UNAVAILABLE if
 // no server answers, CANCELLED after Interrupt::Raise(). Thread-safe. `interrupt` must outlive it.
 class Client {

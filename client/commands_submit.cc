@@ -78,15 +78,15 @@ void NoteUpload(const UploadProgress& progress) {
   }
 }
 
-// What becomes of a job whose submission failed: one whose server is gone is continued, others are
-// removed unless the user named their request.
+// What becomes of a job whose submission failed: one whose server is gone or busy is continued,
+// others are removed unless the user named their request.
 void CleanUp(Session& session, const SubmitArgs& args, const std::string& request_id,
              const std::string& job, const absl::Status& why) {
   if (!args.request_id.empty()) {
     Note(absl::StrCat(job, " is kept; the same command continues the upload"));
     return;
   }
-  if (absl::IsUnavailable(why) || absl::IsDeadlineExceeded(why)) {
+  if (!absl::IsCancelled(why) && MayBeTriedAgain(why)) {
     Note(absl::StrCat(job,
                       " was not started and is still there; continue it with the same command "
                       "and --request-id ",

@@ -117,6 +117,24 @@ class Uploads(harness.ServiceTest):
         out, _ = self.litags(*args, *request.split(), server=server.address)
         self.assertEqual(out.strip(), job)
 
+    def test_an_upload_that_a_busy_server_refused_is_kept(self):
+        folder = tempfile.mkdtemp(prefix="litags-upload-")
+        self.addCleanup(shutil.rmtree, folder, ignore_errors=True)
+        server = harness.Server(folder, extra=("--max-streams", "1"))
+        self.addCleanup(server.stop)
+        out, _ = self.litags("submit", self.photos(), "--iterations", "100000", server=server.address)
+        watch = self.start_litags("watch", out.strip(), "--json", server=server.address)
+        self.addCleanup(watch.kill)
+        watch.stdout.readline()  # it has the stream
+        args = ("submit", self.photos(), "--iterations", "10")
+        _, err = self.litags(*args, "--retry", "1", server=server.address, exit_code=5)
+        job, request = re.search(r"(jobs/\w+) was not started and is still there; continue it with "
+                                 r"the same command and (--request-id \w+),", err).groups()
+        watch.kill()
+        self.litags("cancel", out.strip(), server=server.address)
+        out, _ = self.litags(*args, *request.split(), server=server.address)
+        self.assertEqual(out.strip(), job)
+
     def test_the_same_photos_are_sent_once_for_several_jobs(self):
         photos = self.large_photos((7, 8, 9))
         self.litags("submit", photos, "--iterations", "10")
