@@ -14,7 +14,9 @@ namespace litags {
 enum class Stage { kLoading, kFindingCameras, kPreparing, kTraining, kSaving };
 std::string_view StageName(Stage stage);  // "loading", "finding-cameras", ...
 
-// One report of progress. Numbers not known yet are 0; psnr_holdout is NaN until measured.
+inline constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
+
+// One report of progress. Numbers not known yet are 0.
 struct Progress {
   Stage stage = Stage::kLoading;
   std::string message;  // for a human; may be empty
@@ -22,7 +24,8 @@ struct Progress {
   int iterations = 0;  // total
   double loss = 0;     // running mean of the total loss
   double loss_exposure = 0, loss_reconstruction = 0, loss_structure = 0, loss_denoise = 0;
-  double psnr_holdout = 0;  // dB against the pseudo-target on held-out views, where they count
+  // dB against the pseudo-target on held-out views, where they count.
+  double psnr_holdout = kNotMeasured;
   int64_t gaussians = 0;
   double iterations_per_second = 0;
   double eta_seconds = 0;
@@ -55,8 +58,8 @@ struct ReconstructReport {
   std::map<std::string, double> camera_seconds;
   // Where training_seconds went: "forward", "losses", "denoise", "backward", "density".
   std::map<std::string, double> phase_seconds;
-  double psnr_holdout = 0;                                         // as in Progress
-  double ssim_holdout = std::numeric_limits<double>::quiet_NaN();  // of the same, at the end
+  double psnr_holdout = kNotMeasured;  // as in Progress
+  double ssim_holdout = kNotMeasured;  // of the same, at the end
   bool depth_used = false;
   std::vector<std::string> notes;  // what the user should know: "photo.jpg is left out: ..."
   std::string scene_path;          // work_dir/scene.litags

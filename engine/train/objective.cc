@@ -1,9 +1,9 @@
 #include "engine/train/objective.h"
 
 #include <algorithm>
-#include <chrono>
 
 #include "engine/core/mask.h"
+#include "engine/core/monotonic_seconds.h"
 #include "engine/core/parallel.h"
 #include "engine/render/renderer.h"
 #include "engine/target/information.h"
@@ -38,10 +38,6 @@ void ZeroMasked(const PlaneU8& mask, PlanesSpan v) {
   for (int c = 0; c < v.channels; ++c) {
     ForMasked(mask, [&](size_t i) { v.plane(c)[i] = 0; });
   }
-}
-
-double Seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
 }  // namespace
@@ -84,9 +80,9 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   const PlanesView illumination(rendered, kChannelIllumination, 3);
   const int stages = options_.recipe.pdm.stages;
   if (denoise) {
-    const double start = Seconds();
+    const double start = MonotonicSeconds();
     pdm_.Forward(weights, R0, PlanesView(rendered, kChannelNoise, 3));
-    denoise_seconds_ += Seconds() - start;
+    denoise_seconds_ += MonotonicSeconds() - start;
   }
   const PlanesView R = denoise ? PlanesView(pdm_.R(stages)) : R0;
   const PlanesSpan v_color(*v_rendered, kChannelColor, 3);  // dL/dR, in the end dL/dR_0
@@ -109,10 +105,10 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   AddStructureLosses(view, rendered, iteration, v_rendered, &losses);
   ZeroMasked(view.mask, *v_rendered);
   if (denoise) {
-    const double start = Seconds();
+    const double start = MonotonicSeconds();
     pdm_.Backward(PlanesView(*v_rendered, kChannelColor, 3), v_previous_, v_color,
                   PlanesSpan(*v_rendered, kChannelNoise, 3), v_weights);
-    denoise_seconds_ += Seconds() - start;
+    denoise_seconds_ += MonotonicSeconds() - start;
   }
   return losses;
 }

@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <limits>
 
 #include "engine/core/error_test_util.h"
 #include "server/jobs/codec.h"
@@ -23,7 +22,6 @@ TEST_F(JobsTest, JobGoesFromUploadToSuccessWithAGaplessHistory) {
   ASSERT_TRUE(lease.ok() && lease->has_value());
   Progress progress;
   progress.iteration = 7;
-  progress.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
   progress.preview_png = {1, 2, 3};
   ASSERT_TRUE(leases_.AddProgress(**lease, progress).ok());
   const KeptFiles first{{kSceneFile, {"3/a", 10}}}, last{{kSceneFile, {"3/b", 11}}};

@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <limits>
 #include <set>
 #include <thread>
 
@@ -186,7 +185,6 @@ class FakeEngine : public Engine {
     }
     report.gaussians = 100;
     report.iterations = options.iterations;
-    report.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
     report.scene_path = input.work_dir + "/scene.litags";
 
     const std::string checkpoint = input.work_dir + "/checkpoint";
@@ -199,7 +197,6 @@ class FakeEngine : public Engine {
     Progress progress;
     progress.stage = Stage::kLoading;
     progress.iterations = options.iterations;
-    progress.psnr_holdout = std::numeric_limits<double>::quiet_NaN();
     observer->OnProgress(progress);
     observer->OnLine("a program says: /tmp/secret/photo.png is read");
     progress.stage = Stage::kTraining;

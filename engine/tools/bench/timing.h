@@ -3,8 +3,10 @@
 #define LITAGS_ENGINE_TOOLS_BENCH_TIMING_H_
 
 #include <algorithm>
-#include <chrono>
+#include <utility>
 #include <vector>
+
+#include "engine/core/monotonic_seconds.h"
 
 namespace litags {
 
@@ -12,11 +14,7 @@ struct Timing {
   double median_ms = 0, min_ms = 0, max_ms = 0;
 };
 
-inline double NowMs() {
-  return std::chrono::duration<double, std::milli>(
-             std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
+inline double NowMs() { return MonotonicSeconds() * 1e3; }
 
 inline Timing Summarize(std::vector<double> ms) {
   std::sort(ms.begin(), ms.end());

@@ -1,6 +1,5 @@
 // What happens in the process of one cell.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -11,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
+#include "engine/core/monotonic_seconds.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/tools/evaluation/evaluation.h"
@@ -26,10 +26,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kErrorGain = 4;  // of error pictures: a difference of a quarter is white
-
-double Now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // Enhances the training photos into `out`/NAME.png.
 absl::Status EnhancePhotos(const TableCell& cell, const std::string& out) {
@@ -69,11 +65,11 @@ absl::StatusOr<TableRow> Train(const TableCell& cell, Engine* engine) {
   input.images_dir = cell.scene().PhotosDir(cell.photos_light());
   input.cameras_path = cell.CamerasDir() + "/cameras";
   input.work_dir = dir;
-  const double start = Now();
+  const double start = MonotonicSeconds();
   if (!cell.method().before.empty()) {
     input.images_dir = dir + "/enhanced";
     LITAGS_RETURN_IF_ERROR(EnhancePhotos(cell, input.images_dir));
-    cost.enhance_seconds = Now() - start;
+    cost.enhance_seconds = MonotonicSeconds() - start;
   }
   ReconstructOptions method = cell.method().options;
   method.holdout_every = 0;  // the test views are left out already
@@ -114,11 +110,11 @@ absl::StatusOr<std::vector<ImageU8>> Pictures(const TableCell& cell, const Scene
   }
   if (cell.method().after.empty()) return pictures;
   LITAGS_ASSIGN_OR_RETURN(const Enhancer enhancer, cell.MakeEnhancer(cell.method().after));
-  const double start = Now();
+  const double start = MonotonicSeconds();
   for (ImageU8& picture : pictures) {
     LITAGS_ASSIGN_OR_RETURN(picture, enhancer.run(picture));
   }
-  *enhance_seconds += Now() - start;
+  *enhance_seconds += MonotonicSeconds() - start;
   return pictures;
 }
 
