@@ -11,6 +11,8 @@
 #include "engine/core/error.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
+#include "engine/io/npy_test_util.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {
@@ -58,7 +60,7 @@ TEST_F(FolderDepth, AMissingFolderIsAnError) {
 TEST_F(FolderDepth, ReadsPfmAndNpyByThePhotosStem) {
   const Planes ramp = Ramp(8, 6);
   ASSERT_TRUE(WritePfm(Path("a.pfm"), ramp).ok());
-  ASSERT_TRUE(WriteNpy(Path("b.npy"), ramp).ok());
+  ASSERT_TRUE(WriteFileAtomically(Path("b.npy"), NumpyFile("6, 8", ramp.data)).ok());
   for (const char* name : {"a.JPG", "sub/b.png"}) {
     const auto depth = Depth(name, 8, 6);
     ASSERT_TRUE(depth.ok()) << depth.status();

@@ -224,8 +224,4 @@ absl::Status WritePfm(const std::string& path, const Planes& planes) {
   return WriteFileAtomically(path, EncodePfm(planes));
 }
 
-absl::Status WriteNpy(const std::string& path, const Planes& planes) {
-  return WriteNpy(path, MakeNpyArray({planes.channels, planes.height, planes.width}, planes.data));
-}
-
 }  // namespace litags

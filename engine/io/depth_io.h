@@ -36,8 +36,6 @@ std::string FindDepthMap(const std::string& dir, std::string_view stem);
 // 1 or 3 planes as little-endian PFM (rows bottom to top, as the format wants).
 std::string EncodePfm(const Planes& planes);
 absl::Status WritePfm(const std::string& path, const Planes& planes);
-// [C, H, W] as float32 NPY.
-absl::Status WriteNpy(const std::string& path, const Planes& planes);
 
 }  // namespace litags
 

@@ -7,7 +7,7 @@
 
 #include "engine/io/file_util.h"
 #include "engine/io/mask_io.h"
-#include "engine/io/npy.h"
+#include "engine/io/npy_test_util.h"
 #include "engine/io/test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -25,7 +25,7 @@ TEST(DepthMap, RoundTripsThroughPfmAndNpy) {
   TempDir dir;
   const Planes map = Ramp(5, 3);
   ASSERT_TRUE(WritePfm(dir / "a.pfm", map).ok());
-  ASSERT_TRUE(WriteNpy(dir / "a.npy", map).ok());
+  ASSERT_TRUE(WriteFileAtomically(dir / "a.npy", NumpyFile("1, 5, 3", map.data)).ok());
   for (const char* name : {"a.pfm", "a.npy"}) {
     const auto back = ReadDepthMap(dir / name, "depth[a]");
     ASSERT_TRUE(back.ok()) << back.status();
@@ -71,16 +71,14 @@ TEST(DepthMap, PfmRowsRunUpwardsInEitherByteOrder) {
 
 TEST(DepthMap, AcceptsNpyWithASingletonAxis) {
   const std::vector<float> values = {1, 2, 3, 4, 5, 6};
-  for (std::vector<int64_t> shape :
-       std::vector<std::vector<int64_t>>{{2, 3}, {1, 2, 3}, {2, 3, 1}}) {
-    const auto map =
-        DecodeDepthMap(EncodeNpy(MakeNpyArray(shape, absl::MakeConstSpan(values))), "f");
+  for (const char* shape : {"2, 3", "1, 2, 3", "2, 3, 1"}) {
+    const auto map = DecodeDepthMap(NumpyFile(shape, values), "f");
     ASSERT_TRUE(map.ok()) << map.status();
     EXPECT_EQ(map->height, 2);
     EXPECT_EQ(map->width, 3);
     EXPECT_EQ(map->data, values);
   }
-  const auto flat = DecodeDepthMap(EncodeNpy(MakeNpyArray({6}, absl::MakeConstSpan(values))), "f");
+  const auto flat = DecodeDepthMap(NumpyFile("6,", values), "f");
   EXPECT_EQ(Reason(flat.status()), "DEPTH_SIZE");
 }
 
@@ -110,7 +108,7 @@ TEST(DepthMap, RefusesWhatIsNoMap) {
 
 TEST(DepthMap, RefusesEveryTruncation) {
   const Planes map = Ramp(6, 7);
-  const std::string npy = EncodeNpy(MakeNpyArray({6, 7}, absl::MakeConstSpan(map.data)));
+  const std::string npy = NumpyFile("6, 7", map.data);
   for (const std::string& bytes : {EncodePfm(map), npy, EncodePng16(map, 100).value()}) {
     ASSERT_TRUE(DecodeDepthMap(bytes, "f").ok());
     for (size_t n = 0; n < bytes.size(); ++n) {

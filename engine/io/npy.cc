@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "absl/strings/numbers.h"
-#include "absl/strings/str_join.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "engine/core/check.h"
@@ -17,7 +17,6 @@ namespace litags {
 namespace {
 
 constexpr std::string_view kMagic = "\x93NUMPY";
-constexpr size_t kAlignment = 64;  // numpy pads its header so that data start on this
 
 struct TypeInfo {
   NpyType type;
@@ -104,15 +103,6 @@ std::vector<To> Convert(const NpyArray& array) {
   LITAGS_CHECK(false);
 }
 
-template <typename T>
-NpyArray Make(NpyType type, std::vector<int64_t> shape, absl::Span<const T> values) {
-  NpyArray array{type, std::move(shape), {}};
-  LITAGS_CHECK(array.size() == static_cast<int64_t>(values.size()));
-  const uint8_t* begin = reinterpret_cast<const uint8_t*>(values.data());
-  array.bytes.assign(begin, begin + values.size() * sizeof(T));
-  return array;
-}
-
 }  // namespace
 
 int64_t NpyArray::size() const {
@@ -123,13 +113,6 @@ int64_t NpyArray::size() const {
 
 std::vector<float> NpyArray::ToFloats() const { return Convert<float>(*this); }
 std::vector<double> NpyArray::ToDoubles() const { return Convert<double>(*this); }
-
-NpyArray MakeNpyArray(std::vector<int64_t> shape, absl::Span<const float> values) {
-  return Make(NpyType::kFloat32, std::move(shape), values);
-}
-NpyArray MakeNpyArray(std::vector<int64_t> shape, absl::Span<const double> values) {
-  return Make(NpyType::kFloat64, std::move(shape), values);
-}
 
 absl::StatusOr<NpyArray> DecodeNpyHeader(std::string_view bytes, std::string_view field,
                                          size_t* data) {
@@ -187,27 +170,6 @@ absl::StatusOr<NpyArray> ReadNpy(const std::string& path, std::string_view field
                                  int64_t max_bytes) {
   LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, max_bytes));
   return DecodeNpy(bytes, field.empty() ? std::string_view(path) : field);
-}
-
-std::string EncodeNpy(const NpyArray& array) {
-  std::string shape = absl::StrJoin(array.shape, ", ");
-  if (array.shape.size() == 1) shape += ",";  // a tuple of one
-  std::string header = absl::StrCat("{'descr': '", InfoOf(array.type).descr,
-                                    "', 'fortran_order': False, 'shape': (", shape, "), }");
-  const size_t front = kMagic.size() + 4;  // magic, version, header size
-  header.append(kAlignment - 1 - (front + header.size()) % kAlignment, ' ');
-  header += '\n';
-  std::string out(kMagic);
-  AppendNumber(&out, uint8_t{1});
-  AppendNumber(&out, uint8_t{0});
-  AppendNumber(&out, static_cast<uint16_t>(header.size()));
-  out += header;
-  out.append(array.bytes.begin(), array.bytes.end());
-  return out;
-}
-
-absl::Status WriteNpy(const std::string& path, const NpyArray& array) {
-  return WriteFileAtomically(path, EncodeNpy(array));
 }
 
 }  // namespace litags

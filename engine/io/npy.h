@@ -8,9 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "absl/types/span.h"
 
 namespace litags {
 
@@ -27,10 +25,6 @@ struct NpyArray {
   std::vector<double> ToDoubles() const;
 };
 
-// size of `values` must be the product of `shape`.
-NpyArray MakeNpyArray(std::vector<int64_t> shape, absl::Span<const float> values);
-NpyArray MakeNpyArray(std::vector<int64_t> shape, absl::Span<const double> values);
-
 // INVALID_ARGUMENT: NOT_A_NPY, NPY_UNSUPPORTED (other types, Fortran order), NPY_TRUNCATED.
 absl::StatusOr<NpyArray> DecodeNpy(std::string_view bytes, std::string_view field);
 // Type and shape alone, of a file's first bytes; its elements begin at `data`.
@@ -38,8 +32,6 @@ absl::StatusOr<NpyArray> DecodeNpyHeader(std::string_view bytes, std::string_vie
                                          size_t* data);
 absl::StatusOr<NpyArray> ReadNpy(const std::string& path, std::string_view field,
                                  int64_t max_bytes = int64_t{1} << 30);
-std::string EncodeNpy(const NpyArray& array);
-absl::Status WriteNpy(const std::string& path, const NpyArray& array);
 
 }  // namespace litags
 

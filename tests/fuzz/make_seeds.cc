@@ -18,7 +18,7 @@
 #include "engine/io/depth_io.h"
 #include "engine/io/dng.h"
 #include "engine/io/image_io.h"
-#include "engine/io/npy.h"
+#include "engine/io/npy_test_util.h"
 #include "engine/io/ply.h"
 #include "engine/io/testing_formats.h"
 #include "engine/io/transforms_io.h"
@@ -185,7 +185,7 @@ void AddImages(const Corpus& corpus) {
   corpus.Add("depth_map", "depth.pfm", EncodePfm(Depth()));
   const Planes depth = Depth();
   const std::vector<float> values(depth.data.begin(), depth.data.end());
-  corpus.Add("depth_map", "depth.npy", EncodeNpy(MakeNpyArray({3, 4}, absl::MakeSpan(values))));
+  corpus.Add("depth_map", "depth.npy", NumpyFile("3, 4", values));
 }
 
 void AddVideos(const Corpus& corpus) {

@@ -9,7 +9,7 @@
 #include "engine/core/simd_test_util.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/npy.h"
+#include "engine/io/npy_test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -58,12 +58,10 @@ class MetricsCase {
 
  private:
   void WriteImage(const std::string& name, uint8_t value) const {
-    NpyArray image;
-    image.type = NpyType::kUInt8;
-    image.shape = {16, 16, 3};
-    image.bytes.assign(16 * 16 * 3, value);
+    const std::string image = NumpyFile(1, NumpyHeader("|u1", "16, 16, 3"),
+                                        std::string(16 * 16 * 3, static_cast<char>(value)));
     const auto path = (folder_ / "a_case" / (name + ".npy")).string();
-    ASSERT_TRUE(WriteNpy(path, image).ok());
+    ASSERT_TRUE(WriteFileAtomically(path, image).ok());
   }
 
   const TempDir temporary_;
