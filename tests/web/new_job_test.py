@@ -1,5 +1,5 @@
 """A new job on the page with what cannot be sent, step by step, in new_job_steps.mjs; what the page
-says of a job, in job_steps.mjs.
+says of a job, in job_steps.mjs; answers that are lost, in lost_answers_steps.mjs.
 
 Skipped, and says so, without Chromium, without npm, or where the server was built without the page.
 """
@@ -36,10 +36,13 @@ class NewJob(gateway.GatewayTest):
         (folder / "large.png").write_bytes(harness.large_png())
         self.run_steps("new_job_steps.mjs", PHOTOS=str(folder))
 
+    def test_answers_that_are_lost(self):
+        self.run_steps("lost_answers_steps.mjs", PHOTOS=self.photos(), JOB=self.web_job())
+
     def test_what_is_said_of_a_job(self):
         self.run_steps("job_steps.mjs", JOB=self.web_job())
 
 
 if __name__ == "__main__":
     npm_packages.run_browser_tests(browser_test.HERE, browser_test.WORK, "new_job_steps.mjs",
-                                   "job_steps.mjs")
+                                   "job_steps.mjs", "lost_answers_steps.mjs")

@@ -1,6 +1,6 @@
 // What can be done with a job: buttons and downloads.
 
-import {call, post, type ApiError, type Job} from "./api.js";
+import {call, newId, post, type ApiError, type Job} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
 import {downloadLink} from "./download.js";
 import {idOf, isOver, kTitleBytes, prefixOf, titleOf} from "./format.js";
@@ -21,32 +21,42 @@ export interface Part { element: HTMLElement; show: (job: Job) => void }
 
 export function actions(refresh: () => void): Part {
   let job: Job | undefined;
-  const act = async (what: () => Promise<unknown>): Promise<void> => {
+  const act = async (by: HTMLButtonElement, what: () => Promise<unknown>): Promise<void> => {
+    by.disabled = true;  // until the answer is there
     try {
       notice("");
       await what();
     } catch (error) {
       notice((error as ApiError).message);
     }
-    refresh();
+    by.disabled = false;
+    if (element.isConnected) refresh();
   };
-  const button = (text: string, what: (job: Job) => Promise<unknown>, style = ""): HTMLButtonElement =>
-      el("button", {type: "button", class: style, click: () => { if (job) void act(() => what(job!)); }}, text);
+  const button = (text: string, what: (job: Job) => Promise<unknown>, style = ""): HTMLButtonElement => {
+    const own: HTMLButtonElement = el(
+        "button", {type: "button", class: style, click: () => { if (job) void act(own, () => what(job!)); }}, text);
+    return own;
+  };
+  // Unless the user has gone elsewhere meanwhile.
+  const go = (hash: string): void => { if (element.isConnected) location.hash = hash; };
   const start = button("Start", (j) => post(`/v1/${j.name}:start`), "primary");
   const cancel = button("Cancel", (j) => post(`/v1/${j.name}:cancel`));
   const resume = button("Resume", (j) => post(`/v1/${j.name}:resume`), "primary");
+  let cloneId = newId();  // kept until it is answered: another click is the same call
   const clone = button("Clone", async (j) => {
     const copy = " (copy)";
     const made = await post<Job>(`/v1/${j.name}:clone`, {
-      displayName: prefixOf(titleOf(j), kTitleBytes - copy.length) + copy});
-    location.hash = `#/jobs/${idOf(made.name)}`;
+      requestId: cloneId, displayName: prefixOf(titleOf(j), kTitleBytes - copy.length) + copy});
+    cloneId = newId();
+    go(`#/jobs/${idOf(made.name)}`);
   });
   const sure = el("dialog", {"aria-labelledby": "sure"},
                   el("p", {id: "sure"}, "Delete this job with its photos and its scene?"),
                   el("div", {class: "row"},
                      button("Delete", async (j) => {
+                       sure.close();  // a refusal is said behind it
                        await call("DELETE", `/v1/${j.name}`);
-                       location.hash = "#/";
+                       go("#/");
                      }, "danger"),
                      el("button", {type: "button", click: () => sure.close()}, "Keep")));
   const remove = el("button", {type: "button", class: "danger", click: () => sure.showModal()}, "Delete");

@@ -145,6 +145,10 @@ export const get = <T>(path: string): Promise<T> => call<T>("GET", path);
 export const post = <T>(path: string, body: unknown = {}): Promise<T> =>
     call<T>("POST", path, body);
 
+// Makes a repeated call the same call.
+export const newId = (): string =>
+    [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join("");
+
 export async function getBlob(path: string): Promise<Blob> {
   const response = await request("GET", path);
   return response.blob().catch(() => { throw new ApiError(0, "the connection broke"); });

@@ -27,6 +27,10 @@ export function prefixOf(text: string, bytes: number): string {
   return text.slice(0, new TextEncoder().encodeInto(text, new Uint8Array(bytes)).read);
 }
 
+// What the server takes for a title: no control characters, no more bytes.
+export const asTitle = (text: string): string => prefixOf(
+    text.replace(/[\u0000-\u001f\u007f-\u009f\u2028-\u202e\u2066-\u2069]/g, "").trim(), kTitleBytes);
+
 // JOB_STATE_RUNNING and STAGE_FINDING_CAMERAS as "running" and "finding cameras".
 export const words = (name = ""): string =>
     name.replace(/^(JOB_STATE|STAGE|CHANNEL|LOG_SEVERITY)_/, "").replaceAll("_", " ").toLowerCase();

@@ -1,9 +1,9 @@
 // A new job: photos or a video, options, upload, start.
 
-import {ApiError, get, post, type Job, type Options, type ServerInfo} from "./api.js";
+import {ApiError, call, get, newId, post, type Job, type Options, type ServerInfo} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
-import {bytesText, idOf, kTitleBytes, optionHint, optionName, prefixOf} from "./format.js";
-import {choose, dropped, send, type Chosen, type Missing} from "./upload.js";
+import {asTitle, bytesText, idOf, optionHint, optionName} from "./format.js";
+import {choose, dropped, persistently, send, type Chosen, type Missing} from "./upload.js";
 import type {View} from "./view.js";
 
 // Beside the method, what most users would set. The rest is folded.
@@ -95,6 +95,9 @@ function dropZone(take: (files: {file: File; path: string}[], unreadable: string
   return zone;
 }
 
+// The same for a file that is chosen again.
+const idOfFile = ({file, name, role}: Chosen): string => [role, name, file.size, file.lastModified].join("/");
+
 const bytesOf = (chosen: Chosen[]): number => chosen.reduce((sum, c) => sum + c.file.size, 0);
 
 // "a.jpg and 2 more".
@@ -134,7 +137,7 @@ function countsOf(chosen: Chosen[]): string {
 // What the files are called together: their folder's name, or that of the only file, or nothing.
 function nameOf(files: {file: File; path: string}[]): string {
   const folder = files.map(({path}) => path.replace(/^\//, "").split("/")).find((parts) => parts.length > 1)?.[0];
-  return prefixOf(folder ?? (files.length === 1 ? files[0]!.file.name : ""), kTitleBytes);
+  return asTitle(folder ?? (files.length === 1 ? files[0]!.file.name : ""));
 }
 
 // The files of a new job: chosen, dropped, removed. `change` is called after each.
@@ -158,7 +161,6 @@ function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () =
     const more = choose(files);
     name ||= nameOf(files);
     // A file that is chosen again counts once.
-    const idOfFile = ({file, name, role}: Chosen): string => [role, name, file.size, file.lastModified].join("/");
     chosen = [...new Map([...chosen, ...more].map((c) => [idOfFile(c), c])).values()];
     describe(files.length - more.length, unreadable);
   });
@@ -182,10 +184,37 @@ function whatIsMissing({refused, lost}: Missing, all: number, actions: {
   return [...list(refused, "were refused"), ...list(lost, "did not arrive"), el("div", {class: "row"}, ...buttons)];
 }
 
+// A job of this form as it was: the same form goes on with the same job.
+interface Begun {
+  form: string;
+  createId: string;
+  startId: string;
+  job?: string;
+  mayRun: boolean;  // its start was sent, and not refused
+}
+
+async function startJob(name: string, begun: Begun): Promise<void> {
+  begun.mayRun = true;
+  try {
+    await post(`/v1/${name}:start`, {requestId: begun.startId});
+  } catch (error) {
+    if ((error as ApiError).reason) begun.mayRun = false;
+    throw error;
+  }
+}
+
+// Removes a job of a form that has changed since, unless it may run.
+function forget({job, mayRun}: Begun): void {
+  if (job && !mayRun) call("DELETE", `/v1/${job}`).catch(() => {});
+}
+
 export function submitView(): View {
+  let begun: Begun | undefined;
+  const replaced: Begun[] = [];
   let options: ReturnType<typeof optionFields> | undefined;
   let running: AbortController | undefined;
-  const title = el("input", {type: "text", maxlength: 200, autocomplete: "off"});
+  const title: HTMLInputElement = el("input", {type: "text", autocomplete: "off",
+                                               change: () => { title.value = asTitle(title.value); }});
   const main = el("div", {class: "fields"}), rest = el("div", {class: "fields"});
   const ofVideos = el("div", {class: "fields", hidden: true});
   const bar = el("progress", {max: 1, value: 0, hidden: true, "aria-label": "Upload"});
@@ -214,13 +243,9 @@ export function submitView(): View {
       show();
     }
   };
-  const create = (): Promise<Job> => post<Job>("/v1/jobs", {
-    displayName: title.value.trim() || files.name(), options: options?.read() ?? {},
-    requestId: [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16)).join(""),
-  });
-  const open = async (job: Job, start: boolean): Promise<void> => {
-    if (start) await post(`/v1/${job.name}:start`);
-    location.hash = `#/jobs/${idOf(job.name)}`;
+  const open = async (job: Job, start: boolean, signal: AbortSignal): Promise<void> => {
+    if (start) await persistently(() => startJob(job.name, begun!), signal);
+    if (!signal.aborted) location.hash = `#/jobs/${idOf(job.name)}`;
   };
   // Sends what the job lacks of `all` and opens it. If some is missing then, the user decides.
   const sendRest = async (job: Job, all: Chosen[], rest: Chosen[], refused: Missing["refused"], start: boolean,
@@ -228,10 +253,8 @@ export function submitView(): View {
     const bytes = Math.max(1, bytesOf(rest));
     const missing = await send(job.name, rest, (sent) => { bar.value = sent / bytes; }, signal);
     missing.refused = new Map([...refused, ...missing.refused]);
-    if (missing.refused.size + missing.lost.size === 0) return open(job, start);
-    const openAnyway = (start: boolean): void => {
-      open(job, start).catch((error: ApiError) => notice(error.message));
-    };
+    if (missing.refused.size + missing.lost.size === 0) return open(job, start, signal);
+    const openAnyway = (start: boolean): void => void busy((signal) => open(job, start, signal));
     result.replaceChildren(...whatIsMissing(missing, all.length, {
       again: () => void busy((signal) => sendRest(job, all, [...missing.lost.keys()], missing.refused, start, signal)),
       start: () => openAnyway(true), look: () => openAnyway(false),
@@ -241,7 +264,17 @@ export function submitView(): View {
   const submit = (start: boolean): void => {
     if (!valid(element)) return;
     const chosen = files.chosen();
-    void busy(async (signal) => sendRest(await create(), chosen, chosen, new Map(), start, signal));
+    const wanted = {displayName: asTitle(title.value) || files.name(), options: options?.read() ?? {}};
+    const form = JSON.stringify([wanted, chosen.map(idOfFile)]);
+    if (begun && begun.form !== form) replaced.push(begun);
+    const own = begun = begun?.form === form ? begun : {form, createId: newId(), startId: newId(), mayRun: false};
+    void busy(async (signal) => {
+      const job = await persistently(() => post<Job>("/v1/jobs", {...wanted, requestId: own.createId}), signal);
+      own.job = job.name;
+      if (job.state !== "JOB_STATE_UPLOADING") return open(job, false, signal);  // started before
+      await sendRest(job, chosen, chosen, new Map(), start, signal);
+      replaced.splice(0).forEach(forget);  // all that they had, the server has for this one, too
+    });
   };
 
   get<ServerInfo>("/v1/serverInfo").then((info) => {

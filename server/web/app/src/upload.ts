@@ -1,6 +1,7 @@
 // Photos, or a video, from this machine to a job.
 
-import {ApiError, errorOf, post} from "./api.js";
+import {ApiError, errorOf, post, saidOfRetried} from "./api.js";
+import {notice} from "./dom.js";
 import {digestOf} from "./sha256.js";
 
 export interface Chosen {
@@ -94,9 +95,29 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
   });
 }
 
-// Whether the same file may arrive later.
+// Whether the same call, or the same file, may arrive later.
 const mayRetry = (error: unknown): boolean => error instanceof ApiError &&
     (error.code === 0 || error.code >= 500 || error.transient || error.reason === "OFFSET_INVALID");
+
+// Waits for the next of so many attempts. Throws `error` if there is none.
+async function pause(error: unknown, attempt: number, attempts: number, signal: AbortSignal): Promise<void> {
+  if (signal.aborted || !mayRetry(error) || attempt >= attempts) throw error;
+  notice(saidOfRetried(error));
+  await new Promise((ok) => setTimeout(ok, Math.min(1000 * 2 ** (attempt - 1), 15000)));
+  if (signal.aborted) throw error;
+  notice("");
+}
+
+// Repeats a call, which must be safe to repeat, until it is answered.
+export async function persistently<T>(what: () => Promise<T>, signal: AbortSignal): Promise<T> {
+  for (let attempt = 1; ; ++attempt) {
+    try {
+      return await what();
+    } catch (error) {
+      await pause(error, attempt, kAttempts, signal);
+    }
+  }
+}
 
 // Sends one file, and what is left of it after a broken connection. Gives up after so many attempts in a
 // row that brought no bytes.
@@ -118,8 +139,7 @@ async function sendFile(job: string, chosen: Chosen, attempts: number, step: (by
       step(chosen.file.size);
       return;
     } catch (error) {
-      if (signal.aborted || !mayRetry(error) || attempt >= attempts) throw error;
-      await new Promise((ok) => setTimeout(ok, Math.min(1000 * 2 ** (attempt - 1), 15000)));
+      await pause(error, attempt, attempts, signal);
     }
   }
 }

@@ -1,0 +1,143 @@
+// Answers of the server that do not arrive, or come late; new_job_test.py starts it.
+
+import assert from "node:assert/strict";
+import {join} from "node:path";
+import {chromium} from "playwright-core";
+
+const {URL: url, JOB: job, PHOTOS: photos, CHROMIUM: executablePath, PATIENCE_MS: patience} = process.env;
+
+const browser = await chromium.launch({executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage"]});
+const page = await browser.newPage();
+page.setDefaultTimeout(Number(patience));
+const complaints = [];
+page.on("pageerror", (error) => complaints.push(String(error)));
+
+async function step(name, what) {
+  console.log(name);
+  await what();
+  await page.unrouteAll({behavior: "ignoreErrors"});
+  assert.deepEqual(complaints, []);
+}
+
+const said = (text) => page.locator("#notice").getByText(text).waitFor();
+const start = page.getByRole("button", {name: "Upload and start"});
+const title = page.getByLabel("Title", {exact: true});
+const choose = (...names) => page.locator("#files").setInputFiles(names.map((name) => join(photos, name)));
+// How many jobs have this title.
+const jobsOf = (displayName) => page.evaluate(async (displayName) => {
+  const {jobs = []} = await (await fetch("/v1/jobs?pageSize=1000")).json();
+  return jobs.filter((job) => job.displayName === displayName).length;
+}, displayName);
+
+// A page for a new job, with these photos.
+async function newJob(displayName, ...names) {
+  await page.goto(`${url}/#/new`);
+  await page.reload();
+  await page.getByLabel("Iterations", {exact: true}).fill("20");
+  await title.fill(displayName);
+  await choose(...names);
+  await page.getByText(`${names.length} photos,`).waitFor();
+}
+
+// The server gets the first such call, the page no answer to the first `times`.
+async function loseAnswers(path, times) {
+  const calls = [];
+  await page.route(path, async (route) => {
+    if (route.request().method() !== "POST" || calls.length === times) return route.continue();
+    calls.push(route.request().postData());
+    if (calls.length === 1) await route.fetch();
+    return route.abort();
+  });
+  return calls;
+}
+
+await step("a job and its start whose answers are lost", async () => {
+  await newJob("Lost", "a.png", "b.png", "c.png");
+  const made = await loseAnswers(/\/v1\/jobs$/, 1);
+  const started = await loseAnswers(/:start$/, 9);  // as often as the page tries
+  await page.evaluate(() => {  // no pauses between attempts
+    window.patient = window.setTimeout;
+    window.setTimeout = (what) => window.patient(what, 0);
+  });
+  await start.click();
+  await page.locator(".result").getByText("the server cannot be reached").waitFor();
+  assert.deepEqual([made.length, started.length], [1, 9]);
+  await page.evaluate(() => { window.setTimeout = window.patient; });
+  await start.click();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+  assert.equal(await jobsOf("Lost"), 1);
+});
+
+await step("a start that is refused, and one more photo", async () => {
+  await newJob("Few", "a.png", "b.png");
+  for (let i = 0; i < 2; ++i) {
+    await start.click();
+    await page.locator(".result").getByText("3").waitFor();
+  }
+  assert.equal(await jobsOf("Few"), 1);
+  await choose("c.png");
+  await page.getByText("3 photos,").waitFor();
+  await start.click();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+  while (await jobsOf("Few") > 1) await page.waitForTimeout(50);  // the first one goes
+});
+
+await step("titles that the server would not take", async () => {
+  await newJob("\u0436".repeat(120), "a.png", "b.png", "c.png");
+  await start.click();
+  await page.getByRole("heading", {name: "\u0436".repeat(100), exact: true}).waitFor();
+  await page.goto(`${url}/#/new`);
+  await page.evaluate(() => {
+    const path = "/my\u202a odd\t\u2028folder\u2069", children = [[{
+      isFile: true, fullPath: `${path}/a.jpg`, file: (ok) => ok(new File(["x"], "a.jpg"))}], []];
+    const entry = {isFile: false, fullPath: path, createReader: () => ({readEntries: (ok) => ok(children.shift())})};
+    const event = new Event("drop", {cancelable: true});
+    event.dataTransfer = {items: [{webkitGetAsEntry: () => entry, getAsFile: () => null}]};
+    document.querySelector(".drop").dispatchEvent(event);
+  });
+  await page.getByText("1 photo,").waitFor();
+  assert.equal(await title.getAttribute("placeholder"), "my oddfolder");
+});
+
+const copies = () => jobsOf("by HTTP (copy)");
+
+await step("a clone whose answer is lost", async () => {
+  await page.goto(`${url}/#/${job}`);
+  await loseAnswers(/:clone$/, 1);
+  const clone = page.getByRole("button", {name: "Clone"});
+  await clone.click();
+  await said("the server cannot be reached");
+  await clone.click();
+  await page.getByRole("heading", {name: "by HTTP (copy)"}).waitFor();
+  assert.equal(await copies(), 1);
+});
+
+await step("a clone that is made after one has gone elsewhere", async () => {
+  await page.goto(`${url}/#/${job}`);
+  let release;
+  const held = new Promise((ok) => { release = ok; });
+  await page.route(/:clone$/, async (route) => { await held; await route.continue(); });
+  const clone = page.getByRole("button", {name: "Clone"});
+  await clone.click();
+  assert.ok(await clone.isDisabled());
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  const answer = page.waitForResponse(/:clone$/);
+  release();
+  await (await answer).finished();
+  while (await copies() < 2) await page.waitForTimeout(50);
+  assert.equal(await page.evaluate(() => location.hash), "#/new");
+});
+
+await step("a job that cannot be deleted says why", async () => {
+  await page.goto(`${url}/#/${job}`);
+  await page.route(new RegExp(`${job}$`), (route) => route.request().method() === "DELETE"
+    ? route.fulfill({status: 400, json: {code: 9, message: "not today"}}) : route.continue());
+  await page.getByRole("button", {name: "Delete"}).click();
+  const dialog = page.getByRole("dialog");
+  await dialog.getByRole("button", {name: "Delete"}).click();
+  await said("not today");
+  assert.ok(await dialog.isHidden());
+});
+
+await browser.close();
+process.exit(0);
