@@ -35,6 +35,11 @@ await step("a file that cannot be made says why", async () => {
   }
 });
 
+await step("what is spoken of a job: its state, not each step of it", async () => {
+  assert.deepEqual(await page.locator(".heading .state, .standing").evaluateAll((parts) => parts.map(
+      (part) => part.closest("[aria-live]")?.className)), ["state", undefined]);
+});
+
 await step("formats that plain 3DGS does not have", async () => {
   const offered = () => page.getByLabel("Format").locator("option:enabled").allTextContents();
   assert.ok((await offered()).includes("PLY, original light"));

@@ -139,5 +139,54 @@ await step("a job that cannot be deleted says why", async () => {
   assert.ok(await dialog.isHidden());
 });
 
+// As a server with tokens, which has taken back the one of this page, answers the first such call.
+for (const [name, path, method] of [["a question", /files:query$/, "POST"], ["a file", /files\/b\.png/, "PUT"]]) {
+  await step(`a token that is taken back during an upload, told to ${name}`, async () => {
+    await newJob(`With ${name}`, "a.png", "b.png", "c.png");
+    let refused = 0;
+    await page.route(path, (route) => route.request().method() !== method || ++refused > 1 ? route.continue()
+      : route.fulfill({status: 401, json: {code: 16, message: "the token is unknown"}}));
+    await page.route(/\/v1\/session$/, (route) => route.fulfill({json: {}}));
+    await start.click();
+    await page.getByLabel("Token").fill("another");
+    await page.getByRole("button", {name: "Enter"}).click();
+    await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+    assert.equal(await jobsOf(`With ${name}`), 1);
+  });
+}
+
+await step("leaving while the server is away", async () => {
+  await page.route(/\/v1\/serverInfo$/, async (route) => {
+    const info = await (await route.fetch()).json();
+    await route.fulfill({json: {...info, client: {name: "alice"}}});
+  });
+  await page.route(/\/v1\/session$/, (route) => route.abort());
+  await page.goto(`${url}/#/new`);
+  await page.reload();
+  await page.getByRole("button", {name: "Leave"}).click();
+  await said("the server cannot be reached");
+});
+
+await step("a full picture whose connection breaks inside of it", async () => {
+  const full = () => page.locator("canvas.stage[data-full=true]").waitFor();
+  await page.goto(`${url}/#/${job}/scene`);
+  await full();
+  await page.evaluate(() => {
+    const usual = window.fetch;
+    window.fetch = async (path, options) => {
+      const response = await usual(path, options);
+      if (options?.body?.includes('"jpegQuality":92')) {
+        window.fetch = usual;
+        response.blob = () => Promise.reject(new TypeError("network error"));
+      }
+      return response;
+    };
+  });
+  await page.getByRole("button", {name: "Next photo"}).click();
+  await said("the connection broke");
+  await full();
+  assert.equal(await page.locator("#notice").textContent(), "");
+});
+
 await browser.close();
 process.exit(0);

@@ -5,7 +5,7 @@ import {copyFileSync, readdirSync, rmSync, statSync} from "node:fs";
 import {join} from "node:path";
 import {chromium} from "playwright-core";
 
-const {URL: url, PHOTOS: photos, CHROMIUM: executablePath, PATIENCE_MS: patience} = process.env;
+const {URL: url, PHOTOS: photos, ARCHIVE: archive, CHROMIUM: executablePath, PATIENCE_MS: patience} = process.env;
 
 const browser = await chromium.launch({executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage"]});
 const page = await browser.newPage();
@@ -127,6 +127,18 @@ await step("files that do not arrive are no refusals, and can be sent again", as
   await page.unrouteAll();
   await page.getByRole("button", {name: "Send them again"}).click();
   await page.getByText("1 of 4 files did not arrive:").waitFor();
+  await page.getByRole("button", {name: "Start without them"}).click();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+});
+
+await step("a photo that is left out of an archive", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await choose(archive);
+  for (let i = 0; i < 2; ++i) {  // said again, though the server has the archive
+    await start.click();
+    await page.getByText("Not used, of what is in the archive:").waitFor();
+    await page.getByText(/^bad\.png \(.+\)$/).waitFor();
+  }
   await page.getByRole("button", {name: "Start without them"}).click();
   await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
 });

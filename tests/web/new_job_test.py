@@ -6,6 +6,7 @@ Skipped, and says so, without Chromium, without npm, or where the server was bui
 
 import os
 import pathlib
+import shutil
 import subprocess
 
 import browser_test
@@ -34,7 +35,10 @@ class NewJob(gateway.GatewayTest):
     def test_a_new_job(self):
         folder = pathlib.Path(self.photos())
         (folder / "large.png").write_bytes(harness.large_png())
-        self.run_steps("new_job_steps.mjs", PHOTOS=str(folder))
+        packed = pathlib.Path(self.photos())
+        (packed / "bad.png").write_bytes(b"no photo")
+        archive = shutil.make_archive(os.path.join(self.folder, "night"), "zip", packed)
+        self.run_steps("new_job_steps.mjs", PHOTOS=str(folder), ARCHIVE=archive)
 
     def test_answers_that_are_lost(self):
         self.run_steps("lost_answers_steps.mjs", PHOTOS=self.photos(), JOB=self.web_job())

@@ -108,6 +108,10 @@ export function saidOfRetried(error: unknown): string {
 let onUnauthorized = (): void => {};
 export function whenUnauthorized(action: () => void): void { onUnauthorized = action; }
 
+const waiting: (() => void)[] = [];  // for a token
+export const nextToken = (): Promise<void> => new Promise((ok) => { waiting.push(ok); });
+export const tokenEntered = (): void => waiting.splice(0).forEach((ok) => ok());
+
 export function errorOf(code: number, text: string): ApiError {
   try {
     const status = JSON.parse(text) as {message?: string; details?: {"@type"?: string; reason?: string}[]};
@@ -118,6 +122,18 @@ export function errorOf(code: number, text: string): ApiError {
     return new ApiError(code, `the server answered ${code}`);
   }
 }
+
+// As errorOf(); the user is asked for a token, if that is what is missing.
+export function refusal(code: number, text: string): ApiError {
+  if (code === 401) onUnauthorized();
+  return errorOf(code, text);
+}
+
+// What is read of an answer's body, whose connection may break, too.
+const whole = <T>(read: Promise<T>, signal?: AbortSignal): Promise<T> => read.catch((error: unknown) => {
+  if (signal?.aborted) throw error;
+  throw new ApiError(0, "the connection broke");
+});
 
 async function request(method: string, path: string, body?: unknown,
                        signal?: AbortSignal): Promise<Response> {
@@ -134,12 +150,11 @@ async function request(method: string, path: string, body?: unknown,
     throw new ApiError(0, kUnreachable);
   }
   if (response.ok) return response;
-  if (response.status === 401 && path !== "/v1/session") onUnauthorized();
-  throw errorOf(response.status, await response.text());
+  throw (path === "/v1/session" ? errorOf : refusal)(response.status, await whole(response.text(), signal));
 }
 
 export async function call<T>(method: string, path: string, body?: unknown): Promise<T> {
-  return await (await request(method, path, body)).json() as T;
+  return await whole((await request(method, path, body)).json()) as T;
 }
 export const get = <T>(path: string): Promise<T> => call<T>("GET", path);
 export const post = <T>(path: string, body: unknown = {}): Promise<T> =>
@@ -150,11 +165,10 @@ export const newId = (): string =>
     [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join("");
 
 export async function getBlob(path: string): Promise<Blob> {
-  const response = await request("GET", path);
-  return response.blob().catch(() => { throw new ApiError(0, "the connection broke"); });
+  return whole((await request("GET", path)).blob());
 }
 export async function getBytes(path: string): Promise<Uint8Array<ArrayBuffer>> {
-  return new Uint8Array(await (await request("GET", path)).arrayBuffer());
+  return new Uint8Array(await whole((await request("GET", path)).arrayBuffer()));
 }
 
 // A picture, and what the server says of it.
@@ -166,15 +180,16 @@ export interface Picture {
 export async function renderView(job: string, view: unknown, signal?: AbortSignal):
     Promise<Picture> {
   const response = await request("POST", `/v1/${job}:renderView`, view, signal);
-  return {blob: await response.blob(), about: JSON.parse(response.headers.get("Litags-Answer")!)};
+  return {blob: await whole(response.blob(), signal), about: JSON.parse(response.headers.get("Litags-Answer")!)};
 }
 
 // The events of a call, which is not made again when the connection breaks.
 export async function* postEvents<T>(path: string, body: unknown, signal: AbortSignal): AsyncGenerator<T> {
   const response = await request("POST", path, body, signal);
   const reader = response.body!.pipeThrough(new TextDecoderStream()).getReader();
+  const next = () => whole(reader.read(), signal);
   let text = "", ended = false;
-  for (let got = await reader.read(); !got.done; got = await reader.read()) {
+  for (let got = await next(); !got.done; got = await next()) {
     const parts = (text + got.value).split("\n\n");
     text = parts.pop()!;
     for (const part of parts) {

@@ -1,6 +1,6 @@
 // The page: which view is shown, and who looks.
 
-import {call, get, whenUnauthorized, type ServerInfo} from "./api.js";
+import {call, get, tokenEntered, whenUnauthorized, type ServerInfo} from "./api.js";
 import {el, notice} from "./dom.js";
 import {jobView} from "./job.js";
 import {jobsView} from "./jobs.js";
@@ -11,6 +11,7 @@ import type {View} from "./view.js";
 
 const main = document.getElementById("main")!;
 let shown: View | undefined;
+let kept: View | undefined;  // goes on behind the question for a token
 
 function viewOf(hash: string): View {
   const [page, id, part] = hash.replace(/^#\//, "").split("/");
@@ -21,9 +22,10 @@ function viewOf(hash: string): View {
   return jobsView();
 }
 
-function show(view: View): void {
-  shown?.leave?.();
+function show(view: View, keep?: View): void {
+  for (const old of [shown, kept]) if (old !== view && old !== keep) old?.leave?.();
   const first = shown === undefined;
+  kept = keep;
   shown = view;
   document.title = `${view.title} - litags`;
   main.replaceChildren(view.element);
@@ -36,9 +38,9 @@ function show(view: View): void {
   window.scrollTo(0, 0);
 }
 
-function route(): void {
+function route(view = viewOf(location.hash)): void {
   notice("");
-  show(viewOf(location.hash));
+  show(view);
   void who();
 }
 
@@ -52,21 +54,21 @@ async function who(): Promise<void> {
     ask();
   };
   place.replaceChildren(name ? el("span", {}, `${name} `) : "",
-                        name ? el("button", {type: "button", click: () => void leave()}, "Leave") : "");
+                        name ? el("button", {type: "button", click: () => void leave().catch((e: Error) => notice(e.message))}, "Leave") : "");
 }
 
-function ask(): void {
+function ask(keep?: View): void {
   if (shown?.title === "Token") return;
   document.getElementById("who")!.replaceChildren();
-  show(loginView(route));
+  show(loginView(() => { route(kept); tokenEntered(); }), keep);
   main.querySelector("input")!.focus();
 }
 
-whenUnauthorized(ask);
+whenUnauthorized(() => ask(shown?.keeps?.() ? shown : undefined));
 // Not by its address: every hash is the address of a view.
 document.querySelector("a.skip")!.addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
 });
-window.addEventListener("hashchange", route);
+window.addEventListener("hashchange", () => route());
 route();

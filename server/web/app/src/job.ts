@@ -14,8 +14,9 @@ import {every, type View} from "./view.js";
 const kMostLines = 2000;  // of the log
 
 function head(refresh: () => void): Part {
-  const title = el("h1", {}), state = el("span", {class: "state"});
-  const line = el("p", {class: "standing", "aria-live": "polite"}), bar = el("progress", {max: 1, "aria-label": "Progress"});
+  // The state alone is spoken: the line below it changes all the time.
+  const title = el("h1", {}), state = el("span", {class: "state", "aria-live": "polite"});
+  const line = el("p", {class: "standing"}), bar = el("progress", {max: 1, "aria-label": "Progress"});
   const fly = el("a", {class: "button primary"}, "Fly through");
   const paper = downloadLink("Report");
   const buttons = actions(refresh);
@@ -26,9 +27,9 @@ function head(refresh: () => void): Part {
     show(job) {
       title.textContent = titleOf(job);
       document.title = `${titleOf(job)} - litags`;
-      state.textContent = words(job.state);
+      if (state.textContent !== words(job.state)) state.textContent = words(job.state);
       state.dataset.state = words(job.state);
-      if (line.textContent !== standing(job)) line.textContent = standing(job);
+      line.textContent = standing(job);
       line.classList.toggle("error", job.state === "JOB_STATE_FAILED");
       bar.hidden = !isActive(job);
       bar.value = shareDone(job.progress);

@@ -3,7 +3,7 @@
 import {ApiError, call, get, newId, post, type Job, type Options, type ServerInfo} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
 import {asTitle, bytesText, idOf, optionHint, optionName} from "./format.js";
-import {choose, dropped, persistently, send, type Chosen, type Missing} from "./upload.js";
+import {choose, dropped, leftOutOf, persistently, send, type Chosen, type Missing} from "./upload.js";
 import type {View} from "./view.js";
 
 // Beside the method, what most users would set. The rest is folded.
@@ -170,18 +170,20 @@ function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () =
           name: () => name, trouble: () => troubleOf(chosen)};
 }
 
-// Which of `all` files the job does not have, and what can be done now.
-function whatIsMissing({refused, lost}: Missing, all: number, actions: {
+// Which of `all` files, or of those in archives, the job does not have, and what can be done now.
+function whatIsMissing({refused, lost}: Missing, leftOut: string[], all: number, actions: {
   again: () => void; start: () => void; look: () => void;
 }): HTMLElement[] {
-  const list = (files: Map<Chosen, string>, what: string): HTMLElement[] => files.size === 0 ? [] : [
-    el("p", {class: "error"}, `${files.size} of ${all} files ${what}:`),
-    el("ul", {}, ...[...files.values()].map((why) => el("li", {}, why)))];
+  const list = (files: string[], what: string): HTMLElement[] => files.length === 0 ? [] : [
+    el("p", {class: "error"}, what), el("ul", {}, ...files.map((why) => el("li", {}, why)))];
+  const count = (files: Map<Chosen, string>, what: string): HTMLElement[] =>
+      list([...files.values()], `${files.size} of ${all} files ${what}:`);
   const button = (text: string, click: () => void): HTMLElement => el("button", {type: "button", click}, text);
   const buttons = [button("Start without them", actions.start), button("Look at the others first", actions.look)];
   if (lost.size > 0) buttons.unshift(button("Send them again", actions.again));
   buttons[0]!.className = "primary";
-  return [...list(refused, "were refused"), ...list(lost, "did not arrive"), el("div", {class: "row"}, ...buttons)];
+  return [...count(refused, "were refused"), ...count(lost, "did not arrive"),
+          ...list(leftOut, "Not used, of what is in the archive:"), el("div", {class: "row"}, ...buttons)];
 }
 
 // A job of this form as it was: the same form goes on with the same job.
@@ -253,9 +255,10 @@ export function submitView(): View {
     const bytes = Math.max(1, bytesOf(rest));
     const missing = await send(job.name, rest, (sent) => { bar.value = sent / bytes; }, signal);
     missing.refused = new Map([...refused, ...missing.refused]);
-    if (missing.refused.size + missing.lost.size === 0) return open(job, start, signal);
+    const leftOut = leftOutOf(all);
+    if (missing.refused.size + missing.lost.size + leftOut.length === 0) return open(job, start, signal);
     const openAnyway = (start: boolean): void => void busy((signal) => open(job, start, signal));
-    result.replaceChildren(...whatIsMissing(missing, all.length, {
+    result.replaceChildren(...whatIsMissing(missing, leftOut, all.length, {
       again: () => void busy((signal) => sendRest(job, all, [...missing.lost.keys()], missing.refused, start, signal)),
       start: () => openAnyway(true), look: () => openAnyway(false),
     }));
@@ -290,5 +293,5 @@ export function submitView(): View {
                      el("div", {class: "fields"}, labelled("Title", title)), main,
                      el("details", {}, el("summary", {}, "All options"), rest), bar,
                      el("div", {class: "row"}, go, look), result);
-  return {title: "New job", element, leave: () => running?.abort()};
+  return {title: "New job", element, keeps: () => files.chosen().length > 0, leave: () => running?.abort()};
 }

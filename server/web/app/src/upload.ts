@@ -1,6 +1,6 @@
 // Photos, or a video, from this machine to a job.
 
-import {ApiError, errorOf, post, saidOfRetried} from "./api.js";
+import {ApiError, nextToken, post, refusal, saidOfRetried} from "./api.js";
 import {notice} from "./dom.js";
 import {digestOf} from "./sha256.js";
 
@@ -8,6 +8,7 @@ export interface Chosen {
   file: File;
   name: string;
   role: string;
+  skipped?: string[];  // what the server did not use of this archive, with why
 }
 
 const kPhoto = /\.(jpe?g|jpe|jfif|png|tiff?|webp|heic|heif|hif|avif|jxl|dng|nef|nrw|cr2|cr3|arw|raf|orf|rw2|pef|srw)$/i;
@@ -71,6 +72,13 @@ export async function dropped(items: DataTransferItemList): Promise<{
   return {found, unreadable};
 }
 
+// What was not used of archives, if photos are among it.
+export function leftOutOf(files: Chosen[]): string[] {
+  const names = files.flatMap((chosen) => chosen.skipped ?? []);
+  const photo = new RegExp(kPhoto.source.replace("$", " \\("), "i");  // "night/a.jpg (the file is empty)"
+  return names.some((name) => photo.test(name)) ? names : [];
+}
+
 // Sends the bytes from `offset` on; `sent` is told how many are on their way.
 function put(job: string, chosen: Chosen, digest: string, offset: number,
              sent: (bytes: number) => void, signal: AbortSignal): Promise<void> {
@@ -87,7 +95,11 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
       offset = 0;
     }
     request.upload.onprogress = (event) => sent(offset + event.loaded);
-    request.onload = () => request.status < 300 ? ok() : no(errorOf(request.status, request.responseText));
+    request.onload = () => {
+      if (request.status >= 300) return no(refusal(request.status, request.responseText));
+      chosen.skipped = (JSON.parse(request.responseText) as {skipped?: string[]}).skipped ?? [];
+      ok();
+    };
     request.onerror = () => no(new ApiError(0, "the connection broke"));
     request.onabort = () => no(new ApiError(0, "stopped"));
     signal.addEventListener("abort", () => request.abort());
@@ -99,11 +111,17 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
 const mayRetry = (error: unknown): boolean => error instanceof ApiError &&
     (error.code === 0 || error.code >= 500 || error.transient || error.reason === "OFFSET_INVALID");
 
-// Waits for the next of so many attempts. Throws `error` if there is none.
+// Waits for the next of so many attempts, or for the token that is asked for. Throws `error` if neither
+// comes.
 async function pause(error: unknown, attempt: number, attempts: number, signal: AbortSignal): Promise<void> {
-  if (signal.aborted || !mayRetry(error) || attempt >= attempts) throw error;
-  notice(saidOfRetried(error));
-  await new Promise((ok) => setTimeout(ok, Math.min(1000 * 2 ** (attempt - 1), 15000)));
+  if (signal.aborted) throw error;
+  if ((error as ApiError).code === 401) {
+    await nextToken();
+  } else {
+    if (!mayRetry(error) || attempt >= attempts) throw error;
+    notice(saidOfRetried(error));
+    await new Promise((ok) => setTimeout(ok, Math.min(1000 * 2 ** (attempt - 1), 15000)));
+  }
   if (signal.aborted) throw error;
   notice("");
 }

@@ -3,6 +3,8 @@
 export interface View {
   title: string;
   element: HTMLElement;
+  // Whether it has what would be lost: it is put back once a token was entered.
+  keeps?: () => boolean;
   // Called when another page takes its place: timers, streams and listeners end.
   leave?: () => void;
 }
