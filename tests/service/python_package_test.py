@@ -218,7 +218,8 @@ class Package(harness.ServiceTest):
         (masks / "a.png").write_bytes(harness.png(seed=4))
         archive = shutil.make_archive(os.path.join(self.folder, "night"), "zip", folder)
         client = self.client()
-        job = client.submit(archive, masks=masks, options={"iterations": 5})
+        with self.assertNoLogs("litags"):
+            job = client.submit(archive, masks=masks, options={"iterations": 5})
         client.wait(job, progress=False)
         self.assertEqual(self.roles(job), {
             "ARCHIVE": ["night.zip"], "PHOTO": ["a.png", "b.png", "c.png"], "MASK": ["a.png"]})
@@ -226,6 +227,47 @@ class Package(harness.ServiceTest):
         self.litags("path", job, "--orbit", "--frames", "12", "--size", "64x48", "--video", video)
         job = client.submit(video, options={"frames": 8, "iterations": 5})
         self.assertEqual(self.roles(job), {"VIDEO": ["walk.MP4"]})
+
+    def test_what_is_not_used_of_an_archive_is_said(self):
+        folder = self.photos()
+        pathlib.Path(folder, "bad.png").write_bytes(b"no photo")
+        archive = shutil.make_archive(os.path.join(self.folder, "night"), "zip", folder)
+        with self.assertLogs("litags", "WARNING") as said:
+            self.client().submit(archive, options={"iterations": 5})
+        self.assertEqual(len(said.output), 1, said.output)
+        self.assertRegex(said.output[0], r"not used, of what is in the archive: bad\.png \(.+\)")
+
+    def test_a_photo_that_vanishes_or_shrinks_before_it_is_sent_is_named(self):
+        client = self.client()
+        for width, change, error, words in (
+                (71, os.remove, FileNotFoundError, "b.png"),
+                (72, lambda path: os.truncate(path, 9), ValueError,
+                 "b.png became shorter while it was sent")):
+            folder = self.photos(size=(width, 48))  # which the server has not seen
+
+            def upload(job, batch, change=change, folder=folder, whole=litags.Client._upload):
+                change(os.path.join(folder, "b.png"))
+                whole(client, job, batch)
+
+            before = len(self.jobs.ListJobs(harness.rpc.ListJobsRequest()).jobs)
+            with mock.patch.object(client, "_upload", upload), self.assertRaisesRegex(error, words):
+                client.submit(folder)
+            self.assertEqual(len(self.jobs.ListJobs(harness.rpc.ListJobsRequest()).jobs), before)
+
+    def test_an_export_replaces_neither_links_nor_devices(self):
+        job = self.finished_job()
+        scene = pathlib.Path(self.folder, "scene.ply")
+        link, pipe = scene.with_name("link.ply"), scene.with_name("pipe")
+        link.symlink_to(scene)
+        os.mkfifo(pipe)
+        client = self.client()
+        client.export(job, link)
+        self.assertTrue(link.is_symlink())
+        with futures.ThreadPoolExecutor() as pool:
+            read = pool.submit(pipe.read_bytes)
+            client.export(job, pipe)
+            self.assertEqual(read.result(harness.PATIENCE_S), scene.read_bytes())
+        self.assertTrue(pipe.is_fifo())
 
     def roles(self, job):
         """Names of the job's files by what they are for."""

@@ -4,10 +4,12 @@ import contextlib
 import logging
 import os
 import pathlib
+import shutil
+import tempfile
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, Self, TypeVar
+from typing import IO, Any, Self, TypeVar
 
 import grpc
 
@@ -124,8 +126,8 @@ class Client:
         """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
         or an archive of a folder. `cameras`: what `litags submit --cameras` takes (docs/cameras.md).
         `masks`: a folder. A photo that the service cannot read is left out and logged as a warning;
-        `strict` refuses it. Removes a job that is refused, unless there is a `request_id`: the same
-        call with the same one goes on with one job."""
+        `strict` refuses it, but of an archive. Removes a job that is refused, unless there is a
+        `request_id`: the same call with the same one goes on with one job."""
         found = files.find_photos(photos)
         if cameras is not None:
             found += files.find_cameras(cameras)
@@ -144,10 +146,10 @@ class Client:
             self._upload_all(job, found, strict)
             self._call(self.jobs.StartJob,
                        rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
-        except errors.LitagsError as error:
-            if error.may_succeed_later:
+        except (errors.LitagsError, OSError, ValueError) as error:
+            if isinstance(error, errors.LitagsError) and error.may_succeed_later:
                 raise errors.of_left_job(error, job, request.request_id) from error
-            if not request_id:  # refused: nobody goes on with it
+            if not request_id:  # refused, or a file is gone: nobody goes on with it
                 with contextlib.suppress(errors.LitagsError):
                     self._call(self.jobs.DeleteJob,
                                rpc.DeleteJobRequest(name=job, allow_missing=True))
@@ -202,22 +204,33 @@ class Client:
         return self._call(self.pictures.RenderView, request).data
 
     def export(self, job: str, path: Path, **settings: Any) -> None:
-        """Writes the scene to a file, whole or not at all: a .ply unless `format` says otherwise.
-        `settings`: fields of ExportModelRequest, as format="MODEL_FORMAT_SPZ"."""
+        """Writes the scene to a file, whole or not at all: a .ply unless `format` says otherwise. A
+        link stays one; a device or a pipe gets the bytes. `settings`: fields of ExportModelRequest,
+        as format="MODEL_FORMAT_SPZ"."""
         request = model_service_pb2.ExportModelRequest(name=_name(job), **settings)
-        target = pathlib.Path(path)
+        if pathlib.Path(path).exists() and not pathlib.Path(path).is_file():
+            with tempfile.TemporaryFile() as scene, open(path, "wb") as sink:
+                self._export(request, scene)
+                scene.seek(0)
+                shutil.copyfileobj(scene, sink)
+            return
+        target = pathlib.Path(path).resolve()
         part = target.with_name(f".{target.name}.{os.getpid()}.part")
-
-        def write(_: _Patience) -> None:
-            with part.open("wb") as file:
-                for message in self.models.ExportModel(request, metadata=self.metadata):
-                    file.write(message.chunk)
-
         try:
-            self._persistently(write)
+            with part.open("wb") as file:
+                self._export(request, file)
             part.replace(target)
         finally:
             part.unlink(missing_ok=True)
+
+    def _export(self, request: model_service_pb2.ExportModelRequest, file: IO[bytes]) -> None:
+        def write(_: _Patience) -> None:
+            file.seek(0)
+            file.truncate()
+            for message in self.models.ExportModel(request, metadata=self.metadata):
+                file.write(message.chunk)
+
+        self._persistently(write)
 
     def _upload_all(self, job: str, found: list[files.File], strict: bool) -> None:
         start = 0
@@ -247,10 +260,31 @@ class Client:
             missing = [(file, status.offset) for file, status in zip(batch, known, strict=True)
                        if not status.stored]
             if missing:
-                messages = files.upload_messages(job, *zip(*missing))
-                self.jobs.UploadImages(messages, metadata=self.metadata)
+                for note in self._send(files.upload_messages(job, *zip(*missing))):
+                    _log.warning("not used, of what is in the archive: %s", note)
 
         self._persistently(send)
+
+    def _send(self, messages: Iterator[rpc.UploadImagesRequest]) -> Iterable[str]:
+        """Returns what is not used of archives. Raises what the messages raise: gRPC would say
+        only that it could not iterate."""
+        unreadable: list[Exception] = []
+
+        def readable() -> Iterator[rpc.UploadImagesRequest]:
+            try:
+                yield from messages
+            except (OSError, ValueError) as error:
+                unreadable.append(error)
+
+        response = rpc.UploadImagesResponse()
+        try:
+            response = self.jobs.UploadImages(readable(), metadata=self.metadata)
+        except grpc.RpcError:
+            if not unreadable:
+                raise
+        if unreadable:
+            raise unreadable[0]
+        return response.skipped
 
     def _call(self, method: Callable[..., Result], request: object) -> Result:
         return self._persistently(lambda _: method(request, metadata=self.metadata))

@@ -182,9 +182,15 @@ def upload_messages(job: str, files: Sequence[File],
     for file, offset in zip(files, offsets, strict=True):
         yield rpc.UploadImagesRequest(file=file.header(offset))
         on_disk = file.size - len(file.tail)
+        left = max(0, on_disk - offset)
         with file.path.open("rb") as source:
             source.seek(offset)
-            while chunk := source.read(CHUNK_BYTES):
+            while left > 0:
+                chunk = source.read(min(left, CHUNK_BYTES))
+                if not chunk:
+                    raise ValueError(f"{file.path} became shorter while it was sent; submit it "
+                                     "again when it is complete")
+                left -= len(chunk)
                 yield rpc.UploadImagesRequest(chunk=chunk)
         if tail := file.tail[max(0, offset - on_disk):]:
             yield rpc.UploadImagesRequest(chunk=tail)
