@@ -23,6 +23,35 @@ function detailOf(error: unknown) {
   return ConnectError.from(error).findDetails(ErrorDetailSchema)[0];
 }
 
+// Whether the same call may succeed later: the connection broke, or the server is busy. Canceled: what
+// Node.js makes of a connection that was cut.
+function mayRetry(error: unknown): boolean {
+  const { code, details } = ConnectError.from(error);
+  return [Code.Unavailable, Code.Aborted, Code.Canceled].includes(code)
+      || details.some((detail) => "type" in detail && detail.type === "google.rpc.RetryInfo");
+}
+
+let answered = false; // a server that never did so is tried for a few seconds only
+
+// Repeats a call that is safe to repeat.
+async function persistently<T>(call: () => Promise<T>): Promise<T> {
+  for (let attempt = 1; ; ++attempt) {
+    try {
+      const answer = await call();
+      answered = true;
+      return answer;
+    } catch (error) {
+      if (!mayRetry(error) || attempt === (answered ? 60 : 5)) throw error;
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+    }
+  }
+}
+
+// Repeats all calls but streams. Those that make or start a job have a requestId: once more changes
+// nothing.
+const again: Interceptor = (next) => (request) =>
+  request.stream ? next(request) : persistently(() => next(request));
+
 // Takes the environment variables of the program litags.
 function connect() {
   const { env } = process;
@@ -41,7 +70,9 @@ function connect() {
   };
   return createGrpcTransport({
     baseUrl: `${tls ? "https" : "http"}://${server}`,
-    interceptors: [withToken],
+    interceptors: [again, withToken],
+    pingIntervalMs: 1000 * Number(env.LITAGS_KEEPALIVE || 30), // a silent server is asked whether it is there
+    pingTimeoutMs: 10_000,
     // Without `ca` the authorities of Node.js are trusted.
     nodeOptions: tls ? { ca: read(ca), cert: read(cert), key: read(key), servername: name } : {},
   });
@@ -59,18 +90,35 @@ async function* upload(job: string, photo: string) {
   yield { part: { case: "end" as const, value: { files: 1 } } };
 }
 
-// Uploads the photos and starts the job. Each photo has a stream of its own, so that those that the
-// service cannot read are left out.
-async function submit(jobs: Jobs, name: string, photos: string[]) {
+// Each photo has a stream of its own, so that those that the service cannot read are left out.
+async function uploadAll(jobs: Jobs, name: string, photos: string[]) {
   for (const photo of photos) {
     try {
-      await jobs.uploadImages(upload(name, photo));
+      await persistently(() => jobs.uploadImages(upload(name, photo)));
     } catch (error) {
       if (!/^(IMAGE_.*|FILE_EMPTY)$/.test(detailOf(error)?.reason ?? "")) throw error;
       console.error(`${photo} is left out: ${ConnectError.from(error).rawMessage}`);
     }
   }
-  await jobs.startJob({ name, requestId: randomUUID() });
+}
+
+// Uploads the photos and starts the job. A job that does not run is deleted: nobody goes on with it.
+async function submit(jobs: Jobs, name: string, photos: string[]) {
+  let sent = false;
+  try {
+    await uploadAll(jobs, name, photos);
+    sent = true;
+    await jobs.startJob({ name, requestId: randomUUID() });
+  } catch (error) {
+    if (sent && !detailOf(error)) { // the service did not refuse it
+      console.error(`${name} may have been started; see: litags watch ${name}`);
+      throw error;
+    }
+    await jobs.deleteJob({ name, allowMissing: true }).catch(() => {
+      console.error(`${name} is left there, not started; remove it with: litags delete ${name}`);
+    });
+    throw error;
+  }
 }
 
 // Follows the job to its end; a broken connection goes on after the last event that came.
@@ -83,11 +131,9 @@ async function watch(jobs: Jobs, name: string) {
           console.log(JobState[event.event.value.state], event.event.value.message);
         }
       }
-      return jobs.getJob({ name });
+      return await jobs.getJob({ name });
     } catch (error) {
-      // Canceled: what Node.js makes of a connection that was cut.
-      const broken = [Code.Unavailable, Code.Aborted, Code.Canceled];
-      if (!broken.includes(ConnectError.from(error).code) || ++failures > 60) throw error;
+      if (!mayRetry(error) || ++failures > 60) throw error;
       await new Promise((resolve) => setTimeout(resolve, 1000));
     }
   }
@@ -100,14 +146,7 @@ async function main() {
   const jobs = createClient(ReconstructionService, transport);
   const options = iterations ? { iterations: Number(iterations) } : {}; // else the server's default
   const { name } = await jobs.createJob({ requestId: randomUUID(), options });
-  try {
-    await submit(jobs, name, photos);
-  } catch (error) { // nobody goes on with the job
-    await jobs.deleteJob({ name, allowMissing: true }).catch(() => {
-      console.error(`${name} is left there, not started; remove it with: litags delete ${name}`);
-    });
-    throw error;
-  }
+  await submit(jobs, name, photos);
   const job = await watch(jobs, name);
   if (job.state !== JobState.SUCCEEDED) throw new Error(job.error?.message ?? "cancelled");
   const pictures = createClient(RenderService, transport);
@@ -115,11 +154,14 @@ async function main() {
   const pose = { pose: { case: "camera" as const, value: placed.name } };
   const view = await pictures.renderView({ name, pose });
   writeFileSync(picture, view.data);
-  const chunks: Uint8Array[] = [];
-  for await (const { part } of createClient(ModelService, transport).exportModel({ name })) {
-    if (part.case === "chunk") chunks.push(part.value);
-  }
-  writeFileSync(scene, Buffer.concat(chunks));
+  const models = createClient(ModelService, transport);
+  writeFileSync(scene, await persistently(async () => {
+    const chunks: Uint8Array[] = [];
+    for await (const { part } of models.exportModel({ name })) {
+      if (part.case === "chunk") chunks.push(part.value);
+    }
+    return Buffer.concat(chunks);
+  }));
 }
 
 main().catch((error) => {

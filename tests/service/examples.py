@@ -16,6 +16,10 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2]
 SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
 
 
+class Lost(Exception):
+    """An answer that does not arrive; its argument is the code in its place."""
+
+
 class Program:
     """Mixed into a ServiceTest. `command`: the program, without arguments; `option`: what stands
     before the number of iterations."""
@@ -81,16 +85,50 @@ class Example(Program):
         self.assertEqual(process.returncode, 1)
         self.assertIn("take photos that overlap more", err)
 
-
     def test_a_picture_beyond_the_4_mib_that_grpc_takes_by_default_is_received(self):
         picture = harness.large_png(width=1280, height=1200)
         self.assertGreater(len(picture), 4 << 20)
-        address = self.relay_with_picture(picture)
-        self.run_program(self.photos(), address, 20)
+
+        def with_picture(call, answer):
+            if call == "RenderView":
+                view = RenderedView.FromString(answer)
+                view.data = picture
+                answer = view.SerializeToString()
+            return answer
+
+        self.run_program(self.photos(), self.relay(with_picture), 20)
         self.assertEqual(self.picture.read_bytes(), picture)
 
-    def relay_with_picture(self, picture):
-        """A server that answers as the service does, but with `picture` for every view."""
+    def test_calls_whose_answers_are_lost_are_made_again(self):
+        calls = {"CreateJob", "UploadImages", "StartJob", "ListCameras", "RenderView", "ExportModel"}
+        left = set(calls)
+
+        def lose_the_first(call, answer):
+            if call in left:
+                left.remove(call)
+                raise Lost(grpc.StatusCode.UNAVAILABLE)
+            return answer
+
+        before = self.count_jobs()
+        self.run_program(self.photos(), self.relay(lose_the_first), 20)
+        self.assertEqual((left, self.count_jobs()), (set(), before + 1))
+
+    def test_a_job_that_may_run_is_not_deleted(self):
+        def lose_start(call, answer):
+            if call == "StartJob":
+                raise Lost(grpc.StatusCode.INTERNAL)
+            return answer
+
+        before = self.count_jobs()
+        _, err = self.run_program(self.photos(), self.relay(lose_start), 20, exit_code=1)
+        self.assertRegex(err, r"jobs/\w+ may have been started")
+        self.assertEqual(self.count_jobs(), before + 1)
+
+    def count_jobs(self):
+        return len(self.jobs.ListJobs(harness.rpc.ListJobsRequest(page_size=1000)).jobs)
+
+    def relay(self, pass_on):
+        """A server that answers as the service does, but with pass_on(call, answer) for each answer."""
 
         class Relay(grpc.GenericRpcHandler):
 
@@ -100,11 +138,9 @@ class Example(Program):
                 def answers(requests, context):
                     try:
                         for answer in forward(requests):
-                            if details.method.endswith("/RenderView"):
-                                view = RenderedView.FromString(answer)
-                                view.data = picture
-                                answer = view.SerializeToString()
-                            yield answer
+                            yield pass_on(details.method.rpartition("/")[2], answer)
+                    except Lost as lost:
+                        context.abort(lost.args[0], "the answer is lost")
                     except grpc.RpcError as error:
                         context.abort(error.code(), error.details())
 
@@ -116,6 +152,30 @@ class Example(Program):
         relay.start()
         self.addCleanup(relay.stop, None)
         return f"127.0.0.1:{port}"
+
+
+class Silent(Program):
+    """A server that falls silent, as if its machine had died."""
+
+    @classmethod
+    def make_server(cls):
+        return harness.Server(cls.class_folder, extra=("--min-ping", "0.5"))
+
+    def test_a_watch_goes_on_elsewhere(self):
+        proxy = harness.CuttableProxy(self.server.port)
+        self.addCleanup(proxy.close)
+        process = self.start(self.photos(("slow.png", "b.png", "c.png")), proxy.address, 150,
+                             LITAGS_KEEPALIVE="1")
+        for line in process.stdout:
+            if "RUNNING" in line:
+                proxy.silent = True
+                break
+        self.wait_for(lambda: proxy.connections > 1, "another connection")
+        proxy.silent = False
+        proxy.cut()
+        out, err = self.finish(process)
+        self.assertEqual(process.returncode, 0, err)
+        self.assertIn("SUCCEEDED", out)
 
 
 class Refused(Program):

@@ -23,6 +23,10 @@ class Go(examples.Example, examples.Refused, harness.ServiceTest):
     command = (PROGRAM,)
 
 
+class SilentGo(examples.Silent, harness.ServiceTest):
+    command = (PROGRAM,)
+
+
 class SecureGo(examples.Secure, harness.ServiceTest):
     command = (PROGRAM,)
 

@@ -20,6 +20,10 @@ class TypeScript(examples.Example, examples.Refused, harness.ServiceTest):
     command = ("node", WORK / "out/reconstruct.js")
 
 
+class SilentTypeScript(examples.Silent, harness.ServiceTest):
+    command = TypeScript.command
+
+
 class SecureTypeScript(examples.Secure, harness.ServiceTest):
     command = TypeScript.command
 

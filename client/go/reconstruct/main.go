@@ -21,9 +21,11 @@ import (
 	"strings"
 	"time"
 
+	"google.golang.org/genproto/googleapis/rpc/errdetails"
 	"google.golang.org/grpc"
 	"google.golang.org/grpc/codes"
 	"google.golang.org/grpc/credentials"
+	"google.golang.org/grpc/keepalive"
 	"google.golang.org/grpc/metadata"
 	"google.golang.org/grpc/status"
 	"google.golang.org/protobuf/proto"
@@ -52,6 +54,39 @@ func must[T any](result T, err error) T {
 		log.Fatalln(err)
 	}
 	return result
+}
+
+// mayRetry says whether the same call may succeed later: the connection broke, or the server is busy.
+func mayRetry(err error) bool {
+	for _, detail := range status.Convert(err).Details() {
+		if _, ok := detail.(*errdetails.RetryInfo); ok {
+			return true
+		}
+	}
+	return status.Code(err) == codes.Unavailable
+}
+
+var answered = false // a server that never did so is tried for a few seconds only
+
+// persistently repeats a call that is safe to repeat.
+func persistently(call func() error) error {
+	for attempt := 1; ; attempt++ {
+		err := call()
+		answered = answered || status.Code(err) != codes.Unavailable
+		if err == nil || !mayRetry(err) || attempt == 60 || (attempt == 5 && !answered) {
+			return err
+		}
+		time.Sleep(time.Second)
+	}
+}
+
+// again repeats all calls but streams. Those that make or start a job have a request_id: once more
+// changes nothing.
+func again(ctx context.Context, method string, request, reply any, channel *grpc.ClientConn,
+	invoke grpc.UnaryInvoker, options ...grpc.CallOption) error {
+	return persistently(func() error {
+		return invoke(ctx, method, request, reply, channel, options...)
+	})
 }
 
 func newID() string {
@@ -83,7 +118,13 @@ func connect() *grpc.ClientConn {
 	if token != "" {
 		ctx = metadata.AppendToOutgoingContext(ctx, "authorization", "Bearer "+token)
 	}
-	return must(grpc.Dial(server, security,
+	silence := 30 // seconds until a silent server is asked whether it is there
+	if seconds := os.Getenv("LITAGS_KEEPALIVE"); seconds != "" {
+		silence = must(strconv.Atoi(seconds))
+	}
+	return must(grpc.Dial(server, security, grpc.WithUnaryInterceptor(again),
+		grpc.WithKeepaliveParams(keepalive.ClientParameters{
+			Time: time.Duration(silence) * time.Second, Timeout: 10 * time.Second}),
 		grpc.WithDefaultCallOptions(grpc.MaxCallRecvMsgSize(256<<20)))) // a picture may have more than 4 MiB
 }
 
@@ -136,11 +177,11 @@ func upload(jobs pb.ReconstructionServiceClient, job, photo string) error {
 	return err
 }
 
-// submit uploads the photos and starts the job. Each photo has a stream of its own, so that those
-// that the service cannot read are left out.
-func submit(jobs pb.ReconstructionServiceClient, job string, photos []string) error {
+// uploadAll uploads the photos. Each has a stream of its own, so that those that the service cannot
+// read are left out.
+func uploadAll(jobs pb.ReconstructionServiceClient, job string, photos []string) error {
 	for _, photo := range photos {
-		err := upload(jobs, job, photo)
+		err := persistently(func() error { return upload(jobs, job, photo) })
 		reason, _ := detailOf(err)
 		if strings.HasPrefix(reason, "IMAGE_") || reason == "FILE_EMPTY" {
 			log.Println(filepath.Base(photo), "is left out:", status.Convert(err).Message())
@@ -148,8 +189,27 @@ func submit(jobs pb.ReconstructionServiceClient, job string, photos []string) er
 			return err
 		}
 	}
-	_, err := jobs.StartJob(ctx, &pb.StartJobRequest{Name: job, RequestId: newID()})
-	return err
+	return nil
+}
+
+// submit uploads the photos and starts the job. A job that does not run is deleted: nobody goes on
+// with it.
+func submit(jobs pb.ReconstructionServiceClient, job string, photos []string) {
+	err := uploadAll(jobs, job, photos)
+	if err == nil {
+		_, err = jobs.StartJob(ctx, &pb.StartJobRequest{Name: job, RequestId: newID()})
+		if reason, _ := detailOf(err); err != nil && reason == "" { // the service did not refuse it
+			log.Println(job, "may have been started; see: litags watch", job)
+			must(job, err)
+		}
+	}
+	if err == nil {
+		return
+	}
+	if _, gone := jobs.DeleteJob(ctx, &pb.DeleteJobRequest{Name: job, AllowMissing: true}); gone != nil {
+		log.Println(job, "is left there, not started; remove it with: litags delete", job)
+	}
+	must(job, err)
 }
 
 // watch follows the job to its end; a broken connection goes on after the last event that came.
@@ -174,6 +234,24 @@ func watch(jobs pb.ReconstructionServiceClient, job string) *pb.Job {
 	}
 }
 
+func export(models pb.ModelServiceClient, job string) (data []byte, err error) {
+	err = persistently(func() error {
+		data = nil
+		parts, err := models.ExportModel(ctx, &pb.ExportModelRequest{Name: job})
+		for err == nil {
+			var part *pb.ExportModelResponse
+			if part, err = parts.Recv(); err == nil {
+				data = append(data, part.GetChunk()...)
+			}
+		}
+		if err == io.EOF {
+			return nil
+		}
+		return err
+	})
+	return data, err
+}
+
 func main() {
 	log.SetFlags(0)
 	if len(os.Args) < 4 {
@@ -196,12 +274,7 @@ func main() {
 
 	job := must(jobs.CreateJob(ctx,
 		&pb.CreateJobRequest{RequestId: newID(), Options: options})).Name
-	if err := submit(jobs, job, photos); err != nil { // nobody goes on with the job
-		if _, gone := jobs.DeleteJob(ctx, &pb.DeleteJobRequest{Name: job, AllowMissing: true}); gone != nil {
-			log.Println(job, "is left there, not started; remove it with: litags delete", job)
-		}
-		must(job, err)
-	}
+	submit(jobs, job, photos)
 	if done := watch(jobs, job); done.State != pb.JobState_JOB_STATE_SUCCEEDED {
 		log.Fatalln(job, done.State, done.Error)
 	}
@@ -211,12 +284,7 @@ func main() {
 	pose := &pb.Pose{Pose: &pb.Pose_Camera{Camera: placed[0].Name}}
 	view := must(pictures.RenderView(ctx, &pb.RenderViewRequest{Name: job, Pose: pose}))
 	must(picture, os.WriteFile(picture, view.Data, 0o644))
-	parts := must(pb.NewModelServiceClient(channel).ExportModel(ctx,
-		&pb.ExportModelRequest{Name: job}))
-	size := must(parts.Recv()).GetHeader().SizeBytes
-	var data []byte
-	for int64(len(data)) < size {
-		data = append(data, must(parts.Recv()).GetChunk()...)
-	}
+	data, err := export(pb.NewModelServiceClient(channel), job)
+	must(data, err)
 	must(scene, os.WriteFile(scene, data, 0o644))
 }
