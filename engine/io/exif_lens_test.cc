@@ -1,4 +1,4 @@
-// What EXIF says of the lens.
+// What EXIF says of the lens and of the exposure.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -22,6 +22,18 @@ TEST(ReadImageInfo, KnowsTheFocalLengthOfExif) {
   EXPECT_EQ(focal(ExifBlock(6, true)), 0);
   const std::string whole = FocalBlock(0, 425, 100);
   for (size_t n = 0; n < whole.size(); ++n) EXPECT_EQ(focal(whole.substr(0, n)), 0) << n;
+}
+
+TEST(ReadImageInfo, KnowsAnIsoThatItsFirstTagCannotHold) {
+  const std::string jpeg = EncodeJpeg(TestImage(16, 8)).value();
+  const auto iso = [&](const std::string& tiff) {
+    return ReadImageInfo(WithJpegExif(jpeg, tiff), "f").value().iso;
+  };
+  EXPECT_EQ(iso(IsoBlock(6400, 0x8832, 12800)), 6400);
+  EXPECT_EQ(iso(IsoBlock(65535, 0x8832, 409600)), 409600);
+  EXPECT_EQ(iso(IsoBlock(65535, 0x8831, 102400)), 102400);
+  EXPECT_EQ(iso(IsoBlock(65535, 0x8833, 102400)), 102400);
+  EXPECT_EQ(iso(IsoBlock(65535, 0x8830, 2)), 0);  // it is not said
 }
 
 TEST(ExifFocalLength, IsThatOfThePicturesSize) {

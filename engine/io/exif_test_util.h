@@ -58,6 +58,17 @@ inline std::string CameraBlock(const std::string& make, const std::string& model
          make + '\0' + model + '\0';
 }
 
+// A TIFF block with a camera directory: its ISO, and a larger one in another tag.
+inline std::string IsoBlock(int iso, int tag, uint32_t larger) {
+  const auto entry = [](int tag, int type, uint32_t value) {
+    return Big32(uint32_t(tag) << 16 | type) + Big32(1) + Big32(value);
+  };
+  const uint32_t camera = 26;
+  return std::string("MM\0\x2A\0\0\0\x08\0\1", 10) + entry(0x8769, 4, camera) + Big32(0) +
+         std::string("\0\2", 2) + entry(0x8827, 3, uint32_t(iso) << 16) + entry(tag, 4, larger) +
+         Big32(0);
+}
+
 // A TIFF block that holds an orientation and nothing else.
 inline std::string ExifBlock(int orientation, bool little) {
   const auto n = [&](int value, int size) {

@@ -168,6 +168,20 @@ ExifLens ReadExifLens(const TiffReader& reader, size_t directory) {
   return lens;
 }
 
+// 0: not said.
+uint32_t ReadIso(const TiffReader& reader, size_t directory) {
+  constexpr uint16_t kIso = 0x8827, kStandardOutput = 0x8831, kRecommended = 0x8832,
+                     kIsoSpeed = 0x8833;
+  constexpr uint16_t kTooMuch = 0xFFFF;  // for this tag: another one has it
+  const auto iso = reader.Get<uint16_t>(reader.Find(directory, kIso, TiffReader::kShort));
+  if (iso != kTooMuch) return iso;
+  for (const uint16_t tag : {kRecommended, kStandardOutput, kIsoSpeed}) {
+    const auto larger = reader.Get<uint32_t>(reader.Find(directory, tag, TiffReader::kLong));
+    if (larger > 0) return larger;
+  }
+  return 0;
+}
+
 }  // namespace
 
 bool IsJpeg(std::string_view bytes) { return bytes.starts_with(kJpegMagic); }
@@ -187,8 +201,8 @@ std::string CameraName(std::initializer_list<std::string_view> parts) {
 void ReadExif(std::string_view tiff, ImageInfo* info) {
   if (tiff.starts_with(kExifPrefix)) tiff.remove_prefix(kExifPrefix.size());
   constexpr uint16_t kOrientation = 0x0112, kCameraDirectory = 0x8769, kExposureTime = 0x829A,
-                     kFNumber = 0x829D, kIso = 0x8827, kMake = 0x010F, kModel = 0x0110,
-                     kSerial = 0xA431, kLens = 0xA434;
+                     kFNumber = 0x829D, kMake = 0x010F, kModel = 0x0110, kSerial = 0xA431,
+                     kLens = 0xA434;
   constexpr uint16_t kShort = TiffReader::kShort;
   const TiffReader reader(tiff);
   const size_t main = reader.FirstDirectory();
@@ -210,7 +224,7 @@ void ReadExif(std::string_view tiff, ImageInfo* info) {
   }
   if (info->exposure_time == 0) info->exposure_time = reader.GetRatio(camera, kExposureTime);
   if (info->f_number == 0) info->f_number = reader.GetRatio(camera, kFNumber);
-  if (info->iso == 0) info->iso = reader.Get<uint16_t>(reader.Find(camera, kIso, kShort));
+  if (info->iso == 0) info->iso = ReadIso(reader, camera);
 }
 
 double ExifFocalLength(const ImageInfo& info) {
