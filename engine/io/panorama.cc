@@ -6,12 +6,13 @@
 #include <vector>
 
 #include "absl/strings/numbers.h"
+#include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 
 namespace litags {
 namespace {
 
-constexpr size_t kMetadataBytes = 512 << 10;  // of the head of a file, where XMP lies
+constexpr size_t kMetadataBytes = 512 << 10;  // of XMP, and of the head of a JPEG, where it lies
 constexpr size_t kValueBytes = 32;            // after the name of a property
 
 // The number that a property of the namespace GPano has, as an attribute or an element; 0: none.
@@ -69,7 +70,8 @@ PanoramaPart WholePanorama(int width, int height) {
 }
 
 std::optional<PanoramaPart> StatedPanorama(std::string_view bytes, int width, int height) {
-  bytes = bytes.substr(0, kMetadataBytes);
+  // In other files it may come behind the picture.
+  if (IsJpeg(bytes)) bytes = bytes.substr(0, kMetadataBytes);
   constexpr std::string_view kName = "GPano:ProjectionType";
   const size_t at = bytes.find(kName);
   if (at == std::string_view::npos ||
@@ -77,6 +79,7 @@ std::optional<PanoramaPart> StatedPanorama(std::string_view bytes, int width, in
           std::string_view::npos) {
     return std::nullopt;
   }
+  bytes = bytes.substr(at - std::min(at, kMetadataBytes), 2 * kMetadataBytes);
   const double cut_width = Number(bytes, "GPano:CroppedAreaImageWidthPixels");
   const double cut_height = Number(bytes, "GPano:CroppedAreaImageHeightPixels");
   const double whole_width = Number(bytes, "GPano:FullPanoWidthPixels");
@@ -87,12 +90,13 @@ std::optional<PanoramaPart> StatedPanorama(std::string_view bytes, int width, in
     if (width != 2 * height) return std::nullopt;
     return WholePanorama(width, height);
   }
-  // The photo may have been made smaller since.
-  const double scale = width / cut_width;
-  if (std::abs(scale * cut_height / height - 1) > 0.02) return std::nullopt;  // or cut
-  return PanoramaPart{scale * whole_width, scale * whole_height,
-                      scale * Number(bytes, "GPano:CroppedAreaLeftPixels"),
-                      scale * Number(bytes, "GPano:CroppedAreaTopPixels")};
+  // The photo may have been made smaller since; rounded sides of the whole are its sides still.
+  const auto x = [&](double px) { return width * px / cut_width; };
+  const auto y = [&](double px) { return height * px / cut_height; };
+  if (std::abs(x(cut_height) / height - 1) > 0.02) return std::nullopt;  // or cut
+  return PanoramaPart{x(whole_width), y(whole_height),
+                      x(Number(bytes, "GPano:CroppedAreaLeftPixels")),
+                      y(Number(bytes, "GPano:CroppedAreaTopPixels"))};
 }
 
 bool IsClosedAround(const Photo& photo) {

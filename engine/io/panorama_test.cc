@@ -110,6 +110,25 @@ TEST(Panorama, MetadataSaysSo) {
   EXPECT_FALSE(StatedPanorama("GPano:ProjectionType", 512, 256));
 }
 
+// As WebP and TIFF may have them.
+TEST(Panorama, MetadataBehindThePictureCount) {
+  const std::string words = "GPano:ProjectionType=\"equirectangular\"";
+  EXPECT_TRUE(StatedPanorama("RIFF" + std::string(2 << 20, '.') + words, 512, 256));
+}
+
+TEST(Panorama, TheWholeMadeSmallerIsTheWhole) {
+  const std::string whole =
+      "GPano:ProjectionType=\"equirectangular\" GPano:FullPanoWidthPixels=\"5376\" "
+      "GPano:FullPanoHeightPixels=\"2688\" GPano:CroppedAreaImageWidthPixels=\"5376\" "
+      "GPano:CroppedAreaImageHeightPixels=\"2688\"";
+  for (int width = 300; width < 600; ++width) {
+    const auto part = StatedPanorama(whole, width, width / 2);
+    ASSERT_TRUE(part) << width;
+    EXPECT_EQ(part->whole_width, width);
+    EXPECT_EQ(part->whole_height, width / 2);
+  }
+}
+
 TEST(Panorama, MetadataTellItsPart) {
   const std::string part =
       "GPano:ProjectionType=\"equirectangular\" GPano:FullPanoWidthPixels=\"1000\" "
