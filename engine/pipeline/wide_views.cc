@@ -54,6 +54,24 @@ std::string BaseOf(const std::string& photo, const std::vector<std::string>& nam
   return alike > 1 ? photo : stem;
 }
 
+// A wide photo's file.
+struct Source {
+  ImageInfo info;
+  Photo photo;
+  PlaneU8 alpha;
+};
+
+absl::StatusOr<Source> ReadSource(const ReconstructInput& input, const std::string& name) {
+  const std::string field = PhotoField(name);
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
+                          ReadFile(PhotoPath(input, name), field, ImageLimits().max_bytes));
+  Source source;
+  LITAGS_ASSIGN_OR_RETURN(source.info, ReadImageInfo(bytes, field));
+  LITAGS_ASSIGN_OR_RETURN(source.photo, DecodePhoto(bytes, field));
+  source.alpha = AlphaMask(bytes, source.info.orientation);
+  return source;
+}
+
 // What `other` hides, too; empty masks hide nothing.
 void Hide(const PlaneU8& other, PlaneU8* mask) {
   if (mask->empty()) *mask = other;
@@ -65,23 +83,20 @@ struct Output {
   fs::path dir, masks;
   RigViews rig_views;
   std::vector<ViewOfPhoto> views;  // if cameras are given
+  std::vector<WidePhoto> cut;
 };
 
-// Writes the views of one photo, whose file's header goes to `info`. Their names by that of the
-// cube's view.
-absl::StatusOr<std::map<std::string, std::string>> WriteViews(
-    const ReconstructInput& input, const WidePhoto& wide, const std::string& base,
-    const std::string& mask_path, int threads, const Output& out, ImageInfo* info) {
-  const std::string field = PhotoField(wide.name);
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
-                          ReadFile(PhotoPath(input, wide.name), field, ImageLimits().max_bytes));
-  LITAGS_ASSIGN_OR_RETURN(*info, ReadImageInfo(bytes, field));
-  LITAGS_ASSIGN_OR_RETURN(const Photo photo, DecodePhoto(bytes, field));
+// Writes the views of one photo. Their names by that of the cube's view.
+absl::StatusOr<std::map<std::string, std::string>> WriteViews(const Source& source,
+                                                              const WidePhoto& wide,
+                                                              const std::string& base,
+                                                              const std::string& mask_path,
+                                                              int threads, const Output& out) {
   PlaneU8 mask;
   if (!mask_path.empty()) {
     LITAGS_ASSIGN_OR_RETURN(mask, ReadMask(mask_path, wide.lens.width, wide.lens.height));
   }
-  Hide(AlphaMask(bytes, info->orientation), &mask);
+  Hide(source.alpha, &mask);
   std::vector<absl::Status> statuses(wide.views.size());
   std::vector<std::string> names(wide.views.size());
   ParallelFor(threads, wide.views.size(), [&](size_t i, int) {
@@ -92,8 +107,9 @@ absl::StatusOr<std::map<std::string, std::string>> WriteViews(
       const auto hidden = static_cast<double>(std::count(shown.data.begin(), shown.data.end(), 0));
       if (all - hidden < kLeastLeft * all) return absl::OkStatus();
       names[i] = absl::StrCat(base, "_", view.name, ".png");
-      LITAGS_ASSIGN_OR_RETURN(const std::string png,
-                              EncodePng16(CutView(photo, wide.lens, view), SignificantBits(*info)));
+      LITAGS_ASSIGN_OR_RETURN(
+          const std::string png,
+          EncodePng16(CutView(source.photo, wide.lens, view), SignificantBits(source.info)));
       LITAGS_RETURN_IF_ERROR(WriteFileAtomically(out.dir / names[i], png));
       if (hidden == 0) return absl::OkStatus();
       LITAGS_ASSIGN_OR_RETURN(const std::string cut, EncodeMask(shown));
@@ -108,12 +124,13 @@ absl::StatusOr<std::map<std::string, std::string>> WriteViews(
   return written;
 }
 
-absl::Status CutPhoto(const ReconstructInput& input, const WidePhotos& wide, const WidePhoto& photo,
+absl::Status CutPhoto(const Source& source, const WidePhotos& wide, const WidePhoto& photo,
                       const std::string& base, const std::string& mask_path, int threads,
                       Output* out) {
-  ImageInfo info;
   LITAGS_ASSIGN_OR_RETURN(const auto written,
-                          WriteViews(input, photo, base, mask_path, threads, *out, &info));
+                          WriteViews(source, photo, base, mask_path, threads, *out));
+  out->cut.push_back(photo);
+  const ImageInfo& info = source.info;
   const int side = photo.lens.view_side;
   for (const CubeView& view : photo.views) {
     const auto name = written.find(view.name);
@@ -127,7 +144,7 @@ absl::Status CutPhoto(const ReconstructInput& input, const WidePhotos& wide, con
   return absl::OkStatus();
 }
 
-// The photos that stay, the views in place of the others, and all masks.
+// The photos that stay or cannot be read, the views in place of the others, and all masks.
 absl::Status WriteAll(const ReconstructInput& input, const PhotoList& list, const WidePhotos& wide,
                       int threads, const CancelToken& cancel,
                       const std::function<void(const std::string&)>& progress, Output* out) {
@@ -139,13 +156,15 @@ absl::Status WriteAll(const ReconstructInput& input, const PhotoList& list, cons
     const std::string mask_path = mask == list.masks.end() ? "" : mask->second;
     if (const auto cut = by_name.find(name); cut != by_name.end()) {
       progress(absl::StrCat("views of wide photos: ", name));
-      LITAGS_RETURN_IF_ERROR(
-          CutPhoto(input, wide, *cut->second, BaseOf(name, list.names), mask_path, threads, out));
-    } else {
-      LITAGS_RETURN_IF_ERROR(Link(PhotoPath(input, name), out->dir / name));
-      if (mask_path.empty()) continue;
-      LITAGS_RETURN_IF_ERROR(Link(mask_path, out->masks / absl::StrCat(name, ".png")));
+      if (const auto source = ReadSource(input, name); source.ok()) {
+        LITAGS_RETURN_IF_ERROR(CutPhoto(*source, wide, *cut->second, BaseOf(name, list.names),
+                                        mask_path, threads, out));
+        continue;
+      }
     }
+    LITAGS_RETURN_IF_ERROR(Link(PhotoPath(input, name), out->dir / name));
+    if (mask_path.empty()) continue;
+    LITAGS_RETURN_IF_ERROR(Link(mask_path, out->masks / absl::StrCat(name, ".png")));
   }
   return absl::OkStatus();
 }
@@ -180,7 +199,7 @@ absl::StatusOr<ReconstructInput> WithViewsOfWidePhotos(
     result.cameras_path = cameras;
     result.cameras_are_upright = true;
   }
-  for (const auto& lines : {list->notes, wide.notes, DescribeWidePhotos(wide.photos)}) {
+  for (const auto& lines : {list->notes, wide.notes, DescribeWidePhotos(out.cut)}) {
     notes->insert(notes->end(), lines.begin(), lines.end());
   }
   return result;

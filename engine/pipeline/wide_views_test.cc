@@ -21,6 +21,7 @@
 #include "engine/io/sparse_model.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/photo_look.h"
+#include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/wide_photos.h"
 
 namespace litags {
@@ -135,6 +136,20 @@ TEST_F(WideViews, OfPhotosOfOneStemHaveNamesOfTheirOwn) {
   EXPECT_TRUE(cut->rig_views.contains("a.png_up.png"));
   EXPECT_TRUE(cut->rig_views.contains("a.PNG_up.png"));
   EXPECT_TRUE(cut->rig_views.contains("d_up.png"));
+}
+
+// The edges of the others tell, so it need not be decoded to be taken for a panorama.
+TEST_F(WideViews, AreNotMadeOfADamagedPanorama) {
+  const std::string jpeg = EncodeJpeg(Around(256)).value();
+  ASSERT_TRUE(WriteFileAtomically(dir_ / "photos/j.jpg", jpeg.substr(0, jpeg.size() / 2)).ok());
+  ASSERT_FALSE(ReadPhoto(dir_ / "photos/j.jpg", "photo").ok());
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_EQ(cut->rig_views.size(), 18u);
+  EXPECT_THAT(notes_, ElementsAre(HasSubstr("3 photos are panoramas")));
+  const auto screen = ScreenPhotos(*cut, 2, CancelToken());
+  ASSERT_TRUE(screen.ok()) << screen.status();
+  EXPECT_THAT(screen->notes, Contains(HasSubstr("j.jpg is left out: ")));
 }
 
 TEST_F(WideViews, AreNotMadeOfOtherPhotos) {
