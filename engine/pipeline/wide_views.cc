@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -46,12 +47,14 @@ absl::Status Link(const fs::path& target, const fs::path& link) {
 }
 
 // What the names of a photo's views begin with: its own without the ending, or all of it where
-// another photo differs in the ending only.
+// another photo differs in the ending only, or is named as a view would be.
 std::string BaseOf(const std::string& photo, const std::vector<std::string>& names) {
-  const std::string stem = Stem(photo);
-  const auto alike =
-      std::count_if(names.begin(), names.end(), [&](const auto& n) { return Stem(n) == stem; });
-  return alike > 1 ? photo : stem;
+  const std::string base = Stem(photo);
+  std::set<std::string> taken = {base};
+  for (const CubeView& view : kCubeViews) taken.insert(absl::StrCat(base, "_", view.name));
+  const auto alike = std::count_if(names.begin(), names.end(),
+                                   [&](const auto& name) { return taken.contains(Stem(name)); });
+  return alike > 1 ? photo : base;
 }
 
 // A wide photo's file.

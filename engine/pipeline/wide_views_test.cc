@@ -138,6 +138,15 @@ TEST_F(WideViews, OfPhotosOfOneStemHaveNamesOfTheirOwn) {
   EXPECT_TRUE(cut->rig_views.contains("d_up.png"));
 }
 
+TEST_F(WideViews, DoNotReplaceAPhotoThatIsNamedAsOneOfThem) {
+  Write("photos/d_up.png", ImageU8(200, 150));
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_EQ(ReadImageSize(cut->images_dir + "/d_up.png", "photo")->width, 200);
+  EXPECT_TRUE(cut->rig_views.contains("d.png_up.png"));
+  EXPECT_TRUE(cut->rig_views.contains("a_up.png"));
+}
+
 // The edges of the others tell, so it need not be decoded to be taken for a panorama.
 TEST_F(WideViews, AreNotMadeOfADamagedPanorama) {
   const std::string jpeg = EncodeJpeg(Around(256)).value();
