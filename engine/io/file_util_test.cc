@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/core/sync_test_util.h"
+#include "engine/io/link_file.h"
 #include "engine/io/test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -182,6 +183,20 @@ TEST(NameIndex, FindsByNameElseByStem) {
   EXPECT_EQ(index.Find("a.JPG"), 0u);
   EXPECT_EQ(index.Find("b"), 2u);
   EXPECT_EQ(index.Find("c.png"), std::nullopt);
+}
+
+TEST(LinkFile, IsACopyWhereThereAreNoLinks) {
+  TempDir dir;
+  std::ofstream(dir / "a") << "photo";
+  EXPECT_FALSE(LinkFile(dir / "a", dir / "link"));
+  EXPECT_TRUE(std::filesystem::is_symlink(dir / "link"));
+  const Linker none = [](const auto&, const auto&, std::error_code& error) {
+    error = std::make_error_code(std::errc::operation_not_permitted);
+  };
+  EXPECT_FALSE(LinkFile(dir / "a", dir / "copy", none));
+  EXPECT_FALSE(std::filesystem::is_symlink(dir / "copy"));
+  EXPECT_EQ(ReadFile(dir / "copy", "f", 100).value(), "photo");
+  EXPECT_EQ(LinkFile(dir / "a", dir / "none/copy", none), std::errc::no_such_file_or_directory);
 }
 
 TEST(NameIndex, FindsNamesAsOtherProgramsWriteThem) {

@@ -19,6 +19,7 @@
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/link_file.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/local_origin.h"
@@ -174,7 +175,7 @@ std::string DescribeSeconds(const SfmResult& result, const ReconstructReport& re
          absl::StrJoin(report.camera_seconds, ", ", step);
 }
 
-// The folder of these photos alone: links to them, if others lie beside them.
+// The folder of these photos alone: links to them, or copies, if others lie beside them.
 absl::StatusOr<std::string> FolderOf(const ReconstructInput& input,
                                      const std::vector<std::string>& photos) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> all,
@@ -185,7 +186,7 @@ absl::StatusOr<std::string> FolderOf(const ReconstructInput& input,
   fs::remove_all(dir, error);
   fs::create_directories(dir, error);
   for (const std::string& photo : photos) {
-    if (!error) fs::create_symlink(fs::absolute(input.images_dir) / photo, dir / photo, error);
+    if (!error) error = LinkFile(fs::path(input.images_dir) / photo, dir / photo);
   }
   if (!error) return dir.string();
   return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",

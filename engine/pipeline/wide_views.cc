@@ -14,6 +14,7 @@
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/link_file.h"
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_screen.h"
@@ -41,8 +42,7 @@ absl::Status MakeEmptyFolder(const fs::path& dir) {
 }
 
 absl::Status Link(const fs::path& target, const fs::path& link) {
-  std::error_code error;
-  fs::create_symlink(fs::absolute(target), link, error);
+  const std::error_code error = LinkFile(target, link);
   return error ? NotWritable(link, error) : absl::OkStatus();
 }
 
