@@ -7,6 +7,8 @@ extern "C" {
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <filesystem>
+#include <random>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -19,6 +21,8 @@ extern "C" {
 
 namespace litags {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr int kIoBytes = 64 << 10;
 
@@ -64,19 +68,26 @@ int64_t SeekFile(void* file, int64_t offset, int whence) {
   return ftello(static_cast<std::FILE*>(file));
 }
 
+// What a symbolic link names in the end, whether it is there or not; other paths as they are.
+std::string WithoutLinks(fs::path path) {
+  constexpr int kMostLinks = 40;  // of Linux
+  std::error_code error;
+  for (int i = 0; i < kMostLinks && fs::is_symlink(path, error); ++i) {
+    path = path.parent_path() / fs::read_symlink(path, error);
+  }
+  return path.string();
+}
+
 class FfmpegWriter : public VideoWriter {
  public:
   FfmpegWriter(std::string path, std::string field, int frames_per_second)
-      : path_(std::move(path)),
-        part_path_(path_ + ".part"),
-        field_(std::move(field)),
-        frames_per_second_(frames_per_second) {}
+      : path_(std::move(path)), field_(std::move(field)), frames_per_second_(frames_per_second) {}
 
   ~FfmpegWriter() override {
     io_.reset();
     if (file_ == nullptr) return;
     std::fclose(file_);
-    std::remove(part_path_.c_str());
+    RemovePart();
   }
 
   absl::Status Init() {
@@ -119,9 +130,11 @@ class FfmpegWriter : public VideoWriter {
     avio_flush(io_.get());
     std::FILE* file = std::exchange(file_, nullptr);
     const bool closed = io_->error >= 0 && std::fclose(file) == 0;
-    if (closed && std::rename(part_path_.c_str(), path_.c_str()) == 0) return absl::OkStatus();
+    if (closed && (part_path_.empty() || std::rename(part_path_.c_str(), target_.c_str()) == 0)) {
+      return absl::OkStatus();
+    }
     const absl::Status status = WriteFailed();
-    std::remove(part_path_.c_str());
+    RemovePart();
     return status;
   }
 
@@ -137,12 +150,25 @@ class FfmpegWriter : public VideoWriter {
   }
 
   absl::Status OpenFile() {
-    file_ = std::fopen(part_path_.c_str(), "wb");
+    std::error_code ignored;
+    const fs::file_status there = fs::status(path_, ignored);
+    if (fs::exists(there) && !fs::is_regular_file(there)) {  // a device or a folder
+      file_ = std::fopen(path_.c_str(), "wbe");
+    } else {
+      target_ = WithoutLinks(path_);
+      part_path_ =
+          absl::StrCat(target_, ".", absl::Hex(std::random_device()(), absl::kZeroPad8), ".part");
+      file_ = std::fopen(part_path_.c_str(), "wbxe");
+    }
     if (file_ != nullptr) return absl::OkStatus();
     return InvalidInput(
         "OUTPUT_NOT_WRITABLE", field_,
         absl::StrCat(path_, ": cannot be written (", std::generic_category().message(errno),
                      "); choose another name or make its folder"));
+  }
+
+  void RemovePart() const {
+    if (!part_path_.empty()) std::remove(part_path_.c_str());
   }
 
   // The first frame's size is the video's.
@@ -246,7 +272,8 @@ class FfmpegWriter : public VideoWriter {
                                   "; free some space or write elsewhere"));
   }
 
-  const std::string path_, part_path_, field_;
+  const std::string path_, field_;
+  std::string target_, part_path_;  // none: what is no file is written as it is
   const int frames_per_second_;
   const Container* container_ = nullptr;
   const AVCodec* encoder_ = nullptr;

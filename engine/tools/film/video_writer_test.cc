@@ -127,11 +127,35 @@ TEST_P(VideoWriterKinds, FramesOfAnotherSizeAreRefused) {
 }
 
 TEST_P(VideoWriterKinds, AFullDiskIsSaid) {
-  // The name of the part is a link to a device that takes nothing.
-  fs::create_symlink("/dev/full", Path() + ".part");
+  fs::create_symlink("/dev/full", Path());  // a device that takes nothing
   const absl::Status status = Write(Path(), WalkFrames(kWidth, kHeight, 12, 1.5));
   EXPECT_EQ(Reason(status), "OUTPUT_DISK_FULL") << status;
-  EXPECT_FALSE(fs::exists(Path()));
+  EXPECT_TRUE(fs::is_character_file("/dev/full"));
+}
+
+TEST_P(VideoWriterKinds, TwoOfOneNameDoNotMix) {
+  const std::string other = Path() + ".part";
+  ASSERT_TRUE(WriteFileAtomically(other, "of somebody").ok());
+  const auto first = VideoWriter::Create(Path(), 25, "--video");
+  const auto second = VideoWriter::Create(Path(), 25, "--video");
+  ASSERT_TRUE(first.ok() && second.ok());
+  for (const ImageU8& picture : WalkFrames(kWidth, kHeight, 6, 1.5)) {
+    ASSERT_TRUE((*first)->Add(picture).ok());
+    ASSERT_TRUE((*second)->Add(picture).ok());
+  }
+  ASSERT_TRUE((*first)->Finish().ok());
+  EXPECT_EQ(ReadBack(Path()).pictures.size(), 6u);
+  ASSERT_TRUE((*second)->Finish().ok());
+  EXPECT_EQ(ReadBack(Path()).pictures.size(), 6u);
+  EXPECT_EQ(ReadFile(other, "", 100).value_or(""), "of somebody");
+}
+
+TEST_P(VideoWriterKinds, ALinkStaysAndWhatItNamesIsWritten) {
+  const std::string target = (fs::path(dir_.path()) / "elsewhere").string();
+  fs::create_symlink("elsewhere", Path());
+  ASSERT_TRUE(Write(Path(), WalkFrames(kWidth, kHeight, 2, 1)).ok());
+  EXPECT_TRUE(fs::is_symlink(Path()));
+  EXPECT_EQ(ReadBack(target).pictures.size(), 2u);
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, VideoWriterKinds, ::testing::Values(".webm", ".mp4", ".WEBM"),
