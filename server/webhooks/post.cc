@@ -17,13 +17,13 @@ absl::Status Failed(const std::string& why) {
 }
 
 struct Guard {
-  bool internal = false;
+  bool (*may_reach)(const sockaddr*) = nullptr;  // null: all
   bool refused = false;
 };
 
 curl_socket_t OpenSocket(void* data, curlsocktype, curl_sockaddr* address) {
   auto* guard = static_cast<Guard*>(data);
-  if (!guard->internal && !IsPublicAddress(&address->addr)) {
+  if (guard->may_reach && !guard->may_reach(&address->addr)) {
     guard->refused = true;
     return CURL_SOCKET_BAD;
   }
@@ -49,7 +49,7 @@ absl::Status Post(const std::string& url, const std::string& body,
   list = curl_slist_append(list, "Expect:");  // waits for nobody's leave
   const std::unique_ptr<curl_slist, decltype(&curl_slist_free_all)> headers_owner(
       list, curl_slist_free_all);
-  Guard guard{options.internal};
+  Guard guard{options.may_reach || options.internal ? options.may_reach : IsPublicAddress};
   char why[CURL_ERROR_SIZE] = "";
   const auto set = [&](CURLoption option, auto value) {
     curl_easy_setopt(curl.get(), option, value);
@@ -73,9 +73,9 @@ absl::Status Post(const std::string& url, const std::string& body,
   const CURLcode code = curl_easy_perform(curl.get());
   long status = 0;
   curl_easy_getinfo(curl.get(), CURLINFO_RESPONSE_CODE, &status);
-  if (guard.refused) return Failed("the host has no address of the internet");
   if (status >= 200 && status < 300) return absl::OkStatus();
   if (status > 0) return Failed(absl::StrCat("the host answered with status ", status));
+  if (guard.refused) return Failed("the host has no address of the internet");
   const std::string reason = why[0] ? why : curl_easy_strerror(code);
   if (code != CURLE_PEER_FAILED_VERIFICATION) return Failed(reason);
   return Failed(absl::StrCat("the host's certificate is not trusted (", reason,

@@ -1,6 +1,8 @@
 #ifndef LITAGS_SERVER_WEBHOOKS_POST_H_
 #define LITAGS_SERVER_WEBHOOKS_POST_H_
 
+#include <sys/socket.h>
+
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +15,8 @@ struct PostOptions {
   bool internal = false;        // also to addresses that are not of the internet, and without TLS
   double timeout_seconds = 10;  // of all of it
   std::string ca_path;          // certificates that servers are checked by; empty: the system's
+  // Addresses that may be reached, in tests; null: all if `internal`, else IsPublicAddress().
+  bool (*may_reach)(const sockaddr*) = nullptr;
 };
 
 // Sends `body` to `url` and reads the answer's status, nothing else. Follows no redirect and uses
