@@ -86,9 +86,12 @@ bool Fits(std::string_view needs, const Resources& has) {
 }
 
 absl::StatusOr<Workforce> WorkersThere(JobStore* store) {
-  LITAGS_ASSIGN_OR_RETURN(const auto records, store->Workers(store->NowMs() - kWorkerSilenceMs));
+  const int64_t now_ms = store->NowMs();
+  LITAGS_ASSIGN_OR_RETURN(const auto records, store->Workers(now_ms - kWorkerSilenceMs));
   Workforce workers;
   for (const WorkerRecord& record : records) {
+    // Of before the clock was set back: a living worker says so again.
+    if (record.seen_ms > now_ms + kWorkerSilenceMs) continue;
     LITAGS_ASSIGN_OR_RETURN(Resources has, Decode<Resources>(record.resources));
     workers.push_back(std::move(has));
   }

@@ -133,6 +133,8 @@ TEST_F(PlacementOfJobs, WorkerThatIsSilentOrGoneIsNotThere) {
   EXPECT_EQ(jobs_.Workers()->size(), 1u);
   ASSERT_TRUE(leases_.WorkerDied("new", "killed").ok());
   EXPECT_TRUE(jobs_.Workers()->empty());
+  SayIsThere("of before the clock was set back", {8, kGiB, {}}, -3'600'000);
+  EXPECT_TRUE(jobs_.Workers()->empty());
 }
 
 }  // namespace

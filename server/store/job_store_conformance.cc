@@ -261,6 +261,8 @@ TEST_F(JobStoreConformance, WorkersAreThereUntilTheyAreSilentOrRemoved) {
   constexpr int64_t kTwoDaysMs = int64_t{48} * 3600 * 1000;
   ASSERT_TRUE(store_->PutWorker({"w3", kTwoDaysMs, "{}"}).ok());
   EXPECT_THAT(names(0), ElementsAre("w3"));
+  ASSERT_TRUE(store_->PutWorker({"w4", kTwoDaysMs - 3'600'000, "{}"}).ok());
+  EXPECT_THAT(names(0), ElementsAre("w4")) << "the clock was set back";
 }
 
 TEST_F(JobStoreConformance, TextsAreOrderedByTheirBytesAndKeptAsTheyAre) {

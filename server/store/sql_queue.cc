@@ -13,6 +13,7 @@ namespace litags {
 namespace {
 
 constexpr int64_t kForgetWorkerMs = int64_t{24} * 3600 * 1000;
+constexpr int64_t kSetBackMs = 60'000;  // a time so far ahead is of before the clock was set back
 
 // The queued jobs of one priority, needs and owner: where the first of them stands.
 struct Line {
@@ -102,8 +103,8 @@ absl::Status UpsertWorker(SqlSession& sql, const WorkerRecord& worker) {
       "ON CONFLICT (name) DO UPDATE SET seen_ms=excluded.seen_ms, resources=excluded.resources");
   upsert->Bind(worker.name).Bind(worker.seen_ms).Bind(worker.resources);
   LITAGS_RETURN_IF_ERROR(upsert->Run().status());
-  const auto forget = sql.Prepare("DELETE FROM workers WHERE seen_ms < ?1");
-  forget->Bind(worker.seen_ms - kForgetWorkerMs);
+  const auto forget = sql.Prepare("DELETE FROM workers WHERE seen_ms < ?1 OR seen_ms > ?2");
+  forget->Bind(worker.seen_ms - kForgetWorkerMs).Bind(worker.seen_ms + kSetBackMs);
   return forget->Run().status();
 }
 
