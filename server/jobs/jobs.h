@@ -141,7 +141,7 @@ class Jobs {
   // Removes what nobody will come back for: jobs whose time is over, and what crashes may leave:
   // folders of deleted jobs, blobs that no job names, temporary files. Returns the ids of the jobs
   // that expired. Where something cannot be removed, the rest is, and the first error is returned.
-  // Ends early when `stop` says so.
+  // Ends early when `stop` says so, and when a store is away.
   absl::StatusOr<std::vector<std::string>> Sweep(const CancelToken& stop = {});
 
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after, int limit) {
@@ -193,7 +193,7 @@ class Jobs {
   bool OrphansAreOurs(size_t orphans);
   absl::Status RemoveOrphans(const CancelToken& stop);
   absl::Status RemoveOrphan(const std::string& id);
-  absl::Status RemoveEndedUploads();
+  absl::Status RemoveEndedUploads(const CancelToken& stop);
   absl::Status RemoveAllUnreferencedBlobs(const CancelToken& stop);
   absl::Status RemoveUnreferencedBlobs(const std::string& id);
   absl::Status RemoveUnreferencedUploads(const std::string& id, std::set<std::string> digests);

@@ -244,19 +244,17 @@ absl::Status Jobs::RemoveOrphan(const std::string& id) {
 }
 
 // What was on its way into jobs that do not take files any more.
-absl::Status Jobs::RemoveEndedUploads() {
+absl::Status Jobs::RemoveEndedUploads(const CancelToken& stop) {
   LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data_.uploads()));
   LITAGS_ASSIGN_OR_RETURN(const auto chunks, uploads_.partials().chunks().Jobs());
   std::set<std::string> uploading(chunks.begin(), chunks.end());
   for (const FolderEntry& entry : partials) uploading.insert(entry.name);
-  for (const std::string& id : uploading) {
-    if (!IsJobId(id)) continue;
+  std::erase_if(uploading, [](const std::string& name) { return !IsJobId(name); });
+  return ForEach({uploading.begin(), uploading.end()}, stop, [&](const std::string& id) {
     const auto job = store_->Get(id);
-    if (job.ok() && job->state != JobState::kUploading) {
-      LITAGS_RETURN_IF_ERROR(RemovePartials(uploads_.partials(), id));
-    }
-  }
-  return absl::OkStatus();
+    if (!job.ok() || job->state == JobState::kUploading) return absl::OkStatus();
+    return RemovePartials(uploads_.partials(), id);
+  });
 }
 
 // Of files that were replaced or refused while the job took files, and of a worker that died or
@@ -385,12 +383,24 @@ absl::StatusOr<std::vector<std::string>> Jobs::Sweep(const CancelToken& stop) {
   const std::lock_guard lock(sweep_mutex_);
   NoteLostTime();
   std::vector<std::string> expired;
-  absl::Status status = RemoveAllExpired(stop, &expired);
-  status.Update(RemoveOrphans(stop));
-  status.Update(RemoveEndedUploads());
-  status.Update(RemoveAllUnreferencedBlobs(stop));
+  absl::Status status;
+  // A store that is away may cost each step half a minute, and a server that is to end has less.
+  bool goes_on = true;
+  const auto step = [&](absl::FunctionRef<absl::Status()> remove) {
+    if (!goes_on || stop.IsCancelled()) return;
+    const absl::Status removed = remove();
+    goes_on = !absl::IsUnavailable(removed);
+    status.Update(removed);
+  };
+  step([&] { return RemoveAllExpired(stop, &expired); });
+  step([&] { return RemoveOrphans(stop); });
+  step([&] { return RemoveEndedUploads(stop); });
+  step([&] { return RemoveAllUnreferencedBlobs(stop); });
+  step([&] {
+    blobs_->RemoveTemporary();
+    return absl::OkStatus();
+  });
   data_.EmptyTmp(uploads_.limits().keep_seconds);
-  if (!stop.IsCancelled()) blobs_->RemoveTemporary();
   LITAGS_RETURN_IF_ERROR(status);
   return expired;
 }

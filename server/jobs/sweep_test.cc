@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 
 #include "engine/core/error_test_util.h"
 #include "server/jobs/jobs.h"
@@ -239,6 +240,34 @@ TEST_F(SweepTest, ASweepThatIsToldToStopRemovesNoMore) {
   EXPECT_TRUE(jobs_->Sweep(stop)->empty());
   EXPECT_TRUE(jobs_->Get(id).ok());
   EXPECT_THAT(*jobs_->Sweep(), ElementsAre(id));
+}
+
+// Such a store may take half a minute to say so, each time.
+TEST_F(SweepTest, ASweepAsksABlobStoreThatIsAwayOnceAndNotAfterItIsToldToStop) {
+  class Away : public FaultyBlobStore {
+   public:
+    using FaultyBlobStore::FaultyBlobStore;
+    absl::StatusOr<std::vector<std::string>> List(std::string_view) override {
+      ++calls;
+      if (on_call) on_call();
+      return error;
+    }
+    void RemoveTemporary() override { ++calls; }
+    std::function<void()> on_call;
+    absl::Status error = absl::UnavailableError("away");
+    int calls = 0;
+  };
+  Away blobs(blobs_.get());
+  UploadLimits limits;
+  limits.chunk_bytes = 100;
+  Jobs jobs(store_.get(), &blobs, data_, clock_, limits);
+  EXPECT_EQ(jobs.Sweep().status().message(), "away");
+  EXPECT_EQ(blobs.calls, 1);
+  CancelToken stop;
+  blobs.on_call = [&] { stop.Cancel(); };
+  blobs.error = absl::InternalError("broken");
+  EXPECT_EQ(jobs.Sweep(stop).status().message(), "broken");
+  EXPECT_EQ(blobs.calls, 2);
 }
 
 TEST_F(SweepTest, NoUploadExpiresForTheTimeInWhichTheServiceWasAway) {
