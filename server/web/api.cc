@@ -106,7 +106,7 @@ asio::awaitable<void> Api::Session(Exchange& exchange) {
   const Head& head = exchange.head();
   Answer answer = Json("{}");
   if (head.method == "DELETE") {
-    answer.headers.emplace_back("Set-Cookie", NoSessionCookie(head.tls));
+    answer.headers.emplace_back("Set-Cookie", NoSessionCookie(head));
   } else if (head.method == "POST") {
     const absl::StatusOr<std::string> body = co_await exchange.ReadBody(kMaxTokenBody);
     const std::string token = body.ok() ? TokenIn(*body) : "";
@@ -115,7 +115,7 @@ asio::awaitable<void> Api::Session(Exchange& exchange) {
     const std::string authorization = absl::StrCat("Bearer ", token);
     const grpc::Status status = co_await Unary(exchange, kInfoRpc, authorization, request, &info);
     if (status.ok()) {
-      answer.headers.emplace_back("Set-Cookie", SessionCookie(token, head.tls));
+      answer.headers.emplace_back("Set-Cookie", SessionCookie(head, token));
     } else {
       answer = Failure(status);
     }

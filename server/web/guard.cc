@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/utf8.h"
@@ -10,7 +11,6 @@
 namespace litags::web {
 namespace {
 
-constexpr char kCookie[] = "litags_token";
 constexpr size_t kMaxCookieValue = 1024;
 
 // Pictures of the app are made in the page (blob:). So is the worker in which its viewer sorts
@@ -36,9 +36,20 @@ absl::Status Refused(std::string_view reason, std::string_view field, const std:
   return MakeError(absl::StatusCode::kPermissionDenied, reason, field, message);
 }
 
-std::string Cookie(std::string_view value, bool tls, std::string_view more) {
-  return absl::StrCat(kCookie, "=", std::string(value), "; Path=/; HttpOnly; SameSite=Strict",
-                      tls ? "; Secure" : "", std::string(more));
+// Browsers keep one cookie of a name for all ports of a host: the port is part of the name, so that
+// two servers do not end each other's sessions.
+std::string CookieName(const Head& head) {
+  const std::string_view host = head.Header("host");
+  const std::string_view port = host.substr(std::min(host.size(), host.rfind(':') + 1));
+  const bool has_port = port.size() < host.size() && !port.empty() &&
+                        std::all_of(port.begin(), port.end(), absl::ascii_isdigit);
+  return absl::StrCat("litags_token", has_port ? "_" : "", has_port ? std::string(port) : "");
+}
+
+std::string Cookie(const Head& head, std::string_view value, std::string_view more) {
+  return absl::StrCat(CookieName(head), "=", std::string(value),
+                      "; Path=/; HttpOnly; SameSite=Strict", head.tls ? "; Secure" : "",
+                      std::string(more));
 }
 
 }  // namespace
@@ -68,13 +79,15 @@ absl::Status CheckLocalHost(const Head& head) {
 
 std::string AuthorizationOf(const Head& head) {
   if (const auto header = head.Header("authorization"); !header.empty()) return std::string(header);
-  const std::string_view token = CookieOf(head, kCookie);
+  const std::string_view token = CookieOf(head, CookieName(head));
   return token.empty() ? "" : absl::StrCat("Bearer ", std::string(token));
 }
 
-std::string SessionCookie(std::string_view token, bool tls) { return Cookie(token, tls, ""); }
+std::string SessionCookie(const Head& head, std::string_view token) {
+  return Cookie(head, token, "");
+}
 
-std::string NoSessionCookie(bool tls) { return Cookie("", tls, "; Max-Age=0"); }
+std::string NoSessionCookie(const Head& head) { return Cookie(head, "", "; Max-Age=0"); }
 
 bool IsCookieValue(std::string_view text) {
   return !text.empty() && text.size() <= kMaxCookieValue &&

@@ -22,9 +22,10 @@ absl::Status CheckLocalHost(const Head& head);
 // What the services get as the header "authorization": the request's own, or the cookie's token.
 std::string AuthorizationOf(const Head& head);
 
-// Set-Cookie of a session. Scripts cannot read it, and other sites do not send it.
-std::string SessionCookie(std::string_view token, bool tls);
-std::string NoSessionCookie(bool tls);
+// Set-Cookie of a session, for the port that the request was sent to. Scripts cannot read it, and
+// other sites do not send it.
+std::string SessionCookie(const Head& head, std::string_view token);
+std::string NoSessionCookie(const Head& head);
 
 // Whether a cookie can hold the text.
 bool IsCookieValue(std::string_view text);

@@ -135,7 +135,7 @@ void CheckHeader(std::string_view name, std::string_view value) {
                                                "x-frame-options",
                                                "content-security-policy"};
   LITAGS_CHECK(kNames.contains(absl::AsciiStrToLower(std::string(name))));
-  if (name == "Set-Cookie") LITAGS_CHECK(value.starts_with("litags_token="));
+  if (name == "Set-Cookie") LITAGS_CHECK(value.starts_with("litags_token"));
 }
 
 // The first answer; where the others begin depends on the requests' methods. `has_body`: it is not

@@ -66,9 +66,9 @@ class Tokens(GatewayTest):
             entries.append(made.stderr.split("--token ")[1].strip())
         return gateway.WebServer(cls.class_folder, extra=("--token", ",".join(entries)))
 
-    def log_in(self, name):
+    def log_in(self, name, headers=None):
         """The cookie, as a browser would send it."""
-        reply = self.web.post("/v1/session", {"token": self.tokens[name]})
+        reply = self.web.post("/v1/session", {"token": self.tokens[name]}, headers=headers)
         self.assertEqual(reply.code, 200, reply.body)
         cookie = reply.headers["Set-Cookie"]
         self.assertIn("HttpOnly", cookie)
@@ -76,8 +76,9 @@ class Tokens(GatewayTest):
         return {"Cookie": "theme=dark; " + cookie.split(";")[0]}
 
     def test_wrong_and_missing_tokens(self):
-        for headers in ({}, {"Authorization": "Bearer wrong"}, {"Cookie": "litags_token=wrong"},
-                        {"Cookie": "litags_token="}, {"Cookie": "=;;litags_token"}):
+        cookie = f"litags_token_{self.server.web_port}"
+        for headers in ({}, {"Authorization": "Bearer wrong"}, {"Cookie": f"{cookie}=wrong"},
+                        {"Cookie": f"{cookie}="}, {"Cookie": f"=;;{cookie}"}):
             reply = self.web.get("/v1/jobs", headers=headers)
             self.assert_fails(reply, 401, "TOKEN_MISSING|TOKEN_INVALID")
         for body in ({"token": "wrong"}, {"token": ""}, {"token": 3}, {"token": "a\r\nSet-Cookie: x"},
@@ -90,6 +91,14 @@ class Tokens(GatewayTest):
     def assert_fails(self, reply, code, reason, words="."):
         self.assertEqual(reply.code, code, reply.body)
         self.assertRegex(reply.reason(), reason)
+
+    def test_sessions_of_two_servers_on_one_host(self):
+        other = {"Host": "127.0.0.1:1"}
+        cookies = {"Cookie": "; ".join((self.log_in("bob", other)["Cookie"],
+                                        self.log_in("alice")["Cookie"]))}
+        for headers, name in ((cookies, "alice"), ({**cookies, **other}, "bob")):
+            info = self.web.get("/v1/serverInfo", headers=headers).json()
+            self.assertEqual(info["client"]["name"], name)
 
     def test_a_session(self):
         alice = self.log_in("alice")
@@ -109,7 +118,8 @@ class Tokens(GatewayTest):
             self.assertEqual(self.web.get("/v1/jobs", headers=headers).json().get("jobs", []), [])
 
     def test_tokens_free_the_name_of_the_machine(self):
-        alice = {**self.log_in("alice"), "Host": "photos.example"}
+        host = {"Host": "photos.example"}
+        alice = {**self.log_in("alice", host), **host}
         self.assertEqual(self.web.get("/v1/jobs", headers=alice).code, 200)
 
     def test_strangers_bytes_are_not_taken(self):
