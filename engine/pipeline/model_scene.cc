@@ -20,14 +20,16 @@
 namespace litags {
 namespace {
 
-// R L^t per pixel and channel.
-Planes Relit(Planes color, const Planes& channels, double t) {
+// R L^t per pixel and channel, from the planes of R and L.
+Planes Relit(Planes both, double t) {
   for (int c = 0; c < 3; ++c) {
-    const float* L = channels.plane(kChannelIllumination + c);
-    float* v = color.plane(c);
-    for (size_t i = 0; i < color.plane_size(); ++i) v[i] *= LightPower(L[i], static_cast<float>(t));
+    const float* L = both.plane(3 + c);
+    float* v = both.plane(c);
+    for (size_t i = 0; i < both.plane_size(); ++i) v[i] *= LightPower(L[i], static_cast<float>(t));
   }
-  return color;
+  both.channels = 3;
+  both.data.resize(3 * both.plane_size());
+  return both;
 }
 
 // Linear light times 2^stops.
@@ -43,12 +45,6 @@ Planes Exposed(Planes color, double stops) {
 Planes Clamped(Planes planes) {
   for (float& v : planes.data) v = v > 0 ? std::min(v, 1.0f) : 0.0f;
   return planes;
-}
-
-Planes CopyOf(const Planes& from, int first, int count) {
-  Planes out(count, from.height, from.width);
-  std::copy_n(from.plane(first), count * from.plane_size(), out.data.data());
-  return out;
 }
 
 class ModelScene : public Scene {
@@ -96,27 +92,28 @@ class ModelScene : public Scene {
       LITAGS_RETURN_IF_ERROR(request.cancel.Check());
       return color;
     }
-    if (request.channel == Channel::kDepth) {
-      Planes depth;
-      renderer.RenderDepth(model_, camera, &depth);
-      LITAGS_RETURN_IF_ERROR(request.cancel.Check());
-      return depth;
-    }
-    Planes channels, alpha;
-    renderer.RenderChannels(model_, camera, &channels, &alpha);
-    LITAGS_RETURN_IF_ERROR(request.cancel.Check());
+    Planes planes;
     switch (request.channel) {
+      case Channel::kDepth:
+        renderer.RenderDepth(model_, camera, &planes);
+        break;
       case Channel::kStructure:
-        return CopyOf(channels, kChannelStructure, 1);
+        renderer.RenderChannels(model_, camera, kChannelStructure, 1, &planes);
+        break;
       case Channel::kIllumination:
-        return CopyOf(channels, kChannelIllumination, 3);
+        renderer.RenderChannels(model_, camera, kChannelIllumination, 3, &planes);
+        break;
       case Channel::kNoise:
-        return CopyOf(channels, kChannelNoise, 3);
+        renderer.RenderChannels(model_, camera, kChannelNoise, 3, &planes);
+        break;
       case Channel::kAlpha:
-        return alpha;
+        renderer.RenderAlpha(model_, camera, &planes);
+        break;
       default:
         return absl::InternalError("unknown channel");
     }
+    LITAGS_RETURN_IF_ERROR(request.cancel.Check());
+    return planes;
   }
 
   absl::StatusOr<int64_t> Export(const std::string& path,
@@ -163,10 +160,8 @@ class ModelScene : public Scene {
     if (light == 0 || !model_.lita) {
       renderer->RenderColor(model_, camera, &color);
     } else {
-      Planes channels, alpha;
-      renderer->RenderChannels(model_, camera, &channels, &alpha);
-      renderer->Denoise(model_, channels, &color);
-      color = Relit(std::move(color), channels, light);
+      renderer->RenderColorAndLight(model_, camera, &color);
+      color = Relit(std::move(color), light);
     }
     return Clamped(Exposed(std::move(color), request.exposure_stops));
   }

@@ -51,11 +51,15 @@ TileSpan SpanOfRow(const ProjectedSplats::Box& box, const float* record, int ty)
 
 using Pair = BinScratch::Pair;
 
-// Writes a pair for every tile of the row `ty` that the span has; returns where the next one goes.
-// Up to two past that are overwritten: most spans have one or two tiles, and which of them would be
-// hard to predict for a branch.
-inline Pair* AddRow(uint32_t gaussian, int tiles_x, int ty, int first, int last, Pair* to) {
-  const uint32_t row = ty * tiles_x;
+// Writes a pair for every tile of the row `ty` that the span and the part have; returns where the
+// next one goes. Up to two past that are overwritten: most spans have one or two tiles, and which
+// of them would be hard to predict for a branch.
+inline Pair* AddRow(uint32_t gaussian, const TileRect& part, int ty, int first, int last,
+                    Pair* to) {
+  if (ty < part.y || ty >= part.y + part.height) return to;
+  first = std::max(first - part.x, 0);
+  last = std::min(last - part.x, part.width - 1);
+  const uint32_t row = (ty - part.y) * part.width;
   *to = {gaussian, row + first};
   to += first <= last;
   *to = {gaussian, row + first + 1};
@@ -65,19 +69,20 @@ inline Pair* AddRow(uint32_t gaussian, int tiles_x, int ty, int first, int last,
 }
 
 // The same for all tiles that Gaussian i reaches, row by row.
-inline Pair* AddTiles(const ProjectedSplats& splats, size_t i, int tiles_x, Pair* to) {
+inline Pair* AddTiles(const ProjectedSplats& splats, size_t i, const TileRect& part, Pair* to) {
   const auto gaussian = static_cast<uint32_t>(i);
   const ProjectedSplats::Box& box = splats.boxes[i];
   const ProjectedSplats::Spans& spans = splats.spans[i];
   constexpr unsigned kTile = kTileSize;  // boxes that are not empty have no negative numbers
   int ty = box.y0 / kTile;
   for (int row = 0; row < ProjectedSplats::kSpanRows; ++row, ++ty) {
-    to = AddRow(gaussian, tiles_x, ty, spans.first[row], spans.last[row], to);
+    to = AddRow(gaussian, part, ty, spans.first[row], spans.last[row], to);
   }
-  for (const int last_row = box.y1 / kTile; ty <= last_row; ++ty) {
+  ty = std::max(ty, part.y);
+  for (const int end = std::min<int>(box.y1 / kTile + 1, part.y + part.height); ty < end; ++ty) {
     const float* record = splats.records.data() + i * RecordStride(splats.channels);
     const TileSpan span = SpanOfRow(box, record, ty);
-    to = AddRow(gaussian, tiles_x, ty, span.first, span.last, to);
+    to = AddRow(gaussian, part, ty, span.first, span.last, to);
   }
   return to;
 }
@@ -101,19 +106,19 @@ std::array<size_t, kChunks + 1> ChunkBegins(const ProjectedSplats& splats) {
   return begins;
 }
 
-// Which of the `tiles` the Gaussians [begin, end) reach. Adds to counts [tiles]; slot_begin becomes
-// each one's first pair, counted from `begin`.
-void FindTiles(const ProjectedSplats& splats, size_t begin, size_t end, int tiles_x, size_t tiles,
+// Which tiles of the part the Gaussians [begin, end) reach. Adds to counts [tiles]; slot_begin
+// becomes each one's first pair, counted from `begin`.
+void FindTiles(const ProjectedSplats& splats, size_t begin, size_t end, const TileRect& part,
                BinScratch::ChunkPairs* chunk, uint32_t* counts, uint32_t* slot_begin) {
   std::vector<Pair> pairs = std::move(chunk->pairs);  // chunks share cache lines
-  const size_t most = tiles + 2;                      // that one Gaussian writes, AddRow's two too
+  const size_t most = part.size() + 2;                // that one Gaussian writes, AddRow's two too
   size_t count = 0, visible = 0;
   for (size_t i = begin; i < end; ++i) {
     slot_begin[i] = static_cast<uint32_t>(count);
     if (splats.visible[i / kSplatBlock] == 0 || splats.boxes[i].empty()) continue;
     if (pairs.size() < count + most) pairs.resize(2 * (count + most));
     Pair* const to = pairs.data() + count;
-    const auto added = static_cast<size_t>(AddTiles(splats, i, tiles_x, to) - to);
+    const auto added = static_cast<size_t>(AddTiles(splats, i, part, to) - to);
     count += added;
     visible += added > 0;
   }
@@ -128,7 +133,7 @@ std::array<uint32_t, kChunks + 1> CountsToOffsets(TileLists* lists, BinScratch* 
   for (const BinScratch::ChunkPairs& chunk : scratch->chunks) pairs += chunk.count;
   LITAGS_CHECK(pairs <= std::numeric_limits<uint32_t>::max());  // slots have 32 bits
 
-  const size_t tiles = size_t(lists->tiles_x) * lists->tiles_y;
+  const size_t tiles = lists->part.size();
   lists->tile_begin.resize(tiles + 1);
   uint32_t total = 0;
   for (size_t tile = 0; tile < tiles; ++tile) {
@@ -165,11 +170,45 @@ void SortTiles(int threads, TileLists* lists, BinScratch* scratch) {
 
 }  // namespace
 
-void Bin(const ProjectedSplats& splats, int width, int height, int threads, TileLists* lists,
+TileRect AllTiles(int width, int height) {
+  return {0, 0, (width + kTileSize - 1) / kTileSize, (height + kTileSize - 1) / kTileSize};
+}
+
+std::vector<TileRect> PartsOf(const ProjectedSplats& splats, int width, int height,
+                              size_t max_pairs) {
+  const TileRect all = AllTiles(width, height);
+  // What every row of tiles has more than the one above it.
+  std::vector<int64_t> more(all.height + 1);
+  for (size_t i = 0; i < splats.boxes.size(); ++i) {
+    const ProjectedSplats::Box& box = splats.boxes[i];
+    if (box.empty()) continue;
+    const int columns = box.x1 / kTileSize - box.x0 / kTileSize + 1;
+    more[box.y0 / kTileSize] += columns;
+    more[box.y1 / kTileSize + 1] -= columns;
+  }
+  std::vector<TileRect> parts;
+  size_t row_pairs = 0, part_pairs = 0;
+  for (int y = 0; y < all.height; ++y) {
+    row_pairs += more[y];
+    part_pairs += row_pairs;
+    if (!parts.empty() && part_pairs <= max_pairs) {
+      ++parts.back().height;
+      continue;
+    }
+    part_pairs = row_pairs;
+    const size_t pieces = std::max<size_t>((row_pairs + max_pairs - 1) / max_pairs, 1);
+    const int columns = static_cast<int>(std::max<size_t>(all.width / pieces, 1));
+    for (int x = 0; x < all.width; x += columns) {
+      parts.push_back({x, y, std::min(columns, all.width - x), 1});
+    }
+  }
+  return parts;
+}
+
+void Bin(const ProjectedSplats& splats, const TileRect& part, int threads, TileLists* lists,
          BinScratch* scratch) {
-  lists->tiles_x = (width + kTileSize - 1) / kTileSize;
-  lists->tiles_y = (height + kTileSize - 1) / kTileSize;
-  const size_t tiles = size_t(lists->tiles_x) * lists->tiles_y;
+  lists->part = part;
+  const size_t tiles = part.size();
   const size_t n = splats.boxes.size();
   const std::array<size_t, kChunks + 1> chunk_begin = ChunkBegins(splats);
 
@@ -177,9 +216,8 @@ void Bin(const ProjectedSplats& splats, int width, int height, int threads, Tile
   scratch->offsets.assign(kChunks * tiles, 0);
   lists->slot_begin.resize(n + 1);
   ParallelFor(threads, kChunks, [&](size_t chunk, int) {
-    FindTiles(splats, chunk_begin[chunk], chunk_begin[chunk + 1], lists->tiles_x, tiles,
-              &scratch->chunks[chunk], scratch->offsets.data() + chunk * tiles,
-              lists->slot_begin.data());
+    FindTiles(splats, chunk_begin[chunk], chunk_begin[chunk + 1], part, &scratch->chunks[chunk],
+              scratch->offsets.data() + chunk * tiles, lists->slot_begin.data());
   });
   const std::array<uint32_t, kChunks + 1> first_slot = CountsToOffsets(lists, scratch);
   const uint32_t pairs = first_slot[kChunks];

@@ -11,10 +11,24 @@
 
 namespace litags {
 
-// Lists of all tiles, one after the other; inside a tile Gaussians are ordered by depth, equal
+// Tiles of an image; their numbers are in tiles.
+struct TileRect {
+  int x = 0, y = 0, width = 0, height = 0;
+
+  size_t size() const { return size_t(width) * height; }
+};
+
+TileRect AllTiles(int width, int height);  // of an image, px
+
+// The image's tiles in parts of at most about `max_pairs` (Gaussian, tile) pairs each, by the
+// Gaussians' boxes, and of a tile at least.
+std::vector<TileRect> PartsOf(const ProjectedSplats& splats, int width, int height,
+                              size_t max_pairs);
+
+// Lists of a part's tiles, one after the other; inside a tile Gaussians are ordered by depth, equal
 // depths by index.
 struct TileLists {
-  int tiles_x = 0, tiles_y = 0;
+  TileRect part;
   std::vector<uint32_t> tile_begin;  // [tiles + 1], into the two arrays below
   std::vector<uint32_t> gaussians;   // index of the Gaussian
   std::vector<uint32_t> slots;       // where this pair's gradients go: pairs numbered by Gaussian
@@ -41,10 +55,10 @@ struct BinScratch {
   std::vector<hwy::Sorter> sorters;        // per thread; costly to make
 };
 
-// Fills `lists` for an image of width x height px. A Gaussian is in a tile exactly when its
+// Fills `lists` for a part of an image. A Gaussian is in a tile exactly when its
 // alpha >= 1/255 ellipse reaches the tile's pixel centres (to rounding): the bounding box alone
 // would list half as many again (Speedy-Splat's AccuTile makes the same observation).
-void Bin(const ProjectedSplats& splats, int width, int height, int threads, TileLists* lists,
+void Bin(const ProjectedSplats& splats, const TileRect& part, int threads, TileLists* lists,
          BinScratch* scratch);
 
 }  // namespace litags

@@ -173,13 +173,13 @@ HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, 
 }
 
 // Asks for a share of the lines that the tile will be written to, a block's at a time.
-template <int C>
 HWY_INLINE void PrefetchOutput(const TileJob& job, int block, float* image, float* alpha) {
   if (block * kTileSize % kBlocks != 0) return;  // more blocks than rows
   const int y = job.y0 + block * kTileSize / kBlocks;
   if (y >= job.height) return;
   const size_t plane = size_t(job.width) * job.height, at = size_t(y) * job.width + job.x0;
-  for (int c = 0; c < C; ++c) hwy::Prefetch(image + c * plane + at);
+  const int kept = std::popcount(job.kept_channels);
+  for (int k = 0; k < kept; ++k) hwy::Prefetch(image + k * plane + at);
   hwy::Prefetch(alpha + at);
 }
 
@@ -209,8 +209,11 @@ HWY_INLINE void FinishBlock(const TileJob& job, int block, BlockState<C>* state,
   hn::Store(hn::Sub(hn::Set(d, 1.0f), T), d, state->T);
   const size_t plane = size_t(job.width) * job.height;
   ForEachBlockRow(job, block, [&](size_t at, int from, auto columns) HWY_ATTR {
+    float* to = image + at;
     for (int c = 0; c < C; ++c) {
-      CopyRow(state->acc + c * kLanes + from, columns, image + c * plane + at);
+      if ((job.kept_channels >> c & 1) == 0) continue;
+      CopyRow(state->acc + c * kLanes + from, columns, to);
+      to += plane;
     }
     CopyRow(state->T + from, columns, alpha + at);
   });
@@ -244,7 +247,7 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
       constexpr int kShare = kChunk / kBlocks;  // of the next chunk
       Chunk::Prefetch(job, begin + kChunk + block * kShare, begin + kChunk + (block + 1) * kShare,
                       kStride);
-      if (begin == 0) PrefetchOutput<C>(job, block, image, alpha);
+      if (begin == 0) PrefetchOutput(job, block, image, alpha);
       if ((alive >> block & 1) == 0) reach[block] = 0;
       if (reach[block] == 0) continue;
       bool opaque;

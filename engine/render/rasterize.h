@@ -21,6 +21,7 @@ struct TileJob {
   int x0 = 0, y0 = 0;                   // top-left pixel of the tile
   int width = 0, height = 0;            // image, px
   int channels = 0;                     // as RenderSettings::num_channels
+  uint32_t kept_channels = 0;           // bit c: the image has channel c
   size_t count = 0;                     // Gaussians in the list, front to back
   const uint32_t* gaussians = nullptr;  // [count]
   const float* records = nullptr;       // [N][RecordStride(channels)]
@@ -39,7 +40,7 @@ struct TileEvaluations {
 };
 
 // LITA-GS Eq. 8: the sum over Gaussians, all channels together.
-// Writes the tile's pixels of image [C, H, W] and alpha [H, W].
+// Writes the tile's pixels of image [kept channels, H, W] and alpha [H, W].
 TileEvaluations RasterizeTile(const TileJob& job, float* image, float* alpha);
 
 // Buffers of RasterizeTileVjp, kept to save allocations; one per thread.

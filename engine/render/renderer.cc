@@ -1,6 +1,7 @@
 #include "engine/render/renderer.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "engine/core/aligned.h"
@@ -28,8 +29,10 @@ struct Renderer::Impl {
   std::array<float, kNumChannels> background = {};
   int threads = 0;
   bool count_useful = false;
+  uint32_t kept_channels = 0;
   uint32_t detached_channels = 0;
   bool wants_pose_grad = false;
+  bool has_vjp = false;
 
   ProjectedSplats projected;
   TileLists lists;
@@ -45,11 +48,13 @@ struct Renderer::Impl {
 
   TileJob JobOf(size_t tile) {
     TileJob job;
-    job.x0 = static_cast<int>(tile % lists.tiles_x) * kTileSize;
-    job.y0 = static_cast<int>(tile / lists.tiles_x) * kTileSize;
+    const TileRect& part = lists.part;
+    job.x0 = (part.x + static_cast<int>(tile % part.width)) * kTileSize;
+    job.y0 = (part.y + static_cast<int>(tile / part.width)) * kTileSize;
     job.width = width;
     job.height = height;
     job.channels = projection.channels;
+    job.kept_channels = kept_channels;
     const uint32_t begin = lists.tile_begin[tile];
     job.count = lists.tile_begin[tile + 1] - begin;
     job.gaussians = lists.gaussians.data() + begin;
@@ -61,6 +66,8 @@ struct Renderer::Impl {
     return job;
   }
 
+  // Bins and composites the part, and adds to the counters.
+  void DrawPart(const TileRect& part, const CancelToken* cancel, float* image, float* alpha);
   void BackwardBlock(const Splats& splats, size_t block, BlockGradSink sink);
 };
 
@@ -93,6 +100,8 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   s.background = settings.background;
   s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
   s.count_useful = settings.count_useful;
+  s.kept_channels = settings.kept_channels & ((1u << C) - 1);
+  s.has_vjp = HasVjp(C) && settings.max_pairs == 0 && std::popcount(s.kept_channels) == C;
   s.detached_channels = settings.detached_channels;
   s.wants_pose_grad = settings.pose_grad;
 
@@ -109,29 +118,42 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
       s.stats.visible[i] = !s.projected.boxes[i].empty();
     }
   });
-  Bin(s.projected, s.width, s.height, s.threads, &s.lists, &s.bin_scratch);
 
-  image->channels = settings.num_channels;
+  image->channels = std::popcount(s.kept_channels);
   alpha->channels = 1;
   for (Planes* p : {image, alpha}) {
     p->width = s.width;
     p->height = s.height;
     p->data.resize(p->channels * p->plane_size());
   }
-  const size_t tiles = s.lists.tile_begin.size() - 1;
-  s.reach.resize((s.lists.num_pairs() / kChunk + tiles) * kMaxTileBlocks);
-  s.tile_evaluations.resize(tiles);
-  ParallelFor(s.threads, tiles, [&](size_t tile, int) {
+  s.counters = {};
+  const std::vector<TileRect> parts =
+      settings.max_pairs == 0 ? std::vector<TileRect>{AllTiles(s.width, s.height)}
+                              : PartsOf(s.projected, s.width, s.height, settings.max_pairs);
+  for (const TileRect& part : parts) {
     if (settings.cancel && settings.cancel->IsCancelled()) return;
-    s.tile_evaluations[tile] = RasterizeTile(s.JobOf(tile), image->data.data(), alpha->data.data());
+    s.DrawPart(part, settings.cancel, image->data.data(), alpha->data.data());
+  }
+}
+
+void Renderer::Impl::DrawPart(const TileRect& part, const CancelToken* cancel, float* image,
+                              float* alpha) {
+  Bin(projected, part, threads, &lists, &bin_scratch);
+  const size_t tiles = part.size();
+  reach.resize((lists.num_pairs() / kChunk + tiles) * kMaxTileBlocks);
+  tile_evaluations.resize(tiles);
+  ParallelFor(threads, tiles, [&](size_t tile, int) {
+    if (cancel && cancel->IsCancelled()) return;
+    tile_evaluations[tile] = RasterizeTile(JobOf(tile), image, alpha);
   });
 
-  s.counters = {};
-  s.counters.visible = static_cast<int64_t>(s.lists.num_visible);
-  s.counters.tile_pairs = static_cast<int64_t>(s.lists.num_pairs());
-  for (const TileEvaluations& n : s.tile_evaluations) {
-    s.counters.evaluations += n.all;
-    s.counters.useful += n.useful;
+  const auto pairs = static_cast<int64_t>(lists.num_pairs());
+  counters.visible += static_cast<int64_t>(lists.num_visible);
+  counters.tile_pairs += pairs;
+  counters.most_pairs = std::max(counters.most_pairs, pairs);
+  for (const TileEvaluations& n : tile_evaluations) {
+    counters.evaluations += n.all;
+    counters.useful += n.useful;
   }
 }
 
@@ -168,7 +190,7 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
                         BlockGradSink sink) {
   Impl& s = *impl_;
   LITAGS_CHECK(splats.size() == s.projected.boxes.size());
-  LITAGS_CHECK(HasVjp(s.projection.channels));
+  LITAGS_CHECK(s.has_vjp);
   LITAGS_CHECK(v_image.channels == s.projection.channels && v_image.width == s.width &&
                v_image.height == s.height);
   const int stride = GradStride(s.projection.channels);

@@ -66,9 +66,13 @@ struct RenderSettings {
   int threads = 0;                      // <= 0: all cores
   const CancelToken* cancel = nullptr;  // once raised, Forward leaves the picture unfinished
   bool count_useful = false;            // whether Forward of 11 channels fills Counters::useful
-  Dropout dropout;                      // of training
-  Lamp lamp;                            // that a photo was taken by
-  bool pose_grad = false;               // whether Backward fills pose_grad()
+  // For pictures alone; no Backward follows these two:
+  size_t max_pairs = 0;  // draws parts of about as many (Gaussian, tile) pairs, one after the
+                         // other; 0: all at once, which takes 44 bytes a pair
+  uint32_t kept_channels = ~uint32_t{0};  // bit c: the image has channel c, and no others
+  Dropout dropout;                        // of training
+  Lamp lamp;                              // that a photo was taken by
+  bool pose_grad = false;                 // whether Backward fills pose_grad()
   // Bit c: Backward gives channel c's gradient to the Gaussians' values in it and to nothing else,
   // as if what they cover were given.
   uint32_t detached_channels = 0;
@@ -101,8 +105,8 @@ class Renderer {
   Renderer& operator=(Renderer&&) noexcept;
 
   // LITA-GS Eq. 8, for every channel: R0, D_r, P_r, L_r, N_GS.
-  // Composites `splats` into image [num_channels, H, W] and alpha [1, H, W] = 1 - T_final, with H
-  // and W of the crop.
+  // Composites `splats` into image [num_channels, H, W] (or those kept) and alpha [1, H, W] =
+  // 1 - T_final, with H and W of the crop. The same bytes whatever is kept and in any parts.
   // Front to back by depth, alpha = min(0.99, o exp(-sigma)), skipped below 1/255, stopped before T
   // falls below 1e-4 (3DGS). No 3-sigma cut-off: extents are exact. The camera must be valid.
   // With kDepthOnly the image is a distance along the optical axis, without background: the mean
@@ -114,9 +118,9 @@ class Renderer {
   void Forward(const Splats& splats, const Camera& camera, const RenderSettings& settings,
                Planes* image, Planes* alpha);
 
-  // VJP of the last Forward, of 3, 8 or 11 channels: v_image [C, H, W], v_alpha [1, H, W] (or
-  // empty) to the parameters. `splats` must be unchanged. Exact derivatives, but for
-  // detached_channels: zero through the clamp at 0.99.
+  // VJP of the last Forward, of 3, 8 or 11 channels, all kept, and all at once: v_image [C, H, W],
+  // v_alpha [1, H, W] (or empty) to the parameters. `splats` must be unchanged. Exact derivatives,
+  // but for detached_channels: zero through the clamp at 0.99.
   void Backward(const Splats& splats, const Planes& v_image, const Planes& v_alpha,
                 BlockGradSink sink);
 
@@ -128,8 +132,9 @@ class Renderer {
 
   // Intermediates of the last Forward, for tests and benchmarks.
   struct Counters {
-    int64_t visible = 0;      // Gaussians that reach a pixel's alpha threshold
+    int64_t visible = 0;      // Gaussians that reach a pixel's alpha threshold, in any part
     int64_t tile_pairs = 0;   // entries of the tile lists
+    int64_t most_pairs = 0;   // of one part
     int64_t evaluations = 0;  // alpha evaluations, pixels (lanes counted one by one)
     int64_t useful = 0;       // of these, with an alpha of 1/255 or more, on a pixel not opaque
   };

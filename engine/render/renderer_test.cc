@@ -348,17 +348,49 @@ TEST(Renderer, FewerChannelsAreTheSameBytesAsInAWholeRender) {
     Renderer renderer;
     Planes all, some, alpha, some_alpha;
     renderer.Forward(splats, camera, settings, &all, &alpha);
-    for (const int channels : {kColorOnly, kColorAndNoise, kWithoutNoise}) {
+    for (const int channels : {kDepthOnly, kColorOnly, kColorAndNoise, kWithoutNoise}) {
       settings.num_channels = channels;
       renderer.Forward(splats, camera, settings, &some, &some_alpha);
       ASSERT_EQ(some.channels, channels);
       EXPECT_EQ(some_alpha.data, alpha.data);
+      if (channels == kDepthOnly) continue;  // another depth
       for (int c = 0; c < channels; ++c) {
         const bool moved = channels == kColorAndNoise && c >= 3;
         const float* expected = all.plane(moved ? kChannelNoise + c - 3 : c);
         EXPECT_TRUE(std::equal(expected, expected + all.plane_size(), some.plane(c)))
             << "channel " << c << " of " << channels;
       }
+    }
+  });
+}
+
+TEST(Renderer, PartsAndKeptChannelsAreTheSameBytesAsAWholeRender) {
+  Splats splats = MakeSplats(150, 7);
+  for (size_t i = 0; i < splats.size(); i += 10) {
+    for (int k = 0; k < 3; ++k)
+      splats.at(i, kLogScale + k) += 3;  // to more rows than there are spans
+  }
+  const Camera camera = MakeCamera(121, 83);
+  ForEachTarget([&] {
+    RenderSettings settings;
+    Renderer renderer;
+    Planes all, some, alpha, some_alpha;
+    renderer.Forward(splats, camera, settings, &all, &alpha);
+    const int64_t pairs = renderer.counters().tile_pairs;
+    settings.kept_channels = 1u << kChannelStructure | 1u << kChannelNoise;
+    for (const size_t max_pairs : {100000, 500, 100, 1}) {
+      SCOPED_TRACE(max_pairs);
+      settings.max_pairs = max_pairs;
+      renderer.Forward(splats, camera, settings, &some, &some_alpha);
+      EXPECT_EQ(renderer.counters().tile_pairs, pairs);
+      if (max_pairs == 500) {
+        EXPECT_LE(renderer.counters().most_pairs, 500);
+      }
+      EXPECT_EQ(some_alpha.data, alpha.data);
+      ASSERT_EQ(some.channels, 2);
+      const size_t plane = all.plane_size();
+      EXPECT_TRUE(std::equal(some.plane(0), some.plane(1), all.plane(kChannelStructure)));
+      EXPECT_TRUE(std::equal(some.plane(1), some.plane(1) + plane, all.plane(kChannelNoise)));
     }
   });
 }

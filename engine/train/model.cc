@@ -8,18 +8,29 @@
 namespace litags {
 namespace {
 
-void CopyColor(const Planes& channels, Planes* color) {
-  const PlanesView R0(channels, kChannelColor, 3);
-  *color = Planes(3, channels.height, channels.width);
-  std::copy_n(R0.data, R0.size(), color->data.data());
+// Bounds what a picture takes beside its pixels, 180 MB; a picture of a megapixel has about as
+// many.
+constexpr size_t kMaxPairs = size_t{1} << 22;
+
+constexpr uint32_t kAll = ~uint32_t{0};
+
+constexpr uint32_t Kept(int first, int count) { return ((1u << count) - 1) << first; }
+
+bool Denoises(const Model& model) { return model.lita && model.use_pdm; }
+
+void KeepPlanes(int count, Planes* planes) {
+  planes->channels = count;
+  planes->data.resize(count * planes->plane_size());
 }
 
 }  // namespace
 
 void ModelRenderer::Composite(const Model& model, const Camera& camera, int num_channels,
-                              Planes* channels, Planes* alpha, const Lamp& lamp) {
+                              uint32_t kept, Planes* channels, Planes* alpha, const Lamp& lamp) {
   RenderSettings settings;
   settings.num_channels = num_channels;
+  settings.kept_channels = kept;
+  settings.max_pairs = kMaxPairs;
   settings.cancel = cancel_;
   settings.sh_degree = model.sh_degree;
   settings.depth_source = DepthSource::kCameraZ;
@@ -32,47 +43,52 @@ void ModelRenderer::Composite(const Model& model, const Camera& camera, int num_
 
 void ModelRenderer::RenderColor(const Model& model, const Camera& camera, Planes* color,
                                 const Lamp& lamp) {
-  const bool denoise = model.lita && model.use_pdm;
-  Composite(model, camera, denoise ? kColorAndNoise : kColorOnly, denoise ? &composited_ : color,
-            &alpha_, lamp);
-  if (denoise) ApplyPdm(model, composited_, color);
-  Finish(model, color);
+  const int channels = Denoises(model) ? kColorAndNoise : kColorOnly;
+  Composite(model, camera, channels, kAll, color, &alpha_, lamp);
+  Denoise(model, color);
+  KeepPlanes(3, color);
+}
+
+void ModelRenderer::RenderColorAndLight(const Model& model, const Camera& camera, Planes* both) {
+  uint32_t kept = Kept(kChannelColor, 3) | Kept(kChannelIllumination, 3);
+  if (Denoises(model)) kept |= Kept(kChannelNoise, 3);
+  Composite(model, camera, Denoises(model) ? int{kNumChannels} : kWithoutNoise, kept, both,
+            &alpha_);
+  Denoise(model, both);
+  KeepPlanes(6, both);
 }
 
 void ModelRenderer::RenderDepth(const Model& model, const Camera& camera, Planes* depth) {
-  Composite(model, camera, kDepthOnly, depth, &alpha_);
+  Composite(model, camera, kDepthOnly, kAll, depth, &alpha_);
 }
 
-void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, Planes* channels,
-                                   Planes* alpha) {
-  Composite(model, camera, model.use_pdm ? int{kNumChannels} : kWithoutNoise, channels, alpha);
+void ModelRenderer::RenderChannels(const Model& model, const Camera& camera, int first, int count,
+                                   Planes* channels) {
+  Composite(model, camera, first + count <= kWithoutNoise ? kWithoutNoise : int{kNumChannels},
+            Kept(first, count), channels, &alpha_);
 }
 
-void ModelRenderer::Denoise(const Model& model, const Planes& channels, Planes* color) {
-  if (model.lita && model.use_pdm) {
-    ApplyPdm(model, channels, color);
-  } else {
-    CopyColor(channels, color);
-  }
-  Finish(model, color);
+void ModelRenderer::RenderAlpha(const Model& model, const Camera& camera, Planes* alpha) {
+  Planes none;
+  Composite(model, camera, kDepthOnly, 0, &none, alpha);
 }
 
-void ModelRenderer::ApplyPdm(const Model& model, const Planes& channels, Planes* color) {
-  if (Cancelled()) return CopyColor(channels, color);
-  const PlanesView R0(channels, kChannelColor, 3);
-  const PlanesView noise(channels, channels.channels == kColorAndNoise ? 3 : int{kChannelNoise}, 3);
-  if (!pdm_.has_value() || pdm_->options() != model.pdm_options)
-    pdm_.emplace(model.pdm_options, threads_);
-  pdm_->Apply(model.pdm, R0, noise, color);
-}
-
-void ModelRenderer::Finish(const Model& model, Planes* color) {
+void ModelRenderer::Denoise(const Model& model, Planes* composited) {
   if (Cancelled()) return;
-  if (model.noise.has_value()) noise_filter_.Apply(*model.noise, *color);
+  const PlanesSpan color(*composited, kChannelColor, 3);
+  if (Denoises(model)) {
+    if (!pdm_.has_value() || pdm_->options() != model.pdm_options)
+      pdm_.emplace(model.pdm_options, threads_);
+    const PlanesView noise(*composited, composited->channels - 3, 3);
+    pdm_->Apply(model.pdm, PlanesView(*composited, kChannelColor, 3), noise, &denoised_);
+    std::copy_n(denoised_.data.data(), color.size(), color.data);
+  }
+  if (Cancelled()) return;
+  if (model.noise.has_value()) noise_filter_.Apply(*model.noise, color);
   if (!model.curve.has_value()) return;
-  const size_t row = color->width;
-  ParallelFor(threads_, color->data.size() / row, [&](size_t i, int) {
-    for (float& code : absl::MakeSpan(color->data.data() + i * row, row)) {
+  const size_t row = color.width;
+  ParallelFor(threads_, color.size() / row, [&](size_t i, int) {
+    for (float& code : absl::MakeSpan(color.data + i * row, row)) {
       code = ApplyCurve(*model.curve, code);
     }
   });

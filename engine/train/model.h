@@ -44,18 +44,23 @@ class ModelRenderer {
   // Distance of the surfaces along the optical axis [1, H, W], scene units; 0 where nothing is.
   void RenderDepth(const Model& model, const Camera& camera, Planes* depth);
 
-  // All channels [11, H, W], see RenderChannel, or 8 if the model has no denoiser and so no noise,
-  // with CameraZ as depth; alpha [1, H, W]. Those of the attributes mean nothing for plain 3DGS.
-  void RenderChannels(const Model& model, const Camera& camera, Planes* channels, Planes* alpha);
+  // R, as RenderColor, and L_r: [6, H, W].
+  void RenderColorAndLight(const Model& model, const Camera& camera, Planes* both);
 
-  // R of rendered channels, as RenderColor.
-  void Denoise(const Model& model, const Planes& channels, Planes* color);
+  // `count` channels from `first` on, see RenderChannel, with CameraZ as depth [count, H, W]. Those
+  // of the attributes mean nothing for plain 3DGS, and the noise nothing without a denoiser.
+  void RenderChannels(const Model& model, const Camera& camera, int first, int count,
+                      Planes* channels);
+
+  // How much the Gaussians cover of every pixel [1, H, W].
+  void RenderAlpha(const Model& model, const Camera& camera, Planes* alpha);
 
  private:
-  void Composite(const Model& model, const Camera& camera, int num_channels, Planes* channels,
-                 Planes* alpha, const Lamp& lamp = {});
-  void ApplyPdm(const Model& model, const Planes& channels, Planes* color);
-  void Finish(const Model& model, Planes* color);
+  void Composite(const Model& model, const Camera& camera, int num_channels, uint32_t kept,
+                 Planes* channels, Planes* alpha, const Lamp& lamp = {});
+  // The first three planes of `composited` become R; its last three are the noise of a model with
+  // a denoiser.
+  void Denoise(const Model& model, Planes* composited);
   bool Cancelled() const { return cancel_ != nullptr && cancel_->IsCancelled(); }
 
   int threads_;
@@ -63,7 +68,7 @@ class ModelRenderer {
   Renderer renderer_;
   std::optional<Pdm> pdm_;  // of the last model's options
   NoiseFilter noise_filter_;
-  Planes composited_, alpha_;
+  Planes alpha_, denoised_;
 };
 
 }  // namespace litags

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/peak_memory_test_util.h"
 #include "engine/train/train_test_util.h"
 
 namespace litags {
@@ -27,14 +28,16 @@ TEST(ModelRenderer, ColourComesOutTheSameWithAndWithoutTheOtherChannels) {
     model.use_pdm = use_pdm;
     if (filter) model.noise.emplace().fill(0.05f);
     ModelRenderer renderer(1);
-    Planes direct, channels, alpha, from_channels;
+    Planes direct, both, composited, light;
     renderer.RenderColor(model, camera, &direct);
-    renderer.RenderChannels(model, camera, &channels, &alpha);
-    renderer.Denoise(model, channels, &from_channels);
-    EXPECT_EQ(channels.channels, use_pdm ? int{kNumChannels} : kWithoutNoise);
-    EXPECT_EQ(direct.data, from_channels.data);
-    const bool changed = !std::equal(direct.data.begin(), direct.data.end(), channels.data.begin());
-    EXPECT_EQ(changed, use_pdm || filter) << "both change what was composited";
+    renderer.RenderColorAndLight(model, camera, &both);
+    renderer.RenderChannels(model, camera, kChannelColor, 3, &composited);
+    renderer.RenderChannels(model, camera, kChannelIllumination, 3, &light);
+    ASSERT_EQ(both.channels, 6);
+    EXPECT_TRUE(std::equal(direct.data.begin(), direct.data.end(), both.plane(0)));
+    EXPECT_TRUE(std::equal(light.data.begin(), light.data.end(), both.plane(3)));
+    EXPECT_EQ(direct.data != composited.data, use_pdm || filter)
+        << "both change what was composited";
   }
 }
 
@@ -52,10 +55,9 @@ TEST(ModelRenderer, PicturesGoThroughTheCurveLast) {
   for (size_t i = 0; i < before.data.size(); ++i) {
     EXPECT_NEAR(after.data[i], 1 - 0.5f * std::clamp(before.data[i], 0.0f, 1.0f), 1e-6f);
   }
-  Planes channels, alpha, from_channels;
-  renderer.RenderChannels(model, camera, &channels, &alpha);
-  renderer.Denoise(model, channels, &from_channels);
-  EXPECT_EQ(from_channels.data, after.data);
+  Planes both;
+  renderer.RenderColorAndLight(model, camera, &both);
+  EXPECT_TRUE(std::equal(after.data.begin(), after.data.end(), both.data.begin()));
 }
 
 TEST(ModelRenderer, A3dgsModelIsNotDenoisedAndHasDepth) {
@@ -63,13 +65,48 @@ TEST(ModelRenderer, A3dgsModelIsNotDenoisedAndHasDepth) {
   model.lita = false;
   const Camera camera = RingCamera(1, 5, 40, 30);
   ModelRenderer renderer(1);
-  Planes color, channels, alpha;
+  Planes color, composited, depth;
   renderer.RenderColor(model, camera, &color);
-  renderer.RenderChannels(model, camera, &channels, &alpha);
-  ASSERT_EQ(channels.channels, kNumChannels);
-  EXPECT_TRUE(std::equal(color.data.begin(), color.data.end(), channels.data.begin()));
-  const float* depth = channels.plane(kChannelDepth);
-  EXPECT_GT(*std::max_element(depth, depth + channels.plane_size()), 2);
+  renderer.RenderChannels(model, camera, kChannelColor, 3, &composited);
+  EXPECT_EQ(color.data, composited.data);
+  renderer.RenderChannels(model, camera, kChannelDepth, 1, &depth);
+  EXPECT_GT(*std::max_element(depth.data.begin(), depth.data.end()), 2);
+}
+
+// Each of them covers the whole picture: at once their lists would take 1.5 GB.
+TEST(ModelRenderer, WhatAPictureTakesIsBoundedHoweverCloseItIs) {
+  Model model;
+  model.splats = Splats(2000);
+  for (size_t i = 0; i < model.splats.size(); ++i) {
+    model.splats.at(i, kMean + 2) = 4 + 0.001f * i;
+    model.splats.at(i, kRawQuat) = 1;
+    model.splats.at(i, kLogitOpacity) = 5;
+  }
+  Camera camera;
+  camera.width = camera.height = 2048;
+  camera.fx = camera.fy = 1e7;
+  camera.cx = camera.cy = 1024;
+  Planes alpha;
+  const auto peak = PeakMemoryOf([&] { ModelRenderer(1).RenderAlpha(model, camera, &alpha); });
+  if (!peak.has_value()) GTEST_SKIP() << "the peak cannot be reset";
+  EXPECT_GT(*std::min_element(alpha.data.begin(), alpha.data.end()), 0.9f);
+  EXPECT_LT(*peak, 400 << 20);
+}
+
+TEST(ModelRenderer, PlanesThatNobodyWantsTakeNoMemory) {
+  Model model = SmallModel();
+  model.use_pdm = false;
+  const Camera camera = RingCamera(1, 5, 2048, 2048);
+  Planes planes;
+  const auto one = PeakMemoryOf(
+      [&] { ModelRenderer(1).RenderChannels(model, camera, kChannelStructure, 1, &planes); });
+  planes = Planes();
+  const auto six =
+      PeakMemoryOf([&] { ModelRenderer(1).RenderColorAndLight(model, camera, &planes); });
+  if (!one.has_value() || !six.has_value()) GTEST_SKIP() << "the peak cannot be reset";
+  constexpr int64_t kPlane = 16 << 20;
+  EXPECT_LT(*one, 5 * kPlane);
+  EXPECT_LT(*six, 10 * kPlane);
 }
 
 }  // namespace

@@ -161,7 +161,7 @@ class KernelBench {
     TileLists lists;
     BinScratch scratch;
     const Timing binning = Measure(args_.timing.repetitions, [&] {
-      Bin(projected, camera_.width, camera_.height, threads, &lists, &scratch);
+      Bin(projected, AllTiles(camera_.width, camera_.height), threads, &lists, &scratch);
     });
     Report("binning", binning, "part of forward: depth sort and tile lists");
 
