@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
 #include "engine/export/formats.h"
 
 namespace litags {
@@ -32,10 +33,11 @@ void AppendTuple(int width, int digits, F&& value, std::string* out) {
 
 // `value(i, k)` of element i, k < width.
 template <typename F>
-void AppendArray(const char* declaration, size_t count, int width, int digits, F&& value,
-                 std::string* out) {
+void AppendArray(const char* declaration, size_t count, int width, int digits,
+                 const CancelToken& cancel, F&& value, std::string* out) {
   absl::StrAppend(out, "    ", declaration, " = [");
   for (size_t i = 0; i < count; ++i) {
+    if (i % 4096 == 0 && cancel.IsCancelled()) return;
     if (i > 0) *out += ", ";
     AppendTuple(
         width, digits, [&](int k) { return value(i, k); }, out);
@@ -64,6 +66,7 @@ std::array<std::array<float, 3>, 2> Extent(const Splats& splats) {
 
 absl::StatusOr<std::string> EncodeUsda(const ViewerScene& scene) {
   const Splats& splats = scene.splats;
+  const CancelToken& cancel = scene.cancel;
   const size_t n = splats.size();
   const int coefficients = ShCount(scene.sh_degree);
   std::string out = absl::StrCat(
@@ -74,26 +77,28 @@ absl::StatusOr<std::string> EncodeUsda(const ViewerScene& scene) {
   out.reserve(4096 + n * (11 + 3 * coefficients) * 16);
   const auto extent = Extent(splats);
   AppendArray(
-      "float3[] extent", 2, 3, 0, [&](size_t i, int k) { return extent[i][k]; }, &out);
+      "float3[] extent", 2, 3, 0, cancel, [&](size_t i, int k) { return extent[i][k]; }, &out);
   AppendArray(
-      "point3f[] positions", n, 3, 0, [&](size_t i, int k) { return splats.at(i, kMean + k); },
-      &out);
+      "point3f[] positions", n, 3, 0, cancel,
+      [&](size_t i, int k) { return splats.at(i, kMean + k); }, &out);
   AppendArray(
-      "quatf[] orientations", n, 4, kDigits,
+      "quatf[] orientations", n, 4, kDigits, cancel,
       [&](size_t i, int k) { return UnitQuat(splats, i)[k]; }, &out);
   AppendArray(
-      "float3[] scales", n, 3, kDigits,
+      "float3[] scales", n, 3, kDigits, cancel,
       [&](size_t i, int k) { return std::exp(splats.at(i, kLogScale + k)); }, &out);
   AppendArray(
-      "float[] opacities", n, 1, kDigits, [&](size_t i, int) { return Opacity(splats, i); }, &out);
+      "float[] opacities", n, 1, kDigits, cancel, [&](size_t i, int) { return Opacity(splats, i); },
+      &out);
   absl::StrAppend(&out, "    uniform int radiance:sphericalHarmonicsDegree = ", scene.sh_degree,
                   "\n");
   AppendArray(
-      "float3[] radiance:sphericalHarmonicsCoefficients", n * coefficients, 3, kDigits,
+      "float3[] radiance:sphericalHarmonicsCoefficients", n * coefficients, 3, kDigits, cancel,
       [&](size_t at, int c) {
         return splats.at(at / coefficients, ShRow(static_cast<int>(at % coefficients), c));
       },
       &out);
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
   out += "    uniform token sortingModeHint = \"zDepth\"\n";
   if (scene.origin != std::array<double, 3>{}) {
     const std::array<double, 3>& o = scene.origin;
